@@ -1,0 +1,243 @@
+/* cholmod - SuiteSparse's supernodal Cholesky, and its simplicial LDL' for indefinite systems.
+ *
+ * The host's UPPER matrix, read by columns, is the lower triangle with full diagonal blocks: what
+ * CHOLMOD takes as stype = -1, ignoring entries above the diagonal. It is read in place.
+ * The order is found on the graph of the blocks, a third of the matrix' size, and the host hands
+ * over the values permuted, so that CHOLMOD keeps the natural order and copies nothing. */
+#define _GNU_SOURCE /* RTLD_DEFAULT */
+#include <cholmod.h>
+#include <dlfcn.h>
+#include <pthread.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "msim/backend.h"
+
+#define STRING_(x) #x
+#define STRING(x)  STRING_(x)
+
+typedef struct cholesky {
+  const msim_host *host;
+  cholmod_common common;
+  cholmod_sparse matrix;                   /* the host's arrays */
+  cholmod_factor *supernodal, *simplicial; /* LL', and LDL' once it is needed */
+  cholmod_factor *current;
+  cholmod_dense *x, *y, *e; /* CHOLMOD's own work space */
+  int omp_levels;           /* of the calling thread, before we came */
+} cholesky;
+
+/*------------------------------------- threads --------------------------------------------------*/
+
+/* CHOLMOD 3 opens regions of 4 OpenMP threads whatever the machine has, and BLAS brings its own:
+ * on two cores they fight, and the bits would depend on their number. One thread while we are in;
+ * what the process had is put back. Found at run time: any BLAS and any OpenMP will do. */
+typedef struct thread_controls {
+  void (*set_blas)(int);
+  int (*get_blas)(void);
+  void (*set_levels)(int);
+  int (*get_levels)(void);
+} thread_controls;
+
+static thread_controls find_controls(void) {
+  const struct {
+    const char *name;
+    size_t member;
+  } symbols[] = {{"openblas_set_num_threads", offsetof(thread_controls, set_blas)},
+                 {"openblas_get_num_threads", offsetof(thread_controls, get_blas)},
+                 {"omp_set_max_active_levels", offsetof(thread_controls, set_levels)},
+                 {"omp_get_max_active_levels", offsetof(thread_controls, get_levels)}};
+  thread_controls controls = {0};
+  for (size_t i = 0; i < sizeof symbols / sizeof *symbols; i++) {
+    void *symbol = dlsym(RTLD_DEFAULT, symbols[i].name);
+    memcpy((char *)&controls + symbols[i].member, &symbol, sizeof symbol);
+  }
+  return controls;
+}
+
+/* OpenBLAS' number is the whole process', so solvers in several threads share one change of it:
+ * the first in makes it, the last out takes it back. OpenMP's levels belong to each thread. */
+static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
+static int inside, blas_before;
+
+static void hold_threads(cholesky *self) {
+  const thread_controls c = find_controls();
+  pthread_mutex_lock(&gate);
+  if (inside++ == 0 && c.get_blas && c.set_blas) blas_before = c.get_blas(), c.set_blas(1);
+  pthread_mutex_unlock(&gate);
+  if (c.get_levels && c.set_levels) self->omp_levels = c.get_levels(), c.set_levels(0);
+}
+
+static void release_threads(cholesky *self) {
+  const thread_controls c = find_controls();
+  if (c.get_levels && c.set_levels) c.set_levels(self->omp_levels);
+  pthread_mutex_lock(&gate);
+  if (--inside == 0 && c.get_blas && c.set_blas) c.set_blas(blas_before);
+  pthread_mutex_unlock(&gate);
+}
+
+/*------------------------------------- status ---------------------------------------------------*/
+
+/* CHOLMOD returns TRUE for a matrix that is not positive definite: only its status tells. */
+static msim_status status_of(cholesky *self, const char *what) {
+  switch (self->common.status) {
+    case CHOLMOD_OK:
+    case CHOLMOD_DSMALL:
+      return MSIM_OK;
+    case CHOLMOD_NOT_POSDEF:
+      return MSIM_NOT_SPD;
+    case CHOLMOD_OUT_OF_MEMORY:
+      self->host->fail(self->host, "CHOLMOD ran out of memory to %s", what);
+      return MSIM_ERR_MEMORY;
+    case CHOLMOD_TOO_LARGE:
+      self->host->fail(self->host, "the factor is too large for CHOLMOD's 32-bit indices");
+      return MSIM_ERR_BACKEND;
+    default:
+      self->host->fail(self->host, "CHOLMOD failed to %s with its status %d", what,
+                       self->common.status);
+      return MSIM_ERR_BACKEND;
+  }
+}
+
+/*------------------------------------- the table ------------------------------------------------*/
+
+static msim_status create(const msim_host *host, void **result) {
+  cholesky *self = host->alloc(host, sizeof *self);
+  *result = self;
+  if (!self) return MSIM_ERR_MEMORY;
+  memset(self, 0, sizeof *self);
+  self->host = host;
+  cholmod_start(&self->common);
+  self->common.print = 0;
+  self->common.nmethods = 1;
+  self->common.quick_return_if_not_posdef = 1;
+  /* relaxed supernodes: wider than for scalar problems, as every block row is three */
+  self->common.nrelax[0] = 12, self->common.nrelax[1] = 36, self->common.nrelax[2] = 96;
+  return MSIM_OK;
+}
+
+static msim_status order(void *data, int32_t n, const int32_t *ptr, const int32_t *ind,
+                         int32_t *perm) {
+  cholesky *self = data;
+  cholmod_common *c = &self->common;
+  cholmod_sparse graph = {.nrow = (size_t)n,
+                          .ncol = (size_t)n,
+                          .nzmax = (size_t)ptr[n],
+                          .p = (void *)(uintptr_t)ptr,
+                          .i = (void *)(uintptr_t)ind,
+                          .stype = 1,
+                          .itype = CHOLMOD_INT,
+                          .xtype = CHOLMOD_PATTERN,
+                          .sorted = 1,
+                          .packed = 1};
+  hold_threads(self);
+  c->method[0].ordering = CHOLMOD_AMD;
+  c->supernodal = CHOLMOD_SUPERNODAL;
+  cholmod_factor *symbolic = cholmod_analyze(&graph, c);
+  msim_status status = status_of(self, "order the matrix");
+  if (symbolic) memcpy(perm, symbolic->Perm, (size_t)n * sizeof *perm);
+  cholmod_free_factor(&symbolic, c);
+  release_threads(self);
+  return status;
+}
+
+/* The order came postordered: neither it nor the columns are to be moved again. */
+static cholmod_factor *symbolic(cholesky *self, int supernodal) {
+  cholmod_common *c = &self->common;
+  c->method[0].ordering = CHOLMOD_NATURAL;
+  c->postorder = 0;
+  c->supernodal = supernodal;
+  return cholmod_analyze(&self->matrix, c);
+}
+
+static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
+  cholesky *self = data;
+  const size_t n = 3 * (size_t)A->n;
+  self->matrix = (cholmod_sparse){.nrow = n,
+                                  .ncol = n,
+                                  .nzmax = (size_t)A->rowptr[n],
+                                  .p = (void *)(uintptr_t)A->rowptr,
+                                  .i = (void *)(uintptr_t)A->colind,
+                                  .x = (void *)(uintptr_t)A->val,
+                                  .stype = -1,
+                                  .itype = CHOLMOD_INT,
+                                  .xtype = CHOLMOD_REAL,
+                                  .dtype = CHOLMOD_DOUBLE,
+                                  .sorted = 1,
+                                  .packed = 1};
+  hold_threads(self);
+  self->supernodal = symbolic(self, CHOLMOD_SUPERNODAL);
+  info->fill = self->common.lnz;
+  info->flops = self->common.fl;
+  release_threads(self);
+  return status_of(self, "analyse the matrix");
+}
+
+static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
+  (void)A, (void)info;
+  cholesky *self = data;
+  hold_threads(self);
+  msim_status status = MSIM_OK;
+  if (kind == MSIM_FACTOR_SYMMETRIC && !self->simplicial) {
+    self->simplicial = symbolic(self, CHOLMOD_SIMPLICIAL);
+    status = status_of(self, "analyse the matrix");
+  }
+  self->current = kind == MSIM_FACTOR_SYMMETRIC ? self->simplicial : self->supernodal;
+  if (!status) {
+    cholmod_factorize(&self->matrix, self->current, &self->common);
+    status = status_of(self, "factor the matrix");
+  }
+  release_threads(self);
+  return status;
+}
+
+static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
+                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+  (void)params, (void)info;
+  cholesky *self = data;
+  const size_t n = 3 * (size_t)A->n, columns = (size_t)nrhs;
+  cholmod_dense right = {.nrow = n,
+                         .ncol = columns,
+                         .nzmax = n * columns,
+                         .d = n,
+                         .x = (void *)(uintptr_t)b,
+                         .xtype = CHOLMOD_REAL,
+                         .dtype = CHOLMOD_DOUBLE};
+  hold_threads(self);
+  cholmod_solve2(CHOLMOD_A, self->current, &right, NULL, &self->x, NULL, &self->y, &self->e,
+                 &self->common);
+  release_threads(self);
+  msim_status status = status_of(self, "solve");
+  if (!status) memcpy(y, self->x->x, n * columns * sizeof *y);
+  return status;
+}
+
+static void destroy(void *data) {
+  cholesky *self = data;
+  if (!self) return;
+  cholmod_free_factor(&self->supernodal, &self->common);
+  cholmod_free_factor(&self->simplicial, &self->common);
+  cholmod_free_dense(&self->x, &self->common);
+  cholmod_free_dense(&self->y, &self->common);
+  cholmod_free_dense(&self->e, &self->common);
+  cholmod_finish(&self->common);
+  self->host->free(self->host, self);
+}
+
+MSIM_BACKEND_ENTRY(cholmod) {
+  static const msim_backend table = {
+      .abi = MSIM_BACKEND_ABI,
+      .size = sizeof(msim_backend),
+      .name = "cholmod",
+      .library = "CHOLMOD " STRING(CHOLMOD_MAIN_VERSION) "." STRING(CHOLMOD_SUB_VERSION) "." STRING(
+          CHOLMOD_SUBSUB_VERSION),
+      .license = "GPL-2.0-or-later (Supernodal), LGPL-2.1-or-later (Cholesky, Core)",
+      .flags = MSIM_BACKEND_SYMMETRIC,
+      .format = MSIM_FORMAT_UPPER,
+      .create = create,
+      .order = order,
+      .analyze = analyze,
+      .factor = factor,
+      .solve = solve,
+      .destroy = destroy};
+  return &table;
+}

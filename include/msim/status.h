@@ -1,0 +1,47 @@
+/* status.h - what functions and plugins return, and what a plugin is lent by its host */
+#ifndef MSIM_STATUS_H
+#define MSIM_STATUS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* 0: success. < 0: error, nothing was changed. > 0: numerical event. */
+typedef int32_t msim_status;
+
+#define MSIM_STATUS_LIST(X)                                                 \
+  X(MSIM_OK, 0, "success")                                                  \
+  X(MSIM_NOT_SPD, 1, "the system matrix is not positive definite")          \
+  X(MSIM_NOT_CONVERGED, 2, "the linear solver did not reach its tolerance") \
+  X(MSIM_NOT_FINITE, 3, "the state is no longer finite")                    \
+  X(MSIM_STOPPED, 4, "stopped on request")                                  \
+  X(MSIM_ERR_ARG, -1, "invalid argument")                                   \
+  X(MSIM_ERR_MEMORY, -2, "out of memory")                                   \
+  X(MSIM_ERR_NAME, -3, "no such integrator, solver or recorder")            \
+  X(MSIM_ERR_PLUGIN, -4, "the plugin could not be loaded")                  \
+  X(MSIM_ERR_ABI, -5, "the plugin was built for another msim")              \
+  X(MSIM_ERR_BACKEND, -6, "the library behind a plugin failed")             \
+  X(MSIM_ERR_IO, -7, "a file could not be read or written")                 \
+  X(MSIM_ERR_UNSUPPORTED, -8, "known, but not part of this version")
+
+#define MSIM_STATUS_ENUM(name, value, text) name = value,
+enum { MSIM_STATUS_LIST(MSIM_STATUS_ENUM) MSIM_STATUS_END_ = 99 };
+#undef MSIM_STATUS_ENUM
+
+/* What the host lends to a plugin. Memory comes from the allocator of the scene or sim. */
+typedef struct msim_host {
+  size_t size;                                                /* sizeof(msim_host) */
+  void *(*alloc)(const struct msim_host *host, size_t bytes); /* NULL when there is none left */
+  void (*free)(const struct msim_host *host, void *ptr);      /* accepts NULL */
+  /* Sets the sentence that the user reads when the plugin returns an error; printf-like. */
+  void (*fail)(const struct msim_host *host, const char *format, ...);
+  void *data; /* the host's */
+} msim_host;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,7 @@
+/* clock - seconds of a clock that never goes back, for statistics only */
+#ifndef MS_CLOCK_H
+#define MS_CLOCK_H
+
+double ms_clock(void);
+
+#endif

@@ -1,0 +1,43 @@
+#include "base/error.h"
+
+#include <stdio.h>
+
+msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va_list args) {
+  if (err) {
+    err->status = status;
+    vsnprintf(err->text, sizeof err->text, format, args);
+  }
+  return status;
+}
+
+msim_status ms_fail(msim_error *err, msim_status status, const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  ms_vfail(err, status, format, args);
+  va_end(args);
+  return status;
+}
+
+msim_status ms_fail_memory(msim_error *err, const char *what) {
+  return ms_fail(err, MSIM_ERR_MEMORY, "out of memory for %s", what);
+}
+
+msim_status ms_ok(msim_error *err) {
+  if (err) {
+    err->status = MSIM_OK;
+    err->text[0] = '\0';
+  }
+  return MSIM_OK;
+}
+
+#define STATUS_CASE(name, value, text) \
+  case name:                           \
+    return text;
+
+const char *msim_status_text(msim_status status) {
+  switch (status) {
+    MSIM_STATUS_LIST(STATUS_CASE)
+    default:
+      return "unknown status";
+  }
+}

@@ -1,0 +1,25 @@
+/* error - one way to fail: set the sentence, return the status */
+#ifndef MS_ERROR_H
+#define MS_ERROR_H
+
+#include <stdarg.h>
+
+#include "msim/msim.h"
+
+#if defined(__GNUC__)
+#  define MS_PRINTF(string, first) __attribute__((format(printf, string, first)))
+#else
+#  define MS_PRINTF(string, first)
+#endif
+
+/* Set err and return status. Nullable: err. */
+msim_status ms_fail(msim_error *err, msim_status status, const char *format, ...) MS_PRINTF(3, 4);
+msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va_list args);
+
+/* The same for memory that could not be had. */
+msim_status ms_fail_memory(msim_error *err, const char *what);
+
+/* Clear err and return MSIM_OK. Nullable: err. */
+msim_status ms_ok(msim_error *err);
+
+#endif

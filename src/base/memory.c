@@ -1,0 +1,61 @@
+#include "base/memory.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static void *libc_alloc(size_t bytes, void *user) {
+  (void)user;
+  return malloc(bytes);
+}
+
+static void libc_free(void *ptr, void *user) {
+  (void)user;
+  free(ptr);
+}
+
+msim_allocator ms_allocator(const msim_allocator *alloc) {
+  return alloc ? *alloc : (msim_allocator){libc_alloc, libc_free, NULL};
+}
+
+/* The host's pointer stands just before the aligned block. */
+void *ms_new(const msim_allocator *alloc, size_t count, size_t size) {
+  const size_t extra = MS_ALIGNMENT + sizeof(void *);
+  if (size && count > (SIZE_MAX - extra) / size) return NULL;
+  char *raw = alloc->alloc(count * size + extra, alloc->user);
+  if (!raw) return NULL;
+  uintptr_t first = (uintptr_t)raw + sizeof(void *);
+  char *block = raw + sizeof(void *) + (MS_ALIGNMENT - first % MS_ALIGNMENT) % MS_ALIGNMENT;
+  memcpy(block - sizeof(void *), &raw, sizeof(void *));
+  return memset(block, 0, count * size);
+}
+
+void ms_delete(const msim_allocator *alloc, void *ptr) {
+  if (!ptr) return;
+  void *raw;
+  memcpy(&raw, (char *)ptr - sizeof(void *), sizeof(void *));
+  alloc->free(raw, alloc->user);
+}
+
+msim_status ms_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
+                       int32_t *capacity, int64_t needed, msim_error *err) {
+  if (needed <= *capacity) return MSIM_OK;
+  if (needed > INT32_MAX)
+    return ms_fail(err, MSIM_ERR_ARG, "%lld elements are more than the limit of %d",
+                   (long long)needed, INT32_MAX);
+  int64_t doubled = 2 * (int64_t)*capacity;
+  if (doubled > INT32_MAX) doubled = INT32_MAX;
+  int64_t room = needed > doubled ? needed : doubled;
+  void *larger = ms_new(alloc, (size_t)room, size);
+  if (!larger) return ms_fail_memory(err, "a scene's arrays");
+  if (used) memcpy(larger, *array, (size_t)used * size);
+  ms_delete(alloc, *array);
+  *array = larger;
+  *capacity = (int32_t)room;
+  return MSIM_OK;
+}
+
+char *ms_strdup(const msim_allocator *alloc, const char *text) {
+  size_t bytes = strlen(text) + 1;
+  char *copy = ms_new(alloc, bytes, 1);
+  return copy ? memcpy(copy, text, bytes) : NULL;
+}

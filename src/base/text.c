@@ -1,0 +1,119 @@
+#define _GNU_SOURCE /* strtod_l */
+#include "base/text.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+int ms_parse_double(const char *text, double *value) {
+  locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+  if (!c) return 0;
+  char *end;
+  *value = strtod_l(text, &end, c);
+  freelocale(c);
+  return end != text && *end == '\0' && isfinite(*value);
+}
+
+int ms_parse_int64(const char *text, int64_t *value) {
+  char *end;
+  errno = 0;
+  long long number = strtoll(text, &end, 10);
+  *value = number;
+  return end != text && *end == '\0' && errno == 0;
+}
+
+/* printf and strtod agree on a decimal point; what it is, the locale says. */
+ms_number ms_number_text(double value) {
+  char local[64];
+  for (int digits = 15; digits <= 17; digits++) {
+    snprintf(local, sizeof local, "%.*g", digits, value);
+    if (strtod(local, NULL) == value) break;
+  }
+  ms_number number = {""};
+  size_t n = 0;
+  for (const char *c = local; *c && n < sizeof number.text - 3; c++) {
+    if (strchr("+-0123456789e", *c)) number.text[n++] = *c;
+    else if (n && number.text[n - 1] != '.') number.text[n++] = '.';
+  }
+  /* read as a whole number, -0 would lose its sign */
+  if (value == 0 && signbit(value)) memcpy(number.text + n, ".0", 3);
+  return number;
+}
+
+static int min3(int a, int b, int c) {
+  int m = a < b ? a : b;
+  return m < c ? m : c;
+}
+
+/* Levenshtein's distance; words longer than the table count as far away. */
+static int edit_distance(const char *a, const char *b) {
+  enum { LONGEST = 47 };
+  int row[LONGEST + 1];
+  int na = (int)strlen(a), nb = (int)strlen(b);
+  if (na > LONGEST || nb > LONGEST) return INT_MAX;
+  for (int j = 0; j <= nb; j++) row[j] = j;
+  for (int i = 1; i <= na; i++) {
+    int diagonal = row[0];
+    row[0] = i;
+    for (int j = 1; j <= nb; j++) {
+      int above = row[j];
+      row[j] = min3(above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1]));
+      diagonal = above;
+    }
+  }
+  return row[nb];
+}
+
+ms_hint ms_did_you_mean(const char *word, ms_words *words, const void *data) {
+  const char *best = NULL, *name;
+  int least = (int)strlen(word) / 3 + 1; /* one slip in three letters, and one more */
+  for (int32_t i = 0; (name = words(i, data)) != NULL; i++) {
+    int distance = edit_distance(word, name);
+    if (distance > 0 && distance <= least && (!best || distance < least)) {
+      best = name;
+      least = distance;
+    }
+  }
+  ms_hint hint = {""};
+  if (best) snprintf(hint.text, sizeof hint.text, " (did you mean '%s'?)", best);
+  return hint;
+}
+
+static int make_room(ms_text *text, size_t more) {
+  if (text->length + more < text->capacity) return 1;
+  size_t capacity = 2 * (text->length + more) + 256;
+  char *larger = ms_new(text->alloc, capacity, 1);
+  if (!larger) return 0;
+  if (text->length) memcpy(larger, text->data, text->length);
+  ms_delete(text->alloc, text->data);
+  text->data = larger;
+  text->capacity = capacity;
+  return 1;
+}
+
+void ms_print(ms_text *text, const char *format, ...) {
+  if (text->failed) return;
+  size_t room = text->capacity - text->length;
+  va_list args, again;
+  va_start(args, format);
+  va_copy(again, args);
+  int more = vsnprintf(room ? text->data + text->length : NULL, room, format, args);
+  if (more < 0 || !make_room(text, (size_t)more)) {
+    text->failed = 1;
+  } else {
+    /* the first attempt was cut short where there was too little room */
+    if ((size_t)more >= room) vsnprintf(text->data + text->length, (size_t)more + 1, format, again);
+    text->length += (size_t)more;
+  }
+  va_end(again);
+  va_end(args);
+}
+
+void ms_text_free(ms_text *text) {
+  ms_delete(text->alloc, text->data);
+  *text = (ms_text){.alloc = text->alloc};
+}

@@ -1,0 +1,76 @@
+#include "base/vector.h"
+
+#include <math.h>
+#include <string.h>
+
+/* for each component: `body` over rows r of the component's part of each vector */
+#define EACH_COMPONENT(s) \
+  for (size_t at = 0, end_ = 3 * (size_t)(s).stride; at < end_; at += (size_t)(s).stride)
+#define EACH_ROW(s) for (int32_t r = 0; r < (s).n; r++)
+
+void ms_copy(ms_shape s, const double *x, double *y) {
+  EACH_COMPONENT(s) memcpy(y + at, x + at, (size_t)s.n * sizeof *x);
+}
+
+void ms_axpy(ms_shape s, double a, const double *x, double *y) {
+  EACH_COMPONENT(s) {
+    const double *restrict xc = x + at;
+    double *restrict yc = y + at;
+    EACH_ROW(s) yc[r] += a * xc[r];
+  }
+}
+
+void ms_combine(ms_shape s, const double *x, double a, const double *y, double *z) {
+  EACH_COMPONENT(s) {
+    const double *xc = x + at, *yc = y + at;
+    double *zc = z + at;
+    EACH_ROW(s) zc[r] = xc[r] + a * yc[r];
+  }
+}
+
+void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, const double *z,
+             double *w) {
+  EACH_COMPONENT(s) {
+    const double *xc = x + at, *yc = y + at, *zc = z + at;
+    double *wc = w + at;
+    EACH_ROW(s) wc[r] = xc[r] + (a * yc[r] + b * zc[r]);
+  }
+}
+
+void ms_scale_rows(ms_shape s, const double *d, const double *f, double *a) {
+  EACH_COMPONENT(s) {
+    const double *fc = f + at;
+    double *ac = a + at;
+    EACH_ROW(s) ac[r] = d[r] * fc[r];
+  }
+}
+
+enum { LANES = 8, CHUNK = 1024 };
+
+/* 8 running sums, then one tree: the order that a SIMD register of any width can follow. */
+static double dot_chunk(const double *x, const double *y, int32_t n) {
+  double sum[LANES] = {0};
+  int32_t r = 0;
+  for (; r + LANES <= n; r += LANES)
+    for (int lane = 0; lane < LANES; lane++) sum[lane] += x[r + lane] * y[r + lane];
+  for (int lane = 0; r < n; r++, lane++) sum[lane] += x[r] * y[r];
+  return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
+}
+
+double ms_dot(ms_shape s, const double *x, const double *y) {
+  double sum = 0;
+  EACH_COMPONENT(s) {
+    for (int32_t r = 0; r < s.n; r += CHUNK)
+      sum += dot_chunk(x + at + r, y + at + r, s.n - r < CHUNK ? s.n - r : CHUNK);
+  }
+  return sum;
+}
+
+int32_t ms_find_bad(ms_shape s, const double *x) {
+  int bad = 0;
+  EACH_COMPONENT(s) { EACH_ROW(s) bad |= !(fabs(x[at + (size_t)r]) <= MS_HUGE); }
+  if (!bad) return -1;
+  for (int32_t r = 0; r < s.n; r++)
+    EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_HUGE)) return r;
+  return -1;
+}

@@ -1,0 +1,33 @@
+/* vector - arithmetic on vectors of 3 components, `stride` apart, n rows each.
+ *
+ * Sums run over fixed chunks in 8 fixed lanes, so that their bits depend on neither threads nor
+ * instruction set. Rows past n are left alone. */
+#ifndef MS_VECTOR_H
+#define MS_VECTOR_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct ms_shape {
+  int32_t n;      /* rows to work on */
+  int32_t stride; /* doubles from one component to the next */
+} ms_shape;
+
+void ms_copy(ms_shape s, const double *x, double *y);
+void ms_axpy(ms_shape s, double a, const double *x, double *y); /* y += a x */
+void ms_combine(ms_shape s, const double *x, double a, const double *y,
+                double *z); /* z = x + a y */
+void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, const double *z,
+             double *w); /* w = x + a y + b z */
+double ms_dot(ms_shape s, const double *x, const double *y);
+
+/* a = D f, D diagonal with one entry a row. */
+void ms_scale_rows(ms_shape s, const double *d /* n */, const double *f, double *a);
+
+/* The first row that holds NaN or a number beyond MS_HUGE; -1 if all are fine. */
+int32_t ms_find_bad(ms_shape s, const double *x);
+
+/* Beyond this a square leaves the range of doubles, and so do forces and energies. */
+#define MS_HUGE 1e140
+
+#endif

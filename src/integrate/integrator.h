@@ -1,0 +1,53 @@
+/* integrator - a time integration method is one const table in one file */
+#ifndef MS_INTEGRATOR_H
+#define MS_INTEGRATOR_H
+
+#include "linear/solver.h"
+
+enum { MS_MAX_WORK = 4 };
+
+/* What a method sees. A step reads x, v and writes x_next, v_next; the driver accepts it by
+ * swapping the pointers, so that a step refused costs nothing.
+ *
+ * Force kernels want the pinned rows right: in x and x_next they hold the pinned positions, in v,
+ * v_next and every work vector that is never the target of ms_acceleration they are 0. So stages
+ * keep their positions in x_next. */
+typedef struct ms_stepper {
+  const ms_model *model;
+  const msim_options *opt;
+  ms_solver *solver; /* NULL where the method needs none */
+  double *x, *v;
+  double *x_next, *v_next;
+  double *work[MS_MAX_WORK]; /* nwork vectors */
+  int warm, warm_next;       /* the method's own note on what its work vectors hold: 0, nothing.
+                                As with x, a step reads warm and writes warm_next */
+  double h;                  /* of the steps to come; start() may rely on it */
+  int32_t culprit;           /* row to blame when step() fails; -1: none in particular */
+  msim_stats *stats;
+} ms_stepper;
+
+typedef struct ms_integrator {
+  msim_integrator_entry entry; /* order: a test measures it and compares */
+  int32_t nwork;
+  /* From x and the velocity at t in v to the velocity that the method carries; called with warm = 0
+   * at the start and after a state was set. Nullable. */
+  void (*start)(ms_stepper *s);
+  /* One step of s->h. */
+  msim_status (*step)(ms_stepper *s, msim_error *err);
+  /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
+  void (*sync)(const ms_stepper *s, double *v, double *scratch);
+} ms_integrator;
+
+/* a = F(x, v)/m, counted and timed. */
+void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
+
+/* Reflect x, v at the planes, where there are any; how many particles were. */
+int64_t ms_reflect(ms_stepper *s, double *x, double *v);
+
+/* The i-th method of this version; NULL past the end. */
+const ms_integrator *ms_integrator_at(int32_t i);
+
+/* By name. Names of later versions are known, and refused as such. */
+msim_status ms_integrator_find(const char *name, const ms_integrator **integrator, msim_error *err);
+
+#endif

@@ -1,0 +1,20 @@
+/* methods - the methods of this version, in the order in which they are listed */
+#ifndef MS_METHODS_H
+#define MS_METHODS_H
+
+#include "integrate/integrator.h"
+
+#define MS_INTEGRATORS(X)       \
+  X(ms_explicit_euler)          \
+  X(ms_heun)                    \
+  X(ms_verlet)                  \
+  X(ms_linearly_implicit_euler) \
+  X(ms_symplectic_euler)        \
+  X(ms_velocity_verlet)         \
+  X(ms_rk4)
+
+#define MS_DECLARE(table) extern const ms_integrator table;
+MS_INTEGRATORS(MS_DECLARE)
+#undef MS_DECLARE
+
+#endif

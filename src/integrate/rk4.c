@@ -1,0 +1,33 @@
+#include "integrate/methods.h"
+
+/* k1 = f(y), k2 = f(y + h/2 k1), k3 = f(y + h/2 k2), k4 = f(y + h k3),
+ * y' = y + h/6 (k1 + 2 k2 + 2 k3 + k4), with y = (x, v), f = (v, a) */
+static msim_status step(ms_stepper *s, msim_error *err) {
+  (void)err;
+  static const double reach[4] = {0, 0.5, 0.5, 1}, weight[4] = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
+  const ms_shape shape = s->model->shape;
+  double *a = s->work[0], *v_stage = s->work[1], *x_sum = s->work[2], *v_sum = s->v_next;
+  ms_copy(shape, s->x, x_sum);
+  ms_copy(shape, s->v, v_sum);
+  for (int stage = 0; stage < 4; stage++) {
+    const double *v = stage ? v_stage : s->v, *x = stage ? s->x_next : s->x;
+    if (stage) {
+      /* the position moves with the velocity of the stage before */
+      ms_combine(shape, s->x, s->h * reach[stage], stage == 1 ? s->v : v_stage, s->x_next);
+      ms_combine(shape, s->v, s->h * reach[stage], a, v_stage);
+    }
+    ms_acceleration(s, x, v, a);
+    ms_axpy(shape, s->h * weight[stage], v, x_sum);
+    ms_axpy(shape, s->h * weight[stage], a, v_sum);
+  }
+  ms_copy(shape, x_sum, s->x_next);
+  ms_reflect(s, s->x_next, s->v_next);
+  return MSIM_OK;
+}
+
+const ms_integrator ms_rk4 = {
+    .entry = {.name = "rk4",
+              .doc = "the classical Runge-Kutta method; stable below h omega = 2.83 (Kutta 1901)",
+              .order = 4},
+    .nwork = 3,
+    .step = step};

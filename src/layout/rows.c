@@ -1,0 +1,95 @@
+#include "layout/rows.h"
+
+static int32_t whole_groups(int32_t n) { return (n + MS_GROUP - 1) / MS_GROUP * MS_GROUP; }
+
+msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err) {
+  int32_t n = scene->nparticles, npinned = 0;
+  for (int32_t p = 0; p < n; p++) npinned += scene->pinned[p];
+  *rows = (ms_rows){.n = n, .nfree = n - npinned};
+  rows->first_pinned = whole_groups(rows->nfree);
+  rows->stride = rows->first_pinned + whole_groups(npinned);
+  rows->row = ms_new(&scene->alloc, (size_t)n, sizeof *rows->row);
+  rows->particle = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *rows->particle);
+  if (!rows->row || !rows->particle) return ms_fail_memory(err, "the order of rows");
+  for (int32_t r = 0; r < rows->stride; r++) rows->particle[r] = -1;
+  int32_t next_free = 0, next_pinned = rows->first_pinned;
+  for (int32_t p = 0; p < n; p++) {
+    int32_t r = scene->pinned[p] ? next_pinned++ : next_free++;
+    rows->row[p] = r;
+    rows->particle[r] = p;
+  }
+  return MSIM_OK;
+}
+
+void ms_rows_destroy(const ms_scene *scene, ms_rows *rows) {
+  ms_delete(&scene->alloc, rows->row);
+  ms_delete(&scene->alloc, rows->particle);
+  *rows = (ms_rows){0};
+}
+
+double *ms_rows_vector(const ms_scene *scene, const ms_rows *rows) {
+  return ms_new(&scene->alloc, 3 * (size_t)rows->stride, sizeof(double));
+}
+
+void ms_rows_gather(const ms_rows *rows, const double *flat, double *vec) {
+  size_t stride = (size_t)rows->stride;
+  for (int32_t p = 0; p < rows->n; p++) {
+    const double *q = flat + 3 * (size_t)p;
+    double *to = vec + rows->row[p];
+    to[0] = q[0];
+    to[stride] = q[1];
+    to[2 * stride] = q[2];
+  }
+}
+
+void ms_rows_scatter(const ms_rows *rows, const double *vec, double *flat) {
+  size_t stride = (size_t)rows->stride;
+  for (int32_t p = 0; p < rows->n; p++) {
+    const double *from = vec + rows->row[p];
+    double *q = flat + 3 * (size_t)p;
+    q[0] = from[0];
+    q[1] = from[stride];
+    q[2] = from[2 * stride];
+  }
+}
+
+/*------------------------------------- springs --------------------------------------------------*/
+
+static int both_pinned(const ms_scene *s, int32_t e) {
+  return s->pinned[s->ij[2 * (size_t)e]] && s->pinned[s->ij[2 * (size_t)e + 1]];
+}
+
+msim_status ms_springs_create(const ms_scene *scene, const ms_rows *rows, ms_springs *springs,
+                              msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  int32_t n = 0;
+  for (int32_t e = 0; e < scene->nsprings; e++) n += !both_pinned(scene, e);
+  size_t count = (size_t)n;
+  *springs = (ms_springs){.n = n,
+                          .i = ms_new(alloc, count, sizeof(int32_t)),
+                          .j = ms_new(alloc, count, sizeof(int32_t)),
+                          .k = ms_new(alloc, count, sizeof(double)),
+                          .rest = ms_new(alloc, count, sizeof(double)),
+                          .damping = ms_new(alloc, count, sizeof(double)),
+                          .spring = ms_new(alloc, count, sizeof(int32_t))};
+  if (!springs->i || !springs->j || !springs->k || !springs->rest || !springs->damping ||
+      !springs->spring)
+    return ms_fail_memory(err, "the springs");
+  for (int32_t e = 0, to = 0; e < scene->nsprings; e++) {
+    if (both_pinned(scene, e)) continue;
+    springs->i[to] = rows->row[scene->ij[2 * (size_t)e]];
+    springs->j[to] = rows->row[scene->ij[2 * (size_t)e + 1]];
+    springs->k[to] = scene->k[e];
+    springs->rest[to] = scene->rest[e];
+    springs->damping[to] = scene->damping[e];
+    springs->spring[to++] = e;
+  }
+  return MSIM_OK;
+}
+
+void ms_springs_destroy(const ms_scene *scene, ms_springs *springs) {
+  void *arrays[] = {springs->i,    springs->j,       springs->k,
+                    springs->rest, springs->damping, springs->spring};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(&scene->alloc, arrays[i]);
+  *springs = (ms_springs){0};
+}

@@ -1,0 +1,46 @@
+/* rows - which particles are unknowns, and where each lies in a vector.
+ *
+ * Inside a sim a vector holds 3 components one after the other, `stride` doubles apart:
+ * component c of row r is vec[c * stride + r]. Rows [0, nfree) are the unknowns; pinned particles
+ * follow from row `first_pinned` on. Both parts are padded to whole groups of MS_GROUP rows with
+ * zeros. Nothing outside this module assumes that row = particle. */
+#ifndef MS_ROWS_H
+#define MS_ROWS_H
+
+#include "scene/scene.h"
+
+/* One AVX-512, two AVX2 or four SSE2 registers: one order of summation on every CPU. */
+enum { MS_GROUP = 8 };
+
+typedef struct ms_rows {
+  int32_t n;            /* particles */
+  int32_t nfree;        /* unknown rows */
+  int32_t first_pinned; /* nfree, rounded up to whole groups */
+  int32_t stride;       /* all rows, rounded up */
+  int32_t *row;         /* n: the row of each particle */
+  int32_t *particle;    /* stride: the particle of each row, -1 for padding */
+} ms_rows;
+
+msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err);
+void ms_rows_destroy(const ms_scene *scene, ms_rows *rows);
+
+/* A zero vector of 3 stride doubles. */
+double *ms_rows_vector(const ms_scene *scene, const ms_rows *rows);
+
+/* Flat 3n to rows, and back. */
+void ms_rows_gather(const ms_rows *rows, const double *flat, double *vec);
+void ms_rows_scatter(const ms_rows *rows, const double *vec, double *flat);
+
+/* The springs that can push an unknown, in row numbers and in the order of the scene. */
+typedef struct ms_springs {
+  int32_t n;
+  int32_t *i, *j;             /* n: rows */
+  double *k, *rest, *damping; /* n */
+  int32_t *spring;            /* n: the spring's number in the scene */
+} ms_springs;
+
+msim_status ms_springs_create(const ms_scene *scene, const ms_rows *rows, ms_springs *springs,
+                              msim_error *err);
+void ms_springs_destroy(const ms_scene *scene, ms_springs *springs);
+
+#endif

@@ -1,0 +1,145 @@
+/* adapter - a backend of the plugin ABI as the policy sees it */
+#include <string.h>
+
+#include "linear/linear.h"
+#include "linear/registry.h"
+
+typedef struct adapter {
+  ms_linear base;
+  const msim_backend *table;
+  void *backend;
+  ms_host host;
+  ms_matrix matrix;
+  msim_system view;
+  double *b, *y; /* packed; NULL where vectors go as they are */
+} adapter;
+
+static msim_status say(const adapter *self, msim_status status, msim_error *err) {
+  return status ? ms_host_fail(&self->host, self->table->name, status, err) : MSIM_OK;
+}
+
+static void apply(const msim_system *view, const double *x, double *y) {
+  const ms_system *s = view->data;
+  ms_coefficients_apply(s->model, &s->a, x, y);
+}
+
+/* The matrix in the order that the backend asks for. */
+static msim_status build_matrix(adapter *self, msim_error *err) {
+  const ms_model *model = self->base.system->model;
+  const msim_allocator *alloc = &model->scene->alloc;
+  ms_graph graph = {0};
+  int32_t *order = NULL;
+  msim_status status = ms_graph_create(model, &graph, err);
+  if (!status && self->table->order) {
+    order = ms_new(alloc, (size_t)graph.n, sizeof *order);
+    status = order
+                 ? say(self,
+                       self->table->order(self->backend, graph.n, graph.ptr, graph.ind, order), err)
+                 : ms_fail_memory(err, "the order of the matrix");
+  }
+  if (!status)
+    status = ms_matrix_create(model, &graph, order, self->table->format, &self->matrix, err);
+  ms_delete(alloc, order);
+  ms_graph_destroy(model, &graph);
+  return status;
+}
+
+static msim_status analyze(adapter *self, msim_error *err) {
+  const ms_model *model = self->base.system->model;
+  ms_matrix *m = &self->matrix;
+  self->view = (msim_system){.size = sizeof self->view,
+                             .n = model->rows.nfree,
+                             .block = 3,
+                             .format = self->table->format,
+                             .stride = model->rows.stride,
+                             .graphptr = m->graphptr,
+                             .graphind = m->graphind,
+                             .rowptr = m->rowptr,
+                             .colind = m->colind,
+                             .val = m->val,
+                             .apply = apply,
+                             .data = (void *)(uintptr_t)self->base.system};
+  msim_solve_info info = {.size = sizeof info};
+  msim_status status = self->table->analyze(self->backend, &self->view, &info);
+  self->base.analyses = 1;
+  self->base.fill = info.fill;
+  self->base.flops = info.flops;
+  return say(self, status, err);
+}
+
+static void expand(ms_linear *base) {
+  adapter *self = (adapter *)base;
+  if (self->matrix.val) ms_matrix_expand(base->system->model, &base->system->a, &self->matrix);
+}
+
+static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
+  adapter *self = (adapter *)base;
+  msim_solve_info info = {.size = sizeof info};
+  return say(self, self->table->factor(self->backend, &self->view, kind, &info), err);
+}
+
+static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
+                         int64_t *iterations, msim_error *err) {
+  adapter *self = (adapter *)base;
+  const ms_model *model = base->system->model;
+  const msim_solve_params params = {sizeof params, target->rtol, target->max_iterations};
+  msim_solve_info info = {.size = sizeof info};
+  if (self->b) {
+    ms_matrix_pack(model, &self->matrix, b, self->b);
+    ms_matrix_pack(model, &self->matrix, y, self->y);
+  }
+  msim_status status = self->table->solve(self->backend, &self->view, &params, 1,
+                                          self->b ? self->b : b, self->b ? self->y : y, &info);
+  if (!status && self->b) ms_matrix_unpack(model, &self->matrix, self->y, y);
+  *iterations += info.iterations;
+  return say(self, status, err);
+}
+
+static void destroy(ms_linear *base) {
+  if (!base) return;
+  adapter *self = (adapter *)base;
+  const ms_model *model = base->system->model;
+  if (self->backend) self->table->destroy(self->backend);
+  ms_matrix_destroy(model, &self->matrix);
+  ms_delete(&model->scene->alloc, self->b);
+  ms_delete(&model->scene->alloc, self->y);
+  ms_delete(&model->scene->alloc, self);
+}
+
+static msim_status set_up(adapter *self, msim_error *err) {
+  const ms_model *model = self->base.system->model;
+  const msim_allocator *alloc = &model->scene->alloc;
+  msim_status status = say(self, self->table->create(&self->host.base, &self->backend), err);
+  if (!status && self->table->format != MSIM_FORMAT_NONE) {
+    status = build_matrix(self, err);
+    self->b = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));
+    self->y = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));
+    if (!status && (!self->b || !self->y)) status = ms_fail_memory(err, "the linear solver");
+  }
+  return status ? status : analyze(self, err);
+}
+
+msim_status ms_adapter_create(const ms_system *system, const char *name, const char *plugin_path,
+                              ms_linear **linear, msim_error *err) {
+  static const ms_linear_ops ops = {expand, factor, solve, destroy};
+  const msim_allocator *alloc = &system->model->scene->alloc;
+  const msim_backend *table;
+  ms_text where = {.alloc = alloc};
+  *linear = NULL;
+  msim_status status = ms_backend_find(name, plugin_path, &table, &where, err);
+  ms_text_free(&where);
+  if (status) return status;
+  adapter *self = ms_new(alloc, 1, sizeof *self);
+  if (!self) return ms_fail_memory(err, "the linear solver");
+  self->base = (ms_linear){.ops = &ops,
+                           .system = system,
+                           .name = table->name,
+                           .symmetric = (table->flags & MSIM_BACKEND_SYMMETRIC) != 0,
+                           .factorises = !(table->flags & MSIM_BACKEND_ITERATIVE)};
+  self->table = table;
+  ms_host_init(&self->host, alloc);
+  status = set_up(self, err);
+  if (status) destroy(&self->base);
+  else *linear = &self->base;
+  return status;
+}

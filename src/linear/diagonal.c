@@ -1,0 +1,26 @@
+#include "linear/linear.h"
+
+static msim_status solve(ms_linear *self, const ms_target *target, const double *b, double *y,
+                         int64_t *iterations, msim_error *err) {
+  (void)target, (void)iterations, (void)err;
+  const ms_rows *rows = &self->system->model->rows;
+  for (size_t c = 0; c < 3; c++) {
+    const double *d = self->system->a.diagonal + c * (size_t)rows->first_pinned;
+    const double *bc = b + c * (size_t)rows->stride;
+    double *yc = y + c * (size_t)rows->stride;
+    for (int32_t r = 0; r < rows->nfree; r++) yc[r] = bc[r] / d[r];
+  }
+  return MSIM_OK;
+}
+
+static void destroy(ms_linear *self) {
+  if (self) ms_delete(&self->system->model->scene->alloc, self);
+}
+
+msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim_error *err) {
+  static const ms_linear_ops ops = {NULL, NULL, solve, destroy};
+  *linear = ms_new(&system->model->scene->alloc, 1, sizeof **linear);
+  if (!*linear) return ms_fail_memory(err, "the diagonal solver");
+  **linear = (ms_linear){.ops = &ops, .system = system, .name = "diagonal", .symmetric = 1};
+  return MSIM_OK;
+}

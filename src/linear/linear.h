@@ -1,0 +1,53 @@
+/* linear - what the policy in solver.c sees of a linear solver, native or behind the plugin ABI */
+#ifndef MS_LINEAR_H
+#define MS_LINEAR_H
+
+#include "linear/system.h"
+
+/* The system of one step. */
+typedef struct ms_system {
+  const ms_model *model;
+  ms_coefficients a;
+} ms_system;
+
+/* What a solve has to reach, and what it cost. */
+typedef struct ms_target {
+  double rtol;
+  int32_t max_iterations;
+} ms_target;
+
+typedef struct ms_linear ms_linear;
+
+/* Calls come in this order: create, (expand, factor+, solve+)+, destroy. */
+typedef struct ms_linear_ops {
+  /* The coefficients are new: write the matrix. Nullable: there is none. */
+  void (*expand)(ms_linear *self);
+  /* Make ready to solve. kind: MSIM_FACTOR_SPD or MSIM_FACTOR_SYMMETRIC. Nullable. */
+  msim_status (*factor)(ms_linear *self, int32_t kind, msim_error *err);
+  /* A y = b; y: first guess in, solution out. */
+  msim_status (*solve)(ms_linear *self, const ms_target *target, const double *b, double *y,
+                       int64_t *iterations, msim_error *err);
+  void (*destroy)(ms_linear *self);
+} ms_linear_ops;
+
+struct ms_linear {
+  const ms_linear_ops *ops;
+  const ms_system *system;
+  const char *name;
+  int symmetric;  /* can solve systems that are not positive definite */
+  int factorises; /* factor() factors a matrix */
+  int64_t analyses;
+  double fill, flops; /* of one factorisation */
+};
+
+/* A is diagonal where no spring pulls: y = b / (m + h b). */
+msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim_error *err);
+
+/* Conjugate gradients with block Jacobi, matrix free (Hestenes and Stiefel 1952). */
+msim_status ms_pcg_create(const ms_system *system, ms_linear **linear, msim_error *err);
+
+/* A backend of the ABI, by name: linked in, or from a plugin. */
+msim_status ms_adapter_create(const ms_system *system, const char *name, const char *plugin_path,
+                              ms_linear **linear, msim_error *err);
+
+#endif

@@ -1,0 +1,84 @@
+#include "linear/registry.h"
+
+#include <string.h>
+
+const char *ms_solver_name(int32_t i, const void *unused) {
+  static const char *const names[] = {"auto",
+                                      "pcg",
+                                      "cholmod",
+                                      "klu",
+                                      "sundials-pcg",
+                                      "sundials-spgmr",
+                                      "sundials-spfgmr",
+                                      "sundials-spbcgs",
+                                      "sundials-sptfqmr"};
+  (void)unused;
+  return i >= 0 && i < (int32_t)(sizeof names / sizeof *names) ? names[i] : NULL;
+}
+
+static int is_known(const char *name) {
+  const char *known;
+  for (int32_t i = 0; (known = ms_solver_name(i, NULL)) != NULL; i++)
+    if (strcmp(known, name) == 0) return 1;
+  return 0;
+}
+
+/* Static builds name the backends that are linked in: X(cholmod) X(klu) ... */
+#define X(name) const msim_backend *msim_backend_##name(void);
+MSIM_LINKED_BACKENDS
+#undef X
+
+static const msim_backend *linked_in(const char *name) {
+#define X(backend) \
+  if (strcmp(name, #backend) == 0) return msim_backend_##backend();
+  MSIM_LINKED_BACKENDS
+#undef X
+      (void)
+  name;
+  return NULL;
+}
+
+static msim_status load(const char *name, const char *plugin_path, const msim_backend **table,
+                        ms_text *where, msim_error *err) {
+  void *symbol;
+  msim_error why;
+  msim_status status = ms_plugin_open("backend", name, plugin_path, &symbol, where, &why);
+  if (status == MSIM_ERR_NAME)
+    return ms_fail(err, status, "%s solver '%s'%s: not built in, and %s",
+                   is_known(name) ? "the plugin is missing for" : "there is no", name,
+                   is_known(name) ? "" : ms_did_you_mean(name, ms_solver_name, NULL).text,
+                   why.text);
+  if (status) return ms_fail(err, status, "solver '%s': %s", name, why.text);
+  msim_backend_entry_fn *entry;
+  memcpy(&entry, &symbol, sizeof entry); /* ISO C has no cast from void * to a function */
+  *table = entry();
+  if (!*table) return ms_fail(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
+  return ms_plugin_check("backend", name, where->data, (*table)->abi, MSIM_BACKEND_ABI,
+                         (*table)->size, MSIM_BACKEND_SIZE_1, (*table)->name, err);
+}
+
+msim_status ms_backend_find(const char *name, const char *plugin_path, const msim_backend **table,
+                            ms_text *where, msim_error *err) {
+  *table = linked_in(name);
+  return *table ? MSIM_OK : load(name, plugin_path, table, where, err);
+}
+
+int32_t msim_solver_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
+                         msim_error *err) {
+  const char *name = ms_solver_name(i, NULL);
+  if (!name) return 0;
+  ms_ok(err);
+  *entry = (msim_plugin_entry){
+      .name = name, .library = "msim", .license = "MIT", .note = "", .available = 1};
+  if (strcmp(name, "auto") == 0 || strcmp(name, "pcg") == 0) return 1;
+  const msim_allocator alloc = ms_allocator(NULL);
+  ms_text where = {.alloc = &alloc};
+  const msim_backend *table;
+  entry->available = ms_backend_find(name, plugin_path, &table, &where, err) == MSIM_OK;
+  entry->library = entry->available ? table->library : "";
+  entry->license = entry->available ? table->license : "";
+  if (entry->available) ms_fail(err, MSIM_OK, "%s", where.length ? where.data : "linked in");
+  if (err) entry->note = err->text;
+  ms_text_free(&where);
+  return 1;
+}

@@ -1,0 +1,233 @@
+#include "linear/system.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/*------------------------------------- graph ----------------------------------------------------*/
+
+static int ascending(const void *a, const void *b) {
+  int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+  return (x > y) - (x < y);
+}
+
+/* Springs between two unknowns, from both ends, then each row sorted and its doubles dropped. */
+static void fill_graph(const ms_model *model, ms_graph *g, int32_t *next) {
+  const ms_springs *s = &model->springs;
+  memcpy(next, g->ptr, (size_t)g->n * sizeof *next);
+  for (int32_t e = 0; e < s->n; e++) {
+    if (s->i[e] >= g->n || s->j[e] >= g->n) continue;
+    g->ind[next[s->i[e]]++] = s->j[e];
+    g->ind[next[s->j[e]]++] = s->i[e];
+  }
+  int32_t to = 0, from = 0;
+  for (int32_t r = 0; r < g->n; r++) {
+    int32_t end = g->ptr[r + 1], first = to;
+    qsort(g->ind + from, (size_t)(end - from), sizeof *g->ind, ascending);
+    for (; from < end; from++)
+      if (to == first || g->ind[to - 1] != g->ind[from]) g->ind[to++] = g->ind[from];
+    g->ptr[r] = first;
+  }
+  g->ptr[g->n] = to;
+}
+
+msim_status ms_graph_create(const ms_model *model, ms_graph *graph, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const ms_springs *s = &model->springs;
+  int32_t n = model->rows.nfree;
+  *graph = (ms_graph){.n = n, .ptr = ms_new(alloc, (size_t)n + 1, sizeof(int32_t))};
+  int32_t *next = ms_new(alloc, (size_t)n, sizeof *next);
+  int64_t total = 0;
+  for (int32_t e = 0; e < s->n && graph->ptr; e++) {
+    if (s->i[e] >= n || s->j[e] >= n) continue;
+    graph->ptr[s->i[e] + 1]++, graph->ptr[s->j[e] + 1]++;
+    total += 2;
+  }
+  if (total <= INT32_MAX) graph->ind = ms_new(alloc, (size_t)total, sizeof *graph->ind);
+  if (!graph->ptr || !graph->ind || !next) {
+    ms_delete(alloc, next);
+    return ms_fail_memory(err, "the graph of the springs");
+  }
+  for (int32_t r = 0; r < n; r++) graph->ptr[r + 1] += graph->ptr[r];
+  fill_graph(model, graph, next);
+  ms_delete(alloc, next);
+  return MSIM_OK;
+}
+
+void ms_graph_destroy(const ms_model *model, ms_graph *graph) {
+  ms_delete(&model->scene->alloc, graph->ptr);
+  ms_delete(&model->scene->alloc, graph->ind);
+  *graph = (ms_graph){0};
+}
+
+/*------------------------------------- pattern --------------------------------------------------*/
+
+/* Block columns of one block row, in the new order: the diagonal, and neighbours that the format
+ * keeps. */
+static int32_t block_row(const ms_graph *g, const int32_t *order, const int32_t *position,
+                         int32_t format, int32_t k, int32_t *columns) {
+  int32_t count = 0, row = order[k];
+  columns[count++] = k;
+  for (int32_t e = g->ptr[row]; e < g->ptr[row + 1]; e++) {
+    int32_t column = position[g->ind[e]];
+    if (format == MSIM_FORMAT_FULL || column > k) columns[count++] = column;
+  }
+  qsort(columns, (size_t)count, sizeof *columns, ascending);
+  return count;
+}
+
+static void scalar_pattern(ms_matrix *m) {
+  for (int32_t k = 0; k < m->n; k++) {
+    int32_t first = m->graphptr[k], blocks = m->graphptr[k + 1] - first;
+    for (int32_t q = 0; q < 3; q++) {
+      int32_t at = 9 * first + 3 * blocks * q;
+      m->rowptr[3 * k + q] = at;
+      for (int32_t b = 0; b < blocks; b++)
+        for (int32_t c = 0; c < 3; c++) m->colind[at++] = 3 * m->graphind[first + b] + c;
+    }
+  }
+  m->rowptr[3 * m->n] = 9 * m->graphptr[m->n];
+}
+
+/* Offset in val of the block at (row, column), which is there. */
+static int32_t find_slot(const ms_matrix *m, int32_t row, int32_t column) {
+  int32_t low = m->graphptr[row], high = m->graphptr[row + 1] - 1;
+  while (low < high) {
+    int32_t middle = low + (high - low) / 2;
+    if (m->graphind[middle] < column) low = middle + 1;
+    else high = middle;
+  }
+  return 9 * m->graphptr[row] + 3 * (low - m->graphptr[row]);
+}
+
+static int32_t row_step(const ms_matrix *m, int32_t row) {
+  return 3 * (m->graphptr[row + 1] - m->graphptr[row]);
+}
+
+static void find_slots(const ms_model *model, const int32_t *position, ms_matrix *m) {
+  const ms_springs *s = &model->springs;
+  int ends = m->format == MSIM_FORMAT_FULL ? 2 : 1;
+  for (int32_t e = 0; e < s->n; e++) {
+    int inside = s->i[e] < m->n && s->j[e] < m->n;
+    int32_t a = inside ? position[s->i[e]] : 0, b = inside ? position[s->j[e]] : 0;
+    int32_t row[2] = {a < b ? a : b, a < b ? b : a};
+    for (int end = 0; end < ends; end++) {
+      size_t at = (size_t)e * (size_t)ends + (size_t)end;
+      m->slot[at] = inside ? find_slot(m, row[end], row[1 - end]) : -1;
+      m->step[at] = inside ? row_step(m, row[end]) : 0;
+    }
+  }
+  for (int32_t r = 0; r < m->n; r++) {
+    m->diagonal_slot[r] = find_slot(m, position[r], position[r]);
+    m->diagonal_step[r] = row_step(m, position[r]);
+  }
+}
+
+static msim_status count_blocks(const ms_graph *g, int32_t format, int64_t *blocks,
+                                msim_error *err) {
+  int32_t off_diagonal = g->ptr[g->n];
+  *blocks = (int64_t)g->n + (format == MSIM_FORMAT_FULL ? off_diagonal : off_diagonal / 2);
+  if (*blocks <= INT32_MAX / 9) return MSIM_OK;
+  return ms_fail(err, MSIM_ERR_ARG, "the matrix has %lld blocks of 3 x 3; the limit is %d",
+                 (long long)*blocks, INT32_MAX / 9);
+}
+
+static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  size_t n = (size_t)m->n, springs = (size_t)model->springs.n;
+  if (m->format == MSIM_FORMAT_FULL) springs *= 2;
+  m->order = ms_new(alloc, n, sizeof(int32_t));
+  m->graphptr = ms_new(alloc, n + 1, sizeof(int32_t));
+  m->graphind = ms_new(alloc, blocks, sizeof(int32_t));
+  m->rowptr = ms_new(alloc, 3 * n + 1, sizeof(int32_t));
+  m->colind = ms_new(alloc, 9 * blocks, sizeof(int32_t));
+  m->val = ms_new(alloc, 9 * blocks, sizeof(double));
+  m->diagonal_slot = ms_new(alloc, n, sizeof(int32_t));
+  m->diagonal_step = ms_new(alloc, n, sizeof(int32_t));
+  m->slot = ms_new(alloc, springs, sizeof(int32_t));
+  m->step = ms_new(alloc, springs, sizeof(int32_t));
+  return m->order && m->graphptr && m->graphind && m->rowptr && m->colind && m->val &&
+         m->diagonal_slot && m->diagonal_step && m->slot && m->step;
+}
+
+msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
+                             int32_t format, ms_matrix *matrix, msim_error *err) {
+  int64_t blocks;
+  *matrix = (ms_matrix){.n = graph->n, .format = format};
+  msim_status status = count_blocks(graph, format, &blocks, err);
+  if (status) return status;
+  int32_t *position = ms_new(&model->scene->alloc, (size_t)graph->n, sizeof *position);
+  if (!position || !allocate_matrix(model, (size_t)blocks, matrix)) {
+    ms_delete(&model->scene->alloc, position);
+    return ms_fail_memory(err, "the matrix");
+  }
+  for (int32_t k = 0; k < graph->n; k++) {
+    matrix->order[k] = order ? order[k] : k;
+    position[matrix->order[k]] = k;
+  }
+  for (int32_t k = 0; k < graph->n; k++)
+    matrix->graphptr[k + 1] =
+        matrix->graphptr[k] + block_row(graph, matrix->order, position, format, k,
+                                        matrix->graphind + matrix->graphptr[k]);
+  scalar_pattern(matrix);
+  find_slots(model, position, matrix);
+  ms_delete(&model->scene->alloc, position);
+  return MSIM_OK;
+}
+
+void ms_matrix_destroy(const ms_model *model, ms_matrix *m) {
+  if (!model->scene) return; /* a sim that was refused before it had a model */
+  void *arrays[] = {m->order, m->graphptr,      m->graphind,      m->rowptr, m->colind,
+                    m->val,   m->diagonal_slot, m->diagonal_step, m->slot,   m->step};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+    ms_delete(&model->scene->alloc, arrays[i]);
+  *m = (ms_matrix){0};
+}
+
+/*------------------------------------- values ---------------------------------------------------*/
+
+/* block -= t I + w w^T */
+static inline void subtract_block(double *at, int32_t step, double t, const double w[3]) {
+  for (int r = 0; r < 3; r++, at += step) {
+    for (int c = 0; c < 3; c++) at[c] -= w[r] * w[c];
+    at[r] -= t;
+  }
+}
+
+void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m) {
+  const size_t stride = (size_t)model->rows.first_pinned;
+  memset(m->val, 0, 9 * (size_t)m->graphptr[m->n] * sizeof *m->val);
+  for (int32_t r = 0; r < m->n; r++) {
+    const double *d = a->diagonal + r;
+    const double xx = d[0], yy = d[stride], zz = d[2 * stride];
+    const double xy = d[3 * stride], xz = d[4 * stride], yz = d[5 * stride];
+    double *row = m->val + m->diagonal_slot[r];
+    const int32_t step = m->diagonal_step[r];
+    row[0] = xx, row[1] = xy, row[2] = xz;
+    row += step;
+    row[0] = xy, row[1] = yy, row[2] = yz;
+    row += step;
+    row[0] = xz, row[1] = yz, row[2] = zz;
+  }
+  const int32_t ends = m->format == MSIM_FORMAT_FULL ? 2 : 1;
+  for (int32_t e = 0; e < model->springs.n; e++) {
+    const double w[3] = {a->wx[e], a->wy[e], a->wz[e]};
+    for (int32_t at = ends * e; at < ends * (e + 1); at++)
+      if (m->slot[at] >= 0) subtract_block(m->val + m->slot[at], m->step[at], a->t[e], w);
+  }
+}
+
+void ms_matrix_pack(const ms_model *model, const ms_matrix *matrix, const double *vec,
+                    double *packed) {
+  size_t stride = (size_t)model->rows.stride;
+  for (int32_t k = 0; k < matrix->n; k++)
+    for (size_t c = 0; c < 3; c++)
+      packed[3 * (size_t)k + c] = vec[c * stride + (size_t)matrix->order[k]];
+}
+
+void ms_matrix_unpack(const ms_model *model, const ms_matrix *matrix, const double *packed,
+                      double *vec) {
+  size_t stride = (size_t)model->rows.stride;
+  for (int32_t k = 0; k < matrix->n; k++)
+    for (size_t c = 0; c < 3; c++)
+      vec[c * stride + (size_t)matrix->order[k]] = packed[3 * (size_t)k + c];
+}

@@ -1,0 +1,48 @@
+/* system - the matrix A = M - h D - h^2 J: its coefficients, and its expansion to CSR of 3x3 blocks
+ *
+ * The core keeps coefficients. Who factorises gets the matrix: block row K of the value array is
+ * three scalar rows, each with the blocks of K side by side. Where each spring's block lies is
+ * found once. */
+#ifndef MS_SYSTEM_H
+#define MS_SYSTEM_H
+
+#include "msim/backend.h"
+#include "physics/force.h"
+
+/* Which unknowns share a spring: both triangles, ascending, without the diagonal. */
+typedef struct ms_graph {
+  int32_t n;
+  int32_t *ptr; /* n + 1 */
+  int32_t *ind; /* ptr[n] */
+} ms_graph;
+
+msim_status ms_graph_create(const ms_model *model, ms_graph *graph, msim_error *err);
+void ms_graph_destroy(const ms_model *model, ms_graph *graph);
+
+/* A as a backend sees it, in an order and a format. */
+typedef struct ms_matrix {
+  int32_t n, format;
+  int32_t *order;               /* n: the row that comes k-th */
+  int32_t *graphptr, *graphind; /* blocks */
+  int32_t *rowptr, *colind;     /* scalars: 3n + 1, 9 blocks */
+  double *val;                  /* 9 blocks */
+  int32_t *diagonal_slot;       /* n, by row: offset of the diagonal block in val */
+  int32_t *diagonal_step;       /* n: from one scalar row of it to the next */
+  int32_t *slot, *step;         /* springs.n, FULL: twice; -1 where an end is pinned */
+} ms_matrix;
+
+/* Nullable: order (the rows as they are). */
+msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
+                             int32_t format, ms_matrix *matrix, msim_error *err);
+void ms_matrix_destroy(const ms_model *model, ms_matrix *matrix);
+
+/* val = A */
+void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *matrix);
+
+/* Row vectors to interleaved ones in the matrix' order, and back. */
+void ms_matrix_pack(const ms_model *model, const ms_matrix *matrix, const double *vec,
+                    double *packed);
+void ms_matrix_unpack(const ms_model *model, const ms_matrix *matrix, const double *packed,
+                      double *vec);
+
+#endif

@@ -1,0 +1,55 @@
+#include "physics/energy.h"
+
+#include <math.h>
+
+static void add_particle(const ms_scene *s, int32_t p, const double *x, const double *v,
+                         msim_energy *e) {
+  double m = s->mass[p];
+  x += 3 * (size_t)p;
+  v += 3 * (size_t)p;
+  e->kinetic += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  e->gravitational -= m * (s->gravity[0] * x[0] + s->gravity[1] * x[1] + s->gravity[2] * x[2]);
+  for (int c = 0; c < 3; c++) {
+    int a = (c + 1) % 3, b = (c + 2) % 3;
+    e->momentum[c] += m * v[c];
+    e->angular_momentum[c] += m * (x[a] * v[b] - x[b] * v[a]);
+  }
+}
+
+static double elastic(const ms_scene *s, int32_t spring, const double *x) {
+  const double *a = x + 3 * (size_t)s->ij[2 * (size_t)spring];
+  const double *b = x + 3 * (size_t)s->ij[2 * (size_t)spring + 1];
+  double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+  double stretch = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) - s->rest[spring];
+  return 0.5 * s->k[spring] * stretch * stretch;
+}
+
+void ms_energy(const ms_scene *scene, const double *x, const double *v, msim_energy *energy) {
+  msim_energy e = {.size = energy->size};
+  for (int32_t p = 0; p < scene->nparticles; p++) add_particle(scene, p, x, v, &e);
+  for (int32_t i = 0; i < scene->nsprings; i++) e.elastic += elastic(scene, i, x);
+  e.total = e.kinetic + e.elastic + e.gravitational;
+  *energy = e;
+}
+
+msim_status ms_bounds_compute(const ms_scene *scene, ms_bounds *bounds, msim_error *err) {
+  size_t n = (size_t)scene->nparticles;
+  double *sums = ms_new(&scene->alloc, 2 * n, sizeof *sums);
+  if (!sums) return ms_fail_memory(err, "the stability bounds");
+  double *k = sums, *c = sums + n;
+  for (int32_t e = 0; e < scene->nsprings; e++) {
+    for (int end = 0; end < 2; end++) {
+      int32_t p = scene->ij[2 * (size_t)e + (size_t)end];
+      k[p] += scene->k[e];
+      c[p] += scene->damping[e];
+    }
+  }
+  *bounds = (ms_bounds){0};
+  for (size_t p = 0; p < n; p++) {
+    if (scene->pinned[p]) continue;
+    bounds->omega = fmax(bounds->omega, sqrt(2 * k[p] / scene->mass[p]));
+    bounds->rate = fmax(bounds->rate, (2 * c[p] + scene->drag) / scene->mass[p]);
+  }
+  ms_delete(&scene->alloc, sums);
+  return MSIM_OK;
+}

@@ -1,0 +1,42 @@
+#include "physics/model.h"
+
+/* A pass is needed where it could change a number. */
+static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
+  unsigned passes = 0;
+  if (springs->n) passes |= MSIM_SKIP_SPRINGS;
+  for (int32_t e = 0; e < springs->n; e++)
+    if (springs->damping[e] > 0) passes |= MSIM_SKIP_DAMPING;
+  if (s->gravity[0] != 0 || s->gravity[1] != 0 || s->gravity[2] != 0) passes |= MSIM_SKIP_GRAVITY;
+  if (s->drag > 0) passes |= MSIM_SKIP_DRAG;
+  if (s->nplanes) passes |= MSIM_SKIP_PLANES;
+  return passes;
+}
+
+msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
+                            msim_error *err) {
+  *model = (ms_model){.scene = scene};
+  msim_status status = ms_rows_create(scene, &model->rows, err);
+  if (!status) status = ms_springs_create(scene, &model->rows, &model->springs, err);
+  if (status) return status;
+  const ms_rows *rows = &model->rows;
+  model->shape = (ms_shape){rows->nfree, rows->stride};
+  size_t count = (size_t)rows->first_pinned;
+  model->mass = ms_new(&scene->alloc, count, sizeof(double));
+  model->inv_mass = ms_new(&scene->alloc, count, sizeof(double));
+  if (!model->mass || !model->inv_mass) return ms_fail_memory(err, "the masses");
+  for (size_t r = 0; r < count; r++) {
+    model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
+    model->inv_mass[r] = 1.0 / model->mass[r];
+  }
+  model->passes = needed_passes(scene, &model->springs) | skip_off;
+  return MSIM_OK;
+}
+
+void ms_model_destroy(ms_model *model) {
+  if (!model->scene) return;
+  ms_rows_destroy(model->scene, &model->rows);
+  ms_springs_destroy(model->scene, &model->springs);
+  ms_delete(&model->scene->alloc, model->mass);
+  ms_delete(&model->scene->alloc, model->inv_mass);
+  *model = (ms_model){0};
+}

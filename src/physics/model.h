@@ -1,0 +1,22 @@
+/* model - what the physics of one sim needs and never changes: rows, springs, masses, passes */
+#ifndef MS_MODEL_H
+#define MS_MODEL_H
+
+#include "base/vector.h"
+#include "layout/rows.h"
+
+typedef struct ms_model {
+  const ms_scene *scene;
+  ms_rows rows;
+  ms_springs springs;
+  ms_shape shape;          /* of the unknowns */
+  double *mass, *inv_mass; /* first_pinned, kg: of each unknown row; 1 in the padding */
+  unsigned passes;         /* MSIM_SKIP_...: the passes that a step makes */
+} ms_model;
+
+/* What the scene needs, and what skip_off insists on. */
+msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
+                            msim_error *err);
+void ms_model_destroy(ms_model *model);
+
+#endif

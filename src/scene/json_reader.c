@@ -1,0 +1,193 @@
+#include "scene/json_reader.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/*------------------------------------- sentences ------------------------------------------------*/
+
+/* What the file says, short enough for a sentence. */
+typedef struct excerpt {
+  char text[48];
+} excerpt;
+
+/* The first characters of a text; UTF-8 is not cut in the middle of one. */
+static excerpt shorten(const char *text) {
+  excerpt e;
+  size_t n = strlen(text);
+  const int whole = n < sizeof e.text;
+  if (!whole)
+    for (n = sizeof e.text - sizeof "..."; n > 0 && ((unsigned char)text[n] & 0xC0) == 0x80;) n--;
+  memcpy(e.text, text, n);
+  memcpy(e.text + n, "...", whole ? 0 : 3);
+  e.text[whole ? n : n + 3] = '\0';
+  return e;
+}
+
+static excerpt found(const json_t *value) {
+  excerpt e;
+  if (json_is_array(value)) {
+    snprintf(e.text, sizeof e.text, "an array of %zu", json_array_size(value));
+    return e;
+  }
+  if (json_is_object(value)) return shorten("an object");
+  char *text = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(15));
+  e = shorten(text ? text : "a value");
+  free(text);
+  return e;
+}
+
+ms_path ms_json_path(const char *path, const char *key) {
+  ms_path p;
+  snprintf(p.text, sizeof p.text, "%s%s%s", path, *path ? "." : "", shorten(key).text);
+  return p;
+}
+
+ms_path ms_json_item(const char *path, size_t i) {
+  ms_path p;
+  snprintf(p.text, sizeof p.text, "%s[%zu]", path, i);
+  return p;
+}
+
+/* Whatever a file says, a sentence stays on its line. */
+static msim_status fail_with(const ms_json *r, msim_status status, const char *text) {
+  ms_fail(r->err, status, "%s: %s", r->label, text);
+  for (char *c = r->err ? r->err->text : NULL; c && *c; c++)
+    if ((unsigned char)*c < ' ' || *c == 0x7f) *c = ' ';
+  return status;
+}
+
+msim_status ms_json_fail(const ms_json *r, msim_status status, const char *format, ...) {
+  msim_error inner;
+  va_list args;
+  va_start(args, format);
+  ms_vfail(&inner, status, format, args);
+  va_end(args);
+  return fail_with(r, status, inner.text);
+}
+
+msim_status ms_json_refuse(const ms_json *r, ms_place at, const json_t *value, const char *must) {
+  char index[48] = "";
+  if (at.j >= 0) snprintf(index, sizeof index, "[%lld][%lld]", (long long)at.i, (long long)at.j);
+  else if (at.i >= 0) snprintf(index, sizeof index, "[%lld]", (long long)at.i);
+  return ms_json_fail(r, MSIM_ERR_ARG, "%s%s is %s; it must be %s", *at.key ? at.key : "the scene",
+                      index, found(value).text, must);
+}
+
+msim_status ms_json_no_memory(const ms_json *r) {
+  return ms_json_fail(r, MSIM_ERR_MEMORY, "out of memory for the scene");
+}
+
+msim_status ms_json_pass(const ms_json *r, const char *path, msim_status status,
+                         const msim_error *inner) {
+  if (status == MSIM_OK) return MSIM_OK;
+  return ms_json_fail(r, status, "%s%s", status == MSIM_ERR_ARG ? path : "", inner->text);
+}
+
+/*------------------------------------- keys -----------------------------------------------------*/
+
+static const char *key_at(int32_t i, const void *keys) { return ((const char *const *)keys)[i]; }
+
+static msim_status refuse_key(const ms_json *r, const char *path, const char *key,
+                              const char *const *keys) {
+  char known[256] = "";
+  size_t n = 0;
+  for (int32_t i = 0; keys[i] && n < sizeof known; i++)
+    n += (size_t)snprintf(known + n, sizeof known - n, "%s%s", i ? ", " : "", keys[i]);
+  return ms_json_fail(r, MSIM_ERR_ARG, "%s is not a known key%s; known are %s",
+                      ms_json_path(path, key).text, ms_did_you_mean(key, key_at, keys).text, known);
+}
+
+msim_status ms_json_keys(const ms_json *r, const char *path, json_t *value,
+                         const char *const *keys) {
+  if (!json_is_object(value)) return ms_json_refuse(r, ms_at(path), value, "an object");
+  const char *key;
+  json_t *member;
+  json_object_foreach(value, key, member) {
+    int32_t i = 0;
+    while (keys[i] && strcmp(keys[i], key) != 0) i++;
+    if (!keys[i]) return refuse_key(r, path, key, keys);
+  }
+  return MSIM_OK;
+}
+
+msim_status ms_json_need(const ms_json *r, const char *path, const json_t *object, const char *key,
+                         const char *must, json_t **value) {
+  *value = json_object_get(object, key);
+  if (*value) return MSIM_OK;
+  return ms_json_fail(r, MSIM_ERR_ARG, "%s is missing; it must be %s", ms_json_path(path, key).text,
+                      must);
+}
+
+/*------------------------------------- values ---------------------------------------------------*/
+
+msim_status ms_json_array(const ms_json *r, const char *key, const json_t *value, int32_t *n) {
+  if (!json_is_array(value)) return ms_json_refuse(r, ms_at(key), value, "an array");
+  const size_t size = json_array_size(value);
+  if (size > INT32_MAX / 3) return ms_json_refuse(r, ms_at(key), value, "shorter");
+  *n = (int32_t)size;
+  return MSIM_OK;
+}
+
+msim_status ms_json_number(const ms_json *r, ms_place at, const json_t *value, ms_range range,
+                           double *number) {
+  *number = json_number_value(value);
+  const int kind = range == MS_COUNT ? json_is_integer(value) : json_is_number(value);
+  if (kind && ms_in_range(range, *number)) return MSIM_OK;
+  return ms_json_refuse(r, at, value, ms_range_text(range));
+}
+
+static msim_status refuse_length(const ms_json *r, ms_place at, const json_t *value,
+                                 const char *before, int32_t n) {
+  char must[96];
+  snprintf(must, sizeof must, "%san array of %d", before, n);
+  return ms_json_refuse(r, at, value, must);
+}
+
+static int has_length(const json_t *value, int32_t n) {
+  return json_is_array(value) && json_array_size(value) == (size_t)n;
+}
+
+msim_status ms_json_row(const ms_json *r, ms_place at, const json_t *value, ms_range range,
+                        int32_t n, double *numbers) {
+  if (!has_length(value, n)) return refuse_length(r, at, value, "", n);
+  msim_status status = MSIM_OK;
+  for (int32_t c = 0; c < n && !status; c++) {
+    ms_place item = at.i < 0 ? (ms_place){at.key, c, -1} : (ms_place){at.key, at.i, c};
+    status = ms_json_number(r, item, json_array_get(value, (size_t)c), range, numbers + c);
+  }
+  return status;
+}
+
+msim_status ms_json_rows(const ms_json *r, const char *key, const json_t *value, int32_t n,
+                         double *numbers) {
+  if (!has_length(value, n)) return refuse_length(r, ms_at(key), value, "", n);
+  msim_status status = MSIM_OK;
+  for (size_t i = 0; i < (size_t)n && !status; i++)
+    status = ms_json_row(r, ms_item(key, i), json_array_get(value, i), MS_ANY, 3, numbers + 3 * i);
+  return status;
+}
+
+msim_status ms_json_each(const ms_json *r, const char *key, const json_t *value, ms_range range,
+                         int32_t n, double *numbers) {
+  if (has_length(value, n)) return ms_json_row(r, ms_at(key), value, range, n, numbers);
+  if (!json_is_number(value)) {
+    char before[64];
+    snprintf(before, sizeof before, "%s for all, or ", ms_range_text(range));
+    return refuse_length(r, ms_at(key), value, before, n);
+  }
+  double number;
+  msim_status status = ms_json_number(r, ms_at(key), value, range, &number);
+  for (int32_t i = 0; i < n && !status; i++) numbers[i] = number;
+  return status;
+}
+
+msim_status ms_json_index(const ms_json *r, ms_place at, const json_t *value, int32_t n,
+                          int32_t *index) {
+  const json_int_t number = json_integer_value(value);
+  *index = (int32_t)number;
+  if (json_is_integer(value) && number >= 0 && number < n) return MSIM_OK;
+  char must[64] = "left out, as there are no particles";
+  if (n) snprintf(must, sizeof must, "a whole number from 0 to %d", n - 1);
+  return ms_json_refuse(r, at, value, must);
+}

@@ -1,0 +1,73 @@
+/* json_reader - values out of a JSON tree; what does not fit is refused in one sentence that
+ * names file, key path, what was found and what is allowed */
+#ifndef MS_JSON_READER_H
+#define MS_JSON_READER_H
+
+#include <jansson.h>
+
+#include "scene/objects.h"
+
+typedef struct ms_json {
+  const char *label; /* stands for the file in errors */
+  msim_allocator alloc;
+  msim_scene *scene; /* what is being built */
+  msim_error *err;
+  ms_grid *grids; /* of `objects`, whose springs come after all particles */
+  int32_t ngrids;
+} ms_json;
+
+/* A key path and, where they are >= 0, one or two indices behind it: "springs.ij[3][1]". */
+typedef struct ms_place {
+  const char *key;
+  int64_t i, j;
+} ms_place;
+
+/* The path of a member, "objects[0].k"; the outermost object has the path "". */
+typedef struct ms_path {
+  char text[96];
+} ms_path;
+ms_path ms_json_path(const char *path, const char *key);
+ms_path ms_json_item(const char *path, size_t i); /* "planes[1]" */
+
+static inline ms_place ms_at(const char *key) { return (ms_place){key, -1, -1}; }
+static inline ms_place ms_item(const char *key, size_t i) {
+  return (ms_place){key, (int64_t)i, -1};
+}
+
+/* All of these set r->err and return its status. */
+msim_status ms_json_fail(const ms_json *r, msim_status status, const char *format, ...)
+    MS_PRINTF(3, 4);
+msim_status ms_json_refuse(const ms_json *r, ms_place at, const json_t *value, const char *must);
+msim_status ms_json_no_memory(const ms_json *r);
+/* Pass on what another part of the library says: where it refuses something, `path` comes before
+ * its sentence. */
+msim_status ms_json_pass(const ms_json *r, const char *path, msim_status status,
+                         const msim_error *inner);
+
+/* `value` must be an object with no other keys; `keys` ends with NULL. */
+msim_status ms_json_keys(const ms_json *r, const char *path, json_t *value,
+                         const char *const *keys);
+msim_status ms_json_need(const ms_json *r, const char *path, const json_t *object, const char *key,
+                         const char *must, json_t **value);
+msim_status ms_json_array(const ms_json *r, const char *key, const json_t *value, int32_t *n);
+
+msim_status ms_json_number(const ms_json *r, ms_place at, const json_t *value, ms_range range,
+                           double *number);
+/* An array of exactly n numbers. */
+msim_status ms_json_row(const ms_json *r, ms_place at, const json_t *value, ms_range range,
+                        int32_t n, double *numbers);
+/* n rows of three. */
+msim_status ms_json_rows(const ms_json *r, const char *key, const json_t *value, int32_t n,
+                         double *numbers /* 3n */);
+/* One number for all, or n. */
+msim_status ms_json_each(const ms_json *r, const char *key, const json_t *value, ms_range range,
+                         int32_t n, double *numbers);
+/* A whole number from 0 to n - 1. */
+msim_status ms_json_index(const ms_json *r, ms_place at, const json_t *value, int32_t n,
+                          int32_t *index);
+
+/* In scene_json_objects.c: the particles of `objects`, and later their springs. */
+msim_status ms_json_objects(ms_json *r, const char *path, json_t *objects);
+msim_status ms_json_object_springs(const ms_json *r);
+
+#endif

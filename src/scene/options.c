@@ -1,0 +1,267 @@
+#include "scene/options.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "scene/scene.h"
+
+/*------------------------------------- the table ------------------------------------------------*/
+
+typedef enum option_type { WORD, REAL, INT32, INT64, CHOICE, SKIP } option_type;
+
+typedef struct option {
+  msim_option_entry entry;
+  option_type type;
+  size_t member; /* offset in msim_options */
+  double least;  /* numbers: the smallest value ... */
+  int open;      /* ... itself not allowed */
+  double unset;  /* numbers: a value below `least` that says "not given"; NAN: none */
+  uint32_t bit;  /* SKIP: of skip_off */
+} option;
+
+#define AT(m) offsetof(msim_options, m)
+#define TEXT(name, values, preset, doc, m) \
+  { {name, values, preset, doc}, WORD, AT(m), 0, 0, NAN, 0 }
+#define PICK(name, values, preset, doc, m) \
+  { {name, values, preset, doc}, CHOICE, AT(m), 0, 0, NAN, 0 }
+#define ABOVE_0(name, preset, doc, m) \
+  { {name, "number > 0", preset, doc}, REAL, AT(m), 0, 1, NAN, 0 }
+#define FLAG(name, what, bit) \
+  { {"skip." name, "on | off", "on", "leave out " what}, SKIP, AT(skip_off), 0, 0, NAN, bit }
+
+static const option table[] = {
+    TEXT("integrator", "name", "", "time integration method, as msim_cli list names them",
+         integrator),
+    ABOVE_0("h", "1e-3", "time step in s", h),
+    {{"steps", "whole number >= 0", "", "number of steps, exactly; wins over t_end"},
+     INT64,
+     AT(steps),
+     0,
+     0,
+     -1,
+     0},
+    {{"t_end", "number >= 0", "", "end time in s"}, REAL, AT(t_end), 0, 0, -1, 0},
+    TEXT("solver", "name", "auto", "linear solver, as msim_cli list names them", solver),
+    ABOVE_0("solver.rtol", "1e-8", "true residual over right side, 2-norm", solver_rtol),
+    {{"solver.max_iterations", "whole number >= 1", "2000", "limit of an iterative solver"},
+     INT32,
+     AT(solver_max_iterations),
+     1,
+     0,
+     NAN,
+     0},
+    PICK("jacobian", "exact | clamp", "exact",
+         "exact, or with the transverse term of compressed springs set to 0", jacobian),
+    PICK("indefinite", "clamp | solve | stop", "clamp",
+         "where the exact matrix is not positive definite: that step again clamped, solve it as it "
+         "is, or stop",
+         indefinite),
+    ABOVE_0("newton.rtol", "1e-8", "wanted relative error of the velocity of a nonlinear step",
+            newton_rtol),
+    {{"newton.max_iterations", "whole number >= 1", "100", "limit of Newton's method in a step"},
+     INT32,
+     AT(newton_max_iterations),
+     1,
+     0,
+     NAN,
+     0},
+    PICK("collision", "reflect | event", "reflect",
+         "reflect the state after the step, or locate the impact inside it", collision),
+    ABOVE_0("tol", "1e-6", "local error kept by methods with error control", tol),
+    {{"threads", "whole number >= 0", "0",
+      "at most so many threads; 0: by size; the bits of the "
+      "result do not depend on it"},
+     INT32,
+     AT(threads),
+     0,
+     0,
+     NAN,
+     0},
+    PICK("heun.collision", "final | standard | literal", "final",
+         "where heun reflects: stage and result, result only, or, as printed, stage only",
+         heun_collision),
+    PICK("verlet.start", "taylor | plain", "taylor", "velocity at -h/2: v0 - h/2 a0, or v0 itself",
+         verlet_start),
+    {{"every", "whole number >= 1", "", "a frame every so many steps"},
+     INT64,
+     AT(every),
+     1,
+     0,
+     0,
+     0},
+    {{"fps", "number > 0", "", "frames per simulated second; default: about 200 in the run"},
+     REAL,
+     AT(fps),
+     0,
+     1,
+     0,
+     0},
+    FLAG("springs", "the spring pass where there are no springs", MSIM_SKIP_SPRINGS),
+    FLAG("damping", "the damping pass where no spring is damped", MSIM_SKIP_DAMPING),
+    FLAG("gravity", "gravity where it is 0", MSIM_SKIP_GRAVITY),
+    FLAG("drag", "drag where it is 0", MSIM_SKIP_DRAG),
+    FLAG("planes", "the contact pass where there are no planes", MSIM_SKIP_PLANES),
+    TEXT("plugin_path", "folders", "", "folders searched for plugins first, ':' between them",
+         plugin_path),
+};
+enum { NOPTIONS = sizeof table / sizeof *table };
+
+const msim_option_entry *msim_option_info(int32_t i) {
+  return i >= 0 && i < NOPTIONS ? &table[i].entry : NULL;
+}
+
+static const char *option_name(int32_t i, const void *data) {
+  (void)data;
+  return i < NOPTIONS ? table[i].entry.name : NULL;
+}
+
+static const option *find_option(const char *name) {
+  for (int i = 0; i < NOPTIONS; i++)
+    if (strcmp(table[i].entry.name, name) == 0) return &table[i];
+  return NULL;
+}
+
+static int is_number(const option *o) {
+  return o->type == REAL || o->type == INT32 || o->type == INT64;
+}
+
+const msim_option_entry *ms_option_find(const char *name, int *number) {
+  const option *o = find_option(name);
+  *number = o && is_number(o);
+  return o ? &o->entry : NULL;
+}
+
+/*------------------------------------- one member -----------------------------------------------*/
+
+static void *member_of(msim_options *opt, const option *o) { return (char *)opt + o->member; }
+
+/* Which of "a | b | c" the word is; -1: none. */
+static int32_t choice_of(const char *values, const char *word) {
+  size_t length = strlen(word);
+  int32_t i = 0;
+  for (const char *v = values; v; i++) {
+    const char *bar = strstr(v, " | ");
+    size_t n = bar ? (size_t)(bar - v) : strlen(v);
+    if (n == length && strncmp(v, word, n) == 0) return i;
+    v = bar ? bar + 3 : NULL;
+  }
+  return -1;
+}
+
+static int in_range(const option *o, double value) {
+  return isfinite(value) && (o->open ? value > o->least : value >= o->least);
+}
+
+static msim_status refuse(const option *o, const char *found, msim_error *err) {
+  return ms_fail(err, MSIM_ERR_ARG, "%s is '%s'; it must be %s%s", o->entry.name, found,
+                 o->type == CHOICE || o->type == SKIP ? "one of " : "a ", o->entry.values);
+}
+
+static msim_status set_number(msim_options *opt, const option *o, const char *value,
+                              msim_error *err) {
+  double real = 0;
+  int64_t whole = 0;
+  int parsed = o->type == REAL ? ms_parse_double(value, &real) : ms_parse_int64(value, &whole);
+  if (o->type != REAL) real = (double)whole;
+  if (!parsed || !in_range(o, real)) return refuse(o, value, err);
+  if (o->type == INT32 && whole > INT32_MAX)
+    return ms_fail(err, MSIM_ERR_ARG, "%s is '%s'; it must be at most %d", o->entry.name, value,
+                   INT32_MAX);
+  if (o->type == REAL) *(double *)member_of(opt, o) = real;
+  else if (o->type == INT64) *(int64_t *)member_of(opt, o) = whole;
+  else *(int32_t *)member_of(opt, o) = (int32_t)whole;
+  return MSIM_OK;
+}
+
+static msim_status set_option(msim_options *opt, const option *o, const char *value,
+                              msim_error *err) {
+  if (is_number(o)) return set_number(opt, o, value, err);
+  if (o->type == WORD) {
+    if (!*value) return refuse(o, value, err);
+    *(const char **)member_of(opt, o) = value;
+    return MSIM_OK;
+  }
+  int32_t pick = choice_of(o->entry.values, value);
+  if (pick < 0) return refuse(o, value, err);
+  if (o->type == CHOICE) *(int32_t *)member_of(opt, o) = pick;
+  else if (pick == 1) opt->skip_off |= o->bit;
+  else opt->skip_off &= ~o->bit;
+  return MSIM_OK;
+}
+
+/*------------------------------------- public ---------------------------------------------------*/
+
+void msim_options_init(msim_options *opt, size_t size) {
+  msim_options full = {.size = size};
+  for (int i = 0; i < NOPTIONS; i++) {
+    const option *o = &table[i];
+    if (*o->entry.preset) set_option(&full, o, o->entry.preset, NULL);
+    else if (o->type == INT64) *(int64_t *)member_of(&full, o) = (int64_t)o->unset;
+    else if (o->type == REAL) *(double *)member_of(&full, o) = o->unset;
+  }
+  memcpy(opt, &full, size < sizeof full ? size : sizeof full);
+}
+
+msim_status msim_options_set(msim_options *opt, const char *name, const char *value,
+                             msim_error *err) {
+  if (!opt || !name || !value) return ms_fail(err, MSIM_ERR_ARG, "opt, name or value is NULL");
+  const option *o = find_option(name);
+  if (!o)
+    return ms_fail(err, MSIM_ERR_ARG, "there is no option '%s'%s", name,
+                   ms_did_you_mean(name, option_name, NULL).text);
+  msim_options full;
+  msim_status status = ms_options_copy(opt, &full, err);
+  if (!status) status = set_option(&full, o, value, err);
+  if (status) return status;
+  memcpy(opt, &full, opt->size < sizeof full ? opt->size : sizeof full);
+  return ms_ok(err);
+}
+
+msim_status msim_options_from_scene(msim_options *opt, const msim_scene *scene, msim_error *err) {
+  if (!opt || !scene) return ms_fail(err, MSIM_ERR_ARG, "opt or scene is NULL");
+  for (int32_t i = 0; i < scene->data->nrun; i++) {
+    const ms_run_entry *entry = &scene->data->run[i];
+    msim_status status = msim_options_set(opt, entry->name, entry->value, err);
+    if (status) return status;
+  }
+  return ms_ok(err);
+}
+
+msim_status ms_options_copy(const msim_options *from, msim_options *to, msim_error *err) {
+  if (from->size < offsetof(msim_options, integrator) + sizeof from->integrator)
+    return ms_fail(err, MSIM_ERR_ARG, "options.size is %zu: call msim_options_init first",
+                   from->size);
+  msim_options_init(to, sizeof *to);
+  memcpy(to, from, from->size < sizeof *to ? from->size : sizeof *to);
+  to->size = from->size;
+  return MSIM_OK;
+}
+
+static msim_status check_member(const msim_options *opt, const option *o, msim_error *err) {
+  const void *member = (const char *)opt + o->member;
+  double value = 0;
+  if (o->type == REAL) value = *(const double *)member;
+  else if (o->type == INT64) value = (double)*(const int64_t *)member;
+  else if (o->type == INT32 || o->type == CHOICE) value = *(const int32_t *)member;
+  else return MSIM_OK;
+  if (value == o->unset) return MSIM_OK;
+  int good = in_range(o, value);
+  if (o->type == CHOICE) {
+    int32_t choices = 1;
+    for (const char *v = o->entry.values; (v = strstr(v, " | ")) != NULL; v += 3) choices++;
+    good = value >= 0 && value < choices;
+  }
+  if (good) return MSIM_OK;
+  char found[32];
+  snprintf(found, sizeof found, "%g", value);
+  return refuse(o, found, err);
+}
+
+msim_status ms_options_check(const msim_options *opt, msim_error *err) {
+  for (int i = 0; i < NOPTIONS; i++) {
+    msim_status status = check_member(opt, &table[i], err);
+    if (status) return status;
+  }
+  return MSIM_OK;
+}

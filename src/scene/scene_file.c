@@ -1,0 +1,96 @@
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "scene/scene.h"
+
+/* "path: cannot be read: Permission denied" */
+static msim_status fail_io(msim_error *err, const char *path, const char *what, int number) {
+  return ms_fail(err, MSIM_ERR_IO, "%s: cannot be %s: %s", path, what, strerror(number));
+}
+
+static msim_status refuse_hdf5(const char *path, msim_error *err) {
+  const size_t length = strlen(path);
+  if (length < 3 || strcmp(path + length - 3, ".h5") != 0) return MSIM_OK;
+  return ms_fail(err, MSIM_ERR_UNSUPPORTED,
+                 "%s: scenes in HDF5 files are not part of this version yet; use JSON", path);
+}
+
+/*------------------------------------- load -----------------------------------------------------*/
+
+/* All of a file, a pipe too. *text is the caller's to delete, also after an error. */
+static msim_status read_all(const msim_allocator *alloc, FILE *file, const char *path, char **text,
+                            size_t *length, msim_error *err) {
+  size_t room = 0, got = 1;
+  for (*length = 0; got > 0; *length += got) {
+    if (*length == room) {
+      room = 2 * room + (1 << 16);
+      char *larger = ms_new(alloc, room, 1);
+      if (!larger) return ms_fail_memory(err, path);
+      if (*text) memcpy(larger, *text, *length);
+      ms_delete(alloc, *text);
+      *text = larger;
+    }
+    errno = 0;
+    got = fread(*text + *length, 1, room - *length, file);
+  }
+  return ferror(file) ? fail_io(err, path, "read", errno) : MSIM_OK;
+}
+
+msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_scene **scene,
+                            msim_error *err) {
+  if (scene) *scene = NULL;
+  if (!scene || !path) return ms_fail(err, MSIM_ERR_ARG, "scene or path is NULL");
+  msim_status status = refuse_hdf5(path, err);
+  if (status) return status;
+  FILE *file = fopen(path, "rb");
+  if (!file) return fail_io(err, path, "read", errno);
+  const msim_allocator a = ms_allocator(alloc);
+  char *text = NULL;
+  size_t length;
+  status = read_all(&a, file, path, &text, &length, err);
+  fclose(file);
+  if (!status) status = msim_scene_parse(alloc, path, text, length, scene, err);
+  ms_delete(&a, text);
+  return status;
+}
+
+/*------------------------------------- save -----------------------------------------------------*/
+
+/* errno, or 0 */
+static int write_file(const char *path, const ms_text *text) {
+  FILE *file = fopen(path, "wb");
+  if (!file) return errno;
+  errno = 0;
+  int fault = fwrite(text->data, 1, text->length, file) == text->length ? 0 : errno;
+  /* a full disk may show only now */
+  if (fclose(file) && !fault) fault = errno;
+  if (fault) remove(path);
+  return fault;
+}
+
+/* Under its own name a file is whole. */
+static msim_status replace_file(const msim_allocator *alloc, const char *path, const ms_text *text,
+                                msim_error *err) {
+  ms_text part = {.alloc = alloc};
+  ms_print(&part, "%s.part", path);
+  if (part.failed) return ms_fail_memory(err, "a file name");
+  int fault = write_file(part.data, text);
+  if (!fault && rename(part.data, path)) {
+    fault = errno;
+    remove(part.data);
+  }
+  ms_text_free(&part);
+  return fault ? fail_io(err, path, "written", fault) : ms_ok(err);
+}
+
+msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err) {
+  if (!scene || !path) return ms_fail(err, MSIM_ERR_ARG, "scene or path is NULL");
+  const msim_allocator alloc = scene->data->alloc;
+  ms_text text = {.alloc = &alloc};
+  msim_status status = refuse_hdf5(path, err);
+  if (!status) status = ms_scene_to_json(scene->data, &text, err);
+  if (!status) status = replace_file(&alloc, path, &text, err);
+  ms_text_free(&text);
+  return status;
+}

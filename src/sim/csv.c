@@ -1,0 +1,117 @@
+#define _POSIX_C_SOURCE 200809L /* newlocale, open */
+#include "sim/csv.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <locale.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+/* A line holds at most two whole numbers of 20 characters and seven reals of 24. */
+enum { LONGEST_LINE = 256, BUFFER = 1 << 18 };
+
+typedef struct recorder {
+  const msim_host *host;
+  locale_t c;
+  int32_t n;
+  int fd;
+  int error;      /* errno of the first failure; nothing is written after it */
+  int torn;       /* 1: the file ends within a frame */
+  off_t length;   /* of the file, bytes */
+  off_t complete; /* of it up to the end of the last whole frame */
+  size_t used;    /* of the buffer */
+  char buffer[BUFFER];
+  char name[]; /* of the file, for messages */
+} recorder;
+
+static msim_status report(const recorder *r) {
+  if (!r->error) return MSIM_OK;
+  r->host->fail(r->host, "%s: cannot write the file: %s%s", r->name, strerror(r->error),
+                r->torn ? "; its last frame is incomplete" : "");
+  return MSIM_ERR_IO;
+}
+
+/* No stdio: it cannot be kept from writing the rest of a frame after an error. */
+static void flush(recorder *r) {
+  size_t done = 0;
+  while (done < r->used && !r->error) {
+    ssize_t count = write(r->fd, r->buffer + done, r->used - done);
+    if (count >= 0) done += (size_t)count;
+    else if (errno != EINTR) r->error = errno;
+  }
+  r->length += (off_t)done;
+  r->used = 0;
+}
+
+/* After an error the file is cut to its whole frames. */
+static msim_status end_frame(recorder *r) {
+  flush(r);
+  if (!r->error) r->complete = r->length;
+  if (r->length > r->complete && ftruncate(r->fd, r->complete) != 0) r->torn = 1;
+  else r->length = r->complete;
+  return report(r);
+}
+
+static void put_particle(recorder *r, const msim_frame *frame, int32_t i) {
+  const double *x = frame->x + 3 * (size_t)i, *v = frame->v + 3 * (size_t)i;
+  if (r->used + LONGEST_LINE > BUFFER) flush(r);
+  r->used += (size_t)snprintf(r->buffer + r->used, LONGEST_LINE,
+                              "%" PRId64 ",%.17g,%" PRId32 ",%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n",
+                              frame->step, frame->t, i, x[0], x[1], x[2], v[0], v[1], v[2]);
+}
+
+static msim_status write_frame(void *self, const msim_frame *frame) {
+  recorder *r = self;
+  locale_t before = uselocale(r->c);
+  for (int32_t i = 0; i < r->n && !r->error; i++) put_particle(r, frame, i);
+  uselocale(before);
+  return end_frame(r);
+}
+
+static msim_status close_file(void *self) {
+  recorder *r = self;
+  if (r->fd >= 0 && close(r->fd) != 0 && !r->error) r->error = errno;
+  if (r->c) freelocale(r->c);
+  msim_status status = report(r);
+  r->host->free(r->host, r);
+  return status;
+}
+
+static msim_status open_file(const msim_host *host, const msim_recording *what, void **self) {
+  const char *name = what->name ? what->name : what->path;
+  const size_t bytes = strlen(name) + 1;
+  recorder *r = host->alloc(host, sizeof *r + bytes);
+  *self = NULL;
+  if (!r) {
+    host->fail(host, "%s: no memory for a recorder", name);
+    return MSIM_ERR_MEMORY;
+  }
+  memset(r, 0, offsetof(recorder, buffer));
+  memcpy(r->name, name, bytes);
+  r->host = host;
+  r->n = what->n;
+  r->c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+  r->fd = r->c ? open(what->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666) : -1;
+  if (r->fd < 0) r->error = errno;
+  r->used = (size_t)snprintf(r->buffer, LONGEST_LINE, "step,t,particle,x,y,z,vx,vy,vz\n");
+  if (end_frame(r) != MSIM_OK) return close_file(r);
+  *self = r;
+  return MSIM_OK;
+}
+
+const msim_recorder_type *ms_recorder_csv(void) {
+  static const msim_recorder_type type = {
+      .abi = MSIM_RECORDER_ABI,
+      .size = sizeof type,
+      .name = "csv",
+      .extension = ".csv",
+      .library = "msim",
+      .license = "MIT",
+      .open = open_file,
+      .write = write_frame,
+      .close = close_file,
+  };
+  return &type;
+}

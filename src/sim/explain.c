@@ -1,0 +1,117 @@
+/* explain - the plan in words: what will run, what is skipped and why, limits, sizes */
+#include <math.h>
+#include <string.h>
+
+#include "physics/energy.h"
+#include "sim/sim.h"
+
+static int has(const msim_sim *sim, unsigned pass) { return (sim->model.passes & pass) != 0; }
+
+static void explain_scene(const msim_sim *sim, ms_text *out) {
+  const ms_scene *s = sim->scene;
+  ms_print(out, "scene         %s\n", *s->name ? s->name : "(no name)");
+  ms_print(out, "              particles %d, of them pinned %d; springs %d; planes %d\n",
+           s->nparticles, s->nparticles - sim->model.rows.nfree, s->nsprings, s->nplanes);
+}
+
+static void explain_method(const msim_sim *sim, ms_text *out) {
+  ms_print(out, "integrator    %s, order %d\n              %s\n", sim->integrator->entry.name,
+           sim->integrator->entry.order, sim->integrator->entry.doc);
+  ms_print(out, "step          h = %.10g s", sim->plan.h);
+  if (sim->plan.h != sim->plan.h_asked)
+    ms_print(out, ", lowered from %.10g s so that the run ends at t_end", sim->plan.h_asked);
+  ms_print(out, "\n");
+  if (sim->plan.steps >= 0)
+    ms_print(out, "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
+             (long long)sim->plan.steps, sim->t0 + (double)sim->plan.steps * sim->plan.h,
+             (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES));
+  ms_print(out, "threads       1: this version computes on one thread\n");
+}
+
+static void explain_solver(const msim_sim *sim, ms_text *out) {
+  if (!sim->linear) {
+    ms_print(out, "solver        none: the method is explicit\n");
+    return;
+  }
+  const ms_linear *linear = sim->linear->linear;
+  ms_print(out, "solver        %s (%s)\n", linear->name, sim->linear->reason);
+  ms_print(out, "              relative residual %.3g, checked after every solve\n",
+           sim->linear->target.rtol);
+  ms_print(out, "matrix        %d unknowns: 3 for each free particle\n", 3 * sim->model.rows.nfree);
+  if (linear->fill > 0)
+    ms_print(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
+             linear->flops);
+  static const char *const answer[] = {"that step is repeated with the clamped matrix",
+                                       "it is solved as it is", "the run stops"};
+  if (sim->linear->clamp) ms_print(out, "              clamped: positive definite always\n");
+  else
+    ms_print(out, "              where it is not positive definite, %s\n",
+             answer[sim->linear->indefinite]);
+}
+
+static void explain_skips(const msim_sim *sim, ms_text *out) {
+  const struct {
+    int skipped;
+    const char *what, *why;
+  } skips[] = {
+      {!sim->linear, "assembly, factorisation, solver libraries", "the method needs no solver"},
+      {!has(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
+      {!has(sim, MSIM_SKIP_DAMPING), "damping of springs", "no spring is damped"},
+      {!has(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},
+      {!has(sim, MSIM_SKIP_DRAG), "drag", "it is 0"},
+      {!has(sim, MSIM_SKIP_PLANES), "contact pass", "there are no planes"},
+      {sim->model.rows.nfree < sim->scene->nparticles, "pinned particles",
+       "they are no unknowns: no row, no column"},
+      {1, "conversion to flat arrays, energies", "made only when somebody looks"}};
+  const char *label = "skipped";
+  for (size_t i = 0; i < sizeof skips / sizeof *skips; i++) {
+    if (!skips[i].skipped) continue;
+    ms_print(out, "%-13s %s: %s\n", label, skips[i].what, skips[i].why);
+    label = "";
+  }
+}
+
+/* The largest stable h of each explicit method, undamped limit z = h omega and, for the family of
+ * Verlet, h^2 omega^2 + 2 h g <= 4. Heun and explicit Euler have none without damping. */
+static void explain_limits(const msim_sim *sim, const ms_bounds *b, ms_text *out) {
+  ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state\n",
+           b->omega, b->rate);
+  if (sim->linear) {
+    ms_print(out, "              stable for every h where the system is linear\n");
+    return;
+  }
+  const char *name = sim->integrator->entry.name;
+  double omega = b->omega, g = b->rate, limit;
+  if (strcmp(name, "rk4") == 0) {
+    limit = fmin((g > 0 ? 2.6 : 2.828427124746190) / omega, g > 0 ? 2.785 / g : INFINITY);
+  } else if (strcmp(name, "heun") == 0 || strcmp(name, "explicit-euler") == 0) {
+    ms_print(out, "              %s: no limit to give; undamped motion gains energy at any h\n",
+             name);
+    return;
+  } else {
+    limit = 4 / (g + sqrt(g * g + 4 * omega * omega));
+  }
+  if (!isfinite(limit)) {
+    ms_print(out, "              stable for every h: nothing vibrates\n");
+    return;
+  }
+  ms_print(out, "              %s is stable for h < %.6g s; h is %.3g of that%s\n", name, limit,
+           sim->plan.h / limit, sim->plan.h < limit ? "" : ": it may blow up");
+}
+
+msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) {
+  if (!sim || !text) return ms_fail(err, MSIM_ERR_ARG, "sim or text is NULL");
+  ms_bounds bounds;
+  msim_status status = ms_bounds_compute(sim->scene, &bounds, err);
+  if (status) return status;
+  ms_text *out = &sim->explanation;
+  ms_text_free(out);
+  explain_scene(sim, out);
+  explain_method(sim, out);
+  explain_solver(sim, out);
+  explain_skips(sim, out);
+  explain_limits(sim, &bounds, out);
+  if (out->failed) return ms_fail_memory(err, "the explanation");
+  *text = out->data;
+  return ms_ok(err);
+}

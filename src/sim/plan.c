@@ -1,0 +1,59 @@
+#include "sim/plan.h"
+
+#include <math.h>
+
+/* Above this a step's number is no exact double, and time no exact product. */
+#define MOST_STEPS 4503599627370496.0
+
+msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, msim_error *err) {
+  *plan = (ms_plan){.h = opt->h, .h_asked = opt->h, .steps = -1};
+  if (opt->steps >= 0) {
+    plan->steps = opt->steps;
+  } else if (opt->t_end >= 0) {
+    double span = opt->t_end - t0, ratio = span / opt->h;
+    if (!(span >= 0))
+      return ms_fail(err, MSIM_ERR_ARG, "t_end is %g s, but the state is already at t = %g s",
+                     opt->t_end, t0);
+    if (ratio > MOST_STEPS)
+      return ms_fail(err, MSIM_ERR_ARG, "t_end / h is %g steps; the limit is %g", ratio,
+                     MOST_STEPS);
+    double nearest = round(ratio);
+    int whole = fabs(ratio - nearest) <= 1e-9 * ratio;
+    plan->steps = (int64_t)(whole ? nearest : ceil(ratio));
+    if (!whole) plan->h = span / (double)plan->steps;
+  }
+  return MSIM_OK;
+}
+
+/* A frame every so many steps; 0: by fps. Default: about 200 frames in the run. */
+static int64_t frame_steps(const ms_plan *plan, const msim_options *opt) {
+  if (opt->every > 0) return opt->every;
+  if (opt->fps > 0) return 0;
+  return plan->steps > 200 ? (plan->steps + 199) / 200 : 1;
+}
+
+/* The first step s with s h >= k / fps, forgiving rounding. */
+static int64_t step_of_frame(double steps_per_frame, double k) {
+  double at = k * steps_per_frame;
+  return at < MOST_STEPS ? (int64_t)ceil(at - 1e-9 * fmax(1, at)) : (int64_t)MOST_STEPS;
+}
+
+int64_t ms_plan_next_frame(const ms_plan *plan, const msim_options *opt, int64_t step) {
+  int64_t every = frame_steps(plan, opt), next;
+  if (every) {
+    next = every > INT64_MAX - step ? INT64_MAX : (step / every + 1) * every;
+  } else {
+    double steps_per_frame = 1 / (opt->fps * plan->h);
+    double k = floor((double)step / steps_per_frame);
+    do next = step_of_frame(steps_per_frame, k++);
+    while (next <= step);
+  }
+  return plan->steps > step && next > plan->steps ? plan->steps : next;
+}
+
+int64_t ms_plan_count_frames(const ms_plan *plan, const msim_options *opt, int64_t most) {
+  int64_t frames = 1;
+  for (int64_t step = 0; step < plan->steps && frames < most; frames++)
+    step = ms_plan_next_frame(plan, opt, step);
+  return frames;
+}

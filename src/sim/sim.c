@@ -1,0 +1,215 @@
+#include "sim/sim.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "base/clock.h"
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+static msim_status own_string(msim_sim *sim, const char **member, char **own, msim_error *err) {
+  if (!*member) return MSIM_OK;
+  *own = ms_strdup(&sim->alloc, *member);
+  *member = *own;
+  return *own ? MSIM_OK : ms_fail_memory(err, "the options");
+}
+
+static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
+  msim_status status = ms_options_copy(opt, &sim->opt, err);
+  if (!status) status = ms_options_check(&sim->opt, err);
+  if (!status) status = own_string(sim, &sim->opt.solver, &sim->solver, err);
+  if (!status) status = own_string(sim, &sim->opt.plugin_path, &sim->plugin_path, err);
+  if (status) return status;
+  if (!opt->integrator)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "no integrator was chosen; explicit-euler, heun, verlet, "
+                   "linearly-implicit-euler and others are there");
+  status = ms_integrator_find(opt->integrator, &sim->integrator, err);
+  if (status) return status;
+  sim->opt.integrator = sim->integrator->entry.name;
+  if (sim->opt.collision == MSIM_COLLISION_EVENT)
+    return ms_fail(err, MSIM_ERR_UNSUPPORTED,
+                   "collision = event is known, but not part of msim %s yet", msim_version());
+  return MSIM_OK;
+}
+
+static void warn(const msim_sim *sim, const char *text) {
+  if (sim->opt.warn) sim->opt.warn(text, sim->opt.warn_user);
+}
+
+/* Says so where h had to be lowered, once for each h. */
+msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err) {
+  ms_plan plan;
+  msim_status status = ms_plan_create(&sim->opt, t0, &plan, err);
+  if (status) return status;
+  if (plan.h != plan.h_asked && plan.h != sim->plan.h) {
+    msim_error note;
+    ms_fail(&note, MSIM_OK, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
+            plan.h_asked, plan.h, (long long)plan.steps, sim->opt.t_end);
+    warn(sim, note.text);
+  }
+  sim->plan = plan;
+  return MSIM_OK;
+}
+
+static msim_status allocate(msim_sim *sim, msim_error *err) {
+  ms_stepper *s = &sim->stepper;
+  const size_t flat = 3 * (size_t)sim->scene->nparticles;
+  double **vectors[5 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &sim->scratch};
+  int count = 5;
+  for (int i = 0; i < sim->integrator->nwork; i++) vectors[count++] = &s->work[i];
+  for (int i = 0; i < count; i++) {
+    *vectors[i] = ms_rows_vector(sim->scene, &sim->model.rows);
+    if (!*vectors[i]) return ms_fail_memory(err, "the state");
+  }
+  sim->flat_x = ms_new(&sim->alloc, flat, sizeof(double));
+  sim->flat_v = ms_new(&sim->alloc, flat, sizeof(double));
+  if (sim->integrator->sync) sim->flat_v_half = ms_new(&sim->alloc, flat, sizeof(double));
+  if (!sim->flat_x || !sim->flat_v || (sim->integrator->sync && !sim->flat_v_half))
+    return ms_fail_memory(err, "the state");
+  return MSIM_OK;
+}
+
+static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
+  msim_status status = take_options(sim, opt, err);
+  if (!status) status = ms_sim_make_plan(sim, 0, err);
+  if (!status) status = ms_model_create(sim->scene, sim->opt.skip_off, &sim->model, err);
+  if (!status) status = allocate(sim, err);
+  if (!status && sim->integrator->entry.implicit)
+    status = ms_solver_create(&sim->model, &sim->opt, sim->plan.h, &sim->stats, &sim->linear, err);
+  if (status) return status;
+  sim->stepper.model = &sim->model;
+  sim->stepper.opt = &sim->opt;
+  sim->stepper.solver = sim->linear;
+  sim->stepper.stats = &sim->stats;
+  const msim_state start = {
+      .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
+  return msim_sim_set_state(sim, &start, err);
+}
+
+msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, msim_sim **sim,
+                            msim_error *err) {
+  if (!scene || !opt || !sim) return ms_fail(err, MSIM_ERR_ARG, "scene, opt or sim is NULL");
+  *sim = NULL;
+  ms_scene *data = scene->data;
+  if (data->nparticles == 0) return ms_fail(err, MSIM_ERR_ARG, "the scene holds no particles");
+  msim_sim *s = ms_new(&data->alloc, 1, sizeof *s);
+  if (!s) return ms_fail_memory(err, "a sim");
+  s->alloc = data->alloc;
+  s->scene = ms_scene_share(data);
+  s->explanation.alloc = &s->alloc;
+  atomic_init(&s->stop, 0);
+  msim_status status = set_up(s, opt, err);
+  if (status) {
+    msim_sim_destroy(s);
+    return status;
+  }
+  *sim = s;
+  return ms_ok(err);
+}
+
+void msim_sim_destroy(msim_sim *sim) {
+  if (!sim) return;
+  ms_solver_destroy(sim->linear);
+  ms_matrix_destroy(&sim->model, &sim->csr);
+  ms_model_destroy(&sim->model);
+  ms_text_free(&sim->explanation);
+  ms_stepper *s = &sim->stepper;
+  void *arrays[] = {s->x,
+                    s->v,
+                    s->x_next,
+                    s->v_next,
+                    sim->scratch,
+                    sim->flat_x,
+                    sim->flat_v,
+                    sim->flat_v_half,
+                    sim->csr_particle,
+                    sim->solver,
+                    sim->plugin_path};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(&sim->alloc, arrays[i]);
+  for (int i = 0; i < MS_MAX_WORK; i++) ms_delete(&sim->alloc, s->work[i]);
+  ms_scene_release(sim->scene);
+  msim_allocator alloc = sim->alloc;
+  ms_delete(&alloc, sim);
+}
+
+/*------------------------------------- stepping -------------------------------------------------*/
+
+double ms_sim_time(const msim_sim *sim) {
+  return sim->t0 + (double)(sim->step - sim->step0) * sim->plan.h;
+}
+
+/* What went wrong in the step after the present one, with step, time and particle. */
+static msim_status blame(const msim_sim *sim, msim_status status, const msim_error *why,
+                         msim_error *err) {
+  char particle[32] = "";
+  int32_t row = sim->stepper.culprit;
+  if (row >= 0) snprintf(particle, sizeof particle, ", particle %d", sim->model.rows.particle[row]);
+  return ms_fail(err, status, "step %lld, t = %g s%s: %s", (long long)(sim->step + 1),
+                 ms_sim_time(sim) + sim->plan.h, particle,
+                 *why->text ? why->text : msim_status_text(status));
+}
+
+/* The step is refused if what it wrote is not finite: the state stays as it was. */
+static msim_status one_step(msim_sim *sim, msim_error *err) {
+  ms_stepper *s = &sim->stepper;
+  msim_error why = {0, ""};
+  s->culprit = -1;
+  msim_status status = sim->integrator->step(s, &why);
+  if (!status) {
+    s->culprit = ms_find_bad(sim->model.shape, s->x_next);
+    if (s->culprit < 0) s->culprit = ms_find_bad(sim->model.shape, s->v_next);
+    if (s->culprit >= 0) status = MSIM_NOT_FINITE;
+  }
+  if (status) return blame(sim, status, &why, err);
+  double *x = s->x, *v = s->v;
+  s->x = s->x_next, s->x_next = x;
+  s->v = s->v_next, s->v_next = v;
+  s->warm = s->warm_next;
+  sim->step++;
+  sim->stats.steps++;
+  sim->flat_is_current = 0;
+  return MSIM_OK;
+}
+
+msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
+  if (!sim || n < 0) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL, or n is negative");
+  double start = ms_clock();
+  msim_status status = MSIM_OK;
+  for (int64_t i = 0; i < n && !status; i++) {
+    status = one_step(sim, err);
+    if (!status && atomic_exchange(&sim->stop, 0))
+      status = ms_fail(err, MSIM_STOPPED, "stopped on request after step %lld, t = %g s",
+                       (long long)sim->step, ms_sim_time(sim));
+  }
+  sim->stats.total_s += ms_clock() - start;
+  return status ? status : ms_ok(err);
+}
+
+void msim_sim_stop(msim_sim *sim) { atomic_store(&sim->stop, 1); }
+
+int64_t msim_sim_next_frame(const msim_sim *sim) {
+  return sim->step0 + ms_plan_next_frame(&sim->plan, &sim->opt, sim->step - sim->step0);
+}
+
+msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msim_error *err) {
+  if (!sim) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL");
+  if (sim->plan.steps < 0)
+    return ms_fail(err, MSIM_ERR_ARG, "the run has no end: set options.steps or options.t_end");
+  const int64_t end = sim->step0 + sim->plan.steps;
+  if (observer && sim->step == sim->step0 && observer(sim, user))
+    return ms_fail(err, MSIM_STOPPED, "stopped by the observer at the start");
+  while (sim->step < end) {
+    msim_status status = msim_sim_step(sim, msim_sim_next_frame(sim) - sim->step, err);
+    if (status) return status;
+    if (observer && observer(sim, user))
+      return ms_fail(err, MSIM_STOPPED, "stopped by the observer after step %lld, t = %g s",
+                     (long long)sim->step, ms_sim_time(sim));
+  }
+  return ms_ok(err);
+}
+
+void ms_sim_count_output(msim_sim *sim, double seconds) {
+  sim->stats.output_s += seconds;
+  sim->stats.total_s += seconds;
+}

@@ -1,0 +1,45 @@
+/* sim - one scene in motion: its plan, its state, its method, and what watches it */
+#ifndef MS_SIM_H
+#define MS_SIM_H
+
+#include <stdatomic.h>
+
+#include "integrate/integrator.h"
+#include "scene/options.h"
+#include "sim/plan.h"
+
+struct msim_sim {
+  msim_allocator alloc;
+  ms_scene *scene;            /* shared */
+  msim_options opt;           /* its strings are the sim's own */
+  char *solver, *plugin_path; /* what opt's pointers point to; nullable */
+  ms_plan plan;
+  ms_model model;
+  const ms_integrator *integrator;
+  ms_solver *linear; /* NULL where the method needs none */
+  ms_stepper stepper;
+  msim_stats stats;
+  atomic_int stop;
+
+  int64_t step, step0; /* t = t0 + (step - step0) h */
+  double t0;
+
+  double *scratch;                       /* a row vector that holds nothing between calls */
+  double *flat_x, *flat_v, *flat_v_half; /* 3n: what somebody asked for last */
+  int flat_is_current;
+
+  ms_text explanation;
+  ms_matrix csr; /* what msim_sim_matrix returned last */
+  int32_t *csr_particle;
+};
+
+/* The time of the present state. */
+double ms_sim_time(const msim_sim *sim);
+
+/* Plan the run from t0 on; keeps the old plan where that fails. */
+msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err);
+
+/* Seconds spent on output belong to the sim's stats. */
+void ms_sim_count_output(msim_sim *sim, double seconds);
+
+#endif

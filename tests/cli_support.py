@@ -1,0 +1,129 @@
+"""What the tests of msim_cli share.
+
+MSIM_CLI names the program, MSIM_SCENES a folder of scenes."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+from contextlib import contextmanager
+from pathlib import Path
+
+CLI = os.environ["MSIM_CLI"]
+SCENES = Path(os.environ["MSIM_SCENES"])
+INTEGRATORS = ("explicit-euler heun verlet linearly-implicit-euler symplectic-euler "
+               "velocity-verlet rk4").split()
+OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations jacobian indefinite "
+           "newton.rtol newton.max_iterations collision tol threads heun.collision verlet.start "
+           "every fps skip.springs").split()
+COUNTERS = {"steps", "force_evaluations", "assemblies", "analyses", "factorizations", "solves",
+            "iterations", "newton_iterations", "contacts", "indefinite_steps"}
+SECONDS = {"total", "force", "assemble", "factor", "solve", "collide", "output"}
+FOR_EVER = ["--steps", "100000000000"]
+
+# A pinned particle and one that swings; 100 steps.
+PENDULUM = {
+    "msim": 1,
+    "name": "pendulum",
+    "gravity": [0, 0, -9.81],
+    "particles": {"x": [[0, 0, 0], [0.5, 0.1, 0]], "v": [[0, 0, 0], [0, 1, 0]], "mass": 1,
+                  "pinned": [0]},
+    "springs": {"ij": [[0, 1]], "k": 100, "rest": 0.4},
+    "run": {"integrator": "velocity-verlet", "h": 0.001, "t_end": 0.1},
+}
+
+
+def pendulum(**run):
+    return {**PENDULUM, "run": run}
+
+
+def no_constant(word):
+    raise ValueError(f"{word} is no JSON")
+
+
+def default_signals():
+    """As a terminal starts programs; a background job would ignore Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+class CliTest(unittest.TestCase):
+    def setUp(self):
+        self.temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(self.temporary.cleanup)
+        self.folder = Path(self.temporary.name)
+
+    def write(self, name, content):
+        text = content if isinstance(content, str) else json.dumps(content)
+        (self.folder / name).write_text(text)
+        return name
+
+    def scene(self, content=None):
+        return self.write("scene.json", content or PENDULUM)
+
+    @contextmanager
+    def start(self, *args, **keys):
+        """A process that does not outlive the test."""
+        keys = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE,
+                "stderr": subprocess.PIPE, "preexec_fn": default_signals, **keys}
+        with subprocess.Popen([CLI, *args], cwd=self.folder, text=True, **keys) as process:
+            try:
+                yield process
+            finally:
+                process.kill()
+
+    def cli(self, *args, **keys):
+        """Run to the end: exit status, stdout, stderr."""
+        with self.start(*args, **keys) as process:
+            out, err = process.communicate(timeout=60)
+        return process.returncode, out, err
+
+    def good(self, *args, **keys):
+        status, out, err = self.cli(*args, **keys)
+        self.assertEqual((status, err), (0, ""), out)
+        return out
+
+    def final(self, name="final.json"):
+        return json.loads((self.folder / name).read_text(), parse_constant=no_constant)
+
+    def run_final(self, *args, status=0):
+        """The final state of a run of scene.json."""
+        code, _, err = self.cli("run", "scene.json", "--final", "final.json", "--quiet", *args)
+        self.assertEqual(code, status, err)
+        return self.final()
+
+    def rows(self, name="out.csv"):
+        with open(self.folder / name, newline="") as file:
+            return list(csv.DictReader(file))
+
+    def frames(self, name="out.csv"):
+        """The steps of the frames in a file, each once, in order."""
+        steps = [int(row["step"]) for row in self.rows(name)]
+        return list(dict.fromkeys(steps))
+
+    def files(self):
+        return sorted(str(path.relative_to(self.folder)) for path in self.folder.rglob("*"))
+
+    def wait_for(self, name):
+        """A run has begun, and stops in order when asked to, once its --out file is there."""
+        for _ in range(1000):
+            if (self.folder / name).exists():
+                return
+            time.sleep(0.01)
+        self.fail(f"{name} never appeared")
+
+    def assert_sentence(self, err, *words):
+        """Exactly one line, made for people."""
+        self.assertRegex(err, r"\Amsim_cli: [^\n]{10,}\n\Z")
+        for word in words:
+            self.assertIn(word, err)
+
+    def assert_refused(self, args, *words):
+        before = self.files()
+        status, out, err = self.cli(*args)
+        self.assertEqual((status, out), (1, ""), err)
+        self.assert_sentence(err, *words)
+        self.assertEqual(self.files(), before)

@@ -1,0 +1,89 @@
+"""A program of a user, built against an installed msim that was moved since, by CMake and by
+pkg-config."""
+import os
+import re
+import shlex
+import shutil
+import tempfile
+import unittest
+from pathlib import Path
+
+import support
+
+HERE = Path(__file__).resolve().parent
+
+
+class Install(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="msim-install-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        cls.first, cls.prefix = cls.folder / "first", cls.folder / "moved"
+        support.run(support.setting("CMAKE"), "--install", support.setting("BUILD"),
+                    "--prefix", cls.first)
+        cls.first.rename(cls.prefix)
+        cls.library = next(cls.prefix.rglob("libmsim.*"))
+        cls.sanitize = support.setting("SANITIZE") and [f"-fsanitize={support.setting('SANITIZE')}"]
+
+    def try_pendulum(self, program):
+        def x(*arguments):
+            text = support.run(program, *arguments)
+            self.assertRegex(text, r"^t = 2 s, x = \S+ \S+ \S+ m\n$")
+            return [float(word) for word in text.split()[6:9]]
+
+        explicit = x("velocity-verlet")
+        self.assertEqual(x(), explicit)
+        solvers = ["auto"]
+        if support.setting("SHARED") != "1" or "backend_cholmod" in support.plugins():
+            solvers.append("cholmod")
+        for solver in solvers:
+            implicit = x("linearly-implicit-euler", solver)
+            self.assertLess(max(abs(a - b) for a, b in zip(explicit, implicit)), 0.1)
+
+    def test_cmake(self):
+        build = self.folder / "cmake"
+        support.run(support.setting("CMAKE"), "-S", HERE, "-B", build, "-DCMAKE_BUILD_TYPE=Release",
+                    f"-DCMAKE_PREFIX_PATH={self.prefix}",
+                    f"-DCMAKE_C_COMPILER={support.setting('CC')}",
+                    "-DCMAKE_C_FLAGS=-Wall -Wextra -Werror " + " ".join(self.sanitize))
+        support.run(support.setting("CMAKE"), "--build", build)
+        self.try_pendulum(build / "pendulum")
+
+    def test_pkg_config(self):
+        if shutil.which("pkg-config") is None:
+            self.skipTest("no pkg-config")
+        shared = support.setting("SHARED") == "1"
+        flags = support.run("pkg-config", "--cflags", "--libs", *([] if shared else ["--static"]),
+                            "msim", env=dict(os.environ, PKG_CONFIG_PATH=str(
+                                self.library.parent / "pkgconfig")))
+        program = self.folder / "pendulum"
+        support.run(support.setting("CC"), "-std=c99", *self.sanitize, HERE / "pendulum.c",
+                    "-o", program, *shlex.split(flags), f"-Wl,-rpath,{self.library.parent}")
+        self.try_pendulum(program)
+
+    def test_command_line(self):
+        scene = self.prefix / "share/msim/scenes/hanging_cloth.json"
+        support.run(self.prefix / "bin/msim_cli", "run", scene, "--steps", 2, "--quiet")
+
+    def test_nothing_remembers_where_it_was_built(self):
+        places = [str(self.first), support.setting("BUILD"), str(support.SOURCE)]
+        for path in self.prefix.rglob("*"):
+            if path.suffix in (".cmake", ".pc", ".h"):
+                for place in places:
+                    self.assertNotIn(place, path.read_text(), path)
+            elif path.name == "msim_cli" or ".so" in path.suffixes:
+                text = support.run("readelf", "-d", "-W", path)
+                for folder in re.findall(r"\((?:RUNPATH|RPATH)\)[^\[]*\[([^\]]*)\]", text):
+                    self.assertTrue(folder.startswith("$ORIGIN"), f"{path}: {folder}")
+
+
+class Readme(unittest.TestCase):
+    def test_its_program_is_the_one_tried_here(self):
+        program = (HERE / "pendulum.c").read_text()
+        readme = (support.SOURCE / "README.md").read_text()
+        self.assertTrue(f"```c\n{program}```\n" in readme, "README.md shows another pendulum.c")
+
+
+if __name__ == "__main__":
+    support.main()

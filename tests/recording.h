@@ -1,0 +1,161 @@
+/* recording - what tests of recorders share: a host that counts, a made-up trajectory, a folder */
+#ifndef RECORDING_H
+#define RECORDING_H
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "msim/recorder.h"
+
+/*------------------------------------- host -----------------------------------------------------*/
+
+typedef struct counting_host {
+  msim_host host; /* first: the plugin's pointer to it is a pointer to this */
+  int live;       /* blocks not freed */
+  int empty;      /* 1: there is no memory */
+  char sentence[512];
+} counting_host;
+
+static inline void *counting_alloc(const msim_host *host, size_t bytes) {
+  counting_host *self = host->data;
+  void *block = self->empty ? NULL : malloc(bytes);
+  self->live += block != NULL;
+  return block;
+}
+
+static inline void counting_free(const msim_host *host, void *block) {
+  counting_host *self = host->data;
+  self->live -= block != NULL;
+  free(block);
+}
+
+static inline void counting_fail(const msim_host *host, const char *format, ...) {
+  counting_host *self = host->data;
+  va_list args;
+  va_start(args, format);
+  vsnprintf(self->sentence, sizeof self->sentence, format, args);
+  va_end(args);
+}
+
+static inline void host_init(counting_host *self) {
+  *self = (counting_host){
+      .host = {sizeof self->host, counting_alloc, counting_free, counting_fail, self}};
+}
+
+/*------------------------------------- trajectory -----------------------------------------------*/
+
+/* A chain with one spring more from each particle to the next but one, as far as they go. */
+typedef struct sample {
+  msim_recording what;
+  int32_t *ij;
+  double *mass, *k, *rest, *times, *x, *v;
+} sample;
+
+static inline double *doubles(int64_t count) { return calloc((size_t)count + 1, sizeof(double)); }
+
+static inline void sample_init(sample *s, const char *path, int32_t n, int32_t nsprings,
+                               int64_t nframes) {
+  static const char scene[] = "{\"msim\": 1, \"name\": \"made up\"}";
+  *s = (sample){.ij = calloc(2 * (size_t)nsprings + 1, sizeof(int32_t)),
+                .mass = doubles(n),
+                .k = doubles(nsprings),
+                .rest = doubles(nsprings),
+                .times = doubles(nframes),
+                .x = doubles(3 * (int64_t)n),
+                .v = doubles(3 * (int64_t)n)};
+  for (int32_t i = 0; i < n; i++) s->mass[i] = 1 + sin(i);
+  for (int32_t i = 0; i < nsprings; i++) {
+    s->ij[2 * i] = i / 2;
+    s->ij[2 * i + 1] = i / 2 + 1 + i % 2;
+    s->k[i] = 100 / (1.0 + i);
+    s->rest[i] = sqrt(i);
+  }
+  for (int64_t i = 0; i < nframes; i++) s->times[i] = (double)i * 0.1;
+  s->what = (msim_recording){.size = sizeof s->what,
+                             .path = path,
+                             .n = n,
+                             .nsprings = nsprings,
+                             .ij = s->ij,
+                             .mass = s->mass,
+                             .k = s->k,
+                             .rest = s->rest,
+                             .nframes = nframes,
+                             .times = s->times,
+                             .scene = scene,
+                             .scene_length = sizeof scene - 1};
+}
+
+static inline void sample_free(sample *s) {
+  void *arrays[] = {s->ij, s->mass, s->k, s->rest, s->times, s->x, s->v};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
+}
+
+/* The i-th frame: numbers with all their digits, of all sizes, and some that are easily lost. */
+static inline msim_frame sample_frame(sample *s, int64_t i) {
+  for (int32_t p = 0; p < s->what.n; p++)
+    for (int c = 0; c < 3; c++) {
+      double angle = 0.7 * (3.0 * p + c) + 0.1 * (double)i;
+      s->x[3 * p + c] = sin(angle) * pow(10, p % 7 - 3);
+      s->v[3 * p + c] = cos(angle) / 3;
+    }
+  if (s->what.n > 1) {
+    const double odd[] = {-0.0, 5e-324, -1.7976931348623157e308, 1.0 / 3, 1e16 + 2, -1e-310};
+    memcpy(s->x, odd, sizeof odd);
+  }
+  return (msim_frame){.size = sizeof(msim_frame),
+                      .step = 10 * i,
+                      .t = (double)i * 0.1,
+                      .x = s->x,
+                      .v = s->v,
+                      .kinetic = 1 + sin((double)i),
+                      .potential = -cos((double)i)};
+}
+
+/* Open, write the first `written` frames, close; the first status that is not MSIM_OK. */
+static inline msim_status record(const msim_recorder_type *type, const msim_host *host, sample *s,
+                                 int64_t written) {
+  void *self = NULL;
+  msim_status status = type->open(host, &s->what, &self);
+  if (status != MSIM_OK) return status;
+  for (int64_t i = 0; i < written && status == MSIM_OK; i++) {
+    msim_frame frame = sample_frame(s, i);
+    status = type->write(self, &frame);
+  }
+  msim_status closed = type->close(self);
+  return status != MSIM_OK ? status : closed;
+}
+
+/*------------------------------------- files ----------------------------------------------------*/
+
+/* Work in a new folder, so that tests may run side by side. */
+static inline int enter_folder(void **state) {
+  static char folder[] = "/tmp/msim_test_XXXXXX";
+  *state = folder;
+  return mkdtemp(folder) && chdir(folder) == 0 ? 0 : -1;
+}
+
+static inline int leave_folder(void **state) {
+  return chdir("/") == 0 && rmdir(*state) == 0 ? 0 : -1;
+}
+
+/* A whole file as text; the caller frees it. */
+static inline char *slurp(const char *path, size_t *length) {
+  FILE *file = fopen(path, "rb");
+  if (!file) return NULL;
+  char *text = NULL;
+  size_t used = 0, room = 0, count = 1;
+  while (count > 0) {
+    if (used + 1 >= room) text = realloc(text, room = 2 * room + 4096);
+    count = fread(text + used, 1, room - used - 1, file);
+    used += count;
+  }
+  fclose(file);
+  text[used] = '\0';
+  if (length) *length = used;
+  return text;
+}
+
+#endif

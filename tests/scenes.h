@@ -1,0 +1,84 @@
+/* scenes - small scenes that several tests share */
+#ifndef TEST_SCENES_H
+#define TEST_SCENES_H
+
+#include "testing.h"
+
+/* A hanging cloth of side 1 m and 0.3 kg, flat at the start, two corners held. */
+static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) {
+  const int32_t corners[2] = {0, side - 1};
+  const double g[3] = {0, 0, -9.81};
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = side,
+                            .columns = side,
+                            .row = {0, 1, 0},
+                            .column = {1, 0, 0},
+                            .mass = 0.3,
+                            .k_structural = k,
+                            .k_shear = k,
+                            .k_bend = k,
+                            .damping = damping,
+                            .npinned = 2,
+                            .pinned = corners};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_cloth(scene, &cloth, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+/* One particle of mass 1 at x with velocity v, gravity g along -z. */
+static inline msim_scene *single(const double x[3], const double v[3], double g) {
+  const double gravity[3] = {0, 0, -g}, mass = 1;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 1, x, v, &mass, err));
+  assert_ok(msim_scene_set_gravity(scene, gravity, err));
+  return scene;
+}
+
+static inline void plane(msim_scene *scene, double nx, double ny, double nz, double offset,
+                         double restitution, double friction) {
+  const msim_plane p = {{nx, ny, nz}, offset, restitution, friction};
+  assert_ok(msim_scene_add_plane(scene, &p, err));
+}
+
+static inline msim_options options(const char *integrator, double h) {
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = integrator;
+  opt.h = h;
+  return opt;
+}
+
+static inline msim_sim *make_sim(const msim_scene *scene, const msim_options *opt) {
+  msim_sim *sim;
+  assert_ok(msim_sim_create(scene, opt, &sim, err));
+  return sim;
+}
+
+static inline msim_state state_of(msim_sim *sim) {
+  msim_state state = {.size = sizeof state};
+  msim_sim_state(sim, &state);
+  return state;
+}
+
+static inline msim_stats stats_of(const msim_sim *sim) {
+  msim_stats stats = {.size = sizeof stats};
+  msim_sim_stats(sim, &stats);
+  return stats;
+}
+
+/* 1 if the solver can be used here. */
+static inline int solver_there(const char *name) {
+  msim_plugin_entry entry;
+  msim_error err;
+  for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++) {
+    int same = 1;
+    for (int c = 0; same && (name[c] || entry.name[c]); c++) same = name[c] == entry.name[c];
+    if (same) return entry.available;
+  }
+  return 0;
+}
+
+#endif

@@ -1,0 +1,309 @@
+"""What msim_cli does while it runs and at the end: signals, streams, progress, report."""
+
+import json
+import os
+import pty
+import resource
+import select
+import signal
+import struct
+import subprocess
+import termios
+import time
+import unittest
+from fcntl import ioctl
+
+from cli_support import CLI, SCENES, COUNTERS, SECONDS, FOR_EVER, PENDULUM, pendulum, CliTest
+
+
+class Stopping(CliTest):
+    def test_signals(self):
+        self.scene()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with self.subTest(number.name):
+                with self.start("run", "scene.json", *FOR_EVER, "--out", "out.csv", "--every",
+                                "100000", "--final", "final.json") as process:
+                    self.wait_for("out.csv")
+                    time.sleep(0.3)
+                    process.send_signal(number)
+                    out, err = process.communicate(timeout=20)
+                self.assertEqual(process.returncode, 2)
+                self.assertIn("pendulum", out)
+                final = self.final()
+                self.assertEqual(final["status"], "stopped")
+                self.assert_sentence(err, "stopped", f"step {final['step']},", "t = ")
+                self.assertEqual(self.frames()[-1], final["step"])
+                self.assertEqual(self.files(), ["final.json", "out.csv", "scene.json"])
+                os.remove(self.folder / "out.csv")
+
+    def test_second_signal_kills(self):
+        self.scene({"msim": 1, "objects": [{"type": "rope", "n": 30000, "from": [0, 0, 0],
+                                            "to": [1, 0, 0], "mass": 1, "k": 1e12,
+                                            "pinned": [0]}], "gravity": [0, 0, -9.81]})
+        with self.start("run", "scene.json", *FOR_EVER, "--integrator", "linearly-implicit-euler",
+                        "--h", "1", "--solver", "pcg", "--solver.rtol", "1e-14",
+                        "--solver.max_iterations", "2000000000", "--out", "out.csv") as process:
+            self.wait_for("out.csv")
+            time.sleep(0.3)
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.3)
+            self.assertIsNone(process.poll(), "the step was not long enough for this test")
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=20)
+        self.assertEqual(process.returncode, -signal.SIGINT)
+
+    def test_ignored_signals_stay_ignored(self):
+        self.scene()
+        ignore = lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)
+        with self.start("run", "scene.json", *FOR_EVER, "--out", "out.csv",
+                        preexec_fn=ignore) as process:
+            self.wait_for("out.csv")
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.2)
+            self.assertIsNone(process.poll())
+            process.send_signal(signal.SIGTERM)
+            process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 2)
+
+
+class NumericalEvents(CliTest):
+    def assert_event(self, scene, args, word):
+        self.scene(scene)
+        status, out, err = self.cli("run", "scene.json", "--final", "final.json", "--out",
+                                    "out.csv", *args)
+        self.assertEqual(status, 2, err)
+        self.assert_sentence(err, "step ", "t = ")
+        final = self.final()
+        self.assertEqual(final["status"], word)
+        self.assertIn(f"step {final['step'] + 1},", err)
+        self.assertEqual(self.frames()[-1], final["step"])
+        self.assertEqual(self.files(), ["final.json", "out.csv", "scene.json"])
+        self.assertIn("energy", out)
+        return err
+
+    def test_unstable(self):
+        err = self.assert_event(pendulum(integrator="explicit-euler", h=100, steps=100000), [],
+                                "not_finite")
+        self.assertIn("particle 1", err)
+
+    def test_not_positive_definite(self):
+        scene = json.loads(json.dumps(PENDULUM))
+        scene["springs"].update(k=1e6, rest=5)
+        self.assert_event(scene, ["--integrator", "linearly-implicit-euler", "--h", "0.1",
+                                  "--indefinite", "stop"], "not_spd")
+
+    def test_not_converged(self):
+        self.assert_event({"msim": 1, "gravity": [0, 0, -9.81], "objects": [
+            {"type": "rope", "n": 50, "from": [0, 0, 0], "to": [1, 0, 0], "mass": 1, "k": 1e5,
+             "pinned": [0]}]}, ["--integrator", "linearly-implicit-euler", "--h", "0.1", "--steps",
+                                "10", "--solver", "pcg", "--solver.max_iterations", "2"],
+            "not_converged")
+
+
+class Streams(CliTest):
+    COMMANDS = (["--help"], ["--version"], ["list"], ["run", "--help"], ["run", "scene.json"],
+                ["explain", "scene.json"])
+
+    def test_full_device(self):
+        self.scene()
+        for args in self.COMMANDS:
+            with self.subTest(" ".join(args)), open("/dev/full", "w") as full:
+                status, _, err = self.cli(*args, stdout=full)
+                self.assertEqual(status, 1)
+                self.assert_sentence(err, "standard output", "No space left")
+
+    def test_reader_gone(self):
+        self.scene()
+        for args in self.COMMANDS:
+            with self.subTest(" ".join(args)):
+                read, write = os.pipe()
+                os.close(read)
+                status, _, err = self.cli(*args, stdout=write)
+                os.close(write)
+                self.assertEqual(status, 1)
+                self.assert_sentence(err, "standard output", "Broken pipe")
+
+    def test_closed(self):
+        """What is printed must not end up in the file that is opened next."""
+        self.scene()
+        out = ["--out", "out.csv", "--steps", "2", "--every", "1"]
+        status, _, err = self.cli("run", "scene.json", *out, stdout=None,
+                                  preexec_fn=lambda: os.close(1))
+        self.assertEqual(status, 1)
+        self.assert_sentence(err, "standard output")
+        self.assertEqual(self.frames(), [0, 1, 2])
+        closed = lambda: [os.close(fd) for fd in (0, 1, 2)]
+        self.assertEqual(self.cli("run", "scene.json", *out, "--quiet", stdout=None, stderr=None,
+                                  preexec_fn=closed)[0], 0)
+        self.assertEqual(self.frames(), [0, 1, 2])
+        self.assertEqual(self.cli("run", "missing.json", stdout=None, stderr=None,
+                                  preexec_fn=closed)[0], 1)
+
+    def test_head(self):
+        self.scene()
+        done = subprocess.run(f"'{CLI}' run scene.json | head -1", shell=True, cwd=self.folder,
+                              capture_output=True, text=True, timeout=100)
+        self.assertEqual((done.stdout, done.returncode), ("pendulum\n", 0))
+
+    def test_disk_full(self):
+        """A limit on file sizes stands for it: exit 1, the frames so far are good."""
+        self.scene()
+        limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
+        status, out, err = self.cli("run", "scene.json", "--out", "out.csv", "--final",
+                                    "final.json", "--steps", "1000", "--every", "1",
+                                    preexec_fn=limit)
+        self.assertEqual((status, out), (1, ""))
+        self.assert_sentence(err, "out.csv", "File too large")
+        self.assertEqual(self.files(), ["out.csv", "scene.json"])
+        rows = self.rows()
+        self.assertGreater(len(rows), 100)
+        self.assertEqual(len(rows) % 2, 0)
+        self.assertTrue(all(None not in row.values() for row in rows))
+
+    def test_disk_full_for_the_final_state(self):
+        self.scene()
+        limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))
+        status, out, err = self.cli("run", "scene.json", "--final", "final.json",
+                                    preexec_fn=limit)
+        self.assertEqual((status, out), (1, ""))
+        self.assert_sentence(err, "final.json", "File too large")
+        self.assertEqual(self.files(), ["scene.json"])
+
+    def test_quiet(self):
+        self.scene()
+        out = self.good("run", "scene.json", "--quiet", "--stats", "--out", "out.csv", "--h",
+                        "0.03")
+        self.assertEqual(out, "")
+
+    def test_control_characters_do_not_reach_the_terminal(self):
+        self.scene({**PENDULUM, "name": "a\x1b[31mb\nc"})
+        self.assertEqual(self.good("run", "scene.json").splitlines()[0], "a [31mb c")
+        self.assert_refused(["run", "no\x1b[31m\nfile.json"], "no [31m file.json")
+
+
+class Report(CliTest):
+    def test_summary(self):
+        self.scene()
+        out = self.good("run", "scene.json", "--out", "out.csv", "--final", "final.json")
+        for pattern in (r"\Apendulum\n", r"velocity-verlet", r"steps +100 of h = 0.001 s",
+                        r"from t = 0 s to t = 0.1 s", r"took +[0-9.e-]+ s", r"kinetic +0\.5 ",
+                        r"elastic +\S+ +\S+ +\S+", r"total ", r"motion +out.csv; frames: 101",
+                        r"last state +final.json"):
+            self.assertRegex(out, pattern)
+        self.assertNotIn("contacts", out)
+        self.assertNotIn("force_evaluations", out)
+
+    def test_stats(self):
+        self.scene()
+        out = self.good("run", "scene.json", "--stats")
+        for name in COUNTERS | SECONDS:
+            self.assertRegex(out, rf"(?m)^    {name} +[0-9.]+$")
+
+    def test_contacts(self):
+        self.scene({"msim": 1, "gravity": [0, 0, -9.81], "planes": [{"normal": [0, 0, 1],
+                    "offset": 0}], "particles": {"x": [[0, 0, 0.1]], "mass": 1}})
+        out = self.good("run", "scene.json", "--integrator", "rk4", "--t_end", "1")
+        self.assertRegex(out, r"contacts +[1-9]")
+
+    def test_notes(self):
+        self.scene()
+        args = ["run", "scene.json", "--h", "0.03"]
+        status, out, err = self.cli(*args)
+        self.assertEqual(status, 0)
+        self.assert_sentence(err, "note: ", "lowered")
+        self.assertRegex(out, r"notes +1")
+
+    def test_nothing_kept(self):
+        self.scene()
+        self.assertIn("--out FILE", self.good("run", "scene.json"))
+
+    def test_explain(self):
+        self.write("bare.json", {**PENDULUM, "run": {}})
+        out = self.good("explain", "bare.json", "--integrator", "velocity-verlet")
+        self.assertIn("velocity-verlet", out)
+        self.assertEqual(self.files(), ["bare.json"])
+        out = self.good("explain", "bare.json", "--integrator", "linearly-implicit-euler",
+                        "--solver", "pcg", "--jacobian=clamp")
+        self.assertIn("pcg", out)
+
+    def test_every_scene_is_understood(self):
+        scenes = sorted(SCENES.glob("*.json"))
+        self.assertTrue(scenes)
+        for scene in scenes:
+            with self.subTest(scene.name):
+                self.good("run", str(scene), "--integrator", "rk4", "--h", "1e-4", "--steps", "1",
+                          "--quiet")
+                self.good("explain", str(scene), "--integrator", "rk4", "--h", "1e-4")
+
+
+class Progress(CliTest):
+    def watch(self, *args, columns=100, bars=3, seconds=20, env=None):
+        """What stderr, a terminal, shows of a run, stopped after so many bars or some time."""
+        self.scene()
+        terminal, slave = pty.openpty()
+        self.addCleanup(os.close, terminal)
+        ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        shown, end = b"", time.monotonic() + seconds
+        with self.start("run", "scene.json", "--out", "out.csv", *args, stderr=slave,
+                        env={**os.environ, **(env or {})}) as process:
+            os.close(slave)
+            self.wait_for("out.csv")
+            while process.poll() is None or select.select([terminal], [], [], 0)[0]:
+                if shown.count(b"%") >= bars or time.monotonic() > end:
+                    process.send_signal(signal.SIGINT)
+                    bars, end = 1000, end + 1000
+                try:
+                    if select.select([terminal], [], [], 0.02)[0]:
+                        shown += os.read(terminal, 65536)
+                except OSError:  # the program has gone
+                    break
+            process.communicate(timeout=20)
+        return shown.decode().replace("\r\n", "\n")
+
+    def test_on_a_terminal(self):
+        lines = self.watch(*FOR_EVER, columns=140).split("\r")
+        bars = [line for line in lines if "%" in line]
+        self.assertGreaterEqual(len(bars), 3)
+        for bar in bars:
+            self.assertRegex(bar, r"^\[[#-]+\] +\d+%  [0-9:]+ left  step +\d+/100000000000  "
+                                  r"t \S+/\S+ s  \S+ steps/s *$")
+        # erased before the last word
+        self.assertRegex(lines[-1], r"\Amsim_cli: stopped at step \d+, t = .*\n\Z")
+        self.assertEqual(lines[-2].strip(), "")
+
+    def test_ten_times_a_second(self):
+        start = time.monotonic()
+        self.watch(*FOR_EVER, bars=11)
+        self.assertGreater(time.monotonic() - start, 1.4)
+
+    def test_never_wraps(self):
+        for columns in (20, 40, 80, 200):
+            with self.subTest(columns):
+                bars = self.watch(*FOR_EVER, columns=columns).split("\r")[:-1]
+                self.assertTrue(any("%" in bar for bar in bars))
+                self.assertLess(max(map(len, bars)), columns)
+                os.remove(self.folder / "out.csv")
+
+    def test_width_from_the_environment(self):
+        bars = self.watch(*FOR_EVER, columns=0, env={"COLUMNS": "30"}).split("\r")[:-1]
+        self.assertTrue(any("%" in bar for bar in bars))
+        self.assertLess(max(map(len, bars)), 30)
+
+    def test_quiet(self):
+        self.assert_sentence(self.watch(*FOR_EVER, "--quiet", seconds=1), "stopped")
+
+    def test_not_in_a_short_run(self):
+        self.assertEqual(self.watch("--steps", "100"), "")
+
+    def test_not_into_a_pipe(self):
+        self.scene()
+        with self.start("run", "scene.json", *FOR_EVER, "--out", "out.csv") as process:
+            self.wait_for("out.csv")
+            time.sleep(1)
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=20)
+        self.assert_sentence(err, "stopped")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,194 @@
+/* The built-in recorder csv: what it writes is what it was given, to the bit. */
+#define _POSIX_C_SOURCE 200809L
+
+#include <inttypes.h>
+#include <locale.h>
+#include <signal.h>
+#include <sys/resource.h>
+
+#include "testing.h"
+#include "recording.h"
+#include "sim/csv.h"
+
+static counting_host host;
+
+static void assert_no_leak(void) { assert_int_equal(host.live, 0); }
+
+/* Reads a whole number or a double and what separates it from the next. */
+static int64_t whole(char **next) {
+  int64_t value = strtoll(*next, next, 10);
+  ++*next;
+  return value;
+}
+
+static void assert_same_bits(double a, double b) {
+  if (memcmp(&a, &b, sizeof a) != 0) fail_msg("%.17g is not %.17g", a, b);
+}
+
+static void assert_real(char **next, double expected) {
+  assert_same_bits(strtod(*next, next), expected);
+  ++*next;
+}
+
+static void assert_frame(char **next, const msim_frame *frame, int32_t n) {
+  for (int32_t i = 0; i < n; i++) {
+    assert_int_equal(whole(next), frame->step);
+    assert_real(next, frame->t);
+    assert_int_equal(whole(next), i);
+    for (int c = 0; c < 3; c++) assert_real(next, frame->x[3 * i + c]);
+    for (int c = 0; c < 3; c++) assert_real(next, frame->v[3 * i + c]);
+    assert_int_equal((*next)[-1], '\n');
+  }
+}
+
+/* The file holds exactly the first `frames` frames. */
+static void assert_file(const char *path, sample *s, int64_t frames) {
+  static const char header[] = "step,t,particle,x,y,z,vx,vy,vz\n";
+  char *text = slurp(path, NULL);
+  assert_non_null(text);
+  assert_memory_equal(text, header, sizeof header - 1);
+  char *next = text + sizeof header - 1;
+  for (int64_t i = 0; i < frames; i++) {
+    msim_frame frame = sample_frame(s, i);
+    assert_frame(&next, &frame, s->what.n);
+  }
+  assert_string_equal(next, "");
+  free(text);
+}
+
+static void write_and_read(int32_t n, int64_t frames) {
+  sample s;
+  host_init(&host);
+  sample_init(&s, "a.csv", n, 0, frames);
+  assert_int_equal(record(ms_recorder_csv(), &host.host, &s, frames), MSIM_OK);
+  assert_file("a.csv", &s, frames);
+  assert_no_leak();
+  sample_free(&s);
+  remove("a.csv");
+}
+
+static void every_bit_survives(void **state) {
+  (void)state;
+  write_and_read(5, 7);
+}
+
+static void frames_larger_than_the_buffer(void **state) {
+  (void)state;
+  write_and_read(5000, 3);
+}
+
+static void no_particles(void **state) {
+  (void)state;
+  write_and_read(0, 2);
+}
+
+/* Somebody may read along: each frame is in the file when write() returns. */
+static void frames_are_flushed(void **state) {
+  (void)state;
+  sample s;
+  void *self;
+  const msim_recorder_type *csv = ms_recorder_csv();
+  host_init(&host);
+  sample_init(&s, "b.csv", 3, 0, 4);
+  assert_int_equal(csv->open(&host.host, &s.what, &self), MSIM_OK);
+  for (int64_t i = 0; i < 4; i++) {
+    assert_file("b.csv", &s, i);
+    msim_frame frame = sample_frame(&s, i);
+    assert_int_equal(csv->write(self, &frame), MSIM_OK);
+  }
+  assert_int_equal(csv->close(self), MSIM_OK);
+  sample_free(&s);
+  remove("b.csv");
+}
+
+static void a_comma_locale_changes_nothing(void **state) {
+  (void)state;
+  static const char *const names[] = {"de_DE.UTF-8", "de_DE", "fr_FR.UTF-8", "es_ES.UTF-8"};
+  int found = 0;
+  for (size_t i = 0; i < 4 && !found; i++) found = setlocale(LC_NUMERIC, names[i]) != NULL;
+  if (!found) skip();
+  sample s;
+  host_init(&host);
+  sample_init(&s, "c.csv", 5, 0, 2);
+  msim_status status = record(ms_recorder_csv(), &host.host, &s, 2);
+  char here[32];
+  snprintf(here, sizeof here, "%.1f", 0.5);
+  setlocale(LC_NUMERIC, "C");
+  assert_int_equal(status, MSIM_OK);
+  assert_string_equal(here, "0,5"); /* the host's locale is as it was */
+  assert_file("c.csv", &s, 2);
+  sample_free(&s);
+  remove("c.csv");
+}
+
+static void assert_refused(const char *path, msim_status status, const char *why) {
+  sample s;
+  host_init(&host);
+  host.empty = status == MSIM_ERR_MEMORY;
+  sample_init(&s, path, 5, 0, 2);
+  s.what.name = "final.csv";
+  assert_int_equal(record(ms_recorder_csv(), &host.host, &s, 2), status);
+  assert_non_null(strstr(host.sentence, why));
+  assert_non_null(strstr(host.sentence, "final.csv"));
+  assert_no_leak();
+  sample_free(&s);
+}
+
+static void refusals_say_why(void **state) {
+  (void)state;
+  assert_refused("missing/a.csv", MSIM_ERR_IO, "No such file or directory");
+  assert_refused("/", MSIM_ERR_IO, "Is a directory");
+  assert_refused("/dev/full", MSIM_ERR_IO, "No space left on device");
+  assert_refused("d.csv", MSIM_ERR_MEMORY, "memory");
+}
+
+/* The file's size limit stands for a full disk. */
+static void limit_file_size(rlim_t bytes) {
+  struct rlimit limit;
+  getrlimit(RLIMIT_FSIZE, &limit);
+  limit.rlim_cur = bytes < limit.rlim_max ? bytes : limit.rlim_max;
+  setrlimit(RLIMIT_FSIZE, &limit);
+}
+
+static void a_full_disk_leaves_whole_frames(void **state) {
+  (void)state;
+  sample s;
+  void *self;
+  const msim_recorder_type *csv = ms_recorder_csv();
+  host_init(&host);
+  sample_init(&s, "e.csv", 100, 0, 9);
+  assert_int_equal(csv->open(&host.host, &s.what, &self), MSIM_OK);
+  signal(SIGXFSZ, SIG_IGN);
+  limit_file_size(50000);
+  int64_t good = 0;
+  msim_status status = MSIM_OK;
+  while (status == MSIM_OK) {
+    msim_frame frame = sample_frame(&s, good);
+    status = csv->write(self, &frame);
+    good += status == MSIM_OK;
+  }
+  limit_file_size(RLIM_INFINITY);
+  signal(SIGXFSZ, SIG_DFL);
+  assert_in_range(good, 1, 5);
+  msim_frame frame = sample_frame(&s, good);
+  assert_int_equal(csv->write(self, &frame), MSIM_ERR_IO); /* once failed, always failed */
+  assert_int_equal(csv->close(self), MSIM_ERR_IO);
+  assert_non_null(strstr(host.sentence, "e.csv: cannot write the file: File too large"));
+  assert_file("e.csv", &s, good);
+  assert_no_leak();
+  sample_free(&s);
+  remove("e.csv");
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(every_bit_survives),
+      cmocka_unit_test(frames_larger_than_the_buffer),
+      cmocka_unit_test(no_particles),
+      cmocka_unit_test(frames_are_flushed),
+      cmocka_unit_test(a_comma_locale_changes_nothing),
+      cmocka_unit_test(refusals_say_why),
+      cmocka_unit_test(a_full_disk_leaves_whole_frames),
+  };
+  return cmocka_run_group_tests(tests, enter_folder, leave_folder);
+}

@@ -1,0 +1,127 @@
+"""Who may include whom, and how long files, functions and lines may be: read from the sources."""
+import re
+import unittest
+from pathlib import Path
+
+import support
+
+LEVELS = {"base": 0, "scene": 1, "layout": 2, "physics": 3, "linear": 4, "integrate": 5, "sim": 6}
+LONGEST_FILE, LONGEST_FUNCTION, LONGEST_LINE = 500, 80, 100
+
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:"([^"]+)"|<(msim/[^>]+)>)', re.M)
+COMMENT_OR_STRING = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|'
+                               r"'(?:\\.|[^'\\\n])*'", re.S)
+PREPROCESSOR = re.compile(r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", re.M)
+
+
+def files(*folders, pattern="*.[ch]"):
+    return sorted(p for f in folders for p in (support.SOURCE / f).rglob(pattern) if p.is_file())
+
+
+def name(path):
+    return str(path.relative_to(support.SOURCE))
+
+
+def includes(path):
+    """The headers of ours that a file includes, as it spells them."""
+    return [quoted or ours for quoted, ours in INCLUDE.findall(path.read_text())]
+
+
+def is_neighbour(path, include):
+    return (path.parent / include).is_file()
+
+
+def blank(match):
+    """As many lines, and nothing on them."""
+    return "\n" * match.group().count("\n")
+
+
+def functions(text):
+    """(line, lines) of each function: what stands between braces at file level, after a `)`."""
+    text = PREPROCESSOR.sub(blank, COMMENT_OR_STRING.sub(blank, text))
+    text = re.sub(r'extern\s*\{', "", text)
+    depth, start, first = 0, 0, 0
+    for brace in re.finditer(r"[{};]", text):
+        at = brace.start()
+        if brace.group() == "{":
+            if depth == 0:
+                head = text[start:at]
+                is_function = head.rstrip().endswith(")")
+                first = text.count("\n", 0, start + len(head) - len(head.lstrip()))
+            depth += 1
+            continue
+        if brace.group() == "}":
+            depth = max(depth - 1, 0)
+            if depth == 0 and is_function:
+                yield first + 1, text.count("\n", 0, at) - first + 1
+        if depth == 0:
+            start = at + 1
+
+
+class Layers(unittest.TestCase):
+    def check(self, path, include, allowed, why):
+        self.assertTrue(allowed, f"{name(path)} includes {include}: {why}")
+
+    def test_modules_look_down(self):
+        sources = files("src")
+        self.assertTrue(sources)
+        for path in sources:
+            own = path.relative_to(support.SOURCE / "src").parts[0]
+            self.assertIn(own, LEVELS, f"{name(path)}: no level is known for this module")
+            for include in includes(path):
+                module = Path(include).parts[0] if "/" in include else own
+                self.check(path, include, module == "msim" or module in LEVELS, "unknown module")
+                self.check(path, include, LEVELS.get(module, 0) <= LEVELS[own],
+                           f"{module} is above {own}")
+
+    def test_backends_see_their_table_only(self):
+        for path in files("backends"):
+            for include in includes(path):
+                self.check(path, include,
+                           include in ("msim/backend.h", "msim/recorder.h", "msim/status.h")
+                           or is_neighbour(path, include), "a plugin sees its table only")
+
+    def test_tools_see_public_headers_only(self):
+        for path in files("tools"):
+            for include in includes(path):
+                public = include.startswith("msim/") and (support.SOURCE / "include" / include)
+                self.check(path, include, public and public.is_file()
+                           or is_neighbour(path, include), "tools see public headers only")
+
+    def test_public_headers_stand_alone(self):
+        for path in files("include"):
+            for include in includes(path):
+                self.check(path, include, include.startswith("msim/"), "not public")
+
+
+class Sizes(unittest.TestCase):
+    maxDiff = None
+    FOLDERS = "include", "src", "backends", "tools", "tests"
+
+    def assert_none(self, offenders):
+        self.assertEqual([f"{name(path)}:{line}: {size}" for path, line, size in offenders], [])
+
+    def test_files(self):
+        sizes = [(path, 1, path.read_text().count("\n"))
+                 for path in files(*self.FOLDERS) + files("tools", "tests", pattern="*.py")]
+        self.assert_none(size for size in sizes if size[2] > LONGEST_FILE)
+
+    def test_functions(self):
+        self.assert_none((path, line, lines) for path in files(*self.FOLDERS)
+                         for line, lines in functions(path.read_text())
+                         if lines > LONGEST_FUNCTION)
+
+    def test_lines(self):
+        self.assert_none((path, i, len(line)) for path in files(*self.FOLDERS)
+                         for i, line in enumerate(path.read_text().splitlines(), 1)
+                         if len(line) > LONGEST_LINE)
+
+    def test_the_scan_itself(self):
+        text = ('#define M(x) \\\n  do { x; } while (0)\nextern "C" {\n'
+                'static const int a[] = {1};\nstruct s { int i; };\n/* } */\n'
+                "int f(int i)\n{\n  if (i) {\n  }\n  return '}';\n}\n")
+        self.assertEqual(list(functions(text)), [(7, 6)])
+
+
+if __name__ == "__main__":
+    support.main()

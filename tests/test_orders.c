@@ -1,0 +1,112 @@
+/* The order that each method declares is the order that is measured, on a chain that swings in
+ * space, without impacts. */
+#include <math.h>
+#include <string.h>
+
+#include "scenes.h"
+
+enum { N = 5 };
+#define T_END 0.5
+
+/* A chain hung from its first particle, drawn aside, stretched, moving. */
+static msim_scene *chain(double damping, double drag) {
+  const double g[3] = {0, 0, -9.81};
+  double x[3 * N], v[3 * N], mass[N], k[N - 1], rest[N - 1], c[N - 1];
+  int32_t ij[2 * (N - 1)], pin = 0;
+  for (int i = 0; i < N; i++) {
+    x[3 * i] = 0.3 * i, x[3 * i + 1] = 0.05 * i * i, x[3 * i + 2] = -0.1 * i;
+    v[3 * i] = 0, v[3 * i + 1] = 0.2 * i, v[3 * i + 2] = 0.1 * i;
+    mass[i] = 0.5 + 0.1 * i;
+  }
+  for (int e = 0; e < N - 1; e++)
+    ij[2 * e] = e, ij[2 * e + 1] = e + 1, k[e] = 60, rest[e] = 0.3, c[e] = damping;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, N, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, N - 1, ij, k, rest, c, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  assert_ok(msim_scene_set_drag(scene, drag, err));
+  return scene;
+}
+
+static void run(const msim_scene *scene, const char *method, int start, int steps, double *x,
+                double *v) {
+  msim_options opt = options(method, T_END / steps);
+  opt.solver_rtol = 1e-13;
+  opt.verlet_start = start;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, steps, err));
+  msim_state s = state_of(sim);
+  memcpy(x, s.x, 3 * N * sizeof *x);
+  memcpy(v, s.v, 3 * N * sizeof *v);
+  msim_sim_destroy(sim);
+}
+
+static double off(const double *a, const double *b) {
+  double sum = 0;
+  for (int i = 0; i < 3 * N; i++) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sqrt(sum);
+}
+
+static void check(const char *method, int start, double damping, double drag, double order) {
+  msim_scene *scene = chain(damping, drag);
+  double x[3][3 * N], v[3][3 * N];
+  run(scene, "rk4", 0, 20000, x[0], v[0]);
+  run(scene, method, start, 200, x[1], v[1]);
+  run(scene, method, start, 400, x[2], v[2]);
+  double in_x = log2(off(x[1], x[0]) / off(x[2], x[0]));
+  double in_v = log2(off(v[1], v[0]) / off(v[2], v[0]));
+  print_message("  %-24s x: %.3f  v: %.3f\n", method, in_x, in_v);
+  assert_close(in_x, order, 0.15);
+  assert_close(in_v, order, 0.15);
+  msim_scene_destroy(scene);
+}
+
+static void measured_order_is_the_declared_one(void **state) {
+  (void)state;
+  const msim_integrator_entry *entry;
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++)
+    if (entry->order) check(entry->name, MSIM_VERLET_TAYLOR, 0, 0, entry->order);
+}
+
+static void plain_start_is_first_order(void **state) {
+  (void)state;
+  check("verlet", MSIM_VERLET_PLAIN, 0, 0, 1);
+}
+
+static void damping_costs_verlet_an_order_but_not_velocity_verlet(void **state) {
+  (void)state;
+  check("verlet", MSIM_VERLET_TAYLOR, 0.5, 0.3, 1);
+  check("velocity-verlet", 0, 0.5, 0.3, 2);
+  check("heun", 0, 0.5, 0.3, 2);
+  check("rk4", 0, 0.5, 0.3, 4);
+  check("linearly-implicit-euler", 0, 0.5, 0.3, 1);
+}
+
+/* verlet started plainly is symplectic Euler, bit for bit */
+static void plain_verlet_is_symplectic_euler(void **state) {
+  (void)state;
+  msim_scene *scene = chain(0, 0);
+  msim_options opt = options("verlet", 1e-3);
+  opt.verlet_start = MSIM_VERLET_PLAIN;
+  msim_sim *a = make_sim(scene, &opt);
+  opt.integrator = "symplectic-euler";
+  msim_sim *b = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(a, 500, err));
+  assert_ok(msim_sim_step(b, 500, err));
+  msim_state sa = state_of(a), sb = state_of(b);
+  assert_memory_equal(sa.x, sb.x, 3 * N * sizeof *sa.x);
+  assert_memory_equal(sa.v_half, sb.v, 3 * N * sizeof *sa.x);
+  msim_sim_destroy(a), msim_sim_destroy(b);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(measured_order_is_the_declared_one),
+      cmocka_unit_test(plain_start_is_first_order),
+      cmocka_unit_test(damping_costs_verlet_an_order_but_not_velocity_verlet),
+      cmocka_unit_test(plain_verlet_is_symplectic_euler)};
+  return cmocka_run_group_tests_name("orders", tests, NULL, NULL);
+}

@@ -1,0 +1,107 @@
+/* The front end of recording, by CSV: what is refused, when the file gets its name, what is in it. */
+#define _GNU_SOURCE /* mkdtemp */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "scenes.h"
+
+static char folder[] = "/tmp/msim_recorder_XXXXXX";
+
+static const char *in_folder(const char *name) {
+  static char path[128];
+  snprintf(path, sizeof path, "%s/%s", folder, name);
+  return path;
+}
+
+static msim_sim *flight(int64_t steps, int64_t every, double fps) {
+  const double x[3] = {0, 0, 1}, v[3] = {0.1, 0, 0};
+  msim_scene *scene = single(x, v, 9.81);
+  msim_options opt = options("verlet", 0.1);
+  opt.steps = steps, opt.every = every, opt.fps = fps;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_scene_destroy(scene);
+  return sim;
+}
+
+static int exists(const char *name) { return access(in_folder(name), F_OK) == 0; }
+
+static int record(msim_sim *sim, void *recorder) {
+  (void)sim;
+  return msim_recorder_write(recorder, NULL) != MSIM_OK;
+}
+
+/* The last line of a frame holds the bits of the state. */
+static void frames_hold_the_state(void **state) {
+  (void)state;
+  msim_sim *sim = flight(10, 4, 0);
+  msim_recorder *recorder;
+  assert_ok(msim_recorder_open(sim, in_folder("a.csv"), &recorder, err));
+  assert_true(exists("a.csv") && !exists("a.csv.part"));
+  assert_ok(msim_sim_run(sim, record, recorder, err));
+  assert_ok(msim_recorder_close(recorder, err));
+  assert_ok(msim_recorder_close(NULL, err));
+  FILE *file = fopen(in_folder("a.csv"), "r");
+  char line[512], last[512] = "";
+  int lines = 0;
+  for (; fgets(line, sizeof line, file); lines++) strcpy(last, line);
+  fclose(file);
+  assert_int_equal(lines, 1 + 4); /* header; steps 0, 4, 8, 10 */
+  double n[9];
+  assert_int_equal(sscanf(last, "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", n, n + 1, n + 2, n + 3,
+                          n + 4, n + 5, n + 6, n + 7, n + 8),
+                   9);
+  msim_state s = state_of(sim);
+  assert_true(n[0] == 10 && n[1] == s.t);
+  assert_memory_equal(n + 3, s.x, 3 * sizeof *n);
+  assert_memory_equal(n + 6, s.v, 3 * sizeof *n);
+  assert_true(stats_of(sim).output_s > 0);
+  msim_sim_destroy(sim);
+}
+
+static void refuse(msim_sim *sim, const char *name, msim_status want, const char *sentence) {
+  msim_recorder *recorder = NULL;
+  msim_error why;
+  msim_status status = msim_recorder_open(sim, in_folder(name), &recorder, &why);
+  if (status != want || !strstr(why.text, sentence))
+    fail_msg("%s: status %d, \"%s\"", name, (int)status, why.text);
+  assert_null(recorder);
+  assert_false(exists("a.csv.part"));
+}
+
+static void what_cannot_be_written_is_refused(void **state) {
+  (void)state;
+  msim_sim *sim = flight(10, 1, 0), *endless = flight(-1, 1, 0);
+  msim_sim *many = flight(20000000, 1, 0);
+  refuse(sim, "a.txt", MSIM_ERR_NAME, "a.txt: a trajectory's name ends in .vtkhdf or .csv");
+  refuse(sim, "a", MSIM_ERR_NAME, "ends in .vtkhdf or .csv");
+  refuse(sim, "nowhere/a.csv", MSIM_ERR_IO, "No such file or directory");
+  refuse(endless, "a.csv", MSIM_ERR_ARG, "recording needs an end");
+  refuse(many, "a.csv", MSIM_ERR_ARG, "would get more than 10000000 frames");
+  assert_int_equal(mkdir(in_folder("folder.csv"), 0700), 0);
+  refuse(sim, "folder.csv", MSIM_ERR_IO, "is there already, and it is not a file");
+  rmdir(in_folder("folder.csv"));
+  assert_int_equal(mkfifo(in_folder("pipe.csv"), 0600), 0);
+  refuse(sim, "pipe.csv", MSIM_ERR_IO, "is there already, and it is not a file");
+  unlink(in_folder("pipe.csv"));
+  msim_sim_destroy(sim), msim_sim_destroy(endless), msim_sim_destroy(many);
+}
+
+static int make_folder(void **state) {
+  (void)state;
+  return mkdtemp(folder) ? 0 : -1;
+}
+
+static int remove_folder(void **state) {
+  (void)state;
+  unlink(in_folder("a.csv"));
+  return rmdir(folder);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(frames_hold_the_state),
+                                     cmocka_unit_test(what_cannot_be_written_is_refused)};
+  return cmocka_run_group_tests_name("recorder", tests, make_folder, remove_folder);
+}

@@ -1,0 +1,267 @@
+/* The policy over linear solvers, run with the solver that the argument names. */
+#include <math.h>
+#include <string.h>
+
+#include "scenes.h"
+
+static const char *solver = "pcg";
+static int direct;
+
+static msim_options implicit(double h) {
+  msim_options opt = options("linearly-implicit-euler", h);
+  opt.solver = solver;
+  opt.solver_rtol = 1e-12;
+  return opt;
+}
+
+/* A compressed column of two springs between pinned ends, bent a little: it buckles, and the exact
+ * matrix is indefinite for h > 0.1/sigma. */
+static msim_scene *column(void) {
+  const double x[9] = {0, 0, 0, 0.4, 1e-3, 5e-4, 0.8, 0, 0}, mass[3] = {1, 0.1, 1};
+  const double k[2] = {50, 50}, rest[2] = {0.5, 0.5};
+  const int32_t ij[4] = {0, 1, 1, 2}, pins[2] = {0, 2};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 2, pins, err));
+  return scene;
+}
+
+/* A triangle of free particles, compressed: couples unknowns, so nothing is diagonal. */
+static msim_scene *crushed_triangle(void) {
+  const double x[9] = {0, 0, 0, 0.5, 0, 0, 0.2, 0.4, 0}, mass[3] = {1, 1, 1};
+  const double k[3] = {500, 500, 500}, rest[3] = {1, 1, 1};
+  const int32_t ij[6] = {0, 1, 1, 2, 2, 0};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 3, ij, k, rest, NULL, err));
+  return scene;
+}
+
+/* ||b - A v|| of the step just made, with the matrix and forces before it. */
+static void answer_solves_the_system(void **state) {
+  (void)state;
+  enum { SIDE = 6, N = SIDE * SIDE };
+  double b[3 * N], v[3 * N] = {0}, f[3 * N], norm_b = 0, norm_r = 0;
+  msim_scene *scene = hanging_cloth(SIDE, 200, 0.1);
+  msim_options opt = implicit(5e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  assert_ok(msim_sim_step(sim, 20, err));
+  msim_state s = state_of(sim);
+  msim_csr A = {.size = sizeof A};
+  double zero[3 * N] = {0};
+  msim_sim_force(sim, s.x, zero, f);
+  for (int i = 0; i < 3 * N; i++) b[i] = view.mass[i / 3] * s.v[i] + opt.h * f[i];
+  assert_ok(msim_sim_matrix(sim, &A, err));
+  double values[9 * 13 * N]; /* at most 12 neighbours */
+  memcpy(values, A.val, (size_t)A.rowptr[A.n] * sizeof *values);
+  assert_ok(msim_sim_step(sim, 1, err));
+  memcpy(v, state_of(sim).v, sizeof v);
+  for (int32_t r = 0; r < A.n; r++) {
+    double right = b[3 * A.particle[r / 3] + r % 3], sum = right;
+    for (int32_t e = A.rowptr[r]; e < A.rowptr[r + 1]; e++)
+      sum -= values[e] * v[3 * A.particle[A.colind[e] / 3] + A.colind[e] % 3];
+    norm_r += sum * sum, norm_b += right * right;
+  }
+  assert_close(sqrt(norm_r / norm_b), 0, 1.1e-12);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* A lone spring is SPD iff h^2 k (L/l - 1) < m1 m2/(m1 + m2) = 1/2. The diagonal blocks are
+ * positive definite on both sides of that: the whole matrix has to be looked at. */
+static void definiteness_ends_where_theory_says(void **state) {
+  (void)state;
+  for (int beyond = 0; beyond < 2; beyond++) {
+    const double x[6] = {0, 0, 0, 0.5, 0, 0}, v[6] = {0, 1, 0, 0, -1, 0}, mass[2] = {1, 1};
+    const double k = 1, rest = 1, h = sqrt(beyond ? 0.501 : 0.499);
+    const int32_t ij[2] = {0, 1};
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+    msim_options opt = implicit(h);
+    opt.indefinite = MSIM_INDEFINITE_STOP;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_int_equal(msim_sim_step(sim, 1, NULL), beyond ? MSIM_NOT_SPD : MSIM_OK);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void stop_reports_and_keeps_the_state(void **state) {
+  (void)state;
+  msim_scene *scene = column();
+  msim_options opt = implicit(0.1);
+  opt.indefinite = MSIM_INDEFINITE_STOP;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_error why;
+  assert_int_equal(msim_sim_step(sim, 5, &why), MSIM_NOT_SPD);
+  assert_non_null(strstr(why.text, "step 1, t = 0.1 s, particle 1:"));
+  assert_non_null(strstr(why.text, "not positive definite"));
+  assert_int_equal(state_of(sim).step, 0);
+  assert_true(state_of(sim).x[4] == 1e-3 && state_of(sim).v[4] == 0);
+  assert_int_equal(stats_of(sim).indefinite_steps, 1);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* Where every step is indefinite, indefinite = clamp makes the steps of jacobian = clamp. */
+static void clamp_repeats_the_step_clamped(void **state) {
+  (void)state;
+  msim_scene *scene = crushed_triangle();
+  msim_options opt = implicit(0.2);
+  msim_sim *a = make_sim(scene, &opt);
+  opt.jacobian = MSIM_JACOBIAN_CLAMP;
+  msim_sim *b = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(a, 1, err));
+  assert_ok(msim_sim_step(b, 1, err));
+  assert_memory_equal(state_of(a).x, state_of(b).x, 9 * sizeof(double));
+  assert_int_equal(stats_of(a).indefinite_steps, 1);
+  assert_int_equal(stats_of(b).indefinite_steps, 0);
+  assert_int_equal(stats_of(a).assemblies, 2);
+  msim_sim_destroy(a), msim_sim_destroy(b);
+  msim_scene_destroy(scene);
+}
+
+static void solve_wants_a_solver_that_can(void **state) {
+  (void)state;
+  msim_scene *scene = crushed_triangle();
+  msim_options opt = implicit(0.2);
+  opt.indefinite = MSIM_INDEFINITE_SOLVE;
+  msim_sim *sim;
+  msim_error why;
+  msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+  if (direct) {
+    assert_int_equal(status, MSIM_OK);
+    assert_ok(msim_sim_step(sim, 1, err));
+    assert_int_equal(stats_of(sim).indefinite_steps, 1);
+    msim_sim_destroy(sim);
+  } else {
+    assert_int_equal(status, MSIM_ERR_ARG);
+    assert_non_null(strstr(why.text, "'pcg' cannot solve"));
+    assert_null(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+static void a_tolerance_out_of_reach_is_rounding_level(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(10, 1000, 0);
+  msim_options opt = implicit(1e-2);
+  opt.solver_rtol = 1e-300;
+  opt.solver_max_iterations = 100000;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 3, err));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static void too_few_iterations_are_reported(void **state) {
+  (void)state;
+  if (direct) skip();
+  msim_scene *scene = hanging_cloth(10, 1000, 0);
+  msim_options opt = implicit(1e-2);
+  opt.solver_max_iterations = 2;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_error why;
+  assert_int_equal(msim_sim_step(sim, 2, &why), MSIM_NOT_CONVERGED);
+  /* the first step is easy: the cloth is flat, and gravity pulls across it */
+  assert_non_null(strstr(why.text, "step 2, t = 0.02 s, particle "));
+  assert_non_null(strstr(why.text, "solver pcg left a residual of"));
+  assert_int_equal(state_of(sim).step, 1);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* No spring between unknowns: A is diagonal, and no solver is asked. */
+static void no_springs_no_matrix(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
+  msim_scene *scene = single(x, v, 10);
+  assert_ok(msim_scene_set_drag(scene, 3, err));
+  msim_options opt = implicit(0.5);
+  opt.solver = "no-such-solver"; /* not even looked for */
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_plan plan = {.size = sizeof plan};
+  msim_sim_plan(sim, &plan);
+  assert_string_equal(plan.solver, "diagonal");
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_close(state_of(sim).v[0], 1 / (1 + 0.5 * 3), 1e-15);
+  assert_close(state_of(sim).v[2], -10 * 0.5 / (1 + 0.5 * 3), 1e-15);
+  assert_int_equal(stats_of(sim).factorizations, 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static void all_pinned_is_an_empty_system(void **state) {
+  (void)state;
+  msim_scene *scene = column();
+  const int32_t middle = 1;
+  assert_ok(msim_scene_pin(scene, 1, &middle, err));
+  msim_options opt = implicit(0.1);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 3, err));
+  assert_true(state_of(sim).x[4] == 1e-3);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static void analyses_once_factors_when_values_are_new(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(8, 100, 0);
+  msim_options opt = implicit(1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 7, err));
+  msim_stats s = stats_of(sim);
+  assert_int_equal(s.assemblies, 7);
+  assert_int_equal(s.solves, 7);
+  assert_int_equal(s.analyses, direct);
+  assert_int_equal(s.factorizations, direct ? 7 : 0);
+  assert_true(direct ? s.iterations == 0 : s.iterations > 7);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* Flat hanging cloth 32 x 32, k = 1000, h = 1e-3, 100 steps: this solver and pcg agree to 1e-9. */
+static void agrees_with_conjugate_gradients(void **state) {
+  (void)state;
+  enum { SIDE = 32 };
+  msim_scene *scene = hanging_cloth(SIDE, 1000, 0);
+  msim_options opt = implicit(1e-3);
+  msim_sim *a = make_sim(scene, &opt);
+  opt.solver = "pcg";
+  msim_sim *b = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(a, 100, err));
+  assert_ok(msim_sim_step(b, 100, err));
+  msim_state sa = state_of(a), sb = state_of(b);
+  double worst = 0;
+  for (int i = 0; i < 3 * SIDE * SIDE; i++) worst = fmax(worst, fabs(sa.x[i] - sb.x[i]));
+  print_message("  %s and pcg differ by %.3g m\n", solver, worst);
+  assert_true(worst <= 1e-9);
+  assert_true(sa.x[3 * SIDE * SIDE / 2 + 2] < -0.01); /* it did move */
+  msim_sim_destroy(a), msim_sim_destroy(b);
+  msim_scene_destroy(scene);
+}
+
+int main(int argc, char **argv) {
+  if (argc > 1) solver = argv[1];
+  direct = strcmp(solver, "pcg") != 0;
+  if (!solver_there(solver)) return 77;
+  const struct CMUnitTest tests[] = {cmocka_unit_test(answer_solves_the_system),
+                                     cmocka_unit_test(definiteness_ends_where_theory_says),
+                                     cmocka_unit_test(stop_reports_and_keeps_the_state),
+                                     cmocka_unit_test(clamp_repeats_the_step_clamped),
+                                     cmocka_unit_test(solve_wants_a_solver_that_can),
+                                     cmocka_unit_test(a_tolerance_out_of_reach_is_rounding_level),
+                                     cmocka_unit_test(too_few_iterations_are_reported),
+                                     cmocka_unit_test(no_springs_no_matrix),
+                                     cmocka_unit_test(all_pinned_is_an_empty_system),
+                                     cmocka_unit_test(analyses_once_factors_when_values_are_new),
+                                     cmocka_unit_test(agrees_with_conjugate_gradients)};
+  return cmocka_run_group_tests_name("solver", tests, NULL, NULL);
+}

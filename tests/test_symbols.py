@@ -1,0 +1,81 @@
+"""What the binaries show to the outside: symbols, libraries they need; and that the headers compile
+alone, in every language a user may write in."""
+import re
+import shutil
+import unittest
+
+import support
+
+# libdl and libpthread are parts of libc since glibc 2.34
+NEEDED = re.compile(r"(libc|libm|libjansson|libdl|libpthread|ld-linux.*)\.so\.\d+")
+SANITIZER = re.compile(r"lib(asan|lsan|tsan|ubsan)\.so\.\d+")
+
+
+def symbols(path, kind):
+    return {line.split()[-1].split("@")[0]
+            for line in support.run("nm", "-D", kind, path).splitlines()}
+
+
+def dynamic(path, tag):
+    text = support.run("readelf", "-d", "-W", path)
+    return re.findall(rf"\({tag}\)[^\[]*\[([^\]]*)\]", text)
+
+
+def promised():
+    """The functions that msim.h declares for the outside."""
+    text = (support.SOURCE / "include/msim/msim.h").read_text()
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    text = re.sub(r"^\s*#.*", "", text, flags=re.M)
+    return set(re.findall(r"\bMSIM_API\b[^;(]*?(\w+)\s*\(", text))
+
+
+class Symbols(unittest.TestCase):
+    def setUp(self):
+        self.library = support.shared_library()
+
+    def test_library_exports_what_its_header_promises(self):
+        self.assertEqual(symbols(self.library, "--defined-only"), promised())
+
+    def test_library_needs_little(self):
+        for needed in dynamic(self.library, "NEEDED"):
+            if support.setting("SANITIZE") and SANITIZER.fullmatch(needed):
+                continue
+            self.assertRegex(needed, NEEDED)
+        self.assertEqual(dynamic(self.library, "SONAME"), ["libmsim.so.0"])
+
+    def test_plugins_show_their_entry_and_use_nothing_of_ours(self):
+        if not support.plugins():
+            self.skipTest("no plugin was built")
+        for name, path in support.plugins().items():
+            with self.subTest(plugin=name):
+                kind = name.split("_")[0]
+                self.assertEqual(symbols(path, "--defined-only"), {f"msim_{kind}_entry"})
+                ours = {s for s in symbols(path, "--undefined-only") if re.match("(msim|ms)_", s)}
+                self.assertEqual(ours, set())
+                self.assertNotIn("libmsim.so.0", dynamic(path, "NEEDED"))
+
+
+class Headers(unittest.TestCase):
+    def compile(self, compiler, language, standard, header):
+        support.run(compiler, "-x", language, f"-std={standard}", "-Wall", "-Wextra", "-Wpedantic",
+                    "-Werror", "-fsyntax-only", "-I", support.SOURCE / "include",
+                    "-include", f"msim/{header}", "-include", f"msim/{header}", "/dev/null")
+
+    def each(self, compiler, language, *standards):
+        for standard in standards:
+            for header in ("status.h", "msim.h", "backend.h", "recorder.h"):
+                with self.subTest(standard=standard, header=header):
+                    self.compile(compiler, language, standard, header)
+
+    def test_c(self):
+        self.each(support.setting("CC"), "c", "c99", "c11", "c17")
+
+    def test_cplusplus(self):
+        compiler = shutil.which("c++")
+        if compiler is None:
+            self.skipTest("no C++ compiler")
+        self.each(compiler, "c++", "c++11", "c++17")
+
+
+if __name__ == "__main__":
+    support.main()

@@ -1,0 +1,31 @@
+/* testing - what every test program includes */
+#ifndef TESTING_H
+#define TESTING_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "msim/msim.h"
+
+/* Fails the test with the library's own sentence. */
+#define assert_ok(call)                                                                        \
+  do {                                                                                         \
+    msim_error err_ = {0, ""};                                                                 \
+    msim_error *err = &err_;                                                                   \
+    msim_status status_ = (call);                                                              \
+    if (status_ != MSIM_OK) fail_msg("%s: status %d, \"%s\"", #call, (int)status_, err->text); \
+  } while (0)
+
+/* |a - b| <= tol, with both numbers in the message. */
+#define assert_close(a, b, tol)                                                              \
+  do {                                                                                       \
+    double a_ = (a), b_ = (b), tol_ = (tol);                                                 \
+    if (!(a_ - b_ <= tol_ && b_ - a_ <= tol_))                                               \
+      fail_msg("%s = %.17g, %s = %.17g, off by %.3g > %.3g", #a, a_, #b, b_, a_ - b_, tol_); \
+  } while (0)
+
+#endif

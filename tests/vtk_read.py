@@ -1,0 +1,110 @@
+"""A trajectory as VTK's own reader sees it, compared with what was recorded.
+
+    vtk_read.py BASE      BASE.vtkhdf against BASE.csv (x, v of each frame) and BASE.json (the rest)
+
+Frames that were planned but not written must be there and be empty. Exit status 77 without VTK.
+"""
+import csv
+import json
+import sys
+
+try:
+    import numpy as np
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkVersion
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+except ImportError as reason:
+    print(f"skipped: {reason}")
+    sys.exit(77)
+
+
+def read_csv(path, n):
+    """Steps, times and the frames of x and v, by step."""
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    columns = {name: np.array([float(row[name]) for row in rows]).reshape(-1, n)
+               for name in ("t", "x", "y", "z", "vx", "vy", "vz")}
+    x = np.stack([columns[name] for name in ("x", "y", "z")], axis=2)
+    v = np.stack([columns[name] for name in ("vx", "vy", "vz")], axis=2)
+    return columns["t"][:, 0], x, v
+
+
+def equal(what, found, expected):
+    """Bit for bit, so that -0.0 is not 0.0."""
+    found = np.ascontiguousarray(found)
+    expected = np.asarray(expected, dtype=found.dtype).reshape(found.shape)
+    if found.tobytes() != expected.tobytes():
+        worst = np.flatnonzero(found.ravel() != expected.ravel())[:1]
+        sys.exit(f"{what}: differs, first at {worst}")
+
+
+def array(data, name):
+    found = data.GetAbstractArray(name)
+    if found is None:
+        sys.exit(f"{name} is missing")
+    return vtk_to_numpy(found)
+
+
+def piece(reader):
+    """The poly data of the present step; newer versions wrap it up."""
+    data = reader.GetOutputDataObject(0)
+    while data is not None and data.IsA("vtkCompositeDataSet"):
+        iterator = data.NewIterator()
+        iterator.InitTraversal()
+        data = iterator.GetCurrentDataObject()
+    return data
+
+
+def open_file(path):
+    reader = vtkHDFReader()
+    reader.SetFileName(path)
+    if not reader.CanReadFile(path):
+        sys.exit(f"VTK cannot read {path}")
+    reader.UpdateInformation()
+    key = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+    information = reader.GetOutputInformation(0)
+    return reader, [information.Get(key, i) for i in range(information.Length(key))]
+
+
+def check_mesh(data, expected):
+    equal("Mass", array(data.GetPointData(), "Mass"), expected["mass"])
+    equal("Stiffness", array(data.GetCellData(), "Stiffness"), expected["k"])
+    equal("RestLength", array(data.GetCellData(), "RestLength"), expected["rest"])
+    equal("lines", vtk_to_numpy(data.GetLines().GetConnectivityArray()), expected["ij"])
+    equal("offsets of lines", vtk_to_numpy(data.GetLines().GetOffsetsArray()),
+          np.arange(0, len(expected["ij"]) + 1, 2))
+
+
+def check_energy(data, name, value):
+    """A field has one value a frame; some versions hand out the fields of all frames."""
+    found = array(data.GetFieldData(), name)
+    if len(found) != 1:
+        sys.exit(f"{name} has {len(found)} values in one frame")
+    equal(name, found, [value])
+
+
+def main(base):
+    with open(base + ".json") as file:
+        expected = json.load(file)
+    times, x, v = read_csv(base + ".csv", len(expected["mass"]))
+    reader, steps = open_file(base + ".vtkhdf")
+    written = expected["frames"]
+    equal("times", np.array(steps), expected["times"])
+    equal("times of the frames", np.array(steps[:written]), times)
+    for i, t in enumerate(steps):
+        reader.UpdateTimeStep(t)
+        data = piece(reader)
+        if i >= written:
+            if data is not None and data.GetNumberOfPoints() > 0:
+                sys.exit(f"frame {i} was not written but is not empty")
+            continue
+        equal(f"x of frame {i}", vtk_to_numpy(data.GetPoints().GetData()), x[i])
+        equal(f"v of frame {i}", array(data.GetPointData(), "Velocity"), v[i])
+        check_mesh(data, expected)
+        check_energy(data, "KineticEnergy", expected["kinetic"][i])
+        check_energy(data, "PotentialEnergy", expected["potential"][i])
+    print(f"VTK {vtkVersion.GetVTKVersion()}: {written} frames of {len(steps)} are equal")
+
+
+main(sys.argv[1])

@@ -1,0 +1,49 @@
+# What is installed: the library, its plugins (backends/CMakeLists.txt), the headers, msim_cli, the
+# scenes, and two ways to find them. All paths are relative to one another: a moved install works.
+include(CMakePackageConfigHelpers)
+
+get_property(msim_linked GLOBAL PROPERTY msim_linked)
+set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/msim)
+install(TARGETS msim EXPORT msim-targets
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
+  INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+install(DIRECTORY include/msim DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+if(TARGET msim_cli)
+  file(RELATIVE_PATH library_folder ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_LIBDIR})
+  set_target_properties(msim_cli PROPERTIES INSTALL_RPATH $ORIGIN/${library_folder})
+  install(TARGETS msim_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(DIRECTORY tools/scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/msim)
+endif()
+
+# ---- find_package(msim) -------------------------------------------------------------------------
+install(EXPORT msim-targets NAMESPACE msim:: DESTINATION ${package_folder})
+configure_package_config_file(tools/cmake/msim-config.cmake.in msim-config.cmake
+  INSTALL_DESTINATION ${package_folder} NO_SET_AND_CHECK_MACRO)
+write_basic_package_version_file(msim-config-version.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/msim-config.cmake
+              ${PROJECT_BINARY_DIR}/msim-config-version.cmake
+              ${PROJECT_SOURCE_DIR}/tools/cmake/msim-libraries.cmake
+        DESTINATION ${package_folder})
+
+# ---- pkg-config msim ----------------------------------------------------------------------------
+set(pc_folder ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig)
+file(RELATIVE_PATH pc_to_prefix ${pc_folder} ${CMAKE_INSTALL_PREFIX})
+string(REGEX REPLACE "/$" "" pc_to_prefix ${pc_to_prefix})
+file(RELATIVE_PATH pc_libdir ${CMAKE_INSTALL_PREFIX} ${CMAKE_INSTALL_FULL_LIBDIR})
+file(RELATIVE_PATH pc_includedir ${CMAKE_INSTALL_PREFIX} ${CMAKE_INSTALL_FULL_INCLUDEDIR})
+set(pc_flags "")
+set(pc_libraries "")
+if(NOT BUILD_SHARED_LIBS)
+  set(pc_flags " -DMSIM_STATIC")
+  # no .pc file on Debian 12: CHOLMOD; one that means what it says: HDF5
+  foreach(name IN LISTS msim_linked)
+    string(TOUPPER ${name} name)
+    get_filename_component(library ${MSIM_${name}_LIBRARY} NAME_WE)
+    string(REGEX REPLACE "^lib" " -l" library ${library})
+    string(APPEND pc_libraries ${library})
+  endforeach()
+endif()
+configure_file(tools/cmake/msim.pc.in msim.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/msim.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)

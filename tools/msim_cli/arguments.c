@@ -1,0 +1,230 @@
+#include "arguments.h"
+
+#include <getopt.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "message.h"
+
+/*------------------------------------- what there is --------------------------------------------*/
+
+#define FOR_RUN    (1u << COMMAND_RUN)
+#define FOR_ALL    ((1u << NCOMMANDS) - 1)
+#define AT(member) offsetof(arguments, member)
+
+static const cli_flag flags[] = {
+    {"out", "FILE", "write the motion: .vtkhdf for ParaView, .csv for table programs", FOR_RUN,
+     AT(out)},
+    {"final", "FILE.json", "write the last state, its energies and the work done", FOR_RUN,
+     AT(final)},
+    {"init", "FINAL.json", "start from a state that --final wrote", FOR_RUN, AT(init)},
+    {"resume", NULL, "go on with an interrupted run; not part of this version yet", FOR_RUN,
+     AT(resume)},
+    {"stats", NULL, "print all counters and the seconds of each phase", FOR_RUN, AT(stats)},
+    {"quiet", NULL, "print nothing but errors", FOR_RUN, AT(quiet)},
+    {"help", NULL, "show this text", FOR_ALL, AT(help)},
+};
+enum { NFLAGS = sizeof flags / sizeof *flags };
+
+const cli_flag *flag_info(int i) { return i >= 0 && i < NFLAGS ? &flags[i] : NULL; }
+
+const char *command_name(command_id which) {
+  static const char *const names[NCOMMANDS] = {"run", "explain", "list"};
+  return names[which];
+}
+
+int command_has_option(command_id which, const msim_option_entry *option) {
+  return which != COMMAND_LIST || strcmp(option->name, "plugin_path") == 0;
+}
+
+/*------------------------------------- for getopt_long ------------------------------------------*/
+
+/* Values of struct option: flag i is FIRST_FLAG + i, option i of the library FIRST_OPTION + i. All
+ * are above those of characters, with which getopt_long reports an unknown short option. */
+enum { FIRST_FLAG = 1000, FIRST_OPTION = 2000 };
+
+static int count_options(void) {
+  int n = 0;
+  while (msim_option_info(n)) n++;
+  return n;
+}
+
+/* All flags of a command, to be freed; NULL: no memory. */
+static struct option *long_options(command_id which) {
+  struct option *all = calloc((size_t)(NFLAGS + count_options() + 1), sizeof *all);
+  struct option *next = all;
+  if (!all) return NULL;
+  for (int i = 0; i < NFLAGS; i++) {
+    if (!(flags[i].commands & 1u << which)) continue;
+    int takes = flags[i].value ? required_argument : no_argument;
+    *next++ = (struct option){flags[i].name, takes, NULL, FIRST_FLAG + i};
+  }
+  const msim_option_entry *entry;
+  for (int i = 0; (entry = msim_option_info(i)) != NULL; i++)
+    if (command_has_option(which, entry))
+      *next++ = (struct option){entry->name, required_argument, NULL, FIRST_OPTION + i};
+  return all;
+}
+
+/*------------------------------------- slips of the pen -----------------------------------------*/
+
+static size_t least3(size_t a, size_t b, size_t c) {
+  size_t least = a < b ? a : b;
+  return least < c ? least : c;
+}
+
+/* Levenshtein's distance of two words, of which the longest name has room. */
+static size_t edit_distance(const char *a, size_t na, const char *b) {
+  enum { LONGEST = 47 };
+  size_t row[LONGEST + 1], nb = strlen(b);
+  if (na > LONGEST || nb > LONGEST) return LONGEST;
+  for (size_t j = 0; j <= nb; j++) row[j] = j;
+  for (size_t i = 1; i <= na; i++) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= nb; j++) {
+      size_t above = row[j];
+      row[j] = least3(above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1]));
+      diagonal = above;
+    }
+  }
+  return row[nb];
+}
+
+/* The flag that was meant: one that begins so, or else the nearest; NULL: none is near. */
+static const char *nearest(const struct option *all, const char *word, size_t length) {
+  const char *best = NULL;
+  size_t least = length / 3 + 2;
+  for (const struct option *o = all; o->name; o++) {
+    int begins = length > 1 && strncmp(o->name, word, length) == 0;
+    size_t distance = begins ? 0 : edit_distance(word, length, o->name);
+    if (distance >= least || distance >= length) continue;
+    best = o->name;
+    least = distance;
+  }
+  return best;
+}
+
+static int complain_unknown(const arguments *args, const struct option *all, const char *given) {
+  const char *command = command_name(args->which);
+  int length = (int)strcspn(given, "=");
+  const char *meant = length > 2 ? nearest(all, given + 2, (size_t)length - 2) : NULL;
+  if (meant)
+    return complain_usage(command, "there is no option '%.*s' (did you mean '--%s'?)", length,
+                          given, meant);
+  return complain_usage(command, "there is no option '%.*s'", length, given);
+}
+
+/*------------------------------------- parsing --------------------------------------------------*/
+
+static int take_operand(arguments *args, const char *text) {
+  const char *command = command_name(args->which);
+  if (args->which == COMMAND_LIST)
+    return complain_usage(command, "list takes no file, but '%s' is given", text);
+  if (args->scene)
+    return complain_usage(command, "%s takes one scene, but '%s' and '%s' are given", command,
+                          args->scene, text);
+  args->scene = text;
+  return EXIT_OK;
+}
+
+static int take_flag(arguments *args, const cli_flag *flag, const char *value) {
+  void *member = (char *)args + flag->member;
+  if (!flag->value) {
+    *(int *)member = 1;
+    return EXIT_OK;
+  }
+  if (!*value)
+    return complain_usage(command_name(args->which), "--%s needs the name of a file", flag->name);
+  *(const char **)member = value;
+  return EXIT_OK;
+}
+
+static int take_option(arguments *args, const char *name, const char *value) {
+  msim_error err;
+  if (msim_options_set(&args->options, name, value, &err) != MSIM_OK)
+    return complain_usage(command_name(args->which), "on the command line, %s", err.text);
+  args->settings[args->nsettings++] = (setting){name, value};
+  return EXIT_OK;
+}
+
+/* getopt_long has found something wrong: which is '?' or ':', optopt tells the flag. */
+static int complain_getopt(const arguments *args, const struct option *all, int which,
+                           const char *given) {
+  const char *command = command_name(args->which);
+  if (which == ':') return complain_usage(command, "%s needs a value", given);
+  if (optopt >= FIRST_FLAG)
+    return complain_usage(command, "%.*s takes no value", (int)strcspn(given, "="), given);
+  if (optopt) return complain_usage(command, "there is no option '-%c'", optopt);
+  return complain_unknown(args, all, given);
+}
+
+/* One flag as getopt_long returned it. Abbreviations, which it would take, are refused: a new
+ * option must not change what an old script means. */
+static int take_long(arguments *args, const struct option *all, int value, const char *given) {
+  const msim_option_entry *option = msim_option_info(value - FIRST_OPTION);
+  const char *name = option ? option->name : flags[value - FIRST_FLAG].name;
+  if (strcspn(given, "=") != strlen(name) + 2) return complain_unknown(args, all, given);
+  if (option) return take_option(args, name, optarg);
+  return take_flag(args, &flags[value - FIRST_FLAG], optarg);
+}
+
+/* "-:": operands come in order with value 1, and a missing value is told from an unknown flag. */
+static int parse_all(arguments *args, int argc, char **argv, const struct option *all) {
+  int value, status = EXIT_OK;
+  opterr = 0;
+  while (!status && (value = getopt_long(argc, argv, "-:", all, NULL)) != -1) {
+    const char *given = argv[optind - 1];
+    if (value == 1) status = take_operand(args, optarg);
+    else if (value == '?' || value == ':') status = complain_getopt(args, all, value, given);
+    else status = take_long(args, all, value, optarg == given ? argv[optind - 2] : given);
+    if (args->help) return EXIT_OK;
+  }
+  while (!status && optind < argc) status = take_operand(args, argv[optind++]);
+  return status;
+}
+
+static int check_whole(const arguments *args) {
+  const char *command = command_name(args->which);
+  if (args->help) return EXIT_OK;
+  if (args->resume)
+    return complain_usage(
+        command, "--resume is not part of this version yet; --init goes on from a final state");
+  if (args->options.every > 0 && args->options.fps > 0)
+    return complain_usage(command, "--every and --fps exclude each other");
+  if (!args->scene && args->which != COMMAND_LIST)
+    return complain_usage(command, "%s needs a scene file", command);
+  return EXIT_OK;
+}
+
+int arguments_parse(command_id which, int argc, char **argv, arguments *args) {
+  *args = (arguments){.which = which};
+  msim_options_init(&args->options, sizeof args->options);
+  args->settings = calloc((size_t)argc, sizeof *args->settings);
+  struct option *all = long_options(which);
+  int status = all && args->settings ? parse_all(args, argc, argv, all)
+                                     : complain("out of memory for the command line");
+  free(all);
+  return status ? status : check_whole(args);
+}
+
+void arguments_free(arguments *args) { free(args->settings); }
+
+/*------------------------------------- options of a run -----------------------------------------*/
+
+/* Some options stand for one another: what the command line gives unsets the scene's other one. */
+static void unset_others(const msim_options *given, msim_options *options) {
+  if (given->t_end >= 0) options->steps = -1;
+  if (given->every > 0) options->fps = 0;
+  if (given->fps > 0) options->every = 0;
+}
+
+int arguments_options(const arguments *args, const msim_scene *scene, msim_options *options) {
+  msim_error err;
+  msim_options_init(options, sizeof *options);
+  msim_status status = msim_options_from_scene(options, scene, &err);
+  unset_others(&args->options, options);
+  for (int i = 0; i < args->nsettings && !status; i++)
+    status = msim_options_set(options, args->settings[i].name, args->settings[i].value, &err);
+  return status ? complain("%s", err.text) : EXIT_OK;
+}

@@ -1,0 +1,240 @@
+#include "final.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "message.h"
+#include "stats.h"
+
+/*------------------------------------- the file -------------------------------------------------*/
+
+int final_open(final_file *file, const char *path) {
+  *file = (final_file){.path = path};
+  size_t size = strlen(path) + sizeof ".part";
+  file->part = malloc(size);
+  if (!file->part) return complain("out of memory for a file name");
+  snprintf(file->part, size, "%s.part", path);
+  file->stream = fopen(file->part, "w");
+  if (file->stream) return EXIT_OK;
+  complain("cannot write '%s': %s", file->part, strerror(errno));
+  final_discard(file);
+  return EXIT_ERROR;
+}
+
+void final_discard(final_file *file) {
+  if (file->stream) {
+    fclose(file->stream);
+    remove(file->part);
+  }
+  free(file->part);
+  *file = (final_file){.path = NULL};
+}
+
+/*------------------------------------- writing --------------------------------------------------*/
+
+/* 17 digits: reading them back gives the same bits. Takes the value. Returns 0 where it fails. */
+static int put_value(FILE *stream, json_t *value) {
+  int done = value && json_dumpf(value, stream, JSON_ENCODE_ANY | JSON_REAL_PRECISION(17)) == 0;
+  json_decref(value);
+  return done;
+}
+
+static int put_key(FILE *stream, const char *key, json_t *value) {
+  return fprintf(stream, ",\n \"%s\": ", key) > 0 && put_value(stream, value);
+}
+
+static json_t *triple(const double *x) { return json_pack("[fff]", x[0], x[1], x[2]); }
+
+/* One triple at a time, since a tree of the whole array would need ten times its memory. */
+static int put_triples(FILE *stream, const char *key, int32_t n, const double *x /* 3n */) {
+  int done = fprintf(stream, ",\n \"%s\": [", key) > 0;
+  for (int32_t i = 0; i < n && done; i++)
+    done = fputs(i ? ",\n  " : "", stream) >= 0 && put_value(stream, triple(x + 3 * (size_t)i));
+  return done && fputc(']', stream) != EOF;
+}
+
+static json_t *stats_object(const msim_stats *stats) {
+  json_t *object = json_object(), *seconds = json_object();
+  const char *name;
+  int64_t count;
+  double s;
+  for (int i = 0; (name = stats_counter(stats, i, &count)) != NULL; i++)
+    json_object_set_new(object, name, json_integer(count));
+  for (int i = 0; (name = stats_phase(stats, i, &s)) != NULL; i++)
+    json_object_set_new(seconds, name, json_real(s));
+  json_object_set_new(object, "seconds", seconds);
+  return object;
+}
+
+static json_t *energy_object(const msim_energy *energy) {
+  return json_pack("{sfsfsfsf}", "kinetic", energy->kinetic, "elastic", energy->elastic,
+                   "gravitational", energy->gravitational, "total", energy->total);
+}
+
+static const char *status_word(msim_status status) {
+  switch (status) {
+    case MSIM_NOT_SPD:
+      return "not_spd";
+    case MSIM_NOT_CONVERGED:
+      return "not_converged";
+    case MSIM_NOT_FINITE:
+      return "not_finite";
+    case MSIM_STOPPED:
+      return "stopped";
+    default:
+      return "ok";
+  }
+}
+
+typedef struct content {
+  msim_status status;
+  msim_state state;
+  msim_energy energy;
+  msim_stats stats;
+} content;
+
+static int put_content(FILE *stream, const content *c) {
+  const msim_state *s = &c->state;
+  return fprintf(stream, "{\"msim\": 1, \"status\": \"%s\"", status_word(c->status)) > 0 &&
+         put_key(stream, "step", json_integer(s->step)) && put_key(stream, "t", json_real(s->t)) &&
+         put_key(stream, "h", json_real(s->h)) && put_triples(stream, "x", s->n, s->x) &&
+         put_triples(stream, "v", s->n, s->v) &&
+         (!s->v_half || put_triples(stream, "v_half", s->n, s->v_half)) &&
+         put_key(stream, "energy", energy_object(&c->energy)) &&
+         put_key(stream, "momentum", triple(c->energy.momentum)) &&
+         put_key(stream, "angular_momentum", triple(c->energy.angular_momentum)) &&
+         put_key(stream, "stats", stats_object(&c->stats)) && fputs("}\n", stream) >= 0;
+}
+
+static int all_finite(size_t n, const double *x) {
+  for (size_t i = 0; i < n; i++)
+    if (!isfinite(x[i])) return 0;
+  return 1;
+}
+
+/* The key of a number that JSON cannot hold; NULL: there is none. */
+static const char *find_culprit(const content *c) {
+  const msim_state *s = &c->state;
+  const msim_energy *e = &c->energy;
+  size_t n = 3 * (size_t)s->n;
+  if (!isfinite(s->t)) return "t";
+  if (!all_finite(n, s->x)) return "x";
+  if (!all_finite(n, s->v)) return "v";
+  if (s->v_half && !all_finite(n, s->v_half)) return "v_half";
+  const double energies[] = {e->kinetic, e->elastic, e->gravitational, e->total};
+  if (!all_finite(4, energies)) return "energy";
+  if (!all_finite(3, e->momentum)) return "momentum";
+  return all_finite(3, e->angular_momentum) ? NULL : "angular_momentum";
+}
+
+int final_write(final_file *file, msim_sim *sim, msim_status status) {
+  content c = {.status = status,
+               .state = {.size = sizeof c.state},
+               .energy = {.size = sizeof c.energy},
+               .stats = {.size = sizeof c.stats}};
+  msim_sim_state(sim, &c.state);
+  msim_sim_energy(sim, &c.energy);
+  msim_sim_stats(sim, &c.stats);
+  const char *culprit = find_culprit(&c);
+  if (culprit)
+    return complain("'%s' is not written: its '%s' would not be finite", file->path, culprit);
+  errno = 0;
+  int written = put_content(file->stream, &c);
+  written = fclose(file->stream) == 0 && written;
+  file->stream = NULL;
+  if (written && rename(file->part, file->path) == 0) return EXIT_OK;
+  complain("cannot write '%s': %s", file->path, errno ? strerror(errno) : "out of memory");
+  remove(file->part);
+  return EXIT_ERROR;
+}
+
+/*------------------------------------- reading --------------------------------------------------*/
+
+typedef struct init {
+  const char *path;
+  json_t *root;
+  msim_state state;
+  double *x, *v, *v_half; /* 3n, what state points to */
+} init;
+
+static int take_triple(const init *in, const char *key, int32_t i, double *to) {
+  const json_t *row = json_array_get(json_object_get(in->root, key), (size_t)i);
+  if (json_array_size(row) != 3)
+    return complain("%s: %s[%d] must be three numbers", in->path, key, (int)i);
+  for (size_t k = 0; k < 3; k++) {
+    const json_t *number = json_array_get(row, k);
+    if (!json_is_number(number))
+      return complain("%s: %s[%d][%d] must be a number", in->path, key, (int)i, (int)k);
+    to[k] = json_number_value(number);
+  }
+  return EXIT_OK;
+}
+
+/* The array of n triples under a key, to be freed; *to stays NULL where the key is missing. */
+static int take_triples(const init *in, const char *key, double **to) {
+  const json_t *rows = json_object_get(in->root, key);
+  int32_t n = in->state.n;
+  if (!rows) return EXIT_OK;
+  if (!json_is_array(rows) || json_array_size(rows) != (size_t)n)
+    return complain("%s: %s must be %d triples, one for each particle of the scene, but %s%zu",
+                    in->path, key, (int)n,
+                    json_is_array(rows) ? "there are " : "is none: ", json_array_size(rows));
+  *to = malloc(((size_t)n + 1) * 3 * sizeof **to);
+  if (!*to) return complain("out of memory for %s of '%s'", key, in->path);
+  for (int32_t i = 0; i < n; i++)
+    if (take_triple(in, key, i, *to + 3 * (size_t)i)) return EXIT_ERROR;
+  return EXIT_OK;
+}
+
+static int take_time(init *in) {
+  const json_t *step = json_object_get(in->root, "step"), *t = json_object_get(in->root, "t");
+  const json_t *h = json_object_get(in->root, "h");
+  if (step && (!json_is_integer(step) || json_integer_value(step) < 0))
+    return complain("%s: step must be a whole number >= 0", in->path);
+  if (t && !json_is_number(t)) return complain("%s: t must be a number", in->path);
+  if (h && !json_is_number(h)) return complain("%s: h must be a number", in->path);
+  in->state.h = json_number_value(h); /* 0 where it is missing: v_half then belongs to no h */
+  if (step) in->state.step = json_integer_value(step);
+  if (t) in->state.t = json_number_value(t);
+  return EXIT_OK;
+}
+
+static int take_state(init *in) {
+  const json_t *version = json_object_get(in->root, "msim");
+  if (!json_is_object(in->root) || !version)
+    return complain("%s is not a final state: it has no key 'msim'", in->path);
+  if (!json_is_integer(version) || json_integer_value(version) != 1)
+    return complain("%s: msim must be 1, the version of the format", in->path);
+  if (take_time(in) || take_triples(in, "x", &in->x) || take_triples(in, "v", &in->v) ||
+      take_triples(in, "v_half", &in->v_half))
+    return EXIT_ERROR;
+  if (!in->x || !in->v)
+    return complain("%s is not a final state: it has no key '%s'", in->path, in->x ? "v" : "x");
+  in->state.x = in->x;
+  in->state.v = in->v;
+  in->state.v_half = in->v_half;
+  return EXIT_OK;
+}
+
+int init_read(const char *path, msim_sim *sim) {
+  json_error_t error;
+  msim_error err;
+  init in = {.path = path, .state = {.size = sizeof in.state}};
+  int status = EXIT_OK;
+  msim_sim_state(sim, &in.state);
+  in.root = json_load_file(path, JSON_REJECT_DUPLICATES, &error);
+  if (!in.root)
+    status = error.line > 0 ? complain("%s:%d:%d: %s", path, error.line, error.column, error.text)
+                            : complain("%s", error.text);
+  else status = take_state(&in);
+  if (!status && msim_sim_set_state(sim, &in.state, &err) != MSIM_OK)
+    status = complain("%s: %s", path, err.text);
+  json_decref(in.root);
+  free(in.x);
+  free(in.v);
+  free(in.v_half);
+  return status;
+}

@@ -1,0 +1,70 @@
+#include "message.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { MESSAGE_SIZE = 4096, LINE_WIDTH = 80 };
+
+void clean_text(char *text) {
+  for (; *text; text++) {
+    unsigned char c = (unsigned char)*text;
+    if (c < ' ' || c == 127) *text = ' ';
+  }
+}
+
+/* One call of fprintf, so that the lines of several programs do not mix. */
+static void complain_va(const char *ending, const char *command, const char *format, va_list args) {
+  char text[MESSAGE_SIZE];
+  vsnprintf(text, sizeof text, format, args);
+  clean_text(text);
+  fprintf(stderr, *ending ? "msim_cli: %s; see 'msim_cli %s%s'\n" : "msim_cli: %s\n", text, command,
+          ending);
+}
+
+int complain(const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  complain_va("", "", format, args);
+  va_end(args);
+  return EXIT_ERROR;
+}
+
+int complain_usage(const char *command, const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  complain_va(*command ? " --help" : "--help", command, format, args);
+  va_end(args);
+  return EXIT_ERROR;
+}
+
+static void fill(size_t from, size_t to) { printf("%*s", (int)(to - from), ""); }
+
+void print_wrapped(size_t column, const char *text) {
+  size_t at = column;
+  while (*text) {
+    size_t word = strcspn(text, " ");
+    if (at > column && at + 1 + word > LINE_WIDTH) {
+      putchar('\n');
+      fill(0, column);
+      at = column;
+    } else if (at > column) {
+      putchar(' ');
+      at++;
+    }
+    printf("%.*s", (int)word, text);
+    at += word;
+    text += word + strspn(text + word, " ");
+  }
+  putchar('\n');
+}
+
+void print_column(size_t column, const char *text) {
+  size_t at = strlen(text) + 2;
+  printf("  %s", text);
+  if (at >= column) {
+    putchar('\n');
+    at = 0;
+  }
+  fill(at, column);
+}

@@ -1,0 +1,111 @@
+#define _POSIX_C_SOURCE 200809L /* clock_gettime, isatty */
+#include "progress.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <time.h>
+#include <unistd.h>
+
+/* Columns. The text beside the bar has TEXT_COLUMNS where there is room for a bar at all. */
+enum { WIDEST = 250, TEXT_COLUMNS = 64, WIDEST_BAR = 40, NARROWEST_BAR = 8 };
+
+double wall_seconds(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+/* Columns that may be used. The last one stays free: some terminals wrap when it is written. */
+static int terminal_columns(void) {
+  struct winsize size = {0};
+  int columns = 0;
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0) columns = size.ws_col;
+  const char *text = getenv("COLUMNS");
+  if (columns <= 0 && text) columns = atoi(text);
+  if (columns <= 0) columns = 80;
+  return columns > WIDEST ? WIDEST - 1 : columns - 1;
+}
+
+/* Append what still fits in the line as a whole; parts come in the order of their worth. */
+static void append(char *line, int columns, const char *part) {
+  size_t used = strlen(line);
+  if (used + strlen(part) <= (size_t)columns) strcpy(line + used, part);
+}
+
+static void append_left(char *line, int columns, double left) {
+  char part[64];
+  long s = left < 1e9 ? (long)(left + 0.5) : 999999999L;
+  if (s < 3600) snprintf(part, sizeof part, "  %ld:%02ld left", s / 60, s % 60);
+  else snprintf(part, sizeof part, "  %ld:%02ld:%02ld left", s / 3600, s / 60 % 60, s % 60);
+  append(line, columns, part);
+}
+
+static void append_speed(char *line, int columns, double speed) {
+  char part[64];
+  if (speed < 10) snprintf(part, sizeof part, "  %.2f steps/s", speed);
+  else if (speed < 1e4) snprintf(part, sizeof part, "  %.0f steps/s", speed);
+  else if (speed < 1e7) snprintf(part, sizeof part, "  %.0fk steps/s", speed / 1e3);
+  else snprintf(part, sizeof part, "  %.0fM steps/s", speed / 1e6);
+  append(line, columns, part);
+}
+
+/* "[####----] 50%" */
+static void append_bar(char *line, int columns, double done) {
+  int width = columns - TEXT_COLUMNS;
+  if (width > WIDEST_BAR) width = WIDEST_BAR;
+  char part[WIDEST_BAR + 24], *to = part;
+  if (width >= NARROWEST_BAR) {
+    *to++ = '[';
+    for (int i = 0; i < width; i++) *to++ = i < (int)(done * width) ? '#' : '-';
+    *to++ = ']';
+  }
+  snprintf(to, 16, "%4d%%", (int)(100 * done));
+  append(line, columns, part);
+}
+
+static void describe(const progress *bar, char *line, int columns, double now, int64_t step,
+                     double t, double t_end) {
+  char part[80];
+  int64_t made = step - bar->first, all = bar->end - bar->first;
+  double elapsed = now - bar->started, speed = (double)made / elapsed;
+  append_bar(line, columns, (double)made / (double)all);
+  if (made > 0) append_left(line, columns, (double)(all - made) / speed);
+  int digits = snprintf(part, sizeof part, "%" PRId64, bar->end);
+  snprintf(part, sizeof part, "  step %*" PRId64 "/%" PRId64, digits, step, bar->end);
+  append(line, columns, part);
+  snprintf(part, sizeof part, "  t %#.4g/%.4g s", t, t_end);
+  append(line, columns, part);
+  append_speed(line, columns, speed);
+}
+
+/* In one call, so that the terminal never shows half a line. */
+static void print_line(progress *bar, const char *line, const char *ending) {
+  int length = (int)strlen(line);
+  int erase = bar->shown > length ? bar->shown - length : 0;
+  fprintf(stderr, "\r%s%*s%s", line, erase, "", ending);
+  bar->shown = length;
+}
+
+void progress_start(progress *bar, int quiet, int64_t first, int64_t end) {
+  double now = wall_seconds();
+  *bar = (progress){.wanted = !quiet && end > first && isatty(STDERR_FILENO),
+                    .first = first,
+                    .end = end,
+                    .started = now,
+                    .drawn = now};
+}
+
+void progress_update(progress *bar, double now, int64_t step, double t, double t_end) {
+  char line[WIDEST] = "";
+  if (!bar->wanted || now - bar->started < 0.5 || now - bar->drawn < 0.1) return;
+  bar->drawn = now;
+  describe(bar, line, terminal_columns(), now, step, t, t_end);
+  print_line(bar, line, "");
+}
+
+void progress_hide(progress *bar) {
+  if (bar->shown) print_line(bar, "", "\r");
+}

@@ -1,0 +1,197 @@
+#include "report.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "files.h"
+#include "message.h"
+#include "stats.h"
+
+enum { VALUE_COLUMN = 16 };
+
+/*------------------------------------- the end of a run -----------------------------------------*/
+
+static void print_method(const msim_plan *plan, const msim_stats *stats) {
+  int direct = strcmp(plan->solver, "none") == 0;
+  print_column(VALUE_COLUMN, "method");
+  printf("%s, %s%s\n", plan->integrator, direct ? "no linear solver needed" : "linear solver ",
+         direct ? "" : plan->solver);
+  print_column(VALUE_COLUMN, "steps");
+  printf("%" PRId64 " of h = %g s", stats->steps, plan->h);
+  if (stats->steps < plan->steps) printf("; %" PRId64 " were planned", plan->steps);
+  putchar('\n');
+}
+
+static void print_time(const report *r, const msim_state *state) {
+  int64_t steps = state->step - r->first.step;
+  print_column(VALUE_COLUMN, "simulated");
+  printf("from t = %g s to t = %g s\n", r->first.t, state->t);
+  print_column(VALUE_COLUMN, "took");
+  printf("%.3g s", r->wall_s);
+  double speed = r->wall_s > 0 ? (double)steps / r->wall_s : 0;
+  if (speed > 0) printf(speed < 100 ? ", %.3g steps a second" : ", %.0f steps a second", speed);
+  putchar('\n');
+}
+
+static void print_energy_row(const char *name, double start, double end) {
+  print_column(VALUE_COLUMN, name);
+  printf("%14.7g %14.7g %14.3g\n", start, end, end - start);
+}
+
+static void print_energies(const msim_energy *start, const msim_energy *end) {
+  putchar('\n');
+  print_column(VALUE_COLUMN, "energy, J");
+  printf("%14s %14s %14s\n", "at the start", "at the end", "change");
+  print_energy_row("kinetic", start->kinetic, end->kinetic);
+  print_energy_row("elastic", start->elastic, end->elastic);
+  print_energy_row("gravitational", start->gravitational, end->gravitational);
+  print_energy_row("total", start->total, end->total);
+  putchar('\n');
+}
+
+static void print_events(const report *r, const msim_stats *stats) {
+  if (stats->contacts) {
+    print_column(VALUE_COLUMN, "contacts");
+    printf("%" PRId64 "; particles reflected, each once a pass\n", stats->contacts);
+  }
+  if (stats->indefinite_steps) {
+    print_column(VALUE_COLUMN, "indefinite");
+    printf("%" PRId64 "; steps whose exact matrix was not positive definite\n",
+           stats->indefinite_steps);
+  }
+  if (r->notes) {
+    print_column(VALUE_COLUMN, "notes");
+    printf("%d; on standard error\n", r->notes);
+  }
+}
+
+static void print_out(const report *r, const char *path) {
+  print_column(VALUE_COLUMN, "motion");
+  printf("%s; frames: %" PRId64 "\n", path, r->frames);
+  print_column(VALUE_COLUMN, "");
+  if (has_extension(path, ".vtkhdf"))
+    puts("ParaView 5.12 or later shows it: open it, press Apply, press play");
+  else puts("any table program opens it");
+}
+
+static void print_files(const report *r, const arguments *args) {
+  if (args->out) print_out(r, args->out);
+  if (args->final) {
+    print_column(VALUE_COLUMN, "last state");
+    puts(args->final);
+  }
+  if (!args->out && !args->final) {
+    print_column(VALUE_COLUMN, "kept");
+    puts("nothing; --out FILE keeps the motion, --final FILE.json the last state");
+  }
+}
+
+static void print_stats(const msim_stats *stats) {
+  const char *name;
+  int64_t count;
+  double s;
+  puts("\n  work");
+  for (int i = 0; (name = stats_counter(stats, i, &count)) != NULL; i++)
+    printf("    %-20s %14" PRId64 "\n", name, count);
+  puts("\n  seconds");
+  for (int i = 0; (name = stats_phase(stats, i, &s)) != NULL; i++)
+    printf("    %-20s %14.6f\n", name, s);
+}
+
+static void print_name(const report *r, const arguments *args) {
+  char text[256];
+  snprintf(text, sizeof text, "%s", *r->name ? r->name : args->scene);
+  clean_text(text);
+  puts(text);
+}
+
+void report_run(const report *r, const arguments *args, msim_sim *sim) {
+  msim_plan plan = {.size = sizeof plan};
+  msim_stats stats = {.size = sizeof stats};
+  msim_state state = {.size = sizeof state};
+  msim_energy end = {.size = sizeof end};
+  msim_sim_plan(sim, &plan);
+  msim_sim_stats(sim, &stats);
+  msim_sim_state(sim, &state);
+  msim_sim_energy(sim, &end);
+  print_name(r, args);
+  print_method(&plan, &stats);
+  print_time(r, &state);
+  print_energies(&r->start, &end);
+  print_events(r, &stats);
+  print_files(r, args);
+  if (args->stats) print_stats(&stats);
+}
+
+/*------------------------------------- list -----------------------------------------------------*/
+
+static size_t name_width(void) {
+  const msim_integrator_entry *entry;
+  size_t longest = 0;
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++)
+    if (strlen(entry->name) > longest) longest = strlen(entry->name);
+  return longest;
+}
+
+static void list_integrators(void) {
+  const msim_integrator_entry *entry;
+  int width = (int)name_width();
+  int column = printf("  %-*s  order  kind      ", width, "name");
+  puts("method");
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
+    if (entry->order == 0) continue;
+    printf("  %-*s  %-5d  %-8s  ", width, entry->name, (int)entry->order,
+           entry->implicit ? "implicit" : "explicit");
+    print_wrapped((size_t)column, entry->doc);
+  }
+}
+
+/* Their sentences all say that they are not there yet, as the heading does: names are enough. */
+static void list_later_integrators(void) {
+  const msim_integrator_entry *entry;
+  char names[1024] = "";
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
+    size_t used = strlen(names);
+    if (entry->order == 0)
+      snprintf(names + used, sizeof names - used, "%s%s", used ? ", " : "", entry->name);
+  }
+  printf("  ");
+  print_wrapped(2, names);
+}
+
+typedef int32_t plugin_info(int32_t i, const char *path, msim_plugin_entry *entry, msim_error *err);
+
+static void list_plugin(int width, const msim_plugin_entry *entry) {
+  char text[512];
+  int column = printf("  %-*s  %-9s  ", width, entry->name, entry->available ? "yes" : "no");
+  int licensed = entry->license && *entry->license;
+  snprintf(text, sizeof text, "%s%s%s", entry->library ? entry->library : "",
+           licensed ? ", licence " : "", licensed ? entry->license : "");
+  if (*text) print_wrapped((size_t)column, text);
+  if (!entry->note || !*entry->note) return;
+  if (*text) printf("%*s", column, "");
+  print_wrapped((size_t)column, entry->note);
+}
+
+static void list_plugins(plugin_info *info, const char *path) {
+  msim_plugin_entry entry;
+  msim_error err;
+  int width = 0;
+  for (int32_t i = 0; info(i, path, &entry, &err); i++)
+    if ((int)strlen(entry.name) > width) width = (int)strlen(entry.name);
+  printf("  %-*s  available  library\n", width, "name");
+  for (int32_t i = 0; info(i, path, &entry, &err); i++) list_plugin(width, &entry);
+}
+
+int report_list(const arguments *args) {
+  puts("Integrators");
+  list_integrators();
+  puts("\nIntegrators that are known, but not part of this version");
+  list_later_integrators();
+  puts("\nLinear solvers");
+  list_plugins(msim_solver_info, args->options.plugin_path);
+  puts("\nRecorders, chosen by the name of the --out file");
+  list_plugins(msim_recorder_info, args->options.plugin_path);
+  return EXIT_OK;
+}

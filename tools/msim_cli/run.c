@@ -1,0 +1,239 @@
+#define _POSIX_C_SOURCE 200809L /* sigaction */
+#include "run.h"
+
+#include <inttypes.h>
+#include <signal.h>
+#include <stdio.h>
+
+#include "files.h"
+#include "final.h"
+#include "message.h"
+#include "progress.h"
+#include "report.h"
+#include "setup.h"
+
+typedef struct run {
+  const arguments *args;
+  setup made;
+  msim_sim *sim;
+  msim_recorder *recorder; /* NULL: no --out */
+  final_file final;
+  progress bar;
+  report report;
+  msim_state first;      /* its arrays are not looked at */
+  double h;              /* s */
+  int64_t end, recorded; /* steps: the last one to make, that of the last frame written */
+} run;
+
+/*------------------------------------- Ctrl-C ---------------------------------------------------*/
+
+static msim_sim *volatile running;
+static volatile sig_atomic_t stop_asked;
+
+/* The first signal ends the run after the present step, the second one kills. */
+static void on_signal(int number) {
+  (void)number;
+  signal(SIGINT, SIG_DFL);
+  signal(SIGTERM, SIG_DFL);
+  stop_asked = 1;
+  if (running) msim_sim_stop(running);
+}
+
+/* Signals that the caller ignores, as `nohup` and `&` do, stay ignored. */
+static void catch_signals(msim_sim *sim) {
+  static const int numbers[] = {SIGINT, SIGTERM};
+  struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART}, before;
+  sigemptyset(&action.sa_mask);
+  running = sim;
+  for (int i = 0; i < 2; i++)
+    if (sigaction(numbers[i], NULL, &before) == 0 && before.sa_handler != SIG_IGN)
+      sigaction(numbers[i], &action, NULL);
+}
+
+/*------------------------------------- before the run -------------------------------------------*/
+
+static void print_note(const char *text, void *user) {
+  run *r = user;
+  progress_hide(&r->bar);
+  complain("note: %s", text);
+  r->report.notes++;
+}
+
+/* Files are written under another name and then renamed, which would put a file in the place of a
+ * device or a pipe. */
+static int check_target(const char *flag, const char *path) {
+  const char *kind = not_a_file(path);
+  return kind ? complain_usage("run", "%s '%s' is %s, not a file", flag, path, kind) : EXIT_OK;
+}
+
+static int check_files(const arguments *args) {
+  if (same_file(args->out, args->scene) || same_file(args->final, args->scene))
+    return complain_usage("run", "'%s' is the scene; a run does not write over it", args->scene);
+  if (same_file(args->out, args->init))
+    return complain_usage("run", "'%s' cannot be both --init and --out", args->out);
+  if (same_file(args->out, args->final))
+    return complain_usage("run", "'%s' cannot be both --out and --final", args->out);
+  if (check_target("--out", args->out)) return EXIT_ERROR;
+  return check_target("--final", args->final);
+}
+
+/* The plan counts the steps from the first state. */
+static void find_end(run *r) {
+  msim_plan plan = {.size = sizeof plan};
+  r->first.size = sizeof r->first;
+  msim_sim_state(r->sim, &r->first);
+  msim_sim_plan(r->sim, &plan);
+  r->h = plan.h;
+  r->end = plan.steps > INT64_MAX - r->first.step ? INT64_MAX : r->first.step + plan.steps;
+}
+
+static int make_sim(run *r) {
+  const arguments *args = r->args;
+  msim_options *options = &r->made.options;
+  msim_error err;
+  if (setup_make(args, &r->made)) return EXIT_ERROR;
+  if (options->steps < 0 && options->t_end < 0)
+    return complain_usage("run",
+                          "neither the command line nor the scene's run says when to end: add "
+                          "--steps N or --t_end SECONDS");
+  if (check_files(args)) return EXIT_ERROR;
+  if (!args->quiet) {
+    options->warn = print_note;
+    options->warn_user = r;
+  }
+  msim_status status = msim_sim_create(r->made.scene, options, &r->sim, &err);
+  if (status) return setup_failed(status, &err);
+  if (args->init && init_read(args->init, r->sim)) return EXIT_ERROR;
+  find_end(r);
+  return EXIT_OK;
+}
+
+static int open_files(run *r) {
+  const arguments *args = r->args;
+  msim_error err;
+  if (args->final && final_open(&r->final, args->final)) return EXIT_ERROR;
+  if (!args->out || msim_recorder_open(r->sim, args->out, &r->recorder, &err) == MSIM_OK)
+    return EXIT_OK;
+  return complain("%s", err.text);
+}
+
+/*------------------------------------- the run --------------------------------------------------*/
+
+static int64_t least(int64_t a, int64_t b) { return a < b ? a : b; }
+
+static msim_status record(run *r, int64_t step, msim_error *err) {
+  msim_status status = msim_recorder_write(r->recorder, err);
+  if (status) return status;
+  r->recorded = step;
+  r->report.frames++;
+  return status;
+}
+
+/* How many steps until the clock is read again: about 50 ms. */
+static int64_t next_pace(int64_t pace, double seconds) {
+  const double wanted = 0.05;
+  if (seconds < wanted / 2) return pace < INT64_MAX / 2 ? 2 * pace : pace;
+  int64_t slower = (int64_t)((double)pace * wanted / seconds);
+  return slower > 1 ? slower : 1;
+}
+
+static void show_progress(run *r, double now, int64_t step) {
+  double from = r->first.t;
+  progress_update(&r->bar, now, step, from + (double)(step - r->first.step) * r->h,
+                  from + (double)(r->end - r->first.step) * r->h);
+}
+
+/* Step to the end in pieces: to the next frame, or until the clock is to be read. */
+static msim_status simulate(run *r, msim_error *err) {
+  int64_t step = r->first.step, pace = 1, left = pace;
+  double before = wall_seconds();
+  msim_status status = r->recorder ? record(r, step, err) : MSIM_OK;
+  while (!status && step < r->end && !stop_asked) {
+    int64_t frame = r->recorder ? least(msim_sim_next_frame(r->sim), r->end) : r->end;
+    int64_t n = least(frame - step, left);
+    status = msim_sim_step(r->sim, n, err);
+    if (status) break;
+    step += n;
+    left -= n;
+    if (r->recorder && step == frame) status = record(r, step, err);
+    if (left > 0) continue;
+    double now = wall_seconds();
+    left = pace = next_pace(pace, now - before);
+    before = now;
+    show_progress(r, now, step);
+  }
+  return !status && step < r->end ? MSIM_STOPPED : status;
+}
+
+/*------------------------------------- after the run --------------------------------------------*/
+
+static int close_recorder(run *r, msim_error *err) {
+  msim_recorder *recorder = r->recorder;
+  r->recorder = NULL;
+  return msim_recorder_close(recorder, err);
+}
+
+/* Write the state where it ended, and close the file. Keeps the first thing that went wrong. */
+static msim_status end_recording(run *r, msim_status status, const msim_state *last,
+                                 msim_error *err) {
+  msim_error second;
+  msim_status failed = MSIM_OK;
+  if (!r->recorder) return status;
+  if (status >= 0 && r->recorded != last->step) failed = record(r, last->step, &second);
+  if (!failed) failed = close_recorder(r, &second);
+  if (!failed || status < 0) return status;
+  *err = second;
+  return failed;
+}
+
+static void tell_end(msim_status status, const msim_state *last, const msim_error *err) {
+  if (status == MSIM_STOPPED)
+    complain("stopped at step %" PRId64 ", t = %g s; what was computed until then is kept",
+             last->step, last->t);
+  else if (status) complain("%s", err->text);
+}
+
+static int finish(run *r, msim_status status, msim_error *err) {
+  msim_state last = {.size = sizeof last};
+  msim_sim_state(r->sim, &last);
+  if (status == MSIM_STOPPED && last.step >= r->end) status = MSIM_OK;
+  status = end_recording(r, status, &last, err);
+  progress_hide(&r->bar);
+  r->report.wall_s = wall_seconds() - r->bar.started;
+  tell_end(status, &last, err);
+  if (status < 0) return EXIT_ERROR;
+  if (r->args->final && final_write(&r->final, r->sim, status)) return EXIT_ERROR;
+  if (!r->args->quiet) report_run(&r->report, r->args, r->sim);
+  return status ? EXIT_EVENT : EXIT_OK;
+}
+
+static void start_report(run *r) {
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(r->made.scene, &view);
+  r->report.name = view.name;
+  r->report.first = r->first;
+  r->report.start.size = sizeof r->report.start;
+  if (!r->args->quiet) msim_sim_energy(r->sim, &r->report.start);
+}
+
+static int execute(run *r) {
+  msim_error err;
+  start_report(r);
+  progress_start(&r->bar, r->args->quiet, r->first.step, r->end);
+  catch_signals(r->sim);
+  if (open_files(r)) return EXIT_ERROR;
+  msim_status status = simulate(r, &err);
+  return finish(r, status, &err);
+}
+
+int run_command(const arguments *args) {
+  run r = {.args = args, .recorded = -1};
+  int status = make_sim(&r);
+  if (!status) status = execute(&r);
+  running = NULL;
+  if (r.recorder) msim_recorder_close(r.recorder, NULL);
+  final_discard(&r.final);
+  msim_sim_destroy(r.sim);
+  setup_free(&r.made);
+  return status;
+}

@@ -1,0 +1,10 @@
+/* run - the command that simulates */
+#ifndef CLI_RUN_H
+#define CLI_RUN_H
+
+#include "arguments.h"
+
+/* Returns the exit status. */
+int run_command(const arguments *args);
+
+#endif

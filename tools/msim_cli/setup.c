@@ -1,0 +1,22 @@
+#include "setup.h"
+
+#include "message.h"
+
+int setup_failed(msim_status status, const msim_error *err) {
+  complain("%s", err->text);
+  return status > 0 ? EXIT_EVENT : EXIT_ERROR;
+}
+
+int setup_make(const arguments *args, setup *made) {
+  msim_error err;
+  *made = (setup){.scene = NULL};
+  if (msim_scene_load(NULL, args->scene, &made->scene, &err) != MSIM_OK)
+    return complain("%s", err.text);
+  if (arguments_options(args, made->scene, &made->options)) return EXIT_ERROR;
+  if (made->options.integrator) return EXIT_OK;
+  return complain_usage(command_name(args->which),
+                        "neither the command line nor the scene's run names an integrator: add "
+                        "--integrator NAME, as 'msim_cli list' shows them");
+}
+
+void setup_free(setup *made) { msim_scene_destroy(made->scene); }
