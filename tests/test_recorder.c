@@ -1,4 +1,4 @@
-/* The front end of recording, by CSV: what is refused, when the file gets its name, what is in it. */
+/* The front end of recording, by CSV: what is refused, when a file gets its name, what it holds. */
 #define _GNU_SOURCE /* mkdtemp */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,6 @@
 /* Sims of one scene in several threads: each gets the bits that it gets alone. The argument is
- * the linear solver. Under the thread sanitizer this also shows that nothing is shared but the scene. */
+ * the linear solver. Under the thread sanitizer this also shows that nothing is shared but the
+ * scene. */
 #include <pthread.h>
 #include <string.h>
 

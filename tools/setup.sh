@@ -76,7 +76,7 @@ packages() {
   mapfile -t absent < <(missing "$@")
   if ((${#absent[@]} == 0)); then return; fi
   if can_apt_install; then
-    step "installing ${#absent[@]} packages" apt_install "${absent[@]}" || true
+    step "installing packages (${#absent[@]})" apt_install "${absent[@]}" || true
     mapfile -t absent < <(missing "$@")
   else
     note "packages cannot be installed from here; these names are Debian's and Ubuntu's"

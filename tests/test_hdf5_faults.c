@@ -1,0 +1,270 @@
+/* The recorder plugin hdf5 when things go wrong: it says why, neither prints nor crashes, leaks
+ * nothing, and the frames so far are good. */
+#define _DEFAULT_SOURCE /* mkdtemp, syscall */
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+
+#include "trajectory.h"
+
+/* libhdf5 loses some memory of its own when a write fails; ours is counted by the host. */
+const char *__lsan_default_suppressions(void);
+const char *__lsan_default_suppressions(void) { return "leak:libhdf5"; }
+
+static counting_host host;
+
+/*------------------------------------- refusals -------------------------------------------------*/
+
+static void more_frames_than_planned(void **state) {
+  (void)state;
+  const msim_recorder_type *hdf5 = plugin();
+  if (!hdf5) skip();
+  sample s;
+  void *self;
+  host_init(&host);
+  sample_init(&s, "g.vtkhdf", 5, 4, 2);
+  assert_int_equal(hdf5->open(&host.host, &s.what, &self), MSIM_OK);
+  for (int64_t i = 0; i < 3; i++) {
+    msim_frame frame = sample_frame(&s, i);
+    assert_int_equal(hdf5->write(self, &frame), i < 2 ? MSIM_OK : MSIM_ERR_ARG);
+  }
+  assert_string_equal(host.sentence, "g.vtkhdf: all 2 planned frames are written");
+  assert_int_equal(hdf5->close(self), MSIM_OK);
+  assert_int_equal(host.live, 0);
+  assert_good("g.vtkhdf", 2, 2);
+  sample_free(&s);
+  remove("g.vtkhdf");
+}
+
+static void assert_refused(const char *path, int64_t nframes, msim_status status,
+                           const char *sentence) {
+  const msim_recorder_type *hdf5 = plugin();
+  if (!hdf5) skip();
+  sample s;
+  host_init(&host);
+  host.empty = status == MSIM_ERR_MEMORY;
+  sample_init(&s, path, 5, 4, 2);
+  s.what.name = "final.vtkhdf";
+  s.what.nframes = nframes;
+  assert_int_equal(record(hdf5, &host.host, &s, 2), status);
+  if (!strstr(host.sentence, sentence)) fail_msg("'%s' lacks '%s'", host.sentence, sentence);
+  assert_int_equal(host.live, 0);
+  sample_free(&s);
+}
+
+static void refusals_say_why(void **state) {
+  (void)state;
+  assert_refused("missing/a.vtkhdf", 2, MSIM_ERR_IO,
+                 "final.vtkhdf: cannot create the file: No such file or directory");
+  assert_refused("/", 2, MSIM_ERR_IO, "final.vtkhdf: cannot create the file: Is a directory");
+  assert_refused("h.vtkhdf", 0, MSIM_ERR_ARG,
+                 "final.vtkhdf: cannot create the file: too few or too many frames");
+  assert_refused("h.vtkhdf", INT64_MAX / 2, MSIM_ERR_ARG, "too few or too many frames");
+  assert_refused("h.vtkhdf", 2, MSIM_ERR_MEMORY, "memory");
+}
+
+/* More than any disk holds is refused before a byte is written. */
+static void a_disk_that_is_too_small(void **state) {
+  (void)state;
+  assert_refused("i.vtkhdf", INT64_C(1) << 48, MSIM_ERR_IO, "MB of disk space: ");
+  remove("i.vtkhdf");
+}
+
+static herr_t host_printer(hid_t stack, void *data) {
+  (void)stack;
+  ++*(int *)data;
+  return 0;
+}
+
+static void the_library_never_prints(void **state) {
+  (void)state;
+  if (!plugin()) skip();
+  int printed = 0, before = dup(STDERR_FILENO);
+  int to = open("stderr", O_CREAT | O_RDWR | O_TRUNC, 0600);
+  H5Eset_auto2(H5E_DEFAULT, host_printer, &printed);
+  dup2(to, STDERR_FILENO);
+  assert_refused("missing/a.vtkhdf", 2, MSIM_ERR_IO, "");
+  dup2(before, STDERR_FILENO);
+  off_t length = lseek(to, 0, SEEK_END);
+  close(to);
+  close(before);
+  remove("stderr");
+  assert_int_equal(length, 0);
+  assert_int_equal(printed, 0);
+  H5Dclose(12345); /* the host's own errors are printed as before */
+  assert_int_equal(printed, 1);
+  H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
+}
+
+/*------------------------------------- full disks -----------------------------------------------*/
+
+/* The file's size limit stands for a full disk. */
+static void limit_file_size(rlim_t bytes) {
+  const struct rlimit limit = {bytes, bytes};
+  setrlimit(RLIMIT_FSIZE, &limit);
+  signal(SIGXFSZ, SIG_IGN);
+}
+
+enum { FULL_FRAMES = 20, FRAMES_BEFORE = 7 };
+
+/* In a process of its own, which ends as a program does, handlers at exit included. Its exit
+ * status: the number of good frames, 100 where open() failed, 200 and more where this test did. */
+static void run_into_limit(const char *path, rlim_t at_open, rlim_t while_writing) {
+  sample s;
+  void *self = NULL;
+  const msim_recorder_type *hdf5 = plugin();
+  host_init(&host);
+  sample_init(&s, path, 1000, 0, FULL_FRAMES);
+  if (at_open) limit_file_size(at_open);
+  if (hdf5->open(&host.host, &s.what, &self) != MSIM_OK)
+    exit(host.live == 0 && strstr(host.sentence, "MB of disk space: File too large") ? 100 : 200);
+  int good = 0, failed = 0;
+  for (int i = 0; i < FULL_FRAMES; i++) {
+    if (i == FRAMES_BEFORE) limit_file_size(while_writing);
+    msim_frame frame = sample_frame(&s, i);
+    int fine = hdf5->write(self, &frame) == MSIM_OK;
+    if (fine && failed) exit(201); /* once failed, always failed */
+    good += fine;
+    failed += !fine;
+  }
+  if (!failed || !strstr(host.sentence, path) || !strstr(host.sentence, "File too large"))
+    exit(202);
+  if (hdf5->close(self) != MSIM_ERR_IO || host.live != 0) exit(203);
+  sample_free(&s);
+  exit(good);
+}
+
+static int status_at_limit(const char *path, rlim_t at_open, rlim_t while_writing) {
+  if (!plugin()) skip();
+  fflush(NULL);
+  pid_t child = fork();
+  if (child == 0) run_into_limit(path, at_open, while_writing);
+  int status = 0;
+  assert_int_equal(waitpid(child, &status, 0), child);
+  assert_true(WIFEXITED(status)); /* no signal */
+  return WEXITSTATUS(status);
+}
+
+static void a_full_disk_is_noticed_before_the_run(void **state) {
+  (void)state;
+  assert_int_equal(status_at_limit("j.vtkhdf", 100000, 0), 100);
+  remove("j.vtkhdf");
+}
+
+/* Where space could not be reserved. The limits cut x, v, and what comes after them. */
+static void a_disk_that_fills_leaves_whole_frames(void **state) {
+  (void)state;
+  for (rlim_t limit = 1000; limit < 900000; limit += 139000) {
+    assert_int_equal(status_at_limit("k.vtkhdf", 0, limit), FRAMES_BEFORE);
+    assert_good("k.vtkhdf", FRAMES_BEFORE, FULL_FRAMES);
+    remove("k.vtkhdf");
+  }
+}
+
+/*------------------------------------- every single write ---------------------------------------*/
+
+/* libhdf5 calls this pwrite instead of the C library's. */
+static int64_t writes_left = INT64_MAX; /* before the one that goes wrong; the next ones are fine */
+static int dies;                        /* 1: it is torn and the process ends; 0: "disk full" */
+static int64_t writes_made;
+
+ssize_t pwrite(int fd, const void *data, size_t bytes, off_t offset) {
+  writes_made++;
+  if (writes_left-- != 0) return syscall(SYS_pwrite64, fd, data, bytes, offset);
+  if (!dies) {
+    errno = ENOSPC;
+    return -1;
+  }
+  syscall(SYS_pwrite64, fd, data, bytes / 2, offset);
+  _exit(0);
+}
+
+enum { FEW_FRAMES = 5 };
+
+/* Opens, writes and closes as a program does; 1 where anything was refused, 2 and more where the
+ * answers do not fit together. Tells how many writes had been made after open and each frame. */
+static int run_few_frames(const char *path, int64_t after[1 + FEW_FRAMES]) {
+  sample s;
+  void *self = NULL;
+  const msim_recorder_type *hdf5 = plugin();
+  host_init(&host);
+  sample_init(&s, path, 10, 5, FEW_FRAMES);
+  int refused = hdf5->open(&host.host, &s.what, &self) != MSIM_OK, closed = MSIM_OK;
+  after[0] = writes_made;
+  for (int i = 0; i < FEW_FRAMES && self; i++) {
+    msim_frame frame = sample_frame(&s, i);
+    int fine = hdf5->write(self, &frame) == MSIM_OK;
+    if (fine && refused) return 2; /* though the disk may have room again */
+    refused |= !fine;
+    after[1 + i] = writes_made;
+  }
+  if (self) closed = hdf5->close(self);
+  sample_free(&s);
+  if (self && (closed != MSIM_OK) != refused) return 3;
+  if (refused && !strstr(host.sentence, "No space left on device")) return 4;
+  return host.live == 0 ? refused : 5;
+}
+
+static int status_with_bad_write(const char *path, int64_t which) {
+  int64_t after[1 + FEW_FRAMES];
+  fflush(NULL);
+  pid_t child = fork();
+  if (child == 0) {
+    writes_left = which;
+    exit(run_few_frames(path, after));
+  }
+  int status = 0;
+  assert_int_equal(waitpid(child, &status, 0), child);
+  assert_true(WIFEXITED(status)); /* no signal, at exit neither */
+  return WEXITSTATUS(status);
+}
+
+/* Each write goes wrong in its turn. Once the file is open, every frame whose last write came
+ * before is in it and good, and at most the one being written is there too. */
+static void assert_every_write(const char *path, int status) {
+  if (!plugin()) skip();
+  int64_t after[1 + FEW_FRAMES], planned;
+  writes_made = 0;
+  assert_int_equal(run_few_frames(path, after), 0);
+  if (writes_made == 0) skip(); /* this libhdf5 writes by other means */
+  const int64_t writes = after[FEW_FRAMES];
+  for (int64_t which = 0; which < writes; which++) {
+    assert_int_equal(status_with_bad_write(path, which), status);
+    int64_t frames = 0, good = verify(path, &planned);
+    while (frames < FEW_FRAMES && after[1 + frames] <= which) frames++;
+    if (which >= after[0] && good != frames && good != frames + 1)
+      fail_msg("write %d of %d: %d frames, not %d", (int)which, (int)writes, (int)good,
+               (int)frames);
+  }
+  remove(path);
+}
+
+static void death_at_any_write_leaves_whole_frames(void **state) {
+  (void)state;
+  dies = 1;
+  assert_every_write("o.vtkhdf", 0);
+  dies = 0;
+}
+
+static void refusal_of_any_write_is_told(void **state) {
+  (void)state;
+  assert_every_write("p.vtkhdf", 1);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(more_frames_than_planned),
+      cmocka_unit_test(refusals_say_why),
+      cmocka_unit_test(a_disk_that_is_too_small),
+      cmocka_unit_test(the_library_never_prints),
+      cmocka_unit_test(a_full_disk_is_noticed_before_the_run),
+      cmocka_unit_test(a_disk_that_fills_leaves_whole_frames),
+      cmocka_unit_test(death_at_any_write_leaves_whole_frames),
+      cmocka_unit_test(refusal_of_any_write_is_told),
+  };
+  return cmocka_run_group_tests(tests, enter_folder, leave_folder);
+}

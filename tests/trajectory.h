@@ -1,0 +1,165 @@
+/* trajectory - reads a .vtkhdf file and checks it, independently of the plugin that wrote it */
+#ifndef TRAJECTORY_H
+#define TRAJECTORY_H
+
+#include <dlfcn.h>
+#include <hdf5.h>
+
+#include "testing.h"
+#include "recording.h"
+
+/* NULL where the plugin was not built, or is linked in. */
+static inline const msim_recorder_type *plugin(void) {
+  const char *folder = getenv("MSIM_PLUGIN_PATH");
+  char path[1024];
+  snprintf(path, sizeof path, "%s/msim_recorder_hdf5.so", folder ? folder : "");
+  void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+  if (!library) return NULL;
+  void *symbol = dlsym(library, "msim_recorder_entry");
+  msim_recorder_entry_fn *entry;
+  memcpy(&entry, &symbol, sizeof entry);
+  return entry();
+}
+
+static inline hid_t open_trajectory(const char *path) {
+  H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
+  hid_t access = H5Pcreate(H5P_FILE_ACCESS);
+  H5Pset_file_locking(access, 0, 1);
+  hid_t file = H5Fopen(path, H5F_ACC_RDONLY, access);
+  H5Pclose(access);
+  return file;
+}
+
+/* Its dimensions, [0] for scalars; the rank, -1 where there is none. */
+static inline int extent(hid_t file, const char *path, hsize_t dims[2]) {
+  dims[0] = dims[1] = 0;
+  hid_t dataset = H5Dopen2(file, path, H5P_DEFAULT);
+  if (dataset < 0) return -1;
+  hid_t space = H5Dget_space(dataset);
+  int rank = H5Sget_simple_extent_ndims(space);
+  if (rank >= 0 && rank <= 2) H5Sget_simple_extent_dims(space, dims, NULL);
+  H5Sclose(space);
+  H5Dclose(dataset);
+  return rank;
+}
+
+/* `rows` rows of a dataset of 64-bit numbers, as they are; all where rows < 0. NULL where they
+ * cannot be read. */
+static inline uint64_t *read_rows(hid_t file, const char *path, int64_t first, int64_t rows,
+                                  int64_t *count) {
+  hsize_t dims[2];
+  const int rank = extent(file, path, dims);
+  if (rows < 0) rows = (int64_t)dims[0];
+  if (rank < 1 || first + rows > (int64_t)dims[0]) return NULL;
+  *count = rows * (rank == 2 ? (int64_t)dims[1] : 1);
+  uint64_t *words = calloc((size_t)*count + 1, sizeof *words);
+  const hsize_t start[2] = {(hsize_t)first, 0}, block[2] = {(hsize_t)rows, dims[1]};
+  hid_t dataset = H5Dopen2(file, path, H5P_DEFAULT), type = H5Dget_type(dataset);
+  hid_t there = H5Dget_space(dataset), here = H5Screate_simple(rank, block, NULL);
+  herr_t result = H5Sselect_hyperslab(there, H5S_SELECT_SET, start, NULL, block, NULL);
+  const hid_t memory = H5Tget_class(type) == H5T_FLOAT ? H5T_NATIVE_DOUBLE : H5T_NATIVE_INT64;
+  if (result >= 0) result = H5Dread(dataset, memory, here, there, H5P_DEFAULT, words);
+  H5Sclose(here);
+  H5Sclose(there);
+  H5Tclose(type);
+  H5Dclose(dataset);
+  if (result >= 0) return words;
+  free(words);
+  return NULL;
+}
+
+static inline int64_t read_attribute(hid_t file, const char *group, const char *name) {
+  int64_t value[2] = {-1, -1};
+  hid_t attribute = H5Aopen_by_name(file, group, name, H5P_DEFAULT, H5P_DEFAULT);
+  if (attribute < 0) return -1;
+  H5Aread(attribute, H5T_NATIVE_INT64, value);
+  H5Aclose(attribute);
+  return value[0];
+}
+
+/* The hash, as the head of hdf5.c tells readers to compute it. */
+typedef struct hash {
+  uint64_t sum, count;
+} hash;
+
+static inline void hash_word(hash *h, uint64_t word) {
+  h->count++;
+  uint64_t z = word ^ (h->count * 0x9e3779b97f4a7c15u);
+  h->sum += (z ^ (z >> 32)) * 0xbf58476d1ce4e5b9u;
+}
+
+static inline int hash_rows(hash *h, hid_t file, const char *path, int64_t first, int64_t rows) {
+  int64_t count = 0;
+  uint64_t *words = read_rows(file, path, first, rows, &count);
+  for (int64_t i = 0; i < count && words; i++) hash_word(h, words[i]);
+  free(words);
+  return words != NULL;
+}
+
+static inline int frame_is_good(hid_t file, int64_t i, int64_t n) {
+  hash h = {0, 0};
+  int64_t one;
+  uint64_t *stored = read_rows(file, "/msim/frames/hash", i, 1, &one);
+  int good = stored && hash_rows(&h, file, "/VTKHDF/PointData/Velocity", i * n, n) &&
+             hash_rows(&h, file, "/VTKHDF/Points", i * n, n) &&
+             hash_rows(&h, file, "/msim/frames/time", i, 1) &&
+             hash_rows(&h, file, "/msim/frames/step", i, 1) && h.sum == *stored;
+  free(stored);
+  return good;
+}
+
+static inline int statics_are_good(hid_t file, int64_t n) {
+  hash h = {0, 0};
+  hsize_t springs[2], scene[2];
+  extent(file, "/VTKHDF/CellData/Stiffness", springs);
+  extent(file, "/msim/scene", scene);
+  hash_word(&h, (uint64_t)n);
+  hash_word(&h, springs[0]);
+  int good = hash_rows(&h, file, "/VTKHDF/Lines/Connectivity", 0, -1) &&
+             hash_rows(&h, file, "/VTKHDF/PointData/Mass", 0, -1) &&
+             hash_rows(&h, file, "/VTKHDF/CellData/Stiffness", 0, -1) &&
+             hash_rows(&h, file, "/VTKHDF/CellData/RestLength", 0, -1);
+  hash_word(&h, scene[0]);
+  good = good && hash_rows(&h, file, "/msim/scene", 0, -1);
+  return good && h.sum == (uint64_t)read_attribute(file, "/msim", "static_hash");
+}
+
+/* Frames committed: the leading zeros of PartOffsets, nothing but ones after them. -1 if not so. */
+static inline int64_t count_committed(hid_t file, int64_t planned) {
+  int64_t count = 0, committed = 0, zeros = 0;
+  uint64_t *part = read_rows(file, "/VTKHDF/Steps/PartOffsets", 0, -1, &count);
+  if (!part) return -1;
+  while (committed < count && part[committed] == 0) committed++;
+  for (int64_t i = 0; i < count; i++) zeros += part[i] == 0;
+  for (int64_t i = committed; i < count; i++)
+    if (part[i] != 1) zeros = -1;
+  free(part);
+  return zeros == committed && count == planned ? committed : -1;
+}
+
+/* The frames committed, all checked; < 0 where anything is wrong. */
+static inline int64_t verify(const char *path, int64_t *planned) {
+  hid_t file = open_trajectory(path);
+  if (file < 0) return -1;
+  hsize_t values[2];
+  int64_t count, good = -2;
+  *planned = read_attribute(file, "/VTKHDF/Steps", "NSteps");
+  uint64_t *n = read_rows(file, "/VTKHDF/NumberOfPoints", 0, 1, &count);
+  /* longer Values would make VTK write past the end of its arrays */
+  if (n && extent(file, "/VTKHDF/Steps/Values", values) == 1 && (int64_t)values[0] == *planned &&
+      statics_are_good(file, (int64_t)*n))
+    good = count_committed(file, *planned);
+  for (int64_t i = 0; i < good; i++)
+    if (!frame_is_good(file, i, (int64_t)*n)) good = -3;
+  free(n);
+  H5Fclose(file);
+  return good;
+}
+
+static inline void assert_good(const char *path, int64_t frames, int64_t planned) {
+  int64_t found = -1;
+  assert_int_equal(verify(path, &found), frames);
+  assert_int_equal(found, planned);
+}
+
+#endif
