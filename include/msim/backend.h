@@ -58,9 +58,10 @@ typedef struct msim_system {
   const int32_t *rowptr;   /* block n + 1; NULL if NONE: the pattern of the scalars */
   const int32_t *colind;   /* rowptr[block n], ascending in a row */
   const double *val;       /* rowptr[block n], 64-byte aligned; NULL if NONE */
-  void (*apply)(const struct msim_system *A, const double *x, double *y);        /* y = A x */
-  void (*precondition)(const struct msim_system *A, const double *r, double *z); /* z ~ A^-1 r */
-  void *data;                                                                    /* the host's */
+  void (*apply)(const struct msim_system *A, const double *x, double *y); /* y = A x */
+  /* z ~ A^-1 r, symmetric positive definite; NONE only. */
+  void (*precondition)(const struct msim_system *A, const double *r, double *z);
+  void *data; /* the host's */
 } msim_system;
 
 /* What one solve() has to reach. */

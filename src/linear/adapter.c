@@ -1,6 +1,7 @@
 /* adapter - a backend of the plugin ABI as the policy sees it */
 #include <string.h>
 
+#include "linear/jacobi.h"
 #include "linear/linear.h"
 #include "linear/registry.h"
 
@@ -11,16 +12,27 @@ typedef struct adapter {
   ms_host host;
   ms_matrix matrix;
   msim_system view;
-  double *b, *y; /* packed; NULL where vectors go as they are */
+  double *b, *y;   /* packed; NULL where vectors go as they are */
+  double *inverse; /* of the diagonal blocks; NULL where there is a matrix */
 } adapter;
 
 static msim_status say(const adapter *self, msim_status status, msim_error *err) {
   return status ? ms_host_fail(&self->host, self->table->name, status, err) : MSIM_OK;
 }
 
+/* What a backend asks of us: rows past the unknowns are 0 in what it gets, as in what it gives. */
 static void apply(const msim_system *view, const double *x, double *y) {
-  const ms_system *s = view->data;
+  const adapter *self = view->data;
+  const ms_system *s = self->base.system;
+  const size_t stride = (size_t)s->model->rows.stride, n = (size_t)s->model->rows.nfree;
   ms_coefficients_apply(s->model, &s->a, x, y);
+  for (size_t c = 0; c < 3; c++) memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
+}
+
+static void precondition(const msim_system *view, const double *r, double *z) {
+  const adapter *self = view->data;
+  if (z != r) memset(z, 0, 3 * (size_t)view->stride * sizeof *z);
+  ms_jacobi_apply(self->base.system->model, self->inverse, r, z);
 }
 
 /* The matrix in the order that the backend asks for. */
@@ -58,7 +70,8 @@ static msim_status analyze(adapter *self, msim_error *err) {
                              .colind = m->colind,
                              .val = m->val,
                              .apply = apply,
-                             .data = (void *)(uintptr_t)self->base.system};
+                             .precondition = self->inverse ? precondition : NULL,
+                             .data = self};
   msim_solve_info info = {.size = sizeof info};
   msim_status status = self->table->analyze(self->backend, &self->view, &info);
   self->base.analyses = 1;
@@ -75,6 +88,10 @@ static void expand(ms_linear *base) {
 static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   adapter *self = (adapter *)base;
   msim_solve_info info = {.size = sizeof info};
+  if (self->inverse) {
+    msim_status status = ms_jacobi_invert(base->system->model, &base->system->a, self->inverse);
+    if (status) return status;
+  }
   return say(self, self->table->factor(self->backend, &self->view, kind, &info), err);
 }
 
@@ -103,6 +120,7 @@ static void destroy(ms_linear *base) {
   ms_matrix_destroy(model, &self->matrix);
   ms_delete(&model->scene->alloc, self->b);
   ms_delete(&model->scene->alloc, self->y);
+  ms_delete(&model->scene->alloc, self->inverse);
   ms_delete(&model->scene->alloc, self);
 }
 
@@ -115,6 +133,10 @@ static msim_status set_up(adapter *self, msim_error *err) {
     self->b = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));
     self->y = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));
     if (!status && (!self->b || !self->y)) status = ms_fail_memory(err, "the linear solver");
+  }
+  if (!status && self->table->format == MSIM_FORMAT_NONE) {
+    self->inverse = ms_jacobi_create(model);
+    if (!self->inverse) status = ms_fail_memory(err, "the preconditioner");
   }
   return status ? status : analyze(self, err);
 }

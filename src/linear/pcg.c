@@ -1,48 +1,14 @@
 #include <float.h>
 #include <math.h>
 
+#include "linear/jacobi.h"
 #include "linear/linear.h"
 
 typedef struct pcg {
   ms_linear base;
-  double *inverse;       /* 6 first_pinned: inverses of the diagonal blocks, xx yy zz xy xz yz */
+  double *inverse;       /* of the diagonal blocks */
   double *r, *z, *p, *q; /* residual, preconditioned residual, direction, A p */
 } pcg;
-
-/*------------------------------------- block Jacobi ---------------------------------------------*/
-
-/* The inverse of each 3x3 diagonal block by cofactors. A block that is not positive definite says
- * that A is not: by Sylvester, one of its leading minors is <= 0. */
-static msim_status invert_blocks(const ms_rows *rows, const double *diagonal, double *inverse) {
-  const size_t s = (size_t)rows->first_pinned;
-  for (int32_t r = 0; r < rows->nfree; r++) {
-    const double *d = diagonal + r;
-    double *out = inverse + r;
-    const double xx = d[0], yy = d[s], zz = d[2 * s], xy = d[3 * s], xz = d[4 * s], yz = d[5 * s];
-    const double cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
-    const double det = xx * cxx + xy * cxy + xz * cxz;
-    if (!(xx > 0 && xx * yy - xy * xy > 0 && det > 0)) return MSIM_NOT_SPD;
-    out[0] = cxx / det;
-    out[s] = (xx * zz - xz * xz) / det;
-    out[2 * s] = (xx * yy - xy * xy) / det;
-    out[3 * s] = cxy / det;
-    out[4 * s] = cxz / det;
-    out[5 * s] = (xy * xz - xx * yz) / det;
-  }
-  return MSIM_OK;
-}
-
-/* z = P r, P the inverses of the diagonal blocks */
-static void precondition(const ms_rows *rows, const double *inverse, const double *r, double *z) {
-  const size_t s = (size_t)rows->first_pinned, t = (size_t)rows->stride;
-  for (size_t i = 0; i < (size_t)rows->nfree; i++) {
-    const double *p = inverse + i;
-    const double x = r[i], y = r[t + i], w = r[2 * t + i];
-    z[i] = p[0] * x + p[3 * s] * y + p[4 * s] * w;
-    z[t + i] = p[3 * s] * x + p[s] * y + p[5 * s] * w;
-    z[2 * t + i] = p[4 * s] * x + p[5 * s] * y + p[2 * s] * w;
-  }
-}
 
 /*------------------------------------- the method -----------------------------------------------*/
 
@@ -59,7 +25,7 @@ static msim_status iterate(pcg *self, double goal, int64_t limit, double *y, int
   for (int first = 1;; first = 0) {
     if (sqrt(ms_dot(shape, self->r, self->r)) <= goal) return MSIM_OK;
     if (*iterations >= limit) return MSIM_NOT_CONVERGED;
-    precondition(&s->model->rows, self->inverse, self->r, self->z);
+    ms_jacobi_apply(s->model, self->inverse, self->r, self->z);
     const double rho_new = ms_dot(shape, self->r, self->z);
     if (first) ms_copy(shape, self->z, self->p);
     else ms_combine(shape, self->z, rho_new / rho, self->p, self->p);
@@ -77,7 +43,7 @@ static msim_status iterate(pcg *self, double goal, int64_t limit, double *y, int
 static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)kind, (void)err;
   pcg *self = (pcg *)base;
-  return invert_blocks(&base->system->model->rows, base->system->a.diagonal, self->inverse);
+  return ms_jacobi_invert(base->system->model, &base->system->a, self->inverse);
 }
 
 /* The recurrence drifts from the true residual: where it claims success, start again from the
@@ -119,8 +85,7 @@ msim_status ms_pcg_create(const ms_system *system, ms_linear **linear, msim_erro
   pcg *self = ms_new(&model->scene->alloc, 1, sizeof *self);
   if (!self) return ms_fail_memory(err, "conjugate gradients");
   self->base = (ms_linear){.ops = &ops, .system = system, .name = "pcg"};
-  self->inverse =
-      ms_new(&model->scene->alloc, 6 * (size_t)model->rows.first_pinned, sizeof *self->inverse);
+  self->inverse = ms_jacobi_create(model);
   self->r = ms_rows_vector(model->scene, &model->rows);
   self->z = ms_rows_vector(model->scene, &model->rows);
   self->p = ms_rows_vector(model->scene, &model->rows);
