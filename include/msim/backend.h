@@ -2,11 +2,27 @@
  *
  * This header (with status.h) is all a backend includes, and a backend links to its own solver
  * library only: what it needs from msim arrives as function pointers. A plugin is one file,
- * msim_backend_NAME.so, that exports one symbol, msim_backend_entry. The same source can be
- * linked into the host: then the symbol is msim_backend_NAME. MSIM_BACKEND_ENTRY writes either:
+ * msim_backend_NAME.so, that exports one symbol, msim_backend_entry:
  *
  *     static const msim_backend table = {.abi = MSIM_BACKEND_ABI, .size = sizeof table, ...};
- *     MSIM_BACKEND_ENTRY(cholmod) { return &table; }
+ *     MSIM_BACKEND_ENTRY(dense) { return &table; }
+ *
+ *     cc -shared -fPIC -DMSIM_PLUGIN $(pkg-config --cflags msim) dense.c -o msim_backend_dense.so
+ *     MSIM_PLUGIN_PATH=$PWD msim_cli run scene.json --integrator linearly-implicit-euler \
+ *         --solver dense
+ *
+ * Without MSIM_PLUGIN the same source can be linked into a program: the symbol is then
+ * msim_backend_dense, and msim_options.backends takes the table it returns.
+ *
+ * What the host promises: calls come in the order create, order, analyze, (factor, solve+)+,
+ * destroy, where factor may be repeated, and destroy may follow any call; b, and A where there is
+ * one, are finite; n >= 1. Calls for one `self` never overlap, those for two may, in two threads.
+ * What a backend promises: it writes nothing but `self`, y, perm and info; it neither prints nor
+ * ends the process; it gives the same bits for the same calls, whatever other instances do; it
+ * returns one of MSIM_OK, MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_ERR_ARG, MSIM_ERR_MEMORY,
+ * MSIM_ERR_BACKEND, after an error (< 0) with a sentence to host->fail. A block size, format or
+ * number of right sides that it cannot take is MSIM_ERR_ARG.
+ * The host trusts none of it: perm is checked to be a permutation, y by its true residual.
  *
  * Rules of change: new members go at the end of a struct, and `size` tells which exist. Anything
  * else is a new MSIM_BACKEND_ABI. The host refuses another ABI and never calls past `size`.
@@ -38,9 +54,16 @@ enum {
 
 /* What factor() is asked for. */
 enum {
-  MSIM_FACTOR_SPD = 0, /* A is expected to be positive definite: MSIM_NOT_SPD where it is not */
-  MSIM_FACTOR_SYMMETRIC = 1 /* A is symmetric, perhaps indefinite */
+  /* A is expected to be positive definite: MSIM_NOT_SPD as soon as it is seen not to be, by
+   * factor() or by solve(). A factorisation has to see it; an iteration says so when it meets
+   * negative curvature. */
+  MSIM_FACTOR_SPD = 0,
+  /* A is symmetric, perhaps indefinite: MSIM_NOT_SPD only where it is singular too. */
+  MSIM_FACTOR_SYMMETRIC = 1
 };
+
+/* What a backend has learnt of A. */
+enum { MSIM_DEFINITE_UNKNOWN = 0, MSIM_DEFINITE_POSITIVE = 1, MSIM_DEFINITE_NOT = -1 };
 
 /* The system A y = b. n block rows of `block` scalars each. Every array belongs to the host; the
  * addresses hold from analyze() to destroy(), the pattern too, only the values change.
@@ -58,8 +81,9 @@ typedef struct msim_system {
   const int32_t *rowptr;   /* block n + 1; NULL if NONE: the pattern of the scalars */
   const int32_t *colind;   /* rowptr[block n], ascending in a row */
   const double *val;       /* rowptr[block n], 64-byte aligned; NULL if NONE */
-  void (*apply)(const struct msim_system *A, const double *x, double *y); /* y = A x */
-  /* z ~ A^-1 r, symmetric positive definite; NONE only. */
+  /* y = A x, y apart from x; NONE only. Vectors of any alignment; 64 bytes is fastest. */
+  void (*apply)(const struct msim_system *A, const double *x, double *y);
+  /* z ~ A^-1 r, symmetric positive definite, made new by each factor(); NONE only. z may be r. */
   void (*precondition)(const struct msim_system *A, const double *r, double *z);
   void *data; /* the host's */
 } msim_system;
@@ -75,13 +99,16 @@ typedef struct msim_solve_params {
 typedef struct msim_solve_info {
   size_t size;
   int64_t iterations;
-  double residual; /* ||b - A y|| / ||b||, as the backend knows it */
-  double fill;     /* nonzeros of the factor */
-  double flops;    /* of one factorisation */
+  double residual;  /* ||b - A y|| / ||b||, as the backend knows it; the worst of the right sides */
+  double fill;      /* nonzeros of the factor */
+  double flops;     /* of one factorisation */
+  int32_t definite; /* MSIM_DEFINITE_... */
 } msim_solve_info;
 
-/* Called in this order: create, order, analyze, (factor, solve+)+, destroy. */
-typedef struct msim_backend {
+/* Also declared by msim.h. */
+typedef struct msim_backend msim_backend;
+
+struct msim_backend {
   uint32_t abi;        /* MSIM_BACKEND_ABI */
   uint32_t size;       /* sizeof(msim_backend) */
   const char *name;    /* [a-z0-9_-]+: what the option `solver` selects */
@@ -98,16 +125,21 @@ typedef struct msim_backend {
   msim_status (*order)(void *self, int32_t n, const int32_t *ptr /* n+1 */, const int32_t *ind,
                        int32_t *perm /* n */);
 
+  /* The pattern is new: called once. The values are not set yet. */
   msim_status (*analyze)(void *self, const msim_system *A, msim_solve_info *info);
+
+  /* The values are new, or the kind is. A failure leaves `self` ready for another factor(). */
   msim_status (*factor)(void *self, const msim_system *A, int32_t kind, msim_solve_info *info);
 
-  /* Solve for nrhs right sides, one after the other in b and y, apart by the length of a vector.
-   * y: initial guess in, solution out. May be called many times for one factor(). */
+  /* Solve for nrhs >= 1 right sides, one after the other in b and y, apart by the length of a
+   * vector: block n, or NONE: block stride. y: initial guess in, solution out, scratch unless
+   * MSIM_OK. May be called many times for one factor(), and belongs to it: the host may have
+   * written new values since, which a factorisation does not look at. */
   msim_status (*solve)(void *self, const msim_system *A, const msim_solve_params *params,
                        int32_t nrhs, const double *b, double *y, msim_solve_info *info);
 
   void (*destroy)(void *self); /* accepts what create() left when it failed, and NULL */
-} msim_backend;
+};
 
 /* The size of the table when this ABI began: the least a plugin must have. */
 #define MSIM_BACKEND_SIZE_1 (offsetof(msim_backend, destroy) + sizeof(void (*)(void *)))

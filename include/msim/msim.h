@@ -217,6 +217,9 @@ enum {
   MSIM_SKIP_PLANES = 1u << 4
 };
 
+/* A linear solver behind the ABI of msim/backend.h. */
+typedef struct msim_backend msim_backend;
+
 /* msim_option_info describes each member; strings are borrowed. */
 typedef struct msim_options {
   size_t size;                   /* sizeof(msim_options); set by msim_options_init */
@@ -243,6 +246,9 @@ typedef struct msim_options {
   /* Told what a run should know but need not stop for. Nullable. */
   void (*warn)(const char *text, void *user);
   void *warn_user;
+  /* Solvers that the program brings along: option `solver` finds them by name, before any other.
+   * NULL at the end; tables that live as long as the sims. Nullable. */
+  const msim_backend *const *backends;
 } msim_options;
 
 MSIM_API void msim_options_init(msim_options *opt, size_t size);
@@ -292,6 +298,11 @@ MSIM_API int32_t msim_solver_info(int32_t i, const char *plugin_path, msim_plugi
                                   msim_error *err);
 MSIM_API int32_t msim_recorder_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                                     msim_error *err);
+
+/* The table of the solver that option `solver` = name would take, opening its plugin; MSIM_ERR_NAME
+ * for the built-in ones, which have none. It is never unloaded. Nullable: plugin_path. */
+MSIM_API msim_status msim_solver_backend(const char *name, const char *plugin_path,
+                                         const msim_backend **backend, msim_error *err);
 
 /*------------------------------------- sim ------------------------------------------------------*/
 

@@ -16,8 +16,22 @@ typedef struct adapter {
   double *inverse; /* of the diagonal blocks; NULL where there is a matrix */
 } adapter;
 
-static msim_status say(const adapter *self, msim_status status, msim_error *err) {
-  return status ? ms_host_fail(&self->host, self->table->name, status, err) : MSIM_OK;
+/* A backend's status with its sentence. One that no backend may return is an error of its own. */
+static msim_status say(adapter *self, msim_status status, msim_error *err) {
+  switch (status) {
+    case MSIM_OK:
+      return MSIM_OK;
+    case MSIM_NOT_SPD:
+    case MSIM_NOT_CONVERGED:
+    case MSIM_ERR_ARG:
+    case MSIM_ERR_MEMORY:
+    case MSIM_ERR_BACKEND:
+      return ms_host_fail(&self->host, self->table->name, status, err);
+    default:
+      self->host.base.fail(&self->host.base, "it returned %d, which is no status of a backend",
+                           (int)status);
+      return ms_host_fail(&self->host, self->table->name, MSIM_ERR_BACKEND, err);
+  }
 }
 
 /* What a backend asks of us: rows past the unknowns are 0 in what it gets, as in what it gives. */
@@ -35,6 +49,34 @@ static void precondition(const msim_system *view, const double *r, double *z) {
   ms_jacobi_apply(self->base.system->model, self->inverse, r, z);
 }
 
+/* Every row once? seen: n zeros. */
+static int is_permutation(int32_t n, const int32_t *order, uint8_t *seen) {
+  for (int32_t k = 0; k < n; k++)
+    if (order[k] < 0 || order[k] >= n || seen[order[k]]++) return 0;
+  return 1;
+}
+
+/* The order in which the backend wants the rows; NULL: as they are. */
+static msim_status ask_order(adapter *self, const ms_graph *graph, int32_t **order,
+                             msim_error *err) {
+  const msim_allocator *alloc = &self->base.system->model->scene->alloc;
+  *order = NULL;
+  if (!self->table->order) return MSIM_OK;
+  const size_t n = (size_t)graph->n;
+  uint8_t *seen = ms_new(alloc, n, 1);
+  *order = ms_new(alloc, n, sizeof **order);
+  msim_status status = *order && seen ? MSIM_OK : ms_fail_memory(err, "the order of the matrix");
+  if (!status)
+    status =
+        say(self, self->table->order(self->backend, graph->n, graph->ptr, graph->ind, *order), err);
+  if (!status && !is_permutation(graph->n, *order, seen))
+    status =
+        ms_fail(err, MSIM_ERR_BACKEND, "%s: the order it asks for is no permutation of %d rows",
+                self->table->name, graph->n);
+  ms_delete(alloc, seen);
+  return status;
+}
+
 /* The matrix in the order that the backend asks for. */
 static msim_status build_matrix(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
@@ -42,13 +84,7 @@ static msim_status build_matrix(adapter *self, msim_error *err) {
   ms_graph graph = {0};
   int32_t *order = NULL;
   msim_status status = ms_graph_create(model, &graph, err);
-  if (!status && self->table->order) {
-    order = ms_new(alloc, (size_t)graph.n, sizeof *order);
-    status = order
-                 ? say(self,
-                       self->table->order(self->backend, graph.n, graph.ptr, graph.ind, order), err)
-                 : ms_fail_memory(err, "the order of the matrix");
-  }
+  if (!status) status = ask_order(self, &graph, &order, err);
   if (!status)
     status = ms_matrix_create(model, &graph, order, self->table->format, &self->matrix, err);
   ms_delete(alloc, order);
@@ -141,14 +177,14 @@ static msim_status set_up(adapter *self, msim_error *err) {
   return status ? status : analyze(self, err);
 }
 
-msim_status ms_adapter_create(const ms_system *system, const char *name, const char *plugin_path,
+msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,
                               ms_linear **linear, msim_error *err) {
   static const ms_linear_ops ops = {expand, factor, solve, destroy};
   const msim_allocator *alloc = &system->model->scene->alloc;
   const msim_backend *table;
   ms_text where = {.alloc = alloc};
   *linear = NULL;
-  msim_status status = ms_backend_find(name, plugin_path, &table, &where, err);
+  msim_status status = ms_backend_find(name, opt->backends, opt->plugin_path, &table, &where, err);
   ms_text_free(&where);
   if (status) return status;
   adapter *self = ms_new(alloc, 1, sizeof *self);

@@ -46,8 +46,8 @@ msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim
 /* Conjugate gradients with block Jacobi, matrix free (Hestenes and Stiefel 1952). */
 msim_status ms_pcg_create(const ms_system *system, ms_linear **linear, msim_error *err);
 
-/* A backend of the ABI, by name: linked in, or from a plugin. */
-msim_status ms_adapter_create(const ms_system *system, const char *name, const char *plugin_path,
+/* A backend of the ABI, by name: opt's own, linked in, or from a plugin. */
+msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,
                               ms_linear **linear, msim_error *err);
 
 #endif

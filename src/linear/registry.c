@@ -23,18 +23,31 @@ static int is_known(const char *name) {
   return 0;
 }
 
+static int is_built_in(const char *name) {
+  return strcmp(name, "auto") == 0 || strcmp(name, "pcg") == 0;
+}
+
+/*------------------------------------- where tables come from -----------------------------------*/
+
+static const msim_backend *own(const char *name, const msim_backend *const *backends) {
+  for (; backends && *backends; backends++)
+    if ((*backends)->name && strcmp((*backends)->name, name) == 0) return *backends;
+  return NULL;
+}
+
 /* Static builds name the backends that are linked in: X(cholmod) X(klu) ... */
 #define X(name) const msim_backend *msim_backend_##name(void);
 MSIM_LINKED_BACKENDS
 #undef X
 
 static const msim_backend *linked_in(const char *name) {
-#define X(backend) \
-  if (strcmp(name, #backend) == 0) return msim_backend_##backend();
-  MSIM_LINKED_BACKENDS
+  static const msim_backend *(*const entries[])(void) = {
+#define X(backend) msim_backend_##backend,
+      MSIM_LINKED_BACKENDS
 #undef X
-      (void)
-  name;
+          NULL};
+  for (size_t i = 0; entries[i]; i++)
+    if (strcmp(entries[i]()->name, name) == 0) return entries[i]();
   return NULL;
 }
 
@@ -52,15 +65,53 @@ static msim_status load(const char *name, const char *plugin_path, const msim_ba
   msim_backend_entry_fn *entry;
   memcpy(&entry, &symbol, sizeof entry); /* ISO C has no cast from void * to a function */
   *table = entry();
-  if (!*table) return ms_fail(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
-  return ms_plugin_check("backend", name, where->data, (*table)->abi, MSIM_BACKEND_ABI,
-                         (*table)->size, MSIM_BACKEND_SIZE_1, (*table)->name, err);
+  if (*table) return MSIM_OK;
+  return ms_fail(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
 }
 
-msim_status ms_backend_find(const char *name, const char *plugin_path, const msim_backend **table,
-                            ms_text *where, msim_error *err) {
-  *table = linked_in(name);
-  return *table ? MSIM_OK : load(name, plugin_path, table, where, err);
+/*------------------------------------- what a table must have -----------------------------------*/
+
+static msim_status check_table(const char *name, const char *file, const msim_backend *table,
+                               msim_error *err) {
+  msim_status status = ms_plugin_check("backend", name, file, table->abi, MSIM_BACKEND_ABI,
+                                       table->size, MSIM_BACKEND_SIZE_1, table->name, err);
+  if (status) return status;
+  const struct {
+    const char *name;
+    int missing;
+  } members[] = {{"library", !table->library}, {"license", !table->license},
+                 {"create", !table->create},   {"analyze", !table->analyze},
+                 {"factor", !table->factor},   {"solve", !table->solve},
+                 {"destroy", !table->destroy}};
+  for (size_t i = 0; i < sizeof members / sizeof *members; i++)
+    if (members[i].missing)
+      return ms_fail(err, MSIM_ERR_PLUGIN, "%s has a table without `%s`", file, members[i].name);
+  if (table->format >= MSIM_FORMAT_NONE && table->format <= MSIM_FORMAT_FULL) return MSIM_OK;
+  return ms_fail(err, MSIM_ERR_PLUGIN, "%s asks for matrix format %d, which there is not", file,
+                 table->format);
+}
+
+msim_status ms_backend_find(const char *name, const msim_backend *const *backends,
+                            const char *plugin_path, const msim_backend **table, ms_text *where,
+                            msim_error *err) {
+  msim_status status = MSIM_OK;
+  *table = own(name, backends);
+  if (!*table) *table = linked_in(name);
+  if (!*table) status = load(name, plugin_path, table, where, err);
+  if (!status) status = check_table(name, where->length ? where->data : "the program", *table, err);
+  return status;
+}
+
+msim_status msim_solver_backend(const char *name, const char *plugin_path,
+                                const msim_backend **backend, msim_error *err) {
+  if (!name || !backend) return ms_fail(err, MSIM_ERR_ARG, "name or backend is NULL");
+  if (is_built_in(name))
+    return ms_fail(err, MSIM_ERR_NAME, "solver '%s' is built in and has no backend", name);
+  const msim_allocator alloc = ms_allocator(NULL);
+  ms_text where = {.alloc = &alloc};
+  msim_status status = ms_backend_find(name, NULL, plugin_path, backend, &where, err);
+  ms_text_free(&where);
+  return status ? status : ms_ok(err);
 }
 
 int32_t msim_solver_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
@@ -70,11 +121,11 @@ int32_t msim_solver_info(int32_t i, const char *plugin_path, msim_plugin_entry *
   ms_ok(err);
   *entry = (msim_plugin_entry){
       .name = name, .library = "msim", .license = "MIT", .note = "", .available = 1};
-  if (strcmp(name, "auto") == 0 || strcmp(name, "pcg") == 0) return 1;
+  if (is_built_in(name)) return 1;
   const msim_allocator alloc = ms_allocator(NULL);
   ms_text where = {.alloc = &alloc};
   const msim_backend *table;
-  entry->available = ms_backend_find(name, plugin_path, &table, &where, err) == MSIM_OK;
+  entry->available = ms_backend_find(name, NULL, plugin_path, &table, &where, err) == MSIM_OK;
   entry->library = entry->available ? table->library : "";
   entry->license = entry->available ? table->license : "";
   if (entry->available) ms_fail(err, MSIM_OK, "%s", where.length ? where.data : "linked in");

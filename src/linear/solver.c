@@ -39,8 +39,7 @@ static msim_status choose(ms_solver *s, const msim_options *opt, double h, msim_
   int may_fail = opt->indefinite == MSIM_INDEFINITE_SOLVE;
   if (iterations > FEW_ITERATIONS || may_fail) {
     msim_error why;
-    msim_status status =
-        ms_adapter_create(&s->system, "cholmod", opt->plugin_path, &s->linear, &why);
+    msim_status status = ms_adapter_create(&s->system, "cholmod", opt, &s->linear, &why);
     if (status == MSIM_ERR_MEMORY || (status && may_fail))
       return ms_fail(err, status, "indefinite = solve needs a solver that can: %s", why.text);
     double spared = iterations * FLOPS_PER_SPRING * model->springs.n;
@@ -67,10 +66,9 @@ static msim_status pick(ms_solver *s, const msim_options *opt, double h, msim_er
   }
   if (strcmp(opt->solver, "auto") == 0) return choose(s, opt, h, err);
   snprintf(s->reason, sizeof s->reason, "asked for");
-  msim_status status =
-      strcmp(opt->solver, "pcg") == 0
-          ? ms_pcg_create(&s->system, &s->linear, err)
-          : ms_adapter_create(&s->system, opt->solver, opt->plugin_path, &s->linear, err);
+  msim_status status = strcmp(opt->solver, "pcg") == 0
+                           ? ms_pcg_create(&s->system, &s->linear, err)
+                           : ms_adapter_create(&s->system, opt->solver, opt, &s->linear, err);
   if (status || s->indefinite != MSIM_INDEFINITE_SOLVE || s->linear->symmetric) return status;
   return ms_fail(err, MSIM_ERR_ARG,
                  "solver '%s' cannot solve systems that are not positive definite, as indefinite = "
