@@ -19,9 +19,10 @@ INTEGRATORS = ("explicit-euler heun verlet linearly-implicit-euler symplectic-eu
                "velocity-verlet rk4").split()
 OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations jacobian indefinite "
            "newton.rtol newton.max_iterations collision tol threads heun.collision verlet.start "
-           "every fps skip.springs").split()
+           "every fps skip.springs skip.kept_factor").split()
 COUNTERS = {"steps", "force_evaluations", "assemblies", "analyses", "factorizations", "solves",
-            "iterations", "newton_iterations", "contacts", "indefinite_steps"}
+            "iterations", "newton_iterations", "contacts", "indefinite_steps",
+            "kept_factors", "refinements", "fallbacks"}
 SECONDS = {"total", "force", "assemble", "factor", "solve", "collide", "output"}
 FOR_EVER = ["--steps", "100000000000"]
 

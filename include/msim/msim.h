@@ -214,7 +214,8 @@ enum {
   MSIM_SKIP_DAMPING = 1u << 1,
   MSIM_SKIP_GRAVITY = 1u << 2,
   MSIM_SKIP_DRAG = 1u << 3,
-  MSIM_SKIP_PLANES = 1u << 4
+  MSIM_SKIP_PLANES = 1u << 4,
+  MSIM_SKIP_KEPT_FACTOR = 1u << 5 /* off: `auto` factors in every step */
 };
 
 /* A linear solver behind the ABI of msim/backend.h. */
@@ -336,6 +337,9 @@ typedef struct msim_stats {
   int64_t newton_iterations;
   int64_t contacts;         /* particles reflected, once a pass */
   int64_t indefinite_steps; /* steps whose exact matrix was seen not to be positive definite */
+  int64_t kept_factors;     /* solves that an old factor preconditioned */
+  int64_t refinements;      /* corrections of an answer above solver.rtol */
+  int64_t fallbacks;        /* changes of mind of solver = auto */
   double total_s, force_s, assemble_s, factor_s, solve_s, collide_s, output_s;
 } msim_stats;
 
@@ -389,6 +393,17 @@ MSIM_API void msim_sim_state(msim_sim *sim, msim_state *state);
  * stay where they are. Where the method carries v_half and it is given for the same h, it is taken
  * as it is, else it is made from v. Nullable: v_half. */
 MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err);
+
+/* Go on from the present state with another step (s, > 0). The end stays: t_end, or as many steps
+ * as options.steps leaves. Values of matrices change, nothing is analysed anew. A recorder that is
+ * open keeps the frames it has planned. */
+MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err);
+
+/* Change the springs of this sim; the scene it was made from stays as it is. Values of matrices
+ * change, nothing is analysed anew. Nullable: k, rest, damping (as they are). */
+MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nsprings */,
+                                          const double *rest /* nsprings */,
+                                          const double *damping /* nsprings */, msim_error *err);
 
 MSIM_API void msim_sim_energy(msim_sim *sim, msim_energy *energy);
 MSIM_API void msim_sim_stats(const msim_sim *sim, msim_stats *stats);

@@ -79,12 +79,19 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_rows *rows, ms_spr
     if (both_pinned(scene, e)) continue;
     springs->i[to] = rows->row[scene->ij[2 * (size_t)e]];
     springs->j[to] = rows->row[scene->ij[2 * (size_t)e + 1]];
+    springs->spring[to++] = e;
+  }
+  ms_springs_update(scene, springs);
+  return MSIM_OK;
+}
+
+void ms_springs_update(const ms_scene *scene, ms_springs *springs) {
+  for (int32_t to = 0; to < springs->n; to++) {
+    const int32_t e = springs->spring[to];
     springs->k[to] = scene->k[e];
     springs->rest[to] = scene->rest[e];
     springs->damping[to] = scene->damping[e];
-    springs->spring[to++] = e;
   }
-  return MSIM_OK;
 }
 
 void ms_springs_destroy(const ms_scene *scene, ms_springs *springs) {

@@ -41,6 +41,9 @@ typedef struct ms_springs {
 
 msim_status ms_springs_create(const ms_scene *scene, const ms_rows *rows, ms_springs *springs,
                               msim_error *err);
+
+/* Take k, rest and damping from the scene again. */
+void ms_springs_update(const ms_scene *scene, ms_springs *springs);
 void ms_springs_destroy(const ms_scene *scene, ms_springs *springs);
 
 #endif

@@ -128,7 +128,10 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
     msim_status status = ms_jacobi_invert(base->system->model, &base->system->a, self->inverse);
     if (status) return status;
   }
-  return say(self, self->table->factor(self->backend, &self->view, kind, &info), err);
+  msim_status status = self->table->factor(self->backend, &self->view, kind, &info);
+  if (!status && kind == MSIM_FACTOR_SPD && info.definite == MSIM_DEFINITE_NOT)
+    status = MSIM_NOT_SPD;
+  return say(self, status, err);
 }
 
 static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
@@ -144,7 +147,7 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   msim_status status = self->table->solve(self->backend, &self->view, &params, 1,
                                           self->b ? self->b : b, self->b ? self->y : y, &info);
   if (!status && self->b) ms_matrix_unpack(model, &self->matrix, self->y, y);
-  *iterations += info.iterations;
+  if (info.iterations > 0) *iterations += info.iterations;
   return say(self, status, err);
 }
 

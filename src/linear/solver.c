@@ -6,79 +6,25 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "linear/registry.h"
-
-/*------------------------------------- choice ---------------------------------------------------*/
-
-/* Iterations that conjugate gradients will need: half the root of the condition number times the
- * digits asked for. kappa <= 1 + h^2 omega^2 + h g, by Gershgorin, whatever the state is. */
-static double predict_iterations(const ms_model *model, double h, double rtol) {
-  const ms_springs *s = &model->springs;
-  double worst = 0;
-  for (int32_t e = 0; e < s->n; e++) {
-    double stiffness = h * h * s->k[e] + h * s->damping[e];
-    double mass = INFINITY;
-    if (s->i[e] < model->rows.nfree) mass = fmin(mass, model->mass[s->i[e]]);
-    if (s->j[e] < model->rows.nfree) mass = fmin(mass, model->mass[s->j[e]]);
-    worst = fmax(worst, stiffness / mass);
-  }
-  double degree = 2.0 * s->n / fmax(1, model->rows.nfree);
-  return 0.5 * sqrt(1 + 2 * degree * worst) * log(2 / rtol);
-}
-
-/* Constants of `auto`, in units of a matrix entry's work: an iteration touches every spring twice;
- * a factorisation runs dense kernels at many flops in the same time. */
-#define FEW_ITERATIONS   30.0
-#define FLOPS_PER_SPRING 300.0
-
-/* Few iterations: pcg, and no library is opened. Else cholmod, where it is there and its flops are
- * fewer than those of the iterations it spares. */
-static msim_status choose(ms_solver *s, const msim_options *opt, double h, msim_error *err) {
-  const ms_model *model = s->system.model;
-  double iterations = predict_iterations(model, h, opt->solver_rtol);
-  int may_fail = opt->indefinite == MSIM_INDEFINITE_SOLVE;
-  if (iterations > FEW_ITERATIONS || may_fail) {
-    msim_error why;
-    msim_status status = ms_adapter_create(&s->system, "cholmod", opt, &s->linear, &why);
-    if (status == MSIM_ERR_MEMORY || (status && may_fail))
-      return ms_fail(err, status, "indefinite = solve needs a solver that can: %s", why.text);
-    double spared = iterations * FLOPS_PER_SPRING * model->springs.n;
-    if (!status && (may_fail || s->linear->flops <= spared)) {
-      snprintf(s->reason, sizeof s->reason,
-               "auto: a factor of %.2g flops against about %.0f iterations", s->linear->flops,
-               iterations);
-      return MSIM_OK;
-    }
-    if (!status) s->linear->ops->destroy(s->linear);
-    snprintf(s->reason, sizeof s->reason, "auto: about %.0f iterations, and %s", iterations,
-             status ? "cholmod is not there" : "a factor costs more");
-  } else {
-    snprintf(s->reason, sizeof s->reason, "auto: about %.0f iterations", iterations);
-  }
-  return ms_pcg_create(&s->system, &s->linear, err);
-}
-
-static msim_status pick(ms_solver *s, const msim_options *opt, double h, msim_error *err) {
-  const ms_model *model = s->system.model;
-  if (!(model->passes & MSIM_SKIP_SPRINGS) || model->rows.nfree == 0) {
-    snprintf(s->reason, sizeof s->reason, "no spring couples two unknowns: A is diagonal");
-    return ms_diagonal_create(&s->system, &s->linear, err);
-  }
-  if (strcmp(opt->solver, "auto") == 0) return choose(s, opt, h, err);
-  snprintf(s->reason, sizeof s->reason, "asked for");
-  msim_status status = strcmp(opt->solver, "pcg") == 0
-                           ? ms_pcg_create(&s->system, &s->linear, err)
-                           : ms_adapter_create(&s->system, opt->solver, opt, &s->linear, err);
-  if (status || s->indefinite != MSIM_INDEFINITE_SOLVE || s->linear->symmetric) return status;
-  return ms_fail(err, MSIM_ERR_ARG,
-                 "solver '%s' cannot solve systems that are not positive definite, as indefinite = "
-                 "solve asks; take cholmod, or indefinite = clamp or stop",
-                 opt->solver);
-}
+#include "linear/choose.h"
 
 /*------------------------------------- life -----------------------------------------------------*/
 
-static msim_status set_up(ms_solver *s, const msim_options *opt, double h, msim_error *err) {
+/* The kernels of a factorisation run about 4 times as fast as two triangular solves, which read the
+ * factor twice: flops / (4 * 4 fill). */
+static msim_status take(ms_solver *s, const ms_choice *choice, msim_error *err) {
+  s->linear = choice->linear;
+  s->stats->analyses += s->linear->analyses;
+  snprintf(s->reason, sizeof s->reason, "%s", choice->reason);
+  s->kept =
+      (ms_kept){.allowed = strcmp(s->opt->solver, "auto") == 0 && s->linear->factorises &&
+                           s->linear->fill > 0 && !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR)};
+  if (!s->kept.allowed) return MSIM_OK;
+  s->kept.price = s->linear->flops / (16 * s->linear->fill);
+  return ms_cg_create(s->system.model, &s->cg, err);
+}
+
+static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   const ms_model *model = s->system.model;
   msim_status status = ms_coefficients_create(model, &s->system.a, err);
   if (status) return status;
@@ -87,9 +33,12 @@ static msim_status set_up(ms_solver *s, const msim_options *opt, double h, msim_
     *work[i] = ms_rows_vector(model->scene, &model->rows);
     if (!*work[i]) return ms_fail_memory(err, "the linear solver");
   }
-  status = pick(s, opt, h, err);
-  if (!status) s->stats->analyses += s->linear->analyses;
-  return status;
+  ms_choice choice;
+  status = ms_choose(&s->system, s->opt, h, &choice, err);
+  s->linear = choice.linear;
+  if (status) return status;
+  s->may_switch = strcmp(s->opt->solver, "auto") == 0 && strcmp(s->linear->name, "pcg") == 0;
+  return take(s, &choice, err);
 }
 
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
@@ -98,11 +47,11 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
   *solver = NULL;
   if (!s) return ms_fail_memory(err, "the linear solver");
   s->system.model = model;
+  s->opt = opt;
   s->target = (ms_target){opt->solver_rtol, opt->solver_max_iterations};
   s->clamp = opt->jacobian == MSIM_JACOBIAN_CLAMP;
-  s->indefinite = opt->indefinite;
   s->stats = stats;
-  msim_status status = set_up(s, opt, h, err);
+  msim_status status = set_up(s, h, err);
   if (status) ms_solver_destroy(s);
   else *solver = s;
   return status;
@@ -113,10 +62,13 @@ void ms_solver_destroy(ms_solver *s) {
   const ms_model *model = s->system.model;
   if (s->linear) s->linear->ops->destroy(s->linear);
   ms_coefficients_destroy(model, &s->system.a);
+  ms_cg_destroy(model, &s->cg);
   double *work[] = {s->guess, s->residual, s->correction, s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) ms_delete(&model->scene->alloc, work[i]);
   ms_delete(&model->scene->alloc, s);
 }
+
+void ms_solver_restart(ms_solver *s) { s->kept.age = s->kept.wait = s->kept.rest = 0; }
 
 /*------------------------------------- one solve ------------------------------------------------*/
 
@@ -130,19 +82,26 @@ static msim_status assemble(ms_solver *s, const double *x, double h, int clamp) 
   double start = ms_clock();
   ms_coefficients_compute(s->system.model, x, h, clamp, &s->system.a);
   s->culprit = bad_coefficients(&s->system);
-  int finite = s->culprit < 0;
-  if (finite && s->linear->ops->expand) s->linear->ops->expand(s->linear);
   s->stats->assemblies++;
   s->stats->assemble_s += ms_clock() - start;
-  return finite ? MSIM_OK : MSIM_NOT_FINITE;
+  return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+}
+
+static void expand(ms_solver *s) {
+  if (!s->linear->ops->expand) return;
+  double start = ms_clock();
+  s->linear->ops->expand(s->linear);
+  s->stats->assemble_s += ms_clock() - start;
 }
 
 static msim_status factor(ms_solver *s, int32_t kind, msim_error *err) {
   if (!s->linear->ops->factor) return MSIM_OK;
+  expand(s);
   double start = ms_clock();
   msim_status status = s->linear->ops->factor(s->linear, kind, err);
   s->stats->factorizations += s->linear->factorises;
   s->stats->factor_s += ms_clock() - start;
+  s->kept.age = s->kept.iterations = 0;
   return status;
 }
 
@@ -171,34 +130,39 @@ static int32_t largest_row(ms_shape shape, const double *r) {
   return row;
 }
 
+static int is_good(ms_solver *s, const double *b, const double *v) {
+  const ms_shape shape = s->system.model->shape;
+  const double size = sqrt(ms_dot(shape, b, b)), norm = true_residual(s, b, v);
+  s->reached = size > 0 ? norm / size : norm;
+  return norm <= s->target.rtol * size || norm <= rounding_level(s, b, v);
+}
+
 /* Accept v, or refine it with the factor at hand. */
 static msim_status check(ms_solver *s, const double *b, double *v, msim_error *err) {
   enum { REFINEMENTS = 3 };
   const ms_shape shape = s->system.model->shape;
-  const double size = sqrt(ms_dot(shape, b, b));
-  for (int round = 0;; round++) {
-    double norm = true_residual(s, b, v);
-    s->reached = size > 0 ? norm / size : norm;
-    if (norm <= s->target.rtol * size || norm <= rounding_level(s, b, v)) return MSIM_OK;
-    if (round == REFINEMENTS || !s->linear->factorises || !isfinite(norm)) break;
+  for (int round = 0; !is_good(s, b, v); round++) {
+    if (round == REFINEMENTS || !s->linear->factorises || !isfinite(s->reached)) {
+      s->culprit = largest_row(shape, s->residual);
+      return ms_fail(
+          err, MSIM_NOT_CONVERGED,
+          "solver %s left a residual of %.3g of the right side; solver.rtol asks for %.3g",
+          s->linear->name, s->reached, s->target.rtol);
+    }
     memset(s->correction, 0, 3 * (size_t)shape.stride * sizeof *s->correction);
     int64_t iterations = 0;
     msim_status status =
         s->linear->ops->solve(s->linear, &s->target, s->residual, s->correction, &iterations, err);
     if (status) return status;
     ms_axpy(shape, 1, s->correction, v);
+    s->stats->refinements++;
   }
-  s->culprit = largest_row(shape, s->residual);
-  return ms_fail(err, MSIM_NOT_CONVERGED,
-                 "solver %s left a residual of %.3g of the right side; solver.rtol asks for %.3g",
-                 s->linear->name, s->reached, s->target.rtol);
+  return MSIM_OK;
 }
 
 static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *err) {
-  const ms_shape shape = s->system.model->shape;
   double start = ms_clock();
-  ms_copy(shape, s->guess, v);
-  s->stats->solves++;
+  ms_copy(s->system.model->shape, s->guess, v);
   msim_status status =
       s->linear->ops->solve(s->linear, &s->target, b, v, &s->stats->iterations, err);
   /* an iteration that ran out may still stand at rounding level */
@@ -210,8 +174,46 @@ static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *e
 static msim_status factor_and_solve(ms_solver *s, int32_t kind, const double *b, double *v,
                                     msim_error *err) {
   msim_status status = factor(s, kind, err);
-  return status ? status : solve(s, b, v, err);
+  if (!status) status = solve(s, b, v, err);
+  s->kept.age = !status && kind == MSIM_FACTOR_SPD;
+  return status;
 }
+
+/*------------------------------------- a kept factor --------------------------------------------*/
+
+static msim_status by_factor(void *data, const double *r, double *z) {
+  ms_solver *s = data;
+  int64_t iterations = 0;
+  return s->linear->ops->solve(s->linear, &s->target, r, z, &iterations, NULL);
+}
+
+/* This step may cost what steps cost on average, the factor's making included. A factor that was no
+ * help in the very next step is a sign: the next tries come after 1, 3, 7, ... 63 steps. */
+static msim_status try_kept(ms_solver *s, const double *b, double *v) {
+  enum { LONGEST_WAIT = 63 };
+  ms_kept *k = &s->kept;
+  if (!k->allowed || k->age == 0 || k->rest-- > 0) return MSIM_NOT_CONVERGED;
+  const double start = ms_clock();
+  const double limit = (k->price + (double)k->iterations) / (double)(k->age + 1);
+  const ms_target target = {s->target.rtol,
+                            (int32_t)fmin(fmax(1, limit), s->target.max_iterations)};
+  int64_t iterations = 0;
+  ms_copy(s->system.model->shape, s->guess, v);
+  msim_status status = ms_cg_solve(&s->cg, &s->system, by_factor, s, &target, b, v, &iterations);
+  if (!status && !is_good(s, b, v)) status = MSIM_NOT_CONVERGED;
+  if (!status) {
+    k->age++, k->iterations += iterations, k->wait = 0;
+    s->stats->kept_factors++;
+  } else {
+    if (k->age == 1) k->wait = k->wait < LONGEST_WAIT ? 2 * k->wait + 1 : LONGEST_WAIT;
+    k->rest = k->wait;
+  }
+  s->stats->iterations += iterations;
+  s->stats->solve_s += ms_clock() - start;
+  return status;
+}
+
+/*------------------------------------- what else may happen -------------------------------------*/
 
 /* The row whose springs push hardest sideways for its mass: sum of -t over the mass. */
 static int32_t most_compressed(ms_solver *s) {
@@ -230,7 +232,7 @@ static int32_t most_compressed(ms_solver *s) {
 static msim_status not_positive_definite(ms_solver *s, const double *x, double h, const double *b,
                                          double *v, msim_error *err) {
   s->stats->indefinite_steps++;
-  switch (s->indefinite) {
+  switch (s->opt->indefinite) {
     case MSIM_INDEFINITE_SOLVE:
       return factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
     case MSIM_INDEFINITE_CLAMP: {
@@ -247,16 +249,37 @@ static msim_status not_positive_definite(ms_solver *s, const double *x, double h
   }
 }
 
+/* pcg did not converge: `auto` takes cholmod from here on. */
+static msim_status switch_to_cholmod(ms_solver *s, msim_error *err) {
+  ms_choice choice = {.reason = "auto: pcg did not converge"};
+  s->may_switch = 0;
+  msim_status status = ms_adapter_create(&s->system, "cholmod", s->opt, &choice.linear, err);
+  if (status) return status;
+  s->linear->ops->destroy(s->linear);
+  s->stats->fallbacks++;
+  return take(s, &choice, err);
+}
+
+static msim_status solve_once(ms_solver *s, const double *x, double h, const double *b, double *v,
+                              msim_error *err) {
+  msim_status status = assemble(s, x, h, s->clamp);
+  if (status) return status;
+  status = try_kept(s, b, v);
+  if (status && status != MSIM_NOT_SPD) status = factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
+  if (status == MSIM_NOT_SPD && !s->clamp) status = not_positive_definite(s, x, h, b, v, err);
+  return status;
+}
+
 msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
                             double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
   ms_copy(shape, v, solver->guess);
   solver->culprit = ms_find_bad(shape, b); /* -1: none */
   if (solver->culprit >= 0) return MSIM_NOT_FINITE;
-  msim_status status = assemble(solver, x, h, solver->clamp);
-  if (!status) status = factor_and_solve(solver, MSIM_FACTOR_SPD, b, v, err);
-  if (status == MSIM_NOT_SPD && !solver->clamp)
-    status = not_positive_definite(solver, x, h, b, v, err);
+  solver->stats->solves++;
+  msim_status status = solve_once(solver, x, h, b, v, err);
+  if (status == MSIM_NOT_CONVERGED && solver->may_switch && !switch_to_cholmod(solver, NULL))
+    status = solve_once(solver, x, h, b, v, err);
   if (!status) {
     solver->culprit = ms_find_bad(shape, v);
     if (solver->culprit >= 0) status = MSIM_NOT_FINITE;

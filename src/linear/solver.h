@@ -3,14 +3,26 @@
 #ifndef MS_SOLVER_H
 #define MS_SOLVER_H
 
-#include "linear/linear.h"
+#include "linear/cg.h"
+
+/* An old factor that preconditions conjugate gradients, as long as that pays. */
+typedef struct ms_kept {
+  int allowed;
+  double price;       /* of a factorisation, in iterations */
+  int64_t age;        /* steps solved by it; 0: there is none */
+  int64_t iterations; /* spent on them */
+  int64_t wait, rest; /* steps to let pass after a failure, and how many are left of them */
+} ms_kept;
 
 typedef struct ms_solver {
   ms_system system;
+  const msim_options *opt;
   ms_linear *linear;
   ms_target target;
   int clamp;      /* jacobian = clamp */
-  int indefinite; /* MSIM_INDEFINITE_... */
+  int may_switch; /* auto took pcg: cholmod stands behind it */
+  ms_kept kept;
+  ms_cg cg; /* for kept factors */
   msim_stats *stats;
   double *guess, *residual, *correction, *magnitude; /* work vectors */
   double reached;                                    /* ||b - A v|| / ||b|| of the last solve */
@@ -18,18 +30,28 @@ typedef struct ms_solver {
   char reason[256]; /* why this solver, for people */
 } ms_solver;
 
-/* h: the step, for `auto`. Set up once; nothing is allocated later. Counts go to stats. */
+/* opt lives as long as the solver; h: the step, for `auto`. Counts go to stats. Set up once:
+ * nothing is allocated later, but where `auto` changes its mind (5. below). */
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
                              msim_stats *stats, ms_solver **solver, msim_error *err);
 void ms_solver_destroy(ms_solver *solver);
 
 /* v = A(x, h)^-1 b. v: first guess in, solution out, scratch unless MSIM_OK.
  *
- * A found not positive definite: counted, then by option the step is repeated with the clamped
- * matrix, or solved as it is, or given up with MSIM_NOT_SPD. The true residual is checked after
- * every solve: ||b - A v|| <= rtol ||b||, or at rounding level, 8 eps || |A||v| + |b| ||. Above
- * that a factor gets up to three steps of iterative refinement; then MSIM_NOT_CONVERGED. */
+ * The pattern is analysed once, at creation; a factor is made in every solve, because x is new. The
+ * true residual is checked after every solve: ||b - A v|| <= rtol ||b||, or at rounding level,
+ * 8 eps || |A||v| + |b| ||. What follows what, each counted in stats:
+ *   1. `auto` with a factorisation: the kept factor preconditions conjugate gradients, where the
+ *      iterations cost no more than a step did on average since it was made; else a new factor.
+ *   2. A factor whose answer is above the residual gets up to 3 steps of iterative refinement.
+ *   3. A found not positive definite: by option the step is repeated with the clamped matrix, or
+ *      solved as it is, or given up with MSIM_NOT_SPD.
+ *   4. An answer above the residual is MSIM_NOT_CONVERGED, except that
+ *   5. `auto`, where pcg did not converge, goes on with cholmod for good, if it is there. */
 msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
                             double *v, msim_error *err);
+
+/* Forget the kept factor: what follows depends on the state alone. */
+void ms_solver_restart(ms_solver *solver);
 
 #endif

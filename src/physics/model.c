@@ -32,6 +32,11 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
   return MSIM_OK;
 }
 
+void ms_model_update(ms_model *model, unsigned skip_off) {
+  ms_springs_update(model->scene, &model->springs);
+  model->passes = needed_passes(model->scene, &model->springs) | skip_off;
+}
+
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
   ms_rows_destroy(model->scene, &model->rows);

@@ -17,6 +17,9 @@ typedef struct ms_model {
 /* What the scene needs, and what skip_off insists on. */
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
                             msim_error *err);
+
+/* The scene's springs have other k, rest or damping. */
+void ms_model_update(ms_model *model, unsigned skip_off);
 void ms_model_destroy(ms_model *model);
 
 #endif

@@ -102,6 +102,8 @@ static const option table[] = {
     FLAG("gravity", "gravity where it is 0", MSIM_SKIP_GRAVITY),
     FLAG("drag", "drag where it is 0", MSIM_SKIP_DRAG),
     FLAG("planes", "the contact pass where there are no planes", MSIM_SKIP_PLANES),
+    FLAG("kept_factor", "a new factor where solver = auto finds that the last one still serves",
+         MSIM_SKIP_KEPT_FACTOR),
     TEXT("plugin_path", "folders", "", "folders searched for plugins first, ':' between them",
          plugin_path),
 };

@@ -46,7 +46,7 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   if (sim->linear->clamp) ms_print(out, "              clamped: positive definite always\n");
   else
     ms_print(out, "              where it is not positive definite, %s\n",
-             answer[sim->linear->indefinite]);
+             answer[sim->opt.indefinite]);
 }
 
 static void explain_skips(const msim_sim *sim, ms_text *out) {
@@ -55,6 +55,8 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
     const char *what, *why;
   } skips[] = {
       {!sim->linear, "assembly, factorisation, solver libraries", "the method needs no solver"},
+      {sim->linear && sim->linear->kept.allowed, "factorisation",
+       "in steps that the last factor still serves, as preconditioner"},
       {!has(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
       {!has(sim, MSIM_SKIP_DAMPING), "damping of springs", "no spring is damped"},
       {!has(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},

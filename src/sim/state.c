@@ -76,6 +76,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
   ms_rows_gather(rows, state->v, s->v);
   s->h = sim->plan.h;
   s->warm = 0;
+  if (sim->linear) ms_solver_restart(sim->linear);
   if (sim->integrator->start) sim->integrator->start(s);
   if (sim->integrator->sync && state->v_half && state->h == sim->plan.h) {
     ms_rows_gather(rows, state->v_half, s->v);

@@ -1,0 +1,68 @@
+#include "linear/cg.h"
+
+#include <float.h>
+#include <math.h>
+
+msim_status ms_cg_create(const ms_model *model, ms_cg *cg, msim_error *err) {
+  *cg = (ms_cg){.r = ms_rows_vector(model->scene, &model->rows),
+                .z = ms_rows_vector(model->scene, &model->rows),
+                .p = ms_rows_vector(model->scene, &model->rows),
+                .q = ms_rows_vector(model->scene, &model->rows)};
+  return cg->r && cg->z && cg->p && cg->q ? MSIM_OK : ms_fail_memory(err, "conjugate gradients");
+}
+
+void ms_cg_destroy(const ms_model *model, ms_cg *cg) {
+  double *vectors[] = {cg->r, cg->z, cg->p, cg->q};
+  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++)
+    ms_delete(&model->scene->alloc, vectors[i]);
+}
+
+static void residual(const ms_system *s, const double *b, const double *y, double *r) {
+  ms_coefficients_apply(s->model, &s->a, y, r);
+  ms_combine(s->model->shape, b, -1, r, r);
+}
+
+/* From the residual of y in cg->r until ||r|| <= goal, by the recurrence of r. */
+static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
+                           void *data, double goal, int64_t limit, double *y, int64_t *iterations) {
+  const ms_shape shape = s->model->shape;
+  double rho = 0;
+  for (int first = 1;; first = 0) {
+    if (sqrt(ms_dot(shape, cg->r, cg->r)) <= goal) return MSIM_OK;
+    if (*iterations >= limit) return MSIM_NOT_CONVERGED;
+    const msim_status status = precondition(data, cg->r, cg->z);
+    if (status) return status;
+    const double rho_new = ms_dot(shape, cg->r, cg->z);
+    if (first) ms_copy(shape, cg->z, cg->p);
+    else ms_combine(shape, cg->z, rho_new / rho, cg->p, cg->p);
+    rho = rho_new;
+    ms_coefficients_apply(s->model, &s->a, cg->p, cg->q);
+    const double curvature = ms_dot(shape, cg->p, cg->q);
+    if (!(curvature > 0)) return MSIM_NOT_SPD;
+    const double alpha = rho / curvature;
+    ms_axpy(shape, alpha, cg->p, y);
+    ms_axpy(shape, -alpha, cg->q, cg->r);
+    ++*iterations;
+  }
+}
+
+/* The recurrence drifts from the true residual: where it claims success, start again from the
+ * truth, until that holds too or gets no better. */
+msim_status ms_cg_solve(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
+                        void *data, const ms_target *target, const double *b, double *y,
+                        int64_t *iterations) {
+  const ms_shape shape = s->model->shape;
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * sqrt(ms_dot(shape, b, b));
+  double last = INFINITY;
+  int64_t count = 0;
+  msim_status status = MSIM_OK;
+  while (!status) {
+    residual(s, b, y, cg->r);
+    const double norm = sqrt(ms_dot(shape, cg->r, cg->r));
+    if (norm <= goal || norm > 0.5 * last) break;
+    last = norm;
+    status = iterate(cg, s, precondition, data, goal, target->max_iterations, y, &count);
+  }
+  *iterations += count;
+  return status;
+}

@@ -1,0 +1,23 @@
+/* cg - preconditioned conjugate gradients on the coefficients of A (Hestenes and Stiefel 1952) */
+#ifndef MS_CG_H
+#define MS_CG_H
+
+#include "linear/linear.h"
+
+/* z ~ A^-1 r, symmetric positive definite. */
+typedef msim_status ms_preconditioner(void *data, const double *r, double *z);
+
+typedef struct ms_cg {
+  double *r, *z, *p, *q; /* residual, preconditioned residual, direction, A p */
+} ms_cg;
+
+msim_status ms_cg_create(const ms_model *model, ms_cg *cg, msim_error *err);
+void ms_cg_destroy(const ms_model *model, ms_cg *cg);
+
+/* A y = b; y: first guess in, solution out. MSIM_NOT_SPD where a direction has no positive
+ * curvature. MSIM_OK says that the true residual has reached its goal or stagnates: look at it. */
+msim_status ms_cg_solve(const ms_cg *cg, const ms_system *system, ms_preconditioner *precondition,
+                        void *data, const ms_target *target, const double *b, double *y,
+                        int64_t *iterations);
+
+#endif

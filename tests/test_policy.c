@@ -1,0 +1,227 @@
+/* What solver = auto makes of kept factors and of pcg's failures, and what a change of parameters
+ * costs a sim in motion. */
+#include <math.h>
+#include <string.h>
+
+#include "scenes.h"
+
+/* A stiff block that stands on a face that is held: it hardly deforms. */
+static msim_scene *stiff_block(void) {
+  enum { SIDE = 5 };
+  int32_t face[SIDE * SIDE];
+  for (int32_t i = 0; i < SIDE * SIDE; i++) face[i] = SIDE * i;
+  const double g[3] = {0, 0, -9.81};
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {SIDE, SIDE, SIDE},
+                              .extent = {1, 1, 1},
+                              .mass = 1,
+                              .k = 1e6,
+                              .npinned = SIDE * SIDE,
+                              .pinned = face};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+static double difference(msim_sim *a, msim_sim *b) {
+  const msim_state sa = state_of(a), sb = state_of(b);
+  double worst = 0;
+  for (int32_t i = 0; i < 3 * sa.n; i++) worst = fmax(worst, fabs(sa.x[i] - sb.x[i]));
+  return worst;
+}
+
+static msim_options automatic(double h) {
+  msim_options opt = options("linearly-implicit-euler", h);
+  opt.solver_rtol = 1e-10;
+  return opt;
+}
+
+static void a_factor_is_kept_while_it_serves(void **state) {
+  (void)state;
+  if (!solver_there("cholmod")) skip();
+  msim_scene *scene = stiff_block();
+  msim_options opt = automatic(1e-2);
+  msim_sim *kept = make_sim(scene, &opt);
+  opt.skip_off = MSIM_SKIP_KEPT_FACTOR;
+  msim_sim *fresh = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(kept, 40, err));
+  assert_ok(msim_sim_step(fresh, 40, err));
+  const msim_stats s = stats_of(kept);
+  assert_in_range(s.factorizations, 1, 4);
+  assert_int_equal(s.kept_factors, 40 - s.factorizations);
+  assert_in_range(s.iterations, s.kept_factors, 10 * s.kept_factors);
+  assert_int_equal(stats_of(fresh).factorizations, 40);
+  assert_int_equal(stats_of(fresh).kept_factors, 0);
+  assert_close(difference(kept, fresh), 0, 1e-9);
+  msim_sim_destroy(kept), msim_sim_destroy(fresh);
+  msim_scene_destroy(scene);
+}
+
+/* Cloth folds: an old factor is no help, and the tries become rare. */
+static void a_factor_that_does_not_serve_is_rarely_tried(void **state) {
+  (void)state;
+  if (!solver_there("cholmod")) skip();
+  msim_scene *scene = hanging_cloth(24, 1000, 0);
+  msim_options opt = automatic(1.0 / 60);
+  opt.jacobian = MSIM_JACOBIAN_CLAMP;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 30, err)); /* until it folds */
+  const msim_stats before = stats_of(sim);
+  assert_ok(msim_sim_step(sim, 200, err));
+  const msim_stats after = stats_of(sim);
+  assert_true(after.factorizations - before.factorizations >= 190);
+  assert_true(after.iterations - before.iterations < 200);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* What follows a state that was set depends on that state alone. */
+static void a_state_that_is_set_forgets_the_factor(void **state) {
+  (void)state;
+  if (!solver_there("cholmod")) skip();
+  msim_scene *scene = stiff_block();
+  msim_options opt = automatic(1e-2);
+  msim_sim *a = make_sim(scene, &opt), *b = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(a, 7, err));
+  msim_state s = state_of(a);
+  assert_ok(msim_sim_set_state(b, &s, err));
+  assert_ok(
+      msim_sim_set_state(a, &(msim_state){sizeof s, s.step, s.t, s.n, s.x, s.v, NULL, s.h}, err));
+  assert_ok(msim_sim_step(a, 20, err));
+  assert_ok(msim_sim_step(b, 20, err));
+  assert_memory_equal(state_of(a).x, state_of(b).x, 3 * (size_t)s.n * sizeof *s.x);
+  msim_sim_destroy(a), msim_sim_destroy(b);
+  msim_scene_destroy(scene);
+}
+
+static void pcg_that_does_not_converge_gives_way(void **state) {
+  (void)state;
+  if (!solver_there("cholmod")) skip();
+  msim_scene *scene = hanging_cloth(6, 100, 0);
+  msim_options opt = automatic(2e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_plan plan = {.size = sizeof plan};
+  msim_sim_plan(sim, &plan);
+  assert_string_equal(plan.solver, "pcg"); /* else this tests nothing */
+  msim_sim_destroy(sim);
+  opt.solver_max_iterations = 2;
+  sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 10, err));
+  msim_sim_plan(sim, &plan);
+  assert_string_equal(plan.solver, "cholmod");
+  assert_int_equal(stats_of(sim).fallbacks, 1);
+  assert_int_equal(stats_of(sim).analyses, 1);
+  msim_sim_destroy(sim);
+  opt.solver = "pcg"; /* asked for by name: never replaced */
+  sim = make_sim(scene, &opt);
+  assert_int_equal(msim_sim_step(sim, 10, NULL), MSIM_NOT_CONVERGED);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- changes --------------------------------------------------*/
+
+/* A sim that is changed goes on as a new one would from there. */
+static void expect_same_as_new(msim_sim *changed, const msim_scene *scene, const msim_options *opt,
+                               int analyses) {
+  msim_state s = state_of(changed);
+  msim_sim *fresh = make_sim(scene, opt);
+  assert_ok(msim_sim_set_state(fresh, &s, err));
+  assert_ok(msim_sim_step(changed, 5, err));
+  assert_ok(msim_sim_step(fresh, 5, err));
+  assert_memory_equal(state_of(changed).x, state_of(fresh).x, 3 * (size_t)s.n * sizeof *s.x);
+  assert_int_equal(stats_of(changed).analyses, analyses);
+  msim_sim_destroy(fresh);
+}
+
+static void a_new_step_analyses_nothing(void **state) {
+  (void)state;
+  static const char *const pairs[][2] = {{"linearly-implicit-euler", "cholmod"},
+                                         {"linearly-implicit-euler", "pcg"},
+                                         {"velocity-verlet", "auto"}};
+  for (size_t p = 0; p < 3; p++) {
+    const int direct = strcmp(pairs[p][1], "cholmod") == 0;
+    if (direct && !solver_there("cholmod")) continue;
+    msim_scene *scene = hanging_cloth(6, 100, 0.1);
+    msim_options opt = options(pairs[p][0], 1e-3);
+    opt.solver = pairs[p][1];
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 5, err));
+    assert_ok(msim_sim_set_step(sim, opt.h = 2e-3, err));
+    expect_same_as_new(sim, scene, &opt, direct);
+    assert_close(state_of(sim).t, 0.005 + 5 * 2e-3, 1e-15);
+    assert_int_equal(state_of(sim).step, 10);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void steps_that_are_left_are_made_with_the_new_step(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(3, 100, 0);
+  msim_options opt = options("verlet", 1e-3);
+  opt.steps = 10;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 4, err));
+  assert_ok(msim_sim_set_step(sim, 5e-4, err));
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_int_equal(state_of(sim).step, 10);
+  assert_close(state_of(sim).t, 4e-3 + 6 * 5e-4, 1e-15);
+  assert_int_equal(msim_sim_set_step(sim, 0, NULL), MSIM_ERR_ARG);
+  assert_int_equal(msim_sim_set_step(sim, NAN, NULL), MSIM_ERR_ARG);
+  assert_close(state_of(sim).h, 5e-4, 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static void other_springs_analyse_nothing(void **state) {
+  (void)state;
+  enum { SIDE = 5 };
+  for (int direct = 0; direct < 2; direct++) {
+    if (direct && !solver_there("cholmod")) continue;
+    msim_scene *scene = hanging_cloth(SIDE, 100, 0), *other = hanging_cloth(SIDE, 250, 0.2);
+    msim_scene_view view = {.size = sizeof view}, wanted = {.size = sizeof wanted};
+    msim_options opt = options("linearly-implicit-euler", 1e-3);
+    opt.solver = direct ? "cholmod" : "pcg";
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 5, err));
+    msim_scene_get(other, &wanted);
+    assert_ok(msim_sim_set_springs(sim, wanted.k, NULL, wanted.damping, err));
+    expect_same_as_new(sim, other, &opt, direct);
+    msim_scene_get(scene, &view); /* the handle's scene is as it was */
+    assert_true(view.k[0] == 100 && view.damping[0] == 0);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene), msim_scene_destroy(other);
+  }
+}
+
+static void bad_springs_are_refused(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(2, 100, 0);
+  msim_options opt = options("velocity-verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_error why;
+  double k[6] = {1, 2, 3, -4, 5, 6};
+  assert_int_equal(msim_sim_set_springs(sim, k, NULL, NULL, &why), MSIM_ERR_ARG);
+  assert_string_equal(why.text, "k[3] is -4; it must be a finite number >= 0");
+  k[3] = INFINITY;
+  assert_int_equal(msim_sim_set_springs(sim, NULL, NULL, k, &why), MSIM_ERR_ARG);
+  assert_string_equal(why.text, "damping[3] is inf; it must be a finite number >= 0");
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(a_factor_is_kept_while_it_serves),
+      cmocka_unit_test(a_factor_that_does_not_serve_is_rarely_tried),
+      cmocka_unit_test(a_state_that_is_set_forgets_the_factor),
+      cmocka_unit_test(pcg_that_does_not_converge_gives_way),
+      cmocka_unit_test(a_new_step_analyses_nothing),
+      cmocka_unit_test(steps_that_are_left_are_made_with_the_new_step),
+      cmocka_unit_test(other_springs_analyse_nothing),
+      cmocka_unit_test(bad_springs_are_refused)};
+  return cmocka_run_group_tests_name("policy", tests, NULL, NULL);
+}
