@@ -1,0 +1,95 @@
+/* The cholmod plugin in its process: threads of BLAS and OpenMP are held to one while it works,
+ * whatever the program set, and are as before when it is done. */
+#define _GNU_SOURCE /* RTLD_NOLOAD */
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "scenes.h"
+
+static int (*get_blas)(void), (*get_levels)(void);
+static void (*set_blas)(int), (*set_levels)(int);
+
+static void *symbol(void *plugin, const char *name) {
+  void *found = dlsym(plugin, name);
+  if (!found) print_message("  no %s here\n", name);
+  return found;
+}
+
+/* 1 if this BLAS and this OpenMP can be asked. */
+static int find_controls(void) {
+  char path[4096];
+  snprintf(path, sizeof path, "%s/msim_backend_cholmod.so", getenv("MSIM_PLUGIN_PATH"));
+  void *plugin = dlopen(path, RTLD_NOW | RTLD_NOLOAD);
+  if (!plugin) return 0;
+  void *found[] = {
+      symbol(plugin, "openblas_get_num_threads"), symbol(plugin, "omp_get_max_active_levels"),
+      symbol(plugin, "openblas_set_num_threads"), symbol(plugin, "omp_set_max_active_levels")};
+  memcpy(&get_blas, found + 0, sizeof(void *)), memcpy(&get_levels, found + 1, sizeof(void *));
+  memcpy(&set_blas, found + 2, sizeof(void *)), memcpy(&set_levels, found + 3, sizeof(void *));
+  return found[0] && found[1] && found[2] && found[3];
+}
+
+static msim_sim *cloth_sim(void) {
+  msim_scene *scene = hanging_cloth(24, 1000, 0);
+  msim_options opt = options("linearly-implicit-euler", 1.0 / 60);
+  opt.solver = "cholmod";
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_scene_destroy(scene);
+  return sim;
+}
+
+static void threads_are_as_they_were(void **state) {
+  (void)state;
+  msim_sim *sim = cloth_sim();
+  for (int wanted = 1; wanted <= 3; wanted++) {
+    set_blas(wanted), set_levels(wanted + 1);
+    const int threads = get_blas(); /* no more than the machine has */
+    assert_ok(msim_sim_step(sim, 2, err));
+    assert_int_equal(get_blas(), threads);
+    assert_int_equal(get_levels(), wanted + 1);
+  }
+  msim_sim_destroy(sim);
+}
+
+static void bits_do_not_depend_on_them(void **state) {
+  (void)state;
+  msim_sim *one = cloth_sim(), *two = cloth_sim();
+  set_blas(1), set_levels(1);
+  assert_ok(msim_sim_step(one, 20, err));
+  set_blas(2), set_levels(2);
+  assert_ok(msim_sim_step(two, 20, err));
+  assert_memory_equal(state_of(one).x, state_of(two).x, 3 * 24 * 24 * sizeof(double));
+  msim_sim_destroy(one), msim_sim_destroy(two);
+}
+
+/* Minimum degree needs about twice the flops on a solid: the plugin looks further. */
+static void solids_are_dissected(void **state) {
+  (void)state;
+  const msim_lattice block = {
+      .size = sizeof block, .n = {17, 17, 17}, .extent = {1, 1, 1}, .mass = 1, .k = 1000};
+  msim_scene *scene;
+  const char *text;
+  double flops = 0;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  msim_options opt = options("linearly-implicit-euler", 1e-3);
+  opt.solver = "cholmod";
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_explain(sim, &text, err));
+  text = strstr(text, "numbers, ");
+  assert_non_null(text);
+  assert_int_equal(sscanf(text, "numbers, %lf flops", &flops), 1);
+  assert_true(flops < 5e9); /* minimum degree: 9e9 */
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  if (!solver_there("cholmod") || !find_controls()) return 77;
+  const struct CMUnitTest tests[] = {cmocka_unit_test(threads_are_as_they_were),
+                                     cmocka_unit_test(bits_do_not_depend_on_them),
+                                     cmocka_unit_test(solids_are_dissected)};
+  return cmocka_run_group_tests_name("cholmod", tests, NULL, NULL);
+}
