@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "linear/system.h"
+#include "physics/kernels.h"
 #include "testing.h"
 
 enum { N = 12, NS = 30 };
@@ -223,8 +224,8 @@ static void formats_agree(void **state) {
   assert_ok(ms_coefficients_create(&model, &a, err));
   assert_ok(ms_graph_create(&model, &graph, err));
   const int32_t order[N - 3] = {8, 0, 7, 1, 6, 2, 5, 3, 4}, n = 3 * (N - 3);
-  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_FULL, &full, err));
-  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_UPPER, &upper, err));
+  assert_ok(ms_matrix_create(&model, &a.halves, &graph, order, MSIM_FORMAT_FULL, &full, err));
+  assert_ok(ms_matrix_create(&model, &a.halves, &graph, order, MSIM_FORMAT_UPPER, &upper, err));
   double *x = ms_rows_vector(scene->data, &model.rows),
          *y = ms_rows_vector(scene->data, &model.rows);
   double *magnitude = ms_rows_vector(scene->data, &model.rows);
@@ -260,6 +261,41 @@ static void formats_agree(void **state) {
   ms_delete(&scene->data->alloc, magnitude);
   ms_matrix_destroy(&model, &full), ms_matrix_destroy(&model, &upper);
   ms_graph_destroy(&model, &graph);
+  ms_coefficients_destroy(&model, &a);
+  ms_model_destroy(&model);
+  msim_scene_destroy(scene);
+}
+
+/* The kernels of every instruction set give the same bits, padding and lone rows included. */
+static void instruction_sets_agree(void **state) {
+  (void)state;
+  static const char *const sets[] = {"baseline", "avx2", "avx512"};
+  tangle s = make_tangle(3, 0.7);
+  msim_scene *scene = scene_of(&s);
+  ms_model model;
+  ms_coefficients a;
+  assert_ok(ms_model_create(scene->data, 0, &model, err));
+  assert_ok(ms_coefficients_create(&model, &a, err));
+  const size_t n = 3 * (size_t)model.rows.stride, slots = MS_GROUP * (size_t)a.halves.nslots;
+  double *x = ms_rows_vector(scene->data, &model.rows);
+  double *y = ms_rows_vector(scene->data, &model.rows);
+  double first[3][9 * N * N];
+  ms_rows_gather(&model.rows, s.x, x);
+  for (size_t i = 0; i < 3; i++) {
+    model.kernels = ms_kernels_named(sets[i]);
+    if (!model.kernels) continue; /* not for this CPU */
+    ms_coefficients_compute(&model, x, 0.07, 0, &a);
+    ms_coefficients_apply(&model, &a, x, y);
+    const double *results[] = {a.t, a.wz, y};
+    const size_t counts[] = {slots, slots, n};
+    for (int r = 0; r < 3; r++) {
+      assert_true(counts[r] <= 9 * N * N);
+      if (i == 0) memcpy(first[r], results[r], counts[r] * sizeof(double));
+      assert_memory_equal(first[r], results[r], counts[r] * sizeof(double));
+    }
+  }
+  assert_null(ms_kernels_named("avx1024"));
+  ms_delete(&scene->data->alloc, x), ms_delete(&scene->data->alloc, y);
   ms_coefficients_destroy(&model, &a);
   ms_model_destroy(&model);
   msim_scene_destroy(scene);
@@ -342,6 +378,7 @@ int main(void) {
                                      cmocka_unit_test(matrix_is_the_derivative),
                                      cmocka_unit_test(three_particles_entry_by_entry),
                                      cmocka_unit_test(formats_agree),
+                                     cmocka_unit_test(instruction_sets_agree),
                                      cmocka_unit_test(clamp_and_zero_length),
                                      cmocka_unit_test(energy_is_the_sum)};
   return cmocka_run_group_tests_name("physics", tests, NULL, NULL);

@@ -216,17 +216,20 @@ static msim_status try_kept(ms_solver *s, const double *b, double *v) {
 /*------------------------------------- what else may happen -------------------------------------*/
 
 /* The row whose springs push hardest sideways for its mass: sum of -t over the mass. */
-static int32_t most_compressed(ms_solver *s) {
+static int32_t most_compressed(const ms_solver *s) {
   const ms_model *model = s->system.model;
-  const ms_springs *springs = &model->springs;
-  double *push = s->residual;
-  memset(push, 0, 3 * (size_t)model->rows.stride * sizeof *push);
-  for (int32_t e = 0; e < springs->n; e++) {
-    double t = fmax(0, -s->system.a.t[e]);
-    push[springs->i[e]] += t, push[springs->j[e]] += t;
+  const ms_coefficients *a = &s->system.a;
+  int32_t worst = 0;
+  double largest = -1;
+  for (int32_t r = 0; r < model->rows.nfree; r++) {
+    const int32_t *first = a->halves.first + r / MS_GROUP;
+    double push = 0;
+    for (int32_t slot = first[0]; slot < first[1]; slot++)
+      push += fmax(0, -a->t[MS_GROUP * slot + r % MS_GROUP]);
+    push *= model->inv_mass[r];
+    if (push > largest) largest = push, worst = r;
   }
-  for (int32_t r = 0; r < model->rows.nfree; r++) push[r] *= model->inv_mass[r];
-  return largest_row(model->shape, push);
+  return worst;
 }
 
 static msim_status not_positive_definite(ms_solver *s, const double *x, double h, const double *b,

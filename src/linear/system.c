@@ -99,26 +99,20 @@ static int32_t find_slot(const ms_matrix *m, int32_t row, int32_t column) {
   return 9 * m->graphptr[row] + 3 * (low - m->graphptr[row]);
 }
 
-static int32_t row_step(const ms_matrix *m, int32_t row) {
-  return 3 * (m->graphptr[row + 1] - m->graphptr[row]);
-}
-
-static void find_slots(const ms_model *model, const int32_t *position, ms_matrix *m) {
-  const ms_springs *s = &model->springs;
-  int ends = m->format == MSIM_FORMAT_FULL ? 2 : 1;
-  for (int32_t e = 0; e < s->n; e++) {
-    int inside = s->i[e] < m->n && s->j[e] < m->n;
-    int32_t a = inside ? position[s->i[e]] : 0, b = inside ? position[s->j[e]] : 0;
-    int32_t row[2] = {a < b ? a : b, a < b ? b : a};
-    for (int end = 0; end < ends; end++) {
-      size_t at = (size_t)e * (size_t)ends + (size_t)end;
-      m->slot[at] = inside ? find_slot(m, row[end], row[1 - end]) : -1;
-      m->step[at] = inside ? row_step(m, row[end]) : 0;
-    }
-  }
+/* Where each half spring's block lies. UPPER has those of the end that comes first. */
+static void find_slots(const ms_model *model, const ms_halves *halves, const int32_t *position,
+                       ms_matrix *m) {
   for (int32_t r = 0; r < m->n; r++) {
     m->diagonal_slot[r] = find_slot(m, position[r], position[r]);
-    m->diagonal_step[r] = row_step(m, position[r]);
+    m->row_step[r] = 3 * (m->graphptr[position[r] + 1] - m->graphptr[position[r]]);
+  }
+  for (int32_t g = 0; g < halves->ngroups; g++) {
+    for (int32_t at = MS_GROUP * halves->first[g]; at < MS_GROUP * halves->first[g + 1]; at++) {
+      const int32_t r = MS_GROUP * g + at % MS_GROUP, j = halves->neighbour[at];
+      const int there = halves->spring[at] >= 0 && j < model->rows.nfree &&
+                        (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
+      m->slot[at] = there ? find_slot(m, position[r], position[j]) : -1;
+    }
   }
 }
 
@@ -131,10 +125,10 @@ static msim_status count_blocks(const ms_graph *g, int32_t format, int64_t *bloc
                  (long long)*blocks, INT32_MAX / 9);
 }
 
-static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
+static int allocate_matrix(const ms_model *model, const ms_halves *halves, size_t blocks,
+                           ms_matrix *m) {
   const msim_allocator *alloc = &model->scene->alloc;
-  size_t n = (size_t)m->n, springs = (size_t)model->springs.n;
-  if (m->format == MSIM_FORMAT_FULL) springs *= 2;
+  const size_t n = (size_t)m->n;
   m->order = ms_new(alloc, n, sizeof(int32_t));
   m->graphptr = ms_new(alloc, n + 1, sizeof(int32_t));
   m->graphind = ms_new(alloc, blocks, sizeof(int32_t));
@@ -142,21 +136,21 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
   m->colind = ms_new(alloc, 9 * blocks, sizeof(int32_t));
   m->val = ms_new(alloc, 9 * blocks, sizeof(double));
   m->diagonal_slot = ms_new(alloc, n, sizeof(int32_t));
-  m->diagonal_step = ms_new(alloc, n, sizeof(int32_t));
-  m->slot = ms_new(alloc, springs, sizeof(int32_t));
-  m->step = ms_new(alloc, springs, sizeof(int32_t));
+  m->row_step = ms_new(alloc, n, sizeof(int32_t));
+  m->slot = ms_new(alloc, MS_GROUP * (size_t)halves->nslots, sizeof(int32_t));
   return m->order && m->graphptr && m->graphind && m->rowptr && m->colind && m->val &&
-         m->diagonal_slot && m->diagonal_step && m->slot && m->step;
+         m->diagonal_slot && m->row_step && m->slot;
 }
 
-msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
-                             int32_t format, ms_matrix *matrix, msim_error *err) {
+msim_status ms_matrix_create(const ms_model *model, const ms_halves *halves, const ms_graph *graph,
+                             const int32_t *order, int32_t format, ms_matrix *matrix,
+                             msim_error *err) {
   int64_t blocks;
   *matrix = (ms_matrix){.n = graph->n, .format = format};
   msim_status status = count_blocks(graph, format, &blocks, err);
   if (status) return status;
   int32_t *position = ms_new(&model->scene->alloc, (size_t)graph->n, sizeof *position);
-  if (!position || !allocate_matrix(model, (size_t)blocks, matrix)) {
+  if (!position || !allocate_matrix(model, halves, (size_t)blocks, matrix)) {
     ms_delete(&model->scene->alloc, position);
     return ms_fail_memory(err, "the matrix");
   }
@@ -169,15 +163,15 @@ msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const
         matrix->graphptr[k] + block_row(graph, matrix->order, position, format, k,
                                         matrix->graphind + matrix->graphptr[k]);
   scalar_pattern(matrix);
-  find_slots(model, position, matrix);
+  find_slots(model, halves, position, matrix);
   ms_delete(&model->scene->alloc, position);
   return MSIM_OK;
 }
 
 void ms_matrix_destroy(const ms_model *model, ms_matrix *m) {
   if (!model->scene) return; /* a sim that was refused before it had a model */
-  void *arrays[] = {m->order, m->graphptr,      m->graphind,      m->rowptr, m->colind,
-                    m->val,   m->diagonal_slot, m->diagonal_step, m->slot,   m->step};
+  void *arrays[] = {m->order, m->graphptr,      m->graphind, m->rowptr, m->colind,
+                    m->val,   m->diagonal_slot, m->row_step, m->slot};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     ms_delete(&model->scene->alloc, arrays[i]);
   *m = (ms_matrix){0};
@@ -185,7 +179,21 @@ void ms_matrix_destroy(const ms_model *model, ms_matrix *m) {
 
 /*------------------------------------- values ---------------------------------------------------*/
 
-/* block -= t I + w w^T */
+static void write_diagonal(const ms_model *model, const ms_coefficients *a, int32_t r,
+                           ms_matrix *m) {
+  const size_t stride = (size_t)model->rows.first_pinned;
+  const double *d = a->diagonal + r;
+  const double xx = d[0], yy = d[stride], zz = d[2 * stride];
+  const double xy = d[3 * stride], xz = d[4 * stride], yz = d[5 * stride];
+  double *row = m->val + m->diagonal_slot[r];
+  row[0] = xx, row[1] = xy, row[2] = xz;
+  row += m->row_step[r];
+  row[0] = xy, row[1] = yy, row[2] = yz;
+  row += m->row_step[r];
+  row[0] = xz, row[1] = yz, row[2] = zz;
+}
+
+/* block -= t I + w w^T; several springs may share it */
 static inline void subtract_block(double *at, int32_t step, double t, const double w[3]) {
   for (int r = 0; r < 3; r++, at += step) {
     for (int c = 0; c < 3; c++) at[c] -= w[r] * w[c];
@@ -194,25 +202,15 @@ static inline void subtract_block(double *at, int32_t step, double t, const doub
 }
 
 void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m) {
-  const size_t stride = (size_t)model->rows.first_pinned;
   memset(m->val, 0, 9 * (size_t)m->graphptr[m->n] * sizeof *m->val);
   for (int32_t r = 0; r < m->n; r++) {
-    const double *d = a->diagonal + r;
-    const double xx = d[0], yy = d[stride], zz = d[2 * stride];
-    const double xy = d[3 * stride], xz = d[4 * stride], yz = d[5 * stride];
-    double *row = m->val + m->diagonal_slot[r];
-    const int32_t step = m->diagonal_step[r];
-    row[0] = xx, row[1] = xy, row[2] = xz;
-    row += step;
-    row[0] = xy, row[1] = yy, row[2] = yz;
-    row += step;
-    row[0] = xz, row[1] = yz, row[2] = zz;
-  }
-  const int32_t ends = m->format == MSIM_FORMAT_FULL ? 2 : 1;
-  for (int32_t e = 0; e < model->springs.n; e++) {
-    const double w[3] = {a->wx[e], a->wy[e], a->wz[e]};
-    for (int32_t at = ends * e; at < ends * (e + 1); at++)
-      if (m->slot[at] >= 0) subtract_block(m->val + m->slot[at], m->step[at], a->t[e], w);
+    const int32_t group = r / MS_GROUP, lane = r % MS_GROUP;
+    write_diagonal(model, a, r, m);
+    for (int32_t slot = a->halves.first[group]; slot < a->halves.first[group + 1]; slot++) {
+      const int32_t at = MS_GROUP * slot + lane;
+      const double w[3] = {a->wx[at], a->wy[at], a->wz[at]};
+      if (m->slot[at] >= 0) subtract_block(m->val + m->slot[at], m->row_step[r], a->t[at], w);
+    }
   }
 }
 

@@ -27,13 +27,14 @@ typedef struct ms_matrix {
   int32_t *rowptr, *colind;     /* scalars: 3n + 1, 9 blocks */
   double *val;                  /* 9 blocks */
   int32_t *diagonal_slot;       /* n, by row: offset of the diagonal block in val */
-  int32_t *diagonal_step;       /* n: from one scalar row of it to the next */
-  int32_t *slot, *step;         /* springs.n, FULL: twice; -1 where an end is pinned */
+  int32_t *row_step;            /* n, by row: from one scalar row of a block to the next */
+  int32_t *slot;                /* 8 halves.nslots: offset of the block in val; -1: not stored */
 } ms_matrix;
 
 /* Nullable: order (the rows as they are). */
-msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
-                             int32_t format, ms_matrix *matrix, msim_error *err);
+msim_status ms_matrix_create(const ms_model *model, const ms_halves *halves, const ms_graph *graph,
+                             const int32_t *order, int32_t format, ms_matrix *matrix,
+                             msim_error *err);
 void ms_matrix_destroy(const ms_model *model, ms_matrix *matrix);
 
 /* val = A */

@@ -2,6 +2,7 @@
 #ifndef MS_FORCE_H
 #define MS_FORCE_H
 
+#include "layout/halves.h"
 #include "physics/model.h"
 
 /* Springs shorter than the root of this have no direction that a double could hold. */
@@ -13,14 +14,15 @@
  * in the order of the scene. Rows past the unknowns are scratch. */
 void ms_force(const ms_model *model, const double *x, const double *v, double *f);
 
-/* The matrix A = M - h D - h^2 J, given by four numbers a spring and six a row.
+/* The matrix A = M - h D - h^2 J, given by four numbers a half spring and six a row.
  *
  * Block (i,j) of a spring is -(t I + w w^T), and t I + w w^T is added to blocks (i,i) and (j,j):
  *   J_ii = -k (u u^T + (1 - L/l) (I - u u^T))  and  D_ii = -c u u^T  give
  *   t = h^2 k s,  w = sqrt(h^2 k (1 - s) + h c) u,  s = 1 - L/l   (clamped: max(0, s))
  * and l = 0: J_ii = -k I, so t = h^2 k, w = 0. As s <= 1 the root is real. */
 typedef struct ms_coefficients {
-  double *t, *wx, *wy, *wz; /* springs.n */
+  ms_halves halves;
+  double *t, *wx, *wy, *wz; /* 8 halves.nslots; padding: 0 */
   double *diagonal; /* 6 first_pinned: xx yy zz xy xz yz of the diagonal blocks, component-wise */
 } ms_coefficients;
 
@@ -31,7 +33,7 @@ void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a);
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a);
 
-/* y = A x on the unknowns; rows past them must be 0 in x and are scratch in y. */
+/* y = A x on the unknowns; rows past them must be 0 in x and are 0 in y. */
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,
                            double *y);
 

@@ -1,4 +1,4 @@
-#include "physics/model.h"
+#include "physics/kernels.h"
 
 /* A pass is needed where it could change a number. */
 static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
@@ -14,7 +14,7 @@ static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
 
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
                             msim_error *err) {
-  *model = (ms_model){.scene = scene};
+  *model = (ms_model){.scene = scene, .kernels = ms_kernels_best()};
   msim_status status = ms_rows_create(scene, &model->rows, err);
   if (!status) status = ms_springs_create(scene, &model->rows, &model->springs, err);
   if (status) return status;

@@ -9,9 +9,10 @@ typedef struct ms_model {
   const ms_scene *scene;
   ms_rows rows;
   ms_springs springs;
-  ms_shape shape;          /* of the unknowns */
-  double *mass, *inv_mass; /* first_pinned, kg: of each unknown row; 1 in the padding */
-  unsigned passes;         /* MSIM_SKIP_...: the passes that a step makes */
+  ms_shape shape;                   /* of the unknowns */
+  double *mass, *inv_mass;          /* first_pinned, kg: of each unknown row; 1 in the padding */
+  const struct ms_kernels *kernels; /* for this CPU */
+  unsigned passes;                  /* MSIM_SKIP_...: the passes that a step makes */
 } ms_model;
 
 /* What the scene needs, and what skip_off insists on. */

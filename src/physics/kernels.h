@@ -1,0 +1,20 @@
+/* kernels - the loops over half springs, one set for each instruction set. They form the same sums
+ * in the same order without fused multiply-add: all sets give the same bits. */
+#ifndef MS_KERNELS_H
+#define MS_KERNELS_H
+
+#include "physics/force.h"
+
+typedef struct ms_kernels {
+  void (*coefficients)(const ms_model *model, const double *x, double h, int clamp,
+                       ms_coefficients *a);
+  void (*apply)(const ms_model *model, const ms_coefficients *a, const double *x, double *y);
+} ms_kernels;
+
+/* The set of that name: baseline, avx2 or avx512. NULL: not built, or not for this CPU. */
+const ms_kernels *ms_kernels_named(const char *isa);
+
+/* The set that MSIM_ISA in the environment names, else the widest one for this CPU. */
+const ms_kernels *ms_kernels_best(void);
+
+#endif
