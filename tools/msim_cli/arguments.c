@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "message.h"
+#include "../common/message.h"
 
 /*------------------------------------- what there is --------------------------------------------*/
 

@@ -4,34 +4,9 @@
 #include <jansson.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
-#include "message.h"
+#include "../common/message.h"
 #include "stats.h"
-
-/*------------------------------------- the file -------------------------------------------------*/
-
-int final_open(final_file *file, const char *path) {
-  *file = (final_file){.path = path};
-  size_t size = strlen(path) + sizeof ".part";
-  file->part = malloc(size);
-  if (!file->part) return complain("out of memory for a file name");
-  snprintf(file->part, size, "%s.part", path);
-  file->stream = fopen(file->part, "w");
-  if (file->stream) return EXIT_OK;
-  complain("cannot write '%s': %s", file->part, strerror(errno));
-  final_discard(file);
-  return EXIT_ERROR;
-}
-
-void final_discard(final_file *file) {
-  if (file->stream) {
-    fclose(file->stream);
-    remove(file->part);
-  }
-  free(file->part);
-  *file = (final_file){.path = NULL};
-}
 
 /*------------------------------------- writing --------------------------------------------------*/
 
@@ -130,7 +105,7 @@ static const char *find_culprit(const content *c) {
   return all_finite(3, e->angular_momentum) ? NULL : "angular_momentum";
 }
 
-int final_write(final_file *file, msim_sim *sim, msim_status status) {
+int final_write(output_file *file, msim_sim *sim, msim_status status) {
   content c = {.status = status,
                .state = {.size = sizeof c.state},
                .energy = {.size = sizeof c.energy},
@@ -142,13 +117,7 @@ int final_write(final_file *file, msim_sim *sim, msim_status status) {
   if (culprit)
     return complain("'%s' is not written: its '%s' would not be finite", file->path, culprit);
   errno = 0;
-  int written = put_content(file->stream, &c);
-  written = fclose(file->stream) == 0 && written;
-  file->stream = NULL;
-  if (written && rename(file->part, file->path) == 0) return EXIT_OK;
-  complain("cannot write '%s': %s", file->path, errno ? strerror(errno) : "out of memory");
-  remove(file->part);
-  return EXIT_ERROR;
+  return output_close(file, put_content(file->stream, &c));
 }
 
 /*------------------------------------- reading --------------------------------------------------*/

@@ -2,7 +2,7 @@
 
 #include <stdio.h>
 
-#include "message.h"
+#include "../common/message.h"
 
 enum { DOC_COLUMN = 27 };
 
@@ -92,6 +92,13 @@ void help_program(void) {
   print_wrapped(DOC_COLUMN, "tell what a run would do, and why");
   print_column(DOC_COLUMN, "list");
   print_wrapped(DOC_COLUMN, "list integrators, linear solvers and recorders");
+  puts("\nEnvironment:");
+  print_column(DOC_COLUMN, "MSIM_PLUGIN_PATH");
+  print_wrapped(DOC_COLUMN, "folders searched for plugins, ':' between");
+  print_column(DOC_COLUMN, "OPENBLAS_CORETYPE");
+  print_wrapped(DOC_COLUMN,
+                "the kernels of OpenBLAS, behind cholmod; where it is not set, SkylakeX is taken "
+                "for AMD processors with AVX-512, which OpenBLAS takes for others");
   puts("\n'msim_cli COMMAND --help' describes a command and its options.");
 }
 

@@ -1,17 +1,17 @@
 /* msim_cli - simulate mass-spring systems from the command line */
-#define _POSIX_C_SOURCE 200809L /* fcntl, signals */
-#include <errno.h>
-#include <fcntl.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "../common/blas.h"
+#include "../common/message.h"
+#include "../common/standard.h"
 #include "arguments.h"
 #include "help.h"
-#include "message.h"
 #include "report.h"
 #include "run.h"
 #include "setup.h"
+
+const char program_name[] = "msim_cli";
 
 static int explain_command(const arguments *args) {
   setup made;
@@ -54,28 +54,8 @@ static int dispatch(int argc, char **argv) {
   return EXIT_OK;
 }
 
-/* Where standard files are closed, the next file opened would take their place and get what is
- * printed. Here writing to stdout fails as it should, and what goes to stderr is lost. */
-static void reserve_standard_files(void) {
-  for (int fd = 0; fd <= 2; fd++)
-    if (fcntl(fd, F_GETFD) == -1 && errno == EBADF)
-      open("/dev/null", fd == 2 ? O_WRONLY : O_RDONLY);
-}
-
-/* What buffering hid. */
-static int close_stdout(void) {
-  int failed = ferror(stdout);
-  errno = 0;
-  if (fclose(stdout) == 0 && !failed) return EXIT_OK;
-  return complain("cannot write to standard output%s%s", errno ? ": " : "",
-                  errno ? strerror(errno) : "");
-}
-
 int main(int argc, char **argv) {
-  reserve_standard_files();
-  signal(SIGPIPE, SIG_IGN);
-  signal(SIGXFSZ, SIG_IGN); /* a limit on file sizes is an error of the write, as a full disk is */
-  int status = dispatch(argc, argv);
-  int written = close_stdout();
-  return status ? status : written;
+  standard_begin();
+  choose_blas_kernels();
+  return standard_end(dispatch(argc, argv));
 }

@@ -1,4 +1,4 @@
-#define _POSIX_C_SOURCE 200809L /* clock_gettime, isatty */
+#define _POSIX_C_SOURCE 200809L /* isatty */
 #include "progress.h"
 
 #include <inttypes.h>
@@ -6,17 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
-#include <time.h>
 #include <unistd.h>
+
+#include "../common/clock.h"
 
 /* Columns. The text beside the bar has TEXT_COLUMNS where there is room for a bar at all. */
 enum { WIDEST = 250, TEXT_COLUMNS = 64, WIDEST_BAR = 40, NARROWEST_BAR = 8 };
-
-double wall_seconds(void) {
-  struct timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
 
 /* Columns that may be used. The last one stays free: some terminals wrap when it is written. */
 static int terminal_columns(void) {

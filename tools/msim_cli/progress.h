@@ -11,9 +11,6 @@ typedef struct progress {
   double started, drawn; /* wall time, s */
 } progress;
 
-/* Seconds on a clock that nobody sets. */
-double wall_seconds(void);
-
 void progress_start(progress *bar, int quiet, int64_t first, int64_t end);
 
 /* Draw the bar if it is time to: not in the first half second, and ten times a second. */

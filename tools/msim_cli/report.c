@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "files.h"
-#include "message.h"
+#include "../common/files.h"
+#include "../common/message.h"
 #include "stats.h"
 
 enum { VALUE_COLUMN = 16 };

@@ -5,9 +5,10 @@
 #include <signal.h>
 #include <stdio.h>
 
-#include "files.h"
+#include "../common/clock.h"
+#include "../common/files.h"
+#include "../common/message.h"
 #include "final.h"
-#include "message.h"
 #include "progress.h"
 #include "report.h"
 #include "setup.h"
@@ -17,7 +18,7 @@ typedef struct run {
   setup made;
   msim_sim *sim;
   msim_recorder *recorder; /* NULL: no --out */
-  final_file final;
+  output_file final;
   progress bar;
   report report;
   msim_state first;      /* its arrays are not looked at */
@@ -111,7 +112,7 @@ static int make_sim(run *r) {
 static int open_files(run *r) {
   const arguments *args = r->args;
   msim_error err;
-  if (args->final && final_open(&r->final, args->final)) return EXIT_ERROR;
+  if (args->final && output_open(&r->final, args->final)) return EXIT_ERROR;
   if (!args->out || msim_recorder_open(r->sim, args->out, &r->recorder, &err) == MSIM_OK)
     return EXIT_OK;
   return complain("%s", err.text);
@@ -232,7 +233,7 @@ int run_command(const arguments *args) {
   if (!status) status = execute(&r);
   running = NULL;
   if (r.recorder) msim_recorder_close(r.recorder, NULL);
-  final_discard(&r.final);
+  output_discard(&r.final);
   msim_sim_destroy(r.sim);
   setup_free(&r.made);
   return status;

@@ -1,6 +1,6 @@
 #include "setup.h"
 
-#include "message.h"
+#include "../common/message.h"
 
 int setup_failed(msim_status status, const msim_error *err) {
   complain("%s", err->text);

@@ -1,6 +1,6 @@
 /* files - what the names of files stand for */
-#ifndef CLI_FILES_H
-#define CLI_FILES_H
+#ifndef TOOLS_FILES_H
+#define TOOLS_FILES_H
 
 /* Whether two names stand for one file, also where neither exists yet. Nullable: both. */
 int same_file(const char *a, const char *b);

@@ -18,8 +18,9 @@ static void complain_va(const char *ending, const char *command, const char *for
   char text[MESSAGE_SIZE];
   vsnprintf(text, sizeof text, format, args);
   clean_text(text);
-  fprintf(stderr, *ending ? "msim_cli: %s; see 'msim_cli %s%s'\n" : "msim_cli: %s\n", text, command,
-          ending);
+  if (*ending)
+    fprintf(stderr, "%s: %s; see '%s %s%s'\n", program_name, text, program_name, command, ending);
+  else fprintf(stderr, "%s: %s\n", program_name, text);
 }
 
 int complain(const char *format, ...) {

@@ -1,0 +1,20 @@
+#define _POSIX_C_SOURCE 200809L /* setenv */
+#include "blas.h"
+
+#include <stdlib.h>
+
+/* What OpenBLAS' SkylakeX kernels are compiled for, on a processor it does not know to have it. */
+static int is_misjudged(void) {
+#if defined(__GNUC__) && defined(__x86_64__)
+  __builtin_cpu_init();
+  return __builtin_cpu_is("amd") && __builtin_cpu_supports("avx512f") &&
+         __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512bw") &&
+         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+#else
+  return 0;
+#endif
+}
+
+void choose_blas_kernels(void) {
+  if (is_misjudged()) setenv("OPENBLAS_CORETYPE", "SkylakeX", 0);
+}
