@@ -1,6 +1,6 @@
-"""What the tests of msim_cli share.
+"""What the tests of programs share.
 
-MSIM_CLI names the program, MSIM_SCENES a folder of scenes."""
+MSIM_CLI names the first of them, MSIM_SCENES a folder of scenes."""
 
 import csv
 import json
@@ -52,6 +52,8 @@ def default_signals():
 
 
 class CliTest(unittest.TestCase):
+    PROGRAM = CLI
+
     def setUp(self):
         self.temporary = tempfile.TemporaryDirectory()
         self.addCleanup(self.temporary.cleanup)
@@ -70,7 +72,7 @@ class CliTest(unittest.TestCase):
         """A process that does not outlive the test."""
         keys = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE,
                 "stderr": subprocess.PIPE, "preexec_fn": default_signals, **keys}
-        with subprocess.Popen([CLI, *args], cwd=self.folder, text=True, **keys) as process:
+        with subprocess.Popen([self.PROGRAM, *args], cwd=self.folder, text=True, **keys) as process:
             try:
                 yield process
             finally:
@@ -118,7 +120,7 @@ class CliTest(unittest.TestCase):
 
     def assert_sentence(self, err, *words):
         """Exactly one line, made for people."""
-        self.assertRegex(err, r"\Amsim_cli: [^\n]{10,}\n\Z")
+        self.assertRegex(err, rf"\A{Path(self.PROGRAM).name}: [^\n]{{10,}}\n\Z")
         for word in words:
             self.assertIn(word, err)
 

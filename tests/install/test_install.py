@@ -65,6 +65,7 @@ class Install(unittest.TestCase):
     def test_command_line(self):
         scene = self.prefix / "share/msim/scenes/hanging_cloth.json"
         support.run(self.prefix / "bin/msim_cli", "run", scene, "--steps", 2, "--quiet")
+        support.run(self.prefix / "bin/msim_bench", "--version")
 
     def test_nothing_remembers_where_it_was_built(self):
         places = [str(self.first), support.setting("BUILD"), str(support.SOURCE)]
@@ -72,7 +73,7 @@ class Install(unittest.TestCase):
             if path.suffix in (".cmake", ".pc", ".h"):
                 for place in places:
                     self.assertNotIn(place, path.read_text(), path)
-            elif path.name == "msim_cli" or ".so" in path.suffixes:
+            elif path.name.startswith(("msim_cli", "msim_bench")) or ".so" in path.suffixes:
                 text = support.run("readelf", "-d", "-W", path)
                 for folder in re.findall(r"\((?:RUNPATH|RPATH)\)[^\[]*\[([^\]]*)\]", text):
                     self.assertTrue(folder.startswith("$ORIGIN"), f"{path}: {folder}")

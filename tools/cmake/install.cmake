@@ -1,5 +1,5 @@
-# What is installed: the library, its plugins (backends/CMakeLists.txt), the headers, msim_cli, the
-# scenes, and two ways to find them. All paths are relative to one another: a moved install works.
+# What is installed: the library, its plugins (backends/CMakeLists.txt), the headers, the
+# programs, the scenes, and two ways to find them. All paths are relative to one another: a moved install works.
 include(CMakePackageConfigHelpers)
 
 get_property(msim_linked GLOBAL PROPERTY msim_linked)
@@ -12,8 +12,8 @@ install(DIRECTORY include/msim DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 if(TARGET msim_cli)
   file(RELATIVE_PATH library_folder ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_LIBDIR})
-  set_target_properties(msim_cli PROPERTIES INSTALL_RPATH $ORIGIN/${library_folder})
-  install(TARGETS msim_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  set_target_properties(msim_cli msim_bench PROPERTIES INSTALL_RPATH $ORIGIN/${library_folder})
+  install(TARGETS msim_cli msim_bench RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
   install(DIRECTORY tools/scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/msim)
 endif()
 

@@ -1,0 +1,202 @@
+"""What msim_bench promises: refusals, rows and summary, children that leave no trace."""
+
+import json
+import os
+import re
+import signal
+import time
+import unittest
+from pathlib import Path
+
+from cli_support import CliTest, no_constant
+
+SCENE = ["linear", "--quick", "--scene", "cloth32"]
+KEYS = {"cholmod_step_over_bare_cloth100", "cholmod_step_over_default_cloth32",
+        "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100",
+        "cholmod_slowdown_when_other_core_busy_cloth64", "sundials_pcg_over_stock_cloth100",
+        "sundials_pcg_over_builtin_per_iteration_cloth100", "max_disagreement",
+        "max_disagreement_stiff"}
+TUNING = {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+class BenchTest(CliTest):
+    PROGRAM = os.environ["MSIM_BENCH"]
+
+    def result(self, name="out.json"):
+        return json.loads((self.folder / name).read_text(), parse_constant=no_constant)
+
+    @staticmethod
+    def children(process):
+        """The reference programs and spinners, with what /proc tells of them."""
+        text = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+        return [Path("/proc") / pid for pid in text.split()]
+
+    def wait_for_line(self, process, pattern):
+        for line in process.stdout:
+            if re.match(pattern, line):
+                return
+        self.fail(f"no line like '{pattern}' was printed")
+
+
+class Help(BenchTest):
+    def test_help(self):
+        out = self.good("--help")
+        for word in ("Usage: msim_bench", "linear", "--quick", "--json FILE", "--scene NAME",
+                     "--threads N", "cloth32", "forces, scaling"):
+            self.assertIn(word, out)
+        self.assertLessEqual(max(map(len, out.splitlines())), 80)
+        self.assertEqual(self.good("linear", "--help"), out)
+
+    def test_version(self):
+        self.assertRegex(self.good("--version"), r"\Amsim_bench \d+\.\d+\.\d+\n\Z")
+
+
+class Refusals(BenchTest):
+    def test_command_line(self):
+        (self.folder / "folder").mkdir()
+        os.mkfifo(self.folder / "pipe")
+        for args, *words in [
+            ([], "name of a bench", "linear", "'msim_bench --help'"),
+            (["linaer"], "'linaer'"),
+            (["linear", "linear"], "one bench"),
+            *((["--json", "a.json", name], f"'{name}'", "not part of this version")
+              for name in "forces scaling skip step precision stability".split()),
+            (["linear", "--svg", "a.svg"], "--svg", "not part of this version", "--json"),
+            (["linear", "--quik"], "'--quik'"),
+            (["linear", "--quick=1"], "--quick takes no value"),
+            (["linear", "-q"], "'-q'"),
+            (["linear", "--json"], "--json needs a value"),
+            (["linear", "--json="], "--json"),
+            (["linear", "--threads", "-1"], "threads", "'-1'"),
+            (["linear", "--scene", "cloth32,cloth33"], "'cloth33'", "cloth32, cloth64"),
+            (["linear", "--scene", ""], "''"),
+            (["linear", "--json", "missing/a.json"], "missing/a.json"),
+            (["linear", "--json", "folder"], "folder", "a folder"),
+            (["linear", "--json", "pipe"], "pipe", "not a file"),
+        ]:
+            with self.subTest(" ".join(args)):
+                self.assert_refused(args, *words)
+
+
+class Linear(BenchTest):
+    def check_times(self, row):
+        self.assertGreater(row["ms"], 0)
+        self.assertGreaterEqual(row["repeats"], 1)
+        parts = [row.get(f"{part}_ms", 0) for part in ("force", "assemble", "factor", "solve")]
+        self.assertLess(sum(parts), 3 * row["ms"])  # medians of each: they need not add up
+        if row["measure"] != "bare":
+            self.assertLess(row["residual"], 1.01e-6)
+        if row["solver"] == "pcg" or row["measure"] == "stock":
+            self.assertGreater(row["iterations"], 10)
+
+    def check_rows(self, rows):
+        for row in rows:
+            with self.subTest(row):
+                self.assertIn(row["measure"], ("step", "bare", "default", "stock", "ratio",
+                                               "disagreement", "reference"))
+                if row["measure"] in ("ratio", "disagreement") and "solver" not in row:
+                    continue
+                self.assertIn(row["status"], ("ok", "failed", "left out"))
+                if row["status"] == "ok":
+                    self.check_times(row)
+                else:
+                    self.assertGreater(len(row["reason"]), 10)
+
+    def find(self, rows, **wanted):
+        return [row for row in rows if wanted.items() <= row.items()]
+
+    def test_small_scene(self):
+        out = self.good(*SCENE, "--json", "out.json")
+        self.assertEqual(self.files(), ["out.json"])
+        result = self.result()
+        self.assertEqual(set(result), {"bench", "quick", "machine", "rows", "summary"})
+        self.assertEqual((result["bench"], result["quick"]), ("linear", True))
+        self.assertLessEqual({"cores", "isa", "msim", "solvers", "references"},
+                             set(result["machine"]))
+        rows, summary = result["rows"], result["summary"]
+        self.check_rows(rows)
+        for solver in result["machine"]["solvers"]:
+            self.assertTrue(self.find(rows, solver=solver, scene="cloth32"), solver)
+        self.check_summary(result)
+        for key in summary:
+            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
+
+    def check_summary(self, result):
+        rows, summary = result["rows"], result["summary"]
+        expected = set()
+        if "cholmod" in result["machine"]["solvers"]:
+            if "default cholmod" in result["machine"]["references"]:
+                expected.add("cholmod_step_over_default_cloth32")
+            expected |= {"max_disagreement", "max_disagreement_stiff"}
+        self.assertEqual(set(summary), expected)
+        self.assertLessEqual(expected, KEYS)
+        for key, k in ("max_disagreement", 1e3), ("max_disagreement_stiff", 1e5):
+            if key in expected:
+                largest = [row["largest"] for row in self.find(rows, measure="disagreement", k=k)
+                           if "largest" in row]
+                self.assertEqual((len(largest), max(largest)), (2, summary[key]))
+                self.assertLess(summary[key], 1e-8)
+        for row in self.find(rows, measure="ratio", name="cholmod_step_over_default"):
+            self.assertEqual(row["ratio"], summary["cholmod_step_over_default_cloth32"])
+
+    def test_references_know_nothing_of_our_environment(self):
+        with self.start(*SCENE, env={**os.environ, **TUNING}) as process:
+            self.wait_for_line(process, "cloth32")
+            children = [child for child in self.children(process)
+                        if "reference" in (child / "cmdline").read_text()]
+            for child in children:
+                names = re.findall(r"(?:\A|\0)([^=\0]*)=", (child / "environ").read_text())
+                self.assertIn("PATH", names)
+                self.assertEqual(set(names) & set(TUNING), set())
+        if not children:
+            self.skipTest("no reference program was built")
+
+    def test_a_reference_that_dies_is_a_result(self):
+        with self.start(*SCENE, "--json", "out.json") as process:
+            self.wait_for_line(process, "cloth32")
+            children = self.children(process)
+            for child in children:
+                if "reference" in (child / "cmdline").read_text():
+                    os.kill(int(child.name), signal.SIGKILL)
+            process.communicate(timeout=100)
+        self.assertEqual(process.returncode, 0)
+        result = self.result()
+        self.check_rows(result["rows"])
+        self.assertNotIn("cholmod_step_over_default_cloth32", result["summary"])
+        self.assertEqual(self.find(result["rows"], measure="default", status="ok"), [])
+        self.assertTrue(self.find(result["rows"], measure="step", status="ok"))
+
+
+class Stopping(BenchTest):
+    def test_signals(self):
+        (self.folder / "out.json").write_text("old")
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with self.subTest(number.name):
+                with self.start("linear", "--scene", "cloth64", "--json",
+                                "out.json") as process:
+                    self.wait_for_line(process, "cloth64")
+                    time.sleep(0.5)
+                    children = self.children(process)
+                    process.send_signal(number)
+                    _, err = process.communicate(timeout=20)
+                self.assertEqual(process.returncode, 2)
+                self.assert_sentence(err, "stopped", "no file")
+                self.assertEqual([child for child in children if child.exists()], [])
+                self.assertEqual(self.files(), ["out.json"])
+                self.assertEqual((self.folder / "out.json").read_text(), "old")
+
+    def test_children_do_not_outlive_a_kill(self):
+        with self.start("linear", "--scene", "cloth32") as process:
+            self.wait_for_line(process, "cloth32")
+            children = self.children(process)
+            process.kill()
+            process.communicate(timeout=20)
+        for _ in range(1000):
+            if not any(child.exists() for child in children):
+                return
+            time.sleep(0.01)
+        self.fail("children are still there")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,134 @@
+#include "arguments.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "../common/files.h"
+#include "../common/message.h"
+
+/*------------------------------------- flags ----------------------------------------------------*/
+
+static int take_quick(arguments *args, const char *value) {
+  (void)value;
+  args->wishes.quick = 1;
+  return EXIT_OK;
+}
+
+static int take_help(arguments *args, const char *value) {
+  (void)value;
+  args->help = 1;
+  return EXIT_OK;
+}
+
+static int take_version(arguments *args, const char *value) {
+  (void)value;
+  args->version = 1;
+  return EXIT_OK;
+}
+
+/* A file is written under another name and then renamed, which would put it in the place of a
+ * device or a pipe. */
+static int take_json(arguments *args, const char *value) {
+  const char *kind = not_a_file(value);
+  if (!*value) return complain_usage("", "--json needs the name of a file");
+  if (kind) return complain_usage("", "--json '%s' is %s, not a file", value, kind);
+  args->json = value;
+  return EXIT_OK;
+}
+
+static int take_svg(arguments *args, const char *value) {
+  (void)args, (void)value;
+  return complain_usage("", "--svg is not part of this version yet; --json writes the numbers");
+}
+
+static int take_threads(arguments *args, const char *value) {
+  msim_options options;
+  msim_error err;
+  msim_options_init(&options, sizeof options);
+  if (msim_options_set(&options, "threads", value, &err) != MSIM_OK)
+    return complain_usage("", "on the command line, %s", err.text);
+  args->wishes.threads = options.threads;
+  return EXIT_OK;
+}
+
+static int complain_scene(const char *name, size_t length) {
+  char known[256] = "";
+  const bench_scene *scene;
+  for (int i = 0; (scene = scene_info(i)) != NULL; i++) {
+    const size_t used = strlen(known);
+    snprintf(known + used, sizeof known - used, "%s%s", i ? ", " : "", scene->name);
+  }
+  return complain_usage("", "there is no scene '%.*s', only %s", (int)length, name, known);
+}
+
+/* Names with commas between. */
+static int take_scene(arguments *args, const char *value) {
+  bench_wishes *w = &args->wishes;
+  for (const char *name = value, *end; name; name = *end ? end + 1 : NULL) {
+    end = name + strcspn(name, ",");
+    const bench_scene *scene = scene_find(name, (size_t)(end - name));
+    if (!scene) return complain_scene(name, (size_t)(end - name));
+    if (w->nscenes == MOST_SCENES)
+      return complain_usage("", "--scene takes %d scenes at most", MOST_SCENES);
+    w->scenes[w->nscenes++] = scene;
+  }
+  return EXIT_OK;
+}
+
+static const bench_flag flags[] = {
+    {"quick", NULL, "end within a minute: fewer scenes, fewer runs", take_quick},
+    {"json", "FILE", "write all rows and the summary too", take_json},
+    {"scene", "NAME,...", "these scenes only", take_scene},
+    {"threads", "N", "threads of msim itself; the libraries out of the box keep their own",
+     take_threads},
+    {"svg", "FILE", "not part of this version yet", take_svg},
+    {"help", NULL, "show this text", take_help},
+    {"version", NULL, "show the version", take_version},
+};
+enum { NFLAGS = sizeof flags / sizeof *flags };
+
+const bench_flag *flag_info(int i) { return i >= 0 && i < NFLAGS ? &flags[i] : NULL; }
+
+/*------------------------------------- parsing --------------------------------------------------*/
+
+static int take_name(arguments *args, const char *name) {
+  const bench_entry *bench;
+  if (args->bench)
+    return complain_usage("", "one bench at a time, but '%s' and '%s' are given", args->bench->name,
+                          name);
+  for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
+    if (strcmp(bench->name, name) != 0) continue;
+    args->bench = bench;
+    if (bench->run) return EXIT_OK;
+    return complain_usage("", "bench '%s' is known, but not part of this version yet", name);
+  }
+  return complain_usage("", "there is no bench '%s'", name);
+}
+
+/* "--NAME", "--NAME VALUE" or "--NAME=VALUE"; *i: where argv stands. */
+static int take_flag(arguments *args, int argc, char **argv, int *i) {
+  const char *given = argv[*i] + 2, *value = strchr(given, '=');
+  const size_t length = strcspn(given, "=");
+  for (const bench_flag *flag = flags; flag < flags + NFLAGS; flag++) {
+    if (strlen(flag->name) != length || memcmp(flag->name, given, length) != 0) continue;
+    if (!flag->value && value) return complain_usage("", "--%s takes no value", flag->name);
+    if (!flag->value) return flag->take(args, NULL);
+    if (value) return flag->take(args, value + 1);
+    if (++*i == argc) return complain_usage("", "--%s needs a value", flag->name);
+    return flag->take(args, argv[*i]);
+  }
+  return complain_usage("", "there is no option '--%.*s'", (int)length, given);
+}
+
+int arguments_parse(int argc, char **argv, arguments *args) {
+  *args = (arguments){.bench = NULL};
+  int status = EXIT_OK;
+  for (int i = 1; i < argc && !status; i++) {
+    if (strncmp(argv[i], "--", 2) == 0 && argv[i][2]) status = take_flag(args, argc, argv, &i);
+    else if (argv[i][0] == '-') status = complain_usage("", "there is no option '%s'", argv[i]);
+    else status = take_name(args, argv[i]);
+    if (args->help || args->version) return EXIT_OK;
+  }
+  if (status || args->bench) return status;
+  return complain_usage("", "the name of a bench is missing: linear");
+}

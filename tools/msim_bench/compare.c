@@ -1,0 +1,80 @@
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "interrupt.h"
+#include "linear.h"
+#include "rows.h"
+
+/* The largest |a_i - b_i|. */
+static double largest_difference(size_t n, const double *a, const double *b) {
+  double largest = 0;
+  for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(a[i] - b[i]));
+  return largest;
+}
+
+static const double *velocity(const contestant *c) {
+  const struct racing_step *step = c->data;
+  msim_state state = {.size = sizeof state};
+  msim_sim_state(step->sim, &state);
+  return state.v;
+}
+
+typedef struct disagreement {
+  int solvers;
+  double largest; /* m/s; NAN: there is no pair */
+  const contestant *pair[2];
+} disagreement;
+
+static disagreement find_disagreement(const race *r) {
+  const size_t n = 3 * (size_t)r->moving->view.nparticles;
+  const contestant *good[MOST_STEPS];
+  disagreement d = {.largest = NAN};
+  for (const contestant *c = r->all; c < r->all + r->count; c++) {
+    if (c->failed || c->n == 0) continue;
+    for (int i = 0; i < d.solvers; i++) {
+      const double difference = largest_difference(n, velocity(good[i]), velocity(c));
+      if (difference <= d.largest) continue;
+      d.largest = difference;
+      d.pair[0] = good[i], d.pair[1] = c;
+    }
+    good[d.solvers++] = c;
+  }
+  return d;
+}
+
+static void report_disagreement(report *out, const race *r, const disagreement *d) {
+  json_t *row = step_row(out, "disagreement", r->moving, r->system.h);
+  put_integer(row, "unknowns", r->system.n);
+  put_real(row, "rtol", r->system.rtol);
+  put_integer(row, "solvers", d->solvers);
+  if (!d->pair[0]) return;
+  put_text(row, "first", d->pair[0]->name);
+  put_text(row, "second", d->pair[1]->name);
+  put_real(row, "largest", d->largest);
+  printf(" to %g: velocities of %d solvers differ by %.2g m/s at most (%s, %s)\n", r->system.rtol,
+         d->solvers, d->largest, d->pair[0]->name, d->pair[1]->name);
+  fflush(stdout);
+}
+
+double compare_solvers(const linear_bench *b, const moving *m, double h, const thrift *t) {
+  const patience once = {.until = b->until};
+  msim_error err;
+  race *r = race_new(m, h, 1e-12, &err);
+  if (!r) {
+    report_left_out(b->report, "disagreement", m, h, "all", err.text);
+    return NAN;
+  }
+  printf(" all solvers once more, to %g\n", r->system.rtol);
+  enter_solvers(b, r, t, "disagreement");
+  contest(r->all, r->count, &once);
+  disagreement d = {.largest = NAN};
+  if (!is_interrupted()) {
+    report_failures(b->report, r, "disagreement");
+    d = find_disagreement(r);
+    report_disagreement(b->report, r, &d);
+  }
+  race_free(r);
+  return d.largest;
+}

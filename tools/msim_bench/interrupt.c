@@ -1,0 +1,26 @@
+#define _POSIX_C_SOURCE 200809L /* sigaction */
+#include "interrupt.h"
+
+#include <signal.h>
+#include <stddef.h>
+
+static volatile sig_atomic_t interrupted;
+
+static void on_signal(int number) {
+  (void)number;
+  signal(SIGINT, SIG_DFL);
+  signal(SIGTERM, SIG_DFL);
+  interrupted = 1;
+}
+
+/* Signals that the caller ignores, as `nohup` and `&` do, stay ignored. */
+void catch_interrupts(void) {
+  static const int numbers[] = {SIGINT, SIGTERM};
+  struct sigaction action = {.sa_handler = on_signal}, before;
+  sigemptyset(&action.sa_mask);
+  for (int i = 0; i < 2; i++)
+    if (sigaction(numbers[i], NULL, &before) == 0 && before.sa_handler != SIG_IGN)
+      sigaction(numbers[i], &action, NULL);
+}
+
+int is_interrupted(void) { return interrupted; }

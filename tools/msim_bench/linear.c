@@ -1,0 +1,264 @@
+/* linear - one linearly implicit step, from the same folded state, by every solver; beside it the
+ * backend alone and the libraries out of the box, in child processes */
+#include "linear.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "../common/clock.h"
+#include "interrupt.h"
+#include "machine.h"
+#include "rows.h"
+
+typedef struct linear_plan {
+  const char *const *scenes; /* in this order */
+  int everything;            /* 0: times at the k and h of the summary only */
+  double seconds;            /* for all */
+  patience race, busy;
+  int variants; /* of a reference program */
+  thrift thrift, compare;
+} linear_plan;
+
+static const char *const all_scenes[] = {"cloth32",  "cloth64", "cloth100",
+                                         "cloth200", "jelly16", NULL};
+/* the largest first, while there is time */
+static const char *const quick_scenes[] = {"cloth100", "cloth32", "cloth64", NULL};
+
+static const linear_plan plan_full = {.scenes = all_scenes,
+                                      .everything = 1,
+                                      .seconds = INFINITY,
+                                      .race = {.budget = 20, .rounds = 5, .most = MOST_ROUNDS - 1},
+                                      .busy = {.budget = 20, .rounds = 5, .most = MOST_ROUNDS - 1},
+                                      .variants = REFERENCE_VARIANTS,
+                                      .thrift = {2e9, 40000, 1000},
+                                      .compare = {2e9, 100000, 2000}};
+static const linear_plan plan_quick = {.scenes = quick_scenes,
+                                       .seconds = 48,
+                                       .race = {.budget = 6, .rounds = 3, .most = 20},
+                                       .busy = {.budget = 6, .rounds = 2, .most = 10},
+                                       .variants = 2,
+                                       .thrift = {1e9, 4000, 600},
+                                       .compare = {1e9, 50000, 1000}};
+
+static const double stiffnesses[] = {1000, 100000}, steps[] = {1.0 / 60, 1.0 / 240};
+enum { MAIN_K, STIFF_K, NK, MAIN_H = 0, NH = 2 }; /* the summary's speeds are those of [0], [0] */
+
+/*------------------------------------- what there is --------------------------------------------*/
+
+static void report_missing(report *r, const char *solver, const char *why) {
+  json_t *row = report_row(r, "step");
+  put_text(row, "solver", solver);
+  put_text(row, "status", "left out");
+  put_text(row, "reason", why);
+  printf("%s is left out: %s\n", solver, why);
+}
+
+static void find_solvers(linear_bench *b) {
+  msim_plugin_entry entry;
+  msim_error err;
+  json_t *libraries = json_object();
+  for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++) {
+    struct bench_solver *solver = &b->solvers[b->nsolvers];
+    if (strcmp(entry.name, "auto") == 0 || b->nsolvers == MOST_STEPS) continue;
+    if (!entry.available) {
+      report_missing(b->report, entry.name, entry.note);
+      continue;
+    }
+    *solver = (struct bench_solver){.table = NULL};
+    snprintf(solver->name, sizeof solver->name, "%s", entry.name);
+    put_text(libraries, entry.name, entry.library);
+    msim_solver_backend(solver->name, NULL, &solver->table, &err); /* NULL stays: built in */
+    b->nsolvers++;
+  }
+  json_object_set_new(b->report->machine, "solvers", libraries);
+  machine_add_blas(b->report->machine);
+}
+
+static void find_references(linear_bench *b) {
+  json_t *libraries = json_object();
+  reference_start(&b->cholmod, "cholmod");
+  reference_start(&b->sundials, "sundials");
+  const struct {
+    const char *name;
+    const reference *reference;
+  } all[] = {{"default cholmod", &b->cholmod}, {"stock sundials", &b->sundials}};
+  for (int i = 0; i < 2; i++) {
+    if (all[i].reference->pid != 0)
+      put_text(libraries, all[i].name, all[i].reference->hello.library);
+    else report_missing(b->report, all[i].name, all[i].reference->reason);
+  }
+  json_object_set_new(b->report->machine, "references", libraries);
+}
+
+/*------------------------------------- times ----------------------------------------------------*/
+
+void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *measure) {
+  for (int i = 0; i < b->nsolvers; i++) {
+    const struct bench_solver *solver = &b->solvers[i];
+    char text[128];
+    const char *why = leave_out(solver->name, r->moving, r->system.h, r->system.rtol, t, text);
+    if (why) {
+      report_left_out(b->report, measure, r->moving, r->system.h, solver->name, why);
+      continue;
+    }
+    race_add_step(r, solver->name, solver->table);
+    const int factorises = solver->table && !(solver->table->flags & MSIM_BACKEND_ITERATIVE);
+    if (factorises && strcmp(measure, "step") == 0) race_add_bare(r);
+  }
+}
+
+/* A child that never ran was reported at the start. */
+static int hand_over(linear_bench *b, const race *r, reference *child) {
+  if (reference_take(child, &r->system)) return 1;
+  if (!*child->hello.library) return 0;
+  report_left_out(b->report, "reference", r->moving, r->system.h, child->hello.library,
+                  child->reason);
+  return 0;
+}
+
+static void enter_references(linear_bench *b, race *r) {
+  char text[128];
+  if (hand_over(b, r, &b->cholmod)) race_add_reference(r, "default", &b->cholmod, 0);
+  if (leave_out("pcg", r->moving, r->system.h, r->system.rtol, &b->plan->thrift, text)) return;
+  if (!hand_over(b, r, &b->sundials)) return;
+  for (int i = 0; i < b->sundials.hello.nvariants && i < b->plan->variants; i++)
+    race_add_reference(r, "stock", &b->sundials, i);
+}
+
+/* Ratios of medians taken in pairs; with the scene's name behind, some are keys of the summary. */
+static const struct ratio {
+  const char *name, *over;
+  sample_value *of_over;
+  const char *under;
+  sample_value *of_under;
+} ratios[] = {
+    {"cholmod_step_over_bare", "cholmod", whole_seconds, "cholmod, bare", whole_seconds},
+    {"cholmod_step_over_default", "cholmod", whole_seconds, "default", whole_seconds},
+    {"sundials_pcg_over_stock", "sundials-pcg", linear_seconds, "stock", linear_seconds},
+    {"sundials_pcg_over_builtin_per_iteration", "sundials-pcg", solve_per_iteration, "pcg",
+     solve_per_iteration},
+};
+
+static int is_key(const char *name) {
+  static const char *const keys[] = {
+      "cholmod_step_over_bare_cloth100",   "cholmod_step_over_default_cloth32",
+      "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100",
+      "sundials_pcg_over_stock_cloth100",  "sundials_pcg_over_builtin_per_iteration_cloth100"};
+  for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+    if (strcmp(keys[i], name) == 0) return 1;
+  return 0;
+}
+
+static void report_ratio(report *out, const race *r, const struct ratio *ratio, int is_main) {
+  const contestant *over = fastest(r->all, r->count, ratio->over);
+  const contestant *under = fastest(r->all, r->count, ratio->under);
+  if (!over || !under) return;
+  const double value = median_ratio(over, ratio->of_over, under, ratio->of_under);
+  if (!isfinite(value)) return;
+  json_t *row = step_row(out, "ratio", r->moving, r->system.h);
+  put_text(row, "name", ratio->name);
+  put_text(row, "over", over->name);
+  put_text(row, "under", under->name);
+  put_real(row, "ratio", value);
+  printf(" %s %.3g (to %s)\n", ratio->name, value, under->name);
+  char key[80];
+  snprintf(key, sizeof key, "%s_%s", ratio->name, r->moving->kind->name);
+  if (is_main && is_key(key)) report_key(out, key, value);
+}
+
+static void time_solvers(linear_bench *b, const moving *m, double h, int is_main) {
+  msim_error err;
+  race *r = race_new(m, h, 1e-6, &err);
+  if (!r) {
+    report_left_out(b->report, "step", m, h, "all", err.text);
+    return;
+  }
+  patience p = b->plan->race;
+  p.until = b->until;
+  enter_solvers(b, r, &b->plan->thrift, "step");
+  enter_references(b, r);
+  contest(r->all, r->count, &p);
+  if (!is_interrupted()) {
+    print_columns();
+    report_race(b->report, r);
+    for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++)
+      report_ratio(b->report, r, &ratios[i], is_main);
+  }
+  race_free(r);
+}
+
+/*------------------------------------- all scenes -----------------------------------------------*/
+
+/* The largest disagreement so far of each k; missed: some could not be measured. */
+typedef struct worst {
+  double largest[NK];
+  int missed[NK], compared[NK];
+} worst;
+
+static int is_compared(const bench_scene *scene) {
+  const bench_scene *largest = scene_find("cloth64", 7);
+  return scene->solid ? scene->side <= 16 : scene->side <= largest->side;
+}
+
+static void compare(linear_bench *b, const moving *m, int k, double h, worst *w) {
+  const double found = compare_solvers(b, m, h, &b->plan->compare);
+  w->missed[k] |= isnan(found);
+  w->compared[k] = 1;
+  w->largest[k] = fmax(w->largest[k], found);
+}
+
+static void measure_moving(linear_bench *b, const moving *m, int k, worst *w) {
+  for (int i = 0; i < NH && !is_interrupted(); i++) {
+    const int is_main = k == MAIN_K && i == MAIN_H;
+    const int timed = b->plan->everything || is_main, compared = is_compared(m->kind);
+    if (timed || compared) print_heading(m, steps[i]);
+    if (timed) time_solvers(b, m, steps[i], is_main);
+    if (compared && !is_interrupted()) compare(b, m, k, steps[i], w);
+  }
+  if (k != MAIN_K || strcmp(m->kind->name, "cloth64") != 0 || is_interrupted()) return;
+  patience p = b->plan->busy;
+  p.until = b->until;
+  report_key(b->report, "cholmod_slowdown_when_other_core_busy_cloth64",
+             measure_busy(b, m, steps[MAIN_H], &p));
+}
+
+static void measure_scene(linear_bench *b, const bench_scene *scene, worst *w) {
+  for (int k = 0; k < NK && !is_interrupted(); k++) {
+    moving m;
+    if (!b->plan->everything && k != MAIN_K && !is_compared(scene)) continue;
+    if (moving_make(scene, stiffnesses[k], b->wishes->threads, b->until, &m)) {
+      measure_moving(b, &m, k, w);
+    } else if (!is_interrupted()) {
+      w->missed[k] |= is_compared(scene);
+      print_heading(&m, steps[MAIN_H]);
+      report_left_out(b->report, "step", &m, steps[MAIN_H], "all", m.err.text);
+    }
+    moving_free(&m);
+  }
+}
+
+static void measure_all(linear_bench *b) {
+  static const char *const keys[NK] = {"max_disagreement", "max_disagreement_stiff"};
+  const bench_wishes *wishes = b->wishes;
+  worst w = {{0}, {0}, {0}};
+  for (int i = 0; i < wishes->nscenes; i++) measure_scene(b, wishes->scenes[i], &w);
+  for (int i = 0; !wishes->nscenes && b->plan->scenes[i]; i++)
+    measure_scene(b, scene_find(b->plan->scenes[i], strlen(b->plan->scenes[i])), &w);
+  for (int k = 0; k < NK; k++)
+    if (w.compared[k] && !w.missed[k]) report_key(b->report, keys[k], w.largest[k]);
+}
+
+int bench_linear(const bench_wishes *wishes, report *r) {
+  linear_bench b = {
+      .wishes = wishes, .report = r, .plan = wishes->quick ? &plan_quick : &plan_full};
+  b.until = wall_seconds() + b.plan->seconds;
+  spinner_start(&b.spinner);
+  find_references(&b);
+  find_solvers(&b);
+  measure_all(&b);
+  reference_stop(&b.cholmod);
+  reference_stop(&b.sundials);
+  spinner_stop(&b.spinner);
+  return 0;
+}

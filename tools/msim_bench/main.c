@@ -1,0 +1,83 @@
+/* msim_bench - measure msim on this machine, beside what it should be compared with */
+#include <stdio.h>
+#include <string.h>
+
+#include "../common/blas.h"
+#include "../common/message.h"
+#include "../common/output.h"
+#include "../common/standard.h"
+#include "arguments.h"
+#include "interrupt.h"
+
+const char program_name[] = "msim_bench";
+
+enum { DOC_COLUMN = 27 };
+
+static void print_help(void) {
+  const bench_entry *bench;
+  const bench_flag *flag;
+  char text[80], later[128] = "";
+  puts(
+      "Usage: msim_bench NAME [--quick] [--json FILE] [--scene NAME,...] [--threads N]\n"
+      "Measure msim on this machine, side by side with what it is compared with.\n\n"
+      "Benches:");
+  for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
+    const size_t used = strlen(later);
+    if (!bench->run) {
+      snprintf(later + used, sizeof later - used, "%s%s", used ? ", " : "", bench->name);
+      continue;
+    }
+    print_column(DOC_COLUMN, bench->name);
+    print_wrapped(DOC_COLUMN, bench->doc);
+  }
+  print_column(DOC_COLUMN, "not in this version yet");
+  print_wrapped(DOC_COLUMN, later);
+  puts("\nOptions:");
+  for (int i = 0; (flag = flag_info(i)) != NULL; i++) {
+    snprintf(text, sizeof text, "--%s%s%s", flag->name, flag->value ? " " : "",
+             flag->value ? flag->value : "");
+    print_column(DOC_COLUMN, text);
+    print_wrapped(DOC_COLUMN, flag->doc);
+  }
+  fputs("\nScenes:", stdout);
+  for (int i = 0; scene_info(i); i++) printf(" %s", scene_info(i)->name);
+  puts(
+      "\n\nExit status: 0; 1 for an error; 2 where Ctrl-C ended it. A solver that fails is a\n"
+      "result like any other: its row says why.");
+}
+
+static int measure(const arguments *args, output_file *json) {
+  report r;
+  if (args->json && output_open(json, args->json)) return EXIT_ERROR;
+  catch_interrupts();
+  report_begin(&r, args->bench->name, args->wishes.quick);
+  int status = args->bench->run(&args->wishes, &r);
+  if (is_interrupted()) {
+    complain("stopped before the end%s", args->json ? "; no file was written" : "");
+    status = EXIT_EVENT;
+  }
+  if (!status) report_print_summary(&r);
+  if (!status && args->json) status = report_write(&r, json);
+  report_free(&r);
+  return status;
+}
+
+static int dispatch(int argc, char **argv) {
+  arguments args;
+  output_file json = {.path = NULL};
+  if (arguments_parse(argc, argv, &args)) return EXIT_ERROR;
+  if (args.help) print_help();
+  else if (args.version) printf("msim_bench %s\n", msim_version());
+  else {
+    int status = measure(&args, &json);
+    output_discard(&json);
+    return status;
+  }
+  return EXIT_OK;
+}
+
+int main(int argc, char **argv) {
+  standard_begin();
+  choose_blas_kernels();
+  return standard_end(dispatch(argc, argv));
+}

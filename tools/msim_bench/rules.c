@@ -1,0 +1,37 @@
+#include "rules.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Of LU without pivoting, n unknowns in an order that minimises fill: about 800 n^1.5 on a surface,
+ * 80 n^2 in a solid; fitted to AMD's orders of these scenes. */
+static double predict_flops(const moving *m) {
+  const double n = m->unknowns;
+  return m->kind->solid ? 80 * n * n : 800 * n * sqrt(n);
+}
+
+/* Of conjugate gradients: half the root of the condition number times the digits asked for, where
+ * kappa <= 1 + 2 g h^2 k / m for g springs at each particle, by Gershgorin. Folded cloth needs a
+ * tenth to half of it. */
+static double predict_iterations(const moving *m, double h, double rtol) {
+  const msim_scene_view *view = &m->view;
+  const double springs = 2.0 * view->nsprings / view->nparticles;
+  const double kappa = 1 + 2 * springs * h * h * m->k / view->mass[0];
+  return 0.5 * sqrt(kappa) * log(2 / rtol);
+}
+
+const char *leave_out(const char *solver, const moving *m, double h, double rtol, const thrift *t,
+                      char text[static 128]) {
+  if (strcmp(solver, "cholmod") == 0) return NULL;
+  if (strcmp(solver, "klu") == 0) {
+    const double flops = predict_flops(m);
+    snprintf(text, 128, "a factor without dense kernels takes about %.1g flops", flops);
+    return flops > t->flops ? text : NULL;
+  }
+  const int restarts = strstr(solver, "gmr") != NULL;
+  const double iterations = predict_iterations(m, h, rtol);
+  snprintf(text, 128, "up to %.2g iterations are predicted%s", iterations,
+           restarts ? ", too many for a method that restarts" : "");
+  return iterations > (restarts ? t->restarted : t->iterations) ? text : NULL;
+}

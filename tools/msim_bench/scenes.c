@@ -1,0 +1,133 @@
+#include "scenes.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../common/clock.h"
+#include "interrupt.h"
+
+const bench_scene *scene_info(int i) {
+  static const bench_scene scenes[] = {
+      {"cloth32", 32, 0},   {"cloth64", 64, 0}, {"cloth100", 100, 0},
+      {"cloth200", 200, 0}, {"jelly16", 16, 1},
+  };
+  return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
+}
+
+const bench_scene *scene_find(const char *name, size_t length) {
+  const bench_scene *scene;
+  for (int i = 0; (scene = scene_info(i)) != NULL; i++)
+    if (strlen(scene->name) == length && memcmp(scene->name, name, length) == 0) return scene;
+  return NULL;
+}
+
+/*------------------------------------- building -------------------------------------------------*/
+
+static msim_status add_cloth(moving *m) {
+  const int32_t side = m->kind->side, corners[2] = {0, side - 1};
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = side,
+                            .columns = side,
+                            .row = {0, 1, 0},
+                            .column = {1, 0, 0},
+                            .mass = 0.3,
+                            .k_structural = m->k,
+                            .k_shear = m->k,
+                            .k_bend = m->k,
+                            .npinned = 2,
+                            .pinned = corners};
+  return msim_scene_add_cloth(m->scene, &cloth, &m->err);
+}
+
+static msim_status add_jelly(moving *m) {
+  const int32_t side = m->kind->side, nface = side * side;
+  int32_t *face = malloc((size_t)nface * sizeof *face);
+  for (int32_t i = 0; face && i < nface; i++) face[i] = i;
+  const msim_lattice jelly = {.size = sizeof jelly,
+                              .n = {side, side, side},
+                              .extent = {1, 1, 1},
+                              .mass = 1,
+                              .k = m->k,
+                              .npinned = face ? nface : 0,
+                              .pinned = face};
+  msim_status status = msim_scene_add_lattice(m->scene, &jelly, &m->err);
+  free(face);
+  return status;
+}
+
+static msim_status build(moving *m) {
+  const double gravity[3] = {0, 0, -9.81};
+  msim_status status = msim_scene_create(NULL, &m->scene, &m->err);
+  if (!status) status = msim_scene_set_gravity(m->scene, gravity, &m->err);
+  if (!status) status = m->kind->solid ? add_jelly(m) : add_cloth(m);
+  if (status) return status;
+  m->view.size = sizeof m->view;
+  msim_scene_get(m->scene, &m->view);
+  for (int32_t i = 0; i < m->view.nparticles; i++) m->unknowns += m->view.pinned[i] ? 0 : 3;
+  return MSIM_OK;
+}
+
+/*------------------------------------- moving ---------------------------------------------------*/
+
+msim_options implicit_options(double h, double rtol, const char *solver, int32_t threads) {
+  msim_options options;
+  msim_options_init(&options, sizeof options);
+  options.integrator = "linearly-implicit-euler";
+  options.h = h;
+  options.jacobian = MSIM_JACOBIAN_CLAMP;
+  options.solver = solver;
+  options.solver_rtol = rtol;
+  options.solver_max_iterations = MOST_ITERATIONS;
+  options.threads = threads;
+  return options;
+}
+
+static int keep_state(msim_sim *sim, moving *m) {
+  const size_t n = 3 * (size_t)m->view.nparticles;
+  msim_state state = {.size = sizeof state};
+  msim_sim_state(sim, &state);
+  m->x = malloc(n * sizeof *m->x);
+  m->v = malloc(n * sizeof *m->v);
+  m->none = calloc(n, sizeof *m->none);
+  if (!m->x || !m->v || !m->none) {
+    snprintf(m->err.text, sizeof m->err.text, "out of memory for the state");
+    return 0;
+  }
+  memcpy(m->x, state.x, n * sizeof *m->x);
+  memcpy(m->v, state.v, n * sizeof *m->v);
+  m->state = state;
+  m->state.x = m->x;
+  m->state.v = m->v;
+  return 1;
+}
+
+static int fall(msim_sim *sim, double until, msim_error *err) {
+  enum { STEPS = 60 };
+  for (int i = 0; i < STEPS; i++) {
+    if (is_interrupted() || wall_seconds() > until) {
+      snprintf(err->text, sizeof err->text, "there was no time to let it fall");
+      return 0;
+    }
+    if (msim_sim_step(sim, 1, err) != MSIM_OK) return 0;
+  }
+  return 1;
+}
+
+int moving_make(const bench_scene *kind, double k, int32_t threads, double until, moving *m) {
+  const msim_options options = implicit_options(1.0 / 120, 1e-6, "auto", threads);
+  msim_sim *sim = NULL;
+  *m = (moving){.kind = kind, .k = k, .threads = threads};
+  int made = !build(m) && !msim_sim_create(m->scene, &options, &sim, &m->err) &&
+             fall(sim, until, &m->err) && keep_state(sim, m);
+  msim_sim_destroy(sim);
+  return made;
+}
+
+void moving_free(moving *m) {
+  free(m->x);
+  free(m->v);
+  free(m->none);
+  msim_scene_destroy(m->scene);
+  *m = (moving){0};
+}

@@ -1,0 +1,44 @@
+/* scenes - what the benches simulate */
+#ifndef BENCH_SCENES_H
+#define BENCH_SCENES_H
+
+#include "msim/msim.h"
+
+typedef struct bench_scene {
+  const char *name;
+  int32_t side; /* particles along an edge of 1 m */
+  int solid;    /* 0: a cloth of 0.3 kg held at two corners, structural, shear and bend springs;
+                   1: a jelly of 1 kg held at a face, 13 springs a particle */
+} bench_scene;
+
+/* The i-th scene, NULL past the end. */
+const bench_scene *scene_info(int i);
+
+/* The scene whose name is the first `length` characters; NULL: there is none. */
+const bench_scene *scene_find(const char *name, size_t length);
+
+/* A scene in motion: half a second after it was let go, a cloth is folded and wrinkled. */
+typedef struct moving {
+  const bench_scene *kind;
+  double k;        /* of each spring, N/m */
+  int32_t threads; /* option of all sims */
+  msim_scene *scene;
+  msim_scene_view view;
+  int32_t unknowns;
+  msim_state state;
+  double *x, *v, *none; /* 3n: what state points to; zeros */
+  msim_error err;
+} moving;
+
+/* until: when to give up, on wall_seconds' clock. 0 where it failed, and why in m->err. Call
+ * moving_free in any case. */
+int moving_make(const bench_scene *kind, double k, int32_t threads, double until, moving *m);
+void moving_free(moving *m);
+
+/* After so many an iterative solver has failed. */
+enum { MOST_ITERATIONS = 10000 };
+
+/* Options of one linearly implicit step with a matrix that is positive definite. */
+msim_options implicit_options(double h, double rtol, const char *solver, int32_t threads);
+
+#endif
