@@ -1,4 +1,4 @@
-/* recording - what tests of recorders share: a host that counts, a made-up trajectory, a folder */
+/* recording - what tests of recorders share: a made-up trajectory, a folder */
 #ifndef RECORDING_H
 #define RECORDING_H
 
@@ -8,42 +8,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "counting_host.h"
 #include "msim/recorder.h"
-
-/*------------------------------------- host -----------------------------------------------------*/
-
-typedef struct counting_host {
-  msim_host host; /* first: the plugin's pointer to it is a pointer to this */
-  int live;       /* blocks not freed */
-  int empty;      /* 1: there is no memory */
-  char sentence[512];
-} counting_host;
-
-static inline void *counting_alloc(const msim_host *host, size_t bytes) {
-  counting_host *self = host->data;
-  void *block = self->empty ? NULL : malloc(bytes);
-  self->live += block != NULL;
-  return block;
-}
-
-static inline void counting_free(const msim_host *host, void *block) {
-  counting_host *self = host->data;
-  self->live -= block != NULL;
-  free(block);
-}
-
-static inline void counting_fail(const msim_host *host, const char *format, ...) {
-  counting_host *self = host->data;
-  va_list args;
-  va_start(args, format);
-  vsnprintf(self->sentence, sizeof self->sentence, format, args);
-  va_end(args);
-}
-
-static inline void host_init(counting_host *self) {
-  *self = (counting_host){
-      .host = {sizeof self->host, counting_alloc, counting_free, counting_fail, self}};
-}
 
 /*------------------------------------- trajectory -----------------------------------------------*/
 

@@ -1,0 +1,49 @@
+/* counting_host - the host of a plugin under test: counts memory, runs out of it, keeps what is
+ * said */
+#ifndef COUNTING_HOST_H
+#define COUNTING_HOST_H
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msim/status.h"
+
+typedef struct counting_host {
+  msim_host host;  /* first: the plugin's pointer to it is a pointer to this */
+  int live;        /* blocks not freed */
+  int empty;       /* 1: there is no memory */
+  int until_empty; /* so many allocations later there is none; 0: never */
+  char sentence[512];
+} counting_host;
+
+/* Memory comes filled: the host promises no zeros, and all bits set is no number. */
+static inline void *counting_alloc(const msim_host *host, size_t bytes) {
+  counting_host *self = host->data;
+  if (self->until_empty && --self->until_empty == 0) self->empty = 1;
+  void *block = self->empty ? NULL : malloc(bytes);
+  self->live += block != NULL;
+  return block ? memset(block, 0xff, bytes) : NULL;
+}
+
+static inline void counting_free(const msim_host *host, void *block) {
+  counting_host *self = host->data;
+  self->live -= block != NULL;
+  free(block);
+}
+
+static inline void counting_fail(const msim_host *host, const char *format, ...) {
+  counting_host *self = host->data;
+  va_list args;
+  va_start(args, format);
+  vsnprintf(self->sentence, sizeof self->sentence, format, args);
+  va_end(args);
+}
+
+static inline void host_init(counting_host *self) {
+  *self = (counting_host){
+      .host = {sizeof self->host, counting_alloc, counting_free, counting_fail, self}};
+}
+
+#endif
