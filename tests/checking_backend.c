@@ -1,0 +1,450 @@
+#include "checking_backend.h"
+
+#include <float.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Where an instance is in its life. */
+enum { BROKEN, CREATED, ANALYZED, FACTORED, DESTROYED };
+
+typedef struct watch {
+  msim_host lent; /* first: what the inner backend gets for its host */
+  const msim_host *outer;
+  void *self; /* the inner backend's */
+  int stage;
+  atomic_int inside; /* calls that run */
+  int live;          /* blocks of the host's memory that it holds */
+  int said;          /* 1: it gave a sentence in this call */
+  msim_system system;
+  uint64_t pattern;
+  double *factored; /* the values when factor() saw them; NULL if NONE */
+  struct watch *next;
+} watch;
+
+static const msim_backend *inner;
+static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER; /* of what follows */
+static watch *watches;                                   /* all, the destroyed ones too */
+static char report[4096];
+
+/*------------------------------------- findings -------------------------------------------------*/
+
+static void complain(const char *who, const char *call, const char *what) {
+  pthread_mutex_lock(&gate);
+  size_t used = strlen(report);
+  snprintf(report + used, sizeof report - used, "%s: %s %s\n", who, call, what);
+  pthread_mutex_unlock(&gate);
+}
+
+static void expect_host(int holds, const char *call, const char *what) {
+  if (!holds) complain("host", call, what);
+}
+
+static void expect_backend(int holds, const char *call, const char *what) {
+  if (!holds) complain("backend", call, what);
+}
+
+const char *checking_report(void) {
+  static char last[sizeof report];
+  memcpy(last, report, sizeof report);
+  report[0] = '\0';
+  while (watches) {
+    watch *w = watches;
+    watches = w->next;
+    free(w->factored);
+    free(w);
+  }
+  return last;
+}
+
+/*------------------------------------- what the inner backend is lent ---------------------------*/
+
+static void *lent_alloc(const msim_host *host, size_t bytes) {
+  watch *w = host->data;
+  void *block = w->outer->alloc(w->outer, bytes);
+  w->live += block != NULL;
+  return block;
+}
+
+static void lent_free(const msim_host *host, void *block) {
+  watch *w = host->data;
+  w->live -= block != NULL;
+  w->outer->free(w->outer, block);
+}
+
+static void lent_fail(const msim_host *host, const char *format, ...) {
+  watch *w = host->data;
+  char sentence[512];
+  va_list args;
+  va_start(args, format);
+  vsnprintf(sentence, sizeof sentence, format, args);
+  va_end(args);
+  w->said = sentence[0] != '\0';
+  w->outer->fail(w->outer, "%s", sentence);
+}
+
+/*------------------------------------- in and out of a call -------------------------------------*/
+
+/* 0: out of turn, and the inner backend is not asked. */
+static int enter(watch *w, const char *call, int least, int most) {
+  const char *wrong = w->stage == DESTROYED ? "was called after destroy"
+                      : w->stage == BROKEN  ? "was called after a failure"
+                      : w->stage < least    ? "was called too early"
+                      : w->stage > most     ? "was called too late"
+                                            : NULL;
+  if (!wrong && atomic_fetch_add(&w->inside, 1) > 0) {
+    atomic_fetch_sub(&w->inside, 1);
+    wrong = "overlaps another call";
+  }
+  if (wrong) complain("host", call, wrong);
+  w->said = 0;
+  return !wrong;
+}
+
+static void leave(watch *w, const char *call, msim_status status) {
+  const msim_status known[] = {MSIM_OK,      MSIM_NOT_SPD,    MSIM_NOT_CONVERGED,
+                               MSIM_ERR_ARG, MSIM_ERR_MEMORY, MSIM_ERR_BACKEND};
+  int found = 0;
+  for (size_t i = 0; i < sizeof known / sizeof *known; i++) found |= status == known[i];
+  expect_backend(found, call, "returned what is no status of a backend");
+  /* what there is to say of memory, the host can say itself */
+  expect_backend(status >= 0 || status == MSIM_ERR_MEMORY || w->said, call,
+                 "failed without a sentence");
+  atomic_fetch_sub(&w->inside, 1);
+}
+
+/* FNV-1a, on from `hash` */
+static uint64_t mix(uint64_t hash, const void *data, size_t bytes) {
+  const unsigned char *byte = data;
+  for (size_t i = 0; i < bytes; i++) hash = (hash ^ byte[i]) * 0x100000001b3u;
+  return hash;
+}
+
+static int all_finite(const double *x, size_t n) {
+  for (size_t i = 0; i < n; i++)
+    if (!isfinite(x[i])) return 0;
+  return 1;
+}
+
+static double norm(const double *x, size_t n) {
+  double sum = 0;
+  for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
+  return sqrt(sum);
+}
+
+static void check_info(const char *call, const msim_solve_info *info) {
+  expect_backend(info->size == sizeof *info, call, "changed info->size");
+  expect_backend(info->iterations >= 0, call, "tells of iterations < 0");
+  expect_backend(info->residual >= 0, call, "tells of a residual that is none");
+  expect_backend(info->fill >= 0 && isfinite(info->fill), call, "tells of a fill that is none");
+  expect_backend(info->flops >= 0 && isfinite(info->flops), call, "tells of flops that are none");
+  expect_backend(info->definite >= -1 && info->definite <= 1, call, "tells of no definiteness");
+}
+
+/* Every member is 0 but the size. */
+static void check_blank(const char *call, const msim_solve_info *info) {
+  const msim_solve_info blank = {.size = sizeof blank};
+  expect_host(info && memcmp(info, &blank, sizeof blank) == 0, call, "got an info not zeroed");
+}
+
+/*------------------------------------- graphs and matrices --------------------------------------*/
+
+static int ascending(int32_t n, const int32_t *ptr, const int32_t *ind) {
+  if (ptr[0] != 0) return 0;
+  for (int32_t r = 0; r < n; r++) {
+    if (ptr[r + 1] < ptr[r]) return 0;
+    for (int32_t e = ptr[r]; e < ptr[r + 1]; e++)
+      if (ind[e] < 0 || ind[e] >= n || (e > ptr[r] && ind[e] <= ind[e - 1])) return 0;
+  }
+  return 1;
+}
+
+/* Where the entry (row, column) stands; -1: nowhere. */
+static int32_t find(const int32_t *ptr, const int32_t *ind, int32_t row, int32_t column) {
+  for (int32_t e = ptr[row]; e < ptr[row + 1]; e++)
+    if (ind[e] == column) return e;
+  return -1;
+}
+
+static int has_both_triangles(int32_t n, const int32_t *ptr, const int32_t *ind) {
+  for (int32_t r = 0; r < n; r++)
+    for (int32_t e = ptr[r]; e < ptr[r + 1]; e++)
+      if (find(ptr, ind, ind[e], r) < 0) return 0;
+  return 1;
+}
+
+static int is_permutation(int32_t n, const int32_t *perm) {
+  int32_t found = 0;
+  for (int32_t row = 0; row < n; row++) {
+    int32_t k = 0;
+    while (k < n && perm[k] != row) k++;
+    found += k < n;
+  }
+  return found == n;
+}
+
+static int has_diagonal(int32_t n, const int32_t *ptr, const int32_t *ind) {
+  for (int32_t r = 0; r < n; r++)
+    if (find(ptr, ind, r, r) < 0) return 0;
+  return 1;
+}
+
+/* Is the pattern of the scalars that of the blocks, each block full? */
+static int is_expanded(const msim_system *A) {
+  int32_t at = 0;
+  for (int32_t r = 0; r < A->block * A->n; r++) {
+    if (A->rowptr[r] != at) return 0;
+    for (int32_t e = A->graphptr[r / A->block]; e < A->graphptr[r / A->block + 1]; e++)
+      for (int32_t c = 0; c < A->block; c++)
+        if (A->colind[at++] != A->block * A->graphind[e] + c) return 0;
+  }
+  return A->rowptr[A->block * A->n] == at;
+}
+
+static int is_symmetric(const msim_system *A) {
+  for (int32_t r = 0; r < A->block * A->n; r++)
+    for (int32_t e = A->rowptr[r]; e < A->rowptr[r + 1]; e++) {
+      int32_t other = find(A->rowptr, A->colind, A->colind[e], r);
+      if (other >= 0 && A->val[other] != A->val[e]) return 0;
+    }
+  return 1;
+}
+
+static size_t entries(const msim_system *A) { return (size_t)A->rowptr[A->block * A->n]; }
+
+static size_t length(const msim_system *A) {
+  return (size_t)A->block * (size_t)(A->format == MSIM_FORMAT_NONE ? A->stride : A->n);
+}
+
+static uint64_t hash_graph(int32_t n, const int32_t *ptr, const int32_t *ind) {
+  return mix(mix(1, ptr, ((size_t)n + 1) * sizeof *ptr), ind, (size_t)ptr[n] * sizeof *ind);
+}
+
+static uint64_t hash_pattern(const msim_system *A) {
+  if (A->format == MSIM_FORMAT_NONE) return 0;
+  return hash_graph(A->n, A->graphptr, A->graphind) ^
+         hash_graph(A->block * A->n, A->rowptr, A->colind) << 1;
+}
+
+static uint64_t hash_values(const msim_system *A) {
+  return A->format == MSIM_FORMAT_NONE ? 0 : mix(1, A->val, entries(A) * sizeof(double));
+}
+
+static void check_matrix(const msim_system *A) {
+  const int there = A->graphptr && A->graphind && A->rowptr && A->colind && A->val;
+  expect_host(there, "analyze", "got a matrix that is not all there");
+  if (!there) return;
+  expect_host((uintptr_t)A->val % 64 == 0, "analyze", "got values that are not aligned");
+  expect_host(ascending(A->n, A->graphptr, A->graphind), "analyze", "got rows not ascending");
+  expect_host(has_diagonal(A->n, A->graphptr, A->graphind), "analyze", "got no full diagonal");
+  expect_host(is_expanded(A), "analyze", "got two patterns that differ");
+  if (A->format == MSIM_FORMAT_FULL)
+    expect_host(has_both_triangles(A->n, A->graphptr, A->graphind), "analyze", "got a triangle");
+  for (int32_t r = 0; A->format == MSIM_FORMAT_UPPER && r < A->n; r++)
+    expect_host(A->graphind[A->graphptr[r]] == r, "analyze", "got a lower triangle");
+}
+
+static void check_system(const msim_system *A) {
+  expect_host(A->size >= sizeof *A, "analyze", "got a short msim_system");
+  expect_host(A->n >= 1 && A->block >= 1 && A->block <= 3, "analyze", "got an impossible size");
+  expect_host(A->format == inner->format, "analyze", "got another format");
+  if (A->format != MSIM_FORMAT_NONE) {
+    check_matrix(A);
+    return;
+  }
+  expect_host(!A->graphptr && !A->graphind && !A->rowptr && !A->colind && !A->val, "analyze",
+              "got a matrix that it did not ask for");
+  expect_host(A->stride >= A->n && A->apply && A->precondition, "analyze", "lacks callbacks");
+}
+
+/* The same system at the same place, as analyze() saw it. */
+static void check_unmoved(const watch *w, const char *call, const msim_system *A) {
+  expect_host(memcmp(A, &w->system, sizeof *A) == 0, call, "got another system than analyze");
+  expect_host(hash_pattern(A) == w->pattern, call, "got another pattern than analyze");
+}
+
+/*------------------------------------- answers --------------------------------------------------*/
+
+/* y += A x, or |A| x, from the values that factor() saw */
+static void multiply(const msim_system *A, const double *val, int absolute, const double *x,
+                     double *y) {
+  for (int32_t r = 0; r < A->block * A->n; r++)
+    for (int32_t e = A->rowptr[r]; e < A->rowptr[r + 1]; e++) {
+      const int32_t c = A->colind[e];
+      const double value = absolute ? fabs(val[e]) : val[e];
+      y[r] += value * x[c];
+      if (A->format == MSIM_FORMAT_UPPER && c / A->block > r / A->block) y[c] += value * x[r];
+    }
+}
+
+/* ||b - A y|| <= rtol ||b||, or as near as `slack` || |A| |y| + |b| ||. Without a matrix there is
+ * no |A|: A |y| stands for |A| |y|. */
+static int is_solved(const watch *w, double rtol, double slack, const double *b, const double *y) {
+  const msim_system *A = &w->system;
+  const size_t n = length(A);
+  double *work = calloc(3 * n, sizeof *work), *r = work, *size = work + n, *positive = work + 2 * n;
+  if (!work) abort();
+  for (size_t i = 0; i < n; i++) positive[i] = fabs(y[i]);
+  if (w->factored) {
+    multiply(A, w->factored, 0, y, r);
+    multiply(A, w->factored, 1, positive, size);
+  } else {
+    A->apply(A, y, r);
+    A->apply(A, positive, size);
+  }
+  for (size_t i = 0; i < n; i++) r[i] = b[i] - r[i], size[i] = fabs(size[i]) + fabs(b[i]);
+  const double left = norm(r, n);
+  const int solved = left <= rtol * norm(b, n) || left <= slack * norm(size, n);
+  free(work);
+  return solved;
+}
+
+/* Is all that is no unknown zero? */
+static int is_padded(const msim_system *A, const double *x) {
+  for (size_t i = 0; A->format == MSIM_FORMAT_NONE && i < length(A); i++)
+    if (i % (size_t)A->stride >= (size_t)A->n && x[i] != 0) return 0;
+  return 1;
+}
+
+/* An iteration is held to what it was asked for, a factor to a small backward error: the host
+ * refines what is in between. */
+static void check_answer(const watch *w, const msim_solve_params *params, const double *b,
+                         const double *y) {
+  const int iterative = (inner->flags & MSIM_BACKEND_ITERATIVE) != 0;
+  /* summed in another order, the same residual differs in the last digits */
+  const double rtol = iterative ? params->rtol * (1 + 1e-9) : 0;
+  const double slack = !iterative ? 1e-8 : w->factored ? 8 * DBL_EPSILON : 1e-13;
+  expect_backend(is_padded(&w->system, y), "solve", "left padding that is not zero");
+  expect_backend(all_finite(y, length(&w->system)) && is_solved(w, rtol, slack, b, y), "solve",
+                 "claims an answer that does not solve the system");
+}
+
+/*------------------------------------- the table ------------------------------------------------*/
+
+static msim_status create(const msim_host *host, void **self) {
+  watch *w = calloc(1, sizeof *w);
+  if (!w) return MSIM_ERR_MEMORY;
+  *w = (watch){.lent = {sizeof w->lent, lent_alloc, lent_free, lent_fail, w}, .outer = host};
+  atomic_init(&w->inside, 1);
+  *self = w;
+  pthread_mutex_lock(&gate);
+  w->next = watches;
+  watches = w;
+  pthread_mutex_unlock(&gate);
+  const msim_status status = inner->create(&w->lent, &w->self);
+  w->stage = status ? BROKEN : CREATED;
+  expect_backend(status || w->self, "create", "succeeded without a self");
+  leave(w, "create", status);
+  return status;
+}
+
+static msim_status order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
+                         int32_t *perm) {
+  watch *w = self;
+  if (!enter(w, "order", CREATED, CREATED)) return MSIM_ERR_ARG;
+  expect_host(n >= 1 && ptr && ind && perm, "order", "got a graph that is not all there");
+  expect_host(ascending(n, ptr, ind), "order", "got rows that are not ascending");
+  expect_host(has_both_triangles(n, ptr, ind), "order", "got a graph that is not symmetric");
+  for (int32_t r = 0; r < n; r++)
+    expect_host(find(ptr, ind, r, r) < 0, "order", "got a graph with a diagonal");
+  const uint64_t before = hash_graph(n, ptr, ind);
+  const msim_status status = inner->order(w->self, n, ptr, ind, perm);
+  expect_backend(hash_graph(n, ptr, ind) == before, "order", "wrote to the graph");
+  expect_backend(status || is_permutation(n, perm), "order", "gave no permutation");
+  if (status) w->stage = BROKEN;
+  leave(w, "order", status);
+  return status;
+}
+
+static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
+  watch *w = self;
+  if (!enter(w, "analyze", CREATED, CREATED)) return MSIM_ERR_ARG;
+  check_system(A);
+  check_blank("analyze", info);
+  w->system = *A;
+  w->pattern = hash_pattern(A);
+  const msim_status status = inner->analyze(w->self, A, info);
+  expect_backend(hash_pattern(A) == w->pattern, "analyze", "wrote to the pattern");
+  if (!status && A->val) w->factored = malloc(entries(A) * sizeof *w->factored);
+  w->stage = status ? BROKEN : ANALYZED;
+  check_info("analyze", info);
+  leave(w, "analyze", status);
+  return status;
+}
+
+static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_solve_info *info) {
+  watch *w = self;
+  if (!enter(w, "factor", ANALYZED, FACTORED)) return MSIM_ERR_ARG;
+  check_unmoved(w, "factor", A);
+  check_blank("factor", info);
+  expect_host(kind == MSIM_FACTOR_SPD ||
+                  (kind == MSIM_FACTOR_SYMMETRIC && inner->flags & MSIM_BACKEND_SYMMETRIC),
+              "factor", "asks for what the flags do not offer");
+  if (A->val) {
+    expect_host(all_finite(A->val, entries(A)), "factor", "got values that are not finite");
+    expect_host(is_symmetric(A), "factor", "got a matrix that is not symmetric");
+    if (w->factored) memcpy(w->factored, A->val, entries(A) * sizeof *w->factored);
+  }
+  const uint64_t before = hash_values(A);
+  const msim_status status = inner->factor(w->self, A, kind, info);
+  expect_backend(hash_pattern(A) == w->pattern, "factor", "wrote to the pattern");
+  expect_backend(hash_values(A) == before, "factor", "wrote to the values");
+  w->stage = status ? ANALYZED : FACTORED;
+  check_info("factor", info);
+  leave(w, "factor", status);
+  return status;
+}
+
+static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
+                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+  watch *w = self;
+  if (!enter(w, "solve", FACTORED, FACTORED)) return MSIM_ERR_ARG;
+  const size_t n = length(A), all = nrhs > 0 ? n * (size_t)nrhs : 0;
+  check_unmoved(w, "solve", A);
+  check_blank("solve", info);
+  expect_host(params->size >= sizeof *params && params->rtol >= 0 && params->max_iterations >= 1,
+              "solve", "got impossible parameters");
+  expect_host(nrhs >= 1 && b && y && b != y, "solve", "got vectors that are not all there");
+  expect_host(all_finite(b, all), "solve", "got a right side that is not finite");
+  for (int32_t k = 0; k < nrhs; k++)
+    expect_host(is_padded(A, b + (size_t)k * n) && is_padded(A, y + (size_t)k * n), "solve",
+                "got padding that is not zero");
+  const uint64_t values = hash_values(A), right = mix(1, b, all * sizeof *b);
+  const msim_status status = inner->solve(w->self, A, params, nrhs, b, y, info);
+  expect_backend(hash_pattern(A) == w->pattern, "solve", "wrote to the pattern");
+  expect_backend(hash_values(A) == values, "solve", "wrote to the values");
+  expect_backend(mix(1, b, all * sizeof *b) == right, "solve", "wrote to the right side");
+  for (int32_t k = 0; !status && k < nrhs; k++)
+    check_answer(w, params, b + (size_t)k * n, y + (size_t)k * n);
+  check_info("solve", info);
+  leave(w, "solve", status);
+  return status;
+}
+
+static void destroy(void *self) {
+  watch *w = self;
+  if (!w) return;
+  if (w->stage == BROKEN) w->stage = CREATED; /* destroy may follow any call */
+  if (!enter(w, "destroy", CREATED, FACTORED)) return;
+  inner->destroy(w->self);
+  w->stage = DESTROYED;
+  expect_backend(w->live == 0, "destroy", "left memory of the host behind");
+  leave(w, "destroy", MSIM_OK);
+}
+
+const msim_backend *checking_backend(const msim_backend *table) {
+  static msim_backend checking;
+  inner = table;
+  checking = *table;
+  checking.create = create;
+  checking.order = table->order ? order : NULL;
+  checking.analyze = analyze;
+  checking.factor = factor;
+  checking.solve = solve;
+  checking.destroy = destroy;
+  return &checking;
+}

@@ -1,0 +1,217 @@
+/* The checking backend itself: it finds nothing where both sides keep their promises, and every
+ * breach of one by what it broke. The system is 2 x 2, the backend a diagonal one that misbehaves
+ * on request, the host a script of letters, one a call. */
+#include <math.h>
+#include <string.h>
+
+#include "checking_backend.h"
+#include "counting_host.h"
+#include "testing.h"
+
+/*------------------------------------- a backend with vices -------------------------------------*/
+
+enum vice {
+  NONE,
+  GIVES_NO_SELF,
+  FREES_ELSEWHERE,
+  REPEATS_A_ROW,
+  WRITES_TO_GRAPH,
+  WRITES_TO_PATTERN,
+  WRITES_TO_VALUES,
+  WRITES_TO_RIGHT_SIDE,
+  LIES,
+  GIVES_NAN,
+  COUNTS_BACKWARDS,
+  STOPS,
+  IS_SILENT,
+  CALLS_BACK
+};
+static enum vice vice;
+static const msim_backend *checked; /* what the host sees, and its instance */
+static void *instance;
+
+/* In spite of const: that is the point. */
+static void write_to(const void *array) { *(unsigned char *)(uintptr_t)array ^= 1; }
+
+static msim_status create(const msim_host *host, void **self) {
+  const msim_host **lent = vice == GIVES_NO_SELF ? NULL : host->alloc(host, sizeof *lent);
+  if (lent) *lent = host;
+  *self = lent;
+  return MSIM_OK;
+}
+
+static msim_status order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
+                         int32_t *perm) {
+  (void)self, (void)ptr;
+  for (int32_t k = 0; k < n; k++) perm[k] = vice == REPEATS_A_ROW ? 0 : k;
+  if (vice == WRITES_TO_GRAPH) write_to(&ind[0]);
+  return MSIM_OK;
+}
+
+static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
+  (void)self, (void)info;
+  if (vice == WRITES_TO_PATTERN) write_to(&A->graphind[1]);
+  return MSIM_OK;
+}
+
+static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_solve_info *info) {
+  (void)kind;
+  const msim_host *host = *(const msim_host **)self;
+  if (vice == COUNTS_BACKWARDS) info->iterations = -1;
+  if (vice == STOPS) return MSIM_STOPPED;
+  if (A->val[0] > 0) return MSIM_OK;
+  if (vice != IS_SILENT)
+    (host->fail)(host, /* cmocka has a macro of that name */
+                 "%g is not positive", A->val[0]);
+  return MSIM_ERR_BACKEND;
+}
+
+static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
+                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+  (void)self, (void)params, (void)info;
+  for (int32_t i = 0; i < 2 * nrhs; i++) y[i] = b[i] / A->val[i % 2 ? 3 : 0];
+  if (vice == WRITES_TO_VALUES) write_to(&A->val[3]);
+  if (vice == WRITES_TO_RIGHT_SIDE) write_to(&b[1]);
+  if (vice == CALLS_BACK) checked->destroy(instance);
+  if (vice == LIES) y[1] += 1e-3;
+  if (vice == GIVES_NAN) y[1] = NAN;
+  return MSIM_OK;
+}
+
+static void destroy(void *self) {
+  if (!self) return;
+  const msim_host *host = *(const msim_host **)self;
+  if (vice == FREES_ELSEWHERE) free(self);
+  else host->free(host, self);
+}
+
+static const msim_backend diagonal = {.abi = MSIM_BACKEND_ABI,
+                                      .size = sizeof(msim_backend),
+                                      .name = "diagonal",
+                                      .library = "none",
+                                      .license = "MIT",
+                                      .format = MSIM_FORMAT_FULL,
+                                      .create = create,
+                                      .order = order,
+                                      .analyze = analyze,
+                                      .factor = factor,
+                                      .solve = solve,
+                                      .destroy = destroy};
+
+/*------------------------------------- a host with vices ----------------------------------------*/
+
+/* c create, o order, a analyze, f factor, s solve, d destroy; what a host must not do in between:
+ * m move the matrix, p change its pattern, n write NaN to it, u make it unsymmetric, b spoil b,
+ * i keep an old info, t ask for what no flag offers; z is allowed: a matrix that is refused. */
+static const char *play(const char *script) {
+  counting_host host;
+  int32_t ptr[] = {0, 2, 4}, ind[] = {0, 1, 0, 1}, other[] = {0, 1, 0, 1};
+  int32_t graphptr[] = {0, 1, 2}, graph[] = {1, 0}, perm[2], kind = MSIM_FACTOR_SPD;
+  _Alignas(64) double val[] = {2, 0, 0, 4};
+  double b[] = {1, 2}, y[2] = {0};
+  msim_system A = {.size = sizeof A,
+                   .n = 2,
+                   .block = 1,
+                   .format = MSIM_FORMAT_FULL,
+                   .graphptr = ptr,
+                   .graphind = ind,
+                   .rowptr = ptr,
+                   .colind = ind,
+                   .val = val};
+  const msim_solve_params params = {sizeof params, 1e-8, 10};
+  int old_info = 0;
+  checked = checking_backend(&diagonal);
+  host_init(&host);
+  for (; *script; script++) {
+    msim_solve_info info = {.size = sizeof info, .iterations = old_info};
+    const char call = *script;
+    if (call == 'c') checked->create(&host.host, &instance);
+    if (call == 'o') checked->order(instance, 2, graphptr, graph, perm);
+    if (call == 'a') checked->analyze(instance, &A, &info);
+    if (call == 'f') checked->factor(instance, &A, kind, &info);
+    if (call == 's') checked->solve(instance, &A, &params, 1, b, y, &info);
+    if (call == 'd') checked->destroy(instance);
+    if (call == 'm') A.colind = other;
+    if (call == 'p') ind[1] = 0;
+    if (call == 'n') val[0] = NAN;
+    if (call == 'u') val[1] = 1;
+    if (call == 'b') b[0] = INFINITY;
+    if (call == 'i') old_info = 1;
+    if (call == 't') kind = MSIM_FACTOR_SYMMETRIC;
+    if (call == 'z') val[0] = -1;
+  }
+  return checking_report();
+}
+
+static void expect(const char *script, const char *found) {
+  const char *report = play(script);
+  if (found[0] ? !strstr(report, found) : report[0] != '\0')
+    fail_msg("script \"%s\", vice %d: found \"%s\", wanted \"%s\"", script, (int)vice, report,
+             found);
+}
+
+static void good_manners_pass(void **state) {
+  (void)state;
+  const char *const scripts[] = {"cd", "cod", "cad", "coafsd", "cafd", "caffssfsd", "cafszfd"};
+  for (size_t i = 0; i < sizeof scripts / sizeof *scripts; i++) expect(scripts[i], "");
+}
+
+static void hosts_are_watched(void **state) {
+  (void)state;
+  const struct {
+    const char *script, *found;
+  } cases[] = {
+      {"cfd", "host: factor was called too early"},
+      {"casd", "host: solve was called too early"},
+      {"cafzfsd", "host: solve was called too early"},
+      {"caod", "host: order was called too late"},
+      {"caad", "host: analyze was called too late"},
+      {"cdd", "host: destroy was called after destroy"},
+      {"cafsds", "host: solve was called after destroy"},
+      {"camfd", "host: factor got another system than analyze"},
+      {"cafmsd", "host: solve got another system than analyze"},
+      {"capfd", "host: factor got another pattern than analyze"},
+      {"cpad", "host: analyze got rows not ascending"},
+      {"canfd", "host: factor got values that are not finite"},
+      {"caufd", "host: factor got a matrix that is not symmetric"},
+      {"cafbsd", "host: solve got a right side that is not finite"},
+      {"caifd", "host: factor got an info not zeroed"},
+      {"catfd", "host: factor asks for what the flags do not offer"},
+  };
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) expect(cases[i].script, cases[i].found);
+}
+
+static void backends_are_watched(void **state) {
+  (void)state;
+  const struct {
+    enum vice vice;
+    const char *script, *found;
+  } cases[] = {
+      {GIVES_NO_SELF, "cd", "backend: create succeeded without a self"},
+      {FREES_ELSEWHERE, "cd", "backend: destroy left memory of the host behind"},
+      {REPEATS_A_ROW, "cod", "backend: order gave no permutation"},
+      {WRITES_TO_GRAPH, "cod", "backend: order wrote to the graph"},
+      {WRITES_TO_PATTERN, "cad", "backend: analyze wrote to the pattern"},
+      {WRITES_TO_VALUES, "cafsd", "backend: solve wrote to the values"},
+      {WRITES_TO_RIGHT_SIDE, "cafsd", "backend: solve wrote to the right side"},
+      {LIES, "cafsd", "backend: solve claims an answer that does not solve the system"},
+      {GIVES_NAN, "cafsd", "backend: solve claims an answer that does not solve the system"},
+      {COUNTS_BACKWARDS, "cafd", "backend: factor tells of iterations < 0"},
+      {STOPS, "cafd", "backend: factor returned what is no status of a backend"},
+      {IS_SILENT, "cazfd", "backend: factor failed without a sentence"},
+      {CALLS_BACK, "cafsd", "host: destroy overlaps another call"},
+  };
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    vice = cases[i].vice;
+    expect(cases[i].script, cases[i].found);
+  }
+  vice = NONE;
+  expect("coafsd", "");
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(good_manners_pass),
+                                     cmocka_unit_test(hosts_are_watched),
+                                     cmocka_unit_test(backends_are_watched)};
+  return cmocka_run_group_tests_name("checking", tests, NULL, NULL);
+}
