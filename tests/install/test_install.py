@@ -1,5 +1,6 @@
-"""A program of a user, built against an installed msim that was moved since, by CMake and by
-pkg-config."""
+"""A program of a user and a plugin of a stranger, built against an installed msim that was moved
+since, by CMake and by pkg-config."""
+import json
 import os
 import re
 import shlex
@@ -11,6 +12,7 @@ from pathlib import Path
 import support
 
 HERE = Path(__file__).resolve().parent
+EXAMPLE = HERE.parent / "plugin_example"
 
 
 class Install(unittest.TestCase):
@@ -41,26 +43,68 @@ class Install(unittest.TestCase):
             implicit = x("linearly-implicit-euler", solver)
             self.assertLess(max(abs(a - b) for a, b in zip(explicit, implicit)), 0.1)
 
-    def test_cmake(self):
-        build = self.folder / "cmake"
-        support.run(support.setting("CMAKE"), "-S", HERE, "-B", build, "-DCMAKE_BUILD_TYPE=Release",
-                    f"-DCMAKE_PREFIX_PATH={self.prefix}",
+    def cmake(self, source):
+        """Builds a project against the installed msim; returns its build folder."""
+        build = self.folder / source.name
+        support.run(support.setting("CMAKE"), "-S", source, "-B", build,
+                    "-DCMAKE_BUILD_TYPE=Release", f"-DCMAKE_PREFIX_PATH={self.prefix}",
                     f"-DCMAKE_C_COMPILER={support.setting('CC')}",
                     "-DCMAKE_C_FLAGS=-Wall -Wextra -Werror " + " ".join(self.sanitize))
         support.run(support.setting("CMAKE"), "--build", build)
-        self.try_pendulum(build / "pendulum")
+        return build
 
-    def test_pkg_config(self):
+    def pkg_config(self, *what):
         if shutil.which("pkg-config") is None:
             self.skipTest("no pkg-config")
-        shared = support.setting("SHARED") == "1"
-        flags = support.run("pkg-config", "--cflags", "--libs", *([] if shared else ["--static"]),
-                            "msim", env=dict(os.environ, PKG_CONFIG_PATH=str(
-                                self.library.parent / "pkgconfig")))
+        folder = self.library.parent / "pkgconfig"
+        return shlex.split(support.run("pkg-config", *what, "msim",
+                                       env=dict(os.environ, PKG_CONFIG_PATH=str(folder))))
+
+    def test_cmake(self):
+        self.try_pendulum(self.cmake(HERE) / "pendulum")
+
+    def test_pkg_config(self):
+        flags = self.pkg_config("--cflags", "--libs",
+                                *([] if support.setting("SHARED") == "1" else ["--static"]))
         program = self.folder / "pendulum"
         support.run(support.setting("CC"), "-std=c99", *self.sanitize, HERE / "pendulum.c",
-                    "-o", program, *shlex.split(flags), f"-Wl,-rpath,{self.library.parent}")
+                    "-o", program, *flags, f"-Wl,-rpath,{self.library.parent}")
         self.try_pendulum(program)
+
+    def rope(self, solver, plugins):
+        """The positions of the rope after 50 implicit steps."""
+        final = self.folder / f"{solver}.json"
+        support.run(self.prefix / "bin/msim_cli", "run",
+                    self.prefix / "share/msim/scenes/rope.json", "--integrator",
+                    "linearly-implicit-euler", "--h", "5e-3", "--steps", 50, "--solver", solver,
+                    "--solver.rtol", "1e-12", "--final", final, "--quiet",
+                    env=dict(os.environ, MSIM_PLUGIN_PATH=str(plugins)))
+        return [c for x in json.loads(final.read_text())["x"] for c in x]
+
+    def try_plugin(self, folder):
+        ours, theirs = self.rope("pcg", folder), self.rope("dense-lapack", folder)
+        self.assertEqual(len(theirs), 3 * 42)
+        self.assertLess(max(abs(a - b) for a, b in zip(ours, theirs)), 1e-9)
+
+    def need_lapack(self):
+        try:
+            support.run(support.setting("CC"), "-shared", "-x", "c", os.devnull, "-llapack",
+                        "-o", self.folder / "probe.so")
+        except AssertionError:
+            self.skipTest("no LAPACK to build with")
+
+    def test_plugin_by_cmake(self):
+        self.need_lapack()
+        self.try_plugin(self.cmake(EXAMPLE))
+
+    def test_plugin_by_the_line_in_the_header(self):
+        self.need_lapack()
+        folder = self.folder / "by_hand"
+        folder.mkdir()
+        support.run(support.setting("CC"), "-shared", "-fPIC", "-DMSIM_PLUGIN",
+                    *self.pkg_config("--cflags"), EXAMPLE / "dense_lapack.c", "-llapack",
+                    "-o", folder / "msim_backend_dense-lapack.so")
+        self.try_plugin(folder)
 
     def test_command_line(self):
         scene = self.prefix / "share/msim/scenes/hanging_cloth.json"
