@@ -34,10 +34,16 @@ static msim_status create(const msim_host *host, void **self) {
   return MSIM_OK;
 }
 
+static msim_status refuse(dense *d, const char *why) {
+  d->host->fail(d->host, "%s", why);
+  return MSIM_ERR_ARG;
+}
+
 static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
   dense *d = self;
-  size_t n = (size_t)(A->block * A->n);
-  (void)info;
+  if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_FULL)
+    return refuse(d, "a full matrix of small blocks, please");
+  const size_t n = (size_t)(A->block * A->n);
 #if FAKE == FAILS
   d->host->fail(d->host, "the moon is in the wrong house for %d unknowns", A->block * A->n);
   return MSIM_ERR_BACKEND;
@@ -45,6 +51,8 @@ static msim_status analyze(void *self, const msim_system *A, msim_solve_info *in
   return MSIM_ERR_BACKEND;
 #endif
   d->a = d->host->alloc(d->host, n * n * sizeof *d->a);
+  info->fill = (double)n * (double)n;
+  info->flops = 2.0 / 3 * (double)n * (double)n * (double)n;
   return d->a ? MSIM_OK : MSIM_ERR_MEMORY;
 }
 
@@ -66,11 +74,7 @@ static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_s
   return MSIM_OK;
 }
 
-static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
-                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
-  dense *d = self;
-  int32_t n = A->block * A->n;
-  (void)params, (void)nrhs, (void)info;
+static void solve_one(const dense *d, int32_t n, const double *b, double *y) {
   for (int32_t r = 0; r < n; r++) {
     y[r] = b[r];
     for (int32_t c = 0; c < r; c++) y[r] -= d->a[n * r + c] * y[c];
@@ -79,6 +83,15 @@ static msim_status solve(void *self, const msim_system *A, const msim_solve_para
     for (int32_t c = r + 1; c < n; c++) y[r] -= d->a[n * r + c] * y[c];
     y[r] /= d->a[n * r + r];
   }
+}
+
+static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
+                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+  dense *d = self;
+  const int32_t n = A->block * A->n;
+  (void)params, (void)info;
+  if (nrhs < 1) return refuse(d, "a right side, please");
+  for (int32_t k = 0; k < nrhs; k++) solve_one(d, n, b + n * k, y + n * k);
 #if FAKE == LIAR
   for (int32_t r = 0; r < n; r++) y[r] = 1;
 #elif FAKE == NAN_ANSWER

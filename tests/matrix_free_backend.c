@@ -1,35 +1,43 @@
-/* A correct backend without a matrix: preconditioned steepest descent by apply() and
- * precondition(). It checks what the host promises of vectors. */
+/* A correct backend without a matrix: conjugate gradients by apply() and precondition(). It checks
+ * what the host promises of vectors. */
 #include <math.h>
 #include <string.h>
 
 #include "msim/backend.h"
 
-typedef struct descent {
+typedef struct gradients {
   const msim_host *host;
-  double *r, *z, *q;
-} descent;
+  double *r, *z, *p, *q; /* residual, preconditioned residual, direction, A p */
+} gradients;
+
+static msim_status refuse(gradients *g, msim_status status, const char *why) {
+  g->host->fail(g->host, "%s", why);
+  return status;
+}
 
 static msim_status create(const msim_host *host, void **self) {
-  descent *d = host->alloc(host, sizeof *d);
-  *self = d;
-  if (!d) return MSIM_ERR_MEMORY;
-  *d = (descent){.host = host};
+  gradients *g = host->alloc(host, sizeof *g);
+  *self = g;
+  if (!g) return MSIM_ERR_MEMORY;
+  *g = (gradients){.host = host};
   return MSIM_OK;
 }
 
+static size_t length(const msim_system *A) { return (size_t)A->block * (size_t)A->stride; }
+
 static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
-  descent *d = self;
-  size_t bytes = 3 * (size_t)A->stride * sizeof(double);
+  gradients *g = self;
   (void)info;
-  if (A->val || A->rowptr || A->graphptr || A->stride < A->n) {
-    d->host->fail(d->host, "a matrix where none was asked for");
-    return MSIM_ERR_BACKEND;
+  if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_NONE)
+    return refuse(g, MSIM_ERR_ARG, "no matrix of 1 to 3 components, please");
+  if (A->val || A->rowptr || A->graphptr || A->stride < A->n)
+    return refuse(g, MSIM_ERR_BACKEND, "a matrix where none was asked for");
+  double **work[] = {&g->r, &g->z, &g->p, &g->q};
+  for (size_t i = 0; i < 4; i++) {
+    *work[i] = g->host->alloc(g->host, length(A) * sizeof(double));
+    if (!*work[i]) return MSIM_ERR_MEMORY;
   }
-  d->r = d->host->alloc(d->host, bytes);
-  d->z = d->host->alloc(d->host, bytes);
-  d->q = d->host->alloc(d->host, bytes);
-  return d->r && d->z && d->q ? MSIM_OK : MSIM_ERR_MEMORY;
+  return MSIM_OK;
 }
 
 static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_solve_info *info) {
@@ -45,43 +53,67 @@ static double dot(size_t n, const double *x, const double *y) {
 
 /* Is all that is not an unknown zero? */
 static int padded(const msim_system *A, const double *x) {
-  for (int32_t i = 0; i < 3 * A->stride; i++)
-    if (i % A->stride >= A->n && x[i] != 0) return 0;
+  for (size_t i = 0; i < length(A); i++)
+    if (i % (size_t)A->stride >= (size_t)A->n && x[i] != 0) return 0;
   return 1;
+}
+
+/* One direction of search, from g->r; rho: r.z of the last one, 0 at the start. */
+static msim_status advance(gradients *g, const msim_system *A, double *rho, double *y) {
+  const size_t n = length(A);
+  A->precondition(A, g->r, g->z);
+  const double next = dot(n, g->r, g->z), beta = *rho > 0 ? next / *rho : 0;
+  for (size_t i = 0; i < n; i++) g->p[i] = g->z[i] + (*rho > 0 ? beta * g->p[i] : 0);
+  A->apply(A, g->p, g->q);
+  if (!padded(A, g->z) || !padded(A, g->q))
+    return refuse(g, MSIM_ERR_BACKEND, "padding that is not zero");
+  const double curvature = dot(n, g->p, g->q);
+  if (!(curvature > 0)) return MSIM_NOT_SPD;
+  for (size_t i = 0; i < n; i++) y[i] += next / curvature * g->p[i];
+  for (size_t i = 0; i < n; i++) g->r[i] -= next / curvature * g->q[i];
+  *rho = next;
+  return MSIM_OK;
+}
+
+/* Where the recurrence of r claims success, it starts again from the truth. */
+static msim_status solve_one(gradients *g, const msim_system *A, const msim_solve_params *params,
+                             const double *b, double *y, msim_solve_info *info) {
+  const size_t n = length(A);
+  const double goal = params->rtol * sqrt(dot(n, b, b));
+  double rho = 0, left = 0;
+  for (int64_t i = 0;; i++, info->iterations++) {
+    if (left <= goal) {
+      A->apply(A, y, g->q);
+      for (size_t k = 0; k < n; k++) g->r[k] = b[k] - g->q[k];
+      rho = 0;
+      if (sqrt(dot(n, g->r, g->r)) <= goal) return MSIM_OK;
+    }
+    if (i == params->max_iterations) return MSIM_NOT_CONVERGED;
+    const msim_status status = advance(g, A, &rho, y);
+    if (status) return status;
+    left = sqrt(dot(n, g->r, g->r));
+  }
 }
 
 static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
                          int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
-  descent *d = self;
-  size_t n = 3 * (size_t)A->stride;
-  (void)nrhs;
-  if (!padded(A, b) || !padded(A, y)) {
-    d->host->fail(d->host, "padding that is not zero");
-    return MSIM_ERR_BACKEND;
+  gradients *g = self;
+  msim_status status = MSIM_OK;
+  if (nrhs < 1) return refuse(g, MSIM_ERR_ARG, "a right side, please");
+  for (; nrhs > 0 && !status; nrhs--, b += length(A), y += length(A)) {
+    if (!padded(A, b) || !padded(A, y))
+      return refuse(g, MSIM_ERR_BACKEND, "padding that is not zero");
+    status = solve_one(g, A, params, b, y, info);
   }
-  for (; info->iterations < params->max_iterations; info->iterations++) {
-    A->apply(A, y, d->q);
-    if (!padded(A, d->q)) return MSIM_ERR_BACKEND;
-    for (size_t i = 0; i < n; i++) d->r[i] = b[i] - d->q[i];
-    if (sqrt(dot(n, d->r, d->r)) <= params->rtol * sqrt(dot(n, b, b))) return MSIM_OK;
-    A->precondition(A, d->r, d->z);
-    if (!padded(A, d->z)) return MSIM_ERR_BACKEND;
-    A->apply(A, d->z, d->q);
-    double curvature = dot(n, d->z, d->q);
-    if (!(curvature > 0)) return MSIM_NOT_SPD;
-    double alpha = dot(n, d->r, d->z) / curvature;
-    for (size_t i = 0; i < n; i++) y[i] += alpha * d->z[i];
-  }
-  return MSIM_NOT_CONVERGED;
+  return status;
 }
 
 static void destroy(void *self) {
-  descent *d = self;
-  if (!d) return;
-  d->host->free(d->host, d->r);
-  d->host->free(d->host, d->z);
-  d->host->free(d->host, d->q);
-  d->host->free(d->host, d);
+  gradients *g = self;
+  if (!g) return;
+  double *work[] = {g->r, g->z, g->p, g->q};
+  for (size_t i = 0; i < 4; i++) g->host->free(g->host, work[i]);
+  g->host->free(g->host, g);
 }
 
 MSIM_BACKEND_ENTRY(matrix_free) {

@@ -1,0 +1,124 @@
+/* Definiteness: what is not positive definite is seen, or solved where the flags say so, and leaves
+ * nothing behind. */
+#include "conformance.h"
+
+static const int32_t sizes[] = {2, 9, 60, 0};
+
+static const kind indefinite[] = {{"one negative", one_negative, 1},
+                                  {"strong coupling", strong_coupling, 1},
+                                  {"negative definite", negative_definite, 1},
+                                  {0}};
+static const kind singular[] = {{"free chain", free_chain, 1}, {"row of zeros", zero_row, 1}, {0}};
+
+/* A right side that has a solution, also where A is singular. */
+static double *solvable(const problem *p) {
+  double *x = random_vector(unknowns(p), 3), *b = calloc((size_t)unknowns(p), sizeof *b);
+  problem_apply(p, x, b);
+  free(x);
+  return b;
+}
+
+/* A factorisation has to see it; an iteration may come upon an answer, or not. */
+static void check_spd(const char *label, const problem *p) {
+  double *b = solvable(p);
+  outcome o = solve_with(backend, p, MSIM_FACTOR_SPD, b);
+  const int seen = o.status == MSIM_NOT_SPD;
+  if (!(iterative ? is_honest(p, b, o.status, o.y) : seen))
+    fail_msg("%s: %s gave status %d, residual %.3g", label, o.call, (int)o.status,
+             residual(p, b, o.y));
+  if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: told to be positive definite", label);
+  free(b), free(o.y);
+}
+
+static void factor_spd_sees_what_is_not(void **state) {
+  (void)state;
+  for_each(indefinite, sizes, check_spd);
+  for_each(singular, sizes, check_spd);
+}
+
+static void check_symmetric(const char *label, const problem *p) {
+  double *b = solvable(p);
+  outcome o = solve_with(backend, p, MSIM_FACTOR_SYMMETRIC, b);
+  if (o.status) fail_msg("%s: %s gave status %d", label, o.call, (int)o.status);
+  if (!is_answer(p, b, o.y, RTOL, 1e-9))
+    fail_msg("%s: backward error %.3g", label, backward_error(p, b, o.y));
+  if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: told to be positive definite", label);
+  free(b), free(o.y);
+}
+
+static void factor_symmetric_solves_what_is_not(void **state) {
+  (void)state;
+  if (!symmetric) skip();
+  for_each(indefinite, sizes, check_symmetric);
+}
+
+static void check_symmetric_spd(const char *label, const problem *p) {
+  double *b = random_vector(unknowns(p), 3);
+  outcome o = solve_with(backend, p, MSIM_FACTOR_SYMMETRIC, b);
+  if (o.status || !is_answer(p, b, o.y, RTOL, 1e-12))
+    fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
+             backward_error(p, b, o.y));
+  if (o.definite == MSIM_DEFINITE_NOT) fail_msg("%s: told to be indefinite", label);
+  free(b), free(o.y);
+}
+
+static void factor_symmetric_solves_what_is(void **state) {
+  (void)state;
+  if (!symmetric) skip();
+  for_each((const kind[]){{"springs", spring_net, 1}, {0}}, sizes, check_symmetric_spd);
+}
+
+static void check_singular(const char *label, const problem *p) {
+  double *b = solvable(p);
+  outcome o = solve_with(backend, p, MSIM_FACTOR_SYMMETRIC, b);
+  if (!is_honest(p, b, o.status, o.y))
+    fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
+             backward_error(p, b, o.y));
+  free(b), free(o.y);
+}
+
+static void factor_symmetric_does_not_make_up_answers(void **state) {
+  (void)state;
+  if (!symmetric) skip();
+  for_each(singular, sizes, check_singular);
+}
+
+/* A step of msim: the exact matrix fails, the clamped one follows; or the other kind does. */
+static void check_recovery(const char *label, const problem *bad) {
+  const int32_t n = unknowns(bad);
+  problem *good = spring_net(bad->n, bad->block, 7);
+  double *b = random_vector(n, 3);
+  outcome fresh = solve_with(backend, good, MSIM_FACTOR_SPD, b);
+  rig r;
+  assert_int_equal(rig_open(&r, backend, bad), MSIM_OK);
+  for (int round = 0; round < 3; round++) {
+    double *y = calloc((size_t)n, sizeof *y);
+    rig_set(&r, bad);
+    if (!rig_factor(&r, MSIM_FACTOR_SPD)) rig_solve(&r, RTOL, LIMIT, 1, b, y);
+    if (symmetric) assert_int_equal(rig_factor(&r, MSIM_FACTOR_SYMMETRIC), MSIM_OK);
+    rig_set(&r, good);
+    for (int32_t i = 0; i < n; i++) y[i] = 0;
+    assert_int_equal(rig_factor(&r, MSIM_FACTOR_SPD), MSIM_OK);
+    assert_int_equal(rig_solve(&r, RTOL, LIMIT, 1, b, y), MSIM_OK);
+    assert_same(label, y, fresh.y, n);
+    free(y);
+  }
+  rig_close(&r);
+  free(b), free(fresh.y), problem_free(good);
+}
+
+static void a_failure_leaves_nothing_behind(void **state) {
+  (void)state;
+  const kind kinds[] = {
+      {"one negative", one_negative, 1}, {"negative definite", negative_definite, 1}, {0}};
+  for_each(kinds, sizes, check_recovery);
+}
+
+int run_definiteness(void) {
+  const struct CMUnitTest tests[] = {conformance_test(factor_spd_sees_what_is_not),
+                                     conformance_test(factor_symmetric_solves_what_is_not),
+                                     conformance_test(factor_symmetric_solves_what_is),
+                                     conformance_test(factor_symmetric_does_not_make_up_answers),
+                                     conformance_test(a_failure_leaves_nothing_behind)};
+  return cmocka_run_group_tests_name("definiteness", tests, NULL, NULL);
+}

@@ -1,0 +1,64 @@
+/* problem - symmetric block matrices of every kind, as lists of their scalar entries */
+#ifndef PROBLEM_H
+#define PROBLEM_H
+
+#include <stdint.h>
+
+/* a(row, column) += value, and a(column, row) too */
+typedef struct entry {
+  int32_t row, column; /* row <= column */
+  double value;
+} entry;
+
+typedef struct problem {
+  int32_t n, block; /* block rows, scalars in each */
+  int32_t count, capacity;
+  entry *entries;
+} problem;
+
+static inline int32_t unknowns(const problem *p) { return p->block * p->n; }
+
+/* Positive definite: diagonally dominant, every row coupled to a few at random. The pattern depends
+ * on the size only, the values on the seed. */
+problem *random_dominant(int32_t n, int32_t block, uint64_t seed);
+
+/* Positive definite, condition about 1e4: M - h^2 J of a net of stretched springs. */
+problem *spring_net(int32_t n, int32_t block, uint64_t seed);
+
+/* Symmetric and neither; `spring_net` with one scalar of the diagonal made negative. */
+problem *one_negative(int32_t n, int32_t block, uint64_t seed);
+
+/* A chain of identities with neighbours coupled by 1.2: each diagonal block is positive definite,
+ * the whole is not, from two rows on. */
+problem *strong_coupling(int32_t n, int32_t block, uint64_t seed);
+
+/* - spring_net */
+problem *negative_definite(int32_t n, int32_t block, uint64_t seed);
+
+/* Positive semidefinite, in integers, so that a zero pivot is exactly zero: a chain of springs
+ * without mass; an identity with one row of zeros. */
+problem *free_chain(int32_t n, int32_t block, uint64_t seed);
+problem *zero_row(int32_t n, int32_t block, uint64_t seed);
+
+/* Positive definite, badly scaled: D A D with D from 1e-6 to 1e6; masses 1e9 apart. */
+problem *badly_scaled(int32_t n, int32_t block, uint64_t seed);
+problem *unequal_masses(int32_t n, int32_t block, uint64_t seed);
+
+/* A = factor A */
+problem *times(problem *p, double factor);
+
+void problem_free(problem *p);
+
+/* y = A x */
+void problem_apply(const problem *p, const double *x, double *y);
+
+/* ||b - A y|| / ||b||, computed in long double; 0 for b = 0 and y = 0 */
+double residual(const problem *p, const double *b, const double *y);
+
+/* ||b - A y|| / || |A| |y| + |b| ||: a few eps where y is as good as rounding allows */
+double backward_error(const problem *p, const double *b, const double *y);
+
+/* Numbers in [-1, 1); the caller frees them. */
+double *random_vector(int32_t n, uint64_t seed);
+
+#endif
