@@ -111,6 +111,12 @@ class Install(unittest.TestCase):
         support.run(self.prefix / "bin/msim_cli", "run", scene, "--steps", 2, "--quiet")
         support.run(self.prefix / "bin/msim_bench", "--version")
 
+    def test_plugins_moved_along(self):
+        words = support.run(self.prefix / "bin/msim_cli", "list").split()
+        found = {Path(word).resolve() for word in words if re.fullmatch(r"/\S+\.so", word)}
+        folder = self.prefix.resolve() / self.library.parent.relative_to(self.prefix) / "msim"
+        self.assertEqual(found, {folder / f"msim_{name}.so" for name in support.plugins()})
+
     def test_nothing_remembers_where_it_was_built(self):
         places = [str(self.first), support.setting("BUILD"), str(support.SOURCE)]
         for path in self.prefix.rglob("*"):

@@ -1,0 +1,99 @@
+/* loading - a folder of plugins that misbehave as they are called, and what the user reads of it */
+#ifndef LOADING_H
+#define LOADING_H
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "scenes.h"
+
+/* Where a test puts its plugins. The build has but one of these, msim_backend_good.so, in FAKES. */
+static char folder[] = "/tmp/msim_plugins_XXXXXX";
+
+static inline const char *plugin_file(const char *name) {
+  static char path[512];
+  snprintf(path, sizeof path, "%s/msim_backend_%s.so", folder, name);
+  return path;
+}
+
+/* The plugin becomes what it is called. */
+static inline void put_plugin(const char *name) {
+  FILE *from = fopen(FAKES "/msim_backend_good.so", "rb"), *to = fopen(plugin_file(name), "wb");
+  assert_true(from && to);
+  for (int c; (c = fgetc(from)) != EOF;) fputc(c, to);
+  fclose(from), fclose(to);
+}
+
+static inline int make_folder(void **state) {
+  (void)state;
+  unsetenv("MSIM_PLUGIN_PATH");
+  return mkdtemp(folder) ? 0 : -1;
+}
+
+static inline int remove_folder(void **state) {
+  char command[64];
+  (void)state;
+  snprintf(command, sizeof command, "rm -r %s", folder);
+  return system(command);
+}
+
+/* A sentence with every @ replaced by the folder. */
+static inline const char *with_folder(const char *sentence) {
+  static char text[2048];
+  size_t used = 0;
+  for (; *sentence && used < sizeof text - sizeof folder; sentence++)
+    used += (size_t)snprintf(text + used, sizeof text - used, *sentence == '@' ? "%s" : "%.1s",
+                             *sentence == '@' ? folder : sentence);
+  text[used] = '\0';
+  return text;
+}
+
+/* Word for word; where it ends in "...", only what comes before. */
+static inline int is_sentence(const char *text, const char *wanted) {
+  const size_t length = strlen(wanted);
+  if (length >= 3 && strcmp(wanted + length - 3, "...") == 0)
+    return strncmp(text, wanted, length - 3) == 0;
+  return strcmp(text, wanted) == 0;
+}
+
+/* Three steps of a small cloth with this solver: what the user gets to read. After a failed step
+ * the state is the one before it. */
+static inline void expect(const char *solver, const char *plugin_path, msim_status wanted,
+                          const char *sentence) {
+  msim_scene *scene = hanging_cloth(3, 100, 0);
+  msim_options opt = options("linearly-implicit-euler", 0.01);
+  msim_sim *sim = NULL;
+  msim_error why = {0, ""};
+  opt.solver = solver, opt.plugin_path = plugin_path;
+  msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+  if (!status) {
+    status = msim_sim_step(sim, 3, &why);
+    const msim_state s = state_of(sim);
+    for (int i = 0; i < 27; i++) assert_true(s.x[i] > -2 && s.x[i] < 2);
+    assert_int_equal(s.step == 3, status == MSIM_OK);
+  }
+  if (status != wanted || !is_sentence(why.text, with_folder(sentence)))
+    fail_msg("%s: status %d, \"%s\"; wanted %d, \"%s\"", solver, (int)status, why.text, (int)wanted,
+             with_folder(sentence));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+typedef struct attempt {
+  const char *name;
+  msim_status status;
+  const char *sentence;
+} attempt;
+
+/* Plugins that behave as they are called, one after the other. */
+static inline void expect_plugins(const attempt *attempts, size_t count) {
+  for (size_t i = 0; i < count; i++) {
+    put_plugin(attempts[i].name);
+    expect(attempts[i].name, folder, attempts[i].status, attempts[i].sentence);
+  }
+}
+#define EXPECT_PLUGINS(attempts) expect_plugins(attempts, sizeof(attempts) / sizeof *(attempts))
+
+#endif

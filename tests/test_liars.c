@@ -1,0 +1,93 @@
+/* Plugins that load and then lie, fail or meddle: msim trusts none of it, and here is what the user
+ * gets to read. */
+#define _GNU_SOURCE /* mkdtemp */
+#include "loading.h"
+
+static void failures_are_passed_on(void **state) {
+  (void)state;
+  const attempt lies[] = {
+      {"create_fails", MSIM_ERR_BACKEND, "create_fails: nobody is at home"},
+      {"order_fails", MSIM_ERR_BACKEND, "order_fails: no order in here"},
+      {"fails", MSIM_ERR_BACKEND, "fails: the moon is in the wrong house"},
+      {"silent", MSIM_ERR_BACKEND, "silent: the library behind a plugin failed"},
+  };
+  EXPECT_PLUGINS(lies);
+}
+
+static void orders_are_checked(void **state) {
+  (void)state;
+  const attempt lies[] = {
+      {"row_too_large", MSIM_ERR_BACKEND,
+       "row_too_large: the order it asks for is no permutation of 7 rows"},
+      {"row_negative", MSIM_ERR_BACKEND,
+       "row_negative: the order it asks for is no permutation of 7 rows"},
+      {"row_twice", MSIM_ERR_BACKEND,
+       "row_twice: the order it asks for is no permutation of 7 rows"},
+  };
+  EXPECT_PLUGINS(lies);
+}
+
+static void statuses_are_checked(void **state) {
+  (void)state;
+  const attempt lies[] = {
+      {"stops", MSIM_ERR_BACKEND,
+       "step 1, t = 0.01 s: stops: it returned 4, which is no status of a backend"},
+      {"invents_a_status", MSIM_ERR_BACKEND,
+       "step 1, t = 0.01 s: invents_a_status: it returned 77, which is no status of a backend"},
+      {"invents_an_error", MSIM_ERR_BACKEND,
+       "step 1, t = 0.01 s: invents_an_error: it returned -99, which is no status of a backend"},
+  };
+  EXPECT_PLUGINS(lies);
+}
+
+static void answers_are_checked(void **state) {
+  (void)state;
+  const attempt lies[] = {
+      {"liar", MSIM_NOT_CONVERGED,
+       "step 1, t = 0.01 s, particle 1: solver liar left a residual of 80.2 of the right side; "
+       "solver.rtol asks for 1e-08"},
+      {"nan_answer", MSIM_NOT_CONVERGED,
+       "step 1, t = 0.01 s, particle 6: solver nan_answer left a residual of nan of the right "
+       "side; solver.rtol asks for 1e-08"},
+      {"inf_answer", MSIM_NOT_CONVERGED,
+       "step 1, t = 0.01 s, particle 1: solver inf_answer left a residual of ..."},
+      {"never_there", MSIM_NOT_CONVERGED,
+       "step 1, t = 0.01 s: never_there: the linear solver did not reach its tolerance"},
+  };
+  EXPECT_PLUGINS(lies);
+}
+
+/* The matrix is good: indefinite = clamp gives it another chance, and then it is the user's. */
+static void a_good_matrix_may_be_called_bad(void **state) {
+  (void)state;
+  const attempt lies[] = {
+      {"never_spd", MSIM_NOT_SPD,
+       "step 1, t = 0.01 s: never_spd: the system matrix is not positive definite"},
+      {"once_spd", MSIM_NOT_SPD,
+       "step 2, t = 0.02 s: once_spd: the system matrix is not positive definite"},
+  };
+  EXPECT_PLUGINS(lies);
+}
+
+/* msim judges by what it knows itself, so these cannot hurt: the answers are right. */
+static void meddling_does_not_matter(void **state) {
+  (void)state;
+  const attempt lies[] = {
+      {"writes_values", MSIM_OK, ""},     {"writes_pattern", MSIM_OK, ""},
+      {"writes_right_side", MSIM_OK, ""}, {"nan_in_info", MSIM_OK, ""},
+      {"counts_backwards", MSIM_OK, ""},
+  };
+  EXPECT_PLUGINS(lies);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(failures_are_passed_on),
+      cmocka_unit_test(orders_are_checked),
+      cmocka_unit_test(statuses_are_checked),
+      cmocka_unit_test(answers_are_checked),
+      cmocka_unit_test(a_good_matrix_may_be_called_bad),
+      cmocka_unit_test(meddling_does_not_matter),
+  };
+  return cmocka_run_group_tests_name("liars", tests, make_folder, remove_folder);
+}
