@@ -224,8 +224,8 @@ static void formats_agree(void **state) {
   assert_ok(ms_coefficients_create(&model, &a, err));
   assert_ok(ms_graph_create(&model, &graph, err));
   const int32_t order[N - 3] = {8, 0, 7, 1, 6, 2, 5, 3, 4}, n = 3 * (N - 3);
-  assert_ok(ms_matrix_create(&model, &a.halves, &graph, order, MSIM_FORMAT_FULL, &full, err));
-  assert_ok(ms_matrix_create(&model, &a.halves, &graph, order, MSIM_FORMAT_UPPER, &upper, err));
+  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_FULL, &full, err));
+  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_UPPER, &upper, err));
   double *x = ms_rows_vector(scene->data, &model.rows),
          *y = ms_rows_vector(scene->data, &model.rows);
   double *magnitude = ms_rows_vector(scene->data, &model.rows);
@@ -276,7 +276,7 @@ static void instruction_sets_agree(void **state) {
   ms_coefficients a;
   assert_ok(ms_model_create(scene->data, 0, &model, err));
   assert_ok(ms_coefficients_create(&model, &a, err));
-  const size_t n = 3 * (size_t)model.rows.stride, slots = MS_GROUP * (size_t)a.halves.nslots;
+  const size_t n = 3 * (size_t)model.rows.stride, slots = MS_GROUP * (size_t)model.halves.nslots;
   double *x = ms_rows_vector(scene->data, &model.rows);
   double *y = ms_rows_vector(scene->data, &model.rows);
   double first[3][9 * N * N];

@@ -149,10 +149,23 @@ static msim_status fill(const ms_scene *scene, const ms_rows *rows, const adjace
   out->start = ms_new(alloc, (size_t)slots, sizeof(int32_t));
   out->neighbour = ms_new(alloc, MS_GROUP * (size_t)slots, sizeof(int32_t));
   out->spring = ms_new(alloc, MS_GROUP * (size_t)slots, sizeof(int32_t));
-  if (!out->start || !out->neighbour || !out->spring)
+  out->k = ms_new(alloc, MS_GROUP * (size_t)slots, sizeof(double));
+  out->rest = ms_new(alloc, MS_GROUP * (size_t)slots, sizeof(double));
+  out->damping = ms_new(alloc, MS_GROUP * (size_t)slots, sizeof(double));
+  if (!out->start || !out->neighbour || !out->spring || !out->k || !out->rest || !out->damping)
     return ms_fail_memory(err, "the springs of each row");
   for (int32_t g = 0; g < out->ngroups; g++) fill_group(a, rows, g, out);
   return MSIM_OK;
+}
+
+void ms_halves_update(const ms_springs *springs, ms_halves *halves) {
+  for (int32_t at = 0; at < MS_GROUP * halves->nslots; at++) {
+    const int32_t e = halves->spring[at];
+    if (e < 0) continue;
+    halves->k[at] = springs->k[e];
+    halves->rest[at] = springs->rest[e];
+    halves->damping[at] = springs->damping[e];
+  }
 }
 
 msim_status ms_halves_create(const ms_scene *scene, const ms_rows *rows, const ms_springs *springs,
@@ -161,13 +174,15 @@ msim_status ms_halves_create(const ms_scene *scene, const ms_rows *rows, const m
   *halves = (ms_halves){.ngroups = rows->first_pinned / MS_GROUP};
   msim_status status = list_halves(scene, rows, springs, &a, err);
   if (!status) status = fill(scene, rows, &a, halves, err);
+  if (!status) ms_halves_update(springs, halves);
   ms_delete(&scene->alloc, a.first);
   ms_delete(&scene->alloc, a.halves);
   return status;
 }
 
 void ms_halves_destroy(const ms_scene *scene, ms_halves *halves) {
-  int32_t *arrays[] = {halves->first, halves->start, halves->neighbour, halves->spring};
+  void *arrays[] = {halves->first, halves->start, halves->neighbour, halves->spring,
+                    halves->k,     halves->rest,  halves->damping};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(&scene->alloc, arrays[i]);
   *halves = (ms_halves){0};
 }

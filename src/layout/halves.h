@@ -16,10 +16,14 @@ typedef struct ms_halves {
   int32_t *start;     /* nslots: the neighbour of lane l is row start + l; -1: see neighbour */
   int32_t *neighbour; /* 8 nslots: the row at the other end; padding: any row */
   int32_t *spring;    /* 8 nslots: its index in ms_springs; padding: -1 */
+  double *k, *rest, *damping; /* 8 nslots; padding: 0 */
 } ms_halves;
 
 msim_status ms_halves_create(const ms_scene *scene, const ms_rows *rows, const ms_springs *springs,
                              ms_halves *halves, msim_error *err);
+
+/* Take k, rest and damping from the springs again. */
+void ms_halves_update(const ms_springs *springs, ms_halves *halves);
 void ms_halves_destroy(const ms_scene *scene, ms_halves *halves);
 
 #endif

@@ -86,8 +86,7 @@ static msim_status build_matrix(adapter *self, msim_error *err) {
   msim_status status = ms_graph_create(model, &graph, err);
   if (!status) status = ask_order(self, &graph, &order, err);
   if (!status)
-    status = ms_matrix_create(model, &self->base.system->a.halves, &graph, order,
-                              self->table->format, &self->matrix, err);
+    status = ms_matrix_create(model, &graph, order, self->table->format, &self->matrix, err);
   ms_delete(alloc, order);
   ms_graph_destroy(model, &graph);
   return status;

@@ -222,7 +222,7 @@ static int32_t most_compressed(const ms_solver *s) {
   int32_t worst = 0;
   double largest = -1;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
-    const int32_t *first = a->halves.first + r / MS_GROUP;
+    const int32_t *first = model->halves.first + r / MS_GROUP;
     double push = 0;
     for (int32_t slot = first[0]; slot < first[1]; slot++)
       push += fmax(0, -a->t[MS_GROUP * slot + r % MS_GROUP]);

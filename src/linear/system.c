@@ -100,8 +100,8 @@ static int32_t find_slot(const ms_matrix *m, int32_t row, int32_t column) {
 }
 
 /* Where each half spring's block lies. UPPER has those of the end that comes first. */
-static void find_slots(const ms_model *model, const ms_halves *halves, const int32_t *position,
-                       ms_matrix *m) {
+static void find_slots(const ms_model *model, const int32_t *position, ms_matrix *m) {
+  const ms_halves *halves = &model->halves;
   for (int32_t r = 0; r < m->n; r++) {
     m->diagonal_slot[r] = find_slot(m, position[r], position[r]);
     m->row_step[r] = 3 * (m->graphptr[position[r] + 1] - m->graphptr[position[r]]);
@@ -125,8 +125,7 @@ static msim_status count_blocks(const ms_graph *g, int32_t format, int64_t *bloc
                  (long long)*blocks, INT32_MAX / 9);
 }
 
-static int allocate_matrix(const ms_model *model, const ms_halves *halves, size_t blocks,
-                           ms_matrix *m) {
+static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)m->n;
   m->order = ms_new(alloc, n, sizeof(int32_t));
@@ -137,20 +136,19 @@ static int allocate_matrix(const ms_model *model, const ms_halves *halves, size_
   m->val = ms_new(alloc, 9 * blocks, sizeof(double));
   m->diagonal_slot = ms_new(alloc, n, sizeof(int32_t));
   m->row_step = ms_new(alloc, n, sizeof(int32_t));
-  m->slot = ms_new(alloc, MS_GROUP * (size_t)halves->nslots, sizeof(int32_t));
+  m->slot = ms_new(alloc, MS_GROUP * (size_t)model->halves.nslots, sizeof(int32_t));
   return m->order && m->graphptr && m->graphind && m->rowptr && m->colind && m->val &&
          m->diagonal_slot && m->row_step && m->slot;
 }
 
-msim_status ms_matrix_create(const ms_model *model, const ms_halves *halves, const ms_graph *graph,
-                             const int32_t *order, int32_t format, ms_matrix *matrix,
-                             msim_error *err) {
+msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
+                             int32_t format, ms_matrix *matrix, msim_error *err) {
   int64_t blocks;
   *matrix = (ms_matrix){.n = graph->n, .format = format};
   msim_status status = count_blocks(graph, format, &blocks, err);
   if (status) return status;
   int32_t *position = ms_new(&model->scene->alloc, (size_t)graph->n, sizeof *position);
-  if (!position || !allocate_matrix(model, halves, (size_t)blocks, matrix)) {
+  if (!position || !allocate_matrix(model, (size_t)blocks, matrix)) {
     ms_delete(&model->scene->alloc, position);
     return ms_fail_memory(err, "the matrix");
   }
@@ -163,7 +161,7 @@ msim_status ms_matrix_create(const ms_model *model, const ms_halves *halves, con
         matrix->graphptr[k] + block_row(graph, matrix->order, position, format, k,
                                         matrix->graphind + matrix->graphptr[k]);
   scalar_pattern(matrix);
-  find_slots(model, halves, position, matrix);
+  find_slots(model, position, matrix);
   ms_delete(&model->scene->alloc, position);
   return MSIM_OK;
 }
@@ -206,7 +204,7 @@ void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix
   for (int32_t r = 0; r < m->n; r++) {
     const int32_t group = r / MS_GROUP, lane = r % MS_GROUP;
     write_diagonal(model, a, r, m);
-    for (int32_t slot = a->halves.first[group]; slot < a->halves.first[group + 1]; slot++) {
+    for (int32_t slot = model->halves.first[group]; slot < model->halves.first[group + 1]; slot++) {
       const int32_t at = MS_GROUP * slot + lane;
       const double w[3] = {a->wx[at], a->wy[at], a->wz[at]};
       if (m->slot[at] >= 0) subtract_block(m->val + m->slot[at], m->row_step[r], a->t[at], w);

@@ -32,9 +32,8 @@ typedef struct ms_matrix {
 } ms_matrix;
 
 /* Nullable: order (the rows as they are). */
-msim_status ms_matrix_create(const ms_model *model, const ms_halves *halves, const ms_graph *graph,
-                             const int32_t *order, int32_t format, ms_matrix *matrix,
-                             msim_error *err);
+msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
+                             int32_t format, ms_matrix *matrix, msim_error *err);
 void ms_matrix_destroy(const ms_model *model, ms_matrix *matrix);
 
 /* val = A */

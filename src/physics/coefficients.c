@@ -4,16 +4,13 @@
 
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  *a = (ms_coefficients){0};
-  msim_status status =
-      ms_halves_create(model->scene, &model->rows, &model->springs, &a->halves, err);
-  if (status) return status;
-  const size_t n = MS_GROUP * (size_t)a->halves.nslots;
-  a->t = ms_new(alloc, n, sizeof(double));
-  a->wx = ms_new(alloc, n, sizeof(double));
-  a->wy = ms_new(alloc, n, sizeof(double));
-  a->wz = ms_new(alloc, n, sizeof(double));
-  a->diagonal = ms_new(alloc, 6 * (size_t)model->rows.first_pinned, sizeof(double));
+  const size_t n = MS_GROUP * (size_t)model->halves.nslots;
+  *a = (ms_coefficients){
+      .t = ms_new(alloc, n, sizeof(double)),
+      .wx = ms_new(alloc, n, sizeof(double)),
+      .wy = ms_new(alloc, n, sizeof(double)),
+      .wz = ms_new(alloc, n, sizeof(double)),
+      .diagonal = ms_new(alloc, 6 * (size_t)model->rows.first_pinned, sizeof(double))};
   if (a->t && a->wx && a->wy && a->wz && a->diagonal) return MSIM_OK;
   return ms_fail_memory(err, "the matrix coefficients");
 }
@@ -22,7 +19,6 @@ void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
   double *arrays[] = {a->t, a->wx, a->wy, a->wz, a->diagonal};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     ms_delete(&model->scene->alloc, arrays[i]);
-  ms_halves_destroy(model->scene, &a->halves);
   *a = (ms_coefficients){0};
 }
 
@@ -47,10 +43,10 @@ static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const
       y[c * stride + row] += fabs(a->diagonal[entry[c][b] * sd + row] * x[b * stride + row]);
   }
   const int32_t group = (int32_t)(row / MS_GROUP);
-  for (int32_t slot = a->halves.first[group]; slot < a->halves.first[group + 1]; slot++) {
+  for (int32_t slot = model->halves.first[group]; slot < model->halves.first[group + 1]; slot++) {
     const size_t at = MS_GROUP * (size_t)slot + row % MS_GROUP;
     const double w[3] = {fabs(a->wx[at]), fabs(a->wy[at]), fabs(a->wz[at])};
-    const double *xj = x + a->halves.neighbour[at];
+    const double *xj = x + model->halves.neighbour[at];
     double dot = 0;
     for (size_t c = 0; c < 3; c++) dot += w[c] * fabs(xj[c * stride]);
     for (size_t c = 0; c < 3; c++)

@@ -2,7 +2,6 @@
 #ifndef MS_FORCE_H
 #define MS_FORCE_H
 
-#include "layout/halves.h"
 #include "physics/model.h"
 
 /* Springs shorter than the root of this have no direction that a double could hold. */
@@ -11,7 +10,7 @@
 /* f = F(x, v) on every unknown row. With d = x_j - x_i, l = |d|, u = d/l a spring pushes i by
  * (k (l - L) + c u.(v_j - v_i)) u and j by the opposite; l = 0: not at all. Gravity adds m g,
  * drag -b v. v NULL: the part without velocities, springs and gravity. Each row adds up its springs
- * in the order of the scene. Rows past the unknowns are scratch. */
+ * in the order of its neighbours. Rows past the unknowns are scratch. */
 void ms_force(const ms_model *model, const double *x, const double *v, double *f);
 
 /* The matrix A = M - h D - h^2 J, given by four numbers a half spring and six a row.
@@ -21,7 +20,6 @@ void ms_force(const ms_model *model, const double *x, const double *v, double *f
  *   t = h^2 k s,  w = sqrt(h^2 k (1 - s) + h c) u,  s = 1 - L/l   (clamped: max(0, s))
  * and l = 0: J_ii = -k I, so t = h^2 k, w = 0. As s <= 1 the root is real. */
 typedef struct ms_coefficients {
-  ms_halves halves;
   double *t, *wx, *wy, *wz; /* 8 halves.nslots; padding: 0 */
   double *diagonal; /* 6 first_pinned: xx yy zz xy xz yz of the diagonal blocks, component-wise */
 } ms_coefficients;

@@ -17,6 +17,10 @@ static inline vec3 load3(const double *from, size_t stride) {
   return (vec3){ms_load(from), ms_load(from + stride), ms_load(from + 2 * stride)};
 }
 
+static inline void store3(double *to, size_t stride, vec3 v) {
+  ms_store(to, v.x), ms_store(to + stride, v.y), ms_store(to + 2 * stride, v.z);
+}
+
 /* The neighbours' part of x: consecutive rows, or gathered. */
 static inline vec3 load_neighbours(const ms_halves *halves, int32_t slot, size_t lane,
                                    const double *x, size_t stride) {
@@ -29,33 +33,66 @@ static inline vec3 load_neighbours(const ms_halves *halves, int32_t slot, size_t
   return v;
 }
 
-/*------------------------------------- coefficients ---------------------------------------------*/
+/*------------------------------------- forces ---------------------------------------------------*/
 
-typedef struct parameters {
-  ms_lanes k, rest, damping; /* 0 in padding */
-} parameters;
+static inline vec3 minus(vec3 a, vec3 b) { return (vec3){a.x - b.x, a.y - b.y, a.z - b.z}; }
 
-static inline parameters load_parameters(const ms_springs *springs, const int32_t *spring) {
-  parameters p;
-  for (int l = 0; l < MS_LANES; l++) {
-    const int32_t e = spring[l];
-    p.k[l] = e < 0 ? 0 : springs->k[e];
-    p.rest[l] = e < 0 ? 0 : springs->rest[e];
-    p.damping[l] = e < 0 ? 0 : springs->damping[e];
+/* Where l2 = |d|^2 says that a spring has a direction. NaN goes on, to be seen. */
+static inline ms_mask has_direction(ms_lanes l2) { return (l2 > MS_ZERO_LENGTH2) | (l2 != l2); }
+
+/* (k (l - L)/l + c (d.dv)/l^2) d, to be added to the force; 0 where l = 0. One branch a phase:
+ * `damped` is a constant where inlined. */
+static inline ms_lanes pull(vec3 d, vec3 dv, const ms_halves *halves, size_t at, int damped) {
+  const ms_lanes zero = {0}, one = zero + 1;
+  const ms_lanes l2 = d.x * d.x + d.y * d.y + d.z * d.z;
+  const ms_mask there = has_direction(l2);
+  const ms_lanes l = ms_sqrt(ms_select(there, l2, one));
+  ms_lanes scale = ms_load(halves->k + at) * ((l - ms_load(halves->rest + at)) / l);
+  if (damped) {
+    const ms_lanes rate = (d.x / l) * dv.x + (d.y / l) * dv.y + (d.z / l) * dv.z;
+    scale += ms_load(halves->damping + at) * rate / l;
   }
-  return p;
+  return ms_select(there, scale, zero);
 }
 
+static inline void add_springs(const ms_model *m, const double *x, const double *v, double *f,
+                               int damped) {
+  const size_t stride = (size_t)m->rows.stride;
+  const ms_halves *halves = &m->halves;
+  for (int32_t g = 0; g < halves->ngroups; g++) {
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      const size_t row = MS_GROUP * (size_t)g + lane;
+      const vec3 xi = load3(x + row, stride), vi = damped ? load3(v + row, stride) : xi;
+      vec3 sum = load3(f + row, stride);
+      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
+        const vec3 d = minus(load_neighbours(halves, slot, lane, x, stride), xi);
+        const vec3 dv = damped ? minus(load_neighbours(halves, slot, lane, v, stride), vi) : d;
+        const ms_lanes scale = pull(d, dv, halves, MS_GROUP * (size_t)slot + lane, damped);
+        sum.x += scale * d.x, sum.y += scale * d.y, sum.z += scale * d.z;
+      }
+      store3(f + row, stride, sum);
+    }
+  }
+}
+
+static void springs(const ms_model *m, const double *x, const double *v, double *f) {
+  if (v) add_springs(m, x, v, f, 1);
+  else add_springs(m, x, NULL, f, 0);
+}
+
+/*------------------------------------- coefficients ---------------------------------------------*/
+
 /* t and w of force.h, at the differences d = x_j - x_i */
-static inline void half_coefficients(vec3 d, parameters p, double h, double largest_ratio,
-                                     ms_coefficients *a, size_t at) {
+static inline void half_coefficients(vec3 d, const ms_halves *halves, double h,
+                                     double largest_ratio, ms_coefficients *a, size_t at) {
   const ms_lanes zero = {0}, one = zero + 1, largest = zero + largest_ratio;
   const ms_lanes l2 = d.x * d.x + d.y * d.y + d.z * d.z;
-  const ms_mask has_length = (l2 > MS_ZERO_LENGTH2) | (l2 != l2);
-  const ms_lanes l = ms_sqrt(ms_select(has_length, l2, one));
-  const ms_lanes hhk = h * h * p.k, full = p.rest / l;
-  const ms_lanes ratio = ms_select(has_length, ms_select(full > largest, largest, full), zero);
-  const ms_lanes w = ms_select(has_length, ms_sqrt(hhk * ratio + h * p.damping) / l, zero);
+  const ms_mask there = has_direction(l2);
+  const ms_lanes l = ms_sqrt(ms_select(there, l2, one));
+  const ms_lanes hhk = h * h * ms_load(halves->k + at), full = ms_load(halves->rest + at) / l;
+  const ms_lanes ratio = ms_select(there, ms_select(full > largest, largest, full), zero);
+  const ms_lanes w2 = hhk * ratio + h * ms_load(halves->damping + at);
+  const ms_lanes w = ms_select(there, ms_sqrt(w2) / l, zero);
   ms_store(a->t + at, hhk * (1 - ratio));
   ms_store(a->wx + at, w * d.x), ms_store(a->wy + at, w * d.y), ms_store(a->wz + at, w * d.z);
 }
@@ -64,8 +101,8 @@ static inline void half_coefficients(vec3 d, parameters p, double h, double larg
 static void diagonal_blocks(const ms_model *m, double h, int32_t group, ms_coefficients *a) {
   const size_t stride = (size_t)m->rows.first_pinned, row = MS_GROUP * (size_t)group;
   const double drag = m->passes & MSIM_SKIP_DRAG ? h * m->scene->drag : 0;
-  const size_t begin = MS_GROUP * (size_t)a->halves.first[group];
-  const size_t end = MS_GROUP * (size_t)a->halves.first[group + 1];
+  const size_t begin = MS_GROUP * (size_t)m->halves.first[group];
+  const size_t end = MS_GROUP * (size_t)m->halves.first[group + 1];
   for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
     ms_lanes xx = ms_load(m->mass + row + lane) + drag, yy = xx, zz = xx;
     ms_lanes xy = {0}, xz = {0}, yz = {0};
@@ -84,16 +121,15 @@ static void diagonal_blocks(const ms_model *m, double h, int32_t group, ms_coeff
 static void coefficients(const ms_model *model, const double *x, double h, int clamp,
                          ms_coefficients *a) {
   const size_t stride = (size_t)model->rows.stride;
+  const ms_halves *halves = &model->halves;
   const double largest_ratio = clamp ? 1 : INFINITY;
-  for (int32_t g = 0; g < a->halves.ngroups; g++) {
+  for (int32_t g = 0; g < halves->ngroups; g++) {
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
       const vec3 xi = load3(x + MS_GROUP * (size_t)g + lane, stride);
-      for (int32_t slot = a->halves.first[g]; slot < a->halves.first[g + 1]; slot++) {
+      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
         const size_t at = MS_GROUP * (size_t)slot + lane;
-        const vec3 xj = load_neighbours(&a->halves, slot, lane, x, stride);
-        const vec3 d = {xj.x - xi.x, xj.y - xi.y, xj.z - xi.z};
-        const parameters p = load_parameters(&model->springs, a->halves.spring + at);
-        half_coefficients(d, p, h, largest_ratio, a, at);
+        const vec3 d = minus(load_neighbours(halves, slot, lane, x, stride), xi);
+        half_coefficients(d, halves, h, largest_ratio, a, at);
       }
     }
     diagonal_blocks(model, h, g, a);
@@ -113,7 +149,7 @@ static inline vec3 apply_diagonal(const double *d, size_t s, const double *x, si
 /* y_i = D_i x_i - sum over half springs of (t x_j + (w.x_j) w) */
 static void apply(const ms_model *model, const ms_coefficients *a, const double *x, double *y) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
-  const ms_halves *halves = &a->halves;
+  const ms_halves *halves = &model->halves;
   for (int32_t g = 0; g < halves->ngroups; g++) {
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
       const size_t row = MS_GROUP * (size_t)g + lane;
@@ -128,8 +164,7 @@ static void apply(const ms_model *model, const ms_coefficients *a, const double 
         sum.y -= t * v.y + w * wy;
         sum.z -= t * v.z + w * wz;
       }
-      ms_store(y + row, sum.x), ms_store(y + stride + row, sum.y);
-      ms_store(y + 2 * stride + row, sum.z);
+      store3(y + row, stride, sum);
     }
   }
   for (size_t c = 0; c < 3; c++) memset(y + c * stride + sd, 0, (stride - sd) * sizeof *y);
@@ -138,4 +173,4 @@ static void apply(const ms_model *model, const ms_coefficients *a, const double 
 #define TABLE_(isa) ms_kernels_##isa
 #define TABLE(isa)  TABLE_(isa)
 
-const ms_kernels TABLE(MS_ISA) = {coefficients, apply};
+const ms_kernels TABLE(MS_ISA) = {springs, coefficients, apply};

@@ -6,6 +6,8 @@
 #include "physics/force.h"
 
 typedef struct ms_kernels {
+  /* f += what springs do to their unknown ends; v NULL: without damping */
+  void (*springs)(const ms_model *model, const double *x, const double *v, double *f);
   void (*coefficients)(const ms_model *model, const double *x, double h, int clamp,
                        ms_coefficients *a);
   void (*apply)(const ms_model *model, const ms_coefficients *a, const double *x, double *y);

@@ -3,12 +3,13 @@
 #define MS_MODEL_H
 
 #include "base/vector.h"
-#include "layout/rows.h"
+#include "layout/halves.h"
 
 typedef struct ms_model {
   const ms_scene *scene;
   ms_rows rows;
   ms_springs springs;
+  ms_halves halves;                 /* the same springs, seen from their rows */
   ms_shape shape;                   /* of the unknowns */
   double *mass, *inv_mass;          /* first_pinned, kg: of each unknown row; 1 in the padding */
   const struct ms_kernels *kernels; /* for this CPU */

@@ -138,8 +138,7 @@ static msim_status matrix_pattern(msim_sim *sim, msim_error *err) {
     sim->csr_particle[k++] = p;
   }
   if (!status)
-    status = ms_matrix_create(&sim->model, &sim->linear->system.a.halves, &graph, order,
-                              MSIM_FORMAT_FULL, &sim->csr, err);
+    status = ms_matrix_create(&sim->model, &graph, order, MSIM_FORMAT_FULL, &sim->csr, err);
   ms_graph_destroy(&sim->model, &graph);
   ms_delete(&sim->alloc, order);
   if (!status) return status;
