@@ -18,8 +18,9 @@ static inline const char *plugin_file(const char *name) {
   return path;
 }
 
-/* The plugin becomes what it is called. */
+/* The plugin becomes what it is called. Once: a file that is loaded must not be written to. */
 static inline void put_plugin(const char *name) {
+  if (access(plugin_file(name), F_OK) == 0) return;
   FILE *from = fopen(FAKES "/msim_backend_good.so", "rb"), *to = fopen(plugin_file(name), "wb");
   assert_true(from && to);
   for (int c; (c = fgetc(from)) != EOF;) fputc(c, to);
@@ -58,27 +59,40 @@ static inline int is_sentence(const char *text, const char *wanted) {
   return strcmp(text, wanted) == 0;
 }
 
-/* Three steps of a small cloth with this solver: what the user gets to read. After a failed step
- * the state is the one before it. */
-static inline void expect(const char *solver, const char *plugin_path, msim_status wanted,
-                          const char *sentence) {
+/* Three steps of a small cloth; x: where it ends. */
+static inline msim_status try_solver(const char *solver, const char *plugin_path, double *x,
+                                     msim_stats *stats, msim_error *why) {
   msim_scene *scene = hanging_cloth(3, 100, 0);
   msim_options opt = options("linearly-implicit-euler", 0.01);
   msim_sim *sim = NULL;
-  msim_error why = {0, ""};
-  opt.solver = solver, opt.plugin_path = plugin_path;
-  msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+  *why = (msim_error){0, ""};
+  opt.solver = solver, opt.plugin_path = plugin_path, opt.solver_rtol = 1e-10;
+  msim_status status = msim_sim_create(scene, &opt, &sim, why);
   if (!status) {
-    status = msim_sim_step(sim, 3, &why);
-    const msim_state s = state_of(sim);
-    for (int i = 0; i < 27; i++) assert_true(s.x[i] > -2 && s.x[i] < 2);
-    assert_int_equal(s.step == 3, status == MSIM_OK);
+    status = msim_sim_step(sim, 3, why);
+    memcpy(x, state_of(sim).x, 27 * sizeof *x);
+    *stats = stats_of(sim);
   }
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return status;
+}
+
+/* What the user gets to read of a solver. A failed step leaves a sound state; where success is
+ * claimed, it is the state that pcg gives. */
+static inline void expect(const char *solver, const char *plugin_path, msim_status wanted,
+                          const char *sentence) {
+  double x[27] = {0}, right[27];
+  msim_stats stats;
+  msim_error why;
+  const msim_status status = try_solver(solver, plugin_path, x, &stats, &why);
   if (status != wanted || !is_sentence(why.text, with_folder(sentence)))
     fail_msg("%s: status %d, \"%s\"; wanted %d, \"%s\"", solver, (int)status, why.text, (int)wanted,
              with_folder(sentence));
-  msim_sim_destroy(sim);
-  msim_scene_destroy(scene);
+  for (int i = 0; i < 27; i++) assert_true(x[i] > -2 && x[i] < 2);
+  if (status) return;
+  assert_ok(try_solver("pcg", NULL, right, &stats, err));
+  for (int i = 0; i < 27; i++) assert_close(x[i], right[i], 1e-9);
 }
 
 typedef struct attempt {

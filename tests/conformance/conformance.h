@@ -9,7 +9,7 @@ extern const msim_backend *bare;    /* the same unwatched, for what a host must 
 extern int iterative, symmetric;    /* its flags */
 
 #define RTOL 1e-10 /* asked of iterations where nothing else is said */
-enum { LIMIT = 20000 };
+enum { LIMIT = 5000 };
 
 /* The groups of tests; each returns how many failed. */
 int run_answers(void);
