@@ -10,6 +10,7 @@ static void failures_are_passed_on(void **state) {
       {"order_fails", MSIM_ERR_BACKEND, "order_fails: no order in here"},
       {"fails", MSIM_ERR_BACKEND, "fails: the moon is in the wrong house"},
       {"silent", MSIM_ERR_BACKEND, "silent: the library behind a plugin failed"},
+      {"no_self", MSIM_ERR_BACKEND, "no_self: create() gave no instance"},
   };
   EXPECT_PLUGINS(lies);
 }
