@@ -1,7 +1,5 @@
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "interrupt.h"
 #include "linear.h"
@@ -58,6 +56,12 @@ static void report_disagreement(report *out, const race *r, const disagreement *
   fflush(stdout);
 }
 
+static int all_had_their_turn(const race *r) {
+  for (const contestant *c = r->all; c < r->all + r->count; c++)
+    if (!c->failed && c->n == 0) return 0;
+  return 1;
+}
+
 double compare_solvers(const linear_bench *b, const moving *m, double h, const thrift *t) {
   const patience once = {.until = b->until};
   msim_error err;
@@ -74,6 +78,7 @@ double compare_solvers(const linear_bench *b, const moving *m, double h, const t
     report_failures(b->report, r, "disagreement");
     d = find_disagreement(r);
     report_disagreement(b->report, r, &d);
+    if (!all_had_their_turn(r)) d.largest = NAN;
   }
   race_free(r);
   return d.largest;

@@ -26,7 +26,7 @@ typedef struct linear_bench {
 void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *measure);
 
 /* One step to solver.rtol 1e-12 by all solvers: the largest difference of two velocities in m/s;
- * NAN: fewer than two did it. */
+ * NAN: fewer than two did it, or some had no time to. */
 double compare_solvers(const linear_bench *b, const moving *m, double h, const thrift *t);
 
 /* How much slower a step by CHOLMOD is while the other cores are busy, and CHOLMOD out of the box:

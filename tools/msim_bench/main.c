@@ -42,8 +42,8 @@ static void print_help(void) {
   fputs("\nScenes:", stdout);
   for (int i = 0; scene_info(i); i++) printf(" %s", scene_info(i)->name);
   puts(
-      "\n\nExit status: 0; 1 for an error; 2 where Ctrl-C ended it. A solver that fails is a\n"
-      "result like any other: its row says why.");
+      "\n\nExit status: 0; 1 for an error; 2 where Ctrl-C ended it. A solver that fails\n"
+      "is a result like any other: its row says why.");
 }
 
 static int measure(const arguments *args, output_file *json) {

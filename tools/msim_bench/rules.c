@@ -26,12 +26,13 @@ const char *leave_out(const char *solver, const moving *m, double h, double rtol
   if (strcmp(solver, "cholmod") == 0) return NULL;
   if (strcmp(solver, "klu") == 0) {
     const double flops = predict_flops(m);
-    snprintf(text, 128, "a factor without dense kernels takes about %.1g flops", flops);
+    snprintf(text, 128, "about %.1g flops predicted, without dense kernels", flops);
     return flops > t->flops ? text : NULL;
   }
   const int restarts = strstr(solver, "gmr") != NULL;
-  const double iterations = predict_iterations(m, h, rtol);
-  snprintf(text, 128, "up to %.2g iterations are predicted%s", iterations,
-           restarts ? ", too many for a method that restarts" : "");
-  return iterations > (restarts ? t->restarted : t->iterations) ? text : NULL;
+  const int pairs = strstr(solver, "bcgs") || strstr(solver, "tfqmr"); /* in each iteration */
+  const double products = (pairs ? 2 : 1) * predict_iterations(m, h, rtol);
+  snprintf(text, 128, "up to %.1g products A x predicted%s", products,
+           restarts ? ", with restarts" : "");
+  return products > (restarts ? t->restarted : t->products) ? text : NULL;
 }

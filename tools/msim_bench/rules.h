@@ -6,9 +6,9 @@
 
 /* What a bench has time for. */
 typedef struct thrift {
-  double flops;      /* of a factorisation without dense kernels */
-  double iterations; /* predicted, of a short recurrence */
-  double restarted;  /* predicted, of a method that starts again and again */
+  double flops;     /* of a factorisation without dense kernels */
+  double products;  /* A x, of a short recurrence */
+  double restarted; /* the same of a method that starts again and again */
 } thrift;
 
 /* Why a solver is left out; NULL: it is not. text: room for the sentence. */

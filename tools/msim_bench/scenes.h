@@ -17,7 +17,8 @@ const bench_scene *scene_info(int i);
 /* The scene whose name is the first `length` characters; NULL: there is none. */
 const bench_scene *scene_find(const char *name, size_t length);
 
-/* A scene in motion: half a second after it was let go, a cloth is folded and wrinkled. */
+/* A scene in motion, half a second after it was let go: a cloth is folded and wrinkled, a jelly
+ * swings. */
 typedef struct moving {
   const bench_scene *kind;
   double k;        /* of each spring, N/m */
@@ -36,7 +37,7 @@ int moving_make(const bench_scene *kind, double k, int32_t threads, double until
 void moving_free(moving *m);
 
 /* After so many an iterative solver has failed. */
-enum { MOST_ITERATIONS = 10000 };
+enum { MOST_ITERATIONS = 5000 };
 
 /* Options of one linearly implicit step with a matrix that is positive definite. */
 msim_options implicit_options(double h, double rtol, const char *solver, int32_t threads);

@@ -33,7 +33,7 @@ double solve_per_iteration(const sample *s) {
 
 static int takes_part(const contestant *c, int count, const patience *p) {
   if (c->failed || c->n > p->most || is_interrupted() || wall_seconds() > p->until) return 0;
-  if (c->n <= p->rounds && c->spent < p->budget / 4) return 1;
+  if (c->n <= p->rounds && c->spent < p->budget / 2) return 1;
   return c->n == 0 || c->spent < p->budget / count;
 }
 

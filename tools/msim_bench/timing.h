@@ -44,7 +44,7 @@ typedef struct contestant {
 typedef struct patience {
   int most;      /* rounds beside the first, MOST_ROUNDS - 1 at most */
   double budget; /* s, shared out evenly; who has used up his share leaves */
-  int rounds;    /* at least so many beside the first, unless these take a quarter of the budget */
+  int rounds;    /* at least so many beside the first, unless these take half the budget */
   double until;  /* on wall_seconds' clock: nobody runs after it */
 } patience;
 
