@@ -48,12 +48,11 @@ static void answers_are_checked(void **state) {
        "step 1, t = 0.01 s, particle 1: solver liar left a residual of 80.2 of the right side; "
        "solver.rtol asks for 1e-10"},
       {"nan_answer", MSIM_NOT_CONVERGED,
-       "step 1, t = 0.01 s, particle 6: solver nan_answer left a residual of nan of the right "
-       "side; solver.rtol asks for 1e-10"},
+       "step 1, t = 0.01 s, particle 5: solver nan_answer gave an answer that is not "
+       "finite"},
       {"inf_answer", MSIM_NOT_CONVERGED,
-       "step 1, t = 0.01 s, particle 1: solver inf_answer left a residual of ..."},
-      {"never_there", MSIM_NOT_CONVERGED,
-       "step 1, t = 0.01 s: never_there: the linear solver did not reach its tolerance"},
+       "step 1, t = 0.01 s, particle 5: solver inf_answer gave an answer that is not "
+       "finite"},
   };
   EXPECT_PLUGINS(lies);
 }
@@ -76,7 +75,7 @@ static void meddling_does_not_matter(void **state) {
   const attempt lies[] = {
       {"writes_values", MSIM_OK, ""},     {"writes_pattern", MSIM_OK, ""},
       {"writes_right_side", MSIM_OK, ""}, {"nan_in_info", MSIM_OK, ""},
-      {"counts_backwards", MSIM_OK, ""},
+      {"counts_backwards", MSIM_OK, ""},  {"never_there", MSIM_OK, ""},
   };
   EXPECT_PLUGINS(lies);
 }

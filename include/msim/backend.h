@@ -20,8 +20,8 @@
  * What a backend promises: it writes nothing but `self`, y, perm and info; it neither prints nor
  * ends the process; it gives the same bits for the same calls, whatever other instances do; it
  * returns one of MSIM_OK, MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_ERR_ARG, MSIM_ERR_MEMORY,
- * MSIM_ERR_BACKEND, after an error (< 0) with a sentence to host->fail. A block size, format or
- * number of right sides that it cannot take is MSIM_ERR_ARG.
+ * MSIM_ERR_BACKEND, after an error (< 0) with a sentence to host->fail, which MSIM_ERR_MEMORY may
+ * spare. A block size, format or number of right sides that it cannot take is MSIM_ERR_ARG.
  * The host trusts none of it: perm is checked to be a permutation, y by its true residual.
  *
  * Rules of change: new members go at the end of a struct, and `size` tells which exist. Anything
@@ -117,6 +117,7 @@ struct msim_backend {
   uint32_t flags;      /* MSIM_BACKEND_... */
   int32_t format;      /* MSIM_FORMAT_... */
 
+  /* self: the instance, not NULL where the status is MSIM_OK. */
   msim_status (*create)(const msim_host *host, void **self);
 
   /* The order in which the backend wants the block rows, from their graph: both triangles,
@@ -132,9 +133,9 @@ struct msim_backend {
   msim_status (*factor)(void *self, const msim_system *A, int32_t kind, msim_solve_info *info);
 
   /* Solve for nrhs >= 1 right sides, one after the other in b and y, apart by the length of a
-   * vector: block n, or NONE: block stride. y: initial guess in, solution out, scratch unless
-   * MSIM_OK. May be called many times for one factor(), and belongs to it: the host may have
-   * written new values since, which a factorisation does not look at. */
+   * vector: block n, or NONE: block stride. y: initial guess in, solution out, the best so far with
+   * MSIM_NOT_CONVERGED, scratch otherwise. May be called many times for one factor(), and belongs
+   * to it: the host may have written new values since, which a factorisation does not look at. */
   msim_status (*solve)(void *self, const msim_system *A, const msim_solve_params *params,
                        int32_t nrhs, const double *b, double *y, msim_solve_info *info);
 

@@ -146,7 +146,8 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   }
   msim_status status = self->table->solve(self->backend, &self->view, &params, 1,
                                           self->b ? self->b : b, self->b ? self->y : y, &info);
-  if (!status && self->b) ms_matrix_unpack(model, &self->matrix, self->y, y);
+  if (self->b && (status == MSIM_OK || status == MSIM_NOT_CONVERGED))
+    ms_matrix_unpack(model, &self->matrix, self->y, y);
   if (info.iterations > 0) *iterations += info.iterations;
   return say(self, status, err);
 }
@@ -167,6 +168,8 @@ static msim_status set_up(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
   msim_status status = say(self, self->table->create(&self->host.base, &self->backend), err);
+  if (!status && !self->backend)
+    status = ms_fail(err, MSIM_ERR_BACKEND, "%s: create() gave no instance", self->table->name);
   if (!status && self->table->format != MSIM_FORMAT_NONE) {
     status = build_matrix(self, err);
     self->b = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));

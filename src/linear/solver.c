@@ -142,13 +142,15 @@ static msim_status check(ms_solver *s, const double *b, double *v, msim_error *e
   enum { REFINEMENTS = 3 };
   const ms_shape shape = s->system.model->shape;
   for (int round = 0; !is_good(s, b, v); round++) {
-    if (round == REFINEMENTS || !s->linear->factorises || !isfinite(s->reached)) {
-      s->culprit = largest_row(shape, s->residual);
+    s->culprit = isfinite(s->reached) ? largest_row(shape, s->residual) : ms_find_bad(shape, v);
+    if (!isfinite(s->reached))
+      return ms_fail(err, MSIM_NOT_CONVERGED, "solver %s gave an answer that is not finite",
+                     s->linear->name);
+    if (round == REFINEMENTS || !s->linear->factorises)
       return ms_fail(
           err, MSIM_NOT_CONVERGED,
           "solver %s left a residual of %.3g of the right side; solver.rtol asks for %.3g",
           s->linear->name, s->reached, s->target.rtol);
-    }
     memset(s->correction, 0, 3 * (size_t)shape.stride * sizeof *s->correction);
     int64_t iterations = 0;
     msim_status status =
