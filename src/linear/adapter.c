@@ -110,7 +110,7 @@ static msim_status analyze(adapter *self, msim_error *err) {
                              .data = self};
   msim_solve_info info = {.size = sizeof info};
   msim_status status = self->table->analyze(self->backend, &self->view, &info);
-  self->base.analyses = 1;
+  self->base.analyses = self->table->format != MSIM_FORMAT_NONE;
   self->base.fill = info.fill;
   self->base.flops = info.flops;
   return say(self, status, err);
@@ -125,7 +125,8 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   adapter *self = (adapter *)base;
   msim_solve_info info = {.size = sizeof info};
   if (self->inverse) {
-    msim_status status = ms_jacobi_invert(base->system->model, &base->system->a, self->inverse);
+    msim_status status =
+        ms_jacobi_invert(base->system->model, &base->system->a, kind, self->inverse);
     if (status) return status;
   }
   msim_status status = self->table->factor(self->backend, &self->view, kind, &info);

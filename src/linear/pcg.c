@@ -14,9 +14,9 @@ static msim_status precondition(void *data, const double *r, double *z) {
 }
 
 static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
-  (void)kind, (void)err;
+  (void)err;
   pcg *self = (pcg *)base;
-  return ms_jacobi_invert(base->system->model, &base->system->a, self->inverse);
+  return ms_jacobi_invert(base->system->model, &base->system->a, kind, self->inverse);
 }
 
 static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
