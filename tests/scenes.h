@@ -2,6 +2,9 @@
 #ifndef TEST_SCENES_H
 #define TEST_SCENES_H
 
+#include <string.h>
+
+#include "msim/backend.h"
 #include "testing.h"
 
 /* A hanging cloth of side 1 m and 0.3 kg, flat at the start, two corners held. */
@@ -73,12 +76,17 @@ static inline msim_stats stats_of(const msim_sim *sim) {
 static inline int solver_there(const char *name) {
   msim_plugin_entry entry;
   msim_error err;
-  for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++) {
-    int same = 1;
-    for (int c = 0; same && (name[c] || entry.name[c]); c++) same = name[c] == entry.name[c];
-    if (same) return entry.available;
-  }
+  for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++)
+    if (strcmp(entry.name, name) == 0) return entry.available;
   return 0;
+}
+
+/* MSIM_BACKEND_... of a solver that is there. */
+static inline uint32_t solver_flags(const char *name) {
+  const msim_backend *backend;
+  if (strcmp(name, "pcg") == 0) return MSIM_BACKEND_ITERATIVE;
+  assert_ok(msim_solver_backend(name, NULL, &backend, err));
+  return backend->flags;
 }
 
 #endif

@@ -50,7 +50,7 @@ class Help(CliTest):
 
     def test_list(self):
         out = self.good("list")
-        for name in (*INTEGRATORS, "pcg", "cholmod", "csv", "hdf5"):
+        for name in (*INTEGRATORS, "pcg", "cholmod", "klu", "sundials-pcg", "csv", "hdf5"):
             self.assertRegex(out, rf"(?m)^  {name} ")
         self.assertRegex(out, r"(?m)^  verlet +2 +explicit ")
         self.assertRegex(out, r"(?m)^  linearly-implicit-euler +1 +implicit ")

@@ -344,8 +344,11 @@ static void every_allocation_may_fail(void **state) {
   (void)state;
   static const char *const pairs[][2] = {{"verlet", "pcg"},
                                          {"linearly-implicit-euler", "pcg"},
-                                         {"linearly-implicit-euler", "cholmod"}};
-  for (int m = 0; m < 3; m++) {
+                                         {"linearly-implicit-euler", "cholmod"},
+                                         {"linearly-implicit-euler", "klu"},
+                                         {"linearly-implicit-euler", "sundials-pcg"},
+                                         {"linearly-implicit-euler", "sundials-spfgmr"}};
+  for (size_t m = 0; m < sizeof pairs / sizeof *pairs; m++) {
     if (!solver_there(pairs[m][1])) continue;
     bank b = {.fail_at = -1};
     const msim_allocator alloc = {bank_alloc, bank_free, &b};
@@ -358,7 +361,7 @@ static void every_allocation_may_fail(void **state) {
       b = (bank){.fail_at = at};
       msim_status status = build_and_step(&alloc, pairs[m][0], pairs[m][1], &why);
       if (status != MSIM_ERR_MEMORY)
-        fail_msg("%s, allocation %lld: status %d, %s", pairs[m][0], (long long)at, (int)status,
+        fail_msg("%s, allocation %lld: status %d, %s", pairs[m][1], (long long)at, (int)status,
                  why.text);
       assert_int_equal(b.live, 0);
     }

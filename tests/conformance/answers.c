@@ -42,9 +42,13 @@ static void check_hard(const char *label, const problem *p) {
 
 static void scales_do_not_matter(void **state) {
   (void)state;
-  const kind hard[] = {{"scaled rows", badly_scaled, 1},     {"unequal masses", unequal_masses, 1},
-                       {"tiny", random_dominant, 1e-200},    {"huge", random_dominant, 1e150},
-                       {"tiny springs", spring_net, 1e-200}, {0}};
+  const kind hard[] = {{"scaled rows", badly_scaled, 1},
+                       {"unequal masses", unequal_masses, 1},
+                       {"tiny", random_dominant, 1e-200},
+                       {"huge", random_dominant, 1e150},
+                       {"tiny springs", spring_net, 1e-200},
+                       {"small pivots", small_pivots, 1},
+                       {0}};
   for_each(hard, (const int32_t[]){1, 10, 100, 0}, check_hard);
 }
 

@@ -154,6 +154,22 @@ problem *badly_scaled(int32_t n, int32_t block, uint64_t seed) {
   return p;
 }
 
+problem *small_pivots(int32_t n, int32_t block, uint64_t seed) {
+  static const double L[3][3] = {{1, 0, 0}, {1, 1e-4, 0}, {0, 1, 1}};
+  problem *p = create(n, block);
+  (void)seed;
+  for (int32_t r = 0; r < block * n; r++)
+    for (int32_t c = r; c < block * n && c / 3 == r / 3; c++)
+      for (int k = 0; k < 3; k++) add(p, r, c, L[r % 3][k] * L[c % 3][k]);
+  return p;
+}
+
+problem *with_diagonal(problem *p, double value) {
+  for (int32_t e = 0; e < p->count; e++)
+    if (p->entries[e].row == p->entries[e].column) p->entries[e].value = value;
+  return p;
+}
+
 problem *times(problem *p, double factor) {
   for (int32_t e = 0; e < p->count; e++) p->entries[e].value *= factor;
   return p;

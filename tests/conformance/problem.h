@@ -44,6 +44,12 @@ problem *zero_row(int32_t n, int32_t block, uint64_t seed);
 problem *badly_scaled(int32_t n, int32_t block, uint64_t seed);
 problem *unequal_masses(int32_t n, int32_t block, uint64_t seed);
 
+/* Positive definite: L L' by threes of scalars, with a pivot of 1e-8 that has 1e-4 beside it. */
+problem *small_pivots(int32_t n, int32_t block, uint64_t seed);
+
+/* random_dominant with every scalar of the diagonal `value`. */
+problem *with_diagonal(problem *p, double value);
+
 /* A = factor A */
 problem *times(problem *p, double factor);
 

@@ -1,5 +1,7 @@
 # The libraries behind msim, as imported targets. None of them has a CMake package on Debian 12.
 # msim's own build uses this file, and msim-config.cmake where msim is static.
+set(MSIM_SUNDIALS_SOLVERS sundials-pcg sundials-spgmr sundials-spfgmr sundials-spbcgs
+                          sundials-sptfqmr)
 
 # msim_library(NAME HEADER FOLDER LIBRARIES...): the target msim::NAME, where it is found.
 # FOLDER: below an include folder, searched first; LIBRARIES: names, the first one found wins.
@@ -16,7 +18,31 @@ function(msim_library name header folder)
   endif()
 endfunction()
 
-# msim_find(NAMES...)   NAME: jansson, cholmod or hdf5
+# msim_bundle(NAME MEMBERS...): the target msim::NAME that stands for others, where all are found
+function(msim_bundle name)
+  foreach(member IN LISTS ARGN)
+    if(NOT TARGET msim::${member})
+      return()
+    endif()
+  endforeach()
+  if(NOT TARGET msim::${name})
+    list(TRANSFORM ARGN PREPEND msim::)
+    add_library(msim::${name} INTERFACE IMPORTED)
+    set_target_properties(msim::${name} PROPERTIES INTERFACE_LINK_LIBRARIES "${ARGN}")
+  endif()
+endfunction()
+
+# msim_sundials(MODULES...): each module is a library of its own. The header is new in SUNDIALS 6:
+# an older one is not found.
+function(msim_sundials)
+  set(header sundials/sundials_context.h)
+  msim_library(sundials ${header} "" sundials_core sundials_generic)
+  foreach(module IN LISTS ARGN)
+    msim_library(sundials_${module} ${header} "" sundials_${module})
+  endforeach()
+endfunction()
+
+# msim_find(NAMES...)   NAME: jansson, cholmod, hdf5, klu, or of SUNDIALS' solvers
 function(msim_find)
   foreach(name IN LISTS ARGN)
     if(name STREQUAL "cholmod")
@@ -24,6 +50,15 @@ function(msim_find)
     elseif(name STREQUAL "hdf5")
       # The serial flavour. Debian keeps it beside one for MPI, which `pkg-config hdf5` may mean.
       msim_library(hdf5 hdf5.h hdf5/serial hdf5_serial hdf5)
+    elseif(name STREQUAL "klu")
+      msim_sundials(sunlinsolklu sunmatrixsparse nvecserial)
+      msim_library(libklu klu.h suitesparse klu)
+      msim_bundle(klu sundials_sunlinsolklu sundials_sunmatrixsparse sundials_nvecserial sundials
+                  libklu)
+    elseif(name IN_LIST MSIM_SUNDIALS_SOLVERS)
+      string(REPLACE "sundials-" "sunlinsol" module ${name})
+      msim_sundials(${module})
+      msim_bundle(${name} sundials_${module} sundials)
     else()
       msim_library(${name} ${name}.h "" ${name})
     endif()

@@ -1,0 +1,414 @@
+/* sundials - the five Krylov solvers of SUNDIALS; -DSOLVER=... says which one this plugin is.
+ *
+ * They see A and its preconditioner as functions, and vectors as a table of operations. The vectors
+ * are our own: in the host's layout, padding included, and compiled as we like (Debian's SUNDIALS
+ * is not optimised).
+ *
+ * Each call of the library solves for a correction, A x = r / ||r||, from x = 0: its tolerance is
+ * absolute, and two of the five refuse another guess. The preconditioner is on the right, where the
+ * norm that they stop on is the residual's own. They update that residual by recurrences, which
+ * drift, so the true one decides, and a call is followed by another until it is small enough. */
+#include <float.h>
+#include <limits.h>
+#include <math.h>
+#include <string.h>
+
+#include <sundials/sundials_iterative.h>
+#include <sundials/sundials_nvector.h>
+#include <sunlinsol/sunlinsol_pcg.h>
+#include <sunlinsol/sunlinsol_spbcgs.h>
+#include <sunlinsol/sunlinsol_spfgmr.h>
+#include <sunlinsol/sunlinsol_spgmr.h>
+#include <sunlinsol/sunlinsol_sptfqmr.h>
+
+#include "msim/backend.h"
+
+#define PASTE_(a, b) a##b
+#define PASTE(a, b)  PASTE_(a, b)
+#define STRING_(x)   #x
+#define STRING(x)    STRING_(x)
+
+/*------------------------------------- the five -------------------------------------------------*/
+
+#define CREATE_pcg     SUNLinSol_PCG
+#define CREATE_spgmr   SUNLinSol_SPGMR
+#define CREATE_spfgmr  SUNLinSol_SPFGMR
+#define CREATE_spbcgs  SUNLinSol_SPBCGS
+#define CREATE_sptfqmr SUNLinSol_SPTFQMR
+
+#define FLAGS_pcg     MSIM_BACKEND_ITERATIVE
+#define FLAGS_spgmr   (MSIM_BACKEND_ITERATIVE | MSIM_BACKEND_SYMMETRIC)
+#define FLAGS_spfgmr  FLAGS_spgmr
+#define FLAGS_spbcgs  FLAGS_spgmr
+#define FLAGS_sptfqmr FLAGS_spgmr
+
+enum { SYMMETRIC = (PASTE(FLAGS_, SOLVER) & MSIM_BACKEND_SYMMETRIC) != 0 };
+
+/* GMRES has no function for it, but the length may be lowered while all was allocated for more. */
+#define LIMIT_pcg(solver, n)     SUNLinSol_PCGSetMaxl(solver, n)
+#define LIMIT_spgmr(solver, n)   (((SUNLinearSolverContent_SPGMR)(solver)->content)->maxl = (n))
+#define LIMIT_spfgmr(solver, n)  (((SUNLinearSolverContent_SPFGMR)(solver)->content)->maxl = (n))
+#define LIMIT_spbcgs(solver, n)  SUNLinSol_SPBCGSSetMaxl(solver, n)
+#define LIMIT_sptfqmr(solver, n) SUNLinSol_SPTFQMRSetMaxl(solver, n)
+
+/* GMRES keeps one vector for each iteration of a call, SPFGMR two, and longer calls need fewer of
+ * them. The last two keep none, but a call of theirs that breaks down has nothing to show, so it
+ * had better be short. SPTFQMR stagnates above rounding level first. */
+#define METHOD_pcg     4, 0, INT_MAX, 0
+#define METHOD_spgmr   3, 1, 200, 0
+#define METHOD_spfgmr  4, 2, 200, 0
+#define METHOD_spbcgs  7, 0, 500, 0
+#define METHOD_sptfqmr 11, 0, 500, 1e-6
+
+static const struct {
+  int vectors;      /* that SUNDIALS makes */
+  int more;         /* and for each iteration of a call */
+  int longest;      /* call, in iterations */
+  double reduction; /* of the residual in a call, at most */
+} method = {PASTE(METHOD_, SOLVER)};
+
+typedef struct krylov {
+  const msim_host *host;
+  SUNContext context;
+  SUNLinearSolver solver;
+  size_t length;        /* of a vector */
+  int cycle;            /* iterations of one call, at most */
+  N_Vector spare;       /* vectors */
+  N_Vector r, x;        /* residual, correction */
+  const msim_system *A; /* in a solve() */
+  int32_t kind;
+  int indefinite; /* negative curvature was met */
+} krylov;
+
+/*------------------------------------- vectors --------------------------------------------------*/
+
+typedef struct content {
+  krylov *owner;
+  N_Vector next;
+  double *value;
+} content;
+
+static content *content_of(N_Vector v) { return v->content; }
+static double *value_of(N_Vector v) { return content_of(v)->value; }
+static size_t length_of(N_Vector v) { return content_of(v)->owner->length; }
+
+/* Loops of their own for what is written in place, so that nothing in a loop may overlap: an exact
+ * overlap is harmless, but no compiler vectorises past it. */
+static void scale(size_t n, double a, const double *restrict x, double *restrict z) {
+  for (size_t i = 0; i < n; i++) z[i] = a * x[i];
+}
+
+static void scale_in_place(size_t n, double a, double *z) {
+  for (size_t i = 0; i < n; i++) z[i] *= a;
+}
+
+static void add(size_t n, double a, const double *restrict x, double b, const double *restrict y,
+                double *restrict z) {
+  for (size_t i = 0; i < n; i++) z[i] = a * x[i] + b * y[i];
+}
+
+static void add_in_place(size_t n, double a, const double *restrict x, double b,
+                         double *restrict z) {
+  for (size_t i = 0; i < n; i++) z[i] = a * x[i] + b * z[i];
+}
+
+/* 8 running sums, which a SIMD register of any width can follow, then one tree */
+static double dot(size_t n, const double *x, const double *y) {
+  enum { LANES = 8 };
+  double sum[LANES] = {0};
+  size_t i = 0;
+  for (; i + LANES <= n; i += LANES)
+    for (size_t lane = 0; lane < LANES; lane++) sum[lane] += x[i + lane] * y[i + lane];
+  for (size_t lane = 0; i < n; i++, lane++) sum[lane] += x[i] * y[i];
+  return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
+}
+
+static double vector_dot(N_Vector x, N_Vector y) {
+  return dot(length_of(x), value_of(x), value_of(y));
+}
+
+static void vector_const(double c, N_Vector z) {
+  double *value = value_of(z);
+  for (size_t i = 0; i < length_of(z); i++) value[i] = c;
+}
+
+static void vector_scale(double a, N_Vector x, N_Vector z) {
+  if (x == z) scale_in_place(length_of(z), a, value_of(z));
+  else if (a == 1) memcpy(value_of(z), value_of(x), length_of(z) * sizeof(double));
+  else scale(length_of(z), a, value_of(x), value_of(z));
+}
+
+static void vector_sum(double a, N_Vector x, double b, N_Vector y, N_Vector z) {
+  const size_t n = length_of(z);
+  if (x == y) vector_scale(a + b, x, z);
+  else if (x == z) add_in_place(n, b, value_of(y), a, value_of(z));
+  else if (y == z) add_in_place(n, a, value_of(x), b, value_of(z));
+  else add(n, a, value_of(x), b, value_of(y), value_of(z));
+}
+
+/* z = sum of c[k] x[k], by chunks that stay in the cache. z may be one of the x. */
+static int vector_combine(int count, double *c, N_Vector *x, N_Vector z) {
+  enum { CHUNK = 512 };
+  double sum[CHUNK];
+  for (size_t at = 0, n = length_of(z); at < n; at += CHUNK) {
+    const size_t m = n - at < CHUNK ? n - at : CHUNK;
+    scale(m, c[0], value_of(x[0]) + at, sum);
+    for (int k = 1; k < count; k++) add_in_place(m, c[k], value_of(x[k]) + at, 1, sum);
+    memcpy(value_of(z) + at, sum, m * sizeof *sum);
+  }
+  return 0;
+}
+
+/* The solvers want these two to exist, for scaling vectors, of which there are none. */
+static void vector_product(N_Vector x, N_Vector y, N_Vector z) {
+  for (size_t i = 0; i < length_of(z); i++) value_of(z)[i] = value_of(x)[i] * value_of(y)[i];
+}
+
+static void vector_quotient(N_Vector x, N_Vector y, N_Vector z) {
+  for (size_t i = 0; i < length_of(z); i++) value_of(z)[i] = value_of(x)[i] / value_of(y)[i];
+}
+
+static N_Vector vector_clone(N_Vector v);
+static void vector_destroy(N_Vector v);
+
+static N_Vector vector_create(krylov *self) {
+  N_Vector v = N_VNewEmpty(self->context);
+  content *c = self->host->alloc(self->host, sizeof *c);
+  double *value = self->host->alloc(self->host, self->length * sizeof *value);
+  if (!v || !c || !value) {
+    self->host->free(self->host, value);
+    self->host->free(self->host, c);
+    N_VFreeEmpty(v);
+    return NULL;
+  }
+  memset(value, 0, self->length * sizeof *value);
+  *c = (content){.owner = self, .value = value};
+  v->content = c;
+  v->ops->nvclone = vector_clone;
+  v->ops->nvdestroy = vector_destroy;
+  v->ops->nvlinearsum = vector_sum;
+  v->ops->nvconst = vector_const;
+  v->ops->nvprod = vector_product;
+  v->ops->nvdiv = vector_quotient;
+  v->ops->nvscale = vector_scale;
+  v->ops->nvdotprod = vector_dot;
+  v->ops->nvlinearcombination = vector_combine;
+  return v;
+}
+
+static void vector_free(N_Vector v) {
+  krylov *self = content_of(v)->owner;
+  self->host->free(self->host, value_of(v));
+  self->host->free(self->host, v->content);
+  N_VFreeEmpty(v);
+}
+
+/* SUNDIALS 6 does not survive a clone that finds no memory: it gets one that was made before. */
+static N_Vector vector_clone(N_Vector v) {
+  krylov *self = content_of(v)->owner;
+  N_Vector clone = self->spare;
+  if (!clone) return vector_create(self);
+  self->spare = content_of(clone)->next;
+  return clone;
+}
+
+static void vector_destroy(N_Vector v) {
+  krylov *self = content_of(v)->owner;
+  content_of(v)->next = self->spare;
+  self->spare = v;
+}
+
+static int vectors_reserve(krylov *self, int count) {
+  while (count-- > 0) {
+    N_Vector v = vector_create(self);
+    if (!v) return 0;
+    vector_destroy(v);
+  }
+  return 1;
+}
+
+/*------------------------------------- what the solvers call ------------------------------------*/
+
+/* z = A v. On the way v'A v is looked at: where it is negative, A is not positive definite; where
+ * it is no number, nothing will come of this call. Either ends it. */
+static int times(void *data, N_Vector v, N_Vector z) {
+  krylov *self = data;
+  self->A->apply(self->A, value_of(v), value_of(z));
+  const double curvature = vector_dot(v, z);
+  if (self->kind == MSIM_FACTOR_SPD && curvature <= 0 && vector_dot(v, v) > 0) self->indefinite = 1;
+  return self->indefinite || !isfinite(curvature);
+}
+
+static int precondition(void *data, N_Vector r, N_Vector z, double tolerance, int side) {
+  (void)tolerance, (void)side;
+  krylov *self = data;
+  self->A->precondition(self->A, value_of(r), value_of(z));
+  return 0;
+}
+
+/*------------------------------------- one right side -------------------------------------------*/
+
+static double norm(const krylov *self, const double *x) { return sqrt(dot(self->length, x, x)); }
+
+/* r = b - A y; its norm */
+static double residual(krylov *self, const double *b, const double *y) {
+  double *r = value_of(self->r);
+  self->A->apply(self->A, y, r);
+  add_in_place(self->length, 1, b, -1, r);
+  return norm(self, r);
+}
+
+/* x ~ A^-1 r / left, to where left is `goal` or to *limit iterations; then these are those made. By
+ * a factor of 10 at least: SPTFQMR's estimate may claim less than that for nothing. Is there
+ * anything to show? If so the curvature of x is looked at as well, which shows the smallest
+ * eigenvalues best; that of conjugate gradients is a sum of what was looked at. r is lost. */
+static int correct(krylov *self, double left, double goal, int *limit) {
+  const double factor = fmax(fmin(0.5 * goal / left, 0.1), method.reduction);
+  scale_in_place(self->length, 1 / left, value_of(self->r));
+  vector_const(0, self->x);
+  SUNLinSolSetZeroGuess(self->solver, SUNTRUE);
+  PASTE(LIMIT_, SOLVER)(self->solver, *limit);
+  const int flag = SUNLinSolSolve(self->solver, NULL, self->x, self->r, factor);
+  const int shown = flag == SUNLS_SUCCESS || flag == SUNLS_RES_REDUCED;
+  if (!shown) vector_const(0, self->x);
+  else if (SYMMETRIC) times(self, self->x, self->r);
+  *limit = SUNLinSolNumIters(self->solver);
+  return shown;
+}
+
+/* Correction by correction, as long as there is progress. y holds the best. A call that breaks down
+ * is made again, half as long. */
+static msim_status solve_one(krylov *self, const msim_solve_params *params, const double *b,
+                             double *y, msim_solve_info *info) {
+  double *x = value_of(self->x);
+  const double size = norm(self, b), goal = fmax(params->rtol, DBL_EPSILON / 4) * size;
+  if (size == 0) memset(y, 0, self->length * sizeof *y);
+  double left = residual(self, b, y);
+  int count = 0, cycle = self->cycle;
+  while (left > goal && count < params->max_iterations && cycle > 0) {
+    int used = cycle < params->max_iterations - count ? cycle : params->max_iterations - count;
+    const int shown = correct(self, left, goal, &used);
+    count += used;
+    if (self->indefinite) break;
+    add_in_place(self->length, 1, y, left, x);
+    const double now = residual(self, b, x);
+    const int gained = now < 0.99 * left;
+    if (now < left) memcpy(y, x, self->length * sizeof *y), left = now;
+    cycle = shown ? self->cycle : used / 2;
+    if (shown && !gained) break;
+  }
+  info->iterations += count;
+  info->residual = fmax(info->residual, size > 0 ? left / size : 0);
+  if (self->indefinite) info->definite = MSIM_DEFINITE_NOT;
+  if (self->indefinite) return MSIM_NOT_SPD;
+  return left <= goal && isfinite(goal) ? MSIM_OK : MSIM_NOT_CONVERGED;
+}
+
+/*------------------------------------- the table ------------------------------------------------*/
+
+static msim_status refuse(krylov *self, const char *why) {
+  self->host->fail(self->host, "%s", why);
+  return MSIM_ERR_ARG;
+}
+
+static msim_status create(const msim_host *host, void **result) {
+  krylov *self = host->alloc(host, sizeof *self);
+  *result = self;
+  if (!self) return MSIM_ERR_MEMORY;
+  memset(self, 0, sizeof *self);
+  self->host = host;
+#if SUNDIALS_VERSION_MAJOR >= 7
+  if (SUNContext_Create(SUN_COMM_NULL, &self->context)) return MSIM_ERR_MEMORY;
+  SUNContext_ClearErrHandlers(self->context); /* they print */
+#else
+  if (SUNContext_Create(NULL, &self->context)) return MSIM_ERR_MEMORY;
+#endif
+  return MSIM_OK;
+}
+
+/* Iterations of a call: of GMRES in 128 MiB, but 30 at least; more than unknowns are of no use. */
+static int longest_call(const msim_system *A) {
+  const int64_t memory = 1 << 27, unknowns = (int64_t)A->block * A->n;
+  const int64_t bytes = (int64_t)A->block * A->stride * (int64_t)sizeof(double);
+  int64_t count = method.longest;
+  if (method.more == 0) return method.longest;
+  if (count * method.more * bytes > memory) count = memory / (method.more * bytes);
+  if (count < 30) count = 30;
+  return (int)(count < unknowns ? count : unknowns);
+}
+
+static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
+  (void)info;
+  krylov *self = data;
+  if (A->format != MSIM_FORMAT_NONE) return refuse(self, "A must be a function, not a matrix");
+  if (A->n < 1 || A->block < 1 || A->block > 3 || A->stride < A->n)
+    return refuse(self, "A must have a block row or more, of 1 to 3 scalars");
+  self->cycle = longest_call(A);
+  self->length = (size_t)A->block * (size_t)A->stride;
+  self->r = vector_create(self);
+  self->x = vector_create(self);
+  const int more = method.more ? method.more * self->cycle : 0;
+  if (!self->r || !self->x || !vectors_reserve(self, method.vectors + more)) return MSIM_ERR_MEMORY;
+  self->solver = PASTE(CREATE_, SOLVER)(self->x, SUN_PREC_RIGHT, self->cycle, self->context);
+  if (!self->solver || SUNLinSolSetATimes(self->solver, self, times) ||
+      SUNLinSolSetPreconditioner(self->solver, self, NULL, precondition) ||
+      SUNLinSolInitialize(self->solver))
+    return MSIM_ERR_MEMORY;
+  return MSIM_OK;
+}
+
+static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
+  (void)A, (void)info;
+  krylov *self = data;
+  if (kind != MSIM_FACTOR_SPD && !(SYMMETRIC && kind == MSIM_FACTOR_SYMMETRIC))
+    return refuse(self, "it cannot solve that kind of system");
+  self->kind = kind;
+  return MSIM_OK;
+}
+
+static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
+                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+  krylov *self = data;
+  if (nrhs < 1) return refuse(self, "there must be a right side or more");
+  self->A = A;
+  self->indefinite = 0;
+  msim_status worst = MSIM_OK;
+  for (int32_t k = 0; k < nrhs && worst != MSIM_NOT_SPD;
+       k++, b += self->length, y += self->length) {
+    msim_status status = solve_one(self, params, b, y, info);
+    if (status) worst = status;
+  }
+  return worst;
+}
+
+static void destroy(void *data) {
+  krylov *self = data;
+  if (!self) return;
+  if (self->solver) {
+    PASTE(LIMIT_, SOLVER)(self->solver, self->cycle); /* for the arrays it frees */
+    SUNLinSolFree(self->solver);
+  }
+  if (self->r) vector_free(self->r);
+  if (self->x) vector_free(self->x);
+  while (self->spare) vector_free(vector_clone(self->spare));
+  SUNContext_Free(&self->context);
+  self->host->free(self->host, self);
+}
+
+#define ENTRY(name) MSIM_BACKEND_ENTRY(name)
+
+ENTRY(PASTE(sundials_, SOLVER)) {
+  static const msim_backend table = {.abi = MSIM_BACKEND_ABI,
+                                     .size = sizeof(msim_backend),
+                                     .name = "sundials-" STRING(SOLVER),
+                                     .library = "SUNDIALS " SUNDIALS_VERSION,
+                                     .license = "BSD-3-Clause",
+                                     .flags = PASTE(FLAGS_, SOLVER),
+                                     .format = MSIM_FORMAT_NONE,
+                                     .create = create,
+                                     .analyze = analyze,
+                                     .factor = factor,
+                                     .solve = solve,
+                                     .destroy = destroy};
+  return &table;
+}
