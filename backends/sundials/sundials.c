@@ -269,7 +269,7 @@ static int correct(krylov *self, double left, double goal, int *limit) {
   SUNLinSolSetZeroGuess(self->solver, SUNTRUE);
   PASTE(LIMIT_, SOLVER)(self->solver, *limit);
   const int flag = SUNLinSolSolve(self->solver, NULL, self->x, self->r, factor);
-  const int shown = flag == SUNLS_SUCCESS || flag == SUNLS_RES_REDUCED;
+  const int shown = !flag || flag == SUNLS_RES_REDUCED;
   if (!shown) vector_const(0, self->x);
   else if (SYMMETRIC) times(self, self->x, self->r);
   *limit = SUNLinSolNumIters(self->solver);
