@@ -77,7 +77,8 @@ typedef struct krylov {
   N_Vector r, x;        /* residual, correction */
   const msim_system *A; /* in a solve() */
   int32_t kind;
-  int indefinite; /* negative curvature was met */
+  N_Vector product;     /* A v, whose v'A v is yet to be seen */
+  int indefinite, lost; /* negative curvature was met, or one that is no number */
 } krylov;
 
 /*------------------------------------- vectors --------------------------------------------------*/
@@ -123,8 +124,21 @@ static double dot(size_t n, const double *x, const double *y) {
   return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
 }
 
+/* Where v'A v is negative, A is not positive definite; where it is no number, nothing will come of
+ * this call. */
+static void see_curvature(krylov *self, N_Vector v, double curvature) {
+  const int negative = curvature <= 0 && dot(self->length, value_of(v), value_of(v)) > 0;
+  if (self->kind == MSIM_FACTOR_SPD && negative) self->indefinite = 1;
+  if (!isfinite(curvature)) self->lost = 1;
+  self->product = NULL;
+}
+
 static double vector_dot(N_Vector x, N_Vector y) {
-  return dot(length_of(x), value_of(x), value_of(y));
+  const double sum = dot(length_of(x), value_of(x), value_of(y));
+  krylov *self = content_of(x)->owner;
+  if (self->product && (x == self->product || y == self->product))
+    see_curvature(self, x == self->product ? y : x, sum);
+  return sum;
 }
 
 static void vector_const(double c, N_Vector z) {
@@ -229,14 +243,14 @@ static int vectors_reserve(krylov *self, int count) {
 
 /*------------------------------------- what the solvers call ------------------------------------*/
 
-/* z = A v. On the way v'A v is looked at: where it is negative, A is not positive definite; where
- * it is no number, nothing will come of this call. Either ends it. */
+/* z = A v, and a look at v'A v, which may end the call. Conjugate gradients form it themselves in
+ * their next step. */
 static int times(void *data, N_Vector v, N_Vector z) {
   krylov *self = data;
   self->A->apply(self->A, value_of(v), value_of(z));
-  const double curvature = vector_dot(v, z);
-  if (self->kind == MSIM_FACTOR_SPD && curvature <= 0 && vector_dot(v, v) > 0) self->indefinite = 1;
-  return self->indefinite || !isfinite(curvature);
+  self->product = z;
+  if (SYMMETRIC) vector_dot(v, z);
+  return self->indefinite || self->lost;
 }
 
 static int precondition(void *data, N_Vector r, N_Vector z, double tolerance, int side) {
@@ -266,6 +280,7 @@ static int correct(krylov *self, double left, double goal, int *limit) {
   const double factor = fmax(fmin(0.5 * goal / left, 0.1), method.reduction);
   scale_in_place(self->length, 1 / left, value_of(self->r));
   vector_const(0, self->x);
+  self->product = NULL, self->lost = 0;
   SUNLinSolSetZeroGuess(self->solver, SUNTRUE);
   PASTE(LIMIT_, SOLVER)(self->solver, *limit);
   const int flag = SUNLinSolSolve(self->solver, NULL, self->x, self->r, factor);
