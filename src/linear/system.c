@@ -191,23 +191,29 @@ static void write_diagonal(const ms_model *model, const ms_coefficients *a, int3
   row[0] = xz, row[1] = yz, row[2] = zz;
 }
 
-/* block -= t I + w w^T; several springs may share it */
-static inline void subtract_block(double *at, int32_t step, double t, const double w[3]) {
+/* block = -(t I + w w^T), less what is there already where several springs share it */
+static inline void write_block(double *at, int32_t step, double t, const double w[3], int shared) {
   for (int r = 0; r < 3; r++, at += step) {
-    for (int c = 0; c < 3; c++) at[c] -= w[r] * w[c];
+    for (int c = 0; c < 3; c++) at[c] = (shared ? at[c] : 0) - w[r] * w[c];
     at[r] -= t;
   }
 }
 
+/* Every block of the pattern has a spring: all are written, none is cleared before. Springs that
+ * share one follow each other, as a row meets its neighbours in ascending order. */
 void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m) {
-  memset(m->val, 0, 9 * (size_t)m->graphptr[m->n] * sizeof *m->val);
   for (int32_t r = 0; r < m->n; r++) {
-    const int32_t group = r / MS_GROUP, lane = r % MS_GROUP;
+    const int32_t *first = model->halves.first + r / MS_GROUP;
+    int32_t last = -1;
     write_diagonal(model, a, r, m);
-    for (int32_t slot = model->halves.first[group]; slot < model->halves.first[group + 1]; slot++) {
-      const int32_t at = MS_GROUP * slot + lane;
+    for (int32_t at = MS_GROUP * first[0] + r % MS_GROUP; at < MS_GROUP * first[1];
+         at += MS_GROUP) {
+      if (m->slot[at] < 0) continue;
       const double w[3] = {a->wx[at], a->wy[at], a->wz[at]};
-      if (m->slot[at] >= 0) subtract_block(m->val + m->slot[at], m->row_step[r], a->t[at], w);
+      double *block = m->val + m->slot[at];
+      if (m->slot[at] == last) write_block(block, m->row_step[r], a->t[at], w, 1);
+      else write_block(block, m->row_step[r], a->t[at], w, 0);
+      last = m->slot[at];
     }
   }
 }
