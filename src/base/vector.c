@@ -4,8 +4,9 @@
 #include <string.h>
 
 /* for each component: `body` over rows r of the component's part of each vector */
-#define EACH_COMPONENT(s) \
-  for (size_t at = 0, end_ = 3 * (size_t)(s).stride; at < end_; at += (size_t)(s).stride)
+#define EACH_COMPONENT(s)                                                      \
+  for (size_t at = 0, end_ = (size_t)(s).dims * (size_t)(s).stride; at < end_; \
+       at += (size_t)(s).stride)
 #define EACH_ROW(s) for (int32_t r = 0; r < (s).n; r++)
 
 void ms_copy(ms_shape s, const double *x, double *y) {

@@ -1,4 +1,4 @@
-/* vector - arithmetic on vectors of 3 components, `stride` apart, n rows each.
+/* vector - arithmetic on vectors of `dims` components, `stride` apart, n rows each.
  *
  * Sums run over fixed chunks in 8 fixed lanes, so that their bits depend on neither threads nor
  * instruction set. Rows past n are left alone. */
@@ -11,6 +11,7 @@
 typedef struct ms_shape {
   int32_t n;      /* rows to work on */
   int32_t stride; /* doubles from one component to the next */
+  int32_t dims;   /* components */
 } ms_shape;
 
 void ms_copy(ms_shape s, const double *x, double *y);

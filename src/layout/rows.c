@@ -5,7 +5,7 @@ static int32_t whole_groups(int32_t n) { return (n + MS_GROUP - 1) / MS_GROUP * 
 msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err) {
   int32_t n = scene->nparticles, npinned = 0;
   for (int32_t p = 0; p < n; p++) npinned += scene->pinned[p];
-  *rows = (ms_rows){.n = n, .nfree = n - npinned};
+  *rows = (ms_rows){.dims = 3, .axis = {0, 1, 2}, .n = n, .nfree = n - npinned};
   rows->first_pinned = whole_groups(rows->nfree);
   rows->stride = rows->first_pinned + whole_groups(npinned);
   rows->row = ms_new(&scene->alloc, (size_t)n, sizeof *rows->row);
@@ -28,28 +28,22 @@ void ms_rows_destroy(const ms_scene *scene, ms_rows *rows) {
 }
 
 double *ms_rows_vector(const ms_scene *scene, const ms_rows *rows) {
-  return ms_new(&scene->alloc, 3 * (size_t)rows->stride, sizeof(double));
+  return ms_new(&scene->alloc, (size_t)rows->dims * (size_t)rows->stride, sizeof(double));
 }
 
 void ms_rows_gather(const ms_rows *rows, const double *flat, double *vec) {
-  size_t stride = (size_t)rows->stride;
-  for (int32_t p = 0; p < rows->n; p++) {
-    const double *q = flat + 3 * (size_t)p;
-    double *to = vec + rows->row[p];
-    to[0] = q[0];
-    to[stride] = q[1];
-    to[2 * stride] = q[2];
+  for (int32_t c = 0; c < rows->dims; c++) {
+    const double *from = flat + rows->axis[c];
+    double *to = vec + (size_t)c * (size_t)rows->stride;
+    for (int32_t p = 0; p < rows->n; p++) to[rows->row[p]] = from[3 * (size_t)p];
   }
 }
 
 void ms_rows_scatter(const ms_rows *rows, const double *vec, double *flat) {
-  size_t stride = (size_t)rows->stride;
-  for (int32_t p = 0; p < rows->n; p++) {
-    const double *from = vec + rows->row[p];
-    double *q = flat + 3 * (size_t)p;
-    q[0] = from[0];
-    q[1] = from[stride];
-    q[2] = from[2 * stride];
+  for (int32_t c = 0; c < rows->dims; c++) {
+    const double *from = vec + (size_t)c * (size_t)rows->stride;
+    double *to = flat + rows->axis[c];
+    for (int32_t p = 0; p < rows->n; p++) to[3 * (size_t)p] = from[rows->row[p]];
   }
 }
 

@@ -1,9 +1,9 @@
 /* rows - which particles are unknowns, and where each lies in a vector.
  *
- * Inside a sim a vector holds 3 components one after the other, `stride` doubles apart:
- * component c of row r is vec[c * stride + r]. Rows [0, nfree) are the unknowns; pinned particles
- * follow from row `first_pinned` on. Both parts are padded to whole groups of MS_GROUP rows with
- * zeros. Nothing outside this module assumes that row = particle. */
+ * Inside a sim a vector holds `dims` components one after the other, `stride` doubles apart:
+ * component c of row r is vec[c * stride + r], along axis[c] of space. Rows [0, nfree) are the
+ * unknowns; pinned particles follow from row `first_pinned` on. Both parts are padded to whole
+ * groups of MS_GROUP rows with zeros. Nothing outside this module assumes that row = particle. */
 #ifndef MS_ROWS_H
 #define MS_ROWS_H
 
@@ -13,6 +13,8 @@
 enum { MS_GROUP = 8 };
 
 typedef struct ms_rows {
+  int32_t dims;         /* components of a vector: 3 */
+  int32_t axis[3];      /* dims: the axis of space of each */
   int32_t n;            /* particles */
   int32_t nfree;        /* unknown rows */
   int32_t first_pinned; /* nfree, rounded up to whole groups */
@@ -24,7 +26,7 @@ typedef struct ms_rows {
 msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err);
 void ms_rows_destroy(const ms_scene *scene, ms_rows *rows);
 
-/* A zero vector of 3 stride doubles. */
+/* A zero vector of dims stride doubles. */
 double *ms_rows_vector(const ms_scene *scene, const ms_rows *rows);
 
 /* Flat 3n to rows, and back. */

@@ -74,7 +74,7 @@ void ms_solver_restart(ms_solver *s) { s->kept.age = s->kept.wait = s->kept.rest
 
 /* The row on which a spring's NaN or Inf ended up, in the diagonal block; -1: none. */
 static int32_t bad_coefficients(const ms_system *s) {
-  const ms_shape shape = {s->model->rows.nfree, s->model->rows.first_pinned};
+  const ms_shape shape = {s->model->rows.nfree, s->model->rows.first_pinned, s->model->rows.dims};
   return ms_find_bad(shape, s->a.diagonal);
 }
 

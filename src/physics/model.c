@@ -20,7 +20,7 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
   if (!status) status = ms_halves_create(scene, &model->rows, &model->springs, &model->halves, err);
   if (status) return status;
   const ms_rows *rows = &model->rows;
-  model->shape = (ms_shape){rows->nfree, rows->stride};
+  model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims};
   size_t count = (size_t)rows->first_pinned;
   model->mass = ms_new(&scene->alloc, count, sizeof(double));
   model->inv_mass = ms_new(&scene->alloc, count, sizeof(double));
