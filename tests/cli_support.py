@@ -22,7 +22,7 @@ OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations ja
            "every fps skip.springs skip.kept_factor").split()
 COUNTERS = {"steps", "force_evaluations", "assemblies", "analyses", "factorizations", "solves",
             "iterations", "newton_iterations", "contacts", "indefinite_steps",
-            "kept_factors", "refinements", "fallbacks"}
+            "coarse_factors", "kept_factors", "refinements", "fallbacks"}
 SECONDS = {"total", "force", "assemble", "factor", "solve", "collide", "output"}
 FOR_EVER = ["--steps", "100000000000"]
 

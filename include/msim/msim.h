@@ -337,7 +337,8 @@ typedef struct msim_stats {
   int64_t newton_iterations;
   int64_t contacts;         /* particles reflected, once a pass */
   int64_t indefinite_steps; /* steps whose exact matrix was seen not to be positive definite */
-  int64_t kept_factors;     /* solves that an old factor preconditioned */
+  int64_t coarse_factors;   /* factorisations of the coarse part of pcg's preconditioner */
+  int64_t kept_factors;     /* solves that an old factor, or coarse factor, preconditioned */
   int64_t refinements;      /* corrections of an answer above solver.rtol */
   int64_t fallbacks;        /* changes of mind of solver = auto */
   double total_s, force_s, assemble_s, factor_s, solve_s, collide_s, output_s;

@@ -3,9 +3,15 @@
 #ifndef MS_SIMD_H
 #define MS_SIMD_H
 
+/* Wide vectors never leave the functions into which these here are inlined. */
+#pragma GCC diagnostic ignored "-Wpsabi"
+
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
+#if defined(__AVX__)
+#  include <immintrin.h>
+#endif
 
 #if defined(__AVX512F__)
 #  define MS_LANES 8
@@ -18,6 +24,12 @@
 typedef double ms_lanes __attribute__((vector_size(8 * MS_LANES)));
 typedef int64_t ms_mask __attribute__((vector_size(8 * MS_LANES))); /* lanes 0 or -1 */
 
+typedef float ms_floats __attribute__((vector_size(4 * MS_LANES)));
+
+/* 4 doubles on every instruction set. */
+typedef double ms_quad __attribute__((vector_size(32)));
+typedef float ms_float_quad __attribute__((vector_size(16)));
+
 /* From and to any address. */
 static inline ms_lanes ms_load(const double *from) {
   ms_lanes v;
@@ -26,6 +38,37 @@ static inline ms_lanes ms_load(const double *from) {
 }
 
 static inline void ms_store(double *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
+
+/* floats as doubles; GCC 12 converts half a register at a time where it is left to it */
+static inline ms_lanes ms_load_floats(const float *from) {
+#if defined(__AVX512F__)
+  return (ms_lanes)_mm512_cvtps_pd(_mm256_loadu_ps(from));
+#elif defined(__AVX__)
+  return (ms_lanes)_mm256_cvtps_pd(_mm_loadu_ps(from));
+#else
+  ms_floats v;
+  memcpy(&v, from, sizeof v);
+  return __builtin_convertvector(v, ms_lanes);
+#endif
+}
+
+static inline ms_quad ms_load_quad(const double *from) {
+  ms_quad v;
+  memcpy(&v, from, sizeof v);
+  return v;
+}
+
+static inline void ms_store_quad(double *to, ms_quad v) { memcpy(to, &v, sizeof v); }
+
+static inline ms_quad ms_load_float_quad(const float *from) {
+#if defined(__AVX__)
+  return (ms_quad)_mm256_cvtps_pd(_mm_loadu_ps(from));
+#else
+  ms_float_quad v;
+  memcpy(&v, from, sizeof v);
+  return __builtin_convertvector(v, ms_quad);
+#endif
+}
 
 /* a where the mask says so, else b */
 static inline ms_lanes ms_select(ms_mask mask, ms_lanes a, ms_lanes b) {

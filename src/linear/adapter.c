@@ -12,8 +12,8 @@ typedef struct adapter {
   ms_host host;
   ms_matrix matrix;
   msim_system view;
-  double *b, *y;   /* packed; NULL where vectors go as they are */
-  double *inverse; /* of the diagonal blocks; NULL where there is a matrix */
+  double *b, *y;    /* packed; NULL where vectors go as they are */
+  ms_jacobi jacobi; /* without inverses where there is a matrix */
 } adapter;
 
 /* A backend's status with its sentence. One that no backend may return is an error of its own. */
@@ -46,7 +46,7 @@ static void apply(const msim_system *view, const double *x, double *y) {
 static void precondition(const msim_system *view, const double *r, double *z) {
   const adapter *self = view->data;
   if (z != r) memset(z, 0, 3 * (size_t)view->stride * sizeof *z);
-  ms_jacobi_apply(self->base.system->model, self->inverse, r, z);
+  ms_jacobi_apply(self->base.system->model, &self->jacobi, r, z);
 }
 
 /* Every row once? seen: n zeros. */
@@ -106,7 +106,7 @@ static msim_status analyze(adapter *self, msim_error *err) {
                              .colind = m->colind,
                              .val = m->val,
                              .apply = apply,
-                             .precondition = self->inverse ? precondition : NULL,
+                             .precondition = self->jacobi.inverse ? precondition : NULL,
                              .data = self};
   msim_solve_info info = {.size = sizeof info};
   msim_status status = self->table->analyze(self->backend, &self->view, &info);
@@ -124,9 +124,9 @@ static void expand(ms_linear *base) {
 static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   adapter *self = (adapter *)base;
   msim_solve_info info = {.size = sizeof info};
-  if (self->inverse) {
+  if (self->jacobi.inverse) {
     msim_status status =
-        ms_jacobi_invert(base->system->model, &base->system->a, kind, self->inverse);
+        ms_jacobi_invert(base->system->model, &base->system->a, kind, &self->jacobi);
     if (status) return status;
   }
   msim_status status = self->table->factor(self->backend, &self->view, kind, &info);
@@ -161,7 +161,7 @@ static void destroy(ms_linear *base) {
   ms_matrix_destroy(model, &self->matrix);
   ms_delete(&model->scene->alloc, self->b);
   ms_delete(&model->scene->alloc, self->y);
-  ms_delete(&model->scene->alloc, self->inverse);
+  ms_jacobi_destroy(model, &self->jacobi);
   ms_delete(&model->scene->alloc, self);
 }
 
@@ -177,16 +177,14 @@ static msim_status set_up(adapter *self, msim_error *err) {
     self->y = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));
     if (!status && (!self->b || !self->y)) status = ms_fail_memory(err, "the linear solver");
   }
-  if (!status && self->table->format == MSIM_FORMAT_NONE) {
-    self->inverse = ms_jacobi_create(model);
-    if (!self->inverse) status = ms_fail_memory(err, "the preconditioner");
-  }
+  if (!status && self->table->format == MSIM_FORMAT_NONE)
+    status = ms_jacobi_create(model, &self->jacobi, err);
   return status ? status : analyze(self, err);
 }
 
 msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,
                               ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {expand, factor, solve, destroy};
+  static const ms_linear_ops ops = {expand, factor, solve, NULL, destroy};
   const msim_allocator *alloc = &system->model->scene->alloc;
   const msim_backend *table;
   ms_text where = {.alloc = alloc};

@@ -8,6 +8,7 @@
 typedef struct ms_system {
   const ms_model *model;
   ms_coefficients a;
+  int clamped; /* a is that of the clamped matrix: positive definite, up to rounding */
 } ms_system;
 
 /* What a solve has to reach, and what it cost. */
@@ -27,6 +28,8 @@ typedef struct ms_linear_ops {
   /* A y = b; y: first guess in, solution out. */
   msim_status (*solve)(ms_linear *self, const ms_target *target, const double *b, double *y,
                        int64_t *iterations, msim_error *err);
+  /* Forget what earlier systems left. Nullable. */
+  void (*restart)(ms_linear *self);
   void (*destroy)(ms_linear *self);
 } ms_linear_ops;
 
@@ -37,14 +40,18 @@ struct ms_linear {
   int symmetric;  /* can solve systems that are not positive definite */
   int factorises; /* factor() factors a matrix */
   int64_t analyses;
-  double fill, flops; /* of one factorisation */
+  int32_t aggregates;                          /* of a coarse space; 0: there is none */
+  double fill, flops;                          /* of one factorisation */
+  int64_t coarse_factors, kept_coarse_factors; /* since creation */
 };
 
 /* A is diagonal where no spring pulls: y = b / (m + h b). */
 msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim_error *err);
 
-/* Conjugate gradients with block Jacobi, matrix free (Hestenes and Stiefel 1952). */
-msim_status ms_pcg_create(const ms_system *system, ms_linear **linear, msim_error *err);
+/* Conjugate gradients, matrix free, with block Jacobi and the coarse space of aggregates of so many
+ * rows; 0: block Jacobi alone. */
+msim_status ms_pcg_create(const ms_system *system, const msim_options *opt, int32_t aggregate,
+                          ms_linear **linear, msim_error *err);
 
 /* A backend of the ABI, by name: opt's own, linked in, or from a plugin. */
 msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,

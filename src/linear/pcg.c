@@ -1,51 +1,196 @@
-#include "linear/cg.h"
-#include "linear/jacobi.h"
+/* Conjugate gradients (Hestenes and Stiefel 1952) with block Jacobi plus a coarse space, additive:
+ * M^-1 = D^-1 + P (P^T A P)^-1 P^T (two-level additive Schwarz; Dryja and Widlund 1987). */
+#include "linear/pcg.h"
 
-typedef struct pcg {
-  ms_linear base;
-  double *inverse; /* of the diagonal blocks */
-  ms_cg cg;
-} pcg;
+#include <float.h>
+#include <math.h>
+#include <string.h>
 
-static msim_status precondition(void *data, const double *r, double *z) {
-  const pcg *self = data;
-  ms_jacobi_apply(self->base.system->model, self->inverse, r, z);
-  return MSIM_OK;
+MS_TABLES(ms_pcg_kernels);
+
+/*------------------------------------- chunks of groups -----------------------------------------*/
+
+enum { CHUNK = 128 };
+
+static int32_t count_chunks(const ms_model *model) {
+  return (model->halves.ngroups + CHUNK - 1) / CHUNK;
+}
+
+/* Where chunk k ends. */
+static int32_t end_of(const ms_pcg *s, int32_t k) {
+  const int32_t ngroups = s->base.system->model->halves.ngroups, end = CHUNK * (k + 1);
+  return end < ngroups ? end : ngroups;
+}
+
+/*------------------------------------- setup ----------------------------------------------------*/
+
+/* ||P - Q|| / ||P||, Frobenius, n a multiple of 8 */
+static double distance(const float *p, const float *q, size_t n) {
+  double apart[MS_GROUP] = {0}, size[MS_GROUP] = {0};
+  for (size_t i = 0; i < n; i += MS_GROUP)
+    for (size_t l = 0; l < MS_GROUP; l++) {
+      const double d = (double)p[i + l] - (double)q[i + l];
+      apart[l] += d * d, size[l] += (double)p[i + l] * (double)p[i + l];
+    }
+  for (size_t l = 1; l < MS_GROUP; l++) apart[0] += apart[l], size[0] += size[l];
+  return sqrt(apart[0] / size[0]);
+}
+
+/* A coarse factor serves as long as the matrix hardly changes: in solids, not in moving cloth,
+ * where an old one costs more iterations than a new one. */
+static msim_status factor_coarse(ms_pcg *s) {
+  const double HARDLY = 0.05;
+  const ms_system *system = s->base.system;
+  const size_t n = 6 * (size_t)system->model->rows.first_pinned;
+  if (s->may_keep && s->coarse_is_ready && s->factored_scale == s->jacobi.scale &&
+      distance(s->factored, s->inverse, n) <= HARDLY) {
+    s->base.kept_coarse_factors++;
+    return MSIM_OK;
+  }
+  memcpy(s->factored, s->inverse, n * sizeof *s->factored);
+  s->factored_scale = s->jacobi.scale;
+  s->base.coarse_factors++;
+  s->coarse_is_ready = !ms_coarse_factor(&s->coarse, &system->a, s->jacobi.scale);
+  return s->coarse_is_ready || system->clamped ? MSIM_OK : MSIM_NOT_SPD;
 }
 
 static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)err;
-  pcg *self = (pcg *)base;
-  return ms_jacobi_invert(base->system->model, &base->system->a, kind, self->inverse);
+  ms_pcg *s = (ms_pcg *)base;
+  const ms_model *model = base->system->model;
+  msim_status status = ms_jacobi_invert(model, &base->system->a, kind, &s->jacobi);
+  if (status) return status;
+  for (int32_t k = 0; k < count_chunks(model); k++) s->kernels->pack(s, CHUNK * k, end_of(s, k));
+  return base->aggregates ? factor_coarse(s) : MSIM_OK;
 }
 
+/*------------------------------------- iterations -----------------------------------------------*/
+
+static double apply(ms_pcg *s) {
+  const int32_t n = count_chunks(s->base.system->model);
+  double sum = 0;
+  for (int32_t k = 0; k < n; k++) s->kernels->apply(s, CHUNK * k, end_of(s, k), s->sums + 2 * k);
+  for (int32_t k = 0; k < n; k++) sum += s->sums[2 * k];
+  return sum;
+}
+
+static void reduce(ms_pcg *s, double alpha, double *rr, double *rz) {
+  const int32_t n = count_chunks(s->base.system->model);
+  for (int32_t k = 0; k < n; k++)
+    s->kernels->reduce(s, alpha, CHUNK * k, end_of(s, k), s->sums + 2 * k);
+  *rr = *rz = 0;
+  for (int32_t k = 0; k < n; k++) *rr += s->sums[2 * k], *rz += s->sums[2 * k + 1];
+}
+
+static void advance(ms_pcg *s, double alpha, double beta) {
+  const int32_t n = count_chunks(s->base.system->model);
+  for (int32_t k = 0; k < n; k++) s->kernels->advance(s, alpha, beta, CHUNK * k, end_of(s, k));
+}
+
+/* r = (b - A y) / scale, with A in double precision; returns its norm. */
+static double residual(ms_pcg *s, const double *b) {
+  const ms_shape shape = s->base.system->model->shape;
+  ms_coefficients_apply(s->base.system->model, &s->base.system->a, s->y, s->r);
+  ms_combine(shape, b, -1, s->r, s->r);
+  const double norm = sqrt(ms_dot(shape, s->r, s->r));
+  ms_axpy(shape, 1 / s->jacobi.scale - 1, s->r, s->r);
+  return norm;
+}
+
+/* From the residual of y in r until its norm <= goal, by the recurrence of r. */
+static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
+  double alpha = 0, rho = 0;
+  memset(s->q, 0, (size_t)s->base.system->model->rows.stride * 3 * sizeof *s->q);
+  memset(s->p, 0, (size_t)s->base.system->model->rows.stride * 3 * sizeof *s->p);
+  for (;; ++*iterations) {
+    double rr, rho_new;
+    reduce(s, alpha, &rr, &rho_new);
+    const int done = sqrt(rr) <= goal;
+    if (done || *iterations >= limit) {
+      ms_axpy(s->base.system->model->shape, alpha, s->p, s->y);
+      return done ? MSIM_OK : MSIM_NOT_CONVERGED;
+    }
+    if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);
+    advance(s, alpha, rho > 0 ? rho_new / rho : 0);
+    rho = rho_new;
+    const double curvature = apply(s);
+    if (!(curvature > 0)) return MSIM_NOT_SPD;
+    alpha = rho / curvature;
+  }
+}
+
+/* The recurrence drifts from the true residual: where it claims success, start again from the
+ * truth, until that holds too or gets no better. */
 static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
                          int64_t *iterations, msim_error *err) {
   (void)err;
-  pcg *self = (pcg *)base;
-  return ms_cg_solve(&self->cg, base->system, precondition, self, target, b, y, iterations);
+  ms_pcg *s = (ms_pcg *)base;
+  const ms_shape shape = base->system->model->shape;
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * sqrt(ms_dot(shape, b, b));
+  double last = INFINITY;
+  int64_t count = 0;
+  msim_status status = MSIM_OK;
+  s->y = y;
+  while (!status) {
+    const double norm = residual(s, b);
+    if (norm <= goal || norm > 0.5 * last) break;
+    last = norm;
+    status = iterate(s, goal / s->jacobi.scale, target->max_iterations, &count);
+  }
+  *iterations += count;
+  return status;
 }
+
+/*------------------------------------- life -----------------------------------------------------*/
 
 static void destroy(ms_linear *base) {
   if (!base) return;
-  pcg *self = (pcg *)base;
-  const ms_model *model = base->system->model;
-  ms_delete(&model->scene->alloc, self->inverse);
-  ms_cg_destroy(model, &self->cg);
-  ms_delete(&model->scene->alloc, self);
+  ms_pcg *s = (ms_pcg *)base;
+  const msim_allocator *alloc = &base->system->model->scene->alloc;
+  ms_coarse_destroy(&s->coarse);
+  ms_jacobi_destroy(base->system->model, &s->jacobi);
+  void *arrays[] = {s->coefficients, s->inverse, s->factored, s->inertia, s->r, s->z, s->p, s->q,
+                    s->sums};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+  ms_delete(alloc, s);
 }
 
-msim_status ms_pcg_create(const ms_system *system, ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {NULL, factor, solve, destroy};
+static msim_status allocate(ms_pcg *s, msim_error *err) {
+  const ms_model *model = s->base.system->model;
+  const msim_allocator *alloc = &model->scene->alloc;
+  const size_t rows = (size_t)model->rows.first_pinned;
+  s->coefficients =
+      ms_new(alloc, 4 * MS_GROUP * (size_t)model->halves.nslots, sizeof *s->coefficients);
+  s->inverse = ms_new(alloc, 6 * rows, sizeof *s->inverse);
+  s->factored = ms_new(alloc, 6 * rows, sizeof *s->factored);
+  s->inertia = ms_new(alloc, rows, sizeof *s->inertia);
+  s->sums = ms_new(alloc, 2 * (size_t)count_chunks(model), sizeof *s->sums);
+  double **vectors[] = {&s->r, &s->z, &s->p, &s->q};
+  int failed = !s->coefficients || !s->inverse || !s->factored || !s->inertia || !s->sums;
+  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
+    *vectors[i] = ms_rows_vector(model->scene, &model->rows);
+    failed |= !*vectors[i];
+  }
+  return failed ? ms_fail_memory(err, "conjugate gradients")
+                : ms_jacobi_create(model, &s->jacobi, err);
+}
+
+static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }
+
+msim_status ms_pcg_create(const ms_system *system, const msim_options *opt, int32_t aggregate,
+                          ms_linear **linear, msim_error *err) {
+  static const ms_linear_ops ops = {NULL, factor, solve, restart, destroy};
   const ms_model *model = system->model;
   *linear = NULL;
-  pcg *self = ms_new(&model->scene->alloc, 1, sizeof *self);
-  if (!self) return ms_fail_memory(err, "conjugate gradients");
-  self->base = (ms_linear){.ops = &ops, .system = system, .name = "pcg"};
-  self->inverse = ms_jacobi_create(model);
-  msim_status status = ms_cg_create(model, &self->cg, err);
-  if (!status && !self->inverse) status = ms_fail_memory(err, "conjugate gradients");
-  if (status) destroy(&self->base);
-  else *linear = &self->base;
+  ms_pcg *s = ms_new(&model->scene->alloc, 1, sizeof *s);
+  if (!s) return ms_fail_memory(err, "conjugate gradients");
+  s->base = (ms_linear){.ops = &ops, .system = system, .name = "pcg"};
+  s->kernels = ms_pcg_kernels_of[model->isa];
+  s->may_keep = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
+  msim_status status = allocate(s, err);
+  if (!status && aggregate) status = ms_coarse_create(model, aggregate, &s->coarse, err);
+  s->base.aggregates = s->coarse.aggregates.n;
+  if (status) destroy(&s->base);
+  else *linear = &s->base;
   return status;
 }

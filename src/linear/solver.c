@@ -68,7 +68,10 @@ void ms_solver_destroy(ms_solver *s) {
   ms_delete(&model->scene->alloc, s);
 }
 
-void ms_solver_restart(ms_solver *s) { s->kept.age = s->kept.wait = s->kept.rest = 0; }
+void ms_solver_restart(ms_solver *s) {
+  s->kept.age = s->kept.wait = s->kept.rest = 0;
+  if (s->linear->ops->restart) s->linear->ops->restart(s->linear);
+}
 
 /*------------------------------------- one solve ------------------------------------------------*/
 
@@ -81,6 +84,7 @@ static int32_t bad_coefficients(const ms_system *s) {
 static msim_status assemble(ms_solver *s, const double *x, double h, int clamp) {
   double start = ms_clock();
   ms_coefficients_compute(s->system.model, x, h, clamp, &s->system.a);
+  s->system.clamped = clamp;
   s->culprit = bad_coefficients(&s->system);
   s->stats->assemblies++;
   s->stats->assemble_s += ms_clock() - start;
@@ -98,8 +102,11 @@ static msim_status factor(ms_solver *s, int32_t kind, msim_error *err) {
   if (!s->linear->ops->factor) return MSIM_OK;
   expand(s);
   double start = ms_clock();
+  const int64_t made = s->linear->coarse_factors, kept = s->linear->kept_coarse_factors;
   msim_status status = s->linear->ops->factor(s->linear, kind, err);
   s->stats->factorizations += s->linear->factorises;
+  s->stats->coarse_factors += s->linear->coarse_factors - made;
+  s->stats->kept_factors += s->linear->kept_coarse_factors - kept;
   s->stats->factor_s += ms_clock() - start;
   s->kept.age = s->kept.iterations = 0;
   return status;

@@ -24,6 +24,7 @@ void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
 
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a) {
+  a->drag = model->passes & MSIM_SKIP_DRAG ? h * model->scene->drag : 0;
   model->kernels->coefficients(model, x, h, clamp, a);
 }
 

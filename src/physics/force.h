@@ -20,6 +20,7 @@ void ms_force(const ms_model *model, const double *x, const double *v, double *f
  *   t = h^2 k s,  w = sqrt(h^2 k (1 - s) + h c) u,  s = 1 - L/l   (clamped: max(0, s))
  * and l = 0: J_ii = -k I, so t = h^2 k, w = 0. As s <= 1 the root is real. */
 typedef struct ms_coefficients {
+  double drag;              /* h b, kg */
   double *t, *wx, *wy, *wz; /* 8 halves.nslots; padding: 0 */
   double *diagonal; /* 6 first_pinned: xx yy zz xy xz yz of the diagonal blocks, component-wise */
 } ms_coefficients;

@@ -5,10 +5,6 @@
 #include "base/simd.h"
 #include "physics/kernels.h"
 
-#ifndef MS_ISA
-#  define MS_ISA baseline
-#endif
-
 typedef struct vec3 {
   ms_lanes x, y, z;
 } vec3;
@@ -98,13 +94,12 @@ static inline void half_coefficients(vec3 d, const ms_halves *halves, double h,
 }
 
 /* m + h b on the diagonal, and every half spring's block on its row */
-static void diagonal_blocks(const ms_model *m, double h, int32_t group, ms_coefficients *a) {
+static void diagonal_blocks(const ms_model *m, int32_t group, ms_coefficients *a) {
   const size_t stride = (size_t)m->rows.first_pinned, row = MS_GROUP * (size_t)group;
-  const double drag = m->passes & MSIM_SKIP_DRAG ? h * m->scene->drag : 0;
   const size_t begin = MS_GROUP * (size_t)m->halves.first[group];
   const size_t end = MS_GROUP * (size_t)m->halves.first[group + 1];
   for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-    ms_lanes xx = ms_load(m->mass + row + lane) + drag, yy = xx, zz = xx;
+    ms_lanes xx = ms_load(m->mass + row + lane) + a->drag, yy = xx, zz = xx;
     ms_lanes xy = {0}, xz = {0}, yz = {0};
     for (size_t at = begin + lane; at < end; at += MS_GROUP) {
       const ms_lanes t = ms_load(a->t + at), wx = ms_load(a->wx + at);
@@ -132,7 +127,7 @@ static void coefficients(const ms_model *model, const double *x, double h, int c
         half_coefficients(d, halves, h, largest_ratio, a, at);
       }
     }
-    diagonal_blocks(model, h, g, a);
+    diagonal_blocks(model, g, a);
   }
 }
 
@@ -170,7 +165,4 @@ static void apply(const ms_model *model, const ms_coefficients *a, const double 
   for (size_t c = 0; c < 3; c++) memset(y + c * stride + sd, 0, (stride - sd) * sizeof *y);
 }
 
-#define TABLE_(isa) ms_kernels_##isa
-#define TABLE(isa)  TABLE_(isa)
-
-const ms_kernels TABLE(MS_ISA) = {springs, coefficients, apply};
+const ms_kernels MS_TABLE(ms_kernels) = {springs, coefficients, apply};

@@ -3,6 +3,7 @@
 #ifndef MS_KERNELS_H
 #define MS_KERNELS_H
 
+#include "base/isa.h"
 #include "physics/force.h"
 
 typedef struct ms_kernels {
@@ -12,11 +13,5 @@ typedef struct ms_kernels {
                        ms_coefficients *a);
   void (*apply)(const ms_model *model, const ms_coefficients *a, const double *x, double *y);
 } ms_kernels;
-
-/* The set of that name: baseline, avx2 or avx512. NULL: not built, or not for this CPU. */
-const ms_kernels *ms_kernels_named(const char *isa);
-
-/* The set that MSIM_ISA in the environment names, else the widest one for this CPU. */
-const ms_kernels *ms_kernels_best(void);
 
 #endif

@@ -1,5 +1,7 @@
 #include "physics/kernels.h"
 
+MS_TABLES(ms_kernels);
+
 /* A pass is needed where it could change a number. */
 static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
   unsigned passes = 0;
@@ -14,7 +16,8 @@ static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
 
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
                             msim_error *err) {
-  *model = (ms_model){.scene = scene, .kernels = ms_kernels_best()};
+  *model = (ms_model){.scene = scene, .isa = ms_isa_best()};
+  model->kernels = ms_kernels_of[model->isa];
   msim_status status = ms_rows_create(scene, &model->rows, err);
   if (!status) status = ms_springs_create(scene, &model->rows, &model->springs, err);
   if (!status) status = ms_halves_create(scene, &model->rows, &model->springs, &model->halves, err);

@@ -12,7 +12,8 @@ typedef struct ms_model {
   ms_halves halves;                 /* the same springs, seen from their rows */
   ms_shape shape;                   /* of the unknowns */
   double *mass, *inv_mass;          /* first_pinned, kg: of each unknown row; 1 in the padding */
-  const struct ms_kernels *kernels; /* for this CPU */
+  int isa;                          /* of the kernels: ms_isa_best() */
+  const struct ms_kernels *kernels; /* for it */
   unsigned passes;                  /* MSIM_SKIP_...: the passes that a step makes */
 } ms_model;
 

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "linear/aggregates.h"
 #include "physics/energy.h"
 #include "sim/sim.h"
 
@@ -38,6 +39,9 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   ms_print(out, "              relative residual %.3g, checked after every solve\n",
            sim->linear->target.rtol);
   ms_print(out, "matrix        %d unknowns: 3 for each free particle\n", 3 * sim->model.rows.nfree);
+  if (linear->aggregates)
+    ms_print(out, "              coarse space of %d aggregates, %d unknowns in each\n",
+             linear->aggregates, MS_MODES * sim->model.rows.dims);
   if (linear->fill > 0)
     ms_print(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
              linear->flops);
@@ -57,6 +61,9 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
       {!sim->linear, "assembly, factorisation, solver libraries", "the method needs no solver"},
       {sim->linear && sim->linear->kept.allowed, "factorisation",
        "in steps that the last factor still serves, as preconditioner"},
+      {sim->linear && sim->linear->linear->aggregates &&
+           !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
+       "coarse factorisation", "in steps whose matrix has hardly changed since the last one"},
       {!has(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
       {!has(sim, MSIM_SKIP_DAMPING), "damping of springs", "no spring is damped"},
       {!has(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},

@@ -16,8 +16,8 @@ static const field counters[] = {
     COUNTER(factorizations), COUNTER(solves),
     COUNTER(iterations),     COUNTER(newton_iterations),
     COUNTER(contacts),       COUNTER(indefinite_steps),
-    COUNTER(kept_factors),   COUNTER(refinements),
-    COUNTER(fallbacks),
+    COUNTER(coarse_factors), COUNTER(kept_factors),
+    COUNTER(refinements),    COUNTER(fallbacks),
 };
 static const field phases[] = {
     PHASE(total), PHASE(force),   PHASE(assemble), PHASE(factor),

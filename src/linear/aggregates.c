@@ -1,0 +1,161 @@
+#include "linear/aggregates.h"
+
+#include "linear/modes.h"
+
+/*------------------------------------- growth ---------------------------------------------------*/
+
+/* Clusters growing one after the other. */
+typedef struct growth {
+  const ms_neighbours *graph;
+  int32_t size;                      /* wanted */
+  int32_t *of;                       /* n: the cluster of each row; -1: none yet */
+  int32_t *seeds, next_seed, nseeds; /* rows met at borders, oldest first */
+  uint8_t *met;                      /* n: is among the seeds */
+  int32_t *candidate, ncandidates;   /* of the cluster at hand */
+  int32_t *distance, *links;         /* n: from its seed; to its members */
+  int32_t *mark;                     /* n: the cluster for which these hold */
+} growth;
+
+/* A hub has more neighbours than anybody wants to look at. */
+enum { MOST_CANDIDATES = 1024 };
+
+static void meet(growth *g, int32_t cluster, int32_t row, int32_t distance) {
+  if (g->of[row] >= 0) return;
+  if (!g->met[row]) g->met[row] = 1, g->seeds[g->nseeds++] = row;
+  if (g->mark[row] == cluster) {
+    g->links[row]++;
+  } else if (g->ncandidates < MOST_CANDIDATES) {
+    g->mark[row] = cluster, g->distance[row] = distance, g->links[row] = 1;
+    g->candidate[g->ncandidates++] = row;
+  }
+}
+
+/* Nearest to the seed, then most linked: clusters get round. */
+static int32_t take_best(growth *g) {
+  int32_t best = 0;
+  for (int32_t c = 1; c < g->ncandidates; c++) {
+    const int32_t p = g->candidate[c], q = g->candidate[best];
+    if (g->distance[p] < g->distance[q] ||
+        (g->distance[p] == g->distance[q] && g->links[p] > g->links[q]))
+      best = c;
+  }
+  const int32_t row = g->candidate[best];
+  g->candidate[best] = g->candidate[--g->ncandidates];
+  return row;
+}
+
+static void grow(growth *g, int32_t cluster, int32_t seed) {
+  g->ncandidates = 0;
+  meet(g, cluster, seed, 0);
+  for (int32_t members = 0; members < g->size && g->ncandidates; members++) {
+    const int32_t row = take_best(g);
+    g->of[row] = cluster;
+    for (int32_t e = g->graph->first[row]; e < g->graph->first[row + 1]; e++)
+      meet(g, cluster, g->graph->row[e], g->distance[row] + 1);
+  }
+}
+
+/* Seeds lie beside what has grown already, so that few gaps remain. Returns how many clusters. */
+static int32_t grow_all(growth *g, int32_t n) {
+  int32_t clusters = 0;
+  for (int32_t r = 0; r < n; r++) {
+    if (g->of[r] >= 0 || g->graph->first[r] == g->graph->first[r + 1]) continue;
+    grow(g, clusters++, r);
+    for (; g->next_seed < g->nseeds; g->next_seed++)
+      if (g->of[g->seeds[g->next_seed]] < 0) grow(g, clusters++, g->seeds[g->next_seed]);
+  }
+  return clusters;
+}
+
+/*------------------------------------- remains --------------------------------------------------*/
+
+/* What grew in a gap joins a neighbour that has room. Beside a hub none has: such rows stay alone
+ * if they are few. */
+static void settle(const growth *g, int32_t n, int32_t *members) {
+  for (int32_t r = 0; r < n; r++) {
+    const int32_t own = g->of[r];
+    if (own < 0 || members[own] > g->size / 4) continue;
+    for (int32_t e = g->graph->first[r]; e < g->graph->first[r + 1]; e++) {
+      const int32_t other = g->of[g->graph->row[e]];
+      if (other < 0 || members[other] <= g->size / 4 || members[other] >= 2 * g->size) continue;
+      g->of[r] = other;
+      members[own]--, members[other]++;
+      break;
+    }
+  }
+  for (int32_t r = 0; r < n; r++)
+    if (g->of[r] >= 0 && members[g->of[r]] < MS_MODES) g->of[r] = -1;
+}
+
+/* Clusters that are left, numbered anew in the order of their first rows; the rows of each. */
+static void list_rows(ms_aggregates *a, int32_t n, int32_t *number) {
+  for (int32_t r = 0; r < n; r++) {
+    if (a->of[r] < 0) continue;
+    if (number[a->of[r]] == 0) number[a->of[r]] = ++a->n;
+    a->of[r] = number[a->of[r]] - 1;
+  }
+  for (int32_t r = 0; r < n; r++)
+    if (a->of[r] >= 0) a->first[a->of[r] + 1]++;
+  for (int32_t k = 0; k < a->n; k++) a->first[k + 1] += a->first[k];
+  int32_t *next = number;
+  for (int32_t k = 0; k < a->n; k++) next[k] = a->first[k];
+  for (int32_t r = 0; r < n; r++)
+    if (a->of[r] >= 0) a->row[next[a->of[r]]++] = r;
+}
+
+/*------------------------------------- all ------------------------------------------------------*/
+
+static msim_status cluster(const ms_model *model, const ms_neighbours *graph, int32_t size,
+                           ms_aggregates *a, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const int32_t n = model->rows.nfree;
+  const size_t count = (size_t)n;
+  growth g = {.graph = graph, .size = size, .of = a->of};
+  int32_t **arrays[] = {&g.seeds, &g.distance, &g.links, &g.mark, &g.candidate};
+  int failed = 0;
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
+    *arrays[i] = ms_new(alloc, i < 4 ? count : MOST_CANDIDATES, sizeof(int32_t));
+    failed |= !*arrays[i];
+  }
+  g.met = ms_new(alloc, count, 1);
+  int32_t *members = ms_new(alloc, 2 * count, sizeof *members);
+  if (!failed && g.met && members) {
+    for (int32_t r = 0; r < n; r++) g.of[r] = g.mark[r] = -1;
+    grow_all(&g, n);
+    for (int32_t r = 0; r < n; r++)
+      if (g.of[r] >= 0) members[g.of[r]]++;
+    settle(&g, n, members);
+    list_rows(a, n, members + count);
+  } else {
+    failed = 1;
+  }
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, *arrays[i]);
+  ms_delete(alloc, g.met);
+  ms_delete(alloc, members);
+  return failed ? ms_fail_memory(err, "the aggregates") : MSIM_OK;
+}
+
+msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggregates *a,
+                                 msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const size_t n = (size_t)model->rows.first_pinned;
+  ms_neighbours graph;
+  *a = (ms_aggregates){.of = ms_new(alloc, n, sizeof *a->of),
+                       .first = ms_new(alloc, n + 1, sizeof *a->first),
+                       .row = ms_new(alloc, n, sizeof *a->row),
+                       .weight = ms_new(alloc, MS_MODES * n, sizeof *a->weight)};
+  if (!a->of || !a->first || !a->row || !a->weight) return ms_fail_memory(err, "the aggregates");
+  msim_status status = ms_neighbours_create(model, &graph, err);
+  if (!status) status = cluster(model, &graph, size, a, err);
+  for (int32_t r = model->rows.nfree; r < model->rows.first_pinned; r++) a->of[r] = -1;
+  if (!status) status = ms_modes_compute(model, &graph, a, err);
+  ms_neighbours_destroy(model, &graph);
+  return status;
+}
+
+void ms_aggregates_destroy(const ms_model *model, ms_aggregates *a) {
+  void *arrays[] = {a->of, a->first, a->row, a->weight};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+    ms_delete(&model->scene->alloc, arrays[i]);
+  *a = (ms_aggregates){0};
+}

@@ -1,0 +1,198 @@
+#include "linear/block_cholesky.h"
+
+#include <string.h>
+
+#include "linear/block_kernels.h"
+
+MS_TABLES(ms_block_kernels);
+
+/*------------------------------------- order and pattern ----------------------------------------*/
+
+/* The rows not yet eliminated, each with its neighbours among them. */
+typedef struct elimination {
+  const msim_allocator *alloc;
+  int32_t n;
+  int32_t **neighbours; /* n arrays */
+  int32_t *degree, *room;
+  int64_t *mark; /* n: the last look at a row that found this one */
+  int64_t looks;
+} elimination;
+
+static msim_status begin(elimination *e, const int32_t *ptr, const int32_t *ind) {
+  const size_t n = (size_t)e->n;
+  e->neighbours = ms_new(e->alloc, n, sizeof *e->neighbours);
+  e->degree = ms_new(e->alloc, n, sizeof *e->degree);
+  e->room = ms_new(e->alloc, n, sizeof *e->room);
+  e->mark = ms_new(e->alloc, n, sizeof *e->mark);
+  if (!e->neighbours || !e->degree || !e->room || !e->mark) return MSIM_ERR_MEMORY;
+  for (int32_t i = 0; i < e->n; i++) {
+    const int32_t degree = ptr[i + 1] - ptr[i];
+    e->neighbours[i] = ms_new(e->alloc, (size_t)degree, sizeof(int32_t));
+    if (!e->neighbours[i]) return MSIM_ERR_MEMORY;
+    if (degree) memcpy(e->neighbours[i], ind + ptr[i], (size_t)degree * sizeof(int32_t));
+    e->degree[i] = e->room[i] = degree;
+  }
+  return MSIM_OK;
+}
+
+static void end(elimination *e) {
+  for (int32_t i = 0; i < e->n && e->neighbours; i++) ms_delete(e->alloc, e->neighbours[i]);
+  ms_delete(e->alloc, e->neighbours);
+  ms_delete(e->alloc, e->degree);
+  ms_delete(e->alloc, e->room);
+  ms_delete(e->alloc, e->mark);
+}
+
+/* i loses k and meets the other neighbours of k. */
+static msim_status connect(elimination *e, int32_t i, int32_t k) {
+  msim_error err;
+  const int64_t look = ++e->looks;
+  int32_t kept = 0;
+  for (int32_t a = 0; a < e->degree[i]; a++) {
+    const int32_t j = e->neighbours[i][a];
+    if (j != k) e->neighbours[i][kept++] = j, e->mark[j] = look;
+  }
+  e->mark[i] = look;
+  void *array = e->neighbours[i];
+  msim_status status = ms_reserve(e->alloc, &array, sizeof(int32_t), kept, &e->room[i],
+                                  (int64_t)kept + e->degree[k], &err);
+  e->neighbours[i] = array;
+  if (status) return status;
+  for (int32_t a = 0; a < e->degree[k]; a++) {
+    const int32_t j = e->neighbours[k][a];
+    if (e->mark[j] != look) e->neighbours[i][kept++] = j;
+  }
+  e->degree[i] = kept;
+  return MSIM_OK;
+}
+
+/* Always the row of least degree, the first of them. position: -1, then the order. */
+static msim_status eliminate(elimination *e, int32_t *position, int64_t *blocks) {
+  for (int32_t i = 0; i < e->n; i++) position[i] = -1;
+  *blocks = e->n;
+  for (int32_t step = 0; step < e->n; step++) {
+    int32_t k = -1;
+    for (int32_t i = 0; i < e->n; i++)
+      if (position[i] < 0 && (k < 0 || e->degree[i] < e->degree[k])) k = i;
+    position[k] = step;
+    *blocks += e->degree[k];
+    for (int32_t a = 0; a < e->degree[k]; a++) {
+      msim_status status = connect(e, e->neighbours[k][a], k);
+      if (status) return status;
+    }
+  }
+  return MSIM_OK;
+}
+
+static void sort(int32_t *a, int32_t n) {
+  for (int32_t i = 1; i < n; i++) {
+    const int32_t x = a[i];
+    int32_t j = i;
+    for (; j > 0 && a[j - 1] > x; j--) a[j] = a[j - 1];
+    a[j] = x;
+  }
+}
+
+/* What was left of a row when it was eliminated is its column of L. */
+static void write_pattern(const elimination *e, ms_block_cholesky *chol) {
+  for (int32_t i = 0; i < e->n; i++) chol->first[chol->position[i] + 1] = e->degree[i] + 1;
+  for (int32_t k = 0; k < e->n; k++) chol->first[k + 1] += chol->first[k];
+  for (int32_t i = 0; i < e->n; i++) {
+    int32_t *column = chol->row + chol->first[chol->position[i]];
+    column[0] = chol->position[i];
+    for (int32_t a = 0; a < e->degree[i]; a++) column[a + 1] = chol->position[e->neighbours[i][a]];
+    sort(column, e->degree[i] + 1);
+  }
+}
+
+static int allocate(const msim_allocator *alloc, int64_t blocks, ms_block_cholesky *chol) {
+  const size_t n = (size_t)chol->n, area = (size_t)(chol->block * chol->block);
+  chol->first = ms_new(alloc, n + 1, sizeof *chol->first);
+  chol->row = ms_new(alloc, (size_t)blocks, sizeof *chol->row);
+  chol->value = ms_new(alloc, area * (size_t)blocks, sizeof *chol->value);
+  chol->factor = ms_new(alloc, area * (size_t)blocks, sizeof *chol->factor);
+  chol->packed = ms_new(alloc, n * (size_t)chol->block, sizeof *chol->packed);
+  return chol->first && chol->row && chol->value && chol->factor && chol->packed;
+}
+
+msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int32_t block,
+                                     const int32_t *ptr, const int32_t *ind, int isa,
+                                     ms_block_cholesky *chol, msim_error *err) {
+  elimination e = {.alloc = alloc, .n = n};
+  int64_t blocks = 0;
+  *chol = (ms_block_cholesky){.n = n, .block = block, .kernels = ms_block_kernels_of[isa]};
+  chol->position = ms_new(alloc, (size_t)n, sizeof *chol->position);
+  msim_status status = chol->position ? begin(&e, ptr, ind) : MSIM_ERR_MEMORY;
+  if (!status) status = eliminate(&e, chol->position, &blocks);
+  if (!status && (blocks > INT32_MAX || !allocate(alloc, blocks, chol))) status = MSIM_ERR_MEMORY;
+  if (!status) write_pattern(&e, chol);
+  end(&e);
+  return status ? ms_fail_memory(err, "the coarse factor") : MSIM_OK;
+}
+
+void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol) {
+  void *arrays[] = {chol->position, chol->first,  chol->row,
+                    chol->value,    chol->factor, chol->packed};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+  *chol = (ms_block_cholesky){0};
+}
+
+/*------------------------------------- numbers --------------------------------------------------*/
+
+/* The block in row r of column c, both in the order of elimination. */
+static int32_t find(const ms_block_cholesky *chol, int32_t r, int32_t c) {
+  int32_t low = chol->first[c], high = chol->first[c + 1] - 1;
+  while (low < high) {
+    const int32_t middle = low + (high - low) / 2;
+    if (chol->row[middle] < r) low = middle + 1;
+    else high = middle;
+  }
+  return chol->row[low] == r ? low : -1;
+}
+
+int32_t ms_block_cholesky_find(const ms_block_cholesky *chol, int32_t i, int32_t j) {
+  const int32_t p = chol->position[i], q = chol->position[j];
+  return p >= q ? find(chol, p, q) : find(chol, q, p);
+}
+
+/* Column k is final: subtract L_ik L_jk^T for all i >= j of its rows. The rows of k below j are
+ * rows of j too: one walk along j finds them all. */
+static void update(const ms_block_cholesky *chol, int32_t k) {
+  const size_t block = (size_t)chol->block, area = block * block;
+  const int32_t end = chol->first[k + 1];
+  for (int32_t b = chol->first[k] + 1; b < end; b++) {
+    int32_t target = chol->first[chol->row[b]];
+    for (int32_t a = b; a < end; a++, target++) {
+      while (chol->row[target] < chol->row[a]) target++;
+      chol->kernels->subtract_product(block, chol->value + area * (size_t)a,
+                                      chol->value + area * (size_t)b,
+                                      chol->value + area * (size_t)target);
+    }
+  }
+}
+
+msim_status ms_block_cholesky_factor(ms_block_cholesky *chol) {
+  const size_t block = (size_t)chol->block, area = block * block;
+  for (int32_t k = 0; k < chol->n; k++) {
+    const size_t diagonal = area * (size_t)chol->first[k];
+    double inverse[MS_LARGEST_BLOCK * MS_LARGEST_BLOCK];
+    if (!chol->kernels->invert_factor(block, chol->value + diagonal, inverse)) return MSIM_NOT_SPD;
+    for (size_t i = 0; i < area; i++) chol->factor[diagonal + i] = (float)inverse[i];
+    for (int32_t b = chol->first[k] + 1; b < chol->first[k + 1]; b++)
+      chol->kernels->times_transpose(block, chol->value + area * (size_t)b, inverse,
+                                     chol->factor + area * (size_t)b);
+    update(chol, k);
+  }
+  return MSIM_OK;
+}
+
+void ms_block_cholesky_solve(const ms_block_cholesky *chol, double *x) {
+  const size_t block = (size_t)chol->block;
+  for (int32_t i = 0; i < chol->n; i++)
+    memcpy(chol->packed + block * (size_t)chol->position[i], x + block * (size_t)i,
+           block * sizeof *x);
+  chol->kernels->solve(chol, chol->packed);
+  for (int32_t i = 0; i < chol->n; i++)
+    memcpy(x + block * (size_t)i, chol->packed + block * (size_t)chol->position[i],
+           block * sizeof *x);
+}

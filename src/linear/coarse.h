@@ -1,0 +1,34 @@
+/* coarse - the coarse part of a two-level preconditioner: P (P^T A P)^-1 P^T
+ *
+ * P spreads 4 modes of each aggregate and component over its rows; P^T A P is a sparse matrix of
+ * blocks of 4 dims scalars, component-major in a block row, and is factored. */
+#ifndef MS_COARSE_H
+#define MS_COARSE_H
+
+#include "linear/aggregates.h"
+#include "linear/block_cholesky.h"
+#include "physics/force.h"
+
+typedef struct ms_coarse {
+  const ms_model *model;
+  ms_aggregates aggregates;
+  ms_block_cholesky chol;
+  int32_t *block;    /* 8 halves.nslots: the block to which a half spring between two aggregates
+                     belongs; -1: none, or its twin takes care of it */
+  int32_t *diagonal; /* aggregates.n: the block of each */
+  double *r, *z;     /* coarse vectors */
+  const struct ms_coarse_kernels *kernels;
+} ms_coarse;
+
+msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_coarse *coarse,
+                             msim_error *err);
+void ms_coarse_destroy(ms_coarse *coarse);
+
+/* Factor P^T A P / scale. MSIM_NOT_SPD: no factor; A is then not positive definite, up to
+ * rounding. */
+msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coefficients *a, double scale);
+
+/* coarse->r = P^T r, coarse->z = (P^T A P / scale)^-1 coarse->r; returns r.z of these. */
+double ms_coarse_solve(ms_coarse *coarse, const double *r);
+
+#endif

@@ -1,0 +1,81 @@
+/* Compiled once for each instruction set, with MS_ISA its name. */
+#include "linear/coarse_kernels.h"
+
+#include "base/simd.h"
+
+/* The entry of a symmetric matrix stored as xx yy zz xy xz yz. */
+static const int entry[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
+
+/* K = t I + w w^T of one half spring */
+static inline void spring_block(const ms_coefficients *a, size_t at, double K[6]) {
+  const double t = a->t[at], x = a->wx[at], y = a->wy[at], z = a->wz[at];
+  K[0] = t + x * x, K[1] = t + y * y, K[2] = t + z * z;
+  K[3] = x * y, K[4] = x * z, K[5] = y * z;
+}
+
+/* block += left (x) right: rows (c, mode) left, columns (d, mode) right[entry[c][d]] */
+static inline void add_outer(size_t dims, double *block, ms_quad left, const ms_quad right[6]) {
+  for (size_t d = 0; d < dims; d++)
+    for (size_t mode = 0; mode < MS_MODES; mode++)
+      for (size_t c = 0; c < dims; c++) {
+        double *to = block + (MS_MODES * d + mode) * MS_MODES * dims + MS_MODES * c;
+        ms_store_quad(to, ms_load_quad(to) + left * right[entry[c][d]][mode]);
+      }
+}
+
+/* One row i of aggregate a: its own block gets w_i (x) (D_i w_i - sum K_ij w_j) over j in a, and
+ * the block to b gets -w_i (x) K_ij w_j, j in b. */
+static inline void assemble_row(size_t dims, ms_coarse *coarse, const ms_coefficients *a,
+                                double scale, int32_t row) {
+  const ms_model *model = coarse->model;
+  const float *weight = coarse->aggregates.weight;
+  const int32_t *of = coarse->aggregates.of;
+  const size_t area = MS_MODES * dims * MS_MODES * dims, sd = (size_t)model->rows.first_pinned;
+  const ms_quad own = ms_load_float_quad(weight + MS_MODES * row), left = own / scale;
+  ms_quad sum[6];
+  for (size_t q = 0; q < 6; q++) sum[q] = own * a->diagonal[q * sd + (size_t)row];
+  const int32_t *first = model->halves.first + row / MS_GROUP;
+  for (int32_t slot = first[0]; slot < first[1]; slot++) {
+    const int32_t at = MS_GROUP * slot + row % MS_GROUP, j = model->halves.neighbour[at];
+    const int same = model->halves.spring[at] >= 0 && j < model->rows.nfree && of[j] == of[row];
+    if (!same && coarse->block[at] < 0) continue;
+    double K[6];
+    spring_block(a, (size_t)at, K);
+    const ms_quad other = ms_load_float_quad(weight + MS_MODES * j);
+    if (same) {
+      for (size_t q = 0; q < 6; q++) sum[q] -= other * K[q];
+    } else {
+      ms_quad right[6];
+      for (size_t q = 0; q < 6; q++) right[q] = -other * K[q];
+      add_outer(dims, coarse->chol.value + area * (size_t)coarse->block[at], left, right);
+    }
+  }
+  add_outer(dims, coarse->chol.value + area * (size_t)coarse->diagonal[of[row]], left, sum);
+}
+
+static void assemble(ms_coarse *coarse, const ms_coefficients *a, double scale, int32_t aggregate) {
+  const ms_aggregates *g = &coarse->aggregates;
+  for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
+    if (coarse->model->rows.dims == 3) assemble_row(3, coarse, a, scale, g->row[i]);
+    else assemble_row(2, coarse, a, scale, g->row[i]);
+  }
+}
+
+static inline void restrict_of(size_t dims, ms_coarse *coarse, const double *r, int32_t aggregate) {
+  const ms_aggregates *g = &coarse->aggregates;
+  const size_t stride = (size_t)coarse->model->rows.stride;
+  ms_quad sum[3] = {{0}};
+  for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
+    const ms_quad w = ms_load_float_quad(g->weight + MS_MODES * g->row[i]);
+    for (size_t c = 0; c < dims; c++) sum[c] += w * r[c * stride + (size_t)g->row[i]];
+  }
+  for (size_t c = 0; c < dims; c++)
+    ms_store_quad(coarse->r + MS_MODES * (dims * (size_t)aggregate + c), sum[c]);
+}
+
+static void restrict_to(ms_coarse *coarse, const double *r, int32_t aggregate) {
+  if (coarse->model->rows.dims == 3) restrict_of(3, coarse, r, aggregate);
+  else restrict_of(2, coarse, r, aggregate);
+}
+
+const ms_coarse_kernels MS_TABLE(ms_coarse_kernels) = {assemble, restrict_to};

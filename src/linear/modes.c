@@ -1,0 +1,143 @@
+#include "linear/modes.h"
+
+#include <math.h>
+
+/*------------------------------------- graph ----------------------------------------------------*/
+
+msim_status ms_neighbours_create(const ms_model *model, ms_neighbours *graph, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const ms_springs *s = &model->springs;
+  const int32_t n = model->rows.nfree;
+  /* one more: first[r + 1] is where row r is being filled */
+  *graph = (ms_neighbours){.first = ms_new(alloc, (size_t)n + 2, sizeof(int32_t)),
+                           .row = ms_new(alloc, 2 * (size_t)s->n, sizeof(int32_t)),
+                           .k = ms_new(alloc, 2 * (size_t)s->n, sizeof(double))};
+  if (!graph->first || !graph->row || !graph->k)
+    return ms_fail_memory(err, "the graph of the springs");
+  for (int32_t e = 0; e < s->n; e++)
+    if (s->i[e] < n && s->j[e] < n) graph->first[s->i[e] + 2]++, graph->first[s->j[e] + 2]++;
+  for (int32_t r = 0; r < n; r++) graph->first[r + 2] += graph->first[r + 1];
+  for (int32_t e = 0; e < s->n; e++) {
+    if (s->i[e] >= n || s->j[e] >= n) continue;
+    for (int end = 0; end < 2; end++) {
+      const int32_t at = graph->first[(end ? s->j : s->i)[e] + 1]++;
+      graph->row[at] = (end ? s->i : s->j)[e];
+      graph->k[at] = s->k[e];
+    }
+  }
+  return MSIM_OK;
+}
+
+void ms_neighbours_destroy(const ms_model *model, ms_neighbours *graph) {
+  ms_delete(&model->scene->alloc, graph->first);
+  ms_delete(&model->scene->alloc, graph->row);
+  ms_delete(&model->scene->alloc, graph->k);
+  *graph = (ms_neighbours){0};
+}
+
+/*------------------------------------- one cluster ----------------------------------------------*/
+
+/* L + shift I of rows[0..n), dense, as its lower Cholesky factor. local: the place of each row. */
+static void factor_laplacian(const ms_neighbours *graph, const int32_t *rows, int32_t n,
+                             const int32_t *local, const int32_t *of, double *l) {
+  double sum = 0;
+  for (int32_t i = 0; i < n * n; i++) l[i] = 0;
+  for (int32_t i = 0; i < n; i++) {
+    for (int32_t e = graph->first[rows[i]]; e < graph->first[rows[i] + 1]; e++) {
+      if (of[graph->row[e]] != of[rows[i]]) continue;
+      l[i * n + local[graph->row[e]]] -= graph->k[e];
+      l[i * n + i] += graph->k[e];
+      sum += graph->k[e];
+    }
+  }
+  /* well above rounding, well below the smallest eigenvalue that is looked for */
+  const double shift = sum > 0 ? 1e-4 * sum / n : 1;
+  for (int32_t j = 0; j < n; j++) {
+    double d = l[j * n + j] + shift;
+    for (int32_t k = 0; k < j; k++) d -= l[j * n + k] * l[j * n + k];
+    l[j * n + j] = d = sqrt(d);
+    for (int32_t i = j + 1; i < n; i++) {
+      double s = l[i * n + j];
+      for (int32_t k = 0; k < j; k++) s -= l[i * n + k] * l[j * n + k];
+      l[i * n + j] = s / d;
+    }
+  }
+}
+
+/* v = (L L^T)^-1 v for MS_MODES vectors side by side */
+static void solve_laplacian(const double *l, int32_t n, double (*v)[MS_MODES]) {
+  for (int32_t i = 0; i < n; i++) {
+    for (int32_t k = 0; k < i; k++)
+      for (int m = 0; m < MS_MODES; m++) v[i][m] -= l[i * n + k] * v[k][m];
+    for (int m = 0; m < MS_MODES; m++) v[i][m] /= l[i * n + i];
+  }
+  for (int32_t i = n - 1; i >= 0; i--) {
+    for (int m = 0; m < MS_MODES; m++) v[i][m] /= l[i * n + i];
+    for (int32_t k = 0; k < i; k++)
+      for (int m = 0; m < MS_MODES; m++) v[k][m] -= l[i * n + k] * v[i][m];
+  }
+}
+
+/* Modified Gram-Schmidt. */
+static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
+  for (int m = 0; m < MS_MODES; m++) {
+    for (int other = 0; other < m; other++) {
+      double dot = 0;
+      for (int32_t i = 0; i < n; i++) dot += v[i][other] * v[i][m];
+      for (int32_t i = 0; i < n; i++) v[i][m] -= dot * v[i][other];
+    }
+    double norm = 0;
+    for (int32_t i = 0; i < n; i++) norm += v[i][m] * v[i][m];
+    for (int32_t i = 0; i < n; i++) v[i][m] /= sqrt(norm);
+  }
+}
+
+/* Anything that has a part of every eigenvector, and is the same on every machine. */
+static double arbitrary(uint32_t i) {
+  i = (i ^ 61u ^ (i >> 16)) * 2654435769u;
+  return (double)(i >> 8) / 16777216.0 - 0.5;
+}
+
+/* l: n n doubles, v: n, both scratch */
+static void modes_of(const ms_neighbours *graph, const ms_aggregates *a, int32_t cluster,
+                     const int32_t *local, double *l, double (*v)[MS_MODES]) {
+  enum { ITERATIONS = 6 };
+  const int32_t *rows = a->row + a->first[cluster];
+  const int32_t n = a->first[cluster + 1] - a->first[cluster];
+  factor_laplacian(graph, rows, n, local, a->of, l);
+  for (int32_t i = 0; i < n; i++) {
+    v[i][0] = 1;
+    for (int m = 1; m < MS_MODES; m++) v[i][m] = arbitrary((uint32_t)(MS_MODES * i + m));
+  }
+  orthonormalise(n, v);
+  for (int round = 0; round < ITERATIONS; round++) {
+    solve_laplacian(l, n, v);
+    orthonormalise(n, v);
+  }
+}
+
+msim_status ms_modes_compute(const ms_model *model, const ms_neighbours *graph, ms_aggregates *a,
+                             msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  int32_t largest = 0;
+  for (int32_t k = 0; k < a->n; k++) {
+    const int32_t n = a->first[k + 1] - a->first[k];
+    if (n > largest) largest = n;
+  }
+  int32_t *local = ms_new(alloc, (size_t)model->rows.nfree, sizeof *local);
+  double *l = ms_new(alloc, (size_t)largest * (size_t)largest, sizeof *l);
+  double(*v)[MS_MODES] = ms_new(alloc, (size_t)largest, sizeof *v);
+  const int failed = !local || !l || !v;
+  for (int32_t k = 0; k < a->n && !failed; k++) {
+    const int32_t first = a->first[k], n = a->first[k + 1] - first;
+    for (int32_t i = 0; i < n; i++) local[a->row[first + i]] = i;
+    modes_of(graph, a, k, local, l, v);
+    for (int32_t i = 0; i < n; i++)
+      for (int m = 0; m < MS_MODES; m++)
+        a->weight[MS_MODES * a->row[first + i] + m] = (float)v[i][m];
+  }
+  ms_delete(alloc, local);
+  ms_delete(alloc, l);
+  ms_delete(alloc, v);
+  return failed ? ms_fail_memory(err, "the modes of the aggregates") : MSIM_OK;
+}

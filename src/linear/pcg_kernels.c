@@ -1,0 +1,178 @@
+/* Compiled once for each instruction set, with MS_ISA its name. Loops over components are unrolled:
+ * `dims` is a constant where functions are inlined. */
+#include "base/simd.h"
+#include "linear/pcg.h"
+
+/* 8 running sums, one a lane of a group, and their tree: one order on every instruction set. */
+typedef struct lane_sums {
+  double lane[MS_GROUP];
+} lane_sums;
+
+static inline void add(lane_sums *s, size_t lane, ms_lanes v) {
+  ms_store(s->lane + lane, ms_load(s->lane + lane) + v);
+}
+
+static inline double total(const lane_sums *s) {
+  const double *l = s->lane;
+  return ((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7]));
+}
+
+/*------------------------------------- pack -----------------------------------------------------*/
+
+static void pack(ms_pcg *s, int32_t begin, int32_t end) {
+  const ms_coefficients *a = &s->base.system->a;
+  const ms_model *model = s->base.system->model;
+  const double by = 1 / s->jacobi.scale, root = sqrt(by);
+  for (int32_t slot = model->halves.first[begin]; slot < model->halves.first[end]; slot++) {
+    float *to = s->coefficients + 4 * MS_GROUP * (size_t)slot;
+    const size_t at = MS_GROUP * (size_t)slot;
+    for (size_t l = 0; l < MS_GROUP; l++) {
+      to[l] = (float)(by * a->t[at + l]);
+      to[MS_GROUP + l] = (float)(root * a->wx[at + l]);
+      to[2 * MS_GROUP + l] = (float)(root * a->wy[at + l]);
+      to[3 * MS_GROUP + l] = (float)(root * a->wz[at + l]);
+    }
+  }
+  for (int32_t r = MS_GROUP * begin; r < MS_GROUP * end; r++)
+    s->inertia[r] = by * (model->mass[r] + a->drag);
+  const size_t sd = (size_t)model->rows.first_pinned;
+  for (size_t q = 0; q < 6; q++)
+    for (size_t at = q * sd + MS_GROUP * (size_t)begin; at < q * sd + MS_GROUP * (size_t)end; at++)
+      s->inverse[at] = (float)s->jacobi.inverse[at];
+}
+
+/*------------------------------------- apply ----------------------------------------------------*/
+
+/* The part of a vector at the other ends of 8 halves: consecutive rows, or gathered. */
+static inline ms_lanes neighbours(const ms_halves *halves, int32_t slot, size_t lane,
+                                  const double *x) {
+  const int32_t start = halves->start[slot];
+  if (start >= 0) return ms_load(x + (size_t)start + lane);
+  const int32_t *j = halves->neighbour + MS_GROUP * (size_t)slot + lane;
+  ms_lanes v;
+  for (int l = 0; l < MS_LANES; l++) v[l] = x[j[l]];
+  return v;
+}
+
+static inline void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
+  const ms_model *model = s->base.system->model;
+  const ms_halves *halves = &model->halves;
+  const size_t stride = (size_t)model->rows.stride;
+  lane_sums pq = {{0}};
+  for (int32_t g = begin; g < end; g++) {
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      const size_t row = MS_GROUP * (size_t)g + lane;
+      const ms_lanes inertia = ms_load(s->inertia + row);
+      ms_lanes p[3], q[3];
+      for (size_t c = 0; c < dims; c++) {
+        p[c] = ms_load(s->p + c * stride + row);
+        q[c] = inertia * p[c];
+      }
+      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
+        const float *a = s->coefficients + 4 * MS_GROUP * (size_t)slot + lane;
+        const ms_lanes t = ms_load_floats(a);
+        ms_lanes w[3], d[3], along = {0};
+        for (size_t c = 0; c < dims; c++) {
+          w[c] = ms_load_floats(a + MS_GROUP * (c + 1));
+          d[c] = p[c] - neighbours(halves, slot, lane, s->p + c * stride);
+          along += w[c] * d[c];
+        }
+        for (size_t c = 0; c < dims; c++) q[c] += t * d[c] + along * w[c];
+      }
+      ms_lanes dot = {0};
+      for (size_t c = 0; c < dims; c++) {
+        ms_store(s->q + c * stride + row, q[c]);
+        dot += p[c] * q[c];
+      }
+      add(&pq, lane, dot);
+    }
+  }
+  *sum = total(&pq);
+}
+
+static void apply(const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
+  if (s->base.system->model->rows.dims == 3) apply_of(3, s, begin, end, sum);
+  else apply_of(2, s, begin, end, sum);
+}
+
+/*------------------------------------- reduce ---------------------------------------------------*/
+
+static const size_t entry[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
+
+static inline void reduce_of(size_t dims, const ms_pcg *s, double alpha, int32_t begin, int32_t end,
+                             double sums[2]) {
+  const size_t stride = (size_t)s->base.system->model->rows.stride;
+  const size_t sd = (size_t)s->base.system->model->rows.first_pinned;
+  lane_sums rr = {{0}}, rz = {{0}};
+  for (size_t row = MS_GROUP * (size_t)begin; row < MS_GROUP * (size_t)end; row += MS_LANES) {
+    ms_lanes r[3], squares = {0}, dot = {0};
+    for (size_t c = 0; c < dims; c++) {
+      r[c] = ms_load(s->r + c * stride + row) - alpha * ms_load(s->q + c * stride + row);
+      ms_store(s->r + c * stride + row, r[c]);
+      squares += r[c] * r[c];
+    }
+    for (size_t c = 0; c < dims; c++) {
+      ms_lanes z = {0};
+      for (size_t d = 0; d < dims; d++)
+        z += ms_load_floats(s->inverse + entry[c][d] * sd + row) * r[d];
+      ms_store(s->z + c * stride + row, z);
+      dot += r[c] * z;
+    }
+    add(&rr, row % MS_GROUP, squares);
+    add(&rz, row % MS_GROUP, dot);
+  }
+  sums[0] = total(&rr), sums[1] = total(&rz);
+}
+
+static void reduce(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double sums[2]) {
+  if (s->base.system->model->rows.dims == 3) reduce_of(3, s, alpha, begin, end, sums);
+  else reduce_of(2, s, alpha, begin, end, sums);
+}
+
+/*------------------------------------- advance --------------------------------------------------*/
+
+/* P c in the 8 rows of a group */
+static inline void prolong(size_t dims, const ms_coarse *coarse, size_t row,
+                           double out[3][MS_GROUP]) {
+  const ms_aggregates *g = &coarse->aggregates;
+  for (size_t l = 0; l < MS_GROUP; l++) {
+    const int32_t of = g->of[row + l];
+    const ms_quad w = ms_load_float_quad(g->weight + MS_MODES * (row + l));
+    const double *z = coarse->z + MS_MODES * dims * (size_t)(of < 0 ? 0 : of);
+    for (size_t c = 0; c < dims; c++) {
+      const ms_quad v = w * ms_load_quad(z + MS_MODES * c);
+      out[c][l] = (v[0] + v[2]) + (v[1] + v[3]);
+    }
+  }
+}
+
+static inline void advance_of(size_t dims, int two_level, const ms_pcg *s, double alpha,
+                              double beta, int32_t begin, int32_t end) {
+  const size_t stride = (size_t)s->base.system->model->rows.stride;
+  double coarse[3][MS_GROUP] = {{0}};
+  for (size_t g = MS_GROUP * (size_t)begin; g < MS_GROUP * (size_t)end; g += MS_GROUP) {
+    if (two_level) prolong(dims, &s->coarse, g, coarse);
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      for (size_t c = 0; c < dims; c++) {
+        const size_t at = c * stride + g + lane;
+        const ms_lanes p = ms_load(s->p + at);
+        ms_store(s->y + at, ms_load(s->y + at) + alpha * p);
+        const ms_lanes z = ms_load(s->z + at) + ms_load(coarse[c] + lane);
+        ms_store(s->p + at, z + beta * p);
+      }
+    }
+  }
+}
+
+static void advance(const ms_pcg *s, double alpha, double beta, int32_t begin, int32_t end) {
+  const int dims = s->base.system->model->rows.dims;
+  if (s->coarse_is_ready) {
+    if (dims == 3) advance_of(3, 1, s, alpha, beta, begin, end);
+    else advance_of(2, 1, s, alpha, beta, begin, end);
+  } else {
+    if (dims == 3) advance_of(3, 0, s, alpha, beta, begin, end);
+    else advance_of(2, 0, s, alpha, beta, begin, end);
+  }
+}
+
+const ms_pcg_kernels MS_TABLE(ms_pcg_kernels) = {pack, apply, reduce, advance};

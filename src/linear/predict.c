@@ -1,0 +1,34 @@
+#include "linear/predict.h"
+
+#include <math.h>
+
+/* The worst ratio of stiffness to mass in one spring, times the mean number of springs. */
+static double condition(const ms_model *model, double h) {
+  const ms_springs *s = &model->springs;
+  double worst = 0;
+  for (int32_t e = 0; e < s->n; e++) {
+    const double stiffness = h * h * s->k[e] + h * s->damping[e];
+    double mass = INFINITY;
+    if (s->i[e] < model->rows.nfree) mass = fmin(mass, model->mass[s->i[e]]);
+    if (s->j[e] < model->rows.nfree) mass = fmin(mass, model->mass[s->j[e]]);
+    worst = fmax(worst, stiffness / mass);
+  }
+  return 1 + 4.0 * s->n / fmax(1, model->rows.nfree) * worst;
+}
+
+/* The denser coarse matrix of small aggregates has to pay for itself: its factor grows faster than
+ * the number of rows. */
+static int32_t aggregate_size(int32_t rows) {
+  return rows < 30000 ? 64 : rows < 1000000 ? 128 : 256;
+}
+
+ms_prediction ms_predict(const ms_model *model, double h, double rtol) {
+  /* of an iteration with a coarse part, and of making it, in iterations without one */
+  const double PRICE = 2, SETUP = 15;
+  const double kappa = condition(model, h), digits = log(2 / rtol);
+  ms_prediction p = {.kappa = kappa,
+                     .one_level = 0.08 * sqrt(kappa) * digits,
+                     .two_level = 0.8 * pow(kappa, 0.125) * digits};
+  if (p.one_level > PRICE * p.two_level + SETUP) p.aggregate = aggregate_size(model->rows.nfree);
+  return p;
+}
