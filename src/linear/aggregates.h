@@ -3,7 +3,7 @@
  * Clusters grow over the graph of the springs, without any geometry. The modes of one are the
  * lowest eigenvectors of its own graph Laplacian, with stiffnesses as weights: the translation,
  * and what is affine where the cluster is a piece of a regular mesh (as in spectral algebraic
- * multigrid; Chartier et al. 2003). They depend on the springs alone: one set serves every state. */
+ * multigrid; Chartier et al. 2003). They depend on the springs alone: one set serves all states. */
 #ifndef MS_AGGREGATES_H
 #define MS_AGGREGATES_H
 
