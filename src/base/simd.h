@@ -70,6 +70,17 @@ static inline ms_quad ms_load_float_quad(const float *from) {
 #endif
 }
 
+typedef int64_t ms_quad_mask __attribute__((vector_size(32)));
+
+/* The sums (0 + 1) + (2 + 3) over the lanes of each of four. */
+static inline ms_quad ms_quad_sums(ms_quad a, ms_quad b, ms_quad c, ms_quad d) {
+  const ms_quad_mask even = {0, 4, 2, 6}, odd = {1, 5, 3, 7};
+  const ms_quad_mask low = {0, 1, 4, 5}, high = {2, 3, 6, 7};
+  const ms_quad ab = __builtin_shuffle(a, b, even) + __builtin_shuffle(a, b, odd);
+  const ms_quad cd = __builtin_shuffle(c, d, even) + __builtin_shuffle(c, d, odd);
+  return __builtin_shuffle(ab, cd, low) + __builtin_shuffle(ab, cd, high);
+}
+
 /* a where the mask says so, else b */
 static inline ms_lanes ms_select(ms_mask mask, ms_lanes a, ms_lanes b) {
   return (ms_lanes)((mask & (ms_mask)a) | (~mask & (ms_mask)b));

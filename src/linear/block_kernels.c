@@ -97,8 +97,6 @@ static inline void add_transposed(size_t n, const float *l, const double *y, ms_
       sums[c] += ms_load_float_quad(l + c * n + 4 * q) * ms_load_quad(y + 4 * q);
 }
 
-static inline double total(ms_quad v) { return (v[0] + v[2]) + (v[1] + v[3]); }
-
 /* x_k = L_kk^-T (x_k - sum of L^T x_row) */
 static inline void backward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
   const size_t area = n * n;
@@ -108,9 +106,13 @@ static inline void backward(size_t n, const ms_block_cholesky *chol, int32_t k, 
   for (int32_t b = chol->first[k] + 1; b < chol->first[k + 1]; b++)
     add_transposed(n, chol->factor + area * (size_t)b, x + n * (size_t)chol->row[b], sums);
   double y[MS_LARGEST_BLOCK];
-  for (size_t c = 0; c < n; c++) y[c] = xk[c] - total(sums[c]), sums[c] = (ms_quad){0};
+  for (size_t c = 0; c < n; c += 4)
+    ms_store_quad(
+        y + c, ms_load_quad(xk + c) - ms_quad_sums(sums[c], sums[c + 1], sums[c + 2], sums[c + 3]));
+  for (size_t c = 0; c < n; c++) sums[c] = (ms_quad){0};
   add_transposed(n, chol->factor + area * (size_t)chol->first[k], y, sums);
-  for (size_t c = 0; c < n; c++) xk[c] = total(sums[c]);
+  for (size_t c = 0; c < n; c += 4)
+    ms_store_quad(xk + c, ms_quad_sums(sums[c], sums[c + 1], sums[c + 2], sums[c + 3]));
 }
 
 static inline void solve_of(size_t n, const ms_block_cholesky *chol, double *x) {

@@ -41,8 +41,9 @@ static int invert(const double b[6], double out[6]) {
   const double cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
   const double det = xx * cxx + xy * cxy + xz * cxz;
   if (!(xx > 0 && xx * yy - xy * xy > 0 && det > 0)) return 0;
-  out[0] = cxx / det, out[1] = (xx * zz - xz * xz) / det, out[2] = (xx * yy - xy * xy) / det;
-  out[3] = cxy / det, out[4] = cxz / det, out[5] = (xy * xz - xx * yz) / det;
+  const double by = 1 / det;
+  out[0] = by * cxx, out[1] = by * (xx * zz - xz * xz), out[2] = by * (xx * yy - xy * xy);
+  out[3] = by * cxy, out[4] = by * cxz, out[5] = by * (xy * xz - xx * yz);
   return 1;
 }
 
@@ -50,9 +51,10 @@ msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, in
                              ms_jacobi *jacobi) {
   const size_t s = (size_t)model->rows.first_pinned;
   jacobi->scale = choose_scale(model, a);
+  const double by = 1 / jacobi->scale;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
     double block[6], inverse[6];
-    for (size_t q = 0; q < 6; q++) block[q] = a->diagonal[q * s + (size_t)r] / jacobi->scale;
+    for (size_t q = 0; q < 6; q++) block[q] = by * a->diagonal[q * s + (size_t)r];
     if (!invert(block, inverse)) {
       if (kind != MSIM_FACTOR_SYMMETRIC) return MSIM_NOT_SPD;
       identity_as_large(block, inverse);

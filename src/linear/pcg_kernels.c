@@ -135,14 +135,16 @@ static void reduce(const ms_pcg *s, double alpha, int32_t begin, int32_t end, do
 static inline void prolong(size_t dims, const ms_coarse *coarse, size_t row,
                            double out[3][MS_GROUP]) {
   const ms_aggregates *g = &coarse->aggregates;
-  for (size_t l = 0; l < MS_GROUP; l++) {
-    const int32_t of = g->of[row + l];
-    const ms_quad w = ms_load_float_quad(g->weight + MS_MODES * (row + l));
-    const double *z = coarse->z + MS_MODES * dims * (size_t)(of < 0 ? 0 : of);
-    for (size_t c = 0; c < dims; c++) {
-      const ms_quad v = w * ms_load_quad(z + MS_MODES * c);
-      out[c][l] = (v[0] + v[2]) + (v[1] + v[3]);
+  for (size_t l = 0; l < MS_GROUP; l += 4) {
+    ms_quad v[3][4];
+    for (size_t k = 0; k < 4; k++) {
+      const int32_t of = g->of[row + l + k];
+      const ms_quad w = ms_load_float_quad(g->weight + MS_MODES * (row + l + k));
+      const double *z = coarse->z + MS_MODES * dims * (size_t)(of < 0 ? 0 : of);
+      for (size_t c = 0; c < dims; c++) v[c][k] = w * ms_load_quad(z + MS_MODES * c);
     }
+    for (size_t c = 0; c < dims; c++)
+      ms_store_quad(out[c] + l, ms_quad_sums(v[c][0], v[c][1], v[c][2], v[c][3]));
   }
 }
 
