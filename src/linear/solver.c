@@ -231,10 +231,9 @@ static int32_t most_compressed(const ms_solver *s) {
   int32_t worst = 0;
   double largest = -1;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
-    const int32_t *first = model->halves.first + r / MS_GROUP;
+    const ms_span span = ms_halves_of(&model->halves, r);
     double push = 0;
-    for (int32_t slot = first[0]; slot < first[1]; slot++)
-      push += fmax(0, -a->t[MS_GROUP * slot + r % MS_GROUP]);
+    for (int32_t at = span.begin; at < span.end; at += span.step) push += fmax(0, -a->t[at]);
     push *= model->inv_mass[r];
     if (push > largest) largest = push, worst = r;
   }

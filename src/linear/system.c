@@ -106,9 +106,10 @@ static void find_slots(const ms_model *model, const int32_t *position, ms_matrix
     m->diagonal_slot[r] = find_slot(m, position[r], position[r]);
     m->row_step[r] = 3 * (m->graphptr[position[r] + 1] - m->graphptr[position[r]]);
   }
-  for (int32_t g = 0; g < halves->ngroups; g++) {
-    for (int32_t at = MS_GROUP * halves->first[g]; at < MS_GROUP * halves->first[g + 1]; at++) {
-      const int32_t r = MS_GROUP * g + at % MS_GROUP, j = halves->neighbour[at];
+  for (int32_t r = 0; r < m->n; r++) {
+    const ms_span span = ms_halves_of(halves, r);
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int32_t j = halves->neighbour[at];
       const int there = halves->spring[at] >= 0 && j < model->rows.nfree &&
                         (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
       m->slot[at] = there ? find_slot(m, position[r], position[j]) : -1;
@@ -203,11 +204,10 @@ static inline void write_block(double *at, int32_t step, double t, const double 
  * share one follow each other, as a row meets its neighbours in ascending order. */
 void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m) {
   for (int32_t r = 0; r < m->n; r++) {
-    const int32_t *first = model->halves.first + r / MS_GROUP;
+    const ms_span span = ms_halves_of(&model->halves, r);
     int32_t last = -1;
     write_diagonal(model, a, r, m);
-    for (int32_t at = MS_GROUP * first[0] + r % MS_GROUP; at < MS_GROUP * first[1];
-         at += MS_GROUP) {
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
       if (m->slot[at] < 0) continue;
       const double w[3] = {a->wx[at], a->wy[at], a->wz[at]};
       double *block = m->val + m->slot[at];

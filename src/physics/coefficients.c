@@ -43,9 +43,8 @@ static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const
     for (size_t b = 0; b < 3; b++)
       y[c * stride + row] += fabs(a->diagonal[entry[c][b] * sd + row] * x[b * stride + row]);
   }
-  const int32_t group = (int32_t)(row / MS_GROUP);
-  for (int32_t slot = model->halves.first[group]; slot < model->halves.first[group + 1]; slot++) {
-    const size_t at = MS_GROUP * (size_t)slot + row % MS_GROUP;
+  const ms_span span = ms_halves_of(&model->halves, (int32_t)row);
+  for (int32_t at = span.begin; at < span.end; at += span.step) {
     const double w[3] = {fabs(a->wx[at]), fabs(a->wy[at]), fabs(a->wz[at])};
     const double *xj = x + model->halves.neighbour[at];
     double dot = 0;

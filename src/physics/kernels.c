@@ -29,6 +29,30 @@ static inline vec3 load_neighbours(const ms_halves *halves, int32_t slot, size_t
   return v;
 }
 
+/* Where a segment's sums go, and whose they are: a group's own rows, or one long row. */
+typedef struct place {
+  size_t row;    /* of the segment's first lane */
+  int is_part;   /* all lanes are of that row */
+  double *sums;  /* where lane 0's first sum goes */
+  size_t stride; /* to the next of its sums */
+} place;
+
+static inline place place_of(const ms_halves *halves, int32_t segment, double *vec, size_t stride) {
+  const int32_t part = segment - halves->ngroups;
+  const size_t row = MS_GROUP * (size_t)segment;
+  if (part < 0) return (place){row, 0, vec + row, stride};
+  return (place){(size_t)halves->part_row[part], 1, halves->part_sums + MS_GROUP * (size_t)part,
+                 MS_GROUP * (size_t)halves->nparts};
+}
+
+/* x of the segment's own rows */
+static inline vec3 load_own(place p, size_t lane, const double *x, size_t stride) {
+  const double *own = x + p.row;
+  if (!p.is_part) return load3(own + lane, stride);
+  const ms_lanes zero = {0};
+  return (vec3){zero + own[0], zero + own[stride], zero + own[2 * stride]};
+}
+
 /*------------------------------------- forces ---------------------------------------------------*/
 
 static inline vec3 minus(vec3 a, vec3 b) { return (vec3){a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -55,20 +79,23 @@ static inline void add_springs(const ms_model *m, const double *x, const double 
                                int damped) {
   const size_t stride = (size_t)m->rows.stride;
   const ms_halves *halves = &m->halves;
-  for (int32_t g = 0; g < halves->ngroups; g++) {
+  for (int32_t s = 0; s < halves->ngroups + halves->nparts; s++) {
+    const place p = place_of(halves, s, f, stride);
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-      const size_t row = MS_GROUP * (size_t)g + lane;
-      const vec3 xi = load3(x + row, stride), vi = damped ? load3(v + row, stride) : xi;
-      vec3 sum = load3(f + row, stride);
-      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
+      const vec3 xi = load_own(p, lane, x, stride);
+      const vec3 vi = damped ? load_own(p, lane, v, stride) : xi;
+      vec3 sum = {{0}, {0}, {0}};
+      if (!p.is_part) sum = load3(p.sums + lane, p.stride);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
         const vec3 d = minus(load_neighbours(halves, slot, lane, x, stride), xi);
         const vec3 dv = damped ? minus(load_neighbours(halves, slot, lane, v, stride), vi) : d;
         const ms_lanes scale = pull(d, dv, halves, MS_GROUP * (size_t)slot + lane, damped);
         sum.x += scale * d.x, sum.y += scale * d.y, sum.z += scale * d.z;
       }
-      store3(f + row, stride, sum);
+      store3(p.sums + lane, p.stride, sum);
     }
   }
+  ms_halves_add_parts(halves, 3, stride, f);
 }
 
 static void springs(const ms_model *m, const double *x, const double *v, double *f) {
@@ -93,42 +120,44 @@ static inline void half_coefficients(vec3 d, const ms_halves *halves, double h,
   ms_store(a->wx + at, w * d.x), ms_store(a->wy + at, w * d.y), ms_store(a->wz + at, w * d.z);
 }
 
-/* m + h b on the diagonal, and every half spring's block on its row */
-static void diagonal_blocks(const ms_model *m, int32_t group, ms_coefficients *a) {
-  const size_t stride = (size_t)m->rows.first_pinned, row = MS_GROUP * (size_t)group;
-  const size_t begin = MS_GROUP * (size_t)m->halves.first[group];
-  const size_t end = MS_GROUP * (size_t)m->halves.first[group + 1];
+/* Every half spring's block is added to its row's. */
+static void diagonal_blocks(const ms_model *m, int32_t segment, place p, ms_coefficients *a) {
+  const size_t begin = MS_GROUP * (size_t)m->halves.first[segment];
+  const size_t end = MS_GROUP * (size_t)m->halves.first[segment + 1];
   for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-    ms_lanes xx = ms_load(m->mass + row + lane) + a->drag, yy = xx, zz = xx;
-    ms_lanes xy = {0}, xz = {0}, yz = {0};
+    const ms_lanes zero = {0};
+    ms_lanes xx = zero, xy = zero, xz = zero, yz = zero;
+    if (!p.is_part) xx = ms_load(m->mass + p.row + lane) + a->drag; /* m + h b */
+    ms_lanes yy = xx, zz = xx;
     for (size_t at = begin + lane; at < end; at += MS_GROUP) {
       const ms_lanes t = ms_load(a->t + at), wx = ms_load(a->wx + at);
       const ms_lanes wy = ms_load(a->wy + at), wz = ms_load(a->wz + at);
       xx += t + wx * wx, yy += t + wy * wy, zz += t + wz * wz;
       xy += wx * wy, xz += wx * wz, yz += wy * wz;
     }
-    double *d = a->diagonal + row + lane;
-    ms_store(d, xx), ms_store(d + stride, yy), ms_store(d + 2 * stride, zz);
-    ms_store(d + 3 * stride, xy), ms_store(d + 4 * stride, xz), ms_store(d + 5 * stride, yz);
+    const ms_lanes sums[6] = {xx, yy, zz, xy, xz, yz};
+    for (size_t c = 0; c < 6; c++) ms_store(p.sums + lane + c * p.stride, sums[c]);
   }
 }
 
 static void coefficients(const ms_model *model, const double *x, double h, int clamp,
                          ms_coefficients *a) {
-  const size_t stride = (size_t)model->rows.stride;
+  const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
   const ms_halves *halves = &model->halves;
   const double largest_ratio = clamp ? 1 : INFINITY;
-  for (int32_t g = 0; g < halves->ngroups; g++) {
+  for (int32_t s = 0; s < halves->ngroups + halves->nparts; s++) {
+    const place p = place_of(halves, s, a->diagonal, sd);
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-      const vec3 xi = load3(x + MS_GROUP * (size_t)g + lane, stride);
-      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
+      const vec3 xi = load_own(p, lane, x, stride);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
         const size_t at = MS_GROUP * (size_t)slot + lane;
         const vec3 d = minus(load_neighbours(halves, slot, lane, x, stride), xi);
         half_coefficients(d, halves, h, largest_ratio, a, at);
       }
     }
-    diagonal_blocks(model, g, a);
+    diagonal_blocks(model, s, p, a);
   }
+  ms_halves_add_parts(halves, 6, sd, a->diagonal);
 }
 
 /*------------------------------------- products -------------------------------------------------*/
@@ -145,11 +174,13 @@ static inline vec3 apply_diagonal(const double *d, size_t s, const double *x, si
 static void apply(const ms_model *model, const ms_coefficients *a, const double *x, double *y) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
   const ms_halves *halves = &model->halves;
-  for (int32_t g = 0; g < halves->ngroups; g++) {
+  for (int32_t s = 0; s < halves->ngroups + halves->nparts; s++) {
+    const place p = place_of(halves, s, y, stride);
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-      const size_t row = MS_GROUP * (size_t)g + lane;
-      vec3 sum = apply_diagonal(a->diagonal + row, sd, x + row, stride);
-      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
+      const size_t row = p.row + lane;
+      vec3 sum = {{0}, {0}, {0}};
+      if (!p.is_part) sum = apply_diagonal(a->diagonal + row, sd, x + row, stride);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
         const size_t at = MS_GROUP * (size_t)slot + lane;
         const vec3 v = load_neighbours(halves, slot, lane, x, stride);
         const ms_lanes wx = ms_load(a->wx + at), wy = ms_load(a->wy + at);
@@ -159,9 +190,10 @@ static void apply(const ms_model *model, const ms_coefficients *a, const double 
         sum.y -= t * v.y + w * wy;
         sum.z -= t * v.z + w * wz;
       }
-      store3(y + row, stride, sum);
+      store3(p.sums + lane, p.stride, sum);
     }
   }
+  ms_halves_add_parts(halves, 3, stride, y);
   for (size_t c = 0; c < 3; c++) memset(y + c * stride + sd, 0, (stride - sd) * sizeof *y);
 }
 

@@ -1,0 +1,54 @@
+#include "layout/adjacency.h"
+
+#include <string.h>
+
+/* The halves of each row in the order of the springs. next: where each row goes on, stride. */
+static void by_spring(const ms_springs *springs, int32_t *next, ms_half *halves) {
+  for (int32_t e = 0; e < springs->n; e++) {
+    const int32_t i = springs->i[e], j = springs->j[e];
+    halves[next[i]++] = (ms_half){j, e};
+    halves[next[j]++] = (ms_half){i, e};
+  }
+}
+
+/* Each row in turn, from low to high, tells its neighbours of itself: they hear of them in that
+ * order. */
+static void by_neighbour(const int32_t *first, int32_t nrows, const ms_half *from, int32_t *next,
+                         ms_half *halves) {
+  for (int32_t r = 0; r < nrows; r++)
+    for (int32_t e = first[r]; e < first[r + 1]; e++)
+      halves[next[from[e].neighbour]++] = (ms_half){r, from[e].spring};
+}
+
+msim_status ms_adjacency_create(const ms_scene *scene, const ms_rows *rows,
+                                const ms_springs *springs, ms_adjacency *a, msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  const size_t nrows = (size_t)rows->stride, nhalves = 2 * (size_t)springs->n;
+  *a = (ms_adjacency){0};
+  if (nhalves > INT32_MAX)
+    return ms_fail(err, MSIM_ERR_ARG, "%d springs are more than the limit of %d", springs->n,
+                   INT32_MAX / 2);
+  int32_t *next = ms_new(alloc, nrows, sizeof *next);
+  ms_half *unsorted = ms_new(alloc, nhalves, sizeof *unsorted);
+  a->first = ms_new(alloc, nrows + 1, sizeof *a->first);
+  a->halves = ms_new(alloc, nhalves, sizeof *a->halves);
+  const int fits = next && unsorted && a->first && a->halves;
+  if (fits) {
+    for (int32_t e = 0; e < springs->n; e++)
+      a->first[springs->i[e] + 1]++, a->first[springs->j[e] + 1]++;
+    for (size_t r = 0; r < nrows; r++) a->first[r + 1] += a->first[r];
+    memcpy(next, a->first, nrows * sizeof *next);
+    by_spring(springs, next, unsorted);
+    memcpy(next, a->first, nrows * sizeof *next);
+    by_neighbour(a->first, rows->stride, unsorted, next, a->halves);
+  }
+  ms_delete(alloc, next);
+  ms_delete(alloc, unsorted);
+  return fits ? MSIM_OK : ms_fail_memory(err, "the springs of each row");
+}
+
+void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a) {
+  ms_delete(&scene->alloc, a->first);
+  ms_delete(&scene->alloc, a->halves);
+  *a = (ms_adjacency){0};
+}

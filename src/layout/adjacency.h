@@ -1,0 +1,25 @@
+/* adjacency - the springs at each row, by neighbour */
+#ifndef MS_ADJACENCY_H
+#define MS_ADJACENCY_H
+
+#include "layout/rows.h"
+
+/* One half of a spring, seen from the row at hand. */
+typedef struct ms_half {
+  int32_t neighbour, spring;
+} ms_half;
+
+typedef struct ms_adjacency {
+  int32_t *first;  /* stride + 1 */
+  ms_half *halves; /* of each row, pinned ones too: neighbours ascending, then springs */
+} ms_adjacency;
+
+msim_status ms_adjacency_create(const ms_scene *scene, const ms_rows *rows,
+                                const ms_springs *springs, ms_adjacency *a, msim_error *err);
+void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a);
+
+static inline int32_t ms_degree(const ms_adjacency *a, int32_t row) {
+  return a->first[row + 1] - a->first[row];
+}
+
+#endif
