@@ -1,8 +1,8 @@
-/* Half springs by row: each is there once, and runs of consecutive neighbours are found where the
- * mesh has them. */
+/* Rows and half springs: each is there once, neighbours lie near each other, runs of consecutive ones
+ * are found where the mesh has them, few lanes are empty. */
 #include <stdlib.h>
 
-#include "layout/halves.h"
+#include "layout/layout.h"
 #include "scenes.h"
 
 typedef struct layout {
@@ -13,16 +13,12 @@ typedef struct layout {
 
 static layout make(const msim_scene *scene) {
   layout l;
-  assert_ok(ms_rows_create(scene->data, &l.rows, err));
-  assert_ok(ms_springs_create(scene->data, &l.rows, &l.springs, err));
-  assert_ok(ms_halves_create(scene->data, &l.rows, &l.springs, &l.halves, err));
+  assert_ok(ms_layout_create(scene->data, &l.rows, &l.springs, &l.halves, err));
   return l;
 }
 
 static void destroy(const msim_scene *scene, layout *l) {
-  ms_halves_destroy(scene->data, &l->halves);
-  ms_springs_destroy(scene->data, &l->springs);
-  ms_rows_destroy(scene->data, &l->rows);
+  ms_layout_destroy(scene->data, &l->rows, &l->springs, &l->halves);
 }
 
 /* The halves of one row: with the right neighbours, in ascending order. Returns how many. */
@@ -65,8 +61,22 @@ static int32_t check_slots(const layout *l) {
   return count;
 }
 
+/* Each particle has a row of its own, unknowns first. */
+static void check_rows(const ms_scene *scene, const ms_rows *rows) {
+  int32_t padding = 0;
+  for (int32_t r = 0; r < rows->stride; r++) padding += rows->particle[r] < 0;
+  assert_int_equal(padding, rows->stride - rows->n);
+  for (int32_t p = 0; p < rows->n; p++) {
+    const int32_t low = scene->pinned[p] ? rows->first_pinned : 0;
+    const int32_t high = scene->pinned[p] ? low + rows->n - rows->nfree : rows->nfree;
+    assert_in_range(rows->row[p], low, high - 1);
+    assert_int_equal(rows->particle[rows->row[p]], p);
+  }
+}
+
 /* Every half spring is there once, at the right row. */
-static void check(const layout *l) {
+static void check(const msim_scene *scene, const layout *l) {
+  check_rows(scene->data, &l->rows);
   int *seen = calloc(2 * (size_t)l->springs.n + 1, sizeof *seen);
   int32_t count = 0;
   assert_int_equal(l->halves.ngroups * MS_GROUP, l->rows.first_pinned);
@@ -101,22 +111,105 @@ static void every_half_is_there_once(void **state) {
     assert_ok(msim_scene_add_springs(scene, springs, ij, k, NULL, NULL, err));
     assert_ok(msim_scene_pin(scene, npins, pins, err));
     layout l = make(scene);
-    check(&l);
+    check(scene, &l);
     destroy(scene, &l);
     msim_scene_destroy(scene);
   }
+}
+
+static double share_of_runs(const layout *l) {
+  int32_t runs = 0;
+  for (int32_t s = 0; s < l->halves.nslots; s++) runs += l->halves.start[s] >= 0;
+  return (double)runs / l->halves.nslots;
+}
+
+static double lanes_per_half(const layout *l) {
+  return (double)MS_GROUP * l->halves.nslots / (2.0 * l->springs.n);
 }
 
 static void grids_are_read_in_runs(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(50, 100, 0);
   layout l = make(scene);
-  check(&l);
-  int32_t runs = 0;
-  for (int32_t s = 0; s < l.halves.nslots; s++) runs += l.halves.start[s] >= 0;
-  assert_true(runs > 0.98 * l.halves.nslots);
-  /* and few lanes stay empty */
-  assert_true(2.0 * l.springs.n > 0.9 * MS_GROUP * l.halves.nslots);
+  check(scene, &l);
+  assert_true(share_of_runs(&l) > 0.98);
+  assert_true(lanes_per_half(&l) < 1.1);
+  /* and rows are as the scene numbers its particles */
+  assert_true(l.rows.narrowed == 0 && !l.rows.sorted);
+  for (int32_t r = 1; r < l.rows.nfree; r++)
+    assert_true(l.rows.particle[r] > l.rows.particle[r - 1]);
+  destroy(scene, &l);
+  msim_scene_destroy(scene);
+}
+
+/* The particles of a mesh in random order, its springs too. A hub: with a spring to everybody. */
+static msim_scene *shuffled(const msim_scene *mesh, int hub) {
+  const ms_scene *from = mesh->data;
+  const int32_t n = from->nparticles, all = n + hub, springs = from->nsprings + (hub ? n : 0);
+  double *x = calloc(3 * (size_t)all, sizeof *x), *ones = malloc((size_t)springs * sizeof *ones);
+  int32_t *number = malloc((size_t)all * sizeof *number);
+  int32_t *ij = malloc(2 * (size_t)springs * sizeof *ij);
+  for (int32_t i = 0; i < all; i++) {
+    const int32_t j = rand() % (i + 1);
+    number[i] = number[j];
+    number[j] = i;
+  }
+  for (int32_t e = 0; e < springs; e++) {
+    const int32_t f = rand() % (e + 1), mine = e < from->nsprings;
+    ones[e] = 1;
+    ij[2 * e] = ij[2 * f], ij[2 * e + 1] = ij[2 * f + 1];
+    ij[2 * f] = number[mine ? from->ij[2 * e] : n];
+    ij[2 * f + 1] = number[mine ? from->ij[2 * e + 1] : e - from->nsprings];
+  }
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, all, x, NULL, ones, err));
+  assert_ok(msim_scene_add_springs(scene, springs, ij, ones, NULL, NULL, err));
+  free(x), free(ones), free(number), free(ij);
+  return scene;
+}
+
+static void shuffled_grids_get_their_runs_back(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(60, 100, 0);
+  for (int round = 0; round < 10; round++) {
+    const int hub = round % 2;
+    msim_scene *scene = shuffled(cloth, hub);
+    layout l = make(scene), again = make(scene);
+    check(scene, &l);
+    assert_true(share_of_runs(&l) > (hub ? 0.6 : 0.85)); /* by the hub a gather a row */
+    assert_true(lanes_per_half(&l) < 1.15);
+    assert_true(l.rows.narrowed > 10);
+    assert_memory_equal(l.rows.row, again.rows.row, (size_t)l.rows.n * sizeof *l.rows.row);
+    destroy(scene, &l), destroy(scene, &again);
+    msim_scene_destroy(scene);
+  }
+  msim_scene_destroy(cloth);
+}
+
+/* Random points in a square, joined where they are near: shuffled, as they are random. */
+static void irregular_meshes_have_near_neighbours_and_full_lanes(void **state) {
+  (void)state;
+  enum { N = 2000 };
+  double x[3 * N], ones[20 * N], span = 0;
+  int32_t ij[2 * 20 * N], springs = 0;
+  for (int32_t i = 0; i < 3 * N; i++) x[i] = i % 3 == 2 ? 0 : rand() / (double)RAND_MAX;
+  for (int32_t i = 0; i < N; i++)
+    for (int32_t j = 0; j < i && springs < 20 * N; j++) {
+      const double dx = x[3 * i] - x[3 * j], dy = x[3 * i + 1] - x[3 * j + 1];
+      if (dx * dx + dy * dy > 2.5 / N) continue;
+      ones[springs] = 1, ij[2 * springs] = i, ij[2 * springs++ + 1] = j;
+    }
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, N, x, NULL, ones, err));
+  assert_ok(msim_scene_add_springs(scene, springs, ij, ones, NULL, NULL, err));
+  layout l = make(scene);
+  check(scene, &l);
+  for (int32_t e = 0; e < springs; e++) span += abs(l.springs.i[e] - l.springs.j[e]);
+  assert_true(span / springs < N / 25);
+  assert_true(l.rows.narrowed > 8 && l.rows.sorted);
+  assert_true(lanes_per_half(&l) < 1.15);
   destroy(scene, &l);
   msim_scene_destroy(scene);
 }
@@ -149,7 +242,7 @@ static void hubs_are_not_padded(void **state) {
   for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
     msim_scene *scene = star_of_stars(shapes[i][0], shapes[i][1]);
     layout l = make(scene);
-    check(&l);
+    check(scene, &l);
     assert_in_range(MS_GROUP * l.halves.nslots, 0, 5 * l.springs.n + 32);
     destroy(scene, &l);
     msim_scene_destroy(scene);
@@ -157,8 +250,10 @@ static void hubs_are_not_padded(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(every_half_is_there_once),
-                                     cmocka_unit_test(grids_are_read_in_runs),
-                                     cmocka_unit_test(hubs_are_not_padded)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(every_half_is_there_once), cmocka_unit_test(grids_are_read_in_runs),
+      cmocka_unit_test(shuffled_grids_get_their_runs_back),
+      cmocka_unit_test(irregular_meshes_have_near_neighbours_and_full_lanes),
+      cmocka_unit_test(hubs_are_not_padded)};
   return cmocka_run_group_tests_name("layout", tests, NULL, NULL);
 }

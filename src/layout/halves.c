@@ -1,7 +1,5 @@
 #include "layout/halves.h"
 
-#include "layout/adjacency.h"
-
 /*------------------------------------- long rows ------------------------------------------------*/
 
 /* The sums of a part cost about as much as this many slots. */
@@ -229,14 +227,11 @@ void ms_halves_update(const ms_springs *springs, ms_halves *halves) {
 }
 
 msim_status ms_halves_create(const ms_scene *scene, const ms_rows *rows, const ms_springs *springs,
-                             ms_halves *halves, msim_error *err) {
-  ms_adjacency a;
+                             const ms_adjacency *a, ms_halves *halves, msim_error *err) {
   *halves = (ms_halves){.ngroups = rows->first_pinned / MS_GROUP};
-  msim_status status = ms_adjacency_create(scene, rows, springs, &a, err);
-  if (!status) status = make_segments(scene, rows, &a, halves, err);
-  if (!status) status = make_slots(scene, rows, &a, halves, err);
+  msim_status status = make_segments(scene, rows, a, halves, err);
+  if (!status) status = make_slots(scene, rows, a, halves, err);
   if (!status) ms_halves_update(springs, halves);
-  ms_adjacency_destroy(scene, &a);
   return status;
 }
 

@@ -13,7 +13,7 @@
 #ifndef MS_HALVES_H
 #define MS_HALVES_H
 
-#include "layout/rows.h"
+#include "layout/adjacency.h"
 
 /* Slots of a part: long enough that its 8 sums cost nothing beside it. */
 enum { MS_PART = 256 };
@@ -33,7 +33,7 @@ typedef struct ms_halves {
 } ms_halves;
 
 msim_status ms_halves_create(const ms_scene *scene, const ms_rows *rows, const ms_springs *springs,
-                             ms_halves *halves, msim_error *err);
+                             const ms_adjacency *a, ms_halves *halves, msim_error *err);
 
 /* Take k, rest and damping from the springs again. */
 void ms_halves_update(const ms_springs *springs, ms_halves *halves);

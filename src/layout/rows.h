@@ -21,6 +21,8 @@ typedef struct ms_rows {
   int32_t stride;       /* all rows, rounded up */
   int32_t *row;         /* n: the row of each particle */
   int32_t *particle;    /* stride: the particle of each row, -1 for padding */
+  double narrowed;      /* how many times nearer neighbours lie than in the scene; 0: left alone */
+  int sorted;           /* by number of springs, within small windows */
 } ms_rows;
 
 msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err);

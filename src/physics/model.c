@@ -18,9 +18,7 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
                             msim_error *err) {
   *model = (ms_model){.scene = scene, .isa = ms_isa_best()};
   model->kernels = ms_kernels_of[model->isa];
-  msim_status status = ms_rows_create(scene, &model->rows, err);
-  if (!status) status = ms_springs_create(scene, &model->rows, &model->springs, err);
-  if (!status) status = ms_halves_create(scene, &model->rows, &model->springs, &model->halves, err);
+  msim_status status = ms_layout_create(scene, &model->rows, &model->springs, &model->halves, err);
   if (status) return status;
   const ms_rows *rows = &model->rows;
   model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims};
@@ -44,9 +42,7 @@ void ms_model_update(ms_model *model, unsigned skip_off) {
 
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
-  ms_rows_destroy(model->scene, &model->rows);
-  ms_springs_destroy(model->scene, &model->springs);
-  ms_halves_destroy(model->scene, &model->halves);
+  ms_layout_destroy(model->scene, &model->rows, &model->springs, &model->halves);
   ms_delete(&model->scene->alloc, model->mass);
   ms_delete(&model->scene->alloc, model->inv_mass);
   *model = (ms_model){0};

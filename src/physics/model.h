@@ -3,7 +3,7 @@
 #define MS_MODEL_H
 
 #include "base/vector.h"
-#include "layout/halves.h"
+#include "layout/layout.h"
 
 typedef struct ms_model {
   const ms_scene *scene;

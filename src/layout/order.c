@@ -1,0 +1,233 @@
+#include "layout/order.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/*------------------------------------- what is there --------------------------------------------*/
+
+/* How many of a row's halves go on in the next row: here j, there j + 1. */
+static int32_t count_continued(const ms_adjacency *a, int32_t row) {
+  const ms_half *here = a->halves + a->first[row], *end = a->halves + a->first[row + 1];
+  const ms_half *next = end, *next_end = a->halves + a->first[row + 2];
+  int32_t count = 0;
+  while (here < end && next < next_end) {
+    const int32_t ahead = next->neighbour - here->neighbour - 1;
+    count += ahead == 0;
+    here += ahead >= 0;
+    next += ahead <= 0;
+  }
+  return count;
+}
+
+/* Most slots will be runs, or nearly so. */
+static int is_contiguous(const ms_adjacency *a, int32_t nfree) {
+  int64_t continued = 0;
+  for (int32_t r = 0; r + 1 < nfree; r++) continued += count_continued(a, r);
+  return 2 * continued >= a->first[nfree];
+}
+
+/*------------------------------------- breadth first --------------------------------------------*/
+
+enum { NONE = -1, AWAITED = -2 };
+
+/* Of the mesh are unknowns that are no hubs: these would bring everything together. */
+typedef struct node {
+  int32_t degree; /* springs; NONE: not of the mesh */
+  int32_t place;  /* in the new order */
+  int32_t second; /* where the second of its neighbours lies */
+} node;
+
+typedef struct search {
+  const ms_adjacency *a;
+  int32_t nfree;
+  int32_t *order; /* nfree: the row at each place */
+  node *node;     /* stride */
+} search;
+
+static void find_mesh(search *s, int32_t stride, int32_t most) {
+  for (int32_t r = 0; r < stride; r++) {
+    const int32_t degree = ms_degree(s->a, r);
+    s->node[r] = (node){r < s->nfree && degree <= most ? degree : NONE, NONE, NONE};
+  }
+}
+
+/* A row gets its place. Its neighbours remember the second time that this happens to them. */
+static void put(search *s, int32_t row, int32_t at) {
+  s->order[at] = row;
+  s->node[row].place = at;
+  for (int32_t e = s->a->first[row]; e < s->a->first[row + 1]; e++) {
+    int32_t *second = &s->node[s->a->halves[e].neighbour].second;
+    if (*second == NONE) *second = INT32_MAX;
+    else if (*second == INT32_MAX) *second = at;
+  }
+}
+
+/* Fewest springs first; then who was met by an earlier row, which keeps the lines of a grid in
+ * step. */
+static int goes_before(const search *s, int32_t i, int32_t j) {
+  const node *p = &s->node[i], *q = &s->node[j];
+  if (p->degree != q->degree) return p->degree < q->degree;
+  if (p->second != q->second) return p->second < q->second;
+  return i < j;
+}
+
+/* A row's neighbours that have no place yet come next. Returns where they end. */
+static int32_t put_neighbours(search *s, int32_t row, int32_t begin) {
+  int32_t end = begin;
+  for (int32_t e = s->a->first[row]; e < s->a->first[row + 1]; e++) {
+    const int32_t j = s->a->halves[e].neighbour;
+    if (s->node[j].degree == NONE || s->node[j].place != NONE) continue;
+    s->node[j].place = AWAITED;
+    s->order[end++] = j;
+  }
+  for (int32_t at = begin; at < end; at++) {
+    int32_t best = at;
+    for (int32_t k = at + 1; k < end; k++)
+      if (goes_before(s, s->order[k], s->order[best])) best = k;
+    const int32_t chosen = s->order[best];
+    s->order[best] = s->order[at];
+    put(s, chosen, at);
+  }
+  return end;
+}
+
+/* All that springs connect with `start`, from place `begin` on. Returns where it ends. */
+static int32_t sweep(search *s, int32_t start, int32_t begin) {
+  int32_t end = begin + 1;
+  put(s, start, begin);
+  for (int32_t at = begin; at < end; at++) end = put_neighbours(s, s->order[at], end);
+  return end;
+}
+
+static void forget(search *s, int32_t begin, int32_t end) {
+  for (int32_t at = begin; at < end; at++) {
+    node *p = &s->node[s->order[at]];
+    p->place = p->second = NONE;
+  }
+}
+
+/* Each piece of the mesh from a row at its far end, which a first sweep finds. Hubs come last. */
+static void breadth_first(search *s) {
+  int32_t end = 0;
+  for (int32_t r = 0; r < s->nfree; r++) {
+    if (s->node[r].degree == NONE || s->node[r].place != NONE) continue;
+    const int32_t begin = end;
+    end = sweep(s, r, begin);
+    const int32_t far = s->order[end - 1];
+    forget(s, begin, end);
+    end = sweep(s, far, begin);
+  }
+  for (int32_t r = 0; r < s->nfree; r++)
+    if (s->node[r].degree == NONE) s->order[end++] = r;
+}
+
+/* Distances between neighbours, in rows as they are and as they would be. */
+static void total_spans(const search *s, double *before, double *after) {
+  *before = *after = 0;
+  for (int32_t place = 0; place < s->nfree; place++) {
+    const int32_t r = s->order[place];
+    if (s->node[r].degree == NONE) continue;
+    for (int32_t e = s->a->first[r]; e < s->a->first[r + 1]; e++) {
+      const int32_t j = s->a->halves[e].neighbour;
+      if (s->node[j].degree == NONE) continue;
+      *before += abs(r - j);
+      *after += abs(place - s->node[j].place);
+    }
+  }
+}
+
+/*------------------------------------- by degree ------------------------------------------------*/
+
+/* Slots of the groups, each as many as its longest row needs. */
+static int64_t count_slots(const search *s) {
+  int64_t slots = 0;
+  for (int32_t k = 0, longest = 0; k < s->nfree; k++) {
+    if (k % MS_GROUP == 0) slots += longest, longest = 0;
+    const int32_t degree = s->node[s->order[k]].degree;
+    if (degree > longest) longest = degree;
+  }
+  return slots;
+}
+
+/* Rows with most springs first, within windows that keep neighbours near. By insertion: equals stay
+ * in order. Returns whether that is worth while. */
+static int sort_windows(search *s) {
+  enum { WINDOW = 64 };
+  for (int32_t r = 0; r < s->nfree; r++) s->order[r] = r;
+  const int64_t before = count_slots(s);
+  for (int32_t r = 0; r < s->nfree; r++) {
+    int32_t to = r;
+    for (; to > r / WINDOW * WINDOW; to--) {
+      if (s->node[s->order[to - 1]].degree >= s->node[r].degree) break;
+      s->order[to] = s->order[to - 1];
+    }
+    s->order[to] = r;
+  }
+  return 20 * count_slots(s) <= 19 * before;
+}
+
+/*------------------------------------- new numbers ----------------------------------------------*/
+
+/* Pinned rows follow the unknowns that meet them first. */
+static void place_pinned(const ms_rows *rows, const ms_adjacency *a, const int32_t *order,
+                         int32_t *new_row) {
+  int32_t next = rows->first_pinned;
+  for (int32_t r = rows->first_pinned; r < rows->stride; r++) new_row[r] = -1;
+  for (int32_t k = 0; k < rows->nfree; k++)
+    for (int32_t e = a->first[order[k]]; e < a->first[order[k] + 1]; e++) {
+      const int32_t j = a->halves[e].neighbour;
+      if (j >= rows->nfree && new_row[j] < 0) new_row[j] = next++;
+    }
+  for (int32_t r = rows->first_pinned; r < rows->stride; r++)
+    if (new_row[r] < 0) new_row[r] = next++;
+}
+
+static msim_status renumber(const ms_scene *scene, const int32_t *order, ms_rows *rows,
+                            ms_springs *springs, ms_adjacency *a, msim_error *err) {
+  int32_t *new_row = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *new_row);
+  if (!new_row) return ms_fail_memory(err, "the order of rows");
+  for (int32_t k = 0; k < rows->nfree; k++) new_row[order[k]] = k;
+  place_pinned(rows, a, order, new_row);
+  for (int32_t p = 0; p < rows->n; p++) {
+    rows->row[p] = new_row[rows->row[p]];
+    rows->particle[rows->row[p]] = p;
+  }
+  for (int32_t e = 0; e < springs->n; e++) {
+    springs->i[e] = new_row[springs->i[e]];
+    springs->j[e] = new_row[springs->j[e]];
+  }
+  ms_delete(&scene->alloc, new_row);
+  ms_adjacency_destroy(scene, a);
+  return ms_adjacency_create(scene, rows, springs, a, err);
+}
+
+static msim_status arrange(const ms_scene *scene, search *s, ms_rows *rows, ms_springs *springs,
+                           ms_adjacency *a, msim_error *err) {
+  const int32_t most = 32 + 8 * (2 * springs->n / rows->nfree);
+  double before, after;
+  find_mesh(s, rows->stride, most);
+  breadth_first(s);
+  total_spans(s, &before, &after);
+  if (after > 0 && 2 * after <= before) {
+    rows->narrowed = before / after;
+    msim_status status = renumber(scene, s->order, rows, springs, a, err);
+    if (status || is_contiguous(a, rows->nfree)) return status;
+    find_mesh(s, rows->stride, most);
+  }
+  rows->sorted = sort_windows(s);
+  return rows->sorted ? renumber(scene, s->order, rows, springs, a, err) : MSIM_OK;
+}
+
+msim_status ms_order_rows(const ms_scene *scene, ms_rows *rows, ms_springs *springs,
+                          ms_adjacency *a, msim_error *err) {
+  if (is_contiguous(a, rows->nfree)) return MSIM_OK;
+  search s = {.a = a,
+              .nfree = rows->nfree,
+              .order = ms_new(&scene->alloc, (size_t)rows->nfree, sizeof *s.order),
+              .node = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *s.node)};
+  msim_status status = s.order && s.node ? arrange(scene, &s, rows, springs, a, err)
+                                         : ms_fail_memory(err, "the order of rows");
+  ms_delete(&scene->alloc, s.order);
+  ms_delete(&scene->alloc, s.node);
+  return status;
+}
