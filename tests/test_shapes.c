@@ -8,6 +8,8 @@
 #include "physics/kernels.h"
 #include "scenes.h"
 
+MS_TABLES(ms_kernels);
+
 enum { MOST = 4000, H_INVERSE = 20 };
 
 typedef struct shape {
@@ -171,7 +173,8 @@ static void compare_kernels(ms_model *model, const shape *s) {
   ms_coefficients a;
   assert_ok(ms_coefficients_create(model, &a, err));
   for (size_t i = 0; i < sizeof sets / sizeof *sets; i++) {
-    model->kernels = ms_kernels_named(sets[i]);
+    const int isa = ms_isa_named(sets[i]);
+    model->kernels = isa < 0 ? NULL : ms_kernels_of[isa];
     if (!model->kernels) continue; /* not for this CPU */
     double flat[3 * MOST];
     ms_force(model, x, v, y);

@@ -63,9 +63,9 @@ static void find_blocks(const ms_model *model, ms_coarse *coarse) {
   const int32_t *of = coarse->aggregates.of, *position = coarse->chol.position;
   for (int32_t at = 0; at < MS_GROUP * halves->nslots; at++) coarse->block[at] = -1;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
-    const int32_t *first = halves->first + r / MS_GROUP;
-    for (int32_t slot = first[0]; slot < first[1]; slot++) {
-      const int32_t at = MS_GROUP * slot + r % MS_GROUP, j = halves->neighbour[at];
+    const ms_span span = ms_halves_of(halves, r);
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int32_t j = halves->neighbour[at];
       if (halves->spring[at] < 0 || j >= model->rows.nfree) continue;
       if (of[r] < 0 || of[j] < 0 || position[of[r]] <= position[of[j]]) continue;
       coarse->block[at] = ms_block_cholesky_find(&coarse->chol, of[r], of[j]);

@@ -34,9 +34,9 @@ static inline void assemble_row(size_t dims, ms_coarse *coarse, const ms_coeffic
   const ms_quad own = ms_load_float_quad(weight + MS_MODES * row), left = own / scale;
   ms_quad sum[6];
   for (size_t q = 0; q < 6; q++) sum[q] = own * a->diagonal[q * sd + (size_t)row];
-  const int32_t *first = model->halves.first + row / MS_GROUP;
-  for (int32_t slot = first[0]; slot < first[1]; slot++) {
-    const int32_t at = MS_GROUP * slot + row % MS_GROUP, j = model->halves.neighbour[at];
+  const ms_span span = ms_halves_of(&model->halves, row);
+  for (int32_t at = span.begin; at < span.end; at += span.step) {
+    const int32_t j = model->halves.neighbour[at];
     const int same = model->halves.spring[at] >= 0 && j < model->rows.nfree && of[j] == of[row];
     if (!same && coarse->block[at] < 0) continue;
     double K[6];

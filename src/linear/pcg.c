@@ -68,8 +68,9 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
 
 static double apply(ms_pcg *s) {
   const int32_t n = count_chunks(s->base.system->model);
-  double sum = 0;
+  double sum;
   for (int32_t k = 0; k < n; k++) s->kernels->apply(s, CHUNK * k, end_of(s, k), s->sums + 2 * k);
+  s->kernels->apply_parts(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[2 * k];
   return sum;
 }

@@ -38,6 +38,7 @@ typedef struct ms_pcg {
 typedef struct ms_pcg_kernels {
   void (*pack)(ms_pcg *s, int32_t begin, int32_t end);
   void (*apply)(const ms_pcg *s, int32_t begin, int32_t end, double *sum);
+  void (*apply_parts)(const ms_pcg *s, double *sum); /* of long rows, after the groups */
   void (*reduce)(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double sums[2]);
   void (*advance)(const ms_pcg *s, double alpha, double beta, int32_t begin, int32_t end);
 } ms_pcg_kernels;

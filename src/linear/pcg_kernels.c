@@ -23,7 +23,10 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_coefficients *a = &s->base.system->a;
   const ms_model *model = s->base.system->model;
   const double by = 1 / s->jacobi.scale, root = sqrt(by);
-  for (int32_t slot = model->halves.first[begin]; slot < model->halves.first[end]; slot++) {
+  const ms_halves *halves = &model->halves;
+  /* the parts of long rows with the last groups */
+  const int32_t last = end < halves->ngroups ? halves->first[end] : halves->nslots;
+  for (int32_t slot = halves->first[begin]; slot < last; slot++) {
     float *to = s->coefficients + 4 * MS_GROUP * (size_t)slot;
     const size_t at = MS_GROUP * (size_t)slot;
     for (size_t l = 0; l < MS_GROUP; l++) {
@@ -54,32 +57,37 @@ static inline ms_lanes neighbours(const ms_halves *halves, int32_t slot, size_t 
   return v;
 }
 
+/* q += sum over the halves of a segment in one register of lanes, at their own p */
+static inline void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
+                               const ms_lanes p[3], ms_lanes q[3]) {
+  const ms_halves *halves = &s->base.system->model->halves;
+  const size_t stride = (size_t)s->base.system->model->rows.stride;
+  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
+    const float *a = s->coefficients + 4 * MS_GROUP * (size_t)slot + lane;
+    const ms_lanes t = ms_load_floats(a);
+    ms_lanes w[3], d[3], along = {0};
+    for (size_t c = 0; c < dims; c++) {
+      w[c] = ms_load_floats(a + MS_GROUP * (c + 1));
+      d[c] = p[c] - neighbours(halves, slot, lane, s->p + c * stride);
+      along += w[c] * d[c];
+    }
+    for (size_t c = 0; c < dims; c++) q[c] += t * d[c] + along * w[c];
+  }
+}
+
 static inline void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
-  const ms_model *model = s->base.system->model;
-  const ms_halves *halves = &model->halves;
-  const size_t stride = (size_t)model->rows.stride;
+  const size_t stride = (size_t)s->base.system->model->rows.stride;
   lane_sums pq = {{0}};
   for (int32_t g = begin; g < end; g++) {
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
       const size_t row = MS_GROUP * (size_t)g + lane;
       const ms_lanes inertia = ms_load(s->inertia + row);
-      ms_lanes p[3], q[3];
+      ms_lanes p[3], q[3], dot = {0};
       for (size_t c = 0; c < dims; c++) {
         p[c] = ms_load(s->p + c * stride + row);
         q[c] = inertia * p[c];
       }
-      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
-        const float *a = s->coefficients + 4 * MS_GROUP * (size_t)slot + lane;
-        const ms_lanes t = ms_load_floats(a);
-        ms_lanes w[3], d[3], along = {0};
-        for (size_t c = 0; c < dims; c++) {
-          w[c] = ms_load_floats(a + MS_GROUP * (c + 1));
-          d[c] = p[c] - neighbours(halves, slot, lane, s->p + c * stride);
-          along += w[c] * d[c];
-        }
-        for (size_t c = 0; c < dims; c++) q[c] += t * d[c] + along * w[c];
-      }
-      ms_lanes dot = {0};
+      add_springs(dims, s, g, lane, p, q);
       for (size_t c = 0; c < dims; c++) {
         ms_store(s->q + c * stride + row, q[c]);
         dot += p[c] * q[c];
@@ -90,9 +98,37 @@ static inline void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t
   *sum = total(&pq);
 }
 
+/* The parts of long rows, added to q; one after the other. */
+static inline void apply_parts_of(size_t dims, const ms_pcg *s, double *sum) {
+  const ms_halves *halves = &s->base.system->model->halves;
+  const size_t stride = (size_t)s->base.system->model->rows.stride;
+  *sum = 0;
+  for (int32_t part = 0; part < halves->nparts; part++) {
+    const size_t row = (size_t)halves->part_row[part];
+    lane_sums sums[3];
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      const ms_lanes zero = {0};
+      ms_lanes p[3], q[3] = {zero, zero, zero};
+      for (size_t c = 0; c < dims; c++) p[c] = zero + s->p[c * stride + row];
+      add_springs(dims, s, halves->ngroups + part, lane, p, q);
+      for (size_t c = 0; c < dims; c++) ms_store(sums[c].lane + lane, q[c]);
+    }
+    for (size_t c = 0; c < dims; c++) {
+      const double q = total(&sums[c]);
+      s->q[c * stride + row] += q;
+      *sum += s->p[c * stride + row] * q;
+    }
+  }
+}
+
 static void apply(const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
   if (s->base.system->model->rows.dims == 3) apply_of(3, s, begin, end, sum);
   else apply_of(2, s, begin, end, sum);
+}
+
+static void apply_parts(const ms_pcg *s, double *sum) {
+  if (s->base.system->model->rows.dims == 3) apply_parts_of(3, s, sum);
+  else apply_parts_of(2, s, sum);
 }
 
 /*------------------------------------- reduce ---------------------------------------------------*/
@@ -177,4 +213,4 @@ static void advance(const ms_pcg *s, double alpha, double beta, int32_t begin, i
   }
 }
 
-const ms_pcg_kernels MS_TABLE(ms_pcg_kernels) = {pack, apply, reduce, advance};
+const ms_pcg_kernels MS_TABLE(ms_pcg_kernels) = {pack, apply, apply_parts, reduce, advance};
