@@ -215,7 +215,8 @@ enum {
   MSIM_SKIP_GRAVITY = 1u << 2,
   MSIM_SKIP_DRAG = 1u << 3,
   MSIM_SKIP_PLANES = 1u << 4,
-  MSIM_SKIP_KEPT_FACTOR = 1u << 5 /* off: `auto` factors in every step */
+  MSIM_SKIP_KEPT_FACTOR = 1u << 5, /* off: `auto` factors in every step */
+  MSIM_SKIP_TWO_D = 1u << 6        /* off: flat scenes are computed in 3 components too */
 };
 
 /* A linear solver behind the ABI of msim/backend.h. */
@@ -357,14 +358,19 @@ typedef struct msim_plan {
  * columns of pinned particles left out. */
 typedef struct msim_csr {
   size_t size;
-  int32_t n;                      /* rows, 3 times the free particles */
+  int32_t n;                      /* rows, 3 times the free particles, in flat scenes too */
   const int32_t *rowptr, *colind; /* n + 1; rowptr[n] */
   const double *val;              /* rowptr[n] */
   const int32_t *particle;        /* n / 3: the particle of each block row */
 } msim_csr;
 
 /* Make a sim from a scene, which it shares until either is changed: the scene may be destroyed at
- * once. Nothing is allocated after this. */
+ * once. No step allocates.
+ *
+ * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
+ * plane has a part of its normal. Its motion is computed in two components: the same as in three,
+ * to rounding, and exactly level. Nothing leaves a plane in which nothing pushes it out, so a
+ * matrix that were indefinite out of the plane only is positive definite here. */
 MSIM_API msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt,
                                      msim_sim **sim, msim_error *err);
 MSIM_API void msim_sim_destroy(msim_sim *sim);
@@ -392,7 +398,9 @@ MSIM_API void msim_sim_state(msim_sim *sim, msim_state *state);
 
 /* Go on from another state; steps and t_end are planned anew from there. Pinned particles must
  * stay where they are. Where the method carries v_half and it is given for the same h, it is taken
- * as it is, else it is made from v. Nullable: v_half. */
+ * as it is, else it is made from v. Nullable: v_half.
+ * A state out of the plane of a flat scene is computed in three components from there on, one
+ * within it in two: between them all is planned, allocated and analysed anew. */
 MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err);
 
 /* Go on from the present state with another step (s, > 0). The end stays: t_end, or as many steps

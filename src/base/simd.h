@@ -21,6 +21,9 @@
 #  define MS_LANES 2
 #endif
 
+/* Arguments that are constants of the caller are constants inside. */
+#define MS_INLINE static inline __attribute__((always_inline))
+
 typedef double ms_lanes __attribute__((vector_size(8 * MS_LANES)));
 typedef int64_t ms_mask __attribute__((vector_size(8 * MS_LANES))); /* lanes 0 or -1 */
 

@@ -19,6 +19,7 @@ typedef struct ms_stepper {
   double *x, *v;
   double *x_next, *v_next;
   double *work[MS_MAX_WORK]; /* nwork vectors */
+  double *scratch;           /* holds nothing between calls */
   int warm, warm_next;       /* the method's own note on what its work vectors hold: 0, nothing.
                                 As with x, a step reads warm and writes warm_next */
   double h;                  /* of the steps to come; start() may rely on it */

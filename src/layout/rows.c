@@ -5,7 +5,7 @@ static int32_t whole_groups(int32_t n) { return (n + MS_GROUP - 1) / MS_GROUP * 
 msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err) {
   int32_t n = scene->nparticles, npinned = 0;
   for (int32_t p = 0; p < n; p++) npinned += scene->pinned[p];
-  *rows = (ms_rows){.dims = 3, .axis = {0, 1, 2}, .n = n, .nfree = n - npinned};
+  *rows = (ms_rows){.dims = 3, .axis = {0, 1, 2}, .left_out = -1, .n = n, .nfree = n - npinned};
   rows->first_pinned = whole_groups(rows->nfree);
   rows->stride = rows->first_pinned + whole_groups(npinned);
   rows->row = ms_new(&scene->alloc, (size_t)n, sizeof *rows->row);
@@ -19,6 +19,12 @@ msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err
     rows->particle[r] = p;
   }
   return MSIM_OK;
+}
+
+void ms_rows_leave_out(ms_rows *rows, int32_t axis) {
+  rows->dims = 0, rows->left_out = axis;
+  for (int32_t c = 0; c < 3; c++)
+    if (c != axis) rows->axis[rows->dims++] = c;
 }
 
 void ms_rows_destroy(const ms_scene *scene, ms_rows *rows) {

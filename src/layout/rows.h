@@ -13,8 +13,9 @@
 enum { MS_GROUP = 8 };
 
 typedef struct ms_rows {
-  int32_t dims;         /* components of a vector: 3 */
+  int32_t dims;         /* components of a vector: 3, or 2 */
   int32_t axis[3];      /* dims: the axis of space of each */
+  int32_t left_out;     /* the axis that has no component; -1: none */
   int32_t n;            /* particles */
   int32_t nfree;        /* unknown rows */
   int32_t first_pinned; /* nfree, rounded up to whole groups */
@@ -26,12 +27,14 @@ typedef struct ms_rows {
 } ms_rows;
 
 msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err);
+/* No component along this axis. Called before anything has made a vector. */
+void ms_rows_leave_out(ms_rows *rows, int32_t axis);
 void ms_rows_destroy(const ms_scene *scene, ms_rows *rows);
 
 /* A zero vector of dims stride doubles. */
 double *ms_rows_vector(const ms_scene *scene, const ms_rows *rows);
 
-/* Flat 3n to rows, and back. */
+/* Flat 3n to rows, and back. What lies along an axis without component is left alone. */
 void ms_rows_gather(const ms_rows *rows, const double *flat, double *vec);
 void ms_rows_scatter(const ms_rows *rows, const double *vec, double *flat);
 

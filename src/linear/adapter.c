@@ -40,12 +40,13 @@ static void apply(const msim_system *view, const double *x, double *y) {
   const ms_system *s = self->base.system;
   const size_t stride = (size_t)s->model->rows.stride, n = (size_t)s->model->rows.nfree;
   ms_coefficients_apply(s->model, &s->a, x, y);
-  for (size_t c = 0; c < 3; c++) memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
+  for (size_t c = 0; c < (size_t)s->model->rows.dims; c++)
+    memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
 }
 
 static void precondition(const msim_system *view, const double *r, double *z) {
   const adapter *self = view->data;
-  if (z != r) memset(z, 0, 3 * (size_t)view->stride * sizeof *z);
+  if (z != r) memset(z, 0, (size_t)(view->block * view->stride) * sizeof *z);
   ms_jacobi_apply(self->base.system->model, &self->jacobi, r, z);
 }
 
@@ -97,7 +98,7 @@ static msim_status analyze(adapter *self, msim_error *err) {
   ms_matrix *m = &self->matrix;
   self->view = (msim_system){.size = sizeof self->view,
                              .n = model->rows.nfree,
-                             .block = 3,
+                             .block = model->rows.dims,
                              .format = self->table->format,
                              .stride = model->rows.stride,
                              .graphptr = m->graphptr,
@@ -173,8 +174,9 @@ static msim_status set_up(adapter *self, msim_error *err) {
     status = ms_fail(err, MSIM_ERR_BACKEND, "%s: create() gave no instance", self->table->name);
   if (!status && self->table->format != MSIM_FORMAT_NONE) {
     status = build_matrix(self, err);
-    self->b = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));
-    self->y = ms_new(alloc, 3 * (size_t)model->rows.nfree, sizeof(double));
+    const size_t length = (size_t)model->rows.dims * (size_t)model->rows.nfree;
+    self->b = ms_new(alloc, length, sizeof(double));
+    self->y = ms_new(alloc, length, sizeof(double));
     if (!status && (!self->b || !self->y)) status = ms_fail_memory(err, "the linear solver");
   }
   if (!status && self->table->format == MSIM_FORMAT_NONE)

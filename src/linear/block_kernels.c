@@ -28,8 +28,8 @@ static int invert_factor(size_t n, double *a, double *inverse) {
 }
 
 /* out = a b^T for columns [j, j + 4), n a constant where inlined */
-static inline void product(size_t n, const double *a, const double *b, size_t j,
-                           ms_quad out[4][MOST_QUADS]) {
+MS_INLINE void product(size_t n, const double *a, const double *b, size_t j,
+                       ms_quad out[4][MOST_QUADS]) {
   for (size_t c = 0; c < 4; c++)
     for (size_t q = 0; q < n / 4; q++) out[c][q] = (ms_quad){0};
   for (size_t k = 0; k < n; k++) {
@@ -40,7 +40,7 @@ static inline void product(size_t n, const double *a, const double *b, size_t j,
   }
 }
 
-static inline void subtract_product_of(size_t n, const double *a, const double *b, double *target) {
+MS_INLINE void subtract_product_of(size_t n, const double *a, const double *b, double *target) {
   for (size_t j = 0; j < n; j += 4) {
     ms_quad p[4][MOST_QUADS];
     product(n, a, b, j, p);
@@ -71,7 +71,7 @@ static void times_transpose(size_t n, double *a, const double *b, float *rounded
 /*------------------------------------- solves ---------------------------------------------------*/
 
 /* x_row -= L x_k for every row of column k, where x_k is final */
-static inline void forward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
+MS_INLINE void forward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
   const int32_t begin = chol->first[k], end = chol->first[k + 1];
   double xk[MS_LARGEST_BLOCK];
   for (int32_t b = begin; b < end; b++) {
@@ -91,14 +91,14 @@ static inline void forward(size_t n, const ms_block_cholesky *chol, int32_t k, d
 }
 
 /* sums[c] = sum of column c of the block times y, lane by lane */
-static inline void add_transposed(size_t n, const float *l, const double *y, ms_quad *sums) {
+MS_INLINE void add_transposed(size_t n, const float *l, const double *y, ms_quad *sums) {
   for (size_t c = 0; c < n; c++)
     for (size_t q = 0; q < n / 4; q++)
       sums[c] += ms_load_float_quad(l + c * n + 4 * q) * ms_load_quad(y + 4 * q);
 }
 
 /* x_k = L_kk^-T (x_k - sum of L^T x_row) */
-static inline void backward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
+MS_INLINE void backward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
   const size_t area = n * n;
   ms_quad sums[MS_LARGEST_BLOCK];
   double *xk = x + n * (size_t)k;
@@ -115,7 +115,7 @@ static inline void backward(size_t n, const ms_block_cholesky *chol, int32_t k, 
     ms_store_quad(xk + c, ms_quad_sums(sums[c], sums[c + 1], sums[c + 2], sums[c + 3]));
 }
 
-static inline void solve_of(size_t n, const ms_block_cholesky *chol, double *x) {
+MS_INLINE void solve_of(size_t n, const ms_block_cholesky *chol, double *x) {
   for (int32_t k = 0; k < chol->n; k++) forward(n, chol, k, x);
   for (int32_t k = chol->n - 1; k >= 0; k--) backward(n, chol, k, x);
 }

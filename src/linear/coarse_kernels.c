@@ -3,50 +3,48 @@
 
 #include "base/simd.h"
 
-/* The entry of a symmetric matrix stored as xx yy zz xy xz yz. */
-static const int entry[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
-
-/* K = t I + w w^T of one half spring */
-static inline void spring_block(const ms_coefficients *a, size_t at, double K[6]) {
-  const double t = a->t[at], x = a->wx[at], y = a->wy[at], z = a->wz[at];
-  K[0] = t + x * x, K[1] = t + y * y, K[2] = t + z * z;
-  K[3] = x * y, K[4] = x * z, K[5] = y * z;
+/* K = t I + w w^T of one half spring, as ms_coefficients keeps diagonal blocks */
+MS_INLINE void spring_block(size_t dims, const ms_coefficients *a, size_t at, double K[6]) {
+  for (size_t c = 0; c < dims; c++)
+    for (size_t d = c; d < dims; d++)
+      K[ms_diagonal_entry(dims, c, d)] = a->w[c][at] * a->w[d][at] + (c == d ? a->t[at] : 0);
 }
 
-/* block += left (x) right: rows (c, mode) left, columns (d, mode) right[entry[c][d]] */
-static inline void add_outer(size_t dims, double *block, ms_quad left, const ms_quad right[6]) {
+/* block += left (x) right: rows (c, mode) left, columns (d, mode) right */
+MS_INLINE void add_outer(size_t dims, double *block, ms_quad left, const ms_quad right[6]) {
   for (size_t d = 0; d < dims; d++)
     for (size_t mode = 0; mode < MS_MODES; mode++)
       for (size_t c = 0; c < dims; c++) {
         double *to = block + (MS_MODES * d + mode) * MS_MODES * dims + MS_MODES * c;
-        ms_store_quad(to, ms_load_quad(to) + left * right[entry[c][d]][mode]);
+        ms_store_quad(to, ms_load_quad(to) + left * right[ms_diagonal_entry(dims, c, d)][mode]);
       }
 }
 
 /* One row i of aggregate a: its own block gets w_i (x) (D_i w_i - sum K_ij w_j) over j in a, and
  * the block to b gets -w_i (x) K_ij w_j, j in b. */
-static inline void assemble_row(size_t dims, ms_coarse *coarse, const ms_coefficients *a,
-                                double scale, int32_t row) {
+MS_INLINE void assemble_row(size_t dims, ms_coarse *coarse, const ms_coefficients *a, double scale,
+                            int32_t row) {
   const ms_model *model = coarse->model;
   const float *weight = coarse->aggregates.weight;
   const int32_t *of = coarse->aggregates.of;
   const size_t area = MS_MODES * dims * MS_MODES * dims, sd = (size_t)model->rows.first_pinned;
   const ms_quad own = ms_load_float_quad(weight + MS_MODES * row), left = own / scale;
   ms_quad sum[6];
-  for (size_t q = 0; q < 6; q++) sum[q] = own * a->diagonal[q * sd + (size_t)row];
+  for (size_t q = 0; q < ms_diagonal_size(dims); q++)
+    sum[q] = own * a->diagonal[q * sd + (size_t)row];
   const ms_span span = ms_halves_of(&model->halves, row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t j = model->halves.neighbour[at];
     const int same = model->halves.spring[at] >= 0 && j < model->rows.nfree && of[j] == of[row];
     if (!same && coarse->block[at] < 0) continue;
     double K[6];
-    spring_block(a, (size_t)at, K);
+    spring_block(dims, a, (size_t)at, K);
     const ms_quad other = ms_load_float_quad(weight + MS_MODES * j);
     if (same) {
-      for (size_t q = 0; q < 6; q++) sum[q] -= other * K[q];
+      for (size_t q = 0; q < ms_diagonal_size(dims); q++) sum[q] -= other * K[q];
     } else {
       ms_quad right[6];
-      for (size_t q = 0; q < 6; q++) right[q] = -other * K[q];
+      for (size_t q = 0; q < ms_diagonal_size(dims); q++) right[q] = -other * K[q];
       add_outer(dims, coarse->chol.value + area * (size_t)coarse->block[at], left, right);
     }
   }
@@ -61,7 +59,7 @@ static void assemble(ms_coarse *coarse, const ms_coefficients *a, double scale, 
   }
 }
 
-static inline void restrict_of(size_t dims, ms_coarse *coarse, const double *r, int32_t aggregate) {
+MS_INLINE void restrict_of(size_t dims, ms_coarse *coarse, const double *r, int32_t aggregate) {
   const ms_aggregates *g = &coarse->aggregates;
   const size_t stride = (size_t)coarse->model->rows.stride;
   ms_quad sum[3] = {{0}};

@@ -4,7 +4,7 @@ static msim_status solve(ms_linear *self, const ms_target *target, const double 
                          int64_t *iterations, msim_error *err) {
   (void)target, (void)iterations, (void)err;
   const ms_rows *rows = &self->system->model->rows;
-  for (size_t c = 0; c < 3; c++) {
+  for (size_t c = 0; c < (size_t)rows->dims; c++) {
     const double *d = self->system->a.diagonal + c * (size_t)rows->first_pinned;
     const double *bc = b + c * (size_t)rows->stride;
     double *yc = y + c * (size_t)rows->stride;

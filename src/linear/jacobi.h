@@ -8,7 +8,7 @@
 /* In units of `scale`, a power of 4 near the largest diagonal entry. */
 typedef struct ms_jacobi {
   double scale;
-  double *inverse; /* 6 first_pinned: of the diagonal blocks / scale, as ms_coefficients has them */
+  double *inverse; /* of the diagonal blocks / scale, as ms_coefficients has them */
 } ms_jacobi;
 
 msim_status ms_jacobi_create(const ms_model *model, ms_jacobi *jacobi, msim_error *err);

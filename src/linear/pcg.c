@@ -41,7 +41,8 @@ static double distance(const float *p, const float *q, size_t n) {
 static msim_status factor_coarse(ms_pcg *s) {
   const double HARDLY = 0.05;
   const ms_system *system = s->base.system;
-  const size_t n = 6 * (size_t)system->model->rows.first_pinned;
+  const ms_rows *rows = &system->model->rows;
+  const size_t n = ms_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
   if (s->may_keep && s->coarse_is_ready && s->factored_scale == s->jacobi.scale &&
       distance(s->factored, s->inverse, n) <= HARDLY) {
     s->base.kept_coarse_factors++;
@@ -101,8 +102,10 @@ static double residual(ms_pcg *s, const double *b) {
 /* From the residual of y in r until its norm <= goal, by the recurrence of r. */
 static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
   double alpha = 0, rho = 0;
-  memset(s->q, 0, (size_t)s->base.system->model->rows.stride * 3 * sizeof *s->q);
-  memset(s->p, 0, (size_t)s->base.system->model->rows.stride * 3 * sizeof *s->p);
+  const ms_rows *rows = &s->base.system->model->rows;
+  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof(double);
+  memset(s->q, 0, bytes);
+  memset(s->p, 0, bytes);
   for (;; ++*iterations) {
     double rr, rho_new;
     reduce(s, alpha, &rr, &rho_new);
@@ -160,10 +163,11 @@ static msim_status allocate(ms_pcg *s, msim_error *err) {
   const ms_model *model = s->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t rows = (size_t)model->rows.first_pinned;
+  const size_t blocks = ms_diagonal_size((size_t)model->rows.dims) * rows;
   s->coefficients =
       ms_new(alloc, 4 * MS_GROUP * (size_t)model->halves.nslots, sizeof *s->coefficients);
-  s->inverse = ms_new(alloc, 6 * rows, sizeof *s->inverse);
-  s->factored = ms_new(alloc, 6 * rows, sizeof *s->factored);
+  s->inverse = ms_new(alloc, blocks, sizeof *s->inverse);
+  s->factored = ms_new(alloc, blocks, sizeof *s->factored);
   s->inertia = ms_new(alloc, rows, sizeof *s->inertia);
   s->sums = ms_new(alloc, 2 * (size_t)count_chunks(model), sizeof *s->sums);
   double **vectors[] = {&s->r, &s->z, &s->p, &s->q};

@@ -8,7 +8,7 @@ typedef struct lane_sums {
   double lane[MS_GROUP];
 } lane_sums;
 
-static inline void add(lane_sums *s, size_t lane, ms_lanes v) {
+MS_INLINE void add(lane_sums *s, size_t lane, ms_lanes v) {
   ms_store(s->lane + lane, ms_load(s->lane + lane) + v);
 }
 
@@ -22,6 +22,7 @@ static inline double total(const lane_sums *s) {
 static void pack(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_coefficients *a = &s->base.system->a;
   const ms_model *model = s->base.system->model;
+  const size_t dims = (size_t)model->rows.dims;
   const double by = 1 / s->jacobi.scale, root = sqrt(by);
   const ms_halves *halves = &model->halves;
   /* the parts of long rows with the last groups */
@@ -31,15 +32,14 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
     const size_t at = MS_GROUP * (size_t)slot;
     for (size_t l = 0; l < MS_GROUP; l++) {
       to[l] = (float)(by * a->t[at + l]);
-      to[MS_GROUP + l] = (float)(root * a->wx[at + l]);
-      to[2 * MS_GROUP + l] = (float)(root * a->wy[at + l]);
-      to[3 * MS_GROUP + l] = (float)(root * a->wz[at + l]);
+      for (size_t c = 0; c < dims; c++)
+        to[MS_GROUP * (c + 1) + l] = (float)(root * a->w[c][at + l]);
     }
   }
   for (int32_t r = MS_GROUP * begin; r < MS_GROUP * end; r++)
     s->inertia[r] = by * (model->mass[r] + a->drag);
   const size_t sd = (size_t)model->rows.first_pinned;
-  for (size_t q = 0; q < 6; q++)
+  for (size_t q = 0; q < ms_diagonal_size(dims); q++)
     for (size_t at = q * sd + MS_GROUP * (size_t)begin; at < q * sd + MS_GROUP * (size_t)end; at++)
       s->inverse[at] = (float)s->jacobi.inverse[at];
 }
@@ -47,8 +47,7 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
 /*------------------------------------- apply ----------------------------------------------------*/
 
 /* The part of a vector at the other ends of 8 halves: consecutive rows, or gathered. */
-static inline ms_lanes neighbours(const ms_halves *halves, int32_t slot, size_t lane,
-                                  const double *x) {
+MS_INLINE ms_lanes neighbours(const ms_halves *halves, int32_t slot, size_t lane, const double *x) {
   const int32_t start = halves->start[slot];
   if (start >= 0) return ms_load(x + (size_t)start + lane);
   const int32_t *j = halves->neighbour + MS_GROUP * (size_t)slot + lane;
@@ -58,8 +57,8 @@ static inline ms_lanes neighbours(const ms_halves *halves, int32_t slot, size_t 
 }
 
 /* q += sum over the halves of a segment in one register of lanes, at their own p */
-static inline void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
-                               const ms_lanes p[3], ms_lanes q[3]) {
+MS_INLINE void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
+                           const ms_lanes p[3], ms_lanes q[3]) {
   const ms_halves *halves = &s->base.system->model->halves;
   const size_t stride = (size_t)s->base.system->model->rows.stride;
   for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
@@ -75,7 +74,7 @@ static inline void add_springs(size_t dims, const ms_pcg *s, int32_t segment, si
   }
 }
 
-static inline void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
+MS_INLINE void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
   const size_t stride = (size_t)s->base.system->model->rows.stride;
   lane_sums pq = {{0}};
   for (int32_t g = begin; g < end; g++) {
@@ -99,7 +98,7 @@ static inline void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t
 }
 
 /* The parts of long rows, added to q; one after the other. */
-static inline void apply_parts_of(size_t dims, const ms_pcg *s, double *sum) {
+MS_INLINE void apply_parts_of(size_t dims, const ms_pcg *s, double *sum) {
   const ms_halves *halves = &s->base.system->model->halves;
   const size_t stride = (size_t)s->base.system->model->rows.stride;
   *sum = 0;
@@ -133,10 +132,8 @@ static void apply_parts(const ms_pcg *s, double *sum) {
 
 /*------------------------------------- reduce ---------------------------------------------------*/
 
-static const size_t entry[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
-
-static inline void reduce_of(size_t dims, const ms_pcg *s, double alpha, int32_t begin, int32_t end,
-                             double sums[2]) {
+MS_INLINE void reduce_of(size_t dims, const ms_pcg *s, double alpha, int32_t begin, int32_t end,
+                         double sums[2]) {
   const size_t stride = (size_t)s->base.system->model->rows.stride;
   const size_t sd = (size_t)s->base.system->model->rows.first_pinned;
   lane_sums rr = {{0}}, rz = {{0}};
@@ -150,7 +147,7 @@ static inline void reduce_of(size_t dims, const ms_pcg *s, double alpha, int32_t
     for (size_t c = 0; c < dims; c++) {
       ms_lanes z = {0};
       for (size_t d = 0; d < dims; d++)
-        z += ms_load_floats(s->inverse + entry[c][d] * sd + row) * r[d];
+        z += ms_load_floats(s->inverse + ms_diagonal_entry(dims, c, d) * sd + row) * r[d];
       ms_store(s->z + c * stride + row, z);
       dot += r[c] * z;
     }
@@ -168,8 +165,7 @@ static void reduce(const ms_pcg *s, double alpha, int32_t begin, int32_t end, do
 /*------------------------------------- advance --------------------------------------------------*/
 
 /* P c in the 8 rows of a group */
-static inline void prolong(size_t dims, const ms_coarse *coarse, size_t row,
-                           double out[3][MS_GROUP]) {
+MS_INLINE void prolong(size_t dims, const ms_coarse *coarse, size_t row, double out[3][MS_GROUP]) {
   const ms_aggregates *g = &coarse->aggregates;
   for (size_t l = 0; l < MS_GROUP; l += 4) {
     ms_quad v[3][4];
@@ -184,8 +180,8 @@ static inline void prolong(size_t dims, const ms_coarse *coarse, size_t row,
   }
 }
 
-static inline void advance_of(size_t dims, int two_level, const ms_pcg *s, double alpha,
-                              double beta, int32_t begin, int32_t end) {
+MS_INLINE void advance_of(size_t dims, int two_level, const ms_pcg *s, double alpha, double beta,
+                          int32_t begin, int32_t end) {
   const size_t stride = (size_t)s->base.system->model->rows.stride;
   double coarse[3][MS_GROUP] = {{0}};
   for (size_t g = MS_GROUP * (size_t)begin; g < MS_GROUP * (size_t)end; g += MS_GROUP) {

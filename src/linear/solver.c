@@ -132,7 +132,7 @@ static int32_t largest_row(ms_shape shape, const double *r) {
   int32_t row = 0;
   double largest = -1;
   for (int32_t i = 0; i < shape.n; i++)
-    for (int32_t c = 0; c < 3; c++)
+    for (int32_t c = 0; c < shape.dims; c++)
       if (fabs(r[c * shape.stride + i]) > largest) largest = fabs(r[c * shape.stride + i]), row = i;
   return row;
 }
@@ -158,7 +158,7 @@ static msim_status check(ms_solver *s, const double *b, double *v, msim_error *e
           err, MSIM_NOT_CONVERGED,
           "solver %s left a residual of %.3g of the right side; solver.rtol asks for %.3g",
           s->linear->name, s->reached, s->target.rtol);
-    memset(s->correction, 0, 3 * (size_t)shape.stride * sizeof *s->correction);
+    memset(s->correction, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *s->correction);
     int64_t iterations = 0;
     msim_status status =
         s->linear->ops->solve(s->linear, &s->target, s->residual, s->correction, &iterations, err);

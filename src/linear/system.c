@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/simd.h"
+
 /*------------------------------------- graph ----------------------------------------------------*/
 
 static int ascending(const void *a, const void *b) {
@@ -76,16 +78,17 @@ static int32_t block_row(const ms_graph *g, const int32_t *order, const int32_t 
 }
 
 static void scalar_pattern(ms_matrix *m) {
+  const int32_t size = m->block;
   for (int32_t k = 0; k < m->n; k++) {
     int32_t first = m->graphptr[k], blocks = m->graphptr[k + 1] - first;
-    for (int32_t q = 0; q < 3; q++) {
-      int32_t at = 9 * first + 3 * blocks * q;
-      m->rowptr[3 * k + q] = at;
+    for (int32_t q = 0; q < size; q++) {
+      int32_t at = size * (size * first + blocks * q);
+      m->rowptr[size * k + q] = at;
       for (int32_t b = 0; b < blocks; b++)
-        for (int32_t c = 0; c < 3; c++) m->colind[at++] = 3 * m->graphind[first + b] + c;
+        for (int32_t c = 0; c < size; c++) m->colind[at++] = size * m->graphind[first + b] + c;
     }
   }
-  m->rowptr[3 * m->n] = 9 * m->graphptr[m->n];
+  m->rowptr[size * m->n] = size * size * m->graphptr[m->n];
 }
 
 /* Offset in val of the block at (row, column), which is there. */
@@ -96,7 +99,7 @@ static int32_t find_slot(const ms_matrix *m, int32_t row, int32_t column) {
     if (m->graphind[middle] < column) low = middle + 1;
     else high = middle;
   }
-  return 9 * m->graphptr[row] + 3 * (low - m->graphptr[row]);
+  return m->block * (m->block * m->graphptr[row] + low - m->graphptr[row]);
 }
 
 /* Where each half spring's block lies. UPPER has those of the end that comes first. */
@@ -104,7 +107,7 @@ static void find_slots(const ms_model *model, const int32_t *position, ms_matrix
   const ms_halves *halves = &model->halves;
   for (int32_t r = 0; r < m->n; r++) {
     m->diagonal_slot[r] = find_slot(m, position[r], position[r]);
-    m->row_step[r] = 3 * (m->graphptr[position[r] + 1] - m->graphptr[position[r]]);
+    m->row_step[r] = m->block * (m->graphptr[position[r] + 1] - m->graphptr[position[r]]);
   }
   for (int32_t r = 0; r < m->n; r++) {
     const ms_span span = ms_halves_of(halves, r);
@@ -117,24 +120,24 @@ static void find_slots(const ms_model *model, const int32_t *position, ms_matrix
   }
 }
 
-static msim_status count_blocks(const ms_graph *g, int32_t format, int64_t *blocks,
+static msim_status count_blocks(const ms_graph *g, const ms_matrix *m, int64_t *blocks,
                                 msim_error *err) {
-  int32_t off_diagonal = g->ptr[g->n];
-  *blocks = (int64_t)g->n + (format == MSIM_FORMAT_FULL ? off_diagonal : off_diagonal / 2);
-  if (*blocks <= INT32_MAX / 9) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_ARG, "the matrix has %lld blocks of 3 x 3; the limit is %d",
-                 (long long)*blocks, INT32_MAX / 9);
+  const int32_t off_diagonal = g->ptr[g->n], limit = INT32_MAX / (m->block * m->block);
+  *blocks = (int64_t)g->n + (m->format == MSIM_FORMAT_FULL ? off_diagonal : off_diagonal / 2);
+  if (*blocks <= limit) return MSIM_OK;
+  return ms_fail(err, MSIM_ERR_ARG, "the matrix has %lld blocks of %d x %d; the limit is %d",
+                 (long long)*blocks, m->block, m->block, limit);
 }
 
 static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const size_t n = (size_t)m->n;
+  const size_t n = (size_t)m->n, size = (size_t)m->block;
   m->order = ms_new(alloc, n, sizeof(int32_t));
   m->graphptr = ms_new(alloc, n + 1, sizeof(int32_t));
   m->graphind = ms_new(alloc, blocks, sizeof(int32_t));
-  m->rowptr = ms_new(alloc, 3 * n + 1, sizeof(int32_t));
-  m->colind = ms_new(alloc, 9 * blocks, sizeof(int32_t));
-  m->val = ms_new(alloc, 9 * blocks, sizeof(double));
+  m->rowptr = ms_new(alloc, size * n + 1, sizeof(int32_t));
+  m->colind = ms_new(alloc, size * size * blocks, sizeof(int32_t));
+  m->val = ms_new(alloc, size * size * blocks, sizeof(double));
   m->diagonal_slot = ms_new(alloc, n, sizeof(int32_t));
   m->row_step = ms_new(alloc, n, sizeof(int32_t));
   m->slot = ms_new(alloc, MS_GROUP * (size_t)model->halves.nslots, sizeof(int32_t));
@@ -145,8 +148,8 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
 msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
                              int32_t format, ms_matrix *matrix, msim_error *err) {
   int64_t blocks;
-  *matrix = (ms_matrix){.n = graph->n, .format = format};
-  msim_status status = count_blocks(graph, format, &blocks, err);
+  *matrix = (ms_matrix){.n = graph->n, .format = format, .block = model->rows.dims};
+  msim_status status = count_blocks(graph, matrix, &blocks, err);
   if (status) return status;
   int32_t *position = ms_new(&model->scene->alloc, (size_t)graph->n, sizeof *position);
   if (!position || !allocate_matrix(model, (size_t)blocks, matrix)) {
@@ -178,58 +181,60 @@ void ms_matrix_destroy(const ms_model *model, ms_matrix *m) {
 
 /*------------------------------------- values ---------------------------------------------------*/
 
-static void write_diagonal(const ms_model *model, const ms_coefficients *a, int32_t r,
-                           ms_matrix *m) {
-  const size_t stride = (size_t)model->rows.first_pinned;
-  const double *d = a->diagonal + r;
-  const double xx = d[0], yy = d[stride], zz = d[2 * stride];
-  const double xy = d[3 * stride], xz = d[4 * stride], yz = d[5 * stride];
+MS_INLINE void write_diagonal(const ms_model *model, const ms_coefficients *a, int32_t r,
+                              ms_matrix *m, int32_t size) {
+  const size_t stride = (size_t)model->rows.first_pinned, dims = (size_t)size;
   double *row = m->val + m->diagonal_slot[r];
-  row[0] = xx, row[1] = xy, row[2] = xz;
-  row += m->row_step[r];
-  row[0] = xy, row[1] = yy, row[2] = yz;
-  row += m->row_step[r];
-  row[0] = xz, row[1] = yz, row[2] = zz;
+  for (size_t b = 0; b < dims; b++, row += m->row_step[r])
+    for (size_t c = 0; c < dims; c++)
+      row[c] = a->diagonal[ms_diagonal_entry(dims, b, c) * stride + (size_t)r];
 }
 
 /* block = -(t I + w w^T), less what is there already where several springs share it */
-static inline void write_block(double *at, int32_t step, double t, const double w[3], int shared) {
-  for (int r = 0; r < 3; r++, at += step) {
-    for (int c = 0; c < 3; c++) at[c] = (shared ? at[c] : 0) - w[r] * w[c];
+MS_INLINE void write_block(double *at, int32_t step, double t, const double w[3], int shared,
+                           int32_t size) {
+  for (int r = 0; r < size; r++, at += step) {
+    for (int c = 0; c < size; c++) at[c] = (shared ? at[c] : 0) - w[r] * w[c];
     at[r] -= t;
   }
 }
 
 /* Every block of the pattern has a spring: all are written, none is cleared before. Springs that
  * share one follow each other, as a row meets its neighbours in ascending order. */
-void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m) {
+MS_INLINE void expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m, int32_t size) {
   for (int32_t r = 0; r < m->n; r++) {
     const ms_span span = ms_halves_of(&model->halves, r);
     int32_t last = -1;
-    write_diagonal(model, a, r, m);
+    write_diagonal(model, a, r, m, size);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       if (m->slot[at] < 0) continue;
-      const double w[3] = {a->wx[at], a->wy[at], a->wz[at]};
+      double w[3];
+      for (int c = 0; c < size; c++) w[c] = a->w[c][at];
       double *block = m->val + m->slot[at];
-      if (m->slot[at] == last) write_block(block, m->row_step[r], a->t[at], w, 1);
-      else write_block(block, m->row_step[r], a->t[at], w, 0);
+      if (m->slot[at] == last) write_block(block, m->row_step[r], a->t[at], w, 1, size);
+      else write_block(block, m->row_step[r], a->t[at], w, 0, size);
       last = m->slot[at];
     }
   }
 }
 
+void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m) {
+  if (m->block == 3) expand(model, a, m, 3);
+  else expand(model, a, m, 2);
+}
+
 void ms_matrix_pack(const ms_model *model, const ms_matrix *matrix, const double *vec,
                     double *packed) {
-  size_t stride = (size_t)model->rows.stride;
-  for (int32_t k = 0; k < matrix->n; k++)
-    for (size_t c = 0; c < 3; c++)
-      packed[3 * (size_t)k + c] = vec[c * stride + (size_t)matrix->order[k]];
+  const size_t stride = (size_t)model->rows.stride, size = (size_t)matrix->block;
+  for (size_t k = 0; k < (size_t)matrix->n; k++)
+    for (size_t c = 0; c < size; c++)
+      packed[size * k + c] = vec[c * stride + (size_t)matrix->order[k]];
 }
 
 void ms_matrix_unpack(const ms_model *model, const ms_matrix *matrix, const double *packed,
                       double *vec) {
-  size_t stride = (size_t)model->rows.stride;
-  for (int32_t k = 0; k < matrix->n; k++)
-    for (size_t c = 0; c < 3; c++)
-      vec[c * stride + (size_t)matrix->order[k]] = packed[3 * (size_t)k + c];
+  const size_t stride = (size_t)model->rows.stride, size = (size_t)matrix->block;
+  for (size_t k = 0; k < (size_t)matrix->n; k++)
+    for (size_t c = 0; c < size; c++)
+      vec[c * stride + (size_t)matrix->order[k]] = packed[size * k + c];
 }

@@ -1,7 +1,7 @@
-/* system - the matrix A = M - h D - h^2 J: its coefficients, and its expansion to CSR of 3x3 blocks
+/* system - the matrix A = M - h D - h^2 J: its coefficients, and its expansion to CSR of blocks
  *
  * The core keeps coefficients. Who factorises gets the matrix: block row K of the value array is
- * three scalar rows, each with the blocks of K side by side. Where each spring's block lies is
+ * `block` scalar rows, each with the blocks of K side by side. Where each spring's block lies is
  * found once. */
 #ifndef MS_SYSTEM_H
 #define MS_SYSTEM_H
@@ -21,11 +21,11 @@ void ms_graph_destroy(const ms_model *model, ms_graph *graph);
 
 /* A as a backend sees it, in an order and a format. */
 typedef struct ms_matrix {
-  int32_t n, format;
+  int32_t n, format, block;     /* block rows; MSIM_FORMAT_...; scalars in a block row */
   int32_t *order;               /* n: the row that comes k-th */
   int32_t *graphptr, *graphind; /* blocks */
-  int32_t *rowptr, *colind;     /* scalars: 3n + 1, 9 blocks */
-  double *val;                  /* 9 blocks */
+  int32_t *rowptr, *colind;     /* scalars: block n + 1, block^2 a block */
+  double *val;                  /* block^2 a block */
   int32_t *diagonal_slot;       /* n, by row: offset of the diagonal block in val */
   int32_t *row_step;            /* n, by row: from one scalar row of a block to the next */
   int32_t *slot;                /* 8 halves.nslots: offset of the block in val; -1: not stored */

@@ -5,18 +5,18 @@
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = MS_GROUP * (size_t)model->halves.nslots;
-  *a = (ms_coefficients){
-      .t = ms_new(alloc, n, sizeof(double)),
-      .wx = ms_new(alloc, n, sizeof(double)),
-      .wy = ms_new(alloc, n, sizeof(double)),
-      .wz = ms_new(alloc, n, sizeof(double)),
-      .diagonal = ms_new(alloc, 6 * (size_t)model->rows.first_pinned, sizeof(double))};
-  if (a->t && a->wx && a->wy && a->wz && a->diagonal) return MSIM_OK;
-  return ms_fail_memory(err, "the matrix coefficients");
+  const size_t dims = (size_t)model->rows.dims;
+  const size_t diagonal = ms_diagonal_size(dims) * (size_t)model->rows.first_pinned;
+  *a = (ms_coefficients){.t = ms_new(alloc, n, sizeof(double)),
+                         .diagonal = ms_new(alloc, diagonal, sizeof(double))};
+  int whole = a->t && a->diagonal;
+  for (size_t c = 0; c < dims && whole; c++)
+    whole = (a->w[c] = ms_new(alloc, n, sizeof(double))) != NULL;
+  return whole ? MSIM_OK : ms_fail_memory(err, "the matrix coefficients");
 }
 
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
-  double *arrays[] = {a->t, a->wx, a->wy, a->wz, a->diagonal};
+  double *arrays[] = {a->t, a->w[0], a->w[1], a->w[2], a->diagonal};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     ms_delete(&model->scene->alloc, arrays[i]);
   *a = (ms_coefficients){0};
@@ -37,20 +37,20 @@ void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, cons
 static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const double *x,
                           size_t row, double *y) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
-  static const size_t entry[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
-  for (size_t c = 0; c < 3; c++) {
+  const size_t dims = (size_t)model->rows.dims;
+  for (size_t c = 0; c < dims; c++) {
     y[c * stride + row] = 0;
-    for (size_t b = 0; b < 3; b++)
-      y[c * stride + row] += fabs(a->diagonal[entry[c][b] * sd + row] * x[b * stride + row]);
+    for (size_t b = 0; b < dims; b++)
+      y[c * stride + row] +=
+          fabs(a->diagonal[ms_diagonal_entry(dims, c, b) * sd + row] * x[b * stride + row]);
   }
   const ms_span span = ms_halves_of(&model->halves, (int32_t)row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const double w[3] = {fabs(a->wx[at]), fabs(a->wy[at]), fabs(a->wz[at])};
     const double *xj = x + model->halves.neighbour[at];
-    double dot = 0;
-    for (size_t c = 0; c < 3; c++) dot += w[c] * fabs(xj[c * stride]);
-    for (size_t c = 0; c < 3; c++)
-      y[c * stride + row] += fabs(a->t[at] * xj[c * stride]) + dot * w[c];
+    double along = 0;
+    for (size_t c = 0; c < dims; c++) along += fabs(a->w[c][at] * xj[c * stride]);
+    for (size_t c = 0; c < dims; c++)
+      y[c * stride + row] += fabs(a->t[at] * xj[c * stride]) + along * fabs(a->w[c][at]);
   }
 }
 

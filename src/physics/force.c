@@ -9,10 +9,11 @@ static void external(const ms_model *m, const double *v, double *f) {
   const double *g = m->scene->gravity;
   size_t stride = (size_t)m->rows.stride;
   int gravity = (m->passes & MSIM_SKIP_GRAVITY) != 0;
-  for (int c = 0; c < 3; c++) {
+  for (int32_t c = 0; c < m->rows.dims; c++) {
+    const double gc = g[m->rows.axis[c]];
     double *fc = f + (size_t)c * stride;
     if (gravity)
-      for (int32_t r = 0; r < m->rows.nfree; r++) fc[r] = m->mass[r] * g[c];
+      for (int32_t r = 0; r < m->rows.nfree; r++) fc[r] = m->mass[r] * gc;
     else memset(fc, 0, (size_t)m->rows.nfree * sizeof *fc);
     memset(fc + m->rows.nfree, 0, (stride - (size_t)m->rows.nfree) * sizeof *fc);
   }

@@ -13,17 +13,25 @@
  * in the order of its neighbours. Rows past the unknowns are scratch. */
 void ms_force(const ms_model *model, const double *x, const double *v, double *f);
 
-/* The matrix A = M - h D - h^2 J, given by four numbers a half spring and six a row.
+/* The matrix A = M - h D - h^2 J, given by dims + 1 numbers a half spring, and the diagonal
+ * block of each row.
  *
  * Block (i,j) of a spring is -(t I + w w^T), and t I + w w^T is added to blocks (i,i) and (j,j):
  *   J_ii = -k (u u^T + (1 - L/l) (I - u u^T))  and  D_ii = -c u u^T  give
  *   t = h^2 k s,  w = sqrt(h^2 k (1 - s) + h c) u,  s = 1 - L/l   (clamped: max(0, s))
  * and l = 0: J_ii = -k I, so t = h^2 k, w = 0. As s <= 1 the root is real. */
 typedef struct ms_coefficients {
-  double drag;              /* h b, kg */
-  double *t, *wx, *wy, *wz; /* 8 halves.nslots; padding: 0 */
-  double *diagonal; /* 6 first_pinned: xx yy zz xy xz yz of the diagonal blocks, component-wise */
+  double drag;      /* h b, kg */
+  double *t, *w[3]; /* 8 halves.nslots each, dims of w; padding: 0 */
+  double *diagonal; /* ms_diagonal_size(dims) first_pinned: the numbers of the diagonal blocks, each
+                       for all rows: xx yy zz xy xz yz, or xx yy xy */
 } ms_coefficients;
+
+/* Numbers of a symmetric block, and which of them is its entry (a, b). */
+static inline size_t ms_diagonal_size(size_t dims) { return dims * (dims + 1) / 2; }
+static inline size_t ms_diagonal_entry(size_t dims, size_t a, size_t b) {
+  return a == b ? a : dims + a + b - 1;
+}
 
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err);
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a);

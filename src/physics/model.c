@@ -1,3 +1,4 @@
+#include "layout/flat.h"
 #include "physics/kernels.h"
 
 MS_TABLES(ms_kernels);
@@ -18,7 +19,9 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
                             msim_error *err) {
   *model = (ms_model){.scene = scene, .isa = ms_isa_best()};
   model->kernels = ms_kernels_of[model->isa];
+  const int32_t flat = skip_off & MSIM_SKIP_TWO_D ? -1 : ms_flat_axis(scene);
   msim_status status = ms_layout_create(scene, &model->rows, &model->springs, &model->halves, err);
+  if (flat >= 0) ms_rows_leave_out(&model->rows, flat);
   if (status) return status;
   const ms_rows *rows = &model->rows;
   model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims};

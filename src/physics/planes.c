@@ -29,18 +29,22 @@ static int reflect(const msim_plane *p, double x[3], double v[3]) {
   return 1;
 }
 
+/* A component that the model leaves out is 0 here: no plane has a normal along it. */
 int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
   const ms_scene *scene = model->scene;
-  size_t stride = (size_t)model->rows.stride;
+  const ms_rows *rows = &model->rows;
+  const size_t stride = (size_t)rows->stride;
   int64_t reflected = 0;
-  for (int32_t r = 0; r < model->rows.nfree; r++) {
+  for (int32_t r = 0; r < rows->nfree; r++) {
     double *xr = x + r, *vr = v + r;
-    double xp[3] = {xr[0], xr[stride], xr[2 * stride]};
-    double vp[3] = {vr[0], vr[stride], vr[2 * stride]};
+    double xp[3] = {0}, vp[3] = {0};
+    for (int32_t c = 0; c < rows->dims; c++)
+      xp[rows->axis[c]] = xr[(size_t)c * stride], vp[rows->axis[c]] = vr[(size_t)c * stride];
     int touched = 0;
     for (int32_t p = 0; p < scene->nplanes; p++) touched |= reflect(&scene->planes[p], xp, vp);
     if (!touched) continue;
-    for (size_t c = 0; c < 3; c++) xr[c * stride] = xp[c], vr[c * stride] = vp[c];
+    for (int32_t c = 0; c < rows->dims; c++)
+      xr[(size_t)c * stride] = xp[rows->axis[c]], vr[(size_t)c * stride] = vp[rows->axis[c]];
     reflected++;
   }
   return reflected;

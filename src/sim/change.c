@@ -32,7 +32,7 @@ static msim_status check_values(const char *what, int32_t n, const double *value
 static ms_scene *own_scene(msim_sim *sim, msim_error *err) {
   msim_scene handle = {sim->scene};
   ms_scene *own = ms_scene_writable(&handle, err);
-  if (own) sim->model.scene = sim->scene = own;
+  if (own) sim->model->scene = sim->scene = own;
   return own;
 }
 
@@ -44,13 +44,14 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   if (!status) status = check_values("rest", n, rest, err);
   if (!status) status = check_values("damping", n, damping, err);
   if (status) return status;
+  ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
   ms_scene *scene = own_scene(sim, err);
   if (!scene) return MSIM_ERR_MEMORY;
   const size_t bytes = (size_t)n * sizeof(double);
   if (k) memcpy(scene->k, k, bytes);
   if (rest) memcpy(scene->rest, rest, bytes);
   if (damping) memcpy(scene->damping, damping, bytes);
-  ms_model_update(&sim->model, sim->opt.skip_off);
+  ms_model_update(sim->model, sim->opt.skip_off);
   if (sim->linear) ms_solver_restart(sim->linear);
   sim->stepper.warm = 0; /* forces were those of the old springs */
   sim->flat_is_current = 0;

@@ -6,13 +6,13 @@
 #include "physics/energy.h"
 #include "sim/sim.h"
 
-static int has(const msim_sim *sim, unsigned pass) { return (sim->model.passes & pass) != 0; }
+static int has(const msim_sim *sim, unsigned pass) { return (sim->model->passes & pass) != 0; }
 
 static void explain_scene(const msim_sim *sim, ms_text *out) {
   const ms_scene *s = sim->scene;
   ms_print(out, "scene         %s\n", *s->name ? s->name : "(no name)");
   ms_print(out, "              particles %d, of them pinned %d; springs %d; planes %d\n",
-           s->nparticles, s->nparticles - sim->model.rows.nfree, s->nsprings, s->nplanes);
+           s->nparticles, s->nparticles - sim->model->rows.nfree, s->nsprings, s->nplanes);
 }
 
 static void explain_rows(const ms_rows *rows, ms_text *out) {
@@ -51,10 +51,12 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   ms_print(out, "solver        %s (%s)\n", linear->name, sim->linear->reason);
   ms_print(out, "              relative residual %.3g, checked after every solve\n",
            sim->linear->target.rtol);
-  ms_print(out, "matrix        %d unknowns: 3 for each free particle\n", 3 * sim->model.rows.nfree);
+  const ms_rows *rows = &sim->model->rows;
+  ms_print(out, "matrix        %d unknowns: %d for each free particle\n", rows->dims * rows->nfree,
+           rows->dims);
   if (linear->aggregates)
     ms_print(out, "              coarse space of %d aggregates, %d unknowns in each\n",
-             linear->aggregates, MS_MODES * sim->model.rows.dims);
+             linear->aggregates, MS_MODES * rows->dims);
   if (linear->fill > 0)
     ms_print(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
              linear->flops);
@@ -64,6 +66,12 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   else
     ms_print(out, "              where it is not positive definite, %s\n",
              answer[sim->opt.indefinite]);
+}
+
+static const char *axis_name(const msim_sim *sim) {
+  static const char *const names[] = {"component x", "component y", "component z"};
+  const int32_t axis = sim->model->rows.left_out;
+  return names[axis < 0 ? 0 : axis];
 }
 
 static void explain_skips(const msim_sim *sim, ms_text *out) {
@@ -82,7 +90,8 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
       {!has(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},
       {!has(sim, MSIM_SKIP_DRAG), "drag", "it is 0"},
       {!has(sim, MSIM_SKIP_PLANES), "contact pass", "there are no planes"},
-      {sim->model.rows.nfree < sim->scene->nparticles, "pinned particles",
+      {sim->model->rows.left_out >= 0, axis_name(sim), "nothing moves along it, or pulls that way"},
+      {sim->model->rows.nfree < sim->scene->nparticles, "pinned particles",
        "they are no unknowns: no row, no column"},
       {1, "conversion to flat arrays, energies", "made only when somebody looks"}};
   const char *label = "skipped";
@@ -129,7 +138,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   ms_text *out = &sim->explanation;
   ms_text_free(out);
   explain_scene(sim, out);
-  explain_rows(&sim->model.rows, out);
+  explain_rows(&sim->model->rows, out);
   explain_method(sim, out);
   explain_solver(sim, out);
   explain_skips(sim, out);

@@ -52,36 +52,22 @@ msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err) {
   return MSIM_OK;
 }
 
-static msim_status allocate(msim_sim *sim, msim_error *err) {
-  ms_stepper *s = &sim->stepper;
-  const size_t flat = 3 * (size_t)sim->scene->nparticles;
-  double **vectors[5 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &sim->scratch};
-  int count = 5;
-  for (int i = 0; i < sim->integrator->nwork; i++) vectors[count++] = &s->work[i];
-  for (int i = 0; i < count; i++) {
-    *vectors[i] = ms_rows_vector(sim->scene, &sim->model.rows);
-    if (!*vectors[i]) return ms_fail_memory(err, "the state");
-  }
-  sim->flat_x = ms_new(&sim->alloc, flat, sizeof(double));
-  sim->flat_v = ms_new(&sim->alloc, flat, sizeof(double));
-  if (sim->integrator->sync) sim->flat_v_half = ms_new(&sim->alloc, flat, sizeof(double));
-  if (!sim->flat_x || !sim->flat_v || (sim->integrator->sync && !sim->flat_v_half))
-    return ms_fail_memory(err, "the state");
-  return MSIM_OK;
+static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
+  const size_t n = 3 * (size_t)sim->scene->nparticles;
+  const int sync = sim->integrator->sync != NULL;
+  sim->flat_x = ms_new(&sim->alloc, n, sizeof(double));
+  sim->flat_v = ms_new(&sim->alloc, n, sizeof(double));
+  if (sync) sim->flat_v_half = ms_new(&sim->alloc, n, sizeof(double));
+  if (sim->flat_x && sim->flat_v && (!sync || sim->flat_v_half)) return MSIM_OK;
+  return ms_fail_memory(err, "the state");
 }
 
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
   if (!status) status = ms_sim_make_plan(sim, 0, err);
-  if (!status) status = ms_model_create(sim->scene, sim->opt.skip_off, &sim->model, err);
-  if (!status) status = allocate(sim, err);
-  if (!status && sim->integrator->entry.implicit)
-    status = ms_solver_create(&sim->model, &sim->opt, sim->plan.h, &sim->stats, &sim->linear, err);
+  if (!status) status = allocate_flat(sim, err);
+  if (!status) status = ms_sim_build(sim, sim->opt.skip_off, err);
   if (status) return status;
-  sim->stepper.model = &sim->model;
-  sim->stepper.opt = &sim->opt;
-  sim->stepper.solver = sim->linear;
-  sim->stepper.stats = &sim->stats;
   const msim_state start = {
       .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
   return msim_sim_set_state(sim, &start, err);
@@ -110,24 +96,11 @@ msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, ms
 
 void msim_sim_destroy(msim_sim *sim) {
   if (!sim) return;
-  ms_solver_destroy(sim->linear);
-  ms_matrix_destroy(&sim->model, &sim->csr);
-  ms_model_destroy(&sim->model);
+  ms_sim_drop_matrix(sim);
+  ms_sim_take_down(sim);
   ms_text_free(&sim->explanation);
-  ms_stepper *s = &sim->stepper;
-  void *arrays[] = {s->x,
-                    s->v,
-                    s->x_next,
-                    s->v_next,
-                    sim->scratch,
-                    sim->flat_x,
-                    sim->flat_v,
-                    sim->flat_v_half,
-                    sim->csr_particle,
-                    sim->solver,
-                    sim->plugin_path};
+  void *arrays[] = {sim->flat_x, sim->flat_v, sim->flat_v_half, sim->solver, sim->plugin_path};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(&sim->alloc, arrays[i]);
-  for (int i = 0; i < MS_MAX_WORK; i++) ms_delete(&sim->alloc, s->work[i]);
   ms_scene_release(sim->scene);
   msim_allocator alloc = sim->alloc;
   ms_delete(&alloc, sim);
@@ -144,7 +117,8 @@ static msim_status blame(const msim_sim *sim, msim_status status, const msim_err
                          msim_error *err) {
   char particle[32] = "";
   int32_t row = sim->stepper.culprit;
-  if (row >= 0) snprintf(particle, sizeof particle, ", particle %d", sim->model.rows.particle[row]);
+  if (row >= 0)
+    snprintf(particle, sizeof particle, ", particle %d", sim->model->rows.particle[row]);
   return ms_fail(err, status, "step %lld, t = %g s%s: %s", (long long)(sim->step + 1),
                  ms_sim_time(sim) + sim->plan.h, particle,
                  *why->text ? why->text : msim_status_text(status));
@@ -157,8 +131,8 @@ static msim_status one_step(msim_sim *sim, msim_error *err) {
   s->culprit = -1;
   msim_status status = sim->integrator->step(s, &why);
   if (!status) {
-    s->culprit = ms_find_bad(sim->model.shape, s->x_next);
-    if (s->culprit < 0) s->culprit = ms_find_bad(sim->model.shape, s->v_next);
+    s->culprit = ms_find_bad(sim->model->shape, s->x_next);
+    if (s->culprit < 0) s->culprit = ms_find_bad(sim->model->shape, s->v_next);
     if (s->culprit >= 0) status = MSIM_NOT_FINITE;
   }
   if (status) return blame(sim, status, &why, err);

@@ -3,6 +3,7 @@
 #define MS_SIM_H
 
 #include <stdatomic.h>
+#include <string.h>
 
 #include "integrate/integrator.h"
 #include "scene/options.h"
@@ -14,27 +15,41 @@ struct msim_sim {
   msim_options opt;           /* its strings are the sim's own */
   char *solver, *plugin_path; /* what opt's pointers point to; nullable */
   ms_plan plan;
-  ms_model model;
   const ms_integrator *integrator;
-  ms_solver *linear; /* NULL where the method needs none */
-  ms_stepper stepper;
   msim_stats stats;
   atomic_int stop;
 
   int64_t step, step0; /* t = t0 + (step - step0) h */
   double t0;
 
-  double *scratch;                       /* a row vector that holds nothing between calls */
+  /* what follows from a plan, and is replaced with it */
+  ms_model *model;
+  ms_solver *linear; /* NULL where the method needs none */
+  ms_stepper stepper;
+
   double *flat_x, *flat_v, *flat_v_half; /* 3n: what somebody asked for last */
   int flat_is_current;
 
   ms_text explanation;
-  ms_matrix csr; /* what msim_sim_matrix returned last */
-  int32_t *csr_particle;
+  struct ms_whole *whole; /* for msim_sim_matrix; NULL: nobody asked */
 };
+
+/* A plain struct, as much of it as the caller's has room for. */
+#define MS_GIVE(to, full) \
+  memcpy(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
 
 /* The time of the present state. */
 double ms_sim_time(const msim_sim *sim);
+
+/* Make model, solver and vectors anew, without the skips of skip_off; keeps the old ones where that
+ * fails. The state is yet to be set. */
+msim_status ms_sim_build(msim_sim *sim, unsigned skip_off, msim_error *err);
+
+/* Free them; what is half built too. */
+void ms_sim_take_down(msim_sim *sim);
+
+/* Forget the matrix that somebody looked at. */
+void ms_sim_drop_matrix(msim_sim *sim);
 
 /* Plan the run from t0 on; keeps the old plan where that fails. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err);

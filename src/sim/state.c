@@ -2,23 +2,21 @@
 #include <math.h>
 #include <string.h>
 
+#include "layout/flat.h"
 #include "physics/energy.h"
+#include "physics/plain.h"
 #include "sim/sim.h"
-
-/* A plain struct of the caller's size. */
-static void give(void *to, const void *from, size_t size) { memcpy(to, from, size); }
-#define GIVE(to, full) give(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
 
 /* Rows to flat arrays, once a step at most, and only when somebody looks. */
 static void refresh(msim_sim *sim) {
   if (sim->flat_is_current) return;
   const ms_stepper *s = &sim->stepper;
-  const ms_rows *rows = &sim->model.rows;
+  const ms_rows *rows = &sim->model->rows;
   ms_rows_scatter(rows, s->x, sim->flat_x);
   if (sim->integrator->sync) {
     ms_rows_scatter(rows, s->v, sim->flat_v_half);
     double *v = s->v_next; /* free between steps */
-    sim->integrator->sync(s, v, sim->scratch);
+    sim->integrator->sync(s, v, s->scratch);
     ms_rows_scatter(rows, v, sim->flat_v);
   } else {
     ms_rows_scatter(rows, s->v, sim->flat_v);
@@ -36,7 +34,7 @@ void msim_sim_state(msim_sim *sim, msim_state *state) {
                      .v = sim->flat_v,
                      .v_half = sim->flat_v_half,
                      .h = sim->plan.h};
-  GIVE(state, full);
+  MS_GIVE(state, full);
 }
 
 static msim_status check_state(const msim_sim *sim, const msim_state *state, msim_error *err) {
@@ -59,12 +57,28 @@ static msim_status check_state(const msim_sim *sim, const msim_state *state, msi
   return MSIM_OK;
 }
 
+/* A state out of the scene's plane needs all three components, one within it does not. */
+static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_error *err) {
+  const ms_scene *scene = sim->scene;
+  int32_t flat = sim->opt.skip_off & MSIM_SKIP_TWO_D ? -1 : ms_flat_axis(scene);
+  if (flat >= 0 && !(ms_is_level(scene, flat, state->x, state->v) &&
+                     (!state->v_half || ms_is_level(scene, flat, state->x, state->v_half))))
+    flat = -1;
+  if (flat == sim->model->rows.left_out) return MSIM_OK;
+  return ms_sim_build(sim, sim->opt.skip_off | (flat < 0 ? MSIM_SKIP_TWO_D : 0u), err);
+}
+
 msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err) {
   if (!sim || !state) return ms_fail(err, MSIM_ERR_ARG, "sim or state is NULL");
   msim_status status = check_state(sim, state, err);
+  const ms_plan before = sim->plan;
   if (!status) status = ms_sim_make_plan(sim, state->t, err);
-  if (status) return status;
-  const ms_rows *rows = &sim->model.rows;
+  if (!status) status = fit_components(sim, state, err);
+  if (status) {
+    sim->plan = before;
+    return status;
+  }
+  const ms_rows *rows = &sim->model->rows;
   const size_t flat = 3 * (size_t)state->n * sizeof(double);
   ms_stepper *s = &sim->stepper;
   sim->step = sim->step0 = state->step;
@@ -82,7 +96,10 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
     ms_rows_gather(rows, state->v_half, s->v);
     s->warm = 0;
   }
-  if (sim->integrator->sync) ms_rows_scatter(rows, s->v, sim->flat_v_half);
+  if (sim->integrator->sync) {
+    memcpy(sim->flat_v_half, sim->flat_v, flat); /* 0 where there is no component */
+    ms_rows_scatter(rows, s->v, sim->flat_v_half);
+  }
   sim->flat_is_current = 1;
   return ms_ok(err);
 }
@@ -91,13 +108,13 @@ void msim_sim_energy(msim_sim *sim, msim_energy *energy) {
   refresh(sim);
   msim_energy full = {.size = energy->size};
   ms_energy(sim->scene, sim->flat_x, sim->flat_v, &full);
-  GIVE(energy, full);
+  MS_GIVE(energy, full);
 }
 
 void msim_sim_stats(const msim_sim *sim, msim_stats *stats) {
   msim_stats full = sim->stats;
   full.size = stats->size;
-  GIVE(stats, full);
+  MS_GIVE(stats, full);
 }
 
 void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
@@ -106,66 +123,25 @@ void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
                     .steps = sim->plan.steps,
                     .integrator = sim->integrator->entry.name,
                     .solver = sim->linear ? sim->linear->linear->name : "none"};
-  GIVE(plan, full);
+  MS_GIVE(plan, full);
 }
 
 void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
   ms_stepper *s = &sim->stepper;
-  const ms_rows *rows = &sim->model.rows;
+  const ms_rows *rows = &sim->model->rows;
+  if (rows->left_out >= 0 && !ms_is_level(sim->scene, rows->left_out, x, v)) {
+    ms_plain_force(sim->scene, x, v, force);
+    return;
+  }
   ms_rows_gather(rows, x, s->x_next);
   ms_rows_gather(rows, v, s->v_next);
-  ms_force(&sim->model, s->x_next, s->v_next, sim->scratch);
-  ms_rows_scatter(rows, sim->scratch, force);
+  ms_force(sim->model, s->x_next, s->v_next, s->scratch);
+  memset(force, 0, 3 * (size_t)rows->n * sizeof *force);
+  ms_rows_scatter(rows, s->scratch, force);
   for (int32_t p = 0; p < rows->n; p++)
     if (sim->scene->pinned[p]) memset(force + 3 * (size_t)p, 0, 3 * sizeof *force);
   /* leave the pinned rows as steps expect them */
-  memcpy(s->x_next, s->x, 3 * (size_t)rows->stride * sizeof *x);
-  memset(s->v_next, 0, 3 * (size_t)rows->stride * sizeof *v);
-}
-
-/*------------------------------------- matrix ---------------------------------------------------*/
-
-static msim_status matrix_pattern(msim_sim *sim, msim_error *err) {
-  const ms_rows *rows = &sim->model.rows;
-  ms_graph graph = {0};
-  int32_t *order = ms_new(&sim->alloc, (size_t)rows->nfree, sizeof *order);
-  sim->csr_particle = ms_new(&sim->alloc, (size_t)rows->nfree, sizeof *sim->csr_particle);
-  msim_status status = order && sim->csr_particle ? ms_graph_create(&sim->model, &graph, err)
-                                                  : ms_fail_memory(err, "the matrix");
-  for (int32_t p = 0, k = 0; p < rows->n && !status; p++) {
-    if (sim->scene->pinned[p]) continue;
-    order[k] = rows->row[p];
-    sim->csr_particle[k++] = p;
-  }
-  if (!status)
-    status = ms_matrix_create(&sim->model, &graph, order, MSIM_FORMAT_FULL, &sim->csr, err);
-  ms_graph_destroy(&sim->model, &graph);
-  ms_delete(&sim->alloc, order);
-  if (!status) return status;
-  ms_matrix_destroy(&sim->model, &sim->csr);
-  ms_delete(&sim->alloc, sim->csr_particle);
-  sim->csr_particle = NULL;
-  return status;
-}
-
-msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
-  if (!sim || !A) return ms_fail(err, MSIM_ERR_ARG, "sim or A is NULL");
-  if (!sim->linear)
-    return ms_fail(err, MSIM_ERR_ARG, "integrator '%s' needs no matrix",
-                   sim->integrator->entry.name);
-  if (!sim->csr_particle) {
-    msim_status status = matrix_pattern(sim, err);
-    if (status) return status;
-  }
-  ms_coefficients *a = &sim->linear->system.a;
-  ms_coefficients_compute(&sim->model, sim->stepper.x, sim->plan.h, sim->linear->clamp, a);
-  ms_matrix_expand(&sim->model, a, &sim->csr);
-  msim_csr full = {.size = A->size,
-                   .n = 3 * sim->csr.n,
-                   .rowptr = sim->csr.rowptr,
-                   .colind = sim->csr.colind,
-                   .val = sim->csr.val,
-                   .particle = sim->csr_particle};
-  GIVE(A, full);
-  return ms_ok(err);
+  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *x;
+  memcpy(s->x_next, s->x, bytes);
+  memset(s->v_next, 0, bytes);
 }
