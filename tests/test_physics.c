@@ -226,8 +226,8 @@ static void formats_agree(void **state) {
   assert_ok(ms_coefficients_create(&model, &a, err));
   assert_ok(ms_graph_create(&model, &graph, err));
   const int32_t order[N - 3] = {8, 0, 7, 1, 6, 2, 5, 3, 4}, n = 3 * (N - 3);
-  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_FULL, &full, err));
-  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_UPPER, &upper, err));
+  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_FULL, 3, &full, err));
+  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_UPPER, 3, &upper, err));
   double *x = ms_rows_vector(scene->data, &model.rows),
          *y = ms_rows_vector(scene->data, &model.rows);
   double *magnitude = ms_rows_vector(scene->data, &model.rows);

@@ -145,7 +145,7 @@ static void multiply(const ms_model *model, const ms_coefficients *a, const doub
   ms_matrix m;
   static double from[3 * MOST], to[3 * MOST];
   assert_ok(ms_graph_create(model, &graph, err));
-  assert_ok(ms_matrix_create(model, &graph, NULL, MSIM_FORMAT_FULL, &m, err));
+  assert_ok(ms_matrix_create(model, &graph, NULL, MSIM_FORMAT_FULL, 3, &m, err));
   ms_matrix_expand(model, a, &m);
   ms_matrix_pack(model, &m, v, from);
   for (int32_t r = 0; r < 3 * m.n; r++) {
@@ -189,8 +189,10 @@ static void compare_kernels(ms_model *model, const shape *s) {
     if (i == 0) memcpy(first[1], flat, sizeof flat);
     assert_memory_equal(first[1], flat, 3 * (size_t)s->n * sizeof *flat);
   }
-  multiply(model, &a, v, y);
-  assert_same(model, y, &product);
+  if (a.block == 3) { /* some spring has a length */
+    multiply(model, &a, v, y);
+    assert_same(model, y, &product);
+  }
   ms_coefficients_apply_abs(model, &a, v, y);
   ms_rows_scatter(&model->rows, y, magnitude.sum);
   for (int32_t i = 0; i < 3 * s->n; i++)

@@ -216,7 +216,8 @@ enum {
   MSIM_SKIP_DRAG = 1u << 3,
   MSIM_SKIP_PLANES = 1u << 4,
   MSIM_SKIP_KEPT_FACTOR = 1u << 5, /* off: `auto` factors in every step */
-  MSIM_SKIP_TWO_D = 1u << 6        /* off: flat scenes are computed in 3 components too */
+  MSIM_SKIP_TWO_D = 1u << 6,       /* off: flat scenes are computed in 3 components too */
+  MSIM_SKIP_ZERO_REST_LENGTH = 1u << 7 /* off: springs of rest length 0 are treated as others */
 };
 
 /* A linear solver behind the ABI of msim/backend.h. */
@@ -409,7 +410,8 @@ MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, 
 MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err);
 
 /* Change the springs of this sim; the scene it was made from stays as it is. Values of matrices
- * change, nothing is analysed anew. Nullable: k, rest, damping (as they are). */
+ * change; they are analysed anew only where all rest lengths and dampings were 0 or become so.
+ * Nullable: k, rest, damping (as they are). */
 MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nsprings */,
                                           const double *rest /* nsprings */,
                                           const double *damping /* nsprings */, msim_error *err);

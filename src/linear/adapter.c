@@ -39,15 +39,16 @@ static void apply(const msim_system *view, const double *x, double *y) {
   const adapter *self = view->data;
   const ms_system *s = self->base.system;
   const size_t stride = (size_t)s->model->rows.stride, n = (size_t)s->model->rows.nfree;
-  ms_coefficients_apply(s->model, &s->a, x, y);
-  for (size_t c = 0; c < (size_t)s->model->rows.dims; c++)
+  if (view->block == 1) ms_coefficients_apply_one(s->model, &s->a, x, y);
+  else ms_coefficients_apply(s->model, &s->a, x, y);
+  for (size_t c = 0; c < (size_t)view->block; c++)
     memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
 }
 
 static void precondition(const msim_system *view, const double *r, double *z) {
   const adapter *self = view->data;
   if (z != r) memset(z, 0, (size_t)(view->block * view->stride) * sizeof *z);
-  ms_jacobi_apply(self->base.system->model, &self->jacobi, r, z);
+  ms_jacobi_apply(self->base.system->model, &self->jacobi, view->block, r, z);
 }
 
 /* Every row once? seen: n zeros. */
@@ -87,7 +88,8 @@ static msim_status build_matrix(adapter *self, msim_error *err) {
   msim_status status = ms_graph_create(model, &graph, err);
   if (!status) status = ask_order(self, &graph, &order, err);
   if (!status)
-    status = ms_matrix_create(model, &graph, order, self->table->format, &self->matrix, err);
+    status = ms_matrix_create(model, &graph, order, self->table->format, self->base.system->a.block,
+                              &self->matrix, err);
   ms_delete(alloc, order);
   ms_graph_destroy(model, &graph);
   return status;
@@ -98,7 +100,7 @@ static msim_status analyze(adapter *self, msim_error *err) {
   ms_matrix *m = &self->matrix;
   self->view = (msim_system){.size = sizeof self->view,
                              .n = model->rows.nfree,
-                             .block = model->rows.dims,
+                             .block = self->base.system->a.block,
                              .format = self->table->format,
                              .stride = model->rows.stride,
                              .graphptr = m->graphptr,
@@ -146,8 +148,9 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
     ms_matrix_pack(model, &self->matrix, b, self->b);
     ms_matrix_pack(model, &self->matrix, y, self->y);
   }
-  msim_status status = self->table->solve(self->backend, &self->view, &params, 1,
-                                          self->b ? self->b : b, self->b ? self->y : y, &info);
+  msim_status status =
+      self->table->solve(self->backend, &self->view, &params, model->rows.dims / self->view.block,
+                         self->b ? self->b : b, self->b ? self->y : y, &info);
   if (self->b && (status == MSIM_OK || status == MSIM_NOT_CONVERGED))
     ms_matrix_unpack(model, &self->matrix, self->y, y);
   if (info.iterations > 0) *iterations += info.iterations;
@@ -180,7 +183,7 @@ static msim_status set_up(adapter *self, msim_error *err) {
     if (!status && (!self->b || !self->y)) status = ms_fail_memory(err, "the linear solver");
   }
   if (!status && self->table->format == MSIM_FORMAT_NONE)
-    status = ms_jacobi_create(model, &self->jacobi, err);
+    status = ms_jacobi_create(model, &self->base.system->a, &self->jacobi, err);
   return status ? status : analyze(self, err);
 }
 

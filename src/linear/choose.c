@@ -27,20 +27,29 @@ static msim_status take_pcg(const ms_system *system, const msim_options *opt,
   return MSIM_OK;
 }
 
+/* What a step by a factorisation costs, in flops of one. A matrix of scalars is factored once for
+ * all steps, which only solve: two triangular solves cost 16 for each number of the factor. */
+static double price_of_step(const ms_linear *linear) {
+  const ms_system *s = linear->system;
+  return s->a.block == 1 ? 16 * linear->fill * s->model->rows.dims : linear->flops;
+}
+
 /* pcg, unless many iterations are ahead, cholmod is there, and its flops are fewer than those of
  * the iterations it spares; or where A need not be positive definite. */
 static msim_status estimate(const ms_system *system, const msim_options *opt,
                             const ms_prediction *p, ms_choice *choice, msim_error *err) {
   const double iterations = p->aggregate ? p->two_level : p->one_level;
-  const int may_fail = opt->indefinite == MSIM_INDEFINITE_SOLVE;
-  if (iterations <= FEW_ITERATIONS && !may_fail) return take_pcg(system, opt, p, "", choice, err);
+  const int constant = system->a.block == 1;
+  const int may_fail = opt->indefinite == MSIM_INDEFINITE_SOLVE && !constant;
+  if (iterations <= FEW_ITERATIONS && !may_fail && !constant)
+    return take_pcg(system, opt, p, "", choice, err);
   msim_error why;
   msim_status status = ms_adapter_create(system, "cholmod", opt, &choice->linear, &why);
   if (status == MSIM_ERR_MEMORY || (status && may_fail))
     return ms_fail(err, status, "indefinite = solve needs a solver that can: %s", why.text);
   if (status) return take_pcg(system, opt, p, "; cholmod is not there", choice, err);
   const double spared = iterations * FLOPS_PER_HALF * 2 * system->model->springs.n;
-  if (may_fail || choice->linear->flops <= spared) {
+  if (may_fail || price_of_step(choice->linear) <= spared) {
     snprintf(choice->reason, sizeof choice->reason,
              "auto: a factor of %.2g flops against about %.0f iterations", choice->linear->flops,
              iterations);

@@ -7,7 +7,15 @@
 MS_INLINE void spring_block(size_t dims, const ms_coefficients *a, size_t at, double K[6]) {
   for (size_t c = 0; c < dims; c++)
     for (size_t d = c; d < dims; d++)
-      K[ms_diagonal_entry(dims, c, d)] = a->w[c][at] * a->w[d][at] + (c == d ? a->t[at] : 0);
+      K[ms_diagonal_entry(dims, c, d)] =
+          (a->block > 1 ? a->w[c][at] * a->w[d][at] : 0) + (c == d ? a->t[at] : 0);
+}
+
+/* The diagonal block of a row, likewise. */
+MS_INLINE double diagonal_entry(size_t dims, const ms_coefficients *a, size_t sd, size_t q,
+                                size_t row) {
+  if (a->block > 1) return a->diagonal[q * sd + row];
+  return q < dims ? a->diagonal[row] : 0;
 }
 
 /* block += left (x) right: rows (c, mode) left, columns (d, mode) right */
@@ -31,7 +39,7 @@ MS_INLINE void assemble_row(size_t dims, ms_coarse *coarse, const ms_coefficient
   const ms_quad own = ms_load_float_quad(weight + MS_MODES * row), left = own / scale;
   ms_quad sum[6];
   for (size_t q = 0; q < ms_diagonal_size(dims); q++)
-    sum[q] = own * a->diagonal[q * sd + (size_t)row];
+    sum[q] = own * diagonal_entry(dims, a, sd, q, (size_t)row);
   const ms_span span = ms_halves_of(&model->halves, row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t j = model->halves.neighbour[at];

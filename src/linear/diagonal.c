@@ -5,7 +5,8 @@ static msim_status solve(ms_linear *self, const ms_target *target, const double 
   (void)target, (void)iterations, (void)err;
   const ms_rows *rows = &self->system->model->rows;
   for (size_t c = 0; c < (size_t)rows->dims; c++) {
-    const double *d = self->system->a.diagonal + c * (size_t)rows->first_pinned;
+    const double *d = self->system->a.diagonal +
+                      (self->system->a.block == 1 ? 0 : c) * (size_t)rows->first_pinned;
     const double *bc = b + c * (size_t)rows->stride;
     double *yc = y + c * (size_t)rows->stride;
     for (int32_t r = 0; r < rows->nfree; r++) yc[r] = bc[r] / d[r];

@@ -3,9 +3,10 @@
 #include <float.h>
 #include <math.h>
 
-msim_status ms_jacobi_create(const ms_model *model, ms_jacobi *jacobi, msim_error *err) {
-  const size_t n = ms_diagonal_size((size_t)model->rows.dims) * (size_t)model->rows.first_pinned;
-  *jacobi = (ms_jacobi){1, ms_new(&model->scene->alloc, n, sizeof *jacobi->inverse)};
+msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi,
+                             msim_error *err) {
+  const size_t n = ms_diagonal_size((size_t)a->block) * (size_t)model->rows.first_pinned;
+  *jacobi = (ms_jacobi){a->block, 1, ms_new(&model->scene->alloc, n, sizeof *jacobi->inverse)};
   return jacobi->inverse ? MSIM_OK : ms_fail_memory(err, "the preconditioner");
 }
 
@@ -17,7 +18,7 @@ void ms_jacobi_destroy(const ms_model *model, ms_jacobi *jacobi) {
 static double choose_scale(const ms_model *model, const ms_coefficients *a) {
   const size_t s = (size_t)model->rows.first_pinned;
   double largest = DBL_MIN;
-  for (size_t c = 0; c < (size_t)model->rows.dims; c++)
+  for (size_t c = 0; c < (size_t)a->block; c++)
     for (size_t r = 0; r < (size_t)model->rows.nfree; r++)
       largest = fmax(largest, a->diagonal[c * s + r]);
   int exponent;
@@ -54,34 +55,41 @@ static int invert2(const double *b, double *out) {
   return 1;
 }
 
+static int invert1(const double *b, double *out) {
+  *out = 1 / *b;
+  return *b > 0;
+}
+
 msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, int32_t kind,
                              ms_jacobi *jacobi) {
-  const size_t s = (size_t)model->rows.first_pinned, dims = (size_t)model->rows.dims;
-  const size_t size = ms_diagonal_size(dims);
+  static int (*const invert[])(const double *, double *) = {NULL, invert1, invert2, invert3};
+  const size_t s = (size_t)model->rows.first_pinned, block = (size_t)a->block;
+  const size_t size = ms_diagonal_size(block);
   jacobi->scale = choose_scale(model, a);
   const double by = 1 / jacobi->scale;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
-    double block[6], inverse[6];
-    for (size_t q = 0; q < size; q++) block[q] = by * a->diagonal[q * s + (size_t)r];
-    if (!(dims == 3 ? invert3(block, inverse) : invert2(block, inverse))) {
+    double in[6], out[6];
+    for (size_t q = 0; q < size; q++) in[q] = by * a->diagonal[q * s + (size_t)r];
+    if (!invert[block](in, out)) {
       if (kind != MSIM_FACTOR_SYMMETRIC) return MSIM_NOT_SPD;
-      identity_as_large(dims, block, inverse);
+      identity_as_large(block, in, out);
     }
-    for (size_t q = 0; q < size; q++) jacobi->inverse[q * s + (size_t)r] = inverse[q];
+    for (size_t q = 0; q < size; q++) jacobi->inverse[q * s + (size_t)r] = out[q];
   }
   return MSIM_OK;
 }
 
-void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, const double *r, double *z) {
+void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t components,
+                     const double *r, double *z) {
   const size_t s = (size_t)model->rows.first_pinned, t = (size_t)model->rows.stride;
-  const size_t dims = (size_t)model->rows.dims;
+  const size_t dims = (size_t)components, alike = jacobi->block == 1;
   const double by = 1 / jacobi->scale;
   for (size_t i = 0; i < (size_t)model->rows.nfree; i++) {
     double in[3];
     for (size_t c = 0; c < dims; c++) in[c] = by * r[c * t + i];
     for (size_t b = 0; b < dims; b++) {
-      double sum = 0;
-      for (size_t c = 0; c < dims; c++)
+      double sum = alike ? jacobi->inverse[i] * in[b] : 0;
+      for (size_t c = 0; c < dims && !alike; c++)
         sum += jacobi->inverse[ms_diagonal_entry(dims, b, c) * s + i] * in[c];
       z[b * t + i] = sum;
     }

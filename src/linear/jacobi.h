@@ -7,11 +7,13 @@
 
 /* In units of `scale`, a power of 4 near the largest diagonal entry. */
 typedef struct ms_jacobi {
+  int32_t block; /* scalars in one: those of the coefficients */
   double scale;
   double *inverse; /* of the diagonal blocks / scale, as ms_coefficients has them */
 } ms_jacobi;
 
-msim_status ms_jacobi_create(const ms_model *model, ms_jacobi *jacobi, msim_error *err);
+msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi,
+                             msim_error *err);
 void ms_jacobi_destroy(const ms_model *model, ms_jacobi *jacobi);
 
 /* A block that is not positive definite says that A is not: MSIM_NOT_SPD. Where A need not be
@@ -20,7 +22,9 @@ void ms_jacobi_destroy(const ms_model *model, ms_jacobi *jacobi);
 msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, int32_t kind,
                              ms_jacobi *jacobi);
 
-/* z = D^-1 r, D the diagonal blocks. Rows past the unknowns are left alone. */
-void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, const double *r, double *z);
+/* z = D^-1 r, D the diagonal blocks, for vectors of `components`: those of a block, or any number
+ * where it is a scalar. Rows past the unknowns are left alone. */
+void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t components,
+                     const double *r, double *z);
 
 #endif

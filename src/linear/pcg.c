@@ -177,7 +177,7 @@ static msim_status allocate(ms_pcg *s, msim_error *err) {
     failed |= !*vectors[i];
   }
   return failed ? ms_fail_memory(err, "conjugate gradients")
-                : ms_jacobi_create(model, &s->jacobi, err);
+                : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
 }
 
 static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }

@@ -23,6 +23,7 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_coefficients *a = &s->base.system->a;
   const ms_model *model = s->base.system->model;
   const size_t dims = (size_t)model->rows.dims;
+  const int alike = a->block == 1; /* w = 0, and a scalar stands for a block */
   const double by = 1 / s->jacobi.scale, root = sqrt(by);
   const ms_halves *halves = &model->halves;
   /* the parts of long rows with the last groups */
@@ -32,7 +33,7 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
     const size_t at = MS_GROUP * (size_t)slot;
     for (size_t l = 0; l < MS_GROUP; l++) {
       to[l] = (float)(by * a->t[at + l]);
-      for (size_t c = 0; c < dims; c++)
+      for (size_t c = 0; c < dims && !alike; c++)
         to[MS_GROUP * (c + 1) + l] = (float)(root * a->w[c][at + l]);
     }
   }
@@ -41,7 +42,8 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
   const size_t sd = (size_t)model->rows.first_pinned;
   for (size_t q = 0; q < ms_diagonal_size(dims); q++)
     for (size_t at = q * sd + MS_GROUP * (size_t)begin; at < q * sd + MS_GROUP * (size_t)end; at++)
-      s->inverse[at] = (float)s->jacobi.inverse[at];
+      s->inverse[at] = alike ? (q < dims ? (float)s->jacobi.inverse[at - q * sd] : 0)
+                             : (float)s->jacobi.inverse[at];
 }
 
 /*------------------------------------- apply ----------------------------------------------------*/

@@ -16,9 +16,9 @@ static msim_status take(ms_solver *s, const ms_choice *choice, msim_error *err) 
   s->linear = choice->linear;
   s->stats->analyses += s->linear->analyses;
   snprintf(s->reason, sizeof s->reason, "%s", choice->reason);
-  s->kept =
-      (ms_kept){.allowed = strcmp(s->opt->solver, "auto") == 0 && s->linear->factorises &&
-                           s->linear->fill > 0 && !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR)};
+  s->kept = (ms_kept){.allowed = strcmp(s->opt->solver, "auto") == 0 && s->linear->factorises &&
+                                 s->linear->fill > 0 && s->system.a.block > 1 &&
+                                 !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR)};
   if (!s->kept.allowed) return MSIM_OK;
   s->kept.price = s->linear->flops / (16 * s->linear->fill);
   return ms_cg_create(s->system.model, &s->cg, err);
@@ -73,16 +73,22 @@ void ms_solver_restart(ms_solver *s) {
   if (s->linear->ops->restart) s->linear->ops->restart(s->linear);
 }
 
+void ms_solver_renew(ms_solver *s) {
+  ms_solver_restart(s);
+  s->made_for = 0;
+}
+
 /*------------------------------------- one solve ------------------------------------------------*/
 
 /* The row on which a spring's NaN or Inf ended up, in the diagonal block; -1: none. */
 static int32_t bad_coefficients(const ms_system *s) {
-  const ms_shape shape = {s->model->rows.nfree, s->model->rows.first_pinned, s->model->rows.dims};
+  const ms_shape shape = {s->model->rows.nfree, s->model->rows.first_pinned, s->a.block};
   return ms_find_bad(shape, s->a.diagonal);
 }
 
 static msim_status assemble(ms_solver *s, const double *x, double h, int clamp) {
   double start = ms_clock();
+  s->made_for = 0;
   ms_coefficients_compute(s->system.model, x, h, clamp, &s->system.a);
   s->system.clamped = clamp;
   s->culprit = bad_coefficients(&s->system);
@@ -268,15 +274,35 @@ static msim_status switch_to_cholmod(ms_solver *s, msim_error *err) {
   if (status) return status;
   s->linear->ops->destroy(s->linear);
   s->stats->fallbacks++;
+  s->made_for = 0;
   return take(s, &choice, err);
 }
 
-static msim_status solve_once(ms_solver *s, const double *x, double h, const double *b, double *v,
-                              msim_error *err) {
+/* A does not depend on x: one factor for all steps of this h. */
+static msim_status solve_constant(ms_solver *s, const double *x, double h, const double *b,
+                                  double *v, msim_error *err) {
+  if (s->made_for != h) {
+    msim_status status = assemble(s, x, h, s->clamp);
+    if (!status) status = factor(s, MSIM_FACTOR_SPD, err);
+    if (status) return status;
+    s->made_for = h;
+  }
+  return solve(s, b, v, err);
+}
+
+static msim_status solve_variable(ms_solver *s, const double *x, double h, const double *b,
+                                  double *v, msim_error *err) {
   msim_status status = assemble(s, x, h, s->clamp);
   if (status) return status;
   status = try_kept(s, b, v);
   if (status && status != MSIM_NOT_SPD) status = factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
+  return status;
+}
+
+static msim_status solve_once(ms_solver *s, const double *x, double h, const double *b, double *v,
+                              msim_error *err) {
+  msim_status status = s->system.a.block == 1 ? solve_constant(s, x, h, b, v, err)
+                                              : solve_variable(s, x, h, b, v, err);
   if (status == MSIM_NOT_SPD && !s->clamp) status = not_positive_definite(s, x, h, b, v, err);
   return status;
 }

@@ -22,7 +22,8 @@ typedef struct ms_solver {
   int clamp;      /* jacobian = clamp */
   int may_switch; /* auto took pcg: cholmod stands behind it */
   ms_kept kept;
-  ms_cg cg; /* for kept factors */
+  ms_cg cg;        /* for kept factors */
+  double made_for; /* h of the constant matrix that is factored; 0: there is none */
   msim_stats *stats;
   double *guess, *residual, *correction, *magnitude; /* work vectors */
   double reached;                                    /* ||b - A v|| / ||b|| of the last solve */
@@ -38,8 +39,9 @@ void ms_solver_destroy(ms_solver *solver);
 
 /* v = A(x, h)^-1 b. v: first guess in, solution out, scratch unless MSIM_OK.
  *
- * The pattern is analysed once, at creation; a factor is made in every solve, because x is new. The
- * true residual is checked after every solve: ||b - A v|| <= rtol ||b||, or at rounding level,
+ * The pattern is analysed once, at creation; a factor is made in every solve, because x is new. A
+ * matrix of scalars (force.h) is the same for every x: it is assembled and factored once for an h.
+ * The true residual is checked after every solve: ||b - A v|| <= rtol ||b||, or at rounding level,
  * 8 eps || |A||v| + |b| ||. What follows what, each counted in stats:
  *   1. `auto` with a factorisation: the kept factor preconditions conjugate gradients, where the
  *      iterations cost no more than a step did on average since it was made; else a new factor.
@@ -53,5 +55,8 @@ msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const 
 
 /* Forget the kept factor: what follows depends on the state alone. */
 void ms_solver_restart(ms_solver *solver);
+
+/* The model's springs are others. Whether its matrix is one of scalars must not have changed. */
+void ms_solver_renew(ms_solver *solver);
 
 #endif

@@ -146,9 +146,9 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
 }
 
 msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
-                             int32_t format, ms_matrix *matrix, msim_error *err) {
+                             int32_t format, int32_t block, ms_matrix *matrix, msim_error *err) {
   int64_t blocks;
-  *matrix = (ms_matrix){.n = graph->n, .format = format, .block = model->rows.dims};
+  *matrix = (ms_matrix){.n = graph->n, .format = format, .block = block};
   msim_status status = count_blocks(graph, matrix, &blocks, err);
   if (status) return status;
   int32_t *position = ms_new(&model->scene->alloc, (size_t)graph->n, sizeof *position);
@@ -208,8 +208,8 @@ MS_INLINE void expand(const ms_model *model, const ms_coefficients *a, ms_matrix
     write_diagonal(model, a, r, m, size);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       if (m->slot[at] < 0) continue;
-      double w[3];
-      for (int c = 0; c < size; c++) w[c] = a->w[c][at];
+      double w[3] = {0};
+      for (int c = 0; c < size && size > 1; c++) w[c] = a->w[c][at];
       double *block = m->val + m->slot[at];
       if (m->slot[at] == last) write_block(block, m->row_step[r], a->t[at], w, 1, size);
       else write_block(block, m->row_step[r], a->t[at], w, 0, size);
@@ -220,21 +220,24 @@ MS_INLINE void expand(const ms_model *model, const ms_coefficients *a, ms_matrix
 
 void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m) {
   if (m->block == 3) expand(model, a, m, 3);
-  else expand(model, a, m, 2);
+  else if (m->block == 2) expand(model, a, m, 2);
+  else expand(model, a, m, 1);
 }
 
 void ms_matrix_pack(const ms_model *model, const ms_matrix *matrix, const double *vec,
                     double *packed) {
-  const size_t stride = (size_t)model->rows.stride, size = (size_t)matrix->block;
-  for (size_t k = 0; k < (size_t)matrix->n; k++)
-    for (size_t c = 0; c < size; c++)
-      packed[size * k + c] = vec[c * stride + (size_t)matrix->order[k]];
+  const size_t stride = (size_t)model->rows.stride, block = (size_t)matrix->block;
+  const size_t n = (size_t)matrix->n, apart = block == 1 ? n : 1;
+  for (size_t c = 0; c < (size_t)model->rows.dims; c++)
+    for (size_t k = 0; k < n; k++)
+      packed[block * k + c * apart] = vec[c * stride + (size_t)matrix->order[k]];
 }
 
 void ms_matrix_unpack(const ms_model *model, const ms_matrix *matrix, const double *packed,
                       double *vec) {
-  const size_t stride = (size_t)model->rows.stride, size = (size_t)matrix->block;
-  for (size_t k = 0; k < (size_t)matrix->n; k++)
-    for (size_t c = 0; c < size; c++)
-      vec[c * stride + (size_t)matrix->order[k]] = packed[size * k + c];
+  const size_t stride = (size_t)model->rows.stride, block = (size_t)matrix->block;
+  const size_t n = (size_t)matrix->n, apart = block == 1 ? n : 1;
+  for (size_t c = 0; c < (size_t)model->rows.dims; c++)
+    for (size_t k = 0; k < n; k++)
+      vec[c * stride + (size_t)matrix->order[k]] = packed[block * k + c * apart];
 }

@@ -31,15 +31,16 @@ typedef struct ms_matrix {
   int32_t *slot;                /* 8 halves.nslots: offset of the block in val; -1: not stored */
 } ms_matrix;
 
-/* Nullable: order (the rows as they are). */
+/* block: that of the coefficients to come. Nullable: order (the rows as they are). */
 msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
-                             int32_t format, ms_matrix *matrix, msim_error *err);
+                             int32_t format, int32_t block, ms_matrix *matrix, msim_error *err);
 void ms_matrix_destroy(const ms_model *model, ms_matrix *matrix);
 
 /* val = A */
 void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *matrix);
 
-/* Row vectors to interleaved ones in the matrix' order, and back. */
+/* Row vectors to interleaved ones in the matrix' order, and back. Where the matrix has scalars for
+ * blocks: to one vector after the other, one for each component. */
 void ms_matrix_pack(const ms_model *model, const ms_matrix *matrix, const double *vec,
                     double *packed);
 void ms_matrix_unpack(const ms_model *model, const ms_matrix *matrix, const double *packed,

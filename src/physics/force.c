@@ -23,6 +23,10 @@ static void external(const ms_model *m, const double *v, double *f) {
 void ms_force(const ms_model *model, const double *x, const double *v, double *f) {
   external(model, v, f);
   if (!(model->passes & MSIM_SKIP_SPRINGS)) return;
+  if (!(model->passes & MSIM_SKIP_ZERO_REST_LENGTH)) {
+    model->kernels->linear_springs(model, x, f);
+    return;
+  }
   const int damped = v && (model->passes & MSIM_SKIP_DAMPING);
   model->kernels->springs(model, x, damped ? v : NULL, f);
 }

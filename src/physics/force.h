@@ -19,12 +19,16 @@ void ms_force(const ms_model *model, const double *x, const double *v, double *f
  * Block (i,j) of a spring is -(t I + w w^T), and t I + w w^T is added to blocks (i,i) and (j,j):
  *   J_ii = -k (u u^T + (1 - L/l) (I - u u^T))  and  D_ii = -c u u^T  give
  *   t = h^2 k s,  w = sqrt(h^2 k (1 - s) + h c) u,  s = 1 - L/l   (clamped: max(0, s))
- * and l = 0: J_ii = -k I, so t = h^2 k, w = 0. As s <= 1 the root is real. */
+ * and l = 0: J_ii = -k I, so t = h^2 k, w = 0. As s <= 1 the root is real.
+ *
+ * Where every rest length and damping is 0, so is every w, and t depends on h alone: A is constant,
+ * and acts on each component alike. Then it is kept as a matrix of scalars, block = 1. */
 typedef struct ms_coefficients {
   double drag;      /* h b, kg */
-  double *t, *w[3]; /* 8 halves.nslots each, dims of w; padding: 0 */
-  double *diagonal; /* ms_diagonal_size(dims) first_pinned: the numbers of the diagonal blocks, each
-                       for all rows: xx yy zz xy xz yz, or xx yy xy */
+  int32_t block;    /* scalars in a block: dims, or 1 */
+  double *t, *w[3]; /* 8 halves.nslots each; dims of w, or none; padding: 0 */
+  double *diagonal; /* ms_diagonal_size(block) first_pinned: the numbers of the diagonal blocks,
+                       each for all rows: xx yy zz xy xz yz, or xx yy xy, or one for all */
 } ms_coefficients;
 
 /* Numbers of a symmetric block, and which of them is its entry (a, b). */
@@ -43,6 +47,10 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
 /* y = A x on the unknowns; rows past them must be 0 in x and are 0 in y. */
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,
                            double *y);
+
+/* The same for one component, block = 1. */
+void ms_coefficients_apply_one(const ms_model *model, const ms_coefficients *a, const double *x,
+                               double *y);
 
 /* y >= |A| |x| entry by entry: what rounding errors of A x are measured against. */
 void ms_coefficients_apply_abs(const ms_model *model, const ms_coefficients *a, const double *x,

@@ -124,6 +124,32 @@ static void springs(const ms_model *m, const double *x, const double *v, double 
   else v ? add_springs(m, x, v, f, 1, 2) : add_springs(m, x, v, f, 0, 2);
 }
 
+/* k (x_j - x_i): the pull of a spring without rest length */
+MS_INLINE void add_linear_springs(const ms_model *m, const double *x, double *f, size_t dims) {
+  const size_t stride = (size_t)m->rows.stride;
+  const ms_halves *halves = &m->halves;
+  for (int32_t s = 0; s < halves->ngroups + halves->nparts; s++) {
+    const place p = place_of(halves, s, f, stride);
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      const vec xi = load_own(p, lane, x, stride, dims);
+      vec sum = {{{0}}};
+      if (!p.is_part) sum = load(p.sums + lane, p.stride, dims);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+        const vec d = minus(load_neighbours(halves, slot, lane, x, stride, dims), xi, dims);
+        const ms_lanes k = ms_load(halves->k + MS_GROUP * (size_t)slot + lane);
+        EACH(c) sum.c[c] += k * d.c[c];
+      }
+      store(p.sums + lane, p.stride, sum, dims);
+    }
+  }
+  ms_halves_add_parts(halves, (int32_t)dims, stride, f);
+}
+
+static void linear_springs(const ms_model *m, const double *x, double *f) {
+  if (m->rows.dims == 3) add_linear_springs(m, x, f, 3);
+  else add_linear_springs(m, x, f, 2);
+}
+
 /*------------------------------------- coefficients ---------------------------------------------*/
 
 /* t and w of force.h, at the differences d = x_j - x_i */
@@ -234,4 +260,36 @@ static void apply(const ms_model *model, const ms_coefficients *a, const double 
   else apply_all(model, a, x, y, 2);
 }
 
-const ms_kernels MS_TABLE(ms_kernels) = {springs, coefficients, apply};
+/* y_i = D_i x_i - sum of t x_j, for each component */
+MS_INLINE void apply_alike_all(const ms_model *model, const ms_coefficients *a, const double *x,
+                               double *y, size_t dims) {
+  const size_t stride = (size_t)model->rows.stride, end = (size_t)model->rows.first_pinned;
+  const ms_halves *halves = &model->halves;
+  for (int32_t s = 0; s < halves->ngroups + halves->nparts; s++) {
+    const place p = place_of(halves, s, y, stride);
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      vec sum = {{{0}}};
+      if (!p.is_part) {
+        sum = load(x + p.row + lane, stride, dims);
+        EACH(c) sum.c[c] *= ms_load(a->diagonal + p.row + lane);
+      }
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+        const ms_lanes t = ms_load(a->t + MS_GROUP * (size_t)slot + lane);
+        const vec v = load_neighbours(halves, slot, lane, x, stride, dims);
+        EACH(c) sum.c[c] -= t * v.c[c];
+      }
+      store(p.sums + lane, p.stride, sum, dims);
+    }
+  }
+  ms_halves_add_parts(halves, (int32_t)dims, stride, y);
+  EACH(c) memset(y + c * stride + end, 0, (stride - end) * sizeof *y);
+}
+
+static void apply_alike(const ms_model *model, const ms_coefficients *a, int32_t components,
+                        const double *x, double *y) {
+  if (components == 3) apply_alike_all(model, a, x, y, 3);
+  else if (components == 2) apply_alike_all(model, a, x, y, 2);
+  else apply_alike_all(model, a, x, y, 1);
+}
+
+const ms_kernels MS_TABLE(ms_kernels) = {springs, linear_springs, coefficients, apply, apply_alike};

@@ -7,8 +7,10 @@ MS_TABLES(ms_kernels);
 static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
   unsigned passes = 0;
   if (springs->n) passes |= MSIM_SKIP_SPRINGS;
-  for (int32_t e = 0; e < springs->n; e++)
+  for (int32_t e = 0; e < springs->n; e++) {
     if (springs->damping[e] > 0) passes |= MSIM_SKIP_DAMPING;
+    if (springs->rest[e] > 0 || springs->damping[e] > 0) passes |= MSIM_SKIP_ZERO_REST_LENGTH;
+  }
   if (s->gravity[0] != 0 || s->gravity[1] != 0 || s->gravity[2] != 0) passes |= MSIM_SKIP_GRAVITY;
   if (s->drag > 0) passes |= MSIM_SKIP_DRAG;
   if (s->nplanes) passes |= MSIM_SKIP_PLANES;

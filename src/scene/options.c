@@ -104,6 +104,8 @@ static const option table[] = {
     FLAG("planes", "the contact pass where there are no planes", MSIM_SKIP_PLANES),
     FLAG("kept_factor", "a new factor where solver = auto finds that the last one still serves",
          MSIM_SKIP_KEPT_FACTOR),
+    FLAG("zero_rest_length", "the direction of springs where all rest lengths and dampings are 0",
+         MSIM_SKIP_ZERO_REST_LENGTH),
     FLAG("two_d", "the third component of a flat scene", MSIM_SKIP_TWO_D),
     TEXT("plugin_path", "folders", "", "folders searched for plugins first, ':' between them",
          plugin_path),

@@ -52,8 +52,13 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   ms_print(out, "              relative residual %.3g, checked after every solve\n",
            sim->linear->target.rtol);
   const ms_rows *rows = &sim->model->rows;
-  ms_print(out, "matrix        %d unknowns: %d for each free particle\n", rows->dims * rows->nfree,
-           rows->dims);
+  const int alike = sim->linear->system.a.block == 1;
+  if (alike)
+    ms_print(out, "matrix        %d unknowns: one for each free particle, %d right sides\n",
+             rows->nfree, rows->dims);
+  else
+    ms_print(out, "matrix        %d unknowns: %d for each free particle\n",
+             rows->dims * rows->nfree, rows->dims);
   if (linear->aggregates)
     ms_print(out, "              coarse space of %d aggregates, %d unknowns in each\n",
              linear->aggregates, MS_MODES * rows->dims);
@@ -62,7 +67,8 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
              linear->flops);
   static const char *const answer[] = {"that step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run stops"};
-  if (sim->linear->clamp) ms_print(out, "              clamped: positive definite always\n");
+  if (alike) ms_print(out, "              positive definite, and the same in every step\n");
+  else if (sim->linear->clamp) ms_print(out, "              clamped: positive definite always\n");
   else
     ms_print(out, "              where it is not positive definite, %s\n",
              answer[sim->opt.indefinite]);
@@ -86,6 +92,8 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
            !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
        "coarse factorisation", "in steps whose matrix has hardly changed since the last one"},
       {!has(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
+      {has(sim, MSIM_SKIP_SPRINGS) && !has(sim, MSIM_SKIP_ZERO_REST_LENGTH), "direction of springs",
+       "all rest lengths and dampings are 0, so forces are linear and the matrix is constant"},
       {!has(sim, MSIM_SKIP_DAMPING), "damping of springs", "no spring is damped"},
       {!has(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},
       {!has(sim, MSIM_SKIP_DRAG), "drag", "it is 0"},

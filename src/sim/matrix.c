@@ -4,6 +4,8 @@
  * with: so it has a model of its own, made when it is asked for. */
 #include "sim/sim.h"
 
+#define WHOLE (MSIM_SKIP_TWO_D | MSIM_SKIP_ZERO_REST_LENGTH)
+
 typedef struct ms_whole {
   ms_model model;
   ms_coefficients a;
@@ -37,7 +39,7 @@ static msim_status make_pattern(msim_sim *sim, ms_whole *w, msim_error *err) {
     w->particle[k++] = p;
   }
   if (!status)
-    status = ms_matrix_create(&w->model, &graph, order, MSIM_FORMAT_FULL, &w->matrix, err);
+    status = ms_matrix_create(&w->model, &graph, order, MSIM_FORMAT_FULL, 3, &w->matrix, err);
   ms_graph_destroy(&w->model, &graph);
   ms_delete(&sim->alloc, order);
   return status;
@@ -46,8 +48,7 @@ static msim_status make_pattern(msim_sim *sim, ms_whole *w, msim_error *err) {
 static msim_status make_whole(msim_sim *sim, msim_error *err) {
   ms_whole *w = sim->whole = ms_new(&sim->alloc, 1, sizeof *w);
   if (!w) return ms_fail_memory(err, "the matrix");
-  msim_status status =
-      ms_model_create(sim->scene, sim->opt.skip_off | MSIM_SKIP_TWO_D, &w->model, err);
+  msim_status status = ms_model_create(sim->scene, sim->opt.skip_off | WHOLE, &w->model, err);
   if (!status) status = ms_coefficients_create(&w->model, &w->a, err);
   if (!status && !(w->x = ms_rows_vector(sim->scene, &w->model.rows)))
     status = ms_fail_memory(err, "the matrix");
