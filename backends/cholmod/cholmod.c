@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "msim/backend.h"
+#include "triangular.h"
 
 #define STRING_(x) #x
 #define STRING(x)  STRING_(x)
@@ -24,6 +25,7 @@ typedef struct cholesky {
   cholmod_factor *supernodal, *simplicial; /* LL', and LDL' once it is needed */
   cholmod_factor *current;
   cholmod_dense *x, *y, *e; /* CHOLMOD's own work space */
+  double *work;             /* for triangular_solve */
   int omp_levels;           /* of the calling thread, before we came */
 } cholesky;
 
@@ -116,8 +118,6 @@ static msim_status create(const msim_host *host, void **result) {
   self->common.print = 0;
   self->common.nmethods = 1;
   self->common.quick_return_if_not_posdef = 1;
-  /* relaxed supernodes: wider than for scalar problems, as a block row is three */
-  self->common.nrelax[0] = 12, self->common.nrelax[1] = 36, self->common.nrelax[2] = 96;
   return MSIM_OK;
 }
 
@@ -193,12 +193,19 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
                                   .dtype = CHOLMOD_DOUBLE,
                                   .sorted = 1,
                                   .packed = 1};
+  /* relaxed supernodes as wide, in block rows, as CHOLMOD has them for scalar problems */
+  const size_t relaxed[3] = {4, 16, 48};
+  for (int i = 0; i < 3; i++)
+    self->common.nrelax[i] = relaxed[i] * (A->block == 1 ? 1 : (size_t)A->block);
   hold_threads(self);
   self->supernodal = symbolic(self, CHOLMOD_SUPERNODAL);
   info->fill = self->common.lnz;
   info->flops = self->common.fl;
   release_threads(self);
-  return status_of(self, "analyse the matrix");
+  msim_status status = status_of(self, "analyse the matrix");
+  if (status) return status;
+  self->work = self->host->alloc(self->host, triangular_work(self->supernodal) * sizeof(double));
+  return self->work ? MSIM_OK : MSIM_ERR_MEMORY;
 }
 
 /* LL' exists where A is positive definite only; of LDL', D tells. */
@@ -236,6 +243,13 @@ static msim_status solve(void *data, const msim_system *A, const msim_solve_para
   cholesky *self = data;
   if (nrhs < 1) return refuse(self, "nrhs must be at least 1");
   const size_t n = (size_t)A->block * (size_t)A->n, columns = (size_t)nrhs;
+  if (self->current == self->supernodal) {
+    memcpy(y, b, n * columns * sizeof *y);
+    for (int32_t c = 0; c < nrhs; c += MOST_SIDES)
+      triangular_solve(self->supernodal, y + (size_t)c * n, nrhs - c < 3 ? nrhs - c : 3,
+                       self->work);
+    return MSIM_OK;
+  }
   cholmod_dense right = {.nrow = n,
                          .ncol = columns,
                          .nzmax = n * columns,
@@ -261,6 +275,7 @@ static void destroy(void *data) {
   cholmod_free_dense(&self->y, &self->common);
   cholmod_free_dense(&self->e, &self->common);
   cholmod_finish(&self->common);
+  self->host->free(self->host, self->work);
   self->host->free(self->host, self);
 }
 

@@ -1,0 +1,170 @@
+/* triangular - y = (L L')^-1 y by the supernodal factor of CHOLMOD, for few right sides.
+ *
+ * CHOLMOD calls BLAS for each supernode, which costs more than the work where right sides are few.
+ * Here the rows of a supernode are gathered once; its columns are then read in pairs, from first to
+ * last, for all right sides at once. Sums run in one order, whatever registers the CPU has. */
+#ifndef MSIM_CHOLMOD_TRIANGULAR_H
+#define MSIM_CHOLMOD_TRIANGULAR_H
+
+#include <cholmod.h>
+#include <stdint.h>
+#include <string.h>
+
+enum { MOST_SIDES = 3, LANES = 4 };
+
+typedef double lanes __attribute__((vector_size(8 * LANES)));
+
+/* Built for wider registers too; the CPU decides when the plugin is loaded. */
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__)
+#  define FOR_EACH_CPU __attribute__((target_clones("avx2", "default")))
+#else
+#  define FOR_EACH_CPU
+#endif
+#define INLINE static inline __attribute__((always_inline))
+
+/* Some columns of L: a lower triangle, and full rows below it. Column j begins at value + j rows.
+ * Lanes past the end of a column meet the next one: what they make is not used, but it must be
+ * there, so the last supernodes go without. */
+typedef struct supernode {
+  int32_t width, rows;
+  int32_t end;        /* of the rows that are taken in whole lanes: rows, rounded up or down */
+  const int32_t *row; /* rows of them, ascending */
+  const double *value;
+} supernode;
+
+INLINE supernode supernode_at(const cholmod_factor *L, size_t s) {
+  const int32_t *super = L->super, *pi = L->pi, *px = L->px;
+  const int32_t rows = pi[s + 1] - pi[s];
+  const int ends_inside = (size_t)px[s + 1] + LANES <= L->xsize;
+  return (supernode){.width = super[s + 1] - super[s],
+                     .rows = rows,
+                     .end = ends_inside ? rows : rows - LANES + 1,
+                     .row = (const int32_t *)L->s + pi[s],
+                     .value = (const double *)L->x + px[s]};
+}
+
+INLINE void load(lanes *to, const double *from) { memcpy(to, from, sizeof *to); }
+
+/* w_i -= sum over `columns` columns of L_ij w_j, for the rows i after them */
+INLINE void subtract_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
+                             int sides) {
+  const int32_t rows = s->rows;
+  const double *L = s->value + (size_t)j * (size_t)rows;
+  double solved[2][MOST_SIDES];
+  for (int q = 0; q < columns; q++)
+    for (int c = 0; c < sides; c++) solved[q][c] = w[(size_t)c * apart + (size_t)(j + q)];
+  int32_t i = j + columns;
+  for (; i < s->end; i += LANES) {
+    lanes first, second, rest;
+    load(&first, L + i);
+    if (columns == 2) load(&second, L + rows + i);
+    for (int c = 0; c < sides; c++) {
+      double *wi = w + (size_t)c * apart + i;
+      load(&rest, wi);
+      rest -= first * solved[0][c];
+      if (columns == 2) rest -= second * solved[1][c];
+      memcpy(wi, &rest, sizeof rest);
+    }
+  }
+  for (; i < rows; i++)
+    for (int c = 0; c < sides; c++)
+      for (int q = 0; q < columns; q++)
+        w[(size_t)c * apart + (size_t)i] -= L[q * rows + i] * solved[q][c];
+}
+
+/* columns j and, where there are two, j + 1 of L w' = w */
+INLINE void forward(const supernode *s, int32_t j, int columns, double *w, size_t apart,
+                    int sides) {
+  const int32_t rows = s->rows;
+  const double *L = s->value + (size_t)j * (size_t)rows;
+  for (int c = 0; c < sides; c++) {
+    double *wc = w + (size_t)c * apart;
+    wc[j] /= L[j];
+    if (columns == 2) wc[j + 1] = (wc[j + 1] - L[j + 1] * wc[j]) / L[rows + j + 1];
+  }
+  subtract_columns(s, j, columns, w, apart, sides);
+}
+
+/* the same columns of L' w' = w */
+INLINE void backward(const supernode *s, int32_t j, int columns, double *w, size_t apart,
+                     int sides) {
+  const int32_t rows = s->rows;
+  const double *L = s->value + (size_t)j * (size_t)rows;
+  lanes sum[2][MOST_SIDES] = {{{0}}};
+  int32_t i = j + columns;
+  for (; i < s->end; i += LANES) {
+    lanes first, second, x;
+    load(&first, L + i);
+    if (columns == 2) load(&second, L + rows + i);
+    for (int c = 0; c < sides; c++) {
+      load(&x, w + (size_t)c * apart + i);
+      sum[0][c] += first * x;
+      if (columns == 2) sum[1][c] += second * x;
+    }
+  }
+  for (int c = 0; c < sides; c++) {
+    double *wc = w + (size_t)c * apart;
+    for (int q = columns - 1; q >= 0; q--) {
+      const lanes part = sum[q][c];
+      const double *column = L + q * rows;
+      double total = (part[0] + part[2]) + (part[1] + part[3]);
+      for (int32_t r = i; r < rows; r++) total += column[r] * wc[r];
+      if (columns == 2 && q == 0) total += column[j + 1] * wc[j + 1];
+      wc[j + q] = (wc[j + q] - total) / column[j + q];
+    }
+  }
+}
+
+INLINE void gather(const supernode *s, const double *y, size_t n, double *w, size_t apart,
+                   int sides) {
+  for (int c = 0; c < sides; c++) {
+    double *wc = w + (size_t)c * apart;
+    for (int32_t i = 0; i < s->rows; i++) wc[i] = y[(size_t)c * n + (size_t)s->row[i]];
+    for (int32_t i = s->rows; i < s->rows + LANES; i++) wc[i] = 0;
+  }
+}
+
+INLINE void scatter(const supernode *s, const double *w, size_t apart, int32_t count, double *y,
+                    size_t n, int sides) {
+  for (int c = 0; c < sides; c++)
+    for (int32_t i = 0; i < count; i++)
+      y[(size_t)c * n + (size_t)s->row[i]] = w[(size_t)c * apart + (size_t)i];
+}
+
+/* An odd column comes first. */
+INLINE void solve_sides(const cholmod_factor *L, double *y, double *w, int sides) {
+  for (size_t k = 0; k < L->nsuper; k++) {
+    const supernode s = supernode_at(L, k);
+    const size_t apart = (size_t)s.rows + LANES;
+    gather(&s, y, L->n, w, apart, sides);
+    if (s.width % 2) forward(&s, 0, 1, w, apart, sides);
+    for (int32_t j = s.width % 2; j < s.width; j += 2) forward(&s, j, 2, w, apart, sides);
+    scatter(&s, w, apart, s.rows, y, L->n, sides);
+  }
+  for (size_t k = L->nsuper; k-- > 0;) {
+    const supernode s = supernode_at(L, k);
+    const size_t apart = (size_t)s.rows + LANES;
+    gather(&s, y, L->n, w, apart, sides);
+    for (int32_t j = s.width - 2; j >= 0; j -= 2) backward(&s, j, 2, w, apart, sides);
+    if (s.width % 2) backward(&s, 0, 1, w, apart, sides);
+    scatter(&s, w, apart, s.width, y, L->n, sides);
+  }
+}
+
+/* y = (L L')^-1 y for 1 to 3 right sides, n apart. work: triangular_work(L) doubles. */
+FOR_EACH_CPU static void triangular_solve(const cholmod_factor *L, double *y, int sides,
+                                          double *work) {
+  if (sides == 1) solve_sides(L, y, work, 1);
+  else if (sides == 2) solve_sides(L, y, work, 2);
+  else solve_sides(L, y, work, 3);
+}
+
+static size_t triangular_work(const cholmod_factor *L) {
+  const int32_t *pi = L->pi;
+  int32_t most = 0;
+  for (size_t k = 0; k < L->nsuper; k++)
+    if (pi[k + 1] - pi[k] > most) most = pi[k + 1] - pi[k];
+  return MOST_SIDES * ((size_t)most + LANES);
+}
+
+#endif
