@@ -1,5 +1,5 @@
-/* Rows and half springs: each is there once, neighbours lie near each other, runs of consecutive ones
- * are found where the mesh has them, few lanes are empty. */
+/* Rows and half springs: each is there once, neighbours lie near each other, runs of consecutive
+ * ones are found where the mesh has any, few lanes are empty. */
 #include <stdlib.h>
 
 #include "layout/layout.h"

@@ -47,6 +47,31 @@ msim_status ms_adjacency_create(const ms_scene *scene, const ms_rows *rows,
   return fits ? MSIM_OK : ms_fail_memory(err, "the springs of each row");
 }
 
+msim_status ms_adjacency_renumber(const ms_scene *scene, int32_t nrows, const int32_t *new_row,
+                                  ms_adjacency *a, msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  const size_t n = (size_t)nrows;
+  int32_t *old = ms_new(alloc, n, sizeof *old), *next = ms_new(alloc, n, sizeof *next);
+  ms_adjacency b = {ms_new(alloc, n + 1, sizeof *b.first),
+                    ms_new(alloc, (size_t)a->first[n], sizeof *b.halves)};
+  const int fits = old && next && b.first && b.halves;
+  if (fits) {
+    for (int32_t r = 0; r < nrows; r++) old[new_row[r]] = r;
+    for (size_t r = 0; r < n; r++) b.first[r + 1] = b.first[r] + ms_degree(a, old[r]);
+    memcpy(next, b.first, n * sizeof *next);
+    for (int32_t r = 0; r < nrows; r++)
+      for (int32_t e = a->first[old[r]]; e < a->first[old[r] + 1]; e++)
+        b.halves[next[new_row[a->halves[e].neighbour]]++] = (ms_half){r, a->halves[e].spring};
+    ms_adjacency_destroy(scene, a);
+    *a = b;
+  } else {
+    ms_adjacency_destroy(scene, &b);
+  }
+  ms_delete(alloc, old);
+  ms_delete(alloc, next);
+  return fits ? MSIM_OK : ms_fail_memory(err, "the springs of each row");
+}
+
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a) {
   ms_delete(&scene->alloc, a->first);
   ms_delete(&scene->alloc, a->halves);

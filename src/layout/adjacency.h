@@ -16,6 +16,10 @@ typedef struct ms_adjacency {
 
 msim_status ms_adjacency_create(const ms_scene *scene, const ms_rows *rows,
                                 const ms_springs *springs, ms_adjacency *a, msim_error *err);
+
+/* Row r becomes row new_row[r], each of them another. */
+msim_status ms_adjacency_renumber(const ms_scene *scene, int32_t nrows, const int32_t *new_row,
+                                  ms_adjacency *a, msim_error *err);
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a);
 
 static inline int32_t ms_degree(const ms_adjacency *a, int32_t row) {

@@ -172,21 +172,21 @@ static int sort_windows(search *s) {
 static void place_pinned(const ms_rows *rows, const ms_adjacency *a, const int32_t *order,
                          int32_t *new_row) {
   int32_t next = rows->first_pinned;
-  for (int32_t r = rows->first_pinned; r < rows->stride; r++) new_row[r] = -1;
+  for (int32_t r = rows->first_pinned; r < rows->stride; r++) new_row[r] = NONE;
   for (int32_t k = 0; k < rows->nfree; k++)
     for (int32_t e = a->first[order[k]]; e < a->first[order[k] + 1]; e++) {
       const int32_t j = a->halves[e].neighbour;
-      if (j >= rows->nfree && new_row[j] < 0) new_row[j] = next++;
+      if (j >= rows->nfree && new_row[j] == NONE) new_row[j] = next++;
     }
   for (int32_t r = rows->first_pinned; r < rows->stride; r++)
-    if (new_row[r] < 0) new_row[r] = next++;
+    if (new_row[r] == NONE) new_row[r] = next++;
 }
 
 static msim_status renumber(const ms_scene *scene, const int32_t *order, ms_rows *rows,
                             ms_springs *springs, ms_adjacency *a, msim_error *err) {
   int32_t *new_row = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *new_row);
   if (!new_row) return ms_fail_memory(err, "the order of rows");
-  for (int32_t k = 0; k < rows->nfree; k++) new_row[order[k]] = k;
+  for (int32_t k = 0; k < rows->first_pinned; k++) new_row[k < rows->nfree ? order[k] : k] = k;
   place_pinned(rows, a, order, new_row);
   for (int32_t p = 0; p < rows->n; p++) {
     rows->row[p] = new_row[rows->row[p]];
@@ -196,9 +196,9 @@ static msim_status renumber(const ms_scene *scene, const int32_t *order, ms_rows
     springs->i[e] = new_row[springs->i[e]];
     springs->j[e] = new_row[springs->j[e]];
   }
+  msim_status status = ms_adjacency_renumber(scene, rows->stride, new_row, a, err);
   ms_delete(&scene->alloc, new_row);
-  ms_adjacency_destroy(scene, a);
-  return ms_adjacency_create(scene, rows, springs, a, err);
+  return status;
 }
 
 static msim_status arrange(const ms_scene *scene, search *s, ms_rows *rows, ms_springs *springs,
