@@ -44,7 +44,7 @@ typedef struct search {
   node *node;     /* stride */
 } search;
 
-static void find_mesh(search *s, int32_t stride, int32_t most) {
+static void find_mesh(search *s, int32_t stride, int64_t most) {
   for (int32_t r = 0; r < stride; r++) {
     const int32_t degree = ms_degree(s->a, r);
     s->node[r] = (node){r < s->nfree && degree <= most ? degree : NONE, NONE, NONE};
@@ -203,7 +203,7 @@ static msim_status renumber(const ms_scene *scene, const int32_t *order, ms_rows
 
 static msim_status arrange(const ms_scene *scene, search *s, ms_rows *rows, ms_springs *springs,
                            ms_adjacency *a, msim_error *err) {
-  const int32_t most = 32 + 8 * (2 * springs->n / rows->nfree);
+  const int64_t most = 32 + 8 * (2 * (int64_t)springs->n / rows->nfree);
   double before, after;
   find_mesh(s, rows->stride, most);
   breadth_first(s);

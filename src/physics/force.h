@@ -10,7 +10,7 @@
 /* f = F(x, v) on every unknown row. With d = x_j - x_i, l = |d|, u = d/l a spring pushes i by
  * (k (l - L) + c u.(v_j - v_i)) u and j by the opposite; l = 0: not at all. Gravity adds m g,
  * drag -b v. v NULL: the part without velocities, springs and gravity. Each row adds up its springs
- * in the order of its neighbours. Rows past the unknowns are scratch. */
+ * in one order, that of halves.h. Rows past the unknowns are scratch. */
 void ms_force(const ms_model *model, const double *x, const double *v, double *f);
 
 /* The matrix A = M - h D - h^2 J, given by dims + 1 numbers a half spring, and the diagonal

@@ -19,7 +19,7 @@ static void explain_rows(const ms_rows *rows, ms_text *out) {
   const char *label = "rows";
   if (rows->narrowed > 0) {
     ms_print(out,
-             "%-13s renumbered breadth first: neighbours lie %.3g times nearer than particles\n",
+             "%-13s renumbered breadth first: neighbours lie %.3g times nearer than in the scene\n",
              label, rows->narrowed);
     label = "";
   }
