@@ -68,7 +68,7 @@ class Refusals(BenchTest):
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
             *((["--json", "a.json", name], f"'{name}'", "not part of this version")
-              for name in "forces scaling skip step precision stability".split()),
+              for name in "forces scaling step precision stability".split()),
             (["linear", "--svg", "a.svg"], "--svg", "not part of this version", "--json"),
             (["linear", "--quik"], "'--quik'"),
             (["linear", "--quick=1"], "--quick takes no value"),
@@ -78,6 +78,7 @@ class Refusals(BenchTest):
             (["linear", "--threads", "-1"], "threads", "'-1'"),
             (["linear", "--scene", "cloth32,cloth33"], "'cloth33'", "cloth32, cloth64"),
             (["linear", "--scene", ""], "''"),
+            (["skip", "--scene", "cloth32"], "--scene", "'skip'"),
             (["linear", "--json", "missing/a.json"], "missing/a.json"),
             (["linear", "--json", "folder"], "folder", "a folder"),
             (["linear", "--json", "pipe"], "pipe", "not a file"),
@@ -173,6 +174,45 @@ class Linear(BenchTest):
         self.assertNotIn("cholmod_step_over_default_cloth32", result["summary"])
         self.assertEqual(self.find(result["rows"], measure="default", status="ok"), [])
         self.assertTrue(self.find(result["rows"], measure="step", status="ok"))
+
+
+class Skip(BenchTest):
+    IMPLICIT = {"no_springs": "no_springs", "zero_rest_length": "zero_rest_length",
+                "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}
+    EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "planes", "damping", "drag",
+                "gravity"}
+
+    def test_quick(self):
+        start = time.monotonic()
+        out = self.good("skip", "--quick", "--json", "out.json")
+        self.assertLess(time.monotonic() - start, 60)
+        result = self.result()
+        self.assertEqual((result["bench"], result["quick"]), ("skip", True))
+        rows, summary = result["rows"], result["summary"]
+        for name in self.IMPLICIT.keys() | self.EXPLICIT:
+            with self.subTest(name):
+                self.check_skip([row for row in rows if row["skip"] == name], name, summary)
+        for key in summary:
+            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
+        self.assertLessEqual(set(summary), set(self.IMPLICIT.values()))
+
+    def check_skip(self, rows, name, summary):
+        steps = {row["way"]: row for row in rows if row["measure"] == "step"}
+        factors = {row["over"]: row["factor"] for row in rows if row["measure"] == "factor"}
+        ways = {"on", "off"} | ({"off, cholmod"} if name in self.IMPLICIT else set())
+        self.assertEqual(set(steps), ways)
+        for way, row in steps.items():
+            if row["status"] == "ok":
+                self.assertGreater(row["ms"], 0)
+                self.assertEqual(factors.get(way, 0) > 0, way != "on")
+            else:
+                self.assertGreater(len(row["reason"]), 10)
+                self.assertNotIn(way, factors)
+        if name in self.IMPLICIT:
+            key = self.IMPLICIT[name]
+            self.assertEqual(summary.get(key), factors.get("off, cholmod"))
+            if key in summary:
+                self.assertGreater(summary[key], 1)  # however busy the machine is
 
 
 class Stopping(BenchTest):

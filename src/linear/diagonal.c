@@ -22,6 +22,7 @@ msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim
   static const ms_linear_ops ops = {NULL, NULL, solve, NULL, destroy};
   *linear = ms_new(&system->model->scene->alloc, 1, sizeof **linear);
   if (!*linear) return ms_fail_memory(err, "the diagonal solver");
-  **linear = (ms_linear){.ops = &ops, .system = system, .name = "diagonal", .symmetric = 1};
+  **linear =
+      (ms_linear){.ops = &ops, .system = system, .name = "diagonal", .symmetric = 1, .exact = 1};
   return MSIM_OK;
 }

@@ -39,6 +39,7 @@ struct ms_linear {
   const char *name;
   int symmetric;  /* can solve systems that are not positive definite */
   int factorises; /* factor() factors a matrix */
+  int exact;      /* answers are right to rounding, whatever the guess: nothing to check */
   int64_t analyses;
   int32_t aggregates;                          /* of a coarse space; 0: there is none */
   double fill, flops;                          /* of one factorisation */

@@ -177,11 +177,12 @@ static msim_status check(ms_solver *s, const double *b, double *v, msim_error *e
 
 static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *err) {
   double start = ms_clock();
-  ms_copy(s->system.model->shape, s->guess, v);
+  if (!s->linear->exact) ms_copy(s->system.model->shape, s->guess, v);
   msim_status status =
       s->linear->ops->solve(s->linear, &s->target, b, v, &s->stats->iterations, err);
   /* an iteration that ran out may still stand at rounding level */
-  if (status == MSIM_OK || status == MSIM_NOT_CONVERGED) status = check(s, b, v, err);
+  if ((status == MSIM_OK && !s->linear->exact) || status == MSIM_NOT_CONVERGED)
+    status = check(s, b, v, err);
   s->stats->solve_s += ms_clock() - start;
   return status;
 }
@@ -310,7 +311,7 @@ static msim_status solve_once(ms_solver *s, const double *x, double h, const dou
 msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
                             double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
-  ms_copy(shape, v, solver->guess);
+  if (!solver->linear->exact) ms_copy(shape, v, solver->guess);
   solver->culprit = ms_find_bad(shape, b); /* -1: none */
   if (solver->culprit >= 0) return MSIM_NOT_FINITE;
   solver->stats->solves++;

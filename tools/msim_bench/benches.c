@@ -6,7 +6,7 @@ const bench_entry *bench_info(int i) {
        bench_linear},
       {"forces", "explicit steps", NULL},
       {"scaling", "steps as scenes grow", NULL},
-      {"skip", "what leaving out saves", NULL},
+      {"skip", "what leaving out saves, beside CHOLMOD in every step", bench_skip},
       {"step", "nonlinear implicit steps", NULL},
       {"precision", "error against work", NULL},
       {"stability", "the longest stable steps", NULL},

@@ -26,5 +26,6 @@ typedef struct bench_entry {
 const bench_entry *bench_info(int i);
 
 int bench_linear(const bench_wishes *wishes, report *r);
+int bench_skip(const bench_wishes *wishes, report *r);
 
 #endif

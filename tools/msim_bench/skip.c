@@ -1,0 +1,155 @@
+/* skip - what leaving out saves: each scene with the skip, without it, and without it by CHOLMOD
+ * in every step, which is the general direct path */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "../common/clock.h"
+#include "../common/message.h"
+#include "benches.h"
+#include "interrupt.h"
+#include "skip_cases.h"
+#include "timing.h"
+
+enum { ON, OFF, DIRECT, WAYS };
+
+static const char *const ways[WAYS] = {"on", "off", "off, cholmod"};
+
+/* One of the three, in motion. */
+typedef struct runner {
+  const skip_case *what;
+  msim_sim *sim;
+} runner;
+
+static int fail(contestant *c, const char *why) {
+  snprintf(c->reason, sizeof c->reason, "%s", why);
+  return 0;
+}
+
+/* Step for a while and go on from there the next time: seconds of one step. */
+static int run(contestant *c, sample *s) {
+  const runner *r = c->data;
+  const double start = wall_seconds();
+  int64_t steps = 0;
+  msim_error err;
+  do {
+    if (msim_sim_step(r->sim, 1, &err) != MSIM_OK) return fail(c, err.text);
+    steps++;
+    s->whole = wall_seconds() - start;
+  } while (s->whole < r->what->seconds && !is_interrupted());
+  s->whole /= (double)steps;
+  return 1;
+}
+
+static msim_status make_sim(const bench_wishes *wishes, const skip_case *what, int way,
+                            msim_sim **sim, msim_error *err) {
+  msim_options options =
+      implicit_options(what->h, 1e-6, way == DIRECT ? "cholmod" : "auto", wishes->threads);
+  msim_scene *scene = NULL;
+  options.integrator = what->integrator;
+  msim_status status = MSIM_OK;
+  for (int i = 0; i < MOST_OFF && what->off[i] && way != ON && !status; i++)
+    status = msim_options_set(&options, what->off[i], "off", err);
+  if (!status) status = msim_scene_create(NULL, &scene, err);
+  if (!status) status = what->build(way != ON, scene, err);
+  if (!status) status = msim_sim_create(scene, &options, sim, err);
+  msim_scene_destroy(scene);
+  return status;
+}
+
+static void enter(const bench_wishes *wishes, const skip_case *what, int way, runner *r,
+                  contestant *c) {
+  msim_error err = {0, "out of memory for the scene"};
+  *r = (runner){.what = what};
+  *c = (contestant){.family = ways[way], .measure = "step", .run = run, .data = r};
+  snprintf(c->name, sizeof c->name, "%s", ways[way]);
+  c->residual = NAN;
+  c->failed = make_sim(wishes, what, way, &r->sim, &err) != MSIM_OK;
+  if (c->failed) fail(c, err.text);
+}
+
+/*------------------------------------- what was found -------------------------------------------*/
+
+static json_t *case_row(report *out, const char *measure, const skip_case *what) {
+  json_t *row = report_row(out, measure);
+  put_text(row, "skip", what->name);
+  put_text(row, "scene", what->scene);
+  put_text(row, "integrator", what->integrator);
+  put_real(row, "h", what->h);
+  return row;
+}
+
+static void report_way(report *out, const skip_case *what, const contestant *c) {
+  json_t *row = case_row(out, "step", what);
+  const int ran = !c->failed && c->n > 0;
+  put_text(row, "way", c->name);
+  put_text(row, "status", ran ? "ok" : c->failed ? "failed" : "left out");
+  if (!ran) {
+    put_text(row, "reason", c->failed ? c->reason : "there was no time left");
+    printf(" %-12s %s\n", c->name, c->failed ? c->reason : "there was no time left");
+    return;
+  }
+  const runner *r = c->data;
+  msim_plan plan = {.size = sizeof plan};
+  msim_sim_plan(r->sim, &plan);
+  put_text(row, "solver", plan.solver);
+  put_real(row, "ms", 1e3 * median_of(c, whole_seconds));
+  put_real(row, "spread", spread_of(c, whole_seconds));
+  put_integer(row, "repeats", c->n > 1 ? c->n - 1 : 1);
+  printf(" %-12s %10.4g ms  +-%3.0f%%  %s\n", c->name, 1e3 * median_of(c, whole_seconds),
+         100 * spread_of(c, whole_seconds), plan.solver);
+}
+
+/* How many times as long a step takes in another way. */
+static double report_factor(report *out, const skip_case *what, const contestant *slow,
+                            const contestant *fast) {
+  if (slow->failed || fast->failed) return NAN;
+  const double factor = median_ratio(slow, whole_seconds, fast, whole_seconds);
+  if (!isfinite(factor)) return NAN;
+  json_t *row = case_row(out, "factor", what);
+  put_text(row, "over", slow->name);
+  put_text(row, "under", fast->name);
+  put_real(row, "factor", factor);
+  printf(" %.4g times as fast as %s\n", factor, slow->name);
+  return factor;
+}
+
+static int is_implicit(const skip_case *what) {
+  const msim_integrator_entry *entry;
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++)
+    if (strcmp(entry->name, what->integrator) == 0) return entry->implicit;
+  return 0;
+}
+
+static void measure(const bench_wishes *wishes, const skip_case *what, const patience *p,
+                    report *out) {
+  static contestant all[WAYS];
+  runner runners[WAYS];
+  const int count = is_implicit(what) ? WAYS : DIRECT;
+  printf("\n%s: %s, %s, h = %g s\n", what->name, what->scene, what->integrator, what->h);
+  fflush(stdout);
+  for (int way = 0; way < count; way++) enter(wishes, what, way, &runners[way], &all[way]);
+  contest(all, count, p);
+  if (!is_interrupted()) {
+    for (int way = 0; way < count; way++) report_way(out, what, &all[way]);
+    report_factor(out, what, &all[OFF], &all[ON]);
+    if (count == WAYS) {
+      const double factor = report_factor(out, what, &all[DIRECT], &all[ON]);
+      if (what->key) report_key(out, what->key, factor);
+    }
+  }
+  for (int way = 0; way < count; way++) msim_sim_destroy(runners[way].sim);
+}
+
+int bench_skip(const bench_wishes *wishes, report *r) {
+  const skip_case *what;
+  if (wishes->nscenes)
+    return complain_usage("", "--scene is not for the bench 'skip', which has scenes of its own");
+  patience p = {.most = wishes->quick ? 7 : 15,
+                .budget = wishes->quick ? 8 : 30,
+                .rounds = 5,
+                .until = wall_seconds() + (wishes->quick ? 50 : 600)};
+  for (int i = 0; (what = skip_case_info(i)) != NULL && !is_interrupted(); i++)
+    measure(wishes, what, &p, r);
+  return 0;
+}
