@@ -218,9 +218,42 @@ static void no_springs_no_matrix(void **state) {
   assert_ok(msim_sim_step(sim, 1, err));
   assert_close(state_of(sim).v[0], 1 / (1 + 0.5 * 3), 1e-15);
   assert_close(state_of(sim).v[2], -10 * 0.5 / (1 + 0.5 * 3), 1e-15);
-  assert_int_equal(stats_of(sim).factorizations, 0);
+  const msim_stats s = stats_of(sim);
+  assert_int_equal(s.factorizations + s.assemblies + s.solves + s.force_evaluations, 0);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
+}
+
+/* Particles alone, in three and two components, with drag and on a plane: the general path, asked
+ * to go through CHOLMOD or pcg, says the same. */
+static void no_springs_no_difference(void **state) {
+  (void)state;
+  for (int i = 0; i < 4; i++) {
+    const double drag = i % 2 ? 0.3 : 0, y = i / 2 ? 0.2 : 0;
+    const double x[6] = {0, 0, 0.5, 1, 0, 0.7}, v[6] = {1, y, 0.1, 0.5, 0, -1};
+    const double mass[2] = {0.5, 2};
+    msim_scene *scene = single(x, v, 10);
+    assert_ok(msim_scene_add_particles(scene, 1, x + 3, v + 3, mass + 1, err));
+    assert_ok(msim_scene_set_drag(scene, drag, err));
+    plane(scene, 0, 0, 1, 0, 0.7, 0.1);
+    msim_options opt = implicit(0.02);
+    msim_sim *lean = make_sim(scene, &opt);
+    opt.solver = "pcg", opt.solver_rtol = 1e-14;
+    assert_ok(msim_options_set(&opt, "skip.springs", "off", err));
+    msim_sim *general = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(lean, 100, err));
+    assert_ok(msim_sim_step(general, 100, err));
+    assert_int_equal(stats_of(general).solves, 100);
+    const msim_state a = state_of(lean), b = state_of(general);
+    for (int q = 0; q < 6; q++) {
+      assert_close(a.x[q], b.x[q], 1e-12);
+      assert_close(a.v[q], b.v[q], 1e-12);
+    }
+    assert_true(stats_of(lean).contacts > 0);
+    assert_int_equal(stats_of(lean).contacts, stats_of(general).contacts);
+    msim_sim_destroy(lean), msim_sim_destroy(general);
+    msim_scene_destroy(scene);
+  }
 }
 
 static void all_pinned_is_an_empty_system(void **state) {
@@ -287,6 +320,7 @@ int main(int argc, char **argv) {
                                      cmocka_unit_test(a_tolerance_out_of_reach_is_rounding_level),
                                      cmocka_unit_test(too_few_iterations_are_reported),
                                      cmocka_unit_test(no_springs_no_matrix),
+                                     cmocka_unit_test(no_springs_no_difference),
                                      cmocka_unit_test(all_pinned_is_an_empty_system),
                                      cmocka_unit_test(analyses_once_factors_when_values_are_new),
                                      cmocka_unit_test(agrees_with_conjugate_gradients)};

@@ -3,8 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/simd.h"
-
 /* for each component: `body` over rows r of the component's part of each vector */
 #define EACH_COMPONENT(s)                                                      \
   for (size_t at = 0, end_ = (size_t)(s).dims * (size_t)(s).stride; at < end_; \
@@ -69,25 +67,22 @@ double ms_dot(ms_shape s, const double *x, const double *y) {
   return sum;
 }
 
-/* 1 where one of n numbers is NaN or beyond MS_HUGE */
-static int any_bad(const double *x, int32_t n) {
-  const ms_lanes huge = (ms_lanes){0} + MS_HUGE;
-  ms_mask good = ~(ms_mask){0};
+/* Sum of (c x)^2, c so large that it is infinite, or NaN, where one x is NaN or beyond MS_HUGE. */
+static double screen(const double *x, int32_t n) {
+  const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */
+  double sum[LANES] = {0};
   int32_t r = 0;
-  for (; r + MS_LANES <= n; r += MS_LANES) {
-    const ms_lanes v = ms_load(x + r);
-    good &= (v <= huge) & (v >= -huge);
-  }
-  int bad = 0;
-  for (int l = 0; l < MS_LANES; l++) bad |= !good[l];
-  for (; r < n; r++) bad |= !(fabs(x[r]) <= MS_HUGE);
-  return bad;
+  for (; r + LANES <= n; r += LANES)
+    for (int lane = 0; lane < LANES; lane++) sum[lane] += (c * x[r + lane]) * (c * x[r + lane]);
+  for (int lane = 0; r < n; r++, lane++) sum[lane] += (c * x[r]) * (c * x[r]);
+  for (int lane = 1; lane < LANES; lane++) sum[0] += sum[lane];
+  return sum[0];
 }
 
 int32_t ms_find_bad(ms_shape s, const double *x) {
-  int bad = 0;
-  EACH_COMPONENT(s) bad |= any_bad(x + at, s.n);
-  if (!bad) return -1;
+  double sum = 0;
+  EACH_COMPONENT(s) sum += screen(x + at, s.n);
+  if (isfinite(sum)) return -1;
   for (int32_t r = 0; r < s.n; r++)
     EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_HUGE)) return r;
   return -1;

@@ -1,9 +1,31 @@
 #include "integrate/methods.h"
 
+/* The same where no spring pulls, so that each particle is alone:
+ * (m + h b) v' = m v + h m g,  x' = x + h v' */
+static void step_alone(ms_stepper *s) {
+  const ms_rows *rows = &s->model->rows;
+  const double *mass = s->model->mass, *g = s->model->scene->gravity, h = s->h;
+  const double drag = s->model->passes & MSIM_SKIP_DRAG ? h * s->model->scene->drag : 0;
+  for (size_t c = 0; c < (size_t)rows->dims; c++) {
+    const size_t at = c * (size_t)rows->stride;
+    const double *restrict x = s->x + at, *restrict v = s->v + at, kick = h * g[rows->axis[c]];
+    double *restrict x_next = s->x_next + at, *restrict v_next = s->v_next + at;
+    for (int32_t r = 0; r < rows->nfree; r++) {
+      v_next[r] = drag > 0 ? mass[r] * (v[r] + kick) / (mass[r] + drag) : v[r] + kick;
+      x_next[r] = x[r] + h * v_next[r];
+    }
+  }
+  ms_reflect(s, s->x_next, s->v_next);
+}
+
 /* (M - h D - h^2 J) v' = M v + h F(x),  x' = x + h v'
  * J, D at x; F without velocities, as h D v' stands on the left. The first Newton iterate of
  * implicit Euler from v' = 0 (Teschner; Baraff and Witkin 1998). */
 static msim_status step(ms_stepper *s, msim_error *err) {
+  if (!(s->model->passes & MSIM_SKIP_SPRINGS)) {
+    step_alone(s);
+    return MSIM_OK;
+  }
   const ms_shape shape = s->model->shape;
   double *b = s->work[0], *momentum = s->work[1];
   ms_acceleration(s, s->x, NULL, b);
