@@ -47,6 +47,13 @@ class Loads(unittest.TestCase):
             for count in ("assemblies", "analyses", "factorizations", "solves", "iterations"):
                 self.assertEqual(final["stats"][count], 0, count)
 
+    def test_pcg_is_built_in(self):
+        opened, final = self.libraries("--integrator", "linearly-implicit-euler", "--solver", "pcg",
+                                       "--out", self.folder / "frames.csv")
+        self.assert_none(opened, SOLVERS)
+        self.assert_none(opened, HDF5)
+        self.assertGreater(final["stats"]["solves"], 0)
+
     def test_cholmod_is_loaded_when_asked_for(self):
         if "backend_cholmod" not in support.plugins():
             self.skipTest("plugin cholmod was not built")

@@ -217,7 +217,8 @@ enum {
   MSIM_SKIP_PLANES = 1u << 4,
   MSIM_SKIP_KEPT_FACTOR = 1u << 5, /* off: `auto` factors in every step */
   MSIM_SKIP_TWO_D = 1u << 6,       /* off: flat scenes are computed in 3 components too */
-  MSIM_SKIP_ZERO_REST_LENGTH = 1u << 7 /* off: springs of rest length 0 are treated as others */
+  MSIM_SKIP_ZERO_REST_LENGTH = 1u << 7, /* off: springs of rest length 0 are treated as others */
+  MSIM_SKIP_AT_REST = 1u << 8 /* off: steps are made where they change nothing too */
 };
 
 /* A linear solver behind the ABI of msim/backend.h. */
@@ -344,6 +345,7 @@ typedef struct msim_stats {
   int64_t refinements;      /* corrections of an answer above solver.rtol */
   int64_t fallbacks;        /* changes of mind of solver = auto */
   double total_s, force_s, assemble_s, factor_s, solve_s, collide_s, output_s;
+  int64_t steps_at_rest; /* of `steps`, those that were not made, as they would change nothing */
 } msim_stats;
 
 /* What was decided at creation, or from the last state set. */

@@ -67,6 +67,16 @@ double ms_dot(ms_shape s, const double *x, const double *y) {
   return sum;
 }
 
+int ms_is_zero(ms_shape s, const double *x) {
+  EACH_COMPONENT(s) { EACH_ROW(s) if (x[at + (size_t)r] != 0) return 0; }
+  return 1;
+}
+
+int ms_is_same(ms_shape s, const double *x, const double *y) {
+  EACH_COMPONENT(s) if (memcmp(x + at, y + at, (size_t)s.n * sizeof *x)) return 0;
+  return 1;
+}
+
 /* Sum of (c x)^2, c so large that it is infinite, or NaN, where one x is NaN or beyond MS_HUGE. */
 static double screen(const double *x, int32_t n) {
   const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */

@@ -25,6 +25,9 @@ double ms_dot(ms_shape s, const double *x, const double *y);
 /* a = D f, D diagonal with one entry a row. */
 void ms_scale_rows(ms_shape s, const double *d /* n */, const double *f, double *a);
 
+int ms_is_zero(ms_shape s, const double *x);
+int ms_is_same(ms_shape s, const double *x, const double *y); /* bit for bit */
+
 /* The first row that holds NaN or a number beyond MS_HUGE; -1 if all are fine. */
 int32_t ms_find_bad(ms_shape s, const double *x);
 

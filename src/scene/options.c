@@ -107,6 +107,8 @@ static const option table[] = {
     FLAG("zero_rest_length", "the direction of springs where all rest lengths and dampings are 0",
          MSIM_SKIP_ZERO_REST_LENGTH),
     FLAG("two_d", "the third component of a flat scene", MSIM_SKIP_TWO_D),
+    FLAG("at_rest", "steps once nothing moves and nothing pulls, to the last bit",
+         MSIM_SKIP_AT_REST),
     TEXT("plugin_path", "folders", "", "folders searched for plugins first, ':' between them",
          plugin_path),
 };

@@ -93,6 +93,7 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   else ms_scene_release(before);
   if (status) return status;
   if (sim->linear) ms_solver_renew(sim->linear);
+  sim->at_rest = 0;
   sim->stepper.warm = 0; /* forces were those of the old springs */
   sim->flat_is_current = 0;
   return ms_ok(err);

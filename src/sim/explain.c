@@ -101,6 +101,8 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
       {sim->model->rows.left_out >= 0, axis_name(sim), "nothing moves along it, or pulls that way"},
       {sim->model->rows.nfree < sim->scene->nparticles, "pinned particles",
        "they are no unknowns: no row, no column"},
+      {!(sim->opt.skip_off & MSIM_SKIP_AT_REST), "steps at exact rest",
+       "once nothing moves and nothing pulls they change no bit"},
       {1, "conversion to flat arrays, energies", "made only when somebody looks"}};
   const char *label = "skipped";
   for (size_t i = 0; i < sizeof skips / sizeof *skips; i++) {

@@ -124,11 +124,27 @@ static msim_status blame(const msim_sim *sim, msim_status status, const msim_err
                  *why->text ? why->text : msim_status_text(status));
 }
 
+/* A step from rest that stays there, and meets no plane: as x and v are what they were and v is 0,
+ * so is every force, and the next step does the same. The method's own vectors follow from x and v
+ * then. The first row that moves ends the search. */
+static int stays_at_rest(const msim_sim *sim, int64_t contacts) {
+  const ms_stepper *s = &sim->stepper;
+  const ms_shape shape = sim->model->shape;
+  return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && sim->stats.contacts == contacts &&
+         ms_is_zero(shape, s->v_next) && ms_is_zero(shape, s->v) &&
+         ms_is_same(shape, s->x, s->x_next);
+}
+
 /* The step is refused if what it wrote is not finite: the state stays as it was. */
 static msim_status one_step(msim_sim *sim, msim_error *err) {
   ms_stepper *s = &sim->stepper;
   msim_error why = {0, ""};
   s->culprit = -1;
+  if (sim->at_rest) {
+    sim->step++, sim->stats.steps++, sim->stats.steps_at_rest++;
+    return MSIM_OK;
+  }
+  const int64_t contacts = sim->stats.contacts;
   msim_status status = sim->integrator->step(s, &why);
   if (!status) {
     s->culprit = ms_find_bad(sim->model->shape, s->x_next);
@@ -136,6 +152,7 @@ static msim_status one_step(msim_sim *sim, msim_error *err) {
     if (s->culprit >= 0) status = MSIM_NOT_FINITE;
   }
   if (status) return blame(sim, status, &why, err);
+  sim->at_rest = stays_at_rest(sim, contacts);
   double *x = s->x, *v = s->v;
   s->x = s->x_next, s->x_next = x;
   s->v = s->v_next, s->v_next = v;

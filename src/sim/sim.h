@@ -19,6 +19,7 @@ struct msim_sim {
   msim_stats stats;
   atomic_int stop;
 
+  int at_rest;         /* the last step changed no bit, and no step to come will */
   int64_t step, step0; /* t = t0 + (step - step0) h */
   double t0;
 

@@ -83,6 +83,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
   ms_stepper *s = &sim->stepper;
   sim->step = sim->step0 = state->step;
   sim->t0 = state->t;
+  sim->at_rest = 0;
   memmove(sim->flat_x, state->x, flat);
   memmove(sim->flat_v, state->v, flat);
   ms_rows_gather(rows, state->x, s->x);
