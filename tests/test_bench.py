@@ -179,8 +179,9 @@ class Linear(BenchTest):
 class Skip(BenchTest):
     IMPLICIT = {"no_springs": "no_springs", "zero_rest_length": "zero_rest_length",
                 "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}
-    EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "planes", "damping", "drag",
-                "gravity"}
+    KEYLESS = {"at_rest"}
+    EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "at_rest, explicit", "planes",
+                "damping", "drag", "gravity"}
 
     def test_quick(self):
         start = time.monotonic()
@@ -189,7 +190,7 @@ class Skip(BenchTest):
         result = self.result()
         self.assertEqual((result["bench"], result["quick"]), ("skip", True))
         rows, summary = result["rows"], result["summary"]
-        for name in self.IMPLICIT.keys() | self.EXPLICIT:
+        for name in self.IMPLICIT.keys() | self.KEYLESS | self.EXPLICIT:
             with self.subTest(name):
                 self.check_skip([row for row in rows if row["skip"] == name], name, summary)
         for key in summary:
@@ -199,7 +200,7 @@ class Skip(BenchTest):
     def check_skip(self, rows, name, summary):
         steps = {row["way"]: row for row in rows if row["measure"] == "step"}
         factors = {row["over"]: row["factor"] for row in rows if row["measure"] == "factor"}
-        ways = {"on", "off"} | ({"off, cholmod"} if name in self.IMPLICIT else set())
+        ways = {"on", "off"} | ({"off, cholmod"} if name not in self.EXPLICIT else set())
         self.assertEqual(set(steps), ways)
         for way, row in steps.items():
             if row["status"] == "ok":

@@ -108,6 +108,16 @@ static msim_status unmoved(int without, msim_scene *scene, msim_error *err) {
   return swaying(2, NULL, 1, 0, scene, err);
 }
 
+/* At its rest lengths, without weight, and nobody pushes it. */
+static msim_status resting(int without, msim_scene *scene, msim_error *err) {
+  parts p;
+  (void)without;
+  msim_status status = make_cloth(&p, err);
+  if (!status) status = add_parts(scene, &p, NULL, 1, err);
+  free_parts(&p);
+  return status;
+}
+
 /* Half of the rows held: pinned, or by a mass that nothing moves. */
 static msim_status half_held(int without, msim_scene *scene, msim_error *err) {
   static int32_t held[N / 2];
@@ -190,6 +200,8 @@ const skip_case *skip_case_info(int i) {
        collapsing,
        0.02},
       {"two_d, explicit", NULL, "cloth100 in its own plane", EXPLICIT, {"skip.two_d"}, flat, 0.02},
+      {"at_rest", NULL, "cloth100 at rest", IMPLICIT, {"skip.at_rest"}, resting, 0.05},
+      {"at_rest, explicit", NULL, "cloth100 at rest", EXPLICIT, {"skip.at_rest"}, resting, 0.02},
       PASS("planes"),
       PASS("damping"),
       PASS("drag"),
