@@ -12,7 +12,8 @@ extern const ms_kernels ms_kernels_avx2, ms_kernels_avx512;
 const ms_kernels *ms_kernels_named(const char *isa) {
   if (strcmp(isa, "baseline") == 0) return &ms_kernels_baseline;
 #ifdef MSIM_X86_KERNELS
-  if (strcmp(isa, "avx2") == 0 && __builtin_cpu_supports("avx2")) return &ms_kernels_avx2;
+  if (strcmp(isa, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+    return &ms_kernels_avx2;
   if (strcmp(isa, "avx512") == 0 && __builtin_cpu_supports("avx512f")) return &ms_kernels_avx512;
 #endif
   return NULL;

@@ -5,10 +5,6 @@
 #include "base/simd.h"
 #include "physics/kernels.h"
 
-#ifndef MS_ISA
-#  define MS_ISA baseline
-#endif
-
 typedef struct vec3 {
   ms_lanes x, y, z;
 } vec3;
@@ -33,54 +29,12 @@ static inline vec3 load_neighbours(const ms_halves *halves, int32_t slot, size_t
   return v;
 }
 
-/*------------------------------------- forces ---------------------------------------------------*/
+/*------------------------------------- coefficients ---------------------------------------------*/
 
 static inline vec3 minus(vec3 a, vec3 b) { return (vec3){a.x - b.x, a.y - b.y, a.z - b.z}; }
 
 /* Where l2 = |d|^2 says that a spring has a direction. NaN goes on, to be seen. */
 static inline ms_mask has_direction(ms_lanes l2) { return (l2 > MS_ZERO_LENGTH2) | (l2 != l2); }
-
-/* (k (l - L)/l + c (d.dv)/l^2) d, to be added to the force; 0 where l = 0. One branch a phase:
- * `damped` is a constant where inlined. */
-static inline ms_lanes pull(vec3 d, vec3 dv, const ms_halves *halves, size_t at, int damped) {
-  const ms_lanes zero = {0}, one = zero + 1;
-  const ms_lanes l2 = d.x * d.x + d.y * d.y + d.z * d.z;
-  const ms_mask there = has_direction(l2);
-  const ms_lanes l = ms_sqrt(ms_select(there, l2, one));
-  ms_lanes scale = ms_load(halves->k + at) * ((l - ms_load(halves->rest + at)) / l);
-  if (damped) {
-    const ms_lanes rate = (d.x / l) * dv.x + (d.y / l) * dv.y + (d.z / l) * dv.z;
-    scale += ms_load(halves->damping + at) * rate / l;
-  }
-  return ms_select(there, scale, zero);
-}
-
-static inline void add_springs(const ms_model *m, const double *x, const double *v, double *f,
-                               int damped) {
-  const size_t stride = (size_t)m->rows.stride;
-  const ms_halves *halves = &m->halves;
-  for (int32_t g = 0; g < halves->ngroups; g++) {
-    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-      const size_t row = MS_GROUP * (size_t)g + lane;
-      const vec3 xi = load3(x + row, stride), vi = damped ? load3(v + row, stride) : xi;
-      vec3 sum = load3(f + row, stride);
-      for (int32_t slot = halves->first[g]; slot < halves->first[g + 1]; slot++) {
-        const vec3 d = minus(load_neighbours(halves, slot, lane, x, stride), xi);
-        const vec3 dv = damped ? minus(load_neighbours(halves, slot, lane, v, stride), vi) : d;
-        const ms_lanes scale = pull(d, dv, halves, MS_GROUP * (size_t)slot + lane, damped);
-        sum.x += scale * d.x, sum.y += scale * d.y, sum.z += scale * d.z;
-      }
-      store3(f + row, stride, sum);
-    }
-  }
-}
-
-static void springs(const ms_model *m, const double *x, const double *v, double *f) {
-  if (v) add_springs(m, x, v, f, 1);
-  else add_springs(m, x, NULL, f, 0);
-}
-
-/*------------------------------------- coefficients ---------------------------------------------*/
 
 /* t and w of force.h, at the differences d = x_j - x_i */
 static inline void half_coefficients(vec3 d, const ms_halves *halves, double h,
@@ -170,7 +124,4 @@ static void apply(const ms_model *model, const ms_coefficients *a, const double 
   for (size_t c = 0; c < 3; c++) memset(y + c * stride + sd, 0, (stride - sd) * sizeof *y);
 }
 
-#define TABLE_(isa) ms_kernels_##isa
-#define TABLE(isa)  TABLE_(isa)
-
-const ms_kernels TABLE(MS_ISA) = {springs, coefficients, apply};
+const ms_kernels MS_FOR_ISA(ms_kernels) = {MS_FOR_ISA(ms_pass), coefficients, apply};

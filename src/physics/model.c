@@ -27,7 +27,7 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
   if (!model->mass || !model->inv_mass) return ms_fail_memory(err, "the masses");
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
-    model->inv_mass[r] = 1.0 / model->mass[r];
+    model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* stays at rest */
   }
   model->passes = needed_passes(scene, &model->springs) | skip_off;
   return MSIM_OK;

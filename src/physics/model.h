@@ -2,6 +2,7 @@
 #ifndef MS_MODEL_H
 #define MS_MODEL_H
 
+#include "base/pool.h"
 #include "base/vector.h"
 #include "layout/halves.h"
 
@@ -11,8 +12,9 @@ typedef struct ms_model {
   ms_springs springs;
   ms_halves halves;                 /* the same springs, seen from their rows */
   ms_shape shape;                   /* of the unknowns */
-  double *mass, *inv_mass;          /* first_pinned, kg: of each unknown row; 1 in the padding */
+  double *mass, *inv_mass;          /* first_pinned, kg, 1/kg: of each unknown row; padding: 1, 0 */
   const struct ms_kernels *kernels; /* for this CPU */
+  ms_pool *pool;                    /* the sim's; NULL: one thread */
   unsigned passes;                  /* MSIM_SKIP_...: the passes that a step makes */
 } ms_model;
 

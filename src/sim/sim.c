@@ -155,8 +155,9 @@ static msim_status one_step(msim_sim *sim, msim_error *err) {
   ms_stepper *s = &sim->stepper;
   msim_error why = {0, ""};
   s->culprit = -1;
+  s->finite = 0;
   msim_status status = sim->integrator->step(s, &why);
-  if (!status) {
+  if (!status && !s->finite) {
     s->culprit = ms_find_bad(sim->model.shape, s->x_next);
     if (s->culprit < 0) s->culprit = ms_find_bad(sim->model.shape, s->v_next);
     if (s->culprit >= 0) status = MSIM_NOT_FINITE;
