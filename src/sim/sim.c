@@ -70,10 +70,16 @@ static msim_status allocate(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
+static void start_threads(msim_sim *sim) {
+  sim->threads_planned = ms_plan_threads(&sim->opt, &sim->model);
+  sim->pool = sim->model.pool = ms_pool_create(&sim->alloc, sim->threads_planned);
+}
+
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
   if (!status) status = ms_sim_make_plan(sim, 0, err);
   if (!status) status = ms_model_create(sim->scene, sim->opt.skip_off, &sim->model, err);
+  if (!status) start_threads(sim);
   if (!status) status = allocate(sim, err);
   if (!status && sim->integrator->entry.implicit)
     status = ms_solver_create(&sim->model, &sim->opt, sim->plan.h, &sim->stats, &sim->linear, err);
@@ -110,6 +116,7 @@ msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, ms
 
 void msim_sim_destroy(msim_sim *sim) {
   if (!sim) return;
+  ms_pool_destroy(sim->pool);
   ms_solver_destroy(sim->linear);
   ms_matrix_destroy(&sim->model, &sim->csr);
   ms_model_destroy(&sim->model);

@@ -15,6 +15,8 @@ struct msim_sim {
   char *solver, *plugin_path; /* what opt's pointers point to; nullable */
   ms_plan plan;
   ms_model model;
+  ms_pool *pool;           /* NULL: one thread */
+  int32_t threads_planned; /* more than the pool has where not all could be started */
   const ms_integrator *integrator;
   ms_solver *linear; /* NULL where the method needs none */
   ms_stepper stepper;
