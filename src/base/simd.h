@@ -53,8 +53,6 @@ static inline ms_lanes ms_gather(const double *x, const int32_t *index) {
   return v;
 }
 
-static inline ms_lanes ms_abs(ms_lanes v) { return (ms_lanes)((ms_mask)v & INT64_MAX); }
-
 /* The larger of both; NaN where v is */
 static inline ms_lanes ms_at_least(ms_lanes v, double least) {
   const ms_lanes low = (ms_lanes){0} + least;

@@ -48,13 +48,7 @@ MS_INLINE ms_vec force(int dims, int damped, const ms_model *m, int32_t group, s
 
 /*------------------------------------- update ---------------------------------------------------*/
 
-MS_INLINE ms_lanes magnitude(int dims, ms_vec v) {
-  ms_lanes sum = ms_abs(v.c[0]);
-  for (int c = 1; c < dims; c++) sum += ms_abs(v.c[c]);
-  return sum;
-}
-
-/* The results for one register of rows; how large they are. */
+/* The results for one register of rows; returns |x_to|^2 + |v_to|^2. */
 MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_vec f, const ms_pass *p) {
   const size_t stride = (size_t)m->rows.stride;
   const ms_lanes zero = {0};
@@ -69,14 +63,14 @@ MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_vec f, con
       v = ms_fma_vec(dims, zero + p->h_before, ms_load_vec(dims, p->a_before + row, stride), v);
     v = ms_fma_vec(dims, zero + p->h, a, v);
     ms_store_vec(dims, p->v_to + row, stride, v);
-    size += magnitude(dims, v);
+    size += ms_dot_vec(dims, v, v);
   }
   if (p->x_to) {
     const ms_vec along = p->along ? ms_load_vec(dims, p->along + row, stride) : v;
     const ms_vec x =
         ms_fma_vec(dims, zero + p->drift, along, ms_load_vec(dims, p->x_from + row, stride));
     ms_store_vec(dims, p->x_to + row, stride, x);
-    size += magnitude(dims, x);
+    size += ms_dot_vec(dims, x, x);
   }
   return size;
 }
@@ -87,7 +81,7 @@ MS_INLINE int rows(int dims, int damped, const ms_model *m, const ms_pass *p, in
   for (int32_t group = begin; group < end; group++) {
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
       const ms_vec f = force(dims, damped, m, group, lane, p->x, p->v);
-      bad |= ~(update(dims, m, MS_GROUP * (size_t)group + lane, f, p) <= MS_HUGE);
+      bad |= ~(update(dims, m, MS_GROUP * (size_t)group + lane, f, p) <= MS_HUGE * MS_HUGE);
     }
   }
   int any = 0;
