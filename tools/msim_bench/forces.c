@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
+#include "../common/message.h"
 #include "benches.h"
 #include "interrupt.h"
 #include "spinner.h"
@@ -74,8 +75,8 @@ static contestant *enter(arena *a, const char *name, const char *measure, int th
 /*------------------------------------- one scene ------------------------------------------------*/
 
 /* What a step cannot do without, in this format. A particle: x, v in and out, its mass, 104 bytes.
- * Half a spring, as each is read from both of its ends: k, rest and where the neighbour is, 4 bytes,
- * shared by eight where they are neighbours too. */
+ * Half a spring, as each is read from both of its ends: k, rest and where the neighbour is, 4
+ * bytes, shared by eight where they are neighbours too. */
 static double bytes_of_step(const moving *m) {
   const double half = 16 + (m->kind->random ? 4 : 0.5);
   return 104.0 * m->view.nparticles + 2 * half * m->view.nsprings;
@@ -229,6 +230,8 @@ static void measure_scene(report *out, const bench_scene *scene, int quick, doub
 int bench_forces(const bench_wishes *wishes, report *r) {
   static const char *const names[] = {"cloth32", "cloth100", "cloth500", "jelly16",
                                       "jelly46", "mesh100",  "mesh500"};
+  if (wishes->threads)
+    return complain_usage("", "--threads means nothing to forces, which runs on one and on two");
   const double until = wall_seconds() + (wishes->quick ? 45 : 600);
   const int count = wishes->nscenes ? wishes->nscenes : (int)(sizeof names / sizeof *names);
   for (int i = 0; i < count && !is_interrupted(); i++)
