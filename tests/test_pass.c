@@ -98,6 +98,37 @@ static void forces_of_all_lengths(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A scene whose rest lengths are those of its particles: exactly nothing happens. */
+static void springs_at_rest_push_by_nothing(void **state) {
+  (void)state;
+  enum { N = 100 };
+  double x[3 * N], k[3 * N], mass[N];
+  int32_t ij[6 * N];
+  unsigned seed = 9;
+  for (int i = 0; i < 3 * N; i++) {
+    x[i] = uniform(&seed), k[i] = 1e12 * uniform(&seed), mass[i % N] = 1;
+    ij[2 * i] = i % N, ij[2 * i + 1] = (i + 1 + i / N) % N;
+  }
+  msim_scene *scene;
+  ms_model model;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, N, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 3 * N, ij, k, NULL, NULL, err));
+  assert_ok(ms_model_create(scene->data, 0, &model, err));
+  double *rows = ms_rows_vector(scene->data, &model.rows);
+  double *f = ms_rows_vector(scene->data, &model.rows);
+  ms_rows_gather(&model.rows, x, rows);
+  for (int i = 0; i < NSETS; i++) {
+    model.kernels = ms_kernels_named(sets[i]);
+    if (!model.kernels) continue;
+    ms_pass_run(&model, &(ms_pass){.x = rows, .f = f});
+    for (int r = 0; r < 3 * model.rows.stride; r++) assert_true(f[r] == 0);
+  }
+  ms_delete(&scene->data->alloc, rows), ms_delete(&scene->data->alloc, f);
+  ms_model_destroy(&model);
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- results --------------------------------------------------*/
 
 enum { SIDE = 40, VECTORS = 9 };
@@ -214,7 +245,8 @@ static void threads_agree_to_the_bit(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(forces_of_all_lengths), cmocka_unit_test(results_are_the_formulas),
-      cmocka_unit_test(bad_numbers_are_seen), cmocka_unit_test(threads_agree_to_the_bit)};
+      cmocka_unit_test(forces_of_all_lengths), cmocka_unit_test(springs_at_rest_push_by_nothing),
+      cmocka_unit_test(results_are_the_formulas), cmocka_unit_test(bad_numbers_are_seen),
+      cmocka_unit_test(threads_agree_to_the_bit)};
   return cmocka_run_group_tests_name("pass", tests, NULL, NULL);
 }

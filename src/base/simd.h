@@ -1,6 +1,6 @@
 /* simd - as many doubles as one register of the build's instruction set holds. Lanes never meet, so
  * the bits of a result do not depend on their number, which divides 8; but where ms_fma or
- * ms_inverse_sqrt go into it, they do depend on the instruction set. */
+ * ms_root go into it, they do depend on the instruction set. */
 #ifndef MS_SIMD_H
 #define MS_SIMD_H
 
@@ -77,21 +77,26 @@ static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #endif
 }
 
-/* 1/sqrt(v), to one unit in the last place; v normal and > 0, or NaN.
+/* sqrt(v), and *inverse = 1/sqrt(v) to one unit in the last place; v normal and > 0, or NaN.
  *
  * AVX-512 has a guess r of 14 bits for the full range; e = 1 - v r^2 is below 2^-12.9, so
  *   1/sqrt(v) = r (1 - e)^(-1/2) = r (1 + e/2 + 3/8 e^2 + 5/16 e^3 + 35/128 e^4 + ...)
- * ends after e^4. Elsewhere the chain of such steps takes as long as the divider. */
-static inline ms_lanes ms_inverse_sqrt(ms_lanes v) {
+ * ends after e^4; and l = v/sqrt(v) is rounded well after a step l + (v - l^2)/(2 l). Elsewhere the
+ * chain of such steps takes as long as the divider. */
+static inline ms_lanes ms_root(ms_lanes v, ms_lanes *inverse) {
 #if defined(__AVX512F__)
   const ms_lanes zero = {0}, r = _mm512_rsqrt14_pd(v);
   const ms_lanes e = _mm512_fnmadd_pd(v * r, r, zero + 1);
   ms_lanes series = ms_fma(e, zero + 35. / 128, zero + 5. / 16);
   series = ms_fma(e, series, zero + 3. / 8);
   series = ms_fma(e, series, zero + 1. / 2);
-  return ms_fma(e * r, series, r);
+  *inverse = ms_fma(e * r, series, r);
+  const ms_lanes l = v * *inverse;
+  return ms_fma(_mm512_fnmadd_pd(l, l, v), 0.5 * *inverse, l);
 #else
-  return 1 / ms_sqrt(v);
+  const ms_lanes l = ms_sqrt(v);
+  *inverse = 1 / l;
+  return l;
 #endif
 }
 

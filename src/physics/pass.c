@@ -5,18 +5,18 @@
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-/* k (1 - L/l) + c (d.dv)/l^2: times d, the push of a spring. The root of MS_ZERO_LENGTH2 stands for
- * shorter lengths, so d = 0 is pushed by 0. */
+/* k (l - L)/l + c (d.dv)/l^2: times d, the push of a spring. The root of MS_ZERO_LENGTH2 stands for
+ * shorter lengths, so d = 0 is pushed by 0. Lengths are rounded as those of the scene are: a spring
+ * at rest pushes by exactly 0. */
 MS_INLINE ms_lanes pull(int dims, int damped, ms_vec d, ms_vec dv, const ms_halves *halves,
                         size_t at) {
-  const ms_lanes one = (ms_lanes){0} + 1;
-  const ms_lanes inverse = ms_inverse_sqrt(ms_at_least(ms_dot_vec(dims, d, d), MS_ZERO_LENGTH2));
-  const ms_lanes scale =
-      ms_load(halves->k + at) * ms_fma(-ms_load(halves->rest + at), inverse, one);
+  ms_lanes l2 = d.c[0] * d.c[0], inverse;
+  for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
+  const ms_lanes l = ms_root(ms_at_least(l2, MS_ZERO_LENGTH2), &inverse);
+  const ms_lanes scale = ms_load(halves->k + at) * ((l - ms_load(halves->rest + at)) * inverse);
   if (!damped) return scale;
-  ms_vec u = d;
-  for (int c = 0; c < dims; c++) u.c[c] *= inverse;
-  return ms_fma(ms_load(halves->damping + at) * ms_dot_vec(dims, u, dv), inverse, scale);
+  for (int c = 0; c < dims; c++) d.c[c] *= inverse;
+  return ms_fma(ms_load(halves->damping + at) * ms_dot_vec(dims, d, dv), inverse, scale);
 }
 
 /* m g - b v */
