@@ -65,7 +65,7 @@ static inline ms_lanes ms_at_least(ms_lanes v, double least) {
 #endif
 }
 
-/* a b + c: rounded once where the instruction set can, and there 10 % faster springs; else twice.
+/* a b + c: rounded once where the instruction set can, which is faster; else twice.
  * So the last bits of forces are others on CPUs without it. */
 static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #if defined(__AVX512F__)
