@@ -50,7 +50,7 @@ class Help(BenchTest):
     def test_help(self):
         out = self.good("--help")
         for word in ("Usage: msim_bench", "linear", "--quick", "--json FILE", "--scene NAME",
-                     "--threads N", "cloth32", "forces, scaling"):
+                     "--threads N", "cloth32", "mesh500", "forces", "scaling, step"):
             self.assertIn(word, out)
         self.assertLessEqual(max(map(len, out.splitlines())), 80)
         self.assertEqual(self.good("linear", "--help"), out)
@@ -68,7 +68,7 @@ class Refusals(BenchTest):
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
             *((["--json", "a.json", name], f"'{name}'", "not part of this version")
-              for name in "forces scaling step precision stability".split()),
+              for name in "scaling step precision stability".split()),
             (["linear", "--svg", "a.svg"], "--svg", "not part of this version", "--json"),
             (["linear", "--quik"], "'--quik'"),
             (["linear", "--quick=1"], "--quick takes no value"),
@@ -76,6 +76,7 @@ class Refusals(BenchTest):
             (["linear", "--json"], "--json needs a value"),
             (["linear", "--json="], "--json"),
             (["linear", "--threads", "-1"], "threads", "'-1'"),
+            (["forces", "--threads", "2"], "--threads", "forces"),
             (["linear", "--scene", "cloth32,cloth33"], "'cloth33'", "cloth32, cloth64"),
             (["linear", "--scene", ""], "''"),
             (["skip", "--scene", "cloth32"], "--scene", "'skip'"),
@@ -214,6 +215,54 @@ class Skip(BenchTest):
             self.assertEqual(summary.get(key), factors.get("off, cholmod"))
             if key in summary:
                 self.assertGreater(summary[key], 1)  # however busy the machine is
+
+
+class Forces(BenchTest):
+    KEYS = {"cloth100": {"explicit_step_speedup_cloth100"},
+            "cloth500": {"triad_fraction_cloth500", "two_threads_cloth500"},
+            "mesh500": {"irregular_speedup"}, "cloth32": set(), "mesh100": set()}
+
+    def find(self, rows, **wanted):
+        return [row for row in rows if wanted.items() <= row.items()]
+
+    def check_scene(self, rows, cores):
+        """Who took part, and that both computed the same."""
+        scene, = self.find(rows, measure="scene")
+        self.assertLess(scene["difference"], 1e-12)
+        self.assertGreater(scene["bytes_per_step"], 104 * scene["particles"])
+        runs = [row for row in rows if row["measure"] in ("step", "triad")]
+        expected = {("msim", 1), ("textbook", 1), ("triad", 1)}
+        if cores > 1:
+            expected |= {("msim", 2), ("triad", 2)}
+        self.assertEqual({(row["name"], row["threads"]) for row in runs}, expected)
+        for row in runs:
+            self.assertEqual((row["status"], row["repeats"]), ("ok", 5))
+            self.assertAlmostEqual(row["gb_per_s"] * row["us"] * 1e3, scene["bytes_per_step"],
+                                   delta=1e-6 * scene["bytes_per_step"])
+        for row in self.find(runs, measure="step"):
+            self.assertAlmostEqual(row["springs_per_s"] * row["us"] * 1e-6, scene["springs"],
+                                   delta=1e-6 * scene["springs"])
+
+    def test_rows_and_summary(self):
+        names = "cloth32", "cloth100", "mesh100"
+        self.good("forces", "--quick", "--scene", ",".join(names), "--json", "out.json")
+        result = self.result()
+        self.assertEqual((result["bench"], result["quick"]), ("forces", True))
+        for name in names:
+            self.check_scene(self.find(result["rows"], scene=name), result["machine"]["cores"])
+        self.assertEqual(set(result["summary"]), set().union(*map(self.KEYS.get, names)))
+        speedup, = self.find(result["rows"], scene="cloth100", measure="ratio", name="speedup")
+        self.assertEqual(speedup["ratio"], result["summary"]["explicit_step_speedup_cloth100"])
+        self.assertGreater(speedup["ratio"], 1)
+
+    def test_all_scenes_in_a_minute(self):
+        start = time.monotonic()
+        self.good("forces", "--quick", "--json", "out.json")
+        self.assertLess(time.monotonic() - start, 60)
+        expected = set().union(*self.KEYS.values())
+        if self.result()["machine"]["cores"] == 1:
+            expected.remove("two_threads_cloth500")
+        self.assertEqual(set(self.result()["summary"]), expected)
 
 
 class Stopping(BenchTest):

@@ -8,8 +8,6 @@
 #include "physics/kernels.h"
 #include "testing.h"
 
-MS_TABLES(ms_kernels);
-
 enum { N = 12, NS = 30 };
 #define STEP 1e-100 /* of the complex step: no cancellation, so as small as one likes */
 
@@ -268,7 +266,7 @@ static void formats_agree(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The kernels of every instruction set give the same bits, padding and lone rows included. */
+/* The kernels of every instruction set agree to rounding, padding and lone rows included. */
 static void instruction_sets_agree(void **state) {
   (void)state;
   static const char *const sets[] = {"baseline", "avx2", "avx512"};
@@ -284,9 +282,8 @@ static void instruction_sets_agree(void **state) {
   double first[3][9 * N * N];
   ms_rows_gather(&model.rows, s.x, x);
   for (size_t i = 0; i < 3; i++) {
-    const int isa = ms_isa_named(sets[i]);
-    if (isa < 0) continue; /* not for this CPU */
-    model.kernels = ms_kernels_of[isa];
+    model.isa = ms_isa_named(sets[i]);
+    if (model.isa < 0) continue; /* not for this CPU */
     ms_coefficients_compute(&model, x, 0.07, 0, &a);
     ms_coefficients_apply(&model, &a, x, y);
     const double *results[] = {a.t, a.w[2], y};
@@ -294,7 +291,8 @@ static void instruction_sets_agree(void **state) {
     for (int r = 0; r < 3; r++) {
       assert_true(counts[r] <= 9 * N * N);
       if (i == 0) memcpy(first[r], results[r], counts[r] * sizeof(double));
-      assert_memory_equal(first[r], results[r], counts[r] * sizeof(double));
+      for (size_t k = 0; k < counts[r]; k++)
+        assert_close(results[r][k], first[r][k], 1e-12 * (1 + fabs(first[r][k])));
     }
   }
   assert_int_equal(ms_isa_named("avx1024"), -1);

@@ -355,6 +355,7 @@ typedef struct msim_plan {
   int64_t steps; /* from there to the end; -1 where neither steps nor t_end was given */
   const char *integrator;
   const char *solver; /* "none" where the method needs none */
+  int32_t threads;    /* that compute; fewer than asked for where not all could be started */
 } msim_plan;
 
 /* The matrix of the next implicit step by rows: A = M - h D - h^2 J, in particle order, rows and

@@ -7,7 +7,8 @@
 int ms_isa_named(const char *name) {
   if (strcmp(name, "baseline") == 0) return MS_ISA_BASELINE;
 #ifdef MSIM_X86_KERNELS
-  if (strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2")) return MS_ISA_AVX2;
+  if (strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+    return MS_ISA_AVX2;
   if (strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f")) return MS_ISA_AVX512;
 #endif
   return -1;

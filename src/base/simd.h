@@ -1,5 +1,6 @@
 /* simd - as many doubles as one register of the build's instruction set holds. Lanes never meet, so
- * the bits of a result do not depend on their number, which divides 8. */
+ * the bits of a result do not depend on their number, which divides 8; but where ms_fma or
+ * ms_root go into it, they do depend on the instruction set. */
 #ifndef MS_SIMD_H
 #define MS_SIMD_H
 
@@ -9,7 +10,7 @@
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
-#if defined(__AVX__)
+#ifdef __SSE2__
 #  include <immintrin.h>
 #endif
 
@@ -94,6 +95,60 @@ static inline ms_lanes ms_sqrt(ms_lanes v) {
   ms_store(lane, v);
   for (int l = 0; l < MS_LANES; l++) lane[l] = sqrt(lane[l]);
   return ms_load(lane);
+}
+
+/* x[index[0]], x[index[1]], ... */
+static inline ms_lanes ms_gather(const double *x, const int32_t *index) {
+  ms_lanes v;
+  for (int l = 0; l < MS_LANES; l++) v[l] = x[index[l]];
+  return v;
+}
+
+/* The larger of both; NaN where v is */
+static inline ms_lanes ms_at_least(ms_lanes v, double least) {
+  const ms_lanes low = (ms_lanes){0} + least;
+#if defined(__AVX512F__)
+  return _mm512_max_pd(low, v);
+#elif defined(__AVX__)
+  return _mm256_max_pd(low, v);
+#else
+  return ms_select(v < low, low, v);
+#endif
+}
+
+/* a b + c: rounded once where the instruction set can, which is faster; else twice.
+ * So the last bits of forces are others on CPUs without it. */
+static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
+#if defined(__AVX512F__)
+  return _mm512_fmadd_pd(a, b, c);
+#elif defined(__FMA__)
+  return _mm256_fmadd_pd(a, b, c);
+#else
+  return a * b + c;
+#endif
+}
+
+/* sqrt(v), and *inverse = 1/sqrt(v) to one unit in the last place; v normal and > 0, or NaN.
+ *
+ * AVX-512 has a guess r of 14 bits for the full range; e = 1 - v r^2 is below 2^-12.9, so
+ *   1/sqrt(v) = r (1 - e)^(-1/2) = r (1 + e/2 + 3/8 e^2 + 5/16 e^3 + 35/128 e^4 + ...)
+ * ends after e^4; and l = v/sqrt(v) is rounded well after a step l + (v - l^2)/(2 l). Elsewhere the
+ * chain of such steps takes as long as the divider. */
+static inline ms_lanes ms_root(ms_lanes v, ms_lanes *inverse) {
+#if defined(__AVX512F__)
+  const ms_lanes zero = {0}, r = _mm512_rsqrt14_pd(v);
+  const ms_lanes e = _mm512_fnmadd_pd(v * r, r, zero + 1);
+  ms_lanes series = ms_fma(e, zero + 35. / 128, zero + 5. / 16);
+  series = ms_fma(e, series, zero + 3. / 8);
+  series = ms_fma(e, series, zero + 1. / 2);
+  *inverse = ms_fma(e * r, series, r);
+  const ms_lanes l = v * *inverse;
+  return ms_fma(_mm512_fnmadd_pd(l, l, v), 0.5 * *inverse, l);
+#else
+  const ms_lanes l = ms_sqrt(v);
+  *inverse = 1 / l;
+  return l;
+#endif
 }
 
 #endif

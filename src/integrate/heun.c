@@ -14,9 +14,10 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   const double h = s->h;
   const int mode = s->opt->heun_collision;
   double *a = s->work[0], *a_stage = s->work[1], *v_predicted = s->work[2];
-  ms_acceleration(s, s->x, s->v, a);
-  ms_combine(shape, s->x, h, s->v, s->x_next);
-  ms_combine(shape, s->v, h, a, s->v_next);
+  ms_pass predict = ms_kick_drift(s);
+  predict.along = s->v;
+  predict.a = a;
+  ms_evaluate(s, &predict);
   if (mode != MSIM_HEUN_LITERAL) ms_copy(shape, s->v_next, v_predicted);
   if (mode != MSIM_HEUN_STANDARD) ms_reflect(s, s->x_next, s->v_next);
   if (mode == MSIM_HEUN_LITERAL) ms_copy(shape, s->v_next, v_predicted);

@@ -3,6 +3,7 @@
 #define MS_INTEGRATOR_H
 
 #include "linear/solver.h"
+#include "physics/step.h"
 
 enum { MS_MAX_WORK = 4 };
 
@@ -10,7 +11,7 @@ enum { MS_MAX_WORK = 4 };
  * swapping the pointers, so that a step refused costs nothing.
  *
  * Force kernels want the pinned rows right: in x and x_next they hold the pinned positions, in v,
- * v_next and every work vector that is never the target of ms_acceleration they are 0. So stages
+ * v_next and every work vector they are 0. So stages
  * keep their positions in x_next. */
 typedef struct ms_stepper {
   const ms_model *model;
@@ -24,6 +25,7 @@ typedef struct ms_stepper {
                                 As with x, a step reads warm and writes warm_next */
   double h;                  /* of the steps to come; start() may rely on it */
   int32_t culprit;           /* row to blame when step() fails; -1: none in particular */
+  int finite;                /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
   msim_stats *stats;
 } ms_stepper;
 
@@ -38,6 +40,12 @@ typedef struct ms_integrator {
   /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;
+
+/* One evaluation of forces and what the step makes of it, counted and timed. */
+void ms_evaluate(ms_stepper *s, const ms_pass *pass);
+
+/* v_next = v + h a(x, v),  x_next = x + h v_next */
+ms_pass ms_kick_drift(const ms_stepper *s);
 
 /* a = F(x, v)/m, counted and timed. */
 void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a);

@@ -16,9 +16,16 @@ static msim_status step(ms_stepper *s, msim_error *err) {
       ms_combine(shape, s->x, s->h * reach[stage], stage == 1 ? s->v : v_stage, s->x_next);
       ms_combine(shape, s->v, s->h * reach[stage], a, v_stage);
     }
-    ms_acceleration(s, x, v, a);
-    ms_axpy(shape, s->h * weight[stage], v, x_sum);
-    ms_axpy(shape, s->h * weight[stage], a, v_sum);
+    ms_evaluate(s, &(ms_pass){.x = x,
+                              .v = v,
+                              .a = a,
+                              .v_to = v_sum,
+                              .v_from = v_sum,
+                              .h = s->h * weight[stage],
+                              .x_to = x_sum,
+                              .x_from = x_sum,
+                              .along = v,
+                              .drift = s->h * weight[stage]});
   }
   ms_copy(shape, x_sum, s->x_next);
   ms_reflect(s, s->x_next, s->v_next);

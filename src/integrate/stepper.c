@@ -2,12 +2,27 @@
 #include "integrate/integrator.h"
 #include "physics/planes.h"
 
-void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a) {
+void ms_evaluate(ms_stepper *s, const ms_pass *pass) {
   double start = ms_clock();
-  ms_force(s->model, x, v, a);
-  ms_scale_rows(s->model->shape, s->model->inv_mass, a, a);
+  const int good = ms_pass_run(s->model, pass);
+  s->finite = good && pass->x_to && pass->v_to;
   s->stats->force_evaluations++;
   s->stats->force_s += ms_clock() - start;
+}
+
+ms_pass ms_kick_drift(const ms_stepper *s) {
+  return (ms_pass){.x = s->x,
+                   .v = s->v,
+                   .v_to = s->v_next,
+                   .v_from = s->v,
+                   .h = s->h,
+                   .x_to = s->x_next,
+                   .x_from = s->x,
+                   .drift = s->h};
+}
+
+void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a) {
+  ms_evaluate(s, &(ms_pass){.x = x, .v = v, .a = a});
 }
 
 int64_t ms_reflect(ms_stepper *s, double *x, double *v) {
@@ -15,6 +30,7 @@ int64_t ms_reflect(ms_stepper *s, double *x, double *v) {
   double start = ms_clock();
   int64_t reflected = ms_planes_reflect(s->model, x, v);
   s->stats->contacts += reflected;
+  s->finite = 0;
   s->stats->collide_s += ms_clock() - start;
   return reflected;
 }

@@ -14,8 +14,14 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   if (!s->warm) ms_acceleration(s, s->x, s->v, a);
   ms_add2(shape, s->x, h, s->v, h * h / 2, a, s->x_next);
   if (!separable) ms_combine(shape, s->v, h, a, v_predicted);
-  ms_acceleration(s, s->x_next, v_predicted, a_next);
-  ms_add2(shape, s->v, h / 2, a, h / 2, a_next, s->v_next);
+  ms_evaluate(s, &(ms_pass){.x = s->x_next,
+                            .v = v_predicted,
+                            .a = a_next,
+                            .v_to = s->v_next,
+                            .v_from = s->v,
+                            .a_before = a,
+                            .h_before = h / 2,
+                            .h = h / 2});
   int64_t reflected = ms_reflect(s, s->x_next, s->v_next);
   s->warm_next = separable && !reflected ? 1 + next : 0;
   return MSIM_OK;

@@ -9,21 +9,25 @@
 static void start(ms_stepper *s) {
   if (s->opt->verlet_start == MSIM_VERLET_PLAIN) return;
   double *a = s->work[0];
-  ms_force(s->model, s->x, s->v, a);
-  ms_scale_rows(s->model->shape, s->model->inv_mass, a, a);
+  ms_pass_run(s->model, &(ms_pass){.x = s->x, .v = s->v, .a = a});
   ms_combine(s->model->shape, s->v, -s->h / 2, a, s->v);
   s->warm = 1;
 }
 
+/* The first step, with the a of start() */
+static void first_step(ms_stepper *s) {
+  const ms_shape shape = s->model->shape;
+  ms_combine(shape, s->v, s->h, s->work[0], s->v_next);
+  ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
+  s->stats->force_evaluations++;
+}
+
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_shape shape = s->model->shape;
-  double *a = s->work[0];
-  if (s->warm) s->stats->force_evaluations++; /* made by start() */
-  else ms_acceleration(s, s->x, s->v, a);
+  const ms_pass pass = ms_kick_drift(s);
+  if (s->warm) first_step(s);
+  else ms_evaluate(s, &pass);
   s->warm_next = 0;
-  ms_combine(shape, s->v, s->h, a, s->v_next);
-  ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
   ms_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }
@@ -31,10 +35,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
 /* v(t) = v(t - h/2) + h/2 a(x, v(t - h/2)): second order where forces do not depend on v */
 static void sync(const ms_stepper *s, double *v, double *scratch) {
   const double *a = s->warm ? s->work[0] : scratch;
-  if (!s->warm) {
-    ms_force(s->model, s->x, s->v, scratch);
-    ms_scale_rows(s->model->shape, s->model->inv_mass, scratch, scratch);
-  }
+  if (!s->warm) ms_pass_run(s->model, &(ms_pass){.x = s->x, .v = s->v, .a = scratch});
   ms_combine(s->model->shape, s->v, s->h / 2, a, v);
 }
 

@@ -58,4 +58,14 @@ static inline ms_span ms_halves_of(const ms_halves *h, int32_t row) {
                    1};
 }
 
+/* Work on segments is cut into chunks of so many: how many chunks, and where the k-th ends. */
+static inline int32_t ms_chunks(const ms_halves *h, int32_t size) {
+  return (h->ngroups + h->nparts + size - 1) / size;
+}
+
+static inline int32_t ms_chunk_end(const ms_halves *h, int32_t size, int32_t k) {
+  const int32_t n = h->ngroups + h->nparts;
+  return n - size * k < size ? n : size * (k + 1);
+}
+
 #endif

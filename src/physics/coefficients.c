@@ -1,6 +1,9 @@
 #include <math.h>
+#include <string.h>
 
 #include "physics/kernels.h"
+
+MS_TABLES(ms_kernels);
 
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
@@ -35,22 +38,67 @@ static void compute_alike(const ms_model *model, double h, ms_coefficients *a) {
   }
 }
 
+/* One call of a kernel over all segments, by all threads. */
+typedef struct job {
+  const ms_model *model;
+  ms_coefficients *a;
+  const double *x;
+  double *y;
+  double h;
+  int clamp;
+  int32_t components;
+} job;
+
+/* Segments to an item of work: some 10 us. */
+enum { CHUNK = 64 };
+
+static void compute_chunk(void *data, int32_t item) {
+  const job *j = data;
+  ms_kernels_of[j->model->isa]->coefficients(j->model, j->x, j->h, j->clamp, j->a, CHUNK * item,
+                                             ms_chunk_end(&j->model->halves, CHUNK, item));
+}
+
+static void apply_chunk(void *data, int32_t item) {
+  const job *j = data;
+  const int32_t begin = CHUNK * item, end = ms_chunk_end(&j->model->halves, CHUNK, item);
+  if (j->a->block == 1)
+    ms_kernels_of[j->model->isa]->apply_alike(j->model, j->a, j->components, j->x, j->y, begin,
+                                              end);
+  else ms_kernels_of[j->model->isa]->apply(j->model, j->a, j->x, j->y, begin, end);
+}
+
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a) {
+  const ms_halves *halves = &model->halves;
   a->drag = model->passes & MSIM_SKIP_DRAG ? h * model->scene->drag : 0;
-  if (a->block == 1) compute_alike(model, h, a);
-  else model->kernels->coefficients(model, x, h, clamp, a);
+  if (a->block == 1) {
+    compute_alike(model, h, a);
+    return;
+  }
+  job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
+  ms_pool_run(model->pool, compute_chunk, &j, ms_chunks(halves, CHUNK));
+  ms_halves_add_parts(halves, (int32_t)ms_diagonal_size((size_t)a->block),
+                      (size_t)model->rows.first_pinned, a->diagonal);
+}
+
+static void apply(const ms_model *model, const ms_coefficients *a, int32_t components,
+                  const double *x, double *y) {
+  const size_t stride = (size_t)model->rows.stride, end = (size_t)model->rows.first_pinned;
+  job j = {.model = model, .a = (ms_coefficients *)a, .x = x, .y = y, .components = components};
+  ms_pool_run(model->pool, apply_chunk, &j, ms_chunks(&model->halves, CHUNK));
+  ms_halves_add_parts(&model->halves, components, stride, y);
+  for (size_t c = 0; c < (size_t)components; c++)
+    memset(y + c * stride + end, 0, (stride - end) * sizeof *y);
 }
 
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,
                            double *y) {
-  if (a->block == 1) model->kernels->apply_alike(model, a, model->rows.dims, x, y);
-  else model->kernels->apply(model, a, x, y);
+  apply(model, a, model->rows.dims, x, y);
 }
 
 void ms_coefficients_apply_one(const ms_model *model, const ms_coefficients *a, const double *x,
                                double *y) {
-  model->kernels->apply_alike(model, a, 1, x, y);
+  apply(model, a, 1, x, y);
 }
 
 /* The same of magnitudes, for one row. */

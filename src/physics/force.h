@@ -4,7 +4,8 @@
 
 #include "physics/model.h"
 
-/* Springs shorter than the root of this have no direction that a double could hold. */
+/* Springs shorter than the root of this have no direction that a double could hold; forces count
+ * them as that long. */
 #define MS_ZERO_LENGTH2 2.2250738585072014e-308
 
 /* f = F(x, v) on every unknown row. With d = x_j - x_i, l = |d|, u = d/l a spring pushes i by

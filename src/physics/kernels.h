@@ -1,5 +1,8 @@
-/* kernels - the loops over half springs, one set for each instruction set. They form the same sums
- * in the same order without fused multiply-add: all sets give the same bits. */
+/* kernels - the loops over half springs that serve the matrix, one set for each instruction set.
+ *
+ * Each works on the segments [begin, end) of the halves: a group's rows are written where they
+ * belong, the sums of a part to halves.part_sums. With fused multiply-add where the instruction set
+ * has it: last bits differ between these, and never between numbers of threads. */
 #ifndef MS_KERNELS_H
 #define MS_KERNELS_H
 
@@ -7,16 +10,13 @@
 #include "physics/force.h"
 
 typedef struct ms_kernels {
-  /* f += what springs do to their unknown ends; v NULL: without damping */
-  void (*springs)(const ms_model *model, const double *x, const double *v, double *f);
-  /* the same where all rest lengths and dampings are 0 */
-  void (*linear_springs)(const ms_model *model, const double *x, double *f);
   void (*coefficients)(const ms_model *model, const double *x, double h, int clamp,
-                       ms_coefficients *a);
-  void (*apply)(const ms_model *model, const ms_coefficients *a, const double *x, double *y);
+                       ms_coefficients *a, int32_t begin, int32_t end);
+  void (*apply)(const ms_model *model, const ms_coefficients *a, const double *x, double *y,
+                int32_t begin, int32_t end);
   /* a->block = 1: on vectors of so many components */
   void (*apply_alike)(const ms_model *model, const ms_coefficients *a, int32_t components,
-                      const double *x, double *y);
+                      const double *x, double *y, int32_t begin, int32_t end);
 } ms_kernels;
 
 #endif

@@ -1,7 +1,7 @@
-#include "layout/flat.h"
-#include "physics/kernels.h"
+#include "physics/model.h"
 
-MS_TABLES(ms_kernels);
+#include "base/isa.h"
+#include "layout/flat.h"
 
 /* A pass is needed where it could change a number. */
 static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
@@ -20,7 +20,6 @@ static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
                             msim_error *err) {
   *model = (ms_model){.scene = scene, .isa = ms_isa_best()};
-  model->kernels = ms_kernels_of[model->isa];
   const int32_t flat = skip_off & MSIM_SKIP_TWO_D ? -1 : ms_flat_axis(scene);
   msim_status status = ms_layout_create(scene, &model->rows, &model->springs, &model->halves, err);
   if (flat >= 0) ms_rows_leave_out(&model->rows, flat);
@@ -30,10 +29,13 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
   size_t count = (size_t)rows->first_pinned;
   model->mass = ms_new(&scene->alloc, count, sizeof(double));
   model->inv_mass = ms_new(&scene->alloc, count, sizeof(double));
-  if (!model->mass || !model->inv_mass) return ms_fail_memory(err, "the masses");
+  const int parts = model->halves.nparts > 0;
+  if (parts) model->part_force = ms_rows_vector(scene, rows);
+  if (!model->mass || !model->inv_mass || (parts && !model->part_force))
+    return ms_fail_memory(err, "the masses");
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
-    model->inv_mass[r] = 1.0 / model->mass[r];
+    model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* stays at rest */
   }
   model->passes = needed_passes(scene, &model->springs) | skip_off;
   return MSIM_OK;
@@ -50,5 +52,6 @@ void ms_model_destroy(ms_model *model) {
   ms_layout_destroy(model->scene, &model->rows, &model->springs, &model->halves);
   ms_delete(&model->scene->alloc, model->mass);
   ms_delete(&model->scene->alloc, model->inv_mass);
+  ms_delete(&model->scene->alloc, model->part_force);
   *model = (ms_model){0};
 }

@@ -2,6 +2,7 @@
 #ifndef MS_MODEL_H
 #define MS_MODEL_H
 
+#include "base/pool.h"
 #include "base/vector.h"
 #include "layout/layout.h"
 
@@ -9,12 +10,13 @@ typedef struct ms_model {
   const ms_scene *scene;
   ms_rows rows;
   ms_springs springs;
-  ms_halves halves;                 /* the same springs, seen from their rows */
-  ms_shape shape;                   /* of the unknowns */
-  double *mass, *inv_mass;          /* first_pinned, kg: of each unknown row; 1 in the padding */
-  int isa;                          /* of the kernels: ms_isa_best() */
-  const struct ms_kernels *kernels; /* for it */
-  unsigned passes;                  /* MSIM_SKIP_...: the passes that a step makes */
+  ms_halves halves;        /* the same springs, seen from their rows */
+  ms_shape shape;          /* of the unknowns */
+  double *mass, *inv_mass; /* first_pinned, kg, 1/kg: of each unknown row; padding: 1, 0 */
+  double *part_force;      /* what springs do to rows in parts; NULL: there are none */
+  int isa;                 /* of the kernels: ms_isa_best() */
+  ms_pool *pool;           /* the sim's; NULL: one thread */
+  unsigned passes;         /* MSIM_SKIP_...: the passes that a step makes */
 } ms_model;
 
 /* What the scene needs, and what skip_off insists on. */

@@ -13,10 +13,20 @@ static msim_status allocate(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
+/* Started once, by the first plan. */
+static void use_threads(msim_sim *sim) {
+  if (!sim->threads_planned) {
+    sim->threads_planned = ms_plan_threads(&sim->opt, sim->model);
+    sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
+  }
+  sim->model->pool = sim->pool;
+}
+
 static msim_status build(msim_sim *sim, unsigned skip_off, msim_error *err) {
   sim->model = ms_new(&sim->alloc, 1, sizeof *sim->model);
   if (!sim->model) return ms_fail_memory(err, "the model");
   msim_status status = ms_model_create(sim->scene, skip_off, sim->model, err);
+  if (!status) use_threads(sim);
   if (!status) status = allocate(sim, err);
   if (!status && sim->integrator->entry.implicit)
     status = ms_solver_create(sim->model, &sim->opt, sim->plan.h, &sim->stats, &sim->linear, err);

@@ -39,7 +39,16 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
     ms_print(out, "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
              (long long)sim->plan.steps, sim->t0 + (double)sim->plan.steps * sim->plan.h,
              (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES));
-  ms_print(out, "threads       1: this version computes on one thread\n");
+}
+
+static void explain_threads(const msim_sim *sim, ms_text *out) {
+  const int32_t threads = ms_pool_threads(sim->pool), planned = sim->threads_planned;
+  ms_print(out, "threads       %d: ", threads);
+  if (threads < planned) ms_print(out, "of %d planned, no more could be started\n", planned);
+  else if (sim->opt.threads) ms_print(out, "as asked for\n");
+  else if (ms_usable_cores() == 1) ms_print(out, "there is one core\n");
+  else if (threads == 1) ms_print(out, "with so few springs, a second one saves nothing\n");
+  else ms_print(out, "by size, on %d cores\n", ms_usable_cores());
 }
 
 static void explain_solver(const msim_sim *sim, ms_text *out) {
@@ -150,6 +159,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   explain_scene(sim, out);
   explain_rows(&sim->model->rows, out);
   explain_method(sim, out);
+  explain_threads(sim, out);
   explain_solver(sim, out);
   explain_skips(sim, out);
   explain_limits(sim, &bounds, out);

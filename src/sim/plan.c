@@ -25,6 +25,17 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
   return MSIM_OK;
 }
 
+/* Below so many slots of half springs for each, some 15 us, a thread more saves less than it takes
+ * to call and wait for it. */
+enum { LEAST_SLOTS = 1500 };
+
+int32_t ms_plan_threads(const msim_options *opt, const ms_model *model) {
+  if (opt->threads > 0) return opt->threads < MS_MOST_THREADS ? opt->threads : MS_MOST_THREADS;
+  const int32_t worthwhile = model->halves.nslots / LEAST_SLOTS, cores = ms_usable_cores();
+  const int32_t threads = worthwhile < cores ? worthwhile : cores;
+  return threads > 1 ? threads : 1;
+}
+
 /* A frame every so many steps; 0: by fps. Default: about 200 frames in the run. */
 static int64_t frame_steps(const ms_plan *plan, const msim_options *opt) {
   if (opt->every > 0) return opt->every;

@@ -2,13 +2,16 @@
 #ifndef MS_PLAN_H
 #define MS_PLAN_H
 
-#include "scene/scene.h"
+#include "physics/model.h"
 
 typedef struct ms_plan {
   double h;       /* the step actually made */
   int64_t steps;  /* -1: no end was given */
   double h_asked; /* what the options said */
 } ms_plan;
+
+/* How many threads: as many as asked for, or as many as pay, one for each core at most. */
+int32_t ms_plan_threads(const msim_options *opt, const ms_model *model);
 
 /* The steps from t0 to the end. options.steps: that many. options.t_end: (t_end - t0)/h of them,
  * if that is a whole number to a relative 1e-9, else h is lowered to make it one. */

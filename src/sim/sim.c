@@ -98,6 +98,7 @@ void msim_sim_destroy(msim_sim *sim) {
   if (!sim) return;
   ms_sim_drop_matrix(sim);
   ms_sim_take_down(sim);
+  ms_pool_destroy(sim->pool);
   ms_text_free(&sim->explanation);
   void *arrays[] = {sim->flat_x, sim->flat_v, sim->flat_v_half, sim->solver, sim->plugin_path};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(&sim->alloc, arrays[i]);
@@ -145,8 +146,9 @@ static msim_status one_step(msim_sim *sim, msim_error *err) {
     return MSIM_OK;
   }
   const int64_t contacts = sim->stats.contacts;
+  s->finite = 0;
   msim_status status = sim->integrator->step(s, &why);
-  if (!status) {
+  if (!status && !s->finite) {
     s->culprit = ms_find_bad(sim->model->shape, s->x_next);
     if (s->culprit < 0) s->culprit = ms_find_bad(sim->model->shape, s->v_next);
     if (s->culprit >= 0) status = MSIM_NOT_FINITE;

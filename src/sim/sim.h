@@ -15,6 +15,8 @@ struct msim_sim {
   msim_options opt;           /* its strings are the sim's own */
   char *solver, *plugin_path; /* what opt's pointers point to; nullable */
   ms_plan plan;
+  ms_pool *pool;           /* NULL: one thread */
+  int32_t threads_planned; /* more than the pool has where not all could be started */
   const ms_integrator *integrator;
   msim_stats stats;
   atomic_int stop;

@@ -123,7 +123,8 @@ void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
                     .h = sim->plan.h,
                     .steps = sim->plan.steps,
                     .integrator = sim->integrator->entry.name,
-                    .solver = sim->linear ? sim->linear->linear->name : "none"};
+                    .solver = sim->linear ? sim->linear->linear->name : "none",
+                    .threads = ms_pool_threads(sim->pool)};
   MS_GIVE(plan, full);
 }
 

@@ -5,7 +5,7 @@
 #include "report.h"
 #include "scenes.h"
 
-enum { MOST_SCENES = 8 };
+enum { MOST_SCENES = 9 };
 
 /* What the command line asks of a bench. */
 typedef struct bench_wishes {
@@ -27,5 +27,6 @@ const bench_entry *bench_info(int i);
 
 int bench_linear(const bench_wishes *wishes, report *r);
 int bench_skip(const bench_wishes *wishes, report *r);
+int bench_forces(const bench_wishes *wishes, report *r);
 
 #endif

@@ -16,7 +16,7 @@ enum { DOC_COLUMN = 27 };
 static void print_help(void) {
   const bench_entry *bench;
   const bench_flag *flag;
-  char text[80], later[128] = "";
+  char text[80], later[128] = "", scenes[256] = "";
   puts(
       "Usage: msim_bench NAME [--quick] [--json FILE] [--scene NAME,...] [--threads N]\n"
       "Measure msim on this machine, side by side with what it is compared with.\n\n"
@@ -39,10 +39,15 @@ static void print_help(void) {
     print_column(DOC_COLUMN, text);
     print_wrapped(DOC_COLUMN, flag->doc);
   }
-  fputs("\nScenes:", stdout);
-  for (int i = 0; scene_info(i); i++) printf(" %s", scene_info(i)->name);
+  for (int i = 0; scene_info(i); i++) {
+    const size_t used = strlen(scenes);
+    snprintf(scenes + used, sizeof scenes - used, "%s%s", i ? " " : "", scene_info(i)->name);
+  }
+  putchar('\n');
+  print_column(DOC_COLUMN, "scenes");
+  print_wrapped(DOC_COLUMN, scenes);
   puts(
-      "\n\nExit status: 0; 1 for an error; 2 where Ctrl-C ended it. A solver that fails\n"
+      "\nExit status: 0; 1 for an error; 2 where Ctrl-C ended it. A solver that fails\n"
       "is a result like any other: its row says why.");
 }
 

@@ -6,11 +6,13 @@
 
 #include "../common/clock.h"
 #include "interrupt.h"
+#include "mesh.h"
 
 const bench_scene *scene_info(int i) {
   static const bench_scene scenes[] = {
-      {"cloth32", 32, 0},   {"cloth64", 64, 0}, {"cloth100", 100, 0},
-      {"cloth200", 200, 0}, {"jelly16", 16, 1},
+      {"cloth32", 32, 0, 0},   {"cloth64", 64, 0, 0},   {"cloth100", 100, 0, 0},
+      {"cloth200", 200, 0, 0}, {"cloth500", 500, 0, 0}, {"jelly16", 16, 1, 0},
+      {"jelly46", 46, 1, 0},   {"mesh100", 100, 0, 1},  {"mesh500", 500, 0, 1},
   };
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
 }
@@ -60,7 +62,8 @@ static msim_status build(moving *m) {
   const double gravity[3] = {0, 0, -9.81};
   msim_status status = msim_scene_create(NULL, &m->scene, &m->err);
   if (!status) status = msim_scene_set_gravity(m->scene, gravity, &m->err);
-  if (!status) status = m->kind->solid ? add_jelly(m) : add_cloth(m);
+  if (!status && m->kind->random) status = mesh_add(m->scene, m->kind->side, m->k, &m->err);
+  else if (!status) status = m->kind->solid ? add_jelly(m) : add_cloth(m);
   if (status) return status;
   m->view.size = sizeof m->view;
   msim_scene_get(m->scene, &m->view);
@@ -83,10 +86,8 @@ msim_options implicit_options(double h, double rtol, const char *solver, int32_t
   return options;
 }
 
-static int keep_state(msim_sim *sim, moving *m) {
+static int keep_state(const msim_state *state, moving *m) {
   const size_t n = 3 * (size_t)m->view.nparticles;
-  msim_state state = {.size = sizeof state};
-  msim_sim_state(sim, &state);
   m->x = malloc(n * sizeof *m->x);
   m->v = malloc(n * sizeof *m->v);
   m->none = calloc(n, sizeof *m->none);
@@ -94,9 +95,9 @@ static int keep_state(msim_sim *sim, moving *m) {
     snprintf(m->err.text, sizeof m->err.text, "out of memory for the state");
     return 0;
   }
-  memcpy(m->x, state.x, n * sizeof *m->x);
-  memcpy(m->v, state.v, n * sizeof *m->v);
-  m->state = state;
+  memcpy(m->x, state->x, n * sizeof *m->x);
+  memcpy(m->v, state->v, n * sizeof *m->v);
+  m->state = *state;
   m->state.x = m->x;
   m->state.v = m->v;
   return 1;
@@ -124,11 +125,28 @@ int moving_make(const bench_scene *kind, double k, int32_t threads, double until
   const msim_options options = implicit_options(1.0 / 120, 1e-6, "auto", threads);
   msim_sim *sim = NULL;
   *m = (moving){.kind = kind, .k = k, .threads = threads};
-  int made = !build(m) && !msim_sim_create(m->scene, &options, &sim, &m->err) &&
-             fall(sim, until, &m->err) && keep_state(sim, m);
+  msim_state state = {.size = sizeof state};
+  int made =
+      !build(m) && !msim_sim_create(m->scene, &options, &sim, &m->err) && fall(sim, until, &m->err);
+  if (made) msim_sim_state(sim, &state);
+  made = made && keep_state(&state, m);
   if (made && kind->solid) strike(m);
   msim_sim_destroy(sim);
   return made;
+}
+
+int moving_shaken(const bench_scene *kind, double k, moving *m) {
+  *m = (moving){.kind = kind, .k = k, .threads = 1};
+  if (build(m)) return 0;
+  const msim_state state = {
+      .size = sizeof state, .n = m->view.nparticles, .x = m->view.x, .v = m->view.v};
+  if (!keep_state(&state, m)) return 0;
+  unsigned seed = 1;
+  for (int32_t i = 0; i < 3 * m->view.nparticles; i++) {
+    seed = seed * 1664525u + 1013904223u;
+    if (!m->view.pinned[i / 3]) m->x[i] += 0.1 / kind->side * ((seed >> 8) / 16777216.0 - 0.5);
+  }
+  return 1;
 }
 
 void moving_free(moving *m) {

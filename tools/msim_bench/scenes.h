@@ -9,6 +9,7 @@ typedef struct bench_scene {
   int32_t side; /* particles along an edge of 1 m */
   int solid;    /* 0: a cloth of 0.3 kg held at two corners, structural, shear and bend springs;
                    1: a jelly of 1 kg held at a face, 13 springs a particle */
+  int random;   /* neither: side^2 particles at random in a plane, see mesh.h */
 } bench_scene;
 
 /* The i-th scene, NULL past the end. */
@@ -30,6 +31,10 @@ typedef struct moving {
   double *x, *v, *none; /* 3n: what state points to; zeros */
   msim_error err;
 } moving;
+
+/* The scene as it is built, every particle moved a little, so that no spring is at rest. 0 where it
+ * failed, and why in m->err. Call moving_free in any case. */
+int moving_shaken(const bench_scene *kind, double k, moving *m);
 
 /* until: when to give up, on wall_seconds' clock. 0 where it failed, and why in m->err. Call
  * moving_free in any case. */

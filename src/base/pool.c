@@ -1,0 +1,223 @@
+#define _GNU_SOURCE /* sched_getaffinity, CPU_COUNT */
+#include "base/pool.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdatomic.h>
+
+/* Who waits looks so often before it sleeps: some 20 us, longer than the pause between two steps of
+ * a run, too short to keep a core busy. */
+enum { PATIENCE = 1000 };
+
+/* A thread's part of the items. It begins at its front; others who are done help. A cache line
+ * each, so that threads do not disturb one another. */
+typedef struct part {
+  _Alignas(MS_ALIGNMENT) atomic_int next;
+  int32_t end;
+} part;
+
+/* A worker may look at a job only between entering and leaving, and enters only while it is open;
+ * a job that is closed and has nobody inside is over. */
+struct ms_pool {
+  _Alignas(MS_ALIGNMENT) atomic_uint job; /* counts up twice a job: odd while it is open */
+  _Alignas(MS_ALIGNMENT) atomic_int inside;
+  atomic_int sleepers, owner_sleeps, quit;
+  pthread_mutex_t lock; /* of those who sleep */
+  pthread_cond_t begin, left;
+  ms_item *work;
+  void *data;
+  int32_t threads;
+  int forks; /* of this process when the pool was made */
+  msim_allocator alloc;
+  struct worker {
+    ms_pool *pool;
+    int32_t index;
+    pthread_t thread;
+  } * workers; /* threads; that of the owner, 0, is not used */
+  part *parts; /* threads */
+};
+
+/*------------------------------------- processes ------------------------------------------------*/
+
+/* How often this process is the child of one that used pools. */
+static atomic_int forks;
+static void count_fork(void) { atomic_fetch_add(&forks, 1); }
+static void watch_forks(void) { pthread_atfork(NULL, NULL, count_fork); }
+static int has_threads(const ms_pool *pool) { return pool->forks == atomic_load(&forks); }
+
+int32_t ms_usable_cores(void) {
+  cpu_set_t set;
+  return sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
+}
+
+/*------------------------------------- waiting --------------------------------------------------*/
+
+static void pause_briefly(void) {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#else
+  atomic_signal_fence(memory_order_seq_cst);
+#endif
+}
+
+/* Until another job is open than the one seen last, or the end. */
+static unsigned wait_for_job(ms_pool *pool, unsigned seen) {
+  for (int i = 0; i < PATIENCE; i++) {
+    const unsigned job = atomic_load(&pool->job);
+    if ((job != seen && job % 2) || atomic_load(&pool->quit)) return job;
+    pause_briefly();
+  }
+  pthread_mutex_lock(&pool->lock);
+  atomic_fetch_add(&pool->sleepers, 1);
+  unsigned job;
+  while ((job = atomic_load(&pool->job), job == seen || job % 2 == 0) && !atomic_load(&pool->quit))
+    pthread_cond_wait(&pool->begin, &pool->lock);
+  atomic_fetch_sub(&pool->sleepers, 1);
+  pthread_mutex_unlock(&pool->lock);
+  return job;
+}
+
+static void wake_workers(ms_pool *pool) {
+  if (!atomic_load(&pool->sleepers)) return;
+  pthread_mutex_lock(&pool->lock);
+  pthread_cond_broadcast(&pool->begin);
+  pthread_mutex_unlock(&pool->lock);
+}
+
+/* The job is closed: until the last worker has left it. */
+static void wait_for_workers(ms_pool *pool) {
+  for (int i = 0; i < PATIENCE; i++) {
+    if (!atomic_load(&pool->inside)) return;
+    pause_briefly();
+  }
+  pthread_mutex_lock(&pool->lock);
+  atomic_store(&pool->owner_sleeps, 1);
+  while (atomic_load(&pool->inside)) pthread_cond_wait(&pool->left, &pool->lock);
+  atomic_store(&pool->owner_sleeps, 0);
+  pthread_mutex_unlock(&pool->lock);
+}
+
+static void leave(ms_pool *pool) {
+  if (atomic_fetch_sub(&pool->inside, 1) > 1 || !atomic_load(&pool->owner_sleeps)) return;
+  pthread_mutex_lock(&pool->lock);
+  pthread_cond_signal(&pool->left);
+  pthread_mutex_unlock(&pool->lock);
+}
+
+/*------------------------------------- working --------------------------------------------------*/
+
+static void do_part(ms_pool *pool, part *p) {
+  while (atomic_load_explicit(&p->next, memory_order_relaxed) < p->end) {
+    const int32_t item = atomic_fetch_add_explicit(&p->next, 1, memory_order_relaxed);
+    if (item < p->end) pool->work(pool->data, item);
+  }
+}
+
+static void do_parts(ms_pool *pool, int32_t own) {
+  for (int32_t i = 0; i < pool->threads; i++)
+    do_part(pool, &pool->parts[(own + i) % pool->threads]);
+}
+
+static void *live(void *data) {
+  struct worker *worker = data;
+  ms_pool *pool = worker->pool;
+  unsigned seen = 0;
+  while (1) {
+    seen = wait_for_job(pool, seen);
+    if (atomic_load(&pool->quit)) return NULL;
+    atomic_fetch_add(&pool->inside, 1);
+    if (atomic_load(&pool->job) == seen) do_parts(pool, worker->index);
+    leave(pool);
+  }
+}
+
+static void share_out(ms_pool *pool, int32_t n) {
+  for (int32_t i = 0; i < pool->threads; i++) {
+    const int64_t count = n;
+    atomic_store_explicit(&pool->parts[i].next, (int)(count * i / pool->threads),
+                          memory_order_relaxed);
+    pool->parts[i].end = (int32_t)(count * (i + 1) / pool->threads);
+  }
+}
+
+void ms_pool_run(ms_pool *pool, ms_item *work, void *data, int32_t n) {
+  if (!pool || n < 2 || !has_threads(pool)) {
+    for (int32_t item = 0; item < n; item++) work(data, item);
+    return;
+  }
+  pool->work = work;
+  pool->data = data;
+  share_out(pool, n);
+  atomic_fetch_add(&pool->job, 1);
+  wake_workers(pool);
+  do_parts(pool, 0);
+  atomic_fetch_add(&pool->job, 1);
+  wait_for_workers(pool);
+}
+
+/*------------------------------------- life -----------------------------------------------------*/
+
+/* Workers take no signals: those are the host's. */
+static void start_workers(ms_pool *pool, int32_t threads) {
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  for (int32_t i = 1; i < threads; i++) {
+    struct worker *worker = &pool->workers[i];
+    *worker = (struct worker){.pool = pool, .index = i};
+    if (pthread_create(&worker->thread, NULL, live, worker) != 0) break;
+    pool->threads++;
+  }
+  pthread_sigmask(SIG_SETMASK, &before, NULL);
+}
+
+static void release(ms_pool *pool) {
+  msim_allocator alloc = pool->alloc;
+  ms_delete(&alloc, pool->workers);
+  ms_delete(&alloc, pool->parts);
+  ms_delete(&alloc, pool);
+}
+
+ms_pool *ms_pool_create(const msim_allocator *alloc, int32_t threads) {
+  static pthread_once_t once = PTHREAD_ONCE_INIT;
+  if (threads > MS_MOST_THREADS) threads = MS_MOST_THREADS;
+  if (threads < 2) return NULL;
+  pthread_once(&once, watch_forks);
+  ms_pool *pool = ms_new(alloc, 1, sizeof *pool);
+  if (!pool) return NULL;
+  pool->alloc = *alloc;
+  pool->forks = atomic_load(&forks);
+  pool->threads = 1;
+  pool->workers = ms_new(alloc, (size_t)threads, sizeof *pool->workers);
+  pool->parts = ms_new(alloc, (size_t)threads, sizeof *pool->parts);
+  if (!pool->workers || !pool->parts) {
+    release(pool);
+    return NULL;
+  }
+  pthread_mutex_init(&pool->lock, NULL);
+  pthread_cond_init(&pool->begin, NULL);
+  pthread_cond_init(&pool->left, NULL);
+  start_workers(pool, threads);
+  if (pool->threads > 1) return pool;
+  ms_pool_destroy(pool);
+  return NULL;
+}
+
+/* In a child process there is nobody to wait for, and no telling who held the lock. */
+void ms_pool_destroy(ms_pool *pool) {
+  if (!pool) return;
+  if (has_threads(pool)) {
+    atomic_store(&pool->quit, 1);
+    wake_workers(pool);
+    for (int32_t i = 1; i < pool->threads; i++) pthread_join(pool->workers[i].thread, NULL);
+    pthread_cond_destroy(&pool->begin);
+    pthread_cond_destroy(&pool->left);
+    pthread_mutex_destroy(&pool->lock);
+  }
+  release(pool);
+}
+
+int32_t ms_pool_threads(const ms_pool *pool) {
+  return pool && has_threads(pool) ? pool->threads : 1;
+}

@@ -1,0 +1,169 @@
+/* The pool does every item once, with whatever threads it could start, in parents and children, and
+ * leaves the cores alone where there is nothing to do. */
+#define _GNU_SOURCE /* RTLD_NEXT */
+#include <dlfcn.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/pool.h"
+#include "testing.h"
+
+enum { MOST_ITEMS = 1000 };
+
+/* pthread_create fails once it was called so often; -1: never */
+static int calls_left = -1;
+
+int pthread_create(pthread_t *thread, const pthread_attr_t *attr, void *(*start)(void *),
+                   void *arg) {
+  int (*real)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);
+  void *address = dlsym(RTLD_NEXT, "pthread_create");
+  memcpy(&real, &address, sizeof real);
+  if (calls_left == 0) return 11;
+  if (calls_left > 0) calls_left--;
+  return real(thread, attr, start, arg);
+}
+
+static const msim_allocator *libc(void) {
+  static msim_allocator alloc;
+  alloc = ms_allocator(NULL);
+  return &alloc;
+}
+
+static int done[MOST_ITEMS]; /* each by one thread only: the thread sanitizer looks on */
+static void do_item(void *data, int32_t item) { done[item] += *(int *)data; }
+
+static int all_are(int32_t n, int value) {
+  for (int32_t i = 0; i < MOST_ITEMS; i++)
+    if (done[i] != (i < n ? value : 0)) return 0;
+  return 1;
+}
+
+static int runs_well(ms_pool *pool, int32_t n, int runs) {
+  int one = 1;
+  memset(done, 0, sizeof done);
+  for (int i = 0; i < runs; i++) ms_pool_run(pool, do_item, &one, n);
+  return all_are(n, runs);
+}
+
+static void pause_ms(int ms) { nanosleep(&(struct timespec){.tv_nsec = 1000000L * ms}, NULL); }
+
+/*------------------------------------- tests ----------------------------------------------------*/
+
+static void every_item_is_done_once(void **state) {
+  (void)state;
+  static const int32_t threads[] = {1, 2, 3, 7}, items[] = {0, 1, 2, 5, MOST_ITEMS};
+  for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
+    ms_pool *pool = ms_pool_create(libc(), threads[t]);
+    assert_int_equal(ms_pool_threads(pool), threads[t]);
+    assert_true((pool == NULL) == (threads[t] == 1));
+    for (size_t i = 0; i < sizeof items / sizeof *items; i++)
+      assert_true(runs_well(pool, items[i], 200));
+    ms_pool_destroy(pool);
+  }
+}
+
+/* Long pauses: threads that have gone to sleep come back. */
+static void sleepers_wake(void **state) {
+  (void)state;
+  ms_pool *pool = ms_pool_create(libc(), 3);
+  for (int i = 0; i < 20; i++) {
+    pause_ms(2);
+    assert_true(runs_well(pool, MOST_ITEMS, 1));
+  }
+  ms_pool_destroy(pool);
+}
+
+/* Two items, each waits for the other to have begun: only two threads can do that. */
+static void meet(void *data, int32_t item) {
+  (void)item;
+  pthread_barrier_wait(data);
+}
+
+static void items_run_side_by_side(void **state) {
+  (void)state;
+  pthread_barrier_t barrier;
+  pthread_barrier_init(&barrier, NULL, 2);
+  ms_pool *pool = ms_pool_create(libc(), 2);
+  for (int i = 0; i < 50; i++) ms_pool_run(pool, meet, &barrier, 2);
+  ms_pool_destroy(pool);
+  pthread_barrier_destroy(&barrier);
+}
+
+static double cpu_seconds(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static void idle_threads_burn_nothing(void **state) {
+  (void)state;
+  ms_pool *pool = ms_pool_create(libc(), 4);
+  assert_true(runs_well(pool, 10, 1));
+  pause_ms(50);
+  const double before = cpu_seconds();
+  pause_ms(300);
+  assert_true(cpu_seconds() - before < 0.05);
+  ms_pool_destroy(pool);
+}
+
+static void fewer_threads_where_they_fail(void **state) {
+  (void)state;
+  for (int allowed = 0; allowed < 3; allowed++) {
+    calls_left = allowed;
+    ms_pool *pool = ms_pool_create(libc(), 4);
+    calls_left = -1;
+    assert_int_equal(ms_pool_threads(pool), 1 + allowed);
+    assert_true(runs_well(pool, 100, 10));
+    ms_pool_destroy(pool);
+  }
+}
+
+static void *no_memory(size_t bytes, void *left) {
+  return --*(int *)left < 0 ? NULL : malloc(bytes);
+}
+
+static void give(void *memory, void *left) {
+  (void)left;
+  free(memory);
+}
+
+static void one_thread_without_memory(void **state) {
+  (void)state;
+  for (int blocks = 0; blocks < 3; blocks++) {
+    int left = blocks;
+    const msim_allocator scarce = {no_memory, give, &left};
+    assert_null(ms_pool_create(&scarce, 4));
+  }
+}
+
+/* The child has one thread: it does the work, and ends the pool without waiting for others. */
+static void children_do_it_alone(void **state) {
+  (void)state;
+  ms_pool *pool = ms_pool_create(libc(), 3);
+  assert_true(runs_well(pool, 100, 10));
+  const pid_t child = fork();
+  if (child == 0) {
+    const int good = ms_pool_threads(pool) == 1 && runs_well(pool, 100, 10);
+    ms_pool_destroy(pool);
+    _exit(!good);
+  }
+  int status = -1;
+  assert_int_equal(waitpid(child, &status, 0), child);
+  assert_int_equal(status, 0);
+  assert_int_equal(ms_pool_threads(pool), 3);
+  assert_true(runs_well(pool, 100, 10));
+  ms_pool_destroy(pool);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(every_item_is_done_once),       cmocka_unit_test(sleepers_wake),
+      cmocka_unit_test(items_run_side_by_side),        cmocka_unit_test(idle_threads_burn_nothing),
+      cmocka_unit_test(fewer_threads_where_they_fail), cmocka_unit_test(one_thread_without_memory),
+      cmocka_unit_test(children_do_it_alone)};
+  return cmocka_run_group_tests_name("pool", tests, NULL, NULL);
+}
