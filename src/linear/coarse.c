@@ -105,17 +105,45 @@ void ms_coarse_destroy(ms_coarse *coarse) {
 
 /*------------------------------------- numbers --------------------------------------------------*/
 
+enum { CHUNK = 8 }; /* aggregates to an item of work */
+
+/* Something to do for every aggregate, by all threads: none writes what another one writes. */
+typedef struct job {
+  ms_coarse *coarse;
+  const ms_coefficients *a;
+  double scale;
+  const double *r;
+} job;
+
+static void run(ms_item *work, job *j) {
+  const int32_t n = j->coarse->aggregates.n;
+  ms_pool_run(j->coarse->model->pool, work, j, (n + CHUNK - 1) / CHUNK);
+}
+
+#define EACH_OF(item) \
+  for (int32_t k = CHUNK * (item); k < CHUNK * (item + 1) && k < j->coarse->aggregates.n; k++)
+
+static void assemble_chunk(void *data, int32_t item) {
+  const job *j = data;
+  EACH_OF(item) j->coarse->kernels->assemble(j->coarse, j->a, j->scale, k);
+}
+
+static void restrict_chunk(void *data, int32_t item) {
+  const job *j = data;
+  EACH_OF(item) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
+}
+
 msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coefficients *a, double scale) {
   ms_block_cholesky *chol = &coarse->chol;
   const size_t area = (size_t)(chol->block * chol->block);
   memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
-  for (int32_t k = 0; k < coarse->aggregates.n; k++) coarse->kernels->assemble(coarse, a, scale, k);
+  run(assemble_chunk, &(job){.coarse = coarse, .a = a, .scale = scale});
   return ms_block_cholesky_factor(chol);
 }
 
 double ms_coarse_solve(ms_coarse *coarse, const double *r) {
   const int32_t n = coarse->aggregates.n * coarse->chol.block;
-  for (int32_t k = 0; k < coarse->aggregates.n; k++) coarse->kernels->restrict_to(coarse, r, k);
+  run(restrict_chunk, &(job){.coarse = coarse, .r = r});
   memcpy(coarse->z, coarse->r, (size_t)n * sizeof *coarse->z);
   ms_block_cholesky_solve(&coarse->chol, coarse->z);
   double sum = 0;

@@ -8,18 +8,69 @@
 
 MS_TABLES(ms_pcg_kernels);
 
-/*------------------------------------- chunks of groups -----------------------------------------*/
+/*------------------------------------- passes ---------------------------------------------------*/
 
-enum { CHUNK = 128 };
+enum { CHUNK = 128 }; /* groups to an item of work */
 
 static int32_t count_chunks(const ms_model *model) {
   return (model->halves.ngroups + CHUNK - 1) / CHUNK;
 }
 
-/* Where chunk k ends. */
-static int32_t end_of(const ms_pcg *s, int32_t k) {
-  const int32_t ngroups = s->base.system->model->halves.ngroups, end = CHUNK * (k + 1);
-  return end < ngroups ? end : ngroups;
+/* One pass over all groups, by all threads. */
+typedef struct job {
+  ms_pcg *s;
+  double alpha, beta;
+} job;
+
+static int32_t end_of(const ms_pcg *s, int32_t chunk) {
+  const int32_t ngroups = s->base.system->model->halves.ngroups, begin = CHUNK * chunk;
+  return ngroups - begin < CHUNK ? ngroups : begin + CHUNK;
+}
+
+static void run(ms_item *work, job *j) {
+  const ms_model *model = j->s->base.system->model;
+  ms_pool_run(model->pool, work, j, count_chunks(model));
+}
+
+static void pack_chunk(void *data, int32_t k) {
+  ms_pcg *s = ((job *)data)->s;
+  s->kernels->pack(s, CHUNK * k, end_of(s, k));
+}
+
+static void apply_chunk(void *data, int32_t k) {
+  const ms_pcg *s = ((job *)data)->s;
+  s->kernels->apply(s, CHUNK * k, end_of(s, k), s->sums + 2 * k);
+}
+
+static void reduce_chunk(void *data, int32_t k) {
+  const job *j = data;
+  j->s->kernels->reduce(j->s, j->alpha, CHUNK * k, end_of(j->s, k), j->s->sums + 2 * k);
+}
+
+static void advance_chunk(void *data, int32_t k) {
+  const job *j = data;
+  j->s->kernels->advance(j->s, j->alpha, j->beta, CHUNK * k, end_of(j->s, k));
+}
+
+/* q = A p; returns p.q */
+static double apply(ms_pcg *s) {
+  const int32_t n = count_chunks(s->base.system->model);
+  double sum;
+  run(apply_chunk, &(job){.s = s});
+  s->kernels->apply_parts(s, &sum);
+  for (int32_t k = 0; k < n; k++) sum += s->sums[2 * k];
+  return sum;
+}
+
+static void reduce(ms_pcg *s, double alpha, double *rr, double *rz) {
+  const int32_t n = count_chunks(s->base.system->model);
+  run(reduce_chunk, &(job){.s = s, .alpha = alpha});
+  *rr = *rz = 0;
+  for (int32_t k = 0; k < n; k++) *rr += s->sums[2 * k], *rz += s->sums[2 * k + 1];
+}
+
+static void advance(ms_pcg *s, double alpha, double beta) {
+  run(advance_chunk, &(job){.s = s, .alpha = alpha, .beta = beta});
 }
 
 /*------------------------------------- setup ----------------------------------------------------*/
@@ -61,33 +112,11 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   const ms_model *model = base->system->model;
   msim_status status = ms_jacobi_invert(model, &base->system->a, kind, &s->jacobi);
   if (status) return status;
-  for (int32_t k = 0; k < count_chunks(model); k++) s->kernels->pack(s, CHUNK * k, end_of(s, k));
+  run(pack_chunk, &(job){.s = s});
   return base->aggregates ? factor_coarse(s) : MSIM_OK;
 }
 
 /*------------------------------------- iterations -----------------------------------------------*/
-
-static double apply(ms_pcg *s) {
-  const int32_t n = count_chunks(s->base.system->model);
-  double sum;
-  for (int32_t k = 0; k < n; k++) s->kernels->apply(s, CHUNK * k, end_of(s, k), s->sums + 2 * k);
-  s->kernels->apply_parts(s, &sum);
-  for (int32_t k = 0; k < n; k++) sum += s->sums[2 * k];
-  return sum;
-}
-
-static void reduce(ms_pcg *s, double alpha, double *rr, double *rz) {
-  const int32_t n = count_chunks(s->base.system->model);
-  for (int32_t k = 0; k < n; k++)
-    s->kernels->reduce(s, alpha, CHUNK * k, end_of(s, k), s->sums + 2 * k);
-  *rr = *rz = 0;
-  for (int32_t k = 0; k < n; k++) *rr += s->sums[2 * k], *rz += s->sums[2 * k + 1];
-}
-
-static void advance(ms_pcg *s, double alpha, double beta) {
-  const int32_t n = count_chunks(s->base.system->model);
-  for (int32_t k = 0; k < n; k++) s->kernels->advance(s, alpha, beta, CHUNK * k, end_of(s, k));
-}
 
 /* r = (b - A y) / scale, with A in double precision; returns its norm. */
 static double residual(ms_pcg *s, const double *b) {
