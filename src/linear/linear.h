@@ -40,6 +40,8 @@ struct ms_linear {
   int symmetric;  /* can solve systems that are not positive definite */
   int factorises; /* factor() factors a matrix */
   int exact;      /* answers are right to rounding, whatever the guess: nothing to check */
+  int met;         /* the last solve has seen its true residual reach the goal */
+  double residual; /* that residual, ||b - A y|| */
   int64_t analyses;
   int32_t aggregates;                          /* of a coarse space; 0: there is none */
   double fill, flops;                          /* of one factorisation */

@@ -164,9 +164,11 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   int64_t count = 0;
   msim_status status = MSIM_OK;
   s->y = y;
+  base->met = 0;
   while (!status) {
-    const double norm = residual(s, b);
-    if (norm <= goal || norm > 0.5 * last) break;
+    const double norm = base->residual = residual(s, b);
+    base->met = norm <= goal;
+    if (base->met || norm > 0.5 * last) break;
     last = norm;
     status = iterate(s, goal / s->jacobi.scale, target->max_iterations, &count);
   }

@@ -145,7 +145,8 @@ static int32_t largest_row(ms_shape shape, const double *r) {
 
 static int is_good(ms_solver *s, const double *b, const double *v) {
   const ms_shape shape = s->system.model->shape;
-  const double size = sqrt(ms_dot(shape, b, b)), norm = true_residual(s, b, v);
+  const double size = sqrt(ms_dot(shape, b, b));
+  const double norm = s->linear->met ? s->linear->residual : true_residual(s, b, v);
   s->reached = size > 0 ? norm / size : norm;
   return norm <= s->target.rtol * size || norm <= rounding_level(s, b, v);
 }
