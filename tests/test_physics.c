@@ -18,11 +18,6 @@ typedef struct tangle {
   double gravity[3], drag;
 } tangle;
 
-static double uniform(unsigned *seed) {
-  *seed = *seed * 1664525u + 1013904223u;
-  return (*seed >> 8) / 16777216.0;
-}
-
 /* Springs stretched and compressed, several between the same pair. */
 static tangle make_tangle(double damping, double drag) {
   tangle s = {.gravity = {0.3, -9.81, 1.0}, .drag = drag};

@@ -28,4 +28,10 @@
       fail_msg("%s = %.17g, %s = %.17g, off by %.3g > %.3g", #a, a_, #b, b_, a_ - b_, tol_); \
   } while (0)
 
+/* The next number in [0, 1). */
+static inline double uniform(unsigned *seed) {
+  *seed = *seed * 1664525u + 1013904223u;
+  return (*seed >> 8) / 16777216.0;
+}
+
 #endif
