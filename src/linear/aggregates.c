@@ -69,22 +69,25 @@ static int32_t grow_all(growth *g, int32_t n) {
 
 /*------------------------------------- remains --------------------------------------------------*/
 
-/* What grew in a gap joins a neighbour that has room. Beside a hub none has: such rows stay alone
- * if they are few. */
-static void settle(const growth *g, int32_t n, int32_t *members) {
+/* What grew in a gap joins a neighbour that has room for all of it, so that clusters stay
+ * connected. Beside a hub none has: such rows stay alone if they are few. into: scratch */
+static void settle(const growth *g, int32_t n, int32_t *members, int32_t *into) {
+  for (int32_t k = 0; k < n; k++) into[k] = k;
   for (int32_t r = 0; r < n; r++) {
     const int32_t own = g->of[r];
-    if (own < 0 || members[own] > g->size / 4) continue;
+    if (own < 0 || members[own] > g->size / 4 || into[own] != own) continue;
     for (int32_t e = g->graph->first[r]; e < g->graph->first[r + 1]; e++) {
-      const int32_t other = g->of[g->graph->row[e]];
-      if (other < 0 || members[other] <= g->size / 4 || members[other] >= 2 * g->size) continue;
-      g->of[r] = other;
-      members[own]--, members[other]++;
+      const int32_t other = into[g->of[g->graph->row[e]]];
+      if (members[other] <= g->size / 4 || members[other] + members[own] > 2 * g->size) continue;
+      into[own] = other;
+      members[other] += members[own];
       break;
     }
   }
-  for (int32_t r = 0; r < n; r++)
+  for (int32_t r = 0; r < n; r++) {
+    if (g->of[r] >= 0) g->of[r] = into[g->of[r]];
     if (g->of[r] >= 0 && members[g->of[r]] < MS_MODES) g->of[r] = -1;
+  }
 }
 
 /* Clusters that are left, numbered anew in the order of their first rows; the rows of each. */
@@ -118,14 +121,14 @@ static msim_status cluster(const ms_model *model, const ms_neighbours *graph, in
     failed |= !*arrays[i];
   }
   g.met = ms_new(alloc, count, 1);
-  int32_t *members = ms_new(alloc, 2 * count, sizeof *members);
+  int32_t *members = ms_new(alloc, 3 * count, sizeof *members);
   if (!failed && g.met && members) {
     for (int32_t r = 0; r < n; r++) g.of[r] = g.mark[r] = -1;
     grow_all(&g, n);
     for (int32_t r = 0; r < n; r++)
       if (g.of[r] >= 0) members[g.of[r]]++;
-    settle(&g, n, members);
-    list_rows(a, n, members + count);
+    settle(&g, n, members, members + count);
+    list_rows(a, n, members + 2 * count);
   } else {
     failed = 1;
   }

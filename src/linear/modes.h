@@ -15,7 +15,8 @@ msim_status ms_neighbours_create(const ms_model *model, ms_neighbours *graph, ms
 void ms_neighbours_destroy(const ms_model *model, ms_neighbours *graph);
 
 /* The weights of aggregates: of each, an orthonormal basis of the 4 lowest eigenvectors of its
- * Laplacian (the first is the translation), to a few digits, by inverse iteration. */
+ * Laplacian (the first is the translation), by inverse iteration, until their energies are right
+ * within a tenth. */
 msim_status ms_modes_compute(const ms_model *model, const ms_neighbours *graph,
                              ms_aggregates *aggregates, msim_error *err);
 

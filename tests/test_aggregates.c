@@ -1,0 +1,377 @@
+/* Clusters of rows and their smoothest motions, on meshes that are regular and on graphs that are
+ * not. */
+#include "linear/aggregates.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "scene_check.h"
+#include "scenes.h"
+
+typedef struct aggregates {
+  ms_model model;
+  ms_aggregates a;
+  int32_t size;
+} aggregates;
+
+static aggregates make(const msim_scene *scene, int32_t size) {
+  aggregates g = {.size = size};
+  assert_ok(ms_model_create(scene->data, 0, &g.model, err));
+  assert_ok(ms_aggregates_create(&g.model, size, &g.a, err));
+  return g;
+}
+
+static void clean(aggregates *g) {
+  ms_aggregates_destroy(&g->model, &g->a);
+  ms_model_destroy(&g->model);
+}
+
+/*------------------------------------- graphs ---------------------------------------------------*/
+
+typedef struct graph {
+  int32_t n, edges, most;
+  int32_t *ij;
+  double *k;
+} graph;
+
+static graph empty(int32_t n, int32_t most) {
+  return (graph){.n = n,
+                 .most = most,
+                 .ij = calloc(2 * (size_t)most, sizeof(int32_t)),
+                 .k = calloc((size_t)most, sizeof(double))};
+}
+
+static void edge(graph *g, int32_t i, int32_t j, double k) {
+  assert_true(g->edges < g->most && i != j);
+  g->ij[2 * g->edges] = i, g->ij[2 * g->edges + 1] = j, g->k[g->edges++] = k;
+}
+
+/* Particles anywhere: aggregates look at springs alone. */
+static msim_scene *scene_of(graph *g) {
+  double *x = calloc(3 * (size_t)g->n, sizeof *x), *mass = calloc((size_t)g->n, sizeof *mass);
+  msim_scene *scene;
+  for (int32_t i = 0; i < g->n; i++) x[3 * i] = i, mass[i] = 1;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, g->n, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, g->edges, g->ij, g->k, NULL, NULL, err));
+  free(x), free(mass), free(g->ij), free(g->k);
+  return scene;
+}
+
+/* Bodies of `corners` particles each, all linked. */
+static msim_scene *bodies(int32_t count, int32_t corners) {
+  graph g = empty(count * corners, count * corners * corners);
+  for (int32_t b = 0; b < count; b++)
+    for (int32_t i = 0; i < corners; i++)
+      for (int32_t j = 0; j < i; j++) edge(&g, corners * b + i, corners * b + j, 100);
+  return scene_of(&g);
+}
+
+/* Particle 0 is linked to all others; `rim`: these also to the next. */
+static msim_scene *hub(int32_t leaves, int rim) {
+  graph g = empty(leaves + 1, 2 * leaves);
+  for (int32_t i = 1; i <= leaves; i++) edge(&g, 0, i, 100);
+  for (int32_t i = 1; i < leaves && rim; i++) edge(&g, i, i + 1, 100);
+  return scene_of(&g);
+}
+
+/* A tree where each particle hangs on one of the `back` before it, and some more springs. */
+static msim_scene *random_graph(int32_t n, int32_t back, int32_t more, unsigned seed) {
+  graph g = empty(n, n + more);
+  for (int32_t i = 1; i < n; i++) {
+    const int32_t first = i > back ? i - back : 0;
+    edge(&g, i, first + (int32_t)(uniform(&seed) * (i - first)), pow(10, 9 * uniform(&seed)));
+  }
+  for (int32_t e = 0; e < more; e++) {
+    const int32_t i = (int32_t)(uniform(&seed) * n), j = (int32_t)(uniform(&seed) * (n - 1));
+    edge(&g, i, j + (j >= i), pow(10, 9 * uniform(&seed)));
+  }
+  return scene_of(&g);
+}
+
+static msim_scene *solid(int32_t side) {
+  const msim_lattice lattice = {
+      .size = sizeof lattice, .n = {side, side, side}, .extent = {1, 1, 1}, .mass = 1, .k = 1000};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  return scene;
+}
+
+static msim_scene *chain(int32_t n) {
+  graph g = empty(n, n);
+  for (int32_t i = 1; i < n; i++) edge(&g, i - 1, i, 100);
+  return scene_of(&g);
+}
+
+/*------------------------------------- checks ---------------------------------------------------*/
+
+/* Every row is in no aggregate or in the one that lists it, once. */
+static void check_lists(const aggregates *g) {
+  const ms_aggregates *a = &g->a;
+  int32_t listed = 0;
+  for (int32_t k = 0; k < a->n; k++) {
+    assert_in_range(a->first[k + 1] - a->first[k], 4, 2 * g->size);
+    for (int32_t i = a->first[k]; i < a->first[k + 1]; i++) {
+      assert_int_equal(a->of[a->row[i]], k);
+      if (i > a->first[k]) assert_true(a->row[i - 1] < a->row[i]);
+    }
+  }
+  for (int32_t r = 0; r < g->model.rows.first_pinned; r++) {
+    assert_true(a->of[r] >= -1 && a->of[r] < a->n);
+    if (r >= g->model.rows.nfree) assert_int_equal(a->of[r], -1);
+    listed += a->of[r] >= 0;
+  }
+  assert_int_equal(listed, a->first[a->n]);
+}
+
+static int32_t root_of(int32_t *parent, int32_t r) {
+  while (parent[r] != r) r = parent[r] = parent[parent[r]];
+  return r;
+}
+
+/* Springs between members link all members. */
+static void check_connected(const aggregates *g) {
+  const ms_springs *s = &g->model.springs;
+  const int32_t n = g->model.rows.nfree, *of = g->a.of;
+  int32_t *parent = malloc((size_t)n * sizeof *parent), roots = 0;
+  for (int32_t r = 0; r < n; r++) parent[r] = r;
+  for (int32_t e = 0; e < s->n; e++)
+    if (s->i[e] < n && s->j[e] < n && of[s->i[e]] == of[s->j[e]])
+      parent[root_of(parent, s->i[e])] = root_of(parent, s->j[e]);
+  for (int32_t r = 0; r < n; r++) roots += of[r] >= 0 && parent[r] == r;
+  assert_int_equal(roots, g->a.n);
+  free(parent);
+}
+
+static double dot(const ms_aggregates *a, int32_t k, int p, int q) {
+  double sum = 0;
+  for (int32_t i = a->first[k]; i < a->first[k + 1]; i++)
+    sum += (double)a->weight[4 * a->row[i] + p] * (double)a->weight[4 * a->row[i] + q];
+  return sum;
+}
+
+/* What is left of f, by the rows of an aggregate, beside its modes; in units of its deviation from
+ * the mean, or of f where f is constant. */
+static double left_over(const ms_aggregates *a, int32_t k, const double *f) {
+  double part[4] = {0}, left = 0, mean = 0, ff = 0;
+  const int32_t n = a->first[k + 1] - a->first[k], *row = a->row + a->first[k];
+  for (int32_t i = 0; i < n; i++) {
+    mean += f[row[i]] / n, ff += f[row[i]] * f[row[i]];
+    for (int m = 0; m < 4; m++) part[m] += (double)a->weight[4 * row[i] + m] * f[row[i]];
+  }
+  const double deviation = ff - n * mean * mean;
+  for (int32_t i = 0; i < n; i++) {
+    double rest = f[row[i]];
+    for (int m = 0; m < 4; m++) rest -= part[m] * (double)a->weight[4 * row[i] + m];
+    left += rest * rest;
+  }
+  return sqrt(left / (deviation > 1e-12 * ff ? deviation : ff));
+}
+
+static void check_modes(const aggregates *g) {
+  const size_t n = (size_t)g->model.rows.first_pinned;
+  double *one = malloc(n * sizeof *one);
+  for (size_t r = 0; r < n; r++) one[r] = 1;
+  for (int32_t k = 0; k < g->a.n; k++) {
+    for (int p = 0; p < 4; p++)
+      for (int q = 0; q <= p; q++) assert_close(dot(&g->a, k, p, q), p == q, 1e-5);
+    assert_close(left_over(&g->a, k, one), 0, 1e-6);
+  }
+  for (size_t i = 0; i < 4 * n; i++)
+    if (g->a.of[i / 4] < 0) assert_true(g->a.weight[i] == 0);
+  free(one);
+}
+
+/* All of that, twice with the same bits; returns how many rows lie in an aggregate. */
+static int32_t check(msim_scene *scene, int32_t size) {
+  aggregates g = make(scene, size), again = make(scene, size);
+  check_lists(&g);
+  check_connected(&g);
+  check_modes(&g);
+  const size_t n = (size_t)g.model.rows.first_pinned;
+  assert_memory_equal(g.a.of, again.a.of, n * sizeof *g.a.of);
+  assert_memory_equal(g.a.weight, again.a.weight, 4 * n * sizeof *g.a.weight);
+  const int32_t covered = g.a.first[g.a.n];
+  clean(&g), clean(&again);
+  return covered;
+}
+
+static int32_t check_and_destroy(msim_scene *scene, int32_t size) {
+  const int32_t covered = check(scene, size);
+  msim_scene_destroy(scene);
+  return covered;
+}
+
+/*------------------------------------- tests ----------------------------------------------------*/
+
+static void meshes_are_covered(void **state) {
+  (void)state;
+  static const int32_t sizes[] = {4, 8, 16, 64, 128, 256};
+  for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+    assert_in_range(check_and_destroy(hanging_cloth(40, 100, 0), sizes[i]), 0.95 * 1598, 1598);
+    assert_in_range(check_and_destroy(solid(12), sizes[i]), 0.95 * 1728, 1728);
+    assert_in_range(check_and_destroy(chain(1001), sizes[i]), 0.95 * 1001, 1001);
+  }
+}
+
+/* Jacobi's rotations: the sum of the 4 least eigenvalues of the symmetric n x n matrix A. */
+static double least_eigenvalues(int32_t n, double *A) {
+  for (int sweep = 0; sweep < 8; sweep++)
+    for (int32_t p = 0; p < n; p++)
+      for (int32_t q = p + 1; q < n; q++) {
+        if (A[p * n + q] == 0) continue;
+        const double theta = (A[q * n + q] - A[p * n + p]) / (2 * A[p * n + q]);
+        const double t = (theta < 0 ? -1 : 1) / (fabs(theta) + sqrt(theta * theta + 1));
+        const double c = 1 / sqrt(t * t + 1), s = t * c;
+        for (int32_t at = 0; at < 2 * n; at++) { /* columns p, q, then rows */
+          double *x = A + (at < n ? at * n + p : p * n + at - n), y = *x;
+          double *z = A + (at < n ? at * n + q : q * n + at - n);
+          *x = c * y - s * *z, *z = s * y + c * *z;
+        }
+      }
+  double sum = 0;
+  for (int rank = 0; rank < 4; rank++) {
+    int32_t least = 0;
+    for (int32_t i = 1; i < n; i++)
+      if (A[i * n + i] < A[least * n + least]) least = i;
+    sum += A[least * n + least], A[least * n + least] = INFINITY;
+  }
+  return sum;
+}
+
+/* The energy of the modes of an aggregate, trace W^T L W, over what it is at least. */
+static double energy_ratio(const aggregates *g, int32_t k) {
+  const ms_springs *s = &g->model.springs;
+  const int32_t first = g->a.first[k], n = g->a.first[k + 1] - first, *of = g->a.of;
+  int32_t *at = calloc((size_t)g->model.rows.stride, sizeof *at);
+  double *L = calloc((size_t)(n * n), sizeof *L), energy = 0;
+  for (int32_t i = 0; i < n; i++) at[g->a.row[first + i]] = i;
+  for (int32_t e = 0; e < s->n; e++) {
+    const int32_t i = s->i[e], j = s->j[e], p = at[i], q = at[j];
+    if (i >= g->model.rows.nfree || j >= g->model.rows.nfree || of[i] != k || of[j] != k) continue;
+    L[p * n + p] += s->k[e], L[q * n + q] += s->k[e];
+    L[p * n + q] -= s->k[e], L[q * n + p] -= s->k[e];
+    for (int m = 0; m < 4; m++)
+      energy += s->k[e] * pow((double)g->a.weight[4 * i + m] - (double)g->a.weight[4 * j + m], 2);
+  }
+  const double ratio = energy / least_eigenvalues(n, L);
+  free(at), free(L);
+  return ratio;
+}
+
+static void modes_are_the_lowest(void **state) {
+  (void)state;
+  msim_scene *scenes[] = {hanging_cloth(24, 100, 0), solid(8), chain(300), hub(300, 1)};
+  for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
+    aggregates g = make(scenes[i], 64);
+    for (int32_t k = 0; k < g.a.n; k++) assert_close(energy_ratio(&g, k), 1, 0.1);
+    clean(&g);
+    msim_scene_destroy(scenes[i]);
+  }
+}
+
+/* On a regular cloth the coordinates are about motions of the coarse space: cosines of half a wave,
+ * which is all that a square leaves to them, miss 12 %. */
+static void affine_motions_are_nearly_modes(void **state) {
+  (void)state;
+  enum { SIDE = 40 };
+  for (int32_t size = 16; size <= 256; size *= 2) {
+    msim_scene *scene = hanging_cloth(SIDE, 100, 0);
+    aggregates g = make(scene, size);
+    double f[SIDE * SIDE + 8], sum = 0;
+    for (int along = 0; along < 2; along++)
+      for (int32_t k = 0; k < g.a.n; k++) {
+        for (int32_t i = g.a.first[k]; i < g.a.first[k + 1]; i++) {
+          const int32_t p = g.model.rows.particle[g.a.row[i]];
+          f[g.a.row[i]] = along ? p % SIDE : p / SIDE;
+        }
+        sum += left_over(&g.a, k, f) / (2 * g.a.n);
+      }
+    assert_true(sum < 0.3);
+    clean(&g);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void small_bodies(void **state) {
+  (void)state;
+  assert_int_equal(check_and_destroy(bodies(1000, 3), 64), 0);
+  assert_int_equal(check_and_destroy(bodies(1000, 4), 64), 4000);
+  assert_int_equal(check_and_destroy(bodies(1, 300), 64), 300);
+}
+
+/* A hub links itself to 1e5 leaves: quick, although nobody else has a place for them. */
+static void hubs_take_no_time(void **state) {
+  (void)state;
+  for (int rim = 0; rim < 2; rim++) {
+    msim_scene *scene = hub(100000, rim);
+    ms_model model;
+    ms_aggregates a;
+    assert_ok(ms_model_create(scene->data, 0, &model, err));
+    const clock_t start = clock();
+    assert_ok(ms_aggregates_create(&model, 64, &a, err));
+    assert_true(clock() - start < CLOCKS_PER_SEC);
+    ms_aggregates_destroy(&model, &a);
+    ms_model_destroy(&model);
+    const int32_t covered = check_and_destroy(scene, 64);
+    if (rim) assert_true(covered > 90000);
+  }
+}
+
+static void all_pinned_but_one(void **state) {
+  (void)state;
+  msim_scene *scene = bodies(1, 30);
+  for (int32_t p = 0; p < 29; p++) assert_ok(msim_scene_pin(scene, 1, &p, err));
+  assert_int_equal(check_and_destroy(scene, 64), 0);
+}
+
+/* Trees, thin and bushy, and denser graphs; several springs between the same two; stiffnesses of
+ * 1 to 1e9. */
+static void any_graph(void **state) {
+  (void)state;
+  static const int32_t back[] = {1, 2, 5, 30, 1000}, more[] = {0, 30, 3000};
+  for (unsigned seed = 0; seed < 60; seed++)
+    check_and_destroy(random_graph(200 + 10 * (int32_t)seed, back[seed % 5], more[seed % 3], seed),
+                      4 << seed % 5);
+}
+
+static void memory_that_ends_is_reported(void **state) {
+  (void)state;
+  int meals = 0;
+  for (msim_status status = MSIM_ERR_MEMORY; status; meals++) {
+    starving memory;
+    const msim_allocator alloc = starving_allocator(&memory);
+    msim_scene *scene = bodies(20, 5);
+    ms_model model;
+    ms_aggregates a;
+    assert_ok(ms_model_create(scene->data, 0, &model, err));
+    ms_scene starved = *scene->data;
+    starved.alloc = alloc;
+    const ms_scene *data = model.scene;
+    model.scene = &starved;
+    memory.meals = meals;
+    status = ms_aggregates_create(&model, 16, &a, NULL);
+    if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
+    ms_aggregates_destroy(&model, &a);
+    assert_int_equal(memory.live, 0);
+    model.scene = data;
+    ms_model_destroy(&model);
+    msim_scene_destroy(scene);
+  }
+  assert_true(meals > 10);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(meshes_are_covered),
+                                     cmocka_unit_test(modes_are_the_lowest),
+                                     cmocka_unit_test(affine_motions_are_nearly_modes),
+                                     cmocka_unit_test(small_bodies),
+                                     cmocka_unit_test(hubs_take_no_time),
+                                     cmocka_unit_test(all_pinned_but_one),
+                                     cmocka_unit_test(any_graph),
+                                     cmocka_unit_test(memory_that_ends_is_reported)};
+  return cmocka_run_group_tests_name("aggregates", tests, NULL, NULL);
+}
