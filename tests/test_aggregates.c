@@ -338,6 +338,21 @@ static void any_graph(void **state) {
                       4 << seed % 5);
 }
 
+/* Springs of no stiffness or any: in all of a cluster, or beside others. */
+static void any_stiffness(void **state) {
+  (void)state;
+  static const double scales[] = {0, 5e-324, 1e-310, 1e-200, 1, 1e200, 1e307};
+  for (size_t s = 0; s < sizeof scales / sizeof *scales; s++)
+    for (int mixed = 0; mixed < 2; mixed++) {
+      graph g = empty(300, 600);
+      for (int32_t i = 1; i < 300; i++) {
+        edge(&g, i - 1, i, scales[s]);
+        if (i > 20 && mixed) edge(&g, i - 20, i, 100);
+      }
+      assert_in_range(check_and_destroy(scene_of(&g), 32), 270, 300);
+    }
+}
+
 static void memory_that_ends_is_reported(void **state) {
   (void)state;
   int meals = 0;
@@ -372,6 +387,7 @@ int main(void) {
                                      cmocka_unit_test(hubs_take_no_time),
                                      cmocka_unit_test(all_pinned_but_one),
                                      cmocka_unit_test(any_graph),
+                                     cmocka_unit_test(any_stiffness),
                                      cmocka_unit_test(memory_that_ends_is_reported)};
   return cmocka_run_group_tests_name("aggregates", tests, NULL, NULL);
 }

@@ -37,21 +37,31 @@ void ms_neighbours_destroy(const ms_model *model, ms_neighbours *graph) {
 
 /*------------------------------------- one cluster ----------------------------------------------*/
 
-/* L + shift I of rows[0..n), dense, as its lower Cholesky factor. local: the place of each row. */
-static void factor_laplacian(const ms_neighbours *graph, const int32_t *rows, int32_t n,
-                             const int32_t *local, const int32_t *of, double *l) {
-  double sum = 0;
+/* L of rows[0..n), dense, in units of its stiffest spring; returns the mean of its diagonal. local:
+ * the place of each row. */
+static double laplacian(const ms_neighbours *graph, const int32_t *rows, int32_t n,
+                        const int32_t *local, const int32_t *of, double *l) {
+  double largest = 0, sum = 0;
+  for (int32_t i = 0; i < n; i++)
+    for (int32_t e = graph->first[rows[i]]; e < graph->first[rows[i] + 1]; e++)
+      if (of[graph->row[e]] == of[rows[i]]) largest = fmax(largest, graph->k[e]);
   for (int32_t i = 0; i < n * n; i++) l[i] = 0;
-  for (int32_t i = 0; i < n; i++) {
+  for (int32_t i = 0; i < n && largest > 0; i++) {
     for (int32_t e = graph->first[rows[i]]; e < graph->first[rows[i] + 1]; e++) {
       if (of[graph->row[e]] != of[rows[i]]) continue;
-      l[i * n + local[graph->row[e]]] -= graph->k[e];
-      l[i * n + i] += graph->k[e];
-      sum += graph->k[e];
+      const double k = graph->k[e] / largest;
+      l[i * n + local[graph->row[e]]] -= k;
+      l[i * n + i] += k;
+      sum += k;
     }
   }
-  /* well above rounding, well below the smallest eigenvalue that is looked for */
-  const double shift = sum > 0 ? 1e-4 * sum / n : 1;
+  return sum / n;
+}
+
+/* L + shift I as its lower Cholesky factor. The shift is well above rounding, and well below the
+ * smallest eigenvalue that is looked for. */
+static void factor_laplacian(int32_t n, double mean, double *l) {
+  const double shift = mean > 0 ? 1e-4 * mean : 1;
   for (int32_t j = 0; j < n; j++) {
     double d = l[j * n + j] + shift;
     for (int32_t k = 0; k < j; k++) d -= l[j * n + k] * l[j * n + k];
@@ -104,7 +114,7 @@ static void modes_of(const ms_neighbours *graph, const ms_aggregates *a, int32_t
   enum { ITERATIONS = 6 };
   const int32_t *rows = a->row + a->first[cluster];
   const int32_t n = a->first[cluster + 1] - a->first[cluster];
-  factor_laplacian(graph, rows, n, local, a->of, l);
+  factor_laplacian(n, laplacian(graph, rows, n, local, a->of, l), l);
   for (int32_t i = 0; i < n; i++) {
     v[i][0] = 1;
     for (int m = 1; m < MS_MODES; m++) v[i][m] = arbitrary((uint32_t)(MS_MODES * i + m));
