@@ -1,0 +1,207 @@
+/* The operators of two-level conjugate gradients, on matrices of cloth that has folded: the coarse
+ * matrix, its solves, and A in single precision. */
+#include <float.h>
+#include <stdlib.h>
+
+#include "two_level.h"
+
+/* A folded cloth; its matrix is that of the last step. */
+static msim_sim *folded(int32_t side, int32_t aggregate) {
+  msim_scene *scene = hanging_cloth(side, 1000, 0.01);
+  const msim_options opt = frames();
+  msim_sim *sim = make_two_level(scene, &opt, aggregate);
+  assert_ok(msim_sim_step(sim, 30, err));
+  assert_true(pcg_of(sim)->coarse_is_ready);
+  msim_scene_destroy(scene);
+  return sim;
+}
+
+static size_t length(const msim_sim *sim) { return 3 * (size_t)sim->model.rows.stride; }
+
+/* 0 outside of the unknowns */
+static double *random_vector(const msim_sim *sim, unsigned seed) {
+  const ms_rows *rows = &sim->model.rows;
+  double *v = calloc(length(sim), sizeof *v);
+  for (int32_t c = 0; c < 3; c++)
+    for (int32_t r = 0; r < rows->nfree; r++) v[c * rows->stride + r] = uniform(&seed) - 0.5;
+  return v;
+}
+
+static double dot(const msim_sim *sim, const double *u, const double *v) {
+  return ms_dot(sim->model.shape, u, v);
+}
+
+/* out = P z */
+static void prolong(const msim_sim *sim, const ms_coarse *coarse, const double *z, double *out) {
+  const ms_rows *rows = &sim->model.rows;
+  for (int32_t at = 0; at < 3 * rows->nfree; at++) {
+    const int32_t c = at / rows->nfree, r = at % rows->nfree, k = coarse->aggregates.of[r];
+    double sum = 0;
+    for (int32_t m = 0; m < 4 && k >= 0; m++)
+      sum += (double)coarse->aggregates.weight[4 * r + m] * z[12 * k + 4 * c + m];
+    out[c * rows->stride + r] = sum;
+  }
+}
+
+/*------------------------------------- coarse matrix --------------------------------------------*/
+
+/* ms_coarse_solve says what P^T v, z and v.Q v are; Q is symmetric, and not negative. */
+static void coarse_operator_is_symmetric(void **state) {
+  (void)state;
+  msim_sim *sim = folded(20, 32);
+  ms_coarse *coarse = &pcg_of(sim)->coarse;
+  double *u = random_vector(sim, 1), *v = random_vector(sim, 2);
+  double *Qu = random_vector(sim, 3), *Qv = random_vector(sim, 3);
+  const double vv = ms_coarse_solve(coarse, v);
+  prolong(sim, coarse, coarse->z, Qv);
+  prolong(sim, coarse, coarse->r, Qu); /* P P^T v: an orthogonal projection of v */
+  assert_close(dot(sim, Qu, Qu), dot(sim, Qu, v), 1e-5 * dot(sim, v, v));
+  const double uu = ms_coarse_solve(coarse, u);
+  prolong(sim, coarse, coarse->z, Qu);
+  assert_true(uu > 0 && vv > 0);
+  assert_close(dot(sim, v, Qv), vv, 1e-13 * vv);
+  assert_close(dot(sim, u, Qu), uu, 1e-13 * uu);
+  assert_close(dot(sim, u, Qv), dot(sim, v, Qu), 1e-13 * sqrt(uu * vv));
+  free(u), free(v), free(Qu), free(Qv);
+  msim_sim_destroy(sim);
+}
+
+/* M = L L^T in the order of the aggregates */
+static void multiply_factor(const ms_block_cholesky *chol, double *M) {
+  const int32_t b = chol->block, n = chol->n * b;
+  double *L = calloc((size_t)(n * n), sizeof *L);
+  for (int32_t k = 0; k < chol->n; k++)
+    for (int32_t e = chol->first[k]; e < chol->first[k + 1]; e++)
+      for (int32_t at = 0; at < b * b; at++) {
+        const int32_t row = b * chol->row[e] + at % b, column = b * k + at / b;
+        if (row >= column) L[row * n + column] = chol->value[b * b * e + at];
+      }
+  for (int32_t at = 0; at < n * n; at++) {
+    const int32_t i = b * chol->position[at / n / b] + at / n % b;
+    const int32_t j = b * chol->position[at % n / b] + at % n % b;
+    M[at] = 0;
+    for (int32_t k = 0; k <= (i < j ? i : j); k++) M[at] += L[i * n + k] * L[j * n + k];
+  }
+  free(L);
+}
+
+/* L L^T = P^T A P / scale, a column at a time, A as the rest of msim knows it */
+static void coarse_matrix_is_the_triple_product(void **state) {
+  (void)state;
+  for (int pair = 0; pair < 2; pair++) {
+    msim_sim *sim = folded(pair ? 16 : 9, pair ? 64 : 8);
+    ms_pcg *pcg = pcg_of(sim);
+    const ms_coarse *coarse = &pcg->coarse;
+    const int32_t n = 12 * coarse->aggregates.n;
+    double *M = calloc((size_t)(n * n), sizeof *M), *unit = calloc((size_t)n, sizeof *unit);
+    double *p = random_vector(sim, 1), *Ap = random_vector(sim, 1), *q = random_vector(sim, 1);
+    assert_ok(ms_coarse_factor(&pcg->coarse, &sim->linear->system.a, pcg->jacobi.scale));
+    multiply_factor(&coarse->chol, M);
+    for (int32_t j = 0; j < n; j++) {
+      memset(unit, 0, (size_t)n * sizeof *unit);
+      unit[j] = 1;
+      prolong(sim, coarse, unit, p);
+      ms_coefficients_apply(&sim->model, &sim->linear->system.a, p, Ap);
+      for (int32_t i = 0; i < n; i++) {
+        memset(unit, 0, (size_t)n * sizeof *unit);
+        unit[i] = 1;
+        prolong(sim, coarse, unit, q);
+        assert_close(M[i * n + j], dot(sim, q, Ap) / pcg->jacobi.scale, 1e-13);
+      }
+    }
+    free(M), free(unit), free(p), free(Ap), free(q);
+    msim_sim_destroy(sim);
+  }
+}
+
+/*------------------------------------- A in single precision ------------------------------------*/
+
+/* pcg's A v, in msim's unit */
+static const double *apply(msim_sim *sim, const double *v, double *curvature) {
+  ms_pcg *pcg = pcg_of(sim);
+  memcpy(pcg->p, v, length(sim) * sizeof *v);
+  pcg->kernels->apply(pcg, 0, sim->model.halves.ngroups, curvature);
+  for (size_t i = 0; i < length(sim); i++) pcg->q[i] *= pcg->jacobi.scale;
+  *curvature *= pcg->jacobi.scale;
+  return pcg->q;
+}
+
+/* Sum of (t + |w|^2) |d| over the springs of a row: what rounding t and w once is measured by. */
+static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
+  const ms_halves *halves = &sim->model.halves;
+  const ms_coefficients *a = &sim->linear->system.a;
+  const int32_t stride = sim->model.rows.stride, *first = halves->first + r / MS_GROUP;
+  double sum = 0;
+  for (int32_t slot = first[0]; slot < first[1]; slot++) {
+    const int32_t at = MS_GROUP * slot + r % MS_GROUP, j = halves->neighbour[at];
+    double dd = 0, ww = a->wx[at] * a->wx[at] + a->wy[at] * a->wy[at] + a->wz[at] * a->wz[at];
+    for (int32_t c = 0; c < 3; c++) dd += pow(v[c * stride + r] - v[c * stride + j], 2);
+    sum += (a->t[at] + ww) * sqrt(dd);
+  }
+  return sum;
+}
+
+static void matrix_is_rounded_spring_by_spring(void **state) {
+  (void)state;
+  msim_sim *sim = folded(20, 32);
+  const int32_t stride = sim->model.rows.stride;
+  double *v = random_vector(sim, 1), *exact = random_vector(sim, 1), curvature, apart = 0;
+  const double *got = apply(sim, v, &curvature);
+  ms_coefficients_apply(&sim->model, &sim->linear->system.a, v, exact);
+  for (int32_t r = 0; r < sim->model.rows.nfree; r++) {
+    const double size = spring_sizes(sim, v, r);
+    for (int32_t c = 0; c < 3; c++) {
+      const double off = fabs(got[c * stride + r] - exact[c * stride + r]);
+      assert_close(off, 0, FLT_EPSILON * size);
+      apart = fmax(apart, off / size);
+    }
+  }
+  assert_true(apart > FLT_EPSILON / 100); /* else nothing was rounded */
+  assert_close(curvature, dot(sim, v, exact), FLT_EPSILON * curvature);
+  free(v), free(exact);
+  msim_sim_destroy(sim);
+}
+
+/* Springs act in pairs: a body that moves as one feels its inertia alone, to the last bit, and
+ * whatever else it does, its springs' forces have no sum. */
+static void springs_stay_balanced(void **state) {
+  (void)state;
+  msim_scene *scene;
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {6, 6, 6},
+                              .extent = {1, 0.5, 0.7},
+                              .mass = 0.7,
+                              .k = 1e5,
+                              .damping = 3};
+  const msim_options opt = frames();
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  msim_sim *sim = make_two_level(scene, &opt, 64);
+  assert_ok(msim_sim_step(sim, 1, err));
+  const ms_rows *rows = &sim->model.rows;
+  const ms_pcg *pcg = pcg_of(sim);
+  double *v = random_vector(sim, 1), curvature, sum[3] = {0};
+  const double *Av = apply(sim, v, &curvature);
+  for (int32_t at = 0; at < 3 * rows->nfree; at++) {
+    const int32_t c = at / rows->nfree, i = c * rows->stride + at % rows->nfree;
+    sum[c] += Av[i] - pcg->inertia[at % rows->nfree] * pcg->jacobi.scale * v[i];
+    v[i] = 0.1 * (c + 1);
+  }
+  for (int32_t c = 0; c < 3; c++) assert_close(sum[c], 0, 1e-14 * pcg->jacobi.scale * rows->nfree);
+  Av = apply(sim, v, &curvature);
+  for (int32_t at = 0; at < 3 * rows->nfree; at++) {
+    const int32_t i = at / rows->nfree * rows->stride + at % rows->nfree;
+    assert_true(Av[i] == pcg->inertia[at % rows->nfree] * v[i] * pcg->jacobi.scale);
+  }
+  free(v);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_operator_is_symmetric),
+                                     cmocka_unit_test(coarse_matrix_is_the_triple_product),
+                                     cmocka_unit_test(matrix_is_rounded_spring_by_spring),
+                                     cmocka_unit_test(springs_stay_balanced)};
+  return cmocka_run_group_tests_name("coarse", tests, NULL, NULL);
+}

@@ -1,0 +1,62 @@
+/* two_level - sims whose pcg has a coarse space, or none, whatever msim would choose */
+#ifndef TWO_LEVEL_H
+#define TWO_LEVEL_H
+
+#include <math.h>
+
+#include "linear/pcg.h"
+#include "linear/solver.h"
+#include "scenes.h"
+#include "sim/sim.h"
+
+/* Clamped steps of 1/60 s by pcg. */
+static inline msim_options frames(void) {
+  msim_options opt = options("linearly-implicit-euler", 1.0 / 60);
+  opt.solver = "pcg";
+  opt.jacobian = MSIM_JACOBIAN_CLAMP;
+  return opt;
+}
+
+static inline ms_pcg *pcg_of(msim_sim *sim) { return (ms_pcg *)sim->linear->linear; }
+
+/* aggregate: rows in one; 0: block Jacobi alone */
+static inline msim_sim *make_two_level(const msim_scene *scene, const msim_options *opt,
+                                       int32_t aggregate) {
+  msim_sim *sim = make_sim(scene, opt);
+  ms_solver *solver = sim->linear;
+  assert_string_equal(solver->linear->name, "pcg");
+  solver->linear->ops->destroy(solver->linear);
+  solver->linear = NULL;
+  assert_ok(ms_pcg_create(&solver->system, &sim->opt, aggregate, &solver->linear, err));
+  return sim;
+}
+
+/* A jelly that hangs from its top face. */
+static inline msim_scene *hanging_jelly(int32_t side, double k) {
+  const double g[3] = {0, 0, -9.81};
+  int32_t face[400];
+  assert_true(side <= 20);
+  for (int32_t i = 0; i < side * side; i++) face[i] = side * i + side - 1;
+  const msim_lattice jelly = {.size = sizeof jelly,
+                              .n = {side, side, side},
+                              .extent = {0.3, 0.3, 0.3},
+                              .mass = 1,
+                              .k = k,
+                              .npinned = side * side,
+                              .pinned = face};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &jelly, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+/* Iterations a step, of the 5 steps after the first `steps`. */
+static inline double iterations_after(msim_sim *sim, int64_t steps) {
+  assert_ok(msim_sim_step(sim, steps, err));
+  const int64_t before = stats_of(sim).iterations;
+  assert_ok(msim_sim_step(sim, 5, err));
+  return (double)(stats_of(sim).iterations - before) / 5;
+}
+
+#endif
