@@ -13,6 +13,10 @@ void ms_copy(ms_shape s, const double *x, double *y) {
   EACH_COMPONENT(s) memcpy(y + at, x + at, (size_t)s.n * sizeof *x);
 }
 
+void ms_scale(ms_shape s, double a, double *x) {
+  EACH_COMPONENT(s) EACH_ROW(s) x[at + (size_t)r] *= a;
+}
+
 void ms_axpy(ms_shape s, double a, const double *x, double *y) {
   EACH_COMPONENT(s) {
     const double *restrict xc = x + at;

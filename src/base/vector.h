@@ -15,6 +15,7 @@ typedef struct ms_shape {
 } ms_shape;
 
 void ms_copy(ms_shape s, const double *x, double *y);
+void ms_scale(ms_shape s, double a, double *x);                 /* x = a x */
 void ms_axpy(ms_shape s, double a, const double *x, double *y); /* y += a x */
 void ms_combine(ms_shape s, const double *x, double a, const double *y,
                 double *z); /* z = x + a y */

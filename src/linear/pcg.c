@@ -124,15 +124,15 @@ static double residual(ms_pcg *s, const double *b) {
   ms_coefficients_apply(s->base.system->model, &s->base.system->a, s->y, s->r);
   ms_combine(shape, b, -1, s->r, s->r);
   const double norm = sqrt(ms_dot(shape, s->r, s->r));
-  ms_axpy(shape, 1 / s->jacobi.scale - 1, s->r, s->r);
+  ms_scale(shape, 1 / s->jacobi.scale, s->r);
   return norm;
 }
 
 /* From the residual of y in r until its norm <= goal, by the recurrence of r. */
 static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
+  const ms_shape shape = s->base.system->model->shape;
+  const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
   double alpha = 0, rho = 0;
-  const ms_rows *rows = &s->base.system->model->rows;
-  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof(double);
   memset(s->q, 0, bytes);
   memset(s->p, 0, bytes);
   for (;; ++*iterations) {
@@ -140,7 +140,7 @@ static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *itera
     reduce(s, alpha, &rr, &rho_new);
     const int done = sqrt(rr) <= goal;
     if (done || *iterations >= limit) {
-      ms_axpy(s->base.system->model->shape, alpha, s->p, s->y);
+      ms_axpy(shape, alpha, s->p, s->y);
       return done ? MSIM_OK : MSIM_NOT_CONVERGED;
     }
     if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);

@@ -1,0 +1,307 @@
+/* Two-level conjugate gradients in whole steps: how many iterations, for what tolerance and scale,
+ * and when the coarse factor is made anew. */
+#define _POSIX_C_SOURCE 200112L /* setenv */
+#include <float.h>
+#include <stdlib.h>
+
+#include "linear/predict.h"
+#include "scene_check.h"
+#include "two_level.h"
+
+enum { SIZE = 64 }; /* rows of an aggregate */
+
+/*------------------------------------- iterations -----------------------------------------------*/
+
+/* Of a step of a hanging cloth that has folded. */
+static double cloth_iterations(int32_t side, double k, int32_t aggregate) {
+  msim_scene *scene = hanging_cloth(side, k, 0);
+  msim_options opt = frames();
+  opt.solver_max_iterations = 100000;
+  msim_sim *sim = make_two_level(scene, &opt, aggregate);
+  const double iterations = iterations_after(sim, 30);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return iterations;
+}
+
+static void the_coarse_space_spares_iterations(void **state) {
+  (void)state;
+  const double soft = cloth_iterations(40, 1000, SIZE), stiff = cloth_iterations(40, 1e5, SIZE);
+  const double small = cloth_iterations(24, 1000, SIZE), large = cloth_iterations(64, 1000, SIZE);
+  const double alone = cloth_iterations(40, 1000, 0);
+  print_message("  40^2: %.0f, without %.0f, 100 k %.0f; 24^2: %.0f, 64^2: %.0f\n", soft, alone,
+                stiff, small, large);
+  assert_true(soft < 0.3 * alone);
+  assert_true(stiff < 2.3 * soft);
+  assert_true(large < 1.5 * small);
+}
+
+/* Two levels: within 2.5. One level: likewise where the mesh is large enough for the stiffness;
+ * small stiff ones need fewer, as information is soon everywhere. */
+static void iterations_are_predicted(void **state) {
+  (void)state;
+  const msim_options opt = frames();
+  for (int at = 0; at < 8; at++) {
+    const int32_t side = at < 6 ? 24 + 20 * (at / 2) : 12;
+    const int soft = at % 2 == 0, jelly = at >= 6;
+    const double k = soft ? 1e3 : 1e5;
+    msim_scene *scene = jelly ? hanging_jelly(side, k) : hanging_cloth(side, k, 0);
+    for (int two = 0; two < 2; two++) {
+      if (!two && side == 64) continue; /* takes long */
+      msim_sim *sim = make_two_level(scene, &opt, two ? SIZE : 0);
+      const ms_prediction p = ms_predict(&sim->model, opt.h, opt.solver_rtol);
+      const double predicted = two ? p.two_level : p.one_level;
+      const double measured = iterations_after(sim, 30);
+      print_message("  %s %d, k %g, %d level(s): %.0f predicted, %.0f measured\n",
+                    jelly ? "jelly" : "cloth", side, k, 1 + two, predicted, measured);
+      assert_true(measured < 2.5 * predicted);
+      if (two || soft) assert_true(predicted < 2.5 * measured);
+      msim_sim_destroy(sim);
+    }
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- tolerances -----------------------------------------------*/
+
+/* ||b - A v|| of the next step, over ||b|| or over the rounding level where that is larger. */
+static double step_and_compare(msim_sim *sim, double h, double rtol) {
+  const msim_state s = state_of(sim);
+  const int32_t n = 3 * s.n;
+  const double *mass = sim->scene->mass;
+  double *f = calloc((size_t)n, sizeof *f), *zero = calloc((size_t)n, sizeof *zero);
+  double *v = malloc((size_t)n * sizeof *v), rr = 0, bb = 0, level = 0;
+  msim_csr A = {.size = sizeof A};
+  msim_sim_force(sim, s.x, zero, f);
+  for (int32_t i = 0; i < n; i++) f[i] = mass[i / 3] * s.v[i] + h * f[i];
+  assert_ok(msim_sim_matrix(sim, &A, err));
+  double *values = malloc((size_t)A.rowptr[A.n] * sizeof *values);
+  memcpy(values, A.val, (size_t)A.rowptr[A.n] * sizeof *values);
+  assert_ok(msim_sim_step(sim, 1, err));
+  memcpy(v, state_of(sim).v, (size_t)n * sizeof *v);
+  for (int32_t r = 0; r < A.n; r++) {
+    const double b = f[3 * A.particle[r / 3] + r % 3];
+    double sum = b, size = fabs(b);
+    for (int32_t e = A.rowptr[r]; e < A.rowptr[r + 1]; e++) {
+      const double Av = values[e] * v[3 * A.particle[A.colind[e] / 3] + A.colind[e] % 3];
+      sum -= Av, size += fabs(Av);
+    }
+    rr += sum * sum, bb += b * b, level += size * size;
+  }
+  free(f), free(zero), free(v), free(values);
+  return sqrt(rr) / fmax(rtol * sqrt(bb), 8 * DBL_EPSILON * sqrt(level));
+}
+
+static void every_tolerance_is_met(void **state) {
+  (void)state;
+  static const double stiffness[] = {1e3, 1e5, 1e7}, rtol[] = {1e-2, 1e-5, 1e-8, 1e-11, 1e-13};
+  for (size_t at = 0; at < 15; at++) {
+    msim_scene *scene = hanging_cloth(24, stiffness[at / 5], 0);
+    msim_options opt = frames();
+    opt.solver_rtol = rtol[at % 5];
+    msim_sim *sim = make_two_level(scene, &opt, SIZE);
+    assert_ok(msim_sim_step(sim, 25, err));
+    for (int step = 0; step < 3; step++)
+      assert_close(step_and_compare(sim, opt.h, opt.solver_rtol), 0, 1.01);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A cloth that is crushed along one edge: the exact matrix is indefinite, which is noticed, and the
+ * steps are made clamped. */
+static msim_sim *crushed(const char *solver, int32_t aggregate) {
+  enum { SIDE = 24, N = SIDE * SIDE };
+  double x[3 * N];
+  msim_scene *scene = hanging_cloth(SIDE, 1000, 0.01);
+  msim_options opt = frames();
+  opt.jacobian = MSIM_JACOBIAN_EXACT;
+  opt.solver = solver, opt.solver_rtol = 1e-12;
+  msim_sim *sim = aggregate ? make_two_level(scene, &opt, aggregate) : make_sim(scene, &opt);
+  msim_state s = state_of(sim);
+  for (int i = 0; i < 3 * N; i++) x[i] = s.x[i] * (i % 3 == 1 ? 0.9 : 1);
+  for (int i = 0; i < 3; i++) x[3 * (SIDE - 1) + i] = s.x[3 * (SIDE - 1) + i];
+  s.x = x;
+  assert_ok(msim_sim_set_state(sim, &s, err));
+  assert_ok(msim_sim_step(sim, 3, err));
+  assert_in_range(stats_of(sim).indefinite_steps, 1, 3);
+  msim_scene_destroy(scene);
+  return sim;
+}
+
+static void an_indefinite_matrix_is_noticed(void **state) {
+  (void)state;
+  if (!solver_there("cholmod")) skip();
+  msim_sim *right = crushed("cholmod", 0), *sim = crushed("pcg", SIZE);
+  assert_int_equal(stats_of(sim).indefinite_steps, stats_of(right).indefinite_steps);
+  for (int32_t i = 0; i < 3 * state_of(sim).n; i++)
+    assert_close(state_of(sim).x[i], state_of(right).x[i], 1e-9);
+  msim_sim_destroy(sim), msim_sim_destroy(right);
+}
+
+/*------------------------------------- scales ---------------------------------------------------*/
+
+/* A cloth of mass 0.3 unit and stiffness 1000 unit. */
+static msim_scene *cloth_in_units(double unit) {
+  const int32_t corners[2] = {0, 19};
+  const double g[3] = {0, 0, -9.81};
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = 20,
+                            .columns = 20,
+                            .row = {0, 1, 0},
+                            .column = {1, 0, 0},
+                            .mass = 0.3 * unit,
+                            .k_structural = 1000 * unit,
+                            .k_shear = 1000 * unit,
+                            .k_bend = 1000 * unit,
+                            .npinned = 2,
+                            .pinned = corners};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_cloth(scene, &cloth, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+/* In units of a power of 4 all numbers are the same but for their exponents. */
+static void units_do_not_matter(void **state) {
+  (void)state;
+  for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
+    double x[3 * 400];
+    for (int exponent = -100; exponent <= 100; exponent += 50) {
+      msim_scene *scene = cloth_in_units(ldexp(1, 2 * exponent));
+      const msim_options opt = frames();
+      msim_sim *sim = make_two_level(scene, &opt, aggregate);
+      assert_ok(msim_sim_step(sim, 10, err));
+      if (exponent == -100) memcpy(x, state_of(sim).x, sizeof x);
+      assert_memory_equal(x, state_of(sim).x, sizeof x);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+  }
+}
+
+/*------------------------------------- a kept coarse factor -------------------------------------*/
+
+/* Steps by pcg with the coarse space that msim itself asks for. */
+static msim_sim *stepped(const msim_scene *scene, uint32_t skip_off, int64_t steps) {
+  msim_options opt = frames();
+  opt.skip_off = skip_off;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_true(pcg_of(sim)->base.aggregates > 0);
+  assert_ok(msim_sim_step(sim, steps, err));
+  return sim;
+}
+
+static void expect_factors(msim_sim *sim, int64_t least, int64_t most) {
+  const msim_stats s = stats_of(sim);
+  assert_in_range(s.coarse_factors, least, most);
+  assert_int_equal(s.coarse_factors + s.kept_factors, s.steps);
+  msim_sim_destroy(sim);
+}
+
+static void a_coarse_factor_is_kept_while_it_serves(void **state) {
+  (void)state;
+  msim_scene *jelly = hanging_jelly(12, 1e5), *cloth = hanging_cloth(32, 1e4, 0);
+  expect_factors(stepped(jelly, 0, 30), 1, 1);
+  expect_factors(stepped(jelly, MSIM_SKIP_KEPT_FACTOR, 30), 30, 30);
+  expect_factors(stepped(cloth, 0, 30), 25, 30);
+  msim_scene_destroy(jelly), msim_scene_destroy(cloth);
+}
+
+static void expect_same_bits(msim_sim *a, msim_sim *b) {
+  const msim_state s = state_of(a), t = state_of(b);
+  assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
+  assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
+}
+
+/* What follows a state that was set, or a change, is what a new sim makes of it. */
+static void a_change_forgets_the_coarse_factor(void **state) {
+  (void)state;
+  for (int change = 0; change < 3; change++) {
+    msim_scene *scene = hanging_jelly(10, 1e4), *other = hanging_jelly(10, change == 2 ? 3e4 : 1e4);
+    msim_options opt = frames();
+    msim_sim *a = stepped(scene, 0, 7);
+    msim_state s = state_of(a);
+    if (change == 1) assert_ok(msim_sim_set_step(a, opt.h = 0.02, err));
+    if (change == 2) {
+      msim_scene_view wanted = {.size = sizeof wanted};
+      msim_scene_get(other, &wanted);
+      assert_ok(msim_sim_set_springs(a, wanted.k, NULL, NULL, err));
+    }
+    msim_sim *b = make_sim(other, &opt);
+    s = state_of(a);
+    assert_ok(msim_sim_set_state(b, &s, err));
+    if (change == 0) assert_ok(msim_sim_set_state(a, &s, err));
+    assert_ok(msim_sim_step(a, 10, err));
+    assert_ok(msim_sim_step(b, 10, err));
+    expect_same_bits(a, b);
+    assert_int_equal(stats_of(b).coarse_factors, 1);
+    assert_int_equal(stats_of(a).coarse_factors, 2);
+    msim_sim_destroy(a), msim_sim_destroy(b);
+    msim_scene_destroy(scene), msim_scene_destroy(other);
+  }
+}
+
+/*------------------------------------- bits and memory ------------------------------------------*/
+
+static void instruction_sets_agree(void **state) {
+  (void)state;
+  static const char *const sets[] = {"avx2", "avx512"};
+  const char *asked = getenv("MSIM_ISA");
+  msim_scene *scenes[] = {hanging_cloth(32, 1e4, 0.01), hanging_jelly(9, 1e4)};
+  for (size_t i = 0; i < 2; i++) {
+    setenv("MSIM_ISA", "baseline", 1);
+    msim_sim *baseline = stepped(scenes[i], 0, 25);
+    for (size_t k = 0; k < 2; k++) {
+      if (ms_isa_named(sets[k]) < 0) continue; /* not for this CPU */
+      setenv("MSIM_ISA", sets[k], 1);
+      msim_sim *sim = stepped(scenes[i], 0, 25);
+      assert_int_equal(sim->model.isa, ms_isa_named(sets[k]));
+      expect_same_bits(baseline, sim);
+      assert_int_equal(stats_of(sim).iterations, stats_of(baseline).iterations);
+      msim_sim_destroy(sim);
+    }
+    msim_sim_destroy(baseline);
+    msim_scene_destroy(scenes[i]);
+  }
+  if (asked) setenv("MSIM_ISA", asked, 1);
+  else unsetenv("MSIM_ISA");
+}
+
+static void memory_that_ends_is_reported(void **state) {
+  (void)state;
+  int meals = 0;
+  for (msim_status status = MSIM_ERR_MEMORY; status; meals++) {
+    starving memory;
+    const msim_allocator alloc = starving_allocator(&memory);
+    const msim_lattice block = {
+        .size = sizeof block, .n = {6, 6, 6}, .extent = {1, 1, 1}, .mass = 1, .k = 1e8};
+    const msim_options opt = frames();
+    msim_scene *scene;
+    msim_sim *sim = NULL;
+    assert_ok(msim_scene_create(&alloc, &scene, err));
+    assert_ok(msim_scene_add_lattice(scene, &block, err));
+    memory.meals = meals;
+    status = msim_sim_create(scene, &opt, &sim, NULL);
+    if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
+    else assert_true(pcg_of(sim)->base.aggregates > 0);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+    assert_int_equal(memory.live, 0);
+  }
+  assert_true(meals > 60);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(the_coarse_space_spares_iterations),
+                                     cmocka_unit_test(iterations_are_predicted),
+                                     cmocka_unit_test(every_tolerance_is_met),
+                                     cmocka_unit_test(an_indefinite_matrix_is_noticed),
+                                     cmocka_unit_test(units_do_not_matter),
+                                     cmocka_unit_test(a_coarse_factor_is_kept_while_it_serves),
+                                     cmocka_unit_test(a_change_forgets_the_coarse_factor),
+                                     cmocka_unit_test(instruction_sets_agree),
+                                     cmocka_unit_test(memory_that_ends_is_reported)};
+  return cmocka_run_group_tests_name("pcg", tests, NULL, NULL);
+}
