@@ -181,6 +181,27 @@ static void units_do_not_matter(void **state) {
   }
 }
 
+/* A cloth beside pairs of particles that are lighter and heavier by 30 orders of magnitude: it is
+ * no reason to fail, or to call the matrix indefinite. */
+static void scales_may_meet(void **state) {
+  (void)state;
+  for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
+    msim_scene *scene = cloth_in_units(1);
+    for (int heavy = 0; heavy < 2; heavy++) {
+      const double x[6] = {5, heavy, 0, 5, heavy + 0.1, 0}, m = heavy ? 1e30 : 1e-30;
+      const double mass[2] = {m, m}, k = heavy ? 1e20 : 1e-20, rest = 0.2;
+      const int32_t ij[2] = {400 + 2 * heavy, 401 + 2 * heavy};
+      assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+      assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+    }
+    const msim_options opt = frames();
+    msim_sim *sim = make_two_level(scene, &opt, aggregate);
+    assert_ok(msim_sim_step(sim, 10, err));
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- a kept coarse factor -------------------------------------*/
 
 /* Steps by pcg with the coarse space that msim itself asks for. */
@@ -299,6 +320,7 @@ int main(void) {
                                      cmocka_unit_test(every_tolerance_is_met),
                                      cmocka_unit_test(an_indefinite_matrix_is_noticed),
                                      cmocka_unit_test(units_do_not_matter),
+                                     cmocka_unit_test(scales_may_meet),
                                      cmocka_unit_test(a_coarse_factor_is_kept_while_it_serves),
                                      cmocka_unit_test(a_change_forgets_the_coarse_factor),
                                      cmocka_unit_test(instruction_sets_agree),

@@ -1,5 +1,7 @@
 /* Compiled once for each instruction set, with MS_ISA its name. Loops over components are unrolled:
  * `dims` is a constant where functions are inlined. */
+#include <float.h>
+
 #include "base/simd.h"
 #include "linear/pcg.h"
 
@@ -19,6 +21,19 @@ static inline double total(const lane_sums *s) {
 
 /*------------------------------------- pack -----------------------------------------------------*/
 
+/* The inverse block of a row, as float. One beyond their range is made smaller as a whole, which
+ * keeps it positive definite; its largest entry is on its diagonal. */
+MS_INLINE void round_inverse(size_t dims, int alike, ms_pcg *s, size_t stride, size_t row) {
+  const double *from = s->jacobi.inverse + row;
+  double largest = from[0];
+  for (size_t c = 1; c < dims && !alike; c++) largest = fmax(largest, from[c * stride]);
+  const double by = largest > FLT_MAX ? FLT_MAX / largest : 1;
+  for (size_t q = 0; q < ms_diagonal_size(dims); q++) {
+    const double entry = alike ? (q < dims ? from[0] : 0) : from[q * stride];
+    s->inverse[q * stride + row] = (float)(by * entry);
+  }
+}
+
 static void pack(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_coefficients *a = &s->base.system->a;
   const ms_model *model = s->base.system->model;
@@ -37,13 +52,10 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
         to[MS_GROUP * (c + 1) + l] = (float)(root * a->w[c][at + l]);
     }
   }
-  for (int32_t r = MS_GROUP * begin; r < MS_GROUP * end; r++)
+  for (int32_t r = MS_GROUP * begin; r < MS_GROUP * end; r++) {
     s->inertia[r] = by * (model->mass[r] + a->drag);
-  const size_t sd = (size_t)model->rows.first_pinned;
-  for (size_t q = 0; q < ms_diagonal_size(dims); q++)
-    for (size_t at = q * sd + MS_GROUP * (size_t)begin; at < q * sd + MS_GROUP * (size_t)end; at++)
-      s->inverse[at] = alike ? (q < dims ? (float)s->jacobi.inverse[at - q * sd] : 0)
-                             : (float)s->jacobi.inverse[at];
+    round_inverse(dims, alike, s, (size_t)model->rows.first_pinned, (size_t)r);
+  }
 }
 
 /*------------------------------------- apply ----------------------------------------------------*/
