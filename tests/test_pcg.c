@@ -108,35 +108,52 @@ static void every_tolerance_is_met(void **state) {
   }
 }
 
-/* A cloth that is crushed along one edge: the exact matrix is indefinite, which is noticed, and the
- * steps are made clamped. */
-static msim_sim *crushed(const char *solver, int32_t aggregate) {
+/* A cloth that is crushed along one edge and pulled along the other: the exact matrix is
+ * indefinite, and its diagonal blocks are not. */
+static msim_sim *crushed(const char *solver, int32_t aggregate, int32_t indefinite) {
   enum { SIDE = 24, N = SIDE * SIDE };
+  const double by[3] = {1.25, 0.9, 1};
   double x[3 * N];
   msim_scene *scene = hanging_cloth(SIDE, 1000, 0.01);
   msim_options opt = frames();
   opt.jacobian = MSIM_JACOBIAN_EXACT;
+  opt.indefinite = indefinite;
   opt.solver = solver, opt.solver_rtol = 1e-12;
   msim_sim *sim = aggregate ? make_two_level(scene, &opt, aggregate) : make_sim(scene, &opt);
   msim_state s = state_of(sim);
-  for (int i = 0; i < 3 * N; i++) x[i] = s.x[i] * (i % 3 == 1 ? 0.9 : 1);
+  for (int i = 0; i < 3 * N; i++) x[i] = s.x[i] * by[i % 3];
   for (int i = 0; i < 3; i++) x[3 * (SIDE - 1) + i] = s.x[3 * (SIDE - 1) + i];
   s.x = x;
   assert_ok(msim_sim_set_state(sim, &s, err));
-  assert_ok(msim_sim_step(sim, 3, err));
-  assert_in_range(stats_of(sim).indefinite_steps, 1, 3);
   msim_scene_destroy(scene);
   return sim;
 }
 
-static void an_indefinite_matrix_is_noticed(void **state) {
+/* It is noticed, and steps are made clamped. */
+static void an_indefinite_matrix_is_clamped(void **state) {
   (void)state;
   if (!solver_there("cholmod")) skip();
-  msim_sim *right = crushed("cholmod", 0), *sim = crushed("pcg", SIZE);
+  msim_sim *right = crushed("cholmod", 0, MSIM_INDEFINITE_CLAMP);
+  msim_sim *sim = crushed("pcg", SIZE, MSIM_INDEFINITE_CLAMP);
+  assert_ok(msim_sim_step(right, 3, err));
+  assert_ok(msim_sim_step(sim, 3, err));
+  assert_in_range(stats_of(sim).indefinite_steps, 1, 3);
   assert_int_equal(stats_of(sim).indefinite_steps, stats_of(right).indefinite_steps);
   for (int32_t i = 0; i < 3 * state_of(sim).n; i++)
     assert_close(state_of(sim).x[i], state_of(right).x[i], 1e-9);
   msim_sim_destroy(sim), msim_sim_destroy(right);
+}
+
+/* The coarse factor sees it before any iteration is made. */
+static void a_coarse_matrix_may_be_indefinite(void **state) {
+  (void)state;
+  msim_sim *sim = crushed("pcg", SIZE, MSIM_INDEFINITE_STOP);
+  const ms_pcg *pcg = pcg_of(sim);
+  assert_int_equal(msim_sim_step(sim, 1, NULL), MSIM_NOT_SPD);
+  assert_int_equal(stats_of(sim).coarse_factors, 1);
+  assert_int_equal(stats_of(sim).iterations, 0);
+  assert_false(pcg->coarse_is_ready);
+  msim_sim_destroy(sim);
 }
 
 /*------------------------------------- scales ---------------------------------------------------*/
@@ -318,7 +335,8 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(the_coarse_space_spares_iterations),
                                      cmocka_unit_test(iterations_are_predicted),
                                      cmocka_unit_test(every_tolerance_is_met),
-                                     cmocka_unit_test(an_indefinite_matrix_is_noticed),
+                                     cmocka_unit_test(an_indefinite_matrix_is_clamped),
+                                     cmocka_unit_test(a_coarse_matrix_may_be_indefinite),
                                      cmocka_unit_test(units_do_not_matter),
                                      cmocka_unit_test(scales_may_meet),
                                      cmocka_unit_test(a_coarse_factor_is_kept_while_it_serves),

@@ -1,9 +1,9 @@
 /* aggregates - rows in connected clusters, and the smoothest motions of each: a coarse space
  *
  * Clusters grow over the graph of the springs, without any geometry. The modes of one are the
- * lowest eigenvectors of its own graph Laplacian, with stiffnesses as weights: the translation,
- * and what is affine where the cluster is a piece of a regular mesh (as in spectral algebraic
- * multigrid; Chartier et al. 2003). They depend on the springs alone: one set serves all states. */
+ * lowest eigenvectors of its own graph Laplacian, with stiffnesses as weights: the translation, and
+ * about what is affine where the cluster is a piece of a regular mesh (as in spectral algebraic
+ * multigrid; Chartier et al. 2003). They depend on springs alone: one set serves every state. */
 #ifndef MS_AGGREGATES_H
 #define MS_AGGREGATES_H
 
