@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "base/isa.h"
 #include "scene_check.h"
@@ -251,6 +252,27 @@ static void a_star_fills_nothing(void **state) {
   clean(&m);
 }
 
+/* Rows of many small bodies, in pairs. */
+static double seconds_for_pairs(int32_t n) {
+  int32_t *ptr = calloc((size_t)n + 1, sizeof *ptr), *ind = calloc((size_t)n, sizeof *ind);
+  ms_block_cholesky chol;
+  for (int32_t i = 0; i < n; i++) ptr[i + 1] = i + 1, ind[i] = i ^ 1;
+  const clock_t start = clock();
+  assert_ok(ms_block_cholesky_create(libc_memory(), n, 8, ptr, ind, ms_isa_best(), &chol, err));
+  const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
+  assert_int_equal(chol.first[n], n + n / 2);
+  ms_block_cholesky_destroy(libc_memory(), &chol);
+  free(ptr), free(ind);
+  return seconds;
+}
+
+/* 16 times as many take about 16 times as long, not 256 times. */
+static void many_bodies_take_no_time(void **state) {
+  (void)state;
+  const double few = seconds_for_pairs(6250), many = seconds_for_pairs(100000);
+  assert_close(many, 0, 64 * few + 0.1);
+}
+
 /*------------------------------------- refusals -------------------------------------------------*/
 
 /* One pivot of -1, 0 or NaN, in any row: refused; what follows is as if nothing had been. */
@@ -344,6 +366,7 @@ static void memory_that_ends_is_reported(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(it_is_the_cholesky_factor),
                                      cmocka_unit_test(a_star_fills_nothing),
+                                     cmocka_unit_test(many_bodies_take_no_time),
                                      cmocka_unit_test(what_is_not_positive_definite_is_refused),
                                      cmocka_unit_test(the_whole_matrix_is_looked_at),
                                      cmocka_unit_test(instruction_sets_agree),

@@ -14,9 +14,29 @@ typedef struct elimination {
   int32_t n;
   int32_t **neighbours; /* n arrays */
   int32_t *degree, *room;
-  int64_t *mark; /* n: the last look at a row that found this one */
+  int32_t leaves, *least; /* 2 leaves: a tree of winners, the row of least degree at its root, 1 */
+  int64_t *mark;          /* n: the last look at a row that found this one */
   int64_t looks;
 } elimination;
+
+static void choose_least(elimination *e, int32_t node) {
+  const int32_t i = e->least[2 * node], j = e->least[2 * node + 1];
+  const int second = j >= 0 && (i < 0 || e->degree[j] < e->degree[i]);
+  e->least[node] = second ? j : i;
+}
+
+static void set_degree(elimination *e, int32_t i, int32_t degree) {
+  e->degree[i] = degree;
+  for (int32_t node = (e->leaves + i) / 2; node; node /= 2) choose_least(e, node);
+}
+
+/* The row of least degree, the first of them; it does not compete any more. */
+static int32_t take_least(elimination *e) {
+  const int32_t i = e->least[1];
+  e->least[e->leaves + i] = -1;
+  set_degree(e, i, e->degree[i]);
+  return i;
+}
 
 static msim_status begin(elimination *e, const int32_t *ptr, const int32_t *ind) {
   const size_t n = (size_t)e->n;
@@ -24,7 +44,9 @@ static msim_status begin(elimination *e, const int32_t *ptr, const int32_t *ind)
   e->degree = ms_new(e->alloc, n, sizeof *e->degree);
   e->room = ms_new(e->alloc, n, sizeof *e->room);
   e->mark = ms_new(e->alloc, n, sizeof *e->mark);
-  if (!e->neighbours || !e->degree || !e->room || !e->mark) return MSIM_ERR_MEMORY;
+  for (e->leaves = 1; e->leaves < e->n;) e->leaves *= 2;
+  e->least = ms_new(e->alloc, 2 * (size_t)e->leaves, sizeof *e->least);
+  if (!e->neighbours || !e->degree || !e->room || !e->mark || !e->least) return MSIM_ERR_MEMORY;
   for (int32_t i = 0; i < e->n; i++) {
     const int32_t degree = ptr[i + 1] - ptr[i];
     e->neighbours[i] = ms_new(e->alloc, (size_t)degree, sizeof(int32_t));
@@ -32,6 +54,8 @@ static msim_status begin(elimination *e, const int32_t *ptr, const int32_t *ind)
     if (degree) memcpy(e->neighbours[i], ind + ptr[i], (size_t)degree * sizeof(int32_t));
     e->degree[i] = e->room[i] = degree;
   }
+  for (int32_t i = 0; i < e->leaves; i++) e->least[e->leaves + i] = i < e->n ? i : -1;
+  for (int32_t node = e->leaves - 1; node; node--) choose_least(e, node);
   return MSIM_OK;
 }
 
@@ -41,6 +65,7 @@ static void end(elimination *e) {
   ms_delete(e->alloc, e->degree);
   ms_delete(e->alloc, e->room);
   ms_delete(e->alloc, e->mark);
+  ms_delete(e->alloc, e->least);
 }
 
 /* i loses k and meets the other neighbours of k. */
@@ -62,18 +87,15 @@ static msim_status connect(elimination *e, int32_t i, int32_t k) {
     const int32_t j = e->neighbours[k][a];
     if (e->mark[j] != look) e->neighbours[i][kept++] = j;
   }
-  e->degree[i] = kept;
+  set_degree(e, i, kept);
   return MSIM_OK;
 }
 
-/* Always the row of least degree, the first of them. position: -1, then the order. */
+/* Always the row of least degree. */
 static msim_status eliminate(elimination *e, int32_t *position, int64_t *blocks) {
-  for (int32_t i = 0; i < e->n; i++) position[i] = -1;
   *blocks = e->n;
   for (int32_t step = 0; step < e->n; step++) {
-    int32_t k = -1;
-    for (int32_t i = 0; i < e->n; i++)
-      if (position[i] < 0 && (k < 0 || e->degree[i] < e->degree[k])) k = i;
+    const int32_t k = take_least(e);
     position[k] = step;
     *blocks += e->degree[k];
     for (int32_t a = 0; a < e->degree[k]; a++) {
