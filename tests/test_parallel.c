@@ -8,11 +8,6 @@ enum { MOST = 2000 };
 static const int32_t threads[] = {1, 2, 3, 7};
 enum { NTHREADS = sizeof threads / sizeof *threads };
 
-static double uniform(unsigned *seed) {
-  *seed = *seed * 1664525u + 1013904223u;
-  return (*seed >> 8) / 16777216.0;
-}
-
 static msim_scene *jelly(void) {
   const double g[3] = {0, 0, -9.81};
   const msim_lattice lattice = {.size = sizeof lattice,

@@ -10,11 +10,6 @@
 static const char *const sets[] = {"baseline", "avx2", "avx512"};
 enum { NSETS = 3 };
 
-static double uniform(unsigned *seed) {
-  *seed = *seed * 1664525u + 1013904223u;
-  return (*seed >> 8) / 16777216.0;
-}
-
 /*------------------------------------- lengths --------------------------------------------------*/
 
 /* Pairs of particles, each held by one spring; the first of a pair lies in the origin, so that no

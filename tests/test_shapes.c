@@ -16,21 +16,21 @@ typedef struct shape {
   double x[3 * MOST], v[3 * MOST], mass[MOST], k[MOST], rest[MOST], damping[MOST];
 } shape;
 
-static double uniform(void) { return rand() / (RAND_MAX + 1.0); }
+static double chance(void) { return rand() / (RAND_MAX + 1.0); }
 
 static void join(shape *s, int32_t i, int32_t j) {
   if (i == j || s->springs == MOST) return;
   s->ij[2 * s->springs] = i;
   s->ij[2 * s->springs + 1] = j;
-  s->k[s->springs] = 10 + 90 * uniform();
-  s->rest[s->springs] = uniform();
-  s->damping[s->springs++] = uniform();
+  s->k[s->springs] = 10 + 90 * chance();
+  s->rest[s->springs] = chance();
+  s->damping[s->springs++] = chance();
 }
 
 static void place(shape *s, int32_t n) {
   *s = (shape){.n = n};
-  for (int32_t i = 0; i < 3 * n; i++) s->x[i] = uniform(), s->v[i] = uniform() - 0.5;
-  for (int32_t i = 0; i < n; i++) s->mass[i] = 0.1 + uniform();
+  for (int32_t i = 0; i < 3 * n; i++) s->x[i] = chance(), s->v[i] = chance() - 0.5;
+  for (int32_t i = 0; i < n; i++) s->mass[i] = 0.1 + chance();
 }
 
 static void pin(shape *s, int32_t i) {
