@@ -66,6 +66,19 @@ static void coarse_operator_is_symmetric(void **state) {
   msim_sim_destroy(sim);
 }
 
+/* pcg's A v, in msim's unit */
+static const double *apply(msim_sim *sim, const double *v, double *curvature) {
+  ms_pcg *pcg = pcg_of(sim);
+  memcpy(pcg->p, v, length(sim) * sizeof *v);
+  double parts;
+  pcg->kernels->apply(pcg, 0, sim->model->halves.ngroups, curvature);
+  pcg->kernels->apply_parts(pcg, &parts);
+  *curvature += parts;
+  for (size_t i = 0; i < length(sim); i++) pcg->q[i] *= pcg->jacobi.scale;
+  *curvature *= pcg->jacobi.scale;
+  return pcg->q;
+}
+
 /* M = L L^T in the order of the aggregates */
 static void multiply_factor(const ms_block_cholesky *chol, double *M) {
   const int32_t b = chol->block, n = chol->n * b;
@@ -85,7 +98,7 @@ static void multiply_factor(const ms_block_cholesky *chol, double *M) {
   free(L);
 }
 
-/* L L^T = P^T A P / scale, a column at a time, A as the rest of msim knows it */
+/* L L^T = P^T A P / scale, a column at a time, with A in single precision */
 static void coarse_matrix_is_the_triple_product(void **state) {
   (void)state;
   for (int pair = 0; pair < 2; pair++) {
@@ -93,15 +106,16 @@ static void coarse_matrix_is_the_triple_product(void **state) {
     ms_pcg *pcg = pcg_of(sim);
     const ms_coarse *coarse = &pcg->coarse;
     const int32_t n = 12 * coarse->aggregates.n;
-    double *M = calloc((size_t)(n * n), sizeof *M), *unit = calloc((size_t)n, sizeof *unit);
-    double *p = random_vector(sim, 1), *Ap = random_vector(sim, 1), *q = random_vector(sim, 1);
-    assert_ok(ms_coarse_factor(&pcg->coarse, &sim->linear->system.a, pcg->jacobi.scale));
+    double curvature, *M = calloc((size_t)(n * n), sizeof *M),
+                      *unit = calloc((size_t)n, sizeof *unit);
+    double *p = random_vector(sim, 1), *q = random_vector(sim, 1);
+    assert_ok(ms_coarse_factor(&pcg->coarse, pcg->coefficients, pcg->inertia));
     multiply_factor(&coarse->chol, M);
     for (int32_t j = 0; j < n; j++) {
       memset(unit, 0, (size_t)n * sizeof *unit);
       unit[j] = 1;
       prolong(sim, coarse, unit, p);
-      ms_coefficients_apply(sim->model, &sim->linear->system.a, p, Ap);
+      const double *Ap = apply(sim, p, &curvature);
       for (int32_t i = 0; i < n; i++) {
         memset(unit, 0, (size_t)n * sizeof *unit);
         unit[i] = 1;
@@ -109,25 +123,12 @@ static void coarse_matrix_is_the_triple_product(void **state) {
         assert_close(M[i * n + j], dot(sim, q, Ap) / pcg->jacobi.scale, 1e-13);
       }
     }
-    free(M), free(unit), free(p), free(Ap), free(q);
+    free(M), free(unit), free(p), free(q);
     msim_sim_destroy(sim);
   }
 }
 
 /*------------------------------------- A in single precision ------------------------------------*/
-
-/* pcg's A v, in msim's unit */
-static const double *apply(msim_sim *sim, const double *v, double *curvature) {
-  ms_pcg *pcg = pcg_of(sim);
-  memcpy(pcg->p, v, length(sim) * sizeof *v);
-  double parts;
-  pcg->kernels->apply(pcg, 0, sim->model->halves.ngroups, curvature);
-  pcg->kernels->apply_parts(pcg, &parts);
-  *curvature += parts;
-  for (size_t i = 0; i < length(sim); i++) pcg->q[i] *= pcg->jacobi.scale;
-  *curvature *= pcg->jacobi.scale;
-  return pcg->q;
-}
 
 /* Sum of (t + |w|^2) |d| over the springs of a row: what rounding t and w once is measured by. */
 static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {

@@ -110,8 +110,8 @@ enum { CHUNK = 8 }; /* aggregates to an item of work */
 /* Something to do for every aggregate, by all threads: none writes what another one writes. */
 typedef struct job {
   ms_coarse *coarse;
-  const ms_coefficients *a;
-  double scale;
+  const float *coefficients;
+  const double *inertia;
   const double *r;
 } job;
 
@@ -125,7 +125,7 @@ static void run(ms_item *work, job *j) {
 
 static void assemble_chunk(void *data, int32_t item) {
   const job *j = data;
-  EACH_OF(item) j->coarse->kernels->assemble(j->coarse, j->a, j->scale, k);
+  EACH_OF(item) j->coarse->kernels->assemble(j->coarse, j->coefficients, j->inertia, k);
 }
 
 static void restrict_chunk(void *data, int32_t item) {
@@ -133,11 +133,11 @@ static void restrict_chunk(void *data, int32_t item) {
   EACH_OF(item) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
-msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coefficients *a, double scale) {
+msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia) {
   ms_block_cholesky *chol = &coarse->chol;
   const size_t area = (size_t)(chol->block * chol->block);
   memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
-  run(assemble_chunk, &(job){.coarse = coarse, .a = a, .scale = scale});
+  run(assemble_chunk, &(job){.coarse = coarse, .coefficients = coefficients, .inertia = inertia});
   return ms_block_cholesky_factor(chol);
 }
 

@@ -24,11 +24,11 @@ msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_c
                              msim_error *err);
 void ms_coarse_destroy(ms_coarse *coarse);
 
-/* Factor P^T A P / scale. MSIM_NOT_SPD: no factor; A is then not positive definite, up to
- * rounding. */
-msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coefficients *a, double scale);
+/* Factor P^T A P, with A as pcg.h has it: coefficients of half springs and the inertia of rows.
+ * MSIM_NOT_SPD: no factor; A is then not positive definite, up to rounding. */
+msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia);
 
-/* coarse->r = P^T r, coarse->z = (P^T A P / scale)^-1 coarse->r; returns r.z of these. */
+/* coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r; returns r.z of these. */
 double ms_coarse_solve(ms_coarse *coarse, const double *r);
 
 #endif

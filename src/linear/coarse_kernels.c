@@ -4,18 +4,13 @@
 #include "base/simd.h"
 
 /* K = t I + w w^T of one half spring, as ms_coefficients keeps diagonal blocks */
-MS_INLINE void spring_block(size_t dims, const ms_coefficients *a, size_t at, double K[6]) {
+MS_INLINE void spring_block(size_t dims, const float *coefficients, int32_t at, double K[6]) {
+  const float *a = coefficients + 4 * MS_GROUP * (size_t)(at / MS_GROUP) + at % MS_GROUP;
+  double w[3];
+  for (size_t c = 0; c < dims; c++) w[c] = (double)a[MS_GROUP * (c + 1)];
   for (size_t c = 0; c < dims; c++)
     for (size_t d = c; d < dims; d++)
-      K[ms_diagonal_entry(dims, c, d)] =
-          (a->block > 1 ? a->w[c][at] * a->w[d][at] : 0) + (c == d ? a->t[at] : 0);
-}
-
-/* The diagonal block of a row, likewise. */
-MS_INLINE double diagonal_entry(size_t dims, const ms_coefficients *a, size_t sd, size_t q,
-                                size_t row) {
-  if (a->block > 1) return a->diagonal[q * sd + row];
-  return q < dims ? a->diagonal[row] : 0;
+      K[ms_diagonal_entry(dims, c, d)] = w[c] * w[d] + (c == d ? (double)a[0] : 0);
 }
 
 /* block += left (x) right: rows (c, mode) left, columns (d, mode) right */
@@ -28,42 +23,42 @@ MS_INLINE void add_outer(size_t dims, double *block, ms_quad left, const ms_quad
       }
 }
 
-/* One row i of aggregate a: its own block gets w_i (x) (D_i w_i - sum K_ij w_j) over j in a, and
- * the block to b gets -w_i (x) K_ij w_j, j in b. */
-MS_INLINE void assemble_row(size_t dims, ms_coarse *coarse, const ms_coefficients *a, double scale,
-                            int32_t row) {
+/* One row i of aggregate a: its own block gets w_i (x) (m_i w_i + sum K_ij (w_i - w_j)), where
+ * w_j = 0 outside a, and the block to b gets -w_i (x) K_ij w_j, j in b. */
+MS_INLINE void assemble_row(size_t dims, ms_coarse *coarse, const float *coefficients,
+                            const double *inertia, int32_t row) {
   const ms_model *model = coarse->model;
   const float *weight = coarse->aggregates.weight;
   const int32_t *of = coarse->aggregates.of;
-  const size_t area = MS_MODES * dims * MS_MODES * dims, sd = (size_t)model->rows.first_pinned;
-  const ms_quad own = ms_load_float_quad(weight + MS_MODES * row), left = own / scale;
+  const size_t area = MS_MODES * dims * MS_MODES * dims;
+  const ms_quad own = ms_load_float_quad(weight + MS_MODES * row);
   ms_quad sum[6];
-  for (size_t q = 0; q < ms_diagonal_size(dims); q++)
-    sum[q] = own * diagonal_entry(dims, a, sd, q, (size_t)row);
+  for (size_t q = 0; q < 6; q++) sum[q] = q < dims ? own * inertia[row] : (ms_quad){0};
   const ms_span span = ms_halves_of(&model->halves, row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t j = model->halves.neighbour[at];
-    const int same = model->halves.spring[at] >= 0 && j < model->rows.nfree && of[j] == of[row];
-    if (!same && coarse->block[at] < 0) continue;
+    if (model->halves.spring[at] < 0) continue;
     double K[6];
-    spring_block(dims, a, (size_t)at, K);
-    const ms_quad other = ms_load_float_quad(weight + MS_MODES * j);
-    if (same) {
-      for (size_t q = 0; q < ms_diagonal_size(dims); q++) sum[q] -= other * K[q];
-    } else {
-      ms_quad right[6];
-      for (size_t q = 0; q < ms_diagonal_size(dims); q++) right[q] = -other * K[q];
-      add_outer(dims, coarse->chol.value + area * (size_t)coarse->block[at], left, right);
-    }
+    spring_block(dims, coefficients, at, K);
+    const int same = j < model->rows.nfree && of[j] == of[row];
+    const ms_quad other =
+        ms_load_float_quad(weight + MS_MODES * (same || coarse->block[at] >= 0 ? j : row));
+    const ms_quad difference = same ? own - other : own;
+    for (size_t q = 0; q < ms_diagonal_size(dims); q++) sum[q] += difference * K[q];
+    if (coarse->block[at] < 0) continue;
+    ms_quad right[6];
+    for (size_t q = 0; q < ms_diagonal_size(dims); q++) right[q] = -other * K[q];
+    add_outer(dims, coarse->chol.value + area * (size_t)coarse->block[at], own, right);
   }
-  add_outer(dims, coarse->chol.value + area * (size_t)coarse->diagonal[of[row]], left, sum);
+  add_outer(dims, coarse->chol.value + area * (size_t)coarse->diagonal[of[row]], own, sum);
 }
 
-static void assemble(ms_coarse *coarse, const ms_coefficients *a, double scale, int32_t aggregate) {
+static void assemble(ms_coarse *coarse, const float *coefficients, const double *inertia,
+                     int32_t aggregate) {
   const ms_aggregates *g = &coarse->aggregates;
   for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
-    if (coarse->model->rows.dims == 3) assemble_row(3, coarse, a, scale, g->row[i]);
-    else assemble_row(2, coarse, a, scale, g->row[i]);
+    if (coarse->model->rows.dims == 3) assemble_row(3, coarse, coefficients, inertia, g->row[i]);
+    else assemble_row(2, coarse, coefficients, inertia, g->row[i]);
   }
 }
 

@@ -6,8 +6,9 @@
 #include "linear/coarse.h"
 
 typedef struct ms_coarse_kernels {
-  /* chol.value += (rows of one aggregate of P^T A P) / scale */
-  void (*assemble)(ms_coarse *coarse, const ms_coefficients *a, double scale, int32_t aggregate);
+  /* chol.value += the rows of one aggregate of P^T A P */
+  void (*assemble)(ms_coarse *coarse, const float *coefficients, const double *inertia,
+                   int32_t aggregate);
   /* the part of P^T r of one aggregate */
   void (*restrict_to)(ms_coarse *coarse, const double *r, int32_t aggregate);
 } ms_coarse_kernels;

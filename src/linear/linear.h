@@ -37,9 +37,9 @@ struct ms_linear {
   const ms_linear_ops *ops;
   const ms_system *system;
   const char *name;
-  int symmetric;  /* can solve systems that are not positive definite */
-  int factorises; /* factor() factors a matrix */
-  int exact;      /* answers are right to rounding, whatever the guess: nothing to check */
+  int symmetric;   /* can solve systems that are not positive definite */
+  int factorises;  /* factor() factors a matrix */
+  int exact;       /* answers are right to rounding, whatever the guess: nothing to check */
   int met;         /* the last solve has seen its true residual reach the goal */
   double residual; /* that residual, ||b - A y|| */
   int64_t analyses;

@@ -102,7 +102,7 @@ static msim_status factor_coarse(ms_pcg *s) {
   memcpy(s->factored, s->inverse, n * sizeof *s->factored);
   s->factored_scale = s->jacobi.scale;
   s->base.coarse_factors++;
-  s->coarse_is_ready = !ms_coarse_factor(&s->coarse, &system->a, s->jacobi.scale);
+  s->coarse_is_ready = !ms_coarse_factor(&s->coarse, s->coefficients, s->inertia);
   return s->coarse_is_ready || system->clamped ? MSIM_OK : MSIM_NOT_SPD;
 }
 

@@ -1,6 +1,7 @@
 /* Compiled once for each instruction set, with MS_ISA its name. Loops over components are unrolled:
  * `dims` is a constant where functions are inlined. */
 #include <float.h>
+#include <string.h>
 
 #include "base/simd.h"
 #include "linear/pcg.h"
@@ -21,41 +22,60 @@ static inline double total(const lane_sums *s) {
 
 /*------------------------------------- pack -----------------------------------------------------*/
 
-/* The inverse block of a row, as float. One beyond their range is made smaller as a whole, which
- * keeps it positive definite; its largest entry is on its diagonal. */
-MS_INLINE void round_inverse(size_t dims, int alike, ms_pcg *s, size_t stride, size_t row) {
-  const double *from = s->jacobi.inverse + row;
-  double largest = from[0];
-  for (size_t c = 1; c < dims && !alike; c++) largest = fmax(largest, from[c * stride]);
-  const double by = largest > FLT_MAX ? FLT_MAX / largest : 1;
-  for (size_t q = 0; q < ms_diagonal_size(dims); q++) {
-    const double entry = alike ? (q < dims ? from[0] : 0) : from[q * stride];
-    s->inverse[q * stride + row] = (float)(by * entry);
+/* t, wx, wy, wz of 8 halves, slot by slot; a matrix of scalars has w = 0 */
+MS_INLINE void pack_slots(size_t dims, ms_pcg *s, int32_t begin, int32_t end) {
+  const ms_coefficients *a = &s->base.system->a;
+  const double by = 1 / s->jacobi.scale, root = sqrt(by);
+  for (int32_t slot = begin; slot < end; slot++) {
+    float *to = s->coefficients + 4 * MS_GROUP * (size_t)slot;
+    const size_t at = MS_GROUP * (size_t)slot;
+    for (size_t l = 0; l < MS_GROUP; l++) to[l] = (float)(by * a->t[at + l]);
+    for (size_t c = 0; c < dims; c++)
+      for (size_t l = 0; l < MS_GROUP; l++)
+        to[MS_GROUP * (c + 1) + l] = (float)(root * a->w[c][at + l]);
   }
 }
 
-static void pack(ms_pcg *s, int32_t begin, int32_t end) {
-  const ms_coefficients *a = &s->base.system->a;
+/* An inverse block beyond the range of floats is made smaller as a whole, which keeps it positive
+ * definite; its largest entry is on its diagonal. */
+static void shrink(ms_pcg *s, size_t block, size_t row) {
+  const size_t stride = (size_t)s->base.system->model->rows.first_pinned;
+  const double *from = s->jacobi.inverse + row;
+  double largest = 0;
+  for (size_t c = 0; c < block; c++) largest = fmax(largest, from[c * stride]);
+  if (largest <= FLT_MAX) return;
+  for (size_t q = 0; q < ms_diagonal_size(block); q++)
+    s->inverse[q * stride + row] = (float)(FLT_MAX / largest * from[q * stride]);
+}
+
+static void pack_rows(ms_pcg *s, size_t begin, size_t end) {
   const ms_model *model = s->base.system->model;
-  const size_t dims = (size_t)model->rows.dims;
-  const int alike = a->block == 1; /* w = 0, and a scalar stands for a block */
-  const double by = 1 / s->jacobi.scale, root = sqrt(by);
+  const size_t dims = (size_t)model->rows.dims, stride = (size_t)model->rows.first_pinned;
+  const size_t block = (size_t)s->jacobi.block;
+  const double by = 1 / s->jacobi.scale;
+  int beyond = 0;
+  for (size_t r = begin; r < end; r++)
+    s->inertia[r] = by * (model->mass[r] + s->base.system->a.drag);
+  for (size_t q = 0; q < ms_diagonal_size(block); q++)
+    for (size_t r = begin; r < end; r++) {
+      s->inverse[q * stride + r] = (float)s->jacobi.inverse[q * stride + r];
+      beyond |= s->jacobi.inverse[q * stride + r] > FLT_MAX;
+    }
+  for (size_t r = begin; r < end && beyond; r++) shrink(s, block, r);
+  for (size_t c = 1; c < dims && block == 1; c++) /* a scalar stands for a block */
+    memcpy(s->inverse + c * stride + begin, s->inverse + begin, (end - begin) * sizeof(float));
+}
+
+static void pack(ms_pcg *s, int32_t begin, int32_t end) {
+  const ms_model *model = s->base.system->model;
   const ms_halves *halves = &model->halves;
   /* the parts of long rows with the last groups */
+  const int32_t first = halves->first[begin];
   const int32_t last = end < halves->ngroups ? halves->first[end] : halves->nslots;
-  for (int32_t slot = halves->first[begin]; slot < last; slot++) {
-    float *to = s->coefficients + 4 * MS_GROUP * (size_t)slot;
-    const size_t at = MS_GROUP * (size_t)slot;
-    for (size_t l = 0; l < MS_GROUP; l++) {
-      to[l] = (float)(by * a->t[at + l]);
-      for (size_t c = 0; c < dims && !alike; c++)
-        to[MS_GROUP * (c + 1) + l] = (float)(root * a->w[c][at + l]);
-    }
-  }
-  for (int32_t r = MS_GROUP * begin; r < MS_GROUP * end; r++) {
-    s->inertia[r] = by * (model->mass[r] + a->drag);
-    round_inverse(dims, alike, s, (size_t)model->rows.first_pinned, (size_t)r);
-  }
+  if (s->jacobi.block == 1) pack_slots(0, s, first, last);
+  else if (model->rows.dims == 3) pack_slots(3, s, first, last);
+  else pack_slots(2, s, first, last);
+  pack_rows(s, MS_GROUP * (size_t)begin, MS_GROUP * (size_t)end);
 }
 
 /*------------------------------------- apply ----------------------------------------------------*/
@@ -82,9 +102,9 @@ MS_INLINE void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t
     for (size_t c = 0; c < dims; c++) {
       w[c] = ms_load_floats(a + MS_GROUP * (c + 1));
       d[c] = p[c] - neighbours(halves, slot, lane, s->p + c * stride);
-      along += w[c] * d[c];
+      along = ms_fma(w[c], d[c], along);
     }
-    for (size_t c = 0; c < dims; c++) q[c] += t * d[c] + along * w[c];
+    for (size_t c = 0; c < dims; c++) q[c] = ms_fma(along, w[c], ms_fma(t, d[c], q[c]));
   }
 }
 
