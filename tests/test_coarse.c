@@ -3,26 +3,46 @@
 #include <float.h>
 #include <stdlib.h>
 
+#include "scene_check.h"
 #include "two_level.h"
 
-/* A folded cloth; its matrix is that of the last step. */
-static msim_sim *folded(int32_t side, int32_t aggregate) {
-  msim_scene *scene = hanging_cloth(side, 1000, 0.01);
+enum { FOLDED, FLAT, HUB, SCENES };
+
+/* Links a particle to all others. */
+static void add_hub(msim_scene *scene) {
+  const msim_scene_view view = view_of(scene);
+  for (int32_t p = 2; p < view.nparticles; p++) {
+    const double k = 1 + p % 7;
+    assert_ok(msim_scene_add_springs(scene, 1, (int32_t[2]){1, p}, &k, NULL, NULL, err));
+  }
+}
+
+/* A cloth that has moved: in space, in its plane, or with a row of many springs. Its matrix is that
+ * of the last step. */
+static msim_sim *moved(int kind, int32_t side, int32_t aggregate) {
+  const double sideways[3] = {9.81, 0, 0};
   const msim_options opt = frames();
+  msim_scene *scene = hanging_cloth(side, 1000, 0.01);
+  if (kind == FLAT) assert_ok(msim_scene_set_gravity(scene, sideways, err));
+  if (kind == HUB) add_hub(scene);
   msim_sim *sim = make_two_level(scene, &opt, aggregate);
+  assert_int_equal(sim->model->rows.dims, kind == FLAT ? 2 : 3);
+  assert_int_equal(sim->model->halves.nparts > 0, kind == HUB);
   assert_ok(msim_sim_step(sim, 30, err));
   assert_true(pcg_of(sim)->coarse_is_ready);
   msim_scene_destroy(scene);
   return sim;
 }
 
-static size_t length(const msim_sim *sim) { return 3 * (size_t)sim->model->rows.stride; }
+static size_t length(const msim_sim *sim) {
+  return (size_t)sim->model->rows.dims * (size_t)sim->model->rows.stride;
+}
 
 /* 0 outside of the unknowns */
 static double *random_vector(const msim_sim *sim, unsigned seed) {
   const ms_rows *rows = &sim->model->rows;
   double *v = calloc(length(sim), sizeof *v);
-  for (int32_t c = 0; c < 3; c++)
+  for (int32_t c = 0; c < rows->dims; c++)
     for (int32_t r = 0; r < rows->nfree; r++) v[c * rows->stride + r] = uniform(&seed) - 0.5;
   return v;
 }
@@ -34,11 +54,11 @@ static double dot(const msim_sim *sim, const double *u, const double *v) {
 /* out = P z */
 static void prolong(const msim_sim *sim, const ms_coarse *coarse, const double *z, double *out) {
   const ms_rows *rows = &sim->model->rows;
-  for (int32_t at = 0; at < 3 * rows->nfree; at++) {
+  for (int32_t at = 0; at < rows->dims * rows->nfree; at++) {
     const int32_t c = at / rows->nfree, r = at % rows->nfree, k = coarse->aggregates.of[r];
     double sum = 0;
     for (int32_t m = 0; m < 4 && k >= 0; m++)
-      sum += (double)coarse->aggregates.weight[4 * r + m] * z[12 * k + 4 * c + m];
+      sum += (double)coarse->aggregates.weight[4 * r + m] * z[4 * rows->dims * k + 4 * c + m];
     out[c * rows->stride + r] = sum;
   }
 }
@@ -48,22 +68,24 @@ static void prolong(const msim_sim *sim, const ms_coarse *coarse, const double *
 /* ms_coarse_solve says what P^T v, z and v.Q v are; Q is symmetric, and not negative. */
 static void coarse_operator_is_symmetric(void **state) {
   (void)state;
-  msim_sim *sim = folded(20, 32);
-  ms_coarse *coarse = &pcg_of(sim)->coarse;
-  double *u = random_vector(sim, 1), *v = random_vector(sim, 2);
-  double *Qu = random_vector(sim, 3), *Qv = random_vector(sim, 3);
-  const double vv = ms_coarse_solve(coarse, v);
-  prolong(sim, coarse, coarse->z, Qv);
-  prolong(sim, coarse, coarse->r, Qu); /* P P^T v: an orthogonal projection of v */
-  assert_close(dot(sim, Qu, Qu), dot(sim, Qu, v), 1e-5 * dot(sim, v, v));
-  const double uu = ms_coarse_solve(coarse, u);
-  prolong(sim, coarse, coarse->z, Qu);
-  assert_true(uu > 0 && vv > 0);
-  assert_close(dot(sim, v, Qv), vv, 1e-13 * vv);
-  assert_close(dot(sim, u, Qu), uu, 1e-13 * uu);
-  assert_close(dot(sim, u, Qv), dot(sim, v, Qu), 1e-13 * sqrt(uu * vv));
-  free(u), free(v), free(Qu), free(Qv);
-  msim_sim_destroy(sim);
+  for (int kind = 0; kind < SCENES; kind++) {
+    msim_sim *sim = moved(kind, 20, 32);
+    ms_coarse *coarse = &pcg_of(sim)->coarse;
+    double *u = random_vector(sim, 1), *v = random_vector(sim, 2);
+    double *Qu = random_vector(sim, 3), *Qv = random_vector(sim, 3);
+    const double vv = ms_coarse_solve(coarse, v);
+    prolong(sim, coarse, coarse->z, Qv);
+    prolong(sim, coarse, coarse->r, Qu); /* P P^T v: an orthogonal projection of v */
+    assert_close(dot(sim, Qu, Qu), dot(sim, Qu, v), 1e-5 * dot(sim, v, v));
+    const double uu = ms_coarse_solve(coarse, u);
+    prolong(sim, coarse, coarse->z, Qu);
+    assert_true(uu > 0 && vv > 0);
+    assert_close(dot(sim, v, Qv), vv, 1e-13 * vv);
+    assert_close(dot(sim, u, Qu), uu, 1e-13 * uu);
+    assert_close(dot(sim, u, Qv), dot(sim, v, Qu), 1e-13 * sqrt(uu * vv));
+    free(u), free(v), free(Qu), free(Qv);
+    msim_sim_destroy(sim);
+  }
 }
 
 /* pcg's A v, in msim's unit */
@@ -101,11 +123,11 @@ static void multiply_factor(const ms_block_cholesky *chol, double *M) {
 /* L L^T = P^T A P / scale, a column at a time, with A in single precision */
 static void coarse_matrix_is_the_triple_product(void **state) {
   (void)state;
-  for (int pair = 0; pair < 2; pair++) {
-    msim_sim *sim = folded(pair ? 16 : 9, pair ? 64 : 8);
+  for (int kind = 0; kind < SCENES; kind++) {
+    msim_sim *sim = moved(kind, kind == FOLDED ? 9 : 17, kind == FOLDED ? 8 : 64);
     ms_pcg *pcg = pcg_of(sim);
     const ms_coarse *coarse = &pcg->coarse;
-    const int32_t n = 12 * coarse->aggregates.n;
+    const int32_t n = coarse->chol.block * coarse->aggregates.n;
     double curvature, *M = calloc((size_t)(n * n), sizeof *M),
                       *unit = calloc((size_t)n, sizeof *unit);
     double *p = random_vector(sim, 1), *q = random_vector(sim, 1);
@@ -134,13 +156,15 @@ static void coarse_matrix_is_the_triple_product(void **state) {
 static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
   const ms_halves *halves = &sim->model->halves;
   const ms_coefficients *a = &sim->linear->system.a;
-  const int32_t stride = sim->model->rows.stride, *first = halves->first + r / MS_GROUP;
+  const int32_t stride = sim->model->rows.stride;
+  const ms_span span = ms_halves_of(halves, r);
   double sum = 0;
-  for (int32_t slot = first[0]; slot < first[1]; slot++) {
-    const int32_t at = MS_GROUP * slot + r % MS_GROUP, j = halves->neighbour[at];
-    double dd = 0,
-           ww = a->w[0][at] * a->w[0][at] + a->w[1][at] * a->w[1][at] + a->w[2][at] * a->w[2][at];
-    for (int32_t c = 0; c < 3; c++) dd += pow(v[c * stride + r] - v[c * stride + j], 2);
+  for (int32_t at = span.begin; at < span.end; at += span.step) {
+    double dd = 0, ww = 0;
+    for (int32_t c = 0; c < sim->model->rows.dims; c++) {
+      dd += pow(v[c * stride + r] - v[c * stride + halves->neighbour[at]], 2);
+      ww += a->w[c][at] * a->w[c][at];
+    }
     sum += (a->t[at] + ww) * sqrt(dd);
   }
   return sum;
@@ -148,23 +172,25 @@ static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
 
 static void matrix_is_rounded_spring_by_spring(void **state) {
   (void)state;
-  msim_sim *sim = folded(20, 32);
-  const int32_t stride = sim->model->rows.stride;
-  double *v = random_vector(sim, 1), *exact = random_vector(sim, 1), curvature, apart = 0;
-  const double *got = apply(sim, v, &curvature);
-  ms_coefficients_apply(sim->model, &sim->linear->system.a, v, exact);
-  for (int32_t r = 0; r < sim->model->rows.nfree; r++) {
-    const double size = spring_sizes(sim, v, r);
-    for (int32_t c = 0; c < 3; c++) {
-      const double off = fabs(got[c * stride + r] - exact[c * stride + r]);
-      assert_close(off, 0, FLT_EPSILON * size);
-      apart = fmax(apart, off / size);
+  for (int kind = 0; kind < SCENES; kind++) {
+    msim_sim *sim = moved(kind, 20, 32);
+    const int32_t stride = sim->model->rows.stride;
+    double *v = random_vector(sim, 1), *exact = random_vector(sim, 1), curvature, apart = 0;
+    const double *got = apply(sim, v, &curvature);
+    ms_coefficients_apply(sim->model, &sim->linear->system.a, v, exact);
+    for (int32_t r = 0; r < sim->model->rows.nfree; r++) {
+      const double size = spring_sizes(sim, v, r);
+      for (int32_t c = 0; c < sim->model->rows.dims; c++) {
+        const double off = fabs(got[c * stride + r] - exact[c * stride + r]);
+        assert_close(off, 0, FLT_EPSILON * size);
+        apart = fmax(apart, off / size);
+      }
     }
+    assert_true(apart > FLT_EPSILON / 100); /* else nothing was rounded */
+    assert_close(curvature, dot(sim, v, exact), FLT_EPSILON * curvature);
+    free(v), free(exact);
+    msim_sim_destroy(sim);
   }
-  assert_true(apart > FLT_EPSILON / 100); /* else nothing was rounded */
-  assert_close(curvature, dot(sim, v, exact), FLT_EPSILON * curvature);
-  free(v), free(exact);
-  msim_sim_destroy(sim);
 }
 
 /* Springs act in pairs: a body that moves as one feels its inertia alone, to the last bit, and
@@ -187,14 +213,14 @@ static void springs_stay_balanced(void **state) {
   const ms_pcg *pcg = pcg_of(sim);
   double *v = random_vector(sim, 1), curvature, sum[3] = {0};
   const double *Av = apply(sim, v, &curvature);
-  for (int32_t at = 0; at < 3 * rows->nfree; at++) {
+  for (int32_t at = 0; at < rows->dims * rows->nfree; at++) {
     const int32_t c = at / rows->nfree, i = c * rows->stride + at % rows->nfree;
     sum[c] += Av[i] - pcg->inertia[at % rows->nfree] * pcg->jacobi.scale * v[i];
     v[i] = 0.1 * (c + 1);
   }
   for (int32_t c = 0; c < 3; c++) assert_close(sum[c], 0, 1e-14 * pcg->jacobi.scale * rows->nfree);
   Av = apply(sim, v, &curvature);
-  for (int32_t at = 0; at < 3 * rows->nfree; at++) {
+  for (int32_t at = 0; at < rows->dims * rows->nfree; at++) {
     const int32_t r = at % rows->nfree, i = at / rows->nfree * rows->stride + r;
     assert_true(Av[i] == pcg->inertia[r] * v[i] * pcg->jacobi.scale);
     assert_close(Av[i] / (sim->model->mass[r] * v[i]), 1, 1e-15);
