@@ -37,9 +37,9 @@ class Stopping(CliTest):
                 os.remove(self.folder / "out.csv")
 
     def test_second_signal_kills(self):
-        self.scene({"msim": 1, "objects": [{"type": "cloth", "n": [500, 500], "row": [1, 0, 0],
-                                            "column": [0, 1, 0], "mass": 1, "k": 1e9,
-                                            "pinned": ["first_corners"]}],
+        self.scene({"msim": 1, "objects": [{"type": "cloth", "n": [500, 500], "origin": [0, 0, 0],
+                                            "row": [1, 0, 0], "column": [0, 1, 0], "mass": 1,
+                                            "k": 1e9, "pinned": ["first_corners"]}],
                     "gravity": [9.81, -3, -9.81]})
         with self.start("run", "scene.json", *FOR_EVER, "--integrator", "linearly-implicit-euler",
                         "--h", "1", "--threads", "1", "--solver", "pcg", "--solver.rtol", "1e-14",
