@@ -6,6 +6,8 @@
 #include "linear.h"
 #include "rows.h"
 
+enum { CONTESTANTS = 3 };
+
 /* A contestant of another race, while the other cores are idle or busy. */
 typedef struct condition {
   contestant *inner;
@@ -29,8 +31,8 @@ static int run_condition(contestant *c, sample *s) {
   return good;
 }
 
-static double report_slowdown(report *out, const race *r, const contestant *idle,
-                              const contestant *busy, int spinners) {
+static void report_slowdown(report *out, const race *r, const contestant *idle,
+                            const contestant *busy, int spinners) {
   const double slowdown = median_ratio(busy, whole_seconds, idle, whole_seconds);
   json_t *row = step_row(out, "busy", r->moving, r->system.h);
   put_text(row, "solver", idle->name);
@@ -46,48 +48,40 @@ static double report_slowdown(report *out, const race *r, const contestant *idle
     printf(" %-19s %7.4g ms idle, %7.4g ms with %d busy core%s: %.3g times\n", idle->name,
            1e3 * median_of(idle, whole_seconds), 1e3 * median_of(busy, whole_seconds), spinners,
            spinners == 1 ? "" : "s", slowdown);
-  return slowdown;
+  if (strcmp(idle->measure, "step") != 0) return;
+  char key[80];
+  snprintf(key, sizeof key, "%.31s_slowdown_when_other_core_busy_%s", idle->name,
+           r->moving->kind->name);
+  report_key(out, key, slowdown);
 }
 
-/* Idle and busy versions of all contestants of r; the slowdown of the first one. */
-static double run_conditions(linear_bench *b, race *r, const patience *p) {
-  condition conditions[4];
-  contestant all[4] = {{.n = 0}};
+/* Idle and busy versions of all contestants of r. */
+static void run_conditions(linear_bench *b, race *r, const patience *p) {
+  condition conditions[2 * CONTESTANTS];
+  contestant all[2 * CONTESTANTS] = {{.n = 0}};
   int count = 0;
   for (int i = 0; i < 2 * r->count; i++) {
     contestant *inner = &r->all[i / 2], *c = &all[count];
     if (inner->failed) continue;
     conditions[count] = (condition){inner, i % 2 ? &b->spinner : NULL};
     memcpy(c->name, inner->name, sizeof c->name);
-    c->family = c->measure = "busy";
+    c->family = "busy";
+    c->measure = inner->measure;
     c->run = run_condition;
     c->data = &conditions[count++];
   }
   contest(all, count, p);
-  double first = NAN;
-  if (is_interrupted()) return first;
-  for (int i = 0; i + 1 < count; i += 2) {
-    const double slowdown = report_slowdown(b->report, r, &all[i], &all[i + 1], b->spinner.count);
-    if (strcmp(all[i].name, "cholmod") == 0) first = slowdown;
-  }
-  return first;
+  for (int i = 0; i + 1 < count && !is_interrupted(); i += 2)
+    report_slowdown(b->report, r, &all[i], &all[i + 1], b->spinner.count);
 }
 
-static const struct bench_solver *find_solver(const linear_bench *b, const char *name) {
-  for (int i = 0; i < b->nsolvers; i++)
-    if (strcmp(b->solvers[i].name, name) == 0) return &b->solvers[i];
-  return NULL;
-}
-
-double measure_busy(linear_bench *b, const moving *m, double h, const patience *p) {
-  const struct bench_solver *cholmod = find_solver(b, "cholmod");
+void measure_busy(linear_bench *b, const moving *m, double h, const patience *p) {
   msim_error err;
-  if (!cholmod || b->spinner.count == 0) return NAN;
-  race *r = race_new(m, h, 1e-6, &err);
-  if (!r) return NAN;
-  race_add_step(r, cholmod->name, cholmod->table);
+  race *r = b->spinner.count > 0 ? race_new(m, h, 1e-6, 1, &err) : NULL;
+  if (!r) return;
+  race_add_step(r, "auto", NULL, m->threads);
+  race_add_step(r, "cholmod", NULL, m->threads);
   if (reference_take(&b->cholmod, &r->system)) race_add_reference(r, "default", &b->cholmod, 0);
-  const double slowdown = run_conditions(b, r, p);
+  run_conditions(b, r, p);
   race_free(r);
-  return slowdown;
 }

@@ -44,7 +44,7 @@ static disagreement find_disagreement(const race *r) {
 
 static void report_disagreement(report *out, const race *r, const disagreement *d) {
   json_t *row = step_row(out, "disagreement", r->moving, r->system.h);
-  put_integer(row, "unknowns", r->system.n);
+  put_integer(row, "unknowns", r->moving->unknowns);
   put_real(row, "rtol", r->system.rtol);
   put_integer(row, "solvers", d->solvers);
   if (!d->pair[0]) return;
@@ -65,7 +65,7 @@ static int all_had_their_turn(const race *r) {
 double compare_solvers(const linear_bench *b, const moving *m, double h, const thrift *t) {
   const patience once = {.until = b->until};
   msim_error err;
-  race *r = race_new(m, h, 1e-12, &err);
+  race *r = race_new(m, h, 1e-12, 0, &err);
   if (!r) {
     report_left_out(b->report, "disagreement", m, h, "all", err.text);
     return NAN;

@@ -15,6 +15,8 @@ typedef struct linear_plan {
   const char *const *scenes;     /* in this order */
   int everything;                /* 0: times at the k and h of the summary's speeds only */
   double seconds;                /* for all */
+  double fall;                   /* s, of each scene */
+  int largest_compared;          /* particles along an edge of a cloth */
   patience first, others, busy;  /* first: at the k and h of the summary's speeds */
   patience duel;                 /* of the two that a speed of the summary compares */
   int variants;                  /* of a reference program */
@@ -31,6 +33,8 @@ static const linear_plan plan_full = {
     .scenes = all_scenes,
     .everything = 1,
     .seconds = 840,
+    .fall = 60,
+    .largest_compared = 64,
     .first = {.budget = 30, .rounds = 5, .most = MOST_ROUNDS - 1},
     .others = {.budget = 10, .rounds = 3, .most = MOST_ROUNDS - 1},
     .busy = {.budget = 20, .rounds = 5, .most = MOST_ROUNDS - 1},
@@ -43,9 +47,11 @@ static const linear_plan plan_full = {
 static const linear_plan plan_quick = {
     .scenes = quick_scenes,
     .seconds = 54,
-    .first = {.budget = 2, .rounds = 1, .most = 20},
-    .duel = {.budget = 3, .rounds = 3, .most = 20},
-    .busy = {.budget = 4, .rounds = 2, .most = 10},
+    .fall = 3,
+    .largest_compared = 32,
+    .first = {.budget = 1, .rounds = 1, .most = 20},
+    .duel = {.budget = 1.5, .rounds = 3, .most = 20},
+    .busy = {.budget = 3, .rounds = 2, .most = 10},
     .variants = 1,
     .thrift = {.flops = 5e8, .products = 4000, .restarted = 400},
     .stock = {.products = 4000},
@@ -71,7 +77,7 @@ static void find_solvers(linear_bench *b) {
   json_t *libraries = json_object();
   for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++) {
     struct bench_solver *solver = &b->solvers[b->nsolvers];
-    if (strcmp(entry.name, "auto") == 0 || b->nsolvers == MOST_STEPS) continue;
+    if (b->nsolvers == MOST_STEPS) continue;
     if (!entry.available) {
       report_missing(b->report, entry.name, entry.note);
       continue;
@@ -113,7 +119,7 @@ void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *
       report_left_out(b->report, measure, r->moving, r->system.h, solver->name, why);
       continue;
     }
-    race_add_step(r, solver->name, solver->table);
+    race_add_step(r, solver->name, solver->table, r->moving->threads);
     const int factorises = solver->table && !(solver->table->flags & MSIM_BACKEND_ITERATIVE);
     if (factorises && strcmp(measure, "step") == 0) race_add_bare(r);
   }
@@ -131,7 +137,7 @@ static int hand_over(linear_bench *b, const race *r, reference *child) {
 static void enter_references(linear_bench *b, race *r) {
   char text[128];
   if (hand_over(b, r, &b->cholmod)) race_add_reference(r, "default", &b->cholmod, 0);
-  if (leave_out("pcg", r->moving, r->system.h, r->system.rtol, &b->plan->stock, text)) return;
+  if (leave_out("stock", r->moving, r->system.h, r->system.rtol, &b->plan->stock, text)) return;
   if (!hand_over(b, r, &b->sundials)) return;
   for (int i = 0; i < b->sundials.hello.nvariants && i < b->plan->variants; i++)
     race_add_reference(r, "stock", &b->sundials, i);
@@ -161,15 +167,10 @@ static int is_key(const char *name) {
   return 0;
 }
 
-/* The two alone, in turn and many times: the machine's minutes differ more than they do. */
-static double duel(const linear_bench *b, const struct ratio *ratio, const contestant *over,
-                   const contestant *under) {
-  contestant pair[2] = {*over, *under};
-  patience p = b->plan->duel;
+/* What a plan grants, no longer than there is time for all. */
+static patience limited(const linear_bench *b, patience p) {
   p.until = b->until;
-  for (int i = 0; i < 2; i++) pair[i].n = 0, pair[i].spent = 0;
-  contest(pair, 2, &p);
-  return median_ratio(&pair[0], ratio->of_over, &pair[1], ratio->of_under);
+  return p;
 }
 
 static void report_ratio(const linear_bench *b, const race *r, const struct ratio *ratio,
@@ -181,7 +182,9 @@ static void report_ratio(const linear_bench *b, const race *r, const struct rati
   char key[80];
   snprintf(key, sizeof key, "%s_%s", ratio->name, r->moving->kind->name);
   const int is_reported = is_main && is_key(key);
-  const double value = is_reported ? duel(b, ratio, over, under)
+  const patience p = limited(b, b->plan->duel);
+  contestant pair[2];
+  const double value = is_reported ? duel(over, ratio->of_over, under, ratio->of_under, &p, pair)
                                    : median_ratio(over, ratio->of_over, under, ratio->of_under);
   if (!isfinite(value)) return;
   json_t *row = step_row(out, "ratio", r->moving, r->system.h);
@@ -195,13 +198,12 @@ static void report_ratio(const linear_bench *b, const race *r, const struct rati
 
 static void time_solvers(linear_bench *b, const moving *m, double h, int is_main) {
   msim_error err;
-  race *r = race_new(m, h, 1e-6, &err);
+  race *r = race_new(m, h, 1e-6, 1, &err);
   if (!r) {
     report_left_out(b->report, "step", m, h, "all", err.text);
     return;
   }
-  patience p = is_main ? b->plan->first : b->plan->others;
-  p.until = b->until;
+  const patience p = limited(b, is_main ? b->plan->first : b->plan->others);
   enter_solvers(b, r, &b->plan->thrift, "step");
   enter_references(b, r);
   contest(r->all, r->count, &p);
@@ -222,9 +224,8 @@ typedef struct worst {
   int missed[NK], compared[NK];
 } worst;
 
-static int is_compared(const bench_scene *scene) {
-  const bench_scene *largest = scene_find("cloth64", 7);
-  return scene->solid ? scene->side <= 16 : scene->side <= largest->side;
+static int is_compared(const linear_bench *b, const bench_scene *scene) {
+  return scene->side <= (scene->solid ? 16 : b->plan->largest_compared);
 }
 
 static void compare(linear_bench *b, const moving *m, int k, double h, worst *w) {
@@ -237,26 +238,24 @@ static void compare(linear_bench *b, const moving *m, int k, double h, worst *w)
 static void measure_moving(linear_bench *b, const moving *m, int k, worst *w) {
   for (int i = 0; i < NH && !is_interrupted(); i++) {
     const int is_main = k == MAIN_K && i == MAIN_H;
-    const int timed = b->plan->everything || is_main, compared = is_compared(m->kind);
+    const int timed = b->plan->everything || is_main, compared = is_compared(b, m->kind);
     if (timed || compared) print_heading(m, steps[i]);
     if (timed) time_solvers(b, m, steps[i], is_main);
     if (compared && !is_interrupted()) compare(b, m, k, steps[i], w);
   }
   if (k != MAIN_K || strcmp(m->kind->name, "cloth64") != 0 || is_interrupted()) return;
-  patience p = b->plan->busy;
-  p.until = b->until;
-  report_key(b->report, "cholmod_slowdown_when_other_core_busy_cloth64",
-             measure_busy(b, m, steps[MAIN_H], &p));
+  const patience p = limited(b, b->plan->busy);
+  measure_busy(b, m, steps[MAIN_H], &p);
 }
 
 static void measure_scene(linear_bench *b, const bench_scene *scene, worst *w) {
   for (int k = 0; k < NK && !is_interrupted(); k++) {
     moving m;
-    if (!b->plan->everything && k != MAIN_K && !is_compared(scene)) continue;
-    if (moving_make(scene, stiffnesses[k], b->wishes->threads, b->until, &m)) {
+    if (!b->plan->everything && k != MAIN_K && !is_compared(b, scene)) continue;
+    if (moving_make(scene, stiffnesses[k], b->wishes->threads, b->plan->fall, b->until, &m)) {
       measure_moving(b, &m, k, w);
     } else if (!is_interrupted()) {
-      w->missed[k] |= is_compared(scene);
+      w->missed[k] |= is_compared(b, scene);
       print_heading(&m, steps[MAIN_H]);
       report_left_out(b->report, "step", &m, steps[MAIN_H], "all", m.err.text);
     }
@@ -282,6 +281,8 @@ int bench_linear(const bench_wishes *wishes, report *r) {
   spinner_start(&b.spinner);
   find_references(&b);
   find_solvers(&b);
+  const patience p = limited(&b, b.plan->duel);
+  measure_duels(&b, b.plan->fall, &p);
   measure_all(&b);
   reference_stop(&b.cholmod);
   reference_stop(&b.sundials);

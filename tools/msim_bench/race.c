@@ -7,14 +7,15 @@
 
 #include "../common/clock.h"
 
-race *race_new(const moving *m, double h, double rtol, msim_error *err) {
+race *race_new(const moving *m, double h, double rtol, int with_system, msim_error *err) {
   race *r = calloc(1, sizeof *r);
   if (!r) {
     snprintf(err->text, sizeof err->text, "out of memory for a race");
     return NULL;
   }
   r->moving = m;
-  if (system_make(m, h, rtol, &r->system, err)) return r;
+  r->system = (linear_system){.h = h, .rtol = rtol};
+  if (!with_system || system_make(m, h, rtol, &r->system, err)) return r;
   race_free(r);
   return NULL;
 }
@@ -45,7 +46,7 @@ static int fail(contestant *c, const char *why) {
 
 /*------------------------------------- whole steps ----------------------------------------------*/
 
-/* Seconds that a step added to the sim's statistics. */
+/* What a step added to the sim's statistics. */
 static void take_phases(const msim_stats *before, const msim_stats *after, sample *s) {
   s->force = after->force_s - before->force_s;
   s->assemble = after->assemble_s - before->assemble_s;
@@ -54,31 +55,47 @@ static void take_phases(const msim_stats *before, const msim_stats *after, sampl
   s->iterations = after->iterations - before->iterations;
 }
 
-static int run_step(contestant *c, sample *s) {
-  struct racing_step *step = c->data;
-  const moving *m = step->race->moving;
+static msim_status step_once(const struct racing_step *step, sample *s, msim_error *err) {
   msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
-  msim_state end = {.size = sizeof end};
-  msim_error err;
-  if (msim_sim_set_state(step->sim, &m->state, &err) != MSIM_OK) return fail(c, err.text);
+  msim_status status = msim_sim_set_state(step->sim, &step->race->moving->state, err);
+  if (status) return status;
   msim_sim_stats(step->sim, &before);
-  step->probe.listens = c->n == 0;
   const double start = wall_seconds();
-  const msim_status status = msim_sim_step(step->sim, 1, &err);
+  status = msim_sim_step(step->sim, 1, err);
   s->whole = wall_seconds() - start;
-  if (status) return fail(c, err.text);
   msim_sim_stats(step->sim, &after);
   take_phases(&before, &after, s);
-  if (c->n > 0) return 1;
+  return status;
+}
+
+static int run_step(contestant *c, sample *s) {
+  struct racing_step *step = c->data;
+  const race *r = step->race;
+  msim_state end = {.size = sizeof end};
+  msim_error err;
+  step->probe.listens = c->n == 0;
+  const double start = wall_seconds();
+  do
+    if (step_once(step, s, &err) != MSIM_OK) return fail(c, err.text);
+  while (wall_seconds() - start < r->warm);
+  if (c->n > 0 || r->system.n == 0) return 1;
   msim_sim_state(step->sim, &end);
-  c->residual = system_residual(&step->race->system, end.v);
+  c->residual = system_residual(&r->system, end.v);
   return 1;
 }
 
-contestant *race_add_step(race *r, const char *solver, const msim_backend *table) {
+/* Only `auto` may choose. */
+static void check_solver(contestant *c, const char *solver, const msim_sim *sim) {
+  msim_plan plan = {.size = sizeof plan};
+  msim_sim_plan(sim, &plan);
+  c->failed = strcmp(solver, "auto") != 0 && strcmp(solver, plan.solver) != 0;
+  if (c->failed) snprintf(c->reason, sizeof c->reason, "%s would run in its place", plan.solver);
+}
+
+contestant *race_add_step(race *r, const char *solver, const msim_backend *table, int32_t threads) {
   struct racing_step *step = &r->steps[r->nsteps++];
   contestant *c = enter(r, solver, solver, "step", run_step, step);
-  msim_options options = implicit_options(r->system.h, r->system.rtol, solver, r->moving->threads);
+  msim_options options = implicit_options(r->system.h, r->system.rtol, solver, threads);
   msim_error err;
   step->race = r;
   if (table) {
@@ -88,7 +105,12 @@ contestant *race_add_step(race *r, const char *solver, const msim_backend *table
   }
   c->failed = msim_sim_create(r->moving->scene, &options, &step->sim, &err) != MSIM_OK;
   if (c->failed) fail(c, err.text);
+  else check_solver(c, solver, step->sim);
   return c;
+}
+
+const struct racing_step *race_step_of(const contestant *c) {
+  return c->run == run_step ? c->data : NULL;
 }
 
 /*------------------------------------- backends alone -------------------------------------------*/

@@ -11,7 +11,8 @@ enum { MOST_STEPS = 16, MOST_CONTESTANTS = 2 * MOST_STEPS + REFERENCE_VARIANTS +
 
 typedef struct race {
   const moving *moving;
-  linear_system system;
+  linear_system system; /* n = 0: h and rtol alone */
+  double warm;          /* s of steps that do not count, before each one that does */
   struct racing_step {
     const struct race *race;
     probe probe;
@@ -26,14 +27,20 @@ typedef struct race {
   contestant all[MOST_CONTESTANTS];
 } race;
 
-/* A race over the step of length h from a scene's state; NULL: it failed, and why in err. */
-race *race_new(const moving *m, double h, double rtol, msim_error *err);
+/* A race over the step of length h from a scene's state. with_system: references take part and
+ * residuals are computed, which a large matrix is too large for. NULL: it failed, and why in err.
+ */
+race *race_new(const moving *m, double h, double rtol, int with_system, msim_error *err);
 void race_free(race *r);
 
 /* Enter one: the contestant, whose `failed` tells that it cannot run. */
 
-/* A whole step, option `solver` being the name; table: the backend behind it, NULL if built in. */
-contestant *race_add_step(race *r, const char *solver, const msim_backend *table);
+/* A whole step by so many threads, option `solver` being the name. table: the backend behind it, to
+ * be watched for race_add_bare; NULL: it is not, or built in. */
+contestant *race_add_step(race *r, const char *solver, const msim_backend *table, int32_t threads);
+
+/* What makes a contestant's steps; NULL: it is no whole step. */
+const struct racing_step *race_step_of(const contestant *c);
 
 /* Factor and solve of the step entered last, called again on the same values. */
 contestant *race_add_bare(race *r);

@@ -7,8 +7,8 @@
 /*------------------------------------- table ----------------------------------------------------*/
 
 void print_heading(const moving *m, double h) {
-  printf("\n%s, k = %g N/m, h = 1/%.0f s, %d unknowns\n", m->kind->name, m->k, 1 / h,
-         (int)m->unknowns);
+  printf("\n%s at t = %.2g s, k = %g N/m, h = 1/%.0f s, %d unknowns\n", m->kind->name, m->state.t,
+         m->k, 1 / h, (int)m->unknowns);
   fflush(stdout);
 }
 
@@ -44,6 +44,8 @@ static void print_contestant(const contestant *c) {
 json_t *step_row(report *out, const char *measure, const moving *m, double h) {
   json_t *row = report_row(out, measure);
   put_text(row, "scene", m->kind->name);
+  put_integer(row, "particles", m->view.nparticles);
+  put_real(row, "t", m->state.t);
   put_real(row, "k", m->k);
   put_real(row, "h", h);
   return row;
@@ -53,12 +55,23 @@ static void put_ms(json_t *row, const char *key, double seconds) {
   if (seconds > 0) put_real(row, key, 1e3 * seconds);
 }
 
+/* Who computed. */
+static void put_plan(json_t *row, const contestant *c) {
+  const struct racing_step *step = race_step_of(c);
+  msim_plan plan = {.size = sizeof plan};
+  if (!step) return;
+  msim_sim_plan(step->sim, &plan);
+  put_text(row, "ran", plan.solver);
+  put_integer(row, "threads", plan.threads);
+}
+
 static void report_contestant(report *out, const race *r, const contestant *c) {
   const int64_t iterations = c->samples[c->n - 1].iterations;
   json_t *row = step_row(out, c->measure, r->moving, r->system.h);
   put_text(row, "solver", c->name);
   put_text(row, "status", "ok");
-  put_integer(row, "unknowns", r->system.n);
+  put_plan(row, c);
+  put_integer(row, "unknowns", r->moving->unknowns);
   put_integer(row, "repeats", c->n > 1 ? c->n - 1 : 1);
   put_real(row, "spread", spread_of(c, whole_seconds));
   put_ms(row, "ms", median_of(c, whole_seconds));

@@ -11,7 +11,8 @@ static double predict_flops(const moving *m) {
   return m->kind->solid ? 80 * n * n : 800 * n * sqrt(n);
 }
 
-/* Of conjugate gradients: half the root of the condition number times the digits asked for, where
+/* Of conjugate gradients that know no more than the blocks of the diagonal: half the root of the
+ * condition number times the digits asked for, where
  * kappa <= 1 + 2 g h^2 k / m for g springs at each particle, by Gershgorin. Folded cloth needs a
  * tenth to half of it. */
 static double predict_iterations(const moving *m, double h, double rtol) {
@@ -23,9 +24,13 @@ static double predict_iterations(const moving *m, double h, double rtol) {
 
 const char *leave_out(const char *solver, const moving *m, double h, double rtol, const thrift *t,
                       char text[static 128]) {
-  if (strcmp(solver, "cholmod") == 0) return NULL;
+  if (strcmp(solver, "auto") == 0 || strcmp(solver, "pcg") == 0) return NULL;
+  const double flops = predict_flops(m);
+  if (strcmp(solver, "cholmod") == 0) {
+    snprintf(text, 128, "about %.1g flops predicted", flops);
+    return t->dense > 0 && flops > t->dense ? text : NULL;
+  }
   if (strcmp(solver, "klu") == 0) {
-    const double flops = predict_flops(m);
     snprintf(text, 128, "about %.1g flops predicted, without dense kernels", flops);
     return flops > t->flops ? text : NULL;
   }

@@ -7,6 +7,7 @@
 /* What a bench has time for. */
 typedef struct thrift {
   double flops;     /* of a factorisation without dense kernels */
+  double dense;     /* with them; 0: time for any */
   double products;  /* A x, of a short recurrence */
   double restarted; /* the same of a method that starts again and again */
 } thrift;

@@ -11,8 +11,10 @@
 const bench_scene *scene_info(int i) {
   static const bench_scene scenes[] = {
       {"cloth32", 32, 0, 0},   {"cloth64", 64, 0, 0},   {"cloth100", 100, 0, 0},
-      {"cloth200", 200, 0, 0}, {"cloth500", 500, 0, 0}, {"jelly16", 16, 1, 0},
-      {"jelly46", 46, 1, 0},   {"mesh100", 100, 0, 1},  {"mesh500", 500, 0, 1},
+      {"cloth200", 200, 0, 0}, {"cloth316", 316, 0, 0}, {"cloth500", 500, 0, 0},
+      {"jelly8", 8, 1, 0},     {"jelly16", 16, 1, 0},   {"jelly24", 24, 1, 0},
+      {"jelly32", 32, 1, 0},   {"jelly46", 46, 1, 0},   {"mesh100", 100, 0, 1},
+      {"mesh500", 500, 0, 1},
   };
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
 }
@@ -103,9 +105,10 @@ static int keep_state(const msim_state *state, moving *m) {
   return 1;
 }
 
-static int fall(msim_sim *sim, double until, msim_error *err) {
+static int fall(msim_sim *sim, double seconds, double until, msim_error *err) {
   enum { STEPS = 60 };
-  for (int i = 0; i < STEPS; i++) {
+  const double enough = wall_seconds() + seconds;
+  for (int i = 0; i < STEPS && wall_seconds() < enough; i++) {
     if (is_interrupted() || wall_seconds() > until) {
       snprintf(err->text, sizeof err->text, "there was no time to let it fall");
       return 0;
@@ -121,13 +124,14 @@ static void strike(moving *m) {
     if (!m->view.pinned[i]) m->v[3 * i + 2] += m->x[3 * i] * m->x[3 * i];
 }
 
-int moving_make(const bench_scene *kind, double k, int32_t threads, double until, moving *m) {
+int moving_make(const bench_scene *kind, double k, int32_t threads, double seconds, double until,
+                moving *m) {
   const msim_options options = implicit_options(1.0 / 120, 1e-6, "auto", threads);
   msim_sim *sim = NULL;
   *m = (moving){.kind = kind, .k = k, .threads = threads};
   msim_state state = {.size = sizeof state};
-  int made =
-      !build(m) && !msim_sim_create(m->scene, &options, &sim, &m->err) && fall(sim, until, &m->err);
+  int made = !build(m) && !msim_sim_create(m->scene, &options, &sim, &m->err) &&
+             fall(sim, seconds, until, &m->err);
   if (made) msim_sim_state(sim, &state);
   made = made && keep_state(&state, m);
   if (made && kind->solid) strike(m);

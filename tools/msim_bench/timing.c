@@ -97,6 +97,15 @@ double median_ratio(const contestant *a, sample_value *of_a, const contestant *b
   return quantile(n - first, ratios, 0.5);
 }
 
+double duel(const contestant *a, sample_value *of_a, const contestant *b, sample_value *of_b,
+            const patience *p, contestant pair[2]) {
+  pair[0] = *a, pair[1] = *b;
+  for (int i = 0; i < 2; i++) pair[i].n = 0, pair[i].spent = 0;
+  contest(pair, a == b ? 1 : 2, p);
+  if (a == b) pair[1] = pair[0];
+  return median_ratio(&pair[0], of_a, &pair[1], of_b);
+}
+
 const contestant *fastest(const contestant *all, int count, const char *family) {
   const contestant *best = NULL;
   for (const contestant *c = all; c < all + count; c++) {

@@ -59,6 +59,11 @@ double spread_of(const contestant *c, sample_value *value);
 double median_ratio(const contestant *a, sample_value *of_a, const contestant *b,
                     sample_value *of_b);
 
+/* Two alone, in turn and many times, as the machine's minutes differ more than they do: their
+ * median_ratio. a and b may be the same; pair: what they did. */
+double duel(const contestant *a, sample_value *of_a, const contestant *b, sample_value *of_b,
+            const patience *p, contestant pair[2]);
+
 /* The fastest of a family that did not fail; NULL: there is none. */
 const contestant *fastest(const contestant *all, int count, const char *family);
 

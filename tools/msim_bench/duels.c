@@ -1,0 +1,146 @@
+/* Keys of the summary for which two run alone, on one thread each, in turn on the same state. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "interrupt.h"
+#include "linear.h"
+#include "rows.h"
+
+#define REFERENCE "default cholmod"
+#define STEP      (1.0 / 60)
+
+typedef struct fighter {
+  const char *name; /* option `solver`, or REFERENCE */
+  sample_value *value;
+} fighter;
+
+/* In the order of their scenes: neighbours share a state. */
+static const struct match {
+  const char *key, *scene;
+  double k;
+  fighter over, under;
+} matches[] = {
+    {"auto_over_tuned_cholmod_cloth100",
+     "cloth100",
+     1000,
+     {"auto", whole_seconds},
+     {"cholmod", whole_seconds}},
+    {"auto_over_default_cholmod_cloth100",
+     "cloth100",
+     1000,
+     {"auto", whole_seconds},
+     {REFERENCE, whole_seconds}},
+    {"jacobian_over_force", "cloth100", 1000, {"pcg", assemble_seconds}, {"pcg", force_seconds}},
+    {"expanded_jacobian_over_force",
+     "cloth100",
+     1000,
+     {"cholmod", assemble_seconds},
+     {"cholmod", force_seconds}},
+    {"auto_over_tuned_cholmod_stiff_cloth100",
+     "cloth100",
+     100000,
+     {"auto", whole_seconds},
+     {"cholmod", whole_seconds}},
+    {"auto_over_tuned_cholmod_cloth64",
+     "cloth64",
+     1000,
+     {"auto", whole_seconds},
+     {"cholmod", whole_seconds}},
+    {"auto_over_tuned_cholmod_jelly16",
+     "jelly16",
+     1000,
+     {"auto", whole_seconds},
+     {"cholmod", whole_seconds}},
+    {"auto_over_tuned_cholmod_cloth200",
+     "cloth200",
+     1000,
+     {"auto", whole_seconds},
+     {"cholmod", whole_seconds}},
+};
+enum { MATCHES = sizeof matches / sizeof *matches };
+
+static int share_state(const struct match *a, const struct match *b) {
+  return strcmp(a->scene, b->scene) == 0 && a->k == b->k;
+}
+
+/*------------------------------------- one match ------------------------------------------------*/
+
+static contestant *enter(linear_bench *b, race *r, const char *name) {
+  for (int i = 0; i < r->count; i++)
+    if (strcmp(r->all[i].name, name) == 0) return &r->all[i];
+  if (strcmp(name, REFERENCE) != 0) return race_add_step(r, name, NULL, 1);
+  return reference_take(&b->cholmod, &r->system) ? race_add_reference(r, "default", &b->cholmod, 0)
+                                                 : NULL;
+}
+
+static void put_fighter(json_t *row, const char *role, const contestant *c, sample_value *value) {
+  const struct racing_step *step = race_step_of(c);
+  msim_plan plan = {.size = sizeof plan};
+  char key[32];
+  put_text(row, role, c->name);
+  snprintf(key, sizeof key, "%s_ms", role);
+  put_real(row, key, 1e3 * median_of(c, value));
+  if (!step) return;
+  msim_sim_plan(step->sim, &plan);
+  snprintf(key, sizeof key, "%s_ran", role);
+  put_text(row, key, plan.solver);
+}
+
+static void fight(linear_bench *b, race *r, const struct match *match, const patience *p) {
+  const contestant *over = enter(b, r, match->over.name), *under = enter(b, r, match->under.name);
+  contestant pair[2];
+  if (!over || !under) return;
+  const double ratio = duel(over, match->over.value, under, match->under.value, p, pair);
+  if (is_interrupted()) return;
+  json_t *row = step_row(b->report, "duel", r->moving, r->system.h);
+  put_text(row, "name", match->key);
+  put_fighter(row, "over", &pair[0], match->over.value);
+  put_fighter(row, "under", &pair[1], match->under.value);
+  put_integer(row, "repeats", pair[0].n > 1 ? pair[0].n - 1 : pair[0].n);
+  put_real(row, "ratio", ratio);
+  for (int i = 0; i < 2; i++)
+    if (pair[i].failed) put_text(row, "reason", pair[i].reason);
+  report_key(b->report, match->key, ratio);
+  printf(" %-40s %.3g: %.3g ms over %.3g ms\n", match->key, ratio,
+         1e3 * median_of(&pair[0], match->over.value),
+         1e3 * median_of(&pair[1], match->under.value));
+  fflush(stdout);
+}
+
+/*------------------------------------- all ------------------------------------------------------*/
+
+static int is_wanted(const bench_wishes *wishes, const char *scene) {
+  for (int i = 0; i < wishes->nscenes; i++)
+    if (strcmp(wishes->scenes[i]->name, scene) == 0) return 1;
+  return wishes->nscenes == 0;
+}
+
+/* Those that share a state. */
+static void fight_all(linear_bench *b, const moving *m, const struct match *first, int count,
+                      const patience *p) {
+  msim_error err;
+  race *r = race_new(m, STEP, 1e-6, 1, &err);
+  if (!r) {
+    report_left_out(b->report, "duel", m, STEP, "all", err.text);
+    return;
+  }
+  for (int i = 0; i < count && !is_interrupted(); i++) fight(b, r, &first[i], p);
+  race_free(r);
+}
+
+void measure_duels(linear_bench *b, double seconds, const patience *p) {
+  int count;
+  for (int i = 0; i < MATCHES && !is_interrupted(); i += count) {
+    const struct match *first = &matches[i];
+    moving m;
+    for (count = 1; i + count < MATCHES && share_state(first, first + count);) count++;
+    if (!is_wanted(b->wishes, first->scene)) continue;
+    const bench_scene *scene = scene_find(first->scene, strlen(first->scene));
+    const int made = moving_make(scene, first->k, b->wishes->threads, seconds, b->until, &m);
+    print_heading(&m, STEP);
+    if (made) fight_all(b, &m, first, count, p);
+    else if (!is_interrupted()) report_left_out(b->report, "duel", &m, STEP, "all", m.err.text);
+    moving_free(&m);
+  }
+}
