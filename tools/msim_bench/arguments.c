@@ -130,5 +130,5 @@ int arguments_parse(int argc, char **argv, arguments *args) {
     if (args->help || args->version) return EXIT_OK;
   }
   if (status || args->bench) return status;
-  return complain_usage("", "the name of a bench is missing: linear, forces or skip");
+  return complain_usage("", "the name of a bench is missing: linear, forces, scaling or skip");
 }

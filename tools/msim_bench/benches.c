@@ -1,16 +1,24 @@
 #include "benches.h"
 
+#include <string.h>
+
 const bench_entry *bench_info(int i) {
   static const bench_entry benches[] = {
       {"linear", "one linearly implicit step by every solver, beside the libraries out of the box",
        bench_linear},
       {"forces", "explicit steps, beside a plain loop over the springs and the speed of memory",
        bench_forces},
-      {"scaling", "steps as scenes grow", NULL},
+      {"scaling", "implicit steps as scenes and stiffness grow, beside CHOLMOD", bench_scaling},
       {"skip", "what leaving out saves, beside CHOLMOD in every step", bench_skip},
       {"step", "nonlinear implicit steps", NULL},
       {"precision", "error against work", NULL},
       {"stability", "the longest stable steps", NULL},
   };
   return i >= 0 && i < (int)(sizeof benches / sizeof *benches) ? &benches[i] : NULL;
+}
+
+int is_wanted(const bench_wishes *wishes, const char *scene) {
+  for (int i = 0; i < wishes->nscenes; i++)
+    if (strcmp(wishes->scenes[i]->name, scene) == 0) return 1;
+  return wishes->nscenes == 0;
 }

@@ -25,8 +25,12 @@ typedef struct bench_entry {
 /* The i-th bench, NULL past the end. */
 const bench_entry *bench_info(int i);
 
+/* Whether a scene is among those that are asked for. */
+int is_wanted(const bench_wishes *wishes, const char *scene);
+
 int bench_linear(const bench_wishes *wishes, report *r);
 int bench_skip(const bench_wishes *wishes, report *r);
 int bench_forces(const bench_wishes *wishes, report *r);
+int bench_scaling(const bench_wishes *wishes, report *r);
 
 #endif

@@ -110,12 +110,6 @@ static void fight(linear_bench *b, race *r, const struct match *match, const pat
 
 /*------------------------------------- all ------------------------------------------------------*/
 
-static int is_wanted(const bench_wishes *wishes, const char *scene) {
-  for (int i = 0; i < wishes->nscenes; i++)
-    if (strcmp(wishes->scenes[i]->name, scene) == 0) return 1;
-  return wishes->nscenes == 0;
-}
-
 /* Those that share a state. */
 static void fight_all(linear_bench *b, const moving *m, const struct match *first, int count,
                       const patience *p) {
@@ -136,7 +130,7 @@ void measure_duels(linear_bench *b, double seconds, const patience *p) {
     moving m;
     for (count = 1; i + count < MATCHES && share_state(first, first + count);) count++;
     if (!is_wanted(b->wishes, first->scene)) continue;
-    const bench_scene *scene = scene_find(first->scene, strlen(first->scene));
+    const bench_scene *scene = scene_named(first->scene);
     const int made = moving_make(scene, first->k, b->wishes->threads, seconds, b->until, &m);
     print_heading(&m, STEP);
     if (made) fight_all(b, &m, first, count, p);

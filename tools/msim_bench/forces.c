@@ -235,7 +235,7 @@ int bench_forces(const bench_wishes *wishes, report *r) {
   const double until = wall_seconds() + (wishes->quick ? 45 : 600);
   const int count = wishes->nscenes ? wishes->nscenes : (int)(sizeof names / sizeof *names);
   for (int i = 0; i < count && !is_interrupted(); i++)
-    measure_scene(r, wishes->nscenes ? wishes->scenes[i] : scene_find(names[i], strlen(names[i])),
-                  wishes->quick, until);
+    measure_scene(r, wishes->nscenes ? wishes->scenes[i] : scene_named(names[i]), wishes->quick,
+                  until);
   return 0;
 }

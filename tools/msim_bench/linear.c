@@ -269,7 +269,7 @@ static void measure_all(linear_bench *b) {
   worst w = {{0}, {0}, {0}};
   for (int i = 0; i < wishes->nscenes; i++) measure_scene(b, wishes->scenes[i], &w);
   for (int i = 0; !wishes->nscenes && b->plan->scenes[i]; i++)
-    measure_scene(b, scene_find(b->plan->scenes[i], strlen(b->plan->scenes[i])), &w);
+    measure_scene(b, scene_named(b->plan->scenes[i]), &w);
   for (int k = 0; k < NK; k++)
     if (w.compared[k] && !w.missed[k]) report_key(b->report, keys[k], w.largest[k]);
 }

@@ -26,6 +26,8 @@ const bench_scene *scene_find(const char *name, size_t length) {
   return NULL;
 }
 
+const bench_scene *scene_named(const char *name) { return scene_find(name, strlen(name)); }
+
 /*------------------------------------- building -------------------------------------------------*/
 
 static msim_status add_cloth(moving *m) {

@@ -17,6 +17,7 @@ const bench_scene *scene_info(int i);
 
 /* The scene whose name is the first `length` characters; NULL: there is none. */
 const bench_scene *scene_find(const char *name, size_t length);
+const bench_scene *scene_named(const char *name);
 
 /* A scene in motion, half a second after it was let go: a cloth is folded and wrinkled, a jelly
  * swings. */
