@@ -28,17 +28,20 @@ static int take_version(arguments *args, const char *value) {
 
 /* A file is written under another name and then renamed, which would put it in the place of a
  * device or a pipe. */
-static int take_json(arguments *args, const char *value) {
+static int take_file(const char *flag, const char *value, const char **path) {
   const char *kind = not_a_file(value);
-  if (!*value) return complain_usage("", "--json needs the name of a file");
-  if (kind) return complain_usage("", "--json '%s' is %s, not a file", value, kind);
-  args->json = value;
+  if (!*value) return complain_usage("", "--%s needs the name of a file", flag);
+  if (kind) return complain_usage("", "--%s '%s' is %s, not a file", flag, value, kind);
+  *path = value;
   return EXIT_OK;
 }
 
+static int take_json(arguments *args, const char *value) {
+  return take_file("json", value, &args->json);
+}
+
 static int take_svg(arguments *args, const char *value) {
-  (void)args, (void)value;
-  return complain_usage("", "--svg is not part of this version yet; --json writes the numbers");
+  return take_file("svg", value, &args->svg);
 }
 
 static int take_threads(arguments *args, const char *value) {
@@ -81,7 +84,7 @@ static const bench_flag flags[] = {
     {"scene", "NAME,...", "these scenes only", take_scene},
     {"threads", "N", "threads of msim itself; the libraries out of the box keep their own",
      take_threads},
-    {"svg", "FILE", "not part of this version yet", take_svg},
+    {"svg", "FILE", "draw a picture of it, by gnuplot", take_svg},
     {"help", NULL, "show this text", take_help},
     {"version", NULL, "show the version", take_version},
 };
@@ -129,6 +132,8 @@ int arguments_parse(int argc, char **argv, arguments *args) {
     else status = take_name(args, argv[i]);
     if (args->help || args->version) return EXIT_OK;
   }
+  if (!status && same_file(args->json, args->svg))
+    return complain_usage("", "--json and --svg name the same file");
   if (status || args->bench) return status;
   return complain_usage("", "the name of a bench is missing: linear, forces, scaling or skip");
 }

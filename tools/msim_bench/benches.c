@@ -5,14 +5,15 @@
 const bench_entry *bench_info(int i) {
   static const bench_entry benches[] = {
       {"linear", "one linearly implicit step by every solver, beside the libraries out of the box",
-       bench_linear},
+       bench_linear, &linear_picture},
       {"forces", "explicit steps, beside a plain loop over the springs and the speed of memory",
-       bench_forces},
-      {"scaling", "implicit steps as scenes and stiffness grow, beside CHOLMOD", bench_scaling},
-      {"skip", "what leaving out saves, beside CHOLMOD in every step", bench_skip},
-      {"step", "nonlinear implicit steps", NULL},
-      {"precision", "error against work", NULL},
-      {"stability", "the longest stable steps", NULL},
+       bench_forces, &forces_picture},
+      {"scaling", "implicit steps as scenes and stiffness grow, beside CHOLMOD", bench_scaling,
+       &scaling_picture},
+      {"skip", "what leaving out saves, beside CHOLMOD in every step", bench_skip, &skip_picture},
+      {"step", "nonlinear implicit steps", NULL, NULL},
+      {"precision", "error against work", NULL, NULL},
+      {"stability", "the longest stable steps", NULL, NULL},
   };
   return i >= 0 && i < (int)(sizeof benches / sizeof *benches) ? &benches[i] : NULL;
 }

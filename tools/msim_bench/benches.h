@@ -2,6 +2,7 @@
 #ifndef BENCH_BENCHES_H
 #define BENCH_BENCHES_H
 
+#include "picture.h"
 #include "report.h"
 #include "scenes.h"
 
@@ -20,6 +21,7 @@ typedef struct bench_entry {
   const char *doc;
   /* Measure and print; NULL: known, but not part of this version. Returns the exit status. */
   int (*run)(const bench_wishes *wishes, report *r);
+  const picture *picture; /* of what it found */
 } bench_entry;
 
 /* The i-th bench, NULL past the end. */

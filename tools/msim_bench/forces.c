@@ -139,7 +139,9 @@ static void report_arm(report *out, const arena *a, const contestant *c) {
   const double seconds = median_of(c, whole_seconds), spread = spread_of(c, whole_seconds);
   json_t *row = scene_row(out, c->measure, a);
   put_text(row, "name", c->family);
+  put_text(row, "contestant", c->name);
   put_integer(row, "threads", arm->threads);
+  put_integer(row, "springs", a->m.view.nsprings);
   put_text(row, "status", c->failed ? "failed" : c->n ? "ok" : "left out");
   if (c->failed || c->n == 0) {
     put_text(row, "reason", c->failed ? c->reason : "there was no time left");

@@ -18,7 +18,8 @@ static void print_help(void) {
   const bench_flag *flag;
   char text[80], later[128] = "", scenes[256] = "";
   puts(
-      "Usage: msim_bench NAME [--quick] [--json FILE] [--scene NAME,...] [--threads N]\n"
+      "Usage: msim_bench NAME [--quick] [--json FILE] [--svg FILE]\n"
+      "                  [--scene NAME,...] [--threads N]\n"
       "Measure msim on this machine, side by side with what it is compared with.\n\n"
       "Benches:");
   for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
@@ -51,31 +52,40 @@ static void print_help(void) {
       "is a result like any other: its row says why.");
 }
 
-static int measure(const arguments *args, output_file *json) {
-  report r;
+/* Before anything is measured: what could not be written in the end. */
+static int open_files(const arguments *args, output_file *json, output_file *svg) {
+  if (args->svg && !gnuplot_is_there()) return EXIT_ERROR;
   if (args->json && output_open(json, args->json)) return EXIT_ERROR;
+  return args->svg ? output_open(svg, args->svg) : EXIT_OK;
+}
+
+static int measure(const arguments *args, output_file *json, output_file *svg) {
+  report r;
+  if (open_files(args, json, svg)) return EXIT_ERROR;
   catch_interrupts();
   report_begin(&r, args->bench->name, args->wishes.quick);
   int status = args->bench->run(&args->wishes, &r);
   if (is_interrupted()) {
-    complain("stopped before the end%s", args->json ? "; no file was written" : "");
+    complain("stopped before the end%s", args->json || args->svg ? "; no file was written" : "");
     status = EXIT_EVENT;
   }
   if (!status) report_print_summary(&r);
   if (!status && args->json) status = report_write(&r, json);
+  if (!status && args->svg) status = picture_write(args->bench->picture, &r, svg);
   report_free(&r);
   return status;
 }
 
 static int dispatch(int argc, char **argv) {
   arguments args;
-  output_file json = {.path = NULL};
+  output_file json = {.path = NULL}, svg = {.path = NULL};
   if (arguments_parse(argc, argv, &args)) return EXIT_ERROR;
   if (args.help) print_help();
   else if (args.version) printf("msim_bench %s\n", msim_version());
   else {
-    int status = measure(&args, &json);
+    int status = measure(&args, &json, &svg);
     output_discard(&json);
+    output_discard(&svg);
     return status;
   }
   return EXIT_OK;

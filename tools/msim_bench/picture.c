@@ -1,0 +1,198 @@
+#define _POSIX_C_SOURCE 200809L /* fileno, lseek */
+#include "picture.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <spawn.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "../common/message.h"
+
+extern char **environ;
+
+enum { MOST_NAMES = 32 };
+
+#define BARS 0.8 /* width of those at one place, 1 from place to place */
+
+/* Names in the order of their first appearance. */
+typedef struct names {
+  int count;
+  const char *all[MOST_NAMES];
+} names;
+
+/* -1: there is no room for another. */
+static int number_of(names *n, const char *name) {
+  for (int i = 0; i < n->count; i++)
+    if (strcmp(n->all[i], name) == 0) return i;
+  if (n->count == MOST_NAMES) return -1;
+  n->all[n->count] = name;
+  return n->count++;
+}
+
+/*------------------------------------- gnuplot --------------------------------------------------*/
+
+/* Run it on these files, without a shell, and without the user's own settings. Returns its exit
+ * status; -1: it could not be run, and errno tells why. */
+static int run_gnuplot(char *argument, int from, int to) {
+  char name[] = "gnuplot", settings[] = "-d", *argv[] = {name, settings, argument, NULL};
+  posix_spawn_file_actions_t actions;
+  pid_t pid;
+  int status;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, from, STDIN_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, to, STDOUT_FILENO);
+  errno = posix_spawnp(&pid, name, &actions, NULL, argv, environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (errno) return -1;
+  while (waitpid(pid, &status, 0) < 0)
+    if (errno != EINTR) return -1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 1;
+}
+
+int gnuplot_is_there(void) {
+  char version[] = "--version";
+  const int null = open("/dev/null", O_RDWR | O_CLOEXEC);
+  const int status = null < 0 ? -1 : run_gnuplot(version, null, null);
+  if (null >= 0) close(null);
+  if (status == 0) return 1;
+  complain(
+      "--svg needs the program gnuplot, which cannot be run here (Debian's and Ubuntu's package "
+      "is gnuplot-nox); --json writes the numbers");
+  return 0;
+}
+
+/*------------------------------------- the script -----------------------------------------------*/
+
+/* A string of gnuplot's, in which '' stands for '. */
+static void print_quoted(FILE *out, const char *text) {
+  putc('\'', out);
+  for (; *text; text++) {
+    if (*text == '\'') putc('\'', out);
+    putc((unsigned char)*text < ' ' ? ' ' : *text, out);
+  }
+  putc('\'', out);
+}
+
+/* Whether places belong to one curve: cloth32 and cloth64 do. */
+static int are_family(const char *a, const char *b) {
+  const size_t n = strcspn(a, "0123456789");
+  return n == strcspn(b, "0123456789") && memcmp(a, b, n) == 0;
+}
+
+static int is_point(const picture *p, const json_t *row, picture_point *point) {
+  return p->point(row, point) && isfinite(point->y) && (p->bars || isfinite(point->x));
+}
+
+static void collect(const picture *p, const report *r, names *series, names *places) {
+  picture_point point;
+  size_t i;
+  json_t *row;
+  json_array_foreach(r->rows, i, row) {
+    if (!is_point(p, row, &point)) continue;
+    number_of(series, point.series);
+    number_of(places, point.place);
+  }
+}
+
+/* By family, and within it by x. */
+static int compare_points(const void *a, const void *b) {
+  const picture_point *p = a, *q = b;
+  if (are_family(p->place, q->place)) return (p->x > q->x) - (p->x < q->x);
+  return strcmp(p->place, q->place);
+}
+
+/* A line of data of each point: x, y, place; families apart. */
+static void print_curve(FILE *out, picture_point *points, int n) {
+  qsort(points, (size_t)n, sizeof *points, compare_points);
+  for (int i = 0; i < n; i++) {
+    if (i > 0 && !are_family(points[i - 1].place, points[i].place)) putc('\n', out);
+    fprintf(out, "%.9g %.9g \"%s\"\n", points[i].x, points[i].y, points[i].place);
+  }
+}
+
+/* The same, each beside its neighbours of other series: offset of them all from the place. */
+static void print_bars(FILE *out, const picture_point *points, int n, double offset,
+                       names *places) {
+  for (int i = 0; i < n; i++)
+    fprintf(out, "%.9g %.9g\n", number_of(places, points[i].place) + offset, points[i].y);
+}
+
+/* One series as a block of data. points: room for all rows. */
+static void print_data(FILE *out, const picture *p, const report *r, int number, names *series,
+                       names *places, picture_point *points) {
+  size_t i;
+  json_t *row;
+  int n = 0;
+  json_array_foreach(r->rows, i, row) {
+    if (is_point(p, row, &points[n]) && number_of(series, points[n].series) == number) n++;
+  }
+  fprintf(out, "$data%d << END\n", number);
+  if (p->bars) print_bars(out, points, n, BARS * ((number + 0.5) / series->count - 0.5), places);
+  else print_curve(out, points, n);
+  fputs("END\n", out);
+}
+
+/* gnuplot has eight colours of its own. */
+static const char more_colours[] =
+    "set linetype 9 lc '#808080'\nset linetype 10 lc '#a0522d'\nset linetype 11 lc '#ff69b4'\n"
+    "set linetype 12 lc '#556b2f'\n";
+
+static void print_axes(FILE *out, const picture *p, const report *r, const names *places) {
+  const char *cpu = json_string_value(json_object_get(r->machine, "cpu"));
+  char title[256];
+  snprintf(title, sizeof title, "%s%s%s", p->title, cpu ? "; " : "", cpu ? cpu : "");
+  fputs("set terminal svg size 1000,600 noenhanced background '#ffffff'\nset title ", out);
+  print_quoted(out, title);
+  fprintf(out, "\n%s", more_colours);
+  fprintf(out, "set ylabel '%s'\nset logscale y\nset grid ytics\nset key outside right top\n",
+          p->y_label);
+  if (!p->bars) {
+    fprintf(out, "set xlabel '%s'\nset logscale x\nset format x '%%.0s%%c'\n", p->x_label);
+    return;
+  }
+  fputs("set style fill solid\nset xtics rotate by -30 (", out);
+  for (int i = 0; i < places->count; i++) {
+    fputs(i ? ", " : "", out);
+    print_quoted(out, places->all[i]);
+    fprintf(out, " %d", i);
+  }
+  fprintf(out, ")\nset xrange [-0.6:%d - 0.4]\n", places->count);
+}
+
+/* Places are written at the first curve only, as they lie at the same x in all. */
+static int print_script(FILE *out, const picture *p, const report *r) {
+  picture_point *points = calloc(json_array_size(r->rows) + 1, sizeof *points);
+  names series = {.count = 0}, places = {.count = 0};
+  if (!points) return 0;
+  collect(p, r, &series, &places);
+  print_axes(out, p, r, &places);
+  for (int i = 0; i < series.count; i++) print_data(out, p, r, i, &series, &places, points);
+  fprintf(out, "set boxwidth %g\n", BARS / (series.count ? series.count : 1));
+  fputs(series.count ? "plot " : "set yrange [1:10]\nplot 1 notitle", out);
+  for (int i = 0; i < series.count; i++) {
+    fprintf(out, "%s$data%d using 1:2 with %s title ", i ? ", " : "", i,
+            p->bars ? "boxes" : "linespoints linewidth 2");
+    print_quoted(out, series.all[i]);
+    if (!p->bars && i == 0) fputs(", $data0 using 1:2:3 with labels offset 0,1 notitle", out);
+  }
+  putc('\n', out);
+  free(points);
+  return fflush(out) == 0;
+}
+
+int picture_write(const picture *p, const report *r, output_file *file) {
+  char standard_input[] = "-";
+  FILE *script = tmpfile();
+  int status = -1;
+  if (script) {
+    if (print_script(script, p, r) && lseek(fileno(script), 0, SEEK_SET) == 0)
+      status = run_gnuplot(standard_input, fileno(script), fileno(file->stream));
+    fclose(script);
+  }
+  if (status > 0) return complain("gnuplot failed with exit status %d on its script", status);
+  return output_close(file, status == 0);
+}
