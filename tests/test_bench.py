@@ -1,6 +1,6 @@
 """What msim_bench promises: refusals, rows and summary, children that leave no trace."""
 
-import json
+import math
 import os
 import re
 import signal
@@ -8,23 +8,58 @@ import time
 import unittest
 from pathlib import Path
 
-from cli_support import CliTest, no_constant
+from bench_support import BenchTest
 
 SCENE = ["linear", "--quick", "--scene", "cloth32"]
-KEYS = {"cholmod_step_over_bare_cloth100", "cholmod_step_over_default_cloth32",
-        "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100",
-        "cholmod_slowdown_when_other_core_busy_cloth64", "sundials_pcg_over_stock_cloth100",
-        "sundials_pcg_over_builtin_per_iteration_cloth100", "max_disagreement",
-        "max_disagreement_stiff"}
 TUNING = {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
-class BenchTest(CliTest):
-    PROGRAM = os.environ["MSIM_BENCH"]
+class Help(BenchTest):
+    def test_help(self):
+        out = self.good("--help")
+        for word in ("Usage: msim_bench", "linear", "--quick", "--json FILE", "--svg FILE",
+                     "--scene NAME", "--threads N", "cloth32", "mesh500", "forces", "scaling",
+                     "step, precision"):
+            self.assertIn(word, out)
+        self.assertLessEqual(max(map(len, out.splitlines())), 80)
+        self.assertEqual(self.good("linear", "--help"), out)
 
-    def result(self, name="out.json"):
-        return json.loads((self.folder / name).read_text(), parse_constant=no_constant)
+    def test_version(self):
+        self.assertRegex(self.good("--version"), r"\Amsim_bench \d+\.\d+\.\d+\n\Z")
 
+
+class Refusals(BenchTest):
+    def test_command_line(self):
+        (self.folder / "folder").mkdir()
+        os.mkfifo(self.folder / "pipe")
+        for args, *words in [
+            ([], "name of a bench", "linear", "'msim_bench --help'"),
+            (["linaer"], "'linaer'"),
+            (["linear", "linear"], "one bench"),
+            *((["--json", "a.json", name], f"'{name}'", "not part of this version")
+              for name in "step precision stability".split()),
+            (["linear", "--svg="], "--svg"),
+            (["linear", "--svg", "a", "--json", "./a"], "--svg", "--json", "same file"),
+            (["linear", "--quik"], "'--quik'"),
+            (["linear", "--quick=1"], "--quick takes no value"),
+            (["linear", "-q"], "'-q'"),
+            (["linear", "--json"], "--json needs a value"),
+            (["linear", "--json="], "--json"),
+            (["linear", "--threads", "-1"], "threads", "'-1'"),
+            (["forces", "--threads", "2"], "--threads", "forces"),
+            (["linear", "--scene", "cloth32,cloth33"], "'cloth33'", "cloth32, cloth64"),
+            (["linear", "--scene", ""], "''"),
+            (["skip", "--scene", "cloth32"], "--scene", "'skip'"),
+            (["scaling", "--scene", "cloth32,mesh100"], "'mesh100'", "'scaling'"),
+            (["linear", "--json", "missing/a.json"], "missing/a.json"),
+            (["linear", "--json", "folder"], "folder", "a folder"),
+            (["linear", "--json", "pipe"], "pipe", "not a file"),
+        ]:
+            with self.subTest(" ".join(args)):
+                self.assert_refused(args, *words)
+
+
+class Children(BenchTest):
     @staticmethod
     def children(process):
         """The reference programs and spinners, with what /proc tells of them."""
@@ -46,49 +81,7 @@ class BenchTest(CliTest):
         self.fail(f"no line like '{pattern}' was printed")
 
 
-class Help(BenchTest):
-    def test_help(self):
-        out = self.good("--help")
-        for word in ("Usage: msim_bench", "linear", "--quick", "--json FILE", "--scene NAME",
-                     "--threads N", "cloth32", "mesh500", "forces", "scaling, step"):
-            self.assertIn(word, out)
-        self.assertLessEqual(max(map(len, out.splitlines())), 80)
-        self.assertEqual(self.good("linear", "--help"), out)
-
-    def test_version(self):
-        self.assertRegex(self.good("--version"), r"\Amsim_bench \d+\.\d+\.\d+\n\Z")
-
-
-class Refusals(BenchTest):
-    def test_command_line(self):
-        (self.folder / "folder").mkdir()
-        os.mkfifo(self.folder / "pipe")
-        for args, *words in [
-            ([], "name of a bench", "linear", "'msim_bench --help'"),
-            (["linaer"], "'linaer'"),
-            (["linear", "linear"], "one bench"),
-            *((["--json", "a.json", name], f"'{name}'", "not part of this version")
-              for name in "scaling step precision stability".split()),
-            (["linear", "--svg", "a.svg"], "--svg", "not part of this version", "--json"),
-            (["linear", "--quik"], "'--quik'"),
-            (["linear", "--quick=1"], "--quick takes no value"),
-            (["linear", "-q"], "'-q'"),
-            (["linear", "--json"], "--json needs a value"),
-            (["linear", "--json="], "--json"),
-            (["linear", "--threads", "-1"], "threads", "'-1'"),
-            (["forces", "--threads", "2"], "--threads", "forces"),
-            (["linear", "--scene", "cloth32,cloth33"], "'cloth33'", "cloth32, cloth64"),
-            (["linear", "--scene", ""], "''"),
-            (["skip", "--scene", "cloth32"], "--scene", "'skip'"),
-            (["linear", "--json", "missing/a.json"], "missing/a.json"),
-            (["linear", "--json", "folder"], "folder", "a folder"),
-            (["linear", "--json", "pipe"], "pipe", "not a file"),
-        ]:
-            with self.subTest(" ".join(args)):
-                self.assert_refused(args, *words)
-
-
-class Linear(BenchTest):
+class Linear(Children):
     def check_times(self, row):
         self.assertGreater(row["ms"], 0)
         self.assertGreaterEqual(row["repeats"], 1)
@@ -96,6 +89,10 @@ class Linear(BenchTest):
         self.assertLess(sum(parts), 3 * row["ms"])  # medians of each: they need not add up
         if row["measure"] != "bare":
             self.assertLess(row["residual"], 1.01e-6)
+        if row["measure"] == "step":
+            ran = row["ran"]
+            self.assertIn(ran, ("pcg", "cholmod") if row["solver"] == "auto" else (row["solver"],))
+            self.assertGreaterEqual(row["threads"], 1)
         if row["solver"] == "pcg" or row["measure"] == "stock":
             self.assertGreater(row["iterations"], 10)
 
@@ -111,9 +108,6 @@ class Linear(BenchTest):
                     self.check_times(row)
                 else:
                     self.assertGreater(len(row["reason"]), 10)
-
-    def find(self, rows, **wanted):
-        return [row for row in rows if wanted.items() <= row.items()]
 
     def test_small_scene(self):
         out = self.good(*SCENE, "--json", "out.json")
@@ -139,7 +133,6 @@ class Linear(BenchTest):
                 expected.add("cholmod_step_over_default_cloth32")
             expected |= {"max_disagreement", "max_disagreement_stiff"}
         self.assertEqual(set(summary), expected)
-        self.assertLessEqual(expected, KEYS)
         for key, k in ("max_disagreement", 1e3), ("max_disagreement_stiff", 1e5):
             if key in expected:
                 largest = [row["largest"] for row in self.find(rows, measure="disagreement", k=k)
@@ -175,6 +168,64 @@ class Linear(BenchTest):
         self.assertNotIn("cholmod_step_over_default_cloth32", result["summary"])
         self.assertEqual(self.find(result["rows"], measure="default", status="ok"), [])
         self.assertTrue(self.find(result["rows"], measure="step", status="ok"))
+
+
+class Duels(BenchTest):
+    """Two alone, for keys of their own."""
+    KEYS = {"auto_over_tuned_cholmod_jelly16", "auto_over_tuned_cholmod_cloth64"}
+
+    def test_who_ran(self):
+        self.good("linear", "--quick", "--scene", "jelly16,cloth64", "--json", "out.json")
+        result = self.result()
+        rows = {row["name"]: row for row in result["rows"] if row["measure"] == "duel"}
+        self.assertEqual(set(rows), self.KEYS)
+        for key, row in rows.items():
+            with self.subTest(key):
+                self.assertEqual((row["k"], row["t"]), (1000, 0.5))
+                self.assertAlmostEqual(row["h"], 1 / 60)
+                self.assertEqual((row["over"], row["under"]), ("auto", "cholmod"))
+                if "cholmod" not in result["machine"]["solvers"]:
+                    self.assertNotIn(key, result["summary"])
+                    self.assertIn("cholmod", row["reason"])
+                    continue
+                self.assertEqual(row["under_ran"], "cholmod")
+                self.assertEqual(row["ratio"], result["summary"][key])
+                # medians of ratios and ratios of medians lie near each other, on a busy machine too
+                self.assertLess(abs(math.log(row["ratio"] * row["under_ms"] / row["over_ms"])), 1)
+
+
+class Scaling(BenchTest):
+    def test_small_scenes(self):
+        out = self.good("scaling", "--quick", "--scene", "cloth32,cloth100,jelly8", "--threads",
+                        "2", "--json", "out.json")
+        result = self.result()
+        self.assertEqual((result["bench"], result["quick"]), ("scaling", True))
+        rows, summary = result["rows"], result["summary"]
+        scenes = {"cloth32": 1024, "cloth100": 10000, "jelly8": 512}
+        for scene, k in ("cloth32", 1e3), ("cloth100", 1e3), ("cloth100", 1e5), ("jelly8", 1e3):
+            found = {row["solver"]: row for row in rows if (row["scene"], row["k"]) == (scene, k)}
+            self.assertEqual(set(found), {"auto", "auto, 2 threads", "cholmod"})
+            for solver, row in found.items():
+                with self.subTest(f"{scene} {k} {solver}"):
+                    self.check_row(row, scenes[scene], 2 if "2" in solver else 1)
+            self.assertEqual(found["auto"]["iterations"], found["auto, 2 threads"]["iterations"])
+        self.assertEqual(set(summary), {"iterations_growth_k_to_100k"})
+        soft, stiff = (row["iterations"] for row in rows
+                       if (row["scene"], row["solver"]) == ("cloth100", "auto"))
+        self.assertAlmostEqual(summary["iterations_growth_k_to_100k"], stiff / soft)
+        self.assertIn("iterations_growth_k_to_100k", out)
+
+    def check_row(self, row, particles, threads):
+        self.assertEqual(row["particles"], particles)
+        self.assertAlmostEqual(row["h"], 1 / 60)
+        if row["status"] != "ok":
+            self.assertEqual(row["solver"], "cholmod")  # it alone may be left out, or not be there
+            self.assertGreater(len(row["reason"]), 10)
+            return
+        self.assertGreater(row["ms"], 0)
+        self.assertEqual(row["threads"], threads)
+        self.assertTrue(0 < row["t"] <= 0.5)
+        self.assertEqual(row.get("iterations", 0) > 0, row["ran"] == "pcg")
 
 
 class Skip(BenchTest):
@@ -222,9 +273,6 @@ class Forces(BenchTest):
             "cloth500": {"triad_fraction_cloth500", "two_threads_cloth500"},
             "mesh500": {"irregular_speedup"}, "cloth32": set(), "mesh100": set()}
 
-    def find(self, rows, **wanted):
-        return [row for row in rows if wanted.items() <= row.items()]
-
     def check_scene(self, rows, cores):
         """Who took part, and that both computed the same."""
         scene, = self.find(rows, measure="scene")
@@ -265,7 +313,7 @@ class Forces(BenchTest):
         self.assertEqual(set(self.result()["summary"]), expected)
 
 
-class Stopping(BenchTest):
+class Stopping(Children):
     def test_signals(self):
         (self.folder / "out.json").write_text("old")
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -87,6 +87,12 @@ static void put_fighter(json_t *row, const char *role, const contestant *c, samp
   put_text(row, key, plan.solver);
 }
 
+static const char *why_not(const contestant pair[2]) {
+  for (int i = 0; i < 2; i++)
+    if (pair[i].failed) return pair[i].reason;
+  return "there was no time left";
+}
+
 static void fight(linear_bench *b, race *r, const struct match *match, const patience *p) {
   const contestant *over = enter(b, r, match->over.name), *under = enter(b, r, match->under.name);
   contestant pair[2];
@@ -99,12 +105,15 @@ static void fight(linear_bench *b, race *r, const struct match *match, const pat
   put_fighter(row, "under", &pair[1], match->under.value);
   put_integer(row, "repeats", pair[0].n > 1 ? pair[0].n - 1 : pair[0].n);
   put_real(row, "ratio", ratio);
-  for (int i = 0; i < 2; i++)
-    if (pair[i].failed) put_text(row, "reason", pair[i].reason);
   report_key(b->report, match->key, ratio);
-  printf(" %-40s %.3g: %.3g ms over %.3g ms\n", match->key, ratio,
-         1e3 * median_of(&pair[0], match->over.value),
-         1e3 * median_of(&pair[1], match->under.value));
+  if (isfinite(ratio)) {
+    printf(" %-40s %.3g: %.3g ms over %.3g ms\n", match->key, ratio,
+           1e3 * median_of(&pair[0], match->over.value),
+           1e3 * median_of(&pair[1], match->under.value));
+  } else {
+    put_text(row, "reason", why_not(pair));
+    printf(" %-40s left out: %s\n", match->key, why_not(pair));
+  }
   fflush(stdout);
 }
 

@@ -29,8 +29,8 @@ void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *
  * NAN: fewer than two did it, or some had no time to. */
 double compare_solvers(const linear_bench *b, const moving *m, double h, const thrift *t);
 
-/* How much slower a step by `auto` and by CHOLMOD is while the other cores are busy, and CHOLMOD out
- * of the box: rows, and the keys of the former two. */
+/* How much slower a step by `auto` and by CHOLMOD is while the other cores are busy, and CHOLMOD
+ * out of the box: rows, and the keys of the former two. */
 void measure_busy(linear_bench *b, const moving *m, double h, const patience *p);
 
 /* The keys that compare `auto` with CHOLMOD, and matrices with forces. seconds: for each scene to

@@ -92,12 +92,13 @@ static void measure_growth(scaling *s, const contestant *large, const moving *m)
   race *r = NULL;
   if (moving_make(scene, m->k, s->wishes->threads, s->plan->fall, s->until, &small))
     r = make_race(&small, &err);
-  if (r && !large->failed) {
+  if (r) {
     const contestant *c = race_add_step(r, "auto", NULL, 1);
     const double growth = duel(large, whole_seconds, c, whole_seconds, &p, pair) *
                           small.view.nparticles / m->view.nparticles;
     report_key(s->report, "time_per_particle_growth_cloth64_to_cloth500", growth);
-    printf(" in turn with cloth64: %.3g times the time for a particle\n", growth);
+    if (isfinite(growth))
+      printf(" in turn with cloth64: %.3g times the time for a particle\n", growth);
   }
   race_free(r);
   moving_free(&small);

@@ -37,9 +37,9 @@ typedef struct moving {
  * failed, and why in m->err. Call moving_free in any case. */
 int moving_shaken(const bench_scene *kind, double k, moving *m);
 
-/* seconds: for falling; a state that is not reached by then is the last one before, and m->state.t
- * tells which. until: when to give up, on wall_seconds' clock. 0 where it failed, and why in m->err.
- * Call moving_free in any case. */
+/* seconds: for falling; where that is too short, an earlier state is taken, and m->state.t tells
+ * which. until: when to give up, on wall_seconds' clock. 0 where it failed, and why in m->err. Call
+ * moving_free in any case. */
 int moving_make(const bench_scene *kind, double k, int32_t threads, double seconds, double until,
                 moving *m);
 void moving_free(moving *m);

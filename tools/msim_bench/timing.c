@@ -101,6 +101,7 @@ double duel(const contestant *a, sample_value *of_a, const contestant *b, sample
             const patience *p, contestant pair[2]) {
   pair[0] = *a, pair[1] = *b;
   for (int i = 0; i < 2; i++) pair[i].n = 0, pair[i].spent = 0;
+  if (a->failed || b->failed) return NAN;
   contest(pair, a == b ? 1 : 2, p);
   if (a == b) pair[1] = pair[0];
   return median_ratio(&pair[0], of_a, &pair[1], of_b);
