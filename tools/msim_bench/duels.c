@@ -15,48 +15,28 @@ typedef struct fighter {
   sample_value *value;
 } fighter;
 
+#define STEP_BY(name) \
+  { name, whole_seconds }
+#define ASSEMBLY_BY(name) \
+  { name, assemble_seconds }
+#define FORCE_BY(name) \
+  { name, force_seconds }
+
 /* In the order of their scenes: neighbours share a state. */
 static const struct match {
   const char *key, *scene;
   double k;
   fighter over, under;
 } matches[] = {
-    {"auto_over_tuned_cholmod_cloth100",
-     "cloth100",
-     1000,
-     {"auto", whole_seconds},
-     {"cholmod", whole_seconds}},
-    {"auto_over_default_cholmod_cloth100",
-     "cloth100",
-     1000,
-     {"auto", whole_seconds},
-     {REFERENCE, whole_seconds}},
-    {"jacobian_over_force", "cloth100", 1000, {"pcg", assemble_seconds}, {"pcg", force_seconds}},
-    {"expanded_jacobian_over_force",
-     "cloth100",
-     1000,
-     {"cholmod", assemble_seconds},
-     {"cholmod", force_seconds}},
-    {"auto_over_tuned_cholmod_stiff_cloth100",
-     "cloth100",
-     100000,
-     {"auto", whole_seconds},
-     {"cholmod", whole_seconds}},
-    {"auto_over_tuned_cholmod_cloth64",
-     "cloth64",
-     1000,
-     {"auto", whole_seconds},
-     {"cholmod", whole_seconds}},
-    {"auto_over_tuned_cholmod_jelly16",
-     "jelly16",
-     1000,
-     {"auto", whole_seconds},
-     {"cholmod", whole_seconds}},
-    {"auto_over_tuned_cholmod_cloth200",
-     "cloth200",
-     1000,
-     {"auto", whole_seconds},
-     {"cholmod", whole_seconds}},
+    {"auto_over_tuned_cholmod_cloth100", "cloth100", 1000, STEP_BY("auto"), STEP_BY("cholmod")},
+    {"auto_over_default_cholmod_cloth100", "cloth100", 1000, STEP_BY("auto"), STEP_BY(REFERENCE)},
+    {"jacobian_over_force", "cloth100", 1000, ASSEMBLY_BY("pcg"), FORCE_BY("pcg")},
+    {"expanded_jacobian_over_force", "cloth100", 1000, ASSEMBLY_BY("cholmod"), FORCE_BY("cholmod")},
+    {"auto_over_tuned_cholmod_stiff_cloth100", "cloth100", 1e5, STEP_BY("auto"),
+     STEP_BY("cholmod")},
+    {"auto_over_tuned_cholmod_cloth64", "cloth64", 1000, STEP_BY("auto"), STEP_BY("cholmod")},
+    {"auto_over_tuned_cholmod_jelly16", "jelly16", 1000, STEP_BY("auto"), STEP_BY("cholmod")},
+    {"auto_over_tuned_cholmod_cloth200", "cloth200", 1000, STEP_BY("auto"), STEP_BY("cholmod")},
 };
 enum { MATCHES = sizeof matches / sizeof *matches };
 
@@ -81,7 +61,7 @@ static void put_fighter(json_t *row, const char *role, const contestant *c, samp
   put_text(row, role, c->name);
   snprintf(key, sizeof key, "%s_ms", role);
   put_real(row, key, 1e3 * median_of(c, value));
-  if (!step) return;
+  if (!step || !step->sim) return;
   msim_sim_plan(step->sim, &plan);
   snprintf(key, sizeof key, "%s_ran", role);
   put_text(row, key, plan.solver);

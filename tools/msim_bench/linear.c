@@ -111,9 +111,11 @@ static void find_references(linear_bench *b) {
 /*------------------------------------- times ----------------------------------------------------*/
 
 void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *measure) {
+  const int is_step = strcmp(measure, "step") == 0;
   for (int i = 0; i < b->nsolvers; i++) {
     const struct bench_solver *solver = &b->solvers[i];
     char text[128];
+    if (strcmp(solver->name, "auto") == 0 && !is_step) continue; /* it is one of the others */
     const char *why = leave_out(solver->name, r->moving, r->system.h, r->system.rtol, t, text);
     if (why) {
       report_left_out(b->report, measure, r->moving, r->system.h, solver->name, why);
@@ -121,7 +123,7 @@ void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *
     }
     race_add_step(r, solver->name, solver->table, r->moving->threads);
     const int factorises = solver->table && !(solver->table->flags & MSIM_BACKEND_ITERATIVE);
-    if (factorises && strcmp(measure, "step") == 0) race_add_bare(r);
+    if (factorises && is_step) race_add_bare(r);
   }
 }
 

@@ -22,7 +22,8 @@ typedef struct linear_bench {
 } linear_bench;
 
 /* Enter the whole step of all solvers that are not left out, and beside those that factorise the
- * backend alone; what is left out is reported as a row of this measure. */
+ * backend alone; what is left out is reported as a row of this measure. `auto`
+ * for the measure "step" only. */
 void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *measure);
 
 /* One step to solver.rtol 1e-12 by all solvers: the largest difference of two velocities in m/s;
