@@ -181,7 +181,8 @@ class Duels(BenchTest):
         self.assertEqual(set(rows), self.KEYS)
         for key, row in rows.items():
             with self.subTest(key):
-                self.assertEqual((row["k"], row["t"]), (1000, 0.5))
+                self.assertEqual(row["k"], 1000)
+                self.assertTrue(0 < row["t"] <= 0.5)
                 self.assertAlmostEqual(row["h"], 1 / 60)
                 self.assertEqual((row["over"], row["under"]), ("auto", "cholmod"))
                 if "cholmod" not in result["machine"]["solvers"]:
