@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "msim/backend.h"
+#include "panels.h"
 #include "triangular.h"
 
 #define STRING_(x) #x
@@ -26,6 +27,8 @@ typedef struct cholesky {
   cholmod_factor *current;
   cholmod_dense *x, *y, *e; /* CHOLMOD's own work space */
   double *work;             /* for triangular_solve */
+  panels panels;            /* of matrices of scalars */
+  int packed;               /* they are those of the factor */
   int omp_levels;           /* of the calling thread, before we came */
 } cholesky;
 
@@ -176,6 +179,19 @@ static cholmod_factor *symbolic(cholesky *self, int supernodal) {
   return cholmod_analyze(&self->matrix, c);
 }
 
+/* A matrix of scalars is one of constants, and its factor serves for a whole run. */
+static msim_status allocate_panels(cholesky *self) {
+  const msim_host *host = self->host;
+  const cholmod_factor *L = self->supernodal;
+  self->panels = (panels){.factor = L,
+                          .value = host->alloc(host, panels_size(L) * sizeof(double)),
+                          .inverse_d = host->alloc(host, L->n * sizeof(double)),
+                          .y = host->alloc(host, LANES * L->n * sizeof(double)),
+                          .w = host->alloc(host, panels_work(L) * sizeof(double))};
+  const panels *p = &self->panels;
+  return p->value && p->inverse_d && p->y && p->w ? MSIM_OK : MSIM_ERR_MEMORY;
+}
+
 static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
   cholesky *self = data;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_UPPER)
@@ -204,6 +220,7 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
   release_threads(self);
   msim_status status = status_of(self, "analyse the matrix");
   if (status) return status;
+  if (A->block == 1) return allocate_panels(self);
   self->work = self->host->alloc(self->host, triangular_work(self->supernodal) * sizeof(double));
   return self->work ? MSIM_OK : MSIM_ERR_MEMORY;
 }
@@ -223,6 +240,7 @@ static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_s
   cholesky *self = data;
   hold_threads(self);
   msim_status status = MSIM_OK;
+  self->packed = 0;
   if (kind == MSIM_FACTOR_SYMMETRIC && !self->simplicial) {
     self->simplicial = symbolic(self, CHOLMOD_SIMPLICIAL);
     status = status_of(self, "analyse the matrix");
@@ -237,6 +255,20 @@ static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_s
   return status;
 }
 
+/* y = (L L')^-1 b, right sides n apart */
+static void solve_supernodal(cholesky *self, size_t n, int32_t nrhs, const double *b, double *y) {
+  const int by_panels = self->panels.value != NULL;
+  if (by_panels && !self->packed) panels_pack(&self->panels);
+  self->packed = by_panels;
+  if (!by_panels) memcpy(y, b, n * (size_t)nrhs * sizeof *y);
+  for (int32_t left = nrhs; left > 0;
+       left -= MOST_SIDES, b += MOST_SIDES * n, y += MOST_SIDES * n) {
+    const int sides = left < MOST_SIDES ? left : MOST_SIDES;
+    if (by_panels) panels_solve(&self->panels, b, y, sides);
+    else triangular_solve(self->supernodal, y, sides, self->work);
+  }
+}
+
 static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
                          int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   (void)params, (void)info;
@@ -244,10 +276,7 @@ static msim_status solve(void *data, const msim_system *A, const msim_solve_para
   if (nrhs < 1) return refuse(self, "nrhs must be at least 1");
   const size_t n = (size_t)A->block * (size_t)A->n, columns = (size_t)nrhs;
   if (self->current == self->supernodal) {
-    memcpy(y, b, n * columns * sizeof *y);
-    for (int32_t c = 0; c < nrhs; c += MOST_SIDES)
-      triangular_solve(self->supernodal, y + (size_t)c * n, nrhs - c < 3 ? nrhs - c : 3,
-                       self->work);
+    solve_supernodal(self, n, nrhs, b, y);
     return MSIM_OK;
   }
   cholmod_dense right = {.nrow = n,
@@ -275,7 +304,10 @@ static void destroy(void *data) {
   cholmod_free_dense(&self->y, &self->common);
   cholmod_free_dense(&self->e, &self->common);
   cholmod_finish(&self->common);
-  self->host->free(self->host, self->work);
+  void *arrays[] = {self->work, self->panels.value, self->panels.inverse_d, self->panels.y,
+                    self->panels.w};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+    self->host->free(self->host, arrays[i]);
   self->host->free(self->host, self);
 }
 

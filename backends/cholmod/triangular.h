@@ -6,11 +6,9 @@
 #ifndef MSIM_CHOLMOD_TRIANGULAR_H
 #define MSIM_CHOLMOD_TRIANGULAR_H
 
-#include <cholmod.h>
-#include <stdint.h>
 #include <string.h>
 
-enum { MOST_SIDES = 3, LANES = 4 };
+#include "supernode.h"
 
 typedef double lanes __attribute__((vector_size(8 * LANES)));
 
@@ -20,28 +18,6 @@ typedef double lanes __attribute__((vector_size(8 * LANES)));
 #else
 #  define FOR_EACH_CPU
 #endif
-#define INLINE static inline __attribute__((always_inline))
-
-/* Some columns of L: a lower triangle, and full rows below it. Column j begins at value + j rows.
- * Lanes past the end of a column meet the next one: what they make is not used, but it must be
- * there, so the last supernodes go without. */
-typedef struct supernode {
-  int32_t width, rows;
-  int32_t end;        /* of the rows that are taken in whole lanes: rows, rounded up or down */
-  const int32_t *row; /* rows of them, ascending */
-  const double *value;
-} supernode;
-
-INLINE supernode supernode_at(const cholmod_factor *L, size_t s) {
-  const int32_t *super = L->super, *pi = L->pi, *px = L->px;
-  const int32_t rows = pi[s + 1] - pi[s];
-  const int ends_inside = (size_t)px[s + 1] + LANES <= L->xsize;
-  return (supernode){.width = super[s + 1] - super[s],
-                     .rows = rows,
-                     .end = ends_inside ? rows : rows - LANES + 1,
-                     .row = (const int32_t *)L->s + pi[s],
-                     .value = (const double *)L->x + px[s]};
-}
 
 INLINE void load(lanes *to, const double *from) { memcpy(to, from, sizeof *to); }
 

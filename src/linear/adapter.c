@@ -146,7 +146,7 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   msim_solve_info info = {.size = sizeof info};
   if (self->b) {
     ms_matrix_pack(model, &self->matrix, b, self->b);
-    ms_matrix_pack(model, &self->matrix, y, self->y);
+    if (!base->factorises) ms_matrix_pack(model, &self->matrix, y, self->y);
   }
   msim_status status =
       self->table->solve(self->backend, &self->view, &params, model->rows.dims / self->view.block,

@@ -176,9 +176,12 @@ static msim_status check(ms_solver *s, const double *b, double *v, msim_error *e
   return MSIM_OK;
 }
 
+/* Factors need none; conjugate gradients by a kept one do. */
+static int uses_guess(const ms_linear *linear) { return !linear->exact && !linear->factorises; }
+
 static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *err) {
   double start = ms_clock();
-  if (!s->linear->exact) ms_copy(s->system.model->shape, s->guess, v);
+  if (uses_guess(s->linear)) ms_copy(s->system.model->shape, s->guess, v);
   msim_status status =
       s->linear->ops->solve(s->linear, &s->target, b, v, &s->stats->iterations, err);
   /* an iteration that ran out may still stand at rounding level */
@@ -312,7 +315,7 @@ static msim_status solve_once(ms_solver *s, const double *x, double h, const dou
 msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
                             double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
-  if (!solver->linear->exact) ms_copy(shape, v, solver->guess);
+  if (uses_guess(solver->linear) || solver->kept.allowed) ms_copy(shape, v, solver->guess);
   solver->culprit = ms_find_bad(shape, b); /* -1: none */
   if (solver->culprit >= 0) return MSIM_NOT_FINITE;
   solver->stats->solves++;
