@@ -185,11 +185,10 @@ static msim_status allocate_panels(cholesky *self) {
   const cholmod_factor *L = self->supernodal;
   self->panels = (panels){.factor = L,
                           .value = host->alloc(host, panels_size(L) * sizeof(double)),
-                          .inverse_d = host->alloc(host, L->n * sizeof(double)),
                           .y = host->alloc(host, LANES * L->n * sizeof(double)),
                           .w = host->alloc(host, panels_work(L) * sizeof(double))};
   const panels *p = &self->panels;
-  return p->value && p->inverse_d && p->y && p->w ? MSIM_OK : MSIM_ERR_MEMORY;
+  return p->value && p->y && p->w ? MSIM_OK : MSIM_ERR_MEMORY;
 }
 
 static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
@@ -304,8 +303,7 @@ static void destroy(void *data) {
   cholmod_free_dense(&self->y, &self->common);
   cholmod_free_dense(&self->e, &self->common);
   cholmod_finish(&self->common);
-  void *arrays[] = {self->work, self->panels.value, self->panels.inverse_d, self->panels.y,
-                    self->panels.w};
+  void *arrays[] = {self->work, self->panels.value, self->panels.y, self->panels.w};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     self->host->free(self->host, arrays[i]);
   self->host->free(self->host, self);

@@ -1,8 +1,8 @@
 /* panels - CHOLMOD's supernodal factor, packed once more to be solved with many times.
  *
- * L L' = U D U', U with a unit diagonal. The columns J of a supernode are taken by fours:
- *   P = [U_JJ^-1; -U_RJ U_JJ^-1],  so that  w = P w_J  is U's forward substitution by J,
- *   and  w_J = P' w  that of U':
+ * The columns J of a supernode are taken by fours:
+ *   P = [L_JJ^-1; -L_RJ L_JJ^-1],  so that  w = P w_J  is L's forward substitution by J,
+ *   and  w_J = P' w  that of L':
  * within a panel no number waits for another. P is kept in the order in which it is read: 4 rows of
  * one column, the same rows of the next. */
 #ifndef MSIM_CHOLMOD_PANELS_H
@@ -17,10 +17,9 @@ typedef int64_t quad_mask __attribute__((vector_size(8 * LANES)));
 
 typedef struct panels {
   const cholmod_factor *factor;
-  double *value;     /* panels_size of them: P after P */
-  double *inverse_d; /* n: the diagonal of D^-1 */
-  double *y;         /* work: 4 n, right sides side by side */
-  double *w;         /* work: the rows of a supernode, panels_work */
+  double *value; /* panels_size of them: P after P */
+  double *y;     /* work: 4 n, right sides side by side */
+  double *w;     /* work: the rows of a supernode, panels_work */
 } panels;
 
 INLINE int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
@@ -55,52 +54,39 @@ static size_t panels_work(const cholmod_factor *L) {
 
 /*------------------------------------- packing --------------------------------------------------*/
 
-/* V = U_JJ^-1:  V_ik = - sum over k <= m < i of U_im V_mk,  U_im = L_im / L_mm */
-static void invert_corner(const supernode *s, int32_t j, int32_t columns, double V[LANES][LANES]) {
-  memset(V, 0, LANES * sizeof *V);
-  for (int32_t k = 0; k < columns; k++) {
-    V[k][k] = 1;
-    for (int32_t i = k + 1; i < columns; i++)
-      for (int32_t m = k; m < i; m++) {
-        const double *L = s->value + (size_t)(j + m) * (size_t)s->rows + j;
-        V[i][k] -= L[i] / L[m] * V[m][k];
-      }
-  }
-}
-
-/* Row i of P below the corner: P_ik = - sum over m >= k of L_im / L_mm V_mk; scaled: V_mk / L_mm */
-INLINE double below(const supernode *s, int32_t j, int32_t i, int32_t k, int32_t columns,
-                    double scaled[LANES][LANES]) {
-  const double *L = s->value + (size_t)j * (size_t)s->rows + j;
-  double sum = 0;
-  for (int32_t m = k; m < columns; m++) sum -= L[m * s->rows + i] * scaled[m][k];
-  return sum;
+/* V = L_JJ^-1:  V_kk = 1/L_kk,  V_ik = - (sum over k <= m < i of L_im V_mk) / L_ii
+ * L: from the panel's first number on, columns `rows` apart */
+static void invert_corner(const double *L, size_t rows, size_t columns, double V[LANES][LANES]) {
+  for (size_t k = 0; k < columns; k++)
+    for (size_t i = 0; i < columns; i++) {
+      double sum = i == k;
+      for (size_t m = k; m < i; m++) sum -= L[m * rows + i] * V[m][k];
+      V[i][k] = i < k ? 0 : sum / L[i * rows + i];
+    }
 }
 
 static void pack_panel(const supernode *s, int32_t j, double *P) {
-  const int32_t columns = least(LANES, s->width - j), end = s->rows - j;
-  const double *L = s->value + (size_t)j * (size_t)s->rows + j;
-  double V[LANES][LANES], scaled[LANES][LANES];
-  invert_corner(s, j, columns, V);
-  for (int32_t m = 0; m < columns; m++)
-    for (int32_t k = 0; k < columns; k++) scaled[m][k] = V[m][k] / L[m * s->rows + m];
-  for (int32_t first = 0; first < end; first += LANES)
-    for (int32_t k = 0; k < columns; k++)
-      for (int32_t i = first; i < first + LANES; i++)
-        *P++ = i < columns ? V[i][k] : i < end ? below(s, j, i, k, columns, scaled) : 0;
+  const size_t rows = (size_t)s->rows, end = rows - (size_t)j;
+  const size_t columns = (size_t)least(LANES, s->width - j);
+  const double *L = s->value + (size_t)j * rows + j;
+  double V[LANES][LANES];
+  invert_corner(L, rows, columns, V);
+  for (size_t first = 0; first < end; first += LANES)
+    for (size_t k = 0; k < columns; k++)
+      for (size_t i = first; i < first + LANES; i++) {
+        double value = i < columns ? V[i][k] : 0;
+        for (size_t m = k; m < columns && i >= columns && i < end; m++)
+          value -= L[m * rows + i] * V[m][k];
+        *P++ = value;
+      }
 }
 
 /* The factor is new. */
 static void panels_pack(panels *p) {
-  double *value = p->value, *d = p->inverse_d;
+  double *P = p->value;
   for (size_t k = 0; k < p->factor->nsuper; k++) {
     const supernode s = supernode_at(p->factor, k);
-    for (int32_t j = 0; j < s.width; value += panel_size(&s, j), j += LANES)
-      pack_panel(&s, j, value);
-    for (int32_t j = 0; j < s.width; j++) {
-      const double l = s.value[(size_t)j * (size_t)s.rows + (size_t)j];
-      *d++ = 1 / l / l;
-    }
+    for (int32_t j = 0; j < s.width; P += panel_size(&s, j), j += LANES) pack_panel(&s, j, P);
   }
 }
 
@@ -145,14 +131,18 @@ INLINE void multiply(const double *P, size_t quads, int columns, double *w, size
   }
 }
 
-/* w_J = P' w */
+/* w_J = P' w. Panels are read from the last to the first here, which the CPU does not foresee. */
 INLINE void multiply_transposed(const double *P, size_t quads, int columns, double *w, size_t apart,
                                 int sides) {
+  enum { LINE = 8, AHEAD = 1024 };
   quad sum[MOST_SIDES][LANES] = {{{0}}};
-  for (size_t q = 0; q < quads; q++)
+  for (size_t q = 0; q < quads; q++) {
+    for (int at = 0; at < LANES * columns; at += LINE)
+      __builtin_prefetch((const void *)((uintptr_t)(P + at) - AHEAD * sizeof *P));
     for (int j = 0; j < columns; j++, P += LANES)
       for (int c = 0; c < sides; c++)
         sum[c][j] += load_quad(P) * load_quad(w + (size_t)c * apart + LANES * q);
+  }
   for (int c = 0; c < sides; c++) {
     transpose(sum[c]);
     const quad total = (sum[c][0] + sum[c][1]) + (sum[c][2] + sum[c][3]);
@@ -182,32 +172,51 @@ INLINE void by_panel(const supernode *s, int32_t j, const double *P, int transpo
 
 /*------------------------------------- solving --------------------------------------------------*/
 
+/* 4 rows of y, or as many as there are; zeros for the others */
+INLINE void load_rows(const int32_t *row, int32_t count, const double *y, quad v[LANES]) {
+  for (int32_t l = 0; l < LANES; l++)
+    v[l] = l < count ? load_quad(y + LANES * (size_t)row[l]) : (quad){0};
+}
+
+INLINE void store_rows(const int32_t *row, int32_t count, const quad v[LANES], double *y) {
+  for (int32_t l = 0; l < LANES; l++)
+    if (l < count) store_quad(y + LANES * (size_t)row[l], v[l]);
+}
+
+INLINE void gather_quad(const int32_t *row, int32_t count, const double *y, double *w, size_t apart,
+                        int sides) {
+  quad v[LANES];
+  load_rows(row, count, y, v);
+  transpose(v);
+  for (int c = 0; c < sides; c++) store_quad(w + (size_t)c * apart, v[c]);
+}
+
+INLINE void scatter_quad(const int32_t *row, int32_t count, const double *w, size_t apart,
+                         double *y, int sides) {
+  quad v[LANES] = {{0}};
+  for (int c = 0; c < sides; c++) v[c] = load_quad(w + (size_t)c * apart);
+  transpose(v);
+  store_rows(row, count, v, y);
+}
+
 /* w = the rows of y, and zeros up to a whole quad */
 INLINE void gather_rows(const supernode *s, const double *y, double *w, size_t apart, int sides) {
-  for (int32_t i = 0; i < (int32_t)apart && sides == 1; i++) w[i] = i < s->rows ? y[s->row[i]] : 0;
-  for (int32_t i = 0; i < s->rows && sides > 1; i += LANES) {
-    quad v[LANES] = {{0}};
-    for (int32_t l = 0; l < LANES && i + l < s->rows; l++)
-      v[l] = load_quad(y + LANES * (size_t)s->row[i + l]);
-    transpose(v);
-    for (int c = 0; c < sides; c++) store_quad(w + (size_t)c * apart + i, v[c]);
-  }
+  int32_t i = 0;
+  for (; i < (int32_t)apart && sides == 1; i++) w[i] = i < s->rows ? y[s->row[i]] : 0;
+  for (; i + LANES <= s->rows; i += LANES) gather_quad(s->row + i, LANES, y, w + i, apart, sides);
+  if (i < s->rows) gather_quad(s->row + i, s->rows - i, y, w + i, apart, sides);
 }
 
 /* the first `count` rows of y = w */
 INLINE void scatter_rows(const supernode *s, int32_t count, const double *w, size_t apart,
                          double *y, int sides) {
-  for (int32_t i = 0; i < count && sides == 1; i++) y[s->row[i]] = w[i];
-  for (int32_t i = 0; i < count && sides > 1; i += LANES) {
-    quad v[LANES] = {{0}};
-    for (int c = 0; c < sides; c++) v[c] = load_quad(w + (size_t)c * apart + i);
-    transpose(v);
-    for (int32_t l = 0; l < LANES && i + l < count; l++)
-      store_quad(y + LANES * (size_t)s->row[i + l], v[l]);
-  }
+  int32_t i = 0;
+  for (; i < count && sides == 1; i++) y[s->row[i]] = w[i];
+  for (; i + LANES <= count; i += LANES) scatter_quad(s->row + i, LANES, w + i, apart, y, sides);
+  if (i < count) scatter_quad(s->row + i, count - i, w + i, apart, y, sides);
 }
 
-/* U y' = y */
+/* L y' = y */
 INLINE void panels_forward(const panels *p, int sides) {
   const double *P = p->value;
   for (size_t k = 0; k < p->factor->nsuper; k++) {
@@ -220,7 +229,7 @@ INLINE void panels_forward(const panels *p, int sides) {
   }
 }
 
-/* U' y' = y; end: of the values */
+/* L' y' = y; end: of the values */
 INLINE void panels_backward(const panels *p, const double *end, int sides) {
   const double *P = end;
   for (size_t k = p->factor->nsuper; k-- > 0;) {
@@ -235,17 +244,39 @@ INLINE void panels_backward(const panels *p, const double *end, int sides) {
   }
 }
 
-/* U D U' x = b */
+/* y = b, whose sides lie n apart, side by side */
+INLINE void interleave(size_t n, const double *b, double *y, int sides) {
+  size_t i = 0;
+  for (; i + LANES <= n && sides > 1; i += LANES) {
+    quad v[LANES] = {{0}};
+    for (int c = 0; c < sides; c++) v[c] = load_quad(b + (size_t)c * n + i);
+    transpose(v);
+    for (size_t l = 0; l < LANES; l++) store_quad(y + LANES * (i + l), v[l]);
+  }
+  for (; i < n; i++)
+    for (int c = 0; c < sides; c++)
+      y[(sides > 1 ? LANES : 1) * i + (size_t)c] = b[(size_t)c * n + i];
+}
+
+INLINE void separate(size_t n, const double *y, double *x, int sides) {
+  size_t i = 0;
+  for (; i + LANES <= n && sides > 1; i += LANES) {
+    quad v[LANES];
+    for (size_t l = 0; l < LANES; l++) v[l] = load_quad(y + LANES * (i + l));
+    transpose(v);
+    for (int c = 0; c < sides; c++) store_quad(x + (size_t)c * n + i, v[c]);
+  }
+  for (; i < n; i++)
+    for (int c = 0; c < sides; c++)
+      x[(size_t)c * n + i] = y[(sides > 1 ? LANES : 1) * i + (size_t)c];
+}
+
+/* L L' x = b */
 INLINE void solve_by_panels(const panels *p, const double *b, double *x, int sides) {
-  const size_t n = p->factor->n, width = sides == 1 ? 1 : LANES;
-  for (size_t i = 0; i < n; i++)
-    for (size_t c = 0; c < width; c++) p->y[width * i + c] = c < (size_t)sides ? b[c * n + i] : 0;
+  interleave(p->factor->n, b, p->y, sides);
   panels_forward(p, sides);
-  for (size_t i = 0; i < n; i++)
-    for (size_t c = 0; c < width; c++) p->y[width * i + c] *= p->inverse_d[i];
   panels_backward(p, p->value + panels_size(p->factor), sides);
-  for (size_t i = 0; i < n; i++)
-    for (size_t c = 0; c < (size_t)sides; c++) x[c * n + i] = p->y[width * i + c];
+  separate(p->factor->n, p->y, x, sides);
 }
 
 INLINE void solve_up_to_3(const panels *p, const double *b, double *x, int sides) {
