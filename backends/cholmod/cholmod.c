@@ -219,7 +219,7 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
   release_threads(self);
   msim_status status = status_of(self, "analyse the matrix");
   if (status) return status;
-  if (A->block == 1) return allocate_panels(self);
+  if (A->block == 1 && panels_pay()) return allocate_panels(self);
   self->work = self->host->alloc(self->host, triangular_work(self->supernodal) * sizeof(double));
   return self->work ? MSIM_OK : MSIM_ERR_MEMORY;
 }

@@ -13,6 +13,7 @@
 #include "supernode.h"
 
 typedef double quad __attribute__((vector_size(8 * LANES)));
+typedef double loose_quad __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
 typedef int64_t quad_mask __attribute__((vector_size(8 * LANES)));
 
 typedef struct panels {
@@ -98,7 +99,8 @@ INLINE quad load_quad(const double *from) {
   return v;
 }
 
-INLINE void store_quad(double *to, quad v) { memcpy(to, &v, sizeof v); }
+/* 4 numbers at any address, to be written. */
+INLINE loose_quad *quad_at(double *to) { return (loose_quad *)to; }
 
 /* Rows of 4 numbers to columns, or back. */
 INLINE void transpose(quad v[LANES]) {
@@ -113,21 +115,21 @@ INLINE void transpose(quad v[LANES]) {
  * The sides of w lie `apart`. */
 INLINE void multiply(const double *P, size_t quads, int columns, double *w, size_t apart,
                      int sides) {
-  quad x[LANES][MOST_SIDES];
+  quad x[LANES][MOST_SIDES] = {{{0}}};
   for (int c = 0; c < sides; c++) {
     quad corner = load_quad(w + (size_t)c * apart);
     for (int j = 0; j < columns; j++) {
       x[j][c] = (quad){corner[j], corner[j], corner[j], corner[j]};
       corner[j] = 0;
     }
-    store_quad(w + (size_t)c * apart, corner);
+    *quad_at(w + (size_t)c * apart) = corner;
   }
   for (size_t q = 0; q < quads; q++, w += LANES) {
     quad sum[MOST_SIDES];
     for (int c = 0; c < sides; c++) sum[c] = load_quad(w + (size_t)c * apart);
     for (int j = 0; j < columns; j++, P += LANES)
       for (int c = 0; c < sides; c++) sum[c] += load_quad(P) * x[j][c];
-    for (int c = 0; c < sides; c++) store_quad(w + (size_t)c * apart, sum[c]);
+    for (int c = 0; c < sides; c++) *quad_at(w + (size_t)c * apart) = sum[c];
   }
 }
 
@@ -148,7 +150,7 @@ INLINE void multiply_transposed(const double *P, size_t quads, int columns, doub
     const quad total = (sum[c][0] + sum[c][1]) + (sum[c][2] + sum[c][3]);
     quad corner = load_quad(w + (size_t)c * apart);
     for (int j = 0; j < columns; j++) corner[j] = total[j];
-    store_quad(w + (size_t)c * apart, corner);
+    *quad_at(w + (size_t)c * apart) = corner;
   }
 }
 
@@ -180,7 +182,7 @@ INLINE void load_rows(const int32_t *row, int32_t count, const double *y, quad v
 
 INLINE void store_rows(const int32_t *row, int32_t count, const quad v[LANES], double *y) {
   for (int32_t l = 0; l < LANES; l++)
-    if (l < count) store_quad(y + LANES * (size_t)row[l], v[l]);
+    if (l < count) *quad_at(y + LANES * (size_t)row[l]) = v[l];
 }
 
 INLINE void gather_quad(const int32_t *row, int32_t count, const double *y, double *w, size_t apart,
@@ -188,7 +190,7 @@ INLINE void gather_quad(const int32_t *row, int32_t count, const double *y, doub
   quad v[LANES];
   load_rows(row, count, y, v);
   transpose(v);
-  for (int c = 0; c < sides; c++) store_quad(w + (size_t)c * apart, v[c]);
+  for (int c = 0; c < sides; c++) *quad_at(w + (size_t)c * apart) = v[c];
 }
 
 INLINE void scatter_quad(const int32_t *row, int32_t count, const double *w, size_t apart,
@@ -251,7 +253,7 @@ INLINE void interleave(size_t n, const double *b, double *y, int sides) {
     quad v[LANES] = {{0}};
     for (int c = 0; c < sides; c++) v[c] = load_quad(b + (size_t)c * n + i);
     transpose(v);
-    for (size_t l = 0; l < LANES; l++) store_quad(y + LANES * (i + l), v[l]);
+    for (size_t l = 0; l < LANES; l++) *quad_at(y + LANES * (i + l)) = v[l];
   }
   for (; i < n; i++)
     for (int c = 0; c < sides; c++)
@@ -264,7 +266,7 @@ INLINE void separate(size_t n, const double *y, double *x, int sides) {
     quad v[LANES];
     for (size_t l = 0; l < LANES; l++) v[l] = load_quad(y + LANES * (i + l));
     transpose(v);
-    for (int c = 0; c < sides; c++) store_quad(x + (size_t)c * n + i, v[c]);
+    for (int c = 0; c < sides; c++) *quad_at(x + (size_t)c * n + i) = v[c];
   }
   for (; i < n; i++)
     for (int c = 0; c < sides; c++)
@@ -279,31 +281,23 @@ INLINE void solve_by_panels(const panels *p, const double *b, double *x, int sid
   separate(p->factor->n, p->y, x, sides);
 }
 
-INLINE void solve_up_to_3(const panels *p, const double *b, double *x, int sides) {
-  if (sides == 1) solve_by_panels(p, b, x, 1);
-  else if (sides == 2) solve_by_panels(p, b, x, 2);
-  else solve_by_panels(p, b, x, 3);
-}
-
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-/* Products and sums are rounded once here. */
-__attribute__((target("avx2,fma"), optimize("fp-contract=fast"))) static void solve_fused(
-    const panels *p, const double *b, double *x, int sides) {
-  solve_up_to_3(p, b, x, sides);
-}
-
-static int is_fused(void) {
+/* Products and sums are rounded once here. Registers of 2 numbers are too few: there, panels do not
+ * pay. */
+#if defined(__x86_64__)
+#  define FUSED __attribute__((target("avx2,fma"), optimize("fp-contract=fast")))
+static int panels_pay(void) {
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 }
 #else
-#  define solve_fused solve_up_to_3
-static int is_fused(void) { return 0; }
+#  define FUSED
+static int panels_pay(void) { return 1; }
 #endif
 
 /* x = (L L')^-1 b for 1 to 3 right sides, n apart. */
-static void panels_solve(const panels *p, const double *b, double *x, int sides) {
-  if (is_fused()) solve_fused(p, b, x, sides);
-  else solve_up_to_3(p, b, x, sides);
+FUSED static void panels_solve(const panels *p, const double *b, double *x, int sides) {
+  if (sides == 1) solve_by_panels(p, b, x, 1);
+  else if (sides == 2) solve_by_panels(p, b, x, 2);
+  else solve_by_panels(p, b, x, 3);
 }
 
 #endif
