@@ -119,8 +119,8 @@ static msim_sim *bound_sim(const msim_scene *scene, const char *solver) {
   return make_sim(scene, &opt);
 }
 
-/* Supernodes of every width, two and three right sides: the motion that pcg finds, without help from
- * refinement, and from the same state the same bits, by a fresh factor and by one long in use. */
+/* Supernodes of every width, two and three right sides: the motion that pcg finds, without help
+ * from refinement, and from the same state the same bits, by a new factor and by an old one. */
 static void factors_of_scalars_serve_a_run(void **state) {
   (void)state;
   static const int32_t counts[] = {2, 3, 4, 5, 6, 7, 8, 9, 18, 33, MOST};
