@@ -102,13 +102,19 @@ INLINE quad load_quad(const double *from) {
 /* 4 numbers at any address, to be written. */
 INLINE loose_quad *quad_at(double *to) { return (loose_quad *)to; }
 
+/* The lanes of a and b, in an order. */
+#if defined(__clang__) || __GNUC__ >= 12
+#  define PICK(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
+#else
+#  define PICK(a, b, i, j, k, l) __builtin_shuffle(a, b, (quad_mask){i, j, k, l})
+#endif
+
 /* Rows of 4 numbers to columns, or back. */
 INLINE void transpose(quad v[LANES]) {
-  const quad_mask even = {0, 4, 2, 6}, odd = {1, 5, 3, 7}, low = {0, 1, 4, 5}, high = {2, 3, 6, 7};
-  const quad a = __builtin_shuffle(v[0], v[1], even), b = __builtin_shuffle(v[0], v[1], odd);
-  const quad c = __builtin_shuffle(v[2], v[3], even), d = __builtin_shuffle(v[2], v[3], odd);
-  v[0] = __builtin_shuffle(a, c, low), v[1] = __builtin_shuffle(b, d, low);
-  v[2] = __builtin_shuffle(a, c, high), v[3] = __builtin_shuffle(b, d, high);
+  const quad a = PICK(v[0], v[1], 0, 4, 2, 6), b = PICK(v[0], v[1], 1, 5, 3, 7);
+  const quad c = PICK(v[2], v[3], 0, 4, 2, 6), d = PICK(v[2], v[3], 1, 5, 3, 7);
+  v[0] = PICK(a, c, 0, 1, 4, 5), v[1] = PICK(b, d, 0, 1, 4, 5);
+  v[2] = PICK(a, c, 2, 3, 6, 7), v[3] = PICK(b, d, 2, 3, 6, 7);
 }
 
 /* w = P w_J: the first `columns` numbers of w are replaced, to the others P's share is added.
@@ -284,7 +290,11 @@ INLINE void solve_by_panels(const panels *p, const double *b, double *x, int sid
 /* Products and sums are rounded once here. Registers of 2 numbers are too few: there, panels do not
  * pay. */
 #if defined(__x86_64__)
-#  define FUSED __attribute__((target("avx2,fma"), optimize("fp-contract=fast")))
+#  if defined(__clang__)
+#    define FUSED __attribute__((target("avx2,fma")))
+#  else
+#    define FUSED __attribute__((target("avx2,fma"), optimize("fp-contract=fast")))
+#  endif
 static int panels_pay(void) {
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 }

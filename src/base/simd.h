@@ -74,15 +74,19 @@ static inline ms_quad ms_load_float_quad(const float *from) {
 #endif
 }
 
+/* The lanes of a and b, in an order. */
+#if defined(__clang__) || __GNUC__ >= 12
+#  define MS_PICK(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
+#else
 typedef int64_t ms_quad_mask __attribute__((vector_size(32)));
+#  define MS_PICK(a, b, i, j, k, l) __builtin_shuffle(a, b, (ms_quad_mask){i, j, k, l})
+#endif
 
 /* The sums (0 + 1) + (2 + 3) over the lanes of each of four. */
 static inline ms_quad ms_quad_sums(ms_quad a, ms_quad b, ms_quad c, ms_quad d) {
-  const ms_quad_mask even = {0, 4, 2, 6}, odd = {1, 5, 3, 7};
-  const ms_quad_mask low = {0, 1, 4, 5}, high = {2, 3, 6, 7};
-  const ms_quad ab = __builtin_shuffle(a, b, even) + __builtin_shuffle(a, b, odd);
-  const ms_quad cd = __builtin_shuffle(c, d, even) + __builtin_shuffle(c, d, odd);
-  return __builtin_shuffle(ab, cd, low) + __builtin_shuffle(ab, cd, high);
+  const ms_quad ab = MS_PICK(a, b, 0, 4, 2, 6) + MS_PICK(a, b, 1, 5, 3, 7);
+  const ms_quad cd = MS_PICK(c, d, 0, 4, 2, 6) + MS_PICK(c, d, 1, 5, 3, 7);
+  return MS_PICK(ab, cd, 0, 1, 4, 5) + MS_PICK(ab, cd, 2, 3, 6, 7);
 }
 
 /* a where the mask says so, else b */

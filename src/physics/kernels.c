@@ -12,7 +12,7 @@
 MS_INLINE ms_mask has_direction(ms_lanes l2) { return (l2 > MS_ZERO_LENGTH2) | (l2 != l2); }
 
 /* t and w of force.h, at the differences d = x_j - x_i */
-MS_INLINE void half_coefficients(int dims, ms_vec d, const ms_halves *halves, double h,
+MS_INLINE void half_coefficients(int dims, int damped, ms_vec d, const ms_halves *halves, double h,
                                  double largest_ratio, ms_coefficients *a, size_t at) {
   const ms_lanes zero = {0}, one = zero + 1, largest = zero + largest_ratio;
   const ms_lanes l2 = ms_dot_vec(dims, d, d);
@@ -22,7 +22,8 @@ MS_INLINE void half_coefficients(int dims, ms_vec d, const ms_halves *halves, do
   const ms_lanes hhk = h * h * ms_load(halves->k + at);
   const ms_lanes full = ms_load(halves->rest + at) * inverse;
   const ms_lanes ratio = ms_select(there, ms_select(full > largest, largest, full), zero);
-  const ms_lanes w2 = hhk * ratio + h * ms_load(halves->damping + at);
+  ms_lanes w2 = hhk * ratio;
+  if (damped) w2 += h * ms_load(halves->damping + at);
   const ms_lanes w = ms_select(there, ms_sqrt(w2) * inverse, zero);
   ms_store(a->t + at, hhk * (1 - ratio));
   for (int c = 0; c < dims; c++) ms_store(a->w[c] + at, w * d.c[c]);
@@ -52,8 +53,9 @@ MS_INLINE void diagonal_blocks(int dims, const ms_model *m, int32_t segment, ms_
   }
 }
 
-MS_INLINE void coefficients_of(int dims, const ms_model *model, const double *x, double h,
-                               int clamp, ms_coefficients *a, int32_t begin, int32_t end) {
+MS_INLINE void coefficients_of(int dims, int damped, const ms_model *model, const double *x,
+                               double h, int clamp, ms_coefficients *a, int32_t begin,
+                               int32_t end) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
   const ms_halves *halves = &model->halves;
   const double largest_ratio = clamp ? 1 : INFINITY;
@@ -63,7 +65,7 @@ MS_INLINE void coefficients_of(int dims, const ms_model *model, const double *x,
       const ms_vec xi = ms_load_own(dims, p, lane, x, stride);
       for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
         const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
-        half_coefficients(dims, ms_minus(dims, xj, xi), halves, h, largest_ratio, a,
+        half_coefficients(dims, damped, ms_minus(dims, xj, xi), halves, h, largest_ratio, a,
                           MS_GROUP * (size_t)slot + lane);
       }
     }
@@ -73,8 +75,14 @@ MS_INLINE void coefficients_of(int dims, const ms_model *model, const double *x,
 
 static void coefficients(const ms_model *model, const double *x, double h, int clamp,
                          ms_coefficients *a, int32_t begin, int32_t end) {
-  if (model->rows.dims == 3) coefficients_of(3, model, x, h, clamp, a, begin, end);
-  else coefficients_of(2, model, x, h, clamp, a, begin, end);
+  const int damped = (model->passes & MSIM_SKIP_DAMPING) != 0;
+  if (model->rows.dims == 3) {
+    if (damped) coefficients_of(3, 1, model, x, h, clamp, a, begin, end);
+    else coefficients_of(3, 0, model, x, h, clamp, a, begin, end);
+  } else {
+    if (damped) coefficients_of(2, 1, model, x, h, clamp, a, begin, end);
+    else coefficients_of(2, 0, model, x, h, clamp, a, begin, end);
+  }
 }
 
 /*------------------------------------- products -------------------------------------------------*/

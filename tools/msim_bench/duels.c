@@ -1,4 +1,5 @@
-/* Keys of the summary for which two run alone, on one thread each, in turn on the same state. */
+/* Keys of the summary for which two run alone, on one thread each, in turn: from the same state on,
+ * each steps through the same motion, with what it keeps from step to step. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -108,6 +109,7 @@ static void fight_all(linear_bench *b, const moving *m, const struct match *firs
     report_left_out(b->report, "duel", m, STEP, "all", err.text);
     return;
   }
+  r->goes_on = 1;
   for (int i = 0; i < count && !is_interrupted(); i++) fight(b, r, &first[i], p);
   race_free(r);
 }

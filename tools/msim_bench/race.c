@@ -55,10 +55,13 @@ static void take_phases(const msim_stats *before, const msim_stats *after, sampl
   s->iterations = after->iterations - before->iterations;
 }
 
-static msim_status step_once(const struct racing_step *step, sample *s, msim_error *err) {
+static msim_status step_once(struct racing_step *step, sample *s, msim_error *err) {
   msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
-  msim_status status = msim_sim_set_state(step->sim, &step->race->moving->state, err);
+  const race *r = step->race;
+  msim_status status = MSIM_OK;
+  if (!r->goes_on || !step->began) status = msim_sim_set_state(step->sim, &r->moving->state, err);
   if (status) return status;
+  step->began = 1;
   msim_sim_stats(step->sim, &before);
   const double start = wall_seconds();
   status = msim_sim_step(step->sim, 1, err);
@@ -78,7 +81,7 @@ static int run_step(contestant *c, sample *s) {
   do
     if (step_once(step, s, &err) != MSIM_OK) return fail(c, err.text);
   while (wall_seconds() - start < r->warm);
-  if (c->n > 0 || r->system.n == 0) return 1;
+  if (c->n > 0 || r->system.n == 0 || r->goes_on) return 1;
   msim_sim_state(step->sim, &end);
   c->residual = system_residual(&r->system, end.v);
   return 1;

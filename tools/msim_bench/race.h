@@ -18,11 +18,13 @@ typedef struct race {
     probe probe;
     const msim_backend *own[2]; /* the probe's table, NULL */
     msim_sim *sim;
+    int began; /* from the state of `moving` */
   } steps[MOST_STEPS];
   struct racing_reference {
     reference *child;
     int variant;
   } references[REFERENCE_VARIANTS + 1];
+  int goes_on; /* steps follow each other; 0: each begins at the state of `moving` */
   int nsteps, nreferences, count;
   contestant all[MOST_CONTESTANTS];
 } race;
