@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+from pathlib import Path
 
 from cli_support import CliTest, no_constant
 
@@ -14,3 +16,25 @@ class BenchTest(CliTest):
 
     def find(self, rows, **wanted):
         return [row for row in rows if wanted.items() <= row.items()]
+
+
+class Children(BenchTest):
+    @staticmethod
+    def children(process):
+        """The reference programs and spinners, with what /proc tells of them."""
+        text = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+        return [Path("/proc") / pid for pid in text.split()]
+
+    @staticmethod
+    def alive(child):
+        """Not even a zombie that nobody waits for counts."""
+        try:
+            return (child / "stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+        except OSError:
+            return False
+
+    def wait_for_line(self, process, pattern):
+        for line in process.stdout:
+            if re.match(pattern, line):
+                return
+        self.fail(f"no line like '{pattern}' was printed")

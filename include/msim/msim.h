@@ -215,10 +215,10 @@ enum {
   MSIM_SKIP_GRAVITY = 1u << 2,
   MSIM_SKIP_DRAG = 1u << 3,
   MSIM_SKIP_PLANES = 1u << 4,
-  MSIM_SKIP_KEPT_FACTOR = 1u << 5, /* off: each step makes its factors anew */
-  MSIM_SKIP_TWO_D = 1u << 6,       /* off: flat scenes are computed in 3 components too */
+  MSIM_SKIP_KEPT_FACTOR = 1u << 5,      /* off: each step makes its factors anew */
+  MSIM_SKIP_TWO_D = 1u << 6,            /* off: flat scenes are computed in 3 components too */
   MSIM_SKIP_ZERO_REST_LENGTH = 1u << 7, /* off: springs of rest length 0 are treated as others */
-  MSIM_SKIP_AT_REST = 1u << 8 /* off: steps are made where they change nothing too */
+  MSIM_SKIP_AT_REST = 1u << 8           /* off: steps are made where they change nothing too */
 };
 
 /* A linear solver behind the ABI of msim/backend.h. */

@@ -1,0 +1,250 @@
+"""What msim_bench measures: rows and summary, every contestant, the same results."""
+
+import math
+import os
+import re
+import signal
+import time
+import unittest
+
+from bench_support import BenchTest, Children
+
+SCENE = ["linear", "--quick", "--scene", "cloth32"]
+TUNING = {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+class Linear(Children):
+    def check_times(self, row):
+        self.assertGreater(row["ms"], 0)
+        self.assertGreaterEqual(row["repeats"], 1)
+        parts = [row.get(f"{part}_ms", 0) for part in ("force", "assemble", "factor", "solve")]
+        self.assertLess(sum(parts), 3 * row["ms"])  # medians of each: they need not add up
+        if row["measure"] != "bare":
+            self.assertLess(row["residual"], 1.01e-6)
+        if row["measure"] == "step":
+            ran = row["ran"]
+            self.assertIn(ran, ("pcg", "cholmod") if row["solver"] == "auto" else (row["solver"],))
+            self.assertGreaterEqual(row["threads"], 1)
+        if row["solver"] == "pcg" or row["measure"] == "stock":
+            self.assertGreater(row["iterations"], 10)
+
+    def check_rows(self, rows):
+        for row in rows:
+            with self.subTest(row):
+                self.assertIn(row["measure"], ("step", "bare", "default", "stock", "ratio",
+                                               "disagreement", "reference"))
+                if row["measure"] in ("ratio", "disagreement") and "solver" not in row:
+                    continue
+                self.assertIn(row["status"], ("ok", "failed", "left out"))
+                if row["status"] == "ok":
+                    self.check_times(row)
+                else:
+                    self.assertGreater(len(row["reason"]), 10)
+
+    def test_small_scene(self):
+        out = self.good(*SCENE, "--json", "out.json")
+        self.assertEqual(self.files(), ["out.json"])
+        result = self.result()
+        self.assertEqual(set(result), {"bench", "quick", "machine", "rows", "summary"})
+        self.assertEqual((result["bench"], result["quick"]), ("linear", True))
+        self.assertLessEqual({"cores", "isa", "msim", "solvers", "references"},
+                             set(result["machine"]))
+        rows, summary = result["rows"], result["summary"]
+        self.check_rows(rows)
+        for solver in result["machine"]["solvers"]:
+            self.assertTrue(self.find(rows, solver=solver, scene="cloth32"), solver)
+        self.check_summary(result)
+        for key in summary:
+            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
+
+    def check_summary(self, result):
+        rows, summary = result["rows"], result["summary"]
+        expected = set()
+        if "cholmod" in result["machine"]["solvers"]:
+            if "default cholmod" in result["machine"]["references"]:
+                expected.add("cholmod_step_over_default_cloth32")
+            expected |= {"max_disagreement", "max_disagreement_stiff"}
+        self.assertEqual(set(summary), expected)
+        for key, k in ("max_disagreement", 1e3), ("max_disagreement_stiff", 1e5):
+            if key in expected:
+                largest = [row["largest"] for row in self.find(rows, measure="disagreement", k=k)
+                           if "largest" in row]
+                self.assertEqual((len(largest), max(largest)), (2, summary[key]))
+                self.assertLess(summary[key], 1e-8)
+        for row in self.find(rows, measure="ratio", name="cholmod_step_over_default"):
+            self.assertEqual(row["ratio"], summary["cholmod_step_over_default_cloth32"])
+
+    def test_references_know_nothing_of_our_environment(self):
+        with self.start(*SCENE, env={**os.environ, **TUNING}) as process:
+            self.wait_for_line(process, "cloth32")
+            children = [child for child in self.children(process)
+                        if "reference" in (child / "cmdline").read_text()]
+            for child in children:
+                names = re.findall(r"(?:\A|\0)([^=\0]*)=", (child / "environ").read_text())
+                self.assertIn("PATH", names)
+                self.assertEqual(set(names) & set(TUNING), set())
+        if not children:
+            self.skipTest("no reference program was built")
+
+    def test_a_reference_that_dies_is_a_result(self):
+        with self.start(*SCENE, "--json", "out.json") as process:
+            self.wait_for_line(process, "cloth32")
+            children = self.children(process)
+            for child in children:
+                if "reference" in (child / "cmdline").read_text():
+                    os.kill(int(child.name), signal.SIGKILL)
+            process.communicate(timeout=100)
+        self.assertEqual(process.returncode, 0)
+        result = self.result()
+        self.check_rows(result["rows"])
+        self.assertNotIn("cholmod_step_over_default_cloth32", result["summary"])
+        self.assertEqual(self.find(result["rows"], measure="default", status="ok"), [])
+        self.assertTrue(self.find(result["rows"], measure="step", status="ok"))
+
+
+class Duels(BenchTest):
+    """Two alone, for keys of their own."""
+    KEYS = {"auto_over_tuned_cholmod_jelly16", "auto_over_tuned_cholmod_cloth64"}
+
+    def test_who_ran(self):
+        self.good("linear", "--quick", "--scene", "jelly16,cloth64", "--json", "out.json")
+        result = self.result()
+        rows = {row["name"]: row for row in result["rows"] if row["measure"] == "duel"}
+        self.assertEqual(set(rows), self.KEYS)
+        for key, row in rows.items():
+            with self.subTest(key):
+                self.assertEqual(row["k"], 1000)
+                self.assertTrue(0 < row["t"] <= 0.5)
+                self.assertAlmostEqual(row["h"], 1 / 60)
+                self.assertEqual((row["over"], row["under"]), ("auto", "cholmod"))
+                if "cholmod" not in result["machine"]["solvers"]:
+                    self.assertNotIn(key, result["summary"])
+                    self.assertIn("cholmod", row["reason"])
+                    continue
+                self.assertEqual(row["under_ran"], "cholmod")
+                self.assertEqual(row["ratio"], result["summary"][key])
+                # medians of ratios and ratios of medians lie near each other, on a busy machine too
+                self.assertLess(abs(math.log(row["ratio"] * row["under_ms"] / row["over_ms"])), 1)
+
+
+class Scaling(BenchTest):
+    def test_small_scenes(self):
+        out = self.good("scaling", "--quick", "--scene", "cloth32,cloth100,jelly8", "--threads",
+                        "2", "--json", "out.json")
+        result = self.result()
+        self.assertEqual((result["bench"], result["quick"]), ("scaling", True))
+        rows, summary = result["rows"], result["summary"]
+        scenes = {"cloth32": 1024, "cloth100": 10000, "jelly8": 512}
+        for scene, k in ("cloth32", 1e3), ("cloth100", 1e3), ("cloth100", 1e5), ("jelly8", 1e3):
+            found = {row["solver"]: row for row in rows if (row["scene"], row["k"]) == (scene, k)}
+            self.assertEqual(set(found), {"auto", "auto, 2 threads", "cholmod"})
+            for solver, row in found.items():
+                with self.subTest(f"{scene} {k} {solver}"):
+                    self.check_row(row, scenes[scene], 2 if "2" in solver else 1)
+            self.assertEqual(found["auto"]["iterations"], found["auto, 2 threads"]["iterations"])
+        self.assertEqual(set(summary), {"iterations_growth_k_to_100k"})
+        soft, stiff = (row["iterations"] for row in rows
+                       if (row["scene"], row["solver"]) == ("cloth100", "auto"))
+        self.assertAlmostEqual(summary["iterations_growth_k_to_100k"], stiff / soft)
+        self.assertIn("iterations_growth_k_to_100k", out)
+
+    def check_row(self, row, particles, threads):
+        self.assertEqual(row["particles"], particles)
+        self.assertAlmostEqual(row["h"], 1 / 60)
+        if row["status"] != "ok":
+            self.assertEqual(row["solver"], "cholmod")  # it alone may be left out, or not be there
+            self.assertGreater(len(row["reason"]), 10)
+            return
+        self.assertGreater(row["ms"], 0)
+        self.assertEqual(row["threads"], threads)
+        self.assertTrue(0 < row["t"] <= 0.5)
+        self.assertEqual(row.get("iterations", 0) > 0, row["ran"] == "pcg")
+
+
+class Skip(BenchTest):
+    IMPLICIT = {"no_springs": "no_springs", "zero_rest_length": "zero_rest_length",
+                "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}
+    KEYLESS = {"at_rest"}
+    EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "at_rest, explicit", "planes",
+                "damping", "drag", "gravity"}
+
+    def test_quick(self):
+        start = time.monotonic()
+        out = self.good("skip", "--quick", "--json", "out.json")
+        self.assertLess(time.monotonic() - start, 60)
+        result = self.result()
+        self.assertEqual((result["bench"], result["quick"]), ("skip", True))
+        rows, summary = result["rows"], result["summary"]
+        for name in self.IMPLICIT.keys() | self.KEYLESS | self.EXPLICIT:
+            with self.subTest(name):
+                self.check_skip([row for row in rows if row["skip"] == name], name, summary)
+        for key in summary:
+            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
+        self.assertLessEqual(set(summary), set(self.IMPLICIT.values()))
+
+    def check_skip(self, rows, name, summary):
+        steps = {row["way"]: row for row in rows if row["measure"] == "step"}
+        factors = {row["over"]: row["factor"] for row in rows if row["measure"] == "factor"}
+        ways = {"on", "off"} | ({"off, cholmod"} if name not in self.EXPLICIT else set())
+        self.assertEqual(set(steps), ways)
+        for way, row in steps.items():
+            if row["status"] == "ok":
+                self.assertGreater(row["ms"], 0)
+                self.assertEqual(factors.get(way, 0) > 0, way != "on")
+            else:
+                self.assertGreater(len(row["reason"]), 10)
+                self.assertNotIn(way, factors)
+        if name in self.IMPLICIT:
+            key = self.IMPLICIT[name]
+            self.assertEqual(summary.get(key), factors.get("off, cholmod"))
+            if key in summary:
+                self.assertGreater(summary[key], 1)  # however busy the machine is
+
+
+class Forces(BenchTest):
+    KEYS = {"cloth100": {"explicit_step_speedup_cloth100"},
+            "cloth500": {"triad_fraction_cloth500", "two_threads_cloth500"},
+            "mesh500": {"irregular_speedup"}, "cloth32": set(), "mesh100": set()}
+
+    def check_scene(self, rows, cores):
+        """Who took part, and that both computed the same."""
+        scene, = self.find(rows, measure="scene")
+        self.assertLess(scene["difference"], 1e-12)
+        self.assertGreater(scene["bytes_per_step"], 104 * scene["particles"])
+        runs = [row for row in rows if row["measure"] in ("step", "triad")]
+        expected = {("msim", 1), ("textbook", 1), ("triad", 1)}
+        if cores > 1:
+            expected |= {("msim", 2), ("triad", 2)}
+        self.assertEqual({(row["name"], row["threads"]) for row in runs}, expected)
+        for row in runs:
+            self.assertEqual((row["status"], row["repeats"]), ("ok", 5))
+            self.assertAlmostEqual(row["gb_per_s"] * row["us"] * 1e3, scene["bytes_per_step"],
+                                   delta=1e-6 * scene["bytes_per_step"])
+        for row in self.find(runs, measure="step"):
+            self.assertAlmostEqual(row["springs_per_s"] * row["us"] * 1e-6, scene["springs"],
+                                   delta=1e-6 * scene["springs"])
+
+    def test_rows_and_summary(self):
+        names = "cloth32", "cloth100", "mesh100"
+        self.good("forces", "--quick", "--scene", ",".join(names), "--json", "out.json")
+        result = self.result()
+        self.assertEqual((result["bench"], result["quick"]), ("forces", True))
+        for name in names:
+            self.check_scene(self.find(result["rows"], scene=name), result["machine"]["cores"])
+        self.assertEqual(set(result["summary"]), set().union(*map(self.KEYS.get, names)))
+        speedup, = self.find(result["rows"], scene="cloth100", measure="ratio", name="speedup")
+        self.assertEqual(speedup["ratio"], result["summary"]["explicit_step_speedup_cloth100"])
+        self.assertGreater(speedup["ratio"], 1)
+
+    def test_all_scenes_in_a_minute(self):
+        start = time.monotonic()
+        self.good("forces", "--quick", "--json", "out.json")
+        self.assertLess(time.monotonic() - start, 60)
+        expected = set().union(*self.KEYS.values())
+        if self.result()["machine"]["cores"] == 1:
+            expected.remove("two_threads_cloth500")
+        self.assertEqual(set(self.result()["summary"]), expected)
+
+
+if __name__ == "__main__":
+    unittest.main()
