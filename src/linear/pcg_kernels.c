@@ -3,8 +3,8 @@
 #include <float.h>
 #include <string.h>
 
-#include "base/simd.h"
 #include "linear/pcg.h"
+#include "physics/lanes.h"
 
 /* 8 running sums, one a lane of a group, and their tree: one order on every instruction set. */
 typedef struct lane_sums {
@@ -80,16 +80,6 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
 
 /*------------------------------------- apply ----------------------------------------------------*/
 
-/* The part of a vector at the other ends of 8 halves: consecutive rows, or gathered. */
-MS_INLINE ms_lanes neighbours(const ms_halves *halves, int32_t slot, size_t lane, const double *x) {
-  const int32_t start = halves->start[slot];
-  if (start >= 0) return ms_load(x + (size_t)start + lane);
-  const int32_t *j = halves->neighbour + MS_GROUP * (size_t)slot + lane;
-  ms_lanes v;
-  for (int l = 0; l < MS_LANES; l++) v[l] = x[j[l]];
-  return v;
-}
-
 /* q += sum over the halves of a segment in one register of lanes, at their own p */
 MS_INLINE void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
                            const ms_lanes p[3], ms_lanes q[3]) {
@@ -98,10 +88,11 @@ MS_INLINE void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t
   for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
     const float *a = s->coefficients + 4 * MS_GROUP * (size_t)slot + lane;
     const ms_lanes t = ms_load_floats(a);
+    const ms_vec other = ms_load_neighbours((int)dims, halves, slot, lane, s->p, stride);
     ms_lanes w[3], d[3], along = {0};
     for (size_t c = 0; c < dims; c++) {
       w[c] = ms_load_floats(a + MS_GROUP * (c + 1));
-      d[c] = p[c] - neighbours(halves, slot, lane, s->p + c * stride);
+      d[c] = p[c] - other.c[c];
       along = ms_fma(w[c], d[c], along);
     }
     for (size_t c = 0; c < dims; c++) q[c] = ms_fma(along, w[c], ms_fma(t, d[c], q[c]));
