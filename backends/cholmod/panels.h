@@ -4,23 +4,28 @@
  *   P = [L_JJ^-1; -L_RJ L_JJ^-1],  so that  w = P w_J  is L's forward substitution by J,
  *   and  w_J = P' w  that of L':
  * within a panel no number waits for another. P is kept in the order in which it is read: 4 rows of
- * one column, the same rows of the next. */
+ * one column, the same rows of the next; in single precision where that will do, since reading P is
+ * what a solve costs. Sums are made in double precision. */
 #ifndef MSIM_CHOLMOD_PANELS_H
 #define MSIM_CHOLMOD_PANELS_H
 
+#include <float.h>
+#include <math.h>
 #include <string.h>
 
 #include "supernode.h"
 
 typedef double quad __attribute__((vector_size(8 * LANES)));
 typedef double loose_quad __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+typedef float float_quad __attribute__((vector_size(4 * LANES)));
 typedef int64_t quad_mask __attribute__((vector_size(8 * LANES)));
 
 typedef struct panels {
   const cholmod_factor *factor;
-  double *value; /* panels_size of them: P after P */
-  double *y;     /* work: 4 n, right sides side by side */
-  double *w;     /* work: the rows of a supernode, panels_work */
+  int single;  /* values are floats, not doubles */
+  void *value; /* panels_size of them: P after P */
+  double *y;   /* work: 4 n, right sides side by side */
+  double *w;   /* work: the rows of a supernode, panels_work */
 } panels;
 
 INLINE int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
@@ -66,33 +71,6 @@ static void invert_corner(const double *L, size_t rows, size_t columns, double V
     }
 }
 
-static void pack_panel(const supernode *s, int32_t j, double *P) {
-  const size_t rows = (size_t)s->rows, end = rows - (size_t)j;
-  const size_t columns = (size_t)least(LANES, s->width - j);
-  const double *L = s->value + (size_t)j * rows + j;
-  double V[LANES][LANES];
-  invert_corner(L, rows, columns, V);
-  for (size_t first = 0; first < end; first += LANES)
-    for (size_t k = 0; k < columns; k++)
-      for (size_t i = first; i < first + LANES; i++) {
-        double value = i < columns ? V[i][k] : 0;
-        for (size_t m = k; m < columns && i >= columns && i < end; m++)
-          value -= L[m * rows + i] * V[m][k];
-        *P++ = value;
-      }
-}
-
-/* The factor is new. */
-static void panels_pack(panels *p) {
-  double *P = p->value;
-  for (size_t k = 0; k < p->factor->nsuper; k++) {
-    const supernode s = supernode_at(p->factor, k);
-    for (int32_t j = 0; j < s.width; P += panel_size(&s, j), j += LANES) pack_panel(&s, j, P);
-  }
-}
-
-/*------------------------------------- products -------------------------------------------------*/
-
 INLINE quad load_quad(const double *from) {
   quad v;
   memcpy(&v, from, sizeof v);
@@ -101,6 +79,66 @@ INLINE quad load_quad(const double *from) {
 
 /* 4 numbers at any address, to be written. */
 INLINE loose_quad *quad_at(double *to) { return (loose_quad *)to; }
+
+/* The values from the at-th on: `single` is a constant where these are inlined. */
+INLINE quad load_values(const void *P, size_t at, int single) {
+  if (!single) return load_quad((const double *)P + at);
+  float_quad v;
+  memcpy(&v, (const float *)P + at, sizeof v);
+  return __builtin_convertvector(v, quad);
+}
+
+INLINE void store_values(void *P, size_t at, int single, quad v) {
+  const float_quad narrow = __builtin_convertvector(v, float_quad);
+  if (single) memcpy((float *)P + at, &narrow, sizeof narrow);
+  else memcpy((double *)P + at, &v, sizeof v);
+}
+
+/* Rows first to first + 3 of -L_RJ V, k-th column; rows of J and past the end need not be right. */
+INLINE quad product(const double *L, size_t rows, size_t columns, size_t first, size_t end,
+                    double V[LANES][LANES], size_t k) {
+  quad sum = {0};
+  for (size_t m = k; m < columns; m++) {
+    quad l = {0};
+    if (first + LANES <= end) l = load_quad(L + m * rows + first);
+    else
+      for (size_t i = first; i < end; i++) l[i - first] = L[m * rows + i];
+    sum -= l * V[m][k];
+  }
+  return sum;
+}
+
+/* 1; or 0 where a float cannot hold what it should: V_kk is to be normal, all others finite. */
+INLINE int pack_panel(const supernode *s, int32_t j, int single, void *P, size_t at) {
+  const size_t rows = (size_t)s->rows, end = rows - (size_t)j;
+  const size_t columns = (size_t)least(LANES, s->width - j);
+  const double *L = s->value + (size_t)j * rows + j;
+  double V[LANES][LANES], least_V = INFINITY;
+  quad sum = {0}; /* of 0 times each: 0, or NaN */
+  invert_corner(L, rows, columns, V);
+  for (size_t k = 0; k < columns; k++) least_V = V[k][k] < least_V ? V[k][k] : least_V;
+  for (size_t first = 0; first < end; first += LANES)
+    for (size_t k = 0; k < columns; k++, at += LANES) {
+      quad v = product(L, rows, columns, first, end, V, k);
+      for (size_t i = 0; i < columns && first == 0; i++) v[i] = V[i][k];
+      store_values(P, at, single, v);
+      if (single) sum += 0 * load_values(P, at, single);
+    }
+  return !single || (least_V >= FLT_MIN && sum[0] + sum[1] + sum[2] + sum[3] == 0);
+}
+
+INLINE int pack_panels(const panels *p, int single) {
+  size_t at = 0;
+  int whole = 1;
+  for (size_t k = 0; k < p->factor->nsuper; k++) {
+    const supernode s = supernode_at(p->factor, k);
+    for (int32_t j = 0; j < s.width; at += panel_size(&s, j), j += LANES)
+      whole &= pack_panel(&s, j, single, p->value, at);
+  }
+  return whole;
+}
+
+/*------------------------------------- products -------------------------------------------------*/
 
 /* The lanes of a and b, in an order. */
 #if defined(__clang__) || __GNUC__ >= 12
@@ -118,9 +156,9 @@ INLINE void transpose(quad v[LANES]) {
 }
 
 /* w = P w_J: the first `columns` numbers of w are replaced, to the others P's share is added.
- * The sides of w lie `apart`. */
-INLINE void multiply(const double *P, size_t quads, int columns, double *w, size_t apart,
-                     int sides) {
+ * P begins with the at-th value. The sides of w lie `apart`. */
+INLINE void multiply(const panels *p, int single, size_t at, size_t quads, int columns, double *w,
+                     size_t apart, int sides) {
   quad x[LANES][MOST_SIDES] = {{{0}}};
   for (int c = 0; c < sides; c++) {
     quad corner = load_quad(w + (size_t)c * apart);
@@ -133,23 +171,26 @@ INLINE void multiply(const double *P, size_t quads, int columns, double *w, size
   for (size_t q = 0; q < quads; q++, w += LANES) {
     quad sum[MOST_SIDES];
     for (int c = 0; c < sides; c++) sum[c] = load_quad(w + (size_t)c * apart);
-    for (int j = 0; j < columns; j++, P += LANES)
-      for (int c = 0; c < sides; c++) sum[c] += load_quad(P) * x[j][c];
+    for (int j = 0; j < columns; j++, at += LANES)
+      for (int c = 0; c < sides; c++) sum[c] += load_values(p->value, at, single) * x[j][c];
     for (int c = 0; c < sides; c++) *quad_at(w + (size_t)c * apart) = sum[c];
   }
 }
 
 /* w_J = P' w. Panels are read from the last to the first here, which the CPU does not foresee. */
-INLINE void multiply_transposed(const double *P, size_t quads, int columns, double *w, size_t apart,
-                                int sides) {
-  enum { LINE = 8, AHEAD = 1024 };
+INLINE void multiply_transposed(const panels *p, int single, size_t at, size_t quads, int columns,
+                                double *w, size_t apart, int sides) {
+  enum { LINE = 64, AHEAD = 8192 };
+  const size_t bytes = single ? sizeof(float) : sizeof(double);
   quad sum[MOST_SIDES][LANES] = {{{0}}};
   for (size_t q = 0; q < quads; q++) {
-    for (int at = 0; at < LANES * columns; at += LINE)
-      __builtin_prefetch((const void *)((uintptr_t)(P + at) - AHEAD * sizeof *P));
-    for (int j = 0; j < columns; j++, P += LANES)
+    const uintptr_t here = (uintptr_t)p->value + at * bytes;
+    for (size_t b = 0; b < LANES * (size_t)columns * bytes; b += LINE)
+      __builtin_prefetch((const void *)(here + b - AHEAD));
+    for (int j = 0; j < columns; j++, at += LANES)
       for (int c = 0; c < sides; c++)
-        sum[c][j] += load_quad(P) * load_quad(w + (size_t)c * apart + LANES * q);
+        sum[c][j] +=
+            load_values(p->value, at, single) * load_quad(w + (size_t)c * apart + LANES * q);
   }
   for (int c = 0; c < sides; c++) {
     transpose(sum[c]);
@@ -161,14 +202,14 @@ INLINE void multiply_transposed(const double *P, size_t quads, int columns, doub
 }
 
 /* Either one by the panel that begins with column j; the number of columns is a constant. */
-INLINE void by_panel(const supernode *s, int32_t j, const double *P, int transposed, double *w,
-                     size_t apart, int sides) {
+INLINE void by_panel(const panels *p, int single, const supernode *s, int32_t j, size_t at,
+                     int transposed, double *w, size_t apart, int sides) {
   const size_t quads = quads_from(s, j);
   switch (least(LANES, s->width - j)) {
-#define CASE(columns)                                                            \
-  case columns:                                                                  \
-    if (transposed) multiply_transposed(P, quads, columns, w + j, apart, sides); \
-    else multiply(P, quads, columns, w + j, apart, sides);                       \
+#define CASE(columns)                                                                        \
+  case columns:                                                                              \
+    if (transposed) multiply_transposed(p, single, at, quads, columns, w + j, apart, sides); \
+    else multiply(p, single, at, quads, columns, w + j, apart, sides);                       \
     return
     CASE(1);
     CASE(2);
@@ -225,28 +266,28 @@ INLINE void scatter_rows(const supernode *s, int32_t count, const double *w, siz
 }
 
 /* L y' = y */
-INLINE void panels_forward(const panels *p, int sides) {
-  const double *P = p->value;
+INLINE void panels_forward(const panels *p, int single, int sides) {
+  size_t at = 0;
   for (size_t k = 0; k < p->factor->nsuper; k++) {
     const supernode s = supernode_at(p->factor, k);
     const size_t apart = LANES * quads_from(&s, 0);
     gather_rows(&s, p->y, p->w, apart, sides);
-    for (int32_t j = 0; j < s.width; P += panel_size(&s, j), j += LANES)
-      by_panel(&s, j, P, 0, p->w, apart, sides);
+    for (int32_t j = 0; j < s.width; at += panel_size(&s, j), j += LANES)
+      by_panel(p, single, &s, j, at, 0, p->w, apart, sides);
     scatter_rows(&s, s.rows, p->w, apart, p->y, sides);
   }
 }
 
-/* L' y' = y; end: of the values */
-INLINE void panels_backward(const panels *p, const double *end, int sides) {
-  const double *P = end;
+/* L' y' = y */
+INLINE void panels_backward(const panels *p, int single, int sides) {
+  size_t at = panels_size(p->factor);
   for (size_t k = p->factor->nsuper; k-- > 0;) {
     const supernode s = supernode_at(p->factor, k);
     const size_t apart = LANES * quads_from(&s, 0);
     gather_rows(&s, p->y, p->w, apart, sides);
     for (int32_t j = (s.width - 1) / LANES * LANES; j >= 0; j -= LANES) {
-      P -= panel_size(&s, j);
-      by_panel(&s, j, P, 1, p->w, apart, sides);
+      at -= panel_size(&s, j);
+      by_panel(p, single, &s, j, at, 1, p->w, apart, sides);
     }
     scatter_rows(&s, s.width, p->w, apart, p->y, sides);
   }
@@ -280,10 +321,10 @@ INLINE void separate(size_t n, const double *y, double *x, int sides) {
 }
 
 /* L L' x = b */
-INLINE void solve_by_panels(const panels *p, const double *b, double *x, int sides) {
+INLINE void solve_by_panels(const panels *p, int single, const double *b, double *x, int sides) {
   interleave(p->factor->n, b, p->y, sides);
-  panels_forward(p, sides);
-  panels_backward(p, p->value + panels_size(p->factor), sides);
+  panels_forward(p, single, sides);
+  panels_backward(p, single, sides);
   separate(p->factor->n, p->y, x, sides);
 }
 
@@ -303,11 +344,17 @@ static int panels_pay(void) {
 static int panels_pay(void) { return 1; }
 #endif
 
+/* The factor is new. 0: it does not fit into single precision. */
+FUSED static int panels_pack(const panels *p) {
+  return p->single ? pack_panels(p, 1) : pack_panels(p, 0);
+}
+
 /* x = (L L')^-1 b for 1 to 3 right sides, n apart. */
 FUSED static void panels_solve(const panels *p, const double *b, double *x, int sides) {
-  if (sides == 1) solve_by_panels(p, b, x, 1);
-  else if (sides == 2) solve_by_panels(p, b, x, 2);
-  else solve_by_panels(p, b, x, 3);
+  if (p->single && sides == 1) solve_by_panels(p, 1, b, x, 1);
+  else if (sides == 1) solve_by_panels(p, 0, b, x, 1);
+  else if (sides == 2) solve_by_panels(p, 0, b, x, 2);
+  else solve_by_panels(p, 0, b, x, 3);
 }
 
 #endif

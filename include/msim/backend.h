@@ -91,7 +91,9 @@ typedef struct msim_system {
 /* What one solve() has to reach. */
 typedef struct msim_solve_params {
   size_t size;
-  double rtol; /* ||b - A y|| <= rtol ||b||, 2-norm */
+  double
+      rtol; /* ||b - A y|| <= rtol ||b||, 2-norm. A factor may be applied in single precision where
+                  this is 1e-4 or more: the host asks for that of preconditioners */
   int32_t max_iterations;
 } msim_solve_params;
 

@@ -3,12 +3,10 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "linear/kept.h"
 #include "linear/predict.h"
 
-/* The constants of `auto`. A half spring costs conjugate gradients, all in all, the time of about
- * 32 flops of a factorisation (measured on CPUs with AVX2 and AVX-512). Below so many iterations
- * nothing is opened to find out what a factor would cost. */
-#define FLOPS_PER_HALF 32.0
+/* Below so many iterations nothing is opened to find out what a factor would cost. */
 #define FEW_ITERATIONS 150.0
 
 static msim_status take_pcg(const ms_system *system, const msim_options *opt,
@@ -28,10 +26,10 @@ static msim_status take_pcg(const ms_system *system, const msim_options *opt,
 }
 
 /* What a step by a factorisation costs, in flops of one. A matrix of scalars is factored once for
- * all steps, which only solve: two triangular solves cost 16 for each number of the factor. */
+ * all steps, which only solve. */
 static double price_of_step(const ms_linear *linear) {
   const ms_system *s = linear->system;
-  return s->a.block == 1 ? 16 * linear->fill * s->model->rows.dims : linear->flops;
+  return s->a.block == 1 ? MS_FLOPS_PER_FILL * linear->fill * s->model->rows.dims : linear->flops;
 }
 
 /* pcg, unless many iterations are ahead, cholmod is there, and its flops are fewer than those of
@@ -48,7 +46,7 @@ static msim_status estimate(const ms_system *system, const msim_options *opt,
   if (status == MSIM_ERR_MEMORY || (status && may_fail))
     return ms_fail(err, status, "indefinite = solve needs a solver that can: %s", why.text);
   if (status) return take_pcg(system, opt, p, "; cholmod is not there", choice, err);
-  const double spared = iterations * FLOPS_PER_HALF * 2 * system->model->springs.n;
+  const double spared = iterations * MS_FLOPS_PER_HALF * 2 * system->model->springs.n;
   if (may_fail || price_of_step(choice->linear) <= spared) {
     snprintf(choice->reason, sizeof choice->reason,
              "auto: a factor of %.2g flops against about %.0f iterations", choice->linear->flops,

@@ -10,18 +10,25 @@
 
 /*------------------------------------- life -----------------------------------------------------*/
 
-/* The kernels of a factorisation run about 4 times as fast as two triangular solves, which read the
- * factor twice: flops / (4 * 4 fill). */
+static int may_keep(const ms_solver *s) {
+  return strcmp(s->opt->solver, "auto") == 0 && s->system.a.block > 1 &&
+         !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
+}
+
 static msim_status take(ms_solver *s, const ms_choice *choice, msim_error *err) {
   s->linear = choice->linear;
   s->stats->analyses += s->linear->analyses;
   snprintf(s->reason, sizeof s->reason, "%s", choice->reason);
-  s->kept = (ms_kept){.allowed = strcmp(s->opt->solver, "auto") == 0 && s->linear->factorises &&
-                                 s->linear->fill > 0 && s->system.a.block > 1 &&
-                                 !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR)};
-  if (!s->kept.allowed) return MSIM_OK;
-  s->kept.price = s->linear->flops / (16 * s->linear->fill);
-  return ms_cg_create(s->system.model, &s->cg, err);
+  s->savings.allowed = may_keep(s) && s->linear->aggregates > 0;
+  if (!may_keep(s) || !s->linear->factorises || !(s->linear->fill > 0)) return MSIM_OK;
+  return ms_kept_create(&s->system, s->linear, &s->kept, err);
+}
+
+/* No kept factor, nor anybody beside s->linear who makes one. */
+static void drop_kept(ms_solver *s) {
+  if (s->savings.cholmod) s->savings.cholmod->ops->destroy(s->savings.cholmod);
+  ms_kept_destroy(&s->system, &s->kept);
+  s->savings = (ms_savings){0};
 }
 
 static msim_status set_up(ms_solver *s, double h, msim_error *err) {
@@ -61,15 +68,16 @@ void ms_solver_destroy(ms_solver *s) {
   if (!s) return;
   const ms_model *model = s->system.model;
   if (s->linear) s->linear->ops->destroy(s->linear);
+  drop_kept(s);
   ms_coefficients_destroy(model, &s->system.a);
-  ms_cg_destroy(model, &s->cg);
   double *work[] = {s->guess, s->residual, s->correction, s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) ms_delete(&model->scene->alloc, work[i]);
   ms_delete(&model->scene->alloc, s);
 }
 
 void ms_solver_restart(ms_solver *s) {
-  s->kept.age = s->kept.wait = s->kept.rest = 0;
+  ms_kept_forget(&s->kept);
+  s->savings.flops = 0, s->savings.steps = 0;
   if (s->linear->ops->restart) s->linear->ops->restart(s->linear);
 }
 
@@ -97,24 +105,24 @@ static msim_status assemble(ms_solver *s, const double *x, double h, int clamp) 
   return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 
-static void expand(ms_solver *s) {
-  if (!s->linear->ops->expand) return;
+static void expand(ms_solver *s, ms_linear *linear) {
+  if (!linear->ops->expand) return;
   double start = ms_clock();
-  s->linear->ops->expand(s->linear);
+  linear->ops->expand(linear);
   s->stats->assemble_s += ms_clock() - start;
 }
 
-static msim_status factor(ms_solver *s, int32_t kind, msim_error *err) {
-  if (!s->linear->ops->factor) return MSIM_OK;
-  expand(s);
+static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_error *err) {
+  if (!linear->ops->factor) return MSIM_OK;
+  expand(s, linear);
   double start = ms_clock();
-  const int64_t made = s->linear->coarse_factors, kept = s->linear->kept_coarse_factors;
-  msim_status status = s->linear->ops->factor(s->linear, kind, err);
-  s->stats->factorizations += s->linear->factorises;
-  s->stats->coarse_factors += s->linear->coarse_factors - made;
-  s->stats->kept_factors += s->linear->kept_coarse_factors - kept;
+  const int64_t made = linear->coarse_factors, kept = linear->kept_coarse_factors;
+  msim_status status = linear->ops->factor(linear, kind, err);
+  s->stats->factorizations += linear->factorises;
+  s->stats->coarse_factors += linear->coarse_factors - made;
+  s->stats->kept_factors += linear->kept_coarse_factors - kept;
   s->stats->factor_s += ms_clock() - start;
-  s->kept.age = s->kept.iterations = 0;
+  if (linear == s->kept.by) s->kept.age = 0;
   return status;
 }
 
@@ -193,44 +201,65 @@ static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *e
 
 static msim_status factor_and_solve(ms_solver *s, int32_t kind, const double *b, double *v,
                                     msim_error *err) {
-  msim_status status = factor(s, kind, err);
+  msim_status status = factor(s, s->linear, kind, err);
   if (!status) status = solve(s, b, v, err);
-  s->kept.age = !status && kind == MSIM_FACTOR_SPD;
+  if (!status && kind == MSIM_FACTOR_SPD && s->kept.by == s->linear)
+    ms_kept_renew(&s->kept, &s->system, 0);
   return status;
 }
 
 /*------------------------------------- a kept factor --------------------------------------------*/
 
-static msim_status by_factor(void *data, const double *r, double *z) {
-  ms_solver *s = data;
-  int64_t iterations = 0;
-  return s->linear->ops->solve(s->linear, &s->target, r, z, &iterations, NULL);
-}
-
-/* This step may cost what steps cost on average, the factor's making included. A factor that was no
- * help in the very next step is a sign: the next tries come after 1, 3, 7, ... 63 steps. */
 static msim_status try_kept(ms_solver *s, const double *b, double *v) {
-  enum { LONGEST_WAIT = 63 };
-  ms_kept *k = &s->kept;
-  if (!k->allowed || k->age == 0 || k->rest-- > 0) return MSIM_NOT_CONVERGED;
+  if (!ms_kept_is_ready(&s->kept)) return MSIM_NOT_CONVERGED;
   const double start = ms_clock();
-  const double limit = (k->price + (double)k->iterations) / (double)(k->age + 1);
-  const ms_target target = {s->target.rtol,
-                            (int32_t)fmin(fmax(1, limit), s->target.max_iterations)};
   int64_t iterations = 0;
   ms_copy(s->system.model->shape, s->guess, v);
-  msim_status status = ms_cg_solve(&s->cg, &s->system, by_factor, s, &target, b, v, &iterations);
+  s->linear->met = 0; /* it says nothing of this answer */
+  msim_status status = ms_kept_solve(&s->kept, &s->system, &s->target, b, v, &iterations);
   if (!status && !is_good(s, b, v)) status = MSIM_NOT_CONVERGED;
-  if (!status) {
-    k->age++, k->iterations += iterations, k->wait = 0;
-    s->stats->kept_factors++;
-  } else {
-    if (k->age == 1) k->wait = k->wait < LONGEST_WAIT ? 2 * k->wait + 1 : LONGEST_WAIT;
-    k->rest = k->wait;
-  }
+  ms_kept_judge(&s->kept, !status, iterations);
+  if (status && s->kept.by != s->linear) s->kept.age = 0; /* it has to be saved for again */
+  s->stats->kept_factors += !status;
   s->stats->iterations += iterations;
   s->stats->solve_s += ms_clock() - start;
   return status;
+}
+
+/* Iterations by cholmod's factor that cost as much as a step of pcg. */
+static double worth(const ms_savings *savings) {
+  return savings->flops / (double)savings->steps / (MS_FLOPS_PER_FILL * savings->cholmod->fill);
+}
+
+/* cholmod beside pcg, to buy factors from. Where it is not there, or its factor takes too much
+ * memory or time to be read, there is nothing to save for. */
+static int open_cholmod(ms_solver *s) {
+  const double LARGEST_FILL = 1 << 26, FEW = 2; /* 0.8 GB, with a copy in single precision */
+  ms_savings *savings = &s->savings;
+  if (savings->cholmod) return 1;
+  if (!ms_adapter_create(&s->system, "cholmod", s->opt, &savings->cholmod, NULL)) {
+    const double fill = savings->cholmod->fill;
+    s->stats->analyses++;
+    if (fill > 0 && fill <= LARGEST_FILL && worth(savings) >= FEW &&
+        !ms_kept_create(&s->system, savings->cholmod, &s->kept, NULL))
+      return 1;
+  }
+  drop_kept(s);
+  return 0;
+}
+
+/* pcg has solved a step; changed: by a matrix unlike the last ones. */
+static void save(ms_solver *s, int64_t iterations, int changed) {
+  enum { ENOUGH_TO_LOOK = 8 };
+  ms_savings *savings = &s->savings;
+  if (!savings->allowed) return;
+  if (changed) savings->flops = 0, savings->steps = 0;
+  savings->flops += (double)iterations * MS_FLOPS_PER_HALF * 2 * (double)s->system.model->springs.n;
+  if (++savings->steps < ENOUGH_TO_LOOK || !open_cholmod(s)) return;
+  if (savings->flops < savings->cholmod->flops) return;
+  if (!factor(s, savings->cholmod, MSIM_FACTOR_SPD, NULL))
+    ms_kept_renew(&s->kept, &s->system, worth(savings));
+  savings->flops = 0, savings->steps = 0;
 }
 
 /*------------------------------------- what else may happen -------------------------------------*/
@@ -278,6 +307,7 @@ static msim_status switch_to_cholmod(ms_solver *s, msim_error *err) {
   msim_status status = ms_adapter_create(&s->system, "cholmod", s->opt, &choice.linear, err);
   if (status) return status;
   s->linear->ops->destroy(s->linear);
+  drop_kept(s);
   s->stats->fallbacks++;
   s->made_for = 0;
   return take(s, &choice, err);
@@ -288,7 +318,7 @@ static msim_status solve_constant(ms_solver *s, const double *x, double h, const
                                   double *v, msim_error *err) {
   if (s->made_for != h) {
     msim_status status = assemble(s, x, h, s->clamp);
-    if (!status) status = factor(s, MSIM_FACTOR_SPD, err);
+    if (!status) status = factor(s, s->linear, MSIM_FACTOR_SPD, err);
     if (status) return status;
     s->made_for = h;
   }
@@ -300,7 +330,10 @@ static msim_status solve_variable(ms_solver *s, const double *x, double h, const
   msim_status status = assemble(s, x, h, s->clamp);
   if (status) return status;
   status = try_kept(s, b, v);
-  if (status && status != MSIM_NOT_SPD) status = factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
+  if (!status || status == MSIM_NOT_SPD) return status;
+  const int64_t before = s->stats->iterations, made = s->linear->coarse_factors;
+  status = factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
+  if (!status) save(s, s->stats->iterations - before, s->linear->coarse_factors > made);
   return status;
 }
 
@@ -315,7 +348,7 @@ static msim_status solve_once(ms_solver *s, const double *x, double h, const dou
 msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
                             double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
-  if (uses_guess(solver->linear) || solver->kept.allowed) ms_copy(shape, v, solver->guess);
+  if (uses_guess(solver->linear) || solver->kept.by) ms_copy(shape, v, solver->guess);
   solver->culprit = ms_find_bad(shape, b); /* -1: none */
   if (solver->culprit >= 0) return MSIM_NOT_FINITE;
   solver->stats->solves++;

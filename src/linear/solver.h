@@ -3,16 +3,15 @@
 #ifndef MS_SOLVER_H
 #define MS_SOLVER_H
 
-#include "linear/cg.h"
+#include "linear/kept.h"
 
-/* An old factor that preconditions conjugate gradients, as long as that pays. */
-typedef struct ms_kept {
+/* What pcg spends on a matrix that hardly changes would buy a factor of it. */
+typedef struct ms_savings {
   int allowed;
-  double price;       /* of a factorisation, in iterations */
-  int64_t age;        /* steps solved by it; 0: there is none */
-  int64_t iterations; /* spent on them */
-  int64_t wait, rest; /* steps to let pass after a failure, and how many are left of them */
-} ms_kept;
+  ms_linear *cholmod; /* NULL: nobody has looked whether it is there */
+  double flops;       /* saved since the matrix last changed, or a factor was bought */
+  int64_t steps;      /* that did */
+} ms_savings;
 
 typedef struct ms_solver {
   ms_system system;
@@ -22,7 +21,7 @@ typedef struct ms_solver {
   int clamp;      /* jacobian = clamp */
   int may_switch; /* auto took pcg: cholmod stands behind it */
   ms_kept kept;
-  ms_cg cg;        /* for kept factors */
+  ms_savings savings;
   double made_for; /* h of the constant matrix that is factored; 0: there is none */
   msim_stats *stats;
   double *guess, *residual, *correction, *magnitude; /* work vectors */
@@ -32,7 +31,7 @@ typedef struct ms_solver {
 } ms_solver;
 
 /* opt lives as long as the solver; h: the step, for `auto`. Counts go to stats. Set up once:
- * nothing is allocated later, but where `auto` changes its mind (5. below). */
+ * nothing is allocated later, but where `auto` changes its mind (5. and 6. below). */
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
                              msim_stats *stats, ms_solver **solver, msim_error *err);
 void ms_solver_destroy(ms_solver *solver);
@@ -49,7 +48,9 @@ void ms_solver_destroy(ms_solver *solver);
  *   3. A found not positive definite: by option the step is repeated with the clamped matrix, or
  *      solved as it is, or given up with MSIM_NOT_SPD.
  *   4. An answer above the residual is MSIM_NOT_CONVERGED, except that
- *   5. `auto`, where pcg did not converge, goes on with cholmod for good, if it is there. */
+ *   5. `auto`, where pcg did not converge, goes on with cholmod for good, if it is there.
+ *   6. `auto`, where pcg has spent on a matrix that hardly changes what a factor of it costs, has
+ *      cholmod make one, which takes part as in 1. until it is no help. */
 msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
                             double *v, msim_error *err);
 

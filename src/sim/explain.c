@@ -74,6 +74,10 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   if (linear->fill > 0)
     ms_print(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
              linear->flops);
+  if (sim->linear->savings.allowed)
+    ms_print(out,
+             "              once pcg has spent the price of a factor on a matrix that hardly "
+             "changes,\n              cholmod makes one, if it is there, to precondition\n");
   static const char *const answer[] = {"that step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run stops"};
   if (alike) ms_print(out, "              positive definite, and the same in every step\n");
@@ -95,7 +99,7 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
     const char *what, *why;
   } skips[] = {
       {!sim->linear, "assembly, factorisation, solver libraries", "the method needs no solver"},
-      {sim->linear && sim->linear->kept.allowed, "factorisation",
+      {sim->linear && sim->linear->kept.by, "factorisation",
        "in steps that the last factor still serves, as preconditioner"},
       {sim->linear && sim->linear->linear->aggregates &&
            !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),

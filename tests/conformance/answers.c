@@ -1,6 +1,7 @@
 /* Answers: right ones for every positive definite system, and the same ones every time. */
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #include "conformance.h"
 
@@ -64,6 +65,35 @@ static void check_zero(const char *label, const problem *p) {
 static void zero_has_the_answer_zero(void **state) {
   (void)state;
   for_each(well_posed, (const int32_t[]){1, 30, 0}, check_zero);
+}
+
+/* Who is asked for little may do less, the second time too, but not less than that. */
+static void check_rough(const char *label, const problem *p) {
+  const double rough = 1e-3;
+  const int32_t n = unknowns(p);
+  double *b = random_vector(n, 3), *y = calloc((size_t)n, sizeof *y);
+  rig r;
+  assert_int_equal(rig_open(&r, backend, p), MSIM_OK);
+  assert_int_equal(rig_factor(&r, MSIM_FACTOR_SPD), MSIM_OK);
+  for (int time = 0; time < 3; time++) {
+    memset(y, 0, (size_t)n * sizeof *y);
+    const msim_status status = rig_solve(&r, rough, LIMIT, 1, b, y);
+    if (iterative && status == MSIM_NOT_CONVERGED) break;
+    assert_int_equal(status, MSIM_OK);
+    if (!is_answer(p, b, y, rough, 1e-6))
+      fail_msg("%s: residual %.3g, backward error %.3g", label, residual(p, b, y),
+               backward_error(p, b, y));
+  }
+  rig_close(&r);
+  free(b), free(y);
+}
+
+static void rough_answers_are_as_good_as_asked(void **state) {
+  (void)state;
+  const kind kinds[] = {{"random", random_dominant, 1},    {"springs", spring_net, 1},
+                        {"tiny", random_dominant, 1e-200}, {"huge", random_dominant, 1e150},
+                        {"small pivots", small_pivots, 1}, {0}};
+  for_each(kinds, (const int32_t[]){1, 10, 200, 0}, check_rough);
 }
 
 /*------------------------------------- several at once ------------------------------------------*/
@@ -181,6 +211,7 @@ int run_answers(void) {
   const struct CMUnitTest tests[] = {conformance_test(positive_definite_systems_are_solved),
                                      conformance_test(scales_do_not_matter),
                                      conformance_test(zero_has_the_answer_zero),
+                                     conformance_test(rough_answers_are_as_good_as_asked),
                                      conformance_test(many_right_sides_are_solved_as_one),
                                      conformance_test(the_same_calls_give_the_same_bits),
                                      conformance_test(new_values_forget_the_old_ones),

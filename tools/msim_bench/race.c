@@ -87,6 +87,22 @@ static int run_step(contestant *c, sample *s) {
   return 1;
 }
 
+void race_run_up(contestant *first, contestant *second, int32_t steps) {
+  struct racing_step *leads = first->data, *follows = second->data;
+  msim_state end = {.size = sizeof end};
+  sample untimed;
+  msim_error err;
+  msim_status status = MSIM_OK;
+  for (int32_t i = 0; i < steps && !status; i++) status = step_once(leads, &untimed, &err);
+  if (!status) {
+    msim_sim_state(leads->sim, &end);
+    status = msim_sim_set_state(follows->sim, &end, &err);
+    follows->began = 1;
+  }
+  first->failed = status != MSIM_OK;
+  if (status) fail(first, err.text);
+}
+
 /* Only `auto` may choose. */
 static void check_solver(contestant *c, const char *solver, const msim_sim *sim) {
   msim_plan plan = {.size = sizeof plan};

@@ -41,6 +41,10 @@ void race_free(race *r);
  * be watched for race_add_bare; NULL: it is not, or built in. */
 contestant *race_add_step(race *r, const char *solver, const msim_backend *table, int32_t threads);
 
+/* Steps of `first` that nobody times; `second` begins where they end. Both are whole steps of a
+ * race that goes on. */
+void race_run_up(contestant *first, contestant *second, int32_t steps);
+
 /* What makes a contestant's steps; NULL: it is no whole step. */
 const struct racing_step *race_step_of(const contestant *c);
 
