@@ -17,9 +17,11 @@ static double condition(const ms_model *model, double h) {
 }
 
 /* The denser coarse matrix of small aggregates has to pay for itself: its factor grows faster than
- * the number of rows. */
-static int32_t aggregate_size(int32_t rows) {
-  return rows < 30000 ? 64 : rows < 1000000 ? 128 : 256;
+ * the number of rows, and many iterations share it. */
+static int32_t aggregate_size(int32_t rows, double iterations) {
+  const double MANY = 75;
+  const int32_t size = rows < 30000 ? 64 : rows < 1000000 ? 128 : 256;
+  return iterations > MANY ? size * 3 / 4 : size;
 }
 
 ms_prediction ms_predict(const ms_model *model, double h, double rtol) {
@@ -29,6 +31,7 @@ ms_prediction ms_predict(const ms_model *model, double h, double rtol) {
   ms_prediction p = {.kappa = kappa,
                      .one_level = 0.08 * sqrt(kappa) * digits,
                      .two_level = 0.8 * pow(kappa, 0.125) * digits};
-  if (p.one_level > PRICE * p.two_level + SETUP) p.aggregate = aggregate_size(model->rows.nfree);
+  if (p.one_level > PRICE * p.two_level + SETUP)
+    p.aggregate = aggregate_size(model->rows.nfree, p.two_level);
   return p;
 }
