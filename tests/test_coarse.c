@@ -152,7 +152,8 @@ static void coarse_matrix_is_the_triple_product(void **state) {
 
 /*------------------------------------- A in single precision ------------------------------------*/
 
-/* Sum of (t + |w|^2) |d| over the springs of a row: what rounding t and w once is measured by. */
+/* Sum of (t + |w|^2) |dv| over the springs of a row, w = sqrt(g) d: what rounding t and w once is
+ * measured by. */
 static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
   const ms_halves *halves = &sim->model->halves;
   const ms_coefficients *a = &sim->linear->system.a;
@@ -163,7 +164,7 @@ static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
     double dd = 0, ww = 0;
     for (int32_t c = 0; c < sim->model->rows.dims; c++) {
       dd += pow(v[c * stride + r] - v[c * stride + halves->neighbour[at]], 2);
-      ww += a->w[c][at] * a->w[c][at];
+      ww += a->g[at] * pow(a->x[c * stride + r] - a->x[c * stride + halves->neighbour[at]], 2);
     }
     sum += (a->t[at] + ww) * sqrt(dd);
   }

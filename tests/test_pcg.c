@@ -257,7 +257,8 @@ static void expect_same_bits(msim_sim *a, msim_sim *b) {
 static void a_change_forgets_the_coarse_factor(void **state) {
   (void)state;
   for (int change = 0; change < 3; change++) {
-    msim_scene *scene = hanging_jelly(10, 1e4), *other = hanging_jelly(10, change == 2 ? 3e4 : 1e4);
+    msim_scene *scene = hanging_jelly(10, 1e4),
+               *other = hanging_jelly(10, change == 2 ? 1.2e4 : 1e4);
     msim_options opt = frames();
     msim_sim *a = stepped(scene, 0, 7);
     msim_state s = state_of(a);

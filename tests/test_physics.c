@@ -281,7 +281,7 @@ static void instruction_sets_agree(void **state) {
     if (model.isa < 0) continue; /* not for this CPU */
     ms_coefficients_compute(&model, x, 0.07, 0, &a);
     ms_coefficients_apply(&model, &a, x, y);
-    const double *results[] = {a.t, a.w[2], y};
+    const double *results[] = {a.t, a.g, y};
     const size_t counts[] = {slots, slots, n};
     for (int r = 0; r < 3; r++) {
       assert_true(counts[r] <= 9 * N * N);

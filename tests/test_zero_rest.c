@@ -195,7 +195,7 @@ static void the_matrix_and_the_reason_are_told(void **state) {
   assert_int_equal(A.n, 3 * (N - 2));
   assert_int_equal(A.rowptr[A.n], B.rowptr[B.n]);
   for (int32_t e = 0; e < A.rowptr[A.n]; e++) assert_true(A.val[e] == B.val[e]);
-  assert_null(lean->linear->system.a.w[0]);
+  assert_null(lean->linear->system.a.g);
   assert_ok(msim_sim_explain(lean, &text, err));
   assert_non_null(strstr(text, "all rest lengths and dampings are 0"));
   assert_non_null(strstr(text, "62 unknowns: one for each free particle, 3 right sides"));

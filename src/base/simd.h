@@ -56,6 +56,17 @@ static inline ms_lanes ms_load_floats(const float *from) {
 #endif
 }
 
+static inline void ms_store_floats(float *to, ms_lanes v) {
+#if defined(__AVX512F__)
+  _mm256_storeu_ps(to, _mm512_cvtpd_ps(v));
+#elif defined(__AVX__)
+  _mm_storeu_ps(to, _mm256_cvtpd_ps(v));
+#else
+  const ms_floats narrow = __builtin_convertvector(v, ms_floats);
+  memcpy(to, &narrow, sizeof narrow);
+#endif
+}
+
 static inline ms_quad ms_load_quad(const double *from) {
   ms_quad v;
   memcpy(&v, from, sizeof v);

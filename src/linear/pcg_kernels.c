@@ -22,18 +22,31 @@ static inline double total(const lane_sums *s) {
 
 /*------------------------------------- pack -----------------------------------------------------*/
 
-/* t, wx, wy, wz of 8 halves, slot by slot; a matrix of scalars has w = 0 */
-MS_INLINE void pack_slots(size_t dims, ms_pcg *s, int32_t begin, int32_t end) {
+/* t, wx, wy, wz of 8 halves, slot by slot, w = sqrt(g) d; a matrix of scalars has w = 0 */
+MS_INLINE void pack_segment(int dims, ms_pcg *s, int32_t segment) {
   const ms_coefficients *a = &s->base.system->a;
+  const ms_model *model = s->base.system->model;
+  const ms_halves *halves = &model->halves;
+  const size_t stride = (size_t)model->rows.stride;
   const double by = 1 / s->jacobi.scale, root = sqrt(by);
-  for (int32_t slot = begin; slot < end; slot++) {
-    float *to = s->coefficients + 4 * MS_GROUP * (size_t)slot;
-    const size_t at = MS_GROUP * (size_t)slot;
-    for (size_t l = 0; l < MS_GROUP; l++) to[l] = (float)(by * a->t[at + l]);
-    for (size_t c = 0; c < dims; c++)
-      for (size_t l = 0; l < MS_GROUP; l++)
-        to[MS_GROUP * (c + 1) + l] = (float)(root * a->w[c][at + l]);
-  }
+  const ms_place p = ms_place_of(halves, segment, NULL, 0);
+  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++)
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      float *to = s->coefficients + 4 * MS_GROUP * (size_t)slot + lane;
+      const size_t at = MS_GROUP * (size_t)slot + lane;
+      ms_store_floats(to, by * ms_load(a->t + at));
+      if (dims == 0) continue;
+      const ms_vec xi = ms_load_own(dims, p, lane, a->x, stride);
+      const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
+      const ms_vec d = ms_minus(dims, xj, xi);
+      const ms_lanes length = root * ms_sqrt(ms_load(a->g + at));
+      for (int c = 0; c < dims; c++)
+        ms_store_floats(to + MS_GROUP * (size_t)(c + 1), length * d.c[c]);
+    }
+}
+
+MS_INLINE void pack_segments(int dims, ms_pcg *s, int32_t begin, int32_t end) {
+  for (int32_t segment = begin; segment < end; segment++) pack_segment(dims, s, segment);
 }
 
 /* An inverse block beyond the range of floats is made smaller as a whole, which keeps it positive
@@ -70,11 +83,10 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_model *model = s->base.system->model;
   const ms_halves *halves = &model->halves;
   /* the parts of long rows with the last groups */
-  const int32_t first = halves->first[begin];
-  const int32_t last = end < halves->ngroups ? halves->first[end] : halves->nslots;
-  if (s->jacobi.block == 1) pack_slots(0, s, first, last);
-  else if (model->rows.dims == 3) pack_slots(3, s, first, last);
-  else pack_slots(2, s, first, last);
+  const int32_t last = end < halves->ngroups ? end : halves->ngroups + halves->nparts;
+  if (s->jacobi.block == 1) pack_segments(0, s, begin, last);
+  else if (model->rows.dims == 3) pack_segments(3, s, begin, last);
+  else pack_segments(2, s, begin, last);
   pack_rows(s, MS_GROUP * (size_t)begin, MS_GROUP * (size_t)end);
 }
 

@@ -102,20 +102,25 @@ static int32_t find_slot(const ms_matrix *m, int32_t row, int32_t column) {
   return m->block * (m->block * m->graphptr[row] + low - m->graphptr[row]);
 }
 
-/* Where each half spring's block lies. UPPER has those of the end that comes first. */
+/* Is the block of this half stored? UPPER has those of the end that comes first. */
+static int is_stored(const ms_model *model, const int32_t *position, const ms_matrix *m, int32_t r,
+                     int32_t at) {
+  const int32_t j = model->halves.neighbour[at];
+  return model->halves.spring[at] >= 0 && j < m->n &&
+         (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
+}
+
+/* Where the diagonal block of each row lies, and of each of its halves. */
 static void find_slots(const ms_model *model, const int32_t *position, ms_matrix *m) {
-  const ms_halves *halves = &model->halves;
   for (int32_t r = 0; r < m->n; r++) {
     m->diagonal_slot[r] = find_slot(m, position[r], position[r]);
     m->row_step[r] = m->block * (m->graphptr[position[r] + 1] - m->graphptr[position[r]]);
-  }
-  for (int32_t r = 0; r < m->n; r++) {
-    const ms_span span = ms_halves_of(halves, r);
+    m->first[r + 1] = m->first[r];
+    const ms_span span = ms_halves_of(&model->halves, r);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t j = halves->neighbour[at];
-      const int there = halves->spring[at] >= 0 && j < model->rows.nfree &&
-                        (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
-      m->slot[at] = there ? find_slot(m, position[r], position[j]) : -1;
+      if (!is_stored(model, position, m, r, at)) continue;
+      const int32_t column = position[model->halves.neighbour[at]];
+      m->entry[m->first[r + 1]++] = (struct ms_entry){at, find_slot(m, position[r], column)};
     }
   }
 }
@@ -132,6 +137,7 @@ static msim_status count_blocks(const ms_graph *g, const ms_matrix *m, int64_t *
 static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)m->n, size = (size_t)m->block;
+  const size_t halves = m->format == MSIM_FORMAT_FULL ? 2 : 1; /* of a spring */
   m->order = ms_new(alloc, n, sizeof(int32_t));
   m->graphptr = ms_new(alloc, n + 1, sizeof(int32_t));
   m->graphind = ms_new(alloc, blocks, sizeof(int32_t));
@@ -140,9 +146,10 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
   m->val = ms_new(alloc, size * size * blocks, sizeof(double));
   m->diagonal_slot = ms_new(alloc, n, sizeof(int32_t));
   m->row_step = ms_new(alloc, n, sizeof(int32_t));
-  m->slot = ms_new(alloc, MS_GROUP * (size_t)model->halves.nslots, sizeof(int32_t));
+  m->first = ms_new(alloc, n + 1, sizeof(int32_t));
+  m->entry = ms_new(alloc, halves * (size_t)model->springs.n, sizeof *m->entry);
   return m->order && m->graphptr && m->graphind && m->rowptr && m->colind && m->val &&
-         m->diagonal_slot && m->row_step && m->slot;
+         m->diagonal_slot && m->row_step && m->first && m->entry;
 }
 
 msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
@@ -173,7 +180,7 @@ msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const
 void ms_matrix_destroy(const ms_model *model, ms_matrix *m) {
   if (!model->scene) return; /* a sim that was refused before it had a model */
   void *arrays[] = {m->order, m->graphptr,      m->graphind, m->rowptr, m->colind,
-                    m->val,   m->diagonal_slot, m->row_step, m->slot};
+                    m->val,   m->diagonal_slot, m->row_step, m->first,  m->entry};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     ms_delete(&model->scene->alloc, arrays[i]);
   *m = (ms_matrix){0};
@@ -190,30 +197,41 @@ MS_INLINE void write_diagonal(const ms_model *model, const ms_coefficients *a, i
       row[c] = a->diagonal[ms_diagonal_entry(dims, b, c) * stride + (size_t)r];
 }
 
-/* block = -(t I + w w^T), less what is there already where several springs share it */
-MS_INLINE void write_block(double *at, int32_t step, double t, const double w[3], int shared,
-                           int32_t size) {
+/* block = -(t I + g d d^T), less what is there already where several springs share it */
+MS_INLINE void write_block(double *at, int32_t step, double t, double g, const double d[3],
+                           int shared, int32_t size) {
   for (int r = 0; r < size; r++, at += step) {
-    for (int c = 0; c < size; c++) at[c] = (shared ? at[c] : 0) - w[r] * w[c];
+    for (int c = 0; c < size; c++) at[c] = (shared ? at[c] : 0) - g * (d[r] * d[c]);
     at[r] -= t;
   }
+}
+
+/* The order of the matrix leads far from row to row: ask for what will be written soon. */
+static void fetch_ahead(const ms_matrix *m, int32_t r) {
+  enum { AHEAD = 16, LINE = 8 };
+  if (r + AHEAD >= m->n) return;
+  const double *from = m->val + m->diagonal_slot[r + AHEAD];
+  for (int32_t i = 0; i < m->block * m->row_step[r + AHEAD]; i += LINE)
+    __builtin_prefetch(from + i, 1);
 }
 
 /* Every block of the pattern has a spring: all are written, none is cleared before. Springs that
  * share one follow each other, as a row meets its neighbours in ascending order. */
 MS_INLINE void expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m, int32_t size) {
+  const size_t stride = (size_t)model->rows.stride;
   for (int32_t r = 0; r < m->n; r++) {
-    const ms_span span = ms_halves_of(&model->halves, r);
     int32_t last = -1;
+    fetch_ahead(m, r);
     write_diagonal(model, a, r, m, size);
-    for (int32_t at = span.begin; at < span.end; at += span.step) {
-      if (m->slot[at] < 0) continue;
-      double w[3] = {0};
-      for (int c = 0; c < size && size > 1; c++) w[c] = a->w[c][at];
-      double *block = m->val + m->slot[at];
-      if (m->slot[at] == last) write_block(block, m->row_step[r], a->t[at], w, 1, size);
-      else write_block(block, m->row_step[r], a->t[at], w, 0, size);
-      last = m->slot[at];
+    for (int32_t e = m->first[r]; e < m->first[r + 1]; e++) {
+      const struct ms_entry entry = m->entry[e];
+      const size_t j = (size_t)model->halves.neighbour[entry.half];
+      double d[3] = {0};
+      for (size_t c = 0; c < (size_t)size && size > 1; c++)
+        d[c] = a->x[c * stride + j] - a->x[c * stride + (size_t)r];
+      write_block(m->val + entry.slot, m->row_step[r], a->t[entry.half],
+                  size > 1 ? a->g[entry.half] : 0, d, entry.slot == last, size);
+      last = entry.slot;
     }
   }
 }

@@ -28,7 +28,10 @@ typedef struct ms_matrix {
   double *val;                  /* block^2 a block */
   int32_t *diagonal_slot;       /* n, by row: offset of the diagonal block in val */
   int32_t *row_step;            /* n, by row: from one scalar row of a block to the next */
-  int32_t *slot;                /* 8 halves.nslots: offset of the block in val; -1: not stored */
+  int32_t *first;               /* n + 1, by row: its entries, one for each half that is stored */
+  struct ms_entry {
+    int32_t half, slot; /* where its coefficients are, and the offset of its block in val */
+  } * entry;
 } ms_matrix;
 
 /* block: that of the coefficients to come. Nullable: order (the rows as they are). */

@@ -14,14 +14,14 @@ msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, ms
   *a = (ms_coefficients){.block = (int32_t)block,
                          .t = ms_new(alloc, n, sizeof(double)),
                          .diagonal = ms_new(alloc, diagonal, sizeof(double))};
-  int whole = a->t && a->diagonal;
-  for (size_t c = 0; c < block && whole && !alike; c++)
-    whole = (a->w[c] = ms_new(alloc, n, sizeof(double))) != NULL;
+  if (!alike) a->g = ms_new(alloc, n, sizeof(double));
+  if (!alike) a->x = ms_rows_vector(model->scene, &model->rows);
+  const int whole = a->t && a->diagonal && (alike || (a->g && a->x));
   return whole ? MSIM_OK : ms_fail_memory(err, "the matrix coefficients");
 }
 
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
-  double *arrays[] = {a->t, a->w[0], a->w[1], a->w[2], a->diagonal};
+  double *arrays[] = {a->t, a->g, a->x, a->diagonal};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     ms_delete(&model->scene->alloc, arrays[i]);
   *a = (ms_coefficients){0};
@@ -75,6 +75,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
     compute_alike(model, h, a);
     return;
   }
+  memcpy(a->x, x, (size_t)model->rows.dims * (size_t)model->rows.stride * sizeof *x);
   job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
   ms_pool_run(model->pool, compute_chunk, &j, ms_chunks(halves, CHUNK));
   ms_halves_add_parts(halves, (int32_t)ms_diagonal_size((size_t)a->block),
@@ -115,12 +116,15 @@ static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const
   }
   const ms_span span = ms_halves_of(&model->halves, (int32_t)row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const double *xj = x + model->halves.neighbour[at];
-    double along = 0;
-    for (size_t c = 0; c < dims && !alike; c++) along += fabs(a->w[c][at] * xj[c * stride]);
+    const size_t j = (size_t)model->halves.neighbour[at];
+    double d[3] = {0}, along = 0;
+    for (size_t c = 0; c < dims && !alike; c++) {
+      d[c] = fabs(a->x[c * stride + j] - a->x[c * stride + row]);
+      along += d[c] * fabs(x[c * stride + j]);
+    }
     for (size_t c = 0; c < dims; c++)
       y[c * stride + row] +=
-          fabs(a->t[at] * xj[c * stride]) + (alike ? 0 : along * fabs(a->w[c][at]));
+          fabs(a->t[at] * x[c * stride + j]) + (alike ? 0 : a->g[at] * along * d[c]);
   }
 }
 

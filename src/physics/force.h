@@ -14,20 +14,22 @@
  * in one order, that of halves.h. Rows past the unknowns are scratch. */
 void ms_force(const ms_model *model, const double *x, const double *v, double *f);
 
-/* The matrix A = M - h D - h^2 J, given by dims + 1 numbers a half spring, and the diagonal
- * block of each row.
+/* The matrix A = M - h D - h^2 J, given by two numbers a half spring, the positions, and the
+ * diagonal block of each row.
  *
- * Block (i,j) of a spring is -(t I + w w^T), and t I + w w^T is added to blocks (i,i) and (j,j):
- *   J_ii = -k (u u^T + (1 - L/l) (I - u u^T))  and  D_ii = -c u u^T  give
- *   t = h^2 k s,  w = sqrt(h^2 k (1 - s) + h c) u,  s = 1 - L/l   (clamped: max(0, s))
- * and l = 0: J_ii = -k I, so t = h^2 k, w = 0. As s <= 1 the root is real.
+ * Block (i,j) of a spring is -(t I + g d d^T), d = x_j - x_i; its opposite is added to blocks (i,i)
+ * and (j,j):
+ *   J_ii = -k (u u^T + (1 - L/l) (I - u u^T))  and  D_ii = -c u u^T,  u = d/l,  give
+ *   t = h^2 k s,  g = (h^2 k (1 - s) + h c)/l^2,  s = 1 - L/l   (clamped: max(0, s))
+ * and l = 0: J_ii = -k I, so t = h^2 k, g = 0. As s <= 1, g is >= 0.
  *
- * Where every rest length and damping is 0, so is every w, and t depends on h alone: A is constant,
+ * Where every rest length and damping is 0, so is every g, and t depends on h alone: A is constant,
  * and acts on each component alike. Then it is kept as a matrix of scalars, block = 1. */
 typedef struct ms_coefficients {
   double drag;      /* h b, kg */
   int32_t block;    /* scalars in a block: dims, or 1 */
-  double *t, *w[3]; /* 8 halves.nslots each; dims of w, or none; padding: 0 */
+  double *t, *g;    /* 8 halves.nslots each; g: NULL where block = 1; padding: 0 */
+  double *x;        /* the rows' positions; NULL where block = 1 */
   double *diagonal; /* ms_diagonal_size(block) first_pinned: the numbers of the diagonal blocks,
                        each for all rows: xx yy zz xy xz yz, or xx yy xy, or one for all */
 } ms_coefficients;

@@ -11,65 +11,78 @@
 /* Where l2 = |d|^2 says that a spring has a direction. NaN goes on, to be seen. */
 MS_INLINE ms_mask has_direction(ms_lanes l2) { return (l2 > MS_ZERO_LENGTH2) | (l2 != l2); }
 
-/* t and w of force.h, at the differences d = x_j - x_i */
-MS_INLINE void half_coefficients(int dims, int damped, ms_vec d, const ms_halves *halves, double h,
-                                 double largest_ratio, ms_coefficients *a, size_t at) {
-  const ms_lanes zero = {0}, one = zero + 1, largest = zero + largest_ratio;
-  const ms_lanes l2 = ms_dot_vec(dims, d, d);
+/* 1/|d|; 0 where d has no direction */
+MS_INLINE ms_lanes inverse_length(int dims, ms_vec d) {
+  const ms_lanes zero = {0}, l2 = ms_dot_vec(dims, d, d);
   const ms_mask there = has_direction(l2);
   ms_lanes inverse;
-  ms_root(ms_select(there, l2, one), &inverse);
-  const ms_lanes hhk = h * h * ms_load(halves->k + at);
-  const ms_lanes full = ms_load(halves->rest + at) * inverse;
-  const ms_lanes ratio = ms_select(there, ms_select(full > largest, largest, full), zero);
-  ms_lanes w2 = hhk * ratio;
-  if (damped) w2 += h * ms_load(halves->damping + at);
-  const ms_lanes w = ms_select(there, ms_sqrt(w2) * inverse, zero);
-  ms_store(a->t + at, hhk * (1 - ratio));
-  for (int c = 0; c < dims; c++) ms_store(a->w[c] + at, w * d.c[c]);
+  ms_root(ms_select(there, l2, zero + 1), &inverse);
+  return ms_select(there, inverse, zero);
 }
 
-/* m + h b, and every half spring's block is added to its row's */
-MS_INLINE void diagonal_blocks(int dims, const ms_model *m, int32_t segment, ms_place p,
-                               ms_coefficients *a) {
-  const size_t begin = MS_GROUP * (size_t)m->halves.first[segment];
-  const size_t end = MS_GROUP * (size_t)m->halves.first[segment + 1];
-  for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-    ms_lanes sum[6] = {{0}};
-    for (int c = 0; c < dims && !p.is_part; c++) sum[c] = ms_load(m->mass + p.row + lane) + a->drag;
-    for (size_t at = begin + lane; at < end; at += MS_GROUP) {
-      const ms_lanes t = ms_load(a->t + at);
-      ms_lanes w[3];
-      for (int c = 0; c < dims; c++) w[c] = ms_load(a->w[c] + at);
-      for (int c = 0; c < dims; c++) sum[c] += ms_fma(w[c], w[c], t);
-      for (int b = 0; b < dims; b++)
-        for (int c = b + 1; c < dims; c++) {
-          const size_t e = ms_diagonal_entry((size_t)dims, (size_t)b, (size_t)c);
-          sum[e] = ms_fma(w[b], w[c], sum[e]);
-        }
+/* t and g of force.h */
+MS_INLINE void half_coefficients(int damped, ms_lanes inverse, const ms_halves *halves, double h,
+                                 double largest_ratio, size_t at, ms_lanes *t, ms_lanes *g) {
+  const ms_lanes largest = (ms_lanes){0} + largest_ratio;
+  const ms_lanes hhk = h * h * ms_load(halves->k + at);
+  const ms_lanes full = ms_load(halves->rest + at) * inverse;
+  const ms_lanes ratio = ms_select(full > largest, largest, full);
+  ms_lanes gl2 = hhk * ratio;
+  if (damped) gl2 += h * ms_load(halves->damping + at);
+  *t = hhk * (1 - ratio);
+  *g = gl2 * inverse * inverse;
+}
+
+/* sum += t I + g d d^T, in the order of ms_diagonal_entry */
+MS_INLINE void add_block(int dims, ms_lanes t, ms_lanes g, ms_vec d, ms_lanes sum[6]) {
+  for (int b = 0; b < dims; b++) {
+    const ms_lanes gd = g * d.c[b];
+    sum[b] += ms_fma(gd, d.c[b], t);
+    for (int c = b + 1; c < dims; c++) {
+      const size_t e = ms_diagonal_entry((size_t)dims, (size_t)b, (size_t)c);
+      sum[e] = ms_fma(gd, d.c[c], sum[e]);
     }
-    for (size_t e = 0; e < ms_diagonal_size((size_t)dims); e++)
-      ms_store(p.sums + lane + e * p.stride, sum[e]);
   }
 }
+
+enum { BLOCK = 16 };
 
 MS_INLINE void coefficients_of(int dims, int damped, const ms_model *model, const double *x,
                                double h, int clamp, ms_coefficients *a, int32_t begin,
                                int32_t end) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
-  const ms_halves *halves = &model->halves;
+  const ms_halves local = model->halves, *halves = &local; /* stores cannot change it */
+  double *to_t = a->t, *to_g = a->g;
   const double largest_ratio = clamp ? 1 : INFINITY;
   for (int32_t s = begin; s < end; s++) {
     const ms_place p = ms_place_of(halves, s, a->diagonal, sd);
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
       const ms_vec xi = ms_load_own(dims, p, lane, x, stride);
-      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
-        const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
-        half_coefficients(dims, damped, ms_minus(dims, xj, xi), halves, h, largest_ratio, a,
-                          MS_GROUP * (size_t)slot + lane);
+      const ms_lanes zero = {0};
+      const ms_lanes own = p.is_part ? zero : ms_load(model->mass + p.row + lane) + a->drag;
+      ms_lanes sum[6];
+      for (int c = 0; c < 6; c++) sum[c] = c < dims ? own : zero;
+      for (int32_t first = halves->first[s], next; first < halves->first[s + 1]; first = next) {
+        ms_lanes inverse[BLOCK];
+        next = halves->first[s + 1] - first < BLOCK ? halves->first[s + 1] : first + BLOCK;
+        for (int32_t slot = first; slot < next; slot++) {
+          const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+          inverse[slot - first] = inverse_length(dims, ms_minus(dims, xj, xi));
+        }
+        for (int32_t slot = first; slot < next; slot++) {
+          const size_t at = MS_GROUP * (size_t)slot + lane;
+          const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+          const ms_vec d = ms_minus(dims, xj, xi);
+          ms_lanes t, g;
+          half_coefficients(damped, inverse[slot - first], halves, h, largest_ratio, at, &t, &g);
+          ms_store(to_t + at, t);
+          ms_store(to_g + at, g);
+          add_block(dims, t, g, d, sum);
+        }
       }
+      for (size_t e = 0; e < ms_diagonal_size((size_t)dims); e++)
+        ms_store(p.sums + lane + e * p.stride, sum[e]);
     }
-    diagonal_blocks(dims, model, s, p, a);
   }
 }
 
@@ -99,7 +112,7 @@ MS_INLINE ms_vec apply_diagonal(int dims, const double *d, size_t s, const doubl
   return product;
 }
 
-/* y_i = D_i x_i - sum over half springs of (t x_j + (w.x_j) w) */
+/* y_i = D_i x_i - sum over half springs of (t x_j + g (d.x_j) d) */
 MS_INLINE void apply_of(int dims, const ms_model *model, const ms_coefficients *a, const double *x,
                         double *y, int32_t begin, int32_t end) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
@@ -108,15 +121,16 @@ MS_INLINE void apply_of(int dims, const ms_model *model, const ms_coefficients *
     const ms_place p = ms_place_of(halves, s, y, stride);
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
       const size_t row = p.row + lane;
+      const ms_vec place = ms_load_own(dims, p, lane, a->x, stride);
       ms_vec sum = {{{0}}};
       if (!p.is_part) sum = apply_diagonal(dims, a->diagonal + row, sd, x + row, stride);
       for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
         const size_t at = MS_GROUP * (size_t)slot + lane;
         const ms_vec v = ms_load_neighbours(dims, halves, slot, lane, x, stride);
-        ms_vec w = {{{0}}};
-        for (int c = 0; c < dims; c++) w.c[c] = ms_load(a->w[c] + at);
+        const ms_vec other = ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
+        const ms_vec d = ms_minus(dims, other, place);
         sum = ms_fma_vec(dims, -ms_load(a->t + at), v, sum);
-        sum = ms_fma_vec(dims, -ms_dot_vec(dims, w, v), w, sum);
+        sum = ms_fma_vec(dims, -ms_load(a->g + at) * ms_dot_vec(dims, d, v), d, sum);
       }
       ms_store_vec(dims, p.sums + lane, p.stride, sum);
     }
