@@ -62,11 +62,22 @@ static void assemble(ms_coarse *coarse, const float *coefficients, const double 
   }
 }
 
+/* The rows of an aggregate lie apart: ask for those that come soon. */
+MS_INLINE void fetch_ahead(size_t dims, const ms_aggregates *g, const double *r, size_t stride,
+                           int32_t i) {
+  enum { AHEAD = 16 };
+  if (i + AHEAD >= g->first[g->n]) return;
+  const size_t row = (size_t)g->row[i + AHEAD];
+  __builtin_prefetch(g->weight + MS_MODES * row);
+  for (size_t c = 0; c < dims; c++) __builtin_prefetch(r + c * stride + row);
+}
+
 MS_INLINE void restrict_of(size_t dims, ms_coarse *coarse, const double *r, int32_t aggregate) {
   const ms_aggregates *g = &coarse->aggregates;
   const size_t stride = (size_t)coarse->model->rows.stride;
   ms_quad sum[3] = {{0}};
   for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
+    fetch_ahead(dims, g, r, stride, i);
     const ms_quad w = ms_load_float_quad(g->weight + MS_MODES * g->row[i]);
     for (size_t c = 0; c < dims; c++) sum[c] += w * r[c * stride + (size_t)g->row[i]];
   }
