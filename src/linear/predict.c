@@ -20,7 +20,7 @@ static double condition(const ms_model *model, double h) {
  * the number of rows, and many iterations share it. */
 static int32_t aggregate_size(int32_t rows, double iterations) {
   const double MANY = 75;
-  const int32_t size = rows < 30000 ? 64 : rows < 1000000 ? 128 : 256;
+  const int32_t size = rows < 12000 ? 64 : rows < 60000 ? 128 : rows < 500000 ? 192 : 256;
   return iterations > MANY ? size * 3 / 4 : size;
 }
 
