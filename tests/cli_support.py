@@ -20,10 +20,11 @@ INTEGRATORS = ("explicit-euler heun verlet linearly-implicit-euler symplectic-eu
 OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations jacobian indefinite "
            "newton.rtol newton.max_iterations collision tol threads heun.collision verlet.start "
            "every fps skip.springs skip.kept_factor "
-           "skip.two_d skip.zero_rest_length skip.at_rest").split()
+           "skip.two_d skip.zero_rest_length skip.at_rest skip.islands").split()
 COUNTERS = {"steps", "force_evaluations", "assemblies", "analyses", "factorizations", "solves",
             "iterations", "newton_iterations", "contacts", "indefinite_steps",
-            "coarse_factors", "kept_factors", "refinements", "fallbacks", "steps_at_rest"}
+            "coarse_factors", "kept_factors", "refinements", "fallbacks", "steps_at_rest",
+            "islands_at_rest"}
 SECONDS = {"total", "force", "assemble", "factor", "solve", "collide", "output"}
 FOR_EVER = ["--steps", "100000000000"]
 

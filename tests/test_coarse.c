@@ -26,8 +26,8 @@ static msim_sim *moved(int kind, int32_t side, int32_t aggregate) {
   if (kind == FLAT) assert_ok(msim_scene_set_gravity(scene, sideways, err));
   if (kind == HUB) add_hub(scene);
   msim_sim *sim = make_two_level(scene, &opt, aggregate);
-  assert_int_equal(sim->model->rows.dims, kind == FLAT ? 2 : 3);
-  assert_int_equal(sim->model->halves.nparts > 0, kind == HUB);
+  assert_int_equal(sim->motion->model.rows.dims, kind == FLAT ? 2 : 3);
+  assert_int_equal(sim->motion->model.halves.nparts > 0, kind == HUB);
   assert_ok(msim_sim_step(sim, 30, err));
   assert_true(pcg_of(sim)->coarse_is_ready);
   msim_scene_destroy(scene);
@@ -35,12 +35,12 @@ static msim_sim *moved(int kind, int32_t side, int32_t aggregate) {
 }
 
 static size_t length(const msim_sim *sim) {
-  return (size_t)sim->model->rows.dims * (size_t)sim->model->rows.stride;
+  return (size_t)sim->motion->model.rows.dims * (size_t)sim->motion->model.rows.stride;
 }
 
 /* 0 outside of the unknowns */
 static double *random_vector(const msim_sim *sim, unsigned seed) {
-  const ms_rows *rows = &sim->model->rows;
+  const ms_rows *rows = &sim->motion->model.rows;
   double *v = calloc(length(sim), sizeof *v);
   for (int32_t c = 0; c < rows->dims; c++)
     for (int32_t r = 0; r < rows->nfree; r++) v[c * rows->stride + r] = uniform(&seed) - 0.5;
@@ -48,12 +48,12 @@ static double *random_vector(const msim_sim *sim, unsigned seed) {
 }
 
 static double dot(const msim_sim *sim, const double *u, const double *v) {
-  return ms_dot(sim->model->shape, u, v);
+  return ms_dot(sim->motion->model.shape, u, v);
 }
 
 /* out = P z */
 static void prolong(const msim_sim *sim, const ms_coarse *coarse, const double *z, double *out) {
-  const ms_rows *rows = &sim->model->rows;
+  const ms_rows *rows = &sim->motion->model.rows;
   for (int32_t at = 0; at < rows->dims * rows->nfree; at++) {
     const int32_t c = at / rows->nfree, r = at % rows->nfree, k = coarse->aggregates.of[r];
     double sum = 0;
@@ -93,7 +93,7 @@ static const double *apply(msim_sim *sim, const double *v, double *curvature) {
   ms_pcg *pcg = pcg_of(sim);
   memcpy(pcg->p, v, length(sim) * sizeof *v);
   double parts;
-  pcg->kernels->apply(pcg, 0, sim->model->halves.ngroups, curvature);
+  pcg->kernels->apply(pcg, 0, sim->motion->model.halves.ngroups, curvature);
   pcg->kernels->apply_parts(pcg, &parts);
   *curvature += parts;
   for (size_t i = 0; i < length(sim); i++) pcg->q[i] *= pcg->jacobi.scale;
@@ -155,14 +155,14 @@ static void coarse_matrix_is_the_triple_product(void **state) {
 /* Sum of (t + |w|^2) |dv| over the springs of a row, w = sqrt(g) d: what rounding t and w once is
  * measured by. */
 static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
-  const ms_halves *halves = &sim->model->halves;
-  const ms_coefficients *a = &sim->linear->system.a;
-  const int32_t stride = sim->model->rows.stride;
+  const ms_halves *halves = &sim->motion->model.halves;
+  const ms_coefficients *a = &sim->motion->stepper.solver->system.a;
+  const int32_t stride = sim->motion->model.rows.stride;
   const ms_span span = ms_halves_of(halves, r);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     double dd = 0, ww = 0;
-    for (int32_t c = 0; c < sim->model->rows.dims; c++) {
+    for (int32_t c = 0; c < sim->motion->model.rows.dims; c++) {
       dd += pow(v[c * stride + r] - v[c * stride + halves->neighbour[at]], 2);
       ww += a->g[at] * pow(a->x[c * stride + r] - a->x[c * stride + halves->neighbour[at]], 2);
     }
@@ -175,13 +175,13 @@ static void matrix_is_rounded_spring_by_spring(void **state) {
   (void)state;
   for (int kind = 0; kind < SCENES; kind++) {
     msim_sim *sim = moved(kind, 20, 32);
-    const int32_t stride = sim->model->rows.stride;
+    const int32_t stride = sim->motion->model.rows.stride;
     double *v = random_vector(sim, 1), *exact = random_vector(sim, 1), curvature, apart = 0;
     const double *got = apply(sim, v, &curvature);
-    ms_coefficients_apply(sim->model, &sim->linear->system.a, v, exact);
-    for (int32_t r = 0; r < sim->model->rows.nfree; r++) {
+    ms_coefficients_apply(&sim->motion->model, &sim->motion->stepper.solver->system.a, v, exact);
+    for (int32_t r = 0; r < sim->motion->model.rows.nfree; r++) {
       const double size = spring_sizes(sim, v, r);
-      for (int32_t c = 0; c < sim->model->rows.dims; c++) {
+      for (int32_t c = 0; c < sim->motion->model.rows.dims; c++) {
         const double off = fabs(got[c * stride + r] - exact[c * stride + r]);
         assert_close(off, 0, FLT_EPSILON * size);
         apart = fmax(apart, off / size);
@@ -210,7 +210,7 @@ static void springs_stay_balanced(void **state) {
   assert_ok(msim_scene_add_lattice(scene, &block, err));
   msim_sim *sim = make_two_level(scene, &opt, 64);
   assert_ok(msim_sim_step(sim, 1, err));
-  const ms_rows *rows = &sim->model->rows;
+  const ms_rows *rows = &sim->motion->model.rows;
   const ms_pcg *pcg = pcg_of(sim);
   double *v = random_vector(sim, 1), curvature, sum[3] = {0};
   const double *Av = apply(sim, v, &curvature);
@@ -224,7 +224,7 @@ static void springs_stay_balanced(void **state) {
   for (int32_t at = 0; at < rows->dims * rows->nfree; at++) {
     const int32_t r = at % rows->nfree, i = at / rows->nfree * rows->stride + r;
     assert_true(Av[i] == pcg->inertia[r] * v[i] * pcg->jacobi.scale);
-    assert_close(Av[i] / (sim->model->mass[r] * v[i]), 1, 1e-15);
+    assert_close(Av[i] / (sim->motion->model.mass[r] * v[i]), 1, 1e-15);
   }
   free(v);
   msim_sim_destroy(sim);

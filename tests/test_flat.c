@@ -65,9 +65,9 @@ static void explicit_methods_give_the_same_bits(void **state) {
       msim_scene *scene = swing(NULL, axis);
       msim_sim *two = sim_with(scene, explicit_methods[m], "pcg", DROPPED);
       msim_sim *three = sim_with(scene, explicit_methods[m], "pcg", KEPT);
-      assert_int_equal(two->model->rows.dims, 2);
-      assert_int_equal(two->model->rows.left_out, axis);
-      assert_int_equal(three->model->rows.dims, 3);
+      assert_int_equal(two->motion->model.rows.dims, 2);
+      assert_int_equal(two->motion->model.rows.left_out, axis);
+      assert_int_equal(three->motion->model.rows.dims, 3);
       assert_ok(msim_sim_step(two, 400, err));
       assert_ok(msim_sim_step(three, 400, err));
       const msim_state a = state_of(two), b = state_of(three);
@@ -91,7 +91,7 @@ static void every_solver_gives_the_same_motion(void **state) {
       msim_scene *scene = swing(NULL, axis);
       msim_sim *two = sim_with(scene, "linearly-implicit-euler", solvers[s], DROPPED);
       msim_sim *three = sim_with(scene, "linearly-implicit-euler", solvers[s], KEPT);
-      assert_int_equal(two->model->rows.dims, 2);
+      assert_int_equal(two->motion->model.rows.dims, 2);
       assert_ok(msim_sim_step(two, 200, err));
       assert_ok(msim_sim_step(three, 200, err));
       const msim_state a = state_of(two), b = state_of(three);
@@ -109,7 +109,7 @@ static void every_solver_gives_the_same_motion(void **state) {
 static int32_t components(const msim_scene *scene) {
   msim_options opt = options("verlet", 1e-3);
   msim_sim *sim = make_sim(scene, &opt);
-  const int32_t dims = sim->model->rows.dims;
+  const int32_t dims = sim->motion->model.rows.dims;
   msim_sim_destroy(sim);
   return dims;
 }
@@ -197,7 +197,7 @@ static void states_choose_the_components(void **state) {
       const msim_state out = {.size = sizeof out, .step = 5, .t = 1, .n = N, .x = r.x, .v = r.v};
       assert_ok(msim_sim_step(sim, 10, err));
       assert_ok(msim_sim_set_state(sim, &out, err));
-      assert_int_equal(sim->model->rows.dims, 3);
+      assert_int_equal(sim->motion->model.rows.dims, 3);
       assert_ok(msim_sim_set_state(three, &out, err));
       assert_ok(msim_sim_step(sim, 50, err));
       assert_ok(msim_sim_step(three, 50, err));
@@ -210,7 +210,7 @@ static void states_choose_the_components(void **state) {
       const msim_state in = {.size = sizeof in, .n = N, .x = view.x, .v = view.v};
       msim_sim *fresh = sim_with(scene, methods[m], "pcg", DROPPED);
       assert_ok(msim_sim_set_state(sim, &in, err));
-      assert_int_equal(sim->model->rows.dims, 2);
+      assert_int_equal(sim->motion->model.rows.dims, 2);
       assert_ok(msim_sim_step(sim, 50, err));
       assert_ok(msim_sim_step(fresh, 50, err));
       assert_memory_equal(state_of(sim).x, state_of(fresh).x, sizeof r.x);
@@ -229,7 +229,7 @@ static void v_half_counts(void **state) {
   risen r = out_of_plane(sim, 1);
   s.v_half = r.v;
   assert_ok(msim_sim_set_state(sim, &s, err));
-  assert_int_equal(sim->model->rows.dims, 3);
+  assert_int_equal(sim->motion->model.rows.dims, 3);
   assert_memory_equal(state_of(sim).v_half, r.v, sizeof r.v);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
@@ -258,7 +258,7 @@ static void a_state_that_fails_changes_nothing(void **state) {
     assert_memory_equal(state_of(sim).x, state_of(other).x, sizeof r.x);
   }
   assert_in_range(failures, 20, 100);
-  assert_int_equal(sim->model->rows.dims, 3);
+  assert_int_equal(sim->motion->model.rows.dims, 3);
   msim_sim_destroy(sim), msim_sim_destroy(other);
   msim_scene_destroy(scene);
   assert_int_equal(b.live, 0);

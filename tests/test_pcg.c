@@ -49,7 +49,7 @@ static void iterations_are_predicted(void **state) {
     for (int two = 0; two < 2; two++) {
       if (side == 64 && !(two && soft)) continue; /* takes long */
       msim_sim *sim = make_two_level(scene, &opt, two ? SIZE : 0);
-      const ms_prediction p = ms_predict(sim->model, opt.h, opt.solver_rtol);
+      const ms_prediction p = ms_predict(&sim->motion->model, opt.h, opt.solver_rtol);
       const double predicted = two ? p.two_level : p.one_level;
       const double measured = iterations_after(sim, 20);
       print_message("  %s %d, k %g, %d level(s): %.0f predicted, %.0f measured\n",
@@ -297,7 +297,7 @@ static void instruction_sets_agree(void **state) {
       if (ms_isa_named(sets[k]) < 0) continue; /* not for this CPU */
       setenv("MSIM_ISA", sets[k], 1);
       msim_sim *sim = stepped(scenes[i], 0, STEPS);
-      assert_int_equal(sim->model->isa, ms_isa_named(sets[k]));
+      assert_int_equal(sim->motion->model.isa, ms_isa_named(sets[k]));
       const msim_state s = state_of(baseline), t = state_of(sim);
       for (int32_t c = 0; c < 3 * s.n; c++) assert_close(s.x[c], t.x[c], 1e-6);
       const int64_t more = stats_of(sim).iterations - stats_of(baseline).iterations;

@@ -62,9 +62,9 @@ static void one_factor_lasts(void **state) {
     if (i > 1 && !solver_there(solver)) continue;
     msim_scene *scene = collapsing(NULL, i % 2);
     msim_sim *lean = implicit(scene, solver, 0), *general = implicit(scene, solver, 1);
-    assert_int_equal(lean->linear->system.a.block, 1);
-    assert_int_equal(general->linear->system.a.block, 3 - i % 2);
-    const int factorises = lean->linear->linear->factorises;
+    assert_int_equal(lean->motion->stepper.solver->system.a.block, 1);
+    assert_int_equal(general->motion->stepper.solver->system.a.block, 3 - i % 2);
+    const int factorises = lean->motion->stepper.solver->linear->factorises;
     assert_ok(msim_sim_step(lean, 40, err));
     assert_ok(msim_sim_step(general, 40, err));
     same_motion(lean, general, 1e-10);
@@ -122,7 +122,7 @@ static void one_other_spring_is_seen(void **state) {
     assert_ok(msim_scene_add_springs(scene, 1, which == 2 ? pinned_pair : free_pair, &k,
                                      which == 1 ? &none : &some, which == 1 ? &some : &none, err));
     msim_sim *sim = implicit(scene, "pcg", 0);
-    assert_int_equal(sim->linear->system.a.block, which == 2 ? 1 : 3);
+    assert_int_equal(sim->motion->stepper.solver->system.a.block, which == 2 ? 1 : 3);
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
@@ -143,7 +143,7 @@ static void springs_may_change_their_kind(void **state) {
       assert_ok(msim_sim_step(general, 10, err));
       assert_ok(msim_sim_set_springs(lean, NULL, rests[change], dampings[change], err));
       assert_ok(msim_sim_set_springs(general, NULL, rests[change], dampings[change], err));
-      assert_int_equal(lean->linear->system.a.block, change == 1 ? 1 : 3);
+      assert_int_equal(lean->motion->stepper.solver->system.a.block, change == 1 ? 1 : 3);
     }
     assert_ok(msim_sim_step(lean, 10, err));
     assert_ok(msim_sim_step(general, 10, err));
@@ -177,7 +177,7 @@ static void a_change_that_fails_changes_nothing(void **state) {
     assert_int_equal(stats_of(sim).assemblies, 1);
   }
   assert_in_range(failures, 10, 100);
-  assert_int_equal(sim->linear->system.a.block, 3);
+  assert_int_equal(sim->motion->stepper.solver->system.a.block, 3);
   msim_sim_destroy(sim), msim_sim_destroy(other);
   msim_scene_destroy(scene);
   assert_int_equal(b.live, 0);
@@ -195,7 +195,7 @@ static void the_matrix_and_the_reason_are_told(void **state) {
   assert_int_equal(A.n, 3 * (N - 2));
   assert_int_equal(A.rowptr[A.n], B.rowptr[B.n]);
   for (int32_t e = 0; e < A.rowptr[A.n]; e++) assert_true(A.val[e] == B.val[e]);
-  assert_null(lean->linear->system.a.g);
+  assert_null(lean->motion->stepper.solver->system.a.g);
   assert_ok(msim_sim_explain(lean, &text, err));
   assert_non_null(strstr(text, "all rest lengths and dampings are 0"));
   assert_non_null(strstr(text, "62 unknowns: one for each free particle, 3 right sides"));

@@ -17,13 +17,15 @@ static inline msim_options frames(void) {
   return opt;
 }
 
-static inline ms_pcg *pcg_of(msim_sim *sim) { return (ms_pcg *)sim->linear->linear; }
+static inline ms_pcg *pcg_of(msim_sim *sim) {
+  return (ms_pcg *)sim->motion->stepper.solver->linear;
+}
 
 /* aggregate: rows in one; 0: block Jacobi alone */
 static inline msim_sim *make_two_level(const msim_scene *scene, const msim_options *opt,
                                        int32_t aggregate) {
   msim_sim *sim = make_sim(scene, opt);
-  ms_solver *solver = sim->linear;
+  ms_solver *solver = sim->motion->stepper.solver;
   assert_string_equal(solver->linear->name, "pcg");
   solver->linear->ops->destroy(solver->linear);
   solver->linear = NULL;

@@ -218,7 +218,8 @@ enum {
   MSIM_SKIP_KEPT_FACTOR = 1u << 5,      /* off: each step makes its factors anew */
   MSIM_SKIP_TWO_D = 1u << 6,            /* off: flat scenes are computed in 3 components too */
   MSIM_SKIP_ZERO_REST_LENGTH = 1u << 7, /* off: springs of rest length 0 are treated as others */
-  MSIM_SKIP_AT_REST = 1u << 8           /* off: steps are made where they change nothing too */
+  MSIM_SKIP_AT_REST = 1u << 8,          /* off: steps are made where they change nothing too */
+  MSIM_SKIP_ISLANDS = 1u << 9           /* off: one system of all, connected by springs or not */
 };
 
 /* A linear solver behind the ABI of msim/backend.h. */
@@ -333,7 +334,8 @@ typedef struct msim_energy {
   double angular_momentum[3]; /* kg m^2/s */
 } msim_energy;
 
-/* Work done and time spent since creation. A zero says that the phase never ran. */
+/* Work done and time spent since creation. A zero says that the phase never ran. Each island of a
+ * scene counts its own evaluations, assemblies, factorizations, solves and iterations. */
 typedef struct msim_stats {
   size_t size;
   int64_t steps, force_evaluations, assemblies, analyses, factorizations, solves, iterations;
@@ -345,7 +347,8 @@ typedef struct msim_stats {
   int64_t refinements;      /* corrections of an answer above solver.rtol */
   int64_t fallbacks;        /* changes of mind of solver = auto */
   double total_s, force_s, assemble_s, factor_s, solve_s, collide_s, output_s;
-  int64_t steps_at_rest; /* of `steps`, those that were not made, as they would change nothing */
+  int64_t steps_at_rest;   /* of `steps`, those that were not made, as they would change nothing */
+  int64_t islands_at_rest; /* steps of single islands that were not made for that reason */
 } msim_stats;
 
 /* What was decided at creation, or from the last state set. */
@@ -354,7 +357,7 @@ typedef struct msim_plan {
   double h;      /* the step actually made, s */
   int64_t steps; /* from there to the end; -1 where neither steps nor t_end was given */
   const char *integrator;
-  const char *solver; /* "none" where the method needs none */
+  const char *solver; /* of the largest island; "none" where the method needs none */
   int32_t threads;    /* that compute; fewer than asked for where not all could be started */
 } msim_plan;
 
@@ -370,6 +373,10 @@ typedef struct msim_csr {
 
 /* Make a sim from a scene, which it shares until either is changed: the scene may be destroyed at
  * once. No step allocates.
+ *
+ * Parts of the scene that no spring connects are islands: systems of their own, each with a solver
+ * of its own, and not stepped while at exact rest. Pinned particles connect nothing; what is below
+ * 512 particles is taken together with others.
  *
  * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
  * plane has a part of its normal. Its motion is computed in two components: the same as in three,

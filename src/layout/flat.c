@@ -7,7 +7,8 @@ int ms_is_level(const ms_scene *scene, int32_t axis, const double *x, const doub
   return 1;
 }
 
-int32_t ms_flat_axis(const ms_scene *scene) {
+int32_t ms_flat_axis(const ms_scene *scene, unsigned skip_off) {
+  if (skip_off & MSIM_SKIP_TWO_D) return -1;
   for (int32_t axis = 2; axis >= 0; axis--) {
     int pushed = scene->gravity[axis] != 0;
     for (int32_t p = 0; p < scene->nplanes; p++) pushed |= scene->planes[p].normal[axis] != 0;

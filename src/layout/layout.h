@@ -1,11 +1,11 @@
-/* layout - rows, springs and half springs of a scene, in an order that serves the caches */
+/* layout - rows, springs and half springs of an island, in an order that serves the caches */
 #ifndef MS_LAYOUT_H
 #define MS_LAYOUT_H
 
 #include "layout/halves.h"
 
-msim_status ms_layout_create(const ms_scene *scene, ms_rows *rows, ms_springs *springs,
-                             ms_halves *halves, msim_error *err);
+msim_status ms_layout_create(const ms_scene *scene, const ms_island *island, ms_rows *rows,
+                             ms_springs *springs, ms_halves *halves, msim_error *err);
 void ms_layout_destroy(const ms_scene *scene, ms_rows *rows, ms_springs *springs,
                        ms_halves *halves);
 

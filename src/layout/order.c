@@ -185,13 +185,17 @@ static void place_pinned(const ms_rows *rows, const ms_adjacency *a, const int32
 static msim_status renumber(const ms_scene *scene, const int32_t *order, ms_rows *rows,
                             ms_springs *springs, ms_adjacency *a, msim_error *err) {
   int32_t *new_row = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *new_row);
-  if (!new_row) return ms_fail_memory(err, "the order of rows");
+  int32_t *particle = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *particle);
+  if (!new_row || !particle) {
+    ms_delete(&scene->alloc, new_row);
+    ms_delete(&scene->alloc, particle);
+    return ms_fail_memory(err, "the order of rows");
+  }
   for (int32_t k = 0; k < rows->first_pinned; k++) new_row[k < rows->nfree ? order[k] : k] = k;
   place_pinned(rows, a, order, new_row);
-  for (int32_t p = 0; p < rows->n; p++) {
-    rows->row[p] = new_row[rows->row[p]];
-    rows->particle[rows->row[p]] = p;
-  }
+  for (int32_t r = 0; r < rows->stride; r++) particle[new_row[r]] = rows->particle[r];
+  ms_delete(&scene->alloc, rows->particle);
+  rows->particle = particle;
   for (int32_t e = 0; e < springs->n; e++) {
     springs->i[e] = new_row[springs->i[e]];
     springs->j[e] = new_row[springs->j[e]];

@@ -2,22 +2,21 @@
 
 static int32_t whole_groups(int32_t n) { return (n + MS_GROUP - 1) / MS_GROUP * MS_GROUP; }
 
-msim_status ms_rows_create(const ms_scene *scene, ms_rows *rows, msim_error *err) {
-  int32_t n = scene->nparticles, npinned = 0;
-  for (int32_t p = 0; p < n; p++) npinned += scene->pinned[p];
-  *rows = (ms_rows){.dims = 3, .axis = {0, 1, 2}, .left_out = -1, .n = n, .nfree = n - npinned};
-  rows->first_pinned = whole_groups(rows->nfree);
-  rows->stride = rows->first_pinned + whole_groups(npinned);
-  rows->row = ms_new(&scene->alloc, (size_t)n, sizeof *rows->row);
+msim_status ms_rows_create(const ms_scene *scene, const ms_island *island, ms_rows *rows,
+                           msim_error *err) {
+  *rows = (ms_rows){.dims = 3,
+                    .axis = {0, 1, 2},
+                    .left_out = -1,
+                    .n = island->nfree + island->npinned,
+                    .nfree = island->nfree,
+                    .first_pinned = whole_groups(island->nfree)};
+  rows->stride = rows->first_pinned + whole_groups(island->npinned);
   rows->particle = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *rows->particle);
-  if (!rows->row || !rows->particle) return ms_fail_memory(err, "the order of rows");
+  if (!rows->particle) return ms_fail_memory(err, "the order of rows");
   for (int32_t r = 0; r < rows->stride; r++) rows->particle[r] = -1;
-  int32_t next_free = 0, next_pinned = rows->first_pinned;
-  for (int32_t p = 0; p < n; p++) {
-    int32_t r = scene->pinned[p] ? next_pinned++ : next_free++;
-    rows->row[p] = r;
-    rows->particle[r] = p;
-  }
+  for (int32_t k = 0; k < island->nfree; k++) rows->particle[k] = island->free[k];
+  for (int32_t k = 0; k < island->npinned; k++)
+    rows->particle[rows->first_pinned + k] = island->pinned[k];
   return MSIM_OK;
 }
 
@@ -28,7 +27,6 @@ void ms_rows_leave_out(ms_rows *rows, int32_t axis) {
 }
 
 void ms_rows_destroy(const ms_scene *scene, ms_rows *rows) {
-  ms_delete(&scene->alloc, rows->row);
   ms_delete(&scene->alloc, rows->particle);
   *rows = (ms_rows){0};
 }
@@ -37,11 +35,17 @@ double *ms_rows_vector(const ms_scene *scene, const ms_rows *rows) {
   return ms_new(&scene->alloc, (size_t)rows->dims * (size_t)rows->stride, sizeof(double));
 }
 
+void ms_rows_invert(const ms_rows *rows, int32_t *row) {
+  for (int32_t r = 0; r < rows->stride; r++)
+    if (rows->particle[r] >= 0) row[rows->particle[r]] = r;
+}
+
 void ms_rows_gather(const ms_rows *rows, const double *flat, double *vec) {
   for (int32_t c = 0; c < rows->dims; c++) {
     const double *from = flat + rows->axis[c];
     double *to = vec + (size_t)c * (size_t)rows->stride;
-    for (int32_t p = 0; p < rows->n; p++) to[rows->row[p]] = from[3 * (size_t)p];
+    for (int32_t r = 0; r < rows->stride; r++)
+      if (rows->particle[r] >= 0) to[r] = from[3 * (size_t)rows->particle[r]];
   }
 }
 
@@ -49,23 +53,18 @@ void ms_rows_scatter(const ms_rows *rows, const double *vec, double *flat) {
   for (int32_t c = 0; c < rows->dims; c++) {
     const double *from = vec + (size_t)c * (size_t)rows->stride;
     double *to = flat + rows->axis[c];
-    for (int32_t p = 0; p < rows->n; p++) to[3 * (size_t)p] = from[rows->row[p]];
+    for (int32_t r = 0; r < rows->stride; r++)
+      if (rows->particle[r] >= 0) to[3 * (size_t)rows->particle[r]] = from[r];
   }
 }
 
 /*------------------------------------- springs --------------------------------------------------*/
 
-static int both_pinned(const ms_scene *s, int32_t e) {
-  return s->pinned[s->ij[2 * (size_t)e]] && s->pinned[s->ij[2 * (size_t)e + 1]];
-}
-
-msim_status ms_springs_create(const ms_scene *scene, const ms_rows *rows, ms_springs *springs,
-                              msim_error *err) {
+msim_status ms_springs_create(const ms_scene *scene, const ms_island *island, const ms_rows *rows,
+                              ms_springs *springs, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
-  int32_t n = 0;
-  for (int32_t e = 0; e < scene->nsprings; e++) n += !both_pinned(scene, e);
-  size_t count = (size_t)n;
-  *springs = (ms_springs){.n = n,
+  const size_t count = (size_t)island->nsprings;
+  *springs = (ms_springs){.n = island->nsprings,
                           .i = ms_new(alloc, count, sizeof(int32_t)),
                           .j = ms_new(alloc, count, sizeof(int32_t)),
                           .k = ms_new(alloc, count, sizeof(double)),
@@ -75,11 +74,11 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_rows *rows, ms_spr
   if (!springs->i || !springs->j || !springs->k || !springs->rest || !springs->damping ||
       !springs->spring)
     return ms_fail_memory(err, "the springs");
-  for (int32_t e = 0, to = 0; e < scene->nsprings; e++) {
-    if (both_pinned(scene, e)) continue;
-    springs->i[to] = rows->row[scene->ij[2 * (size_t)e]];
-    springs->j[to] = rows->row[scene->ij[2 * (size_t)e + 1]];
-    springs->spring[to++] = e;
+  ms_rows_invert(rows, island->row);
+  for (size_t to = 0; to < count; to++) {
+    const int32_t e = springs->spring[to] = island->spring[to];
+    springs->i[to] = island->row[scene->ij[2 * (size_t)e]];
+    springs->j[to] = island->row[scene->ij[2 * (size_t)e + 1]];
   }
   ms_springs_update(scene, springs);
   return MSIM_OK;

@@ -17,12 +17,12 @@ static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
   return passes;
 }
 
-msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
-                            msim_error *err) {
+msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
+                                   unsigned skip_off, ms_model *model, msim_error *err) {
   *model = (ms_model){.scene = scene, .isa = ms_isa_best()};
-  const int32_t flat = skip_off & MSIM_SKIP_TWO_D ? -1 : ms_flat_axis(scene);
-  msim_status status = ms_layout_create(scene, &model->rows, &model->springs, &model->halves, err);
-  if (flat >= 0) ms_rows_leave_out(&model->rows, flat);
+  msim_status status =
+      ms_layout_create(scene, island, &model->rows, &model->springs, &model->halves, err);
+  if (left_out >= 0) ms_rows_leave_out(&model->rows, left_out);
   if (status) return status;
   const ms_rows *rows = &model->rows;
   model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims};
@@ -39,6 +39,18 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
   }
   model->passes = needed_passes(scene, &model->springs) | skip_off;
   return MSIM_OK;
+}
+
+msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
+                            msim_error *err) {
+  ms_islands islands;
+  *model = (ms_model){.scene = scene};
+  msim_status status = ms_islands_create(scene, 1, &islands, err);
+  if (status) return status;
+  const ms_island all = ms_island_at(&islands, 0);
+  status = ms_model_create_island(scene, &all, ms_flat_axis(scene, skip_off), skip_off, model, err);
+  ms_islands_destroy(scene, &islands);
+  return status;
 }
 
 void ms_model_update(ms_model *model, unsigned skip_off) {

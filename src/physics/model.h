@@ -1,4 +1,4 @@
-/* model - what the physics of one sim needs and never changes: rows, springs, masses, passes */
+/* model - what the physics of one island needs and never changes: rows, springs, masses, passes */
 #ifndef MS_MODEL_H
 #define MS_MODEL_H
 
@@ -19,7 +19,12 @@ typedef struct ms_model {
   unsigned passes;         /* MSIM_SKIP_...: the passes that a step makes */
 } ms_model;
 
-/* What the scene needs, and what skip_off insists on. */
+/* What an island needs, and what skip_off insists on. left_out: the axis that has no component; -1:
+ * none. */
+msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
+                                   unsigned skip_off, ms_model *model, msim_error *err);
+
+/* All of the scene as one island, with components as it needs them. */
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
                             msim_error *err);
 

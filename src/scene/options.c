@@ -109,6 +109,8 @@ static const option table[] = {
     FLAG("two_d", "the third component of a flat scene", MSIM_SKIP_TWO_D),
     FLAG("at_rest", "steps once nothing moves and nothing pulls, to the last bit",
          MSIM_SKIP_AT_REST),
+    FLAG("islands", "one system of all where springs leave parts of the scene unconnected",
+         MSIM_SKIP_ISLANDS),
     TEXT("plugin_path", "folders", "", "folders searched for plugins first, ':' between them",
          plugin_path),
 };

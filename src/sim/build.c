@@ -1,67 +1,96 @@
-/* build - model, solver and vectors of a plan */
+/* build - models, solvers and vectors of a plan: one of each for every island */
 #include "sim/sim.h"
 
-static msim_status allocate(msim_sim *sim, msim_error *err) {
-  ms_stepper *s = &sim->stepper;
+static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
+  ms_stepper *s = &m->stepper;
   double **vectors[5 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
   for (int i = 0; i < sim->integrator->nwork; i++) vectors[count++] = &s->work[i];
   for (int i = 0; i < count; i++) {
-    *vectors[i] = ms_rows_vector(sim->scene, &sim->model->rows);
+    *vectors[i] = ms_rows_vector(sim->scene, &m->model.rows);
     if (!*vectors[i]) return ms_fail_memory(err, "the state");
   }
   return MSIM_OK;
 }
 
-/* Started once, by the first plan. */
-static void use_threads(msim_sim *sim) {
-  if (!sim->threads_planned) {
-    sim->threads_planned = ms_plan_threads(&sim->opt, sim->model);
-    sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
+/* A model of each island. */
+static msim_status make_models(msim_sim *sim, int32_t left_out, msim_error *err) {
+  ms_islands islands;
+  const int whole = (sim->opt.skip_off & MSIM_SKIP_ISLANDS) != 0;
+  msim_status status = ms_islands_create(sim->scene, whole, &islands, err);
+  if (status) return status;
+  sim->motion = ms_new(&sim->alloc, (size_t)islands.n, sizeof *sim->motion);
+  if (sim->motion) sim->nislands = islands.n;
+  else status = ms_fail_memory(err, "the islands");
+  for (int32_t i = 0; i < islands.n && !status; i++) {
+    const ms_island island = ms_island_at(&islands, i);
+    status = ms_model_create_island(sim->scene, &island, left_out, sim->opt.skip_off,
+                                    &sim->motion[i].model, err);
   }
-  sim->model->pool = sim->pool;
-}
-
-static msim_status build(msim_sim *sim, unsigned skip_off, msim_error *err) {
-  sim->model = ms_new(&sim->alloc, 1, sizeof *sim->model);
-  if (!sim->model) return ms_fail_memory(err, "the model");
-  msim_status status = ms_model_create(sim->scene, skip_off, sim->model, err);
-  if (!status) use_threads(sim);
-  if (!status) status = allocate(sim, err);
-  if (!status && sim->integrator->entry.implicit)
-    status = ms_solver_create(sim->model, &sim->opt, sim->plan.h, &sim->stats, &sim->linear, err);
-  sim->stepper.model = sim->model;
-  sim->stepper.opt = &sim->opt;
-  sim->stepper.solver = sim->linear;
-  sim->stepper.stats = &sim->stats;
+  ms_islands_destroy(sim->scene, &islands);
   return status;
 }
 
-static void take_down(const msim_allocator *alloc, ms_model *model, ms_solver *linear,
-                      const ms_stepper *s) {
-  ms_solver_destroy(linear);
-  if (model) ms_model_destroy(model);
-  ms_delete(alloc, model);
-  double *vectors[] = {s->x, s->v, s->x_next, s->v_next, s->scratch};
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) ms_delete(alloc, vectors[i]);
-  for (int i = 0; i < MS_MAX_WORK; i++) ms_delete(alloc, s->work[i]);
+/* Started once, by the first plan; all islands share them. */
+static void use_threads(msim_sim *sim) {
+  if (!sim->threads_planned) {
+    int64_t slots = 0;
+    for (int32_t i = 0; i < sim->nislands; i++) slots += sim->motion[i].model.halves.nslots;
+    sim->threads_planned = ms_plan_threads(&sim->opt, slots);
+    sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
+  }
+  for (int32_t i = 0; i < sim->nislands; i++) sim->motion[i].model.pool = sim->pool;
 }
 
-void ms_sim_take_down(msim_sim *sim) {
-  take_down(&sim->alloc, sim->model, sim->linear, &sim->stepper);
+static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  s->model = &m->model;
+  s->opt = &sim->opt;
+  s->stats = &sim->stats;
+  msim_status status = allocate(sim, m, err);
+  if (status || !sim->integrator->entry.implicit) return status;
+  return ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &s->solver, err);
 }
 
-msim_status ms_sim_build(msim_sim *sim, unsigned skip_off, msim_error *err) {
-  ms_model *model = sim->model;
-  ms_solver *linear = sim->linear;
-  const ms_stepper stepper = sim->stepper;
-  sim->model = NULL, sim->linear = NULL, sim->stepper = (ms_stepper){0};
-  msim_status status = build(sim, skip_off, err);
+static msim_status build(msim_sim *sim, int32_t left_out, msim_error *err) {
+  msim_status status = make_models(sim, left_out, err);
+  if (!status) use_threads(sim);
+  for (int32_t i = 0; i < sim->nislands && !status; i++)
+    status = make_stepper(sim, &sim->motion[i], err);
+  return status;
+}
+
+static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t nislands) {
+  for (int32_t i = 0; i < nislands; i++) {
+    ms_stepper *s = &motion[i].stepper;
+    ms_solver_destroy(s->solver);
+    ms_model_destroy(&motion[i].model);
+    double *vectors[] = {s->x, s->v, s->x_next, s->v_next, s->scratch};
+    for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) ms_delete(alloc, vectors[k]);
+    for (int k = 0; k < MS_MAX_WORK; k++) ms_delete(alloc, s->work[k]);
+  }
+  ms_delete(alloc, motion);
+}
+
+void ms_sim_take_down(msim_sim *sim) { take_down(&sim->alloc, sim->motion, sim->nislands); }
+
+msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
+  ms_motion *motion = sim->motion;
+  const int32_t nislands = sim->nislands;
+  sim->motion = NULL, sim->nislands = 0;
+  msim_status status = build(sim, left_out, err);
   if (!status) {
-    take_down(&sim->alloc, model, linear, &stepper);
+    take_down(&sim->alloc, motion, nislands);
     return MSIM_OK;
   }
   ms_sim_take_down(sim);
-  sim->model = model, sim->linear = linear, sim->stepper = stepper;
+  sim->motion = motion, sim->nislands = nislands;
   return status;
+}
+
+const ms_motion *ms_sim_largest(const msim_sim *sim) {
+  const ms_motion *largest = sim->motion;
+  for (int32_t i = 1; i < sim->nislands; i++)
+    if (sim->motion[i].model.rows.nfree > largest->model.rows.nfree) largest = &sim->motion[i];
+  return largest;
 }

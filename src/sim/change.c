@@ -28,24 +28,36 @@ static msim_status check_values(const char *what, int32_t n, const double *value
   return MSIM_OK;
 }
 
+static void use_scene(msim_sim *sim, ms_scene *scene) {
+  sim->scene = scene;
+  for (int32_t i = 0; i < sim->nislands; i++) sim->motion[i].model.scene = scene;
+}
+
 /* The sim's own scene, no longer that of the handle it was made from. */
 static ms_scene *own_scene(msim_sim *sim, msim_error *err) {
   msim_scene handle = {sim->scene};
   ms_scene *own = ms_scene_writable(&handle, err);
-  if (own) sim->model->scene = sim->scene = own;
+  if (own) use_scene(sim, own);
   return own;
 }
 
-/* 1 where the matrix becomes one of scalars, or ceases to be one. */
-static int changes_kind(const msim_sim *sim, const double *rest, const double *damping) {
-  const ms_springs *s = &sim->model->springs;
+/* 1 where the island's matrix becomes one of scalars, or ceases to be one. */
+static int changes_kind(const msim_sim *sim, const ms_motion *m, const double *rest,
+                        const double *damping) {
+  const ms_springs *s = &m->model.springs;
+  const ms_solver *solver = m->stepper.solver;
   int alike = !(sim->opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH);
   for (int32_t i = 0; i < s->n; i++) {
     const int32_t e = s->spring[i];
     alike &= (rest ? rest : sim->scene->rest)[e] == 0;
     alike &= (damping ? damping : sim->scene->damping)[e] == 0;
   }
-  return sim->linear && alike != (sim->linear->system.a.block == 1);
+  return solver && alike != (solver->system.a.block == 1);
+}
+
+static void update_models(msim_sim *sim) {
+  for (int32_t i = 0; i < sim->nislands; i++)
+    ms_model_update(&sim->motion[i].model, sim->opt.skip_off);
 }
 
 static msim_status write_springs(msim_sim *sim, const double *k, const double *rest,
@@ -56,24 +68,51 @@ static msim_status write_springs(msim_sim *sim, const double *k, const double *r
   if (k) memcpy(scene->k, k, bytes);
   if (rest) memcpy(scene->rest, rest, bytes);
   if (damping) memcpy(scene->damping, damping, bytes);
-  ms_model_update(sim->model, sim->opt.skip_off);
+  update_models(sim);
   return MSIM_OK;
 }
 
-static msim_status replace_solver(msim_sim *sim, msim_error *err) {
-  ms_solver *fresh;
-  msim_status status =
-      ms_solver_create(sim->model, &sim->opt, sim->plan.h, &sim->stats, &fresh, err);
-  if (status) return status;
-  ms_solver_destroy(sim->linear);
-  sim->linear = sim->stepper.solver = fresh;
-  return MSIM_OK;
+/* New solvers for the islands whose matrices are of another kind now: all of them, or none. fresh:
+ * one a island, NULL where the old one goes on. */
+static msim_status make_solvers(msim_sim *sim, ms_solver **fresh, msim_error *err) {
+  msim_status status = MSIM_OK;
+  for (int32_t i = 0; i < sim->nislands && !status; i++) {
+    const ms_motion *m = &sim->motion[i];
+    if (changes_kind(sim, m, NULL, NULL))
+      status = ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &fresh[i], err);
+  }
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    ms_solver **used = &sim->motion[i].stepper.solver;
+    if (!fresh[i]) continue;
+    ms_solver_destroy(status ? fresh[i] : *used);
+    if (!status) *used = fresh[i];
+  }
+  return status;
+}
+
+static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
+  ms_solver **fresh = ms_new(&sim->alloc, (size_t)sim->nislands, sizeof *fresh);
+  if (!fresh) return ms_fail_memory(err, "the linear solvers");
+  msim_status status = make_solvers(sim, fresh, err);
+  ms_delete(&sim->alloc, fresh);
+  return status;
 }
 
 static void put_back(msim_sim *sim, ms_scene *before) {
   ms_scene_release(sim->scene);
-  sim->model->scene = sim->scene = before;
-  ms_model_update(sim->model, sim->opt.skip_off);
+  use_scene(sim, before);
+  update_models(sim);
+}
+
+/* What the islands know of the springs is no longer so: forces, matrices, rest. */
+static void renew(msim_sim *sim) {
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    ms_motion *m = &sim->motion[i];
+    if (m->stepper.solver) ms_solver_renew(m->stepper.solver);
+    m->stepper.warm = 0;
+    m->at_rest = 0;
+  }
+  sim->flat_is_current = 0;
 }
 
 msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *rest,
@@ -84,17 +123,16 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   if (!status) status = check_values("rest", n, rest, err);
   if (!status) status = check_values("damping", n, damping, err);
   if (status) return status;
-  const int other = changes_kind(sim, rest, damping);
+  int other = 0;
+  for (int32_t i = 0; i < sim->nislands && !other; i++)
+    other = changes_kind(sim, &sim->motion[i], rest, damping);
   ms_scene *before = other ? ms_scene_share(sim->scene) : NULL;
   ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
   status = write_springs(sim, k, rest, damping, err);
-  if (!status && other) status = replace_solver(sim, err);
+  if (!status && other) status = replace_solvers(sim, err);
   if (status && other) put_back(sim, before);
   else ms_scene_release(before);
   if (status) return status;
-  if (sim->linear) ms_solver_renew(sim->linear);
-  sim->at_rest = 0;
-  sim->stepper.warm = 0; /* forces were those of the old springs */
-  sim->flat_is_current = 0;
+  renew(sim);
   return ms_ok(err);
 }

@@ -6,13 +6,55 @@
 #include "physics/energy.h"
 #include "sim/sim.h"
 
-static int has(const msim_sim *sim, unsigned pass) { return (sim->model->passes & pass) != 0; }
+/* 1 where an island makes this pass. */
+static int has(const msim_sim *sim, unsigned pass) {
+  unsigned passes = 0;
+  for (int32_t i = 0; i < sim->nislands; i++) passes |= sim->motion[i].model.passes;
+  return (passes & pass) != 0;
+}
+
+static int32_t count_free(const msim_sim *sim) {
+  int32_t count = 0;
+  for (int32_t i = 0; i < sim->nislands; i++) count += sim->motion[i].model.rows.nfree;
+  return count;
+}
 
 static void explain_scene(const msim_sim *sim, ms_text *out) {
   const ms_scene *s = sim->scene;
   ms_print(out, "scene         %s\n", *s->name ? s->name : "(no name)");
   ms_print(out, "              particles %d, of them pinned %d; springs %d; planes %d\n",
-           s->nparticles, s->nparticles - sim->model->rows.nfree, s->nsprings, s->nplanes);
+           s->nparticles, s->nparticles - count_free(sim), s->nsprings, s->nplanes);
+}
+
+static const char *solver_of(const ms_motion *m) { return m->stepper.solver->linear->name; }
+
+/* How many islands have the solver of the i-th; 0: an earlier one has it too. */
+static int32_t count_solvers(const msim_sim *sim, int32_t i) {
+  int32_t count = 0;
+  for (int32_t k = 0; k < sim->nislands; k++) {
+    const int same = strcmp(solver_of(&sim->motion[k]), solver_of(&sim->motion[i])) == 0;
+    if (same && k < i) return 0;
+    count += same;
+  }
+  return count;
+}
+
+static void explain_islands(const msim_sim *sim, ms_text *out) {
+  if (sim->nislands == 1) return;
+  const int32_t most = ms_sim_largest(sim)->model.rows.nfree;
+  int32_t least = most;
+  for (int32_t i = 0; i < sim->nislands; i++)
+    if (sim->motion[i].model.rows.nfree < least) least = sim->motion[i].model.rows.nfree;
+  ms_print(out, "islands       %d, of %d to %d free particles: no spring connects them\n",
+           sim->nislands, least, most);
+  const char *separator = "              solvers: ";
+  for (int32_t i = 0; i < sim->nislands && sim->integrator->entry.implicit; i++) {
+    const int32_t count = count_solvers(sim, i);
+    if (!count) continue;
+    ms_print(out, "%s%d %s", separator, count, solver_of(&sim->motion[i]));
+    separator = ", ";
+  }
+  if (sim->integrator->entry.implicit) ms_print(out, "; below, that of the largest\n");
 }
 
 static void explain_rows(const ms_rows *rows, ms_text *out) {
@@ -52,16 +94,18 @@ static void explain_threads(const msim_sim *sim, ms_text *out) {
 }
 
 static void explain_solver(const msim_sim *sim, ms_text *out) {
-  if (!sim->linear) {
+  const ms_motion *m = ms_sim_largest(sim);
+  const ms_solver *solver = m->stepper.solver;
+  if (!solver) {
     ms_print(out, "solver        none: the method is explicit\n");
     return;
   }
-  const ms_linear *linear = sim->linear->linear;
-  ms_print(out, "solver        %s (%s)\n", linear->name, sim->linear->reason);
+  const ms_linear *linear = solver->linear;
+  ms_print(out, "solver        %s (%s)\n", linear->name, solver->reason);
   ms_print(out, "              relative residual %.3g, checked after every solve\n",
-           sim->linear->target.rtol);
-  const ms_rows *rows = &sim->model->rows;
-  const int alike = sim->linear->system.a.block == 1;
+           solver->target.rtol);
+  const ms_rows *rows = &m->model.rows;
+  const int alike = solver->system.a.block == 1;
   if (alike)
     ms_print(out, "matrix        %d unknowns: one for each free particle, %d right sides\n",
              rows->nfree, rows->dims);
@@ -74,14 +118,14 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   if (linear->fill > 0)
     ms_print(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
              linear->flops);
-  if (sim->linear->savings.allowed)
+  if (solver->savings.allowed)
     ms_print(out,
              "              once pcg has spent the price of a factor on a matrix that hardly "
              "changes,\n              cholmod makes one, if it is there, to precondition\n");
   static const char *const answer[] = {"that step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run stops"};
   if (alike) ms_print(out, "              positive definite, and the same in every step\n");
-  else if (sim->linear->clamp) ms_print(out, "              clamped: positive definite always\n");
+  else if (solver->clamp) ms_print(out, "              clamped: positive definite always\n");
   else
     ms_print(out, "              where it is not positive definite, %s\n",
              answer[sim->opt.indefinite]);
@@ -89,20 +133,21 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
 
 static const char *axis_name(const msim_sim *sim) {
   static const char *const names[] = {"component x", "component y", "component z"};
-  const int32_t axis = sim->model->rows.left_out;
+  const int32_t axis = sim->motion->model.rows.left_out;
   return names[axis < 0 ? 0 : axis];
 }
 
 static void explain_skips(const msim_sim *sim, ms_text *out) {
+  const ms_motion *m = ms_sim_largest(sim);
+  const ms_solver *solver = m->stepper.solver;
   const struct {
     int skipped;
     const char *what, *why;
   } skips[] = {
-      {!sim->linear, "assembly, factorisation, solver libraries", "the method needs no solver"},
-      {sim->linear && sim->linear->kept.by, "factorisation",
+      {!solver, "assembly, factorisation, solver libraries", "the method needs no solver"},
+      {solver && solver->kept.by, "factorisation",
        "in steps that the last factor still serves, as preconditioner"},
-      {sim->linear && sim->linear->linear->aggregates &&
-           !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
+      {solver && solver->linear->aggregates && !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
        "coarse factorisation", "in steps whose matrix has hardly changed since the last one"},
       {!has(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
       {has(sim, MSIM_SKIP_SPRINGS) && !has(sim, MSIM_SKIP_ZERO_REST_LENGTH), "direction of springs",
@@ -111,9 +156,11 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
       {!has(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},
       {!has(sim, MSIM_SKIP_DRAG), "drag", "it is 0"},
       {!has(sim, MSIM_SKIP_PLANES), "contact pass", "there are no planes"},
-      {sim->model->rows.left_out >= 0, axis_name(sim), "nothing moves along it, or pulls that way"},
-      {sim->model->rows.nfree < sim->scene->nparticles, "pinned particles",
+      {m->model.rows.left_out >= 0, axis_name(sim), "nothing moves along it, or pulls that way"},
+      {count_free(sim) < sim->scene->nparticles, "pinned particles",
        "they are no unknowns: no row, no column"},
+      {sim->nislands > 1, "one system of all",
+       "no spring connects the islands: each has one of its own, and rests alone"},
       {!(sim->opt.skip_off & MSIM_SKIP_AT_REST), "steps at exact rest",
        "once nothing moves and nothing pulls they change no bit"},
       {1, "conversion to flat arrays, energies", "made only when somebody looks"}};
@@ -130,7 +177,7 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
 static void explain_limits(const msim_sim *sim, const ms_bounds *b, ms_text *out) {
   ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state\n",
            b->omega, b->rate);
-  if (sim->linear) {
+  if (sim->integrator->entry.implicit) {
     ms_print(out, "              stable for every h where the system is linear\n");
     return;
   }
@@ -161,7 +208,8 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   ms_text *out = &sim->explanation;
   ms_text_free(out);
   explain_scene(sim, out);
-  explain_rows(&sim->model->rows, out);
+  explain_islands(sim, out);
+  explain_rows(&ms_sim_largest(sim)->model.rows, out);
   explain_method(sim, out);
   explain_threads(sim, out);
   explain_solver(sim, out);

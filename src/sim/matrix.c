@@ -1,7 +1,7 @@
 /* matrix - the matrix of the next step for somebody who wants to look at it
  *
- * It has three components a particle and the order of particles, whatever the sim itself computes
- * with: so it has a model of its own, made when it is asked for. */
+ * It has three components a particle, the order of particles and all islands, whatever the sim
+ * itself computes with: so it has a model of its own, made when it is asked for. */
 #include "sim/sim.h"
 
 #define WHOLE (MSIM_SKIP_TWO_D | MSIM_SKIP_ZERO_REST_LENGTH)
@@ -29,19 +29,21 @@ void ms_sim_drop_matrix(msim_sim *sim) {
 static msim_status make_pattern(msim_sim *sim, ms_whole *w, msim_error *err) {
   const ms_rows *rows = &w->model.rows;
   ms_graph graph = {0};
-  int32_t *order = ms_new(&sim->alloc, (size_t)rows->nfree, sizeof *order);
+  const int32_t n = sim->scene->nparticles;
+  int32_t *row = ms_new(&sim->alloc, (size_t)n, sizeof *row);
   w->particle = ms_new(&sim->alloc, (size_t)rows->nfree, sizeof *w->particle);
-  msim_status status = order && w->particle ? ms_graph_create(&w->model, &graph, err)
-                                            : ms_fail_memory(err, "the matrix");
-  for (int32_t p = 0, k = 0; p < rows->n && !status; p++) {
+  msim_status status = row && w->particle ? ms_graph_create(&w->model, &graph, err)
+                                          : ms_fail_memory(err, "the matrix");
+  if (row) ms_rows_invert(rows, row);
+  for (int32_t p = 0, k = 0; p < n && !status; p++) {
     if (sim->scene->pinned[p]) continue;
-    order[k] = rows->row[p];
+    row[k] = row[p]; /* k <= p */
     w->particle[k++] = p;
   }
   if (!status)
-    status = ms_matrix_create(&w->model, &graph, order, MSIM_FORMAT_FULL, 3, &w->matrix, err);
+    status = ms_matrix_create(&w->model, &graph, row, MSIM_FORMAT_FULL, 3, &w->matrix, err);
   ms_graph_destroy(&w->model, &graph);
-  ms_delete(&sim->alloc, order);
+  ms_delete(&sim->alloc, row);
   return status;
 }
 
@@ -59,7 +61,7 @@ static msim_status make_whole(msim_sim *sim, msim_error *err) {
 
 msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   if (!sim || !A) return ms_fail(err, MSIM_ERR_ARG, "sim or A is NULL");
-  if (!sim->linear)
+  if (!sim->integrator->entry.implicit)
     return ms_fail(err, MSIM_ERR_ARG, "integrator '%s' needs no matrix",
                    sim->integrator->entry.name);
   msim_status status = sim->whole ? MSIM_OK : make_whole(sim, err);
@@ -68,7 +70,8 @@ msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   ms_rows_gather(&w->model.rows, now.x, w->x);
-  ms_coefficients_compute(&w->model, w->x, sim->plan.h, sim->linear->clamp, &w->a);
+  ms_coefficients_compute(&w->model, w->x, sim->plan.h, sim->opt.jacobian == MSIM_JACOBIAN_CLAMP,
+                          &w->a);
   ms_matrix_expand(&w->model, &w->a, &w->matrix);
   msim_csr full = {.size = A->size,
                    .n = 3 * w->matrix.n,

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "base/pool.h"
+
 /* Above this a step's number is no exact double, and time no exact product. */
 #define MOST_STEPS 4503599627370496.0
 
@@ -29,10 +31,11 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
  * to call and wait for it. */
 enum { LEAST_SLOTS = 1500 };
 
-int32_t ms_plan_threads(const msim_options *opt, const ms_model *model) {
+int32_t ms_plan_threads(const msim_options *opt, int64_t slots) {
   if (opt->threads > 0) return opt->threads < MS_MOST_THREADS ? opt->threads : MS_MOST_THREADS;
-  const int32_t worthwhile = model->halves.nslots / LEAST_SLOTS, cores = ms_usable_cores();
-  const int32_t threads = worthwhile < cores ? worthwhile : cores;
+  const int64_t worthwhile = slots / LEAST_SLOTS;
+  const int32_t cores = ms_usable_cores();
+  const int32_t threads = worthwhile < cores ? (int32_t)worthwhile : cores;
   return threads > 1 ? threads : 1;
 }
 

@@ -2,7 +2,7 @@
 #ifndef MS_PLAN_H
 #define MS_PLAN_H
 
-#include "physics/model.h"
+#include "scene/scene.h"
 
 typedef struct ms_plan {
   double h;       /* the step actually made */
@@ -10,8 +10,9 @@ typedef struct ms_plan {
   double h_asked; /* what the options said */
 } ms_plan;
 
-/* How many threads: as many as asked for, or as many as pay, one for each core at most. */
-int32_t ms_plan_threads(const msim_options *opt, const ms_model *model);
+/* How many threads for so many slots of half springs: as many as asked for, or as many as pay, one
+ * for each core at most. */
+int32_t ms_plan_threads(const msim_options *opt, int64_t slots);
 
 /* The steps from t0 to the end. options.steps: that many. options.t_end: (t_end - t0)/h of them,
  * if that is a whole number to a relative 1e-9, else h is lowered to make it one. */

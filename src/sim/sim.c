@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "layout/flat.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -66,7 +67,7 @@ static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *er
   msim_status status = take_options(sim, opt, err);
   if (!status) status = ms_sim_make_plan(sim, 0, err);
   if (!status) status = allocate_flat(sim, err);
-  if (!status) status = ms_sim_build(sim, sim->opt.skip_off, err);
+  if (!status) status = ms_sim_build(sim, ms_flat_axis(sim->scene, sim->opt.skip_off), err);
   if (status) return status;
   const msim_state start = {
       .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
@@ -114,12 +115,11 @@ double ms_sim_time(const msim_sim *sim) {
 }
 
 /* What went wrong in the step after the present one, with step, time and particle. */
-static msim_status blame(const msim_sim *sim, msim_status status, const msim_error *why,
-                         msim_error *err) {
+static msim_status blame(const msim_sim *sim, const ms_motion *m, msim_status status,
+                         const msim_error *why, msim_error *err) {
   char particle[32] = "";
-  int32_t row = sim->stepper.culprit;
-  if (row >= 0)
-    snprintf(particle, sizeof particle, ", particle %d", sim->model->rows.particle[row]);
+  int32_t row = m->stepper.culprit;
+  if (row >= 0) snprintf(particle, sizeof particle, ", particle %d", m->model.rows.particle[row]);
   return ms_fail(err, status, "step %lld, t = %g s%s: %s", (long long)(sim->step + 1),
                  ms_sim_time(sim) + sim->plan.h, particle,
                  *why->text ? why->text : msim_status_text(status));
@@ -128,40 +128,55 @@ static msim_status blame(const msim_sim *sim, msim_status status, const msim_err
 /* A step from rest that stays there, and meets no plane: as x and v are what they were and v is 0,
  * so is every force, and the next step does the same. The method's own vectors follow from x and v
  * then. The first row that moves ends the search. */
-static int stays_at_rest(const msim_sim *sim, int64_t contacts) {
-  const ms_stepper *s = &sim->stepper;
-  const ms_shape shape = sim->model->shape;
+static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contacts) {
+  const ms_stepper *s = &m->stepper;
+  const ms_shape shape = m->model.shape;
   return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && sim->stats.contacts == contacts &&
          ms_is_zero(shape, s->v_next) && ms_is_zero(shape, s->v) &&
          ms_is_same(shape, s->x, s->x_next);
 }
 
-/* The step is refused if what it wrote is not finite: the state stays as it was. */
-static msim_status one_step(msim_sim *sim, msim_error *err) {
-  ms_stepper *s = &sim->stepper;
-  msim_error why = {0, ""};
-  s->culprit = -1;
-  if (sim->at_rest) {
-    sim->step++, sim->stats.steps++, sim->stats.steps_at_rest++;
-    return MSIM_OK;
-  }
+/* The next state of one island, refused if it is not finite. The present one stays as it is. */
+static msim_status step_island(msim_sim *sim, ms_motion *m, msim_error *err) {
+  ms_stepper *s = &m->stepper;
   const int64_t contacts = sim->stats.contacts;
+  s->culprit = -1;
   s->finite = 0;
-  msim_status status = sim->integrator->step(s, &why);
+  msim_status status = sim->integrator->step(s, err);
   if (!status && !s->finite) {
-    s->culprit = ms_find_bad(sim->model->shape, s->x_next);
-    if (s->culprit < 0) s->culprit = ms_find_bad(sim->model->shape, s->v_next);
+    s->culprit = ms_find_bad(m->model.shape, s->x_next);
+    if (s->culprit < 0) s->culprit = ms_find_bad(m->model.shape, s->v_next);
     if (s->culprit >= 0) status = MSIM_NOT_FINITE;
   }
-  if (status) return blame(sim, status, &why, err);
-  sim->at_rest = stays_at_rest(sim, contacts);
+  m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
+  return status;
+}
+
+static void accept(ms_motion *m) {
+  ms_stepper *s = &m->stepper;
   double *x = s->x, *v = s->v;
   s->x = s->x_next, s->x_next = x;
   s->v = s->v_next, s->v_next = v;
   s->warm = s->warm_next;
+  m->at_rest = m->at_rest_next;
+}
+
+/* All islands that are not at rest, or none: where one fails, the state stays as it was. */
+static msim_status one_step(msim_sim *sim, msim_error *err) {
+  msim_error why = {0, ""};
+  int32_t resting = 0;
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
+    resting += m->at_rest;
+    msim_status status = m->at_rest ? MSIM_OK : step_island(sim, m, &why);
+    if (status) return blame(sim, m, status, &why, err);
+  }
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    if (!m->at_rest) accept(m);
   sim->step++;
   sim->stats.steps++;
-  sim->flat_is_current = 0;
+  sim->stats.islands_at_rest += resting;
+  sim->stats.steps_at_rest += resting == sim->nislands;
+  if (resting < sim->nislands) sim->flat_is_current = 0;
   return MSIM_OK;
 }
 

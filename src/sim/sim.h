@@ -9,6 +9,14 @@
 #include "scene/options.h"
 #include "sim/plan.h"
 
+/* One island in motion. Nothing couples it with others. */
+typedef struct ms_motion {
+  ms_model model;
+  ms_stepper stepper; /* its solver: NULL where the method needs none */
+  int at_rest;        /* the last step changed no bit, and no step to come will */
+  int at_rest_next;   /* the same of the step that is being made */
+} ms_motion;
+
 struct msim_sim {
   msim_allocator alloc;
   ms_scene *scene;            /* shared */
@@ -21,14 +29,11 @@ struct msim_sim {
   msim_stats stats;
   atomic_int stop;
 
-  int at_rest;         /* the last step changed no bit, and no step to come will */
   int64_t step, step0; /* t = t0 + (step - step0) h */
   double t0;
 
-  /* what follows from a plan, and is replaced with it */
-  ms_model *model;
-  ms_solver *linear; /* NULL where the method needs none */
-  ms_stepper stepper;
+  int32_t nislands;  /* at least 1 */
+  ms_motion *motion; /* nislands: replaced where the components of space are others */
 
   double *flat_x, *flat_v, *flat_v_half; /* 3n: what somebody asked for last */
   int flat_is_current;
@@ -44,12 +49,15 @@ struct msim_sim {
 /* The time of the present state. */
 double ms_sim_time(const msim_sim *sim);
 
-/* Make model, solver and vectors anew, without the skips of skip_off; keeps the old ones where that
- * fails. The state is yet to be set. */
-msim_status ms_sim_build(msim_sim *sim, unsigned skip_off, msim_error *err);
+/* Make models, solvers and vectors anew, without components along the axis left_out (-1: none);
+ * keeps the old ones where that fails. The state is yet to be set. */
+msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err);
 
 /* Free them; what is half built too. */
 void ms_sim_take_down(msim_sim *sim);
+
+/* The island of most free particles, and of those the first: it stands for all where one has to. */
+const ms_motion *ms_sim_largest(const msim_sim *sim);
 
 /* Forget the matrix that somebody looked at. */
 void ms_sim_drop_matrix(msim_sim *sim);

@@ -7,11 +7,9 @@
 #include "physics/plain.h"
 #include "sim/sim.h"
 
-/* Rows to flat arrays, once a step at most, and only when somebody looks. */
-static void refresh(msim_sim *sim) {
-  if (sim->flat_is_current) return;
-  const ms_stepper *s = &sim->stepper;
-  const ms_rows *rows = &sim->model->rows;
+static void refresh_island(msim_sim *sim, const ms_motion *m) {
+  const ms_stepper *s = &m->stepper;
+  const ms_rows *rows = &m->model.rows;
   ms_rows_scatter(rows, s->x, sim->flat_x);
   if (sim->integrator->sync) {
     ms_rows_scatter(rows, s->v, sim->flat_v_half);
@@ -21,6 +19,12 @@ static void refresh(msim_sim *sim) {
   } else {
     ms_rows_scatter(rows, s->v, sim->flat_v);
   }
+}
+
+/* Rows to flat arrays, once a step at most, and only when somebody looks. */
+static void refresh(msim_sim *sim) {
+  for (int32_t i = 0; i < sim->nislands && !sim->flat_is_current; i++)
+    refresh_island(sim, &sim->motion[i]);
   sim->flat_is_current = 1;
 }
 
@@ -60,12 +64,28 @@ static msim_status check_state(const msim_sim *sim, const msim_state *state, msi
 /* A state out of the scene's plane needs all three components, one within it does not. */
 static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_scene *scene = sim->scene;
-  int32_t flat = sim->opt.skip_off & MSIM_SKIP_TWO_D ? -1 : ms_flat_axis(scene);
+  int32_t flat = ms_flat_axis(scene, sim->opt.skip_off);
   if (flat >= 0 && !(ms_is_level(scene, flat, state->x, state->v) &&
                      (!state->v_half || ms_is_level(scene, flat, state->x, state->v_half))))
     flat = -1;
-  if (flat == sim->model->rows.left_out) return MSIM_OK;
-  return ms_sim_build(sim, sim->opt.skip_off | (flat < 0 ? MSIM_SKIP_TWO_D : 0u), err);
+  return flat == sim->motion->model.rows.left_out ? MSIM_OK : ms_sim_build(sim, flat, err);
+}
+
+static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
+  ms_stepper *s = &m->stepper;
+  const ms_rows *rows = &m->model.rows;
+  ms_rows_gather(rows, state->x, s->x);
+  ms_rows_gather(rows, state->x, s->x_next); /* for its pinned rows */
+  ms_rows_gather(rows, state->v, s->v);
+  m->at_rest = 0;
+  s->h = sim->plan.h;
+  s->warm = 0;
+  if (s->solver) ms_solver_restart(s->solver);
+  if (sim->integrator->start) sim->integrator->start(s);
+  if (sim->integrator->sync && state->v_half && state->h == sim->plan.h) {
+    ms_rows_gather(rows, state->v_half, s->v);
+    s->warm = 0;
+  }
 }
 
 msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err) {
@@ -78,28 +98,16 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
     sim->plan = before;
     return status;
   }
-  const ms_rows *rows = &sim->model->rows;
   const size_t flat = 3 * (size_t)state->n * sizeof(double);
-  ms_stepper *s = &sim->stepper;
   sim->step = sim->step0 = state->step;
   sim->t0 = state->t;
-  sim->at_rest = 0;
   memmove(sim->flat_x, state->x, flat);
   memmove(sim->flat_v, state->v, flat);
-  ms_rows_gather(rows, state->x, s->x);
-  ms_rows_gather(rows, state->x, s->x_next); /* for its pinned rows */
-  ms_rows_gather(rows, state->v, s->v);
-  s->h = sim->plan.h;
-  s->warm = 0;
-  if (sim->linear) ms_solver_restart(sim->linear);
-  if (sim->integrator->start) sim->integrator->start(s);
-  if (sim->integrator->sync && state->v_half && state->h == sim->plan.h) {
-    ms_rows_gather(rows, state->v_half, s->v);
-    s->warm = 0;
-  }
+  for (int32_t i = 0; i < sim->nislands; i++) start_island(sim, &sim->motion[i], state);
   if (sim->integrator->sync) {
     memcpy(sim->flat_v_half, sim->flat_v, flat); /* 0 where there is no component */
-    ms_rows_scatter(rows, s->v, sim->flat_v_half);
+    for (int32_t i = 0; i < sim->nislands; i++)
+      ms_rows_scatter(&sim->motion[i].model.rows, sim->motion[i].stepper.v, sim->flat_v_half);
   }
   sim->flat_is_current = 1;
   return ms_ok(err);
@@ -119,31 +127,38 @@ void msim_sim_stats(const msim_sim *sim, msim_stats *stats) {
 }
 
 void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
+  const ms_solver *linear = ms_sim_largest(sim)->stepper.solver;
   msim_plan full = {.size = plan->size,
                     .h = sim->plan.h,
                     .steps = sim->plan.steps,
                     .integrator = sim->integrator->entry.name,
-                    .solver = sim->linear ? sim->linear->linear->name : "none",
+                    .solver = linear ? linear->linear->name : "none",
                     .threads = ms_pool_threads(sim->pool)};
   MS_GIVE(plan, full);
 }
 
-void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
-  ms_stepper *s = &sim->stepper;
-  const ms_rows *rows = &sim->model->rows;
-  if (rows->left_out >= 0 && !ms_is_level(sim->scene, rows->left_out, x, v)) {
-    ms_plain_force(sim->scene, x, v, force);
-    return;
-  }
+static void put_island_force(const ms_motion *m, const double *x, const double *v, double *force) {
+  const ms_stepper *s = &m->stepper;
+  const ms_rows *rows = &m->model.rows;
   ms_rows_gather(rows, x, s->x_next);
   ms_rows_gather(rows, v, s->v_next);
-  ms_force(sim->model, s->x_next, s->v_next, s->scratch);
-  memset(force, 0, 3 * (size_t)rows->n * sizeof *force);
+  ms_force(&m->model, s->x_next, s->v_next, s->scratch);
   ms_rows_scatter(rows, s->scratch, force);
-  for (int32_t p = 0; p < rows->n; p++)
-    if (sim->scene->pinned[p]) memset(force + 3 * (size_t)p, 0, 3 * sizeof *force);
   /* leave the pinned rows as steps expect them */
   const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *x;
   memcpy(s->x_next, s->x, bytes);
   memset(s->v_next, 0, bytes);
+}
+
+void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
+  const ms_scene *scene = sim->scene;
+  const int32_t left_out = sim->motion->model.rows.left_out;
+  if (left_out >= 0 && !ms_is_level(scene, left_out, x, v)) {
+    ms_plain_force(scene, x, v, force);
+    return;
+  }
+  memset(force, 0, 3 * (size_t)scene->nparticles * sizeof *force);
+  for (int32_t i = 0; i < sim->nislands; i++) put_island_force(&sim->motion[i], x, v, force);
+  for (int32_t p = 0; p < scene->nparticles; p++)
+    if (scene->pinned[p]) memset(force + 3 * (size_t)p, 0, 3 * sizeof *force);
 }

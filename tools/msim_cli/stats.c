@@ -18,7 +18,7 @@ static const field counters[] = {
     COUNTER(contacts),       COUNTER(indefinite_steps),
     COUNTER(coarse_factors), COUNTER(kept_factors),
     COUNTER(refinements),    COUNTER(fallbacks),
-    COUNTER(steps_at_rest),
+    COUNTER(steps_at_rest),  COUNTER(islands_at_rest),
 };
 static const field phases[] = {
     PHASE(total), PHASE(force),   PHASE(assemble), PHASE(factor),

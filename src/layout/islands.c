@@ -1,0 +1,175 @@
+#include "layout/islands.h"
+
+enum { NONE = -1 };
+
+/*------------------------------------- connected parts ------------------------------------------*/
+
+/* Each particle points to one of its part with a lower number, the first one to itself. */
+static int32_t find_first(int32_t *to, int32_t p) {
+  while (to[p] != p) p = to[p] = to[to[p]];
+  return p;
+}
+
+static void connect(int32_t *to, int32_t p, int32_t q) {
+  p = find_first(to, p), q = find_first(to, q);
+  if (p < q) to[q] = p;
+  else to[p] = q;
+}
+
+/* A free end of the spring, the first if both are; NONE: it has none. */
+static int32_t free_end(const ms_scene *s, int32_t e) {
+  const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
+  return !s->pinned[i] ? i : !s->pinned[j] ? j : NONE;
+}
+
+/* The pinned end of a spring that has a free one; NONE: it has none. */
+static int32_t pinned_end(const ms_scene *s, int32_t e) {
+  const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
+  return s->pinned[i] == s->pinned[j] ? NONE : s->pinned[i] ? i : j;
+}
+
+/* of: the first particle of each particle's part; NONE for pinned ones. */
+static void find_parts(const ms_scene *s, int32_t *of) {
+  int32_t first_loose = NONE;
+  for (int32_t p = 0; p < s->nparticles; p++) of[p] = NONE;
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
+    if (!s->pinned[i] && of[i] == NONE) of[i] = i;
+    if (!s->pinned[j] && of[j] == NONE) of[j] = j;
+    if (!s->pinned[i] && !s->pinned[j]) connect(of, i, j);
+  }
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    if (s->pinned[p]) continue;
+    if (of[p] == NONE && first_loose == NONE) first_loose = p;
+    of[p] = of[p] == NONE ? first_loose : find_first(of, p);
+  }
+}
+
+/*------------------------------------- islands of them ------------------------------------------*/
+
+/* From the first particle of its part to the island of each; size: scratch, n zeros. Returns how
+ * many islands there are. A new one is begun only where enough is left to fill it. */
+static int32_t number_islands(int32_t n, int32_t *of, int32_t *size) {
+  int32_t islands = 0, open = NONE, held = 0, left = 0;
+  for (int32_t p = 0; p < n; p++)
+    if (of[p] != NONE) size[of[p]]++;
+  for (int32_t p = 0; p < n; p++)
+    if (size[p] < MS_LEAST_ISLAND) left += size[p];
+  for (int32_t p = 0; p < n; p++) {
+    if (of[p] == NONE) continue;
+    if (of[p] != p) {
+      of[p] = of[of[p]];
+    } else if (size[p] >= MS_LEAST_ISLAND) {
+      of[p] = islands++;
+    } else {
+      if (open == NONE) open = islands++, held = 0;
+      of[p] = open;
+      held += size[p], left -= size[p];
+      if (held >= MS_LEAST_ISLAND && left >= MS_LEAST_ISLAND) open = NONE;
+    }
+  }
+  return islands;
+}
+
+/*------------------------------------- what belongs to them -------------------------------------*/
+
+/* Things 0 to n - 1 into buckets, in their order; to: the bucket of each, NONE for none of them. */
+static msim_status sort(const msim_allocator *alloc, int32_t n, const int32_t *to, int32_t nbuckets,
+                        ms_buckets *b, msim_error *err) {
+  b->first = ms_new(alloc, (size_t)nbuckets + 2, sizeof *b->first);
+  b->item = ms_new(alloc, (size_t)n, sizeof *b->item);
+  if (!b->first || !b->item) return ms_fail_memory(err, "the islands");
+  int32_t *next = b->first + 1;
+  for (int32_t k = 0; k < n; k++)
+    if (to[k] != NONE) next[to[k] + 1]++;
+  for (int32_t i = 1; i <= nbuckets; i++) next[i] += next[i - 1];
+  for (int32_t k = 0; k < n; k++)
+    if (to[k] != NONE) b->item[next[to[k]]++] = k;
+  return MSIM_OK;
+}
+
+static void empty(const msim_allocator *alloc, ms_buckets *b) {
+  ms_delete(alloc, b->first);
+  ms_delete(alloc, b->item);
+}
+
+/* Springs by their pinned end first: so each island meets its pinned particles in order, and those
+ * it meets again next to each other. last: scratch, one of each island. */
+static msim_status sort_pinned(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
+                               ms_islands *out, msim_error *err) {
+  ms_buckets held = {0};
+  for (int32_t e = 0; e < s->nsprings; e++) to[e] = pinned_end(s, e);
+  msim_status status = sort(&s->alloc, s->nsprings, to, s->nparticles, &held, err);
+  if (!status) {
+    const int32_t n = held.first[s->nparticles];
+    for (int32_t i = 0; i < out->n; i++) last[i] = NONE;
+    for (int32_t k = 0; k < n; k++) {
+      const int32_t island = of[free_end(s, held.item[k])];
+      held.item[k] = pinned_end(s, held.item[k]);
+      to[k] = last[island] == held.item[k] ? NONE : island;
+      last[island] = held.item[k];
+    }
+    status = sort(&s->alloc, n, to, out->n, &out->pinned, err);
+    for (int32_t k = 0; !status && k < out->pinned.first[out->n]; k++)
+      out->pinned.item[k] = held.item[out->pinned.item[k]];
+  }
+  empty(&s->alloc, &held);
+  return status;
+}
+
+static msim_status sort_all(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
+                            ms_islands *out, msim_error *err) {
+  msim_status status = sort(&s->alloc, s->nparticles, of, out->n, &out->free, err);
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    const int32_t p = free_end(s, e);
+    to[e] = p == NONE ? NONE : of[p];
+  }
+  if (!status) status = sort(&s->alloc, s->nsprings, to, out->n, &out->springs, err);
+  return status ? status : sort_pinned(s, of, to, last, out, err);
+}
+
+/*------------------------------------- life -----------------------------------------------------*/
+
+msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *islands,
+                              msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  const size_t n = (size_t)scene->nparticles, springs = (size_t)scene->nsprings;
+  *islands = (ms_islands){.n = 1, .row = ms_new(alloc, n, sizeof *islands->row)};
+  int32_t *of = ms_new(alloc, n, sizeof *of), *size = ms_new(alloc, n + 1, sizeof *size);
+  int32_t *to = ms_new(alloc, springs, sizeof *to);
+  msim_status status =
+      islands->row && of && size && to ? MSIM_OK : ms_fail_memory(err, "the islands");
+  if (!status && whole) {
+    for (size_t p = 0; p < n; p++) of[p] = scene->pinned[p] ? NONE : 0;
+  } else if (!status) {
+    find_parts(scene, of);
+    islands->n = number_islands(scene->nparticles, of, size);
+    if (islands->n == 0) islands->n = 1; /* all particles are pinned */
+  }
+  if (!status) status = sort_all(scene, of, to, size, islands, err);
+  ms_delete(alloc, of);
+  ms_delete(alloc, size);
+  ms_delete(alloc, to);
+  if (status) ms_islands_destroy(scene, islands);
+  return status;
+}
+
+void ms_islands_destroy(const ms_scene *scene, ms_islands *islands) {
+  empty(&scene->alloc, &islands->free);
+  empty(&scene->alloc, &islands->pinned);
+  empty(&scene->alloc, &islands->springs);
+  ms_delete(&scene->alloc, islands->row);
+  *islands = (ms_islands){0};
+}
+
+ms_island ms_island_at(const ms_islands *islands, int32_t i) {
+  const int32_t *free = islands->free.first + i, *pinned = islands->pinned.first + i;
+  const int32_t *springs = islands->springs.first + i;
+  return (ms_island){.nfree = free[1] - free[0],
+                     .npinned = pinned[1] - pinned[0],
+                     .nsprings = springs[1] - springs[0],
+                     .free = islands->free.item + free[0],
+                     .pinned = islands->pinned.item + pinned[0],
+                     .spring = islands->springs.item + springs[0],
+                     .row = islands->row};
+}
