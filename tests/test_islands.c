@@ -107,6 +107,7 @@ static void same_as_alone(msim_sim *sim, int kind, int second, msim_sim *single)
     const int32_t at = 3 * place(kind, second, p);
     assert_memory_equal(s.x + at, t.x + 3 * p, 3 * sizeof *s.x);
     assert_memory_equal(s.v + at, t.v + 3 * p, 3 * sizeof *s.v);
+    if (s.v_half) assert_memory_equal(s.v_half + at, t.v_half + 3 * p, 3 * sizeof *s.v);
   }
 }
 
@@ -226,7 +227,7 @@ static void one_rests_while_the_other_moves(void **state) {
   }
 }
 
-/* Where all rest, nothing is stepped. */
+/* Where all rest, nothing is stepped, until somebody pushes one. */
 static void all_may_rest(void **state) {
   (void)state;
   static body a;
@@ -239,6 +240,15 @@ static void all_may_rest(void **state) {
   assert_int_equal(stats_of(sim).steps_at_rest, 9);
   assert_int_equal(stats_of(sim).islands_at_rest, 18);
   assert_int_equal(stats_of(sim).solves, 2);
+  static double v[6 * N];
+  msim_state s = state_of(sim);
+  v[3 * place(INTERLEAVED, 1, 30)] = 1;
+  s.v = v;
+  assert_ok(msim_sim_set_state(sim, &s, err));
+  assert_ok(msim_sim_step(sim, 10, err));
+  assert_int_equal(stats_of(sim).steps_at_rest, 9);
+  assert_int_equal(stats_of(sim).islands_at_rest, 18 + 9);
+  assert_true(state_of(sim).x[3 * place(INTERLEAVED, 1, 31)] != a.x[3 * 31]);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
