@@ -34,20 +34,25 @@ static msim_status take_parts(msim_scene *recipe, parts *p) {
   return MSIM_OK;
 }
 
-static msim_status make_cloth(parts *p, msim_error *err) {
+static msim_status add_cloth(msim_scene *scene, double x, msim_error *err) {
   const msim_cloth cloth = {.size = sizeof cloth,
                             .rows = SIDE,
                             .columns = SIDE,
+                            .origin = {x, 0, 0},
                             .row = {0, 1, 0},
                             .column = {1, 0, 0},
                             .mass = 0.3,
                             .k_structural = STIFFNESS,
                             .k_shear = STIFFNESS,
                             .k_bend = STIFFNESS};
+  return msim_scene_add_cloth(scene, &cloth, err);
+}
+
+static msim_status make_cloth(parts *p, msim_error *err) {
   msim_scene *recipe = NULL;
   *p = (parts){.recipe = NULL};
   msim_status status = msim_scene_create(NULL, &recipe, err);
-  if (!status) status = msim_scene_add_cloth(recipe, &cloth, err);
+  if (!status) status = add_cloth(recipe, 0, err);
   if (!status) return take_parts(recipe, p);
   msim_scene_destroy(recipe);
   return status;
@@ -115,6 +120,13 @@ static msim_status resting(int without, msim_scene *scene, msim_error *err) {
   msim_status status = make_cloth(&p, err);
   if (!status) status = add_parts(scene, &p, NULL, 1, err);
   free_parts(&p);
+  return status;
+}
+
+/* One sways, four lie beside it at their rest lengths. */
+static msim_status among_resting(int without, msim_scene *scene, msim_error *err) {
+  msim_status status = unmoved(without, scene, err);
+  for (int i = 1; i <= 4 && !status; i++) status = add_cloth(scene, 2 * i, err);
   return status;
 }
 
@@ -200,6 +212,20 @@ const skip_case *skip_case_info(int i) {
        collapsing,
        0.02},
       {"two_d, explicit", NULL, "cloth100 in its own plane", EXPLICIT, {"skip.two_d"}, flat, 0.02},
+      {"islands",
+       NULL,
+       "cloth100 beside four at rest",
+       IMPLICIT,
+       {"skip.islands"},
+       among_resting,
+       0.1},
+      {"islands, explicit",
+       NULL,
+       "cloth100 beside four at rest",
+       EXPLICIT,
+       {"skip.islands"},
+       among_resting,
+       0.02},
       {"at_rest", NULL, "cloth100 at rest", IMPLICIT, {"skip.at_rest"}, resting, 0.05},
       {"at_rest, explicit", NULL, "cloth100 at rest", EXPLICIT, {"skip.at_rest"}, resting, 0.02},
       PASS("planes"),
