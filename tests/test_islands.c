@@ -335,6 +335,90 @@ static void threads_change_no_bit(void **state) {
   }
 }
 
+enum { MANY = 7, RESTING = 1, BROKEN = 4 };
+
+/* Cloths of the same kind over a plane, without weight. */
+static msim_scene *many(void) {
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int i = 0; i < MANY; i++) {
+    const msim_cloth c = {.size = sizeof c,
+                          .rows = SIDE,
+                          .columns = SIDE,
+                          .origin = {2 * i, 0, 0},
+                          .row = {0, 1, 0},
+                          .column = {1, 0, 0},
+                          .mass = 0.3,
+                          .k_structural = 100,
+                          .k_shear = 50 + i};
+    assert_ok(msim_scene_add_cloth(scene, &c, err));
+  }
+  plane(scene, 0, 0, 1, -1e-4, 0.5, 0.1);
+  return scene;
+}
+
+/* All but one of them in motion for some steps. */
+static msim_sim *run_many(const msim_scene *scene, const msim_integrator_entry *method,
+                          int32_t threads) {
+  static double v[3 * MANY * N];
+  msim_options opt = lean(method->name);
+  opt.threads = threads;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_int_equal(sim->any_by_one, threads > 1 && !method->implicit);
+  for (int p = 0; p < MANY * N; p++) v[3 * p + 2] = p / N == RESTING ? 0 : sin(0.37 * p);
+  msim_state s = state_of(sim);
+  s.v = v, s.v_half = NULL;
+  assert_ok(msim_sim_set_state(sim, &s, err));
+  assert_ok(msim_sim_step(sim, STEPS, err));
+  return sim;
+}
+
+static void same_run(msim_sim *sim, msim_sim *by_one_thread) {
+  const msim_state s = state_of(sim), t = state_of(by_one_thread);
+  const msim_stats a = stats_of(sim), b = stats_of(by_one_thread);
+  assert_memory_equal(s.x, t.x, 3 * MANY * N * sizeof *s.x);
+  assert_memory_equal(s.v, t.v, 3 * MANY * N * sizeof *s.v);
+  assert_int_equal(a.islands_at_rest, STEPS - 1);
+  assert_int_equal(a.force_evaluations, b.force_evaluations);
+  assert_int_equal(a.contacts, b.contacts);
+  assert_true(a.contacts > 0);
+}
+
+/* A particle too fast for doubles, in a step that is too long. */
+static msim_error break_one(msim_sim *sim) {
+  static double v[3 * MANY * N];
+  msim_error why;
+  msim_state s = state_of(sim);
+  v[3 * (BROKEN * N + 50)] = 9e139;
+  s.v = v, s.v_half = NULL;
+  assert_ok(msim_sim_set_state(sim, &s, err));
+  assert_ok(msim_sim_set_step(sim, 1, err));
+  assert_int_equal(msim_sim_step(sim, 3, &why), MSIM_NOT_FINITE);
+  assert_int_equal(strtol(strstr(why.text, "particle ") + 9, NULL, 10) / N, BROKEN);
+  return why;
+}
+
+/* Steps of small islands at the same time: motion, counts and errors are those of one thread. */
+static void small_islands_are_shared_out(void **state) {
+  (void)state;
+  const msim_integrator_entry *method;
+  msim_scene *scene = many();
+  for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++) {
+    msim_sim *sims[3];
+    msim_error why[3];
+    if (method->order == 0) continue;
+    for (int t = 0; t < 3; t++) sims[t] = run_many(scene, method, t + 1);
+    for (int t = 0; t < 3; t++) same_run(sims[t], sims[0]);
+    for (int t = 0; t < 3 && !method->implicit; t++) {
+      why[t] = break_one(sims[t]);
+      assert_string_equal(why[t].text, why[0].text);
+      assert_memory_equal(state_of(sims[t]).x, state_of(sims[0]).x, 3 * MANY * N * sizeof(double));
+    }
+    for (int t = 0; t < 3; t++) msim_sim_destroy(sims[t]);
+  }
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- memory ---------------------------------------------------*/
 
 static void every_allocation_may_fail(void **state) {
@@ -400,6 +484,7 @@ int main(void) {
                                      cmocka_unit_test(iterations_are_those_of_each),
                                      cmocka_unit_test(one_that_fails_stops_all),
                                      cmocka_unit_test(threads_change_no_bit),
+                                     cmocka_unit_test(small_islands_are_shared_out),
                                      cmocka_unit_test(every_allocation_may_fail),
                                      cmocka_unit_test(a_change_that_fails_changes_nothing)};
   return cmocka_run_group_tests_name("islands", tests, NULL, NULL);

@@ -31,22 +31,36 @@ static msim_status make_models(msim_sim *sim, int32_t left_out, msim_error *err)
   return status;
 }
 
-/* Started once, by the first plan; all islands share them. */
+/* Started once, by the first plan. */
+static void start_threads(msim_sim *sim) {
+  int64_t slots = 0;
+  if (sim->threads_planned) return;
+  for (int32_t i = 0; i < sim->nislands; i++) slots += sim->motion[i].model.halves.nslots;
+  sim->threads_planned = ms_plan_threads(&sim->opt, slots);
+  sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
+}
+
+/* Threads share the work of a large island. Explicit steps of small ones they share island by
+ * island, where there are enough to go round. Solvers may allocate: they stay in the caller's. */
 static void use_threads(msim_sim *sim) {
-  if (!sim->threads_planned) {
-    int64_t slots = 0;
-    for (int32_t i = 0; i < sim->nislands; i++) slots += sim->motion[i].model.halves.nslots;
-    sim->threads_planned = ms_plan_threads(&sim->opt, slots);
-    sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
+  enum { SMALL = 512 }; /* groups */
+  int32_t nsmall = 0;
+  start_threads(sim);
+  for (int32_t i = 0; i < sim->nislands; i++) nsmall += sim->motion[i].model.halves.ngroups < SMALL;
+  sim->any_by_one =
+      sim->pool && !sim->integrator->entry.implicit && nsmall >= 2 * ms_pool_threads(sim->pool);
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    ms_motion *m = &sim->motion[i];
+    m->by_one = sim->any_by_one && m->model.halves.ngroups < SMALL;
+    m->model.pool = m->by_one ? NULL : sim->pool;
   }
-  for (int32_t i = 0; i < sim->nislands; i++) sim->motion[i].model.pool = sim->pool;
 }
 
 static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
   s->model = &m->model;
   s->opt = &sim->opt;
-  s->stats = &sim->stats;
+  s->stats = m->by_one ? &m->stats : &sim->stats;
   msim_status status = allocate(sim, m, err);
   if (status || !sim->integrator->entry.implicit) return status;
   return ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &s->solver, err);
@@ -77,6 +91,7 @@ void ms_sim_take_down(msim_sim *sim) { take_down(&sim->alloc, sim->motion, sim->
 msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
   ms_motion *motion = sim->motion;
   const int32_t nislands = sim->nislands;
+  const int any_by_one = sim->any_by_one;
   sim->motion = NULL, sim->nislands = 0;
   msim_status status = build(sim, left_out, err);
   if (!status) {
@@ -84,7 +99,7 @@ msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
     return MSIM_OK;
   }
   ms_sim_take_down(sim);
-  sim->motion = motion, sim->nislands = nislands;
+  sim->motion = motion, sim->nislands = nislands, sim->any_by_one = any_by_one;
   return status;
 }
 

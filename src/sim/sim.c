@@ -131,7 +131,7 @@ static msim_status blame(const msim_sim *sim, const ms_motion *m, msim_status st
 static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   const ms_shape shape = m->model.shape;
-  return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && sim->stats.contacts == contacts &&
+  return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
          ms_is_zero(shape, s->v_next) && ms_is_zero(shape, s->v) &&
          ms_is_same(shape, s->x, s->x_next);
 }
@@ -139,7 +139,7 @@ static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contac
 /* The next state of one island, refused if it is not finite. The present one stays as it is. */
 static msim_status step_island(msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
-  const int64_t contacts = sim->stats.contacts;
+  const int64_t contacts = s->stats->contacts;
   s->culprit = -1;
   s->finite = 0;
   msim_status status = sim->integrator->step(s, err);
@@ -150,6 +150,23 @@ static msim_status step_island(msim_sim *sim, ms_motion *m, msim_error *err) {
   }
   m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
   return status;
+}
+
+static void step_by_one(void *data, int32_t i) {
+  msim_sim *sim = data;
+  ms_motion *m = &sim->motion[i];
+  if (m->by_one && !m->at_rest) m->status = step_island(sim, m, NULL);
+}
+
+/* What that came to. Its seconds passed in all threads at once. */
+static msim_status collect(msim_sim *sim, ms_motion *m) {
+  const double threads = ms_pool_threads(sim->pool);
+  sim->stats.force_evaluations += m->stats.force_evaluations;
+  sim->stats.contacts += m->stats.contacts;
+  sim->stats.force_s += m->stats.force_s / threads;
+  sim->stats.collide_s += m->stats.collide_s / threads;
+  m->stats = (msim_stats){0};
+  return m->status;
 }
 
 static void accept(ms_motion *m) {
@@ -165,9 +182,11 @@ static void accept(ms_motion *m) {
 static msim_status one_step(msim_sim *sim, msim_error *err) {
   msim_error why = {0, ""};
   int32_t resting = 0;
+  if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
     resting += m->at_rest;
-    msim_status status = m->at_rest ? MSIM_OK : step_island(sim, m, &why);
+    if (m->at_rest) continue;
+    msim_status status = m->by_one ? collect(sim, m) : step_island(sim, m, &why);
     if (status) return blame(sim, m, status, &why, err);
   }
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)

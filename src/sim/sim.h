@@ -15,6 +15,9 @@ typedef struct ms_motion {
   ms_stepper stepper; /* its solver: NULL where the method needs none */
   int at_rest;        /* the last step changed no bit, and no step to come will */
   int at_rest_next;   /* the same of the step that is being made */
+  int by_one;         /* one thread steps it, while others step others */
+  msim_stats stats;   /* by_one: what that has counted, until it is added to the sim's */
+  msim_status status; /* by_one: of the step that is being made */
 } ms_motion;
 
 struct msim_sim {
@@ -34,6 +37,7 @@ struct msim_sim {
 
   int32_t nislands;  /* at least 1 */
   ms_motion *motion; /* nislands: replaced where the components of space are others */
+  int any_by_one;    /* 1: some are stepped at the same time */
 
   double *flat_x, *flat_v, *flat_v_half; /* 3n: what somebody asked for last */
   int flat_is_current;
