@@ -8,7 +8,7 @@
 #include "scenes.h"
 #include "sim/sim.h"
 
-enum { SIDE = 24, N = SIDE * SIDE, MOST = 6 * N, STEPS = 40 };
+enum { SIDE = 24, N = SIDE * SIDE, MOST = 6 * N, STEPS = 12 };
 enum { APART, INTERLEAVED, SHARED_PIN, KINDS };
 
 /* A cloth held at two corners, and its arrays. */
@@ -91,7 +91,7 @@ static msim_scene *both(int kind, const body *a, const body *b, const double gra
 
 static msim_options lean(const char *method) {
   const int implicit = strcmp(method, "linearly-implicit-euler") == 0;
-  msim_options opt = options(method, implicit ? 1e-2 : 1e-4);
+  msim_options opt = options(method, implicit ? 2e-3 : 1e-4);
   opt.jacobian = MSIM_JACOBIAN_CLAMP;
   return opt;
 }
@@ -150,7 +150,7 @@ static void each_moves_as_alone(void **state) {
   const msim_integrator_entry *method;
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++)
     for (int kind = 0; kind < KINDS && method->order > 0; kind++)
-      for (int flat = 0; flat < 2; flat++)
+      for (int flat = 0; flat < (kind == APART ? 2 : 1); flat++)
         move_as_alone(method->name, flat ? along : down, kind, &a, &b);
 }
 
@@ -210,7 +210,7 @@ static void one_rests_while_the_other_moves(void **state) {
         assert_close(s.x[q], t.x[q], method->implicit ? 1e-12 : 0);
         assert_close(s.v[q], t.v[q], method->implicit ? 1e-10 : 0);
       }
-      assert_int_equal(s.x[3 * N + 30] != b.x[30], round == 2);
+      assert_int_equal(s.x[3 * (N + 1)] != b.x[3], round == 2);
       const int rested = round == 0 ? STEPS - 1 : 2 * (STEPS - 1);
       assert_int_equal(stats_of(sim).islands_at_rest, rested);
       assert_int_equal(stats_of(sim).steps_at_rest, 0);
@@ -358,13 +358,12 @@ static msim_scene *many(void) {
 }
 
 /* All but one of them in motion for some steps. */
-static msim_sim *run_many(const msim_scene *scene, const msim_integrator_entry *method,
-                          int32_t threads) {
+static msim_sim *run_many(const msim_scene *scene, const char *method, int32_t threads) {
   static double v[3 * MANY * N];
-  msim_options opt = lean(method->name);
+  msim_options opt = lean(method);
   opt.threads = threads;
   msim_sim *sim = make_sim(scene, &opt);
-  assert_int_equal(sim->any_by_one, threads > 1 && !method->implicit);
+  assert_int_equal(sim->any_by_one, threads > 1);
   for (int p = 0; p < MANY * N; p++) v[3 * p + 2] = p / N == RESTING ? 0 : sin(0.37 * p);
   msim_state s = state_of(sim);
   s.v = v, s.v_half = NULL;
@@ -398,7 +397,7 @@ static msim_error break_one(msim_sim *sim) {
   return why;
 }
 
-/* Steps of small islands at the same time: motion, counts and errors are those of one thread. */
+/* Explicit steps of small islands at the same time: motion, counts and errors are those of one thread. */
 static void small_islands_are_shared_out(void **state) {
   (void)state;
   const msim_integrator_entry *method;
@@ -406,10 +405,10 @@ static void small_islands_are_shared_out(void **state) {
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++) {
     msim_sim *sims[3];
     msim_error why[3];
-    if (method->order == 0) continue;
-    for (int t = 0; t < 3; t++) sims[t] = run_many(scene, method, t + 1);
+    if (method->order == 0 || method->implicit) continue;
+    for (int t = 0; t < 3; t++) sims[t] = run_many(scene, method->name, t + 1);
     for (int t = 0; t < 3; t++) same_run(sims[t], sims[0]);
-    for (int t = 0; t < 3 && !method->implicit; t++) {
+    for (int t = 0; t < 3; t++) {
       why[t] = break_one(sims[t]);
       assert_string_equal(why[t].text, why[0].text);
       assert_memory_equal(state_of(sims[t]).x, state_of(sims[0]).x, 3 * MANY * N * sizeof(double));
