@@ -397,7 +397,7 @@ static msim_error break_one(msim_sim *sim) {
   return why;
 }
 
-/* Explicit steps of small islands at the same time: motion, counts and errors are those of one thread. */
+/* Small islands stepped at the same time: motion, counts and errors are those of one thread. */
 static void small_islands_are_shared_out(void **state) {
   (void)state;
   const msim_integrator_entry *method;
@@ -411,6 +411,7 @@ static void small_islands_are_shared_out(void **state) {
     for (int t = 0; t < 3; t++) {
       why[t] = break_one(sims[t]);
       assert_string_equal(why[t].text, why[0].text);
+      assert_int_equal(stats_of(sims[t]).force_evaluations, stats_of(sims[0]).force_evaluations);
       assert_memory_equal(state_of(sims[t]).x, state_of(sims[0]).x, 3 * MANY * N * sizeof(double));
     }
     for (int t = 0; t < 3; t++) msim_sim_destroy(sims[t]);
