@@ -39,14 +39,19 @@ static int32_t count_solvers(const msim_sim *sim, int32_t i) {
   return count;
 }
 
-static void explain_islands(const msim_sim *sim, ms_text *out) {
-  if (sim->nislands == 1) return;
+static void explain_sizes(const msim_sim *sim, ms_text *out) {
   const int32_t most = ms_sim_largest(sim)->model.rows.nfree;
   int32_t least = most;
   for (int32_t i = 0; i < sim->nislands; i++)
     if (sim->motion[i].model.rows.nfree < least) least = sim->motion[i].model.rows.nfree;
-  ms_print(out, "islands       %d, of %d to %d free particles: no spring connects them\n",
-           sim->nislands, least, most);
+  ms_print(out, "islands       %d that no spring connects, of ", sim->nislands);
+  if (least < most) ms_print(out, "%d to ", least);
+  ms_print(out, "%d free particles\n", most);
+}
+
+static void explain_islands(const msim_sim *sim, ms_text *out) {
+  if (sim->nislands == 1) return;
+  explain_sizes(sim, out);
   const char *separator = "              solvers: ";
   for (int32_t i = 0; i < sim->nislands && sim->integrator->entry.implicit; i++) {
     const int32_t count = count_solvers(sim, i);
