@@ -6,9 +6,17 @@
 #include <signal.h>
 #include <stdatomic.h>
 
+#include "base/clock.h"
+
 /* Who waits looks so often before it sleeps: some 20 us, longer than the pause between two steps of
  * a run, too short to keep a core busy. */
 enum { PATIENCE = 1000 };
+
+/* A worker that keeps the owner waiting so long, in s, was put aside by the system in the middle of
+ * an item: its core is busy, and would be again. So the owner works alone for so many times as
+ * long: what is lost by waiting stays a few percent. */
+#define LATE  200e-6
+#define ALONE 30
 
 /* A thread's part of the items. It begins at its front; others who are done help. A cache line
  * each, so that threads do not disturb one another. */
@@ -28,7 +36,8 @@ struct ms_pool {
   ms_item *work;
   void *data;
   int32_t threads;
-  int forks; /* of this process when the pool was made */
+  double alone_until; /* by ms_clock() */
+  int forks;          /* of this process when the pool was made */
   msim_allocator alloc;
   struct worker {
     ms_pool *pool;
@@ -91,11 +100,19 @@ static void wait_for_workers(ms_pool *pool) {
     if (!atomic_load(&pool->inside)) return;
     pause_briefly();
   }
+  const double start = ms_clock();
   pthread_mutex_lock(&pool->lock);
   atomic_store(&pool->owner_sleeps, 1);
   while (atomic_load(&pool->inside)) pthread_cond_wait(&pool->left, &pool->lock);
   atomic_store(&pool->owner_sleeps, 0);
   pthread_mutex_unlock(&pool->lock);
+  const double end = ms_clock();
+  if (end - start > LATE) pool->alone_until = end + ALONE * (end - start);
+}
+
+static int is_alone(ms_pool *pool) {
+  if (pool->alone_until > 0 && ms_clock() > pool->alone_until) pool->alone_until = 0;
+  return pool->alone_until > 0;
 }
 
 static void leave(ms_pool *pool) {
@@ -142,7 +159,7 @@ static void share_out(ms_pool *pool, int32_t n) {
 }
 
 void ms_pool_run(ms_pool *pool, ms_item *work, void *data, int32_t n) {
-  if (!pool || n < 2 || !has_threads(pool)) {
+  if (!pool || n < 2 || !has_threads(pool) || is_alone(pool)) {
     for (int32_t item = 0; item < n; item++) work(data, item);
     return;
   }
