@@ -115,6 +115,7 @@ static msim_options options_of(const json_t *run, const char *method) {
   opt.h = number(run, "h");
   opt.solver = solver;
   opt.solver_rtol = RTOL;
+  opt.newton_rtol = 1e-13;
   opt.jacobian =
       json_is_true(json_object_get(given, "clamp")) ? MSIM_JACOBIAN_CLAMP : MSIM_JACOBIAN_EXACT;
   opt.indefinite = symmetric ? MSIM_INDEFINITE_SOLVE : MSIM_INDEFINITE_STOP;

@@ -5,7 +5,7 @@
 #include "linear/solver.h"
 #include "physics/step.h"
 
-enum { MS_MAX_WORK = 4 };
+enum { MS_MAX_WORK = 10 };
 
 /* What a method sees. A step reads x, v and writes x_next, v_next; the driver accepts it by
  * swapping the pointers, so that a step refused costs nothing.
@@ -31,6 +31,7 @@ typedef struct ms_stepper {
 
 typedef struct ms_integrator {
   msim_integrator_entry entry; /* order: a test measures it and compares */
+  int separable; /* needs forces that do not depend on velocities: no damping, no drag */
   int32_t nwork;
   /* From x and the velocity at t in v to the velocity that the method carries; called with warm = 0
    * at the start and after a state was set. Nullable. */

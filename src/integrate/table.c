@@ -10,19 +10,8 @@ enum { NMETHODS = sizeof methods / sizeof *methods };
 /* Names that scenes may use once a later version brings the methods. */
 #define LATER(name) \
   { name, "not part of this version yet", 0, 0 }
-static const msim_integrator_entry later[] = {LATER("implicit-euler"),
-                                              LATER("implicit-midpoint"),
-                                              LATER("trapezoidal"),
-                                              LATER("newmark"),
-                                              LATER("bdf2"),
-                                              LATER("tr-bdf2"),
-                                              LATER("sdirk2"),
-                                              LATER("rkn6"),
-                                              LATER("dop853"),
-                                              LATER("force-gradient"),
-                                              LATER("rkc"),
-                                              LATER("respa"),
-                                              LATER("auto")};
+static const msim_integrator_entry later[] = {LATER("dop853"), LATER("force-gradient"),
+                                              LATER("rkc"), LATER("respa"), LATER("auto")};
 #undef LATER
 enum { NLATER = sizeof later / sizeof *later };
 

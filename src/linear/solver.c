@@ -55,8 +55,6 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
   if (!s) return ms_fail_memory(err, "the linear solver");
   s->system.model = model;
   s->opt = opt;
-  s->target = (ms_target){opt->solver_rtol, opt->solver_max_iterations};
-  s->clamp = opt->jacobian == MSIM_JACOBIAN_CLAMP;
   s->stats = stats;
   msim_status status = set_up(s, h, err);
   if (status) ms_solver_destroy(s);
@@ -280,14 +278,14 @@ static int32_t most_compressed(const ms_solver *s) {
   return worst;
 }
 
-static msim_status not_positive_definite(ms_solver *s, const double *x, double h, const double *b,
+static msim_status not_positive_definite(ms_solver *s, const ms_request *r, const double *b,
                                          double *v, msim_error *err) {
   s->stats->indefinite_steps++;
-  switch (s->opt->indefinite) {
+  switch (r->indefinite) {
     case MSIM_INDEFINITE_SOLVE:
       return factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
     case MSIM_INDEFINITE_CLAMP: {
-      msim_status status = assemble(s, x, h, 1);
+      msim_status status = assemble(s, r->x, r->h, 1);
       return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
     }
     default:
@@ -296,7 +294,7 @@ static msim_status not_positive_definite(ms_solver *s, const double *x, double h
           err, MSIM_NOT_SPD,
           "the matrix M - h D - h^2 J is not positive definite (h = %g s is too long for "
           "the compressed springs; indefinite = clamp goes on)",
-          h);
+          r->h);
   }
 }
 
@@ -314,20 +312,20 @@ static msim_status switch_to_cholmod(ms_solver *s, msim_error *err) {
 }
 
 /* A does not depend on x: one factor for all steps of this h. */
-static msim_status solve_constant(ms_solver *s, const double *x, double h, const double *b,
-                                  double *v, msim_error *err) {
-  if (s->made_for != h) {
-    msim_status status = assemble(s, x, h, s->clamp);
+static msim_status solve_constant(ms_solver *s, const ms_request *r, const double *b, double *v,
+                                  msim_error *err) {
+  if (s->made_for != r->h) {
+    msim_status status = assemble(s, r->x, r->h, r->clamp);
     if (!status) status = factor(s, s->linear, MSIM_FACTOR_SPD, err);
     if (status) return status;
-    s->made_for = h;
+    s->made_for = r->h;
   }
   return solve(s, b, v, err);
 }
 
-static msim_status solve_variable(ms_solver *s, const double *x, double h, const double *b,
-                                  double *v, msim_error *err) {
-  msim_status status = assemble(s, x, h, s->clamp);
+static msim_status solve_variable(ms_solver *s, const ms_request *r, const double *b, double *v,
+                                  msim_error *err) {
+  msim_status status = assemble(s, r->x, r->h, r->clamp);
   if (status) return status;
   status = try_kept(s, b, v);
   if (!status || status == MSIM_NOT_SPD) return status;
@@ -337,24 +335,26 @@ static msim_status solve_variable(ms_solver *s, const double *x, double h, const
   return status;
 }
 
-static msim_status solve_once(ms_solver *s, const double *x, double h, const double *b, double *v,
+static msim_status solve_once(ms_solver *s, const ms_request *r, const double *b, double *v,
                               msim_error *err) {
-  msim_status status = s->system.a.block == 1 ? solve_constant(s, x, h, b, v, err)
-                                              : solve_variable(s, x, h, b, v, err);
-  if (status == MSIM_NOT_SPD && !s->clamp) status = not_positive_definite(s, x, h, b, v, err);
+  msim_status status =
+      s->system.a.block == 1 ? solve_constant(s, r, b, v, err) : solve_variable(s, r, b, v, err);
+  if (status == MSIM_NOT_SPD && !r->clamp && r->indefinite >= 0)
+    status = not_positive_definite(s, r, b, v, err);
   return status;
 }
 
-msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
+msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
                             double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
   if (uses_guess(solver->linear) || solver->kept.by) ms_copy(shape, v, solver->guess);
   solver->culprit = ms_find_bad(shape, b); /* -1: none */
   if (solver->culprit >= 0) return MSIM_NOT_FINITE;
+  solver->target = (ms_target){request->rtol, solver->opt->solver_max_iterations};
   solver->stats->solves++;
-  msim_status status = solve_once(solver, x, h, b, v, err);
+  msim_status status = solve_once(solver, request, b, v, err);
   if (status == MSIM_NOT_CONVERGED && solver->may_switch && !switch_to_cholmod(solver, NULL))
-    status = solve_once(solver, x, h, b, v, err);
+    status = solve_once(solver, request, b, v, err);
   if (!status) {
     solver->culprit = ms_find_bad(shape, v);
     if (solver->culprit >= 0) status = MSIM_NOT_FINITE;

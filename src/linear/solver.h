@@ -18,7 +18,6 @@ typedef struct ms_solver {
   const msim_options *opt;
   ms_linear *linear;
   ms_target target;
-  int clamp;      /* jacobian = clamp */
   int may_switch; /* auto took pcg: cholmod stands behind it */
   ms_kept kept;
   ms_savings savings;
@@ -36,6 +35,15 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
                              msim_stats *stats, ms_solver **solver, msim_error *err);
 void ms_solver_destroy(ms_solver *solver);
 
+/* Which matrix, and how well. */
+typedef struct ms_request {
+  const double *x; /* A(x, h) */
+  double h;
+  int clamp;          /* the clamped matrix: positive definite always */
+  int32_t indefinite; /* MSIM_INDEFINITE_...: what follows where A is not; -1: it is told */
+  double rtol;        /* of the residual */
+} ms_request;
+
 /* v = A(x, h)^-1 b. v: first guess in, solution out, scratch unless MSIM_OK.
  *
  * The pattern is analysed once, at creation; a factor is made in every solve, because x is new. A
@@ -45,13 +53,13 @@ void ms_solver_destroy(ms_solver *solver);
  *   1. `auto` with a factorisation: the kept factor preconditions conjugate gradients, where the
  *      iterations cost no more than a step did on average since it was made; else a new factor.
  *   2. A factor whose answer is above the residual gets up to 3 steps of iterative refinement.
- *   3. A found not positive definite: by option the step is repeated with the clamped matrix, or
+ *   3. A found not positive definite: as asked, the step is repeated with the clamped matrix, or
  *      solved as it is, or given up with MSIM_NOT_SPD.
  *   4. An answer above the residual is MSIM_NOT_CONVERGED, except that
  *   5. `auto`, where pcg did not converge, goes on with cholmod for good, if it is there.
  *   6. `auto`, where pcg has spent on a matrix that hardly changes what a factor of it costs, has
  *      cholmod make one, which takes part as in 1. until it is no help. */
-msim_status ms_solver_solve(ms_solver *solver, const double *x, double h, const double *b,
+msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
                             double *v, msim_error *err);
 
 /* Forget the kept factor: what follows depends on the state alone. */

@@ -122,6 +122,7 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   msim_status status = check_values("k", n, k, err);
   if (!status) status = check_values("rest", n, rest, err);
   if (!status) status = check_values("damping", n, damping, err);
+  if (!status && damping) status = ms_sim_check_forces(sim, damping, err);
   if (status) return status;
   int other = 0;
   for (int32_t i = 0; i < sim->nislands && !other; i++)

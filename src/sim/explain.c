@@ -108,7 +108,7 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   const ms_linear *linear = solver->linear;
   ms_print(out, "solver        %s (%s)\n", linear->name, solver->reason);
   ms_print(out, "              relative residual %.3g, checked after every solve\n",
-           solver->target.rtol);
+           sim->opt.solver_rtol);
   const ms_rows *rows = &m->model.rows;
   const int alike = solver->system.a.block == 1;
   if (alike)
@@ -130,7 +130,8 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   static const char *const answer[] = {"that step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run stops"};
   if (alike) ms_print(out, "              positive definite, and the same in every step\n");
-  else if (solver->clamp) ms_print(out, "              clamped: positive definite always\n");
+  else if (sim->opt.jacobian == MSIM_JACOBIAN_CLAMP)
+    ms_print(out, "              clamped: positive definite always\n");
   else
     ms_print(out, "              where it is not positive definite, %s\n",
              answer[sim->opt.indefinite]);

@@ -53,6 +53,21 @@ msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err) {
   return MSIM_OK;
 }
 
+msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim_error *err) {
+  const ms_scene *scene = sim->scene;
+  const char *name = sim->integrator->entry.name;
+  if (!sim->integrator->separable) return MSIM_OK;
+  if (scene->drag > 0)
+    return ms_fail(err, MSIM_ERR_ARG, "integrator '%s' takes forces of positions alone: no drag",
+                   name);
+  for (int32_t e = 0; e < scene->nsprings; e++)
+    if (damping[e] > 0)
+      return ms_fail(err, MSIM_ERR_ARG,
+                     "integrator '%s' takes forces of positions alone, but spring %d is damped",
+                     name, e);
+  return MSIM_OK;
+}
+
 static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
   const size_t n = 3 * (size_t)sim->scene->nparticles;
   const int sync = sim->integrator->sync != NULL;
@@ -65,6 +80,7 @@ static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
 
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
+  if (!status) status = ms_sim_check_forces(sim, sim->scene->damping, err);
   if (!status) status = ms_sim_make_plan(sim, 0, err);
   if (!status) status = allocate_flat(sim, err);
   if (!status) status = ms_sim_build(sim, ms_flat_axis(sim->scene, sim->opt.skip_off), err);

@@ -1,0 +1,181 @@
+/* The implicit methods: tables over one engine. A method has one stage or two, each of the form
+ *   Y = known + a h f(Y),   y = (x, v), f = (v, a(x, v)),
+ * where what is known is made of the present y, h f(y), the y of the step before, and the first
+ * stage. */
+#include "integrate/methods.h"
+#include "integrate/newton.h"
+
+typedef struct rung {
+  double a;
+  double now, slope, before, first; /* weights of y, h f(y), the last y and the first stage */
+} rung;
+
+typedef struct table {
+  int nrungs;
+  rung rungs[2];
+  int is_middle; /* the stage is the mean of y and the result; else the last one is the result */
+} table;
+
+/* Work vectors: Newton's, what is known, and then what the method keeps. */
+enum { NEWTON, X0 = 4, W, KEPT };
+
+/* What rungs may refer to, beside y; a carries over from step to step where a method keeps it. */
+typedef struct sources {
+  const double *a, *x_before, *v_before, *x_first, *v_first;
+} sources;
+
+static void add(ms_shape s, double weight, const double *y, double *sum) {
+  if (weight != 0) ms_axpy(s, weight, y, sum);
+}
+
+/* x0 and w of a stage */
+static void gather(const ms_stepper *s, const rung *g, const sources *from) {
+  const ms_shape shape = s->model->shape;
+  double *x0 = s->work[X0], *w = s->work[W];
+  ms_combine(shape, s->x, g->now - 1, s->x, x0);
+  ms_combine(shape, s->v, g->now - 1, s->v, w);
+  add(shape, g->slope * s->h, s->v, x0);
+  add(shape, g->slope * s->h, from->a, w);
+  add(shape, g->before, from->x_before, x0);
+  add(shape, g->before, from->v_before, w);
+  add(shape, g->first, from->x_first, x0);
+  add(shape, g->first, from->v_first, w);
+}
+
+/* The result to x_next and v_next, not yet reflected. The guess of a stage is the velocity of the
+ * one before. */
+static msim_status climb(ms_stepper *s, const table *t, sources *from, double *keep_first[2],
+                         msim_error *err) {
+  const ms_shape shape = s->model->shape;
+  ms_copy(shape, s->v, s->v_next);
+  for (int i = 0; i < t->nrungs; i++) {
+    ms_stage stage = {.ah = t->rungs[i].a * s->h,
+                      .x0 = s->work[X0],
+                      .w = s->work[W],
+                      .x = s->x_next,
+                      .v = s->v_next};
+    for (int k = 0; k < 4; k++) stage.work[k] = s->work[NEWTON + k];
+    gather(s, &t->rungs[i], from);
+    const msim_status status = ms_newton_solve(s, &stage, err);
+    if (status) return status;
+    if (i + 1 == t->nrungs) break;
+    ms_copy(shape, s->x_next, keep_first[0]);
+    ms_copy(shape, s->v_next, keep_first[1]);
+    from->x_first = keep_first[0], from->v_first = keep_first[1];
+  }
+  if (t->is_middle) {
+    ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
+    ms_scale(shape, 2, s->v_next);
+    ms_axpy(shape, -1, s->v, s->v_next);
+  }
+  s->finite = 0;
+  return MSIM_OK;
+}
+
+static msim_status finish(ms_stepper *s, msim_status status) {
+  if (!status) ms_reflect(s, s->x_next, s->v_next);
+  return status;
+}
+
+/*------------------------------------- one stage ------------------------------------------------*/
+
+static const table implicit_euler = {1, {{.a = 1, .now = 1}}, 0};
+static const table implicit_midpoint = {1, {{.a = 0.5, .now = 1}}, 1};
+static const table trapezoidal = {1, {{.a = 0.5, .now = 1, .slope = 0.5}}, 0};
+static const table bdf2 = {1, {{.a = 2. / 3, .now = 4. / 3, .before = -1. / 3}}, 0};
+
+static msim_status step_implicit_euler(ms_stepper *s, msim_error *err) {
+  return finish(s, climb(s, &implicit_euler, &(sources){0}, NULL, err));
+}
+
+static msim_status step_implicit_midpoint(ms_stepper *s, msim_error *err) {
+  return finish(s, climb(s, &implicit_midpoint, &(sources){0}, NULL, err));
+}
+
+static msim_status step_trapezoidal(ms_stepper *s, msim_error *err) {
+  double *a = s->work[KEPT];
+  ms_acceleration(s, s->x, s->v, a);
+  return finish(s, climb(s, &trapezoidal, &(sources){.a = a}, NULL, err));
+}
+
+/* beta = 1/4, gamma = 1/2: the trapezoidal rule with an a that is carried, a' = (v' - w)/(h/2), not
+ * computed anew. warm: 1 + the work vector that holds it. */
+static msim_status step_newmark(ms_stepper *s, msim_error *err) {
+  const ms_shape shape = s->model->shape;
+  const int at = s->warm == 2;
+  double *a = s->work[KEPT + at], *next = s->work[KEPT + 1 - at];
+  if (!s->warm) ms_acceleration(s, s->x, s->v, a);
+  msim_status status = climb(s, &trapezoidal, &(sources){.a = a}, NULL, err);
+  if (status) return status;
+  ms_combine(shape, s->v_next, -1, s->work[W], next);
+  ms_scale(shape, 2 / s->h, next);
+  s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
+  return MSIM_OK;
+}
+
+/* The first step, and that after a reflection, are implicit Euler's. warm: 1 + the pair of work
+ * vectors that holds the y of the step before. */
+static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
+  const ms_shape shape = s->model->shape;
+  const int at = s->warm == 2;
+  double **before = s->work + KEPT + 2 * at, **now = s->work + KEPT + 2 * (1 - at);
+  sources from = {.x_before = before[0], .v_before = before[1]};
+  msim_status status = climb(s, s->warm ? &bdf2 : &implicit_euler, &from, NULL, err);
+  if (status) return status;
+  ms_copy(shape, s->x, now[0]);
+  ms_copy(shape, s->v, now[1]);
+  s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
+  return MSIM_OK;
+}
+
+/*------------------------------------- two stages -----------------------------------------------*/
+
+/* gamma = 2 - sqrt 2: the trapezoidal rule to t + gamma h, then the second order backward
+ * differentiation formula over both parts of the step (Bank et al. 1985; Hosea and Shampine 1996)
+ */
+#define GAMMA 0.58578643762690495
+static const table tr_bdf2 = {2,
+                              {{.a = GAMMA / 2, .now = 1, .slope = GAMMA / 2},
+                               {.a = GAMMA / 2,
+                                .now = -(1 - GAMMA) * (1 - GAMMA) / (GAMMA * (2 - GAMMA)),
+                                .first = 1 / (GAMMA * (2 - GAMMA))}},
+                              0};
+
+/* gamma = 1 - 1/sqrt 2, stiffly accurate (Alexander 1977):
+ *   Y1 = y + gamma h f(Y1),  y' = y + (1 - gamma) h f(Y1) + gamma h f(y'),  h f(Y1) = (Y1 - y)/gamma */
+#define DELTA 0.29289321881345248
+static const table sdirk2 = {
+    2,
+    {{.a = DELTA, .now = 1},
+     {.a = DELTA, .now = 1 - (1 - DELTA) / DELTA, .first = (1 - DELTA) / DELTA}},
+    0};
+
+static msim_status step_tr_bdf2(ms_stepper *s, msim_error *err) {
+  double *a = s->work[KEPT];
+  ms_acceleration(s, s->x, s->v, a);
+  return finish(s, climb(s, &tr_bdf2, &(sources){.a = a}, s->work + KEPT + 1, err));
+}
+
+static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
+  return finish(s, climb(s, &sdirk2, &(sources){0}, s->work + KEPT, err));
+}
+
+/*------------------------------------- methods --------------------------------------------------*/
+
+#define METHOD(id, label, text, p, kept)                                                           \
+  const ms_integrator ms_##id = {.entry = {.name = label, .doc = text, .order = p, .implicit = 1}, \
+                                 .nwork = KEPT + (kept),                                           \
+                                 .step = step_##id}
+
+METHOD(implicit_euler, "implicit-euler",
+       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0);
+METHOD(implicit_midpoint, "implicit-midpoint",
+       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0);
+METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1);
+METHOD(newmark, "newmark",
+       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2);
+METHOD(bdf2, "bdf2", "backward differences over two steps; damps", 2, 4);
+METHOD(tr_bdf2, "tr-bdf2",
+       "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps what is stiff (Bank 1985)", 2, 3);
+METHOD(sdirk2, "sdirk2",
+       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2);

@@ -1,0 +1,134 @@
+#include "integrate/newton.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+/* The residual in units of velocity: rho = M^-1 R, b = R. Norms are those of M. */
+typedef struct newton {
+  ms_stepper *s;
+  const ms_stage *stage;
+  ms_shape shape;
+  double *rho, *b, *d, *from;
+  double residual;             /* ||rho|| */
+  double correction, previous; /* ||d|| of this iteration and of the one before; 0: none, or cut */
+} newton;
+
+static double norm(const newton *n, const double *v) {
+  double sum = 0;
+  const ms_shape s = n->shape;
+  const double *mass = n->s->model->mass;
+  for (int32_t c = 0; c < s.dims; c++)
+    for (int32_t r = 0; r < s.n; r++) {
+      const double u = v[(size_t)c * (size_t)s.stride + (size_t)r];
+      sum += mass[r] * u * u;
+    }
+  return sqrt(sum);
+}
+
+/* x, rho and b at the v of the stage */
+static void evaluate(newton *n) {
+  const ms_stage *g = n->stage;
+  ms_combine(n->shape, g->x0, g->ah, g->v, g->x);
+  ms_acceleration(n->s, g->x, g->v, n->rho);
+  ms_combine(n->shape, g->w, g->ah, n->rho, n->rho);
+  ms_axpy(n->shape, -1, g->v, n->rho);
+  ms_scale_rows(n->shape, n->s->model->mass, n->rho, n->b);
+  n->residual = sqrt(ms_dot(n->shape, n->b, n->rho));
+}
+
+/* d, to the residual eta: by the matrix as it is, or, where it is not positive definite, clamped. */
+static msim_status find_direction(newton *n, int clamp, double eta, msim_error *err) {
+  const ms_shape shape = n->shape;
+  ms_request request = {n->stage->x, n->stage->ah, clamp, -1, eta};
+  for (;;) {
+    memset(n->d, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *n->d);
+    msim_status status = ms_solver_solve(n->s->solver, &request, n->b, n->d, err);
+    if (status != MSIM_NOT_SPD || request.clamp) return status;
+    request.clamp = 1;
+  }
+}
+
+/* v += lambda d, the first of 1, ... that does not lead far beyond the place where d would lead
+ * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). whole: 1, whatever comes. Returns
+ * lambda. */
+static double search(newton *n, int whole) {
+  enum { MOST = 30 };
+  const double start = ms_dot(n->shape, n->b, n->d);
+  double lambda = 1;
+  ms_copy(n->shape, n->stage->v, n->from);
+  for (int i = 0;; i++) {
+    ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
+    evaluate(n);
+    const double slope = ms_dot(n->shape, n->b, n->d);
+    if (slope >= -0.5 * start || i == MOST || whole) return lambda;
+    const double zero = start / (start - slope); /* of the straight line; NaN far outside */
+    lambda *= zero > 0.1 ? zero : 0.1;
+  }
+}
+
+/* The tolerance of the linear solve: as the residual drops (Eisenstat and Walker 1996, choice 2).
+ */
+static double forcing(const newton *n, double before) {
+  const double ratio = before > 0 ? n->residual / before : 1, eta = 0.9 * ratio * ratio;
+  return fmax(fmin(eta, 0.1), n->s->opt->solver_rtol);
+}
+
+/* What x = x0 + ah v cannot tell apart from v. */
+static double rounding_level(const newton *n) {
+  const ms_stage *g = n->stage;
+  return 4 * DBL_EPSILON * (norm(n, g->v) + norm(n, g->x) / g->ah);
+}
+
+static int is_converged(const newton *n) {
+  const ms_stage *g = n->stage;
+  const double theta = n->previous > 0 ? n->correction / n->previous : 1;
+  if (!(n->correction > 0 && theta < 1)) return 0;
+  ms_combine(n->shape, g->v, -1, n->s->v, n->from);
+  const double size = fmax(norm(n, g->v), norm(n, n->from));
+  return theta / (1 - theta) * n->correction <= n->s->opt->newton_rtol * size;
+}
+
+static msim_status give_up(newton *n, msim_error *err) {
+  const ms_shape s = n->shape;
+  double largest = -1;
+  for (int32_t r = 0; r < s.n; r++)
+    for (int32_t c = 0; c < s.dims; c++) {
+      const double rho = fabs(n->rho[(size_t)c * (size_t)s.stride + (size_t)r]);
+      if (rho > largest) largest = rho, n->s->culprit = r;
+    }
+  return ms_fail(err, MSIM_NOT_CONVERGED,
+                 "Newton's method made %d iterations and the last changed v by %.3g of its size; "
+                 "newton.rtol asks for %.3g",
+                 n->s->opt->newton_max_iterations, n->correction / norm(n, n->stage->v),
+                 n->s->opt->newton_rtol);
+}
+
+msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err) {
+  const double DROPPED = 0.1;
+  newton n = {.s = s,
+              .stage = stage,
+              .shape = s->model->shape,
+              .rho = stage->work[0],
+              .b = stage->work[1],
+              .d = stage->work[2],
+              .from = stage->work[3]};
+  evaluate(&n);
+  const double first = n.residual;
+  double before = 0;
+  for (int32_t i = 0; i < s->opt->newton_max_iterations; i++) {
+    if (n.residual == 0) return MSIM_OK;
+    const int clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n.residual > DROPPED * first;
+    msim_status status = find_direction(&n, clamp, forcing(&n, before), err);
+    if (status) s->culprit = s->solver->culprit;
+    if (status) return status;
+    before = n.residual;
+    n.previous = n.correction;
+    n.correction = norm(&n, n.d);
+    s->stats->newton_iterations++;
+    const int last = n.correction <= rounding_level(&n);
+    if (search(&n, last) < 1) n.correction = 0;
+    if (last || is_converged(&n)) return MSIM_OK;
+  }
+  return give_up(&n, err);
+}

@@ -1,0 +1,25 @@
+/* newton - the equation of an implicit stage, solved for the velocity
+ *
+ *   v = w + ah a(x, v),  x = x0 + ah v:     R(v) = M (w - v) + ah F(x0 + ah v, v) = 0
+ * by v += d,  (M - ah D - ah^2 J) d = R.  The residual is exact always; the matrix leaves out what
+ * the direction of dashpots adds to J, which has no symmetry, and is the clamped one until the
+ * residual has dropped (Teran et al. 2005), so that far from the solution each d leads downhill. */
+#ifndef MS_NEWTON_H
+#define MS_NEWTON_H
+
+#include "integrate/integrator.h"
+
+typedef struct ms_stage {
+  double ah;            /* the stage's share of the step */
+  const double *x0, *w; /* what is known of x and v */
+  double *x, *v;        /* out; v: the first guess in. Pinned rows of x are right */
+  double *work[4];
+} ms_stage;
+
+/* Until the error of v is below newton.rtol times the larger of v and its change from the present
+ * state, in the norm of M: the last correction was a whole one, and its size times
+ * theta/(1 - theta), theta the ratio of the last two, is below that; or the correction is at
+ * rounding level. MSIM_NOT_CONVERGED after newton.max_iterations. */
+msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err);
+
+#endif
