@@ -72,6 +72,17 @@ static inline msim_stats stats_of(const msim_sim *sim) {
   return stats;
 }
 
+/* 1 if a step solves a system. */
+static inline int is_implicit(const char *method) {
+  const msim_integrator_entry *entry;
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++)
+    if (strcmp(entry->name, method) == 0) return entry->implicit;
+  return 0;
+}
+
+/* 1 if it takes no forces that depend on velocities. */
+static inline int wants_positions_alone(const char *method) { return strcmp(method, "rkn6") == 0; }
+
 /* 1 if the solver can be used here. */
 static inline int solver_there(const char *name) {
   msim_plugin_entry entry;

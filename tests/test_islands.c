@@ -90,8 +90,8 @@ static msim_scene *both(int kind, const body *a, const body *b, const double gra
 }
 
 static msim_options lean(const char *method) {
-  const int implicit = strcmp(method, "linearly-implicit-euler") == 0;
-  msim_options opt = options(method, implicit ? 2e-3 : 1e-4);
+  msim_options opt = options(method, is_implicit(method) ? 2e-3 : 1e-4);
+  opt.newton_rtol = 1e-13;
   opt.jacobian = MSIM_JACOBIAN_CLAMP;
   return opt;
 }
@@ -149,7 +149,8 @@ static void each_moves_as_alone(void **state) {
   a = cloth(100, 1, 0.01, 1), b = cloth(50, 0, 0, 0.5);
   const msim_integrator_entry *method;
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++)
-    for (int kind = 0; kind < KINDS && method->order > 0; kind++)
+    for (int kind = 0; kind < KINDS && method->order > 0 && !wants_positions_alone(method->name);
+         kind++)
       for (int flat = 0; flat < (kind == APART ? 2 : 1); flat++)
         move_as_alone(method->name, flat ? along : down, kind, &a, &b);
 }
@@ -196,7 +197,7 @@ static void one_rests_while_the_other_moves(void **state) {
   a = cloth(100, 1, 0, 1), b = cloth(100, 1, 0, 0);
   const msim_integrator_entry *method;
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++) {
-    if (method->order == 0) continue;
+    if (method->order == 0 || wants_positions_alone(method->name)) continue;
     static double rest[2 * MOST];
     msim_scene *scene = both(APART, &a, &b, none);
     msim_options opt = lean(method->name);
@@ -221,7 +222,7 @@ static void one_rests_while_the_other_moves(void **state) {
       assert_ok(msim_sim_set_springs(one, NULL, rest, NULL, err));
     }
     assert_int_equal(stats_of(one).islands_at_rest, 0);
-    assert_true(stats_of(sim).solves == 0 || stats_of(sim).solves < 2 * 3 * STEPS);
+    if (stats_of(sim).newton_iterations == 0) assert_true(stats_of(sim).solves < 2 * 3 * STEPS);
     msim_sim_destroy(sim), msim_sim_destroy(one);
     msim_scene_destroy(scene);
   }
@@ -405,7 +406,7 @@ static void small_islands_are_shared_out(void **state) {
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++) {
     msim_sim *sims[3];
     msim_error why[3];
-    if (method->order == 0 || method->implicit) continue;
+    if (method->order == 0 || method->implicit || wants_positions_alone(method->name)) continue;
     for (int t = 0; t < 3; t++) sims[t] = run_many(scene, method->name, t + 1);
     for (int t = 0; t < 3; t++) same_run(sims[t], sims[0]);
     for (int t = 0; t < 3; t++) {

@@ -47,12 +47,13 @@ static msim_scene *tangle(int32_t n) {
 
 static void run(const msim_scene *scene, const char *method, int32_t nthreads, int32_t *n,
                 double *x, double *v) {
-  /* long enough a step that the implicit method wants its coarse space */
-  const int implicit = strcmp(method, "linearly-implicit-euler") == 0;
-  msim_options opt = options(method, implicit ? 0.05 : 1e-3);
+  /* long enough a step that the linearly implicit method wants its coarse space */
+  const int linear = strcmp(method, "linearly-implicit-euler") == 0;
+  msim_options opt = options(method, linear ? 0.05 : is_implicit(method) ? 5e-3 : 1e-3);
+  opt.newton_rtol = 1e-4; /* bits are compared, not answers */
   opt.threads = nthreads, opt.solver = "pcg", opt.jacobian = MSIM_JACOBIAN_CLAMP;
   msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, 25, err));
+  assert_ok(msim_sim_step(sim, linear || !is_implicit(method) ? 25 : 8, err));
   const msim_state state = state_of(sim);
   assert_true(state.n <= MOST);
   *n = state.n;
@@ -61,12 +62,13 @@ static void run(const msim_scene *scene, const char *method, int32_t nthreads, i
   msim_sim_destroy(sim);
 }
 
-static void check_scene(msim_scene *scene) {
+static void check_scene(msim_scene *scene, int is_damped) {
   static double x[NTHREADS][3 * MOST], v[NTHREADS][3 * MOST];
   const msim_integrator_entry *method;
   int32_t n = 0;
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++) {
     if (method->order == 0) continue; /* of a later version */
+    if (is_damped && wants_positions_alone(method->name)) continue;
     for (int t = 0; t < NTHREADS; t++) {
       run(scene, method->name, threads[t], &n, x[t], v[t]);
       assert_memory_equal(x[t], x[0], 3 * (size_t)n * sizeof **x);
@@ -78,18 +80,18 @@ static void check_scene(msim_scene *scene) {
 
 static void cloth_has_the_same_bits(void **state) {
   (void)state;
-  check_scene(hanging_cloth(44, 200, 0.1));
+  check_scene(hanging_cloth(44, 200, 0.1), 1);
 }
 
 static void jelly_has_the_same_bits(void **state) {
   (void)state;
-  check_scene(jelly());
+  check_scene(jelly(), 1);
 }
 
 static void tangles_have_the_same_bits(void **state) {
   (void)state;
-  check_scene(tangle(9));
-  check_scene(tangle(MOST));
+  check_scene(tangle(9), 1);
+  check_scene(tangle(MOST), 1);
 }
 
 /*------------------------------------- plans ----------------------------------------------------*/

@@ -4,9 +4,21 @@
 
 #include "scenes.h"
 
-static const char *const methods[] = {
-    "explicit-euler",         "heun", "verlet", "symplectic-euler", "velocity-verlet", "rk4",
-    "linearly-implicit-euler"};
+static const char *const methods[] = {"explicit-euler",
+                                      "heun",
+                                      "verlet",
+                                      "symplectic-euler",
+                                      "velocity-verlet",
+                                      "rk4",
+                                      "rkn6",
+                                      "linearly-implicit-euler",
+                                      "implicit-euler",
+                                      "implicit-midpoint",
+                                      "trapezoidal",
+                                      "newmark",
+                                      "bdf2",
+                                      "tr-bdf2",
+                                      "sdirk2"};
 enum { NMETHODS = sizeof methods / sizeof *methods };
 
 /* One step of free flight into a plane: the reflected state in closed form, for every method.

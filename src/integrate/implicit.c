@@ -7,7 +7,8 @@
 
 typedef struct rung {
   double a;
-  double now, slope, before, first; /* weights of y, h f(y), the last y and the first stage */
+  double slope, before, first; /* weights of h f(y), the last y and the first stage; y has the rest
+                                  of 1 */
 } rung;
 
 typedef struct table {
@@ -24,22 +25,28 @@ typedef struct sources {
   const double *a, *x_before, *v_before, *x_first, *v_first;
 } sources;
 
-static void add(ms_shape s, double weight, const double *y, double *sum) {
-  if (weight != 0) ms_axpy(s, weight, y, sum);
+/* known += weight (other - y): at rest nothing, to the bit */
+static void add(const ms_stepper *s, double weight, const double *other, const double *y,
+                double *known) {
+  if (weight == 0) return;
+  ms_combine(s->model->shape, other, -1, y, s->scratch);
+  ms_axpy(s->model->shape, weight, s->scratch, known);
 }
 
 /* x0 and w of a stage */
 static void gather(const ms_stepper *s, const rung *g, const sources *from) {
   const ms_shape shape = s->model->shape;
   double *x0 = s->work[X0], *w = s->work[W];
-  ms_combine(shape, s->x, g->now - 1, s->x, x0);
-  ms_combine(shape, s->v, g->now - 1, s->v, w);
-  add(shape, g->slope * s->h, s->v, x0);
-  add(shape, g->slope * s->h, from->a, w);
-  add(shape, g->before, from->x_before, x0);
-  add(shape, g->before, from->v_before, w);
-  add(shape, g->first, from->x_first, x0);
-  add(shape, g->first, from->v_first, w);
+  ms_copy(shape, s->x, x0);
+  ms_copy(shape, s->v, w);
+  if (g->slope != 0) {
+    ms_axpy(shape, g->slope * s->h, s->v, x0);
+    ms_axpy(shape, g->slope * s->h, from->a, w);
+  }
+  add(s, g->before, from->x_before, s->x, x0);
+  add(s, g->before, from->v_before, s->v, w);
+  add(s, g->first, from->x_first, s->x, x0);
+  add(s, g->first, from->v_first, s->v, w);
 }
 
 /* The result to x_next and v_next, not yet reflected. The guess of a stage is the velocity of the
@@ -79,10 +86,10 @@ static msim_status finish(ms_stepper *s, msim_status status) {
 
 /*------------------------------------- one stage ------------------------------------------------*/
 
-static const table implicit_euler = {1, {{.a = 1, .now = 1}}, 0};
-static const table implicit_midpoint = {1, {{.a = 0.5, .now = 1}}, 1};
-static const table trapezoidal = {1, {{.a = 0.5, .now = 1, .slope = 0.5}}, 0};
-static const table bdf2 = {1, {{.a = 2. / 3, .now = 4. / 3, .before = -1. / 3}}, 0};
+static const table implicit_euler = {1, {{.a = 1}}, 0};
+static const table implicit_midpoint = {1, {{.a = 0.5}}, 1};
+static const table trapezoidal = {1, {{.a = 0.5, .slope = 0.5}}, 0};
+static const table bdf2 = {1, {{.a = 2. / 3, .before = -1. / 3}}, 0};
 
 static msim_status step_implicit_euler(ms_stepper *s, msim_error *err) {
   return finish(s, climb(s, &implicit_euler, &(sources){0}, NULL, err));
@@ -134,21 +141,16 @@ static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
  * differentiation formula over both parts of the step (Bank et al. 1985; Hosea and Shampine 1996)
  */
 #define GAMMA 0.58578643762690495
-static const table tr_bdf2 = {2,
-                              {{.a = GAMMA / 2, .now = 1, .slope = GAMMA / 2},
-                               {.a = GAMMA / 2,
-                                .now = -(1 - GAMMA) * (1 - GAMMA) / (GAMMA * (2 - GAMMA)),
-                                .first = 1 / (GAMMA * (2 - GAMMA))}},
-                              0};
+static const table tr_bdf2 = {
+    2,
+    {{.a = GAMMA / 2, .slope = GAMMA / 2}, {.a = GAMMA / 2, .first = 1 / (GAMMA * (2 - GAMMA))}},
+    0};
 
 /* gamma = 1 - 1/sqrt 2, stiffly accurate (Alexander 1977):
- *   Y1 = y + gamma h f(Y1),  y' = y + (1 - gamma) h f(Y1) + gamma h f(y'),  h f(Y1) = (Y1 - y)/gamma */
+ *   Y1 = y + gamma h f(Y1),  y' = y + (1 - gamma) h f(Y1) + gamma h f(y'),
+ *   and h f(Y1) = (Y1 - y)/gamma */
 #define DELTA 0.29289321881345248
-static const table sdirk2 = {
-    2,
-    {{.a = DELTA, .now = 1},
-     {.a = DELTA, .now = 1 - (1 - DELTA) / DELTA, .first = (1 - DELTA) / DELTA}},
-    0};
+static const table sdirk2 = {2, {{.a = DELTA}, {.a = DELTA, .first = (1 - DELTA) / DELTA}}, 0};
 
 static msim_status step_tr_bdf2(ms_stepper *s, msim_error *err) {
   double *a = s->work[KEPT];
@@ -164,6 +166,7 @@ static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
 
 #define METHOD(id, label, text, p, kept)                                                           \
   const ms_integrator ms_##id = {.entry = {.name = label, .doc = text, .order = p, .implicit = 1}, \
+                                 .nonlinear = 1,                                                   \
                                  .nwork = KEPT + (kept),                                           \
                                  .step = step_##id}
 

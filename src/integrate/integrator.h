@@ -31,6 +31,7 @@ typedef struct ms_stepper {
 
 typedef struct ms_integrator {
   msim_integrator_entry entry; /* order: a test measures it and compares */
+  int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
   int separable; /* needs forces that do not depend on velocities: no damping, no drag */
   int32_t nwork;
   /* From x and the velocity at t in v to the velocity that the method carries; called with warm = 0

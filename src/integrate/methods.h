@@ -4,17 +4,22 @@
 
 #include "integrate/integrator.h"
 
-#define MS_INTEGRATORS(X)                                                                 \
-  X(ms_explicit_euler)                                                                    \
-  X(ms_heun)                                                                              \
-  X(ms_verlet)                                                                            \
-  X(ms_linearly_implicit_euler)                                                           \
-  X(ms_symplectic_euler)                                                                  \
-  X(ms_velocity_verlet)                                                                   \
-  X(ms_rk4)                                                                               \
-  X(ms_rkn6)                                                                              \
-  X(ms_implicit_euler) X(ms_implicit_midpoint) X(ms_trapezoidal) X(ms_newmark) X(ms_bdf2) \
-      X(ms_tr_bdf2) X(ms_sdirk2)
+#define MS_INTEGRATORS(X)       \
+  X(ms_explicit_euler)          \
+  X(ms_heun)                    \
+  X(ms_verlet)                  \
+  X(ms_linearly_implicit_euler) \
+  X(ms_symplectic_euler)        \
+  X(ms_velocity_verlet)         \
+  X(ms_rk4)                     \
+  X(ms_rkn6)                    \
+  X(ms_implicit_euler)          \
+  X(ms_implicit_midpoint)       \
+  X(ms_trapezoidal)             \
+  X(ms_newmark)                 \
+  X(ms_bdf2)                    \
+  X(ms_tr_bdf2)                 \
+  X(ms_sdirk2)
 
 #define MS_DECLARE(table) extern const ms_integrator table;
 MS_INTEGRATORS(MS_DECLARE)

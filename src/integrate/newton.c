@@ -37,7 +37,7 @@ static void evaluate(newton *n) {
   n->residual = sqrt(ms_dot(n->shape, n->b, n->rho));
 }
 
-/* d, to the residual eta: by the matrix as it is, or, where it is not positive definite, clamped. */
+/* d, to the residual eta: by the matrix as it is; clamped, where that is not positive definite. */
 static msim_status find_direction(newton *n, int clamp, double eta, msim_error *err) {
   const ms_shape shape = n->shape;
   ms_request request = {n->stage->x, n->stage->ah, clamp, -1, eta};
@@ -80,13 +80,21 @@ static double rounding_level(const newton *n) {
   return 4 * DBL_EPSILON * (norm(n, g->v) + norm(n, g->x) / g->ah);
 }
 
+/* theta is an estimate, and the errors of many steps add up. */
 static int is_converged(const newton *n) {
+  const double SAFETY = 0.1;
   const ms_stage *g = n->stage;
   const double theta = n->previous > 0 ? n->correction / n->previous : 1;
   if (!(n->correction > 0 && theta < 1)) return 0;
   ms_combine(n->shape, g->v, -1, n->s->v, n->from);
   const double size = fmax(norm(n, g->v), norm(n, n->from));
-  return theta / (1 - theta) * n->correction <= n->s->opt->newton_rtol * size;
+  return theta / (1 - theta) * n->correction <= SAFETY * n->s->opt->newton_rtol * size;
+}
+
+/* Near the solution the matrix as it is makes the method quadratic. */
+static int must_clamp(const newton *n, double first) {
+  const double DROPPED = 0.1;
+  return n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n->residual > DROPPED * first;
 }
 
 static msim_status give_up(newton *n, msim_error *err) {
@@ -105,7 +113,6 @@ static msim_status give_up(newton *n, msim_error *err) {
 }
 
 msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err) {
-  const double DROPPED = 0.1;
   newton n = {.s = s,
               .stage = stage,
               .shape = s->model->shape,
@@ -118,7 +125,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
   double before = 0;
   for (int32_t i = 0; i < s->opt->newton_max_iterations; i++) {
     if (n.residual == 0) return MSIM_OK;
-    const int clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n.residual > DROPPED * first;
+    const int clamp = must_clamp(&n, first);
     msim_status status = find_direction(&n, clamp, forcing(&n, before), err);
     if (status) s->culprit = s->solver->culprit;
     if (status) return status;

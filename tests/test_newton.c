@@ -1,0 +1,204 @@
+/* Nonlinear implicit steps: solved as well as asked, or said not to be; what they keep and damp. */
+#include <math.h>
+#include <string.h>
+
+#include "scenes.h"
+
+static const char *const methods[] = {
+    "implicit-euler", "implicit-midpoint", "trapezoidal", "newmark", "bdf2", "tr-bdf2", "sdirk2"};
+enum { NMETHODS = sizeof methods / sizeof *methods, SIDE = 8, N = SIDE * SIDE };
+
+static msim_sim *sim_of(const msim_scene *scene, const char *method, double h, double rtol) {
+  msim_options opt = options(method, h);
+  opt.solver = "pcg";
+  opt.newton_rtol = rtol, opt.solver_rtol = 1e-14;
+  return make_sim(scene, &opt);
+}
+
+/* ||a - b|| and ||a||, mass-weighted; all particles of the cloth weigh the same */
+static double distance(const double *a, const double *b) {
+  double sum = 0;
+  for (int i = 0; i < 3 * N; i++) sum += (a[i] - (b ? b[i] : 0)) * (a[i] - (b ? b[i] : 0));
+  return sqrt(sum);
+}
+
+/* A step from the same state by a looser newton.rtol: its velocity is that near to the solution. */
+static void steps_are_solved_as_well_as_asked(void **state) {
+  (void)state;
+  static const double asked[] = {1e-3, 1e-6, 1e-9, 1e-12};
+  for (int damped = 0; damped < 2; damped++)
+    for (int m = 0; m < NMETHODS; m++) {
+      msim_scene *scene = hanging_cloth(SIDE, 1e4, damped ? 1 : 0);
+      msim_sim *exact = sim_of(scene, methods[m], 0.02, 1e-13);
+      assert_ok(msim_sim_step(exact, 10, err));
+      const msim_state s = state_of(exact);
+      double x[3 * N], v[3 * N];
+      memcpy(x, s.x, sizeof x), memcpy(v, s.v, sizeof v);
+      const msim_state start = {sizeof start, 0, 0, N, x, v, NULL, 0};
+      assert_ok(msim_sim_set_state(exact, &start, err));
+      assert_ok(msim_sim_step(exact, 1, err));
+      for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
+        msim_sim *sim = sim_of(scene, methods[m], 0.02, asked[i]);
+        assert_ok(msim_sim_set_state(sim, &start, err));
+        assert_ok(msim_sim_step(sim, 1, err));
+        const double *want = state_of(exact).v,
+                     size = fmax(distance(want, NULL), distance(want, v));
+        const double error = distance(state_of(sim).v, want) / size;
+        if (!(error <= asked[i]))
+          fail_msg("%s%s: error %.3g, asked for %.3g", methods[m], damped ? ", damped" : "", error,
+                   asked[i]);
+        msim_sim_destroy(sim);
+      }
+      msim_sim_destroy(exact);
+      msim_scene_destroy(scene);
+    }
+}
+
+/* A step that is not solved is no step: the state stays, and the sentence says how far it got. */
+static void what_does_not_converge_is_said(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(SIDE, 1e4, 0);
+  for (int m = 0; m < NMETHODS; m++) {
+    msim_options opt = options(methods[m], 0.05);
+    opt.newton_max_iterations = 1;
+    msim_sim *sim = make_sim(scene, &opt);
+    double x[3 * N], v[3 * N];
+    memcpy(x, state_of(sim).x, sizeof x), memcpy(v, state_of(sim).v, sizeof v);
+    msim_error why;
+    assert_int_equal(msim_sim_step(sim, 1, &why), MSIM_NOT_CONVERGED);
+    assert_non_null(strstr(why.text, "step 1, t = 0.05 s, particle "));
+    assert_non_null(strstr(why.text, "newton.rtol asks for 1e-08"));
+    assert_memory_equal(state_of(sim).x, x, sizeof x);
+    assert_memory_equal(state_of(sim).v, v, sizeof v);
+    assert_int_equal(state_of(sim).step, 0);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Thrown about at random, inverted and crumpled: the clamped matrix and the search get through. */
+static void a_crumpled_start_is_solved(void **state) {
+  (void)state;
+  static const double steps[] = {1e-4, 1e-3, 0.02};
+  msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);
+  double x[3 * N], v[3 * N] = {0};
+  unsigned seed = 5;
+  for (int h = 0; h < 3; h++) {
+    msim_sim *sim = sim_of(scene, "implicit-euler", steps[h], 1e-8);
+    const msim_state s = state_of(sim);
+    for (int i = 0; i < 3 * N; i++) x[i] = s.x[i] + uniform(&seed) - 0.5;
+    msim_scene_view view = {.size = sizeof view};
+    msim_scene_get(scene, &view);
+    for (int i = 0; i < 3 * N; i++)
+      if (view.pinned[i / 3]) x[i] = view.x[i];
+    assert_ok(msim_sim_set_state(sim, &(msim_state){sizeof s, 0, 0, N, x, v, NULL, 0}, err));
+    msim_energy before = {.size = sizeof before}, after = {.size = sizeof after};
+    msim_sim_energy(sim, &before);
+    assert_ok(msim_sim_step(sim, 20, err));
+    msim_sim_energy(sim, &after);
+    assert_true(after.total < before.total);
+    assert_true(stats_of(sim).newton_iterations < 20 * 60);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Two masses on a spring that turns: the midpoint rule keeps its angular momentum, implicit Euler
+ * does not. */
+static double spin_left(const char *method) {
+  const double x[6] = {-0.5, 0, 0, 0.5, 0, 0}, v[6] = {0, -1, 0.3, 0, 1, -0.3}, mass[2] = {1, 2};
+  const int32_t ij[2] = {0, 1};
+  const double k = 1000, rest = 0.9, c = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &c, err));
+  msim_sim *sim = sim_of(scene, method, 0.02, 1e-13);
+  msim_energy before = {.size = sizeof before}, after = {.size = sizeof after};
+  msim_sim_energy(sim, &before);
+  assert_ok(msim_sim_step(sim, 200, err));
+  msim_sim_energy(sim, &after);
+  for (int i = 0; i < 3; i++) assert_close(after.momentum[i], before.momentum[i], 1e-11);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return after.angular_momentum[2] / before.angular_momentum[2];
+}
+
+static void the_midpoint_rule_keeps_angular_momentum(void **state) {
+  (void)state;
+  assert_close(spin_left("implicit-midpoint"), 1, 1e-10);
+  assert_true(spin_left("implicit-euler") < 0.9);
+}
+
+/* Newmark's carried a is that of the trapezoidal rule. */
+static void newmark_is_the_trapezoidal_rule(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(SIDE, 1e3, 0);
+  msim_sim *a = sim_of(scene, "newmark", 0.01, 1e-13),
+           *b = sim_of(scene, "trapezoidal", 0.01, 1e-13);
+  assert_ok(msim_sim_step(a, 30, err));
+  assert_ok(msim_sim_step(b, 30, err));
+  assert_close(distance(state_of(a).x, state_of(b).x), 0, 1e-10);
+  assert_int_equal(stats_of(a).force_evaluations < stats_of(b).force_evaluations, 1);
+  msim_sim_destroy(a), msim_sim_destroy(b);
+  msim_scene_destroy(scene);
+}
+
+/* Forces that are linear take one correction, and nothing is solved where nothing moves. */
+static void nothing_is_solved_that_needs_no_solving(void **state) {
+  (void)state;
+  const double rest = 0;
+  for (int m = 0; m < NMETHODS; m++) {
+    const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0}, mass[2] = {1, 1}, k = 10, c = 0;
+    const double apart[1] = {1};
+    const int32_t ij[2] = {0, 1};
+    for (int moves = 0; moves < 2; moves++) {
+      msim_scene *scene;
+      assert_ok(msim_scene_create(NULL, &scene, err));
+      assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+      assert_ok(msim_scene_add_springs(scene, 1, ij, &k, moves ? &rest : apart, &c, err));
+      msim_sim *sim = sim_of(scene, methods[m], 0.1, 1e-8);
+      assert_ok(msim_sim_step(sim, 3, err));
+      if (!moves) assert_int_equal(stats_of(sim).newton_iterations, 0);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+  }
+}
+
+/* Damping and drag are refused by name, in the scene and later. */
+static void rkn6_wants_forces_of_positions_alone(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(SIDE, 100, 0.1), *good = hanging_cloth(SIDE, 100, 0);
+  const msim_options opt = options("rkn6", 0.01);
+  msim_sim *sim;
+  msim_error why;
+  assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
+  assert_string_equal(why.text,
+                      "integrator 'rkn6' takes forces of positions alone, but spring 0 "
+                      "is damped");
+  sim = make_sim(good, &opt);
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  assert_int_equal(msim_sim_set_springs(sim, NULL, NULL, view.damping, &why), MSIM_ERR_ARG);
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_int_equal(stats_of(sim).force_evaluations, 12);
+  assert_ok(msim_sim_step(sim, 9, err));
+  assert_int_equal(stats_of(sim).force_evaluations, 1 + 10 * 11);
+  assert_ok(msim_scene_set_drag(good, 0.1, err));
+  msim_sim_destroy(sim);
+  assert_int_equal(msim_sim_create(good, &opt, &sim, &why), MSIM_ERR_ARG);
+  assert_string_equal(why.text, "integrator 'rkn6' takes forces of positions alone: no drag");
+  msim_scene_destroy(scene), msim_scene_destroy(good);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(steps_are_solved_as_well_as_asked),
+                                     cmocka_unit_test(what_does_not_converge_is_said),
+                                     cmocka_unit_test(a_crumpled_start_is_solved),
+                                     cmocka_unit_test(the_midpoint_rule_keeps_angular_momentum),
+                                     cmocka_unit_test(newmark_is_the_trapezoidal_rule),
+                                     cmocka_unit_test(nothing_is_solved_that_needs_no_solving),
+                                     cmocka_unit_test(rkn6_wants_forces_of_positions_alone)};
+  return cmocka_run_group_tests_name("newton", tests, NULL, NULL);
+}
