@@ -9,8 +9,10 @@ typedef struct newton {
   ms_stepper *s;
   const ms_stage *stage;
   ms_shape shape;
+  int linear; /* the matrix is constant */
   double *rho, *b, *d, *from;
   double residual;             /* ||rho|| */
+  double moved;                /* by the last iteration, ||lambda d|| */
   double correction, previous; /* ||d|| of this iteration and of the one before; 0: none, or cut */
 } newton;
 
@@ -70,6 +72,7 @@ static double search(newton *n, int whole) {
 /* The tolerance of the linear solve: as the residual drops (Eisenstat and Walker 1996, choice 2).
  */
 static double forcing(const newton *n, double before) {
+  if (n->linear) return fmin(n->s->opt->solver_rtol, n->s->opt->newton_rtol);
   const double ratio = before > 0 ? n->residual / before : 1, eta = 0.9 * ratio * ratio;
   return fmax(fmin(eta, 0.1), n->s->opt->solver_rtol);
 }
@@ -80,15 +83,20 @@ static double rounding_level(const newton *n) {
   return 4 * DBL_EPSILON * (norm(n, g->v) + norm(n, g->x) / g->ah);
 }
 
-/* theta is an estimate, and the errors of many steps add up. */
+/* What the error is measured by. */
+static double size(const newton *n) {
+  ms_combine(n->shape, n->stage->v, -1, n->s->v, n->from);
+  return fmax(norm(n, n->stage->v), norm(n, n->from));
+}
+
+/* theta is an estimate, and the errors of many steps add up. Where the matrix is constant the error
+ * is A^-1 R, and less than M^-1 R. */
 static int is_converged(const newton *n) {
-  const double SAFETY = 0.1;
-  const ms_stage *g = n->stage;
+  const double SAFETY = 0.1, rtol = n->s->opt->newton_rtol;
   const double theta = n->previous > 0 ? n->correction / n->previous : 1;
-  if (!(n->correction > 0 && theta < 1)) return 0;
-  ms_combine(n->shape, g->v, -1, n->s->v, n->from);
-  const double size = fmax(norm(n, g->v), norm(n, n->from));
-  return theta / (1 - theta) * n->correction <= SAFETY * n->s->opt->newton_rtol * size;
+  if (n->linear && n->residual <= rtol * size(n)) return 1;
+  return n->correction > 0 && theta < 1 &&
+         theta / (1 - theta) * n->correction <= SAFETY * rtol * size(n);
 }
 
 /* Near the solution the matrix as it is makes the method quadratic. */
@@ -108,7 +116,7 @@ static msim_status give_up(newton *n, msim_error *err) {
   return ms_fail(err, MSIM_NOT_CONVERGED,
                  "Newton's method made %d iterations and the last changed v by %.3g of its size; "
                  "newton.rtol asks for %.3g",
-                 n->s->opt->newton_max_iterations, n->correction / norm(n, n->stage->v),
+                 n->s->opt->newton_max_iterations, n->moved / norm(n, n->stage->v),
                  n->s->opt->newton_rtol);
 }
 
@@ -116,6 +124,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
   newton n = {.s = s,
               .stage = stage,
               .shape = s->model->shape,
+              .linear = s->solver->system.a.block == 1,
               .rho = stage->work[0],
               .b = stage->work[1],
               .d = stage->work[2],
@@ -134,7 +143,9 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
     n.correction = norm(&n, n.d);
     s->stats->newton_iterations++;
     const int last = n.correction <= rounding_level(&n);
-    if (search(&n, last) < 1) n.correction = 0;
+    const double lambda = search(&n, last);
+    n.moved = lambda * n.correction;
+    if (lambda < 1) n.correction = 0;
     if (last || is_converged(&n)) return MSIM_OK;
   }
   return give_up(&n, err);
