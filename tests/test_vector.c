@@ -28,7 +28,15 @@ static void bad_numbers_are_found(void **state) {
   assert_int_equal(ms_find_bad((ms_shape){0, STRIDE, 3}, x), -1);
 }
 
+static void the_largest_is_found(void **state) {
+  (void)state;
+  const ms_shape shape = {3, 4, 2};
+  const double x[8] = {1, -2, 2, 9, 0, 1, -2, 9}; /* row 3 is no row */
+  assert_int_equal(ms_find_largest(shape, x), 1);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(bad_numbers_are_found)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(bad_numbers_are_found),
+                                     cmocka_unit_test(the_largest_is_found)};
   return cmocka_run_group_tests_name("vector", tests, NULL, NULL);
 }

@@ -101,3 +101,13 @@ int32_t ms_find_bad(ms_shape s, const double *x) {
     EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_HUGE)) return r;
   return -1;
 }
+
+int32_t ms_find_largest(ms_shape s, const double *x) {
+  int32_t row = 0;
+  double largest = -1;
+  for (int32_t r = 0; r < s.n; r++) EACH_COMPONENT(s) {
+      const double size = fabs(x[at + (size_t)r]);
+      if (size > largest) largest = size, row = r;
+    }
+  return row;
+}

@@ -32,6 +32,9 @@ int ms_is_same(ms_shape s, const double *x, const double *y); /* bit for bit */
 /* The first row that holds NaN or a number beyond MS_HUGE; -1 if all are fine. */
 int32_t ms_find_bad(ms_shape s, const double *x);
 
+/* The first row that holds the largest magnitude. */
+int32_t ms_find_largest(ms_shape s, const double *x);
+
 /* Beyond this a square leaves the range of doubles, and so do forces and energies. */
 #define MS_HUGE 1e140
 

@@ -75,7 +75,6 @@ static msim_status climb(ms_stepper *s, const table *t, sources *from, double *k
     ms_scale(shape, 2, s->v_next);
     ms_axpy(shape, -1, s->v, s->v_next);
   }
-  s->finite = 0;
   return MSIM_OK;
 }
 

@@ -17,15 +17,8 @@ typedef struct newton {
 } newton;
 
 static double norm(const newton *n, const double *v) {
-  double sum = 0;
-  const ms_shape s = n->shape;
-  const double *mass = n->s->model->mass;
-  for (int32_t c = 0; c < s.dims; c++)
-    for (int32_t r = 0; r < s.n; r++) {
-      const double u = v[(size_t)c * (size_t)s.stride + (size_t)r];
-      sum += mass[r] * u * u;
-    }
-  return sqrt(sum);
+  ms_scale_rows(n->shape, n->s->model->mass, v, n->s->scratch);
+  return sqrt(ms_dot(n->shape, v, n->s->scratch));
 }
 
 /* x, rho and b at the v of the stage */
@@ -106,13 +99,7 @@ static int must_clamp(const newton *n, double first) {
 }
 
 static msim_status give_up(newton *n, msim_error *err) {
-  const ms_shape s = n->shape;
-  double largest = -1;
-  for (int32_t r = 0; r < s.n; r++)
-    for (int32_t c = 0; c < s.dims; c++) {
-      const double rho = fabs(n->rho[(size_t)c * (size_t)s.stride + (size_t)r]);
-      if (rho > largest) largest = rho, n->s->culprit = r;
-    }
+  n->s->culprit = ms_find_largest(n->shape, n->rho);
   return ms_fail(err, MSIM_NOT_CONVERGED,
                  "Newton's method made %d iterations and the last changed v by %.3g of its size; "
                  "newton.rtol asks for %.3g",

@@ -140,15 +140,6 @@ static double rounding_level(ms_solver *s, const double *b, const double *v) {
   return 8 * DBL_EPSILON * (sqrt(sum) + sqrt(ms_dot(shape, b, b)));
 }
 
-static int32_t largest_row(ms_shape shape, const double *r) {
-  int32_t row = 0;
-  double largest = -1;
-  for (int32_t i = 0; i < shape.n; i++)
-    for (int32_t c = 0; c < shape.dims; c++)
-      if (fabs(r[c * shape.stride + i]) > largest) largest = fabs(r[c * shape.stride + i]), row = i;
-  return row;
-}
-
 static int is_good(ms_solver *s, const double *b, const double *v) {
   const ms_shape shape = s->system.model->shape;
   const double size = sqrt(ms_dot(shape, b, b));
@@ -162,7 +153,7 @@ static msim_status check(ms_solver *s, const double *b, double *v, msim_error *e
   enum { REFINEMENTS = 3 };
   const ms_shape shape = s->system.model->shape;
   for (int round = 0; !is_good(s, b, v); round++) {
-    s->culprit = isfinite(s->reached) ? largest_row(shape, s->residual) : ms_find_bad(shape, v);
+    s->culprit = isfinite(s->reached) ? ms_find_largest(shape, s->residual) : ms_find_bad(shape, v);
     if (!isfinite(s->reached))
       return ms_fail(err, MSIM_NOT_CONVERGED, "solver %s gave an answer that is not finite",
                      s->linear->name);

@@ -45,6 +45,7 @@ MS_INLINE void add_block(int dims, ms_lanes t, ms_lanes g, ms_vec d, ms_lanes su
   }
 }
 
+/* Slots whose roots are made before what waits for them, so that the divider is never idle. */
 enum { BLOCK = 16 };
 
 MS_INLINE void coefficients_of(int dims, int damped, const ms_model *model, const double *x,
