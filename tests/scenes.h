@@ -30,6 +30,26 @@ static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) 
   return scene;
 }
 
+/* A cube of 1 kg, side^3 particles, held by the layer of particles with that z index. */
+static inline msim_scene *held_block(int32_t side, double extent, double k, int32_t layer) {
+  const double g[3] = {0, 0, -9.81};
+  int32_t face[400];
+  assert_true(side <= 20);
+  for (int32_t i = 0; i < side * side; i++) face[i] = side * i + layer;
+  const msim_lattice lattice = {.size = sizeof lattice,
+                                .n = {side, side, side},
+                                .extent = {extent, extent, extent},
+                                .mass = 1,
+                                .k = k,
+                                .npinned = side * side,
+                                .pinned = face};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
 /* One particle of mass 1 at x with velocity v, gravity g along -z. */
 static inline msim_scene *single(const double x[3], const double v[3], double g) {
   const double gravity[3] = {0, 0, -g}, mass = 1;
@@ -70,6 +90,12 @@ static inline msim_stats stats_of(const msim_sim *sim) {
   msim_stats stats = {.size = sizeof stats};
   msim_sim_stats(sim, &stats);
   return stats;
+}
+
+/* The methods of this version; NULL past the end. */
+static inline const char *method_at(int32_t i) {
+  const msim_integrator_entry *entry = msim_integrator_info(i);
+  return entry && entry->order > 0 ? entry->name : NULL;
 }
 
 /* 1 if a step solves a system. */

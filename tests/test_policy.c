@@ -1,31 +1,12 @@
 /* What solver = auto makes of kept factors and of pcg's failures, and what a change of parameters
  * costs a sim in motion. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "scenes.h"
 
-/* A stiff block that stands on a face that is held: it hardly deforms. */
-static msim_scene *block(int32_t side, double k) {
-  int32_t *face = malloc((size_t)(side * side) * sizeof *face);
-  for (int32_t i = 0; i < side * side; i++) face[i] = side * i;
-  const double g[3] = {0, 0, -9.81};
-  const msim_lattice lattice = {.size = sizeof lattice,
-                                .n = {side, side, side},
-                                .extent = {1, 1, 1},
-                                .mass = 1,
-                                .k = k,
-                                .npinned = side * side,
-                                .pinned = face};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_lattice(scene, &lattice, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  free(face);
-  return scene;
-}
-
+/* A block that stands on the face that is held: a stiff one hardly deforms. */
+static msim_scene *block(int32_t side, double k) { return held_block(side, 1, k, 0); }
 static msim_scene *stiff_block(void) { return block(5, 1e8); }
 
 static double difference(msim_sim *a, msim_sim *b) {

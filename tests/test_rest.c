@@ -3,12 +3,6 @@
 
 #include "scenes.h"
 
-/* The methods of this version; NULL past the end. */
-static const char *method_at(int32_t i) {
-  const msim_integrator_entry *entry = msim_integrator_info(i);
-  return entry && entry->order > 0 ? entry->name : NULL;
-}
-
 static msim_options pcg(const char *method, double h) {
   msim_options opt = options(method, h);
   opt.solver = "pcg";

@@ -35,22 +35,7 @@ static inline msim_sim *make_two_level(const msim_scene *scene, const msim_optio
 
 /* A jelly that hangs from its top face. */
 static inline msim_scene *hanging_jelly(int32_t side, double k) {
-  const double g[3] = {0, 0, -9.81};
-  int32_t face[400];
-  assert_true(side <= 20);
-  for (int32_t i = 0; i < side * side; i++) face[i] = side * i + side - 1;
-  const msim_lattice jelly = {.size = sizeof jelly,
-                              .n = {side, side, side},
-                              .extent = {0.3, 0.3, 0.3},
-                              .mass = 1,
-                              .k = k,
-                              .npinned = side * side,
-                              .pinned = face};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_lattice(scene, &jelly, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
+  return held_block(side, 0.3, k, side - 1);
 }
 
 /* Iterations a step, of the 5 steps after the first `steps`. */
