@@ -87,9 +87,11 @@ static void items_run_side_by_side(void **state) {
   (void)state;
   pthread_barrier_t barrier;
   pthread_barrier_init(&barrier, NULL, 2);
-  ms_pool *pool = ms_pool_create(libc(), 2);
-  for (int i = 0; i < 50; i++) ms_pool_run(pool, meet, &barrier, 2);
-  ms_pool_destroy(pool);
+  for (int i = 0; i < 50; i++) { /* a new pool each: one that was kept waiting would work alone */
+    ms_pool *pool = ms_pool_create(libc(), 2);
+    ms_pool_run(pool, meet, &barrier, 2);
+    ms_pool_destroy(pool);
+  }
   pthread_barrier_destroy(&barrier);
 }
 
