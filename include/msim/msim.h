@@ -208,6 +208,11 @@ enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
 enum { MSIM_HEUN_FINAL, MSIM_HEUN_STANDARD, MSIM_HEUN_LITERAL };
 enum { MSIM_VERLET_TAYLOR, MSIM_VERLET_PLAIN };
 
+/* As a time step: 0.9 times the longest one with which an explicit method is stable in every state
+ * of the scene. It promises no accuracy. Refused for implicit methods, which have no such limit,
+ * where the limit is 0, as for heun without drag, and where nothing vibrates. */
+#define MSIM_H_AUTO (-1.0)
+
 /* Passes that a scene without need for them is spared, unless switched off here. */
 enum {
   MSIM_SKIP_SPRINGS = 1u << 0,
@@ -229,7 +234,7 @@ typedef struct msim_backend msim_backend;
 typedef struct msim_options {
   size_t size;                   /* sizeof(msim_options); set by msim_options_init */
   const char *integrator;        /* required; see msim_integrator_info */
-  double h;                      /* time step, s [1e-3] */
+  double h;                      /* time step, s, or MSIM_H_AUTO [1e-3] */
   int64_t steps;                 /* number of steps; -1 [default]: by t_end */
   double t_end;                  /* end time, s; -1 [default]: by steps */
   const char *solver;            /* linear solver ["auto"] */
@@ -248,7 +253,8 @@ typedef struct msim_options {
   double fps;              /* frames per simulated second; 0 [default]: about 200 a run */
   uint32_t skip_off;       /* MSIM_SKIP_...: passes to keep although nothing needs them [0] */
   const char *plugin_path; /* folders searched for plugins first, ':' between [NULL] */
-  /* Told what a run should know but need not stop for. Nullable. */
+  /* Told what a run should know but need not stop for: that h was lowered to end at t_end, or that
+   * it is too long for the method to be stable. Nullable. */
   void (*warn)(const char *text, void *user);
   void *warn_user;
   /* Solvers that the program brings along: option `solver` finds them by name, before any other.
@@ -414,14 +420,15 @@ MSIM_API void msim_sim_state(msim_sim *sim, msim_state *state);
  * within it in two: between them all is planned, allocated and analysed anew. */
 MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err);
 
-/* Go on from the present state with another step (s, > 0). The end stays: t_end, or as many steps
- * as options.steps leaves. Values of matrices change, nothing is analysed anew. A recorder that is
- * open keeps the frames it has planned. */
+/* Go on from the present state with another step: s, > 0, or MSIM_H_AUTO. The end stays: t_end, or
+ * as many steps as options.steps leaves. Values of matrices change, nothing is analysed anew. A
+ * recorder that is open keeps the frames it has planned. */
 MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err);
 
 /* Change the springs of this sim; the scene it was made from stays as it is. Values of matrices
- * change; they are analysed anew only where all rest lengths and dampings were 0 or become so.
- * Nullable: k, rest, damping (as they are). */
+ * change; they are analysed anew only where all rest lengths and dampings were 0 or become so. The
+ * step stays, also where MSIM_H_AUTO has chosen it for the old ones. Nullable: k, rest, damping (as
+ * they are). */
 MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nsprings */,
                                           const double *rest /* nsprings */,
                                           const double *damping /* nsprings */, msim_error *err);

@@ -111,3 +111,8 @@ int32_t ms_find_largest(ms_shape s, const double *x) {
     }
   return row;
 }
+
+double ms_arbitrary(uint32_t i) {
+  i = (i ^ 61u ^ (i >> 16)) * 2654435769u;
+  return (double)(i >> 8) / 16777216.0 - 0.5;
+}

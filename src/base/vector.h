@@ -35,6 +35,10 @@ int32_t ms_find_bad(ms_shape s, const double *x);
 /* The first row that holds the largest magnitude. */
 int32_t ms_find_largest(ms_shape s, const double *x);
 
+/* The i-th entry of a vector that has a part of every other, and is the same on every machine: some
+ * number in [-1/2, 1/2). */
+double ms_arbitrary(uint32_t i);
+
 /* Beyond this a square leaves the range of doubles, and so do forces and energies. */
 #define MS_HUGE 1e140
 

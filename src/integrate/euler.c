@@ -1,3 +1,5 @@
+#include <math.h>
+
 #include "integrate/methods.h"
 
 /* x' = x + h v,  v' = v + h a(x, v) */
@@ -8,6 +10,13 @@ static msim_status explicit_step(ms_stepper *s, msim_error *err) {
   ms_evaluate(s, &pass);
   ms_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
+}
+
+/* |1 + h lambda| <= 1, lambda^2 + g lambda + w^2 = 0:  h w^2 <= g  where lambda is complex, and, as
+ * lambda may be all of -g,  h g <= 2 */
+static double explicit_limit(const ms_bounds *b) {
+  if (b->omega == 0) return 2 / b->rate;
+  return fmin(b->least_rate / (b->omega * b->omega), 2 / b->rate);
 }
 
 /* v' = v + h a(x, v),  x' = x + h v' */
@@ -23,10 +32,12 @@ const ms_integrator ms_explicit_euler = {
     .entry = {.name = "explicit-euler",
               .doc = "x' = x + h v, v' = v + h a; grows without damping (Teschner)",
               .order = 1},
-    .step = explicit_step};
+    .step = explicit_step,
+    .limit = explicit_limit};
 
 const ms_integrator ms_symplectic_euler = {
     .entry = {.name = "symplectic-euler",
               .doc = "v' = v + h a, x' = x + h v'; stable below h omega = 2 (de Vogelaere 1956)",
               .order = 1},
-    .step = symplectic_step};
+    .step = symplectic_step,
+    .limit = ms_verlet_limit};

@@ -1,3 +1,5 @@
+#include <math.h>
+
 #include "integrate/methods.h"
 
 /* x* = x + h v, v* = v + h a;  a* = a(x*, v*);
@@ -28,6 +30,18 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
+/* |1 + y + y^2/2| <= 1, y = h lambda as for explicit Euler: h g <= 2, and for complex y, with
+ * z = h w and zeta = g/(2 w),  z^3 - 4 zeta z^2 + 8 zeta^2 z - 8 zeta <= 0.  This has one root
+ * (Cardano's formula), which is beyond the other limit from zeta = 1/2 on. */
+static double limit(const ms_bounds *b) {
+  if (!(b->least_rate < b->omega)) return 2 / b->rate;
+  if (b->least_rate == 0) return 0;
+  const double zeta = b->least_rate / (2 * b->omega);
+  const double p = 8 * zeta * zeta / 9, q = zeta * (4 - 80 * zeta * zeta / 27);
+  const double u = cbrt(q + sqrt(q * q + p * p * p));
+  return fmin((u - p / u + 4 * zeta / 3) / b->omega, 2 / b->rate);
+}
+
 const ms_integrator ms_heun = {
     .entry =
         {.name = "heun",
@@ -35,4 +49,5 @@ const ms_integrator ms_heun = {
              "x' = x + h/2 (v + v*), v' = v + h/2 (a + a*), stage * by explicit Euler (Teschner)",
          .order = 2},
     .nwork = 3,
-    .step = step};
+    .step = step,
+    .limit = limit};

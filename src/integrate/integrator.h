@@ -3,6 +3,7 @@
 #define MS_INTEGRATOR_H
 
 #include "linear/solver.h"
+#include "physics/bounds.h"
 #include "physics/step.h"
 
 enum { MS_MAX_WORK = 10 };
@@ -39,6 +40,9 @@ typedef struct ms_integrator {
   void (*start)(ms_stepper *s);
   /* One step of s->h. */
   msim_status (*step)(ms_stepper *s, msim_error *err);
+  /* The longest h with which every mode within the bounds stays bounded; 0: none does, INFINITY:
+   * every one. NULL: every h is stable where forces are linear. */
+  double (*limit)(const ms_bounds *b);
   /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;

@@ -25,4 +25,7 @@
 MS_INTEGRATORS(MS_DECLARE)
 #undef MS_DECLARE
 
+/* Of symplectic Euler and Verlet. */
+double ms_verlet_limit(const ms_bounds *b);
+
 #endif

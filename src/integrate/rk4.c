@@ -1,3 +1,5 @@
+#include <math.h>
+
 #include "integrate/methods.h"
 
 /* k1 = f(y), k2 = f(y + h/2 k1), k3 = f(y + h/2 k2), k4 = f(y + h k3),
@@ -32,9 +34,17 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
+/* The region of stability holds the imaginary axis to 2 sqrt 2 and the real one to -2.785; of the
+ * left half plane all to radius 2.615, and to 2 sqrt 2 where -Re y < 0.3 |y|. */
+static double limit(const ms_bounds *b) {
+  const double w = b->omega, g = b->rate;
+  return g <= 0.5 * w ? sqrt(8) / w : fmin(2.615 / w, 2.785 / g);
+}
+
 const ms_integrator ms_rk4 = {
     .entry = {.name = "rk4",
               .doc = "the classical Runge-Kutta method; stable below h omega = 2.83 (Kutta 1901)",
               .order = 4},
     .nwork = 3,
-    .step = step};
+    .step = step,
+    .limit = limit};

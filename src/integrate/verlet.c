@@ -1,3 +1,5 @@
+#include <math.h>
+
 #include "integrate/methods.h"
 
 /* The seed's Verlet carries v(t - h/2):
@@ -39,6 +41,9 @@ static void sync(const ms_stepper *s, double *v, double *scratch) {
   ms_combine(s->model->shape, s->v, s->h / 2, a, v);
 }
 
+/* h^2 w^2 + 2 h g < 4, worst at the bounds of both */
+double ms_verlet_limit(const ms_bounds *b) { return 4 / (b->rate + hypot(b->rate, 2 * b->omega)); }
+
 const ms_integrator ms_verlet = {
     .entry = {.name = "verlet",
               .doc = "x' = x + h v + h^2 a, v' = (x' - x)/h, v being that of t - h/2 (Teschner)",
@@ -46,4 +51,5 @@ const ms_integrator ms_verlet = {
     .nwork = 1,
     .start = start,
     .step = step,
+    .limit = ms_verlet_limit,
     .sync = sync};

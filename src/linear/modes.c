@@ -102,12 +102,6 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
   }
 }
 
-/* Anything that has a part of every eigenvector, and is the same on every machine. */
-static double arbitrary(uint32_t i) {
-  i = (i ^ 61u ^ (i >> 16)) * 2654435769u;
-  return (double)(i >> 8) / 16777216.0 - 0.5;
-}
-
 /* l: n n doubles, v: n, both scratch */
 static void modes_of(const ms_neighbours *graph, const ms_aggregates *a, int32_t cluster,
                      const int32_t *local, double *l, double (*v)[MS_MODES]) {
@@ -117,7 +111,7 @@ static void modes_of(const ms_neighbours *graph, const ms_aggregates *a, int32_t
   factor_laplacian(n, laplacian(graph, rows, n, local, a->of, l), l);
   for (int32_t i = 0; i < n; i++) {
     v[i][0] = 1;
-    for (int m = 1; m < MS_MODES; m++) v[i][m] = arbitrary((uint32_t)(MS_MODES * i + m));
+    for (int m = 1; m < MS_MODES; m++) v[i][m] = ms_arbitrary((uint32_t)(MS_MODES * i + m));
   }
   orthonormalise(n, v);
   for (int round = 0; round < ITERATIONS; round++) {

@@ -31,25 +31,3 @@ void ms_energy(const ms_scene *scene, const double *x, const double *v, msim_ene
   e.total = e.kinetic + e.elastic + e.gravitational;
   *energy = e;
 }
-
-msim_status ms_bounds_compute(const ms_scene *scene, ms_bounds *bounds, msim_error *err) {
-  size_t n = (size_t)scene->nparticles;
-  double *sums = ms_new(&scene->alloc, 2 * n, sizeof *sums);
-  if (!sums) return ms_fail_memory(err, "the stability bounds");
-  double *k = sums, *c = sums + n;
-  for (int32_t e = 0; e < scene->nsprings; e++) {
-    for (int end = 0; end < 2; end++) {
-      int32_t p = scene->ij[2 * (size_t)e + (size_t)end];
-      k[p] += scene->k[e];
-      c[p] += scene->damping[e];
-    }
-  }
-  *bounds = (ms_bounds){0};
-  for (size_t p = 0; p < n; p++) {
-    if (scene->pinned[p]) continue;
-    bounds->omega = fmax(bounds->omega, sqrt(2 * k[p] / scene->mass[p]));
-    bounds->rate = fmax(bounds->rate, (2 * c[p] + scene->drag) / scene->mass[p]);
-  }
-  ms_delete(&scene->alloc, sums);
-  return MSIM_OK;
-}

@@ -16,7 +16,8 @@ typedef struct option {
   size_t member; /* offset in msim_options */
   double least;  /* numbers: the smallest value ... */
   int open;      /* ... itself not allowed */
-  double unset;  /* numbers: a value below `least` that says "not given"; NAN: none */
+  double unset;  /* numbers: a value below `least` that says "not given", or stands for the word
+                    that `values` allows; NAN: none */
   uint32_t bit;  /* SKIP: of skip_off */
 } option;
 
@@ -33,7 +34,13 @@ typedef struct option {
 static const option table[] = {
     TEXT("integrator", "name", "", "time integration method, as msim_cli list names them",
          integrator),
-    ABOVE_0("h", "1e-3", "time step in s", h),
+    {{"h", "number > 0 | auto", "1e-3", "time step in s; auto: 0.9 of the longest stable one"},
+     REAL,
+     AT(h),
+     0,
+     1,
+     MSIM_H_AUTO,
+     0},
     {{"steps", "whole number >= 0", "", "number of steps, exactly; wins over t_end"},
      INT64,
      AT(steps),
@@ -158,6 +165,10 @@ static int32_t choice_of(const char *values, const char *word) {
   return -1;
 }
 
+int ms_option_is_word(const msim_option_entry *entry, const char *value) {
+  return choice_of(entry->values, value) > 0;
+}
+
 static int in_range(const option *o, double value) {
   return isfinite(value) && (o->open ? value > o->least : value >= o->least);
 }
@@ -171,6 +182,10 @@ static msim_status set_number(msim_options *opt, const option *o, const char *va
                               msim_error *err) {
   double real = 0;
   int64_t whole = 0;
+  if (o->type == REAL && ms_option_is_word(&o->entry, value)) {
+    *(double *)member_of(opt, o) = o->unset;
+    return MSIM_OK;
+  }
   int parsed = o->type == REAL ? ms_parse_double(value, &real) : ms_parse_int64(value, &whole);
   if (o->type != REAL) real = (double)whole;
   if (!parsed || !in_range(o, real)) return refuse(o, value, err);

@@ -7,6 +7,9 @@
 /* The option of that name, NULL where there is none, and whether its values are numbers. */
 const msim_option_entry *ms_option_find(const char *name, int *number);
 
+/* Whether an option whose values are numbers takes this word too: "auto". */
+int ms_option_is_word(const msim_option_entry *entry, const char *value);
+
 /* Check every member against the table. What needs the scene or a registry is checked later. */
 msim_status ms_options_check(const msim_options *opt, msim_error *err);
 

@@ -193,7 +193,9 @@ static const char *option_text(const json_t *value, ms_number *number) {
 
 static msim_status check_option_type(const ms_json *r, const char *path, const json_t *value,
                                      const msim_option_entry *option, int is_number) {
-  if (is_number ? json_is_number(value) : json_is_string(value)) return MSIM_OK;
+  const char *word = json_string_value(value);
+  if (is_number ? json_is_number(value) || (word && ms_option_is_word(option, word)) : !!word)
+    return MSIM_OK;
   char must[96];
   snprintf(must, sizeof must, is_number ? "a %s" : "a string: %s", option->values);
   return ms_json_refuse(r, ms_at(path), value, must);

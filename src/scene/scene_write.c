@@ -106,10 +106,10 @@ static msim_status write_run(ms_text *text, const ms_scene *s, msim_error *err) 
   for (int32_t i = 0; i < s->nrun; i++) {
     const ms_run_entry *entry = &s->run[i];
     int number;
-    ms_option_find(entry->name, &number);
+    const msim_option_entry *option = ms_option_find(entry->name, &number);
     ms_print(text, "%s\n    \"%s\": ", i ? "," : "", entry->name);
     msim_status status = MSIM_OK;
-    if (number) ms_print(text, "%s", entry->value);
+    if (number && !ms_option_is_word(option, entry->value)) ms_print(text, "%s", entry->value);
     else status = write_string(text, entry->name, entry->value, err);
     if (status) return status;
   }

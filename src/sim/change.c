@@ -6,16 +6,20 @@
 
 /* Steps that options.steps counts are counted from the present state on. */
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
-  if (!sim || !(isfinite(h) && h > 0))
-    return ms_fail(err, MSIM_ERR_ARG, "sim is NULL, or h is not a finite number > 0");
+  if (!sim || !(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "sim is NULL, or h is neither a finite number > 0 nor MSIM_H_AUTO");
   const msim_options before = sim->opt;
+  const int chosen = sim->advice.chosen;
+  msim_status status = ms_sim_settle_step(sim, &h, err);
+  if (status) return status;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   now.v_half = NULL; /* it belongs to the old h */
   sim->opt.h = h;
   if (sim->opt.steps >= 0) sim->opt.steps -= now.step - sim->step0;
-  msim_status status = msim_sim_set_state(sim, &now, err);
-  if (status) sim->opt = before;
+  status = msim_sim_set_state(sim, &now, err);
+  if (status) sim->opt = before, sim->advice.chosen = chosen;
   return status;
 }
 
@@ -135,5 +139,7 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   else ms_scene_release(before);
   if (status) return status;
   renew(sim);
+  sim->advice.known = sim->advice.chosen = 0;
+  ms_sim_watch_step(sim);
   return ms_ok(err);
 }

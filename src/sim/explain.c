@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "linear/aggregates.h"
-#include "physics/energy.h"
 #include "sim/sim.h"
 
 /* 1 where an island makes this pass. */
@@ -79,6 +78,7 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
   ms_print(out, "integrator    %s, order %d\n              %s\n", sim->integrator->entry.name,
            sim->integrator->entry.order, sim->integrator->entry.doc);
   ms_print(out, "step          h = %.10g s", sim->plan.h);
+  if (sim->advice.chosen) ms_print(out, ", by the limit of stability below");
   if (sim->plan.h != sim->plan.h_asked)
     ms_print(out, ", lowered from %.10g s so that the run ends at t_end", sim->plan.h_asked);
   ms_print(out, "\n");
@@ -183,38 +183,25 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
   }
 }
 
-/* The largest stable h of each explicit method, undamped limit z = h omega and, for the family of
- * Verlet, h^2 omega^2 + 2 h g <= 4. Heun and explicit Euler have none without damping. */
-static void explain_limits(const msim_sim *sim, const ms_bounds *b, ms_text *out) {
+static void explain_limits(const msim_sim *sim, ms_text *out) {
+  const ms_bounds *b = &sim->advice.bounds;
+  const double limit = sim->advice.limit, h = sim->plan.h;
+  const char *name = sim->integrator->entry.name;
   ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state\n",
            b->omega, b->rate);
-  if (sim->integrator->entry.implicit) {
+  if (!sim->integrator->limit)
     ms_print(out, "              stable for every h where the system is linear\n");
-    return;
-  }
-  const char *name = sim->integrator->entry.name;
-  double omega = b->omega, g = b->rate, limit;
-  if (strcmp(name, "rk4") == 0) {
-    limit = fmin((g > 0 ? 2.6 : 2.828427124746190) / omega, g > 0 ? 2.785 / g : INFINITY);
-  } else if (strcmp(name, "heun") == 0 || strcmp(name, "explicit-euler") == 0) {
-    ms_print(out, "              %s: no limit to give; undamped motion gains energy at any h\n",
-             name);
-    return;
-  } else {
-    limit = 4 / (g + sqrt(g * g + 4 * omega * omega));
-  }
-  if (!isfinite(limit)) {
-    ms_print(out, "              stable for every h: nothing vibrates\n");
-    return;
-  }
-  ms_print(out, "              %s is stable for h < %.6g s; h is %.3g of that%s\n", name, limit,
-           sim->plan.h / limit, sim->plan.h < limit ? "" : ": it may blow up");
+  else if (isinf(limit)) ms_print(out, "              stable for every h: nothing vibrates\n");
+  else if (limit == 0)
+    ms_print(out, "              %s: undamped vibrations gain energy at any h\n", name);
+  else
+    ms_print(out, "              %s is stable for h < %.6g s; h is %.3g of that%s\n", name, limit,
+             h / limit, h < limit ? "" : ": it may blow up");
 }
 
 msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) {
   if (!sim || !text) return ms_fail(err, MSIM_ERR_ARG, "sim or text is NULL");
-  ms_bounds bounds;
-  msim_status status = ms_bounds_compute(sim->scene, &bounds, err);
+  msim_status status = ms_sim_advise(sim, err);
   if (status) return status;
   ms_text *out = &sim->explanation;
   ms_text_free(out);
@@ -225,7 +212,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   explain_threads(sim, out);
   explain_solver(sim, out);
   explain_skips(sim, out);
-  explain_limits(sim, &bounds, out);
+  explain_limits(sim, out);
   if (out->failed) return ms_fail_memory(err, "the explanation");
   *text = out->data;
   return ms_ok(err);

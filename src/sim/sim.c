@@ -34,21 +34,23 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
   return MSIM_OK;
 }
 
-static void warn(const msim_sim *sim, const char *text) {
-  if (sim->opt.warn) sim->opt.warn(text, sim->opt.warn_user);
+void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
+  msim_error note;
+  va_list args;
+  va_start(args, format);
+  ms_vfail(&note, MSIM_OK, format, args);
+  va_end(args);
+  if (sim->opt.warn) sim->opt.warn(note.text, sim->opt.warn_user);
 }
 
-/* Says so where h had to be lowered, once for each h. */
+/* Says so where an h that was given had to be lowered, once for each h. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err) {
   ms_plan plan;
   msim_status status = ms_plan_create(&sim->opt, t0, &plan, err);
   if (status) return status;
-  if (plan.h != plan.h_asked && plan.h != sim->plan.h) {
-    msim_error note;
-    ms_fail(&note, MSIM_OK, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
-            plan.h_asked, plan.h, (long long)plan.steps, sim->opt.t_end);
-    warn(sim, note.text);
-  }
+  if (plan.h != plan.h_asked && plan.h != sim->plan.h && !sim->advice.chosen)
+    ms_sim_warn(sim, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
+                plan.h_asked, plan.h, (long long)plan.steps, sim->opt.t_end);
   sim->plan = plan;
   return MSIM_OK;
 }
@@ -81,6 +83,7 @@ static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
   if (!status) status = ms_sim_check_forces(sim, sim->scene->damping, err);
+  if (!status) status = ms_sim_settle_step(sim, &sim->opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, err);
   if (!status) status = allocate_flat(sim, err);
   if (!status) status = ms_sim_build(sim, ms_flat_axis(sim->scene, sim->opt.skip_off), err);

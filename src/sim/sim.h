@@ -7,6 +7,7 @@
 
 #include "integrate/integrator.h"
 #include "scene/options.h"
+#include "sim/advice.h"
 #include "sim/plan.h"
 
 /* One island in motion. Nothing couples it with others. */
@@ -26,6 +27,7 @@ struct msim_sim {
   msim_options opt;           /* its strings are the sim's own */
   char *solver, *plugin_path; /* what opt's pointers point to; nullable */
   ms_plan plan;
+  ms_advice advice;
   ms_pool *pool;           /* NULL: one thread */
   int32_t threads_planned; /* more than the pool has where not all could be started */
   const ms_integrator *integrator;
@@ -68,6 +70,9 @@ const ms_motion *ms_sim_largest(const msim_sim *sim);
 
 /* Forget the matrix that somebody looked at. */
 void ms_sim_drop_matrix(msim_sim *sim);
+
+/* One sentence to who listens. */
+void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
 
 /* Plan the run from t0 on; keeps the old plan where that fails. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err);

@@ -110,6 +110,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
       ms_rows_scatter(&sim->motion[i].model.rows, sim->motion[i].stepper.v, sim->flat_v_half);
   }
   sim->flat_is_current = 1;
+  ms_sim_watch_step(sim);
   return ms_ok(err);
 }
 

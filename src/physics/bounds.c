@@ -1,0 +1,63 @@
+#include "physics/bounds.h"
+
+#include <math.h>
+
+#include "physics/lanczos.h"
+
+/* Disc of particle i: (1/m_i) (sum w + sum of w to free neighbours + b); the largest bounds all
+ * eigenvalues (Gershgorin 1931). disc: nparticles, 0 so far; pinned ones stay 0. */
+static double compute_discs(const ms_laplacian *l, double *disc) {
+  const ms_scene *s = l->scene;
+  double largest = 0;
+  for (size_t e = 0; e < (size_t)s->nsprings; e++) {
+    const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
+    disc[i] += s->pinned[j] ? l->weight[e] : 2 * l->weight[e];
+    disc[j] += s->pinned[i] ? l->weight[e] : 2 * l->weight[e];
+  }
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    disc[p] = s->pinned[p] ? 0 : (disc[p] + l->ground) / s->mass[p];
+    largest = fmax(largest, disc[p]);
+  }
+  return largest;
+}
+
+static int any_above_zero(int32_t n, const double *values) {
+  for (int32_t e = 0; e < n; e++)
+    if (values[e] > 0) return 1;
+  return 0;
+}
+
+/* Without weights the discs are exact. */
+static msim_status bound_largest(const ms_laplacian *l, int sharp, double *bound, msim_error *err) {
+  const ms_scene *s = l->scene;
+  double *disc = ms_new(&s->alloc, (size_t)s->nparticles, sizeof *disc), sharper;
+  if (!disc) return ms_fail_memory(err, "the stability bounds");
+  msim_status status = MSIM_OK;
+  *bound = compute_discs(l, disc);
+  if (sharp && *bound > 0 && any_above_zero(s->nsprings, l->weight)) {
+    status = ms_lanczos_bound(l, disc, &sharper, err);
+    if (!status) *bound = fmin(*bound, sharper);
+  }
+  ms_delete(&s->alloc, disc);
+  return status;
+}
+
+static double heaviest(const ms_scene *s) {
+  double most = 0;
+  for (int32_t p = 0; p < s->nparticles; p++)
+    if (!s->pinned[p]) most = fmax(most, s->mass[p]);
+  return most;
+}
+
+msim_status ms_bounds_compute(const ms_scene *scene, int sharp, ms_bounds *bounds,
+                              msim_error *err) {
+  const ms_laplacian elastic = {scene, scene->k, 0};
+  const ms_laplacian damped = {scene, scene->damping, scene->drag};
+  double omega2;
+  msim_status status = bound_largest(&elastic, sharp, &omega2, err);
+  if (!status) status = bound_largest(&damped, sharp, &bounds->rate, err);
+  if (status) return status;
+  bounds->omega = sqrt(omega2);
+  bounds->least_rate = scene->drag > 0 ? scene->drag / heaviest(scene) : 0;
+  return MSIM_OK;
+}

@@ -1,0 +1,127 @@
+/* Lanczos's method (1950) on M^-1/2 (Lap_w + b I) M^-1/2. Its largest Ritz value theta is a lower
+ * bound; with its residual r, some eigenvalue lies within theta +- r, but no theorem says that it
+ * is the largest one. So the bound is theta + r + 1 % (Zhou and Li 2011 add the residual of the
+ * last vector, which is more), r is driven below 2 %, and 15 steps are made at least: of a hundred
+ * meshes, among them cloths with one spring or particle a little out of the ordinary, all were
+ * covered from 12 steps on, but not all where a small r alone was enough. 30 are made at most, as r
+ * counts anyway.
+ *
+ * Everything goes in one order, from one start: the bound has the same bits always. */
+#include "physics/lanczos.h"
+
+#include <math.h>
+
+#include "base/vector.h"
+
+enum { LEAST_STEPS = 15, MOST_STEPS = 30 };
+
+typedef struct lanczos {
+  const ms_laplacian *l;
+  ms_shape shape; /* one number a particle, those of pinned ones 0 */
+  double *root;   /* 1/sqrt m; 0 where pinned */
+  double *v, *before, *next;
+  int n; /* steps made */
+  double alpha[MOST_STEPS],
+      beta[MOST_STEPS]; /* T: diagonal, and beside it; beta[n - 1] leads out */
+  double theta;         /* the largest eigenvalue of T */
+} lanczos;
+
+/* y = M^-1/2 (Lap_w + b I) M^-1/2 x */
+static void apply(const lanczos *z, const double *x, double *y) {
+  const ms_scene *s = z->l->scene;
+  const double *root = z->root;
+  for (int32_t p = 0; p < s->nparticles; p++) y[p] = z->l->ground * root[p] * root[p] * x[p];
+  for (size_t e = 0; e < (size_t)s->nsprings; e++) {
+    const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
+    const double pull = z->l->weight[e] * (root[i] * x[i] - root[j] * x[j]);
+    y[i] += root[i] * pull;
+    y[j] -= root[j] * pull;
+  }
+}
+
+/* One more row of T: alpha = v.B v, beta v' = B v - alpha v - beta v_before */
+static void step(lanczos *z) {
+  const int n = z->n++;
+  apply(z, z->v, z->next);
+  if (n) ms_axpy(z->shape, -z->beta[n - 1], z->before, z->next);
+  z->alpha[n] = ms_dot(z->shape, z->v, z->next);
+  ms_axpy(z->shape, -z->alpha[n], z->v, z->next);
+  z->beta[n] = sqrt(ms_dot(z->shape, z->next, z->next));
+}
+
+static void turn(lanczos *z) {
+  double *free = z->before;
+  z->before = z->v, z->v = z->next, z->next = free;
+  ms_scale(z->shape, 1 / z->beta[z->n - 1], z->v);
+}
+
+/* The pivots of theta I - T are positive where theta is above all eigenvalues of T. */
+static int is_above(const lanczos *z, double theta) {
+  double pivot = theta - z->alpha[0];
+  for (int i = 1; i < z->n && pivot > 0; i++)
+    pivot = theta - z->alpha[i] - z->beta[i - 1] * z->beta[i - 1] / pivot;
+  return pivot > 0;
+}
+
+/* Bisection between the last one, which is no larger, and Gershgorin's bound on T. */
+static void find_theta(lanczos *z) {
+  double low = z->theta, high = low;
+  for (int i = 0; i < z->n; i++)
+    high = fmax(high, z->alpha[i] + (i ? z->beta[i - 1] : 0) + (i + 1 < z->n ? z->beta[i] : 0));
+  while (high - low > 1e-12 * high) {
+    const double middle = low + (high - low) / 2;
+    *(is_above(z, middle) ? &high : &low) = middle;
+  }
+  z->theta = high;
+}
+
+/* |B y - theta y| = beta_n |p_n| / |p| with T p = theta p: row by row, p_(i+1)/p_i is the i-th
+ * pivot over beta_i. */
+static double residual(const lanczos *z) {
+  double p = 1, sum = 1, pivot = z->theta - z->alpha[0];
+  for (int i = 1; i < z->n; i++) {
+    p *= pivot / z->beta[i - 1];
+    sum += p * p;
+    pivot = z->theta - z->alpha[i] - z->beta[i - 1] * z->beta[i - 1] / pivot;
+  }
+  return z->beta[z->n - 1] * fabs(p) / sqrt(sum);
+}
+
+/* A part of every eigenvector, and more where the wanted one may lie: one stiff spring among a
+ * million is seen at once. */
+static void start(lanczos *z, const double *likely) {
+  const ms_scene *s = z->l->scene;
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    z->root[p] = s->pinned[p] ? 0 : 1 / sqrt(s->mass[p]);
+    z->v[p] = likely[p] * ms_arbitrary((uint32_t)p);
+  }
+  ms_scale(z->shape, 1 / sqrt(ms_dot(z->shape, z->v, z->v)), z->v);
+}
+
+static double iterate(lanczos *z) {
+  for (;;) {
+    step(z);
+    find_theta(z);
+    const double r = residual(z), enough = z->n < LEAST_STEPS ? 1e-12 : 0.02;
+    if (!(r > enough * z->theta) || z->n == MOST_STEPS) return z->theta + r + 0.01 * z->theta;
+    turn(z);
+  }
+}
+
+msim_status ms_lanczos_bound(const ms_laplacian *l, const double *likely, double *bound,
+                             msim_error *err) {
+  const msim_allocator *alloc = &l->scene->alloc;
+  const int32_t n = l->scene->nparticles;
+  double *room = ms_new(alloc, 4 * (size_t)n, sizeof *room);
+  if (!room) return ms_fail_memory(err, "the stability bounds");
+  lanczos z = {.l = l,
+               .shape = {n, n, 1},
+               .root = room,
+               .v = room + n,
+               .before = room + 2 * (size_t)n,
+               .next = room + 3 * (size_t)n};
+  start(&z, likely);
+  *bound = iterate(&z);
+  ms_delete(alloc, room);
+  return MSIM_OK;
+}

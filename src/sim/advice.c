@@ -1,0 +1,72 @@
+/* advice - how long a step the method bears in this scene: for h = auto, a warning, and explain */
+#include "sim/advice.h"
+
+#include <math.h>
+
+#include "sim/sim.h"
+
+/* Of the limit. At the limit itself the fastest motion grows, if slowly, and just below its
+ * amplitude is uncertain: by 1/sqrt(1 - z^2/4) with Verlet, a factor of 2.3 here. */
+#define MARGIN 0.9
+
+/* Once for each degree of sharpness, as long as the springs stay what they are. */
+static msim_status look(msim_sim *sim, int sharp, msim_error *err) {
+  ms_advice *a = &sim->advice;
+  if (a->known > sharp) return MSIM_OK;
+  msim_status status = ms_bounds_compute(sim->scene, sharp, &a->bounds, err);
+  if (status) return status;
+  a->limit = sim->integrator->limit ? sim->integrator->limit(&a->bounds) : INFINITY;
+  a->known = 1 + sharp;
+  return MSIM_OK;
+}
+
+msim_status ms_sim_advise(msim_sim *sim, msim_error *err) { return look(sim, 1, err); }
+
+static msim_status choose(msim_sim *sim, double *h, msim_error *err) {
+  const char *name = sim->integrator->entry.name;
+  if (!sim->integrator->limit)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "h is 'auto', but %s has no limit of stability to take it from: give h, as "
+                   "accuracy demands",
+                   name);
+  msim_status status = look(sim, 1, err);
+  if (status) return status;
+  const double limit = sim->advice.limit;
+  if (limit == 0)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "h is 'auto', but %s is stable for no h above 0, as vibrations may be undamped: "
+                   "give h, or take another method",
+                   name);
+  if (isinf(limit))
+    return ms_fail(err, MSIM_ERR_ARG, "h is 'auto', but nothing vibrates in this scene: give h");
+  *h = MARGIN * limit;
+  return MSIM_OK;
+}
+
+msim_status ms_sim_settle_step(msim_sim *sim, double *h, msim_error *err) {
+  const int chosen = *h == MSIM_H_AUTO;
+  msim_status status = chosen ? choose(sim, h, err) : MSIM_OK;
+  if (!status) sim->advice.chosen = chosen;
+  return status;
+}
+
+static void say(const msim_sim *sim) {
+  const char *name = sim->integrator->entry.name;
+  const double h = sim->plan.h, limit = sim->advice.limit;
+  if (limit > 0)
+    ms_sim_warn(sim, "h is %.6g s, but %s is sure to be stable up to %.6g s only: it may blow up",
+                h, name, limit);
+  else
+    ms_sim_warn(sim, "h is %.6g s, but %s is stable for no h above 0: undamped vibrations grow", h,
+                name);
+}
+
+/* The rough bounds first: mostly they are enough. */
+void ms_sim_watch_step(msim_sim *sim) {
+  ms_advice *a = &sim->advice;
+  if (!sim->opt.warn || !sim->integrator->limit || look(sim, 0, NULL)) return;
+  if (a->limit > 0 && sim->plan.h > a->limit && look(sim, 1, NULL)) return;
+  const int too_long = sim->plan.h > a->limit;
+  if (too_long && !a->warned) say(sim);
+  a->warned = too_long;
+}

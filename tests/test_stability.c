@@ -1,0 +1,288 @@
+/* Bounds on frequencies against matrices, limits of the methods against runs. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "stability.h"
+
+enum { N = 30, NS = 80 };
+
+/* Random masses, springs and places; two particles held. */
+static msim_scene *tangle(unsigned seed, double spread, double damping, double drag) {
+  double x[3 * N], mass[N], k[NS], rest[NS], c[NS];
+  int32_t ij[2 * NS];
+  const int32_t held[2] = {0, 7};
+  for (int i = 0; i < 3 * N; i++) x[i] = uniform(&seed);
+  for (int i = 0; i < N; i++) mass[i] = exp(spread * (uniform(&seed) - 0.5));
+  for (int e = 0; e < NS; e++) {
+    ij[2 * e] = e % N, ij[2 * e + 1] = (e % N + 1 + (int)(uniform(&seed) * (N - 1))) % N;
+    k[e] = exp(2 * spread * (uniform(&seed) - 0.5));
+    rest[e] = uniform(&seed), c[e] = damping * uniform(&seed);
+  }
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, N, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, NS, ij, k, rest, c, err));
+  assert_ok(msim_scene_pin(scene, 2, held, err));
+  assert_ok(msim_scene_set_drag(scene, drag, err));
+  return scene;
+}
+
+/* A cloth, one of whose springs is so many times stiffer than the others. */
+static msim_scene *odd_cloth(int32_t side, double stiffer) {
+  msim_scene *even = hanging_cloth(side, 100, 0), *scene;
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(even, &view);
+  double *k = malloc((size_t)view.nsprings * sizeof *k);
+  memcpy(k, view.k, (size_t)view.nsprings * sizeof *k);
+  k[view.nsprings / 5] *= stiffer;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, view.nparticles, view.x, NULL, view.mass, err));
+  assert_ok(msim_scene_add_springs(scene, view.nsprings, view.ij, k, NULL, NULL, err));
+  free(k);
+  msim_scene_destroy(even);
+  return scene;
+}
+
+/*------------------------------------- bounds ---------------------------------------------------*/
+
+/* lambda M - Lap_w - g I on the free particles, dense; 0 where Cholesky's method finds that it is
+ * not positive definite. */
+static int is_above(const ms_scene *s, const double *weight, double ground, double lambda) {
+  const int32_t n = s->nparticles;
+  double *A = calloc((size_t)(n * n), sizeof *A);
+  for (int32_t p = 0; p < n; p++) A[p * n + p] = s->pinned[p] ? 1 : lambda * s->mass[p] - ground;
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
+    if (!s->pinned[i]) A[i * n + i] -= weight[e];
+    if (!s->pinned[j]) A[j * n + j] -= weight[e];
+    if (!s->pinned[i] && !s->pinned[j]) A[i * n + j] += weight[e], A[j * n + i] += weight[e];
+  }
+  int positive = 1;
+  for (int32_t j = 0; j < n && positive; j++) {
+    for (int32_t k = 0; k < j; k++) A[j * n + j] -= A[j * n + k] * A[j * n + k];
+    positive = A[j * n + j] > 0;
+    A[j * n + j] = sqrt(A[j * n + j]);
+    for (int32_t i = j + 1; i < n && positive; i++) {
+      for (int32_t k = 0; k < j; k++) A[i * n + j] -= A[i * n + k] * A[j * n + k];
+      A[i * n + j] /= A[j * n + j];
+    }
+  }
+  free(A);
+  return positive;
+}
+
+/* Bounds are above the eigenvalues they bound, sharp ones by a tenth at most, and by less than
+ * rough ones. */
+static void check_bounds(msim_scene *scene) {
+  const ms_scene *s = scene->data;
+  const ms_bounds rough = bounds_of(scene, 0), sharp = bounds_of(scene, 1);
+  const double omega2 = sharp.omega * sharp.omega * (1 + 1e-12), rate = sharp.rate * (1 + 1e-12);
+  assert_true(sharp.omega <= rough.omega && sharp.rate <= rough.rate);
+  assert_true(is_above(s, s->k, 0, omega2));
+  assert_false(is_above(s, s->k, 0, omega2 / 1.1));
+  if (rate > 0) assert_true(is_above(s, s->damping, s->drag, rate));
+  assert_false(is_above(s, s->damping, s->drag, rate / 1.1));
+  if (s->drag == 0) assert_true(sharp.least_rate == 0);
+  msim_scene_destroy(scene);
+}
+
+static void bounds_are_above_and_close(void **state) {
+  (void)state;
+  const double stiffer[] = {1, 3, 4, 4.4, 4.8, 6, 1e3, 1e9};
+  for (unsigned seed = 1; seed < 30; seed++)
+    check_bounds(tangle(seed, seed % 7, seed % 2, 0.1 * (seed % 3)));
+  for (size_t i = 0; i < sizeof stiffer / sizeof *stiffer; i++)
+    check_bounds(odd_cloth(16, stiffer[i]));
+  check_bounds(hanging_cloth(2, 1, 1));
+  check_bounds(hanging_cloth(16, 1e5, 3));
+  check_bounds(held_block(5, 1, 100, 0));
+  check_bounds(ring(2, 0.5));
+}
+
+static void nothing_vibrates_without_springs(void **state) {
+  (void)state;
+  const double x[3] = {0};
+  msim_scene *scene = single(x, x, 9.81);
+  ms_bounds b = bounds_of(scene, 1);
+  assert_true(b.omega == 0 && b.rate == 0 && b.least_rate == 0);
+  assert_ok(msim_scene_set_drag(scene, 0.5, err));
+  b = bounds_of(scene, 1);
+  assert_true(b.omega == 0 && b.rate == 0.5 && b.least_rate == 0.5);
+  msim_scene_destroy(scene);
+}
+
+/* y = M^-1/2 (-J) M^-1/2 x from A = M - J */
+static void apply(const msim_csr *A, const double *mass, const double *x, double *y) {
+  for (int32_t r = 0; r < A->n; r++) {
+    y[r] = -x[r];
+    for (int32_t e = A->rowptr[r]; e < A->rowptr[r + 1]; e++)
+      y[r] += A->val[e] * x[A->colind[e]] /
+              sqrt(mass[A->particle[r / 3]] * mass[A->particle[A->colind[e] / 3]]);
+  }
+}
+
+/* The largest eigenvalue of M^-1 (-J), from below, by power iteration. */
+static double stiffest(msim_sim *sim, const double *mass) {
+  double x[3 * N], y[3 * N], quotient = 0;
+  msim_csr A = {.size = sizeof A};
+  unsigned seed = 5;
+  assert_ok(msim_sim_matrix(sim, &A, err));
+  for (int32_t r = 0; r < A.n; r++) x[r] = uniform(&seed) - 0.5;
+  for (int round = 0; round < 300; round++) {
+    double xx = 0, xy = 0, yy = 0;
+    apply(&A, mass, x, y);
+    for (int32_t r = 0; r < A.n; r++) xx += x[r] * x[r], xy += x[r] * y[r], yy += y[r] * y[r];
+    for (int32_t r = 0; r < A.n; r++) x[r] = y[r] / sqrt(yy);
+    quotient = xy / xx;
+  }
+  return quotient;
+}
+
+/* Stretched a thousand times, springs are as if they had no rest length: then it is attained. */
+static void bounds_hold_in_every_configuration(void **state) {
+  (void)state;
+  for (unsigned seed = 1; seed < 8; seed++) {
+    msim_scene *scene = tangle(seed, 2, 0, 0);
+    msim_scene_view view = {.size = sizeof view};
+    msim_scene_get(scene, &view);
+    msim_options opt = options("linearly-implicit-euler", 1);
+    opt.solver = "pcg";
+    msim_sim *sim = make_sim(scene, &opt);
+    const double sharp = bounds_of(scene, 1).omega, bound = sharp * sharp;
+    for (double scale = 0.01; scale < 2000; scale *= 10) {
+      double x[3 * N];
+      for (int i = 0; i < 3 * N; i++) {
+        x[i] = view.x[i];
+        if (!view.pinned[i / 3]) x[i] += scale * (uniform(&seed) - 0.5);
+      }
+      const msim_state there = {.size = sizeof there, .n = N, .x = x, .v = view.v};
+      assert_ok(msim_sim_set_state(sim, &there, err));
+      const double found = stiffest(sim, view.mass);
+      assert_true(found <= bound);
+      if (scale > 500) assert_true(found > 0.9 * bound);
+    }
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- limits ---------------------------------------------------*/
+
+/* z = h omega of a single mode with damping zeta, from the closed forms of each method. */
+static void limits_are_the_known_ones(void **state) {
+  (void)state;
+  const struct {
+    const char *method;
+    double zeta, z;
+  } known[] = {{"explicit-euler", 0, 0},
+               {"explicit-euler", 0.2, 0.4},
+               {"heun", 0, 0},
+               {"heun", 0.01, 0.444},
+               {"heun", 0.05, 0.8},
+               {"heun", 0.1, 1.04975},
+               {"heun", 0.2, 1.39391},
+               {"heun", 0.5, 2},
+               {"symplectic-euler", 0, 2},
+               {"symplectic-euler", 0.2, 1.63961},
+               {"verlet", 0, 2},
+               {"verlet", 2, 0.47214},
+               {"velocity-verlet", 0, 2},
+               {"velocity-verlet", 0.01, 1.98049},
+               {"velocity-verlet", 0.2, 1.75734},
+               {"velocity-verlet", 1, 1},
+               {"velocity-verlet", 2, 0.5},
+               {"rk4", 0, 2.82843}};
+  for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+    const double g = 2 * known[i].zeta * 50;
+    assert_close(50 * limit_of(known[i].method, (ms_bounds){50, g, g}), known[i].z, 6e-6);
+  }
+  for (int32_t i = 0; method_at(i); i++) {
+    if (is_implicit(method_at(i))) continue;
+    assert_true(isinf(limit_of(method_at(i), (ms_bounds){0, 0, 0})));
+    if (!wants_positions_alone(method_at(i)))
+      assert_true(limit_of(method_at(i), (ms_bounds){0, 3, 3}) < 1);
+  }
+}
+
+/* How many times the energy of the ring has become larger at most, in so many steps. */
+static double growth(const msim_scene *scene, const char *method, double h, int steps) {
+  msim_options opt = options(method, h);
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_energy e = {.size = sizeof e};
+  msim_error why;
+  msim_sim_energy(sim, &e);
+  const double start = e.total;
+  double most = start;
+  for (int i = 0; i < 50 && most < 1e100; i++) {
+    if (msim_sim_step(sim, steps / 50, &why)) most = INFINITY;
+    else msim_sim_energy(sim, &e);
+    most = fmax(most, e.total);
+  }
+  msim_sim_destroy(sim);
+  return most / start;
+}
+
+/* Just below the limit motion stays bounded, just above it does not, where the scene has a mode at
+ * both bounds, or one of the pair that the limit is made for. */
+static void limits_are_where_motion_blows_up(void **state) {
+  (void)state;
+  const struct {
+    const char *method;
+    double damping, drag; /* as rate / omega */
+    double beyond;
+    int steps;
+  } cases[] = {{"symplectic-euler", 0, 0, 1.05, 1000},
+               {"symplectic-euler", 0.3, 0, 1.05, 1000},
+               {"symplectic-euler", 0, 0.3, 1.05, 1000},
+               {"symplectic-euler", 4, 0, 1.05, 1000},
+               {"verlet", 0, 0, 1.05, 1000},
+               {"verlet", 0.3, 0, 1.05, 1000},
+               {"verlet", 0, 4, 1.05, 1000},
+               {"velocity-verlet", 0, 0, 1.05, 1000},
+               {"velocity-verlet", 0.3, 0, 1.05, 1000},
+               {"velocity-verlet", 0, 0.3, 1.05, 1000},
+               {"velocity-verlet", 0, 0.8, 1.05, 1000},
+               {"velocity-verlet", 4, 0, 1.05, 1000},
+               {"rk4", 0, 0, 1.05, 1000},
+               {"rk4", 0.5, 0, 1.05, 1000},
+               {"rk4", 1.08, 0, 1.05, 1000},
+               {"rk4", 0, 4, 1.05, 1000},
+               {"explicit-euler", 0, 0.5, 1.05, 4000},
+               {"explicit-euler", 0, 4, 1.05, 1000},
+               {"heun", 0, 0.1, 1.05, 4000},
+               {"heun", 0, 0.5, 1.05, 4000},
+               {"heun", 0, 4, 1.05, 1000},
+               {"rkn6", 0, 0, 1.00016, 30000}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    const double c = cases[i].damping * RING_OMEGA / 4, b = cases[i].drag * RING_OMEGA;
+    msim_scene *scene = ring(c, b);
+    const double limit = limit_of(cases[i].method, bounds_of(scene, 1));
+    const double below = growth(scene, cases[i].method, 0.99 * limit, cases[i].steps);
+    const double above = growth(scene, cases[i].method, cases[i].beyond * limit, cases[i].steps);
+    print_message("  %-17s %4g %4g: limit %.4g, %.3g below, %.3g above\n", cases[i].method,
+                  cases[i].damping, cases[i].drag, limit * RING_OMEGA, below, above);
+    assert_true(below < 200);
+    assert_true(above > 1e4);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Springs do not damp what moves across them. */
+static void damped_springs_leave_euler_without_a_limit(void **state) {
+  (void)state;
+  msim_scene *scene = ring(10, 0);
+  assert_true(limit_of("explicit-euler", bounds_of(scene, 1)) == 0);
+  assert_true(limit_of("heun", bounds_of(scene, 1)) == 0);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(bounds_are_above_and_close),
+                                     cmocka_unit_test(nothing_vibrates_without_springs),
+                                     cmocka_unit_test(bounds_hold_in_every_configuration),
+                                     cmocka_unit_test(limits_are_the_known_ones),
+                                     cmocka_unit_test(limits_are_where_motion_blows_up),
+                                     cmocka_unit_test(damped_springs_leave_euler_without_a_limit)};
+  return cmocka_run_group_tests_name("stability", tests, NULL, NULL);
+}
