@@ -40,8 +40,9 @@ typedef struct ms_integrator {
   void (*start)(ms_stepper *s);
   /* One step of s->h. */
   msim_status (*step)(ms_stepper *s, msim_error *err);
-  /* The longest h with which every mode within the bounds stays bounded; 0: none does, INFINITY:
-   * every one. NULL: every h is stable where forces are linear. */
+  /* The longest h with which every mode within the bounds stays bounded: a scene has many, and
+   * which pairs of frequency and damping it has changes as it moves. 0: none does; INFINITY: any
+   * h. NULL: any h is stable where forces are linear. */
   double (*limit)(const ms_bounds *b);
   /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);

@@ -20,10 +20,10 @@ typedef struct lanczos {
   ms_shape shape; /* one number a particle, those of pinned ones 0 */
   double *root;   /* 1/sqrt m; 0 where pinned */
   double *v, *before, *next;
-  int n; /* steps made */
-  double alpha[MOST_STEPS],
-      beta[MOST_STEPS]; /* T: diagonal, and beside it; beta[n - 1] leads out */
-  double theta;         /* the largest eigenvalue of T */
+  int n;                    /* steps made: rows of T */
+  double alpha[MOST_STEPS]; /* its diagonal */
+  double beta[MOST_STEPS];  /* beside it; the last one leads out of it */
+  double theta;             /* its largest eigenvalue */
 } lanczos;
 
 /* y = M^-1/2 (Lap_w + b I) M^-1/2 x */
