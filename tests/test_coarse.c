@@ -131,7 +131,7 @@ static void coarse_matrix_is_the_triple_product(void **state) {
     double curvature, *M = calloc((size_t)(n * n), sizeof *M),
                       *unit = calloc((size_t)n, sizeof *unit);
     double *p = random_vector(sim, 1), *q = random_vector(sim, 1);
-    assert_ok(ms_coarse_factor(&pcg->coarse, pcg->coefficients, pcg->inertia));
+    assert_ok(ms_coarse_factor(&pcg->coarse, pcg->coefficients, pcg->inertia, 0));
     multiply_factor(&coarse->chol, M);
     for (int32_t j = 0; j < n; j++) {
       memset(unit, 0, (size_t)n * sizeof *unit);

@@ -34,7 +34,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   ms_copy(shape, s->v, s->v_next);
   const ms_request request = {.x = s->x,
                               .h = s->h,
-                              .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
+                              .compression = s->opt->jacobian != MSIM_JACOBIAN_CLAMP,
                               .indefinite = s->opt->indefinite,
                               .rtol = s->opt->solver_rtol};
   msim_status status = ms_solver_solve(s->solver, &request, momentum, s->v_next, err);

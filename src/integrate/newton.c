@@ -4,7 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-/* The residual in units of velocity: rho = M^-1 R, b = R. Norms are those of M. */
+/* The residual in units of velocity: rho = M^-1 R, b = R. Norms are those of M; the radius and the
+ * length of d are in the solver's own, that of its preconditioner or of its matrix. */
 typedef struct newton {
   ms_stepper *s;
   const ms_stage *stage;
@@ -12,6 +13,11 @@ typedef struct newton {
   int linear; /* the matrix is constant */
   double *rho, *b, *d, *from;
   double residual;             /* ||rho|| */
+  double eta;                  /* what the last solve left of its right side */
+  double radius;               /* d is not longer */
+  double length, promise;      /* of d: what the model says that it takes off the energy */
+  int is_cut;                  /* d is shorter than the model wants it ... */
+  int is_curved;               /* ... as it curves downward */
   double moved;                /* by the last iteration, ||lambda d|| */
   double correction, previous; /* ||d|| of this iteration and of the one before; 0: none, or cut */
 } newton;
@@ -32,21 +38,44 @@ static void evaluate(newton *n) {
   n->residual = sqrt(ms_dot(n->shape, n->b, n->rho));
 }
 
-/* d, to the residual eta: by the matrix as it is; clamped, where that is not positive definite. */
-static msim_status find_direction(newton *n, int clamp, double eta, msim_error *err) {
+/* d = A^-1 R, cut at the radius: by the matrix as it is; clamped, where that is not positive
+ * definite. */
+static msim_status solve(newton *n, ms_request *request, msim_error *err) {
   const ms_shape shape = n->shape;
-  ms_request request = {n->stage->x, n->stage->ah, clamp, -1, eta};
   for (;;) {
     memset(n->d, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *n->d);
-    msim_status status = ms_solver_solve(n->s->solver, &request, n->b, n->d, err);
-    if (status != MSIM_NOT_SPD || request.clamp) return status;
-    request.clamp = 1;
+    msim_status status = ms_solver_solve(n->s->solver, request, n->b, n->d, err);
+    if (status == MSIM_NOT_SPD && request->compression > 0) {
+      request->compression = 0;
+      continue;
+    }
+    if (status) return status;
+    break;
   }
+  const double drop = ms_dot(shape, n->b, n->d), part = n->radius / sqrt(drop);
+  n->is_cut = part < 1;
+  if (n->is_cut) ms_scale(shape, part, n->d);
+  n->length = fmin(sqrt(drop), n->radius);
+  n->promise = n->is_cut ? part * (1 - part / 2) * drop : drop / 2;
+  return MSIM_OK;
+}
+
+/* d downhill, of no more than the radius, to the residual eta where it gets so far. */
+static msim_status find_direction(newton *n, double compression, double eta, msim_error *err) {
+  ms_solver *solver = n->s->solver;
+  ms_request request = {n->stage->x, n->stage->ah, compression, -1, eta};
+  if (!ms_solver_descends(solver)) return solve(n, &request, err);
+  ms_descent descent = {.rtol = eta, .radius = n->radius};
+  msim_status status = ms_solver_descend(solver, &request, n->b, &descent, n->d, err);
+  n->length = descent.length, n->promise = descent.promise, n->is_cut = descent.is_cut;
+  n->is_curved = descent.is_curved;
+  return status;
 }
 
 /* v += lambda d, the first of 1, ... that does not lead far beyond the place where d would lead
  * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). whole: 1, whatever comes. Returns
- * lambda. */
+ * lambda; the radius follows what d has kept of its promise, seen from the slopes at both ends, as
+ * energies drown in rounding near the end (Nocedal and Yuan 1998). */
 static double search(newton *n, int whole) {
   enum { MOST = 30 };
   const double start = ms_dot(n->shape, n->b, n->d);
@@ -55,8 +84,13 @@ static double search(newton *n, int whole) {
   for (int i = 0;; i++) {
     ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
     evaluate(n);
-    const double slope = ms_dot(n->shape, n->b, n->d);
-    if (slope >= -0.5 * start || i == MOST || whole) return lambda;
+    const double slope = ms_dot(n->shape, n->b, n->d), kept = (start + slope) / 2 / n->promise;
+    if (slope >= -0.5 * start || i == MOST || whole) {
+      if (lambda < 1) n->radius = lambda * n->length;
+      else if (kept < 0.25) n->radius = 0.5 * n->length;
+      else if (kept > 0.75 && n->is_cut) n->radius = fmax(n->radius, 2 * n->length);
+      return lambda;
+    }
     const double zero = start / (start - slope); /* of the straight line; NaN far outside */
     lambda *= zero > 0.1 ? zero : 0.1;
   }
@@ -86,16 +120,24 @@ static double size(const newton *n) {
  * is A^-1 R, and less than M^-1 R. */
 static int is_converged(const newton *n) {
   const double SAFETY = 0.1, rtol = n->s->opt->newton_rtol;
-  const double theta = n->previous > 0 ? n->correction / n->previous : 1;
+  const double theta = fmax(n->eta, n->previous > 0 ? n->correction / n->previous : 1);
   if (n->linear && n->residual <= rtol * size(n)) return 1;
   return n->correction > 0 && theta < 1 &&
          theta / (1 - theta) * n->correction <= SAFETY * rtol * size(n);
 }
 
-/* Near the solution the matrix as it is makes the method quadratic. */
-static int must_clamp(const newton *n, double first) {
-  const double DROPPED = 0.1;
-  return n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n->residual > DROPPED * first;
+/* The clamped matrix leads far, the exact one to the end: near the solution it makes the method
+ * quadratic, and is often positive definite. Steps downhill take it later than solves, which can
+ * fall back, and the first such step is not much longer than the last of the clamped ones. Where it
+ * met negative curvature the clamped matrix makes the next one. */
+static double choose(newton *n, double first) {
+  const int descends = ms_solver_descends(n->s->solver), curved = n->is_curved;
+  const double dropped = descends ? 1e-3 : 0.1;
+  n->is_curved = 0;
+  if (n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n->residual > dropped * first || curved)
+    return 0;
+  if (descends && isinf(n->radius) && n->length > 0) n->radius = 2 * n->length;
+  return 1;
 }
 
 static msim_status give_up(newton *n, msim_error *err) {
@@ -112,6 +154,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
               .stage = stage,
               .shape = s->model->shape,
               .linear = s->solver->system.a.block == 1,
+              .radius = INFINITY,
               .rho = stage->work[0],
               .b = stage->work[1],
               .d = stage->work[2],
@@ -121,18 +164,18 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
   double before = 0;
   for (int32_t i = 0; i < s->opt->newton_max_iterations; i++) {
     if (n.residual == 0) return MSIM_OK;
-    const int clamp = must_clamp(&n, first);
-    msim_status status = find_direction(&n, clamp, forcing(&n, before), err);
+    msim_status status = find_direction(&n, choose(&n, first), n.eta = forcing(&n, before), err);
     if (status) s->culprit = s->solver->culprit;
     if (status) return status;
     before = n.residual;
     n.previous = n.correction;
     n.correction = norm(&n, n.d);
     s->stats->newton_iterations++;
-    const int last = n.correction <= rounding_level(&n);
+    const int is_little = n.correction <= rounding_level(&n), last = is_little && !n.is_cut;
     const double lambda = search(&n, last);
     n.moved = lambda * n.correction;
-    if (lambda < 1) n.correction = 0;
+    if (lambda < 1 || n.is_cut) n.correction = 0;
+    if (is_little) n.radius = INFINITY; /* slopes that are noise have made it small */
     if (last || is_converged(&n)) return MSIM_OK;
   }
   return give_up(&n, err);

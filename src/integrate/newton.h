@@ -3,7 +3,10 @@
  *   v = w + ah a(x, v),  x = x0 + ah v:     R(v) = M (w - v) + ah F(x0 + ah v, v) = 0
  * by v += d,  (M - ah D - ah^2 J) d = R.  The residual is exact always; the matrix leaves out what
  * the direction of dashpots adds to J, which has no symmetry, and is the clamped one until the
- * residual has dropped (Teran et al. 2005), so that far from the solution each d leads downhill. */
+ * residual has dropped (Teran et al. 2005), so that far from the solution each d leads downhill.
+ * Then it is the exact one, in a trust region: by truncated conjugate gradients (Steihaug 1983;
+ * Toint 1981) where the solver has them, else by solves, clamped where that matrix is indefinite.
+ * Each d is solved for as well as the residual has dropped (Eisenstat and Walker 1996). */
 #ifndef MS_NEWTON_H
 #define MS_NEWTON_H
 

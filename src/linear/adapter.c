@@ -189,7 +189,8 @@ static msim_status set_up(adapter *self, msim_error *err) {
 
 msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,
                               ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {expand, factor, solve, NULL, destroy};
+  static const ms_linear_ops ops = {
+      .expand = expand, .factor = factor, .solve = solve, .destroy = destroy};
   const msim_allocator *alloc = &system->model->scene->alloc;
   const msim_backend *table;
   ms_text where = {.alloc = alloc};

@@ -133,9 +133,11 @@ static void restrict_chunk(void *data, int32_t item) {
   EACH_OF(item) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
-msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia) {
+msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia,
+                             int braced) {
   ms_block_cholesky *chol = &coarse->chol;
   const size_t area = (size_t)(chol->block * chol->block);
+  coarse->braced = braced;
   memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
   run(assemble_chunk, &(job){.coarse = coarse, .coefficients = coefficients, .inertia = inertia});
   return ms_block_cholesky_factor(chol);

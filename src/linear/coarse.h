@@ -16,6 +16,7 @@ typedef struct ms_coarse {
   int32_t *block;    /* 8 halves.nslots: the block to which a half spring between two aggregates
                      belongs; -1: none, or its twin takes care of it */
   int32_t *diagonal; /* aggregates.n: the block of each */
+  int braced;        /* the matrix at hand leaves t < 0 out */
   double *r, *z;     /* coarse vectors */
   const struct ms_coarse_kernels *kernels;
 } ms_coarse;
@@ -25,8 +26,10 @@ msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_c
 void ms_coarse_destroy(ms_coarse *coarse);
 
 /* Factor P^T A P, with A as pcg.h has it: coefficients of half springs and the inertia of rows.
+ * braced: 1, t < 0 counts as 0, so that A is positive definite.
  * MSIM_NOT_SPD: no factor; A is then not positive definite, up to rounding. */
-msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia);
+msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia,
+                             int braced);
 
 /* coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r; returns r.z of these. */
 double ms_coarse_solve(ms_coarse *coarse, const double *r);

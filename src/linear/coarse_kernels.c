@@ -4,13 +4,15 @@
 #include "base/simd.h"
 
 /* K = t I + w w^T of one half spring, as ms_coefficients keeps diagonal blocks */
-MS_INLINE void spring_block(size_t dims, const float *coefficients, int32_t at, double K[6]) {
+MS_INLINE void spring_block(size_t dims, const float *coefficients, int32_t at, int braced,
+                            double K[6]) {
   const float *a = coefficients + 4 * MS_GROUP * (size_t)(at / MS_GROUP) + at % MS_GROUP;
+  const double t = braced && a[0] < 0 ? 0 : (double)a[0];
   double w[3];
   for (size_t c = 0; c < dims; c++) w[c] = (double)a[MS_GROUP * (c + 1)];
   for (size_t c = 0; c < dims; c++)
     for (size_t d = c; d < dims; d++)
-      K[ms_diagonal_entry(dims, c, d)] = w[c] * w[d] + (c == d ? (double)a[0] : 0);
+      K[ms_diagonal_entry(dims, c, d)] = w[c] * w[d] + (c == d ? t : 0);
 }
 
 /* block += left (x) right: rows (c, mode) left, columns (d, mode) right */
@@ -39,7 +41,7 @@ MS_INLINE void assemble_row(size_t dims, ms_coarse *coarse, const float *coeffic
     const int32_t j = model->halves.neighbour[at];
     if (model->halves.spring[at] < 0) continue;
     double K[6];
-    spring_block(dims, coefficients, at, K);
+    spring_block(dims, coefficients, at, coarse->braced, K);
     const int same = j < model->rows.nfree && of[j] == of[row];
     const ms_quad other =
         ms_load_float_quad(weight + MS_MODES * (same || coarse->block[at] >= 0 ? j : row));

@@ -19,7 +19,7 @@ static void destroy(ms_linear *self) {
 }
 
 msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {NULL, NULL, solve, NULL, destroy};
+  static const ms_linear_ops ops = {.solve = solve, .destroy = destroy};
   *linear = ms_new(&system->model->scene->alloc, 1, sizeof **linear);
   if (!*linear) return ms_fail_memory(err, "the diagonal solver");
   **linear =

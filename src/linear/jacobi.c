@@ -26,14 +26,13 @@ static double choose_scale(const ms_model *model, const ms_coefficients *a) {
   return ldexp(1, 2 * (exponent / 2));
 }
 
-/* I / ||B||, Frobenius; I where B = 0 */
-static void identity_as_large(size_t dims, const double *b, double *out) {
-  double diagonal = 0, beside = 0;
-  for (size_t e = 0; e < ms_diagonal_size(dims); e++)
-    *(e < dims ? &diagonal : &beside) += b[e] * b[e];
-  const double norm = sqrt(diagonal + 2 * beside);
-  for (size_t e = 0; e < ms_diagonal_size(dims); e++)
-    out[e] = e >= dims ? 0 : norm > 0 ? 1 / norm : 1;
+/* What makes a row's block positive definite: t = h^2 k s of compressed springs is < 0, and the
+ * rest of their blocks is not. */
+static double brace(const ms_model *model, const ms_coefficients *a, int32_t row) {
+  const ms_span span = ms_halves_of(&model->halves, row);
+  double sum = 0;
+  for (int32_t at = span.begin; at < span.end; at += span.step) sum += fmax(0, -a->t[at]);
+  return sum;
 }
 
 /* By cofactors; 0 unless positive definite, by Sylvester: all leading minors > 0. */
@@ -67,13 +66,13 @@ msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, in
   const size_t size = ms_diagonal_size(block);
   jacobi->scale = choose_scale(model, a);
   const double by = 1 / jacobi->scale;
+  const int braced = kind == MSIM_FACTOR_SYMMETRIC;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
+    const double more = braced ? brace(model, a, r) : 0;
     double in[6], out[6];
-    for (size_t q = 0; q < size; q++) in[q] = by * a->diagonal[q * s + (size_t)r];
-    if (!invert[block](in, out)) {
-      if (kind != MSIM_FACTOR_SYMMETRIC) return MSIM_NOT_SPD;
-      identity_as_large(block, in, out);
-    }
+    for (size_t q = 0; q < size; q++)
+      in[q] = by * (a->diagonal[q * s + (size_t)r] + (q < block ? more : 0));
+    if (!invert[block](in, out)) return MSIM_NOT_SPD;
     for (size_t q = 0; q < size; q++) jacobi->inverse[q * s + (size_t)r] = out[q];
   }
   return MSIM_OK;

@@ -29,6 +29,7 @@ typedef struct ms_pcg {
   ms_coarse coarse;
   int coarse_is_ready; /* it is factored */
   int may_keep;        /* in later steps too */
+  int32_t coarse_age;  /* factors of A since then */
   float *factored;     /* 6 first_pinned: inverse when it was */
   double factored_scale;
   double *sums; /* 2 for each chunk of groups */

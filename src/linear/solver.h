@@ -39,7 +39,7 @@ void ms_solver_destroy(ms_solver *solver);
 typedef struct ms_request {
   const double *x; /* A(x, h) */
   double h;
-  int clamp;          /* the clamped matrix: positive definite always */
+  double compression; /* kept in the matrix: force.h */
   int32_t indefinite; /* MSIM_INDEFINITE_...: what follows where A is not; -1: it is told */
   double rtol;        /* of the residual */
 } ms_request;
@@ -61,6 +61,12 @@ typedef struct ms_request {
  *      cholmod make one, which takes part as in 1. until it is no help. */
 msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
                             double *v, msim_error *err);
+
+/* d as linear.h has it: truncated conjugate gradients on A(x, h), however indefinite, from 0.
+ * Where ms_solver_descends() is 0 the solver can only solve. */
+int ms_solver_descends(const ms_solver *solver);
+msim_status ms_solver_descend(ms_solver *solver, const ms_request *request, const double *b,
+                              ms_descent *d, double *v, msim_error *err);
 
 /* Forget the kept factor: what follows depends on the state alone. */
 void ms_solver_restart(ms_solver *solver);

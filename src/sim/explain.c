@@ -130,10 +130,9 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   static const char *const answer[] = {"that step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run stops"};
   if (sim->integrator->nonlinear)
-    ms_print(out,
-             "newton        to %.3g of the velocity; clamped matrix until the residual has "
-             "dropped\n",
-             sim->opt.newton_rtol);
+    ms_print(out, "newton        to %.3g of the velocity%s\n", sim->opt.newton_rtol,
+             alike ? "; the matrix is the same in every step"
+                   : "; clamped matrix until the residual has dropped");
   else if (alike) ms_print(out, "              positive definite, and the same in every step\n");
   else if (sim->opt.jacobian == MSIM_JACOBIAN_CLAMP)
     ms_print(out, "              clamped: positive definite always\n");
