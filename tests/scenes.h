@@ -107,7 +107,9 @@ static inline int is_implicit(const char *method) {
 }
 
 /* 1 if it takes no forces that depend on velocities. */
-static inline int wants_positions_alone(const char *method) { return strcmp(method, "rkn6") == 0; }
+static inline int wants_positions_alone(const char *method) {
+  return strcmp(method, "rkn6") == 0 || strcmp(method, "force-gradient") == 0;
+}
 
 /* 1 if the solver can be used here. */
 static inline int solver_there(const char *name) {

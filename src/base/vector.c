@@ -42,6 +42,16 @@ void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, c
   }
 }
 
+void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
+                   const double *y2, double c, const double *f, double *y) {
+  EACH_COMPONENT(s) {
+    const double *from = y0 + at, *one = y1 + at, *two = y2 + at, *fc = f + at;
+    double *to = y + at;
+    EACH_ROW(s)
+    to[r] = from[r] + (a * (one[r] - from[r]) + b * (two[r] - from[r]) + c * fc[r]);
+  }
+}
+
 void ms_scale_rows(ms_shape s, const double *d, const double *f, double *a) {
   EACH_COMPONENT(s) {
     const double *fc = f + at;

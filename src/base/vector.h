@@ -21,6 +21,9 @@ void ms_combine(ms_shape s, const double *x, double a, const double *y,
                 double *z); /* z = x + a y */
 void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, const double *z,
              double *w); /* w = x + a y + b z */
+/* y = y0 + a (y1 - y0) + b (y2 - y0) + c f; y may be y1 or y2 */
+void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
+                   const double *y2, double c, const double *f, double *y);
 double ms_dot(ms_shape s, const double *x, const double *y);
 
 /* a = D f, D diagonal with one entry a row. */

@@ -12,6 +12,8 @@
   X(ms_symplectic_euler)        \
   X(ms_velocity_verlet)         \
   X(ms_rk4)                     \
+  X(ms_rkc)                     \
+  X(ms_force_gradient)          \
   X(ms_rkn6)                    \
   X(ms_implicit_euler)          \
   X(ms_implicit_midpoint)       \

@@ -61,3 +61,20 @@ msim_status ms_bounds_compute(const ms_scene *scene, int sharp, ms_bounds *bound
   bounds->least_rate = scene->drag > 0 ? scene->drag / heaviest(scene) : 0;
   return MSIM_OK;
 }
+
+ms_bounds ms_bounds_of(const ms_model *model) {
+  const ms_halves *halves = &model->halves;
+  double omega2 = 0, rate = 0, heaviest = 0;
+  for (int32_t r = 0; r < model->rows.nfree; r++) {
+    const ms_span span = ms_halves_of(halves, r);
+    double k = 0, c = 0;
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int ends = halves->neighbour[at] < model->rows.nfree ? 2 : 1;
+      k += ends * halves->k[at], c += ends * halves->damping[at];
+    }
+    omega2 = fmax(omega2, k * model->inv_mass[r]);
+    rate = fmax(rate, (c + model->drag) * model->inv_mass[r]);
+    heaviest = fmax(heaviest, model->mass[r]);
+  }
+  return (ms_bounds){sqrt(omega2), rate, model->drag > 0 ? model->drag / heaviest : 0};
+}

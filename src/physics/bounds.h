@@ -9,7 +9,7 @@
 #ifndef MS_BOUNDS_H
 #define MS_BOUNDS_H
 
-#include "scene/scene.h"
+#include "physics/model.h"
 
 typedef struct ms_bounds {
   double omega;      /* sqrt(lambda_max(M^-1 Lap_k)) or more, 1/s */
@@ -20,5 +20,8 @@ typedef struct ms_bounds {
 /* By Gershgorin's discs, in one pass over the springs. sharp: by Lanczos's method too, in some
  * 15 passes or 30 for each of k and c, and never above the discs. */
 msim_status ms_bounds_compute(const ms_scene *scene, int sharp, ms_bounds *bounds, msim_error *err);
+
+/* Those of the discs for one island, which allocates nothing. */
+ms_bounds ms_bounds_of(const ms_model *model);
 
 #endif

@@ -1,5 +1,7 @@
 #include "physics/model.h"
 
+#include <string.h>
+
 #include "base/isa.h"
 #include "layout/flat.h"
 
@@ -19,7 +21,8 @@ static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
 
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
                                    unsigned skip_off, ms_model *model, msim_error *err) {
-  *model = (ms_model){.scene = scene, .isa = ms_isa_best()};
+  *model = (ms_model){.scene = scene, .drag = scene->drag, .isa = ms_isa_best()};
+  memcpy(model->gravity, scene->gravity, sizeof model->gravity);
   msim_status status =
       ms_layout_create(scene, island, &model->rows, &model->springs, &model->halves, err);
   if (left_out >= 0) ms_rows_leave_out(&model->rows, left_out);

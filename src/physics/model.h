@@ -13,6 +13,7 @@ typedef struct ms_model {
   ms_halves halves;        /* the same springs, seen from their rows */
   ms_shape shape;          /* of the unknowns */
   double *mass, *inv_mass; /* first_pinned, kg, 1/kg: of each unknown row; padding: 1, 0 */
+  double gravity[3], drag; /* the scene's: m/s^2, N s/m */
   double *part_force;      /* what springs do to rows in parts; NULL: there are none */
   int isa;                 /* of the kernels: ms_isa_best() */
   ms_pool *pool;           /* the sim's; NULL: one thread */

@@ -24,9 +24,9 @@ MS_INLINE ms_lanes pull(int dims, int damped, ms_vec d, ms_vec dv, const ms_halv
 MS_INLINE ms_vec external(int dims, const ms_model *m, size_t row, const double *v) {
   const ms_lanes mass = ms_load(m->mass + row);
   ms_vec f = {{{0}}};
-  for (int c = 0; c < dims; c++) f.c[c] = mass * m->scene->gravity[m->rows.axis[c]];
-  if (!v || m->scene->drag == 0) return f;
-  return ms_fma_vec(dims, (ms_lanes){0} - m->scene->drag,
+  for (int c = 0; c < dims; c++) f.c[c] = mass * m->gravity[m->rows.axis[c]];
+  if (!v || m->drag == 0) return f;
+  return ms_fma_vec(dims, (ms_lanes){0} - m->drag,
                     ms_load_vec(dims, v + row, (size_t)m->rows.stride), f);
 }
 

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "integrate/rkc.h"
 #include "linear/aggregates.h"
 #include "sim/sim.h"
 
@@ -188,7 +189,7 @@ static void explain_limits(const msim_sim *sim, ms_text *out) {
   const char *name = sim->integrator->entry.name;
   ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state\n",
            b->omega, b->rate);
-  if (!sim->integrator->limit)
+  if (sim->integrator->entry.implicit)
     ms_print(out, "              stable for every h where the system is linear\n");
   else if (isinf(limit)) ms_print(out, "              stable for every h: nothing vibrates\n");
   else if (limit == 0)

@@ -1,0 +1,74 @@
+#include <string.h>
+
+#include "integrate/methods.h"
+
+/* v += b_i h a,  x += a_i h v,  in turn: b_1 a_1 b_2 a_2 b_3 a_2 b_2 a_1 b_1. The kick in the
+ * middle is that of the modified force F + g h^2 J M^-1 F; it is taken as F(x + g h^2 a(x)), the
+ * same to O(h^4) for one evaluation more (Wisdom, Holman and Touma 1996). The last kick and the
+ * first of the next step are of one force: 5 evaluations a step.
+ *
+ * Form: Omelyan, Mryglod and Folk, Phys. Rev. E 66 (2002) 026701. Two conditions on its four
+ * numbers make it order 4. Ours are fixed by two more, order 6 where forces are linear; that is
+ * nearly the least error where they are not, and at equal cost some 20 times less than that of
+ * Chin's method 4A (1997).
+ *
+ * Takahashi and Imada's leapfrog (1984) is order 4 in other variables than x and v, so that states
+ * would have to be converted to and fro, and is no cheaper. */
+enum { DRIFTS = 4, MIDDLE = 2 };
+
+#define A1 0.24004250742648506
+#define B1 0.0891007659901135
+#define B2 0.28694996084206753
+#define G  0.023037733119604515
+static const double kick[DRIFTS + 1] = {B1, B2, 1 - 2 * (B1 + B2), B2, B1};
+static const double drift[DRIFTS] = {A1, 0.5 - A1, 0.5 - A1, A1};
+
+enum { ACCELERATION, STAGE }; /* work vectors */
+
+/* Stages lie in x_next and in a vector of our own, so that forces find the pinned rows in both. */
+static void start(ms_stepper *s) {
+  const ms_rows *rows = &s->model->rows;
+  memcpy(s->work[STAGE], s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x);
+}
+
+static msim_status step(ms_stepper *s, msim_error *err) {
+  (void)err;
+  const ms_shape shape = s->model->shape;
+  double *a = s->work[ACCELERATION], *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
+  if (!s->warm) ms_acceleration(s, s->x, NULL, a);
+  ms_combine(shape, s->v, s->h * kick[0], a, v);
+  ms_combine(shape, s->x, s->h * drift[0], v, x);
+  for (int i = 1; i < DRIFTS; i++) {
+    ms_pass pass = {.x = x,
+                    .v_to = v,
+                    .v_from = v,
+                    .h = s->h * kick[i],
+                    .x_to = other,
+                    .x_from = x,
+                    .drift = s->h * drift[i]};
+    if (i == MIDDLE) {
+      ms_acceleration(s, x, NULL, a);
+      ms_combine(shape, x, G * s->h * s->h, a, other);
+      pass.x = other, pass.x_to = x;
+    }
+    ms_evaluate(s, &pass);
+    if (pass.x_to == other) other = x, x = pass.x_to;
+  }
+  ms_evaluate(s, &(ms_pass){.x = x, .a = a, .v_to = v, .v_from = v, .h = s->h * kick[DRIFTS]});
+  s->warm_next = ms_reflect(s, x, v) == 0;
+  return MSIM_OK;
+}
+
+static double limit(const ms_bounds *b) { return 3.1 / b->omega; }
+
+const ms_integrator ms_force_gradient = {
+    .entry = {.name = "force-gradient",
+              .doc =
+                  "symmetric, 5 evaluations, the middle one at x + g h^2 a(x); for forces that "
+                  "do not depend on velocities; stable below h omega = 3.1 (Omelyan et al. 2002)",
+              .order = 4},
+    .separable = 1,
+    .nwork = 2,
+    .start = start,
+    .step = step,
+    .limit = limit};

@@ -1,0 +1,141 @@
+#include "integrate/rkc.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "integrate/methods.h"
+
+/* y = (x, v), f = (v, a), in s stages (Sommeijer, Shampine and Verwer, J. Comput. Appl. Math. 88
+ * (1998) 315):
+ *   Y_0 = y,  Y_1 = Y_0 + m_1 h f_0,
+ *   Y_j = Y_0 + mu (Y_(j-1) - Y_0) + nu (Y_(j-2) - Y_0) + m h f_(j-1) + g h f_0,  y' = Y_s,
+ * with Chebyshev's polynomials T_j at w0 = 1 + (2/13)/s^2, w1 = T_s'/T_s'',
+ *   b_j = T_j''/T_j'^2 from j = 2 on, b_0 = b_2, b_1 = 1/w0,
+ *   m_1 = b_1 w1,  mu = 2 b_j w0/b_(j-1),  nu = -b_j/b_(j-2),  m = 2 b_j w1/b_(j-1),
+ *   g = -(1 - b_(j-1) T_(j-1)) m.
+ * Its amplification is 1 - b_s T_s(w0) + b_s T_s(w0 + w1 h z). */
+#define DAMPING (2. / 13)
+
+/* Beyond this rounding errors of the stages add up. */
+enum { MOST_STAGES = 1000 };
+
+int32_t ms_rkc_stages(double h, ms_bounds bounds) {
+  const double stages = ceil(sqrt(1 + h * fmax(bounds.rate, bounds.omega) / 0.653));
+  return (int32_t)fmin(fmax(stages, 2), MOST_STAGES);
+}
+
+/*------------------------------------- coefficients ---------------------------------------------*/
+
+/* T_j, T_j' and T_j'' at w0, and b_j */
+typedef struct term {
+  double t, t1, t2, b;
+} term;
+
+static term after(double w0, term now, term before) {
+  term next = {.t = 2 * w0 * now.t - before.t,
+               .t1 = 2 * now.t + 2 * w0 * now.t1 - before.t1,
+               .t2 = 4 * now.t1 + 2 * w0 * now.t2 - before.t2};
+  next.b = next.t2 / (next.t1 * next.t1);
+  return next;
+}
+
+/* Where the recurrence stands: at stage j of s. */
+typedef struct recurrence {
+  double w0, w1;
+  term now, before;
+  double mu, nu, m, g; /* of the stage */
+} recurrence;
+
+static void advance(recurrence *r) {
+  const term next = after(r->w0, r->now, r->before);
+  const double share = 2 * next.b / r->now.b;
+  r->mu = share * r->w0;
+  r->m = share * r->w1;
+  r->nu = -next.b / r->before.b;
+  r->g = -(1 - r->now.b * r->now.t) * r->m;
+  r->before = r->now;
+  r->now = next;
+}
+
+/* At stage 1 */
+static recurrence begin(int32_t stages) {
+  const double s = stages, w0 = 1 + DAMPING / (s * s);
+  const term zeroth = {.t = 1}, first = {.t = w0, .t1 = 1, .b = 1 / w0};
+  const term second = after(w0, first, zeroth);
+  term now = second, before = first;
+  for (int32_t j = 2; j < stages; j++) {
+    const term next = after(w0, now, before);
+    before = now, now = next;
+  }
+  recurrence r = {.w0 = w0, .w1 = now.t1 / now.t2, .now = first, .before = zeroth};
+  r.before.b = second.b;
+  r.m = r.w1 / w0;
+  return r;
+}
+
+/*------------------------------------- steps ----------------------------------------------------*/
+
+enum { A0, X, V }; /* work vectors */
+
+/* Stages lie in x_next and in a vector of our own, so that forces find the pinned rows in both. */
+static void start(ms_stepper *s) {
+  const ms_rows *rows = &s->model->rows;
+  memcpy(s->work[X], s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x);
+}
+
+/* warm: the number of stages, which follows from h and the springs */
+static msim_status step(ms_stepper *s, msim_error *err) {
+  (void)err;
+  const ms_shape shape = s->model->shape;
+  const int32_t stages = s->warm ? s->warm : ms_rkc_stages(s->h, ms_bounds_of(s->model));
+  double *xs[] = {s->x_next, s->work[X]},
+         *vs[] = {s->v_next, s->work[V]}; /* the last in the first */
+  recurrence r = begin(stages);
+  int to = (stages - 1) % 2;
+  ms_evaluate(s, &(ms_pass){.x = s->x,
+                            .v = s->v,
+                            .a = s->work[A0],
+                            .v_to = vs[to],
+                            .v_from = s->v,
+                            .h = r.m * s->h,
+                            .x_to = xs[to],
+                            .x_from = s->x,
+                            .along = s->v,
+                            .drift = r.m * s->h});
+  const double *x_before = s->x, *v_before = s->v;
+  for (int32_t j = 2; j <= stages; j++) {
+    const double *x = xs[to], *v = vs[to];
+    to = 1 - to;
+    advance(&r);
+    ms_three_term(shape, s->x, r.mu, x, r.nu, x_before, r.g * s->h, s->v, xs[to]);
+    ms_three_term(shape, s->v, r.mu, v, r.nu, v_before, r.g * s->h, s->work[A0], vs[to]);
+    ms_evaluate(s, &(ms_pass){.x = x,
+                              .v = v,
+                              .v_to = vs[to],
+                              .v_from = vs[to],
+                              .h = r.m * s->h,
+                              .x_to = xs[to],
+                              .x_from = xs[to],
+                              .along = v,
+                              .drift = r.m * s->h});
+    x_before = x, v_before = v;
+  }
+  s->warm_next = stages;
+  ms_reflect(s, s->x_next, s->v_next);
+  return MSIM_OK;
+}
+
+/* Of motion whose damping grows as its stiffness does (rkc.h). */
+static double limit(const ms_bounds *b) {
+  return b->omega > 0 ? MS_RKC_STRIP * b->rate / (b->omega * b->omega) : INFINITY;
+}
+
+const ms_integrator ms_rkc = {
+    .entry = {.name = "rkc",
+              .doc = "Runge-Kutta-Chebyshev, in as many stages as damping needs, which grow as the "
+                     "root of h; undamped motion gains energy (Sommeijer, Shampine, Verwer 1998)",
+              .order = 2},
+    .nwork = 3,
+    .start = start,
+    .step = step,
+    .limit = limit};

@@ -1,0 +1,178 @@
+/* What force-gradient, rkc and respa promise beyond their order: what they keep, where they are
+ * stable, what they cost. */
+#include <complex.h>
+#include <math.h>
+#include <string.h>
+
+#include "integrate/rkc.h"
+#include "scenes.h"
+
+enum { SIDE = 5, N = SIDE * SIDE };
+
+/* A cloth that nothing holds, bent and thrown; two of its springs are stiff. Damping is so many
+ * times stiffness. */
+static msim_scene *thrown(double ratio) {
+  msim_scene *cloth = hanging_cloth(SIDE, 50, 0), *scene;
+  msim_scene_view view = {.size = sizeof view};
+  double x[3 * N], v[3 * N], k[8 * N], c[8 * N];
+  unsigned seed = 3;
+  msim_scene_get(cloth, &view);
+  for (int i = 0; i < 3 * N; i++) {
+    x[i] = view.x[i] + 0.02 * uniform(&seed);
+    v[i] = uniform(&seed) - 0.5;
+  }
+  for (int32_t e = 0; e < view.nsprings; e++) {
+    k[e] = e == 7 || e == 40 ? 1e5 : view.k[e];
+    c[e] = ratio * k[e];
+  }
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, N, x, v, view.mass, err));
+  assert_ok(msim_scene_add_springs(scene, view.nsprings, view.ij, k, view.rest, c, err));
+  msim_scene_destroy(cloth);
+  return scene;
+}
+
+static msim_energy energy_of(msim_sim *sim) {
+  msim_energy e = {.size = sizeof e};
+  msim_sim_energy(sim, &e);
+  return e;
+}
+
+/* Springs push both ends alike: momentum is kept to rounding. */
+static void momentum_is_kept(void **state) {
+  (void)state;
+  static const struct {
+    const char *method;
+    double h, ratio;
+  } runs[] = {{"force-gradient", 5e-4, 0}, {"rkc", 1e-3, 1e-3}};
+  for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
+    msim_scene *scene = thrown(runs[i].ratio);
+    msim_options opt = options(runs[i].method, runs[i].h);
+    msim_sim *sim = make_sim(scene, &opt);
+    const msim_energy before = energy_of(sim);
+    assert_ok(msim_sim_step(sim, 500, err));
+    const msim_energy after = energy_of(sim);
+    for (int c = 0; c < 3; c++) assert_close(after.momentum[c], before.momentum[c], 1e-13);
+    assert_true(after.total < 1.1 * before.total);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Back with -v a symmetric method ends where it began, at rounding. */
+static void reversible_methods_find_their_way_back(void **state) {
+  (void)state;
+  static const struct {
+    const char *method;
+    double h;
+  } runs[] = {{"force-gradient", 5e-4}};
+  for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
+    msim_scene *scene = thrown(0);
+    msim_options opt = options(runs[i].method, runs[i].h);
+    msim_sim *sim = make_sim(scene, &opt);
+    double start[3 * N], x[3 * N], v[3 * N];
+    memcpy(start, state_of(sim).x, sizeof start);
+    assert_ok(msim_sim_step(sim, 100, err));
+    msim_state s = state_of(sim);
+    double moved = 0, off = 0;
+    for (int q = 0; q < 3 * N; q++) {
+      x[q] = s.x[q], v[q] = -s.v[q];
+      moved = fmax(moved, fabs(x[q] - start[q]));
+    }
+    s.x = x, s.v = v;
+    assert_ok(msim_sim_set_state(sim, &s, err));
+    assert_ok(msim_sim_step(sim, 100, err));
+    s = state_of(sim);
+    for (int q = 0; q < 3 * N; q++) off = fmax(off, fabs(s.x[q] - start[q]));
+    assert_true(moved > 0.01);
+    assert_close(off, 0, 1e-9);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- rkc ------------------------------------------------------*/
+
+/* T_s and its first two derivatives at w0 > 1, by the hyperbolic formula */
+static void chebyshev(int s, double w0, double t[3]) {
+  const double u = acosh(w0), r = sinh(u);
+  t[0] = cosh(s * u);
+  t[1] = s * sinh(s * u) / r;
+  t[2] = (s * s * cosh(s * u) - w0 * t[1]) / (r * r);
+}
+
+/* The amplification of s stages, in closed form */
+static double complex amplification(int s, double complex z) {
+  const double w0 = 1 + 2. / 13 / (s * (double)s);
+  double t[3];
+  chebyshev(s, w0, t);
+  const double b = t[2] / (t[1] * t[1]), w1 = t[1] / t[2];
+  return 1 - b * t[0] + b * ccosh(s * cacosh(w0 + w1 * z));
+}
+
+/* All modes that the bounds allow, where rates grow as springs do, are stable with the stages that
+ * are taken; with two less the stiffest is not. */
+static void stages_hold_the_whole_strip(void **state) {
+  (void)state;
+  for (double rate = 0.01; rate < 2000; rate *= 1.3)
+    for (double strip = 0.05; strip <= MS_RKC_STRIP; strip += 0.05) {
+      const ms_bounds bounds = {.omega = sqrt(strip * rate), .rate = rate};
+      const int s = ms_rkc_stages(1, bounds);
+      double largest = 0;
+      for (int i = 1; i <= 200; i++) {
+        const double w = bounds.omega * i / 200, g = rate * i * i / 40000;
+        const double complex root = csqrt(g * g / 4 - w * w);
+        largest = fmax(largest, cabs(amplification(s, -g / 2 + root)));
+        largest = fmax(largest, cabs(amplification(s, -g / 2 - root)));
+      }
+      if (!(largest <= 1 + 1e-12))
+        fail_msg("rate %g, omega %g: %d stages grow by %g", rate, bounds.omega, s, largest - 1);
+      if (s > 4 && rate > 4 * bounds.omega) assert_true(cabs(amplification(s - 2, -rate)) > 1);
+    }
+}
+
+/* A weight that swings along a damped spring of no length, which is linear */
+static msim_scene *oscillator(double omega, double rate) {
+  const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, -0.3, 0, 0}, mass[2] = {1, 1};
+  const double k = omega * omega, rest = 0;
+  const int32_t ij[2] = {0, 1}, pin = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &rate, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  return scene;
+}
+
+/* A step is that polynomial of the matrix, in as many evaluations as it has stages. */
+static void a_step_has_that_amplification(void **state) {
+  (void)state;
+  static const double modes[][2] = {{1, 0.2}, {1, 3}, {3, 20}, {5, 200}, {10, 1500}};
+  for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
+    const double omega = modes[i][0], rate = modes[i][1];
+    msim_scene *scene = oscillator(omega, rate);
+    msim_options opt = options("rkc", 1);
+    msim_sim *sim = make_sim(scene, &opt);
+    /* the bounds know the spring only by twice its k and c */
+    const int s = ms_rkc_stages(1, (ms_bounds){.omega = omega * sqrt(2), .rate = 2 * rate});
+    assert_ok(msim_sim_step(sim, 1, err));
+    assert_int_equal(stats_of(sim).force_evaluations, s);
+    /* x = p e^(z t) + q e^(y t) */
+    const double complex root = csqrt(rate * rate / 4 - omega * omega);
+    const double complex z = -rate / 2 + root, y = -rate / 2 - root;
+    const double complex p = (-0.3 - y) / (z - y), q = 1 - p;
+    const double complex pz = p * amplification(s, z), qy = q * amplification(s, y);
+    assert_close(state_of(sim).x[3], creal(pz + qy), 1e-11);
+    assert_close(state_of(sim).v[3], creal(z * pz + y * qy), 1e-11 * rate);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(momentum_is_kept),
+                                     cmocka_unit_test(reversible_methods_find_their_way_back),
+                                     cmocka_unit_test(stages_hold_the_whole_strip),
+                                     cmocka_unit_test(a_step_has_that_amplification)};
+  return cmocka_run_group_tests_name("explicit", tests, NULL, NULL);
+}
