@@ -261,7 +261,6 @@ static void bad_options_are_refused(void **state) {
   (void)state;
   refused(NULL, NULL, NULL, "no integrator was chosen");
   refused("verlett", NULL, NULL, "'verlett' (did you mean 'verlet'?)");
-  refused("respa", NULL, NULL, "not part of msim");
   refused("auto", NULL, NULL, "not part of msim");
   refused("verlet", "collision", "event", "not part of msim");
   refused("verlet", "h", "0", "h is '0'; it must be a number > 0");

@@ -355,6 +355,7 @@ typedef struct msim_stats {
   double total_s, force_s, assemble_s, factor_s, solve_s, collide_s, output_s;
   int64_t steps_at_rest;   /* of `steps`, those that were not made, as they would change nothing */
   int64_t islands_at_rest; /* steps of single islands that were not made for that reason */
+  int64_t spring_evaluations; /* springs in all force evaluations: respa's are of some of them */
 } msim_stats;
 
 /* What was decided at creation, or from the last state set. */

@@ -26,6 +26,7 @@ typedef struct ms_stepper {
                                 As with x, a step reads warm and writes warm_next */
   double h;                  /* of the steps to come; start() may rely on it */
   int32_t culprit;           /* row to blame when step() fails; -1: none in particular */
+  struct ms_split *split;    /* NULL where the method needs none, or where none pays */
   int finite;                /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
   msim_stats *stats;
 } ms_stepper;
@@ -34,6 +35,7 @@ typedef struct ms_integrator {
   msim_integrator_entry entry; /* order: a test measures it and compares */
   int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
   int separable; /* needs forces that do not depend on velocities: no damping, no drag */
+  int splits;    /* keeps stiff springs apart: stepper.split, which belongs to h and the springs */
   int32_t nwork;
   /* From x and the velocity at t in v to the velocity that the method carries; called with warm = 0
    * at the start and after a state was set. Nullable. */
@@ -50,6 +52,9 @@ typedef struct ms_integrator {
 
 /* One evaluation of forces and what the step makes of it, counted and timed. */
 void ms_evaluate(ms_stepper *s, const ms_pass *pass);
+
+/* The same of a model with some of the springs */
+void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass);
 
 /* v_next = v + h a(x, v),  x_next = x + h v_next */
 ms_pass ms_kick_drift(const ms_stepper *s);

@@ -11,6 +11,7 @@
   X(ms_linearly_implicit_euler) \
   X(ms_symplectic_euler)        \
   X(ms_velocity_verlet)         \
+  X(ms_respa)                   \
   X(ms_rk4)                     \
   X(ms_rkc)                     \
   X(ms_force_gradient)          \

@@ -22,6 +22,7 @@ static void first_step(ms_stepper *s) {
   ms_combine(shape, s->v, s->h, s->work[0], s->v_next);
   ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
   s->stats->force_evaluations++;
+  s->stats->spring_evaluations += s->model->springs.n;
 }
 
 static msim_status step(ms_stepper *s, msim_error *err) {

@@ -56,6 +56,40 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
   return status;
 }
 
+msim_status ms_model_create_part(const ms_model *whole, const ms_island *springs, unsigned skip_off,
+                                 ms_model *part, msim_error *err) {
+  const ms_scene *scene = whole->scene;
+  ms_adjacency a = {0};
+  *part = *whole;
+  part->springs = (ms_springs){0};
+  part->halves = (ms_halves){0};
+  part->part_force = NULL;
+  msim_status status = ms_springs_create(scene, springs, &part->rows, &part->springs, err);
+  if (!status) status = ms_adjacency_create(scene, &part->rows, &part->springs, &a, err);
+  if (!status)
+    status = ms_halves_create(scene, &part->rows, &part->springs, &a, &part->halves, err);
+  ms_adjacency_destroy(scene, &a);
+  if (status) return status;
+  if (part->halves.nparts > 0) part->part_force = ms_rows_vector(scene, &part->rows);
+  if (part->halves.nparts > 0 && !part->part_force) return ms_fail_memory(err, "the springs");
+  part->passes = needed_passes(scene, &part->springs) | skip_off;
+  return MSIM_OK;
+}
+
+void ms_model_destroy_part(ms_model *part) {
+  if (!part->scene) return;
+  ms_halves_destroy(part->scene, &part->halves);
+  ms_springs_destroy(part->scene, &part->springs);
+  ms_delete(&part->scene->alloc, part->part_force);
+  *part = (ms_model){0};
+}
+
+void ms_model_keep_springs_only(ms_model *model) {
+  memset(model->gravity, 0, sizeof model->gravity);
+  model->drag = 0;
+  model->passes &= ~(unsigned)(MSIM_SKIP_GRAVITY | MSIM_SKIP_DRAG | MSIM_SKIP_PLANES);
+}
+
 void ms_model_update(ms_model *model, unsigned skip_off) {
   ms_springs_update(model->scene, &model->springs);
   ms_halves_update(&model->springs, &model->halves);

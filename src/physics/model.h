@@ -29,6 +29,15 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
                             msim_error *err);
 
+/* The same particles with some of the springs: the island's, and its rows are scratch. Shares rows
+ * and masses with the whole, which must outlive it. */
+msim_status ms_model_create_part(const ms_model *whole, const ms_island *springs, unsigned skip_off,
+                                 ms_model *part, msim_error *err);
+void ms_model_destroy_part(ms_model *part);
+
+/* No gravity, no drag, no planes. */
+void ms_model_keep_springs_only(ms_model *model);
+
 /* The scene's springs have other k, rest or damping. */
 void ms_model_update(ms_model *model, unsigned skip_off);
 void ms_model_destroy(ms_model *model);

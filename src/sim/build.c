@@ -1,4 +1,5 @@
 /* build - models, solvers and vectors of a plan: one of each for every island */
+#include "integrate/split.h"
 #include "sim/sim.h"
 
 static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
@@ -61,7 +62,10 @@ static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
   s->model = &m->model;
   s->opt = &sim->opt;
   s->stats = m->by_one ? &m->stats : &sim->stats;
+  s->h = sim->plan.h;
   msim_status status = allocate(sim, m, err);
+  if (!status && sim->integrator->splits)
+    status = ms_split_create(&m->model, &sim->opt, s->h, &s->split, err);
   if (status || !sim->integrator->entry.implicit) return status;
   return ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &s->solver, err);
 }
@@ -78,6 +82,7 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
   for (int32_t i = 0; i < nislands; i++) {
     ms_stepper *s = &motion[i].stepper;
     ms_solver_destroy(s->solver);
+    ms_split_destroy(&motion[i].model, s->split);
     ms_model_destroy(&motion[i].model);
     double *vectors[] = {s->x, s->v, s->x_next, s->v_next, s->scratch};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) ms_delete(alloc, vectors[k]);

@@ -128,13 +128,14 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   if (!status) status = check_values("damping", n, damping, err);
   if (!status && damping) status = ms_sim_check_forces(sim, damping, err);
   if (status) return status;
-  int other = 0;
+  int other = sim->integrator->splits; /* which springs are stiff */
   for (int32_t i = 0; i < sim->nislands && !other; i++)
     other = changes_kind(sim, &sim->motion[i], rest, damping);
   ms_scene *before = other ? ms_scene_share(sim->scene) : NULL;
   ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
   status = write_springs(sim, k, rest, damping, err);
-  if (!status && other) status = replace_solvers(sim, err);
+  if (!status && other)
+    status = sim->integrator->splits ? ms_sim_rebuild(sim, err) : replace_solvers(sim, err);
   if (status && other) put_back(sim, before);
   else ms_scene_release(before);
   if (status) return status;

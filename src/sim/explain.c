@@ -2,7 +2,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "integrate/cut.h"
 #include "integrate/rkc.h"
+#include "integrate/split.h"
 #include "linear/aggregates.h"
 #include "sim/sim.h"
 
@@ -87,6 +89,37 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
     ms_print(out, "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
              (long long)sim->plan.steps, sim->t0 + (double)sim->plan.steps * sim->plan.h,
              (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES));
+}
+
+/* What a step of velocity Verlet takes longer than springs allow; below 1 it is stable. */
+static double reach_of(const msim_sim *sim, const ms_model *model) {
+  return ms_verlet_reach(sim->plan.h, ms_bounds_of(model));
+}
+
+/* Which springs take shorter steps. */
+static void explain_split(const msim_sim *sim, ms_text *out) {
+  const ms_motion *m = ms_sim_largest(sim);
+  const ms_split *split = m->stepper.split;
+  const int32_t n = m->model.springs.n;
+  if (!sim->integrator->splits) return;
+  if (!split) {
+    ms_print(out, "springs       all take one step, as by velocity-verlet: %s\n",
+             reach_of(sim, &m->model) < 1
+                 ? "h is short enough for each"
+                 : "no few are so much stiffer that steps of their own pay");
+    return;
+  }
+  const int32_t stiff = split->stiff.springs.n;
+  ms_print(out, "springs       %d of %d, the stiffest, take %d steps in one of the others\n", stiff,
+           n, split->inner);
+  ms_print(out,
+           "              %lld spring evaluations a step; velocity-verlet, at its limit, %lld\n",
+           (long long)n + (long long)split->inner * stiff,
+           (long long)n * (long long)ceil(reach_of(sim, &m->model)));
+  ms_print(
+      out,
+      "              resonates where h Omega of a stiff mode is near n pi; h Omega <= %.3g pi\n",
+      sim->plan.h * ms_bounds_of(&split->stiff).omega / 3.141592653589793);
 }
 
 static void explain_threads(const msim_sim *sim, ms_text *out) {
@@ -183,12 +216,24 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
   }
 }
 
+/* What limits the longest steps of a method that splits: the springs that wait for them. */
+static ms_bounds bound_soft(const msim_sim *sim) {
+  ms_bounds most = {0};
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    const ms_motion *m = &sim->motion[i];
+    const ms_bounds b = ms_bounds_of(m->stepper.split ? &m->stepper.split->soft : &m->model);
+    most.omega = fmax(most.omega, b.omega), most.rate = fmax(most.rate, b.rate);
+  }
+  return most;
+}
+
 static void explain_limits(const msim_sim *sim, ms_text *out) {
-  const ms_bounds *b = &sim->advice.bounds;
-  const double limit = sim->advice.limit, h = sim->plan.h;
+  const int splits = sim->integrator->splits;
+  const ms_bounds bounds = splits ? bound_soft(sim) : sim->advice.bounds, *b = &bounds;
+  const double limit = splits ? ms_verlet_limit(b) : sim->advice.limit, h = sim->plan.h;
   const char *name = sim->integrator->entry.name;
-  ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state\n",
-           b->omega, b->rate);
+  ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",
+           b->omega, b->rate, splits ? ", by the longest steps" : "");
   if (sim->integrator->entry.implicit)
     ms_print(out, "              stable for every h where the system is linear\n");
   else if (isinf(limit)) ms_print(out, "              stable for every h: nothing vibrates\n");
@@ -209,6 +254,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   explain_islands(sim, out);
   explain_rows(&ms_sim_largest(sim)->model.rows, out);
   explain_method(sim, out);
+  explain_split(sim, out);
   explain_threads(sim, out);
   explain_solver(sim, out);
   explain_skips(sim, out);

@@ -181,6 +181,7 @@ static void step_by_one(void *data, int32_t i) {
 static msim_status collect(msim_sim *sim, ms_motion *m) {
   const double threads = ms_pool_threads(sim->pool);
   sim->stats.force_evaluations += m->stats.force_evaluations;
+  sim->stats.spring_evaluations += m->stats.spring_evaluations;
   sim->stats.contacts += m->stats.contacts;
   sim->stats.force_s += m->stats.force_s / threads;
   sim->stats.collide_s += m->stats.collide_s / threads;

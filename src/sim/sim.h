@@ -59,6 +59,9 @@ double ms_sim_time(const msim_sim *sim);
  * keeps the old ones where that fails. The state is yet to be set. */
 msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err);
 
+/* The same again, in the present state. */
+msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err);
+
 /* Does the method allow such springs in this scene? damping: one a spring. */
 msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim_error *err);
 

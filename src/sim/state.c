@@ -61,14 +61,17 @@ static msim_status check_state(const msim_sim *sim, const msim_state *state, msi
   return MSIM_OK;
 }
 
-/* A state out of the scene's plane needs all three components, one within it does not. */
-static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_error *err) {
+/* A state out of the scene's plane needs all three components, one within it does not. A split of
+ * the springs belongs to its h. */
+static msim_status fit_state(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_scene *scene = sim->scene;
   int32_t flat = ms_flat_axis(scene, sim->opt.skip_off);
   if (flat >= 0 && !(ms_is_level(scene, flat, state->x, state->v) &&
                      (!state->v_half || ms_is_level(scene, flat, state->x, state->v_half))))
     flat = -1;
-  return flat == sim->motion->model.rows.left_out ? MSIM_OK : ms_sim_build(sim, flat, err);
+  const int split_fits = !sim->integrator->splits || sim->motion->stepper.h == sim->plan.h;
+  if (flat == sim->motion->model.rows.left_out && split_fits) return MSIM_OK;
+  return ms_sim_build(sim, flat, err);
 }
 
 static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
@@ -88,12 +91,20 @@ static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
   }
 }
 
+msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err) {
+  msim_state now = {.size = sizeof now};
+  msim_sim_state(sim, &now);
+  msim_status status = ms_sim_build(sim, sim->motion->model.rows.left_out, err);
+  for (int32_t i = 0; i < sim->nislands && !status; i++) start_island(sim, &sim->motion[i], &now);
+  return status;
+}
+
 msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err) {
   if (!sim || !state) return ms_fail(err, MSIM_ERR_ARG, "sim or state is NULL");
   msim_status status = check_state(sim, state, err);
   const ms_plan before = sim->plan;
   if (!status) status = ms_sim_make_plan(sim, state->t, err);
-  if (!status) status = fit_components(sim, state, err);
+  if (!status) status = fit_state(sim, state, err);
   if (status) {
     sim->plan = before;
     return status;

@@ -11,14 +11,23 @@ typedef struct field {
   { #name, offsetof(msim_stats, name##_s) }
 
 static const field counters[] = {
-    COUNTER(steps),          COUNTER(force_evaluations),
-    COUNTER(assemblies),     COUNTER(analyses),
-    COUNTER(factorizations), COUNTER(solves),
-    COUNTER(iterations),     COUNTER(newton_iterations),
-    COUNTER(contacts),       COUNTER(indefinite_steps),
-    COUNTER(coarse_factors), COUNTER(kept_factors),
-    COUNTER(refinements),    COUNTER(fallbacks),
-    COUNTER(steps_at_rest),  COUNTER(islands_at_rest),
+    COUNTER(steps),
+    COUNTER(force_evaluations),
+    COUNTER(assemblies),
+    COUNTER(analyses),
+    COUNTER(factorizations),
+    COUNTER(solves),
+    COUNTER(iterations),
+    COUNTER(newton_iterations),
+    COUNTER(contacts),
+    COUNTER(indefinite_steps),
+    COUNTER(coarse_factors),
+    COUNTER(kept_factors),
+    COUNTER(refinements),
+    COUNTER(fallbacks),
+    COUNTER(steps_at_rest),
+    COUNTER(islands_at_rest),
+    COUNTER(spring_evaluations),
 };
 static const field phases[] = {
     PHASE(total), PHASE(force),   PHASE(assemble), PHASE(factor),

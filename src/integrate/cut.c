@@ -1,0 +1,78 @@
+#include "integrate/cut.h"
+
+#include <limits.h>
+#include <math.h>
+#include <string.h>
+
+/* Where more are needed, something is wrong with the scene. */
+#define MOST_INNER 1e6
+
+double ms_verlet_reach(double h, ms_bounds b) {
+  return h * (b.rate + sqrt(b.rate * b.rate + 4 * b.omega * b.omega)) / 4;
+}
+
+static double inverse_mass(const ms_model *model, int32_t row) {
+  return row < model->rows.nfree ? model->inv_mass[row] : 0;
+}
+
+static void find_octaves(const ms_model *model, int *octave) {
+  const ms_springs *s = &model->springs;
+  for (int32_t e = 0; e < s->n; e++)
+    octave[e] = ilogb(s->k[e] * (inverse_mass(model, s->i[e]) + inverse_mass(model, s->j[e])));
+}
+
+/* The bounds of bounds.h for the springs of octaves [from, to] alone. sums: 2 nfree, scratch */
+static ms_bounds bounds_between(const ms_model *model, const int *octave, int from, int to,
+                                double drag, double *sums) {
+  const ms_springs *s = &model->springs;
+  const int32_t n = model->rows.nfree;
+  double *k = sums, *c = sums + n, omega2 = 0, rate = 0;
+  memset(sums, 0, 2 * (size_t)n * sizeof *sums);
+  for (int32_t e = 0; e < s->n; e++) {
+    if (octave[e] < from || octave[e] > to) continue;
+    if (s->i[e] < n) k[s->i[e]] += s->k[e], c[s->i[e]] += s->damping[e];
+    if (s->j[e] < n) k[s->j[e]] += s->k[e], c[s->j[e]] += s->damping[e];
+  }
+  for (int32_t r = 0; r < n; r++) {
+    omega2 = fmax(omega2, 2 * k[r] * model->inv_mass[r]);
+    rate = fmax(rate, (2 * c[r] + drag) * model->inv_mass[r]);
+  }
+  return (ms_bounds){sqrt(omega2), rate};
+}
+
+/* The highest octave below this one, and how many springs are of it or above. */
+static int next_octave(const ms_springs *s, const int *octave, int below, int32_t *nstiff) {
+  int next = INT_MIN;
+  *nstiff = 0;
+  for (int32_t e = 0; e < s->n; e++)
+    if (octave[e] < below && octave[e] > next) next = octave[e];
+  for (int32_t e = 0; e < s->n; e++) *nstiff += octave[e] >= next;
+  return next;
+}
+
+msim_status ms_cut_choose(const ms_model *model, double h, int *octave, ms_cut *cut,
+                          msim_error *err) {
+  const int32_t n = model->springs.n;
+  double *sums = ms_new(&model->scene->alloc, 2 * (size_t)model->rows.nfree, sizeof *sums);
+  *cut = (ms_cut){0};
+  if (!sums) return ms_fail_memory(err, "the choice of stiff springs");
+  find_octaves(model, octave);
+  const double whole =
+      ms_verlet_reach(h, bounds_between(model, octave, INT_MIN, INT_MAX, model->drag, sums));
+  double least = whole < 1 ? 0 : n * ceil(whole);
+  for (ms_cut at = {.octave = INT_MAX}; least > 0;) {
+    at.octave = next_octave(&model->springs, octave, at.octave, &at.nstiff);
+    if (at.nstiff == n) break;
+    const double stiff =
+        ms_verlet_reach(h, bounds_between(model, octave, at.octave, INT_MAX, 0, sums));
+    const double soft = ms_verlet_reach(
+        h, bounds_between(model, octave, INT_MIN, at.octave - 1, model->drag, sums));
+    const double inner = ceil(2 * stiff), cost = n + inner * at.nstiff;
+    if (!(soft < 1 && inner < MOST_INNER && cost < least)) continue;
+    least = cost;
+    at.inner = (int32_t)inner;
+    *cut = at;
+  }
+  ms_delete(&model->scene->alloc, sums);
+  return MSIM_OK;
+}

@@ -1,0 +1,74 @@
+#include "integrate/methods.h"
+#include "integrate/split.h"
+
+/* Stiff springs take steps of velocity Verlet of their own, of h/n; the others, gravity and drag
+ * kick before and after them:
+ *   v += h/2 a_soft(x),  n steps of x, v by a_stiff,  v += h/2 a_soft(x', v + h a_soft)
+ * (Grubmueller et al. 1991; Tuckerman, Berne and Martyna, J. Chem. Phys. 97 (1992) 1990). Particles
+ * that no stiff spring touches fly straight meanwhile and cost nothing.
+ *
+ * The kicks resonate with stiff modes of a frequency Omega near n pi/h, n = 1, 2, ...: the nearer
+ * and the stronger the soft forces, the faster their energy grows. Where such a mode is excited,
+ * undamped and lasting, h is to be kept off it, or below pi/Omega altogether.
+ *
+ * Where no cut of the springs pays this is velocity Verlet. */
+
+static void swap(double **a, double **b) {
+  double *before = *a;
+  *a = *b, *b = before;
+}
+
+/* The steps of the stiff springs, from x and v to their rows of x_next and v_next */
+static msim_status inner_steps(ms_stepper *s, msim_error *err) {
+  ms_split *split = s->split;
+  ms_stepper *inner = &split->stepper;
+  const ms_shape shape = s->model->shape;
+  ms_split_take(split, shape, s->x, inner->x);
+  ms_split_take(split, shape, s->v_next, inner->v);
+  inner->stats = s->stats;
+  inner->warm = 0;
+  for (int32_t i = 0; i < split->inner; i++) {
+    const msim_status status = ms_velocity_verlet.step(inner, err);
+    if (status) return status;
+    swap(&inner->x, &inner->x_next);
+    swap(&inner->v, &inner->v_next);
+    inner->warm = inner->warm_next;
+  }
+  ms_split_put(split, shape, inner->x, s->x_next);
+  ms_split_put(split, shape, inner->v, s->v_next);
+  return MSIM_OK;
+}
+
+static msim_status step(ms_stepper *s, msim_error *err) {
+  if (!s->split) return ms_velocity_verlet.step(s, err);
+  const ms_shape shape = s->model->shape;
+  const ms_model *soft = &s->split->soft;
+  const int at = s->warm == 2, next = 1 - at; /* warm: 1 + the work vector that holds a */
+  double *a = s->work[at], *a_next = s->work[next], *v_predicted = s->work[2];
+  const int separable = !(soft->passes & (MSIM_SKIP_DAMPING | MSIM_SKIP_DRAG));
+  if (!s->warm) ms_evaluate_on(s, soft, &(ms_pass){.x = s->x, .v = s->v, .a = a});
+  ms_combine(shape, s->v, s->h / 2, a, s->v_next);
+  ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
+  const msim_status status = inner_steps(s, err);
+  if (status) return status;
+  if (!separable) ms_combine(shape, s->v_next, s->h / 2, a, v_predicted);
+  ms_evaluate_on(s, soft,
+                 &(ms_pass){.x = s->x_next,
+                            .v = v_predicted,
+                            .a = a_next,
+                            .v_to = s->v_next,
+                            .v_from = s->v_next,
+                            .h = s->h / 2});
+  const int64_t reflected = ms_reflect(s, s->x_next, s->v_next);
+  s->warm_next = separable && !reflected ? 1 + next : 0;
+  return MSIM_OK;
+}
+
+const ms_integrator ms_respa = {
+    .entry = {.name = "respa",
+              .doc = "velocity Verlet with short steps for stiff springs inside long ones for the "
+                     "rest; resonates where h Omega of a stiff mode is near n pi (Tuckerman 1992)",
+              .order = 2},
+    .splits = 1,
+    .nwork = 3,
+    .step = step};

@@ -1,0 +1,152 @@
+#include "integrate/split.h"
+
+#include "integrate/cut.h"
+
+/*------------------------------------- the two models -------------------------------------------*/
+
+/* Arrays of the making. */
+typedef struct lists {
+  int *octave;            /* springs.n */
+  int32_t *soft, *stiff;  /* springs.n: numbers of the scene */
+  int32_t *free, *pinned; /* nparticles: those that stiff springs touch */
+  int32_t *row;           /* nparticles */
+  int32_t nsoft, nstiff, nfree, npinned;
+} lists;
+
+static msim_status lists_create(const ms_model *model, lists *l, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const size_t n = (size_t)model->springs.n, particles = (size_t)model->scene->nparticles;
+  *l = (lists){.octave = ms_new(alloc, n, sizeof *l->octave),
+               .soft = ms_new(alloc, n, sizeof *l->soft),
+               .stiff = ms_new(alloc, n, sizeof *l->stiff),
+               .free = ms_new(alloc, particles, sizeof *l->free),
+               .pinned = ms_new(alloc, particles, sizeof *l->pinned),
+               .row = ms_new(alloc, particles, sizeof *l->row)};
+  const int whole = l->octave && l->soft && l->stiff && l->free && l->pinned && l->row;
+  return whole ? MSIM_OK : ms_fail_memory(err, "the stiff springs");
+}
+
+static void lists_destroy(const ms_model *model, lists *l) {
+  void *arrays[] = {l->octave, l->soft, l->stiff, l->free, l->pinned, l->row};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+    ms_delete(&model->scene->alloc, arrays[i]);
+}
+
+static void sort_out(const ms_model *model, const ms_cut *cut, lists *l) {
+  const ms_scene *scene = model->scene;
+  const ms_springs *s = &model->springs;
+  for (int32_t e = 0; e < s->n; e++) {
+    const int32_t spring = s->spring[e], *ends = scene->ij + 2 * (size_t)spring;
+    if (l->octave[e] < cut->octave) {
+      l->soft[l->nsoft++] = spring;
+      continue;
+    }
+    l->stiff[l->nstiff++] = spring;
+    l->row[ends[0]] = l->row[ends[1]] = 1; /* marked, for now */
+  }
+  for (int32_t p = 0; p < scene->nparticles; p++) {
+    if (!l->row[p]) continue;
+    if (scene->pinned[p]) l->pinned[l->npinned++] = p;
+    else l->free[l->nfree++] = p;
+  }
+}
+
+static msim_status make_models(const ms_model *model, uint32_t skip_off, lists *l, ms_split *split,
+                               msim_error *err) {
+  const ms_island rest = {.nsprings = l->nsoft, .spring = l->soft, .row = l->row};
+  const ms_island island = {.nfree = l->nfree,
+                            .npinned = l->npinned,
+                            .nsprings = l->nstiff,
+                            .free = l->free,
+                            .pinned = l->pinned,
+                            .spring = l->stiff,
+                            .row = l->row};
+  msim_status status = ms_model_create_part(model, &rest, skip_off, &split->soft, err);
+  if (!status)
+    status = ms_model_create_island(model->scene, &island, model->rows.left_out, skip_off,
+                                    &split->stiff, err);
+  if (status) return status;
+  ms_model_keep_springs_only(&split->stiff);
+  split->stiff.pool = model->pool;
+  const ms_rows *rows = &split->stiff.rows;
+  split->row = ms_new(&model->scene->alloc, (size_t)rows->nfree, sizeof *split->row);
+  if (!split->row) return ms_fail_memory(err, "the stiff springs");
+  ms_rows_invert(&model->rows, l->row);
+  for (int32_t r = 0; r < rows->nfree; r++) split->row[r] = l->row[rows->particle[r]];
+  return MSIM_OK;
+}
+
+/*------------------------------------- the stepper ----------------------------------------------*/
+
+/* What it takes to make one, with so many work vectors; in all of them pinned rows are right. */
+static msim_status make_stepper(const msim_options *opt, double h, ms_split *split,
+                                msim_error *err) {
+  ms_stepper *s = &split->stepper;
+  const ms_scene *scene = split->stiff.scene;
+  double **vectors[] = {&s->x,       &s->x_next,  &s->v,      &s->v_next,
+                        &s->work[0], &s->work[1], &s->work[2]};
+  *s = (ms_stepper){.model = &split->stiff, .opt = opt, .h = h / split->inner};
+  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
+    *vectors[i] = ms_rows_vector(scene, &split->stiff.rows);
+    if (!*vectors[i]) return ms_fail_memory(err, "the stiff springs");
+  }
+  ms_rows_gather(&split->stiff.rows, scene->x, s->x);
+  ms_rows_gather(&split->stiff.rows, scene->x, s->x_next);
+  return MSIM_OK;
+}
+
+void ms_split_take(const ms_split *split, ms_shape shape, const double *from, double *to) {
+  const ms_shape own = split->stiff.shape;
+  for (int32_t c = 0; c < own.dims; c++)
+    for (int32_t r = 0; r < own.n; r++)
+      to[(size_t)c * (size_t)own.stride + (size_t)r] =
+          from[(size_t)c * (size_t)shape.stride + (size_t)split->row[r]];
+}
+
+void ms_split_put(const ms_split *split, ms_shape shape, const double *from, double *to) {
+  const ms_shape own = split->stiff.shape;
+  for (int32_t c = 0; c < own.dims; c++)
+    for (int32_t r = 0; r < own.n; r++)
+      to[(size_t)c * (size_t)shape.stride + (size_t)split->row[r]] =
+          from[(size_t)c * (size_t)own.stride + (size_t)r];
+}
+
+/*------------------------------------- life -----------------------------------------------------*/
+
+static msim_status build(const ms_model *model, const msim_options *opt, double h, lists *l,
+                         ms_split **split, msim_error *err) {
+  ms_cut cut;
+  msim_status status = ms_cut_choose(model, h, l->octave, &cut, err);
+  if (status || cut.nstiff == 0) return status;
+  *split = ms_new(&model->scene->alloc, 1, sizeof **split);
+  if (!*split) return ms_fail_memory(err, "the stiff springs");
+  (*split)->inner = cut.inner;
+  sort_out(model, &cut, l);
+  status = make_models(model, opt->skip_off, l, *split, err);
+  return status ? status : make_stepper(opt, h, *split, err);
+}
+
+msim_status ms_split_create(const ms_model *model, const msim_options *opt, double h,
+                            ms_split **split, msim_error *err) {
+  lists l;
+  *split = NULL;
+  msim_status status = lists_create(model, &l, err);
+  if (!status) status = build(model, opt, h, &l, split, err);
+  lists_destroy(model, &l);
+  if (!status) return MSIM_OK;
+  ms_split_destroy(model, *split);
+  *split = NULL;
+  return status;
+}
+
+void ms_split_destroy(const ms_model *model, ms_split *split) {
+  if (!split) return;
+  const msim_allocator *alloc = &model->scene->alloc;
+  ms_stepper *s = &split->stepper;
+  void *arrays[] = {s->x,       s->x_next,  s->v,       s->v_next,
+                    s->work[0], s->work[1], s->work[2], split->row};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+  ms_model_destroy_part(&split->soft);
+  ms_model_destroy(&split->stiff);
+  ms_delete(alloc, split);
+}

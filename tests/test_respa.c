@@ -1,0 +1,269 @@
+/* Stiff springs in steps of their own: what that costs and saves, that it is order 2 with damping
+ * too, that bits are kept, and that it is left alone where it buys nothing. */
+#include <math.h>
+#include <string.h>
+
+#include "bank.h"
+#include "integrate/split.h"
+#include "scenes.h"
+#include "sim/sim.h"
+
+enum { SIDE = 12, N = SIDE * SIDE, CORD = 5 };
+#define T_END 0.2
+
+/* A hanging net of k = 100; springs along one row of it are a cord of k = 1e6. */
+static msim_scene *net(const msim_allocator *alloc, double ratio) {
+  msim_scene *cloth = hanging_cloth(SIDE, 100, 0), *scene;
+  msim_scene_view view = {.size = sizeof view};
+  static double k[8 * N], c[8 * N];
+  const int32_t pins[2] = {0, SIDE - 1};
+  msim_scene_get(cloth, &view);
+  for (int32_t e = 0; e < view.nsprings; e++) {
+    const int32_t i = view.ij[2 * e], j = view.ij[2 * e + 1];
+    k[e] = i / SIDE == CORD && j == i + 1 ? 1e6 : 100;
+    c[e] = ratio * k[e];
+  }
+  assert_ok(msim_scene_create(alloc, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, N, view.x, NULL, view.mass, err));
+  assert_ok(msim_scene_add_springs(scene, view.nsprings, view.ij, k, view.rest, c, err));
+  assert_ok(msim_scene_pin(scene, 2, pins, err));
+  assert_ok(msim_scene_set_gravity(scene, view.gravity, err));
+  msim_scene_destroy(cloth);
+  return scene;
+}
+
+static msim_sim *sim_of(const msim_scene *scene, const char *method, double h) {
+  const msim_options opt = options(method, h);
+  return make_sim(scene, &opt);
+}
+
+/* Where the net is at T_END, and the springs that were evaluated */
+static int64_t run(const msim_scene *scene, const char *method, double h, double *x) {
+  msim_sim *sim = sim_of(scene, method, h);
+  assert_ok(msim_sim_step(sim, (int64_t)round(T_END / h), err));
+  memcpy(x, state_of(sim).x, 3 * N * sizeof *x);
+  const int64_t springs = stats_of(sim).spring_evaluations;
+  msim_sim_destroy(sim);
+  return springs;
+}
+
+static double distance(const double *a, const double *b) {
+  double sum = 0;
+  for (int q = 0; q < 3 * N; q++) sum += (a[q] - b[q]) * (a[q] - b[q]);
+  return sqrt(sum);
+}
+
+/* Velocity Verlet at its limit is accurate enough, too, and takes ten times as many. */
+static void a_stiff_cord_costs_a_tenth(void **state) {
+  (void)state;
+  static double exact[3 * N], x[3 * N], y[3 * N];
+  msim_scene *scene = net(NULL, 0);
+  run(scene, "velocity-verlet", 1e-5, exact);
+  const int64_t verlet = run(scene, "velocity-verlet", 3.2e-5, x);
+  const int64_t respa = run(scene, "respa", 8e-4, y);
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  const double moved = distance(exact, view.x);
+  assert_true(moved > 0.1);
+  assert_true(distance(y, exact) < 0.01 * moved);
+  assert_true(10 * respa < verlet);
+  msim_scene_destroy(scene);
+}
+
+/* The steps of the cord are of the cord: 11 springs of 12 particles. */
+static void only_stiff_springs_are_evaluated_often(void **state) {
+  (void)state;
+  msim_scene *scene = net(NULL, 0);
+  msim_sim *sim = sim_of(scene, "respa", 5e-4);
+  const ms_split *split = sim->motion->stepper.split;
+  const int32_t n = sim->motion->model.springs.n;
+  assert_non_null(split);
+  assert_int_equal(split->stiff.springs.n, SIDE - 1);
+  assert_int_equal(split->stiff.rows.nfree, SIDE);
+  assert_int_equal(split->soft.springs.n, n - (SIDE - 1));
+  assert_ok(msim_sim_step(sim, 10, err));
+  const msim_stats s = stats_of(sim);
+  assert_int_equal(s.force_evaluations, 11 + 10 * (split->inner + 1));
+  assert_int_equal(s.spring_evaluations,
+                   11 * split->soft.springs.n + 10 * (split->inner + 1) * (SIDE - 1));
+  const char *text;
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "springs       11 of "));
+  assert_non_null(strstr(text, ", the stiffest, take "));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- order ----------------------------------------------------*/
+
+/* From one split, whatever the step. */
+static void run_split(const msim_scene *scene, double h, int halvings, double *x, double *v) {
+  msim_sim *sim = sim_of(scene, "respa", h);
+  ms_stepper *s = &sim->motion->stepper;
+  assert_non_null(s->split);
+  s->h = ldexp(h, -halvings);
+  s->split->stepper.h = s->h / s->split->inner;
+  assert_ok(msim_sim_step(sim, (int64_t)round(0.05 / s->h), err));
+  const msim_state now = state_of(sim);
+  memcpy(x, now.x, 3 * N * sizeof *x);
+  memcpy(v, now.v, 3 * N * sizeof *v);
+  msim_sim_destroy(sim);
+}
+
+/* Damped springs on both sides of the cut, and drag. */
+static void damping_and_drag_keep_order_2(void **state) {
+  (void)state;
+  static double x[4][3 * N], v[4][3 * N];
+  for (int damped = 0; damped < 2; damped++) {
+    msim_scene *scene = net(NULL, damped ? 1e-6 : 0);
+    assert_ok(msim_scene_set_drag(scene, damped ? 1e-3 : 0, err));
+    for (int i = 0; i < 4; i++) run_split(scene, 1e-4, i == 3 ? 5 : i, x[i], v[i]);
+    const double in_x = log2(distance(x[1], x[3]) / distance(x[2], x[3]));
+    const double in_v = log2(distance(v[1], v[3]) / distance(v[2], v[3]));
+    print_message("  x: %.3f  v: %.3f\n", in_x, in_v);
+    assert_close(in_x, 2, 0.15);
+    assert_close(in_v, 2, 0.15);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- bits -----------------------------------------------------*/
+
+static void same_bits(msim_sim *a, msim_sim *b) {
+  const msim_state s = state_of(a), t = state_of(b);
+  assert_memory_equal(s.x, t.x, 3 * N * sizeof *s.x);
+  assert_memory_equal(s.v, t.v, 3 * N * sizeof *s.v);
+}
+
+static void threads_pieces_and_states_change_no_bit(void **state) {
+  (void)state;
+  for (int damped = 0; damped < 2; damped++) {
+    msim_scene *scene = net(NULL, damped ? 1e-6 : 0);
+    plane(scene, 0, 0, 1, -0.1, 0.5, 0.3);
+    msim_options opt = options("respa", 5e-4);
+    opt.threads = 1;
+    msim_sim *whole = make_sim(scene, &opt), *first = make_sim(scene, &opt);
+    opt.threads = 3;
+    msim_sim *second = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(whole, 600, err));
+    assert_ok(msim_sim_step(first, 200, err));
+    const msim_state s = state_of(first);
+    assert_ok(msim_sim_set_state(second, &s, err));
+    assert_ok(msim_sim_step(second, 400, err));
+    assert_ok(msim_sim_step(first, 400, err));
+    assert_true(stats_of(whole).contacts > 0);
+    same_bits(whole, first);
+    same_bits(whole, second);
+    msim_sim_destroy(whole), msim_sim_destroy(first), msim_sim_destroy(second);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Another step or other springs are another split: that of a sim made with them. */
+static void the_split_follows_h_and_springs(void **state) {
+  (void)state;
+  msim_scene *scene = net(NULL, 0), *stiffer = net(NULL, 0);
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  double *k = calloc((size_t)view.nsprings, sizeof *k);
+  for (int32_t e = 0; e < view.nsprings; e++) k[e] = e == 3 ? 1e5 : 100;
+  msim_sim *sim = sim_of(scene, "respa", 5e-4), *fresh = sim_of(stiffer, "respa", 2.5e-4);
+  assert_ok(msim_sim_step(sim, 50, err));
+  msim_state s = state_of(sim);
+  assert_ok(msim_sim_set_state(fresh, &s, err));
+  const int32_t before = sim->motion->stepper.split->inner;
+  assert_ok(msim_sim_set_step(sim, 2.5e-4, err));
+  assert_true(sim->motion->stepper.split->inner < before);
+  assert_ok(msim_sim_step(sim, 50, err));
+  assert_ok(msim_sim_step(fresh, 50, err));
+  same_bits(sim, fresh);
+  assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
+  assert_int_equal(sim->motion->stepper.split->stiff.springs.n, 1);
+  assert_int_equal(state_of(sim).step, 100);
+  same_bits(sim, fresh);
+  for (int32_t e = 0; e < view.nsprings; e++) k[e] = 100;
+  assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
+  assert_null(sim->motion->stepper.split);
+  assert_ok(msim_sim_step(sim, 10, err));
+  free(k);
+  msim_sim_destroy(sim), msim_sim_destroy(fresh);
+  msim_scene_destroy(scene), msim_scene_destroy(stiffer);
+}
+
+/*------------------------------------- nothing to gain ------------------------------------------*/
+
+/* All springs alike, or a step short enough for the stiffest: velocity Verlet, to the bit. */
+static void what_buys_nothing_is_velocity_verlet(void **state) {
+  (void)state;
+  static const struct {
+    double h;
+    int cord;
+    const char *why;
+  } cases[] = {{2e-5, 1, "h is short enough for each"},
+               {1e-4, 0, "h is short enough for each"},
+               {3e-3, 0, "no few are so much stiffer"}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    msim_scene *scene = cases[i].cord ? net(NULL, 0) : hanging_cloth(SIDE, 100, 0);
+    msim_sim *sim = sim_of(scene, "respa", cases[i].h);
+    msim_sim *verlet = sim_of(scene, "velocity-verlet", cases[i].h);
+    const char *text;
+    assert_null(sim->motion->stepper.split);
+    assert_ok(msim_sim_step(sim, 20, err));
+    assert_ok(msim_sim_step(verlet, 20, err));
+    same_bits(sim, verlet);
+    assert_ok(msim_sim_explain(sim, &text, err));
+    assert_non_null(strstr(text, cases[i].why));
+    msim_sim_destroy(sim), msim_sim_destroy(verlet);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- memory ---------------------------------------------------*/
+
+static msim_status live(const msim_scene *scene, msim_error *why) {
+  const msim_options opt = options("respa", 5e-4);
+  static double k[8 * N];
+  msim_sim *sim = NULL;
+  for (int e = 0; e < 8 * N; e++) k[e] = e == 3 ? 1e5 : 100;
+  msim_status status = msim_sim_create(scene, &opt, &sim, why);
+  if (!status) status = msim_sim_step(sim, 2, why);
+  if (!status) status = msim_sim_set_step(sim, 4e-4, why);
+  if (!status) status = msim_sim_step(sim, 2, why);
+  if (!status) status = msim_sim_set_springs(sim, k, NULL, NULL, why);
+  /* what failed has left a sim that goes on */
+  msim_error after;
+  if (sim && msim_sim_step(sim, 2, &after)) fail_msg("%s", after.text);
+  msim_sim_destroy(sim);
+  return status;
+}
+
+static void every_allocation_may_fail(void **state) {
+  (void)state;
+  bank b = {.fail_at = -1};
+  const msim_allocator alloc = {bank_alloc, bank_free, &b};
+  msim_scene *scene = net(&alloc, 0);
+  const int64_t kept = b.live;
+  msim_error why;
+  b.calls = 0;
+  assert_int_equal(live(scene, &why), MSIM_OK);
+  const int64_t total = b.calls;
+  for (int64_t at = 0; at < total; at++) {
+    b.calls = 0, b.fail_at = at;
+    assert_int_equal(live(scene, &why), MSIM_ERR_MEMORY);
+    assert_int_equal(b.live, kept);
+  }
+  b.fail_at = -1;
+  msim_scene_destroy(scene);
+  assert_int_equal(b.live, 0);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_stiff_cord_costs_a_tenth),
+                                     cmocka_unit_test(only_stiff_springs_are_evaluated_often),
+                                     cmocka_unit_test(damping_and_drag_keep_order_2),
+                                     cmocka_unit_test(threads_pieces_and_states_change_no_bit),
+                                     cmocka_unit_test(the_split_follows_h_and_springs),
+                                     cmocka_unit_test(what_buys_nothing_is_velocity_verlet),
+                                     cmocka_unit_test(every_allocation_may_fail)};
+  return cmocka_run_group_tests_name("respa", tests, NULL, NULL);
+}
