@@ -11,8 +11,9 @@
 enum { SIDE = 12, N = SIDE * SIDE, CORD = 5 };
 #define T_END 0.2
 
-/* A hanging net of k = 100; springs along one row of it are a cord of k = 1e6. */
-static msim_scene *net(const msim_allocator *alloc, double ratio) {
+/* A hanging net of k = 100; springs along one row of it are a cord of k = 1e6. The
+ * pins are at the ends of row 0. */
+static msim_scene *net(const msim_allocator *alloc, int row, double ratio) {
   msim_scene *cloth = hanging_cloth(SIDE, 100, 0), *scene;
   msim_scene_view view = {.size = sizeof view};
   static double k[8 * N], c[8 * N];
@@ -20,7 +21,7 @@ static msim_scene *net(const msim_allocator *alloc, double ratio) {
   msim_scene_get(cloth, &view);
   for (int32_t e = 0; e < view.nsprings; e++) {
     const int32_t i = view.ij[2 * e], j = view.ij[2 * e + 1];
-    k[e] = i / SIDE == CORD && j == i + 1 ? 1e6 : 100;
+    k[e] = i / SIDE == row && j == i + 1 ? 1e6 : 100;
     c[e] = ratio * k[e];
   }
   assert_ok(msim_scene_create(alloc, &scene, err));
@@ -57,7 +58,7 @@ static double distance(const double *a, const double *b) {
 static void a_stiff_cord_costs_a_tenth(void **state) {
   (void)state;
   static double exact[3 * N], x[3 * N], y[3 * N];
-  msim_scene *scene = net(NULL, 0);
+  msim_scene *scene = net(NULL, CORD, 0);
   run(scene, "velocity-verlet", 1e-5, exact);
   const int64_t verlet = run(scene, "velocity-verlet", 3.2e-5, x);
   const int64_t respa = run(scene, "respa", 8e-4, y);
@@ -73,7 +74,7 @@ static void a_stiff_cord_costs_a_tenth(void **state) {
 /* The steps of the cord are of the cord: 11 springs of 12 particles. */
 static void only_stiff_springs_are_evaluated_often(void **state) {
   (void)state;
-  msim_scene *scene = net(NULL, 0);
+  msim_scene *scene = net(NULL, CORD, 0);
   msim_sim *sim = sim_of(scene, "respa", 5e-4);
   const ms_split *split = sim->motion->stepper.split;
   const int32_t n = sim->motion->model.springs.n;
@@ -115,7 +116,7 @@ static void damping_and_drag_keep_order_2(void **state) {
   (void)state;
   static double x[4][3 * N], v[4][3 * N];
   for (int damped = 0; damped < 2; damped++) {
-    msim_scene *scene = net(NULL, damped ? 1e-6 : 0);
+    msim_scene *scene = net(NULL, CORD, damped ? 1e-6 : 0);
     assert_ok(msim_scene_set_drag(scene, damped ? 1e-3 : 0, err));
     for (int i = 0; i < 4; i++) run_split(scene, 1e-4, i == 3 ? 5 : i, x[i], v[i]);
     const double in_x = log2(distance(x[1], x[3]) / distance(x[2], x[3]));
@@ -138,7 +139,7 @@ static void same_bits(msim_sim *a, msim_sim *b) {
 static void threads_pieces_and_states_change_no_bit(void **state) {
   (void)state;
   for (int damped = 0; damped < 2; damped++) {
-    msim_scene *scene = net(NULL, damped ? 1e-6 : 0);
+    msim_scene *scene = net(NULL, damped ? 0 : CORD, damped ? 1e-6 : 0);
     plane(scene, 0, 0, 1, -0.1, 0.5, 0.3);
     msim_options opt = options("respa", 5e-4);
     opt.threads = 1;
@@ -159,10 +160,30 @@ static void threads_pieces_and_states_change_no_bit(void **state) {
   }
 }
 
+/* A cord between pins in a net that stays level: two components give what three do. */
+static void flat_nets_are_split_too(void **state) {
+  (void)state;
+  const double down[3] = {0, 9.81, 0};
+  msim_scene *scene = net(NULL, 0, 0);
+  assert_ok(msim_scene_set_gravity(scene, down, err));
+  msim_options opt = options("respa", 5e-4);
+  msim_sim *flat = make_sim(scene, &opt);
+  assert_ok(msim_options_set(&opt, "skip.two_d", "off", err));
+  msim_sim *full = make_sim(scene, &opt);
+  assert_int_equal(flat->motion->stepper.split->stiff.rows.dims, 2);
+  assert_int_equal(flat->motion->stepper.split->stiff.rows.nfree, SIDE - 2);
+  assert_int_equal(full->motion->stepper.split->stiff.rows.dims, 3);
+  assert_ok(msim_sim_step(flat, 100, err));
+  assert_ok(msim_sim_step(full, 100, err));
+  assert_close(distance(state_of(flat).x, state_of(full).x), 0, 1e-11);
+  msim_sim_destroy(flat), msim_sim_destroy(full);
+  msim_scene_destroy(scene);
+}
+
 /* Another step or other springs are another split: that of a sim made with them. */
 static void the_split_follows_h_and_springs(void **state) {
   (void)state;
-  msim_scene *scene = net(NULL, 0), *stiffer = net(NULL, 0);
+  msim_scene *scene = net(NULL, CORD, 0), *stiffer = net(NULL, CORD, 0);
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(scene, &view);
   double *k = calloc((size_t)view.nsprings, sizeof *k);
@@ -203,7 +224,7 @@ static void what_buys_nothing_is_velocity_verlet(void **state) {
                {1e-4, 0, "h is short enough for each"},
                {3e-3, 0, "no few are so much stiffer"}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-    msim_scene *scene = cases[i].cord ? net(NULL, 0) : hanging_cloth(SIDE, 100, 0);
+    msim_scene *scene = cases[i].cord ? net(NULL, CORD, 0) : hanging_cloth(SIDE, 100, 0);
     msim_sim *sim = sim_of(scene, "respa", cases[i].h);
     msim_sim *verlet = sim_of(scene, "velocity-verlet", cases[i].h);
     const char *text;
@@ -241,7 +262,7 @@ static void every_allocation_may_fail(void **state) {
   (void)state;
   bank b = {.fail_at = -1};
   const msim_allocator alloc = {bank_alloc, bank_free, &b};
-  msim_scene *scene = net(&alloc, 0);
+  msim_scene *scene = net(&alloc, CORD, 0);
   const int64_t kept = b.live;
   msim_error why;
   b.calls = 0;
@@ -262,6 +283,7 @@ int main(void) {
                                      cmocka_unit_test(only_stiff_springs_are_evaluated_often),
                                      cmocka_unit_test(damping_and_drag_keep_order_2),
                                      cmocka_unit_test(threads_pieces_and_states_change_no_bit),
+                                     cmocka_unit_test(flat_nets_are_split_too),
                                      cmocka_unit_test(the_split_follows_h_and_springs),
                                      cmocka_unit_test(what_buys_nothing_is_velocity_verlet),
                                      cmocka_unit_test(every_allocation_may_fail)};
