@@ -91,7 +91,39 @@ static void only_stiff_springs_are_evaluated_often(void **state) {
   assert_ok(msim_sim_explain(sim, &text, err));
   assert_non_null(strstr(text, "springs       11 of "));
   assert_non_null(strstr(text, ", the stiffest, take "));
+  assert_non_null(text = strstr(text, "a step costs "));
+  assert_in_range(1000 * strtod(text + strlen("a step costs "), NULL), 50, 150);
+  assert_null(strstr(text, "may blow up"));
   msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* Soft, stiff and very stiff links of a chain: the stiff ones are kept apart where the others'
+ * step is too long for them, and only there. */
+static void the_cut_follows_the_step(void **state) {
+  (void)state;
+  enum { LINKS = 300, STIFF = 10, STIFFEST = 2 };
+  static double x[3 * LINKS + 3], mass[LINKS + 1], k[LINKS];
+  static int32_t ij[2 * LINKS];
+  for (int i = 0; i <= LINKS; i++) x[3 * i] = i, mass[i] = 1;
+  for (int e = 0; e < LINKS; e++) ij[2 * e] = e, ij[2 * e + 1] = e + 1, k[e] = e < STIFF ? 1e4 : 1;
+  for (int e = 0; e < STIFFEST; e++) k[LINKS / 2 + e] = 1e8;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, LINKS + 1, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, LINKS, ij, k, NULL, NULL, err));
+  static const struct {
+    double h;
+    int stiff, inner;
+  } cases[] = {{5e-3, STIFFEST, 100}, {0.05, STIFF + STIFFEST, 1000}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    msim_sim *sim = sim_of(scene, "respa", cases[i].h);
+    const ms_split *split = sim->motion->stepper.split;
+    assert_non_null(split);
+    assert_int_equal(split->stiff.springs.n, cases[i].stiff);
+    assert_int_equal(split->inner, cases[i].inner);
+    msim_sim_destroy(sim);
+  }
   msim_scene_destroy(scene);
 }
 
@@ -151,7 +183,11 @@ static void threads_pieces_and_states_change_no_bit(void **state) {
     const msim_state s = state_of(first);
     assert_ok(msim_sim_set_state(second, &s, err));
     assert_ok(msim_sim_step(second, 400, err));
-    assert_ok(msim_sim_step(first, 400, err));
+    for (int i = 0; i < 40; i++) {
+      const msim_state now = state_of(first);
+      assert_ok(msim_sim_set_state(first, &now, err));
+      assert_ok(msim_sim_step(first, 10, err));
+    }
     assert_true(stats_of(whole).contacts > 0);
     same_bits(whole, first);
     same_bits(whole, second);
@@ -177,6 +213,33 @@ static void flat_nets_are_split_too(void **state) {
   assert_ok(msim_sim_step(full, 100, err));
   assert_close(distance(state_of(flat).x, state_of(full).x), 0, 1e-11);
   msim_sim_destroy(flat), msim_sim_destroy(full);
+  msim_scene_destroy(scene);
+}
+
+/* A level chain that falls on a plane is reflected at the end of the step, its stiff spring too. */
+static void planes_reflect_at_the_end_of_the_step(void **state) {
+  (void)state;
+  enum { LINKS = 6 };
+  double x[3 * LINKS] = {0}, v[3 * LINKS] = {0}, mass[LINKS], k[LINKS - 1];
+  int32_t ij[2 * (LINKS - 1)];
+  for (int i = 0; i < LINKS; i++)
+    x[3 * i] = i, x[3 * i + 2] = 0.0005, v[3 * i + 2] = -1, mass[i] = 1;
+  for (int e = 0; e < LINKS - 1; e++) ij[2 * e] = e, ij[2 * e + 1] = e + 1, k[e] = e ? 10 : 1e6;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, LINKS, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, LINKS - 1, ij, k, NULL, NULL, err));
+  plane(scene, 0, 0, 1, 0, 0.5, 0);
+  msim_sim *sim = sim_of(scene, "respa", 0.01);
+  assert_non_null(sim->motion->stepper.split);
+  assert_ok(msim_sim_step(sim, 1, err));
+  const msim_state s = state_of(sim);
+  for (int i = 0; i < LINKS; i++) {
+    assert_close(s.x[3 * i + 2], 0.5 * 0.0095, 1e-15);
+    assert_close(s.v[3 * i + 2], 0.5, 1e-15);
+  }
+  assert_int_equal(stats_of(sim).contacts, LINKS);
+  msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
@@ -281,9 +344,11 @@ static void every_allocation_may_fail(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(a_stiff_cord_costs_a_tenth),
                                      cmocka_unit_test(only_stiff_springs_are_evaluated_often),
+                                     cmocka_unit_test(the_cut_follows_the_step),
                                      cmocka_unit_test(damping_and_drag_keep_order_2),
                                      cmocka_unit_test(threads_pieces_and_states_change_no_bit),
                                      cmocka_unit_test(flat_nets_are_split_too),
+                                     cmocka_unit_test(planes_reflect_at_the_end_of_the_step),
                                      cmocka_unit_test(the_split_follows_h_and_springs),
                                      cmocka_unit_test(what_buys_nothing_is_velocity_verlet),
                                      cmocka_unit_test(every_allocation_may_fail)};

@@ -22,7 +22,7 @@ typedef struct ms_stepper {
   double *x_next, *v_next;
   double *work[MS_MAX_WORK]; /* nwork vectors */
   double *scratch;           /* holds nothing between calls */
-  int warm, warm_next;       /* the method's own note on what its work vectors hold: 0, nothing.
+  int warm, warm_next;       /* the method's own note, as on what its work vectors hold: 0, none.
                                 As with x, a step reads warm and writes warm_next */
   double h;                  /* of the steps to come; start() may rely on it */
   int32_t culprit;           /* row to blame when step() fails; -1: none in particular */

@@ -91,7 +91,7 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
              (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES));
 }
 
-/* What a step of velocity Verlet takes longer than springs allow; below 1 it is stable. */
+/* h over the longest stable step of velocity Verlet */
 static double reach_of(const msim_sim *sim, const ms_model *model) {
   return ms_verlet_reach(sim->plan.h, ms_bounds_of(model));
 }
@@ -112,14 +112,11 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
   const int32_t stiff = split->stiff.springs.n;
   ms_print(out, "springs       %d of %d, the stiffest, take %d steps in one of the others\n", stiff,
            n, split->inner);
+  ms_print(out, "              a step costs %.2g of those of velocity-verlet at its limit\n",
+           ((double)n + (double)split->inner * stiff) / (n * ceil(reach_of(sim, &m->model))));
   ms_print(out,
-           "              %lld spring evaluations a step; velocity-verlet, at its limit, %lld\n",
-           (long long)n + (long long)split->inner * stiff,
-           (long long)n * (long long)ceil(reach_of(sim, &m->model)));
-  ms_print(
-      out,
-      "              resonates where h Omega of a stiff mode is near n pi; h Omega <= %.3g pi\n",
-      sim->plan.h * ms_bounds_of(&split->stiff).omega / 3.141592653589793);
+           "              resonates where h Omega of a stiff mode is n pi; h Omega <= %.3g pi\n",
+           sim->plan.h * ms_bounds_of(&split->stiff).omega / 3.141592653589793);
 }
 
 static void explain_threads(const msim_sim *sim, ms_text *out) {
