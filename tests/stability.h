@@ -32,6 +32,13 @@ static inline ms_bounds bounds_of(const msim_scene *scene, int sharp) {
   return b;
 }
 
+/* It has one, for steps of one stage count. */
+static inline int has_limit(const char *method) {
+  const ms_integrator *integrator;
+  assert_ok(ms_integrator_find(method, &integrator, err));
+  return integrator->limit && !integrator->stages;
+}
+
 static inline double limit_of(const char *method, ms_bounds b) {
   const ms_integrator *integrator;
   assert_ok(ms_integrator_find(method, &integrator, err));

@@ -84,7 +84,7 @@ static void auto_is_below_the_limit(void **state) {
   (void)state;
   msim_scene *scene = ring(1, 2);
   for (int32_t i = 0; method_at(i); i++) {
-    if (is_implicit(method_at(i)) || wants_positions_alone(method_at(i))) continue;
+    if (!has_limit(method_at(i)) || wants_positions_alone(method_at(i))) continue;
     msim_sim *sim = watched(scene, method_at(i), MSIM_H_AUTO);
     assert_close(planned_step(sim), 0.9 * limit_of(method_at(i), bounds_of(scene, 1)), 1e-15);
     assert_warned(0, "");

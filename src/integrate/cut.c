@@ -37,7 +37,7 @@ static ms_bounds bounds_between(const ms_model *model, const int *octave, int fr
     omega2 = fmax(omega2, 2 * k[r] * model->inv_mass[r]);
     rate = fmax(rate, (2 * c[r] + drag) * model->inv_mass[r]);
   }
-  return (ms_bounds){sqrt(omega2), rate};
+  return (ms_bounds){.omega = sqrt(omega2), .rate = rate};
 }
 
 /* The highest octave below this one, and how many springs are of it or above. */

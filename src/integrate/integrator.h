@@ -44,8 +44,10 @@ typedef struct ms_integrator {
   msim_status (*step)(ms_stepper *s, msim_error *err);
   /* The longest h with which every mode within the bounds stays bounded: a scene has many, and
    * which pairs of frequency and damping it has changes as it moves. 0: none does; INFINITY: any
-   * h. NULL: any h is stable where forces are linear. */
+   * h. NULL: any h is stable where forces are linear, or the method splits. */
   double (*limit)(const ms_bounds *b);
+  /* Evaluations in a step, where h decides that. Nullable. */
+  int32_t (*stages)(double h, ms_bounds bounds);
   /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;

@@ -138,4 +138,5 @@ const ms_integrator ms_rkc = {
     .nwork = 3,
     .start = start,
     .step = step,
-    .limit = limit};
+    .limit = limit,
+    .stages = ms_rkc_stages};

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "integrate/cut.h"
-#include "integrate/rkc.h"
+#include "integrate/methods.h"
 #include "integrate/split.h"
 #include "linear/aggregates.h"
 #include "sim/sim.h"
@@ -213,8 +213,9 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
   }
 }
 
-/* What limits the longest steps of a method that splits: the springs that wait for them. */
-static ms_bounds bound_soft(const msim_sim *sim) {
+/* By the discs alone, as steps do: of all springs, or, of a method that splits, of those that wait
+ * for the longest steps. */
+static ms_bounds bound_roughly(const msim_sim *sim) {
   ms_bounds most = {0};
   for (int32_t i = 0; i < sim->nislands; i++) {
     const ms_motion *m = &sim->motion[i];
@@ -226,11 +227,14 @@ static ms_bounds bound_soft(const msim_sim *sim) {
 
 static void explain_limits(const msim_sim *sim, ms_text *out) {
   const int splits = sim->integrator->splits;
-  const ms_bounds bounds = splits ? bound_soft(sim) : sim->advice.bounds, *b = &bounds;
+  const ms_bounds bounds = splits ? bound_roughly(sim) : sim->advice.bounds, *b = &bounds;
   const double limit = splits ? ms_verlet_limit(b) : sim->advice.limit, h = sim->plan.h;
   const char *name = sim->integrator->entry.name;
   ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",
            b->omega, b->rate, splits ? ", by the longest steps" : "");
+  if (sim->integrator->stages)
+    ms_print(out, "              %d stages a step, for that rate\n",
+             sim->integrator->stages(h, bound_roughly(sim)));
   if (sim->integrator->entry.implicit)
     ms_print(out, "              stable for every h where the system is linear\n");
   else if (isinf(limit)) ms_print(out, "              stable for every h: nothing vibrates\n");
