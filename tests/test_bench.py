@@ -13,7 +13,7 @@ class Help(BenchTest):
         out = self.good("--help")
         for word in ("Usage: msim_bench", "linear", "--quick", "--json FILE", "--svg FILE",
                      "--scene NAME", "--threads N", "cloth32", "mesh500", "forces", "scaling",
-                     "step, precision"):
+                     "step", "precision, stability"):
             self.assertIn(word, out)
         self.assertLessEqual(max(map(len, out.splitlines())), 80)
         self.assertEqual(self.good("linear", "--help"), out)
@@ -31,7 +31,7 @@ class Refusals(BenchTest):
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
             *((["--json", "a.json", name], f"'{name}'", "not part of this version")
-              for name in "step precision stability".split()),
+              for name in "precision stability".split()),
             (["linear", "--svg="], "--svg"),
             (["linear", "--svg", "a", "--json", "./a"], "--svg", "--json", "same file"),
             (["linear", "--quik"], "'--quik'"),
@@ -45,6 +45,8 @@ class Refusals(BenchTest):
             (["linear", "--scene", ""], "''"),
             (["skip", "--scene", "cloth32"], "--scene", "'skip'"),
             (["scaling", "--scene", "cloth32,mesh100"], "'mesh100'", "'scaling'"),
+            (["step", "--scene", "cloth32,cloth316"], "'cloth316'", "'step'"),
+            (["step", "--threads", "2"], "--threads", "'step'"),
             (["linear", "--json", "missing/a.json"], "missing/a.json"),
             (["linear", "--json", "folder"], "folder", "a folder"),
             (["linear", "--json", "pipe"], "pipe", "not a file"),

@@ -61,6 +61,7 @@ class Picture(BenchTest):
             (self.SMALL, ("msim, 1 thread", "cloth32", "jelly16")),
             (["scaling", *self.SMALL[1:3], "cloth32,jelly8", *self.SMALL[4:]],
              ("auto", "cloth32", "jelly8")),
+            (["step", *self.SMALL[1:3], "cloth32", *self.SMALL[4:]], ("relative error",)),
             (["linear", *self.SMALL[1:3], "cloth32", *self.SMALL[4:]], ("auto", "pcg", "cloth32")),
         ]:
             with self.subTest(args[0]):

@@ -161,6 +161,64 @@ class Scaling(BenchTest):
         self.assertEqual(row.get("iterations", 0) > 0, row["ran"] == "pcg")
 
 
+class Step(BenchTest):
+    METHODS = ["Newton, pcg", "Newton, cholmod", "projective dynamics", "L-BFGS"]
+    ENDS = "ok", "cut off", "other minimum", "failed", "left out"
+
+    def test_small_scene(self):
+        out = self.good("step", "--quick", "--scene", "cloth32", "--json", "out.json")
+        result = self.result()
+        self.assertEqual((result["bench"], result["quick"]), ("step", True))
+        worst, solved = [], True
+        for k in 1e3, 1e5:
+            for steps in 60, 240:
+                rows = [row for row in result["rows"]
+                        if row["k"] == k and round(1 / row["h"]) == steps]
+                with self.subTest(f"k = {k}, h = 1/{steps}"):
+                    self.check_case(rows)
+                worst += [row["ratio"] for row in
+                          self.find(rows, measure="ratio", name="newton_over_prefactored")]
+                solved &= bool(self.find(rows, method="Newton, pcg", accuracy=1e-4, status="ok"))
+        self.check_summary(result, out, max(worst) if solved and worst else None)
+
+    def check_case(self, rows):
+        """Whoever is said to be there was there; the others have a reason."""
+        solution, = self.find(rows, measure="solution")
+        if solution["status"] != "ok":
+            self.assertGreater(len(solution["reason"]), 10)
+            self.assertEqual(len(rows), 1)
+            return
+        self.assertLess(solution["residual"], 1e-9)
+        self.assertGreaterEqual(solution["iterations"], 1)
+        arrivals = self.find(rows, measure="step")
+        self.assertEqual([(row["method"], row["accuracy"]) for row in arrivals],
+                         [(name, a) for name in self.METHODS for a in (1e-2, 1e-4, 1e-6)])
+        for row in arrivals:
+            self.assertIn(row["status"], self.ENDS)
+            if row["status"] != "ok":
+                self.assertGreater(len(row["reason"]), 10)
+                self.assertEqual(row["status"] == "cut off", "at_least_ms" in row)
+                self.assertNotIn("ms", row)
+                continue
+            self.assertLess(row["error"], row["accuracy"])
+            self.assertGreater(row["ms"], 0)
+            self.assertGreaterEqual(row["iterations"], 1)
+            self.assertEqual("newton_rtol" in row, row["method"] in self.METHODS[:2])
+
+    def check_summary(self, result, out, worst):
+        rows, summary = result["rows"], result["summary"]
+        self.assertLessEqual(set(summary),
+                             {"newton_over_tuned_factor_cloth32", "newton_over_prefactored"})
+        self.assertEqual(summary.get("newton_over_prefactored"), worst)
+        for row in self.find(rows, measure="ratio", name="newton_over_tuned_factor", k=1e3):
+            if round(1 / row["h"]) == 60:
+                self.assertEqual(summary["newton_over_tuned_factor_cloth32"], row["ratio"])
+        for factor in self.find(rows, measure="factor"):
+            self.assertEqual(factor["status"] == "ok", factor.get("ms", 0) > 0)
+        for key in summary:
+            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
+
+
 class Skip(BenchTest):
     IMPLICIT = {"no_springs": "no_springs", "zero_rest_length": "zero_rest_length",
                 "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}

@@ -135,5 +135,6 @@ int arguments_parse(int argc, char **argv, arguments *args) {
   if (!status && same_file(args->json, args->svg))
     return complain_usage("", "--json and --svg name the same file");
   if (status || args->bench) return status;
-  return complain_usage("", "the name of a bench is missing: linear, forces, scaling or skip");
+  return complain_usage("",
+                        "the name of a bench is missing: linear, forces, scaling, skip or step");
 }

@@ -11,7 +11,8 @@ const bench_entry *bench_info(int i) {
       {"scaling", "implicit steps as scenes and stiffness grow, beside CHOLMOD", bench_scaling,
        &scaling_picture},
       {"skip", "what leaving out saves, beside CHOLMOD in every step", bench_skip, &skip_picture},
-      {"step", "nonlinear implicit steps", NULL, NULL},
+      {"step", "a nonlinear implicit step to an accuracy, beside CHOLMOD and prefactored methods",
+       bench_step, &step_picture},
       {"precision", "error against work", NULL, NULL},
       {"stability", "the longest stable steps", NULL, NULL},
   };

@@ -34,5 +34,6 @@ int bench_linear(const bench_wishes *wishes, report *r);
 int bench_skip(const bench_wishes *wishes, report *r);
 int bench_forces(const bench_wishes *wishes, report *r);
 int bench_scaling(const bench_wishes *wishes, report *r);
+int bench_step(const bench_wishes *wishes, report *r);
 
 #endif

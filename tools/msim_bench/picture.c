@@ -151,7 +151,8 @@ static void print_axes(FILE *out, const picture *p, const report *r, const names
   fprintf(out, "set ylabel '%s'\nset logscale y\nset grid ytics\nset key outside right top\n",
           p->y_label);
   if (!p->bars) {
-    fprintf(out, "set xlabel '%s'\nset logscale x\nset format x '%%.0s%%c'\n", p->x_label);
+    fprintf(out, "set xlabel '%s'\nset logscale x\nset format x '%s'\n", p->x_label,
+            p->x_format ? p->x_format : "%.0s%c");
     return;
   }
   fputs("set style fill solid\nset xtics rotate by -30 (", out);

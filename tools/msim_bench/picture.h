@@ -14,12 +14,13 @@ typedef struct picture_point {
 /* How the rows of a bench are drawn. */
 typedef struct picture {
   const char *title, *x_label, *y_label;
+  const char *x_format; /* of gnuplot; NULL: 10k for 10 000 */
   int bars; /* side by side at each place; 0: curves, each through places of one family, whose names
                begin with the same letters */
   int (*point)(const json_t *row, picture_point *p); /* 0: the row is not in the picture */
 } picture;
 
-extern const picture linear_picture, skip_picture, forces_picture, scaling_picture;
+extern const picture linear_picture, skip_picture, forces_picture, scaling_picture, step_picture;
 
 /* Whether gnuplot can be run; complains. */
 int gnuplot_is_there(void);

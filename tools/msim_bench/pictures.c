@@ -47,6 +47,11 @@ static int forces_point(const json_t *row, picture_point *p) {
   return is_measure(row, "step");
 }
 
+static int step_point(const json_t *row, picture_point *p) {
+  *p = (picture_point){text_of(row, "curve"), "", number_of(row, "accuracy"), number_of(row, "ms")};
+  return is_main_step(row) && is_measure(row, "step");
+}
+
 const picture linear_picture = {.title = "one linearly implicit step, k = 1000 N/m, h = 1/60 s",
                                 .y_label = "ms",
                                 .bars = 1,
@@ -63,3 +68,8 @@ const picture forces_picture = {.title = "explicit steps",
                                 .x_label = "springs",
                                 .y_label = "million springs a second",
                                 .point = forces_point};
+const picture step_picture = {.title = "one nonlinear step, k = 1000 N/m, h = 1/60 s",
+                              .x_label = "relative error of the velocity",
+                              .x_format = "%.0e",
+                              .y_label = "ms",
+                              .point = step_point};

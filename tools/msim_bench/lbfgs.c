@@ -1,0 +1,91 @@
+/* L-BFGS from the prefactored matrix as the first guess of the Hessian (Liu, Bouaziz and Kavan
+ * 2017). */
+#include <math.h>
+#include <string.h>
+
+#include "descent.h"
+
+/* In eight sums, so that it is no chain of additions. */
+static double dot(size_t n, const double *restrict a, const double *restrict b) {
+  double sum[8] = {0}, rest = 0;
+  const size_t whole = n - n % 8;
+  for (size_t i = 0; i < whole; i += 8)
+    for (size_t k = 0; k < 8; k++) sum[k] += a[i + k] * b[i + k];
+  for (size_t i = whole; i < n; i++) rest += a[i] * b[i];
+  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7])) + rest;
+}
+
+/* y += a x */
+static void add(size_t n, double a, const double *restrict x, double *restrict y) {
+  for (size_t i = 0; i < n; i++) y[i] += a * x[i];
+}
+
+/* direction = H grad P, H that of the pairs, newest first and then oldest first (Nocedal 1980).
+ * next: scratch. */
+static int find_direction(descent *d) {
+  const int64_t oldest = d->pairs > PAIRS ? d->pairs - PAIRS : 0;
+  double a[PAIRS + 1];
+  memcpy(d->next, d->gradient, d->length * sizeof *d->next);
+  for (int64_t i = d->pairs - 1; i >= oldest; i--) {
+    const int at = (int)(i % (PAIRS + 1));
+    a[at] = dot(d->length, d->s[at], d->next) / d->curvature[at];
+    add(d->length, -a[at], d->y[at], d->next);
+  }
+  if (laplacian_solve(d->p->matrix, d->next, d->direction) != MSIM_OK) return 0;
+  for (int64_t i = oldest; i < d->pairs; i++) {
+    const int at = (int)(i % (PAIRS + 1));
+    const double b = dot(d->length, d->y[at], d->direction) / d->curvature[at];
+    add(d->length, a[at] - b, d->s[at], d->direction);
+  }
+  return 1;
+}
+
+/* s = -t direction for the first t of 1, 1/2, ... that lowers P enough (Armijo), or as little as
+ * rounding lets be seen; next = x + s, y = the gradient there. */
+static int search(descent *d, double *s, double *y) {
+  enum { MOST = 40 };
+  const double ENOUGH = 0.3, ROUNDING = 1e-14;
+  const double slope = dot(d->length, d->gradient, d->direction);
+  double t = 1;
+  for (int i = 0; i < MOST; i++, t *= 0.5) {
+    for (size_t k = 0; k < d->length; k++) {
+      s[k] = -t * d->direction[k];
+      d->next[k] = d->x[k] + s[k];
+    }
+    const double value = potential_at(d->p, d->next, y);
+    if (!(value <= d->value - ENOUGH * t * slope + ROUNDING * fabs(d->value))) continue;
+    d->value = value;
+    return 1;
+  }
+  return 0;
+}
+
+/* x = next and its gradient; y: from it to the change. */
+static void move(descent *d, double *restrict y) {
+  double *restrict g = d->gradient, *restrict x = d->x;
+  for (size_t k = 0; k < d->length; k++) {
+    const double after = y[k];
+    y[k] = after - g[k];
+    g[k] = after;
+    x[k] = d->next[k];
+  }
+}
+
+static void begin(descent *d) {
+  memcpy(d->x, d->p->y, d->length * sizeof *d->x);
+  d->value = potential_at(d->p, d->x, d->gradient);
+  d->pairs = 0;
+}
+
+/* A pair that curves down is not remembered, so that H stays positive definite. */
+static int iterate(descent *d) {
+  const int at = (int)(d->pairs % (PAIRS + 1));
+  double *s = d->s[at], *y = d->y[at];
+  if (!find_direction(d) || !search(d, s, y)) return 0;
+  move(d, y);
+  d->curvature[at] = dot(d->length, s, y);
+  d->pairs += d->curvature[at] > 0;
+  return 1;
+}
+
+const descent_method lbfgs = {"L-BFGS", begin, iterate};

@@ -1,0 +1,106 @@
+#include "potential.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int by_ends(const void *a, const void *b) {
+  const struct link *s = a, *t = b;
+  return s->i != t->i ? (s->i > t->i) - (s->i < t->i) : (s->j > t->j) - (s->j < t->j);
+}
+
+/* Springs as neighbours in memory, like their ends. */
+static void fill_springs(potential *p) {
+  const msim_scene_view *s = &p->step->moving->view;
+  const double h = p->step->h;
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    const int32_t a = p->matrix->place[s->ij[2 * e]], b = p->matrix->place[s->ij[2 * e + 1]];
+    p->springs[e] = (struct link){a < b ? a : b, a < b ? b : a, h * h * s->k[e], s->rest[e]};
+  }
+  qsort(p->springs, (size_t)p->nsprings, sizeof *p->springs, by_ends);
+}
+
+static void fill_particles(potential *p) {
+  const moving *m = p->step->moving;
+  const double h = p->step->h;
+  for (int32_t i = 0; i < p->n; i++) {
+    const int32_t particle = p->matrix->particle[i], pinned = m->view.pinned[particle];
+    p->mass[i] = m->view.mass[particle];
+    if (pinned) p->pinned[p->npinned++] = i;
+    for (int c = 0; c < 3; c++) {
+      const int32_t at = 3 * particle + c;
+      const double flight = h * m->v[at] + h * h * m->view.gravity[c];
+      p->y[c * p->n + i] = m->x[at] + (pinned ? 0 : flight);
+    }
+  }
+}
+
+int potential_make(const nonlinear_step *s, const laplacian *L, potential *p) {
+  const size_t n = (size_t)L->n, springs = (size_t)s->moving->view.nsprings;
+  *p = (potential){.step = s,
+                   .matrix = L,
+                   .n = L->n,
+                   .nsprings = s->moving->view.nsprings,
+                   .mass = malloc(n * sizeof *p->mass),
+                   .y = malloc(3 * n * sizeof *p->y),
+                   .pinned = malloc(n * sizeof *p->pinned),
+                   .springs = malloc(springs * sizeof *p->springs),
+                   .v = malloc(3 * n * sizeof *p->v)};
+  if (!p->mass || !p->y || !p->pinned || !p->springs || !p->v) return 0;
+  fill_springs(p);
+  fill_particles(p);
+  return 1;
+}
+
+void potential_free(potential *p) {
+  void *arrays[] = {p->mass, p->y, p->pinned, p->springs, p->v};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
+  *p = (potential){0};
+}
+
+/* 1/2 (x - y)' M (x - y) and M (x - y) */
+static double inertia(const potential *p, const double *restrict x, double *restrict g) {
+  const int32_t n = p->n;
+  double sum[3] = {0};
+  for (int32_t i = 0; i < n; i++)
+    for (int c = 0; c < 3; c++) {
+      const double d = x[c * n + i] - p->y[c * n + i];
+      g[c * n + i] = p->mass[i] * d;
+      sum[c] += p->mass[i] * d * d;
+    }
+  return 0.5 * (sum[0] + sum[1] + sum[2]);
+}
+
+/* h^2 sum of k/2 (l - L)^2, and h^2 k (l - L) d/l */
+static double elasticity(const potential *p, const double *restrict x, double *restrict gx) {
+  const double *y = x + p->n, *z = y + p->n;
+  double *restrict gy = gx + p->n, *restrict gz = gy + p->n;
+  double sum = 0;
+  for (const struct link *s = p->springs; s < p->springs + p->nsprings; s++) {
+    const int32_t i = s->i, j = s->j;
+    const double dx = x[j] - x[i], dy = y[j] - y[i], dz = z[j] - z[i];
+    const double l = sqrt(dx * dx + dy * dy + dz * dz), stretch = l - s->rest;
+    const double scale = l > 0 ? s->k * stretch / l : 0;
+    sum += s->k * stretch * stretch;
+    gx[i] -= scale * dx, gy[i] -= scale * dy, gz[i] -= scale * dz;
+    gx[j] += scale * dx, gy[j] += scale * dy, gz[j] += scale * dz;
+  }
+  return 0.5 * sum;
+}
+
+double potential_at(const potential *p, const double *x, double *gradient) {
+  const double value = inertia(p, x, gradient) + elasticity(p, x, gradient);
+  for (int32_t i = 0; i < p->npinned; i++)
+    for (int c = 0; c < 3; c++) gradient[c * p->n + p->pinned[i]] = 0;
+  return value;
+}
+
+const double *potential_velocity(const potential *p, const double *x) {
+  const moving *m = p->step->moving;
+  for (int32_t i = 0; i < p->n; i++)
+    for (int c = 0; c < 3; c++) {
+      const int32_t at = 3 * p->matrix->particle[i] + c;
+      p->v[at] = (x[c * p->n + i] - m->x[at]) / p->step->h;
+    }
+  return p->v;
+}

@@ -1,0 +1,129 @@
+#include "step_rows.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "rows.h"
+
+/*------------------------------------- rows -----------------------------------------------------*/
+
+static json_t *row_of(report *out, const step_race *r, const char *measure) {
+  return step_row(out, measure, r->step.moving, r->step.h);
+}
+
+static void put_times(json_t *row, const contestant *c, sample_value *value) {
+  put_real(row, "ms", 1e3 * median_of(c, value));
+  put_real(row, "spread", spread_of(c, value));
+  put_integer(row, "repeats", c->n > 1 ? c->n - 1 : 1);
+}
+
+static void report_solution(report *out, const step_race *r) {
+  json_t *row = row_of(out, r, "solution");
+  put_text(row, "status", "ok");
+  put_text(row, "solver", r->step.solver);
+  put_integer(row, "iterations", r->step.iterations);
+  put_real(row, "residual", r->step.residual);
+}
+
+static void report_factor(report *out, const step_race *r) {
+  json_t *row = row_of(out, r, "factor");
+  put_text(row, "method", "cholmod, bare");
+  put_text(row, "status", r->factor ? "ok" : "left out");
+  if (r->factor) put_times(row, r->factor, factor_seconds);
+  else put_text(row, "reason", r->no_factor.text);
+}
+
+/* "cloth64, L-BFGS" */
+static void put_curve(json_t *row, const step_race *r, const pursuit *p) {
+  char curve[80];
+  snprintf(curve, sizeof curve, "%s, %s", r->step.moving->kind->name, p->name);
+  put_text(row, "curve", curve);
+}
+
+static void report_arrival(report *out, const step_race *r, int method, int accuracy) {
+  static const char *const ends[] = {[CUT_OFF] = "cut off",
+                                     [OTHER_MINIMUM] = "other minimum",
+                                     [FAILED] = "failed",
+                                     [LEFT_OUT] = "left out"};
+  const pursuit *p = r->pursuits[method];
+  const contestant *c = r->arrived[method][accuracy];
+  const arrival *at = &p->at[accuracy];
+  json_t *row = row_of(out, r, "step");
+  put_text(row, "method", p->name);
+  put_curve(row, r, p);
+  put_real(row, "accuracy", accuracies[accuracy]);
+  put_text(row, "status", c ? "ok" : ends[p->end]);
+  if (!c) {
+    put_text(row, "reason", p->reason);
+    if (p->end == CUT_OFF) put_real(row, "at_least_ms", 1e3 * p->lasted);
+    return;
+  }
+  put_times(row, c, whole_seconds);
+  put_integer(row, "iterations", at->iterations);
+  put_real(row, "error", at->error);
+  if (method <= BY_CHOLMOD) put_real(row, "newton_rtol", rung_rtol(at->rung));
+}
+
+/*------------------------------------- table ----------------------------------------------------*/
+
+static void print_columns_of_accuracies(void) {
+  printf(" %-21s", "milliseconds to");
+  for (int a = 0; a < ACCURACIES; a++) printf(" %8.0e %4s", accuracies[a], "+-");
+  putchar('\n');
+}
+
+static void print_time(const contestant *c, sample_value *value) {
+  const double spread = spread_of(c, value);
+  printf(" %8.4g", 1e3 * median_of(c, value));
+  if (isfinite(spread)) printf(" %3.0f%%", 100 * spread);
+  else printf(" %4s", "-");
+}
+
+static void print_method(const step_race *r, int method) {
+  const pursuit *p = r->pursuits[method];
+  printf(" %-21s", p->name);
+  for (int a = 0; a < ACCURACIES; a++) {
+    const contestant *c = r->arrived[method][a];
+    if (c) print_time(c, whole_seconds);
+    else printf(" %8s %4s", "-", "");
+  }
+  putchar('\n');
+  if (p->end != ARRIVED) printf("   %s\n", p->reason);
+}
+
+void report_step_race(report *out, const step_race *r) {
+  printf(" solution by %s in %" PRId64 " iterations, its residual %.1e of that at v' = v\n",
+         r->step.solver, r->step.iterations, r->step.residual);
+  print_columns_of_accuracies();
+  report_solution(out, r);
+  for (int method = 0; method < METHODS; method++) {
+    print_method(r, method);
+    for (int a = 0; a < ACCURACIES; a++) report_arrival(out, r, method, a);
+  }
+  report_factor(out, r);
+  printf(" %-21s", "one factorisation");
+  if (r->factor) print_time(r->factor, factor_seconds);
+  else printf("   %s", r->no_factor.text);
+  putchar('\n');
+  fflush(stdout);
+}
+
+void report_unsolved(report *out, const moving *m, double h, const char *why) {
+  json_t *row = step_row(out, "solution", m, h);
+  put_text(row, "status", "failed");
+  put_text(row, "reason", why);
+  printf(" %s\n", why);
+  fflush(stdout);
+}
+
+void report_step_ratio(report *out, const step_race *r, const char *name, int accuracy,
+                       double ratio, int is_bound) {
+  json_t *row = row_of(out, r, "ratio");
+  put_text(row, "name", name);
+  put_real(row, "accuracy", accuracies[accuracy]);
+  put_real(row, "ratio", ratio);
+  json_object_set_new(row, "is_upper_bound", json_boolean(is_bound));
+  printf(" %s to %.0e: %.3g%s\n", name, accuracies[accuracy], ratio,
+         is_bound ? " at most: the other was cut off" : "");
+}
