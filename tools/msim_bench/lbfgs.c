@@ -40,11 +40,20 @@ static int find_direction(descent *d) {
   return 1;
 }
 
-/* s = -t direction for the first t of 1, 1/2, ... that lowers P enough (Armijo), or as little as
- * rounding lets be seen; next = x + s, y = the gradient there. */
+/* Whether P has become small enough for a step of length t (Armijo). Where rounding hides the
+ * change, the slopes tell of the parabola through them (Hager and Zhang 2005). */
+static int is_lower(const descent *d, double t, double slope, double value,
+                    const double *gradient) {
+  const double ENOUGH = 0.3, HIDDEN = 1e-9;
+  if (value <= d->value - ENOUGH * t * slope) return 1;
+  return value <= d->value + HIDDEN * fabs(d->value) &&
+         -dot(d->length, gradient, d->direction) <= (1 - 2 * ENOUGH) * slope;
+}
+
+/* s = -t direction for the first t of 1, 1/2, ... that is good enough; next = x + s, y = the
+ * gradient there. */
 static int search(descent *d, double *s, double *y) {
   enum { MOST = 40 };
-  const double ENOUGH = 0.3, ROUNDING = 1e-14;
   const double slope = dot(d->length, d->gradient, d->direction);
   double t = 1;
   for (int i = 0; i < MOST; i++, t *= 0.5) {
@@ -53,7 +62,7 @@ static int search(descent *d, double *s, double *y) {
       d->next[k] = d->x[k] + s[k];
     }
     const double value = potential_at(d->p, d->next, y);
-    if (!(value <= d->value - ENOUGH * t * slope + ROUNDING * fabs(d->value))) continue;
+    if (!is_lower(d, t, slope, value, y)) continue;
     d->value = value;
     return 1;
   }
