@@ -69,7 +69,7 @@ static msim_status step_within(int32_t most, nonlinear_step *s, msim_error *err)
 
 /* With ever more iterations, as long as those before promise that there is time for them. */
 static msim_status step_patiently(const allowance *a, nonlinear_step *s, msim_error *err) {
-  enum { FIRST = 25, MOST = 2000 };
+  enum { FIRST = 6, MOST = 2000 };
   allowance known = *a;
   int32_t most, next = affordable(a, FIRST);
   msim_status status;

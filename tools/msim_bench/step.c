@@ -120,12 +120,12 @@ static void report_ratio(step_bench *b, const step_race *r, const char *name, in
       report_key(b->report, k->key, found.value);
 }
 
-static int counts_for_prefactored(const moving *m) { return !m->kind->solid; }
+static int is_cloth(const moving *m) { return !m->kind->solid; }
 
 static void measure_prefactored(step_bench *b, const step_race *r) {
   const ratio found = over_prefactored(r);
   report_ratio(b, r, "newton_over_prefactored", SUMMARY_ACCURACY, found);
-  if (counts_for_prefactored(r->step.moving)) b->prefactored = fmax(b->prefactored, found.value);
+  if (is_cloth(r->step.moving)) b->prefactored = fmax(b->prefactored, found.value);
 }
 
 static void measure_stiffness(step_bench *b, const step_race *r) {
@@ -140,7 +140,7 @@ static void measure_stiffness(step_bench *b, const step_race *r) {
 /* Whether Newton's method failed where the keys need it; that cloth200 cannot be solved is a
  * finding. */
 static void note_failure(step_bench *b, const moving *m, int failed) {
-  b->missed |= failed && counts_for_prefactored(m) && strcmp(m->kind->name, "cloth200") != 0;
+  b->missed |= failed && is_cloth(m) && strcmp(m->kind->name, "cloth200") != 0;
 }
 
 static void report_keys(step_bench *b, const step_race *r) {

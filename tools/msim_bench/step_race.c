@@ -48,10 +48,18 @@ static void climb_both(step_race *r, const step_plan *plan, const allowance allo
   }
 }
 
+/* Of the best accuracy that it came to; NAN: it came to none. */
+static double seconds_to_best(const pursuit *p) {
+  double seconds = NAN;
+  for (int a = 0; a < ACCURACIES; a++)
+    if (isfinite(p->at[a].seconds)) seconds = p->at[a].seconds;
+  return seconds;
+}
+
 /* Long enough in any case to tell that they are slower than we are. */
 static void descend_both(step_race *r, const step_plan *plan, double until) {
   static const descent_method *const methods[] = {&projective_dynamics, &lbfgs};
-  const double ours = r->pursuits[BY_PCG]->at[ACCURACIES - 1].seconds;
+  const double ours = seconds_to_best(r->pursuits[BY_PCG]);
   const allowance allowed = {.seconds = fmax(plan->descent, 2 * ours), .until = until};
   const int made = laplacian_make(r->step.moving, r->step.h, &r->matrix) &&
                    potential_make(&r->step, &r->matrix, &r->potential);
