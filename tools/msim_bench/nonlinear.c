@@ -20,6 +20,22 @@ msim_options newton_options(double h, double rtol, const char *solver) {
   return options;
 }
 
+void nonlinear_settle(moving *m, double h) {
+  enum { STEPS = 3 };
+  const msim_options options = newton_options(h, 1e-6, "pcg");
+  const size_t bytes = 3 * (size_t)m->view.nparticles * sizeof *m->x;
+  msim_state state = {.size = sizeof state};
+  msim_sim *sim = NULL;
+  msim_status status = msim_sim_create(m->scene, &options, &sim, NULL);
+  if (!status) status = msim_sim_set_state(sim, &m->state, NULL);
+  if (!status && msim_sim_step(sim, STEPS, NULL) >= 0) {
+    msim_sim_state(sim, &state);
+    memcpy(m->x, state.x, bytes);
+    memcpy(m->v, state.v, bytes);
+  }
+  msim_sim_destroy(sim);
+}
+
 /*------------------------------------- sizes ----------------------------------------------------*/
 
 /* |a - b| */

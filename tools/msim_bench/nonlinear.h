@@ -26,6 +26,10 @@ typedef struct nonlinear_step {
 /* Of Newton's method, one thread. */
 msim_options newton_options(double h, double rtol, const char *solver);
 
+/* Some steps of length h of this method, as far as they get: the first ones after another method,
+ * which leaves springs compressed that this one lets buckle, are unlike those of a run. */
+void nonlinear_settle(moving *m, double h);
+
 /* The step of length h from a scene's state, solved by Newton's method; allowed: what it may take
  * by pcg and then by cholmod, about. 0 where neither gets there, and why in err. Call
  * nonlinear_free in any case. */

@@ -181,6 +181,7 @@ static void measure_subject(step_bench *b, const struct subject *subject) {
       moving_make(scene_named(subject->scene), subject->k, 1, b->plan->fall, b->until, &m);
   for (int i = 0; i < 2 && subject->steps[i] > 0 && !is_interrupted(); i++) {
     print_heading(&m, subject->steps[i]);
+    if (made) nonlinear_settle(&m, subject->steps[i]);
     if (made) measure(b, &m, subject->steps[i]);
     else report_left_out(b->report, "solution", &m, subject->steps[i], "all", m.err.text);
   }
