@@ -262,7 +262,7 @@ static void bad_options_are_refused(void **state) {
   refused(NULL, NULL, NULL, "no integrator was chosen");
   refused("verlett", NULL, NULL, "'verlett' (did you mean 'verlet'?)");
   refused("auto", NULL, NULL, "not part of msim");
-  refused("verlet", "collision", "event", "not part of msim");
+  refused("verlet", "collision", "event", "take velocity-verlet");
   refused("verlet", "h", "0", "h is '0'; it must be a number > 0");
   refused("verlet", "h", "nan", "h is 'nan'");
   refused("verlet", "h", "1e999", "h is '1e999'");

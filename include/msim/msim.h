@@ -87,7 +87,8 @@ typedef struct msim_scene msim_scene;
 
 /* The half space n.x >= d. A particle found outside after a step, s = n.x - d < 0, is reflected
  * (Teschner): x -= (1 + e) s n, and if n.v < 0 too: v += J n with J = -(1 + e) n.v, the part of v
- * along the plane times max(0, 1 - mu J/|v_t|). */
+ * along the plane times max(0, 1 - mu J/|v_t|). With option collision = event v changes like that
+ * where and when the particle meets the plane. */
 typedef struct msim_plane {
   double normal[3];   /* any length but 0; scaled to 1, and offset with it */
   double offset;      /* m */
@@ -204,6 +205,12 @@ MSIM_API void msim_scene_get(const msim_scene *scene, msim_scene_view *view);
 
 enum { MSIM_JACOBIAN_EXACT, MSIM_JACOBIAN_CLAMP };
 enum { MSIM_INDEFINITE_CLAMP, MSIM_INDEFINITE_SOLVE, MSIM_INDEFINITE_STOP };
+
+/* REFLECT: the state after the step, as the notes do; of first order whatever the method.
+ * EVENT: v at the time of the impact, located inside the step to rounding, so that methods keep
+ * their order, with rest and sliding on planes; planes met together act together. Where more than 4
+ * particles have impacts in one step, each flies on for itself: of second order. Not for `verlet`,
+ * whose v is that of t - h/2. */
 enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
 enum { MSIM_HEUN_FINAL, MSIM_HEUN_STANDARD, MSIM_HEUN_LITERAL };
 enum { MSIM_VERLET_TAYLOR, MSIM_VERLET_PLAIN };
@@ -346,7 +353,7 @@ typedef struct msim_stats {
   size_t size;
   int64_t steps, force_evaluations, assemblies, analyses, factorizations, solves, iterations;
   int64_t newton_iterations;
-  int64_t contacts;         /* particles reflected, once a pass */
+  int64_t contacts;         /* particles reflected, once a pass; impacts located */
   int64_t indefinite_steps; /* steps whose exact matrix was seen not to be positive definite */
   int64_t coarse_factors;   /* factorisations of the coarse part of pcg's preconditioner */
   int64_t kept_factors;     /* solves that an old factor, or coarse factor, preconditioned */

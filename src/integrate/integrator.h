@@ -29,6 +29,7 @@ typedef struct ms_stepper {
   struct ms_split *split;    /* NULL where the method needs none, or where none pays */
   int finite;                /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
   msim_stats *stats;
+  struct ms_events *events; /* of collision = event, where there are planes; NULL: none of that */
 } ms_stepper;
 
 typedef struct ms_integrator {
@@ -64,8 +65,12 @@ ms_pass ms_kick_drift(const ms_stepper *s);
 /* a = F(x, v)/m, counted and timed. */
 void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
 
-/* Reflect x, v at the planes, where there are any; how many particles were. */
+/* Reflect x, v at the planes, where there are any; how many particles were. Under collision = event
+ * nothing is reflected here. */
 int64_t ms_reflect(ms_stepper *s, double *x, double *v);
+
+/* 1 where particles rest on planes, which then push in every evaluation, against v too. */
+int ms_rests(const ms_stepper *s);
 
 /* The i-th method of this version; NULL past the end. */
 const ms_integrator *ms_integrator_at(int32_t i);

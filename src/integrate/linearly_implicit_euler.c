@@ -22,7 +22,7 @@ static void step_alone(ms_stepper *s) {
  * J, D at x; F without velocities, as h D v' stands on the left. The first Newton iterate of
  * implicit Euler from v' = 0 (Teschner; Baraff and Witkin 1998). */
 static msim_status step(ms_stepper *s, msim_error *err) {
-  if (!(s->model->passes & MSIM_SKIP_SPRINGS)) {
+  if (!(s->model->passes & MSIM_SKIP_SPRINGS) && !ms_rests(s)) {
     step_alone(s);
     return MSIM_OK;
   }

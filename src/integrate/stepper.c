@@ -1,6 +1,8 @@
 #include "base/clock.h"
-#include "integrate/integrator.h"
+#include "integrate/contacts.h"
 #include "physics/planes.h"
+
+int ms_rests(const ms_stepper *s) { return s->events && s->events->ncontacts; }
 
 void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass) {
   double start = ms_clock();
@@ -11,7 +13,21 @@ void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass) {
   s->stats->force_s += ms_clock() - start;
 }
 
-void ms_evaluate(ms_stepper *s, const ms_pass *pass) { ms_evaluate_on(s, s->model, pass); }
+/* The same where particles rest on planes */
+static void evaluate_at_planes(ms_stepper *s, const ms_pass *pass) {
+  const ms_events *e = s->events;
+  ms_pass all = *pass;
+  if (!all.a) all.a = e->a_end;
+  const int alone = !all.f && !all.v_to && !all.x_to;
+  if (e->known && alone && all.x == s->x && all.v == s->v) ms_copy(s->model->shape, e->a, all.a);
+  else ms_evaluate_on(s, s->model, &all);
+  ms_contacts_push(s, &all);
+}
+
+void ms_evaluate(ms_stepper *s, const ms_pass *pass) {
+  if (ms_rests(s)) evaluate_at_planes(s, pass);
+  else ms_evaluate_on(s, s->model, pass);
+}
 
 ms_pass ms_kick_drift(const ms_stepper *s) {
   return (ms_pass){.x = s->x,
@@ -29,7 +45,7 @@ void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a)
 }
 
 int64_t ms_reflect(ms_stepper *s, double *x, double *v) {
-  if (!(s->model->passes & MSIM_SKIP_PLANES)) return 0;
+  if (!(s->model->passes & MSIM_SKIP_PLANES) || s->events) return 0;
   double start = ms_clock();
   int64_t reflected = ms_planes_reflect(s->model, x, v);
   s->stats->contacts += reflected;

@@ -41,6 +41,18 @@ double *ms_rows_vector(const ms_scene *scene, const ms_rows *rows);
 void ms_rows_gather(const ms_rows *rows, const double *flat, double *vec);
 void ms_rows_scatter(const ms_rows *rows, const double *vec, double *flat);
 
+/* Row r of a vector in space, 0 along the axis left out, and back. */
+static inline void ms_row_get(const ms_rows *rows, const double *vec, int32_t r, double out[3]) {
+  out[0] = out[1] = out[2] = 0;
+  for (int32_t c = 0; c < rows->dims; c++)
+    out[rows->axis[c]] = vec[(size_t)c * (size_t)rows->stride + (size_t)r];
+}
+
+static inline void ms_row_put(const ms_rows *rows, const double in[3], int32_t r, double *vec) {
+  for (int32_t c = 0; c < rows->dims; c++)
+    vec[(size_t)c * (size_t)rows->stride + (size_t)r] = in[rows->axis[c]];
+}
+
 /* The island's springs, in row numbers and in the order of the scene. */
 typedef struct ms_springs {
   int32_t n;

@@ -1,22 +1,18 @@
 #include "physics/plain.h"
 
-#include <math.h>
 #include <string.h>
 
+#include "base/vec3.h"
 #include "physics/force.h"
-
-static double dot3(const double a[3], const double b[3]) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 /* (k (l - L) + c u.(v_j - v_i)) u on i, the opposite on j */
 static void add_spring(const ms_scene *s, size_t e, const double *x, const double *v, double *f) {
   const size_t i = 3 * (size_t)s->ij[2 * e], j = 3 * (size_t)s->ij[2 * e + 1];
   double d[3], dv[3];
   for (size_t c = 0; c < 3; c++) d[c] = x[j + c] - x[i + c], dv[c] = v[j + c] - v[i + c];
-  const double l2 = dot3(d, d), l = sqrt(l2);
+  const double l2 = ms_dot3(d, d), l = sqrt(l2);
   if (l2 <= MS_ZERO_LENGTH2) return;
-  const double pull = (s->k[e] * (l - s->rest[e]) + s->damping[e] * dot3(d, dv) / l) / l;
+  const double pull = (s->k[e] * (l - s->rest[e]) + s->damping[e] * ms_dot3(d, dv) / l) / l;
   for (size_t c = 0; c < 3; c++) f[i + c] += pull * d[c], f[j + c] -= pull * d[c];
 }
 

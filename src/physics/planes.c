@@ -1,13 +1,9 @@
 #include "physics/planes.h"
 
-#include <math.h>
-
-static double dot3(const double a[3], const double b[3]) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+#include "base/vec3.h"
 
 static void reflect_velocity(const msim_plane *p, double v[3]) {
-  double vn = dot3(p->normal, v);
+  double vn = ms_dot3(p->normal, v);
   if (!(vn < 0)) return;
   double impulse = -(1 + p->restitution) * vn;
   if (p->friction == 0) {
@@ -16,13 +12,13 @@ static void reflect_velocity(const msim_plane *p, double v[3]) {
   }
   double tangential[3];
   for (int c = 0; c < 3; c++) tangential[c] = v[c] - vn * p->normal[c];
-  double speed = sqrt(dot3(tangential, tangential));
+  double speed = sqrt(ms_dot3(tangential, tangential));
   double keep = speed > 0 ? fmax(0.0, 1 - p->friction * impulse / speed) : 0.0;
   for (int c = 0; c < 3; c++) v[c] = (vn + impulse) * p->normal[c] + keep * tangential[c];
 }
 
 static int reflect(const msim_plane *p, double x[3], double v[3]) {
-  double s = dot3(p->normal, x) - p->offset;
+  double s = ms_dot3(p->normal, x) - p->offset;
   if (!(s < 0)) return 0;
   for (int c = 0; c < 3; c++) x[c] -= (1 + p->restitution) * s * p->normal[c];
   reflect_velocity(p, v);
@@ -33,18 +29,16 @@ static int reflect(const msim_plane *p, double x[3], double v[3]) {
 int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
   const ms_scene *scene = model->scene;
   const ms_rows *rows = &model->rows;
-  const size_t stride = (size_t)rows->stride;
   int64_t reflected = 0;
   for (int32_t r = 0; r < rows->nfree; r++) {
-    double *xr = x + r, *vr = v + r;
-    double xp[3] = {0}, vp[3] = {0};
-    for (int32_t c = 0; c < rows->dims; c++)
-      xp[rows->axis[c]] = xr[(size_t)c * stride], vp[rows->axis[c]] = vr[(size_t)c * stride];
+    double xp[3], vp[3];
+    ms_row_get(rows, x, r, xp);
+    ms_row_get(rows, v, r, vp);
     int touched = 0;
     for (int32_t p = 0; p < scene->nplanes; p++) touched |= reflect(&scene->planes[p], xp, vp);
     if (!touched) continue;
-    for (int32_t c = 0; c < rows->dims; c++)
-      xr[(size_t)c * stride] = xp[rows->axis[c]], vr[(size_t)c * stride] = vp[rows->axis[c]];
+    ms_row_put(rows, xp, r, x);
+    ms_row_put(rows, vp, r, v);
     reflected++;
   }
   return reflected;

@@ -1,4 +1,5 @@
 /* build - models, solvers and vectors of a plan: one of each for every island */
+#include "integrate/contacts.h"
 #include "integrate/split.h"
 #include "sim/sim.h"
 
@@ -11,6 +12,9 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
     *vectors[i] = ms_rows_vector(sim->scene, &m->model.rows);
     if (!*vectors[i]) return ms_fail_memory(err, "the state");
   }
+  const int events = sim->opt.collision == MSIM_COLLISION_EVENT;
+  if (events && m->model.passes & MSIM_SKIP_PLANES)
+    return ms_events_create(&m->model, &s->events, err);
   return MSIM_OK;
 }
 
@@ -83,6 +87,7 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
     ms_stepper *s = &motion[i].stepper;
     ms_solver_destroy(s->solver);
     ms_split_destroy(&motion[i].model, s->split);
+    ms_events_destroy(&motion[i].model, s->events);
     ms_model_destroy(&motion[i].model);
     double *vectors[] = {s->x, s->v, s->x_next, s->v_next, s->scratch};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) ms_delete(alloc, vectors[k]);

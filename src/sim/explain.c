@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "integrate/cut.h"
+#include "integrate/events.h"
 #include "integrate/methods.h"
 #include "integrate/split.h"
 #include "linear/aggregates.h"
@@ -117,6 +118,16 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
   ms_print(out,
            "              resonates where h Omega of a stiff mode is n pi; h Omega <= %.3g pi\n",
            sim->plan.h * ms_bounds_of(&split->stiff).omega / 3.141592653589793);
+}
+
+static void explain_collisions(const msim_sim *sim, ms_text *out) {
+  if (!has(sim, MSIM_SKIP_PLANES) || !sim->scene->nplanes) return;
+  if (sim->opt.collision == MSIM_COLLISION_EVENT)
+    ms_print(out,
+             "collisions    event: impacts are located inside the step, rest is exact\n"
+             "              more than %d particles in one step: each for itself, order 2\n",
+             MS_FEW);
+  else ms_print(out, "collisions    reflect: the state after the step; order 1 at each impact\n");
 }
 
 static void explain_threads(const msim_sim *sim, ms_text *out) {
@@ -256,6 +267,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   explain_rows(&ms_sim_largest(sim)->model.rows, out);
   explain_method(sim, out);
   explain_split(sim, out);
+  explain_collisions(sim, out);
   explain_threads(sim, out);
   explain_solver(sim, out);
   explain_skips(sim, out);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "integrate/events.h"
 #include "layout/flat.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -28,9 +29,12 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
   status = ms_integrator_find(opt->integrator, &sim->integrator, err);
   if (status) return status;
   sim->opt.integrator = sim->integrator->entry.name;
-  if (sim->opt.collision == MSIM_COLLISION_EVENT)
-    return ms_fail(err, MSIM_ERR_UNSUPPORTED,
-                   "collision = event is known, but not part of msim %s yet", msim_version());
+  if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->integrator->sync)
+    return ms_fail(
+        err, MSIM_ERR_ARG,
+        "integrator '%s' carries v(t - h/2), which no impact at another time can change: "
+        "with collision = event take velocity-verlet, the same method with v(t)",
+        sim->opt.integrator);
   return MSIM_OK;
 }
 
@@ -161,7 +165,7 @@ static msim_status step_island(msim_sim *sim, ms_motion *m, msim_error *err) {
   const int64_t contacts = s->stats->contacts;
   s->culprit = -1;
   s->finite = 0;
-  msim_status status = sim->integrator->step(s, err);
+  msim_status status = ms_step(sim->integrator, s, err);
   if (!status && !s->finite) {
     s->culprit = ms_find_bad(m->model.shape, s->x_next);
     if (s->culprit < 0) s->culprit = ms_find_bad(m->model.shape, s->v_next);

@@ -1,0 +1,274 @@
+#include "integrate/contacts.h"
+
+#include <float.h>
+#include <string.h>
+
+#include "base/vec3.h"
+
+/* Flights shorter than this share of a step are none. */
+#define REST 0.25
+
+/*------------------------------------- life -----------------------------------------------------*/
+
+/* A length that stands for the scene, not for its present state: so who touches a plane depends on
+ * that state alone. */
+static double find_reach(const ms_scene *scene) {
+  double reach = 0;
+  for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++) reach = fmax(reach, fabs(scene->x[i]));
+  for (int32_t p = 0; p < scene->nplanes; p++) reach = fmax(reach, fabs(scene->planes[p].offset));
+  return reach;
+}
+
+msim_status ms_events_create(const ms_model *model, ms_events **events, msim_error *err) {
+  const ms_scene *scene = model->scene;
+  ms_events *e = *events = ms_new(&scene->alloc, 1, sizeof *e);
+  if (!e) return ms_fail_memory(err, "the impacts");
+  e->reach = find_reach(scene);
+  double **vectors[] = {&e->x, &e->v, &e->a, &e->a_end};
+  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
+    *vectors[i] = ms_rows_vector(scene, &model->rows);
+    if (!*vectors[i]) return ms_fail_memory(err, "the impacts");
+  }
+  e->contact = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->contact);
+  return e->contact ? MSIM_OK : ms_fail_memory(err, "the impacts");
+}
+
+ms_walls ms_walls_of(const ms_stepper *s) {
+  const ms_scene *scene = s->model->scene;
+  return (ms_walls){scene->nplanes, scene->planes, s->events->reach};
+}
+
+void ms_events_destroy(const ms_model *model, ms_events *e) {
+  if (!e) return;
+  const msim_allocator *alloc = &model->scene->alloc;
+  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+}
+
+void ms_contacts_know(ms_events *e) {
+  double *a = e->a;
+  e->a = e->a_end, e->a_end = a;
+  e->known = 1;
+}
+
+void ms_contacts_own(ms_stepper *s) {
+  ms_events *e = s->events;
+  const ms_rows *rows = &s->model->rows;
+  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x;
+  e->known = 0;
+  if (s->x == e->x) return;
+  memcpy(e->x, s->x, bytes); /* pinned rows too */
+  memcpy(e->v, s->v, bytes);
+  s->x = e->x, s->v = e->v;
+}
+
+/*------------------------------------- who rests ------------------------------------------------*/
+
+int ms_would_rest(const msim_plane *p, const double v[3], const double a[3], double h) {
+  const double pressed = -ms_dot3(p->normal, a);
+  return pressed > MS_PRESS * ms_norm3(a) && 2 * ms_dot3(p->normal, v) < REST * h * pressed;
+}
+
+/* Bounce what runs into a plane, put on it what lies outside. */
+static void meet_planes(ms_stepper *s, const ms_walls *walls, ms_contact *c) {
+  const ms_rows *rows = &s->model->rows;
+  double x[3], v[3];
+  ms_row_get(rows, s->x, c->row, x);
+  ms_row_get(rows, s->v, c->row, v);
+  int outside = 0;
+  const double noise = ms_distance_noise(walls, x);
+  for (int i = 0; i < c->on.n; i++) outside |= ms_distance(c->on.plane[i], x) < -noise;
+  const int bounced = ms_bounce(&c->on, v);
+  s->stats->contacts += bounced;
+  if (!bounced && !outside) return;
+  ms_contacts_own(s);
+  ms_put_on(&c->on, x);
+  ms_row_put(rows, x, c->row, s->x);
+  ms_row_put(rows, v, c->row, s->v);
+}
+
+/* The planes that hold a particle, of those it touches. One may press it on another, so they are
+ * asked again under what those found so far leave of a. */
+static ms_touch find_holding(const ms_touch *on, const double v[3], const double a[3], double h) {
+  static const double nothing[MS_MOST_TOUCHED] = {0};
+  double left[3] = {a[0], a[1], a[2]}, J[MS_MOST_TOUCHED] = {0};
+  ms_touch rest = {0}, holding = {0};
+  unsigned found = 0;
+  for (int more = 1; more;) {
+    more = 0;
+    for (int i = 0; i < on->n; i++) {
+      if (found >> i & 1 || !ms_would_rest(on->plane[i], v, left, h)) continue;
+      found |= 1u << i;
+      rest.plane[rest.n++] = on->plane[i];
+      more = 1;
+    }
+    for (int c = 0; c < 3; c++) left[c] = a[c];
+    ms_project(&rest, nothing, left, J);
+  }
+  for (int i = 0; i < rest.n; i++)
+    if (J[i] > MS_PRESS * ms_norm3(a)) holding.plane[holding.n++] = rest.plane[i];
+  return holding;
+}
+
+static void scale_to_one(double u[3]) {
+  const double size = ms_norm3(u);
+  for (int c = 0; c < 3; c++) u[c] = size > 0 ? u[c] / size : 0;
+}
+
+/* What the planes add to a; v NULL: it slides on as at the start. */
+static void find_push(const ms_contact *c, const double *v, const double a[3], double push[3]) {
+  double along[3] = {a[0], a[1], a[2]}, way[3] = {c->slide[0], c->slide[1], c->slide[2]}, least;
+  const double pull = ms_keep_along(&c->on, along, &least);
+  if (v && c->rubs && !c->sticks) {
+    double now[3] = {v[0], v[1], v[2]};
+    ms_keep_along(&c->on, now, &least);
+    /* a stage that has passed the stop is to go on straight: the stop is found by that */
+    if (ms_dot3(now, c->slide) > 0) memcpy(way, now, sizeof way);
+    scale_to_one(way);
+  }
+  ms_axpy3(-pull, way, along);
+  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
+}
+
+double ms_contact_reaction(const ms_contact *c, const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]}, least;
+  ms_keep_along(&c->on, along, &least);
+  return least;
+}
+
+double ms_contact_grip(const ms_contact *c, const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]}, least;
+  const double pull = ms_keep_along(&c->on, along, &least);
+  return pull - ms_norm3(along);
+}
+
+/* Whether it sticks or slides, and where. Where nothing rubs, nothing sticks but what nothing
+ * pulls. */
+static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]}, least;
+  const double pull = ms_keep_along(&c->on, along, &least), size = ms_norm3(a);
+  const double grip = pull > 0 ? pull - MS_PRESS * size : 16 * DBL_EPSILON * size;
+  const int still = ms_norm3(v) == 0;
+  c->sticks = c->fixed || (still && ms_norm3(along) <= grip);
+  memcpy(c->slide, still ? along : v, sizeof c->slide);
+  if (c->sticks) memset(c->slide, 0, sizeof c->slide);
+  scale_to_one(c->slide);
+  find_push(c, v, a, c->push);
+}
+
+/* 1 if it rests. */
+static int settle(ms_stepper *s, ms_contact *c, double h) {
+  const ms_rows *rows = &s->model->rows;
+  double v[3], before[3], a[3], least;
+  ms_row_get(rows, s->v, c->row, v);
+  ms_row_get(rows, s->events->a, c->row, a);
+  c->on = find_holding(&c->on, v, a, h);
+  if (!c->on.n) return 0;
+  c->fixed = c->on.n >= rows->dims;
+  c->rubs = 0;
+  for (int i = 0; i < c->on.n; i++) c->rubs |= c->on.plane[i]->friction > 0;
+  const double noise = ms_speed_noise(v);
+  memcpy(before, v, sizeof v);
+  ms_keep_along(&c->on, v, &least);
+  if (c->fixed || ms_norm3(v) <= noise) memset(v, 0, sizeof v);
+  if (memcmp(v, before, sizeof v) != 0) {
+    const int known = s->events->known; /* so small a change of v is none to the forces */
+    ms_contacts_own(s);
+    s->events->known = known;
+    ms_row_put(rows, v, c->row, s->v);
+  }
+  find_slide(c, v, a);
+  return 1;
+}
+
+/* The acceleration as if nothing rested */
+static void find_free(ms_stepper *s, const double *x, const double *v, double *a) {
+  const int32_t n = s->events->ncontacts;
+  s->events->ncontacts = 0;
+  ms_acceleration(s, x, v, a);
+  s->events->ncontacts = n;
+}
+
+void ms_contacts_find(ms_stepper *s, double h) {
+  const ms_rows *rows = &s->model->rows;
+  const ms_walls walls = ms_walls_of(s);
+  ms_events *e = s->events;
+  int32_t touching = 0;
+  e->ncontacts = 0;
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    double x[3];
+    ms_row_get(rows, s->x, r, x);
+    const ms_touch on = ms_touched(&walls, x);
+    if (!on.n) continue;
+    e->contact[touching] = (ms_contact){.row = r, .on = on};
+    meet_planes(s, &walls, &e->contact[touching++]);
+  }
+  if (!touching) return;
+  if (!e->known) find_free(s, s->x, s->v, e->a);
+  e->known = 1;
+  int32_t resting = 0;
+  for (int32_t i = 0; i < touching; i++) {
+    ms_contact c = e->contact[i];
+    if (settle(s, &c, h)) e->contact[resting++] = c;
+  }
+  e->ncontacts = resting;
+}
+
+/*------------------------------------- what rests -----------------------------------------------*/
+
+/* Fowler, Noll and Vo's hash */
+static uint64_t mix(uint64_t sign, uint64_t number) { return (sign ^ number) * 1099511628211u; }
+
+uint64_t ms_contacts_sign(const ms_stepper *s) {
+  const ms_events *e = s->events;
+  uint64_t sign = e->ncontacts ? 14695981039346656037u : 0;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    const ms_contact *c = &e->contact[i];
+    sign = mix(mix(sign, (uint64_t)c->row), (uint64_t)c->sticks);
+    for (int k = 0; k < c->on.n; k++)
+      sign = mix(sign, (uint64_t)(c->on.plane[k] - s->model->scene->planes));
+  }
+  return sign;
+}
+
+static void add(const ms_rows *rows, double h, const double u[3], int32_t r, double *vec) {
+  double sum[3];
+  ms_row_get(rows, vec, r, sum);
+  ms_axpy3(h, u, sum);
+  ms_row_put(rows, sum, r, vec);
+}
+
+void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
+  const ms_rows *rows = &s->model->rows;
+  const int follows = !pass->along || pass->along == pass->v_to; /* x_to moves with v_to */
+  for (int32_t i = 0; i < s->events->ncontacts; i++) {
+    const ms_contact *c = &s->events->contact[i];
+    double a[3], v[3], push[3];
+    ms_row_get(rows, pass->a, c->row, a);
+    if (pass->v) ms_row_get(rows, pass->v, c->row, v);
+    if (s->events->steady) memcpy(push, c->push, sizeof push);
+    else find_push(c, pass->v ? v : NULL, a, push);
+    add(rows, 1, push, c->row, pass->a);
+    if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);
+    if (pass->x_to && follows) add(rows, pass->drift * pass->h, push, c->row, pass->x_to);
+  }
+}
+
+void ms_contacts_finish(ms_stepper *s) {
+  const ms_rows *rows = &s->model->rows;
+  const ms_events *e = s->events;
+  if (!e->ncontacts) return;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    const ms_contact *c = &e->contact[i];
+    double x[3], v[3] = {0}, least;
+    ms_row_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
+    if (!c->sticks) {
+      ms_row_get(rows, s->v_next, c->row, v);
+      ms_put_on(&c->on, x);
+      ms_keep_along(&c->on, v, &least);
+    }
+    ms_row_put(rows, x, c->row, s->x_next);
+    ms_row_put(rows, v, c->row, s->v_next);
+  }
+  find_free(s, s->x_next, s->v_next, s->events->a_end);
+}

@@ -1,0 +1,75 @@
+/* contacts - particles that rest on planes, under collision = event
+ *
+ * A particle that touches a plane and is pressed on it rests there, if the flight to come,
+ * 2 v_n/|a_n|, is shorter than a quarter of a step: n.v = 0, and the plane adds to its acceleration
+ * what keeps n.a = 0. Who rests follows from x, v and the forces alone, so there is nothing to
+ * carry from step to step. Friction: while v = 0 the planes cancel all of a, if they can
+ * (|a_t| <= mu N), else they pull against the motion by mu N. */
+#ifndef MS_CONTACTS_H
+#define MS_CONTACTS_H
+
+#include "integrate/integrator.h"
+#include "physics/impacts.h"
+
+/* A reaction, over |a|, that may be rounding. */
+#define MS_PRESS 1e-12
+
+typedef struct ms_contact {
+  int32_t row;
+  int sticks;      /* v = 0, and the planes keep it so */
+  int fixed;       /* as many planes as components: nowhere to slide */
+  int rubs;        /* there is friction */
+  ms_touch on;     /* independent planes */
+  double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
+  double push[3];  /* what the planes add to a at the start */
+} ms_contact;
+
+/* What a stepper has under collision = event: the part of the step that is being made starts from
+ * s->x and s->v, which lie in x and v here once something was changed there. */
+typedef struct ms_events {
+  double reach; /* of the walls */
+  double *x, *v;
+  double *a, *a_end; /* F/m at the start of the part and at its end, as if nothing rested */
+  int known;         /* a is that of s->x, s->v */
+  int steady;        /* the planes push as at the start, all through the part: implicit methods,
+                        whose matrix knows nothing of planes */
+  ms_contact *contact;
+  int32_t ncontacts;
+  uint64_t held; /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
+} ms_events;
+
+/* The scene's planes; a sim may change its scene between steps. */
+ms_walls ms_walls_of(const ms_stepper *s);
+
+/* NULL members of `events` where memory ran out; destroy accepts that. */
+msim_status ms_events_create(const ms_model *model, ms_events **events, msim_error *err);
+void ms_events_destroy(const ms_model *model, ms_events *events);
+
+/* The end of the part, where a_end was found, is the start of the next. */
+void ms_contacts_know(ms_events *e);
+
+/* Let s->x, s->v lie in memory that may be written. */
+void ms_contacts_own(ms_stepper *s);
+
+/* At s->x, s->v: what lies outside is put on its plane, what runs into planes bounces, and who
+ * rests is found; h: the whole step. */
+void ms_contacts_find(ms_stepper *s, double h);
+
+/* Two of one sign hold the same particles in the same way; 0: nothing rests. */
+uint64_t ms_contacts_sign(const ms_stepper *s);
+
+/* What the planes add is added to the results of an evaluation, which has a. */
+void ms_contacts_push(const ms_stepper *s, const ms_pass *pass);
+
+/* Put what rests on its planes to the last bit in x_next, v_next, and find the a of that state. */
+void ms_contacts_finish(ms_stepper *s);
+
+/* With a the acceleration of a contact as if nothing rested: the least force of its planes; how
+ * much more they could pull before what sticks slips. */
+double ms_contact_reaction(const ms_contact *c, const double a[3]);
+double ms_contact_grip(const ms_contact *c, const double a[3]);
+
+/* Would a particle with velocity v, acceleration a rest on the plane? */
+int ms_would_rest(const msim_plane *p, const double v[3], const double a[3], double h);
+
+#endif
