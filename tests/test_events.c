@@ -1,28 +1,8 @@
-/* Impacts located inside the step, collision = event: closed forms, orders, rest, many at once. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "scenes.h"
-
-static msim_options event(const char *method, double h) {
-  msim_options opt = options(method, h);
-  opt.collision = MSIM_COLLISION_EVENT;
-  opt.solver_rtol = 1e-13;
-  opt.newton_rtol = 1e-12;
-  return opt;
-}
+/* Impacts located inside the step, collision = event: closed forms, rest, corners, promises. */
+#include "events.h"
 
 static const char *const exact[] = {"heun", "velocity-verlet", "rk4", "rkn6"};
 enum { NEXACT = sizeof exact / sizeof *exact };
-
-/* Methods that take collision = event; NULL past the end. */
-static const char *event_method_at(int32_t i) {
-  const char *name = NULL;
-  for (int32_t m = 0; (name = method_at(m)) != NULL; m++)
-    if (strcmp(name, "verlet") != 0 && i-- == 0) break;
-  return name;
-}
 
 /*------------------------------------- one ball -------------------------------------------------*/
 
@@ -277,70 +257,184 @@ static void corners_hold_in_any_order(void **state) {
   }
 }
 
-/*------------------------------------- orders ---------------------------------------------------*/
+/*------------------------------------- many at once ---------------------------------------------*/
 
-/* A particle on a spring of rest length 0 to a pin on the far side of a plane, which it hits again
- * and again while it swings along it: x = A cos(w t + p) between impacts. */
-static void oscillator(double t, double z0, double e, double *z, double *vz, int *hits) {
-  /* the plane is at z = 0, the pin at z = -1; w = 1: z = -1 + a cos(t - phase), z0 at rest first */
-  double a = z0 + 1, at = 0, phase = 0;
-  *hits = 0;
-  for (;;) {
-    const double hit = phase + acos(1 / a);
-    if (hit > t) break;
-    const double up = e * sqrt(a * a - 1);
-    at = hit, a = sqrt(1 + up * up);
-    phase = at + atan2(up, 1);
-    ++*hits;
+enum { MANY = 12 };
+
+/* Balls of nearly one height: each bounces at its own time, and no force is evaluated for that */
+static void many_balls_in_closed_form(void **state) {
+  (void)state;
+  const double g[3] = {0, 0, -9.81};
+  double x[3 * MANY] = {0}, mass[MANY];
+  for (int i = 0; i < MANY; i++) x[3 * i] = i, x[3 * i + 2] = 1 - 1e-3 * i, mass[i] = 1;
+  for (int m = 0; m < NEXACT; m++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, MANY, x, NULL, mass, err));
+    assert_ok(msim_scene_set_gravity(scene, g, err));
+    plane(scene, 0, 0, 1, 0, 0.8, 0);
+    msim_options opt = event(exact[m], 0.01);
+    msim_sim *sim = make_sim(scene, &opt);
+    for (int i = 0; i < 100; i++) {
+      const msim_stats before = stats_of(sim);
+      assert_ok(msim_sim_step(sim, 1, err));
+      const msim_stats after = stats_of(sim);
+      if (strcmp(exact[m], "velocity-verlet") == 0 && after.contacts - before.contacts > 4)
+        assert_in_range(after.force_evaluations - before.force_evaluations, 1, 2);
+    }
+    const msim_state s = state_of(sim);
+    int sum = 0;
+    for (int i = 0; i < MANY; i++) {
+      double z, vz;
+      int bounces;
+      const double scale = x[3 * i + 2]; /* lengths by it, times by its root */
+      drop(0.8, 9.81, s.t / sqrt(scale), &z, &vz, &bounces);
+      assert_close(s.x[3 * i + 2], z * scale, 1e-13);
+      assert_close(s.v[3 * i + 2], vz * sqrt(scale), 1e-12);
+      sum += bounces;
+    }
+    assert_int_equal(stats_of(sim).contacts, sum);
+    assert_ok(msim_sim_step(sim, 500, err));
+    for (int i = 0; i < MANY; i++) assert_true(state_of(sim).x[3 * i + 2] == 0);
+    assert_true(stats_of(sim).steps_at_rest > 50);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
   }
-  *z = -1 + a * cos(t - phase);
-  *vz = -a * sin(t - phase);
 }
 
-static msim_scene *spring_on_plane(double e) {
-  const double x[6] = {0, 0, -1, 0.2, 0, 1.5}, v[6] = {0, 0, 0, 0.3, 0, 0}, mass[2] = {1, 1}, k = 1;
-  const double rest = 0, none = 0;
-  const int32_t ij[2] = {0, 1}, pin = 0;
+/*------------------------------------- promises -------------------------------------------------*/
+
+/* Blocks of side^3 particles above a rough slope, far from each other */
+static msim_scene *blocks(int32_t side, int from, int to) {
+  const double g[3] = {0, 0, -9.81};
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
-  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &none, err));
-  assert_ok(msim_scene_pin(scene, 1, &pin, err));
-  plane(scene, 0, 0, 1, 0, e, 0);
+  for (int i = from; i < to; i++) {
+    const msim_lattice lattice = {.size = sizeof lattice,
+                                  .n = {side, side, side},
+                                  .origin = {2 * i, 0.1 * i, 0.05 + 0.02 * i},
+                                  .extent = {0.2, 0.2, 0.2},
+                                  .mass = 1,
+                                  .k = 30};
+    assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  }
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0.05, 0, 1, 0, 0.3, 0.5);
+  plane(scene, 0, 1, 0, -0.01, 0.3, 0.5);
   return scene;
 }
 
-static double error_through_impacts(const msim_scene *scene, const char *method, int steps) {
-  const double T = 8;
-  double z, vz;
-  int hits;
-  msim_options opt = event(method, T / steps);
-  msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, steps, err));
-  oscillator(T, 1.5, 0.9, &z, &vz, &hits);
-  assert_int_equal(hits, 4);
-  assert_int_equal(stats_of(sim).contacts, hits);
-  const msim_state s = state_of(sim);
-  const double off = hypot(s.x[5] - z, s.v[5] - vz);
-  msim_sim_destroy(sim);
-  return off;
+static int lies_inside(const msim_state *s, double nx, double nz) {
+  for (int32_t p = 0; p < s->n; p++)
+    if (nx * s->x[3 * p] + nz * s->x[3 * p + 2] < -1e-12) return 0;
+  return 1;
 }
 
-static void order_is_kept_through_impacts(void **state) {
+/* Set on from a state in the midst of it, in pieces, at rest skipped or not: the same bits */
+static void nothing_is_carried_but_the_state(void **state) {
   (void)state;
-  msim_scene *scene = spring_on_plane(0.9);
-  const msim_integrator_entry *entry;
-  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
-    if (!entry->order || strcmp(entry->name, "verlet") == 0) continue;
-    const int steps = entry->order > 4 ? 10 : entry->order > 2 ? 240 : 300;
-    const double coarse = error_through_impacts(scene, entry->name, steps);
-    const double fine = error_through_impacts(scene, entry->name, 4 * steps);
-    const double order = log2(coarse / fine) / 2;
-    print_message("  %-24s %.3g %.3g  order %.2f\n", entry->name, coarse, fine, order);
-    /* where steps are long, those that an impact cuts short are many */
-    assert_true(order >= (entry->order > 6 ? 6.5 : entry->order > 4 ? 5.5 : entry->order - 0.1));
+  enum { N3 = 3 * 4 * 4 * 4 };
+  for (int32_t m = 0; event_method_at(m); m++) {
+    const char *name = event_method_at(m);
+    if (is_implicit(name) || strcmp(name, "explicit-euler") == 0) continue;
+    msim_scene *scene = blocks(4, 0, 1);
+    msim_options opt = event(name, 1e-3);
+    msim_sim *whole = make_sim(scene, &opt);
+    assert_ok(msim_options_set(&opt, "skip.at_rest", "off", err));
+    msim_sim *pieces = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(whole, 600, err));
+    for (int i = 0; i < 12; i++) {
+      double x[N3], v[N3];
+      assert_ok(msim_sim_step(pieces, 50, err));
+      msim_state s = state_of(pieces);
+      memcpy(x, s.x, sizeof x);
+      memcpy(v, s.v, sizeof v);
+      s.x = x, s.v = v;
+      assert_ok(msim_sim_set_state(pieces, &s, err));
+    }
+    const msim_state a = state_of(whole), b = state_of(pieces);
+    assert_true(stats_of(whole).contacts > 16);
+    assert_true(lies_inside(&a, 0.05, 1));
+    assert_memory_equal(a.x, b.x, N3 * sizeof *a.x);
+    assert_memory_equal(a.v, b.v, N3 * sizeof *a.v);
+    msim_sim_destroy(whole), msim_sim_destroy(pieces);
+    msim_scene_destroy(scene);
   }
-  msim_scene_destroy(scene);
+}
+
+/* Blocks that no spring connects: what one does is what it does alone, with any threads */
+static void islands_and_threads_change_no_bit(void **state) {
+  (void)state;
+  enum { SIDE = 8, N = SIDE * SIDE * SIDE, STEPS = 150 };
+  static const char *const methods[] = {"velocity-verlet", "rk4", "linearly-implicit-euler"};
+  for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
+    msim_scene *scene = blocks(SIDE, 0, 2);
+    msim_options opt = event(methods[m], 1e-3);
+    opt.solver = "pcg", opt.threads = 1;
+    msim_sim *one = make_sim(scene, &opt);
+    opt.threads = 3;
+    msim_sim *three = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(one, STEPS, err));
+    assert_ok(msim_sim_step(three, STEPS, err));
+    const msim_state a = state_of(one), b = state_of(three);
+    assert_true(stats_of(one).contacts > 2 * SIDE * SIDE);
+    assert_int_equal(stats_of(one).contacts, stats_of(three).contacts);
+    assert_memory_equal(a.x, b.x, 6 * N * sizeof *a.x);
+    assert_memory_equal(a.v, b.v, 6 * N * sizeof *a.v);
+    msim_scene_destroy(scene);
+    scene = blocks(SIDE, 0, 1);
+    msim_sim *alone = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(alone, STEPS, err));
+    assert_memory_equal(a.x, state_of(alone).x, 3 * N * sizeof *a.x);
+    msim_sim_destroy(one), msim_sim_destroy(three), msim_sim_destroy(alone);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* In a flat scene, in two components, the same as in three */
+static void flat_scenes_do_the_same(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 1, 0.3, 0, 1.2}, v[6] = {0.5, 0, 0, -0.2, 0, 0}, mass[2] = {1, 2};
+  const double k = 50, g[3] = {0, 0, -9.81};
+  const int32_t ij[2] = {0, 1};
+  for (int32_t m = 0; event_method_at(m); m++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, err));
+    assert_ok(msim_scene_set_gravity(scene, g, err));
+    plane(scene, 0.2, 0, 1, 0, 0.6, 0.2);
+    plane(scene, -1, 0, 1, -1, 0.6, 0.2);
+    msim_options opt = event(event_method_at(m), 0.01);
+    opt.solver = "pcg";
+    msim_sim *flat = make_sim(scene, &opt);
+    assert_ok(msim_options_set(&opt, "skip.two_d", "off", err));
+    msim_sim *full = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(flat, 80, err));
+    assert_ok(msim_sim_step(full, 80, err));
+    assert_true(stats_of(flat).contacts > 1);
+    for (int c = 0; c < 6; c++) assert_close(state_of(flat).x[c], state_of(full).x[c], 1e-8);
+    msim_sim_destroy(flat), msim_sim_destroy(full);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* What starts outside is put on the plane, and sent back if it runs on */
+static void outside_is_put_on_the_plane(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, -0.5}, v[3] = {1, 0, -2};
+  for (int32_t m = 0; event_method_at(m); m++) {
+    msim_scene *scene = single(x, v, 0);
+    plane(scene, 0, 0, 1, 0, 0.5, 0);
+    msim_options opt = event(event_method_at(m), 0.01);
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 10, err));
+    assert_close(state_of(sim).x[2], 0.1, 1e-14);
+    assert_close(state_of(sim).v[2], 1, 1e-14);
+    assert_int_equal(stats_of(sim).contacts, 1);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
 }
 
 int main(void) {
@@ -353,6 +447,10 @@ int main(void) {
                                      cmocka_unit_test(box_in_closed_form),
                                      cmocka_unit_test(in_and_out_is_not_missed),
                                      cmocka_unit_test(corners_hold_in_any_order),
-                                     cmocka_unit_test(order_is_kept_through_impacts)};
+                                     cmocka_unit_test(many_balls_in_closed_form),
+                                     cmocka_unit_test(nothing_is_carried_but_the_state),
+                                     cmocka_unit_test(islands_and_threads_change_no_bit),
+                                     cmocka_unit_test(flat_scenes_do_the_same),
+                                     cmocka_unit_test(outside_is_put_on_the_plane)};
   return cmocka_run_group_tests_name("events", tests, NULL, NULL);
 }

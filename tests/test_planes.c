@@ -2,6 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "physics/crossing.h"
+#include "physics/impacts.h"
 #include "scenes.h"
 
 /* One step of free flight into a plane: the reflected state in closed form, for every method.
@@ -170,6 +172,98 @@ static void pinned_particles_are_not_reflected(void **state) {
   }
 }
 
+/*------------------------------------- geometry of impacts --------------------------------------*/
+
+/* The first fall through 0 of cubics of known roots */
+static void crossings_of_cubics(void **state) {
+  (void)state;
+  const struct {
+    double c[4], from, first;
+  } row[] = {{{0.5, -1}, 0, 0.5},                 /* a line */
+             {{1, -1}, 0, MS_NOWHERE},            /* ends at 0 */
+             {{0.06, -0.5, 1}, 0, 0.2},           /* in and out: 0.2 and 0.3 */
+             {{0.06, -0.5, 1}, 0.24, 0.24},       /* outside already */
+             {{0.06, -0.5, 1}, 0.3, MS_NOWHERE},  /* on the way out */
+             {{0.0625, -0.5, 1}, 0, MS_NOWHERE},  /* touches */
+             {{0, 1, -2}, 0, 0.5},                /* up from the plane, and back */
+             {{0, -1, 2}, 0, 0},                  /* down from it */
+             {{0.024, -0.26, 0.9, -1}, 0, 0.2},   /* 0.2, 0.3 and 0.4 */
+             {{0.024, -0.26, 0.9, -1}, 0.3, 0.4}, /* the last of them */
+             {{-0.024, 0.26, -0.9, 1}, 0.2, 0.3}, /* the other way round */
+             {{1e-3, -1e3, 0, 1}, 0, 1e-6}};      /* steep */
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    ms_cubic s;
+    memcpy(s.c, row[i].c, sizeof s.c);
+    assert_close(ms_first_crossing(&s, row[i].from, 1e-12), row[i].first, 1e-15);
+    const double end = ms_cubic_at(&s, 1), slope = ms_cubic_slope(&s, 1);
+    const ms_cubic same = ms_hermite(s.c[0], s.c[1], end, slope);
+    for (int k = 0; k < 4; k++) assert_close(same.c[k], s.c[k], 1e-12 * fabs(s.c[1]));
+  }
+  const ms_cubic bad = {{NAN, 1, 1, 1}};
+  assert_true(ms_first_crossing(&bad, 0, 0) == MS_NOWHERE);
+}
+
+static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+static msim_plane random_plane(unsigned *seed, double e, double mu) {
+  msim_plane p = {{uniform(seed) - 0.5, uniform(seed) - 0.5, uniform(seed)}, 0, e, mu};
+  const double size = norm(p.normal);
+  for (int c = 0; c < 3; c++) p.normal[c] /= size;
+  return p;
+}
+
+/* Corners of one to five planes: v' runs into none of them; e = 1 keeps the speed, e < 1 and
+ * friction take from it; the order of the planes does not matter. */
+static void corners_bounce_in_any_order(void **state) {
+  (void)state;
+  unsigned seed = 5;
+  for (int i = 0; i < 2000; i++) {
+    const double e = i % 3 ? 1 : 0.6, mu = i % 2 ? 0.3 : 0;
+    msim_plane plane[5];
+    ms_touch touch = {.n = 1 + i % 5}, turned = touch;
+    for (int p = 0; p < touch.n; p++) plane[p] = random_plane(&seed, e, mu);
+    for (int p = 0; p < touch.n; p++)
+      touch.plane[p] = &plane[p], turned.plane[(p + 2) % touch.n] = &plane[p];
+    double v[3], w[3];
+    for (int c = 0; c < 3; c++) v[c] = w[c] = uniform(&seed) - 0.5;
+    const double before = norm(v);
+    const int bounced = ms_bounce(&touch, v);
+    assert_int_equal(ms_bounce(&turned, w), bounced);
+    for (int c = 0; c < 3; c++) assert_close(v[c], w[c], 1e-9);
+    for (int p = 0; p < touch.n; p++) {
+      const double *n = plane[p].normal;
+      assert_true(n[0] * v[0] + n[1] * v[1] + n[2] * v[2] > -1e-14);
+    }
+    if (e == 1 && mu == 0 && touch.n == 1) assert_close(norm(v), before, 1e-14);
+    assert_true(norm(v) <= before * (1 + 1e-14));
+  }
+}
+
+/* The nearest vector to u that leads into no plane: nothing is left out of reach, and what the
+ * planes give is at right angles to what is left (Moreau). */
+static void projection_is_the_nearest(void **state) {
+  (void)state;
+  static const double nothing[MS_MOST_TOUCHED] = {0};
+  unsigned seed = 7;
+  for (int i = 0; i < 2000; i++) {
+    msim_plane plane[4];
+    ms_touch touch = {.n = 1 + i % 4};
+    double u[3], J[MS_MOST_TOUCHED] = {0}, given[3], product = 0;
+    for (int p = 0; p < touch.n; p++)
+      plane[p] = random_plane(&seed, 0, 0), touch.plane[p] = &plane[p];
+    for (int c = 0; c < 3; c++) given[c] = u[c] = uniform(&seed) - 0.5;
+    ms_project(&touch, nothing, u, J);
+    for (int c = 0; c < 3; c++) given[c] = u[c] - given[c], product += given[c] * u[c];
+    assert_close(product, 0, 1e-12);
+    for (int p = 0; p < touch.n; p++) {
+      const double *n = plane[p].normal;
+      assert_true(n[0] * u[0] + n[1] * u[1] + n[2] * u[2] > -1e-12 && J[p] > -1e-12);
+      for (int c = 0; c < 3; c++) given[c] -= J[p] * n[c];
+    }
+    assert_close(norm(given), 0, 1e-12);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(one_reflection_in_closed_form),
                                      cmocka_unit_test(ball_bounces_back),
@@ -178,6 +272,9 @@ int main(void) {
                                      cmocka_unit_test(incline_sticks_or_slides),
                                      cmocka_unit_test(corner_reflects_twice_and_counts_once),
                                      cmocka_unit_test(leaving_particle_keeps_its_velocity),
-                                     cmocka_unit_test(pinned_particles_are_not_reflected)};
+                                     cmocka_unit_test(pinned_particles_are_not_reflected),
+                                     cmocka_unit_test(crossings_of_cubics),
+                                     cmocka_unit_test(corners_bounce_in_any_order),
+                                     cmocka_unit_test(projection_is_the_nearest)};
   return cmocka_run_group_tests_name("planes", tests, NULL, NULL);
 }

@@ -10,11 +10,14 @@
 
 /*------------------------------------- life -----------------------------------------------------*/
 
-/* A length that stands for the scene, not for its present state: so who touches a plane depends on
- * that state alone. */
-static double find_reach(const ms_scene *scene) {
+/* A length that stands for the island, whatever its present state: so who touches a plane depends
+ * on that state alone. */
+static double find_reach(const ms_model *model) {
+  const ms_scene *scene = model->scene;
   double reach = 0;
-  for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++) reach = fmax(reach, fabs(scene->x[i]));
+  for (int32_t r = 0; r < model->rows.stride; r++)
+    if (model->rows.particle[r] >= 0)
+      reach = fmax(reach, ms_norm3(scene->x + 3 * (size_t)model->rows.particle[r]));
   for (int32_t p = 0; p < scene->nplanes; p++) reach = fmax(reach, fabs(scene->planes[p].offset));
   return reach;
 }
@@ -23,7 +26,7 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
   const ms_scene *scene = model->scene;
   ms_events *e = *events = ms_new(&scene->alloc, 1, sizeof *e);
   if (!e) return ms_fail_memory(err, "the impacts");
-  e->reach = find_reach(scene);
+  e->reach = find_reach(model);
   double **vectors[] = {&e->x, &e->v, &e->a, &e->a_end};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
     *vectors[i] = ms_rows_vector(scene, &model->rows);
@@ -144,12 +147,12 @@ double ms_contact_grip(const ms_contact *c, const double a[3]) {
 
 /* Whether it sticks or slides, and where. Where nothing rubs, nothing sticks but what nothing
  * pulls. */
-static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
+static void find_slide(ms_contact *c, int slips, const double v[3], const double a[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
   const double pull = ms_keep_along(&c->on, along, &least), size = ms_norm3(a);
   const double grip = pull > 0 ? pull - MS_PRESS * size : 16 * DBL_EPSILON * size;
   const int still = ms_norm3(v) == 0;
-  c->sticks = c->fixed || (still && ms_norm3(along) <= grip);
+  c->sticks = c->fixed || (still && !slips && ms_norm3(along) <= grip);
   memcpy(c->slide, still ? along : v, sizeof c->slide);
   if (c->sticks) memset(c->slide, 0, sizeof c->slide);
   scale_to_one(c->slide);
@@ -157,7 +160,7 @@ static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
 }
 
 /* 1 if it rests. */
-static int settle(ms_stepper *s, ms_contact *c, double h) {
+static int settle(ms_stepper *s, ms_contact *c, double h, int slips) {
   const ms_rows *rows = &s->model->rows;
   double v[3], before[3], a[3], least;
   ms_row_get(rows, s->v, c->row, v);
@@ -177,7 +180,7 @@ static int settle(ms_stepper *s, ms_contact *c, double h) {
     s->events->known = known;
     ms_row_put(rows, v, c->row, s->v);
   }
-  find_slide(c, v, a);
+  find_slide(c, slips, v, a);
   return 1;
 }
 
@@ -189,7 +192,7 @@ static void find_free(ms_stepper *s, const double *x, const double *v, double *a
   s->events->ncontacts = n;
 }
 
-void ms_contacts_find(ms_stepper *s, double h) {
+void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slipping) {
   const ms_rows *rows = &s->model->rows;
   const ms_walls walls = ms_walls_of(s);
   ms_events *e = s->events;
@@ -209,7 +212,7 @@ void ms_contacts_find(ms_stepper *s, double h) {
   int32_t resting = 0;
   for (int32_t i = 0; i < touching; i++) {
     ms_contact c = e->contact[i];
-    if (settle(s, &c, h)) e->contact[resting++] = c;
+    if (c.row != released && settle(s, &c, h, c.row == slipping)) e->contact[resting++] = c;
   }
   e->ncontacts = resting;
 }

@@ -52,8 +52,9 @@ void ms_contacts_know(ms_events *e);
 void ms_contacts_own(ms_stepper *s);
 
 /* At s->x, s->v: what lies outside is put on its plane, what runs into planes bounces, and who
- * rests is found; h: the whole step. */
-void ms_contacts_find(ms_stepper *s, double h);
+ * rests is found; h: the whole step. Where a contact was found to end just here, its row: rounding
+ * is not asked again. -1: none. */
+void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slipping);
 
 /* Two of one sign hold the same particles in the same way; 0: nothing rests. */
 uint64_t ms_contacts_sign(const ms_stepper *s);

@@ -31,6 +31,7 @@ typedef struct journey {
   int carried;    /* what s->warm was */
   int warm;       /* for the next part; 0: without what was carried over */
   int lost;       /* a part was made without */
+  incident last;  /* where the part to come starts */
 } journey;
 
 /* A part of that length, from s->x, s->v. */
@@ -61,7 +62,7 @@ static gauge read(const journey *j, const ms_contact *c, kind end) {
   ms_row_get(rows, j->s->v_next, c->row, v[1]);
   if (end == STOP)
     return (gauge){ms_dot3(v[0], c->slide), ms_dot3(v[1], c->slide), ms_speed_noise(v[0])};
-  const double noise = MS_PRESS * ms_norm3(a[1]);
+  const double noise = MS_PRESS * fmax(ms_norm3(a[0]), ms_norm3(a[1]));
   if (end == SLIP) return (gauge){ms_contact_grip(c, a[0]), ms_contact_grip(c, a[1]), noise};
   return (gauge){ms_contact_reaction(c, a[0]), ms_contact_reaction(c, a[1]), noise};
 }
@@ -112,14 +113,29 @@ static incident find_first(const journey *j, int32_t *count) {
 
 /*------------------------------------- where it is ----------------------------------------------*/
 
-/* By what the length of a part is to be multiplied so that it ends at an incident which it has not
- * reached; 1: it is there; 0: it will never be. */
+/* A place and the value of what ends a contact there */
+typedef struct point {
+  double share, value;
+} point;
+
+static int is_same(const incident *a, const incident *b) {
+  return a->kind == b->kind && a->row == b->row;
+}
+
+/* Where the end of a contact lies, by the secant through the last two places; 0: nowhere. share: of
+ * the part just made. */
+static double follow_secant(const journey *j, const incident *i, double share, point *last) {
+  const gauge g = read(j, &j->e->contact[i->contact], i->kind);
+  if (fabs(g.after) <= g.noise) return share;
+  if (last->share == 0) last->value = g.before;
+  const double fall = (last->value - g.after) / (share - last->share);
+  *last = (point){share, g.after};
+  return fall > 0 ? share + g.after / fall : 0;
+}
+
+/* By what the length of a part is to be multiplied so that it ends at an impact which it has not
+ * reached, by Newton's method; 1: it is there; 0: it will never be. */
 static double find_stretch(const journey *j, const incident *i) {
-  if (i->kind != IMPACT) {
-    const gauge g = read(j, &j->e->contact[i->contact], i->kind);
-    if (g.after <= g.noise) return 1;
-    return g.before > g.after ? g.before / (g.before - g.after) : 0;
-  }
   double x[3], v[3];
   ms_row_get(&j->s->model->rows, j->s->x_next, i->row, x);
   ms_row_get(&j->s->model->rows, j->s->v_next, i->row, v);
@@ -136,21 +152,21 @@ static msim_status locate(journey *j, incident *i, msim_error *err) {
   enum { MOST = 60 };
   const double whole = j->h - j->done;
   double lo = 0, hi = 1, share = i->share;
+  point last = {0};
   for (int tries = 0; tries < MOST; tries++) {
     int32_t count;
     msim_status status = make(j, share * whole, err);
     if (status) return status;
     const incident now = find_first(j, &count);
-    double next;
-    if (now.share <= 1) {
-      *i = now;
-      hi = share, next = share * now.share;
-    } else {
-      const double stretch = find_stretch(j, i);
-      if (stretch == 0) i->kind = NOTHING;
-      if (stretch <= 1) return MSIM_OK;
-      lo = share, next = share * stretch;
-    }
+    const int past = now.share <= 1;
+    if (past && !is_same(&now, i)) last.share = 0;
+    if (past) *i = now, hi = share;
+    else lo = share;
+    double next = share * now.share;
+    if (i->kind != IMPACT) next = follow_secant(j, i, share, &last);
+    else if (!past) next = share * find_stretch(j, i);
+    if (!past && next == 0) i->kind = NOTHING;
+    if (!past && next <= share) return MSIM_OK;
     if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
     if (next == share || hi - lo <= DBL_EPSILON * hi) break;
     share = next;
@@ -175,6 +191,7 @@ static void go_on(journey *j) {
 static void end_part(journey *j, const incident *i, int at_once) {
   static const double still[3] = {0};
   if (!at_once) go_on(j);
+  j->last = *i;
   if (i->kind != STOP) return;
   ms_contacts_own(j->s);
   ms_row_put(&j->s->model->rows, still, i->row, j->s->v);
@@ -214,7 +231,8 @@ static int is_done(journey *j) {
 static msim_status travel(journey *j, msim_error *err) {
   msim_status status = MSIM_OK;
   for (int over = 0; !over && !status;) {
-    ms_contacts_find(j->s, j->h);
+    const incident *i = &j->last;
+    ms_contacts_find(j->s, j->h, i->kind == RELEASE ? i->row : -1, i->kind == SLIP ? i->row : -1);
     /* what was carried over is of use if nothing has come between */
     if (j->s->x == j->e->x || ms_contacts_sign(j->s) != j->e->held) j->warm = 0;
     over = is_done(j);

@@ -79,30 +79,31 @@ static void kink(ms_flight *f, double q, const double jump[3]) {
   }
 }
 
-/* Bounces of one particle; how many. x1, v1: its state at the end. */
+/* Bounces of one particle, counted. x1, v1: its state at the end; 0 where that has not changed. */
 static int follow(ms_flight *f, const ms_walls *walls, const ms_touch *held, double h, double x1[3],
-                  double v1[3]) {
+                  double v1[3], int64_t *bounces) {
   enum { MOST = 8 };
   const msim_plane *plane;
   double a[3], q = 0;
-  int bounces = 0;
-  while ((q = ms_flight_meets(f, walls, held, q, &plane)) <= 1) {
+  for (int met = 0;; met++) {
+    q = ms_flight_meets(f, walls, held, q, &plane);
+    if (!(q <= 1)) {
+      ms_flight_at(f, 1, x1, v1, a);
+      return met > 0;
+    }
     double x[3], v[3], jump[3];
     ms_flight_at(f, q, x, v, a);
     ms_put_on(&(ms_touch){1, {plane}}, x);
     const ms_touch on = ms_touched(walls, x);
     memcpy(jump, v, sizeof v);
-    bounces += ms_bounce(&on, v);
-    if (bounces >= MOST || ms_would_rest(plane, v, a, h)) {
+    *bounces += ms_bounce(&on, v);
+    if (met == MOST || ms_would_rest(plane, v, a, h)) {
       lay(f, q, on, x1, v1);
-      return bounces;
+      return 1;
     }
     for (int c = 0; c < 3; c++) jump[c] = v[c] - jump[c];
     kink(f, q, jump);
-    if (q == 1) break;
   }
-  ms_flight_at(f, 1, x1, v1, a);
-  return bounces;
 }
 
 /* What slides against friction stops where its velocity turns round. */
@@ -126,9 +127,9 @@ void ms_flights_correct(ms_stepper *s, double h) {
     ms_flight f = ms_flight_of(s, r);
     const ms_contact *own = c < end && c->row == r ? c++ : NULL;
     double x1[3], v1[3];
-    const int bounces = follow(&f, &walls, own ? &own->on : NULL, h, x1, v1);
-    s->stats->contacts += bounces;
-    if (!bounces && !stop(&f, own, x1, v1)) continue;
+    const ms_touch *held = own ? &own->on : NULL;
+    if (!follow(&f, &walls, held, h, x1, v1, &s->stats->contacts) && !stop(&f, own, x1, v1))
+      continue;
     ms_row_put(rows, x1, r, s->x_next);
     ms_row_put(rows, v1, r, s->v_next);
   }

@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #include "base/vec3.h"
 
@@ -129,19 +130,18 @@ static void rub(const ms_touch *hit, const double *J, double v[3]) {
 
 int ms_bounce(const ms_touch *touch, double v[3]) {
   enum { MOST = 32 }; /* from wall to wall of a wedge, without a flight between */
-  int round = 0;
-  for (; round < MOST; round++) {
+  double least[MS_MOST_TOUCHED] = {0}, J[MS_MOST_TOUCHED] = {0};
+  for (int round = 0; round < MOST; round++) {
     const ms_touch hit = approached(touch, v);
-    double least[MS_MOST_TOUCHED], J[MS_MOST_TOUCHED] = {0};
-    if (!hit.n) break;
+    if (!hit.n) return round > 0;
     for (int i = 0; i < hit.n; i++)
       least[i] = -hit.plane[i]->restitution * ms_dot3(hit.plane[i]->normal, v);
-    if (round == MOST - 1)
-      for (int i = 0; i < hit.n; i++) least[i] = 0;
     ms_project(&hit, least, v, J);
     rub(&hit, J, v);
   }
-  return round > 0;
+  memset(least, 0, sizeof least);
+  ms_project(touch, least, v, J);
+  return 1;
 }
 
 /*------------------------------------- rest -----------------------------------------------------*/

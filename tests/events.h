@@ -1,0 +1,25 @@
+/* events - what tests of collision = event share */
+#ifndef TEST_EVENTS_H
+#define TEST_EVENTS_H
+
+#include <math.h>
+
+#include "scenes.h"
+
+static inline msim_options event(const char *method, double h) {
+  msim_options opt = options(method, h);
+  opt.collision = MSIM_COLLISION_EVENT;
+  opt.solver_rtol = 1e-13;
+  opt.newton_rtol = 1e-12;
+  return opt;
+}
+
+/* Methods that take collision = event; NULL past the end. */
+static inline const char *event_method_at(int32_t i) {
+  const char *name = NULL;
+  for (int32_t m = 0; (name = method_at(m)) != NULL; m++)
+    if (strcmp(name, "verlet") != 0 && i-- == 0) break;
+  return name;
+}
+
+#endif
