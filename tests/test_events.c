@@ -302,6 +302,36 @@ static void many_balls_in_closed_form(void **state) {
   }
 }
 
+/* A stiff spring swings on a mass that lies on the floor, never lifting it. The matrix of implicit
+ * methods knows nothing of the floor: Newton's method is not to suffer from that. */
+static void implicit_steps_find_what_rests(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 0, 0, 0, 1 - 1.05e-3}, mass[2] = {1, 1}, k = 1e4, rest = 1, none = 0;
+  const double g[3] = {0, 0, -10};
+  const int32_t ij[2] = {0, 1};
+  static const char *const methods[] = {"implicit-euler", "tr-bdf2", "sdirk2"};
+  for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &none, err));
+    assert_ok(msim_scene_set_gravity(scene, g, err));
+    plane(scene, 0, 0, 1, 0, 0.5, 0.3);
+    msim_options opt = event(methods[m], 0.01);
+    opt.solver = "pcg", opt.newton_rtol = 1e-8;
+    msim_sim *sim = make_sim(scene, &opt);
+    for (int i = 0; i < 30; i++) {
+      assert_ok(msim_sim_step(sim, 1, err));
+      assert_true(state_of(sim).x[2] == 0 && state_of(sim).v[2] == 0);
+      assert_close(state_of(sim).x[5], 1 - 1e-3, 5e-4);
+    }
+    assert_int_equal(stats_of(sim).contacts, 0);
+    assert_in_range(stats_of(sim).newton_iterations, 0, 190);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- promises -------------------------------------------------*/
 
 /* Blocks of side^3 particles above a rough slope, far from each other */
@@ -312,7 +342,7 @@ static msim_scene *blocks(int32_t side, int from, int to) {
   for (int i = from; i < to; i++) {
     const msim_lattice lattice = {.size = sizeof lattice,
                                   .n = {side, side, side},
-                                  .origin = {2 * i, 0.005 * i, 0.003 + 0.002 * i},
+                                  .origin = {2 * i, 0.005 * i, 0.001 + 0.001 * i},
                                   .extent = {0.2, 0.2, 0.2},
                                   .mass = 1,
                                   .k = 30};
@@ -365,7 +395,7 @@ static void nothing_is_carried_but_the_state(void **state) {
 /* Blocks that no spring connects: what one does is what it does alone, with any threads */
 static void islands_and_threads_change_no_bit(void **state) {
   (void)state;
-  enum { SIDE = 8, N = SIDE * SIDE * SIDE, STEPS = 50 };
+  enum { SIDE = 8, N = SIDE * SIDE * SIDE, STEPS = 32 };
   static const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler"};
   for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
     msim_scene *scene = blocks(SIDE, 0, 2);
@@ -377,7 +407,7 @@ static void islands_and_threads_change_no_bit(void **state) {
     assert_ok(msim_sim_step(one, STEPS, err));
     assert_ok(msim_sim_step(three, STEPS, err));
     const msim_state a = state_of(one), b = state_of(three);
-    assert_true(stats_of(one).contacts > 2 * SIDE * SIDE);
+    assert_true(stats_of(one).contacts > SIDE);
     assert_int_equal(stats_of(one).contacts, stats_of(three).contacts);
     assert_memory_equal(a.x, b.x, 6 * N * sizeof *a.x);
     assert_memory_equal(a.v, b.v, 6 * N * sizeof *a.v);
@@ -448,6 +478,7 @@ int main(void) {
                                      cmocka_unit_test(in_and_out_is_not_missed),
                                      cmocka_unit_test(corners_hold_in_any_order),
                                      cmocka_unit_test(many_balls_in_closed_form),
+                                     cmocka_unit_test(implicit_steps_find_what_rests),
                                      cmocka_unit_test(nothing_is_carried_but_the_state),
                                      cmocka_unit_test(islands_and_threads_change_no_bit),
                                      cmocka_unit_test(flat_scenes_do_the_same),

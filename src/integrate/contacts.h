@@ -32,7 +32,9 @@ typedef struct ms_events {
   double *a, *a_end; /* F/m at the start of the part and at its end, as if nothing rested */
   int known;         /* a is that of s->x, s->v */
   int steady;        /* the planes push as at the start, all through the part: implicit methods,
-                        whose matrix knows nothing of planes */
+                        whose matrix knows nothing of planes. Of second order, and exact at
+                        rest; where h omega of what stands on the particle is above 1, undamped
+                        swings may grow */
   ms_contact *contact;
   int32_t ncontacts;
   uint64_t held; /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
