@@ -15,10 +15,14 @@ static inline msim_options event(const char *method, double h) {
 }
 
 /* Methods that take collision = event; NULL past the end. */
+static inline int refuses_events(const char *method) {
+  return strcmp(method, "verlet") == 0 || strcmp(method, "respa") == 0;
+}
+
 static inline const char *event_method_at(int32_t i) {
   const char *name = NULL;
   for (int32_t m = 0; (name = method_at(m)) != NULL; m++)
-    if (strcmp(name, "verlet") != 0 && i-- == 0) break;
+    if (!refuses_events(name) && i-- == 0) break;
   return name;
 }
 

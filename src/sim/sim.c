@@ -35,6 +35,11 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
         "integrator '%s' carries v(t - h/2), which no impact at another time can change: "
         "with collision = event take velocity-verlet, the same method with v(t)",
         sim->opt.integrator);
+  if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->integrator->splits)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "integrator '%s' never has all forces at once, which collision = event needs "
+                   "where particles rest: take velocity-verlet",
+                   sim->opt.integrator);
   return MSIM_OK;
 }
 
