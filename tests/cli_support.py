@@ -16,7 +16,7 @@ from pathlib import Path
 CLI = os.environ["MSIM_CLI"]
 SCENES = Path(os.environ["MSIM_SCENES"])
 INTEGRATORS = ("explicit-euler heun verlet linearly-implicit-euler symplectic-euler "
-               "velocity-verlet rk4").split()
+               "velocity-verlet rk4 dop853").split()
 OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations jacobian indefinite "
            "newton.rtol newton.max_iterations collision tol threads heun.collision verlet.start "
            "every fps skip.springs skip.kept_factor "

@@ -59,8 +59,9 @@ static void check(const char *method, int start, double damping, double drag, do
   double in_x = log2(off(x[1], x[0]) / off(x[2], x[0]));
   double in_v = log2(off(v[1], v[0]) / off(v[2], v[0]));
   print_message("  %-24s x: %.3f  v: %.3f\n", method, in_x, in_v);
-  assert_close(in_x, order, 0.15);
-  assert_close(in_v, order, 0.15);
+  const double margin = order > 6 ? 0.25 : 0.15; /* rounding leaves no room for shorter steps */
+  assert_close(in_x, order, margin);
+  assert_close(in_v, order, margin);
   msim_scene_destroy(scene);
 }
 
@@ -82,6 +83,7 @@ static void damping_costs_verlet_an_order_but_not_velocity_verlet(void **state) 
   check("velocity-verlet", 0, 0.5, 0.3, 2);
   check("heun", 0, 0.5, 0.3, 2);
   check("rk4", 0, 0.5, 0.3, 4);
+  check("dop853", 0, 0.5, 0.3, 8);
   check("linearly-implicit-euler", 0, 0.5, 0.3, 1);
 }
 

@@ -24,6 +24,10 @@ void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, c
 /* y = y0 + a (y1 - y0) + b (y2 - y0) + c f; y may be y1 or y2 */
 void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
                    const double *y2, double c, const double *f, double *y);
+
+/* z = x + sum of w_k y_k, added up in their order. Nullable: x, for 0. */
+void ms_add_all(ms_shape s, const double *x, int n, const double *w /* n */,
+                const double *const *y /* n */, double *z);
 double ms_dot(ms_shape s, const double *x, const double *y);
 
 /* a = D f, D diagonal with one entry a row. */

@@ -6,7 +6,7 @@
 #include "physics/bounds.h"
 #include "physics/step.h"
 
-enum { MS_MAX_WORK = 10 };
+enum { MS_MAX_WORK = 16 };
 
 /* What a method sees. A step reads x, v and writes x_next, v_next; the driver accepts it by
  * swapping the pointers, so that a step refused costs nothing.
@@ -71,6 +71,8 @@ int64_t ms_reflect(ms_stepper *s, double *x, double *v);
 
 /* 1 where particles rest on planes, which then push in every evaluation, against v too. */
 int ms_rests(const ms_stepper *s);
+/* No force depends on velocities. */
+int ms_is_separable(const ms_stepper *s);
 
 /* The i-th method of this version; NULL past the end. */
 const ms_integrator *ms_integrator_at(int32_t i);

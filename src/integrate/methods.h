@@ -16,6 +16,7 @@
   X(ms_rkc)                     \
   X(ms_force_gradient)          \
   X(ms_rkn6)                    \
+  X(ms_dop853)                  \
   X(ms_implicit_euler)          \
   X(ms_implicit_midpoint)       \
   X(ms_trapezoidal)             \

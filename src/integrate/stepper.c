@@ -44,6 +44,10 @@ void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a)
   ms_evaluate(s, &(ms_pass){.x = x, .v = v, .a = a});
 }
 
+int ms_is_separable(const ms_stepper *s) {
+  return !(s->model->passes & (MSIM_SKIP_DAMPING | MSIM_SKIP_DRAG)) && !ms_rests(s);
+}
+
 int64_t ms_reflect(ms_stepper *s, double *x, double *v) {
   if (!(s->model->passes & MSIM_SKIP_PLANES) || s->events) return 0;
   double start = ms_clock();

@@ -10,7 +10,7 @@ enum { NMETHODS = sizeof methods / sizeof *methods };
 /* Names that scenes may use once a later version brings the methods. */
 #define LATER(name) \
   { name, "not part of this version yet", 0, 0 }
-static const msim_integrator_entry later[] = {LATER("dop853"), LATER("auto")};
+static const msim_integrator_entry later[] = {LATER("auto")};
 #undef LATER
 enum { NLATER = sizeof later / sizeof *later };
 

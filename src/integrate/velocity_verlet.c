@@ -12,7 +12,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   const double h = s->h;
   const int at = s->warm == 2, next = 1 - at; /* warm: 1 + the work vector that holds a */
   double *a = s->work[at], *a_next = s->work[next], *v_predicted = s->work[2];
-  const int separable = !(s->model->passes & (MSIM_SKIP_DAMPING | MSIM_SKIP_DRAG)) && !ms_rests(s);
+  const int separable = ms_is_separable(s);
   if (!s->warm) ms_acceleration(s, s->x, s->v, a);
   ms_add2(shape, s->x, h, s->v, h * h / 2, a, s->x_next);
   if (!separable) ms_combine(shape, s->v, h, a, v_predicted);
