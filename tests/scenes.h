@@ -66,11 +66,13 @@ static inline void plane(msim_scene *scene, double nx, double ny, double nz, dou
   assert_ok(msim_scene_add_plane(scene, &p, err));
 }
 
+/* Fixed steps of h, also where the method would choose its own. */
 static inline msim_options options(const char *integrator, double h) {
   msim_options opt;
   msim_options_init(&opt, sizeof opt);
   opt.integrator = integrator;
   opt.h = h;
+  if (integrator && strcmp(integrator, "dop853") == 0) opt.steps = 1000000000;
   return opt;
 }
 

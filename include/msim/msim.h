@@ -239,9 +239,9 @@ typedef struct msim_backend msim_backend;
 
 /* msim_option_info describes each member; strings are borrowed. */
 typedef struct msim_options {
-  size_t size;                   /* sizeof(msim_options); set by msim_options_init */
-  const char *integrator;        /* required; see msim_integrator_info */
-  double h;                      /* time step, s, or MSIM_H_AUTO [1e-3] */
+  size_t size;            /* sizeof(msim_options); set by msim_options_init */
+  const char *integrator; /* required; see msim_integrator_info */
+  double h; /* time step, s, under error control the first to try; or MSIM_H_AUTO [1e-3] */
   int64_t steps;                 /* number of steps; -1 [default]: by t_end */
   double t_end;                  /* end time, s; -1 [default]: by steps */
   const char *solver;            /* linear solver ["auto"] */
@@ -252,7 +252,8 @@ typedef struct msim_options {
   double newton_rtol;            /* [1e-8] */
   int32_t newton_max_iterations; /* [100] */
   int32_t collision;             /* MSIM_COLLISION_... [REFLECT] */
-  double tol;                    /* methods with error control [1e-6] */
+  double tol; /* error control, see msim_sim_create. 0 [default]: fixed steps of h; dop853 takes
+               * 1e-6, unless `steps` is given */
   int32_t threads;         /* at most so many; 0 [default]: by size. Bits do not depend on it */
   int32_t heun_collision;  /* MSIM_HEUN_... [FINAL] */
   int32_t verlet_start;    /* MSIM_VERLET_... [TAYLOR] */
@@ -267,6 +268,9 @@ typedef struct msim_options {
   /* Solvers that the program brings along: option `solver` finds them by name, before any other.
    * NULL at the end; tables that live as long as the sims. Nullable. */
   const msim_backend *const *backends;
+  /* A fixed step that does not converge or is not finite is made in 2, 4, ... parts: times that
+   * they are halved. Output times stay [0] */
+  int32_t newton_retries;
 } msim_options;
 
 MSIM_API void msim_options_init(msim_options *opt, size_t size);
@@ -326,7 +330,7 @@ MSIM_API msim_status msim_solver_backend(const char *name, const char *plugin_pa
 
 typedef struct msim_sim msim_sim;
 
-/* The state at time t = t0 + (step - step0) h. */
+/* The state at time t = t0 + (step - step0) h; under error control t is the sum of all steps. */
 typedef struct msim_state {
   size_t size;
   int64_t step;
@@ -335,7 +339,8 @@ typedef struct msim_state {
   const double *x;      /* 3n, m */
   const double *v;      /* 3n, m/s: the velocity at t */
   const double *v_half; /* 3n: the velocity at t - h/2 that `verlet` carries; NULL for others */
-  double h;             /* the step of the run, s: v_half belongs to it */
+  double h;             /* the step of the run, s: v_half belongs to it; under error control the
+                         * next one to try */
 } msim_state;
 
 /* Energies in J: 0 at rest, at rest length and at x = 0; all particles count, pinned ones too.
@@ -363,16 +368,20 @@ typedef struct msim_stats {
   int64_t steps_at_rest;   /* of `steps`, those that were not made, as they would change nothing */
   int64_t islands_at_rest; /* steps of single islands that were not made for that reason */
   int64_t spring_evaluations; /* springs in all force evaluations: respa's are of some of them */
+  int64_t rejected_steps;  /* made again, shorter or in parts: too far off, or not to be made */
 } msim_stats;
 
 /* What was decided at creation, or from the last state set. */
 typedef struct msim_plan {
   size_t size;
-  double h;      /* the step actually made, s */
-  int64_t steps; /* from there to the end; -1 where neither steps nor t_end was given */
+  double h;      /* the step actually made, s; under error control the next one to try */
+  int64_t steps; /* from there to the end; -1 where neither steps nor t_end was given, and under
+                  * error control */
   const char *integrator;
   const char *solver; /* of the largest island; "none" where the method needs none */
   int32_t threads;    /* that compute; fewer than asked for where not all could be started */
+  double tol;         /* that error control keeps; 0: steps are fixed */
+  double t_end;       /* where the run ends, s; -1 where it has no end */
 } msim_plan;
 
 /* The matrix of the next implicit step by rows: A = M - h D - h^2 J, in particle order, rows and
@@ -392,6 +401,18 @@ typedef struct msim_csr {
  * of its own, and not stepped while at exact rest. Pinned particles connect nothing; what is below
  * 512 particles is taken together with others.
  *
+ * Error control is on where options.tol is set, or the method is dop853 and options.steps is not:
+ * then steps are as long as the error they add allows. A step of h, its error E in root mean square
+ * by mass,
+ *   E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2) <= (tol h/T)^2,
+ * with the extent L and the speed U of the scene (explain tells them) and the length T of the run
+ * up to t_end, or 1 s where there is none. So tol stands for the error at the end as far as errors
+ * neither grow nor fade on the way: a tenth of tol makes about a tenth of the error. dop853 has an
+ * estimate of its own; others make each step of two halves and compare with a whole one. `verlet`
+ * and `bdf2` have no error control. Impacts are reflected at the end of a step, and their error is
+ * not controlled. `step` counts the steps accepted, and the last one ends at t_end. Setting a state
+ * starts a new run: its error is counted from there.
+ *
  * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
  * plane has a part of its normal. Its motion is computed in two components: the same as in three,
  * to rounding, and exactly level. Nothing leaves a plane in which nothing pushes it out, so a
@@ -407,7 +428,9 @@ MSIM_API msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err);
 typedef int msim_observer(msim_sim *sim, void *user);
 
 /* Step to the end that options.steps or options.t_end set, calling the observer at each frame,
- * the first state and the last included. Running in several pieces gives the same bits. */
+ * the first state and the last included. Running in several pieces gives the same bits.
+ * Under error control frames of `fps`, and the default ones, are at their exact times: the observer
+ * then sees the state there, from inside the step just made, which no frame changes. */
 MSIM_API msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user,
                                   msim_error *err);
 
@@ -415,7 +438,8 @@ MSIM_API msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *
  * May be called from another thread and from a signal handler. */
 MSIM_API void msim_sim_stop(msim_sim *sim);
 
-/* The step at which the next frame is due after the present one; the end of the run at latest. */
+/* The step at which the next frame is due after the present one; the end of the run at latest.
+ * Under error control frames in time lie between steps, for msim_sim_run to show: the next step. */
 MSIM_API int64_t msim_sim_next_frame(const msim_sim *sim);
 
 /* The present state; set state->size before. The arrays hold until the next call. */
@@ -430,7 +454,8 @@ MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, 
 
 /* Go on from the present state with another step: s, > 0, or MSIM_H_AUTO. The end stays: t_end, or
  * as many steps as options.steps leaves. Values of matrices change, nothing is analysed anew. A
- * recorder that is open keeps the frames it has planned. */
+ * recorder that is open keeps the frames it has planned. Under error control h is the next step to
+ * try. */
 MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err);
 
 /* Change the springs of this sim; the scene it was made from stays as it is. Values of matrices

@@ -1,6 +1,8 @@
 #include "integrate/dop853_table.h"
+
 #include <math.h>
 
+#include "integrate/interpolate.h"
 #include "integrate/methods.h"
 
 /* Dormand and Prince's method of order 8 for y' = f(y), with y = (x, v), f = (v, a), written for
@@ -11,6 +13,8 @@
  *
  * Work vectors: the k of both ends, in turn; of the stages; of those of the interpolant. warm: 1 +
  * the vector that holds the k of the present state. */
+enum { OWN = 2 };
+
 static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
   for (int j = 1; j < RESULT; j++) k[j] = s->work[j + 1];
   for (int j = RESULT + 1; j < STAGES; j++) k[j] = s->work[j];
@@ -59,13 +63,51 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
+/* The result minus those of order 5 and 3, before it was reflected:
+ *   dv = h sum_j E_j k_j,  dx = h^2 sum_j EE_j k_j */
+static void estimate(const ms_stepper *s, int which, double *dx, double *dv) {
+  double *k[STAGES];
+  find_slopes(s, s->warm == 2, k);
+  add_slopes(s, NULL, 0, NULL, s->h * s->h, EE[which], k, dx);
+  add_slopes(s, NULL, 0, NULL, s->h, E[which], k, dv);
+}
+
+/* The cubic one, and h sum_j d_j k_j and h^2 sum_j dd_j k_j on top,
+ *   d_j = t^2 u^2 D_0j + t^3 u^2 D_1j + t^3 u^3 D_2j + t^4 u^3 D_3j,  t = theta,  u = 1 - theta
+ * with three more stages. Where the end was reflected the cubic one alone, as it meets the end. */
+static void interpolate(ms_stepper *s, double theta, double *x, double *v) {
+  const double t = theta, u = 1 - theta;
+  const double w[4] = {t * t * u * u, t * t * t * u * u, t * t * t * u * u * u,
+                       t * t * t * t * u * u * u};
+  const ms_shape shape = s->model->shape;
+  const int is_first = !s->looked;
+  if (is_first && s->warm) s->looked = OWN + (s->warm == 2);
+  if (s->looked < OWN) {
+    ms_interpolate_cubic(s, theta, x, v);
+    return;
+  }
+  double *k[STAGES], row[STAGES] = {0}, row2[STAGES] = {0};
+  find_slopes(s, s->looked == OWN, k);
+  for (int i = RESULT + 1; i < STAGES && is_first; i++)
+    evaluate_stage(s, s->x_next, s->v_next, i, k, x, v);
+  for (int j = 0; j < STAGES; j++)
+    for (int n = 0; n < 4; n++) row[j] += w[n] * D[n][j], row2[j] += w[n] * DD[n][j];
+  ms_hermite(shape, s->h, theta, s->x_next, s->v_next, s->x, s->v, x);
+  ms_hermite(shape, s->h, theta, s->v_next, k[0], s->v, k[RESULT], v);
+  add_slopes(s, x, 0, NULL, s->h * s->h, row2, k, x);
+  add_slopes(s, v, 0, NULL, s->h, row, k, v);
+}
+
 /* On the imaginary axis and on the real one; between them the region is no smaller. */
 static double limit(const ms_bounds *b) { return fmin(5.96 / b->omega, 6.39 / b->rate); }
 
-const ms_integrator ms_dop853 = {.entry = {.name = "dop853",
-                                           .doc = "12 stages; stable below h omega = 5.96 (Dormand "
-                                                  "and Prince; Hairer, Norsett and Wanner 1993)",
-                                           .order = 8},
-                                 .nwork = STAGES,
-                                 .step = step,
-                                 .limit = limit};
+const ms_integrator ms_dop853 = {
+    .entry = {.name = "dop853",
+              .doc = "12 stages, chooses its steps by tol unless steps says how many; stable below "
+                     "h omega = 5.96 (Dormand and Prince; Hairer, Norsett and Wanner 1993)",
+              .order = 8},
+    .nwork = STAGES,
+    .step = step,
+    .estimate = estimate,
+    .interpolate = interpolate,
+    .limit = limit};

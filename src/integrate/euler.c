@@ -32,6 +32,7 @@ const ms_integrator ms_explicit_euler = {
     .entry = {.name = "explicit-euler",
               .doc = "x' = x + h v, v' = v + h a; grows without damping (Teschner)",
               .order = 1},
+    .one_step = 1,
     .step = explicit_step,
     .limit = explicit_limit};
 
@@ -39,5 +40,6 @@ const ms_integrator ms_symplectic_euler = {
     .entry = {.name = "symplectic-euler",
               .doc = "v' = v + h a, x' = x + h v'; stable below h omega = 2 (de Vogelaere 1956)",
               .order = 1},
+    .one_step = 1,
     .step = symplectic_step,
     .limit = ms_verlet_limit};

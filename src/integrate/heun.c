@@ -48,6 +48,7 @@ const ms_integrator ms_heun = {
          .doc =
              "x' = x + h/2 (v + v*), v' = v + h/2 (a + a*), stage * by explicit Euler (Teschner)",
          .order = 2},
+    .one_step = 1,
     .nwork = 3,
     .step = step,
     .limit = limit};

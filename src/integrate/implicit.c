@@ -88,7 +88,6 @@ static msim_status finish(ms_stepper *s, msim_status status) {
 static const table implicit_euler = {1, {{.a = 1}}, 0};
 static const table implicit_midpoint = {1, {{.a = 0.5}}, 1};
 static const table trapezoidal = {1, {{.a = 0.5, .slope = 0.5}}, 0};
-static const table bdf2 = {1, {{.a = 2. / 3, .before = -1. / 3}}, 0};
 
 static msim_status step_implicit_euler(ms_stepper *s, msim_error *err) {
   return finish(s, climb(s, &implicit_euler, &(sources){0}, NULL, err));
@@ -110,13 +109,19 @@ static msim_status step_newmark(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
   const int at = s->warm == 2;
   double *a = s->work[KEPT + at], *next = s->work[KEPT + 1 - at];
-  if (!s->warm) ms_acceleration(s, s->x, s->v, a);
+  if (!s->warm || s->h != s->h_before) ms_acceleration(s, s->x, s->v, a);
   msim_status status = climb(s, &trapezoidal, &(sources){.a = a}, NULL, err);
   if (status) return status;
   ms_combine(shape, s->v_next, -1, s->work[W], next);
   ms_scale(shape, 2 / s->h, next);
   s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
   return MSIM_OK;
+}
+
+/* r = h/h_before: of order 2 for any r, stable for r < 1 + sqrt 2 (Grigorieff 1983).
+ * r = 1: y' = 4/3 y - 1/3 y_before + 2/3 h f(y') */
+static table bdf2(double r) {
+  return (table){1, {{.a = (1 + r) / (1 + 2 * r), .before = -(r * r) / (1 + 2 * r)}}, 0};
 }
 
 /* The first step, and that after a reflection, are implicit Euler's. warm: 1 + the pair of work
@@ -126,7 +131,8 @@ static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   const int at = s->warm == 2;
   double **before = s->work + KEPT + 2 * at, **now = s->work + KEPT + 2 * (1 - at);
   sources from = {.x_before = before[0], .v_before = before[1]};
-  msim_status status = climb(s, s->warm ? &bdf2 : &implicit_euler, &from, NULL, err);
+  const table way = s->warm ? bdf2(s->h / s->h_before) : implicit_euler;
+  msim_status status = climb(s, &way, &from, NULL, err);
   if (status) return status;
   ms_copy(shape, s->x, now[0]);
   ms_copy(shape, s->v, now[1]);
@@ -163,21 +169,23 @@ static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
 
 /*------------------------------------- methods --------------------------------------------------*/
 
-#define METHOD(id, label, text, p, kept)                                                           \
+#define METHOD(id, label, text, p, kept, alone)                                                    \
   const ms_integrator ms_##id = {.entry = {.name = label, .doc = text, .order = p, .implicit = 1}, \
                                  .nonlinear = 1,                                                   \
+                                 .one_step = alone,                                                \
                                  .nwork = KEPT + (kept),                                           \
                                  .step = step_##id}
 
 METHOD(implicit_euler, "implicit-euler",
-       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0);
+       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0, 1);
 METHOD(implicit_midpoint, "implicit-midpoint",
-       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0);
-METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1);
+       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0, 1);
+METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1, 1);
 METHOD(newmark, "newmark",
-       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2);
-METHOD(bdf2, "bdf2", "backward differences over two steps; damps", 2, 4);
+       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2, 1);
+METHOD(bdf2, "bdf2", "backward differences over two steps; damps", 2, 4, 0);
 METHOD(tr_bdf2, "tr-bdf2",
-       "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps what is stiff (Bank 1985)", 2, 3);
+       "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps what is stiff (Bank 1985)", 2, 3,
+       1);
 METHOD(sdirk2, "sdirk2",
-       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2);
+       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2, 1);

@@ -24,10 +24,18 @@ typedef struct ms_stepper {
   double *scratch;           /* holds nothing between calls */
   int warm, warm_next;       /* the method's own note, as on what its work vectors hold: 0, none.
                                 As with x, a step reads warm and writes warm_next */
-  double h;                  /* of the steps to come; start() may rely on it */
-  int32_t culprit;           /* row to blame when step() fails; -1: none in particular */
-  struct ms_split *split;    /* NULL where the method needs none, or where none pays */
-  int finite;                /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
+  double h;                  /* of the step to be made; start() may rely on it, and who looks
+                                between the ends of a step finds that of the last one */
+  double h_before;           /* of the step that led to the present state, or its last part */
+  int64_t parts;             /* of the step being made */
+  double *x_spare[2], *v_spare[2]; /* where errors are controlled, or steps retried; x_spare has
+                                      the pinned rows right, in v_spare they are 0 */
+  int in_flight;          /* 1: nothing is reflected now */
+  int looked;             /* what is kept for those who look inside the last step; 0: nothing */
+  double noise;           /* largest relative error of v that solves may leave; 0: as options say */
+  int32_t culprit;        /* row to blame when step() fails; -1: none in particular */
+  struct ms_split *split; /* NULL where the method needs none, or where none pays */
+  int finite;             /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
   msim_stats *stats;
   struct ms_events *events; /* of collision = event, where there are planes; NULL: none of that */
 } ms_stepper;
@@ -37,6 +45,7 @@ typedef struct ms_integrator {
   int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
   int separable; /* needs forces that do not depend on velocities: no damping, no drag */
   int splits;    /* keeps stiff springs apart: stepper.split, which belongs to h and the springs */
+  int one_step;  /* a step depends on x and v alone, so that two halves tell its error */
   int32_t nwork;
   /* From x and the velocity at t in v to the velocity that the method carries; called with warm = 0
    * at the start and after a state was set. Nullable. */
@@ -49,6 +58,12 @@ typedef struct ms_integrator {
   double (*limit)(const ms_bounds *b);
   /* Evaluations in a step, where h decides that. Nullable. */
   int32_t (*stages)(double h, ms_bounds bounds);
+  /* The error of the step just made, from x to x_next before any reflection, by the method's own
+   * estimates: which = 0, the finer; 1, a coarser. Nullable. */
+  void (*estimate)(const ms_stepper *s, int which, double *dx, double *dv);
+  /* The state a share theta into the step that was accepted last; see interpolate.h. Nullable: by
+   * cubics. */
+  void (*interpolate)(ms_stepper *s, double theta, double *x, double *v);
   /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;

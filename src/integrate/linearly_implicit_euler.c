@@ -1,3 +1,5 @@
+#include <math.h>
+
 #include "integrate/methods.h"
 
 /* The same where no spring pulls, so that each particle is alone:
@@ -32,11 +34,12 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   ms_combine(shape, s->v, s->h, b, b);
   ms_scale_rows(shape, s->model->mass, b, momentum);
   ms_copy(shape, s->v, s->v_next);
-  const ms_request request = {.x = s->x,
-                              .h = s->h,
-                              .compression = s->opt->jacobian != MSIM_JACOBIAN_CLAMP,
-                              .indefinite = s->opt->indefinite,
-                              .rtol = s->opt->solver_rtol};
+  const ms_request request = {
+      .x = s->x,
+      .h = s->h,
+      .compression = s->opt->jacobian != MSIM_JACOBIAN_CLAMP,
+      .indefinite = s->opt->indefinite,
+      .rtol = s->noise > 0 ? fmin(s->opt->solver_rtol, s->noise) : s->opt->solver_rtol};
   msim_status status = ms_solver_solve(s->solver, &request, momentum, s->v_next, err);
   s->culprit = s->solver->culprit;
   if (status) return status;
@@ -52,5 +55,6 @@ const ms_integrator ms_linearly_implicit_euler = {
              "(M - h D - h^2 J) v' = M v + h F, x' = x + h v'; damps, takes long steps (Teschner)",
          .order = 1,
          .implicit = 1},
+    .one_step = 1,
     .nwork = 2,
     .step = step};

@@ -22,6 +22,12 @@ typedef struct newton {
   double correction, previous; /* ||d|| of this iteration and of the one before; 0: none, or cut */
 } newton;
 
+/* Error control may need more than the option asks for. */
+static double rtol(const newton *n) {
+  const double asked = n->s->opt->newton_rtol;
+  return n->s->noise > 0 ? fmin(asked, n->s->noise) : asked;
+}
+
 static double norm(const newton *n, const double *v) {
   ms_scale_rows(n->shape, n->s->model->mass, v, n->s->scratch);
   return sqrt(ms_dot(n->shape, v, n->s->scratch));
@@ -99,7 +105,7 @@ static double search(newton *n, int whole) {
 /* The tolerance of the linear solve: as the residual drops (Eisenstat and Walker 1996, choice 2).
  */
 static double forcing(const newton *n, double before) {
-  if (n->linear) return fmin(n->s->opt->solver_rtol, n->s->opt->newton_rtol);
+  if (n->linear) return fmin(n->s->opt->solver_rtol, rtol(n));
   const double ratio = before > 0 ? n->residual / before : 1, eta = 0.9 * ratio * ratio;
   return fmax(fmin(eta, 0.1), n->s->opt->solver_rtol);
 }
@@ -119,11 +125,11 @@ static double size(const newton *n) {
 /* theta is an estimate, and the errors of many steps add up. Where the matrix is constant the error
  * is A^-1 R, and less than M^-1 R. */
 static int is_converged(const newton *n) {
-  const double SAFETY = 0.1, rtol = n->s->opt->newton_rtol;
+  const double SAFETY = 0.1;
   const double theta = fmax(n->eta, n->previous > 0 ? n->correction / n->previous : 1);
-  if (n->linear && n->residual <= rtol * size(n)) return 1;
+  if (n->linear && n->residual <= rtol(n) * size(n)) return 1;
   return n->correction > 0 && theta < 1 &&
-         theta / (1 - theta) * n->correction <= SAFETY * rtol * size(n);
+         theta / (1 - theta) * n->correction <= SAFETY * rtol(n) * size(n);
 }
 
 /* The clamped matrix leads far, the exact one to the end: near the solution it makes the method
@@ -144,9 +150,9 @@ static msim_status give_up(newton *n, msim_error *err) {
   n->s->culprit = ms_find_largest(n->shape, n->rho);
   return ms_fail(err, MSIM_NOT_CONVERGED,
                  "Newton's method made %d iterations and the last changed v by %.3g of its size; "
-                 "newton.rtol asks for %.3g",
+                 "%s asks for %.3g",
                  n->s->opt->newton_max_iterations, n->moved / norm(n, n->stage->v),
-                 n->s->opt->newton_rtol);
+                 rtol(n) < n->s->opt->newton_rtol ? "tol" : "newton.rtol", rtol(n));
 }
 
 msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err) {

@@ -45,6 +45,7 @@ const ms_integrator ms_rk4 = {
     .entry = {.name = "rk4",
               .doc = "the classical Runge-Kutta method; stable below h omega = 2.83 (Kutta 1901)",
               .order = 4},
+    .one_step = 1,
     .nwork = 3,
     .step = step,
     .limit = limit};

@@ -30,7 +30,7 @@ static const double drift[DRIFTS] = {0.123229775946271,  0.290553797799558,  -0.
                                      0.357208872795928,  -0.246331761062075, -0.127049212625417,
                                      0.290553797799558,  0.123229775946271};
 
-enum { ACCELERATION, STAGE }; /* work vectors */
+enum { STAGE = 2 }; /* work vectors: the acceleration, in turn, and this one */
 
 /* Stages lie in x_next and in a vector of our own, in turn, so that forces find the pinned rows in
  * both. */
@@ -42,7 +42,8 @@ static void start(ms_stepper *s) {
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
   const ms_shape shape = s->model->shape;
-  double *a = s->work[ACCELERATION], *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
+  const int now = s->warm == 2; /* warm: 1 + the work vector that holds a */
+  double *a = s->work[now], *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
   if (!s->warm) ms_acceleration(s, s->x, NULL, a);
   ms_combine(shape, s->v, s->h * kick[0], a, v);
   ms_combine(shape, s->x, s->h * drift[0], v, x);
@@ -57,8 +58,12 @@ static msim_status step(ms_stepper *s, msim_error *err) {
     double *next = other;
     other = x, x = next;
   }
-  ms_evaluate(s, &(ms_pass){.x = x, .a = a, .v_to = v, .v_from = v, .h = s->h * kick[DRIFTS]});
-  s->warm_next = ms_reflect(s, x, v) == 0;
+  ms_evaluate(s, &(ms_pass){.x = x,
+                            .a = s->work[1 - now],
+                            .v_to = v,
+                            .v_from = v,
+                            .h = s->h * kick[DRIFTS]});
+  s->warm_next = ms_reflect(s, x, v) ? 0 : 2 - now;
   return MSIM_OK;
 }
 
@@ -72,7 +77,8 @@ const ms_integrator ms_rkn6 = {
                   "velocities; stable below h omega = 3.1 (Blanes and Moan 2002)",
               .order = 6},
     .separable = 1,
-    .nwork = 2,
+    .one_step = 1,
+    .nwork = 3,
     .start = start,
     .step = step,
     .limit = limit};

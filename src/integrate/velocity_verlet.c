@@ -45,6 +45,7 @@ const ms_integrator ms_velocity_verlet = {
          .doc =
              "x' = x + h v + h^2/2 a, v' = v + h/2 (a + a'); stable below h omega = 2 (Swope 1982)",
          .order = 2},
+    .one_step = 1,
     .nwork = 3,
     .step = step,
     .limit = limit};

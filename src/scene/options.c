@@ -34,7 +34,9 @@ typedef struct option {
 static const option table[] = {
     TEXT("integrator", "name", "", "time integration method, as msim_cli list names them",
          integrator),
-    {{"h", "number > 0 | auto", "1e-3", "time step in s; auto: 0.9 of the longest stable one"},
+    {{"h", "number > 0 | auto", "1e-3",
+      "time step in s, under error control the first one to try; auto: 0.9 of the longest stable "
+      "one, or by the scene"},
      REAL,
      AT(h),
      0,
@@ -73,9 +75,26 @@ static const option table[] = {
      0,
      NAN,
      0},
+    {{"newton.retries", "whole number >= 0", "0",
+      "times that the parts of a step are halved where it does not converge or is not finite; "
+      "error control shortens steps anyway"},
+     INT32,
+     AT(newton_retries),
+     0,
+     0,
+     NAN,
+     0},
     PICK("collision", "reflect | event", "reflect",
          "reflect the state after the step, or locate the impact inside it", collision),
-    ABOVE_0("tol", "1e-6", "local error kept by methods with error control", tol),
+    {{"tol", "number > 0", "",
+      "choose the steps so that each adds at most its share of this error, relative to the scene's "
+      "size and speed; default: fixed steps of h; dop853 takes 1e-6 where no steps are given"},
+     REAL,
+     AT(tol),
+     0,
+     1,
+     0,
+     0},
     {{"threads", "whole number >= 0", "0",
       "at most so many threads; 0: by size; the bits of the "
       "result do not depend on it"},

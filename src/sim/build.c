@@ -5,9 +5,12 @@
 
 static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
-  double **vectors[5 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
+  double **vectors[9 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
   for (int i = 0; i < sim->integrator->nwork; i++) vectors[count++] = &s->work[i];
+  const int spare = ms_sim_has_control(sim) ? 2 : sim->opt.newton_retries > 0;
+  for (int i = 0; i < spare; i++)
+    vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
   for (int i = 0; i < count; i++) {
     *vectors[i] = ms_rows_vector(sim->scene, &m->model.rows);
     if (!*vectors[i]) return ms_fail_memory(err, "the state");
@@ -89,7 +92,8 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
     ms_split_destroy(&motion[i].model, s->split);
     ms_events_destroy(&motion[i].model, s->events);
     ms_model_destroy(&motion[i].model);
-    double *vectors[] = {s->x, s->v, s->x_next, s->v_next, s->scratch};
+    double *vectors[] = {s->x,          s->v,          s->x_next,     s->v_next,    s->scratch,
+                         s->x_spare[0], s->x_spare[1], s->v_spare[0], s->v_spare[1]};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) ms_delete(alloc, vectors[k]);
     for (int k = 0; k < MS_MAX_WORK; k++) ms_delete(alloc, s->work[k]);
   }

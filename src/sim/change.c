@@ -2,13 +2,20 @@
 #include <math.h>
 #include <string.h>
 
-#include "sim/sim.h"
+#include "integrate/interpolate.h"
+#include "sim/drive.h"
 
 /* Steps that options.steps counts are counted from the present state on. */
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (!sim || !(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
     return ms_fail(err, MSIM_ERR_ARG,
                    "sim is NULL, or h is neither a finite number > 0 nor MSIM_H_AUTO");
+  if (ms_sim_has_control(sim)) {
+    if (h == MSIM_H_AUTO) return ms_ok(err); /* it is, always */
+    sim->opt.h = h;
+    ms_drive_use_step(sim, h);
+    return ms_ok(err);
+  }
   const msim_options before = sim->opt;
   const int chosen = sim->advice.chosen;
   msim_status status = ms_sim_settle_step(sim, &h, err);
@@ -108,6 +115,15 @@ static void put_back(msim_sim *sim, ms_scene *before) {
   update_models(sim);
 }
 
+/* Frames within the last step are those of the springs it was made with. */
+static void keep_last_step(msim_sim *sim) {
+  if (!ms_plan_has_times(&sim->opt) || sim->step == sim->step0) return;
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    ms_stepper *s = &sim->motion[i].stepper;
+    ms_interpolate(sim->integrator, s, 1, s->x_spare[0], s->v_spare[0]);
+  }
+}
+
 /* What the islands know of the springs is no longer so: forces, matrices, rest. */
 static void renew(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
@@ -116,6 +132,7 @@ static void renew(msim_sim *sim) {
     m->stepper.warm = 0;
     m->at_rest = 0;
   }
+  if (ms_sim_has_control(sim)) ms_control_forget(&sim->control);
   sim->flat_is_current = 0;
 }
 
@@ -131,6 +148,7 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   int other = sim->integrator->splits; /* which springs are stiff */
   for (int32_t i = 0; i < sim->nislands && !other; i++)
     other = changes_kind(sim, &sim->motion[i], rest, damping);
+  keep_last_step(sim);
   ms_scene *before = other ? ms_scene_share(sim->scene) : NULL;
   ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
   status = write_springs(sim, k, rest, damping, err);

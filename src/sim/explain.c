@@ -78,9 +78,31 @@ static void explain_rows(const ms_rows *rows, ms_text *out) {
              label);
 }
 
+static void explain_control(const msim_sim *sim, ms_text *out) {
+  const ms_scales *scales = &sim->plan.scales;
+  ms_print(out, "step          by error control: h = %.3g s is tried first\n", sim->plan.h);
+  ms_print(out,
+           "              each may add its share of tol = %g to the error, relative to the extent\n"
+           "              %.4g m and the speed %.4g m/s\n",
+           sim->opt.tol, scales->extent, scales->speed);
+  if (sim->plan.t_end < 0)
+    ms_print(out, "              tol is that of one second, as the run has no t_end\n");
+  else if (ms_plan_has_times(&sim->opt))
+    ms_print(out, "              to t = %.10g s; %lld frames where it is recorded\n",
+             sim->plan.t_end,
+             (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES));
+  else
+    ms_print(out, "              to t = %.10g s; a frame every %lld steps where it is recorded\n",
+             sim->plan.t_end, (long long)sim->opt.every);
+}
+
 static void explain_method(const msim_sim *sim, ms_text *out) {
   ms_print(out, "integrator    %s, order %d\n              %s\n", sim->integrator->entry.name,
            sim->integrator->entry.order, sim->integrator->entry.doc);
+  if (ms_sim_has_control(sim)) {
+    explain_control(sim, out);
+    return;
+  }
   ms_print(out, "step          h = %.10g s", sim->plan.h);
   if (sim->advice.chosen) ms_print(out, ", by the limit of stability below");
   if (sim->plan.h != sim->plan.h_asked)
@@ -251,6 +273,9 @@ static void explain_limits(const msim_sim *sim, ms_text *out) {
   else if (isinf(limit)) ms_print(out, "              stable for every h: nothing vibrates\n");
   else if (limit == 0)
     ms_print(out, "              %s: undamped vibrations gain energy at any h\n", name);
+  else if (ms_sim_has_control(sim))
+    ms_print(out, "              %s is stable for h < %.6g s; error control finds that out\n", name,
+             limit);
   else
     ms_print(out, "              %s is stable for h < %.6g s; h is %.3g of that%s\n", name, limit,
              h / limit, h < limit ? "" : ": it may blow up");

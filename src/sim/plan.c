@@ -8,14 +8,17 @@
 #define MOST_STEPS 4503599627370496.0
 
 msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, msim_error *err) {
-  *plan = (ms_plan){.h = opt->h, .h_asked = opt->h, .steps = -1};
+  const double span = opt->t_end - t0;
+  *plan = (ms_plan){.h = opt->h, .h_asked = opt->h, .steps = -1, .t0 = t0, .t_end = -1};
   if (opt->steps >= 0) {
     plan->steps = opt->steps;
   } else if (opt->t_end >= 0) {
-    double span = opt->t_end - t0, ratio = span / opt->h;
+    double ratio = span / opt->h;
     if (!(span >= 0))
       return ms_fail(err, MSIM_ERR_ARG, "t_end is %g s, but the state is already at t = %g s",
                      opt->t_end, t0);
+    plan->t_end = opt->t_end;
+    if (opt->tol > 0) return MSIM_OK;
     if (ratio > MOST_STEPS)
       return ms_fail(err, MSIM_ERR_ARG, "t_end / h is %g steps; the limit is %g", ratio,
                      MOST_STEPS);
@@ -24,7 +27,13 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
     plan->steps = (int64_t)(whole ? nearest : ceil(ratio));
     if (!whole) plan->h = span / (double)plan->steps;
   }
+  if (plan->steps >= 0) plan->t_end = t0 + (double)plan->steps * plan->h;
   return MSIM_OK;
+}
+
+double ms_plan_span(const ms_plan *plan) {
+  const double span = plan->t_end - plan->t0;
+  return plan->t_end >= 0 && span > 0 ? span : 1;
 }
 
 /* Below so many slots of half springs for each, some 15 us, a thread more saves less than it takes
@@ -65,8 +74,37 @@ int64_t ms_plan_next_frame(const ms_plan *plan, const msim_options *opt, int64_t
   return plan->steps > step && next > plan->steps ? plan->steps : next;
 }
 
+int ms_plan_has_times(const msim_options *opt) { return opt->tol > 0 && opt->every <= 0; }
+
+static double frame_interval(const ms_plan *plan, const msim_options *opt) {
+  return opt->fps > 0 ? 1 / opt->fps : ms_plan_span(plan) / 200;
+}
+
+double ms_plan_frame_time(const ms_plan *plan, const msim_options *opt, int64_t k) {
+  const double interval = frame_interval(plan, opt), t = plan->t0 + (double)k * interval;
+  return plan->t_end >= 0 && t > plan->t_end - 1e-9 * interval ? plan->t_end : t;
+}
+
+int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double t) {
+  double k = floor((t - plan->t0) / frame_interval(plan, opt));
+  int64_t frame = k < MOST_STEPS ? (int64_t)k : (int64_t)MOST_STEPS;
+  for (;; frame++) {
+    const double at = ms_plan_frame_time(plan, opt, frame);
+    if (at > t) return frame;
+    if (at == plan->t_end) return frame + 1;
+  }
+}
+
+/* Frames at times of their own. */
+static int64_t count_times(const ms_plan *plan, const msim_options *opt, int64_t most) {
+  const double count = ceil(ms_plan_span(plan) / frame_interval(plan, opt) - 1e-9) + 1;
+  return count < (double)most ? (int64_t)count : most;
+}
+
 int64_t ms_plan_count_frames(const ms_plan *plan, const msim_options *opt, int64_t most) {
   int64_t frames = 1;
+  if (ms_plan_has_times(opt)) return plan->t_end > plan->t0 ? count_times(plan, opt, most) : 1;
+  if (opt->tol > 0) return -1;
   for (int64_t step = 0; step < plan->steps && frames < most; frames++)
     step = ms_plan_next_frame(plan, opt, step);
   return frames;

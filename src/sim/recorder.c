@@ -86,7 +86,10 @@ int32_t msim_recorder_info(int32_t i, const char *plugin_path, msim_plugin_entry
 static double *plan_times(const msim_sim *sim, int64_t nframes) {
   double *times = ms_new(&sim->alloc, (size_t)nframes, sizeof *times);
   int64_t step = 0;
-  for (int64_t i = 0; times && i < nframes; i++) {
+  const int has_times = ms_plan_has_times(&sim->opt);
+  for (int64_t i = 0; times && i < nframes && has_times; i++)
+    times[i] = ms_plan_frame_time(&sim->plan, &sim->opt, i);
+  for (int64_t i = 0; times && i < nframes && !has_times; i++) {
     times[i] = sim->t0 + (double)step * sim->plan.h;
     step = ms_plan_next_frame(&sim->plan, &sim->opt, step);
   }
@@ -119,7 +122,14 @@ static msim_status open_part(msim_recorder *r, const char *path, const msim_reco
 static msim_status open_file(msim_recorder *r, const char *path, msim_error *err) {
   const msim_sim *sim = r->sim;
   const ms_scene *scene = sim->scene;
-  const int64_t nframes = ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES + 1);
+  const int64_t planned = ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES + 1);
+  const int64_t nframes = planned < 0 ? 1 : planned; /* csv takes what comes */
+  if (planned < 0 && r->type != ms_recorder_csv())
+    return ms_fail(
+        err, MSIM_ERR_ARG,
+        "%s wants to know how many frames come, but under error control nobody knows how "
+        "many steps; give fps in place of every",
+        path);
   if (nframes > MS_MOST_FRAMES)
     return ms_fail(err, MSIM_ERR_ARG, "%s would get more than %d frames; raise every or lower fps",
                    path, MS_MOST_FRAMES);
@@ -158,7 +168,7 @@ msim_status msim_recorder_open(msim_sim *sim, const char *path, msim_recorder **
   const char *kind = kind_of(path);
   if (!kind)
     return ms_fail(err, MSIM_ERR_NAME, "%s: a trajectory's name ends in .vtkhdf or .csv", path);
-  if (sim->plan.steps < 0)
+  if (sim->plan.t_end < 0)
     return ms_fail(err, MSIM_ERR_ARG, "%s: recording needs an end: set steps or t_end", path);
   msim_status status = check_place(path, err);
   if (status) return status;

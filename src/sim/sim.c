@@ -1,11 +1,11 @@
 #include "sim/sim.h"
 
-#include <stdio.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "integrate/events.h"
 #include "layout/flat.h"
+#include "sim/drive.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -29,6 +29,8 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
   status = ms_integrator_find(opt->integrator, &sim->integrator, err);
   if (status) return status;
   sim->opt.integrator = sim->integrator->entry.name;
+  status = ms_drive_choose(sim, err);
+  if (status) return status;
   if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->integrator->sync)
     return ms_fail(
         err, MSIM_ERR_ARG,
@@ -40,6 +42,10 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
                    "integrator '%s' never has all forces at once, which collision = event needs "
                    "where particles rest: take velocity-verlet",
                    sim->opt.integrator);
+  if (sim->opt.collision == MSIM_COLLISION_EVENT && ms_sim_has_control(sim))
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "tol and collision = event exclude each other: under error control a step that "
+                   "lands ends at the impact in any case");
   return MSIM_OK;
 }
 
@@ -53,13 +59,28 @@ void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
 }
 
 /* Says so where an h that was given had to be lowered, once for each h. */
-msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err) {
+static void tell_lowered(const msim_sim *sim, const ms_plan *plan) {
+  if (plan->h == plan->h_asked || plan->h == sim->plan.h || sim->advice.chosen) return;
+  ms_sim_warn(sim, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
+              plan->h_asked, plan->h, (long long)plan->steps, sim->opt.t_end);
+}
+
+static msim_status measure(const msim_sim *sim, const double *x, const double *v, ms_plan *plan,
+                           msim_error *err) {
+  const ms_control control = ms_control_of(sim->integrator, sim->opt.tol, ms_plan_span(plan));
+  msim_status status = ms_scales_compute(sim->scene, x, v, control.span, &plan->scales, err);
+  if (status) return status;
+  if (!(plan->h > 0)) plan->h = plan->h_asked = ms_control_first(&control, &plan->scales);
+  return MSIM_OK;
+}
+
+msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,
+                             msim_error *err) {
   ms_plan plan;
   msim_status status = ms_plan_create(&sim->opt, t0, &plan, err);
+  if (!status && ms_sim_has_control(sim)) status = measure(sim, x, v, &plan, err);
   if (status) return status;
-  if (plan.h != plan.h_asked && plan.h != sim->plan.h && !sim->advice.chosen)
-    ms_sim_warn(sim, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
-                plan.h_asked, plan.h, (long long)plan.steps, sim->opt.t_end);
+  tell_lowered(sim, &plan);
   sim->plan = plan;
   return MSIM_OK;
 }
@@ -92,8 +113,8 @@ static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
   if (!status) status = ms_sim_check_forces(sim, sim->scene->damping, err);
-  if (!status) status = ms_sim_settle_step(sim, &sim->opt.h, err);
-  if (!status) status = ms_sim_make_plan(sim, 0, err);
+  if (!status && !ms_sim_has_control(sim)) status = ms_sim_settle_step(sim, &sim->opt.h, err);
+  if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = allocate_flat(sim, err);
   if (!status) status = ms_sim_build(sim, ms_flat_axis(sim->scene, sim->opt.skip_off), err);
   if (status) return status;
@@ -139,124 +160,72 @@ void msim_sim_destroy(msim_sim *sim) {
 /*------------------------------------- stepping -------------------------------------------------*/
 
 double ms_sim_time(const msim_sim *sim) {
+  if (ms_sim_has_control(sim)) return sim->t_shown;
   return sim->t0 + (double)(sim->step - sim->step0) * sim->plan.h;
 }
 
-/* What went wrong in the step after the present one, with step, time and particle. */
-static msim_status blame(const msim_sim *sim, const ms_motion *m, msim_status status,
-                         const msim_error *why, msim_error *err) {
-  char particle[32] = "";
-  int32_t row = m->stepper.culprit;
-  if (row >= 0) snprintf(particle, sizeof particle, ", particle %d", m->model.rows.particle[row]);
-  return ms_fail(err, status, "step %lld, t = %g s%s: %s", (long long)(sim->step + 1),
-                 ms_sim_time(sim) + sim->plan.h, particle,
-                 *why->text ? why->text : msim_status_text(status));
-}
-
-/* A step from rest that stays there, and meets no plane: as x and v are what they were and v is 0,
- * so is every force, and the next step does the same. The method's own vectors follow from x and v
- * then. The first row that moves ends the search. */
-static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contacts) {
-  const ms_stepper *s = &m->stepper;
-  const ms_shape shape = m->model.shape;
-  return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
-         ms_is_zero(shape, s->v_next) && ms_is_zero(shape, s->v) &&
-         ms_is_same(shape, s->x, s->x_next);
-}
-
-/* The next state of one island, refused if it is not finite. The present one stays as it is. */
-static msim_status step_island(msim_sim *sim, ms_motion *m, msim_error *err) {
-  ms_stepper *s = &m->stepper;
-  const int64_t contacts = s->stats->contacts;
-  s->culprit = -1;
-  s->finite = 0;
-  msim_status status = ms_step(sim->integrator, s, err);
-  if (!status && !s->finite) {
-    s->culprit = ms_find_bad(m->model.shape, s->x_next);
-    if (s->culprit < 0) s->culprit = ms_find_bad(m->model.shape, s->v_next);
-    if (s->culprit >= 0) status = MSIM_NOT_FINITE;
-  }
-  m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
-  return status;
-}
-
-static void step_by_one(void *data, int32_t i) {
-  msim_sim *sim = data;
-  ms_motion *m = &sim->motion[i];
-  if (m->by_one && !m->at_rest) m->status = step_island(sim, m, NULL);
-}
-
-/* What that came to. Its seconds passed in all threads at once. */
-static msim_status collect(msim_sim *sim, ms_motion *m) {
-  const double threads = ms_pool_threads(sim->pool);
-  sim->stats.force_evaluations += m->stats.force_evaluations;
-  sim->stats.spring_evaluations += m->stats.spring_evaluations;
-  sim->stats.contacts += m->stats.contacts;
-  sim->stats.force_s += m->stats.force_s / threads;
-  sim->stats.collide_s += m->stats.collide_s / threads;
-  m->stats = (msim_stats){0};
-  return m->status;
-}
-
-static void accept(ms_motion *m) {
-  ms_stepper *s = &m->stepper;
-  double *x = s->x, *v = s->v;
-  s->x = s->x_next, s->x_next = x;
-  s->v = s->v_next, s->v_next = v;
-  s->warm = s->warm_next;
-  m->at_rest = m->at_rest_next;
-}
-
-/* All islands that are not at rest, or none: where one fails, the state stays as it was. */
-static msim_status one_step(msim_sim *sim, msim_error *err) {
-  msim_error why = {0, ""};
-  int32_t resting = 0;
-  if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
-  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
-    resting += m->at_rest;
-    if (m->at_rest) continue;
-    msim_status status = m->by_one ? collect(sim, m) : step_island(sim, m, &why);
-    if (status) return blame(sim, m, status, &why, err);
-  }
-  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
-    if (!m->at_rest) accept(m);
-  sim->step++;
-  sim->stats.steps++;
-  sim->stats.islands_at_rest += resting;
-  sim->stats.steps_at_rest += resting == sim->nislands;
-  if (resting < sim->nislands) sim->flat_is_current = 0;
-  return MSIM_OK;
-}
-
-msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
-  if (!sim || n < 0) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL, or n is negative");
+static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   double start = ms_clock();
   msim_status status = MSIM_OK;
   for (int64_t i = 0; i < n && !status; i++) {
-    status = one_step(sim, err);
+    status = ms_drive_step(sim, err);
     if (!status && atomic_exchange(&sim->stop, 0))
       status = ms_fail(err, MSIM_STOPPED, "stopped on request after step %lld, t = %g s",
                        (long long)sim->step, ms_sim_time(sim));
   }
   sim->stats.total_s += ms_clock() - start;
+  return status;
+}
+
+/* Frames that lie behind are not shown any more. */
+msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
+  if (!sim || n < 0) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL, or n is negative");
+  msim_status status = make_steps(sim, n, err);
+  if (ms_plan_has_times(&sim->opt)) sim->frame = ms_plan_frame_after(&sim->plan, &sim->opt, sim->t);
   return status ? status : ms_ok(err);
 }
 
 void msim_sim_stop(msim_sim *sim) { atomic_store(&sim->stop, 1); }
 
 int64_t msim_sim_next_frame(const msim_sim *sim) {
+  if (ms_plan_has_times(&sim->opt)) return sim->step + 1;
   return sim->step0 + ms_plan_next_frame(&sim->plan, &sim->opt, sim->step - sim->step0);
+}
+
+static int is_at_end(const msim_sim *sim) {
+  if (!ms_sim_has_control(sim)) return sim->step - sim->step0 >= sim->plan.steps;
+  if (!ms_plan_has_times(&sim->opt)) return sim->t >= sim->plan.t_end;
+  return ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame - 1) >= sim->plan.t_end;
+}
+
+static msim_status run_to_step(msim_sim *sim, msim_error *err) {
+  const int64_t due = msim_sim_next_frame(sim);
+  msim_status status = MSIM_OK;
+  if (!ms_sim_has_control(sim)) return make_steps(sim, due - sim->step, err);
+  while (!status && sim->step < due && !is_at_end(sim)) status = make_steps(sim, 1, err);
+  return status;
+}
+
+/* The frame may lie within the step that passes it. */
+static msim_status run_to_time(msim_sim *sim, msim_error *err) {
+  const double due = ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame);
+  msim_status status = MSIM_OK;
+  while (!status && sim->t < due) status = make_steps(sim, 1, err);
+  if (status) return status;
+  ms_drive_show(sim, due);
+  sim->frame++;
+  return MSIM_OK;
 }
 
 msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msim_error *err) {
   if (!sim) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL");
-  if (sim->plan.steps < 0)
+  if (sim->plan.t_end < 0)
     return ms_fail(err, MSIM_ERR_ARG, "the run has no end: set options.steps or options.t_end");
-  const int64_t end = sim->step0 + sim->plan.steps;
   if (observer && sim->step == sim->step0 && observer(sim, user))
     return ms_fail(err, MSIM_STOPPED, "stopped by the observer at the start");
-  while (sim->step < end) {
-    msim_status status = msim_sim_step(sim, msim_sim_next_frame(sim) - sim->step, err);
+  while (!is_at_end(sim)) {
+    msim_status status =
+        ms_plan_has_times(&sim->opt) ? run_to_time(sim, err) : run_to_step(sim, err);
     if (status) return status;
     if (observer && observer(sim, user))
       return ms_fail(err, MSIM_STOPPED, "stopped by the observer after step %lld, t = %g s",

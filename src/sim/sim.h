@@ -5,7 +5,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "integrate/integrator.h"
+#include "integrate/control.h"
 #include "scene/options.h"
 #include "sim/advice.h"
 #include "sim/plan.h"
@@ -19,6 +19,7 @@ typedef struct ms_motion {
   int by_one;         /* one thread steps it, while others step others */
   msim_stats stats;   /* by_one: what that has counted, until it is added to the sim's */
   msim_status status; /* by_one: of the step that is being made */
+  ms_error error;     /* of it, under error control */
 } ms_motion;
 
 struct msim_sim {
@@ -34,8 +35,12 @@ struct msim_sim {
   msim_stats stats;
   atomic_int stop;
 
-  int64_t step, step0; /* t = t0 + (step - step0) h */
+  int64_t step, step0; /* t = t0 + (step - step0) h, but under error control, which has: */
   double t0;
+  ms_control control;
+  double t, t_lost; /* the sum of all steps, and what rounding took from it */
+  double t_shown;   /* of the state that is looked at: t, or within the last step */
+  int64_t frame;    /* that msim_sim_run shows next, where frames are at times of their own */
 
   int32_t nislands;  /* at least 1 */
   ms_motion *motion; /* nislands: replaced where the components of space are others */
@@ -52,7 +57,10 @@ struct msim_sim {
 #define MS_GIVE(to, full) \
   memcpy(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
 
-/* The time of the present state. */
+/* Steps are as long as their error allows. */
+static inline int ms_sim_has_control(const msim_sim *sim) { return sim->opt.tol > 0; }
+
+/* The time of the present state, as it is looked at. */
 double ms_sim_time(const msim_sim *sim);
 
 /* Make models, solvers and vectors anew, without components along the axis left_out (-1: none);
@@ -77,8 +85,9 @@ void ms_sim_drop_matrix(msim_sim *sim);
 /* One sentence to who listens. */
 void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
 
-/* Plan the run from t0 on; keeps the old plan where that fails. */
-msim_status ms_sim_make_plan(msim_sim *sim, double t0, msim_error *err);
+/* Plan the run from t0 and x, v (flat 3n) on; keeps the old plan where that fails. */
+msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,
+                             msim_error *err);
 
 /* Seconds spent on output belong to the sim's stats. */
 void ms_sim_count_output(msim_sim *sim, double seconds);

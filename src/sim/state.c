@@ -5,11 +5,25 @@
 #include "layout/flat.h"
 #include "physics/energy.h"
 #include "physics/plain.h"
-#include "sim/sim.h"
+#include "integrate/interpolate.h"
+#include "sim/drive.h"
 
-static void refresh_island(msim_sim *sim, const ms_motion *m) {
+/* Within the last step, which no island at rest made. */
+static void refresh_within(msim_sim *sim, ms_motion *m) {
+  ms_stepper *s = &m->stepper;
+  const double theta = 1 - (sim->t - sim->t_shown) / s->h;
+  ms_interpolate(sim->integrator, s, theta, s->x_spare[0], s->v_spare[0]);
+  ms_rows_scatter(&m->model.rows, s->x_spare[0], sim->flat_x);
+  ms_rows_scatter(&m->model.rows, s->v_spare[0], sim->flat_v);
+}
+
+static void refresh_island(msim_sim *sim, ms_motion *m) {
   const ms_stepper *s = &m->stepper;
   const ms_rows *rows = &m->model.rows;
+  if (ms_sim_has_control(sim) && sim->t_shown != sim->t && !m->at_rest) {
+    refresh_within(sim, m);
+    return;
+  }
   ms_rows_scatter(rows, s->x, sim->flat_x);
   if (sim->integrator->sync) {
     ms_rows_scatter(rows, s->v, sim->flat_v_half);
@@ -79,6 +93,8 @@ static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
   const ms_rows *rows = &m->model.rows;
   ms_rows_gather(rows, state->x, s->x);
   ms_rows_gather(rows, state->x, s->x_next); /* for its pinned rows */
+  for (int i = 0; i < 2; i++)
+    if (s->x_spare[i]) ms_rows_gather(rows, state->x, s->x_spare[i]);
   ms_rows_gather(rows, state->v, s->v);
   m->at_rest = 0;
   s->h = sim->plan.h;
@@ -103,7 +119,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
   if (!sim || !state) return ms_fail(err, MSIM_ERR_ARG, "sim or state is NULL");
   msim_status status = check_state(sim, state, err);
   const ms_plan before = sim->plan;
-  if (!status) status = ms_sim_make_plan(sim, state->t, err);
+  if (!status) status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
   if (!status) status = fit_state(sim, state, err);
   if (status) {
     sim->plan = before;
@@ -112,6 +128,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
   const size_t flat = 3 * (size_t)state->n * sizeof(double);
   sim->step = sim->step0 = state->step;
   sim->t0 = state->t;
+  if (ms_sim_has_control(sim)) ms_drive_start(sim);
   memmove(sim->flat_x, state->x, flat);
   memmove(sim->flat_v, state->v, flat);
   for (int32_t i = 0; i < sim->nislands; i++) start_island(sim, &sim->motion[i], state);
@@ -145,21 +162,25 @@ void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
                     .steps = sim->plan.steps,
                     .integrator = sim->integrator->entry.name,
                     .solver = linear ? linear->linear->name : "none",
-                    .threads = ms_pool_threads(sim->pool)};
+                    .threads = ms_pool_threads(sim->pool),
+                    .tol = sim->opt.tol,
+                    .t_end = sim->plan.t_end};
   MS_GIVE(plan, full);
 }
 
 static void put_island_force(const ms_motion *m, const double *x, const double *v, double *force) {
   const ms_stepper *s = &m->stepper;
   const ms_rows *rows = &m->model.rows;
-  ms_rows_gather(rows, x, s->x_next);
-  ms_rows_gather(rows, v, s->v_next);
-  ms_force(&m->model, s->x_next, s->v_next, s->scratch);
+  double *x_there = s->x_spare[0] ? s->x_spare[0] : s->x_next; /* what somebody may look into */
+  double *v_there = s->v_spare[0] ? s->v_spare[0] : s->v_next;
+  ms_rows_gather(rows, x, x_there);
+  ms_rows_gather(rows, v, v_there);
+  ms_force(&m->model, x_there, v_there, s->scratch);
   ms_rows_scatter(rows, s->scratch, force);
   /* leave the pinned rows as steps expect them */
   const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *x;
-  memcpy(s->x_next, s->x, bytes);
-  memset(s->v_next, 0, bytes);
+  memcpy(x_there, s->x, bytes);
+  memset(v_there, 0, bytes);
 }
 
 void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {

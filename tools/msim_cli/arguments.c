@@ -215,6 +215,7 @@ void arguments_free(arguments *args) { free(args->settings); }
 /* Some options stand for one another: what the command line gives unsets the scene's other one. */
 static void unset_others(const msim_options *given, msim_options *options) {
   if (given->t_end >= 0) options->steps = -1;
+  if (given->steps >= 0) options->tol = 0;
   if (given->every > 0) options->fps = 0;
   if (given->fps > 0) options->every = 0;
 }

@@ -66,10 +66,12 @@ static void describe(const progress *bar, char *line, int columns, double now, i
   char part[80];
   int64_t made = step - bar->first, all = bar->end - bar->first;
   double elapsed = now - bar->started, speed = (double)made / elapsed;
-  append_bar(line, columns, (double)made / (double)all);
-  if (made > 0) append_left(line, columns, (double)(all - made) / speed);
+  double done = all > 0 ? (double)made / (double)all : (t - bar->t_first) / (t_end - bar->t_first);
+  append_bar(line, columns, done);
+  if (done > 0) append_left(line, columns, elapsed * (1 - done) / done);
   int digits = snprintf(part, sizeof part, "%" PRId64, bar->end);
-  snprintf(part, sizeof part, "  step %*" PRId64 "/%" PRId64, digits, step, bar->end);
+  if (all > 0) snprintf(part, sizeof part, "  step %*" PRId64 "/%" PRId64, digits, step, bar->end);
+  else snprintf(part, sizeof part, "  step %" PRId64, step);
   append(line, columns, part);
   snprintf(part, sizeof part, "  t %#.4g/%.4g s", t, t_end);
   append(line, columns, part);
@@ -84,11 +86,12 @@ static void print_line(progress *bar, const char *line, const char *ending) {
   bar->shown = length;
 }
 
-void progress_start(progress *bar, int quiet, int64_t first, int64_t end) {
+void progress_start(progress *bar, int quiet, int64_t first, int64_t end, double t_first) {
   double now = wall_seconds();
-  *bar = (progress){.wanted = !quiet && end > first && isatty(STDERR_FILENO),
+  *bar = (progress){.wanted = !quiet && end != first && isatty(STDERR_FILENO),
                     .first = first,
                     .end = end,
+                    .t_first = t_first,
                     .started = now,
                     .drawn = now};
 }

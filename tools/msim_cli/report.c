@@ -18,7 +18,10 @@ static void print_method(const msim_plan *plan, const msim_stats *stats) {
   printf("%s, %s%s\n", plan->integrator, direct ? "no linear solver needed" : "linear solver ",
          direct ? "" : plan->solver);
   print_column(VALUE_COLUMN, "steps");
-  printf("%" PRId64 " of h = %g s", stats->steps, plan->h);
+  if (plan->tol > 0)
+    printf("%" PRId64 ", as long as tol = %g lets them be; %" PRId64 " more were too long",
+           stats->steps, plan->tol, stats->rejected_steps);
+  else printf("%" PRId64 " of h = %g s", stats->steps, plan->h);
   if (stats->steps < plan->steps) printf("; %" PRId64 " were planned", plan->steps);
   putchar('\n');
 }

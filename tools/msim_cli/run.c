@@ -2,6 +2,7 @@
 #include "run.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 
@@ -21,9 +22,13 @@ typedef struct run {
   output_file final;
   progress bar;
   report report;
-  msim_state first;      /* its arrays are not looked at */
-  double h;              /* s */
-  int64_t end, recorded; /* steps: the last one to make, that of the last frame written */
+  msim_state first;   /* its arrays are not looked at */
+  double h;           /* s */
+  double t_end;       /* s */
+  int64_t end;        /* the last step to make; -1: nobody knows */
+  double t_recorded;  /* s: of the last frame written; NAN: none */
+  msim_status failed; /* of writing a frame, and why */
+  msim_error why;
 } run;
 
 /*------------------------------------- Ctrl-C ---------------------------------------------------*/
@@ -85,7 +90,10 @@ static void find_end(run *r) {
   msim_sim_state(r->sim, &r->first);
   msim_sim_plan(r->sim, &plan);
   r->h = plan.h;
-  r->end = plan.steps > INT64_MAX - r->first.step ? INT64_MAX : r->first.step + plan.steps;
+  r->t_end = plan.t_end;
+  r->end = plan.tol > 0                             ? -1
+           : plan.steps > INT64_MAX - r->first.step ? INT64_MAX
+                                                    : r->first.step + plan.steps;
 }
 
 static int make_sim(run *r) {
@@ -122,10 +130,10 @@ static int open_files(run *r) {
 
 static int64_t least(int64_t a, int64_t b) { return a < b ? a : b; }
 
-static msim_status record(run *r, int64_t step, msim_error *err) {
+static msim_status record(run *r, double t, msim_error *err) {
   msim_status status = msim_recorder_write(r->recorder, err);
   if (status) return status;
-  r->recorded = step;
+  r->t_recorded = t;
   r->report.frames++;
   return status;
 }
@@ -138,17 +146,15 @@ static int64_t next_pace(int64_t pace, double seconds) {
   return slower > 1 ? slower : 1;
 }
 
-static void show_progress(run *r, double now, int64_t step) {
-  double from = r->first.t;
-  progress_update(&r->bar, now, step, from + (double)(step - r->first.step) * r->h,
-                  from + (double)(r->end - r->first.step) * r->h);
+static double time_of(const run *r, int64_t step) {
+  return r->first.t + (double)(step - r->first.step) * r->h;
 }
 
 /* Step to the end in pieces: to the next frame, or until the clock is to be read. */
 static msim_status simulate(run *r, msim_error *err) {
   int64_t step = r->first.step, pace = 1, left = pace;
   double before = wall_seconds();
-  msim_status status = r->recorder ? record(r, step, err) : MSIM_OK;
+  msim_status status = r->recorder ? record(r, time_of(r, step), err) : MSIM_OK;
   while (!status && step < r->end && !stop_asked) {
     int64_t frame = r->recorder ? least(msim_sim_next_frame(r->sim), r->end) : r->end;
     int64_t n = least(frame - step, left);
@@ -156,14 +162,31 @@ static msim_status simulate(run *r, msim_error *err) {
     if (status) break;
     step += n;
     left -= n;
-    if (r->recorder && step == frame) status = record(r, step, err);
+    if (r->recorder && step == frame) status = record(r, time_of(r, step), err);
     if (left > 0) continue;
     double now = wall_seconds();
     left = pace = next_pace(pace, now - before);
     before = now;
-    show_progress(r, now, step);
+    progress_update(&r->bar, now, step, time_of(r, step), r->t_end);
   }
   return !status && step < r->end ? MSIM_STOPPED : status;
+}
+
+static int at_frame(msim_sim *sim, void *user) {
+  run *r = user;
+  msim_state now = {.size = sizeof now};
+  msim_sim_state(sim, &now);
+  if (r->recorder) r->failed = record(r, now.t, &r->why);
+  progress_update(&r->bar, wall_seconds(), now.step, now.t, r->t_end);
+  return r->failed != MSIM_OK;
+}
+
+/* The library shows each frame, at its time, within the step that passes it. */
+static msim_status simulate_by_error(run *r, msim_error *err) {
+  int looks = r->recorder || r->bar.wanted;
+  msim_status status = msim_sim_run(r->sim, looks ? at_frame : NULL, r, err);
+  if (r->failed) *err = r->why;
+  return r->failed ? r->failed : status;
 }
 
 /*------------------------------------- after the run --------------------------------------------*/
@@ -180,7 +203,7 @@ static msim_status end_recording(run *r, msim_status status, const msim_state *l
   msim_error second;
   msim_status failed = MSIM_OK;
   if (!r->recorder) return status;
-  if (status >= 0 && r->recorded != last->step) failed = record(r, last->step, &second);
+  if (status >= 0 && r->t_recorded != last->t) failed = record(r, last->t, &second);
   if (!failed) failed = close_recorder(r, &second);
   if (!failed || status < 0) return status;
   *err = second;
@@ -197,7 +220,7 @@ static void tell_end(msim_status status, const msim_state *last, const msim_erro
 static int finish(run *r, msim_status status, msim_error *err) {
   msim_state last = {.size = sizeof last};
   msim_sim_state(r->sim, &last);
-  if (status == MSIM_STOPPED && last.step >= r->end) status = MSIM_OK;
+  if (status == MSIM_STOPPED && last.t >= r->t_end) status = MSIM_OK;
   status = end_recording(r, status, &last, err);
   progress_hide(&r->bar);
   r->report.wall_s = wall_seconds() - r->bar.started;
@@ -220,15 +243,15 @@ static void start_report(run *r) {
 static int execute(run *r) {
   msim_error err;
   start_report(r);
-  progress_start(&r->bar, r->args->quiet, r->first.step, r->end);
+  progress_start(&r->bar, r->args->quiet, r->first.step, r->end, r->first.t);
   catch_signals(r->sim);
   if (open_files(r)) return EXIT_ERROR;
-  msim_status status = simulate(r, &err);
+  msim_status status = r->end < 0 ? simulate_by_error(r, &err) : simulate(r, &err);
   return finish(r, status, &err);
 }
 
 int run_command(const arguments *args) {
-  run r = {.args = args, .recorded = -1};
+  run r = {.args = args, .t_recorded = NAN};
   int status = make_sim(&r);
   if (!status) status = execute(&r);
   running = NULL;

@@ -28,6 +28,7 @@ static const field counters[] = {
     COUNTER(steps_at_rest),
     COUNTER(islands_at_rest),
     COUNTER(spring_evaluations),
+    COUNTER(rejected_steps),
 };
 static const field phases[] = {
     PHASE(total), PHASE(force),   PHASE(assemble), PHASE(factor),

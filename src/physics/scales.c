@@ -1,0 +1,51 @@
+#include "physics/scales.h"
+
+#include <float.h>
+#include <math.h>
+
+#include "physics/energy.h"
+
+/* Longest side of the box; *farthest: the largest coordinate. */
+static double find_extent(int32_t n, const double *x, double *farthest) {
+  double extent = 0;
+  *farthest = 0;
+  for (size_t c = 0; c < 3; c++) {
+    double low = x[c], high = x[c];
+    for (size_t p = 0; p < (size_t)n; p++)
+      low = fmin(low, x[3 * p + c]), high = fmax(high, x[3 * p + c]);
+    extent = fmax(extent, high - low);
+    *farthest = fmax(*farthest, fmax(fabs(low), fabs(high)));
+  }
+  return extent;
+}
+
+static double free_mass(const ms_scene *scene) {
+  double mass = 0;
+  for (int32_t p = 0; p < scene->nparticles; p++)
+    if (!scene->pinned[p]) mass += scene->mass[p];
+  return mass > 0 ? mass : 1;
+}
+
+msim_status ms_scales_compute(const ms_scene *scene, const double *x, const double *v, double span,
+                              ms_scales *scales, msim_error *err) {
+  const double *g3 = scene->gravity;
+  const double g = sqrt(g3[0] * g3[0] + g3[1] * g3[1] + g3[2] * g3[2]);
+  double farthest;
+  ms_bounds bounds;
+  msim_energy energy = {.size = sizeof energy};
+  msim_status status = ms_bounds_compute(scene, &bounds, err);
+  if (status) return status;
+  ms_energy(scene, x, v, &energy);
+  *scales = (ms_scales){.mass = free_mass(scene)};
+  const double u2 = 2 * (energy.kinetic + energy.elastic) / scales->mass;
+  double L = find_extent(scene->nparticles, x, &farthest);
+  if (!(L > 0)) L = sqrt(u2) * span + g * span * span / 2;
+  if (!(L > 0)) L = 1; /* nothing ever moves */
+  double U = sqrt(u2 + g * L);
+  if (!(U > 0)) U = L / span;
+  scales->extent = L;
+  scales->speed = U;
+  scales->rounding = 4 * DBL_EPSILON * fmax(L, farthest) * (1 / L + bounds.omega / U);
+  scales->time = 1 / (bounds.omega + bounds.rate + g / U + U / L);
+  return MSIM_OK;
+}

@@ -1,0 +1,347 @@
+#include "sim/drive.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "integrate/events.h"
+
+/*------------------------------------- one island -----------------------------------------------*/
+
+/* One step of s->h by the method: the only place that makes one. Refused if it is not finite. */
+static msim_status make_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  s->culprit = -1;
+  s->finite = 0;
+  msim_status status = ms_step(sim->integrator, s, err);
+  if (status || s->finite) return status;
+  s->culprit = ms_find_bad(s->model->shape, s->x_next);
+  if (s->culprit < 0) s->culprit = ms_find_bad(s->model->shape, s->v_next);
+  return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+}
+
+static void swap(double **a, double **b) {
+  double *between = *a;
+  *a = *b, *b = between;
+}
+
+/* From the state between two parts on: what was next is now, and the first spare pair takes what
+ * follows, as the state at the start stays where it is. */
+static void go_on(ms_stepper *s, const ms_stepper *start) {
+  swap(&s->x, &s->x_next);
+  swap(&s->v, &s->v_next);
+  if (s->x_next == start->x) swap(&s->x_next, &s->x_spare[0]), swap(&s->v_next, &s->v_spare[0]);
+  s->warm = s->warm_next;
+  s->h_before = s->h;
+}
+
+/* The state at the start is the present one again. What the method kept of it may be gone. */
+static void go_back(ms_stepper *s, const ms_stepper *start) {
+  s->h = start->h;
+  s->h_before = start->h_before;
+  if (s->x == start->x) return;
+  swap(&s->x, &s->x_spare[0]), swap(&s->v, &s->v_spare[0]);
+  s->warm = 0;
+}
+
+/* n steps of h/n, one after the other, from x to x_next. */
+static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err) {
+  const ms_stepper start = *s;
+  msim_status status = MSIM_OK;
+  s->parts = n;
+  s->h = start.h / (double)n;
+  for (int64_t i = 0; i < n && !status; i++) {
+    if (i > 0) go_on(s, &start);
+    status = make_step(sim, s, err);
+  }
+  go_back(s, &start);
+  return status;
+}
+
+/* Shorter steps may help. */
+static int may_help(msim_status status) {
+  return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
+}
+
+/* Whole, or else in 2, 4, ... parts. */
+static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  enum { MOST = 40 };
+  msim_status status = make_steps(sim, s, 1, err);
+  for (int i = 1; i <= sim->opt.newton_retries && i <= MOST && may_help(status); i++) {
+    s->stats->rejected_steps++;
+    status = make_steps(sim, s, (int64_t)1 << i, err);
+  }
+  return status;
+}
+
+/* A whole step, kept aside, and two halves. */
+static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  msim_status status = make_steps(sim, s, 1, err);
+  swap(&s->x_next, &s->x_spare[1]);
+  swap(&s->v_next, &s->v_spare[1]);
+  return status ? status : make_steps(sim, s, 2, err);
+}
+
+/* Without reflection, so that the error is that of the motion alone: it waits until the step is
+ * accepted. */
+static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  s->in_flight = 1;
+  msim_status status =
+      sim->integrator->estimate ? make_steps(sim, s, 1, err) : make_doubled(sim, s, err);
+  s->in_flight = 0;
+  if (!status) m->error = ms_error_of(sim->integrator, s, &sim->plan.scales);
+  return status;
+}
+
+/* A step from rest that stays there, and meets no plane: as x and v are what they were and v is 0,
+ * so is every force, and the next step does the same. The method's own vectors follow from x and v
+ * then. The first row that moves ends the search. */
+static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contacts) {
+  const ms_stepper *s = &m->stepper;
+  const ms_shape shape = m->model.shape;
+  return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
+         ms_is_zero(shape, s->v_next) && ms_is_zero(shape, s->v) &&
+         ms_is_same(shape, s->x, s->x_next);
+}
+
+/* The next state of one island. The present one stays as it is. */
+static msim_status step_island(const msim_sim *sim, ms_motion *m, msim_error *err) {
+  const int64_t contacts = m->stepper.stats->contacts;
+  if (ms_sim_has_control(sim)) return make_controlled(sim, m, err);
+  msim_status status = make_fixed(sim, &m->stepper, err);
+  m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
+  return status;
+}
+
+/*------------------------------------- all islands ----------------------------------------------*/
+
+static void step_by_one(void *data, int32_t i) {
+  msim_sim *sim = data;
+  ms_motion *m = &sim->motion[i];
+  if (m->by_one && !m->at_rest) m->status = step_island(sim, m, NULL);
+}
+
+/* What that came to. Its seconds passed in all threads at once. */
+static msim_status collect(msim_sim *sim, ms_motion *m) {
+  const double threads = ms_pool_threads(sim->pool);
+  sim->stats.force_evaluations += m->stats.force_evaluations;
+  sim->stats.spring_evaluations += m->stats.spring_evaluations;
+  sim->stats.contacts += m->stats.contacts;
+  sim->stats.rejected_steps += m->stats.rejected_steps;
+  sim->stats.force_s += m->stats.force_s / threads;
+  sim->stats.collide_s += m->stats.collide_s / threads;
+  m->stats = (msim_stats){0};
+  return m->status;
+}
+
+/* What a step of h came to in the first island that failed; m NULL: in all. */
+typedef struct outcome {
+  msim_status status;
+  ms_motion *m;
+  msim_error why;
+} outcome;
+
+/* A step of h by all that are not at rest; none is accepted yet. */
+static outcome try_step(msim_sim *sim, double h, double noise) {
+  outcome result = {.why = {0, ""}};
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    m->stepper.h = h, m->stepper.noise = noise, m->stepper.looked = 0;
+  if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
+    if (m->at_rest) continue;
+    result.status = m->by_one ? collect(sim, m) : step_island(sim, m, &result.why);
+    if (result.status) result.m = m;
+  }
+  return result;
+}
+
+static void accept(ms_motion *m) {
+  ms_stepper *s = &m->stepper;
+  swap(&s->x, &s->x_next);
+  swap(&s->v, &s->v_next);
+  s->warm = s->warm_next;
+  s->h_before = s->h / (double)s->parts;
+  m->at_rest = m->at_rest_next;
+}
+
+static void accept_all(msim_sim *sim) {
+  int32_t resting = 0;
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
+    resting += m->at_rest;
+    if (!m->at_rest) accept(m);
+  }
+  sim->step++;
+  sim->stats.steps++;
+  sim->stats.islands_at_rest += resting;
+  sim->stats.steps_at_rest += resting == sim->nislands;
+  if (resting < sim->nislands) sim->flat_is_current = 0;
+}
+
+/* Say when and where; t is the time that was to be reached. */
+static msim_status blame(const msim_sim *sim, const ms_motion *m, double t, msim_status status,
+                         const char *why, msim_error *err) {
+  char particle[32] = "";
+  const int32_t row = m->stepper.culprit;
+  if (row >= 0) snprintf(particle, sizeof particle, ", particle %d", m->model.rows.particle[row]);
+  return ms_fail(err, status, "step %lld, t = %g s%s: %s", (long long)(sim->step + 1), t, particle,
+                 *why ? why : msim_status_text(status));
+}
+
+static msim_status fixed_step(msim_sim *sim, msim_error *err) {
+  const outcome o = try_step(sim, sim->plan.h, 0);
+  if (o.m) return blame(sim, o.m, ms_sim_time(sim) + sim->plan.h, o.status, o.why.text, err);
+  accept_all(sim);
+  return MSIM_OK;
+}
+
+/*------------------------------------- error control --------------------------------------------*/
+
+static double time_left(const msim_sim *sim) {
+  const double left = (sim->plan.t_end - sim->t) + sim->t_lost;
+  return sim->plan.t_end < 0 || left <= 0 ? INFINITY : left;
+}
+
+/* t += h, with what rounding takes from the sum kept for the next one (Kahan 1965). */
+static void advance_time(msim_sim *sim, double h, double left) {
+  const double add = h - sim->t_lost, t = sim->t + add;
+  sim->t_lost = (t - sim->t) - add;
+  sim->t = t;
+  if (h == left) sim->t = sim->plan.t_end, sim->t_lost = 0;
+  sim->t_shown = sim->t;
+}
+
+/* What waited until the step was good enough. */
+static void reflect(msim_sim *sim, ms_motion *m) {
+  ms_stepper *s = &m->stepper;
+  const int64_t contacts = s->stats->contacts;
+  if (ms_reflect(s, s->x_next, s->v_next)) s->warm_next = 0;
+  m->at_rest_next = stays_at_rest(sim, m, contacts);
+  if (m->by_one) collect(sim, m);
+}
+
+static void reflect_all(msim_sim *sim) {
+  const int64_t contacts = sim->stats.contacts;
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    if (!m->at_rest) reflect(sim, m);
+  if (sim->stats.contacts != contacts) ms_control_forget(&sim->control);
+}
+
+/* Of all islands in motion; *worst: that of the largest. */
+static ms_error total_error(const msim_sim *sim, ms_motion **worst) {
+  ms_error sum = {0};
+  *worst = NULL;
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
+    if (m->at_rest) continue;
+    sum.fine += m->error.fine;
+    sum.coarse += m->error.coarse;
+    if (!*worst || m->error.fine > (*worst)->error.fine) *worst = m;
+  }
+  return sum;
+}
+
+/* No shorter step could be told from none. */
+static msim_status give_up(msim_sim *sim, const outcome *o, ms_motion *worst, double h,
+                           msim_error *err) {
+  char why[256];
+  if (o->m) {
+    snprintf(why, sizeof why, "not even a step of %.3g s can be made: %.180s", h,
+             *o->why.text ? o->why.text : msim_status_text(o->status));
+    return blame(sim, o->m, sim->t + h, o->status, why, err);
+  }
+  worst->stepper.culprit = ms_error_culprit(sim->integrator, &worst->stepper);
+  snprintf(why, sizeof why, "even a step of %.3g s has a larger error than tol = %g allows", h,
+           sim->opt.tol);
+  return blame(sim, worst, sim->t + h, MSIM_NOT_CONVERGED, why, err);
+}
+
+/* Solves leave a small part of what a step may add. */
+static double noise_of(const msim_sim *sim, double h) {
+  return fmax(1e-14, 0.05 * ms_control_limit(&sim->control, &sim->plan.scales, h));
+}
+
+static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **worst) {
+  if (o->m) ms_control_fail(&sim->control, h);
+  else if (ms_control_accepts(&sim->control, &sim->plan.scales, h, total_error(sim, worst)))
+    return 1;
+  sim->stats.rejected_steps++;
+  return 0;
+}
+
+/* A failure leaves the controller as it was, too. */
+static msim_status controlled_step(msim_sim *sim, msim_error *err) {
+  const ms_control before = sim->control;
+  const double left = time_left(sim);
+  const double least = 16 * DBL_EPSILON * fmax(fabs(sim->t), before.span);
+  for (;;) {
+    const double h = ms_control_next(&sim->control, left);
+    ms_motion *worst = NULL;
+    const outcome o = try_step(sim, h, noise_of(sim, h));
+    if (is_accepted(sim, &o, h, &worst)) {
+      reflect_all(sim);
+      accept_all(sim);
+      advance_time(sim, h, left);
+      sim->plan.h = sim->control.h;
+      return MSIM_OK;
+    }
+    if (sim->control.h >= least && (!o.m || may_help(o.status))) continue;
+    sim->control = before;
+    return o.m && !may_help(o.status) ? blame(sim, o.m, sim->t + h, o.status, o.why.text, err)
+                                      : give_up(sim, &o, worst, h, err);
+  }
+}
+
+/* Names of the methods that have error control, between commas. */
+static void list_methods(size_t size, char *names) {
+  const ms_integrator *method;
+  names[0] = 0;
+  for (int32_t i = 0; (method = ms_integrator_at(i)) != NULL; i++) {
+    const size_t used = strlen(names);
+    if (ms_has_control(method))
+      snprintf(names + used, size - used, "%s%s", used ? ", " : "", method->entry.name);
+  }
+}
+
+/* dop853 leaves it to steps to switch its control off. */
+msim_status ms_drive_choose(msim_sim *sim, msim_error *err) {
+  const double DEFAULT_TOL = 1e-6;
+  msim_options *opt = &sim->opt;
+  char names[512];
+  if (opt->tol == 0 && opt->steps < 0 && sim->integrator->estimate) opt->tol = DEFAULT_TOL;
+  if (opt->tol == 0) return MSIM_OK;
+  if (opt->steps >= 0)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "tol and steps exclude each other: tol lets the error say how many steps there "
+                   "are; give t_end");
+  if (ms_has_control(sim->integrator)) return MSIM_OK;
+  list_methods(sizeof names, names);
+  return ms_fail(err, MSIM_ERR_ARG,
+                 "integrator '%s' has no error control, so it takes no tol; %s have",
+                 opt->integrator, names);
+}
+
+void ms_drive_start(msim_sim *sim) {
+  sim->control = ms_control_of(sim->integrator, sim->opt.tol, ms_plan_span(&sim->plan));
+  ms_drive_use_step(sim, sim->plan.h);
+  sim->t = sim->t_shown = sim->plan.t0;
+  sim->t_lost = 0;
+  sim->frame = 1;
+}
+
+void ms_drive_use_step(msim_sim *sim, double h) {
+  sim->control.h = sim->plan.h = h;
+  ms_control_forget(&sim->control);
+}
+
+void ms_drive_show(msim_sim *sim, double t) {
+  if (t == sim->t_shown) return;
+  sim->t_shown = t;
+  sim->flat_is_current = 0;
+}
+
+msim_status ms_drive_step(msim_sim *sim, msim_error *err) {
+  if (!ms_sim_has_control(sim)) return fixed_step(sim, err);
+  ms_drive_show(sim, sim->t); /* what lies between the ends of the last step is lost now */
+  return controlled_step(sim, err);
+}

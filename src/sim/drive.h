@@ -1,0 +1,23 @@
+/* drive - how a sim makes one step: of the length that is planned; in parts, where it cannot be
+ * made whole; or, under error control, of the length that keeps its error small enough */
+#ifndef MS_DRIVE_H
+#define MS_DRIVE_H
+
+#include "sim/sim.h"
+
+/* Fixed steps or error control, from the options and the method; refuses what cannot be. */
+msim_status ms_drive_choose(msim_sim *sim, msim_error *err);
+
+/* All islands that are not at rest make a step, or none: where one fails, the state stays. */
+msim_status ms_drive_step(msim_sim *sim, msim_error *err);
+
+/* Begin a run under error control as it is planned. */
+void ms_drive_start(msim_sim *sim);
+
+/* Who looks at the state is to see that of t, at the end of the last step or within it. */
+void ms_drive_show(msim_sim *sim, double t);
+
+/* The next step to try has this length (s). */
+void ms_drive_use_step(msim_sim *sim, double h);
+
+#endif
