@@ -237,6 +237,44 @@ class Options(CliTest):
                 self.assertEqual((final["step"], final["status"]), (20, "ok"))
 
 
+class Control(CliTest):
+    """Steps chosen by their error."""
+
+    def test_frames_are_at_their_times(self):
+        self.scene()
+        for name in ("dop853", "velocity-verlet", "implicit-midpoint"):
+            with self.subTest(name):
+                final = self.run_final("--integrator", name, "--tol", "1e-3", "--t_end", "0.3",
+                                       "--fps", "40", "--out", "out.csv")
+                times = sorted({float(row["t"]) for row in self.rows()})
+                self.assertEqual(len(times), 13)
+                for i, t in enumerate(times):
+                    self.assertAlmostEqual(t, i / 40)
+                self.assertEqual((final["t"], times[-1]), (0.3, 0.3))
+                last = [row for row in self.rows() if float(row["t"]) == 0.3]
+                self.assertEqual([[float(row[k]) for k in ("x", "y", "z")] for row in last],
+                                 final["x"])
+
+    def test_frames_by_steps(self):
+        self.scene()
+        args = ["--integrator", "dop853", "--t_end", "0.3", "--every", "5"]
+        final = self.run_final(*args, "--out", "out.csv")
+        steps = sorted({int(row["step"]) for row in self.rows()})
+        self.assertEqual(steps, [*range(0, final["step"], 5), final["step"]])
+        self.assert_refused(["run", "scene.json", *args, "--out", "out.vtkhdf"], "fps")
+
+    def test_words(self):
+        self.scene()
+        out = self.good("explain", "scene.json", "--integrator", "dop853", "--t_end", "0.3")
+        self.assertIn("tol = 1e-06", out)
+        self.assertIn("to t = 0.3 s; 201 frames", out)
+        out = self.good("run", "scene.json", "--tol", "1e-3", "--t_end", "0.3")
+        self.assertRegex(out, r"steps +\d+, as long as tol = 0.001 lets them be; \d+ more")
+        self.assert_refused(["run", "scene.json", "--tol", "1e-3", "--steps", "3"], "exclude")
+        self.assert_refused(["run", "scene.json", "--tol", "1e-3", "--t_end", "1", "--integrator",
+                             "bdf2"], "'bdf2' has no error control")
+
+
 class Final(CliTest):
     def test_keys(self):
         self.scene()

@@ -13,7 +13,7 @@ enum { MS_MAX_WORK = 16 };
  *
  * Force kernels want the pinned rows right: in x and x_next they hold the pinned positions, in v,
  * v_next and every work vector they are 0. So stages
- * keep their positions in x_next. */
+ * keep their positions in x_next. The spare pairs are as x and v. */
 typedef struct ms_stepper {
   const ms_model *model;
   const msim_options *opt;
@@ -28,14 +28,14 @@ typedef struct ms_stepper {
                                 between the ends of a step finds that of the last one */
   double h_before;           /* of the step that led to the present state, or its last part */
   int64_t parts;             /* of the step being made */
-  double *x_spare[2], *v_spare[2]; /* where errors are controlled, or steps retried; x_spare has
-                                      the pinned rows right, in v_spare they are 0 */
-  int in_flight;          /* 1: nothing is reflected now */
-  int looked;             /* what is kept for those who look inside the last step; 0: nothing */
-  double noise;           /* largest relative error of v that solves may leave; 0: as options say */
-  int32_t culprit;        /* row to blame when step() fails; -1: none in particular */
+  double *x_spare[2];        /* where errors are controlled, or steps retried, for the driver */
+  double *v_spare[2];
+  int in_flight;   /* 1: nothing is reflected for now */
+  int looked;      /* what is kept for those who look inside the last step; 0: nothing */
+  double noise;    /* relative error of v that solves may leave; 0: as options say */
+  int32_t culprit; /* row to blame when step() fails; -1: none in particular */
   struct ms_split *split; /* NULL where the method needs none, or where none pays */
-  int finite;             /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
+  int finite;      /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
   msim_stats *stats;
   struct ms_events *events; /* of collision = event, where there are planes; NULL: none of that */
 } ms_stepper;

@@ -1,0 +1,39 @@
+/* controlled - runs whose steps are chosen by their error */
+#ifndef TEST_CONTROLLED_H
+#define TEST_CONTROLLED_H
+
+#include <math.h>
+#include <string.h>
+
+#include "scenes.h"
+
+enum { SIDE = 5, N = SIDE * SIDE };
+
+static inline msim_options controlled(const char *method, double tol, double t_end) {
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = method, opt.tol = tol, opt.t_end = t_end, opt.solver = "pcg";
+  return opt;
+}
+
+/* 1 if it takes tol. */
+static inline int has_control(const char *method) {
+  return strcmp(method, "verlet") != 0 && strcmp(method, "bdf2") != 0;
+}
+
+/* Root mean square of the distance of particles. */
+static inline double off(const double *a, const double *b) {
+  double sum = 0;
+  for (int i = 0; i < 3 * N; i++) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sqrt(sum / N);
+}
+
+static inline void same_state(msim_sim *a, msim_sim *b) {
+  const msim_state s = state_of(a), t = state_of(b);
+  assert_int_equal(s.step, t.step);
+  assert_true(s.t == t.t);
+  assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
+  assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
+}
+
+#endif

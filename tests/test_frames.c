@@ -1,0 +1,276 @@
+/* Runs under error control, watched: frames lie at their times, and looking changes no bit. */
+#include <math.h>
+#include <string.h>
+
+#include "bank.h"
+#include "controlled.h"
+#include "sim/sim.h"
+
+enum { FRAMES = 64 };
+typedef struct film {
+  int count, stop_at, looks;
+  int64_t step[FRAMES];
+  double t[FRAMES], x[FRAMES][3 * N], v[FRAMES][3 * N];
+} film;
+
+static int take(msim_sim *sim, void *user) {
+  film *f = user;
+  assert_true(f->count < FRAMES);
+  if (f->looks) {
+    const msim_state s = state_of(sim);
+    double force[3 * N];
+    f->t[f->count] = s.t, f->step[f->count] = s.step;
+    memcpy(f->x[f->count], s.x, sizeof f->x[0]);
+    memcpy(f->v[f->count], s.v, sizeof f->v[0]);
+    msim_sim_force(sim, s.x, s.v, force); /* a look that computes */
+  }
+  return ++f->count == f->stop_at;
+}
+
+static void frames_are_on_time(void **state) {
+  (void)state;
+  static film f, g;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  for (int32_t m = 0; method_at(m); m++) {
+    const char *method = method_at(m);
+    const int order = msim_integrator_info(m)->order;
+    if (!has_control(method) || wants_positions_alone(method) || order == 1) continue;
+    msim_options opt = controlled(method, order > 2 ? 1e-5 : 1e-3, 0.25);
+    opt.fps = 100;
+    msim_sim *sim = make_sim(scene, &opt), *alone = make_sim(scene, &opt);
+    msim_sim *blind = make_sim(scene, &opt), *pieces = make_sim(scene, &opt);
+    f = (film){.looks = 1}, g = (film){.looks = 1, .stop_at = 7};
+    assert_ok(msim_sim_run(sim, take, &f, err));
+    assert_int_equal(f.count, 26);
+    for (int i = 0; i < 26; i++) assert_close(f.t[i], i == 25 ? 0.25 : i / 100., 1e-15);
+    assert_true(f.t[25] == 0.25 && f.t[0] == 0);
+    /* the same bits unwatched, by those who do not look, and in pieces, which miss no frame */
+    assert_ok(msim_sim_run(alone, NULL, NULL, err));
+    same_state(sim, alone);
+    film *unseen = &(film){0};
+    assert_ok(msim_sim_run(blind, take, unseen, err));
+    assert_int_equal(stats_of(blind).force_evaluations, stats_of(alone).force_evaluations);
+    assert_true(stats_of(sim).force_evaluations > stats_of(alone).force_evaluations);
+    assert_int_equal(msim_sim_run(pieces, take, &g, NULL), MSIM_STOPPED);
+    msim_sim_stop(pieces);
+    assert_int_equal(msim_sim_run(pieces, take, &g, NULL), MSIM_STOPPED);
+    assert_ok(msim_sim_run(pieces, take, &g, err));
+    same_state(sim, pieces);
+    assert_int_equal(g.count, 26);
+    assert_memory_equal(f.t, g.t, sizeof f.t);
+    assert_memory_equal(f.x, g.x, sizeof f.x);
+    assert_memory_equal(f.v, g.v, sizeof f.v);
+    msim_sim_destroy(sim), msim_sim_destroy(alone), msim_sim_destroy(blind);
+    msim_sim_destroy(pieces);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* What is shown between two steps is as good as the steps. */
+static void frames_are_accurate(void **state) {
+  (void)state;
+  static film f;
+  static const char *const methods[] = {"dop853", "rk4", "velocity-verlet"};
+  static const double tols[] = {1e-8, 1e-5, 1e-3}, bounds[] = {1e-8, 1e-5, 1e-3};
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  const msim_options fixed = options("rk4", 5e-4);
+  for (int m = 0; m < 3; m++) {
+    msim_options opt = controlled(methods[m], tols[m], 0.25);
+    opt.fps = 200;
+    msim_sim *sim = make_sim(scene, &opt), *exact = make_sim(scene, &fixed);
+    f = (film){.looks = 1};
+    assert_ok(msim_sim_run(sim, take, &f, err));
+    assert_int_equal(f.count, 51);
+    for (int i = 1; i < f.count; i++) {
+      assert_ok(msim_sim_step(exact, 10, err));
+      const msim_state s = state_of(exact);
+      assert_close(off(f.x[i], s.x), 0, bounds[m]);
+      assert_close(off(f.v[i], s.v), 0, 30 * bounds[m]);
+    }
+    msim_sim_destroy(sim), msim_sim_destroy(exact);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* every counts the steps that were accepted. */
+static void frames_by_steps(void **state) {
+  (void)state;
+  static film f;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  msim_options opt = controlled("dop853", 1e-6, 0.25);
+  opt.every = 4;
+  msim_sim *sim = make_sim(scene, &opt);
+  f = (film){.looks = 1};
+  assert_ok(msim_sim_run(sim, take, &f, err));
+  const int64_t steps = state_of(sim).step;
+  assert_int_equal(f.count, 1 + (steps + 3) / 4);
+  for (int i = 0; i < f.count; i++) assert_int_equal(f.step[i], i + 1 < f.count ? 4 * i : steps);
+  assert_true(f.t[f.count - 1] == 0.25);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- setters, threads -----------------------------------------*/
+
+/* Frames within the step before are those of the springs it was made with. */
+static int stiffen(msim_sim *sim, void *user) {
+  film *f = user;
+  const int done = take(sim, user);
+  if (f->count == 10) {
+    static double k[200];
+    for (int i = 0; i < 200; i++) k[i] = 60;
+    assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
+    const msim_state s = state_of(sim);
+    assert_true(s.t == f->t[9]);
+    assert_memory_equal(s.x, f->x[9], sizeof f->x[9]);
+    assert_memory_equal(s.v, f->v[9], sizeof f->v[9]);
+  }
+  return done;
+}
+
+static void springs_change_between_steps(void **state) {
+  (void)state;
+  static film f;
+  static const char *const methods[] = {"dop853", "velocity-verlet", "implicit-midpoint"};
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  for (int m = 0; m < 3; m++) {
+    msim_options opt = controlled(methods[m], 1e-3, 0.25);
+    opt.fps = 200;
+    msim_sim *sim = make_sim(scene, &opt), *plain = make_sim(scene, &opt);
+    f = (film){.looks = 1};
+    assert_ok(msim_sim_run(sim, stiffen, &f, err));
+    assert_int_equal(f.count, 51);
+    f = (film){.looks = 1};
+    assert_ok(msim_sim_run(plain, take, &f, err));
+    assert_true(off(state_of(sim).x, state_of(plain).x) > 1e-4);
+    msim_sim_destroy(sim), msim_sim_destroy(plain);
+  }
+  msim_scene_destroy(scene);
+}
+
+static void a_state_that_is_set_starts_a_run(void **state) {
+  (void)state;
+  static film f;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  msim_options opt = controlled("dop853", 1e-6, 0.25);
+  opt.fps = 100;
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 3, err));
+  const msim_state there = state_of(sim);
+  assert_ok(msim_sim_set_state(other, &there, err));
+  assert_ok(msim_sim_set_state(
+      sim,
+      &(msim_state){sizeof there, there.step, there.t, N, other->flat_x, other->flat_v, NULL, 0},
+      err));
+  f = (film){.looks = 1};
+  assert_ok(msim_sim_run(sim, take, &f, err));
+  assert_ok(msim_sim_run(other, NULL, NULL, err));
+  same_state(sim, other);
+  assert_true(state_of(sim).t == 0.25 && f.t[f.count - 1] == 0.25);
+  assert_close(f.t[1] - f.t[0], 0.01, 1e-15);
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene);
+}
+
+/* Islands, one of which comes to rest, by one thread and by two: the same bits. */
+static void threads_change_no_bit(void **state) {
+  (void)state;
+  static const char *const methods[] = {"dop853", "velocity-verlet", "rk4"};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int i = 0; i < 5; i++) {
+    const msim_cloth c = {.size = sizeof c,
+                          .rows = 23,
+                          .columns = 23,
+                          .origin = {2 * i, 0, 0},
+                          .row = {0, 1, 0},
+                          .column = {1, 0, 0},
+                          .mass = 0.3,
+                          .k_structural = 30 + i,
+                          .k_shear = 10,
+                          .damping = 0.01};
+    assert_ok(msim_scene_add_cloth(scene, &c, err));
+  }
+  plane(scene, 0, 0, 1, -1e-3, 0.5, 0.1);
+  const int32_t n = 5 * 23 * 23;
+  static double v[3 * 5 * 23 * 23];
+  for (int p = 0; p < n; p++) v[3 * p + 2] = p / (23 * 23) == 1 ? 0 : 0.3 * sin(0.37 * p);
+  for (int m = 0; m < 3; m++) {
+    msim_sim *sims[2];
+    for (int t = 0; t < 2; t++) {
+      msim_options opt = controlled(methods[m], 1e-3, 0.05);
+      opt.threads = t + 1, opt.fps = 200;
+      sims[t] = make_sim(scene, &opt);
+      msim_state s = state_of(sims[t]);
+      s.v = v;
+      assert_ok(msim_sim_set_state(sims[t], &s, err));
+      assert_int_equal(sims[t]->any_by_one, t);
+      assert_ok(msim_sim_run(sims[t], NULL, NULL, err));
+    }
+    same_state(sims[0], sims[1]);
+    const msim_stats a = stats_of(sims[0]), b = stats_of(sims[1]);
+    assert_int_equal(a.force_evaluations, b.force_evaluations);
+    assert_int_equal(a.contacts, b.contacts);
+    assert_int_equal(a.rejected_steps, b.rejected_steps);
+    assert_true(a.contacts > 0 && a.islands_at_rest > 0);
+    msim_sim_destroy(sims[0]), msim_sim_destroy(sims[1]);
+  }
+  msim_scene_destroy(scene);
+}
+
+static msim_status live(const msim_allocator *alloc, const char *method, msim_error *err) {
+  static film f;
+  const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0.1, 0}, mass[3] = {1, 1, 1}, k[2] = {10, 10};
+  const double out[9] = {0, 0, 0, 1, 0, 0.1, 2, 0.1, 0}, rest[9] = {0};
+  const msim_state risen = {.size = sizeof risen, .n = 3, .x = out, .v = rest};
+  const int32_t ij[4] = {0, 1, 1, 2};
+  msim_scene *scene = NULL;
+  msim_sim *sim = NULL;
+  const char *text;
+  msim_options opt = controlled(method, 1e-3, 0.1);
+  opt.fps = 200;
+  f = (film){0};
+  msim_status status = msim_scene_create(alloc, &scene, err);
+  if (!status) status = msim_scene_add_particles(scene, 3, x, NULL, mass, err);
+  if (!status) status = msim_scene_add_springs(scene, 2, ij, k, NULL, NULL, err);
+  if (!status) status = msim_sim_create(scene, &opt, &sim, err);
+  if (!status) status = msim_sim_set_state(sim, &risen, err); /* no longer flat */
+  bank *b = alloc->user;
+  const int64_t calls = b->calls;
+  if (!status) status = msim_sim_run(sim, take, &f, err);
+  assert_int_equal(b->calls, calls); /* no step allocates */
+  if (!status) status = msim_sim_explain(sim, &text, err);
+  if (!status) assert_non_null(strstr(text, "by error control"));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return status;
+}
+
+static void memory_may_end(void **state) {
+  (void)state;
+  static const char *const methods[] = {"dop853", "velocity-verlet", "implicit-midpoint"};
+  for (int m = 0; m < 3; m++) {
+    bank b = {.fail_at = -1};
+    const msim_allocator alloc = {bank_alloc, bank_free, &b};
+    for (int status = MSIM_ERR_MEMORY; status; b.fail_at++) {
+      msim_error why;
+      b.calls = 0;
+      if (b.fail_at < 0) b.fail_at = 0;
+      status = live(&alloc, methods[m], &why);
+      assert_true(status == MSIM_OK || status == MSIM_ERR_MEMORY);
+      assert_int_equal(b.live, 0);
+    }
+    assert_true(b.fail_at > 30);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(frames_are_on_time),
+                                     cmocka_unit_test(frames_are_accurate),
+                                     cmocka_unit_test(frames_by_steps),
+                                     cmocka_unit_test(springs_change_between_steps),
+                                     cmocka_unit_test(a_state_that_is_set_starts_a_run),
+                                     cmocka_unit_test(threads_change_no_bit),
+                                     cmocka_unit_test(memory_may_end)};
+  return cmocka_run_group_tests_name("frames", tests, NULL, NULL);
+}
