@@ -74,7 +74,49 @@ static void dop853_chooses_its_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Time is a sum of many steps, and as good as one product. */
+static void time_adds_up(void **state) {
+  (void)state;
+  const double x[3] = {0}, v[3] = {1, 0, 0};
+  msim_scene *scene = single(x, v, 0);
+  const msim_options opt = controlled("dop853", 1e-3, -1);
+  msim_sim *sim = make_sim(scene, &opt);
+  for (int i = 0; i < 20000; i++) {
+    assert_ok(msim_sim_set_step(sim, 0.1, err));
+    assert_ok(msim_sim_step(sim, 1, err));
+  }
+  assert_close(state_of(sim).t, 2000, 3e-13);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- rejected steps -------------------------------------------*/
+
+/* Factors have limits, and a step that was shortened does not grow at once. */
+static void steps_grow_with_care(void **state) {
+  (void)state;
+  const ms_scales scales = {.extent = 1, .speed = 1, .mass = 1};
+  const ms_error none = {0, 0}, huge = {1e9, 0}, twice = {4e-8, 0}, nan = {NAN, 0};
+  ms_control c = {.tol = 1e-4, .span = 1, .order = 2, .h = 1};
+  assert_true(ms_control_accepts(&c, &scales, 1, none));
+  assert_close(c.h, 5, 0);
+  assert_false(ms_control_accepts(&c, &scales, 1, huge));
+  assert_close(c.h, 0.2, 0);
+  assert_false(ms_control_accepts(&c, &scales, 1, nan));
+  assert_close(c.h, 0.2, 0);
+  assert_false(ms_control_accepts(&c, &scales, 1, twice)); /* E = 2e-4 */
+  assert_close(c.h, 0.85 * sqrt(0.5), 1e-15);
+  assert_true(ms_control_accepts(&c, &scales, c.h, none));
+  assert_close(c.h, 0.85 * sqrt(0.5), 1e-15);
+  assert_true(ms_control_accepts(&c, &scales, c.h, none));
+  assert_true(c.h > 2);
+  ms_control_fail(&c, 1);
+  assert_close(c.h, 0.25, 0);
+  /* no sliver remains before the end */
+  assert_close(ms_control_next(&c, 0.2), 0.2, 0);
+  assert_close(ms_control_next(&c, 0.26), 0.13, 0);
+  assert_close(ms_control_next(&c, 0.6), 0.25, 0);
+}
 
 /* A step that follows a rejected one is the step that would have been made at once. */
 static void rejected_steps_leave_no_trace(void **state) {
@@ -260,6 +302,8 @@ static void what_cannot_be_is_refused(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(error_goes_like_tol),
                                      cmocka_unit_test(dop853_chooses_its_steps),
+                                     cmocka_unit_test(time_adds_up),
+                                     cmocka_unit_test(steps_grow_with_care),
                                      cmocka_unit_test(rejected_steps_leave_no_trace),
                                      cmocka_unit_test(no_step_is_short_enough),
                                      cmocka_unit_test(steps_that_fail_are_shortened),

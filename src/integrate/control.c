@@ -94,7 +94,7 @@ static double factor(const ms_control *c, double r) {
 int ms_control_accepts(ms_control *c, const ms_scales *scales, double h, ms_error error) {
   const double LEAST = 0.2, MOST = 5;
   const double weight = sqrt(error.fine + 0.01 * error.coarse);
-  const double r = weight > 0 ? error.fine / weight / ms_control_limit(c, scales, h) : 0;
+  const double r = weight == 0 ? 0 : error.fine / weight / ms_control_limit(c, scales, h);
   if (!(r <= 1)) {
     c->h = h * (isfinite(r) ? fmax(LEAST, factor(c, r)) : LEAST);
     c->shrunk = 1;
