@@ -409,9 +409,10 @@ typedef struct msim_csr {
  * up to t_end, or 1 s where there is none. So tol stands for the error at the end as far as errors
  * neither grow nor fade on the way: a tenth of tol makes about a tenth of the error. dop853 has an
  * estimate of its own; others make each step of two halves and compare with a whole one. `verlet`
- * and `bdf2` have no error control. Impacts are reflected at the end of a step, and their error is
- * not controlled. `step` counts the steps accepted, and the last one ends at t_end. Setting a state
- * starts a new run: its error is counted from there.
+ * and `bdf2` have no error control. Particles are reflected at the end of a step, and a step that
+ * leads them deeper into planes than tol L, in root mean square, is shortened to end at the impact.
+ * `step` counts the steps accepted, and the last one ends at t_end. Setting a state starts a new
+ * run: its error is counted from there.
  *
  * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
  * plane has a part of its normal. Its motion is computed in two components: the same as in three,

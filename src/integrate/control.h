@@ -4,7 +4,10 @@
  *   E <= tol h/T,   E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2)
  * over all free particles, with the scene's extent L and speed U (physics/scales.h) and the length
  * of the run T. So a tenth of tol makes about a tenth of the error at the end; how much of it
- * grows or fades on the way is up to the scene. Sums of squares of islands add. */
+ * grows or fades on the way is up to the scene. Sums of squares of islands add.
+ *
+ * Reflection at the end of a step is off by as much as the step leads into planes. So no step may
+ * lead deeper than tol in the same norm: one that lands is shortened to end at the impact. */
 #ifndef MS_CONTROL_H
 #define MS_CONTROL_H
 
@@ -51,6 +54,10 @@ double ms_control_next(const ms_control *c, double left);
 /* Was the step of h good enough? And the next one to try, by a proportional and integral controller
  * (Gustafsson 1991; Hairer and Wanner, Solving ODEs II, IV.2). */
 int ms_control_accepts(ms_control *c, const ms_scales *scales, double h, ms_error error);
+
+/* The step of h led too deep into planes: by `ratio` times what is allowed, and met the first after
+ * a share of a straight way. */
+void ms_control_land(ms_control *c, double h, double ratio, double share);
 
 /* The step of h could not be made. */
 void ms_control_fail(ms_control *c, double h);

@@ -25,7 +25,6 @@ static int reflect(const msim_plane *p, double x[3], double v[3]) {
   return 1;
 }
 
-/* A component that the model leaves out is 0 here: no plane has a normal along it. */
 int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
   const ms_scene *scene = model->scene;
   const ms_rows *rows = &model->rows;
@@ -42,4 +41,25 @@ int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
     reflected++;
   }
   return reflected;
+}
+
+double ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *share) {
+  const ms_scene *scene = model->scene;
+  double sum = 0, from[3], to[3];
+  *share = 1;
+  for (int32_t r = 0; r < model->rows.nfree; r++) {
+    ms_row_get(&model->rows, x0, r, from);
+    ms_row_get(&model->rows, x1, r, to);
+    for (int32_t p = 0; p < scene->nplanes; p++) {
+      const msim_plane *plane = &scene->planes[p];
+      const double end = ms_dot3(plane->normal, to) - plane->offset;
+      if (!(end < 0)) continue;
+      const double start = ms_dot3(plane->normal, from) - plane->offset;
+      const double depth = fmin(0, start) - end;
+      if (!(depth > 0)) continue;
+      sum += model->mass[r] * depth * depth;
+      *share = fmin(*share, fmax(0, start) / (fmax(0, start) - end));
+    }
+  }
+  return sum;
 }

@@ -11,4 +11,8 @@
  * Returns the number of particles reflected. */
 int64_t ms_planes_reflect(const ms_model *model, double *x, double *v);
 
+/* How deep the way from x0 to x1 leads into planes: the sum of m s^2, s the depth that it adds.
+ * *share: of a straight way, up to where the first of them is met; 1: none is. */
+double ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *share);
+
 #endif

@@ -7,6 +7,7 @@
 
 #include "base/clock.h"
 #include "integrate/events.h"
+#include "physics/planes.h"
 
 /*------------------------------------- one island -----------------------------------------------*/
 
@@ -91,8 +92,12 @@ static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error
   msim_status status =
       sim->integrator->estimate ? make_steps(sim, s, 1, err) : make_doubled(sim, s, err);
   s->in_flight = 0;
-  if (!status) m->error = ms_error_of(sim->integrator, s, &sim->plan.scales);
-  return status;
+  if (status) return status;
+  m->error = ms_error_of(sim->integrator, s, &sim->plan.scales);
+  m->depth = 0;
+  if (m->model.passes & MSIM_SKIP_PLANES)
+    m->depth = ms_planes_depth(&m->model, s->x, s->x_next, &m->share);
+  return MSIM_OK;
 }
 
 /* A step from rest that stays there, and meets no plane: as x and v are what they were and v is 0,
@@ -261,12 +266,30 @@ static double noise_of(const msim_sim *sim, double h) {
   return fmax(1e-14, 0.05 * ms_control_limit(&sim->control, &sim->plan.scales, h));
 }
 
+/* Into planes, in the norm of errors: then the step is shortened to end where it lands. */
+static int is_too_deep(msim_sim *sim, double h) {
+  const ms_scales *scales = &sim->plan.scales;
+  const double most = fmax(sim->opt.tol, scales->rounding);
+  double sum = 0, share = 1;
+  for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
+    if (m->at_rest || m->depth == 0) continue;
+    sum += m->depth;
+    share = fmin(share, m->share);
+  }
+  const double depth = sqrt(sum / (2 * scales->mass)) / scales->extent;
+  if (depth > most) ms_control_land(&sim->control, h, depth / most, share);
+  return depth > most;
+}
+
 static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **worst) {
-  if (o->m) ms_control_fail(&sim->control, h);
-  else if (ms_control_accepts(&sim->control, &sim->plan.scales, h, total_error(sim, worst)))
-    return 1;
-  sim->stats.rejected_steps++;
-  return 0;
+  ms_control *c = &sim->control;
+  int good = 0;
+  if (o->m) ms_control_fail(c, h);
+  else
+    good = ms_control_accepts(c, &sim->plan.scales, h, total_error(sim, worst)) &&
+           !is_too_deep(sim, h);
+  sim->stats.rejected_steps += !good;
+  return good;
 }
 
 /* A failure leaves the controller as it was, too. */

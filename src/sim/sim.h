@@ -20,6 +20,8 @@ typedef struct ms_motion {
   msim_stats stats;   /* by_one: what that has counted, until it is added to the sim's */
   msim_status status; /* by_one: of the step that is being made */
   ms_error error;     /* of it, under error control */
+  double depth;       /* into planes, as ms_planes_depth says */
+  double share;       /* the same */
 } ms_motion;
 
 struct msim_sim {
