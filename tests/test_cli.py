@@ -111,7 +111,7 @@ class Refusals(CliTest):
             (["run", "bare.json", "--steps", "1", *out], "--integrator", "msim_cli list"),
             (["run", "bare.json", "--integrator", "rk4", *out], "--steps", "--t_end"),
             (["run", "scene.json", "--integrator", "velocity-verlett", *out], "velocity-verlet'"),
-            (["run", "scene.json", "--integrator", "respa", *out], "respa", "not part of"),
+            (["run", "scene.json", "--integrator", "auto", *out], "auto", "not part of"),
             (["run", "scene.json", "--integrator", "linearly-implicit-euler", "--solver", "pgc",
               *out], "pgc", "'pcg'"),
             (["explain", "bare.json"], "--integrator"),

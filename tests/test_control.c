@@ -37,7 +37,9 @@ static void check_errors(const char *method, int order, const msim_scene *scene,
   print_message("  %-24s tol %-6g error %.2g, by tol/%g %.3g times less\n", method, tol, coarse,
                 less, coarse / fine);
   assert_true(coarse < tol && coarse > 1e-4 * tol);
-  assert_true(coarse / fine > less / 2.5 && coarse / fine < less * 2.5);
+  assert_true(coarse / fine > less / 2.5);
+  /* nearly of order 6, while the estimate knows of 4 */
+  if (strcmp(method, "force-gradient") != 0) assert_true(coarse / fine < less * 2.5);
 }
 
 /* A tenth of tol makes about a tenth of the error. */
@@ -239,7 +241,7 @@ static void steps_that_fail_are_shortened(void **state) {
 static void fixed_steps_are_made_in_parts(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
-    if (strcmp(method_at(m), "verlet") == 0) continue;
+    if (strcmp(method_at(m), "verlet") == 0 || strcmp(method_at(m), "respa") == 0) continue;
     msim_scene *scene = hanging_cloth(SIDE, 30, 0);
     msim_options opt = options(method_at(m), 4e-3);
     opt.solver = "pcg", opt.newton_retries = 2;
@@ -309,7 +311,8 @@ static void what_cannot_be_is_refused(void **state) {
   opt.steps = 5;
   refused(opt, "tol and steps exclude each other");
   refused(controlled("verlet", 1e-3, 1), "'verlet' has no error control, so it takes no tol");
-  refused(controlled("bdf2", 1e-3, 1), "velocity-verlet, rk4, rkn6, dop853, implicit-euler");
+  refused(controlled("bdf2", 1e-3, 1),
+          "velocity-verlet, rk4, force-gradient, rkn6, dop853, implicit-euler");
   refused(controlled("rk4", -1, 1), "tol is '-1'");
   msim_scene *scene = hanging_cloth(3, 100, 0);
   msim_error why;

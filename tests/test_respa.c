@@ -132,11 +132,9 @@ static void the_cut_follows_the_step(void **state) {
 /* From one split, whatever the step. */
 static void run_split(const msim_scene *scene, double h, int halvings, double *x, double *v) {
   msim_sim *sim = sim_of(scene, "respa", h);
-  ms_stepper *s = &sim->motion->stepper;
-  assert_non_null(s->split);
-  s->h = ldexp(h, -halvings);
-  s->split->stepper.h = s->h / s->split->inner;
-  assert_ok(msim_sim_step(sim, (int64_t)round(0.05 / s->h), err));
+  assert_non_null(sim->motion->stepper.split);
+  sim->plan.h = ldexp(h, -halvings);
+  assert_ok(msim_sim_step(sim, (int64_t)round(0.05 / sim->plan.h), err));
   const msim_state now = state_of(sim);
   memcpy(x, now.x, 3 * N * sizeof *x);
   memcpy(v, now.v, 3 * N * sizeof *v);

@@ -209,15 +209,14 @@ enum { MSIM_INDEFINITE_CLAMP, MSIM_INDEFINITE_SOLVE, MSIM_INDEFINITE_STOP };
 /* REFLECT: the state after the step, as the notes do; of first order whatever the method.
  * EVENT: v at the time of the impact, located inside the step to rounding, so that methods keep
  * their order, with rest and sliding on planes; planes met together act together. Where more than 4
- * particles have impacts in one step, each flies on for itself: of second order. Not for `verlet`,
- * whose v is that of t - h/2. */
+ * particles have impacts in one step, each flies on for itself: of second order. Not for `verlet`
+ * and `respa`, and not with tol. */
 enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
 enum { MSIM_HEUN_FINAL, MSIM_HEUN_STANDARD, MSIM_HEUN_LITERAL };
 enum { MSIM_VERLET_TAYLOR, MSIM_VERLET_PLAIN };
 
-/* As a time step: 0.9 times the longest one with which an explicit method is stable in every state
- * of the scene. It promises no accuracy. Refused for implicit methods, which have no such limit,
- * where the limit is 0, as for heun without drag, and where nothing vibrates. */
+/* As a time step: 0.9 of the longest one with which an explicit method is stable in every state of
+ * the scene, whatever its accuracy. Refused where there is no such limit, or it is 0. */
 #define MSIM_H_AUTO (-1.0)
 
 /* Passes that a scene without need for them is spared, unless switched off here. */
@@ -234,14 +233,13 @@ enum {
   MSIM_SKIP_ISLANDS = 1u << 9           /* off: one system of all, connected by springs or not */
 };
 
-/* A linear solver behind the ABI of msim/backend.h. */
-typedef struct msim_backend msim_backend;
+typedef struct msim_backend msim_backend; /* a linear solver, of msim/backend.h */
 
 /* msim_option_info describes each member; strings are borrowed. */
 typedef struct msim_options {
-  size_t size;            /* sizeof(msim_options); set by msim_options_init */
-  const char *integrator; /* required; see msim_integrator_info */
-  double h; /* time step, s, under error control the first to try; or MSIM_H_AUTO [1e-3] */
+  size_t size;                   /* sizeof(msim_options); set by msim_options_init */
+  const char *integrator;        /* required; see msim_integrator_info */
+  double h;                      /* time step, s, or the first one to try; or MSIM_H_AUTO [1e-3] */
   int64_t steps;                 /* number of steps; -1 [default]: by t_end */
   double t_end;                  /* end time, s; -1 [default]: by steps */
   const char *solver;            /* linear solver ["auto"] */
@@ -252,8 +250,7 @@ typedef struct msim_options {
   double newton_rtol;            /* [1e-8] */
   int32_t newton_max_iterations; /* [100] */
   int32_t collision;             /* MSIM_COLLISION_... [REFLECT] */
-  double tol; /* error control, see msim_sim_create. 0 [default]: fixed steps of h; dop853 takes
-               * 1e-6, unless `steps` is given */
+  double tol; /* error control; 0 [default]: fixed steps of h, but dop853 without `steps` 1e-6 */
   int32_t threads;         /* at most so many; 0 [default]: by size. Bits do not depend on it */
   int32_t heun_collision;  /* MSIM_HEUN_... [FINAL] */
   int32_t verlet_start;    /* MSIM_VERLET_... [TAYLOR] */
@@ -368,7 +365,7 @@ typedef struct msim_stats {
   int64_t steps_at_rest;   /* of `steps`, those that were not made, as they would change nothing */
   int64_t islands_at_rest; /* steps of single islands that were not made for that reason */
   int64_t spring_evaluations; /* springs in all force evaluations: respa's are of some of them */
-  int64_t rejected_steps;  /* made again, shorter or in parts: too far off, or not to be made */
+  int64_t rejected_steps;     /* made again, shorter or in parts: too far off, or not to be made */
 } msim_stats;
 
 /* What was decided at creation, or from the last state set. */
@@ -408,8 +405,8 @@ typedef struct msim_csr {
  * with the extent L and the speed U of the scene (explain tells them) and the length T of the run
  * up to t_end, or 1 s where there is none. So tol stands for the error at the end as far as errors
  * neither grow nor fade on the way: a tenth of tol makes about a tenth of the error. dop853 has an
- * estimate of its own; others make each step of two halves and compare with a whole one. `verlet`
- * and `bdf2` have no error control. Particles are reflected at the end of a step, and a step that
+ * estimate of its own; others make each step of two halves and compare with a whole one. `verlet`,
+ * `bdf2`, `rkc` and `respa` have none. Particles are reflected at the end of a step, and one that
  * leads them deeper into planes than tol L, in root mean square, is shortened to end at the impact.
  * `step` counts the steps accepted, and the last one ends at t_end. Setting a state starts a new
  * run: its error is counted from there.

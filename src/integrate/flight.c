@@ -13,7 +13,7 @@ ms_flight ms_flight_of(const ms_stepper *s, int32_t row) {
   ms_row_get(rows, s->v_next, row, v[1]);
   ms_flight f = {.h = s->h};
   for (int c = 0; c < 3; c++)
-    f.path[c] = ms_hermite(x[0][c], s->h * v[0][c], x[1][c], s->h * v[1][c]);
+    f.path[c] = ms_cubic_between(x[0][c], s->h * v[0][c], x[1][c], s->h * v[1][c]);
   return f;
 }
 

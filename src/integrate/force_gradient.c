@@ -25,7 +25,7 @@ enum { DRIFTS = 4, MIDDLE = 2 };
 static const double kick[DRIFTS + 1] = {B1, B2, 1 - 2 * (B1 + B2), B2, B1};
 static const double drift[DRIFTS] = {A1, 0.5 - A1, 0.5 - A1, A1};
 
-enum { ACCELERATION, STAGE }; /* work vectors */
+enum { STAGE = 2 }; /* work vectors: the acceleration, in turn, and this one */
 
 /* Stages lie in x_next and in a vector of our own, so that forces find the pinned rows in both. */
 static void start(ms_stepper *s) {
@@ -36,7 +36,9 @@ static void start(ms_stepper *s) {
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
   const ms_shape shape = s->model->shape;
-  double *a = s->work[ACCELERATION], *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
+  const int now = s->warm == 2; /* warm: 1 + the work vector that holds a */
+  double *a = s->work[now], *a_next = s->work[1 - now];
+  double *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
   if (!s->warm) ms_acceleration(s, s->x, NULL, a);
   ms_combine(shape, s->v, s->h * kick[0], a, v);
   ms_combine(shape, s->x, s->h * drift[0], v, x);
@@ -49,15 +51,15 @@ static msim_status step(ms_stepper *s, msim_error *err) {
                     .x_from = x,
                     .drift = s->h * drift[i]};
     if (i == MIDDLE) {
-      ms_acceleration(s, x, NULL, a);
-      ms_combine(shape, x, G * s->h * s->h, a, other);
+      ms_acceleration(s, x, NULL, a_next);
+      ms_combine(shape, x, G * s->h * s->h, a_next, other);
       pass.x = other, pass.x_to = x;
     }
     ms_evaluate(s, &pass);
     if (pass.x_to == other) other = x, x = pass.x_to;
   }
-  ms_evaluate(s, &(ms_pass){.x = x, .a = a, .v_to = v, .v_from = v, .h = s->h * kick[DRIFTS]});
-  s->warm_next = ms_reflect(s, x, v) == 0;
+  ms_evaluate(s, &(ms_pass){.x = x, .a = a_next, .v_to = v, .v_from = v, .h = s->h * kick[DRIFTS]});
+  s->warm_next = ms_reflect(s, x, v) ? 0 : 2 - now;
   return MSIM_OK;
 }
 
@@ -70,7 +72,8 @@ const ms_integrator ms_force_gradient = {
                   "do not depend on velocities; stable below h omega = 3.1 (Omelyan et al. 2002)",
               .order = 4},
     .separable = 1,
-    .nwork = 2,
+    .one_step = 1,
+    .nwork = 3,
     .start = start,
     .step = step,
     .limit = limit};

@@ -30,12 +30,12 @@ typedef struct ms_stepper {
   int64_t parts;             /* of the step being made */
   double *x_spare[2];        /* where errors are controlled, or steps retried, for the driver */
   double *v_spare[2];
-  int in_flight;   /* 1: nothing is reflected for now */
-  int looked;      /* what is kept for those who look inside the last step; 0: nothing */
-  double noise;    /* relative error of v that solves may leave; 0: as options say */
-  int32_t culprit; /* row to blame when step() fails; -1: none in particular */
+  int in_flight;          /* 1: nothing is reflected for now */
+  int looked;             /* what is kept for those who look inside the last step; 0: nothing */
+  double noise;           /* relative error of v that solves may leave; 0: as options say */
+  int32_t culprit;        /* row to blame when step() fails; -1: none in particular */
   struct ms_split *split; /* NULL where the method needs none, or where none pays */
-  int finite;      /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
+  int finite;             /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
   msim_stats *stats;
   struct ms_events *events; /* of collision = event, where there are planes; NULL: none of that */
 } ms_stepper;

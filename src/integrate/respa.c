@@ -26,6 +26,7 @@ static msim_status inner_steps(ms_stepper *s, msim_error *err) {
   ms_split_take(split, shape, s->x, inner->x);
   ms_split_take(split, shape, s->v_next, inner->v);
   inner->stats = s->stats;
+  inner->h = s->h / split->inner;
   inner->warm = 0;
   for (int32_t i = 0; i < split->inner; i++) {
     const msim_status status = ms_velocity_verlet.step(inner, err);

@@ -58,11 +58,9 @@ static msim_status step(ms_stepper *s, msim_error *err) {
     double *next = other;
     other = x, x = next;
   }
-  ms_evaluate(s, &(ms_pass){.x = x,
-                            .a = s->work[1 - now],
-                            .v_to = v,
-                            .v_from = v,
-                            .h = s->h * kick[DRIFTS]});
+  ms_evaluate(
+      s,
+      &(ms_pass){.x = x, .a = s->work[1 - now], .v_to = v, .v_from = v, .h = s->h * kick[DRIFTS]});
   s->warm_next = ms_reflect(s, x, v) ? 0 : 2 - now;
   return MSIM_OK;
 }

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-ms_cubic ms_hermite(double s0, double slope0, double s1, double slope1) {
+ms_cubic ms_cubic_between(double s0, double slope0, double s1, double slope1) {
   const double rise = s1 - s0;
   return (ms_cubic){{s0, slope0, 3 * rise - 2 * slope0 - slope1, slope0 + slope1 - 2 * rise}};
 }

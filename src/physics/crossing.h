@@ -8,7 +8,7 @@ typedef struct ms_cubic {
 } ms_cubic;
 
 /* Hermite's: the values and slopes ds/dq at both ends. */
-ms_cubic ms_hermite(double s0, double slope0, double s1, double slope1);
+ms_cubic ms_cubic_between(double s0, double slope0, double s1, double slope1);
 
 double ms_cubic_at(const ms_cubic *s, double q);
 double ms_cubic_slope(const ms_cubic *s, double q);

@@ -3,6 +3,7 @@
 #include <float.h>
 #include <math.h>
 
+#include "physics/bounds.h"
 #include "physics/energy.h"
 
 /* Longest side of the box; *farthest: the largest coordinate. */
@@ -33,7 +34,7 @@ msim_status ms_scales_compute(const ms_scene *scene, const double *x, const doub
   double farthest;
   ms_bounds bounds;
   msim_energy energy = {.size = sizeof energy};
-  msim_status status = ms_bounds_compute(scene, &bounds, err);
+  msim_status status = ms_bounds_compute(scene, 0, &bounds, err);
   if (status) return status;
   ms_energy(scene, x, v, &energy);
   *scales = (ms_scales){.mass = free_mass(scene)};
