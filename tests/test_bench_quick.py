@@ -1,4 +1,4 @@
-"""msim_bench linear, scaling and step as a whole: all keys, in a minute, however busy the machine is."""
+"""msim_bench linear and scaling as a whole: all keys, in a minute, however busy the machine is."""
 
 import time
 import unittest
@@ -13,10 +13,6 @@ BESIDE_CHOLMOD = {"auto_over_tuned_cholmod_cloth64", "auto_over_tuned_cholmod_cl
                   "cholmod_slowdown_when_other_core_busy_cloth64"}
 BESIDE_DEFAULT = {"auto_over_default_cholmod_cloth100", "cholmod_step_over_default_cloth32",
                   "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100"}
-STEP = {"newton_over_tuned_factor_cloth32", "newton_over_tuned_factor_cloth64",
-        "newton_over_tuned_factor_cloth100_h240", "newton_over_newton_cholmod_cloth64",
-        "newton_over_newton_cholmod_cloth100", "newton_over_prefactored",
-        "stiff_over_soft_cloth64"}
 
 
 class Quick(BenchTest):
@@ -64,16 +60,6 @@ class Quick(BenchTest):
                                  "iterations_growth_k_to_100k"})
         large = self.find(result["rows"], scene="cloth500", solver="auto")
         self.assertEqual([(row["status"], row["unknowns"]) for row in large], [("ok", 749994)])
-
-    def test_step(self):
-        """Keys of steps that Newton's method does not solve are absent."""
-        result = self.run_quick("step")
-        found = result["summary"]
-        self.assertEqual(set(found) - STEP, set())
-        for value in found.values():
-            self.assertGreater(value, 0)
-        for ratio in self.find(result["rows"], measure="ratio", is_upper_bound=True):
-            self.assertNotEqual(ratio["name"], "newton_over_tuned_factor")
 
 
 if __name__ == "__main__":

@@ -151,7 +151,7 @@ static void each_moves_as_alone(void **state) {
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++)
     for (int kind = 0; kind < KINDS && method->order > 0 && !wants_positions_alone(method->name);
          kind++)
-      for (int flat = 0; flat < (kind == APART ? 2 : 1); flat++)
+      for (int flat = 0; flat < (kind == APART ? 2 : 1) && !(IS_CHECKED && (i + kind) % 3); flat++)
         move_as_alone(method->name, flat ? along : down, kind, &a, &b);
 }
 

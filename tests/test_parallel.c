@@ -53,7 +53,7 @@ static void run(const msim_scene *scene, const char *method, int32_t nthreads, i
   opt.newton_rtol = 1e-4; /* bits are compared, not answers */
   opt.threads = nthreads, opt.solver = "pcg", opt.jacobian = MSIM_JACOBIAN_CLAMP;
   msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, linear || !is_implicit(method) ? 25 : 4, err));
+  assert_ok(msim_sim_step(sim, linear || !is_implicit(method) ? 25 : IS_CHECKED ? 1 : 4, err));
   const msim_state state = state_of(sim);
   assert_true(state.n <= MOST);
   *n = state.n;

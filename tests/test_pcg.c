@@ -26,6 +26,7 @@ static double cloth_iterations(int32_t side, double k, int32_t aggregate) {
 
 static void the_coarse_space_spares_iterations(void **state) {
   (void)state;
+  if (IS_CHECKED) skip();
   const double soft = cloth_iterations(40, 1000, SIZE), stiff = cloth_iterations(40, 1e5, SIZE);
   const double small = cloth_iterations(24, 1000, SIZE), large = cloth_iterations(64, 1000, SIZE);
   const double alone = cloth_iterations(40, 1000, 0);
@@ -48,6 +49,7 @@ static void iterations_are_predicted(void **state) {
     msim_scene *scene = jelly ? hanging_jelly(side, k) : hanging_cloth(side, k, 0);
     for (int two = 0; two < 2; two++) {
       if (side == 64 && !(two && soft)) continue; /* takes long */
+      if (side > 24 && IS_CHECKED) continue;
       msim_sim *sim = make_two_level(scene, &opt, two ? SIZE : 0);
       const ms_prediction p = ms_predict(&sim->motion->model, opt.h, opt.solver_rtol);
       const double predicted = two ? p.two_level : p.one_level;

@@ -28,6 +28,13 @@
       fail_msg("%s = %.17g, %s = %.17g, off by %.3g > %.3g", #a, a_, #b, b_, a_ - b_, tol_); \
   } while (0)
 
+/* 1 where each access to memory is checked, ten times slower: what numbers alone need is left out */
+#if defined(__SANITIZE_ADDRESS__)
+enum { IS_CHECKED = 1 };
+#else
+enum { IS_CHECKED = 0 };
+#endif
+
 /* The next number in [0, 1). */
 static inline double uniform(unsigned *seed) {
   *seed = *seed * 1664525u + 1013904223u;
