@@ -28,7 +28,7 @@
       fail_msg("%s = %.17g, %s = %.17g, off by %.3g > %.3g", #a, a_, #b, b_, a_ - b_, tol_); \
   } while (0)
 
-/* 1 where each access to memory is checked, ten times slower: what numbers alone need is left out */
+/* 1 where each access to memory is checked, ten times slower: sizes that only numbers need go. */
 #if defined(__SANITIZE_ADDRESS__)
 enum { IS_CHECKED = 1 };
 #else

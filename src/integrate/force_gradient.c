@@ -1,6 +1,5 @@
-#include <string.h>
-
 #include "integrate/methods.h"
+#include "integrate/splitting.h"
 
 /* v += b_i h a,  x += a_i h v,  in turn: b_1 a_1 b_2 a_2 b_3 a_2 b_2 a_1 b_1. The kick in the
  * middle is that of the modified force F + g h^2 J M^-1 F; it is taken as F(x + g h^2 a(x)), the
@@ -16,7 +15,7 @@
  *
  * Takahashi and Imada's leapfrog (1984) is order 4 in other variables than x and v, so that states
  * would have to be converted to and fro, and is no cheaper. */
-enum { DRIFTS = 4, MIDDLE = 2 };
+enum { DRIFTS = 4 };
 
 #define A1 0.24004250742648506
 #define B1 0.0891007659901135
@@ -25,41 +24,12 @@ enum { DRIFTS = 4, MIDDLE = 2 };
 static const double kick[DRIFTS + 1] = {B1, B2, 1 - 2 * (B1 + B2), B2, B1};
 static const double drift[DRIFTS] = {A1, 0.5 - A1, 0.5 - A1, A1};
 
-enum { STAGE = 2 }; /* work vectors: the acceleration, in turn, and this one */
-
-/* Stages lie in x_next and in a vector of our own, so that forces find the pinned rows in both. */
-static void start(ms_stepper *s) {
-  const ms_rows *rows = &s->model->rows;
-  memcpy(s->work[STAGE], s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x);
-}
+static const ms_splitting splitting = {
+    .drifts = DRIFTS, .kick = kick, .drift = drift, .gradient = G};
 
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_shape shape = s->model->shape;
-  const int now = s->warm == 2; /* warm: 1 + the work vector that holds a */
-  double *a = s->work[now], *a_next = s->work[1 - now];
-  double *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
-  if (!s->warm) ms_acceleration(s, s->x, NULL, a);
-  ms_combine(shape, s->v, s->h * kick[0], a, v);
-  ms_combine(shape, s->x, s->h * drift[0], v, x);
-  for (int i = 1; i < DRIFTS; i++) {
-    ms_pass pass = {.x = x,
-                    .v_to = v,
-                    .v_from = v,
-                    .h = s->h * kick[i],
-                    .x_to = other,
-                    .x_from = x,
-                    .drift = s->h * drift[i]};
-    if (i == MIDDLE) {
-      ms_acceleration(s, x, NULL, a_next);
-      ms_combine(shape, x, G * s->h * s->h, a_next, other);
-      pass.x = other, pass.x_to = x;
-    }
-    ms_evaluate(s, &pass);
-    if (pass.x_to == other) other = x, x = pass.x_to;
-  }
-  ms_evaluate(s, &(ms_pass){.x = x, .a = a_next, .v_to = v, .v_from = v, .h = s->h * kick[DRIFTS]});
-  s->warm_next = ms_reflect(s, x, v) ? 0 : 2 - now;
+  ms_splitting_step(s, &splitting);
   return MSIM_OK;
 }
 
@@ -73,7 +43,7 @@ const ms_integrator ms_force_gradient = {
               .order = 4},
     .separable = 1,
     .one_step = 1,
-    .nwork = 3,
-    .start = start,
+    .nwork = MS_SPLITTING_WORK,
+    .start = ms_splitting_start,
     .step = step,
     .limit = limit};

@@ -1,10 +1,9 @@
-#include <string.h>
-
 #include "integrate/methods.h"
+#include "integrate/splitting.h"
 
 /* v += h b_i a(x),  x += h a_i v,  in turn: b_1 a_1 b_2 a_2 ... a_11 b_12, the same from both ends.
- * Coefficients: Blanes and Moan, J. Comput. Appl. Math. 142 (2002) 313, method SRKN_11^6. The last
- * kick and the first of the next step are of one force: 11 evaluations a step. */
+ * Coefficients: Blanes and Moan, J. Comput. Appl. Math. 142 (2002) 313, method SRKN_11^6: 11
+ * evaluations a step. */
 enum { DRIFTS = 11, KICKS = 12 };
 
 #define B6                                                                                   \
@@ -30,38 +29,11 @@ static const double drift[DRIFTS] = {0.123229775946271,  0.290553797799558,  -0.
                                      0.357208872795928,  -0.246331761062075, -0.127049212625417,
                                      0.290553797799558,  0.123229775946271};
 
-enum { STAGE = 2 }; /* work vectors: the acceleration, in turn, and this one */
-
-/* Stages lie in x_next and in a vector of our own, in turn, so that forces find the pinned rows in
- * both. */
-static void start(ms_stepper *s) {
-  const ms_rows *rows = &s->model->rows;
-  memcpy(s->work[STAGE], s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x);
-}
+static const ms_splitting splitting = {.drifts = DRIFTS, .kick = kick, .drift = drift};
 
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_shape shape = s->model->shape;
-  const int now = s->warm == 2; /* warm: 1 + the work vector that holds a */
-  double *a = s->work[now], *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
-  if (!s->warm) ms_acceleration(s, s->x, NULL, a);
-  ms_combine(shape, s->v, s->h * kick[0], a, v);
-  ms_combine(shape, s->x, s->h * drift[0], v, x);
-  for (int i = 1; i < DRIFTS; i++) {
-    ms_evaluate(s, &(ms_pass){.x = x,
-                              .v_to = v,
-                              .v_from = v,
-                              .h = s->h * kick[i],
-                              .x_to = other,
-                              .x_from = x,
-                              .drift = s->h * drift[i]});
-    double *next = other;
-    other = x, x = next;
-  }
-  ms_evaluate(
-      s,
-      &(ms_pass){.x = x, .a = s->work[1 - now], .v_to = v, .v_from = v, .h = s->h * kick[DRIFTS]});
-  s->warm_next = ms_reflect(s, x, v) ? 0 : 2 - now;
+  ms_splitting_step(s, &splitting);
   return MSIM_OK;
 }
 
@@ -76,7 +48,7 @@ const ms_integrator ms_rkn6 = {
               .order = 6},
     .separable = 1,
     .one_step = 1,
-    .nwork = 3,
-    .start = start,
+    .nwork = MS_SPLITTING_WORK,
+    .start = ms_splitting_start,
     .step = step,
     .limit = limit};

@@ -1,0 +1,42 @@
+#include "integrate/splitting.h"
+
+#include <string.h>
+
+enum { STAGE = 2 };
+
+/* Stages lie in x_next and in a vector of our own, in turn, so that forces find the pinned rows in
+ * both. */
+void ms_splitting_start(ms_stepper *s) {
+  const ms_rows *rows = &s->model->rows;
+  memcpy(s->work[STAGE], s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x);
+}
+
+/* warm: 1 + the work vector that holds a */
+void ms_splitting_step(ms_stepper *s, const ms_splitting *m) {
+  const ms_shape shape = s->model->shape;
+  const int now = s->warm == 2;
+  double *a = s->work[now], *a_next = s->work[1 - now];
+  double *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;
+  if (!s->warm) ms_acceleration(s, s->x, NULL, a);
+  ms_combine(shape, s->v, s->h * m->kick[0], a, v);
+  ms_combine(shape, s->x, s->h * m->drift[0], v, x);
+  for (int i = 1; i < m->drifts; i++) {
+    ms_pass pass = {.x = x,
+                    .v_to = v,
+                    .v_from = v,
+                    .h = s->h * m->kick[i],
+                    .x_to = other,
+                    .x_from = x,
+                    .drift = s->h * m->drift[i]};
+    if (m->gradient > 0 && 2 * i == m->drifts) {
+      ms_acceleration(s, x, NULL, a_next);
+      ms_combine(shape, x, m->gradient * s->h * s->h, a_next, other);
+      pass.x = other, pass.x_to = x;
+    }
+    ms_evaluate(s, &pass);
+    if (pass.x_to == other) other = x, x = pass.x_to;
+  }
+  ms_evaluate(
+      s, &(ms_pass){.x = x, .a = a_next, .v_to = v, .v_from = v, .h = s->h * m->kick[m->drifts]});
+  s->warm_next = ms_reflect(s, x, v) ? 0 : 2 - now;
+}
