@@ -68,6 +68,12 @@ typedef struct ms_integrator {
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;
 
+/* Vectors are never copied to be kept: they change names. */
+static inline void ms_swap(double **a, double **b) {
+  double *between = *a;
+  *a = *b, *b = between;
+}
+
 /* One evaluation of forces and what the step makes of it, counted and timed. */
 void ms_evaluate(ms_stepper *s, const ms_pass *pass);
 

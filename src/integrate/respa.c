@@ -13,11 +13,6 @@
  *
  * Where no cut of the springs pays this is velocity Verlet. */
 
-static void swap(double **a, double **b) {
-  double *before = *a;
-  *a = *b, *b = before;
-}
-
 /* The steps of the stiff springs, from x and v to their rows of x_next and v_next */
 static msim_status inner_steps(ms_stepper *s, msim_error *err) {
   ms_split *split = s->split;
@@ -31,8 +26,8 @@ static msim_status inner_steps(ms_stepper *s, msim_error *err) {
   for (int32_t i = 0; i < split->inner; i++) {
     const msim_status status = ms_velocity_verlet.step(inner, err);
     if (status) return status;
-    swap(&inner->x, &inner->x_next);
-    swap(&inner->v, &inner->v_next);
+    ms_swap(&inner->x, &inner->x_next);
+    ms_swap(&inner->v, &inner->v_next);
     inner->warm = inner->warm_next;
   }
   ms_split_put(split, shape, inner->x, s->x_next);

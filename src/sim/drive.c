@@ -22,17 +22,13 @@ static msim_status make_step(const msim_sim *sim, ms_stepper *s, msim_error *err
   return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 
-static void swap(double **a, double **b) {
-  double *between = *a;
-  *a = *b, *b = between;
-}
-
 /* From the state between two parts on: what was next is now, and the first spare pair takes what
  * follows, as the state at the start stays where it is. */
 static void go_on(ms_stepper *s, const ms_stepper *start) {
-  swap(&s->x, &s->x_next);
-  swap(&s->v, &s->v_next);
-  if (s->x_next == start->x) swap(&s->x_next, &s->x_spare[0]), swap(&s->v_next, &s->v_spare[0]);
+  ms_swap(&s->x, &s->x_next);
+  ms_swap(&s->v, &s->v_next);
+  if (s->x_next == start->x)
+    ms_swap(&s->x_next, &s->x_spare[0]), ms_swap(&s->v_next, &s->v_spare[0]);
   s->warm = s->warm_next;
   s->h_before = s->h;
 }
@@ -42,7 +38,7 @@ static void go_back(ms_stepper *s, const ms_stepper *start) {
   s->h = start->h;
   s->h_before = start->h_before;
   if (s->x == start->x) return;
-  swap(&s->x, &s->x_spare[0]), swap(&s->v, &s->v_spare[0]);
+  ms_swap(&s->x, &s->x_spare[0]), ms_swap(&s->v, &s->v_spare[0]);
   s->warm = 0;
 }
 
@@ -79,8 +75,8 @@ static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *er
 /* A whole step, kept aside, and two halves. */
 static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   msim_status status = make_steps(sim, s, 1, err);
-  swap(&s->x_next, &s->x_spare[1]);
-  swap(&s->v_next, &s->v_spare[1]);
+  ms_swap(&s->x_next, &s->x_spare[1]);
+  ms_swap(&s->v_next, &s->v_spare[1]);
   return status ? status : make_steps(sim, s, 2, err);
 }
 
@@ -164,8 +160,8 @@ static outcome try_step(msim_sim *sim, double h, double noise) {
 
 static void accept(ms_motion *m) {
   ms_stepper *s = &m->stepper;
-  swap(&s->x, &s->x_next);
-  swap(&s->v, &s->v_next);
+  ms_swap(&s->x, &s->x_next);
+  ms_swap(&s->v, &s->v_next);
   s->warm = s->warm_next;
   s->h_before = s->h / (double)s->parts;
   m->at_rest = m->at_rest_next;
