@@ -1,38 +1,14 @@
 #include "skip_cases.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
+
+#include "parts.h"
 
 enum { SIDE = 100, N = SIDE * SIDE, JELLY = 16 };
 #define STIFFNESS 1000.0 /* N/m, of every spring */
 
 /*------------------------------------- scenes ---------------------------------------------------*/
-
-/* The arrays of a scene that is built from a recipe, to be changed before they are used. */
-typedef struct parts {
-  msim_scene *recipe;
-  msim_scene_view view;
-  double *v, *mass, *zeros;
-} parts;
-
-static void free_parts(parts *p) {
-  free(p->v), free(p->mass), free(p->zeros);
-  msim_scene_destroy(p->recipe);
-}
-
-/* Everything but the particles' velocities, which are 0, and their pins. */
-static msim_status take_parts(msim_scene *recipe, parts *p) {
-  *p = (parts){.recipe = recipe, .view = {.size = sizeof p->view}};
-  msim_scene_get(recipe, &p->view);
-  const size_t n = (size_t)p->view.nparticles, springs = (size_t)p->view.nsprings;
-  p->v = calloc(3 * n, sizeof *p->v);
-  p->mass = malloc(n * sizeof *p->mass);
-  p->zeros = calloc(springs + 1, sizeof *p->zeros);
-  if (!p->v || !p->mass || !p->zeros) return MSIM_ERR_MEMORY;
-  memcpy(p->mass, p->view.mass, n * sizeof *p->mass);
-  return MSIM_OK;
-}
 
 static msim_status add_cloth(msim_scene *scene, double x, msim_error *err) {
   const msim_cloth cloth = {.size = sizeof cloth,
@@ -50,22 +26,14 @@ static msim_status add_cloth(msim_scene *scene, double x, msim_error *err) {
 
 static msim_status make_cloth(parts *p, msim_error *err) {
   msim_scene *recipe = NULL;
-  *p = (parts){.recipe = NULL};
   msim_status status = msim_scene_create(NULL, &recipe, err);
   if (!status) status = add_cloth(recipe, 0, err);
-  if (!status) return take_parts(recipe, p);
-  msim_scene_destroy(recipe);
-  return status;
+  const msim_status taken = parts_take(recipe, p);
+  return status ? status : taken;
 }
 
-/* rest NULL: the lengths at the start */
-static msim_status add_parts(msim_scene *scene, const parts *p, const double *rest, int springs,
-                             msim_error *err) {
-  const msim_scene_view *view = &p->view;
-  msim_status status =
-      msim_scene_add_particles(scene, view->nparticles, view->x, p->v, p->mass, err);
-  if (status || !springs) return status;
-  return msim_scene_add_springs(scene, view->nsprings, view->ij, view->k, rest, NULL, err);
+static void forget_rest(parts *p) {
+  memset(p->rest, 0, (size_t)p->view.nsprings * sizeof *p->rest);
 }
 
 static msim_status pin_corners(msim_scene *scene, msim_error *err) {
@@ -84,10 +52,11 @@ static msim_status swaying(int axis, const double *gravity, int springs, int no_
   parts p;
   msim_status status = make_cloth(&p, err);
   if (!status) sway(&p, axis);
-  if (!status) status = add_parts(scene, &p, no_rest ? p.zeros : NULL, springs, err);
+  if (!status && no_rest) forget_rest(&p);
+  if (!status) status = parts_add(&p, springs, scene, err);
   if (!status && springs) status = pin_corners(scene, err);
   if (!status && gravity) status = msim_scene_set_gravity(scene, gravity, err);
-  free_parts(&p);
+  parts_free(&p);
   return status;
 }
 
@@ -118,8 +87,8 @@ static msim_status resting(int without, msim_scene *scene, msim_error *err) {
   parts p;
   (void)without;
   msim_status status = make_cloth(&p, err);
-  if (!status) status = add_parts(scene, &p, NULL, 1, err);
-  free_parts(&p);
+  if (!status) status = parts_add(&p, 1, scene, err);
+  parts_free(&p);
   return status;
 }
 
@@ -141,9 +110,9 @@ static msim_status half_held(int without, msim_scene *scene, msim_error *err) {
     p.v[3 * i + 2] = 0;
     if (without) p.mass[i] = 1e12;
   }
-  if (!status) status = add_parts(scene, &p, NULL, 1, err);
+  if (!status) status = parts_add(&p, 1, scene, err);
   if (!status && !without) status = msim_scene_pin(scene, N / 2, held, err);
-  free_parts(&p);
+  parts_free(&p);
   return status;
 }
 
@@ -156,19 +125,19 @@ static msim_status trembling(int without, msim_scene *scene, msim_error *err) {
                               .mass = 1,
                               .k = STIFFNESS};
   msim_scene *recipe = NULL;
-  parts p = {.recipe = NULL};
+  parts p;
   (void)without;
   for (int32_t i = 0; i < JELLY * JELLY; i++) face[i] = i;
   msim_status status = msim_scene_create(NULL, &recipe, err);
   if (!status) status = msim_scene_add_lattice(recipe, &jelly, err);
-  if (!status) status = take_parts(recipe, &p);
-  else msim_scene_destroy(recipe);
+  const msim_status taken = parts_take(recipe, &p);
+  if (!status) status = taken;
   for (int32_t i = 0; i < p.view.nparticles && !status; i++)
     p.v[3 * i + 2] = p.view.x[3 * i] * p.view.x[3 * i];
-  if (!status) status = add_parts(scene, &p, NULL, 1, err);
+  if (!status) status = parts_add(&p, 1, scene, err);
   if (!status) status = msim_scene_pin(scene, JELLY * JELLY, face, err);
   if (!status) status = msim_scene_set_gravity(scene, down, err);
-  free_parts(&p);
+  parts_free(&p);
   return status;
 }
 

@@ -1,0 +1,39 @@
+#include "parts.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+void parts_free(parts *p) {
+  double *arrays[] = {p->v, p->mass, p->k, p->rest, p->damping};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
+  msim_scene_destroy(p->recipe);
+  *p = (parts){.recipe = NULL};
+}
+
+/* n may be 0. */
+static double *copy(const double *from, size_t n) {
+  double *to = malloc((n + 1) * sizeof *to);
+  if (to && n) memcpy(to, from, n * sizeof *to);
+  return to;
+}
+
+msim_status parts_take(msim_scene *recipe, parts *p) {
+  *p = (parts){.recipe = recipe, .view = {.size = sizeof p->view}};
+  if (!recipe) return MSIM_ERR_MEMORY;
+  msim_scene_get(recipe, &p->view);
+  const size_t n = (size_t)p->view.nparticles, springs = (size_t)p->view.nsprings;
+  p->v = calloc(3 * n, sizeof *p->v);
+  p->mass = copy(p->view.mass, n);
+  p->k = copy(p->view.k, springs);
+  p->rest = copy(p->view.rest, springs);
+  p->damping = copy(p->view.damping, springs);
+  return p->v && p->mass && p->k && p->rest && p->damping ? MSIM_OK : MSIM_ERR_MEMORY;
+}
+
+msim_status parts_add(const parts *p, int springs, msim_scene *scene, msim_error *err) {
+  const msim_scene_view *view = &p->view;
+  const msim_status status =
+      msim_scene_add_particles(scene, view->nparticles, view->x, p->v, p->mass, err);
+  if (status || !springs) return status;
+  return msim_scene_add_springs(scene, view->nsprings, view->ij, p->k, p->rest, p->damping, err);
+}
