@@ -13,7 +13,7 @@ class Help(BenchTest):
         out = self.good("--help")
         for word in ("Usage: msim_bench", "linear", "--quick", "--json FILE", "--svg FILE",
                      "--scene NAME", "--threads N", "cloth32", "mesh500", "forces", "scaling",
-                     "step", "precision, stability"):
+                     "step", "precision", "--csv FILE"):
             self.assertIn(word, out)
         self.assertLessEqual(max(map(len, out.splitlines())), 80)
         self.assertEqual(self.good("linear", "--help"), out)
@@ -30,10 +30,11 @@ class Refusals(BenchTest):
             ([], "name of a bench", "linear", "'msim_bench --help'"),
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
-            *((["--json", "a.json", name], f"'{name}'", "not part of this version")
-              for name in "precision stability".split()),
+            (["--json", "a.json", "stability"], "'stability'", "not part of this version"),
             (["linear", "--svg="], "--svg"),
             (["linear", "--svg", "a", "--json", "./a"], "--svg", "--json", "same file"),
+            (["linear", "--svg", "a", "--csv", "./a"], "--svg", "--csv", "same file"),
+            (["linear", "--csv", "missing/a.csv"], "missing/a.csv"),
             (["linear", "--quik"], "'--quik'"),
             (["linear", "--quick=1"], "--quick takes no value"),
             (["linear", "-q"], "'-q'"),
@@ -46,6 +47,7 @@ class Refusals(BenchTest):
             (["skip", "--scene", "cloth32"], "--scene", "'skip'"),
             (["scaling", "--scene", "cloth32,mesh100"], "'mesh100'", "'scaling'"),
             (["step", "--scene", "cloth32,cloth316"], "'cloth316'", "'step'"),
+            (["precision", "--scene", "cloth32"], "--scene", "'precision'"),
             (["step", "--threads", "2"], "--threads", "'step'"),
             (["linear", "--json", "missing/a.json"], "missing/a.json"),
             (["linear", "--json", "folder"], "folder", "a folder"),
@@ -72,6 +74,16 @@ class Stopping(Children):
                 self.assertEqual([child for child in children if self.alive(child)], [])
                 self.assertEqual(self.files(), ["out.json"])
                 self.assertEqual((self.folder / "out.json").read_text(), "old")
+
+    def test_precision_in_time(self):
+        with self.start("precision", "--csv", "out.csv") as process:
+            self.wait_for_line(process, "trampoline")
+            time.sleep(0.5)
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 2)
+        self.assert_sentence(err, "stopped", "no file")
+        self.assertEqual(self.files(), [])
 
     def test_children_do_not_outlive_a_kill(self):
         with self.start("linear", "--scene", "cloth32") as process:

@@ -1,5 +1,8 @@
-"""msim_bench linear and scaling as a whole: all keys, in a minute, however busy the machine is."""
+"""msim_bench linear, scaling and precision as a whole: all keys, in a minute, however busy the
+machine is."""
 
+import csv
+import shutil
 import time
 import unittest
 
@@ -13,12 +16,15 @@ BESIDE_CHOLMOD = {"auto_over_tuned_cholmod_cloth64", "auto_over_tuned_cholmod_cl
                   "cholmod_slowdown_when_other_core_busy_cloth64"}
 BESIDE_DEFAULT = {"auto_over_default_cholmod_cloth100", "cholmod_step_over_default_cloth32",
                   "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100"}
+PRECISION = {"best_over_sundials_1e4", "best_over_sundials_1e6", "best_over_sundials_1e8",
+             "auto_over_best_p80", "auto_over_best_worst", "respa_over_velocity_verlet"}
+SCENES = ["trampoline", "folding", "stiff", "damped", "jelly", "chain", "cord"]
 
 
 class Quick(BenchTest):
-    def run_quick(self, bench):
+    def run_quick(self, bench, *more):
         start = time.monotonic()
-        self.good(bench, "--quick", "--json", "out.json")
+        self.good(bench, "--quick", "--json", "out.json", *more)
         self.assertLess(time.monotonic() - start, 60)
         return self.result()
 
@@ -60,6 +66,55 @@ class Quick(BenchTest):
                                  "iterations_growth_k_to_100k"})
         large = self.find(result["rows"], scene="cloth500", solver="auto")
         self.assertEqual([(row["status"], row["unknowns"]) for row in large], [("ok", 749994)])
+
+    def test_precision(self):
+        picture = ["--svg", "out.svg"] if shutil.which("gnuplot") else []
+        result = self.run_quick("precision", "--csv", "out.csv", *picture)
+        rows, found = result["rows"], result["summary"]
+        self.assertEqual(set(found) - PRECISION, set())
+        for value in found.values():
+            self.assertGreater(value, 0)
+        truths = self.find(rows, measure="truth")
+        self.assertEqual([row["scene"] for row in truths], SCENES)
+        for truth in truths:
+            with self.subTest(truth["scene"]):
+                self.check_truth(truth, self.find(rows, scene=truth["scene"]))
+        self.check_order(rows, "velocity-verlet", 2)
+        self.check_order(rows, "rk4", 4)
+        with (self.folder / "out.csv").open(newline="") as file:
+            table = list(csv.DictReader(file))
+        self.assertEqual([row["measure"] for row in table], [row["measure"] for row in rows])
+        if picture:
+            text = (self.folder / "out.svg").read_text()
+            for word in SCENES:
+                self.assertIn(word, text)
+
+    def check_truth(self, truth, rows):
+        """No error is told that the truth is not known for; no claim of more than that."""
+        if truth["status"] != "ok":
+            self.assertGreater(len(truth["reason"]), 10)
+            return
+        for rung in self.find(rows, measure="rung"):
+            self.assertIn(rung["status"], ("ok", "refused", "failed"))
+            if rung["status"] == "ok":
+                self.assertGreaterEqual(rung["error"], 10 * truth["error"])
+                self.assertGreater(rung["evaluations"], 0)
+            else:
+                self.assertGreater(len(rung["reason"]), 5)
+        for level in self.find(rows, measure="level"):
+            self.assertGreaterEqual(level["error"], 10 * truth["error"] * max(1, truth["growth"]))
+            self.assertGreater(level["ms"], 0)
+
+    def check_order(self, rows, method, order):
+        """Where a ladder is neither too coarse nor at rounding, half the step has 2^-order of the
+        error."""
+        rungs = [row for row in self.find(rows, measure="rung", scene="chain", method=method)
+                 if row["status"] == "ok" and 1e-9 < row["error"] < 1e-5]
+        ratios = [a["error"] / b["error"] for a, b in zip(rungs, rungs[1:])]
+        if not ratios:
+            self.skipTest("too busy a machine for a ladder")
+        for ratio in ratios:
+            self.assertAlmostEqual(ratio / 2 ** order, 1, delta=0.3)
 
 
 if __name__ == "__main__":

@@ -40,6 +40,10 @@ static int take_json(arguments *args, const char *value) {
   return take_file("json", value, &args->json);
 }
 
+static int take_csv(arguments *args, const char *value) {
+  return take_file("csv", value, &args->csv);
+}
+
 static int take_svg(arguments *args, const char *value) {
   return take_file("svg", value, &args->svg);
 }
@@ -81,6 +85,7 @@ static int take_scene(arguments *args, const char *value) {
 static const bench_flag flags[] = {
     {"quick", NULL, "end within a minute: fewer scenes, fewer runs", take_quick},
     {"json", "FILE", "write all rows and the summary too", take_json},
+    {"csv", "FILE", "write all rows as a table", take_csv},
     {"scene", "NAME,...", "these scenes only", take_scene},
     {"threads", "N", "threads of msim itself; the libraries out of the box keep their own",
      take_threads},
@@ -123,6 +128,17 @@ static int take_flag(arguments *args, int argc, char **argv, int *i) {
   return complain_usage("", "there is no option '--%.*s'", (int)length, given);
 }
 
+static int check_files(const arguments *args) {
+  const struct {
+    const char *name, *path;
+  } files[] = {{"json", args->json}, {"csv", args->csv}, {"svg", args->svg}};
+  for (int i = 0; i < 3; i++)
+    for (int j = i + 1; j < 3; j++)
+      if (same_file(files[i].path, files[j].path))
+        return complain_usage("", "--%s and --%s name the same file", files[i].name, files[j].name);
+  return EXIT_OK;
+}
+
 int arguments_parse(int argc, char **argv, arguments *args) {
   *args = (arguments){.bench = NULL};
   int status = EXIT_OK;
@@ -132,9 +148,9 @@ int arguments_parse(int argc, char **argv, arguments *args) {
     else status = take_name(args, argv[i]);
     if (args->help || args->version) return EXIT_OK;
   }
-  if (!status && same_file(args->json, args->svg))
-    return complain_usage("", "--json and --svg name the same file");
+  if (!status) status = check_files(args);
   if (status || args->bench) return status;
   return complain_usage("",
-                        "the name of a bench is missing: linear, forces, scaling, skip or step");
+                        "the name of a bench is missing: linear, forces, scaling, skip, step or "
+                        "precision");
 }

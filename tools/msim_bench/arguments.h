@@ -7,7 +7,7 @@
 typedef struct arguments {
   const bench_entry *bench; /* NULL where help or version are asked for */
   bench_wishes wishes;
-  const char *json, *svg; /* NULL: not given */
+  const char *json, *csv, *svg; /* NULL: not given */
   int help, version;
 } arguments;
 

@@ -13,7 +13,8 @@ const bench_entry *bench_info(int i) {
       {"skip", "what leaving out saves, beside CHOLMOD in every step", bench_skip, &skip_picture},
       {"step", "a nonlinear implicit step to an accuracy, beside CHOLMOD and prefactored methods",
        bench_step, &step_picture},
-      {"precision", "error against work", NULL, NULL},
+      {"precision", "run time against error of every method, beside CVODE and ARKODE",
+       bench_precision, &precision_picture},
       {"stability", "the longest stable steps", NULL, NULL},
   };
   return i >= 0 && i < (int)(sizeof benches / sizeof *benches) ? &benches[i] : NULL;

@@ -35,5 +35,6 @@ int bench_skip(const bench_wishes *wishes, report *r);
 int bench_forces(const bench_wishes *wishes, report *r);
 int bench_scaling(const bench_wishes *wishes, report *r);
 int bench_step(const bench_wishes *wishes, report *r);
+int bench_precision(const bench_wishes *wishes, report *r);
 
 #endif

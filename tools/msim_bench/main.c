@@ -7,6 +7,7 @@
 #include "../common/output.h"
 #include "../common/standard.h"
 #include "arguments.h"
+#include "csv.h"
 #include "interrupt.h"
 
 const char program_name[] = "msim_bench";
@@ -18,7 +19,7 @@ static void print_help(void) {
   const bench_flag *flag;
   char text[80], later[128] = "", scenes[256] = "";
   puts(
-      "Usage: msim_bench NAME [--quick] [--json FILE] [--svg FILE]\n"
+      "Usage: msim_bench NAME [--quick] [--json FILE] [--csv FILE] [--svg FILE]\n"
       "                  [--scene NAME,...] [--threads N]\n"
       "Measure msim on this machine, side by side with what it is compared with.\n\n"
       "Benches:");
@@ -52,40 +53,55 @@ static void print_help(void) {
       "is a result like any other: its row says why.");
 }
 
-/* Before anything is measured: what could not be written in the end. */
-static int open_files(const arguments *args, output_file *json, output_file *svg) {
+/* What is written in the end. */
+typedef struct files {
+  output_file json, csv, svg;
+} files;
+
+/* Before anything is measured: what could not be written then. */
+static int open_files(const arguments *args, files *f) {
   if (args->svg && !gnuplot_is_there()) return EXIT_ERROR;
-  if (args->json && output_open(json, args->json)) return EXIT_ERROR;
-  return args->svg ? output_open(svg, args->svg) : EXIT_OK;
+  if (args->json && output_open(&f->json, args->json)) return EXIT_ERROR;
+  if (args->csv && output_open(&f->csv, args->csv)) return EXIT_ERROR;
+  return args->svg ? output_open(&f->svg, args->svg) : EXIT_OK;
 }
 
-static int measure(const arguments *args, output_file *json, output_file *svg) {
+static int write_files(const arguments *args, const report *r, files *f) {
+  int status = EXIT_OK;
+  if (args->json) status = report_write(r, &f->json);
+  if (!status && args->csv) status = csv_write(r, &f->csv);
+  if (!status && args->svg) status = picture_write(args->bench->picture, r, &f->svg);
+  return status;
+}
+
+static int measure(const arguments *args, files *f) {
   report r;
-  if (open_files(args, json, svg)) return EXIT_ERROR;
+  if (open_files(args, f)) return EXIT_ERROR;
   catch_interrupts();
   report_begin(&r, args->bench->name, args->wishes.quick);
   int status = args->bench->run(&args->wishes, &r);
   if (is_interrupted()) {
-    complain("stopped before the end%s", args->json || args->svg ? "; no file was written" : "");
+    const int any = args->json || args->csv || args->svg;
+    complain("stopped before the end%s", any ? "; no file was written" : "");
     status = EXIT_EVENT;
   }
   if (!status) report_print_summary(&r);
-  if (!status && args->json) status = report_write(&r, json);
-  if (!status && args->svg) status = picture_write(args->bench->picture, &r, svg);
+  if (!status) status = write_files(args, &r, f);
   report_free(&r);
   return status;
 }
 
 static int dispatch(int argc, char **argv) {
   arguments args;
-  output_file json = {.path = NULL}, svg = {.path = NULL};
+  files f = {.json = {.path = NULL}};
   if (arguments_parse(argc, argv, &args)) return EXIT_ERROR;
   if (args.help) print_help();
   else if (args.version) printf("msim_bench %s\n", msim_version());
   else {
-    int status = measure(&args, &json, &svg);
-    output_discard(&json);
-    output_discard(&svg);
+    int status = measure(&args, &f);
+    output_discard(&f.json);
+    output_discard(&f.csv);
+    output_discard(&f.svg);
     return status;
   }
   return EXIT_OK;

@@ -14,7 +14,7 @@
 
 extern char **environ;
 
-enum { MOST_NAMES = 32 };
+enum { MOST_NAMES = 64 };
 
 #define BARS 0.8 /* width of those at one place, 1 from place to place */
 
@@ -121,14 +121,16 @@ static void print_bars(FILE *out, const picture_point *points, int n, double off
     fprintf(out, "%.9g %.9g\n", number_of(places, points[i].place) + offset, points[i].y);
 }
 
-/* One series as a block of data. points: room for all rows. */
+/* One series as a block of data. points: room for all rows; place NULL: all. */
 static void print_data(FILE *out, const picture *p, const report *r, int number, names *series,
-                       names *places, picture_point *points) {
+                       names *places, const char *place, picture_point *points) {
   size_t i;
   json_t *row;
   int n = 0;
   json_array_foreach(r->rows, i, row) {
-    if (is_point(p, row, &points[n]) && number_of(series, points[n].series) == number) n++;
+    if (is_point(p, row, &points[n]) && (!place || strcmp(points[n].place, place) == 0) &&
+        number_of(series, points[n].series) == number)
+      n++;
   }
   fprintf(out, "$data%d << END\n", number);
   if (p->bars) print_bars(out, points, n, BARS * ((number + 0.5) / series->count - 0.5), places);
@@ -141,13 +143,22 @@ static const char more_colours[] =
     "set linetype 9 lc '#808080'\nset linetype 10 lc '#a0522d'\nset linetype 11 lc '#ff69b4'\n"
     "set linetype 12 lc '#556b2f'\n";
 
-static void print_axes(FILE *out, const picture *p, const report *r, const names *places) {
+static void print_title(FILE *out, const picture *p, const report *r) {
   const char *cpu = json_string_value(json_object_get(r->machine, "cpu"));
   char title[256];
   snprintf(title, sizeof title, "%s%s%s", p->title, cpu ? "; " : "", cpu ? cpu : "");
-  fputs("set terminal svg size 1000,600 noenhanced background '#ffffff'\nset title ", out);
+  fputs("set title ", out);
   print_quoted(out, title);
-  fprintf(out, "\n%s", more_colours);
+  putc('\n', out);
+}
+
+enum { WIDTH = 1000, HEIGHT = 600 };
+
+static void print_axes(FILE *out, const picture *p, const names *places) {
+  const int panels = p->panels && places->count > 1 ? places->count : 1;
+  fprintf(out, "set terminal svg size %d,%d noenhanced background '#ffffff'\n", WIDTH,
+          HEIGHT * panels);
+  fprintf(out, "%s", more_colours);
   fprintf(out, "set ylabel '%s'\nset logscale y\nset grid ytics\nset key outside right top\n",
           p->y_label);
   if (!p->bars) {
@@ -164,23 +175,60 @@ static void print_axes(FILE *out, const picture *p, const report *r, const names
   fprintf(out, ")\nset xrange [-0.6:%d - 0.4]\n", places->count);
 }
 
-/* Places are written at the first curve only, as they lie at the same x in all. */
+/* Places are written at the first curve only, as they lie at the same x in all; a panel has one.
+ * all: each has a colour of its own. */
+static void print_plot(FILE *out, const picture *p, const names *series, names *all) {
+  fputs(series->count ? "plot " : "set yrange [1:10]\nplot 1 notitle", out);
+  for (int i = 0; i < series->count; i++) {
+    fprintf(out, "%s$data%d using 1:2 with %s linetype %d title ", i ? ", " : "", i,
+            p->bars ? "boxes" : "linespoints linewidth 2", 1 + number_of(all, series->all[i]));
+    print_quoted(out, series->all[i]);
+    if (!p->bars && !p->panels && i == 0)
+      fputs(", $data0 using 1:2:3 with labels offset 0,1 notitle", out);
+  }
+  putc('\n', out);
+}
+
+/* A series that a place knows nothing of is left out there. */
+static void print_panel(FILE *out, const picture *p, const report *r, names *all, names *places,
+                        const char *place, picture_point *points) {
+  names series = {.count = 0};
+  picture_point point;
+  size_t i;
+  json_t *row;
+  json_array_foreach(r->rows, i, row) {
+    if (is_point(p, row, &point) && strcmp(point.place, place) == 0)
+      number_of(&series, point.series);
+  }
+  for (int s = 0; s < series.count; s++) print_data(out, p, r, s, &series, places, place, points);
+  fputs("set title ", out);
+  print_quoted(out, place);
+  putc('\n', out);
+  print_plot(out, p, &series, all);
+}
+
+static void print_panels(FILE *out, const picture *p, const report *r, names *all, names *places,
+                         picture_point *points) {
+  fprintf(out, "set multiplot layout %d,1\n", places->count);
+  for (int i = 0; i < places->count; i++)
+    print_panel(out, p, r, all, places, places->all[i], points);
+  fputs("unset multiplot\n", out);
+}
+
 static int print_script(FILE *out, const picture *p, const report *r) {
   picture_point *points = calloc(json_array_size(r->rows) + 1, sizeof *points);
   names series = {.count = 0}, places = {.count = 0};
   if (!points) return 0;
   collect(p, r, &series, &places);
-  print_axes(out, p, r, &places);
-  for (int i = 0; i < series.count; i++) print_data(out, p, r, i, &series, &places, points);
-  fprintf(out, "set boxwidth %g\n", BARS / (series.count ? series.count : 1));
-  fputs(series.count ? "plot " : "set yrange [1:10]\nplot 1 notitle", out);
-  for (int i = 0; i < series.count; i++) {
-    fprintf(out, "%s$data%d using 1:2 with %s title ", i ? ", " : "", i,
-            p->bars ? "boxes" : "linespoints linewidth 2");
-    print_quoted(out, series.all[i]);
-    if (!p->bars && i == 0) fputs(", $data0 using 1:2:3 with labels offset 0,1 notitle", out);
+  print_axes(out, p, &places);
+  if (p->panels && places.count > 0) {
+    print_panels(out, p, r, &series, &places, points);
+  } else {
+    print_title(out, p, r);
+    for (int i = 0; i < series.count; i++) print_data(out, p, r, i, &series, &places, NULL, points);
+    fprintf(out, "set boxwidth %g\n", BARS / (series.count ? series.count : 1));
+    print_plot(out, p, &series, &series);
   }
-  putc('\n', out);
   free(points);
   return fflush(out) == 0;
 }

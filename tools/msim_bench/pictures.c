@@ -52,6 +52,12 @@ static int step_point(const json_t *row, picture_point *p) {
   return is_main_step(row) && is_measure(row, "step");
 }
 
+static int precision_point(const json_t *row, picture_point *p) {
+  *p = (picture_point){text_of(row, "method"), text_of(row, "scene"), number_of(row, "error"),
+                       number_of(row, "ms")};
+  return is_measure(row, "rung") && json_is_true(json_object_get(row, "near_best"));
+}
+
 const picture linear_picture = {.title = "one linearly implicit step, k = 1000 N/m, h = 1/60 s",
                                 .y_label = "ms",
                                 .bars = 1,
@@ -73,3 +79,9 @@ const picture step_picture = {.title = "one nonlinear step, k = 1000 N/m, h = 1/
                               .x_format = "%.0e",
                               .y_label = "ms",
                               .point = step_point};
+const picture precision_picture = {.title = "run time against error",
+                                   .x_label = "relative error of the positions",
+                                   .x_format = "%.0e",
+                                   .y_label = "ms",
+                                   .panels = 1,
+                                   .point = precision_point};

@@ -18,15 +18,14 @@ extern char **environ;
 /*------------------------------------- starting -------------------------------------------------*/
 
 /* REFERENCE_FOLDER is relative to where this program lies, so that a moved install works. */
-static int find_program(const char *name, char *path, size_t size) {
+int reference_path(const char *name, int mode, char *path, size_t size) {
   char own[2048];
   const ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
   if (length <= 0) return 0;
   own[length] = '\0';
   *strrchr(own, '/') = '\0';
-  const int written =
-      snprintf(path, size, "%s/" REFERENCE_FOLDER "/msim_bench_reference_%s", own, name);
-  return written > 0 && (size_t)written < size && access(path, X_OK) == 0;
+  const int written = snprintf(path, size, "%s/" REFERENCE_FOLDER "/%s", own, name);
+  return written > 0 && (size_t)written < size && access(path, mode) == 0;
 }
 
 static int tells_libraries(const char *variable) {
@@ -85,9 +84,10 @@ static int spawn(reference *r, char *path) {
 }
 
 void reference_start(reference *r, const char *name) {
-  char path[4096];
+  char program[64], path[4096];
   *r = (reference){0};
-  if (!find_program(name, path, sizeof path)) {
+  snprintf(program, sizeof program, "msim_bench_reference_%s", name);
+  if (!reference_path(program, X_OK, path, sizeof path)) {
     snprintf(r->reason, sizeof r->reason, "msim_bench_reference_%s was not built", name);
     return;
   }

@@ -14,6 +14,9 @@ typedef struct reference {
   char reason[256]; /* why none runs */
 } reference;
 
+/* Where a file of ours lies beside the reference programs; 0: it is not there with that access. */
+int reference_path(const char *name, int mode, char *path, size_t size);
+
 /* Start msim_bench_reference_NAME, in an environment that tells no library how many threads or
  * which kernels to take. Where that fails, r->reason says why. Call reference_stop in any case. */
 void reference_start(reference *r, const char *name);

@@ -61,8 +61,7 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* Linear between neighbours; sorts. */
-static double quantile(int n, double *v, double q) {
+double quantile(int n, double *v, double q) {
   qsort(v, (size_t)n, sizeof *v, ascending);
   const double at = q * (n - 1);
   const int below = (int)at, above = below + (below < n - 1);

@@ -51,6 +51,9 @@ typedef struct patience {
 /* Run all in turn, each round in the reverse order of the one before. */
 void contest(contestant *all, int count, const patience *p);
 
+/* The quantile q of n values, linear between neighbours; sorts. */
+double quantile(int n, double *v, double q);
+
 /* Quantiles of one contestant; spread: the quartiles' distance over the median. */
 double median_of(const contestant *c, sample_value *value);
 double spread_of(const contestant *c, sample_value *value);

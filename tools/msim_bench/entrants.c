@@ -1,0 +1,142 @@
+#include "entrants.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../common/clock.h"
+#include "interrupt.h"
+
+/*------------------------------------- who ------------------------------------------------------*/
+
+static entrant *add(entrants *list, const char *name, const char *suffix) {
+  if (list->count == MOST_ENTRANTS) return NULL;
+  entrant *who = &list->all[list->count++];
+  *who = (entrant){.ode = -1, .collision = MSIM_COLLISION_REFLECT};
+  snprintf(who->name, sizeof who->name, "%s%s", name, suffix);
+  return who;
+}
+
+static void by_tol(entrant *who) {
+  who->by_tol = 1;
+  who->first = who->ratio = 0.1;
+}
+
+static void by_step(const truth *t, entrant *who) {
+  const double own = longest_step(t->scene, who->integrator, NULL);
+  const int limited = isfinite(own) && strcmp(who->integrator, "respa") != 0;
+  who->first = limited ? own : 64 * t->limit;
+  who->ratio = 0.5;
+}
+
+/* Those whose steps are worth choosing, by doubling or by an estimate of their own. */
+static int is_worth_control(const char *integrator) {
+  static const char *const names[] = {"velocity-verlet", "force-gradient",    "rk4",    "rkn6",
+                                      "dop853",          "implicit-midpoint", "sdirk2", "auto"};
+  for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+    if (strcmp(names[i], integrator) == 0) return 1;
+  return 0;
+}
+
+static void add_method(const truth *t, const char *integrator, int32_t collision,
+                       const char *suffix, entrants *list) {
+  char controlled[24];
+  snprintf(controlled, sizeof controlled, "%s, tol", suffix);
+  for (int control = 0; control < 2; control++) {
+    if (control ? !is_worth_control(integrator) : strcmp(integrator, "auto") == 0) continue;
+    if (control && collision == MSIM_COLLISION_EVENT)
+      continue; /* it ends steps at impacts anyway */
+    entrant *who = add(list, integrator, control ? controlled : suffix);
+    if (!who) return;
+    who->integrator = integrator;
+    who->collision = collision;
+    if (control) by_tol(who);
+    else by_step(t, who);
+  }
+}
+
+void entrants_collect(const truth *t, const ode_methods *ode, entrants *list) {
+  const msim_integrator_entry *entry;
+  const char *name;
+  list->count = 0;
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
+    if (entry->order == 0) continue;
+    add_method(t, entry->name, MSIM_COLLISION_REFLECT, "", list);
+    if (t->kind->impacts) add_method(t, entry->name, MSIM_COLLISION_EVENT, ", event", list);
+  }
+  for (int i = 0; ode && !t->kind->impacts && (name = ode->name(i)) != NULL; i++) {
+    entrant *who = add(list, name, "");
+    if (!who) return;
+    who->ode = i;
+    by_tol(who);
+  }
+}
+
+/*------------------------------------- runs -----------------------------------------------------*/
+
+/* What the library calls for forces. */
+typedef struct call {
+  const kernel *kernel;
+  double until;
+  int64_t evaluations;
+  int stopped;
+} call;
+
+static int force(void *data, const double *x, const double *v, double *f) {
+  call *c = data;
+  c->evaluations++;
+  c->stopped = is_interrupted() || wall_seconds() > c->until;
+  if (!c->stopped) kernel_force(c->kernel, x, v, f);
+  return !c->stopped;
+}
+
+/* The library's clock starts when it gets arrays that are ready. x, v: room for where it came to.
+ */
+static void time_ode(const arena *a, const entrant *who, double tol, double until, double *x,
+                     double *v, ending *e) {
+  const truth *t = a->truth;
+  call c = {.kernel = a->kernel, .until = until};
+  const ode_problem problem = {.n = 3 * (size_t)t->view.nparticles,
+                               .x = a->kernel->x,
+                               .v = a->kernel->v,
+                               .inverse = a->kernel->inverse,
+                               .t_end = t->t_end,
+                               .scales = {t->motion, t->speed},
+                               .force = force,
+                               .data = &c};
+  const double start = wall_seconds();
+  const int status = a->ode->solve(who->ode, &problem, tol, x, v);
+  e->seconds = wall_seconds() - start;
+  e->evaluations = c.evaluations;
+  e->reason[0] = '\0';
+  if (c.stopped) snprintf(e->reason, sizeof e->reason, "cut off after %.3g s", e->seconds);
+  else if (status) snprintf(e->reason, sizeof e->reason, "SUNDIALS' status is %d", status);
+}
+
+static int run_ode(const arena *a, const entrant *who, double tol, double until, ending *e) {
+  const size_t n = 3 * (size_t)a->truth->view.nparticles;
+  double *x = malloc(2 * n * sizeof *x);
+  snprintf(e->reason, sizeof e->reason, "out of memory");
+  e->refused = x == NULL;
+  if (!x) return 0;
+  time_ode(a, who, tol, until, x, x + n, e);
+  kernel_unfold(a->kernel, x, e->x);
+  kernel_unfold(a->kernel, x + n, e->v);
+  free(x);
+  return e->reason[0] == '\0';
+}
+
+int entrant_run(const arena *a, const entrant *who, double setting, double until, ending *e) {
+  const truth *t = a->truth;
+  if (!who->integrator) return run_ode(a, who, setting, until, e);
+  trial run = {.scene = t->scene,
+               .integrator = who->integrator,
+               .t_end = t->t_end,
+               .threads = a->threads,
+               .collision = who->collision,
+               .until = until};
+  if (who->by_tol) run.tol = setting;
+  else run.steps = (int64_t)fmax(1, ceil(t->t_end / setting * (1 - 1e-12)));
+  return trial_run(&run, e);
+}

@@ -1,0 +1,122 @@
+/* precision - run time against error: every method by a ladder of settings, on scenes that each
+ * make something difficult, beside CVODE and ARKODE on the same forces */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../common/clock.h"
+#include "../common/message.h"
+#include "benches.h"
+#include "interrupt.h"
+#include "precision_rows.h"
+
+/* Of one scene, s. */
+typedef struct scene_plan {
+  double truth, longest, turns, whole;
+} scene_plan;
+
+static const scene_plan plan_full = {.truth = 20, .longest = 4, .turns = 30, .whole = 120};
+static const scene_plan plan_quick = {.truth = 1.2, .longest = 0.1, .turns = 1, .whole = 7};
+
+enum { SCENES = 16 };
+
+/* What the keys are made of. */
+typedef struct findings {
+  double over_sundials[LEVELS]; /* the largest; NAN: none */
+  double over_best[SCENES * LEVELS];
+  int nover_best;
+} findings;
+
+/*------------------------------------- keys -----------------------------------------------------*/
+
+static double seconds_of(const climb *c, const entrant *who, double error) {
+  return who ? cost_of(c, who, error).seconds : NAN;
+}
+
+/* fmax takes the number where the other is none. */
+static void compare_libraries(const climb *c, findings *f) {
+  const precision_scene *kind = c->arena.truth->kind;
+  if (kind->damped || kind->impacts) return;
+  for (int l = 0; l < LEVELS; l++)
+    f->over_sundials[l] =
+        fmax(f->over_sundials[l], seconds_of(c, cheapest(c, 1, levels[l]), levels[l]) /
+                                      seconds_of(c, cheapest(c, 0, levels[l]), levels[l]));
+}
+
+static const entrant *find(const climb *c, const char *name) {
+  for (const entrant *who = c->entrants.all; who < c->entrants.all + c->entrants.count; who++)
+    if (strcmp(who->name, name) == 0) return who;
+  return NULL;
+}
+
+static void judge_auto(const climb *c, findings *f) {
+  const entrant *chosen = find(c, "auto, tol");
+  for (int l = 0; l < LEVELS; l++) {
+    const double ratio =
+        seconds_of(c, chosen, levels[l]) / seconds_of(c, cheapest(c, 1, levels[l]), levels[l]);
+    if (isfinite(ratio)) f->over_best[f->nover_best++] = ratio;
+  }
+}
+
+static void judge_respa(const climb *c, report *out) {
+  if (strcmp(c->arena.truth->kind->name, "cord") != 0) return;
+  report_key(
+      out, "respa_over_velocity_verlet",
+      seconds_of(c, find(c, "respa"), 1e-2) / seconds_of(c, find(c, "velocity-verlet"), 1e-2));
+}
+
+static void report_findings(report *out, findings *f) {
+  static const char *const keys[LEVELS] = {NULL, "best_over_sundials_1e4", "best_over_sundials_1e6",
+                                           "best_over_sundials_1e8", NULL};
+  for (int l = 0; l < LEVELS; l++)
+    if (keys[l]) report_key(out, keys[l], f->over_sundials[l]);
+  if (f->nover_best == 0) return;
+  report_key(out, "auto_over_best_p80", quantile(f->nover_best, f->over_best, 0.8));
+  report_key(out, "auto_over_best_worst", quantile(f->nover_best, f->over_best, 1));
+}
+
+/*------------------------------------- all scenes -----------------------------------------------*/
+
+static void measure(const bench_wishes *wishes, const precision_scene *kind, const ode_methods *ode,
+                    report *out, findings *f) {
+  const scene_plan *plan = wishes->quick ? &plan_quick : &plan_full;
+  const double until = wall_seconds() + plan->whole;
+  const climb_plan limits = {.longest = plan->longest, .turns = plan->turns, .until = until};
+  truth t;
+  kernel k = {.by_runs = 0};
+  climb c = {.count = 0};
+  const arena a = {.truth = &t, .kernel = &k, .ode = ode, .threads = wishes->threads};
+  print_scene(kind);
+  if (!truth_find(kind, wishes->quick, wishes->threads, plan->truth, until, &t)) {
+    if (!is_interrupted()) report_no_truth(out, kind, t.err.text);
+  } else if (!kernel_make(&t, &k) || !climb_run(&a, &limits, &c)) {
+    report_no_truth(out, kind, "out of memory");
+  } else if (!is_interrupted()) {
+    report_climb(out, &c);
+    compare_libraries(&c, f);
+    judge_auto(&c, f);
+    judge_respa(&c, out);
+  }
+  climb_free(&c);
+  kernel_free(&k);
+  truth_free(&t);
+}
+
+int bench_precision(const bench_wishes *wishes, report *r) {
+  findings f = {.nover_best = 0};
+  const precision_scene *kind;
+  char reason[256];
+  if (wishes->nscenes)
+    return complain_usage("",
+                          "--scene is not for the bench 'precision', which has scenes of its own");
+  const ode_methods *ode = ode_load(reason);
+  if (ode) printf("beside %s\n", ode->library);
+  else printf("without SUNDIALS: %s\n", reason);
+  if (ode) json_object_set_new(r->machine, "ode", json_string(ode->library));
+  for (int l = 0; l < LEVELS; l++) f.over_sundials[l] = NAN;
+  for (int i = 0; (kind = precision_scene_info(i)) != NULL && !is_interrupted(); i++)
+    measure(wishes, kind, ode, r, &f);
+  report_findings(r, &f);
+  return 0;
+}

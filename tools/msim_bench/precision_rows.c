@@ -1,0 +1,184 @@
+#include "precision_rows.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+
+static json_t *scene_row(report *out, const char *measure, const precision_scene *kind) {
+  json_t *row = report_row(out, measure);
+  put_text(row, "scene", kind->name);
+  return row;
+}
+
+void print_scene(const precision_scene *kind) {
+  printf("\n%s: %s\n", kind->name, kind->doc);
+  fflush(stdout);
+}
+
+void report_no_truth(report *out, const precision_scene *kind, const char *why) {
+  json_t *row = scene_row(out, "truth", kind);
+  put_text(row, "status", "failed");
+  put_text(row, "reason", why);
+  printf(" failed: %s\n", why);
+}
+
+/*------------------------------------- the scene ------------------------------------------------*/
+
+static void report_truth(report *out, const truth *t) {
+  json_t *row = scene_row(out, "truth", t->kind);
+  put_text(row, "status", "ok");
+  put_integer(row, "particles", t->view.nparticles);
+  put_integer(row, "springs", t->view.nsprings);
+  put_real(row, "t_end", t->t_end);
+  put_real(row, "verlet_limit", t->limit);
+  put_real(row, "motion", t->motion);
+  put_real(row, "speed", t->speed);
+  put_text(row, "beside", t->other);
+  put_integer(row, "steps", t->steps);
+  put_real(row, "error", t->error);
+  put_real(row, "growth", t->growth);
+  printf(" %d particles, %d springs, %g s; they move %.2g m, Verlet is stable up to %.2g s\n",
+         (int)t->view.nparticles, (int)t->view.nsprings, t->t_end, t->motion, t->limit);
+  printf(" truth: dop853 beside %s, %" PRId64
+         " steps, known to %.1e; a disturbance grows by a factor of %.2g\n",
+         t->other, t->steps, t->error, t->growth);
+}
+
+static void report_kernel(report *out, const kernel *k) {
+  const char *const names[] = {"flat arrays", "a loop of our own"};
+  json_t *row = scene_row(out, "kernel", k->truth->kind);
+  put_text(row, "sundials_gets", names[k->by_runs]);
+  put_real(row, "flat_us", 1e6 * k->flat_s);
+  put_real(row, "loop_us", 1e6 * k->runs_s);
+  put_real(row, "step_us", 1e6 * k->step_s);
+  put_real(row, "create_ms", 1e3 * k->create_s);
+  put_real(row, "difference", k->difference);
+  printf(" forces: %.3g us through flat arrays, %.3g us by a loop of our own; SUNDIALS gets %s\n",
+         1e6 * k->flat_s, 1e6 * k->runs_s, names[k->by_runs]);
+  printf(" a whole step of Verlet takes %.3g us, making the sim %.2g ms\n", 1e6 * k->step_s,
+         1e3 * k->create_s);
+}
+
+/*------------------------------------- rungs ----------------------------------------------------*/
+
+static const char *const statuses[] = {[RAN] = "ok", [REFUSED] = "refused", [FAILED] = "failed"};
+
+/* At some error within a factor of 1.5 of the best of msim's, or of the library's: no others are in
+ * the picture. */
+static int is_near_best(const climb *c, const entrant *who) {
+  for (int l = 0; l < LEVELS; l++) {
+    const entrant *best = cheapest(c, who->integrator != NULL, levels[l]);
+    if (best && cost_of(c, who, levels[l]).seconds <= 1.5 * cost_of(c, best, levels[l]).seconds)
+      return 1;
+  }
+  return 0;
+}
+
+static void report_rung(report *out, const climb *c, int i) {
+  const rung *r = &c->rungs[i];
+  const contestant *run = &c->all[i];
+  json_t *row = scene_row(out, "rung", c->arena.truth->kind);
+  put_text(row, "method", r->who->name);
+  put_text(row, "of", r->who->integrator ? "msim" : "sundials");
+  put_real(row, r->who->by_tol ? "tol" : "h", r->setting);
+  put_text(row, "status", statuses[r->status]);
+  if (r->status == FAILED) put_text(row, "reason", run->reason);
+  if (r->status == REFUSED) put_text(row, "reason", "the truth is not known well enough");
+  if (r->status == FAILED) return;
+  json_object_set_new(row, "near_best", json_boolean(is_near_best(c, r->who)));
+  put_real(row, "ms", 1e3 * median_of(run, whole_seconds));
+  put_real(row, "spread", spread_of(run, whole_seconds));
+  put_integer(row, "repeats", run->n > 1 ? run->n - 1 : 1);
+  put_integer(row, "evaluations", r->evaluations);
+  put_real(row, "error", r->verdict.error);
+  put_real(row, "energy_drift", r->verdict.energy);
+  put_real(row, "momentum_drift", r->verdict.momentum);
+}
+
+/*------------------------------------- methods --------------------------------------------------*/
+
+enum { DRIFT_LEVEL = 1 }; /* drifts and evaluations are those at 1e-4, or of the best rung */
+
+/* The rung that a method's drifts are told of; NULL: none ran. */
+static const rung *typical(const climb *c, const entrant *who) {
+  const rung *best = NULL;
+  for (const rung *r = c->rungs; r < c->rungs + c->count; r++) {
+    if (r->who != who || r->status == FAILED) continue;
+    if (!best || r->verdict.error < best->verdict.error) best = r;
+    if (best->verdict.error <= levels[DRIFT_LEVEL]) break;
+  }
+  return best;
+}
+
+static void print_number(const char *format, double value) {
+  if (isfinite(value)) printf(format, value);
+  else printf(" %8s", "-");
+}
+
+/* Why a method has no result: the reason of its last rung. */
+static const char *last_reason(const climb *c, const entrant *who) {
+  const char *reason = "there was no time left";
+  for (int i = 0; i < c->count; i++)
+    if (c->rungs[i].who == who) reason = c->all[i].reason;
+  return reason;
+}
+
+static void print_method(const climb *c, const entrant *who) {
+  const rung *r = typical(c, who);
+  printf(" %-28.28s", who->name);
+  if (!r) {
+    printf(" failed: %s\n", last_reason(c, who));
+    return;
+  }
+  for (int l = 0; l < LEVELS; l++) print_number(" %8.4g", 1e3 * cost_of(c, who, levels[l]).seconds);
+  print_number(" %8.2g", r->verdict.error);
+  printf(" %9" PRId64, r->evaluations);
+  print_number(" %8.1g", r->verdict.energy);
+  print_number(" %8.1g", r->verdict.momentum);
+  putchar('\n');
+}
+
+static void report_levels(report *out, const climb *c, const entrant *who) {
+  for (int l = 0; l < LEVELS; l++) {
+    const cost found = cost_of(c, who, levels[l]);
+    if (!isfinite(found.seconds)) continue;
+    json_t *row = scene_row(out, "level", c->arena.truth->kind);
+    put_text(row, "method", who->name);
+    put_text(row, "of", who->integrator ? "msim" : "sundials");
+    put_real(row, "error", levels[l]);
+    put_real(row, "ms", 1e3 * found.seconds);
+    put_real(row, "evaluations", found.evaluations);
+  }
+}
+
+static void print_columns(void) {
+  printf(" %-28s", "milliseconds to error");
+  for (int l = 0; l < LEVELS; l++) printf(" %8.0e", levels[l]);
+  printf(" %8s %9s %8s %8s\n", "at error", "evaluat.", "energy", "momentum");
+}
+
+/* What came out best at each level. */
+static void print_best(const climb *c, int of_msim, const char *title) {
+  printf(" best of %s:", title);
+  for (int l = 0; l < LEVELS; l++) {
+    const entrant *best = cheapest(c, of_msim, levels[l]);
+    if (best) printf("  %.0e %s", levels[l], best->name);
+  }
+  putchar('\n');
+}
+
+void report_climb(report *out, const climb *c) {
+  const entrants *list = &c->entrants;
+  report_truth(out, c->arena.truth);
+  report_kernel(out, c->arena.kernel);
+  print_columns();
+  for (int i = 0; i < c->count; i++) report_rung(out, c, i);
+  for (int i = 0; i < list->count; i++) {
+    print_method(c, &list->all[i]);
+    report_levels(out, c, &list->all[i]);
+  }
+  print_best(c, 1, "msim");
+  if (c->arena.truth->kind->impacts) puts(" SUNDIALS takes no part: it reflects nothing");
+  else if (c->arena.ode) print_best(c, 0, c->arena.ode->library);
+  fflush(stdout);
+}

@@ -1,0 +1,163 @@
+#include "precision_scenes.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "parts.h"
+
+static const double down[3] = {0, 0, -9.81}; /* m/s^2 */
+static const double pi = 3.14159265358979323846;
+
+/*------------------------------------- cloths ---------------------------------------------------*/
+
+/* 1 m x 1 m, 0.3 kg, pinned at the particles given; its parts. */
+static msim_status take_cloth(int32_t side, double k, double k_bend, double damping,
+                              const int32_t *pinned, int32_t npinned, parts *p, msim_error *err) {
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = side,
+                            .columns = side,
+                            .row = {0, 1, 0},
+                            .column = {1, 0, 0},
+                            .mass = 0.3,
+                            .k_structural = k,
+                            .k_shear = k,
+                            .k_bend = k_bend,
+                            .damping = damping,
+                            .npinned = npinned,
+                            .pinned = pinned};
+  msim_scene *recipe = NULL;
+  msim_status status = msim_scene_create(NULL, &recipe, err);
+  if (!status) status = msim_scene_add_cloth(recipe, &cloth, err);
+  const msim_status taken = parts_take(recipe, p);
+  return status ? status : taken;
+}
+
+/* The parts as they are now, with the pins of the recipe. */
+static msim_status make(const parts *p, const double *gravity, msim_scene *scene, msim_error *err) {
+  msim_status status = parts_add(p, 1, scene, err);
+  for (int32_t i = 0; i < p->view.nparticles && !status; i++)
+    if (p->view.pinned[i]) status = msim_scene_pin(scene, 1, &i, err);
+  if (!status && gravity) status = msim_scene_set_gravity(scene, gravity, err);
+  return status;
+}
+
+/* Held at two neighbouring corners it swings down and folds. */
+static msim_status hang_cloth(int32_t side, double k, double damping, msim_scene *scene,
+                              msim_error *err) {
+  const int32_t corners[2] = {0, side - 1};
+  parts p;
+  msim_status status = take_cloth(side, k, k, damping, corners, 2, &p, err);
+  if (!status) status = make(&p, down, scene, err);
+  parts_free(&p);
+  return status;
+}
+
+static msim_status folding(int32_t side, msim_scene *scene, msim_error *err) {
+  return hang_cloth(side, 1e3, 0, scene, err);
+}
+
+static msim_status stiff(int32_t side, msim_scene *scene, msim_error *err) {
+  return hang_cloth(side, 1e5, 0, scene, err);
+}
+
+/* A spring between two particles is critically damped at c = sqrt(2 k m): with k = 1000 N/m and
+ * 1.2 g c = 1.5 N s/m. */
+static msim_status damped(int32_t side, msim_scene *scene, msim_error *err) {
+  return hang_cloth(side, 1e3, 0.5, scene, err);
+}
+
+static int is_edge(int32_t i, int32_t side) {
+  const int32_t row = i / side, column = i % side;
+  return row == 0 || column == 0 || row == side - 1 || column == side - 1;
+}
+
+/* All edges held, every spring stretched by a ninth, and a gentle push: v_z = 0.2 sin sin. */
+static msim_status trampoline(int32_t side, msim_scene *scene, msim_error *err) {
+  int32_t *edge = malloc((size_t)side * (size_t)side * sizeof *edge), count = 0;
+  parts p;
+  if (!edge) return MSIM_ERR_MEMORY;
+  for (int32_t i = 0; i < side * side; i++)
+    if (is_edge(i, side)) edge[count++] = i;
+  msim_status status = take_cloth(side, 1e3, 1e3, 0, edge, count, &p, err);
+  free(edge);
+  for (int32_t s = 0; s < p.view.nsprings && !status; s++) p.rest[s] *= 0.9;
+  for (int32_t i = 0; i < p.view.nparticles && !status; i++)
+    if (!p.view.pinned[i])
+      p.v[3 * i + 2] = 0.2 * sin(pi * p.view.x[3 * i]) * sin(pi * p.view.x[3 * i + 1]);
+  if (!status) status = make(&p, NULL, scene, err);
+  parts_free(&p);
+  return status;
+}
+
+/* A soft net held at its corners, and through its middle row a cord of k = 1e6 N/m. */
+static msim_status cord(int32_t side, msim_scene *scene, msim_error *err) {
+  const int32_t corners[4] = {0, side - 1, side * (side - 1), side * side - 1};
+  parts p;
+  msim_status status = take_cloth(side, 100, 0, 0, corners, 4, &p, err);
+  for (int32_t s = 0; s < p.view.nsprings && !status; s++) {
+    const int32_t i = p.view.ij[2 * s], j = p.view.ij[2 * s + 1];
+    if (i / side == side / 2 && j / side == side / 2) p.k[s] = 1e6;
+  }
+  if (!status) status = make(&p, down, scene, err);
+  parts_free(&p);
+  return status;
+}
+
+/*------------------------------------- others ---------------------------------------------------*/
+
+/* A block of 20 cm and 1 kg that falls on a plane, not flat, and bounces. */
+static msim_status jelly(int32_t side, msim_scene *scene, msim_error *err) {
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {side, side, side},
+                              .origin = {0, 0, 0.02},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000};
+  const msim_plane floor = {.normal = {0.1, 0.05, 1}, .offset = 0, .restitution = 0.8};
+  msim_status status = msim_scene_add_lattice(scene, &block, err);
+  if (!status) status = msim_scene_add_plane(scene, &floor, err);
+  if (!status) status = msim_scene_set_gravity(scene, down, err);
+  return status;
+}
+
+/* A rope of 1 m and 0.1 kg that is let go while it is level. */
+static msim_status chain(int32_t side, msim_scene *scene, msim_error *err) {
+  const int32_t first = 0;
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = side,
+                          .to = {1, 0, 0},
+                          .mass = 0.1,
+                          .k = 1e4,
+                          .npinned = 1,
+                          .pinned = &first};
+  msim_status status = msim_scene_add_rope(scene, &rope, err);
+  if (!status) status = msim_scene_set_gravity(scene, down, err);
+  return status;
+}
+
+/*------------------------------------- the table ------------------------------------------------*/
+
+const precision_scene *precision_scene_info(int i) {
+  static const precision_scene scenes[] = {
+      {"trampoline",
+       "cloth held at all edges, stretched, gently pushed; smooth",
+       {24, 16},
+       {0.1, 0.05},
+       0,
+       0,
+       trampoline},
+      {"folding", "cloth held at two corners, falling", {24, 16}, {0.5, 0.2}, 0, 0, folding},
+      {"stiff", "the same, k = 1e5 N/m", {16, 12}, {0.2, 0.03}, 0, 0, stiff},
+      {"damped",
+       "cloth held at two corners, a third of critical damping",
+       {24, 12},
+       {0.5, 0.1},
+       1,
+       0,
+       damped},
+      {"jelly", "block that bounces on a plane", {8, 5}, {0.2, 0.1}, 0, 1, jelly},
+      {"chain", "rope of stiff springs, swinging", {32, 16}, {0.5, 0.2}, 0, 0, chain},
+      {"cord", "cord of k = 1e6 N/m in a net of 100", {16, 12}, {0.2, 0.1}, 0, 0, cord},
+  };
+  return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
+}

@@ -1,0 +1,92 @@
+#include "trial.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../common/clock.h"
+#include "interrupt.h"
+
+enum { LOOKS = 64 }; /* in a run: whether to go on, and at what is to be seen */
+
+int ending_make(int32_t n, ending *e) {
+  *e = (ending){.x = malloc(3 * (size_t)n * sizeof *e->x),
+                .v = malloc(3 * (size_t)n * sizeof *e->v)};
+  return e->x && e->v;
+}
+
+void ending_free(ending *e) {
+  free(e->x);
+  free(e->v);
+  *e = (ending){.x = NULL};
+}
+
+/* Each frame; not 0 ends the run. */
+static int look(msim_sim *sim, void *user) {
+  const trial *t = user;
+  if (t->see) t->see(sim, t->data);
+  return is_interrupted() || wall_seconds() > t->until;
+}
+
+/* Frames are counted in steps, as those in time would cost error control an interpolant. */
+static msim_options options_of(const trial *t) {
+  msim_options options;
+  msim_options_init(&options, sizeof options);
+  options.integrator = t->integrator;
+  options.threads = t->threads;
+  options.collision = t->collision;
+  options.t_end = t->t_end;
+  options.every = LOOKS;
+  if (t->tol > 0) {
+    options.tol = t->tol;
+    return options;
+  }
+  options.steps = t->steps;
+  options.h = t->t_end / (double)t->steps;
+  options.every = t->steps / LOOKS > 0 ? t->steps / LOOKS : 1;
+  return options;
+}
+
+static void take_state(msim_sim *sim, ending *e) {
+  msim_state state = {.size = sizeof state};
+  msim_stats stats = {.size = sizeof stats};
+  msim_sim_state(sim, &state);
+  msim_sim_stats(sim, &stats);
+  memcpy(e->x, state.x, 3 * (size_t)state.n * sizeof *e->x);
+  memcpy(e->v, state.v, 3 * (size_t)state.n * sizeof *e->v);
+  e->evaluations = stats.force_evaluations;
+}
+
+int trial_run(const trial *t, ending *e) {
+  const msim_options options = options_of(t);
+  trial own = *t;
+  msim_sim *sim = NULL;
+  msim_error err;
+  const double start = wall_seconds();
+  msim_status status = msim_sim_create(t->scene, &options, &sim, &err);
+  if (!status && t->start) status = msim_sim_set_state(sim, t->start, &err);
+  if (!status) status = msim_sim_run(sim, look, &own, &err);
+  if (!status) take_state(sim, e);
+  e->seconds = wall_seconds() - start;
+  e->refused = status < 0;
+  if (status) snprintf(e->reason, sizeof e->reason, "%s", err.text);
+  if (status == MSIM_STOPPED)
+    snprintf(e->reason, sizeof e->reason, "cut off after %.3g s", e->seconds);
+  msim_sim_destroy(sim);
+  return status == MSIM_OK;
+}
+
+double longest_step(const msim_scene *scene, const char *integrator, msim_error *err) {
+  msim_options options;
+  msim_plan plan = {.size = sizeof plan};
+  msim_sim *sim = NULL;
+  msim_options_init(&options, sizeof options);
+  options.integrator = integrator;
+  options.steps = 1;
+  options.h = MSIM_H_AUTO;
+  if (msim_sim_create(scene, &options, &sim, err) != MSIM_OK) return NAN;
+  msim_sim_plan(sim, &plan);
+  msim_sim_destroy(sim);
+  return plan.h / 0.9;
+}

@@ -1,0 +1,13 @@
+/* wide - loops for every width of register, of which the processor's is taken when the program is
+ * loaded */
+#ifndef BENCH_WIDE_H
+#define BENCH_WIDE_H
+
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#  define WIDE __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#  define WIDE
+#endif
+
+#endif
