@@ -1,5 +1,4 @@
-"""msim_bench linear, scaling and precision as a whole: all keys, in a minute, however busy the
-machine is."""
+"""msim_bench linear and precision as a whole: all keys, in a minute, however busy the machine is."""
 
 import csv
 import shutil
@@ -59,13 +58,6 @@ class Quick(BenchTest):
         if machine["cores"] == 1:
             expected = {key for key in expected if "other_core" not in key}
         self.check_keys(result, expected)
-
-    def test_scaling(self):
-        result = self.run_quick("scaling")
-        self.check_keys(result, {"time_per_particle_growth_cloth64_to_cloth500",
-                                 "iterations_growth_k_to_100k"})
-        large = self.find(result["rows"], scene="cloth500", solver="auto")
-        self.assertEqual([(row["status"], row["unknowns"]) for row in large], [("ok", 749994)])
 
     def test_precision(self):
         picture = ["--svg", "out.svg"] if shutil.which("gnuplot") else []
