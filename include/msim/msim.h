@@ -250,7 +250,7 @@ typedef struct msim_options {
   double newton_rtol;            /* [1e-8] */
   int32_t newton_max_iterations; /* [100] */
   int32_t collision;             /* MSIM_COLLISION_... [REFLECT] */
-  double tol; /* error control; 0 [default]: fixed steps of h, but dop853 without `steps` 1e-6 */
+  double tol; /* error control; 0 [default]: fixed steps of h; auto, dop853 without `steps`: 1e-6 */
   int32_t threads;         /* at most so many; 0 [default]: by size. Bits do not depend on it */
   int32_t heun_collision;  /* MSIM_HEUN_... [FINAL] */
   int32_t verlet_start;    /* MSIM_VERLET_... [TAYLOR] */
@@ -295,8 +295,8 @@ MSIM_API const msim_option_entry *msim_option_info(int32_t i);
 
 typedef struct msim_integrator_entry {
   const char *name;
-  const char *doc;  /* the formula in a sentence; for a name of a later version, that it is one */
-  int32_t order;    /* of accuracy between impacts; 0: not in this version */
+  const char *doc;  /* the formula in a sentence */
+  int32_t order;    /* of accuracy between impacts; 0: `auto`, which is one of the others */
   int32_t implicit; /* 1: solves a linear system in each step */
 } msim_integrator_entry;
 
@@ -336,8 +336,7 @@ typedef struct msim_state {
   const double *x;      /* 3n, m */
   const double *v;      /* 3n, m/s: the velocity at t */
   const double *v_half; /* 3n: the velocity at t - h/2 that `verlet` carries; NULL for others */
-  double h;             /* the step of the run, s: v_half belongs to it; under error control the
-                         * next one to try */
+  double h; /* the step of the run, s: v_half belongs to it; under error control the next to try */
 } msim_state;
 
 /* Energies in J: 0 at rest, at rest length and at x = 0; all particles count, pinned ones too.
@@ -372,10 +371,9 @@ typedef struct msim_stats {
 typedef struct msim_plan {
   size_t size;
   double h;      /* the step actually made, s; under error control the next one to try */
-  int64_t steps; /* from there to the end; -1 where neither steps nor t_end was given, and under
-                  * error control */
-  const char *integrator;
-  const char *solver; /* of the largest island; "none" where the method needs none */
+  int64_t steps; /* from there to the end; -1 where no end was given, and under error control */
+  const char *integrator; /* what `auto` has chosen, too */
+  const char *solver;     /* of the largest island; "none" where the method needs none */
   int32_t threads;    /* that compute; fewer than asked for where not all could be started */
   double tol;         /* that error control keeps; 0: steps are fixed */
   double t_end;       /* where the run ends, s; -1 where it has no end */
@@ -399,8 +397,7 @@ typedef struct msim_csr {
  * 512 particles is taken together with others.
  *
  * Error control is on where options.tol is set, or the method is dop853 and options.steps is not:
- * then steps are as long as the error they add allows. A step of h, its error E in root mean square
- * by mass,
+ * then steps are as long as their error E, in root mean square by mass, allows. A step of h may add
  *   E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2) <= (tol h/T)^2,
  * with the extent L and the speed U of the scene (explain tells them) and the length T of the run
  * up to t_end, or 1 s where there is none. So tol stands for the error at the end as far as errors
@@ -410,6 +407,9 @@ typedef struct msim_csr {
  * leads them deeper into planes than tol L, in root mean square, is shortened to end at the impact.
  * `step` counts the steps accepted, and the last one ends at t_end. Setting a state starts a new
  * run: its error is counted from there.
+ * With integrator = "auto" each run begins with the choice of a method, by tol and steps tried in
+ * the scene, as explain tells: counts decide, never a clock. Where stability alone sets the steps,
+ * and there are no planes, they are fixed. `h` is not asked for, `steps` is refused.
  *
  * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
  * plane has a part of its normal. Its motion is computed in two components: the same as in three,
@@ -453,13 +453,13 @@ MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, 
 /* Go on from the present state with another step: s, > 0, or MSIM_H_AUTO. The end stays: t_end, or
  * as many steps as options.steps leaves. Values of matrices change, nothing is analysed anew. A
  * recorder that is open keeps the frames it has planned. Under error control h is the next step to
- * try. */
+ * try; refused with auto. */
 MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err);
 
 /* Change the springs of this sim; the scene it was made from stays as it is. Values of matrices
  * change; they are analysed anew only where all rest lengths and dampings were 0 or become so. The
- * step stays, also where MSIM_H_AUTO has chosen it for the old ones. Nullable: k, rest, damping (as
- * they are). */
+ * step stays, also where MSIM_H_AUTO has chosen it for the old ones; but integrator = auto begins a
+ * new run in the present state. Nullable: k, rest, damping (as they are). */
 MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nsprings */,
                                           const double *rest /* nsprings */,
                                           const double *damping /* nsprings */, msim_error *err);

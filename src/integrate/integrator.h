@@ -98,7 +98,10 @@ int ms_is_separable(const ms_stepper *s);
 /* The i-th method of this version; NULL past the end. */
 const ms_integrator *ms_integrator_at(int32_t i);
 
-/* By name. Names of later versions are known, and refused as such. */
+/* That one of them is to be chosen */
+#define MS_AUTO "auto"
+
+/* By name */
 msim_status ms_integrator_find(const char *name, const ms_integrator **integrator, msim_error *err);
 
 #endif

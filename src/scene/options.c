@@ -88,7 +88,8 @@ static const option table[] = {
          "reflect the state after the step, or locate the impact inside it", collision),
     {{"tol", "number > 0", "",
       "choose the steps so that each adds at most its share of this error, relative to the scene's "
-      "size and speed; default: fixed steps of h; dop853 takes 1e-6 where no steps are given"},
+      "size and speed; default: fixed steps of h; dop853 where no steps are given, and auto, "
+      "take 1e-6"},
      REAL,
      AT(tol),
      0,

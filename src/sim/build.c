@@ -110,6 +110,7 @@ msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
   msim_status status = build(sim, left_out, err);
   if (!status) {
     take_down(&sim->alloc, motion, nislands);
+    sim->selection.out_of_date = 0;
     return MSIM_OK;
   }
   ms_sim_take_down(sim);

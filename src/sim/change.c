@@ -10,7 +10,10 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (!sim || !(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
     return ms_fail(err, MSIM_ERR_ARG,
                    "sim is NULL, or h is neither a finite number > 0 nor MSIM_H_AUTO");
-  if (ms_sim_has_control(sim)) {
+  if (ms_sim_selects(sim) && h != MSIM_H_AUTO)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "integrator 'auto' chooses its steps: name a method to set them");
+  if (ms_sim_has_control(sim) || ms_sim_selects(sim)) {
     if (h == MSIM_H_AUTO) return ms_ok(err); /* it is, always */
     sim->opt.h = h;
     ms_drive_use_step(sim, h);
@@ -136,6 +139,20 @@ static void renew(msim_sim *sim) {
   sim->flat_is_current = 0;
 }
 
+/* A new run with them, from the state that is seen, by a method chosen for them. */
+static msim_status start_anew(msim_sim *sim, const double *k, const double *rest,
+                              const double *damping, msim_error *err) {
+  ms_scene *before = ms_scene_share(sim->scene);
+  msim_state now = {.size = sizeof now};
+  msim_sim_state(sim, &now);
+  ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
+  msim_status status = write_springs(sim, k, rest, damping, err);
+  if (!status) status = msim_sim_set_state(sim, &now, err);
+  if (status) put_back(sim, before);
+  else ms_scene_release(before);
+  return status;
+}
+
 msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *rest,
                                  const double *damping, msim_error *err) {
   if (!sim) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL");
@@ -143,6 +160,7 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   msim_status status = check_values("k", n, k, err);
   if (!status) status = check_values("rest", n, rest, err);
   if (!status) status = check_values("damping", n, damping, err);
+  if (!status && ms_sim_selects(sim)) return start_anew(sim, k, rest, damping, err);
   if (!status && damping) status = ms_sim_check_forces(sim, damping, err);
   if (status) return status;
   int other = sim->integrator->splits; /* which springs are stiff */

@@ -311,6 +311,12 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   }
 }
 
+double ms_drive_try(msim_sim *sim, double h) {
+  ms_motion *worst;
+  const outcome o = try_step(sim, h, noise_of(sim, h));
+  return o.m ? INFINITY : ms_error_size(total_error(sim, &worst));
+}
+
 /* Names of the methods that have error control, between commas. */
 static void list_methods(size_t size, char *names) {
   const ms_integrator *method;
@@ -324,10 +330,9 @@ static void list_methods(size_t size, char *names) {
 
 /* dop853 leaves it to steps to switch its control off. */
 msim_status ms_drive_choose(msim_sim *sim, msim_error *err) {
-  const double DEFAULT_TOL = 1e-6;
   msim_options *opt = &sim->opt;
   char names[512];
-  if (opt->tol == 0 && opt->steps < 0 && sim->integrator->estimate) opt->tol = DEFAULT_TOL;
+  if (opt->tol == 0 && opt->steps < 0 && sim->integrator->estimate) opt->tol = MS_DEFAULT_TOL;
   if (opt->tol == 0) return MSIM_OK;
   if (opt->steps >= 0)
     return ms_fail(err, MSIM_ERR_ARG,

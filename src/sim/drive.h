@@ -5,6 +5,8 @@
 
 #include "sim/sim.h"
 
+#define MS_DEFAULT_TOL 1e-6
+
 /* Fixed steps or error control, from the options and the method; refuses what cannot be. */
 msim_status ms_drive_choose(msim_sim *sim, msim_error *err);
 
@@ -19,5 +21,8 @@ void ms_drive_show(msim_sim *sim, double t);
 
 /* The next step to try has this length (s). */
 void ms_drive_use_step(msim_sim *sim, double h);
+
+/* E of a step of h (s) from the present state, which stays; infinite where none can be made. */
+double ms_drive_try(msim_sim *sim, double h);
 
 #endif

@@ -99,6 +99,7 @@ static void explain_control(const msim_sim *sim, ms_text *out) {
 static void explain_method(const msim_sim *sim, ms_text *out) {
   ms_print(out, "integrator    %s, order %d\n              %s\n", sim->integrator->entry.name,
            sim->integrator->entry.order, sim->integrator->entry.doc);
+  if (ms_sim_selects(sim)) ms_selection_explain(&sim->selection, out);
   if (ms_sim_has_control(sim)) {
     explain_control(sim, out);
     return;

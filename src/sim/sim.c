@@ -16,6 +16,44 @@ static msim_status own_string(msim_sim *sim, const char **member, char **own, ms
   return *own ? MSIM_OK : ms_fail_memory(err, "the options");
 }
 
+static msim_status take_method(msim_sim *sim, msim_error *err) {
+  msim_status status = ms_integrator_find(sim->opt.integrator, &sim->integrator, err);
+  if (status) return status;
+  sim->opt.integrator = sim->integrator->entry.name;
+  return ms_drive_choose(sim, err);
+}
+
+/* The method comes later, once all else is known. */
+static msim_status take_auto(msim_sim *sim, msim_error *err) {
+  if (sim->opt.steps >= 0)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "integrator 'auto' and steps exclude each other: tol says how many steps there "
+                   "are; give t_end");
+  if (sim->opt.tol == 0) sim->opt.tol = MS_DEFAULT_TOL;
+  sim->selection.tol = sim->opt.tol;
+  return MSIM_OK;
+}
+
+static msim_status check_collision(const msim_sim *sim, msim_error *err) {
+  if (sim->opt.collision != MSIM_COLLISION_EVENT) return MSIM_OK;
+  if (ms_sim_has_control(sim))
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "tol and collision = event exclude each other: under error control a step that "
+                   "lands ends at the impact in any case");
+  if (sim->integrator->sync)
+    return ms_fail(
+        err, MSIM_ERR_ARG,
+        "integrator '%s' carries v(t - h/2), which no impact at another time can change: "
+        "with collision = event take velocity-verlet, the same method with v(t)",
+        sim->opt.integrator);
+  if (sim->integrator->splits)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "integrator '%s' never has all forces at once, which collision = event needs "
+                   "where particles rest: take velocity-verlet",
+                   sim->opt.integrator);
+  return MSIM_OK;
+}
+
 static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = ms_options_copy(opt, &sim->opt, err);
   if (!status) status = ms_options_check(&sim->opt, err);
@@ -26,27 +64,9 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
     return ms_fail(err, MSIM_ERR_ARG,
                    "no integrator was chosen; explicit-euler, heun, verlet, "
                    "linearly-implicit-euler and others are there");
-  status = ms_integrator_find(opt->integrator, &sim->integrator, err);
+  status = strcmp(opt->integrator, MS_AUTO) == 0 ? take_auto(sim, err) : take_method(sim, err);
   if (status) return status;
-  sim->opt.integrator = sim->integrator->entry.name;
-  status = ms_drive_choose(sim, err);
-  if (status) return status;
-  if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->integrator->sync)
-    return ms_fail(
-        err, MSIM_ERR_ARG,
-        "integrator '%s' carries v(t - h/2), which no impact at another time can change: "
-        "with collision = event take velocity-verlet, the same method with v(t)",
-        sim->opt.integrator);
-  if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->integrator->splits)
-    return ms_fail(err, MSIM_ERR_ARG,
-                   "integrator '%s' never has all forces at once, which collision = event needs "
-                   "where particles rest: take velocity-verlet",
-                   sim->opt.integrator);
-  if (sim->opt.collision == MSIM_COLLISION_EVENT && ms_sim_has_control(sim))
-    return ms_fail(err, MSIM_ERR_ARG,
-                   "tol and collision = event exclude each other: under error control a step that "
-                   "lands ends at the impact in any case");
-  return MSIM_OK;
+  return check_collision(sim, err);
 }
 
 void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
@@ -112,6 +132,8 @@ static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
 
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
+  if (!status && ms_sim_selects(sim))
+    status = ms_sim_select(sim, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = ms_sim_check_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim)) status = ms_sim_settle_step(sim, &sim->opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
@@ -120,7 +142,7 @@ static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *er
   if (status) return status;
   const msim_state start = {
       .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
-  return msim_sim_set_state(sim, &start, err);
+  return ms_sim_start(sim, &start, err);
 }
 
 msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, msim_sim **sim,

@@ -9,6 +9,7 @@
 #include "scene/options.h"
 #include "sim/advice.h"
 #include "sim/plan.h"
+#include "sim/select.h"
 
 /* One island in motion. Nothing couples it with others. */
 typedef struct ms_motion {
@@ -31,6 +32,7 @@ struct msim_sim {
   char *solver, *plugin_path; /* what opt's pointers point to; nullable */
   ms_plan plan;
   ms_advice advice;
+  ms_selection selection;  /* of the method, by integrator = auto */
   ms_pool *pool;           /* NULL: one thread */
   int32_t threads_planned; /* more than the pool has where not all could be started */
   const ms_integrator *integrator;
@@ -62,6 +64,9 @@ struct msim_sim {
 /* Steps are as long as their error allows. */
 static inline int ms_sim_has_control(const msim_sim *sim) { return sim->opt.tol > 0; }
 
+/* Of integrator = auto */
+static inline int ms_sim_selects(const msim_sim *sim) { return sim->selection.tol > 0; }
+
 /* The time of the present state, as it is looked at. */
 double ms_sim_time(const msim_sim *sim);
 
@@ -86,6 +91,9 @@ void ms_sim_drop_matrix(msim_sim *sim);
 
 /* One sentence to who listens. */
 void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
+
+/* A run from that state on, which is good. */
+msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err);
 
 /* Plan the run from t0 and x, v (flat 3n) on; keeps the old plan where that fails. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,

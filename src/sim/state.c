@@ -84,7 +84,8 @@ static msim_status fit_state(msim_sim *sim, const msim_state *state, msim_error 
                      (!state->v_half || ms_is_level(scene, flat, state->x, state->v_half))))
     flat = -1;
   const int split_fits = !sim->integrator->splits || sim->motion->stepper.h == sim->plan.h;
-  if (flat == sim->motion->model.rows.left_out && split_fits) return MSIM_OK;
+  const int fits = split_fits && !sim->selection.out_of_date;
+  if (flat == sim->motion->model.rows.left_out && fits) return MSIM_OK;
   return ms_sim_build(sim, flat, err);
 }
 
@@ -115,11 +116,9 @@ msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err) {
   return status;
 }
 
-msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err) {
-  if (!sim || !state) return ms_fail(err, MSIM_ERR_ARG, "sim or state is NULL");
-  msim_status status = check_state(sim, state, err);
+msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_plan before = sim->plan;
-  if (!status) status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
+  msim_status status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
   if (!status) status = fit_state(sim, state, err);
   if (status) {
     sim->plan = before;
@@ -140,6 +139,26 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
   sim->flat_is_current = 1;
   ms_sim_watch_step(sim);
   return ms_ok(err);
+}
+
+/* With a method chosen for that state; the old one where the run cannot start. */
+static msim_status start_anew(msim_sim *sim, const msim_state *state, msim_error *err) {
+  const ms_selection selection = sim->selection;
+  const ms_advice advice = sim->advice;
+  const ms_integrator *integrator = sim->integrator;
+  const msim_options opt = sim->opt;
+  msim_status status = ms_sim_select(sim, state->t, state->x, state->v, err);
+  if (!status) status = ms_sim_start(sim, state, err);
+  if (!status) return MSIM_OK;
+  sim->selection = selection, sim->advice = advice, sim->integrator = integrator, sim->opt = opt;
+  return status;
+}
+
+msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err) {
+  if (!sim || !state) return ms_fail(err, MSIM_ERR_ARG, "sim or state is NULL");
+  msim_status status = check_state(sim, state, err);
+  if (status) return status;
+  return ms_sim_selects(sim) ? start_anew(sim, state, err) : ms_sim_start(sim, state, err);
 }
 
 void msim_sim_energy(msim_sim *sim, msim_energy *energy) {

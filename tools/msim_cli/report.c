@@ -143,24 +143,12 @@ static void list_integrators(void) {
   int column = printf("  %-*s  order  kind      ", width, "name");
   puts("method");
   for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
-    if (entry->order == 0) continue;
-    printf("  %-*s  %-5d  %-8s  ", width, entry->name, (int)entry->order,
-           entry->implicit ? "implicit" : "explicit");
+    if (entry->order == 0) printf("  %-*s  %-5s  %-8s  ", width, entry->name, "-", "-");
+    else
+      printf("  %-*s  %-5d  %-8s  ", width, entry->name, (int)entry->order,
+             entry->implicit ? "implicit" : "explicit");
     print_wrapped((size_t)column, entry->doc);
   }
-}
-
-/* Their sentences all say that they are not there yet, as the heading does: names are enough. */
-static void list_later_integrators(void) {
-  const msim_integrator_entry *entry;
-  char names[1024] = "";
-  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
-    size_t used = strlen(names);
-    if (entry->order == 0)
-      snprintf(names + used, sizeof names - used, "%s%s", used ? ", " : "", entry->name);
-  }
-  printf("  ");
-  print_wrapped(2, names);
 }
 
 typedef int32_t plugin_info(int32_t i, const char *path, msim_plugin_entry *entry, msim_error *err);
@@ -190,8 +178,6 @@ static void list_plugins(plugin_info *info, const char *path) {
 int report_list(const arguments *args) {
   puts("Integrators");
   list_integrators();
-  puts("\nIntegrators that are known, but not part of this version");
-  list_later_integrators();
   puts("\nLinear solvers");
   list_plugins(msim_solver_info, args->options.plugin_path);
   puts("\nRecorders, chosen by the name of the --out file");

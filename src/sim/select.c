@@ -1,0 +1,318 @@
+#include "sim/select.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "integrate/methods.h"
+#include "linear/kept.h"
+#include "linear/predict.h"
+#include "sim/drive.h"
+
+/* What can take part: velocity Verlet stands for all explicit methods of order 2, and the implicit
+ * methods that are not listed cost what these do. */
+static const struct {
+  const ms_integrator *method;
+  int evaluations, when_damped; /* in a step; 0: Newton's method decides */
+  int stages;                   /* that it solves */
+  int symplectic;
+} list[MS_CANDIDATES] = {
+    {&ms_velocity_verlet, 1, 2, 0, 1},   {&ms_force_gradient, 5, 5, 0, 1}, {&ms_rkn6, 11, 11, 0, 1},
+    {&ms_dop853, 12, 12, 0, 0},
+
+    {&ms_implicit_midpoint, 0, 0, 1, 1}, {&ms_tr_bdf2, 0, 0, 2, 0}};
+
+enum { STATES = 3 };
+
+/* What all candidates are tried in. */
+typedef struct probe {
+  const msim_sim *sim;
+  double tol, span;
+  ms_scales scales;
+  ms_bounds bounds;
+  int damped;
+  double *x[STATES], *v[STATES]; /* flat 3n */
+  double flown, price;
+} probe;
+
+/* Of the limit of stability, as for h = auto */
+#define REACH 0.9
+
+static double limit_of(const probe *p, const ms_integrator *method) {
+  return method->limit ? method->limit(&p->bounds) : INFINITY;
+}
+
+static int is_damped(const ms_scene *scene) {
+  for (int32_t e = 0; e < scene->nsprings; e++)
+    if (scene->damping[e] > 0) return 1;
+  return scene->drag > 0;
+}
+
+/* A sim of the same scene. tol 0: with fixed steps of h */
+static msim_status make_sim(const probe *p, const ms_integrator *method, double tol, double h,
+                            msim_sim **sim, msim_error *err) {
+  msim_scene scene = {p->sim->scene};
+  msim_options opt = p->sim->opt;
+  opt.size = sizeof opt;
+  opt.integrator = method->entry.name;
+  opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
+  return msim_sim_create(&scene, &opt, sim, err);
+}
+
+static msim_status set_state(msim_sim *sim, const double *x, const double *v, msim_error *err) {
+  const msim_state state = {.size = sizeof state, .n = sim->scene->nparticles, .x = x, .v = v};
+  return msim_sim_set_state(sim, &state, err);
+}
+
+/* What it has done so far, in evaluations. The prices of a kept factor say how flops compare; an
+ * evaluation takes about two thirds of an iteration of pcg. */
+static double work_of(const msim_sim *sim) {
+  const double EVALUATION = 2. / 3 * 2 * MS_FLOPS_PER_HALF, ASSEMBLY = 1;
+  const ms_motion *m = ms_sim_largest(sim);
+  const msim_stats *s = &sim->stats;
+  const double pass = EVALUATION * fmax(1, m->model.springs.n);
+  double work = (double)s->force_evaluations + ASSEMBLY * (double)s->assemblies;
+  if (!m->stepper.solver) return work;
+  const ms_linear *linear = m->stepper.solver->linear;
+  work += (double)s->iterations * 1.5 * (linear->aggregates ? 2 : 1);
+  return work + ((double)s->factorizations * linear->flops +
+                 (double)s->solves * MS_FLOPS_PER_FILL * linear->fill) /
+                    pass;
+}
+
+/*------------------------------------- states ---------------------------------------------------*/
+
+/* A quarter of the run, in 600 steps at most */
+static msim_status fly(probe *p, msim_sim *pilot, msim_error *err) {
+  const double SHARE = 0.25;
+  enum { MOST = 600 / STATES };
+  const double h = pilot->plan.h, part = SHARE * p->span / STATES;
+  const int64_t steps = (int64_t)fmin(fmax(1, round(part / h)), MOST);
+  const size_t bytes = 3 * (size_t)p->sim->scene->nparticles * sizeof(double);
+  msim_status status = set_state(pilot, p->x[0], p->v[0], err);
+  for (int i = 0; i < STATES && !status; i++) {
+    msim_state now = {.size = sizeof now};
+    status = msim_sim_step(pilot, steps, err);
+    msim_sim_state(pilot, &now);
+    memcpy(p->x[i], now.x, bytes);
+    memcpy(p->v[i], now.v, bytes);
+  }
+  p->flown = STATES * (double)steps * h;
+  p->price += work_of(pilot);
+  return status > 0 ? MSIM_OK : status; /* the state before the event is as good */
+}
+
+/* From the state in x[0], v[0] */
+static msim_status find_states(probe *p, msim_error *err) {
+  const double FINEST = 500; /* steps in the run at least, where nothing is stiff */
+  const double h = fmin(REACH * limit_of(p, &ms_velocity_verlet), p->span / FINEST);
+  msim_sim *pilot = NULL;
+  msim_status status = make_sim(p, &ms_velocity_verlet, 0, h, &pilot, err);
+  if (!status) status = fly(p, pilot, err);
+  msim_sim_destroy(pilot);
+  return status;
+}
+
+/*------------------------------------- trials ---------------------------------------------------*/
+
+/* E of a step of h from state i, over what is allowed; both as in the run to come. */
+static msim_status try_step(const probe *p, msim_sim *trial, int i, double h, double *ratio,
+                            msim_error *err) {
+  msim_status status = set_state(trial, p->x[i], p->v[i], err);
+  if (status) return status;
+  trial->plan.scales = p->scales;
+  trial->control = ms_control_of(trial->integrator, p->tol, p->span);
+  *ratio = ms_drive_try(trial, h) / ms_control_limit(&trial->control, &p->scales, h);
+  if (!(*ratio < INFINITY)) *ratio = INFINITY;
+  return MSIM_OK;
+}
+
+/* The step of which control would make the next ones: E/h goes like h^k. Ends where that gets too
+ * dear. */
+static msim_status find_step(const probe *p, msim_sim *trial, int i, double cap, double most,
+                             ms_candidate *c, double *h, msim_error *err) {
+  const double FARTHEST = 20, CLOSE = 1.25;
+  const double k = ms_control_of(trial->integrator, p->tol, p->span).order;
+  double ratio, change = FARTHEST;
+  for (int tries = 0; tries < 4 && fmax(change, 1 / change) > CLOSE; tries++) {
+    const double before = work_of(trial);
+    msim_status status = try_step(p, trial, i, *h, &ratio, err);
+    if (status) return status;
+    if (c->method->entry.implicit) c->price = work_of(trial) - before;
+    change = fmax(1 / FARTHEST, fmin(FARTHEST, pow(ratio, -1 / k)));
+    if (*h * change > cap) change = cap / *h;
+    *h *= change;
+    if (change < FARTHEST && c->price / *h > most) break;
+  }
+  return MSIM_OK;
+}
+
+/* The mean over the states, as far as they are tried: not all where it is far above the best. */
+static msim_status find_cost(const probe *p, msim_sim *trial, double most, ms_candidate *c,
+                             msim_error *err) {
+  const double SAFETY = 0.85; /* which the controller keeps */
+  const double stable = (c->method->estimate ? 1 : 2) * REACH * limit_of(p, c->method);
+  const double cap = fmin(stable, p->span / 10);
+  double h = fmin(c->h, cap);
+  c->h = INFINITY;
+  c->held = 1;
+  for (int i = 0; i < STATES && (i == 0 || c->cost <= most); i++) {
+    msim_status status = find_step(p, trial, i, cap, most, c, &h, err);
+    if (status) return status;
+    const double made = h < cap ? SAFETY * h : h;
+    c->held &= h == stable;
+    c->h = fmin(c->h, made);
+    c->cost = fmax(i ? c->cost : 0, c->price / made);
+  }
+  return MSIM_OK;
+}
+
+/* Would fixed steps of h do? The estimate is that of two halves: a whole step has 2^p times it. */
+static msim_status try_fixed(const probe *p, msim_sim *trial, double h, int *fixed,
+                             msim_error *err) {
+  const double whole = ldexp(1, trial->integrator->entry.order);
+  *fixed = 1;
+  for (int i = 0; i < STATES && *fixed; i++) {
+    double ratio;
+    msim_status status = try_step(p, trial, i, h, &ratio, err);
+    if (status) return status;
+    *fixed = MS_MARGIN * whole * ratio <= 1;
+  }
+  return MSIM_OK;
+}
+
+/*------------------------------------- candidates -----------------------------------------------*/
+
+/* Far from the best there is no need to know how far. */
+#define FAR 3.0
+
+static msim_status consider_explicit(probe *p, int i, double best, ms_candidate *c,
+                                     msim_error *err) {
+  const double stable = REACH * limit_of(p, c->method);
+  const int evaluations = p->damped ? list[i].when_damped : list[i].evaluations;
+  msim_sim *trial;
+  c->h = fmin(stable, p->span / 10);
+  msim_status status = make_sim(p, c->method, p->tol, c->h, &trial, err);
+  if (status) return status;
+  if (list[i].symplectic && !p->sim->scene->nplanes && stable <= p->span / 10)
+    status = try_fixed(p, trial, stable, &c->fixed, err);
+  c->price = (c->fixed || c->method->estimate ? 1 : 3) * evaluations;
+  if (c->fixed) c->h = stable, c->cost = c->price / stable, c->held = 1;
+  else if (!status) status = find_cost(p, trial, FAR * best, c, err);
+  p->price += work_of(trial);
+  msim_sim_destroy(trial);
+  return status;
+}
+
+/* The least that Newton's method may take, by linear/predict.h */
+static double predict_price(const msim_sim *trial, int i, double h) {
+  const double CORRECTIONS = 2, RTOL = 0.01;
+  const ms_prediction it = ms_predict(&ms_sim_largest(trial)->model, h, RTOL);
+  return 3 * list[i].stages * CORRECTIONS * (2 + 1.5 * fmin(it.one_level, 2 * it.two_level));
+}
+
+/* Where accuracy sets the steps of explicit methods too, those of implicit ones are no longer; and
+ * nothing is tried that costs a tenth of the run. */
+static msim_status consider_implicit(probe *p, int i, const ms_candidate *best, ms_candidate *c,
+                                     msim_error *err) {
+  msim_sim *trial;
+  if (!best->held) {
+    c->why = "accuracy, not stability, sets the steps of the best so far";
+    return MSIM_OK;
+  }
+  msim_status status =
+      make_sim(p, c->method, p->tol, 100 / (best->cost + 1 / p->span), &trial, err);
+  if (status) return status;
+  c->price = predict_price(trial, i, 100 / best->cost);
+  c->h = 2 * c->price / best->cost;
+  if (c->h > p->span / 5) c->why = "its steps would pay only if ten of them made the run";
+  else status = find_cost(p, trial, best->cost, c, err);
+  p->price += work_of(trial);
+  msim_sim_destroy(trial);
+  return status;
+}
+
+static msim_status consider(probe *p, int i, ms_selection *s, msim_error *err) {
+  ms_candidate *c = &s->candidates[i];
+  const ms_candidate *best = i ? &s->candidates[s->best] : c;
+  msim_status status = MSIM_OK;
+  *c = (ms_candidate){.method = list[i].method, .cost = INFINITY};
+  if (c->method->separable && p->damped) c->why = "forces depend on velocities";
+  else if (c->method->entry.implicit) status = consider_implicit(p, i, best, c, err);
+  else status = consider_explicit(p, i, best->cost, c, err);
+  if (c->cost < best->cost) s->best = i;
+  return status;
+}
+
+static msim_status consider_all(probe *p, ms_selection *s, msim_error *err) {
+  msim_status status = find_states(p, err);
+  for (int i = 0; i < MS_CANDIDATES && !status; i++) status = consider(p, i, s, err);
+  s->flown = p->flown, s->price = p->price;
+  return status;
+}
+
+/*------------------------------------- the choice -----------------------------------------------*/
+
+/* As if all that had been asked for. The first step is one that is stable. */
+static void use(msim_sim *sim, const probe *p, const ms_selection *s) {
+  const ms_candidate *c = &s->candidates[s->best];
+  sim->selection = *s;
+  sim->selection.out_of_date = 1;
+  sim->integrator = c->method;
+  sim->opt.integrator = c->method->entry.name;
+  sim->opt.tol = c->fixed ? 0 : s->tol;
+  sim->opt.h = fmin(c->h, REACH * limit_of(p, c->method));
+  sim->advice = (ms_advice){.chosen = c->fixed, .warned = sim->advice.warned};
+}
+
+static msim_status prepare(probe *p, double t0, const double *x, const double *v, msim_error *err) {
+  const ms_scene *scene = p->sim->scene;
+  msim_options opt = p->sim->opt;
+  ms_plan plan;
+  opt.tol = p->tol;
+  msim_status status = ms_plan_create(&opt, t0, &plan, err);
+  if (status) return status;
+  p->span = ms_plan_span(&plan);
+  p->damped = is_damped(scene);
+  status = ms_scales_compute(scene, x, v, p->span, &p->scales, err);
+  return status ? status : ms_bounds_compute(scene, 1, &p->bounds, err);
+}
+
+msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const double *v,
+                          msim_error *err) {
+  ms_selection s = {.tol = sim->selection.tol};
+  probe p = {.sim = sim, .tol = s.tol};
+  const size_t n = 3 * (size_t)sim->scene->nparticles;
+  msim_status status = prepare(&p, t0, x, v, err);
+  if (status) return status;
+  double *states = ms_new(&sim->alloc, 2 * STATES * n, sizeof *states);
+  if (!states) return ms_fail_memory(err, "the choice of a method");
+  for (size_t i = 0; i < STATES; i++)
+    p.x[i] = states + 2 * i * n, p.v[i] = states + (2 * i + 1) * n;
+  memcpy(p.x[0], x, n * sizeof *x);
+  memcpy(p.v[0], v, n * sizeof *v);
+  status = consider_all(&p, &s, err);
+  if (!status) use(sim, &p, &s);
+  ms_delete(&sim->alloc, states);
+  return status;
+}
+
+static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
+  ms_print(out, "              %-17s ", c->method->entry.name);
+  if (c->why) {
+    ms_print(out, "not tried: %s\n", c->why);
+    return;
+  }
+  ms_print(out, "h = %-8.3g %5.4g evaluations a step, %8.4g a second%s%s\n", c->h, c->price,
+           c->cost, c->held ? ", held by stability" : "",
+           !is_best   ? ""
+           : c->fixed ? ": chosen, in fixed steps"
+                      : ": chosen, under error control");
+}
+
+void ms_selection_explain(const ms_selection *s, ms_text *out) {
+  ms_print(out,
+           "auto          chosen for tol = %g by steps tried in %d states up to %.3g s from the "
+           "start,\n              for the price of %.0f evaluations\n",
+           s->tol, STATES, s->flown, s->price);
+  for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
+}

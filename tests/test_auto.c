@@ -1,0 +1,400 @@
+/* integrator = auto: which method it takes, and what that is worth. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "bank.h"
+#include "scenes.h"
+#include "sim/sim.h"
+
+/*------------------------------------- scenes ---------------------------------------------------*/
+
+static msim_scene *soft_cloth(void) { return hanging_cloth(5, 30, 0); }
+static msim_scene *stiff_cloth(void) { return hanging_cloth(5, 3e4, 0); }
+static msim_scene *damped_cloth(void) { return hanging_cloth(5, 300, 0.05); }
+
+/* It swings from one end. */
+static msim_scene *pendulum(void) {
+  const double g[3] = {0, 0, -9.81};
+  const int32_t first = 0;
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = 6,
+                          .to = {1, 0, 0},
+                          .mass = 0.2,
+                          .k = 500,
+                          .npinned = 1,
+                          .pinned = &first};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_rope(scene, &rope, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+static msim_scene *ball(void) {
+  const double x[3] = {0, 0, 1}, v[3] = {0};
+  msim_scene *scene = single(x, v, 9.81);
+  plane(scene, 0, 0, 1, 0, 0.5, 0);
+  return scene;
+}
+
+typedef struct example {
+  const char *name;
+  msim_scene *(*make)(void);
+  double t_end;
+  double most; /* error over tol: impacts may each add some */
+} example;
+
+static const example examples[] = {{"soft cloth", soft_cloth, 0.6, 1},
+                                   {"stiff cloth", stiff_cloth, 0.2, 1},
+                                   {"damped cloth", damped_cloth, 0.5, 1},
+                                   {"rope pendulum", pendulum, 1, 1},
+                                   {"ball on plane", ball, 1.2, 40}};
+enum { NEXAMPLES = sizeof examples / sizeof *examples };
+
+static msim_options options_of(const char *method, double tol, double t_end) {
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = method, opt.tol = tol, opt.t_end = t_end, opt.solver = "pcg";
+  return opt;
+}
+
+/*------------------------------------- error and work -------------------------------------------*/
+
+enum { MOST = 3 * 25 };
+
+typedef struct result {
+  double x[MOST], v[MOST];
+  double work; /* evaluations */
+} result;
+
+typedef struct target {
+  const example *of;
+  msim_scene *scene;
+  ms_scales scales;
+  result exact;
+} target;
+
+/* 1: made, with so much work at most. */
+static int run(const msim_scene *scene, const msim_options *opt, double most, result *r) {
+  msim_sim *sim;
+  if (msim_sim_create(scene, opt, &sim, NULL)) return 0; /* not for forces like these */
+  msim_status status = MSIM_OK;
+  while (!status && state_of(sim).t < opt->t_end * (1 - 1e-12) &&
+         (double)stats_of(sim).force_evaluations <= most)
+    status = msim_sim_step(sim, 1, NULL);
+  const msim_state now = state_of(sim);
+  const int done = !status && now.t >= opt->t_end * (1 - 1e-12);
+  memcpy(r->x, now.x, 3 * (size_t)now.n * sizeof *now.x);
+  memcpy(r->v, now.v, 3 * (size_t)now.n * sizeof *now.v);
+  r->work = (double)stats_of(sim).force_evaluations;
+  msim_sim_destroy(sim);
+  return done;
+}
+
+/* As control measures it */
+static double error_of(const target *t, const result *r) {
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(t->scene, &view);
+  double sum = 0;
+  for (size_t i = 0; i < 3 * (size_t)view.nparticles; i++) {
+    const double dx = (r->x[i] - t->exact.x[i]) / t->scales.extent;
+    const double dv = (r->v[i] - t->exact.v[i]) / t->scales.speed;
+    if (!view.pinned[i / 3]) sum += view.mass[i / 3] * (dx * dx + dv * dv);
+  }
+  return sqrt(sum / (2 * t->scales.mass));
+}
+
+static void find_exact(const example *of, target *t) {
+  msim_scene_view view = {.size = sizeof view};
+  *t = (target){.of = of, .scene = of->make()};
+  msim_scene_get(t->scene, &view);
+  assert_true(3 * view.nparticles <= MOST);
+  assert_ok(ms_scales_compute(t->scene->data, view.x, view.v, of->t_end, &t->scales, err));
+  const msim_options opt = options_of("dop853", 1e-11, of->t_end);
+  assert_true(run(t->scene, &opt, INFINITY, &t->exact));
+}
+
+/*------------------------------------- the best method ------------------------------------------*/
+
+/* What a method costs at errors of a ladder of tol or of h */
+typedef struct curve {
+  const char *method;
+  int fixed, n;
+  double error[12], work[12];
+} curve;
+
+static void climb(const target *t, const char *method, int fixed, double most, curve *c) {
+  *c = (curve){.method = method, .fixed = fixed};
+  msim_options opt = options_of(method, 0.1, t->of->t_end);
+  if (fixed) opt.tol = 0, opt.h = MSIM_H_AUTO;
+  msim_sim *sim;
+  if (msim_sim_create(t->scene, &opt, &sim, NULL)) return;
+  opt.h = sim->plan.h;
+  msim_sim_destroy(sim);
+  result r;
+  for (int i = 0; i < 12 && run(t->scene, &opt, most, &r); i++, opt.tol /= 10, opt.h /= 2)
+    c->error[c->n] = error_of(t, &r), c->work[c->n++] = r.work;
+}
+
+/* Between two rungs as powers of the error go */
+static double work_at(const curve *c, double error) {
+  double least = INFINITY;
+  for (int i = 0; i < c->n; i++) {
+    if (c->error[i] > error) continue;
+    double work = c->work[i];
+    if (i > 0 && c->error[i - 1] > error)
+      work *=
+          pow(c->work[i - 1] / work, log(error / c->error[i]) / log(c->error[i - 1] / c->error[i]));
+    least = fmin(least, work);
+  }
+  return least;
+}
+
+/* Fixed steps too, but at planes, where they are right by chance */
+enum { CURVES = 8 };
+static void climb_all(const target *t, double most, curve curves[CURVES]) {
+  static const char *const methods[] = {"velocity-verlet", "force-gradient", "rkn6", "dop853",
+                                        "rk4"};
+  const int planes = t->scene->data->nplanes > 0;
+  int n = 0;
+  for (int m = 0; m < 5; m++) climb(t, methods[m], 0, most, &curves[n++]);
+  for (int m = 0; m < 3; m++) climb(t, methods[m], 1, planes ? 0 : most, &curves[n++]);
+}
+
+static double find_best(const curve curves[CURVES], double error, const curve **best) {
+  double least = INFINITY;
+  *best = &curves[0];
+  for (int i = 0; i < CURVES; i++) {
+    const double work = work_at(&curves[i], error);
+    if (work < least) least = work, *best = &curves[i];
+  }
+  return least;
+}
+
+static void choose(const target *t, double tol, result *r, const ms_candidate **c,
+                   ms_selection *s) {
+  const msim_options opt = options_of("auto", tol, t->of->t_end);
+  msim_sim *sim = make_sim(t->scene, &opt);
+  *s = sim->selection;
+  *c = &s->candidates[s->best];
+  assert_string_equal(sim->integrator->entry.name, (*c)->method->entry.name);
+  msim_sim_destroy(sim);
+  assert_true(run(t->scene, &opt, INFINITY, r));
+}
+
+/* It keeps tol, and costs little more than the best method by itself where that is as good. */
+static void as_good_as_the_best(void **state) {
+  (void)state;
+  const double tols[] = {1e-2, 1e-4, 1e-6, 1e-8};
+  enum { NTOLS = 4 };
+  for (int i = 0; i < NEXAMPLES; i++) {
+    target t;
+    result r[NTOLS];
+    const ms_candidate *c[NTOLS];
+    ms_selection s[NTOLS];
+    double most = 0;
+    curve curves[CURVES];
+    find_exact(&examples[i], &t);
+    for (int k = 0; k < NTOLS; k++) {
+      choose(&t, tols[k], &r[k], &c[k], &s[k]);
+      most = fmax(most, r[k].work);
+    }
+    climb_all(&t, 1.5 * most, curves);
+    for (int k = 0; k < NTOLS; k++) {
+      const curve *best;
+      const double enough = find_best(curves, tols[k], &best);
+      const double error = error_of(&t, &r[k]), least = find_best(curves, error, &best);
+      print_message(
+          "  %-14s tol %.0e  %-15s %-10s  error %.1e  evaluations %6.0f + %4.0f, "
+          "%4.2f of %s%s, %4.2f of enough\n",
+          t.of->name, tols[k], c[k]->method->entry.name, c[k]->fixed ? "fixed" : "controlled",
+          error, r[k].work, s[k].price, r[k].work / least, best->method,
+          best->fixed ? ", fixed" : "", r[k].work / enough);
+      assert_true(error < t.of->most * tols[k]);
+      assert_true(r[k].work <= 4 * least && r[k].work <= 6 * enough);
+    }
+    msim_scene_destroy(t.scene);
+  }
+}
+
+/*------------------------------------- the choice -----------------------------------------------*/
+
+static const char *name_of(const msim_sim *sim) {
+  msim_plan plan = {.size = sizeof plan};
+  msim_sim_plan(sim, &plan);
+  return plan.integrator;
+}
+
+static void same_choice(const msim_sim *a, const msim_sim *b) {
+  assert_string_equal(name_of(a), name_of(b));
+  assert_memory_equal(a->selection.candidates, b->selection.candidates,
+                      sizeof a->selection.candidates);
+  assert_true(a->opt.tol == b->opt.tol && a->opt.h == b->opt.h);
+}
+
+static void same_state(msim_sim *a, msim_sim *b) {
+  const msim_state s = state_of(a), t = state_of(b);
+  assert_true(s.t == t.t);
+  assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
+  assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
+}
+
+/* Who asks again gets the same, however many threads there are, and told why. */
+static void it_is_always_the_same(void **state) {
+  (void)state;
+  for (int i = 0; i < NEXAMPLES; i++) {
+    msim_scene *scene = examples[i].make();
+    msim_options opt = options_of("auto", 1e-4, examples[i].t_end);
+    msim_sim *sim = make_sim(scene, &opt);
+    opt.threads = 2;
+    msim_sim *other = make_sim(scene, &opt);
+    const char *text, *line;
+    same_choice(sim, other);
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    assert_ok(msim_sim_run(other, NULL, NULL, err));
+    same_state(sim, other);
+    assert_ok(msim_sim_explain(sim, &text, err));
+    for (int k = 0; k < MS_CANDIDATES; k++)
+      assert_non_null(strstr(text, sim->selection.candidates[k].method->entry.name));
+    line = strstr(text, ": chosen, ");
+    assert_non_null(line);
+    assert_null(strstr(line + 1, ": chosen, "));
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* The default tol, and a run without an end */
+static void it_needs_no_options(void **state) {
+  (void)state;
+  msim_scene *scene = soft_cloth();
+  const msim_options bare = options_of("auto", 0, -1), full = options_of("auto", 1e-6, 1);
+  msim_sim *sim = make_sim(scene, &bare), *other = make_sim(scene, &full);
+  same_choice(sim, other);
+  assert_ok(msim_sim_step(sim, 3, err));
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene);
+}
+
+/* A scene that is in a state already chooses as one that was put into it, which goes on as a fresh
+ * one does. */
+static void a_state_is_a_new_run(void **state) {
+  (void)state;
+  msim_scene *scene = soft_cloth(), *later;
+  const msim_options opt = options_of("auto", 1e-5, 0.8);
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 30, err));
+  double x[MOST], v[MOST];
+  msim_state now = state_of(sim);
+  memcpy(x, now.x, sizeof x), memcpy(v, now.v, sizeof v);
+  now.x = x, now.v = v, now.t = 0;
+  assert_ok(msim_sim_set_state(sim, &now, err));
+  assert_ok(msim_sim_set_state(other, &now, err));
+  same_choice(sim, other);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_ok(msim_sim_run(other, NULL, NULL, err));
+  same_state(sim, other);
+  msim_scene_view view = {.size = sizeof view};
+  const int32_t corners[2] = {0, 4};
+  msim_scene_get(scene, &view);
+  assert_ok(msim_scene_create(NULL, &later, err));
+  assert_ok(msim_scene_add_particles(later, view.nparticles, x, v, view.mass, err));
+  assert_ok(msim_scene_add_springs(later, view.nsprings, view.ij, view.k, view.rest, NULL, err));
+  assert_ok(msim_scene_pin(later, 2, corners, err));
+  assert_ok(msim_scene_set_gravity(later, view.gravity, err));
+  msim_sim_destroy(other);
+  other = make_sim(later, &opt);
+  same_choice(sim, other);
+  assert_ok(msim_sim_run(other, NULL, NULL, err));
+  same_state(sim, other);
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene), msim_scene_destroy(later);
+}
+
+/* Forces that come to depend on velocities take another method. */
+static void springs_are_a_new_run(void **state) {
+  (void)state;
+  msim_scene *scene = soft_cloth(), *damped = hanging_cloth(5, 30, 0.01);
+  const msim_options opt = options_of("auto", 1e-6, 0.6);
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(damped, &opt);
+  msim_scene_view view = {.size = sizeof view};
+  assert_string_equal(name_of(sim), "rkn6");
+  assert_ok(msim_sim_step(sim, 5, err));
+  msim_scene_get(damped, &view);
+  assert_ok(msim_sim_set_springs(sim, NULL, NULL, view.damping, err));
+  assert_string_equal(name_of(sim), "dop853");
+  const msim_state now = state_of(sim);
+  assert_ok(msim_sim_set_state(other, &now, err));
+  same_choice(sim, other);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_ok(msim_sim_run(other, NULL, NULL, err));
+  same_state(sim, other);
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene), msim_scene_destroy(damped);
+}
+
+/* It is no step of the user's that it takes. */
+static void it_chooses_the_steps(void **state) {
+  (void)state;
+  msim_scene *scene = stiff_cloth();
+  msim_options opt = options_of("auto", 1e-2, 0.2);
+  msim_error why;
+  opt.h = 0.1;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_true(sim->plan.h < 1e-3);
+  assert_int_equal(msim_sim_set_step(sim, 1e-5, &why), MSIM_ERR_ARG);
+  assert_non_null(strstr(why.text, "integrator 'auto' chooses its steps"));
+  assert_ok(msim_sim_set_step(sim, MSIM_H_AUTO, err));
+  msim_sim_destroy(sim);
+  opt.steps = 10;
+  assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
+  assert_non_null(strstr(why.text, "give t_end"));
+  opt.steps = -1, opt.collision = MSIM_COLLISION_EVENT;
+  assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
+  assert_non_null(strstr(why.text, "tol and collision = event exclude each other"));
+  msim_scene_destroy(scene);
+}
+
+/* A choice that memory is lacking for changes nothing, and leaks nothing. */
+static void it_survives_lack_of_memory(void **state) {
+  (void)state;
+  bank b = {.fail_at = -1};
+  const msim_allocator alloc = {bank_alloc, bank_free, &b};
+  const double x[6] = {0, 0, 0, 1, 0.2, 0}, far[6] = {0, 0, 0, 3, 0, 0.5}, v[6] = {0},
+               mass[2] = {1, 1}, k = 100, rest = 1;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(&alloc, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  const msim_options opt = options_of("auto", 1e-4, 1);
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+  const msim_state there = {.size = sizeof there, .n = 2, .x = far, .v = v};
+  const int64_t live = b.live;
+  msim_status status = MSIM_ERR_MEMORY;
+  for (int64_t at = 0; status; at++) {
+    b.calls = 0, b.fail_at = at;
+    status = msim_sim_set_state(sim, &there, NULL);
+    b.fail_at = -1;
+    if (!status) break;
+    assert_int_equal(status, MSIM_ERR_MEMORY);
+    assert_int_equal(b.live, live);
+    same_choice(sim, other);
+    assert_ok(msim_sim_step(sim, 1, err));
+    assert_ok(msim_sim_step(other, 1, err));
+    same_state(sim, other);
+  }
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene);
+  assert_int_equal(b.live, 0);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(as_good_as_the_best),       cmocka_unit_test(it_is_always_the_same),
+      cmocka_unit_test(it_needs_no_options),       cmocka_unit_test(a_state_is_a_new_run),
+      cmocka_unit_test(springs_are_a_new_run),     cmocka_unit_test(it_chooses_the_steps),
+      cmocka_unit_test(it_survives_lack_of_memory)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
