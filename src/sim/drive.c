@@ -141,18 +141,19 @@ static msim_status collect(msim_sim *sim, ms_motion *m) {
 typedef struct outcome {
   msim_status status;
   ms_motion *m;
-  msim_error why;
+  const msim_error *why; /* the caller's */
 } outcome;
 
 /* A step of h by all that are not at rest; none is accepted yet. */
-static outcome try_step(msim_sim *sim, double h, double noise) {
-  outcome result = {.why = {0, ""}};
+static outcome try_step(msim_sim *sim, double h, double noise, msim_error *why) {
+  outcome result = {.why = why};
+  why->text[0] = 0;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
     m->stepper.h = h, m->stepper.noise = noise, m->stepper.looked = 0;
   if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
     if (m->at_rest) continue;
-    result.status = m->by_one ? collect(sim, m) : step_island(sim, m, &result.why);
+    result.status = m->by_one ? collect(sim, m) : step_island(sim, m, why);
     if (result.status) result.m = m;
   }
   return result;
@@ -191,8 +192,9 @@ static msim_status blame(const msim_sim *sim, const ms_motion *m, double t, msim
 }
 
 static msim_status fixed_step(msim_sim *sim, msim_error *err) {
-  const outcome o = try_step(sim, sim->plan.h, 0);
-  if (o.m) return blame(sim, o.m, ms_sim_time(sim) + sim->plan.h, o.status, o.why.text, err);
+  msim_error why;
+  const outcome o = try_step(sim, sim->plan.h, 0, &why);
+  if (o.m) return blame(sim, o.m, ms_sim_time(sim) + sim->plan.h, o.status, o.why->text, err);
   accept_all(sim);
   return MSIM_OK;
 }
@@ -248,7 +250,7 @@ static msim_status give_up(msim_sim *sim, const outcome *o, ms_motion *worst, do
   char why[256];
   if (o->m) {
     snprintf(why, sizeof why, "not even a step of %.3g s can be made: %.180s", h,
-             *o->why.text ? o->why.text : msim_status_text(o->status));
+             *o->why->text ? o->why->text : msim_status_text(o->status));
     return blame(sim, o->m, sim->t + h, o->status, why, err);
   }
   worst->stepper.culprit = ms_error_culprit(sim->integrator, &worst->stepper);
@@ -293,10 +295,11 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   const ms_control before = sim->control;
   const double left = time_left(sim);
   const double least = 16 * DBL_EPSILON * fmax(fabs(sim->t), before.span);
+  msim_error why;
   for (;;) {
     const double h = ms_control_next(&sim->control, left);
     ms_motion *worst = NULL;
-    const outcome o = try_step(sim, h, noise_of(sim, h));
+    const outcome o = try_step(sim, h, noise_of(sim, h), &why);
     if (is_accepted(sim, &o, h, &worst)) {
       reflect_all(sim);
       accept_all(sim);
@@ -306,14 +309,15 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
     }
     if (sim->control.h >= least && (!o.m || may_help(o.status))) continue;
     sim->control = before;
-    return o.m && !may_help(o.status) ? blame(sim, o.m, sim->t + h, o.status, o.why.text, err)
+    return o.m && !may_help(o.status) ? blame(sim, o.m, sim->t + h, o.status, o.why->text, err)
                                       : give_up(sim, &o, worst, h, err);
   }
 }
 
 double ms_drive_try(msim_sim *sim, double h) {
   ms_motion *worst;
-  const outcome o = try_step(sim, h, noise_of(sim, h));
+  msim_error why;
+  const outcome o = try_step(sim, h, noise_of(sim, h), &why);
   return o.m ? INFINITY : ms_error_size(total_error(sim, &worst));
 }
 
