@@ -14,14 +14,15 @@ static msim_scene *stiff_cloth(void) { return hanging_cloth(5, 3e4, 0); }
 static msim_scene *damped_cloth(void) { return hanging_cloth(5, 300, 0.05); }
 
 /* It swings from one end. */
-static msim_scene *pendulum(void) {
+static msim_scene *swing(int32_t n, double k, double damping) {
   const double g[3] = {0, 0, -9.81};
   const int32_t first = 0;
   const msim_rope rope = {.size = sizeof rope,
-                          .n = 6,
+                          .n = n,
                           .to = {1, 0, 0},
                           .mass = 0.2,
-                          .k = 500,
+                          .k = k,
+                          .damping = damping,
                           .npinned = 1,
                           .pinned = &first};
   msim_scene *scene;
@@ -30,6 +31,9 @@ static msim_scene *pendulum(void) {
   assert_ok(msim_scene_set_gravity(scene, g, err));
   return scene;
 }
+
+static msim_scene *pendulum(void) { return swing(6, 500, 0); }
+static msim_scene *wire(void) { return swing(3, 1e8, 1e4); }
 
 static msim_scene *ball(void) {
   const double x[3] = {0, 0, 1}, v[3] = {0};
@@ -105,13 +109,13 @@ static double error_of(const target *t, const result *r) {
   return sqrt(sum / (2 * t->scales.mass));
 }
 
-static void find_exact(const example *of, target *t) {
+static void find_exact(const example *of, double tol, target *t) {
   msim_scene_view view = {.size = sizeof view};
   *t = (target){.of = of, .scene = of->make()};
   msim_scene_get(t->scene, &view);
   assert_true(3 * view.nparticles <= MOST);
   assert_ok(ms_scales_compute(t->scene->data, view.x, view.v, of->t_end, &t->scales, err));
-  const msim_options opt = options_of("dop853", 1e-11, of->t_end);
+  const msim_options opt = options_of("dop853", tol, of->t_end);
   assert_true(run(t->scene, &opt, INFINITY, &t->exact));
 }
 
@@ -195,7 +199,7 @@ static void as_good_as_the_best(void **state) {
     ms_selection s[NTOLS];
     double most = 0;
     curve curves[CURVES];
-    find_exact(&examples[i], &t);
+    find_exact(&examples[i], 1e-11, &t);
     for (int k = 0; k < NTOLS; k++) {
       choose(&t, tols[k], &r[k], &c[k], &s[k]);
       most = fmax(most, r[k].work);
@@ -238,6 +242,27 @@ static void same_state(msim_sim *a, msim_sim *b) {
   assert_true(s.t == t.t);
   assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
   assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
+}
+
+/* Two stiff springs that are damped, and swing slowly: long steps by far pay. */
+static void implicit_where_that_pays(void **state) {
+  (void)state;
+  const example swinging = {"wire", wire, 0.4, 1};
+  const double tol = 1e-2;
+  target t;
+  result r;
+  const ms_candidate *c;
+  ms_selection s;
+  find_exact(&swinging, 1e-6, &t);
+  choose(&t, tol, &r, &c, &s);
+  const double error = error_of(&t, &r), by_verlet = s.candidates[0].cost;
+  print_message("  %s error %.1e, evaluations a second %.0f, by velocity-verlet %.0f\n",
+                c->method->entry.name, error, c->cost, by_verlet);
+  assert_string_equal(c->method->entry.name, "tr-bdf2");
+  assert_true(error < tol);
+  assert_true(5 * c->cost < by_verlet && s.price < 0.3 * by_verlet * t.of->t_end);
+  assert_true(r.work < c->cost * t.of->t_end);
+  msim_scene_destroy(t.scene);
 }
 
 /* Who asks again gets the same, however many threads there are, and told why. */
@@ -392,9 +417,9 @@ static void it_survives_lack_of_memory(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(as_good_as_the_best),       cmocka_unit_test(it_is_always_the_same),
-      cmocka_unit_test(it_needs_no_options),       cmocka_unit_test(a_state_is_a_new_run),
-      cmocka_unit_test(springs_are_a_new_run),     cmocka_unit_test(it_chooses_the_steps),
-      cmocka_unit_test(it_survives_lack_of_memory)};
+      cmocka_unit_test(as_good_as_the_best),   cmocka_unit_test(implicit_where_that_pays),
+      cmocka_unit_test(it_is_always_the_same), cmocka_unit_test(it_needs_no_options),
+      cmocka_unit_test(a_state_is_a_new_run),  cmocka_unit_test(springs_are_a_new_run),
+      cmocka_unit_test(it_chooses_the_steps),  cmocka_unit_test(it_survives_lack_of_memory)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,18 +8,19 @@
 #include "linear/predict.h"
 #include "sim/drive.h"
 
-/* What can take part: velocity Verlet stands for all explicit methods of order 2, and the implicit
- * methods that are not listed cost what these do. */
+/* What can take part: velocity Verlet stands for all explicit methods of order 2, dop853 for rk4,
+ * whose steps control makes three times. tr-bdf2 damps what long steps cannot follow; the implicit
+ * methods that do not are held up by it, and go no farther than explicit ones. */
 static const struct {
   const ms_integrator *method;
   int evaluations, when_damped; /* in a step; 0: Newton's method decides */
-  int stages;                   /* that it solves */
-  int symplectic;
+  int fixes; /* symplectic: worth having in fixed steps, which keep energy within bounds */
 } list[MS_CANDIDATES] = {
-    {&ms_velocity_verlet, 1, 2, 0, 1},   {&ms_force_gradient, 5, 5, 0, 1}, {&ms_rkn6, 11, 11, 0, 1},
-    {&ms_dop853, 12, 12, 0, 0},
-
-    {&ms_implicit_midpoint, 0, 0, 1, 1}, {&ms_tr_bdf2, 0, 0, 2, 0}};
+    {.method = &ms_velocity_verlet, .evaluations = 1, .when_damped = 2, .fixes = 1},
+    {.method = &ms_force_gradient, .evaluations = 5, .fixes = 1},
+    {.method = &ms_rkn6, .evaluations = 11, .fixes = 1},
+    {.method = &ms_dop853, .evaluations = 12, .when_damped = 12},
+    {.method = &ms_tr_bdf2}};
 
 enum { STATES = 3 };
 
@@ -30,8 +31,10 @@ typedef struct probe {
   ms_scales scales;
   ms_bounds bounds;
   int damped;
-  double *x[STATES], *v[STATES]; /* flat 3n */
+  const double *x0, *v0; /* flat 3n: the start */
+  double *x[STATES], *v[STATES];
   double flown, price;
+  int at; /* the state that the trial at hand is in; -1: none of them, or the start */
 } probe;
 
 /* Of the limit of stability, as for h = auto */
@@ -48,9 +51,10 @@ static int is_damped(const ms_scene *scene) {
 }
 
 /* A sim of the same scene. tol 0: with fixed steps of h */
-static msim_status make_sim(const probe *p, const ms_integrator *method, double tol, double h,
+static msim_status make_sim(probe *p, const ms_integrator *method, double tol, double h,
                             msim_sim **sim, msim_error *err) {
   msim_scene scene = {p->sim->scene};
+  p->at = -1;
   msim_options opt = p->sim->opt;
   opt.size = sizeof opt;
   opt.integrator = method->entry.name;
@@ -63,20 +67,23 @@ static msim_status set_state(msim_sim *sim, const double *x, const double *v, ms
   return msim_sim_set_state(sim, &state, err);
 }
 
-/* What it has done so far, in evaluations. The prices of a kept factor say how flops compare; an
- * evaluation takes about two thirds of an iteration of pcg. */
+/* Evaluations that an iteration of pcg is worth; a coarse space doubles it. */
+#define ITERATION 1.5
+
+/* What it has done so far, in evaluations of all islands: each counts its own, taken as one of
+ * many like the largest. An assembly is worth one; the flops of factors compare as in kept.h. */
 static double work_of(const msim_sim *sim) {
-  const double EVALUATION = 2. / 3 * 2 * MS_FLOPS_PER_HALF, ASSEMBLY = 1;
   const ms_motion *m = ms_sim_largest(sim);
   const msim_stats *s = &sim->stats;
-  const double pass = EVALUATION * fmax(1, m->model.springs.n);
-  double work = (double)s->force_evaluations + ASSEMBLY * (double)s->assemblies;
-  if (!m->stepper.solver) return work;
-  const ms_linear *linear = m->stepper.solver->linear;
-  work += (double)s->iterations * 1.5 * (linear->aggregates ? 2 : 1);
-  return work + ((double)s->factorizations * linear->flops +
-                 (double)s->solves * MS_FLOPS_PER_FILL * linear->fill) /
-                    pass;
+  const double flops = 2 * MS_FLOPS_PER_HALF / ITERATION * fmax(1, m->model.springs.n);
+  double work = (double)s->force_evaluations + (double)s->assemblies;
+  if (m->stepper.solver) {
+    const ms_linear *linear = m->stepper.solver->linear;
+    work += (double)s->iterations * ITERATION * (linear->aggregates ? 2 : 1);
+    work += (double)s->factorizations * linear->flops / flops;
+    work += (double)s->solves * MS_FLOPS_PER_FILL * linear->fill / flops;
+  }
+  return work / sim->nislands;
 }
 
 /*------------------------------------- states ---------------------------------------------------*/
@@ -88,7 +95,7 @@ static msim_status fly(probe *p, msim_sim *pilot, msim_error *err) {
   const double h = pilot->plan.h, part = SHARE * p->span / STATES;
   const int64_t steps = (int64_t)fmin(fmax(1, round(part / h)), MOST);
   const size_t bytes = 3 * (size_t)p->sim->scene->nparticles * sizeof(double);
-  msim_status status = set_state(pilot, p->x[0], p->v[0], err);
+  msim_status status = set_state(pilot, p->x0, p->v0, err);
   for (int i = 0; i < STATES && !status; i++) {
     msim_state now = {.size = sizeof now};
     status = msim_sim_step(pilot, steps, err);
@@ -101,7 +108,6 @@ static msim_status fly(probe *p, msim_sim *pilot, msim_error *err) {
   return status > 0 ? MSIM_OK : status; /* the state before the event is as good */
 }
 
-/* From the state in x[0], v[0] */
 static msim_status find_states(probe *p, msim_error *err) {
   const double FINEST = 500; /* steps in the run at least, where nothing is stiff */
   const double h = fmin(REACH * limit_of(p, &ms_velocity_verlet), p->span / FINEST);
@@ -114,13 +120,24 @@ static msim_status find_states(probe *p, msim_error *err) {
 
 /*------------------------------------- trials ---------------------------------------------------*/
 
-/* E of a step of h from state i, over what is allowed; both as in the run to come. */
-static msim_status try_step(const probe *p, msim_sim *trial, int i, double h, double *ratio,
-                            msim_error *err) {
-  msim_status status = set_state(trial, p->x[i], p->v[i], err);
+/* To that state, in the run to come. */
+static msim_status go_to(const probe *p, msim_sim *trial, const double *x, const double *v,
+                         msim_error *err) {
+  const double h = trial->opt.h;
+  msim_status status = set_state(trial, x, v, err);
   if (status) return status;
   trial->plan.scales = p->scales;
   trial->control = ms_control_of(trial->integrator, p->tol, p->span);
+  ms_drive_use_step(trial, h);
+  return MSIM_OK;
+}
+
+/* E of a step of h from state i, over what is allowed. */
+static msim_status try_step(probe *p, msim_sim *trial, int i, double h, double *ratio,
+                            msim_error *err) {
+  msim_status status = p->at == i ? MSIM_OK : go_to(p, trial, p->x[i], p->v[i], err);
+  if (status) return status;
+  p->at = i;
   *ratio = ms_drive_try(trial, h) / ms_control_limit(&trial->control, &p->scales, h);
   if (!(*ratio < INFINITY)) *ratio = INFINITY;
   return MSIM_OK;
@@ -128,16 +145,14 @@ static msim_status try_step(const probe *p, msim_sim *trial, int i, double h, do
 
 /* The step of which control would make the next ones: E/h goes like h^k. Ends where that gets too
  * dear. */
-static msim_status find_step(const probe *p, msim_sim *trial, int i, double cap, double most,
+static msim_status find_step(probe *p, msim_sim *trial, int i, double cap, double most,
                              ms_candidate *c, double *h, msim_error *err) {
   const double FARTHEST = 20, CLOSE = 1.25;
   const double k = ms_control_of(trial->integrator, p->tol, p->span).order;
   double ratio, change = FARTHEST;
   for (int tries = 0; tries < 4 && fmax(change, 1 / change) > CLOSE; tries++) {
-    const double before = work_of(trial);
     msim_status status = try_step(p, trial, i, *h, &ratio, err);
     if (status) return status;
-    if (c->method->entry.implicit) c->price = work_of(trial) - before;
     change = fmax(1 / FARTHEST, fmin(FARTHEST, pow(ratio, -1 / k)));
     if (*h * change > cap) change = cap / *h;
     *h *= change;
@@ -146,8 +161,8 @@ static msim_status find_step(const probe *p, msim_sim *trial, int i, double cap,
   return MSIM_OK;
 }
 
-/* The mean over the states, as far as they are tried: not all where it is far above the best. */
-static msim_status find_cost(const probe *p, msim_sim *trial, double most, ms_candidate *c,
+/* That of the dearest state, as motion from rest grows wilder. Above `most` no other is tried. */
+static msim_status find_cost(probe *p, msim_sim *trial, double most, ms_candidate *c,
                              msim_error *err) {
   const double SAFETY = 0.85; /* which the controller keeps */
   const double stable = (c->method->estimate ? 1 : 2) * REACH * limit_of(p, c->method);
@@ -167,8 +182,7 @@ static msim_status find_cost(const probe *p, msim_sim *trial, double most, ms_ca
 }
 
 /* Would fixed steps of h do? The estimate is that of two halves: a whole step has 2^p times it. */
-static msim_status try_fixed(const probe *p, msim_sim *trial, double h, int *fixed,
-                             msim_error *err) {
+static msim_status try_fixed(probe *p, msim_sim *trial, double h, int *fixed, msim_error *err) {
   const double whole = ldexp(1, trial->integrator->entry.order);
   *fixed = 1;
   for (int i = 0; i < STATES && *fixed; i++) {
@@ -193,7 +207,7 @@ static msim_status consider_explicit(probe *p, int i, double best, ms_candidate 
   c->h = fmin(stable, p->span / 10);
   msim_status status = make_sim(p, c->method, p->tol, c->h, &trial, err);
   if (status) return status;
-  if (list[i].symplectic && !p->sim->scene->nplanes && stable <= p->span / 10)
+  if (list[i].fixes && !p->sim->scene->nplanes && stable <= p->span / 10)
     status = try_fixed(p, trial, stable, &c->fixed, err);
   c->price = (c->fixed || c->method->estimate ? 1 : 3) * evaluations;
   if (c->fixed) c->h = stable, c->cost = c->price / stable, c->held = 1;
@@ -203,29 +217,49 @@ static msim_status consider_explicit(probe *p, int i, double best, ms_candidate 
   return status;
 }
 
-/* The least that Newton's method may take, by linear/predict.h */
-static double predict_price(const msim_sim *trial, int i, double h) {
+/* Of a step of two halves and a whole one, two stages each, by linear/predict.h, where Newton's
+ * method is quick. Conjugate gradients need no more iterations than there are unknowns. */
+static double predict_price(const msim_sim *trial, double h) {
   const double CORRECTIONS = 2, RTOL = 0.01;
-  const ms_prediction it = ms_predict(&ms_sim_largest(trial)->model, h, RTOL);
-  return 3 * list[i].stages * CORRECTIONS * (2 + 1.5 * fmin(it.one_level, 2 * it.two_level));
+  const ms_model *model = &ms_sim_largest(trial)->model;
+  const ms_prediction p = ms_predict(model, h, RTOL);
+  const double unknowns = (double)model->rows.dims * model->rows.nfree;
+  const double iterations = fmin(unknowns, fmin(p.one_level, 2 * p.two_level));
+  return 3 * 2 * CORRECTIONS * (2 + ITERATION * iterations);
 }
 
-/* Where accuracy sets the steps of explicit methods too, those of implicit ones are no longer; and
- * nothing is tried that costs a tenth of the run. */
-static msim_status consider_implicit(probe *p, int i, const ms_candidate *best, ms_candidate *c,
+/* The whole run, or as much of it as may be had for `most` evaluations */
+static msim_status run_through(const probe *p, msim_sim *trial, double most, ms_candidate *c,
+                               msim_error *err) {
+  msim_status status = go_to(p, trial, p->x0, p->v0, err);
+  while (!status && trial->t < p->span && work_of(trial) < most)
+    status = msim_sim_step(trial, 1, err);
+  if (status < 0 || trial->step == 0) return status < 0 ? status : MSIM_OK;
+  c->h = trial->t / (double)trial->step;
+  c->price = work_of(trial) / (double)trial->step;
+  if (trial->t >= p->span) c->cost = c->price / c->h;
+  return MSIM_OK;
+}
+
+/* How far an implicit method comes no single step tells: what makes its steps short comes once the
+ * motion has grown wild, and costs up to 20 times what the first states promise. So it has to make
+ * the whole run for a fifth of the best cost. That is asked only where stability holds explicit
+ * methods back, and where ten such steps may be had for that. */
+static msim_status consider_implicit(probe *p, const ms_candidate *best, ms_candidate *c,
                                      msim_error *err) {
+  const double most = best->cost * p->span / 5;
   msim_sim *trial;
   if (!best->held) {
     c->why = "accuracy, not stability, sets the steps of the best so far";
     return MSIM_OK;
   }
-  msim_status status =
-      make_sim(p, c->method, p->tol, 100 / (best->cost + 1 / p->span), &trial, err);
+  msim_status status = make_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
-  c->price = predict_price(trial, i, 100 / best->cost);
-  c->h = 2 * c->price / best->cost;
-  if (c->h > p->span / 5) c->why = "its steps would pay only if ten of them made the run";
-  else status = find_cost(p, trial, best->cost, c, err);
+  c->why = "ten of its steps would cost more than a fifth of the run";
+  if (10 * predict_price(trial, p->span / 10) < most) {
+    status = run_through(p, trial, most, c, err);
+    c->why = c->cost < INFINITY ? NULL : "it is not through with the run at a fifth of the cost";
+  }
   p->price += work_of(trial);
   msim_sim_destroy(trial);
   return status;
@@ -237,7 +271,7 @@ static msim_status consider(probe *p, int i, ms_selection *s, msim_error *err) {
   msim_status status = MSIM_OK;
   *c = (ms_candidate){.method = list[i].method, .cost = INFINITY};
   if (c->method->separable && p->damped) c->why = "forces depend on velocities";
-  else if (c->method->entry.implicit) status = consider_implicit(p, i, best, c, err);
+  else if (c->method->entry.implicit) status = consider_implicit(p, best, c, err);
   else status = consider_explicit(p, i, best->cost, c, err);
   if (c->cost < best->cost) s->best = i;
   return status;
@@ -280,7 +314,7 @@ static msim_status prepare(probe *p, double t0, const double *x, const double *v
 msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const double *v,
                           msim_error *err) {
   ms_selection s = {.tol = sim->selection.tol};
-  probe p = {.sim = sim, .tol = s.tol};
+  probe p = {.sim = sim, .tol = s.tol, .x0 = x, .v0 = v};
   const size_t n = 3 * (size_t)sim->scene->nparticles;
   msim_status status = prepare(&p, t0, x, v, err);
   if (status) return status;
@@ -288,8 +322,6 @@ msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const doubl
   if (!states) return ms_fail_memory(err, "the choice of a method");
   for (size_t i = 0; i < STATES; i++)
     p.x[i] = states + 2 * i * n, p.v[i] = states + (2 * i + 1) * n;
-  memcpy(p.x[0], x, n * sizeof *x);
-  memcpy(p.v[0], v, n * sizeof *v);
   status = consider_all(&p, &s, err);
   if (!status) use(sim, &p, &s);
   ms_delete(&sim->alloc, states);
@@ -299,7 +331,7 @@ msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const doubl
 static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
   ms_print(out, "              %-17s ", c->method->entry.name);
   if (c->why) {
-    ms_print(out, "not tried: %s\n", c->why);
+    ms_print(out, "passed over: %s\n", c->why);
     return;
   }
   ms_print(out, "h = %-8.3g %5.4g evaluations a step, %8.4g a second%s%s\n", c->h, c->price,

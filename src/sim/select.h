@@ -3,7 +3,8 @@
  * Costs are counted, never timed, in evaluations of forces for a simulated second: the price of a
  * step over its length. A method's step is as long as stability and accuracy allow, and accuracy is
  * found by steps tried from a few states of the run's beginning, which velocity Verlet flies
- * through first, as a start at rest says little.
+ * through first, as a start at rest says little. The dearest state counts. An implicit method makes
+ * the whole run instead, at a fifth of the best cost, or is passed over.
  *
  * Mostly the method runs under error control, which sees to it that tol is kept in states that were
  * not tried. It takes fixed steps where stability alone sets them, at MS_MARGIN times less error
@@ -17,7 +18,7 @@
 
 #define MS_MARGIN 4.0
 
-enum { MS_CANDIDATES = 6 };
+enum { MS_CANDIDATES = 5 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;
@@ -26,7 +27,7 @@ typedef struct ms_candidate {
   double h;        /* s: the step, the shortest where states differ */
   int held;        /* by stability, not by accuracy */
   int fixed;       /* without control */
-  const char *why; /* it was passed over before it was known; NULL: it was tried */
+  const char *why; /* it was passed over, where its cost is not known; NULL: it is */
 } ms_candidate;
 
 typedef struct ms_selection {
