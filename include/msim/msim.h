@@ -374,9 +374,9 @@ typedef struct msim_plan {
   int64_t steps; /* from there to the end; -1 where no end was given, and under error control */
   const char *integrator; /* what `auto` has chosen, too */
   const char *solver;     /* of the largest island; "none" where the method needs none */
-  int32_t threads;    /* that compute; fewer than asked for where not all could be started */
-  double tol;         /* that error control keeps; 0: steps are fixed */
-  double t_end;       /* where the run ends, s; -1 where it has no end */
+  int32_t threads;        /* that compute; fewer than asked for where not all could be started */
+  double tol;             /* that error control keeps; 0: steps are fixed */
+  double t_end;           /* where the run ends, s; -1 where it has no end */
 } msim_plan;
 
 /* The matrix of the next implicit step by rows: A = M - h D - h^2 J, in particle order, rows and
