@@ -61,7 +61,6 @@ void entrants_collect(const truth *t, const ode_methods *ode, entrants *list) {
   const char *name;
   list->count = 0;
   for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
-    if (entry->order == 0) continue;
     add_method(t, entry->name, MSIM_COLLISION_REFLECT, "", list);
     if (t->kind->impacts) add_method(t, entry->name, MSIM_COLLISION_EVENT, ", event", list);
   }
