@@ -37,8 +37,8 @@ static problem pose(const msim_scene *scene, int32_t aggregate) {
   return p;
 }
 
-static ms_descent descend(const problem *p, double compression, double rtol, double radius) {
-  const ms_request request = {p->sim->motion->stepper.x, 1. / 60, compression, -1, rtol};
+static ms_descent descend(const problem *p, int clamp, double rtol, double radius) {
+  const ms_request request = {p->sim->motion->stepper.x, 1. / 60, clamp, -1, rtol};
   ms_descent d = {.rtol = rtol, .radius = radius};
   assert_ok(ms_solver_descend(p->solver, &request, p->b, &d, p->y, err));
   return d;
@@ -57,7 +57,7 @@ static void a_free_descent_is_a_solve(void **state) {
   msim_scene *scene = hanging_cloth(SIDE, 1000, 0);
   for (int32_t aggregate = 0; aggregate <= 16; aggregate += 16) {
     const problem p = pose(scene, aggregate);
-    const ms_descent d = descend(&p, 0, 1e-7, INFINITY);
+    const ms_descent d = descend(&p, 1, 1e-7, INFINITY);
     assert_int_equal(d.is_cut, 0);
     assert_promise(&p, &d);
     ms_axpy(p.shape, -1, p.b, p.Ay);
@@ -72,10 +72,10 @@ static void a_descent_ends_at_the_radius(void **state) {
   msim_scene *scene = hanging_cloth(SIDE, 1000, 0);
   for (int32_t aggregate = 0; aggregate <= 16; aggregate += 16) {
     const problem p = pose(scene, aggregate);
-    const ms_descent whole = descend(&p, 0, 1e-7, INFINITY);
+    const ms_descent whole = descend(&p, 1, 1e-7, INFINITY);
     double promise = whole.promise;
     for (double radius = 0.9 * whole.length; radius > 1e-3 * whole.length; radius /= 3) {
-      const ms_descent d = descend(&p, 0, 1e-7, radius);
+      const ms_descent d = descend(&p, 1, 1e-7, radius);
       assert_int_equal(d.is_cut, 1);
       assert_int_equal(d.is_curved, 0);
       assert_close(d.length / radius, 1, 1e-12);
@@ -93,10 +93,10 @@ static void negative_curvature_is_followed_downhill(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);
   const problem p = pose(scene, 16);
-  const ms_descent free = descend(&p, 1, 1e-7, INFINITY);
+  const ms_descent free = descend(&p, 0, 1e-7, INFINITY);
   assert_int_equal(free.is_curved, 1);
   assert_true(ms_dot(p.shape, p.b, p.y) > 0);
-  const ms_descent bounded = descend(&p, 1, 1e-7, 100 * free.length);
+  const ms_descent bounded = descend(&p, 0, 1e-7, 100 * free.length);
   assert_int_equal(bounded.is_curved, 1);
   assert_close(bounded.length / free.length, 100, 1e-10);
   assert_promise(&p, &bounded);

@@ -226,7 +226,7 @@ static void formats_agree(void **state) {
   double *magnitude = ms_rows_vector(scene->data, &model.rows);
   double px[3 * N], py[3 * N], dense[2][9 * N * N] = {{0}};
   ms_rows_gather(&model.rows, s.x, x);
-  ms_coefficients_compute(&model, x, 0.07, 1, &a);
+  ms_coefficients_compute(&model, x, 0.07, 0, &a);
   ms_matrix_expand(&model, &a, &full);
   ms_matrix_expand(&model, &a, &upper);
   for (int32_t r = 0; r < n; r++) {
@@ -279,7 +279,7 @@ static void instruction_sets_agree(void **state) {
   for (size_t i = 0; i < 3; i++) {
     model.isa = ms_isa_named(sets[i]);
     if (model.isa < 0) continue; /* not for this CPU */
-    ms_coefficients_compute(&model, x, 0.07, 1, &a);
+    ms_coefficients_compute(&model, x, 0.07, 0, &a);
     ms_coefficients_apply(&model, &a, x, y);
     const double *results[] = {a.t, a.g, y};
     const size_t counts[] = {slots, slots, n};

@@ -4,12 +4,13 @@
 #include <math.h>
 #include <string.h>
 
+#include "integrate/methods.h"
+
 /* Where more are needed, something is wrong with the scene. */
 #define MOST_INNER 1e6
 
-double ms_verlet_reach(double h, ms_bounds b) {
-  return h * (b.rate + sqrt(b.rate * b.rate + 4 * b.omega * b.omega)) / 4;
-}
+/* h over the longest stable step of velocity Verlet */
+static double reach(double h, ms_bounds b) { return h / ms_verlet_limit(&b); }
 
 static double inverse_mass(const ms_model *model, int32_t row) {
   return row < model->rows.nfree ? model->inv_mass[row] : 0;
@@ -57,16 +58,14 @@ msim_status ms_cut_choose(const ms_model *model, double h, int *octave, ms_cut *
   *cut = (ms_cut){0};
   if (!sums) return ms_fail_memory(err, "the choice of stiff springs");
   find_octaves(model, octave);
-  const double whole =
-      ms_verlet_reach(h, bounds_between(model, octave, INT_MIN, INT_MAX, model->drag, sums));
+  const double whole = reach(h, bounds_between(model, octave, INT_MIN, INT_MAX, model->drag, sums));
   double least = whole < 1 ? 0 : n * ceil(whole);
   for (ms_cut at = {.octave = INT_MAX}; least > 0;) {
     at.octave = next_octave(&model->springs, octave, at.octave, &at.nstiff);
     if (at.nstiff == n) break;
-    const double stiff =
-        ms_verlet_reach(h, bounds_between(model, octave, at.octave, INT_MAX, 0, sums));
-    const double soft = ms_verlet_reach(
-        h, bounds_between(model, octave, INT_MIN, at.octave - 1, model->drag, sums));
+    const double stiff = reach(h, bounds_between(model, octave, at.octave, INT_MAX, 0, sums));
+    const double soft =
+        reach(h, bounds_between(model, octave, INT_MIN, at.octave - 1, model->drag, sums));
     const double inner = ceil(2 * stiff), cost = n + inner * at.nstiff;
     if (!(soft < 1 && inner < MOST_INNER && cost < least)) continue;
     least = cost;

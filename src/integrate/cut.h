@@ -19,7 +19,4 @@ typedef struct ms_cut {
 msim_status ms_cut_choose(const ms_model *model, double h, int *octave, ms_cut *cut,
                           msim_error *err);
 
-/* h over the largest step that is stable by velocity Verlet: h^2 omega^2 + 2 h rate <= 4. */
-double ms_verlet_reach(double h, ms_bounds bounds);
-
 #endif

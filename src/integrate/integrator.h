@@ -74,6 +74,9 @@ static inline void ms_swap(double **a, double **b) {
   *a = *b, *b = between;
 }
 
+/* Let a vector of the method's own take stages in turn with x_next: forces want its pinned rows. */
+void ms_hold_stages(const ms_stepper *s, double *stage);
+
 /* One evaluation of forces and what the step makes of it, counted and timed. */
 void ms_evaluate(ms_stepper *s, const ms_pass *pass);
 

@@ -37,7 +37,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   const ms_request request = {
       .x = s->x,
       .h = s->h,
-      .compression = s->opt->jacobian != MSIM_JACOBIAN_CLAMP,
+      .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
       .indefinite = s->opt->indefinite,
       .rtol = s->noise > 0 ? fmin(s->opt->solver_rtol, s->noise) : s->opt->solver_rtol};
   msim_status status = ms_solver_solve(s->solver, &request, momentum, s->v_next, err);

@@ -44,34 +44,34 @@ static void evaluate(newton *n) {
   n->residual = sqrt(ms_dot(n->shape, n->b, n->rho));
 }
 
+static msim_status solve(newton *n, const ms_request *request, msim_error *err) {
+  memset(n->d, 0, (size_t)n->shape.dims * (size_t)n->shape.stride * sizeof *n->d);
+  return ms_solver_solve(n->s->solver, request, n->b, n->d, err);
+}
+
 /* d = A^-1 R, cut at the radius: by the matrix as it is; clamped, where that is not positive
  * definite. */
-static msim_status solve(newton *n, ms_request *request, msim_error *err) {
-  const ms_shape shape = n->shape;
-  for (;;) {
-    memset(n->d, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *n->d);
-    msim_status status = ms_solver_solve(n->s->solver, request, n->b, n->d, err);
-    if (status == MSIM_NOT_SPD && request->compression > 0) {
-      request->compression = 0;
-      continue;
-    }
-    if (status) return status;
-    break;
+static msim_status solve_within(newton *n, ms_request *request, msim_error *err) {
+  msim_status status = solve(n, request, err);
+  if (status == MSIM_NOT_SPD && !request->clamp) {
+    request->clamp = 1;
+    status = solve(n, request, err);
   }
-  const double drop = ms_dot(shape, n->b, n->d), part = n->radius / sqrt(drop);
+  if (status) return status;
+  const double drop = ms_dot(n->shape, n->b, n->d), part = n->radius / sqrt(drop);
   n->is_cut = part < 1;
-  if (n->is_cut) ms_scale(shape, part, n->d);
+  if (n->is_cut) ms_scale(n->shape, part, n->d);
   n->length = fmin(sqrt(drop), n->radius);
   n->promise = n->is_cut ? part * (1 - part / 2) * drop : drop / 2;
   return MSIM_OK;
 }
 
 /* d downhill, of no more than the radius, to the residual eta where it gets so far. */
-static msim_status find_direction(newton *n, double compression, double eta, msim_error *err) {
+static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_solver *solver = n->s->solver;
-  ms_request request = {n->stage->x, n->stage->ah, compression, -1, eta};
-  if (!ms_solver_descends(solver)) return solve(n, &request, err);
-  ms_descent descent = {.rtol = eta, .radius = n->radius};
+  ms_request request = {n->stage->x, n->stage->ah, clamp, -1, n->eta};
+  if (!ms_solver_descends(solver)) return solve_within(n, &request, err);
+  ms_descent descent = {.rtol = n->eta, .radius = n->radius};
   msim_status status = ms_solver_descend(solver, &request, n->b, &descent, n->d, err);
   n->length = descent.length, n->promise = descent.promise, n->is_cut = descent.is_cut;
   n->is_curved = descent.is_curved;
@@ -136,14 +136,14 @@ static int is_converged(const newton *n) {
  * quadratic, and is often positive definite. Steps downhill take it later than solves, which can
  * fall back, and the first such step is not much longer than the last of the clamped ones. Where it
  * met negative curvature the clamped matrix makes the next one. */
-static double choose(newton *n, double first) {
+static int must_clamp(newton *n, double first) {
   const int descends = ms_solver_descends(n->s->solver), curved = n->is_curved;
   const double dropped = descends ? 1e-3 : 0.1;
   n->is_curved = 0;
   if (n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n->residual > dropped * first || curved)
-    return 0;
+    return 1;
   if (descends && isinf(n->radius) && n->length > 0) n->radius = 2 * n->length;
-  return 1;
+  return 0;
 }
 
 static msim_status give_up(newton *n, msim_error *err) {
@@ -170,7 +170,8 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
   double before = 0;
   for (int32_t i = 0; i < s->opt->newton_max_iterations; i++) {
     if (n.residual == 0) return MSIM_OK;
-    msim_status status = find_direction(&n, choose(&n, first), n.eta = forcing(&n, before), err);
+    n.eta = forcing(&n, before);
+    msim_status status = find_direction(&n, must_clamp(&n, first), err);
     if (status) s->culprit = s->solver->culprit;
     if (status) return status;
     before = n.residual;

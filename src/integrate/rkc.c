@@ -1,7 +1,6 @@
 #include "integrate/rkc.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "integrate/methods.h"
 
@@ -77,11 +76,7 @@ static recurrence begin(int32_t stages) {
 
 enum { A0, X, V }; /* work vectors */
 
-/* Stages lie in x_next and in a vector of our own, so that forces find the pinned rows in both. */
-static void start(ms_stepper *s) {
-  const ms_rows *rows = &s->model->rows;
-  memcpy(s->work[X], s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x);
-}
+static void start(ms_stepper *s) { ms_hold_stages(s, s->work[X]); }
 
 /* warm: the number of stages, which follows from h and the springs */
 static msim_status step(ms_stepper *s, msim_error *err) {

@@ -1,15 +1,8 @@
 #include "integrate/splitting.h"
 
-#include <string.h>
-
 enum { STAGE = 2 };
 
-/* Stages lie in x_next and in a vector of our own, in turn, so that forces find the pinned rows in
- * both. */
-void ms_splitting_start(ms_stepper *s) {
-  const ms_rows *rows = &s->model->rows;
-  memcpy(s->work[STAGE], s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x);
-}
+void ms_splitting_start(ms_stepper *s) { ms_hold_stages(s, s->work[STAGE]); }
 
 /* warm: 1 + the work vector that holds a */
 void ms_splitting_step(ms_stepper *s, const ms_splitting *m) {

@@ -1,6 +1,13 @@
+#include <string.h>
+
 #include "base/clock.h"
 #include "integrate/contacts.h"
 #include "physics/planes.h"
+
+void ms_hold_stages(const ms_stepper *s, double *stage) {
+  const ms_rows *rows = &s->model->rows;
+  memcpy(stage, s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *stage);
+}
 
 int ms_rests(const ms_stepper *s) { return s->events && s->events->ncontacts; }
 

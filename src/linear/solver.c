@@ -92,11 +92,11 @@ static int32_t bad_coefficients(const ms_system *s) {
   return ms_find_bad(shape, s->a.diagonal);
 }
 
-static msim_status assemble(ms_solver *s, const double *x, double h, double compression) {
+static msim_status assemble(ms_solver *s, const double *x, double h, int clamp) {
   double start = ms_clock();
   s->made_for = 0;
-  ms_coefficients_compute(s->system.model, x, h, compression, &s->system.a);
-  s->system.clamped = compression == 0;
+  ms_coefficients_compute(s->system.model, x, h, clamp, &s->system.a);
+  s->system.clamped = clamp;
   s->culprit = bad_coefficients(&s->system);
   s->stats->assemblies++;
   s->stats->assemble_s += ms_clock() - start;
@@ -276,7 +276,7 @@ static msim_status not_positive_definite(ms_solver *s, const ms_request *r, cons
     case MSIM_INDEFINITE_SOLVE:
       return factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
     case MSIM_INDEFINITE_CLAMP: {
-      msim_status status = assemble(s, r->x, r->h, 0);
+      msim_status status = assemble(s, r->x, r->h, 1);
       return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
     }
     default:
@@ -306,7 +306,7 @@ static msim_status switch_to_cholmod(ms_solver *s, msim_error *err) {
 static msim_status solve_constant(ms_solver *s, const ms_request *r, const double *b, double *v,
                                   msim_error *err) {
   if (s->made_for != r->h) {
-    msim_status status = assemble(s, r->x, r->h, r->compression);
+    msim_status status = assemble(s, r->x, r->h, r->clamp);
     if (!status) status = factor(s, s->linear, MSIM_FACTOR_SPD, err);
     if (status) return status;
     s->made_for = r->h;
@@ -316,7 +316,7 @@ static msim_status solve_constant(ms_solver *s, const ms_request *r, const doubl
 
 static msim_status solve_variable(ms_solver *s, const ms_request *r, const double *b, double *v,
                                   msim_error *err) {
-  msim_status status = assemble(s, r->x, r->h, r->compression);
+  msim_status status = assemble(s, r->x, r->h, r->clamp);
   if (status) return status;
   status = try_kept(s, b, v);
   if (!status || status == MSIM_NOT_SPD) return status;
@@ -330,7 +330,7 @@ static msim_status solve_once(ms_solver *s, const ms_request *r, const double *b
                               msim_error *err) {
   msim_status status =
       s->system.a.block == 1 ? solve_constant(s, r, b, v, err) : solve_variable(s, r, b, v, err);
-  if (status == MSIM_NOT_SPD && r->compression > 0 && r->indefinite >= 0)
+  if (status == MSIM_NOT_SPD && !r->clamp && r->indefinite >= 0)
     status = not_positive_definite(s, r, b, v, err);
   return status;
 }
@@ -365,7 +365,7 @@ msim_status ms_solver_descend(ms_solver *s, const ms_request *r, const double *b
   s->culprit = ms_find_bad(shape, b);
   if (s->culprit >= 0) return MSIM_NOT_FINITE;
   s->stats->solves++;
-  msim_status status = assemble(s, r->x, r->h, r->compression);
+  msim_status status = assemble(s, r->x, r->h, r->clamp);
   if (!status) status = factor(s, s->linear, MSIM_FACTOR_SYMMETRIC, err);
   if (status) return status;
   const double start = ms_clock();

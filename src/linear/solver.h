@@ -39,7 +39,7 @@ void ms_solver_destroy(ms_solver *solver);
 typedef struct ms_request {
   const double *x; /* A(x, h) */
   double h;
-  double compression; /* kept in the matrix: force.h */
+  int clamp;          /* the clamped matrix: positive definite always */
   int32_t indefinite; /* MSIM_INDEFINITE_...: what follows where A is not; -1: it is told */
   double rtol;        /* of the residual */
 } ms_request;

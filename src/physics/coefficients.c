@@ -45,7 +45,7 @@ typedef struct job {
   const double *x;
   double *y;
   double h;
-  double compression;
+  int clamp;
   int32_t components;
 } job;
 
@@ -54,8 +54,7 @@ enum { CHUNK = 64 };
 
 static void compute_chunk(void *data, int32_t item) {
   const job *j = data;
-  ms_kernels_of[j->model->isa]->coefficients(j->model, j->x, j->h, j->compression, j->a,
-                                             CHUNK * item,
+  ms_kernels_of[j->model->isa]->coefficients(j->model, j->x, j->h, j->clamp, j->a, CHUNK * item,
                                              ms_chunk_end(&j->model->halves, CHUNK, item));
 }
 
@@ -68,7 +67,7 @@ static void apply_chunk(void *data, int32_t item) {
   else ms_kernels_of[j->model->isa]->apply(j->model, j->a, j->x, j->y, begin, end);
 }
 
-void ms_coefficients_compute(const ms_model *model, const double *x, double h, double compression,
+void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a) {
   const ms_halves *halves = &model->halves;
   a->drag = model->passes & MSIM_SKIP_DRAG ? h * model->scene->drag : 0;
@@ -77,7 +76,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, d
     return;
   }
   memcpy(a->x, x, (size_t)model->rows.dims * (size_t)model->rows.stride * sizeof *x);
-  job j = {.model = model, .a = a, .x = x, .h = h, .compression = compression};
+  job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
   ms_pool_run(model->pool, compute_chunk, &j, ms_chunks(halves, CHUNK));
   ms_halves_add_parts(halves, (int32_t)ms_diagonal_size((size_t)a->block),
                       (size_t)model->rows.first_pinned, a->diagonal);

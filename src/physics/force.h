@@ -20,7 +20,7 @@ void ms_force(const ms_model *model, const double *x, const double *v, double *f
  * Block (i,j) of a spring is -(t I + g d d^T), d = x_j - x_i; its opposite is added to blocks (i,i)
  * and (j,j):
  *   J_ii = -k (u u^T + (1 - L/l) (I - u u^T))  and  D_ii = -c u u^T,  u = d/l,  give
- *   t = h^2 k s,  g = (h^2 k (1 - s) + h c)/l^2,  s = 1 - L/l
+ *   t = h^2 k s,  g = (h^2 k (1 - s) + h c)/l^2,  s = 1 - L/l   (clamped: max(0, s))
  * and l = 0: J_ii = -k I, so t = h^2 k, g = 0. As s <= 1, g is >= 0.
  *
  * Where every rest length and damping is 0, so is every g, and t depends on h alone: A is constant,
@@ -43,9 +43,8 @@ static inline size_t ms_diagonal_entry(size_t dims, size_t a, size_t b) {
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err);
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a);
 
-/* At positions x with step h. compression: the share of s < 0 that is kept, in [0, 1]: 1, the exact
- * matrix; 0, the clamped one, positive definite. */
-void ms_coefficients_compute(const ms_model *model, const double *x, double h, double compression,
+/* At positions x with step h; clamp: 1 for the clamped matrix. */
+void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a);
 
 /* y = A x on the unknowns; rows past them must be 0 in x and are 0 in y. */

@@ -22,11 +22,11 @@ MS_INLINE ms_lanes inverse_length(int dims, ms_vec d) {
 
 /* t and g of force.h */
 MS_INLINE void half_coefficients(int damped, ms_lanes inverse, const ms_halves *halves, double h,
-                                 double compression, size_t at, ms_lanes *t, ms_lanes *g) {
+                                 double largest_ratio, size_t at, ms_lanes *t, ms_lanes *g) {
+  const ms_lanes largest = (ms_lanes){0} + largest_ratio;
   const ms_lanes hhk = h * h * ms_load(halves->k + at);
   const ms_lanes full = ms_load(halves->rest + at) * inverse;
-  const ms_lanes kept = (1 - compression) + compression * full; /* L/l where L > l */
-  const ms_lanes ratio = ms_select(full > 1, kept, full);
+  const ms_lanes ratio = ms_select(full > largest, largest, full);
   ms_lanes gl2 = hhk * ratio;
   if (damped) gl2 += h * ms_load(halves->damping + at);
   *t = hhk * (1 - ratio);
@@ -49,11 +49,12 @@ MS_INLINE void add_block(int dims, ms_lanes t, ms_lanes g, ms_vec d, ms_lanes su
 enum { BLOCK = 16 };
 
 MS_INLINE void coefficients_of(int dims, int damped, const ms_model *model, const double *x,
-                               double h, double compression, ms_coefficients *a, int32_t begin,
+                               double h, int clamp, ms_coefficients *a, int32_t begin,
                                int32_t end) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
   const ms_halves local = model->halves, *halves = &local; /* stores cannot change it */
   double *to_t = a->t, *to_g = a->g;
+  const double largest_ratio = clamp ? 1 : INFINITY;
   for (int32_t s = begin; s < end; s++) {
     const ms_place p = ms_place_of(halves, s, a->diagonal, sd);
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
@@ -74,7 +75,7 @@ MS_INLINE void coefficients_of(int dims, int damped, const ms_model *model, cons
           const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
           const ms_vec d = ms_minus(dims, xj, xi);
           ms_lanes t, g;
-          half_coefficients(damped, inverse[slot - first], halves, h, compression, at, &t, &g);
+          half_coefficients(damped, inverse[slot - first], halves, h, largest_ratio, at, &t, &g);
           ms_store(to_t + at, t);
           ms_store(to_g + at, g);
           add_block(dims, t, g, d, sum);
@@ -86,15 +87,15 @@ MS_INLINE void coefficients_of(int dims, int damped, const ms_model *model, cons
   }
 }
 
-static void coefficients(const ms_model *model, const double *x, double h, double compression,
+static void coefficients(const ms_model *model, const double *x, double h, int clamp,
                          ms_coefficients *a, int32_t begin, int32_t end) {
   const int damped = (model->passes & MSIM_SKIP_DAMPING) != 0;
   if (model->rows.dims == 3) {
-    if (damped) coefficients_of(3, 1, model, x, h, compression, a, begin, end);
-    else coefficients_of(3, 0, model, x, h, compression, a, begin, end);
+    if (damped) coefficients_of(3, 1, model, x, h, clamp, a, begin, end);
+    else coefficients_of(3, 0, model, x, h, clamp, a, begin, end);
   } else {
-    if (damped) coefficients_of(2, 1, model, x, h, compression, a, begin, end);
-    else coefficients_of(2, 0, model, x, h, compression, a, begin, end);
+    if (damped) coefficients_of(2, 1, model, x, h, clamp, a, begin, end);
+    else coefficients_of(2, 0, model, x, h, clamp, a, begin, end);
   }
 }
 

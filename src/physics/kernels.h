@@ -10,7 +10,7 @@
 #include "physics/force.h"
 
 typedef struct ms_kernels {
-  void (*coefficients)(const ms_model *model, const double *x, double h, double compression,
+  void (*coefficients)(const ms_model *model, const double *x, double h, int clamp,
                        ms_coefficients *a, int32_t begin, int32_t end);
   void (*apply)(const ms_model *model, const ms_coefficients *a, const double *x, double *y,
                 int32_t begin, int32_t end);

@@ -5,10 +5,6 @@
 
 #include "sim/sim.h"
 
-/* Of the limit. At the limit itself the fastest motion grows, if slowly, and just below its
- * amplitude is uncertain: by 1/sqrt(1 - z^2/4) with Verlet, a factor of 2.3 here. */
-#define MARGIN 0.9
-
 /* Once for each degree of sharpness, as long as the springs stay what they are. */
 static msim_status look(msim_sim *sim, int sharp, msim_error *err) {
   ms_advice *a = &sim->advice;
@@ -39,7 +35,7 @@ static msim_status choose(msim_sim *sim, double *h, msim_error *err) {
                    name);
   if (isinf(limit))
     return ms_fail(err, MSIM_ERR_ARG, "h is 'auto', but nothing vibrates in this scene: give h");
-  *h = MARGIN * limit;
+  *h = MS_REACH * limit;
   return MSIM_OK;
 }
 

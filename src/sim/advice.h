@@ -4,6 +4,11 @@
 
 #include "physics/bounds.h"
 
+/* The share of the limit that is taken. At the limit itself the fastest motion grows, if slowly,
+ * and just below its amplitude is uncertain: by 1/sqrt(1 - z^2/4) with Verlet, a factor of 2.3
+ * here. */
+#define MS_REACH 0.9
+
 typedef struct ms_advice {
   ms_bounds bounds;
   double limit; /* of h, within these bounds */

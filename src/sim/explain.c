@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "integrate/cut.h"
 #include "integrate/events.h"
 #include "integrate/methods.h"
 #include "integrate/split.h"
@@ -117,7 +116,8 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
 
 /* h over the longest stable step of velocity Verlet */
 static double reach_of(const msim_sim *sim, const ms_model *model) {
-  return ms_verlet_reach(sim->plan.h, ms_bounds_of(model));
+  const ms_bounds bounds = ms_bounds_of(model);
+  return sim->plan.h / ms_verlet_limit(&bounds);
 }
 
 /* Which springs take shorter steps. */

@@ -70,7 +70,7 @@ msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   ms_rows_gather(&w->model.rows, now.x, w->x);
-  ms_coefficients_compute(&w->model, w->x, sim->plan.h, sim->opt.jacobian != MSIM_JACOBIAN_CLAMP,
+  ms_coefficients_compute(&w->model, w->x, sim->plan.h, sim->opt.jacobian == MSIM_JACOBIAN_CLAMP,
                           &w->a);
   ms_matrix_expand(&w->model, &w->a, &w->matrix);
   msim_csr full = {.size = A->size,

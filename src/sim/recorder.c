@@ -85,13 +85,12 @@ int32_t msim_recorder_info(int32_t i, const char *plugin_path, msim_plugin_entry
 /* The planned time of every frame. */
 static double *plan_times(const msim_sim *sim, int64_t nframes) {
   double *times = ms_new(&sim->alloc, (size_t)nframes, sizeof *times);
-  int64_t step = 0;
   const int has_times = ms_plan_has_times(&sim->opt);
-  for (int64_t i = 0; times && i < nframes && has_times; i++)
-    times[i] = ms_plan_frame_time(&sim->plan, &sim->opt, i);
-  for (int64_t i = 0; times && i < nframes && !has_times; i++) {
-    times[i] = sim->t0 + (double)step * sim->plan.h;
-    step = ms_plan_next_frame(&sim->plan, &sim->opt, step);
+  int64_t step = 0;
+  for (int64_t i = 0; times && i < nframes; i++) {
+    times[i] = has_times ? ms_plan_frame_time(&sim->plan, &sim->opt, i)
+                         : sim->t0 + (double)step * sim->plan.h;
+    if (!has_times) step = ms_plan_next_frame(&sim->plan, &sim->opt, step);
   }
   return times;
 }

@@ -37,9 +37,6 @@ typedef struct probe {
   int at; /* the state that the trial at hand is in; -1: none of them, or the start */
 } probe;
 
-/* Of the limit of stability, as for h = auto */
-#define REACH 0.9
-
 static double limit_of(const probe *p, const ms_integrator *method) {
   return method->limit ? method->limit(&p->bounds) : INFINITY;
 }
@@ -110,7 +107,7 @@ static msim_status fly(probe *p, msim_sim *pilot, msim_error *err) {
 
 static msim_status find_states(probe *p, msim_error *err) {
   const double FINEST = 500; /* steps in the run at least, where nothing is stiff */
-  const double h = fmin(REACH * limit_of(p, &ms_velocity_verlet), p->span / FINEST);
+  const double h = fmin(MS_REACH * limit_of(p, &ms_velocity_verlet), p->span / FINEST);
   msim_sim *pilot = NULL;
   msim_status status = make_sim(p, &ms_velocity_verlet, 0, h, &pilot, err);
   if (!status) status = fly(p, pilot, err);
@@ -165,7 +162,7 @@ static msim_status find_step(probe *p, msim_sim *trial, int i, double cap, doubl
 static msim_status find_cost(probe *p, msim_sim *trial, double most, ms_candidate *c,
                              msim_error *err) {
   const double SAFETY = 0.85; /* which the controller keeps */
-  const double stable = (c->method->estimate ? 1 : 2) * REACH * limit_of(p, c->method);
+  const double stable = (c->method->estimate ? 1 : 2) * MS_REACH * limit_of(p, c->method);
   const double cap = fmin(stable, p->span / 10);
   double h = fmin(c->h, cap);
   c->h = INFINITY;
@@ -201,7 +198,7 @@ static msim_status try_fixed(probe *p, msim_sim *trial, double h, int *fixed, ms
 
 static msim_status consider_explicit(probe *p, int i, double best, ms_candidate *c,
                                      msim_error *err) {
-  const double stable = REACH * limit_of(p, c->method);
+  const double stable = MS_REACH * limit_of(p, c->method);
   const int evaluations = p->damped ? list[i].when_damped : list[i].evaluations;
   msim_sim *trial;
   c->h = fmin(stable, p->span / 10);
@@ -294,7 +291,7 @@ static void use(msim_sim *sim, const probe *p, const ms_selection *s) {
   sim->integrator = c->method;
   sim->opt.integrator = c->method->entry.name;
   sim->opt.tol = c->fixed ? 0 : s->tol;
-  sim->opt.h = fmin(c->h, REACH * limit_of(p, c->method));
+  sim->opt.h = fmin(c->h, MS_REACH * limit_of(p, c->method));
   sim->advice = (ms_advice){.chosen = c->fixed, .warned = sim->advice.warned};
 }
 

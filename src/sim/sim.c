@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "integrate/events.h"
 #include "layout/flat.h"
 #include "sim/drive.h"
 

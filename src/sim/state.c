@@ -2,10 +2,10 @@
 #include <math.h>
 #include <string.h>
 
+#include "integrate/interpolate.h"
 #include "layout/flat.h"
 #include "physics/energy.h"
 #include "physics/plain.h"
-#include "integrate/interpolate.h"
 #include "sim/drive.h"
 
 /* Within the last step, which no island at rest made. */

@@ -4,27 +4,19 @@
 #include <stdlib.h>
 
 #include "parts.h"
+#include "scenes.h"
 
 static const double down[3] = {0, 0, -9.81}; /* m/s^2 */
 static const double pi = 3.14159265358979323846;
 
 /*------------------------------------- cloths ---------------------------------------------------*/
 
-/* 1 m x 1 m, 0.3 kg, pinned at the particles given; its parts. */
+/* The parts of a cloth. */
 static msim_status take_cloth(int32_t side, double k, double k_bend, double damping,
                               const int32_t *pinned, int32_t npinned, parts *p, msim_error *err) {
-  const msim_cloth cloth = {.size = sizeof cloth,
-                            .rows = side,
-                            .columns = side,
-                            .row = {0, 1, 0},
-                            .column = {1, 0, 0},
-                            .mass = 0.3,
-                            .k_structural = k,
-                            .k_shear = k,
-                            .k_bend = k_bend,
-                            .damping = damping,
-                            .npinned = npinned,
-                            .pinned = pinned};
+  msim_cloth cloth = bench_cloth(side, k, npinned, pinned);
+  cloth.k_bend = k_bend;
+  cloth.damping = damping;
   msim_scene *recipe = NULL;
   msim_status status = msim_scene_create(NULL, &recipe, err);
   if (!status) status = msim_scene_add_cloth(recipe, &cloth, err);

@@ -30,19 +30,23 @@ const bench_scene *scene_named(const char *name) { return scene_find(name, strle
 
 /*------------------------------------- building -------------------------------------------------*/
 
+msim_cloth bench_cloth(int32_t side, double k, int32_t npinned, const int32_t *pinned) {
+  return (msim_cloth){.size = sizeof(msim_cloth),
+                      .rows = side,
+                      .columns = side,
+                      .row = {0, 1, 0},
+                      .column = {1, 0, 0},
+                      .mass = 0.3,
+                      .k_structural = k,
+                      .k_shear = k,
+                      .k_bend = k,
+                      .npinned = npinned,
+                      .pinned = pinned};
+}
+
 static msim_status add_cloth(moving *m) {
   const int32_t side = m->kind->side, corners[2] = {0, side - 1};
-  const msim_cloth cloth = {.size = sizeof cloth,
-                            .rows = side,
-                            .columns = side,
-                            .row = {0, 1, 0},
-                            .column = {1, 0, 0},
-                            .mass = 0.3,
-                            .k_structural = m->k,
-                            .k_shear = m->k,
-                            .k_bend = m->k,
-                            .npinned = 2,
-                            .pinned = corners};
+  const msim_cloth cloth = bench_cloth(side, m->k, 2, corners);
   return msim_scene_add_cloth(m->scene, &cloth, &m->err);
 }
 

@@ -19,6 +19,9 @@ const bench_scene *scene_info(int i);
 const bench_scene *scene_find(const char *name, size_t length);
 const bench_scene *scene_named(const char *name);
 
+/* 1 m x 1 m of 0.3 kg, every spring of k, held at the particles given, which it borrows. */
+msim_cloth bench_cloth(int32_t side, double k, int32_t npinned, const int32_t *pinned);
+
 /* A scene in motion, half a second after it was let go: a cloth is folded and wrinkled, a jelly
  * swings. */
 typedef struct moving {
