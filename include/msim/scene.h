@@ -1,0 +1,132 @@
+/* scene.h - what there is: particles, springs, planes and the forces on all; conventions: msim.h */
+#ifndef MSIM_SCENE_H
+#define MSIM_SCENE_H
+
+#include "msim/api.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct msim_scene msim_scene;
+
+/* The half space n.x >= d. A particle found outside after a step, s = n.x - d < 0, is reflected
+ * (Teschner): x -= (1 + e) s n, and if n.v < 0 too: v += J n with J = -(1 + e) n.v, the part of v
+ * along the plane times max(0, 1 - mu J/|v_t|). With option collision = event v changes like that
+ * where and when the particle meets the plane. */
+typedef struct msim_plane {
+  double normal[3];   /* any length but 0; scaled to 1, and offset with it */
+  double offset;      /* m */
+  double restitution; /* [0, 1] */
+  double friction;    /* Coulomb's, >= 0 */
+} msim_plane;
+
+/* n particles on a straight line, a spring between neighbours. */
+typedef struct msim_rope {
+  size_t size;
+  int32_t n;             /* >= 1 */
+  double from[3], to[3]; /* the first and the last particle, m */
+  double mass;           /* of the whole rope, kg, > 0 */
+  double k, damping;     /* N/m, N s/m; k = 0 leaves the springs out */
+  int32_t npinned;
+  const int32_t *pinned; /* npinned, indices within the object */
+} msim_rope;
+
+/* rows x columns particles in a parallelogram; particle r * columns + c lies at
+ * origin + r/(rows-1) row + c/(columns-1) column. Springs of a particle: right, down,
+ * down-right, down-left, two right, two down; listed by first particle. */
+typedef struct msim_cloth {
+  size_t size;
+  int32_t rows, columns;                /* >= 1 */
+  double origin[3], row[3], column[3];  /* m; row and column are whole edges of the cloth */
+  double mass;                          /* of the whole cloth, kg, > 0 */
+  double k_structural, k_shear, k_bend; /* N/m; 0 leaves those springs out */
+  double damping;                       /* N s/m, of each spring */
+  int32_t npinned;
+  const int32_t *pinned; /* npinned, indices within the object */
+} msim_cloth;
+
+/* n[0] x n[1] x n[2] particles in a box; particle (ix * n[1] + iy) * n[2] + iz. Springs along the
+ * edges, the face diagonals and the body diagonals of each cell. */
+typedef struct msim_lattice {
+  size_t size;
+  int32_t n[3];                /* >= 1 each */
+  double origin[3], extent[3]; /* the corner of least coordinates; edge lengths, >= 0; m */
+  double mass;                 /* of the whole lattice, kg, > 0 */
+  double k, damping;           /* N/m, N s/m; k = 0 leaves the springs out */
+  int32_t npinned;
+  const int32_t *pinned; /* npinned, indices within the object */
+} msim_lattice;
+
+/* Everything a scene holds, borrowed. */
+typedef struct msim_scene_view {
+  size_t size;
+  const char *name; /* never NULL */
+  int32_t nparticles, nsprings, nplanes;
+  const double *x, *v;              /* 3 nparticles */
+  const double *mass;               /* nparticles */
+  const uint8_t *pinned;            /* nparticles: 1 where pinned */
+  const int32_t *ij;                /* 2 nsprings */
+  const double *k, *rest, *damping; /* nsprings */
+  const msim_plane *planes;         /* nplanes, with unit normals */
+  double gravity[3];                /* m/s^2 */
+  double drag;                      /* N s/m: force -drag v on every particle */
+} msim_scene_view;
+
+/* Make an empty scene. Nullable: alloc (malloc and free are used). */
+MSIM_API msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene,
+                                       msim_error *err);
+
+/* Read a scene file (JSON). What is wrong is named by file, line or key. Nullable: alloc. */
+MSIM_API msim_status msim_scene_load(const msim_allocator *alloc, const char *path,
+                                     msim_scene **scene, msim_error *err);
+
+/* The same from memory; `label` stands for the file name in errors. Nullable: alloc. */
+MSIM_API msim_status msim_scene_parse(const msim_allocator *alloc, const char *label,
+                                      const char *text, size_t length, msim_scene **scene,
+                                      msim_error *err);
+
+/* Write the scene as a scene file: objects expanded, every number exact. */
+MSIM_API msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err);
+
+MSIM_API void msim_scene_destroy(msim_scene *scene);
+
+MSIM_API msim_status msim_scene_set_name(msim_scene *scene, const char *name, msim_error *err);
+MSIM_API msim_status msim_scene_set_gravity(msim_scene *scene, const double gravity[3],
+                                            msim_error *err);
+MSIM_API msim_status msim_scene_set_drag(msim_scene *scene, double drag /* >= 0 */,
+                                         msim_error *err);
+
+/* Append n particles. Nullable: v (at rest). */
+MSIM_API msim_status msim_scene_add_particles(msim_scene *scene, int32_t n,
+                                              const double *x /* 3n */, const double *v /* 3n */,
+                                              const double *mass /* n, > 0 */, msim_error *err);
+
+/* Append n springs. With d = x_j - x_i, l = |d|, u = d/l the force on i is
+ * k (l - rest) u + damping (u . (v_j - v_i)) u, on j the opposite; l = 0: no force.
+ * Nullable: rest (the distance now), damping (0). All of them >= 0. */
+MSIM_API msim_status msim_scene_add_springs(msim_scene *scene, int32_t n,
+                                            const int32_t *ij /* 2n */, const double *k /* n */,
+                                            const double *rest /* n */,
+                                            const double *damping /* n */, msim_error *err);
+
+MSIM_API msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane,
+                                          msim_error *err);
+
+/* Hold n particles where they are for ever; their velocity must be 0. */
+MSIM_API msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particles /* n */,
+                                    msim_error *err);
+
+MSIM_API msim_status msim_scene_add_rope(msim_scene *scene, const msim_rope *rope, msim_error *err);
+MSIM_API msim_status msim_scene_add_cloth(msim_scene *scene, const msim_cloth *cloth,
+                                          msim_error *err);
+MSIM_API msim_status msim_scene_add_lattice(msim_scene *scene, const msim_lattice *lattice,
+                                            msim_error *err);
+
+/* Everything in the scene; set view->size before. Valid until the scene is changed. */
+MSIM_API void msim_scene_get(const msim_scene *scene, msim_scene_view *view);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
