@@ -16,7 +16,7 @@ static inline msim_options event(const char *method, double h) {
 
 /* Methods that take collision = event; NULL past the end. */
 static inline int refuses_events(const char *method) {
-  return strcmp(method, "verlet") == 0 || strcmp(method, "respa") == 0;
+  return refuses_planes(method) || strcmp(method, "verlet") == 0 || strcmp(method, "respa") == 0;
 }
 
 static inline const char *event_method_at(int32_t i) {

@@ -110,7 +110,13 @@ static inline int is_implicit(const char *method) {
 
 /* 1 if it takes no forces that depend on velocities. */
 static inline int wants_positions_alone(const char *method) {
-  return strcmp(method, "rkn6") == 0 || strcmp(method, "force-gradient") == 0;
+  return strcmp(method, "rkn6") == 0 || strcmp(method, "force-gradient") == 0 ||
+         strcmp(method, "takahashi-imada") == 0;
+}
+
+/* 1 if it takes no planes. */
+static inline int refuses_planes(const char *method) {
+  return strcmp(method, "takahashi-imada") == 0;
 }
 
 /* 1 if the solver can be used here. */

@@ -242,6 +242,7 @@ static void fixed_steps_are_made_in_parts(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
     if (strcmp(method_at(m), "verlet") == 0 || strcmp(method_at(m), "respa") == 0) continue;
+    if (strcmp(method_at(m), "takahashi-imada") == 0) continue; /* its variables belong to h */
     msim_scene *scene = hanging_cloth(SIDE, 30, 0);
     msim_options opt = options(method_at(m), 4e-3);
     opt.solver = "pcg", opt.newton_retries = 2;

@@ -1,5 +1,5 @@
-/* What force-gradient, rkc and respa promise beyond their order: what they keep, what they cost,
- * where they are stable. More of respa: test_respa.c */
+/* What takahashi-imada, force-gradient, rkc and respa promise beyond their order: what they keep,
+ * what they cost, where they are stable. More of respa: test_respa.c */
 #include <complex.h>
 #include <math.h>
 #include <string.h>
@@ -50,7 +50,8 @@ static void momentum_is_kept(void **state) {
   static const struct {
     const char *method;
     double h, ratio;
-  } runs[] = {{"force-gradient", 5e-4, 0},
+  } runs[] = {{"takahashi-imada", 5e-4, 0},
+              {"force-gradient", 5e-4, 0},
               {"rkc", 1e-3, 1e-3},
               {"respa", 2.2e-3, 0},
               {"respa", 2.2e-3, 1e-5}};
@@ -144,6 +145,61 @@ static void force_gradient_is_the_cheapest(void **state) {
       assert_true(distance(y, exact) > others[i].worse * off);
     }
   }
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- takahashi-imada ------------------------------------------*/
+
+/* Where a scene is smooth and the longest stable steps of others are more accurate than asked. */
+static void takahashi_imada_is_the_cheapest_of_long_steps(void **state) {
+  (void)state;
+  static double exact[3 * N], x[3 * N], y[3 * N];
+  msim_scene *scene = hanging_cloth(SIDE, 500, 0);
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  spend(scene, "rkn6", 11, 22000, exact);
+  spend(scene, "takahashi-imada", 2, 200, x);
+  assert_true(distance(x, exact) < 1e-5 * distance(view.x, exact));
+  spend(scene, "velocity-verlet", 1, 200, y);
+  assert_true(distance(y, exact) > 8 * distance(x, exact));
+  spend(scene, "force-gradient", 5, 200, y);
+  assert_true(distance(y, exact) > 8 * distance(x, exact)); /* not stable */
+  msim_scene_destroy(scene);
+}
+
+/* Its variables belong to h and the springs; who looks sees x and v, which nothing but steps moves.
+ */
+static void new_parameters_move_nothing(void **state) {
+  (void)state;
+  msim_scene *scene = thrown(50, 0);
+  msim_options opt = options("takahashi-imada", 5e-4);
+  msim_sim *sim = make_sim(scene, &opt);
+  double x[3 * N], v[3 * N], k[8 * N];
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  for (int32_t e = 0; e < view.nsprings; e++) k[e] = 2 * view.k[e];
+  for (int round = 0; round < 3; round++) {
+    if (round > 0) assert_ok(msim_sim_step(sim, 10, err));
+    memcpy(x, round > 0 ? state_of(sim).x : view.x, sizeof x);
+    memcpy(v, round > 0 ? state_of(sim).v : view.v, sizeof v);
+    if (round == 1) assert_ok(msim_sim_set_step(sim, 1e-3, err));
+    if (round == 2) assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
+    assert_memory_equal(state_of(sim).x, x, sizeof x);
+    assert_memory_equal(state_of(sim).v, v, sizeof v);
+  }
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static void planes_are_refused(void **state) {
+  (void)state;
+  msim_scene *scene = thrown(50, 0);
+  plane(scene, 0, 0, 1, -1, 1, 0);
+  msim_options opt = options("takahashi-imada", 5e-4);
+  msim_sim *sim = NULL;
+  msim_error why;
+  assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
+  assert_non_null(strstr(why.text, "planes"));
   msim_scene_destroy(scene);
 }
 
@@ -258,11 +314,15 @@ static void strong_damping_takes_few_evaluations(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(momentum_is_kept),
-                                     cmocka_unit_test(reversible_methods_find_their_way_back),
-                                     cmocka_unit_test(force_gradient_is_the_cheapest),
-                                     cmocka_unit_test(stages_hold_the_whole_strip),
-                                     cmocka_unit_test(a_step_has_that_amplification),
-                                     cmocka_unit_test(strong_damping_takes_few_evaluations)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(momentum_is_kept),
+      cmocka_unit_test(reversible_methods_find_their_way_back),
+      cmocka_unit_test(force_gradient_is_the_cheapest),
+      cmocka_unit_test(takahashi_imada_is_the_cheapest_of_long_steps),
+      cmocka_unit_test(new_parameters_move_nothing),
+      cmocka_unit_test(planes_are_refused),
+      cmocka_unit_test(stages_hold_the_whole_strip),
+      cmocka_unit_test(a_step_has_that_amplification),
+      cmocka_unit_test(strong_damping_takes_few_evaluations)};
   return cmocka_run_group_tests_name("explicit", tests, NULL, NULL);
 }

@@ -64,6 +64,8 @@ typedef struct ms_integrator {
   /* The state a share theta into the step that was accepted last; see interpolate.h. Nullable: by
    * cubics. */
   void (*interpolate)(ms_stepper *s, double theta, double *x, double *v);
+  /* x and v at t, where the method carries other variables, which belong to h. Nullable. */
+  void (*show)(const ms_stepper *s, double *x, double *v);
   /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;

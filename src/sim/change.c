@@ -139,7 +139,7 @@ static void renew(msim_sim *sim) {
   sim->flat_is_current = 0;
 }
 
-/* A new run with them, from the state that is seen, by a method chosen for them. */
+/* A new run with them, from the state that is seen, by a method or in variables that suit them. */
 static msim_status start_anew(msim_sim *sim, const double *k, const double *rest,
                               const double *damping, msim_error *err) {
   ms_scene *before = ms_scene_share(sim->scene);
@@ -153,6 +153,25 @@ static msim_status start_anew(msim_sim *sim, const double *k, const double *rest
   return status;
 }
 
+/* The same run with them. */
+static msim_status go_on(msim_sim *sim, const double *k, const double *rest, const double *damping,
+                         msim_error *err) {
+  int other = sim->integrator->splits; /* which springs are stiff */
+  for (int32_t i = 0; i < sim->nislands && !other; i++)
+    other = changes_kind(sim, &sim->motion[i], rest, damping);
+  keep_last_step(sim);
+  ms_scene *before = other ? ms_scene_share(sim->scene) : NULL;
+  ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
+  msim_status status = write_springs(sim, k, rest, damping, err);
+  if (!status && other)
+    status = sim->integrator->splits ? ms_sim_rebuild(sim, err) : replace_solvers(sim, err);
+  if (status && other) put_back(sim, before);
+  else ms_scene_release(before);
+  if (status) return status;
+  renew(sim);
+  return MSIM_OK;
+}
+
 msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *rest,
                                  const double *damping, msim_error *err) {
   if (!sim) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL");
@@ -162,20 +181,10 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   if (!status) status = check_values("damping", n, damping, err);
   if (!status && ms_sim_selects(sim)) return start_anew(sim, k, rest, damping, err);
   if (!status && damping) status = ms_sim_check_forces(sim, damping, err);
+  if (!status)
+    status = sim->integrator->show ? start_anew(sim, k, rest, damping, err)
+                                   : go_on(sim, k, rest, damping, err);
   if (status) return status;
-  int other = sim->integrator->splits; /* which springs are stiff */
-  for (int32_t i = 0; i < sim->nislands && !other; i++)
-    other = changes_kind(sim, &sim->motion[i], rest, damping);
-  keep_last_step(sim);
-  ms_scene *before = other ? ms_scene_share(sim->scene) : NULL;
-  ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
-  status = write_springs(sim, k, rest, damping, err);
-  if (!status && other)
-    status = sim->integrator->splits ? ms_sim_rebuild(sim, err) : replace_solvers(sim, err);
-  if (status && other) put_back(sim, before);
-  else ms_scene_release(before);
-  if (status) return status;
-  renew(sim);
   sim->advice.known = sim->advice.chosen = 0;
   ms_sim_watch_step(sim);
   return ms_ok(err);

@@ -61,11 +61,12 @@ static int may_help(msim_status status) {
   return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
 }
 
-/* Whole, or else in 2, 4, ... parts. */
+/* Whole, or else in 2, 4, ... parts, unless what the method carries belongs to h. */
 static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   enum { MOST = 40 };
+  const int32_t retries = sim->integrator->show ? 0 : sim->opt.newton_retries;
   msim_status status = make_steps(sim, s, 1, err);
-  for (int i = 1; i <= sim->opt.newton_retries && i <= MOST && may_help(status); i++) {
+  for (int i = 1; i <= retries && i <= MOST && may_help(status); i++) {
     s->stats->rejected_steps++;
     status = make_steps(sim, s, (int64_t)1 << i, err);
   }

@@ -107,6 +107,11 @@ msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const do
 msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim_error *err) {
   const ms_scene *scene = sim->scene;
   const char *name = sim->integrator->entry.name;
+  if (sim->integrator->show && scene->nplanes > 0)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "integrator '%s' carries other variables than x and v, which planes cannot "
+                   "reflect: take force-gradient",
+                   name);
   if (!sim->integrator->separable) return MSIM_OK;
   if (scene->drag > 0)
     return ms_fail(err, MSIM_ERR_ARG, "integrator '%s' takes forces of positions alone: no drag",

@@ -24,6 +24,12 @@ static void refresh_island(msim_sim *sim, ms_motion *m) {
     refresh_within(sim, m);
     return;
   }
+  if (sim->integrator->show) {
+    sim->integrator->show(s, s->x_next, s->v_next); /* free between steps */
+    ms_rows_scatter(rows, s->x_next, sim->flat_x);
+    ms_rows_scatter(rows, s->v_next, sim->flat_v);
+    return;
+  }
   ms_rows_scatter(rows, s->x, sim->flat_x);
   if (sim->integrator->sync) {
     ms_rows_scatter(rows, s->v, sim->flat_v_half);
