@@ -29,7 +29,6 @@ typedef struct cholesky {
   double *work;                            /* for triangular_solve */
   panels panels;                           /* where the factor serves many times */
   enum { NOT_YET, PACKED, UNFIT } packing; /* of this factor into them */
-  int64_t rough_solves;                    /* with this factor */
   int omp_levels;                          /* of the calling thread, before we came */
 } cholesky;
 
@@ -252,7 +251,6 @@ static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_s
   hold_threads(self);
   msim_status status = MSIM_OK;
   self->packing = NOT_YET;
-  self->rough_solves = 0;
   if (kind == MSIM_FACTOR_SYMMETRIC && !self->simplicial) {
     self->simplicial = symbolic(self, CHOLMOD_SIMPLICIAL);
     status = status_of(self, "analyse the matrix");
@@ -267,13 +265,13 @@ static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_s
   return status;
 }
 
-/* Who asks the same factor for rough answers again keeps it as a preconditioner: then panels in
- * single precision pay, which halve the time of a solve. */
+/* Who asks for rough answers keeps the factor as a preconditioner: then panels in single precision
+ * pay, which halve the time of a solve. */
 static int by_panels(cholesky *self, double rtol) {
   const double ROUGH = 1e-4;
   panels *p = &self->panels;
   const int rough = rtol >= ROUGH;
-  if (rough && self->rough_solves++ && !p->value && panels_pay())
+  if (rough && !p->value && panels_pay())
     allocate_panels(self, 1); /* or not: they are not needed */
   if (!p->value || (p->single && !rough)) return 0;
   if (self->packing == NOT_YET) self->packing = panels_pack(p) ? PACKED : UNFIT;

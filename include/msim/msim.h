@@ -185,6 +185,23 @@ MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nspr
                                           const double *rest /* nsprings */,
                                           const double *damping /* nsprings */, msim_error *err);
 
+/* A checkpoint: all that the steps to come owe to those made, so that a sim made anew goes on from
+ * there to the same bits, with any method, solver or error control, and counts on in stats. The
+ * bytes are the caller's, to be written straight to where they are to lie; they name what they
+ * are, and each of them counts in a hash. Saving changes nothing, and frames of msim_sim_run are
+ * checkpoints too. No sim ever needs more than this, until a state or springs are set: */
+MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
+MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
+                                   msim_error *err);
+
+/* Go on from a checkpoint, in a sim that was made from the same scene with the same options, and to
+ * which the same msim_sim_set_step and msim_sim_set_springs happened. What differs is named; so is
+ * another msim or MSIM_ISA. Free are threads, frames (every, fps), plugin_path, and the end (steps,
+ * t_end), as long as h stays; under error control the tolerance for a second stays, too. Solvers of
+ * options.solver = auto or pcg cannot be taken where they were set up before
+ * msim_sim_set_springs changed k or damping. */
+MSIM_API msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err);
+
 MSIM_API void msim_sim_energy(msim_sim *sim, msim_energy *energy);
 MSIM_API void msim_sim_stats(const msim_sim *sim, msim_stats *stats);
 MSIM_API void msim_sim_plan(const msim_sim *sim, msim_plan *plan);

@@ -11,6 +11,10 @@
 #include "integrate/integrator.h"
 #include "physics/impacts.h"
 
+/* In `warm`, beside what the method notes there: the contacts at the end of the last step are
+ * known, and the a of that state. So all that forgets the one forgets the other. */
+enum { MS_NOTED = 1 << 16 };
+
 /* A reaction, over |a|, that may be rounding. */
 #define MS_PRESS 1e-12
 

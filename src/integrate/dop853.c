@@ -107,6 +107,7 @@ const ms_integrator ms_dop853 = {
                      "h omega = 5.96 (Dormand and Prince; Hairer, Norsett and Wanner 1993)",
               .order = 8},
     .nwork = STAGES,
+    .carried = 1,
     .step = step,
     .estimate = estimate,
     .interpolate = interpolate,

@@ -7,10 +7,6 @@
 #include "base/vec3.h"
 #include "integrate/flight.h"
 
-/* In `warm`, beside what the method notes there: the contacts at the end of the last step are
- * known, and the a of that state. So all that forgets the one forgets the other. */
-enum { NOTED = 1 << 16 };
-
 typedef enum kind { NOTHING, IMPACT, STOP, SLIP, RELEASE } kind;
 
 /* What ends a part of a step. */
@@ -249,16 +245,16 @@ static void note(journey *j) {
   if (j->parts || !j->e->ncontacts) return;
   j->e->held = ms_contacts_sign(s);
   ms_contacts_know(j->e);
-  s->warm_next |= NOTED;
+  s->warm_next |= MS_NOTED;
 }
 
 msim_status ms_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_events *e = s->events;
   if (!e) return method->step(s, err);
   double *x = s->x, *v = s->v;
-  const int carried = s->warm & ~NOTED;
+  const int carried = s->warm & ~MS_NOTED;
   journey j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
-  e->known = s->warm & NOTED;
+  e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
   e->steady = method->entry.implicit;
   const msim_status status = travel(&j, err);

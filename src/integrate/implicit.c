@@ -169,23 +169,26 @@ static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
 
 /*------------------------------------- methods --------------------------------------------------*/
 
-#define METHOD(id, label, text, p, kept, alone)                                                    \
+#define METHOD(id, label, text, p, kept, carries, alone)                                           \
   const ms_integrator ms_##id = {.entry = {.name = label, .doc = text, .order = p, .implicit = 1}, \
                                  .nonlinear = 1,                                                   \
                                  .one_step = alone,                                                \
                                  .nwork = KEPT + (kept),                                           \
+                                 .carried = carries,                                               \
+                                 .carried_at = KEPT,                                               \
                                  .step = step_##id}
 
 METHOD(implicit_euler, "implicit-euler",
-       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0, 1);
+       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0, 0, 1);
 METHOD(implicit_midpoint, "implicit-midpoint",
-       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0, 1);
-METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1, 1);
+       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0, 0, 1);
+METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1, 0, 1);
 METHOD(newmark, "newmark",
-       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2, 1);
-METHOD(bdf2, "bdf2", "backward differences over two steps; damps", 2, 4, 0);
+       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2, 1, 1);
+METHOD(bdf2, "bdf2", "backward differences over two steps; damps", 2, 4, 2, 0);
 METHOD(tr_bdf2, "tr-bdf2",
        "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps what is stiff (Bank 1985)", 2, 3,
-       1);
+       0, 1);
 METHOD(sdirk2, "sdirk2",
-       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2, 1);
+       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2, 0,
+       1);

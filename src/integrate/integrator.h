@@ -47,6 +47,8 @@ typedef struct ms_integrator {
   int splits;    /* keeps stiff springs apart: stepper.split, which belongs to h and the springs */
   int one_step;  /* a step depends on x and v alone, so that two halves tell its error */
   int32_t nwork;
+  int32_t carried, carried_at; /* work vectors that steps to come read: so many, where warm = 1 + k
+                                  from number carried_at + k carried on. 0: none */
   /* From x and the velocity at t in v to the velocity that the method carries; called with warm = 0
    * at the start and after a state was set. Nullable. */
   void (*start)(ms_stepper *s);

@@ -91,4 +91,5 @@ const ms_integrator ms_respa = {
               .order = 2},
     .splits = 1,
     .nwork = 3,
+    .carried = 1,
     .step = step};

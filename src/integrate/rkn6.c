@@ -49,6 +49,7 @@ const ms_integrator ms_rkn6 = {
     .separable = 1,
     .one_step = 1,
     .nwork = MS_SPLITTING_WORK,
+    .carried = 1,
     .start = ms_splitting_start,
     .step = step,
     .limit = limit};

@@ -47,5 +47,6 @@ const ms_integrator ms_velocity_verlet = {
          .order = 2},
     .one_step = 1,
     .nwork = 3,
+    .carried = 1,
     .step = step,
     .limit = limit};

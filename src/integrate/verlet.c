@@ -50,6 +50,7 @@ const ms_integrator ms_verlet = {
               .doc = "x' = x + h v + h^2 a, v' = (x' - x)/h, v being that of t - h/2 (Teschner)",
               .order = 2},
     .nwork = 1,
+    .carried = 1,
     .start = start,
     .step = step,
     .limit = ms_verlet_limit,

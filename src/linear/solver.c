@@ -15,19 +15,40 @@ static int may_keep(const ms_solver *s) {
          !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
 }
 
+static msim_status origin_create(ms_solver *s, ms_origin *origin, msim_error *err) {
+  if (s->system.a.block == 1 || origin->x) return MSIM_OK;
+  origin->x = ms_rows_vector(s->system.model->scene, &s->system.model->rows);
+  return origin->x ? MSIM_OK : ms_fail_memory(err, "the linear solver");
+}
+
+static void origin_destroy(ms_solver *s, ms_origin *origin) {
+  ms_delete(&s->system.model->scene->alloc, origin->x);
+  *origin = (ms_origin){0};
+}
+
+static msim_status keep_by(ms_solver *s, ms_linear *by, msim_error *err) {
+  const msim_status status = origin_create(s, &s->by_kept, err);
+  return status ? status : ms_kept_create(&s->system, by, &s->kept, err);
+}
+
 static msim_status take(ms_solver *s, const ms_choice *choice, msim_error *err) {
   s->linear = choice->linear;
   s->stats->analyses += s->linear->analyses;
   snprintf(s->reason, sizeof s->reason, "%s", choice->reason);
   s->savings.allowed = may_keep(s) && s->linear->aggregates > 0;
+  if (s->linear->aggregates && !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR)) {
+    const msim_status status = origin_create(s, &s->by_coarse, err);
+    if (status) return status;
+  }
   if (!may_keep(s) || !s->linear->factorises || !(s->linear->fill > 0)) return MSIM_OK;
-  return ms_kept_create(&s->system, s->linear, &s->kept, err);
+  return keep_by(s, s->linear, err);
 }
 
 /* No kept factor, nor anybody beside s->linear who makes one. */
-static void drop_kept(ms_solver *s) {
+void ms_solver_drop_kept(ms_solver *s) {
   if (s->savings.cholmod) s->savings.cholmod->ops->destroy(s->savings.cholmod);
   ms_kept_destroy(&s->system, &s->kept);
+  origin_destroy(s, &s->by_kept);
   s->savings = (ms_savings){0};
 }
 
@@ -48,6 +69,12 @@ static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   return take(s, &choice, err);
 }
 
+/* Of what choices and coarse spaces are made from */
+static uint64_t hash_of(const ms_springs *springs) {
+  const size_t bytes = (size_t)springs->n * sizeof(double);
+  return ms_hash(ms_hash(0, springs->k, bytes), springs->damping, bytes);
+}
+
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
                              msim_stats *stats, ms_solver **solver, msim_error *err) {
   ms_solver *s = ms_new(&model->scene->alloc, 1, sizeof *s);
@@ -56,6 +83,8 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
   s->system.model = model;
   s->opt = opt;
   s->stats = stats;
+  s->planned = h;
+  s->springs = hash_of(&model->springs);
   msim_status status = set_up(s, h, err);
   if (status) ms_solver_destroy(s);
   else *solver = s;
@@ -66,7 +95,8 @@ void ms_solver_destroy(ms_solver *s) {
   if (!s) return;
   const ms_model *model = s->system.model;
   if (s->linear) s->linear->ops->destroy(s->linear);
-  drop_kept(s);
+  ms_solver_drop_kept(s);
+  origin_destroy(s, &s->by_coarse);
   ms_coefficients_destroy(model, &s->system.a);
   double *work[] = {s->guess, s->residual, s->correction, s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) ms_delete(&model->scene->alloc, work[i]);
@@ -97,6 +127,7 @@ static msim_status assemble(ms_solver *s, const double *x, double h, int clamp) 
   s->made_for = 0;
   ms_coefficients_compute(s->system.model, x, h, clamp, &s->system.a);
   s->system.clamped = clamp;
+  s->h = h;
   s->culprit = bad_coefficients(&s->system);
   s->stats->assemblies++;
   s->stats->assemble_s += ms_clock() - start;
@@ -110,6 +141,14 @@ static void expand(ms_solver *s, ms_linear *linear) {
   s->stats->assemble_s += ms_clock() - start;
 }
 
+/* The factor just made is one of the matrix at hand. */
+static void remember(const ms_solver *s, int32_t kind, ms_origin *origin) {
+  const ms_rows *rows = &s->system.model->rows;
+  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof(double);
+  origin->h = s->h, origin->clamped = s->system.clamped, origin->kind = kind;
+  if (origin->x) memcpy(origin->x, s->system.a.x, bytes);
+}
+
 static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_error *err) {
   if (!linear->ops->factor) return MSIM_OK;
   expand(s, linear);
@@ -120,8 +159,14 @@ static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_er
   s->stats->coarse_factors += linear->coarse_factors - made;
   s->stats->kept_factors += linear->kept_coarse_factors - kept;
   s->stats->factor_s += ms_clock() - start;
-  if (linear == s->kept.by) s->kept.age = 0;
+  if (linear->coarse_factors > made) remember(s, kind, &s->by_coarse);
+  if (linear == s->kept.by) s->kept.age = 0, remember(s, kind, &s->by_kept);
   return status;
+}
+
+msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin, msim_error *err) {
+  const msim_status status = assemble(s, origin->x, origin->h, origin->clamped);
+  return status ? status : factor(s, by, origin->kind, err);
 }
 
 /* ||b - A v||, and the residual itself in s->residual */
@@ -148,10 +193,19 @@ static int is_good(ms_solver *s, const double *b, const double *v) {
   return norm <= s->target.rtol * size || norm <= rounding_level(s, b, v);
 }
 
+/* Single precision is for preconditioners: a new factor is asked for more. */
+static ms_target target_of(const ms_solver *s) {
+  const double FINE = 1e-5;
+  ms_target target = s->target;
+  if (s->linear->factorises) target.rtol = fmin(target.rtol, FINE);
+  return target;
+}
+
 /* Accept v, or refine it with the factor at hand. */
 static msim_status check(ms_solver *s, const double *b, double *v, msim_error *err) {
   enum { REFINEMENTS = 3 };
   const ms_shape shape = s->system.model->shape;
+  const ms_target target = target_of(s);
   for (int round = 0; !is_good(s, b, v); round++) {
     s->culprit = isfinite(s->reached) ? ms_find_largest(shape, s->residual) : ms_find_bad(shape, v);
     if (!isfinite(s->reached))
@@ -165,7 +219,7 @@ static msim_status check(ms_solver *s, const double *b, double *v, msim_error *e
     memset(s->correction, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *s->correction);
     int64_t iterations = 0;
     msim_status status =
-        s->linear->ops->solve(s->linear, &s->target, s->residual, s->correction, &iterations, err);
+        s->linear->ops->solve(s->linear, &target, s->residual, s->correction, &iterations, err);
     if (status) return status;
     ms_axpy(shape, 1, s->correction, v);
     s->stats->refinements++;
@@ -179,8 +233,8 @@ static int uses_guess(const ms_linear *linear) { return !linear->exact && !linea
 static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *err) {
   double start = ms_clock();
   if (uses_guess(s->linear)) ms_copy(s->system.model->shape, s->guess, v);
-  msim_status status =
-      s->linear->ops->solve(s->linear, &s->target, b, v, &s->stats->iterations, err);
+  const ms_target target = target_of(s);
+  msim_status status = s->linear->ops->solve(s->linear, &target, b, v, &s->stats->iterations, err);
   /* an iteration that ran out may still stand at rounding level */
   if ((status == MSIM_OK && !s->linear->exact) || status == MSIM_NOT_CONVERGED)
     status = check(s, b, v, err);
@@ -220,20 +274,25 @@ static double worth(const ms_savings *savings) {
   return savings->flops / (double)savings->steps / (MS_FLOPS_PER_FILL * savings->cholmod->fill);
 }
 
+msim_status ms_solver_add_cholmod(ms_solver *s, msim_error *err) {
+  ms_linear **cholmod = &s->savings.cholmod;
+  const msim_status status = ms_adapter_create(&s->system, "cholmod", s->opt, cholmod, err);
+  if (status) return status;
+  s->stats->analyses++;
+  return keep_by(s, *cholmod, err);
+}
+
 /* cholmod beside pcg, to buy factors from. Where it is not there, or its factor takes too much
  * memory or time to be read, there is nothing to save for. */
 static int open_cholmod(ms_solver *s) {
   const double LARGEST_FILL = 1 << 26, FEW = 2; /* 0.8 GB, with a copy in single precision */
   ms_savings *savings = &s->savings;
   if (savings->cholmod) return 1;
-  if (!ms_adapter_create(&s->system, "cholmod", s->opt, &savings->cholmod, NULL)) {
+  if (!ms_solver_add_cholmod(s, NULL)) {
     const double fill = savings->cholmod->fill;
-    s->stats->analyses++;
-    if (fill > 0 && fill <= LARGEST_FILL && worth(savings) >= FEW &&
-        !ms_kept_create(&s->system, savings->cholmod, &s->kept, NULL))
-      return 1;
+    if (fill > 0 && fill <= LARGEST_FILL && worth(savings) >= FEW) return 1;
   }
-  drop_kept(s);
+  ms_solver_drop_kept(s);
   return 0;
 }
 
@@ -290,13 +349,13 @@ static msim_status not_positive_definite(ms_solver *s, const ms_request *r, cons
 }
 
 /* pcg did not converge: `auto` takes cholmod from here on. */
-static msim_status switch_to_cholmod(ms_solver *s, msim_error *err) {
+msim_status ms_solver_switch(ms_solver *s, msim_error *err) {
   ms_choice choice = {.reason = "auto: pcg did not converge"};
   s->may_switch = 0;
   msim_status status = ms_adapter_create(&s->system, "cholmod", s->opt, &choice.linear, err);
   if (status) return status;
   s->linear->ops->destroy(s->linear);
-  drop_kept(s);
+  ms_solver_drop_kept(s);
   s->stats->fallbacks++;
   s->made_for = 0;
   return take(s, &choice, err);
@@ -344,7 +403,7 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const 
   solver->target = (ms_target){request->rtol, solver->opt->solver_max_iterations};
   solver->stats->solves++;
   msim_status status = solve_once(solver, request, b, v, err);
-  if (status == MSIM_NOT_CONVERGED && solver->may_switch && !switch_to_cholmod(solver, NULL))
+  if (status == MSIM_NOT_CONVERGED && solver->may_switch && !ms_solver_switch(solver, NULL))
     status = solve_once(solver, request, b, v, err);
   if (!status) {
     solver->culprit = ms_find_bad(shape, v);

@@ -3,6 +3,7 @@
 #ifndef MS_SOLVER_H
 #define MS_SOLVER_H
 
+#include "base/bytes.h"
 #include "linear/kept.h"
 
 /* What pcg spends on a matrix that hardly changes would buy a factor of it. */
@@ -13,6 +14,13 @@ typedef struct ms_savings {
   int64_t steps;      /* that did */
 } ms_savings;
 
+/* What a factor was made from. From that it is made again, to the bit. */
+typedef struct ms_origin {
+  double *x; /* NULL: nobody asks, as no factor is kept, or as A is the same for every x */
+  double h;
+  int32_t clamped, kind;
+} ms_origin;
+
 typedef struct ms_solver {
   ms_system system;
   const msim_options *opt;
@@ -21,7 +29,12 @@ typedef struct ms_solver {
   int may_switch; /* auto took pcg: cholmod stands behind it */
   ms_kept kept;
   ms_savings savings;
-  double made_for; /* h of the constant matrix that is factored; 0: there is none */
+  double made_for;     /* h of the constant matrix that is factored; 0: there is none */
+  double h;            /* of the matrix at hand */
+  double planned;      /* h that it was chosen for, at creation ... */
+  uint64_t springs;    /* ... and a hash of the springs */
+  ms_origin by_kept;   /* of the kept factor */
+  ms_origin by_coarse; /* of the coarse factor */
   msim_stats *stats;
   double *guess, *residual, *correction, *magnitude; /* work vectors */
   double reached;                                    /* ||b - A v|| / ||b|| of the last solve */
@@ -70,6 +83,19 @@ msim_status ms_solver_descend(ms_solver *solver, const ms_request *request, cons
 
 /* Forget the kept factor: what follows depends on the state alone. */
 void ms_solver_restart(ms_solver *solver);
+
+/* What solves to come owe to solves made: who solves, the factors that are kept, and what decides
+ * on their use. Taken by a solver just created with the same h: it solves to the same bits, and may
+ * have no use after a failure, or where the bytes are wrong. */
+msim_status ms_solver_history(ms_bytes *bytes, ms_solver *solver, msim_error *err);
+
+/* For that: a factor by one of the solver's own, of the matrix that it was made from. */
+msim_status ms_solver_make(ms_solver *solver, ms_linear *by, const ms_origin *origin,
+                           msim_error *err);
+/* `auto` takes cholmod in the place of pcg, or lets it make factors beside, or never. */
+msim_status ms_solver_switch(ms_solver *solver, msim_error *err);
+msim_status ms_solver_add_cholmod(ms_solver *solver, msim_error *err);
+void ms_solver_drop_kept(ms_solver *solver);
 
 /* The model's springs are others. Whether its matrix is one of scalars must not have changed. */
 void ms_solver_renew(ms_solver *solver);

@@ -234,6 +234,39 @@ static msim_status set_option(msim_options *opt, const option *o, const char *va
   return MSIM_OK;
 }
 
+/*------------------------------------- values as texts ------------------------------------------*/
+
+/* The pick-th of "a | b | c" */
+static void put_word(const char *values, int32_t pick, ms_number *word) {
+  for (; pick > 0; pick--) values = strstr(values, " | ") + 3;
+  const char *bar = strstr(values, " | ");
+  const size_t length = bar ? (size_t)(bar - values) : strlen(values);
+  snprintf(word->text, sizeof word->text, "%.*s", (int)length, values);
+}
+
+static void put_number(const option *o, const void *member, ms_number *number) {
+  double value = 0;
+  if (o->type == REAL) value = *(const double *)member;
+  else if (o->type == INT64) value = (double)*(const int64_t *)member;
+  else value = *(const int32_t *)member;
+  if (value != o->unset) *number = ms_number_text(value);
+  else if (strstr(o->entry.values, " | ")) put_word(o->entry.values, 1, number);
+}
+
+const char *ms_option_value(const msim_options *opt, int32_t i, ms_number *number) {
+  const option *o = &table[i];
+  const void *member = (const char *)opt + o->member;
+  number->text[0] = 0;
+  if (o->type == WORD) {
+    const char *word = *(const char *const *)member;
+    return word ? word : number->text;
+  }
+  if (o->type == CHOICE) put_word(o->entry.values, *(const int32_t *)member, number);
+  else if (o->type == SKIP) put_word(o->entry.values, (opt->skip_off & o->bit) != 0, number);
+  else put_number(o, member, number);
+  return number->text;
+}
+
 /*------------------------------------- public ---------------------------------------------------*/
 
 void msim_options_init(msim_options *opt, size_t size) {

@@ -77,7 +77,7 @@ static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
   return ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &s->solver, err);
 }
 
-static msim_status build(msim_sim *sim, int32_t left_out, msim_error *err) {
+msim_status ms_sim_make_motions(msim_sim *sim, int32_t left_out, msim_error *err) {
   msim_status status = make_models(sim, left_out, err);
   if (!status) use_threads(sim);
   for (int32_t i = 0; i < sim->nislands && !status; i++)
@@ -102,20 +102,31 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
 
 void ms_sim_take_down(msim_sim *sim) { take_down(&sim->alloc, sim->motion, sim->nislands); }
 
-msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
-  ms_motion *motion = sim->motion;
-  const int32_t nislands = sim->nislands;
-  const int any_by_one = sim->any_by_one;
+ms_motions ms_sim_put_aside(msim_sim *sim) {
+  const ms_motions old = {sim->nislands, sim->motion, sim->any_by_one};
   sim->motion = NULL, sim->nislands = 0;
-  msim_status status = build(sim, left_out, err);
-  if (!status) {
-    take_down(&sim->alloc, motion, nislands);
-    sim->selection.out_of_date = 0;
-    return MSIM_OK;
-  }
+  return old;
+}
+
+void ms_sim_drop(msim_sim *sim, const ms_motions *old) {
+  take_down(&sim->alloc, old->motion, old->n);
+}
+
+void ms_sim_put_back(msim_sim *sim, const ms_motions *old) {
   ms_sim_take_down(sim);
-  sim->motion = motion, sim->nislands = nislands, sim->any_by_one = any_by_one;
-  return status;
+  sim->nislands = old->n, sim->motion = old->motion, sim->any_by_one = old->any_by_one;
+}
+
+msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
+  const ms_motions old = ms_sim_put_aside(sim);
+  const msim_status status = ms_sim_make_motions(sim, left_out, err);
+  if (status) {
+    ms_sim_put_back(sim, &old);
+    return status;
+  }
+  ms_sim_drop(sim, &old);
+  sim->selection.out_of_date = 0;
+  return MSIM_OK;
 }
 
 const ms_motion *ms_sim_largest(const msim_sim *sim) {

@@ -21,15 +21,17 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   }
   const msim_options before = sim->opt;
   const int chosen = sim->advice.chosen;
+  const int64_t spent = sim->spent;
   msim_status status = ms_sim_settle_step(sim, &h, err);
   if (status) return status;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   now.v_half = NULL; /* it belongs to the old h */
   sim->opt.h = h;
+  if (sim->opt.steps >= 0) sim->spent += now.step - sim->step0;
   if (sim->opt.steps >= 0) sim->opt.steps -= now.step - sim->step0;
   status = msim_sim_set_state(sim, &now, err);
-  if (status) sim->opt = before, sim->advice.chosen = chosen;
+  if (status) sim->opt = before, sim->advice.chosen = chosen, sim->spent = spent;
   return status;
 }
 
@@ -44,6 +46,7 @@ static msim_status check_values(const char *what, int32_t n, const double *value
 
 static void use_scene(msim_sim *sim, ms_scene *scene) {
   sim->scene = scene;
+  sim->is_marked = 0;
   for (int32_t i = 0; i < sim->nislands; i++) sim->motion[i].model.scene = scene;
 }
 
@@ -79,6 +82,7 @@ static msim_status write_springs(msim_sim *sim, const double *k, const double *r
   ms_scene *scene = own_scene(sim, err);
   if (!scene) return MSIM_ERR_MEMORY;
   const size_t bytes = (size_t)scene->nsprings * sizeof(double);
+  sim->is_marked = 0;
   if (k) memcpy(scene->k, k, bytes);
   if (rest) memcpy(scene->rest, rest, bytes);
   if (damping) memcpy(scene->damping, damping, bytes);
@@ -92,8 +96,9 @@ static msim_status make_solvers(msim_sim *sim, ms_solver **fresh, msim_error *er
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     const ms_motion *m = &sim->motion[i];
-    if (changes_kind(sim, m, NULL, NULL))
-      status = ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &fresh[i], err);
+    if (!changes_kind(sim, m, NULL, NULL)) continue;
+    const double h = m->stepper.solver->planned; /* one for all islands */
+    status = ms_solver_create(&m->model, &sim->opt, h, &sim->stats, &fresh[i], err);
   }
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_solver **used = &sim->motion[i].stepper.solver;

@@ -22,6 +22,14 @@ static const struct {
     {.method = &ms_dop853, .evaluations = 12, .when_damped = 12},
     {.method = &ms_tr_bdf2}};
 
+/* Why a candidate was passed over */
+enum { NOT_PASSED_OVER, ACCURACY, TOO_DEAR, NOT_THROUGH, DAMPED, REASONS };
+static const char *const reasons[REASONS] = {
+    [ACCURACY] = "accuracy, not stability, sets the steps of the best so far",
+    [TOO_DEAR] = "ten of its steps would cost more than a fifth of the run",
+    [NOT_THROUGH] = "it is not through with the run at a fifth of the cost",
+    [DAMPED] = "forces depend on velocities"};
+
 enum { STATES = 3 };
 
 /* What all candidates are tried in. */
@@ -247,15 +255,15 @@ static msim_status consider_implicit(probe *p, const ms_candidate *best, ms_cand
   const double most = best->cost * p->span / 5;
   msim_sim *trial;
   if (!best->held) {
-    c->why = "accuracy, not stability, sets the steps of the best so far";
+    c->why = ACCURACY;
     return MSIM_OK;
   }
   msim_status status = make_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
-  c->why = "ten of its steps would cost more than a fifth of the run";
+  c->why = TOO_DEAR;
   if (10 * predict_price(trial, p->span / 10) < most) {
     status = run_through(p, trial, most, c, err);
-    c->why = c->cost < INFINITY ? NULL : "it is not through with the run at a fifth of the cost";
+    c->why = c->cost < INFINITY ? NOT_PASSED_OVER : NOT_THROUGH;
   }
   p->price += work_of(trial);
   msim_sim_destroy(trial);
@@ -267,7 +275,7 @@ static msim_status consider(probe *p, int i, ms_selection *s, msim_error *err) {
   const ms_candidate *best = i ? &s->candidates[s->best] : c;
   msim_status status = MSIM_OK;
   *c = (ms_candidate){.method = list[i].method, .cost = INFINITY};
-  if (c->method->separable && p->damped) c->why = "forces depend on velocities";
+  if (c->method->separable && p->damped) c->why = DAMPED;
   else if (c->method->entry.implicit) status = consider_implicit(p, best, c, err);
   else status = consider_explicit(p, i, best->cost, c, err);
   if (c->cost < best->cost) s->best = i;
@@ -325,10 +333,28 @@ msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const doubl
   return status;
 }
 
+static void pass_candidate(ms_bytes *b, int i, ms_candidate *c) {
+  c->method = list[i].method;
+  double *numbers[] = {&c->price, &c->cost, &c->h};
+  int *flags[] = {&c->held, &c->fixed, &c->why};
+  for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *numbers[k]);
+  for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *flags[k]);
+  ms_bytes_check(b, c->why >= 0 && c->why < REASONS, "the choice of a method");
+}
+
+void ms_selection_history(ms_bytes *b, ms_selection *s) {
+  double *numbers[] = {&s->tol, &s->flown, &s->price};
+  for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *numbers[k]);
+  MS_BYTES_PASS(b, s->best);
+  for (int i = 0; i < MS_CANDIDATES; i++) pass_candidate(b, i, &s->candidates[i]);
+  ms_bytes_check(b, s->best >= 0 && s->best < MS_CANDIDATES && s->tol > 0,
+                 "the choice of a method");
+}
+
 static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
   ms_print(out, "              %-17s ", c->method->entry.name);
   if (c->why) {
-    ms_print(out, "passed over: %s\n", c->why);
+    ms_print(out, "passed over: %s\n", reasons[c->why]);
     return;
   }
   ms_print(out, "h = %-8.3g %5.4g evaluations a step, %8.4g a second%s%s\n", c->h, c->price,

@@ -14,6 +14,7 @@
 #ifndef MS_SELECT_H
 #define MS_SELECT_H
 
+#include "base/bytes.h"
 #include "integrate/integrator.h"
 
 #define MS_MARGIN 4.0
@@ -22,12 +23,12 @@ enum { MS_CANDIDATES = 5 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;
-  double price;    /* of a step, in evaluations; with the whole step that control compares with */
-  double cost;     /* evaluations for a second; INFINITY: it cannot take part */
-  double h;        /* s: the step, the shortest where states differ */
-  int held;        /* by stability, not by accuracy */
-  int fixed;       /* without control */
-  const char *why; /* it was passed over, where its cost is not known; NULL: it is */
+  double price; /* of a step, in evaluations; with the whole step that control compares with */
+  double cost;  /* evaluations for a second; INFINITY: it cannot take part */
+  double h;     /* s: the step, the shortest where states differ */
+  int held;     /* by stability, not by accuracy */
+  int fixed;    /* without control */
+  int why;      /* it was passed over, where its cost is not known; 0: it is */
 } ms_candidate;
 
 typedef struct ms_selection {
@@ -44,6 +45,9 @@ typedef struct ms_selection {
  * fails. */
 msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const double *v,
                           msim_error *err);
+
+/* All of it, and taken again. */
+void ms_selection_history(ms_bytes *bytes, ms_selection *selection);
 
 void ms_selection_explain(const ms_selection *selection, ms_text *out);
 

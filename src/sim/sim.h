@@ -8,6 +8,7 @@
 #include "integrate/control.h"
 #include "scene/options.h"
 #include "sim/advice.h"
+#include "sim/marks.h"
 #include "sim/plan.h"
 #include "sim/select.h"
 
@@ -45,10 +46,14 @@ struct msim_sim {
   double t, t_lost; /* the sum of all steps, and what rounding took from it */
   double t_shown;   /* of the state that is looked at: t, or within the last step */
   int64_t frame;    /* that msim_sim_run shows next, where frames are at times of their own */
+  int64_t spent;    /* steps that msim_sim_set_step took off opt.steps */
 
   int32_t nislands;  /* at least 1 */
   ms_motion *motion; /* nislands: replaced where the components of space are others */
   int any_by_one;    /* 1: some are stepped at the same time */
+
+  uint64_t marks[MS_SCENE_MARKS]; /* of its scene, once they were asked for: see marks.h */
+  int is_marked;
 
   double *flat_x, *flat_v, *flat_v_half; /* 3n: what somebody asked for last */
   int flat_is_current;
@@ -74,6 +79,20 @@ double ms_sim_time(const msim_sim *sim);
  * keeps the old ones where that fails. The state is yet to be set. */
 msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err);
 
+/* What that replaces. */
+typedef struct ms_motions {
+  int32_t n;
+  ms_motion *motion;
+  int any_by_one;
+} ms_motions;
+
+/* The same step by step: put the old ones aside, make new ones, then drop the old ones, or drop
+ * the new ones, half built too, and put the old ones back. */
+ms_motions ms_sim_put_aside(msim_sim *sim);
+msim_status ms_sim_make_motions(msim_sim *sim, int32_t left_out, msim_error *err);
+void ms_sim_drop(msim_sim *sim, const ms_motions *old);
+void ms_sim_put_back(msim_sim *sim, const ms_motions *old);
+
 /* The same again, in the present state. */
 msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err);
 
@@ -94,6 +113,9 @@ void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
 
 /* A run from that state on, which is good. */
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err);
+
+/* Let the islands start in that state, as it is planned. */
+void ms_sim_start_islands(msim_sim *sim, const msim_state *state);
 
 /* Plan the run from t0 and x, v (flat 3n) on; keeps the old plan where that fails. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,

@@ -114,11 +114,15 @@ static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
   }
 }
 
+void ms_sim_start_islands(msim_sim *sim, const msim_state *state) {
+  for (int32_t i = 0; i < sim->nislands; i++) start_island(sim, &sim->motion[i], state);
+}
+
 msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err) {
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   msim_status status = ms_sim_build(sim, sim->motion->model.rows.left_out, err);
-  for (int32_t i = 0; i < sim->nislands && !status; i++) start_island(sim, &sim->motion[i], &now);
+  if (!status) ms_sim_start_islands(sim, &now);
   return status;
 }
 
@@ -136,7 +140,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   if (ms_sim_has_control(sim)) ms_drive_start(sim);
   memmove(sim->flat_x, state->x, flat);
   memmove(sim->flat_v, state->v, flat);
-  for (int32_t i = 0; i < sim->nislands; i++) start_island(sim, &sim->motion[i], state);
+  ms_sim_start_islands(sim, state);
   if (sim->integrator->sync) {
     memcpy(sim->flat_v_half, sim->flat_v, flat); /* 0 where there is no component */
     for (int32_t i = 0; i < sim->nislands; i++)

@@ -1,0 +1,136 @@
+/* history - what solves to come owe to solves made
+ *
+ *   who solves            pcg may have given way to cholmod, once and for all
+ *   the kept factor       made of an earlier x, h; its age and what it has cost decide on its use
+ *   the coarse factor     of pcg, likewise
+ *   the constant matrix   its h: the factor may be one of scalars, for a whole run
+ *   savings               of pcg, for a factor; cholmod, which was opened for it, or was no use
+ *   the choice            by h and springs at creation: of the solver, and of its aggregates
+ *
+ * Guesses are the caller's; all else is made anew in each solve. Factors are not kept but what they
+ * were made from, which is hundreds of times less, and gives the same bits again. */
+#include <math.h>
+#include <string.h>
+
+#include "linear/pcg.h"
+#include "linear/solver.h"
+
+static ms_pcg *pcg_of(const ms_solver *s) {
+  return strcmp(s->linear->name, "pcg") == 0 ? (ms_pcg *)s->linear : NULL;
+}
+
+static int is_auto(const ms_solver *s) { return strcmp(s->opt->solver, "auto") == 0; }
+
+/* What is decided, in numbers. */
+typedef struct decisions {
+  double planned;
+  uint64_t springs;
+  int32_t pcg, may_switch, aggregates;
+  int32_t saves, has_cholmod; /* beside pcg */
+} decisions;
+
+static decisions decisions_of(const ms_solver *s) {
+  return (decisions){.planned = s->planned,
+                     .springs = s->springs,
+                     .pcg = pcg_of(s) != NULL,
+                     .may_switch = s->may_switch,
+                     .aggregates = s->linear->aggregates,
+                     .saves = s->savings.allowed,
+                     .has_cholmod = s->savings.cholmod != NULL};
+}
+
+static void pass_decisions(ms_bytes *b, decisions *d) {
+  MS_BYTES_PASS(b, d->planned);
+  MS_BYTES_PASS(b, d->springs);
+  int32_t *flags[] = {&d->pcg, &d->may_switch, &d->aggregates, &d->saves, &d->has_cholmod};
+  for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_BYTES_PASS(b, *flags[i]);
+}
+
+static msim_status refuse(msim_error *err, const char *why) {
+  return ms_fail(err, MSIM_ERR_ARG, "the linear solver cannot be as it was: %s", why);
+}
+
+/* A solver just created decides as that one did. */
+static msim_status decide(ms_solver *s, const decisions *d, msim_error *err) {
+  msim_status status = MSIM_OK;
+  const int chosen = is_auto(s) || s->linear->aggregates;
+  if (chosen && (d->planned != s->planned || d->springs != s->springs))
+    return refuse(err, "it was set up for other springs, before msim_sim_set_springs");
+  if (pcg_of(s) && !d->pcg && s->may_switch) status = ms_solver_switch(s, err);
+  if (status) return status;
+  if (!pcg_of(s) != !d->pcg || d->aggregates != s->linear->aggregates)
+    return refuse(err, "it is pcg here and cholmod there, or has another coarse space");
+  s->may_switch = s->may_switch && d->may_switch;
+  if (!d->saves && s->savings.allowed) ms_solver_drop_kept(s);
+  if (s->savings.allowed && d->has_cholmod) status = ms_solver_add_cholmod(s, err);
+  return status;
+}
+
+static void pass_origin(ms_bytes *b, const ms_solver *s, ms_origin *origin) {
+  const ms_model *model = s->system.model;
+  MS_BYTES_PASS(b, origin->h);
+  MS_BYTES_PASS(b, origin->clamped);
+  MS_BYTES_PASS(b, origin->kind);
+  ms_bytes_check(b, isfinite(origin->h) && origin->h > 0, "the h of a matrix");
+  ms_bytes_check(b, (origin->kind | 1) == 1, "the kind of a factor");
+  if (s->system.a.block == 1) return;
+  if (b->direction == MS_TAKE) ms_rows_gather(&model->rows, model->scene->x, origin->x);
+  ms_bytes_pass_rows(b, model->shape, origin->x); /* the pinned ones are where they are */
+}
+
+static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {
+  int64_t *counts[] = {&kept->age, &kept->iterations, &kept->wait, &kept->rest, &savings->steps};
+  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+    MS_BYTES_PASS(b, *counts[i]);
+    ms_bytes_check(b, *counts[i] >= 0 || counts[i] == &kept->rest, "a count of the solver");
+  }
+  MS_BYTES_PASS(b, kept->limit);
+  MS_BYTES_PASS(b, kept->rtol);
+  MS_BYTES_PASS(b, savings->flops);
+  ms_bytes_check(b, kept->limit >= 0 && kept->rtol >= 0 && savings->flops >= 0, "the solver");
+  ms_bytes_check(b, kept->by || kept->age == 0, "a kept factor");
+}
+
+/* Age of the coarse factor, if one is there to serve; -1: none. */
+static int32_t coarse_age(const ms_solver *s) {
+  const ms_pcg *pcg = pcg_of(s);
+  const int serves = pcg && pcg->base.aggregates && pcg->coarse_is_ready && pcg->may_keep;
+  return serves ? pcg->coarse_age : -1;
+}
+
+/* All factors again. Making one makes its counts begin anew. */
+static msim_status make_factors(ms_solver *s, int32_t age, const ms_origin *constant,
+                                msim_error *err) {
+  const ms_kept kept = s->kept;
+  msim_status status = MSIM_OK;
+  if (age >= 0) status = ms_solver_make(s, s->linear, &s->by_coarse, err);
+  if (!status && kept.age > 0) status = ms_solver_make(s, kept.by, &s->by_kept, err);
+  if (!status && constant->h > 0) status = ms_solver_make(s, s->linear, constant, err);
+  s->kept = kept;
+  if (age >= 0) pcg_of(s)->coarse_age = age;
+  s->made_for = constant->h;
+  return status;
+}
+
+msim_status ms_solver_history(ms_bytes *b, ms_solver *s, msim_error *err) {
+  decisions d = decisions_of(s);
+  int32_t age = coarse_age(s);
+  ms_origin constant = {.h = s->made_for, .clamped = s->system.clamped};
+  pass_decisions(b, &d);
+  msim_status status = b->direction == MS_TAKE ? decide(s, &d, err) : MSIM_OK;
+  if (status) return status;
+  pass_counts(b, &s->kept, &s->savings);
+  MS_BYTES_PASS(b, constant.h);
+  MS_BYTES_PASS(b, constant.clamped);
+  ms_bytes_check(b, isfinite(constant.h) && (constant.h == 0 || s->system.a.block == 1),
+                 "the h of a matrix");
+  MS_BYTES_PASS(b, age);
+  ms_bytes_check(b, age == -1 || (age >= 0 && pcg_of(s) && pcg_of(s)->may_keep && d.aggregates),
+                 "a coarse factor");
+  if (ms_bytes_failed(b)) return MSIM_OK;
+  const int counts = b->direction == MS_COUNT; /* what may come to be */
+  if (counts ? is_auto(s) || pcg_of(s) : age >= 0) pass_origin(b, s, &s->by_coarse);
+  if (counts ? is_auto(s) : s->kept.age > 0) pass_origin(b, s, &s->by_kept);
+  if (b->direction != MS_TAKE || ms_bytes_failed(b)) return MSIM_OK;
+  return make_factors(s, age, &constant, err);
+}

@@ -1,0 +1,371 @@
+/* checkpoint - a sim's run to bytes, and from them on to the same bits
+ *
+ *   header    magic, byte order, version, lengths, a hash of everything
+ *   marks     what scene and options are told by, as lines "name=value" (marks.h)
+ *   the run   step and time, with what rounding took from it; the controller: next h, last error;
+ *             scales and length of the run, which its tolerance is by; frames shown; stats; what
+ *             integrator = auto has chosen; which axis is left out; the h solvers were chosen for
+ *   islands   at rest or not; the stepper (integrate/history.h), the solver (linear/history.c)
+ *
+ * What a sim keeps beside that follows from it: models and their order of rows, split springs,
+ * analyses and aggregates from scene and options; bounds and the plan, but its end, too. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "integrate/history.h"
+#include "layout/flat.h"
+#include "sim/drive.h"
+
+#define MAGIC   "msimsave"
+#define ORDER   0x01020304u
+#define VERSION 1u
+
+typedef struct header {
+  char magic[8];
+  uint32_t order, version;
+  uint64_t length, hash; /* of all bytes, with 0 in the place of the hash */
+  uint64_t marks;        /* bytes */
+} header;
+
+/* Of all bytes; those of the header are in h. */
+static uint64_t hash_of(const header *h, const void *from) {
+  header without = *h;
+  without.hash = 0;
+  return ms_hash(ms_hash(0, &without, sizeof without), (const char *)from + sizeof without,
+                 (size_t)h->length - sizeof without);
+}
+
+/*------------------------------------- marks ----------------------------------------------------*/
+
+/* A line for each; counted, with room for another number. */
+static void put_mark(void *data, const char *name, const char *value, int is_hash) {
+  enum { LONGEST_NUMBER = 24 };
+  ms_bytes *b = data;
+  const void *const parts[] = {name, "=", value, "\n"};
+  (void)is_hash;
+  for (int i = 0; i < 4; i++) ms_bytes_pass(b, (void *)(uintptr_t)parts[i], strlen(parts[i]));
+  if (b->direction == MS_COUNT && strlen(value) < LONGEST_NUMBER)
+    b->used += LONGEST_NUMBER - strlen(value);
+}
+
+/* Here beside there */
+typedef struct comparison {
+  const char *next, *end; /* lines */
+  msim_status status;
+  msim_error *err;
+} comparison;
+
+/* Both have the same names in the same order, up to the first that differs. */
+static void compare_mark(void *data, const char *name, const char *value, int is_hash) {
+  comparison *c = data;
+  if (c->status) return;
+  const size_t length = strlen(name);
+  const char *line = c->next, *end = memchr(line, '\n', (size_t)(c->end - line));
+  if (!end || (size_t)(end - line) <= length || memcmp(line, name, length) || line[length] != '=') {
+    c->status = ms_fail(c->err, MSIM_ERR_ARG, "the checkpoint says nothing of %s", name);
+    return;
+  }
+  const char *there = line + length + 1;
+  const size_t size = (size_t)(end - there);
+  c->next = end + 1;
+  if (size == strlen(value) && memcmp(there, value, size) == 0) return;
+  if (is_hash)
+    c->status = ms_fail(c->err, MSIM_ERR_ARG, "%s differs from that in the checkpoint", name);
+  else
+    c->status = ms_fail(c->err, MSIM_ERR_ARG, "%s is %s here and %.*s in the checkpoint", name,
+                        *value ? value : "not given", size ? (int)(size < 100 ? size : 100) : 9,
+                        size ? there : "not given");
+}
+
+static msim_status compare_marks(const msim_sim *sim, const char *marks, size_t size,
+                                 msim_error *err) {
+  comparison c = {.next = marks, .end = marks + size, .err = err};
+  ms_sim_marks(sim, compare_mark, &c);
+  return c.status;
+}
+
+/*------------------------------------- the run --------------------------------------------------*/
+
+typedef struct run {
+  int64_t step, step0, spent, frame;
+  double t0, h, t, t_lost, t_shown;
+  ms_scales scales;
+  ms_control control;
+  double fps, t_end; /* frames are counted by them */
+  int64_t every;
+  double solver_h; /* 0: no solver */
+  int32_t left_out;
+  int32_t inside; /* the last step is kept, as somebody is to look inside */
+  int32_t chosen; /* the step, by the limit of stability */
+  double tol, first_h;
+  ms_selection selection;
+  msim_stats stats;
+} run;
+
+/* Is a frame shown, or due, within the last step? */
+static int is_inside(const msim_sim *sim) {
+  if (!ms_plan_has_times(&sim->opt) || sim->step == sim->step0) return 0;
+  return sim->t_shown < sim->t || ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame) < sim->t;
+}
+
+static run run_of(const msim_sim *sim) {
+  const ms_solver *solver = sim->motion->stepper.solver;
+  return (run){.step = sim->step,
+               .step0 = sim->step0,
+               .spent = sim->spent,
+               .frame = sim->frame,
+               .t0 = sim->t0,
+               .h = sim->plan.h,
+               .t = sim->t,
+               .t_lost = sim->t_lost,
+               .t_shown = sim->t_shown,
+               .scales = sim->plan.scales,
+               .control = sim->control,
+               .fps = sim->opt.fps,
+               .t_end = sim->plan.t_end,
+               .every = sim->opt.every,
+               .solver_h = solver ? solver->planned : 0,
+               .left_out = sim->motion->model.rows.left_out,
+               .inside = is_inside(sim),
+               .chosen = sim->advice.chosen,
+               .tol = sim->opt.tol,
+               .first_h = sim->opt.h,
+               .selection = sim->selection,
+               .stats = sim->stats};
+}
+
+static void pass_run(ms_bytes *b, run *r, int selects) {
+  ms_scales *s = &r->scales;
+  ms_control *c = &r->control;
+  int64_t *counts[] = {&r->step, &r->step0, &r->spent, &r->frame, &r->every};
+  double *numbers[] = {&r->t0,     &r->h,     &r->t,        &r->t_lost,   &r->t_shown,
+                       &s->extent, &s->speed, &s->mass,     &s->rounding, &s->time,
+                       &c->tol,    &c->span,  &c->order,    &c->h,        &c->previous,
+                       &r->fps,    &r->t_end, &r->solver_h, &r->tol,      &r->first_h};
+  int32_t *flags[] = {&r->left_out, &r->inside, &r->chosen, &c->shrunk};
+  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+    MS_BYTES_PASS(b, *counts[i]);
+    ms_bytes_check(b, *counts[i] >= 0, "a count of steps");
+  }
+  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+    MS_BYTES_PASS(b, *numbers[i]);
+    ms_bytes_check(b, isfinite(*numbers[i]), "a time or a scale");
+  }
+  for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_BYTES_PASS(b, *flags[i]);
+  ms_bytes_pass(b, &r->stats.steps, sizeof r->stats - offsetof(msim_stats, steps));
+  if (selects) ms_selection_history(b, &r->selection);
+  ms_bytes_check(b, r->step >= r->step0 && r->h > 0 && r->solver_h >= 0, "the step");
+}
+
+static msim_status pass_islands(ms_bytes *b, msim_sim *sim, int inside, msim_error *err) {
+  msim_status status = MSIM_OK;
+  for (int32_t i = 0; i < sim->nislands && !status && !ms_bytes_failed(b); i++) {
+    ms_motion *m = &sim->motion[i];
+    const ms_rows *rows = &m->model.rows;
+    const uint64_t here = ms_hash(0, rows->particle, (size_t)rows->stride * sizeof *rows->particle);
+    uint64_t order = here;
+    MS_BYTES_PASS(b, order);
+    MS_BYTES_PASS(b, m->at_rest);
+    ms_bytes_check(b, order == here, "the order of particles");
+    ms_bytes_check(b, (m->at_rest | 1) == 1, "what is at rest");
+    ms_stepper_history(b, sim->integrator, &m->stepper, inside);
+    if (m->stepper.solver && !ms_bytes_failed(b))
+      status = ms_solver_history(b, m->stepper.solver, err);
+  }
+  return status;
+}
+
+/*------------------------------------- save -----------------------------------------------------*/
+
+size_t msim_sim_save_size(const msim_sim *sim) {
+  ms_bytes b = {.direction = MS_COUNT, .used = sizeof(header)};
+  run r = run_of(sim);
+  ms_sim_marks(sim, put_mark, &b);
+  pass_run(&b, &r, ms_sim_selects(sim));
+  pass_islands(&b, (msim_sim *)(uintptr_t)sim, ms_plan_has_times(&sim->opt), NULL);
+  return b.used;
+}
+
+msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
+                          msim_error *err) {
+  if (!sim || !to || !length) return ms_fail(err, MSIM_ERR_ARG, "sim, to or length is NULL");
+  ms_bytes b = {.direction = MS_PUT, .at = to, .size = capacity};
+  header h = {.magic = MAGIC, .order = ORDER, .version = VERSION};
+  run r = run_of(sim);
+  MS_BYTES_PASS(&b, h);
+  ms_sim_hash_scene(sim);
+  ms_sim_marks(sim, put_mark, &b);
+  h.marks = b.used - sizeof h;
+  pass_run(&b, &r, ms_sim_selects(sim));
+  pass_islands(&b, sim, r.inside, NULL);
+  if (b.used > capacity)
+    return ms_fail(err, MSIM_ERR_ARG, "the checkpoint takes %zu bytes; there is room for %zu",
+                   b.used, capacity);
+  h.length = *length = b.used;
+  h.hash = hash_of(&h, to);
+  memcpy(to, &h, sizeof h);
+  return ms_ok(err);
+}
+
+/*------------------------------------- load -----------------------------------------------------*/
+
+/* Are these bytes what msim_sim_save has written? */
+static msim_status check_bytes(const void *from, size_t length, header *h, msim_error *err) {
+  if (length < sizeof *h || memcmp(from, MAGIC, sizeof h->magic) != 0)
+    return ms_fail(err, MSIM_ERR_ARG, "the %zu bytes are no checkpoint of msim", length);
+  memcpy(h, from, sizeof *h);
+  if (h->order != ORDER)
+    return ms_fail(err, MSIM_ERR_ARG, "the checkpoint is of a machine with another byte order");
+  if (h->version != VERSION)
+    return ms_fail(err, MSIM_ERR_ARG, "the checkpoint is of version %u; msim %s reads version %u",
+                   h->version, msim_version(), VERSION);
+  if (h->length != length)
+    return ms_fail(err, MSIM_ERR_ARG, "the checkpoint has %llu bytes, and %zu are there",
+                   (unsigned long long)h->length, length);
+  if (h->marks > length - sizeof *h || hash_of(h, from) != h->hash)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "the checkpoint is damaged: its bytes are not those that were written");
+  return MSIM_OK;
+}
+
+static msim_status refuse_bytes(const ms_bytes *b, msim_error *err) {
+  return ms_fail(err, MSIM_ERR_ARG, "the checkpoint cannot be: %s is not as it was written",
+                 b->wrong ? b->wrong : "its length");
+}
+
+/* The end is the sim's own; the steps to it have to be those of the checkpoint. */
+static msim_status check_end(const msim_sim *sim, const run *r, const ms_plan *plan,
+                             msim_error *err) {
+  const int64_t steps = r->step - r->step0;
+  if (sim->opt.tol > 0 && plan->t_end >= 0 && r->t > plan->t_end)
+    return ms_fail(err, MSIM_ERR_ARG, "the run ends at t = %g s, but the checkpoint is of t = %g s",
+                   plan->t_end, r->t);
+  if (plan->steps >= 0 && steps > plan->steps)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "the run ends after %lld steps, but the checkpoint is of step %lld",
+                   (long long)plan->steps, (long long)steps);
+  if (sim->opt.tol == 0 && plan->h != r->h)
+    return ms_fail(err, MSIM_ERR_ARG,
+                   "to end at t_end = %g s, h is %.17g s here and %.17g s in the checkpoint",
+                   plan->t_end, plan->h, r->h);
+  return MSIM_OK;
+}
+
+/* What nothing else has looked at */
+static void check_run(ms_bytes *b, const msim_sim *sim, const run *r) {
+  const int32_t flat = ms_flat_axis(sim->scene, sim->opt.skip_off);
+  const int selects = ms_sim_selects(sim), has_control = r->tol > 0;
+  ms_bytes_check(b, r->left_out == -1 || r->left_out == flat, "the axis left out");
+  ms_bytes_check(
+      b, r->tol == (selects ? r->selection.tol : sim->opt.tol) || (selects && r->tol == 0), "tol");
+  ms_bytes_check(b, !selects || r->first_h > 0, "the step");
+  ms_bytes_check(b, !has_control || (r->control.h > 0 && r->control.span > 0), "error control");
+  ms_bytes_check(b, r->inside ? has_control : !has_control || r->t_shown == r->t, "the last step");
+}
+
+/* Sets the method and the plan. */
+static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
+  if (ms_sim_selects(sim)) {
+    sim->selection = r->selection;
+    sim->integrator = r->selection.candidates[r->selection.best].method;
+    sim->opt.integrator = sim->integrator->entry.name;
+    sim->opt.tol = r->tol, sim->opt.h = r->first_h;
+    sim->advice = (ms_advice){.chosen = r->chosen, .warned = sim->advice.warned};
+  }
+  if (sim->opt.steps >= 0) {
+    sim->opt.steps += sim->spent - r->spent;
+    if (sim->opt.steps < 0)
+      return ms_fail(err, MSIM_ERR_ARG, "the run ends before the checkpoint does");
+  }
+  ms_plan plan;
+  msim_status status = ms_plan_create(&sim->opt, r->t0, &plan, err);
+  if (!status) status = check_end(sim, r, &plan, err);
+  if (status) return status;
+  plan.h = r->h, plan.scales = r->scales;
+  sim->plan = plan;
+  return MSIM_OK;
+}
+
+/* New islands, which go on from there. Solvers are chosen by the h of back then. */
+static msim_status make_islands(msim_sim *sim, ms_bytes *b, const run *r, msim_error *err) {
+  const ms_scene *scene = sim->scene;
+  const msim_state start = {
+      .size = sizeof start, .n = scene->nparticles, .x = scene->x, .v = scene->v};
+  if (r->solver_h > 0) sim->plan.h = r->solver_h;
+  msim_status status = ms_sim_make_motions(sim, r->left_out, err);
+  sim->plan.h = r->h;
+  if (status) return status;
+  ms_sim_start_islands(sim, &start);
+  status = pass_islands(b, sim, r->inside, err);
+  if (!status && (ms_bytes_failed(b) || b->used != b->size)) return refuse_bytes(b, err);
+  return status <= 0 ? status : ms_fail(err, MSIM_ERR_ARG, "a factor cannot be made again");
+}
+
+/* Frames are counted on where they are the same, else from the time that was shown last. */
+static void use_frames(msim_sim *sim, const run *r) {
+  const msim_options *opt = &sim->opt;
+  if (!ms_plan_has_times(opt)) return;
+  const int same = r->fps == opt->fps && r->every == opt->every && r->t_end == sim->plan.t_end;
+  sim->frame = same ? r->frame : ms_plan_frame_after(&sim->plan, opt, r->t_shown);
+}
+
+/* Nothing fails any more. */
+static void use_run(msim_sim *sim, const run *r) {
+  const ms_scene *scene = sim->scene;
+  const size_t flat = 3 * (size_t)scene->nparticles * sizeof(double);
+  sim->step = r->step, sim->step0 = r->step0, sim->spent = r->spent;
+  sim->t0 = r->t0, sim->t = r->t, sim->t_lost = r->t_lost, sim->t_shown = r->t_shown;
+  sim->control = r->control;
+  sim->stats = r->stats;
+  use_frames(sim, r);
+  /* what no row writes: pinned particles, and the axis left out */
+  memcpy(sim->flat_x, scene->x, flat);
+  memcpy(sim->flat_v, scene->v, flat);
+  if (sim->flat_v_half) memcpy(sim->flat_v_half, scene->v, flat);
+  sim->flat_is_current = 0;
+}
+
+/* The sim as the bytes say, or as it was. */
+static msim_status take(msim_sim *sim, ms_bytes *b, msim_error *err) {
+  const ms_plan plan = sim->plan;
+  const ms_selection selection = sim->selection;
+  const ms_advice advice = sim->advice;
+  const ms_integrator *integrator = sim->integrator;
+  const msim_options opt = sim->opt;
+  const msim_stats stats = sim->stats;
+  run r = run_of(sim);
+  pass_run(b, &r, ms_sim_selects(sim));
+  check_run(b, sim, &r);
+  if (ms_bytes_failed(b)) return refuse_bytes(b, err);
+  msim_status status = plan_run(sim, &r, err);
+  const ms_motions old = ms_sim_put_aside(sim);
+  if (!status) status = make_islands(sim, b, &r, err);
+  if (!status) {
+    ms_sim_drop(sim, &old);
+    use_run(sim, &r);
+    return MSIM_OK;
+  }
+  ms_sim_put_back(sim, &old);
+  sim->plan = plan, sim->selection = selection, sim->advice = advice;
+  sim->integrator = integrator, sim->opt = opt, sim->stats = stats;
+  return status;
+}
+
+msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err) {
+  if (!sim || !from) return ms_fail(err, MSIM_ERR_ARG, "sim or from is NULL");
+  header h;
+  msim_status status = check_bytes(from, length, &h, err);
+  if (status) return status;
+  ms_sim_hash_scene(sim);
+  status = compare_marks(sim, (const char *)from + sizeof h, (size_t)h.marks, err);
+  if (status) return status;
+  ms_bytes b = {.direction = MS_TAKE,
+                .at = (unsigned char *)(uintptr_t)from,
+                .size = length,
+                .used = sizeof h + (size_t)h.marks};
+  status = take(sim, &b, err);
+  if (status) return status;
+  ms_sim_watch_step(sim);
+  return ms_ok(err);
+}

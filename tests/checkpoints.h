@@ -1,0 +1,71 @@
+/* checkpoints - sims that are saved, destroyed, made anew and loaded */
+#ifndef TEST_CHECKPOINTS_H
+#define TEST_CHECKPOINTS_H
+
+#include <stdlib.h>
+
+#include "scenes.h"
+
+typedef struct checkpoint {
+  void *bytes;
+  size_t length;
+} checkpoint;
+
+static inline checkpoint save(msim_sim *sim) {
+  const size_t size = msim_sim_save_size(sim);
+  checkpoint c = {malloc(size), 0};
+  assert_ok(msim_sim_save(sim, c.bytes, size, &c.length, err));
+  return c;
+}
+
+static inline msim_sim *resume(const msim_scene *scene, const msim_options *opt,
+                               const checkpoint *c) {
+  msim_sim *sim = make_sim(scene, opt);
+  assert_ok(msim_sim_load(sim, c->bytes, c->length, err));
+  return sim;
+}
+
+/* The present state, and what was counted; seconds are others always. */
+static inline void expect_same(msim_sim *a, msim_sim *b, const char *label) {
+  const msim_state s = state_of(a), t = state_of(b);
+  const size_t size = 3 * (size_t)s.n * sizeof *s.x;
+  if (s.step != t.step || s.t != t.t || s.h != t.h)
+    fail_msg("%s: step %lld, t = %.17g, h = %.17g and %lld, %.17g, %.17g", label, (long long)s.step,
+             s.t, s.h, (long long)t.step, t.t, t.h);
+  if (memcmp(s.x, t.x, size) || memcmp(s.v, t.v, size)) fail_msg("%s: other bits", label);
+  msim_stats p = stats_of(a), q = stats_of(b);
+  double *seconds[] = {&p.total_s, &p.force_s,   &p.assemble_s, &p.factor_s,
+                       &p.solve_s, &p.collide_s, &p.output_s};
+  for (size_t i = 0; i < sizeof seconds / sizeof *seconds; i++) {
+    const ptrdiff_t at = (char *)seconds[i] - (char *)&p;
+    memcpy((char *)&q + at, seconds[i], sizeof(double));
+  }
+  const int64_t *there = &p.steps, *here = &q.steps;
+  for (size_t i = 0; i < (sizeof p - offsetof(msim_stats, steps)) / sizeof *there; i++)
+    if (there[i] != here[i])
+      fail_msg("%s: number %zu of stats is %lld, and %lld resumed", label, i, (long long)there[i],
+               (long long)here[i]);
+}
+
+/* Steps in one go, and again with a new sim at each of these steps, each saved twice on the way:
+ * the same end. */
+static inline void expect_resumable(const msim_scene *scene, const msim_options *opt, int64_t steps,
+                                    int n, const int64_t *at, const char *label) {
+  msim_sim *whole = make_sim(scene, opt), *watched = make_sim(scene, opt);
+  assert_ok(msim_sim_step(whole, steps, err));
+  for (int i = 0; i < n; i++) {
+    assert_ok(msim_sim_step(watched, at[i] - state_of(watched).step, err));
+    const checkpoint c = save(watched);
+    msim_sim *other = resume(scene, opt, &c);
+    expect_same(watched, other, label);
+    assert_ok(msim_sim_step(other, steps - at[i], err));
+    expect_same(whole, other, label);
+    msim_sim_destroy(other);
+    free(c.bytes);
+  }
+  assert_ok(msim_sim_step(watched, steps - at[n - 1], err));
+  expect_same(whole, watched, label);
+  msim_sim_destroy(whole), msim_sim_destroy(watched);
+}
+
+#endif
