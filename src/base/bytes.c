@@ -11,6 +11,11 @@ void ms_bytes_pass(ms_bytes *b, void *data, size_t size) {
   b->used += size;
 }
 
+void ms_bytes_pass_count(ms_bytes *b, int64_t *count) {
+  MS_BYTES_PASS(b, *count);
+  ms_bytes_check(b, *count >= 0 && *count < INT64_MAX / 2, "a count");
+}
+
 void ms_bytes_pass_rows(ms_bytes *b, ms_shape shape, double *x) {
   for (int32_t c = 0; c < shape.dims; c++) {
     double *component = x ? x + (size_t)c * (size_t)shape.stride : NULL;

@@ -23,6 +23,9 @@ void ms_bytes_pass(ms_bytes *b, void *data, size_t size);
 
 #define MS_BYTES_PASS(b, variable) ms_bytes_pass(b, &(variable), sizeof(variable))
 
+/* A count: not negative, with room to grow. */
+void ms_bytes_pass_count(ms_bytes *b, int64_t *count);
+
 /* The unknown rows of a vector. Where one that is taken is not finite, that is wrong. */
 void ms_bytes_pass_rows(ms_bytes *b, ms_shape shape, double *x);
 

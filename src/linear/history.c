@@ -79,11 +79,10 @@ static void pass_origin(ms_bytes *b, const ms_solver *s, ms_origin *origin) {
 }
 
 static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {
-  int64_t *counts[] = {&kept->age, &kept->iterations, &kept->wait, &kept->rest, &savings->steps};
-  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
-    MS_BYTES_PASS(b, *counts[i]);
-    ms_bytes_check(b, *counts[i] >= 0 || counts[i] == &kept->rest, "a count of the solver");
-  }
+  int64_t *counts[] = {&kept->age, &kept->iterations, &kept->wait, &savings->steps};
+  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
+  MS_BYTES_PASS(b, kept->rest); /* which steps that are made make less than 0 */
+  ms_bytes_check(b, kept->rest > INT64_MIN / 2, "a count");
   MS_BYTES_PASS(b, kept->limit);
   MS_BYTES_PASS(b, kept->rtol);
   MS_BYTES_PASS(b, savings->flops);
@@ -125,7 +124,9 @@ msim_status ms_solver_history(ms_bytes *b, ms_solver *s, msim_error *err) {
   ms_bytes_check(b, isfinite(constant.h) && (constant.h == 0 || s->system.a.block == 1),
                  "the h of a matrix");
   MS_BYTES_PASS(b, age);
-  ms_bytes_check(b, age == -1 || (age >= 0 && pcg_of(s) && pcg_of(s)->may_keep && d.aggregates),
+  ms_bytes_check(b,
+                 age == -1 || (age >= 0 && age < INT32_MAX / 2 && pcg_of(s) &&
+                               pcg_of(s)->may_keep && d.aggregates),
                  "a coarse factor");
   if (ms_bytes_failed(b)) return MSIM_OK;
   const int counts = b->direction == MS_COUNT; /* what may come to be */

@@ -135,6 +135,35 @@ static run run_of(const msim_sim *sim) {
                .stats = sim->stats};
 }
 
+static void pass_stats(ms_bytes *b, msim_stats *s) {
+  int64_t *counts[] = {&s->steps,
+                       &s->force_evaluations,
+                       &s->assemblies,
+                       &s->analyses,
+                       &s->factorizations,
+                       &s->solves,
+                       &s->iterations,
+                       &s->newton_iterations,
+                       &s->contacts,
+                       &s->indefinite_steps,
+                       &s->coarse_factors,
+                       &s->kept_factors,
+                       &s->refinements,
+                       &s->fallbacks,
+                       &s->steps_at_rest,
+                       &s->islands_at_rest,
+                       &s->spring_evaluations,
+                       &s->rejected_steps};
+  double *seconds[] = {&s->total_s, &s->force_s,   &s->assemble_s, &s->factor_s,
+                       &s->solve_s, &s->collide_s, &s->output_s};
+  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
+  for (size_t i = 0; i < sizeof seconds / sizeof *seconds; i++) MS_BYTES_PASS(b, *seconds[i]);
+  /* who adds to stats adds here */
+  _Static_assert(sizeof *s - offsetof(msim_stats, steps) ==
+                     8 * (sizeof counts / sizeof *counts + sizeof seconds / sizeof *seconds),
+                 "all of the stats are in a checkpoint");
+}
+
 static void pass_run(ms_bytes *b, run *r, int selects) {
   ms_scales *s = &r->scales;
   ms_control *c = &r->control;
@@ -144,16 +173,13 @@ static void pass_run(ms_bytes *b, run *r, int selects) {
                        &c->tol,    &c->span,  &c->order,    &c->h,        &c->previous,
                        &r->fps,    &r->t_end, &r->solver_h, &r->tol,      &r->first_h};
   int32_t *flags[] = {&r->left_out, &r->inside, &r->chosen, &c->shrunk};
-  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
-    MS_BYTES_PASS(b, *counts[i]);
-    ms_bytes_check(b, *counts[i] >= 0, "a count of steps");
-  }
+  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
     MS_BYTES_PASS(b, *numbers[i]);
     ms_bytes_check(b, isfinite(*numbers[i]), "a time or a scale");
   }
   for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_BYTES_PASS(b, *flags[i]);
-  ms_bytes_pass(b, &r->stats.steps, sizeof r->stats - offsetof(msim_stats, steps));
+  pass_stats(b, &r->stats);
   if (selects) ms_selection_history(b, &r->selection);
   ms_bytes_check(b, r->step >= r->step0 && r->h > 0 && r->solver_h >= 0, "the step");
 }
@@ -234,14 +260,16 @@ static msim_status refuse_bytes(const ms_bytes *b, msim_error *err) {
                  b->wrong ? b->wrong : "its length");
 }
 
-/* The end is the sim's own; the steps to it have to be those of the checkpoint. */
+/* The end is the sim's own, and not behind, unless it was; the steps to it have to be those of the
+ * checkpoint. */
 static msim_status check_end(const msim_sim *sim, const run *r, const ms_plan *plan,
                              msim_error *err) {
   const int64_t steps = r->step - r->step0;
-  if (sim->opt.tol > 0 && plan->t_end >= 0 && r->t > plan->t_end)
+  const int is_other = plan->t_end != r->t_end;
+  if (is_other && sim->opt.tol > 0 && plan->t_end >= 0 && r->t > plan->t_end)
     return ms_fail(err, MSIM_ERR_ARG, "the run ends at t = %g s, but the checkpoint is of t = %g s",
                    plan->t_end, r->t);
-  if (plan->steps >= 0 && steps > plan->steps)
+  if (is_other && plan->steps >= 0 && steps > plan->steps)
     return ms_fail(err, MSIM_ERR_ARG,
                    "the run ends after %lld steps, but the checkpoint is of step %lld",
                    (long long)plan->steps, (long long)steps);

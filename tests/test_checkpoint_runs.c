@@ -1,0 +1,354 @@
+/* Checkpoints of whole runs: at frames, also those within a step, under error control, by
+ * integrator = auto; to another end, with other threads, after states, steps and springs were set,
+ * and back in the sim that was saved. */
+#include <math.h>
+#include <stdio.h>
+
+#include "base/bytes.h"
+#include "checkpoints.h"
+#include "controlled.h"
+
+static msim_scene *cloth(void) { return hanging_cloth(SIDE, 300, 0); }
+static msim_scene *damped(void) { return hanging_cloth(SIDE, 300, 0.05); }
+
+/* It meets a plane. */
+static msim_scene *ball(void) {
+  const double x[3] = {0, 0, 0.01}, v[3] = {0.1, 0, -1};
+  msim_scene *scene = single(x, v, 9.81);
+  plane(scene, 0, 0, 1, 0, 0.5, 0.2);
+  return scene;
+}
+
+/*------------------------------------- frames ---------------------------------------------------*/
+
+enum { MOST_FRAMES = 250 };
+
+typedef struct frame {
+  int64_t step;
+  double t;
+  uint64_t hash;
+} frame;
+
+typedef struct film {
+  int n, stop_after; /* frames; 0: never */
+  frame frames[MOST_FRAMES];
+  checkpoint at; /* the last one */
+} film;
+
+static int watch(msim_sim *sim, void *user) {
+  film *f = user;
+  const msim_state s = state_of(sim);
+  const size_t size = 3 * (size_t)s.n * sizeof *s.x;
+  assert_true(f->n < MOST_FRAMES);
+  f->frames[f->n++] = (frame){s.step, s.t, ms_hash(ms_hash(0, s.x, size), s.v, size)};
+  if (f->n != f->stop_after) return 0;
+  f->at = save(sim);
+  return 1;
+}
+
+/* The run in one go, and interrupted after frames here and there: the same frames and end. */
+static void expect_same_film(const msim_scene *scene, const msim_options *opt, const char *label) {
+  static film whole, parts;
+  whole.n = whole.stop_after = 0;
+  msim_sim *sim = make_sim(scene, opt);
+  assert_ok(msim_sim_run(sim, watch, &whole, err));
+  for (int stop = 1; stop < whole.n; stop += 1 + whole.n / 7) {
+    parts.n = 0, parts.stop_after = stop;
+    msim_sim *first = make_sim(scene, opt);
+    assert_int_equal(msim_sim_run(first, watch, &parts, NULL), MSIM_STOPPED);
+    msim_sim *second = resume(scene, opt, &parts.at);
+    expect_same(first, second, label);
+    if (stop == 1) parts.n = 0; /* the start is shown again */
+    parts.stop_after = 0;
+    assert_ok(msim_sim_run(second, watch, &parts, err));
+    if (parts.n != whole.n) fail_msg("%s: %d frames of %d", label, parts.n, whole.n);
+    for (int i = 0; i < parts.n; i++)
+      if (memcmp(&parts.frames[i], &whole.frames[i], sizeof *parts.frames))
+        fail_msg("%s, stopped after %d frames: frame %d is another", label, stop, i);
+    expect_same(sim, second, label);
+    free(parts.at.bytes);
+    msim_sim_destroy(first), msim_sim_destroy(second);
+  }
+  msim_sim_destroy(sim);
+}
+
+/* By default some 200 frames, many of them within a step; few; and with steps */
+static void frames_under_error_control(void **state) {
+  (void)state;
+  msim_scene *(*const scenes[])(void) = {cloth, damped, ball};
+  const char *method;
+  for (int32_t m = 0; (method = method_at(m)) != NULL; m++)
+    for (int i = 0; i < 9; i++) {
+      char label[100];
+      if (!has_control(method) || (i / 3 == 1 && wants_positions_alone(method))) continue;
+      const int first_order = strstr(method, "euler") != NULL;
+      msim_options opt = controlled(method, first_order ? 1e-2 : 1e-4, 0.05);
+      opt.newton_rtol = 1e-6;
+      if (i % 3 == 1) opt.fps = 90;
+      if (i % 3 == 2) opt.every = 2;
+      if (i % 3 == 2 && first_order) opt.every = 50;
+      snprintf(label, sizeof label, "%s, scene %d, frames %d", method, i / 3, i % 3);
+      msim_scene *scene = scenes[i / 3]();
+      expect_same_film(scene, &opt, label);
+      msim_scene_destroy(scene);
+    }
+}
+
+static void frames_of_fixed_steps(void **state) {
+  (void)state;
+  static const char *const methods[] = {"verlet", "dop853", "bdf2"};
+  for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
+    msim_scene *scene = cloth();
+    msim_options opt = options(methods[m], 7e-4); /* lowered, to end at t_end */
+    opt.steps = -1, opt.t_end = 0.05, opt.fps = 333;
+    if (strcmp(methods[m], "dop853") == 0) opt.steps = 70;
+    expect_same_film(scene, &opt, methods[m]);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void methods_that_auto_has_chosen(void **state) {
+  (void)state;
+  msim_scene *(*const scenes[])(void) = {cloth, damped, ball};
+  static const double tols[] = {1e-2, 1e-4, 1e-7};
+  for (int i = 0; i < 9; i++) {
+    char label[40];
+    msim_scene *scene = scenes[i / 3]();
+    const msim_options opt = controlled("auto", tols[i % 3], 0.05);
+    snprintf(label, sizeof label, "auto, scene %d, tol %g", i / 3, tols[i % 3]);
+    expect_same_film(scene, &opt, label);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* To another end auto would choose another method: the choice is that of the checkpoint. */
+static void auto_keeps_its_choice(void **state) {
+  (void)state;
+  msim_scene *scene = cloth();
+  msim_options opt = controlled("auto", 1e-6, 3.2);
+  msim_plan then = {.size = sizeof then}, now = then;
+  const char *text;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 3, err));
+  const checkpoint c = save(sim);
+  opt.t_end = 25.6;
+  msim_sim *other = make_sim(scene, &opt);
+  msim_sim_plan(sim, &then), msim_sim_plan(other, &now);
+  assert_string_not_equal(then.integrator, now.integrator); /* else this tests nothing */
+  assert_ok(msim_sim_load(other, c.bytes, c.length, err));
+  msim_sim_plan(other, &now);
+  assert_string_equal(then.integrator, now.integrator);
+  assert_true(then.h == now.h && then.tol == now.tol && now.t_end == opt.t_end);
+  assert_ok(msim_sim_explain(other, &text, err));
+  assert_non_null(strstr(text, then.integrator));
+  assert_ok(msim_sim_step(sim, 3, err));
+  assert_ok(msim_sim_step(other, 3, err));
+  expect_same(sim, other, "auto");
+  free(c.bytes);
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- another end ----------------------------------------------*/
+
+static msim_status load(msim_sim *sim, const checkpoint *c, msim_error *why) {
+  return msim_sim_load(sim, c->bytes, c->length, why);
+}
+
+static void runs_may_end_elsewhere(void **state) {
+  (void)state;
+  msim_scene *scene = cloth();
+  msim_error why;
+  msim_options opt = options("bdf2", 1e-3);
+  opt.t_end = 0.02;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const checkpoint c = save(sim);
+  assert_ok(msim_sim_step(sim, 1, err)); /* past the end, as steps may lead */
+  const checkpoint past = save(sim);
+  msim_sim_destroy(resume(scene, &opt, &past));
+  free(past.bytes);
+  opt.t_end = 0.03, opt.every = 5, opt.threads = 2;
+  msim_sim *whole = make_sim(scene, &opt), *longer = resume(scene, &opt, &c);
+  assert_ok(msim_sim_run(whole, NULL, NULL, err));
+  assert_ok(msim_sim_run(longer, NULL, NULL, err));
+  assert_int_equal(state_of(longer).step, 30);
+  expect_same(whole, longer, "to another end");
+  msim_sim_destroy(longer);
+  opt.t_end = 0.0305;
+  longer = make_sim(scene, &opt);
+  assert_int_equal(load(longer, &c, &why), MSIM_ERR_ARG);
+  assert_non_null(strstr(why.text, "to end at t_end = 0.0305 s, h is 0.00098387"));
+  opt.t_end = 0.01;
+  msim_sim *shorter = make_sim(scene, &opt);
+  assert_int_equal(load(shorter, &c, &why), MSIM_ERR_ARG);
+  assert_string_equal(why.text, "the run ends after 10 steps, but the checkpoint is of step 20");
+  free(c.bytes);
+  msim_sim_destroy(sim), msim_sim_destroy(whole);
+  msim_sim_destroy(longer), msim_sim_destroy(shorter);
+  msim_scene_destroy(scene);
+}
+
+/* The tolerance of a second stays, and so do steps, up to those that meet the end. */
+static void controlled_runs_may_end_elsewhere(void **state) {
+  (void)state;
+  msim_scene *scene = cloth();
+  msim_error why;
+  msim_options opt = controlled("velocity-verlet", 1e-4, 0.2);
+  msim_sim *sim = make_sim(scene, &opt);
+  while (state_of(sim).t < 0.1) assert_ok(msim_sim_step(sim, 1, err));
+  const checkpoint c = save(sim);
+  opt.t_end = 0.4, opt.fps = 40;
+  msim_sim *longer = resume(scene, &opt, &c);
+  assert_ok(msim_sim_step(longer, 3, err));
+  assert_ok(msim_sim_step(sim, 3, err));
+  expect_same(sim, longer, "on the way");
+  film f = {0};
+  assert_ok(msim_sim_run(longer, watch, &f, err));
+  assert_true(state_of(longer).t == 0.4);
+  assert_true(f.frames[0].t > 0.1 && f.frames[0].t < 0.2 && f.n < 16);
+  opt.t_end = 0.05;
+  msim_sim *shorter = make_sim(scene, &opt);
+  assert_int_equal(load(shorter, &c, &why), MSIM_ERR_ARG);
+  assert_non_null(strstr(why.text, "the run ends at t = 0.05 s, but the checkpoint is of t = 0.1"));
+  free(c.bytes);
+  msim_sim_destroy(sim), msim_sim_destroy(longer), msim_sim_destroy(shorter);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- what was set ---------------------------------------------*/
+
+/* options.steps is what remains of it. */
+static void after_another_step_was_set(void **state) {
+  (void)state;
+  static const char *const methods[] = {"verlet", "newmark", "respa"};
+  for (size_t m = 0; m < 3; m++) {
+    msim_scene *scene = cloth();
+    msim_options opt = options(methods[m], 1e-3);
+    opt.steps = 30;
+    msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 10, err));
+    assert_ok(msim_sim_set_step(sim, 7e-4, err));
+    assert_ok(msim_sim_step(sim, 5, err));
+    const checkpoint c = save(sim);
+    msim_error why;
+    assert_int_equal(load(other, &c, &why), MSIM_ERR_ARG);
+    assert_string_equal(why.text, "h is 0.001 here and 0.0007 in the checkpoint");
+    assert_ok(msim_sim_set_step(other, 7e-4, err));
+    assert_ok(load(other, &c, err));
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    assert_ok(msim_sim_run(other, NULL, NULL, err));
+    assert_int_equal(state_of(other).step, 30);
+    expect_same(sim, other, methods[m]);
+    free(c.bytes);
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Out of the plane of a flat scene, at another time and step: islands have another component. */
+static void after_a_state_was_set(void **state) {
+  (void)state;
+  const double sideways[3] = {9.81, 0, 0};
+  static const char *const methods[] = {"velocity-verlet", "bdf2"};
+  msim_scene *scene = cloth();
+  assert_ok(msim_scene_set_gravity(scene, sideways, err));
+  for (size_t m = 0; m < 2; m++) {
+    msim_options opt = options(methods[m], 1e-3);
+    msim_sim *sim = make_sim(scene, &opt);
+    const msim_state before = state_of(sim);
+    double x[3 * N], v[3 * N];
+    memcpy(x, before.x, sizeof x), memcpy(v, before.v, sizeof v);
+    x[3 * 12 + 2] = 0.01;
+    const msim_state start = {.size = sizeof start, .step = 7, .t = 2.5, .n = N, .x = x, .v = v};
+    assert_ok(msim_sim_set_state(sim, &start, err));
+    assert_ok(msim_sim_step(sim, 5, err));
+    const checkpoint c = save(sim);
+    msim_sim *other = resume(scene, &opt, &c), *there = make_sim(scene, &opt);
+    expect_same(sim, other, methods[m]);
+    assert_ok(msim_sim_step(sim, 5, err));
+    assert_ok(msim_sim_step(other, 5, err));
+    expect_same(sim, other, methods[m]);
+    const checkpoint flat = save(there); /* and back into the plane */
+    assert_ok(load(other, &flat, err));
+    expect_same(there, other, methods[m]);
+    free(c.bytes), free(flat.bytes);
+    msim_sim_destroy(sim), msim_sim_destroy(other), msim_sim_destroy(there);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Springs count as the scene's. What a choice was made from is gone where k is another. */
+static void after_springs_were_set(void **state) {
+  (void)state;
+  static const char *const methods[] = {"velocity-verlet", "respa", "linearly-implicit-euler"};
+  msim_scene *scene = cloth();
+  msim_scene_view view = {.size = sizeof view};
+  msim_error why;
+  double rest[200], k[200];
+  msim_scene_get(scene, &view);
+  for (int32_t e = 0; e < view.nsprings; e++) rest[e] = 1.1 * view.rest[e], k[e] = 350;
+  for (size_t m = 0; m < 3; m++) {
+    msim_options opt = options(methods[m], 1e-3);
+    msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 5, err));
+    assert_ok(msim_sim_set_springs(sim, m < 2 ? k : NULL, rest, NULL, err));
+    assert_ok(msim_sim_step(sim, 5, err));
+    const checkpoint c = save(sim);
+    assert_int_equal(load(other, &c, &why), MSIM_ERR_ARG);
+    assert_string_equal(why.text, m < 2 ? "springs.k differs from that in the checkpoint"
+                                        : "springs.rest differs from that in the checkpoint");
+    assert_ok(msim_sim_set_springs(other, m < 2 ? k : NULL, rest, NULL, err));
+    assert_ok(load(other, &c, err));
+    assert_ok(msim_sim_step(sim, 5, err));
+    assert_ok(msim_sim_step(other, 5, err));
+    expect_same(sim, other, methods[m]);
+    free(c.bytes);
+    if (m == 2) {
+      assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
+      assert_ok(msim_sim_set_springs(other, k, NULL, NULL, err));
+      const checkpoint d = save(sim);
+      assert_int_equal(load(other, &d, &why), MSIM_ERR_ARG);
+      assert_non_null(strstr(why.text, "before msim_sim_set_springs"));
+      free(d.bytes);
+    }
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* The way back: what was made since leaves no trace. */
+static void back_in_the_same_sim(void **state) {
+  (void)state;
+  const char *method;
+  for (int32_t m = 0; (method = method_at(m)) != NULL; m++) {
+    msim_scene *scene = cloth();
+    msim_options opt = options(method, 2e-3);
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 5, err));
+    const checkpoint before = save(sim);
+    assert_ok(msim_sim_step(sim, 10, err));
+    const checkpoint after = save(sim);
+    assert_ok(load(sim, &before, err));
+    assert_ok(msim_sim_step(sim, 10, err));
+    msim_sim *other = resume(scene, &opt, &after);
+    expect_same(other, sim, method);
+    free(before.bytes), free(after.bytes);
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(frames_under_error_control),
+                                     cmocka_unit_test(frames_of_fixed_steps),
+                                     cmocka_unit_test(methods_that_auto_has_chosen),
+                                     cmocka_unit_test(auto_keeps_its_choice),
+                                     cmocka_unit_test(runs_may_end_elsewhere),
+                                     cmocka_unit_test(controlled_runs_may_end_elsewhere),
+                                     cmocka_unit_test(after_another_step_was_set),
+                                     cmocka_unit_test(after_a_state_was_set),
+                                     cmocka_unit_test(after_springs_were_set),
+                                     cmocka_unit_test(back_in_the_same_sim)};
+  return cmocka_run_group_tests_name("checkpoint_runs", tests, NULL, NULL);
+}
