@@ -97,6 +97,7 @@ enum { NKINDS = sizeof kinds / sizeof *kinds };
 
 static int is_refused(const char *method, const kind *k) {
   if (k->is_damped && wants_positions_alone(method)) return 1;
+  if (k->make == jelly && refuses_planes(method)) return 1;
   return k->collision == MSIM_COLLISION_EVENT &&
          (strcmp(method, "verlet") == 0 || strcmp(method, "respa") == 0);
 }
