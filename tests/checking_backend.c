@@ -383,11 +383,13 @@ static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_s
   check_unmoved(w, "factor", A);
   check_blank("factor", info);
   expect_host(kind == MSIM_FACTOR_SPD ||
-                  (kind == MSIM_FACTOR_SYMMETRIC && inner->flags & MSIM_BACKEND_SYMMETRIC),
+                  (kind == MSIM_FACTOR_SYMMETRIC && inner->flags & MSIM_BACKEND_SYMMETRIC) ||
+                  (kind == MSIM_FACTOR_UNSYMMETRIC && inner->flags & MSIM_BACKEND_UNSYMMETRIC),
               "factor", "asks for what the flags do not offer");
   if (A->val) {
     expect_host(all_finite(A->val, entries(A)), "factor", "got values that are not finite");
-    expect_host(is_symmetric(A), "factor", "got a matrix that is not symmetric");
+    expect_host(kind == MSIM_FACTOR_UNSYMMETRIC || is_symmetric(A), "factor",
+                "got a matrix that is not symmetric");
     if (w->factored) memcpy(w->factored, A->val, entries(A) * sizeof *w->factored);
   }
   const uint64_t before = hash_values(A);

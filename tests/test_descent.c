@@ -38,7 +38,8 @@ static problem pose(const msim_scene *scene, int32_t aggregate) {
 }
 
 static ms_descent descend(const problem *p, int clamp, double rtol, double radius) {
-  const ms_request request = {p->sim->motion->stepper.x, 1. / 60, clamp, -1, rtol};
+  const ms_request request = {
+      .x = p->sim->motion->stepper.x, .h = 1. / 60, .clamp = clamp, .indefinite = -1, .rtol = rtol};
   ms_descent d = {.rtol = rtol, .radius = radius};
   assert_ok(ms_solver_descend(p->solver, &request, p->b, &d, p->y, err));
   return d;

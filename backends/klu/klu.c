@@ -1,7 +1,8 @@
 /* klu - KLU's sparse LU, through SUNDIALS' SUNLinSol_KLU.
  *
- * The host's FULL matrix is symmetric: read by columns it is the same. Its pattern is widened once
- * to SUNDIALS' indices, its values are read in place.
+ * The host's FULL matrix comes by rows. KLU wants columns: a symmetric one reads the same, of
+ * others SUNDIALS solves the transposed system. The pattern is widened once to SUNDIALS' indices,
+ * the values are read in place.
  *
  * Positive definite systems are factored with the diagonal for pivots, P A P' = L U, where U's
  * diagonal is that of L D L': its signs are A's, by Sylvester. Others get partial pivoting, in a
@@ -35,7 +36,7 @@ typedef struct lu {
   double *own_data;                   /* what SUNDIALS allocated for the values, and has to free */
   int32_t *diagonal;                  /* where in the values a row's diagonal entry is */
   N_Vector b, y;                      /* the host's arrays */
-  SUNLinearSolver solver[2], current; /* by kind, once they are needed */
+  SUNLinearSolver solver[3], current; /* by kind, once they are needed */
 } lu;
 
 static msim_status refuse(lu *self, const char *why) {
@@ -109,6 +110,7 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
 
 /* Scaling and row exchanges would spoil the symmetry that the signs of the pivots rest on. */
 static SUNLinearSolver make_solver(lu *self, int32_t kind) {
+  SM_SPARSETYPE_S(self->matrix) = kind == MSIM_FACTOR_UNSYMMETRIC ? CSR_MAT : CSC_MAT;
   SUNLinearSolver solver = SUNLinSol_KLU(self->b, self->matrix, self->context);
   if (!solver) return NULL;
   sun_klu_common *common = SUNLinSol_KLUGetCommon(solver);
@@ -167,7 +169,7 @@ static msim_status status_of(lu *self, SUNLinearSolver solver, int flag) {
 
 static msim_status set_up(lu *self, SUNLinearSolver solver, int32_t kind, msim_solve_info *info) {
   int flag = SUNLinSolSetup(solver, self->matrix);
-  if (kind == MSIM_FACTOR_SYMMETRIC && outdated_pivots(self, solver, flag)) {
+  if (kind != MSIM_FACTOR_SPD && outdated_pivots(self, solver, flag)) {
     begin_anew(self, solver);
     flag = SUNLinSolSetup(solver, self->matrix);
   }
@@ -175,7 +177,7 @@ static msim_status set_up(lu *self, SUNLinearSolver solver, int32_t kind, msim_s
   if (status) return status;
   sun_klu_common *common = SUNLinSol_KLUGetCommon(solver);
   sun_klu_numeric *numeric = SUNLinSol_KLUGetNumeric(solver);
-  info->definite = definiteness(self, solver);
+  if (kind != MSIM_FACTOR_UNSYMMETRIC) info->definite = definiteness(self, solver);
   info->fill = (double)numeric->lnz + (double)numeric->unz;
   if (KLU(flops)(SUNLinSol_KLUGetSymbolic(solver), numeric, common)) info->flops = common->flops;
   return kind == MSIM_FACTOR_SPD && info->definite != MSIM_DEFINITE_POSITIVE ? MSIM_NOT_SPD
@@ -185,7 +187,7 @@ static msim_status set_up(lu *self, SUNLinearSolver solver, int32_t kind, msim_s
 static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
   (void)A;
   lu *self = data;
-  if (kind != MSIM_FACTOR_SPD && kind != MSIM_FACTOR_SYMMETRIC)
+  if (kind < MSIM_FACTOR_SPD || kind > MSIM_FACTOR_UNSYMMETRIC)
     return refuse(self, "there is no such kind of factor");
   SUNLinearSolver *solver = &self->solver[kind];
   if (!*solver) *solver = make_solver(self, kind);
@@ -220,7 +222,7 @@ static msim_status solve(void *data, const msim_system *A, const msim_solve_para
 static void destroy(void *data) {
   lu *self = data;
   if (!self) return;
-  for (int kind = 0; kind < 2; kind++)
+  for (int kind = 0; kind < 3; kind++)
     if (self->solver[kind]) SUNLinSolFree(self->solver[kind]);
   if (self->own_data) SM_DATA_S(self->matrix) = self->own_data;
   if (self->matrix) SUNMatDestroy(self->matrix);
@@ -239,7 +241,7 @@ MSIM_BACKEND_ENTRY(klu) {
       .library = "KLU " STRING(KLU_MAIN_VERSION) "." STRING(KLU_SUB_VERSION) "." STRING(
           KLU_SUBSUB_VERSION) ", SUNDIALS " SUNDIALS_VERSION,
       .license = "LGPL-2.1-or-later (KLU), BSD-3-Clause (SUNDIALS)",
-      .flags = MSIM_BACKEND_SYMMETRIC,
+      .flags = MSIM_BACKEND_SYMMETRIC | MSIM_BACKEND_UNSYMMETRIC,
       .format = MSIM_FORMAT_FULL,
       .create = create,
       .analyze = analyze,

@@ -37,7 +37,7 @@
 #define CREATE_sptfqmr SUNLinSol_SPTFQMR
 
 #define FLAGS_pcg     MSIM_BACKEND_ITERATIVE
-#define FLAGS_spgmr   (MSIM_BACKEND_ITERATIVE | MSIM_BACKEND_SYMMETRIC)
+#define FLAGS_spgmr   (MSIM_BACKEND_ITERATIVE | MSIM_BACKEND_SYMMETRIC | MSIM_BACKEND_UNSYMMETRIC)
 #define FLAGS_spfgmr  FLAGS_spgmr
 #define FLAGS_spbcgs  FLAGS_spgmr
 #define FLAGS_sptfqmr FLAGS_spgmr
@@ -375,7 +375,8 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
 static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
   (void)A, (void)info;
   krylov *self = data;
-  if (kind != MSIM_FACTOR_SPD && !(SYMMETRIC && kind == MSIM_FACTOR_SYMMETRIC))
+  if (kind != MSIM_FACTOR_SPD &&
+      !(SYMMETRIC && (kind == MSIM_FACTOR_SYMMETRIC || kind == MSIM_FACTOR_UNSYMMETRIC)))
     return refuse(self, "it cannot solve that kind of system");
   self->kind = kind;
   return MSIM_OK;

@@ -39,7 +39,8 @@ extern "C" {
 
 #define MSIM_BACKEND_ABI 1u
 
-/* How a backend wants A. A is symmetric: by rows or by columns reads the same. */
+/* How a backend wants A: by rows. Unless it takes MSIM_FACTOR_UNSYMMETRIC, A is symmetric, and
+ * reads the same by columns. */
 enum {
   MSIM_FORMAT_NONE = 0,  /* no matrix, only apply() and precondition() */
   MSIM_FORMAT_UPPER = 1, /* rows of the block-upper triangle, diagonal blocks full: read by columns
@@ -48,8 +49,9 @@ enum {
 };
 
 enum {
-  MSIM_BACKEND_SYMMETRIC = 1u << 0, /* factor() knows MSIM_FACTOR_SYMMETRIC */
-  MSIM_BACKEND_ITERATIVE = 1u << 1  /* solve() honours its parameters and the initial guess */
+  MSIM_BACKEND_SYMMETRIC = 1u << 0,  /* factor() knows MSIM_FACTOR_SYMMETRIC */
+  MSIM_BACKEND_ITERATIVE = 1u << 1,  /* solve() honours its parameters and the initial guess */
+  MSIM_BACKEND_UNSYMMETRIC = 1u << 2 /* factor() knows MSIM_FACTOR_UNSYMMETRIC; FULL or NONE */
 };
 
 /* What factor() is asked for. */
@@ -59,7 +61,9 @@ enum {
    * negative curvature. */
   MSIM_FACTOR_SPD = 0,
   /* A is symmetric, perhaps indefinite: MSIM_NOT_SPD only where it is singular too. */
-  MSIM_FACTOR_SYMMETRIC = 1
+  MSIM_FACTOR_SYMMETRIC = 1,
+  /* The pattern of A is symmetric, its values are not: MSIM_NOT_SPD only where it is singular. */
+  MSIM_FACTOR_UNSYMMETRIC = 2
 };
 
 /* What a backend has learnt of A. */

@@ -18,6 +18,7 @@ typedef struct newton {
   double length, promise;      /* of d: what the model says that it takes off the energy */
   int is_cut;                  /* d is shorter than the model wants it ... */
   int is_curved;               /* ... as it curves downward */
+  int is_whole;                /* d is that of the matrix with all its parts */
   double moved;                /* by the last iteration, ||lambda d|| */
   double correction, previous; /* ||d|| of this iteration and of the one before; 0: none, or cut */
 } newton;
@@ -66,10 +67,23 @@ static msim_status solve_within(newton *n, ms_request *request, msim_error *err)
   return MSIM_OK;
 }
 
+/* d = A^-1 R with all of A, which leads down the residual and no energy */
+static msim_status solve_whole(newton *n, ms_request *request, msim_error *err) {
+  request->v = n->stage->v;
+  const msim_status status = solve(n, request, err);
+  request->v = NULL;
+  n->is_whole = !status;
+  n->is_cut = 0;
+  return status;
+}
+
 /* d downhill, of no more than the radius, to the residual eta where it gets so far. */
 static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_solver *solver = n->s->solver;
-  ms_request request = {n->stage->x, n->stage->ah, clamp, -1, n->eta};
+  ms_request request = {
+      .x = n->stage->x, .h = n->stage->ah, .clamp = clamp, .indefinite = -1, .rtol = n->eta};
+  n->is_whole = 0;
+  if (!clamp && ms_solver_takes_turning(solver) && !solve_whole(n, &request, err)) return MSIM_OK;
   if (!ms_solver_descends(solver)) return solve_within(n, &request, err);
   ms_descent descent = {.rtol = n->eta, .radius = n->radius};
   msim_status status = ms_solver_descend(solver, &request, n->b, &descent, n->d, err);
@@ -99,6 +113,25 @@ static double search(newton *n, int whole) {
     }
     const double zero = start / (start - slope); /* of the straight line; NaN far outside */
     lambda *= zero > 0.1 ? zero : 0.1;
+  }
+}
+
+/* v += lambda d, the first of 1, ... that takes enough off the residual (Armijo 1966), each after
+ * the minimum of a parabola; whole: 1, whatever comes. Where d leads nowhere the clamped matrix
+ * makes the next one. Returns lambda. */
+static double search_residual(newton *n, int whole) {
+  enum { MOST = 10 };
+  const double start = n->residual * n->residual;
+  double lambda = 1;
+  ms_copy(n->shape, n->stage->v, n->from);
+  for (int i = 0;; i++) {
+    ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
+    evaluate(n);
+    const double end = n->residual * n->residual;
+    n->is_curved = !(end <= (1 - 1e-4 * lambda) * start);
+    if (!n->is_curved || i == MOST || whole) return lambda;
+    const double least = lambda * start / (end - start + 2 * lambda * start);
+    lambda *= least > 0.1 ? fmin(least, 0.5) : 0.1;
   }
 }
 
@@ -179,7 +212,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
     n.correction = norm(&n, n.d);
     s->stats->newton_iterations++;
     const int is_little = n.correction <= rounding_level(&n), last = is_little && !n.is_cut;
-    const double lambda = search(&n, last);
+    const double lambda = n.is_whole ? search_residual(&n, last) : search(&n, last);
     n.moved = lambda * n.correction;
     if (lambda < 1 || n.is_cut) n.correction = 0;
     if (is_little) n.radius = INFINITY; /* slopes that are noise have made it small */

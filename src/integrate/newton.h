@@ -6,7 +6,9 @@
  * residual has dropped (Teran et al. 2005), so that far from the solution each d leads downhill.
  * Then it is the exact one, in a trust region: by truncated conjugate gradients (Steihaug 1983;
  * Toint 1981) where the solver has them, else by solves, clamped where that matrix is indefinite.
- * Each d is solved for as well as the residual has dropped (Eisenstat and Walker 1996). */
+ * A solver that was made for unsymmetric matrices gets all of it there (physics/turning.h), and d
+ * is followed as far as the residual drops. Each d is solved for as well as the residual has
+ * dropped (Eisenstat and Walker 1996). */
 #ifndef MS_NEWTON_H
 #define MS_NEWTON_H
 

@@ -40,7 +40,7 @@ static void apply(const msim_system *view, const double *x, double *y) {
   const ms_system *s = self->base.system;
   const size_t stride = (size_t)s->model->rows.stride, n = (size_t)s->model->rows.nfree;
   if (view->block == 1) ms_coefficients_apply_one(s->model, &s->a, x, y);
-  else ms_coefficients_apply(s->model, &s->a, x, y);
+  else ms_system_apply(s, x, y);
   for (size_t c = 0; c < (size_t)view->block; c++)
     memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
 }
@@ -121,7 +121,10 @@ static msim_status analyze(adapter *self, msim_error *err) {
 
 static void expand(ms_linear *base) {
   adapter *self = (adapter *)base;
-  if (self->matrix.val) ms_matrix_expand(base->system->model, &base->system->a, &self->matrix);
+  const ms_system *s = base->system;
+  if (!self->matrix.val) return;
+  ms_matrix_expand(s->model, &s->a, &self->matrix);
+  if (s->turning.v) ms_matrix_add_turning(s->model, &s->turning, &self->matrix);
 }
 
 static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
@@ -204,6 +207,8 @@ msim_status ms_adapter_create(const ms_system *system, const char *name, const m
                            .system = system,
                            .name = table->name,
                            .symmetric = (table->flags & MSIM_BACKEND_SYMMETRIC) != 0,
+                           .unsymmetric = (table->flags & MSIM_BACKEND_UNSYMMETRIC) &&
+                                          table->format != MSIM_FORMAT_UPPER,
                            .factorises = !(table->flags & MSIM_BACKEND_ITERATIVE)};
   self->table = table;
   ms_host_init(&self->host, alloc);

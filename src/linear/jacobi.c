@@ -66,7 +66,7 @@ msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, in
   const size_t size = ms_diagonal_size(block);
   jacobi->scale = choose_scale(model, a);
   const double by = 1 / jacobi->scale;
-  const int braced = kind == MSIM_FACTOR_SYMMETRIC;
+  const int braced = kind != MSIM_FACTOR_SPD;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
     const double more = braced ? brace(model, a, r) : 0;
     double in[6], out[6];

@@ -17,8 +17,8 @@ msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms
 void ms_jacobi_destroy(const ms_model *model, ms_jacobi *jacobi);
 
 /* A block that is not positive definite says that A is not: MSIM_NOT_SPD. Where A need not be
- * (kind: MSIM_FACTOR_SYMMETRIC) the blocks are those of a matrix in which compressed springs do not
- * push sideways: iterations for indefinite systems want a preconditioner that is positive definite
+ * (any kind but MSIM_FACTOR_SPD) the blocks are those of a matrix in which compressed springs do
+ * not push sideways: iterations for such systems want a preconditioner that is positive definite
  * nevertheless. */
 msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, int32_t kind,
                              ms_jacobi *jacobi);

@@ -8,8 +8,15 @@
 typedef struct ms_system {
   const ms_model *model;
   ms_coefficients a;
-  int clamped; /* a is that of the clamped matrix: positive definite, up to rounding */
+  ms_turning turning; /* A is a and this */
+  int clamped;        /* a is that of the clamped matrix: positive definite, up to rounding */
 } ms_system;
+
+/* y = A x, as ms_coefficients_apply */
+static inline void ms_system_apply(const ms_system *s, const double *x, double *y) {
+  ms_coefficients_apply(s->model, &s->a, x, y);
+  if (s->turning.v) ms_turning_apply(s->model, &s->turning, x, y);
+}
 
 /* What a solve has to reach, and what it cost. */
 typedef struct ms_target {
@@ -35,7 +42,7 @@ typedef struct ms_linear ms_linear;
 typedef struct ms_linear_ops {
   /* The coefficients are new: write the matrix. Nullable: there is none. */
   void (*expand)(ms_linear *self);
-  /* Make ready to solve. kind: MSIM_FACTOR_SPD or MSIM_FACTOR_SYMMETRIC. Nullable. */
+  /* Make ready to solve. kind: MSIM_FACTOR_.... Nullable. */
   msim_status (*factor)(ms_linear *self, int32_t kind, msim_error *err);
   /* A y = b; y: first guess in, solution out. */
   msim_status (*solve)(ms_linear *self, const ms_target *target, const double *b, double *y,
@@ -53,6 +60,7 @@ struct ms_linear {
   const ms_system *system;
   const char *name;
   int symmetric;   /* can solve systems that are not positive definite */
+  int unsymmetric; /* nor symmetric */
   int factorises;  /* factor() factors a matrix */
   int exact;       /* answers are right to rounding, whatever the guess: nothing to check */
   int met;         /* the last solve has seen its true residual reach the goal */

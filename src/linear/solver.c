@@ -122,10 +122,11 @@ static int32_t bad_coefficients(const ms_system *s) {
   return ms_find_bad(shape, s->a.diagonal);
 }
 
-static msim_status assemble(ms_solver *s, const double *x, double h, int clamp) {
+static msim_status assemble(ms_solver *s, const ms_request *r, int clamp) {
   double start = ms_clock();
   s->made_for = 0;
-  ms_coefficients_compute(s->system.model, x, h, clamp, &s->system.a);
+  ms_coefficients_compute(s->system.model, r->x, r->h, clamp, &s->system.a);
+  s->system.turning = (ms_turning){r->x, r->v, r->h};
   s->system.clamped = clamp;
   s->h = h;
   s->culprit = bad_coefficients(&s->system);
@@ -172,7 +173,7 @@ msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin,
 /* ||b - A v||, and the residual itself in s->residual */
 static double true_residual(ms_solver *s, const double *b, const double *v) {
   const ms_shape shape = s->system.model->shape;
-  ms_coefficients_apply(s->system.model, &s->system.a, v, s->residual);
+  ms_system_apply(&s->system, v, s->residual);
   ms_combine(shape, b, -1, s->residual, s->residual);
   return sqrt(ms_dot(shape, s->residual, s->residual));
 }
@@ -335,7 +336,7 @@ static msim_status not_positive_definite(ms_solver *s, const ms_request *r, cons
     case MSIM_INDEFINITE_SOLVE:
       return factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
     case MSIM_INDEFINITE_CLAMP: {
-      msim_status status = assemble(s, r->x, r->h, 1);
+      msim_status status = assemble(s, r, 1);
       return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
     }
     default:
@@ -365,7 +366,7 @@ msim_status ms_solver_switch(ms_solver *s, msim_error *err) {
 static msim_status solve_constant(ms_solver *s, const ms_request *r, const double *b, double *v,
                                   msim_error *err) {
   if (s->made_for != r->h) {
-    msim_status status = assemble(s, r->x, r->h, r->clamp);
+    msim_status status = assemble(s, r, r->clamp);
     if (!status) status = factor(s, s->linear, MSIM_FACTOR_SPD, err);
     if (status) return status;
     s->made_for = r->h;
@@ -375,8 +376,9 @@ static msim_status solve_constant(ms_solver *s, const ms_request *r, const doubl
 
 static msim_status solve_variable(ms_solver *s, const ms_request *r, const double *b, double *v,
                                   msim_error *err) {
-  msim_status status = assemble(s, r->x, r->h, r->clamp);
+  msim_status status = assemble(s, r, r->clamp);
   if (status) return status;
+  if (r->v) return factor_and_solve(s, MSIM_FACTOR_UNSYMMETRIC, b, v, err);
   status = try_kept(s, b, v);
   if (!status || status == MSIM_NOT_SPD) return status;
   const int64_t before = s->stats->iterations, made = s->linear->coarse_factors;
@@ -414,6 +416,11 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const 
 
 /*------------------------------------- a step downhill ------------------------------------------*/
 
+int ms_solver_takes_turning(const ms_solver *s) {
+  return s->linear->unsymmetric && s->system.a.block > 1 &&
+         s->system.model->passes & MSIM_SKIP_DAMPING;
+}
+
 int ms_solver_descends(const ms_solver *s) {
   return s->linear->ops->descend != NULL && s->system.a.block > 1;
 }
@@ -424,7 +431,7 @@ msim_status ms_solver_descend(ms_solver *s, const ms_request *r, const double *b
   s->culprit = ms_find_bad(shape, b);
   if (s->culprit >= 0) return MSIM_NOT_FINITE;
   s->stats->solves++;
-  msim_status status = assemble(s, r->x, r->h, r->clamp);
+  msim_status status = assemble(s, r, r->clamp);
   if (!status) status = factor(s, s->linear, MSIM_FACTOR_SYMMETRIC, err);
   if (status) return status;
   const double start = ms_clock();

@@ -52,6 +52,7 @@ void ms_solver_destroy(ms_solver *solver);
 typedef struct ms_request {
   const double *x; /* A(x, h) */
   double h;
+  const double *v;    /* A(x, v, h), with what the turning of dashpots adds; NULL: without */
   int clamp;          /* the clamped matrix: positive definite always */
   int32_t indefinite; /* MSIM_INDEFINITE_...: what follows where A is not; -1: it is told */
   double rtol;        /* of the residual */
@@ -74,6 +75,9 @@ typedef struct ms_request {
  *      cholmod make one, which takes part as in 1. until it is no help. */
 msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
                             double *v, msim_error *err);
+
+/* 1: requests may have a v, as springs are damped and the solver was made for such matrices. */
+int ms_solver_takes_turning(const ms_solver *solver);
 
 /* d as linear.h has it: truncated conjugate gradients on A(x, h), however indefinite, from 0.
  * Where ms_solver_descends() is 0 the solver can only solve. */

@@ -242,6 +242,28 @@ void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix
   else expand(model, a, m, 1);
 }
 
+static void add_block(double *at, int32_t step, double sign, int32_t size, double block[3][3]) {
+  for (int32_t r = 0; r < size; r++, at += step)
+    for (int32_t c = 0; c < size; c++) at[c] += sign * block[r][c];
+}
+
+void ms_matrix_add_turning(const ms_model *model, const ms_turning *t, ms_matrix *m) {
+  for (int32_t r = 0; r < m->n; r++) {
+    const ms_span span = ms_halves_of(&model->halves, r);
+    const int32_t step = m->row_step[r];
+    int32_t e = m->first[r];
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int is_stored = e < m->first[r + 1] && m->entry[e].half == at;
+      double block[3][3];
+      if (ms_turning_block(model, t, r, at, block)) {
+        add_block(m->val + m->diagonal_slot[r], step, 1, m->block, block);
+        if (is_stored) add_block(m->val + m->entry[e].slot, step, -1, m->block, block);
+      }
+      e += is_stored;
+    }
+  }
+}
+
 void ms_matrix_pack(const ms_model *model, const ms_matrix *matrix, const double *vec,
                     double *packed) {
   const size_t stride = (size_t)model->rows.stride, block = (size_t)matrix->block;

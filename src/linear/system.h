@@ -7,7 +7,7 @@
 #define MS_SYSTEM_H
 
 #include "msim/backend.h"
-#include "physics/force.h"
+#include "physics/turning.h"
 
 /* Which unknowns share a spring: both triangles, ascending, without the diagonal. */
 typedef struct ms_graph {
@@ -41,6 +41,9 @@ void ms_matrix_destroy(const ms_model *model, ms_matrix *matrix);
 
 /* val = A */
 void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *matrix);
+
+/* val += what turning dashpots add, by rows; FULL only. */
+void ms_matrix_add_turning(const ms_model *model, const ms_turning *t, ms_matrix *matrix);
 
 /* Row vectors to interleaved ones in the matrix' order, and back. Where the matrix has scalars for
  * blocks: to one vector after the other, one for each component. */

@@ -197,7 +197,10 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   if (sim->integrator->nonlinear)
     ms_print(out, "newton        to %.3g of the velocity%s\n", sim->opt.newton_rtol,
              alike ? "; the matrix is the same in every step"
-                   : "; clamped matrix until the residual has dropped");
+             : ms_solver_takes_turning(solver)
+                 ? "; clamped matrix until the residual has dropped, then\n"
+                   "              the whole one, which damping makes unsymmetric"
+                 : "; clamped matrix until the residual has dropped");
   else if (alike) ms_print(out, "              positive definite, and the same in every step\n");
   else if (sim->opt.jacobian == MSIM_JACOBIAN_CLAMP)
     ms_print(out, "              clamped: positive definite always\n");

@@ -4,9 +4,9 @@
 
 #include "rig.h"
 
-extern const msim_backend *backend; /* the one under test, watched by checking_backend */
-extern const msim_backend *bare;    /* the same unwatched, for what a host must not do */
-extern int iterative, symmetric;    /* its flags */
+extern const msim_backend *backend;           /* the one under test, watched by checking_backend */
+extern const msim_backend *bare;              /* the same unwatched, for what a host must not do */
+extern int iterative, symmetric, unsymmetric; /* its flags */
 
 #define RTOL 1e-10 /* asked of iterations where nothing else is said */
 enum { LIMIT = 5000 };

@@ -83,6 +83,24 @@ static void factor_symmetric_does_not_make_up_answers(void **state) {
   for_each(singular, sizes, check_singular);
 }
 
+/* Row by row what the host wrote, not its transpose. */
+static void check_unsymmetric(const char *label, const problem *p) {
+  problem *q = skewed(random_dominant(p->n, p->block, 7), 11);
+  double *b = random_vector(unknowns(q), 3);
+  outcome o = solve_with(backend, q, MSIM_FACTOR_UNSYMMETRIC, b);
+  if (o.status || !is_answer(q, b, o.y, RTOL, 1e-12))
+    fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
+             backward_error(q, b, o.y));
+  if (o.definite) fail_msg("%s: told whether it is positive definite", label);
+  free(b), free(o.y), problem_free(q);
+}
+
+static void factor_unsymmetric_solves_what_is(void **state) {
+  (void)state;
+  if (!unsymmetric) skip();
+  for_each((const kind[]){{"skewed", random_dominant, 1}, {0}}, sizes, check_unsymmetric);
+}
+
 /* A step of msim: the exact matrix fails, the clamped one follows; or the other kind does. */
 static void check_recovery(const char *label, const problem *bad) {
   const int32_t n = unknowns(bad);
@@ -96,6 +114,7 @@ static void check_recovery(const char *label, const problem *bad) {
     rig_set(&r, bad);
     if (!rig_factor(&r, MSIM_FACTOR_SPD)) rig_solve(&r, RTOL, LIMIT, 1, b, y);
     if (symmetric) assert_int_equal(rig_factor(&r, MSIM_FACTOR_SYMMETRIC), MSIM_OK);
+    if (unsymmetric) assert_int_equal(rig_factor(&r, MSIM_FACTOR_UNSYMMETRIC), MSIM_OK);
     rig_set(&r, good);
     for (int32_t i = 0; i < n; i++) y[i] = 0;
     assert_int_equal(rig_factor(&r, MSIM_FACTOR_SPD), MSIM_OK);
@@ -140,6 +159,7 @@ int run_definiteness(void) {
                                      conformance_test(factor_symmetric_solves_what_is_not),
                                      conformance_test(factor_symmetric_solves_what_is),
                                      conformance_test(factor_symmetric_does_not_make_up_answers),
+                                     conformance_test(factor_unsymmetric_solves_what_is),
                                      conformance_test(a_failure_leaves_nothing_behind),
                                      conformance_test(pivots_follow_the_values)};
   return cmocka_run_group_tests_name("definiteness", tests, NULL, NULL);

@@ -38,7 +38,8 @@ static void add(problem *p, int32_t row, int32_t column, double value) {
     p->capacity = 2 * p->capacity + 64;
     p->entries = realloc(p->entries, (size_t)p->capacity * sizeof *p->entries);
   }
-  p->entries[p->count++] = (entry){row < column ? row : column, row < column ? column : row, value};
+  const int32_t first = row < column ? row : column, second = row < column ? column : row;
+  p->entries[p->count++] = (entry){first, second, value, 0};
 }
 
 /* The spring's block K = k w w^T + t I between the block rows i and j: + on the diagonal, - off. */
@@ -170,6 +171,13 @@ problem *with_diagonal(problem *p, double value) {
   return p;
 }
 
+problem *skewed(problem *p, uint64_t seed) {
+  for (int32_t e = 0; e < p->count; e++)
+    if (p->entries[e].row != p->entries[e].column)
+      p->entries[e].skew = 0.5 * draw(&seed) * p->entries[e].value;
+  return p;
+}
+
 problem *times(problem *p, double factor) {
   for (int32_t e = 0; e < p->count; e++) p->entries[e].value *= factor;
   return p;
@@ -181,8 +189,8 @@ void problem_apply(const problem *p, const double *x, double *y) {
   memset(y, 0, (size_t)unknowns(p) * sizeof *y);
   for (int32_t e = 0; e < p->count; e++) {
     const entry *a = &p->entries[e];
-    y[a->row] += a->value * x[a->column];
-    if (a->row != a->column) y[a->column] += a->value * x[a->row];
+    y[a->row] += (a->value + a->skew) * x[a->column];
+    if (a->row != a->column) y[a->column] += (a->value - a->skew) * x[a->row];
   }
 }
 
@@ -196,10 +204,10 @@ static norms measure(const problem *p, const double *b, const double *y) {
   for (size_t i = 0; i < n; i++) r[i] = b[i], size[i] = fabsl(b[i]);
   for (int32_t e = 0; e < p->count; e++) {
     const entry *a = &p->entries[e];
-    const long double value = a->value;
-    r[a->row] -= value * y[a->column], size[a->row] += fabsl(value * y[a->column]);
+    const long double upper = a->value + a->skew, lower = a->value - a->skew;
+    r[a->row] -= upper * y[a->column], size[a->row] += fabsl(upper * y[a->column]);
     if (a->row == a->column) continue;
-    r[a->column] -= value * y[a->row], size[a->column] += fabsl(value * y[a->row]);
+    r[a->column] -= lower * y[a->row], size[a->column] += fabsl(lower * y[a->row]);
   }
   norms sum = {0, 0, 0};
   for (size_t i = 0; i < n; i++) {

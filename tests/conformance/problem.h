@@ -1,13 +1,13 @@
-/* problem - symmetric block matrices of every kind, as lists of their scalar entries */
+/* problem - block matrices of every kind, as lists of their scalar entries */
 #ifndef PROBLEM_H
 #define PROBLEM_H
 
 #include <stdint.h>
 
-/* a(row, column) += value, and a(column, row) too */
+/* a(row, column) += value + skew, a(column, row) += value - skew, the diagonal once */
 typedef struct entry {
   int32_t row, column; /* row <= column */
-  double value;
+  double value, skew;
 } entry;
 
 typedef struct problem {
@@ -49,6 +49,9 @@ problem *small_pivots(int32_t n, int32_t block, uint64_t seed);
 
 /* random_dominant with every scalar of the diagonal `value`. */
 problem *with_diagonal(problem *p, double value);
+
+/* A + S, S' = -S: half as large off the diagonal, at random. */
+problem *skewed(problem *p, uint64_t seed);
 
 /* A = factor A */
 problem *times(problem *p, double factor);

@@ -78,8 +78,8 @@ static void apply(const msim_system *A, const double *x, double *y) {
   for (int32_t e = 0; e < r->problem->count; e++) {
     const entry *a = &r->problem->entries[e];
     const size_t row = place(r, a->row), column = place(r, a->column);
-    y[row] += a->value * x[column];
-    if (row != column) y[column] += a->value * x[row];
+    y[row] += (a->value + a->skew) * x[column];
+    if (row != column) y[column] += (a->value - a->skew) * x[row];
   }
 }
 
@@ -235,8 +235,8 @@ void rig_set(rig *r, const problem *p) {
   memset(r->val, 0, (size_t)r->rowptr[unknowns(p)] * sizeof *r->val);
   for (int32_t e = 0; e < p->count; e++) {
     const size_t row = place(r, p->entries[e].row), column = place(r, p->entries[e].column);
-    put(r, row, column, p->entries[e].value);
-    if (row != column) put(r, column, row, p->entries[e].value);
+    put(r, row, column, p->entries[e].value + p->entries[e].skew);
+    if (row != column) put(r, column, row, p->entries[e].value - p->entries[e].skew);
   }
 }
 

@@ -9,7 +9,7 @@
 #include "conformance.h"
 
 const msim_backend *backend, *bare;
-int iterative, symmetric;
+int iterative, symmetric, unsymmetric;
 
 int no_breach(void **state) {
   (void)state;
@@ -77,6 +77,7 @@ int main(int argc, char **argv) {
   backend = checking_backend(bare);
   iterative = (bare->flags & MSIM_BACKEND_ITERATIVE) != 0;
   symmetric = (bare->flags & MSIM_BACKEND_SYMMETRIC) != 0;
+  unsymmetric = (bare->flags & MSIM_BACKEND_UNSYMMETRIC) != 0;
   const int failed = run_answers() + run_definiteness() + run_iterations() + run_refusals() +
                      run_manners() + run_scarcity();
   return failed != 0;

@@ -1,0 +1,189 @@
+/* What turning dashpots add to Newton's matrix, for solvers that take unsymmetric ones. */
+#include <math.h>
+#include <string.h>
+
+#include "scenes.h"
+#include "sim/sim.h"
+
+enum { SIDE = 6, N = SIDE * SIDE };
+
+/*------------------------------------- the matrix -----------------------------------------------*/
+
+/* A cloth in motion, with drag, and one of its pairs has a second spring. */
+static msim_scene *moving_cloth(void) {
+  const int32_t ij[2] = {3, 2};
+  const double k = 7, rest = 0.1, c = 2;
+  msim_scene *scene = hanging_cloth(SIDE, 100, 0.5);
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &c, err));
+  assert_ok(msim_scene_set_drag(scene, 0.01, err));
+  return scene;
+}
+
+typedef struct problem {
+  ms_model model;
+  ms_system system;
+  ms_graph graph;
+  ms_matrix matrix;
+  double *x0, *v, *x, *f; /* rows */
+  double h;
+} problem;
+
+/* R(v) = M (w - v) + h F(x0 + h v, v), without what does not depend on v */
+static void residual(problem *p, double *r) {
+  const ms_shape shape = p->model.shape;
+  ms_combine(shape, p->x0, p->h, p->v, p->x);
+  ms_force(&p->model, p->x, p->v, p->f);
+  ms_scale_rows(shape, p->model.mass, p->v, r);
+  ms_combine(shape, r, -p->h, p->f, r);
+}
+
+static double *vector(const problem *p) { return ms_rows_vector(p->model.scene, &p->model.rows); }
+
+/* left_out: the axis of a plane in which all moves; -1: none */
+static problem pose(const msim_scene *scene, int32_t left_out) {
+  problem p = {.h = 0.03};
+  unsigned seed = 3;
+  assert_ok(ms_model_create(scene->data, left_out < 0 ? MSIM_SKIP_TWO_D : 0, &p.model, err));
+  assert_int_equal(p.model.rows.left_out, left_out);
+  assert_ok(ms_coefficients_create(&p.model, &p.system.a, err));
+  assert_ok(ms_graph_create(&p.model, &p.graph, err));
+  assert_ok(ms_matrix_create(&p.model, &p.graph, NULL, MSIM_FORMAT_FULL, p.model.rows.dims,
+                             &p.matrix, err));
+  p.system.model = &p.model;
+  p.x0 = vector(&p), p.v = vector(&p), p.x = vector(&p), p.f = vector(&p);
+  ms_rows_gather(&p.model.rows, scene->data->x, p.x0);
+  ms_rows_gather(&p.model.rows, scene->data->x, p.x);
+  for (int32_t c = 0; c < p.model.rows.dims; c++)
+    for (int32_t r = 0; r < p.model.rows.nfree; r++) {
+      p.x0[c * p.model.rows.stride + r] += 0.1 * (uniform(&seed) - 0.5);
+      p.v[c * p.model.rows.stride + r] = 4 * (uniform(&seed) - 0.5);
+    }
+  return p;
+}
+
+static void destroy(problem *p) {
+  double *vectors[] = {p->x0, p->v, p->x, p->f};
+  for (int i = 0; i < 4; i++) ms_delete(&p->model.scene->alloc, vectors[i]);
+  ms_matrix_destroy(&p->model, &p->matrix);
+  ms_graph_destroy(&p->model, &p->graph);
+  ms_coefficients_destroy(&p->model, &p->system.a);
+  ms_model_destroy(&p->model);
+}
+
+static double entry(const ms_matrix *m, int32_t row, int32_t column) {
+  for (int32_t e = m->rowptr[row]; e < m->rowptr[row + 1]; e++)
+    if (m->colind[e] == column) return m->val[e];
+  return 0;
+}
+
+/* Column by column: the matrix, its product with a vector, and central differences of R. */
+static void check_columns(problem *p) {
+  const double EPS = 1e-5;
+  const int32_t dims = p->model.rows.dims, n = p->model.rows.nfree, stride = p->model.rows.stride;
+  double *plus = vector(p), *minus = vector(p), *unit = vector(p), *product = vector(p);
+  double apart = 0;
+  for (int32_t column = 0; column < dims * n; column++) {
+    const int32_t at = column % dims * stride + column / dims;
+    const double v = p->v[at];
+    p->v[at] = v + EPS, residual(p, plus);
+    p->v[at] = v - EPS, residual(p, minus);
+    p->v[at] = v;
+    unit[at] = 1;
+    ms_system_apply(&p->system, unit, product);
+    unit[at] = 0;
+    for (int32_t row = 0; row < dims * n; row++) {
+      const int32_t to = row % dims * stride + row / dims;
+      const double a = entry(&p->matrix, row, column);
+      assert_close(a, (plus[to] - minus[to]) / (2 * EPS), 1e-8);
+      assert_close(a, product[to], 1e-14);
+      apart = fmax(apart, fabs(a - entry(&p->matrix, column, row)));
+    }
+  }
+  assert_true(apart > 0.01); /* nothing like symmetric */
+  double *vectors[] = {plus, minus, unit, product};
+  for (int i = 0; i < 4; i++) ms_delete(&p->model.scene->alloc, vectors[i]);
+}
+
+static void the_whole_matrix_is_the_derivative_of_the_residual(void **state) {
+  (void)state;
+  msim_scene *scene = moving_cloth();
+  const double along[3] = {0, -9.81, 0};
+  for (int flat = 0; flat < 2; flat++) {
+    if (flat) assert_ok(msim_scene_set_gravity(scene, along, err));
+    problem p = pose(scene, flat ? 2 : -1);
+    ms_combine(p.model.shape, p.x0, p.h, p.v, p.x);
+    ms_coefficients_compute(&p.model, p.x, p.h, 0, &p.system.a);
+    p.system.turning = (ms_turning){p.system.a.x, p.v, p.h};
+    ms_matrix_expand(&p.model, &p.system.a, &p.matrix);
+    ms_matrix_add_turning(&p.model, &p.system.turning, &p.matrix);
+    check_columns(&p);
+    destroy(&p);
+  }
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- Newton's method ------------------------------------------*/
+
+enum { STEPS = 20 };
+
+/* Iterations of all steps, to a tolerance. */
+static int64_t iterations(const msim_scene *scene, const char *solver, double rtol) {
+  msim_options opt = options("implicit-euler", 0.01);
+  opt.solver = solver, opt.newton_rtol = rtol, opt.solver_rtol = 1e-13, opt.newton_retries = 0;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, STEPS, err));
+  const int64_t n = stats_of(sim).newton_iterations;
+  msim_sim_destroy(sim);
+  return n;
+}
+
+static const char *const whole[] = {"klu", "sundials-spgmr", "sundials-spfgmr", "sundials-spbcgs",
+                                    "sundials-sptfqmr"};
+
+/* Six more digits cost less than an iteration a step by the whole matrix, and five by the symmetric
+ * one. */
+static void newton_is_quadratic_where_damping_is_strong(void **state) {
+  (void)state;
+  if (!solver_there("cholmod") || !solver_there("klu")) skip();
+  msim_scene *scene = hanging_cloth(8, 1000, 10);
+  const int64_t rough = iterations(scene, "cholmod", 1e-6),
+                fine = iterations(scene, "cholmod", 1e-12);
+  assert_true(fine - rough > 4 * STEPS);
+  for (size_t i = 0; i < sizeof whole / sizeof *whole; i++) {
+    const int64_t more = iterations(scene, whole[i], 1e-12) - iterations(scene, whole[i], 1e-6);
+    if (more >= STEPS) fail_msg("%s: %d more iterations", whole[i], (int)more);
+  }
+  msim_scene_destroy(scene);
+}
+
+static int takes_turning(const msim_scene *scene, const char *solver) {
+  msim_options opt = options("implicit-euler", 0.01);
+  opt.solver = solver;
+  msim_sim *sim = make_sim(scene, &opt);
+  const int takes = ms_solver_takes_turning(sim->motion->stepper.solver);
+  msim_sim_destroy(sim);
+  return takes != 0;
+}
+
+/* What is not damped keeps its symmetric matrix, and so does who cannot have another. */
+static void the_whole_matrix_is_for_whom_it_serves(void **state) {
+  (void)state;
+  static const char *const symmetric[] = {"auto", "pcg", "cholmod", "sundials-pcg"};
+  msim_scene *damped = hanging_cloth(8, 1000, 10), *undamped = hanging_cloth(8, 1000, 0);
+  for (size_t i = 0; i < sizeof whole / sizeof *whole; i++) {
+    if (!solver_there(whole[i])) continue;
+    assert_true(takes_turning(damped, whole[i]));
+    assert_false(takes_turning(undamped, whole[i]));
+  }
+  for (size_t i = 0; i < sizeof symmetric / sizeof *symmetric; i++)
+    if (solver_there(symmetric[i])) assert_false(takes_turning(damped, symmetric[i]));
+  msim_scene_destroy(damped), msim_scene_destroy(undamped);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(the_whole_matrix_is_the_derivative_of_the_residual),
+      cmocka_unit_test(newton_is_quadratic_where_damping_is_strong),
+      cmocka_unit_test(the_whole_matrix_is_for_whom_it_serves)};
+  return cmocka_run_group_tests_name("turning", tests, NULL, NULL);
+}
