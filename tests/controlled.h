@@ -18,7 +18,7 @@ static inline msim_options controlled(const char *method, double tol, double t_e
 
 /* 1 if it takes tol. */
 static inline int has_control(const char *method) {
-  static const char *const without[] = {"verlet", "bdf2", "rkc", "respa", "takahashi-imada"};
+  static const char *const without[] = {"verlet", "respa", "takahashi-imada"};
   for (size_t i = 0; i < sizeof without / sizeof *without; i++)
     if (strcmp(method, without[i]) == 0) return 0;
   return 1;

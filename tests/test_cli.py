@@ -274,7 +274,7 @@ class Control(CliTest):
         self.assertRegex(out, r"steps +\d+, as long as tol = 0.001 lets them be; \d+ more")
         self.assert_refused(["run", "scene.json", "--tol", "1e-3", "--steps", "3"], "exclude")
         self.assert_refused(["run", "scene.json", "--tol", "1e-3", "--t_end", "1", "--integrator",
-                             "bdf2"], "'bdf2' has no error control")
+                             "respa"], "'respa' has no error control")
 
 
 class Final(CliTest):

@@ -39,7 +39,7 @@ ms_error ms_error_of(const ms_integrator *integrator, ms_stepper *s, const ms_sc
   ms_error error = {0};
   put_error(integrator, s, 0);
   error.fine = square(s, scales, s->x_spare[0], s->v_spare[0]);
-  if (!integrator->estimate) return error;
+  if (!integrator->two_estimates) return error;
   put_error(integrator, s, 1);
   error.coarse = square(s, scales, s->x_spare[0], s->v_spare[0]);
   return error;
@@ -57,10 +57,12 @@ int32_t ms_error_culprit(const ms_integrator *integrator, ms_stepper *s) {
 
 /*------------------------------------- step -----------------------------------------------------*/
 
-/* The estimates of dop853 go like h^8. */
 ms_control ms_control_of(const ms_integrator *integrator, double tol, double span) {
-  return (ms_control){
-      .tol = tol, .span = span, .order = integrator->entry.order - (integrator->estimate != NULL)};
+  const double USUAL = 5;
+  return (ms_control){.tol = tol,
+                      .span = span,
+                      .order = integrator->entry.order - integrator->two_estimates,
+                      .growth = integrator->growth > 0 ? integrator->growth : USUAL};
 }
 
 /* Nothing is asked for that rounding does not allow. */
@@ -104,14 +106,14 @@ static double factor(const ms_control *c, double r) {
 }
 
 int ms_control_accepts(ms_control *c, const ms_scales *scales, double h, ms_error error) {
-  const double LEAST = 0.2, MOST = 5;
+  const double LEAST = 0.2;
   const double r = ms_error_size(error) / ms_control_limit(c, scales, h);
   if (!(r <= 1)) {
     c->h = h * (isfinite(r) ? fmax(LEAST, factor(c, r)) : LEAST);
     c->shrunk = 1;
     return 0;
   }
-  c->h = h * fmax(LEAST, fmin(factor(c, r), c->shrunk ? 1 : MOST));
+  c->h = h * fmax(LEAST, fmin(factor(c, r), c->shrunk ? 1 : c->growth));
   c->previous = fmax(r, 1e-4);
   c->shrunk = 0;
   return 1;

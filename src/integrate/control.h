@@ -38,6 +38,7 @@ typedef struct ms_control {
   double tol, span; /* span: T, s */
   double order;     /* k: E/h goes like h^k */
   double h;         /* s: the step to try next */
+  double growth;    /* of a step over the one before, at most */
   double previous;  /* E T/(tol h) of the last step accepted; 0: not known */
   int shrunk;       /* the last attempt was too long */
 } ms_control;

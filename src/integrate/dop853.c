@@ -65,7 +65,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
 
 /* The result minus those of order 5 and 3, before it was reflected:
  *   dv = h sum_j E_j k_j,  dx = h^2 sum_j EE_j k_j */
-static void estimate(const ms_stepper *s, int which, double *dx, double *dv) {
+static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
   double *k[STAGES];
   find_slopes(s, s->warm == 2, k);
   add_slopes(s, NULL, 0, NULL, s->h * s->h, EE[which], k, dx);
@@ -110,5 +110,7 @@ const ms_integrator ms_dop853 = {
     .carried = 1,
     .step = step,
     .estimate = estimate,
+    .two_estimates = 1,
+    .chooses_steps = 1,
     .interpolate = interpolate,
     .limit = limit};

@@ -49,6 +49,12 @@ static void gather(const ms_stepper *s, const rung *g, const sources *from) {
   add(s, g->first, from->v_first, s->v, w);
 }
 
+/* a' = (v' - w)/(a h), of the last stage */
+static void find_slope(const ms_stepper *s, double a, double *slope) {
+  ms_combine(s->model->shape, s->v_next, -1, s->work[W], slope);
+  ms_scale(s->model->shape, 1 / (a * s->h), slope);
+}
+
 /* The result to x_next and v_next, not yet reflected. The guess of a stage is the velocity of the
  * one before. */
 static msim_status climb(ms_stepper *s, const table *t, sources *from, double *keep_first[2],
@@ -103,17 +109,15 @@ static msim_status step_trapezoidal(ms_stepper *s, msim_error *err) {
   return finish(s, climb(s, &trapezoidal, &(sources){.a = a}, NULL, err));
 }
 
-/* beta = 1/4, gamma = 1/2: the trapezoidal rule with an a that is carried, a' = (v' - w)/(h/2), not
- * computed anew. warm: 1 + the work vector that holds it. */
+/* beta = 1/4, gamma = 1/2: the trapezoidal rule with an a that is carried, not computed anew.
+ * warm: 1 + the work vector that holds it. */
 static msim_status step_newmark(ms_stepper *s, msim_error *err) {
-  const ms_shape shape = s->model->shape;
   const int at = s->warm == 2;
   double *a = s->work[KEPT + at], *next = s->work[KEPT + 1 - at];
   if (!s->warm || s->h != s->h_before) ms_acceleration(s, s->x, s->v, a);
   msim_status status = climb(s, &trapezoidal, &(sources){.a = a}, NULL, err);
   if (status) return status;
-  ms_combine(shape, s->v_next, -1, s->work[W], next);
-  ms_scale(shape, 2 / s->h, next);
+  find_slope(s, trapezoidal.rungs[0].a, next);
   s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
   return MSIM_OK;
 }
@@ -124,20 +128,45 @@ static table bdf2(double r) {
   return (table){1, {{.a = (1 + r) / (1 + 2 * r), .before = -(r * r) / (1 + 2 * r)}}, 0};
 }
 
-/* The first step, and that after a reflection, are implicit Euler's. warm: 1 + the pair of work
- * vectors that holds the y of the step before. */
+/* The first step, and that after a reflection, are implicit Euler's. warm: 1 + the set of work
+ * vectors that holds the y of the step before, and the a that this step led to. */
 static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
   const int at = s->warm == 2;
-  double **before = s->work + KEPT + 2 * at, **now = s->work + KEPT + 2 * (1 - at);
+  double **before = s->work + KEPT + 3 * at, **now = s->work + KEPT + 3 * (1 - at);
   sources from = {.x_before = before[0], .v_before = before[1]};
   const table way = s->warm ? bdf2(s->h / s->h_before) : implicit_euler;
   msim_status status = climb(s, &way, &from, NULL, err);
   if (status) return status;
   ms_copy(shape, s->x, now[0]);
   ms_copy(shape, s->v, now[1]);
+  find_slope(s, way.rungs[0].a, now[2]);
   s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
   return MSIM_OK;
+}
+
+/* share (y' - p),  p = y + (1 + r) h f + r^2 (y_before - y) */
+static void compare(const ms_stepper *s, double r, const double *y, const double *f,
+                    const double *before, const double *y_next, double *error) {
+  const ms_shape shape = s->model->shape;
+  ms_combine(shape, y_next, -1, y, error);
+  ms_axpy(shape, -(1 + r) * s->h, f, error);
+  add(s, -r * r, before, y, error);
+  ms_scale(shape, (1 + r) / (2 + 3 * r), error);
+}
+
+/* The parabola through y_before and y, with the slope f in y that the last step found, leads to p.
+ * Its error is -(1 + 1/r) e, where the method has (1 + r)^2/(r (1 + 2 r)) e, e = h^3/6 d3y/dt3: a
+ * share (1 + r)/(2 + 3 r) of the difference is the method's. A first step is compared with explicit
+ * Euler's: r = 0, and half of the difference. */
+static void estimate_bdf2(ms_stepper *s, int which, double *dx, double *dv) {
+  (void)which;
+  double *const *before = s->work + KEPT + 3 * (s->warm == 2), *a = s->work[NEWTON];
+  const double r = s->warm ? s->h / s->h_before : 0;
+  if (s->warm) a = before[2];
+  else ms_acceleration(s, s->x, s->v, a);
+  compare(s, r, s->x, s->v, before[0], s->x_next, dx);
+  compare(s, r, s->v, a, before[1], s->v_next, dv);
 }
 
 /*------------------------------------- two stages -----------------------------------------------*/
@@ -169,26 +198,35 @@ static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
 
 /*------------------------------------- methods --------------------------------------------------*/
 
-#define METHOD(id, label, text, p, kept, carries, alone)                                           \
+#define METHOD(id, label, text, p, kept, carries)                                                  \
   const ms_integrator ms_##id = {.entry = {.name = label, .doc = text, .order = p, .implicit = 1}, \
                                  .nonlinear = 1,                                                   \
-                                 .one_step = alone,                                                \
+                                 .one_step = 1,                                                    \
                                  .nwork = KEPT + (kept),                                           \
                                  .carried = carries,                                               \
                                  .carried_at = KEPT,                                               \
                                  .step = step_##id}
 
 METHOD(implicit_euler, "implicit-euler",
-       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0, 0, 1);
+       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0, 0);
 METHOD(implicit_midpoint, "implicit-midpoint",
-       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0, 0, 1);
-METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1, 0, 1);
+       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0, 0);
+METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1, 0);
 METHOD(newmark, "newmark",
-       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2, 1, 1);
-METHOD(bdf2, "bdf2", "backward differences over two steps; damps", 2, 4, 2, 0);
+       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2, 1);
+const ms_integrator ms_bdf2 = {.entry = {.name = "bdf2",
+                                         .doc = "backward differences over two steps; damps",
+                                         .order = 2,
+                                         .implicit = 1},
+                               .nonlinear = 1,
+                               .nwork = KEPT + 6,
+                               .carried = 3,
+                               .carried_at = KEPT,
+                               .step = step_bdf2,
+                               .estimate = estimate_bdf2,
+                               .growth = 2};
 METHOD(tr_bdf2, "tr-bdf2",
        "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps what is stiff (Bank 1985)", 2, 3,
-       0, 1);
+       0);
 METHOD(sdirk2, "sdirk2",
-       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2, 0,
-       1);
+       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2, 0);

@@ -28,6 +28,7 @@ typedef struct ms_stepper {
                                 between the ends of a step finds that of the last one */
   double h_before;           /* of the step that led to the present state, or its last part */
   int64_t parts;             /* of the step being made */
+  ms_bounds bounds;          /* of the island, where the method has stages() */
   double *x_spare[2];        /* where errors are controlled, or steps retried, for the driver */
   double *v_spare[2];
   int in_flight;          /* 1: nothing is reflected for now */
@@ -61,8 +62,11 @@ typedef struct ms_integrator {
   /* Evaluations in a step, where h decides that. Nullable. */
   int32_t (*stages)(double h, ms_bounds bounds);
   /* The error of the step just made, from x to x_next before any reflection, by the method's own
-   * estimates: which = 0, the finer; 1, a coarser. Nullable. */
-  void (*estimate)(const ms_stepper *s, int which, double *dx, double *dv);
+   * estimates: which = 0, the finer; 1, a coarser, where there are two. Nullable. */
+  void (*estimate)(ms_stepper *s, int which, double *dx, double *dv);
+  int two_estimates; /* which together go like h^order; one alone goes like h^(order + 1) */
+  int chooses_steps; /* by a tol of its own, unless `steps` is given */
+  double growth;     /* under control, of a step over the one before, at most; 0: the usual */
   /* The state a share theta into the step that was accepted last; see interpolate.h. Nullable: by
    * cubics. */
   void (*interpolate)(ms_stepper *s, double theta, double *x, double *v);

@@ -78,11 +78,10 @@ enum { A0, X, V }; /* work vectors */
 
 static void start(ms_stepper *s) { ms_hold_stages(s, s->work[X]); }
 
-/* warm: the number of stages, which follows from h and the springs */
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
   const ms_shape shape = s->model->shape;
-  const int32_t stages = s->warm ? s->warm : ms_rkc_stages(s->h, ms_bounds_of(s->model));
+  const int32_t stages = ms_rkc_stages(s->h, s->bounds);
   double *xs[] = {s->x_next, s->work[X]},
          *vs[] = {s->v_next, s->work[V]}; /* the last in the first */
   recurrence r = begin(stages);
@@ -115,9 +114,19 @@ static msim_status step(ms_stepper *s, msim_error *err) {
                               .drift = r.m * s->h});
     x_before = x, v_before = v;
   }
-  s->warm_next = stages;
   ms_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
+}
+
+/* (12 (y - y') + 6 h (f + f'))/15 */
+static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
+  (void)which;
+  const double w[] = {0.8, -0.8, 0.4 * s->h, 0.4 * s->h};
+  const double *const x[] = {s->x, s->x_next, s->v, s->v_next};
+  const double *const v[] = {s->v, s->v_next, s->work[A0], s->work[V]};
+  ms_acceleration(s, s->x_next, s->v_next, s->work[V]);
+  ms_add_all(s->model->shape, NULL, 4, w, x, dx);
+  ms_add_all(s->model->shape, NULL, 4, w, v, dv);
 }
 
 /* Of motion whose damping grows as its stiffness does (rkc.h). */
@@ -133,5 +142,6 @@ const ms_integrator ms_rkc = {
     .nwork = 3,
     .start = start,
     .step = step,
+    .estimate = estimate,
     .limit = limit,
     .stages = ms_rkc_stages};

@@ -337,7 +337,7 @@ static void list_methods(size_t size, char *names) {
 msim_status ms_drive_choose(msim_sim *sim, msim_error *err) {
   msim_options *opt = &sim->opt;
   char names[512];
-  if (opt->tol == 0 && opt->steps < 0 && sim->integrator->estimate) opt->tol = MS_DEFAULT_TOL;
+  if (opt->tol == 0 && opt->steps < 0 && sim->integrator->chooses_steps) opt->tol = MS_DEFAULT_TOL;
   if (opt->tol == 0) return MSIM_OK;
   if (opt->steps >= 0)
     return ms_fail(err, MSIM_ERR_ARG,
