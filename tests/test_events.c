@@ -302,8 +302,8 @@ static void many_balls_in_closed_form(void **state) {
   }
 }
 
-/* A stiff spring swings on a mass that lies on the floor, never lifting it. The matrix of implicit
- * methods knows nothing of the floor: Newton's method is not to suffer from that. */
+/* A stiff spring swings on a mass that lies on the floor, never lifting it: Newton's method is to
+ * know of the floor. */
 static void implicit_steps_find_what_rests(void **state) {
   (void)state;
   const double x[6] = {0, 0, 0, 0, 0, 1 - 1.05e-3}, mass[2] = {1, 1}, k = 1e4, rest = 1, none = 0;

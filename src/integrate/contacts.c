@@ -33,7 +33,8 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
     if (!*vectors[i]) return ms_fail_memory(err, "the impacts");
   }
   e->contact = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->contact);
-  return e->contact ? MSIM_OK : ms_fail_memory(err, "the impacts");
+  e->hold = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->hold);
+  return e->contact && e->hold ? MSIM_OK : ms_fail_memory(err, "the impacts");
 }
 
 ms_walls ms_walls_of(const ms_stepper *s) {
@@ -44,7 +45,7 @@ ms_walls ms_walls_of(const ms_stepper *s) {
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e};
+  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->hold, e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
 }
 
@@ -133,6 +134,13 @@ static void find_push(const ms_contact *c, const double *v, const double a[3], d
   for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
 }
 
+/* The same, friction being that of the start. */
+static void keep_on(const ms_contact *c, const double a[3], double push[3]) {
+  double along[3] = {a[0], a[1], a[2]}, least;
+  ms_keep_along(&c->on, along, &least);
+  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i] + c->rub[i];
+}
+
 double ms_contact_reaction(const ms_contact *c, const double a[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
   ms_keep_along(&c->on, along, &least);
@@ -156,7 +164,20 @@ static void find_slide(ms_contact *c, int slips, const double v[3], const double
   memcpy(c->slide, still ? along : v, sizeof c->slide);
   if (c->sticks) memset(c->slide, 0, sizeof c->slide);
   scale_to_one(c->slide);
-  find_push(c, v, a, c->push);
+  double push[3];
+  find_push(c, v, a, push);
+  for (int i = 0; i < 3; i++) c->rub[i] = c->sticks ? 0 : push[i] - (along[i] - a[i]);
+}
+
+/* The directions in which it cannot move */
+static ms_hold hold_of(const ms_contact *c) {
+  const int all = c->sticks || c->on.n > 2;
+  ms_hold hold = {.row = c->row, .n = all ? 3 : c->on.n};
+  for (int i = 0; i < hold.n; i++) {
+    if (all) hold.along[i][i] = 1;
+    else memcpy(hold.along[i], c->on.plane[i]->normal, sizeof hold.along[i]);
+  }
+  return hold;
 }
 
 /* 1 if it rests. */
@@ -216,6 +237,7 @@ void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slippin
     if (c.row != released && settle(s, &c, h, c.row == slipping)) e->contact[resting++] = c;
   }
   e->ncontacts = resting;
+  for (int32_t i = 0; i < resting; i++) e->hold[i] = hold_of(&e->contact[i]);
 }
 
 /*------------------------------------- what rests -----------------------------------------------*/
@@ -250,7 +272,7 @@ void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
     double a[3], v[3], push[3];
     ms_row_get(rows, pass->a, c->row, a);
     if (pass->v) ms_row_get(rows, pass->v, c->row, v);
-    if (s->events->steady) memcpy(push, c->push, sizeof push);
+    if (s->events->steady) keep_on(c, a, push);
     else find_push(c, pass->v ? v : NULL, a, push);
     add(rows, 1, push, c->row, pass->a);
     if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);

@@ -25,7 +25,7 @@ typedef struct ms_contact {
   int rubs;        /* there is friction */
   ms_touch on;     /* independent planes */
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
-  double push[3];  /* what the planes add to a at the start */
+  double rub[3];   /* what friction adds to a at the start of the part, where it slides */
 } ms_contact;
 
 /* What a stepper has under collision = event: the part of the step that is being made starts from
@@ -35,11 +35,10 @@ typedef struct ms_events {
   double *x, *v;
   double *a, *a_end; /* F/m at the start of the part and at its end, as if nothing rested */
   int known;         /* a is that of s->x, s->v */
-  int steady;        /* the planes push as at the start, all through the part: implicit methods,
-                        whose matrix knows nothing of planes. Of second order, and exact at
-                        rest; where h omega of what stands on the particle is above 1, undamped
-                        swings may grow */
+  int steady; /* friction pulls as at the start, all through the part: implicit methods, whose
+                        matrix holds what rests but knows nothing of friction */
   ms_contact *contact;
+  ms_hold *hold; /* the same for the matrix */
   int32_t ncontacts;
   uint64_t held; /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
 } ms_events;

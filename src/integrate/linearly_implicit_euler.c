@@ -34,12 +34,13 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   ms_combine(shape, s->v, s->h, b, b);
   ms_scale_rows(shape, s->model->mass, b, momentum);
   ms_copy(shape, s->v, s->v_next);
-  const ms_request request = {
+  ms_request request = {
       .x = s->x,
       .h = s->h,
       .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
       .indefinite = s->opt->indefinite,
       .rtol = s->noise > 0 ? fmin(s->opt->solver_rtol, s->noise) : s->opt->solver_rtol};
+  ms_hold_rows(s, &request);
   msim_status status = ms_solver_solve(s->solver, &request, momentum, s->v_next, err);
   s->culprit = s->solver->culprit;
   if (status) return status;

@@ -82,6 +82,7 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_solver *solver = n->s->solver;
   ms_request request = {
       .x = n->stage->x, .h = n->stage->ah, .clamp = clamp, .indefinite = -1, .rtol = n->eta};
+  ms_hold_rows(n->s, &request);
   n->is_whole = 0;
   if (!clamp && ms_solver_takes_turning(solver) && !solve_whole(n, &request, err)) return MSIM_OK;
   if (!ms_solver_descends(solver)) return solve_within(n, &request, err);

@@ -11,6 +11,13 @@ void ms_hold_stages(const ms_stepper *s, double *stage) {
 
 int ms_rests(const ms_stepper *s) { return s->events && s->events->ncontacts; }
 
+/* Without springs every particle is alone, and its matrix a scalar. */
+void ms_hold_rows(const ms_stepper *s, ms_request *request) {
+  if (!ms_rests(s) || !(s->model->passes & MSIM_SKIP_SPRINGS)) return;
+  request->hold = s->events->hold;
+  request->nholds = s->events->ncontacts;
+}
+
 void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass) {
   double start = ms_clock();
   const int good = ms_pass_run(model, pass);

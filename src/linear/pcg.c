@@ -59,7 +59,9 @@ static double apply(ms_pcg *s) {
   run(apply_chunk, &(job){.s = s});
   s->kernels->apply_parts(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[2 * k];
-  return sum;
+  const ms_system *system = s->base.system;
+  return sum +
+         ms_coefficients_apply_holds(system->model, &system->a, 1 / s->jacobi.scale, s->p, s->q);
 }
 
 static void reduce(ms_pcg *s, double alpha, double *rr, double *rz) {

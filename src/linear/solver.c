@@ -126,6 +126,7 @@ static msim_status assemble(ms_solver *s, const ms_request *r, int clamp) {
   double start = ms_clock();
   s->made_for = 0;
   ms_coefficients_compute(s->system.model, r->x, r->h, clamp, &s->system.a);
+  ms_coefficients_hold(s->system.model, r->hold, r->nholds, &s->system.a);
   s->system.turning = (ms_turning){r->x, r->v, r->h};
   s->system.clamped = clamp;
   s->h = h;

@@ -52,7 +52,9 @@ void ms_solver_destroy(ms_solver *solver);
 typedef struct ms_request {
   const double *x; /* A(x, h) */
   double h;
-  const double *v;    /* A(x, v, h), with what the turning of dashpots adds; NULL: without */
+  const double *v; /* A(x, v, h), with what the turning of dashpots adds; NULL: without */
+  ms_hold *hold;   /* nholds rows that are held */
+  int32_t nholds;
   int clamp;          /* the clamped matrix: positive definite always */
   int32_t indefinite; /* MSIM_INDEFINITE_...: what follows where A is not; -1: it is told */
   double rtol;        /* of the residual */

@@ -1,6 +1,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/vec3.h"
 #include "physics/kernels.h"
 
 MS_TABLES(ms_kernels);
@@ -80,6 +81,41 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
   ms_pool_run(model->pool, compute_chunk, &j, ms_chunks(halves, CHUNK));
   ms_halves_add_parts(halves, (int32_t)ms_diagonal_size((size_t)a->block),
                       (size_t)model->rows.first_pinned, a->diagonal);
+}
+
+/* Heavy enough for Newton's method to go on as if nothing moved there, and light enough for single
+ * precision. */
+#define HEAVY 1e4
+
+void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_coefficients *a) {
+  const size_t sd = (size_t)model->rows.first_pinned, dims = (size_t)a->block;
+  a->hold = hold, a->nholds = n;
+  for (ms_hold *g = hold; g < hold + n; g++) {
+    double *own = a->diagonal + g->row, largest = model->mass[g->row];
+    for (size_t c = 0; c < dims; c++) largest = fmax(largest, own[c * sd]);
+    g->weight = HEAVY * largest;
+    for (int32_t k = 0; k < g->n; k++)
+      for (size_t b = 0; b < dims; b++)
+        for (size_t c = b; c < dims; c++)
+          own[ms_diagonal_entry(dims, b, c) * sd] +=
+              g->weight * g->along[k][model->rows.axis[b]] * g->along[k][model->rows.axis[c]];
+  }
+}
+
+double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients *a, double by,
+                                   const double *p, double *q) {
+  double sum = 0;
+  for (const ms_hold *g = a->hold; g < a->hold + a->nholds; g++)
+    for (int32_t k = 0; k < g->n; k++) {
+      double own[3], to[3];
+      ms_row_get(&model->rows, p, g->row, own);
+      ms_row_get(&model->rows, q, g->row, to);
+      const double along = ms_dot3(g->along[k], own), push = by * g->weight * along;
+      ms_axpy3(push, g->along[k], to);
+      ms_row_put(&model->rows, to, g->row, q);
+      sum += push * along;
+    }
+  return sum;
 }
 
 static void apply(const ms_model *model, const ms_coefficients *a, int32_t components,

@@ -25,13 +25,23 @@ void ms_force(const ms_model *model, const double *x, const double *v, double *f
  *
  * Where every rest length and damping is 0, so is every g, and t depends on h alone: A is constant,
  * and acts on each component alike. Then it is kept as a matrix of scalars, block = 1. */
+typedef struct ms_hold {
+  int32_t row, n;
+  double along[3][3]; /* n directions in space, of length 1, along which the row does not move */
+  double weight;      /* kg, see below */
+} ms_hold;
+
+/* Rows that planes hold are so heavy along those directions that they move next to nothing: their
+ * diagonal blocks have weight n n^T more. */
 typedef struct ms_coefficients {
-  double drag;      /* h b, kg */
-  int32_t block;    /* scalars in a block: dims, or 1 */
-  double *t, *g;    /* 8 halves.nslots each; g: NULL where block = 1; padding: 0 */
-  double *x;        /* the rows' positions; NULL where block = 1 */
-  double *diagonal; /* ms_diagonal_size(block) first_pinned: the numbers of the diagonal blocks,
+  double drag;         /* h b, kg */
+  int32_t block;       /* scalars in a block: dims, or 1 */
+  double *t, *g;       /* 8 halves.nslots each; g: NULL where block = 1; padding: 0 */
+  double *x;           /* the rows' positions; NULL where block = 1 */
+  double *diagonal;    /* ms_diagonal_size(block) first_pinned: the numbers of the diagonal blocks,
                        each for all rows: xx yy zz xy xz yz, or xx yy xy, or one for all */
+  const ms_hold *hold; /* the caller's */
+  int32_t nholds;
 } ms_coefficients;
 
 /* Numbers of a symmetric block, and which of them is its entry (a, b). */
@@ -46,6 +56,13 @@ void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a);
 /* At positions x with step h; clamp: 1 for the clamped matrix. */
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a);
+
+/* Hold rows, once that is done; not where block = 1. Sets the weights. */
+void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_coefficients *a);
+
+/* q += by times what holds add to A p; returns p.q of that */
+double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients *a, double by,
+                                   const double *p, double *q);
 
 /* y = A x on the unknowns; rows past them must be 0 in x and are 0 in y. */
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,

@@ -1,0 +1,52 @@
+/* What stands on planes by stiff springs, under implicit methods and collision = event. */
+#include <math.h>
+
+#include "events.h"
+
+/* A mass on a light foot, by a spring that swings many times a step: it must not swing up, whatever
+ * the planes' slopes and whoever solves. */
+static void what_stands_on_a_stiff_spring_keeps_still(void **state) {
+  (void)state;
+  static const char *const methods[] = {"linearly-implicit-euler",
+                                        "implicit-euler",
+                                        "implicit-midpoint",
+                                        "trapezoidal",
+                                        "newmark",
+                                        "bdf2",
+                                        "tr-bdf2",
+                                        "sdirk2"};
+  static const char *const solvers[] = {"pcg", "cholmod", "klu"};
+  const double u[2][3] = {{0, 0, 1}, {0.48, 0.64, 0.6}}, mass[2] = {0.01, 1}, k = 1e4, rest = 1;
+  const double sunk = 10 / k, none = 0;
+  const int32_t ij[2] = {0, 1};
+  for (int m = 0; m < 8; m++)
+    for (int i = 0; i < 6; i++) {
+      const double *n = u[i / 3], length = rest - 1.001 * sunk;
+      const double x[6] = {0, 0, 0, length * n[0], length * n[1], length * n[2]};
+      const double g[3] = {-10 * n[0], -10 * n[1], -10 * n[2]};
+      msim_scene *scene;
+      if (!solver_there(solvers[i % 3])) continue;
+      assert_ok(msim_scene_create(NULL, &scene, err));
+      assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+      assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &none, err));
+      assert_ok(msim_scene_set_gravity(scene, g, err));
+      plane(scene, n[0], n[1], n[2], 0, 0.5, 0.3);
+      msim_options opt = event(methods[m], 0.05);
+      opt.solver = solvers[i % 3], opt.newton_rtol = 1e-10;
+      msim_sim *sim = make_sim(scene, &opt);
+      assert_ok(msim_sim_step(sim, 100, err)); /* before it topples */
+      const double *at = state_of(sim).x;
+      for (int c = 0; c < 3; c++) {
+        assert_close(at[c], 0, 1e-15);
+        assert_close(at[3 + c], (rest - sunk) * n[c], 0.01 * sunk);
+      }
+      assert_int_equal(stats_of(sim).contacts, 0);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(what_stands_on_a_stiff_spring_keeps_still)};
+  return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
+}
