@@ -6,7 +6,6 @@
 
 /* 1 if the method may have left such a note. */
 static int is_note(const ms_integrator *method, int note) {
-  if (method->stages) return note >= 0 && note < INT16_MAX;
   const int last = method->carried_at + note * method->carried;
   return note == 0 || (method->carried && (note == 1 || note == 2) && last <= method->nwork);
 }

@@ -129,7 +129,7 @@ static msim_status assemble(ms_solver *s, const ms_request *r, int clamp) {
   ms_coefficients_hold(s->system.model, r->hold, r->nholds, &s->system.a);
   s->system.turning = (ms_turning){r->x, r->v, r->h};
   s->system.clamped = clamp;
-  s->h = h;
+  s->h = r->h;
   s->culprit = bad_coefficients(&s->system);
   s->stats->assemblies++;
   s->stats->assemble_s += ms_clock() - start;
@@ -167,7 +167,8 @@ static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_er
 }
 
 msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin, msim_error *err) {
-  const msim_status status = assemble(s, origin->x, origin->h, origin->clamped);
+  const msim_status status =
+      assemble(s, &(ms_request){.x = origin->x, .h = origin->h}, origin->clamped);
   return status ? status : factor(s, by, origin->kind, err);
 }
 
