@@ -5,10 +5,10 @@
  * the values are read in place.
  *
  * Positive definite systems are factored with the diagonal for pivots, P A P' = L U, where U's
- * diagonal is that of L D L': its signs are A's, by Sylvester. Others get partial pivoting, in a
- * factor of its own. SUNDIALS analyses and factors at first, and afterwards refactors with the
- * pivots at hand; where the condition number that it then estimates is above eps^(-2/3), it
- * factors anew. */
+ * diagonal is that of L D L': its signs are A's, by Sylvester. SUNDIALS analyses and factors at
+ * first, and afterwards refactors; where the condition number that it then estimates is above
+ * eps^(-2/3), it factors anew. Others get partial pivoting, in a factor of its own, which begins
+ * anew each time. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -143,20 +143,6 @@ static int32_t definiteness(const lu *self, SUNLinearSolver solver) {
   return result;
 }
 
-/* Other values chose the pivots of a refactorisation. That one of them is 0 now says nothing of A.
- * And SUNDIALS looks for small pivots, not for large multipliers: below this reciprocal growth of U
- * over A the backward error is above 1e-10. */
-#define LEAST_RECIPROCAL_GROWTH 1e-6
-
-static int outdated_pivots(const lu *self, SUNLinearSolver solver, int flag) {
-  sun_klu_common *common = SUNLinSol_KLUGetCommon(solver);
-  if (flag) return common->status == KLU_SINGULAR;
-  return KLU(rgrowth)(SM_INDEXPTRS_S(self->matrix), SM_INDEXVALS_S(self->matrix),
-                      SM_DATA_S(self->matrix), SUNLinSol_KLUGetSymbolic(solver),
-                      SUNLinSol_KLUGetNumeric(solver), common) &&
-         !(common->rgrowth >= LEAST_RECIPROCAL_GROWTH);
-}
-
 static msim_status status_of(lu *self, SUNLinearSolver solver, int flag) {
   const sun_klu_common *common = SUNLinSol_KLUGetCommon(solver);
   if (!flag) return MSIM_OK;
@@ -168,12 +154,7 @@ static msim_status status_of(lu *self, SUNLinearSolver solver, int flag) {
 }
 
 static msim_status set_up(lu *self, SUNLinearSolver solver, int32_t kind, msim_solve_info *info) {
-  int flag = SUNLinSolSetup(solver, self->matrix);
-  if (kind != MSIM_FACTOR_SPD && outdated_pivots(self, solver, flag)) {
-    begin_anew(self, solver);
-    flag = SUNLinSolSetup(solver, self->matrix);
-  }
-  msim_status status = status_of(self, solver, flag);
+  msim_status status = status_of(self, solver, SUNLinSolSetup(solver, self->matrix));
   if (status) return status;
   sun_klu_common *common = SUNLinSol_KLUGetCommon(solver);
   sun_klu_numeric *numeric = SUNLinSol_KLUGetNumeric(solver);
@@ -190,9 +171,12 @@ static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_s
   if (kind < MSIM_FACTOR_SPD || kind > MSIM_FACTOR_UNSYMMETRIC)
     return refuse(self, "there is no such kind of factor");
   SUNLinearSolver *solver = &self->solver[kind];
-  if (!*solver) *solver = make_solver(self, kind);
+  const int is_old = *solver != NULL;
+  if (!is_old) *solver = make_solver(self, kind);
   if (!*solver) return out_of_memory(self);
   self->current = *solver;
+  /* pivots that other values chose may be bad ones, and bits must not depend on what came before */
+  if (is_old && kind != MSIM_FACTOR_SPD) begin_anew(self, *solver);
   msim_status status = set_up(self, *solver, kind, info);
   /* SUNDIALS refactors whatever it has: nothing, where a full factorisation failed; and NaN may
    * have led the search for a pivot off the diagonal, where it would stay */
