@@ -1,5 +1,6 @@
 #include "base/error.h"
 
+#include <errno.h>
 #include <stdio.h>
 
 msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va_list args) {
@@ -20,6 +21,10 @@ msim_status ms_fail(msim_error *err, msim_status status, const char *format, ...
 
 msim_status ms_fail_memory(msim_error *err, const char *what) {
   return ms_fail(err, MSIM_ERR_MEMORY, "out of memory for %s", what);
+}
+
+msim_status ms_status_of(int number) {
+  return number == ENOMEM ? MSIM_ERR_MEMORY : MSIM_ERR_IO;
 }
 
 msim_status ms_ok(msim_error *err) {

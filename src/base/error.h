@@ -19,6 +19,9 @@ msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va
 /* The same for memory that could not be had. */
 msim_status ms_fail_memory(msim_error *err, const char *what);
 
+/* Of a file that could not be read or written, by errno. */
+msim_status ms_status_of(int number);
+
 /* Clear err and return MSIM_OK. Nullable: err. */
 msim_status ms_ok(msim_error *err);
 

@@ -43,7 +43,8 @@ static msim_status estimate(const ms_system *system, const msim_options *opt,
     return take_pcg(system, opt, p, "", choice, err);
   msim_error why;
   msim_status status = ms_adapter_create(system, "cholmod", opt, &choice->linear, &why);
-  if (status == MSIM_ERR_MEMORY || (status && may_fail))
+  if (status == MSIM_ERR_MEMORY) return ms_fail(err, status, "%s", why.text);
+  if (status && may_fail)
     return ms_fail(err, status, "indefinite = solve needs a solver that can: %s", why.text);
   if (status) return take_pcg(system, opt, p, "; cholmod is not there", choice, err);
   const double spared = iterations * MS_FLOPS_PER_HALF * 2 * system->model->springs.n;

@@ -6,7 +6,7 @@
 
 /* "path: cannot be read: Permission denied" */
 static msim_status fail_io(msim_error *err, const char *path, const char *what, int number) {
-  return ms_fail(err, MSIM_ERR_IO, "%s: cannot be %s: %s", path, what, strerror(number));
+  return ms_fail(err, ms_status_of(number), "%s: cannot be %s: %s", path, what, strerror(number));
 }
 
 static msim_status refuse_hdf5(const char *path, msim_error *err) {

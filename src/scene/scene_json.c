@@ -1,3 +1,4 @@
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -285,7 +286,7 @@ static msim_status build(ms_json *r, json_t *root, const char *text, size_t leng
 }
 
 static msim_status refuse_syntax(const ms_json *r, const json_error_t *error) {
-  if (json_error_code(error) == json_error_out_of_memory) return ms_json_no_memory(r);
+  if (errno == ENOMEM) return ms_json_no_memory(r); /* jansson itself may take it for bad syntax */
   char label[600];
   snprintf(label, sizeof label, "%s:%d:%d", r->label, error->line, error->column);
   const ms_json there = {.label = label, .err = r->err};
@@ -299,6 +300,7 @@ msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, con
   ms_json r = {.label = label, .alloc = ms_allocator(alloc), .err = err};
   if (length == 0) return ms_json_fail(&r, MSIM_ERR_ARG, "it is empty; it must hold a JSON object");
   json_error_t error;
+  errno = 0;
   json_t *root = json_loadb(text, length, JSON_REJECT_DUPLICATES, &error);
   if (!root) return refuse_syntax(&r, &error);
   msim_status status = build(&r, root, text, length);

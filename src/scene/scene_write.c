@@ -1,3 +1,4 @@
+#include <errno.h>
 #include <jansson.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,12 +38,15 @@ static void write_each(ms_text *text, const char *key, int64_t count, const doub
 
 static msim_status write_string(ms_text *text, const char *what, const char *string,
                                 msim_error *err) {
+  errno = 0; /* json_string() does not say why it fails */
   json_t *value = json_string(string);
+  const int no_memory = value == NULL && errno == ENOMEM;
   char *quoted = value ? json_dumps(value, JSON_ENCODE_ANY) : NULL;
   if (quoted) ms_print(text, "%s", quoted);
   free(quoted);
   json_decref(value);
-  if (value) return quoted ? MSIM_OK : ms_fail_memory(err, "a scene file");
+  if (quoted) return MSIM_OK;
+  if (value || no_memory) return ms_fail_memory(err, "a scene file");
   return ms_fail(err, MSIM_ERR_ARG, "%s is not valid UTF-8; a scene file cannot hold it", what);
 }
 

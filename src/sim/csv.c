@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/error.h"
+
 /* A line holds at most two whole numbers of 20 characters and seven reals of 24. */
 enum { LONGEST_LINE = 256, BUFFER = 1 << 18 };
 
@@ -30,7 +32,7 @@ static msim_status report(const recorder *r) {
   if (!r->error) return MSIM_OK;
   r->host->fail(r->host, "%s: cannot write the file: %s%s", r->name, strerror(r->error),
                 r->torn ? "; its last frame is incomplete" : "");
-  return MSIM_ERR_IO;
+  return ms_status_of(r->error);
 }
 
 /* No stdio: it cannot be kept from writing the rest of a frame after an error. */
