@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "linear/system.h"
 #include "recording.h"
 #include "scarce.h"
 #include "scenes.h"
@@ -368,11 +369,24 @@ static void solvers_are_made(void **state) {
   }
 }
 
+/* 2^31 / 9 blocks: a scalar of the matrix could not be counted any more. */
+static void matrices_too_large_are_refused(void **state) {
+  (void)state;
+  int32_t ptr[] = {0, 0, 500000000};
+  const ms_graph graph = {.n = 2, .ptr = ptr};
+  const ms_model model = {0};
+  ms_matrix matrix;
+  msim_error why;
+  assert_int_equal(ms_matrix_create(&model, &graph, NULL, MSIM_FORMAT_UPPER, 3, &matrix, &why),
+                   MSIM_ERR_ARG);
+  assert_string_equal(why.text, "the matrix has 250000002 blocks of 3 x 3; the limit is 238609294");
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(scenes_are_made), cmocka_unit_test(sims_are_made),
+      cmocka_unit_test(scenes_are_made),  cmocka_unit_test(sims_are_made),
       cmocka_unit_test(sims_are_changed), cmocka_unit_test(sims_are_recorded),
-      cmocka_unit_test(solvers_are_made)};
+      cmocka_unit_test(solvers_are_made), cmocka_unit_test(matrices_too_large_are_refused)};
   const int failed = cmocka_run_group_tests_name("memory", tests, enter_folder, leave_folder);
   print_message("%lld allocations failed in turn\n", (long long)points);
   return failed;

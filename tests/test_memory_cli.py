@@ -6,6 +6,7 @@ What a dynamic linker that finds no memory says by itself is 127. CHOLMOD is lef
 and libgfortran do not survive being loaded without memory."""
 
 import os
+import resource
 import unittest
 
 import support
@@ -74,6 +75,25 @@ class Memory(CliTest):
                             self.assertEqual(self.files(), whole)
                         else:
                             self.assertNotIn(".part", " ".join(os.listdir(self.folder)))
+
+    def test_scenes_too_large(self):
+        def limit():
+            resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
+
+        objects = {"10000000000 particles; the limit is 715827882":
+                       '"cloth", "n": [100000, 100000], "row": [1, 0, 0], "column": [0, 1, 0]',
+                   "8000000000 particles; the limit is 715827882":
+                       '"lattice", "n": [2000, 2000, 2000], "size": [1, 1, 1]',
+                   "3899745002 springs; the limit is 2147483647":
+                       '"cloth", "n": [26000, 25000], "row": [1, 0, 0], "column": [0, 1, 0]',
+                   "out of memory": '"lattice", "n": [464, 464, 465], "size": [1, 1, 1]'}
+        for refused, shape in objects.items():
+            k = '{"structural": 1, "shear": 1, "bend": 1}' if "cloth" in shape else "1"
+            self.scene(f"""{{"msim": 1, "objects": [{{"type": {shape}, "origin": [0, 0, 0],
+                            "mass": 1, "k": {k}}}], "run": {{"integrator": "heun", "steps": 1}}}}""")
+            status, _, err = self.cli("run", "scene.json", preexec_fn=limit)
+            self.assertEqual(status, 1)
+            self.assertIn(refused, err)
 
 
 if __name__ == "__main__":
