@@ -8,10 +8,10 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "hash.h"
 #include "linear/system.h"
 #include "recording.h"
 #include "scarce.h"
-#include "scenes.h"
 
 /*------------------------------------- scenes ---------------------------------------------------*/
 
@@ -77,19 +77,6 @@ struct life {
   msim_sim *sim;
   msim_recorder *recorder;
 };
-
-static uint64_t add_hash(uint64_t hash, const void *data, size_t bytes) {
-  for (size_t i = 0; i < bytes; i++)
-    hash = (hash ^ ((const unsigned char *)data)[i]) * UINT64_C(1099511628211);
-  return hash;
-}
-
-static uint64_t hash_sim(msim_sim *sim) {
-  const msim_state s = state_of(sim);
-  const size_t bytes = 3 * (size_t)s.n * sizeof(double);
-  uint64_t hash = add_hash(UINT64_C(14695981039346656037), &s.t, sizeof s.t);
-  return add_hash(add_hash(hash, s.x, bytes), s.v, bytes);
-}
 
 static msim_status create_scene(life *l, msim_error *err) {
   const msim_allocator *alloc = l->by == SCARCE_BY_ALLOCATOR ? scarce_allocator() : NULL;
