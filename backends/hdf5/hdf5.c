@@ -421,7 +421,7 @@ static msim_status open_recorder(const msim_host *host, const msim_recording *wh
     return MSIM_ERR_MEMORY;
   }
   *r = (recorder){host, .file = H5I_INVALID_HID, .n = what->n, .nframes = what->nframes};
-  strcpy(r->name, name);
+  memcpy(r->name, name, strlen(name) + 1);
   WITH_LIBRARY(create(r, what));
   if (r->status != MSIM_OK) return close_recorder(r);
   *self = r;

@@ -25,6 +25,7 @@ void *ms_new(const msim_allocator *alloc, size_t count, size_t size) {
   if (!raw) return NULL;
   uintptr_t first = (uintptr_t)raw + sizeof(void *);
   char *block = raw + sizeof(void *) + (MS_ALIGNMENT - first % MS_ALIGNMENT) % MS_ALIGNMENT;
+  /* cppcheck-suppress pointerSize; it is the pointer that is kept */
   memcpy(block - sizeof(void *), &raw, sizeof(void *));
   return memset(block, 0, count * size);
 }

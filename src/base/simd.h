@@ -115,6 +115,7 @@ static inline ms_lanes ms_sqrt(ms_lanes v) {
 /* x[index[0]], x[index[1]], ... */
 static inline ms_lanes ms_gather(const double *x, const int32_t *index) {
   ms_lanes v;
+  /* cppcheck-suppress uninitvar; a lane is no read */
   for (int l = 0; l < MS_LANES; l++) v[l] = x[index[l]];
   return v;
 }

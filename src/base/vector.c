@@ -107,7 +107,7 @@ int ms_is_zero(ms_shape s, const double *x) {
 }
 
 int ms_is_same(ms_shape s, const double *x, const double *y) {
-  EACH_COMPONENT(s) if (memcmp(x + at, y + at, (size_t)s.n * sizeof *x)) return 0;
+  EACH_COMPONENT(s) if (memcmp(x + at, y + at, (size_t)s.n * sizeof *x) != 0) return 0;
   return 1;
 }
 

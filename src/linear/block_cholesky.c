@@ -128,7 +128,7 @@ static void write_pattern(const elimination *e, ms_block_cholesky *chol) {
 }
 
 static int allocate(const msim_allocator *alloc, int64_t blocks, ms_block_cholesky *chol) {
-  const size_t n = (size_t)chol->n, area = (size_t)(chol->block * chol->block);
+  const size_t n = (size_t)chol->n, area = (size_t)chol->block * (size_t)chol->block;
   chol->first = ms_new(alloc, n + 1, sizeof *chol->first);
   chol->row = ms_new(alloc, (size_t)blocks, sizeof *chol->row);
   chol->value = ms_new(alloc, area * (size_t)blocks, sizeof *chol->value);

@@ -136,7 +136,7 @@ static void restrict_chunk(void *data, int32_t item) {
 msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia,
                              int braced) {
   ms_block_cholesky *chol = &coarse->chol;
-  const size_t area = (size_t)(chol->block * chol->block);
+  const size_t area = (size_t)chol->block * (size_t)chol->block;
   coarse->braced = braced;
   memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
   run(assemble_chunk, &(job){.coarse = coarse, .coefficients = coefficients, .inertia = inertia});

@@ -147,6 +147,7 @@ MS_INLINE void apply_parts_of(size_t dims, const ms_pcg *s, double *sum) {
       ms_lanes p[3], q[3] = {zero, zero, zero};
       for (size_t c = 0; c < dims; c++) p[c] = zero + s->p[c * stride + row];
       add_springs(dims, s, halves->ngroups + part, lane, p, q);
+      /* cppcheck-suppress legacyUninitvar; an address is no read */
       for (size_t c = 0; c < dims; c++) ms_store(sums[c].lane + lane, q[c]);
     }
     for (size_t c = 0; c < dims; c++) {
