@@ -1,4 +1,4 @@
-/* Golden hashes: the bits in which runs end, for each instruction set, as tests/golden.txt has them.
+/* Golden hashes: the bits in which runs end, for each instruction set, as golden.txt has them.
  * Static or shared, whatever the compiler: they are the same. A change that means to change bits
  * renews the file, on a machine that has them all, and says so:
  *
