@@ -127,20 +127,21 @@ static void methods_that_auto_has_chosen(void **state) {
 static void auto_keeps_its_choice(void **state) {
   (void)state;
   msim_scene *scene = cloth();
-  msim_options opt = controlled("auto", 1e-6, 3.2);
+  msim_options opt = controlled("auto", 1e-4, 0.1);
   msim_plan then = {.size = sizeof then}, now = then;
   const char *text;
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 3, err));
   const checkpoint c = save(sim);
-  opt.t_end = 25.6;
+  opt.t_end = 3.2; /* as many whole steps */
   msim_sim *other = make_sim(scene, &opt);
   msim_sim_plan(sim, &then), msim_sim_plan(other, &now);
   assert_string_not_equal(then.integrator, now.integrator); /* else this tests nothing */
   assert_ok(msim_sim_load(other, c.bytes, c.length, err));
   msim_sim_plan(other, &now);
   assert_string_equal(then.integrator, now.integrator);
-  assert_true(then.h == now.h && then.tol == now.tol && now.t_end == opt.t_end);
+  assert_true(then.h == now.h && then.tol == now.tol);
+  assert_true(fabs(now.t_end - opt.t_end) < 1e-12);
   assert_ok(msim_sim_explain(other, &text, err));
   assert_non_null(strstr(text, then.integrator));
   assert_ok(msim_sim_step(sim, 3, err));

@@ -265,7 +265,6 @@ static void bad_options_are_refused(void **state) {
   refused(NULL, NULL, NULL, "no integrator was chosen");
   refused("verlett", NULL, NULL, "'verlett' (did you mean 'verlet'?)");
   refused("auto", "steps", "10", "integrator 'auto' and steps exclude each other");
-  refused("auto", "collision", "event", "tol and collision = event exclude each other");
   refused("verlet", "collision", "event", "take velocity-verlet");
   refused("verlet", "h", "0", "h is '0'; it must be a number > 0");
   refused("verlet", "h", "nan", "h is 'nan'");

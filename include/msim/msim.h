@@ -129,8 +129,9 @@ typedef struct msim_csr {
  * `step` counts the steps accepted, and the last one ends at t_end. Setting a state starts a new
  * run: its error is counted from there.
  * With integrator = "auto" each run begins with the choice of a method, by tol and steps tried in
- * the scene, as explain tells: counts decide, never a clock. Where stability alone sets the steps,
- * and there are no planes, they are fixed. `h` is not asked for, `steps` is refused.
+ * the scene, as explain tells: counts decide, never a clock. Mostly it takes fixed steps, whose
+ * error at the end is foreseen, not controlled; impacts are located, always with collision = event,
+ * else unless reflection keeps tol. `h` is not used, `steps` is refused.
  *
  * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
  * plane has a part of its normal. Its motion is computed in two components: the same as in three,

@@ -57,10 +57,11 @@ static void say(const msim_sim *sim) {
                 name);
 }
 
-/* The rough bounds first: mostly they are enough. */
+/* The rough bounds first: mostly they are enough. Error control shortens what is too long. */
 void ms_sim_watch_step(msim_sim *sim) {
   ms_advice *a = &sim->advice;
-  if (!sim->opt.warn || !sim->integrator->limit || look(sim, 0, NULL)) return;
+  if (!sim->opt.warn || ms_sim_has_control(sim)) return;
+  if (!sim->integrator->limit || look(sim, 0, NULL)) return;
   if (a->limit > 0 && sim->plan.h > a->limit && look(sim, 1, NULL)) return;
   const int too_long = sim->plan.h > a->limit;
   if (too_long && !a->warned) say(sim);

@@ -296,9 +296,11 @@ static void check_run(ms_bytes *b, const msim_sim *sim, const run *r) {
 static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
   if (ms_sim_selects(sim)) {
     sim->selection = r->selection;
-    sim->integrator = r->selection.candidates[r->selection.best].method;
+    const ms_candidate *best = &r->selection.candidates[r->selection.best];
+    sim->integrator = best->method;
+    sim->opt.collision = best->collision;
     sim->opt.integrator = sim->integrator->entry.name;
-    sim->opt.tol = r->tol, sim->opt.h = r->first_h;
+    sim->opt.tol = r->tol, sim->opt.h = r->tol > 0 ? r->first_h : r->h;
     sim->advice = (ms_advice){.chosen = r->chosen, .warned = sim->advice.warned};
   }
   if (sim->opt.steps >= 0) {

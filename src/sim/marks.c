@@ -89,8 +89,10 @@ static int is_free(const char *name) {
 /* As they were asked for, where `auto` has put others in their place. */
 static msim_options asked(const msim_sim *sim) {
   msim_options opt = sim->opt;
-  if (ms_sim_selects(sim))
+  if (ms_sim_selects(sim)) {
     opt.integrator = MS_AUTO, opt.tol = sim->selection.tol, opt.h = MSIM_H_AUTO;
+    opt.collision = sim->selection.collision;
+  }
   return opt;
 }
 

@@ -1,247 +1,243 @@
 #include "sim/select.h"
 
 #include <math.h>
-#include <string.h>
 
+#include "integrate/cut.h"
+#include "integrate/events.h"
 #include "integrate/methods.h"
-#include "linear/kept.h"
 #include "linear/predict.h"
 #include "sim/drive.h"
+#include "sim/probe.h"
 
-/* What can take part: velocity Verlet stands for all explicit methods of order 2, dop853 for rk4,
- * whose steps control makes three times. tr-bdf2 damps what long steps cannot follow; the implicit
+enum { LEAPFROG, LOCATED, FOURTH, SIXTH, EIGHTH, SPLIT, IMPLICIT };
+
+/* What can take part where no force depends on velocities, and else; evaluations in a step, 0:
+ * measured. The leapfrog stands for all explicit methods of order 2. Evaluations of dop853 are
+ * worth more, as it forms so many sums. tr-bdf2 damps what long steps cannot follow; the implicit
  * methods that do not are held up by it, and go no farther than explicit ones. */
 static const struct {
-  const ms_integrator *method;
-  int evaluations, when_damped; /* in a step; 0: Newton's method decides */
-  int fixes; /* symplectic: worth having in fixed steps, which keep energy within bounds */
-} list[MS_CANDIDATES] = {
-    {.method = &ms_velocity_verlet, .evaluations = 1, .when_damped = 2, .fixes = 1},
-    {.method = &ms_force_gradient, .evaluations = 5, .fixes = 1},
-    {.method = &ms_rkn6, .evaluations = 11, .fixes = 1},
-    {.method = &ms_dop853, .evaluations = 12, .when_damped = 12},
-    {.method = &ms_tr_bdf2}};
+  const ms_integrator *method[2];
+  double evaluations[2];
+} list[MS_CANDIDATES] = {[LEAPFROG] = {{&ms_verlet, &ms_velocity_verlet}, {1, 2}},
+                         [LOCATED] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
+                         [FOURTH] = {{&ms_force_gradient, &ms_rk4}, {5, 4}},
+                         [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
+                         [EIGHTH] = {{&ms_dop853, &ms_dop853}, {19, 19}},
+                         [SPLIT] = {{&ms_respa, &ms_respa}, {0}},
+                         [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}}};
 
 /* Why a candidate was passed over */
-enum { NOT_PASSED_OVER, ACCURACY, TOO_DEAR, NOT_THROUGH, DAMPED, REASONS };
+enum {
+  NOT_PASSED_OVER,
+  NO_IMPACTS_YET,
+  FEW_IMPACTS,
+  TO_BE_LOCATED,
+  NO_IMPACTS,
+  MANY_AT_ONCE,
+  DAMPED,
+  NO_FEW,
+  TOO_LARGE,
+  ACCURACY,
+  TOO_DEAR,
+  NOT_THROUGH,
+  REASONS
+};
 static const char *const reasons[REASONS] = {
+    [NO_IMPACTS_YET] = "there was no impact to tell what it makes of it",
+    [FEW_IMPACTS] = "impacts are few enough to be located",
+    [TO_BE_LOCATED] = "impacts are to be located",
+    [NO_IMPACTS] = "there are no impacts",
+    [MANY_AT_ONCE] = "of many impacts at once it makes a method of order 2",
+    [DAMPED] = "forces depend on velocities",
+    [NO_FEW] = "no few springs hold the others up",
+    [TOO_LARGE] = "its error is too large where it would pay",
     [ACCURACY] = "accuracy, not stability, sets the steps of the best so far",
     [TOO_DEAR] = "ten of its steps would cost more than a fifth of the run",
-    [NOT_THROUGH] = "it is not through with the run at a fifth of the cost",
-    [DAMPED] = "forces depend on velocities"};
+    [NOT_THROUGH] = "it is not through with the run at a fifth of the cost"};
 
-enum { STATES = 3 };
+/*------------------------------------- explicit ones --------------------------------------------*/
 
-/* What all candidates are tried in. */
-typedef struct probe {
-  const msim_sim *sim;
-  double tol, span;
-  ms_scales scales;
-  ms_bounds bounds;
-  int damped;
-  const double *x0, *v0; /* flat 3n: the start */
-  double *x[STATES], *v[STATES];
-  double flown, price;
-  int at; /* the state that the trial at hand is in; -1: none of them, or the start */
-} probe;
-
-static double limit_of(const probe *p, const ms_integrator *method) {
-  return method->limit ? method->limit(&p->bounds) : INFINITY;
+static int why_not(const ms_probe *p, int i) {
+  const int planes = p->sim->scene->nplanes > 0, few = p->sim->scene->nparticles <= MS_FEW;
+  if (i == LEAPFROG && planes && few) return FEW_IMPACTS;
+  if (i == LEAPFROG && planes && p->sim->selection.collision == MSIM_COLLISION_EVENT)
+    return TO_BE_LOCATED;
+  if (i == LEAPFROG && planes && !p->met) return NO_IMPACTS_YET;
+  if (i == LOCATED && !planes) return NO_IMPACTS;
+  if (i == SIXTH && p->damped) return DAMPED;
+  if (i >= FOURTH && planes && !few) return MANY_AT_ONCE;
+  return NOT_PASSED_OVER;
 }
 
-static int is_damped(const ms_scene *scene) {
-  for (int32_t e = 0; e < scene->nsprings; e++)
-    if (scene->damping[e] > 0) return 1;
-  return scene->drag > 0;
+static double longest(const ms_probe *p, const ms_integrator *method) {
+  return fmin(ms_probe_reach(p, method), p->span / 10);
 }
 
-/* A sim of the same scene. tol 0: with fixed steps of h */
-static msim_status make_sim(probe *p, const ms_integrator *method, double tol, double h,
+static void enter(const ms_probe *p, int i, ms_candidate *c) {
+  const int located = p->sim->scene->nplanes > 0 && i != LEAPFROG;
+  *c = (ms_candidate){.method = list[i].method[p->damped],
+                      .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
+                      .controlled = i == IMPLICIT,
+                      .price = list[i].evaluations[p->damped],
+                      .cost = INFINITY,
+                      .why = why_not(p, i)};
+  if (c->price == 0 || c->why) return;
+  c->h = longest(p, c->method);
+  c->cost = c->price / c->h;
+}
+
+/* verlet is velocity Verlet with half steps between. Reflection at the ends of steps is of first
+ * order. */
+static ms_trial trial_of(const ms_probe *p, const ms_candidate *c) {
+  const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->sim->scene->nplanes > 0;
+  return (ms_trial){.method = c->method == &ms_verlet ? &ms_velocity_verlet : c->method,
+                    .collision = c->collision,
+                    .order = reflects ? 1 : c->method->entry.order};
+}
+
+static msim_status measure(ms_probe *p, ms_candidate *c, msim_error *err) {
+  const ms_trial trial = trial_of(p, c);
+  double price;
+  msim_status status = ms_probe_error(p, &trial, c->h, &c->error, &price, err);
+  if (c->collision == MSIM_COLLISION_EVENT) c->price = fmax(c->price, price);
+  return status;
+}
+
+/* Finds the step at which the error is what tol allows, as errors go like h^k, once they are small.
+ * What is more than twice as long or as short as what was tried is to be tried again. */
+static msim_status try_step(ms_probe *p, ms_candidate *c, double *most, msim_error *err) {
+  const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01;
+  const double k = trial_of(p, c).order, h = c->h;
+  msim_status status = measure(p, c, err);
+  if (status) return status;
+  const double allowed = fmax(p->tol, p->scales.rounding * p->span / h);
+  const double change = fmin(FARTHEST, SAFETY * pow(allowed / c->error, 1 / k));
+  if (c->error > allowed) *most = SAFETY * h;
+  c->h = fmin(*most, h * (c->error > ROUGH ? fmax(1 / FARTHEST, change) : change));
+  if (c->error <= allowed && c->h < h) c->h = h;
+  c->tried = c->h > h / 2 && c->h < 2 * h;
+  c->cost = c->price / c->h;
+  return MSIM_OK;
+}
+
+static int cheapest(const ms_candidate *c) {
+  int best = 0;
+  for (int i = 1; i < MS_CANDIDATES; i++)
+    if (c[i].cost < c[best].cost) best = i;
+  return best;
+}
+
+static msim_status choose_explicit(ms_probe *p, ms_selection *s, msim_error *err) {
+  enum { PATIENCE = 6 };
+  double most[MS_CANDIDATES];
+  int tries[MS_CANDIDATES] = {0};
+  msim_status status = MSIM_OK;
+  for (int i = 0; i < MS_CANDIDATES; i++) {
+    enter(p, i, &s->candidates[i]);
+    most[i] = s->candidates[i].h;
+  }
+  for (s->best = cheapest(s->candidates); !status && !s->candidates[s->best].tried;
+       s->best = cheapest(s->candidates)) {
+    ms_candidate *c = &s->candidates[s->best];
+    status = try_step(p, c, &most[s->best], err);
+    c->tried |= ++tries[s->best] == PATIENCE;
+  }
+  return status;
+}
+
+/*------------------------------------- where stability sets the steps ---------------------------*/
+
+static int is_held(const ms_probe *p, const ms_candidate *c) {
+  return c->h == ms_probe_reach(p, c->method);
+}
+
+/* Steps for half of the flight, of those with the fewest evaluations that are a half, a
+ * quarter, ... as many as the leapfrog's; *cost: evaluations for a second. */
+static msim_status find_split(const ms_probe *p, int64_t *n, double *cost, msim_error *err) {
+  const ms_model *model = ms_probe_model(p);
+  const double springs = model->springs.n;
+  int *octave = ms_new(&p->sim->alloc, (size_t)model->springs.n, sizeof *octave);
+  msim_status status = octave ? MSIM_OK : ms_fail_memory(err, "the choice of a method");
+  *cost = INFINITY;
+  for (int64_t m = (int64_t)(p->flown / longest(p, &ms_velocity_verlet)) / 8; m > 0 && !status;
+       m /= 2) {
+    const double h = p->flown / (double)(2 * m);
+    ms_cut cut;
+    status = ms_cut_choose(model, h, octave, &cut, err);
+    const double price = (springs + cut.inner * cut.nstiff) / springs;
+    if (status || cut.nstiff == 0) break;
+    if (price / h < *cost) *n = m, *cost = price / h;
+  }
+  ms_delete(&p->sim->alloc, octave);
+  return status;
+}
+
+static msim_status make_sim(const ms_probe *p, const ms_integrator *method, double tol, double h,
                             msim_sim **sim, msim_error *err) {
   msim_scene scene = {p->sim->scene};
-  p->at = -1;
   msim_options opt = p->sim->opt;
   opt.size = sizeof opt;
   opt.integrator = method->entry.name;
+  opt.collision = MSIM_COLLISION_REFLECT;
   opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
   return msim_sim_create(&scene, &opt, sim, err);
 }
 
-static msim_status set_state(msim_sim *sim, const double *x, const double *v, msim_error *err) {
-  const msim_state state = {.size = sizeof state, .n = sim->scene->nparticles, .x = x, .v = v};
-  return msim_sim_set_state(sim, &state, err);
-}
-
-/* Evaluations that an iteration of pcg is worth; a coarse space doubles it. */
-#define ITERATION 1.5
-
-/* What it has done so far, in evaluations of all islands: each counts its own, taken as one of
- * many like the largest. An assembly is worth one; the flops of factors compare as in kept.h. */
-static double work_of(const msim_sim *sim) {
-  const ms_motion *m = ms_sim_largest(sim);
-  const msim_stats *s = &sim->stats;
-  const double flops = 2 * MS_FLOPS_PER_HALF / ITERATION * fmax(1, m->model.springs.n);
-  double work = (double)s->force_evaluations + (double)s->assemblies;
-  if (m->stepper.solver) {
-    const ms_linear *linear = m->stepper.solver->linear;
-    work += (double)s->iterations * ITERATION * (linear->aggregates ? 2 : 1);
-    work += (double)s->factorizations * linear->flops / flops;
-    work += (double)s->solves * MS_FLOPS_PER_FILL * linear->fill / flops;
-  }
-  return work / sim->nislands;
-}
-
-/*------------------------------------- states ---------------------------------------------------*/
-
-/* A quarter of the run, in 600 steps at most */
-static msim_status fly(probe *p, msim_sim *pilot, msim_error *err) {
-  const double SHARE = 0.25;
-  enum { MOST = 600 / STATES };
-  const double h = pilot->plan.h, part = SHARE * p->span / STATES;
-  const int64_t steps = (int64_t)fmin(fmax(1, round(part / h)), MOST);
-  const size_t bytes = 3 * (size_t)p->sim->scene->nparticles * sizeof(double);
-  msim_status status = set_state(pilot, p->x0, p->v0, err);
-  for (int i = 0; i < STATES && !status; i++) {
-    msim_state now = {.size = sizeof now};
-    status = msim_sim_step(pilot, steps, err);
-    msim_sim_state(pilot, &now);
-    memcpy(p->x[i], now.x, bytes);
-    memcpy(p->v[i], now.v, bytes);
-  }
-  p->flown = STATES * (double)steps * h;
-  p->price += work_of(pilot);
-  return status > 0 ? MSIM_OK : status; /* the state before the event is as good */
-}
-
-static msim_status find_states(probe *p, msim_error *err) {
-  const double FINEST = 500; /* steps in the run at least, where nothing is stiff */
-  const double h = fmin(MS_REACH * limit_of(p, &ms_velocity_verlet), p->span / FINEST);
-  msim_sim *pilot = NULL;
-  msim_status status = make_sim(p, &ms_velocity_verlet, 0, h, &pilot, err);
-  if (!status) status = fly(p, pilot, err);
-  msim_sim_destroy(pilot);
+/* The flight again. It was that of velocity Verlet, which is exact beside this. */
+static msim_status try_split(ms_probe *p, int64_t n, ms_candidate *c, msim_error *err) {
+  msim_sim *sim;
+  c->h = p->flown / (double)(2 * n);
+  msim_status status = make_sim(p, c->method, 0, c->h, &sim, err);
+  if (status) return status;
+  status = ms_probe_fly_beside(p, sim, n, &c->error, err);
+  c->price = ms_probe_work(sim) / (double)(2 * n);
+  msim_sim_destroy(sim);
   return status;
 }
 
-/*------------------------------------- trials ---------------------------------------------------*/
-
-/* To that state, in the run to come. */
-static msim_status go_to(const probe *p, msim_sim *trial, const double *x, const double *v,
-                         msim_error *err) {
-  const double h = trial->opt.h;
-  msim_status status = set_state(trial, x, v, err);
-  if (status) return status;
-  trial->plan.scales = p->scales;
-  trial->control = ms_control_of(trial->integrator, p->tol, p->span);
-  ms_drive_use_step(trial, h);
-  return MSIM_OK;
-}
-
-/* E of a step of h from state i, over what is allowed. */
-static msim_status try_step(probe *p, msim_sim *trial, int i, double h, double *ratio,
-                            msim_error *err) {
-  msim_status status = p->at == i ? MSIM_OK : go_to(p, trial, p->x[i], p->v[i], err);
-  if (status) return status;
-  p->at = i;
-  *ratio = ms_drive_try(trial, h) / ms_control_limit(&trial->control, &p->scales, h);
-  if (!(*ratio < INFINITY)) *ratio = INFINITY;
-  return MSIM_OK;
-}
-
-/* The step of which control would make the next ones: E/h goes like h^k. Ends where that gets too
- * dear. */
-static msim_status find_step(probe *p, msim_sim *trial, int i, double cap, double most,
-                             ms_candidate *c, double *h, msim_error *err) {
-  const double FARTHEST = 20, CLOSE = 1.25;
-  const double k = ms_control_of(trial->integrator, p->tol, p->span).order;
-  double ratio, change = FARTHEST;
-  for (int tries = 0; tries < 4 && fmax(change, 1 / change) > CLOSE; tries++) {
-    msim_status status = try_step(p, trial, i, *h, &ratio, err);
-    if (status) return status;
-    change = fmax(1 / FARTHEST, fmin(FARTHEST, pow(ratio, -1 / k)));
-    if (*h * change > cap) change = cap / *h;
-    *h *= change;
-    if (change < FARTHEST && c->price / *h > most) break;
+/* Its steps cost more than their evaluations, and may resonate: it has to save a lot. */
+static msim_status consider_split(ms_probe *p, const ms_candidate *best, ms_candidate *c,
+                                  msim_error *err) {
+  const double WORTH = 0.25;
+  double cost;
+  int64_t n = 0;
+  c->why = NO_FEW;
+  if (p->sim->scene->nplanes || !is_held(p, best)) return MSIM_OK;
+  msim_status status = find_split(p, &n, &cost, err);
+  for (int tries = 0; tries < 3 && !status && cost < WORTH * best->cost; tries++) {
+    status = try_split(p, n, c, err);
+    c->why = c->error <= p->tol ? NOT_PASSED_OVER : TOO_LARGE;
+    cost = c->price / c->h;
+    if (!c->why) c->cost = cost;
+    if (!c->why) break;
+    n *= 2, cost *= 2;
   }
-  return MSIM_OK;
-}
-
-/* That of the dearest state, as motion from rest grows wilder. Above `most` no other is tried. */
-static msim_status find_cost(probe *p, msim_sim *trial, double most, ms_candidate *c,
-                             msim_error *err) {
-  const double SAFETY = 0.85; /* which the controller keeps */
-  const double stable = (c->method->estimate ? 1 : 2) * MS_REACH * limit_of(p, c->method);
-  const double cap = fmin(stable, p->span / 10);
-  double h = fmin(c->h, cap);
-  c->h = INFINITY;
-  c->held = 1;
-  for (int i = 0; i < STATES && (i == 0 || c->cost <= most); i++) {
-    msim_status status = find_step(p, trial, i, cap, most, c, &h, err);
-    if (status) return status;
-    const double made = h < cap ? SAFETY * h : h;
-    c->held &= h == stable;
-    c->h = fmin(c->h, made);
-    c->cost = fmax(i ? c->cost : 0, c->price / made);
-  }
-  return MSIM_OK;
-}
-
-/* Would fixed steps of h do? The estimate is that of two halves: a whole step has 2^p times it. */
-static msim_status try_fixed(probe *p, msim_sim *trial, double h, int *fixed, msim_error *err) {
-  const double whole = ldexp(1, trial->integrator->entry.order);
-  *fixed = 1;
-  for (int i = 0; i < STATES && *fixed; i++) {
-    double ratio;
-    msim_status status = try_step(p, trial, i, h, &ratio, err);
-    if (status) return status;
-    *fixed = MS_MARGIN * whole * ratio <= 1;
-  }
-  return MSIM_OK;
-}
-
-/*------------------------------------- candidates -----------------------------------------------*/
-
-/* Far from the best there is no need to know how far. */
-#define FAR 3.0
-
-static msim_status consider_explicit(probe *p, int i, double best, ms_candidate *c,
-                                     msim_error *err) {
-  const double stable = MS_REACH * limit_of(p, c->method);
-  const int evaluations = p->damped ? list[i].when_damped : list[i].evaluations;
-  msim_sim *trial;
-  c->h = fmin(stable, p->span / 10);
-  msim_status status = make_sim(p, c->method, p->tol, c->h, &trial, err);
-  if (status) return status;
-  if (list[i].fixes && !p->sim->scene->nplanes && stable <= p->span / 10)
-    status = try_fixed(p, trial, stable, &c->fixed, err);
-  c->price = (c->fixed || c->method->estimate ? 1 : 3) * evaluations;
-  if (c->fixed) c->h = stable, c->cost = c->price / stable, c->held = 1;
-  else if (!status) status = find_cost(p, trial, FAR * best, c, err);
-  p->price += work_of(trial);
-  msim_sim_destroy(trial);
   return status;
 }
 
 /* Of a step of two halves and a whole one, two stages each, by linear/predict.h, where Newton's
  * method is quick. Conjugate gradients need no more iterations than there are unknowns. */
-static double predict_price(const msim_sim *trial, double h) {
+static double predict_price(const ms_model *model, double h) {
   const double CORRECTIONS = 2, RTOL = 0.01;
-  const ms_model *model = &ms_sim_largest(trial)->model;
   const ms_prediction p = ms_predict(model, h, RTOL);
   const double unknowns = (double)model->rows.dims * model->rows.nfree;
   const double iterations = fmin(unknowns, fmin(p.one_level, 2 * p.two_level));
-  return 3 * 2 * CORRECTIONS * (2 + ITERATION * iterations);
+  return 3 * 2 * CORRECTIONS * (2 + MS_ITERATION * iterations);
 }
 
 /* The whole run, or as much of it as may be had for `most` evaluations */
-static msim_status run_through(const probe *p, msim_sim *trial, double most, ms_candidate *c,
+static msim_status run_through(ms_probe *p, msim_sim *trial, double most, ms_candidate *c,
                                msim_error *err) {
-  msim_status status = go_to(p, trial, p->x0, p->v0, err);
-  while (!status && trial->t < p->span && work_of(trial) < most)
+  msim_status status = ms_probe_start(p, trial, err);
+  trial->plan.scales = p->scales;
+  trial->control = ms_control_of(trial->integrator, p->tol, p->span);
+  ms_drive_use_step(trial, trial->opt.h);
+  while (!status && trial->t < p->span && ms_probe_work(trial) < most)
     status = msim_sim_step(trial, 1, err);
+  p->price += ms_probe_work(trial);
   if (status < 0 || trial->step == 0) return status < 0 ? status : MSIM_OK;
   c->h = trial->t / (double)trial->step;
-  c->price = work_of(trial) / (double)trial->step;
+  c->price = ms_probe_work(trial) / (double)trial->step;
   if (trial->t >= p->span) c->cost = c->price / c->h;
   return MSIM_OK;
 }
@@ -250,103 +246,84 @@ static msim_status run_through(const probe *p, msim_sim *trial, double most, ms_
  * motion has grown wild, and costs up to 20 times what the first states promise. So it has to make
  * the whole run for a fifth of the best cost. That is asked only where stability holds explicit
  * methods back, and where ten such steps may be had for that. */
-static msim_status consider_implicit(probe *p, const ms_candidate *best, ms_candidate *c,
+static msim_status consider_implicit(ms_probe *p, const ms_candidate *best, ms_candidate *c,
                                      msim_error *err) {
   const double most = best->cost * p->span / 5;
   msim_sim *trial;
-  if (!best->held) {
-    c->why = ACCURACY;
-    return MSIM_OK;
-  }
+  c->why = ACCURACY;
+  if (p->sim->scene->nplanes || !is_held(p, best)) return MSIM_OK;
+  c->why = TOO_DEAR;
+  if (10 * predict_price(ms_probe_model(p), p->span / 10) >= most) return MSIM_OK;
   msim_status status = make_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
-  c->why = TOO_DEAR;
-  if (10 * predict_price(trial, p->span / 10) < most) {
-    status = run_through(p, trial, most, c, err);
-    c->why = c->cost < INFINITY ? NOT_PASSED_OVER : NOT_THROUGH;
-  }
-  p->price += work_of(trial);
+  status = run_through(p, trial, most, c, err);
+  c->why = c->cost < INFINITY ? NOT_PASSED_OVER : NOT_THROUGH;
   msim_sim_destroy(trial);
-  return status;
-}
-
-static msim_status consider(probe *p, int i, ms_selection *s, msim_error *err) {
-  ms_candidate *c = &s->candidates[i];
-  const ms_candidate *best = i ? &s->candidates[s->best] : c;
-  msim_status status = MSIM_OK;
-  *c = (ms_candidate){.method = list[i].method, .cost = INFINITY};
-  if (c->method->separable && p->damped) c->why = DAMPED;
-  else if (c->method->entry.implicit) status = consider_implicit(p, best, c, err);
-  else status = consider_explicit(p, i, best->cost, c, err);
-  if (c->cost < best->cost) s->best = i;
-  return status;
-}
-
-static msim_status consider_all(probe *p, ms_selection *s, msim_error *err) {
-  msim_status status = find_states(p, err);
-  for (int i = 0; i < MS_CANDIDATES && !status; i++) status = consider(p, i, s, err);
-  s->flown = p->flown, s->price = p->price;
   return status;
 }
 
 /*------------------------------------- the choice -----------------------------------------------*/
 
+static msim_status choose(ms_probe *p, ms_selection *s, msim_error *err) {
+  ms_candidate *c = s->candidates;
+  msim_status status = choose_explicit(p, s, err);
+  if (!status) status = consider_split(p, &c[s->best], &c[SPLIT], err);
+  if (c[SPLIT].cost < c[s->best].cost) s->best = SPLIT;
+  if (!status) status = consider_implicit(p, &c[s->best], &c[IMPLICIT], err);
+  if (c[IMPLICIT].cost < c[s->best].cost) s->best = IMPLICIT;
+  s->flown = p->flown, s->price = p->price, s->damped = p->damped;
+  return status;
+}
+
 /* As if all that had been asked for. The first step is one that is stable. */
-static void use(msim_sim *sim, const probe *p, const ms_selection *s) {
+static void use(msim_sim *sim, const ms_probe *p, const ms_selection *s) {
   const ms_candidate *c = &s->candidates[s->best];
+  const double reach = ms_probe_reach(p, c->method);
   sim->selection = *s;
   sim->selection.out_of_date = 1;
   sim->integrator = c->method;
   sim->opt.integrator = c->method->entry.name;
-  sim->opt.tol = c->fixed ? 0 : s->tol;
-  sim->opt.h = fmin(c->h, MS_REACH * limit_of(p, c->method));
-  sim->advice = (ms_advice){.chosen = c->fixed, .warned = sim->advice.warned};
-}
-
-static msim_status prepare(probe *p, double t0, const double *x, const double *v, msim_error *err) {
-  const ms_scene *scene = p->sim->scene;
-  msim_options opt = p->sim->opt;
-  ms_plan plan;
-  opt.tol = p->tol;
-  msim_status status = ms_plan_create(&opt, t0, &plan, err);
-  if (status) return status;
-  p->span = ms_plan_span(&plan);
-  p->damped = is_damped(scene);
-  status = ms_scales_compute(scene, x, v, p->span, &p->scales, err);
-  return status ? status : ms_bounds_compute(scene, 1, &p->bounds, err);
+  sim->opt.tol = c->controlled ? s->tol : 0;
+  sim->opt.h = fmin(c->h, reach);
+  sim->opt.collision = c->collision;
+  sim->advice = (ms_advice){.bounds = p->bounds,
+                            .limit = reach / MS_REACH,
+                            .known = 2,
+                            .chosen = c->h == reach,
+                            .warned = sim->advice.warned};
 }
 
 msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const double *v,
                           msim_error *err) {
-  ms_selection s = {.tol = sim->selection.tol};
-  probe p = {.sim = sim, .tol = s.tol, .x0 = x, .v0 = v};
-  const size_t n = 3 * (size_t)sim->scene->nparticles;
-  msim_status status = prepare(&p, t0, x, v, err);
-  if (status) return status;
-  double *states = ms_new(&sim->alloc, 2 * STATES * n, sizeof *states);
-  if (!states) return ms_fail_memory(err, "the choice of a method");
-  for (size_t i = 0; i < STATES; i++)
-    p.x[i] = states + 2 * i * n, p.v[i] = states + (2 * i + 1) * n;
-  status = consider_all(&p, &s, err);
+  ms_selection s = {.tol = sim->selection.tol, .collision = sim->selection.collision};
+  ms_probe p;
+  msim_status status = ms_probe_begin(sim, s.tol, t0, x, v, &p, err);
+  if (!status) status = choose(&p, &s, err);
   if (!status) use(sim, &p, &s);
-  ms_delete(&sim->alloc, states);
+  ms_probe_end(&p);
   return status;
 }
 
-static void pass_candidate(ms_bytes *b, int i, ms_candidate *c) {
-  c->method = list[i].method;
-  double *numbers[] = {&c->price, &c->cost, &c->h};
-  int *flags[] = {&c->held, &c->fixed, &c->why};
-  for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *numbers[k]);
+static void pass_candidate(ms_bytes *b, int i, int damped, ms_candidate *c) {
+  c->method = list[i].method[damped];
+  double *numbers[] = {&c->price, &c->cost, &c->h, &c->error};
+  int *flags[] = {&c->controlled, &c->tried, &c->why};
+  for (int k = 0; k < 4; k++) MS_BYTES_PASS(b, *numbers[k]);
   for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *flags[k]);
+  MS_BYTES_PASS(b, c->collision);
   ms_bytes_check(b, c->why >= 0 && c->why < REASONS, "the choice of a method");
+  ms_bytes_check(b, c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT,
+                 "the choice of a method");
 }
 
 void ms_selection_history(ms_bytes *b, ms_selection *s) {
   double *numbers[] = {&s->tol, &s->flown, &s->price};
   for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *numbers[k]);
   MS_BYTES_PASS(b, s->best);
-  for (int i = 0; i < MS_CANDIDATES; i++) pass_candidate(b, i, &s->candidates[i]);
+  MS_BYTES_PASS(b, s->collision);
+  MS_BYTES_PASS(b, s->damped);
+  s->damped = s->damped != 0;
+  for (int i = 0; i < MS_CANDIDATES; i++) pass_candidate(b, i, s->damped, &s->candidates[i]);
   ms_bytes_check(b, s->best >= 0 && s->best < MS_CANDIDATES && s->tol > 0,
                  "the choice of a method");
 }
@@ -357,17 +334,18 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
     ms_print(out, "passed over: %s\n", reasons[c->why]);
     return;
   }
-  ms_print(out, "h = %-8.3g %5.4g evaluations a step, %8.4g a second%s%s\n", c->h, c->price,
-           c->cost, c->held ? ", held by stability" : "",
-           !is_best   ? ""
-           : c->fixed ? ": chosen, in fixed steps"
-                      : ": chosen, under error control");
+  ms_print(out, "h = %-8.3g %5.4g evaluations a step, %s%8.4g a second%s%s\n", c->h, c->price,
+           c->tried || c->error > 0 ? "" : "at least ", c->cost,
+           c->collision == MSIM_COLLISION_EVENT ? ", impacts located" : "",
+           !is_best        ? ""
+           : c->controlled ? ": chosen, under error control"
+                           : ": chosen, in fixed steps");
 }
 
 void ms_selection_explain(const ms_selection *s, ms_text *out) {
   ms_print(out,
-           "auto          chosen for tol = %g by steps tried in %d states up to %.3g s from the "
-           "start,\n              for the price of %.0f evaluations\n",
-           s->tol, STATES, s->flown, s->price);
+           "auto          chosen for tol = %g by the first %.3g s of the run and steps tried from "
+           "there,\n              for the price of %.0f evaluations\n",
+           s->tol, s->flown, s->price);
   for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
 }

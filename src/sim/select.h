@@ -1,42 +1,45 @@
 /* select - integrator = auto: of a few methods the cheapest that keeps tol in the scene
  *
  * Costs are counted, never timed, in evaluations of forces for a simulated second: the price of a
- * step over its length. A method's step is as long as stability and accuracy allow, and accuracy is
- * found by steps tried from a few states of the run's beginning, which velocity Verlet flies
- * through first, as a start at rest says little. The dearest state counts. An implicit method makes
- * the whole run instead, at a fifth of the best cost, or is passed over.
+ * step over its length. A method's step is as long as stability and accuracy allow. At first all
+ * are taken to be as cheap as stability allows; the cheapest is tried (probe.h), which mostly makes
+ * it dearer, until the cheapest is one that has been tried. So what cannot win costs nothing.
  *
- * Mostly the method runs under error control, which sees to it that tol is kept in states that were
- * not tried. It takes fixed steps where stability alone sets them, at MS_MARGIN times less error
- * than tol allows in all states tried: then there is nothing to control, and steps made of two
- * halves and a whole one cost 1.5 times as much. Shorter fixed steps, with that margin, would cost
- * as much as those under control. Nothing is fixed where there are planes. */
+ * dop853 runs under error control. The others take fixed steps: what control compares costs half
+ * as much again, and it adds up errors that methods which keep energy within bounds make good
+ * again, up to a hundredfold.
+ *
+ * Where stability sets the steps, respa is tried if few springs do so, and tr-bdf2 makes the whole
+ * run, at a fifth of the best cost, or is passed over. */
 #ifndef MS_SELECT_H
 #define MS_SELECT_H
 
 #include "base/bytes.h"
 #include "integrate/integrator.h"
 
-#define MS_MARGIN 4.0
-
-enum { MS_CANDIDATES = 5 };
+enum { MS_CANDIDATES = 7 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;
-  double price; /* of a step, in evaluations; with the whole step that control compares with */
-  double cost;  /* evaluations for a second; INFINITY: it cannot take part */
-  double h;     /* s: the step, the shortest where states differ */
-  int held;     /* by stability, not by accuracy */
-  int fixed;    /* without control */
-  int why;      /* it was passed over, where its cost is not known; 0: it is */
+  int32_t collision; /* impacts are located, or reflected at the ends of steps */
+  int controlled;    /* not in fixed steps */
+  double price;      /* of a step, in evaluations */
+  double cost;       /* evaluations for a second, or the least that it may be; INFINITY: it cannot
+                        take part */
+  double h;          /* s: the step */
+  double error;      /* at the end of the run; 0: it was not tried */
+  int tried;         /* and found to be worth h */
+  int why;           /* it was passed over; 0: it was not */
 } ms_candidate;
 
 typedef struct ms_selection {
-  double tol;      /* asked for; 0: the method was named */
-  double flown;    /* s: the beginning of the run that the states are from */
-  double price;    /* of the whole choice, in evaluations */
-  int32_t best;    /* of candidates */
-  int out_of_date; /* what was built is for another method, or for other springs */
+  double tol;        /* asked for; 0: the method was named */
+  int32_t collision; /* as asked for */
+  double flown;      /* s: the beginning of the run that was looked at */
+  double price;      /* of the whole choice, in evaluations */
+  int32_t best;      /* of candidates */
+  int damped;        /* which are those for forces that depend on velocities */
+  int out_of_date;   /* what was built is for another method, or for other springs */
   ms_candidate candidates[MS_CANDIDATES];
 } ms_selection;
 

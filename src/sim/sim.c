@@ -22,19 +22,33 @@ static msim_status take_method(msim_sim *sim, msim_error *err) {
   return ms_drive_choose(sim, err);
 }
 
+void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
+  msim_error note;
+  va_list args;
+  va_start(args, format);
+  ms_vfail(&note, MSIM_OK, format, args);
+  va_end(args);
+  if (sim->opt.warn) sim->opt.warn(note.text, sim->opt.warn_user);
+}
+
 /* The method comes later, once all else is known. */
 static msim_status take_auto(msim_sim *sim, msim_error *err) {
+  msim_options usual;
+  msim_options_init(&usual, sizeof usual);
   if (sim->opt.steps >= 0)
     return ms_fail(err, MSIM_ERR_ARG,
                    "integrator 'auto' and steps exclude each other: tol says how many steps there "
                    "are; give t_end");
+  if (sim->opt.h != usual.h && sim->opt.h != MSIM_H_AUTO)
+    ms_sim_warn(sim, "h is not used: integrator 'auto' chooses its steps, by tol");
   if (sim->opt.tol == 0) sim->opt.tol = MS_DEFAULT_TOL;
   sim->selection.tol = sim->opt.tol;
+  sim->selection.collision = sim->opt.collision;
   return MSIM_OK;
 }
 
 static msim_status check_collision(const msim_sim *sim, msim_error *err) {
-  if (sim->opt.collision != MSIM_COLLISION_EVENT) return MSIM_OK;
+  if (sim->opt.collision != MSIM_COLLISION_EVENT || ms_sim_selects(sim)) return MSIM_OK;
   if (ms_sim_has_control(sim))
     return ms_fail(err, MSIM_ERR_ARG,
                    "tol and collision = event exclude each other: under error control a step that "
@@ -68,18 +82,10 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
   return check_collision(sim, err);
 }
 
-void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
-  msim_error note;
-  va_list args;
-  va_start(args, format);
-  ms_vfail(&note, MSIM_OK, format, args);
-  va_end(args);
-  if (sim->opt.warn) sim->opt.warn(note.text, sim->opt.warn_user);
-}
-
 /* Says so where an h that was given had to be lowered, once for each h. */
 static void tell_lowered(const msim_sim *sim, const ms_plan *plan) {
-  if (plan->h == plan->h_asked || plan->h == sim->plan.h || sim->advice.chosen) return;
+  if (sim->advice.chosen || ms_sim_selects(sim)) return;
+  if (plan->h == plan->h_asked || plan->h == sim->plan.h) return;
   ms_sim_warn(sim, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
               plan->h_asked, plan->h, (long long)plan->steps, sim->opt.t_end);
 }
@@ -126,7 +132,7 @@ msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim
 
 static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
   const size_t n = 3 * (size_t)sim->scene->nparticles;
-  const int sync = sim->integrator->sync != NULL;
+  const int sync = sim->integrator->sync || ms_sim_selects(sim); /* what it may choose later */
   sim->flat_x = ms_new(&sim->alloc, n, sizeof(double));
   sim->flat_v = ms_new(&sim->alloc, n, sizeof(double));
   if (sync) sim->flat_v_half = ms_new(&sim->alloc, n, sizeof(double));

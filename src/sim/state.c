@@ -56,7 +56,7 @@ void msim_sim_state(msim_sim *sim, msim_state *state) {
                      .n = sim->scene->nparticles,
                      .x = sim->flat_x,
                      .v = sim->flat_v,
-                     .v_half = sim->flat_v_half,
+                     .v_half = sim->integrator->sync ? sim->flat_v_half : NULL,
                      .h = sim->plan.h};
   MS_GIVE(state, full);
 }
