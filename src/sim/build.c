@@ -78,7 +78,15 @@ static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
   return ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &s->solver, err);
 }
 
+/* Rows that planes hold need a block of their own. */
+static void keep_blocks(msim_sim *sim) {
+  if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes &&
+      sim->integrator->entry.implicit)
+    sim->opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;
+}
+
 msim_status ms_sim_make_motions(msim_sim *sim, int32_t left_out, msim_error *err) {
+  keep_blocks(sim);
   msim_status status = make_models(sim, left_out, err);
   if (!status) use_threads(sim);
   for (int32_t i = 0; i < sim->nislands && !status; i++)

@@ -17,7 +17,7 @@
 #include "base/bytes.h"
 #include "integrate/integrator.h"
 
-enum { MS_CANDIDATES = 7 };
+enum { MS_CANDIDATES = 8 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;

@@ -140,13 +140,6 @@ static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
   return ms_fail_memory(err, "the state");
 }
 
-/* Rows that planes hold need a block of their own. */
-static void keep_blocks(msim_sim *sim) {
-  if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes &&
-      sim->integrator->entry.implicit)
-    sim->opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;
-}
-
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
   if (!status && ms_sim_selects(sim))
@@ -155,7 +148,6 @@ static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *er
   if (!status && !ms_sim_has_control(sim)) status = ms_sim_settle_step(sim, &sim->opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = allocate_flat(sim, err);
-  keep_blocks(sim);
   if (!status) status = ms_sim_build(sim, ms_flat_axis(sim->scene, sim->opt.skip_off), err);
   if (status) return status;
   const msim_state start = {
