@@ -68,7 +68,7 @@ class Stopping(CliTest):
 
 
 class NumericalEvents(CliTest):
-    def assert_event(self, scene, args, word):
+    def assert_event(self, scene, args, word, where="step {next},"):
         self.scene(scene)
         status, out, err = self.cli("run", "scene.json", "--final", "final.json", "--out",
                                     "out.csv", *args)
@@ -77,17 +77,23 @@ class NumericalEvents(CliTest):
         self.assert_sentence("".join(lines), "step ", "t = ")
         final = self.final()
         self.assertEqual(final["status"], word)
-        self.assertIn(f"step {final['step'] + 1},", err)
+        self.assertIn(where.format(last=final["step"], next=final["step"] + 1), err)
         self.assertEqual(self.frames()[-1], final["step"])
         self.assertEqual(self.files(), ["final.json", "out.csv", "scene.json"])
         self.assertIn("energy", out)
         return err
 
     def test_unstable(self):
-        err = self.assert_event(pendulum(integrator="explicit-euler", h=100, steps=100000), [],
-                                "not_finite")
+        err = self.assert_event(pendulum(integrator="explicit-euler", h=100, steps=100000),
+                                ["--watch", "off"], "not_finite")
         self.assertIn("particle 1", err)
         self.assertIn("note: h is 100 s, but explicit-euler is stable for no h above 0", err)
+
+    def test_beyond_what_energy_allows(self):
+        for h, word in (0.1, "unstable"), (100, "not_finite"):
+            err = self.assert_event(pendulum(integrator="explicit-euler", h=h, steps=100000), [],
+                                    word, "the state is that of step {last} again")
+            self.assertIn("particle 1", err)
 
     def test_not_positive_definite(self):
         scene = json.loads(json.dumps(PENDULUM))
@@ -223,7 +229,7 @@ class Report(CliTest):
         self.assertGreater(chosen, 1e-3)
         self.assertIn(f"h = {chosen:.10g} s, by the limit",
                       self.good("explain", "scene.json", "--h", "auto"))
-        _, _, err = self.cli("run", "scene.json", "--h", "0.5", "--steps", "2")
+        _, _, err = self.cli("run", "scene.json", "--h", "0.5", "--steps", "2", "--watch", "off")
         self.assert_sentence(err, "note: h is 0.5 s", "stable up to")
         status, _, err = self.cli("run", "scene.json", "--h", "auto", "--integrator", "newmark")
         self.assertEqual(status, 1)

@@ -290,6 +290,7 @@ static void one_that_fails_stops_all(void **state) {
     msim_scene *scene = both(APART, &a, &b, down);
     msim_options opt = lean(methods[m]);
     opt.jacobian = MSIM_JACOBIAN_EXACT, opt.indefinite = MSIM_INDEFINITE_STOP;
+    opt.watch = MSIM_WATCH_OFF;
     msim_sim *sim = make_sim(scene, &opt);
     msim_error why;
     msim_status status;

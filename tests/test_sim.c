@@ -226,6 +226,7 @@ static void blow_up_is_reported_and_refused(void **state) {
     if (refuses_planes(method_at(m))) continue; /* what it shows is larger than what it carries */
     msim_scene *scene = hanging_cloth(SIDE, 1e6, 0);
     msim_options opt = pcg(method_at(m), 0.1);
+    opt.watch = MSIM_WATCH_OFF;
     msim_sim *sim = make_sim(scene, &opt);
     msim_error why;
     assert_int_equal(msim_sim_step(sim, 10000, &why), MSIM_NOT_FINITE);

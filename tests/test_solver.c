@@ -87,6 +87,7 @@ static void definiteness_ends_where_theory_says(void **state) {
     assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
     msim_options opt = implicit(h);
     opt.indefinite = MSIM_INDEFINITE_STOP;
+    opt.watch = MSIM_WATCH_OFF; /* close to a singular matrix steps are huge */
     msim_sim *sim = make_sim(scene, &opt);
     assert_int_equal(msim_sim_step(sim, 1, NULL), beyond ? MSIM_NOT_SPD : MSIM_OK);
     msim_sim_destroy(sim);

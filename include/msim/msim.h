@@ -25,7 +25,8 @@
  * Conventions, valid for every function here:
  *  - The object comes first, inputs next, outputs after them, the error last and nullable.
  *  - What can fail returns msim_status: 0 success; < 0 error, nothing was changed; > 0 numerical
- *    event (MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_NOT_FINITE: the state is that before the step;
+ *    event (MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_NOT_FINITE: the state is that before the step,
+ *    or, where that is beyond what energy allows, as with MSIM_UNSTABLE, the last good one;
  *    MSIM_STOPPED: that after it). Destroyers return void and accept NULL.
  *  - Positions, velocities and forces are flat arrays of 3n doubles: x0 y0 z0 x1 y1 z1 ...
  *    Units are SI: m, kg, s, N. Indices are int32_t and count from 0.

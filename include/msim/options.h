@@ -17,6 +17,11 @@ enum { MSIM_INDEFINITE_CLAMP, MSIM_INDEFINITE_SOLVE, MSIM_INDEFINITE_STOP };
  * particles have impacts in one step, each flies on for itself: of second order. Not for `verlet`
  * and `respa`, and not with tol. */
 enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
+
+/* ON: every 160 explicit steps, every implicit one, before each frame and at the end of a run the
+ * motion is checked: kinetic and elastic energy, and the extent of the scene, beyond 100 times what
+ * the start and gravity can supply end it with MSIM_UNSTABLE. Bits do not depend on it. */
+enum { MSIM_WATCH_ON, MSIM_WATCH_OFF };
 enum { MSIM_HEUN_FINAL, MSIM_HEUN_STANDARD, MSIM_HEUN_LITERAL };
 enum { MSIM_VERLET_TAYLOR, MSIM_VERLET_PLAIN };
 
@@ -73,6 +78,7 @@ typedef struct msim_options {
   /* A fixed step that does not converge or is not finite is made in 2, 4, ... parts: times that
    * they are halved. Output times stay [0] */
   int32_t newton_retries;
+  int32_t watch; /* MSIM_WATCH_... [ON] */
 } msim_options;
 
 MSIM_API void msim_options_init(msim_options *opt, size_t size);

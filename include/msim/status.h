@@ -18,6 +18,7 @@ typedef int32_t msim_status;
   X(MSIM_NOT_CONVERGED, 2, "the linear solver did not reach its tolerance") \
   X(MSIM_NOT_FINITE, 3, "the state is no longer finite")                    \
   X(MSIM_STOPPED, 4, "stopped on request")                                  \
+  X(MSIM_UNSTABLE, 5, "the motion grows beyond what energy allows")         \
   X(MSIM_ERR_ARG, -1, "invalid argument")                                   \
   X(MSIM_ERR_MEMORY, -2, "out of memory")                                   \
   X(MSIM_ERR_NAME, -3, "no such integrator, solver or recorder")            \

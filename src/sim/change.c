@@ -192,6 +192,7 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
                                    : go_on(sim, k, rest, damping, err);
   if (status) return status;
   sim->advice.known = sim->advice.chosen = 0;
+  ms_watch_start(sim);
   ms_sim_watch_step(sim);
   return ms_ok(err);
 }

@@ -7,6 +7,7 @@
 
 #include "base/clock.h"
 #include "integrate/events.h"
+#include "physics/culprit.h"
 #include "physics/planes.h"
 
 /*------------------------------------- one island -----------------------------------------------*/
@@ -185,11 +186,15 @@ static void accept_all(msim_sim *sim) {
 /* Say when and where; t is the time that was to be reached. */
 static msim_status blame(const msim_sim *sim, const ms_motion *m, double t, msim_status status,
                          const char *why, msim_error *err) {
-  char particle[32] = "";
-  const int32_t row = m->stepper.culprit;
+  char particle[32] = "", spring[32] = "";
+  const ms_stepper *s = &m->stepper;
+  const int32_t row = s->culprit;
+  const int32_t pull =
+      row >= 0 && status == MSIM_NOT_FINITE ? ms_find_bad_spring(&m->model, s->x, s->v, row) : -1;
   if (row >= 0) snprintf(particle, sizeof particle, ", particle %d", m->model.rows.particle[row]);
-  return ms_fail(err, status, "step %lld, t = %g s%s: %s", (long long)(sim->step + 1), t, particle,
-                 *why ? why : msim_status_text(status));
+  if (pull >= 0) snprintf(spring, sizeof spring, ", spring %d", pull);
+  return ms_fail(err, status, "step %lld, t = %g s%s%s: %s", (long long)(sim->step + 1), t,
+                 particle, spring, *why ? why : msim_status_text(status));
 }
 
 static msim_status fixed_step(msim_sim *sim, msim_error *err) {

@@ -1,6 +1,7 @@
 /* recorder - the front end of output: one file, its kind by its name, one frame after another */
 #define _POSIX_C_SOURCE 200809L /* stat */
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -196,6 +197,8 @@ msim_status msim_recorder_open(msim_sim *sim, const char *path, msim_recorder **
 
 msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
   if (!recorder) return ms_fail(err, MSIM_ERR_ARG, "recorder is NULL");
+  msim_status status = ms_watch_check(recorder->sim, err);
+  if (status) return status;
   double start = ms_clock();
   msim_state state = {.size = sizeof state};
   msim_energy energy = {.size = sizeof energy};
@@ -208,7 +211,10 @@ msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
                             .v = state.v,
                             .kinetic = energy.kinetic,
                             .potential = energy.elastic + energy.gravitational};
-  msim_status status = recorder->type->write(recorder->self, &frame);
+  if (!isfinite(energy.total))
+    return ms_fail(err, MSIM_NOT_FINITE, "step %lld, t = %g s: energy is beyond all numbers",
+                   (long long)state.step, state.t);
+  status = recorder->type->write(recorder->self, &frame);
   ms_sim_count_output(recorder->sim, ms_clock() - start);
   return status ? ms_host_fail(&recorder->host, recorder->type->name, status, err) : ms_ok(err);
 }

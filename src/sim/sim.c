@@ -201,7 +201,10 @@ static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   msim_status status = MSIM_OK;
   for (int64_t i = 0; i < n && !status; i++) {
     status = ms_drive_step(sim, err);
-    if (!status && atomic_exchange(&sim->stop, 0))
+    if (status > 0) ms_watch_retreat(sim, err);
+    const int stopped = !status && atomic_exchange(&sim->stop, 0);
+    if (!status && (stopped || ms_watch_is_due(sim))) status = ms_watch_check(sim, err);
+    if (!status && stopped)
       status = ms_fail(err, MSIM_STOPPED, "stopped on request after step %lld, t = %g s",
                        (long long)sim->step, ms_sim_time(sim));
   }
@@ -239,11 +242,19 @@ static msim_status run_to_step(msim_sim *sim, msim_error *err) {
 }
 
 /* The frame may lie within the step that passes it. */
-static msim_status run_to_time(msim_sim *sim, msim_error *err) {
-  const double due = ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame);
+static msim_status run_to_time(msim_sim *sim, double due, msim_error *err) {
   msim_status status = MSIM_OK;
   while (!status && sim->t < due) status = make_steps(sim, 1, err);
-  if (status) return status;
+  return status;
+}
+
+/* shown: somebody will look at it. */
+static msim_status run_to_frame(msim_sim *sim, int shown, msim_error *err) {
+  const int has_times = ms_plan_has_times(&sim->opt);
+  const double due = has_times ? ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame) : 0;
+  msim_status status = has_times ? run_to_time(sim, due, err) : run_to_step(sim, err);
+  if (!status && shown) status = ms_watch_check(sim, err);
+  if (status || !has_times) return status;
   ms_drive_show(sim, due);
   sim->frame++;
   return MSIM_OK;
@@ -256,8 +267,7 @@ msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msi
   if (observer && sim->step == sim->step0 && observer(sim, user))
     return ms_fail(err, MSIM_STOPPED, "stopped by the observer at the start");
   while (!is_at_end(sim)) {
-    msim_status status =
-        ms_plan_has_times(&sim->opt) ? run_to_time(sim, err) : run_to_step(sim, err);
+    msim_status status = run_to_frame(sim, observer != NULL, err);
     if (status) return status;
     if (observer && observer(sim, user))
       return ms_fail(err, MSIM_STOPPED, "stopped by the observer after step %lld, t = %g s",

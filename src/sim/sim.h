@@ -11,6 +11,7 @@
 #include "sim/marks.h"
 #include "sim/plan.h"
 #include "sim/select.h"
+#include "sim/watch.h"
 
 /* One island in motion. Nothing couples it with others. */
 typedef struct ms_motion {
@@ -24,6 +25,7 @@ typedef struct ms_motion {
   ms_error error;     /* of it, under error control */
   double depth;       /* into planes, as ms_planes_depth says */
   double share;       /* the same */
+  ms_guard guard;
 } ms_motion;
 
 struct msim_sim {
@@ -57,6 +59,8 @@ struct msim_sim {
 
   double *flat_x, *flat_v, *flat_v_half; /* 3n: what somebody asked for last */
   int flat_is_current;
+
+  ms_watch watch;
 
   ms_text explanation;
   struct ms_whole *whole; /* for msim_sim_matrix; NULL: nobody asked */

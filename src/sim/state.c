@@ -147,6 +147,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
       ms_rows_scatter(&sim->motion[i].model.rows, sim->motion[i].stepper.v, sim->flat_v_half);
   }
   sim->flat_is_current = 1;
+  ms_watch_start(sim);
   ms_sim_watch_step(sim);
   return ms_ok(err);
 }

@@ -57,6 +57,8 @@ static const char *status_word(msim_status status) {
       return "not_converged";
     case MSIM_NOT_FINITE:
       return "not_finite";
+    case MSIM_UNSTABLE:
+      return "unstable";
     case MSIM_STOPPED:
       return "stopped";
     default:

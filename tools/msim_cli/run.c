@@ -198,12 +198,16 @@ static int close_recorder(run *r, msim_error *err) {
 }
 
 /* Write the state where it ended, and close the file. Keeps the first thing that went wrong. */
-static msim_status end_recording(run *r, msim_status status, const msim_state *last,
-                                 msim_error *err) {
+static msim_status end_recording(run *r, msim_status status, msim_state *last, msim_error *err) {
   msim_error second;
   msim_status failed = MSIM_OK;
   if (!r->recorder) return status;
   if (status >= 0 && r->t_recorded != last->t) failed = record(r, last->t, &second);
+  if (failed > 0) { /* the state was no good, and the sim has gone back to one that is */
+    status = failed, *err = second;
+    msim_sim_state(r->sim, last);
+    failed = r->t_recorded != last->t ? record(r, last->t, &second) : MSIM_OK;
+  }
   if (!failed) failed = close_recorder(r, &second);
   if (!failed || status < 0) return status;
   *err = second;

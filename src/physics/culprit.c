@@ -1,0 +1,24 @@
+#include "physics/culprit.h"
+
+#include <math.h>
+
+#include "base/vec3.h"
+
+/* |k (l - L)| + c |v_j - v_i|, which is at least the force */
+static double force_bound(const ms_model *m, int32_t e, const double *x, const double *v) {
+  const ms_springs *s = &m->springs;
+  double xi[3], xj[3], vi[3], vj[3], d[3], dv[3];
+  ms_row_get(&m->rows, x, s->i[e], xi), ms_row_get(&m->rows, x, s->j[e], xj);
+  ms_row_get(&m->rows, v, s->i[e], vi), ms_row_get(&m->rows, v, s->j[e], vj);
+  for (int c = 0; c < 3; c++) d[c] = xj[c] - xi[c], dv[c] = vj[c] - vi[c];
+  const double elastic = fabs(s->k[e] * (ms_norm3(d) - s->rest[e]));
+  return s->damping[e] > 0 ? elastic + s->damping[e] * ms_norm3(dv) : elastic;
+}
+
+int32_t ms_find_bad_spring(const ms_model *model, const double *x, const double *v, int32_t row) {
+  const ms_springs *s = &model->springs;
+  for (int32_t e = 0; e < s->n; e++)
+    if ((s->i[e] == row || s->j[e] == row) && !(force_bound(model, e, x, v) <= MS_HUGE))
+      return s->spring[e];
+  return -1;
+}

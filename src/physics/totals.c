@@ -1,0 +1,48 @@
+#include "physics/totals.h"
+
+#include <math.h>
+
+MS_TABLES(ms_totals_kernels);
+
+/* Segments to an item of work. */
+enum { CHUNK = 64 };
+
+typedef struct job {
+  const ms_model *model;
+  const double *x, *v;
+  const ms_totals_copy *copy;
+  ms_totals *parts;
+} job;
+
+static void do_chunk(void *data, int32_t item) {
+  const job *j = data;
+  const ms_totals_kernels *kernels = ms_totals_kernels_of[j->model->isa];
+  kernels->segments(j->model, j->x, j->v, j->copy, CHUNK * item,
+                    ms_chunk_end(&j->model->halves, CHUNK, item), &j->parts[item]);
+}
+
+int32_t ms_totals_parts(const ms_model *model) { return ms_chunks(&model->halves, CHUNK); }
+
+ms_totals ms_totals_none(void) {
+  return (ms_totals){.low = {INFINITY, INFINITY, INFINITY},
+                     .high = {-INFINITY, -INFINITY, -INFINITY}};
+}
+
+void ms_totals_add(const ms_totals *more, ms_totals *to) {
+  to->kinetic += more->kinetic;
+  to->elastic += more->elastic;
+  for (int c = 0; c < 3; c++) {
+    to->moment[c] += more->moment[c];
+    to->low[c] = fmin(to->low[c], more->low[c]);
+    to->high[c] = fmax(to->high[c], more->high[c]);
+  }
+}
+
+ms_totals ms_totals_compute(const ms_model *model, const double *x, const double *v,
+                            const ms_totals_copy *copy, ms_totals *parts) {
+  job j = {.model = model, .x = x, .v = v, .copy = copy, .parts = parts};
+  ms_totals sum = ms_totals_none();
+  ms_pool_run(model->pool, do_chunk, &j, ms_totals_parts(model));
+  for (int32_t i = 0; i < ms_totals_parts(model); i++) ms_totals_add(&parts[i], &sum);
+  return sum;
+}

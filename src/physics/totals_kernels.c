@@ -1,0 +1,108 @@
+/* Energy, moment and box of some rows, compiled once for each instruction set, with MS_ISA its
+ * name. */
+#include "physics/lanes.h"
+#include "physics/totals.h"
+
+typedef struct tally {
+  ms_lanes kinetic, elastic; /* twice */
+  ms_vec moment, low, high;
+} tally;
+
+/* The rows of one register; padding has no inverse mass. */
+MS_INLINE void add_rows(int dims, const ms_model *m, size_t row, const double *x, const double *v,
+                        const ms_totals_copy *copy, tally *t) {
+  const size_t stride = (size_t)m->rows.stride;
+  const ms_lanes mass = ms_load(m->mass + row);
+  const ms_mask there = ms_load(m->inv_mass + row) > 0;
+  const ms_vec xi = ms_load_vec(dims, x + row, stride), vi = ms_load_vec(dims, v + row, stride);
+  ms_store_vec(dims, copy->x + row, stride, xi);
+  ms_store_vec(dims, copy->v + row, stride, vi);
+  t->kinetic = ms_fma(mass, ms_dot_vec(dims, vi, vi), t->kinetic);
+  t->moment = ms_fma_vec(dims, mass, xi, t->moment);
+  for (int c = 0; c < dims; c++) {
+    t->low.c[c] = ms_select(there & (xi.c[c] < t->low.c[c]), xi.c[c], t->low.c[c]);
+    t->high.c[c] = ms_select(there & (xi.c[c] > t->high.c[c]), xi.c[c], t->high.c[c]);
+  }
+}
+
+/* Lanes whose other end lies in a later row, as pinned ones do: these count, so that each spring
+ * does once. */
+MS_INLINE ms_mask counted(const ms_halves *halves, int32_t slot, ms_place p, size_t lane) {
+  const int32_t *j = halves->neighbour + MS_GROUP * (size_t)slot + lane;
+  ms_mask other, own;
+  for (int l = 0; l < MS_LANES; l++) {
+    other[l] = j[l];
+    own[l] = (int64_t)p.row + (p.is_part ? 0 : (int64_t)lane + l);
+  }
+  return other > own;
+}
+
+/* Consecutive rows that all lie before these: no lane counts. */
+MS_INLINE int is_behind(const ms_halves *halves, int32_t slot, ms_place p) {
+  const int32_t start = halves->start[slot];
+  return start >= 0 && !p.is_part && (size_t)start < p.row;
+}
+
+/* k (l - L)^2 of the springs of one register of rows */
+MS_INLINE ms_lanes stored(int dims, const ms_model *m, int32_t segment, ms_place p, size_t lane,
+                          const double *x) {
+  const size_t stride = (size_t)m->rows.stride;
+  const ms_halves *halves = &m->halves;
+  const ms_vec xi = ms_load_own(dims, p, lane, x, stride);
+  const ms_lanes zero = {0};
+  ms_lanes sum = zero;
+  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
+    if (is_behind(halves, slot, p)) continue;
+    const size_t at = MS_GROUP * (size_t)slot + lane;
+    const ms_mask mine = counted(halves, slot, p, lane);
+    const ms_vec d = ms_minus(dims, ms_load_neighbours(dims, halves, slot, lane, x, stride), xi);
+    const ms_lanes stretch = ms_sqrt(ms_dot_vec(dims, d, d)) - ms_load(halves->rest + at);
+    const ms_lanes k = ms_select(mine, ms_load(halves->k + at), zero);
+    sum = ms_fma(k * stretch, stretch, sum);
+  }
+  return sum;
+}
+
+static double sum_of(ms_lanes v) {
+  double sum = 0;
+  for (int l = 0; l < MS_LANES; l++) sum += v[l];
+  return sum;
+}
+
+static void give(int dims, const ms_model *m, const tally *t, ms_totals *totals) {
+  *totals = (ms_totals){.kinetic = sum_of(t->kinetic) / 2, .elastic = sum_of(t->elastic) / 2};
+  for (int c = 0; c < dims; c++) {
+    const int32_t axis = m->rows.axis[c];
+    totals->moment[axis] = sum_of(t->moment.c[c]);
+    totals->low[axis] = t->low.c[c][0], totals->high[axis] = t->high.c[c][0];
+    for (int l = 1; l < MS_LANES; l++) {
+      totals->low[axis] = fmin(totals->low[axis], t->low.c[c][l]);
+      totals->high[axis] = fmax(totals->high[axis], t->high.c[c][l]);
+    }
+  }
+}
+
+MS_INLINE void segments_of(int dims, const ms_model *m, const double *x, const double *v,
+                           const ms_totals_copy *copy, int32_t begin, int32_t end,
+                           ms_totals *totals) {
+  tally t = {0};
+  for (int c = 0; c < dims; c++) t.low.c[c] += INFINITY, t.high.c[c] -= INFINITY;
+  for (int32_t segment = begin; segment < end; segment++) {
+    const int is_group = segment < m->halves.ngroups;
+    const ms_place p = is_group ? (ms_place){.row = MS_GROUP * (size_t)segment}
+                                : ms_place_of(&m->halves, segment, NULL, 0);
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      if (is_group) add_rows(dims, m, p.row + lane, x, v, copy, &t);
+      t.elastic += stored(dims, m, segment, p, lane, x);
+    }
+  }
+  give(dims, m, &t, totals);
+}
+
+static void segments(const ms_model *m, const double *x, const double *v,
+                     const ms_totals_copy *copy, int32_t begin, int32_t end, ms_totals *totals) {
+  if (m->rows.dims == 3) segments_of(3, m, x, v, copy, begin, end, totals);
+  else segments_of(2, m, x, v, copy, begin, end, totals);
+}
+
+const ms_totals_kernels MS_TABLE(ms_totals_kernels) = {segments};

@@ -1,0 +1,286 @@
+/* The watch: what it lets pass, what it ends, and the state that is left then. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "scenes.h"
+
+enum { SIDE = 8, N = SIDE * SIDE };
+
+static double moving_energy(msim_sim *sim) {
+  msim_energy e = {.size = sizeof e};
+  msim_sim_energy(sim, &e);
+  return e.kinetic + e.elastic;
+}
+
+/* Two particles 1 m apart whose spring is 1 m too long or too short; omega = 1/s. */
+static msim_scene *pair(double rest) {
+  const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {2, 2}, k = 1;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  return scene;
+}
+
+/*------------------------------------- what ends ------------------------------------------------*/
+
+/* Steps until the status is not 0. first: the first step with more than 100 times the start's
+ * energy, -1: none. */
+static msim_status run_out(msim_sim *sim, int most, int64_t *first, int64_t *reported,
+                           msim_error *why) {
+  const double allowed = 100 * moving_energy(sim);
+  msim_status status = MSIM_OK;
+  *first = -1;
+  for (int i = 0; i < most && !status; i++) {
+    const int64_t step = state_of(sim).step;
+    *reported = step + 1;
+    status = msim_sim_step(sim, 1, why);
+    if (!status && *first < 0 && moving_energy(sim) > allowed) *first = state_of(sim).step;
+  }
+  return status;
+}
+
+/* Just above the limit z = 2, and far above. */
+static void growth_is_found_soon(void **state) {
+  (void)state;
+  const double z[] = {2.0001, 2.01, 2.1, 2.5, 3};
+  for (size_t i = 0; i < sizeof z / sizeof *z; i++) {
+    msim_scene *scene = pair(0.5);
+    msim_options opt = options("velocity-verlet", z[i]);
+    msim_sim *sim = make_sim(scene, &opt);
+    msim_error why;
+    int64_t first, reported;
+    assert_int_equal(run_out(sim, 5000, &first, &reported, &why), MSIM_UNSTABLE);
+    assert_true(first > 0 && reported - first <= 160);
+    char where[64];
+    snprintf(where, sizeof where, "step %lld, t = ", (long long)reported);
+    assert_true(strncmp(why.text, where, strlen(where)) == 0);
+    assert_non_null(strstr(why.text, "particle "));
+    assert_non_null(strstr(why.text, "energy"));
+    const msim_state s = state_of(sim);
+    assert_true(s.step < first && s.step % 160 == 0);
+    assert_true(moving_energy(sim) <= 100 * 0.125);
+    snprintf(where, sizeof where, "that of step %lld again", (long long)s.step);
+    assert_non_null(strstr(why.text, where));
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* The same steps lead to the same end again, and a shorter step goes on. */
+static void the_state_kept_is_good(void **state) {
+  (void)state;
+  for (int32_t m = 0; method_at(m); m++) {
+    msim_scene *scene = hanging_cloth(SIDE, 1e6, 0);
+    msim_options opt = options(method_at(m), 0.05);
+    msim_error why, again;
+    if (is_implicit(method_at(m))) continue;
+    msim_sim *sim = make_sim(scene, &opt);
+    const msim_status status = msim_sim_step(sim, 1000, &why);
+    assert_true(status == MSIM_UNSTABLE || status == MSIM_NOT_FINITE);
+    assert_non_null(strstr(why.text, "step 0 again"));
+    assert_int_equal(state_of(sim).step, 0);
+    assert_int_equal(msim_sim_step(sim, 1000, &again), status);
+    assert_string_equal(why.text, again.text);
+    assert_ok(msim_sim_set_step(sim, 1e-6, err));
+    assert_ok(msim_sim_step(sim, 10, err));
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A jump that is over after one step; nobody who looks only now and then would see it. */
+static void each_implicit_step_is_looked_at(void **state) {
+  (void)state;
+  const double x[6] = {-0.5, 0, 0, 0.5, 0, 0}, v[6] = {0, -2.5, 0, 0, 2.5, 0}, mass[2] = {1, 1};
+  const double k = 1e6;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, err));
+  msim_options opt = options("linearly-implicit-euler", 0.2);
+  opt.watch = MSIM_WATCH_OFF;
+  msim_sim *sim = make_sim(scene, &opt);
+  const double start = moving_energy(sim);
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_true(moving_energy(sim) > 100 * start);
+  assert_ok(msim_sim_step(sim, 200, err));
+  assert_true(moving_energy(sim) < start);
+  msim_sim_destroy(sim);
+  opt.watch = MSIM_WATCH_ON;
+  sim = make_sim(scene, &opt);
+  assert_int_equal(msim_sim_step(sim, 200, NULL), MSIM_UNSTABLE);
+  assert_int_equal(state_of(sim).step, 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static int look(msim_sim *sim, void *user) {
+  double *most = user;
+  *most = fmax(*most, moving_energy(sim));
+  return 0;
+}
+
+/* Who looks at frames never sees what is reported afterwards. */
+static void frames_are_good(void **state) {
+  (void)state;
+  const int every[] = {1, 7, 50, 1000};
+  for (size_t i = 0; i < sizeof every / sizeof *every; i++) {
+    msim_scene *scene = pair(0.5);
+    msim_options opt = options("velocity-verlet", 2.1);
+    opt.steps = 1000, opt.every = every[i];
+    msim_sim *sim = make_sim(scene, &opt);
+    const double start = moving_energy(sim);
+    double most = 0;
+    assert_int_equal(msim_sim_run(sim, look, &most, NULL), MSIM_UNSTABLE);
+    assert_true(most > 0 && most <= 100 * start);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* The end of a run is looked at too. */
+static void a_short_run_is_watched(void **state) {
+  (void)state;
+  msim_scene *scene = pair(0.5);
+  msim_options opt = options("velocity-verlet", 4);
+  opt.steps = 5;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_int_equal(msim_sim_step(sim, 5, NULL), MSIM_UNSTABLE);
+  assert_int_equal(state_of(sim).step, 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* A start without energy: rounding is let be, growth from it is not. */
+static void nothing_comes_from_nothing(void **state) {
+  (void)state;
+  const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler", "dop853"};
+  for (int m = 0; m < 3; m++)
+    for (int too_long = 0; too_long < 2; too_long++) {
+      const double turned[6] = {0.1, 0.2, 0.3, 0.7, 1.3, 2.1}, mass[2] = {2, 2}, k = 1;
+      const double rest = 1.96723155729060109 * (1 + 1e-15);
+      const int32_t ij[2] = {0, 1};
+      msim_scene *scene;
+      assert_ok(msim_scene_create(NULL, &scene, err));
+      assert_ok(msim_scene_add_particles(scene, 2, turned, NULL, mass, err));
+      assert_ok(msim_scene_add_springs(scene, 1, ij, &k, m ? NULL : &rest, NULL, err));
+      msim_options opt = options(methods[m], too_long ? 2.5 : 1.5);
+      msim_sim *sim = make_sim(scene, &opt);
+      const msim_status status = msim_sim_step(sim, 2000, NULL);
+      assert_int_equal(status, too_long && m == 0 ? MSIM_UNSTABLE : MSIM_OK);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+}
+
+/*------------------------------------- what passes ----------------------------------------------*/
+
+/* What falls, bounces, hangs, folds or is thrown is not ended. */
+static void exact_motion_passes(void **state) {
+  (void)state;
+  const double at[3] = {0, 0, 0}, up[3] = {0, 0, 3}, fast[3] = {1e6, 0, 0}, still[3] = {0};
+  const double *const starts[] = {still, up, fast};
+  for (int i = 0; i < 6; i++) {
+    msim_scene *scene = single(at, starts[i % 3], 9.81);
+    if (i >= 3) plane(scene, 0, 0, 1, -2, 1, 0);
+    msim_options opt = options("velocity-verlet", 1e-3);
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 100000, err));
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+  msim_scene *scene = hanging_cloth(SIDE, 100, 0);
+  msim_options opt = options("velocity-verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 20000, err));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* Springs that are set anew bring energy along. */
+static void new_springs_are_a_new_start(void **state) {
+  (void)state;
+  const double stiff = 1e6;
+  msim_scene *scene = pair(0.999);
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_ok(msim_sim_set_springs(sim, &stiff, NULL, NULL, err));
+  assert_ok(msim_sim_step(sim, 10000, err));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* No bit depends on it, nor what it says on threads. */
+static void bits_are_the_same(void **state) {
+  (void)state;
+  static double x[3 * N], v[3 * N];
+  for (int32_t m = 0; method_at(m); m++) {
+    msim_error first = {0};
+    for (int i = 0; i < 4; i++) {
+      msim_scene *scene = hanging_cloth(SIDE, 1000, 0);
+      const int unstable = i >= 2;
+      msim_options opt = options(method_at(m), unstable ? 0.05 : 1e-4);
+      opt.watch = i == 1 ? MSIM_WATCH_OFF : MSIM_WATCH_ON, opt.threads = i % 2 ? 2 : 1;
+      msim_sim *sim = make_sim(scene, &opt);
+      msim_error why;
+      const msim_status status = msim_sim_step(sim, 300, &why);
+      const msim_state s = state_of(sim);
+      if (!unstable) assert_int_equal(status, MSIM_OK);
+      if (i % 2) {
+        assert_memory_equal(x, s.x, sizeof x), assert_memory_equal(v, s.v, sizeof v);
+        if (unstable) assert_string_equal(first.text, why.text);
+      }
+      memcpy(x, s.x, sizeof x), memcpy(v, s.v, sizeof v), first = why;
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+  }
+}
+
+/*------------------------------------- numbers that are none ------------------------------------*/
+
+/* Found in the step that makes it; the spring that did it is named. */
+static void a_spring_is_named(void **state) {
+  (void)state;
+  const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0, 0}, mass[3] = {1, 1, 1}, k[2] = {1, 1e300};
+  const double rest[2] = {1, 0.5};
+  const int32_t ij[4] = {0, 1, 1, 2}, held = 2;
+  for (int32_t m = 0; method_at(m); m++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
+    assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
+    assert_ok(msim_scene_pin(scene, 1, &held, err));
+    msim_options opt = options(method_at(m), 0.1);
+    msim_sim *sim;
+    msim_error why;
+    msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+    if (!status && !is_implicit(method_at(m))) {
+      assert_int_equal(msim_sim_step(sim, 1, &why), MSIM_NOT_FINITE);
+      assert_true(strncmp(why.text, "step 1, t = 0.1 s, particle ", 28) == 0);
+      if (strstr(why.text, "particle 1")) assert_non_null(strstr(why.text, "particle 1, spring 1"));
+    }
+    assert_memory_equal(state_of(sim).x, x, sizeof x);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(growth_is_found_soon),
+                                     cmocka_unit_test(the_state_kept_is_good),
+                                     cmocka_unit_test(each_implicit_step_is_looked_at),
+                                     cmocka_unit_test(frames_are_good),
+                                     cmocka_unit_test(a_short_run_is_watched),
+                                     cmocka_unit_test(nothing_comes_from_nothing),
+                                     cmocka_unit_test(exact_motion_passes),
+                                     cmocka_unit_test(new_springs_are_a_new_start),
+                                     cmocka_unit_test(bits_are_the_same),
+                                     cmocka_unit_test(a_spring_is_named)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
