@@ -30,7 +30,7 @@ class Refusals(BenchTest):
             ([], "name of a bench", "linear", "'msim_bench --help'"),
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
-            (["--json", "a.json", "stability"], "'stability'", "not part of this version"),
+            (["--scene", "cloth32", "stability"], "'stability'", "scenes of its own"),
             (["linear", "--svg="], "--svg"),
             (["linear", "--svg", "a", "--json", "./a"], "--svg", "--json", "same file"),
             (["linear", "--svg", "a", "--csv", "./a"], "--svg", "--csv", "same file"),

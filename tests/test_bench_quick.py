@@ -1,4 +1,4 @@
-"""msim_bench linear and precision as a whole: all keys, in a minute, however busy the machine is."""
+"""msim_bench linear, precision and stability as a whole: all keys, in a minute, however busy the machine is."""
 
 import csv
 import shutil
@@ -80,6 +80,25 @@ class Quick(BenchTest):
             text = (self.folder / "out.svg").read_text()
             for word in SCENES:
                 self.assertIn(word, text)
+
+    def test_stability(self):
+        picture = ["--svg", "out.svg"] if shutil.which("gnuplot") else []
+        result = self.run_quick("stability", *picture)
+        rows, found = result["rows"], result["summary"]
+        self.assertEqual(set(found), {"limit_error", "cells", "silent", "crashes", "hangs",
+                                      "detection_steps"})
+        self.assertLessEqual(found["limit_error"], 1e-3)
+        self.assertLessEqual(found["detection_steps"], 200)
+        self.assertGreater(found["cells"], 500)
+        self.assertEqual([found[key] for key in ("silent", "crashes", "hangs")], [0, 0, 0])
+        cells = self.find(rows, measure="cell")
+        self.assertEqual(len(cells), found["cells"])
+        for cell in self.find(cells, outcome="reported"):
+            self.assertRegex(cell["reason"], r"\Astep \d+, t = ")
+        for outcome in "stable", "dissipated", "reported":
+            self.assertTrue(self.find(cells, outcome=outcome))
+        if picture:
+            self.assertIn("implicit-midpoint", (self.folder / "out.svg").read_text())
 
     def check_truth(self, truth, rows):
         """No error is told that the truth is not known for; no claim of more than that."""

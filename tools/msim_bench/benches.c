@@ -15,7 +15,8 @@ const bench_entry *bench_info(int i) {
        bench_step, &step_picture},
       {"precision", "run time against error of every method, beside CVODE and ARKODE",
        bench_precision, &precision_picture},
-      {"stability", "the longest stable steps", NULL, NULL},
+      {"stability", "longest stable steps beside theory, and runs that break down", bench_stability,
+       &stability_picture},
   };
   return i >= 0 && i < (int)(sizeof benches / sizeof *benches) ? &benches[i] : NULL;
 }

@@ -19,7 +19,7 @@ typedef struct bench_wishes {
 typedef struct bench_entry {
   const char *name;
   const char *doc;
-  /* Measure and print; NULL: known, but not part of this version. Returns the exit status. */
+  /* Measure and print. Returns the exit status. */
   int (*run)(const bench_wishes *wishes, report *r);
   const picture *picture; /* of what it found */
 } bench_entry;
@@ -36,5 +36,6 @@ int bench_forces(const bench_wishes *wishes, report *r);
 int bench_scaling(const bench_wishes *wishes, report *r);
 int bench_step(const bench_wishes *wishes, report *r);
 int bench_precision(const bench_wishes *wishes, report *r);
+int bench_stability(const bench_wishes *wishes, report *r);
 
 #endif

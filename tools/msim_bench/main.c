@@ -17,23 +17,16 @@ enum { DOC_COLUMN = 27 };
 static void print_help(void) {
   const bench_entry *bench;
   const bench_flag *flag;
-  char text[80], later[128] = "", scenes[256] = "";
+  char text[80], scenes[256] = "";
   puts(
       "Usage: msim_bench NAME [--quick] [--json FILE] [--csv FILE] [--svg FILE]\n"
       "                  [--scene NAME,...] [--threads N]\n"
       "Measure msim on this machine, side by side with what it is compared with.\n\n"
       "Benches:");
   for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
-    const size_t used = strlen(later);
-    if (!bench->run) {
-      snprintf(later + used, sizeof later - used, "%s%s", used ? ", " : "", bench->name);
-      continue;
-    }
     print_column(DOC_COLUMN, bench->name);
     print_wrapped(DOC_COLUMN, bench->doc);
   }
-  print_column(DOC_COLUMN, "not in this version yet");
-  print_wrapped(DOC_COLUMN, later);
   puts("\nOptions:");
   for (int i = 0; (flag = flag_info(i)) != NULL; i++) {
     snprintf(text, sizeof text, "--%s%s%s", flag->name, flag->value ? " " : "",

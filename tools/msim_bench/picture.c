@@ -160,7 +160,7 @@ static void print_axes(FILE *out, const picture *p, const names *places) {
           HEIGHT * panels);
   fprintf(out, "%s", more_colours);
   fprintf(out, "set ylabel '%s'\nset logscale y\nset grid ytics\nset key outside right top\n",
-          p->y_label);
+          p->y_label ? p->y_label : "");
   if (!p->bars) {
     fprintf(out, "set xlabel '%s'\nset logscale x\nset format x '%s'\n", p->x_label,
             p->x_format ? p->x_format : "%.0s%c");
@@ -215,6 +215,48 @@ static void print_panels(FILE *out, const picture *p, const report *r, names *al
   fputs("unset multiplot\n", out);
 }
 
+/* Decades of x from the least on; columns of a place lie side by side. */
+enum { DECADES = 8 };
+
+/* A field of cells: a row for each series, a column for each place and decade of x. */
+static void print_heat(FILE *out, const picture *p, const report *r, names *series, names *places) {
+  picture_point point;
+  size_t i;
+  json_t *row;
+  double least = INFINITY;
+  json_array_foreach(r->rows, i, row) if (is_point(p, row, &point)) least = fmin(least, point.x);
+  fputs(
+      "unset logscale\nset format x\nunset grid\nset key off\nset ylabel ''\n"
+      "set palette maxcolors 7 defined (0 '#1a9850', 1 '#a6d96a', 2 '#d9ef8b', 3 '#fdae61', "
+      "4 '#d73027', 5 '#7f0000', 6 '#000000')\nset cbrange [-0.5:6.5]\n"
+      "set cbtics ('stable' 0, 'bounded' 1, 'dissipated' 2, 'reported' 3, 'silent' 4, 'crash' 5, "
+      "'hang' 6)\nset xtics rotate by -40 (",
+      out);
+  for (int k = 0; k < places->count; k++) {
+    fputs(k ? ", " : "", out);
+    print_quoted(out, places->all[k]);
+    fprintf(out, " %d", k * DECADES + DECADES / 2 - 1);
+  }
+  fputs(")\nset ytics (", out);
+  for (int k = 0; k < series->count; k++) {
+    fputs(k ? ", " : "", out);
+    print_quoted(out, series->all[k]);
+    fprintf(out, " %d", k);
+  }
+  fprintf(out, ")\nset xrange [-1:%d]\nset yrange [-0.6:%d - 0.4] reverse\n$cells << END\n",
+          places->count * DECADES, series->count);
+  json_array_foreach(r->rows, i, row) {
+    if (is_point(p, row, &point))
+      fprintf(out, "%g %d %g\n",
+              number_of(places, point.place) * DECADES + round(log10(point.x / least)),
+              number_of(series, point.series), point.y);
+  }
+  fputs(
+      "END\nplot $cells using 1:2:(0.5):(0.5):3 with boxxyerror fillcolor palette "
+      "fillstyle solid noborder notitle\n",
+      out);
+}
+
 static int print_script(FILE *out, const picture *p, const report *r) {
   picture_point *points = calloc(json_array_size(r->rows) + 1, sizeof *points);
   names series = {.count = 0}, places = {.count = 0};
@@ -225,6 +267,10 @@ static int print_script(FILE *out, const picture *p, const report *r) {
     print_panels(out, p, r, &series, &places, points);
   } else {
     print_title(out, p, r);
+  }
+  if (p->heat) {
+    print_heat(out, p, r, &series, &places);
+  } else if (!(p->panels && places.count > 0)) {
     for (int i = 0; i < series.count; i++) print_data(out, p, r, i, &series, &places, NULL, points);
     fprintf(out, "set boxwidth %g\n", BARS / (series.count ? series.count : 1));
     print_plot(out, p, &series, &series);

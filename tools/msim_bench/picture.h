@@ -18,11 +18,12 @@ typedef struct picture {
   int bars; /* side by side at each place; 0: curves, each through places of one family, whose names
                begin with the same letters */
   int panels; /* curves: a picture for each place, one below the other */
+  int heat;   /* neither: a field of cells, places x by series, x within; coloured by y */
   int (*point)(const json_t *row, picture_point *p); /* 0: the row is not in the picture */
 } picture;
 
 extern const picture linear_picture, skip_picture, forces_picture, scaling_picture, step_picture,
-    precision_picture;
+    precision_picture, stability_picture;
 
 /* Whether gnuplot can be run; complains. */
 int gnuplot_is_there(void);

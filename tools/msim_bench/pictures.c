@@ -58,6 +58,20 @@ static int precision_point(const json_t *row, picture_point *p) {
   return is_measure(row, "rung") && json_is_true(json_object_get(row, "near_best"));
 }
 
+/* The outcome of a cell as a number: the darker the worse. */
+static int stability_point(const json_t *row, picture_point *p) {
+  static const char *const words[] = {"stable", "bounded", "dissipated", "reported",
+                                      "silent", "crash",   "hang"};
+  *p = (picture_point){text_of(row, "method"), text_of(row, "scene"), number_of(row, "h"), NAN};
+  for (int i = 0; i < 7; i++)
+    if (strcmp(text_of(row, "outcome"), words[i]) == 0) p->y = i;
+  return is_measure(row, "cell");
+}
+
+const picture stability_picture = {.title = "outcome of runs under stress",
+                                   .x_label = "h, s",
+                                   .heat = 1,
+                                   .point = stability_point};
 const picture linear_picture = {.title = "one linearly implicit step, k = 1000 N/m, h = 1/60 s",
                                 .y_label = "ms",
                                 .bars = 1,

@@ -1,0 +1,174 @@
+/* One cell, judged by what the public API shows of each step: energy and extent against a hundred
+ * times what start and gravity can supply, summed particle by particle and spring by spring. */
+#define _POSIX_C_SOURCE 200809L /* fork, kill */
+#include <float.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "stress.h"
+
+enum { ALLOWED = 100 };
+
+const char *const stress_words[STRESS_OUTCOMES] = {"stable", "bounded", "dissipated", "reported",
+                                                   "silent", "crash",   "hang",       "refused"};
+
+/*------------------------------------- the judge ------------------------------------------------*/
+
+typedef struct look {
+  double motion; /* kinetic and elastic energy, J */
+  double work;   /* sum m g.x, J */
+  double extent; /* of the free particles, m */
+} look;
+
+typedef struct judge {
+  msim_scene_view view;
+  look first;
+  double supply, extent, least; /* J, m, kg */
+  double most;                  /* the largest share of the supply that moved */
+  int64_t passed;               /* the first step beyond; -1: none */
+} judge;
+
+static double dot(const double a[3], const double b[3]) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static double stretch_of(const msim_scene_view *s, int32_t e, const double *x) {
+  const double *a = x + 3 * s->ij[2 * e], *b = x + 3 * s->ij[2 * e + 1];
+  const double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+  return sqrt(dot(d, d)) - s->rest[e];
+}
+
+static look look_at(const msim_scene_view *s, const double *x, const double *v) {
+  look l = {0};
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    if (s->pinned[p]) continue;
+    l.motion += s->mass[p] * dot(v + 3 * p, v + 3 * p) / 2;
+    l.work += s->mass[p] * dot(s->gravity, x + 3 * p);
+    for (int32_t q = 0; q < p; q++)
+      for (int c = 0; c < 3 && !s->pinned[q]; c++)
+        l.extent = fmax(l.extent, fabs(x[3 * p + c] - x[3 * q + c]));
+  }
+  for (int32_t e = 0; e < s->nsprings; e++) l.motion += s->k[e] * pow(stretch_of(s, e, x), 2) / 2;
+  return l;
+}
+
+/* What a scene that starts with nothing may have: a fall through itself, down to a plane, or of one
+ * step; springs stretched by rounding, or by particles that a plane puts out. */
+static double least_supply(const msim_scene_view *s, double extent, double h) {
+  const double g = sqrt(dot(s->gravity, s->gravity));
+  double mass = 0, k = 0, far = 0, fall = extent, depth = 0;
+  for (int32_t e = 0; e < s->nsprings; e++) k += s->k[e];
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    if (!s->pinned[p]) mass += s->mass[p];
+    for (int c = 0; c < 3; c++) far = fmax(far, fabs(s->x[3 * p + c]));
+    for (int32_t i = 0; i < s->nplanes; i++) {
+      const double above = dot(s->planes[i].normal, s->x + 3 * p) - s->planes[i].offset;
+      fall = fmax(fall, above), depth = fmax(depth, -above);
+    }
+  }
+  const double d = sqrt(DBL_EPSILON) * far + 2 * depth;
+  return mass * g * (fall + g * h * h) + k * d * d / 2;
+}
+
+static judge begin(const msim_scene *scene, double h) {
+  judge j = {.view = {.size = sizeof j.view}, .passed = -1, .least = INFINITY};
+  msim_scene_get(scene, &j.view);
+  const msim_scene_view *s = &j.view;
+  j.first = look_at(s, s->x, s->v);
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    if (!s->pinned[p]) j.least = fmin(j.least, s->mass[p]);
+    for (int32_t q = 0; q < p; q++)
+      for (int c = 0; c < 3; c++)
+        j.extent = fmax(j.extent, fabs(s->x[3 * p + c] - s->x[3 * q + c]));
+  }
+  j.supply = j.first.motion + least_supply(s, j.extent, h);
+  return j;
+}
+
+static look watch(judge *j, const msim_state *state) {
+  const look now = look_at(&j->view, state->x, state->v);
+  const double work = now.work - j->first.work;
+  const double start = j->supply;
+  const double supply = fmax(start, start + work);
+  const double reach = j->extent + 2 * state->t * sqrt(2 * supply / j->least);
+  j->most = fmax(j->most, now.motion / supply);
+  if (j->passed < 0 && !(now.motion <= ALLOWED * supply && now.extent <= ALLOWED * reach))
+    j->passed = state->step;
+  return now;
+}
+
+/*------------------------------------- one cell -------------------------------------------------*/
+
+static stress_result judge_run(msim_sim *sim, judge *j, int64_t steps) {
+  stress_result r = {.outcome = STABLE, .late = -1};
+  msim_state state = {.size = sizeof state};
+  msim_error err;
+  msim_status status = MSIM_OK;
+  look last = j->first;
+  int64_t step = 0;
+  while (step < steps && !status) {
+    status = msim_sim_step(sim, 1, &err);
+    step++;
+    msim_sim_state(sim, &state);
+    if (!status) last = watch(j, &state);
+  }
+  const double before = j->first.motion - j->first.work, after = last.motion - last.work;
+  if (status) {
+    r.outcome = strstr(err.text, "step ") ? REPORTED : SILENT;
+    snprintf(r.text, sizeof r.text, "%.200s", err.text);
+    if (j->passed >= 0) r.late = step - j->passed;
+    watch(j, &state); /* the state handed back is to be good */
+    if (j->passed >= state.step && status == MSIM_UNSTABLE) r.late = step - j->passed;
+  } else if (j->passed >= 0) {
+    r.outcome = SILENT;
+    snprintf(r.text, sizeof r.text, "beyond at step %lld", (long long)j->passed);
+  } else if (after < before - 0.1 * j->supply) r.outcome = DISSIPATED;
+  else if (j->most > 1.1) r.outcome = BOUNDED;
+  return r;
+}
+
+static stress_result make_and_run(const stress_scene *s, const char *method, double h,
+                                  int64_t steps) {
+  stress_result r = {.outcome = REFUSED, .late = -1};
+  msim_scene *scene = NULL;
+  msim_sim *sim = NULL;
+  msim_error err;
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = method, opt.h = h, opt.steps = steps, opt.threads = 1;
+  if (stress_make(s, &scene, &err) == MSIM_OK &&
+      msim_sim_create(scene, &opt, &sim, &err) == MSIM_OK) {
+    judge j = begin(scene, h);
+    r = judge_run(sim, &j, steps);
+  } else snprintf(r.text, sizeof r.text, "%.200s", err.text);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return r;
+}
+
+stress_result stress_run(const stress_scene *s, const char *method, double h, int64_t steps,
+                         unsigned seconds) {
+  stress_result r = {.outcome = CRASHED, .late = -1};
+  int ends[2], state = 0;
+  fflush(NULL);
+  if (pipe(ends) != 0) return r;
+  const pid_t child = fork();
+  if (child == 0) {
+    signal(SIGALRM, SIG_DFL);
+    alarm(seconds);
+    const stress_result mine = make_and_run(s, method, h, steps);
+    const ssize_t written = write(ends[1], &mine, sizeof mine);
+    _exit(written != (ssize_t)sizeof mine);
+  }
+  close(ends[1]);
+  const ssize_t got = child > 0 ? read(ends[0], &r, sizeof r) : 0;
+  close(ends[0]);
+  if (child > 0) waitpid(child, &state, 0);
+  if (got == (ssize_t)sizeof r && WIFEXITED(state)) return r;
+  r.outcome = WIFSIGNALED(state) && WTERMSIG(state) == SIGALRM ? HUNG : CRASHED;
+  return r;
+}
