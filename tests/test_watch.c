@@ -260,7 +260,7 @@ static void a_spring_is_named(void **state) {
     msim_sim *sim;
     msim_error why;
     msim_status status = msim_sim_create(scene, &opt, &sim, &why);
-    if (!status && !is_implicit(method_at(m))) {
+    if (!status && !is_implicit(method_at(m)) && strcmp(method_at(m), "takahashi-imada")) {
       assert_int_equal(msim_sim_step(sim, 1, &why), MSIM_NOT_FINITE);
       assert_true(strncmp(why.text, "step 1, t = 0.1 s, particle ", 28) == 0);
       if (strstr(why.text, "particle 1")) assert_non_null(strstr(why.text, "particle 1, spring 1"));

@@ -396,6 +396,7 @@ msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_e
                 .used = sizeof h + (size_t)h.marks};
   status = take(sim, &b, err);
   if (status) return status;
+  ms_watch_start(sim);
   ms_sim_watch_step(sim);
   return ms_ok(err);
 }

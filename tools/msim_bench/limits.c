@@ -12,7 +12,8 @@
 enum { ZETAS = 3 };
 static const double zetas[ZETAS] = {0, 0.1, 1};
 
-/* The limit of z at each zeta; INFINITY: there is none. rate: the logarithm of the growth of amplitude a step without damping. */
+/* The limit of z at each zeta; INFINITY: there is none. rate: the logarithm of the growth of
+ * amplitude in a step without damping. */
 typedef struct theory {
   const char *method;
   double limit[ZETAS];
