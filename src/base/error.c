@@ -3,10 +3,17 @@
 #include <errno.h>
 #include <stdio.h>
 
+/* Whatever a file or a plugin says, a sentence stays on its line. */
+static void clean(char *text) {
+  for (; *text; text++)
+    if ((unsigned char)*text < ' ' || *text == 0x7f) *text = ' ';
+}
+
 msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va_list args) {
   if (err) {
     err->status = status;
     vsnprintf(err->text, sizeof err->text, format, args);
+    clean(err->text);
   }
   return status;
 }

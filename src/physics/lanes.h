@@ -61,11 +61,12 @@ typedef struct ms_place {
   size_t stride; /* to the next of its sums */
 } ms_place;
 
+/* to = NULL where nothing is summed up. */
 MS_INLINE ms_place ms_place_of(const ms_halves *halves, int32_t segment, double *to,
                                size_t stride) {
   const int32_t part = segment - halves->ngroups;
   const size_t row = MS_GROUP * (size_t)segment;
-  if (part < 0) return (ms_place){row, 0, to + row, stride};
+  if (part < 0) return (ms_place){row, 0, to ? to + row : NULL, stride};
   return (ms_place){(size_t)halves->part_row[part], 1, halves->part_sums + MS_GROUP * (size_t)part,
                     MS_GROUP * (size_t)halves->nparts};
 }

@@ -49,21 +49,13 @@ ms_path ms_json_item(const char *path, size_t i) {
   return p;
 }
 
-/* Whatever a file says, a sentence stays on its line. */
-static msim_status fail_with(const ms_json *r, msim_status status, const char *text) {
-  ms_fail(r->err, status, "%s: %s", r->label, text);
-  for (char *c = r->err ? r->err->text : NULL; c && *c; c++)
-    if ((unsigned char)*c < ' ' || *c == 0x7f) *c = ' ';
-  return status;
-}
-
 msim_status ms_json_fail(const ms_json *r, msim_status status, const char *format, ...) {
   msim_error inner;
   va_list args;
   va_start(args, format);
   ms_vfail(&inner, status, format, args);
   va_end(args);
-  return fail_with(r, status, inner.text);
+  return ms_fail(r->err, status, "%s: %s", r->label, inner.text);
 }
 
 msim_status ms_json_refuse(const ms_json *r, ms_place at, const json_t *value, const char *must) {

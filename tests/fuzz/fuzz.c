@@ -1,0 +1,63 @@
+#include "fuzz.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *spend(size_t bytes, void *user) {
+  fuzz_budget *budget = user;
+  if (bytes > budget->left) return NULL;
+  budget->left -= bytes;
+  return malloc(bytes);
+}
+
+static void give_back(void *ptr, void *user) {
+  (void)user;
+  free(ptr);
+}
+
+msim_allocator fuzz_allocator(fuzz_budget *budget, size_t bytes) {
+  budget->left = bytes;
+  return (msim_allocator){spend, give_back, budget};
+}
+
+void fuzz_check(int kept, const char *promise) {
+  if (kept) return;
+  fprintf(stderr, "broken: %s\n", promise);
+  abort();
+}
+
+void fuzz_check_error(msim_status status, const msim_error *err) {
+  fuzz_check(err->status == status, "the error has the status that was returned");
+  fuzz_check(!*err->text == !status, "a sentence where it fails, and none where it does not");
+  for (const char *c = err->text; *c; c++)
+    fuzz_check((unsigned char)*c >= ' ' && *c != 0x7f, "a sentence stays on its line");
+}
+
+static void check_state(msim_sim *sim, int32_t n) {
+  msim_state state = {.size = sizeof state};
+  msim_sim_state(sim, &state);
+  fuzz_check(isfinite(state.t), "time is finite");
+  for (size_t i = 0; i < 3 * (size_t)n; i++)
+    fuzz_check(isfinite(state.x[i]) && isfinite(state.v[i]), "the state is finite");
+}
+
+void fuzz_run(const msim_scene *scene, const msim_options *options) {
+  msim_error err;
+  msim_sim *sim;
+  const char *text;
+  msim_scene_view view = {.size = sizeof view};
+  msim_options own = *options;
+  own.threads = 1;
+  msim_status status = msim_sim_create(scene, &own, &sim, &err);
+  fuzz_check_error(status, &err);
+  if (status) return;
+  msim_scene_get(scene, &view);
+  fuzz_check_error(msim_sim_explain(sim, &text, &err), &err);
+  for (int i = 0; i < 3; i++) {
+    fuzz_check_error(msim_sim_step(sim, 1, &err), &err);
+    check_state(sim, view.nparticles);
+  }
+  msim_sim_destroy(sim);
+}

@@ -1,0 +1,28 @@
+/* fuzz - what every fuzz target includes; README.md tells how they are run */
+#ifndef FUZZ_H
+#define FUZZ_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msim/msim.h"
+
+/* The target, by the name that libFuzzer and AFL++ know: one call for each input. */
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+/* An allocator with no more than so many bytes, so that a large scene is a short test. */
+typedef struct fuzz_budget {
+  size_t left;
+} fuzz_budget;
+msim_allocator fuzz_allocator(fuzz_budget *budget, size_t bytes);
+
+/* A broken promise ends the process, as a crash would. */
+void fuzz_check(int kept, const char *promise);
+
+/* Every call leaves a sentence where it fails, and none where it does not. */
+void fuzz_check_error(msim_status status, const msim_error *err);
+
+/* A few steps of what was read, and its explanation. */
+void fuzz_run(const msim_scene *scene, const msim_options *options);
+
+#endif
