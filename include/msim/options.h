@@ -122,11 +122,14 @@ typedef struct msim_plugin_entry {
   int32_t available;   /* 1: can be used here and now */
 } msim_plugin_entry;
 
-/* Tell of the i-th solver or recorder that is built in or known by name; 0 past the end, else 1.
- * This opens the plugin: ask only when somebody wants to know. Nullable: plugin_path. */
+/* Tell of the i-th solver, recorder or importer (of scene files that are not JSON) that is built in
+ * or known by name; 0 past the end, else 1. This opens the plugin: ask only when somebody wants to
+ * know. Nullable: plugin_path. */
 MSIM_API int32_t msim_solver_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                                   msim_error *err);
 MSIM_API int32_t msim_recorder_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
+                                    msim_error *err);
+MSIM_API int32_t msim_importer_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                                     msim_error *err);
 
 /* The table of the solver that option `solver` = name would take, opening its plugin; MSIM_ERR_NAME

@@ -77,7 +77,8 @@ typedef struct msim_scene_view {
 MSIM_API msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene,
                                        msim_error *err);
 
-/* Read a scene file (JSON). What is wrong is named by file, line or key. Nullable: alloc. */
+/* Read a scene file: JSON, or *.h5 where the plugin for HDF5 is there, whose text in JSON would say
+ * the same. What is wrong is named by file, line or key. Nullable: alloc. */
 MSIM_API msim_status msim_scene_load(const msim_allocator *alloc, const char *path,
                                      msim_scene **scene, msim_error *err);
 
@@ -86,7 +87,8 @@ MSIM_API msim_status msim_scene_parse(const msim_allocator *alloc, const char *l
                                       const char *text, size_t length, msim_scene **scene,
                                       msim_error *err);
 
-/* Write the scene as a scene file: objects expanded, every number exact. */
+/* Write the scene as a scene file, by its extension as above: objects expanded, every number
+ * exact. */
 MSIM_API msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err);
 
 MSIM_API void msim_scene_destroy(msim_scene *scene);

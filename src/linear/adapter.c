@@ -141,6 +141,13 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   return say(self, status, err);
 }
 
+/* A backend without a matrix sees padding and pinned rows: they are 0, whatever it wrote there. */
+static void clear_padding(const ms_rows *rows, double *y) {
+  const size_t n = (size_t)rows->nfree, stride = (size_t)rows->stride;
+  for (size_t c = 0; c < (size_t)rows->dims; c++)
+    memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
+}
+
 static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
                          int64_t *iterations, msim_error *err) {
   adapter *self = (adapter *)base;
@@ -154,7 +161,8 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   msim_status status =
       self->table->solve(self->backend, &self->view, &params, model->rows.dims / self->view.block,
                          self->b ? self->b : b, self->b ? self->y : y, &info);
-  if (self->b && (status == MSIM_OK || status == MSIM_NOT_CONVERGED))
+  if (!self->b) clear_padding(&model->rows, y);
+  else if (status == MSIM_OK || status == MSIM_NOT_CONVERGED)
     ms_matrix_unpack(model, &self->matrix, self->y, y);
   if (info.iterations > 0) *iterations += info.iterations;
   return say(self, status, err);

@@ -76,16 +76,12 @@ static msim_status check_table(const char *name, const char *file, const msim_ba
   msim_status status = ms_plugin_check("backend", name, file, table->abi, MSIM_BACKEND_ABI,
                                        table->size, MSIM_BACKEND_SIZE_1, table->name, err);
   if (status) return status;
-  const struct {
-    const char *name;
-    int missing;
-  } members[] = {{"library", !table->library}, {"license", !table->license},
-                 {"create", !table->create},   {"analyze", !table->analyze},
-                 {"factor", !table->factor},   {"solve", !table->solve},
-                 {"destroy", !table->destroy}};
-  for (size_t i = 0; i < sizeof members / sizeof *members; i++)
-    if (members[i].missing)
-      return ms_fail(err, MSIM_ERR_PLUGIN, "%s has a table without `%s`", file, members[i].name);
+  const ms_plugin_member members[] = {{"library", !table->library}, {"license", !table->license},
+                                      {"create", !table->create},   {"analyze", !table->analyze},
+                                      {"factor", !table->factor},   {"solve", !table->solve},
+                                      {"destroy", !table->destroy}};
+  status = ms_plugin_check_members(file, members, sizeof members / sizeof *members, err);
+  if (status) return status;
   if (table->format >= MSIM_FORMAT_NONE && table->format <= MSIM_FORMAT_FULL) return MSIM_OK;
   return ms_fail(err, MSIM_ERR_PLUGIN, "%s asks for matrix format %d, which there is not", file,
                  table->format);

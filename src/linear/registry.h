@@ -2,7 +2,7 @@
 #ifndef MS_REGISTRY_H
 #define MS_REGISTRY_H
 
-#include "linear/plugin.h"
+#include "base/plugin.h"
 #include "msim/backend.h"
 
 /* The table of a backend, from own (NULL at the end, nullable), linked in, or from a plugin; one

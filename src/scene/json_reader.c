@@ -24,14 +24,28 @@ static excerpt shorten(const char *text) {
   return e;
 }
 
-static excerpt found(const json_t *value) {
+/* A number as JSON writes it; an importer may have read one that JSON does not know. */
+static excerpt found_number(ms_value value) {
   excerpt e;
-  if (json_is_array(value)) {
-    snprintf(e.text, sizeof e.text, "an array of %zu", json_array_size(value));
+  const double number = ms_value_number(value);
+  json_t *json = ms_value_is_whole(value) ? json_integer(ms_value_whole(value)) : json_real(number);
+  char *text = json_dumps(json, JSON_ENCODE_ANY | JSON_REAL_PRECISION(15));
+  if (text) e = shorten(text);
+  else snprintf(e.text, sizeof e.text, "%g", number);
+  free(text);
+  json_decref(json);
+  return e;
+}
+
+static excerpt found(ms_value value) {
+  excerpt e;
+  if (ms_value_is_array(value)) {
+    snprintf(e.text, sizeof e.text, "an array of %zu", ms_value_size(value));
     return e;
   }
-  if (json_is_object(value)) return shorten("an object");
-  char *text = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(15));
+  if (json_is_object(value.json)) return shorten("an object");
+  if (ms_value_is_number(value)) return found_number(value);
+  char *text = json_dumps(value.json, JSON_ENCODE_ANY);
   e = shorten(text ? text : "a value");
   free(text);
   return e;
@@ -58,7 +72,7 @@ msim_status ms_json_fail(const ms_json *r, msim_status status, const char *forma
   return ms_fail(r->err, status, "%s: %s", r->label, inner.text);
 }
 
-msim_status ms_json_refuse(const ms_json *r, ms_place at, const json_t *value, const char *must) {
+msim_status ms_json_refuse(const ms_json *r, ms_place at, ms_value value, const char *must) {
   char index[48] = "";
   if (at.j >= 0) snprintf(index, sizeof index, "[%lld][%lld]", (long long)at.i, (long long)at.j);
   else if (at.i >= 0) snprintf(index, sizeof index, "[%lld]", (long long)at.i);
@@ -90,12 +104,12 @@ static msim_status refuse_key(const ms_json *r, const char *path, const char *ke
                       ms_json_path(path, key).text, ms_did_you_mean(key, key_at, keys).text, known);
 }
 
-msim_status ms_json_keys(const ms_json *r, const char *path, json_t *value,
+msim_status ms_json_keys(const ms_json *r, const char *path, ms_value value,
                          const char *const *keys) {
-  if (!json_is_object(value)) return ms_json_refuse(r, ms_at(path), value, "an object");
+  if (!json_is_object(value.json)) return ms_json_refuse(r, ms_at(path), value, "an object");
   const char *key;
   json_t *member;
-  json_object_foreach(value, key, member) {
+  json_object_foreach(value.json, key, member) {
     int32_t i = 0;
     while (keys[i] && strcmp(keys[i], key) != 0) i++;
     if (!keys[i]) return refuse_key(r, path, key, keys);
@@ -103,67 +117,67 @@ msim_status ms_json_keys(const ms_json *r, const char *path, json_t *value,
   return MSIM_OK;
 }
 
-msim_status ms_json_need(const ms_json *r, const char *path, const json_t *object, const char *key,
-                         const char *must, json_t **value) {
-  *value = json_object_get(object, key);
-  if (*value) return MSIM_OK;
+msim_status ms_json_need(const ms_json *r, const char *path, ms_value object, const char *key,
+                         const char *must, ms_value *value) {
+  *value = ms_value_member(object, key);
+  if (value->json) return MSIM_OK;
   return ms_json_fail(r, MSIM_ERR_ARG, "%s is missing; it must be %s", ms_json_path(path, key).text,
                       must);
 }
 
 /*------------------------------------- values ---------------------------------------------------*/
 
-msim_status ms_json_array(const ms_json *r, const char *key, const json_t *value, int32_t *n) {
-  if (!json_is_array(value)) return ms_json_refuse(r, ms_at(key), value, "an array");
-  const size_t size = json_array_size(value);
+msim_status ms_json_array(const ms_json *r, const char *key, ms_value value, int32_t *n) {
+  if (!ms_value_is_array(value)) return ms_json_refuse(r, ms_at(key), value, "an array");
+  const size_t size = ms_value_size(value);
   if (size > INT32_MAX / 3) return ms_json_refuse(r, ms_at(key), value, "shorter");
   *n = (int32_t)size;
   return MSIM_OK;
 }
 
-msim_status ms_json_number(const ms_json *r, ms_place at, const json_t *value, ms_range range,
+msim_status ms_json_number(const ms_json *r, ms_place at, ms_value value, ms_range range,
                            double *number) {
-  *number = json_number_value(value);
-  const int kind = range == MS_COUNT ? json_is_integer(value) : json_is_number(value);
+  *number = ms_value_number(value);
+  const int kind = range == MS_COUNT ? ms_value_is_whole(value) : ms_value_is_number(value);
   if (kind && ms_in_range(range, *number)) return MSIM_OK;
   return ms_json_refuse(r, at, value, ms_range_text(range));
 }
 
-static msim_status refuse_length(const ms_json *r, ms_place at, const json_t *value,
-                                 const char *before, int32_t n) {
+static msim_status refuse_length(const ms_json *r, ms_place at, ms_value value, const char *before,
+                                 int32_t n) {
   char must[96];
   snprintf(must, sizeof must, "%san array of %d", before, n);
   return ms_json_refuse(r, at, value, must);
 }
 
-static int has_length(const json_t *value, int32_t n) {
-  return json_is_array(value) && json_array_size(value) == (size_t)n;
+static int has_length(ms_value value, int32_t n) {
+  return ms_value_is_array(value) && ms_value_size(value) == (size_t)n;
 }
 
-msim_status ms_json_row(const ms_json *r, ms_place at, const json_t *value, ms_range range,
-                        int32_t n, double *numbers) {
+msim_status ms_json_row(const ms_json *r, ms_place at, ms_value value, ms_range range, int32_t n,
+                        double *numbers) {
   if (!has_length(value, n)) return refuse_length(r, at, value, "", n);
   msim_status status = MSIM_OK;
   for (int32_t c = 0; c < n && !status; c++) {
     ms_place item = at.i < 0 ? (ms_place){at.key, c, -1} : (ms_place){at.key, at.i, c};
-    status = ms_json_number(r, item, json_array_get(value, (size_t)c), range, numbers + c);
+    status = ms_json_number(r, item, ms_value_item(value, (size_t)c), range, numbers + c);
   }
   return status;
 }
 
-msim_status ms_json_rows(const ms_json *r, const char *key, const json_t *value, int32_t n,
+msim_status ms_json_rows(const ms_json *r, const char *key, ms_value value, int32_t n,
                          double *numbers) {
   if (!has_length(value, n)) return refuse_length(r, ms_at(key), value, "", n);
   msim_status status = MSIM_OK;
   for (size_t i = 0; i < (size_t)n && !status; i++)
-    status = ms_json_row(r, ms_item(key, i), json_array_get(value, i), MS_ANY, 3, numbers + 3 * i);
+    status = ms_json_row(r, ms_item(key, i), ms_value_item(value, i), MS_ANY, 3, numbers + 3 * i);
   return status;
 }
 
-msim_status ms_json_each(const ms_json *r, const char *key, const json_t *value, ms_range range,
+msim_status ms_json_each(const ms_json *r, const char *key, ms_value value, ms_range range,
                          int32_t n, double *numbers) {
   if (has_length(value, n)) return ms_json_row(r, ms_at(key), value, range, n, numbers);
-  if (!json_is_number(value)) {
+  if (!ms_value_is_number(value)) {
     char before[64];
     snprintf(before, sizeof before, "%s for all, or ", ms_range_text(range));
     return refuse_length(r, ms_at(key), value, before, n);
@@ -174,11 +188,11 @@ msim_status ms_json_each(const ms_json *r, const char *key, const json_t *value,
   return status;
 }
 
-msim_status ms_json_index(const ms_json *r, ms_place at, const json_t *value, int32_t n,
+msim_status ms_json_index(const ms_json *r, ms_place at, ms_value value, int32_t n,
                           int32_t *index) {
-  const json_int_t number = json_integer_value(value);
+  const int64_t number = ms_value_whole(value);
   *index = (int32_t)number;
-  if (json_is_integer(value) && number >= 0 && number < n) return MSIM_OK;
+  if (ms_value_is_whole(value) && number >= 0 && number < n) return MSIM_OK;
   char must[64] = "left out, as there are no particles";
   if (n) snprintf(must, sizeof must, "a whole number from 0 to %d", n - 1);
   return ms_json_refuse(r, at, value, must);

@@ -1,11 +1,10 @@
-/* json_reader - values out of a JSON tree; what does not fit is refused in one sentence that
- * names file, key path, what was found and what is allowed */
+/* json_reader - values out of a scene file's tree; what does not fit is refused in one sentence
+ * that names file, key path, what was found and what is allowed */
 #ifndef MS_JSON_READER_H
 #define MS_JSON_READER_H
 
-#include <jansson.h>
-
 #include "scene/objects.h"
+#include "scene/value.h"
 
 typedef struct ms_json {
   const char *label; /* stands for the file in errors */
@@ -37,7 +36,7 @@ static inline ms_place ms_item(const char *key, size_t i) {
 /* All of these set r->err and return its status. */
 msim_status ms_json_fail(const ms_json *r, msim_status status, const char *format, ...)
     MS_PRINTF(3, 4);
-msim_status ms_json_refuse(const ms_json *r, ms_place at, const json_t *value, const char *must);
+msim_status ms_json_refuse(const ms_json *r, ms_place at, ms_value value, const char *must);
 msim_status ms_json_no_memory(const ms_json *r);
 /* Pass on what another part of the library says: where it refuses something, `path` comes before
  * its sentence. */
@@ -45,29 +44,31 @@ msim_status ms_json_pass(const ms_json *r, const char *path, msim_status status,
                          const msim_error *inner);
 
 /* `value` must be an object with no other keys; `keys` ends with NULL. */
-msim_status ms_json_keys(const ms_json *r, const char *path, json_t *value,
+msim_status ms_json_keys(const ms_json *r, const char *path, ms_value value,
                          const char *const *keys);
-msim_status ms_json_need(const ms_json *r, const char *path, const json_t *object, const char *key,
-                         const char *must, json_t **value);
-msim_status ms_json_array(const ms_json *r, const char *key, const json_t *value, int32_t *n);
+msim_status ms_json_need(const ms_json *r, const char *path, ms_value object, const char *key,
+                         const char *must, ms_value *value);
+msim_status ms_json_array(const ms_json *r, const char *key, ms_value value, int32_t *n);
 
-msim_status ms_json_number(const ms_json *r, ms_place at, const json_t *value, ms_range range,
+msim_status ms_json_number(const ms_json *r, ms_place at, ms_value value, ms_range range,
                            double *number);
 /* An array of exactly n numbers. */
-msim_status ms_json_row(const ms_json *r, ms_place at, const json_t *value, ms_range range,
-                        int32_t n, double *numbers);
+msim_status ms_json_row(const ms_json *r, ms_place at, ms_value value, ms_range range, int32_t n,
+                        double *numbers);
 /* n rows of three. */
-msim_status ms_json_rows(const ms_json *r, const char *key, const json_t *value, int32_t n,
+msim_status ms_json_rows(const ms_json *r, const char *key, ms_value value, int32_t n,
                          double *numbers /* 3n */);
 /* One number for all, or n. */
-msim_status ms_json_each(const ms_json *r, const char *key, const json_t *value, ms_range range,
+msim_status ms_json_each(const ms_json *r, const char *key, ms_value value, ms_range range,
                          int32_t n, double *numbers);
 /* A whole number from 0 to n - 1. */
-msim_status ms_json_index(const ms_json *r, ms_place at, const json_t *value, int32_t n,
-                          int32_t *index);
+msim_status ms_json_index(const ms_json *r, ms_place at, ms_value value, int32_t n, int32_t *index);
+
+/* In scene_json.c: the scene that a tree describes, in r->scene. */
+msim_status ms_json_build(ms_json *r, ms_value root);
 
 /* In scene_json_objects.c: the particles of `objects`, and later their springs. */
-msim_status ms_json_objects(ms_json *r, const char *path, json_t *objects);
+msim_status ms_json_objects(ms_json *r, const char *path, ms_value objects);
 msim_status ms_json_object_springs(const ms_json *r);
 
 #endif

@@ -53,4 +53,15 @@ msim_status ms_scene_add_run(msim_scene *scene, const char *name, const char *va
 /* The scene as a scene file: the text it was read from where that still holds. */
 msim_status ms_scene_to_json(const ms_scene *scene, ms_text *text, msim_error *err);
 
+/* 1: it is UTF-8, 0: it is not, -1: there is no memory to know. */
+int ms_is_utf8(const char *text);
+
+/* Refuse a scene that no file can hold. */
+msim_status ms_scene_check_file(const ms_scene *scene, msim_error *err);
+
+/* What a scene file leaves out: of numbers that are the same to the bit all but one, and those that
+ * are 0, as by default; -0 is not 0. */
+int ms_all_equal(int64_t count, const double *numbers);
+int ms_all_zero(int64_t count, const double *numbers);
+
 #endif

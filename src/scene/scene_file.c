@@ -2,18 +2,12 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "scene/import.h"
 #include "scene/scene.h"
 
 /* "path: cannot be read: Permission denied" */
 static msim_status fail_io(msim_error *err, const char *path, const char *what, int number) {
   return ms_fail(err, ms_status_of(number), "%s: cannot be %s: %s", path, what, strerror(number));
-}
-
-static msim_status refuse_hdf5(const char *path, msim_error *err) {
-  const size_t length = strlen(path);
-  if (length < 3 || strcmp(path + length - 3, ".h5") != 0) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_UNSUPPORTED,
-                 "%s: scenes in HDF5 files are not part of this version yet; use JSON", path);
 }
 
 /*------------------------------------- load -----------------------------------------------------*/
@@ -41,14 +35,17 @@ msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_
                             msim_error *err) {
   if (scene) *scene = NULL;
   if (!scene || !path) return ms_fail(err, MSIM_ERR_ARG, "scene or path is NULL");
-  msim_status status = refuse_hdf5(path, err);
-  if (status) return status;
   FILE *file = fopen(path, "rb");
   if (!file) return fail_io(err, path, "read", errno);
+  const char *importer = ms_importer_for(path);
+  if (importer) {
+    fclose(file);
+    return ms_scene_import(alloc, importer, path, scene, err);
+  }
   const msim_allocator a = ms_allocator(alloc);
   char *text = NULL;
   size_t length;
-  status = read_all(&a, file, path, &text, &length, err);
+  msim_status status = read_all(&a, file, path, &text, &length, err);
   fclose(file);
   if (!status) status = msim_scene_parse(alloc, path, text, length, scene, err);
   ms_delete(&a, text);
@@ -69,28 +66,33 @@ static int write_file(const char *path, const ms_text *text) {
   return fault;
 }
 
+static msim_status write_json(const ms_scene *scene, const char *part, const char *path,
+                              msim_error *err) {
+  ms_text text = {.alloc = &scene->alloc};
+  msim_status status = ms_scene_to_json(scene, &text, err);
+  const int fault = status ? 0 : write_file(part, &text);
+  ms_text_free(&text);
+  return fault ? fail_io(err, path, "written", fault) : status;
+}
+
 /* Under its own name a file is whole. */
-static msim_status replace_file(const msim_allocator *alloc, const char *path, const ms_text *text,
-                                msim_error *err) {
-  ms_text part = {.alloc = alloc};
-  ms_print(&part, "%s.part", path);
-  if (part.failed) return ms_fail_memory(err, "a file name");
-  int fault = write_file(part.data, text);
-  if (!fault && rename(part.data, path)) {
-    fault = errno;
-    remove(part.data);
-  }
-  ms_text_free(&part);
-  return fault ? fail_io(err, path, "written", fault) : ms_ok(err);
+static msim_status write_part(const ms_scene *scene, const char *part, const char *path,
+                              msim_error *err) {
+  const char *importer = ms_importer_for(path);
+  msim_status status = importer ? ms_scene_export(scene, importer, part, path, err)
+                                : write_json(scene, part, path, err);
+  if (!status && rename(part, path)) status = fail_io(err, path, "written", errno);
+  if (status) remove(part);
+  return status;
 }
 
 msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err) {
   if (!scene || !path) return ms_fail(err, MSIM_ERR_ARG, "scene or path is NULL");
   const msim_allocator alloc = scene->data->alloc;
-  ms_text text = {.alloc = &alloc};
-  msim_status status = refuse_hdf5(path, err);
-  if (!status) status = ms_scene_to_json(scene->data, &text, err);
-  if (!status) status = replace_file(&alloc, path, &text, err);
-  ms_text_free(&text);
-  return status;
+  ms_text part = {.alloc = &alloc};
+  ms_print(&part, "%s.part", path);
+  msim_status status = part.failed ? ms_fail_memory(err, "a file name")
+                                   : write_part(scene->data, part.data, path, err);
+  ms_text_free(&part);
+  return status ? status : ms_ok(err);
 }

@@ -9,19 +9,18 @@ enum { FORMAT_VERSION = 1 };
 
 /*------------------------------------- small sections -------------------------------------------*/
 
-static msim_status read_version(ms_json *r, const char *path, json_t *value) {
-  if (json_is_integer(value) && json_integer_value(value) == FORMAT_VERSION) return MSIM_OK;
+static msim_status read_version(ms_json *r, const char *path, ms_value value) {
+  if (ms_value_is_whole(value) && ms_value_whole(value) == FORMAT_VERSION) return MSIM_OK;
   return ms_json_refuse(r, ms_at(path), value, "1, the version of the format");
 }
 
-static msim_status read_name(ms_json *r, const char *path, json_t *value) {
+static msim_status read_name(ms_json *r, const char *path, ms_value value) {
   msim_error inner;
-  if (!json_is_string(value)) return ms_json_refuse(r, ms_at(path), value, "a string");
-  return ms_json_pass(r, "", msim_scene_set_name(r->scene, json_string_value(value), &inner),
-                      &inner);
+  if (!ms_value_text(value)) return ms_json_refuse(r, ms_at(path), value, "a string");
+  return ms_json_pass(r, "", msim_scene_set_name(r->scene, ms_value_text(value), &inner), &inner);
 }
 
-static msim_status read_gravity(ms_json *r, const char *path, json_t *value) {
+static msim_status read_gravity(ms_json *r, const char *path, ms_value value) {
   msim_error inner;
   double gravity[3];
   msim_status status = ms_json_row(r, ms_at(path), value, MS_ANY, 3, gravity);
@@ -29,7 +28,7 @@ static msim_status read_gravity(ms_json *r, const char *path, json_t *value) {
   return ms_json_pass(r, "", msim_scene_set_gravity(r->scene, gravity, &inner), &inner);
 }
 
-static msim_status read_drag(ms_json *r, const char *path, json_t *value) {
+static msim_status read_drag(ms_json *r, const char *path, ms_value value) {
   msim_error inner;
   double drag;
   msim_status status = ms_json_number(r, ms_at(path), value, MS_NOT_NEGATIVE, &drag);
@@ -40,18 +39,18 @@ static msim_status read_drag(ms_json *r, const char *path, json_t *value) {
 /*------------------------------------- particles ------------------------------------------------*/
 
 /* A list of particles; *list is the caller's to delete, also after an error. */
-static msim_status read_indices(const ms_json *r, const char *key, const json_t *value,
-                                int32_t limit, int32_t *n, int32_t **list) {
+static msim_status read_indices(const ms_json *r, const char *key, ms_value value, int32_t limit,
+                                int32_t *n, int32_t **list) {
   msim_status status = ms_json_array(r, key, value, n);
   if (status) return status;
   *list = ms_new(&r->alloc, (size_t)*n, sizeof **list);
   if (!*list) return ms_json_no_memory(r);
   for (size_t i = 0; i < (size_t)*n && !status; i++)
-    status = ms_json_index(r, ms_item(key, i), json_array_get(value, i), limit, *list + i);
+    status = ms_json_index(r, ms_item(key, i), ms_value_item(value, i), limit, *list + i);
   return status;
 }
 
-static msim_status read_pinned(const ms_json *r, const json_t *value, int32_t limit) {
+static msim_status read_pinned(const ms_json *r, ms_value value, int32_t limit) {
   msim_error inner;
   int32_t n, *list = NULL;
   msim_status status = read_indices(r, "particles.pinned", value, limit, &n, &list);
@@ -61,23 +60,23 @@ static msim_status read_pinned(const ms_json *r, const json_t *value, int32_t li
   return status;
 }
 
-static msim_status add_particles(const ms_json *r, json_t *section, json_t *x, json_t *mass,
+static msim_status add_particles(const ms_json *r, ms_value section, ms_value x, ms_value mass,
                                  int32_t n, double *room /* 7n */) {
   msim_error inner;
   double *at_v = room + 3 * (size_t)n, *at_mass = at_v + 3 * (size_t)n;
-  const json_t *v = json_object_get(section, "v"), *pinned = json_object_get(section, "pinned");
+  const ms_value v = ms_value_member(section, "v"), pinned = ms_value_member(section, "pinned");
   msim_status status = ms_json_rows(r, "particles.x", x, n, room);
-  if (!status && v) status = ms_json_rows(r, "particles.v", v, n, at_v);
+  if (!status && v.json) status = ms_json_rows(r, "particles.v", v, n, at_v);
   if (!status) status = ms_json_each(r, "particles.mass", mass, MS_POSITIVE, n, at_mass);
   if (status) return status;
   status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, &inner);
-  if (status || !pinned) return ms_json_pass(r, "", status, &inner);
+  if (status || !pinned.json) return ms_json_pass(r, "", status, &inner);
   return read_pinned(r, pinned, n);
 }
 
-static msim_status read_particles(ms_json *r, const char *path, json_t *section) {
+static msim_status read_particles(ms_json *r, const char *path, ms_value section) {
   static const char *const keys[] = {"x", "v", "mass", "pinned", NULL};
-  json_t *x = NULL, *mass = NULL;
+  ms_value x = {NULL}, mass = {NULL};
   int32_t n = 0;
   msim_status status = ms_json_keys(r, path, section, keys);
   if (!status) status = ms_json_need(r, path, section, "x", "an array of [x, y, z]", &x);
@@ -94,41 +93,43 @@ static msim_status read_particles(ms_json *r, const char *path, json_t *section)
 
 /*------------------------------------- springs --------------------------------------------------*/
 
-static msim_status read_pairs(const ms_json *r, const json_t *pairs, int32_t n, int32_t *ij) {
+static msim_status read_pairs(const ms_json *r, ms_value pairs, int32_t n, int32_t *ij) {
   const int32_t limit = r->scene->data->nparticles;
   msim_status status = MSIM_OK;
   for (size_t e = 0; e < (size_t)n && !status; e++) {
-    const json_t *pair = json_array_get(pairs, e);
-    if (!json_is_array(pair) || json_array_size(pair) != 2)
+    ms_value pair = ms_value_item(pairs, e);
+    if (!ms_value_is_array(pair) || ms_value_size(pair) != 2)
       return ms_json_refuse(r, ms_item("springs.ij", e), pair, "an array of 2");
     for (size_t end = 0; end < 2 && !status; end++) {
       const ms_place at = {"springs.ij", (int64_t)e, (int64_t)end};
-      status = ms_json_index(r, at, json_array_get(pair, end), limit, ij + 2 * e + end);
+      status = ms_json_index(r, at, ms_value_item(pair, end), limit, ij + 2 * e + end);
     }
   }
   return status;
 }
 
-static msim_status add_springs(const ms_json *r, json_t *section, json_t *pairs, json_t *k,
+static msim_status add_springs(const ms_json *r, ms_value section, ms_value pairs, ms_value k,
                                int32_t n, double *room /* 4n */) {
   msim_error inner;
   double *at_rest = room + n, *at_damping = at_rest + n;
   int32_t *ij = (int32_t *)(at_damping + n);
-  const json_t *rest = json_object_get(section, "rest");
-  const json_t *damping = json_object_get(section, "damping");
+  ms_value rest = ms_value_member(section, "rest");
+  ms_value damping = ms_value_member(section, "damping");
   msim_status status = read_pairs(r, pairs, n, ij);
   if (!status) status = ms_json_each(r, "springs.k", k, MS_NOT_NEGATIVE, n, room);
-  if (!status && rest) status = ms_json_each(r, "springs.rest", rest, MS_NOT_NEGATIVE, n, at_rest);
-  if (!status && damping)
+  if (!status && rest.json)
+    status = ms_json_each(r, "springs.rest", rest, MS_NOT_NEGATIVE, n, at_rest);
+  if (!status && damping.json)
     status = ms_json_each(r, "springs.damping", damping, MS_NOT_NEGATIVE, n, at_damping);
   if (status) return status;
-  status = msim_scene_add_springs(r->scene, n, ij, room, rest ? at_rest : NULL, at_damping, &inner);
+  status =
+      msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, &inner);
   return ms_json_pass(r, "", status, &inner);
 }
 
-static msim_status read_springs(ms_json *r, const char *path, json_t *section) {
+static msim_status read_springs(ms_json *r, const char *path, ms_value section) {
   static const char *const keys[] = {"ij", "k", "rest", "damping", NULL};
-  json_t *pairs = NULL, *k = NULL;
+  ms_value pairs = {NULL}, k = {NULL};
   int32_t n = 0;
   msim_status status = ms_json_keys(r, path, section, keys);
   if (!status) status = ms_json_need(r, path, section, "ij", "an array of [i, j]", &pairs);
@@ -144,7 +145,7 @@ static msim_status read_springs(ms_json *r, const char *path, json_t *section) {
 
 /*------------------------------------- planes ---------------------------------------------------*/
 
-static msim_status read_plane(const ms_json *r, const char *path, json_t *value) {
+static msim_status read_plane(const ms_json *r, const char *path, ms_value value) {
   static const char *const keys[] = {"normal", "offset", "restitution", "friction", NULL};
   msim_error inner;
   msim_plane p = {.restitution = 1};
@@ -160,8 +161,8 @@ static msim_status read_plane(const ms_json *r, const char *path, json_t *value)
   msim_status status = ms_json_keys(r, path, value, keys);
   for (int i = 0; i < 4 && !status; i++) {
     const ms_path at = ms_json_path(path, keys[i]);
-    json_t *member = json_object_get(value, keys[i]);
-    if (!member && !members[i].must) continue;
+    ms_value member = ms_value_member(value, keys[i]);
+    if (!member.json && !members[i].must) continue;
     status = ms_json_need(r, path, value, keys[i], members[i].must, &member);
     if (status) return status;
     if (members[i].n == 1)
@@ -173,29 +174,29 @@ static msim_status read_plane(const ms_json *r, const char *path, json_t *value)
   return ms_json_pass(r, ms_json_path(path, "").text, status, &inner);
 }
 
-static msim_status read_planes(ms_json *r, const char *path, json_t *planes) {
+static msim_status read_planes(ms_json *r, const char *path, ms_value planes) {
   int32_t n;
   msim_status status = ms_json_array(r, path, planes, &n);
-  for (size_t i = 0; i < json_array_size(planes) && !status; i++)
-    status = read_plane(r, ms_json_item(path, i).text, json_array_get(planes, i));
+  for (size_t i = 0; i < ms_value_size(planes) && !status; i++)
+    status = read_plane(r, ms_json_item(path, i).text, ms_value_item(planes, i));
   return status;
 }
 
 /*------------------------------------- run ------------------------------------------------------*/
 
 /* The value as msim_options_set takes it; in *number where it is no string. */
-static const char *option_text(const json_t *value, ms_number *number) {
-  if (json_is_string(value)) return json_string_value(value);
-  if (json_is_integer(value))
-    snprintf(number->text, sizeof number->text, "%lld", (long long)json_integer_value(value));
-  else *number = ms_number_text(json_number_value(value));
+static const char *option_text(ms_value value, ms_number *number) {
+  if (ms_value_text(value)) return ms_value_text(value);
+  if (ms_value_is_whole(value))
+    snprintf(number->text, sizeof number->text, "%lld", (long long)ms_value_whole(value));
+  else *number = ms_number_text(ms_value_number(value));
   return number->text;
 }
 
-static msim_status check_option_type(const ms_json *r, const char *path, const json_t *value,
+static msim_status check_option_type(const ms_json *r, const char *path, ms_value value,
                                      const msim_option_entry *option, int is_number) {
-  const char *word = json_string_value(value);
-  if (is_number ? json_is_number(value) || (word && ms_option_is_word(option, word)) : !!word)
+  const char *word = ms_value_text(value);
+  if (is_number ? ms_value_is_number(value) || (word && ms_option_is_word(option, word)) : !!word)
     return MSIM_OK;
   char must[96];
   snprintf(must, sizeof must, is_number ? "a %s" : "a string: %s", option->values);
@@ -203,7 +204,7 @@ static msim_status check_option_type(const ms_json *r, const char *path, const j
 }
 
 static msim_status read_option(const ms_json *r, const char *path, const char *name,
-                               const json_t *value) {
+                               ms_value value) {
   if (strcmp(name, "plugin_path") == 0)
     return ms_json_fail(r, MSIM_ERR_ARG,
                         "%s is not for scenes: no file may say where code is loaded from", path);
@@ -222,11 +223,12 @@ static msim_status read_option(const ms_json *r, const char *path, const char *n
   return ms_json_pass(r, "", ms_scene_add_run(r->scene, name, text, &inner), &inner);
 }
 
-static msim_status read_run(ms_json *r, const char *path, json_t *run) {
-  if (!json_is_object(run)) return ms_json_refuse(r, ms_at(path), run, "an object");
+static msim_status read_run(ms_json *r, const char *path, ms_value run) {
+  if (!json_is_object(run.json)) return ms_json_refuse(r, ms_at(path), run, "an object");
   const char *name;
-  json_t *value;
-  json_object_foreach(run, name, value) {
+  json_t *member;
+  json_object_foreach(run.json, name, member) {
+    const ms_value value = {member, run.columns, 0, 0};
     msim_status status = read_option(r, ms_json_path(path, name).text, name, value);
     if (status) return status;
   }
@@ -238,26 +240,26 @@ static msim_status read_run(ms_json *r, const char *path, json_t *run) {
 /* In the order in which they are read. Springs may tie particles of objects. */
 static const struct section {
   const char *key;
-  msim_status (*read)(ms_json *r, const char *path, json_t *value);
+  msim_status (*read)(ms_json *r, const char *path, ms_value value);
 } sections[] = {
     {"msim", read_version},    {"name", read_name},           {"gravity", read_gravity},
     {"drag", read_drag},       {"particles", read_particles}, {"objects", ms_json_objects},
     {"springs", read_springs}, {"planes", read_planes},       {"run", read_run}};
 enum { NSECTIONS = sizeof sections / sizeof *sections };
 
-static msim_status read_root(ms_json *r, json_t *root) {
+static msim_status read_root(ms_json *r, ms_value root) {
   const char *keys[NSECTIONS + 1] = {NULL};
-  json_t *version;
+  ms_value version;
   for (int i = 0; i < NSECTIONS; i++) keys[i] = sections[i].key;
-  if (!json_is_object(root)) return ms_json_refuse(r, ms_at(""), root, "an object");
+  if (!json_is_object(root.json)) return ms_json_refuse(r, ms_at(""), root, "an object");
   /* a file of another version may have other keys: first things first */
   msim_status status =
       ms_json_need(r, "", root, sections[0].key, "1, the version of the format", &version);
   if (!status) status = read_version(r, sections[0].key, version);
   if (!status) status = ms_json_keys(r, "", root, keys);
   for (int i = 1; i < NSECTIONS && !status; i++) {
-    json_t *value = json_object_get(root, sections[i].key);
-    if (value) status = sections[i].read(r, sections[i].key, value);
+    ms_value value = ms_value_member(root, sections[i].key);
+    if (value.json) status = sections[i].read(r, sections[i].key, value);
   }
   if (!status) status = ms_json_object_springs(r);
   if (!status && r->scene->data->nparticles == 0)
@@ -275,13 +277,15 @@ static msim_status keep_source(ms_json *r, const char *text, size_t length) {
   return MSIM_OK;
 }
 
-static msim_status build(ms_json *r, json_t *root, const char *text, size_t length) {
+msim_status ms_json_build(ms_json *r, ms_value root) {
   msim_error inner;
   msim_status status = ms_json_pass(r, "", msim_scene_create(&r->alloc, &r->scene, &inner), &inner);
-  if (!status) status = read_root(r, root);
-  if (!status) status = keep_source(r, text, length);
+  if (status) return status;
+  status = read_root(r, root);
   ms_delete(&r->alloc, r->grids);
-  if (status) msim_scene_destroy(r->scene);
+  if (!status) return MSIM_OK;
+  msim_scene_destroy(r->scene);
+  r->scene = NULL;
   return status;
 }
 
@@ -303,9 +307,13 @@ msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, con
   errno = 0;
   json_t *root = json_loadb(text, length, JSON_REJECT_DUPLICATES, &error);
   if (!root) return refuse_syntax(&r, &error);
-  msim_status status = build(&r, root, text, length);
+  msim_status status = ms_json_build(&r, (ms_value){.json = root});
   json_decref(root);
-  if (status) return status;
+  if (!status) status = keep_source(&r, text, length);
+  if (status) {
+    msim_scene_destroy(r.scene);
+    return status;
+  }
   *scene = r.scene;
   return ms_ok(err);
 }

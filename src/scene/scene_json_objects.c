@@ -11,15 +11,15 @@ static const char *type_name(int32_t i, const void *data) {
   return type ? type->name : NULL;
 }
 
-static msim_status read_type(const ms_json *r, const char *path, const json_t *object,
+static msim_status read_type(const ms_json *r, const char *path, ms_value object,
                              const ms_object_type **type) {
-  if (!json_is_object(object)) return ms_json_refuse(r, ms_at(path), object, "an object");
+  if (!json_is_object(object.json)) return ms_json_refuse(r, ms_at(path), object, "an object");
   static const char *const must = "\"rope\", \"cloth\" or \"lattice\"";
-  json_t *value;
+  ms_value value;
   msim_status status = ms_json_need(r, path, object, "type", must, &value);
   if (status) return status;
   const ms_path at = ms_json_path(path, "type");
-  const char *name = json_string_value(value);
+  const char *name = ms_value_text(value);
   if (!name) return ms_json_refuse(r, ms_at(at.text), value, must);
   for (int32_t i = 0; (*type = ms_object_type_info(i)) != NULL; i++)
     if (strcmp((*type)->name, name) == 0) return MSIM_OK;
@@ -31,7 +31,7 @@ static msim_status read_type(const ms_json *r, const char *path, const json_t *o
   return ms_json_refuse(r, ms_at(at.text), value, hinted);
 }
 
-static msim_status check_keys(const ms_json *r, const char *path, json_t *object,
+static msim_status check_keys(const ms_json *r, const char *path, ms_value object,
                               const ms_object_type *type) {
   const char *keys[MS_MOST_MEMBERS + 3] = {"type"};
   int32_t n = 1;
@@ -43,21 +43,21 @@ static msim_status check_keys(const ms_json *r, const char *path, json_t *object
 /*------------------------------------- members --------------------------------------------------*/
 
 /* "k": {"shear": 10}: the parts left out are 0. */
-static msim_status read_parts(const ms_json *r, const char *path, json_t *value, const ms_member *m,
-                              double *numbers) {
+static msim_status read_parts(const ms_json *r, const char *path, ms_value value,
+                              const ms_member *m, double *numbers) {
   const char *keys[4] = {m->parts[0], m->parts[1], m->parts[2]};
   msim_status status = ms_json_keys(r, path, value, keys);
   for (int32_t i = 0; i < m->count && !status; i++) {
-    const json_t *part = json_object_get(value, keys[i]);
+    ms_value part = ms_value_member(value, keys[i]);
     const ms_path at = ms_json_path(path, keys[i]);
-    if (part) status = ms_json_number(r, ms_at(at.text), part, m->range, numbers + i);
+    if (part.json) status = ms_json_number(r, ms_at(at.text), part, m->range, numbers + i);
   }
   return status;
 }
 
-static msim_status read_numbers(const ms_json *r, const char *path, json_t *value,
+static msim_status read_numbers(const ms_json *r, const char *path, ms_value value,
                                 const ms_member *m, double *numbers) {
-  if (m->parts[0] && json_is_object(value)) return read_parts(r, path, value, m, numbers);
+  if (m->parts[0] && json_is_object(value.json)) return read_parts(r, path, value, m, numbers);
   if (m->parts[0] || m->count == 1) {
     msim_status status = ms_json_number(r, ms_at(path), value, m->range, numbers);
     for (int32_t i = 1; i < m->count; i++) numbers[i] = numbers[0];
@@ -66,11 +66,11 @@ static msim_status read_numbers(const ms_json *r, const char *path, json_t *valu
   return ms_json_row(r, ms_at(path), value, m->range, m->count, numbers);
 }
 
-static msim_status read_member(const ms_json *r, const char *path, const json_t *object,
+static msim_status read_member(const ms_json *r, const char *path, ms_value object,
                                const ms_member *m, ms_object *to) {
   const ms_path at = ms_json_path(path, m->key);
-  json_t *value = json_object_get(object, m->key);
-  if (!value && m->optional) return MSIM_OK;
+  ms_value value = ms_value_member(object, m->key);
+  if (!value.json && m->optional) return MSIM_OK;
   char must[64];
   if (m->count == 1 || m->parts[0]) snprintf(must, sizeof must, "%s", ms_range_text(m->range));
   else snprintf(must, sizeof must, "an array of %d", m->count);
@@ -98,10 +98,10 @@ typedef struct named_particles {
 static const named_particles names[] = {
     {"corners", 2, 0}, {"first_row", 1, 1}, {"first_corners", 1, 0}};
 
-static const named_particles *find_name(const ms_object_type *type, const json_t *value) {
-  if (strcmp(type->name, "cloth") != 0 || !json_is_string(value)) return NULL;
+static const named_particles *find_name(const ms_object_type *type, ms_value value) {
+  if (strcmp(type->name, "cloth") != 0 || !ms_value_text(value)) return NULL;
   for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-    if (strcmp(names[i].name, json_string_value(value)) == 0) return &names[i];
+    if (strcmp(names[i].name, ms_value_text(value)) == 0) return &names[i];
   return NULL;
 }
 
@@ -112,14 +112,14 @@ static void mark_named(const named_particles *named, const ms_grid *grid, int32_
       marks[r * last_row + (named->whole ? c : c * (columns - 1))] = 1;
 }
 
-static msim_status mark_item(const ms_json *r, ms_place at, const json_t *value,
+static msim_status mark_item(const ms_json *r, ms_place at, ms_value value,
                              const ms_object_type *type, const ms_grid *grid, int32_t *marks) {
   const named_particles *named = find_name(type, value);
   if (named) {
     mark_named(named, grid, marks);
     return MSIM_OK;
   }
-  if (json_is_string(value) && strcmp(type->name, "cloth") == 0)
+  if (ms_value_text(value) && strcmp(type->name, "cloth") == 0)
     return ms_json_refuse(r, at, value,
                           "an index, \"corners\", \"first_row\" or \"first_corners\"");
   int32_t p;
@@ -129,14 +129,14 @@ static msim_status mark_item(const ms_json *r, ms_place at, const json_t *value,
 }
 
 /* An array of indices and names, or one name. `marks` becomes the list of the marked. */
-static msim_status read_pinned(const ms_json *r, const char *path, const json_t *value,
+static msim_status read_pinned(const ms_json *r, const char *path, ms_value value,
                                const ms_object_type *type, ms_grid *grid, int32_t *marks) {
   msim_status status = MSIM_OK;
   int32_t n;
-  if (json_is_string(value)) status = mark_item(r, ms_at(path), value, type, grid, marks);
+  if (ms_value_text(value)) status = mark_item(r, ms_at(path), value, type, grid, marks);
   else status = ms_json_array(r, path, value, &n);
-  for (size_t i = 0; i < json_array_size(value) && !status; i++)
-    status = mark_item(r, ms_item(path, i), json_array_get(value, i), type, grid, marks);
+  for (size_t i = 0; i < ms_value_size(value) && !status; i++)
+    status = mark_item(r, ms_item(path, i), ms_value_item(value, i), type, grid, marks);
   for (int32_t p = 0; p < ms_grid_size(grid); p++)
     if (marks[p]) marks[grid->npinned++] = p;
   grid->pinned = marks;
@@ -145,21 +145,21 @@ static msim_status read_pinned(const ms_json *r, const char *path, const json_t 
 
 /*------------------------------------- objects --------------------------------------------------*/
 
-static msim_status add_particles(const ms_json *r, const char *path, const json_t *object,
+static msim_status add_particles(const ms_json *r, const char *path, ms_value object,
                                  const ms_object_type *type, ms_grid *grid) {
   msim_error inner;
   const ms_path at = ms_json_path(path, "pinned");
-  const json_t *pinned = json_object_get(object, "pinned");
-  int32_t *marks = ms_new(&r->alloc, pinned ? (size_t)ms_grid_size(grid) : 0, sizeof *marks);
+  ms_value pinned = ms_value_member(object, "pinned");
+  int32_t *marks = ms_new(&r->alloc, pinned.json ? (size_t)ms_grid_size(grid) : 0, sizeof *marks);
   if (!marks) return ms_json_no_memory(r);
-  msim_status status = pinned ? read_pinned(r, at.text, pinned, type, grid, marks) : MSIM_OK;
+  msim_status status = pinned.json ? read_pinned(r, at.text, pinned, type, grid, marks) : MSIM_OK;
   if (!status)
     status = ms_json_pass(r, "", ms_grid_add_particles(r->scene, grid, path, &inner), &inner);
   ms_delete(&r->alloc, marks);
   return status;
 }
 
-static msim_status read_object(const ms_json *r, const char *path, json_t *value, ms_grid *grid) {
+static msim_status read_object(const ms_json *r, const char *path, ms_value value, ms_grid *grid) {
   msim_error inner;
   const ms_object_type *type;
   msim_status status = read_type(r, path, value, &type);
@@ -174,13 +174,13 @@ static msim_status read_object(const ms_json *r, const char *path, json_t *value
   return status ? status : add_particles(r, path, value, type, grid);
 }
 
-msim_status ms_json_objects(ms_json *r, const char *path, json_t *objects) {
+msim_status ms_json_objects(ms_json *r, const char *path, ms_value objects) {
   msim_status status = ms_json_array(r, path, objects, &r->ngrids);
   if (status) return status;
   r->grids = ms_new(&r->alloc, (size_t)r->ngrids, sizeof *r->grids);
   if (!r->grids) return ms_json_no_memory(r);
   for (size_t i = 0; i < (size_t)r->ngrids && !status; i++)
-    status = read_object(r, ms_json_item(path, i).text, json_array_get(objects, i), &r->grids[i]);
+    status = read_object(r, ms_json_item(path, i).text, ms_value_item(objects, i), &r->grids[i]);
   return status;
 }
 

@@ -23,7 +23,7 @@ static void write_numbers(ms_text *text, int64_t count, int width, const double 
   ms_print(text, "]");
 }
 
-static int all_equal(int64_t count, const double *numbers) {
+int ms_all_equal(int64_t count, const double *numbers) {
   int64_t i = 1;
   while (i < count && memcmp(numbers + i, numbers, sizeof *numbers) == 0) i++;
   return i >= count;
@@ -32,30 +32,24 @@ static int all_equal(int64_t count, const double *numbers) {
 /* ,"key": one number where all are the same to the bit, else all of them */
 static void write_each(ms_text *text, const char *key, int64_t count, const double *numbers) {
   ms_print(text, ",\n    \"%s\": ", key);
-  if (count > 0 && all_equal(count, numbers)) write_number(text, numbers[0]);
+  if (count > 0 && ms_all_equal(count, numbers)) write_number(text, numbers[0]);
   else write_numbers(text, count, 1, numbers);
 }
 
-static msim_status write_string(ms_text *text, const char *what, const char *string,
-                                msim_error *err) {
-  errno = 0; /* json_string() does not say why it fails */
+static msim_status write_string(ms_text *text, const char *string, msim_error *err) {
   json_t *value = json_string(string);
-  const int no_memory = value == NULL && errno == ENOMEM;
   char *quoted = value ? json_dumps(value, JSON_ENCODE_ANY) : NULL;
   if (quoted) ms_print(text, "%s", quoted);
   free(quoted);
   json_decref(value);
-  if (quoted) return MSIM_OK;
-  if (value || no_memory) return ms_fail_memory(err, "a scene file");
-  return ms_fail(err, MSIM_ERR_ARG, "%s is not valid UTF-8; a scene file cannot hold it", what);
+  return quoted ? MSIM_OK : ms_fail_memory(err, "a scene file");
 }
 
 /*------------------------------------- sections -------------------------------------------------*/
 
-/* 0 and at rest are defaults, and -0 is not 0. */
-static int all_zero(int64_t count, const double *numbers) {
+int ms_all_zero(int64_t count, const double *numbers) {
   const double zero = 0;
-  return count == 0 || (memcmp(numbers, &zero, sizeof zero) == 0 && all_equal(count, numbers));
+  return count == 0 || (memcmp(numbers, &zero, sizeof zero) == 0 && ms_all_equal(count, numbers));
 }
 
 static void write_pinned(ms_text *text, const ms_scene *s) {
@@ -69,7 +63,7 @@ static void write_particles(ms_text *text, const ms_scene *s) {
   const int64_t n = s->nparticles;
   ms_print(text, ",\n  \"particles\": {\n    \"x\": ");
   write_numbers(text, 3 * n, 3, s->x);
-  if (!all_zero(3 * n, s->v)) {
+  if (!ms_all_zero(3 * n, s->v)) {
     ms_print(text, ",\n    \"v\": ");
     write_numbers(text, 3 * n, 3, s->v);
   }
@@ -86,7 +80,7 @@ static void write_springs(ms_text *text, const ms_scene *s) {
   ms_print(text, "]");
   write_each(text, "k", s->nsprings, s->k);
   write_each(text, "rest", s->nsprings, s->rest);
-  if (!all_zero(s->nsprings, s->damping)) write_each(text, "damping", s->nsprings, s->damping);
+  if (!ms_all_zero(s->nsprings, s->damping)) write_each(text, "damping", s->nsprings, s->damping);
   ms_print(text, "\n  }");
 }
 
@@ -114,7 +108,7 @@ static msim_status write_run(ms_text *text, const ms_scene *s, msim_error *err) 
     ms_print(text, "%s\n    \"%s\": ", i ? "," : "", entry->name);
     msim_status status = MSIM_OK;
     if (number && !ms_option_is_word(option, entry->value)) ms_print(text, "%s", entry->value);
-    else status = write_string(text, entry->name, entry->value, err);
+    else status = write_string(text, entry->value, err);
     if (status) return status;
   }
   ms_print(text, "\n  }");
@@ -123,11 +117,29 @@ static msim_status write_run(ms_text *text, const ms_scene *s, msim_error *err) 
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-static msim_status write_scene(ms_text *text, const ms_scene *s, msim_error *err) {
-  if (s->nparticles == 0)
+int ms_is_utf8(const char *text) {
+  errno = 0; /* json_string() does not say why it fails */
+  json_t *value = json_string(text);
+  const int result = value ? 1 : errno == ENOMEM ? -1 : 0;
+  json_decref(value);
+  return result;
+}
+
+msim_status ms_scene_check_file(const ms_scene *scene, msim_error *err) {
+  if (scene->nparticles == 0)
     return ms_fail(err, MSIM_ERR_ARG, "the scene holds no particles; a scene file must hold some");
+  const int is_utf8 = ms_is_utf8(scene->name);
+  if (is_utf8 > 0) return MSIM_OK;
+  if (is_utf8 < 0) return ms_fail_memory(err, "a scene file");
+  return ms_fail(err, MSIM_ERR_ARG,
+                 "the scene's name is not valid UTF-8; a scene file cannot hold it");
+}
+
+static msim_status write_scene(ms_text *text, const ms_scene *s, msim_error *err) {
+  msim_status status = ms_scene_check_file(s, err);
+  if (status) return status;
   ms_print(text, "{\n  \"msim\": 1,\n  \"name\": ");
-  msim_status status = write_string(text, "the scene's name", s->name, err);
+  status = write_string(text, s->name, err);
   if (status) return status;
   ms_print(text, ",\n  \"gravity\": ");
   write_numbers(text, 3, 1, s->gravity);

@@ -10,6 +10,9 @@
 msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, msim_error *err) {
   const double span = opt->t_end - t0;
   *plan = (ms_plan){.h = opt->h, .h_asked = opt->h, .steps = -1, .t0 = t0, .t_end = -1};
+  if ((double)opt->steps > MOST_STEPS)
+    return ms_fail(err, MSIM_ERR_ARG, "steps is %lld; the limit is %g", (long long)opt->steps,
+                   MOST_STEPS);
   if (opt->steps >= 0) {
     plan->steps = opt->steps;
   } else if (opt->t_end >= 0) {
@@ -28,7 +31,9 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
     if (!whole) plan->h = span / (double)plan->steps;
   }
   if (plan->steps >= 0) plan->t_end = t0 + (double)plan->steps * plan->h;
-  return MSIM_OK;
+  if (isfinite(plan->t_end)) return MSIM_OK;
+  return ms_fail(err, MSIM_ERR_ARG, "%lld steps of %g s end later than a double can say",
+                 (long long)plan->steps, plan->h);
 }
 
 double ms_plan_span(const ms_plan *plan) {
@@ -68,16 +73,20 @@ int64_t ms_plan_next_frame(const ms_plan *plan, const msim_options *opt, int64_t
   } else {
     double steps_per_frame = 1 / (opt->fps * plan->h);
     double k = floor((double)step / steps_per_frame);
-    do next = step_of_frame(steps_per_frame, k++);
-    while (next <= step);
+    next = step + 1; /* which is due where frames are no rarer than steps */
+    if (steps_per_frame > 1) do
+        next = step_of_frame(steps_per_frame, k++);
+      while (next <= step);
   }
   return plan->steps > step && next > plan->steps ? plan->steps : next;
 }
 
 int ms_plan_has_times(const msim_options *opt) { return opt->tol > 0 && opt->every <= 0; }
 
+/* Long enough for the times of two frames to differ. */
 static double frame_interval(const ms_plan *plan, const msim_options *opt) {
-  return opt->fps > 0 ? 1 / opt->fps : ms_plan_span(plan) / 200;
+  const double span = ms_plan_span(plan), latest = fmax(fabs(plan->t0), fabs(plan->t_end));
+  return fmax(opt->fps > 0 ? 1 / opt->fps : span / 200, 0x1p-50 * fmax(span, latest));
 }
 
 double ms_plan_frame_time(const ms_plan *plan, const msim_options *opt, int64_t k) {
@@ -86,9 +95,9 @@ double ms_plan_frame_time(const ms_plan *plan, const msim_options *opt, int64_t 
 }
 
 int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double t) {
-  double k = floor((t - plan->t0) / frame_interval(plan, opt));
-  int64_t frame = k < MOST_STEPS ? (int64_t)k : (int64_t)MOST_STEPS;
-  for (;; frame++) {
+  const double k = floor((t - plan->t0) / frame_interval(plan, opt));
+  if (!(k < MOST_STEPS)) return (int64_t)MOST_STEPS; /* no exact double any more */
+  for (int64_t frame = (int64_t)k;; frame++) {
     const double at = ms_plan_frame_time(plan, opt, frame);
     if (at > t) return frame;
     if (at == plan->t_end) return frame + 1;

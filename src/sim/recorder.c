@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 
 #include "base/clock.h"
-#include "linear/plugin.h"
+#include "base/plugin.h"
 #include "msim/recorder.h"
 #include "sim/csv.h"
 #include "sim/sim.h"
@@ -51,8 +51,15 @@ static msim_status find(const char *name, const char *plugin_path, const msim_re
   memcpy(&entry, &symbol, sizeof entry); /* ISO C has no cast from void * to a function */
   *type = entry();
   if (!*type) return ms_fail(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
-  return ms_plugin_check("recorder", name, where->data, (*type)->abi, MSIM_RECORDER_ABI,
-                         (*type)->size, MSIM_RECORDER_SIZE_1, (*type)->name, err);
+  status = ms_plugin_check("recorder", name, where->data, (*type)->abi, MSIM_RECORDER_ABI,
+                           (*type)->size, MSIM_RECORDER_SIZE_1, (*type)->name, err);
+  if (status) return status;
+  const ms_plugin_member members[] = {{"library", !(*type)->library},
+                                      {"license", !(*type)->license},
+                                      {"open", !(*type)->open},
+                                      {"write", !(*type)->write},
+                                      {"close", !(*type)->close}};
+  return ms_plugin_check_members(where->data, members, sizeof members / sizeof *members, err);
 }
 
 static const char *kind_of(const char *path) {

@@ -1,5 +1,5 @@
 #define _GNU_SOURCE /* dladdr, secure_getenv */
-#include "linear/plugin.h"
+#include "base/plugin.h"
 
 #include <dlfcn.h>
 #include <stdio.h>
@@ -89,6 +89,14 @@ msim_status ms_plugin_check(const char *kind, const char *name, const char *file
   if (table_name && strcmp(table_name, name) == 0) return MSIM_OK;
   return ms_fail(err, MSIM_ERR_PLUGIN, "%s calls itself '%s', not '%s'", file,
                  table_name ? table_name : "", name);
+}
+
+msim_status ms_plugin_check_members(const char *file, const ms_plugin_member *members, size_t n,
+                                    msim_error *err) {
+  for (size_t i = 0; i < n; i++)
+    if (members[i].missing)
+      return ms_fail(err, MSIM_ERR_PLUGIN, "%s has a table without `%s`", file, members[i].name);
+  return MSIM_OK;
 }
 
 /*------------------------------------- host -----------------------------------------------------*/

@@ -17,6 +17,14 @@ msim_status ms_plugin_check(const char *kind, const char *name, const char *file
                             uint32_t host_abi, uint32_t size, uint32_t least,
                             const char *table_name, msim_error *err);
 
+/* Refuse a table without these. */
+typedef struct ms_plugin_member {
+  const char *name;
+  int missing;
+} ms_plugin_member;
+msim_status ms_plugin_check_members(const char *file, const ms_plugin_member *members, size_t n,
+                                    msim_error *err);
+
 /* What a plugin is lent: memory of the scene's allocator, and a place for its last words. */
 typedef struct ms_host {
   msim_host base;

@@ -1,0 +1,186 @@
+#include "scene/import.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "scene/json_reader.h"
+
+enum { MOST_LENGTH = 255 }; /* of a path; "objects/0/k/structural" needs less */
+
+/* What an importer has found so far. */
+typedef struct import {
+  ms_json reader;
+  json_t *root;
+  ms_column *columns;
+  int32_t n, capacity;
+  msim_status status; /* of the first add() that failed */
+} import;
+
+static msim_status no_memory(import *in) { return in->status = ms_json_no_memory(&in->reader); }
+
+/* "planes/0/normal" as sentences have it: planes[0].normal */
+static ms_path readable(const char *path) {
+  ms_path p = {""};
+  while (*path) {
+    char key[MOST_LENGTH + 1], *end;
+    snprintf(key, sizeof key, "%.*s", (int)strcspn(path, "/"), path);
+    const unsigned long long i = strtoull(key, &end, 10);
+    const int is_index = *p.text && *key >= '0' && *key <= '9' && !*end;
+    p = is_index ? ms_json_item(p.text, (size_t)i) : ms_json_path(p.text, key);
+    path += strcspn(path, "/");
+    path += *path == '/';
+  }
+  return p;
+}
+
+static msim_status refuse(import *in, const char *path, const char *why) {
+  return in->status = ms_json_fail(&in->reader, MSIM_ERR_ARG, "%s %s", readable(path).text, why);
+}
+
+/* Sets in->status where it is not. */
+static void check_utf8(import *in, const char *path, const char *text) {
+  const int is_utf8 = ms_is_utf8(text);
+  if (is_utf8 < 0) no_memory(in);
+  if (is_utf8 == 0) refuse(in, path, "is text that is not UTF-8");
+}
+
+/*------------------------------------- what is announced ----------------------------------------*/
+
+static int is_sound(const msim_node *node) {
+  if (!node->path || !*node->path || strlen(node->path) > MOST_LENGTH) return 0;
+  if (node->kind == MSIM_NODE_GROUP) return 1;
+  if (node->kind < MSIM_NODE_TEXT || node->kind > MSIM_NODE_WHOLE) return 0;
+  if (node->rank < 0 || node->rank > MSIM_NODE_MOST_DIMS) return 0;
+  if (node->kind == MSIM_NODE_TEXT && node->rank != 1) return 0;
+  for (int32_t i = 0; i < node->rank; i++)
+    if (node->dims[i] < 0 || node->dims[i] > INT32_MAX) return 0;
+  return 1;
+}
+
+/* A column for the node's numbers or text, which ends with a zero; its index in the tree. */
+static json_t *new_column(import *in, const msim_node *node) {
+  msim_error inner;
+  const size_t size = node->kind == MSIM_NODE_TEXT ? 1 : sizeof(double);
+  size_t count = 1;
+  for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i]; /* below 2^62 */
+  if (ms_reserve(&in->reader.alloc, (void **)&in->columns, sizeof *in->columns, in->n,
+                 &in->capacity, (int64_t)in->n + 1, &inner))
+    return NULL;
+  ms_column *c = &in->columns[in->n];
+  *c = (ms_column){node->kind, node->rank, {node->dims[0], node->dims[1]}, NULL};
+  c->data = ms_new(&in->reader.alloc, count + 1, size);
+  return c->data ? json_integer(in->n++) : NULL;
+}
+
+/* The group that the last key of a path belongs to, and that key; NULL: it was never announced. */
+static json_t *find_group(import *in, const char *path, const char **key) {
+  char group[MOST_LENGTH + 1];
+  json_t *at = in->root;
+  *key = path;
+  for (const char *slash; at && (slash = strchr(*key, '/')) != NULL; *key = slash + 1) {
+    snprintf(group, sizeof group, "%.*s", (int)(slash - *key), *key);
+    at = json_object_get(at, group);
+  }
+  return at;
+}
+
+static msim_status add(const msim_tree *tree, const msim_node *node, void **room) {
+  import *in = tree->data;
+  const char *key;
+  *room = NULL;
+  if (in->status) return in->status;
+  if (!is_sound(node))
+    return in->status = ms_json_fail(&in->reader, MSIM_ERR_ARG,
+                                     "it holds a name or an array that no scene has");
+  json_t *group = find_group(in, node->path, &key);
+  if (!json_is_object(group)) return refuse(in, node->path, "lies in no group");
+  if (json_object_get(group, key)) return refuse(in, node->path, "is there twice");
+  check_utf8(in, node->path, key);
+  if (in->status) return in->status;
+  json_t *value = node->kind == MSIM_NODE_GROUP ? json_object() : new_column(in, node);
+  if (!value || json_object_set_new_nocheck(group, key, value)) return no_memory(in);
+  if (node->kind != MSIM_NODE_GROUP) *room = in->columns[in->n - 1].data;
+  return MSIM_OK;
+}
+
+/*------------------------------------- the tree -------------------------------------------------*/
+
+/* Items 0, 1, 2, ... of a group, as the list that they are; NULL: they are none. */
+static json_t *list_of(json_t *group) {
+  const size_t n = json_object_size(group);
+  json_t *list = n ? json_array() : NULL;
+  for (size_t i = 0; i < n && list; i++) {
+    char key[24];
+    snprintf(key, sizeof key, "%zu", i);
+    if (json_array_append(list, json_object_get(group, key)) == 0) continue;
+    json_decref(list);
+    list = NULL;
+  }
+  return list;
+}
+
+static json_t *settle(import *in, json_t *group);
+
+/* A member as it would stand in JSON: texts in their place, groups of items as lists. */
+static json_t *settle_member(import *in, const char *key, json_t *member) {
+  if (json_is_object(member)) return settle(in, json_incref(member));
+  const ms_column *c = &in->columns[json_integer_value(member)];
+  if (c->kind != MSIM_NODE_TEXT) return json_incref(member);
+  check_utf8(in, key, c->data);
+  return in->status ? NULL : json_string_nocheck(c->data);
+}
+
+/* Takes the group, below which add() allows no more than MOST_LENGTH / 2 levels. NULL: a text is no
+ * UTF-8, or there is no memory. */
+static json_t *settle(import *in, json_t *group) {
+  const char *key;
+  json_t *member;
+  json_object_foreach(group, key, member) {
+    if (json_object_set_new(group, key, settle_member(in, key, member)) == 0) continue;
+    json_decref(group);
+    return NULL;
+  }
+  json_t *list = list_of(group);
+  if (!list) return group;
+  json_decref(group);
+  return list;
+}
+
+/*------------------------------------- the whole ------------------------------------------------*/
+
+static msim_status load(import *in, const msim_importer *table, const char *path) {
+  ms_host host;
+  msim_error inner;
+  const msim_tree tree = {sizeof tree, add, in};
+  ms_host_init(&host, &in->reader.alloc);
+  in->root = json_object();
+  if (!in->root) return no_memory(in);
+  msim_status status = table->load(&host.base, path, &tree);
+  if (in->status) return in->status; /* its sentence stands */
+  if (status) {
+    ms_host_fail(&host, path, status, &inner);
+    return ms_fail(in->reader.err, status < 0 ? status : MSIM_ERR_PLUGIN, "%s", inner.text);
+  }
+  in->root = settle(in, in->root);
+  if (!in->root) return in->status ? in->status : no_memory(in);
+  return ms_json_build(&in->reader, (ms_value){.json = in->root, .columns = in->columns});
+}
+
+msim_status ms_scene_import(const msim_allocator *alloc, const char *name, const char *path,
+                            msim_scene **scene, msim_error *err) {
+import in = {.reader = {.label = path, .alloc = ms_allocator(alloc), .err = err } };
+  const msim_importer *table;
+  msim_error why;
+  ms_text where = {.alloc = &in.reader.alloc};
+  msim_status status = ms_importer_find(name, NULL, &table, &where, &why);
+  if (status) ms_fail(err, status, "%s: %s", path, why.text);
+  else status = load(&in, table, path);
+  ms_text_free(&where);
+  json_decref(in.root);
+  for (int32_t i = 0; i < in.n; i++) ms_delete(&in.reader.alloc, in.columns[i].data);
+  ms_delete(&in.reader.alloc, in.columns);
+  if (status) return status;
+  *scene = in.reader.scene;
+  return ms_ok(err);
+}

@@ -1,0 +1,58 @@
+#include "scene/value.h"
+
+static const ms_column *column_of(ms_value v) {
+  return v.columns && json_is_integer(v.json) ? v.columns + json_integer_value(v.json) : NULL;
+}
+
+/* The column that holds the one number that is meant; NULL: there is none. */
+static const ms_column *number_in(ms_value v) {
+  const ms_column *c = column_of(v);
+  return c && v.depth == c->rank ? c : NULL;
+}
+
+int ms_value_is_array(ms_value v) {
+  const ms_column *c = column_of(v);
+  return c ? v.depth < c->rank : json_is_array(v.json);
+}
+
+size_t ms_value_size(ms_value v) {
+  const ms_column *c = column_of(v);
+  if (!c) return json_array_size(v.json);
+  return v.depth < c->rank ? (size_t)c->dims[v.depth] : 0;
+}
+
+ms_value ms_value_item(ms_value v, size_t i) {
+  const ms_column *c = column_of(v);
+  if (!c) return (ms_value){json_array_get(v.json, i), v.columns, 0, 0};
+  v.depth++;
+  v.at += i * (v.depth < c->rank ? (size_t)c->dims[v.depth] : 1);
+  return v;
+}
+
+ms_value ms_value_member(ms_value v, const char *key) {
+  return (ms_value){json_object_get(v.json, key), v.columns, 0, 0};
+}
+
+int ms_value_is_number(ms_value v) {
+  return column_of(v) ? !!number_in(v) : json_is_number(v.json);
+}
+
+int ms_value_is_whole(ms_value v) {
+  const ms_column *c = number_in(v);
+  return c ? c->kind == MSIM_NODE_WHOLE : !column_of(v) && json_is_integer(v.json);
+}
+
+double ms_value_number(ms_value v) {
+  const ms_column *c = number_in(v);
+  if (!c) return column_of(v) ? 0 : json_number_value(v.json);
+  if (c->kind == MSIM_NODE_REAL) return ((const double *)c->data)[v.at];
+  return (double)((const int64_t *)c->data)[v.at];
+}
+
+int64_t ms_value_whole(ms_value v) {
+  const ms_column *c = number_in(v);
+  if (!ms_value_is_whole(v)) return 0;
+  return c ? ((const int64_t *)c->data)[v.at] : json_integer_value(v.json);
+}
+
+const char *ms_value_text(ms_value v) { return json_string_value(v.json); }
