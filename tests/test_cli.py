@@ -7,7 +7,8 @@ import subprocess
 import unittest
 from pathlib import Path
 
-from cli_support import CLI, INTEGRATORS, OPTIONS, COUNTERS, SECONDS, PENDULUM, pendulum, CliTest
+from cli_support import (CLI, INTEGRATORS, OPTIONS, COUNTERS, SECONDS, PENDULUM, SCENES, pendulum,
+                         CliTest)
 
 
 class Help(CliTest):
@@ -179,6 +180,27 @@ class Refusals(CliTest):
         self.write("init.csv", state)
         self.assert_refused(["run", "scene.json", "--init", "init.csv", "--out", "init.csv"],
                             "init.csv", "both")
+
+
+class HDF5Scenes(CliTest):
+    HERE = Path(__file__).parent
+
+    def setUp(self):
+        super().setUp()
+        if not re.search(r"(?s)Importers.* hdf5 +yes ", self.good("list")):
+            self.skipTest("the importer hdf5 is not there")
+
+    def test_run(self):
+        path = self.HERE / "fuzz/corpus/hdf5/three_particles.h5"
+        self.good("run", path, "--final", "hdf5.json", "--quiet")
+        self.good("run", SCENES / "three_particles.json", "--final", "json.json", "--quiet")
+        ends = [json.loads((self.folder / f"{name}.json").read_text()) for name in ("hdf5", "json")]
+        self.assertEqual(ends[0]["x"], ends[1]["x"])
+
+    @unittest.skipIf(os.environ.get("MSIM_SANITIZE"), "the sanitizer would report the crash")
+    def test_a_crash_of_libhdf5_is_a_sentence(self):
+        path = self.HERE / "fuzz/libhdf5/accum_read.h5"
+        self.assert_refused(["explain", path], "accum_read.h5")
 
 
 class Options(CliTest):

@@ -182,5 +182,7 @@ int report_list(const arguments *args) {
   list_plugins(msim_solver_info, args->options.plugin_path);
   puts("\nRecorders, chosen by the name of the --out file");
   list_plugins(msim_recorder_info, args->options.plugin_path);
+  puts("\nImporters, chosen by the name of the scene, *.h5");
+  list_plugins(msim_importer_info, NULL); /* scenes are read before there are options */
   return EXIT_OK;
 }

@@ -1,6 +1,7 @@
 #include "setup.h"
 
 #include "../common/message.h"
+#include "guard.h"
 
 int setup_failed(msim_status status, const msim_error *err) {
   complain("%s", err->text);
@@ -10,6 +11,7 @@ int setup_failed(msim_status status, const msim_error *err) {
 int setup_make(const arguments *args, setup *made) {
   msim_error err;
   *made = (setup){.scene = NULL};
+  if (guard_scene(args->scene)) return EXIT_ERROR;
   if (msim_scene_load(NULL, args->scene, &made->scene, &err) != MSIM_OK)
     return complain("%s", err.text);
   if (arguments_options(args, made->scene, &made->options)) return EXIT_ERROR;

@@ -1,0 +1,24 @@
+#define _POSIX_C_SOURCE 200809L /* fork, strsignal */
+#include "guard.h"
+
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "../common/files.h"
+#include "../common/message.h"
+#include "msim/msim.h"
+
+int guard_scene(const char *path) {
+  if (!has_extension(path, ".h5")) return EXIT_OK;
+  const pid_t child = fork();
+  if (child == 0) {
+    msim_scene *scene;
+    msim_scene_load(NULL, path, &scene, NULL);
+    _exit(EXIT_OK); /* what is wrong with it, the parent will say */
+  }
+  int how = 0;
+  if (child < 0 || waitpid(child, &how, 0) != child || !WIFSIGNALED(how)) return EXIT_OK;
+  return complain("%s: libhdf5 crashed on it (%s); it is damaged, or made to do harm", path,
+                  strsignal(WTERMSIG(how)));
+}
