@@ -21,6 +21,9 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
       return ms_fail(err, MSIM_ERR_ARG, "t_end is %g s, but the state is already at t = %g s",
                      opt->t_end, t0);
     plan->t_end = opt->t_end;
+    if (ms_plan_has_times(opt) && span * opt->fps > MS_MOST_FRAMES)
+      return ms_fail(err, MSIM_ERR_ARG, "fps = %g makes %g frames; the limit is %d", opt->fps,
+                     span * opt->fps, MS_MOST_FRAMES);
     if (opt->tol > 0) return MSIM_OK;
     if (ratio > MOST_STEPS)
       return ms_fail(err, MSIM_ERR_ARG, "t_end / h is %g steps; the limit is %g", ratio,
