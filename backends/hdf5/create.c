@@ -1,0 +1,161 @@
+#include "create.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "file.h"
+#include "hash.h"
+
+/*------------------------------------- datasets -------------------------------------------------*/
+
+/* Row i of `rows` becomes first + i stride, all along its width. */
+static void fill(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t first, int64_t stride) {
+  enum { BLOCK = 256, WIDEST = 4 };
+  int64_t block[BLOCK * WIDEST];
+  for (hsize_t i = 0; i < rows && r->status == MSIM_OK; i += BLOCK) {
+    const hsize_t count = rows - i < BLOCK ? rows - i : BLOCK;
+    for (hsize_t j = 0; j < count * h5_width[s]; j++)
+      block[j] = first + (int64_t)(i + j / h5_width[s]) * stride;
+    h5_put(r, dataset, s, i, count, block);
+  }
+}
+
+/* 256 rows; of vectors one frame, in equal pieces of at most 1 MiB. */
+static hsize_t chunk_rows(shape s, int64_t n, hsize_t rows) {
+  const hsize_t most = (1 << 20) / (3 * sizeof(double)), frame = h5_rows(s, n);
+  const hsize_t pieces = frame / most + 1;
+  const hsize_t chunk = s == VECTOR ? (frame + pieces - 1) / pieces : 256;
+  return chunk < rows ? chunk : rows;
+}
+
+/* Contiguous where chunk = 0. All its space is taken at once and stays as it is. No times: equal
+ * runs give equal bytes. */
+static hid_t create_dataset(recorder *r, const char *path, shape s, hsize_t rows, hsize_t chunk) {
+  if (!h5_doing(r, "write", path)) return H5I_INVALID_HID;
+  const hsize_t dims[] = {rows, h5_width[s]}, chunk_dims[] = {chunk, h5_width[s]};
+  hid_t space = h5_id(r, H5Screate_simple(h5_rank(s), dims, NULL));
+  hid_t link = h5_id(r, H5Pcreate(H5P_LINK_CREATE));
+  hid_t create = h5_id(r, H5Pcreate(H5P_DATASET_CREATE));
+  h5_ok(r, H5Pset_create_intermediate_group(link, 1));
+  h5_ok(r, H5Pset_obj_track_times(create, 0));
+  h5_ok(r, H5Pset_alloc_time(create, H5D_ALLOC_TIME_EARLY));
+  h5_ok(r, H5Pset_fill_time(create, H5D_FILL_TIME_NEVER));
+  if (chunk) h5_ok(r, H5Pset_chunk(create, h5_rank(s), chunk_dims));
+  hid_t dataset =
+      h5_id(r, H5Dcreate2(r->file, path, h5_file_type(s), space, link, create, H5P_DEFAULT));
+  h5_drop(r, H5Pclose, create);
+  h5_drop(r, H5Pclose, link);
+  h5_drop(r, H5Sclose, space);
+  return dataset;
+}
+
+static void create_columns(recorder *r, const double *times) {
+  for (int i = 0; i < NCOLUMNS; i++) {
+    const column *c = &h5_columns[i];
+    const hsize_t rows = (hsize_t)r->nframes * h5_rows(c->shape, r->n);
+    const int64_t stride = c->plan == FRAME ? 1 : c->plan == FIRST_ROW ? r->n : 0;
+    hid_t dataset = create_dataset(r, c->path, c->shape, rows, chunk_rows(c->shape, r->n, rows));
+    if (c->plan == TIMES) h5_put(r, dataset, c->shape, 0, rows, times);
+    else if (c->plan != NOTHING) fill(r, dataset, c->shape, rows, c->plan == ONE, stride);
+    if (i < NWRITTEN) r->column[i] = dataset;
+    else h5_drop(r, H5Dclose, dataset);
+  }
+}
+
+static void constant(recorder *r, const char *path, shape s, int64_t rows, const void *data) {
+  hid_t dataset = create_dataset(r, path, s, (hsize_t)rows, 0);
+  h5_put(r, dataset, s, 0, (hsize_t)rows, data);
+  h5_drop(r, H5Dclose, dataset);
+}
+
+/* VTK wants all four kinds of cells, and one list of offsets a part. */
+static void create_cells(recorder *r, const char *kind, int64_t cells, const int32_t *ij) {
+  const char *name[] = {"Connectivity", "NumberOfCells", "NumberOfConnectivityIds", "Offsets"};
+  char path[4][64];
+  for (int i = 0; i < 4; i++) snprintf(path[i], sizeof path[i], "/VTKHDF/%s/%s", kind, name[i]);
+  constant(r, path[0], INDEX, 2 * cells, ij);
+  constant(r, path[1], WHOLE, 2, (int64_t[]){cells, 0});
+  constant(r, path[2], WHOLE, 2, (int64_t[]){2 * cells, 0});
+  hid_t offsets = create_dataset(r, path[3], WHOLE, (hsize_t)cells + 2, 0);
+  fill(r, offsets, WHOLE, (hsize_t)cells + 1, 0, 2);
+  h5_put(r, offsets, WHOLE, (hsize_t)cells + 1, 1, &(int64_t){0});
+  h5_drop(r, H5Dclose, offsets);
+}
+
+static void create_constants(recorder *r, const msim_recording *what) {
+  constant(r, "/VTKHDF/NumberOfPoints", WHOLE, 2, (int64_t[]){what->n, 0});
+  create_cells(r, "Vertices", 0, NULL);
+  create_cells(r, "Lines", what->nsprings, what->ij);
+  create_cells(r, "Polygons", 0, NULL);
+  create_cells(r, "Strips", 0, NULL);
+  constant(r, "/VTKHDF/PointData/Mass", REAL, what->n, what->mass);
+  constant(r, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings, what->k);
+  constant(r, "/VTKHDF/CellData/RestLength", REAL, what->nsprings, what->rest);
+  constant(r, "/msim/scene", BYTE, (int64_t)what->scene_length, what->scene);
+}
+
+/* A scalar where count = 0. */
+static void create_attribute(recorder *r, const char *group, const char *name, hid_t type,
+                             hsize_t count, const void *data) {
+  if (!h5_doing(r, "write the attributes of", group)) return;
+  hid_t space = h5_id(r, count ? H5Screate_simple(1, &count, NULL) : H5Screate(H5S_SCALAR));
+  hid_t attribute = h5_id(r, H5Acreate_by_name(r->file, group, name, type, space, H5P_DEFAULT,
+                                               H5P_DEFAULT, H5P_DEFAULT));
+  if (attribute >= 0) h5_ok(r, H5Awrite(attribute, type, data));
+  h5_drop(r, H5Aclose, attribute);
+  h5_drop(r, H5Sclose, space);
+}
+
+/* VTK before 9.5 reads texts only if they are ASCII of fixed length. */
+static void create_text(recorder *r, const char *group, const char *name, const char *text) {
+  hid_t type = h5_id(r, H5Tcopy(H5T_C_S1));
+  h5_ok(r, H5Tset_size(type, strlen(text)));
+  h5_ok(r, H5Tset_strpad(type, H5T_STR_NULLPAD));
+  create_attribute(r, group, name, type, 0, text);
+  h5_drop(r, H5Tclose, type);
+}
+
+static void create_attributes(recorder *r, const msim_recording *what) {
+  create_attribute(r, "/VTKHDF", "Version", H5T_NATIVE_INT64, 2, (int64_t[]){2, 0});
+  create_text(r, "/VTKHDF", "Type", "PolyData");
+  create_attribute(r, "/VTKHDF/Steps", "NSteps", H5T_NATIVE_INT64, 0, &r->nframes);
+  create_attribute(r, "/msim", "format", H5T_NATIVE_INT64, 0, &(int64_t){1});
+  create_text(r, "/msim", "creator", "msim 0.1.0");
+  create_attribute(r, "/msim", "static_hash", H5T_NATIVE_INT64, 0,
+                   &(uint64_t){h5_static_hash(what)});
+}
+
+/*------------------------------------- the whole ------------------------------------------------*/
+
+/* libhdf5 aborts the process where it is not the release whose headers were compiled in. */
+static int library_fits(void) {
+  unsigned v[3] = {0, 0, 0};
+  return H5get_libversion(&v[0], &v[1], &v[2]) >= 0 && v[0] == H5_VERS_MAJOR &&
+         v[1] == H5_VERS_MINOR && v[2] == H5_VERS_RELEASE;
+}
+
+/* The bytes of all data; libhdf5 adds its own. */
+static double payload(const msim_recording *what) {
+  double frame = 0;
+  for (const column *c = h5_columns; c < h5_columns + NCOLUMNS; c++)
+    frame += 8.0 * (double)(h5_width[c->shape] * h5_rows(c->shape, what->n));
+  return (double)what->nframes * frame + 8.0 * what->n + 40.0 * what->nsprings;
+}
+
+/* Space is reserved twice: when the size is known, and before libhdf5 writes anything, because
+ * what it caches of metadata and cannot write it would keep for ever. */
+void h5_create(recorder *r, const msim_recording *what) {
+  hsize_t size = 0;
+  h5_doing(r, "create", "the file");
+  if (!library_fits()) h5_fail(r, MSIM_ERR_PLUGIN, "built for another release of " H5_VERS_INFO);
+  else if (what->nframes < 1 || payload(what) > 0x1p62)
+    h5_fail(r, MSIM_ERR_ARG, "too few or too many frames");
+  else h5_create_file(r, what->path);
+  h5_reserve(r, payload(what));
+  create_columns(r, what->times);
+  create_constants(r, what);
+  create_attributes(r, what);
+  h5_flush(r);
+  if (r->status == MSIM_OK && h5_ok(r, H5Fget_filesize(r->file, &size)))
+    h5_reserve(r, (double)size);
+}

@@ -1,0 +1,36 @@
+#include "hash.h"
+
+#include <string.h>
+
+void h5_hash_words(hash *h, size_t count, const void *words) {
+  const char *bytes = words;
+  for (size_t i = 0; i < count; i++) {
+    uint64_t w;
+    memcpy(&w, bytes + 8 * i, 8);
+    uint64_t z = w ^ ++h->count * UINT64_C(0x9e3779b97f4a7c15);
+    h->sum += (z ^ z >> 32) * UINT64_C(0xbf58476d1ce4e5b9);
+  }
+}
+
+uint64_t h5_frame_hash(int64_t n, const msim_frame *frame) {
+  hash h = {0, 0};
+  h5_hash_words(&h, 3 * (size_t)n, frame->v);
+  h5_hash_words(&h, 3 * (size_t)n, frame->x);
+  h5_hash_words(&h, 1, &frame->t);
+  h5_hash_words(&h, 1, &frame->step);
+  return h.sum;
+}
+
+uint64_t h5_static_hash(const msim_recording *what) {
+  const size_t n = (size_t)what->n, nsprings = (size_t)what->nsprings;
+  const unsigned char *scene = (const unsigned char *)what->scene;
+  hash h = {0, 0};
+  h5_hash_words(&h, 2, (int64_t[]){what->n, what->nsprings});
+  for (size_t i = 0; i < 2 * nsprings; i++) h5_hash_words(&h, 1, &(int64_t){what->ij[i]});
+  h5_hash_words(&h, n, what->mass);
+  h5_hash_words(&h, nsprings, what->k);
+  h5_hash_words(&h, nsprings, what->rest);
+  h5_hash_words(&h, 1, &(uint64_t){what->scene_length});
+  for (size_t i = 0; i < what->scene_length; i++) h5_hash_words(&h, 1, &(uint64_t){scene[i]});
+  return h.sum;
+}
