@@ -14,8 +14,11 @@
 /*------------------------------------- trajectory -----------------------------------------------*/
 
 /* A chain with one spring more from each particle to the next but one, as far as they go. */
+enum { SAMPLE_CHECKPOINT = 1003 };
+
 typedef struct sample {
   msim_recording what;
+  char checkpoint[SAMPLE_CHECKPOINT];
   int32_t *ij;
   double *mass, *k, *rest, *times, *x, *v;
 } sample;
@@ -51,7 +54,8 @@ static inline void sample_init(sample *s, const char *path, int32_t n, int32_t n
                              .nframes = nframes,
                              .times = s->times,
                              .scene = scene,
-                             .scene_length = sizeof scene - 1};
+                             .scene_length = sizeof scene - 1,
+                             .checkpoint_capacity = SAMPLE_CHECKPOINT};
 }
 
 static inline void sample_free(sample *s) {
@@ -71,13 +75,27 @@ static inline msim_frame sample_frame(sample *s, int64_t i) {
     const double odd[] = {-0.0, 5e-324, -1.7976931348623157e308, 1.0 / 3, 1e16 + 2, -1e-310};
     memcpy(s->x, odd, sizeof odd);
   }
+  for (int b = 0; b < SAMPLE_CHECKPOINT; b++) s->checkpoint[b] = (char)(7 * i + b * (i + 1));
   return (msim_frame){.size = sizeof(msim_frame),
                       .step = 10 * i,
                       .t = (double)i * 0.1,
                       .x = s->x,
                       .v = s->v,
                       .kinetic = 1 + sin((double)i),
-                      .potential = -cos((double)i)};
+                      .potential = -cos((double)i),
+                      .checkpoint = s->checkpoint,
+                      .checkpoint_length = SAMPLE_CHECKPOINT - (size_t)i % 9};
+}
+
+static inline msim_status record_rest(const msim_recorder_type *type, void *self, sample *s,
+                                      int64_t first, int64_t written) {
+  msim_status status = MSIM_OK;
+  for (int64_t i = first; i < written && status == MSIM_OK; i++) {
+    msim_frame frame = sample_frame(s, i);
+    status = type->write(self, &frame);
+  }
+  msim_status closed = type->close(self);
+  return status != MSIM_OK ? status : closed;
 }
 
 /* Open, write the first `written` frames, close; the first status that is not MSIM_OK. */
@@ -85,13 +103,17 @@ static inline msim_status record(const msim_recorder_type *type, const msim_host
                                  int64_t written) {
   void *self = NULL;
   msim_status status = type->open(host, &s->what, &self);
-  if (status != MSIM_OK) return status;
-  for (int64_t i = 0; i < written && status == MSIM_OK; i++) {
-    msim_frame frame = sample_frame(s, i);
-    status = type->write(self, &frame);
-  }
-  msim_status closed = type->close(self);
-  return status != MSIM_OK ? status : closed;
+  return status != MSIM_OK ? status : record_rest(type, self, s, 0, written);
+}
+
+/* Go on with the file, up to `written` frames; *kept: those it had. */
+static inline msim_status record_on(const msim_recorder_type *type, const msim_host *host,
+                                    sample *s, int64_t written, int64_t *kept) {
+  void *self = NULL;
+  msim_resumption from = {.size = sizeof from};
+  msim_status status = type->resume(host, &s->what, &from, &self);
+  *kept = from.frames;
+  return status != MSIM_OK ? status : record_rest(type, self, s, from.frames, written);
 }
 
 /*------------------------------------- files ----------------------------------------------------*/

@@ -109,6 +109,8 @@ static const struct {
     {"/msim/frames/step", 1, {12, 0}},
     {"/msim/frames/hash", 1, {12, 0}},
     {"/msim/scene", 1, {30, 0}},
+    {"/msim/checkpoint/0", 1, {130, 0}}, /* 4 words, and 1003 bytes */
+    {"/msim/checkpoint/1", 1, {130, 0}},
 };
 
 static void assert_text(hid_t file, const char *group, const char *name, const char *expected) {

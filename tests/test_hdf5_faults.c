@@ -167,12 +167,13 @@ static void a_disk_that_fills_leaves_whole_frames(void **state) {
 
 /*------------------------------------- every single write ---------------------------------------*/
 
-/* libhdf5 calls this pwrite instead of the C library's. */
+/* libhdf5 calls this pwrite, which is visible, instead of the C library's. */
 static int64_t writes_left = INT64_MAX; /* before the one that goes wrong; the next ones are fine */
 static int dies;                        /* 1: it is torn and the process ends; 0: "disk full" */
 static int64_t writes_made;
 
-ssize_t pwrite(int fd, const void *data, size_t bytes, off_t offset) {
+__attribute__((visibility("default"))) ssize_t pwrite(int fd, const void *data, size_t bytes,
+                                                      off_t offset) {
   writes_made++;
   if (writes_left-- != 0) return syscall(SYS_pwrite64, fd, data, bytes, offset);
   if (!dies) {
@@ -223,8 +224,25 @@ static int status_with_bad_write(const char *path, int64_t which) {
   return WEXITSTATUS(status);
 }
 
+/* Somebody else goes on where that ended. */
+static void assert_resumed(const char *path, size_t length, const char *whole) {
+  sample s;
+  size_t now;
+  int64_t kept;
+  host_init(&host);
+  sample_init(&s, path, 10, 5, FEW_FRAMES);
+  if (record_on(plugin(), &host.host, &s, FEW_FRAMES, &kept) != MSIM_OK)
+    fail_msg("%s", host.sentence);
+  sample_free(&s);
+  char *bytes = slurp(path, &now);
+  assert_int_equal(now, length);
+  assert_memory_equal(bytes, whole, length);
+  free(bytes);
+}
+
 /* Each write goes wrong in its turn. Once the file is open, every frame whose last write came
- * before is in it and good, and at most the one being written is there too. */
+ * before is in it and good, and at most the one being written is there too; and going on from there
+ * makes the file that it would have been. */
 static void assert_every_write(const char *path, int status) {
   if (!plugin()) skip();
   int64_t after[1 + FEW_FRAMES], planned;
@@ -232,6 +250,8 @@ static void assert_every_write(const char *path, int status) {
   assert_int_equal(run_few_frames(path, after), 0);
   if (writes_made == 0) skip(); /* this libhdf5 writes by other means */
   const int64_t writes = after[FEW_FRAMES];
+  size_t length = 0;
+  char *whole = slurp(path, &length);
   for (int64_t which = 0; which < writes; which++) {
     assert_int_equal(status_with_bad_write(path, which), status);
     int64_t frames = 0, good = verify(path, &planned);
@@ -239,7 +259,9 @@ static void assert_every_write(const char *path, int status) {
     if (which >= after[0] && good != frames && good != frames + 1)
       fail_msg("write %d of %d: %d frames, not %d", (int)which, (int)writes, (int)good,
                (int)frames);
+    if (which >= after[0]) assert_resumed(path, length, whole);
   }
+  free(whole);
   remove(path);
 }
 

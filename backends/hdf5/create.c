@@ -94,6 +94,16 @@ static void create_constants(recorder *r, const msim_recording *what) {
   constant(r, "/msim/scene", BYTE, (int64_t)what->scene_length, what->scene);
 }
 
+/* Zeros are no slot: their hash is another one. */
+static void create_slots(recorder *r, size_t capacity) {
+  if (capacity == 0) return;
+  h5_allocate_slot(r, capacity);
+  for (int i = 0; i < NSLOTS; i++) {
+    r->slot[i] = create_dataset(r, h5_slots[i], WHOLE, h5_slot_words(capacity), 0);
+    h5_put(r, r->slot[i], WHOLE, 0, SLOT_BYTES, (uint64_t[SLOT_BYTES]){0});
+  }
+}
+
 /* A scalar where count = 0. */
 static void create_attribute(recorder *r, const char *group, const char *name, hid_t type,
                              hsize_t count, const void *data) {
@@ -127,19 +137,13 @@ static void create_attributes(recorder *r, const msim_recording *what) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-/* libhdf5 aborts the process where it is not the release whose headers were compiled in. */
-static int library_fits(void) {
-  unsigned v[3] = {0, 0, 0};
-  return H5get_libversion(&v[0], &v[1], &v[2]) >= 0 && v[0] == H5_VERS_MAJOR &&
-         v[1] == H5_VERS_MINOR && v[2] == H5_VERS_RELEASE;
-}
-
 /* The bytes of all data; libhdf5 adds its own. */
 static double payload(const msim_recording *what) {
   double frame = 0;
   for (const column *c = h5_columns; c < h5_columns + NCOLUMNS; c++)
     frame += 8.0 * (double)(h5_width[c->shape] * h5_rows(c->shape, what->n));
-  return (double)what->nframes * frame + 8.0 * what->n + 40.0 * what->nsprings;
+  return (double)what->nframes * frame + 8.0 * what->n + 40.0 * what->nsprings +
+         2.0 * (double)what->checkpoint_capacity;
 }
 
 /* Space is reserved twice: when the size is known, and before libhdf5 writes anything, because
@@ -147,13 +151,13 @@ static double payload(const msim_recording *what) {
 void h5_create(recorder *r, const msim_recording *what) {
   hsize_t size = 0;
   h5_doing(r, "create", "the file");
-  if (!library_fits()) h5_fail(r, MSIM_ERR_PLUGIN, "built for another release of " H5_VERS_INFO);
-  else if (what->nframes < 1 || payload(what) > 0x1p62)
+  if (what->nframes < 1 || payload(what) > 0x1p62)
     h5_fail(r, MSIM_ERR_ARG, "too few or too many frames");
-  else h5_create_file(r, what->path);
+  h5_open_file(r, what->path, CREATE);
   h5_reserve(r, payload(what));
   create_columns(r, what->times);
   create_constants(r, what);
+  create_slots(r, what->checkpoint_capacity);
   create_attributes(r, what);
   h5_flush(r);
   if (r->status == MSIM_OK && h5_ok(r, H5Fget_filesize(r->file, &size)))

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "layout.h"
+
 void h5_hash_words(hash *h, size_t count, const void *words) {
   const char *bytes = words;
   for (size_t i = 0; i < count; i++) {
@@ -10,6 +12,12 @@ void h5_hash_words(hash *h, size_t count, const void *words) {
     uint64_t z = w ^ ++h->count * UINT64_C(0x9e3779b97f4a7c15);
     h->sum += (z ^ z >> 32) * UINT64_C(0xbf58476d1ce4e5b9);
   }
+}
+
+uint64_t h5_slot_hash(const uint64_t *slot) {
+  hash h = {0, 0};
+  h5_hash_words(&h, h5_slot_words(slot[SLOT_LENGTH]) - 1, slot + 1);
+  return h.sum;
 }
 
 uint64_t h5_frame_hash(int64_t n, const msim_frame *frame) {

@@ -6,6 +6,7 @@
 #include "create.h"
 #include "file.h"
 #include "hash.h"
+#include "resume.h"
 
 static void put_column(recorder *r, int i, const entry *e) {
   const shape s = h5_columns[i].shape;
@@ -16,8 +17,36 @@ static void put_column(recorder *r, int i, const entry *e) {
   h5_put(r, r->column[i], s, (hsize_t)r->written * rows, rows, data);
 }
 
+static void put_checkpoint(recorder *r, const msim_frame *frame) {
+  const size_t bytes = frame->checkpoint_length, words = h5_slot_words(bytes);
+  const int which = (int)(r->written % NSLOTS);
+  if (!frame->checkpoint || !h5_doing(r, "write", h5_slots[which])) return;
+  if (bytes > r->capacity) {
+    h5_fail(r, MSIM_ERR_ARG, "%zu bytes are more than the %zu planned", bytes, r->capacity);
+    return;
+  }
+  r->words[words - 1] = 0;
+  memcpy(r->words + SLOT_BYTES, frame->checkpoint, bytes);
+  r->words[SLOT_FRAME] = (uint64_t)r->written;
+  r->words[SLOT_STEP] = (uint64_t)frame->step;
+  r->words[SLOT_LENGTH] = bytes;
+  r->words[SLOT_HASH] = h5_slot_hash(r->words);
+  h5_put(r, r->slot[which], WHOLE, 0, words, r->words);
+}
+
+/* The last ones first, so that those committed are the first ones at any time. */
+static void take_back(recorder *r) {
+  const hid_t values = r->column[TIME_SHOWN], commit = r->column[COMMIT];
+  if (r->committed > r->written)
+    h5_put(r, values, REAL, (hsize_t)r->committed - 1, 1, &r->planned_t);
+  for (; r->committed > r->written; h5_flush(r))
+    h5_put(r, commit, WHOLE, (hsize_t)--r->committed, 1, &(int64_t){1});
+}
+
 static void put_entry(recorder *r, const entry *e) {
+  take_back(r);
   for (int i = 0; i < COMMIT; i++) put_column(r, i, e);
+  put_checkpoint(r, &e->frame);
   h5_flush(r);
   put_column(r, COMMIT, e);
   h5_flush(r);
@@ -43,27 +72,59 @@ static pthread_mutex_t library = PTHREAD_MUTEX_INITIALIZER;
  * metadata, and a file whose writer is killed while it does that may be damaged. */
 static msim_status close_recorder(void *self) {
   recorder *r = self;
+  const msim_host *host = r->host;
   h5_doing(r, "close", "the file");
   WITH_LIBRARY(h5_drop(r, H5Fclose, r->file));
   const msim_status status = h5_report(r);
-  r->host->free(r->host, r);
+  host->free(host, r->words);
+  host->free(host, r->scene);
+  host->free(host, r);
   return status;
 }
 
-static msim_status open_recorder(const msim_host *host, const msim_recording *what, void **self) {
-  const char *name = what->name ? what->name : what->path;
+/* As much of a struct as the host knows; the rest is 0. */
+#define TAKE(mine, given) \
+  memcpy(&(mine), given, (given)->size < sizeof(mine) ? (given)->size : sizeof(mine))
+
+/* A new file where `from` is NULL. */
+static msim_status start(const msim_host *host, const msim_recording *given, msim_resumption *from,
+                         void **self) {
+  msim_recording what = {0};
+  TAKE(what, given);
+  const char *name = what.name ? what.name : what.path;
   recorder *r = host->alloc(host, sizeof *r + strlen(name) + 1);
   *self = NULL;
   if (!r) {
     host->fail(host, "%s: no memory for a recorder", name);
     return MSIM_ERR_MEMORY;
   }
-  *r = (recorder){host, .file = H5I_INVALID_HID, .n = what->n, .nframes = what->nframes};
+  *r = (recorder){host, .file = H5I_INVALID_HID, .n = what.n, .nframes = what.nframes,
+                  .sync = what.sync};
   memcpy(r->name, name, strlen(name) + 1);
-  WITH_LIBRARY(h5_create(r, what));
+  if (from) WITH_LIBRARY(h5_resume(r, &what, from));
+  else WITH_LIBRARY(h5_create(r, &what));
   if (r->status != MSIM_OK) return close_recorder(r);
   *self = r;
   return MSIM_OK;
+}
+
+static msim_status open_recorder(const msim_host *host, const msim_recording *what, void **self) {
+  return start(host, what, NULL, self);
+}
+
+static msim_status resume_recorder(const msim_host *host, const msim_recording *what,
+                                   msim_resumption *from, void **self) {
+  msim_resumption found = {.size = from->size};
+  const msim_status status = start(host, what, &found, self);
+  memcpy(from, &found, found.size < sizeof found ? found.size : sizeof found);
+  return status;
+}
+
+static int32_t recognize(const msim_host *host, const char *path) {
+  int ours;
+  recorder r = {host, .file = H5I_INVALID_HID};
+  WITH_LIBRARY(ours = h5_recognize(&r, path));
+  return ours;
 }
 
 static msim_status write_frame(void *self, const msim_frame *frame) {
@@ -73,16 +134,27 @@ static msim_status write_frame(void *self, const msim_frame *frame) {
                   (long long)r->nframes);
     return MSIM_ERR_ARG;
   }
-  const entry e = {*frame, h5_frame_hash(r->n, frame), 0};
+  entry e = {.part = 0};
+  TAKE(e.frame, frame);
+  e.hash = h5_frame_hash(r->n, frame);
   WITH_LIBRARY(put_entry(r, &e));
-  if (r->status == MSIM_OK) r->written++;
+  if (r->status == MSIM_OK) r->committed = ++r->written;
   return h5_report(r);
 }
 
 MSIM_RECORDER_ENTRY(hdf5) {
   static const msim_recorder_type type = {
-      MSIM_RECORDER_ABI, sizeof type,   "hdf5",      ".vtkhdf",      H5_VERS_INFO,
-      "BSD-3-Clause",    open_recorder, write_frame, close_recorder,
+      .abi = MSIM_RECORDER_ABI,
+      .size = sizeof type,
+      .name = "hdf5",
+      .extension = ".vtkhdf",
+      .library = H5_VERS_INFO,
+      .license = "BSD-3-Clause",
+      .open = open_recorder,
+      .write = write_frame,
+      .close = close_recorder,
+      .resume = resume_recorder,
+      .recognize = recognize,
   };
   return &type;
 }

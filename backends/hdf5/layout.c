@@ -24,6 +24,10 @@ const column h5_columns[] = {
     {"/VTKHDF/Steps/FieldDataOffsets/PotentialEnergy", WHOLE, FRAME, 0},
 };
 
+const char *const h5_slots[NSLOTS] = {"/msim/checkpoint/0", "/msim/checkpoint/1"};
+
+size_t h5_slot_words(size_t bytes) { return SLOT_BYTES + bytes / 8 + (bytes % 8 > 0); }
+
 int h5_rank(shape s) { return h5_width[s] > 1 ? 2 : 1; }
 
 hsize_t h5_rows(shape s, int64_t n) { return s == VECTOR ? (hsize_t)n : 1; }

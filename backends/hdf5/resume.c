@@ -1,0 +1,260 @@
+#include "resume.h"
+
+#include <inttypes.h>
+#include <string.h>
+
+#include "hash.h"
+
+/* Words that are read at once. */
+enum { BLOCK = 1536 };
+
+/*------------------------------------- what there is --------------------------------------------*/
+
+static int64_t get_attribute(recorder *r, const char *group, const char *name) {
+  int64_t value = 0;
+  if (r->status != MSIM_OK) return 0;
+  hid_t attribute = h5_id(r, H5Aopen_by_name(r->file, group, name, H5P_DEFAULT, H5P_DEFAULT));
+  if (attribute >= 0) h5_ok(r, H5Aread(attribute, H5T_NATIVE_INT64, &value));
+  h5_drop(r, H5Aclose, attribute);
+  return value;
+}
+
+/* One of ours of that shape, with its rows; any other is refused. */
+static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows) {
+  hsize_t dims[H5S_MAX_RANK] = {0};
+  if (r->status != MSIM_OK) return H5I_INVALID_HID;
+  hid_t dataset = h5_id(r, H5Dopen2(r->file, path, H5P_DEFAULT));
+  hid_t space = h5_id(r, H5Dget_space(dataset));
+  hid_t type = h5_id(r, H5Dget_type(dataset));
+  hid_t create = h5_id(r, H5Dget_create_plist(dataset));
+  const int fits =
+      r->status == MSIM_OK && H5Sget_simple_extent_dims(space, dims, NULL) == h5_rank(s) &&
+      (h5_rank(s) == 1 || dims[1] == h5_width[s]) && H5Tequal(type, h5_file_type(s)) > 0 &&
+      H5Pget_nfilters(create) == 0 && H5Pget_external_count(create) == 0;
+  if (!fits && r->status == MSIM_OK)
+    h5_fail(r, MSIM_ERR_ARG, "its dataset %s is not as msim makes it", path);
+  h5_drop(r, H5Pclose, create);
+  h5_drop(r, H5Tclose, type);
+  h5_drop(r, H5Sclose, space);
+  *rows = dims[0];
+  return dataset;
+}
+
+static hid_t open_rows(recorder *r, const char *path, shape s, hsize_t wanted) {
+  hsize_t rows;
+  hid_t dataset = open_dataset(r, path, s, &rows);
+  if (r->status == MSIM_OK && rows != wanted)
+    h5_fail(r, MSIM_ERR_ARG, "its dataset %s has %" PRIu64 " rows, not %" PRIu64, path,
+            (uint64_t)rows, (uint64_t)wanted);
+  return dataset;
+}
+
+static int64_t get_count(recorder *r, const char *path) {
+  int64_t counts[2] = {0, 0};
+  hid_t dataset = open_rows(r, path, WHOLE, 2);
+  h5_get(r, dataset, WHOLE, 0, 2, counts);
+  h5_drop(r, H5Dclose, dataset);
+  return counts[0];
+}
+
+static int is_ours(const recorder *r) {
+  return r->status == MSIM_OK && H5Aexists_by_name(r->file, "/msim", "format", H5P_DEFAULT) > 0;
+}
+
+static void check_counts(recorder *r, const msim_recording *what) {
+  if (r->status == MSIM_OK && !is_ours(r))
+    h5_fail(r, MSIM_ERR_ARG, "it is no trajectory of msim's");
+  const int64_t format = get_attribute(r, "/msim", "format");
+  const int64_t n = get_count(r, "/VTKHDF/NumberOfPoints");
+  const int64_t nsprings = get_count(r, "/VTKHDF/Lines/NumberOfCells");
+  r->nframes = get_attribute(r, "/VTKHDF/Steps", "NSteps");
+  if (r->status != MSIM_OK) return;
+  if (format != 1)
+    h5_fail(r, MSIM_ERR_ARG, "it is of format %" PRId64 ", which this msim does not know", format);
+  else if (n != what->n)
+    h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " particles, the scene %d", n, what->n);
+  else if (nsprings != what->nsprings)
+    h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " springs, the scene %d", nsprings, what->nsprings);
+  else if (what->nframes > r->nframes)
+    h5_fail(r, MSIM_ERR_ARG,
+            "it was planned for %" PRId64 " frames and never grows, but this run has %" PRId64
+            "; end the run with the file, and go on from its last state in another one",
+            r->nframes, what->nframes);
+}
+
+/* What open_recorder and h5_create left open in their time. */
+static void open_columns(recorder *r) {
+  hsize_t words[NSLOTS] = {0};
+  for (int i = 0; i < NWRITTEN; i++) {
+    const column *c = &h5_columns[i];
+    r->column[i] = open_rows(r, c->path, c->shape, (hsize_t)r->nframes * h5_rows(c->shape, r->n));
+  }
+  if (r->status == MSIM_OK && H5Lexists(r->file, "/msim/checkpoint", H5P_DEFAULT) <= 0)
+    h5_fail(r, MSIM_ERR_ARG, "it was made without checkpoints");
+  for (int i = 0; i < NSLOTS; i++) r->slot[i] = open_dataset(r, h5_slots[i], WHOLE, &words[i]);
+  if (r->status == MSIM_OK && (words[0] != words[1] || words[0] < SLOT_BYTES))
+    h5_fail(r, MSIM_ERR_ARG, "its checkpoints are damaged");
+  h5_allocate_slot(r, (size_t)(words[0] - SLOT_BYTES) * 8);
+}
+
+/*------------------------------------- whole or damaged -----------------------------------------*/
+
+/* Go on with what the file has there. */
+static void hash_rows(recorder *r, hash *h, hid_t dataset, shape s, int64_t first, int64_t rows) {
+  uint64_t words[BLOCK];
+  const int64_t most = BLOCK / (int64_t)h5_width[s];
+  for (int64_t i = 0; i < rows && r->status == MSIM_OK; i += most) {
+    const int64_t count = rows - i < most ? rows - i : most;
+    h5_get(r, dataset, s, (hsize_t)(first + i), (hsize_t)count, words);
+    h5_hash_words(h, (size_t)count * h5_width[s], words);
+  }
+}
+
+static void hash_dataset(recorder *r, hash *h, const char *path, shape s, int64_t rows) {
+  hid_t dataset = open_rows(r, path, s, (hsize_t)rows);
+  hash_rows(r, h, dataset, s, 0, rows);
+  h5_drop(r, H5Dclose, dataset);
+}
+
+/* Mesh, parameters and the scene, which stays in memory. */
+static void check_statics(recorder *r, const msim_recording *what, msim_resumption *from) {
+  hash h = {0, 0};
+  hsize_t length = 0;
+  h5_hash_words(&h, 2, (int64_t[]){what->n, what->nsprings});
+  hash_dataset(r, &h, "/VTKHDF/Lines/Connectivity", WHOLE, 2 * (int64_t)what->nsprings);
+  hash_dataset(r, &h, "/VTKHDF/PointData/Mass", REAL, what->n);
+  hash_dataset(r, &h, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings);
+  hash_dataset(r, &h, "/VTKHDF/CellData/RestLength", REAL, what->nsprings);
+  hid_t scene = open_dataset(r, "/msim/scene", BYTE, &length);
+  if (r->status == MSIM_OK && !(r->scene = r->host->alloc(r->host, length + 1)))
+    h5_fail(r, MSIM_ERR_MEMORY, "no memory for its scene");
+  h5_get(r, scene, BYTE, 0, length, r->scene);
+  h5_drop(r, H5Dclose, scene);
+  if (r->status != MSIM_OK) return;
+  r->scene[length] = '\0';
+  h5_hash_words(&h, 1, &(uint64_t){length});
+  for (hsize_t i = 0; i < length; i++)
+    h5_hash_words(&h, 1, &(uint64_t){(unsigned char)r->scene[i]});
+  from->scene = r->scene;
+  from->scene_length = length;
+  if (h.sum != (uint64_t)get_attribute(r, "/msim", "static_hash") && r->status == MSIM_OK)
+    h5_fail(r, MSIM_ERR_ARG, "its mesh, parameters or scene are damaged: their hash is another");
+}
+
+static uint64_t get_word(recorder *r, int i, int64_t frame) {
+  uint64_t word = 0;
+  h5_get(r, r->column[i], h5_columns[i].shape, (hsize_t)frame, 1, &word);
+  return word;
+}
+
+static int frame_is_whole(recorder *r, int64_t i) {
+  hash h = {0, 0};
+  hash_rows(r, &h, r->column[V], VECTOR, i * r->n, r->n);
+  hash_rows(r, &h, r->column[X], VECTOR, i * r->n, r->n);
+  hash_rows(r, &h, r->column[TIME], REAL, i, 1);
+  hash_rows(r, &h, r->column[STEP], WHOLE, i, 1);
+  return h.sum == get_word(r, HASH, i) && r->status == MSIM_OK;
+}
+
+/*------------------------------------- where it goes on -----------------------------------------*/
+
+/* The frames committed; *beyond: up to the last one that says so. A power cut may have lost what
+ * lies between. */
+static int64_t count_committed(recorder *r, int64_t *beyond) {
+  int64_t part[BLOCK], committed = 0;
+  *beyond = 0;
+  for (int64_t i = 0; i < r->nframes && r->status == MSIM_OK; i += BLOCK) {
+    const int64_t count = r->nframes - i < BLOCK ? r->nframes - i : BLOCK;
+    h5_get(r, r->column[COMMIT], WHOLE, (hsize_t)i, (hsize_t)count, part);
+    for (int64_t j = 0; j < count; j++) {
+      if (part[j] != 0) continue;
+      committed += committed == i + j;
+      *beyond = i + j + 1;
+    }
+  }
+  return committed;
+}
+
+/* The number of frames up to that of a slot; 0 where it has none to go on from: its frame must be
+ * whole, and one that this run would write. */
+static int64_t frames_of_slot(recorder *r, int which, int64_t committed, const double *times) {
+  const uint64_t *slot = r->words;
+  h5_get(r, r->slot[which], WHOLE, 0, h5_slot_words(r->capacity), r->words);
+  if (r->status != MSIM_OK || slot[SLOT_FRAME] >= (uint64_t)committed ||
+      slot[SLOT_LENGTH] > r->capacity || slot[SLOT_HASH] != h5_slot_hash(slot))
+    return 0;
+  const int64_t frame = (int64_t)slot[SLOT_FRAME];
+  const uint64_t t = get_word(r, TIME, frame);
+  const int fits =
+      memcmp(&t, &times[frame], sizeof t) == 0 && get_word(r, STEP, frame) == slot[SLOT_STEP];
+  return fits && frame_is_whole(r, frame) ? frame + 1 : 0;
+}
+
+static void find_checkpoint(recorder *r, int64_t committed, const double *times) {
+  int newest = 0;
+  for (int i = 0; i < NSLOTS && committed > 0; i++) {
+    const int64_t frames = frames_of_slot(r, i, committed, times);
+    if (frames <= r->written) continue;
+    r->written = frames;
+    newest = i;
+  }
+  if (r->written > 0) h5_get(r, r->slot[newest], WHOLE, 0, h5_slot_words(r->capacity), r->words);
+  else if (committed > 0 && r->status == MSIM_OK)
+    h5_fail(r, MSIM_ERR_ARG,
+            "of its %" PRId64 " frames none has both a whole checkpoint and a time of this run",
+            committed);
+}
+
+/* The file shows the time of every frame from the beginning. That of the last one written may be
+ * another; so may that of the next, whose writing may have begun, and that of the last one planned,
+ * as far as the next has room. */
+static void check_times(recorder *r, const msim_recording *what) {
+  double shown[BLOCK];
+  const int64_t last = what->nframes - 1;
+  for (int64_t i = 0; i < r->nframes && r->status == MSIM_OK; i += BLOCK) {
+    const int64_t count = r->nframes - i < BLOCK ? r->nframes - i : BLOCK;
+    h5_get(r, r->column[TIME_SHOWN], REAL, (hsize_t)i, (hsize_t)count, shown);
+    for (int64_t j = i; j < i + count && r->status == MSIM_OK; j++) {
+      const double there = shown[j - i], here = what->times[j < last ? j : last];
+      const int free = j >= r->written && (j == last || j == r->committed || j == r->committed - 1);
+      const int differs = j <= last ? !free && there != here : j == last + 1 && there <= here;
+      if (differs)
+        h5_fail(r, MSIM_ERR_ARG,
+                "its frame %" PRId64 " is planned at t = %.17g s, that of this run at %.17g s", j,
+                there, here);
+    }
+  }
+}
+
+static void find_end(recorder *r, const msim_recording *what) {
+  const int64_t committed = count_committed(r, &r->committed);
+  if (r->status == MSIM_OK && r->committed > what->nframes)
+    h5_fail(r, MSIM_ERR_ARG, "it holds %" PRId64 " frames already, and this run has %" PRId64,
+            r->committed, what->nframes);
+  if (r->status != MSIM_OK) return;
+  find_checkpoint(r, committed, what->times);
+  if (r->committed > r->written) r->planned_t = what->times[r->committed - 1];
+  check_times(r, what);
+}
+
+void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
+  h5_doing(r, "go on with", "the file");
+  h5_open_file(r, what->path, GO_ON);
+  check_counts(r, what);
+  open_columns(r);
+  check_statics(r, what, from);
+  find_end(r, what);
+  if (r->status != MSIM_OK) return;
+  from->frames = r->written;
+  if (r->written == 0) return;
+  from->step = (int64_t)r->words[SLOT_STEP];
+  from->checkpoint = r->words + SLOT_BYTES;
+  from->checkpoint_length = r->words[SLOT_LENGTH];
+}
+
+int h5_recognize(recorder *r, const char *path) {
+  h5_open_file(r, path, LOOK);
+  const int ours = is_ours(r);
+  h5_drop(r, H5Fclose, r->file);
+  return ours;
+}

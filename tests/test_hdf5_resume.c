@@ -1,0 +1,268 @@
+/* The recorder plugin hdf5 goes on with its files, wherever they end, and the whole is to the byte
+ * what it would have been; what it cannot go on with it leaves alone. */
+#define _DEFAULT_SOURCE /* mkdtemp */
+
+#include <inttypes.h>
+
+#include "trajectory.h"
+
+enum { N = 20, NSPRINGS = 30, PLANNED = 12 };
+
+static counting_host host;
+static sample s;
+
+/* A file of `written` frames. */
+static void begin(int64_t written) {
+  if (!plugin()) skip();
+  host_init(&host);
+  sample_init(&s, "a.vtkhdf", N, NSPRINGS, PLANNED);
+  assert_int_equal(record(plugin(), &host.host, &s, written), MSIM_OK);
+}
+
+/* Go on to the end; the file kept so many frames, and is now as if nobody had stopped. */
+static void go_on(int64_t kept) {
+  int64_t found = -1;
+  size_t first, second;
+  host_init(&host);
+  if (record_on(plugin(), &host.host, &s, PLANNED, &found) != MSIM_OK)
+    fail_msg("%s", host.sentence);
+  assert_int_equal(found, kept);
+  assert_int_equal(host.live, 0);
+  assert_good("a.vtkhdf", PLANNED, PLANNED);
+  s.what.path = "whole.vtkhdf";
+  assert_int_equal(record(plugin(), &host.host, &s, PLANNED), MSIM_OK);
+  char *mine = slurp("a.vtkhdf", &first), *whole = slurp("whole.vtkhdf", &second);
+  assert_int_equal(first, second);
+  assert_memory_equal(mine, whole, first);
+  free(mine), free(whole);
+  remove("a.vtkhdf"), remove("whole.vtkhdf");
+  sample_free(&s);
+}
+
+/* The i-th word of a dataset becomes another one. */
+static void change_word(const char *path, hsize_t i, uint64_t bits) {
+  hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
+  hid_t dataset = H5Dopen2(file, path, H5P_DEFAULT), type = H5Dget_type(dataset);
+  hid_t space = H5Dget_space(dataset);
+  const hsize_t size = (hsize_t)H5Sget_simple_extent_npoints(space);
+  uint64_t *words = calloc(size, sizeof *words);
+  assert_true(H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, words) >= 0);
+  words[i] ^= bits;
+  assert_true(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, words) >= 0);
+  free(words);
+  H5Sclose(space), H5Tclose(type), H5Dclose(dataset), H5Fclose(file);
+}
+
+static void refuse(msim_status want, const char *sentence) {
+  void *self;
+  size_t length, after;
+  char *before = slurp("a.vtkhdf", &length);
+  msim_resumption from = {.size = sizeof from};
+  host_init(&host);
+  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), want);
+  if (!strstr(host.sentence, sentence)) fail_msg("'%s' lacks '%s'", host.sentence, sentence);
+  assert_non_null(strstr(host.sentence, "a.vtkhdf: cannot go on with the file: "));
+  assert_int_equal(host.live, 0);
+  char *now = slurp("a.vtkhdf", &after);
+  assert_int_equal(after, length);
+  if (length) assert_memory_equal(now, before, length);
+  free(before), free(now);
+}
+
+/*------------------------------------- going on -------------------------------------------------*/
+
+static void from_wherever_it_ended(void **state) {
+  (void)state;
+  for (int64_t written = 0; written <= PLANNED; written++) {
+    begin(written);
+    go_on(written);
+  }
+}
+
+static void with_the_last_checkpoint(void **state) {
+  (void)state;
+  void *self;
+  msim_resumption from = {.size = sizeof from};
+  begin(5);
+  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  const msim_frame frame = sample_frame(&s, 4);
+  assert_int_equal(from.frames, 5);
+  assert_int_equal(from.step, frame.step);
+  assert_int_equal(from.checkpoint_length, frame.checkpoint_length);
+  assert_memory_equal(from.checkpoint, frame.checkpoint, frame.checkpoint_length);
+  assert_int_equal(from.scene_length, s.what.scene_length);
+  assert_memory_equal(from.scene, s.what.scene, from.scene_length);
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  go_on(5);
+}
+
+static void past_what_is_damaged(void **state) {
+  (void)state;
+  static const char *const last[] = {"/msim/checkpoint/0", "/VTKHDF/Points"};
+  const hsize_t words[] = {100, 4 * 3 * N + 7};
+  for (int i = 0; i < 2; i++) {
+    begin(5);
+    change_word(last[i], words[i], 1);
+    go_on(4);
+  }
+  begin(5); /* a power cut may lose one commit and keep the next */
+  change_word("/VTKHDF/Steps/PartOffsets", 3, 1);
+  change_word("/msim/checkpoint/1", 1, 3 ^ 1);
+  refuse(MSIM_ERR_ARG, "of its 3 frames none has both a whole checkpoint");
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
+/* Frames written where a run was stopped belong to no plan: they give way. */
+static void over_a_frame_out_of_plan(void **state) {
+  (void)state;
+  void *self;
+  msim_resumption from = {.size = sizeof from};
+  begin(4);
+  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  msim_frame frame = sample_frame(&s, 4);
+  frame.t -= 0.05;
+  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  assert_good("a.vtkhdf", 5, PLANNED);
+  go_on(4);
+}
+
+/* To an end before the planned one, and from there to that. */
+static void to_an_earlier_end(void **state) {
+  (void)state;
+  int64_t kept;
+  begin(5);
+  s.what.nframes = 8;
+  s.times[7] -= 0.03;
+  assert_int_equal(record_on(plugin(), &host.host, &s, 8, &kept), MSIM_OK);
+  assert_good("a.vtkhdf", 8, PLANNED);
+  s.what.nframes = PLANNED;
+  s.times[7] += 0.03;
+  go_on(8);
+}
+
+/*------------------------------------- refusals -------------------------------------------------*/
+
+static void another_run_is_refused(void **state) {
+  (void)state;
+  begin(5);
+  s.what.n = N - 1;
+  refuse(MSIM_ERR_ARG, "it has 20 particles, the scene 19");
+  s.what.n = N, s.what.nsprings = NSPRINGS - 1;
+  refuse(MSIM_ERR_ARG, "it has 30 springs, the scene 29");
+  s.what.nsprings = NSPRINGS, s.what.nframes = PLANNED + 1;
+  refuse(MSIM_ERR_ARG, "it was planned for 12 frames and never grows, but this run has 13; end");
+  s.what.nframes = 4;
+  refuse(MSIM_ERR_ARG, "it holds 5 frames already, and this run has 4");
+  s.what.nframes = PLANNED, s.times[9] += 0.01;
+  refuse(MSIM_ERR_ARG, "its frame 9 is planned at t = 0.9");
+  s.times[3] = 0.31, s.times[4] = 0.41;
+  refuse(MSIM_ERR_ARG, "of its 5 frames none has both a whole checkpoint and a time of this run");
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
+static void damage_is_refused(void **state) {
+  (void)state;
+  static const char *const statics[] = {"/VTKHDF/PointData/Mass", "/VTKHDF/CellData/Stiffness",
+                                        "/VTKHDF/CellData/RestLength",
+                                        "/VTKHDF/Lines/Connectivity"};
+  begin(5);
+  for (int i = 0; i < 4; i++) {
+    change_word(statics[i], 1, 1);
+    refuse(MSIM_ERR_ARG, "its mesh, parameters or scene are damaged");
+    change_word(statics[i], 1, 1);
+  }
+  for (int i = 0; i < 2; i++) change_word(i ? "/msim/checkpoint/1" : "/msim/checkpoint/0", 0, 1);
+  refuse(MSIM_ERR_ARG, "none has both a whole checkpoint");
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
+static void what_is_not_ours_is_refused(void **state) {
+  (void)state;
+  begin(0);
+  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 1);
+  hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
+  H5Ldelete(file, "/msim/checkpoint", H5P_DEFAULT);
+  H5Fclose(file);
+  refuse(MSIM_ERR_ARG, "it was made without checkpoints");
+  file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
+  H5Ldelete(file, "/msim", H5P_DEFAULT);
+  H5Fclose(file);
+  refuse(MSIM_ERR_ARG, "it is no trajectory of msim's");
+  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 0);
+  FILE *text = fopen("a.vtkhdf", "w");
+  fputs("a diary\n", text);
+  fclose(text);
+  refuse(MSIM_ERR_BACKEND, "file signature");
+  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 0);
+  remove("a.vtkhdf");
+  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 0);
+  assert_int_equal(host.live, 0);
+  sample_free(&s);
+}
+
+static void without_memory(void **state) {
+  (void)state;
+  int64_t kept;
+  begin(5);
+  for (int i = 1; i <= 3; i++) {
+    host_init(&host);
+    host.until_empty = i;
+    assert_int_equal(record_on(plugin(), &host.host, &s, PLANNED, &kept), MSIM_ERR_MEMORY);
+    assert_non_null(strstr(host.sentence, "a.vtkhdf: "));
+    assert_int_equal(host.live, 0);
+  }
+  go_on(5);
+}
+
+/* It knows nothing of checkpoints. */
+static void an_older_host(void **state) {
+  (void)state;
+  if (!plugin()) skip();
+  host_init(&host);
+  sample_init(&s, "a.vtkhdf", N, NSPRINGS, PLANNED);
+  s.what.size = offsetof(msim_recording, checkpoint_capacity);
+  void *self;
+  assert_int_equal(plugin()->open(&host.host, &s.what, &self), MSIM_OK);
+  msim_frame frame = sample_frame(&s, 0);
+  frame.size = offsetof(msim_frame, checkpoint);
+  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  assert_good("a.vtkhdf", 1, PLANNED);
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
+static void a_checkpoint_that_is_too_long(void **state) {
+  (void)state;
+  void *self;
+  begin(0);
+  assert_int_equal(plugin()->open(&host.host, &s.what, &self), MSIM_OK);
+  msim_frame frame = sample_frame(&s, 0);
+  frame.checkpoint_length = SAMPLE_CHECKPOINT + 1;
+  assert_int_equal(plugin()->write(self, &frame), MSIM_ERR_ARG);
+  assert_non_null(strstr(host.sentence, "1004 bytes are more than the 1003 planned"));
+  assert_int_equal(plugin()->close(self), MSIM_ERR_ARG);
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(from_wherever_it_ended),
+      cmocka_unit_test(with_the_last_checkpoint),
+      cmocka_unit_test(past_what_is_damaged),
+      cmocka_unit_test(over_a_frame_out_of_plan),
+      cmocka_unit_test(to_an_earlier_end),
+      cmocka_unit_test(another_run_is_refused),
+      cmocka_unit_test(damage_is_refused),
+      cmocka_unit_test(what_is_not_ours_is_refused),
+      cmocka_unit_test(without_memory),
+      cmocka_unit_test(an_older_host),
+      cmocka_unit_test(a_checkpoint_that_is_too_long),
+  };
+  return cmocka_run_group_tests(tests, enter_folder, leave_folder);
+}
