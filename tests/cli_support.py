@@ -19,7 +19,7 @@ INTEGRATORS = ("explicit-euler heun verlet linearly-implicit-euler symplectic-eu
                "velocity-verlet rk4 dop853").split()
 OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations jacobian indefinite "
            "newton.rtol newton.max_iterations collision tol threads heun.collision verlet.start "
-           "every fps skip.springs skip.kept_factor "
+           "every fps sync skip.springs skip.kept_factor "
            "skip.two_d skip.zero_rest_length skip.at_rest skip.islands").split()
 COUNTERS = {"steps", "force_evaluations", "assemblies", "analyses", "factorizations", "solves",
             "iterations", "newton_iterations", "contacts", "indefinite_steps",

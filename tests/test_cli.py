@@ -95,7 +95,8 @@ class Refusals(CliTest):
             ([*run, "--every", "0"], "every"),
             ([*run, "--every", "2", "--fps", "3"], "--every", "--fps"),
             ([*run, "--out", ""], "--out"),
-            ([*run, "--resume"], "--resume", "not part of this version", "--init"),
+            ([*run, "--resume"], "--resume needs --out"),
+            ([*run, "--resume", "--force", "--out", "out.vtkhdf"], "exclude each other"),
         ])
 
     def test_run(self):

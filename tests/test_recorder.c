@@ -89,6 +89,83 @@ static void what_cannot_be_written_is_refused(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(endless), msim_sim_destroy(many);
 }
 
+static msim_recorder *opened(msim_sim *sim, const char *name) {
+  msim_recorder *recorder;
+  assert_ok(msim_recorder_open(sim, in_folder(name), &recorder, err));
+  return recorder;
+}
+
+/* In whatever order, and in one process too. */
+static void only_one_writes_a_file(void **state) {
+  (void)state;
+  msim_sim *sim = flight(10, 1, 0);
+  msim_recorder *first = opened(sim, "a.csv"), *second = NULL;
+  refuse(sim, "a.csv", MSIM_ERR_IO, "is being written by another recorder");
+  assert_int_equal(msim_recorder_replace(sim, in_folder("a.csv"), &second, NULL), MSIM_ERR_IO);
+  assert_null(second);
+  assert_ok(msim_recorder_write(first, err));
+  assert_ok(msim_recorder_close(first, err));
+  assert_ok(msim_recorder_close(opened(sim, "a.csv"), err));
+  msim_sim_destroy(sim);
+}
+
+static void put_text(const char *name, const char *text) {
+  FILE *file = fopen(in_folder(name), "w");
+  assert_true(file && fputs(text, file) >= 0 && fclose(file) == 0);
+}
+
+/* Nothing is lost where a file is empty, or a table of ours. */
+static void what_is_not_ours_stays(void **state) {
+  (void)state;
+  static const char *const others[] = {"name,phone\n", "s", "step,t,particle\n"};
+  msim_sim *sim = flight(10, 1, 0);
+  msim_recorder *recorder;
+  for (int i = 0; i < 3; i++) {
+    put_text("a.csv", others[i]);
+    refuse(sim, "a.csv", MSIM_ERR_IO, "is there already, and no trajectory of msim");
+    char text[32] = "";
+    FILE *file = fopen(in_folder("a.csv"), "r");
+    assert_non_null(fgets(text, sizeof text, file));
+    fclose(file);
+    assert_string_equal(text, others[i]);
+  }
+  assert_ok(msim_recorder_replace(sim, in_folder("a.csv"), &recorder, err));
+  assert_ok(msim_recorder_close(recorder, err));
+  assert_ok(msim_recorder_close(opened(sim, "a.csv"), err));
+  put_text("a.csv", "");
+  assert_ok(msim_recorder_close(opened(sim, "a.csv"), err));
+  msim_sim_destroy(sim);
+}
+
+static void tables_cannot_be_gone_on_with(void **state) {
+  (void)state;
+  msim_sim *sim = flight(10, 1, 0);
+  msim_recorder *recorder = NULL;
+  msim_error why;
+  assert_int_equal(msim_recorder_resume(sim, in_folder("a.csv"), &recorder, &why),
+                   MSIM_ERR_UNSUPPORTED);
+  assert_non_null(strstr(why.text, "a.csv: nothing goes on with such a file"));
+  assert_null(recorder);
+  msim_sim_destroy(sim);
+}
+
+/* Somebody who may not is refused before anything is made. */
+static void read_only_places_are_refused(void **state) {
+  (void)state;
+  msim_sim *sim = flight(10, 1, 0);
+  put_text("a.csv", "");
+  assert_int_equal(chmod(in_folder("a.csv"), 0444), 0);
+  assert_int_equal(chmod(folder, 0555), 0);
+  const int is_root = geteuid() == 0;
+  if (is_root) assert_int_equal(seteuid(65534), 0);
+  refuse(sim, "a.csv", MSIM_ERR_IO, "Permission denied");
+  refuse(sim, "b.csv", MSIM_ERR_IO, "Permission denied");
+  if (is_root) assert_int_equal(seteuid(0), 0);
+  assert_int_equal(chmod(folder, 0755), 0);
+  assert_int_equal(unlink(in_folder("a.csv")), 0);
+  msim_sim_destroy(sim);
+}
+
 static int make_folder(void **state) {
   (void)state;
   return mkdtemp(folder) ? 0 : -1;
@@ -102,6 +179,10 @@ static int remove_folder(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(frames_hold_the_state),
-                                     cmocka_unit_test(what_cannot_be_written_is_refused)};
+                                     cmocka_unit_test(what_cannot_be_written_is_refused),
+                                     cmocka_unit_test(only_one_writes_a_file),
+                                     cmocka_unit_test(what_is_not_ours_stays),
+                                     cmocka_unit_test(tables_cannot_be_gone_on_with),
+                                     cmocka_unit_test(read_only_places_are_refused)};
   return cmocka_run_group_tests_name("recorder", tests, make_folder, remove_folder);
 }

@@ -8,14 +8,13 @@
 
 typedef struct recorder {
   const msim_host *host;
-  hid_t file, column[NWRITTEN], slot[NSLOTS]; /* no slots: invalid */
+  hid_t file, column[NWRITTEN], slot[NSLOTS];
   int64_t n, nframes, written;
   int64_t committed; /* before the last one that says so; above `written` those are taken back */
   double planned_t;  /* of that last one, s */
   int sync;
-  size_t capacity;    /* bytes of a checkpoint */
-  uint64_t *words;    /* of a slot; NULL: none */
-  char *scene;        /* of a file that goes on */
+  size_t capacity;    /* bytes of a checkpoint; 0: there are no slots */
+  uint64_t *words;    /* of a slot */
   msim_status status; /* that of the first failure */
   char doing[96];     /* what failed */
   char reason[256];   /* and why */

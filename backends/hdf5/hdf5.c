@@ -77,7 +77,6 @@ static msim_status close_recorder(void *self) {
   WITH_LIBRARY(h5_drop(r, H5Fclose, r->file));
   const msim_status status = h5_report(r);
   host->free(host, r->words);
-  host->free(host, r->scene);
   host->free(host, r);
   return status;
 }

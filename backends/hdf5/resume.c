@@ -116,8 +116,7 @@ static void hash_dataset(recorder *r, hash *h, const char *path, shape s, int64_
   h5_drop(r, H5Dclose, dataset);
 }
 
-/* Mesh, parameters and the scene, which stays in memory. */
-static void check_statics(recorder *r, const msim_recording *what, msim_resumption *from) {
+static void check_statics(recorder *r, const msim_recording *what) {
   hash h = {0, 0};
   hsize_t length = 0;
   h5_hash_words(&h, 2, (int64_t[]){what->n, what->nsprings});
@@ -126,17 +125,9 @@ static void check_statics(recorder *r, const msim_recording *what, msim_resumpti
   hash_dataset(r, &h, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings);
   hash_dataset(r, &h, "/VTKHDF/CellData/RestLength", REAL, what->nsprings);
   hid_t scene = open_dataset(r, "/msim/scene", BYTE, &length);
-  if (r->status == MSIM_OK && !(r->scene = r->host->alloc(r->host, length + 1)))
-    h5_fail(r, MSIM_ERR_MEMORY, "no memory for its scene");
-  h5_get(r, scene, BYTE, 0, length, r->scene);
+  h5_hash_words(&h, 1, &length);
+  hash_rows(r, &h, scene, WHOLE, 0, (int64_t)length); /* a byte, a word */
   h5_drop(r, H5Dclose, scene);
-  if (r->status != MSIM_OK) return;
-  r->scene[length] = '\0';
-  h5_hash_words(&h, 1, &(uint64_t){length});
-  for (hsize_t i = 0; i < length; i++)
-    h5_hash_words(&h, 1, &(uint64_t){(unsigned char)r->scene[i]});
-  from->scene = r->scene;
-  from->scene_length = length;
   if (h.sum != (uint64_t)get_attribute(r, "/msim", "static_hash") && r->status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG, "its mesh, parameters or scene are damaged: their hash is another");
 }
@@ -242,7 +233,7 @@ void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
   h5_open_file(r, what->path, GO_ON);
   check_counts(r, what);
   open_columns(r);
-  check_statics(r, what, from);
+  check_statics(r, what);
   find_end(r, what);
   if (r->status != MSIM_OK) return;
   from->frames = r->written;

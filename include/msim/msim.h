@@ -188,10 +188,10 @@ MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nspr
                                           const double *damping /* nsprings */, msim_error *err);
 
 /* A checkpoint: all that the steps to come owe to those made, so that a sim made anew goes on from
- * there to the same bits, with any method, solver or error control, and counts on in stats. The
- * bytes are the caller's, to be written straight to where they are to lie; they name what they
- * are, and each of them counts in a hash. Saving changes nothing, and frames of msim_sim_run are
- * checkpoints too. No sim ever needs more than this, until a state or springs are set: */
+ * there to the same bits, with any method, solver or error control, and counts on in stats, but
+ * for the seconds. The bytes are the caller's, to be written straight to where they are to lie;
+ * they name what they are, and each of them counts in a hash. Saving changes nothing, and frames of
+ * msim_sim_run are checkpoints too. No sim ever needs more than this, until a state or springs are set: */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
 MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                                    msim_error *err);
@@ -224,9 +224,22 @@ MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_err
 typedef struct msim_recorder msim_recorder;
 
 /* Open a file for the frames that the sim's options ask for. The file appears under its name
- * when it is complete enough to be read. */
+ * when it is complete enough to be read. An older trajectory of msim gives way to it; any other
+ * file is kept, and so is one that another recorder writes, in whatever process: refused. */
 MSIM_API msim_status msim_recorder_open(msim_sim *sim, const char *path, msim_recorder **recorder,
                                         msim_error *err);
+
+/* The same, but any file gives way that no recorder writes. */
+MSIM_API msim_status msim_recorder_replace(msim_sim *sim, const char *path,
+                                           msim_recorder **recorder, msim_error *err);
+
+/* Go on with a .vtkhdf file whose run was interrupted in whatever way: load its last checkpoint,
+ * as msim_sim_load does, into a sim that stands where that run began, and write what follows behind
+ * the frames up to there. The last of them, in which the sim is then, is not written again. The end
+ * may be another as far as the file has planned frames for it: it never grows. Refused, and nothing
+ * is changed, where the file was planned for other times or msim_sim_load refuses. */
+MSIM_API msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder **recorder,
+                                          msim_error *err);
 
 /* Write the sim's present state as the next frame. */
 MSIM_API msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err);

@@ -22,6 +22,10 @@ enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
  * motion is checked: kinetic and elastic energy, and the extent of the scene, beyond 100 times what
  * the start and gravity can supply end it with MSIM_UNSTABLE. Bits do not depend on it. */
 enum { MSIM_WATCH_ON, MSIM_WATCH_OFF };
+
+/* Of trajectories. OFF: each frame is the system's to keep once it is written: it outlives this
+ * process, however that ends. ON: it is on the disk, and outlives a power cut. */
+enum { MSIM_SYNC_OFF, MSIM_SYNC_ON };
 enum { MSIM_HEUN_FINAL, MSIM_HEUN_STANDARD, MSIM_HEUN_LITERAL };
 enum { MSIM_VERLET_TAYLOR, MSIM_VERLET_PLAIN };
 
@@ -79,6 +83,7 @@ typedef struct msim_options {
    * they are halved. Output times stay [0] */
   int32_t newton_retries;
   int32_t watch; /* MSIM_WATCH_... [ON] */
+  int32_t sync; /* MSIM_SYNC_... [OFF] */
 } msim_options;
 
 MSIM_API void msim_options_init(msim_options *opt, size_t size);

@@ -54,8 +54,6 @@ typedef struct msim_resumption {
   int64_t step;           /* of the last of them */
   const void *checkpoint; /* that came with it; NULL: there are no frames */
   size_t checkpoint_length;
-  const char *scene; /* that the file was made with */
-  size_t scene_length;
 } msim_resumption;
 
 typedef struct msim_recorder_type {

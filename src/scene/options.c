@@ -127,6 +127,8 @@ static const option table[] = {
      1,
      0,
      0},
+    PICK("sync", "off | on", "off",
+         "on: each frame is on the disk before the run goes on, and outlives a power cut", sync),
     FLAG("springs", "the spring pass where there are no springs", MSIM_SKIP_SPRINGS),
     FLAG("damping", "the damping pass where no spring is damped", MSIM_SKIP_DAMPING),
     FLAG("gravity", "gravity where it is 0", MSIM_SKIP_GRAVITY),

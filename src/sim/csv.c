@@ -14,11 +14,14 @@
 /* A line holds at most two whole numbers of 20 characters and seven reals of 24. */
 enum { LONGEST_LINE = 256, BUFFER = 1 << 18 };
 
+static const char title[] = "step,t,particle,x,y,z,vx,vy,vz\n";
+
 typedef struct recorder {
   const msim_host *host;
   locale_t c;
   int32_t n;
   int fd;
+  int sync;
   int error;      /* errno of the first failure; nothing is written after it */
   int torn;       /* 1: the file ends within a frame */
   off_t length;   /* of the file, bytes */
@@ -50,6 +53,7 @@ static void flush(recorder *r) {
 /* After an error the file is cut to its whole frames. */
 static msim_status end_frame(recorder *r) {
   flush(r);
+  if (!r->error && r->sync && fdatasync(r->fd) != 0) r->error = errno;
   if (!r->error) r->complete = r->length;
   if (r->length > r->complete && ftruncate(r->fd, r->complete) != 0) r->torn = 1;
   else r->length = r->complete;
@@ -94,13 +98,24 @@ static msim_status open_file(const msim_host *host, const msim_recording *what, 
   memcpy(r->name, name, bytes);
   r->host = host;
   r->n = what->n;
+  r->sync = what->sync;
   r->c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
   r->fd = r->c ? open(what->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666) : -1;
   if (r->fd < 0) r->error = errno;
-  r->used = (size_t)snprintf(r->buffer, LONGEST_LINE, "step,t,particle,x,y,z,vx,vy,vz\n");
+  r->used = (size_t)snprintf(r->buffer, LONGEST_LINE, "%s", title);
   if (end_frame(r) != MSIM_OK) return close_file(r);
   *self = r;
   return MSIM_OK;
+}
+
+static int32_t recognize(const msim_host *host, const char *path) {
+  char first[sizeof title] = "";
+  (void)host;
+  int fd = open(path, O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return 0;
+  ssize_t count = read(fd, first, sizeof title - 1);
+  close(fd);
+  return count > 0 && strcmp(first, title) == 0;
 }
 
 const msim_recorder_type *ms_recorder_csv(void) {
@@ -114,6 +129,7 @@ const msim_recorder_type *ms_recorder_csv(void) {
       .open = open_file,
       .write = write_frame,
       .close = close_file,
+      .recognize = recognize,
   };
   return &type;
 }

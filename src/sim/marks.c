@@ -80,7 +80,8 @@ static void mark_scene(const msim_sim *sim, ms_mark *mark, void *data) {
 
 /* Where a run ends and what is seen of it is free, and what bits never depend on. */
 static int is_free(const char *name) {
-  static const char *const names[] = {"steps", "t_end", "every", "fps", "threads", "plugin_path"};
+  static const char *const names[] = {"steps",   "t_end",       "every", "fps",
+                                      "threads", "plugin_path", "sync"};
   for (size_t i = 0; i < sizeof names / sizeof *names; i++)
     if (strcmp(names[i], name) == 0) return 1;
   return 0;

@@ -41,6 +41,11 @@ const char *not_a_file(const char *path) {
   return S_ISDIR(info.st_mode) ? "a folder" : "a device or a pipe";
 }
 
+int file_exists(const char *path) {
+  struct stat info;
+  return stat(path, &info) == 0;
+}
+
 int has_extension(const char *path, const char *extension) {
   const char *dot = strrchr(path, '.');
   return dot && strcmp(dot, extension) == 0;

@@ -18,8 +18,12 @@ static const cli_flag flags[] = {
     {"final", "FILE.json", "write the last state, its energies and the work done", FOR_RUN,
      AT(final)},
     {"init", "FINAL.json", "start from a state that --final wrote", FOR_RUN, AT(init)},
-    {"resume", NULL, "go on with an interrupted run; not part of this version yet", FOR_RUN,
-     AT(resume)},
+    {"resume", NULL,
+     "go on with the run whose frames are in the .vtkhdf file of --out, however it ended; begin it "
+     "where there is no such file",
+     FOR_RUN, AT(resume)},
+    {"force", NULL, "replace the file of --out although it is no trajectory of msim", FOR_RUN,
+     AT(force)},
     {"stats", NULL, "print all counters and the seconds of each phase", FOR_RUN, AT(stats)},
     {"quiet", NULL, "print nothing but errors", FOR_RUN, AT(quiet)},
     {"help", NULL, "show this text", FOR_ALL, AT(help)},
@@ -187,9 +191,10 @@ static int parse_all(arguments *args, int argc, char **argv, const struct option
 static int check_whole(const arguments *args) {
   const char *command = command_name(args->which);
   if (args->help) return EXIT_OK;
-  if (args->resume)
-    return complain_usage(
-        command, "--resume is not part of this version yet; --init goes on from a final state");
+  if (args->resume && !args->out)
+    return complain_usage(command, "--resume needs --out, the file to go on with");
+  if (args->resume && args->force)
+    return complain_usage(command, "--resume and --force exclude each other");
   if (args->options.every > 0 && args->options.fps > 0)
     return complain_usage(command, "--every and --fps exclude each other");
   if (!args->scene && args->which != COMMAND_LIST)

@@ -16,7 +16,7 @@ typedef struct arguments {
   command_id which;
   const char *scene;              /* NULL for list */
   const char *out, *final, *init; /* NULL: not given */
-  int resume, stats, quiet, help;
+  int resume, force, stats, quiet, help;
   int nsettings;
   setting *settings;    /* nsettings, in the order given */
   msim_options options; /* the defaults, and the settings on top */

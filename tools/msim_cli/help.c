@@ -17,7 +17,7 @@ static const char example[] =
 static const char usage_run[] =
     "Usage: msim_cli run SCENE [--OPTION VALUE]... [--out FILE]\n"
     "                          [--every N | --fps F] [--final FILE.json]\n"
-    "                          [--init FINAL.json] [--stats] [--quiet]\n"
+    "                          [--init FINAL.json] [--resume] [--stats] [--quiet]\n"
     "Simulate a scene, a file in JSON.\n";
 
 static const char usage_explain[] =

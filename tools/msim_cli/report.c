@@ -71,7 +71,7 @@ static void print_events(const report *r, const msim_stats *stats) {
 
 static void print_out(const report *r, const char *path) {
   print_column(VALUE_COLUMN, "motion");
-  printf("%s; frames: %" PRId64 "\n", path, r->frames);
+  printf("%s; frames: %" PRId64 "%s\n", path, r->frames, r->goes_on ? " more" : "");
   print_column(VALUE_COLUMN, "");
   if (has_extension(path, ".vtkhdf"))
     puts("ParaView 5.12 or later shows it: open it, press Apply, press play");

@@ -11,6 +11,7 @@ typedef struct report {
   double wall_s;
   int notes;      /* of the library, printed to stderr */
   int64_t frames; /* written to args->out */
+  int goes_on;    /* 1: with frames that were there */
 } report;
 
 /* After the run; the sim is where it ended. */

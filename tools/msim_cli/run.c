@@ -23,10 +23,11 @@ typedef struct run {
   progress bar;
   report report;
   msim_state first;   /* its arrays are not looked at */
+  msim_state from;    /* the same, where it goes on: the first one, or a file's last frame */
   double h;           /* s */
   double t_end;       /* s */
   int64_t end;        /* the last step to make; -1: nobody knows */
-  double t_recorded;  /* s: of the last frame written; NAN: none */
+  double t_recorded;  /* s: of the last frame in the file; NAN: none */
   msim_status failed; /* of writing a frame, and why */
   msim_error why;
 } run;
@@ -117,13 +118,31 @@ static int make_sim(run *r) {
   return EXIT_OK;
 }
 
+/* The sim is then where the file ends. */
+static msim_status resume(run *r, msim_error *err) {
+  msim_status status = msim_recorder_resume(r->sim, r->args->out, &r->recorder, err);
+  msim_sim_state(r->sim, &r->from);
+  r->report.goes_on = r->from.step > r->first.step || r->from.t > r->first.t;
+  if (r->report.goes_on) r->t_recorded = r->from.t;
+  return status;
+}
+
+static msim_status open_recorder(run *r, msim_error *err) {
+  const arguments *args = r->args;
+  if (args->force) return msim_recorder_replace(r->sim, args->out, &r->recorder, err);
+  if (!args->resume) return msim_recorder_open(r->sim, args->out, &r->recorder, err);
+  if (file_exists(args->out)) return resume(r, err);
+  if (!args->quiet) print_note("there is no file of --out yet: the run begins", r);
+  return msim_recorder_open(r->sim, args->out, &r->recorder, err);
+}
+
 static int open_files(run *r) {
   const arguments *args = r->args;
   msim_error err;
+  r->from = r->first;
   if (args->final && output_open(&r->final, args->final)) return EXIT_ERROR;
-  if (!args->out || msim_recorder_open(r->sim, args->out, &r->recorder, &err) == MSIM_OK)
-    return EXIT_OK;
-  return complain("%s", err.text);
+  if (args->out && open_recorder(r, &err) != MSIM_OK) return complain("%s", err.text);
+  return EXIT_OK;
 }
 
 /*------------------------------------- the run --------------------------------------------------*/
@@ -131,6 +150,7 @@ static int open_files(run *r) {
 static int64_t least(int64_t a, int64_t b) { return a < b ? a : b; }
 
 static msim_status record(run *r, double t, msim_error *err) {
+  if (t == r->t_recorded) return MSIM_OK;
   msim_status status = msim_recorder_write(r->recorder, err);
   if (status) return status;
   r->t_recorded = t;
@@ -152,7 +172,7 @@ static double time_of(const run *r, int64_t step) {
 
 /* Step to the end in pieces: to the next frame, or until the clock is to be read. */
 static msim_status simulate(run *r, msim_error *err) {
-  int64_t step = r->first.step, pace = 1, left = pace;
+  int64_t step = r->from.step, pace = 1, left = pace;
   double before = wall_seconds();
   msim_status status = r->recorder ? record(r, time_of(r, step), err) : MSIM_OK;
   while (!status && step < r->end && !stop_asked) {
@@ -202,11 +222,11 @@ static msim_status end_recording(run *r, msim_status status, msim_state *last, m
   msim_error second;
   msim_status failed = MSIM_OK;
   if (!r->recorder) return status;
-  if (status >= 0 && r->t_recorded != last->t) failed = record(r, last->t, &second);
+  if (status >= 0) failed = record(r, last->t, &second);
   if (failed > 0) { /* the state was no good, and the sim has gone back to one that is */
     status = failed, *err = second;
     msim_sim_state(r->sim, last);
-    failed = r->t_recorded != last->t ? record(r, last->t, &second) : MSIM_OK;
+    failed = record(r, last->t, &second);
   }
   if (!failed) failed = close_recorder(r, &second);
   if (!failed || status < 0) return status;
@@ -239,17 +259,17 @@ static void start_report(run *r) {
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(r->made.scene, &view);
   r->report.name = view.name;
-  r->report.first = r->first;
+  r->report.first = r->from;
   r->report.start.size = sizeof r->report.start;
   if (!r->args->quiet) msim_sim_energy(r->sim, &r->report.start);
 }
 
 static int execute(run *r) {
   msim_error err;
-  start_report(r);
-  progress_start(&r->bar, r->args->quiet, r->first.step, r->end, r->first.t);
   catch_signals(r->sim);
   if (open_files(r)) return EXIT_ERROR;
+  start_report(r);
+  progress_start(&r->bar, r->args->quiet, r->from.step, r->end, r->from.t);
   msim_status status = r->end < 0 ? simulate_by_error(r, &err) : simulate(r, &err);
   return finish(r, status, &err);
 }
