@@ -2,10 +2,9 @@
  *
  *   test_hdf5                           the tests
  *   test_hdf5 write BASE                BASE.vtkhdf, BASE.csv and BASE.json, for vtk_read.py
- *   test_hdf5 slow FILE FRAMES MICROS   frames at a pace, for kill_recorder.py
  *   test_hdf5 verify FILE               prints "GOOD of PLANNED"; status 1 if anything is wrong
  */
-#define _DEFAULT_SOURCE /* usleep, mkdtemp */
+#define _DEFAULT_SOURCE /* mkdtemp */
 
 #include <inttypes.h>
 #include <pthread.h>
@@ -315,28 +314,6 @@ static int write_mode(const char *base) {
   return result;
 }
 
-/* Opens as the library does: under another name until all is in place. */
-static int slow_mode(const char *path, int64_t frames, int64_t micros) {
-  const msim_recorder_type *hdf5 = plugin();
-  if (!hdf5) return 77;
-  char part[1024];
-  snprintf(part, sizeof part, "%s.part", path);
-  sample s;
-  void *self;
-  host_init(&host);
-  sample_init(&s, part, 500, 900, frames);
-  if (hdf5->open(&host.host, &s.what, &self) != MSIM_OK) return complain(host.sentence);
-  if (rename(part, path) != 0) return complain("cannot rename the file");
-  for (int64_t i = 0; i < frames; i++) {
-    msim_frame frame = sample_frame(&s, i);
-    if (hdf5->write(self, &frame) != MSIM_OK) return complain(host.sentence);
-    usleep((useconds_t)micros);
-  }
-  msim_status status = hdf5->close(self);
-  sample_free(&s);
-  return status == MSIM_OK ? 0 : complain(host.sentence);
-}
-
 static int verify_mode(const char *path) {
   int64_t planned = -1, good = verify(path, &planned);
   if (good < 0) return complain("the file is damaged");
@@ -360,7 +337,5 @@ int main(int argc, char **argv) {
   };
   if (argc == 3 && strcmp(argv[1], "write") == 0) return write_mode(argv[2]);
   if (argc == 3 && strcmp(argv[1], "verify") == 0) return verify_mode(argv[2]);
-  if (argc == 5 && strcmp(argv[1], "slow") == 0)
-    return slow_mode(argv[2], atoll(argv[3]), atoll(argv[4]));
   return cmocka_run_group_tests(tests, enter_folder, leave_folder);
 }

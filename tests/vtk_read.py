@@ -1,12 +1,17 @@
 """A trajectory as VTK's own reader sees it, compared with what was recorded.
 
-    vtk_read.py BASE      BASE.vtkhdf against BASE.csv (x, v of each frame) and BASE.json (the rest)
+    vtk_read.py BASE              BASE.vtkhdf against BASE.csv (x, v of each frame) and BASE.json
+                                  (the rest)
+    vtk_read.py states REPLAY     what crashes leave: the program test_hdf5_replay makes the files
 
 Frames that were planned but not written must be there and be empty. Exit status 77 without VTK.
 """
 import csv
 import json
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 try:
     import numpy as np
@@ -84,6 +89,30 @@ def check_energy(data, name, value):
     equal(name, found, [value])
 
 
+def count_points(path):
+    """Of each frame."""
+    reader, steps = open_file(str(path))
+    for t in steps:
+        reader.UpdateTimeStep(t)
+        data = piece(reader)
+        yield 0 if data is None else data.GetNumberOfPoints()
+
+
+def check_states(program):
+    """FOLDER/I_FRAMES.vtkhdf: so many frames have points, and those after them have none."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = subprocess.run([program, "states", folder], check=False).returncode
+        if made:
+            sys.exit(made)
+        files = sorted(Path(folder).glob("*.vtkhdf"))
+        for path in files:
+            points = list(count_points(path))
+            whole = int(path.stem.split("_")[1])
+            if points != whole * points[:1] + (len(points) - whole) * [0] or whole and not points[0]:
+                sys.exit(f"{path.name}: points of the frames: {points}")
+        print(f"VTK {vtkVersion.GetVTKVersion()}: {len(files)} states are readable")
+
+
 def main(base):
     with open(base + ".json") as file:
         expected = json.load(file)
@@ -107,4 +136,8 @@ def main(base):
     print(f"VTK {vtkVersion.GetVTKVersion()}: {written} frames of {len(steps)} are equal")
 
 
-main(sys.argv[1])
+
+if sys.argv[1] == "states":
+    check_states(sys.argv[2])
+else:
+    main(sys.argv[1])

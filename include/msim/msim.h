@@ -191,16 +191,17 @@ MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nspr
  * there to the same bits, with any method, solver or error control, and counts on in stats, but
  * for the seconds. The bytes are the caller's, to be written straight to where they are to lie;
  * they name what they are, and each of them counts in a hash. Saving changes nothing, and frames of
- * msim_sim_run are checkpoints too. No sim ever needs more than this, until a state or springs are set: */
+ * msim_sim_run are checkpoints too. No sim ever needs more than this, until a state or springs are
+ * set: */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
 MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                                    msim_error *err);
 
 /* Go on from a checkpoint, in a sim that was made from the same scene with the same options, and to
  * which the same msim_sim_set_step and msim_sim_set_springs happened. What differs is named; so is
- * another msim or MSIM_ISA. Free are threads, frames (every, fps), plugin_path, and the end (steps,
- * t_end), as long as h stays; under error control the tolerance for a second stays, too. Solvers of
- * options.solver = auto or pcg cannot be taken where they were set up before
+ * another msim or MSIM_ISA. Free are threads, frames (every, fps), plugin_path, sync and the end
+ * (steps, t_end), as long as h stays; under error control the tolerance for a second stays, too.
+ * Solvers of options.solver = auto or pcg cannot be taken where they were set up before
  * msim_sim_set_springs changed k or damping. */
 MSIM_API msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err);
 
