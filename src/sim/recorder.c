@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/plugin.h"
 #include "sim/csv.h"
 #include "sim/place.h"
 #include "sim/recorders.h"
