@@ -49,6 +49,7 @@ static int end_of(msim_scene *scene, const char *method, double tol, uint64_t *h
   msim_sim *sim;
   msim_error err;
   opt.solver = "pcg";
+  opt.watch = MSIM_WATCH_OFF; /* a wild end is an end too */
   opt.tol = tol;
   opt.steps = tol > 0 ? -1 : STEPS;
   opt.t_end = tol > 0 ? STEPS * 0.002 : -1;
