@@ -44,6 +44,18 @@ class Resume(CliTest):
     def read(self, file):
         return (self.folder / file).read_bytes()
 
+    def interrupted(self, options, file, number):
+        """A run that a signal ended as soon as there was a file: its exit status."""
+        for _ in range(20):
+            (self.folder / file).unlink(missing_ok=True)
+            with self.start(*self.command(options, file)) as process:
+                self.wait_for(file)
+                process.send_signal(number)
+                process.communicate(timeout=60)
+            if process.returncode != 0:  # else it was too quick
+                return process.returncode
+        self.fail("no run was slow enough to be interrupted")
+
     def refuse(self, options, file, *words):
         before = self.read(file)
         status, _, err = self.cli(*self.command(options, file, "--resume"))
@@ -111,12 +123,7 @@ class Ends(Resume):
 
     def test_stopped_between_frames(self):
         options = "--integrator verlet --h 1e-5 --every 200 --t_end 1"
-        with self.start(*self.command(options, "out.vtkhdf")) as process:
-            self.wait_for("out.vtkhdf")
-            time.sleep(0.3)
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=20)
-        self.assertEqual(process.returncode, 2)
+        self.assertEqual(self.interrupted(options, "out.vtkhdf", signal.SIGINT), 2)
         self.good(*self.command(options, "out.vtkhdf", "--resume"))
         self.good(*self.command(options, "whole.vtkhdf"))
         self.assertEqual(self.read("out.vtkhdf"), self.read("whole.vtkhdf"))
@@ -124,9 +131,7 @@ class Ends(Resume):
     def test_another_end(self):
         """Kept to the file's plan, as it was made for the later one."""
         options = "--integrator verlet --h 1e-5 --every 200 --t_end "
-        with self.start(*self.command(options + "1", "out.vtkhdf")) as process:
-            self.wait_for("out.vtkhdf")
-            process.kill()
+        self.interrupted(options + "1", "out.vtkhdf", signal.SIGINT)  # with a frame at least
         for t_end in "0.8", "1":
             self.good(*self.command(options + t_end, "out.vtkhdf", "--resume"))
         self.good(*self.command(options + "1", "whole.vtkhdf"))
@@ -167,6 +172,7 @@ class Limits(Resume):
     def test_two_writers(self):
         with self.start(*self.command(self.OPTIONS, "out.vtkhdf")) as process:
             self.wait_for("out.vtkhdf")
+            process.send_signal(signal.SIGSTOP)
             for more in [], ["--resume"], ["--force"]:
                 status, _, err = self.cli(*self.command(self.OPTIONS, "out.vtkhdf", *more))
                 self.assertEqual(status, 1)

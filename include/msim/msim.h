@@ -237,8 +237,9 @@ MSIM_API msim_status msim_recorder_replace(msim_sim *sim, const char *path,
 /* Go on with a .vtkhdf file whose run was interrupted in whatever way: load its last checkpoint,
  * as msim_sim_load does, into a sim that stands where that run began, and write what follows behind
  * the frames up to there. The last of them, in which the sim is then, is not written again. The end
- * may be another as far as the file has planned frames for it: it never grows. Refused, and nothing
- * is changed, where the file was planned for other times or msim_sim_load refuses. */
+ * may be another as far as the file has planned frames for it: it never grows. A file without a
+ * frame is begun anew. Refused, and nothing is changed, where the file was planned for other times
+ * or msim_sim_load refuses. */
 MSIM_API msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder **recorder,
                                           msim_error *err);
 
