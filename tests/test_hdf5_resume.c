@@ -164,8 +164,8 @@ static void another_run_is_refused(void **state) {
 static void damage_is_refused(void **state) {
   (void)state;
   static const char *const statics[] = {"/VTKHDF/PointData/Mass", "/VTKHDF/CellData/Stiffness",
-                                        "/VTKHDF/CellData/RestLength",
-                                        "/VTKHDF/Lines/Connectivity", "/msim/scene"};
+                                        "/VTKHDF/CellData/RestLength", "/VTKHDF/Lines/Connectivity",
+                                        "/msim/scene"};
   begin(5);
   for (int i = 0; i < 5; i++) {
     change_word(statics[i], 1, 1);
