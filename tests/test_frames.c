@@ -110,6 +110,31 @@ static void frames_by_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Runs that are stopped after each step miss no frame, those of the steps they stop at neither. */
+static void stops_miss_no_frame(void **state) {
+  (void)state;
+  static film f, g;
+  static const char *const methods[] = {"velocity-verlet", "dop853"};
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  for (int i = 0; i < 6; i++) {
+    msim_options opt = options(methods[i / 3], 1e-2);
+    opt.steps = -1, opt.t_end = 0.25, opt.every = 1 + 2 * (i % 3);
+    if (i >= 3) opt = controlled(methods[1], 1e-6, 0.25), opt.every = 1 + 2 * (i % 3);
+    msim_sim *whole = make_sim(scene, &opt), *pieces = make_sim(scene, &opt);
+    f = (film){.looks = 1}, g = (film){.looks = 1};
+    assert_ok(msim_sim_run(whole, take, &f, err));
+    int stops = 0;
+    do msim_sim_stop(pieces), stops++;
+    while (msim_sim_run(pieces, take, &g, NULL) == MSIM_STOPPED);
+    assert_int_equal(stops, 1 + state_of(whole).step);
+    assert_int_equal(f.count, g.count);
+    assert_memory_equal(f.step, g.step, sizeof f.step);
+    assert_memory_equal(f.x, g.x, sizeof f.x);
+    msim_sim_destroy(whole), msim_sim_destroy(pieces);
+  }
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- setters, threads -----------------------------------------*/
 
 static film plain;
@@ -268,6 +293,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(frames_are_on_time),
                                      cmocka_unit_test(frames_are_accurate),
                                      cmocka_unit_test(frames_by_steps),
+                                     cmocka_unit_test(stops_miss_no_frame),
                                      cmocka_unit_test(springs_change_between_steps),
                                      cmocka_unit_test(a_state_that_is_set_starts_a_run),
                                      cmocka_unit_test(threads_change_no_bit),

@@ -155,8 +155,9 @@ typedef int msim_observer(msim_sim *sim, void *user);
 MSIM_API msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user,
                                   msim_error *err);
 
-/* Ask a running msim_sim_step or msim_sim_run to return MSIM_STOPPED after the step it is in.
- * May be called from another thread and from a signal handler. */
+/* Ask a running msim_sim_step or msim_sim_run to return MSIM_STOPPED after the step it is in; if
+ * that step is a frame, it is shown first. May be called from another thread and from a signal
+ * handler. */
 MSIM_API void msim_sim_stop(msim_sim *sim);
 
 /* The step at which the next frame is due after the present one; the end of the run at latest.

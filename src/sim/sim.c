@@ -233,8 +233,7 @@ static int is_at_end(const msim_sim *sim) {
   return ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame - 1) >= sim->plan.t_end;
 }
 
-static msim_status run_to_step(msim_sim *sim, msim_error *err) {
-  const int64_t due = msim_sim_next_frame(sim);
+static msim_status run_to_step(msim_sim *sim, int64_t due, msim_error *err) {
   msim_status status = MSIM_OK;
   if (!ms_sim_has_control(sim)) return make_steps(sim, due - sim->step, err);
   while (!status && sim->step < due && !is_at_end(sim)) status = make_steps(sim, 1, err);
@@ -248,12 +247,16 @@ static msim_status run_to_time(msim_sim *sim, double due, msim_error *err) {
   return status;
 }
 
-/* shown: somebody will look at it. */
-static msim_status run_to_frame(msim_sim *sim, int shown, msim_error *err) {
+/* shown: somebody will look at it, once it is there: also where the run is stopped just there.
+ * A frame at a time of its own waits for the next run. */
+static msim_status run_to_frame(msim_sim *sim, int shown, int *is_there, msim_error *err) {
   const int has_times = ms_plan_has_times(&sim->opt);
+  const int64_t next = msim_sim_next_frame(sim);
   const double due = has_times ? ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame) : 0;
-  msim_status status = has_times ? run_to_time(sim, due, err) : run_to_step(sim, err);
+  msim_status status = has_times ? run_to_time(sim, due, err) : run_to_step(sim, next, err);
   if (!status && shown) status = ms_watch_check(sim, err);
+  const int stopped_there = status == MSIM_STOPPED && (sim->step == next || is_at_end(sim));
+  *is_there = !status || (stopped_there && !has_times);
   if (status || !has_times) return status;
   ms_drive_show(sim, due);
   sim->frame++;
@@ -267,9 +270,11 @@ msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msi
   if (observer && sim->step == sim->step0 && observer(sim, user))
     return ms_fail(err, MSIM_STOPPED, "stopped by the observer at the start");
   while (!is_at_end(sim)) {
-    msim_status status = run_to_frame(sim, observer != NULL, err);
+    int is_there;
+    const msim_status status = run_to_frame(sim, observer != NULL, &is_there, err);
+    const int enough = is_there && observer && observer(sim, user);
     if (status) return status;
-    if (observer && observer(sim, user))
+    if (enough)
       return ms_fail(err, MSIM_STOPPED, "stopped by the observer after step %lld, t = %g s",
                      (long long)sim->step, ms_sim_time(sim));
   }
