@@ -76,6 +76,8 @@ static void pass_origin(ms_bytes *b, const ms_solver *s, ms_origin *origin) {
   if (s->system.a.block == 1) return;
   if (b->direction == MS_TAKE) ms_rows_gather(&model->rows, model->scene->x, origin->x);
   ms_bytes_pass_rows(b, model->shape, origin->x); /* the pinned ones are where they are */
+  if (ms_solver_may_hold(s))
+    ms_bytes_pass_rows(b, ms_diagonal_shape(&model->rows, &s->system.a), origin->diagonal);
 }
 
 static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {

@@ -15,14 +15,26 @@ static int may_keep(const ms_solver *s) {
          !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
 }
 
+int ms_solver_may_hold(const ms_solver *s) {
+  return s->opt->collision == MSIM_COLLISION_EVENT && s->system.model->passes & MSIM_SKIP_PLANES;
+}
+
 static msim_status origin_create(ms_solver *s, ms_origin *origin, msim_error *err) {
+  const ms_model *model = s->system.model;
   if (s->system.a.block == 1 || origin->x) return MSIM_OK;
-  origin->x = ms_rows_vector(s->system.model->scene, &s->system.model->rows);
-  return origin->x ? MSIM_OK : ms_fail_memory(err, "the linear solver");
+  const ms_shape blocks = ms_diagonal_shape(&model->rows, &s->system.a);
+  const int holds = ms_solver_may_hold(s);
+  origin->x = ms_rows_vector(model->scene, &model->rows);
+  if (holds)
+    origin->diagonal = ms_new(&model->scene->alloc, (size_t)blocks.dims * (size_t)blocks.stride,
+                              sizeof *origin->diagonal);
+  if (origin->x && (origin->diagonal || !holds)) return MSIM_OK;
+  return ms_fail_memory(err, "the linear solver");
 }
 
 static void origin_destroy(ms_solver *s, ms_origin *origin) {
   ms_delete(&s->system.model->scene->alloc, origin->x);
+  ms_delete(&s->system.model->scene->alloc, origin->diagonal);
   *origin = (ms_origin){0};
 }
 
@@ -146,9 +158,11 @@ static void expand(ms_solver *s, ms_linear *linear) {
 /* The factor just made is one of the matrix at hand. */
 static void remember(const ms_solver *s, int32_t kind, ms_origin *origin) {
   const ms_rows *rows = &s->system.model->rows;
+  const ms_coefficients *a = &s->system.a;
   const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof(double);
   origin->h = s->h, origin->clamped = s->system.clamped, origin->kind = kind;
-  if (origin->x) memcpy(origin->x, s->system.a.x, bytes);
+  if (origin->x) memcpy(origin->x, a->x, bytes);
+  if (origin->diagonal) ms_copy(ms_diagonal_shape(rows, a), a->diagonal, origin->diagonal);
 }
 
 static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_error *err) {
@@ -167,9 +181,13 @@ static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_er
 }
 
 msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin, msim_error *err) {
+  const ms_rows *rows = &s->system.model->rows;
+  const ms_coefficients *a = &s->system.a;
   const msim_status status =
       assemble(s, &(ms_request){.x = origin->x, .h = origin->h}, origin->clamped);
-  return status ? status : factor(s, by, origin->kind, err);
+  if (status) return status;
+  if (origin->diagonal) ms_copy(ms_diagonal_shape(rows, a), origin->diagonal, a->diagonal);
+  return factor(s, by, origin->kind, err);
 }
 
 /* ||b - A v||, and the residual itself in s->residual */

@@ -49,6 +49,10 @@ static inline size_t ms_diagonal_size(size_t dims) { return dims * (dims + 1) / 
 static inline size_t ms_diagonal_entry(size_t dims, size_t a, size_t b) {
   return a == b ? a : dims + a + b - 1;
 }
+/* All of them, as a vector of so many components */
+static inline ms_shape ms_diagonal_shape(const ms_rows *rows, const ms_coefficients *a) {
+  return (ms_shape){rows->nfree, rows->first_pinned, (int32_t)ms_diagonal_size((size_t)a->block)};
+}
 
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err);
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a);

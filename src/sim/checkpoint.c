@@ -19,7 +19,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 1u
+#define VERSION 2u
 
 typedef struct header {
   char magic[8];

@@ -1,0 +1,70 @@
+/* Checkpoints of what rests on planes, under implicit methods and collision = event: coarse and
+ * bought factors are made again with the rows that were held when they were made. */
+#include <stdio.h>
+
+#include "checkpoints.h"
+
+/* A jelly at that height above a plane of that slope, under gravity */
+static msim_scene *jelly(double height, double slope, double damping) {
+  enum { SIDE = 6 };
+  const msim_lattice lattice = {.size = sizeof lattice,
+                                .n = {SIDE, SIDE, SIDE},
+                                .origin = {0, 0, height},
+                                .extent = {1, 1, 1},
+                                .mass = 1,
+                                .k = 3000,
+                                .damping = damping};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  assert_ok(msim_scene_set_gravity(scene, (double[3]){0, 0, -9.81}, err));
+  plane(scene, slope, 0, 1, 0, 0, 0.04);
+  return scene;
+}
+
+/* What the whole run comes to */
+static msim_stats expect_resumable_rest(const msim_scene *scene, const char *method,
+                                        const char *solver, int64_t steps) {
+  static const int64_t at[] = {2, 5, 7, 9, 10, 11, 14, 19, 22};
+  char label[100];
+  msim_options opt = options(method, 1.0 / 60);
+  opt.collision = MSIM_COLLISION_EVENT;
+  opt.solver = solver, opt.solver_rtol = 1e-10, opt.newton_rtol = 1e-6;
+  snprintf(label, sizeof label, "%s, %s", method, solver);
+  int n = 0;
+  while (n < 9 && at[n] < steps) n++;
+  expect_resumable(scene, &opt, steps, n, at, label);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, steps, err));
+  const msim_stats s = stats_of(sim);
+  msim_sim_destroy(sim);
+  return s;
+}
+
+/* Some of its feet rest while others slide or rise. */
+static void coarse_factors(void **state) {
+  (void)state;
+  static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler", "tr-bdf2"};
+  msim_scene *scene = jelly(0.001, 0.05, 0);
+  for (int m = 0; m < 3; m++) {
+    const msim_stats s = expect_resumable_rest(scene, methods[m], "pcg", m == 1 ? 12 : 24);
+    assert_true(s.coarse_factors > 0 && s.kept_factors > 0); /* else this tests nothing */
+  }
+  msim_scene_destroy(scene);
+}
+
+/* It stands, and its matrix hardly changes. */
+static void bought_factors(void **state) {
+  (void)state;
+  if (!solver_there("cholmod")) skip();
+  msim_scene *scene = jelly(0, 0, 0);
+  const msim_stats s = expect_resumable_rest(scene, "linearly-implicit-euler", "auto", 24);
+  assert_true(s.factorizations > 0 && s.kept_factors > 0);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_factors),
+                                     cmocka_unit_test(bought_factors)};
+  return cmocka_run_group_tests_name("checkpoint_rest", tests, NULL, NULL);
+}
