@@ -83,7 +83,7 @@ typedef struct msim_options {
    * they are halved. Output times stay [0] */
   int32_t newton_retries;
   int32_t watch; /* MSIM_WATCH_... [ON] */
-  int32_t sync; /* MSIM_SYNC_... [OFF] */
+  int32_t sync;  /* MSIM_SYNC_... [OFF] */
 } msim_options;
 
 MSIM_API void msim_options_init(msim_options *opt, size_t size);

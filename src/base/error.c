@@ -30,9 +30,7 @@ msim_status ms_fail_memory(msim_error *err, const char *what) {
   return ms_fail(err, MSIM_ERR_MEMORY, "out of memory for %s", what);
 }
 
-msim_status ms_status_of(int number) {
-  return number == ENOMEM ? MSIM_ERR_MEMORY : MSIM_ERR_IO;
-}
+msim_status ms_status_of(int number) { return number == ENOMEM ? MSIM_ERR_MEMORY : MSIM_ERR_IO; }
 
 msim_status ms_ok(msim_error *err) {
   if (err) {

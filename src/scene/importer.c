@@ -17,7 +17,7 @@ static const msim_importer *linked_in(const char *name) {
   MSIM_LINKED_IMPORTERS
 #undef X
       (void)
-      name;
+  name;
   return NULL;
 }
 
