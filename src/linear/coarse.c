@@ -34,6 +34,16 @@ static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*li
   return kept;
 }
 
+/* A copy of the modes, where planes may hold rows. */
+static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_error *err) {
+  const size_t n = MS_MODES * (size_t)model->rows.first_pinned;
+  if (!(model->passes & MSIM_SKIP_PLANES)) return MSIM_OK;
+  coarse->modes = ms_new(&model->scene->alloc, n, sizeof *coarse->modes);
+  if (!coarse->modes) return ms_fail_memory(err, "the coarse matrix");
+  memcpy(coarse->modes, coarse->aggregates.weight, n * sizeof *coarse->modes);
+  return MSIM_OK;
+}
+
 static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = coarse->aggregates.n;
@@ -80,6 +90,7 @@ msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_c
   const msim_allocator *alloc = &model->scene->alloc;
   *coarse = (ms_coarse){.model = model, .kernels = ms_coarse_kernels_of[model->isa]};
   msim_status status = ms_aggregates_create(model, aggregate_size, &coarse->aggregates, err);
+  if (!status) status = keep_modes(model, coarse, err);
   if (!status) status = analyse(model, coarse, err);
   if (status) return status;
   const size_t n = (size_t)coarse->aggregates.n * MS_MODES * (size_t)model->rows.dims;
@@ -98,7 +109,7 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   const msim_allocator *alloc = &coarse->model->scene->alloc;
   ms_aggregates_destroy(coarse->model, &coarse->aggregates);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
-  void *arrays[] = {coarse->block, coarse->diagonal, coarse->r, coarse->z};
+  void *arrays[] = {coarse->block, coarse->diagonal, coarse->r, coarse->z, coarse->modes};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
   *coarse = (ms_coarse){0};
 }
@@ -133,6 +144,29 @@ static void restrict_chunk(void *data, int32_t item) {
   EACH_OF(item) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
+void ms_coarse_hold(ms_coarse *coarse, const ms_hold *hold, int32_t n) {
+  float *weight = coarse->aggregates.weight;
+  const size_t size = MS_MODES * sizeof *weight;
+  if (coarse->nholds)
+    memcpy(weight, coarse->modes, size * (size_t)coarse->model->rows.first_pinned);
+  for (const ms_hold *g = hold; g < hold + n; g++) memset(weight + MS_MODES * g->row, 0, size);
+  coarse->hold = hold, coarse->nholds = n;
+}
+
+/* Modes that move nothing but held rows need an inertia, whatever it is. */
+static void add_held(ms_coarse *coarse, const double *inertia) {
+  const size_t n = (size_t)coarse->chol.block, area = n * n;
+  for (const ms_hold *g = coarse->hold; g < coarse->hold + coarse->nholds; g++) {
+    const float *w = coarse->modes + MS_MODES * g->row;
+    const int32_t own = coarse->diagonal[coarse->aggregates.of[g->row]];
+    double *block = coarse->chol.value + area * (size_t)own;
+    for (size_t c = 0; c < n; c += MS_MODES)
+      for (size_t i = 0; i < MS_MODES; i++)
+        for (size_t j = 0; j < MS_MODES; j++)
+          block[(c + j) * n + c + i] += inertia[g->row] * (double)w[i] * (double)w[j];
+  }
+}
+
 msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia,
                              int braced) {
   ms_block_cholesky *chol = &coarse->chol;
@@ -140,6 +174,7 @@ msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const
   coarse->braced = braced;
   memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
   run(assemble_chunk, &(job){.coarse = coarse, .coefficients = coefficients, .inertia = inertia});
+  add_held(coarse, inertia);
   return ms_block_cholesky_factor(chol);
 }
 

@@ -95,7 +95,8 @@ static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {
 /* Age of the coarse factor, if one is there to serve; -1: none. */
 static int32_t coarse_age(const ms_solver *s) {
   const ms_pcg *pcg = pcg_of(s);
-  const int serves = pcg && pcg->base.aggregates && pcg->coarse_is_ready && pcg->may_keep;
+  const int serves =
+      pcg && pcg->base.aggregates && pcg->coarse_is_ready && pcg->may_keep && !pcg->coarse.nholds;
   return serves ? pcg->coarse_age : -1;
 }
 

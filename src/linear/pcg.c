@@ -91,13 +91,15 @@ static double distance(const float *p, const float *q, size_t n) {
 
 /* A coarse factor serves as long as the matrix hardly changes: in solids, not in moving cloth,
  * where an old one costs more iterations than a new one. Newton's matrices are good for few
- * iterations each: one factor serves several. */
+ * iterations each: one factor serves several. None serves where rows are held or were: others may
+ * be, now. */
 static int coarse_serves(ms_pcg *s, int32_t kind) {
   enum { SEVERAL = 8 };
   const double HARDLY = 0.05;
   const ms_rows *rows = &s->base.system->model->rows;
   const size_t n = ms_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
   if (!s->may_keep || !s->coarse_is_ready || s->factored_scale != s->jacobi.scale) return 0;
+  if (s->base.system->a.nholds || s->coarse.nholds) return 0;
   if (kind == MSIM_FACTOR_SYMMETRIC && s->coarse_age < SEVERAL) return 1;
   return distance(s->factored, s->inverse, n) <= HARDLY;
 }
@@ -115,6 +117,7 @@ static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
   s->factored_scale = s->jacobi.scale;
   s->coarse_age = 0;
   s->base.coarse_factors++;
+  ms_coarse_hold(&s->coarse, system->a.hold, system->a.nholds);
   s->coarse_is_ready =
       !ms_coarse_factor(&s->coarse, s->coefficients, s->inertia, kind == MSIM_FACTOR_SYMMETRIC);
   return s->coarse_is_ready || system->clamped || kind == MSIM_FACTOR_SYMMETRIC ? MSIM_OK
