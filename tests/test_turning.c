@@ -39,9 +39,11 @@ static void residual(problem *p, double *r) {
 
 static double *vector(const problem *p) { return ms_rows_vector(p->model.scene, &p->model.rows); }
 
-/* left_out: the axis of a plane in which all moves; -1: none */
+/* left_out: the axis of a plane in which all moves; -1: none. One at a time: the system points to
+ * the model. */
 static problem pose(const msim_scene *scene, int32_t left_out) {
-  problem p = {.h = 0.03};
+  static problem p;
+  p = (problem){.h = 0.03};
   unsigned seed = 3;
   assert_ok(ms_model_create(scene->data, left_out < 0 ? MSIM_SKIP_TWO_D : 0, &p.model, err));
   assert_int_equal(p.model.rows.left_out, left_out);
