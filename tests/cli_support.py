@@ -112,13 +112,16 @@ class CliTest(unittest.TestCase):
     def files(self):
         return sorted(str(path.relative_to(self.folder)) for path in self.folder.rglob("*"))
 
-    def wait_for(self, name):
-        """A run has begun, and stops in order when asked to, once its --out file is there."""
+    def wait_until(self, condition, otherwise):
         for _ in range(1000):
-            if (self.folder / name).exists():
+            if condition():
                 return
             time.sleep(0.01)
-        self.fail(f"{name} never appeared")
+        self.fail(otherwise)
+
+    def wait_for(self, name):
+        """A run has begun, and stops in order when asked to, once its --out file is there."""
+        self.wait_until((self.folder / name).exists, f"{name} never appeared")
 
     def assert_sentence(self, err, *words):
         """Exactly one line, made for people."""

@@ -91,11 +91,8 @@ class Stopping(Children):
             children = self.children(process)
             process.kill()
             process.communicate(timeout=20)
-        for _ in range(1000):
-            if not any(self.alive(child) for child in children):
-                return
-            time.sleep(0.01)
-        self.fail("children are still there")
+        self.wait_until(lambda: not any(self.alive(child) for child in children),
+                        "children are still there")
 
 
 if __name__ == "__main__":
