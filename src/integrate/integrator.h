@@ -82,6 +82,9 @@ static inline void ms_swap(double **a, double **b) {
   *a = *b, *b = between;
 }
 
+/* What its stages follow from, where the method or the springs are others than before. */
+void ms_bound_stages(const ms_integrator *method, ms_stepper *s);
+
 /* Let a vector of the method's own take stages in turn with x_next: forces want its pinned rows. */
 void ms_hold_stages(const ms_stepper *s, double *stage);
 

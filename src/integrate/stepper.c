@@ -4,6 +4,10 @@
 #include "integrate/contacts.h"
 #include "physics/planes.h"
 
+void ms_bound_stages(const ms_integrator *method, ms_stepper *s) {
+  if (method->stages) s->bounds = ms_bounds_of(s->model);
+}
+
 void ms_hold_stages(const ms_stepper *s, double *stage) {
   const ms_rows *rows = &s->model->rows;
   memcpy(stage, s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *stage);

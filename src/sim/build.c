@@ -72,7 +72,7 @@ static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
   s->opt = &sim->opt;
   s->stats = m->by_one ? &m->stats : &sim->stats;
   s->h = sim->plan.h;
-  if (sim->integrator->stages) s->bounds = ms_bounds_of(&m->model);
+  ms_bound_stages(sim->integrator, s);
   msim_status status = allocate(sim, m, err);
   if (!status && sim->integrator->splits)
     status = ms_split_create(&m->model, &sim->opt, s->h, &s->split, err);

@@ -137,7 +137,7 @@ static void renew(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_motion *m = &sim->motion[i];
     if (m->stepper.solver) ms_solver_renew(m->stepper.solver);
-    if (sim->integrator->stages) m->stepper.bounds = ms_bounds_of(&m->model);
+    ms_bound_stages(sim->integrator, &m->stepper);
     m->stepper.warm = 0;
     m->at_rest = 0;
   }

@@ -98,6 +98,7 @@ static msim_status go_to(ms_probe *p, const ms_trial *of, double h, const double
   for (int32_t i = 0; i < (*sim)->nislands; i++) {
     ms_stepper *s = &(*sim)->motion[i].stepper;
     s->h = h;
+    ms_bound_stages(of->method, s);
     if (of->method->start) of->method->start(s);
   }
   return MSIM_OK;

@@ -9,12 +9,13 @@
 #include "sim/drive.h"
 #include "sim/probe.h"
 
-enum { LEAPFROG, LOCATED, CORRECTED, FOURTH, SIXTH, EIGHTH, SPLIT, IMPLICIT };
+enum { LEAPFROG, LOCATED, CORRECTED, FOURTH, STABILISED, SIXTH, EIGHTH, SPLIT, IMPLICIT };
 
 /* What can take part where no force depends on velocities, and else; evaluations in a step, 0:
  * measured. The leapfrog stands for all explicit methods of order 2. Evaluations of dop853 are
- * worth more, as it forms so many sums. tr-bdf2 damps what long steps cannot follow; the implicit
- * methods that do not are held up by it, and go no farther than explicit ones. */
+ * worth more, as it forms so many sums; those of rkc follow from h. tr-bdf2 damps what long steps
+ * cannot follow; the implicit methods that do not are held up by it, and go no farther than
+ * explicit ones. */
 static const struct {
   const ms_integrator *method[2];
   double evaluations[2];
@@ -22,6 +23,7 @@ static const struct {
                          [LOCATED] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
                          [CORRECTED] = {{&ms_takahashi_imada, &ms_takahashi_imada}, {2, 2}},
                          [FOURTH] = {{&ms_force_gradient, &ms_rk4}, {5, 4}},
+                         [STABILISED] = {{&ms_rkc, &ms_rkc}, {2, 2}},
                          [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
                          [EIGHTH] = {{&ms_dop853, &ms_dop853}, {19, 19}},
                          [SPLIT] = {{&ms_respa, &ms_respa}, {0}},
@@ -37,6 +39,7 @@ enum {
   NO_PLANES,
   MANY_AT_ONCE,
   DAMPED,
+  UNDAMPED,
   NO_FEW,
   TOO_LARGE,
   ACCURACY,
@@ -52,6 +55,7 @@ static const char *const reasons[REASONS] = {
     [NO_PLANES] = "it takes no planes",
     [MANY_AT_ONCE] = "of many impacts at once it makes a method of order 2",
     [DAMPED] = "forces depend on velocities",
+    [UNDAMPED] = "no force depends on velocities",
     [NO_FEW] = "no few springs hold the others up",
     [TOO_LARGE] = "its error is too large where it would pay",
     [ACCURACY] = "accuracy, not stability, sets the steps of the best so far",
@@ -69,12 +73,19 @@ static int why_not(const ms_probe *p, int i) {
   if (i == LOCATED && !planes) return NO_IMPACTS;
   if (i == CORRECTED && planes) return NO_PLANES;
   if ((i == CORRECTED || i == SIXTH) && p->damped) return DAMPED;
+  if (i == STABILISED && !p->damped) return UNDAMPED;
   if (i >= FOURTH && planes && !few) return MANY_AT_ONCE;
   return NOT_PASSED_OVER;
 }
 
 static double longest(const ms_probe *p, const ms_integrator *method) {
   return fmin(ms_probe_reach(p, method), p->span / 10);
+}
+
+/* Of steps of h */
+static void settle(const ms_probe *p, ms_candidate *c) {
+  if (c->method->stages) c->price = c->method->stages(c->h, p->bounds);
+  c->cost = c->price / c->h;
 }
 
 static void enter(const ms_probe *p, int i, ms_candidate *c) {
@@ -87,7 +98,7 @@ static void enter(const ms_probe *p, int i, ms_candidate *c) {
                       .why = why_not(p, i)};
   if (c->price == 0 || c->why) return;
   c->h = longest(p, c->method);
-  c->cost = c->price / c->h;
+  settle(p, c);
 }
 
 /* verlet is velocity Verlet with half steps between. Reflection at the ends of steps is of first
@@ -123,7 +134,7 @@ static msim_status try_step(ms_probe *p, ms_candidate *c, double *most, msim_err
   c->h = fmin(*most, h * (c->error > ROUGH ? fmax(1 / FARTHEST, change) : change));
   if (c->error <= allowed && c->h < h) c->h = h;
   c->tried = c->h > h / 2 && c->h < 2 * h;
-  c->cost = c->price / c->h;
+  settle(p, c);
   return MSIM_OK;
 }
 

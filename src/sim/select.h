@@ -5,8 +5,8 @@
  * are taken to be as cheap as stability allows; the cheapest is tried (probe.h), which mostly makes
  * it dearer, until the cheapest is one that has been tried. So what cannot win costs nothing.
  *
- * dop853 runs under error control. The others take fixed steps: what control compares costs half
- * as much again, and it adds up errors that methods which keep energy within bounds make good
+ * Only tr-bdf2 runs under error control. The others take fixed steps: what control compares costs
+ * half as much again, and it adds up errors that methods which keep energy within bounds make good
  * again, up to a hundredfold.
  *
  * Where stability sets the steps, respa is tried if few springs do so, and tr-bdf2 makes the whole
@@ -17,7 +17,7 @@
 #include "base/bytes.h"
 #include "integrate/integrator.h"
 
-enum { MS_CANDIDATES = 8 };
+enum { MS_CANDIDATES = 9 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;
