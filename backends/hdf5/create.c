@@ -12,7 +12,7 @@
 static void fill(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t first, int64_t stride) {
   enum { BLOCK = 256, WIDEST = 4 };
   int64_t block[BLOCK * WIDEST];
-  for (hsize_t i = 0; i < rows && r->status == MSIM_OK; i += BLOCK) {
+  for (hsize_t i = 0; i < rows && r->fault.status == MSIM_OK; i += BLOCK) {
     const hsize_t count = rows - i < BLOCK ? rows - i : BLOCK;
     for (hsize_t j = 0; j < count * h5_width[s]; j++)
       block[j] = first + (int64_t)(i + j / h5_width[s]) * stride;
@@ -160,6 +160,6 @@ void h5_create(recorder *r, const msim_recording *what) {
   create_slots(r, what->checkpoint_capacity);
   create_attributes(r, what);
   h5_flush(r);
-  if (r->status == MSIM_OK && h5_ok(r, H5Fget_filesize(r->file, &size)))
+  if (r->fault.status == MSIM_OK && h5_ok(r, H5Fget_filesize(r->file, &size)))
     h5_reserve(r, (double)size);
 }

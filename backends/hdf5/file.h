@@ -4,6 +4,7 @@
 #ifndef HDF5_FILE_H
 #define HDF5_FILE_H
 
+#include "library.h"
 #include "layout.h"
 
 typedef struct recorder {
@@ -13,12 +14,11 @@ typedef struct recorder {
   int64_t committed; /* before the last one that says so; above `written` those are taken back */
   double planned_t;  /* of that last one, s */
   int sync;
-  size_t capacity;    /* bytes of a checkpoint; 0: there are no slots */
-  uint64_t *words;    /* of a slot */
-  msim_status status; /* that of the first failure */
-  char doing[96];     /* what failed */
-  char reason[256];   /* and why */
-  char name[];        /* of the file, for messages */
+  size_t capacity; /* bytes of a checkpoint; 0: there are no slots */
+  uint64_t *words; /* of a slot */
+  fault fault;
+  char doing[96]; /* what failed */
+  char name[];    /* of the file, for messages */
 } recorder;
 
 /* Say what is going to be done, for the message should it fail; 0 where something has failed. */
@@ -28,10 +28,12 @@ __attribute__((format(printf, 3, 4)))
 #endif
 void h5_fail(recorder *r, msim_status status, const char *format, ...);
 
-/* Every result of libhdf5 passes here: >= 0 is good. */
-int h5_ok(recorder *r, int64_t result);
-hid_t h5_id(recorder *r, hid_t result);
-void h5_drop(recorder *r, herr_t (*close)(hid_t), hid_t object);
+/* Every result of libhdf5 passes here. */
+static inline int h5_ok(recorder *r, int64_t result) { return ok(&r->fault, result); }
+static inline hid_t h5_id(recorder *r, hid_t result) { return id(&r->fault, result); }
+static inline void h5_drop(recorder *r, herr_t (*close)(hid_t), hid_t object) {
+  drop(&r->fault, close, object);
+}
 
 /* Tell the host. */
 msim_status h5_report(const recorder *r);
@@ -48,8 +50,7 @@ void h5_open_file(recorder *r, const char *path, int how);
 /* Into the file, and with `sync` onto the disk. */
 void h5_flush(recorder *r);
 
-/* Take disk space now: "disk full" then comes before the run and not hours into it. Some file
- * systems cannot promise space; there a write may fail later. */
+/* "Disk full" then comes before the run and not hours into it. */
 void h5_reserve(recorder *r, double bytes);
 
 #endif

@@ -1,8 +1,4 @@
 /* hdf5 - the recorder plugin `hdf5`: trajectories that ParaView opens as they are */
-#include <hdf5.h>
-#include <pthread.h>
-#include <string.h>
-
 #include "create.h"
 #include "file.h"
 #include "hash.h"
@@ -54,20 +50,6 @@ static void put_entry(recorder *r, const entry *e) {
 
 /*------------------------------------- the recorder ---------------------------------------------*/
 
-/* libhdf5 is one per process and, as often built, not safe for threads. While it is in our hands
- * it must not print. At exit it would try again and again to write what a full disk refused, and
- * crash; H5dont_atexit forbids that if it comes first, else it changes nothing. */
-static pthread_mutex_t library = PTHREAD_MUTEX_INITIALIZER;
-
-#define WITH_LIBRARY(work)          \
-  do {                              \
-    pthread_mutex_lock(&library);   \
-    (void)H5dont_atexit();          \
-    H5E_BEGIN_TRY { work; }         \
-    H5E_END_TRY                     \
-    pthread_mutex_unlock(&library); \
-  } while (0)
-
 /* Frames that were planned but not written stay, and show nothing: to cut them would change
  * metadata, and a file whose writer is killed while it does that may be damaged. */
 static msim_status close_recorder(void *self) {
@@ -102,7 +84,7 @@ static msim_status start(const msim_host *host, const msim_recording *given, msi
   memcpy(r->name, name, strlen(name) + 1);
   if (from) WITH_LIBRARY(h5_resume(r, &what, from));
   else WITH_LIBRARY(h5_create(r, &what));
-  if (r->status != MSIM_OK) return close_recorder(r);
+  if (r->fault.status != MSIM_OK) return close_recorder(r);
   *self = r;
   return MSIM_OK;
 }
@@ -137,7 +119,7 @@ static msim_status write_frame(void *self, const msim_frame *frame) {
   TAKE(e.frame, frame);
   e.hash = h5_frame_hash(r->n, frame);
   WITH_LIBRARY(put_entry(r, &e));
-  if (r->status == MSIM_OK) r->committed = ++r->written;
+  if (r->fault.status == MSIM_OK) r->committed = ++r->written;
   return h5_report(r);
 }
 

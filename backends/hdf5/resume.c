@@ -12,7 +12,7 @@ enum { BLOCK = 1536 };
 
 static int64_t get_attribute(recorder *r, const char *group, const char *name) {
   int64_t value = 0;
-  if (r->status != MSIM_OK) return 0;
+  if (r->fault.status != MSIM_OK) return 0;
   hid_t attribute = h5_id(r, H5Aopen_by_name(r->file, group, name, H5P_DEFAULT, H5P_DEFAULT));
   if (attribute >= 0) h5_ok(r, H5Aread(attribute, H5T_NATIVE_INT64, &value));
   h5_drop(r, H5Aclose, attribute);
@@ -22,16 +22,16 @@ static int64_t get_attribute(recorder *r, const char *group, const char *name) {
 /* One of ours of that shape, with its rows; any other is refused. */
 static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows) {
   hsize_t dims[H5S_MAX_RANK] = {0};
-  if (r->status != MSIM_OK) return H5I_INVALID_HID;
+  if (r->fault.status != MSIM_OK) return H5I_INVALID_HID;
   hid_t dataset = h5_id(r, H5Dopen2(r->file, path, H5P_DEFAULT));
   hid_t space = h5_id(r, H5Dget_space(dataset));
   hid_t type = h5_id(r, H5Dget_type(dataset));
   hid_t create = h5_id(r, H5Dget_create_plist(dataset));
   const int fits =
-      r->status == MSIM_OK && H5Sget_simple_extent_dims(space, dims, NULL) == h5_rank(s) &&
+      r->fault.status == MSIM_OK && H5Sget_simple_extent_dims(space, dims, NULL) == h5_rank(s) &&
       (h5_rank(s) == 1 || dims[1] == h5_width[s]) && H5Tequal(type, h5_file_type(s)) > 0 &&
       H5Pget_nfilters(create) == 0 && H5Pget_external_count(create) == 0;
-  if (!fits && r->status == MSIM_OK)
+  if (!fits && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG, "its dataset %s is not as msim makes it", path);
   h5_drop(r, H5Pclose, create);
   h5_drop(r, H5Tclose, type);
@@ -43,7 +43,7 @@ static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows)
 static hid_t open_rows(recorder *r, const char *path, shape s, hsize_t wanted) {
   hsize_t rows;
   hid_t dataset = open_dataset(r, path, s, &rows);
-  if (r->status == MSIM_OK && rows != wanted)
+  if (r->fault.status == MSIM_OK && rows != wanted)
     h5_fail(r, MSIM_ERR_ARG, "its dataset %s has %" PRIu64 " rows, not %" PRIu64, path,
             (uint64_t)rows, (uint64_t)wanted);
   return dataset;
@@ -58,17 +58,18 @@ static int64_t get_count(recorder *r, const char *path) {
 }
 
 static int is_ours(const recorder *r) {
-  return r->status == MSIM_OK && H5Aexists_by_name(r->file, "/msim", "format", H5P_DEFAULT) > 0;
+  return r->fault.status == MSIM_OK &&
+         H5Aexists_by_name(r->file, "/msim", "format", H5P_DEFAULT) > 0;
 }
 
 static void check_counts(recorder *r, const msim_recording *what) {
-  if (r->status == MSIM_OK && !is_ours(r))
+  if (r->fault.status == MSIM_OK && !is_ours(r))
     h5_fail(r, MSIM_ERR_ARG, "it is no trajectory of msim's");
   const int64_t format = get_attribute(r, "/msim", "format");
   const int64_t n = get_count(r, "/VTKHDF/NumberOfPoints");
   const int64_t nsprings = get_count(r, "/VTKHDF/Lines/NumberOfCells");
   r->nframes = get_attribute(r, "/VTKHDF/Steps", "NSteps");
-  if (r->status != MSIM_OK) return;
+  if (r->fault.status != MSIM_OK) return;
   if (format != 1)
     h5_fail(r, MSIM_ERR_ARG, "it is of format %" PRId64 ", which this msim does not know", format);
   else if (n != what->n)
@@ -89,10 +90,10 @@ static void open_columns(recorder *r) {
     const column *c = &h5_columns[i];
     r->column[i] = open_rows(r, c->path, c->shape, (hsize_t)r->nframes * h5_rows(c->shape, r->n));
   }
-  if (r->status == MSIM_OK && H5Lexists(r->file, "/msim/checkpoint", H5P_DEFAULT) <= 0)
+  if (r->fault.status == MSIM_OK && H5Lexists(r->file, "/msim/checkpoint", H5P_DEFAULT) <= 0)
     h5_fail(r, MSIM_ERR_ARG, "it was made without checkpoints");
   for (int i = 0; i < NSLOTS; i++) r->slot[i] = open_dataset(r, h5_slots[i], WHOLE, &words[i]);
-  if (r->status == MSIM_OK && (words[0] != words[1] || words[0] < SLOT_BYTES))
+  if (r->fault.status == MSIM_OK && (words[0] != words[1] || words[0] < SLOT_BYTES))
     h5_fail(r, MSIM_ERR_ARG, "its checkpoints are damaged");
   h5_allocate_slot(r, (size_t)(words[0] - SLOT_BYTES) * 8);
 }
@@ -103,7 +104,7 @@ static void open_columns(recorder *r) {
 static void hash_rows(recorder *r, hash *h, hid_t dataset, shape s, int64_t first, int64_t rows) {
   uint64_t words[BLOCK];
   const int64_t most = BLOCK / (int64_t)h5_width[s];
-  for (int64_t i = 0; i < rows && r->status == MSIM_OK; i += most) {
+  for (int64_t i = 0; i < rows && r->fault.status == MSIM_OK; i += most) {
     const int64_t count = rows - i < most ? rows - i : most;
     h5_get(r, dataset, s, (hsize_t)(first + i), (hsize_t)count, words);
     h5_hash_words(h, (size_t)count * h5_width[s], words);
@@ -128,7 +129,7 @@ static void check_statics(recorder *r, const msim_recording *what) {
   h5_hash_words(&h, 1, &length);
   hash_rows(r, &h, scene, WHOLE, 0, (int64_t)length); /* a byte, a word */
   h5_drop(r, H5Dclose, scene);
-  if (h.sum != (uint64_t)get_attribute(r, "/msim", "static_hash") && r->status == MSIM_OK)
+  if (h.sum != (uint64_t)get_attribute(r, "/msim", "static_hash") && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG, "its mesh, parameters or scene are damaged: their hash is another");
 }
 
@@ -144,7 +145,7 @@ static int frame_is_whole(recorder *r, int64_t i) {
   hash_rows(r, &h, r->column[X], VECTOR, i * r->n, r->n);
   hash_rows(r, &h, r->column[TIME], REAL, i, 1);
   hash_rows(r, &h, r->column[STEP], WHOLE, i, 1);
-  return h.sum == get_word(r, HASH, i) && r->status == MSIM_OK;
+  return h.sum == get_word(r, HASH, i) && r->fault.status == MSIM_OK;
 }
 
 /*------------------------------------- where it goes on -----------------------------------------*/
@@ -154,7 +155,7 @@ static int frame_is_whole(recorder *r, int64_t i) {
 static int64_t count_committed(recorder *r, int64_t *beyond) {
   int64_t part[BLOCK], committed = 0;
   *beyond = 0;
-  for (int64_t i = 0; i < r->nframes && r->status == MSIM_OK; i += BLOCK) {
+  for (int64_t i = 0; i < r->nframes && r->fault.status == MSIM_OK; i += BLOCK) {
     const int64_t count = r->nframes - i < BLOCK ? r->nframes - i : BLOCK;
     h5_get(r, r->column[COMMIT], WHOLE, (hsize_t)i, (hsize_t)count, part);
     for (int64_t j = 0; j < count; j++) {
@@ -171,7 +172,7 @@ static int64_t count_committed(recorder *r, int64_t *beyond) {
 static int64_t frames_of_slot(recorder *r, int which, int64_t committed, const double *times) {
   const uint64_t *slot = r->words;
   h5_get(r, r->slot[which], WHOLE, 0, h5_slot_words(r->capacity), r->words);
-  if (r->status != MSIM_OK || slot[SLOT_FRAME] >= (uint64_t)committed ||
+  if (r->fault.status != MSIM_OK || slot[SLOT_FRAME] >= (uint64_t)committed ||
       slot[SLOT_LENGTH] > r->capacity || slot[SLOT_HASH] != h5_slot_hash(slot))
     return 0;
   const int64_t frame = (int64_t)slot[SLOT_FRAME];
@@ -190,7 +191,7 @@ static void find_checkpoint(recorder *r, int64_t committed, const double *times)
     newest = i;
   }
   if (r->written > 0) h5_get(r, r->slot[newest], WHOLE, 0, h5_slot_words(r->capacity), r->words);
-  else if (committed > 0 && r->status == MSIM_OK)
+  else if (committed > 0 && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG,
             "of its %" PRId64 " frames none has both a whole checkpoint and a time of this run",
             committed);
@@ -202,10 +203,10 @@ static void find_checkpoint(recorder *r, int64_t committed, const double *times)
 static void check_times(recorder *r, const msim_recording *what) {
   double shown[BLOCK];
   const int64_t last = what->nframes - 1;
-  for (int64_t i = 0; i < r->nframes && r->status == MSIM_OK; i += BLOCK) {
+  for (int64_t i = 0; i < r->nframes && r->fault.status == MSIM_OK; i += BLOCK) {
     const int64_t count = r->nframes - i < BLOCK ? r->nframes - i : BLOCK;
     h5_get(r, r->column[TIME_SHOWN], REAL, (hsize_t)i, (hsize_t)count, shown);
-    for (int64_t j = i; j < i + count && r->status == MSIM_OK; j++) {
+    for (int64_t j = i; j < i + count && r->fault.status == MSIM_OK; j++) {
       const double there = shown[j - i], here = what->times[j < last ? j : last];
       const int free = j >= r->written && (j == last || j == r->committed || j == r->committed - 1);
       const int differs = j <= last ? !free && there != here : j == last + 1 && there <= here;
@@ -219,10 +220,10 @@ static void check_times(recorder *r, const msim_recording *what) {
 
 static void find_end(recorder *r, const msim_recording *what) {
   const int64_t committed = count_committed(r, &r->committed);
-  if (r->status == MSIM_OK && r->committed > what->nframes)
+  if (r->fault.status == MSIM_OK && r->committed > what->nframes)
     h5_fail(r, MSIM_ERR_ARG, "it holds %" PRId64 " frames already, and this run has %" PRId64,
             r->committed, what->nframes);
-  if (r->status != MSIM_OK) return;
+  if (r->fault.status != MSIM_OK) return;
   find_checkpoint(r, committed, what->times);
   if (r->committed > r->written) r->planned_t = what->times[r->committed - 1];
   check_times(r, what);
@@ -235,7 +236,7 @@ void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
   open_columns(r);
   check_statics(r, what);
   find_end(r, what);
-  if (r->status != MSIM_OK) return;
+  if (r->fault.status != MSIM_OK) return;
   from->frames = r->written;
   if (r->written == 0) return;
   from->step = (int64_t)r->words[SLOT_STEP];

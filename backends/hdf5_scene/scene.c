@@ -8,10 +8,10 @@
  * other code (filters, variable length) and what claims more than a file of its size can hold is
  * refused before data is read. Against what libhdf5 itself makes of a damaged file nothing can be
  * done from here. */
-#define _POSIX_C_SOURCE 200809L /* posix_fallocate, truncate */
+#include "../hdf5/library.h"
+
 #include <unistd.h>
 
-#include "library.h"
 #include "msim/importer.h"
 
 /*------------------------------------- reading --------------------------------------------------*/

@@ -2,6 +2,7 @@
 #ifndef HDF5_LIBRARY_H
 #define HDF5_LIBRARY_H
 
+#define _POSIX_C_SOURCE 200809L /* posix_fallocate: no header comes before this one */
 #define H5_USE_110_API
 #include <errno.h>
 #include <fcntl.h>
@@ -70,16 +71,20 @@ static inline void reserve_disk(fault *f, hid_t file, double bytes) {
 
 /* libhdf5 is one per process and, as often built, not safe for threads. While it is in our hands
  * it must not print. At exit it would try again and again to write what a full disk refused, and
- * crash; H5dont_atexit forbids that if it comes first, else it changes nothing. */
-static pthread_mutex_t library = PTHREAD_MUTEX_INITIALIZER;
+ * crash; H5dont_atexit forbids that if it comes first, else it changes nothing. Of a plugin one
+ * file alone takes it. */
+static inline pthread_mutex_t *library(void) {
+  static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+  return &mutex;
+}
 
-#define WITH_LIBRARY(work)          \
-  do {                              \
-    pthread_mutex_lock(&library);   \
-    (void)H5dont_atexit();          \
-    H5E_BEGIN_TRY { work; }         \
-    H5E_END_TRY                     \
-    pthread_mutex_unlock(&library); \
+#define WITH_LIBRARY(work)           \
+  do {                               \
+    pthread_mutex_lock(library());   \
+    (void)H5dont_atexit();           \
+    H5E_BEGIN_TRY { work; }          \
+    H5E_END_TRY                      \
+    pthread_mutex_unlock(library()); \
   } while (0)
 
 #endif
