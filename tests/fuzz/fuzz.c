@@ -61,3 +61,15 @@ void fuzz_run(const msim_scene *scene, const msim_options *options) {
   }
   msim_sim_destroy(sim);
 }
+
+void fuzz_run_scene(const msim_scene *scene, const char *integrator, fuzz_budget *budget,
+                    size_t bytes) {
+  msim_error err;
+  msim_options options;
+  msim_options_init(&options, sizeof options);
+  fuzz_check_error(msim_options_from_scene(&options, scene, &err), &err);
+  if (!options.integrator) options.integrator = integrator;
+  budget->left = bytes;
+  fuzz_run(scene, &options);
+  budget->left = bytes;
+}

@@ -25,4 +25,9 @@ void fuzz_check_error(msim_status status, const msim_error *err);
 /* A few steps of what was read, and its explanation. */
 void fuzz_run(const msim_scene *scene, const msim_options *options);
 
+/* The same as the scene asks for, or by `integrator` where it names none. So many bytes are there
+ * for the run, and as many for what comes after it. */
+void fuzz_run_scene(const msim_scene *scene, const char *integrator, fuzz_budget *budget,
+                    size_t bytes);
+
 #endif

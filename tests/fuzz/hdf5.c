@@ -12,6 +12,8 @@
 const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libhdf5"; }
 
+enum { MOST_BYTES = 4 << 20 };
+
 static char folder[] = "/tmp/fuzz_hdf5_XXXXXX";
 static char path[64];
 
@@ -61,22 +63,16 @@ static void check_round_trip(const msim_scene *scene, const msim_allocator *allo
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   fuzz_budget budget;
-  const msim_allocator alloc = fuzz_allocator(&budget, 4 << 20);
+  const msim_allocator alloc = fuzz_allocator(&budget, MOST_BYTES);
   msim_scene *scene;
   msim_error err;
-  msim_options options;
   make_folder();
   write_input(data, size);
   msim_status status = msim_scene_load(&alloc, path, &scene, &err);
   fuzz_check_error(status, &err);
   fuzz_check(status != MSIM_ERR_PLUGIN && status != MSIM_ERR_NAME, err.text);
   if (status) return 0;
-  msim_options_init(&options, sizeof options);
-  fuzz_check_error(msim_options_from_scene(&options, scene, &err), &err);
-  if (!options.integrator) options.integrator = "velocity-verlet";
-  budget.left = 4 << 20;
-  fuzz_run(scene, &options);
-  budget.left = 4 << 20;
+  fuzz_run_scene(scene, "velocity-verlet", &budget, MOST_BYTES);
   check_round_trip(scene, &alloc);
   msim_scene_destroy(scene);
   return 0;

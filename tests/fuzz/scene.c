@@ -6,6 +6,8 @@
 #include "fuzz.h"
 #include "scene/scene.h"
 
+enum { MOST_BYTES = 4 << 20 };
+
 /* Written with its objects expanded, a scene reads back as itself. */
 static void check_round_trip(msim_scene *scene, const msim_allocator *alloc) {
   msim_error err;
@@ -28,20 +30,14 @@ static void check_round_trip(msim_scene *scene, const msim_allocator *alloc) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   fuzz_budget budget;
-  const msim_allocator alloc = fuzz_allocator(&budget, 4 << 20);
+  const msim_allocator alloc = fuzz_allocator(&budget, MOST_BYTES);
   msim_scene *scene;
   msim_error err;
-  msim_options options;
   msim_status status =
       msim_scene_parse(&alloc, "fuzz", size ? (const char *)data : "", size, &scene, &err);
   fuzz_check_error(status, &err);
   if (status) return 0;
-  msim_options_init(&options, sizeof options);
-  fuzz_check_error(msim_options_from_scene(&options, scene, &err), &err);
-  if (!options.integrator) options.integrator = "implicit-midpoint";
-  budget.left = 4 << 20;
-  fuzz_run(scene, &options);
-  budget.left = 4 << 20;
+  fuzz_run_scene(scene, "implicit-midpoint", &budget, MOST_BYTES);
   check_round_trip(scene, &alloc);
   msim_scene_destroy(scene);
   return 0;
