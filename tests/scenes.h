@@ -2,6 +2,7 @@
 #ifndef TEST_SCENES_H
 #define TEST_SCENES_H
 
+#include <stdio.h>
 #include <string.h>
 
 #include "msim/backend.h"
@@ -47,6 +48,18 @@ static inline msim_scene *held_block(int32_t side, double extent, double k, int3
   assert_ok(msim_scene_create(NULL, &scene, err));
   assert_ok(msim_scene_add_lattice(scene, &lattice, err));
   assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+/* The scenes of tools/scenes; NULL past the end. */
+static inline msim_scene *shipped_scene(size_t i) {
+  static const char *const names[] = {"three_particles", "pendulum",   "rope",
+                                      "hanging_cloth",   "jelly_drop", "bouncing_balls"};
+  char path[512];
+  msim_scene *scene;
+  if (i >= sizeof names / sizeof *names) return NULL;
+  snprintf(path, sizeof path, "%s/../tools/scenes/%s.json", TEST_SOURCE_DIR, names[i]);
+  assert_ok(msim_scene_load(NULL, path, &scene, err));
   return scene;
 }
 

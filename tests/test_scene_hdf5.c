@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "scene_check.h"
+#include "scenes.h"
 
 /* What libhdf5 keeps of a file that it could not write is not ours. */
 const char *__lsan_default_suppressions(void);
@@ -114,13 +115,8 @@ static void assert_same_run(const msim_scene *one, const msim_scene *other) {
 
 static void scenes_come_back_to_the_bit(void **state) {
   (void)state;
-  static const char *const names[] = {"three_particles", "pendulum",   "rope",
-                                      "hanging_cloth",   "jelly_drop", "bouncing_balls"};
-  for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-    char path[512];
-    msim_scene *json, *hdf5;
-    snprintf(path, sizeof path, "%s/../tools/scenes/%s.json", TEST_SOURCE_DIR, names[i]);
-    assert_ok(msim_scene_load(NULL, path, &json, err));
+  msim_scene *json, *hdf5;
+  for (size_t i = 0; (json = shipped_scene(i)) != NULL; i++) {
     assert_ok(msim_scene_save(json, "a.h5", err));
     assert_ok(msim_scene_load(NULL, "a.h5", &hdf5, err));
     assert_int_equal(access("a.h5.part", F_OK), -1);

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "scene_check.h"
+#include "scenes.h"
 
 static msim_scene *parse(const msim_allocator *alloc, const char *text) {
   msim_scene *scene;
@@ -423,14 +424,9 @@ static void null_is_refused(void **state) {
 
 static void scenes_that_ship_can_be_run(void **state) {
   (void)state;
-  static const char *const names[] = {"three_particles", "pendulum",   "rope",
-                                      "hanging_cloth",   "jelly_drop", "bouncing_balls"};
-  for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-    char path[512];
-    msim_scene *scene;
+  msim_scene *scene;
+  for (size_t i = 0; (scene = shipped_scene(i)) != NULL; i++) {
     msim_options opt;
-    snprintf(path, sizeof path, "%s/../tools/scenes/%s.json", TEST_SOURCE_DIR, names[i]);
-    assert_ok(msim_scene_load(NULL, path, &scene, err));
     msim_options_init(&opt, sizeof opt);
     assert_ok(msim_options_from_scene(&opt, scene, err));
     assert_non_null(opt.integrator);

@@ -155,7 +155,7 @@ static msim_status record(run *r, double t, msim_error *err) {
   if (status) return status;
   r->t_recorded = t;
   r->report.frames++;
-  return status;
+  return MSIM_OK;
 }
 
 /* How many steps until the clock is read again: about 50 ms. */
@@ -219,7 +219,7 @@ static int close_recorder(run *r, msim_error *err) {
 
 /* Write the state where it ended, and close the file. Keeps the first thing that went wrong. */
 static msim_status end_recording(run *r, msim_status status, msim_state *last, msim_error *err) {
-  msim_error second;
+  msim_error second = {MSIM_OK, ""};
   msim_status failed = MSIM_OK;
   if (!r->recorder) return status;
   if (status >= 0) failed = record(r, last->t, &second);
