@@ -62,7 +62,8 @@ static void compare_mark(void *data, const char *name, const char *value, int is
   if (c->status) return;
   const size_t length = strlen(name);
   const char *line = c->next, *end = memchr(line, '\n', (size_t)(c->end - line));
-  if (!end || (size_t)(end - line) <= length || memcmp(line, name, length) || line[length] != '=') {
+  if (!end || (size_t)(end - line) <= length || memcmp(line, name, length) != 0 ||
+      line[length] != '=') {
     c->status = ms_fail(c->err, MSIM_ERR_ARG, "the checkpoint says nothing of %s", name);
     return;
   }

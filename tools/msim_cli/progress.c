@@ -19,15 +19,15 @@ static int terminal_columns(void) {
   int columns = 0;
   if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0) columns = size.ws_col;
   const char *text = getenv("COLUMNS");
-  if (columns <= 0 && text) columns = atoi(text);
+  if (columns <= 0 && text) columns = (int)strtol(text, NULL, 10);
   if (columns <= 0) columns = 80;
   return columns > WIDEST ? WIDEST - 1 : columns - 1;
 }
 
 /* Append what still fits in the line as a whole; parts come in the order of their worth. */
 static void append(char *line, int columns, const char *part) {
-  size_t used = strlen(line);
-  if (used + strlen(part) <= (size_t)columns) strcpy(line + used, part);
+  size_t used = strlen(line), length = strlen(part);
+  if (used + length <= (size_t)columns) memcpy(line + used, part, length + 1);
 }
 
 static void append_left(char *line, int columns, double left) {
