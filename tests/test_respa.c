@@ -300,6 +300,27 @@ static void what_buys_nothing_is_velocity_verlet(void **state) {
   }
 }
 
+/*------------------------------------- unasked --------------------------------------------------*/
+
+/* Where a few springs set the steps `auto` takes it, and keeps tol at a quarter of the work. */
+static void auto_finds_the_cord(void **state) {
+  (void)state;
+  static double exact[3 * N];
+  msim_scene *scene = net(NULL, CORD, 0);
+  const int64_t verlet = run(scene, "velocity-verlet", 3.2e-5, exact);
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  msim_options opt = options("auto", 1e-3);
+  opt.tol = 1e-2, opt.t_end = T_END;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_string_equal(sim->integrator->entry.name, "respa");
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_true(distance(state_of(sim).x, exact) < opt.tol * distance(exact, view.x));
+  assert_true(4 * stats_of(sim).spring_evaluations < verlet);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- memory ---------------------------------------------------*/
 
 static msim_status live(const msim_scene *scene, msim_error *why) {
@@ -349,6 +370,7 @@ int main(void) {
                                      cmocka_unit_test(planes_reflect_at_the_end_of_the_step),
                                      cmocka_unit_test(the_split_follows_h_and_springs),
                                      cmocka_unit_test(what_buys_nothing_is_velocity_verlet),
+                                     cmocka_unit_test(auto_finds_the_cord),
                                      cmocka_unit_test(every_allocation_may_fail)};
   return cmocka_run_group_tests_name("respa", tests, NULL, NULL);
 }

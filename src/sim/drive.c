@@ -320,13 +320,6 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   }
 }
 
-double ms_drive_try(msim_sim *sim, double h) {
-  ms_motion *worst;
-  msim_error why;
-  const outcome o = try_step(sim, h, noise_of(sim, h), &why);
-  return o.m ? INFINITY : ms_error_size(total_error(sim, &worst));
-}
-
 /* Names of the methods that have error control, between commas. */
 static void list_methods(size_t size, char *names) {
   const ms_integrator *method;

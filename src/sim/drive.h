@@ -22,7 +22,4 @@ void ms_drive_show(msim_sim *sim, double t);
 /* The next step to try has this length (s). */
 void ms_drive_use_step(msim_sim *sim, double h);
 
-/* E of a step of h (s) from the present state, which stays; infinite where none can be made. */
-double ms_drive_try(msim_sim *sim, double h);
-
 #endif
