@@ -123,6 +123,13 @@ static facts look_at_scene(const msim_sim *sim, ms_totals *box) {
   return f;
 }
 
+/* Methods that carry other variables note in warm that these are of the state they started from,
+ * and hold that in work vectors that no step writes. What others note is of vectors that steps
+ * write. */
+static int start_note(const msim_sim *sim, const ms_stepper *s) {
+  return sim->integrator->show || sim->integrator->sync ? s->warm : 0;
+}
+
 static void keep(msim_sim *sim) {
   ms_watch *w = &sim->watch;
   w->seen = w->step = sim->step;
@@ -133,6 +140,7 @@ static void keep(msim_sim *sim) {
     const ms_totals_copy between = g->kept;
     g->kept = g->last, g->last = between;
     g->h_before = m->stepper.h_before;
+    g->warm = start_note(sim, &m->stepper);
     g->at_rest = m->at_rest;
   }
 }
@@ -166,7 +174,7 @@ static void go_back(msim_sim *sim) {
     ms_copy(m->model.shape, m->guard.kept.x, m->stepper.x);
     ms_copy(m->model.shape, m->guard.kept.v, m->stepper.v);
     m->stepper.h_before = m->guard.h_before;
-    m->stepper.warm = 0;
+    m->stepper.warm = m->guard.warm;
     if (m->stepper.solver) ms_solver_restart(m->stepper.solver);
     m->at_rest = m->guard.at_rest;
   }

@@ -31,6 +31,7 @@ typedef struct ms_guard {
   ms_totals_copy kept; /* the last good state, vectors of its model; NULL: nothing is watched */
   ms_totals_copy last; /* that looked at last, until it is known to be good */
   double h_before;     /* with it */
+  int warm;            /* the same, where it is the state that the method started from */
   int at_rest;         /* the same */
   ms_totals totals;    /* of the state looked at last */
   ms_totals *parts;    /* scratch */
