@@ -88,6 +88,8 @@ class Quick(BenchTest):
         self.assertEqual(set(found), {"limit_error", "cells", "silent", "crashes", "hangs",
                                       "detection_steps"})
         self.assertLessEqual(found["limit_error"], 1e-3)
+        self.assertEqual({row["method"] for row in self.find(rows, measure="limit")},
+                         {row["method"] for row in self.find(rows, measure="method")})
         self.assertLessEqual(found["detection_steps"], 200)
         self.assertGreater(found["cells"], 500)
         self.assertEqual([found[key] for key in ("silent", "crashes", "hangs")], [0, 0, 0])

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../tools/msim_bench/theory.h"
 #include "stability.h"
 
 enum { N = 30, NS = 80 };
@@ -205,6 +206,25 @@ static void limits_are_the_known_ones(void **state) {
   }
 }
 
+/* The bench knows the theory of every method. What we promise is never more, and without damping
+ * hardly less. */
+static void limits_are_within_theory(void **state) {
+  (void)state;
+  for (int32_t i = 0; method_at(i); i++) {
+    const theory *t = theory_of(method_at(i));
+    const ms_integrator *integrator;
+    if (!t) fail_msg("no theory of '%s' is in the bench's table", method_at(i));
+    assert_ok(ms_integrator_find(method_at(i), &integrator, err));
+    for (int z = 0; z < (t->undamped ? 1 : ZETAS) && integrator->limit; z++) {
+      double peak;
+      const double g = 2 * zetas[z], known = theory_limit(t, z, &peak);
+      const double promised = integrator->limit(&(ms_bounds){1, g, g});
+      assert_true(promised <= known * (1 + 1e-4));
+      if (g == 0) assert_true(promised >= 0.995 * known);
+    }
+  }
+}
+
 /* How many times the energy of the ring has become larger at most, in so many steps. */
 static double growth(const msim_scene *scene, const char *method, double h, int steps) {
   msim_options opt = options(method, h);
@@ -282,6 +302,7 @@ int main(void) {
                                      cmocka_unit_test(nothing_vibrates_without_springs),
                                      cmocka_unit_test(bounds_hold_in_every_configuration),
                                      cmocka_unit_test(limits_are_the_known_ones),
+                                     cmocka_unit_test(limits_are_within_theory),
                                      cmocka_unit_test(limits_are_where_motion_blows_up),
                                      cmocka_unit_test(damped_springs_leave_euler_without_a_limit)};
   return cmocka_run_group_tests_name("stability", tests, NULL, NULL);

@@ -43,8 +43,9 @@ typedef struct stress_result {
   char text[256];
 } stress_result;
 
-/* A run of so many steps in a process of its own, which may take so many seconds. */
+/* A run of so many steps in a process of its own, which may take so many seconds. watch: as in
+ * msim_options */
 stress_result stress_run(const stress_scene *s, const char *method, double h, int64_t steps,
-                         unsigned seconds);
+                         int watch, unsigned seconds);
 
 #endif

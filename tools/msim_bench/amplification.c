@@ -1,0 +1,126 @@
+#include "amplification.h"
+
+#include <math.h>
+
+/*------------------------------------- Runge and Kutta ------------------------------------------*/
+
+/* to = (shift + z L) y,  L = (0, 1; -1, -2 zeta) */
+static void apply(double zeta, double shift, double z, const double y[2], double to[2]) {
+  const double x = y[0], v = y[1];
+  to[0] = shift * x + z * v;
+  to[1] = shift * v - z * (x + 2 * zeta * v);
+}
+
+/* R(z) = 1 + z + ... + z^8/8! + r_9 z^9 + ... + r_12 z^12, where r_k = b A^(k-1) 1 of the tableau
+ * in Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 */
+void amplify_dop853(double zeta, double z, double y[2]) {
+  static const double r[13] = {1,
+                               1,
+                               1. / 2,
+                               1. / 6,
+                               1. / 24,
+                               1. / 120,
+                               1. / 720,
+                               1. / 5040,
+                               1. / 40320,
+                               2.6916922001690856e-06,
+                               2.34134510820978e-07,
+                               1.4947364854591547e-08,
+                               3.613324578128244e-10};
+  const double start[2] = {y[0], y[1]};
+  for (int c = 0; c < 2; c++) y[c] *= r[12];
+  for (int k = 11; k >= 0; k--) {
+    apply(zeta, 0, z, y, y);
+    for (int c = 0; c < 2; c++) y[c] += r[k] * start[c];
+  }
+}
+
+/* R(z) = 1 - b T_s(w0) + b T_s(w0 + w1 z),  w0 = 1 + (2/13)/s^2,  w1 = T_s'/T_s'',
+ * b = T_s''/T_s'^2 at w0 = cosh u, where T_s = cosh s u; in as many stages s as its authors take
+ * for eigenvalues of size w max(2 zeta, 1): s^2 >= 1 + z max(2 zeta, 1)/0.653 (Sommeijer, Shampine
+ * and Verwer 1998) */
+void amplify_rkc(double zeta, double z, double y[2]) {
+  const double s = fmax(2, ceil(sqrt(1 + z * fmax(2 * zeta, 1) / 0.653)));
+  const double w0 = 1 + 2 / (13 * s * s), u = acosh(w0);
+  const double T = cosh(s * u), T1 = s * sinh(s * u) / sinh(u);
+  const double T2 = (s * s * T - w0 * T1) / (w0 * w0 - 1);
+  const double w1 = T1 / T2, b = T2 / (T1 * T1);
+  double before[2] = {y[0], y[1]}, now[2], next[2];
+  apply(zeta, w0, w1 * z, before, now);
+  for (int j = 2; j <= (int)s; j++) {
+    apply(zeta, w0, w1 * z, now, next);
+    for (int c = 0; c < 2; c++)
+      next[c] = 2 * next[c] - before[c], before[c] = now[c], now[c] = next[c];
+  }
+  for (int c = 0; c < 2; c++) y[c] = (1 - b * T) * y[c] + b * now[c];
+}
+
+/*------------------------------------- kicks and drifts -----------------------------------------*/
+
+/* The leapfrog by a(x + h^2/12 a(x)) (Takahashi and Imada 1984; Wisdom, Holman and Touma 1996) */
+void amplify_takahashi_imada(double zeta, double z, double y[2]) {
+  (void)zeta;
+  y[1] -= z * (1 - z * z / 12) * y[0];
+  y[0] += z * y[1];
+}
+
+/* Of the form of Omelyan, Mryglod and Folk (2002), where four numbers make it order 6 on an
+ * oscillator: then trace/2 = cos z + O(z^8). */
+void amplify_force_gradient(double zeta, double z, double y[2]) {
+  static const double a = 0.24004250742648506, b[2] = {0.0891007659901135, 0.28694996084206753},
+                      g = 0.023037733119604515;
+  const double drift[4] = {a, 0.5 - a, 0.5 - a, a};
+  const double kick[5] = {b[0], b[1], (1 - 2 * (b[0] + b[1])) * (1 - g * z * z), b[1], b[0]};
+  (void)zeta;
+  for (int i = 0; i < 4; i++) y[1] -= z * kick[i] * y[0], y[0] += z * drift[i] * y[1];
+  y[1] -= z * kick[4] * y[0];
+}
+
+/* SRKN_11^6 of Blanes and Moan (2002), table 3: half of a symmetric method whose kicks and drifts
+ * add up to 1 */
+void amplify_rkn6(double zeta, double z, double y[2]) {
+  static const double b[5] = {0.0414649985182624, 0.198128671918067, -0.0400061921041533,
+                              0.0752539843015807, -0.0115113874206879};
+  static const double a[5] = {0.123229775946271, 0.290553797799558, -0.127049212625417,
+                              -0.246331761062075, 0.357208872795928};
+  double kick = 0.5, drift = 1;
+  (void)zeta;
+  for (int i = 0; i < 5; i++) {
+    y[1] -= z * b[i] * y[0], y[0] += z * a[i] * y[1];
+    kick -= b[i], drift -= 2 * a[i];
+  }
+  y[1] -= z * kick * y[0], y[0] += z * drift * y[1], y[1] -= z * kick * y[0];
+  for (int i = 4; i >= 0; i--) y[0] += z * a[i] * y[1], y[1] -= z * b[i] * y[0];
+}
+
+static void leapfrog(double z, double k, double y[2]) {
+  y[1] -= z / 2 * k * y[0], y[0] += z * y[1], y[1] -= z / 2 * k * y[0];
+}
+
+/* Half kicks of the soft spring around n steps by the stiff one (Tuckerman, Berne and Martyna
+ * 1992): unstable near h w = pi. Where discs, as Gershgorin's, bound squares of frequencies by
+ * 2 k/m, all take steps of one length up to h^2 (2 + 2 soft) = 4, and beyond n is the least with
+ * h sqrt(2)/n <= 1, half the leapfrog's limit. */
+void amplify_respa(double zeta, double z, double y[2]) {
+  const double soft = SOFT_STIFFNESS;
+  const int n = (int)ceil(sqrt(2) * z);
+  (void)zeta;
+  if (z * z * (1 + soft) < 2) {
+    leapfrog(z, 1 + soft, y);
+    return;
+  }
+  y[1] -= z / 2 * soft * y[0];
+  for (int i = 0; i < n; i++) leapfrog(z / n, 1, y);
+  y[1] -= z / 2 * soft * y[0];
+}
+
+/*------------------------------------- growth ---------------------------------------------------*/
+
+double amplification_rate(amplification *step, double zeta, double z) {
+  double p[2] = {1, 0}, q[2] = {0, 1};
+  step(zeta, z, p);
+  step(zeta, z, q);
+  const double half = (p[0] + q[1]) / 2, det = p[0] * q[1] - p[1] * q[0];
+  const double split = half * half - det;
+  return split < 0 ? 0.5 * log(det) : log(fabs(half) + sqrt(split));
+}
