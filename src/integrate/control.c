@@ -78,6 +78,15 @@ double ms_control_next(const ms_control *c, double left) {
 
 void ms_control_forget(ms_control *c) { c->previous = 0, c->shrunk = 0; }
 
+void ms_control_history(ms_bytes *b, ms_control *c) {
+  double *numbers[] = {&c->tol, &c->span, &c->order, &c->h, &c->growth, &c->previous};
+  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+    MS_BYTES_PASS(b, *numbers[i]);
+    ms_bytes_check(b, isfinite(*numbers[i]) && *numbers[i] >= 0, "error control");
+  }
+  MS_BYTES_PASS(b, c->shrunk);
+}
+
 void ms_control_fail(ms_control *c, double h) {
   c->h = h / 4;
   c->shrunk = 1;

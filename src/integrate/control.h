@@ -11,6 +11,7 @@
 #ifndef MS_CONTROL_H
 #define MS_CONTROL_H
 
+#include "base/bytes.h"
 #include "integrate/integrator.h"
 #include "physics/scales.h"
 
@@ -65,5 +66,8 @@ void ms_control_fail(ms_control *c, double h);
 
 /* What is to come has little to do with the step before. */
 void ms_control_forget(ms_control *c);
+
+/* All of it. */
+void ms_control_history(ms_bytes *bytes, ms_control *c);
 
 #endif

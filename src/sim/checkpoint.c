@@ -4,8 +4,10 @@
  *   marks     what scene and options are told by, as lines "name=value" (marks.h)
  *   the run   step and time, with what rounding took from it; the controller: next h, last error;
  *             scales and length of the run, which its tolerance is by; frames shown; stats; what
- *             integrator = auto has chosen; which axis is left out; the h solvers were chosen for
- *   islands   at rest or not; the stepper (integrate/history.h), the solver (linear/history.c)
+ *             integrator = auto has chosen; which axis is left out; the h solvers were chosen for;
+ *             the bounds that the watch allows
+ *   islands   at rest or not; the stepper (integrate/history.h), the solver (linear/history.c); the
+ *             last good state, where that is another (watch.h)
  *
  * What a sim keeps beside that follows from it: models and their order of rows, split springs,
  * analyses and aggregates from scene and options; bounds and the plan, but its end, too. */
@@ -19,7 +21,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 2u
+#define VERSION 3u
 
 typedef struct header {
   char magic[8];
@@ -102,6 +104,7 @@ typedef struct run {
   double tol, first_h;
   ms_selection selection;
   msim_stats stats;
+  ms_watch watch;
 } run;
 
 /* Is a frame shown, or due, within the last step? */
@@ -133,7 +136,8 @@ static run run_of(const msim_sim *sim) {
                .tol = sim->opt.tol,
                .first_h = sim->opt.h,
                .selection = sim->selection,
-               .stats = sim->stats};
+               .stats = sim->stats,
+               .watch = sim->watch};
 }
 
 /* Without the seconds, so that equal runs have equal checkpoints. */
@@ -163,27 +167,27 @@ static void pass_stats(ms_bytes *b, msim_stats *s) {
       "all counts are in a checkpoint");
 }
 
-static void pass_run(ms_bytes *b, run *r, int selects) {
+static void pass_run(ms_bytes *b, const msim_sim *sim, run *r) {
   ms_scales *s = &r->scales;
-  ms_control *c = &r->control;
   int64_t *counts[] = {&r->step, &r->step0, &r->spent, &r->frame, &r->every};
   double *numbers[] = {&r->t0,     &r->h,     &r->t,        &r->t_lost,   &r->t_shown,
                        &s->extent, &s->speed, &s->mass,     &s->rounding, &s->time,
-                       &c->tol,    &c->span,  &c->order,    &c->h,        &c->previous,
                        &r->fps,    &r->t_end, &r->solver_h, &r->tol,      &r->first_h};
-  int32_t *flags[] = {&r->left_out, &r->inside, &r->chosen, &c->shrunk};
+  int32_t *flags[] = {&r->left_out, &r->inside, &r->chosen};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
     MS_BYTES_PASS(b, *numbers[i]);
     ms_bytes_check(b, isfinite(*numbers[i]), "a time or a scale");
   }
   for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_BYTES_PASS(b, *flags[i]);
+  ms_control_history(b, &r->control);
   pass_stats(b, &r->stats);
-  if (selects) ms_selection_history(b, &r->selection);
+  if (ms_sim_selects(sim)) ms_selection_history(b, &r->selection);
+  ms_watch_history(b, sim, &r->watch);
   ms_bytes_check(b, r->step >= r->step0 && r->h > 0 && r->solver_h >= 0, "the step");
 }
 
-static msim_status pass_islands(ms_bytes *b, msim_sim *sim, int inside, msim_error *err) {
+static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_error *err) {
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < sim->nislands && !status && !ms_bytes_failed(b); i++) {
     ms_motion *m = &sim->motion[i];
@@ -194,9 +198,11 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, int inside, msim_err
     MS_BYTES_PASS(b, m->at_rest);
     ms_bytes_check(b, order == here, "the order of particles");
     ms_bytes_check(b, (m->at_rest | 1) == 1, "what is at rest");
-    ms_stepper_history(b, sim->integrator, &m->stepper, inside);
+    ms_stepper_history(b, sim->integrator, &m->stepper, r->inside);
     if (m->stepper.solver && !ms_bytes_failed(b))
       status = ms_solver_history(b, m->stepper.solver, err);
+    if (!status && !ms_bytes_failed(b))
+      ms_guard_history(b, sim, r->watch.step == r->step, &m->stepper, &m->guard);
   }
   return status;
 }
@@ -206,9 +212,10 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, int inside, msim_err
 size_t msim_sim_save_size(const msim_sim *sim) {
   ms_bytes b = {.direction = MS_COUNT, .used = sizeof(header)};
   run r = run_of(sim);
+  r.inside = ms_plan_has_times(&sim->opt);
   ms_sim_marks(sim, put_mark, &b);
-  pass_run(&b, &r, ms_sim_selects(sim));
-  pass_islands(&b, (msim_sim *)(uintptr_t)sim, ms_plan_has_times(&sim->opt), NULL);
+  pass_run(&b, sim, &r);
+  pass_islands(&b, (msim_sim *)(uintptr_t)sim, &r, NULL);
   return b.used;
 }
 
@@ -222,8 +229,8 @@ msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *leng
   ms_sim_hash_scene(sim);
   ms_sim_marks(sim, put_mark, &b);
   h.marks = b.used - sizeof h;
-  pass_run(&b, &r, ms_sim_selects(sim));
-  pass_islands(&b, sim, r.inside, NULL);
+  pass_run(&b, sim, &r);
+  pass_islands(&b, sim, &r, NULL);
   if (b.used > capacity)
     return ms_fail(err, MSIM_ERR_ARG, "the checkpoint takes %zu bytes; there is room for %zu",
                    b.used, capacity);
@@ -288,6 +295,9 @@ static void check_run(ms_bytes *b, const msim_sim *sim, const run *r) {
       b, r->tol == (selects ? r->selection.tol : sim->opt.tol) || (selects && r->tol == 0), "tol");
   ms_bytes_check(b, !selects || r->first_h > 0, "the step");
   ms_bytes_check(b, !has_control || (r->control.h > 0 && r->control.span > 0), "error control");
+  ms_bytes_check(b, !has_control || (r->watch.control.h > 0 && r->watch.control.span > 0),
+                 "error control");
+  ms_bytes_check(b, r->watch.step >= r->step0 && r->watch.step <= r->step, "the last good step");
   ms_bytes_check(b, r->inside ? has_control : !has_control || r->t_shown == r->t, "the last step");
 }
 
@@ -326,7 +336,7 @@ static msim_status make_islands(msim_sim *sim, ms_bytes *b, const run *r, msim_e
   sim->plan.h = r->h;
   if (status) return status;
   ms_sim_start_islands(sim, &start);
-  status = pass_islands(b, sim, r->inside, err);
+  status = pass_islands(b, sim, r, err);
   if (!status && (ms_bytes_failed(b) || b->used != b->size)) return refuse_bytes(b, err);
   return status <= 0 ? status : ms_fail(err, MSIM_ERR_ARG, "a factor cannot be made again");
 }
@@ -347,6 +357,7 @@ static void use_run(msim_sim *sim, const run *r) {
   sim->t0 = r->t0, sim->t = r->t, sim->t_lost = r->t_lost, sim->t_shown = r->t_shown;
   sim->control = r->control;
   sim->stats = r->stats;
+  sim->watch = r->watch;
   use_frames(sim, r);
   /* what no row writes: pinned particles, and the axis left out */
   memcpy(sim->flat_x, scene->x, flat);
@@ -364,7 +375,7 @@ static msim_status take(msim_sim *sim, ms_bytes *b, msim_error *err) {
   const msim_options opt = sim->opt;
   const msim_stats stats = sim->stats;
   run r = run_of(sim);
-  pass_run(b, &r, ms_sim_selects(sim));
+  pass_run(b, sim, &r);
   check_run(b, sim, &r);
   if (ms_bytes_failed(b)) return refuse_bytes(b, err);
   msim_status status = plan_run(sim, &r, err);
@@ -395,7 +406,6 @@ msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_e
                 .used = sizeof h + (size_t)h.marks};
   status = take(sim, &b, err);
   if (status) return status;
-  ms_watch_start(sim);
   ms_sim_watch_step(sim);
   return ms_ok(err);
 }

@@ -132,7 +132,7 @@ static int start_note(const msim_sim *sim, const ms_stepper *s) {
 
 static void keep(msim_sim *sim) {
   ms_watch *w = &sim->watch;
-  w->seen = w->step = sim->step;
+  w->step = sim->step;
   w->t = sim->t, w->t_lost = sim->t_lost, w->control = sim->control;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
     ms_guard *g = &m->guard;
@@ -178,7 +178,6 @@ static void go_back(msim_sim *sim) {
     if (m->stepper.solver) ms_solver_restart(m->stepper.solver);
     m->at_rest = m->guard.at_rest;
   }
-  sim->watch.seen = w->step;
   sim->flat_is_current = 0;
 }
 
@@ -222,7 +221,7 @@ static msim_status report(const msim_sim *sim, const ms_totals *now, const bound
 }
 
 msim_status ms_watch_check(msim_sim *sim, msim_error *err) {
-  if (!is_on(sim) || sim->watch.seen == sim->step) return MSIM_OK;
+  if (!is_on(sim) || sim->watch.step == sim->step) return MSIM_OK;
   const ms_totals now = measure(sim);
   const bounds b = bounds_at(sim, &now);
   if (is_good(&now, &b)) {
@@ -236,7 +235,7 @@ msim_status ms_watch_check(msim_sim *sim, msim_error *err) {
 }
 
 void ms_watch_retreat(msim_sim *sim, msim_error *err) {
-  if (!is_on(sim) || sim->watch.seen == sim->step) return;
+  if (!is_on(sim) || sim->watch.step == sim->step) return;
   const ms_totals now = measure(sim);
   const bounds b = bounds_at(sim, &now);
   if (is_good(&now, &b)) return;
@@ -246,4 +245,31 @@ void ms_watch_retreat(msim_sim *sim, msim_error *err) {
   snprintf(err->text + used, sizeof err->text - used,
            "; the motion had grown beyond what energy allows: the state is that of step %lld again",
            (long long)sim->step);
+}
+
+/*------------------------------------- checkpoints ----------------------------------------------*/
+
+void ms_watch_history(ms_bytes *b, const msim_sim *sim, ms_watch *w) {
+  double *numbers[] = {&w->supply, &w->energy, &w->work, &w->extent,
+                       &w->least,  &w->t0,     &w->t,    &w->t_lost};
+  if (!is_on(sim)) return;
+  ms_bytes_pass_count(b, &w->step);
+  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) MS_BYTES_PASS(b, *numbers[i]);
+  ms_bytes_check(b, isfinite(w->t) && isfinite(w->t_lost), "the time of the last good state");
+  ms_control_history(b, &w->control);
+}
+
+/* Implicit steps are all looked at: the state kept is the present one. */
+void ms_guard_history(ms_bytes *b, const msim_sim *sim, int is_present, const ms_stepper *s,
+                      ms_guard *g) {
+  const ms_shape shape = s->model->shape;
+  if (!is_on(sim)) return;
+  MS_BYTES_PASS(b, g->h_before);
+  MS_BYTES_PASS(b, g->at_rest);
+  ms_bytes_check(b, isfinite(g->h_before) && (g->at_rest | 1) == 1, "the last good state");
+  if (b->direction == MS_TAKE)
+    g->totals = ms_totals_compute(s->model, s->x, s->v, &g->kept, g->parts);
+  if (b->direction == MS_COUNT ? sim->integrator->entry.implicit : is_present) return;
+  ms_bytes_pass_rows(b, shape, g->kept.x);
+  ms_bytes_pass_rows(b, shape, g->kept.v);
 }

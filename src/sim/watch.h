@@ -45,8 +45,7 @@ typedef struct ms_watch {
   double extent; /* L0, m */
   double least;  /* m_least, kg; 0: no particle is free */
   double t0;     /* of the start, s */
-  int64_t seen;  /* the step looked at last, and found good */
-  int64_t step;  /* of the state kept; the rest as in msim_sim */
+  int64_t step;  /* looked at last and found good: of the state kept; the rest as in msim_sim */
   double t, t_lost;
   ms_control control;
 } ms_watch;
@@ -65,6 +64,12 @@ int ms_watch_is_due(const msim_sim *sim);
 /* Check the present state, unless that was done. A good one is kept; else the kept one takes its
  * place. */
 msim_status ms_watch_check(msim_sim *sim, msim_error *err);
+
+/* What a checkpoint says of w, which is the sim's or shall be, and of an island whose x and v are
+ * there already. is_present: they are those of the state kept. */
+void ms_watch_history(ms_bytes *bytes, const msim_sim *sim, ms_watch *w);
+void ms_guard_history(ms_bytes *bytes, const msim_sim *sim, int is_present, const ms_stepper *s,
+                      ms_guard *guard);
 
 /* A step failed, and err says why. If the state before it was beyond the bounds already, the kept
  * one takes its place, and err says so too. */
