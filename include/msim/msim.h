@@ -199,11 +199,10 @@ MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, siz
                                    msim_error *err);
 
 /* Go on from a checkpoint, in a sim that was made from the same scene with the same options, and to
- * which the same msim_sim_set_step and msim_sim_set_springs happened. What differs is named; so is
- * another msim or MSIM_ISA. Free are threads, frames (every, fps), plugin_path, sync and the end
- * (steps, t_end), as long as h stays; under error control the tolerance for a second stays, too.
- * Solvers of options.solver = auto or pcg cannot be taken where they were set up before
- * msim_sim_set_springs changed k or damping. */
+ * which the same msim_sim_set_step happened; its springs are those that were set last. What differs
+ * is named; so is another msim or MSIM_ISA. Free are threads, frames (every, fps), plugin_path,
+ * sync and the end (steps, t_end), as long as h stays; under error control the tolerance for a
+ * second stays, too. */
 MSIM_API msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err);
 
 MSIM_API void msim_sim_energy(msim_sim *sim, msim_energy *energy);

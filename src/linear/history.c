@@ -5,9 +5,9 @@
  *   the coarse factor     of pcg, likewise
  *   the constant matrix   its h: the factor may be one of scalars, for a whole run
  *   savings               of pcg, for a factor; cholmod, which was opened for it, or was no use
- *   the choice            by h and springs at creation: of the solver, and of its aggregates
  *
- * Guesses are the caller's; all else is made anew in each solve. Factors are not kept but what they
+ * What was chosen by h and springs at its creation is the caller's to choose by the same. Guesses
+ * are the caller's, too; all else is made anew in each solve. Factors are not kept but what they
  * were made from, which is hundreds of times less, and gives the same bits again. */
 #include <math.h>
 #include <string.h>
@@ -21,18 +21,18 @@ static ms_pcg *pcg_of(const ms_solver *s) {
 
 static int is_auto(const ms_solver *s) { return strcmp(s->opt->solver, "auto") == 0; }
 
+int ms_solver_is_chosen(const ms_solver *s) {
+  return is_auto(s) || strcmp(s->opt->solver, "pcg") == 0;
+}
+
 /* What is decided, in numbers. */
 typedef struct decisions {
-  double planned;
-  uint64_t springs;
   int32_t pcg, may_switch, aggregates;
   int32_t saves, has_cholmod; /* beside pcg */
 } decisions;
 
 static decisions decisions_of(const ms_solver *s) {
-  return (decisions){.planned = s->planned,
-                     .springs = s->springs,
-                     .pcg = pcg_of(s) != NULL,
+  return (decisions){.pcg = pcg_of(s) != NULL,
                      .may_switch = s->may_switch,
                      .aggregates = s->linear->aggregates,
                      .saves = s->savings.allowed,
@@ -40,26 +40,20 @@ static decisions decisions_of(const ms_solver *s) {
 }
 
 static void pass_decisions(ms_bytes *b, decisions *d) {
-  MS_BYTES_PASS(b, d->planned);
-  MS_BYTES_PASS(b, d->springs);
   int32_t *flags[] = {&d->pcg, &d->may_switch, &d->aggregates, &d->saves, &d->has_cholmod};
   for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_BYTES_PASS(b, *flags[i]);
-}
-
-static msim_status refuse(msim_error *err, const char *why) {
-  return ms_fail(err, MSIM_ERR_ARG, "the linear solver cannot be as it was: %s", why);
 }
 
 /* A solver just created decides as that one did. */
 static msim_status decide(ms_solver *s, const decisions *d, msim_error *err) {
   msim_status status = MSIM_OK;
-  const int chosen = is_auto(s) || s->linear->aggregates;
-  if (chosen && (d->planned != s->planned || d->springs != s->springs))
-    return refuse(err, "it was set up for other springs, before msim_sim_set_springs");
   if (pcg_of(s) && !d->pcg && s->may_switch) status = ms_solver_switch(s, err);
   if (status) return status;
   if (!pcg_of(s) != !d->pcg || d->aggregates != s->linear->aggregates)
-    return refuse(err, "it is pcg here and cholmod there, or has another coarse space");
+    return ms_fail(
+        err, MSIM_ERR_ARG,
+        "the linear solver cannot be as it was: it is pcg here and cholmod there, or has "
+        "another coarse space");
   s->may_switch = s->may_switch && d->may_switch;
   if (!d->saves && s->savings.allowed) ms_solver_drop_kept(s);
   if (s->savings.allowed && d->has_cholmod) status = ms_solver_add_cholmod(s, err);

@@ -81,12 +81,6 @@ static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   return take(s, &choice, err);
 }
 
-/* Of what choices and coarse spaces are made from */
-static uint64_t hash_of(const ms_springs *springs) {
-  const size_t bytes = (size_t)springs->n * sizeof(double);
-  return ms_hash(ms_hash(0, springs->k, bytes), springs->damping, bytes);
-}
-
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
                              msim_stats *stats, ms_solver **solver, msim_error *err) {
   ms_solver *s = ms_new(&model->scene->alloc, 1, sizeof *s);
@@ -96,7 +90,6 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
   s->opt = opt;
   s->stats = stats;
   s->planned = h;
-  s->springs = hash_of(&model->springs);
   msim_status status = set_up(s, h, err);
   if (status) ms_solver_destroy(s);
   else *solver = s;

@@ -32,8 +32,7 @@ typedef struct ms_solver {
   ms_savings savings;
   double made_for;     /* h of the constant matrix that is factored; 0: there is none */
   double h;            /* of the matrix at hand */
-  double planned;      /* h that it was chosen for, at creation ... */
-  uint64_t springs;    /* ... and a hash of the springs */
+  double planned;      /* h that it was chosen for, at creation */
   ms_origin by_kept;   /* of the kept factor */
   ms_origin by_coarse; /* of the coarse factor */
   msim_stats *stats;
@@ -91,9 +90,12 @@ msim_status ms_solver_descend(ms_solver *solver, const ms_request *request, cons
 /* Forget the kept factor: what follows depends on the state alone. */
 void ms_solver_restart(ms_solver *solver);
 
+/* 1: `auto` chose it, or its coarse space is made, by h and the springs at its creation. */
+int ms_solver_is_chosen(const ms_solver *solver);
+
 /* What solves to come owe to solves made: who solves, the factors that are kept, and what decides
- * on their use. Taken by a solver just created with the same h: it solves to the same bits, and may
- * have no use after a failure, or where the bytes are wrong. */
+ * on their use. Taken by a solver just created with the same h, and springs where it is chosen: it
+ * solves to the same bits, and may have no use after a failure, or where the bytes are wrong. */
 msim_status ms_solver_history(ms_bytes *bytes, ms_solver *solver, msim_error *err);
 
 /* For that: a factor by one of the solver's own, of the matrix that it was made from. */

@@ -129,6 +129,11 @@ void ms_sim_put_back(msim_sim *sim, const ms_motions *old) {
   sim->nislands = old->n, sim->motion = old->motion, sim->any_by_one = old->any_by_one;
 }
 
+void ms_sim_choose_for(msim_sim *sim, ms_scene *scene) {
+  ms_scene_release(sim->chosen_for);
+  sim->chosen_for = scene;
+}
+
 msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
   const ms_motions old = ms_sim_put_aside(sim);
   const msim_status status = ms_sim_make_motions(sim, left_out, err);
@@ -137,6 +142,7 @@ msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err) {
     return status;
   }
   ms_sim_drop(sim, &old);
+  ms_sim_choose_for(sim, NULL);
   sim->selection.out_of_date = 0;
   return MSIM_OK;
 }

@@ -50,6 +50,16 @@ static void use_scene(msim_sim *sim, ms_scene *scene) {
   for (int32_t i = 0; i < sim->nislands; i++) sim->motion[i].model.scene = scene;
 }
 
+static void update_models(msim_sim *sim) {
+  for (int32_t i = 0; i < sim->nislands; i++)
+    ms_model_update(&sim->motion[i].model, sim->opt.skip_off);
+}
+
+void ms_sim_use_scene(msim_sim *sim, ms_scene *scene) {
+  use_scene(sim, scene);
+  update_models(sim);
+}
+
 /* The sim's own scene, no longer that of the handle it was made from. */
 static ms_scene *own_scene(msim_sim *sim, msim_error *err) {
   msim_scene handle = {sim->scene};
@@ -72,11 +82,6 @@ static int changes_kind(const msim_sim *sim, const ms_motion *m, const double *r
   return solver && alike != (solver->system.a.block == 1);
 }
 
-static void update_models(msim_sim *sim) {
-  for (int32_t i = 0; i < sim->nislands; i++)
-    ms_model_update(&sim->motion[i].model, sim->opt.skip_off);
-}
-
 static msim_status write_springs(msim_sim *sim, const double *k, const double *rest,
                                  const double *damping, msim_error *err) {
   ms_scene *scene = own_scene(sim, err);
@@ -90,19 +95,16 @@ static msim_status write_springs(msim_sim *sim, const double *k, const double *r
   return MSIM_OK;
 }
 
-/* New solvers for the islands whose matrices are of another kind now: all of them, or none. fresh:
- * one a island, NULL where the old one goes on. */
+/* New solvers for all islands, or none. fresh: one a island */
 static msim_status make_solvers(msim_sim *sim, ms_solver **fresh, msim_error *err) {
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     const ms_motion *m = &sim->motion[i];
-    if (!changes_kind(sim, m, NULL, NULL)) continue;
-    const double h = m->stepper.solver->planned; /* one for all islands */
+    const double h = m->stepper.solver->planned;
     status = ms_solver_create(&m->model, &sim->opt, h, &sim->stats, &fresh[i], err);
   }
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_solver **used = &sim->motion[i].stepper.solver;
-    if (!fresh[i]) continue;
     ms_solver_destroy(status ? fresh[i] : *used);
     if (!status) *used = fresh[i];
   }
@@ -114,13 +116,13 @@ static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
   if (!fresh) return ms_fail_memory(err, "the linear solvers");
   msim_status status = make_solvers(sim, fresh, err);
   ms_delete(&sim->alloc, fresh);
+  if (!status) ms_sim_choose_for(sim, NULL);
   return status;
 }
 
 static void put_back(msim_sim *sim, ms_scene *before) {
   ms_scene_release(sim->scene);
-  use_scene(sim, before);
-  update_models(sim);
+  ms_sim_use_scene(sim, before);
 }
 
 /* Frames within the last step are those of the springs it was made with. */
@@ -159,6 +161,12 @@ static msim_status start_anew(msim_sim *sim, const double *k, const double *rest
   return status;
 }
 
+/* 1: solvers that go on were chosen for springs that only the scene at hand still has. */
+static int has_choices(const msim_sim *sim) {
+  const ms_solver *solver = sim->motion->stepper.solver;
+  return !sim->chosen_for && solver && ms_solver_is_chosen(solver);
+}
+
 /* The same run with them. */
 static msim_status go_on(msim_sim *sim, const double *k, const double *rest, const double *damping,
                          msim_error *err) {
@@ -166,12 +174,14 @@ static msim_status go_on(msim_sim *sim, const double *k, const double *rest, con
   for (int32_t i = 0; i < sim->nislands && !other; i++)
     other = changes_kind(sim, &sim->motion[i], rest, damping);
   keep_last_step(sim);
-  ms_scene *before = other ? ms_scene_share(sim->scene) : NULL;
+  const int remembers = !other && has_choices(sim);
+  ms_scene *before = other || remembers ? ms_scene_share(sim->scene) : NULL;
   ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
   msim_status status = write_springs(sim, k, rest, damping, err);
   if (!status && other)
     status = sim->integrator->splits ? ms_sim_rebuild(sim, err) : replace_solvers(sim, err);
   if (status && other) put_back(sim, before);
+  else if (!status && remembers) ms_sim_choose_for(sim, before);
   else ms_scene_release(before);
   if (status) return status;
   renew(sim);

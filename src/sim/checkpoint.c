@@ -6,6 +6,7 @@
  *             scales and length of the run, which its tolerance is by; frames shown; stats; what
  *             integrator = auto has chosen; which axis is left out; the h solvers were chosen for;
  *             the bounds that the watch allows
+ *   springs   that solvers were chosen for, where msim_sim_set_springs has set others since
  *   islands   at rest or not; the stepper (integrate/history.h), the solver (linear/history.c); the
  *             last good state, where that is another (watch.h)
  *
@@ -101,6 +102,7 @@ typedef struct run {
   int32_t left_out;
   int32_t inside; /* the last step is kept, as somebody is to look inside */
   int32_t chosen; /* the step, by the limit of stability */
+  int32_t others; /* solvers were chosen for other springs */
   double tol, first_h;
   ms_selection selection;
   msim_stats stats;
@@ -133,6 +135,7 @@ static run run_of(const msim_sim *sim) {
                .left_out = sim->motion->model.rows.left_out,
                .inside = is_inside(sim),
                .chosen = sim->advice.chosen,
+               .others = sim->chosen_for != NULL,
                .tol = sim->opt.tol,
                .first_h = sim->opt.h,
                .selection = sim->selection,
@@ -173,7 +176,7 @@ static void pass_run(ms_bytes *b, const msim_sim *sim, run *r) {
   double *numbers[] = {&r->t0,     &r->h,     &r->t,        &r->t_lost,   &r->t_shown,
                        &s->extent, &s->speed, &s->mass,     &s->rounding, &s->time,
                        &r->fps,    &r->t_end, &r->solver_h, &r->tol,      &r->first_h};
-  int32_t *flags[] = {&r->left_out, &r->inside, &r->chosen};
+  int32_t *flags[] = {&r->left_out, &r->inside, &r->chosen, &r->others};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
     MS_BYTES_PASS(b, *numbers[i]);
@@ -185,6 +188,15 @@ static void pass_run(ms_bytes *b, const msim_sim *sim, run *r) {
   if (ms_sim_selects(sim)) ms_selection_history(b, &r->selection);
   ms_watch_history(b, sim, &r->watch);
   ms_bytes_check(b, r->step >= r->step0 && r->h > 0 && r->solver_h >= 0, "the step");
+}
+
+static void pass_springs(ms_bytes *b, ms_scene *s) {
+  double *arrays[] = {s->k, s->rest, s->damping};
+  for (int i = 0; i < 3; i++) {
+    ms_bytes_pass(b, arrays[i], (size_t)s->nsprings * sizeof(double));
+    for (int32_t e = 0; e < s->nsprings && b->direction == MS_TAKE; e++)
+      ms_bytes_check(b, isfinite(arrays[i][e]) && arrays[i][e] >= 0, "a spring");
+  }
 }
 
 static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_error *err) {
@@ -215,6 +227,7 @@ size_t msim_sim_save_size(const msim_sim *sim) {
   r.inside = ms_plan_has_times(&sim->opt);
   ms_sim_marks(sim, put_mark, &b);
   pass_run(&b, sim, &r);
+  if (r.others) pass_springs(&b, sim->chosen_for);
   pass_islands(&b, (msim_sim *)(uintptr_t)sim, &r, NULL);
   return b.used;
 }
@@ -230,6 +243,7 @@ msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *leng
   ms_sim_marks(sim, put_mark, &b);
   h.marks = b.used - sizeof h;
   pass_run(&b, sim, &r);
+  if (r.others) pass_springs(&b, sim->chosen_for);
   pass_islands(&b, sim, &r, NULL);
   if (b.used > capacity)
     return ms_fail(err, MSIM_ERR_ARG, "the checkpoint takes %zu bytes; there is room for %zu",
@@ -326,15 +340,34 @@ static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
   return MSIM_OK;
 }
 
-/* New islands, which go on from there. Solvers are chosen by the h of back then. */
-static msim_status make_islands(msim_sim *sim, ms_bytes *b, const run *r, msim_error *err) {
-  const ms_scene *scene = sim->scene;
+/* The scene with the springs that solvers were chosen for; NULL: with those it has. */
+static msim_status take_springs(ms_bytes *b, const msim_sim *sim, const run *r, ms_scene **there,
+                                msim_error *err) {
+  msim_scene copy = {sim->scene};
+  *there = NULL;
+  if (!r->others) return MSIM_OK;
+  ms_scene_share(sim->scene);
+  *there = ms_scene_writable(&copy, err);
+  if (!*there) {
+    ms_scene_release(sim->scene);
+    return MSIM_ERR_MEMORY;
+  }
+  pass_springs(b, *there);
+  return ms_bytes_failed(b) ? refuse_bytes(b, err) : MSIM_OK;
+}
+
+/* New islands, which go on from there. Solvers are chosen by h and the springs of back then. */
+static msim_status make_islands(msim_sim *sim, ms_bytes *b, const run *r, ms_scene *there,
+                                msim_error *err) {
+  ms_scene *scene = sim->scene;
   const msim_state start = {
       .size = sizeof start, .n = scene->nparticles, .x = scene->x, .v = scene->v};
   if (r->solver_h > 0) sim->plan.h = r->solver_h;
+  if (there) sim->scene = there;
   msim_status status = ms_sim_make_motions(sim, r->left_out, err);
-  sim->plan.h = r->h;
+  sim->plan.h = r->h, sim->scene = scene;
   if (status) return status;
+  if (there) ms_sim_use_scene(sim, scene);
   ms_sim_start_islands(sim, &start);
   status = pass_islands(b, sim, r, err);
   if (!status && (ms_bytes_failed(b) || b->used != b->size)) return refuse_bytes(b, err);
@@ -378,15 +411,19 @@ static msim_status take(msim_sim *sim, ms_bytes *b, msim_error *err) {
   pass_run(b, sim, &r);
   check_run(b, sim, &r);
   if (ms_bytes_failed(b)) return refuse_bytes(b, err);
-  msim_status status = plan_run(sim, &r, err);
+  ms_scene *there;
+  msim_status status = take_springs(b, sim, &r, &there, err);
+  if (!status) status = plan_run(sim, &r, err);
   const ms_motions old = ms_sim_put_aside(sim);
-  if (!status) status = make_islands(sim, b, &r, err);
+  if (!status) status = make_islands(sim, b, &r, there, err);
   if (!status) {
     ms_sim_drop(sim, &old);
+    ms_sim_choose_for(sim, there);
     use_run(sim, &r);
     return MSIM_OK;
   }
   ms_sim_put_back(sim, &old);
+  ms_scene_release(there);
   sim->plan = plan, sim->selection = selection, sim->advice = advice;
   sim->integrator = integrator, sim->opt = opt, sim->stats = stats;
   return status;

@@ -185,6 +185,7 @@ void msim_sim_destroy(msim_sim *sim) {
   void *arrays[] = {sim->flat_x, sim->flat_v, sim->flat_v_half, sim->solver, sim->plugin_path};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(&sim->alloc, arrays[i]);
   ms_scene_release(sim->scene);
+  ms_scene_release(sim->chosen_for);
   msim_allocator alloc = sim->alloc;
   ms_delete(&alloc, sim);
 }

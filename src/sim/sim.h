@@ -31,6 +31,7 @@ typedef struct ms_motion {
 struct msim_sim {
   msim_allocator alloc;
   ms_scene *scene;            /* shared */
+  ms_scene *chosen_for;       /* whose springs its solvers were chosen for; NULL: this scene's */
   msim_options opt;           /* its strings are the sim's own */
   char *solver, *plugin_path; /* what opt's pointers point to; nullable */
   ms_plan plan;
@@ -96,6 +97,13 @@ ms_motions ms_sim_put_aside(msim_sim *sim);
 msim_status ms_sim_make_motions(msim_sim *sim, int32_t left_out, msim_error *err);
 void ms_sim_drop(msim_sim *sim, const ms_motions *old);
 void ms_sim_put_back(msim_sim *sim, const ms_motions *old);
+
+/* Solvers are chosen for the springs of that scene from here on, whose reference is taken; NULL:
+ * for those that are there. */
+void ms_sim_choose_for(msim_sim *sim, ms_scene *scene);
+
+/* The scene becomes the sim's, and models are as its springs are; no reference changes. */
+void ms_sim_use_scene(msim_sim *sim, ms_scene *scene);
 
 /* The same again, in the present state. */
 msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err);
