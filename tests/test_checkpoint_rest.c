@@ -1,5 +1,5 @@
-/* Checkpoints of what rests on planes, under implicit methods and collision = event: coarse factors
- * know the rows that are held, and none of another time serves. */
+/* Checkpoints of what rests on planes, under implicit methods and collision = event: factors know
+ * the rows that are held. */
 #include "checkpoints.h"
 
 /* A jelly at that height above a plane of that slope, under gravity */
@@ -21,11 +21,11 @@ static msim_scene *jelly(double height, double slope) {
 
 /* What the whole run comes to */
 static msim_stats expect_resumable_rest(const msim_scene *scene, const char *method,
-                                        int64_t steps) {
+                                        const char *solver, int64_t steps) {
   static const int64_t at[] = {2, 5, 7, 9, 10, 11, 14, 19, 22};
   msim_options opt = options(method, 1.0 / 60);
   opt.collision = MSIM_COLLISION_EVENT;
-  opt.solver = "pcg", opt.solver_rtol = 1e-10, opt.newton_rtol = 1e-6;
+  opt.solver = solver, opt.solver_rtol = 1e-10, opt.newton_rtol = 1e-6;
   int n = 0;
   while (n < 9 && at[n] < steps) n++;
   expect_resumable(scene, &opt, steps, n, at, method);
@@ -36,19 +36,33 @@ static msim_stats expect_resumable_rest(const msim_scene *scene, const char *met
   return s;
 }
 
-/* Some of its feet rest while others slide or rise. */
+/* Some of its feet rest while others slide or rise: few factors serve for long. */
 static void coarse_factors(void **state) {
   (void)state;
   static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler", "tr-bdf2"};
   msim_scene *scene = jelly(0.001, 0.05);
   for (int m = 0; m < 3; m++) {
-    const msim_stats s = expect_resumable_rest(scene, methods[m], m == 1 ? 12 : 24);
+    const msim_stats s = expect_resumable_rest(scene, methods[m], "pcg", m == 1 ? 12 : 24);
     assert_true(s.coarse_factors > 0); /* else this tests nothing */
   }
   msim_scene_destroy(scene);
 }
 
+/* All of its feet rest: few are made, and one is bought. */
+static void kept_factors(void **state) {
+  (void)state;
+  msim_scene *scene = jelly(0, 0);
+  const char *const solver = solver_there("cholmod") ? "auto" : "pcg";
+  const msim_stats s = expect_resumable_rest(scene, "linearly-implicit-euler", solver, 24);
+  assert_true(s.kept_factors > 4 * s.coarse_factors); /* else this tests nothing */
+  assert_int_equal(s.factorizations, strcmp(solver, "auto") == 0);
+  const msim_stats n = expect_resumable_rest(scene, "implicit-euler", "pcg", 12);
+  assert_true(n.kept_factors > 4 * n.coarse_factors);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_factors)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_factors),
+                                     cmocka_unit_test(kept_factors)};
   return cmocka_run_group_tests_name("checkpoint_rest", tests, NULL, NULL);
 }

@@ -231,10 +231,29 @@ static void springs_stay_balanced(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Only the very rows that a factor was made for will do. */
+static void other_rows_are_told(void **state) {
+  (void)state;
+  const ms_hold hold[3] = {{.row = 1}, {.row = 5}, {.row = 9}};
+  msim_scene *scene = hanging_jelly(6, 1e4);
+  plane(scene, 0, 0, 1, -5, 0, 0);
+  const msim_options opt = frames();
+  msim_sim *sim = make_two_level(scene, &opt, 64);
+  ms_coarse *coarse = &pcg_of(sim)->coarse;
+  for (int32_t n = 0; n < 3; n++) {
+    ms_coarse_hold(coarse, hold, n);
+    for (int32_t m = 0; m < 3; m++) assert_int_equal(ms_coarse_holds(coarse, hold, m), m == n);
+    assert_int_equal(ms_coarse_holds(coarse, hold + 1, n), n == 0);
+  }
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_operator_is_symmetric),
                                      cmocka_unit_test(coarse_matrix_is_the_triple_product),
                                      cmocka_unit_test(matrix_is_rounded_spring_by_spring),
-                                     cmocka_unit_test(springs_stay_balanced)};
+                                     cmocka_unit_test(springs_stay_balanced),
+                                     cmocka_unit_test(other_rows_are_told)};
   return cmocka_run_group_tests_name("coarse", tests, NULL, NULL);
 }

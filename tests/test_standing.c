@@ -46,10 +46,8 @@ static void what_stands_on_a_stiff_spring_keeps_still(void **state) {
     }
 }
 
-/* What is held is heavy in the matrix. The coarse space of pcg knows, else its corrections would
- * move that, and 20 times as many iterations would have to undo it. */
-static void what_is_held_costs_no_iterations(void **state) {
-  (void)state;
+/* A jelly that stands on the ground */
+static msim_scene *jelly(void) {
   const double gravity[3] = {0, 0, -9.81};
   const msim_lattice block = {
       .size = sizeof block, .n = {6, 6, 6}, .extent = {0.3, 0.3, 0.3}, .mass = 1, .k = 3000};
@@ -58,20 +56,53 @@ static void what_is_held_costs_no_iterations(void **state) {
   assert_ok(msim_scene_add_lattice(scene, &block, err));
   assert_ok(msim_scene_set_gravity(scene, gravity, err));
   plane(scene, 0, 0, 1, 0, 0.3, 0.5);
-  msim_options opt = event("implicit-euler", 1.0 / 60);
-  opt.solver = "pcg", opt.solver_rtol = opt.newton_rtol = 1e-8;
+  return scene;
+}
+
+static msim_stats run(const msim_scene *scene, const char *method, const char *solver,
+                      int64_t steps) {
+  msim_options opt = event(method, 1.0 / 60);
+  opt.solver = solver, opt.solver_rtol = opt.newton_rtol = 1e-8;
   msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, 20, err));
+  assert_ok(msim_sim_step(sim, steps, err));
   const msim_stats s = stats_of(sim);
+  msim_sim_destroy(sim);
   assert_true(s.coarse_factors > 0); /* else this tests nothing */
+  return s;
+}
+
+/* What is held is heavy in the matrix. The coarse space of pcg knows, else its corrections would
+ * move that, and 20 times as many iterations would have to undo it. */
+static void what_is_held_costs_no_iterations(void **state) {
+  (void)state;
+  msim_scene *scene = jelly();
+  const msim_stats s = run(scene, "implicit-euler", "pcg", 20);
   assert_true(s.newton_iterations < 6 * s.steps);
   assert_true(s.iterations < 30 * s.newton_iterations);
-  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* One coarse factor for as long as the same rows are held, and a factor that is bought. */
+static void what_keeps_still_keeps_its_factors(void **state) {
+  (void)state;
+  static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler", "tr-bdf2"};
+  msim_scene *scene = jelly();
+  for (int m = 0; m < 3; m++) {
+    const msim_stats s = run(scene, methods[m], "pcg", 30);
+    assert_int_equal(s.coarse_factors, 1);
+    assert_int_equal(s.kept_factors, s.solves - 1);
+  }
+  if (solver_there("cholmod")) {
+    const msim_stats s = run(scene, methods[0], "auto", 60);
+    assert_int_equal(s.factorizations, 1);
+    assert_true(s.iterations < 20 * s.solves);
+  }
   msim_scene_destroy(scene);
 }
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(what_stands_on_a_stiff_spring_keeps_still),
-                                     cmocka_unit_test(what_is_held_costs_no_iterations)};
+                                     cmocka_unit_test(what_is_held_costs_no_iterations),
+                                     cmocka_unit_test(what_keeps_still_keeps_its_factors)};
   return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
 }

@@ -34,12 +34,13 @@ static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*li
   return kept;
 }
 
-/* A copy of the modes, where planes may hold rows. */
+/* A copy of the modes, and a list, where planes may hold rows. */
 static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const size_t n = MS_MODES * (size_t)model->rows.first_pinned;
   if (!(model->passes & MSIM_SKIP_PLANES)) return MSIM_OK;
   coarse->modes = ms_new(&model->scene->alloc, n, sizeof *coarse->modes);
-  if (!coarse->modes) return ms_fail_memory(err, "the coarse matrix");
+  coarse->held = ms_new(&model->scene->alloc, (size_t)model->rows.nfree, sizeof *coarse->held);
+  if (!coarse->modes || !coarse->held) return ms_fail_memory(err, "the coarse matrix");
   memcpy(coarse->modes, coarse->aggregates.weight, n * sizeof *coarse->modes);
   return MSIM_OK;
 }
@@ -109,7 +110,8 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   const msim_allocator *alloc = &coarse->model->scene->alloc;
   ms_aggregates_destroy(coarse->model, &coarse->aggregates);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
-  void *arrays[] = {coarse->block, coarse->diagonal, coarse->r, coarse->z, coarse->modes};
+  void *arrays[] = {coarse->block, coarse->diagonal, coarse->r,
+                    coarse->z,     coarse->modes,    coarse->held};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
   *coarse = (ms_coarse){0};
 }
@@ -147,23 +149,32 @@ static void restrict_chunk(void *data, int32_t item) {
 void ms_coarse_hold(ms_coarse *coarse, const ms_hold *hold, int32_t n) {
   float *weight = coarse->aggregates.weight;
   const size_t size = MS_MODES * sizeof *weight;
-  if (coarse->nholds)
-    memcpy(weight, coarse->modes, size * (size_t)coarse->model->rows.first_pinned);
-  for (const ms_hold *g = hold; g < hold + n; g++) memset(weight + MS_MODES * g->row, 0, size);
-  coarse->hold = hold, coarse->nholds = n;
+  if (coarse->nheld) memcpy(weight, coarse->modes, size * (size_t)coarse->model->rows.first_pinned);
+  coarse->nheld = n;
+  for (int32_t i = 0; i < n; i++) {
+    coarse->held[i] = hold[i].row;
+    memset(weight + MS_MODES * hold[i].row, 0, size);
+  }
+}
+
+int ms_coarse_holds(const ms_coarse *coarse, const ms_hold *hold, int32_t n) {
+  if (n != coarse->nheld) return 0;
+  for (int32_t i = 0; i < n; i++)
+    if (hold[i].row != coarse->held[i]) return 0;
+  return 1;
 }
 
 /* Modes that move nothing but held rows need an inertia, whatever it is. */
 static void add_held(ms_coarse *coarse, const double *inertia) {
   const size_t n = (size_t)coarse->chol.block, area = n * n;
-  for (const ms_hold *g = coarse->hold; g < coarse->hold + coarse->nholds; g++) {
-    const float *w = coarse->modes + MS_MODES * g->row;
-    const int32_t own = coarse->diagonal[coarse->aggregates.of[g->row]];
+  for (const int32_t *row = coarse->held; row < coarse->held + coarse->nheld; row++) {
+    const float *w = coarse->modes + MS_MODES * *row;
+    const int32_t own = coarse->diagonal[coarse->aggregates.of[*row]];
     double *block = coarse->chol.value + area * (size_t)own;
     for (size_t c = 0; c < n; c += MS_MODES)
       for (size_t i = 0; i < MS_MODES; i++)
         for (size_t j = 0; j < MS_MODES; j++)
-          block[(c + j) * n + c + i] += inertia[g->row] * (double)w[i] * (double)w[j];
+          block[(c + j) * n + c + i] += inertia[*row] * (double)w[i] * (double)w[j];
   }
 }
 

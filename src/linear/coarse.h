@@ -13,14 +13,14 @@ typedef struct ms_coarse {
   const ms_model *model;
   ms_aggregates aggregates;
   ms_block_cholesky chol;
-  int32_t *block;      /* 8 halves.nslots: the block to which a half spring between two aggregates
+  int32_t *block;    /* 8 halves.nslots: the block to which a half spring between two aggregates
                      belongs; -1: none, or its twin takes care of it */
-  int32_t *diagonal;   /* aggregates.n: the block of each */
-  int braced;          /* the matrix at hand leaves t < 0 out */
-  double *r, *z;       /* coarse vectors */
-  float *modes;        /* aggregates.weight, where rows may be held; else NULL */
-  const ms_hold *hold; /* the caller's, while a factor is made */
-  int32_t nholds;
+  int32_t *diagonal; /* aggregates.n: the block of each */
+  int braced;        /* the matrix at hand leaves t < 0 out */
+  double *r, *z;     /* coarse vectors */
+  float *modes;      /* aggregates.weight, where rows may be held; else NULL */
+  int32_t *held;     /* nheld rows that are held; NULL where none may be */
+  int32_t nheld;
   const struct ms_coarse_kernels *kernels;
 } ms_coarse;
 
@@ -30,6 +30,9 @@ void ms_coarse_destroy(ms_coarse *coarse);
 
 /* Rows that are held do not move: their modes are 0 from now on, until others are held. */
 void ms_coarse_hold(ms_coarse *coarse, const ms_hold *hold, int32_t n);
+
+/* 1: just these rows are held, in that order, in whatever directions. */
+int ms_coarse_holds(const ms_coarse *coarse, const ms_hold *hold, int32_t n);
 
 /* Factor P^T A P, with A as pcg.h has it: coefficients of half springs and the inertia of rows.
  * braced: 1, t < 0 counts as 0, so that A is positive definite.

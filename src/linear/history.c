@@ -60,6 +60,23 @@ static msim_status decide(ms_solver *s, const decisions *d, msim_error *err) {
   return status;
 }
 
+/* Rows that planes held, ascending */
+static void pass_holds(ms_bytes *b, const ms_rows *rows, ms_origin *origin) {
+  MS_BYTES_PASS(b, origin->nholds);
+  ms_bytes_check(b, origin->nholds >= 0 && origin->nholds <= rows->nfree, "rows that are held");
+  if (ms_bytes_failed(b)) return;
+  const int32_t n = b->direction == MS_COUNT ? rows->nfree : origin->nholds;
+  ms_bytes_pass(b, origin->hold, (size_t)n * sizeof *origin->hold);
+  for (int32_t i = 0, next = 0; i < n && b->direction == MS_TAKE; i++) {
+    const ms_hold *g = &origin->hold[i];
+    ms_bytes_check(b, g->row >= next && g->row < rows->nfree, "a row that is held");
+    ms_bytes_check(b, g->n >= 0 && g->n <= 3, "a row that is held");
+    for (int k = 0; k < 9; k++)
+      ms_bytes_check(b, isfinite(g->along[k / 3][k % 3]), "a row that is held");
+    next = g->row + 1;
+  }
+}
+
 static void pass_origin(ms_bytes *b, const ms_solver *s, ms_origin *origin) {
   const ms_model *model = s->system.model;
   MS_BYTES_PASS(b, origin->h);
@@ -70,8 +87,7 @@ static void pass_origin(ms_bytes *b, const ms_solver *s, ms_origin *origin) {
   if (s->system.a.block == 1) return;
   if (b->direction == MS_TAKE) ms_rows_gather(&model->rows, model->scene->x, origin->x);
   ms_bytes_pass_rows(b, model->shape, origin->x); /* the pinned ones are where they are */
-  if (ms_solver_may_hold(s))
-    ms_bytes_pass_rows(b, ms_diagonal_shape(&model->rows, &s->system.a), origin->diagonal);
+  if (ms_solver_may_hold(s)) pass_holds(b, &model->rows, origin);
 }
 
 static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {
@@ -89,8 +105,7 @@ static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {
 /* Age of the coarse factor, if one is there to serve; -1: none. */
 static int32_t coarse_age(const ms_solver *s) {
   const ms_pcg *pcg = pcg_of(s);
-  const int serves =
-      pcg && pcg->base.aggregates && pcg->coarse_is_ready && pcg->may_keep && !pcg->coarse.nholds;
+  const int serves = pcg && pcg->base.aggregates && pcg->coarse_is_ready && pcg->may_keep;
   return serves ? pcg->coarse_age : -1;
 }
 

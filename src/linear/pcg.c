@@ -91,15 +91,14 @@ static double distance(const float *p, const float *q, size_t n) {
 
 /* A coarse factor serves as long as the matrix hardly changes: in solids, not in moving cloth,
  * where an old one costs more iterations than a new one. Newton's matrices are good for few
- * iterations each: one factor serves several. None serves where rows are held or were: others may
- * be, now. */
+ * iterations each: one factor serves several. None serves where other rows are held. */
 static int coarse_serves(ms_pcg *s, int32_t kind) {
   enum { SEVERAL = 8 };
   const double HARDLY = 0.05;
   const ms_rows *rows = &s->base.system->model->rows;
   const size_t n = ms_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
   if (!s->may_keep || !s->coarse_is_ready || s->factored_scale != s->jacobi.scale) return 0;
-  if (s->base.system->a.nholds || s->coarse.nholds) return 0;
+  if (!ms_coarse_holds(&s->coarse, s->base.system->a.hold, s->base.system->a.nholds)) return 0;
   if (kind == MSIM_FACTOR_SYMMETRIC && s->coarse_age < SEVERAL) return 1;
   return distance(s->factored, s->inverse, n) <= HARDLY;
 }

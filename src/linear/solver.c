@@ -22,19 +22,17 @@ int ms_solver_may_hold(const ms_solver *s) {
 static msim_status origin_create(ms_solver *s, ms_origin *origin, msim_error *err) {
   const ms_model *model = s->system.model;
   if (s->system.a.block == 1 || origin->x) return MSIM_OK;
-  const ms_shape blocks = ms_diagonal_shape(&model->rows, &s->system.a);
   const int holds = ms_solver_may_hold(s);
   origin->x = ms_rows_vector(model->scene, &model->rows);
   if (holds)
-    origin->diagonal = ms_new(&model->scene->alloc, (size_t)blocks.dims * (size_t)blocks.stride,
-                              sizeof *origin->diagonal);
-  if (origin->x && (origin->diagonal || !holds)) return MSIM_OK;
+    origin->hold = ms_new(&model->scene->alloc, (size_t)model->rows.nfree, sizeof *origin->hold);
+  if (origin->x && (origin->hold || !holds)) return MSIM_OK;
   return ms_fail_memory(err, "the linear solver");
 }
 
 static void origin_destroy(ms_solver *s, ms_origin *origin) {
   ms_delete(&s->system.model->scene->alloc, origin->x);
-  ms_delete(&s->system.model->scene->alloc, origin->diagonal);
+  ms_delete(&s->system.model->scene->alloc, origin->hold);
   *origin = (ms_origin){0};
 }
 
@@ -155,7 +153,9 @@ static void remember(const ms_solver *s, int32_t kind, ms_origin *origin) {
   const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof(double);
   origin->h = s->h, origin->clamped = s->system.clamped, origin->kind = kind;
   if (origin->x) memcpy(origin->x, a->x, bytes);
-  if (origin->diagonal) ms_copy(ms_diagonal_shape(rows, a), a->diagonal, origin->diagonal);
+  origin->nholds = a->nholds;
+  const size_t holds = (size_t)a->nholds * sizeof *a->hold;
+  if (origin->hold) memmove(origin->hold, a->hold, holds); /* may have been made from that */
 }
 
 static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_error *err) {
@@ -174,12 +174,10 @@ static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_er
 }
 
 msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin, msim_error *err) {
-  const ms_rows *rows = &s->system.model->rows;
-  const ms_coefficients *a = &s->system.a;
-  const msim_status status =
-      assemble(s, &(ms_request){.x = origin->x, .h = origin->h}, origin->clamped);
+  const ms_request request = {
+      .x = origin->x, .h = origin->h, .hold = origin->hold, .nholds = origin->nholds};
+  const msim_status status = assemble(s, &request, origin->clamped);
   if (status) return status;
-  if (origin->diagonal) ms_copy(ms_diagonal_shape(rows, a), origin->diagonal, a->diagonal);
   return factor(s, by, origin->kind, err);
 }
 

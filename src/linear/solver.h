@@ -16,10 +16,10 @@ typedef struct ms_savings {
 
 /* What a factor was made from. From that it is made again, to the bit. */
 typedef struct ms_origin {
-  double *x;        /* NULL: nobody asks, as no factor is kept, or as A is the same for every x */
-  double *diagonal; /* the diagonal blocks, where planes may have held rows; else NULL */
+  double *x;     /* NULL: nobody asks, as no factor is kept, or as A is the same for every x */
+  ms_hold *hold; /* nholds rows that planes held; NULL where none can */
   double h;
-  int32_t clamped, kind;
+  int32_t clamped, kind, nholds;
 } ms_origin;
 
 typedef struct ms_solver {
@@ -101,7 +101,7 @@ msim_status ms_solver_history(ms_bytes *bytes, ms_solver *solver, msim_error *er
 /* For that: a factor by one of the solver's own, of the matrix that it was made from. */
 msim_status ms_solver_make(ms_solver *solver, ms_linear *by, const ms_origin *origin,
                            msim_error *err);
-/* 1: requests may hold rows, which are in the matrix by its diagonal blocks. */
+/* 1: requests may hold rows. */
 int ms_solver_may_hold(const ms_solver *solver);
 /* `auto` takes cholmod in the place of pcg, or lets it make factors beside, or never. */
 msim_status ms_solver_switch(ms_solver *solver, msim_error *err);
