@@ -48,9 +48,10 @@ static inline void expect_same(msim_sim *a, msim_sim *b, const char *label) {
 }
 
 /* Steps in one go, and again with a new sim at each of these steps, each saved twice on the way:
- * the same end. */
-static inline void expect_resumable(const msim_scene *scene, const msim_options *opt, int64_t steps,
-                                    int n, const int64_t *at, const char *label) {
+ * the same end. What they come to. */
+static inline msim_stats expect_resumable(const msim_scene *scene, const msim_options *opt,
+                                          int64_t steps, int n, const int64_t *at,
+                                          const char *label) {
   msim_sim *whole = make_sim(scene, opt), *watched = make_sim(scene, opt);
   assert_ok(msim_sim_step(whole, steps, err));
   for (int i = 0; i < n; i++) {
@@ -65,7 +66,9 @@ static inline void expect_resumable(const msim_scene *scene, const msim_options 
   }
   assert_ok(msim_sim_step(watched, steps - at[n - 1], err));
   expect_same(whole, watched, label);
+  const msim_stats stats = stats_of(whole);
   msim_sim_destroy(whole), msim_sim_destroy(watched);
+  return stats;
 }
 
 #endif
