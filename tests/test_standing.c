@@ -100,9 +100,21 @@ static void what_keeps_still_keeps_its_factors(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A particle that no spring touches is of no aggregate, and may be held all the same. */
+static void what_stands_alone_is_held_too(void **state) {
+  (void)state;
+  const double x[3] = {5, 0, 0}, mass = 1;
+  msim_scene *scene = jelly();
+  assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+  const msim_stats s = run(scene, "linearly-implicit-euler", "pcg", 10);
+  assert_int_equal(s.coarse_factors, 1);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(what_stands_on_a_stiff_spring_keeps_still),
                                      cmocka_unit_test(what_is_held_costs_no_iterations),
-                                     cmocka_unit_test(what_keeps_still_keeps_its_factors)};
+                                     cmocka_unit_test(what_keeps_still_keeps_its_factors),
+                                     cmocka_unit_test(what_stands_alone_is_held_too)};
   return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
 }

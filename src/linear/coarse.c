@@ -169,8 +169,9 @@ static void add_held(ms_coarse *coarse, const double *inertia) {
   const size_t n = (size_t)coarse->chol.block, area = n * n;
   for (const int32_t *row = coarse->held; row < coarse->held + coarse->nheld; row++) {
     const float *w = coarse->modes + MS_MODES * *row;
-    const int32_t own = coarse->diagonal[coarse->aggregates.of[*row]];
-    double *block = coarse->chol.value + area * (size_t)own;
+    const int32_t of = coarse->aggregates.of[*row];
+    if (of < 0) continue;
+    double *block = coarse->chol.value + area * (size_t)coarse->diagonal[of];
     for (size_t c = 0; c < n; c += MS_MODES)
       for (size_t i = 0; i < MS_MODES; i++)
         for (size_t j = 0; j < MS_MODES; j++)
