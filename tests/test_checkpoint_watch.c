@@ -81,6 +81,34 @@ static void a_report_is_the_same(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* These carry other variables, and hold what they started from aside. */
+static void a_start_is_handed_back_as_it_was(void **state) {
+  (void)state;
+  static const char *const methods[] = {"verlet", "takahashi-imada"};
+  static const int64_t early[] = {1, 80, 159};
+  double x[6] = {0, 0, 0, 0.9, 0.3, 0.2}, v[6] = {0, 0, 0, 0.1, 0, 0.3};
+  const msim_state start = {.size = sizeof start, .step = 7, .t = 2, .n = 2, .x = x, .v = v};
+  msim_scene *scene = pendulum();
+  for (int m = 0; m < 2; m++) {
+    const msim_options opt = options(methods[m], m ? 0.36 : 0.22);
+    expect_same_report(scene, &opt, MSIM_UNSTABLE, 3, early);
+    msim_error why;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_set_state(sim, &start, err));
+    assert_ok(msim_sim_step(sim, 9, err));
+    const checkpoint c = save(sim);
+    msim_sim *other = resume(scene, &opt, &c);
+    free(c.bytes);
+    assert_int_equal(msim_sim_step(sim, 1000, &why), MSIM_UNSTABLE);
+    assert_int_equal(msim_sim_step(other, 1000, &why), MSIM_UNSTABLE);
+    expect_same(sim, other, methods[m]);
+    assert_memory_equal(state_of(other).x, x, sizeof x);
+    assert_memory_equal(state_of(other).v, v, sizeof v);
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+  }
+  msim_scene_destroy(scene);
+}
+
 /* The energy of what is not stepped any more is part of the sum. */
 static void what_is_at_rest_counts(void **state) {
   (void)state;
@@ -121,7 +149,8 @@ static void the_controller_goes_back_too(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(a_report_is_the_same), cmocka_unit_test(what_is_at_rest_counts),
-      cmocka_unit_test(a_retreat_is_the_same), cmocka_unit_test(the_controller_goes_back_too)};
+      cmocka_unit_test(a_report_is_the_same), cmocka_unit_test(a_start_is_handed_back_as_it_was),
+      cmocka_unit_test(what_is_at_rest_counts), cmocka_unit_test(a_retreat_is_the_same),
+      cmocka_unit_test(the_controller_goes_back_too)};
   return cmocka_run_group_tests_name("checkpoint_watch", tests, NULL, NULL);
 }

@@ -10,9 +10,10 @@ static int is_note(const ms_integrator *method, int note) {
   return note == 0 || (method->carried && (note == 1 || note == 2) && last <= method->nwork);
 }
 
-/* What the note speaks of. */
-static void pass_carried(ms_bytes *b, const ms_integrator *method, ms_stepper *s) {
-  const int note = s->warm & ~MS_NOTED, first = method->carried_at + (note - 1) * method->carried;
+void ms_carried_history(ms_bytes *b, const ms_integrator *method, const ms_stepper *s, int note) {
+  const int first = method->carried_at + (note - 1) * method->carried;
+  ms_bytes_check(b, is_note(method, note), "what the method carries");
+  if (ms_bytes_failed(b)) return;
   for (int i = 0; i < method->carried && MS_BYTES_IF(b, note > 0); i++)
     ms_bytes_pass_rows(b, s->model->shape, s->work[note > 0 ? first + i : 0]);
 }
@@ -47,9 +48,8 @@ void ms_stepper_history(ms_bytes *b, const ms_integrator *method, ms_stepper *s,
   MS_BYTES_PASS(b, s->h_before);
   MS_BYTES_PASS(b, s->warm);
   ms_bytes_check(b, isfinite(s->h) && s->h > 0 && isfinite(s->h_before), "the last step");
-  ms_bytes_check(b, is_note(method, s->warm & ~MS_NOTED), "what the method carries");
   if (ms_bytes_failed(b)) return;
-  pass_carried(b, method, s);
+  ms_carried_history(b, method, s, s->warm & ~MS_NOTED);
   pass_contacts(b, s);
   if (inside) pass_last_step(b, method, s);
 }

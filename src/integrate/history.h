@@ -16,4 +16,8 @@
 /* x and v with all that. Taken by a stepper that was just started. inside: 1, the last step too. */
 void ms_stepper_history(ms_bytes *bytes, const ms_integrator *method, ms_stepper *s, int inside);
 
+/* The vectors that a note of the method's speaks of; 0: of none. */
+void ms_carried_history(ms_bytes *bytes, const ms_integrator *method, const ms_stepper *s,
+                        int note);
+
 #endif

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "integrate/history.h"
 #include "sim/sim.h"
 
 /* How many times the bounds are allowed, and how many explicit steps go by between checks. */
@@ -126,8 +127,12 @@ static facts look_at_scene(const msim_sim *sim, ms_totals *box) {
 /* Methods that carry other variables note in warm that these are of the state they started from,
  * and hold that in work vectors that no step writes. What others note is of vectors that steps
  * write. */
+static int notes_start(const msim_sim *sim) {
+  return sim->integrator->show || sim->integrator->sync;
+}
+
 static int start_note(const msim_sim *sim, const ms_stepper *s) {
-  return sim->integrator->show || sim->integrator->sync ? s->warm : 0;
+  return notes_start(sim) ? s->warm : 0;
 }
 
 static void keep(msim_sim *sim) {
@@ -267,9 +272,14 @@ void ms_guard_history(ms_bytes *b, const msim_sim *sim, int is_present, const ms
   MS_BYTES_PASS(b, g->h_before);
   MS_BYTES_PASS(b, g->at_rest);
   ms_bytes_check(b, isfinite(g->h_before) && (g->at_rest | 1) == 1, "the last good state");
-  if (b->direction == MS_TAKE)
+  if (b->direction == MS_TAKE) {
     g->totals = ms_totals_compute(s->model, s->x, s->v, &g->kept, g->parts);
+    g->warm = start_note(sim, s);
+  }
   if (b->direction == MS_COUNT ? sim->integrator->entry.implicit : is_present) return;
   ms_bytes_pass_rows(b, shape, g->kept.x);
   ms_bytes_pass_rows(b, shape, g->kept.v);
+  if (!notes_start(sim)) return;
+  MS_BYTES_PASS(b, g->warm);
+  ms_carried_history(b, sim->integrator, s, g->warm);
 }
