@@ -154,8 +154,7 @@ static void remember(const ms_solver *s, int32_t kind, ms_origin *origin) {
   origin->h = s->h, origin->clamped = s->system.clamped, origin->kind = kind;
   if (origin->x) memcpy(origin->x, a->x, bytes);
   origin->nholds = a->nholds;
-  const size_t holds = (size_t)a->nholds * sizeof *a->hold;
-  if (origin->hold) memmove(origin->hold, a->hold, holds); /* may have been made from that */
+  for (int32_t i = 0; i < a->nholds; i++) origin->hold[i] = a->hold[i];
 }
 
 static msim_status factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_error *err) {
