@@ -219,6 +219,26 @@ static void controlled_runs_may_end_elsewhere(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Nothing has been made yet: the state is the scene's own, to the bit. */
+static void from_the_start(void **state) {
+  (void)state;
+  msim_scene *scene = cloth();
+  for (int32_t m = 0; method_at(m); m++) {
+    const msim_options opt = options(method_at(m), 1e-3);
+    msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+    const checkpoint c = save(sim);
+    assert_ok(msim_sim_step(other, 3, err));
+    assert_ok(load(other, &c, err));
+    expect_same(sim, other, method_at(m));
+    assert_ok(msim_sim_step(sim, 3, err));
+    assert_ok(msim_sim_step(other, 3, err));
+    expect_same(sim, other, method_at(m));
+    free(c.bytes);
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+  }
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- what was set ---------------------------------------------*/
 
 /* options.steps is what remains of it. */
@@ -381,6 +401,7 @@ int main(void) {
                                      cmocka_unit_test(frames_of_fixed_steps),
                                      cmocka_unit_test(methods_that_auto_has_chosen),
                                      cmocka_unit_test(auto_keeps_its_choice),
+                                     cmocka_unit_test(from_the_start),
                                      cmocka_unit_test(runs_may_end_elsewhere),
                                      cmocka_unit_test(controlled_runs_may_end_elsewhere),
                                      cmocka_unit_test(after_another_step_was_set),

@@ -341,6 +341,48 @@ static void rkc_takes_as_many_stages_as_its_steps_need(void **state) {
   msim_scene_destroy(scene);
 }
 
+/*------------------------------------- the plan -------------------------------------------------*/
+
+static void expect_told(msim_options opt, const char *sentence) {
+  msim_scene *scene = hanging_cloth(3, 100, 0);
+  msim_sim *sim = make_sim(scene, &opt);
+  const char *text;
+  assert_ok(msim_sim_explain(sim, &text, err));
+  if (!strstr(text, sentence)) fail_msg("\"%s\" lacks \"%s\"", text, sentence);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static void explain_tells_what_tol_is_of(void **state) {
+  (void)state;
+  msim_options opt = controlled("rk4", 1e-6, -1);
+  expect_told(opt, "tol is that of one second, as the run has no t_end");
+  opt.t_end = 0.5, opt.fps = 50;
+  expect_told(opt, "to t = 0.5 s; 26 frames where it is recorded");
+  opt.every = 7;
+  expect_told(opt, "to t = 0.5 s; a frame every 7 steps where it is recorded");
+  opt.h = 1e-5;
+  expect_told(opt, "h = 1e-05 s is tried first");
+}
+
+/* A first step that nobody gave is not rejected; three more, each 5 times as long, make good that it
+ * is cautious. */
+static void the_first_step_is_found(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0);
+  msim_options opt = controlled("rk4", 1e-6, 1);
+  opt.h = MSIM_H_AUTO;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  const double first = state_of(sim).t;
+  assert_int_equal(stats_of(sim).rejected_steps, 0);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const double mean = 1 / (double)stats_of(sim).steps;
+  assert_true(first > 0.01 * mean && first < mean);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- refusals -------------------------------------------------*/
 
 static void refused(msim_options opt, const char *sentence) {
@@ -384,6 +426,8 @@ int main(void) {
                                      cmocka_unit_test(bdf2_keeps_its_order),
                                      cmocka_unit_test(bdf2_grows_with_care),
                                      cmocka_unit_test(rkc_takes_as_many_stages_as_its_steps_need),
+                                     cmocka_unit_test(explain_tells_what_tol_is_of),
+                                     cmocka_unit_test(the_first_step_is_found),
                                      cmocka_unit_test(what_cannot_be_is_refused)};
   return cmocka_run_group_tests_name("control", tests, NULL, NULL);
 }
