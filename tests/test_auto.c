@@ -387,6 +387,24 @@ static void it_chooses_the_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Where the user wants impacts located, none is reflected at the end of a step. */
+static void impacts_are_located_where_asked(void **state) {
+  (void)state;
+  msim_scene *scene = soft_cloth();
+  plane(scene, 0, 0, 1, -0.3, 0.5, 0);
+  msim_options opt = options_of("auto", 1e-2, 0.5);
+  const char *text;
+  for (int located = 0; located < 2; located++) {
+    if (located) opt.collision = MSIM_COLLISION_EVENT;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_explain(sim, &text, err));
+    assert_true(!strstr(text, "impacts are to be located") == !located);
+    assert_true(!located || sim->opt.collision == MSIM_COLLISION_EVENT);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
 /* A choice that memory is lacking for changes nothing, and leaks nothing. */
 static void it_survives_lack_of_memory(void **state) {
   (void)state;
@@ -422,10 +440,14 @@ static void it_survives_lack_of_memory(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(as_good_as_the_best),   cmocka_unit_test(implicit_where_that_pays),
-      cmocka_unit_test(it_is_always_the_same), cmocka_unit_test(it_needs_no_options),
-      cmocka_unit_test(a_state_is_a_new_run),  cmocka_unit_test(springs_are_a_new_run),
-      cmocka_unit_test(it_chooses_the_steps),  cmocka_unit_test(it_survives_lack_of_memory)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(as_good_as_the_best),
+                                     cmocka_unit_test(implicit_where_that_pays),
+                                     cmocka_unit_test(it_is_always_the_same),
+                                     cmocka_unit_test(it_needs_no_options),
+                                     cmocka_unit_test(a_state_is_a_new_run),
+                                     cmocka_unit_test(springs_are_a_new_run),
+                                     cmocka_unit_test(it_chooses_the_steps),
+                                     cmocka_unit_test(impacts_are_located_where_asked),
+                                     cmocka_unit_test(it_survives_lack_of_memory)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,6 +4,7 @@
 
 #include <inttypes.h>
 
+#include "scenes.h"
 #include "trajectory.h"
 
 enum { N = 20, NSPRINGS = 30, PLANNED = 12 };
@@ -248,6 +249,48 @@ static void a_checkpoint_that_is_too_long(void **state) {
   remove("a.vtkhdf");
 }
 
+/*------------------------------------- sims -----------------------------------------------------*/
+
+static msim_sim *flight(void) {
+  const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
+  msim_scene *scene = single(x, v, 9.81);
+  msim_options opt = options("velocity-verlet", 0.01);
+  opt.steps = 6, opt.every = 1;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_scene_destroy(scene);
+  return sim;
+}
+
+static int write_frame(msim_sim *sim, void *recorder) {
+  (void)sim;
+  return msim_recorder_write(recorder, NULL) != MSIM_OK;
+}
+
+/* What stopped before its first frame begins anew; where nothing is there, nobody goes on. */
+static void before_the_first_frame(void **state) {
+  (void)state;
+  if (!plugin()) skip();
+  msim_sim *sim = flight(), *other = flight();
+  msim_recorder *recorder;
+  msim_error why;
+  assert_int_equal(msim_recorder_resume(sim, "a.vtkhdf", &recorder, &why), MSIM_ERR_IO);
+  assert_non_null(strstr(why.text, "a.vtkhdf is not there, so there is nothing to go on with"));
+  assert_null(recorder);
+  assert_int_equal(access("a.vtkhdf", F_OK), -1);
+  assert_ok(msim_recorder_open(sim, "a.vtkhdf", &recorder, err));
+  assert_ok(msim_recorder_close(recorder, err));
+  assert_ok(msim_recorder_resume(other, "a.vtkhdf", &recorder, err));
+  assert_int_equal(state_of(other).step, 0);
+  assert_ok(msim_sim_run(other, write_frame, recorder, err));
+  assert_ok(msim_recorder_close(recorder, err));
+  assert_ok(msim_recorder_resume(sim, "a.vtkhdf", &recorder, err));
+  assert_int_equal(state_of(sim).step, 6);
+  assert_memory_equal(state_of(sim).x, state_of(other).x, 3 * sizeof(double));
+  assert_ok(msim_recorder_close(recorder, err));
+  remove("a.vtkhdf");
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(from_wherever_it_ended),
@@ -261,6 +304,7 @@ int main(void) {
       cmocka_unit_test(without_memory),
       cmocka_unit_test(an_older_host),
       cmocka_unit_test(a_checkpoint_that_is_too_long),
+      cmocka_unit_test(before_the_first_frame),
   };
   return cmocka_run_group_tests(tests, enter_folder, leave_folder);
 }

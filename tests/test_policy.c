@@ -1,6 +1,8 @@
 /* What solver = auto makes of kept factors and of pcg's failures, and what a change of parameters
  * costs a sim in motion. */
+#define _GNU_SOURCE /* setenv, strdup */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "scenes.h"
@@ -110,6 +112,38 @@ static void a_state_that_is_set_forgets_the_factor(void **state) {
   assert_memory_equal(state_of(a).x, state_of(b).x, 3 * (size_t)s.n * sizeof *s.x);
   msim_sim_destroy(a), msim_sim_destroy(b);
   msim_scene_destroy(scene);
+}
+
+/* Where cholmod is not found pcg does what it can, and what it cannot is said. */
+static void without_cholmod(void **state) {
+  (void)state;
+  if (!getenv("MSIM_PLUGIN_PATH")) skip();
+  const char *text;
+  char *folder = strdup(getenv("MSIM_PLUGIN_PATH"));
+  msim_scene *scene = stiff_block();
+  msim_options opt = automatic(1e-2);
+  msim_sim *sim;
+  msim_error why;
+  unsetenv("MSIM_PLUGIN_PATH");
+  const int is_linked = solver_there("cholmod");
+  if (!is_linked) {
+    sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_explain(sim, &text, err));
+    assert_non_null(strstr(text, "pcg (auto: "));
+    assert_non_null(strstr(text, "; cholmod is not there)"));
+    assert_non_null(strstr(text, "cholmod makes one, if it is there"));
+    assert_ok(msim_sim_step(sim, 20, err)); /* it has looked for it in vain */
+    assert_ok(msim_sim_explain(sim, &text, err));
+    assert_null(strstr(text, "cholmod makes one"));
+    msim_sim_destroy(sim);
+    opt.indefinite = MSIM_INDEFINITE_SOLVE;
+    assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_NAME);
+    assert_non_null(strstr(why.text, "indefinite = solve needs a solver that can: the plugin is"));
+  }
+  setenv("MSIM_PLUGIN_PATH", folder, 1);
+  free(folder);
+  msim_scene_destroy(scene);
+  if (is_linked) skip();
 }
 
 static void pcg_that_does_not_converge_gives_way(void **state) {
@@ -235,6 +269,7 @@ int main(void) {
       cmocka_unit_test(pcg_buys_a_factor_where_that_pays),
       cmocka_unit_test(a_factor_that_does_not_serve_is_rarely_tried),
       cmocka_unit_test(a_state_that_is_set_forgets_the_factor),
+      cmocka_unit_test(without_cholmod),
       cmocka_unit_test(pcg_that_does_not_converge_gives_way),
       cmocka_unit_test(a_new_step_analyses_nothing),
       cmocka_unit_test(steps_that_are_left_are_made_with_the_new_step),

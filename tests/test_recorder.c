@@ -89,6 +89,24 @@ static void what_cannot_be_written_is_refused(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(endless), msim_sim_destroy(many);
 }
 
+/* A speed is a number, and its square may be none. */
+static void energies_are_numbers(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 1}, v[3] = {1e160, 0, 0};
+  msim_scene *scene = single(x, v, 0);
+  msim_options opt = options("velocity-verlet", 1e-170);
+  opt.steps = 1;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_recorder *recorder;
+  msim_error why;
+  assert_ok(msim_recorder_open(sim, in_folder("a.csv"), &recorder, err));
+  assert_int_equal(msim_recorder_write(recorder, &why), MSIM_NOT_FINITE);
+  assert_string_equal(why.text, "step 0, t = 0 s: energy is beyond all numbers");
+  assert_ok(msim_recorder_close(recorder, err));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 static msim_recorder *opened(msim_sim *sim, const char *name) {
   msim_recorder *recorder;
   assert_ok(msim_recorder_open(sim, in_folder(name), &recorder, err));
@@ -180,6 +198,7 @@ static int remove_folder(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(frames_hold_the_state),
                                      cmocka_unit_test(what_cannot_be_written_is_refused),
+                                     cmocka_unit_test(energies_are_numbers),
                                      cmocka_unit_test(only_one_writes_a_file),
                                      cmocka_unit_test(what_is_not_ours_stays),
                                      cmocka_unit_test(tables_cannot_be_gone_on_with),
