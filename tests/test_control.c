@@ -365,8 +365,7 @@ static void explain_tells_what_tol_is_of(void **state) {
   expect_told(opt, "h = 1e-05 s is tried first");
 }
 
-/* A first step that nobody gave is not rejected; three more, each 5 times as long, make good that it
- * is cautious. */
+/* A first step that nobody gave is not rejected, and too short by what three steps make good. */
 static void the_first_step_is_found(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 30, 0);
