@@ -90,7 +90,8 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
 void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_coefficients *a) {
   const size_t sd = (size_t)model->rows.first_pinned, dims = (size_t)a->block;
   a->hold = hold, a->nholds = n;
-  for (ms_hold *g = hold; g < hold + n; g++) {
+  for (int32_t i = 0; i < n; i++) {
+    ms_hold *g = &hold[i];
     double *own = a->diagonal + g->row, largest = model->mass[g->row];
     for (size_t c = 0; c < dims; c++) largest = fmax(largest, own[c * sd]);
     g->weight = HEAVY * largest;
@@ -105,7 +106,8 @@ void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_co
 double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients *a, double by,
                                    const double *p, double *q) {
   double sum = 0;
-  for (const ms_hold *g = a->hold; g < a->hold + a->nholds; g++)
+  for (int32_t i = 0; i < a->nholds; i++) {
+    const ms_hold *g = &a->hold[i];
     for (int32_t k = 0; k < g->n; k++) {
       double own[3], to[3];
       ms_row_get(&model->rows, p, g->row, own);
@@ -115,6 +117,7 @@ double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients 
       ms_row_put(&model->rows, to, g->row, q);
       sum += push * along;
     }
+  }
   return sum;
 }
 
