@@ -6,8 +6,8 @@
 
 /* 1 if the method may have left such a note. */
 static int is_note(const ms_integrator *method, int note) {
-  const int last = method->carried_at + note * method->carried;
-  return note == 0 || (method->carried && (note == 1 || note == 2) && last <= method->nwork);
+  if (note < 1 || note > 2) return note == 0;
+  return method->carried && method->carried_at + note * method->carried <= method->nwork;
 }
 
 void ms_carried_history(ms_bytes *b, const ms_integrator *method, const ms_stepper *s, int note) {

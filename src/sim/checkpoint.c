@@ -300,28 +300,47 @@ static msim_status check_end(const msim_sim *sim, const run *r, const ms_plan *p
   return MSIM_OK;
 }
 
+/* The choice that auto made is by the tol and collision of here, and the run by that choice. */
+static void check_selection(ms_bytes *b, const msim_sim *sim, const run *r) {
+  const ms_selection *here = &sim->selection, *there = &r->selection;
+  ms_bytes_check(b, there->tol == here->tol && there->collision == here->collision,
+                 "what the choice of a method is by");
+  if (ms_bytes_failed(b)) return;
+  const int controlled = there->candidates[there->best].controlled;
+  ms_bytes_check(b, r->tol == (controlled ? there->tol : 0), "tol");
+  ms_bytes_check(b, r->first_h > 0, "the step");
+}
+
+static const ms_integrator *method_of(const msim_sim *sim, const run *r) {
+  return ms_sim_selects(sim) ? r->selection.candidates[r->selection.best].method : sim->integrator;
+}
+
+static void check_control(ms_bytes *b, const ms_integrator *method, double tol,
+                          const ms_control *c) {
+  const ms_control own = ms_control_of(method, tol, c->span);
+  ms_bytes_check(b, c->tol == own.tol && c->order == own.order && c->h > 0 && c->span > 0,
+                 "error control");
+}
+
 /* What nothing else has looked at */
 static void check_run(ms_bytes *b, const msim_sim *sim, const run *r) {
   const int32_t flat = ms_flat_axis(sim->scene, sim->opt.skip_off);
-  const int selects = ms_sim_selects(sim), has_control = r->tol > 0;
   ms_bytes_check(b, r->left_out == -1 || r->left_out == flat, "the axis left out");
-  ms_bytes_check(
-      b, r->tol == (selects ? r->selection.tol : sim->opt.tol) || (selects && r->tol == 0), "tol");
-  ms_bytes_check(b, !selects || r->first_h > 0, "the step");
-  ms_bytes_check(b, !has_control || (r->control.h > 0 && r->control.span > 0), "error control");
-  ms_bytes_check(b, !has_control || (r->watch.control.h > 0 && r->watch.control.span > 0),
-                 "error control");
+  if (ms_sim_selects(sim)) check_selection(b, sim, r);
+  else ms_bytes_check(b, r->tol == sim->opt.tol, "tol");
   ms_bytes_check(b, r->watch.step >= r->step0 && r->watch.step <= r->step, "the last good step");
-  ms_bytes_check(b, r->inside ? has_control : !has_control || r->t_shown == r->t, "the last step");
+  ms_bytes_check(b, r->inside ? r->tol > 0 : !(r->tol > 0) || r->t_shown == r->t, "the last step");
+  if (ms_bytes_failed(b) || r->tol == 0) return;
+  check_control(b, method_of(sim, r), r->tol, &r->control);
+  check_control(b, method_of(sim, r), r->tol, &r->watch.control);
 }
 
 /* Sets the method and the plan. */
 static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
   if (ms_sim_selects(sim)) {
     sim->selection = r->selection;
-    const ms_candidate *best = &r->selection.candidates[r->selection.best];
-    sim->integrator = best->method;
-    sim->opt.collision = best->collision;
+    sim->integrator = method_of(sim, r);
+    sim->opt.collision = r->selection.candidates[r->selection.best].collision;
     sim->opt.integrator = sim->integrator->entry.name;
     sim->opt.tol = r->tol, sim->opt.h = r->tol > 0 ? r->first_h : r->h;
     sim->advice = (ms_advice){.chosen = r->chosen, .warned = sim->advice.warned};
@@ -389,6 +408,7 @@ static void use_run(msim_sim *sim, const run *r) {
   sim->step = r->step, sim->step0 = r->step0, sim->spent = r->spent;
   sim->t0 = r->t0, sim->t = r->t, sim->t_lost = r->t_lost, sim->t_shown = r->t_shown;
   sim->control = r->control;
+  sim->control.growth = ms_control_of(sim->integrator, r->tol, r->control.span).growth;
   sim->stats = r->stats;
   sim->watch = r->watch;
   use_frames(sim, r);

@@ -329,9 +329,16 @@ static void pass_candidate(ms_bytes *b, int i, int damped, ms_candidate *c) {
   for (int k = 0; k < 4; k++) MS_BYTES_PASS(b, *numbers[k]);
   for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *flags[k]);
   MS_BYTES_PASS(b, c->collision);
-  ms_bytes_check(b, c->why >= 0 && c->why < REASONS, "the choice of a method");
+  ms_bytes_check(b, c->why >= 0 && c->why < REASONS && c->controlled == (i == IMPLICIT),
+                 "the choice of a method");
   ms_bytes_check(b, c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT,
                  "the choice of a method");
+}
+
+/* Impacts are located in fixed steps of methods that have v and all forces at one time. */
+static int may_be_best(const ms_candidate *c) {
+  const int locates = !c->controlled && !c->method->sync && !c->method->splits;
+  return c->why == NOT_PASSED_OVER && (locates || c->collision == MSIM_COLLISION_REFLECT);
 }
 
 void ms_selection_history(ms_bytes *b, ms_selection *s) {
@@ -342,7 +349,7 @@ void ms_selection_history(ms_bytes *b, ms_selection *s) {
   MS_BYTES_PASS(b, s->damped);
   s->damped = s->damped != 0;
   for (int i = 0; i < MS_CANDIDATES; i++) pass_candidate(b, i, s->damped, &s->candidates[i]);
-  ms_bytes_check(b, s->best >= 0 && s->best < MS_CANDIDATES && s->tol > 0,
+  ms_bytes_check(b, s->best >= 0 && s->best < MS_CANDIDATES && may_be_best(&s->candidates[s->best]),
                  "the choice of a method");
 }
 
