@@ -19,6 +19,15 @@ static int64_t get_attribute(recorder *r, const char *group, const char *name) {
   return value;
 }
 
+/* All of it is in the file, as it was from the start: who reads so many rows comes to an end. */
+static int is_stored(recorder *r, hid_t dataset, hid_t type, shape s, hsize_t rows) {
+  hsize_t size = 0;
+  h5_ok(r, H5Fget_filesize(r->file, &size));
+  const double claimed = (double)rows * (double)h5_width[s] * (double)H5Tget_size(type);
+  const hsize_t stored = H5Dget_storage_size(dataset);
+  return (double)stored >= claimed && stored <= size;
+}
+
 /* One of ours of that shape, with its rows; any other is refused. */
 static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows) {
   hsize_t dims[H5S_MAX_RANK] = {0};
@@ -27,10 +36,11 @@ static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows)
   hid_t space = h5_id(r, H5Dget_space(dataset));
   hid_t type = h5_id(r, H5Dget_type(dataset));
   hid_t create = h5_id(r, H5Dget_create_plist(dataset));
-  const int fits =
-      r->fault.status == MSIM_OK && H5Sget_simple_extent_dims(space, dims, NULL) == h5_rank(s) &&
-      (h5_rank(s) == 1 || dims[1] == h5_width[s]) && H5Tequal(type, h5_file_type(s)) > 0 &&
-      H5Pget_nfilters(create) == 0 && H5Pget_external_count(create) == 0;
+  const int fits = r->fault.status == MSIM_OK &&
+                   H5Sget_simple_extent_dims(space, dims, NULL) == h5_rank(s) &&
+                   (h5_rank(s) == 1 || dims[1] == h5_width[s]) &&
+                   H5Tequal(type, h5_file_type(s)) > 0 && H5Pget_nfilters(create) == 0 &&
+                   H5Pget_external_count(create) == 0 && is_stored(r, dataset, type, s, dims[0]);
   if (!fits && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG, "its dataset %s is not as msim makes it", path);
   h5_drop(r, H5Pclose, create);
@@ -83,8 +93,8 @@ static void check_counts(recorder *r, const msim_recording *what) {
             r->nframes, what->nframes);
 }
 
-/* What open_recorder and h5_create left open in their time. */
-static void open_columns(recorder *r) {
+/* What open_recorder and h5_create left open in their time; the words of a slot. */
+static hsize_t open_columns(recorder *r) {
   hsize_t words[NSLOTS] = {0};
   for (int i = 0; i < NWRITTEN; i++) {
     const column *c = &h5_columns[i];
@@ -95,7 +105,7 @@ static void open_columns(recorder *r) {
   for (int i = 0; i < NSLOTS; i++) r->slot[i] = open_dataset(r, h5_slots[i], WHOLE, &words[i]);
   if (r->fault.status == MSIM_OK && (words[0] != words[1] || words[0] < SLOT_BYTES))
     h5_fail(r, MSIM_ERR_ARG, "its checkpoints are damaged");
-  h5_allocate_slot(r, (size_t)(words[0] - SLOT_BYTES) * 8);
+  return words[0];
 }
 
 /*------------------------------------- whole or damaged -----------------------------------------*/
@@ -229,13 +239,23 @@ static void find_end(recorder *r, const msim_recording *what) {
   check_times(r, what);
 }
 
+/* Where libhdf5 may write it may change a damaged file at once. So it may not until all has been
+ * looked at. */
+static void open_to_write(recorder *r, const char *path) {
+  h5_drop(r, H5Fclose, r->file);
+  r->file = H5I_INVALID_HID;
+  h5_open_file(r, path, GO_ON);
+  open_columns(r);
+}
+
 void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
   h5_doing(r, "go on with", "the file");
-  h5_open_file(r, what->path, GO_ON);
+  h5_open_file(r, what->path, LOOK);
   check_counts(r, what);
-  open_columns(r);
+  h5_allocate_slot(r, (size_t)(open_columns(r) - SLOT_BYTES) * 8);
   check_statics(r, what);
   find_end(r, what);
+  if (r->fault.status == MSIM_OK) open_to_write(r, what->path);
   if (r->fault.status != MSIM_OK) return;
   from->frames = r->written;
   if (r->written == 0) return;
