@@ -1,34 +1,7 @@
 /* A solver's table and all that it answers come from the input: msim trusts none of it. */
-#include <math.h>
-#include <string.h>
-
 #include "fuzz.h"
+#include "input.h"
 #include "msim/backend.h"
-
-static const uint8_t *bytes;
-static size_t left;
-
-static unsigned next(void) {
-  if (left == 0) return 0;
-  left--;
-  return *bytes++;
-}
-
-/* Mostly success. */
-static msim_status answer(const msim_host *host) {
-  static const msim_status all[] = {
-      MSIM_NOT_SPD,    MSIM_NOT_CONVERGED, MSIM_NOT_FINITE,  MSIM_STOPPED, MSIM_ERR_ARG,
-      MSIM_ERR_MEMORY, MSIM_ERR_NAME,      MSIM_ERR_BACKEND, -99,          77};
-  const unsigned pick = next();
-  if (host && pick & 64) host->fail(host, "%s", "as the input says");
-  return pick % 32 < sizeof all / sizeof *all ? all[pick % 32] : MSIM_OK;
-}
-
-static double number(void) {
-  static const double all[] = {NAN, INFINITY, -INFINITY, 0, -0.0, 1, -1, 1e308, 1e-320, 1e-9};
-  const unsigned pick = next();
-  return pick < sizeof all / sizeof *all ? all[pick] : (double)pick / 100 - 1;
-}
 
 /*------------------------------------- functions ------------------------------------------------*/
 
@@ -40,35 +13,35 @@ static msim_status create(const msim_host *host, void **self) {
   hostile *h = host->alloc(host, sizeof *h);
   *self = h;
   if (h) h->host = host;
-  return h ? answer(host) : MSIM_ERR_MEMORY;
+  return h ? input_answer(host) : MSIM_ERR_MEMORY;
 }
 
 static msim_status order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
                          int32_t *perm) {
   (void)ptr, (void)ind;
-  const int honest = next() & 1;
-  for (int32_t i = 0; i < n; i++) perm[i] = honest ? n - 1 - i : (int32_t)next() - 4;
-  return answer(((hostile *)self)->host);
+  const int honest = input_next() & 1;
+  for (int32_t i = 0; i < n; i++) perm[i] = honest ? n - 1 - i : (int32_t)input_next() - 4;
+  return input_answer(((hostile *)self)->host);
 }
 
 static void tell(msim_solve_info *info) {
-  const unsigned what = next();
-  if (what & 1) info->iterations = (int64_t)next() - 9;
-  if (what & 2) info->residual = number();
-  if (what & 4) info->fill = number();
-  if (what & 8) info->flops = number();
+  const unsigned what = input_next();
+  if (what & 1) info->iterations = (int64_t)input_next() - 9;
+  if (what & 2) info->residual = input_number();
+  if (what & 4) info->fill = input_number();
+  if (what & 8) info->flops = input_number();
 }
 
 static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
   (void)A;
   tell(info);
-  return answer(((hostile *)self)->host);
+  return input_answer(((hostile *)self)->host);
 }
 
 static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_solve_info *info) {
   (void)A, (void)kind;
   tell(info);
-  return answer(((hostile *)self)->host);
+  return input_answer(((hostile *)self)->host);
 }
 
 static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
@@ -76,9 +49,10 @@ static msim_status solve(void *self, const msim_system *A, const msim_solve_para
   const size_t length =
       (size_t)A->block * (size_t)(A->format == MSIM_FORMAT_NONE ? A->stride : A->n);
   (void)params;
-  for (size_t i = 0; i < (size_t)nrhs * length; i++) y[i] = next() & 1 ? number() : b[i];
+  for (size_t i = 0; i < (size_t)nrhs * length; i++)
+    y[i] = input_next() & 1 ? input_number() : b[i];
   tell(info);
-  return answer(((hostile *)self)->host);
+  return input_answer(((hostile *)self)->host);
 }
 
 static void destroy(void *self) {
@@ -91,25 +65,25 @@ static void destroy(void *self) {
 /* One bit spoils one member: half of all tables are good. */
 static void make_table(msim_backend *table) {
   static const char *const names[] = {"hostile", NULL, "", "pcg", "hostile "};
-  unsigned spoilt = next();
-  spoilt = spoilt & 1 ? spoilt >> 1 | next() << 7 : 0;
+  unsigned spoilt = input_next();
+  spoilt = spoilt & 1 ? spoilt >> 1 | input_next() << 7 : 0;
   *table = (msim_backend){.abi = MSIM_BACKEND_ABI,
                           .size = sizeof *table,
                           .name = "hostile",
                           .library = spoilt & 1 ? NULL : "none",
                           .license = spoilt & 2 ? NULL : "MIT",
-                          .flags = next(),
-                          .format = (int32_t)(next() % 3),
+                          .flags = input_next(),
+                          .format = (int32_t)(input_next() % 3),
                           .create = spoilt & 4 ? NULL : create,
                           .order = spoilt & 8 ? NULL : order,
                           .analyze = spoilt & 16 ? NULL : analyze,
                           .factor = spoilt & 32 ? NULL : factor,
                           .solve = spoilt & 64 ? NULL : solve,
                           .destroy = spoilt & 128 ? NULL : destroy};
-  if (spoilt & 256) table->abi = next();
-  if (spoilt & 512) table->size = next();
-  if (spoilt & 1024) table->format = (int32_t)next() - 128;
-  if (spoilt & 2048) table->name = names[next() % (sizeof names / sizeof *names)];
+  if (spoilt & 256) table->abi = input_next();
+  if (spoilt & 512) table->size = input_next();
+  if (spoilt & 1024) table->format = (int32_t)input_next() - 128;
+  if (spoilt & 2048) table->name = names[input_next() % (sizeof names / sizeof *names)];
 }
 
 static msim_scene *make_scene(void) {
@@ -137,13 +111,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   msim_backend table;
   const msim_backend *const backends[] = {&table, NULL};
   msim_options options;
-  bytes = data;
-  left = size;
+  input_begin(data, size);
   msim_scene *scene = make_scene();
   msim_options_init(&options, sizeof options);
-  options.integrator = methods[next() % (sizeof methods / sizeof *methods)];
-  options.indefinite = (int32_t)(next() % 3);
-  options.newton_retries = (int32_t)(next() % 3);
+  options.integrator = methods[input_next() % (sizeof methods / sizeof *methods)];
+  options.indefinite = (int32_t)(input_next() % 3);
+  options.newton_retries = (int32_t)(input_next() % 3);
   options.h = 0.01;
   options.steps = 10;
   options.solver = "hostile";

@@ -22,6 +22,9 @@ void fuzz_check(int kept, const char *promise);
 /* Every call leaves a sentence where it fails, and none where it does not. */
 void fuzz_check_error(msim_status status, const msim_error *err);
 
+/* The state is finite, whatever led to it. */
+void fuzz_check_state(msim_sim *sim);
+
 /* A few steps of what was read, and its explanation. */
 void fuzz_run(const msim_scene *scene, const msim_options *options);
 
@@ -29,5 +32,10 @@ void fuzz_run(const msim_scene *scene, const msim_options *options);
  * for the run, and as many for what comes after it. */
 void fuzz_run_scene(const msim_scene *scene, const char *integrator, fuzz_budget *budget,
                     size_t bytes);
+
+/* The one file of an input that needs one, in a folder of its own that goes with the process. */
+const char *fuzz_path(const char *name);
+void fuzz_write(const uint8_t *data, size_t size);
+uint8_t *fuzz_read(size_t *size); /* all of it, to be freed */
 
 #endif

@@ -1,44 +1,17 @@
 /* Scene files in HDF5: any bytes are a scene or are refused; a scene makes a few steps, and comes
  * back from a file as it was. */
-#define _POSIX_C_SOURCE 200809L /* mkdtemp */
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "fuzz.h"
 
-/* libhdf5 1.10 loses memory of its own over damaged files. */
-const char *__lsan_default_suppressions(void);
-const char *__lsan_default_suppressions(void) { return "leak:libhdf5"; }
-
 enum { MOST_BYTES = 4 << 20 };
-
-static char folder[] = "/tmp/fuzz_hdf5_XXXXXX";
-static char path[64];
-
-static void clean_up(void) {
-  remove(path);
-  rmdir(folder);
-}
-
-static void make_folder(void) {
-  if (*path) return;
-  fuzz_check(mkdtemp(folder) != NULL, "a folder");
-  snprintf(path, sizeof path, "%s/scene.h5", folder);
-  atexit(clean_up);
-}
-
-static void write_input(const uint8_t *data, size_t size) {
-  FILE *file = fopen(path, "wb");
-  fuzz_check(file && fwrite(data, 1, size, file) == size && fclose(file) == 0, "the input's file");
-}
 
 static int same(const void *a, const void *b, size_t bytes) {
   return bytes == 0 || memcmp(a, b, bytes) == 0;
 }
 
-static void check_round_trip(const msim_scene *scene, const msim_allocator *alloc) {
+static void check_round_trip(const msim_scene *scene, const char *path,
+                             const msim_allocator *alloc) {
   msim_error err;
   msim_scene *again;
   msim_scene_view a = {.size = sizeof a}, b = {.size = sizeof b};
@@ -66,14 +39,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   const msim_allocator alloc = fuzz_allocator(&budget, MOST_BYTES);
   msim_scene *scene;
   msim_error err;
-  make_folder();
-  write_input(data, size);
+  const char *path = fuzz_path("scene.h5");
+  fuzz_write(data, size);
   msim_status status = msim_scene_load(&alloc, path, &scene, &err);
   fuzz_check_error(status, &err);
   fuzz_check(status != MSIM_ERR_PLUGIN && status != MSIM_ERR_NAME, err.text);
   if (status) return 0;
   fuzz_run_scene(scene, "velocity-verlet", &budget, MOST_BYTES);
-  check_round_trip(scene, &alloc);
+  check_round_trip(scene, path, &alloc);
   msim_scene_destroy(scene);
   return 0;
 }

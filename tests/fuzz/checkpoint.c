@@ -1,0 +1,175 @@
+/* Checkpoints whose hash is right and whose bytes are not: each is refused, and the sim goes on as
+ * it was, or it is a run that goes on. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "fuzz.h"
+#include "input.h"
+#include "saved.h"
+
+/* Of each kind of history one at least: integrate/history.c, linear/history.c, select.c. */
+static const struct {
+  const char *integrator;
+  double tol;
+  int32_t collision;
+} variants[] = {{"velocity-verlet", 0, MSIM_COLLISION_REFLECT},
+                {"verlet", 0, MSIM_COLLISION_REFLECT},
+                {"rk4", 0, MSIM_COLLISION_EVENT},
+                {"dop853", 1e-3, MSIM_COLLISION_REFLECT},
+                {"rkc", 0, MSIM_COLLISION_REFLECT},
+                {"implicit-midpoint", 0, MSIM_COLLISION_REFLECT},
+                {"bdf2", 0, MSIM_COLLISION_EVENT},
+                {"newmark", 1e-2, MSIM_COLLISION_REFLECT},
+                {"linearly-implicit-euler", 0, MSIM_COLLISION_REFLECT},
+                {"auto", 1e-3, MSIM_COLLISION_REFLECT},
+                {"respa", 0, MSIM_COLLISION_REFLECT},
+                {"tr-bdf2", 0, MSIM_COLLISION_EVENT}};
+enum { NVARIANTS = sizeof variants / sizeof *variants, NPARTICLES = 7, NX = 3 * NPARTICLES };
+
+/* What a variant is, and where it goes. */
+typedef struct origin {
+  msim_scene *scene;
+  msim_options options;
+  uint8_t *saved; /* after some steps */
+  size_t length;
+  double x[NX]; /* where a sim is that loads nothing, after as many and some more */
+} origin;
+
+/* A cloth of four over a floor, a chain in the air and a particle for itself; or level, with
+ * neither weight nor floor. */
+static msim_scene *make_scene(int is_flat) {
+  static const double x[] = {0, 0, .3, 1, 0, .2, 0, 1, .1, 1, 1, .2, 3, 0, 4, 4, 0, 4, 6, 0, 0.1};
+  static const double mass[] = {1, 2, 1, 1, 1, 1, 1}, k[] = {500, 100, 50, 70, 80, 900};
+  static const double damping[] = {1, 0, 0.1, 0, 0, 0}, gravity[] = {0, 0, -9.81};
+  static const int32_t ij[] = {0, 1, 1, 3, 3, 2, 2, 0, 0, 3, 4, 5}, pinned = 4;
+  const msim_plane floor = {.normal = {0, 0, 1}, .restitution = 0.5, .friction = 0.1};
+  double flat[NX], v[NX] = {[3] = 1, [16] = -2};
+  msim_scene *scene;
+  for (size_t i = 0; i < NX; i++) flat[i] = i % 3 == 2 ? 0 : x[i];
+  int failed = msim_scene_create(NULL, &scene, NULL) ||
+               msim_scene_add_particles(scene, NPARTICLES, is_flat ? flat : x, v, mass, NULL) ||
+               msim_scene_add_springs(scene, 6, ij, k, NULL, damping, NULL) ||
+               msim_scene_pin(scene, 1, &pinned, NULL);
+  if (!is_flat)
+    failed = failed || msim_scene_set_gravity(scene, gravity, NULL) ||
+             msim_scene_add_plane(scene, &floor, NULL);
+  fuzz_check(!failed, "the scene is good");
+  return scene;
+}
+
+static msim_sim *make_sim(const origin *o) {
+  msim_error err;
+  msim_sim *sim;
+  fuzz_check(msim_sim_create(o->scene, &o->options, &sim, &err) == MSIM_OK, err.text);
+  return sim;
+}
+
+static void make_steps(msim_sim *sim, int64_t n) {
+  msim_error err;
+  fuzz_check(msim_sim_step(sim, n, &err) == MSIM_OK, err.text);
+}
+
+static const double *x_of(msim_sim *sim) {
+  msim_state state = {.size = sizeof state};
+  msim_sim_state(sim, &state);
+  return state.x;
+}
+
+static uint8_t *save(msim_sim *sim, size_t *length) {
+  msim_error err;
+  const size_t most = msim_sim_save_size(sim);
+  uint8_t *bytes = malloc(most);
+  fuzz_check(bytes != NULL, "memory");
+  fuzz_check(msim_sim_save(sim, bytes, most, length, &err) == MSIM_OK, err.text);
+  return bytes;
+}
+
+enum { BEFORE = 2, AFTER = 3 };
+
+/* Made on first use, and never freed. */
+static const origin *find_origin(unsigned variant, int is_flat) {
+  static origin all[NVARIANTS][2];
+  origin *o = &all[variant][is_flat];
+  if (o->scene) return o;
+  o->scene = make_scene(is_flat);
+  msim_options_init(&o->options, sizeof o->options);
+  o->options.integrator = variants[variant].integrator;
+  o->options.tol = variants[variant].tol;
+  o->options.collision = variants[variant].collision;
+  o->options.solver = is_flat ? "pcg" : "auto";
+  o->options.h = 2e-3;
+  o->options.t_end = 1;
+  o->options.fps = 50;
+  o->options.threads = 1;
+  msim_sim *sim = make_sim(o);
+  make_steps(sim, BEFORE + AFTER);
+  memcpy(o->x, x_of(sim), sizeof o->x);
+  make_steps(sim, 20);
+  o->saved = save(sim, &o->length);
+  msim_sim_destroy(sim);
+  return o;
+}
+
+static int look(msim_sim *sim, void *user) {
+  int *frames = user;
+  fuzz_check_state(sim);
+  return --*frames == 0;
+}
+
+/* A run it is: some frames of it, unless they are far apart, and a checkpoint of its own. */
+static void go_on(msim_sim *sim, const origin *o) {
+  msim_error err;
+  const char *text;
+  int frames = 3;
+  size_t length;
+  msim_plan plan = {.size = sizeof plan};
+  fuzz_check_error(msim_sim_explain(sim, &text, &err), &err);
+  fuzz_check_error(msim_sim_step(sim, AFTER, &err), &err);
+  msim_sim_plan(sim, &plan);
+  if (plan.h > 1e-4) fuzz_check_error(msim_sim_run(sim, look, &frames, &err), &err);
+  fuzz_check_state(sim);
+  uint8_t *saved = save(sim, &length);
+  msim_sim *again = make_sim(o);
+  const int is_taken = msim_sim_load(again, saved, length, &err) == MSIM_OK;
+  fuzz_check(is_taken || strstr(err.text, "a count"), err.text); /* which may have had an end */
+  msim_sim_destroy(again);
+  free(saved);
+}
+
+/* The first byte picks the variant, the second what is left as it is: with bit 0 nothing is, the
+ * input is the checkpoint; with 1 the hash; with 2 the marks are spoilt, too; with 3 it is cut. */
+static uint8_t *make_bytes(const origin *o, size_t *length) {
+  const unsigned how = input_next();
+  size_t size;
+  const uint8_t *rest = input_rest(&size);
+  *length = how & 1 ? size : o->length;
+  uint8_t *bytes = malloc(*length + 1);
+  fuzz_check(bytes != NULL, "memory");
+  memcpy(bytes, how & 1 ? rest : o->saved, *length);
+  if (how & 1) return bytes;
+  if (how & 8) *length -= input_next() % *length;
+  const size_t run = how & 4 ? 8 : saved_run(bytes);
+  input_spoil(bytes + run, run < *length ? *length - run : 0);
+  if (!(how & 2)) saved_mend(bytes, *length);
+  return bytes;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+  msim_error err;
+  size_t length;
+  input_begin(data, size);
+  const unsigned variant = input_next();
+  const origin *o = find_origin(variant / 2 % NVARIANTS, variant % 2);
+  uint8_t *bytes = make_bytes(o, &length);
+  msim_sim *sim = make_sim(o);
+  make_steps(sim, BEFORE);
+  const msim_status status = msim_sim_load(sim, bytes, length, &err);
+  fuzz_check_error(status, &err);
+  if (status) {
+    make_steps(sim, AFTER);
+    fuzz_check(memcmp(x_of(sim), o->x, sizeof o->x) == 0, "a sim that refuses is as it was");
+  } else go_on(sim, o);
+  msim_sim_destroy(sim);
+  free(bytes);
+  return 0;
+}

@@ -1,0 +1,172 @@
+/* Trajectories to be gone on with: whatever bytes a .vtkhdf file has, it is refused in a sentence
+ * and stays as it is, with the sim, or the run goes on from a checkpoint and writes its frames. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "../../backends/hdf5/hash.h"
+#include "../../backends/hdf5/layout.h"
+#include "fuzz.h"
+#include "input.h"
+#include "saved.h"
+
+enum { MOST_BYTES = 4 << 20, NX = 9 };
+
+static const char text[] =
+    "{\"msim\": 1, \"gravity\": [0, 0, -9.81], \"particles\": {\"x\": [[0,0,2],[0.5,0,2],[1,0,0]],"
+    "\"mass\": 1, \"pinned\": [0]}, \"springs\": {\"ij\": [[0,1],[1,2]], \"k\": 500},"
+    "\"run\": {\"integrator\": \"velocity-verlet\", \"h\": 0.01, \"steps\": 8, \"every\": 2}}";
+
+/*------------------------------------- the run --------------------------------------------------*/
+
+static msim_scene *make_scene(const msim_allocator *alloc) {
+  msim_error err;
+  msim_scene *scene;
+  fuzz_check(msim_scene_parse(alloc, "fuzz", text, sizeof text - 1, &scene, &err) == MSIM_OK,
+             err.text);
+  return scene;
+}
+
+static msim_sim *make_sim(const msim_scene *scene) {
+  msim_error err;
+  msim_sim *sim;
+  msim_options options;
+  msim_options_init(&options, sizeof options);
+  msim_options_from_scene(&options, scene, NULL);
+  options.threads = 1;
+  fuzz_check(msim_sim_create(scene, &options, &sim, &err) == MSIM_OK, err.text);
+  return sim;
+}
+
+/* Where the sim is, and what the next steps make of it. */
+static void follow(msim_sim *sim, double *x) {
+  msim_error err;
+  msim_state state = {.size = sizeof state};
+  fuzz_check(msim_sim_step(sim, 3, &err) == MSIM_OK, err.text);
+  msim_sim_state(sim, &state);
+  memcpy(x, state.x, NX * sizeof *x);
+}
+
+typedef struct writer {
+  msim_recorder *recorder;
+  int frames; /* to be written */
+} writer;
+
+static int write_frame(msim_sim *sim, void *user) {
+  writer *w = user;
+  msim_error err;
+  fuzz_check_state(sim);
+  const msim_status status = msim_recorder_write(w->recorder, &err);
+  fuzz_check_error(status, &err);
+  return status || --w->frames == 0;
+}
+
+/* As many frames as there are to be, or that many. */
+static void record(msim_sim *sim, msim_recorder *recorder, int frames) {
+  msim_error err;
+  writer w = {recorder, frames};
+  fuzz_check_error(msim_sim_run(sim, write_frame, &w, &err), &err);
+  fuzz_check_error(msim_recorder_close(recorder, &err), &err);
+}
+
+/*------------------------------------- the file -------------------------------------------------*/
+
+/* One of a run that was stopped, and where it keeps what the run goes on from. */
+typedef struct sample {
+  uint8_t *file;
+  size_t size, slot[NSLOTS], slot_size;
+  double x[NX];
+} sample;
+
+static uint64_t *word(uint8_t *slot, int i) { return (uint64_t *)(void *)(slot + 8 * i); }
+
+/* A slot is where the name of a checkpoint is, and a head in front of it. */
+static void find_slots(sample *s) {
+  int found = 0;
+  for (size_t i = 8 * SLOT_BYTES; i + 8 <= s->size && found < NSLOTS; i += 8)
+    if (memcmp(s->file + i, "msimsave", 8) == 0) s->slot[found++] = i - 8 * SLOT_BYTES;
+  fuzz_check(found == NSLOTS, "the file has its slots");
+  s->slot_size = 8 * h5_slot_words(*word(s->file + s->slot[0], SLOT_LENGTH));
+}
+
+/* Made on first use, and never freed. */
+static const sample *find_sample(const char *path) {
+  static sample s;
+  msim_error err;
+  msim_recorder *recorder;
+  if (s.file) return &s;
+  msim_scene *scene = make_scene(NULL);
+  msim_sim *sim = make_sim(scene);
+  fuzz_check(msim_recorder_open(sim, path, &recorder, &err) == MSIM_OK, err.text);
+  record(sim, recorder, 3);
+  s.file = fuzz_read(&s.size);
+  find_slots(&s);
+  msim_sim_destroy(sim);
+  sim = make_sim(scene);
+  follow(sim, s.x);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return &s;
+}
+
+/* Hashes as they should be, of what is there. */
+static void mend(const sample *s, uint8_t *file) {
+  for (int i = 0; i < NSLOTS; i++) {
+    uint8_t *slot = file + s->slot[i];
+    const uint64_t length = *word(slot, SLOT_LENGTH);
+    if (length > s->slot_size - 8 * SLOT_BYTES) continue;
+    saved_mend(slot + 8 * SLOT_BYTES, length);
+    *word(slot, SLOT_HASH) = h5_slot_hash(word(slot, 0));
+  }
+}
+
+/* The first byte tells what is spoilt: with bit 0 the input is the file; else with 1 it is the
+ * slots, behind their hashes, and with 2 the first kilobytes, where the groups are, or anything. */
+static uint8_t *make_file(const sample *s, size_t *size) {
+  enum { GROUPS = 8192 };
+  const unsigned how = input_next();
+  const uint8_t *rest = input_rest(size);
+  if (!(how & 1)) *size = s->size;
+  uint8_t *file = malloc(*size + 1);
+  fuzz_check(file != NULL, "memory");
+  memcpy(file, how & 1 ? rest : s->file, *size);
+  if (how & 1) return file;
+  if (how & 2) {
+    input_spoil(file + s->slot[0], s->slot[1] + s->slot_size - s->slot[0]);
+    mend(s, file);
+  } else input_spoil(file, how & 4 ? GROUPS : s->size);
+  return file;
+}
+
+static void check_unchanged(const uint8_t *file, size_t size) {
+  size_t now;
+  uint8_t *there = fuzz_read(&now);
+  fuzz_check(now == size && memcmp(there, file, size) == 0, "a file that is refused stays");
+  free(there);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+  fuzz_budget budget;
+  const msim_allocator alloc = fuzz_allocator(&budget, MOST_BYTES);
+  const char *path = fuzz_path("run.vtkhdf");
+  const sample *s = find_sample(path);
+  msim_error err;
+  msim_recorder *recorder;
+  double x[NX];
+  input_begin(data, size);
+  uint8_t *file = make_file(s, &size);
+  fuzz_write(file, size);
+  msim_scene *scene = make_scene(&alloc);
+  msim_sim *sim = make_sim(scene);
+  const msim_status status = msim_recorder_resume(sim, path, &recorder, &err);
+  fuzz_check_error(status, &err);
+  fuzz_check(status != MSIM_ERR_PLUGIN && status != MSIM_ERR_NAME, err.text);
+  if (status) {
+    check_unchanged(file, size);
+    follow(sim, x);
+    fuzz_check(memcmp(x, s->x, sizeof x) == 0, "a sim that refuses is as it was");
+  } else record(sim, recorder, 8);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  free(file);
+  return 0;
+}
