@@ -32,8 +32,9 @@ int64_t input_whole(void) {
 
 msim_status input_answer(const msim_host *host) {
   static const msim_status all[] = {
-      MSIM_NOT_SPD,    MSIM_NOT_CONVERGED, MSIM_NOT_FINITE,  MSIM_STOPPED, MSIM_ERR_ARG,
-      MSIM_ERR_MEMORY, MSIM_ERR_NAME,      MSIM_ERR_BACKEND, -99,          77};
+      MSIM_OK,         MSIM_NOT_CONVERGED, MSIM_NOT_FINITE,  MSIM_STOPPED, MSIM_ERR_ARG,
+      MSIM_ERR_MEMORY, MSIM_ERR_NAME,      MSIM_ERR_BACKEND, -99,          77,
+      MSIM_NOT_SPD};
   const unsigned pick = input_next();
   if (host && pick & 64) host->fail(host, "%s", "as the input says");
   return pick % 32 < sizeof all / sizeof *all ? all[pick % 32] : MSIM_OK;
