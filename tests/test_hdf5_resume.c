@@ -179,6 +179,23 @@ static void damage_is_refused(void **state) {
   remove("a.vtkhdf");
 }
 
+/* Nobody sets out to read what is claimed: it would take as long as the claim says. */
+static void rows_that_are_not_stored_are_refused(void **state) {
+  (void)state;
+  const hsize_t rows = (hsize_t)1 << 40;
+  begin(5);
+  hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
+  hid_t space = H5Screate_simple(1, &rows, NULL);
+  H5Ldelete(file, "/msim/scene", H5P_DEFAULT);
+  hid_t scene =
+      H5Dcreate2(file, "/msim/scene", H5T_STD_U8LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+  assert_true(scene >= 0);
+  H5Dclose(scene), H5Sclose(space), H5Fclose(file);
+  refuse(MSIM_ERR_ARG, "its dataset /msim/scene is not as msim makes it");
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
 static void what_is_not_ours_is_refused(void **state) {
   (void)state;
   begin(0);
@@ -300,6 +317,7 @@ int main(void) {
       cmocka_unit_test(to_an_earlier_end),
       cmocka_unit_test(another_run_is_refused),
       cmocka_unit_test(damage_is_refused),
+      cmocka_unit_test(rows_that_are_not_stored_are_refused),
       cmocka_unit_test(what_is_not_ours_is_refused),
       cmocka_unit_test(without_memory),
       cmocka_unit_test(an_older_host),

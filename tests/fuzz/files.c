@@ -6,12 +6,14 @@
 #include "fuzz.h"
 
 /* libhdf5 1.10 loses memory of its own over damaged files. */
-const char *__lsan_default_suppressions(void);
+__attribute__((visibility("default"))) const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libhdf5"; }
 
 /* It asks for as much memory as they say; malloc has the right to refuse. */
-const char *__asan_default_options(void);
-const char *__asan_default_options(void) { return "allocator_may_return_null=1"; }
+__attribute__((visibility("default"))) const char *__asan_default_options(void);
+const char *__asan_default_options(void) {
+  return "allocator_may_return_null=1:max_allocation_size_mb=1024";
+}
 
 static char folder[] = "/tmp/fuzz_XXXXXX";
 static char path[64];
