@@ -411,6 +411,7 @@ static void use_run(msim_sim *sim, const run *r) {
   sim->control.growth = ms_control_of(sim->integrator, r->tol, r->control.span).growth;
   sim->stats = r->stats;
   sim->watch = r->watch;
+  sim->watch.control.growth = sim->control.growth;
   use_frames(sim, r);
   /* what no row writes: pinned particles, and the axis left out */
   memcpy(sim->flat_x, scene->x, flat);
