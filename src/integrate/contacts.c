@@ -240,6 +240,21 @@ void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slippin
   for (int32_t i = 0; i < resting; i++) e->hold[i] = hold_of(&e->contact[i]);
 }
 
+void ms_contacts_insert(ms_stepper *s, int32_t at, int32_t row, const msim_plane *plane) {
+  const ms_rows *rows = &s->model->rows;
+  ms_events *e = s->events;
+  double v[3], least;
+  ms_contacts_own(s);
+  for (int32_t i = e->ncontacts++; i > at; i--)
+    e->contact[i] = e->contact[i - 1], e->hold[i] = e->hold[i - 1];
+  e->contact[at] = (ms_contact){.row = row, .hovers = 1, .on = {1, {plane}}};
+  e->hold[at] = hold_of(&e->contact[at]);
+  ms_row_get(rows, s->v, row, v);
+  ms_keep_along(&e->contact[at].on, v, &least);
+  ms_row_put(rows, v, row, s->v);
+  s->stats->contacts++;
+}
+
 /*------------------------------------- what rests -----------------------------------------------*/
 
 /* Fowler, Noll and Vo's hash */
@@ -290,7 +305,7 @@ void ms_contacts_finish(ms_stepper *s) {
     ms_row_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
     if (!c->sticks) {
       ms_row_get(rows, s->v_next, c->row, v);
-      ms_put_on(&c->on, x);
+      if (!c->hovers) ms_put_on(&c->on, x);
       ms_keep_along(&c->on, v, &least);
     }
     ms_row_put(rows, x, c->row, s->x_next);

@@ -23,6 +23,7 @@ typedef struct ms_contact {
   int sticks;      /* v = 0, and the planes keep it so */
   int fixed;       /* as many planes as components: nowhere to slide */
   int rubs;        /* there is friction */
+  int hovers;      /* held above its plane, not on it */
   ms_touch on;     /* independent planes */
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
   double rub[3];   /* what friction adds to a at the start of the part, where it slides */
@@ -60,6 +61,10 @@ void ms_contacts_own(ms_stepper *s);
  * rests is found; h: the whole step. Where a contact was found to end just here, its row: rounding
  * is not asked again. -1: none. */
 void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slipping);
+
+/* A particle is held above a plane for the rest of the step, as the at-th contact: these are in the
+ * order of rows. */
+void ms_contacts_insert(ms_stepper *s, int32_t at, int32_t row, const msim_plane *plane);
 
 /* Two of one sign hold the same particles in the same way; 0: nothing rests. */
 uint64_t ms_contacts_sign(const ms_stepper *s);

@@ -9,6 +9,9 @@
 
 typedef enum kind { NOTHING, IMPACT, STOP, SLIP, RELEASE } kind;
 
+/* Impacts of a crowd that are nearer to each other than this share of a step are one. */
+#define NEAR 1e-3
+
 /* What ends a part of a step. */
 typedef struct incident {
   kind kind;
@@ -27,6 +30,7 @@ typedef struct journey {
   int carried;    /* what s->warm was */
   int warm;       /* for the next part; 0: without what was carried over */
   int lost;       /* a part was made without */
+  int crowd;      /* many incidents among stiff springs: impacts alone are located */
   incident last;  /* where the part to come starts */
 } journey;
 
@@ -95,7 +99,7 @@ static incident find_first(const journey *j, int32_t *count) {
     incident i = {.share = MS_NOWHERE};
     const ms_touch *held = NULL;
     if (next < e->ncontacts && e->contact[next].row == r) {
-      i = end_of(j, next);
+      if (!j->crowd) i = end_of(j, next);
       held = &e->contact[next++].on;
     }
     const msim_plane *plane = NULL;
@@ -146,7 +150,7 @@ static double find_stretch(const journey *j, const incident *i) {
  * showed it. */
 static msim_status locate(journey *j, incident *i, msim_error *err) {
   enum { MOST = 60 };
-  const double whole = j->h - j->done;
+  const double whole = j->h - j->done, near = j->crowd ? NEAR : 0;
   double lo = 0, hi = 1, share = i->share;
   point last = {0};
   for (int tries = 0; tries < MOST; tries++) {
@@ -164,10 +168,87 @@ static msim_status locate(journey *j, incident *i, msim_error *err) {
     if (!past && next == 0) i->kind = NOTHING;
     if (!past && next <= share) return MSIM_OK;
     if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
-    if (next == share || hi - lo <= DBL_EPSILON * hi) break;
+    if (fabs(next - share) <= near || hi - lo <= DBL_EPSILON * hi) break;
     share = next;
   }
   return MSIM_OK;
+}
+
+/*------------------------------------- crowds ---------------------------------------------------*/
+
+/* Where an explicit method would not be stable, no particle may be moved for itself: that bends
+ * springs which are to relax within the step. */
+static int is_stiff(const journey *j) {
+  return j->method->entry.implicit && j->h * ms_bounds_of(j->s->model).omega > 2;
+}
+
+/* Friction pulls as at the start, all through the part: it may stop what slides and is driven on as
+ * at the start, and not turn it round. */
+static void ease_friction(journey *j) {
+  const double left = j->h - j->done;
+  for (ms_contact *c = j->e->contact; c < j->e->contact + j->e->ncontacts; c++) {
+    double v[3], a[3];
+    ms_row_get(&j->s->model->rows, j->s->v, c->row, v);
+    ms_row_get(&j->s->model->rows, j->e->a, c->row, a);
+    const double pull = ms_norm3(c->rub) * left;
+    const double most = ms_norm3(v) + left * fmax(0, ms_dot3(a, c->slide));
+    for (int k = 0; k < 3 && pull > most; k++) c->rub[k] *= most / pull;
+  }
+}
+
+/* Who is as good as at a plane is there, and bounces with the others. */
+static void gather(journey *j) {
+  ms_stepper *s = j->s;
+  const ms_rows *rows = &s->model->rows;
+  const ms_walls walls = ms_walls_of(s);
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    double x[3], v[3];
+    ms_row_get(rows, s->x_next, r, x);
+    ms_row_get(rows, s->v_next, r, v);
+    for (const msim_plane *p = walls.plane; p < walls.plane + walls.n; p++) {
+      const double above = ms_distance(p, x), speed = -ms_dot3(p->normal, v);
+      if (above > 0 && above <= NEAR * j->h * speed) ms_put_on(&(ms_touch){1, {p}}, x);
+    }
+    ms_row_put(rows, x, r, s->x_next);
+  }
+}
+
+/* What has slid beyond its stop has stopped. */
+static void stop_sliders(journey *j) {
+  static const double still[3] = {0};
+  for (const ms_contact *c = j->e->contact; c < j->e->contact + j->e->ncontacts; c++) {
+    if (!may_end(c, STOP)) continue;
+    const gauge g = read(j, c, STOP);
+    if (g.after < -g.noise) ms_row_put(&j->s->model->rows, still, c->row, j->s->v_next);
+  }
+}
+
+/* All who run into planes in the part just made are held above them from its start on; 0: nobody
+ * does. */
+static int hold_crowd(journey *j) {
+  const ms_events *e = j->e;
+  const ms_walls walls = ms_walls_of(j->s);
+  int32_t at = 0;
+  int any = 0;
+  for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
+    const msim_plane *plane;
+    const ms_flight f = ms_flight_of(j->s, r);
+    const int is_held = at < e->ncontacts && e->contact[at].row == r;
+    const int meets = !is_held && ms_flight_meets(&f, &walls, NULL, 0, &plane) <= 1;
+    if (meets) ms_contacts_insert(j->s, at, r, plane);
+    at += is_held || meets;
+    any |= meets;
+  }
+  return any;
+}
+
+/* The rest of the step in one part, without bounces. */
+static msim_status settle_crowd(journey *j, msim_error *err) {
+  enum { ROUNDS = 8 };
+  msim_status status = MSIM_OK;
+  for (int i = 0; i < ROUNDS && !status && hold_crowd(j); i++)
+    status = make(j, j->h - j->done, err);
+  return status;
 }
 
 /*------------------------------------- parts ----------------------------------------------------*/
@@ -193,6 +274,19 @@ static void end_part(journey *j, const incident *i, int at_once) {
   ms_row_put(&j->s->model->rows, still, i->row, j->s->v);
 }
 
+/* The part just made is the last of the step, in which so many more have incidents. */
+static msim_status end_step(journey *j, int32_t count, msim_error *err) {
+  msim_status status = MSIM_OK;
+  if (j->crowd) {
+    if (count) status = settle_crowd(j, err);
+    if (!status) stop_sliders(j);
+  } else if (count) {
+    ms_flights_correct(j->s, j->h);
+    j->s->finite = 0;
+  }
+  return status;
+}
+
 /* The rest of the step, or the part of it up to the first incident. */
 static msim_status make_part(journey *j, int *over, msim_error *err) {
   const double AT_ONCE = 1e-12;
@@ -200,19 +294,20 @@ static msim_status make_part(journey *j, int *over, msim_error *err) {
   msim_status status = make(j, j->h - j->done, err);
   if (status) return status;
   incident i = find_first(j, &count);
-  *over = count == 0;
-  if (*over) return MSIM_OK;
-  j->parts++;
-  if (count > MS_FEW || j->parts == MS_MOST_PARTS) {
-    ms_flights_correct(j->s, j->h);
-    j->s->finite = 0;
-    *over = 1;
-    return MSIM_OK;
+  if (!j->crowd && count > MS_FEW && is_stiff(j)) {
+    j->crowd = 1;
+    ease_friction(j);
+    return make_part(j, over, err);
   }
+  j->parts += j->crowd || count;
+  *over = !count || (count > MS_FEW && !j->crowd) || j->parts == MS_MOST_PARTS;
+  if (*over) return end_step(j, count, err);
   const int at_once = i.kind != IMPACT && i.share < AT_ONCE;
   if (!at_once) status = locate(j, &i, err);
-  if (!status) end_part(j, &i, at_once);
-  return status;
+  if (status) return status;
+  if (j->crowd) gather(j), stop_sliders(j);
+  end_part(j, &i, at_once);
+  return MSIM_OK;
 }
 
 /* What ended at the very end of the step has been dealt with: there is nothing left to make. */
@@ -231,6 +326,7 @@ static msim_status travel(journey *j, msim_error *err) {
     ms_contacts_find(j->s, j->h, i->kind == RELEASE ? i->row : -1, i->kind == SLIP ? i->row : -1);
     /* what was carried over is of use if nothing has come between */
     if (j->s->x == j->e->x || ms_contacts_sign(j->s) != j->e->held) j->warm = 0;
+    if (j->crowd) ease_friction(j);
     over = is_done(j);
     if (!over) status = make_part(j, &over, err);
   }
