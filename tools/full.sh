@@ -57,7 +57,7 @@ cppchecked() {
 # them see what gcov adds. Of the
 # kernels two copies count, those for any CPU and for AVX2: few machines can run that for AVX-512.
 coverage() {
-  build coverage debug "-DCMAKE_C_FLAGS=--coverage -fprofile-update=atomic" -DMSIM_TEST_TIMEOUT=600
+  build coverage debug "-DCMAKE_C_FLAGS=--coverage -fprofile-update=atomic" -DMSIM_TEST_TIMEOUT=1200
   GCOV_ERROR_FILE=/dev/null tests coverage -LE full \
     -E '^(bench|golden|symbols|loader|memory_cli|oracle_sundials)'
   check gcovr "line coverage of src, at least 95 %" gcovr --root . --filter src/ \
