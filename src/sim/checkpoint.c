@@ -318,7 +318,9 @@ static const ms_integrator *method_of(const msim_sim *sim, const run *r) {
 static void check_control(ms_bytes *b, const ms_integrator *method, double tol,
                           const ms_control *c) {
   const ms_control own = ms_control_of(method, tol, c->span);
-  ms_bytes_check(b, c->tol == own.tol && c->order == own.order && c->h > 0 && c->span > 0,
+  ms_bytes_check(b,
+                 c->tol == own.tol && c->order == own.order && c->growth == own.growth &&
+                     c->h > 0 && c->span > 0,
                  "error control");
 }
 
@@ -408,10 +410,8 @@ static void use_run(msim_sim *sim, const run *r) {
   sim->step = r->step, sim->step0 = r->step0, sim->spent = r->spent;
   sim->t0 = r->t0, sim->t = r->t, sim->t_lost = r->t_lost, sim->t_shown = r->t_shown;
   sim->control = r->control;
-  sim->control.growth = ms_control_of(sim->integrator, r->tol, r->control.span).growth;
   sim->stats = r->stats;
   sim->watch = r->watch;
-  sim->watch.control.growth = sim->control.growth;
   use_frames(sim, r);
   /* what no row writes: pinned particles, and the axis left out */
   memcpy(sim->flat_x, scene->x, flat);
