@@ -1,6 +1,8 @@
-"""msim_bench linear, precision and stability as a whole: all keys, in a minute, however busy the machine is."""
+"""msim_bench linear, precision, stability and skip as a whole: all keys, in a minute, however busy
+the machine is."""
 
 import csv
+import math
 import shutil
 import time
 import unittest
@@ -20,13 +22,15 @@ PRECISION = {"best_over_sundials_1e4", "best_over_sundials_1e6", "best_over_sund
 SCENES = ["trampoline", "folding", "stiff", "damped", "jelly", "chain", "cord"]
 
 
-class Quick(BenchTest):
+class QuickTest(BenchTest):
     def run_quick(self, bench, *more):
         start = time.monotonic()
         self.good(bench, "--quick", "--json", "out.json", *more)
         self.assertLess(time.monotonic() - start, 60)
         return self.result()
 
+
+class Quick(QuickTest):
     def check_keys(self, result, expected):
         """Absent are those only for which the machine had no time."""
         found = set(result["summary"])
@@ -130,6 +134,66 @@ class Quick(BenchTest):
             self.skipTest("too busy a machine for a ladder")
         for ratio in ratios:
             self.assertAlmostEqual(ratio / 2 ** order, 1, delta=0.3)
+
+
+class Skip(QuickTest):
+    IMPLICIT = {"no_springs": "no_springs", "zero_rest_length": "zero_rest_length",
+                "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}
+    KEYLESS = {"at_rest", "islands"}
+    EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "islands, explicit",
+                "at_rest, explicit", "planes", "damping", "drag", "gravity"}
+
+    def test_quick(self):
+        result = self.run_quick("skip")
+        self.assertEqual((result["bench"], result["quick"]), ("skip", True))
+        rows, summary = result["rows"], result["summary"]
+        for name in self.IMPLICIT.keys() | self.KEYLESS | self.EXPLICIT:
+            with self.subTest(name):
+                self.check_skip([row for row in rows if row["skip"] == name], name, summary)
+        self.assertLessEqual(set(summary), set(self.IMPLICIT.values()))
+
+    def check_skip(self, rows, name, summary):
+        steps = {row["way"]: row for row in rows if row["measure"] == "step"}
+        factors = {row["over"]: row["factor"] for row in rows if row["measure"] == "factor"}
+        ways = {"on", "off"} | ({"off, cholmod"} if name not in self.EXPLICIT else set())
+        self.assertEqual(set(steps), ways)
+        for way, row in steps.items():
+            if row["status"] == "ok":
+                self.assertGreater(row["ms"], 0)
+                self.assertEqual(factors.get(way, 0) > 0, way != "on")
+            else:
+                self.assertGreater(len(row["reason"]), 10)
+                self.assertNotIn(way, factors)
+        if name in self.IMPLICIT:
+            key = self.IMPLICIT[name]
+            self.assertEqual(summary.get(key), factors.get("off, cholmod"))
+            if key in summary:
+                self.assertGreater(summary[key], 1)  # however busy the machine is
+
+
+class Duels(BenchTest):
+    """Two alone, for keys of their own."""
+    KEYS = {"auto_over_tuned_cholmod_jelly16", "auto_over_tuned_cholmod_cloth64"}
+
+    def test_who_ran(self):
+        self.good("linear", "--quick", "--scene", "jelly16,cloth64", "--json", "out.json")
+        result = self.result()
+        rows = {row["name"]: row for row in result["rows"] if row["measure"] == "duel"}
+        self.assertEqual(set(rows), self.KEYS)
+        for key, row in rows.items():
+            with self.subTest(key):
+                self.assertEqual(row["k"], 1000)
+                self.assertTrue(0 < row["t"] <= 0.5)
+                self.assertAlmostEqual(row["h"], 1 / 60)
+                self.assertEqual((row["over"], row["under"]), ("auto", "cholmod"))
+                if "cholmod" not in result["machine"]["solvers"]:
+                    self.assertNotIn(key, result["summary"])
+                    self.assertIn("cholmod", row["reason"])
+                    continue
+                self.assertEqual(row["under_ran"], "cholmod")
+                self.assertEqual(row["ratio"], result["summary"][key])
+                # medians of ratios and ratios of medians lie near each other, on a busy machine too
+                self.assertLess(abs(math.log(row["ratio"] * row["under_ms"] / row["over_ms"])), 1)
 
 
 if __name__ == "__main__":

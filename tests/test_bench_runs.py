@@ -1,6 +1,5 @@
 """What msim_bench measures: rows and summary, every contestant, the same results."""
 
-import math
 import os
 import re
 import signal
@@ -102,31 +101,6 @@ class Linear(Children):
         self.assertTrue(self.find(result["rows"], measure="step", status="ok"))
 
 
-class Duels(BenchTest):
-    """Two alone, for keys of their own."""
-    KEYS = {"auto_over_tuned_cholmod_jelly16", "auto_over_tuned_cholmod_cloth64"}
-
-    def test_who_ran(self):
-        self.good("linear", "--quick", "--scene", "jelly16,cloth64", "--json", "out.json")
-        result = self.result()
-        rows = {row["name"]: row for row in result["rows"] if row["measure"] == "duel"}
-        self.assertEqual(set(rows), self.KEYS)
-        for key, row in rows.items():
-            with self.subTest(key):
-                self.assertEqual(row["k"], 1000)
-                self.assertTrue(0 < row["t"] <= 0.5)
-                self.assertAlmostEqual(row["h"], 1 / 60)
-                self.assertEqual((row["over"], row["under"]), ("auto", "cholmod"))
-                if "cholmod" not in result["machine"]["solvers"]:
-                    self.assertNotIn(key, result["summary"])
-                    self.assertIn("cholmod", row["reason"])
-                    continue
-                self.assertEqual(row["under_ran"], "cholmod")
-                self.assertEqual(row["ratio"], result["summary"][key])
-                # medians of ratios and ratios of medians lie near each other, on a busy machine too
-                self.assertLess(abs(math.log(row["ratio"] * row["under_ms"] / row["over_ms"])), 1)
-
-
 class Scaling(BenchTest):
     def test_small_scenes(self):
         out = self.good("scaling", "--quick", "--scene", "cloth32,cloth100,jelly8", "--threads",
@@ -225,46 +199,6 @@ class Step(BenchTest):
             self.assertEqual(factor["status"] == "ok", factor.get("ms", 0) > 0)
         for key in summary:
             self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
-
-
-class Skip(BenchTest):
-    IMPLICIT = {"no_springs": "no_springs", "zero_rest_length": "zero_rest_length",
-                "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}
-    KEYLESS = {"at_rest", "islands"}
-    EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "islands, explicit",
-                "at_rest, explicit", "planes", "damping", "drag", "gravity"}
-
-    def test_quick(self):
-        start = time.monotonic()
-        out = self.good("skip", "--quick", "--json", "out.json")
-        self.assertLess(time.monotonic() - start, 60)
-        result = self.result()
-        self.assertEqual((result["bench"], result["quick"]), ("skip", True))
-        rows, summary = result["rows"], result["summary"]
-        for name in self.IMPLICIT.keys() | self.KEYLESS | self.EXPLICIT:
-            with self.subTest(name):
-                self.check_skip([row for row in rows if row["skip"] == name], name, summary)
-        for key in summary:
-            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
-        self.assertLessEqual(set(summary), set(self.IMPLICIT.values()))
-
-    def check_skip(self, rows, name, summary):
-        steps = {row["way"]: row for row in rows if row["measure"] == "step"}
-        factors = {row["over"]: row["factor"] for row in rows if row["measure"] == "factor"}
-        ways = {"on", "off"} | ({"off, cholmod"} if name not in self.EXPLICIT else set())
-        self.assertEqual(set(steps), ways)
-        for way, row in steps.items():
-            if row["status"] == "ok":
-                self.assertGreater(row["ms"], 0)
-                self.assertEqual(factors.get(way, 0) > 0, way != "on")
-            else:
-                self.assertGreater(len(row["reason"]), 10)
-                self.assertNotIn(way, factors)
-        if name in self.IMPLICIT:
-            key = self.IMPLICIT[name]
-            self.assertEqual(summary.get(key), factors.get("off, cholmod"))
-            if key in summary:
-                self.assertGreater(summary[key], 1)  # however busy the machine is
 
 
 class Forces(BenchTest):

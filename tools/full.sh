@@ -19,6 +19,9 @@ check() {
 # Tests that can go on for longer do, where this is set.
 long_tests() { MSIM_LONG_TESTS=1 tests release -L 'long|full'; }
 
+# What the address sanitizer has not seen yet.
+sanitized_long() { tests asan -LE full -R "$long_runs"; }
+
 # Speeds, and results that other builds have seen, tell nothing about threads.
 thread_sanitizer() {
   build tsan tsan
@@ -54,8 +57,8 @@ cppchecked() {
 
 # The build that is not optimised also tells the lines that no test reaches, and the ABI. Its tests
 # take three times as long, and where they fill disks its own counts are not written either; two of
-# them see what gcov adds. Of the
-# kernels two copies count, those for any CPU and for AVX2: few machines can run that for AVX-512.
+# them see what gcov adds. Of the kernels two copies count, those for any CPU and for AVX2: few
+# machines can run that for AVX-512.
 coverage() {
   build coverage debug "-DCMAKE_C_FLAGS=--coverage -fprofile-update=atomic" -DMSIM_TEST_TIMEOUT=1200
   GCOV_ERROR_FILE=/dev/null tests coverage -LE full \
@@ -68,6 +71,7 @@ coverage() {
 
 full() {
   long_tests
+  sanitized_long
   thread_sanitizer
   if command -v clang-14 >/dev/null; then clang_bits; else skipped+=("the same bits by clang"); fi
   coverage
