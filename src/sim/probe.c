@@ -207,8 +207,8 @@ static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
   return status;
 }
 
-/* Impacts are wild, but others may be wilder. Else the square of how much the error of a step has
- * grown, at most 4^2 */
+/* Impacts are wild, but others may be wilder. Else how much the error of a step has grown, at most
+ * 4, and that again where nothing damps it */
 static msim_status find_growth(ms_probe *p, double h, msim_error *err) {
   double now, before;
   p->growth = p->sim->scene->nplanes ? 4 : 1;
@@ -217,7 +217,7 @@ static msim_status find_growth(ms_probe *p, double h, msim_error *err) {
   if (!status) status = compare(p, &pilot, h, 1, p->x, p->v, &now, err);
   if (status) return status;
   const double ratio = now / fmax(before, p->scales.rounding);
-  if (ratio > 1) p->growth = pow(fmin(ratio, 4), 2);
+  if (ratio > 1) p->growth = pow(fmin(ratio, 4), p->damped ? 1 : 2);
   return MSIM_OK;
 }
 

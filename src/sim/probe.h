@@ -5,7 +5,8 @@
  * sixteenth of it before the first impact. From there methods are tried: some steps of h beside
  * twice as many of h/2 tell the error of h by Richardson, taken to grow linearly over the run. A
  * start at rest says little: by how much motion has grown wilder in the flight's second half, it is
- * expected to grow twice more. What comes later and is worse is not foreseen. */
+ * expected to grow once more, and twice where nothing damps it. What comes later and is worse is
+ * not foreseen. */
 #ifndef MS_PROBE_H
 #define MS_PROBE_H
 

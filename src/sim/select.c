@@ -84,7 +84,7 @@ static double longest(const ms_probe *p, const ms_integrator *method) {
 
 /* Of steps of h */
 static void settle(const ms_probe *p, ms_candidate *c) {
-  if (c->method->stages) c->price = c->method->stages(c->h, p->bounds);
+  if (c->method->stages) c->price = c->method->stages(c->h, ms_bounds_of(ms_probe_model(p)));
   c->cost = c->price / c->h;
 }
 
