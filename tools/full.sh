@@ -24,7 +24,7 @@ sanitized_long() { tests asan -LE full -R "$long_runs"; }
 
 # Speeds, and results that other builds have seen, tell nothing about threads.
 thread_sanitizer() {
-  build tsan tsan
+  build tsan tsan -DMSIM_TEST_TIMEOUT=1200
   TSAN_OPTIONS=halt_on_error=1 tests tsan \
     -R '^(pool|parallel|threads_(pcg|cholmod)|islands|auto|sim|recorder|cli_running)$'
 }

@@ -11,9 +11,9 @@ static int is_note(const ms_integrator *method, int note) {
 }
 
 void ms_carried_history(ms_bytes *b, const ms_integrator *method, const ms_stepper *s, int note) {
-  const int first = method->carried_at + (note - 1) * method->carried;
   ms_bytes_check(b, is_note(method, note), "what the method carries");
   if (ms_bytes_failed(b)) return;
+  const int first = method->carried_at + (note - 1) * method->carried;
   for (int i = 0; i < method->carried && MS_BYTES_IF(b, note > 0); i++)
     ms_bytes_pass_rows(b, s->model->shape, s->work[note > 0 ? first + i : 0]);
 }
