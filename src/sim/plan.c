@@ -98,7 +98,7 @@ double ms_plan_frame_time(const ms_plan *plan, const msim_options *opt, int64_t 
 }
 
 int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double t) {
-  const double k = floor((t - plan->t0) / frame_interval(plan, opt));
+  const double k = fmax(0, floor((t - plan->t0) / frame_interval(plan, opt)));
   if (!(k < MOST_STEPS)) return (int64_t)MOST_STEPS; /* no exact double any more */
   for (int64_t frame = (int64_t)k;; frame++) {
     const double at = ms_plan_frame_time(plan, opt, frame);
