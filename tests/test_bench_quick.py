@@ -25,9 +25,12 @@ SCENES = ["trampoline", "folding", "stiff", "damped", "jelly", "chain", "cord"]
 class QuickTest(BenchTest):
     def run_quick(self, bench, *more):
         start = time.monotonic()
-        self.good(bench, "--quick", "--json", "out.json", *more)
+        out = self.good(bench, "--quick", "--json", "out.json", *more)
         self.assertLess(time.monotonic() - start, 60)
-        return self.result()
+        result = self.result()
+        for key in result["summary"]:
+            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
+        return result
 
 
 class Quick(QuickTest):

@@ -221,14 +221,19 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_e
 
 /*------------------------------------- save -----------------------------------------------------*/
 
+/* Counted, or put; a load checks each part before it uses it. */
+static void put_sim(ms_bytes *b, msim_sim *sim, run *r) {
+  pass_run(b, sim, r);
+  if (r->others) pass_springs(b, sim->chosen_for);
+  pass_islands(b, sim, r, NULL);
+}
+
 size_t msim_sim_save_size(const msim_sim *sim) {
   ms_bytes b = {.direction = MS_COUNT, .used = sizeof(header)};
   run r = run_of(sim);
   r.inside = ms_plan_has_times(&sim->opt);
   ms_sim_marks(sim, put_mark, &b);
-  pass_run(&b, sim, &r);
-  if (r.others) pass_springs(&b, sim->chosen_for);
-  pass_islands(&b, (msim_sim *)(uintptr_t)sim, &r, NULL);
+  put_sim(&b, (msim_sim *)(uintptr_t)sim, &r);
   return b.used;
 }
 
@@ -242,9 +247,7 @@ msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *leng
   ms_sim_hash_scene(sim);
   ms_sim_marks(sim, put_mark, &b);
   h.marks = b.used - sizeof h;
-  pass_run(&b, sim, &r);
-  if (r.others) pass_springs(&b, sim->chosen_for);
-  pass_islands(&b, sim, &r, NULL);
+  put_sim(&b, sim, &r);
   if (b.used > capacity)
     return ms_fail(err, MSIM_ERR_ARG, "the checkpoint takes %zu bytes; there is room for %zu",
                    b.used, capacity);

@@ -62,11 +62,9 @@ static void destroy(void *self) {
 
 /*------------------------------------- the table ------------------------------------------------*/
 
-/* One bit spoils one member: half of all tables are good. */
 static void make_table(msim_backend *table) {
   static const char *const names[] = {"hostile", NULL, "", "pcg", "hostile "};
-  unsigned spoilt = input_next();
-  spoilt = spoilt & 1 ? spoilt >> 1 | input_next() << 7 : 0;
+  const unsigned spoilt = input_spoilt();
   *table = (msim_backend){.abi = MSIM_BACKEND_ABI,
                           .size = sizeof *table,
                           .name = "hostile",

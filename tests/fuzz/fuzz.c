@@ -43,6 +43,32 @@ void fuzz_check_state(msim_sim *sim) {
     fuzz_check(isfinite(state.x[i]) && isfinite(state.v[i]), "the state is finite");
 }
 
+msim_scene *fuzz_rope(const msim_allocator *alloc, const char *steps) {
+  char text[512];
+  msim_error err;
+  msim_scene *scene;
+  const int length = snprintf(
+      text, sizeof text,
+      "{\"msim\": 1, \"gravity\": [0, 0, -9.81], \"particles\": {\"x\": [[0,0,2],[0.5,0,2],"
+      "[1,0,0]],\"mass\": 1, \"pinned\": [0]}, \"springs\": {\"ij\": [[0,1],[1,2]], \"k\": 500},"
+      "\"run\": {\"integrator\": \"velocity-verlet\", \"h\": 0.01, %s}}",
+      steps);
+  fuzz_check(msim_scene_parse(alloc, "fuzz", text, (size_t)length, &scene, &err) == MSIM_OK,
+             err.text);
+  return scene;
+}
+
+msim_sim *fuzz_make_sim(const msim_scene *scene) {
+  msim_error err;
+  msim_sim *sim;
+  msim_options options;
+  msim_options_init(&options, sizeof options);
+  msim_options_from_scene(&options, scene, NULL);
+  options.threads = 1;
+  fuzz_check(msim_sim_create(scene, &options, &sim, &err) == MSIM_OK, err.text);
+  return sim;
+}
+
 void fuzz_run(const msim_scene *scene, const msim_options *options) {
   msim_error err;
   msim_sim *sim;

@@ -25,6 +25,13 @@ void fuzz_check_error(msim_status status, const msim_error *err);
 /* The state is finite, whatever led to it. */
 void fuzz_check_state(msim_sim *sim);
 
+/* A scene that is good: a rope of three that falls, held at one end, by velocity Verlet; steps:
+ * what its `run` says besides h. alloc: nullable */
+msim_scene *fuzz_rope(const msim_allocator *alloc, const char *steps);
+
+/* One of a good scene, as it asks for. */
+msim_sim *fuzz_make_sim(const msim_scene *scene);
+
 /* A few steps of what was read, and its explanation. */
 void fuzz_run(const msim_scene *scene, const msim_options *options);
 

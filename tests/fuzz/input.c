@@ -30,6 +30,11 @@ int64_t input_whole(void) {
   return pick < n ? all[pick] : (int64_t)pick - 20;
 }
 
+unsigned input_spoilt(void) {
+  const unsigned spoilt = input_next();
+  return spoilt & 1 ? spoilt >> 1 | input_next() << 7 : 0;
+}
+
 msim_status input_answer(const msim_host *host) {
   static const msim_status all[] = {
       MSIM_OK,         MSIM_NOT_CONVERGED, MSIM_NOT_FINITE,  MSIM_STOPPED, MSIM_ERR_ARG,

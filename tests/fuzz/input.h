@@ -14,6 +14,9 @@ unsigned input_next(void);
 double input_number(void);
 int64_t input_whole(void);
 
+/* Of a table, a bit for each member that is spoilt: half of all tables are good. */
+unsigned input_spoilt(void);
+
 /* Mostly success. Nullable: host, which is told why not. */
 msim_status input_answer(const msim_host *host);
 

@@ -72,20 +72,17 @@ static int32_t recognize(const msim_host *host, const char *path) {
   return (int32_t)input_whole();
 }
 
-static const char *pick_name(void) {
+/* What tables have in common. */
+static void spoil_head(unsigned spoilt, uint32_t *abi, uint32_t *size, const char **name) {
   static const char *const names[] = {"hdf5", NULL, "", "csv", "hdf5 "};
-  return names[input_next() % (sizeof names / sizeof *names)];
-}
-
-/* One bit spoils one member: half of all tables are good. */
-static unsigned pick_spoilt(void) {
-  const unsigned spoilt = input_next();
-  return spoilt & 1 ? spoilt >> 1 | input_next() << 7 : 0;
+  if (spoilt & 256) *abi = input_next();
+  if (spoilt & 512) *size = input_next();
+  if (spoilt & 1024) *name = names[input_next() % (sizeof names / sizeof *names)];
 }
 
 const msim_recorder_type *fuzz_recorder(void) {
   static msim_recorder_type table;
-  const unsigned spoilt = pick_spoilt();
+  const unsigned spoilt = input_spoilt();
   table = (msim_recorder_type){.abi = MSIM_RECORDER_ABI,
                                .size = sizeof table,
                                .name = "hdf5",
@@ -97,9 +94,7 @@ const msim_recorder_type *fuzz_recorder(void) {
                                .close = spoilt & 32 ? NULL : close_file,
                                .resume = spoilt & 64 ? NULL : resume,
                                .recognize = spoilt & 128 ? NULL : recognize};
-  if (spoilt & 256) table.abi = input_next();
-  if (spoilt & 512) table.size = input_next();
-  if (spoilt & 1024) table.name = pick_name();
+  spoil_head(spoilt, &table.abi, &table.size, &table.name);
   return spoilt & 2048 ? NULL : &table;
 }
 
@@ -196,7 +191,7 @@ static msim_status save(const msim_host *host, const char *path, int32_t count,
 
 const msim_importer *fuzz_importer(void) {
   static msim_importer table;
-  const unsigned spoilt = pick_spoilt();
+  const unsigned spoilt = input_spoilt();
   table = (msim_importer){.abi = MSIM_IMPORTER_ABI,
                           .size = sizeof table,
                           .name = "hdf5",
@@ -205,18 +200,11 @@ const msim_importer *fuzz_importer(void) {
                           .license = spoilt & 4 ? NULL : "MIT",
                           .load = spoilt & 8 ? NULL : load,
                           .save = spoilt & 16 ? NULL : save};
-  if (spoilt & 256) table.abi = input_next();
-  if (spoilt & 512) table.size = input_next();
-  if (spoilt & 1024) table.name = pick_name();
+  spoil_head(spoilt, &table.abi, &table.size, &table.name);
   return spoilt & 2048 ? NULL : &table;
 }
 
 /*------------------------------------- what msim makes of them ----------------------------------*/
-
-static const char text[] =
-    "{\"msim\": 1, \"gravity\": [0, 0, -9.81], \"particles\": {\"x\": [[0,0,2],[0.5,0,2],[1,0,0]],"
-    "\"mass\": 1, \"pinned\": [0]}, \"springs\": {\"ij\": [[0,1],[1,2]], \"k\": 500},"
-    "\"run\": {\"integrator\": \"velocity-verlet\", \"h\": 0.01, \"steps\": 4, \"every\": 1}}";
 
 static int write_state(msim_sim *sim, void *recorder) {
   msim_error err;
@@ -242,25 +230,12 @@ static void record(msim_sim *sim, const char *path) {
   fuzz_check_error(msim_recorder_close(recorder, &err), &err);
 }
 
-static msim_sim *make_sim(const msim_scene *scene) {
-  msim_error err;
-  msim_sim *sim;
-  msim_options options;
-  msim_options_init(&options, sizeof options);
-  msim_options_from_scene(&options, scene, NULL);
-  options.threads = 1;
-  fuzz_check(msim_sim_create(scene, &options, &sim, &err) == MSIM_OK, err.text);
-  return sim;
-}
-
 static void try_recorder(const char *path) {
   msim_error err;
-  msim_scene *scene;
-  fuzz_check(msim_scene_parse(NULL, "fuzz", text, sizeof text - 1, &scene, &err) == MSIM_OK,
-             err.text);
-  msim_sim *sim = make_sim(scene);
+  msim_scene *scene = fuzz_rope(NULL, "\"steps\": 4, \"every\": 1");
+  msim_sim *sim = fuzz_make_sim(scene);
   if (saved_length == 0) {
-    msim_sim *other = make_sim(scene);
+    msim_sim *other = fuzz_make_sim(scene);
     msim_sim_step(other, 2, NULL);
     fuzz_check(msim_sim_save(other, saved, sizeof saved, &saved_length, &err) == MSIM_OK, err.text);
     msim_sim_destroy(other);

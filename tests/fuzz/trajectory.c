@@ -11,31 +11,9 @@
 
 enum { MOST_BYTES = 4 << 20, NX = 9 };
 
-static const char text[] =
-    "{\"msim\": 1, \"gravity\": [0, 0, -9.81], \"particles\": {\"x\": [[0,0,2],[0.5,0,2],[1,0,0]],"
-    "\"mass\": 1, \"pinned\": [0]}, \"springs\": {\"ij\": [[0,1],[1,2]], \"k\": 500},"
-    "\"run\": {\"integrator\": \"velocity-verlet\", \"h\": 0.01, \"steps\": 8, \"every\": 2}}";
+static const char steps[] = "\"steps\": 8, \"every\": 2";
 
 /*------------------------------------- the run --------------------------------------------------*/
-
-static msim_scene *make_scene(const msim_allocator *alloc) {
-  msim_error err;
-  msim_scene *scene;
-  fuzz_check(msim_scene_parse(alloc, "fuzz", text, sizeof text - 1, &scene, &err) == MSIM_OK,
-             err.text);
-  return scene;
-}
-
-static msim_sim *make_sim(const msim_scene *scene) {
-  msim_error err;
-  msim_sim *sim;
-  msim_options options;
-  msim_options_init(&options, sizeof options);
-  msim_options_from_scene(&options, scene, NULL);
-  options.threads = 1;
-  fuzz_check(msim_sim_create(scene, &options, &sim, &err) == MSIM_OK, err.text);
-  return sim;
-}
 
 /* Where the sim is, and what the next steps make of it. */
 static void follow(msim_sim *sim, double *x) {
@@ -94,14 +72,14 @@ static const sample *find_sample(const char *path) {
   msim_error err;
   msim_recorder *recorder;
   if (s.file) return &s;
-  msim_scene *scene = make_scene(NULL);
-  msim_sim *sim = make_sim(scene);
+  msim_scene *scene = fuzz_rope(NULL, steps);
+  msim_sim *sim = fuzz_make_sim(scene);
   fuzz_check(msim_recorder_open(sim, path, &recorder, &err) == MSIM_OK, err.text);
   record(sim, recorder, 3);
   s.file = fuzz_read(&s.size);
   find_slots(&s);
   msim_sim_destroy(sim);
-  sim = make_sim(scene);
+  sim = fuzz_make_sim(scene);
   follow(sim, s.x);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
@@ -155,8 +133,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   input_begin(data, size);
   uint8_t *file = make_file(s, &size);
   fuzz_write(file, size);
-  msim_scene *scene = make_scene(&alloc);
-  msim_sim *sim = make_sim(scene);
+  msim_scene *scene = fuzz_rope(&alloc, steps);
+  msim_sim *sim = fuzz_make_sim(scene);
   const msim_status status = msim_recorder_resume(sim, path, &recorder, &err);
   fuzz_check_error(status, &err);
   fuzz_check(status != MSIM_ERR_PLUGIN && status != MSIM_ERR_NAME, err.text);
