@@ -157,7 +157,7 @@ static void another_run_is_refused(void **state) {
   s.what.nframes = PLANNED, s.times[9] += 0.01;
   refuse(MSIM_ERR_ARG, "its frame 9 is planned at t = 0.9");
   s.times[3] = 0.31, s.times[4] = 0.41;
-  refuse(MSIM_ERR_ARG, "of its 5 frames none has both a whole checkpoint and a time of this run");
+  refuse(MSIM_ERR_ARG, "its frame 3 is planned at t = 0.3");
   sample_free(&s);
   remove("a.vtkhdf");
 }

@@ -201,10 +201,6 @@ static void find_checkpoint(recorder *r, int64_t committed, const double *times)
     newest = i;
   }
   if (r->written > 0) h5_get(r, r->slot[newest], WHOLE, 0, h5_slot_words(r->capacity), r->words);
-  else if (committed > 0 && r->fault.status == MSIM_OK)
-    h5_fail(r, MSIM_ERR_ARG,
-            "of its %" PRId64 " frames none has both a whole checkpoint and a time of this run",
-            committed);
 }
 
 /* The file shows the time of every frame from the beginning. That of the last one written may be
@@ -237,6 +233,10 @@ static void find_end(recorder *r, const msim_recording *what) {
   find_checkpoint(r, committed, what->times);
   if (r->committed > r->written) r->planned_t = what->times[r->committed - 1];
   check_times(r, what);
+  if (r->written == 0 && committed > 0 && r->fault.status == MSIM_OK)
+    h5_fail(r, MSIM_ERR_ARG,
+            "of its %" PRId64 " frames none has both a whole checkpoint and a time of this run",
+            committed);
 }
 
 /* Where libhdf5 may write it may change a damaged file at once. So it may not until all has been
