@@ -38,10 +38,10 @@ clang_bits() {
 memory_checked() {
   local test
   for test in scene objects scene_json bad_scenes layout shapes sim newton respa planes frames \
-    recorder csv; do
+    events coarse recorder csv checkpoint_bytes hdf5_resume; do
     MSIM_ISA=baseline MSIM_PLUGIN_PATH=$top/build/release/lib/msim valgrind --quiet \
-      --leak-check=full --errors-for-leak-kinds=definite --error-exitcode=1 \
-      "build/release/bin/test_$test" || return
+      --suppressions=tools/valgrind.supp --leak-check=full --errors-for-leak-kinds=definite \
+      --error-exitcode=1 "build/release/bin/test_$test" || return
   done
 }
 
