@@ -17,6 +17,10 @@ class BenchTest(CliTest):
     def find(self, rows, **wanted):
         return [row for row in rows if wanted.items() <= row.items()]
 
+    def check_printed(self, summary, out):
+        for key in summary:
+            self.assertRegex(out, rf"(?m)^  {key} +[-0-9.e]+$")
+
 
 class Children(BenchTest):
     @staticmethod
