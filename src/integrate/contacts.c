@@ -34,7 +34,8 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
   }
   e->contact = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->contact);
   e->hold = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->hold);
-  return e->contact && e->hold ? MSIM_OK : ms_fail_memory(err, "the impacts");
+  e->near = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->near);
+  return e->contact && e->hold && e->near ? MSIM_OK : ms_fail_memory(err, "the impacts");
 }
 
 ms_walls ms_walls_of(const ms_stepper *s) {
@@ -45,7 +46,7 @@ ms_walls ms_walls_of(const ms_stepper *s) {
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->hold, e};
+  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->hold, e->near, e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
 }
 

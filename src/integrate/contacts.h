@@ -41,6 +41,8 @@ typedef struct ms_events {
   ms_contact *contact;
   ms_hold *hold; /* the same for the matrix */
   int32_t ncontacts;
+  int32_t *near; /* nnear rows that may touch a plane in the step of velocity Verlet */
+  int32_t nnear;
   uint64_t held; /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
 } ms_events;
 

@@ -346,7 +346,7 @@ static void note(journey *j) {
 
 msim_status ms_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_events *e = s->events;
-  if (!e) return method->step(s, err);
+  if (!e || method->replays) return method->step(s, err);
   double *x = s->x, *v = s->v;
   const int carried = s->warm & ~MS_NOTED;
   journey j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};

@@ -46,6 +46,7 @@ typedef struct ms_integrator {
   int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
   int separable; /* needs forces that do not depend on velocities: no damping, no drag */
   int splits;    /* keeps stiff springs apart: stepper.split, which belongs to h and the springs */
+  int replays;   /* handles impacts and contact itself, under collision = event (replay.h) */
   int one_step;  /* a step depends on x and v alone, so that two halves tell its error */
   int32_t nwork;
   int32_t carried, carried_at; /* work vectors that steps to come read: so many, where warm = 1 + k

@@ -1,6 +1,7 @@
 #include <math.h>
 
 #include "integrate/methods.h"
+#include "integrate/replay.h"
 
 /* x' = x + h v + h^2/2 a,  v' = v + h/2 (a + a(x', v + h a))
  *
@@ -16,6 +17,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   if (!s->warm) ms_acceleration(s, s->x, s->v, a);
   ms_add2(shape, s->x, h, s->v, h * h / 2, a, s->x_next);
   if (!separable) ms_combine(shape, s->v, h, a, v_predicted);
+  ms_replay_positions(s, a, v_predicted);
   ms_evaluate(s, &(ms_pass){.x = s->x_next,
                             .v = v_predicted,
                             .a = a_next,
@@ -24,6 +26,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
                             .a_before = a,
                             .h_before = h / 2,
                             .h = h / 2});
+  ms_replay_velocities(s, a, a_next);
   int64_t reflected = ms_reflect(s, s->x_next, s->v_next);
   s->warm_next = separable && !reflected ? 1 + next : 0;
   return MSIM_OK;
@@ -48,5 +51,6 @@ const ms_integrator ms_velocity_verlet = {
     .one_step = 1,
     .nwork = 3,
     .carried = 1,
+    .replays = 1,
     .step = step,
     .limit = limit};
