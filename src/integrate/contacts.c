@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "physics/path.h"
 
 /* Flights shorter than this share of a step are none. */
 #define REST 0.25
@@ -27,7 +28,7 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
   ms_events *e = *events = ms_new(&scene->alloc, 1, sizeof *e);
   if (!e) return ms_fail_memory(err, "the impacts");
   e->reach = find_reach(model);
-  double **vectors[] = {&e->x, &e->v, &e->a, &e->a_end};
+  double **vectors[] = {&e->x, &e->v, &e->a, &e->a_end, &e->stage[0], &e->stage[1]};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
     *vectors[i] = ms_rows_vector(scene, &model->rows);
     if (!*vectors[i]) return ms_fail_memory(err, "the impacts");
@@ -40,13 +41,14 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
 
 ms_walls ms_walls_of(const ms_stepper *s) {
   const ms_scene *scene = s->model->scene;
-  return (ms_walls){scene->nplanes, scene->planes, s->events->reach};
+  return (ms_walls){scene->nplanes, scene->planes, s->events->reach, s->events->merge};
 }
 
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->hold, e->near, e};
+  void *arrays[] = {e->x,        e->v,       e->a,    e->a_end, e->stage[0],
+                    e->stage[1], e->contact, e->hold, e->near,  e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
 }
 
@@ -71,7 +73,8 @@ void ms_contacts_own(ms_stepper *s) {
 
 int ms_would_rest(const msim_plane *p, const double v[3], const double a[3], double h) {
   const double pressed = -ms_dot3(p->normal, a);
-  return pressed > MS_PRESS * ms_norm3(a) && 2 * ms_dot3(p->normal, v) < REST * h * pressed;
+  return pressed > MS_PRESS * ms_norm3(a) &&
+         2 * ms_dot3(p->normal, v) < REST * h * pressed + 2e-14 * ms_norm3(v);
 }
 
 /* Bounce what runs into a plane, put on it what lies outside. */
@@ -187,7 +190,15 @@ static int settle(ms_stepper *s, ms_contact *c, double h, int slips) {
   double v[3], before[3], a[3], least;
   ms_row_get(rows, s->v, c->row, v);
   ms_row_get(rows, s->events->a, c->row, a);
-  c->on = find_holding(&c->on, v, a, h);
+  const ms_touch touched = c->on;
+  c->on = find_holding(&touched, v, a, h);
+  const double left = s->events->sums;
+  if (!c->on.n && left > 0 && touched.n == 1 &&
+      ms_path_sums_bounces(touched.plane[0], v, a, left, left)) {
+    c->on = touched;
+    c->bounces = 1;
+    c->rebound = ms_dot3(touched.plane[0]->normal, v);
+  }
   if (!c->on.n) return 0;
   c->fixed = c->on.n >= rows->dims;
   c->rubs = 0;
@@ -208,7 +219,7 @@ static int settle(ms_stepper *s, ms_contact *c, double h, int slips) {
 }
 
 /* The acceleration as if nothing rested */
-static void find_free(ms_stepper *s, const double *x, const double *v, double *a) {
+void ms_contacts_free(ms_stepper *s, const double *x, const double *v, double *a) {
   const int32_t n = s->events->ncontacts;
   s->events->ncontacts = 0;
   ms_acceleration(s, x, v, a);
@@ -230,7 +241,7 @@ void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slippin
     meet_planes(s, &walls, &e->contact[touching++]);
   }
   if (!touching) return;
-  if (!e->known) find_free(s, s->x, s->v, e->a);
+  if (!e->known) ms_contacts_free(s, s->x, s->v, e->a);
   e->known = 1;
   int32_t resting = 0;
   for (int32_t i = 0; i < touching; i++) {
@@ -312,5 +323,5 @@ void ms_contacts_finish(ms_stepper *s) {
     ms_row_put(rows, x, c->row, s->x_next);
     ms_row_put(rows, v, c->row, s->v_next);
   }
-  find_free(s, s->x_next, s->v_next, s->events->a_end);
+  ms_contacts_free(s, s->x_next, s->v_next, s->events->a_end);
 }

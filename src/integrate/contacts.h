@@ -24,6 +24,8 @@ typedef struct ms_contact {
   int fixed;       /* as many planes as components: nowhere to slide */
   int rubs;        /* there is friction */
   int hovers;      /* held above its plane, not on it */
+  int bounces;     /* so shortly that its path sums the bounces */
+  double rebound;  /* n.v at the start of the part, of what bounces */
   ms_touch on;     /* independent planes */
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
   double rub[3];   /* what friction adds to a at the start of the part, where it slides */
@@ -32,10 +34,12 @@ typedef struct ms_contact {
 /* What a stepper has under collision = event: the part of the step that is being made starts from
  * s->x and s->v, which lie in x and v here once something was changed there. */
 typedef struct ms_events {
-  double reach; /* of the walls */
+  double reach, merge; /* of the walls */
   double *x, *v;
   double *a, *a_end; /* F/m at the start of the part and at its end, as if nothing rested */
+  double *stage[2];  /* x and v of a stage of the interpolant */
   int known;         /* a is that of s->x, s->v */
+  double sums;       /* s: bounces that end within are summed (path.h); 0: none */
   int steady; /* friction pulls as at the start, all through the part: implicit methods, whose
                         matrix holds what rests but knows nothing of friction */
   ms_contact *contact;
@@ -63,6 +67,9 @@ void ms_contacts_own(ms_stepper *s);
  * rests is found; h: the whole step. Where a contact was found to end just here, its row: rounding
  * is not asked again. -1: none. */
 void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slipping);
+
+/* The free acceleration at x, v: as if nothing rested. */
+void ms_contacts_free(ms_stepper *s, const double *x, const double *v, double *a);
 
 /* A particle is held above a plane for the rest of the step, as the at-th contact: these are in the
  * order of rows. */

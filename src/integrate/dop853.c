@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "integrate/contacts.h"
 #include "integrate/interpolate.h"
 #include "integrate/methods.h"
 
@@ -72,6 +73,15 @@ static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
   add_slopes(s, NULL, 0, NULL, s->h, E[which], k, dv);
 }
 
+/* The stages of the interpolant of the step from x, v, made once. warm: of the step's end. */
+static void make_dense(ms_stepper *s, int warm, const double *x, const double *v, double *X,
+                       double *V) {
+  double *k[STAGES];
+  s->looked = OWN + (warm == 2);
+  find_slopes(s, warm != 2, k);
+  for (int i = RESULT + 1; i < STAGES; i++) evaluate_stage(s, x, v, i, k, X, V);
+}
+
 /* The cubic one, and h sum_j d_j k_j and h^2 sum_j dd_j k_j on top,
  *   d_j = t^2 u^2 D_0j + t^3 u^2 D_1j + t^3 u^3 D_2j + t^4 u^3 D_3j,  t = theta,  u = 1 - theta
  * with three more stages. Where the end was reflected the cubic one alone, as it meets the end. */
@@ -80,22 +90,41 @@ static void interpolate(ms_stepper *s, double theta, double *x, double *v) {
   const double w[4] = {t * t * u * u, t * t * t * u * u, t * t * t * u * u * u,
                        t * t * t * t * u * u * u};
   const ms_shape shape = s->model->shape;
-  const int is_first = !s->looked;
-  if (is_first && s->warm) s->looked = OWN + (s->warm == 2);
+  if (!s->looked && s->warm) make_dense(s, s->warm, s->x_next, s->v_next, x, v);
   if (s->looked < OWN) {
     ms_interpolate_cubic(s, theta, x, v);
     return;
   }
   double *k[STAGES], row[STAGES] = {0}, row2[STAGES] = {0};
   find_slopes(s, s->looked == OWN, k);
-  for (int i = RESULT + 1; i < STAGES && is_first; i++)
-    evaluate_stage(s, s->x_next, s->v_next, i, k, x, v);
   for (int j = 0; j < STAGES; j++)
     for (int n = 0; n < 4; n++) row[j] += w[n] * D[n][j], row2[j] += w[n] * DD[n][j];
   ms_hermite(shape, s->h, theta, s->x_next, s->v_next, s->x, s->v, x);
   ms_hermite(shape, s->h, theta, s->v_next, k[0], s->v, k[RESULT], v);
   add_slopes(s, x, 0, NULL, s->h * s->h, row2, k, x);
   add_slopes(s, v, 0, NULL, s->h, row, k, v);
+}
+
+/* t^2 u^2, t^3 u^2, t^3 u^3 and t^4 u^3 are each a share of one Bernstein polynomial, of degree 4,
+ * 5, 6 and 7. */
+static void path(ms_stepper *s, size_t at, ms_bernstein *to) {
+  static const int index[4] = {2, 3, 3, 4};
+  static const double share[4] = {1. / 6, 1. / 10, 1. / 20, 1. / 35};
+  double *k[STAGES];
+  if (s->looked < OWN) {
+    double **stage = s->events->stage;
+    ms_hold_stages(s, stage[0]);
+    make_dense(s, s->warm_next, s->x, s->v, stage[0], stage[1]);
+  }
+  find_slopes(s, s->looked == OWN, k);
+  *to = ms_bernstein_cubic(s->x[at], s->h * s->v[at], s->x_next[at], s->h * s->v_next[at]);
+  for (int n = 0; n < 4; n++) {
+    double sum = 0;
+    for (int j = 0; j < STAGES; j++)
+      if (DD[n][j] != 0) sum += DD[n][j] * k[j][at];
+    ms_bernstein_elevate(to);
+    to->c[index[n]] += share[n] * s->h * s->h * sum;
+  }
 }
 
 /* On the imaginary axis and on the real one; between them the region is no smaller. */
@@ -113,4 +142,5 @@ const ms_integrator ms_dop853 = {
     .two_estimates = 1,
     .chooses_steps = 1,
     .interpolate = interpolate,
+    .path = path,
     .limit = limit};

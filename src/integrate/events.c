@@ -6,6 +6,7 @@
 
 #include "base/vec3.h"
 #include "integrate/flight.h"
+#include "integrate/locate.h"
 
 typedef enum kind { NOTHING, IMPACT, STOP, SLIP, RELEASE } kind;
 
@@ -347,6 +348,7 @@ static void note(journey *j) {
 msim_status ms_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_events *e = s->events;
   if (!e || method->replays) return method->step(s, err);
+  if (!method->entry.implicit) return ms_locate_step(method, s, err);
   double *x = s->x, *v = s->v;
   const int carried = s->warm & ~MS_NOTED;
   journey j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};

@@ -3,6 +3,7 @@
 #define MS_INTEGRATOR_H
 
 #include "linear/solver.h"
+#include "physics/bernstein.h"
 #include "physics/bounds.h"
 #include "physics/step.h"
 
@@ -71,6 +72,9 @@ typedef struct ms_integrator {
   /* The state a share theta into the step that was accepted last; see interpolate.h. Nullable: by
    * cubics. */
   void (*interpolate)(ms_stepper *s, double theta, double *x, double *v);
+  /* One entry of x over the step just made and not accepted, under collision = event. Nullable: by
+   * cubics. */
+  void (*path)(ms_stepper *s, size_t at, ms_bernstein *to);
   /* x and v at t, where the method carries other variables, which belong to h. Nullable. */
   void (*show)(const ms_stepper *s, double *x, double *v);
   /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */

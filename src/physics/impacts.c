@@ -11,7 +11,7 @@ double ms_distance(const msim_plane *p, const double x[3]) {
 }
 
 double ms_distance_noise(const ms_walls *walls, const double x[3]) {
-  return 8 * DBL_EPSILON * fmax(walls->reach, ms_norm3(x));
+  return 8 * DBL_EPSILON * fmax(walls->reach, ms_norm3(x)) + walls->merge;
 }
 
 double ms_speed_noise(const double v[3]) { return 16 * DBL_EPSILON * ms_norm3(v); }

@@ -16,6 +16,12 @@ typedef struct ms_touch {
   const msim_plane *plane[MS_MOST_TOUCHED];
 } ms_touch;
 
+static inline int ms_touch_holds(const ms_touch *touch, const msim_plane *plane) {
+  for (int i = 0; i < touch->n; i++)
+    if (touch->plane[i] == plane) return 1;
+  return 0;
+}
+
 /* s = n.x - d */
 double ms_distance(const msim_plane *p, const double x[3]);
 
@@ -23,6 +29,7 @@ typedef struct ms_walls {
   int32_t n;
   const msim_plane *plane;
   double reach; /* the size of the scene, by which coordinates near 0 are rounded too */
+  double merge; /* m: what is nearer to a plane touches it */
 } ms_walls;
 
 /* A distance or a speed that may be rounding. */

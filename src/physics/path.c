@@ -60,12 +60,6 @@ static void kick_along(walk *k, double dt) {
 
 /*------------------------------------- the next impact ------------------------------------------*/
 
-static int holds(const ms_touch *on, const msim_plane *plane) {
-  for (int i = 0; i < on->n; i++)
-    if (on->plane[i] == plane) return 1;
-  return 0;
-}
-
 /* When s + u t + g t^2/2 falls below 0; INFINITY: never. */
 static double fall_time(double s, double u, double g, int touches, double noise) {
   if (touches) return u < -noise ? 0 : g < 0 ? fmax(0, -2 * u / g) : INFINITY;
@@ -82,7 +76,7 @@ static const msim_plane *find_impact(const walk *k, const double v[3], const dou
   const msim_plane *first = NULL;
   *when = left;
   for (const msim_plane *q = walls->plane; q < walls->plane + walls->n; q++) {
-    if (holds(&k->on, q)) continue;
+    if (ms_touch_holds(&k->on, q)) continue;
     const double s = ms_distance(q, k->p->x), *n = q->normal;
     const double t = fall_time(s, ms_dot3(n, v), ms_dot3(n, a), s <= noise, k->noise);
     if (t < *when) *when = t, first = q;
@@ -169,14 +163,26 @@ static void bounce_along(const msim_plane *q, const double b[3], const series *s
   ms_axpy3(s->kept * fmax(0, u), n, v);
 }
 
+/* Bounces that are summed; number 0: none. */
+static series find_series(const msim_plane *q, const double v[3], const double a[3], double h,
+                          double left) {
+  const double SHORT = 1. / 64; /* of the step: summed though they do not end in it */
+  const double u = ms_dot3(q->normal, v), g = -ms_dot3(q->normal, a);
+  if (!(g > 0) || !(u > 0)) return (series){0};
+  const series s = sum_bounces(q->restitution, u, g, left);
+  return s.number >= 1 && (s.kept == 0 || 2 * u < SHORT * h * g) ? s : (series){0};
+}
+
+int ms_path_sums_bounces(const msim_plane *plane, const double v[3], const double a[3], double h,
+                         double left) {
+  return find_series(plane, v, a, h, left).number > 0;
+}
+
 /* After a bounce on one plane: those that follow, where they are short or end in the step. */
 static void bounce_on(walk *k, const msim_plane *q) {
-  enum { FEWEST = 64 }; /* bounces in a step that are summed though they do not end there */
   ms_path *p = k->p;
-  const double u = ms_dot3(q->normal, p->v), g = -ms_dot3(q->normal, p->a), left = p->h - k->t;
-  if (!(g > 0) || u <= k->noise) return;
-  const series s = sum_bounces(q->restitution, u, g, left);
-  if (s.number < 1 || (s.kept > 0 && 2 * u * FEWEST > g * p->h) || !is_alone(k, q, s.time)) return;
+  const series s = find_series(q, p->v, p->a, p->h, p->h - k->t);
+  if (s.number < 1 || !is_alone(k, q, s.time)) return;
   double middle[3], dx[3];
   acceleration_at(p, k->t + s.time / 2, middle);
   bounce_along(q, middle, &s, p->w, dx);

@@ -1,0 +1,372 @@
+#include "integrate/locate.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/vec3.h"
+#include "physics/friction.h"
+#include "physics/path.h"
+
+/* A step in parts */
+typedef struct substeps {
+  const ms_integrator *method;
+  ms_stepper *s;
+  ms_events *e;
+  double h, done; /* the step, and how much of it lies behind */
+  int may_cut;    /* paths of particles, of order 2, would be worse than the method */
+  int cuts;
+  int carried;    /* what s->warm was */
+  int warm;       /* for the part to come; 0: without what was carried over */
+  int lost;       /* a part was made without */
+  int ends_known; /* a and a_end are those of the part just made */
+} substeps;
+
+/* The first impact of a part: of which row, with which plane, at which share of the part */
+typedef struct impact {
+  double share;
+  int32_t row;
+  const msim_plane *plane;
+} impact;
+
+/*------------------------------------- paths of particles ---------------------------------------*/
+
+/* Its acceleration is linear in time; x ends where that leads: h^2/2 (2 a0 + a1)/3. */
+static void follow_path(substeps *j, int32_t row, double rebound, const msim_plane *plane) {
+  ms_stepper *s = j->s;
+  const ms_rows *rows = &s->model->rows;
+  ms_path p = {.walls = ms_walls_of(s), .h = s->h};
+  ms_row_get(rows, s->x, row, p.x);
+  ms_row_get(rows, s->v, row, p.v);
+  ms_row_get(rows, j->e->a, row, p.b0);
+  ms_row_get(rows, j->e->a_end, row, p.b1);
+  for (int c = 0; c < 3; c++) p.a[c] = (2 * p.b0[c] + p.b1[c]) / 3;
+  if (rebound > 0) ms_axpy3(rebound, plane->normal, p.v);
+  memcpy(p.w, p.v, sizeof p.w);
+  ms_path_follow(&p);
+  ms_row_put(rows, p.x, row, s->x_next);
+  ms_row_put(rows, p.w, row, s->v_next);
+  s->stats->contacts += p.impacts;
+  s->warm_next = 0;
+  s->finite = 0;
+  j->ends_known = 0;
+}
+
+/* When the sliding particle stops (s), with the mean acceleration until then; INFINITY: never. */
+static double stop_time(const substeps *j, const ms_contact *c) {
+  const ms_rows *rows = &j->s->model->rows;
+  double a0[3], a1[3], v[3], least, time = 0;
+  ms_row_get(rows, j->e->a, c->row, a0);
+  ms_row_get(rows, j->e->a_end, c->row, a1);
+  ms_row_get(rows, j->s->v, c->row, v);
+  for (int i = 0; i < 3; i++) {
+    const double share = 0.5 * fmin(1, time / j->s->h);
+    double a[3];
+    for (int k = 0; k < 3; k++) a[k] = a0[k] + share * (a1[k] - a0[k]);
+    const double friction = ms_keep_along(&c->on, a, &least);
+    time = ms_friction_stop(a, friction, v);
+  }
+  return time;
+}
+
+/* Its direction changes by more than 45 degrees in the part, or is stiff there: what is across v
+ * decays at the rate F/|v|. On a line nothing is across. */
+static int turns(const substeps *j, const ms_contact *c) {
+  const ms_rows *rows = &j->s->model->rows;
+  double v0[3], v1[3], a[3], least;
+  ms_row_get(rows, j->s->v, c->row, v0);
+  ms_row_get(rows, j->s->v_next, c->row, v1);
+  ms_row_get(rows, j->e->a_end, c->row, a);
+  const double slow = j->s->h * ms_keep_along(&c->on, a, &least), speed = ms_norm3(v0);
+  const double along = ms_dot3(v0, a), across2 = ms_dot3(a, a) * speed * speed - along * along;
+  const int is_straight = across2 <= 1e-12 * along * along;
+  return (fmin(speed, ms_norm3(v1)) < slow && !is_straight) ||
+         ms_dot3(v0, v1) < sqrt(0.5) * speed * ms_norm3(v1);
+}
+
+/* The share of the part after which g, linear in time, is below 0 */
+static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
+
+/* The share of the part just made after which the contact ends, or another kind of it begins: it is
+ * lifted, slips or stops; MS_NOWHERE: nothing of that. */
+static double find_change(const substeps *j, const ms_contact *c) {
+  const ms_rows *rows = &j->s->model->rows;
+  double a0[3], a1[3];
+  if (c->bounces) return MS_NOWHERE;
+  ms_row_get(rows, j->e->a, c->row, a0);
+  ms_row_get(rows, j->e->a_end, c->row, a1);
+  const double noise = MS_PRESS * ms_norm3(a1), push = ms_contact_reaction(c, a1);
+  if (push < -noise) return crossing(ms_contact_reaction(c, a0), push);
+  if (c->fixed || (c->sticks && ms_contact_grip(c, a1) >= -noise)) return MS_NOWHERE;
+  if (c->sticks) return crossing(ms_contact_grip(c, a0), ms_contact_grip(c, a1));
+  const double stop = c->rubs ? stop_time(j, c) / j->s->h : MS_NOWHERE;
+  return stop <= 1 ? stop : c->rubs && turns(j, c) ? 0.5 : MS_NOWHERE;
+}
+
+/* Its end of the part is that of its own path: bounces are summed, something changes, or the method
+ * knows no forces of velocities, as friction is one. */
+static int needs_path(const substeps *j, const ms_contact *c) {
+  const int rubs = c->rubs && !c->sticks && j->method->separable;
+  return c->bounces || rubs || find_change(j, c) <= 1;
+}
+
+/*------------------------------------- the first impact -----------------------------------------*/
+
+/* The distance of a row from a plane, over the part just made. The cubic's error is at most
+ * h^4/384 |x''''|, with |x''''| <= omega^2 |x''|, of which the ends show some: *doubt is 4 times
+ * that. */
+static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_plane *p,
+                                     double omega, double *doubt) {
+  const ms_stepper *s = j->s;
+  const ms_rows *rows = &s->model->rows;
+  double x[2][3], v[2][3];
+  ms_row_get(rows, s->x, row, x[0]);
+  ms_row_get(rows, s->v, row, v[0]);
+  ms_row_get(rows, s->x_next, row, x[1]);
+  ms_row_get(rows, s->v_next, row, v[1]);
+  const double u0 = s->h * ms_dot3(p->normal, v[0]), u1 = s->h * ms_dot3(p->normal, v[1]);
+  const double s0 = ms_distance(p, x[0]), s1 = ms_distance(p, x[1]), z = s->h * omega;
+  const double bend =
+      fmax(fabs(6 * (s1 - s0) - 4 * u0 - 2 * u1), fabs(6 * (s0 - s1) + 2 * u0 + 4 * u1));
+  *doubt = z * z / 96 * bend;
+  return ms_bernstein_cubic(s0, u0, s1, u1);
+}
+
+static ms_bernstein distance_by_path(const substeps *j, int32_t row, const msim_plane *p) {
+  const ms_rows *rows = &j->s->model->rows;
+  ms_bernstein sum = {.degree = MS_MAX_DEGREE}, of;
+  for (int i = 0; i <= sum.degree; i++) sum.c[i] = -p->offset;
+  for (int32_t c = 0; c < rows->dims; c++) {
+    j->method->path(j->s, (size_t)c * (size_t)rows->stride + (size_t)row, &of);
+    for (int i = 0; i <= sum.degree; i++) sum.c[i] += p->normal[rows->axis[c]] * of.c[i];
+  }
+  return sum;
+}
+
+static void know_ends(substeps *j) {
+  if (j->ends_known) return;
+  if (!j->e->known) ms_contacts_free(j->s, j->s->x, j->s->v, j->e->a);
+  if (!j->e->ncontacts) ms_contacts_free(j->s, j->s->x_next, j->s->v_next, j->e->a_end);
+  j->e->known = 1;
+  j->ends_known = 1;
+}
+
+static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const msim_plane *p,
+                                              const ms_bernstein *cubic) {
+  const ms_rows *rows = &j->s->model->rows;
+  const double h2 = j->s->h * j->s->h, *c = cubic->c;
+  double a[2][3];
+  know_ends(j);
+  ms_row_get(rows, j->e->a, row, a[0]);
+  ms_row_get(rows, j->e->a_end, row, a[1]);
+  return ms_bernstein_quintic(c[0], 3 * (c[1] - c[0]), h2 * ms_dot3(p->normal, a[0]), c[3],
+                              3 * (c[3] - c[2]), h2 * ms_dot3(p->normal, a[1]));
+}
+
+/* What touches a plane and does not run into it stays off it for that share of the part. */
+#define LEAST 1. / 16
+
+static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double omega) {
+  const ms_stepper *s = j->s;
+  double x[3], doubt;
+  ms_row_get(&s->model->rows, s->x, row, x);
+  const ms_walls walls = ms_walls_of(s);
+  const double noise = ms_distance_noise(&walls, x);
+  ms_bernstein path = distance_by_ends(j, row, p, omega, &doubt);
+  double least = path.c[0];
+  for (int i = 1; i <= 3; i++) least = fmin(least, path.c[i]);
+  if (least > doubt) return MS_NOWHERE;
+  if (j->method->path) path = distance_by_path(j, row, p);
+  else if (s->h * omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
+  const double q = ms_bernstein_first_fall(&path, noise);
+  return q <= 1 && path.c[0] <= noise ? fmax(q, LEAST) : q;
+}
+
+/* Of all rows but those that follow paths of their own */
+static impact find_impact(substeps *j) {
+  const ms_events *e = j->e;
+  const ms_scene *scene = j->s->model->scene;
+  const double omega = ms_bounds_of(j->s->model).omega;
+  impact first = {.share = MS_NOWHERE};
+  int32_t next = 0;
+  for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
+    const ms_contact *c = NULL;
+    if (next < e->ncontacts && e->contact[next].row == r) c = &e->contact[next++];
+    if (c && needs_path(j, c)) continue;
+    for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
+      if (c && ms_touch_holds(&c->on, p)) continue;
+      const double q = share_of_impact(j, r, p, omega);
+      if (q < first.share) first = (impact){q, r, p};
+    }
+  }
+  return first;
+}
+
+/*------------------------------------- parts ----------------------------------------------------*/
+
+/* A part of that length, from s->x, s->v. */
+static msim_status make(substeps *j, double length, msim_error *err) {
+  j->s->warm = j->warm;
+  j->s->h = length;
+  j->s->looked = 0;
+  j->lost |= j->warm != j->carried;
+  j->ends_known = 0;
+  const msim_status status = j->method->step(j->s, err);
+  if (!status) ms_contacts_finish(j->s);
+  j->ends_known = j->e->ncontacts > 0;
+  return status;
+}
+
+/* By what the length of the part is to be multiplied so that it ends at the impact (Newton). */
+static double stretch(const substeps *j, const impact *i) {
+  double x[3], v[3];
+  ms_row_get(&j->s->model->rows, j->s->x_next, i->row, x);
+  ms_row_get(&j->s->model->rows, j->s->v_next, i->row, v);
+  const double speed = -ms_dot3(i->plane->normal, v), s = ms_distance(i->plane, x);
+  const double rounding = 8 * DBL_EPSILON * fmax(j->e->reach, ms_norm3(x));
+  if (fabs(s) <= rounding || !(speed > 0)) return 1;
+  return fmin(fmax(1 + s / (speed * j->s->h), 0.5), 2);
+}
+
+/* The part ends at a point of the dense output, which expects a step that was accepted. */
+static void cut_dense(substeps *j, double share) {
+  ms_stepper *s = j->s;
+  double *x = j->e->stage[0], *v = j->e->stage[1];
+  ms_swap(&s->x, &s->x_next), ms_swap(&s->v, &s->v_next);
+  j->method->interpolate(s, share, x, v);
+  ms_swap(&s->x, &s->x_next), ms_swap(&s->v, &s->v_next);
+  ms_copy(s->model->shape, x, s->x_next);
+  ms_copy(s->model->shape, v, s->v_next);
+  s->h *= share;
+  ms_contacts_finish(s);
+  j->ends_known = j->e->ncontacts > 0;
+}
+
+/* The part ends at the impact: it is made anew, until it does. */
+static msim_status cut(substeps *j, const impact *i, msim_error *err) {
+  enum { MOST = 6 };
+  const double longest = j->h - j->done;
+  double length = i->share * j->s->h;
+  if (j->method->path) {
+    cut_dense(j, i->share);
+    return MSIM_OK;
+  }
+  for (int k = 0; k < MOST; k++) {
+    const msim_status status = make(j, length, err);
+    if (status) return status;
+    const double next = fmin(length * stretch(j, i), longest);
+    if (fabs(next - length) <= DBL_EPSILON * length) break;
+    length = next;
+  }
+  return MSIM_OK;
+}
+
+/* The end of the part is the start of the next. */
+static void go_on(substeps *j) {
+  ms_stepper *s = j->s;
+  ms_contacts_own(s);
+  ms_copy(s->model->shape, s->x_next, s->x);
+  ms_copy(s->model->shape, s->v_next, s->v);
+  if (j->ends_known) ms_contacts_know(j->e);
+}
+
+/* Contacts to which something happens, and, where the step may not be cut any more, what meets
+ * planes. */
+static void follow_paths(substeps *j, int all) {
+  ms_events *e = j->e;
+  const ms_scene *scene = j->s->model->scene;
+  const double omega = ms_bounds_of(j->s->model).omega;
+  if (all) know_ends(j);
+  int changed = 0;
+  int32_t next = 0;
+  for (int32_t r = 0; r < j->s->model->rows.nfree && (all || next < e->ncontacts); r++) {
+    const ms_contact *c = NULL;
+    if (next < e->ncontacts && e->contact[next].row == r) c = &e->contact[next++];
+    int follows = c && needs_path(j, c);
+    for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes && all && !follows;
+         p++)
+      follows = !(c && ms_touch_holds(&c->on, p)) && share_of_impact(j, r, p, omega) <= 1;
+    if (!follows) continue;
+    follow_path(j, r, c ? c->rebound : 0, c ? c->on.plane[0] : NULL);
+    j->ends_known = 1;
+    changed = 1;
+  }
+  if (changed) j->ends_known = 0;
+}
+
+static int is_done(substeps *j) {
+  ms_stepper *s = j->s;
+  if (j->h - j->done > 8 * DBL_EPSILON * j->h) return 0;
+  ms_copy(s->model->shape, s->x, s->x_next);
+  ms_copy(s->model->shape, s->v, s->v_next);
+  return 1;
+}
+
+/* The first of all contacts that changes */
+static double find_first_change(const substeps *j) {
+  double first = MS_NOWHERE;
+  for (int32_t i = 0; i < j->e->ncontacts; i++)
+    first = fmin(first, find_change(j, &j->e->contact[i]));
+  return first;
+}
+
+/* The length of a part that ends before a change, or, from near before it, behind it: so that the
+ * path of what changes is short, and its error small. */
+static double length_before(const substeps *j, double share) {
+  const double NEAR = 1. / 16, near = NEAR * j->h, until = share * j->s->h - near / 2;
+  return until > near / 2 ? until : fmin(near, j->s->h);
+}
+
+/* Methods of order p > 2, where the step resolves the fastest vibrations: what is faster they follow
+ * to no more than order 2. Then accuracy is worth more steps. */
+static int may_cut(const substeps *j) {
+  const int p = j->method->entry.order;
+  return p > 2 && j->h * ms_bounds_of(j->s->model).omega <= p * p / 16.;
+}
+
+static msim_status make_parts(substeps *j, msim_error *err) {
+  ms_stepper *s = j->s;
+  for (;;) {
+    const double left = j->h - j->done;
+    j->e->sums = left;
+    ms_contacts_find(s, 1e-13 * left, -1, -1);
+    if (s->x == j->e->x || ms_contacts_sign(s) != j->e->held) j->warm = 0;
+    if (is_done(j)) return MSIM_OK;
+    msim_status status = make(j, left, err);
+    if (status) return status;
+    const int all = !j->may_cut || j->cuts == MS_MAX_CUTS;
+    const impact i = all ? (impact){.share = MS_NOWHERE} : find_impact(j);
+    const double change = j->may_cut && j->cuts < MS_FEW_CUTS ? find_first_change(j) : MS_NOWHERE;
+    if (change < i.share) status = make(j, length_before(j, change), err);
+    else if (i.share <= 1) status = cut(j, &i, err);
+    if (status) return status;
+    follow_paths(j, all);
+    if (left - s->h <= 8 * DBL_EPSILON * j->h && i.share > 1) return MSIM_OK;
+    j->done += s->h;
+    go_on(j);
+    j->cuts++;
+  }
+}
+
+msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
+  ms_events *e = s->events;
+  double *x = s->x, *v = s->v;
+  const int carried = s->warm & ~MS_NOTED;
+  substeps j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
+  e->known = s->warm & MS_NOTED;
+  if (!e->known) e->held = 0;
+  e->steady = 0;
+  e->merge = 1e-11 * e->reach;
+  j.may_cut = may_cut(&j);
+  const msim_status status = make_parts(&j, err);
+  s->x = x, s->v = v, s->h = j.h;
+  s->warm = j.lost ? 0 : carried;
+  if (status) return status;
+  if (j.cuts || e->ncontacts) s->warm_next = 0;
+  if (!j.cuts && e->ncontacts && j.ends_known) {
+    e->held = ms_contacts_sign(s);
+    ms_contacts_know(e);
+    s->warm_next |= MS_NOTED;
+  }
+  return MSIM_OK;
+}

@@ -1,0 +1,90 @@
+#include "physics/bernstein.h"
+
+#include <float.h>
+#include <math.h>
+
+ms_bernstein ms_bernstein_cubic(double s0, double slope0, double s1, double slope1) {
+  return (ms_bernstein){3, {s0, s0 + slope0 / 3, s1 - slope1 / 3, s1}};
+}
+
+ms_bernstein ms_bernstein_quintic(double s0, double slope0, double bend0, double s1, double slope1,
+                                  double bend1) {
+  return (ms_bernstein){5,
+                        {s0, s0 + slope0 / 5, s0 + 0.4 * slope0 + bend0 / 20,
+                         s1 - 0.4 * slope1 + bend1 / 20, s1 - slope1 / 5, s1}};
+}
+
+void ms_bernstein_elevate(ms_bernstein *s) {
+  const int n = ++s->degree;
+  s->c[n] = s->c[n - 1];
+  for (int i = n - 1; i > 0; i--) s->c[i] += (double)i / n * (s->c[i - 1] - s->c[i]);
+}
+
+/* De Casteljau's algorithm: the coefficients of both parts, cut at q; left[degree] is s(q). */
+static void split(const ms_bernstein *s, double q, ms_bernstein *left, ms_bernstein *right) {
+  const int n = s->degree;
+  *right = *s;
+  left->degree = n;
+  for (int i = 0; i <= n; i++) {
+    left->c[i] = right->c[0];
+    for (int k = 0; k < n - i; k++) right->c[k] += q * (right->c[k + 1] - right->c[k]);
+  }
+}
+
+double ms_bernstein_at(const ms_bernstein *s, double q) {
+  ms_bernstein left, right;
+  split(s, q, &left, &right);
+  return right.c[0];
+}
+
+static int count_signs(const ms_bernstein *s) {
+  int count = 0;
+  for (int i = 0; i < s->degree; i++) count += (s->c[i] > 0) != (s->c[i + 1] > 0);
+  return count;
+}
+
+/* The only root, from above 0 to below: false position with halved values (Illinois; Dowell and
+ * Jarratt, BIT 11 (1971) 168). */
+static double find_root(const ms_bernstein *s) {
+  enum { MOST = 100 };
+  double lo = 0, hi = 1, above = s->c[0], below = s->c[s->degree];
+  int side = 0;
+  for (int i = 0; i < MOST && hi - lo > DBL_EPSILON * hi; i++) {
+    double q = lo + (hi - lo) * above / (above - below);
+    if (!(q > lo && q < hi)) q = 0.5 * (lo + hi);
+    const double value = ms_bernstein_at(s, q);
+    if (value == 0) return q;
+    if (value > 0) {
+      lo = q, above = value;
+      if (side > 0) below /= 2;
+    } else {
+      hi = q, below = value;
+      if (side < 0) above /= 2;
+    }
+    side = value > 0 ? 1 : -1;
+  }
+  return hi;
+}
+
+/* In [from, from + width] of the whole, where s is defined over [0, 1] of that part. */
+static double first_fall(const ms_bernstein *s, double noise, double from, double width) {
+  const double NARROWEST = 1e-14;
+  double least = INFINITY;
+  for (int i = 0; i <= s->degree; i++) least = fmin(least, s->c[i]);
+  if (least >= -noise) return MS_NOWHERE;
+  if (s->c[0] <= 0 || width < NARROWEST) return from;
+  if (s->c[s->degree] < 0 && count_signs(s) == 1) return from + width * find_root(s);
+  ms_bernstein left, right;
+  split(s, 0.5, &left, &right);
+  const double q = first_fall(&left, noise, from, width / 2);
+  return q <= 1 ? q : first_fall(&right, noise, from + width / 2, width / 2);
+}
+
+/* s = q r(q) has r_i = n/(i + 1) s_(i+1). */
+double ms_bernstein_first_fall(const ms_bernstein *s, double noise) {
+  if (s->c[0] > noise) return first_fall(s, noise, 0, 1);
+  const int n = s->degree;
+  ms_bernstein r = {.degree = n - 1};
+  for (int i = 0; i < n; i++) r.c[i] = (s->c[i + 1] - s->c[0]) * n / (i + 1);
+  return first_fall(&r, noise, 0, 1);
+}

@@ -1,0 +1,267 @@
+/* Contact and friction under collision = event, against closed forms and references: energy through
+ * simultaneous impacts, the onset of slip, curved sliding, bounces that die out, cost. */
+#include <math.h>
+
+#include "events.h"
+
+static double run(const msim_scene *scene, const char *method, double T, int64_t steps,
+                  msim_state *state, msim_sim **sim) {
+  msim_options opt = event(method, T / (double)steps);
+  *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(*sim, steps, err));
+  *state = state_of(*sim);
+  return (double)stats_of(*sim).force_evaluations;
+}
+
+/*------------------------------------- landing --------------------------------------------------*/
+
+enum { LAYERS = 4 };
+
+/* An elastic block of side x side x 4 particles above the floor */
+static msim_scene *falling_block(int32_t side, double *energy) {
+  const double width = 0.1 * (side - 1), g[3] = {0, 0, -9.81},
+               mass = 0.015625 * side * side * LAYERS;
+  const msim_lattice lattice = {.size = sizeof lattice,
+                                .n = {side, side, LAYERS},
+                                .origin = {0, 0, 0.3},
+                                .extent = {width, width, 0.3},
+                                .mass = mass,
+                                .k = 500};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0, 0, 1, 0, 1, 0);
+  *energy = mass * 9.81 * 0.45;
+  return scene;
+}
+
+/* However many particles land at once, and whatever follows. */
+static void elastic_faces_keep_their_energy(void **state) {
+  (void)state;
+  static const struct {
+    const char *method;
+    int side;
+    int64_t steps;
+    double most;
+  } row[] = {{"velocity-verlet", 2, 4000, 2e-3},  {"velocity-verlet", 3, 4000, 2e-3},
+             {"velocity-verlet", 4, 4000, 2e-3},  {"velocity-verlet", 10, 4000, 2e-3},
+             {"velocity-verlet", 32, 4000, 2e-3}, {"dop853", 2, 1000, 1e-6},
+             {"dop853", 3, 1000, 1e-6},           {"dop853", 4, 1000, 1e-6},
+             {"dop853", 10, 1000, 1e-6}};
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    if (IS_CHECKED && row[i].side > 4) continue;
+    double start;
+    msim_scene *scene = falling_block(row[i].side, &start);
+    msim_sim *sim;
+    msim_state s;
+    msim_energy energy = {.size = sizeof energy};
+    run(scene, row[i].method, 1, row[i].steps, &s, &sim);
+    msim_sim_energy(sim, &energy);
+    print_message("  %-16s %4d particles land: dE/E = %.1e, %lld impacts\n", row[i].method,
+                  row[i].side * row[i].side, energy.total / start - 1,
+                  (long long)stats_of(sim).contacts);
+    assert_true(stats_of(sim).contacts >= 4 * row[i].side * row[i].side);
+    assert_close(energy.total / start, 1, row[i].most);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- friction -------------------------------------------------*/
+
+/* Particles on springs of rest length 0 over a rough floor */
+static msim_scene *on_floor(int32_t n, const double *x, const double *v, int32_t nsprings,
+                            const int32_t *ij, const double *k, int32_t pin, double g, double mu) {
+  const double mass[3] = {1, 1, 1}, none[2] = {0}, gravity[3] = {0, 0, -g};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, n, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, nsprings, ij, k, none, none, err));
+  assert_ok(msim_scene_set_gravity(scene, gravity, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  plane(scene, 0, 0, 1, 0, 0, mu);
+  return scene;
+}
+
+typedef struct reference {
+  double T;
+  int at; /* of x, or where `of_v` of v: two entries from there on */
+  int of_v;
+  double value[2];
+} reference;
+
+static double error_of(const msim_scene *scene, const char *method, int64_t steps,
+                       const reference *r) {
+  msim_sim *sim;
+  msim_state s;
+  run(scene, method, r->T, steps, &s, &sim);
+  const double *of = r->of_v ? s.v : s.x;
+  const double off = fmax(fabs(of[r->at] - r->value[0]), fabs(of[r->at + 1] - r->value[1]));
+  assert_true(stats_of(sim).contacts == 0);
+  msim_sim_destroy(sim);
+  return off;
+}
+
+typedef struct expectation {
+  const char *method;
+  double coarse; /* the error at the fewest steps, at most */
+  double order;  /* from there to 4 times as many, at least, unless the error is below `enough` */
+  double enough;
+} expectation;
+
+static void check_orders(const msim_scene *scene, const reference *r, int64_t steps,
+                         const expectation *row, size_t nrows) {
+  for (size_t i = 0; i < nrows; i++) {
+    const double coarse = error_of(scene, row[i].method, steps, r);
+    const double fine = error_of(scene, row[i].method, 4 * steps, r);
+    const double order = log2(coarse / fine) / 2;
+    print_message("  %-16s %.2e %.2e  order %.2f\n", row[i].method, coarse, fine, order);
+    assert_true(coarse <= row[i].coarse);
+    assert_true(order >= row[i].order || fine <= row[i].enough);
+  }
+}
+
+/* A mass that swings above pulls ever more at one that sticks, which begins to slip at 0.71 of the
+ * run. Reference: closed form until then, then Radau at rtol 1e-12. */
+static void slip_begins_to_second_order(void **state) {
+  (void)state;
+  static const reference r = {
+      25 * 0.013751668302064151, 0, 1, {0.008225167108081558, -0.0004982180658425192}};
+  static const expectation row[] = {
+      {"velocity-verlet", 3e-4, 1.5, 0},  {"heun", 3e-4, 1.5, 5e-6}, {"rk4", 3e-4, 1.5, 0},
+      {"dop853", 3e-4, 1.5, 0},           {"rkc", 3e-4, 1.5, 5e-6},  {"rkn6", 3e-4, 1.5, 5e-6},
+      {"force-gradient", 3e-4, 1.5, 5e-6}};
+  const double x[9] = {0, 0, 0, 0, 0.4, 0.4166666666666667, 0, 0, 1}, v[9] = {0, 0, 0, 3.2};
+  const double k[2] = {4, 20};
+  const int32_t ij[4] = {0, 1, 1, 2};
+  msim_scene *scene = on_floor(3, x, v, 2, ij, k, 2, 10, 0.3);
+  check_orders(scene, &r, 25, row, sizeof row / sizeof *row);
+  msim_scene_destroy(scene);
+}
+
+/* Round a spring on a rough floor. Reference: DOP853 at rtol 1e-13, which Radau confirms. */
+static void curved_sliding_keeps_the_order(void **state) {
+  (void)state;
+  static const reference orbit = {4, 3, 0, {-0.5623132073553342, -0.601719995827015}};
+  static const expectation row[] = {{"velocity-verlet", 1e-2, 1.9, 0},
+                                    {"heun", 2e-2, 1.9, 0},
+                                    {"rkc", 2e-2, 1.9, 0},
+                                    {"rk4", 4e-5, 3.8, 0},
+                                    {"dop853", 2e-12, 0, 1e-13},
+                                    {"rkn6", 1e-2, 1.9, 0},
+                                    {"force-gradient", 1e-2, 1.9, 0}};
+  const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, 0, 1, 0}, k = 1;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene = on_floor(2, x, v, 1, ij, &k, 0, 1, 0.1);
+  check_orders(scene, &orbit, 20, row, sizeof row / sizeof *row);
+  msim_scene_destroy(scene);
+}
+
+/* Near the turning points of a narrow ellipse v turns by 90 degrees and more in a step: that is no
+ * stop. Reference: as above. */
+static void sharp_turns_are_no_stops(void **state) {
+  (void)state;
+  static const reference r = {6, 3, 0, {0.5729147314957811, -0.0014055531692621337}};
+  static const expectation row[] = {{"velocity-verlet", 1e-3, 1.8, 0},
+                                    {"heun", 4e-3, 1.8, 0},
+                                    {"rk4", 1e-4, 1.8, 0},
+                                    {"dop853", 1e-5, 2, 0},
+                                    {"rkn6", 1e-3, 1.8, 0}};
+  const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, 0, 0.03, 0}, k = 1;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene = on_floor(2, x, v, 1, ij, &k, 0, 1, 0.1);
+  check_orders(scene, &r, 60, row, sizeof row / sizeof *row);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- many bounces ---------------------------------------------*/
+
+/* 250 bounces in 5 steps between elastic planes */
+static void bounces_without_end_keep_the_speed(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 0.005}, v[3] = {1, 0, 10};
+  for (int32_t m = 0; event_method_at(m); m++) {
+    const char *name = event_method_at(m);
+    if (is_implicit(name)) continue;
+    msim_scene *scene = single(x, v, 0);
+    plane(scene, 0, 0, 1, 0, 1, 0);
+    plane(scene, 0, 0, -1, -0.01, 1, 0);
+    msim_sim *sim;
+    msim_state s;
+    run(scene, name, 0.25, 5, &s, &sim);
+    assert_close(s.v[2], 10, 1e-10);
+    assert_close(s.x[2], 0.005, 1e-9);
+    assert_close(s.x[0], 0.25, 1e-13);
+    assert_int_equal(stats_of(sim).contacts, 250);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Infinitely many bounces that die out rub as the few large ones do: place and rest in closed form.
+ */
+static void the_last_bounces_rub_too(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 0.5}, v[3] = {3, 0, 0};
+  for (int32_t m = 0; event_method_at(m); m++) {
+    const char *name = event_method_at(m);
+    if (is_implicit(name)) continue;
+    msim_scene *scene = single(x, v, 9.81);
+    plane(scene, 0, 0, 1, 0, 0.5, 0.2);
+    msim_sim *sim;
+    msim_state s;
+    run(scene, name, 2, 200, &s, &sim);
+    assert_close(s.x[0], 2.393577981651375, strstr(name, "euler") ? 0.02 : 1e-4);
+    assert_true(s.x[2] == 0 && s.v[0] == 0 && s.v[2] == 0);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Bounces, stops and slips of a cloth that lies down on a rough floor cost velocity Verlet nothing,
+ * and rk4 less than half a step each. */
+static void a_cloth_lies_down_cheaply(void **state) {
+  (void)state;
+  static const char *const methods[] = {"velocity-verlet", "rk4"};
+  const double g[3] = {0, 0, -9.81};
+  const int32_t corners[2] = {0, 9};
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = 10,
+                            .columns = 10,
+                            .origin = {0, 0, 0.25},
+                            .row = {0, 1, 0},
+                            .column = {1, 0, 0},
+                            .mass = 0.3,
+                            .k_structural = 1500,
+                            .k_shear = 375,
+                            .k_bend = 15,
+                            .damping = 0.02,
+                            .npinned = 2,
+                            .pinned = corners};
+  for (size_t m = 0; m < 2; m++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_cloth(scene, &cloth, err));
+    assert_ok(msim_scene_set_gravity(scene, g, err));
+    plane(scene, 0.05, 0, 1, 0, 0.3, 0.4);
+    msim_sim *sim;
+    msim_state s;
+    const double evaluations = run(scene, methods[m], 0.5, 500, &s, &sim);
+    assert_true(stats_of(sim).contacts > 300);
+    assert_true(evaluations <= (m == 0 ? 1000 : 3300));
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(elastic_faces_keep_their_energy),
+                                     cmocka_unit_test(slip_begins_to_second_order),
+                                     cmocka_unit_test(curved_sliding_keeps_the_order),
+                                     cmocka_unit_test(sharp_turns_are_no_stops),
+                                     cmocka_unit_test(bounces_without_end_keep_the_speed),
+                                     cmocka_unit_test(the_last_bounces_rub_too),
+                                     cmocka_unit_test(a_cloth_lies_down_cheaply)};
+  return cmocka_run_group_tests_name("contact", tests, NULL, NULL);
+}
