@@ -215,6 +215,7 @@ static int settle(ms_stepper *s, ms_contact *c, double h, int slips) {
     ms_row_put(rows, v, c->row, s->v);
   }
   find_slide(c, slips, v, a);
+  c->steady = ms_norm3(v) <= s->events->stiff * ms_norm3(c->rub);
   return 1;
 }
 
@@ -299,7 +300,7 @@ void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
     double a[3], v[3], push[3];
     ms_row_get(rows, pass->a, c->row, a);
     if (pass->v) ms_row_get(rows, pass->v, c->row, v);
-    if (s->events->steady) keep_on(c, a, push);
+    if (c->steady) keep_on(c, a, push);
     else find_push(c, pass->v ? v : NULL, a, push);
     add(rows, 1, push, c->row, pass->a);
     if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);

@@ -24,6 +24,7 @@ typedef struct ms_contact {
   int fixed;       /* as many planes as components: nowhere to slide */
   int rubs;        /* there is friction */
   int hovers;      /* held above its plane, not on it */
+  int steady;      /* friction is that of the start, all through the part */
   int bounces;     /* so shortly that its path sums the bounces */
   double rebound;  /* n.v at the start of the part, of what bounces */
   ms_touch on;     /* independent planes */
@@ -40,8 +41,9 @@ typedef struct ms_events {
   double *stage[2];  /* x and v of a stage of the interpolant */
   int known;         /* a is that of s->x, s->v */
   double sums;       /* s: bounces that end within are summed (path.h); 0: none */
-  int steady; /* friction pulls as at the start, all through the part: implicit methods, whose
-                        matrix holds what rests but knows nothing of friction */
+  double
+      stiff; /* s: where friction stops v sooner, it is steady; INFINITY: everywhere. For implicit
+                        methods, whose matrix knows nothing of friction */
   ms_contact *contact;
   ms_hold *hold; /* the same for the matrix */
   int32_t ncontacts;

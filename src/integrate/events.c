@@ -348,13 +348,14 @@ static void note(journey *j) {
 msim_status ms_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_events *e = s->events;
   if (!e || method->replays) return method->step(s, err);
-  if (!method->entry.implicit) return ms_locate_step(method, s, err);
+  if (!method->entry.implicit || s->h * ms_bounds_of(s->model).omega <= 2)
+    return ms_locate_step(method, s, err);
   double *x = s->x, *v = s->v;
   const int carried = s->warm & ~MS_NOTED;
   journey j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
-  e->steady = method->entry.implicit;
+  e->stiff = INFINITY;
   const msim_status status = travel(&j, err);
   s->x = x, s->v = v, s->h = j.h;
   s->warm = j.lost ? 0 : carried;

@@ -355,14 +355,14 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   substeps j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
-  e->steady = 0;
+  e->stiff = method->entry.implicit ? 2 * s->h : 0;
   e->merge = 1e-11 * e->reach;
   j.may_cut = may_cut(&j);
   const msim_status status = make_parts(&j, err);
   s->x = x, s->v = v, s->h = j.h;
   s->warm = j.lost ? 0 : carried;
   if (status) return status;
-  if (j.cuts || e->ncontacts) s->warm_next = 0;
+  if (j.cuts || (e->ncontacts && !method->entry.implicit)) s->warm_next = 0;
   if (!j.cuts && e->ncontacts && j.ends_known) {
     e->held = ms_contacts_sign(s);
     ms_contacts_know(e);
