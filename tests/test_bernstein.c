@@ -65,6 +65,9 @@ static void what_leaves_returns(void **state) {
   assert_close(ms_bernstein_first_fall(&back, 1e-12), 0.5, 1e-15);
   assert_true(ms_bernstein_first_fall(&away, 1e-12) > 1);
   assert_true(ms_bernstein_first_fall(&down, 1e-12) == 0);
+  const ms_bernstein bad = {3, {NAN, 1, 1, 1}}, worse = {3, {1, 1, NAN, -1}};
+  assert_true(ms_bernstein_first_fall(&bad, 0) > 1);
+  assert_true(ms_bernstein_first_fall(&worse, 0) <= MS_NOWHERE);
 }
 
 static void hermites_polynomials_meet_their_ends(void **state) {

@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "physics/crossing.h"
 #include "physics/impacts.h"
 #include "scenes.h"
 
@@ -175,37 +174,6 @@ static void pinned_particles_are_not_reflected(void **state) {
   }
 }
 
-/*------------------------------------- geometry of impacts --------------------------------------*/
-
-/* The first fall through 0 of cubics of known roots */
-static void crossings_of_cubics(void **state) {
-  (void)state;
-  const struct {
-    double c[4], from, first;
-  } row[] = {{{0.5, -1}, 0, 0.5},                 /* a line */
-             {{1, -1}, 0, MS_NOWHERE},            /* ends at 0 */
-             {{0.06, -0.5, 1}, 0, 0.2},           /* in and out: 0.2 and 0.3 */
-             {{0.06, -0.5, 1}, 0.24, 0.24},       /* outside already */
-             {{0.06, -0.5, 1}, 0.3, MS_NOWHERE},  /* on the way out */
-             {{0.0625, -0.5, 1}, 0, MS_NOWHERE},  /* touches */
-             {{0, 1, -2}, 0, 0.5},                /* up from the plane, and back */
-             {{0, -1, 2}, 0, 0},                  /* down from it */
-             {{0.024, -0.26, 0.9, -1}, 0, 0.2},   /* 0.2, 0.3 and 0.4 */
-             {{0.024, -0.26, 0.9, -1}, 0.3, 0.4}, /* the last of them */
-             {{-0.024, 0.26, -0.9, 1}, 0.2, 0.3}, /* the other way round */
-             {{1e-3, -1e3, 0, 1}, 0, 1e-6}};      /* steep */
-  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
-    ms_cubic s;
-    memcpy(s.c, row[i].c, sizeof s.c);
-    assert_close(ms_first_crossing(&s, row[i].from, 1e-12), row[i].first, 1e-15);
-    const double end = ms_cubic_at(&s, 1), slope = ms_cubic_slope(&s, 1);
-    const ms_cubic same = ms_cubic_between(s.c[0], s.c[1], end, slope);
-    for (int k = 0; k < 4; k++) assert_close(same.c[k], s.c[k], 1e-12 * fabs(s.c[1]));
-  }
-  const ms_cubic bad = {{NAN, 1, 1, 1}};
-  assert_true(ms_first_crossing(&bad, 0, 0) == MS_NOWHERE);
-}
-
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 static msim_plane random_plane(unsigned *seed, double e, double mu) {
@@ -276,7 +244,6 @@ int main(void) {
                                      cmocka_unit_test(corner_reflects_twice_and_counts_once),
                                      cmocka_unit_test(leaving_particle_keeps_its_velocity),
                                      cmocka_unit_test(pinned_particles_are_not_reflected),
-                                     cmocka_unit_test(crossings_of_cubics),
                                      cmocka_unit_test(corners_bounce_in_any_order),
                                      cmocka_unit_test(projection_is_the_nearest)};
   return cmocka_run_group_tests_name("planes", tests, NULL, NULL);

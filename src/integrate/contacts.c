@@ -6,9 +6,6 @@
 #include "base/vec3.h"
 #include "physics/path.h"
 
-/* Flights shorter than this share of a step are none. */
-#define REST 0.25
-
 /*------------------------------------- life -----------------------------------------------------*/
 
 /* A length that stands for the island, whatever its present state: so who touches a plane depends
@@ -35,8 +32,10 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
   }
   e->contact = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->contact);
   e->hold = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->hold);
+  e->parts = ms_new(&scene->alloc, (size_t)ms_totals_parts(model), sizeof *e->parts);
   e->near = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->near);
-  return e->contact && e->hold && e->near ? MSIM_OK : ms_fail_memory(err, "the impacts");
+  const int there = e->contact && e->hold && e->near && e->parts;
+  return there ? MSIM_OK : ms_fail_memory(err, "the impacts");
 }
 
 ms_walls ms_walls_of(const ms_stepper *s) {
@@ -47,8 +46,8 @@ ms_walls ms_walls_of(const ms_stepper *s) {
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x,        e->v,       e->a,    e->a_end, e->stage[0],
-                    e->stage[1], e->contact, e->hold, e->near,  e};
+  void *arrays[] = {e->x,    e->v,    e->a,     e->a_end, e->stage[0], e->stage[1], e->contact,
+                    e->hold, e->near, e->parts, e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
 }
 
@@ -69,12 +68,12 @@ void ms_contacts_own(ms_stepper *s) {
   s->x = e->x, s->v = e->v;
 }
 
-/*------------------------------------- who rests ------------------------------------------------*/
+/*------------------------------------- what is in contact ---------------------------------------*/
 
-int ms_would_rest(const msim_plane *p, const double v[3], const double a[3], double h) {
-  const double pressed = -ms_dot3(p->normal, a);
-  return pressed > MS_PRESS * ms_norm3(a) &&
-         2 * ms_dot3(p->normal, v) < REST * h * pressed + 2e-14 * ms_norm3(v);
+/* Does it neither leave the plane nor is lifted? */
+static int rests(const ms_stepper *s, const msim_plane *p, const double v[3], const double a[3]) {
+  const double size = ms_norm3(a), noise = 1e-14 * (ms_norm3(v) + s->h * size);
+  return ms_dot3(p->normal, a) < -MS_PRESS * size && ms_dot3(p->normal, v) <= noise;
 }
 
 /* Bounce what runs into a plane, put on it what lies outside. */
@@ -97,7 +96,8 @@ static void meet_planes(ms_stepper *s, const ms_walls *walls, ms_contact *c) {
 
 /* The planes that hold a particle, of those it touches. One may press it on another, so they are
  * asked again under what those found so far leave of a. */
-static ms_touch find_holding(const ms_touch *on, const double v[3], const double a[3], double h) {
+static ms_touch find_holding(const ms_stepper *s, const ms_touch *on, const double v[3],
+                             const double a[3]) {
   static const double nothing[MS_MOST_TOUCHED] = {0};
   double left[3] = {a[0], a[1], a[2]}, J[MS_MOST_TOUCHED] = {0};
   ms_touch rest = {0}, holding = {0};
@@ -105,7 +105,7 @@ static ms_touch find_holding(const ms_touch *on, const double v[3], const double
   for (int more = 1; more;) {
     more = 0;
     for (int i = 0; i < on->n; i++) {
-      if (found >> i & 1 || !ms_would_rest(on->plane[i], v, left, h)) continue;
+      if (found >> i & 1 || !rests(s, on->plane[i], v, left)) continue;
       found |= 1u << i;
       rest.plane[rest.n++] = on->plane[i];
       more = 1;
@@ -138,6 +138,19 @@ static void find_push(const ms_contact *c, const double *v, const double a[3], d
   for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
 }
 
+/* The same with friction that is given; v NULL: without, as the matrix has it. */
+static void find_given_push(const ms_contact *c, const double *v, const double a[3],
+                            double push[3]) {
+  double along[3] = {a[0], a[1], a[2]}, least;
+  ms_keep_along(&c->on, along, &least);
+  if (v && c->friction > 0) {
+    double now[3] = {v[0], v[1], v[2]};
+    ms_keep_along(&c->on, now, &least);
+    ms_axpy3(-c->friction / c->lag, now, along);
+  }
+  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
+}
+
 /* The same, friction being that of the start. */
 static void keep_on(const ms_contact *c, const double a[3], double push[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
@@ -159,12 +172,12 @@ double ms_contact_grip(const ms_contact *c, const double a[3]) {
 
 /* Whether it sticks or slides, and where. Where nothing rubs, nothing sticks but what nothing
  * pulls. */
-static void find_slide(ms_contact *c, int slips, const double v[3], const double a[3]) {
+static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
   const double pull = ms_keep_along(&c->on, along, &least), size = ms_norm3(a);
   const double grip = pull > 0 ? pull - MS_PRESS * size : 16 * DBL_EPSILON * size;
   const int still = ms_norm3(v) == 0;
-  c->sticks = c->fixed || (still && !slips && ms_norm3(along) <= grip);
+  c->sticks = c->fixed || (still && ms_norm3(along) <= grip);
   memcpy(c->slide, still ? along : v, sizeof c->slide);
   if (c->sticks) memset(c->slide, 0, sizeof c->slide);
   scale_to_one(c->slide);
@@ -185,13 +198,13 @@ static ms_hold hold_of(const ms_contact *c) {
 }
 
 /* 1 if it rests. */
-static int settle(ms_stepper *s, ms_contact *c, double h, int slips) {
+static int settle(ms_stepper *s, ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
   double v[3], before[3], a[3], least;
   ms_row_get(rows, s->v, c->row, v);
   ms_row_get(rows, s->events->a, c->row, a);
   const ms_touch touched = c->on;
-  c->on = find_holding(&touched, v, a, h);
+  c->on = find_holding(s, &touched, v, a);
   const double left = s->events->sums;
   if (!c->on.n && left > 0 && touched.n == 1 &&
       ms_path_sums_bounces(touched.plane[0], v, a, left, left)) {
@@ -214,7 +227,7 @@ static int settle(ms_stepper *s, ms_contact *c, double h, int slips) {
     s->events->known = known;
     ms_row_put(rows, v, c->row, s->v);
   }
-  find_slide(c, slips, v, a);
+  find_slide(c, v, a);
   c->steady = ms_norm3(v) <= s->events->stiff * ms_norm3(c->rub);
   return 1;
 }
@@ -227,7 +240,7 @@ void ms_contacts_free(ms_stepper *s, const double *x, const double *v, double *a
   s->events->ncontacts = n;
 }
 
-void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slipping) {
+void ms_contacts_find(ms_stepper *s) {
   const ms_rows *rows = &s->model->rows;
   const ms_walls walls = ms_walls_of(s);
   ms_events *e = s->events;
@@ -247,25 +260,19 @@ void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slippin
   int32_t resting = 0;
   for (int32_t i = 0; i < touching; i++) {
     ms_contact c = e->contact[i];
-    if (c.row != released && settle(s, &c, h, c.row == slipping)) e->contact[resting++] = c;
+    if (settle(s, &c)) e->contact[resting++] = c;
   }
   e->ncontacts = resting;
-  for (int32_t i = 0; i < resting; i++) e->hold[i] = hold_of(&e->contact[i]);
 }
 
-void ms_contacts_insert(ms_stepper *s, int32_t at, int32_t row, const msim_plane *plane) {
-  const ms_rows *rows = &s->model->rows;
+void ms_contacts_hold(ms_stepper *s, double ah) {
   ms_events *e = s->events;
-  double v[3], least;
-  ms_contacts_own(s);
-  for (int32_t i = e->ncontacts++; i > at; i--)
-    e->contact[i] = e->contact[i - 1], e->hold[i] = e->hold[i - 1];
-  e->contact[at] = (ms_contact){.row = row, .hovers = 1, .on = {1, {plane}}};
-  e->hold[at] = hold_of(&e->contact[at]);
-  ms_row_get(rows, s->v, row, v);
-  ms_keep_along(&e->contact[at].on, v, &least);
-  ms_row_put(rows, v, row, s->v);
-  s->stats->contacts++;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    const ms_contact *c = &e->contact[i];
+    e->hold[i] = hold_of(c);
+    if (c->is_given && !c->sticks && c->friction > 0)
+      e->hold[i].drag = s->model->mass[c->row] * ah * c->friction / c->lag;
+  }
 }
 
 /*------------------------------------- what rests -----------------------------------------------*/
@@ -300,7 +307,8 @@ void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
     double a[3], v[3], push[3];
     ms_row_get(rows, pass->a, c->row, a);
     if (pass->v) ms_row_get(rows, pass->v, c->row, v);
-    if (c->steady) keep_on(c, a, push);
+    if (c->is_given) find_given_push(c, pass->v ? v : NULL, a, push);
+    else if (c->steady) keep_on(c, a, push);
     else find_push(c, pass->v ? v : NULL, a, push);
     add(rows, 1, push, c->row, pass->a);
     if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);
@@ -314,13 +322,13 @@ void ms_contacts_finish(ms_stepper *s) {
   if (!e->ncontacts) return;
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
+    const int stays = c->sticks && !c->enters;
     double x[3], v[3] = {0}, least;
-    ms_row_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
-    if (!c->sticks) {
-      ms_row_get(rows, s->v_next, c->row, v);
-      if (!c->hovers) ms_put_on(&c->on, x);
-      ms_keep_along(&c->on, v, &least);
-    }
+    if (c->leaves) continue;
+    ms_row_get(rows, stays ? s->x : s->x_next, c->row, x);
+    if (!c->sticks) ms_row_get(rows, s->v_next, c->row, v);
+    if (!stays) ms_put_on(&c->on, x);
+    ms_keep_along(&c->on, v, &least);
     ms_row_put(rows, x, c->row, s->x_next);
     ms_row_put(rows, v, c->row, s->v_next);
   }

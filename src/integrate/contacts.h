@@ -1,15 +1,16 @@
-/* contacts - particles that rest on planes, under collision = event
+/* contacts - particles that rest on planes or slide along them, under collision = event
  *
- * A particle that touches a plane and is pressed on it rests there, if the flight to come,
- * 2 v_n/|a_n|, is shorter than a quarter of a step: n.v = 0, and the plane adds to its acceleration
- * what keeps n.a = 0. Who rests follows from x, v and the forces alone, so there is nothing to
- * carry from step to step. Friction: while v = 0 the planes cancel all of a, if they can
- * (|a_t| <= mu N), else they pull against the motion by mu N. */
+ * A particle that touches a plane, does not leave it and is pressed on it is in contact: n.v = 0,
+ * and the plane adds to its acceleration what keeps n.a = 0. Which particles are follows from x, v
+ * and the forces alone, so there is nothing to carry from step to step. Friction: while v = 0 the
+ * planes cancel all of a, if they can (|a_t| <= mu N), else they pull against the motion by mu N.
+ * */
 #ifndef MS_CONTACTS_H
 #define MS_CONTACTS_H
 
 #include "integrate/integrator.h"
 #include "physics/impacts.h"
+#include "physics/totals.h"
 
 /* In `warm`, beside what the method notes there: the contacts at the end of the last step are
  * known, and the a of that state. So all that forgets the one forgets the other. */
@@ -23,13 +24,22 @@ typedef struct ms_contact {
   int sticks;      /* v = 0, and the planes keep it so */
   int fixed;       /* as many planes as components: nowhere to slide */
   int rubs;        /* there is friction */
-  int hovers;      /* held above its plane, not on it */
   int steady;      /* friction is that of the start, all through the part */
   int bounces;     /* so shortly that its path sums the bounces */
   double rebound;  /* n.v at the start of the part, of what bounces */
   ms_touch on;     /* independent planes */
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
   double rub[3];   /* what friction adds to a at the start of the part, where it slides */
+
+  /* where normal velocities and friction are given, in constrain.h: */
+  int is_given;
+  int enters;        /* it was not in contact at the start */
+  int leaves;        /* it bounces */
+  int slipped;       /* it stuck in an earlier solve */
+  double friction;   /* sum of mu N/m, m/s^2 */
+  double lag;        /* m/s: friction pulls by friction v/lag */
+  double jump;       /* sum of mu J/(m h) of the impulses J that gave it its normal velocity */
+  double least_jump; /* the smallest J/(m h) */
 } ms_contact;
 
 /* What a stepper has under collision = event: the part of the step that is being made starts from
@@ -39,11 +49,11 @@ typedef struct ms_events {
   double *x, *v;
   double *a, *a_end; /* F/m at the start of the part and at its end, as if nothing rested */
   double *stage[2];  /* x and v of a stage of the interpolant */
+  ms_totals *parts;  /* for energies */
   int known;         /* a is that of s->x, s->v */
   double sums;       /* s: bounces that end within are summed (path.h); 0: none */
-  double
-      stiff; /* s: where friction stops v sooner, it is steady; INFINITY: everywhere. For implicit
-                        methods, whose matrix knows nothing of friction */
+  double stiff;      /* s: where friction stops v sooner, it is steady: for implicit methods, whose
+                        matrix knows nothing of it */
   ms_contact *contact;
   ms_hold *hold; /* the same for the matrix */
   int32_t ncontacts;
@@ -65,17 +75,15 @@ void ms_contacts_know(ms_events *e);
 /* Let s->x, s->v lie in memory that may be written. */
 void ms_contacts_own(ms_stepper *s);
 
-/* At s->x, s->v: what lies outside is put on its plane, what runs into planes bounces, and who
- * rests is found; h: the whole step. Where a contact was found to end just here, its row: rounding
- * is not asked again. -1: none. */
-void ms_contacts_find(ms_stepper *s, double h, int32_t released, int32_t slipping);
+/* At s->x, s->v: what lies outside is put on its plane, what runs into planes bounces, and the
+ * contacts are found. */
+void ms_contacts_find(ms_stepper *s);
+
+/* What the matrix is to hold of them, for a stage of length ah */
+void ms_contacts_hold(ms_stepper *s, double ah);
 
 /* The free acceleration at x, v: as if nothing rested. */
 void ms_contacts_free(ms_stepper *s, const double *x, const double *v, double *a);
-
-/* A particle is held above a plane for the rest of the step, as the at-th contact: these are in the
- * order of rows. */
-void ms_contacts_insert(ms_stepper *s, int32_t at, int32_t row, const msim_plane *plane);
 
 /* Two of one sign hold the same particles in the same way; 0: nothing rests. */
 uint64_t ms_contacts_sign(const ms_stepper *s);
@@ -90,8 +98,5 @@ void ms_contacts_finish(ms_stepper *s);
  * much more they could pull before what sticks slips. */
 double ms_contact_reaction(const ms_contact *c, const double a[3]);
 double ms_contact_grip(const ms_contact *c, const double a[3]);
-
-/* Would a particle with velocity v, acceleration a rest on the plane? */
-int ms_would_rest(const msim_plane *p, const double v[3], const double a[3], double h);
 
 #endif

@@ -112,7 +112,7 @@ int64_t ms_reflect(ms_stepper *s, double *x, double *v);
 /* 1 where particles rest on planes, which then push in every evaluation, against v too. */
 int ms_rests(const ms_stepper *s);
 /* ... and hold rows of the matrix */
-void ms_hold_rows(const ms_stepper *s, ms_request *request);
+void ms_hold_rows(ms_stepper *s, ms_request *request);
 
 /* No force depends on velocities. */
 int ms_is_separable(const ms_stepper *s);

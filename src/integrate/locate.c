@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "physics/friction.h"
+#include "integrate/change.h"
 #include "physics/path.h"
 
 /* A step in parts */
@@ -52,62 +52,11 @@ static void follow_path(substeps *j, int32_t row, double rebound, const msim_pla
   j->ends_known = 0;
 }
 
-/* When the sliding particle stops (s), with the mean acceleration until then; INFINITY: never. */
-static double stop_time(const substeps *j, const ms_contact *c) {
-  const ms_rows *rows = &j->s->model->rows;
-  double a0[3], a1[3], v[3], least, time = 0;
-  ms_row_get(rows, j->e->a, c->row, a0);
-  ms_row_get(rows, j->e->a_end, c->row, a1);
-  ms_row_get(rows, j->s->v, c->row, v);
-  for (int i = 0; i < 3; i++) {
-    const double share = 0.5 * fmin(1, time / j->s->h);
-    double a[3];
-    for (int k = 0; k < 3; k++) a[k] = a0[k] + share * (a1[k] - a0[k]);
-    const double friction = ms_keep_along(&c->on, a, &least);
-    time = ms_friction_stop(a, friction, v);
-  }
-  return time;
-}
-
-/* Its direction changes by more than 45 degrees in the part, or is stiff there: what is across v
- * decays at the rate F/|v|. On a line nothing is across. */
-static int turns(const substeps *j, const ms_contact *c) {
-  const ms_rows *rows = &j->s->model->rows;
-  double v0[3], v1[3], a[3], least;
-  ms_row_get(rows, j->s->v, c->row, v0);
-  ms_row_get(rows, j->s->v_next, c->row, v1);
-  ms_row_get(rows, j->e->a_end, c->row, a);
-  const double slow = j->s->h * ms_keep_along(&c->on, a, &least), speed = ms_norm3(v0);
-  const double along = ms_dot3(v0, a), across2 = ms_dot3(a, a) * speed * speed - along * along;
-  const int is_straight = across2 <= 1e-12 * along * along;
-  return (fmin(speed, ms_norm3(v1)) < slow && !is_straight) ||
-         ms_dot3(v0, v1) < sqrt(0.5) * speed * ms_norm3(v1);
-}
-
-/* The share of the part after which g, linear in time, is below 0 */
-static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
-
-/* The share of the part just made after which the contact ends, or another kind of it begins: it is
- * lifted, slips or stops; MS_NOWHERE: nothing of that. */
-static double find_change(const substeps *j, const ms_contact *c) {
-  const ms_rows *rows = &j->s->model->rows;
-  double a0[3], a1[3];
-  if (c->bounces) return MS_NOWHERE;
-  ms_row_get(rows, j->e->a, c->row, a0);
-  ms_row_get(rows, j->e->a_end, c->row, a1);
-  const double noise = MS_PRESS * ms_norm3(a1), push = ms_contact_reaction(c, a1);
-  if (push < -noise) return crossing(ms_contact_reaction(c, a0), push);
-  if (c->fixed || (c->sticks && ms_contact_grip(c, a1) >= -noise)) return MS_NOWHERE;
-  if (c->sticks) return crossing(ms_contact_grip(c, a0), ms_contact_grip(c, a1));
-  const double stop = c->rubs ? stop_time(j, c) / j->s->h : MS_NOWHERE;
-  return stop <= 1 ? stop : c->rubs && turns(j, c) ? 0.5 : MS_NOWHERE;
-}
-
 /* Its end of the part is that of its own path: bounces are summed, something changes, or the method
  * knows no forces of velocities, as friction is one. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int rubs = c->rubs && !c->sticks && j->method->separable;
-  return c->bounces || rubs || find_change(j, c) <= 1;
+  return c->bounces || rubs || ms_contact_change(j->s, c) <= 1;
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
@@ -306,7 +255,7 @@ static int is_done(substeps *j) {
 static double find_first_change(const substeps *j) {
   double first = MS_NOWHERE;
   for (int32_t i = 0; i < j->e->ncontacts; i++)
-    first = fmin(first, find_change(j, &j->e->contact[i]));
+    first = fmin(first, ms_contact_change(j->s, &j->e->contact[i]));
   return first;
 }
 
@@ -317,8 +266,8 @@ static double length_before(const substeps *j, double share) {
   return until > near / 2 ? until : fmin(near, j->s->h);
 }
 
-/* Methods of order p > 2, where the step resolves the fastest vibrations: what is faster they follow
- * to no more than order 2. Then accuracy is worth more steps. */
+/* Methods of order p > 2, where the step resolves the fastest vibrations: what is faster they
+ * follow to no more than order 2. Then accuracy is worth more steps. */
 static int may_cut(const substeps *j) {
   const int p = j->method->entry.order;
   return p > 2 && j->h * ms_bounds_of(j->s->model).omega <= p * p / 16.;
@@ -329,7 +278,7 @@ static msim_status make_parts(substeps *j, msim_error *err) {
   for (;;) {
     const double left = j->h - j->done;
     j->e->sums = left;
-    ms_contacts_find(s, 1e-13 * left, -1, -1);
+    ms_contacts_find(s);
     if (s->x == j->e->x || ms_contacts_sign(s) != j->e->held) j->warm = 0;
     if (is_done(j)) return MSIM_OK;
     msim_status status = make(j, left, err);

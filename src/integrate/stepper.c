@@ -16,8 +16,9 @@ void ms_hold_stages(const ms_stepper *s, double *stage) {
 int ms_rests(const ms_stepper *s) { return s->events && s->events->ncontacts; }
 
 /* Without springs every particle is alone, and its matrix a scalar. */
-void ms_hold_rows(const ms_stepper *s, ms_request *request) {
+void ms_hold_rows(ms_stepper *s, ms_request *request) {
   if (!ms_rests(s) || !(s->model->passes & MSIM_SKIP_SPRINGS)) return;
+  ms_contacts_hold(s, request->h);
   request->hold = s->events->hold;
   request->nholds = s->events->ncontacts;
 }

@@ -95,11 +95,13 @@ void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_co
     double *own = a->diagonal + g->row, largest = model->mass[g->row];
     for (size_t c = 0; c < dims; c++) largest = fmax(largest, own[c * sd]);
     g->weight = HEAVY * largest;
+    for (size_t b = 0; b < dims; b++) own[b * sd] += g->drag;
     for (int32_t k = 0; k < g->n; k++)
       for (size_t b = 0; b < dims; b++)
         for (size_t c = b; c < dims; c++)
-          own[ms_diagonal_entry(dims, b, c) * sd] +=
-              g->weight * g->along[k][model->rows.axis[b]] * g->along[k][model->rows.axis[c]];
+          own[ms_diagonal_entry(dims, b, c) * sd] += (g->weight - g->drag) *
+                                                     g->along[k][model->rows.axis[b]] *
+                                                     g->along[k][model->rows.axis[c]];
   }
 }
 
@@ -108,15 +110,16 @@ double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients 
   double sum = 0;
   for (int32_t i = 0; i < a->nholds; i++) {
     const ms_hold *g = &a->hold[i];
-    for (int32_t k = 0; k < g->n; k++) {
-      double own[3], to[3];
-      ms_row_get(&model->rows, p, g->row, own);
-      ms_row_get(&model->rows, q, g->row, to);
-      const double along = ms_dot3(g->along[k], own), push = by * g->weight * along;
-      ms_axpy3(push, g->along[k], to);
-      ms_row_put(&model->rows, to, g->row, q);
-      sum += push * along;
-    }
+    double own[3], add[3];
+    ms_row_get(&model->rows, p, g->row, own);
+    for (int c = 0; c < 3; c++) add[c] = by * g->drag * own[c];
+    for (int32_t k = 0; k < g->n; k++)
+      ms_axpy3(by * (g->weight - g->drag) * ms_dot3(g->along[k], own), g->along[k], add);
+    sum += ms_dot3(add, own);
+    double to[3];
+    ms_row_get(&model->rows, q, g->row, to);
+    ms_axpy3(1, add, to);
+    ms_row_put(&model->rows, to, g->row, q);
   }
   return sum;
 }

@@ -29,10 +29,11 @@ typedef struct ms_hold {
   int32_t row, n;
   double along[3][3]; /* n directions in space, of length 1, along which the row does not move */
   double weight;      /* kg, see below */
+  double drag;        /* kg: h times the viscous friction on what moves across them */
 } ms_hold;
 
 /* Rows that planes hold are so heavy along those directions that they move next to nothing: their
- * diagonal blocks have weight n n^T more. */
+ * diagonal blocks have sum weight n n^T + drag (I - sum n n^T) more. */
 typedef struct ms_coefficients {
   double drag;         /* h b, kg */
   int32_t block;       /* scalars in a block: dims, or 1 */

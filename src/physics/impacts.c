@@ -155,21 +155,23 @@ static int normals(const ms_touch *touch, const double *n[MS_MOST_HOLDING]) {
   return k;
 }
 
-void ms_put_on(const ms_touch *touch, double x[3]) {
+int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J) {
   const double *n[MS_MOST_HOLDING];
-  double to[MS_MOST_HOLDING] = {0}, c[MS_MOST_HOLDING];
   const int k = normals(touch, n);
-  for (int i = 0; i < k; i++) to[i] = touch->plane[i]->offset;
-  meet(k, n, to, x, c);
+  return meet(k, n, to, u, J);
+}
+
+void ms_put_on(const ms_touch *touch, double x[3]) {
+  double to[MS_MOST_TOUCHED] = {0}, c[MS_MOST_HOLDING];
+  for (int i = 0; i < touch->n; i++) to[i] = touch->plane[i]->offset;
+  ms_meet(touch, to, x, c);
 }
 
 double ms_keep_along(const ms_touch *touch, double u[3], double *least) {
-  const double *n[MS_MOST_HOLDING];
   double J[MS_MOST_HOLDING], pull = 0;
-  const int k = normals(touch, n);
   *least = INFINITY;
-  if (!meet(k, n, nothing, u, J)) return 0;
-  for (int i = 0; i < k; i++) {
+  if (!ms_meet(touch, nothing, u, J)) return 0;
+  for (int i = 0; i < touch->n && i < MS_MOST_HOLDING; i++) {
     *least = fmin(*least, J[i]);
     pull += touch->plane[i]->friction * fmax(0, J[i]);
   }

@@ -48,6 +48,10 @@ void ms_project(const ms_touch *touch, const double *least, double u[3], double 
  * seed's law. Until v' runs into none. Returns 1 if there was an impact. */
 int ms_bounce(const ms_touch *touch, double v[3]);
 
+/* u += sum J_i n_i with n_i.u = to_i for the first three planes; 0: they are not independent, and u
+ * stays. */
+int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J);
+
 /* On all planes of `touch`: x += sum c_i n_i. 3 independent ones at most. */
 void ms_put_on(const ms_touch *touch, double x[3]);
 

@@ -1,5 +1,5 @@
 /* build - models, solvers and vectors of a plan: one of each for every island */
-#include "integrate/contacts.h"
+#include "integrate/constrain.h"
 #include "integrate/split.h"
 #include "sim/sim.h"
 
@@ -7,7 +7,10 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
   double **vectors[9 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
-  for (int i = 0; i < sim->integrator->nwork; i++) vectors[count++] = &s->work[i];
+  const int events =
+      sim->opt.collision == MSIM_COLLISION_EVENT && m->model.passes & MSIM_SKIP_PLANES;
+  const int nwork = events && sim->integrator->entry.implicit ? MS_CONSTRAIN_WORK : 0;
+  for (int i = 0; i < sim->integrator->nwork || i < nwork; i++) vectors[count++] = &s->work[i];
   const int spare = ms_sim_has_control(sim) ? 2 : sim->opt.newton_retries > 0;
   for (int i = 0; i < spare; i++)
     vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
@@ -17,10 +20,7 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
   }
   msim_status status = ms_watch_create(sim, &m->model, &m->guard, err);
   if (status) return status;
-  const int events = sim->opt.collision == MSIM_COLLISION_EVENT;
-  if (events && m->model.passes & MSIM_SKIP_PLANES)
-    return ms_events_create(&m->model, &s->events, err);
-  return MSIM_OK;
+  return events ? ms_events_create(&m->model, &s->events, err) : MSIM_OK;
 }
 
 /* A model of each island. */

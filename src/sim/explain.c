@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "integrate/events.h"
 #include "integrate/methods.h"
 #include "integrate/split.h"
 #include "linear/aggregates.h"
@@ -146,10 +145,7 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
 static void explain_collisions(const msim_sim *sim, ms_text *out) {
   if (!has(sim, MSIM_SKIP_PLANES) || !sim->scene->nplanes) return;
   if (sim->opt.collision == MSIM_COLLISION_EVENT)
-    ms_print(out,
-             "collisions    event: impacts are located inside the step, rest is exact\n"
-             "              more than %d particles in one step: each for itself, order 2\n",
-             MS_FEW);
+    ms_print(out, "collisions    event: impacts are located inside the step, rest is exact\n");
   else ms_print(out, "collisions    reflect: the state after the step; order 1 at each impact\n");
 }
 

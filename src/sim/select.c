@@ -3,11 +3,13 @@
 #include <math.h>
 
 #include "integrate/cut.h"
-#include "integrate/events.h"
 #include "integrate/methods.h"
 #include "linear/predict.h"
 #include "sim/drive.h"
 #include "sim/probe.h"
+
+/* Particles whose impacts are few enough to be located one by one */
+enum { FEW = 4 };
 
 enum { LEAPFROG, LOCATED, CORRECTED, FOURTH, STABILISED, SIXTH, EIGHTH, SPLIT, IMPLICIT };
 
@@ -65,7 +67,7 @@ static const char *const reasons[REASONS] = {
 /*------------------------------------- explicit ones --------------------------------------------*/
 
 static int why_not(const ms_probe *p, int i) {
-  const int planes = p->sim->scene->nplanes > 0, few = p->sim->scene->nparticles <= MS_FEW;
+  const int planes = p->sim->scene->nplanes > 0, few = p->sim->scene->nparticles <= FEW;
   if (i == LEAPFROG && planes && few) return FEW_IMPACTS;
   if (i == LEAPFROG && planes && p->sim->selection.collision == MSIM_COLLISION_EVENT)
     return TO_BE_LOCATED;

@@ -1,0 +1,247 @@
+#include "integrate/constrain.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/vec3.h"
+#include "integrate/change.h"
+#include "integrate/methods.h"
+
+typedef struct constraint {
+  const ms_integrator *method;
+  ms_stepper *s;
+  ms_events *e;
+  const double *v_start; /* before anything bounced */
+  int inelastic;
+} constraint;
+
+static double gravity_of(const ms_stepper *s) { return ms_norm3(s->model->gravity); }
+
+/*------------------------------------- normal velocities ----------------------------------------*/
+
+/* The velocities that the planes of a contact give it, in place of those at the start. Its impulses
+ * over h and m belong to the pressure of the planes. */
+static void give_velocity(constraint *j, ms_contact *c) {
+  ms_stepper *s = j->s;
+  const ms_rows *rows = &s->model->rows;
+  double x[3], v[3], to[MS_MOST_TOUCHED], J[MS_MOST_HOLDING] = {0};
+  ms_row_get(rows, s->x, c->row, x);
+  ms_row_get(rows, j->v_start, c->row, v);
+  c->leaves = 0;
+  for (int i = 0; i < c->on.n; i++) {
+    const msim_plane *p = c->on.plane[i];
+    const double back = -p->restitution * ms_dot3(p->normal, v);
+    const int bounces = !j->inelastic && back > 2 * s->h * gravity_of(s);
+    to[i] = bounces ? back : -fmax(0, ms_distance(p, x)) / s->h;
+    c->leaves |= bounces;
+  }
+  ms_meet(&c->on, to, v, J);
+  ms_row_put(rows, v, c->row, s->v);
+  c->jump = 0, c->least_jump = INFINITY;
+  for (int i = 0; i < c->on.n && i < MS_MOST_HOLDING; i++) {
+    c->jump += c->on.plane[i]->friction * J[i] / s->h;
+    c->least_jump = fmin(c->least_jump, J[i] / s->h);
+  }
+}
+
+static void give_velocities(constraint *j) {
+  ms_contacts_own(j->s);
+  ms_copy(j->s->model->shape, j->v_start, j->s->v);
+  for (int32_t i = 0; i < j->e->ncontacts; i++) give_velocity(j, &j->e->contact[i]);
+}
+
+/*------------------------------------- what changes ---------------------------------------------*/
+
+/* What a row runs into at the end of the step, beside the planes that it is in contact with. */
+static ms_touch find_entered(const constraint *j, int32_t row, const ms_touch *on) {
+  const ms_walls walls = ms_walls_of(j->s);
+  double x[3];
+  ms_touch entered = *on;
+  ms_row_get(&j->s->model->rows, j->s->x_next, row, x);
+  const double noise = ms_distance_noise(&walls, x);
+  for (const msim_plane *p = walls.plane; p < walls.plane + walls.n; p++)
+    if (entered.n < MS_MOST_HOLDING && !ms_touch_holds(on, p) && ms_distance(p, x) < -noise)
+      entered.plane[entered.n++] = p;
+  return entered;
+}
+
+/* Rows that end behind planes become contacts, in the order of rows; how many. */
+static int32_t let_in(constraint *j) {
+  ms_events *e = j->e;
+  const ms_touch none = {0};
+  int32_t nnew = 0, changed = 0, next = 0;
+  for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
+    ms_contact *c = next < e->ncontacts && e->contact[next].row == r ? &e->contact[next++] : NULL;
+    const ms_touch on = find_entered(j, r, c ? &c->on : &none);
+    if (!c && on.n) e->near[nnew++] = r;
+    if (!c || on.n == c->on.n) continue;
+    c->on = on;
+    changed++;
+  }
+  for (int32_t from = e->ncontacts - 1, to = from + nnew, k = nnew - 1; k >= 0; to--) {
+    if (from >= 0 && e->contact[from].row > e->near[k]) {
+      e->contact[to] = e->contact[from--];
+      continue;
+    }
+    e->contact[to] = (ms_contact){
+        .row = e->near[k], .on = find_entered(j, e->near[k], &none), .is_given = 1, .enters = 1};
+    k--;
+  }
+  e->ncontacts += nnew;
+  j->s->stats->contacts += nnew;
+  return nnew + changed;
+}
+
+/* Contacts on which a plane would pull leave; how many. */
+static int32_t let_go(constraint *j) {
+  ms_events *e = j->e;
+  int32_t kept = 0;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    ms_contact c = e->contact[i];
+    double a[3];
+    ms_row_get(&j->s->model->rows, e->a_end, c.row, a);
+    const double push = ms_contact_reaction(&c, a) + c.least_jump;
+    if (push < -MS_PRESS * ms_norm3(a) && c.on.n == 1) continue;
+    e->contact[kept++] = c;
+  }
+  const int32_t gone = e->ncontacts - kept;
+  e->ncontacts = kept;
+  return gone;
+}
+
+/* Friction by the pressure that was found, stick or slip; 1: they are others. */
+static int find_friction(constraint *j, ms_contact *c) {
+  const ms_rows *rows = &j->s->model->rows;
+  const double NEARLY = 0.1, STOPS = 0.3, h = j->s->h;
+  const ms_contact before = *c;
+  double a[3], v[3], least;
+  ms_row_get(rows, j->e->a_end, c->row, a);
+  ms_row_get(rows, j->s->v_next, c->row, v);
+  c->rubs = 0;
+  for (int i = 0; i < c->on.n; i++) c->rubs |= c->on.plane[i]->friction > 0;
+  c->fixed = c->on.n >= rows->dims;
+  c->friction = fmax(0, ms_keep_along(&c->on, a, &least) + c->jump);
+  ms_keep_along(&c->on, v, &least);
+  const double speed = ms_norm3(v), pull = ms_norm3(a), slow = 1e-3 * h * c->friction;
+  if (before.sticks) {
+    c->sticks = c->fixed || pull <= c->friction;
+    c->slipped = !c->sticks;
+    c->lag = fmax(h * (pull - c->friction), slow);
+  } else {
+    const double stop = before.friction > 0 && !c->slipped ? STOPS * c->lag : 0;
+    c->sticks = c->fixed || (c->rubs && speed <= fmax(slow, stop));
+    c->lag = fmax(speed, slow);
+  }
+  return before.sticks != c->sticks ||
+         fabs(c->friction - before.friction) > NEARLY * fmax(before.friction, c->friction) ||
+         (c->friction > 0 && !c->sticks && fabs(c->lag - before.lag) > NEARLY * c->lag);
+}
+
+/* Do the contacts change? By what the step just made says. */
+static int update(constraint *j, int may_go) {
+  int32_t changed = may_go ? let_go(j) : 0;
+  for (int32_t i = 0; i < j->e->ncontacts; i++) changed += find_friction(j, &j->e->contact[i]);
+  changed += let_in(j);
+  return changed > 0;
+}
+
+/*------------------------------------- the step -------------------------------------------------*/
+
+static msim_status make(constraint *j, msim_error *err) {
+  j->s->warm = 0;
+  j->s->looked = 0;
+  const msim_status status = ms_implicit_euler.step(j->s, err);
+  if (!status) ms_contacts_finish(j->s);
+  return status;
+}
+
+static double energy_of(const ms_stepper *s, const double *x, const double *v) {
+  const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
+  const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
+  return t.kinetic + t.elastic - ms_dot3(s->model->gravity, t.moment);
+}
+
+static msim_status solve(constraint *j, msim_error *err) {
+  enum { MOST = 8, MAY_GO = 4 };
+  for (int i = 0; i < MOST; i++) {
+    give_velocities(j);
+    const msim_status status = make(j, err);
+    if (status) return status;
+    if (!update(j, i < MAY_GO)) break;
+  }
+  return MSIM_OK;
+}
+
+/* Contacts are what they were, as the method has it. */
+static int is_settled(constraint *j) {
+  const ms_touch none = {0};
+  const ms_events *e = j->e;
+  int32_t next = 0;
+  for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
+    const ms_contact *c =
+        next < e->ncontacts && e->contact[next].row == r ? &e->contact[next++] : NULL;
+    const ms_touch *on = c ? &c->on : &none;
+    if (find_entered(j, r, on).n > on->n || (c && ms_contact_change(j->s, c) <= 1)) return 0;
+  }
+  return 1;
+}
+
+/* By implicit Euler, with contacts as they come; none may feed energy. */
+static msim_status make_anew(constraint *j, msim_error *err) {
+  ms_stepper *s = j->s;
+  const double before = energy_of(s, s->x, j->v_start);
+  msim_status status = solve(j, err);
+  if (status || energy_of(s, s->x_next, s->v_next) <= before) return status;
+  j->inelastic = 1;
+  return solve(j, err);
+}
+
+static msim_status attempt(constraint *j, msim_error *err) {
+  ms_stepper *s = j->s;
+  ms_events *e = j->e;
+  const int64_t impacts = s->stats->contacts;
+  const int carried = s->warm & ~MS_NOTED;
+  ms_contacts_find(s);
+  int made = 0;
+  if (s->stats->contacts == impacts) {
+    s->warm = s->x != e->x && ms_contacts_sign(s) == e->held ? carried : 0;
+    const msim_status status = j->method->step(s, err);
+    if (status && status != MSIM_NOT_CONVERGED) return status;
+    made = !status;
+    if (made) ms_contacts_finish(s);
+    if (made && is_settled(j)) return MSIM_OK;
+  }
+  s->stats->contacts = impacts;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    ms_contact *c = &e->contact[i];
+    c->is_given = 1;
+    c->lag = INFINITY;
+  }
+  if (made) update(j, 1);
+  const msim_status status = make_anew(j, err);
+  s->warm_next = 0;
+  return status;
+}
+
+msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
+  ms_events *e = s->events;
+  double *x = s->x, *v = s->v;
+  const int carried = s->warm & ~MS_NOTED;
+  constraint j = {.method = method, .s = s, .e = e, .v_start = v};
+  e->known = s->warm & MS_NOTED;
+  if (!e->known) e->held = 0;
+  e->stiff = 2 * s->h;
+  e->sums = 0;
+  e->merge = 1e-11 * e->reach;
+  const msim_status status = attempt(&j, err);
+  const int same = s->warm == carried;
+  s->x = x, s->v = v;
+  s->warm = same ? carried : 0;
+  if (status) return status;
+  if (e->ncontacts && !e->contact[0].is_given) {
+    e->held = ms_contacts_sign(s);
+    ms_contacts_know(e);
+    s->warm_next |= MS_NOTED;
+  }
+  return MSIM_OK;
+}

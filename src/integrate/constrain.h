@@ -1,0 +1,26 @@
+/* constrain - a step of an implicit method with planes and springs that are stiff for it
+ *
+ * Where springs swing many times in a step an impact is not one of a particle alone: what it is
+ * tied to pushes on. So nothing is located. If in a step of the method contacts stay what they are,
+ * that is the step. Else it is made anew by implicit Euler, which damps what an impact excites,
+ * with velocities as unknowns and positions as conditions (Stewart and Trinkle, Int. J. Numer.
+ * Meth. Eng. 39 (1996) 2673): along the normal of its planes a particle has a given velocity all
+ * through the step,
+ *   n.v = -gap/h       it reaches the plane,
+ *   n.v = -e n.v_n     it bounces, faster than 2 h g,
+ *   n.v = 0            it rests,
+ * which the matrix knows. Friction is viscous there: -mu N v/max(|v|, eps), with the N of the last
+ * solve, so that it takes energy whatever N is; what is slower than eps sticks. Particles that end
+ * behind a plane join, those on which a plane would pull leave, and the step is made again until
+ * nothing changes. Should the energy have grown, impacts are made without restitution. */
+#ifndef MS_CONSTRAIN_H
+#define MS_CONSTRAIN_H
+
+#include "integrate/contacts.h"
+
+/* Work vectors that implicit methods need for it: those of implicit Euler. */
+enum { MS_CONSTRAIN_WORK = 6 };
+
+msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_error *err);
+
+#endif
