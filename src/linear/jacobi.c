@@ -94,3 +94,52 @@ void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t com
     }
   }
 }
+
+/*------------------------------------- the norm -------------------------------------------------*/
+
+/* r.B^-1 r = |L^-1 r|^2, B = L L^T; -1 where a pivot is not above the rounding errors of its
+ * diagonal entry, unless `floor` puts it there. */
+static double square_by_block(size_t dims, const double *b, const double r[3], int floor) {
+  double l[3][3], y[3], sum = 0;
+  for (size_t i = 0; i < dims; i++) {
+    const double least = DBL_EPSILON * b[i];
+    double pivot = b[i];
+    y[i] = r[i];
+    for (size_t k = 0; k < i; k++) {
+      double entry = b[ms_diagonal_entry(dims, k, i)];
+      for (size_t q = 0; q < k; q++) entry -= l[i][q] * l[k][q];
+      l[i][k] = entry / l[k][k];
+      pivot -= l[i][k] * l[i][k];
+      y[i] -= l[i][k] * y[k];
+    }
+    if (!(pivot > least) && !floor) return -1;
+    l[i][i] = sqrt(fmax(pivot, least));
+    y[i] /= l[i][i];
+    sum += y[i] * y[i];
+  }
+  return sum;
+}
+
+/* Where compressed springs leave a block without a root it is braced, as in the preconditioner. */
+static double square_of_row(const ms_model *model, const ms_coefficients *a, const double *r,
+                            int32_t row) {
+  const size_t s = (size_t)model->rows.first_pinned, t = (size_t)model->rows.stride;
+  const size_t dims = (size_t)a->block, size = ms_diagonal_size(dims);
+  double block[6], own[3];
+  for (size_t q = 0; q < size; q++) block[q] = a->diagonal[q * s + (size_t)row];
+  for (size_t c = 0; c < dims; c++) own[c] = r[c * t + (size_t)row];
+  const double square = square_by_block(dims, block, own, 0);
+  if (square >= 0) return square;
+  const double more = brace(model, a, row);
+  for (size_t c = 0; c < dims; c++) block[c] += more;
+  return square_by_block(dims, block, own, 1);
+}
+
+double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const double *r) {
+  const size_t apart = (size_t)a->block * (size_t)model->rows.stride;
+  double sum = 0;
+  for (int32_t c = 0; c < model->rows.dims; c += a->block)
+    for (int32_t row = 0; row < model->rows.nfree; row++)
+      sum += square_of_row(model, a, r + (size_t)(c / a->block) * apart, row);
+  return sqrt(sum);
+}

@@ -7,6 +7,7 @@
 
 #include "base/clock.h"
 #include "linear/choose.h"
+#include "linear/jacobi.h"
 
 /*------------------------------------- life -----------------------------------------------------*/
 
@@ -65,8 +66,9 @@ void ms_solver_drop_kept(ms_solver *s) {
 static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   const ms_model *model = s->system.model;
   msim_status status = ms_coefficients_create(model, &s->system.a, err);
+  if (!status) status = ms_free_components_create(model, &s->components, err);
   if (status) return status;
-  double **work[] = {&s->guess, &s->residual, &s->correction, &s->magnitude};
+  double **work[] = {&s->b, &s->guess, &s->residual, &s->correction, &s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) {
     *work[i] = ms_rows_vector(model->scene, &model->rows);
     if (!*work[i]) return ms_fail_memory(err, "the linear solver");
@@ -101,7 +103,8 @@ void ms_solver_destroy(ms_solver *s) {
   ms_solver_drop_kept(s);
   origin_destroy(s, &s->by_coarse);
   ms_coefficients_destroy(model, &s->system.a);
-  double *work[] = {s->guess, s->residual, s->correction, s->magnitude};
+  ms_free_components_destroy(model, &s->components);
+  double *work[] = {s->b, s->guess, s->residual, s->correction, s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) ms_delete(&model->scene->alloc, work[i]);
   ms_delete(&model->scene->alloc, s);
 }
@@ -180,28 +183,51 @@ msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin,
   return factor(s, by, origin->kind, err);
 }
 
+static double norm(const ms_solver *s, const double *r) {
+  return ms_jacobi_norm(s->system.model, &s->system.a, r);
+}
+
+/* The right-hand side for the matrix at hand in place of *b. */
+static msim_status form_right_hand_side(ms_solver *s, const ms_request *r, const double **b) {
+  const ms_shape shape = s->system.model->shape;
+  if (!r->base) return MSIM_OK;
+  ms_coefficients_apply_massless(s->system.model, &s->system.a, r->base, s->b);
+  ms_combine(shape, *b, -1, s->b, s->b);
+  *b = s->b;
+  s->culprit = ms_find_bad(shape, s->b);
+  return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+}
+
 /* ||b - A v||, and the residual itself in s->residual */
 static double true_residual(ms_solver *s, const double *b, const double *v) {
   const ms_shape shape = s->system.model->shape;
   ms_system_apply(&s->system, v, s->residual);
   ms_combine(shape, b, -1, s->residual, s->residual);
-  return sqrt(ms_dot(shape, s->residual, s->residual));
+  return norm(s, s->residual);
 }
 
-/* 8 eps || |A| |v| + |b| ||: no solver gets below a small multiple of eps times this */
+/* No solver gets below a small multiple of eps (|A| |v| + |b|), with any signs: what that comes to
+ * in the norm, one component after the other, as a block may nearly cancel what both make together.
+ */
 static double rounding_level(ms_solver *s, const double *b, const double *v) {
   const ms_shape shape = s->system.model->shape;
+  double sum = 0;
   ms_coefficients_apply_abs(s->system.model, &s->system.a, v, s->magnitude);
-  double sum = ms_dot(shape, s->magnitude, s->magnitude);
-  return 8 * DBL_EPSILON * (sqrt(sum) + sqrt(ms_dot(shape, b, b)));
+  for (int32_t c = 0; c < shape.dims; c++) {
+    const size_t at = (size_t)c * (size_t)shape.stride;
+    memset(s->correction, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *s->correction);
+    for (size_t i = at; i < at + (size_t)shape.n; i++)
+      s->correction[i] = s->magnitude[i] + fabs(b[i]);
+    sum += norm(s, s->correction);
+  }
+  return 8 * DBL_EPSILON * sum;
 }
 
 static int is_good(ms_solver *s, const double *b, const double *v) {
-  const ms_shape shape = s->system.model->shape;
-  const double size = sqrt(ms_dot(shape, b, b));
-  const double norm = s->linear->met ? s->linear->residual : true_residual(s, b, v);
-  s->reached = size > 0 ? norm / size : norm;
-  return norm <= s->target.rtol * size || norm <= rounding_level(s, b, v);
+  const double size = norm(s, b);
+  const double left = s->linear->met ? s->linear->residual : true_residual(s, b, v);
+  s->reached = size > 0 ? left / size : left;
+  return left <= s->target.rtol * size || left <= rounding_level(s, b, v);
 }
 
 /* Single precision is for preconditioners: a new factor is asked for more. */
@@ -341,14 +367,16 @@ static int32_t most_compressed(const ms_solver *s) {
 
 static msim_status not_positive_definite(ms_solver *s, const ms_request *r, const double *b,
                                          double *v, msim_error *err) {
+  msim_status status;
   s->stats->indefinite_steps++;
   switch (r->indefinite) {
     case MSIM_INDEFINITE_SOLVE:
-      return factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
-    case MSIM_INDEFINITE_CLAMP: {
-      msim_status status = assemble(s, r, 1);
+      status = form_right_hand_side(s, r, &b);
+      return status ? status : factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
+    case MSIM_INDEFINITE_CLAMP:
+      status = assemble(s, r, 1);
+      if (!status) status = form_right_hand_side(s, r, &b);
       return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
-    }
     default:
       s->culprit = most_compressed(s);
       return ms_fail(
@@ -381,12 +409,14 @@ static msim_status solve_constant(ms_solver *s, const ms_request *r, const doubl
     if (status) return status;
     s->made_for = r->h;
   }
-  return solve(s, b, v, err);
+  const msim_status status = form_right_hand_side(s, r, &b);
+  return status ? status : solve(s, b, v, err);
 }
 
 static msim_status solve_variable(ms_solver *s, const ms_request *r, const double *b, double *v,
                                   msim_error *err) {
   msim_status status = assemble(s, r, r->clamp);
+  if (!status) status = form_right_hand_side(s, r, &b);
   if (status) return status;
   if (r->v) return factor_and_solve(s, MSIM_FACTOR_UNSYMMETRIC, b, v, err);
   status = try_kept(s, b, v);
@@ -417,11 +447,12 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const 
   msim_status status = solve_once(solver, request, b, v, err);
   if (status == MSIM_NOT_CONVERGED && solver->may_switch && !ms_solver_switch(solver, NULL))
     status = solve_once(solver, request, b, v, err);
-  if (!status) {
-    solver->culprit = ms_find_bad(shape, v);
-    if (solver->culprit >= 0) status = MSIM_NOT_FINITE;
-  }
-  return status;
+  if (status) return status;
+  if (!solver->linear->exact)
+    ms_balance_momentum(solver->system.model, &solver->system.a, &solver->components,
+                        request->base ? solver->b : b, v);
+  solver->culprit = ms_find_bad(shape, v);
+  return solver->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 
 /*------------------------------------- a step downhill ------------------------------------------*/

@@ -5,6 +5,7 @@
 
 #include "base/bytes.h"
 #include "linear/kept.h"
+#include "linear/momentum.h"
 
 /* What pcg spends on a matrix that hardly changes would buy a factor of it. */
 typedef struct ms_savings {
@@ -36,8 +37,10 @@ typedef struct ms_solver {
   ms_origin by_kept;   /* of the kept factor */
   ms_origin by_coarse; /* of the coarse factor */
   msim_stats *stats;
+  ms_free_components components;
+  double *b; /* the right-hand side of a request with a base */
   double *guess, *residual, *correction, *magnitude; /* work vectors */
-  double reached;                                    /* ||b - A v|| / ||b|| of the last solve */
+  double reached;   /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
   int32_t culprit;  /* the row to blame for the last status != MSIM_OK; -1: none in particular */
   char reason[256]; /* why this solver, for people */
 } ms_solver;
@@ -58,6 +61,8 @@ typedef struct ms_request {
   int clamp;          /* the clamped matrix: positive definite always */
   int32_t indefinite; /* MSIM_INDEFINITE_...: what follows where A is not; -1: it is told */
   double rtol;        /* of the residual */
+  const double *base; /* the solution is a change from this velocity: the right-hand side is
+                         b - (A - M) base, by the matrix that is finally used; NULL: b */
 } ms_request;
 
 /* v = A(x, h)^-1 b. v: first guess in, solution out, scratch unless MSIM_OK.
@@ -65,7 +70,8 @@ typedef struct ms_request {
  * The pattern is analysed once, at creation; a factor is made in every solve, because x is new. A
  * matrix of scalars (force.h) is the same for every x: it is assembled and factored once for an h.
  * The true residual is checked after every solve: ||b - A v|| <= rtol ||b||, or at rounding level,
- * 8 eps || |A||v| + |b| ||. What follows what, each counted in stats:
+ * 8 eps (|A||v| + |b|), in the norm sqrt(r.D^-1 r) of the diagonal blocks D (jacobi.h). Last of
+ * all momentum is balanced (momentum.h). What follows what, each counted in stats:
  *   1. `auto` with a factorisation: the kept factor preconditions conjugate gradients, where the
  *      iterations cost no more than a step did on average since it was made; else a new factor.
  *   2. A factor whose answer is above the residual gets up to 3 steps of iterative refinement.

@@ -52,7 +52,10 @@ static const option table[] = {
      0},
     {{"t_end", "number >= 0", "", "end time in s"}, REAL, AT(t_end), 0, 0, -1, 0},
     TEXT("solver", "name", "auto", "linear solver, as msim_cli list names them", solver),
-    ABOVE_0("solver.rtol", "1e-8", "true residual over right side, 2-norm", solver_rtol),
+    ABOVE_0("solver.rtol", "1e-8",
+            "true residual over right-hand side, weighed by the inverse of the diagonal blocks: "
+            "relative to a step's change of velocity",
+            solver_rtol),
     {{"solver.max_iterations", "whole number >= 1", "2000", "limit of an iterative solver"},
      INT32,
      AT(solver_max_iterations),
