@@ -96,9 +96,9 @@ typedef struct msim_system {
 /* What one solve() has to reach. */
 typedef struct msim_solve_params {
   size_t size;
-  /* ||b - A y|| <= rtol ||b|| in the norm sqrt(r.D^-1 r), D the diagonal blocks of A: with NONE its
-   * square is r.precondition(r). A factor may be applied in single precision where this is 1e-4 or more: the
-   * host asks for that of preconditioners. */
+  /* ||b - A y|| <= rtol ||b|| in the norm sqrt(r.D^-1 r), D the diagonal blocks of A; with NONE
+   * its square is r.precondition(r). A factor may be applied in single precision where this is 1e-4
+   * or more: the host asks for that of preconditioners. */
   double rtol;
   int32_t max_iterations;
 } msim_solve_params;
