@@ -301,9 +301,10 @@ static double residual(krylov *self, const double *b, const double *y) {
 }
 
 /* x ~ A^-1 r / size, to where the norm is `goal` or to *limit iterations, which then is how many
- * were made; by a factor of 10 at least: SPTFQMR's estimate may claim less than that for nothing. Is
- * there anything to show? If so the curvature of x is looked at as well, which shows the smallest
- * eigenvalues best; that of conjugate gradients is a sum of what was looked at. r is lost. */
+ * were made; by a factor of 10 at least: SPTFQMR's estimate may claim less than that for nothing.
+ * Is there anything to show? If so the curvature of x is looked at as well, which shows the
+ * smallest eigenvalues best; that of conjugate gradients is a sum of what was looked at. r is lost.
+ */
 static int correct(krylov *self, double size, double goal, int *limit) {
   const double factor = fmax(fmin(0.5 * goal / size, 0.1), method.reduction);
   scale_in_place(self->length, 1 / size, value_of(self->r));

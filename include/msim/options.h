@@ -63,7 +63,7 @@ typedef struct msim_options {
   int32_t solver_max_iterations; /* of an iterative solver [2000] */
   int32_t jacobian;              /* MSIM_JACOBIAN_... [EXACT] */
   int32_t indefinite;            /* MSIM_INDEFINITE_... [CLAMP] */
-  double newton_rtol;            /* [1e-8] */
+  double newton_rtol;            /* of the error of v over its change in the step [1e-8] */
   int32_t newton_max_iterations; /* [100] */
   int32_t collision;             /* MSIM_COLLISION_... [REFLECT] */
   double tol; /* error control; 0 [default]: fixed steps of h; auto, dop853 without `steps`: 1e-6 */

@@ -252,6 +252,22 @@ static void descend(ms_linear *base, ms_descent *d, const double *b, double *y,
   d->promise = s->jacobi.scale * promise;
 }
 
+/* z = P r: a step of the iteration with alpha = beta = 0 */
+static void precondition(ms_linear *base, const double *r, double *z) {
+  ms_pcg *s = (ms_pcg *)base;
+  const ms_shape shape = base->system->model->shape;
+  const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
+  memset(s->q, 0, bytes);
+  memset(s->p, 0, bytes);
+  s->y = s->q; /* nothing is added to it */
+  ms_copy(shape, r, s->r);
+  ms_scale(shape, 1 / s->jacobi.scale, s->r);
+  reduce(s, 0);
+  if (s->coarse_is_ready) ms_coarse_solve(&s->coarse, s->r);
+  advance(s, 0, 0);
+  ms_copy(shape, s->p, z);
+}
+
 /*------------------------------------- life -----------------------------------------------------*/
 
 static void destroy(ms_linear *base) {
@@ -311,8 +327,12 @@ static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }
 
 msim_status ms_pcg_create(const ms_system *system, const msim_options *opt, int32_t aggregate,
                           ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {
-      .factor = factor, .solve = solve, .descend = descend, .restart = restart, .destroy = destroy};
+  static const ms_linear_ops ops = {.factor = factor,
+                                    .solve = solve,
+                                    .descend = descend,
+                                    .precondition = precondition,
+                                    .restart = restart,
+                                    .destroy = destroy};
   const ms_model *model = system->model;
   *linear = NULL;
   ms_pcg *s = ms_new(&model->scene->alloc, 1, sizeof *s);

@@ -4,6 +4,7 @@
 #define MS_SOLVER_H
 
 #include "base/bytes.h"
+#include "linear/bicgstab.h"
 #include "linear/kept.h"
 #include "linear/momentum.h"
 
@@ -38,17 +39,19 @@ typedef struct ms_solver {
   ms_origin by_coarse; /* of the coarse factor */
   msim_stats *stats;
   ms_free_components components;
-  double *b; /* the right-hand side of a request with a base */
+  ms_bicgstab bicgstab; /* for pcg and `auto`, where springs are damped; else empty */
+  double *b;            /* the right-hand side of a request with a base */
   double *guess, *residual, *correction, *magnitude; /* work vectors */
   double reached;   /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
   int32_t culprit;  /* the row to blame for the last status != MSIM_OK; -1: none in particular */
   char reason[256]; /* why this solver, for people */
 } ms_solver;
 
-/* opt lives as long as the solver; h: the step, for `auto`. Counts go to stats. Set up once:
+/* opt lives as long as the solver; h: the step, for `auto`; nonlinear: for Newton's method, whose
+ * requests may have a v. Counts go to stats. Set up once:
  * nothing is allocated later, but where `auto` changes its mind (5. and 6. below). */
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
-                             msim_stats *stats, ms_solver **solver, msim_error *err);
+                             int nonlinear, msim_stats *stats, ms_solver **solver, msim_error *err);
 void ms_solver_destroy(ms_solver *solver);
 
 /* Which matrix, and how well. */
@@ -84,7 +87,8 @@ typedef struct ms_request {
 msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
                             double *v, msim_error *err);
 
-/* 1: requests may have a v, as springs are damped and the solver was made for such matrices. */
+/* 1: requests may have a v, as springs are damped and there is a solver for such matrices: the one
+ * chosen, or BiCGStab preconditioned by it. */
 int ms_solver_takes_turning(const ms_solver *solver);
 
 /* d as linear.h has it: truncated conjugate gradients on A(x, h), however indefinite, from 0.

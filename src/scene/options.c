@@ -69,7 +69,8 @@ static const option table[] = {
          "where the exact matrix is not positive definite: that step again clamped, solve it as it "
          "is, or stop",
          indefinite),
-    ABOVE_0("newton.rtol", "1e-8", "wanted relative error of the velocity of a nonlinear step",
+    ABOVE_0("newton.rtol", "1e-8",
+            "wanted error of the velocity of a nonlinear step, relative to its change in the step",
             newton_rtol),
     {{"newton.max_iterations", "whole number >= 1", "100", "limit of Newton's method in a step"},
      INT32,
