@@ -130,12 +130,6 @@ static int all_finite(const double *x, size_t n) {
   return 1;
 }
 
-static double norm(const double *x, size_t n) {
-  double sum = 0;
-  for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
-  return sqrt(sum);
-}
-
 static void check_info(const char *call, const msim_solve_info *info) {
   expect_backend(info->size == sizeof *info, call, "changed info->size");
   expect_backend(info->iterations >= 0, call, "tells of iterations < 0");
@@ -281,6 +275,18 @@ static void multiply(const msim_system *A, const double *val, int absolute, cons
     }
 }
 
+/* sqrt(r.D^-1 r) where the host has D^-1, else the 2-norm */
+static double size_of(const msim_system *A, const double *r) {
+  const size_t n = length(A);
+  double *z = calloc(n, sizeof *z), sum = 0;
+  if (!z) abort();
+  if (A->format == MSIM_FORMAT_NONE) A->precondition(A, r, z);
+  else memcpy(z, r, n * sizeof *z);
+  for (size_t i = 0; i < n; i++) sum += r[i] * z[i];
+  free(z);
+  return sqrt(fmax(0, sum));
+}
+
 /* ||b - A y|| <= rtol ||b||, or as near as `slack` || |A| |y| + |b| ||. Without a matrix there is
  * no |A|: A |y| stands for |A| |y|. */
 static int is_solved(const watch *w, double rtol, double slack, const double *b, const double *y) {
@@ -297,8 +303,8 @@ static int is_solved(const watch *w, double rtol, double slack, const double *b,
     A->apply(A, positive, size);
   }
   for (size_t i = 0; i < n; i++) r[i] = b[i] - r[i], size[i] = fabs(size[i]) + fabs(b[i]);
-  const double left = norm(r, n);
-  const int solved = left <= rtol * norm(b, n) || left <= slack * norm(size, n);
+  const double left = size_of(A, r);
+  const int solved = left <= rtol * size_of(A, b) || left <= slack * size_of(A, size);
   free(work);
   return solved;
 }

@@ -58,11 +58,16 @@ static int padded(const msim_system *A, const double *x) {
   return 1;
 }
 
+/* r.z, z = P r */
+static double square(gradients *g, const msim_system *A, const double *r) {
+  A->precondition(A, r, g->z);
+  return dot(length(A), r, g->z);
+}
+
 /* One direction of search, from g->r; rho: r.z of the last one, 0 at the start. */
 static msim_status advance(gradients *g, const msim_system *A, double *rho, double *y) {
   const size_t n = length(A);
-  A->precondition(A, g->r, g->z);
-  const double next = dot(n, g->r, g->z), beta = *rho > 0 ? next / *rho : 0;
+  const double next = square(g, A, g->r), beta = *rho > 0 ? next / *rho : 0;
   for (size_t i = 0; i < n; i++) g->p[i] = g->z[i] + (*rho > 0 ? beta * g->p[i] : 0);
   A->apply(A, g->p, g->q);
   if (!padded(A, g->z) || !padded(A, g->q))
@@ -79,19 +84,19 @@ static msim_status advance(gradients *g, const msim_system *A, double *rho, doub
 static msim_status solve_one(gradients *g, const msim_system *A, const msim_solve_params *params,
                              const double *b, double *y, msim_solve_info *info) {
   const size_t n = length(A);
-  const double goal = params->rtol * sqrt(dot(n, b, b));
+  const double goal = params->rtol * sqrt(square(g, A, b));
   double rho = 0, left = 0;
   for (int64_t i = 0;; i++, info->iterations++) {
     if (left <= goal) {
       A->apply(A, y, g->q);
       for (size_t k = 0; k < n; k++) g->r[k] = b[k] - g->q[k];
       rho = 0;
-      if (sqrt(dot(n, g->r, g->r)) <= goal) return MSIM_OK;
+      if (sqrt(square(g, A, g->r)) <= goal) return MSIM_OK;
     }
     if (i == params->max_iterations) return MSIM_NOT_CONVERGED;
     const msim_status status = advance(g, A, &rho, y);
     if (status) return status;
-    left = sqrt(dot(n, g->r, g->r));
+    left = sqrt(square(g, A, g->r));
   }
 }
 

@@ -173,6 +173,93 @@ static void a_free_solid_falls(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Two bodies on a spring of rest length 1 along x, apart by 1.1, that move along at this speed. */
+static msim_scene *ship_and_boat(double speed, double heavy, double light, double k) {
+  const double x[6] = {0, 0, 0, 1.1, 0, 0}, v[6] = {speed, 0, 0, speed, 0, 0};
+  const double mass[2] = {heavy, light}, rest = 1;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  return scene;
+}
+
+/* The step's change of v is what the tolerance is of, not v: neither speed nor a heavy body makes
+ * it coarser. The distance r obeys w' = (w - h q (r - 1))/(1 + h^2 q), r' = r + h w', q = k/mu. */
+static void neither_speed_nor_mass_hides_a_spring(void **state) {
+  (void)state;
+  const double speeds[] = {0, 10, 1000}, masses[] = {1, 1e6};
+  enum { STEPS = 50 };
+  const double h = 1e-3, k = 100, light = 1e-3;
+  for (int i = 0; i < 6; i++) {
+    const double heavy = masses[i / 3], q = k / heavy + k / light;
+    double r = 1.1, w = 0;
+    for (int step = 0; step < STEPS; step++) {
+      w = (w - h * q * (r - 1)) / (1 + h * h * q);
+      r += h * w;
+    }
+    msim_scene *scene = ship_and_boat(speeds[i % 3], heavy, light, k);
+    msim_options opt = implicit(h);
+    opt.solver_rtol = 1e-8;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, STEPS, err));
+    assert_close(state_of(sim).x[3] - state_of(sim).x[0], r, 1e-8);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void gravity_acts_at_any_speed(void **state) {
+  (void)state;
+  const double g[3] = {0, 0, -9.81};
+  msim_scene *scene = ship_and_boat(1000, 1, 1, 1);
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  msim_options opt = implicit(1e-6);
+  opt.solver_rtol = 1e-8;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 1000, err));
+  for (int i = 2; i < 6; i += 3) assert_close(state_of(sim).v[i] / (1e-3 * g[2]), 1, 1e-6);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* Of two bodies in one sim, one of them pinned: the other keeps its momentum, however coarse the
+ * solves are. */
+static void momentum_is_kept_by_coarse_solves(void **state) {
+  (void)state;
+  enum { SIDE = 4, N = SIDE * SIDE * SIDE };
+  const msim_lattice lattice = {.size = sizeof lattice,
+                                .n = {SIDE, SIDE, SIDE},
+                                .extent = {0.3, 0.3, 0.3},
+                                .mass = 1,
+                                .k = 2000};
+  const int32_t pin = N;
+  double x[6 * N], v[6 * N];
+  unsigned seed = 4;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  msim_options opt = implicit(1e-2);
+  opt.solver_rtol = 1e-3;
+  msim_sim *sim = make_sim(scene, &opt);
+  memcpy(x, state_of(sim).x, sizeof x);
+  double before[3] = {0}, after[3] = {0};
+  for (int i = 0; i < 6 * N; i++) {
+    v[i] = i / 3 == N ? 0 : 0.5 + uniform(&seed);
+    if (i < 3 * N) before[i % 3] += v[i];
+  }
+  assert_ok(
+      msim_sim_set_state(sim, &(msim_state){sizeof(msim_state), 0, 0, 2 * N, x, v, NULL, 0}, err));
+  assert_ok(msim_sim_step(sim, 200, err));
+  for (int i = 0; i < 3 * N; i++) after[i % 3] += state_of(sim).v[i];
+  for (int c = 0; c < 3; c++) assert_close(after[c] / before[c], 1, 1e-12);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 static void a_tolerance_out_of_reach_is_rounding_level(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(10, 1000, 0);
@@ -318,6 +405,9 @@ int main(int argc, char **argv) {
                                      cmocka_unit_test(clamp_repeats_the_step_clamped),
                                      cmocka_unit_test(solve_wants_a_solver_that_can),
                                      cmocka_unit_test(a_free_solid_falls),
+                                     cmocka_unit_test(neither_speed_nor_mass_hides_a_spring),
+                                     cmocka_unit_test(gravity_acts_at_any_speed),
+                                     cmocka_unit_test(momentum_is_kept_by_coarse_solves),
                                      cmocka_unit_test(a_tolerance_out_of_reach_is_rounding_level),
                                      cmocka_unit_test(too_few_iterations_are_reported),
                                      cmocka_unit_test(no_springs_no_matrix),

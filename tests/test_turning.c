@@ -139,11 +139,16 @@ static int64_t iterations(const msim_scene *scene, const char *solver, double rt
   return n;
 }
 
-static const char *const whole[] = {"klu", "sundials-spgmr", "sundials-spfgmr", "sundials-spbcgs",
+static const char *const whole[] = {"pcg",
+                                    "auto",
+                                    "klu",
+                                    "sundials-spgmr",
+                                    "sundials-spfgmr",
+                                    "sundials-spbcgs",
                                     "sundials-sptfqmr"};
 
-/* Six more digits cost less than an iteration a step by the whole matrix, and five by the symmetric
- * one. */
+/* Six more digits cost no more than an iteration a step by the whole matrix, and five by the
+ * symmetric one. */
 static void newton_is_quadratic_where_damping_is_strong(void **state) {
   (void)state;
   if (!solver_there("cholmod") || !solver_there("klu")) skip();
@@ -153,7 +158,7 @@ static void newton_is_quadratic_where_damping_is_strong(void **state) {
   assert_true(fine - rough > 4 * STEPS);
   for (size_t i = 0; i < sizeof whole / sizeof *whole; i++) {
     const int64_t more = iterations(scene, whole[i], 1e-12) - iterations(scene, whole[i], 1e-6);
-    if (more >= STEPS) fail_msg("%s: %d more iterations", whole[i], (int)more);
+    if (more > STEPS) fail_msg("%s: %d more iterations", whole[i], (int)more);
   }
   msim_scene_destroy(scene);
 }
@@ -170,7 +175,7 @@ static int takes_turning(const msim_scene *scene, const char *solver) {
 /* What is not damped keeps its symmetric matrix, and so does who cannot have another. */
 static void the_whole_matrix_is_for_whom_it_serves(void **state) {
   (void)state;
-  static const char *const symmetric[] = {"auto", "pcg", "cholmod", "sundials-pcg"};
+  static const char *const symmetric[] = {"cholmod", "sundials-pcg"};
   msim_scene *damped = hanging_cloth(8, 1000, 10), *undamped = hanging_cloth(8, 1000, 0);
   for (size_t i = 0; i < sizeof whole / sizeof *whole; i++) {
     if (!solver_there(whole[i])) continue;
@@ -182,10 +187,58 @@ static void the_whole_matrix_is_for_whom_it_serves(void **state) {
   msim_scene_destroy(damped), msim_scene_destroy(undamped);
 }
 
+/* A hanging net of random velocities, 1 m wide, with dampers across it too. */
+static msim_scene *damped_net(double c, int is_pinned) {
+  enum { NET = 8 };
+  static const int32_t steps[][2] = {{0, 1}, {1, 0}, {1, 1}, {1, -1}, {0, 2}, {2, 0}};
+  const double g[3] = {0, 0, -9.81}, k = 1000, mass = 0.3 / NET / NET;
+  double x[3 * NET * NET] = {0}, v[3 * NET * NET], m[NET * NET];
+  unsigned seed = 7;
+  msim_scene *scene;
+  for (int i = 0; i < NET * NET; i++) {
+    x[3 * i] = (i % NET) / (NET - 1.0), x[3 * i + 2] = -(i / NET) / (NET - 1.0), m[i] = mass;
+    for (int a = 0; a < 3; a++)
+      v[3 * i + a] = is_pinned && (i == 0 || i == NET - 1) ? 0 : 2 * uniform(&seed) - 1;
+  }
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, NET * NET, x, v, m, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  for (int i = 0; i < 6 * NET * NET; i++) {
+    const int from = i / 6, row = from / NET + steps[i % 6][0],
+              column = from % NET + steps[i % 6][1];
+    const int32_t ij[2] = {from, row * NET + column};
+    if (row >= NET || column < 0 || column >= NET) continue;
+    const double rest = hypot(steps[i % 6][0], steps[i % 6][1]) / (NET - 1);
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &c, err));
+  }
+  const int32_t pins[2] = {0, NET - 1};
+  if (is_pinned) assert_ok(msim_scene_pin(scene, 2, pins, err));
+  return scene;
+}
+
+/* As klu does, in few iterations, with the matrix that it takes. */
+static void strong_dampers_are_solved_by_default(void **state) {
+  (void)state;
+  static const char *const methods[] = {"implicit-euler", "implicit-midpoint", "bdf2", "sdirk2"};
+  for (double c = 10; c <= 1000; c *= 10)
+    for (int i = 0; i < 16; i++) {
+      msim_scene *scene = damped_net(c, i / 8);
+      msim_options opt = options(methods[i % 4], 1.0 / 60);
+      opt.solver = i / 4 % 2 ? "pcg" : "auto";
+      opt.watch = MSIM_WATCH_OFF;
+      msim_sim *sim = make_sim(scene, &opt);
+      assert_ok(msim_sim_step(sim, 1, err));
+      assert_in_range(stats_of(sim).newton_iterations, 1, 40);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(the_whole_matrix_is_the_derivative_of_the_residual),
       cmocka_unit_test(newton_is_quadratic_where_damping_is_strong),
+      cmocka_unit_test(strong_dampers_are_solved_by_default),
       cmocka_unit_test(the_whole_matrix_is_for_whom_it_serves)};
   return cmocka_run_group_tests_name("turning", tests, NULL, NULL);
 }

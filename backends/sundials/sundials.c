@@ -4,10 +4,12 @@
  * are our own: in the host's layout, padding included, and compiled as we like (Debian's SUNDIALS
  * is not optimised).
  *
- * Each call of the library solves for a correction, A x = r / ||r||, from x = 0: its tolerance is
- * absolute, and two of the five refuse another guess. The preconditioner is on the right, where the
- * norm that they stop on is the residual's own. They update that residual by recurrences, which
- * drift, so the true one decides, and a call is followed by another until it is small enough. */
+ * Each call of the library solves for a correction, A x = r / ||S r||, from x = 0: its tolerance is
+ * absolute, and two of the five refuse another guess. The preconditioner P is on the right, where
+ * the norm that they stop on is that of the residual, scaled by S. The host asks for the norm
+ * sqrt(r.P r) <= ||S r||, S^2 = block diag(P), as P <= block diag(P) where its blocks have so many
+ * scalars. They update that residual by recurrences, which drift, so the true one decides, and a
+ * call is followed by another until it is small enough. */
 #include <float.h>
 #include <limits.h>
 #include <math.h>
@@ -74,7 +76,8 @@ typedef struct krylov {
   size_t length;        /* of a vector */
   int cycle;            /* iterations of one call, at most */
   N_Vector spare;       /* vectors */
-  N_Vector r, x;        /* residual, correction */
+  N_Vector r, x, z;     /* residual, correction, P r */
+  N_Vector scale;       /* S; 1 in the padding */
   const msim_system *A; /* in a solve() */
   int32_t kind;
   N_Vector product;     /* A v, whose v'A v is yet to be seen */
@@ -262,7 +265,32 @@ static int precondition(void *data, N_Vector r, N_Vector z, double tolerance, in
 
 /*------------------------------------- one right side -------------------------------------------*/
 
-static double norm(const krylov *self, const double *x) { return sqrt(dot(self->length, x, x)); }
+/* sqrt(r.P r) */
+static double norm(krylov *self, const double *r) {
+  self->A->precondition(self->A, r, value_of(self->z));
+  return sqrt(fmax(0, dot(self->length, r, value_of(self->z))));
+}
+
+/* ||S r|| */
+static double scaled_norm(krylov *self) {
+  vector_product(self->scale, self->r, self->z);
+  return sqrt(vector_dot(self->z, self->z));
+}
+
+/* P acts on the scalars of a block row alone: what it makes of a vector that is 1 in one component
+ * shows its diagonal there. */
+static void find_scale(krylov *self, const msim_system *A) {
+  double *scale = value_of(self->scale), *one = value_of(self->r), *column = value_of(self->z);
+  const size_t n = (size_t)A->n;
+  vector_const(1, self->scale);
+  for (int32_t c = 0; c < A->block; c++) {
+    const size_t first = (size_t)c * (size_t)A->stride;
+    vector_const(0, self->r);
+    for (size_t i = first; i < first + n; i++) one[i] = 1;
+    A->precondition(A, one, column);
+    for (size_t i = first; i < first + n; i++) scale[i] = sqrt(A->block * column[i]);
+  }
+}
 
 /* r = b - A y; its norm */
 static double residual(krylov *self, const double *b, const double *y) {
@@ -272,13 +300,14 @@ static double residual(krylov *self, const double *b, const double *y) {
   return norm(self, r);
 }
 
-/* x ~ A^-1 r / left, to where left is `goal` or to *limit iterations; then these are those made. By
- * a factor of 10 at least: SPTFQMR's estimate may claim less than that for nothing. Is there
- * anything to show? If so the curvature of x is looked at as well, which shows the smallest
- * eigenvalues best; that of conjugate gradients is a sum of what was looked at. r is lost. */
-static int correct(krylov *self, double left, double goal, int *limit) {
-  const double factor = fmax(fmin(0.5 * goal / left, 0.1), method.reduction);
-  scale_in_place(self->length, 1 / left, value_of(self->r));
+/* x ~ A^-1 r / size, to where the norm is `goal` or to *limit iterations, which then is how many
+ * were made; by a factor of 10 at least: SPTFQMR's estimate may claim less than that for nothing.
+ * Is there anything to show? If so the curvature of x is looked at as well, which shows the
+ * smallest eigenvalues best; that of conjugate gradients is a sum of what was looked at. r is lost.
+ */
+static int correct(krylov *self, double size, double goal, int *limit) {
+  const double factor = fmax(fmin(0.5 * goal / size, 0.1), method.reduction);
+  scale_in_place(self->length, 1 / size, value_of(self->r));
   vector_const(0, self->x);
   self->product = NULL, self->lost = 0;
   SUNLinSolSetZeroGuess(self->solver, SUNTRUE);
@@ -302,13 +331,15 @@ static msim_status solve_one(krylov *self, const msim_solve_params *params, cons
   int count = 0, cycle = self->cycle;
   while (left > goal && count < params->max_iterations && cycle > 0) {
     int used = cycle < params->max_iterations - count ? cycle : params->max_iterations - count;
-    const int shown = correct(self, left, goal, &used);
+    const double scaled = scaled_norm(self);
+    const int shown = correct(self, scaled, goal, &used);
     count += used;
     if (self->indefinite) break;
-    add_in_place(self->length, 1, y, left, x);
+    add_in_place(self->length, 1, y, scaled, x);
     const double now = residual(self, b, x);
     const int gained = now < 0.99 * left;
     if (now < left) memcpy(y, x, self->length * sizeof *y), left = now;
+    else residual(self, b, y);
     cycle = shown ? self->cycle : used / 2;
     if (shown && !gained) break;
   }
@@ -362,23 +393,29 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
   self->length = (size_t)A->block * (size_t)A->stride;
   self->r = vector_create(self);
   self->x = vector_create(self);
+  self->z = vector_create(self);
+  self->scale = vector_create(self);
   const int more = method.more ? method.more * self->cycle : 0;
-  if (!self->r || !self->x || !vectors_reserve(self, method.vectors + more)) return MSIM_ERR_MEMORY;
+  if (!self->r || !self->x || !self->z || !self->scale ||
+      !vectors_reserve(self, method.vectors + more))
+    return MSIM_ERR_MEMORY;
   self->solver = PASTE(CREATE_, SOLVER)(self->x, SUN_PREC_RIGHT, self->cycle, self->context);
   if (!self->solver || SUNLinSolSetATimes(self->solver, self, times) ||
       SUNLinSolSetPreconditioner(self->solver, self, NULL, precondition) ||
+      SUNLinSolSetScalingVectors(self->solver, self->scale, self->scale) ||
       SUNLinSolInitialize(self->solver))
     return MSIM_ERR_MEMORY;
   return MSIM_OK;
 }
 
 static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
-  (void)A, (void)info;
+  (void)info;
   krylov *self = data;
   if (kind != MSIM_FACTOR_SPD &&
       !(SYMMETRIC && (kind == MSIM_FACTOR_SYMMETRIC || kind == MSIM_FACTOR_UNSYMMETRIC)))
     return refuse(self, "it cannot solve that kind of system");
   self->kind = kind;
+  find_scale(self, A);
   return MSIM_OK;
 }
 
@@ -404,8 +441,9 @@ static void destroy(void *data) {
     PASTE(LIMIT_, SOLVER)(self->solver, self->cycle); /* for the arrays it frees */
     SUNLinSolFree(self->solver);
   }
-  if (self->r) vector_free(self->r);
-  if (self->x) vector_free(self->x);
+  N_Vector own[] = {self->r, self->x, self->z, self->scale};
+  for (size_t i = 0; i < sizeof own / sizeof *own; i++)
+    if (own[i]) vector_free(own[i]);
   while (self->spare) vector_free(vector_clone(self->spare));
   SUNContext_Free(&self->context);
   self->host->free(self->host, self);

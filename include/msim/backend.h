@@ -87,7 +87,8 @@ typedef struct msim_system {
   const double *val;       /* rowptr[block n], 64-byte aligned; NULL if NONE */
   /* y = A x, y apart from x; NONE only. Vectors of any alignment; 64 bytes is fastest. */
   void (*apply)(const struct msim_system *A, const double *x, double *y);
-  /* z ~ A^-1 r, symmetric positive definite, made new by each factor(); NONE only. z may be r. */
+  /* z = D^-1 r ~ A^-1 r, D the diagonal blocks of A, made positive definite where they are not; new
+   * with each factor(); NONE only. z may be r. */
   void (*precondition)(const struct msim_system *A, const double *r, double *z);
   void *data; /* the host's */
 } msim_system;
@@ -95,9 +96,10 @@ typedef struct msim_system {
 /* What one solve() has to reach. */
 typedef struct msim_solve_params {
   size_t size;
-  double
-      rtol; /* ||b - A y|| <= rtol ||b||, 2-norm. A factor may be applied in single precision where
-                  this is 1e-4 or more: the host asks for that of preconditioners */
+  /* ||b - A y|| <= rtol ||b|| in the norm sqrt(r.D^-1 r), D the diagonal blocks of A; with NONE
+   * its square is r.precondition(r). A factor may be applied in single precision where this is 1e-4
+   * or more: the host asks for that of preconditioners. */
+  double rtol;
   int32_t max_iterations;
 } msim_solve_params;
 
@@ -105,7 +107,7 @@ typedef struct msim_solve_params {
 typedef struct msim_solve_info {
   size_t size;
   int64_t iterations;
-  double residual;  /* ||b - A y|| / ||b||, as the backend knows it; the worst of the right sides */
+  double residual;  /* ||b - A y|| / ||b||, as the backend finds it; the worst of the right sides */
   double fill;      /* nonzeros of the factor */
   double flops;     /* of one factorisation */
   int32_t definite; /* MSIM_DEFINITE_... */

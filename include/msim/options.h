@@ -51,17 +51,19 @@ typedef struct msim_backend msim_backend; /* a linear solver, of msim/backend.h 
 
 /* msim_option_info describes each member; strings are borrowed. */
 typedef struct msim_options {
-  size_t size;                   /* sizeof(msim_options); set by msim_options_init */
-  const char *integrator;        /* required; see msim_integrator_info */
-  double h;                      /* time step, s, or the first one to try; or MSIM_H_AUTO [1e-3] */
-  int64_t steps;                 /* number of steps; -1 [default]: by t_end */
-  double t_end;                  /* end time, s; -1 [default]: by steps */
-  const char *solver;            /* linear solver ["auto"] */
-  double solver_rtol;            /* ||b - A v|| <= rtol ||b|| [1e-8] */
+  size_t size;            /* sizeof(msim_options); set by msim_options_init */
+  const char *integrator; /* required; see msim_integrator_info */
+  double h;               /* time step, s, or the first one to try; or MSIM_H_AUTO [1e-3] */
+  int64_t steps;          /* number of steps; -1 [default]: by t_end */
+  double t_end;           /* end time, s; -1 [default]: by steps */
+  const char *solver;     /* linear solver ["auto"] */
+  double
+      solver_rtol; /* ||b - A dv|| <= rtol ||b||, in the norm sqrt(r.D^-1 r), D the diagonal blocks
+                         of A: relative to the change of v in the step [1e-8] */
   int32_t solver_max_iterations; /* of an iterative solver [2000] */
   int32_t jacobian;              /* MSIM_JACOBIAN_... [EXACT] */
   int32_t indefinite;            /* MSIM_INDEFINITE_... [CLAMP] */
-  double newton_rtol;            /* [1e-8] */
+  double newton_rtol;            /* of the error of v over its change in the step [1e-8] */
   int32_t newton_max_iterations; /* [100] */
   int32_t collision;             /* MSIM_COLLISION_... [REFLECT] */
   double tol; /* error control; 0 [default]: fixed steps of h; auto, dop853 without `steps`: 1e-6 */

@@ -6,8 +6,9 @@
  * residual has dropped (Teran et al. 2005), so that far from the solution each d leads downhill.
  * Then it is the exact one, in a trust region: by truncated conjugate gradients (Steihaug 1983;
  * Toint 1981) where the solver has them, else by solves, clamped where that matrix is indefinite.
- * A solver that was made for unsymmetric matrices gets all of it there (physics/turning.h), and d
- * is followed as far as the residual drops. Each d is solved for as well as the residual has
+ * The whole matrix, with the turning of dampers (physics/turning.h), takes over where a full step
+ * leaves a third of the residual or more, and from the start where dampers are strong; then d is
+ * followed as far as the residual drops. Each d is solved for as well as the residual has
  * dropped (Eisenstat and Walker 1996). */
 #ifndef MS_NEWTON_H
 #define MS_NEWTON_H
@@ -21,10 +22,10 @@ typedef struct ms_stage {
   double *work[4];
 } ms_stage;
 
-/* Until the error of v is below newton.rtol times the larger of v and its change from the present
- * state, in the norm of M: the last correction was a whole one, and its size times
- * theta/(1 - theta), theta the ratio of the last two, is below that; or the correction is at
- * rounding level. MSIM_NOT_CONVERGED after newton.max_iterations. */
+/* Until the error of v is below newton.rtol times its change from the present state, or that of
+ * free fall where this is larger, in the norm of M: the last correction was a whole one, and its
+ * size times theta/(1 - theta), theta the ratio of the last two, is below that; or the correction
+ * is at rounding level. MSIM_NOT_CONVERGED after newton.max_iterations. */
 msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err);
 
 #endif

@@ -3,6 +3,8 @@
 #include <float.h>
 #include <math.h>
 
+#include "linear/jacobi.h"
+
 msim_status ms_cg_create(const ms_model *model, ms_cg *cg, msim_error *err) {
   *cg = (ms_cg){.r = ms_rows_vector(model->scene, &model->rows),
                 .z = ms_rows_vector(model->scene, &model->rows),
@@ -28,7 +30,7 @@ static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditione
   const ms_shape shape = s->model->shape;
   double rho = 0;
   for (int first = 1;; first = 0) {
-    if (sqrt(ms_dot(shape, cg->r, cg->r)) <= goal) return MSIM_OK;
+    if (ms_jacobi_norm(s->model, &s->a, cg->r) <= goal) return MSIM_OK;
     if (*iterations >= limit) return MSIM_NOT_CONVERGED;
     const msim_status status = precondition(data, cg->r, cg->z);
     if (status) return status;
@@ -51,14 +53,14 @@ static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditione
 msim_status ms_cg_solve(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
                         void *data, const ms_target *target, const double *b, double *y,
                         int64_t *iterations) {
-  const ms_shape shape = s->model->shape;
-  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * sqrt(ms_dot(shape, b, b));
+  const double size = ms_jacobi_norm(s->model, &s->a, b);
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * size;
   double last = INFINITY;
   int64_t count = 0;
   msim_status status = MSIM_OK;
   while (!status) {
     residual(s, b, y, cg->r);
-    const double norm = sqrt(ms_dot(shape, cg->r, cg->r));
+    const double norm = ms_jacobi_norm(s->model, &s->a, cg->r);
     if (norm <= goal || norm > 0.5 * last) break;
     last = norm;
     status = iterate(cg, s, precondition, data, goal, target->max_iterations, y, &count);

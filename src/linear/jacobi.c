@@ -94,3 +94,90 @@ void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t com
     }
   }
 }
+
+/*------------------------------------- the norm -------------------------------------------------*/
+
+/* B = L L^T, l by rows; 0 where a pivot is not above the rounding errors of its diagonal entry,
+ * unless `floor` puts it there. */
+static int take_root(size_t dims, const double *b, int floor, double l[6]) {
+  for (size_t i = 0, row = 0; i < dims; row += ++i) {
+    const double least = DBL_EPSILON * b[i];
+    double pivot = b[i];
+    for (size_t k = 0, other = 0; k < i; other += ++k) {
+      double entry = b[ms_diagonal_entry(dims, k, i)];
+      for (size_t q = 0; q < k; q++) entry -= l[row + q] * l[other + q];
+      l[row + k] = entry / l[other + k];
+      pivot -= l[row + k] * l[row + k];
+    }
+    if (!(pivot > least) && !floor) return 0;
+    l[row + i] = sqrt(fmax(pivot, least));
+  }
+  return 1;
+}
+
+/* y = L^-1 r */
+static void divide_by_root(size_t dims, const double l[6], const double r[3], double y[3]) {
+  for (size_t i = 0, row = 0; i < dims; row += ++i) {
+    y[i] = r[i];
+    for (size_t k = 0; k < i; k++) y[i] -= l[row + k] * y[k];
+    y[i] /= l[row + i];
+  }
+}
+
+/* Where compressed springs leave a block without a root it is braced, as in the preconditioner. */
+static void root_of_row(const ms_model *model, const ms_coefficients *a, int32_t row, double l[6]) {
+  const size_t s = (size_t)model->rows.first_pinned, dims = (size_t)a->block;
+  double block[6];
+  for (size_t q = 0; q < ms_diagonal_size(dims); q++) block[q] = a->diagonal[q * s + (size_t)row];
+  if (take_root(dims, block, 0, l)) return;
+  const double more = brace(model, a, row);
+  for (size_t c = 0; c < dims; c++) block[c] += more;
+  take_root(dims, block, 1, l);
+}
+
+static double square_of_row(const ms_model *model, const ms_coefficients *a, const double *r,
+                            int32_t row) {
+  double l[6], own[3], y[3], sum = 0;
+  for (int32_t c = 0; c < a->block; c++)
+    own[c] = r[(size_t)c * (size_t)model->rows.stride + (size_t)row];
+  root_of_row(model, a, row, l);
+  divide_by_root((size_t)a->block, l, own, y);
+  for (int32_t c = 0; c < a->block; c++) sum += y[c] * y[c];
+  return sum;
+}
+
+double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const double *r) {
+  const size_t apart = (size_t)a->block * (size_t)model->rows.stride;
+  double sum = 0;
+  for (int32_t c = 0; c < model->rows.dims; c += a->block)
+    for (int32_t row = 0; row < model->rows.nfree; row++)
+      sum += square_of_row(model, a, r + (size_t)(c / a->block) * apart, row);
+  return sqrt(sum);
+}
+
+void ms_jacobi_roots(const ms_model *model, const ms_coefficients *a, double *roots) {
+  for (int32_t row = 0; row < model->rows.nfree; row++)
+    root_of_row(model, a, row, roots + 6 * (size_t)row);
+}
+
+void ms_jacobi_divide(const ms_model *model, const double *roots, double *r) {
+  const size_t t = (size_t)model->rows.stride, dims = (size_t)model->rows.dims;
+  for (size_t row = 0; row < (size_t)model->rows.nfree; row++) {
+    double own[3], y[3];
+    for (size_t c = 0; c < dims; c++) own[c] = r[c * t + row];
+    divide_by_root(dims, roots + 6 * row, own, y);
+    for (size_t c = 0; c < dims; c++) r[c * t + row] = y[c];
+  }
+}
+
+void ms_jacobi_multiply(const ms_model *model, const double *roots, double *y) {
+  const size_t t = (size_t)model->rows.stride, dims = (size_t)model->rows.dims;
+  for (size_t row = 0; row < (size_t)model->rows.nfree; row++) {
+    const double *l = roots + 6 * row;
+    for (size_t i = dims; i-- > 0;) {
+      double sum = 0;
+      for (size_t k = 0; k <= i; k++) sum += l[i * (i + 1) / 2 + k] * y[k * t + row];
+      y[i * t + row] = sum;
+    }
+  }
+}

@@ -28,4 +28,15 @@ msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, in
 void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t components,
                      const double *r, double *z);
 
+/* ||r|| = sqrt(r.D^-1 r), the norm in which residuals are judged: as D is near A, it is near the
+ * energy norm of the error, sqrt(r.A^-1 r) (Arioli 2004), which weighs light particles as heavy
+ * ones and has no units of its own. */
+double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const double *r);
+
+/* D = L L^T, for blocks of more than a scalar: roots, 6 for each unknown row; then r = L^-1 r,
+ * whose 2-norm is that norm, and y = L y. */
+void ms_jacobi_roots(const ms_model *model, const ms_coefficients *a, double *roots);
+void ms_jacobi_divide(const ms_model *model, const double *roots, double *r);
+void ms_jacobi_multiply(const ms_model *model, const double *roots, double *y);
+
 #endif

@@ -50,6 +50,8 @@ typedef struct ms_linear_ops {
   /* Conjugate gradients from y = 0 as far as d says, after factor() for symmetric systems.
    * Nullable: only solves. */
   void (*descend)(ms_linear *self, ms_descent *d, const double *b, double *y, int64_t *iterations);
+  /* z = P r, P as in descend(). Nullable: there is no P but solve(). */
+  void (*precondition)(ms_linear *self, const double *r, double *z);
   /* Forget what earlier systems left. Nullable. */
   void (*restart)(ms_linear *self);
   void (*destroy)(ms_linear *self);

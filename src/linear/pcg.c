@@ -39,12 +39,12 @@ static void pack_chunk(void *data, int32_t k) {
 
 static void apply_chunk(void *data, int32_t k) {
   const ms_pcg *s = ((job *)data)->s;
-  s->kernels->apply(s, CHUNK * k, end_of(s, k), s->sums + 2 * k);
+  s->kernels->apply(s, CHUNK * k, end_of(s, k), s->sums + k);
 }
 
 static void reduce_chunk(void *data, int32_t k) {
   const job *j = data;
-  j->s->kernels->reduce(j->s, j->alpha, CHUNK * k, end_of(j->s, k), j->s->sums + 2 * k);
+  j->s->kernels->reduce(j->s, j->alpha, CHUNK * k, end_of(j->s, k), j->s->sums + k);
 }
 
 static void advance_chunk(void *data, int32_t k) {
@@ -58,17 +58,19 @@ static double apply(ms_pcg *s) {
   double sum;
   run(apply_chunk, &(job){.s = s});
   s->kernels->apply_parts(s, &sum);
-  for (int32_t k = 0; k < n; k++) sum += s->sums[2 * k];
+  for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   const ms_system *system = s->base.system;
   return sum +
          ms_coefficients_apply_holds(system->model, &system->a, 1 / s->jacobi.scale, s->p, s->q);
 }
 
-static void reduce(ms_pcg *s, double alpha, double *rr, double *rz) {
+/* r -= alpha q,  z = D^-1 r; returns r.z */
+static double reduce(ms_pcg *s, double alpha) {
   const int32_t n = count_chunks(s->base.system->model);
+  double sum = 0;
   run(reduce_chunk, &(job){.s = s, .alpha = alpha});
-  *rr = *rz = 0;
-  for (int32_t k = 0; k < n; k++) *rr += s->sums[2 * k], *rz += s->sums[2 * k + 1];
+  for (int32_t k = 0; k < n; k++) sum += s->sums[k];
+  return sum;
 }
 
 static void advance(ms_pcg *s, double alpha, double beta) {
@@ -135,13 +137,17 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
 
 /*------------------------------------- iterations -----------------------------------------------*/
 
-/* r = (b - A y) / scale, with A in double precision; returns its norm. */
+/* r = (b - A y) / scale, with A in double precision; returns the norm of b - A y. */
 static double residual(ms_pcg *s, const double *b) {
-  const ms_shape shape = s->base.system->model->shape;
-  ms_coefficients_apply(s->base.system->model, &s->base.system->a, s->y, s->r);
-  ms_combine(shape, b, -1, s->r, s->r);
-  const double norm = sqrt(ms_dot(shape, s->r, s->r));
-  ms_scale(shape, 1 / s->jacobi.scale, s->r);
+  const ms_model *model = s->base.system->model;
+  const ms_coefficients *a = &s->base.system->a;
+  if (ms_is_zero(model->shape, s->y)) ms_copy(model->shape, b, s->r);
+  else {
+    ms_coefficients_apply(model, a, s->y, s->r);
+    ms_combine(model->shape, b, -1, s->r, s->r);
+  }
+  const double norm = ms_jacobi_norm(model, a, s->r);
+  ms_scale(model->shape, 1 / s->jacobi.scale, s->r);
   return norm;
 }
 
@@ -153,9 +159,8 @@ static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *itera
   memset(s->q, 0, bytes);
   memset(s->p, 0, bytes);
   for (;; ++*iterations) {
-    double rr, rho_new;
-    reduce(s, alpha, &rr, &rho_new);
-    const int done = sqrt(rr) <= goal;
+    double rho_new = reduce(s, alpha);
+    const int done = rho_new <= goal * goal;
     if (done || *iterations >= limit) {
       ms_axpy(shape, alpha, s->p, s->y);
       return done ? MSIM_OK : MSIM_NOT_CONVERGED;
@@ -169,14 +174,15 @@ static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *itera
   }
 }
 
-/* The recurrence drifts from the true residual: where it claims success, start again from the
- * truth, until that holds too or gets no better. */
+/* The recurrence drifts from the true residual, and its norm is by the inverse in single precision:
+ * where it claims success, start again from the truth, until that holds too or gets no better. */
 static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
                          int64_t *iterations, msim_error *err) {
   (void)err;
+  const double SAFETY = 0.9;
   ms_pcg *s = (ms_pcg *)base;
-  const ms_shape shape = base->system->model->shape;
-  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * sqrt(ms_dot(shape, b, b));
+  const double size = ms_jacobi_norm(base->system->model, &base->system->a, b);
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * size;
   double last = INFINITY;
   int64_t count = 0;
   msim_status status = MSIM_OK;
@@ -187,7 +193,7 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
     base->met = norm <= goal;
     if (base->met || norm > 0.5 * last) break;
     last = norm;
-    status = iterate(s, goal / s->jacobi.scale, target->max_iterations, &count);
+    status = iterate(s, SAFETY * goal / sqrt(s->jacobi.scale), target->max_iterations, &count);
   }
   *iterations += count;
   return status;
@@ -223,8 +229,7 @@ static void descend(ms_linear *base, ms_descent *d, const double *b, double *y,
   ms_axpy(shape, 1 / s->jacobi.scale, b, s->r);
   d->is_cut = d->is_curved = 0;
   for (int32_t i = 0;; i++, ++*iterations) {
-    double rr, rho_new;
-    reduce(s, alpha, &rr, &rho_new);
+    double rho_new = reduce(s, alpha);
     if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);
     if (i == 0) goal = d->rtol * d->rtol * rho_new;
     if (rho_new <= goal || i >= d->max_iterations) break;
@@ -245,6 +250,22 @@ static void descend(ms_linear *base, ms_descent *d, const double *b, double *y,
   ms_axpy(shape, alpha, s->p, y);
   d->length = unit * sqrt(length2(&l, alpha));
   d->promise = s->jacobi.scale * promise;
+}
+
+/* z = P r: a step of the iteration with alpha = beta = 0 */
+static void precondition(ms_linear *base, const double *r, double *z) {
+  ms_pcg *s = (ms_pcg *)base;
+  const ms_shape shape = base->system->model->shape;
+  const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
+  memset(s->q, 0, bytes);
+  memset(s->p, 0, bytes);
+  s->y = s->q; /* nothing is added to it */
+  ms_copy(shape, r, s->r);
+  ms_scale(shape, 1 / s->jacobi.scale, s->r);
+  reduce(s, 0);
+  if (s->coarse_is_ready) ms_coarse_solve(&s->coarse, s->r);
+  advance(s, 0, 0);
+  ms_copy(shape, s->p, z);
 }
 
 /*------------------------------------- life -----------------------------------------------------*/
@@ -271,7 +292,7 @@ static msim_status allocate(ms_pcg *s, msim_error *err) {
   s->inverse = ms_new(alloc, blocks, sizeof *s->inverse);
   s->factored = ms_new(alloc, blocks, sizeof *s->factored);
   s->inertia = ms_new(alloc, rows, sizeof *s->inertia);
-  s->sums = ms_new(alloc, 2 * (size_t)count_chunks(model), sizeof *s->sums);
+  s->sums = ms_new(alloc, (size_t)count_chunks(model), sizeof *s->sums);
   double **vectors[] = {&s->r, &s->z, &s->p, &s->q};
   int failed = !s->coefficients || !s->inverse || !s->factored || !s->inertia || !s->sums;
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
@@ -306,8 +327,12 @@ static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }
 
 msim_status ms_pcg_create(const ms_system *system, const msim_options *opt, int32_t aggregate,
                           ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {
-      .factor = factor, .solve = solve, .descend = descend, .restart = restart, .destroy = destroy};
+  static const ms_linear_ops ops = {.factor = factor,
+                                    .solve = solve,
+                                    .descend = descend,
+                                    .precondition = precondition,
+                                    .restart = restart,
+                                    .destroy = destroy};
   const ms_model *model = system->model;
   *linear = NULL;
   ms_pcg *s = ms_new(&model->scene->alloc, 1, sizeof *s);

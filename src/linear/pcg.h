@@ -7,7 +7,7 @@
  * balance of its two ends, so that A stays as definite as it is. Sums are in double precision.
  * One iteration is three passes over the rows:
  *     apply    q = A p,                                   sum p.q
- *     reduce   r -= alpha q,  z = D^-1 r,                 sums r.r, r.z
+ *     reduce   r -= alpha q,  z = D^-1 r,                 sum r.z
  *     advance  y += alpha p,  p = z + P c + beta p
  * where D are the diagonal blocks and P c the coarse part, whose share of r.z is known from the
  * coarse vectors. Each pass works on a range of groups. */
@@ -32,7 +32,7 @@ typedef struct ms_pcg {
   int32_t coarse_age;  /* factors of A since then */
   float *factored;     /* 6 first_pinned: inverse when it was */
   double factored_scale;
-  double *sums; /* 2 for each chunk of groups */
+  double *sums; /* one for each chunk of groups */
   const struct ms_pcg_kernels *kernels;
 } ms_pcg;
 
@@ -40,7 +40,7 @@ typedef struct ms_pcg_kernels {
   void (*pack)(ms_pcg *s, int32_t begin, int32_t end);
   void (*apply)(const ms_pcg *s, int32_t begin, int32_t end, double *sum);
   void (*apply_parts)(const ms_pcg *s, double *sum); /* of long rows, after the groups */
-  void (*reduce)(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double sums[2]);
+  void (*reduce)(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double *sum);
   void (*advance)(const ms_pcg *s, double alpha, double beta, int32_t begin, int32_t end);
 } ms_pcg_kernels;
 

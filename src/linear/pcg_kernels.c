@@ -171,16 +171,15 @@ static void apply_parts(const ms_pcg *s, double *sum) {
 /*------------------------------------- reduce ---------------------------------------------------*/
 
 MS_INLINE void reduce_of(size_t dims, const ms_pcg *s, double alpha, int32_t begin, int32_t end,
-                         double sums[2]) {
+                         double *sum) {
   const size_t stride = (size_t)s->base.system->model->rows.stride;
   const size_t sd = (size_t)s->base.system->model->rows.first_pinned;
-  lane_sums rr = {{0}}, rz = {{0}};
+  lane_sums rz = {{0}};
   for (size_t row = MS_GROUP * (size_t)begin; row < MS_GROUP * (size_t)end; row += MS_LANES) {
-    ms_lanes r[3], squares = {0}, dot = {0};
+    ms_lanes r[3], dot = {0};
     for (size_t c = 0; c < dims; c++) {
       r[c] = ms_load(s->r + c * stride + row) - alpha * ms_load(s->q + c * stride + row);
       ms_store(s->r + c * stride + row, r[c]);
-      squares += r[c] * r[c];
     }
     for (size_t c = 0; c < dims; c++) {
       ms_lanes z = {0};
@@ -189,15 +188,14 @@ MS_INLINE void reduce_of(size_t dims, const ms_pcg *s, double alpha, int32_t beg
       ms_store(s->z + c * stride + row, z);
       dot += r[c] * z;
     }
-    add(&rr, row % MS_GROUP, squares);
     add(&rz, row % MS_GROUP, dot);
   }
-  sums[0] = total(&rr), sums[1] = total(&rz);
+  *sum = total(&rz);
 }
 
-static void reduce(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double sums[2]) {
-  if (s->base.system->model->rows.dims == 3) reduce_of(3, s, alpha, begin, end, sums);
-  else reduce_of(2, s, alpha, begin, end, sums);
+static void reduce(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double *sum) {
+  if (s->base.system->model->rows.dims == 3) reduce_of(3, s, alpha, begin, end, sum);
+  else reduce_of(2, s, alpha, begin, end, sum);
 }
 
 /*------------------------------------- advance --------------------------------------------------*/

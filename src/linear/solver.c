@@ -1,12 +1,13 @@
 #include "linear/solver.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "linear/choose.h"
+#include "linear/jacobi.h"
+#include "linear/residual.h"
 
 /*------------------------------------- life -----------------------------------------------------*/
 
@@ -65,8 +66,9 @@ void ms_solver_drop_kept(ms_solver *s) {
 static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   const ms_model *model = s->system.model;
   msim_status status = ms_coefficients_create(model, &s->system.a, err);
+  if (!status) status = ms_free_components_create(model, &s->components, err);
   if (status) return status;
-  double **work[] = {&s->guess, &s->residual, &s->correction, &s->magnitude};
+  double **work[] = {&s->b, &s->guess, &s->residual, &s->correction, &s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) {
     *work[i] = ms_rows_vector(model->scene, &model->rows);
     if (!*work[i]) return ms_fail_memory(err, "the linear solver");
@@ -79,8 +81,17 @@ static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   return take(s, &choice, err);
 }
 
+/* Where the solver is msim's own to choose, BiCGStab beside it. */
+static msim_status set_up_bicgstab(ms_solver *s, msim_error *err) {
+  const ms_model *model = s->system.model;
+  if (!ms_solver_is_chosen(s) || s->linear->exact || s->linear->unsymmetric) return MSIM_OK;
+  if (s->system.a.block == 1 || !(model->passes & MSIM_SKIP_DAMPING)) return MSIM_OK;
+  return ms_bicgstab_create(model, &s->bicgstab, err);
+}
+
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
-                             msim_stats *stats, ms_solver **solver, msim_error *err) {
+                             int nonlinear, msim_stats *stats, ms_solver **solver,
+                             msim_error *err) {
   ms_solver *s = ms_new(&model->scene->alloc, 1, sizeof *s);
   *solver = NULL;
   if (!s) return ms_fail_memory(err, "the linear solver");
@@ -89,6 +100,7 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
   s->stats = stats;
   s->planned = h;
   msim_status status = set_up(s, h, err);
+  if (!status && nonlinear) status = set_up_bicgstab(s, err);
   if (status) ms_solver_destroy(s);
   else *solver = s;
   return status;
@@ -101,7 +113,9 @@ void ms_solver_destroy(ms_solver *s) {
   ms_solver_drop_kept(s);
   origin_destroy(s, &s->by_coarse);
   ms_coefficients_destroy(model, &s->system.a);
-  double *work[] = {s->guess, s->residual, s->correction, s->magnitude};
+  ms_free_components_destroy(model, &s->components);
+  ms_bicgstab_destroy(model, &s->bicgstab);
+  double *work[] = {s->b, s->guess, s->residual, s->correction, s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) ms_delete(&model->scene->alloc, work[i]);
   ms_delete(&model->scene->alloc, s);
 }
@@ -180,28 +194,23 @@ msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin,
   return factor(s, by, origin->kind, err);
 }
 
-/* ||b - A v||, and the residual itself in s->residual */
-static double true_residual(ms_solver *s, const double *b, const double *v) {
-  const ms_shape shape = s->system.model->shape;
-  ms_system_apply(&s->system, v, s->residual);
-  ms_combine(shape, b, -1, s->residual, s->residual);
-  return sqrt(ms_dot(shape, s->residual, s->residual));
-}
-
-/* 8 eps || |A| |v| + |b| ||: no solver gets below a small multiple of eps times this */
-static double rounding_level(ms_solver *s, const double *b, const double *v) {
-  const ms_shape shape = s->system.model->shape;
-  ms_coefficients_apply_abs(s->system.model, &s->system.a, v, s->magnitude);
-  double sum = ms_dot(shape, s->magnitude, s->magnitude);
-  return 8 * DBL_EPSILON * (sqrt(sum) + sqrt(ms_dot(shape, b, b)));
+/* The right-hand side for the matrix at hand in place of *b. */
+static msim_status form_right_hand_side(ms_solver *s, const ms_request *r, const double **b) {
+  if (!r->base) return MSIM_OK;
+  ms_change_right_hand_side(&s->system, *b, r->base, s->b);
+  *b = s->b;
+  s->culprit = ms_find_bad(s->system.model->shape, s->b);
+  return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 
 static int is_good(ms_solver *s, const double *b, const double *v) {
-  const ms_shape shape = s->system.model->shape;
-  const double size = sqrt(ms_dot(shape, b, b));
-  const double norm = s->linear->met ? s->linear->residual : true_residual(s, b, v);
-  s->reached = size > 0 ? norm / size : norm;
-  return norm <= s->target.rtol * size || norm <= rounding_level(s, b, v);
+  const ms_system *system = &s->system;
+  const double size = ms_jacobi_norm(system->model, &system->a, b);
+  const double left =
+      s->linear->met ? s->linear->residual : ms_true_residual(system, b, v, s->residual);
+  s->reached = size > 0 ? left / size : left;
+  return left <= s->target.rtol * size ||
+         left <= ms_rounding_level(system, b, v, s->magnitude, s->correction);
 }
 
 /* Single precision is for preconditioners: a new factor is asked for more. */
@@ -341,14 +350,16 @@ static int32_t most_compressed(const ms_solver *s) {
 
 static msim_status not_positive_definite(ms_solver *s, const ms_request *r, const double *b,
                                          double *v, msim_error *err) {
+  msim_status status;
   s->stats->indefinite_steps++;
   switch (r->indefinite) {
     case MSIM_INDEFINITE_SOLVE:
-      return factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
-    case MSIM_INDEFINITE_CLAMP: {
-      msim_status status = assemble(s, r, 1);
+      status = form_right_hand_side(s, r, &b);
+      return status ? status : factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
+    case MSIM_INDEFINITE_CLAMP:
+      status = assemble(s, r, 1);
+      if (!status) status = form_right_hand_side(s, r, &b);
       return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
-    }
     default:
       s->culprit = most_compressed(s);
       return ms_fail(
@@ -381,14 +392,42 @@ static msim_status solve_constant(ms_solver *s, const ms_request *r, const doubl
     if (status) return status;
     s->made_for = r->h;
   }
-  return solve(s, b, v, err);
+  const msim_status status = form_right_hand_side(s, r, &b);
+  return status ? status : solve(s, b, v, err);
+}
+
+/* The symmetric part, made ready to precondition: as it is, positive definite or not. */
+static msim_status factor_symmetric_part(ms_solver *s, msim_error *err) {
+  const ms_turning all = s->system.turning;
+  const int may_be_definite = s->linear->factorises;
+  s->system.turning.v = NULL;
+  msim_status status =
+      factor(s, s->linear, may_be_definite ? MSIM_FACTOR_SPD : MSIM_FACTOR_SYMMETRIC, err);
+  if (status == MSIM_NOT_SPD && may_be_definite && s->linear->symmetric)
+    status = factor(s, s->linear, MSIM_FACTOR_SYMMETRIC, err);
+  s->system.turning = all;
+  return status;
+}
+
+/* With what dampers add as they turn: by a solver that was made for it, or by BiCGStab. */
+static msim_status solve_unsymmetric(ms_solver *s, const double *b, double *v, msim_error *err) {
+  if (s->linear->unsymmetric) return factor_and_solve(s, MSIM_FACTOR_UNSYMMETRIC, b, v, err);
+  msim_status status = factor_symmetric_part(s, err);
+  if (status) return status;
+  const double start = ms_clock();
+  status = ms_bicgstab_solve(&s->bicgstab, s->linear, &s->target, b, v, &s->stats->iterations);
+  s->linear->met = 0; /* it says nothing of this answer */
+  if (!status && !is_good(s, b, v)) status = MSIM_NOT_CONVERGED;
+  s->stats->solve_s += ms_clock() - start;
+  return status;
 }
 
 static msim_status solve_variable(ms_solver *s, const ms_request *r, const double *b, double *v,
                                   msim_error *err) {
   msim_status status = assemble(s, r, r->clamp);
+  if (!status) status = form_right_hand_side(s, r, &b);
   if (status) return status;
-  if (r->v) return factor_and_solve(s, MSIM_FACTOR_UNSYMMETRIC, b, v, err);
+  if (r->v) return solve_unsymmetric(s, b, v, err);
   status = try_kept(s, b, v);
   if (!status || status == MSIM_NOT_SPD) return status;
   const int64_t before = s->stats->iterations, made = s->linear->coarse_factors;
@@ -415,19 +454,21 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const 
   solver->target = (ms_target){request->rtol, solver->opt->solver_max_iterations};
   solver->stats->solves++;
   msim_status status = solve_once(solver, request, b, v, err);
-  if (status == MSIM_NOT_CONVERGED && solver->may_switch && !ms_solver_switch(solver, NULL))
+  if (status == MSIM_NOT_CONVERGED && !request->v && solver->may_switch &&
+      !ms_solver_switch(solver, NULL))
     status = solve_once(solver, request, b, v, err);
-  if (!status) {
-    solver->culprit = ms_find_bad(shape, v);
-    if (solver->culprit >= 0) status = MSIM_NOT_FINITE;
-  }
-  return status;
+  if (status) return status;
+  if (!solver->linear->exact)
+    ms_balance_momentum(solver->system.model, &solver->system.a, &solver->components,
+                        request->base ? solver->b : b, v);
+  solver->culprit = ms_find_bad(shape, v);
+  return solver->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 
 /*------------------------------------- a step downhill ------------------------------------------*/
 
 int ms_solver_takes_turning(const ms_solver *s) {
-  return s->linear->unsymmetric && s->system.a.block > 1 &&
+  return (s->linear->unsymmetric || s->bicgstab.roots) && s->system.a.block > 1 &&
          s->system.model->passes & MSIM_SKIP_DAMPING;
 }
 

@@ -4,7 +4,9 @@
 #define MS_SOLVER_H
 
 #include "base/bytes.h"
+#include "linear/bicgstab.h"
 #include "linear/kept.h"
+#include "linear/momentum.h"
 
 /* What pcg spends on a matrix that hardly changes would buy a factor of it. */
 typedef struct ms_savings {
@@ -36,16 +38,20 @@ typedef struct ms_solver {
   ms_origin by_kept;   /* of the kept factor */
   ms_origin by_coarse; /* of the coarse factor */
   msim_stats *stats;
+  ms_free_components components;
+  ms_bicgstab bicgstab; /* for pcg and `auto`, where springs are damped; else empty */
+  double *b;            /* the right-hand side of a request with a base */
   double *guess, *residual, *correction, *magnitude; /* work vectors */
-  double reached;                                    /* ||b - A v|| / ||b|| of the last solve */
+  double reached;   /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
   int32_t culprit;  /* the row to blame for the last status != MSIM_OK; -1: none in particular */
   char reason[256]; /* why this solver, for people */
 } ms_solver;
 
-/* opt lives as long as the solver; h: the step, for `auto`. Counts go to stats. Set up once:
+/* opt lives as long as the solver; h: the step, for `auto`; nonlinear: for Newton's method, whose
+ * requests may have a v. Counts go to stats. Set up once:
  * nothing is allocated later, but where `auto` changes its mind (5. and 6. below). */
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
-                             msim_stats *stats, ms_solver **solver, msim_error *err);
+                             int nonlinear, msim_stats *stats, ms_solver **solver, msim_error *err);
 void ms_solver_destroy(ms_solver *solver);
 
 /* Which matrix, and how well. */
@@ -58,6 +64,8 @@ typedef struct ms_request {
   int clamp;          /* the clamped matrix: positive definite always */
   int32_t indefinite; /* MSIM_INDEFINITE_...: what follows where A is not; -1: it is told */
   double rtol;        /* of the residual */
+  const double *base; /* the solution is a change from this velocity: the right-hand side is
+                         b - (A - M) base, by the matrix that is finally used; NULL: b */
 } ms_request;
 
 /* v = A(x, h)^-1 b. v: first guess in, solution out, scratch unless MSIM_OK.
@@ -65,7 +73,8 @@ typedef struct ms_request {
  * The pattern is analysed once, at creation; a factor is made in every solve, because x is new. A
  * matrix of scalars (force.h) is the same for every x: it is assembled and factored once for an h.
  * The true residual is checked after every solve: ||b - A v|| <= rtol ||b||, or at rounding level,
- * 8 eps || |A||v| + |b| ||. What follows what, each counted in stats:
+ * 8 eps (|A||v| + |b|), in the norm sqrt(r.D^-1 r) of the diagonal blocks D (jacobi.h). Last of
+ * all momentum is balanced (momentum.h). What follows what, each counted in stats:
  *   1. `auto` with a factorisation: the kept factor preconditions conjugate gradients, where the
  *      iterations cost no more than a step did on average since it was made; else a new factor.
  *   2. A factor whose answer is above the residual gets up to 3 steps of iterative refinement.
@@ -78,7 +87,8 @@ typedef struct ms_request {
 msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
                             double *v, msim_error *err);
 
-/* 1: requests may have a v, as springs are damped and the solver was made for such matrices. */
+/* 1: requests may have a v, as springs are damped and there is a solver for such matrices: the one
+ * chosen, or BiCGStab preconditioned by it. */
 int ms_solver_takes_turning(const ms_solver *solver);
 
 /* d as linear.h has it: truncated conjugate gradients on A(x, h), however indefinite, from 0.

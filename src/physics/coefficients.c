@@ -45,7 +45,7 @@ typedef struct job {
   ms_coefficients *a;
   const double *x;
   double *y;
-  double h;
+  double h, share; /* share: of the masses */
   int clamp;
   int32_t components;
 } job;
@@ -61,11 +61,11 @@ static void compute_chunk(void *data, int32_t item) {
 
 static void apply_chunk(void *data, int32_t item) {
   const job *j = data;
+  const ms_kernels *kernels = ms_kernels_of[j->model->isa];
   const int32_t begin = CHUNK * item, end = ms_chunk_end(&j->model->halves, CHUNK, item);
   if (j->a->block == 1)
-    ms_kernels_of[j->model->isa]->apply_alike(j->model, j->a, j->components, j->x, j->y, begin,
-                                              end);
-  else ms_kernels_of[j->model->isa]->apply(j->model, j->a, j->x, j->y, begin, end);
+    kernels->apply_alike(j->model, j->a, j->share, j->components, j->x, j->y, begin, end);
+  else kernels->apply(j->model, j->a, j->share, j->x, j->y, begin, end);
 }
 
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
@@ -124,24 +124,35 @@ double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients 
   return sum;
 }
 
-static void apply(const ms_model *model, const ms_coefficients *a, int32_t components,
+static void apply(const ms_model *model, const ms_coefficients *a, double share, int32_t components,
                   const double *x, double *y) {
   const size_t stride = (size_t)model->rows.stride, end = (size_t)model->rows.first_pinned;
-  job j = {.model = model, .a = (ms_coefficients *)a, .x = x, .y = y, .components = components};
+  job j = {.model = model,
+           .a = (ms_coefficients *)a,
+           .x = x,
+           .y = y,
+           .share = share,
+           .components = components};
   ms_pool_run(model->pool, apply_chunk, &j, ms_chunks(&model->halves, CHUNK));
   ms_halves_add_parts(&model->halves, components, stride, y);
+  ms_coefficients_apply_holds(model, a, 1, x, y);
   for (size_t c = 0; c < (size_t)components; c++)
     memset(y + c * stride + end, 0, (stride - end) * sizeof *y);
 }
 
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,
                            double *y) {
-  apply(model, a, model->rows.dims, x, y);
+  apply(model, a, 1, model->rows.dims, x, y);
+}
+
+void ms_coefficients_apply_massless(const ms_model *model, const ms_coefficients *a,
+                                    const double *x, double *y) {
+  apply(model, a, 0, model->rows.dims, x, y);
 }
 
 void ms_coefficients_apply_one(const ms_model *model, const ms_coefficients *a, const double *x,
                                double *y) {
-  apply(model, a, 1, x, y);
+  apply(model, a, 1, 1, x, y);
 }
 
 /* The same of magnitudes, for one row. */

@@ -69,9 +69,15 @@ void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_co
 double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients *a, double by,
                                    const double *p, double *q);
 
-/* y = A x on the unknowns; rows past them must be 0 in x and are 0 in y. */
+/* y = A x on the unknowns; rows past them must be 0 in x and are 0 in y. Springs are applied to
+ * differences x_i - x_j, so that a translation of all gives (M + h b) x without rounding errors of
+ * their stiffness. */
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,
                            double *y);
+
+/* y = (A - M) x = -(h D + h^2 J) x, the same without the masses */
+void ms_coefficients_apply_massless(const ms_model *model, const ms_coefficients *a,
+                                    const double *x, double *y);
 
 /* The same for one component, block = 1. */
 void ms_coefficients_apply_one(const ms_model *model, const ms_coefficients *a, const double *x,

@@ -101,77 +101,68 @@ static void coefficients(const ms_model *model, const double *x, double h, int c
 
 /*------------------------------------- products -------------------------------------------------*/
 
-MS_INLINE ms_vec apply_diagonal(int dims, const double *d, size_t s, const double *x,
-                                size_t stride) {
-  const ms_vec v = ms_load_vec(dims, x, stride);
-  ms_vec product = {{{0}}};
-  for (int b = 0; b < dims; b++)
-    for (int c = 0; c < dims; c++) {
-      const size_t e = ms_diagonal_entry((size_t)dims, (size_t)b, (size_t)c);
-      product.c[b] = ms_fma(ms_load(d + e * s), v.c[c], product.c[b]);
-    }
-  return product;
-}
-
-/* y_i = D_i x_i - sum over half springs of (t x_j + g (d.x_j) d) */
-MS_INLINE void apply_of(int dims, const ms_model *model, const ms_coefficients *a, const double *x,
-                        double *y, int32_t begin, int32_t end) {
-  const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;
-  const ms_halves *halves = &model->halves;
-  for (int32_t s = begin; s < end; s++) {
-    const ms_place p = ms_place_of(halves, s, y, stride);
-    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-      const size_t row = p.row + lane;
-      const ms_vec place = ms_load_own(dims, p, lane, a->x, stride);
-      ms_vec sum = {{{0}}};
-      if (!p.is_part) sum = apply_diagonal(dims, a->diagonal + row, sd, x + row, stride);
-      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
-        const size_t at = MS_GROUP * (size_t)slot + lane;
-        const ms_vec v = ms_load_neighbours(dims, halves, slot, lane, x, stride);
-        const ms_vec other = ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
-        const ms_vec d = ms_minus(dims, other, place);
-        sum = ms_fma_vec(dims, -ms_load(a->t + at), v, sum);
-        sum = ms_fma_vec(dims, -ms_load(a->g + at) * ms_dot_vec(dims, d, v), d, sum);
-      }
-      ms_store_vec(dims, p.sums + lane, p.stride, sum);
-    }
-  }
-}
-
-static void apply(const ms_model *model, const ms_coefficients *a, const double *x, double *y,
-                  int32_t begin, int32_t end) {
-  if (model->rows.dims == 3) apply_of(3, model, a, x, y, begin, end);
-  else apply_of(2, model, a, x, y, begin, end);
-}
-
-/* y_i = D_i x_i - sum of t x_j, for each component */
-MS_INLINE void apply_alike_of(int dims, const ms_model *model, const ms_coefficients *a,
-                              const double *x, double *y, int32_t begin, int32_t end) {
+/* y_i = (share m_i + h b) x_i + sum over half springs of (t I + g d d^T)(x_i - x_j): a translation
+ * stretches no spring, to the last bit. */
+MS_INLINE void apply_of(int dims, const ms_model *model, const ms_coefficients *a, double share,
+                        const double *x, double *y, int32_t begin, int32_t end) {
   const size_t stride = (size_t)model->rows.stride;
   const ms_halves *halves = &model->halves;
   for (int32_t s = begin; s < end; s++) {
     const ms_place p = ms_place_of(halves, s, y, stride);
     for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      const ms_vec place = ms_load_own(dims, p, lane, a->x, stride);
+      const ms_vec own = ms_load_own(dims, p, lane, x, stride);
       ms_vec sum = {{{0}}};
-      if (!p.is_part) {
-        sum = ms_load_vec(dims, x + p.row + lane, stride);
-        for (int c = 0; c < dims; c++) sum.c[c] *= ms_load(a->diagonal + p.row + lane);
-      }
+      if (!p.is_part)
+        sum = ms_fma_vec(dims, share * ms_load(model->mass + p.row + lane) + a->drag, own, sum);
       for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
-        const ms_lanes t = ms_load(a->t + MS_GROUP * (size_t)slot + lane);
-        const ms_vec v = ms_load_neighbours(dims, halves, slot, lane, x, stride);
-        sum = ms_fma_vec(dims, -t, v, sum);
+        const size_t at = MS_GROUP * (size_t)slot + lane;
+        const ms_vec other = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+        const ms_vec end_place = ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
+        const ms_vec e = ms_minus(dims, own, other), d = ms_minus(dims, end_place, place);
+        sum = ms_fma_vec(dims, ms_load(a->t + at), e, sum);
+        sum = ms_fma_vec(dims, ms_load(a->g + at) * ms_dot_vec(dims, d, e), d, sum);
       }
       ms_store_vec(dims, p.sums + lane, p.stride, sum);
     }
   }
 }
 
-static void apply_alike(const ms_model *model, const ms_coefficients *a, int32_t components,
-                        const double *x, double *y, int32_t begin, int32_t end) {
-  if (components == 3) apply_alike_of(3, model, a, x, y, begin, end);
-  else if (components == 2) apply_alike_of(2, model, a, x, y, begin, end);
-  else apply_alike_of(1, model, a, x, y, begin, end);
+static void apply(const ms_model *model, const ms_coefficients *a, double share, const double *x,
+                  double *y, int32_t begin, int32_t end) {
+  if (model->rows.dims == 3) apply_of(3, model, a, share, x, y, begin, end);
+  else apply_of(2, model, a, share, x, y, begin, end);
+}
+
+/* y_i = (share m_i + h b) x_i + sum of t (x_i - x_j), for each component */
+MS_INLINE void apply_alike_of(int dims, const ms_model *model, const ms_coefficients *a,
+                              double share, const double *x, double *y, int32_t begin,
+                              int32_t end) {
+  const size_t stride = (size_t)model->rows.stride;
+  const ms_halves *halves = &model->halves;
+  for (int32_t s = begin; s < end; s++) {
+    const ms_place p = ms_place_of(halves, s, y, stride);
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      const ms_vec own = ms_load_own(dims, p, lane, x, stride);
+      ms_vec sum = {{{0}}};
+      if (!p.is_part)
+        sum = ms_fma_vec(dims, share * ms_load(model->mass + p.row + lane) + a->drag, own, sum);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+        const ms_lanes t = ms_load(a->t + MS_GROUP * (size_t)slot + lane);
+        const ms_vec other = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+        sum = ms_fma_vec(dims, t, ms_minus(dims, own, other), sum);
+      }
+      ms_store_vec(dims, p.sums + lane, p.stride, sum);
+    }
+  }
+}
+
+static void apply_alike(const ms_model *model, const ms_coefficients *a, double share,
+                        int32_t components, const double *x, double *y, int32_t begin,
+                        int32_t end) {
+  if (components == 3) apply_alike_of(3, model, a, share, x, y, begin, end);
+  else if (components == 2) apply_alike_of(2, model, a, share, x, y, begin, end);
+  else apply_alike_of(1, model, a, share, x, y, begin, end);
 }
 
 const ms_kernels MS_TABLE(ms_kernels) = {coefficients, apply, apply_alike};

@@ -12,11 +12,12 @@
 typedef struct ms_kernels {
   void (*coefficients)(const ms_model *model, const double *x, double h, int clamp,
                        ms_coefficients *a, int32_t begin, int32_t end);
-  void (*apply)(const ms_model *model, const ms_coefficients *a, const double *x, double *y,
-                int32_t begin, int32_t end);
+  /* y = (A - (1 - share) M) x, without holds */
+  void (*apply)(const ms_model *model, const ms_coefficients *a, double share, const double *x,
+                double *y, int32_t begin, int32_t end);
   /* a->block = 1: on vectors of so many components */
-  void (*apply_alike)(const ms_model *model, const ms_coefficients *a, int32_t components,
-                      const double *x, double *y, int32_t begin, int32_t end);
+  void (*apply_alike)(const ms_model *model, const ms_coefficients *a, double share,
+                      int32_t components, const double *x, double *y, int32_t begin, int32_t end);
 } ms_kernels;
 
 #endif

@@ -52,7 +52,10 @@ static const option table[] = {
      0},
     {{"t_end", "number >= 0", "", "end time in s"}, REAL, AT(t_end), 0, 0, -1, 0},
     TEXT("solver", "name", "auto", "linear solver, as msim_cli list names them", solver),
-    ABOVE_0("solver.rtol", "1e-8", "true residual over right side, 2-norm", solver_rtol),
+    ABOVE_0("solver.rtol", "1e-8",
+            "true residual over right-hand side, weighed by the inverse of the diagonal blocks: "
+            "relative to a step's change of velocity",
+            solver_rtol),
     {{"solver.max_iterations", "whole number >= 1", "2000", "limit of an iterative solver"},
      INT32,
      AT(solver_max_iterations),
@@ -66,7 +69,8 @@ static const option table[] = {
          "where the exact matrix is not positive definite: that step again clamped, solve it as it "
          "is, or stop",
          indefinite),
-    ABOVE_0("newton.rtol", "1e-8", "wanted relative error of the velocity of a nonlinear step",
+    ABOVE_0("newton.rtol", "1e-8",
+            "wanted error of the velocity of a nonlinear step, relative to its change in the step",
             newton_rtol),
     {{"newton.max_iterations", "whole number >= 1", "100", "limit of Newton's method in a step"},
      INT32,

@@ -77,7 +77,8 @@ static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
   if (!status && sim->integrator->splits)
     status = ms_split_create(&m->model, &sim->opt, s->h, &s->split, err);
   if (status || !sim->integrator->entry.implicit) return status;
-  return ms_solver_create(&m->model, &sim->opt, sim->plan.h, &sim->stats, &s->solver, err);
+  return ms_solver_create(&m->model, &sim->opt, sim->plan.h, sim->integrator->nonlinear,
+                          &sim->stats, &s->solver, err);
 }
 
 /* Rows that planes hold need a block of their own. */

@@ -101,7 +101,8 @@ static msim_status make_solvers(msim_sim *sim, ms_solver **fresh, msim_error *er
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     const ms_motion *m = &sim->motion[i];
     const double h = m->stepper.solver->planned;
-    status = ms_solver_create(&m->model, &sim->opt, h, &sim->stats, &fresh[i], err);
+    status = ms_solver_create(&m->model, &sim->opt, h, sim->integrator->nonlinear, &sim->stats,
+                              &fresh[i], err);
   }
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_solver **used = &sim->motion[i].stepper.solver;

@@ -194,14 +194,60 @@ void problem_apply(const problem *p, const double *x, double *y) {
   }
 }
 
+/* By Gauss and Jordan, in place; 0 where a pivot is not positive. */
+static int invert(int32_t m, double *a) {
+  for (int32_t k = 0; k < m; k++) {
+    const double pivot = a[m * k + k];
+    if (!(pivot > 0)) return 0;
+    a[m * k + k] = 1;
+    for (int32_t c = 0; c < m; c++) a[m * k + c] /= pivot;
+    for (int32_t i = 0; i < m; i++) {
+      const double f = a[m * i + k];
+      if (i == k) continue;
+      a[m * i + k] = 0;
+      for (int32_t c = 0; c < m; c++) a[m * i + c] -= f * a[m * k + c];
+    }
+  }
+  return 1;
+}
+
+void problem_invert_blocks(const problem *p, double *inverse) {
+  const int32_t m = p->block;
+  memset(inverse, 0, (size_t)(m * m * p->n) * sizeof *inverse);
+  for (int32_t e = 0; e < p->count; e++) {
+    const entry *a = &p->entries[e];
+    if (a->row / m != a->column / m) continue;
+    double *block = inverse + m * m * (a->row / m);
+    block[m * (a->row % m) + a->column % m] += a->value;
+    if (a->row != a->column) block[m * (a->column % m) + a->row % m] += a->value;
+  }
+  for (int32_t i = 0; i < p->n; i++) {
+    double *block = inverse + m * m * i;
+    if (invert(m, block)) continue;
+    for (int32_t c = 0; c < m * m; c++) block[c] = c % (m + 1) == 0;
+  }
+}
+
+/* sqrt(r.D^-1 r) */
+static long double norm(const problem *p, const double *inverse, const long double *r) {
+  const int32_t m = p->block;
+  long double sum = 0;
+  for (int32_t i = 0; i < p->n; i++)
+    for (int32_t c = 0; c < m * m; c++)
+      sum += inverse[m * m * i + c] * r[m * i + c / m] * r[m * i + c % m];
+  return sqrtl(fmaxl(0, sum));
+}
+
+/* Of b - A y and of b by blocks; of b - A y and of |A| |y| + |b| in the 2-norm. */
 typedef struct norms {
-  long double residual, right, size; /* of b - A y, b, |A| |y| + |b| */
+  long double residual, right, left, size;
 } norms;
 
 static norms measure(const problem *p, const double *b, const double *y) {
   const size_t n = (size_t)unknowns(p);
-  long double *r = calloc(2 * n + 1, sizeof *r), *size = r + n;
-  for (size_t i = 0; i < n; i++) r[i] = b[i], size[i] = fabsl(b[i]);
+  long double *r = calloc(3 * n + 1, sizeof *r), *size = r + n, *right = r + 2 * n;
+  double *inverse = malloc((size_t)p->block * n * sizeof *inverse + 1);
+  for (size_t i = 0; i < n; i++) r[i] = right[i] = b[i], size[i] = fabsl(b[i]);
   for (int32_t e = 0; e < p->count; e++) {
     const entry *a = &p->entries[e];
     const long double upper = a->value + a->skew, lower = a->value - a->skew;
@@ -209,14 +255,11 @@ static norms measure(const problem *p, const double *b, const double *y) {
     if (a->row == a->column) continue;
     r[a->column] -= lower * y[a->row], size[a->column] += fabsl(lower * y[a->row]);
   }
-  norms sum = {0, 0, 0};
-  for (size_t i = 0; i < n; i++) {
-    sum.residual += r[i] * r[i];
-    sum.right += (long double)b[i] * b[i];
-    sum.size += size[i] * size[i];
-  }
-  free(r);
-  return (norms){sqrtl(sum.residual), sqrtl(sum.right), sqrtl(sum.size)};
+  problem_invert_blocks(p, inverse);
+  norms all = {.residual = norm(p, inverse, r), .right = norm(p, inverse, right)};
+  for (size_t i = 0; i < n; i++) all.left += r[i] * r[i], all.size += size[i] * size[i];
+  free(r), free(inverse);
+  return all;
 }
 
 static double quotient(long double a, long double b) { return a == 0 ? 0 : (double)(a / b); }
@@ -228,5 +271,5 @@ double residual(const problem *p, const double *b, const double *y) {
 
 double backward_error(const problem *p, const double *b, const double *y) {
   const norms m = measure(p, b, y);
-  return quotient(m.residual, m.size);
+  return quotient(sqrtl(m.left), sqrtl(m.size));
 }

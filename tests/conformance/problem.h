@@ -61,10 +61,14 @@ void problem_free(problem *p);
 /* y = A x */
 void problem_apply(const problem *p, const double *x, double *y);
 
-/* ||b - A y|| / ||b||, computed in long double; 0 for b = 0 and y = 0 */
+/* The inverses of the diagonal blocks, by rows; the identity stands in where one is not positive
+ * definite. msim itself does not even ask a backend then. */
+void problem_invert_blocks(const problem *p, double *inverse /* block^2 n */);
+
+/* ||b - A y|| / ||b|| in the norm sqrt(r.D^-1 r), D those blocks; 0 for b = 0 and y = 0 */
 double residual(const problem *p, const double *b, const double *y);
 
-/* ||b - A y|| / || |A| |y| + |b| ||: a few eps where y is as good as rounding allows */
+/* ||b - A y|| / || |A| |y| + |b| ||, 2-norm: a few eps where y is as good as rounding allows */
 double backward_error(const problem *p, const double *b, const double *y);
 
 /* Numbers in [-1, 1); the caller frees them. */

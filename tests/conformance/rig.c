@@ -96,42 +96,6 @@ static void precondition(const msim_system *A, const double *x, double *z) {
   }
 }
 
-/* By Gauss and Jordan, in place; 0 where a pivot is not positive. */
-static int invert(int32_t m, double *a) {
-  for (int32_t k = 0; k < m; k++) {
-    const double pivot = a[m * k + k];
-    if (!(pivot > 0)) return 0;
-    a[m * k + k] = 1;
-    for (int32_t c = 0; c < m; c++) a[m * k + c] /= pivot;
-    for (int32_t i = 0; i < m; i++) {
-      const double f = a[m * i + k];
-      if (i == k) continue;
-      a[m * i + k] = 0;
-      for (int32_t c = 0; c < m; c++) a[m * i + c] -= f * a[m * k + c];
-    }
-  }
-  return 1;
-}
-
-/* Positive definite, as promised, whatever the blocks are: the identity stands in where one is
- * not. msim itself does not even ask a backend then. */
-static void make_preconditioner(rig *r) {
-  const int32_t m = r->A.block;
-  memset(r->inverse, 0, (size_t)(m * m * r->A.n) * sizeof *r->inverse);
-  for (int32_t e = 0; e < r->problem->count; e++) {
-    const entry *a = &r->problem->entries[e];
-    if (a->row / m != a->column / m) continue;
-    double *block = r->inverse + m * m * (a->row / m);
-    block[m * (a->row % m) + a->column % m] += a->value;
-    if (a->row != a->column) block[m * (a->column % m) + a->row % m] += a->value;
-  }
-  for (int32_t i = 0; i < r->A.n; i++) {
-    double *block = r->inverse + m * m * i;
-    if (invert(m, block)) continue;
-    for (int32_t c = 0; c < m * m; c++) block[c] = c % (m + 1) == 0;
-  }
-}
-
 /*------------------------------------- life -----------------------------------------------------*/
 
 static void begin(rig *r) {
@@ -241,7 +205,7 @@ void rig_set(rig *r, const problem *p) {
 }
 
 msim_status rig_factor(rig *r, int32_t kind) {
-  if (r->inverse) make_preconditioner(r);
+  if (r->inverse) problem_invert_blocks(r->problem, r->inverse);
   begin(r);
   return end(r, "factor", r->table->factor(r->self, &r->A, kind, &r->info));
 }

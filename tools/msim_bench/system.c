@@ -23,27 +23,64 @@ static int copy_matrix(const msim_csr *from, msim_csr *to) {
   return to->rowptr && to->colind && to->val && to->particle;
 }
 
-/* b = M v + h F(x, 0) */
-static void fill_vectors(const moving *m, const double *force, linear_system *s) {
+/* What row i of A makes of the velocities y of all particles */
+static double row_product(const linear_system *s, int32_t i, const double *y) {
+  const msim_csr *A = &s->A;
   double sum = 0;
+  for (int32_t e = A->rowptr[i]; e < A->rowptr[i + 1]; e++) {
+    const int32_t column = A->colind[e];
+    sum += A->val[e] * y[3 * A->particle[column / 3] + column % 3];
+  }
+  return sum;
+}
+
+static double entry(const msim_csr *A, int32_t row, int32_t column) {
+  for (int32_t e = A->rowptr[row]; e < A->rowptr[row + 1]; e++)
+    if (A->colind[e] == column) return A->val[e];
+  return 0;
+}
+
+/* sqrt(r.D^-1 r), D the diagonal blocks of A, by their Cholesky factors: what solver.rtol is of */
+static double norm(const msim_csr *A, const double *r) {
+  double sum = 0;
+  for (int32_t first = 0; first < A->n; first += 3) {
+    double l[3][3], y[3];
+    for (int i = 0; i < 3; i++) {
+      y[i] = r[first + i];
+      for (int k = 0; k <= i; k++) {
+        l[i][k] = entry(A, first + i, first + k);
+        for (int q = 0; q < k; q++) l[i][k] -= l[i][q] * l[k][q];
+        l[i][k] = k < i ? l[i][k] / l[k][k] : sqrt(l[i][k]);
+        if (k < i) y[i] -= l[i][k] * y[k];
+      }
+      y[i] /= l[i][i];
+      sum += y[i] * y[i];
+    }
+  }
+  return sqrt(sum);
+}
+
+/* b = M v + h F(x, 0) - A v */
+static void fill_vectors(const moving *m, const double *force, linear_system *s) {
   for (int32_t i = 0; i < s->n; i++) {
     const int32_t particle = s->A.particle[i / 3], at = 3 * particle + i % 3;
-    s->guess[i] = m->v[at];
-    s->b[i] = m->view.mass[particle] * m->v[at] + s->h * force[at];
-    sum += s->b[i] * s->b[i];
+    s->v[i] = m->v[at];
+    s->guess[i] = 0;
+    s->b[i] = m->view.mass[particle] * m->v[at] + s->h * force[at] - row_product(s, i, m->v);
   }
-  s->size = sqrt(sum);
+  s->size = norm(&s->A, s->b);
 }
 
 static int take(const moving *m, msim_sim *sim, linear_system *s, msim_error *err) {
   msim_csr A = {.size = sizeof A};
   if (msim_sim_set_state(sim, &m->state, err) != MSIM_OK) return 0;
   if (msim_sim_matrix(sim, &A, err) != MSIM_OK) return 0;
-  s->n = A.n;
+  s->n = A.n, s->particles = m->view.nparticles;
   s->b = malloc((size_t)A.n * sizeof *s->b);
   s->guess = malloc((size_t)A.n * sizeof *s->guess);
+  s->v = malloc((size_t)A.n * sizeof *s->v);
   double *force = malloc(3 * (size_t)m->view.nparticles * sizeof *force);
-  const int made = copy_matrix(&A, &s->A) && s->b && s->guess && force;
+  const int made = copy_matrix(&A, &s->A) && s->b && s->guess && s->v && force;
   if (made) {
     msim_sim_force(sim, m->x, m->none, force);
     fill_vectors(m, force, s);
@@ -71,19 +108,21 @@ void system_free(linear_system *s) {
   free((void *)s->A.particle);
   free(s->b);
   free(s->guess);
+  free(s->v);
   *s = (linear_system){0};
 }
 
 double system_residual(const linear_system *s, const double *v) {
-  const msim_csr *A = &s->A;
-  double sum = 0;
-  for (int32_t i = 0; i < s->n; i++) {
-    double r = s->b[i];
-    for (int32_t e = A->rowptr[i]; e < A->rowptr[i + 1]; e++) {
-      const int32_t column = A->colind[e];
-      r -= A->val[e] * v[3 * A->particle[column / 3] + column % 3];
+  double *r = malloc((size_t)s->n * sizeof *r), *dv = calloc((size_t)s->particles, 3 * sizeof *dv);
+  double result = NAN;
+  if (r && dv) {
+    for (int32_t i = 0; i < s->n; i++) {
+      const int32_t at = 3 * s->A.particle[i / 3] + i % 3;
+      dv[at] = v[at] - s->v[i];
     }
-    sum += r * r;
+    for (int32_t i = 0; i < s->n; i++) r[i] = s->b[i] - row_product(s, i, dv);
+    result = norm(&s->A, r) / s->size;
   }
-  return sqrt(sum) / s->size;
+  free(r), free(dv);
+  return result;
 }

@@ -33,7 +33,7 @@ typedef struct contestant {
   /* One run. 0 where it failed, and why in reason: it takes no more part. */
   int (*run)(struct contestant *c, sample *s);
   void *data;      /* of run */
-  double residual; /* of its solution, ||b - A v|| / ||b||; NAN: not known */
+  double residual; /* of its solution, ||b - A dv|| / ||b||; NAN: not known */
   int failed;
   char reason[1024];
   int n;        /* samples; the first warms up, and counts only where it stays the only one */

@@ -1,0 +1,155 @@
+#include "linear/bicgstab.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "linear/jacobi.h"
+
+enum { DEGREE = MS_BICGSTAB_DEGREE, VECTORS = 2 * DEGREE + 6 };
+
+static void list_vectors(ms_bicgstab *s, double **vectors[VECTORS]) {
+  int n = 0;
+  for (int k = 0; k <= DEGREE; k++) vectors[n++] = &s->r[k], vectors[n++] = &s->u[k];
+  vectors[n++] = &s->shadow, vectors[n++] = &s->x, vectors[n++] = &s->z, vectors[n++] = &s->w;
+}
+
+msim_status ms_bicgstab_create(const ms_model *model, ms_bicgstab *s, msim_error *err) {
+  double **vectors[VECTORS];
+  list_vectors(s, vectors);
+  s->roots = ms_new(&model->scene->alloc, 6 * (size_t)model->rows.nfree, sizeof *s->roots);
+  int failed = !s->roots;
+  for (int k = 0; k < VECTORS; k++) {
+    *vectors[k] = ms_rows_vector(model->scene, &model->rows);
+    failed |= !*vectors[k];
+  }
+  return failed ? ms_fail_memory(err, "BiCGStab") : MSIM_OK;
+}
+
+void ms_bicgstab_destroy(const ms_model *model, ms_bicgstab *s) {
+  double **vectors[VECTORS];
+  list_vectors(s, vectors);
+  for (int k = 0; k < VECTORS; k++) ms_delete(&model->scene->alloc, *vectors[k]);
+  ms_delete(&model->scene->alloc, s->roots);
+  *s = (ms_bicgstab){0};
+}
+
+/* One solve. */
+typedef struct run {
+  const ms_bicgstab *s;
+  const ms_system *system;
+  ms_shape shape;
+  ms_linear *by; /* solves the symmetric part, or has a preconditioner for it */
+  double rho, alpha, omega;
+  int64_t *iterations, limit;
+} run;
+
+static double dot(const run *q, const double *x, const double *y) { return ms_dot(q->shape, x, y); }
+
+/* z = P^-1 L v */
+static msim_status precondition(const run *q, const double *v) {
+  ms_copy(q->shape, v, q->s->w);
+  ms_jacobi_multiply(q->system->model, q->s->roots, q->s->w);
+  if (q->by->ops->precondition) {
+    q->by->ops->precondition(q->by, q->s->w, q->s->z);
+    return MSIM_OK;
+  }
+  const ms_target rough = {1e-3, 1};
+  int64_t iterations = 0;
+  return q->by->ops->solve(q->by, &rough, q->s->w, q->s->z, &iterations, NULL);
+}
+
+/* to = L^-1 A P^-1 L v */
+static msim_status multiply(const run *q, const double *v, double *to) {
+  const msim_status status = precondition(q, v);
+  if (status) return status;
+  ms_system_apply(q->system, q->s->z, to);
+  ms_jacobi_divide(q->system->model, q->s->roots, to);
+  ++*q->iterations;
+  return MSIM_OK;
+}
+
+/* The step j of bi-conjugate gradients. MSIM_NOT_CONVERGED: it breaks down. */
+static msim_status bicg_step(run *q, int j) {
+  const ms_bicgstab *s = q->s;
+  const double rho = dot(q, s->r[j], s->shadow), beta = q->alpha * rho / q->rho;
+  if (!isfinite(beta)) return MSIM_NOT_CONVERGED;
+  q->rho = rho;
+  for (int i = 0; i <= j; i++) ms_combine(q->shape, s->r[i], -beta, s->u[i], s->u[i]);
+  msim_status status = multiply(q, s->u[j], s->u[j + 1]);
+  if (status) return status;
+  q->alpha = rho / dot(q, s->u[j + 1], s->shadow);
+  if (!isfinite(q->alpha)) return MSIM_NOT_CONVERGED;
+  for (int i = 0; i <= j; i++) ms_axpy(q->shape, -q->alpha, s->u[i + 1], s->r[i]);
+  ms_axpy(q->shape, q->alpha, s->u[0], s->x);
+  return multiply(q, s->r[j], s->r[j + 1]);
+}
+
+/* r -= gamma1 r1 + gamma2 r2, the least, by modified Gram-Schmidt */
+static msim_status minimise_residual(run *q) {
+  const ms_bicgstab *s = q->s;
+  const double first = dot(q, s->r[1], s->r[1]), tau = dot(q, s->r[2], s->r[1]) / first;
+  ms_axpy(q->shape, -tau, s->r[1], s->r[2]);
+  const double part1 = dot(q, s->r[0], s->r[1]) / first;
+  const double gamma2 = dot(q, s->r[0], s->r[2]) / dot(q, s->r[2], s->r[2]);
+  const double gamma1 = part1 - tau * gamma2;
+  if (!isfinite(gamma1) || !isfinite(gamma2)) return MSIM_NOT_CONVERGED;
+  ms_axpy(q->shape, gamma1, s->r[0], s->x);
+  ms_axpy(q->shape, gamma2, s->r[1], s->x);
+  ms_axpy(q->shape, -part1, s->r[1], s->r[0]);
+  ms_axpy(q->shape, -gamma2, s->r[2], s->r[0]);
+  ms_axpy(q->shape, -gamma1, s->u[1], s->u[0]);
+  ms_axpy(q->shape, -gamma2, s->u[2], s->u[0]);
+  q->omega = gamma2;
+  return MSIM_OK;
+}
+
+/* From r[0] = L^-1 (b - A y) until its norm, by recurrence, is `goal`, or it breaks down. */
+static msim_status iterate(run *q, double goal, double *y) {
+  const ms_bicgstab *s = q->s;
+  const size_t bytes = (size_t)q->shape.dims * (size_t)q->shape.stride * sizeof(double);
+  msim_status status = MSIM_OK;
+  memset(s->x, 0, bytes);
+  memset(s->u[0], 0, bytes);
+  ms_copy(q->shape, s->r[0], s->shadow);
+  q->rho = 1, q->alpha = 0, q->omega = 1;
+  while (!status && sqrt(dot(q, s->r[0], s->r[0])) > goal && *q->iterations < q->limit) {
+    q->rho *= -q->omega;
+    for (int j = 0; j < DEGREE && !status; j++) status = bicg_step(q, j);
+    if (!status) status = minimise_residual(q);
+  }
+  if (status && status != MSIM_NOT_CONVERGED) return status;
+  status = precondition(q, s->x);
+  if (!status) ms_axpy(q->shape, 1, s->z, y);
+  return status;
+}
+
+/* The recurrence drifts from the true residual, and may break down: it starts again from the truth
+ * until that reaches the goal or gets no better. */
+msim_status ms_bicgstab_solve(const ms_bicgstab *s, ms_linear *by, const ms_target *target,
+                              const double *b, double *y, int64_t *iterations) {
+  const ms_system *system = by->system;
+  const ms_model *model = system->model;
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * ms_jacobi_norm(model, &system->a, b);
+  int64_t count = 0;
+  run q = {.s = s,
+           .system = system,
+           .shape = model->shape,
+           .by = by,
+           .iterations = &count,
+           .limit = target->max_iterations};
+  double last = INFINITY;
+  msim_status status = MSIM_OK;
+  ms_jacobi_roots(model, &system->a, s->roots);
+  while (!status) {
+    ms_system_apply(system, y, s->r[0]);
+    ms_combine(model->shape, b, -1, s->r[0], s->r[0]);
+    ms_jacobi_divide(model, s->roots, s->r[0]);
+    const double left = sqrt(dot(&q, s->r[0], s->r[0]));
+    if (left <= goal || !(left < 0.9 * last)) break;
+    last = left;
+    status = count < q.limit ? iterate(&q, goal, y) : MSIM_NOT_CONVERGED;
+  }
+  *iterations += count;
+  return status;
+}

@@ -1,0 +1,33 @@
+#include "linear/residual.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "linear/jacobi.h"
+
+void ms_change_right_hand_side(const ms_system *s, const double *b, const double *base,
+                               double *to) {
+  ms_coefficients_apply_massless(s->model, &s->a, base, to);
+  ms_combine(s->model->shape, b, -1, to, to);
+}
+
+double ms_true_residual(const ms_system *s, const double *b, const double *y, double *r) {
+  ms_system_apply(s, y, r);
+  ms_combine(s->model->shape, b, -1, r, r);
+  return ms_jacobi_norm(s->model, &s->a, r);
+}
+
+double ms_rounding_level(const ms_system *s, const double *b, const double *y, double *work1,
+                         double *work2) {
+  const ms_shape shape = s->model->shape;
+  double sum = 0;
+  ms_coefficients_apply_abs(s->model, &s->a, y, work1);
+  for (int32_t c = 0; c < shape.dims; c++) {
+    const size_t at = (size_t)c * (size_t)shape.stride;
+    memset(work2, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *work2);
+    for (size_t i = at; i < at + (size_t)shape.n; i++) work2[i] = work1[i] + fabs(b[i]);
+    sum += ms_jacobi_norm(s->model, &s->a, work2);
+  }
+  return 8 * DBL_EPSILON * sum;
+}
