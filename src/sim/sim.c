@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "layout/flat.h"
+#include "physics/planes.h"
 #include "sim/drive.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -142,6 +143,7 @@ static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
 
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
+  if (!status) status = ms_planes_check(sim->scene, err);
   if (!status && ms_sim_selects(sim))
     status = ms_sim_select(sim, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = ms_sim_check_forces(sim, sim->scene->damping, err);
