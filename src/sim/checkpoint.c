@@ -347,7 +347,7 @@ static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
     sim->integrator = method_of(sim, r);
     sim->opt.collision = r->selection.candidates[r->selection.best].collision;
     sim->opt.integrator = sim->integrator->entry.name;
-    sim->opt.tol = r->tol, sim->opt.h = r->tol > 0 ? r->first_h : r->h;
+    sim->opt.tol = r->tol, sim->opt.h = r->first_h;
     sim->advice = (ms_advice){.chosen = r->chosen, .warned = sim->advice.warned};
   }
   if (sim->opt.steps >= 0) {
@@ -356,7 +356,10 @@ static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
       return ms_fail(err, MSIM_ERR_ARG, "the run ends before the checkpoint does");
   }
   ms_plan plan;
-  msim_status status = ms_plan_create(&sim->opt, r->t0, &plan, err);
+  msim_options opt = sim->opt;
+  if (ms_sim_selects(sim) && r->tol == 0) opt.h = r->h; /* steps go on to another end, too */
+  msim_status status = ms_plan_create(&opt, r->t0, &plan, err);
+  plan.h_asked = sim->opt.h;
   if (!status) status = check_end(sim, r, &plan, err);
   if (status) return status;
   plan.h = r->h, plan.scales = r->scales;
