@@ -250,8 +250,8 @@ static double predict_price(const ms_model *model, double h) {
 static msim_status run_through(ms_probe *p, msim_sim *trial, double most, ms_candidate *c,
                                msim_error *err) {
   msim_status status = ms_probe_start(p, trial, err);
-  trial->plan.scales = p->scales;
   trial->control = ms_control_of(trial->integrator, p->tol, p->span);
+  ms_drive_measure(trial, p->span);
   ms_drive_use_step(trial, trial->opt.h);
   while (!status && trial->t < p->span && ms_probe_work(trial) < most)
     status = msim_sim_step(trial, 1, err);
