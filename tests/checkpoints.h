@@ -47,6 +47,14 @@ static inline void expect_same(msim_sim *a, msim_sim *b, const char *label) {
                (long long)here[i]);
 }
 
+/* The next checkpoint of each has the same bytes. */
+static inline void expect_same_save(msim_sim *a, msim_sim *b, const char *label) {
+  const checkpoint c = save(a), d = save(b);
+  if (c.length != d.length || memcmp(c.bytes, d.bytes, c.length) != 0)
+    fail_msg("%s: the next checkpoint has other bytes", label);
+  free(c.bytes), free(d.bytes);
+}
+
 /* Steps in one go, and again with a new sim at each of these steps, each saved twice on the way:
  * the same end. What they come to. */
 static inline msim_stats expect_resumable(const msim_scene *scene, const msim_options *opt,
@@ -61,6 +69,7 @@ static inline msim_stats expect_resumable(const msim_scene *scene, const msim_op
     expect_same(watched, other, label);
     assert_ok(msim_sim_step(other, steps - at[i], err));
     expect_same(whole, other, label);
+    expect_same_save(whole, other, label);
     msim_sim_destroy(other);
     free(c.bytes);
   }

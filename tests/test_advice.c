@@ -132,11 +132,12 @@ static void auto_is_refused_where_it_says_nothing(void **state) {
   (void)state;
   const double x[3] = {0};
   msim_error why;
-  msim_scene *scene = ring(1, 0), *still = single(x, x, 9.81);
+  msim_scene *scene = ring(1, 0), *free_ring = ring(0, 0), *still = single(x, x, 9.81);
   for (int32_t i = 0; method_at(i); i++)
     if (is_implicit(method_at(i))) refused(scene, method_at(i), MSIM_H_AUTO, "no limit of stab");
   refused(scene, "explicit-euler", MSIM_H_AUTO, "explicit-euler is stable for no h above 0");
   refused(scene, "heun", MSIM_H_AUTO, "heun is stable for no h above 0");
+  refused(free_ring, "rkc", MSIM_H_AUTO, "rkc is stable for no h above 0");
   refused(still, "verlet", MSIM_H_AUTO, "nothing vibrates");
   refused(scene, "verlet", 0, "h is '0'; it must be a number > 0 | auto");
   refused(scene, "verlet", -2, "h is '-2'; it must be a number > 0 | auto");
@@ -145,7 +146,7 @@ static void auto_is_refused_where_it_says_nothing(void **state) {
   assert_int_equal(msim_sim_set_step(sim, 0, &why), MSIM_ERR_ARG);
   assert_true(planned_step(sim) == 0.5);
   msim_sim_destroy(sim);
-  msim_scene_destroy(scene), msim_scene_destroy(still);
+  msim_scene_destroy(scene), msim_scene_destroy(free_ring), msim_scene_destroy(still);
 }
 
 /* As text of an option, in a scene file, and in what is saved of it. */

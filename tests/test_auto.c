@@ -266,6 +266,37 @@ static void implicit_where_that_pays(void **state) {
   msim_scene_destroy(t.scene);
 }
 
+/* A soft chain with strong dampers, and beside it a stiff spring without, which hardly swings: a
+ * few steps of rkc do not show that it grows. */
+static void rkc_is_left_out_where_a_spring_is_undamped(void **state) {
+  (void)state;
+  enum { LINKS = 20, ALL = LINKS + 2 };
+  double x[3 * ALL] = {0}, v[3 * ALL] = {0}, mass[ALL], k[LINKS], rest[LINKS], c[LINKS];
+  int32_t ij[2 * LINKS];
+  const int32_t pinned[] = {0, LINKS};
+  for (int i = 0; i < ALL; i++) x[3 * i] = 0.1 * i, mass[i] = 0.05;
+  for (int i = 1; i < LINKS; i++) v[3 * i + 2] = sin(3. * i / LINKS);
+  x[3 * LINKS + 3] = 0.1 * LINKS, x[3 * LINKS + 5] = 0.1, v[3 * LINKS + 5] = 1e-9;
+  for (int e = 0; e < LINKS; e++) {
+    const int i = e < LINKS - 1 ? e : LINKS;
+    ij[2 * e] = i, ij[2 * e + 1] = i + 1, rest[e] = 0.1;
+    k[e] = e < LINKS - 1 ? 50 : 1e4, c[e] = e < LINKS - 1 ? 200 : 0;
+  }
+  msim_scene *scene;
+  const char *text;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, ALL, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, LINKS, ij, k, rest, c, err));
+  assert_ok(msim_scene_pin(scene, 2, pinned, err));
+  const msim_options opt = options_of("auto", 1e-2, 2);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "a spring pulls without damping, so that no step is stable"));
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /* Who asks again gets the same, however many threads there are, and told why. */
 static void it_is_always_the_same(void **state) {
   (void)state;
@@ -442,6 +473,7 @@ static void it_survives_lack_of_memory(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(as_good_as_the_best),
                                      cmocka_unit_test(implicit_where_that_pays),
+                                     cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
                                      cmocka_unit_test(it_is_always_the_same),
                                      cmocka_unit_test(it_needs_no_options),
                                      cmocka_unit_test(a_state_is_a_new_run),

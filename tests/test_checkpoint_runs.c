@@ -68,6 +68,7 @@ static void expect_same_film(const msim_scene *scene, const msim_options *opt, c
       if (memcmp(&parts.frames[i], &whole.frames[i], sizeof *parts.frames))
         fail_msg("%s, stopped after %d frames: frame %d is another", label, stop, i);
     expect_same(sim, second, label);
+    expect_same_save(sim, second, label);
     free(c.bytes);
     msim_sim_destroy(first), msim_sim_destroy(second);
   }

@@ -191,6 +191,31 @@ static void new_parameters_move_nothing(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A weight on a spring; the energy at any step is that of the start, for any share of the limit. */
+static void energy_is_right_at_long_steps(void **state) {
+  (void)state;
+  const double shares[] = {0.05, 0.2, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95};
+  const double x[6] = {0, 0, 0, 1.01, 0, 0}, mass[2] = {1, 1}, k = 1e4, rest = 1;
+  const int32_t ij[2] = {0, 1}, pin = 0;
+  for (int i = 0; i < 18; i++) {
+    const double v[6] = {0, 0, 0, i % 2 ? 0.7 : 0, 0, 0};
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+    assert_ok(msim_scene_pin(scene, 1, &pin, err));
+    msim_options opt = options("takahashi-imada", shares[i / 2] * sqrt(12) / 100);
+    msim_sim *sim = make_sim(scene, &opt);
+    const double start = energy_of(sim).total;
+    for (int step = 0; step < 100; step++) {
+      assert_ok(msim_sim_step(sim, 1, err));
+      assert_close(energy_of(sim).total, start, 0.02 * start);
+    }
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 static void planes_are_refused(void **state) {
   (void)state;
   msim_scene *scene = thrown(50, 0);
@@ -319,6 +344,7 @@ int main(void) {
       cmocka_unit_test(reversible_methods_find_their_way_back),
       cmocka_unit_test(force_gradient_is_the_cheapest),
       cmocka_unit_test(takahashi_imada_is_the_cheapest_of_long_steps),
+      cmocka_unit_test(energy_is_right_at_long_steps),
       cmocka_unit_test(new_parameters_move_nothing),
       cmocka_unit_test(planes_are_refused),
       cmocka_unit_test(stages_hold_the_whole_strip),

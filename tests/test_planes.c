@@ -154,6 +154,98 @@ static void leaving_particle_keeps_its_velocity(void **state) {
   msim_scene_destroy(scene);
 }
 
+static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+/* From wall to wall, in free flight: z and its velocity after a time h. gap: between the walls */
+static void fly_between_walls(double gap, double e, double h, double *z, double *v) {
+  while (*v != 0) {
+    const double until = (*v > 0 ? gap - *z : -*z) / *v;
+    if (until >= h) break;
+    *z = *v > 0 ? gap : 0;
+    h -= until;
+    *v *= -e;
+  }
+  *z += h * *v;
+}
+
+/* A step many times as long as the gap: each reflection stands for a bounce. At e < 1 the same, as
+ * the way behind a wall shrinks as the velocity does. */
+static void slabs_hold_what_flies_fast(void **state) {
+  (void)state;
+  unsigned seed = 4;
+  for (int i = 0; i < 150; i++) {
+    const double gap = pow(10, -3 * uniform(&seed)), e = i % 3 ? 1 : 0.5 + 0.4 * uniform(&seed);
+    const double speed = i % 2 ? 3 : -3, h = gap / 3 * 50 * uniform(&seed);
+    double z = gap * uniform(&seed), vz = speed;
+    const double x[3] = {0, 0, z + 0.3}, v[3] = {1, 0, speed};
+    msim_scene *scene = single(x, v, 0);
+    plane(scene, 0, 0, i % 4 < 2 ? 1 : -1, i % 4 < 2 ? 0.3 : -0.3 - gap, e, 0);
+    plane(scene, 0, 0, i % 4 < 2 ? -1 : 1, i % 4 < 2 ? -0.3 - gap : 0.3, e, 0);
+    const msim_options opt = options("velocity-verlet", h);
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 1, err));
+    fly_between_walls(gap, e, h, &z, &vz);
+    assert_close(state_of(sim).x[2], z + 0.3, 1e-12);
+    assert_close(state_of(sim).v[2], vz, 1e-12);
+    assert_close(state_of(sim).x[0], h, 1e-15);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Acute wedges (of 3 degrees, too), corners and rooms of up to 9 tilted planes, from a point inside
+ * or on an edge: whatever the step, no particle ends behind a plane. */
+static void no_particle_ends_behind_a_plane(void **state) {
+  (void)state;
+  unsigned seed = 8;
+  for (int i = 0; i < 300; i++) {
+    const double angle = 0.05 + uniform(&seed), reach = pow(10, 3 * uniform(&seed));
+    const int planes = i % 3 == 0 ? 2 : 3 + i % 7;
+    double x[3] = {0, 0, i % 3 == 0 ? 1 : 0}, v[3], n[9][3];
+    for (int c = 0; c < 3; c++) v[c] = reach * (uniform(&seed) - 0.5);
+    msim_scene *scene = single(x, v, i % 2 ? 9.81 : 0);
+    for (int p = 0; p < planes; p++) {
+      for (int c = 0; c < 3; c++) n[p][c] = uniform(&seed) - 0.5;
+      if (planes == 2)
+        n[p][0] = p ? cos(angle / 2) : -cos(angle / 2), n[p][1] = 0, n[p][2] = sin(angle / 2);
+      const double length = norm(n[p]);
+      for (int c = 0; c < 3; c++) n[p][c] /= length;
+      plane(scene, n[p][0], n[p][1], n[p][2], i % 2 || planes == 2 ? 0 : -0.1, 0.25 * (i % 5),
+            0.1 * (i % 4));
+    }
+    const msim_options opt = options("symplectic-euler", 0.1);
+    msim_sim *sim = make_sim(scene, &opt);
+    for (int step = 0; step < 3; step++) {
+      assert_ok(msim_sim_step(sim, 1, err));
+      for (int p = 0; p < planes; p++) {
+        const double *at = state_of(sim).x, d = i % 2 || planes == 2 ? 0 : -0.1;
+        const double s = n[p][0] * at[0] + n[p][1] * at[1] + n[p][2] * at[2] - d;
+        if (!(s > -1e-12 * (1 + reach))) fail_msg("%d planes, seed %d: %g m behind", planes, i, -s);
+      }
+    }
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void planes_without_room_are_refused(void **state) {
+  (void)state;
+  const double x[3] = {0}, v[3] = {0, 0, 1};
+  for (int gap = -1; gap < 2; gap++) {
+    msim_scene *scene = single(x, v, 9.81);
+    plane(scene, 0, 0.6, 0.8, 0.2, 1, 0);
+    plane(scene, 0, -0.6, -0.8, -0.2 - 1e-3 * gap, 1, 0);
+    const msim_options opt = options("velocity-verlet", 0.1);
+    msim_sim *sim;
+    msim_error why;
+    const msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+    assert_int_equal(status, gap < 0 ? MSIM_ERR_ARG : MSIM_OK);
+    if (status) assert_non_null(strstr(why.text, "the planes leave no room"));
+    else msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 static void pinned_particles_are_not_reflected(void **state) {
   (void)state;
   const double x[3] = {0, 0, -1}, v[3] = {0, 0, 0};
@@ -173,8 +265,6 @@ static void pinned_particles_are_not_reflected(void **state) {
     msim_scene_destroy(scene);
   }
 }
-
-static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 static msim_plane random_plane(unsigned *seed, double e, double mu) {
   msim_plane p = {{uniform(seed) - 0.5, uniform(seed) - 0.5, uniform(seed)}, 0, e, mu};
@@ -243,6 +333,9 @@ int main(void) {
                                      cmocka_unit_test(incline_sticks_or_slides),
                                      cmocka_unit_test(corner_reflects_twice_and_counts_once),
                                      cmocka_unit_test(leaving_particle_keeps_its_velocity),
+                                     cmocka_unit_test(slabs_hold_what_flies_fast),
+                                     cmocka_unit_test(no_particle_ends_behind_a_plane),
+                                     cmocka_unit_test(planes_without_room_are_refused),
                                      cmocka_unit_test(pinned_particles_are_not_reflected),
                                      cmocka_unit_test(corners_bounce_in_any_order),
                                      cmocka_unit_test(projection_is_the_nearest)};

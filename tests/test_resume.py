@@ -28,6 +28,7 @@ RUNS = ["--integrator linearly-implicit-euler --h 4e-3 --t_end 1.6 --every 1",
         "--integrator verlet --h 1e-4 --t_end 1 --fps 400",
         "--integrator bdf2 --h 1e-2 --t_end 2 --every 1",
         "--integrator dop853 --t_end 0.5 --fps 400",
+        "--integrator auto --tol 1e-5 --t_end 1 --fps 100",
         "--integrator velocity-verlet --h 1e-4 --t_end 1 --fps 400 --sync on"]
 
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "../tools/msim_bench/theory.h"
+#include "integrate/rkc.h"
 #include "stability.h"
 
 enum { N = 30, NS = 80 };
@@ -170,6 +171,11 @@ static void bounds_hold_in_every_configuration(void **state) {
 
 /*------------------------------------- limits ---------------------------------------------------*/
 
+/* The bounds of a single mode, x'' = -g x' - w^2 x */
+static ms_bounds mode(double w, double g) {
+  return (ms_bounds){.omega = w, .rate = g, .least_rate = g, .ratio = w > 0 ? w * w / g : 0};
+}
+
 /* z = h omega of a single mode with damping zeta, from the closed forms of each method. */
 static void limits_are_the_known_ones(void **state) {
   (void)state;
@@ -196,13 +202,13 @@ static void limits_are_the_known_ones(void **state) {
                {"rk4", 0, 2.82843}};
   for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
     const double g = 2 * known[i].zeta * 50;
-    assert_close(50 * limit_of(known[i].method, (ms_bounds){50, g, g}), known[i].z, 6e-6);
+    assert_close(50 * limit_of(known[i].method, mode(50, g)), known[i].z, 6e-6);
   }
   for (int32_t i = 0; method_at(i); i++) {
     if (!has_limit(method_at(i))) continue;
-    assert_true(isinf(limit_of(method_at(i), (ms_bounds){0, 0, 0})));
+    assert_true(isinf(limit_of(method_at(i), mode(0, 0))));
     if (!wants_positions_alone(method_at(i)))
-      assert_true(limit_of(method_at(i), (ms_bounds){0, 3, 3}) < 2.2); /* dop853: 6.39 / 3 */
+      assert_true(limit_of(method_at(i), mode(0, 3)) < 2.2); /* dop853: 6.39 / 3 */
   }
 }
 
@@ -218,7 +224,8 @@ static void limits_are_within_theory(void **state) {
     for (int z = 0; z < (t->undamped ? 1 : ZETAS) && integrator->limit; z++) {
       double peak;
       const double g = 2 * zetas[z], known = theory_limit(t, z, &peak);
-      const double promised = integrator->limit(&(ms_bounds){1, g, g});
+      const ms_bounds bounds = mode(1, g);
+      const double promised = integrator->limit(&bounds);
       assert_true(promised <= known * (1 + 1e-4));
       if (g == 0) assert_true(promised >= 0.995 * known);
     }
@@ -297,6 +304,64 @@ static void damped_springs_leave_euler_without_a_limit(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Particles along a line with springs of rest length 0, which are linear there: masses, k and
+ * damping differ by orders of magnitude, so that K and C have no modes in common. With drag some
+ * springs have no damping. The first particle is pinned in every second one. */
+static msim_scene *line(unsigned seed, double drag) {
+  enum { MOST = 3 * RING };
+  double x[3 * RING] = {0}, v[3 * RING] = {0}, mass[RING], k[MOST], rest[MOST] = {0}, c[MOST];
+  int32_t ij[2 * MOST], first = 0;
+  const int springs = RING - 1 + (int)(seed % RING), pins = (int)(seed % 2);
+  seed += 7919;
+  for (int i = 0; i < RING; i++) {
+    x[3 * i] = uniform(&seed), v[3 * i] = uniform(&seed) - 0.5;
+    mass[i] = pow(10, 2 * uniform(&seed) - 1);
+    if (pins && i == 0) v[0] = 0;
+  }
+  for (int e = 0; e < springs; e++) {
+    const int i = e < RING - 1 ? e : (int)(uniform(&seed) * RING);
+    const int apart = e < RING - 1 ? 1 : 2 + (int)(uniform(&seed) * (RING - 3));
+    ij[2 * e] = i, ij[2 * e + 1] = (i + apart) % RING;
+    k[e] = pow(10, 3 * uniform(&seed)), c[e] = pow(10, 3 * uniform(&seed) - 1);
+    if (drag > 0 && uniform(&seed) < 0.4) c[e] = 0;
+  }
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, RING, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, springs, ij, k, rest, c, err));
+  assert_ok(msim_scene_set_drag(scene, drag, err));
+  if (pins) assert_ok(msim_scene_pin(scene, 1, &first, err));
+  return scene;
+}
+
+/* Damping takes energy from every mode but the rigid ones, which keep theirs. */
+static void rkc_is_stable_up_to_its_limit(void **state) {
+  (void)state;
+  for (unsigned seed = 1; seed <= 120; seed++) {
+    msim_scene *scene = line(seed, seed % 3 ? 0 : pow(10, seed % 5 - 2.0));
+    const ms_bounds b = bounds_of(scene, 1);
+    const double limit = limit_of("rkc", b), grown = growth(scene, "rkc", limit, 2000);
+    assert_true(limit > 0 && isfinite(limit));
+    if (!(grown < 1 + 1e-9)) fail_msg("seed %u: energy grows by %g", seed, grown);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A spring without damping beside damped ones */
+static void rkc_has_no_limit_where_a_spring_is_undamped(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 1, 0, 0, 2}, v[6] = {0}, mass[2] = {1, 1}, k = 100, rest = 1, c = 0;
+  const int32_t ij[2] = {RING, RING + 1};
+  msim_scene *scene = ring(10, 0);
+  assert_close(limit_of("rkc", bounds_of(scene, 1)), MS_RKC_STRIP * 10 / 100, 1e-14);
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &c, err));
+  assert_true(limit_of("rkc", bounds_of(scene, 1)) == 0);
+  assert_ok(msim_scene_set_drag(scene, 0.1, err));
+  assert_close(limit_of("rkc", bounds_of(scene, 1)), MS_RKC_STRIP * 0.1 / 200, 1e-14);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(bounds_are_above_and_close),
                                      cmocka_unit_test(nothing_vibrates_without_springs),
@@ -304,6 +369,8 @@ int main(void) {
                                      cmocka_unit_test(limits_are_the_known_ones),
                                      cmocka_unit_test(limits_are_within_theory),
                                      cmocka_unit_test(limits_are_where_motion_blows_up),
-                                     cmocka_unit_test(damped_springs_leave_euler_without_a_limit)};
+                                     cmocka_unit_test(damped_springs_leave_euler_without_a_limit),
+                                     cmocka_unit_test(rkc_is_stable_up_to_its_limit),
+                                     cmocka_unit_test(rkc_has_no_limit_where_a_spring_is_undamped)};
   return cmocka_run_group_tests_name("stability", tests, NULL, NULL);
 }

@@ -119,10 +119,11 @@ typedef struct msim_csr {
  * 512 particles is taken together with others.
  *
  * Error control is on where options.tol is set, or the method is dop853 and options.steps is not:
- * then steps are as long as their error E, in root mean square by mass, allows. A step of h may add
- *   E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2) <= (tol h/T)^2,
- * with the extent L and the speed U of the scene (explain tells them) and the length T of the run
- * up to t_end, or 1 s where there is none. So tol stands for the error at the end as far as errors
+ * then steps are as long as their error E, in root mean square, allows. A step of h may add
+ *   E^2 = 1/(2 n) sum_i (|dx_i|^2/L^2 + |dv_i|^2/U^2) <= (tol h/T)^2,
+ * to each part of n free particles that springs connect, with the extent L and the speed U of the
+ * part (explain tells them) and the length T of the run up to t_end, or 1 s where there is none.
+ * The part with the largest error decides. So tol stands for the error at the end as far as errors
  * neither grow nor fade on the way: a tenth of tol makes about a tenth of the error. dop853 has an
  * estimate of its own; others make each step of two halves and compare with a whole one. `verlet`,
  * `bdf2`, `rkc` and `respa` have none. Particles are reflected at the end of a step, and one that

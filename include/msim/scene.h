@@ -12,8 +12,9 @@ typedef struct msim_scene msim_scene;
 
 /* The half space n.x >= d. A particle found outside after a step, s = n.x - d < 0, is reflected
  * (Teschner): x -= (1 + e) s n, and if n.v < 0 too: v += J n with J = -(1 + e) n.v, the part of v
- * along the plane times max(0, 1 - mu J/|v_t|). With option collision = event v changes like that
- * where and when the particle meets the plane. */
+ * along the plane times max(0, 1 - mu J/|v_t|). That is repeated while it is outside one of several
+ * planes. Planes that leave no point inside all of them are refused. With option collision = event
+ * v changes like that where and when the particle meets the plane. */
 typedef struct msim_plane {
   double normal[3];   /* any length but 0; scaled to 1, and offset with it */
   double offset;      /* m */

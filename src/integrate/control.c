@@ -8,18 +8,6 @@ int ms_has_control(const ms_integrator *integrator) {
 
 /*------------------------------------- error ----------------------------------------------------*/
 
-static double square(const ms_stepper *s, const ms_scales *scales, const double *dx,
-                     const double *dv) {
-  const ms_shape shape = s->model->shape;
-  const double *const of[] = {dx, dv}, scale[] = {scales->extent, scales->speed};
-  double sum = 0;
-  for (int i = 0; i < 2; i++) {
-    ms_scale_rows(shape, s->model->mass, of[i], s->scratch);
-    sum += ms_dot(shape, of[i], s->scratch) / (scale[i] * scale[i]);
-  }
-  return sum / (2 * scales->mass);
-}
-
 /* which: 0, the fine estimate; 1, the coarse one */
 static void put_error(const ms_integrator *integrator, ms_stepper *s, int which) {
   const ms_shape shape = s->model->shape;
@@ -35,14 +23,25 @@ static void put_error(const ms_integrator *integrator, ms_stepper *s, int which)
   ms_scale(shape, richardson, dv);
 }
 
-ms_error ms_error_of(const ms_integrator *integrator, ms_stepper *s, const ms_scales *scales) {
-  ms_error error = {0};
-  put_error(integrator, s, 0);
-  error.fine = square(s, scales, s->x_spare[0], s->v_spare[0]);
-  if (!integrator->two_estimates) return error;
-  put_error(integrator, s, 1);
-  error.coarse = square(s, scales, s->x_spare[0], s->v_spare[0]);
-  return error;
+/* E of a part, from the squares of both estimates */
+static double error_of_part(const ms_part *p, int two_estimates) {
+  const double fine = p->square[0], weight = fine + (two_estimates ? 0.01 * p->square[1] : 0);
+  return weight == 0 ? 0 : fine / sqrt(weight);
+}
+
+double ms_error_of(const ms_integrator *integrator, ms_stepper *s, const ms_norm *norm,
+                   double allowed) {
+  double largest = 0;
+  for (int which = 0; which <= integrator->two_estimates; which++) {
+    put_error(integrator, s, which);
+    ms_norm_square(norm, s->model->shape, which, s->x_spare[0], s->v_spare[0]);
+  }
+  for (const ms_part *p = norm->part; p < norm->part + norm->n; p++) {
+    const double r = error_of_part(p, integrator->two_estimates) / fmax(allowed, p->rounding);
+    if (!(r <= largest)) largest = r;
+    if (isnan(r)) return r;
+  }
+  return largest;
 }
 
 int32_t ms_error_culprit(const ms_integrator *integrator, ms_stepper *s) {
@@ -60,10 +59,7 @@ ms_control ms_control_of(const ms_integrator *integrator, double tol, double spa
                       .growth = integrator->growth > 0 ? integrator->growth : USUAL};
 }
 
-/* Nothing is asked for that rounding does not allow. */
-double ms_control_limit(const ms_control *c, const ms_scales *scales, double h) {
-  return fmax(c->tol * h / c->span, scales->rounding);
-}
+double ms_control_allowed(const ms_control *c, double h) { return c->tol * h / c->span; }
 
 /* The error of a step would be (h/time)^(k + 1), were the scene's motion all at that time. */
 double ms_control_first(const ms_control *c, const ms_scales *scales) {
@@ -109,15 +105,8 @@ static double factor(const ms_control *c, double r) {
   return SAFETY * pow(r, -1 / k);
 }
 
-/* E, as control.h has it */
-static double size_of(ms_error error) {
-  const double weight = sqrt(error.fine + 0.01 * error.coarse);
-  return weight == 0 ? 0 : error.fine / weight;
-}
-
-int ms_control_accepts(ms_control *c, const ms_scales *scales, double h, ms_error error) {
+int ms_control_accepts(ms_control *c, double h, double r) {
   const double LEAST = 0.2;
-  const double r = size_of(error) / ms_control_limit(c, scales, h);
   if (!(r <= 1)) {
     c->h = h * (isfinite(r) ? fmax(LEAST, factor(c, r)) : LEAST);
     c->shrunk = 1;

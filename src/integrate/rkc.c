@@ -129,9 +129,9 @@ static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
   ms_add_all(s->model->shape, NULL, 4, w, v, dv);
 }
 
-/* Of motion whose damping grows as its stiffness does (rkc.h). */
+/* h w^2 <= MS_RKC_STRIP g for every mode (rkc.h). */
 static double limit(const ms_bounds *b) {
-  return b->omega > 0 ? MS_RKC_STRIP * b->rate / (b->omega * b->omega) : INFINITY;
+  return b->omega > 0 ? MS_RKC_STRIP / b->ratio : INFINITY;
 }
 
 const ms_integrator ms_rkc = {

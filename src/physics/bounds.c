@@ -49,6 +49,52 @@ static double heaviest(const ms_scene *s) {
   return most;
 }
 
+/* Springs that a damping of r C leaves in part uncovered, as seen from one particle */
+typedef struct uncovered {
+  double ratio;      /* r */
+  double k, damping; /* sums of e k and e c */
+} uncovered;
+
+static void add_uncovered(const ms_scene *s, size_t e, int32_t from, int32_t to, uncovered *u) {
+  const double ends = s->pinned[to] ? 1 : 2;
+  if (s->pinned[from] || !(s->k[e] > u[from].ratio * s->damping[e])) return;
+  u[from].k += ends * s->k[e], u[from].damping += ends * s->damping[e];
+}
+
+/* One step of Newton's method on sum e (k - r c)^+ = r b, for all particles: from below, as the
+ * left side is convex. Returns 1 if any r has grown. */
+static int raise_ratios(const ms_scene *s, uncovered *u) {
+  int grown = 0;
+  for (int32_t p = 0; p < s->nparticles; p++) u[p].k = u[p].damping = 0;
+  for (size_t e = 0; e < (size_t)s->nsprings; e++) {
+    const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
+    add_uncovered(s, e, i, j, u);
+    add_uncovered(s, e, j, i, u);
+  }
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    if (u[p].k == 0) continue;
+    const double ratio = u[p].k / (u[p].damping + s->drag);
+    if (!(ratio > u[p].ratio)) continue;
+    u[p].ratio = ratio;
+    grown = 1;
+  }
+  return grown;
+}
+
+/* Each step drops springs from some sum, so that few are needed; no bound is known before the
+ * last one. */
+static msim_status bound_ratio(const ms_scene *s, double *bound, msim_error *err) {
+  enum { MOST_STEPS = 100 };
+  uncovered *u = ms_new(&s->alloc, (size_t)s->nparticles, sizeof *u);
+  if (!u) return ms_fail_memory(err, "the stability bounds");
+  int step = 0;
+  while (step < MOST_STEPS && raise_ratios(s, u)) step++;
+  *bound = step < MOST_STEPS ? 0 : INFINITY;
+  for (int32_t p = 0; p < s->nparticles; p++) *bound = fmax(*bound, u[p].ratio);
+  ms_delete(&s->alloc, u);
+  return MSIM_OK;
+}
+
 msim_status ms_bounds_compute(const ms_scene *scene, int sharp, ms_bounds *bounds,
                               msim_error *err) {
   const ms_laplacian elastic = {scene, scene->k, 0};
@@ -56,6 +102,7 @@ msim_status ms_bounds_compute(const ms_scene *scene, int sharp, ms_bounds *bound
   double omega2;
   msim_status status = bound_largest(&elastic, sharp, &omega2, err);
   if (!status) status = bound_largest(&damped, sharp, &bounds->rate, err);
+  if (!status) status = bound_ratio(scene, &bounds->ratio, err);
   if (status) return status;
   bounds->omega = sqrt(omega2);
   bounds->least_rate = scene->drag > 0 ? scene->drag / heaviest(scene) : 0;
@@ -76,5 +123,7 @@ ms_bounds ms_bounds_of(const ms_model *model) {
     rate = fmax(rate, (c + model->drag) * model->inv_mass[r]);
     heaviest = fmax(heaviest, model->mass[r]);
   }
-  return (ms_bounds){sqrt(omega2), rate, model->drag > 0 ? model->drag / heaviest : 0};
+  return (ms_bounds){.omega = sqrt(omega2),
+                     .rate = rate,
+                     .least_rate = model->drag > 0 ? model->drag / heaviest : 0};
 }

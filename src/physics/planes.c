@@ -1,6 +1,9 @@
 #include "physics/planes.h"
 
+#include <float.h>
+
 #include "base/vec3.h"
+#include "physics/impacts.h"
 
 static void reflect_velocity(const msim_plane *p, double v[3]) {
   double vn = ms_dot3(p->normal, v);
@@ -17,12 +20,102 @@ static void reflect_velocity(const msim_plane *p, double v[3]) {
   for (int c = 0; c < 3; c++) v[c] = (vn + impulse) * p->normal[c] + keep * tangential[c];
 }
 
-static int reflect(const msim_plane *p, double x[3], double v[3]) {
-  double s = ms_dot3(p->normal, x) - p->offset;
-  if (!(s < 0)) return 0;
+static int reflect(const msim_plane *p, double depth, double x[3], double v[3]) {
+  const double s = ms_distance(p, x);
+  if (!(s < -depth)) return 0;
   for (int c = 0; c < 3; c++) x[c] -= (1 + p->restitution) * s * p->normal[c];
   reflect_velocity(p, v);
   return 1;
+}
+
+/*------------------------------------- more planes than one -------------------------------------*/
+
+/* What rounding leaves of the distance of a point that was put on the plane, from another point as
+ * far from the origin as `reach` */
+static double rounding_at(const msim_plane *p, const double x[3], double reach) {
+  return 64 * DBL_EPSILON * (fabs(p->offset) + ms_norm3(x) + reach);
+}
+
+static int pass_again(const ms_scene *scene, double x[3], double v[3]) {
+  int reflected = 0;
+  for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++)
+    reflected |= reflect(p, rounding_at(p, x, 0), x, v);
+  return reflected;
+}
+
+/* The plane that x is farthest behind, by more than rounding; NULL: none. */
+static const msim_plane *find_deepest(const ms_scene *scene, const double x[3], double reach) {
+  const msim_plane *deepest = NULL;
+  double most = 0;
+  for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
+    const double depth = -ms_distance(p, x) - rounding_at(p, x, reach);
+    if (depth > most) most = depth, deepest = p;
+  }
+  return deepest;
+}
+
+/* x becomes the point nearest to `from` in front of the planes of `on` and of one more. Those that
+ * do not hold it there leave `on`. */
+static void add_plane(const msim_plane *p, const double from[3], ms_touch *on, double x[3]) {
+  double offset[MS_MOST_TOUCHED], J[MS_MOST_TOUCHED] = {0};
+  int acting = 0;
+  on->plane[on->n++] = p;
+  for (int i = 0; i < on->n; i++) offset[i] = on->plane[i]->offset;
+  for (int c = 0; c < 3; c++) x[c] = from[c];
+  ms_project(on, offset, x, J);
+  for (int i = 0; i < on->n; i++)
+    if (J[i] > 0) on->plane[acting++] = on->plane[i];
+  on->n = acting;
+}
+
+static int is_on(const ms_touch *on, const msim_plane *p) {
+  for (int i = 0; i < on->n; i++)
+    if (on->plane[i] == p) return 1;
+  return 0;
+}
+
+/* x becomes the nearest point behind no plane, and `on` the planes that hold it there, 3 at most:
+ * the plane that x is farthest behind is added to them until there is none. x moves farther from
+ * where it was each time, so that no set of planes comes twice. Ends, too, where the others leave
+ * no room in front of that plane. */
+static void go_to_nearest(const ms_scene *scene, double x[3], ms_touch *on) {
+  enum { MOST_SETS = 200 };
+  const double from[3] = {x[0], x[1], x[2]};
+  on->n = 0;
+  for (int set = 0; set < MOST_SETS; set++) {
+    const msim_plane *deepest = find_deepest(scene, x, ms_norm3(from));
+    if (!deepest || is_on(on, deepest)) return;
+    add_plane(deepest, from, on, x);
+  }
+}
+
+/* Behind a plane after one pass: again. Each reflection takes x closer to all points behind no
+ * plane; where they fill some space, and e = 1, the passes end (Motzkin and Schoenberg, Canad. J.
+ * Math. 6 (1954) 393). Between parallel planes that is free flight: each reflection stands for a
+ * bounce, at e < 1, too. Where passes do not end soon, as in a corner at e = 0, the particle takes
+ * the nearest point, and the velocity of an impact there. */
+static void settle(const ms_scene *scene, double x[3], double v[3]) {
+  enum { MOST_PASSES = 64 };
+  ms_touch on;
+  for (int pass = 1; pass < MOST_PASSES; pass++)
+    if (!pass_again(scene, x, v)) return;
+  go_to_nearest(scene, x, &on);
+  ms_bounce(&on, v);
+}
+
+msim_status ms_planes_check(const ms_scene *scene, msim_error *err) {
+  const double ROOM = 1e-9; /* planes may touch: what lies between them is as good as nothing */
+  const double *from = scene->x;
+  double x[3] = {from[0], from[1], from[2]};
+  ms_touch on;
+  go_to_nearest(scene, x, &on);
+  for (int32_t i = 0; i < scene->nplanes; i++) {
+    const msim_plane *p = &scene->planes[i];
+    if (-ms_distance(p, x) > ROOM * (fabs(p->offset) + ms_norm3(x) + ms_norm3(from)))
+      return ms_fail(err, MSIM_ERR_ARG,
+                     "the planes leave no room: every point is behind one of them");
+  }
+  return MSIM_OK;
 }
 
 int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
@@ -34,8 +127,9 @@ int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
     ms_row_get(rows, x, r, xp);
     ms_row_get(rows, v, r, vp);
     int touched = 0;
-    for (int32_t p = 0; p < scene->nplanes; p++) touched |= reflect(&scene->planes[p], xp, vp);
+    for (int32_t p = 0; p < scene->nplanes; p++) touched |= reflect(&scene->planes[p], 0, xp, vp);
     if (!touched) continue;
+    if (scene->nplanes > 1) settle(scene, xp, vp);
     ms_row_put(rows, xp, r, x);
     ms_row_put(rows, vp, r, v);
     reflected++;
@@ -43,23 +137,26 @@ int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
   return reflected;
 }
 
-double ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *share) {
+int32_t ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *depth,
+                        double *share) {
   const ms_scene *scene = model->scene;
-  double sum = 0, from[3], to[3];
+  double from[3], to[3];
+  int32_t deeper = 0;
   *share = 1;
   for (int32_t r = 0; r < model->rows.nfree; r++) {
+    double sum = 0;
     ms_row_get(&model->rows, x0, r, from);
     ms_row_get(&model->rows, x1, r, to);
-    for (int32_t p = 0; p < scene->nplanes; p++) {
-      const msim_plane *plane = &scene->planes[p];
-      const double end = ms_dot3(plane->normal, to) - plane->offset;
+    for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
+      const double end = ms_distance(p, to);
       if (!(end < 0)) continue;
-      const double start = ms_dot3(plane->normal, from) - plane->offset;
-      const double depth = fmin(0, start) - end;
-      if (!(depth > 0)) continue;
-      sum += model->mass[r] * depth * depth;
+      const double start = ms_distance(p, from), added = fmin(0, start) - end;
+      if (!(added > 0)) continue;
+      sum += added * added;
       *share = fmin(*share, fmax(0, start) / (fmax(0, start) - end));
     }
+    depth[r] = sqrt(sum);
+    deeper += sum > 0;
   }
-  return sum;
+  return deeper;
 }

@@ -7,12 +7,19 @@
 /* For each unknown, planes in their order, each sees what the one before left, one pass:
  *   s = n.x - d; if s < 0:  x -= (1 + e) s n, and if also n.v < 0:
  *   J = -(1 + e) n.v,  v += J n,  tangential part of v times max(0, 1 - mu J/|v_t|).
- * e = 1, mu = 0 is Teschner's. A particle that leaves already is not pushed back in.
+ * e = 1, mu = 0 is Teschner's. A particle that leaves already is not pushed back in. Where one pass
+ * leaves it behind a plane, between planes closer than its way or in a corner, passes go on, and
+ * after some tens of them it is put on the nearest point that is behind none.
  * Returns the number of particles reflected. */
 int64_t ms_planes_reflect(const ms_model *model, double *x, double *v);
 
-/* How deep the way from x0 to x1 leads into planes: the sum of m s^2, s the depth that it adds.
- * *share: of a straight way, up to where the first of them is met; 1: none is. */
-double ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *share);
+/* Refuses planes of which every point is behind one. */
+msim_status ms_planes_check(const ms_scene *scene, msim_error *err);
+
+/* How deep the way from x0 to x1 leads each row into planes: depth[r], nfree of them. *share: of a
+ * straight way, up to where the first of them is met; 1: none is. Returns how many rows go deeper
+ * than they were. */
+int32_t ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *depth,
+                        double *share);
 
 #endif

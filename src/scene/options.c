@@ -91,8 +91,9 @@ static const option table[] = {
     PICK("collision", "reflect | event", "reflect",
          "reflect the state after the step, or locate the impact inside it", collision),
     {{"tol", "number > 0", "",
-      "choose the steps so that each adds at most its share of this error, relative to the scene's "
-      "size and speed; default: fixed steps of h; dop853 where no steps are given, and auto, "
+      "choose the steps so that each adds at most its share of this error, relative to the size "
+      "and speed of each part that springs connect; default: fixed steps of h; dop853 where no "
+      "steps are given, and auto, "
       "take 1e-6"},
      REAL,
      AT(tol),

@@ -19,6 +19,7 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
     if (!*vectors[i]) return ms_fail_memory(err, "the state");
   }
   msim_status status = ms_watch_create(sim, &m->model, &m->guard, err);
+  if (!status && ms_sim_has_control(sim)) status = ms_norm_create(&m->model, &m->norm, err);
   if (status) return status;
   return events ? ms_events_create(&m->model, &s->events, err) : MSIM_OK;
 }
@@ -104,6 +105,7 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
     ms_split_destroy(&motion[i].model, s->split);
     ms_events_destroy(&motion[i].model, s->events);
     ms_watch_destroy(&motion[i].model, &motion[i].guard);
+    ms_norm_destroy(&motion[i].model, &motion[i].norm);
     ms_model_destroy(&motion[i].model);
     double *vectors[] = {s->x,          s->v,          s->x_next,     s->v_next,    s->scratch,
                          s->x_spare[0], s->x_spare[1], s->v_spare[0], s->v_spare[1]};

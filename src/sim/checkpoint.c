@@ -3,12 +3,12 @@
  *   header    magic, byte order, version, lengths, a hash of everything
  *   marks     what scene and options are told by, as lines "name=value" (marks.h)
  *   the run   step and time, with what rounding took from it; the controller: next h, last error;
- *             scales and length of the run, which its tolerance is by; frames shown; stats; what
+ *             length of the run, which its tolerance is by; frames shown; stats; what
  *             integrator = auto has chosen; which axis is left out; the h solvers were chosen for;
  *             the bounds that the watch allows
  *   springs   that solvers were chosen for, where msim_sim_set_springs has set others since
- *   islands   at rest or not; the stepper (integrate/history.h), the solver (linear/history.c); the
- *             last good state, where that is another (watch.h)
+ *   islands   at rest or not; the stepper (integrate/history.h), the scales of its errors, the
+ *             solver (linear/history.c); the last good state, where that is another (watch.h)
  *
  * What a sim keeps beside that follows from it: models and their order of rows, split springs,
  * analyses and aggregates from scene and options; bounds and the plan, but its end, too. */
@@ -22,7 +22,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 3u
+#define VERSION 4u
 
 typedef struct header {
   char magic[8];
@@ -94,7 +94,6 @@ static msim_status compare_marks(const msim_sim *sim, const char *marks, size_t 
 typedef struct run {
   int64_t step, step0, spent, frame;
   double t0, h, t, t_lost, t_shown;
-  ms_scales scales;
   ms_control control;
   double fps, t_end; /* frames are counted by them */
   int64_t every;
@@ -126,7 +125,6 @@ static run run_of(const msim_sim *sim) {
                .t = sim->t,
                .t_lost = sim->t_lost,
                .t_shown = sim->t_shown,
-               .scales = sim->plan.scales,
                .control = sim->control,
                .fps = sim->opt.fps,
                .t_end = sim->plan.t_end,
@@ -171,16 +169,14 @@ static void pass_stats(ms_bytes *b, msim_stats *s) {
 }
 
 static void pass_run(ms_bytes *b, const msim_sim *sim, run *r) {
-  ms_scales *s = &r->scales;
   int64_t *counts[] = {&r->step, &r->step0, &r->spent, &r->frame, &r->every};
-  double *numbers[] = {&r->t0,     &r->h,     &r->t,        &r->t_lost,   &r->t_shown,
-                       &s->extent, &s->speed, &s->mass,     &s->rounding, &s->time,
-                       &r->fps,    &r->t_end, &r->solver_h, &r->tol,      &r->first_h};
+  double *numbers[] = {&r->t0,  &r->h,     &r->t,        &r->t_lost, &r->t_shown,
+                       &r->fps, &r->t_end, &r->solver_h, &r->tol,    &r->first_h};
   int32_t *flags[] = {&r->left_out, &r->inside, &r->chosen, &r->others};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
     MS_BYTES_PASS(b, *numbers[i]);
-    ms_bytes_check(b, isfinite(*numbers[i]), "a time or a scale");
+    ms_bytes_check(b, isfinite(*numbers[i]), "a time");
   }
   for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_BYTES_PASS(b, *flags[i]);
   ms_control_history(b, &r->control);
@@ -199,6 +195,18 @@ static void pass_springs(ms_bytes *b, ms_scene *s) {
   }
 }
 
+/* Of the state that the run started from */
+static void pass_norm(ms_bytes *b, ms_norm *norm) {
+  for (int32_t i = 0; i < norm->n; i++) {
+    ms_part *p = &norm->part[i];
+    double *numbers[] = {&p->extent, &p->speed, &p->rounding};
+    for (int k = 0; k < 3; k++) {
+      MS_BYTES_PASS(b, *numbers[k]);
+      ms_bytes_check(b, isfinite(*numbers[k]) && *numbers[k] > 0, "a scale");
+    }
+  }
+}
+
 static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_error *err) {
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < sim->nislands && !status && !ms_bytes_failed(b); i++) {
@@ -211,6 +219,7 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_e
     ms_bytes_check(b, order == here, "the order of particles");
     ms_bytes_check(b, (m->at_rest | 1) == 1, "what is at rest");
     ms_stepper_history(b, sim->integrator, &m->stepper, r->inside);
+    pass_norm(b, &m->norm);
     if (m->stepper.solver && !ms_bytes_failed(b))
       status = ms_solver_history(b, m->stepper.solver, err);
     if (!status && !ms_bytes_failed(b))
@@ -347,7 +356,7 @@ static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
     sim->integrator = method_of(sim, r);
     sim->opt.collision = r->selection.candidates[r->selection.best].collision;
     sim->opt.integrator = sim->integrator->entry.name;
-    sim->opt.tol = r->tol, sim->opt.h = r->tol > 0 ? r->first_h : r->h;
+    sim->opt.tol = r->tol, sim->opt.h = r->first_h;
     sim->advice = (ms_advice){.chosen = r->chosen, .warned = sim->advice.warned};
   }
   if (sim->opt.steps >= 0) {
@@ -356,10 +365,13 @@ static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
       return ms_fail(err, MSIM_ERR_ARG, "the run ends before the checkpoint does");
   }
   ms_plan plan;
-  msim_status status = ms_plan_create(&sim->opt, r->t0, &plan, err);
+  msim_options opt = sim->opt;
+  if (ms_sim_selects(sim) && r->tol == 0) opt.h = r->h; /* steps go on to another end, too */
+  msim_status status = ms_plan_create(&opt, r->t0, &plan, err);
+  plan.h_asked = sim->opt.h;
   if (!status) status = check_end(sim, r, &plan, err);
   if (status) return status;
-  plan.h = r->h, plan.scales = r->scales;
+  plan.h = r->h;
   sim->plan = plan;
   return MSIM_OK;
 }

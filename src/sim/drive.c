@@ -91,10 +91,11 @@ static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error
       sim->integrator->estimate ? make_steps(sim, s, 1, err) : make_doubled(sim, s, err);
   s->in_flight = 0;
   if (status) return status;
-  m->error = ms_error_of(sim->integrator, s, &sim->plan.scales);
+  m->error = ms_error_of(sim->integrator, s, &m->norm, ms_control_allowed(&sim->control, s->h));
   m->depth = 0;
-  if (m->model.passes & MSIM_SKIP_PLANES)
-    m->depth = ms_planes_depth(&m->model, s->x, s->x_next, &m->share);
+  if (m->model.passes & MSIM_SKIP_PLANES &&
+      ms_planes_depth(&m->model, s->x, s->x_next, s->scratch, &m->share))
+    m->depth = ms_norm_of_lengths(&m->norm, s->scratch, m->model.rows.nfree, sim->opt.tol);
   return MSIM_OK;
 }
 
@@ -146,12 +147,18 @@ typedef struct outcome {
   const msim_error *why; /* the caller's */
 } outcome;
 
-/* A step of h by all that are not at rest; none is accepted yet. */
-static outcome try_step(msim_sim *sim, double h, double noise, msim_error *why) {
+/* Solves leave a small part of what a step may add. */
+static double noise_of(const ms_motion *m, double allowed) {
+  return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, ms_norm_rounding(&m->norm))) : 0;
+}
+
+/* A step of h by all that are not at rest; none is accepted yet. allowed: the error that it may
+ * add; 0: there is no error control. */
+static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why) {
   outcome result = {.why = why};
   why->text[0] = 0;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
-    m->stepper.h = h, m->stepper.noise = noise, m->stepper.looked = 0;
+    m->stepper.h = h, m->stepper.noise = noise_of(m, allowed), m->stepper.looked = 0;
   if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
     if (m->at_rest) continue;
@@ -237,17 +244,15 @@ static void reflect_all(msim_sim *sim) {
   if (sim->stats.contacts != contacts) ms_control_forget(&sim->control);
 }
 
-/* Of all islands in motion; *worst: that of the largest. */
-static ms_error total_error(const msim_sim *sim, ms_motion **worst) {
-  ms_error sum = {0};
+/* Of all islands in motion; *worst: the one that has it. */
+static double largest_error(const msim_sim *sim, ms_motion **worst) {
   *worst = NULL;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
     if (m->at_rest) continue;
-    sum.fine += m->error.fine;
-    sum.coarse += m->error.coarse;
-    if (!*worst || m->error.fine > (*worst)->error.fine) *worst = m;
+    if (!*worst || !(m->error <= (*worst)->error)) *worst = m;
+    if (isnan(m->error)) break;
   }
-  return sum;
+  return *worst ? (*worst)->error : 0;
 }
 
 /* No shorter step could be told from none. */
@@ -265,33 +270,23 @@ static msim_status give_up(msim_sim *sim, const outcome *o, ms_motion *worst, do
   return blame(sim, worst, sim->t + h, MSIM_NOT_CONVERGED, why, err);
 }
 
-/* Solves leave a small part of what a step may add. */
-static double noise_of(const msim_sim *sim, double h) {
-  return fmax(1e-14, 0.05 * ms_control_limit(&sim->control, &sim->plan.scales, h));
-}
-
 /* Into planes, in the norm of errors: then the step is shortened to end where it lands. */
 static int is_too_deep(msim_sim *sim, double h) {
-  const ms_scales *scales = &sim->plan.scales;
-  const double most = fmax(sim->opt.tol, scales->rounding);
-  double sum = 0, share = 1;
+  double depth = 0, share = 1;
   for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
     if (m->at_rest || m->depth == 0) continue;
-    sum += m->depth;
+    depth = fmax(depth, m->depth);
     share = fmin(share, m->share);
   }
-  const double depth = sqrt(sum / (2 * scales->mass)) / scales->extent;
-  if (depth > most) ms_control_land(&sim->control, h, depth / most, share);
-  return depth > most;
+  if (depth > 1) ms_control_land(&sim->control, h, depth, share);
+  return depth > 1;
 }
 
 static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **worst) {
   ms_control *c = &sim->control;
   int good = 0;
   if (o->m) ms_control_fail(c, h);
-  else
-    good = ms_control_accepts(c, &sim->plan.scales, h, total_error(sim, worst)) &&
-           !is_too_deep(sim, h);
+  else good = ms_control_accepts(c, h, largest_error(sim, worst)) && !is_too_deep(sim, h);
   sim->stats.rejected_steps += !good;
   return good;
 }
@@ -305,7 +300,7 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   for (;;) {
     const double h = ms_control_next(&sim->control, left);
     ms_motion *worst = NULL;
-    const outcome o = try_step(sim, h, noise_of(sim, h), &why);
+    const outcome o = try_step(sim, h, ms_control_allowed(&sim->control, h), &why);
     if (is_accepted(sim, &o, h, &worst)) {
       reflect_all(sim);
       accept_all(sim);
@@ -354,6 +349,11 @@ void ms_drive_start(msim_sim *sim) {
   sim->t = sim->t_shown = sim->plan.t0;
   sim->t_lost = 0;
   sim->frame = 1;
+}
+
+void ms_drive_measure(msim_sim *sim, double span) {
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    ms_norm_measure(&m->model, m->stepper.x, m->stepper.v, span, &m->norm);
 }
 
 void ms_drive_use_step(msim_sim *sim, double h) {

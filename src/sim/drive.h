@@ -19,6 +19,9 @@ void ms_drive_start(msim_sim *sim);
 /* Who looks at the state is to see that of t, at the end of the last step or within it. */
 void ms_drive_show(msim_sim *sim, double t);
 
+/* Take the scales of errors from the present state, for a run of `span` (s). */
+void ms_drive_measure(msim_sim *sim, double span);
+
 /* The next step to try has this length (s). */
 void ms_drive_use_step(msim_sim *sim, double h);
 

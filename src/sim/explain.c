@@ -76,13 +76,32 @@ static void explain_rows(const ms_rows *rows, ms_text *out) {
              label);
 }
 
+/* By what errors are measured: the scales of the part, or of the smallest and the largest ones */
+static void explain_scales(const msim_sim *sim, ms_text *out) {
+  double least[2] = {INFINITY, INFINITY}, most[2] = {0, 0};
+  int32_t parts = 0;
+  for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    for (int32_t i = 0; i < m->norm.n; i++, parts++) {
+      const double scale[2] = {m->norm.part[i].extent, m->norm.part[i].speed};
+      for (int k = 0; k < 2; k++)
+        least[k] = fmin(least[k], scale[k]), most[k] = fmax(most[k], scale[k]);
+    }
+  if (parts == 1) ms_print(out, "              %.4g m and the speed %.4g m/s\n", most[0], most[1]);
+  if (parts > 1)
+    ms_print(
+        out,
+        "              %.4g to %.4g m and the speed %.4g to %.4g m/s of each of %d parts that\n"
+        "              no spring connects; the largest error decides\n",
+        least[0], most[0], least[1], most[1], parts);
+}
+
 static void explain_control(const msim_sim *sim, ms_text *out) {
-  const ms_scales *scales = &sim->plan.scales;
   ms_print(out, "step          by error control: h = %.3g s is tried first\n", sim->plan.h);
-  ms_print(out,
-           "              each may add its share of tol = %g to the error, relative to the extent\n"
-           "              %.4g m and the speed %.4g m/s\n",
-           sim->opt.tol, scales->extent, scales->speed);
+  ms_print(
+      out,
+      "              each may add its share of tol = %g to the error, relative to the extent\n",
+      sim->opt.tol);
+  explain_scales(sim, out);
   if (sim->plan.t_end < 0)
     ms_print(out, "              tol is that of one second, as the run has no t_end\n");
   else if (ms_plan_has_times(&sim->opt))

@@ -2,15 +2,14 @@
 #ifndef MS_PLAN_H
 #define MS_PLAN_H
 
-#include "physics/scales.h"
+#include "scene/options.h"
 
 typedef struct ms_plan {
   double h;       /* the step actually made; under error control the next one to try */
   int64_t steps;  /* -1: no end was given, or error control will find their number */
   double h_asked; /* what the options said */
   double t0;
-  double t_end;     /* -1: no end was given */
-  ms_scales scales; /* under error control */
+  double t_end; /* -1: no end was given */
 } ms_plan;
 
 /* The length of the run, s; 1 s where it has no end. */

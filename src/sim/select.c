@@ -47,6 +47,7 @@ enum {
   ACCURACY,
   TOO_DEAR,
   NOT_THROUGH,
+  NEVER_STABLE,
   REASONS
 };
 static const char *const reasons[REASONS] = {
@@ -62,7 +63,8 @@ static const char *const reasons[REASONS] = {
     [TOO_LARGE] = "its error is too large where it would pay",
     [ACCURACY] = "accuracy, not stability, sets the steps of the best so far",
     [TOO_DEAR] = "ten of its steps would cost more than a fifth of the run",
-    [NOT_THROUGH] = "it is not through with the run at a fifth of the cost"};
+    [NOT_THROUGH] = "it is not through with the run at a fifth of the cost",
+    [NEVER_STABLE] = "a spring pulls without damping, so that no step is stable"};
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
@@ -76,6 +78,7 @@ static int why_not(const ms_probe *p, int i) {
   if (i == CORRECTED && planes) return NO_PLANES;
   if ((i == CORRECTED || i == SIXTH) && p->damped) return DAMPED;
   if (i == STABILISED && !p->damped) return UNDAMPED;
+  if (i == STABILISED && ms_probe_reach(p, &ms_rkc) == 0) return NEVER_STABLE;
   if (i >= FOURTH && planes && !few) return MANY_AT_ONCE;
   return NOT_PASSED_OVER;
 }
@@ -249,8 +252,8 @@ static double predict_price(const ms_model *model, double h) {
 static msim_status run_through(ms_probe *p, msim_sim *trial, double most, ms_candidate *c,
                                msim_error *err) {
   msim_status status = ms_probe_start(p, trial, err);
-  trial->plan.scales = p->scales;
   trial->control = ms_control_of(trial->integrator, p->tol, p->span);
+  ms_drive_measure(trial, p->span);
   ms_drive_use_step(trial, trial->opt.h);
   while (!status && trial->t < p->span && ms_probe_work(trial) < most)
     status = msim_sim_step(trial, 1, err);

@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "layout/flat.h"
+#include "physics/planes.h"
 #include "sim/drive.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -90,20 +91,21 @@ static void tell_lowered(const msim_sim *sim, const ms_plan *plan) {
               plan->h_asked, plan->h, (long long)plan->steps, sim->opt.t_end);
 }
 
-static msim_status measure(const msim_sim *sim, const double *x, const double *v, ms_plan *plan,
-                           msim_error *err) {
+static msim_status find_first_step(const msim_sim *sim, const double *x, const double *v,
+                                   ms_plan *plan, msim_error *err) {
   const ms_control control = ms_control_of(sim->integrator, sim->opt.tol, ms_plan_span(plan));
-  msim_status status = ms_scales_compute(sim->scene, x, v, control.span, &plan->scales, err);
-  if (status) return status;
-  if (!(plan->h > 0)) plan->h = plan->h_asked = ms_control_first(&control, &plan->scales);
-  return MSIM_OK;
+  ms_scales scales;
+  if (plan->h > 0) return MSIM_OK;
+  const msim_status status = ms_scales_compute(sim->scene, x, v, control.span, &scales, err);
+  if (!status) plan->h = plan->h_asked = ms_control_first(&control, &scales);
+  return status;
 }
 
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,
                              msim_error *err) {
   ms_plan plan;
   msim_status status = ms_plan_create(&sim->opt, t0, &plan, err);
-  if (!status && ms_sim_has_control(sim)) status = measure(sim, x, v, &plan, err);
+  if (!status && ms_sim_has_control(sim)) status = find_first_step(sim, x, v, &plan, err);
   if (status) return status;
   tell_lowered(sim, &plan);
   sim->plan = plan;
@@ -142,6 +144,7 @@ static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
 
 static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = take_options(sim, opt, err);
+  if (!status) status = ms_planes_check(sim->scene, err);
   if (!status && ms_sim_selects(sim))
     status = ms_sim_select(sim, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = ms_sim_check_forces(sim, sim->scene->damping, err);

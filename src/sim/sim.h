@@ -22,9 +22,10 @@ typedef struct ms_motion {
   int by_one;         /* one thread steps it, while others step others */
   msim_stats stats;   /* by_one: what that has counted, until it is added to the sim's */
   msim_status status; /* by_one: of the step that is being made */
-  ms_error error;     /* of it, under error control */
-  double depth;       /* into planes, as ms_planes_depth says */
-  double share;       /* the same */
+  ms_norm norm;       /* under error control */
+  double error;       /* of the step that is being made, over what is allowed */
+  double depth;       /* into planes, over what is allowed; 0: none */
+  double share;       /* of the step, up to the first plane, as ms_planes_depth says */
   ms_guard guard;
 } ms_motion;
 

@@ -1,0 +1,171 @@
+#include "physics/norm.h"
+
+#include <float.h>
+#include <math.h>
+
+#include "base/vec3.h"
+
+/* What is summed up over a part, or the largest of it */
+typedef struct ms_gathered {
+  double low[3], high[3]; /* the box */
+  double speed2;          /* sum of |v_i|^2 */
+  double omega2;          /* by Gershgorin's discs, as in bounds.h */
+} ms_gathered;
+
+/*------------------------------------- parts ----------------------------------------------------*/
+
+static int32_t find_root(int32_t *of, int32_t r) {
+  while (of[r] != r) r = of[r] = of[of[r]];
+  return r;
+}
+
+/* of: to the first row of its part, then to the part's number (Tarjan 1975). */
+static int32_t find_parts(const ms_model *model, int32_t *of) {
+  const int32_t nfree = model->rows.nfree;
+  const ms_springs *s = &model->springs;
+  int32_t parts = 0;
+  for (int32_t r = 0; r < nfree; r++) of[r] = r;
+  for (int32_t e = 0; e < s->n; e++) {
+    if (s->i[e] >= nfree || s->j[e] >= nfree) continue;
+    const int32_t i = find_root(of, s->i[e]), j = find_root(of, s->j[e]);
+    if (i < j) of[j] = i;
+    else of[i] = j;
+  }
+  for (int32_t r = 0; r < nfree; r++) of[r] = find_root(of, r);
+  for (int32_t r = 0; r < nfree; r++) of[r] = of[r] == r ? parts++ : of[of[r]];
+  return parts;
+}
+
+msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const int32_t nfree = model->rows.nfree;
+  *norm = (ms_norm){0};
+  norm->of = ms_new(alloc, (size_t)nfree + 1, sizeof *norm->of);
+  if (!norm->of) return ms_fail_memory(err, "the norm of errors");
+  norm->n = find_parts(model, norm->of);
+  norm->part = ms_new(alloc, (size_t)norm->n + 1, sizeof *norm->part);
+  norm->gathered = ms_new(alloc, (size_t)norm->n + 1, sizeof *norm->gathered);
+  if (!norm->part || !norm->gathered) return ms_fail_memory(err, "the norm of errors");
+  for (int32_t r = 0; r < nfree; r++) norm->part[norm->of[r]].n++;
+  return MSIM_OK;
+}
+
+void ms_norm_destroy(const ms_model *model, ms_norm *norm) {
+  if (!model->scene) return;
+  const msim_allocator *alloc = &model->scene->alloc;
+  ms_delete(alloc, norm->of);
+  ms_delete(alloc, norm->part);
+  ms_delete(alloc, norm->gathered);
+}
+
+/*------------------------------------- scales ---------------------------------------------------*/
+
+static void extend(const double x[3], ms_gathered *g) {
+  for (int c = 0; c < 3; c++)
+    g->low[c] = fmin(g->low[c], x[c]), g->high[c] = fmax(g->high[c], x[c]);
+}
+
+/* |v|^2 of row r once the energy e of a spring to row q, free or not, has become motion: both ends
+ * have the momentum p, p^2 = 2 e mu, mu the reduced mass. */
+static double speed2_from(const ms_model *model, int32_t r, int32_t q, double energy) {
+  const double there = q < model->rows.nfree ? model->inv_mass[q] : 0, here = model->inv_mass[r];
+  return 2 * energy * here * here / (here + there);
+}
+
+static void gather_row(const ms_model *model, const double *x, const double *v, int32_t r,
+                       ms_gathered *g) {
+  const ms_rows *rows = &model->rows;
+  const ms_halves *halves = &model->halves;
+  const ms_span span = ms_halves_of(halves, r);
+  double xr[3], vr[3], xq[3], k = 0;
+  ms_row_get(rows, x, r, xr);
+  ms_row_get(rows, v, r, vr);
+  extend(xr, g);
+  g->speed2 += ms_dot3(vr, vr);
+  for (int32_t at = span.begin; at < span.end; at += span.step) {
+    const int32_t q = halves->neighbour[at];
+    if (halves->spring[at] < 0) continue;
+    const int is_free = q < rows->nfree;
+    ms_row_get(rows, x, q, xq);
+    if (!is_free) extend(xq, g);
+    for (int i = 0; i < 3; i++) xq[i] -= xr[i];
+    const double stretch = ms_norm3(xq) - halves->rest[at];
+    g->speed2 += speed2_from(model, r, q, halves->k[at] * stretch * stretch / 2);
+    k += (1 + is_free) * halves->k[at];
+  }
+  g->omega2 = fmax(g->omega2, k * model->inv_mass[r]);
+}
+
+static void find_scales(const ms_gathered *sum, double gravity, double span, ms_part *p) {
+  const double mean2 = sum->speed2 / p->n;
+  double L = 0, farthest = 0;
+  for (int c = 0; c < 3; c++) {
+    L = fmax(L, sum->high[c] - sum->low[c]);
+    farthest = fmax(farthest, fmax(fabs(sum->low[c]), fabs(sum->high[c])));
+  }
+  if (!(L > 0)) L = sqrt(mean2) * span + gravity * span * span / 2;
+  if (!(L > 0)) L = 1; /* nothing ever moves */
+  double U = sqrt(mean2 + gravity * L);
+  if (!(U > 0)) U = L / span;
+  p->extent = L;
+  p->speed = U;
+  const double rounding = 4 * DBL_EPSILON * fmax(L, farthest) * (1 / L + sqrt(sum->omega2) / U);
+  p->rounding = fmin(rounding, DBL_MAX);
+}
+
+void ms_norm_measure(const ms_model *model, const double *x, const double *v, double span,
+                     ms_norm *norm) {
+  for (int32_t p = 0; p < norm->n; p++)
+    norm->gathered[p] = (ms_gathered){.low = {INFINITY, INFINITY, INFINITY},
+                                      .high = {-INFINITY, -INFINITY, -INFINITY}};
+  for (int32_t r = 0; r < model->rows.nfree; r++)
+    gather_row(model, x, v, r, &norm->gathered[norm->of[r]]);
+  for (int32_t p = 0; p < norm->n; p++)
+    find_scales(&norm->gathered[p], ms_norm3(model->gravity), span, &norm->part[p]);
+}
+
+/*------------------------------------- norms ----------------------------------------------------*/
+
+/* Rows of many parts are mixed: their sums are formed row by row. */
+static void square_parts(const ms_norm *norm, ms_shape shape, int which, const double *dx,
+                         const double *dv) {
+  for (int32_t p = 0; p < norm->n; p++) norm->part[p].square[which] = 0;
+  for (int32_t r = 0; r < shape.n; r++) {
+    ms_part *p = &norm->part[norm->of[r]];
+    for (int32_t c = 0; c < shape.dims; c++) {
+      const size_t at = (size_t)c * (size_t)shape.stride + (size_t)r;
+      const double x = dx[at] / p->extent, v = dv[at] / p->speed;
+      p->square[which] += x * x + v * v;
+    }
+  }
+  for (int32_t p = 0; p < norm->n; p++) norm->part[p].square[which] /= 2 * norm->part[p].n;
+}
+
+void ms_norm_square(const ms_norm *norm, ms_shape shape, int which, const double *dx,
+                    const double *dv) {
+  if (norm->n != 1) {
+    square_parts(norm, shape, which, dx, dv);
+    return;
+  }
+  ms_part *p = norm->part;
+  const double L2 = p->extent * p->extent, U2 = p->speed * p->speed;
+  p->square[which] = (ms_dot(shape, dx, dx) / L2 + ms_dot(shape, dv, dv) / U2) / (2 * p->n);
+}
+
+double ms_norm_of_lengths(const ms_norm *norm, const double *d, int32_t nfree, double least) {
+  double largest = 0;
+  for (int32_t p = 0; p < norm->n; p++) norm->part[p].square[0] = 0;
+  for (int32_t r = 0; r < nfree; r++) norm->part[norm->of[r]].square[0] += d[r] * d[r];
+  for (int32_t i = 0; i < norm->n; i++) {
+    const ms_part *p = &norm->part[i];
+    const double length = sqrt(p->square[0] / (2 * p->n)) / p->extent;
+    largest = fmax(largest, length / fmax(least, p->rounding));
+  }
+  return largest;
+}
+
+double ms_norm_rounding(const ms_norm *norm) {
+  double least = norm->n ? INFINITY : 0;
+  for (int32_t p = 0; p < norm->n; p++) least = fmin(least, norm->part[p].rounding);
+  return least;
+}
