@@ -233,8 +233,11 @@ msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_e
   e->stiff = 2 * s->h;
   e->sums = 0;
   e->merge = 1e-11 * e->reach;
+  s->impact = MS_NOWHERE;
+  s->path_error = 0;
   const msim_status status = attempt(&j, err);
   const int same = s->warm == carried;
+  e->moved = 0;
   s->x = x, s->v = v;
   s->warm = same ? carried : 0;
   if (status) return status;

@@ -25,7 +25,8 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
   ms_events *e = *events = ms_new(&scene->alloc, 1, sizeof *e);
   if (!e) return ms_fail_memory(err, "the impacts");
   e->reach = find_reach(model);
-  double **vectors[] = {&e->x, &e->v, &e->a, &e->a_end, &e->stage[0], &e->stage[1]};
+  double **vectors[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
+                        &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
     *vectors[i] = ms_rows_vector(scene, &model->rows);
     if (!*vectors[i]) return ms_fail_memory(err, "the impacts");
@@ -46,9 +47,26 @@ ms_walls ms_walls_of(const ms_stepper *s) {
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x,    e->v,    e->a,     e->a_end, e->stage[0], e->stage[1], e->contact,
-                    e->hold, e->near, e->parts, e};
+  void *arrays[] = {e->x,
+                    e->v,
+                    e->a,
+                    e->a_end,
+                    e->stage[0],
+                    e->stage[1],
+                    e->begin[0],
+                    e->begin[1],
+                    e->contact,
+                    e->hold,
+                    e->near,
+                    e->parts,
+                    e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+}
+
+void ms_contacts_keep_begin(ms_events *e, ms_shape shape) {
+  if (!e->moved) return;
+  ms_copy(shape, e->x, e->begin[0]);
+  ms_copy(shape, e->v, e->begin[1]);
 }
 
 void ms_contacts_know(ms_events *e) {

@@ -49,6 +49,9 @@ typedef struct ms_events {
   double *x, *v;
   double *a, *a_end; /* F/m at the start of the part and at its end, as if nothing rested */
   double *stage[2];  /* x and v of a stage of the interpolant */
+  double *begin[2];  /* x and v that the last step in one part started from, where `moved` */
+  int moved;         /* impacts or contacts changed the state at the start of that step */
+  int replays;       /* velocity Verlet follows paths by itself */
   ms_totals *parts;  /* for energies */
   int known;         /* a is that of s->x, s->v */
   double sums;       /* s: bounces that end within are summed (path.h); 0: none */
@@ -68,6 +71,9 @@ ms_walls ms_walls_of(const ms_stepper *s);
 /* NULL members of `events` where memory ran out; destroy accepts that. */
 msim_status ms_events_create(const ms_model *model, ms_events **events, msim_error *err);
 void ms_events_destroy(const ms_model *model, ms_events *events);
+
+/* Keep what the step in one part that was just made started from, if that is not s->x, s->v. */
+void ms_contacts_keep_begin(ms_events *e, ms_shape shape);
 
 /* The end of the part, where a_end was found, is the start of the next. */
 void ms_contacts_know(ms_events *e);

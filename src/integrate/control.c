@@ -88,13 +88,6 @@ void ms_control_fail(ms_control *c, double h) {
   c->shrunk = 1;
 }
 
-/* Motion is close to straight near the impact, or, from rest, goes like h^2. */
-void ms_control_land(ms_control *c, double h, double ratio, double share) {
-  c->h = h * fmin(0.9, fmax(share, 0.9 / sqrt(ratio)));
-  c->previous = 0;
-  c->shrunk = 1;
-}
-
 /* r = E/limit of this step and of the one before; s a margin of safety, so that r tends to s^k:
  *   h' = h s^0.3 r^(-0.7/k) r_before^(0.4/k),  and h s r^(-1/k) where there is none before */
 static double factor(const ms_control *c, double r) {

@@ -6,8 +6,8 @@
  * length of the run T; the part with the largest error decides. So a tenth of tol makes about a
  * tenth of the error at the end; how much of it grows or fades on the way is up to the scene.
  *
- * Reflection at the end of a step is off by as much as the step leads into planes. So no step may
- * lead deeper than tol in the same norm: one that lands is shortened to end at the impact. */
+ * A step that meets a plane is made anew to end at the impact, where particles bounce at the start
+ * of the next one. */
 #ifndef MS_CONTROL_H
 #define MS_CONTROL_H
 
@@ -55,10 +55,6 @@ double ms_control_next(const ms_control *c, double left);
  * proportional and integral controller (Gustafsson 1991; Hairer and Wanner, Solving ODEs II, IV.2).
  */
 int ms_control_accepts(ms_control *c, double h, double r);
-
-/* The step of h led too deep into planes: by `ratio` times what is allowed, and met the first after
- * a share of a straight way. */
-void ms_control_land(ms_control *c, double h, double ratio, double share);
 
 /* The step of h could not be made. */
 void ms_control_fail(ms_control *c, double h);

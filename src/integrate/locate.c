@@ -31,6 +31,15 @@ typedef struct impact {
 
 /*------------------------------------- paths of particles ---------------------------------------*/
 
+/* Of v: what its acceleration being linear in time adds to a constant one, times how much that
+ * acceleration changes; of third order of the part. */
+static double uncertainty(const ms_path *p) {
+  double dv[3], da[3];
+  for (int c = 0; c < 3; c++) dv[c] = p->w[c] - p->v[c], da[c] = p->b1[c] - p->b0[c];
+  const double size = fmax(ms_norm3(p->b0), ms_norm3(p->b1));
+  return size > 0 ? ms_norm3(dv) * ms_norm3(da) / size : 0;
+}
+
 /* Its acceleration is linear in time; x ends where that leads: h^2/2 (2 a0 + a1)/3. */
 static void follow_path(substeps *j, int32_t row, double rebound, const msim_plane *plane) {
   ms_stepper *s = j->s;
@@ -44,6 +53,8 @@ static void follow_path(substeps *j, int32_t row, double rebound, const msim_pla
   if (rebound > 0) ms_axpy3(rebound, plane->normal, p.v);
   memcpy(p.w, p.v, sizeof p.w);
   ms_path_follow(&p);
+  const double doubt = uncertainty(&p);
+  if (!(doubt <= s->path_error)) s->path_error = doubt, s->path_row = row;
   ms_row_put(rows, p.x, row, s->x_next);
   ms_row_put(rows, p.w, row, s->v_next);
   s->stats->contacts += p.impacts;
@@ -283,8 +294,13 @@ static msim_status make_parts(substeps *j, msim_error *err) {
     if (is_done(j)) return MSIM_OK;
     msim_status status = make(j, left, err);
     if (status) return status;
-    const int all = !j->may_cut || j->cuts == MS_MAX_CUTS;
+    const int all = !s->one_part && (!j->may_cut || j->cuts == MS_MAX_CUTS);
     const impact i = all ? (impact){.share = MS_NOWHERE} : find_impact(j);
+    if (s->one_part) {
+      s->impact = i.share;
+      follow_paths(j, 0);
+      return MSIM_OK;
+    }
     const double change = j->may_cut && j->cuts < MS_FEW_CUTS ? find_first_change(j) : MS_NOWHERE;
     if (change < i.share) status = make(j, length_before(j, change), err);
     else if (i.share <= 1) status = cut(j, &i, err);
@@ -305,9 +321,12 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
   e->stiff = method->entry.implicit ? 2 * s->h : 0;
-  e->merge = 1e-11 * e->reach;
+  e->merge = fmax(1e-11 * e->reach, s->location);
+  s->impact = MS_NOWHERE;
+  s->path_error = 0;
   j.may_cut = may_cut(&j);
   const msim_status status = make_parts(&j, err);
+  e->moved = s->x != x;
   s->x = x, s->v = v, s->h = j.h;
   s->warm = j.lost ? 0 : carried;
   if (status) return status;

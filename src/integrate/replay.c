@@ -19,7 +19,7 @@ static ms_path path_of(const ms_stepper *s, int32_t row, const double *a, const 
 
 void ms_replay_positions(ms_stepper *s, const double *a, double *v_predicted) {
   ms_events *e = s->events;
-  if (!e) return;
+  if (!e || !e->replays) return;
   e->nnear = 0;
   for (int32_t r = 0; r < s->model->rows.nfree; r++) {
     ms_path p = path_of(s, r, a, a);
@@ -34,7 +34,7 @@ void ms_replay_positions(ms_stepper *s, const double *a, double *v_predicted) {
 
 void ms_replay_velocities(ms_stepper *s, const double *a, const double *a_next) {
   const ms_events *e = s->events;
-  if (!e) return;
+  if (!e || !e->replays) return;
   for (int32_t i = 0; i < e->nnear; i++) {
     ms_path p = path_of(s, e->near[i], a, a_next);
     ms_path_follow(&p);

@@ -68,7 +68,7 @@ int ms_is_separable(const ms_stepper *s) {
 }
 
 int64_t ms_reflect(ms_stepper *s, double *x, double *v) {
-  if (!(s->model->passes & MSIM_SKIP_PLANES) || s->events || s->in_flight) return 0;
+  if (!(s->model->passes & MSIM_SKIP_PLANES) || s->events) return 0;
   double start = ms_clock();
   int64_t reflected = ms_planes_reflect(s->model, x, v);
   s->stats->contacts += reflected;

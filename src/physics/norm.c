@@ -152,16 +152,10 @@ void ms_norm_square(const ms_norm *norm, ms_shape shape, int which, const double
   p->square[which] = (ms_dot(shape, dx, dx) / L2 + ms_dot(shape, dv, dv) / U2) / (2 * p->n);
 }
 
-double ms_norm_of_lengths(const ms_norm *norm, const double *d, int32_t nfree, double least) {
-  double largest = 0;
-  for (int32_t p = 0; p < norm->n; p++) norm->part[p].square[0] = 0;
-  for (int32_t r = 0; r < nfree; r++) norm->part[norm->of[r]].square[0] += d[r] * d[r];
-  for (int32_t i = 0; i < norm->n; i++) {
-    const ms_part *p = &norm->part[i];
-    const double length = sqrt(p->square[0] / (2 * p->n)) / p->extent;
-    largest = fmax(largest, length / fmax(least, p->rounding));
-  }
-  return largest;
+double ms_norm_extent(const ms_norm *norm) {
+  double least = norm->n ? INFINITY : 0;
+  for (int32_t p = 0; p < norm->n; p++) least = fmin(least, norm->part[p].extent);
+  return least;
 }
 
 double ms_norm_rounding(const ms_norm *norm) {

@@ -39,11 +39,10 @@ void ms_norm_measure(const ms_model *model, const double *x, const double *v, do
 void ms_norm_square(const ms_norm *norm, ms_shape shape, int which, const double *dx,
                     const double *dv);
 
-/* The largest of sqrt(1/(2 n) sum_i d_i^2)/L over max(least, rounding) of the part; d: a number for
- * each row, m. */
-double ms_norm_of_lengths(const ms_norm *norm, const double *d, int32_t nfree, double least);
+/* The smallest extent of any part; 0: there is none. */
+double ms_norm_extent(const ms_norm *norm);
 
-/* The smallest of any part; 0: there is none. */
+/* The same of rounding */
 double ms_norm_rounding(const ms_norm *norm);
 
 #endif

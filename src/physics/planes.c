@@ -136,27 +136,3 @@ int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
   }
   return reflected;
 }
-
-int32_t ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *depth,
-                        double *share) {
-  const ms_scene *scene = model->scene;
-  double from[3], to[3];
-  int32_t deeper = 0;
-  *share = 1;
-  for (int32_t r = 0; r < model->rows.nfree; r++) {
-    double sum = 0;
-    ms_row_get(&model->rows, x0, r, from);
-    ms_row_get(&model->rows, x1, r, to);
-    for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
-      const double end = ms_distance(p, to);
-      if (!(end < 0)) continue;
-      const double start = ms_distance(p, from), added = fmin(0, start) - end;
-      if (!(added > 0)) continue;
-      sum += added * added;
-      *share = fmin(*share, fmax(0, start) / (fmax(0, start) - end));
-    }
-    depth[r] = sqrt(sum);
-    deeper += sum > 0;
-  }
-  return deeper;
-}

@@ -16,10 +16,4 @@ int64_t ms_planes_reflect(const ms_model *model, double *x, double *v);
 /* Refuses planes of which every point is behind one. */
 msim_status ms_planes_check(const ms_scene *scene, msim_error *err);
 
-/* How deep the way from x0 to x1 leads each row into planes: depth[r], nfree of them. *share: of a
- * straight way, up to where the first of them is met; 1: none is. Returns how many rows go deeper
- * than they were. */
-int32_t ms_planes_depth(const ms_model *model, const double *x0, const double *x1, double *depth,
-                        double *share);
-
 #endif

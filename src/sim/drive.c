@@ -6,9 +6,9 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "integrate/contacts.h"
 #include "integrate/events.h"
 #include "physics/culprit.h"
-#include "physics/planes.h"
 
 /*------------------------------------- one island -----------------------------------------------*/
 
@@ -49,10 +49,13 @@ static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msi
   msim_status status = MSIM_OK;
   s->parts = n;
   s->h = start.h / (double)n;
+  double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     if (i > 0) go_on(s, &start);
     status = make_step(sim, s, err);
+    if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
   }
+  s->impact = impact;
   go_back(s, &start);
   return status;
 }
@@ -74,28 +77,48 @@ static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *er
   return status;
 }
 
-/* A whole step, kept aside, and two halves. */
+/* A whole step, kept aside, and two halves. Impacts are where the halves have them. */
 static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   msim_status status = make_steps(sim, s, 1, err);
+  if (status) return status;
+  if (s->events) ms_contacts_keep_begin(s->events, s->model->shape);
+  const int moved = s->events && s->events->moved;
   ms_swap(&s->x_next, &s->x_spare[1]);
   ms_swap(&s->v_next, &s->v_spare[1]);
-  return status ? status : make_steps(sim, s, 2, err);
+  status = make_steps(sim, s, 2, err);
+  if (s->events) s->events->moved = moved;
+  return status;
 }
 
-/* Without reflection, so that the error is that of the motion alone: it waits until the step is
- * accepted. */
+/* By the method's own estimate, from where the step began. */
+static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  const msim_status status = make_steps(sim, s, 1, err);
+  if (!status && s->events) ms_contacts_keep_begin(s->events, s->model->shape);
+  return status;
+}
+
+/* What paths of particles leave of doubt, over what is allowed. Doubled steps see it themselves. */
+static double path_error(const msim_sim *sim, const ms_motion *m, double allowed) {
+  const ms_stepper *s = &m->stepper;
+  if (!s->events || !sim->integrator->estimate || !(s->path_error > 0)) return 0;
+  const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
+  return s->path_error / part->speed / fmax(allowed, part->rounding);
+}
+
 static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
-  s->in_flight = 1;
-  msim_status status =
-      sim->integrator->estimate ? make_steps(sim, s, 1, err) : make_doubled(sim, s, err);
-  s->in_flight = 0;
+  double *x = s->x, *v = s->v;
+  const double allowed = ms_control_allowed(&sim->control, s->h);
+  s->one_part = 1;
+  s->impact = MS_NOWHERE;
+  const msim_status status =
+      sim->integrator->estimate ? make_estimated(sim, s, err) : make_doubled(sim, s, err);
+  s->one_part = 0;
   if (status) return status;
-  m->error = ms_error_of(sim->integrator, s, &m->norm, ms_control_allowed(&sim->control, s->h));
-  m->depth = 0;
-  if (m->model.passes & MSIM_SKIP_PLANES &&
-      ms_planes_depth(&m->model, s->x, s->x_next, s->scratch, &m->share))
-    m->depth = ms_norm_of_lengths(&m->norm, s->scratch, m->model.rows.nfree, sim->opt.tol);
+  if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
+  m->error = ms_error_of(sim->integrator, s, &m->norm, allowed);
+  s->x = x, s->v = v;
+  m->error = fmax(m->error, path_error(sim, m, allowed));
   return MSIM_OK;
 }
 
@@ -113,8 +136,8 @@ static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contac
 /* The next state of one island. The present one stays as it is. */
 static msim_status step_island(const msim_sim *sim, ms_motion *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
-  if (ms_sim_has_control(sim)) return make_controlled(sim, m, err);
-  msim_status status = make_fixed(sim, &m->stepper, err);
+  const msim_status status =
+      ms_sim_has_control(sim) ? make_controlled(sim, m, err) : make_fixed(sim, &m->stepper, err);
   m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
   return status;
 }
@@ -152,13 +175,20 @@ static double noise_of(const ms_motion *m, double allowed) {
   return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, ms_norm_rounding(&m->norm))) : 0;
 }
 
+/* Impacts are located to a tenth of what a step may add. */
+static void prepare(ms_motion *m, double h, double allowed) {
+  m->stepper.h = h;
+  m->stepper.noise = noise_of(m, allowed);
+  m->stepper.location = 0.1 * allowed * ms_norm_extent(&m->norm);
+  m->stepper.looked = 0;
+}
+
 /* A step of h by all that are not at rest; none is accepted yet. allowed: the error that it may
  * add; 0: there is no error control. */
 static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why) {
   outcome result = {.why = why};
   why->text[0] = 0;
-  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
-    m->stepper.h = h, m->stepper.noise = noise_of(m, allowed), m->stepper.looked = 0;
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) prepare(m, h, allowed);
   if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
     if (m->at_rest) continue;
@@ -170,6 +200,11 @@ static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why
 
 static void accept(ms_motion *m) {
   ms_stepper *s = &m->stepper;
+  if (s->events && s->events->moved) { /* for those who look inside the step */
+    ms_copy(m->model.shape, s->events->begin[0], s->x);
+    ms_copy(m->model.shape, s->events->begin[1], s->v);
+    s->events->moved = 0;
+  }
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
   s->warm = s->warm_next;
@@ -228,20 +263,12 @@ static void advance_time(msim_sim *sim, double h, double left) {
   sim->t_shown = sim->t;
 }
 
-/* What waited until the step was good enough. */
-static void reflect(msim_sim *sim, ms_motion *m) {
-  ms_stepper *s = &m->stepper;
-  const int64_t contacts = s->stats->contacts;
-  if (ms_reflect(s, s->x_next, s->v_next)) s->warm_next = 0;
-  m->at_rest_next = stays_at_rest(sim, m, contacts);
-  if (m->by_one) collect(sim, m);
-}
-
-static void reflect_all(msim_sim *sim) {
-  const int64_t contacts = sim->stats.contacts;
-  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
-    if (!m->at_rest) reflect(sim, m);
-  if (sim->stats.contacts != contacts) ms_control_forget(&sim->control);
+/* The first impact of all islands, as a share of the step */
+static double first_impact(const msim_sim *sim) {
+  double first = MS_NOWHERE;
+  for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    if (!m->at_rest) first = fmin(first, m->stepper.impact);
+  return first;
 }
 
 /* Of all islands in motion; *worst: the one that has it. */
@@ -270,25 +297,30 @@ static msim_status give_up(msim_sim *sim, const outcome *o, ms_motion *worst, do
   return blame(sim, worst, sim->t + h, MSIM_NOT_CONVERGED, why, err);
 }
 
-/* Into planes, in the norm of errors: then the step is shortened to end where it lands. */
-static int is_too_deep(msim_sim *sim, double h) {
-  double depth = 0, share = 1;
-  for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
-    if (m->at_rest || m->depth == 0) continue;
-    depth = fmax(depth, m->depth);
-    share = fmin(share, m->share);
-  }
-  if (depth > 1) ms_control_land(&sim->control, h, depth, share);
-  return depth > 1;
-}
-
 static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **worst) {
   ms_control *c = &sim->control;
   int good = 0;
   if (o->m) ms_control_fail(c, h);
-  else good = ms_control_accepts(c, h, largest_error(sim, worst)) && !is_too_deep(sim, h);
+  else good = ms_control_accepts(c, h, largest_error(sim, worst));
   sim->stats.rejected_steps += !good;
   return good;
+}
+
+/* The step that was accepted is made anew, to end at its first impact: what it may add to the error
+ * it adds no more. *h: its length. The controller goes on as after the whole one. */
+static outcome cut_at_impact(msim_sim *sim, outcome o, double *h, msim_error *why) {
+  enum { MOST = 8 };
+  const double NEARLY = 1e-9;
+  double share = first_impact(sim);
+  if (share < 1) ms_control_forget(&sim->control);
+  for (int i = 0; i < MOST && !o.m && share < 1; i++, share = first_impact(sim)) {
+    const int is_there = share > 1 - NEARLY;
+    *h *= share;
+    sim->stats.rejected_steps++;
+    o = try_step(sim, *h, ms_control_allowed(&sim->control, *h), why);
+    if (is_there) break;
+  }
+  return o;
 }
 
 /* A failure leaves the controller as it was, too. */
@@ -298,15 +330,17 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   const double least = 16 * DBL_EPSILON * fmax(fabs(sim->t), before.span);
   msim_error why;
   for (;;) {
-    const double h = ms_control_next(&sim->control, left);
+    double h = ms_control_next(&sim->control, left);
     ms_motion *worst = NULL;
-    const outcome o = try_step(sim, h, ms_control_allowed(&sim->control, h), &why);
+    outcome o = try_step(sim, h, ms_control_allowed(&sim->control, h), &why);
     if (is_accepted(sim, &o, h, &worst)) {
-      reflect_all(sim);
-      accept_all(sim);
-      advance_time(sim, h, left);
-      sim->plan.h = sim->control.h;
-      return MSIM_OK;
+      o = cut_at_impact(sim, o, &h, &why);
+      if (!o.m) {
+        accept_all(sim);
+        advance_time(sim, h, left);
+        sim->plan.h = sim->control.h;
+        return MSIM_OK;
+      }
     }
     if (sim->control.h >= least && (!o.m || may_help(o.status))) continue;
     sim->control = before;

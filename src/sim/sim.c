@@ -48,12 +48,11 @@ static msim_status take_auto(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
-static msim_status check_collision(const msim_sim *sim, msim_error *err) {
+/* Error control locates impacts, whatever `collision` says: their error is of what it controls. */
+static msim_status take_collision(msim_sim *sim, msim_error *err) {
+  if (!ms_sim_selects(sim) && ms_sim_has_control(sim) && sim->scene->nplanes > 0)
+    sim->opt.collision = MSIM_COLLISION_EVENT;
   if (sim->opt.collision != MSIM_COLLISION_EVENT || ms_sim_selects(sim)) return MSIM_OK;
-  if (ms_sim_has_control(sim))
-    return ms_fail(err, MSIM_ERR_ARG,
-                   "tol and collision = event exclude each other: under error control a step that "
-                   "lands ends at the impact in any case");
   if (sim->integrator->sync)
     return ms_fail(
         err, MSIM_ERR_ARG,
@@ -80,7 +79,7 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
                    "linearly-implicit-euler and others are there");
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? take_auto(sim, err) : take_method(sim, err);
   if (status) return status;
-  return check_collision(sim, err);
+  return take_collision(sim, err);
 }
 
 /* Says so where an h that was given had to be lowered, once for each h. */

@@ -24,8 +24,6 @@ typedef struct ms_motion {
   msim_status status; /* by_one: of the step that is being made */
   ms_norm norm;       /* under error control */
   double error;       /* of the step that is being made, over what is allowed */
-  double depth;       /* into planes, over what is allowed; 0: none */
-  double share;       /* of the step, up to the first plane, as ms_planes_depth says */
   ms_guard guard;
 } ms_motion;
 
