@@ -98,7 +98,7 @@ static void time_adds_up(void **state) {
 static void steps_grow_with_care(void **state) {
   (void)state;
   const double none = 0, huge = 1e9, twice = 2, nan = NAN;
-  ms_control c = {.tol = 1e-4, .span = 1, .order = 2, .h = 1, .growth = 5};
+  ms_control c = {.tol = 1e-4, .span = 1, .order = 2, .h = 1, .growth = 5, .safety = 0.85};
   assert_true(ms_control_accepts(&c, 1, none));
   assert_close(c.h, 5, 0);
   assert_false(ms_control_accepts(&c, 1, huge));

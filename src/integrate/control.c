@@ -52,11 +52,12 @@ int32_t ms_error_culprit(const ms_integrator *integrator, ms_stepper *s) {
 /*------------------------------------- step -----------------------------------------------------*/
 
 ms_control ms_control_of(const ms_integrator *integrator, double tol, double span) {
-  const double USUAL = 5;
+  const double GROWTH = 5, SAFETY = 0.85;
   return (ms_control){.tol = tol,
                       .span = span,
                       .order = integrator->entry.order - integrator->two_estimates,
-                      .growth = integrator->growth > 0 ? integrator->growth : USUAL};
+                      .growth = integrator->growth > 0 ? integrator->growth : GROWTH,
+                      .safety = integrator->safety > 0 ? integrator->safety : SAFETY};
 }
 
 double ms_control_allowed(const ms_control *c, double h) { return c->tol * h / c->span; }
@@ -75,7 +76,7 @@ double ms_control_next(const ms_control *c, double left) {
 void ms_control_forget(ms_control *c) { c->previous = 0, c->shrunk = 0; }
 
 void ms_control_history(ms_bytes *b, ms_control *c) {
-  double *numbers[] = {&c->tol, &c->span, &c->order, &c->h, &c->growth, &c->previous};
+  double *numbers[] = {&c->tol, &c->span, &c->order, &c->h, &c->growth, &c->safety, &c->previous};
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
     MS_BYTES_PASS(b, *numbers[i]);
     ms_bytes_check(b, isfinite(*numbers[i]) && *numbers[i] >= 0, "error control");
@@ -91,11 +92,11 @@ void ms_control_fail(ms_control *c, double h) {
 /* r = E/limit of this step and of the one before; s a margin of safety, so that r tends to s^k:
  *   h' = h s^0.3 r^(-0.7/k) r_before^(0.4/k),  and h s r^(-1/k) where there is none before */
 static double factor(const ms_control *c, double r) {
-  const double SAFETY = 0.85, TINY = 1e-10, k = c->order;
+  const double TINY = 1e-10, k = c->order;
   if (r < TINY) r = TINY;
   if (c->previous > 0 && r <= 1)
-    return pow(SAFETY, 0.3) * pow(r, -0.7 / k) * pow(c->previous, 0.4 / k);
-  return SAFETY * pow(r, -1 / k);
+    return pow(c->safety, 0.3) * pow(r, -0.7 / k) * pow(c->previous, 0.4 / k);
+  return c->safety * pow(r, -1 / k);
 }
 
 int ms_control_accepts(ms_control *c, double h, double r) {

@@ -35,6 +35,7 @@ typedef struct ms_control {
   double order;     /* k: E/h goes like h^k */
   double h;         /* s: the step to try next */
   double growth;    /* of a step over the one before, at most */
+  double safety;    /* the share that is taken of the longest step that the error allows */
   double previous;  /* E T/(tol h) of the last step accepted; 0: not known */
   int shrunk;       /* the last attempt was too long */
 } ms_control;

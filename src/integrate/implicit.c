@@ -122,25 +122,52 @@ static msim_status step_newmark(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
+/*------------------------------------- two steps ------------------------------------------------*/
+
+/* gamma = 2 - sqrt 2: the trapezoidal rule to t + gamma h, then the second order backward
+ * differentiation formula over both parts of the step (Bank et al. 1985; Hosea and Shampine 1996)
+ */
+#define GAMMA 0.58578643762690495
+static const table tr_bdf2 = {
+    2,
+    {{.a = GAMMA / 2, .slope = GAMMA / 2}, {.a = GAMMA / 2, .first = 1 / (GAMMA * (2 - GAMMA))}},
+    0};
+
 /* r = h/h_before: of order 2 for any r, stable for r < 1 + sqrt 2 (Grigorieff 1983).
  * r = 1: y' = 4/3 y - 1/3 y_before + 2/3 h f(y') */
 static table bdf2(double r) {
   return (table){1, {{.a = (1 + r) / (1 + 2 * r), .before = -(r * r) / (1 + 2 * r)}}, 0};
 }
 
-/* The first step, and that after a reflection, are implicit Euler's. warm: 1 + the set of work
- * vectors that holds the y of the step before, and the a that this step led to. */
+/* The step before says nothing of this one: of the first step, and after a reflection. Fixed steps
+ * are implicit Euler's then, as the method is written. Under error control order 1 would set their
+ * length: a step of tr-bdf2 takes their place, whose first stage and slope at the start lie where
+ * those of the step before would. */
+static msim_status restart_bdf2(ms_stepper *s, double **start, double *rule, msim_error *err) {
+  if (s->opt->tol == 0) {
+    *rule = implicit_euler.rungs[0].a;
+    return climb(s, &implicit_euler, &(sources){0}, NULL, err);
+  }
+  *rule = tr_bdf2.rungs[1].a;
+  ms_acceleration(s, s->x, s->v, start[2]);
+  return climb(s, &tr_bdf2, &(sources){.a = start[2]}, start, err);
+}
+
+/* warm: 1 + the set of work vectors that holds the y of the step before, and the a that this step
+ * led to. */
 static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
   const int at = s->warm == 2;
   double **before = s->work + KEPT + 3 * at, **now = s->work + KEPT + 3 * (1 - at);
-  sources from = {.x_before = before[0], .v_before = before[1]};
-  const table way = s->warm ? bdf2(s->h / s->h_before) : implicit_euler;
-  msim_status status = climb(s, &way, &from, NULL, err);
+  const table way = bdf2(s->warm ? s->h / s->h_before : 1);
+  double rule = way.rungs[0].a;
+  msim_status status =
+      s->warm ? climb(s, &way, &(sources){.x_before = before[0], .v_before = before[1]}, NULL, err)
+              : restart_bdf2(s, before, &rule, err);
   if (status) return status;
   ms_copy(shape, s->x, now[0]);
   ms_copy(shape, s->v, now[1]);
-  find_slope(s, way.rungs[0].a, now[2]);
+  find_slope(s, rule, now[2]);
   s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
   return MSIM_OK;
 }
@@ -155,30 +182,37 @@ static void compare(const ms_stepper *s, double r, const double *y, const double
   ms_scale(shape, (1 + r) / (2 + 3 * r), error);
 }
 
+/* h (e_1 f + e_2 f_1 + e_3 f'), e = ((sqrt 2 - 1)/3, -1/3, (2 - sqrt 2)/3): the difference from the
+ * formula of order 3 with the same stages (Hosea and Shampine 1996). start: x and v of the first
+ * stage, and a at the start; of the first stage h a_1 = 2 (v_1 - v)/gamma - h a. */
+static void estimate_tr_bdf2(const ms_stepper *s, double *const *start, const double *a_next,
+                             double *dx, double *dv) {
+  const ms_shape shape = s->model->shape;
+  const double E1 = 0.13807118745769836, E2 = -1. / 3, E3 = 0.19526214587563498, h = s->h;
+  const double of_x[] = {E1 * h, E2 * h, E3 * h};
+  const double of_v[] = {(E1 - E2) * h, 2 * E2 / GAMMA, -2 * E2 / GAMMA, E3 * h};
+  const double *const vs[] = {s->v, start[1], s->v_next};
+  const double *const as[] = {start[2], start[1], s->v, a_next};
+  ms_add_all(shape, NULL, 3, of_x, vs, dx);
+  ms_add_all(shape, NULL, 4, of_v, as, dv);
+}
+
 /* The parabola through y_before and y, with the slope f in y that the last step found, leads to p.
  * Its error is -(1 + 1/r) e, where the method has (1 + r)^2/(r (1 + 2 r)) e, e = h^3/6 d3y/dt3: a
- * share (1 + r)/(2 + 3 r) of the difference is the method's. A first step is compared with explicit
- * Euler's: r = 0, and half of the difference. */
+ * share (1 + r)/(2 + 3 r) of the difference is the method's. */
 static void estimate_bdf2(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
-  double *const *before = s->work + KEPT + 3 * (s->warm == 2), *a = s->work[NEWTON];
-  const double r = s->warm ? s->h / s->h_before : 0;
-  if (s->warm) a = before[2];
-  else ms_acceleration(s, s->x, s->v, a);
+  double *const *before = s->work + KEPT + 3 * (s->warm == 2);
+  if (!s->warm) {
+    estimate_tr_bdf2(s, before, s->work[KEPT + 5], dx, dv);
+    return;
+  }
+  const double r = s->h / s->h_before;
   compare(s, r, s->x, s->v, before[0], s->x_next, dx);
-  compare(s, r, s->v, a, before[1], s->v_next, dv);
+  compare(s, r, s->v, before[2], before[1], s->v_next, dv);
 }
 
 /*------------------------------------- two stages -----------------------------------------------*/
-
-/* gamma = 2 - sqrt 2: the trapezoidal rule to t + gamma h, then the second order backward
- * differentiation formula over both parts of the step (Bank et al. 1985; Hosea and Shampine 1996)
- */
-#define GAMMA 0.58578643762690495
-static const table tr_bdf2 = {
-    2,
-    {{.a = GAMMA / 2, .slope = GAMMA / 2}, {.a = GAMMA / 2, .first = 1 / (GAMMA * (2 - GAMMA))}},
-    0};
 
 /* gamma = 1 - 1/sqrt 2, stiffly accurate (Alexander 1977):
  *   Y1 = y + gamma h f(Y1),  y' = y + (1 - gamma) h f(Y1) + gamma h f(y'),
@@ -224,7 +258,8 @@ const ms_integrator ms_bdf2 = {.entry = {.name = "bdf2",
                                .carried_at = KEPT,
                                .step = step_bdf2,
                                .estimate = estimate_bdf2,
-                               .growth = 2};
+                               .growth = 2,
+                               .safety = 0.95};
 METHOD(tr_bdf2, "tr-bdf2",
        "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps what is stiff (Bank 1985)", 2, 3,
        0);

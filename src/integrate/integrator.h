@@ -73,6 +73,7 @@ typedef struct ms_integrator {
   int two_estimates; /* which together go like h^order; one alone goes like h^(order + 1) */
   int chooses_steps; /* by a tol of its own, unless `steps` is given */
   double growth;     /* under control, of a step over the one before, at most; 0: the usual */
+  double safety;     /* the same, of the longest step that the error allows; 0: the usual share */
   /* The state a share theta into the step that was accepted last; see interpolate.h. Nullable: by
    * cubics. */
   void (*interpolate)(ms_stepper *s, double theta, double *x, double *v);

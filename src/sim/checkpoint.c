@@ -332,7 +332,7 @@ static void check_control(ms_bytes *b, const ms_integrator *method, double tol,
   const ms_control own = ms_control_of(method, tol, c->span);
   ms_bytes_check(b,
                  c->tol == own.tol && c->order == own.order && c->growth == own.growth &&
-                     c->h > 0 && c->span > 0,
+                     c->safety == own.safety && c->h > 0 && c->span > 0,
                  "error control");
 }
 

@@ -1,0 +1,105 @@
+/* bdf2 where the step before says nothing of the next one: at the start and after reflections.
+ * Under error control such steps are of order 2, too; fixed ones are implicit Euler's. */
+#include "controlled.h"
+#include "sim/sim.h"
+
+/* The weight at 1 m of a spring of no length: x = cos(10 t) + sin(10 t) */
+static msim_scene *oscillator(void) {
+  const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, 10, 0, 0}, mass[2] = {1, 1};
+  const double k = 100, rest = 0;
+  const int32_t ij[2] = {0, 1}, pin = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  return scene;
+}
+
+/* A first step of h: its error, and what is estimated of it. tol: 0, a fixed step */
+static double first_step(double h, double tol, double *estimate) {
+  msim_scene *scene = oscillator();
+  msim_options opt = tol > 0 ? controlled("bdf2", tol, 10) : options("bdf2", h);
+  opt.solver = "pcg";
+  msim_sim *sim = make_sim(scene, &opt);
+  if (tol > 0) assert_ok(msim_sim_set_step(sim, h, err));
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_close(state_of(sim).t, h, 1e-15);
+  const ms_motion *m = sim->motion;
+  if (tol > 0) *estimate = m->error * tol * h / 10 * sqrt(2) * m->norm.part[0].extent;
+  const double x = state_of(sim).x[3];
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return fabs(x - cos(10 * h) - sin(10 * h));
+}
+
+static void a_first_step_is_of_order_2_under_control(void **state) {
+  (void)state;
+  double long_estimate, short_estimate;
+  const double fixed = first_step(4e-3, 0, NULL), half = first_step(2e-3, 0, NULL);
+  assert_close(fixed / half, 4, 0.2); /* an error of h^2: implicit Euler */
+  const double long_error = first_step(4e-3, 1e3, &long_estimate);
+  const double short_error = first_step(2e-3, 1e3, &short_estimate);
+  print_message("  %.3g, %.3g, estimated %.3g, %.3g\n", long_error, short_error, long_estimate,
+                short_estimate);
+  assert_close(long_error / short_error, 8, 0.5);
+  assert_close(long_estimate / short_estimate, 8, 0.5);
+  assert_true(long_estimate > long_error && long_estimate < 2 * long_error);
+}
+
+/* A cloth, two corners held or free, falls on a sloping floor. tr-bdf2 makes each step of two, and
+ * errs as much as bdf2 with steps shorter by sqrt(0.333/0.0101) = 5.7: each impact by itself must
+ * cost no more. */
+static int64_t steps_of(const char *method, double tol, int32_t side, double k, int is_held) {
+  const int32_t corners[2] = {0, side - 1};
+  const double gravity[3] = {0, 0, -9.81};
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = side,
+                            .columns = side,
+                            .origin = {0, 0, is_held ? 0.35 : 0.05},
+                            .row = {0, 1, 0},
+                            .column = {1, 0, 0},
+                            .mass = 0.3,
+                            .k_structural = k,
+                            .k_shear = k / 4,
+                            .k_bend = k / 100,
+                            .damping = 0.01,
+                            .npinned = is_held ? 2 : 0,
+                            .pinned = corners};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_cloth(scene, &cloth, err));
+  assert_ok(msim_scene_set_gravity(scene, gravity, err));
+  plane(scene, 0.1, 0, 1, 0, 0.4, 0.3);
+  const msim_options opt = controlled(method, tol, 0.3);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_true(stats_of(sim).contacts > 0);
+  const int64_t steps = stats_of(sim).steps;
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return steps;
+}
+
+static void impacts_leave_steps_long(void **state) {
+  (void)state;
+  const struct {
+    double tol, k;
+    int32_t side;
+    int is_held;
+  } runs[] = {{1e-3, 2000, 14, 1}, {1e-2, 500, 6, 1}, {1e-2, 300, 8, 0}, {1e-3, 800, 4, 1}};
+  for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
+    const double bdf2 = (double)steps_of("bdf2", runs[i].tol, runs[i].side, runs[i].k,
+                                         runs[i].is_held),
+                 tr_bdf2 = (double)steps_of("tr-bdf2", runs[i].tol, runs[i].side, runs[i].k,
+                                            runs[i].is_held);
+    print_message("  bdf2 %.0f steps, tr-bdf2 %.0f\n", bdf2, tr_bdf2);
+    assert_true(bdf2 < 5 * tr_bdf2);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_first_step_is_of_order_2_under_control),
+                                     cmocka_unit_test(impacts_leave_steps_long)};
+  return cmocka_run_group_tests_name("restart", tests, NULL, NULL);
+}
