@@ -52,10 +52,12 @@ static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msi
   double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     if (i > 0) go_on(s, &start);
+    if (i > 0) s->location = 0; /* what a whole step does not take for an impact is none */
     status = make_step(sim, s, err);
     if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
   }
   s->impact = impact;
+  s->location = start.location;
   go_back(s, &start);
   return status;
 }
