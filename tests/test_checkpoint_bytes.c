@@ -67,7 +67,7 @@ static void other_options_are_named(void **state) {
                  "solver.max_iterations is 2000 here and 50 in the checkpoint"},
                 {"jacobian", "clamp", "jacobian is exact here and clamp in the checkpoint"},
                 {"indefinite", "stop", "indefinite is clamp here and stop in the checkpoint"},
-                {"newton.retries", "2", "newton.retries is 0 here and 2 in the checkpoint"},
+                {"newton.retries", "2", "newton.retries is not given here and 2 in the checkpoint"},
                 {"tol", "0.001", "tol is not given here and 0.001 in the checkpoint"},
                 {"collision", "event", "collision is reflect here and event in the checkpoint"},
                 {"skip.at_rest", "off", "skip.at_rest is on here and off in the checkpoint"}};

@@ -268,6 +268,26 @@ static void fixed_steps_are_made_in_parts(void **state) {
   }
 }
 
+/* Six halvings by default, and those only where a step solves a nonlinear equation. */
+static void nonlinear_steps_are_retried_by_default(void **state) {
+  (void)state;
+  const double h = 4e-3;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0);
+  for (int32_t m = 0; method_at(m); m++) {
+    const msim_options opt = options(method_at(m), h);
+    msim_sim *sim = make_sim(scene, &opt);
+    const int nonlinear = sim->integrator->nonlinear;
+    const ms_integrator spy = spy_on(sim, 1.01 * h / 64, 0);
+    sim->integrator = &spy;
+    assert_int_equal(msim_sim_step(sim, 1, NULL), nonlinear ? MSIM_OK : MSIM_NOT_CONVERGED);
+    assert_int_equal(stats_of(sim).rejected_steps, nonlinear ? 6 : 0);
+    spied.longest = 0.99 * h / 64;
+    assert_int_equal(msim_sim_step(sim, 1, NULL), MSIM_NOT_CONVERGED);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
 /* Steps whole and in parts by turns: coefficients follow the ratio of steps. */
 static double bdf2_by_turns(const msim_scene *scene, int steps, const double *x) {
   msim_options opt = options("bdf2", 0.2 / steps);
@@ -482,6 +502,7 @@ int main(void) {
                                      cmocka_unit_test(no_step_is_short_enough),
                                      cmocka_unit_test(steps_that_fail_are_shortened),
                                      cmocka_unit_test(fixed_steps_are_made_in_parts),
+                                     cmocka_unit_test(nonlinear_steps_are_retried_by_default),
                                      cmocka_unit_test(bdf2_keeps_its_order),
                                      cmocka_unit_test(bdf2_grows_with_care),
                                      cmocka_unit_test(rkc_takes_as_many_stages_as_its_steps_need),

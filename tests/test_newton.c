@@ -60,7 +60,7 @@ static void what_does_not_converge_is_said(void **state) {
   msim_scene *scene = hanging_cloth(SIDE, 1e4, 0);
   for (int m = 0; m < NMETHODS; m++) {
     msim_options opt = options(methods[m], 0.05);
-    opt.newton_max_iterations = 1;
+    opt.newton_max_iterations = 1, opt.newton_retries = 0;
     msim_sim *sim = make_sim(scene, &opt);
     double x[3 * N], v[3 * N];
     memcpy(x, state_of(sim).x, sizeof x), memcpy(v, state_of(sim).v, sizeof v);
@@ -106,6 +106,26 @@ static void a_crumpled_start_is_solved(void **state) {
     msim_sim_destroy(sim);
   }
   msim_scene_destroy(scene);
+}
+
+/* A cloth falls from the horizontal and buckles: every step is made whole, in few iterations. */
+static void cloth_that_buckles_is_solved(void **state) {
+  (void)state;
+  static const struct {
+    double k, rtol;
+    int64_t most; /* iterations of Newton's method in 60 steps */
+  } cases[] = {{1e3, 1e-2, 300}, {1e3, 1e-4, 550}, {1e3, 1e-8, 750}, {1e5, 1e-4, 1300}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    msim_scene *scene = hanging_cloth(32, cases[i].k, 0);
+    msim_options opt = options("implicit-euler", 1. / 60);
+    opt.solver = "pcg", opt.newton_rtol = cases[i].rtol;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 60, err));
+    assert_int_equal(stats_of(sim).rejected_steps, 0);
+    assert_in_range(stats_of(sim).newton_iterations, 60, cases[i].most);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
 }
 
 /* Two masses on a spring that turns: the midpoint rule keeps its angular momentum, implicit Euler
@@ -244,6 +264,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(steps_are_solved_as_well_as_asked),
                                      cmocka_unit_test(what_does_not_converge_is_said),
                                      cmocka_unit_test(a_crumpled_start_is_solved),
+                                     cmocka_unit_test(cloth_that_buckles_is_solved),
                                      cmocka_unit_test(the_midpoint_rule_keeps_angular_momentum),
                                      cmocka_unit_test(speed_does_not_matter),
                                      cmocka_unit_test(newmark_is_the_trapezoidal_rule),

@@ -64,7 +64,7 @@ typedef struct msim_options {
   int32_t jacobian;              /* MSIM_JACOBIAN_... [EXACT] */
   int32_t indefinite;            /* MSIM_INDEFINITE_... [CLAMP] */
   double newton_rtol;            /* of the error of v over its change in the step [1e-8] */
-  int32_t newton_max_iterations; /* [100] */
+  int32_t newton_max_iterations; /* of a step, or of each of its parts [1000] */
   int32_t collision;             /* MSIM_COLLISION_... [REFLECT] */
   double tol; /* error control; 0 [default]: fixed steps of h; auto, dop853 without `steps`: 1e-6 */
   int32_t threads;         /* at most so many; 0 [default]: by size. Bits do not depend on it */
@@ -82,7 +82,8 @@ typedef struct msim_options {
    * NULL at the end; tables that live as long as the sims. Nullable. */
   const msim_backend *const *backends;
   /* A fixed step that does not converge or is not finite is made in 2, 4, ... parts: times that
-   * they are halved. Output times stay [0] */
+   * they are halved. Output times stay; stats.rejected_steps counts the attempts. -1 [default]: 6
+   * with nonlinear methods, else 0 */
   int32_t newton_retries;
   int32_t watch; /* MSIM_WATCH_... [ON] */
   int32_t sync;  /* MSIM_SYNC_... [OFF] */

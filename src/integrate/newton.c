@@ -5,9 +5,10 @@
 #include <string.h>
 
 #include "linear/jacobi.h"
+#include "physics/excess.h"
 
 /* The residual in units of velocity: rho = M^-1 R, b = R. Norms are those of M; the radius and the
- * length of d are in the solver's own, that of its preconditioner or of its matrix. */
+ * length of d, where the solver only solves, are in that of its matrix. */
 typedef struct newton {
   ms_stepper *s;
   const ms_stage *stage;
@@ -18,8 +19,8 @@ typedef struct newton {
   double eta;                  /* what the last solve left of its right side */
   double radius;               /* d is not longer */
   double length, promise;      /* of d: what the model says that it takes off the energy */
-  int is_cut;                  /* d is shorter than the model wants it ... */
-  int is_curved;               /* ... as it curves downward */
+  int is_cut;                  /* d was cut at the radius */
+  int is_lost;                 /* d of the matrix with all its parts did not reduce the residual */
   int is_whole;                /* d is that of the matrix with all its parts */
   int is_damped;               /* strongly: that may matter */
   int wants_whole;             /* the next one should be */
@@ -96,7 +97,7 @@ static msim_status solve_whole(newton *n, ms_request *request, msim_error *err) 
   return status;
 }
 
-/* d downhill, of no more than the radius, to the residual eta where it gets so far. */
+/* d downhill, to the residual eta */
 static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_solver *solver = n->s->solver;
   ms_request request = {
@@ -112,18 +113,50 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
     n->failures++;
   }
   if (!descends) return solve_within(n, &request, err);
-  ms_descent descent = {.rtol = n->eta, .radius = n->radius};
-  msim_status status = ms_solver_descend(solver, &request, n->b, &descent, n->d, err);
-  n->length = descent.length, n->promise = descent.promise, n->is_cut = descent.is_cut;
-  n->is_curved = descent.is_curved;
-  return status;
+  return ms_solver_descend(solver, &request, n->b, n->d, err);
+}
+
+/* The radius follows the ratio of the reduction of the energy to the predicted one. */
+static void set_radius(newton *n, double lambda, double reduced) {
+  if (ms_solver_descends(n->s->solver)) return;
+  const double ratio = reduced / n->promise;
+  if (lambda < 1) n->radius = lambda * n->length;
+  else if (ratio < 0.25) n->radius = 0.5 * n->length;
+  else if (ratio > 0.75 && n->is_cut) n->radius = fmax(n->radius, 2 * n->length);
+}
+
+/* E(v) - E(v + lambda d), E = |v - w|_M^2/2 + U(x0 + ah v), the incremental potential, whose
+ * gradient is -R. slope: R.d; square: d.d, by mass and drag. */
+static double reduction(const newton *n, double lambda, double slope, double square) {
+  const ms_stage *g = n->stage;
+  return lambda * (slope - lambda * square / 2) -
+         ms_excess(n->s->model, g->x, g->ah, n->d, lambda, n->s->scratch);
+}
+
+/* v += lambda d, the first of 1, ... that reduces E enough (Armijo 1966), each from the minimum of
+ * a parabola; whole: 1, unconditionally. Returns lambda. */
+static double search_energy(newton *n, int whole) {
+  enum { MOST = 30 };
+  const ms_model *m = n->s->model;
+  const double slope = ms_dot(n->shape, n->b, n->d), size = norm(n, n->d);
+  const double drag = m->passes & MSIM_SKIP_DRAG ? n->stage->ah * m->scene->drag : 0;
+  const double square = size * size + drag * ms_dot(n->shape, n->d, n->d);
+  double lambda = 1, reduced = reduction(n, 1, slope, square);
+  for (int i = 0; !(reduced >= 1e-4 * lambda * slope) && i < MOST && !whole; i++) {
+    const double least = lambda * slope / (2 * (lambda * slope - reduced));
+    lambda *= least > 0.1 ? fmin(least, 0.5) : 0.1;
+    reduced = reduction(n, lambda, slope, square);
+  }
+  ms_axpy(n->shape, lambda, n->d, n->stage->v);
+  evaluate(n);
+  set_radius(n, lambda, reduced);
+  return lambda;
 }
 
 /* v += lambda d, the first of 1, ... that does not lead far beyond the place where d would lead
- * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). whole: 1, whatever comes. Returns
- * lambda; the radius follows what d has kept of its promise, seen from the slopes at both ends, as
- * energies drown in rounding near the end (Nocedal and Yuan 1998). */
-static double search(newton *n, int whole) {
+ * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). whole: 1, unconditionally. Returns
+ * lambda. Where dashpots or contacts leave R without a potential. */
+static double search_slope(newton *n, int whole) {
   enum { MOST = 30 };
   const double start = ms_dot(n->shape, n->b, n->d);
   double lambda = 1;
@@ -131,11 +164,9 @@ static double search(newton *n, int whole) {
   for (int i = 0;; i++) {
     ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
     evaluate(n);
-    const double slope = ms_dot(n->shape, n->b, n->d), kept = (start + slope) / 2 / n->promise;
+    const double slope = ms_dot(n->shape, n->b, n->d);
     if (slope >= -0.5 * start || i == MOST || whole) {
-      if (lambda < 1) n->radius = lambda * n->length;
-      else if (kept < 0.25) n->radius = 0.5 * n->length;
-      else if (kept > 0.75 && n->is_cut) n->radius = fmax(n->radius, 2 * n->length);
+      set_radius(n, lambda, (start + slope) / 2);
       return lambda;
     }
     const double zero = start / (start - slope); /* of the straight line; NaN far outside */
@@ -162,8 +193,8 @@ static double search_residual(newton *n, int whole) {
     ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
     evaluate(n);
     const double level = residual_level(n), end = level * level;
-    n->is_curved = !(end <= (1 - 1e-4 * lambda) * start);
-    if (!n->is_curved || i == MOST || whole) return lambda;
+    n->is_lost = !(end <= (1 - 1e-4 * lambda) * start);
+    if (!n->is_lost || i == MOST || whole) return lambda;
     const double least = lambda * start / (end - start + 2 * lambda * start);
     lambda *= least > 0.1 ? fmin(least, 0.5) : 0.1;
   }
@@ -174,8 +205,8 @@ static double search_residual(newton *n, int whole) {
 static int should_be_whole(newton *n, double before, double lambda) {
   enum { MOST_FAILURES = 3 };
   const double MUCH = 0.3;
-  if (n->is_whole) n->failures += n->is_curved;
-  if (n->is_whole) return !n->is_curved;
+  if (n->is_whole) n->failures += n->is_lost;
+  if (n->is_whole) return !n->is_lost;
   return n->is_damped && n->failures < MOST_FAILURES && !n->is_cut && lambda == 1 &&
          n->residual > MUCH * before;
 }
@@ -205,17 +236,20 @@ static int is_converged(const newton *n) {
 }
 
 /* The clamped matrix leads far, the exact one to the end: near the solution it makes the method
- * quadratic, and is often positive definite. Steps downhill take it later than solves, which can
- * fall back, and the first such step is not much longer than the last of the clamped ones. Where it
- * met negative curvature the clamped matrix makes the next one. */
+ * quadratic, and is often positive definite. Conjugate gradients take it later than solves: clamped
+ * iterations take few of theirs, and correct in the plane of a cloth what an exact one has moved
+ * out of it. */
 static int must_clamp(newton *n, double first) {
-  const int descends = ms_solver_descends(n->s->solver), curved = n->is_curved;
-  const double dropped = descends ? 1e-3 : 0.1;
-  n->is_curved = 0;
-  if (n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n->residual > dropped * first || curved)
-    return 1;
-  if (descends && isinf(n->radius) && n->length > 0) n->radius = 2 * n->length;
-  return 0;
+  const double dropped = ms_solver_descends(n->s->solver) ? 1e-3 : 0.1;
+  const int is_lost = n->is_lost;
+  n->is_lost = 0;
+  return n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n->residual > dropped * first || is_lost;
+}
+
+static double search(newton *n, int whole) {
+  const int has_potential = !(n->s->model->passes & MSIM_SKIP_DAMPING) && !ms_rests(n->s);
+  if (n->is_whole) return search_residual(n, whole);
+  return has_potential ? search_energy(n, whole) : search_slope(n, whole);
 }
 
 static msim_status give_up(newton *n, msim_error *err) {
@@ -287,7 +321,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
     n.correction = norm(&n, n.d);
     s->stats->newton_iterations++;
     const int is_little = n.correction <= rounding_level(&n), last = is_little && !n.is_cut;
-    const double lambda = n.is_whole ? search_residual(&n, last) : search(&n, last);
+    const double lambda = search(&n, last);
     n.moved = lambda * n.correction;
     n.wants_whole = should_be_whole(&n, before, lambda);
     if (lambda < 1 || n.is_cut) n.correction = 0;

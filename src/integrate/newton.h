@@ -4,12 +4,19 @@
  * by v += d,  (M - ah D - ah^2 J) d = R.  The residual is exact always; the matrix leaves out what
  * the direction of dashpots adds to J, which has no symmetry, and is the clamped one until the
  * residual has dropped (Teran et al. 2005), so that far from the solution each d leads downhill.
- * Then it is the exact one, in a trust region: by truncated conjugate gradients (Steihaug 1983;
- * Toint 1981) where the solver has them, else by solves, clamped where that matrix is indefinite.
- * The whole matrix, with the turning of dampers (physics/turning.h), takes over where a full step
- * leaves a third of the residual or more, and from the start where dampers are strong; then d is
- * followed as far as the residual drops. Each d is solved for as well as the residual has
- * dropped (Eisenstat and Walker 1996). */
+ * Then it is the exact one: by conjugate gradients that leave out compressed springs where they
+ * make it indefinite (linear/compression.h), else by solves in a trust region, clamped where that
+ * matrix is indefinite. Each d is shortened until it reduces the incremental potential
+ *   E(v) = |v - w|_M^2/2 + U(x0 + ah v),
+ * which is measured spring by spring (physics/excess.h), or, where damping or contacts leave no
+ * potential, until its slope at the end is no steep ascent (Matthies and Strang 1979). The whole
+ * matrix, with the turning of dampers (physics/turning.h), takes over where a full step leaves a
+ * third of the residual or more, and from the start where dampers are strong; then d is followed as
+ * far as the residual drops. Each d is solved for as well as the residual has dropped (Eisenstat
+ * and Walker 1996).
+ *
+ * Cloth that buckles has many solutions v, the minima of E, of nearly the same energy. Which one is
+ * found depends on rounding and tolerances; newton.rtol is the error with respect to that one. */
 #ifndef MS_NEWTON_H
 #define MS_NEWTON_H
 

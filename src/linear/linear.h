@@ -24,16 +24,10 @@ typedef struct ms_target {
   int32_t max_iterations;
 } ms_target;
 
-/* A step that shall make y.A y/2 - b.y small, and may end early: A need not be positive definite.
- * Lengths are sqrt(y.P y), P the preconditioner, which is. */
+/* A step d with b.d > 0: A need not be positive definite. */
 typedef struct ms_descent {
-  double rtol;            /* of the residual, sqrt(r.P^-1 r): enough */
+  double rtol;            /* of the residual, sqrt(r.P^-1 r), P the preconditioner: enough */
   int32_t max_iterations; /* enough, too */
-  double radius;          /* y is no longer; may be INFINITY */
-  double length;          /* out: of y */
-  double promise;         /* out: b.y - y.A y/2 > 0 */
-  int is_cut;             /* out: y was cut short, by the radius or by negative curvature */
-  int is_curved;          /* out: by the latter */
 } ms_descent;
 
 typedef struct ms_linear ms_linear;
@@ -47,9 +41,11 @@ typedef struct ms_linear_ops {
   /* A y = b; y: first guess in, solution out. */
   msim_status (*solve)(ms_linear *self, const ms_target *target, const double *b, double *y,
                        int64_t *iterations, msim_error *err);
-  /* Conjugate gradients from y = 0 as far as d says, after factor() for symmetric systems.
-   * Nullable: only solves. */
-  void (*descend)(ms_linear *self, ms_descent *d, const double *b, double *y, int64_t *iterations);
+  /* Conjugate gradients from y = 0 as far as d says, after factor() for symmetric systems. Where A
+   * is not positive definite, parts of it are left out (compression.h), which the next calls take
+   * in again. Nullable: only solves. */
+  void (*descend)(ms_linear *self, const ms_descent *d, const double *b, double *y,
+                  int64_t *iterations);
   /* z = P r, P as in descend(). Nullable: there is no P but solve(). */
   void (*precondition)(ms_linear *self, const double *r, double *z);
   /* Forget what earlier systems left. Nullable. */

@@ -199,57 +199,41 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   return status;
 }
 
-/* ||y + t p||^2 in the norm of the preconditioner, a parabola of t; its numbers by recurrence */
-typedef struct lengths {
-  double yy, yp, pp;
-} lengths;
-
-static double length2(const lengths *l, double t) { return l->yy + t * (2 * l->yp + t * l->pp); }
-
-/* The t > 0 with ||y + t p|| = radius >= ||y||. */
-static double to_border(const lengths *l, double radius) {
-  const double room = radius * radius - l->yy;
-  return room / (l->yp + sqrt(l->yp * l->yp + l->pp * fmax(0, room)));
-}
-
-/* Truncated conjugate gradients (Steihaug 1983; Toint 1981): y grows in length from iteration to
- * iteration. Where the radius is infinite, negative curvature ends it at the last good y, or, if
- * that is 0, at the preconditioned right side. */
-static void descend(ms_linear *base, ms_descent *d, const double *b, double *y,
-                    int64_t *iterations) {
-  ms_pcg *s = (ms_pcg *)base;
-  const ms_shape shape = base->system->model->shape;
+/* Conjugate gradients from y = 0 until sqrt(r.P^-1 r) is rtol times what it was. 0: the direction p
+ * has negative curvature, and y is what came before, or, where there was nothing, p. */
+static int descend_once(ms_pcg *s, const ms_descent *d, const double *b, double *y,
+                        int64_t *iterations) {
+  const ms_shape shape = s->base.system->model->shape;
   const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
-  const double unit = sqrt(s->jacobi.scale), radius = d->radius / unit;
-  lengths l = {0};
-  double alpha = 0, rho = 0, goal = -1, promise = 0;
-  s->y = y;
+  double alpha = 0, rho = 0, goal = -1, curvature = 1;
   double *vectors[] = {s->r, s->q, s->p, y};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) memset(vectors[i], 0, bytes);
   ms_axpy(shape, 1 / s->jacobi.scale, b, s->r);
-  d->is_cut = d->is_curved = 0;
-  for (int32_t i = 0;; i++, ++*iterations) {
+  for (int32_t i = 0; curvature > 0; i++, ++*iterations) {
     double rho_new = reduce(s, alpha);
     if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);
     if (i == 0) goal = d->rtol * d->rtol * rho_new;
     if (rho_new <= goal || i >= d->max_iterations) break;
-    const double beta = rho > 0 ? rho_new / rho : 0;
-    advance(s, alpha, beta);
-    l.yy = length2(&l, alpha);
-    l.yp = beta * (l.yp + alpha * l.pp);
-    l.pp = rho_new + beta * beta * l.pp;
+    advance(s, alpha, rho > 0 ? rho_new / rho : 0);
     rho = rho_new;
-    const double curvature = apply(s);
-    alpha = rho / curvature;
-    d->is_curved = !(curvature > 0);
-    d->is_cut = d->is_curved || length2(&l, alpha) >= radius * radius;
-    if (d->is_cut) alpha = isfinite(radius) ? to_border(&l, radius) : i == 0;
-    promise += alpha * (rho - 0.5 * alpha * curvature);
-    if (d->is_cut) break;
+    curvature = apply(s);
+    alpha = curvature > 0 ? rho / curvature : i == 0;
   }
   ms_axpy(shape, alpha, s->p, y);
-  d->length = unit * sqrt(length2(&l, alpha));
-  d->promise = s->jacobi.scale * promise;
+  return curvature > 0;
+}
+
+/* Where A is not positive definite: leave out more of the compression that makes it so, and again,
+ * from 0, so that y leads downhill. */
+static void descend(ms_linear *base, const ms_descent *d, const double *b, double *y,
+                    int64_t *iterations) {
+  enum { MOST = 16 };
+  ms_pcg *s = (ms_pcg *)base;
+  s->y = y;
+  if (base->system->clamped) ms_compression_forget(&s->compression);
+  else ms_compression_apply(&s->compression, s->coefficients);
+  for (int i = 0; !descend_once(s, d, b, y, iterations) && i < MOST; i++)
+    if (!ms_compression_reduce(&s->compression, s->p, s->coefficients)) break;
 }
 
 /* z = P r: a step of the iteration with alpha = beta = 0 */
@@ -276,6 +260,7 @@ static void destroy(ms_linear *base) {
   const msim_allocator *alloc = &base->system->model->scene->alloc;
   ms_coarse_destroy(&s->coarse);
   ms_jacobi_destroy(base->system->model, &s->jacobi);
+  ms_compression_destroy(&s->compression);
   void *arrays[] = {s->coefficients, s->inverse, s->factored, s->inertia, s->r, s->z, s->p, s->q,
                     s->sums};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
@@ -299,8 +284,9 @@ static msim_status allocate(ms_pcg *s, msim_error *err) {
     *vectors[i] = ms_rows_vector(model->scene, &model->rows);
     failed |= !*vectors[i];
   }
-  return failed ? ms_fail_memory(err, "conjugate gradients")
-                : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
+  if (failed) return ms_fail_memory(err, "conjugate gradients");
+  const msim_status status = ms_compression_create(model, &s->compression, err);
+  return status ? status : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
 }
 
 /* In solids the coarse factor grows faster than the mesh. Where it holds more than half as many

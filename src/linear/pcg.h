@@ -16,12 +16,14 @@
 
 #include "base/isa.h"
 #include "linear/coarse.h"
+#include "linear/compression.h"
 #include "linear/jacobi.h"
 #include "linear/linear.h"
 
 typedef struct ms_pcg {
   ms_linear base;
-  float *coefficients; /* 32 halves.nslots: t, wx, wy, wz of 8 halves, slot by slot */
+  float *coefficients;        /* 32 halves.nslots: t, wx, wy, wz of 8 halves, slot by slot */
+  ms_compression compression; /* in descend() */
   ms_jacobi jacobi;
   float *inverse;            /* the same, rounded */
   double *inertia;           /* first_pinned: m + h b; 1 in the padding */

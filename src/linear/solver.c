@@ -476,8 +476,8 @@ int ms_solver_descends(const ms_solver *s) {
   return s->linear->ops->descend != NULL && s->system.a.block > 1;
 }
 
-msim_status ms_solver_descend(ms_solver *s, const ms_request *r, const double *b, ms_descent *d,
-                              double *v, msim_error *err) {
+msim_status ms_solver_descend(ms_solver *s, const ms_request *r, const double *b, double *v,
+                              msim_error *err) {
   const ms_shape shape = s->system.model->shape;
   s->culprit = ms_find_bad(shape, b);
   if (s->culprit >= 0) return MSIM_NOT_FINITE;
@@ -486,8 +486,8 @@ msim_status ms_solver_descend(ms_solver *s, const ms_request *r, const double *b
   if (!status) status = factor(s, s->linear, MSIM_FACTOR_SYMMETRIC, err);
   if (status) return status;
   const double start = ms_clock();
-  d->max_iterations = s->opt->solver_max_iterations;
-  s->linear->ops->descend(s->linear, d, b, v, &s->stats->iterations);
+  const ms_descent d = {r->rtol, s->opt->solver_max_iterations};
+  s->linear->ops->descend(s->linear, &d, b, v, &s->stats->iterations);
   s->stats->solve_s += ms_clock() - start;
   s->culprit = ms_find_bad(shape, v);
   return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;

@@ -91,11 +91,11 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const 
  * chosen, or BiCGStab preconditioned by it. */
 int ms_solver_takes_turning(const ms_solver *solver);
 
-/* d as linear.h has it: truncated conjugate gradients on A(x, h), however indefinite, from 0.
- * Where ms_solver_descends() is 0 the solver can only solve. */
+/* v downhill, b.v > 0, to the residual r->rtol: conjugate gradients on A(x, h) from 0, as
+ * ms_linear_ops.descend. Where ms_solver_descends() is 0 the solver can only solve. */
 int ms_solver_descends(const ms_solver *solver);
 msim_status ms_solver_descend(ms_solver *solver, const ms_request *request, const double *b,
-                              ms_descent *d, double *v, msim_error *err);
+                              double *v, msim_error *err);
 
 /* Forget the kept factor: what follows depends on the state alone. */
 void ms_solver_restart(ms_solver *solver);

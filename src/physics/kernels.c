@@ -165,4 +165,53 @@ static void apply_alike(const ms_model *model, const ms_coefficients *a, double 
   else apply_alike_of(1, model, a, share, x, y, begin, end);
 }
 
-const ms_kernels MS_TABLE(ms_kernels) = {coefficients, apply, apply_alike};
+/*------------------------------------- energy ---------------------------------------------------*/
+
+/* One register of half-edges, e = x_j - x_i and q = lambda h (d_j - d_i): a is the part of q along
+ * e, and l + a + more the length that follows. No two terms cancel where q is small. */
+MS_INLINE ms_lanes half_excess(int dims, const ms_halves *halves, size_t at, ms_vec e, ms_vec q) {
+  const ms_lanes zero = {0}, inverse = inverse_length(dims, e);
+  const ms_lanes l = inverse * ms_dot_vec(dims, e, e), a = inverse * ms_dot_vec(dims, e, q);
+  const ms_lanes across = ms_dot_vec(dims, q, q) - a * a, sum = l + a;
+  const ms_lanes p2 = ms_select(across > zero, across, zero);
+  const ms_lanes next = ms_sqrt(ms_fma(sum, sum, p2));
+  const ms_mask ahead = sum > zero;
+  const ms_lanes more = ms_select(ahead, p2 / ms_select(ahead, next + sum, zero + 1), next - sum);
+  const ms_lanes k = ms_load(halves->k + at), rest = ms_load(halves->rest + at);
+  return k * (0.5 * (a + more) * (a + more) + (l - rest) * more);
+}
+
+MS_INLINE double excess_of(int dims, const ms_model *model, const double *x, double h,
+                           const double *d, double lambda, int32_t begin, int32_t end) {
+  const size_t stride = (size_t)model->rows.stride;
+  const ms_halves *halves = &model->halves;
+  double sums[MS_GROUP] = {0};
+  for (int32_t s = begin; s < end; s++) {
+    const ms_place p = ms_place_of(halves, s, NULL, 0);
+    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+      const ms_vec xi = ms_load_own(dims, p, lane, x, stride);
+      const ms_vec di = ms_load_own(dims, p, lane, d, stride);
+      ms_lanes sum = ms_load(sums + lane);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+        const size_t at = MS_GROUP * (size_t)slot + lane;
+        const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+        ms_vec q = ms_minus(dims, ms_load_neighbours(dims, halves, slot, lane, d, stride), di);
+        for (int c = 0; c < dims; c++) q.c[c] *= lambda * h;
+        double share[MS_LANES];
+        for (size_t i = 0; i < MS_LANES; i++)
+          share[i] = halves->neighbour[at + i] < model->rows.first_pinned ? 0.5 : 1;
+        sum = ms_fma(ms_load(share), half_excess(dims, halves, at, ms_minus(dims, xj, xi), q), sum);
+      }
+      ms_store(sums + lane, sum);
+    }
+  }
+  return ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]));
+}
+
+static double excess(const ms_model *model, const double *x, double h, const double *d,
+                     double lambda, int32_t begin, int32_t end) {
+  return model->rows.dims == 3 ? excess_of(3, model, x, h, d, lambda, begin, end)
+                               : excess_of(2, model, x, h, d, lambda, begin, end);
+}
+
+const ms_kernels MS_TABLE(ms_kernels) = {coefficients, apply, apply_alike, excess};

@@ -18,6 +18,9 @@ typedef struct ms_kernels {
   /* a->block = 1: on vectors of so many components */
   void (*apply_alike)(const ms_model *model, const ms_coefficients *a, double share,
                       int32_t components, const double *x, double *y, int32_t begin, int32_t end);
+  /* ms_excess of the springs of these segments; those between two unknowns are halved */
+  double (*excess)(const ms_model *model, const double *x, double h, const double *d, double lambda,
+                   int32_t begin, int32_t end);
 } ms_kernels;
 
 #endif

@@ -72,21 +72,22 @@ static const option table[] = {
     ABOVE_0("newton.rtol", "1e-8",
             "wanted error of the velocity of a nonlinear step, relative to its change in the step",
             newton_rtol),
-    {{"newton.max_iterations", "whole number >= 1", "100", "limit of Newton's method in a step"},
+    {{"newton.max_iterations", "whole number >= 1", "1000", "limit of Newton's method in a step"},
      INT32,
      AT(newton_max_iterations),
      1,
      0,
      NAN,
      0},
-    {{"newton.retries", "whole number >= 0", "0",
-      "times that the parts of a step are halved where it does not converge or is not finite; "
-      "error control shortens steps anyway"},
+    {{"newton.retries", "whole number >= 0", "",
+      "times that a step that does not converge or is not finite is divided by two; default: 6 "
+      "with "
+      "nonlinear methods, else 0; error control shortens steps anyway"},
      INT32,
      AT(newton_retries),
      0,
      0,
-     NAN,
+     -1,
      0},
     PICK("collision", "reflect | event", "reflect",
          "reflect the state after the step, or locate the impact inside it", collision),
@@ -284,6 +285,7 @@ void msim_options_init(msim_options *opt, size_t size) {
   for (int i = 0; i < NOPTIONS; i++) {
     const option *o = &table[i];
     if (*o->entry.preset) set_option(&full, o, o->entry.preset, NULL);
+    else if (o->type == INT32) *(int32_t *)member_of(&full, o) = (int32_t)o->unset;
     else if (o->type == INT64) *(int64_t *)member_of(&full, o) = (int64_t)o->unset;
     else if (o->type == REAL) *(double *)member_of(&full, o) = o->unset;
   }

@@ -1,7 +1,7 @@
 /* build - models, solvers and vectors of a plan: one of each for every island */
 #include "integrate/constrain.h"
 #include "integrate/split.h"
-#include "sim/sim.h"
+#include "sim/drive.h"
 
 static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
@@ -11,7 +11,7 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
       sim->opt.collision == MSIM_COLLISION_EVENT && m->model.passes & MSIM_SKIP_PLANES;
   const int nwork = events && sim->integrator->entry.implicit ? MS_CONSTRAIN_WORK : 0;
   for (int i = 0; i < sim->integrator->nwork || i < nwork; i++) vectors[count++] = &s->work[i];
-  const int spare = ms_sim_has_control(sim) ? 2 : sim->opt.newton_retries > 0;
+  const int spare = ms_sim_has_control(sim) ? 2 : ms_drive_retries(sim) > 0;
   for (int i = 0; i < spare; i++)
     vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
   for (int i = 0; i < count; i++) {

@@ -67,10 +67,18 @@ static int may_help(msim_status status) {
   return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
 }
 
-/* Whole, or else in 2, 4, ... parts, unless what the method carries belongs to h. */
+/* None where what the method carries belongs to h. */
+int32_t ms_drive_retries(const msim_sim *sim) {
+  enum { USUAL = 6 };
+  if (sim->integrator->show) return 0;
+  if (sim->opt.newton_retries >= 0) return sim->opt.newton_retries;
+  return sim->integrator->nonlinear ? USUAL : 0;
+}
+
+/* Whole, or else in 2, 4, ... parts. */
 static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   enum { MOST = 40 };
-  const int32_t retries = sim->integrator->show ? 0 : sim->opt.newton_retries;
+  const int32_t retries = ms_drive_retries(sim);
   msim_status status = make_steps(sim, s, 1, err);
   for (int i = 1; i <= retries && i <= MOST && may_help(status); i++) {
     s->stats->rejected_steps++;

@@ -10,6 +10,9 @@
 /* Fixed steps or error control, from the options and the method; refuses what cannot be. */
 msim_status ms_drive_choose(msim_sim *sim, msim_error *err);
 
+/* Times that the parts of a step are halved where it cannot be made. */
+int32_t ms_drive_retries(const msim_sim *sim);
+
 /* All islands that are not at rest make a step, or none: where one fails, the state stays. */
 msim_status ms_drive_step(msim_sim *sim, msim_error *err);
 

@@ -16,6 +16,7 @@ msim_options newton_options(double h, double rtol, const char *solver) {
   options.solver = solver;
   options.solver_max_iterations = MOST_ITERATIONS;
   options.newton_rtol = rtol;
+  options.newton_retries = 0;
   options.threads = 1;
   return options;
 }
