@@ -32,9 +32,9 @@ typedef struct ms_stepper {
   ms_bounds bounds;          /* of the island, where the method has stages() */
   double *x_spare[2];        /* where errors are controlled, or steps retried, for the driver */
   double *v_spare[2];
-  int one_part;           /* a step is not cut at impacts, but tells where the first one is */
+  int one_part;           /* a step is not cut at its first impact, but tells where that is */
   double impact;          /* ... the share of the step; beyond 1: nowhere */
-  double location;        /* m: how near a plane an impact may be taken to be */
+  double location;        /* m: ... where its path leads deeper behind planes than this */
   double path_error;      /* m/s: of v, where a particle took a path of its own (locate.h) ... */
   int32_t path_row;       /* ... and which */
   int looked;             /* what is kept for those who look inside the last step; 0: nothing */

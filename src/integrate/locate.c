@@ -22,11 +22,12 @@ typedef struct substeps {
   int ends_known; /* a and a_end are those of the part just made */
 } substeps;
 
-/* The first impact of a part: of which row, with which plane, at which share of the part */
+/* The first impact of a part */
 typedef struct impact {
   double share;
   int32_t row;
   const msim_plane *plane;
+  double depth; /* how far behind planes the paths of all rows may lead */
 } impact;
 
 /*------------------------------------- paths of particles ---------------------------------------*/
@@ -126,19 +127,20 @@ static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const ms
 /* What touches a plane and does not run into it stays off it for that share of the part. */
 #define LEAST 1. / 16
 
-static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double omega) {
+/* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. */
+static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double omega,
+                              double *depth) {
   const ms_stepper *s = j->s;
   double x[3], doubt;
   ms_row_get(&s->model->rows, s->x, row, x);
   const ms_walls walls = ms_walls_of(s);
   const double noise = ms_distance_noise(&walls, x);
   ms_bernstein path = distance_by_ends(j, row, p, omega, &doubt);
-  double least = path.c[0];
-  for (int i = 1; i <= 3; i++) least = fmin(least, path.c[i]);
-  if (least > doubt) return MS_NOWHERE;
+  if (ms_bernstein_least(&path) > doubt) return MS_NOWHERE;
   if (j->method->path) path = distance_by_path(j, row, p);
   else if (s->h * omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
   const double q = ms_bernstein_first_fall(&path, noise);
+  *depth = -ms_bernstein_least(&path);
   return q <= 1 && path.c[0] <= noise ? fmax(q, LEAST) : q;
 }
 
@@ -155,8 +157,12 @@ static impact find_impact(substeps *j) {
     if (c && needs_path(j, c)) continue;
     for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
       if (c && ms_touch_holds(&c->on, p)) continue;
-      const double q = share_of_impact(j, r, p, omega);
-      if (q < first.share) first = (impact){q, r, p};
+      double depth = 0;
+      const double q = share_of_impact(j, r, p, omega, &depth);
+      if (q > 1) continue;
+      depth = fmax(depth, first.depth);
+      if (q < first.share) first = (impact){.share = q, .row = r, .plane = p};
+      first.depth = depth;
     }
   }
   return first;
@@ -243,9 +249,10 @@ static void follow_paths(substeps *j, int all) {
     const ms_contact *c = NULL;
     if (next < e->ncontacts && e->contact[next].row == r) c = &e->contact[next++];
     int follows = c && needs_path(j, c);
+    double depth;
     for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes && all && !follows;
          p++)
-      follows = !(c && ms_touch_holds(&c->on, p)) && share_of_impact(j, r, p, omega) <= 1;
+      follows = !(c && ms_touch_holds(&c->on, p)) && share_of_impact(j, r, p, omega, &depth) <= 1;
     if (!follows) continue;
     follow_path(j, r, c ? c->rebound : 0, c ? c->on.plane[0] : NULL);
     j->ends_known = 1;
@@ -297,8 +304,9 @@ static msim_status make_parts(substeps *j, msim_error *err) {
     const int all = !s->one_part && (!j->may_cut || j->cuts == MS_MAX_CUTS);
     const impact i = all ? (impact){.share = MS_NOWHERE} : find_impact(j);
     if (s->one_part) {
-      s->impact = i.share;
-      follow_paths(j, 0);
+      const int is_shallow = i.depth <= s->location;
+      s->impact = is_shallow ? MS_NOWHERE : i.share;
+      follow_paths(j, i.share <= 1 && is_shallow);
       return MSIM_OK;
     }
     const double change = j->may_cut && j->cuts < MS_FEW_CUTS ? find_first_change(j) : MS_NOWHERE;
@@ -321,7 +329,7 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
   e->stiff = method->entry.implicit ? 2 * s->h : 0;
-  e->merge = fmax(1e-11 * e->reach, s->location);
+  e->merge = 1e-11 * e->reach;
   s->impact = MS_NOWHERE;
   s->path_error = 0;
   j.may_cut = may_cut(&j);

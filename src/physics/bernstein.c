@@ -37,6 +37,12 @@ double ms_bernstein_at(const ms_bernstein *s, double q) {
   return right.c[0];
 }
 
+double ms_bernstein_least(const ms_bernstein *s) {
+  double least = s->c[0];
+  for (int i = 1; i <= s->degree; i++) least = fmin(least, s->c[i]);
+  return least;
+}
+
 static int count_signs(const ms_bernstein *s) {
   int count = 0;
   for (int i = 0; i < s->degree; i++) count += (s->c[i] > 0) != (s->c[i + 1] > 0);
@@ -69,9 +75,7 @@ static double find_root(const ms_bernstein *s) {
 /* In [from, from + width] of the whole, where s is defined over [0, 1] of that part. */
 static double first_fall(const ms_bernstein *s, double noise, double from, double width) {
   const double NARROWEST = 1e-14;
-  double least = INFINITY;
-  for (int i = 0; i <= s->degree; i++) least = fmin(least, s->c[i]);
-  if (least >= -noise) return MS_NOWHERE;
+  if (!(ms_bernstein_least(s) < -noise)) return MS_NOWHERE;
   if (s->c[0] <= 0 || width < NARROWEST) return from;
   if (s->c[s->degree] < 0 && count_signs(s) == 1) return from + width * find_root(s);
   ms_bernstein left, right;

@@ -27,6 +27,9 @@ void ms_bernstein_elevate(ms_bernstein *s);
 
 double ms_bernstein_at(const ms_bernstein *s, double q);
 
+/* The least coefficient: no value in [0, 1] is less. */
+double ms_bernstein_least(const ms_bernstein *s);
+
 /* The first q where s falls below 0 on its way below -noise; MS_NOWHERE: there is none. Where s(0)
  * is not above `noise`, s starts at 0, and its first return there is looked for. */
 #define MS_NOWHERE 2.0

@@ -52,12 +52,10 @@ static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msi
   double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     if (i > 0) go_on(s, &start);
-    if (i > 0) s->location = 0; /* what a whole step does not take for an impact is none */
     status = make_step(sim, s, err);
     if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
   }
   s->impact = impact;
-  s->location = start.location;
   go_back(s, &start);
   return status;
 }
@@ -185,11 +183,11 @@ static double noise_of(const ms_motion *m, double allowed) {
   return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, ms_norm_rounding(&m->norm))) : 0;
 }
 
-/* Impacts are located to a tenth of what a step may add. */
-static void prepare(ms_motion *m, double h, double allowed) {
+/* Steps end at impacts but where paths lead behind planes by no more than a tenth of tol. */
+static void prepare(ms_motion *m, double h, double tol, double allowed) {
   m->stepper.h = h;
   m->stepper.noise = noise_of(m, allowed);
-  m->stepper.location = 0.1 * allowed * ms_norm_extent(&m->norm);
+  m->stepper.location = 0.1 * tol * ms_norm_extent(&m->norm);
   m->stepper.looked = 0;
 }
 
@@ -198,7 +196,8 @@ static void prepare(ms_motion *m, double h, double allowed) {
 static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why) {
   outcome result = {.why = why};
   why->text[0] = 0;
-  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) prepare(m, h, allowed);
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    prepare(m, h, sim->opt.tol, allowed);
   if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
     if (m->at_rest) continue;
