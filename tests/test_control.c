@@ -125,7 +125,7 @@ static void rejected_steps_leave_no_trace(void **state) {
   for (int32_t m = 0; method_at(m); m++) {
     if (!has_control(method_at(m))) continue;
     msim_scene *scene = hanging_cloth(SIDE, 30, 0);
-    plane(scene, 0, 0, 1, -1e-6, 0.5, 0.1);
+    plane(scene, 0.1, 0, 1, -1e-6, 0.5, 0.1);
     msim_options opt = controlled(method_at(m), 1e-3, 10);
     msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
     for (int i = 0; i < 60; i++) {

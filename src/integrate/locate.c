@@ -41,29 +41,6 @@ static double uncertainty(const ms_path *p) {
   return size > 0 ? ms_norm3(dv) * ms_norm3(da) / size : 0;
 }
 
-/* Its acceleration is linear in time; x ends where that leads: h^2/2 (2 a0 + a1)/3. */
-static void follow_path(substeps *j, int32_t row, double rebound, const msim_plane *plane) {
-  ms_stepper *s = j->s;
-  const ms_rows *rows = &s->model->rows;
-  ms_path p = {.walls = ms_walls_of(s), .h = s->h};
-  ms_row_get(rows, s->x, row, p.x);
-  ms_row_get(rows, s->v, row, p.v);
-  ms_row_get(rows, j->e->a, row, p.b0);
-  ms_row_get(rows, j->e->a_end, row, p.b1);
-  for (int c = 0; c < 3; c++) p.a[c] = (2 * p.b0[c] + p.b1[c]) / 3;
-  if (rebound > 0) ms_axpy3(rebound, plane->normal, p.v);
-  memcpy(p.w, p.v, sizeof p.w);
-  ms_path_follow(&p);
-  const double doubt = uncertainty(&p);
-  if (!(doubt <= s->path_error)) s->path_error = doubt, s->path_row = row;
-  ms_row_put(rows, p.x, row, s->x_next);
-  ms_row_put(rows, p.w, row, s->v_next);
-  s->stats->contacts += p.impacts;
-  s->warm_next = 0;
-  s->finite = 0;
-  j->ends_known = 0;
-}
-
 /* Its end of the part is that of its own path: bounces are summed, something changes, or the method
  * knows no forces of velocities, as friction is one. */
 static int needs_path(const substeps *j, const ms_contact *c) {
@@ -144,26 +121,31 @@ static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, dou
   return q <= 1 && path.c[0] <= noise ? fmax(q, LEAST) : q;
 }
 
+/* Of one row, where it is earlier than *first */
+static void find_impact_of(substeps *j, int32_t row, const ms_contact *c, double omega,
+                           impact *first) {
+  const ms_scene *scene = j->s->model->scene;
+  for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
+    double depth = 0;
+    if (c && ms_touch_holds(&c->on, p)) continue;
+    const double share = share_of_impact(j, row, p, omega, &depth);
+    if (share > 1) continue;
+    depth = fmax(depth, first->depth);
+    if (share < first->share) *first = (impact){.share = share, .row = row, .plane = p};
+    first->depth = depth;
+  }
+}
+
 /* Of all rows but those that follow paths of their own */
 static impact find_impact(substeps *j) {
   const ms_events *e = j->e;
-  const ms_scene *scene = j->s->model->scene;
   const double omega = ms_bounds_of(j->s->model).omega;
   impact first = {.share = MS_NOWHERE};
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     const ms_contact *c = NULL;
     if (next < e->ncontacts && e->contact[next].row == r) c = &e->contact[next++];
-    if (c && needs_path(j, c)) continue;
-    for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
-      if (c && ms_touch_holds(&c->on, p)) continue;
-      double depth = 0;
-      const double q = share_of_impact(j, r, p, omega, &depth);
-      if (q > 1) continue;
-      depth = fmax(depth, first.depth);
-      if (q < first.share) first = (impact){.share = q, .row = r, .plane = p};
-      first.depth = depth;
-    }
+    if (!c || !needs_path(j, c)) find_impact_of(j, r, c, omega, &first);
   }
   return first;
 }
@@ -236,11 +218,65 @@ static void go_on(substeps *j) {
   if (j->ends_known) ms_contacts_know(j->e);
 }
 
+/* x and v of a row after a share of the part: of the dense output, or of Hermite's cubics. */
+static void state_at(const substeps *j, int32_t row, double share, double x[3], double v[3]) {
+  ms_stepper *s = j->s;
+  const ms_rows *rows = &s->model->rows;
+  double x1[3], v1[3], a0[3], a1[3];
+  ms_row_get(rows, s->x, row, x);
+  ms_row_get(rows, s->v, row, v);
+  ms_row_get(rows, s->x_next, row, x1);
+  ms_row_get(rows, s->v_next, row, v1);
+  ms_row_get(rows, j->e->a, row, a0);
+  ms_row_get(rows, j->e->a_end, row, a1);
+  for (int c = 0; c < rows->dims; c++) {
+    const int k = rows->axis[c];
+    ms_bernstein of_x = ms_bernstein_cubic(x[k], s->h * v[k], x1[k], s->h * v1[k]);
+    const ms_bernstein of_v = ms_bernstein_cubic(v[k], s->h * a0[k], v1[k], s->h * a1[k]);
+    v[k] = ms_bernstein_at(&of_v, share);
+    if (j->method->path) {
+      j->method->path(s, (size_t)c * (size_t)rows->stride + (size_t)row, &of_x);
+      v[k] = ms_bernstein_slope(&of_x, share) / s->h;
+    }
+    x[k] = ms_bernstein_at(&of_x, share);
+  }
+}
+
+/* From a share of the part on. Its acceleration is linear in time, t of the whole length; x ends
+ * where that leads: t^2/2 (2 b0 + b1)/3. */
+static void follow_path(substeps *j, int32_t row, double from, const ms_contact *contact) {
+  ms_stepper *s = j->s;
+  const ms_rows *rows = &s->model->rows;
+  ms_path p = {.walls = ms_walls_of(s), .h = (1 - from) * s->h};
+  if (!(p.h > 0)) return;
+  ms_row_get(rows, j->e->a, row, p.b0);
+  ms_row_get(rows, j->e->a_end, row, p.b1);
+  if (from > 0) {
+    state_at(j, row, from, p.x, p.v);
+  } else {
+    ms_row_get(rows, s->x, row, p.x);
+    ms_row_get(rows, s->v, row, p.v);
+  }
+  for (int c = 0; c < 3; c++) {
+    p.b0[c] += from * (p.b1[c] - p.b0[c]);
+    p.a[c] = (2 * p.b0[c] + p.b1[c]) / 3;
+  }
+  if (contact && contact->bounces) ms_axpy3(contact->rebound, contact->on.plane[0]->normal, p.v);
+  memcpy(p.w, p.v, sizeof p.w);
+  ms_path_follow(&p);
+  const double doubt = uncertainty(&p);
+  if (!(doubt <= s->path_error)) s->path_error = doubt, s->path_row = row;
+  ms_row_put(rows, p.x, row, s->x_next);
+  ms_row_put(rows, p.w, row, s->v_next);
+  s->stats->contacts += p.impacts;
+  s->warm_next = 0;
+  s->finite = 0;
+}
+
 /* Contacts to which something happens, and, where the step may not be cut any more, what meets
  * planes. */
 static void follow_paths(substeps *j, int all) {
-  ms_events *e = j->e;
-  const ms_scene *scene = j->s->model->scene;
+  const ms_events *e = j->e;
   const double omega = ms_bounds_of(j->s->model).omega;
   if (all) know_ends(j);
   int changed = 0;
@@ -248,14 +284,14 @@ static void follow_paths(substeps *j, int all) {
   for (int32_t r = 0; r < j->s->model->rows.nfree && (all || next < e->ncontacts); r++) {
     const ms_contact *c = NULL;
     if (next < e->ncontacts && e->contact[next].row == r) c = &e->contact[next++];
-    int follows = c && needs_path(j, c);
-    double depth;
-    for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes && all && !follows;
-         p++)
-      follows = !(c && ms_touch_holds(&c->on, p)) && share_of_impact(j, r, p, omega, &depth) <= 1;
-    if (!follows) continue;
-    follow_path(j, r, c ? c->rebound : 0, c ? c->on.plane[0] : NULL);
-    j->ends_known = 1;
+    double from = c && needs_path(j, c) ? 0 : MS_NOWHERE;
+    if (all && from > 1) {
+      impact first = {.share = MS_NOWHERE};
+      find_impact_of(j, r, c, omega, &first);
+      if (first.share <= 1) from = c || j->method->entry.order == 1 ? 0 : first.share;
+    }
+    if (from > 1) continue;
+    follow_path(j, r, from, c);
     changed = 1;
   }
   if (changed) j->ends_known = 0;

@@ -126,7 +126,7 @@ static msim_status make_factors(ms_solver *s, int32_t age, const ms_origin *cons
 msim_status ms_solver_history(ms_bytes *b, ms_solver *s, msim_error *err) {
   decisions d = decisions_of(s);
   int32_t age = coarse_age(s);
-  ms_origin constant = {.h = s->made_for, .clamped = s->system.clamped};
+  ms_origin constant = {.h = s->made_for, .clamped = s->made_for > 0 && s->system.clamped};
   pass_decisions(b, &d);
   msim_status status = b->direction == MS_TAKE ? decide(s, &d, err) : MSIM_OK;
   if (status) return status;

@@ -87,8 +87,10 @@ static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *er
 
 /* A whole step, kept aside, and two halves. Impacts are where the halves have them. */
 static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  const int64_t contacts = s->stats->contacts;
   msim_status status = make_steps(sim, s, 1, err);
   if (status) return status;
+  s->stats->contacts = contacts;
   if (s->events) ms_contacts_keep_begin(s->events, s->model->shape);
   const int moved = s->events && s->events->moved;
   ms_swap(&s->x_next, &s->x_spare[1]);
@@ -183,11 +185,13 @@ static double noise_of(const ms_motion *m, double allowed) {
   return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, ms_norm_rounding(&m->norm))) : 0;
 }
 
-/* Steps end at impacts but where paths lead behind planes by no more than a tenth of tol. */
-static void prepare(ms_motion *m, double h, double tol, double allowed) {
+/* Steps end at impacts but where paths lead behind planes by no more than a tenth of tol. With an
+ * error estimate of its own, of order 2, a method is not worth such doubts. */
+static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed) {
+  const int doubts = !sim->integrator->estimate || sim->integrator->two_estimates;
   m->stepper.h = h;
   m->stepper.noise = noise_of(m, allowed);
-  m->stepper.location = 0.1 * tol * ms_norm_extent(&m->norm);
+  m->stepper.location = doubts * 0.1 * sim->opt.tol * ms_norm_extent(&m->norm);
   m->stepper.looked = 0;
 }
 
@@ -197,7 +201,7 @@ static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why
   outcome result = {.why = why};
   why->text[0] = 0;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
-    prepare(m, h, sim->opt.tol, allowed);
+    prepare(sim, m, h, allowed);
   if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
     if (m->at_rest) continue;
@@ -317,7 +321,8 @@ static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **wo
 
 /* The step that was accepted is made anew, to end at its first impact: what it may add to the error
  * it adds no more. *h: its length. The controller goes on as after the whole one. */
-static outcome cut_at_impact(msim_sim *sim, outcome o, double *h, msim_error *why) {
+static outcome cut_at_impact(msim_sim *sim, outcome o, int64_t contacts, double *h,
+                             msim_error *why) {
   enum { MOST = 8 };
   const double NEARLY = 1e-9;
   double share = first_impact(sim);
@@ -326,6 +331,7 @@ static outcome cut_at_impact(msim_sim *sim, outcome o, double *h, msim_error *wh
     const int is_there = share > 1 - NEARLY;
     *h *= share;
     sim->stats.rejected_steps++;
+    sim->stats.contacts = contacts;
     o = try_step(sim, *h, ms_control_allowed(&sim->control, *h), why);
     if (is_there) break;
   }
@@ -339,11 +345,12 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   const double least = 16 * DBL_EPSILON * fmax(fabs(sim->t), before.span);
   msim_error why;
   for (;;) {
+    const int64_t contacts = sim->stats.contacts;
     double h = ms_control_next(&sim->control, left);
     ms_motion *worst = NULL;
     outcome o = try_step(sim, h, ms_control_allowed(&sim->control, h), &why);
     if (is_accepted(sim, &o, h, &worst)) {
-      o = cut_at_impact(sim, o, &h, &why);
+      o = cut_at_impact(sim, o, contacts, &h, &why);
       if (!o.m) {
         accept_all(sim);
         advance_time(sim, h, left);
@@ -351,6 +358,7 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
         return MSIM_OK;
       }
     }
+    sim->stats.contacts = contacts;
     if (sim->control.h >= least && (!o.m || may_help(o.status))) continue;
     sim->control = before;
     return o.m && !may_help(o.status) ? blame(sim, o.m, sim->t + h, o.status, o.why->text, err)
