@@ -110,14 +110,14 @@ static double factor(const ms_control *c, double r) {
 }
 
 /* E, as control.h has it */
-static double size_of(ms_error error) {
+double ms_error_size(ms_error error) {
   const double weight = sqrt(error.fine + 0.01 * error.coarse);
   return weight == 0 ? 0 : error.fine / weight;
 }
 
 int ms_control_accepts(ms_control *c, const ms_scales *scales, double h, ms_error error) {
   const double LEAST = 0.2;
-  const double r = size_of(error) / ms_control_limit(c, scales, h);
+  const double r = ms_error_size(error) / ms_control_limit(c, scales, h);
   if (!(r <= 1)) {
     c->h = h * (isfinite(r) ? fmax(LEAST, factor(c, r)) : LEAST);
     c->shrunk = 1;

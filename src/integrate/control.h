@@ -29,6 +29,9 @@ int ms_has_control(const ms_integrator *integrator);
  * spare pair, (half - whole)/(2^p - 1). The first spare pair is used up. */
 ms_error ms_error_of(const ms_integrator *integrator, ms_stepper *s, const ms_scales *scales);
 
+/* E */
+double ms_error_size(ms_error error);
+
 /* After that, the row whose velocity is farthest off. */
 int32_t ms_error_culprit(const ms_integrator *integrator, ms_stepper *s);
 

@@ -8,7 +8,8 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
   double **vectors[9 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
   for (int i = 0; i < sim->integrator->nwork; i++) vectors[count++] = &s->work[i];
-  const int spare = ms_sim_has_control(sim) ? 2 : sim->opt.newton_retries > 0;
+  const int halves = ms_sim_has_control(sim) || ms_sim_selects(sim) || sim->opt.newton_retries > 1;
+  const int spare = halves ? 2 : sim->opt.newton_retries > 0;
   for (int i = 0; i < spare; i++)
     vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
   for (int i = 0; i < count; i++) {
@@ -16,6 +17,7 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
     if (!*vectors[i]) return ms_fail_memory(err, "the state");
   }
   msim_status status = ms_watch_create(sim, &m->model, &m->guard, err);
+  if (!status) status = ms_verify_create(sim, &m->model, &m->check, err);
   if (status) return status;
   const int events = sim->opt.collision == MSIM_COLLISION_EVENT;
   if (events && m->model.passes & MSIM_SKIP_PLANES)
@@ -36,6 +38,8 @@ static msim_status make_models(msim_sim *sim, int32_t left_out, msim_error *err)
     const ms_island island = ms_island_at(&islands, i);
     status = ms_model_create_island(sim->scene, &island, left_out, sim->opt.skip_off,
                                     &sim->motion[i].model, err);
+    if (sim->selection.verification.away)
+      sim->motion[i].model.passes &= ~(unsigned)MSIM_SKIP_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
   return status;
@@ -103,6 +107,7 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
     ms_split_destroy(&motion[i].model, s->split);
     ms_events_destroy(&motion[i].model, s->events);
     ms_watch_destroy(&motion[i].model, &motion[i].guard);
+    ms_verify_destroy(&motion[i].model, &motion[i].check);
     ms_model_destroy(&motion[i].model);
     double *vectors[] = {s->x,          s->v,          s->x_next,     s->v_next,    s->scratch,
                          s->x_spare[0], s->x_spare[1], s->v_spare[0], s->v_spare[1]};

@@ -43,8 +43,7 @@ static void go_back(ms_stepper *s, const ms_stepper *start) {
   s->warm = 0;
 }
 
-/* n steps of h/n, one after the other, from x to x_next. */
-static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err) {
+msim_status ms_drive_parts(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err) {
   const ms_stepper start = *s;
   msim_status status = MSIM_OK;
   s->parts = n;
@@ -57,29 +56,30 @@ static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msi
   return status;
 }
 
-/* Shorter steps may help. */
-static int may_help(msim_status status) {
+int ms_drive_may_help(msim_status status) {
   return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
 }
 
-/* Whole, or else in 2, 4, ... parts, unless what the method carries belongs to h. */
+/* As planned, or else in 2, 4, ... times as many parts, unless what the method carries belongs to
+ * h. */
 static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   enum { MOST = 40 };
   const int32_t retries = sim->integrator->show ? 0 : sim->opt.newton_retries;
-  msim_status status = make_steps(sim, s, 1, err);
-  for (int i = 1; i <= retries && i <= MOST && may_help(status); i++) {
+  const int64_t parts = ms_sim_selects(sim) ? sim->selection.parts : 1;
+  msim_status status = ms_drive_parts(sim, s, parts, err);
+  for (int i = 1; i <= retries && i <= MOST && ms_drive_may_help(status); i++) {
     s->stats->rejected_steps++;
-    status = make_steps(sim, s, (int64_t)1 << i, err);
+    status = ms_drive_parts(sim, s, parts << i, err);
   }
   return status;
 }
 
 /* A whole step, kept aside, and two halves. */
 static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *err) {
-  msim_status status = make_steps(sim, s, 1, err);
+  msim_status status = ms_drive_parts(sim, s, 1, err);
   ms_swap(&s->x_next, &s->x_spare[1]);
   ms_swap(&s->v_next, &s->v_spare[1]);
-  return status ? status : make_steps(sim, s, 2, err);
+  return status ? status : ms_drive_parts(sim, s, 2, err);
 }
 
 /* Without reflection, so that the error is that of the motion alone: it waits until the step is
@@ -88,7 +88,7 @@ static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error
   ms_stepper *s = &m->stepper;
   s->in_flight = 1;
   msim_status status =
-      sim->integrator->estimate ? make_steps(sim, s, 1, err) : make_doubled(sim, s, err);
+      sim->integrator->estimate ? ms_drive_parts(sim, s, 1, err) : make_doubled(sim, s, err);
   s->in_flight = 0;
   if (status) return status;
   m->error = ms_error_of(sim->integrator, s, &sim->plan.scales);
@@ -113,7 +113,8 @@ static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contac
 static msim_status step_island(const msim_sim *sim, ms_motion *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
   if (ms_sim_has_control(sim)) return make_controlled(sim, m, err);
-  msim_status status = make_fixed(sim, &m->stepper, err);
+  const int verified = sim->selection.verification.allowed > 0;
+  msim_status status = verified ? ms_verify_step(sim, m, err) : make_fixed(sim, &m->stepper, err);
   m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
   return status;
 }
@@ -313,10 +314,11 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
       sim->plan.h = sim->control.h;
       return MSIM_OK;
     }
-    if (sim->control.h >= least && (!o.m || may_help(o.status))) continue;
+    if (sim->control.h >= least && (!o.m || ms_drive_may_help(o.status))) continue;
     sim->control = before;
-    return o.m && !may_help(o.status) ? blame(sim, o.m, sim->t + h, o.status, o.why->text, err)
-                                      : give_up(sim, &o, worst, h, err);
+    return o.m && !ms_drive_may_help(o.status)
+               ? blame(sim, o.m, sim->t + h, o.status, o.why->text, err)
+               : give_up(sim, &o, worst, h, err);
   }
 }
 
@@ -368,7 +370,10 @@ void ms_drive_show(msim_sim *sim, double t) {
 }
 
 msim_status ms_drive_step(msim_sim *sim, msim_error *err) {
-  if (!ms_sim_has_control(sim)) return fixed_step(sim, err);
-  ms_drive_show(sim, sim->t); /* what lies between the ends of the last step is lost now */
-  return controlled_step(sim, err);
+  const int has_control = ms_sim_has_control(sim);
+  if (has_control) ms_drive_show(sim, sim->t); /* what lies within the last step is lost now */
+  msim_status status = ms_verify_meets_planes(sim) ? ms_sim_meet_planes(sim, err) : MSIM_OK;
+  if (!status) status = has_control ? controlled_step(sim, err) : fixed_step(sim, err);
+  if (!status) ms_verify_energy(sim);
+  return status;
 }
