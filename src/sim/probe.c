@@ -84,7 +84,7 @@ static msim_status find_sim(ms_probe *p, int32_t collision, msim_sim **sim, msim
   opt.integrator = widest->entry.name;
   opt.collision = collision;
   opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
-  opt.newton_retries = 2; /* with room for halved steps */
+  opt.newton_retries = collision == MSIM_COLLISION_REFLECT ? 2 : 1; /* 2: room for halves */
   msim_status status = msim_sim_create(&scene, &opt, sim, err);
   if (!status) p->sims[collision] = *sim;
   return status;
@@ -214,6 +214,18 @@ static msim_status fly_to_impact(ms_probe *p, msim_sim *sim, int64_t part, msim_
   return status;
 }
 
+/* On to a third of the run, as long as a plane could be met there: choosing anew at a late impact
+ * costs less than fixed steps for impacts until then, but one choice is better than two. */
+static msim_status look_ahead(ms_probe *p, msim_sim *sim, int64_t part, msim_error *err) {
+  const double flown = p->flown, end = p->span / 3;
+  msim_status status = MSIM_OK;
+  while (!status && !p->met && p->flown < end &&
+         ms_verify_is_plane_close(sim, (end - p->flown) / 2))
+    status = fly(p, sim, part, p->states, p->states + count(p), err);
+  p->flown = flown;
+  return status;
+}
+
 /* From the start on, again where planes count. */
 static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
   const int64_t part = (int64_t)fmax(1, round(p->span / h / 16));
@@ -224,6 +236,7 @@ static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
   p->near |= ms_verify_is_plane_close(sim, h);
   if (!p->near) status = fly(p, sim, part, p->x_half, p->v_half, err);
   if (!p->near && !status) status = fly(p, sim, part, p->x, p->v, err);
+  if (!p->near && !status) status = look_ahead(p, sim, part, err);
   p->near |= p->met;
   if (!p->near || status) {
     p->price += ms_probe_work(sim);
@@ -282,7 +295,7 @@ static msim_status prepare(ms_probe *p, double t0, msim_error *err) {
 
 msim_status ms_probe_begin(const msim_sim *sim, double tol, int late, double t0, const double *x,
                            const double *v, ms_probe *p, msim_error *err) {
-  enum { FEW = 16, MANY = 64 };
+  enum { FEW = 12, MANY = 64 };
   const double FEWEST = 100; /* steps in the run, where nothing is stiff */
   *p = (ms_probe){.sim = sim, .tol = tol, .late = late, .near = late, .x0 = x, .v0 = v};
   p->few = count_free(sim->scene) < FEW, p->many = count_free(sim->scene) >= MANY;
