@@ -105,19 +105,22 @@ msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measure
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
-/* In a large scene one event counts little, and the first defect costs as much as a quarter of an
- * evaluation, the second one as three. */
+/* In a large scene one event counts little, and D costs as much as a quarter of an evaluation, the
+ * angles as three. In a small one both cost about as much as one: steps of few evaluations, which
+ * are short, wait for each other. */
 static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
-  enum { LARGE = 64, EVERY = 8 };
+  enum { LARGE = 64, WORTH = 8 }; /* evaluations */
   const double MORE = 3, TURNED = 0.3, LITTLE = 0.005, NOISE = 100 * sim->plan.scales.rounding;
   const int64_t step = sim->step + 1 - sim->step0;
   const int is_turn = m->check.all || step % MS_VERIFY_INTERVAL == 0;
   const int is_large = m->model.shape.n >= LARGE;
   const double *seen = m->check.sign;
+  const double price = sim->selection.candidates[sim->selection.best].price;
+  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, price));
+  const int looks = is_turn || step % every == 0;
   sign[DEFECT] = sign[TURN] = 0;
-  if (!is_large || is_turn || step % EVERY == 0)
-    sign[DEFECT] = find_defect(sim->integrator, &m->stepper, &sim->plan.scales);
-  if (!is_large || is_turn) sign[TURN] = find_turn(&m->stepper);
+  if (looks) sign[DEFECT] = find_defect(sim->integrator, &m->stepper, &sim->plan.scales);
+  if (looks && (!is_large || is_turn)) sign[TURN] = find_turn(&m->stepper);
   return is_turn || sign[DEFECT] > fmax(NOISE, MORE * seen[DEFECT]) ||
          sign[TURN] > fmin(TURNED, fmax(LITTLE, MORE * seen[TURN]));
 }
