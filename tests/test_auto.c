@@ -422,7 +422,7 @@ static void it_chooses_the_steps(void **state) {
 static void impacts_are_located_where_asked(void **state) {
   (void)state;
   msim_scene *scene = soft_cloth();
-  plane(scene, 0, 0, 1, -0.3, 0.5, 0);
+  plane(scene, 0, 0, 1, -0.01, 0.5, 0);
   msim_options opt = options_of("auto", 1e-2, 0.5);
   const char *text;
   for (int located = 0; located < 2; located++) {

@@ -131,9 +131,10 @@ typedef struct msim_csr {
  * `step` counts the steps accepted, and the last one ends at t_end. Setting a state starts a new
  * run: its error is counted from there.
  * With integrator = "auto" each run begins with the choice of a method, by tol and steps tried in
- * the scene, as explain tells: counts decide, never a clock. Mostly it takes fixed steps, whose
- * error at the end is foreseen, not controlled; impacts are located, always with collision = event,
- * else unless reflection keeps tol. `h` is not used, `steps` is refused.
+ * the scene, as explain tells: counts decide, never a clock. Few bodies run under error control;
+ * others mostly in fixed steps, which are verified as they are made, and made in parts where tol
+ * asks for that. Once a plane is close a method for impacts is chosen: they are located, always
+ * with collision = event, else unless reflection keeps tol. `h` is not used, `steps` is refused.
  *
  * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
  * plane has a part of its normal. Its motion is computed in two components: the same as in three,

@@ -11,7 +11,8 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
       sim->opt.collision == MSIM_COLLISION_EVENT && m->model.passes & MSIM_SKIP_PLANES;
   const int nwork = events && sim->integrator->entry.implicit ? MS_CONSTRAIN_WORK : 0;
   for (int i = 0; i < sim->integrator->nwork || i < nwork; i++) vectors[count++] = &s->work[i];
-  const int spare = ms_sim_has_control(sim) ? 2 : ms_drive_retries(sim) > 0;
+  const int halves = ms_sim_has_control(sim) || ms_sim_selects(sim) || ms_drive_retries(sim) > 1;
+  const int spare = halves ? 2 : ms_drive_retries(sim) > 0;
   for (int i = 0; i < spare; i++)
     vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
   for (int i = 0; i < count; i++) {
@@ -19,7 +20,9 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
     if (!*vectors[i]) return ms_fail_memory(err, "the state");
   }
   msim_status status = ms_watch_create(sim, &m->model, &m->guard, err);
-  if (!status && ms_sim_has_control(sim)) status = ms_norm_create(&m->model, &m->norm, err);
+  if (!status && (ms_sim_has_control(sim) || ms_sim_selects(sim)))
+    status = ms_norm_create(&m->model, &m->norm, err);
+  if (!status) status = ms_verify_create(sim, &m->model, &m->check, err);
   if (status) return status;
   return events ? ms_events_create(&m->model, &s->events, err) : MSIM_OK;
 }
@@ -37,6 +40,8 @@ static msim_status make_models(msim_sim *sim, int32_t left_out, msim_error *err)
     const ms_island island = ms_island_at(&islands, i);
     status = ms_model_create_island(sim->scene, &island, left_out, sim->opt.skip_off,
                                     &sim->motion[i].model, err);
+    if (sim->selection.verification.away)
+      sim->motion[i].model.passes &= ~(unsigned)MSIM_SKIP_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
   return status;
@@ -106,6 +111,7 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
     ms_events_destroy(&motion[i].model, s->events);
     ms_watch_destroy(&motion[i].model, &motion[i].guard);
     ms_norm_destroy(&motion[i].model, &motion[i].norm);
+    ms_verify_destroy(&motion[i].model, &motion[i].check);
     ms_model_destroy(&motion[i].model);
     double *vectors[] = {s->x,          s->v,          s->x_next,     s->v_next,    s->scratch,
                          s->x_spare[0], s->x_spare[1], s->v_spare[0], s->v_spare[1]};

@@ -224,6 +224,7 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_e
       status = ms_solver_history(b, m->stepper.solver, err);
     if (!status && !ms_bytes_failed(b))
       ms_guard_history(b, sim, r->watch.step == r->step, &m->stepper, &m->guard);
+    if (ms_sim_selects(sim)) ms_check_history(b, &m->check);
   }
   return status;
 }
@@ -237,12 +238,20 @@ static void put_sim(ms_bytes *b, msim_sim *sim, run *r) {
   pass_islands(b, sim, r, NULL);
 }
 
+/* What a method chosen once planes count may carry beside that of now, and where particles rest. */
+static size_t room_for_impacts(const msim_sim *sim) {
+  enum { VECTORS = 4, REST = 64 };
+  return (size_t)sim->scene->nparticles * 3 * VECTORS * sizeof(double) +
+         (size_t)sim->nislands * REST;
+}
+
 size_t msim_sim_save_size(const msim_sim *sim) {
   ms_bytes b = {.direction = MS_COUNT, .used = sizeof(header)};
   run r = run_of(sim);
   r.inside = ms_plan_has_times(&sim->opt);
   ms_sim_marks(sim, put_mark, &b);
   put_sim(&b, (msim_sim *)(uintptr_t)sim, &r);
+  if (sim->selection.verification.away) b.used += room_for_impacts(sim);
   return b.used;
 }
 

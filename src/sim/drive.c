@@ -43,8 +43,7 @@ static void go_back(ms_stepper *s, const ms_stepper *start) {
   s->warm = 0;
 }
 
-/* n steps of h/n, one after the other, from x to x_next. */
-static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err) {
+msim_status ms_drive_parts(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err) {
   const ms_stepper start = *s;
   msim_status status = MSIM_OK;
   s->parts = n;
@@ -60,8 +59,7 @@ static msim_status make_steps(const msim_sim *sim, ms_stepper *s, int64_t n, msi
   return status;
 }
 
-/* Shorter steps may help. */
-static int may_help(msim_status status) {
+int ms_drive_may_help(msim_status status) {
   return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
 }
 
@@ -73,14 +71,15 @@ int32_t ms_drive_retries(const msim_sim *sim) {
   return sim->integrator->nonlinear ? USUAL : 0;
 }
 
-/* Whole, or else in 2, 4, ... parts. */
+/* As planned, or else in 2, 4, ... times as many parts. */
 static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   enum { MOST = 40 };
   const int32_t retries = ms_drive_retries(sim);
-  msim_status status = make_steps(sim, s, 1, err);
-  for (int i = 1; i <= retries && i <= MOST && may_help(status); i++) {
+  const int64_t parts = ms_sim_selects(sim) ? sim->selection.parts : 1;
+  msim_status status = ms_drive_parts(sim, s, parts, err);
+  for (int i = 1; i <= retries && i <= MOST && ms_drive_may_help(status); i++) {
     s->stats->rejected_steps++;
-    status = make_steps(sim, s, (int64_t)1 << i, err);
+    status = ms_drive_parts(sim, s, parts << i, err);
   }
   return status;
 }
@@ -88,21 +87,21 @@ static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *er
 /* A whole step, kept aside, and two halves. Impacts are where the halves have them. */
 static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   const int64_t contacts = s->stats->contacts;
-  msim_status status = make_steps(sim, s, 1, err);
+  msim_status status = ms_drive_parts(sim, s, 1, err);
   if (status) return status;
   s->stats->contacts = contacts;
   if (s->events) ms_contacts_keep_begin(s->events, s->model->shape);
   const int moved = s->events && s->events->moved;
   ms_swap(&s->x_next, &s->x_spare[1]);
   ms_swap(&s->v_next, &s->v_spare[1]);
-  status = make_steps(sim, s, 2, err);
+  status = ms_drive_parts(sim, s, 2, err);
   if (s->events) s->events->moved = moved;
   return status;
 }
 
 /* By the method's own estimate, from where the step began. */
 static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error *err) {
-  const msim_status status = make_steps(sim, s, 1, err);
+  const msim_status status = ms_drive_parts(sim, s, 1, err);
   if (!status && s->events) ms_contacts_keep_begin(s->events, s->model->shape);
   return status;
 }
@@ -146,8 +145,10 @@ static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contac
 /* The next state of one island. The present one stays as it is. */
 static msim_status step_island(const msim_sim *sim, ms_motion *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
+  if (ms_sim_has_control(sim)) return make_controlled(sim, m, err);
+  const int verified = sim->selection.verification.allowed > 0;
   const msim_status status =
-      ms_sim_has_control(sim) ? make_controlled(sim, m, err) : make_fixed(sim, &m->stepper, err);
+      verified ? ms_verify_step(sim, m, err) : make_fixed(sim, &m->stepper, err);
   m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
   return status;
 }
@@ -359,10 +360,11 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
       }
     }
     sim->stats.contacts = contacts;
-    if (sim->control.h >= least && (!o.m || may_help(o.status))) continue;
+    if (sim->control.h >= least && (!o.m || ms_drive_may_help(o.status))) continue;
     sim->control = before;
-    return o.m && !may_help(o.status) ? blame(sim, o.m, sim->t + h, o.status, o.why->text, err)
-                                      : give_up(sim, &o, worst, h, err);
+    return o.m && !ms_drive_may_help(o.status)
+               ? blame(sim, o.m, sim->t + h, o.status, o.why->text, err)
+               : give_up(sim, &o, worst, h, err);
   }
 }
 
@@ -419,7 +421,10 @@ void ms_drive_show(msim_sim *sim, double t) {
 }
 
 msim_status ms_drive_step(msim_sim *sim, msim_error *err) {
-  if (!ms_sim_has_control(sim)) return fixed_step(sim, err);
-  ms_drive_show(sim, sim->t); /* what lies between the ends of the last step is lost now */
-  return controlled_step(sim, err);
+  const int has_control = ms_sim_has_control(sim);
+  if (has_control) ms_drive_show(sim, sim->t); /* what lies within the last step is lost now */
+  msim_status status = ms_verify_meets_planes(sim) ? ms_sim_meet_planes(sim, err) : MSIM_OK;
+  if (!status) status = has_control ? controlled_step(sim, err) : fixed_step(sim, err);
+  if (!status) ms_verify_energy(sim);
+  return status;
 }

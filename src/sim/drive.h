@@ -16,6 +16,12 @@ int32_t ms_drive_retries(const msim_sim *sim);
 /* All islands that are not at rest make a step, or none: where one fails, the state stays. */
 msim_status ms_drive_step(msim_sim *sim, msim_error *err);
 
+/* n steps of h/n by one island, one after the other, from x to x_next. */
+msim_status ms_drive_parts(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err);
+
+/* Shorter steps may help where one failed like this. */
+int ms_drive_may_help(msim_status status);
+
 /* Begin a run under error control as it is planned. */
 void ms_drive_start(msim_sim *sim);
 

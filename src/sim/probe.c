@@ -6,6 +6,7 @@
 #include "integrate/methods.h"
 #include "linear/kept.h"
 #include "sim/drive.h"
+#include "sim/verify.h"
 
 /* A coarse space doubles an iteration. An assembly is worth one evaluation; the flops of factors
  * compare as in kept.h. */
@@ -43,6 +44,10 @@ msim_status ms_probe_start(const ms_probe *p, msim_sim *sim, msim_error *err) {
   return set_state(p, sim, p->x0, p->v0, err);
 }
 
+msim_status ms_probe_start_half(const ms_probe *p, msim_sim *sim, msim_error *err) {
+  return set_state(p, sim, p->x_half, p->v_half, err);
+}
+
 static void keep(const ms_probe *p, msim_sim *sim, double *x, double *v) {
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
@@ -54,7 +59,7 @@ static void keep(const ms_probe *p, msim_sim *sim, double *x, double *v) {
  * velocities jump, so that who is a little late has another one: with planes dx counts alone. */
 static double distance(const ms_probe *p, msim_sim *sim, const double *x, const double *v) {
   const ms_scales *s = &p->scales;
-  const double weight = p->sim->scene->nplanes ? 0 : 1 / s->speed;
+  const double weight = p->near ? 0 : 1 / s->speed;
   msim_state now = {.size = sizeof now};
   double sum = 0;
   msim_sim_state(sim, &now);
@@ -79,7 +84,7 @@ static msim_status find_sim(ms_probe *p, int32_t collision, msim_sim **sim, msim
   opt.integrator = widest->entry.name;
   opt.collision = collision;
   opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
-  opt.newton_retries = 1;
+  opt.newton_retries = collision == MSIM_COLLISION_REFLECT ? 2 : 1; /* 2: room for halves */
   msim_status status = msim_sim_create(&scene, &opt, sim, err);
   if (!status) p->sims[collision] = *sim;
   return status;
@@ -134,13 +139,30 @@ static msim_status compare(ms_probe *p, const ms_trial *of, double h, int64_t m,
  * first impact. */
 msim_status ms_probe_error(ms_probe *p, const ms_trial *of, double h, double *error, double *price,
                            msim_error *err) {
-  const double SHARE = p->sim->scene->nplanes ? 1. / 14 : 1. / 60, before = p->price;
+  const double SHARE = p->near ? 1. / 14 : 1. / 60, before = p->price;
   const int64_t m = (int64_t)fmax(1, round(SHARE * p->span / h));
   msim_status status = compare(p, of, h, m, p->x, p->v, error, err);
   *error *= p->growth * p->wild / ((double)m * h);
   if (!(*error < INFINITY)) *error = INFINITY;
   *price = (p->price - before) / (3 * (double)m);
   return status;
+}
+
+msim_status ms_probe_measure_steps(ms_probe *p, const ms_trial *of, double h,
+                                   ms_measured steps[MS_MEASURED], msim_error *err) {
+  const double *const x[MS_MEASURED] = {p->x0, p->x_half, p->x};
+  const double *const v[MS_MEASURED] = {p->v0, p->v_half, p->v};
+  for (int i = 0; i < MS_MEASURED; i++) {
+    msim_sim *sim;
+    msim_status status = go_to(p, of, h, x[i], v[i], &sim, err);
+    if (status) return status;
+    const double before = ms_probe_work(sim);
+    status = ms_verify_measure(sim, &p->scales, &steps[i], err);
+    p->price += ms_probe_work(sim) - before;
+    if (status == MSIM_ERR_MEMORY) return status;
+    if (status) steps[i].error = INFINITY;
+  }
+  return MSIM_OK;
 }
 
 static msim_status fly_halves(ms_probe *p, msim_sim *other, int64_t n, double *half, double *whole,
@@ -173,9 +195,10 @@ static const ms_trial pilot = {&ms_velocity_verlet, MSIM_COLLISION_REFLECT, 2};
 /* The state before what is not finite is as good as any. x, v: where that came to */
 static msim_status fly(ms_probe *p, msim_sim *sim, int64_t steps, double *x, double *v,
                        msim_error *err) {
+  const int64_t before = sim->stats.contacts;
   const msim_status status = msim_sim_step(sim, steps, err);
   p->flown = ms_sim_time(sim);
-  p->met = sim->stats.contacts > 0;
+  p->met = sim->stats.contacts > before;
   keep(p, sim, x, v);
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
@@ -191,18 +214,37 @@ static msim_status fly_to_impact(ms_probe *p, msim_sim *sim, int64_t part, msim_
   return status;
 }
 
+/* On to a third of the run, as long as a plane could be met there: choosing anew at a late impact
+ * costs less than fixed steps for impacts until then, but one choice is better than two. */
+static msim_status look_ahead(ms_probe *p, msim_sim *sim, int64_t part, msim_error *err) {
+  const double flown = p->flown, end = p->span / 3;
+  msim_status status = MSIM_OK;
+  while (!status && !p->met && p->flown < end &&
+         ms_verify_is_plane_close(sim, (end - p->flown) / 2))
+    status = fly(p, sim, part, p->states, p->states + count(p), err);
+  p->flown = flown;
+  return status;
+}
+
+/* From the start on, again where planes count. */
 static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
   const int64_t part = (int64_t)fmax(1, round(p->span / h / 16));
   msim_sim *sim;
   msim_status status = go_to(p, &pilot, h, p->x0, p->v0, &sim, err);
   if (status) return status;
   p->wild = p->span;
-  if (p->sim->scene->nplanes) {
-    status = fly_to_impact(p, sim, part, err);
-  } else {
-    status = fly(p, sim, part, p->x_half, p->v_half, err);
-    if (!status) status = fly(p, sim, part, p->x, p->v, err);
+  p->near |= ms_verify_is_plane_close(sim, h);
+  if (!p->near) status = fly(p, sim, part, p->x_half, p->v_half, err);
+  if (!p->near && !status) status = fly(p, sim, part, p->x, p->v, err);
+  if (!p->near && !status) status = look_ahead(p, sim, part, err);
+  p->near |= p->met;
+  if (!p->near || status) {
+    p->price += ms_probe_work(sim);
+    return status;
   }
+  p->flown = 0, p->met = 0;
+  status = go_to(p, &pilot, h, p->x0, p->v0, &sim, err);
+  if (!status) status = fly_to_impact(p, sim, part, err);
   p->price += ms_probe_work(sim);
   return status;
 }
@@ -211,8 +253,8 @@ static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
  * 4, and that again where nothing damps it */
 static msim_status find_growth(ms_probe *p, double h, msim_error *err) {
   double now, before;
-  p->growth = p->sim->scene->nplanes ? 4 : 1;
-  if (p->sim->scene->nplanes) return MSIM_OK;
+  p->growth = p->near ? 4 : 1;
+  if (p->near) return MSIM_OK;
   msim_status status = compare(p, &pilot, h, 1, p->x_half, p->v_half, &before, err);
   if (!status) status = compare(p, &pilot, h, 1, p->x, p->v, &now, err);
   if (status) return status;
@@ -227,6 +269,12 @@ static int is_damped(const ms_scene *scene) {
   for (int32_t e = 0; e < scene->nsprings; e++)
     if (scene->damping[e] > 0) return 1;
   return scene->drag > 0;
+}
+
+static int32_t count_free(const ms_scene *scene) {
+  int32_t count = 0;
+  for (int32_t i = 0; i < scene->nparticles; i++) count += !scene->pinned[i];
+  return count;
 }
 
 static msim_status prepare(ms_probe *p, double t0, msim_error *err) {
@@ -245,10 +293,12 @@ static msim_status prepare(ms_probe *p, double t0, msim_error *err) {
   return p->states ? MSIM_OK : ms_fail_memory(err, "the choice of a method");
 }
 
-msim_status ms_probe_begin(const msim_sim *sim, double tol, double t0, const double *x,
+msim_status ms_probe_begin(const msim_sim *sim, double tol, int late, double t0, const double *x,
                            const double *v, ms_probe *p, msim_error *err) {
+  enum { FEW = 12, MANY = 64 };
   const double FEWEST = 100; /* steps in the run, where nothing is stiff */
-  *p = (ms_probe){.sim = sim, .tol = tol, .x0 = x, .v0 = v};
+  *p = (ms_probe){.sim = sim, .tol = tol, .late = late, .near = late, .x0 = x, .v0 = v};
+  p->few = count_free(sim->scene) < FEW, p->many = count_free(sim->scene) >= MANY;
   msim_status status = prepare(p, t0, err);
   if (status) return status;
   const double h = fmin(ms_probe_reach(p, pilot.method), p->span / FEWEST);

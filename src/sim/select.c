@@ -1,6 +1,8 @@
 #include "sim/select.h"
 
+#include <float.h>
 #include <math.h>
+#include <stdio.h>
 
 #include "integrate/cut.h"
 #include "integrate/methods.h"
@@ -11,7 +13,18 @@
 /* Particles whose impacts are few enough to be located one by one */
 enum { FEW = 4 };
 
-enum { LEAPFROG, LOCATED, CORRECTED, FOURTH, STABILISED, SIXTH, EIGHTH, SPLIT, IMPLICIT };
+enum {
+  LEAPFROG,
+  LOCATED,
+  CORRECTED,
+  FOURTH,
+  STABILISED,
+  SIXTH,
+  EIGHTH,
+  CONTROLLED,
+  SPLIT,
+  IMPLICIT
+};
 
 /* What can take part where no force depends on velocities, and else; evaluations in a step, 0:
  * measured. The leapfrog stands for all explicit methods of order 2. Evaluations of dop853 are
@@ -28,6 +41,7 @@ static const struct {
                          [STABILISED] = {{&ms_rkc, &ms_rkc}, {2, 2}},
                          [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
                          [EIGHTH] = {{&ms_dop853, &ms_dop853}, {19, 19}},
+                         [CONTROLLED] = {{&ms_dop853, &ms_dop853}, {19, 19}},
                          [SPLIT] = {{&ms_respa, &ms_respa}, {0}},
                          [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}}};
 
@@ -39,13 +53,16 @@ enum {
   TO_BE_LOCATED,
   NO_IMPACTS,
   NO_PLANES,
-  MANY_AT_ONCE,
+  ON_GRID,
+  FEW_PARTICLES,
+  UNVERIFIED,
   DAMPED,
   UNDAMPED,
   NO_FEW,
   TOO_LARGE,
   ACCURACY,
   TOO_DEAR,
+  COSTS_MORE,
   NOT_THROUGH,
   NEVER_STABLE,
   REASONS
@@ -56,20 +73,28 @@ static const char *const reasons[REASONS] = {
     [TO_BE_LOCATED] = "impacts are to be located",
     [NO_IMPACTS] = "there are no impacts",
     [NO_PLANES] = "it takes no planes",
-    [MANY_AT_ONCE] = "of many impacts at once it makes a method of order 2",
+    [ON_GRID] = "frames are at steps of the run as it began",
+    [FEW_PARTICLES] = "of so few particles one event decides on the error",
+    [UNVERIFIED] = "its steps cannot be verified, as particles are not many",
     [DAMPED] = "forces depend on velocities",
     [UNDAMPED] = "no force depends on velocities",
     [NO_FEW] = "no few springs hold the others up",
     [TOO_LARGE] = "its error is too large where it would pay",
     [ACCURACY] = "accuracy, not stability, sets the steps of the best so far",
     [TOO_DEAR] = "ten of its steps would cost more than a fifth of the run",
+    [COSTS_MORE] = "its steps at the beginning cost more than those of the best",
     [NOT_THROUGH] = "it is not through with the run at a fifth of the cost",
     [NEVER_STABLE] = "a spring pulls without damping, so that no step is stable"};
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
+/* What the staggered leapfrog carries belongs to h, so that no step can be halved. */
+static const ms_integrator *method_of(const ms_probe *p, int i) {
+  return list[i].method[p->damped || (i == LEAPFROG && (p->late || !p->many))];
+}
+
 static int why_not(const ms_probe *p, int i) {
-  const int planes = p->sim->scene->nplanes > 0, few = p->sim->scene->nparticles <= FEW;
+  const int planes = p->near, few = p->sim->scene->nparticles <= FEW;
   if (i == LEAPFROG && planes && few) return FEW_IMPACTS;
   if (i == LEAPFROG && planes && p->sim->selection.collision == MSIM_COLLISION_EVENT)
     return TO_BE_LOCATED;
@@ -79,7 +104,9 @@ static int why_not(const ms_probe *p, int i) {
   if ((i == CORRECTED || i == SIXTH) && p->damped) return DAMPED;
   if (i == STABILISED && !p->damped) return UNDAMPED;
   if (i == STABILISED && ms_probe_reach(p, &ms_rkc) == 0) return NEVER_STABLE;
-  if (i >= FOURTH && planes && !few) return MANY_AT_ONCE;
+  if (!p->many && !planes && !ms_has_control(method_of(p, i))) return UNVERIFIED;
+  if (i == CONTROLLED && p->late) return ON_GRID;
+  if (i != CONTROLLED && p->few) return FEW_PARTICLES;
   return NOT_PASSED_OVER;
 }
 
@@ -94,10 +121,10 @@ static void settle(const ms_probe *p, ms_candidate *c) {
 }
 
 static void enter(const ms_probe *p, int i, ms_candidate *c) {
-  const int located = p->sim->scene->nplanes > 0 && i != LEAPFROG;
-  *c = (ms_candidate){.method = list[i].method[p->damped],
+  const int located = p->near && i != LEAPFROG;
+  *c = (ms_candidate){.method = method_of(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
-                      .controlled = i == IMPLICIT,
+                      .controlled = i == IMPLICIT || i == CONTROLLED,
                       .price = list[i].evaluations[p->damped],
                       .cost = INFINITY,
                       .why = why_not(p, i)};
@@ -109,7 +136,7 @@ static void enter(const ms_probe *p, int i, ms_candidate *c) {
 /* verlet is velocity Verlet with half steps between. Reflection at the ends of steps is of first
  * order. */
 static ms_trial trial_of(const ms_probe *p, const ms_candidate *c) {
-  const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->sim->scene->nplanes > 0;
+  const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->near;
   return (ms_trial){.method = c->method == &ms_verlet ? &ms_velocity_verlet : c->method,
                     .collision = c->collision,
                     .order = reflects ? 1 : c->method->entry.order};
@@ -139,8 +166,56 @@ static msim_status try_step(ms_probe *p, ms_candidate *c, double *most, msim_err
   c->h = fmin(*most, h * (c->error > ROUGH ? fmax(1 / FARTHEST, change) : change));
   if (c->error <= allowed && c->h < h) c->h = h;
   c->tried = c->h > h / 2 && c->h < 2 * h;
+  c->error *= pow(c->h / h, k);
   settle(p, c);
   return MSIM_OK;
+}
+
+static msim_status make_sim(const ms_probe *p, const ms_integrator *method, double tol, double h,
+                            msim_sim **sim, msim_error *err) {
+  msim_scene scene = {p->sim->scene};
+  msim_options opt = p->sim->opt;
+  opt.size = sizeof opt;
+  opt.integrator = method->entry.name;
+  opt.collision = MSIM_COLLISION_REFLECT;
+  opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
+  return msim_sim_create(&scene, &opt, sim, err);
+}
+
+/* Under error control from the state it is in to t, or as far as `most` evaluations lead. The run
+ * is that of span, with its scales. */
+static msim_status run_to(ms_probe *p, msim_sim *trial, double t, double most, ms_candidate *c,
+                          int *arrived, msim_error *err) {
+  msim_status status = MSIM_OK;
+  ms_drive_measure(trial, p->span);
+  trial->control = ms_control_of(trial->integrator, p->tol, p->span);
+  ms_drive_use_step(trial, trial->opt.h);
+  while (!status && trial->t < t && ms_probe_work(trial) < most)
+    status = msim_sim_step(trial, 1, err);
+  p->price += ms_probe_work(trial);
+  *arrived = trial->t >= t;
+  if (status < 0 || trial->step == 0) return status < 0 ? status : MSIM_OK;
+  c->h = trial->t / (double)trial->step;
+  c->price = ms_probe_work(trial) / (double)trial->step;
+  return MSIM_OK;
+}
+
+/* dop853 by its own steps, over the third quarter of the flight; not beyond what the best so far
+ * costs there. Its evaluations are worth more, as in the list. */
+static msim_status try_controlled(ms_probe *p, double least, ms_candidate *c, msim_error *err) {
+  const double SUMS = 19. / 12, t = p->flown / 4;
+  msim_sim *trial;
+  int arrived = 0;
+  msim_status status = make_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
+  if (status) return status;
+  status = ms_probe_start_half(p, trial, err);
+  if (!status) status = run_to(p, trial, t, least * t / SUMS, c, &arrived, err);
+  msim_sim_destroy(trial);
+  c->price *= SUMS;
+  c->cost = arrived ? c->price / c->h : INFINITY;
+  if (!arrived) c->why = COSTS_MORE;
+  c->tried = 1;
+  return status;
 }
 
 static int cheapest(const ms_candidate *c) {
@@ -148,6 +223,13 @@ static int cheapest(const ms_candidate *c) {
   for (int i = 1; i < MS_CANDIDATES; i++)
     if (c[i].cost < c[best].cost) best = i;
   return best;
+}
+
+static double least_tried(const ms_candidate *c) {
+  double least = INFINITY;
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (c[i].tried) least = fmin(least, c[i].cost);
+  return least;
 }
 
 static msim_status choose_explicit(ms_probe *p, ms_selection *s, msim_error *err) {
@@ -162,7 +244,8 @@ static msim_status choose_explicit(ms_probe *p, ms_selection *s, msim_error *err
   for (s->best = cheapest(s->candidates); !status && !s->candidates[s->best].tried;
        s->best = cheapest(s->candidates)) {
     ms_candidate *c = &s->candidates[s->best];
-    status = try_step(p, c, &most[s->best], err);
+    status = s->best == CONTROLLED ? try_controlled(p, least_tried(s->candidates), c, err)
+                                   : try_step(p, c, &most[s->best], err);
     c->tried |= ++tries[s->best] == PATIENCE;
   }
   return status;
@@ -171,7 +254,8 @@ static msim_status choose_explicit(ms_probe *p, ms_selection *s, msim_error *err
 /*------------------------------------- where stability sets the steps ---------------------------*/
 
 static int is_held(const ms_probe *p, const ms_candidate *c) {
-  return c->h == ms_probe_reach(p, c->method);
+  const double reach = ms_probe_reach(p, c->method);
+  return c->controlled ? c->h > reach / 2 : c->h == reach;
 }
 
 /* Steps for half of the flight, of those with the fewest evaluations that are a half, a
@@ -195,17 +279,6 @@ static msim_status find_split(const ms_probe *p, int64_t *n, double *cost, msim_
   return status;
 }
 
-static msim_status make_sim(const ms_probe *p, const ms_integrator *method, double tol, double h,
-                            msim_sim **sim, msim_error *err) {
-  msim_scene scene = {p->sim->scene};
-  msim_options opt = p->sim->opt;
-  opt.size = sizeof opt;
-  opt.integrator = method->entry.name;
-  opt.collision = MSIM_COLLISION_REFLECT;
-  opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
-  return msim_sim_create(&scene, &opt, sim, err);
-}
-
 /* The flight again. It was that of velocity Verlet, which is exact beside this. */
 static msim_status try_split(ms_probe *p, int64_t n, ms_candidate *c, msim_error *err) {
   msim_sim *sim;
@@ -225,7 +298,7 @@ static msim_status consider_split(ms_probe *p, const ms_candidate *best, ms_cand
   double cost;
   int64_t n = 0;
   c->why = NO_FEW;
-  if (p->sim->scene->nplanes || !is_held(p, best)) return MSIM_OK;
+  if (p->near || !p->many || !is_held(p, best)) return MSIM_OK;
   msim_status status = find_split(p, &n, &cost, err);
   for (int tries = 0; tries < 3 && !status && cost < WORTH * best->cost; tries++) {
     status = try_split(p, n, c, err);
@@ -248,23 +321,6 @@ static double predict_price(const ms_model *model, double h) {
   return 3 * 2 * CORRECTIONS * (2 + MS_ITERATION * iterations);
 }
 
-/* The whole run, or as much of it as may be had for `most` evaluations */
-static msim_status run_through(ms_probe *p, msim_sim *trial, double most, ms_candidate *c,
-                               msim_error *err) {
-  msim_status status = ms_probe_start(p, trial, err);
-  trial->control = ms_control_of(trial->integrator, p->tol, p->span);
-  ms_drive_measure(trial, p->span);
-  ms_drive_use_step(trial, trial->opt.h);
-  while (!status && trial->t < p->span && ms_probe_work(trial) < most)
-    status = msim_sim_step(trial, 1, err);
-  p->price += ms_probe_work(trial);
-  if (status < 0 || trial->step == 0) return status < 0 ? status : MSIM_OK;
-  c->h = trial->t / (double)trial->step;
-  c->price = ms_probe_work(trial) / (double)trial->step;
-  if (trial->t >= p->span) c->cost = c->price / c->h;
-  return MSIM_OK;
-}
-
 /* How far an implicit method comes no single step tells: what makes its steps short comes once the
  * motion has grown wild, and costs up to 20 times what the first states promise. So it has to make
  * the whole run for a fifth of the best cost. That is asked only where stability holds explicit
@@ -274,18 +330,53 @@ static msim_status consider_implicit(ms_probe *p, const ms_candidate *best, ms_c
   const double most = best->cost * p->span / 5;
   msim_sim *trial;
   c->why = ACCURACY;
-  if (p->sim->scene->nplanes || !is_held(p, best)) return MSIM_OK;
+  if (p->near || !is_held(p, best)) return MSIM_OK;
   c->why = TOO_DEAR;
   if (10 * predict_price(ms_probe_model(p), p->span / 10) >= most) return MSIM_OK;
   msim_status status = make_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
-  status = run_through(p, trial, most, c, err);
-  c->why = c->cost < INFINITY ? NOT_PASSED_OVER : NOT_THROUGH;
+  int arrived = 0;
+  status = ms_probe_start(p, trial, err);
+  if (!status) status = run_to(p, trial, p->span, most, c, &arrived, err);
+  if (arrived) c->cost = c->price / c->h;
+  c->why = arrived ? NOT_PASSED_OVER : NOT_THROUGH;
   msim_sim_destroy(trial);
   return status;
 }
 
 /*------------------------------------- the choice -----------------------------------------------*/
+
+/* The largest error of a step that met no event */
+static double usual_error(const ms_measured s[MS_MEASURED], double event) {
+  double largest = 0, least = INFINITY;
+  for (int i = 0; i < MS_MEASURED; i++) {
+    least = fmin(least, s[i].error);
+    if (s[i].error <= event) largest = fmax(largest, s[i].error);
+  }
+  return largest > 0 ? largest : least;
+}
+
+/* What errors of single steps may be: as verify.h says. The growth that was foreseen has not come
+ * yet. A step may have met an event: its error is none to go by, nor are its signs. */
+static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verification *v,
+                                msim_error *err) {
+  const double CARE = 50, SOME = 4, event = p->tol / 4;
+  ms_measured s[MS_MEASURED];
+  v->scales = p->scales;
+  v->away = p->sim->scene->nplanes > 0 && !p->near;
+  if (c->controlled || p->near || !ms_has_control(c->method)) return MSIM_OK;
+  const ms_trial trial = trial_of(p, c);
+  msim_status status = ms_probe_measure_steps(p, &trial, c->h, s, err);
+  if (status) return status;
+  const double share = p->tol * c->h / p->span;
+  const double foreseen = fmax(c->error / p->growth, DBL_MIN);
+  const double even = usual_error(s, event) * p->tol / foreseen;
+  v->allowed = fmin(fmax(event, SOME * even), fmax(share, CARE * even));
+  for (int i = 0; i < MS_MEASURED; i++)
+    for (int k = 0; k < 2 && s[i].error <= v->allowed; k++)
+      v->sign[k] = fmax(v->sign[k], s[i].sign[k]);
+  return MSIM_OK;
+}
 
 static msim_status choose(ms_probe *p, ms_selection *s, msim_error *err) {
   ms_candidate *c = s->candidates;
@@ -294,6 +385,7 @@ static msim_status choose(ms_probe *p, ms_selection *s, msim_error *err) {
   if (c[SPLIT].cost < c[s->best].cost) s->best = SPLIT;
   if (!status) status = consider_implicit(p, &c[s->best], &c[IMPLICIT], err);
   if (c[IMPLICIT].cost < c[s->best].cost) s->best = IMPLICIT;
+  if (!status) status = find_allowed(p, &c[s->best], &s->verification, err);
   s->flown = p->flown, s->price = p->price, s->damped = p->damped;
   return status;
 }
@@ -316,26 +408,29 @@ static void use(msim_sim *sim, const ms_probe *p, const ms_selection *s) {
                             .warned = sim->advice.warned};
 }
 
-msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const double *v,
+msim_status ms_sim_select(msim_sim *sim, int late, double t0, const double *x, const double *v,
                           msim_error *err) {
-  ms_selection s = {.tol = sim->selection.tol, .collision = sim->selection.collision};
+  ms_selection s = {.tol = sim->selection.tol, .collision = sim->selection.collision, .parts = 1};
   ms_probe p;
-  msim_status status = ms_probe_begin(sim, s.tol, t0, x, v, &p, err);
+  msim_status status = ms_probe_begin(sim, s.tol, late, t0, x, v, &p, err);
   if (!status) status = choose(&p, &s, err);
   if (!status) use(sim, &p, &s);
   ms_probe_end(&p);
   return status;
 }
 
-static void pass_candidate(ms_bytes *b, int i, int damped, ms_candidate *c) {
-  c->method = list[i].method[damped];
+static void pass_candidate(ms_bytes *b, int i, ms_candidate *c) {
+  int32_t which = c->method == list[i].method[1];
+  MS_BYTES_PASS(b, which);
+  c->method = list[i].method[which != 0];
   double *numbers[] = {&c->price, &c->cost, &c->h, &c->error};
   int *flags[] = {&c->controlled, &c->tried, &c->why};
   for (int k = 0; k < 4; k++) MS_BYTES_PASS(b, *numbers[k]);
   for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *flags[k]);
   MS_BYTES_PASS(b, c->collision);
-  ms_bytes_check(b, c->why >= 0 && c->why < REASONS && c->controlled == (i == IMPLICIT),
-                 "the choice of a method");
+  ms_bytes_check(
+      b, c->why >= 0 && c->why < REASONS && c->controlled == (i == IMPLICIT || i == CONTROLLED),
+      "the choice of a method");
   ms_bytes_check(b, c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT,
                  "the choice of a method");
 }
@@ -353,13 +448,18 @@ void ms_selection_history(ms_bytes *b, ms_selection *s) {
   MS_BYTES_PASS(b, s->collision);
   MS_BYTES_PASS(b, s->damped);
   s->damped = s->damped != 0;
-  for (int i = 0; i < MS_CANDIDATES; i++) pass_candidate(b, i, s->damped, &s->candidates[i]);
+  ms_bytes_pass_count(b, &s->parts);
+  ms_verification_history(b, &s->verification);
+  ms_bytes_check(b, s->parts > 0, "the choice of a method");
+  for (int i = 0; i < MS_CANDIDATES; i++) pass_candidate(b, i, &s->candidates[i]);
   ms_bytes_check(b, s->best >= 0 && s->best < MS_CANDIDATES && may_be_best(&s->candidates[s->best]),
                  "the choice of a method");
 }
 
 static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
-  ms_print(out, "              %-17s ", c->method->entry.name);
+  char name[32];
+  snprintf(name, sizeof name, "%s%s", c->method->entry.name, c->controlled ? ", tol" : "");
+  ms_print(out, "              %-17s ", name);
   if (c->why) {
     ms_print(out, "passed over: %s\n", reasons[c->why]);
     return;
@@ -373,9 +473,19 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
 }
 
 void ms_selection_explain(const ms_selection *s, ms_text *out) {
+  const ms_verification *v = &s->verification;
   ms_print(out,
            "auto          chosen for tol = %g by the first %.3g s of the run and steps tried from "
            "there,\n              for the price of %.0f evaluations\n",
            s->tol, s->flown, s->price);
   for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
+  if (v->allowed > 0)
+    ms_print(out,
+             "              steps are verified: their halves may differ from them by %.2g of the "
+             "scales\n",
+             v->allowed);
+  if (v->away) ms_print(out, "              chosen anew once a plane is close\n");
+  if (s->parts > 1)
+    ms_print(out, "              in %lld parts a step, as a plane was close\n",
+             (long long)s->parts);
 }

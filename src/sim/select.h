@@ -5,9 +5,14 @@
  * are taken to be as cheap as stability allows; the cheapest is tried (probe.h), which mostly makes
  * it dearer, until the cheapest is one that has been tried. So what cannot win costs nothing.
  *
- * Only tr-bdf2 runs under error control. The others take fixed steps: what control compares costs
- * half as much again, and it adds up errors that methods which keep energy within bounds make good
- * again, up to a hundredfold.
+ * tr-bdf2 and dop853 run under error control, too: dop853 over a part of the flight, which tells
+ * its cost, and alone where particles are few, as one event decides on the error there. The others
+ * take fixed steps: what control compares costs half as much again, and it adds up errors that
+ * methods which keep energy within bounds make good again, up to a hundredfold. Their steps are
+ * verified (verify.h). LSODA (Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136) likewise compares
+ * the steps that each method could take.
+ *
+ * Until a plane is close the choice is as without planes; then it is made anew.
  *
  * Where stability sets the steps, respa is tried if few springs do so, and tr-bdf2 makes the whole
  * run, at a fifth of the best cost, or is passed over. */
@@ -15,9 +20,9 @@
 #define MS_SELECT_H
 
 #include "base/bytes.h"
-#include "integrate/integrator.h"
+#include "sim/verify.h"
 
-enum { MS_CANDIDATES = 9 };
+enum { MS_CANDIDATES = 10 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;
@@ -39,14 +44,16 @@ typedef struct ms_selection {
   double price;      /* of the whole choice, in evaluations */
   int32_t best;      /* of candidates */
   int damped;        /* which are those for forces that depend on velocities */
+  int64_t parts;     /* of a step of the sim: so many steps of the method */
   int out_of_date;   /* what was built is for another method, or for other springs */
+  ms_verification verification;
   ms_candidate candidates[MS_CANDIDATES];
 } ms_selection;
 
 /* Choose by what is ahead from x, v (flat 3n) at t0 on: a pure function of scene, options and that
- * state. Sets the method, and tol or h, as if they had been asked for; keeps what is where that
- * fails. */
-msim_status ms_sim_select(msim_sim *sim, double t0, const double *x, const double *v,
+ * state. late: the run goes on, and planes count. Sets the method, and tol or h, as if they had
+ * been asked for; keeps what is where that fails. */
+msim_status ms_sim_select(msim_sim *sim, int late, double t0, const double *x, const double *v,
                           msim_error *err);
 
 /* All of it, and taken again. */

@@ -114,7 +114,7 @@ msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const do
 msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim_error *err) {
   const ms_scene *scene = sim->scene;
   const char *name = sim->integrator->entry.name;
-  if (sim->integrator->show && scene->nplanes > 0)
+  if (sim->integrator->show && scene->nplanes > 0 && !sim->selection.verification.away)
     return ms_fail(err, MSIM_ERR_ARG,
                    "integrator '%s' carries other variables than x and v, which planes cannot "
                    "reflect: take force-gradient",
@@ -145,7 +145,7 @@ static msim_status set_up(msim_sim *sim, const msim_options *opt, msim_error *er
   msim_status status = take_options(sim, opt, err);
   if (!status) status = ms_planes_check(sim->scene, err);
   if (!status && ms_sim_selects(sim))
-    status = ms_sim_select(sim, 0, sim->scene->x, sim->scene->v, err);
+    status = ms_sim_select(sim, 0, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = ms_sim_check_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim)) status = ms_sim_settle_step(sim, &sim->opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);

@@ -25,6 +25,7 @@ typedef struct ms_motion {
   ms_norm norm;       /* under error control */
   double error;       /* of the step that is being made, over what is allowed */
   ms_guard guard;
+  ms_check check;
 } ms_motion;
 
 struct msim_sim {
@@ -127,6 +128,10 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
 
 /* Let the islands start in that state, as it is planned. */
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state);
+
+/* Planes count from here on: a method for impacts is chosen in the present state, whose steps
+ * divide those that are planned; under error control the method stays. */
+msim_status ms_sim_meet_planes(msim_sim *sim, msim_error *err);
 
 /* Plan the run from t0 and x, v (flat 3n) on; keeps the old plan where that fails. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,

@@ -150,6 +150,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   }
   sim->flat_is_current = 1;
   ms_watch_start(sim);
+  ms_verify_start(sim);
   ms_sim_watch_step(sim);
   return ms_ok(err);
 }
@@ -160,7 +161,7 @@ static msim_status start_anew(msim_sim *sim, const msim_state *state, msim_error
   const ms_advice advice = sim->advice;
   const ms_integrator *integrator = sim->integrator;
   const msim_options opt = sim->opt;
-  msim_status status = ms_sim_select(sim, state->t, state->x, state->v, err);
+  msim_status status = ms_sim_select(sim, 0, state->t, state->x, state->v, err);
   if (!status) status = ms_sim_start(sim, state, err);
   if (!status) return MSIM_OK;
   sim->selection = selection, sim->advice = advice, sim->integrator = integrator, sim->opt = opt;
@@ -172,6 +173,37 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
   msim_status status = check_state(sim, state, err);
   if (status) return status;
   return ms_sim_selects(sim) ? start_anew(sim, state, err) : ms_sim_start(sim, state, err);
+}
+
+/* The grid of steps, and of frames, stays: h is divided. */
+static msim_status choose_for_planes(msim_sim *sim, const msim_state *now, msim_error *err) {
+  msim_status status = ms_sim_select(sim, 1, now->t, now->x, now->v, err);
+  if (status) return status;
+  sim->selection.parts = (int64_t)fmax(1, ceil(sim->plan.h / sim->opt.h - 1e-9));
+  sim->opt.h = sim->plan.h;
+  return MSIM_OK;
+}
+
+msim_status ms_sim_meet_planes(msim_sim *sim, msim_error *err) {
+  const ms_selection selection = sim->selection;
+  const ms_advice advice = sim->advice;
+  const ms_integrator *integrator = sim->integrator;
+  const msim_options opt = sim->opt;
+  msim_state now = {.size = sizeof now};
+  msim_status status = MSIM_OK;
+  msim_sim_state(sim, &now);
+  sim->selection.verification.away = 0;
+  if (ms_sim_has_control(sim)) ms_control_forget(&sim->control);
+  else status = choose_for_planes(sim, &now, err);
+  if (!status) status = ms_sim_build(sim, sim->motion->model.rows.left_out, err);
+  if (!status) {
+    now.v_half = NULL;
+    ms_sim_start_islands(sim, &now);
+    ms_watch_start(sim);
+    return MSIM_OK;
+  }
+  sim->selection = selection, sim->advice = advice, sim->integrator = integrator, sim->opt = opt;
+  return status;
 }
 
 void msim_sim_energy(msim_sim *sim, msim_energy *energy) {

@@ -1,0 +1,305 @@
+#include "sim/verify.h"
+
+#include <math.h>
+
+#include "base/vec3.h"
+#include "sim/drive.h"
+
+/* Explicit steps between two looks at energy */
+enum { ENERGY_INTERVAL = 512 };
+
+/* Signs of an event */
+enum { DEFECT, TURN };
+
+msim_status ms_verify_create(const msim_sim *sim, const ms_model *model, ms_check *check,
+                             msim_error *err) {
+  if (!ms_sim_selects(sim) || ms_sim_has_control(sim)) return MSIM_OK;
+  check->x = ms_rows_vector(sim->scene, &model->rows);
+  check->v = ms_rows_vector(sim->scene, &model->rows);
+  return check->x && check->v ? MSIM_OK : ms_fail_memory(err, "the start of a step");
+}
+
+void ms_verify_destroy(const ms_model *model, ms_check *check) {
+  if (!model->scene) return;
+  ms_delete(&model->scene->alloc, check->x);
+  ms_delete(&model->scene->alloc, check->v);
+}
+
+/*------------------------------------- signs --------------------------------------------------*/
+
+/* Root mean square by mass, over the scale, as errors are measured */
+static double norm(ms_stepper *s, const double *d, double scale, const ms_scales *scales) {
+  const ms_shape shape = s->model->shape;
+  ms_scale_rows(shape, s->model->mass, d, s->scratch);
+  return sqrt(ms_dot(shape, d, s->scratch) / (2 * scales->mass)) / scale;
+}
+
+/* D_x of the step from x to x_next, not yet accepted; 0 where the method has no a at both ends */
+static double find_defect(const ms_integrator *method, ms_stepper *s, const ms_scales *scales) {
+  const ms_shape shape = s->model->shape;
+  const double h = s->h, w[] = {-1, -h / 2, -h / 2, -h * h / 12, h * h / 12};
+  if (!ms_has_control(method) || method->carried != 1) return 0;
+  const double *a = s->work[s->warm == 2], *a_next = s->work[s->warm != 2];
+  const double *const x[] = {s->x, s->v, s->v_next, a, a_next};
+  ms_add_all(shape, s->x_next, 5, w, x, s->x_spare[0]);
+  return norm(s, s->x_spare[0], scales->extent, scales);
+}
+
+/* 1 - cos of the largest angle that a spring has turned by, of those whose direction matters */
+static double find_turn(const ms_stepper *s) {
+  const ms_rows *rows = &s->model->rows;
+  const ms_springs *springs = &s->model->springs;
+  double least = 1;
+  for (int32_t e = 0; e < springs->n; e++) {
+    double from[2][3], to[2][3];
+    const int32_t ends[2] = {springs->i[e], springs->j[e]};
+    if (springs->rest[e] == 0 && springs->damping[e] == 0) continue;
+    for (int i = 0; i < 2; i++) {
+      ms_row_get(rows, s->x, ends[i], from[i]);
+      ms_row_get(rows, s->x_next, ends[i], to[i]);
+    }
+    for (int c = 0; c < 3; c++) from[0][c] -= from[1][c], to[0][c] -= to[1][c];
+    const double both = sqrt(ms_dot3(from[0], from[0]) * ms_dot3(to[0], to[0]));
+    if (both > 0) least = fmin(least, ms_dot3(from[0], to[0]) / both);
+  }
+  return 1 - least;
+}
+
+/*------------------------------------- errors ---------------------------------------------------*/
+
+/* The step just made is made again in two halves, which take its place; error: what they differ by,
+ * squared. */
+static msim_status halve(const msim_sim *sim, ms_stepper *s, const ms_scales *scales, double *error,
+                         msim_error *err) {
+  const ms_shape shape = s->model->shape;
+  ms_swap(&s->x_next, &s->x_spare[1]);
+  ms_swap(&s->v_next, &s->v_spare[1]);
+  msim_status status = ms_drive_parts(sim, s, 2, err);
+  if (status) return status;
+  ms_combine(shape, s->x_next, -1, s->x_spare[1], s->x_spare[0]);
+  ms_combine(shape, s->v_next, -1, s->v_spare[1], s->v_spare[0]);
+  const double x = norm(s, s->x_spare[0], scales->extent, scales);
+  const double v = norm(s, s->v_spare[0], scales->speed, scales);
+  *error = x * x + v * v;
+  return MSIM_OK;
+}
+
+msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measured *step,
+                              msim_error *err) {
+  double sum = 0;
+  *step = (ms_measured){0};
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
+    double error;
+    msim_status status = ms_drive_parts(sim, &m->stepper, 1, err);
+    if (status) return status;
+    step->sign[DEFECT] =
+        fmax(step->sign[DEFECT], find_defect(sim->integrator, &m->stepper, scales));
+    step->sign[TURN] = fmax(step->sign[TURN], find_turn(&m->stepper));
+    status = halve(sim, &m->stepper, scales, &error, err);
+    if (status) return status;
+    sum += error;
+  }
+  step->error = sqrt(sum);
+  return MSIM_OK;
+}
+
+/*------------------------------------- steps ----------------------------------------------------*/
+
+/* In a large scene one event counts little, and D costs as much as a quarter of an evaluation, the
+ * angles as three. In a small one both cost about as much as one: steps of few evaluations, which
+ * are short, wait for each other. */
+static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
+  enum { LARGE = 64, WORTH = 8 }; /* evaluations */
+  const double MORE = 3, TURNED = 0.3, LITTLE = 0.005, NOISE = 100 * sim->selection.verification.scales.rounding;
+  const int64_t step = sim->step + 1 - sim->step0;
+  const int is_turn = m->check.all || step % MS_VERIFY_INTERVAL == 0;
+  const int is_large = m->model.shape.n >= LARGE;
+  const double *seen = m->check.sign;
+  const double price = sim->selection.candidates[sim->selection.best].price;
+  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, price));
+  const int looks = is_turn || step % every == 0;
+  sign[DEFECT] = sign[TURN] = 0;
+  if (looks) sign[DEFECT] = find_defect(sim->integrator, &m->stepper, &sim->selection.verification.scales);
+  if (looks && (!is_large || is_turn)) sign[TURN] = find_turn(&m->stepper);
+  return is_turn || sign[DEFECT] > fmax(NOISE, MORE * seen[DEFECT]) ||
+         sign[TURN] > fmin(TURNED, fmax(LITTLE, MORE * seen[TURN]));
+}
+
+/* From the state between two parts on */
+static void go_on(ms_stepper *s) {
+  ms_swap(&s->x, &s->x_next);
+  ms_swap(&s->v, &s->v_next);
+  s->warm = s->warm_next;
+}
+
+/* The next part of the step. */
+static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, double *left,
+                             msim_error *err) {
+  const double h = ms_control_next(c, *left), allowed = ms_control_allowed(c, h);
+  ms_stepper *s = &m->stepper;
+  double apart, error = 0;
+  s->h = h;
+  msim_status status = ms_drive_parts(sim, s, 1, err);
+  if (!status && !sim->integrator->estimate) status = halve(sim, s, &sim->selection.verification.scales, &apart, err);
+  if (!status) error = ms_error_of(sim->integrator, s, &m->norm, allowed);
+  if (!status && ms_control_accepts(c, h, error)) {
+    *left = h == *left ? 0 : *left - h;
+    go_on(s);
+    return MSIM_OK;
+  }
+  if (status) ms_control_fail(c, h);
+  s->stats->rejected_steps++;
+  if (status && !ms_drive_may_help(status)) return status;
+  return c->h < 1e-13 * c->span
+             ? ms_fail(err, MSIM_NOT_CONVERGED, "even a step of %.3g s has too large an error", h)
+             : MSIM_OK;
+}
+
+/* The step again, under error control, in place of one whose error is known or infinite. */
+static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, double error, msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  const ms_shape shape = m->model.shape;
+  const double h = s->h;
+  double left = h;
+  ms_control c = ms_control_of(sim->integrator, sim->selection.verification.allowed, h);
+  ms_control_accepts(&c, h, sqrt(error) / c.tol);
+  ms_copy(shape, s->x, m->check.x);
+  ms_copy(shape, s->v, m->check.v);
+  s->warm = 0;
+  s->stats->rejected_steps++;
+  msim_status status = MSIM_OK;
+  while (!status && left > 0) status = make_part(sim, m, &c, &left, err);
+  ms_swap(&s->x, &s->x_next);
+  ms_swap(&s->v, &s->v_next);
+  ms_copy(shape, m->check.x, s->x);
+  ms_copy(shape, m->check.v, s->v);
+  s->warm_next = s->warm, s->warm = 0;
+  s->h = h, s->parts = 1;
+  return status;
+}
+
+msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  ms_check *check = &m->check;
+  double error = INFINITY, sign[2] = {0};
+  msim_status status = ms_drive_parts(sim, s, 1, err);
+  if (status && !ms_drive_may_help(status)) return status;
+  if (!status && !is_due(sim, m, sign)) return MSIM_OK;
+  if (!status) status = halve(sim, s, &sim->selection.verification.scales, &error, err);
+  check->all = status || !(sqrt(error) <= sim->selection.verification.allowed);
+  if (check->all) return make_in_parts(sim, m, error, err);
+  for (int i = 0; i < 2; i++) check->sign[i] = fmax(check->sign[i], sign[i]);
+  return MSIM_OK;
+}
+
+/*------------------------------------- planes ---------------------------------------------------*/
+
+/* Of the particle nearest to a plane; *speed: of the fastest. */
+static double find_gap(const msim_sim *sim, double *speed) {
+  const ms_scene *scene = sim->scene;
+  double gap = INFINITY, fastest = 0;
+  for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    for (int32_t r = 0; r < m->model.rows.nfree; r++) {
+      double x[3], v[3];
+      ms_row_get(&m->model.rows, m->stepper.x, r, x);
+      ms_row_get(&m->model.rows, m->stepper.v, r, v);
+      fastest = fmax(fastest, ms_dot3(v, v));
+      for (int32_t p = 0; p < scene->nplanes; p++)
+        gap = fmin(gap, ms_dot3(scene->planes[p].normal, x) - scene->planes[p].offset);
+    }
+  *speed = sqrt(fastest);
+  return gap;
+}
+
+/* In how many steps of h could a plane be met? Speeds may double meanwhile. */
+static double count_steps(const msim_sim *sim, double h) {
+  double speed;
+  const double gap = find_gap(sim, &speed), g = ms_norm3(sim->scene->gravity);
+  return gap / (2 * h * (fmax(speed, sim->selection.verification.scales.speed) + g * h));
+}
+
+int ms_verify_is_plane_close(const msim_sim *sim, double h) {
+  return sim->scene->nplanes > 0 && !(count_steps(sim, h) >= 1);
+}
+
+int ms_verify_meets_planes(msim_sim *sim) {
+  enum { FARTHEST = 16 };
+  ms_verification *v = &sim->selection.verification;
+  if (!v->away || sim->step < v->due) return 0;
+  const double steps = count_steps(sim, sim->plan.h);
+  const int at_once = ms_sim_has_control(sim) || !(steps >= 4);
+  v->due = sim->step + (at_once ? 1 : (int64_t)fmin(FARTHEST, steps / 2));
+  return !(steps >= 1);
+}
+
+/*------------------------------------- energy ---------------------------------------------------*/
+
+/* As if the planes were not there, where they do not count */
+static int is_conserved(const msim_sim *sim) {
+  if (sim->scene->nplanes && !sim->selection.verification.away) return 0;
+  return !sim->selection.damped;
+}
+
+static double energy_of(msim_sim *sim) {
+  msim_energy e = {.size = sizeof e};
+  msim_sim_energy(sim, &e);
+  return e.total;
+}
+
+void ms_verify_start(msim_sim *sim) {
+  ms_verification *v = &sim->selection.verification;
+  if (!ms_sim_selects(sim)) return;
+  v->due = sim->step;
+  v->energy = is_conserved(sim) ? energy_of(sim) : 0;
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
+    m->check.all = 0;
+    ms_norm_measure(&m->model, m->stepper.x, m->stepper.v, ms_plan_span(&sim->plan), &m->norm);
+    for (int i = 0; i < 2; i++) m->check.sign[i] = v->sign[i];
+  }
+}
+
+static int is_last(const msim_sim *sim) {
+  return ms_sim_has_control(sim) ? sim->t == sim->plan.t_end
+                                 : sim->step - sim->step0 == sim->plan.steps;
+}
+
+void ms_verify_energy(msim_sim *sim) {
+  const double TOO_MUCH = 10;
+  const ms_scales *s = &sim->selection.verification.scales;
+  ms_verification *v = &sim->selection.verification;
+  if (!ms_sim_selects(sim) || v->warned || !is_conserved(sim)) return;
+  if (sim->step % ENERGY_INTERVAL != 0 && !is_last(sim)) return;
+  const double off = fabs(energy_of(sim) - v->energy) / (s->mass * s->speed * s->speed);
+  if (!(off > TOO_MUCH * fmax(sim->selection.tol, s->rounding))) return;
+  v->warned = 1;
+  ms_sim_warn(
+      sim,
+      "step %lld, t = %g s: energy is off by %.2g of its scale, so that the error is larger "
+      "than tol = %g, by which %s was chosen",
+      (long long)sim->step, ms_sim_time(sim), off, sim->selection.tol, sim->integrator->entry.name);
+}
+
+/*------------------------------------- checkpoints ----------------------------------------------*/
+
+void ms_verification_history(ms_bytes *b, ms_verification *v) {
+  ms_scales *s = &v->scales;
+  double *numbers[] = {&v->allowed, &v->sign[0], &v->sign[1],  &v->energy, &s->extent,
+                       &s->speed,   &s->mass,    &s->rounding, &s->time};
+  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+    MS_BYTES_PASS(b, *numbers[i]);
+    ms_bytes_check(b, isfinite(*numbers[i]), "the verification of steps");
+  }
+  MS_BYTES_PASS(b, v->warned);
+  MS_BYTES_PASS(b, v->away);
+  ms_bytes_pass_count(b, &v->due);
+  ms_bytes_check(b, v->allowed >= 0 && (v->away | 1) == 1 && (v->warned | 1) == 1,
+                 "the verification of steps");
+}
+
+void ms_check_history(ms_bytes *b, ms_check *check) {
+  MS_BYTES_PASS(b, check->sign[0]);
+  MS_BYTES_PASS(b, check->sign[1]);
+  MS_BYTES_PASS(b, check->all);
+  ms_bytes_check(b, isfinite(check->sign[0]) && isfinite(check->sign[1]) && (check->all | 1) == 1,
+                 "the verification of steps");
+}

@@ -1,0 +1,240 @@
+/* integrator = auto where motion grows wilder than it was at the beginning: steps are verified, and
+ * planes count once they are close. */
+#include <math.h>
+
+#include "checkpoints.h"
+#include "sim/sim.h"
+
+static msim_options options_of(const char *method, double tol, double t_end) {
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = method, opt.tol = tol, opt.t_end = t_end;
+  return opt;
+}
+
+/*------------------------------------- scenes ---------------------------------------------------*/
+
+/* It flies by the other end of its spring, at a distance of d, in the middle of the run. */
+static msim_scene *flyby(double d, double speed) {
+  const double x[6] = {0, 0, 0, 1, d, 0}, v[6] = {0, 0, 0, -speed, 0, 0}, mass[2] = {1, 1};
+  const double k = 1, rest = 1;
+  const int32_t ij[2] = {0, 1}, first = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 1, &first, err));
+  return scene;
+}
+
+/* A net of 25, held at its corners, that hums, and a particle on a spring to its middle, which
+ * shoots past that late in the run. */
+static msim_scene *shot(double d) {
+  const double gap = 0.2, k = 100, mass = 0.1, v[3] = {0, 0, -2.5}, x[3] = {0.4 + d, 0.4, 1.5};
+  const double soft = 1, rest = 0.5;
+  const int32_t corners[4] = {0, 4, 20, 24}, to[2] = {12, 25};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int i = 0; i < 25; i++) {
+    const double at[3] = {gap * (i % 5), gap * (i / 5), 0.01 * sin(i)};
+    assert_ok(msim_scene_add_particles(scene, 1, at, NULL, &mass, err));
+  }
+  assert_ok(msim_scene_add_particles(scene, 1, x, v, &mass, err));
+  for (int32_t i = 0; i < 25; i++) {
+    const int32_t right[2] = {i, i + 1}, down[2] = {i, i + 5};
+    if (i % 5 < 4) assert_ok(msim_scene_add_springs(scene, 1, right, &k, &gap, NULL, err));
+    if (i < 20) assert_ok(msim_scene_add_springs(scene, 1, down, &k, &gap, NULL, err));
+  }
+  assert_ok(msim_scene_add_springs(scene, 1, to, &soft, &rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 4, corners, err));
+  return scene;
+}
+
+/* A rope in folds, that springs apart and flies. */
+static msim_scene *folded(int32_t n) {
+  const double mass = 0.05, k = 2000, rest = 0.3, g[3] = {0, 0, -9.81};
+  const int32_t first = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int32_t i = 0; i < n; i++) {
+    const double x[3] = {0.02 * i, 0, 0.1 * (i % 2)};
+    const int32_t ij[2] = {i - 1, i};
+    assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+    if (i) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  }
+  assert_ok(msim_scene_pin(scene, 1, &first, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+static msim_scene *net_over(double floor) {
+  msim_scene *scene = hanging_cloth(5, 100, 0);
+  if (isfinite(floor)) plane(scene, 0, 0, 1, floor, 0.5, 0);
+  return scene;
+}
+
+/*------------------------------------- errors ---------------------------------------------------*/
+
+enum { MOST = 3 * 26 };
+
+/* The largest error of a position at the end, over tol */
+static double error_of(const msim_scene *scene, double tol, double t_end) {
+  const msim_options opt = options_of("auto", tol, t_end);
+  const msim_options exact = options_of("dop853", 1e-13, t_end);
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &exact);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_ok(msim_sim_run(other, NULL, NULL, err));
+  const msim_state s = state_of(sim), t = state_of(other);
+  double most = 0;
+  for (int32_t i = 0; i < 3 * s.n; i++) most = fmax(most, fabs(s.x[i] - t.x[i]));
+  print_message("  tol %.0e  %-15s error/tol %.2g, %lld evaluations, %lld steps refused\n", tol,
+                sim->integrator->entry.name, most / tol, (long long)stats_of(sim).force_evaluations,
+                (long long)stats_of(sim).rejected_steps);
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  return most / tol;
+}
+
+/* In a box of 1 m */
+static void few_that_fly_by_are_followed(void **state) {
+  (void)state;
+  const double d[] = {1e-2, 1e-3, 1e-4, 1e-6}, speed[] = {1.2, 2, 3.5};
+  for (int i = 0; i < 4; i++)
+    for (int k = 0; k < 3; k++) {
+      msim_scene *scene = flyby(d[i], speed[k]);
+      for (double tol = 1e-3; tol > 1e-9; tol /= 100)
+        assert_true(error_of(scene, tol, 2.4 / speed[k]) <= 10);
+      msim_scene_destroy(scene);
+    }
+}
+
+/* Among many the steps are fixed, and some are refused. */
+static void late_events_are_verified(void **state) {
+  (void)state;
+  const double d[] = {0.02, 0.005, 0.001};
+  for (int i = 0; i < 3; i++) {
+    msim_scene *scene = shot(d[i]);
+    for (double tol = 1e-4; tol > 1e-8; tol /= 10) assert_true(error_of(scene, tol, 1) <= 10);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- costs ----------------------------------------------------*/
+
+static int64_t evaluations_of(const msim_scene *scene, const char *method, double tol,
+                              double t_end) {
+  const msim_options opt = options_of(method, tol, t_end);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const int64_t count = stats_of(sim).force_evaluations;
+  msim_sim_destroy(sim);
+  return count;
+}
+
+/* Steps for the wildest moment are not made all the time. */
+static void bursts_cost_what_control_costs(void **state) {
+  (void)state;
+  for (int32_t n = 6; n <= 20; n += 7)
+    for (double tol = 1e-2; tol > 1e-7; tol /= 100) {
+      msim_scene *scene = folded(n);
+      const int64_t chosen = evaluations_of(scene, "auto", tol, 0.6);
+      const int64_t controlled = evaluations_of(scene, "dop853", tol, 0.6);
+      print_message("  %d particles, tol %.0e: %lld evaluations, %lld under control\n", n, tol,
+                    (long long)chosen, (long long)controlled);
+      assert_true((double)chosen <= 1.5 * (double)controlled);
+      msim_scene_destroy(scene);
+    }
+}
+
+/*------------------------------------- planes ---------------------------------------------------*/
+
+/* A plane that is never touched changes no bit. */
+static void far_planes_cost_nothing(void **state) {
+  (void)state;
+  for (double tol = 1e-2; tol > 1e-7; tol /= 100) {
+    msim_scene *scene = net_over(-5), *without = net_over(-INFINITY);
+    const msim_options opt = options_of("auto", tol, 1);
+    msim_sim *sim = make_sim(scene, &opt), *other = make_sim(without, &opt);
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    assert_ok(msim_sim_run(other, NULL, NULL, err));
+    expect_same(sim, other, "far plane");
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+    msim_scene_destroy(scene), msim_scene_destroy(without);
+  }
+}
+
+typedef struct frames {
+  int n;
+  double t[300];
+} frames;
+
+static int note(msim_sim *sim, void *user) {
+  frames *f = user;
+  f->t[f->n++] = state_of(sim).t;
+  return 0;
+}
+
+/* Ball and floor: it flies, and an impact is located; frames are where they were planned. */
+static void near_planes_count(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 1}, v[3] = {0}, g = 9.81, t_end = 0.8, fall = sqrt(2 / g);
+  msim_scene *scene = single(x, v, g);
+  plane(scene, 0, 0, 1, 0, 0.5, 0);
+  const msim_options opt = options_of("auto", 1e-6, t_end);
+  msim_sim *sim = make_sim(scene, &opt);
+  const int64_t planned = ms_plan_count_frames(&sim->plan, &sim->opt, 300);
+  frames here = {0};
+  assert_true(sim->selection.verification.away);
+  assert_ok(msim_sim_run(sim, note, &here, err));
+  assert_false(sim->selection.verification.away);
+  assert_int_equal(stats_of(sim).contacts, 1);
+  const double left = t_end - fall;
+  assert_close(state_of(sim).x[2], left * (g * fall / 2 - g / 2 * left), 1e-6);
+  assert_int_equal(here.n, planned);
+  for (int i = 0; i < here.n; i++) assert_close(here.t[i], i * here.t[1], 1e-12);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- bits -----------------------------------------------------*/
+
+/* In one go, in steps, resumed on the way */
+static void expect_one_run(const msim_scene *scene, double tol, double t_end, const char *label) {
+  enum { PIECES = 24 };
+  const msim_options opt = options_of("auto", tol, t_end);
+  msim_sim *whole = make_sim(scene, &opt), *by_step = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(whole, NULL, NULL, err));
+  const int64_t steps = state_of(whole).step;
+  for (int64_t i = 0; i < steps; i++) {
+    assert_ok(msim_sim_step(by_step, 1, err));
+    if (i % (1 + steps / PIECES)) continue;
+    const checkpoint c = save(by_step);
+    msim_sim *resumed = resume(scene, &opt, &c);
+    assert_ok(msim_sim_run(resumed, NULL, NULL, err));
+    expect_same(whole, resumed, label);
+    msim_sim_destroy(resumed);
+    free(c.bytes);
+  }
+  expect_same(whole, by_step, label);
+  msim_sim_destroy(whole), msim_sim_destroy(by_step);
+}
+
+static void pieces_make_the_same_run(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 1}, v[3] = {0};
+  msim_scene *const scenes[] = {shot(0.005), net_over(-0.5), single(x, v, 9.81)};
+  plane(scenes[2], 0, 0, 1, 0, 0.5, 0);
+  for (int i = 0; i < 3; i++) {
+    for (double tol = 1e-2; tol > 1e-7; tol /= 100) expect_one_run(scenes[i], tol, 0.8, "auto");
+    msim_scene_destroy(scenes[i]);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(few_that_fly_by_are_followed),
+                                     cmocka_unit_test(late_events_are_verified),
+                                     cmocka_unit_test(bursts_cost_what_control_costs),
+                                     cmocka_unit_test(far_planes_cost_nothing),
+                                     cmocka_unit_test(near_planes_count),
+                                     cmocka_unit_test(pieces_make_the_same_run)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
