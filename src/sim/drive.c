@@ -325,16 +325,14 @@ static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **wo
 static outcome cut_at_impact(msim_sim *sim, outcome o, int64_t contacts, double *h,
                              msim_error *why) {
   enum { MOST = 8 };
-  const double NEARLY = 1e-9;
+  const double THERE = 1 - 1e-9;
   double share = first_impact(sim);
-  if (share < 1) ms_control_forget(&sim->control);
-  for (int i = 0; i < MOST && !o.m && share < 1; i++, share = first_impact(sim)) {
-    const int is_there = share > 1 - NEARLY;
+  if (share < THERE) ms_control_forget(&sim->control);
+  for (int i = 0; i < MOST && !o.m && share < THERE; i++, share = first_impact(sim)) {
     *h *= share;
     sim->stats.rejected_steps++;
     sim->stats.contacts = contacts;
     o = try_step(sim, *h, ms_control_allowed(&sim->control, *h), why);
-    if (is_there) break;
   }
   return o;
 }

@@ -121,10 +121,11 @@ static void settle(const ms_probe *p, ms_candidate *c) {
 }
 
 static void enter(const ms_probe *p, int i, ms_candidate *c) {
-  const int located = p->near && i != LEAPFROG;
+  const int controlled = i == IMPLICIT || i == CONTROLLED;
+  const int located = controlled ? p->sim->scene->nplanes > 0 : p->near && i != LEAPFROG;
   *c = (ms_candidate){.method = method_of(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
-                      .controlled = i == IMPLICIT || i == CONTROLLED,
+                      .controlled = controlled,
                       .price = list[i].evaluations[p->damped],
                       .cost = INFINITY,
                       .why = why_not(p, i)};
@@ -435,9 +436,9 @@ static void pass_candidate(ms_bytes *b, int i, ms_candidate *c) {
                  "the choice of a method");
 }
 
-/* Impacts are located in fixed steps of methods that have v and all forces at one time. */
+/* Impacts are located by methods that have v and all forces at one time. */
 static int may_be_best(const ms_candidate *c) {
-  const int locates = !c->controlled && !c->method->sync && !c->method->splits;
+  const int locates = !c->method->sync && !c->method->splits;
   return c->why == NOT_PASSED_OVER && (locates || c->collision == MSIM_COLLISION_REFLECT);
 }
 

@@ -104,7 +104,7 @@ static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
     if (s->x_spare[i]) ms_rows_gather(rows, state->x, s->x_spare[i]);
   ms_rows_gather(rows, state->v, s->v);
   m->at_rest = 0;
-  if (ms_sim_has_control(sim))
+  if (ms_sim_has_control(sim) || ms_sim_selects(sim))
     ms_norm_measure(&m->model, s->x, s->v, ms_plan_span(&sim->plan), &m->norm);
   s->h = sim->plan.h;
   s->warm = 0;

@@ -253,7 +253,6 @@ void ms_verify_start(msim_sim *sim) {
   v->energy = is_conserved(sim) ? energy_of(sim) : 0;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
     m->check.all = 0;
-    ms_norm_measure(&m->model, m->stepper.x, m->stepper.v, ms_plan_span(&sim->plan), &m->norm);
     for (int i = 0; i < 2; i++) m->check.sign[i] = v->sign[i];
   }
 }
