@@ -241,9 +241,8 @@ msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_e
   s->x = x, s->v = v;
   s->warm = same ? carried : 0;
   if (status) return status;
-  if (e->ncontacts && !e->contact[0].is_given) {
-    e->held = ms_contacts_sign(s);
-    ms_contacts_know(e);
+  if (e->ncontacts && !e->contact[0].is_given && !s->one_part) {
+    e->held_next = ms_contacts_sign(s);
     s->warm_next |= MS_NOTED;
   }
   return MSIM_OK;

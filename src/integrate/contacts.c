@@ -75,6 +75,14 @@ void ms_contacts_know(ms_events *e) {
   e->known = 1;
 }
 
+void ms_contacts_advance(ms_stepper *s) {
+  ms_events *e = s->events;
+  s->warm = s->warm_next;
+  if (!e || !(s->warm & MS_NOTED)) return;
+  ms_contacts_know(e);
+  e->held = e->held_next;
+}
+
 void ms_contacts_own(ms_stepper *s) {
   ms_events *e = s->events;
   const ms_rows *rows = &s->model->rows;

@@ -62,7 +62,8 @@ typedef struct ms_events {
   int32_t ncontacts;
   int32_t *near; /* nnear rows that may touch a plane in the step of velocity Verlet */
   int32_t nnear;
-  uint64_t held; /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
+  uint64_t held;      /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
+  uint64_t held_next; /* the same of the step just made */
 } ms_events;
 
 /* The scene's planes; a sim may change its scene between steps. */
@@ -77,6 +78,9 @@ void ms_contacts_keep_begin(ms_events *e, ms_shape shape);
 
 /* The end of the part, where a_end was found, is the start of the next. */
 void ms_contacts_know(ms_events *e);
+
+/* The step just made is the last one: s->warm is warm_next from here on, and what belongs to it. */
+void ms_contacts_advance(ms_stepper *s);
 
 /* Let s->x, s->v lie in memory that may be written. */
 void ms_contacts_own(ms_stepper *s);

@@ -375,9 +375,9 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   s->warm = j.lost ? 0 : carried;
   if (status) return status;
   if (j.cuts || (e->ncontacts && !method->entry.implicit)) s->warm_next = 0;
-  if (!j.cuts && e->ncontacts && j.ends_known) {
-    e->held = ms_contacts_sign(s);
-    ms_contacts_know(e);
+  if (!j.cuts && e->ncontacts && j.ends_known &&
+      !s->one_part) { /* else a rejected step would tell */
+    e->held_next = ms_contacts_sign(s);
     s->warm_next |= MS_NOTED;
   }
   return MSIM_OK;

@@ -30,7 +30,7 @@ static void go_on(ms_stepper *s, const ms_stepper *start) {
   ms_swap(&s->v, &s->v_next);
   if (s->x_next == start->x)
     ms_swap(&s->x_next, &s->x_spare[0]), ms_swap(&s->v_next, &s->v_spare[0]);
-  s->warm = s->warm_next;
+  ms_contacts_advance(s);
   s->h_before = s->h;
 }
 
@@ -145,10 +145,10 @@ static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contac
 /* The next state of one island. The present one stays as it is. */
 static msim_status step_island(const msim_sim *sim, ms_motion *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
-  if (ms_sim_has_control(sim)) return make_controlled(sim, m, err);
   const int verified = sim->selection.verification.allowed > 0;
-  const msim_status status =
-      verified ? ms_verify_step(sim, m, err) : make_fixed(sim, &m->stepper, err);
+  const msim_status status = ms_sim_has_control(sim) ? make_controlled(sim, m, err)
+                             : verified              ? ms_verify_step(sim, m, err)
+                                                     : make_fixed(sim, &m->stepper, err);
   m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
   return status;
 }
@@ -221,7 +221,7 @@ static void accept(ms_motion *m) {
   }
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
-  s->warm = s->warm_next;
+  ms_contacts_advance(s);
   s->h_before = s->h / (double)s->parts;
   m->at_rest = m->at_rest_next;
 }
@@ -320,21 +320,24 @@ static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **wo
   return good;
 }
 
-/* The step that was accepted is made anew, to end at its first impact: what it may add to the error
- * it adds no more. *h: its length. The controller goes on as after the whole one. */
-static outcome cut_at_impact(msim_sim *sim, outcome o, int64_t contacts, double *h,
-                             msim_error *why) {
+/* A step that was accepted is made anew, to end at its first impact, and judged again. *h: its
+ * length; the controller goes on as after the whole one. 1: it is accepted. */
+static int cut_at_impact(msim_sim *sim, outcome *o, int64_t contacts, double *h, ms_motion **worst,
+                         msim_error *why) {
   enum { MOST = 8 };
   const double THERE = 1 - 1e-9;
   double share = first_impact(sim);
   if (share < THERE) ms_control_forget(&sim->control);
-  for (int i = 0; i < MOST && !o.m && share < THERE; i++, share = first_impact(sim)) {
+  const ms_control next = sim->control;
+  for (int i = 0; i < MOST && share < THERE; i++, share = first_impact(sim)) {
     *h *= share;
     sim->stats.rejected_steps++;
     sim->stats.contacts = contacts;
-    o = try_step(sim, *h, ms_control_allowed(&sim->control, *h), why);
+    *o = try_step(sim, *h, ms_control_allowed(&sim->control, *h), why);
+    if (!is_accepted(sim, o, *h, worst)) return 0;
+    sim->control = next;
   }
-  return o;
+  return 1;
 }
 
 /* A failure leaves the controller as it was, too. */
@@ -348,14 +351,11 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
     double h = ms_control_next(&sim->control, left);
     ms_motion *worst = NULL;
     outcome o = try_step(sim, h, ms_control_allowed(&sim->control, h), &why);
-    if (is_accepted(sim, &o, h, &worst)) {
-      o = cut_at_impact(sim, o, contacts, &h, &why);
-      if (!o.m) {
-        accept_all(sim);
-        advance_time(sim, h, left);
-        sim->plan.h = sim->control.h;
-        return MSIM_OK;
-      }
+    if (is_accepted(sim, &o, h, &worst) && cut_at_impact(sim, &o, contacts, &h, &worst, &why)) {
+      accept_all(sim);
+      advance_time(sim, h, left);
+      sim->plan.h = sim->control.h;
+      return MSIM_OK;
     }
     sim->stats.contacts = contacts;
     if (sim->control.h >= least && (!o.m || ms_drive_may_help(o.status))) continue;

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "integrate/contacts.h"
 #include "sim/drive.h"
 
 /* Explicit steps between two looks at energy */
@@ -110,7 +111,8 @@ msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measure
  * are short, wait for each other. */
 static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
   enum { LARGE = 64, WORTH = 8 }; /* evaluations */
-  const double MORE = 3, TURNED = 0.3, LITTLE = 0.005, NOISE = 100 * sim->selection.verification.scales.rounding;
+  const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
+               NOISE = 100 * sim->selection.verification.scales.rounding;
   const int64_t step = sim->step + 1 - sim->step0;
   const int is_turn = m->check.all || step % MS_VERIFY_INTERVAL == 0;
   const int is_large = m->model.shape.n >= LARGE;
@@ -119,7 +121,8 @@ static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
   const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, price));
   const int looks = is_turn || step % every == 0;
   sign[DEFECT] = sign[TURN] = 0;
-  if (looks) sign[DEFECT] = find_defect(sim->integrator, &m->stepper, &sim->selection.verification.scales);
+  if (looks)
+    sign[DEFECT] = find_defect(sim->integrator, &m->stepper, &sim->selection.verification.scales);
   if (looks && (!is_large || is_turn)) sign[TURN] = find_turn(&m->stepper);
   return is_turn || sign[DEFECT] > fmax(NOISE, MORE * seen[DEFECT]) ||
          sign[TURN] > fmin(TURNED, fmax(LITTLE, MORE * seen[TURN]));
@@ -129,7 +132,7 @@ static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
 static void go_on(ms_stepper *s) {
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
-  s->warm = s->warm_next;
+  ms_contacts_advance(s);
 }
 
 /* The next part of the step. */
@@ -140,7 +143,8 @@ static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, d
   double apart, error = 0;
   s->h = h;
   msim_status status = ms_drive_parts(sim, s, 1, err);
-  if (!status && !sim->integrator->estimate) status = halve(sim, s, &sim->selection.verification.scales, &apart, err);
+  if (!status && !sim->integrator->estimate)
+    status = halve(sim, s, &sim->selection.verification.scales, &apart, err);
   if (!status) error = ms_error_of(sim->integrator, s, &m->norm, allowed);
   if (!status && ms_control_accepts(c, h, error)) {
     *left = h == *left ? 0 : *left - h;

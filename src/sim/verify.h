@@ -47,12 +47,12 @@ typedef struct ms_check {
 /* Of the whole run */
 typedef struct ms_verification {
   ms_scales scales; /* of the scene */
-  double allowed; /* error of a step; 0: steps are not verified */
-  double sign[2]; /* of steps at the choice */
-  double energy;  /* J, where the method began */
-  int warned;     /* of energy */
-  int away;       /* planes do not count yet */
-  int64_t due;    /* the step at which they are looked at next */
+  double allowed;   /* error of a step; 0: steps are not verified */
+  double sign[2];   /* of steps at the choice */
+  double energy;    /* J, where the method began */
+  int warned;       /* of energy */
+  int away;         /* planes do not count yet */
+  int64_t due;      /* the step at which they are looked at next */
 } ms_verification;
 
 struct msim_sim;
