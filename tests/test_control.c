@@ -149,31 +149,6 @@ static void rejected_steps_leave_no_trace(void **state) {
   }
 }
 
-/* A ball that falls from 1 m and bounces three times: steps end at the impacts. */
-static void impacts_are_met(void **state) {
-  (void)state;
-  const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, g = 9.81, e = 0.5, t_end = 1.2;
-  const double tols[] = {1e-3, 1e-5, 1e-7};
-  double up = sqrt(2 * g), left = t_end - sqrt(2 / g); /* speed before the impact, time after it */
-  for (up *= e; 2 * up / g < left; up *= e) left -= 2 * up / g;
-  for (int32_t m = 0; method_at(m); m++) {
-    if (!has_control(method_at(m)) || msim_integrator_info(m)->order == 1) continue;
-    /* every flight of bdf2 starts by a step of order 1, and doubles it then */
-    const int most = strcmp(method_at(m), "bdf2") == 0 ? 150 : 100;
-    for (int i = 0; i < 3; i++) {
-      msim_scene *scene = single(x, v, g);
-      plane(scene, 0, 0, 1, 0, e, 0);
-      const msim_options opt = controlled(method_at(m), tols[i], t_end);
-      msim_sim *sim = make_sim(scene, &opt);
-      assert_ok(msim_sim_run(sim, NULL, NULL, err));
-      assert_close(state_of(sim).x[2], up * left - g * left * left / 2, 30 * tols[i]);
-      assert_true(stats_of(sim).contacts <= 5 && stats_of(sim).steps < most);
-      msim_sim_destroy(sim);
-      msim_scene_destroy(scene);
-    }
-  }
-}
-
 /* A method that fails where steps are too long, or is off by an amount that no step lessens. */
 static struct {
   const ms_integrator *real;
@@ -498,7 +473,6 @@ int main(void) {
                                      cmocka_unit_test(time_adds_up),
                                      cmocka_unit_test(steps_grow_with_care),
                                      cmocka_unit_test(rejected_steps_leave_no_trace),
-                                     cmocka_unit_test(impacts_are_met),
                                      cmocka_unit_test(no_step_is_short_enough),
                                      cmocka_unit_test(steps_that_fail_are_shortened),
                                      cmocka_unit_test(fixed_steps_are_made_in_parts),
