@@ -266,10 +266,17 @@ static double seconds_for_pairs(int32_t n) {
   return seconds;
 }
 
+/* The least of some runs: other programs share the machine. */
+static double least_seconds_for_pairs(int32_t n) {
+  double least = seconds_for_pairs(n);
+  for (int i = 0; i < 4; i++) least = fmin(least, seconds_for_pairs(n));
+  return least;
+}
+
 /* 16 times as many take about 16 times as long, not 256 times. */
 static void many_bodies_take_no_time(void **state) {
   (void)state;
-  const double few = seconds_for_pairs(6250), many = seconds_for_pairs(100000);
+  const double few = least_seconds_for_pairs(6250), many = least_seconds_for_pairs(100000);
   assert_close(many, 0, 64 * few + 0.1);
 }
 
