@@ -76,7 +76,8 @@ typedef struct msim_stats {
   size_t size;
   int64_t steps, force_evaluations, assemblies, analyses, factorizations, solves, iterations;
   int64_t newton_iterations;
-  int64_t contacts;         /* particles reflected, once a pass; impacts located */
+  int64_t contacts;         /* particles reflected, once a pass; impacts located; endless bounces
+                               that were summed are one */
   int64_t indefinite_steps; /* steps whose exact matrix was seen not to be positive definite */
   int64_t coarse_factors;   /* factorisations of the coarse part of pcg's preconditioner */
   int64_t kept_factors;     /* solves that an old factor, or coarse factor, preconditioned */
@@ -126,8 +127,8 @@ typedef struct msim_csr {
  * The part with the largest error decides. So tol stands for the error at the end as far as errors
  * neither grow nor fade on the way: a tenth of tol makes about a tenth of the error. dop853 has an
  * estimate of its own; others make each step of two halves and compare with a whole one. `verlet`,
- * `bdf2`, `rkc` and `respa` have none. Particles are reflected at the end of a step, and one that
- * leads them deeper into planes than tol L, in root mean square, is shortened to end at the impact.
+ * `bdf2`, `rkc` and `respa` have none. Impacts are located: a step ends at the first one that leads
+ * deeper behind a plane than tol L/10, and particles bounce at the start of the next one.
  * `step` counts the steps accepted, and the last one ends at t_end. Setting a state starts a new
  * run: its error is counted from there.
  * With integrator = "auto" each run begins with the choice of a method, by tol and steps tried in

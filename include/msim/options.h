@@ -11,11 +11,10 @@ extern "C" {
 enum { MSIM_JACOBIAN_EXACT, MSIM_JACOBIAN_CLAMP };
 enum { MSIM_INDEFINITE_CLAMP, MSIM_INDEFINITE_SOLVE, MSIM_INDEFINITE_STOP };
 
-/* REFLECT: the state after the step, as the notes do; of first order whatever the method.
- * EVENT: v at the time of the impact, located inside the step to rounding, so that methods keep
- * their order, with rest and sliding on planes; planes met together act together. Where more than 4
- * particles have impacts in one step, each flies on for itself: of second order. Not for `verlet`
- * and `respa`, and not with tol. */
+/* REFLECT: the state after the step is mirrored at planes; of first order whatever the method.
+ * EVENT: impacts are located inside the step, so that methods keep their order, with exact rest,
+ * sliding and sticking on planes; planes met together act together. Not for `verlet` and `respa`.
+ * With tol impacts are located in any case. */
 enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
 
 /* ON: every 160 explicit steps, every implicit one, before each frame and at the end of a run the
