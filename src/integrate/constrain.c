@@ -71,7 +71,7 @@ static int32_t let_in(constraint *j) {
   const ms_touch none = {0};
   int32_t nnew = 0, changed = 0, next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
-    ms_contact *c = next < e->ncontacts && e->contact[next].row == r ? &e->contact[next++] : NULL;
+    ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch on = find_entered(j, r, c ? &c->on : &none);
     if (!c && on.n) e->near[nnew++] = r;
     if (!c || on.n == c->on.n) continue;
@@ -117,9 +117,7 @@ static int find_friction(constraint *j, ms_contact *c) {
   double a[3], v[3], least;
   ms_row_get(rows, j->e->a_end, c->row, a);
   ms_row_get(rows, j->s->v_next, c->row, v);
-  c->rubs = 0;
-  for (int i = 0; i < c->on.n; i++) c->rubs |= c->on.plane[i]->friction > 0;
-  c->fixed = c->on.n >= rows->dims;
+  ms_contact_classify(c, rows->dims);
   c->friction = fmax(0, ms_keep_along(&c->on, a, &least) + c->jump);
   ms_keep_along(&c->on, v, &least);
   const double speed = ms_norm3(v), pull = ms_norm3(a), slow = 1e-3 * h * c->friction;
@@ -178,8 +176,7 @@ static int is_settled(constraint *j) {
   const ms_events *e = j->e;
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
-    const ms_contact *c =
-        next < e->ncontacts && e->contact[next].row == r ? &e->contact[next++] : NULL;
+    const ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch *on = c ? &c->on : &none;
     if (find_entered(j, r, on).n > on->n || (c && ms_contact_change(j->s, c) <= 1)) return 0;
   }

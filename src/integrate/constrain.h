@@ -9,10 +9,11 @@
  *   n.v = -gap/h       it reaches the plane,
  *   n.v = -e n.v_n     it bounces, faster than 2 h g,
  *   n.v = 0            it rests,
- * which the matrix knows. Friction is viscous there: -mu N v/max(|v|, eps), with the N of the last
- * solve, so that it takes energy whatever N is; what is slower than eps sticks. Particles that end
- * behind a plane join, those on which a plane would pull leave, and the step is made again until
- * nothing changes. Should the energy have grown, impacts are made without restitution. */
+ * which the matrix knows. Friction is viscous there: -mu N v/w, with N and the speed w = |v| of the
+ * last solve, so that it takes energy whatever N is; a particle that nearly stops sticks, until it
+ * takes more than mu N to hold it. Particles that end behind a plane join, those on which a plane
+ * would pull leave, and the step is made again until nothing changes. Should the energy have grown,
+ * impacts are made without restitution. */
 #ifndef MS_CONSTRAIN_H
 #define MS_CONSTRAIN_H
 

@@ -212,6 +212,12 @@ static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
   for (int i = 0; i < 3; i++) c->rub[i] = c->sticks ? 0 : push[i] - (along[i] - a[i]);
 }
 
+void ms_contact_classify(ms_contact *c, int32_t dims) {
+  c->fixed = c->on.n >= dims;
+  c->rubs = 0;
+  for (int i = 0; i < c->on.n; i++) c->rubs |= c->on.plane[i]->friction > 0;
+}
+
 /* The directions in which it cannot move */
 static ms_hold hold_of(const ms_contact *c) {
   const int all = c->sticks || c->on.n > 2;
@@ -239,9 +245,7 @@ static int settle(ms_stepper *s, ms_contact *c) {
     c->rebound = ms_dot3(touched.plane[0]->normal, v);
   }
   if (!c->on.n) return 0;
-  c->fixed = c->on.n >= rows->dims;
-  c->rubs = 0;
-  for (int i = 0; i < c->on.n; i++) c->rubs |= c->on.plane[i]->friction > 0;
+  ms_contact_classify(c, rows->dims);
   const double noise = ms_speed_noise(v);
   memcpy(before, v, sizeof v);
   ms_keep_along(&c->on, v, &least);

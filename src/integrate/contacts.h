@@ -3,8 +3,8 @@
  * A particle that touches a plane, does not leave it and is pressed on it is in contact: n.v = 0,
  * and the plane adds to its acceleration what keeps n.a = 0. Which particles are follows from x, v
  * and the forces alone, so there is nothing to carry from step to step. Friction: while v = 0 the
- * planes cancel all of a, if they can (|a_t| <= mu N), else they pull against the motion by mu N.
- * */
+ * planes cancel all of a, if they can (|a_t| <= mu N), else they pull against the motion by mu
+ * N. */
 #ifndef MS_CONTACTS_H
 #define MS_CONTACTS_H
 
@@ -65,6 +65,15 @@ typedef struct ms_events {
   uint64_t held;      /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
   uint64_t held_next; /* the same of the step just made */
 } ms_events;
+
+/* The contact of a row, or NULL. Rows are asked for in ascending order; *next: 0 at first. */
+static inline ms_contact *ms_contact_of(const ms_events *e, int32_t row, int32_t *next) {
+  return *next < e->ncontacts && e->contact[*next].row == row ? &e->contact[(*next)++] : NULL;
+}
+
+/* Whether there is friction, and anywhere to slide, by the planes of the contact; dims: components
+ * of a vector. */
+void ms_contact_classify(ms_contact *c, int32_t dims);
 
 /* The scene's planes; a sim may change its scene between steps. */
 ms_walls ms_walls_of(const ms_stepper *s);

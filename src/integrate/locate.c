@@ -14,6 +14,7 @@ typedef struct substeps {
   ms_stepper *s;
   ms_events *e;
   double h, done; /* the step, and how much of it lies behind */
+  double omega;   /* bound on frequencies, 1/s */
   int may_cut;    /* paths of particles, of order 2, would be worse than the method */
   int cuts;
   int carried;    /* what s->warm was */
@@ -54,7 +55,7 @@ static int needs_path(const substeps *j, const ms_contact *c) {
  * h^4/384 |x''''|, with |x''''| <= omega^2 |x''|, of which the ends show some: *doubt is 4 times
  * that. */
 static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_plane *p,
-                                     double omega, double *doubt) {
+                                     double *doubt) {
   const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
   double x[2][3], v[2][3];
@@ -63,7 +64,7 @@ static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_
   ms_row_get(rows, s->x_next, row, x[1]);
   ms_row_get(rows, s->v_next, row, v[1]);
   const double u0 = s->h * ms_dot3(p->normal, v[0]), u1 = s->h * ms_dot3(p->normal, v[1]);
-  const double s0 = ms_distance(p, x[0]), s1 = ms_distance(p, x[1]), z = s->h * omega;
+  const double s0 = ms_distance(p, x[0]), s1 = ms_distance(p, x[1]), z = s->h * j->omega;
   const double bend =
       fmax(fabs(6 * (s1 - s0) - 4 * u0 - 2 * u1), fabs(6 * (s0 - s1) + 2 * u0 + 4 * u1));
   *doubt = z * z / 96 * bend;
@@ -102,33 +103,31 @@ static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const ms
 }
 
 /* What touches a plane and does not run into it stays off it for that share of the part. */
-#define LEAST 1. / 16
+#define LEAST (1. / 16)
 
 /* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. */
-static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double omega,
-                              double *depth) {
+static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double *depth) {
   const ms_stepper *s = j->s;
   double x[3], doubt;
   ms_row_get(&s->model->rows, s->x, row, x);
   const ms_walls walls = ms_walls_of(s);
   const double noise = ms_distance_noise(&walls, x);
-  ms_bernstein path = distance_by_ends(j, row, p, omega, &doubt);
+  ms_bernstein path = distance_by_ends(j, row, p, &doubt);
   if (ms_bernstein_least(&path) > doubt) return MS_NOWHERE;
   if (j->method->path) path = distance_by_path(j, row, p);
-  else if (s->h * omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
+  else if (s->h * j->omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
   const double q = ms_bernstein_first_fall(&path, noise);
   *depth = -ms_bernstein_least(&path);
   return q <= 1 && path.c[0] <= noise ? fmax(q, LEAST) : q;
 }
 
 /* Of one row, where it is earlier than *first */
-static void find_impact_of(substeps *j, int32_t row, const ms_contact *c, double omega,
-                           impact *first) {
+static void find_impact_of(substeps *j, int32_t row, const ms_contact *c, impact *first) {
   const ms_scene *scene = j->s->model->scene;
   for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
     double depth = 0;
     if (c && ms_touch_holds(&c->on, p)) continue;
-    const double share = share_of_impact(j, row, p, omega, &depth);
+    const double share = share_of_impact(j, row, p, &depth);
     if (share > 1) continue;
     depth = fmax(depth, first->depth);
     if (share < first->share) *first = (impact){.share = share, .row = row, .plane = p};
@@ -139,13 +138,11 @@ static void find_impact_of(substeps *j, int32_t row, const ms_contact *c, double
 /* Of all rows but those that follow paths of their own */
 static impact find_impact(substeps *j) {
   const ms_events *e = j->e;
-  const double omega = ms_bounds_of(j->s->model).omega;
   impact first = {.share = MS_NOWHERE};
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
-    const ms_contact *c = NULL;
-    if (next < e->ncontacts && e->contact[next].row == r) c = &e->contact[next++];
-    if (!c || !needs_path(j, c)) find_impact_of(j, r, c, omega, &first);
+    const ms_contact *c = ms_contact_of(e, r, &next);
+    if (!c || !needs_path(j, c)) find_impact_of(j, r, c, &first);
   }
   return first;
 }
@@ -277,17 +274,15 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
  * planes. */
 static void follow_paths(substeps *j, int all) {
   const ms_events *e = j->e;
-  const double omega = ms_bounds_of(j->s->model).omega;
   if (all) know_ends(j);
   int changed = 0;
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree && (all || next < e->ncontacts); r++) {
-    const ms_contact *c = NULL;
-    if (next < e->ncontacts && e->contact[next].row == r) c = &e->contact[next++];
+    const ms_contact *c = ms_contact_of(e, r, &next);
     double from = c && needs_path(j, c) ? 0 : MS_NOWHERE;
     if (all && from > 1) {
       impact first = {.share = MS_NOWHERE};
-      find_impact_of(j, r, c, omega, &first);
+      find_impact_of(j, r, c, &first);
       if (first.share <= 1) from = c || j->method->entry.order == 1 ? 0 : first.share;
     }
     if (from > 1) continue;
@@ -324,7 +319,7 @@ static double length_before(const substeps *j, double share) {
  * follow to no more than order 2. Then accuracy is worth more steps. */
 static int may_cut(const substeps *j) {
   const int p = j->method->entry.order;
-  return p > 2 && j->h * ms_bounds_of(j->s->model).omega <= p * p / 16.;
+  return p > 2 && j->h * j->omega <= p * p / 16.;
 }
 
 static msim_status make_parts(substeps *j, msim_error *err) {
@@ -368,6 +363,7 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   e->merge = 1e-11 * e->reach;
   s->impact = MS_NOWHERE;
   s->path_error = 0;
+  j.omega = ms_bounds_of(s->model).omega;
   j.may_cut = may_cut(&j);
   const msim_status status = make_parts(&j, err);
   e->moved = s->x != x;
