@@ -219,6 +219,30 @@ static void the_last_bounces_rub_too(void **state) {
   }
 }
 
+/* In one step: infinitely many bounces that are summed, and the slide that follows, lead where 400
+ * single ones lead. */
+static void bounces_are_summed_exactly(void **state) {
+  (void)state;
+  const double g = 10, e = 0.9, mu = 0.05, T = 3;
+  double u = 1, t = 0, at = 0, vx = 2;
+  const double x[3] = {0}, v[3] = {vx, 0, u};
+  for (int i = 0; i < 400; i++) {
+    const double flight = 2 * u / g;
+    t += flight, at += vx * flight;
+    vx -= mu * (1 + e) * u, u *= e;
+  }
+  at += vx * (T - t) - mu * g * (T - t) * (T - t) / 2;
+  msim_scene *scene = single(x, v, g);
+  plane(scene, 0, 0, 1, 0, e, mu);
+  msim_sim *sim;
+  msim_state s;
+  run(scene, "velocity-verlet", T, 1, &s, &sim);
+  assert_close(s.x[0], at, 1e-12);
+  assert_close(s.v[0], vx - mu * g * (T - t), 1e-12);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /* Bounces, stops and slips of a cloth that lies down on a rough floor cost velocity Verlet nothing,
  * and rk4 less than half a step each. */
 static void a_cloth_lies_down_cheaply(void **state) {
@@ -262,6 +286,7 @@ int main(void) {
                                      cmocka_unit_test(sharp_turns_are_no_stops),
                                      cmocka_unit_test(bounces_without_end_keep_the_speed),
                                      cmocka_unit_test(the_last_bounces_rub_too),
+                                     cmocka_unit_test(bounces_are_summed_exactly),
                                      cmocka_unit_test(a_cloth_lies_down_cheaply)};
   return cmocka_run_group_tests_name("contact", tests, NULL, NULL);
 }

@@ -131,7 +131,7 @@ static void rejected_steps_leave_no_trace(void **state) {
     for (int i = 0; i < 60; i++) {
       const int64_t before = stats_of(sim).rejected_steps;
       const double t = state_of(sim).t;
-      if (i % 20 == 10) assert_ok(msim_sim_set_step(sim, 3, err));
+      if (i % 20 == 10) assert_ok(msim_sim_set_step(sim, 0.3, err));
       assert_ok(msim_sim_step(sim, 1, err));
       if (i % 20 == 10) assert_true(stats_of(sim).rejected_steps > before);
       /* the other one is told the step that was found */

@@ -31,9 +31,9 @@ static int turns(const ms_stepper *s, const ms_contact *c) {
   ms_row_get(rows, s->v_next, c->row, v1);
   ms_row_get(rows, s->events->a_end, c->row, a);
   const double slow = s->h * ms_keep_along(&c->on, a, &least), speed = ms_norm3(v0);
-  const double along = ms_dot3(v0, a), across2 = ms_dot3(a, a) * speed * speed - along * along;
+  const double along = ms_dot3(c->slide, a), across2 = ms_dot3(a, a) - along * along;
   const int is_straight = across2 <= 1e-12 * along * along;
-  return (fmin(speed, ms_norm3(v1)) < slow && !is_straight) ||
+  return ((fmin(speed, ms_norm3(v1)) < slow || c->stop < s->h) && !is_straight) ||
          ms_dot3(v0, v1) < sqrt(0.5) * speed * ms_norm3(v1);
 }
 

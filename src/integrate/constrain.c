@@ -73,18 +73,20 @@ static int32_t let_in(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch on = find_entered(j, r, c ? &c->on : &none);
-    if (!c && on.n) e->near[nnew++] = r;
+    if (!c && on.n) e->followed[nnew++] = r;
     if (!c || on.n == c->on.n) continue;
     c->on = on;
     changed++;
   }
   for (int32_t from = e->ncontacts - 1, to = from + nnew, k = nnew - 1; k >= 0; to--) {
-    if (from >= 0 && e->contact[from].row > e->near[k]) {
+    if (from >= 0 && e->contact[from].row > e->followed[k]) {
       e->contact[to] = e->contact[from--];
       continue;
     }
-    e->contact[to] = (ms_contact){
-        .row = e->near[k], .on = find_entered(j, e->near[k], &none), .is_given = 1, .enters = 1};
+    e->contact[to] = (ms_contact){.row = e->followed[k],
+                                  .on = find_entered(j, e->followed[k], &none),
+                                  .is_given = 1,
+                                  .enters = 1};
     k--;
   }
   e->ncontacts += nnew;
@@ -227,8 +229,9 @@ msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_e
   constraint j = {.method = method, .s = s, .e = e, .v_start = v};
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
-  e->stiff = 2 * s->h;
+  e->stiff = 2;
   e->sums = 0;
+  e->nfollowed = 0;
   e->merge = 1e-11 * e->reach;
   s->impact = MS_NOWHERE;
   s->path_error = 0;

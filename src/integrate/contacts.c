@@ -34,8 +34,8 @@ msim_status ms_events_create(const ms_model *model, ms_events **events, msim_err
   e->contact = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->contact);
   e->hold = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->hold);
   e->parts = ms_new(&scene->alloc, (size_t)ms_totals_parts(model), sizeof *e->parts);
-  e->near = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->near);
-  const int there = e->contact && e->hold && e->near && e->parts;
+  e->followed = ms_new(&scene->alloc, (size_t)model->rows.nfree, sizeof *e->followed);
+  const int there = e->contact && e->hold && e->followed && e->parts;
   return there ? MSIM_OK : ms_fail_memory(err, "the impacts");
 }
 
@@ -57,7 +57,7 @@ void ms_events_destroy(const ms_model *model, ms_events *e) {
                     e->begin[1],
                     e->contact,
                     e->hold,
-                    e->near,
+                    e->followed,
                     e->parts,
                     e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
@@ -149,10 +149,12 @@ static void scale_to_one(double u[3]) {
   for (int c = 0; c < 3; c++) u[c] = size > 0 ? u[c] / size : 0;
 }
 
-/* What the planes add to a; v NULL: it slides on as at the start. */
+/* What the planes add to a; v NULL: it slides on as at the start. Bounces rub as in the mean
+ * (path.h). */
 static void find_push(const ms_contact *c, const double *v, const double a[3], double push[3]) {
   double along[3] = {a[0], a[1], a[2]}, way[3] = {c->slide[0], c->slide[1], c->slide[2]}, least;
-  const double pull = ms_keep_along(&c->on, along, &least);
+  const double share = c->bounces ? (1 + c->on.plane[0]->restitution) / 2 : 1;
+  const double pull = share * ms_keep_along(&c->on, along, &least);
   if (v && c->rubs && !c->sticks) {
     double now[3] = {v[0], v[1], v[2]};
     ms_keep_along(&c->on, now, &least);
@@ -175,13 +177,6 @@ static void find_given_push(const ms_contact *c, const double *v, const double a
     ms_axpy3(-c->friction / c->lag, now, along);
   }
   for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
-}
-
-/* The same, friction being that of the start. */
-static void keep_on(const ms_contact *c, const double a[3], double push[3]) {
-  double along[3] = {a[0], a[1], a[2]}, least;
-  ms_keep_along(&c->on, along, &least);
-  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i] + c->rub[i];
 }
 
 double ms_contact_reaction(const ms_contact *c, const double a[3]) {
@@ -207,9 +202,7 @@ static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
   memcpy(c->slide, still ? along : v, sizeof c->slide);
   if (c->sticks) memset(c->slide, 0, sizeof c->slide);
   scale_to_one(c->slide);
-  double push[3];
-  find_push(c, v, a, push);
-  for (int i = 0; i < 3; i++) c->rub[i] = c->sticks ? 0 : push[i] - (along[i] - a[i]);
+  c->stop = c->sticks || !(pull > 0) ? INFINITY : ms_norm3(v) / pull;
 }
 
 void ms_contact_classify(ms_contact *c, int32_t dims) {
@@ -239,7 +232,7 @@ static int settle(ms_stepper *s, ms_contact *c) {
   c->on = find_holding(s, &touched, v, a);
   const double left = s->events->sums;
   if (!c->on.n && left > 0 && touched.n == 1 &&
-      ms_path_sums_bounces(touched.plane[0], v, a, left, left)) {
+      ms_path_sums_bounces(touched.plane[0], v, a, left, s->events->jump)) {
     c->on = touched;
     c->bounces = 1;
     c->rebound = ms_dot3(touched.plane[0]->normal, v);
@@ -258,7 +251,6 @@ static int settle(ms_stepper *s, ms_contact *c) {
     ms_row_put(rows, v, c->row, s->v);
   }
   find_slide(c, v, a);
-  c->steady = ms_norm3(v) <= s->events->stiff * ms_norm3(c->rub);
   return 1;
 }
 
@@ -338,8 +330,7 @@ void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
     ms_row_get(rows, pass->a, c->row, a);
     if (pass->v) ms_row_get(rows, pass->v, c->row, v);
     if (c->is_given) find_given_push(c, pass->v ? v : NULL, a, push);
-    else if (c->steady) keep_on(c, a, push);
-    else find_push(c, pass->v ? v : NULL, a, push);
+    else find_push(c, pass->v && c->stop >= s->events->stiff * s->h ? v : NULL, a, push);
     add(rows, 1, push, c->row, pass->a);
     if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);
     if (pass->x_to && follows) add(rows, pass->drift * pass->h, push, c->row, pass->x_to);

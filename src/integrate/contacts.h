@@ -24,12 +24,12 @@ typedef struct ms_contact {
   int sticks;      /* v = 0, and the planes keep it so */
   int fixed;       /* as many planes as components: nowhere to slide */
   int rubs;        /* there is friction */
-  int steady;      /* friction is that of the start, all through the part */
   int bounces;     /* so shortly that its path sums the bounces */
   double rebound;  /* n.v at the start of the part, of what bounces */
   ms_touch on;     /* independent planes */
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
-  double rub[3];   /* what friction adds to a at the start of the part, where it slides */
+  double stop; /* s: friction at the start of the part would stop it in that time; it may turn as
+                      fast */
 
   /* where normal velocities and friction are given, in constrain.h: */
   int is_given;
@@ -55,13 +55,15 @@ typedef struct ms_events {
   ms_totals *parts;  /* for energies */
   int known;         /* a is that of s->x, s->v */
   double sums;       /* s: bounces that end within are summed (path.h); 0: none */
-  double stiff;      /* s: where friction stops v sooner, it is steady: for implicit methods, whose
-                        matrix knows nothing of it */
+  double jump;       /* m: ... unless they reach farther than that */
+  double stiff;      /* parts: friction that would stop v sooner keeps its direction: it turns too
+                        fast for the stages of explicit methods, and the matrix of implicit ones is
+                        without it */
   ms_contact *contact;
   ms_hold *hold; /* the same for the matrix */
   int32_t ncontacts;
-  int32_t *near; /* nnear rows that may touch a plane in the step of velocity Verlet */
-  int32_t nnear;
+  int32_t *followed; /* nfollowed rows that took paths of their own in the last part */
+  int32_t nfollowed;
   uint64_t held;      /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
   uint64_t held_next; /* the same of the step just made */
 } ms_events;

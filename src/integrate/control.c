@@ -2,11 +2,23 @@
 
 #include <math.h>
 
+#include "integrate/contacts.h"
+
 int ms_has_control(const ms_integrator *integrator) {
   return integrator->estimate || integrator->one_step;
 }
 
 /*------------------------------------- error ----------------------------------------------------*/
+
+/* An estimate is of the step that the method made: rows that took paths have errors of their own,
+ * in s->path_error. */
+static void leave_paths_out(const ms_stepper *s, double *dx, double *dv) {
+  const double none[3] = {0};
+  for (int32_t i = 0; s->events && i < s->events->nfollowed; i++) {
+    ms_row_put(&s->model->rows, none, s->events->followed[i], dx);
+    ms_row_put(&s->model->rows, none, s->events->followed[i], dv);
+  }
+}
 
 /* which: 0, the fine estimate; 1, the coarse one */
 static void put_error(const ms_integrator *integrator, ms_stepper *s, int which) {
@@ -14,6 +26,7 @@ static void put_error(const ms_integrator *integrator, ms_stepper *s, int which)
   double *dx = s->x_spare[0], *dv = s->v_spare[0];
   if (integrator->estimate) {
     integrator->estimate(s, which, dx, dv);
+    leave_paths_out(s, dx, dv);
     return;
   }
   const double richardson = 1 / (ldexp(1, integrator->entry.order) - 1);

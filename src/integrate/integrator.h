@@ -34,7 +34,7 @@ typedef struct ms_stepper {
   double *v_spare[2];
   int one_part;           /* a step is not cut at its first impact, but tells where that is */
   double impact;          /* ... the share of the step; beyond 1: nowhere */
-  double location;        /* m: ... where its path leads deeper behind planes than this */
+  double tolerance;       /* m: under error control, what an event may add to the error of x */
   double path_error;      /* m/s: of v, where a particle took a path of its own (locate.h) ... */
   int32_t path_row;       /* ... and which */
   int looked;             /* what is kept for those who look inside the last step; 0: nothing */

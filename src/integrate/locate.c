@@ -13,9 +13,9 @@ typedef struct substeps {
   const ms_integrator *method;
   ms_stepper *s;
   ms_events *e;
-  double h, done; /* the step, and how much of it lies behind */
-  double omega;   /* bound on frequencies, 1/s */
-  int may_cut;    /* paths of particles, of order 2, would be worse than the method */
+  double h, done;   /* the step, and how much of it lies behind */
+  ms_bounds bounds; /* on frequencies and rates of damping */
+  int may_cut;      /* paths of particles, of order 2, would be worse than the method */
   int cuts;
   int carried;    /* what s->warm was */
   int warm;       /* for the part to come; 0: without what was carried over */
@@ -33,13 +33,22 @@ typedef struct impact {
 
 /*------------------------------------- paths of particles ---------------------------------------*/
 
-/* Of v: what its acceleration being linear in time adds to a constant one, times how much that
- * acceleration changes; of third order of the part. */
-static double uncertainty(const ms_path *p) {
-  double dv[3], da[3];
-  for (int c = 0; c < 3; c++) dv[c] = p->w[c] - p->v[c], da[c] = p->b1[c] - p->b0[c];
+/* Error of v that a path leaves, of third order: what its acceleration being linear in time adds to
+ * a constant one, times how much that acceleration changes; and of its neighbours, which felt the
+ * particle where the step had it, not where the path ends, h (omega^2 |dx|/3 + rate |dv|/2). */
+static double error_of_path(const substeps *j, int32_t row, const ms_path *p) {
+  const ms_stepper *s = j->s;
+  const ms_bounds *b = &j->bounds;
+  double bend[3], da[3], dx[3], dv[3];
+  ms_row_get(&s->model->rows, s->x_next, row, dx);
+  ms_row_get(&s->model->rows, s->v_next, row, dv);
+  for (int c = 0; c < 3; c++) {
+    bend[c] = p->w[c] - p->v[c], da[c] = p->b1[c] - p->b0[c];
+    dx[c] -= p->x[c], dv[c] -= p->w[c];
+  }
   const double size = fmax(ms_norm3(p->b0), ms_norm3(p->b1));
-  return size > 0 ? ms_norm3(dv) * ms_norm3(da) / size : 0;
+  const double own = size > 0 ? ms_norm3(bend) * ms_norm3(da) / size : 0;
+  return fmax(own, s->h * (b->omega * b->omega * ms_norm3(dx) / 3 + b->rate * ms_norm3(dv) / 2));
 }
 
 /* Its end of the part is that of its own path: bounces are summed, something changes, or the method
@@ -64,7 +73,7 @@ static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_
   ms_row_get(rows, s->x_next, row, x[1]);
   ms_row_get(rows, s->v_next, row, v[1]);
   const double u0 = s->h * ms_dot3(p->normal, v[0]), u1 = s->h * ms_dot3(p->normal, v[1]);
-  const double s0 = ms_distance(p, x[0]), s1 = ms_distance(p, x[1]), z = s->h * j->omega;
+  const double s0 = ms_distance(p, x[0]), s1 = ms_distance(p, x[1]), z = s->h * j->bounds.omega;
   const double bend =
       fmax(fabs(6 * (s1 - s0) - 4 * u0 - 2 * u1), fabs(6 * (s0 - s1) + 2 * u0 + 4 * u1));
   *doubt = z * z / 96 * bend;
@@ -115,7 +124,7 @@ static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, dou
   ms_bernstein path = distance_by_ends(j, row, p, &doubt);
   if (ms_bernstein_least(&path) > doubt) return MS_NOWHERE;
   if (j->method->path) path = distance_by_path(j, row, p);
-  else if (s->h * j->omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
+  else if (s->h * j->bounds.omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
   const double q = ms_bernstein_first_fall(&path, noise);
   *depth = -ms_bernstein_least(&path);
   return q <= 1 && path.c[0] <= noise ? fmax(q, LEAST) : q;
@@ -261,21 +270,20 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   if (contact && contact->bounces) ms_axpy3(contact->rebound, contact->on.plane[0]->normal, p.v);
   memcpy(p.w, p.v, sizeof p.w);
   ms_path_follow(&p);
-  const double doubt = uncertainty(&p);
-  if (!(doubt <= s->path_error)) s->path_error = doubt, s->path_row = row;
+  const double error = error_of_path(j, row, &p);
+  if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
   ms_row_put(rows, p.x, row, s->x_next);
   ms_row_put(rows, p.w, row, s->v_next);
   s->stats->contacts += p.impacts;
-  s->warm_next = 0;
-  s->finite = 0;
+  j->e->followed[j->e->nfollowed++] = row;
 }
 
 /* Contacts to which something happens, and, where the step may not be cut any more, what meets
  * planes. */
 static void follow_paths(substeps *j, int all) {
-  const ms_events *e = j->e;
+  ms_events *e = j->e;
   if (all) know_ends(j);
-  int changed = 0;
+  e->nfollowed = 0;
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree && (all || next < e->ncontacts); r++) {
     const ms_contact *c = ms_contact_of(e, r, &next);
@@ -285,11 +293,12 @@ static void follow_paths(substeps *j, int all) {
       find_impact_of(j, r, c, &first);
       if (first.share <= 1) from = c || j->method->entry.order == 1 ? 0 : first.share;
     }
-    if (from > 1) continue;
-    follow_path(j, r, from, c);
-    changed = 1;
+    if (from <= 1) follow_path(j, r, from, c);
   }
-  if (changed) j->ends_known = 0;
+  if (!e->nfollowed) return;
+  j->ends_known = 0;
+  j->s->warm_next = 0;
+  j->s->finite = 0;
 }
 
 static int is_done(substeps *j) {
@@ -319,8 +328,12 @@ static double length_before(const substeps *j, double share) {
  * follow to no more than order 2. Then accuracy is worth more steps. */
 static int may_cut(const substeps *j) {
   const int p = j->method->entry.order;
-  return p > 2 && j->h * j->omega <= p * p / 16.;
+  return p > 2 && j->h * j->bounds.omega <= p * p / 16.;
 }
+
+/* Under error control steps end at impacts, but where paths lead behind planes by so little that
+ * the particle may follow its own. The error estimates of order 2 are not worth that doubt. */
+static int may_pass(const substeps *j) { return !j->method->estimate || j->method->two_estimates; }
 
 static msim_status make_parts(substeps *j, msim_error *err) {
   ms_stepper *s = j->s;
@@ -335,7 +348,7 @@ static msim_status make_parts(substeps *j, msim_error *err) {
     const int all = !s->one_part && (!j->may_cut || j->cuts == MS_MAX_CUTS);
     const impact i = all ? (impact){.share = MS_NOWHERE} : find_impact(j);
     if (s->one_part) {
-      const int is_shallow = i.depth <= s->location;
+      const int is_shallow = may_pass(j) && i.depth <= s->tolerance;
       s->impact = is_shallow ? MS_NOWHERE : i.share;
       follow_paths(j, i.share <= 1 && is_shallow);
       return MSIM_OK;
@@ -359,11 +372,12 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   substeps j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
-  e->stiff = method->entry.implicit ? 2 * s->h : 0;
+  e->stiff = method->entry.implicit ? 2 : 1;
   e->merge = 1e-11 * e->reach;
+  e->jump = s->one_part ? s->tolerance : INFINITY;
   s->impact = MS_NOWHERE;
   s->path_error = 0;
-  j.omega = ms_bounds_of(s->model).omega;
+  j.bounds = ms_bounds_of(s->model);
   j.may_cut = may_cut(&j);
   const msim_status status = make_parts(&j, err);
   e->moved = s->x != x;

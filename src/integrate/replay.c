@@ -20,11 +20,11 @@ static ms_path path_of(const ms_stepper *s, int32_t row, const double *a, const 
 void ms_replay_positions(ms_stepper *s, const double *a, double *v_predicted) {
   ms_events *e = s->events;
   if (!e || !e->replays) return;
-  e->nnear = 0;
+  e->nfollowed = 0;
   for (int32_t r = 0; r < s->model->rows.nfree; r++) {
     ms_path p = path_of(s, r, a, a);
     if (!ms_path_is_near(&p)) continue;
-    e->near[e->nnear++] = r;
+    e->followed[e->nfollowed++] = r;
     ms_path_follow(&p);
     ms_row_put(&s->model->rows, p.x, r, s->x_next);
     ms_row_put(&s->model->rows, p.v, r, v_predicted);
@@ -35,10 +35,10 @@ void ms_replay_positions(ms_stepper *s, const double *a, double *v_predicted) {
 void ms_replay_velocities(ms_stepper *s, const double *a, const double *a_next) {
   const ms_events *e = s->events;
   if (!e || !e->replays) return;
-  for (int32_t i = 0; i < e->nnear; i++) {
-    ms_path p = path_of(s, e->near[i], a, a_next);
+  for (int32_t i = 0; i < e->nfollowed; i++) {
+    ms_path p = path_of(s, e->followed[i], a, a_next);
     ms_path_follow(&p);
-    ms_row_put(&s->model->rows, p.w, e->near[i], s->v_next);
+    ms_row_put(&s->model->rows, p.w, e->followed[i], s->v_next);
   }
-  if (e->nnear) s->finite = 0;
+  if (e->nfollowed) s->finite = 0;
 }

@@ -131,8 +131,10 @@ static void rub(const ms_touch *hit, const double *J, double v[3]) {
 int ms_bounce(const ms_touch *touch, double v[3]) {
   enum { MOST = 32 }; /* from wall to wall of a wedge, without a flight between */
   double least[MS_MOST_TOUCHED] = {0}, J[MS_MOST_TOUCHED] = {0};
+  const double noise = ms_speed_noise(v);
   for (int round = 0; round < MOST; round++) {
     const ms_touch hit = approached(touch, v);
+    if (!hit.n && round > 0 && ms_norm3(v) <= noise) memset(v, 0, 3 * sizeof *v);
     if (!hit.n) return round > 0;
     for (int i = 0; i < hit.n; i++)
       least[i] = -hit.plane[i]->restitution * ms_dot3(hit.plane[i]->normal, v);

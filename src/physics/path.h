@@ -28,10 +28,10 @@ typedef struct ms_path {
 
 void ms_path_follow(ms_path *p);
 
-/* Does a particle that leaves the plane with v, under a, bounce so shortly, or so often within what
- * is `left` of a step of h, that its bounces are summed? */
+/* Are the bounces of a particle that leaves the plane with v, under a, summed in a step of h? None
+ * is higher than `jump` (m), nor does its friction change where it leads to by more. */
 int ms_path_sums_bounces(const msim_plane *plane, const double v[3], const double a[3], double h,
-                         double left);
+                         double jump);
 
 /* Does the parabola from x with v and a, or its start, come near a plane? */
 int ms_path_is_near(const ms_path *p);

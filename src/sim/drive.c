@@ -106,12 +106,15 @@ static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error
   return status;
 }
 
-/* What paths of particles leave of doubt, over what is allowed. Doubled steps see it themselves. */
+/* Error of the paths of particles, over what is allowed. Over h it goes like h^2, where the
+ * controller expects h^k, k = control.order: so it is raised to k/2. Doubled steps measure it
+ * themselves. */
 static double path_error(const msim_sim *sim, const ms_motion *m, double allowed) {
   const ms_stepper *s = &m->stepper;
-  if (!s->events || !sim->integrator->estimate || !(s->path_error > 0)) return 0;
+  if (!s->events || !sim->integrator->estimate || s->path_error == 0) return 0;
   const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
-  return s->path_error / part->speed / fmax(allowed, part->rounding);
+  const double error = s->path_error / part->speed / fmax(allowed, part->rounding);
+  return pow(error, sim->control.order / 2);
 }
 
 static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error *err) {
@@ -186,13 +189,10 @@ static double noise_of(const ms_motion *m, double allowed) {
   return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, ms_norm_rounding(&m->norm))) : 0;
 }
 
-/* Steps end at impacts but where paths lead behind planes by no more than a tenth of tol. With an
- * error estimate of its own, of order 2, a method is not worth such doubts. */
 static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed) {
-  const int doubts = !sim->integrator->estimate || sim->integrator->two_estimates;
   m->stepper.h = h;
   m->stepper.noise = noise_of(m, allowed);
-  m->stepper.location = doubts * 0.1 * sim->opt.tol * ms_norm_extent(&m->norm);
+  m->stepper.tolerance = 0.1 * sim->opt.tol * ms_norm_extent(&m->norm);
   m->stepper.looked = 0;
 }
 
