@@ -219,6 +219,26 @@ static void the_last_bounces_rub_too(void **state) {
   }
 }
 
+/* Elastic bounces of 0.02 s in a step of 1 s, each of which begins at the plane. */
+static void short_bounces_are_all_found(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 0.0005}, v[3] = {0};
+  for (int32_t m = 0; event_method_at(m); m++) {
+    const char *name = event_method_at(m);
+    if (is_implicit(name) || strstr(name, "euler")) continue;
+    msim_scene *scene = single(x, v, 10);
+    plane(scene, 0, 0, 1, 0, 1, 0);
+    msim_sim *sim;
+    msim_state s;
+    run(scene, name, 1, 1, &s, &sim);
+    assert_close(s.x[2], 0.0005, 1e-11);
+    assert_close(s.v[2], 0, 1e-10);
+    assert_int_equal(stats_of(sim).contacts, 50);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 /* In one step: infinitely many bounces that are summed, and the slide that follows, lead where 400
  * single ones lead. */
 static void bounces_are_summed_exactly(void **state) {
@@ -286,6 +306,7 @@ int main(void) {
                                      cmocka_unit_test(sharp_turns_are_no_stops),
                                      cmocka_unit_test(bounces_without_end_keep_the_speed),
                                      cmocka_unit_test(the_last_bounces_rub_too),
+                                     cmocka_unit_test(short_bounces_are_all_found),
                                      cmocka_unit_test(bounces_are_summed_exactly),
                                      cmocka_unit_test(a_cloth_lies_down_cheaply)};
   return cmocka_run_group_tests_name("contact", tests, NULL, NULL);

@@ -111,7 +111,8 @@ static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const ms
                               3 * (c[3] - c[2]), h2 * ms_dot3(p->normal, a[1]));
 }
 
-/* What touches a plane and does not run into it stays off it for that share of the part. */
+/* What touches a plane and neither leaves it nor runs into it, by the signs of n.v up to rounding,
+ * stays off it for that share of the part. */
 #define LEAST (1. / 16)
 
 /* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. */
@@ -127,7 +128,8 @@ static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, dou
   else if (s->h * j->bounds.omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
   const double q = ms_bernstein_first_fall(&path, noise);
   *depth = -ms_bernstein_least(&path);
-  return q <= 1 && path.c[0] <= noise ? fmax(q, LEAST) : q;
+  const int leaves = path.c[1] - path.c[0] > noise;
+  return q <= 1 && path.c[0] <= noise && !leaves ? fmax(q, LEAST) : q;
 }
 
 /* Of one row, where it is earlier than *first */
