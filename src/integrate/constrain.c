@@ -229,7 +229,7 @@ msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_e
   constraint j = {.method = method, .s = s, .e = e, .v_start = v};
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
-  e->stiff = 2;
+  e->implicit = 1;
   e->sums = 0;
   e->nfollowed = 0;
   e->merge = 1e-11 * e->reach;

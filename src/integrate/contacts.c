@@ -179,6 +179,20 @@ static void find_given_push(const ms_contact *c, const double *v, const double a
   for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
 }
 
+/* Friction that turns too fast for the stages of an explicit method keeps its direction. That of an
+ * implicit one must not stop v within its step: it is constant then, too. */
+static void find_sliding_push(const ms_stepper *s, const ms_contact *c, const double *v,
+                              const double a[3], double push[3]) {
+  const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
+  if (!turns || !implicit || c->sticks) {
+    find_push(c, turns ? NULL : v, a, push);
+    return;
+  }
+  double along[3] = {a[0], a[1], a[2]}, least;
+  ms_keep_along(&c->on, along, &least);
+  for (int i = 0; i < 3; i++) push[i] = along[i] - a[i] + c->rub[i];
+}
+
 double ms_contact_reaction(const ms_contact *c, const double a[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
   ms_keep_along(&c->on, along, &least);
@@ -202,7 +216,9 @@ static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
   memcpy(c->slide, still ? along : v, sizeof c->slide);
   if (c->sticks) memset(c->slide, 0, sizeof c->slide);
   scale_to_one(c->slide);
-  c->stop = c->sticks || !(pull > 0) ? INFINITY : ms_norm3(v) / pull;
+  const double friction = c->sticks ? 0 : pull;
+  for (int i = 0; i < 3; i++) c->rub[i] = -friction * c->slide[i];
+  c->stop = friction > 0 ? ms_norm3(v) / friction : INFINITY;
 }
 
 void ms_contact_classify(ms_contact *c, int32_t dims) {
@@ -330,7 +346,7 @@ void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
     ms_row_get(rows, pass->a, c->row, a);
     if (pass->v) ms_row_get(rows, pass->v, c->row, v);
     if (c->is_given) find_given_push(c, pass->v ? v : NULL, a, push);
-    else find_push(c, pass->v && c->stop >= s->events->stiff * s->h ? v : NULL, a, push);
+    else find_sliding_push(s, c, pass->v ? v : NULL, a, push);
     add(rows, 1, push, c->row, pass->a);
     if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);
     if (pass->x_to && follows) add(rows, pass->drift * pass->h, push, c->row, pass->x_to);

@@ -28,8 +28,8 @@ typedef struct ms_contact {
   double rebound;  /* n.v at the start of the part, of what bounces */
   ms_touch on;     /* independent planes */
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
-  double stop; /* s: friction at the start of the part would stop it in that time; it may turn as
-                      fast */
+  double rub[3];   /* what friction adds to a at the start of the part, where it slides */
+  double stop;     /* s: in that time it would stop v; it may turn as fast */
 
   /* where normal velocities and friction are given, in constrain.h: */
   int is_given;
@@ -56,9 +56,7 @@ typedef struct ms_events {
   int known;         /* a is that of s->x, s->v */
   double sums;       /* s: bounces that end within are summed (path.h); 0: none */
   double jump;       /* m: ... unless they reach farther than that */
-  double stiff;      /* parts: friction that would stop v sooner keeps its direction: it turns too
-                        fast for the stages of explicit methods, and the matrix of implicit ones is
-                        without it */
+  int implicit;      /* the method solves equations, by a matrix without friction */
   ms_contact *contact;
   ms_hold *hold; /* the same for the matrix */
   int32_t ncontacts;

@@ -374,7 +374,7 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   substeps j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
   e->known = s->warm & MS_NOTED;
   if (!e->known) e->held = 0;
-  e->stiff = method->entry.implicit ? 2 : 1;
+  e->implicit = method->entry.implicit;
   e->merge = 1e-11 * e->reach;
   e->jump = s->one_part ? s->tolerance : INFINITY;
   s->impact = MS_NOWHERE;
