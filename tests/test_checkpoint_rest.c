@@ -2,8 +2,8 @@
  * the rows that are held. */
 #include "checkpoints.h"
 
-/* A jelly at that height above a plane of that slope, under gravity */
-static msim_scene *jelly(double height, double slope) {
+/* A jelly at that height above a plane of that slope and friction, under gravity */
+static msim_scene *jelly(double height, double slope, double friction) {
   enum { SIDE = 6 };
   const msim_lattice lattice = {.size = sizeof lattice,
                                 .n = {SIDE, SIDE, SIDE},
@@ -15,7 +15,7 @@ static msim_scene *jelly(double height, double slope) {
   assert_ok(msim_scene_create(NULL, &scene, err));
   assert_ok(msim_scene_add_lattice(scene, &lattice, err));
   assert_ok(msim_scene_set_gravity(scene, (double[3]){0, 0, -9.81}, err));
-  plane(scene, slope, 0, 1, 0, 0, 0.04);
+  plane(scene, slope, 0, 1, 0, 0, friction);
   return scene;
 }
 
@@ -35,7 +35,7 @@ static msim_stats expect_resumable_rest(const msim_scene *scene, const char *met
 static void coarse_factors(void **state) {
   (void)state;
   static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler", "tr-bdf2"};
-  msim_scene *scene = jelly(0.001, 0.05);
+  msim_scene *scene = jelly(0.001, 0.05, 0.04);
   for (int m = 0; m < 3; m++) {
     const msim_stats s = expect_resumable_rest(scene, methods[m], "pcg", m == 1 ? 12 : 24);
     assert_true(s.coarse_factors > 0); /* else this tests nothing */
@@ -46,7 +46,7 @@ static void coarse_factors(void **state) {
 /* All of its feet rest: few are made, and one is bought. */
 static void kept_factors(void **state) {
   (void)state;
-  msim_scene *scene = jelly(0, 0);
+  msim_scene *scene = jelly(0, 0, 1);
   const char *const solver = solver_there("cholmod") ? "auto" : "pcg";
   const msim_stats s = expect_resumable_rest(scene, "linearly-implicit-euler", solver, 24);
   assert_true(s.kept_factors > 4 * s.coarse_factors); /* else this tests nothing */

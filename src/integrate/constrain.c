@@ -9,6 +9,7 @@
 
 typedef struct constraint {
   const ms_integrator *method;
+  const ms_integrator *by; /* makes steps with given velocities */
   ms_stepper *s;
   ms_events *e;
   const double *v_start; /* before anything bounced */
@@ -150,7 +151,7 @@ static int update(constraint *j, int may_go) {
 static msim_status make(constraint *j, msim_error *err) {
   j->s->warm = 0;
   j->s->looked = 0;
-  const msim_status status = ms_implicit_euler.step(j->s, err);
+  const msim_status status = j->by->step(j->s, err);
   if (!status) ms_contacts_finish(j->s);
   return status;
 }
@@ -185,11 +186,18 @@ static int is_settled(constraint *j) {
   return 1;
 }
 
-/* By implicit Euler, with contacts as they come; none may feed energy. */
+/* By implicit Euler, or linearized as the method is, with contacts as they come; none may feed
+ * energy. */
 static msim_status make_anew(constraint *j, msim_error *err) {
   ms_stepper *s = j->s;
   const double before = energy_of(s, s->x, j->v_start);
-  msim_status status = solve(j, err);
+  if (!j->method->nonlinear) {
+    j->by = j->method;
+    const msim_status status = solve(j, err);
+    if (status || energy_of(s, s->x_next, s->v_next) <= before) return status;
+  }
+  j->by = &ms_implicit_euler;
+  const msim_status status = solve(j, err);
   if (status || energy_of(s, s->x_next, s->v_next) <= before) return status;
   j->inelastic = 1;
   return solve(j, err);

@@ -105,8 +105,9 @@ void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_co
   }
 }
 
-double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients *a, double by,
-                                   const double *p, double *q) {
+/* share: of the weights, as of the masses; friction counts whole, but where they act. */
+static double apply_holds(const ms_model *model, const ms_coefficients *a, double share, double by,
+                          const double *p, double *q) {
   double sum = 0;
   for (int32_t i = 0; i < a->nholds; i++) {
     const ms_hold *g = &a->hold[i];
@@ -114,7 +115,7 @@ double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients 
     ms_row_get(&model->rows, p, g->row, own);
     for (int c = 0; c < 3; c++) add[c] = by * g->drag * own[c];
     for (int32_t k = 0; k < g->n; k++)
-      ms_axpy3(by * (g->weight - g->drag) * ms_dot3(g->along[k], own), g->along[k], add);
+      ms_axpy3(by * (share * g->weight - g->drag) * ms_dot3(g->along[k], own), g->along[k], add);
     sum += ms_dot3(add, own);
     double to[3];
     ms_row_get(&model->rows, q, g->row, to);
@@ -122,6 +123,11 @@ double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients 
     ms_row_put(&model->rows, to, g->row, q);
   }
   return sum;
+}
+
+double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients *a, double by,
+                                   const double *p, double *q) {
+  return apply_holds(model, a, 1, by, p, q);
 }
 
 static void apply(const ms_model *model, const ms_coefficients *a, double share, int32_t components,
@@ -135,7 +141,7 @@ static void apply(const ms_model *model, const ms_coefficients *a, double share,
            .components = components};
   ms_pool_run(model->pool, apply_chunk, &j, ms_chunks(&model->halves, CHUNK));
   ms_halves_add_parts(&model->halves, components, stride, y);
-  ms_coefficients_apply_holds(model, a, 1, x, y);
+  apply_holds(model, a, share, 1, x, y);
   for (size_t c = 0; c < (size_t)components; c++)
     memset(y + c * stride + end, 0, (stride - end) * sizeof *y);
 }

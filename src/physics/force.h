@@ -75,7 +75,7 @@ double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients 
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,
                            double *y);
 
-/* y = (A - M) x = -(h D + h^2 J) x, the same without the masses */
+/* y = (A - M) x = -(h D + h^2 J) x, the same without the masses and the weights of holds */
 void ms_coefficients_apply_massless(const ms_model *model, const ms_coefficients *a,
                                     const double *x, double *y);
 
