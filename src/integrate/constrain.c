@@ -163,7 +163,7 @@ static double energy_of(const ms_stepper *s, const double *x, const double *v) {
 }
 
 static msim_status solve(constraint *j, msim_error *err) {
-  enum { MOST = 4, MAY_GO = 2 }; /* more change nothing but which few stick */
+  enum { MOST = 4, MAY_GO = 2 };
   for (int i = 0; i < MOST; i++) {
     give_velocities(j);
     const msim_status status = make(j, err);

@@ -12,9 +12,10 @@
  * which the matrix knows. Friction is viscous there: -mu N v/w, with N and the speed w = |v| of the
  * last solve, so that it takes energy whatever N is; a particle that nearly stops sticks, until it
  * takes more than mu N to hold it. Particles that end behind a plane join, those on which a plane
- * would pull leave, and the step is made again until nothing changes. Should the energy have grown,
- * impacts are made without restitution. linearly-implicit-euler takes its own steps for it, of one
- * solve each, where energy does not grow. */
+ * would pull leave, and the step is made again until nothing changes, or three times: in stiff
+ * solids more passes change only which few particles stick. Should the energy have grown, impacts
+ * are made without restitution. linearly-implicit-euler takes its own steps for it, of one solve
+ * each, where energy does not grow. */
 #ifndef MS_CONSTRAIN_H
 #define MS_CONSTRAIN_H
 
