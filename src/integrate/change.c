@@ -22,11 +22,11 @@ static double stop_time(const ms_stepper *s, const ms_contact *c) {
   return time;
 }
 
-/* Its direction changes by more than 45 degrees in the part, or is stiff there: what is across v
- * decays at the rate F/|v|. On a line nothing is across. */
-static int turns(const ms_stepper *s, const ms_contact *c) {
+/* What is across v decays at the rate F/|v|. On a line nothing is across. */
+int ms_contact_turns(const ms_stepper *s, const ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
   double v0[3], v1[3], a[3], least;
+  if (!c->rubs || c->sticks || c->fixed || c->bounces) return 0;
   ms_row_get(rows, s->v, c->row, v0);
   ms_row_get(rows, s->v_next, c->row, v1);
   ms_row_get(rows, s->events->a_end, c->row, a);
@@ -51,5 +51,5 @@ double ms_contact_change(const ms_stepper *s, const ms_contact *c) {
   if (c->fixed || (c->sticks && ms_contact_grip(c, a1) >= -noise)) return MS_NOWHERE;
   if (c->sticks) return crossing(ms_contact_grip(c, a0), ms_contact_grip(c, a1));
   const double stop = c->rubs ? stop_time(s, c) / s->h : MS_NOWHERE;
-  return stop <= 1 ? stop : c->rubs && turns(s, c) ? 0.5 : MS_NOWHERE;
+  return stop <= 1 ? stop : MS_NOWHERE;
 }

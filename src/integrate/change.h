@@ -5,8 +5,10 @@
 #include "integrate/contacts.h"
 
 /* The share of the part just made, from s->x, s->v with the free accelerations a and a_end, after
- * which the particle is lifted, begins to slip, stops, or turns sharply; MS_NOWHERE: nothing of
- * that. */
+ * which the particle is lifted, begins to slip, or stops; MS_NOWHERE: nothing of that. */
 double ms_contact_change(const ms_stepper *s, const ms_contact *c);
+
+/* It slides, and its direction changes by more than 45 degrees in the part, or is stiff there. */
+int ms_contact_turns(const ms_stepper *s, const ms_contact *c);
 
 #endif

@@ -173,6 +173,10 @@ static msim_status solve(constraint *j, msim_error *err) {
   return MSIM_OK;
 }
 
+static int changes(const constraint *j, const ms_contact *c) {
+  return ms_contact_change(j->s, c) <= 1 || ms_contact_turns(j->s, c);
+}
+
 /* Contacts are what they were, as the method has it. */
 static int is_settled(constraint *j) {
   const ms_touch none = {0};
@@ -181,7 +185,7 @@ static int is_settled(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     const ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch *on = c ? &c->on : &none;
-    if (find_entered(j, r, on).n > on->n || (c && ms_contact_change(j->s, c) <= 1)) return 0;
+    if (find_entered(j, r, on).n > on->n || (c && changes(j, c))) return 0;
   }
   return 1;
 }
@@ -242,7 +246,7 @@ msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_e
   e->nfollowed = 0;
   e->merge = 1e-11 * e->reach;
   s->impact = MS_NOWHERE;
-  s->path_error = 0;
+  s->path_error = s->event_error = 0;
   const msim_status status = attempt(&j, err);
   const int same = s->warm == carried;
   e->moved = 0;

@@ -34,9 +34,12 @@ typedef struct ms_stepper {
   double *v_spare[2];
   int one_part;           /* a step is not cut at its first impact, but tells where that is */
   double impact;          /* ... the share of the step; beyond 1: nowhere */
-  double tolerance;       /* m: under error control, what an event may add to the error of x */
-  double path_error;      /* m/s: of v, where a particle took a path of its own (locate.h) ... */
-  int32_t path_row;       /* ... and which */
+  double x_tolerance;     /* m: under error control, what an event may add to the error of x */
+  double v_tolerance;     /* m/s: ... of v */
+  double path_error;      /* m/s: the largest of v, of particles on paths of their own (locate.h) */
+  double event_error;     /* m/s: the same of those that stop, slip or lift: of the step as a whole,
+                             where the other is one of each step */
+  int32_t path_row;       /* which has the one, or the other */
   int looked;             /* what is kept for those who look inside the last step; 0: nothing */
   double noise;           /* relative error of v that solves may leave; 0: as options say */
   int32_t culprit;        /* row to blame when step() fails; -1: none in particular */

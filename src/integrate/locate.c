@@ -51,11 +51,20 @@ static double error_of_path(const substeps *j, int32_t row, const ms_path *p) {
   return fmax(own, s->h * (b->omega * b->omega * ms_norm3(dx) / 3 + b->rate * ms_norm3(dv) / 2));
 }
 
+/* Shallow impacts have been judged before (is_shallow). */
+static void note_error(const substeps *j, int32_t row, const ms_contact *c, const ms_path *p) {
+  ms_stepper *s = j->s;
+  const int once = c && ms_contact_change(s, c) <= 1;
+  double *largest = once ? &s->event_error : &s->path_error;
+  const double error = error_of_path(j, row, p);
+  if (!(error <= *largest)) *largest = error, s->path_row = row;
+}
+
 /* Its end of the part is that of its own path: bounces are summed, something changes, or the method
  * knows no forces of velocities, as friction is one. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int rubs = c->rubs && !c->sticks && j->method->separable;
-  return c->bounces || rubs || ms_contact_change(j->s, c) <= 1;
+  return c->bounces || rubs || ms_contact_change(j->s, c) <= 1 || ms_contact_turns(j->s, c);
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
@@ -272,8 +281,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   if (contact && contact->bounces) ms_axpy3(contact->rebound, contact->on.plane[0]->normal, p.v);
   memcpy(p.w, p.v, sizeof p.w);
   ms_path_follow(&p);
-  const double error = error_of_path(j, row, &p);
-  if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
+  if (from == 0) note_error(j, row, contact, &p);
   ms_row_put(rows, p.x, row, s->x_next);
   ms_row_put(rows, p.w, row, s->v_next);
   s->stats->contacts += p.impacts;
@@ -311,11 +319,14 @@ static int is_done(substeps *j) {
   return 1;
 }
 
-/* The first of all contacts that changes */
+/* The first of all contacts that changes; what turns does so all through the part. */
 static double find_first_change(const substeps *j) {
   double first = MS_NOWHERE;
-  for (int32_t i = 0; i < j->e->ncontacts; i++)
-    first = fmin(first, ms_contact_change(j->s, &j->e->contact[i]));
+  for (int32_t i = 0; i < j->e->ncontacts; i++) {
+    const ms_contact *c = &j->e->contact[i];
+    first = fmin(first, ms_contact_change(j->s, c));
+    if (ms_contact_turns(j->s, c)) first = fmin(first, 0.5);
+  }
   return first;
 }
 
@@ -334,8 +345,12 @@ static int may_cut(const substeps *j) {
 }
 
 /* Under error control steps end at impacts, but where paths lead behind planes by so little that
- * the particle may follow its own. The error estimates of order 2 are not worth that doubt. */
-static int may_pass(const substeps *j) { return !j->method->estimate || j->method->two_estimates; }
+ * the particle may follow its own: its neighbours feel dampers of the velocity before. The error
+ * estimates of order 2 are not worth that doubt. */
+static int is_shallow(const substeps *j, double depth) {
+  const int may_pass = !j->method->estimate || j->method->two_estimates;
+  return may_pass && depth <= j->s->x_tolerance && j->bounds.rate * depth <= j->s->v_tolerance;
+}
 
 static msim_status make_parts(substeps *j, msim_error *err) {
   ms_stepper *s = j->s;
@@ -350,9 +365,9 @@ static msim_status make_parts(substeps *j, msim_error *err) {
     const int all = !s->one_part && (!j->may_cut || j->cuts == MS_MAX_CUTS);
     const impact i = all ? (impact){.share = MS_NOWHERE} : find_impact(j);
     if (s->one_part) {
-      const int is_shallow = may_pass(j) && i.depth <= s->tolerance;
-      s->impact = is_shallow ? MS_NOWHERE : i.share;
-      follow_paths(j, i.share <= 1 && is_shallow);
+      const int passes = is_shallow(j, i.depth);
+      s->impact = passes ? MS_NOWHERE : i.share;
+      follow_paths(j, i.share <= 1 && passes);
       return MSIM_OK;
     }
     const double change = j->may_cut && j->cuts < MS_FEW_CUTS ? find_first_change(j) : MS_NOWHERE;
@@ -376,9 +391,9 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   if (!e->known) e->held = 0;
   e->implicit = method->entry.implicit;
   e->merge = 1e-11 * e->reach;
-  e->jump = s->one_part ? s->tolerance : INFINITY;
+  e->jump = s->one_part ? s->x_tolerance : INFINITY;
   s->impact = MS_NOWHERE;
-  s->path_error = 0;
+  s->path_error = s->event_error = 0;
   j.bounds = ms_bounds_of(s->model);
   j.may_cut = may_cut(&j);
   const msim_status status = make_parts(&j, err);

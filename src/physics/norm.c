@@ -152,14 +152,13 @@ void ms_norm_square(const ms_norm *norm, ms_shape shape, int which, const double
   p->square[which] = (ms_dot(shape, dx, dx) / L2 + ms_dot(shape, dv, dv) / U2) / (2 * p->n);
 }
 
-double ms_norm_extent(const ms_norm *norm) {
-  double least = norm->n ? INFINITY : 0;
-  for (int32_t p = 0; p < norm->n; p++) least = fmin(least, norm->part[p].extent);
-  return least;
-}
-
-double ms_norm_rounding(const ms_norm *norm) {
-  double least = norm->n ? INFINITY : 0;
-  for (int32_t p = 0; p < norm->n; p++) least = fmin(least, norm->part[p].rounding);
+ms_part ms_norm_least(const ms_norm *norm) {
+  if (!norm->n) return (ms_part){0};
+  ms_part least = {.extent = INFINITY, .speed = INFINITY, .rounding = INFINITY};
+  for (const ms_part *p = norm->part; p < norm->part + norm->n; p++) {
+    least.extent = fmin(least.extent, p->extent);
+    least.speed = fmin(least.speed, p->speed);
+    least.rounding = fmin(least.rounding, p->rounding);
+  }
   return least;
 }

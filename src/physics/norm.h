@@ -39,10 +39,7 @@ void ms_norm_measure(const ms_model *model, const double *x, const double *v, do
 void ms_norm_square(const ms_norm *norm, ms_shape shape, int which, const double *dx,
                     const double *dv);
 
-/* The smallest extent of any part; 0: there is none. */
-double ms_norm_extent(const ms_norm *norm);
-
-/* The same of rounding */
-double ms_norm_rounding(const ms_norm *norm);
+/* The smallest extent, speed and rounding of any part; 0 where there is none. */
+ms_part ms_norm_least(const ms_norm *norm);
 
 #endif

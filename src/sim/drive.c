@@ -106,15 +106,18 @@ static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error
   return status;
 }
 
-/* Error of the paths of particles, over what is allowed. Over h it goes like h^2, where the
- * controller expects h^k, k = control.order: so it is raised to k/2. Doubled steps measure it
- * themselves. */
+/* Error of the paths of particles, over what is allowed. It goes like h^3, that over h like h^2,
+ * where the controller expects h^k, k = control.order: so they are raised to k/3 and k/2. Doubled
+ * steps measure it themselves. */
 static double path_error(const msim_sim *sim, const ms_motion *m, double allowed) {
   const ms_stepper *s = &m->stepper;
-  if (!s->events || !sim->integrator->estimate || s->path_error == 0) return 0;
+  const double k = sim->control.order;
+  if (!s->events || !sim->integrator->estimate || !s->events->nfollowed) return 0;
   const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
-  const double error = s->path_error / part->speed / fmax(allowed, part->rounding);
-  return pow(error, sim->control.order / 2);
+  const double share = sqrt(fmin(1, s->events->nfollowed / (2. * part->n)));
+  const double each = share * s->path_error / part->speed / fmax(allowed, part->rounding);
+  const double once = share * s->event_error / s->v_tolerance;
+  return fmax(pow(each, k / 2), pow(once, k / 3));
 }
 
 static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error *err) {
@@ -185,14 +188,17 @@ typedef struct outcome {
 } outcome;
 
 /* Solves leave a small part of what a step may add. */
-static double noise_of(const ms_motion *m, double allowed) {
-  return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, ms_norm_rounding(&m->norm))) : 0;
+static double noise_of(const ms_part *least, double allowed) {
+  return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least->rounding)) : 0;
 }
 
+/* In a run there may be some tens of events, whose errors add up by chance. */
 static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed) {
+  const ms_part least = ms_norm_least(&m->norm);
   m->stepper.h = h;
-  m->stepper.noise = noise_of(m, allowed);
-  m->stepper.tolerance = 0.1 * sim->opt.tol * ms_norm_extent(&m->norm);
+  m->stepper.noise = noise_of(&least, allowed);
+  m->stepper.x_tolerance = 0.1 * sim->opt.tol * least.extent;
+  m->stepper.v_tolerance = 0.03 * sim->opt.tol * least.speed;
   m->stepper.looked = 0;
 }
 
