@@ -84,7 +84,7 @@ static msim_status find_sim(ms_probe *p, int32_t collision, msim_sim **sim, msim
   opt.integrator = widest->entry.name;
   opt.collision = collision;
   opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
-  opt.newton_retries = collision == MSIM_COLLISION_REFLECT ? 2 : 1; /* 2: room for halves */
+  opt.newton_retries = 2; /* room for halves */
   msim_status status = msim_sim_create(&scene, &opt, sim, err);
   if (!status) p->sims[collision] = *sim;
   return status;

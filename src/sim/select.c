@@ -365,7 +365,9 @@ static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verificat
   ms_measured s[MS_MEASURED];
   v->scales = p->scales;
   v->away = p->sim->scene->nplanes > 0 && !p->near;
-  if (c->controlled || p->near || !ms_has_control(c->method)) return MSIM_OK;
+  const int reflects = c->collision == MSIM_COLLISION_REFLECT; /* of order 1 */
+  if (c->controlled || !ms_has_control(c->method)) return MSIM_OK;
+  if (p->near && (reflects || p->many)) return MSIM_OK;
   const ms_trial trial = trial_of(p, c);
   msim_status status = ms_probe_measure_steps(p, &trial, c->h, s, err);
   if (status) return status;

@@ -68,11 +68,12 @@ static double find_turn(const ms_stepper *s) {
 
 /*------------------------------------- errors ---------------------------------------------------*/
 
-/* The step just made is made again in two halves, which take its place; error: what they differ by,
- * squared. */
-static msim_status halve(const msim_sim *sim, ms_stepper *s, const ms_scales *scales, double *error,
-                         msim_error *err) {
+/* The step just made is made again in two halves, which take its place, with their impacts, beside
+ * `contacts` before it; error: what they differ by, squared. */
+static msim_status halve(const msim_sim *sim, ms_stepper *s, const ms_scales *scales,
+                         int64_t contacts, double *error, msim_error *err) {
   const ms_shape shape = s->model->shape;
+  s->stats->contacts = contacts;
   ms_swap(&s->x_next, &s->x_spare[1]);
   ms_swap(&s->v_next, &s->v_spare[1]);
   msim_status status = ms_drive_parts(sim, s, 2, err);
@@ -91,12 +92,13 @@ msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measure
   *step = (ms_measured){0};
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
     double error;
+    const int64_t contacts = m->stepper.stats->contacts;
     msim_status status = ms_drive_parts(sim, &m->stepper, 1, err);
     if (status) return status;
     step->sign[DEFECT] =
         fmax(step->sign[DEFECT], find_defect(sim->integrator, &m->stepper, scales));
     step->sign[TURN] = fmax(step->sign[TURN], find_turn(&m->stepper));
-    status = halve(sim, &m->stepper, scales, &error, err);
+    status = halve(sim, &m->stepper, scales, contacts, &error, err);
     if (status) return status;
     sum += error;
   }
@@ -106,16 +108,25 @@ msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measure
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
-/* In a large scene one event counts little, and D costs as much as a quarter of an evaluation, the
- * angles as three. In a small one both cost about as much as one: steps of few evaluations, which
- * are short, wait for each other. */
+enum { LARGE = 64 }; /* particles of an island: one event counts little there */
+
+/* In the step just made: impacts, or particles that stop, slip or turn, on paths of their own */
+static int has_events(const ms_motion *m, int64_t contacts) {
+  const ms_stepper *s = &m->stepper;
+  if (!s->events || m->model.shape.n >= LARGE) return 0;
+  return s->stats->contacts > contacts || s->event_error > 0 || s->path_error > 0;
+}
+
+/* In a large island D costs as much as a quarter of an evaluation, the angles as three. In a small
+ * one both cost about as much as one: steps of few evaluations, which are short, wait for each
+ * other. */
 static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
-  enum { LARGE = 64, WORTH = 8 }; /* evaluations */
+  enum { WORTH = 8 }; /* evaluations */
   const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
                NOISE = 100 * sim->selection.verification.scales.rounding;
   const int64_t step = sim->step + 1 - sim->step0;
-  const int is_turn = m->check.all || step % MS_VERIFY_INTERVAL == 0;
   const int is_large = m->model.shape.n >= LARGE;
+  const int is_turn = m->check.all || step % MS_VERIFY_INTERVAL == 0;
   const double *seen = m->check.sign;
   const double price = sim->selection.candidates[sim->selection.best].price;
   const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, price));
@@ -140,18 +151,22 @@ static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, d
                              msim_error *err) {
   const double h = ms_control_next(c, *left), allowed = ms_control_allowed(c, h);
   ms_stepper *s = &m->stepper;
-  double apart, error = 0;
+  const int64_t contacts = s->stats->contacts;
+  const int by_halves = s->events || !sim->integrator->estimate;
+  double apart = 0, error = 0;
   s->h = h;
   msim_status status = ms_drive_parts(sim, s, 1, err);
-  if (!status && !sim->integrator->estimate)
-    status = halve(sim, s, &sim->selection.verification.scales, &apart, err);
-  if (!status) error = ms_error_of(sim->integrator, s, &m->norm, allowed);
+  if (!status && by_halves)
+    status = halve(sim, s, &sim->selection.verification.scales, contacts, &apart, err);
+  if (!status)
+    error = s->events ? sqrt(apart) / allowed : ms_error_of(sim->integrator, s, &m->norm, allowed);
   if (!status && ms_control_accepts(c, h, error)) {
     *left = h == *left ? 0 : *left - h;
     go_on(s);
     return MSIM_OK;
   }
   if (status) ms_control_fail(c, h);
+  s->stats->contacts = contacts;
   s->stats->rejected_steps++;
   if (status && !ms_drive_may_help(status)) return status;
   return c->h < 1e-13 * c->span
@@ -160,12 +175,13 @@ static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, d
 }
 
 /* The step again, under error control, in place of one whose error is known or infinite. */
-static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, double error, msim_error *err) {
+static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, double allowed, double error,
+                                 msim_error *err) {
   ms_stepper *s = &m->stepper;
   const ms_shape shape = m->model.shape;
   const double h = s->h;
   double left = h;
-  ms_control c = ms_control_of(sim->integrator, sim->selection.verification.allowed, h);
+  ms_control c = ms_control_of(sim->integrator, allowed, h);
   ms_control_accepts(&c, h, sqrt(error) / c.tol);
   ms_copy(shape, s->x, m->check.x);
   ms_copy(shape, s->v, m->check.v);
@@ -183,15 +199,23 @@ static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, double error
 }
 
 msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
+  enum { EVENTS = 16 }; /* in a run: as many share tol */
   ms_stepper *s = &m->stepper;
   ms_check *check = &m->check;
+  const int64_t contacts = s->stats->contacts;
   double error = INFINITY, sign[2] = {0};
   msim_status status = ms_drive_parts(sim, s, 1, err);
   if (status && !ms_drive_may_help(status)) return status;
-  if (!status && !is_due(sim, m, sign)) return MSIM_OK;
-  if (!status) status = halve(sim, s, &sim->selection.verification.scales, &error, err);
-  check->all = status || !(sqrt(error) <= sim->selection.verification.allowed);
-  if (check->all) return make_in_parts(sim, m, error, err);
+  const int has_event = !status && has_events(m, contacts);
+  const double usual = sim->selection.verification.allowed;
+  const double allowed = has_event ? fmax(usual, sim->selection.tol / EVENTS) : usual;
+  if (!status && !has_event && !is_due(sim, m, sign)) return MSIM_OK;
+  if (!status) status = halve(sim, s, &sim->selection.verification.scales, contacts, &error, err);
+  check->all = status || !(sqrt(error) <= allowed);
+  if (check->all) {
+    s->stats->contacts = contacts;
+    return make_in_parts(sim, m, allowed, error, err);
+  }
   for (int i = 0; i < 2; i++) check->sign[i] = fmax(check->sign[i], sign[i]);
   return MSIM_OK;
 }

@@ -11,7 +11,10 @@
  *   D = x' - x - h/2 (v + v') - h^2/12 (a - a') = O(h^5)
  * of methods that carry the acceleration a. A step is verified, that is, made in two halves, too,
  * where a sign is three times as large as in steps verified before, where a spring turned by 45
- * degrees, and once in MS_VERIFY_INTERVAL steps.
+ * degrees, and once in MS_VERIFY_INTERVAL steps. With planes near, islands of fewer than 64
+ * particles are verified, too, and each step in which one bounces, stops or slips: such steps are
+ * few, and may differ from their halves by tol/16. Reflection at the ends of steps is of order 1:
+ * halves say nothing of it.
  *
  * The difference of whole and halves may be what makes tol at the end of the run if all steps have
  * it: that of steps at the choice, times tol over the error at the end foreseen from there; as
