@@ -18,8 +18,10 @@ BESIDE_CHOLMOD = {"auto_over_tuned_cholmod_cloth64", "auto_over_tuned_cholmod_cl
 BESIDE_DEFAULT = {"auto_over_default_cholmod_cloth100", "cholmod_step_over_default_cloth32",
                   "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100"}
 PRECISION = {"best_over_sundials_1e4", "best_over_sundials_1e6", "best_over_sundials_1e8",
-             "auto_over_best_p80", "auto_over_best_worst", "respa_over_velocity_verlet"}
-SCENES = ["trampoline", "folding", "stiff", "damped", "jelly", "chain", "cord"]
+             "auto_over_best_p80", "auto_over_best_worst", "respa_over_velocity_verlet",
+             "error_over_tol_worst"}
+SCENES = ["trampoline", "folding", "stiff", "damped", "jelly", "chain", "dumbbells", "slide",
+          "cord"]
 
 
 class QuickTest(BenchTest):
@@ -77,6 +79,7 @@ class Quick(QuickTest):
         for truth in truths:
             with self.subTest(truth["scene"]):
                 self.check_truth(truth, self.find(rows, scene=truth["scene"]))
+        self.assertLess(found.get("error_over_tol_worst", 0), 10)
         self.check_order(rows, "velocity-verlet", 2)
         self.check_order(rows, "rk4", 4)
         with (self.folder / "out.csv").open(newline="") as file:

@@ -26,6 +26,7 @@ typedef struct findings {
   double over_sundials[LEVELS]; /* the largest; NAN: none */
   double over_best[SCENES * LEVELS];
   int nover_best;
+  double over_tol; /* the largest error of msim over tol; 0: none could be told */
 } findings;
 
 /*------------------------------------- keys -----------------------------------------------------*/
@@ -59,6 +60,24 @@ static void judge_auto(const climb *c, findings *f) {
   }
 }
 
+/* In terms of the extent, as tol is, of rungs whose error the truth tells apart, above rounding, in
+ * scenes that are not chaotic. */
+static void judge_tol(const climb *c, findings *f) {
+  const double LEAST = 0.9e-8, CHAOTIC = 100;
+  const truth *t = c->arena.truth;
+  const double scale = t->motion / t->extent;
+  const rung *worst = NULL;
+  for (const rung *r = c->rungs; r < c->rungs + c->count; r++) {
+    const int counts = r->status == RAN && r->who->by_tol && r->who->integrator;
+    if (!counts || r->setting < LEAST || t->growth > CHAOTIC) continue;
+    if (!worst || r->verdict.error / r->setting > worst->verdict.error / worst->setting) worst = r;
+  }
+  if (!worst) return;
+  const double over = scale * worst->verdict.error / worst->setting;
+  printf(" largest error over tol: %.3g, %s at %.0e\n", over, worst->who->name, worst->setting);
+  f->over_tol = fmax(f->over_tol, over);
+}
+
 static void judge_respa(const climb *c, report *out) {
   if (strcmp(c->arena.truth->kind->name, "cord") != 0) return;
   report_key(
@@ -71,6 +90,7 @@ static void report_findings(report *out, findings *f) {
                                            "best_over_sundials_1e8", NULL};
   for (int l = 0; l < LEVELS; l++)
     if (keys[l]) report_key(out, keys[l], f->over_sundials[l]);
+  if (f->over_tol > 0) report_key(out, "error_over_tol_worst", f->over_tol);
   if (f->nover_best == 0) return;
   report_key(out, "auto_over_best_p80", quantile(f->nover_best, f->over_best, 0.8));
   report_key(out, "auto_over_best_worst", quantile(f->nover_best, f->over_best, 1));
@@ -96,6 +116,7 @@ static void measure(const bench_wishes *wishes, const precision_scene *kind, con
     report_climb(out, &c);
     compare_libraries(&c, f);
     judge_auto(&c, f);
+    judge_tol(&c, f);
     judge_respa(&c, out);
   }
   climb_free(&c);

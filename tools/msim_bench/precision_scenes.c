@@ -127,6 +127,44 @@ static msim_status chain(int32_t side, msim_scene *scene, msim_error *err) {
   return status;
 }
 
+/* Pairs on a spring that fall aslant, bounce, and turn as they rub. */
+static msim_status dumbbells(int32_t side, msim_scene *scene, msim_error *err) {
+  const msim_plane floor = {.normal = {0, 0, 1}, .restitution = 0.7, .friction = 0.2};
+  const double mass[2] = {0.1, 0.2}, k = 500, rest = 0.3, damping = 0;
+  msim_status status = msim_scene_add_plane(scene, &floor, err);
+  for (int32_t i = 0; i < side && !status; i++) {
+    const int32_t ij[2] = {2 * i, 2 * i + 1};
+    const double lean = 0.3 + 0.6 * i / side, high = 0.1 + 0.02 * i;
+    const double x[6] = {0.5 * i, 0, high, 0.5 * i + rest * cos(lean), 0, high + rest * sin(lean)};
+    const double v[6] = {0.5, 0.1, 0, 0.5, -0.1, 0};
+    status = msim_scene_add_particles(scene, 2, x, v, mass, err);
+    if (!status) status = msim_scene_add_springs(scene, 1, ij, &k, &rest, &damping, err);
+  }
+  return status ? status : msim_scene_set_gravity(scene, down, err);
+}
+
+/* A block of 1 kg that slides down a slope of 20 degrees, slower and slower, and stops. */
+static msim_status slide(int32_t side, msim_scene *scene, msim_error *err) {
+  const double angle = pi / 9, g[3] = {9.81 * sin(angle), 0, -9.81 * cos(angle)};
+  const msim_plane slope = {.normal = {0, 0, 1}, .friction = 0.6};
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {side, side, side},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000,
+                              .damping = 0.5};
+  msim_scene *recipe = NULL;
+  msim_status status = msim_scene_create(NULL, &recipe, err);
+  if (!status) status = msim_scene_add_lattice(recipe, &block, err);
+  parts p;
+  const msim_status taken = parts_take(recipe, &p);
+  if (!status) status = taken;
+  for (int32_t i = 0; i < p.view.nparticles && !status; i++) p.v[3 * i] = 0.4;
+  if (!status) status = make(&p, g, scene, err);
+  parts_free(&p);
+  return status ? status : msim_scene_add_plane(scene, &slope, err);
+}
+
 /*------------------------------------- the table ------------------------------------------------*/
 
 const precision_scene *precision_scene_info(int i) {
@@ -149,6 +187,8 @@ const precision_scene *precision_scene_info(int i) {
        damped},
       {"jelly", "block that bounces on a plane", {8, 5}, {0.2, 0.1}, 0, 1, jelly},
       {"chain", "rope of stiff springs, swinging", {32, 16}, {0.5, 0.2}, 0, 0, chain},
+      {"dumbbells", "pairs that bounce and turn", {8, 3}, {0.6, 0.4}, 1, 1, dumbbells},
+      {"slide", "block that slides to rest on a slope", {4, 3}, {0.5, 0.4}, 1, 1, slide},
       {"cord", "cord of k = 1e6 N/m in a net of 100", {16, 12}, {0.2, 0.1}, 0, 0, cord},
   };
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;

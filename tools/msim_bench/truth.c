@@ -194,6 +194,19 @@ static void fill_masses(truth *t) {
     if (!t->view.pinned[i / 3]) t->inverse[i] = 1 / t->view.mass[i / 3];
 }
 
+static double extent_of(const msim_scene_view *view) {
+  double extent = 0;
+  for (int c = 0; c < 3; c++) {
+    double low = INFINITY, high = -INFINITY;
+    for (int32_t i = 0; i < view->nparticles; i++) {
+      low = fmin(low, view->x[3 * i + c]);
+      high = fmax(high, view->x[3 * i + c]);
+    }
+    extent = fmax(extent, high - low);
+  }
+  return extent;
+}
+
 static int build(truth *t, int quick) {
   msim_options options;
   msim_options_init(&options, sizeof options);
@@ -206,6 +219,7 @@ static int build(truth *t, int quick) {
     return 0;
   msim_scene_get(t->scene, &t->view);
   fill_masses(t);
+  t->extent = extent_of(&t->view);
   t->limit = longest_step(t->scene, "velocity-verlet", &t->err);
   return isfinite(t->limit) &&
          ((t->inverse && ending_make(t->view.nparticles, &t->end)) || fail(t, "out of memory"));

@@ -20,6 +20,7 @@ typedef struct truth {
   msim_sim *judge;       /* tells energies and forces */
   double t_end, limit;   /* s; limit: the longest stable step of Verlet */
   double motion, speed;  /* D, m; the largest root mean square of v, m/s */
+  double extent;         /* m: longest side of the box around all particles, at the start */
   double kinetic;        /* the largest in the run, J */
   double mass, *inverse; /* of all particles, kg; 1/m of 3n coordinates, 0 where pinned */
   ending end;            /* x* */
