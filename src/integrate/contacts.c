@@ -149,48 +149,37 @@ static void scale_to_one(double u[3]) {
   for (int c = 0; c < 3; c++) u[c] = size > 0 ? u[c] / size : 0;
 }
 
-/* What the planes add to a; v NULL: it slides on as at the start. Bounces rub as in the mean
- * (path.h). */
-static void find_push(const ms_contact *c, const double *v, const double a[3], double push[3]) {
-  double along[3] = {a[0], a[1], a[2]}, way[3] = {c->slide[0], c->slide[1], c->slide[2]}, least;
-  const double share = c->bounces ? (1 + c->on.plane[0]->restitution) / 2 : 1;
-  const double pull = share * ms_keep_along(&c->on, along, &least);
-  if (v && c->rubs && !c->sticks) {
-    double now[3] = {v[0], v[1], v[2]};
-    ms_keep_along(&c->on, now, &least);
-    /* a stage that has passed the stop is to go on straight: the stop is found by that */
-    if (ms_dot3(now, c->slide) > 0) memcpy(way, now, sizeof way);
-    scale_to_one(way);
-  }
-  ms_axpy3(-pull, way, along);
-  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
-}
-
-/* The same with friction that is given; v NULL: without, as the matrix has it. */
-static void find_given_push(const ms_contact *c, const double *v, const double a[3],
-                            double push[3]) {
-  double along[3] = {a[0], a[1], a[2]}, least;
-  ms_keep_along(&c->on, along, &least);
-  if (v && c->friction > 0) {
-    double now[3] = {v[0], v[1], v[2]};
-    ms_keep_along(&c->on, now, &least);
-    ms_axpy3(-c->friction / c->lag, now, along);
-  }
-  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] - a[i];
-}
-
-/* Friction that turns too fast for the stages of an explicit method keeps its direction. That of an
- * implicit one must not stop v within its step: it is constant then, too. */
-static void find_sliding_push(const ms_stepper *s, const ms_contact *c, const double *v,
-                              const double a[3], double push[3]) {
+/* What friction adds to a where the planes press by pull = sum of mu N/m; v NULL: it slides on as at
+ * the start, or, where friction is given, without, as the matrix has it. Bounces rub as in the mean
+ * (path.h). Friction that turns too fast for the stages of an explicit method keeps its direction.
+ * That of an implicit one must not stop v within its step: it is constant then, too. */
+static void find_friction(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
+                          double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
-  if (!turns || !implicit || c->sticks) {
-    find_push(c, turns ? NULL : v, a, push);
-    return;
+  const double mean = c->bounces ? (1 + c->on.plane[0]->restitution) / 2 : 1;
+  double way[3] = {c->slide[0], c->slide[1], c->slide[2]}, now[3] = {0}, least;
+  if (v) memcpy(now, v, sizeof now);
+  ms_keep_along(&c->on, now, &least);
+  memset(f, 0, 3 * sizeof *f);
+  if (c->is_given) {
+    if (c->friction > 0) ms_axpy3(-c->friction / c->lag, now, f);
+  } else if (implicit && turns) {
+    memcpy(f, c->rub, sizeof c->rub);
+  } else {
+    /* a stage that has passed the stop is to go on straight: the stop is found by that */
+    if (!turns && ms_dot3(now, c->slide) > 0) memcpy(way, now, sizeof way);
+    scale_to_one(way);
+    ms_axpy3(-mean * pull, way, f);
   }
-  double along[3] = {a[0], a[1], a[2]}, least;
-  ms_keep_along(&c->on, along, &least);
-  for (int i = 0; i < 3; i++) push[i] = along[i] - a[i] + c->rub[i];
+}
+
+/* What the planes add to a: they take what leads into them, and rub. */
+static void find_push(const ms_stepper *s, const ms_contact *c, const double *v, const double a[3],
+                      double push[3]) {
+  double along[3] = {a[0], a[1], a[2]}, f[3] = {0}, least;
+  const double pull = ms_keep_along(&c->on, along, &least);
+  if (c->rubs) find_friction(s, c, v, pull, f);
+  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] + f[i] - a[i];
 }
 
 double ms_contact_reaction(const ms_contact *c, const double a[3]) {
@@ -345,8 +334,7 @@ void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
     double a[3], v[3], push[3];
     ms_row_get(rows, pass->a, c->row, a);
     if (pass->v) ms_row_get(rows, pass->v, c->row, v);
-    if (c->is_given) find_given_push(c, pass->v ? v : NULL, a, push);
-    else find_sliding_push(s, c, pass->v ? v : NULL, a, push);
+    find_push(s, c, pass->v ? v : NULL, a, push);
     add(rows, 1, push, c->row, pass->a);
     if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);
     if (pass->x_to && follows) add(rows, pass->drift * pass->h, push, c->row, pass->x_to);
