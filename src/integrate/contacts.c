@@ -149,10 +149,10 @@ static void scale_to_one(double u[3]) {
   for (int c = 0; c < 3; c++) u[c] = size > 0 ? u[c] / size : 0;
 }
 
-/* What friction adds to a where the planes press by pull = sum of mu N/m; v NULL: it slides on as at
- * the start, or, where friction is given, without, as the matrix has it. Bounces rub as in the mean
- * (path.h). Friction that turns too fast for the stages of an explicit method keeps its direction.
- * That of an implicit one must not stop v within its step: it is constant then, too. */
+/* What friction adds to a where the planes press by pull = sum of mu N/m. v NULL: it slides on as
+ * at the start, or, where friction is given, without, as the matrix has it. Bounces rub as in the
+ * mean (path.h). Friction that turns too fast for the stages of an explicit method keeps its
+ * direction. That of an implicit one must not stop v within its step: it is constant then, too. */
 static void find_friction(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
                           double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
