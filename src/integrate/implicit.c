@@ -141,10 +141,10 @@ static table bdf2(double r) {
 
 /* The step before says nothing of this one: of the first step, and after a reflection. Fixed steps
  * are implicit Euler's then, as the method is written. Under error control order 1 would set their
- * length: a step of tr-bdf2 takes their place, whose first stage and slope at the start lie where
- * those of the step before would. */
+ * length, and with events located it would be the largest error: a step of tr-bdf2 takes their
+ * place, whose first stage and slope at the start lie where those of the step before would. */
 static msim_status restart_bdf2(ms_stepper *s, double **start, double *rule, msim_error *err) {
-  if (s->opt->tol == 0) {
+  if (s->opt->tol == 0 && !s->events) {
     *rule = implicit_euler.rungs[0].a;
     return climb(s, &implicit_euler, &(sources){0}, NULL, err);
   }
