@@ -53,3 +53,7 @@ double ms_contact_change(const ms_stepper *s, const ms_contact *c) {
   const double stop = c->rubs ? stop_time(s, c) / s->h : MS_NOWHERE;
   return stop <= 1 ? stop : MS_NOWHERE;
 }
+
+int ms_contact_changes(const ms_stepper *s, const ms_contact *c) {
+  return ms_contact_change(s, c) <= 1 || ms_contact_turns(s, c);
+}

@@ -8,6 +8,9 @@
  * which the particle is lifted, begins to slip, or stops; MS_NOWHERE: nothing of that. */
 double ms_contact_change(const ms_stepper *s, const ms_contact *c);
 
+/* Any of that, or it turns: */
+int ms_contact_changes(const ms_stepper *s, const ms_contact *c);
+
 /* It slides, and its direction changes by more than 45 degrees in the part, or is stiff there. */
 int ms_contact_turns(const ms_stepper *s, const ms_contact *c);
 

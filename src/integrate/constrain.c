@@ -173,10 +173,6 @@ static msim_status solve(constraint *j, msim_error *err) {
   return MSIM_OK;
 }
 
-static int changes(const constraint *j, const ms_contact *c) {
-  return ms_contact_change(j->s, c) <= 1 || ms_contact_turns(j->s, c);
-}
-
 /* Contacts are what they were, as the method has it. */
 static int is_settled(constraint *j) {
   const ms_touch none = {0};
@@ -185,7 +181,7 @@ static int is_settled(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     const ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch *on = c ? &c->on : &none;
-    if (find_entered(j, r, on).n > on->n || (c && changes(j, c))) return 0;
+    if (find_entered(j, r, on).n > on->n || (c && ms_contact_changes(j->s, c))) return 0;
   }
   return 1;
 }

@@ -153,8 +153,8 @@ static void scale_to_one(double u[3]) {
  * at the start, or, where friction is given, without, as the matrix has it. Bounces rub as in the
  * mean (path.h). Friction that turns too fast for the stages of an explicit method keeps its
  * direction. That of an implicit one must not stop v within its step: it is constant then, too. */
-static void find_friction(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
-                          double f[3]) {
+static void friction_of(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
+                        double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
   const double mean = c->bounces ? (1 + c->on.plane[0]->restitution) / 2 : 1;
   double way[3] = {c->slide[0], c->slide[1], c->slide[2]}, now[3] = {0}, least;
@@ -173,12 +173,13 @@ static void find_friction(const ms_stepper *s, const ms_contact *c, const double
   }
 }
 
-/* What the planes add to a: they take what leads into them, and rub. */
+/* What the planes add to a: all of it, where they hold the particle, else they take what leads into
+ * them, and friction pulls. */
 static void find_push(const ms_stepper *s, const ms_contact *c, const double *v, const double a[3],
                       double push[3]) {
   double along[3] = {a[0], a[1], a[2]}, f[3] = {0}, least;
   const double pull = ms_keep_along(&c->on, along, &least);
-  if (c->rubs) find_friction(s, c, v, pull, f);
+  if (c->rubs && !c->sticks) friction_of(s, c, v, pull, f);
   for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] + f[i] - a[i];
 }
 

@@ -64,7 +64,7 @@ static void note_error(const substeps *j, int32_t row, const ms_contact *c, cons
  * knows no forces of velocities, as friction is one. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int rubs = c->rubs && !c->sticks && j->method->separable;
-  return c->bounces || rubs || ms_contact_change(j->s, c) <= 1 || ms_contact_turns(j->s, c);
+  return c->bounces || rubs || ms_contact_changes(j->s, c);
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
