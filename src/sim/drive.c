@@ -192,9 +192,10 @@ static double noise_of(const ms_part *least, double allowed) {
   return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least->rounding)) : 0;
 }
 
-/* In a run there may be some tens of events, whose errors add up by chance. */
+/* Tolerances are those of error control, allowed > 0. In a run there may be some tens of events,
+ * whose errors add up by chance. */
 static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed) {
-  const ms_part least = ms_norm_least(&m->norm);
+  const ms_part least = allowed > 0 ? ms_norm_least(&m->norm) : (ms_part){0};
   m->stepper.h = h;
   m->stepper.noise = noise_of(&least, allowed);
   m->stepper.x_tolerance = 0.1 * sim->opt.tol * least.extent;
