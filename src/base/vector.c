@@ -52,24 +52,27 @@ void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, dou
   }
 }
 
-/* In pieces that stay in the nearest cache. */
-static void add_piece(const double *x, int n, const double *w, const double *const *y, size_t from,
-                      int32_t count, double *z) {
-  enum { PIECE = 256 };
-  double sum[PIECE];
-  for (int32_t begin = 0; begin < count; begin += PIECE) {
-    const int32_t size = count - begin < PIECE ? count - begin : PIECE;
-    const size_t at = from + (size_t)begin;
-    memset(sum, 0, (size_t)size * sizeof *sum);
+/* As many whole blocks as there are, whose sums stay in registers; returns where they end. */
+static inline size_t add_blocks(int block, const double *x, int n, const double *w,
+                                const double *const *y, size_t at, size_t end, double *z) {
+  enum { MOST = 8 };
+  for (; at + (size_t)block <= end; at += (size_t)block) {
+    double sum[MOST] = {0};
     for (int k = 0; k < n; k++)
-      for (int32_t r = 0; r < size; r++) sum[r] += w[k] * y[k][at + (size_t)r];
-    for (int32_t r = 0; r < size; r++) z[at + (size_t)r] = (x ? x[at + (size_t)r] : 0) + sum[r];
+      for (int r = 0; r < block; r++) sum[r] += w[k] * y[k][at + (size_t)r];
+    for (int r = 0; r < block; r++) z[at + (size_t)r] = (x ? x[at + (size_t)r] : 0) + sum[r];
   }
+  return at;
 }
 
 void ms_add_all(ms_shape s, const double *x, int n, const double *w, const double *const *y,
                 double *z) {
-  EACH_COMPONENT(s) add_piece(x, n, w, y, at, s.n, z);
+  EACH_COMPONENT(s) {
+    const size_t last = at + (size_t)s.n;
+    size_t row = add_blocks(8, x, n, w, y, at, last, z);
+    row = add_blocks(2, x, n, w, y, row, last, z);
+    add_blocks(1, x, n, w, y, row, last, z);
+  }
 }
 
 void ms_scale_rows(ms_shape s, const double *d, const double *f, double *a) {
