@@ -67,6 +67,32 @@ static msim_scene *folded(int32_t n) {
   return scene;
 }
 
+/* A block slides down a slope of 20 degrees, slower and slower, and stops. */
+static msim_scene *sliding(void) {
+  enum { ALL = 27 };
+  const double angle = 0.35, g[3] = {9.81 * sin(angle), 0, -9.81 * cos(angle)};
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {3, 3, 3},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000,
+                              .damping = 0.5};
+  msim_scene_view of = {.size = sizeof of};
+  double v[3 * ALL] = {0};
+  msim_scene *recipe, *scene;
+  assert_ok(msim_scene_create(NULL, &recipe, err));
+  assert_ok(msim_scene_add_lattice(recipe, &block, err));
+  msim_scene_get(recipe, &of);
+  for (int i = 0; i < ALL; i++) v[3 * i] = 0.4;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, ALL, of.x, v, of.mass, err));
+  assert_ok(msim_scene_add_springs(scene, of.nsprings, of.ij, of.k, of.rest, of.damping, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0, 0, 1, 0, 0, 0.6);
+  msim_scene_destroy(recipe);
+  return scene;
+}
+
 static msim_scene *net_over(double floor) {
   msim_scene *scene = hanging_cloth(5, 100, 0);
   if (isfinite(floor)) plane(scene, 0, 0, 1, floor, 0.5, 0);
@@ -130,19 +156,53 @@ static int64_t evaluations_of(const msim_scene *scene, const char *method, doubl
   return count;
 }
 
+/* Evaluations for the choice, beside those of a run of some hundred steps */
+static void choosing_costs_little(void **state) {
+  (void)state;
+  const double damping[] = {0, 0.1};
+  for (int i = 0; i < 2; i++) {
+    msim_scene *scene = hanging_cloth(12, 1000, damping[i]);
+    for (double tol = 1e-2; tol > 1e-9; tol /= 100) {
+      const msim_options opt = options_of("auto", tol, 0.15);
+      msim_sim *sim = make_sim(scene, &opt);
+      assert_ok(msim_sim_run(sim, NULL, NULL, err));
+      const double price = sim->selection.price, work = (double)stats_of(sim).force_evaluations;
+      print_message("  tol %.0e  %-15s %3.0f evaluations, for a run of %.0f\n", tol,
+                    sim->integrator->entry.name, price, work);
+      assert_true(price <= 0.3 * work);
+      msim_sim_destroy(sim);
+    }
+    msim_scene_destroy(scene);
+  }
+}
+
+static void costs_what_control_costs(const msim_scene *scene, const char *name, double tol,
+                                     double t_end) {
+  const int64_t chosen = evaluations_of(scene, "auto", tol, t_end);
+  const int64_t controlled = evaluations_of(scene, "dop853", tol, t_end);
+  print_message("  %s, tol %.0e: %lld evaluations, %lld under control\n", name, tol,
+                (long long)chosen, (long long)controlled);
+  assert_true((double)chosen <= 1.5 * (double)controlled);
+}
+
 /* Steps for the wildest moment are not made all the time. */
 static void bursts_cost_what_control_costs(void **state) {
   (void)state;
   for (int32_t n = 6; n <= 20; n += 7)
     for (double tol = 1e-2; tol > 1e-7; tol /= 100) {
       msim_scene *scene = folded(n);
-      const int64_t chosen = evaluations_of(scene, "auto", tol, 0.6);
-      const int64_t controlled = evaluations_of(scene, "dop853", tol, 0.6);
-      print_message("  %d particles, tol %.0e: %lld evaluations, %lld under control\n", n, tol,
-                    (long long)chosen, (long long)controlled);
-      assert_true((double)chosen <= 1.5 * (double)controlled);
+      costs_what_control_costs(scene, "folded rope", tol, 0.6);
       msim_scene_destroy(scene);
     }
+}
+
+/* Nearly each step has an event of some of its feet. */
+static void sliding_costs_what_control_costs(void **state) {
+  (void)state;
+  msim_scene *scene = sliding();
+  for (double tol = 1e-4; tol > 3e-9; tol /= 10)
+    costs_what_control_costs(scene, "sliding block", tol, 0.4);
+  msim_scene_destroy(scene);
 }
 
 /*------------------------------------- planes ---------------------------------------------------*/
@@ -232,7 +292,9 @@ static void pieces_make_the_same_run(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(few_that_fly_by_are_followed),
                                      cmocka_unit_test(late_events_are_verified),
+                                     cmocka_unit_test(choosing_costs_little),
                                      cmocka_unit_test(bursts_cost_what_control_costs),
+                                     cmocka_unit_test(sliding_costs_what_control_costs),
                                      cmocka_unit_test(far_planes_cost_nothing),
                                      cmocka_unit_test(near_planes_count),
                                      cmocka_unit_test(pieces_make_the_same_run)};

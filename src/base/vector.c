@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/simd.h"
+
 /* for each component: `body` over rows r of the component's part of each vector */
 #define EACH_COMPONENT(s)                                                      \
   for (size_t at = 0, end_ = (size_t)(s).dims * (size_t)(s).stride; at < end_; \
@@ -52,15 +54,19 @@ void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, dou
   }
 }
 
-/* As many whole blocks as there are, whose sums stay in registers; returns where they end. */
-static inline size_t add_blocks(int block, const double *x, int n, const double *w,
-                                const double *const *y, size_t at, size_t end, double *z) {
-  enum { MOST = 8 };
-  for (; at + (size_t)block <= end; at += (size_t)block) {
-    double sum[MOST] = {0};
+/* As many blocks of some registers as there are, whose sums stay there; returns where they end. */
+MS_INLINE size_t add_blocks(int registers, const double *x, int n, const double *w,
+                            const double *const *y, size_t at, size_t end, double *z) {
+  enum { MOST = 4 };
+  const size_t block = (size_t)registers * MS_LANES;
+  for (; at + block <= end; at += block) {
+    ms_lanes sum[MOST] = {{0}};
     for (int k = 0; k < n; k++)
-      for (int r = 0; r < block; r++) sum[r] += w[k] * y[k][at + (size_t)r];
-    for (int r = 0; r < block; r++) z[at + (size_t)r] = (x ? x[at + (size_t)r] : 0) + sum[r];
+      for (int i = 0; i < registers; i++) sum[i] += w[k] * ms_load(y[k] + at + i * MS_LANES);
+    for (int i = 0; i < registers; i++) {
+      const size_t row = at + (size_t)i * MS_LANES;
+      ms_store(z + row, (x ? ms_load(x + row) : (ms_lanes){0}) + sum[i]);
+    }
   }
   return at;
 }
@@ -68,10 +74,13 @@ static inline size_t add_blocks(int block, const double *x, int n, const double 
 void ms_add_all(ms_shape s, const double *x, int n, const double *w, const double *const *y,
                 double *z) {
   EACH_COMPONENT(s) {
-    const size_t last = at + (size_t)s.n;
-    size_t row = add_blocks(8, x, n, w, y, at, last, z);
-    row = add_blocks(2, x, n, w, y, row, last, z);
-    add_blocks(1, x, n, w, y, row, last, z);
+    const size_t end = at + (size_t)s.n;
+    size_t row = add_blocks(4, x, n, w, y, at, end, z);
+    for (row = add_blocks(1, x, n, w, y, row, end, z); row < end; row++) {
+      double sum = 0;
+      for (int k = 0; k < n; k++) sum += w[k] * y[k][row];
+      z[row] = (x ? x[row] : 0) + sum;
+    }
   }
 }
 
@@ -114,21 +123,20 @@ int ms_is_same(ms_shape s, const double *x, const double *y) {
   return 1;
 }
 
-/* Sum of (c x)^2, c so large that it is infinite, or NaN, where one x is NaN or beyond MS_HUGE. */
-static double screen(const double *x, int32_t n) {
-  const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */
-  double sum[LANES] = {0};
-  int32_t r = 0;
-  for (; r + LANES <= n; r += LANES)
-    for (int lane = 0; lane < LANES; lane++) sum[lane] += (c * x[r + lane]) * (c * x[r + lane]);
-  for (int lane = 0; r < n; r++, lane++) sum[lane] += (c * x[r]) * (c * x[r]);
-  for (int lane = 1; lane < LANES; lane++) sum[0] += sum[lane];
-  return sum[0];
-}
-
 int32_t ms_find_bad(ms_shape s, const double *x) {
+  /* (c x)^2 is infinite, or NaN, where x is NaN or beyond MS_HUGE, and stays so in sums */
+  const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */
+  ms_lanes lanes = {0};
   double sum = 0;
-  EACH_COMPONENT(s) sum += screen(x + at, s.n);
+  EACH_COMPONENT(s) {
+    int32_t r = 0;
+    for (; r + MS_LANES <= s.n; r += MS_LANES) {
+      const ms_lanes y = c * ms_load(x + at + r);
+      lanes += y * y;
+    }
+    for (; r < s.n; r++) sum += (c * x[at + (size_t)r]) * (c * x[at + (size_t)r]);
+  }
+  for (int i = 0; i < MS_LANES; i++) sum += lanes[i];
   if (isfinite(sum)) return -1;
   for (int32_t r = 0; r < s.n; r++)
     EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_HUGE)) return r;

@@ -22,7 +22,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 4u
+#define VERSION 5u
 
 typedef struct header {
   char magic[8];

@@ -107,11 +107,10 @@ static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error
 }
 
 /* Error of the paths of particles, over what is allowed. It goes like h^3, that over h like h^2,
- * where the controller expects h^k, k = control.order: so they are raised to k/3 and k/2. Doubled
- * steps measure it themselves. */
-static double path_error(const msim_sim *sim, const ms_motion *m, double allowed) {
+ * where the controller expects h^k: so they are raised to k/3 and k/2. Doubled steps measure it
+ * themselves. */
+static double path_error(const msim_sim *sim, const ms_motion *m, double k, double allowed) {
   const ms_stepper *s = &m->stepper;
-  const double k = sim->control.order;
   if (!s->events || !sim->integrator->estimate || !s->events->nfollowed) return 0;
   const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
   const double share = sqrt(fmin(1, s->events->nfollowed / (2. * part->n)));
@@ -120,10 +119,20 @@ static double path_error(const msim_sim *sim, const ms_motion *m, double allowed
   return fmax(pow(each, k / 2), pow(once, k / 3));
 }
 
-static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error *err) {
+/* In a run there may be some tens of events, whose errors add up by chance. */
+static void set_tolerances(const msim_sim *sim, ms_motion *m) {
+  const ms_part least = ms_norm_least(&m->norm);
+  const double tol = ms_sim_selects(sim) ? sim->selection.tol : sim->opt.tol;
+  m->stepper.x_tolerance = 0.1 * tol * least.extent;
+  m->stepper.v_tolerance = 0.03 * tol * least.speed;
+}
+
+msim_status ms_drive_controlled(const msim_sim *sim, ms_motion *m, const ms_control *c,
+                                msim_error *err) {
   ms_stepper *s = &m->stepper;
   double *x = s->x, *v = s->v;
-  const double allowed = ms_control_allowed(&sim->control, s->h);
+  const double allowed = ms_control_allowed(c, s->h);
+  set_tolerances(sim, m);
   s->one_part = 1;
   s->impact = MS_NOWHERE;
   const msim_status status =
@@ -133,7 +142,7 @@ static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error
   if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
   m->error = ms_error_of(sim->integrator, s, &m->norm, allowed);
   s->x = x, s->v = v;
-  m->error = fmax(m->error, path_error(sim, m, allowed));
+  m->error = fmax(m->error, path_error(sim, m, c->order, allowed));
   return MSIM_OK;
 }
 
@@ -152,9 +161,10 @@ static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contac
 static msim_status step_island(const msim_sim *sim, ms_motion *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
   const int verified = sim->selection.verification.allowed > 0;
-  const msim_status status = ms_sim_has_control(sim) ? make_controlled(sim, m, err)
-                             : verified              ? ms_verify_step(sim, m, err)
-                                                     : make_fixed(sim, &m->stepper, err);
+  const msim_status status = ms_sim_has_control(sim)
+                                 ? ms_drive_controlled(sim, m, &sim->control, err)
+                             : verified ? ms_verify_step(sim, m, err)
+                                        : make_fixed(sim, &m->stepper, err);
   m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
   return status;
 }
@@ -192,14 +202,10 @@ static double noise_of(const ms_part *least, double allowed) {
   return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least->rounding)) : 0;
 }
 
-/* Tolerances are those of error control, allowed > 0. In a run there may be some tens of events,
- * whose errors add up by chance. */
-static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed) {
+static void prepare(ms_motion *m, double h, double allowed) {
   const ms_part least = allowed > 0 ? ms_norm_least(&m->norm) : (ms_part){0};
   m->stepper.h = h;
   m->stepper.noise = noise_of(&least, allowed);
-  m->stepper.x_tolerance = 0.1 * sim->opt.tol * least.extent;
-  m->stepper.v_tolerance = 0.03 * sim->opt.tol * least.speed;
   m->stepper.looked = 0;
 }
 
@@ -208,8 +214,7 @@ static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed)
 static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why) {
   outcome result = {.why = why};
   why->text[0] = 0;
-  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
-    prepare(sim, m, h, allowed);
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) prepare(m, h, allowed);
   if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
     if (m->at_rest) continue;

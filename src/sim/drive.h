@@ -19,6 +19,11 @@ msim_status ms_drive_step(msim_sim *sim, msim_error *err);
 /* n steps of h/n by one island, one after the other, from x to x_next. */
 msim_status ms_drive_parts(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err);
 
+/* A step of s->h by one island as error control makes it: not cut at its first impact, but that is
+ * told. m->error: its error, of what c allows. */
+msim_status ms_drive_controlled(const msim_sim *sim, struct ms_motion *m, const ms_control *c,
+                                msim_error *err);
+
 /* Shorter steps may help where one failed like this. */
 int ms_drive_may_help(msim_status status);
 

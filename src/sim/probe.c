@@ -84,6 +84,7 @@ static msim_status find_sim(ms_probe *p, int32_t collision, msim_sim **sim, msim
   opt.integrator = widest->entry.name;
   opt.collision = collision;
   opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
+  opt.watch = MSIM_WATCH_OFF;
   opt.newton_retries = 2; /* room for halves */
   msim_status status = msim_sim_create(&scene, &opt, sim, err);
   if (!status) p->sims[collision] = *sim;
@@ -135,12 +136,16 @@ static msim_status compare(ms_probe *p, const ms_trial *of, double h, int64_t m,
   return MSIM_OK;
 }
 
-/* So many steps that trying them costs a twentieth of the run; or as many as surely lead past the
- * first impact. */
+/* Trying them costs a twentieth of the run; or they surely lead past the first impact. */
+double ms_probe_steps(const ms_probe *p, double h) {
+  const double SHARE = p->near ? 1. / 14 : 1. / 60;
+  return fmax(1, round(SHARE * p->span / h));
+}
+
 msim_status ms_probe_error(ms_probe *p, const ms_trial *of, double h, double *error, double *price,
                            msim_error *err) {
-  const double SHARE = p->near ? 1. / 14 : 1. / 60, before = p->price;
-  const int64_t m = (int64_t)fmax(1, round(SHARE * p->span / h));
+  const double before = p->price;
+  const int64_t m = (int64_t)ms_probe_steps(p, h);
   msim_status status = compare(p, of, h, m, p->x, p->v, error, err);
   *error *= p->growth * p->wild / ((double)m * h);
   if (!(*error < INFINITY)) *error = INFINITY;
@@ -148,11 +153,11 @@ msim_status ms_probe_error(ms_probe *p, const ms_trial *of, double h, double *er
   return status;
 }
 
-msim_status ms_probe_measure_steps(ms_probe *p, const ms_trial *of, double h,
-                                   ms_measured steps[MS_MEASURED], msim_error *err) {
-  const double *const x[MS_MEASURED] = {p->x0, p->x_half, p->x};
-  const double *const v[MS_MEASURED] = {p->v0, p->v_half, p->v};
-  for (int i = 0; i < MS_MEASURED; i++) {
+msim_status ms_probe_measure_steps(ms_probe *p, const ms_trial *of, double h, int n,
+                                   ms_measured *steps, msim_error *err) {
+  const double *const x[MS_MEASURED] = {p->x, p->x_half, p->x0};
+  const double *const v[MS_MEASURED] = {p->v, p->v_half, p->v0};
+  for (int i = 0; i < n; i++) {
     msim_sim *sim;
     msim_status status = go_to(p, of, h, x[i], v[i], &sim, err);
     if (status) return status;

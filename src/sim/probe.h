@@ -48,15 +48,19 @@ void ms_probe_end(ms_probe *p);
 /* 0.9 of the longest stable step; INFINITY: any is stable. */
 double ms_probe_reach(const ms_probe *p, const ms_integrator *method);
 
+/* So many steps of h are tried. */
+double ms_probe_steps(const ms_probe *p, double h);
+
 /* The error at the end of the run by fixed steps of h, in the norm of integrate/control.h; INFINITY
  * where none can be made. price: what a step cost, in evaluations. */
 msim_status ms_probe_error(ms_probe *p, const ms_trial *of, double h, double *error, double *price,
                            msim_error *err);
 
-/* Steps of h from the start, the middle and the end of the flight, as verified (verify.h) */
+/* Steps of h from n states, as verified (verify.h): the end, the middle and the start of the
+ * flight */
 enum { MS_MEASURED = 3 };
-msim_status ms_probe_measure_steps(ms_probe *p, const ms_trial *of, double h,
-                                   ms_measured steps[MS_MEASURED], msim_error *err);
+msim_status ms_probe_measure_steps(ms_probe *p, const ms_trial *of, double h, int n,
+                                   ms_measured *steps /* n */, msim_error *err);
 
 /* As far as the flight again, in twice n steps of another sim: the error at the end of the run.
  * Only where there are no planes. */

@@ -9,6 +9,7 @@
 #include "linear/predict.h"
 #include "sim/drive.h"
 #include "sim/probe.h"
+#include "sim/reasons.h"
 
 /* Particles whose impacts are few enough to be located one by one */
 enum { FEW = 4 };
@@ -27,16 +28,17 @@ enum {
 };
 
 /* What can take part where no force depends on velocities, and else; evaluations in a step, 0:
- * measured. The leapfrog stands for all explicit methods of order 2. Evaluations of dop853 are
- * worth more, as it forms so many sums; those of rkc follow from h. tr-bdf2 damps what long steps
- * cannot follow; the implicit methods that do not are held up by it, and go no farther than
- * explicit ones. */
+ * measured, and those that make the first state, where that takes many. The leapfrog stands for all
+ * explicit methods of order 2. Evaluations of dop853 are worth more, as it forms so many sums;
+ * those of rkc follow from h. tr-bdf2 damps what long steps cannot follow; the implicit methods
+ * that do not are held up by it, and go no farther than explicit ones. */
 static const struct {
   const ms_integrator *method[2];
   double evaluations[2];
+  double first;
 } list[MS_CANDIDATES] = {[LEAPFROG] = {{&ms_verlet, &ms_velocity_verlet}, {1, 2}},
                          [LOCATED] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
-                         [CORRECTED] = {{&ms_takahashi_imada, &ms_takahashi_imada}, {2, 2}},
+                         [CORRECTED] = {{&ms_takahashi_imada, &ms_takahashi_imada}, {2, 2}, 51},
                          [FOURTH] = {{&ms_force_gradient, &ms_rk4}, {5, 4}},
                          [STABILISED] = {{&ms_rkc, &ms_rkc}, {2, 2}},
                          [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
@@ -44,47 +46,6 @@ static const struct {
                          [CONTROLLED] = {{&ms_dop853, &ms_dop853}, {19, 19}},
                          [SPLIT] = {{&ms_respa, &ms_respa}, {0}},
                          [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}}};
-
-/* Why a candidate was passed over */
-enum {
-  NOT_PASSED_OVER,
-  NO_IMPACTS_YET,
-  FEW_IMPACTS,
-  TO_BE_LOCATED,
-  NO_IMPACTS,
-  NO_PLANES,
-  ON_GRID,
-  FEW_PARTICLES,
-  UNVERIFIED,
-  DAMPED,
-  UNDAMPED,
-  NO_FEW,
-  TOO_LARGE,
-  ACCURACY,
-  TOO_DEAR,
-  COSTS_MORE,
-  NOT_THROUGH,
-  NEVER_STABLE,
-  REASONS
-};
-static const char *const reasons[REASONS] = {
-    [NO_IMPACTS_YET] = "there was no impact to tell what it makes of it",
-    [FEW_IMPACTS] = "impacts are few enough to be located",
-    [TO_BE_LOCATED] = "impacts are to be located",
-    [NO_IMPACTS] = "there are no impacts",
-    [NO_PLANES] = "it takes no planes",
-    [ON_GRID] = "frames are at steps of the run as it began",
-    [FEW_PARTICLES] = "of so few particles one event decides on the error",
-    [UNVERIFIED] = "its steps cannot be verified, as particles are not many",
-    [DAMPED] = "forces depend on velocities",
-    [UNDAMPED] = "no force depends on velocities",
-    [NO_FEW] = "no few springs hold the others up",
-    [TOO_LARGE] = "its error is too large where it would pay",
-    [ACCURACY] = "accuracy, not stability, sets the steps of the best so far",
-    [TOO_DEAR] = "ten of its steps would cost more than a fifth of the run",
-    [COSTS_MORE] = "its steps at the beginning cost more than those of the best",
-    [NOT_THROUGH] = "it is not through with the run at a fifth of the cost",
-    [NEVER_STABLE] = "a spring pulls without damping, so that no step is stable"};
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
@@ -115,9 +76,18 @@ static double longest(const ms_probe *p, const ms_integrator *method) {
 }
 
 /* Of steps of h */
-static void settle(const ms_probe *p, ms_candidate *c) {
+static void settle(const ms_probe *p, int i, ms_candidate *c) {
   if (c->method->stages) c->price = c->method->stages(c->h, ms_bounds_of(ms_probe_model(p)));
-  c->cost = c->price / c->h;
+  c->cost = c->price / c->h + list[i].first / p->span;
+}
+
+/* With what it costs to try it, steps and their halves from a start each; that counts fourfold, as
+ * most of what could be saved is not. */
+static double outlook(const ms_probe *p, int i, const ms_candidate *c) {
+  const double WORTH = 4;
+  if (c->tried || i == CONTROLLED) return c->cost;
+  const double trial = 3 * c->price * ms_probe_steps(p, c->h) + 2 * list[i].first;
+  return c->cost + WORTH * trial / p->span;
 }
 
 static void enter(const ms_probe *p, int i, ms_candidate *c) {
@@ -131,7 +101,7 @@ static void enter(const ms_probe *p, int i, ms_candidate *c) {
                       .why = why_not(p, i)};
   if (c->price == 0 || c->why) return;
   c->h = longest(p, c->method);
-  settle(p, c);
+  settle(p, i, c);
 }
 
 /* verlet is velocity Verlet with half steps between. Reflection at the ends of steps is of first
@@ -156,7 +126,7 @@ static msim_status measure(ms_probe *p, ms_candidate *c, msim_error *err) {
 
 /* Finds the step at which the error is what tol allows, as errors go like h^k, once they are small.
  * What is more than twice as long or as short as what was tried is to be tried again. */
-static msim_status try_step(ms_probe *p, ms_candidate *c, double *most, msim_error *err) {
+static msim_status try_step(ms_probe *p, int i, ms_candidate *c, double *most, msim_error *err) {
   const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01;
   const double k = trial_of(p, c).order, h = c->h;
   msim_status status = measure(p, c, err);
@@ -168,7 +138,7 @@ static msim_status try_step(ms_probe *p, ms_candidate *c, double *most, msim_err
   if (c->error <= allowed && c->h < h) c->h = h;
   c->tried = c->h > h / 2 && c->h < 2 * h;
   c->error *= pow(c->h / h, k);
-  settle(p, c);
+  settle(p, i, c);
   return MSIM_OK;
 }
 
@@ -219,10 +189,10 @@ static msim_status try_controlled(ms_probe *p, double least, ms_candidate *c, ms
   return status;
 }
 
-static int cheapest(const ms_candidate *c) {
+static int most_promising(const ms_probe *p, const ms_candidate *c) {
   int best = 0;
   for (int i = 1; i < MS_CANDIDATES; i++)
-    if (c[i].cost < c[best].cost) best = i;
+    if (outlook(p, i, &c[i]) < outlook(p, best, &c[best])) best = i;
   return best;
 }
 
@@ -235,20 +205,23 @@ static double least_tried(const ms_candidate *c) {
 
 static msim_status choose_explicit(ms_probe *p, ms_selection *s, msim_error *err) {
   enum { PATIENCE = 6 };
+  ms_candidate *c = s->candidates;
   double most[MS_CANDIDATES];
   int tries[MS_CANDIDATES] = {0};
   msim_status status = MSIM_OK;
   for (int i = 0; i < MS_CANDIDATES; i++) {
-    enter(p, i, &s->candidates[i]);
-    most[i] = s->candidates[i].h;
+    enter(p, i, &c[i]);
+    most[i] = c[i].h;
   }
-  for (s->best = cheapest(s->candidates); !status && !s->candidates[s->best].tried;
-       s->best = cheapest(s->candidates)) {
-    ms_candidate *c = &s->candidates[s->best];
-    status = s->best == CONTROLLED ? try_controlled(p, least_tried(s->candidates), c, err)
-                                   : try_step(p, c, &most[s->best], err);
-    c->tried |= ++tries[s->best] == PATIENCE;
+  for (s->best = most_promising(p, c); !status && !c[s->best].tried;
+       s->best = most_promising(p, c)) {
+    const int i = s->best;
+    status = i == CONTROLLED ? try_controlled(p, least_tried(c), &c[i], err)
+                             : try_step(p, i, &c[i], &most[i], err);
+    c[i].tried |= ++tries[i] == PATIENCE;
   }
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (c[i].cost < c[s->best].cost) c[i].why = NOT_WORTH_IT;
   return status;
 }
 
@@ -348,9 +321,9 @@ static msim_status consider_implicit(ms_probe *p, const ms_candidate *best, ms_c
 /*------------------------------------- the choice -----------------------------------------------*/
 
 /* The largest error of a step that met no event */
-static double usual_error(const ms_measured s[MS_MEASURED], double event) {
+static double usual_error(const ms_measured *s, int n, double event) {
   double largest = 0, least = INFINITY;
-  for (int i = 0; i < MS_MEASURED; i++) {
+  for (int i = 0; i < n; i++) {
     least = fmin(least, s[i].error);
     if (s[i].error <= event) largest = fmax(largest, s[i].error);
   }
@@ -358,10 +331,12 @@ static double usual_error(const ms_measured s[MS_MEASURED], double event) {
 }
 
 /* What errors of single steps may be: as verify.h says. The growth that was foreseen has not come
- * yet. A step may have met an event: its error is none to go by, nor are its signs. */
+ * yet. A step may have met an event: its error is none to go by, nor are its signs. So several are
+ * measured, but of many particles, whose step is much like any other. */
 static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verification *v,
                                 msim_error *err) {
   const double CARE = 50, SOME = 4, event = p->tol / 4;
+  const int n = p->many ? 1 : MS_MEASURED;
   ms_measured s[MS_MEASURED];
   v->scales = p->scales;
   v->away = p->sim->scene->nplanes > 0 && !p->near;
@@ -369,13 +344,13 @@ static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verificat
   if (c->controlled || !ms_has_control(c->method)) return MSIM_OK;
   if (p->near && (reflects || p->many)) return MSIM_OK;
   const ms_trial trial = trial_of(p, c);
-  msim_status status = ms_probe_measure_steps(p, &trial, c->h, s, err);
+  msim_status status = ms_probe_measure_steps(p, &trial, c->h, n, s, err);
   if (status) return status;
   const double share = p->tol * c->h / p->span;
   const double foreseen = fmax(c->error / p->growth, DBL_MIN);
-  const double even = usual_error(s, event) * p->tol / foreseen;
+  const double even = usual_error(s, n, event) * p->tol / foreseen;
   v->allowed = fmin(fmax(event, SOME * even), fmax(share, CARE * even));
-  for (int i = 0; i < MS_MEASURED; i++)
+  for (int i = 0; i < n; i++)
     for (int k = 0; k < 2 && s[i].error <= v->allowed; k++)
       v->sign[k] = fmax(v->sign[k], s[i].sign[k]);
   return MSIM_OK;
@@ -432,7 +407,7 @@ static void pass_candidate(ms_bytes *b, int i, ms_candidate *c) {
   for (int k = 0; k < 3; k++) MS_BYTES_PASS(b, *flags[k]);
   MS_BYTES_PASS(b, c->collision);
   ms_bytes_check(
-      b, c->why >= 0 && c->why < REASONS && c->controlled == (i == IMPLICIT || i == CONTROLLED),
+      b, c->why >= 0 && c->why < MS_REASONS && c->controlled == (i == IMPLICIT || i == CONTROLLED),
       "the choice of a method");
   ms_bytes_check(b, c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT,
                  "the choice of a method");
@@ -464,7 +439,7 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
   snprintf(name, sizeof name, "%s%s", c->method->entry.name, c->controlled ? ", tol" : "");
   ms_print(out, "              %-17s ", name);
   if (c->why) {
-    ms_print(out, "passed over: %s\n", reasons[c->why]);
+    ms_print(out, "passed over: %s\n", ms_reason(c->why));
     return;
   }
   ms_print(out, "h = %-8.3g %5.4g evaluations a step, %s%8.4g a second%s%s\n", c->h, c->price,

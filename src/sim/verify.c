@@ -146,56 +146,73 @@ static void go_on(ms_stepper *s) {
   ms_contacts_advance(s);
 }
 
-/* The next part of the step. */
+/* The next part of the step, under error control; one that is accepted is made anew to end at its
+ * first impact. */
 static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, double *left,
                              msim_error *err) {
-  const double h = ms_control_next(c, *left), allowed = ms_control_allowed(c, h);
+  enum { MOST = 8 };
+  const double THERE = 1 - 1e-9, planned = c->h;
   ms_stepper *s = &m->stepper;
   const int64_t contacts = s->stats->contacts;
-  const int by_halves = s->events || !sim->integrator->estimate;
-  double apart = 0, error = 0;
-  s->h = h;
-  msim_status status = ms_drive_parts(sim, s, 1, err);
-  if (!status && by_halves)
-    status = halve(sim, s, &sim->selection.verification.scales, contacts, &apart, err);
-  if (!status)
-    error = s->events ? sqrt(apart) / allowed : ms_error_of(sim->integrator, s, &m->norm, allowed);
-  if (!status && ms_control_accepts(c, h, error)) {
-    *left = h == *left ? 0 : *left - h;
-    go_on(s);
-    return MSIM_OK;
+  ms_control next = *c;
+  double h = ms_control_next(c, *left);
+  for (int cuts = 0;; cuts++) {
+    s->h = h;
+    const msim_status status = ms_drive_controlled(sim, m, c, err);
+    if (status && !ms_drive_may_help(status)) return status;
+    if (status) ms_control_fail(c, h);
+    if (status || !ms_control_accepts(c, h, m->error)) break;
+    if (cuts == 0) next = *c;
+    *c = next;
+    if (cuts == MOST || !(s->impact < THERE)) {
+      if (h < planned) c->h = fmax(c->h, planned); /* it ended with the step, or at an impact */
+      *left = h == *left ? 0 : *left - h;
+      go_on(s);
+      return MSIM_OK;
+    }
+    ms_control_forget(&next);
+    h *= s->impact;
+    s->stats->contacts = contacts;
+    s->stats->rejected_steps++;
   }
-  if (status) ms_control_fail(c, h);
   s->stats->contacts = contacts;
   s->stats->rejected_steps++;
-  if (status && !ms_drive_may_help(status)) return status;
   return c->h < 1e-13 * c->span
              ? ms_fail(err, MSIM_NOT_CONVERGED, "even a step of %.3g s has too large an error", h)
              : MSIM_OK;
 }
 
-/* The step again, under error control, in place of one whose error is known or infinite. */
-static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, double allowed, double error,
+/* The step under error control, which begins with parts of check->h, and goes on with them in the
+ * next step where they are shorter than that. */
+static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, double allowed,
                                  msim_error *err) {
   ms_stepper *s = &m->stepper;
   const ms_shape shape = m->model.shape;
   const double h = s->h;
   double left = h;
   ms_control c = ms_control_of(sim->integrator, allowed, h);
-  ms_control_accepts(&c, h, sqrt(error) / c.tol);
+  c.h = m->check.h;
   ms_copy(shape, s->x, m->check.x);
   ms_copy(shape, s->v, m->check.v);
   s->warm = 0;
-  s->stats->rejected_steps++;
   msim_status status = MSIM_OK;
   while (!status && left > 0) status = make_part(sim, m, &c, &left, err);
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
   ms_copy(shape, m->check.x, s->x);
   ms_copy(shape, m->check.v, s->v);
+  if (s->events) s->events->moved = 0;
   s->warm_next = s->warm, s->warm = 0;
   s->h = h, s->parts = 1;
+  m->check.h = c.h < h ? c.h : 0;
   return status;
+}
+
+/* Parts that would be accurate enough in place of a step whose error is known, or infinite */
+static double length_of_parts(const msim_sim *sim, double h, double error, double allowed) {
+  ms_control c = ms_control_of(sim->integrator, allowed, h);
+  ms_control_accepts(&c, h, error / allowed);
+  return c.h;
 }
 
 msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
@@ -203,18 +220,23 @@ msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
   ms_check *check = &m->check;
   const int64_t contacts = s->stats->contacts;
+  const double usual = sim->selection.verification.allowed;
   double error = INFINITY, sign[2] = {0};
+  if (check->h > 0) return make_in_parts(sim, m, usual, err);
   msim_status status = ms_drive_parts(sim, s, 1, err);
   if (status && !ms_drive_may_help(status)) return status;
   const int has_event = !status && has_events(m, contacts);
-  const double usual = sim->selection.verification.allowed;
   const double allowed = has_event ? fmax(usual, sim->selection.tol / EVENTS) : usual;
+  const double better = has_event ? 1 : ldexp(1, sim->integrator->entry.order) - 1;
   if (!status && !has_event && !is_due(sim, m, sign)) return MSIM_OK;
   if (!status) status = halve(sim, s, &sim->selection.verification.scales, contacts, &error, err);
-  check->all = status || !(sqrt(error) <= allowed);
-  if (check->all) {
+  error = status ? INFINITY : sqrt(error);
+  check->all = !(error <= allowed);
+  if (!(error <= better * allowed)) {
     s->stats->contacts = contacts;
-    return make_in_parts(sim, m, allowed, error, err);
+    s->stats->rejected_steps++;
+    check->h = length_of_parts(sim, s->h, error, allowed);
+    return make_in_parts(sim, m, allowed, err);
   }
   for (int i = 0; i < 2; i++) check->sign[i] = fmax(check->sign[i], sign[i]);
   return MSIM_OK;
@@ -280,7 +302,7 @@ void ms_verify_start(msim_sim *sim) {
   v->due = sim->step;
   v->energy = is_conserved(sim) ? energy_of(sim) : 0;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
-    m->check.all = 0;
+    m->check.all = 0, m->check.h = 0;
     for (int i = 0; i < 2; i++) m->check.sign[i] = v->sign[i];
   }
 }
@@ -327,6 +349,9 @@ void ms_check_history(ms_bytes *b, ms_check *check) {
   MS_BYTES_PASS(b, check->sign[0]);
   MS_BYTES_PASS(b, check->sign[1]);
   MS_BYTES_PASS(b, check->all);
-  ms_bytes_check(b, isfinite(check->sign[0]) && isfinite(check->sign[1]) && (check->all | 1) == 1,
+  MS_BYTES_PASS(b, check->h);
+  ms_bytes_check(b,
+                 isfinite(check->sign[0]) && isfinite(check->sign[1]) && (check->all | 1) == 1 &&
+                     isfinite(check->h) && check->h >= 0,
                  "the verification of steps");
 }

@@ -19,8 +19,11 @@
  * The difference of whole and halves may be what makes tol at the end of the run if all steps have
  * it: that of steps at the choice, times tol over the error at the end foreseen from there; as
  * errors cancel and are foreseen with care, 50 times that, but tol/4 at most, as those of events do
- * not cancel. Where it is larger, error control makes the step in as many parts as it takes, and
- * the next step is verified, too. So the grid of steps, and of frames, stays.
+ * not cancel. Where it is larger, the next step is verified, too. The halves take the step's place
+ * as long as they are accurate enough themselves: their error is 2^p - 1 times less than what they
+ * differ by, p the order, in steps without an event. Else error control makes this step and those
+ * to come, in as many parts as it takes, until one part is as long as a step again. So the grid of
+ * steps, and of frames, stays.
  *
  * Steps in other variables than x and v cannot be halved: such methods take part only where
  * particles are many. Where nothing dissipates, energy is looked at now and then by any method: an
@@ -44,6 +47,7 @@ typedef struct ms_measured {
 typedef struct ms_check {
   double sign[2]; /* the largest in steps verified: D, in the norm of errors; 1 - cos of an angle */
   int all;        /* the last step verified was found too inaccurate: the next one is, too */
+  double h;       /* s: steps are made under error control, in parts of that; 0: they are not */
   double *x, *v;  /* a start to go back to; NULL: nothing is verified */
 } ms_check;
 
