@@ -287,6 +287,9 @@ static void pieces_make_the_same_run(void **state) {
     for (double tol = 1e-2; tol > 1e-7; tol /= 100) expect_one_run(scenes[i], tol, 0.8, "auto");
     msim_scene_destroy(scenes[i]);
   }
+  msim_scene *slides = sliding(); /* most steps in parts */
+  expect_one_run(slides, 1e-7, 0.1, "sliding");
+  msim_scene_destroy(slides);
 }
 
 int main(void) {
