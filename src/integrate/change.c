@@ -8,7 +8,7 @@
 /* When the sliding particle stops (s), with the mean acceleration until then; INFINITY: never. */
 static double stop_time(const ms_stepper *s, const ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
-  double a0[3], a1[3], v[3], least, time = 0;
+  double a0[3], a1[3], v[3], time = 0;
   ms_row_get(rows, s->events->a, c->row, a0);
   ms_row_get(rows, s->events->a_end, c->row, a1);
   ms_row_get(rows, s->v, c->row, v);
@@ -16,7 +16,7 @@ static double stop_time(const ms_stepper *s, const ms_contact *c) {
     const double share = 0.5 * fmin(1, time / s->h);
     double a[3];
     for (int k = 0; k < 3; k++) a[k] = a0[k] + share * (a1[k] - a0[k]);
-    const double friction = ms_keep_along(&c->on, a, &least);
+    const double friction = ms_keep_along(&c->on, a, NULL);
     time = ms_friction_stop(a, friction, v);
   }
   return time;
@@ -25,12 +25,12 @@ static double stop_time(const ms_stepper *s, const ms_contact *c) {
 /* What is across v decays at the rate F/|v|. On a line nothing is across. */
 int ms_contact_turns(const ms_stepper *s, const ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
-  double v0[3], v1[3], a[3], least;
+  double v0[3], v1[3], a[3];
   if (!c->rubs || c->sticks || c->fixed || c->bounces) return 0;
   ms_row_get(rows, s->v, c->row, v0);
   ms_row_get(rows, s->v_next, c->row, v1);
   ms_row_get(rows, s->events->a_end, c->row, a);
-  const double slow = s->h * ms_keep_along(&c->on, a, &least), speed = ms_norm3(v0);
+  const double slow = s->h * ms_keep_along(&c->on, a, NULL), speed = ms_norm3(v0);
   const double along = ms_dot3(c->slide, a), across2 = ms_dot3(a, a) - along * along;
   const int is_straight = across2 <= 1e-12 * along * along;
   return ((fmin(speed, ms_norm3(v1)) < slow || c->stop < s->h) && !is_straight) ||

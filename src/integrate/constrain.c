@@ -117,12 +117,12 @@ static int find_friction(constraint *j, ms_contact *c) {
   const ms_rows *rows = &j->s->model->rows;
   const double NEARLY = 0.1, STOPS = 0.3, h = j->s->h;
   const ms_contact before = *c;
-  double a[3], v[3], least;
+  double a[3], v[3];
   ms_row_get(rows, j->e->a_end, c->row, a);
   ms_row_get(rows, j->s->v_next, c->row, v);
   ms_contact_classify(c, rows->dims);
-  c->friction = fmax(0, ms_keep_along(&c->on, a, &least) + c->jump);
-  ms_keep_along(&c->on, v, &least);
+  c->friction = fmax(0, ms_keep_along(&c->on, a, NULL) + c->jump);
+  ms_keep_along(&c->on, v, NULL);
   const double speed = ms_norm3(v), pull = ms_norm3(a), slow = 1e-3 * h * c->friction;
   if (before.sticks) {
     c->sticks = c->fixed || pull <= c->friction;
