@@ -23,7 +23,7 @@ static double stop_time(const ms_stepper *s, const ms_contact *c) {
 }
 
 /* What is across v decays at the rate F/|v|. On a line nothing is across. */
-int ms_contact_turns(const ms_stepper *s, const ms_contact *c) {
+static int turns(const ms_stepper *s, const ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
   double v0[3], v1[3], a[3];
   if (!c->rubs || c->sticks || c->fixed || c->bounces) return 0;
@@ -40,7 +40,7 @@ int ms_contact_turns(const ms_stepper *s, const ms_contact *c) {
 /* The share of the part after which g, linear in time, is below 0 */
 static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
 
-double ms_contact_change(const ms_stepper *s, const ms_contact *c) {
+static double find_change(const ms_stepper *s, const ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
   double a0[3], a1[3];
   if (c->bounces) return MS_NOWHERE;
@@ -54,6 +54,7 @@ double ms_contact_change(const ms_stepper *s, const ms_contact *c) {
   return stop <= 1 ? stop : MS_NOWHERE;
 }
 
-int ms_contact_changes(const ms_stepper *s, const ms_contact *c) {
-  return ms_contact_change(s, c) <= 1 || ms_contact_turns(s, c);
+void ms_contact_judge(const ms_stepper *s, ms_contact *c) {
+  c->change = find_change(s, c);
+  c->turns = turns(s, c);
 }

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "physics/path.h"
+#include "integrate/change.h"
 
 /*------------------------------------- life -----------------------------------------------------*/
 
@@ -44,6 +44,18 @@ ms_walls ms_walls_of(const ms_stepper *s) {
   return (ms_walls){scene->nplanes, scene->planes, s->events->reach, s->events->merge};
 }
 
+ms_path ms_contacts_path(const ms_stepper *s, int32_t row, const double *b0, const double *b1) {
+  const ms_rows *rows = &s->model->rows;
+  ms_path p = {.walls = ms_walls_of(s), .h = s->h};
+  ms_row_get(rows, s->x, row, p.x);
+  ms_row_get(rows, s->v, row, p.v);
+  ms_row_get(rows, b0, row, p.b0);
+  ms_row_get(rows, b1, row, p.b1);
+  memcpy(p.a, p.b0, sizeof p.a);
+  memcpy(p.w, p.v, sizeof p.w);
+  return p;
+}
+
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
@@ -73,6 +85,12 @@ void ms_contacts_know(ms_events *e) {
   double *a = e->a;
   e->a = e->a_end, e->a_end = a;
   e->known = 1;
+}
+
+void ms_contacts_note(ms_stepper *s) {
+  if (!s->events->ncontacts || s->one_part) return; /* else a rejected step would tell */
+  s->events->held_next = ms_contacts_sign(s);
+  s->warm_next |= MS_NOTED;
 }
 
 void ms_contacts_advance(ms_stepper *s) {
@@ -337,5 +355,6 @@ void ms_contacts_finish(ms_stepper *s) {
     ms_row_put(rows, x, c->row, s->x_next);
     ms_row_put(rows, v, c->row, s->v_next);
   }
-  ms_contacts_free(s, s->x_next, s->v_next, s->events->a_end);
+  ms_contacts_free(s, s->x_next, s->v_next, e->a_end);
+  for (int32_t i = 0; i < e->ncontacts; i++) ms_contact_judge(s, &e->contact[i]);
 }

@@ -5,8 +5,6 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "integrate/change.h"
-#include "physics/path.h"
 
 /* A step in parts */
 typedef struct substeps {
@@ -17,9 +15,7 @@ typedef struct substeps {
   ms_bounds bounds; /* on frequencies and rates of damping */
   int may_cut;      /* paths of particles, of order 2, would be worse than the method */
   int cuts;
-  int carried;    /* what s->warm was */
   int warm;       /* for the part to come; 0: without what was carried over */
-  int lost;       /* a part was made without */
   int ends_known; /* a and a_end are those of the part just made */
 } substeps;
 
@@ -54,7 +50,7 @@ static double error_of_path(const substeps *j, int32_t row, const ms_path *p) {
 /* Shallow impacts have been judged before (is_shallow). */
 static void note_error(const substeps *j, int32_t row, const ms_contact *c, const ms_path *p) {
   ms_stepper *s = j->s;
-  const int once = c && ms_contact_change(s, c) <= 1;
+  const int once = c && c->change <= 1;
   double *largest = once ? &s->event_error : &s->path_error;
   const double error = error_of_path(j, row, p);
   if (!(error <= *largest)) *largest = error, s->path_row = row;
@@ -64,7 +60,7 @@ static void note_error(const substeps *j, int32_t row, const ms_contact *c, cons
  * knows no forces of velocities, as friction is one. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int rubs = c->rubs && !c->sticks && j->method->separable;
-  return c->bounces || rubs || ms_contact_changes(j->s, c);
+  return c->bounces || rubs || ms_contact_changes(c);
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
@@ -174,7 +170,6 @@ static msim_status make(substeps *j, double length, msim_error *err) {
   j->s->warm = j->warm;
   j->s->h = length;
   j->s->looked = 0;
-  j->lost |= j->warm != j->carried;
   j->ends_known = 0;
   const msim_status status = j->method->step(j->s, err);
   if (!status) ms_contacts_finish(j->s);
@@ -235,21 +230,17 @@ static void go_on(substeps *j) {
   if (j->ends_known) ms_contacts_know(j->e);
 }
 
-/* x and v of a row after a share of the part: of the dense output, or of Hermite's cubics. */
-static void state_at(const substeps *j, int32_t row, double share, double x[3], double v[3]) {
+/* x and v after a share of the part: of the dense output, or of Hermite's cubics. */
+static void go_along(const substeps *j, int32_t row, double share, ms_path *p) {
   ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
-  double x1[3], v1[3], a0[3], a1[3];
-  ms_row_get(rows, s->x, row, x);
-  ms_row_get(rows, s->v, row, v);
+  double x1[3], v1[3], *x = p->x, *v = p->v;
   ms_row_get(rows, s->x_next, row, x1);
   ms_row_get(rows, s->v_next, row, v1);
-  ms_row_get(rows, j->e->a, row, a0);
-  ms_row_get(rows, j->e->a_end, row, a1);
   for (int c = 0; c < rows->dims; c++) {
     const int k = rows->axis[c];
     ms_bernstein of_x = ms_bernstein_cubic(x[k], s->h * v[k], x1[k], s->h * v1[k]);
-    const ms_bernstein of_v = ms_bernstein_cubic(v[k], s->h * a0[k], v1[k], s->h * a1[k]);
+    const ms_bernstein of_v = ms_bernstein_cubic(v[k], s->h * p->b0[k], v1[k], s->h * p->b1[k]);
     v[k] = ms_bernstein_at(&of_v, share);
     if (j->method->path) {
       j->method->path(s, (size_t)c * (size_t)rows->stride + (size_t)row, &of_x);
@@ -264,16 +255,10 @@ static void state_at(const substeps *j, int32_t row, double share, double x[3], 
 static void follow_path(substeps *j, int32_t row, double from, const ms_contact *contact) {
   ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
-  ms_path p = {.walls = ms_walls_of(s), .h = (1 - from) * s->h};
+  ms_path p = ms_contacts_path(s, row, j->e->a, j->e->a_end);
+  p.h *= 1 - from;
   if (!(p.h > 0)) return;
-  ms_row_get(rows, j->e->a, row, p.b0);
-  ms_row_get(rows, j->e->a_end, row, p.b1);
-  if (from > 0) {
-    state_at(j, row, from, p.x, p.v);
-  } else {
-    ms_row_get(rows, s->x, row, p.x);
-    ms_row_get(rows, s->v, row, p.v);
-  }
+  if (from > 0) go_along(j, row, from, &p);
   for (int c = 0; c < 3; c++) {
     p.b0[c] += from * (p.b1[c] - p.b0[c]);
     p.a[c] = (2 * p.b0[c] + p.b1[c]) / 3;
@@ -324,8 +309,8 @@ static double find_first_change(const substeps *j) {
   double first = MS_NOWHERE;
   for (int32_t i = 0; i < j->e->ncontacts; i++) {
     const ms_contact *c = &j->e->contact[i];
-    first = fmin(first, ms_contact_change(j->s, c));
-    if (ms_contact_turns(j->s, c)) first = fmin(first, 0.5);
+    first = fmin(first, c->change);
+    if (c->turns) first = fmin(first, 0.5);
   }
   return first;
 }
@@ -384,28 +369,13 @@ static msim_status make_parts(substeps *j, msim_error *err) {
 
 msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_events *e = s->events;
-  double *x = s->x, *v = s->v;
-  const int carried = s->warm & ~MS_NOTED;
-  substeps j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
-  e->known = s->warm & MS_NOTED;
-  if (!e->known) e->held = 0;
-  e->implicit = method->entry.implicit;
-  e->merge = 1e-11 * e->reach;
+  substeps j = {.method = method, .s = s, .e = e, .h = s->h, .warm = s->warm};
   e->jump = s->one_part ? s->x_tolerance : INFINITY;
-  s->impact = MS_NOWHERE;
-  s->path_error = s->event_error = 0;
   j.bounds = ms_bounds_of(s->model);
   j.may_cut = may_cut(&j);
   const msim_status status = make_parts(&j, err);
-  e->moved = s->x != x;
-  s->x = x, s->v = v, s->h = j.h;
-  s->warm = j.lost ? 0 : carried;
   if (status) return status;
   if (j.cuts || (e->ncontacts && !method->entry.implicit)) s->warm_next = 0;
-  if (!j.cuts && e->ncontacts && j.ends_known &&
-      !s->one_part) { /* else a rejected step would tell */
-    e->held_next = ms_contacts_sign(s);
-    s->warm_next |= MS_NOTED;
-  }
+  if (!j.cuts && j.ends_known) ms_contacts_note(s);
   return MSIM_OK;
 }
