@@ -65,11 +65,18 @@ static int needs_path(const substeps *j, const ms_contact *c) {
 
 /*------------------------------------- the first impact -----------------------------------------*/
 
-/* The distance of a row from a plane, over the part just made. The cubic's error is at most
- * h^4/384 |x''''|, with |x''''| <= omega^2 |x''|, of which the ends show some: *doubt is 4 times
- * that. */
-static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_plane *p,
-                                     double *doubt) {
+static void know_ends(substeps *j) {
+  if (j->ends_known) return;
+  if (!j->e->known) ms_contacts_free(j->s, j->s->x, j->s->v, j->e->a);
+  if (!j->e->ncontacts) ms_contacts_free(j->s, j->s->x_next, j->s->v_next, j->e->a_end);
+  j->e->known = 1;
+  j->ends_known = 1;
+}
+
+/* May a row come to a plane in the part just made? By Hermite's cubic, whose error is at most
+ * h^4/384 |x''''|, with |x''''| <= omega^2 |x''|, of which the ends show some: 4 times that is
+ * allowed for. */
+static int may_meet(const substeps *j, int32_t row, const msim_plane *p) {
   const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
   double x[2][3], v[2][3];
@@ -81,39 +88,35 @@ static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_
   const double s0 = ms_distance(p, x[0]), s1 = ms_distance(p, x[1]), z = s->h * j->bounds.omega;
   const double bend =
       fmax(fabs(6 * (s1 - s0) - 4 * u0 - 2 * u1), fabs(6 * (s0 - s1) + 2 * u0 + 4 * u1));
-  *doubt = z * z / 96 * bend;
-  return ms_bernstein_cubic(s0, u0, s1, u1);
+  const ms_bernstein cubic = ms_bernstein_cubic(s0, u0, s1, u1);
+  return ms_bernstein_least(&cubic) <= z * z / 96 * bend;
 }
 
-static ms_bernstein distance_by_path(const substeps *j, int32_t row, const msim_plane *p) {
+/* One component of a row over the part just made: the dense output of the method, or Hermite's
+ * quintic. */
+static ms_bernstein component_of(substeps *j, int32_t row, int32_t c) {
+  const ms_stepper *s = j->s;
+  const size_t at = (size_t)c * (size_t)s->model->rows.stride + (size_t)row;
+  ms_bernstein of;
+  if (j->method->path) {
+    j->method->path(j->s, at, &of);
+    return of;
+  }
+  know_ends(j);
+  const double h = s->h, h2 = h * h;
+  return ms_bernstein_quintic(s->x[at], h * s->v[at], h2 * j->e->a[at], s->x_next[at],
+                              h * s->v_next[at], h2 * j->e->a_end[at]);
+}
+
+static ms_bernstein distance_of(substeps *j, int32_t row, const msim_plane *p) {
   const ms_rows *rows = &j->s->model->rows;
-  ms_bernstein sum = {.degree = MS_MAX_DEGREE}, of;
-  for (int i = 0; i <= sum.degree; i++) sum.c[i] = -p->offset;
+  ms_bernstein sum = component_of(j, row, 0);
   for (int32_t c = 0; c < rows->dims; c++) {
-    j->method->path(j->s, (size_t)c * (size_t)rows->stride + (size_t)row, &of);
-    for (int i = 0; i <= sum.degree; i++) sum.c[i] += p->normal[rows->axis[c]] * of.c[i];
+    const ms_bernstein of = component_of(j, row, c);
+    const double n = p->normal[rows->axis[c]];
+    for (int i = 0; i <= of.degree; i++) sum.c[i] = (c ? sum.c[i] : -p->offset) + n * of.c[i];
   }
   return sum;
-}
-
-static void know_ends(substeps *j) {
-  if (j->ends_known) return;
-  if (!j->e->known) ms_contacts_free(j->s, j->s->x, j->s->v, j->e->a);
-  if (!j->e->ncontacts) ms_contacts_free(j->s, j->s->x_next, j->s->v_next, j->e->a_end);
-  j->e->known = 1;
-  j->ends_known = 1;
-}
-
-static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const msim_plane *p,
-                                              const ms_bernstein *cubic) {
-  const ms_rows *rows = &j->s->model->rows;
-  const double h2 = j->s->h * j->s->h, *c = cubic->c;
-  double a[2][3];
-  know_ends(j);
-  ms_row_get(rows, j->e->a, row, a[0]);
-  ms_row_get(rows, j->e->a_end, row, a[1]);
-  return ms_bernstein_quintic(c[0], 3 * (c[1] - c[0]), h2 * ms_dot3(p->normal, a[0]), c[3],
-                              3 * (c[3] - c[2]), h2 * ms_dot3(p->normal, a[1]));
 }
 
 /* What touches a plane and neither leaves it nor runs into it, by the signs of n.v up to rounding,
@@ -122,18 +125,14 @@ static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const ms
 
 /* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. */
 static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double *depth) {
-  const ms_stepper *s = j->s;
-  double x[3], doubt;
-  ms_row_get(&s->model->rows, s->x, row, x);
-  const ms_walls walls = ms_walls_of(s);
-  const double noise = ms_distance_noise(&walls, x);
-  ms_bernstein path = distance_by_ends(j, row, p, &doubt);
-  if (ms_bernstein_least(&path) > doubt) return MS_NOWHERE;
-  if (j->method->path) path = distance_by_path(j, row, p);
-  else if (s->h * j->bounds.omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
-  const double q = ms_bernstein_first_fall(&path, noise);
-  *depth = -ms_bernstein_least(&path);
+  const ms_walls walls = ms_walls_of(j->s);
+  double x[3];
+  if (!may_meet(j, row, p)) return MS_NOWHERE;
+  ms_row_get(&j->s->model->rows, j->s->x, row, x);
+  const ms_bernstein path = distance_of(j, row, p);
+  const double noise = ms_distance_noise(&walls, x), q = ms_bernstein_first_fall(&path, noise);
   const int leaves = path.c[1] - path.c[0] > noise;
+  *depth = -ms_bernstein_least(&path);
   return q <= 1 && path.c[0] <= noise && !leaves ? fmax(q, LEAST) : q;
 }
 
