@@ -48,12 +48,10 @@ static double error_of_path(const substeps *j, int32_t row, const ms_path *p) {
 }
 
 /* Shallow impacts have been judged before (is_shallow). */
-static void note_error(const substeps *j, int32_t row, const ms_contact *c, const ms_path *p) {
+static void note_error(const substeps *j, int32_t row, const ms_path *p) {
   ms_stepper *s = j->s;
-  const int once = c && c->change <= 1;
-  double *largest = once ? &s->event_error : &s->path_error;
   const double error = error_of_path(j, row, p);
-  if (!(error <= *largest)) *largest = error, s->path_row = row;
+  if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
 }
 
 /* Its end of the part is that of its own path: bounces are summed, something changes, or the method
@@ -265,7 +263,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   if (contact && contact->bounces) ms_axpy3(contact->rebound, contact->on.plane[0]->normal, p.v);
   memcpy(p.w, p.v, sizeof p.w);
   ms_path_follow(&p);
-  if (from == 0) note_error(j, row, contact, &p);
+  if (from == 0) note_error(j, row, &p);
   ms_row_put(rows, p.x, row, s->x_next);
   ms_row_put(rows, p.w, row, s->v_next);
   s->stats->contacts += p.impacts;

@@ -106,18 +106,15 @@ static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error
   return status;
 }
 
-/* Error of the paths of particles, over what is allowed. It goes like h^3, that over h like h^2,
- * where the controller expects h^k, k = control.order: so they are raised to k/3 and k/2. Doubled
- * steps measure it themselves. */
-static double path_error(const msim_sim *sim, const ms_motion *m, double allowed) {
+/* Error of the paths of particles, over what an event may add. It goes like h^3, where the
+ * controller expects h^k, k = control.order: so it is raised to k/3. Doubled steps measure it
+ * themselves. */
+static double path_error(const msim_sim *sim, const ms_motion *m) {
   const ms_stepper *s = &m->stepper;
-  const double k = sim->control.order;
   if (!s->events || !sim->integrator->estimate || !s->events->nfollowed) return 0;
   const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
   const double share = sqrt(fmin(1, s->events->nfollowed / (2. * part->n)));
-  const double each = share * s->path_error / part->speed / fmax(allowed, part->rounding);
-  const double once = share * s->event_error / s->v_tolerance;
-  return fmax(pow(each, k / 2), pow(once, k / 3));
+  return pow(share * s->path_error / s->v_tolerance, sim->control.order / 3);
 }
 
 static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error *err) {
@@ -133,7 +130,7 @@ static msim_status make_controlled(const msim_sim *sim, ms_motion *m, msim_error
   if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
   m->error = ms_error_of(sim->integrator, s, &m->norm, allowed);
   s->x = x, s->v = v;
-  m->error = fmax(m->error, path_error(sim, m, allowed));
+  m->error = fmax(m->error, path_error(sim, m));
   return MSIM_OK;
 }
 
