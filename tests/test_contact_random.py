@@ -10,7 +10,8 @@ import unittest
 import support
 from test_accuracy import Runner
 
-TOL, SPAN, SCENES = 1e-6, 0.6, 40
+TOL, SPAN = 1e-6, 0.6
+SEEDS = (*range(40), 81, 191)  # in these two rk4 did not come past an impact on Hermite's cubic
 METHODS = ("dop853", "auto", "rk4", "tr-bdf2")
 
 
@@ -59,7 +60,7 @@ class RandomContact(unittest.TestCase):
     def test_tol_is_kept(self):
         support.setting("CLI")
         with tempfile.TemporaryDirectory() as folder:
-            for seed in range(SCENES):
+            for seed in SEEDS:
                 with self.subTest(seed=seed):
                     self.check(Runner(folder), scene(seed))
 

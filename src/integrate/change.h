@@ -4,14 +4,8 @@
 
 #include "integrate/contacts.h"
 
-/* The share of the part just made, from s->x, s->v with the free accelerations a and a_end, after
- * which the particle is lifted, begins to slip, or stops; MS_NOWHERE: nothing of that. */
-double ms_contact_change(const ms_stepper *s, const ms_contact *c);
-
-/* Any of that, or it turns: */
-int ms_contact_changes(const ms_stepper *s, const ms_contact *c);
-
-/* It slides, and its direction changes by more than 45 degrees in the part, or is stiff there. */
-int ms_contact_turns(const ms_stepper *s, const ms_contact *c);
+/* Sets c->change and c->turns by the part just made, from s->x, s->v with the free accelerations a
+ * and a_end. */
+void ms_contact_judge(const ms_stepper *s, ms_contact *c);
 
 #endif

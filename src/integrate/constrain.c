@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "integrate/change.h"
 #include "integrate/methods.h"
 
 typedef struct constraint {
@@ -117,12 +116,12 @@ static int find_friction(constraint *j, ms_contact *c) {
   const ms_rows *rows = &j->s->model->rows;
   const double NEARLY = 0.1, STOPS = 0.3, h = j->s->h;
   const ms_contact before = *c;
-  double a[3], v[3], least;
+  double a[3], v[3];
   ms_row_get(rows, j->e->a_end, c->row, a);
   ms_row_get(rows, j->s->v_next, c->row, v);
   ms_contact_classify(c, rows->dims);
-  c->friction = fmax(0, ms_keep_along(&c->on, a, &least) + c->jump);
-  ms_keep_along(&c->on, v, &least);
+  c->friction = fmax(0, ms_keep_along(&c->on, a, NULL) + c->jump);
+  ms_keep_along(&c->on, v, NULL);
   const double speed = ms_norm3(v), pull = ms_norm3(a), slow = 1e-3 * h * c->friction;
   if (before.sticks) {
     c->sticks = c->fixed || pull <= c->friction;
@@ -181,7 +180,7 @@ static int is_settled(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     const ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch *on = c ? &c->on : &none;
-    if (find_entered(j, r, on).n > on->n || (c && ms_contact_changes(j->s, c))) return 0;
+    if (find_entered(j, r, on).n > on->n || (c && ms_contact_changes(c))) return 0;
   }
   return 1;
 }
@@ -207,7 +206,7 @@ static msim_status attempt(constraint *j, msim_error *err) {
   ms_stepper *s = j->s;
   ms_events *e = j->e;
   const int64_t impacts = s->stats->contacts;
-  const int carried = s->warm & ~MS_NOTED;
+  const int carried = s->warm;
   ms_contacts_find(s);
   int made = 0;
   if (s->stats->contacts == impacts) {
@@ -216,7 +215,10 @@ static msim_status attempt(constraint *j, msim_error *err) {
     if (status && status != MSIM_NOT_CONVERGED) return status;
     made = !status;
     if (made) ms_contacts_finish(s);
-    if (made && is_settled(j)) return MSIM_OK;
+    if (made && is_settled(j)) {
+      ms_contacts_note(s);
+      return MSIM_OK;
+    }
   }
   s->stats->contacts = impacts;
   for (int32_t i = 0; i < e->ncontacts; i++) {
@@ -231,27 +233,6 @@ static msim_status attempt(constraint *j, msim_error *err) {
 }
 
 msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
-  ms_events *e = s->events;
-  double *x = s->x, *v = s->v;
-  const int carried = s->warm & ~MS_NOTED;
-  constraint j = {.method = method, .s = s, .e = e, .v_start = v};
-  e->known = s->warm & MS_NOTED;
-  if (!e->known) e->held = 0;
-  e->implicit = 1;
-  e->sums = 0;
-  e->nfollowed = 0;
-  e->merge = 1e-11 * e->reach;
-  s->impact = MS_NOWHERE;
-  s->path_error = s->event_error = 0;
-  const msim_status status = attempt(&j, err);
-  const int same = s->warm == carried;
-  e->moved = 0;
-  s->x = x, s->v = v;
-  s->warm = same ? carried : 0;
-  if (status) return status;
-  if (e->ncontacts && !e->contact[0].is_given && !s->one_part) {
-    e->held_next = ms_contacts_sign(s);
-    s->warm_next |= MS_NOTED;
-  }
-  return MSIM_OK;
+  constraint j = {.method = method, .s = s, .e = s->events, .v_start = s->v};
+  return attempt(&j, err);
 }

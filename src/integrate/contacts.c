@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "physics/path.h"
+#include "integrate/change.h"
 
 /*------------------------------------- life -----------------------------------------------------*/
 
@@ -44,6 +44,18 @@ ms_walls ms_walls_of(const ms_stepper *s) {
   return (ms_walls){scene->nplanes, scene->planes, s->events->reach, s->events->merge};
 }
 
+ms_path ms_contacts_path(const ms_stepper *s, int32_t row, const double *b0, const double *b1) {
+  const ms_rows *rows = &s->model->rows;
+  ms_path p = {.walls = ms_walls_of(s), .h = s->h};
+  ms_row_get(rows, s->x, row, p.x);
+  ms_row_get(rows, s->v, row, p.v);
+  ms_row_get(rows, b0, row, p.b0);
+  ms_row_get(rows, b1, row, p.b1);
+  memcpy(p.a, p.b0, sizeof p.a);
+  memcpy(p.w, p.v, sizeof p.w);
+  return p;
+}
+
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
@@ -75,6 +87,12 @@ void ms_contacts_know(ms_events *e) {
   e->known = 1;
 }
 
+void ms_contacts_note(ms_stepper *s) {
+  if (!s->events->ncontacts || s->one_part) return; /* else a rejected step would tell */
+  s->events->held_next = ms_contacts_sign(s);
+  s->warm_next |= MS_NOTED;
+}
+
 void ms_contacts_advance(ms_stepper *s) {
   ms_events *e = s->events;
   s->warm = s->warm_next;
@@ -96,12 +114,6 @@ void ms_contacts_own(ms_stepper *s) {
 
 /*------------------------------------- what is in contact ---------------------------------------*/
 
-/* Does it neither leave the plane nor is lifted? */
-static int rests(const ms_stepper *s, const msim_plane *p, const double v[3], const double a[3]) {
-  const double size = ms_norm3(a), noise = 1e-14 * (ms_norm3(v) + s->h * size);
-  return ms_dot3(p->normal, a) < -MS_PRESS * size && ms_dot3(p->normal, v) <= noise;
-}
-
 /* Bounce what runs into a plane, put on it what lies outside. */
 static void meet_planes(ms_stepper *s, const ms_walls *walls, ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
@@ -120,28 +132,13 @@ static void meet_planes(ms_stepper *s, const ms_walls *walls, ms_contact *c) {
   ms_row_put(rows, v, c->row, s->v);
 }
 
-/* The planes that hold a particle, of those it touches. One may press it on another, so they are
- * asked again under what those found so far leave of a. */
+/* The planes that hold a particle: of those it touches and does not leave, those it presses on. */
 static ms_touch find_holding(const ms_stepper *s, const ms_touch *on, const double v[3],
                              const double a[3]) {
-  static const double nothing[MS_MOST_TOUCHED] = {0};
-  double left[3] = {a[0], a[1], a[2]}, J[MS_MOST_TOUCHED] = {0};
-  ms_touch rest = {0}, holding = {0};
-  unsigned found = 0;
-  for (int more = 1; more;) {
-    more = 0;
-    for (int i = 0; i < on->n; i++) {
-      if (found >> i & 1 || !rests(s, on->plane[i], v, left)) continue;
-      found |= 1u << i;
-      rest.plane[rest.n++] = on->plane[i];
-      more = 1;
-    }
-    for (int c = 0; c < 3; c++) left[c] = a[c];
-    ms_project(&rest, nothing, left, J);
-  }
-  for (int i = 0; i < rest.n; i++)
-    if (J[i] > MS_PRESS * ms_norm3(a)) holding.plane[holding.n++] = rest.plane[i];
-  return holding;
+  const double size = ms_norm3(a), noise = 1e-14 * (ms_norm3(v) + s->h * size);
+  double left[3] = {a[0], a[1], a[2]}, unused;
+  const ms_touch stays = ms_touch_approached(on, v, noise);
+  return ms_touch_pressed(&stays, MS_PRESS * size, left, &unused);
 }
 
 static void scale_to_one(double u[3]) {
@@ -157,9 +154,9 @@ static void friction_of(const ms_stepper *s, const ms_contact *c, const double *
                         double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
   const double mean = c->bounces ? (1 + c->on.plane[0]->restitution) / 2 : 1;
-  double way[3] = {c->slide[0], c->slide[1], c->slide[2]}, now[3] = {0}, least;
+  double way[3] = {c->slide[0], c->slide[1], c->slide[2]}, now[3] = {0};
   if (v) memcpy(now, v, sizeof now);
-  ms_keep_along(&c->on, now, &least);
+  ms_keep_along(&c->on, now, NULL);
   memset(f, 0, 3 * sizeof *f);
   if (c->is_given) {
     if (c->friction > 0) ms_axpy3(-c->friction / c->lag, now, f);
@@ -177,8 +174,8 @@ static void friction_of(const ms_stepper *s, const ms_contact *c, const double *
  * them, and friction pulls. */
 static void find_push(const ms_stepper *s, const ms_contact *c, const double *v, const double a[3],
                       double push[3]) {
-  double along[3] = {a[0], a[1], a[2]}, f[3] = {0}, least;
-  const double pull = ms_keep_along(&c->on, along, &least);
+  double along[3] = {a[0], a[1], a[2]}, f[3] = {0};
+  const double pull = ms_keep_along(&c->on, along, NULL);
   if (c->rubs && !c->sticks) friction_of(s, c, v, pull, f);
   for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] + f[i] - a[i];
 }
@@ -190,16 +187,16 @@ double ms_contact_reaction(const ms_contact *c, const double a[3]) {
 }
 
 double ms_contact_grip(const ms_contact *c, const double a[3]) {
-  double along[3] = {a[0], a[1], a[2]}, least;
-  const double pull = ms_keep_along(&c->on, along, &least);
+  double along[3] = {a[0], a[1], a[2]};
+  const double pull = ms_keep_along(&c->on, along, NULL);
   return pull - ms_norm3(along);
 }
 
 /* Whether it sticks or slides, and where. Where nothing rubs, nothing sticks but what nothing
  * pulls. */
 static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
-  double along[3] = {a[0], a[1], a[2]}, least;
-  const double pull = ms_keep_along(&c->on, along, &least), size = ms_norm3(a);
+  double along[3] = {a[0], a[1], a[2]};
+  const double pull = ms_keep_along(&c->on, along, NULL), size = ms_norm3(a);
   const double grip = pull > 0 ? pull - MS_PRESS * size : 16 * DBL_EPSILON * size;
   const int still = ms_norm3(v) == 0;
   c->sticks = c->fixed || (still && ms_norm3(along) <= grip);
@@ -231,7 +228,7 @@ static ms_hold hold_of(const ms_contact *c) {
 /* 1 if it rests. */
 static int settle(ms_stepper *s, ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
-  double v[3], before[3], a[3], least;
+  double v[3], before[3], a[3];
   ms_row_get(rows, s->v, c->row, v);
   ms_row_get(rows, s->events->a, c->row, a);
   const ms_touch touched = c->on;
@@ -247,7 +244,7 @@ static int settle(ms_stepper *s, ms_contact *c) {
   ms_contact_classify(c, rows->dims);
   const double noise = ms_speed_noise(v);
   memcpy(before, v, sizeof v);
-  ms_keep_along(&c->on, v, &least);
+  ms_keep_along(&c->on, v, NULL);
   if (c->fixed || ms_norm3(v) <= noise) memset(v, 0, sizeof v);
   ms_axpy3(-1, v, before);
   if (ms_norm3(before) > noise || (ms_norm3(v) == 0 && ms_norm3(before) > 0)) {
@@ -349,14 +346,15 @@ void ms_contacts_finish(ms_stepper *s) {
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
     const int stays = c->sticks && !c->enters;
-    double x[3], v[3] = {0}, least;
+    double x[3], v[3] = {0};
     if (c->leaves) continue;
     ms_row_get(rows, stays ? s->x : s->x_next, c->row, x);
     if (!c->sticks) ms_row_get(rows, s->v_next, c->row, v);
     if (!stays) ms_put_on(&c->on, x);
-    ms_keep_along(&c->on, v, &least);
+    ms_keep_along(&c->on, v, NULL);
     ms_row_put(rows, x, c->row, s->x_next);
     ms_row_put(rows, v, c->row, s->v_next);
   }
-  ms_contacts_free(s, s->x_next, s->v_next, s->events->a_end);
+  ms_contacts_free(s, s->x_next, s->v_next, e->a_end);
+  for (int32_t i = 0; i < e->ncontacts; i++) ms_contact_judge(s, &e->contact[i]);
 }

@@ -9,7 +9,7 @@
 #define MS_CONTACTS_H
 
 #include "integrate/integrator.h"
-#include "physics/impacts.h"
+#include "physics/path.h"
 #include "physics/totals.h"
 
 /* In `warm`, beside what the method notes there: the contacts at the end of the last step are
@@ -30,6 +30,8 @@ typedef struct ms_contact {
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
   double rub[3];   /* what friction adds to a at the start of the part, where it slides */
   double stop;     /* s: in that time it would stop v; it may turn as fast */
+  double change;   /* the share of the part after which it is lifted, slips or stops; MS_NOWHERE */
+  int turns; /* its direction changes by more than 45 degrees in the part, or is stiff there */
 
   /* where normal velocities and friction are given, in constrain.h: */
   int is_given;
@@ -66,6 +68,8 @@ typedef struct ms_events {
   uint64_t held_next; /* the same of the step just made */
 } ms_events;
 
+static inline int ms_contact_changes(const ms_contact *c) { return c->change <= 1 || c->turns; }
+
 /* The contact of a row, or NULL. Rows are asked for in ascending order; *next: 0 at first. */
 static inline ms_contact *ms_contact_of(const ms_events *e, int32_t row, int32_t *next) {
   return *next < e->ncontacts && e->contact[*next].row == row ? &e->contact[(*next)++] : NULL;
@@ -74,6 +78,9 @@ static inline ms_contact *ms_contact_of(const ms_events *e, int32_t row, int32_t
 /* Whether there is friction, and anywhere to slide, by the planes of the contact; dims: components
  * of a vector. */
 void ms_contact_classify(ms_contact *c, int32_t dims);
+
+/* The path of a row from s->x, s->v over s->h, by a = b0 */
+ms_path ms_contacts_path(const ms_stepper *s, int32_t row, const double *b0, const double *b1);
 
 /* The scene's planes; a sim may change its scene between steps. */
 ms_walls ms_walls_of(const ms_stepper *s);
@@ -84,6 +91,9 @@ void ms_events_destroy(const ms_model *model, ms_events *events);
 
 /* Keep what the step in one part that was just made started from, if that is not s->x, s->v. */
 void ms_contacts_keep_begin(ms_events *e, ms_shape shape);
+
+/* The contacts that were found hold at the end of the step, too. */
+void ms_contacts_note(ms_stepper *s);
 
 /* The end of the part, where a_end was found, is the start of the next. */
 void ms_contacts_know(ms_events *e);
@@ -110,7 +120,8 @@ uint64_t ms_contacts_sign(const ms_stepper *s);
 /* What the planes add is added to the results of an evaluation, which has a. */
 void ms_contacts_push(const ms_stepper *s, const ms_pass *pass);
 
-/* Put what rests on its planes to the last bit in x_next, v_next, and find the a of that state. */
+/* Put what rests on its planes to the last bit in x_next, v_next, find the a of that state, and
+ * whether contacts change in the part that ends there. */
 void ms_contacts_finish(ms_stepper *s);
 
 /* With a the acceleration of a contact as if nothing rested: the least force of its planes; how

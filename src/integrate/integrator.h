@@ -37,9 +37,7 @@ typedef struct ms_stepper {
   double x_tolerance;     /* m: under error control, what an event may add to the error of x */
   double v_tolerance;     /* m/s: ... of v */
   double path_error;      /* m/s: the largest of v, of particles on paths of their own (locate.h) */
-  double event_error;     /* m/s: the same of those that stop, slip or lift: of the step as a whole,
-                             where the other is one of each step */
-  int32_t path_row;       /* which has the one, or the other */
+  int32_t path_row;       /* which has it */
   int looked;             /* what is kept for those who look inside the last step; 0: nothing */
   double noise;           /* relative error of v that solves may leave; 0: as options say */
   int32_t culprit;        /* row to blame when step() fails; -1: none in particular */

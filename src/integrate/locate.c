@@ -5,8 +5,6 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "integrate/change.h"
-#include "physics/path.h"
 
 /* A step in parts */
 typedef struct substeps {
@@ -17,9 +15,7 @@ typedef struct substeps {
   ms_bounds bounds; /* on frequencies and rates of damping */
   int may_cut;      /* paths of particles, of order 2, would be worse than the method */
   int cuts;
-  int carried;    /* what s->warm was */
   int warm;       /* for the part to come; 0: without what was carried over */
-  int lost;       /* a part was made without */
   int ends_known; /* a and a_end are those of the part just made */
 } substeps;
 
@@ -52,28 +48,33 @@ static double error_of_path(const substeps *j, int32_t row, const ms_path *p) {
 }
 
 /* Shallow impacts have been judged before (is_shallow). */
-static void note_error(const substeps *j, int32_t row, const ms_contact *c, const ms_path *p) {
+static void note_error(const substeps *j, int32_t row, const ms_path *p) {
   ms_stepper *s = j->s;
-  const int once = c && ms_contact_change(s, c) <= 1;
-  double *largest = once ? &s->event_error : &s->path_error;
   const double error = error_of_path(j, row, p);
-  if (!(error <= *largest)) *largest = error, s->path_row = row;
+  if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
 }
 
 /* Its end of the part is that of its own path: bounces are summed, something changes, or the method
  * knows no forces of velocities, as friction is one. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int rubs = c->rubs && !c->sticks && j->method->separable;
-  return c->bounces || rubs || ms_contact_changes(j->s, c);
+  return c->bounces || rubs || ms_contact_changes(c);
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
 
-/* The distance of a row from a plane, over the part just made. The cubic's error is at most
- * h^4/384 |x''''|, with |x''''| <= omega^2 |x''|, of which the ends show some: *doubt is 4 times
- * that. */
-static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_plane *p,
-                                     double *doubt) {
+static void know_ends(substeps *j) {
+  if (j->ends_known) return;
+  if (!j->e->known) ms_contacts_free(j->s, j->s->x, j->s->v, j->e->a);
+  if (!j->e->ncontacts) ms_contacts_free(j->s, j->s->x_next, j->s->v_next, j->e->a_end);
+  j->e->known = 1;
+  j->ends_known = 1;
+}
+
+/* May a row come to a plane in the part just made? By Hermite's cubic, whose error is at most
+ * h^4/384 |x''''|, with |x''''| <= omega^2 |x''|, of which the ends show some: 4 times that is
+ * allowed for. */
+static int may_meet(const substeps *j, int32_t row, const msim_plane *p) {
   const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
   double x[2][3], v[2][3];
@@ -85,39 +86,35 @@ static ms_bernstein distance_by_ends(const substeps *j, int32_t row, const msim_
   const double s0 = ms_distance(p, x[0]), s1 = ms_distance(p, x[1]), z = s->h * j->bounds.omega;
   const double bend =
       fmax(fabs(6 * (s1 - s0) - 4 * u0 - 2 * u1), fabs(6 * (s0 - s1) + 2 * u0 + 4 * u1));
-  *doubt = z * z / 96 * bend;
-  return ms_bernstein_cubic(s0, u0, s1, u1);
+  const ms_bernstein cubic = ms_bernstein_cubic(s0, u0, s1, u1);
+  return ms_bernstein_least(&cubic) <= z * z / 96 * bend;
 }
 
-static ms_bernstein distance_by_path(const substeps *j, int32_t row, const msim_plane *p) {
+/* One component of a row over the part just made: the dense output of the method, or Hermite's
+ * quintic. */
+static ms_bernstein component_of(substeps *j, int32_t row, int32_t c) {
+  const ms_stepper *s = j->s;
+  const size_t at = (size_t)c * (size_t)s->model->rows.stride + (size_t)row;
+  ms_bernstein of;
+  if (j->method->path) {
+    j->method->path(j->s, at, &of);
+    return of;
+  }
+  know_ends(j);
+  const double h = s->h, h2 = h * h;
+  return ms_bernstein_quintic(s->x[at], h * s->v[at], h2 * j->e->a[at], s->x_next[at],
+                              h * s->v_next[at], h2 * j->e->a_end[at]);
+}
+
+static ms_bernstein distance_of(substeps *j, int32_t row, const msim_plane *p) {
   const ms_rows *rows = &j->s->model->rows;
-  ms_bernstein sum = {.degree = MS_MAX_DEGREE}, of;
-  for (int i = 0; i <= sum.degree; i++) sum.c[i] = -p->offset;
+  ms_bernstein sum = component_of(j, row, 0);
   for (int32_t c = 0; c < rows->dims; c++) {
-    j->method->path(j->s, (size_t)c * (size_t)rows->stride + (size_t)row, &of);
-    for (int i = 0; i <= sum.degree; i++) sum.c[i] += p->normal[rows->axis[c]] * of.c[i];
+    const ms_bernstein of = component_of(j, row, c);
+    const double n = p->normal[rows->axis[c]];
+    for (int i = 0; i <= of.degree; i++) sum.c[i] = (c ? sum.c[i] : -p->offset) + n * of.c[i];
   }
   return sum;
-}
-
-static void know_ends(substeps *j) {
-  if (j->ends_known) return;
-  if (!j->e->known) ms_contacts_free(j->s, j->s->x, j->s->v, j->e->a);
-  if (!j->e->ncontacts) ms_contacts_free(j->s, j->s->x_next, j->s->v_next, j->e->a_end);
-  j->e->known = 1;
-  j->ends_known = 1;
-}
-
-static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const msim_plane *p,
-                                              const ms_bernstein *cubic) {
-  const ms_rows *rows = &j->s->model->rows;
-  const double h2 = j->s->h * j->s->h, *c = cubic->c;
-  double a[2][3];
-  know_ends(j);
-  ms_row_get(rows, j->e->a, row, a[0]);
-  ms_row_get(rows, j->e->a_end, row, a[1]);
-  return ms_bernstein_quintic(c[0], 3 * (c[1] - c[0]), h2 * ms_dot3(p->normal, a[0]), c[3],
-                              3 * (c[3] - c[2]), h2 * ms_dot3(p->normal, a[1]));
 }
 
 /* What touches a plane and neither leaves it nor runs into it, by the signs of n.v up to rounding,
@@ -126,18 +123,14 @@ static ms_bernstein distance_by_accelerations(substeps *j, int32_t row, const ms
 
 /* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. */
 static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double *depth) {
-  const ms_stepper *s = j->s;
-  double x[3], doubt;
-  ms_row_get(&s->model->rows, s->x, row, x);
-  const ms_walls walls = ms_walls_of(s);
-  const double noise = ms_distance_noise(&walls, x);
-  ms_bernstein path = distance_by_ends(j, row, p, &doubt);
-  if (ms_bernstein_least(&path) > doubt) return MS_NOWHERE;
-  if (j->method->path) path = distance_by_path(j, row, p);
-  else if (s->h * j->bounds.omega > 0.5) path = distance_by_accelerations(j, row, p, &path);
-  const double q = ms_bernstein_first_fall(&path, noise);
-  *depth = -ms_bernstein_least(&path);
+  const ms_walls walls = ms_walls_of(j->s);
+  double x[3];
+  if (!may_meet(j, row, p)) return MS_NOWHERE;
+  ms_row_get(&j->s->model->rows, j->s->x, row, x);
+  const ms_bernstein path = distance_of(j, row, p);
+  const double noise = ms_distance_noise(&walls, x), q = ms_bernstein_first_fall(&path, noise);
   const int leaves = path.c[1] - path.c[0] > noise;
+  *depth = -ms_bernstein_least(&path);
   return q <= 1 && path.c[0] <= noise && !leaves ? fmax(q, LEAST) : q;
 }
 
@@ -174,7 +167,6 @@ static msim_status make(substeps *j, double length, msim_error *err) {
   j->s->warm = j->warm;
   j->s->h = length;
   j->s->looked = 0;
-  j->lost |= j->warm != j->carried;
   j->ends_known = 0;
   const msim_status status = j->method->step(j->s, err);
   if (!status) ms_contacts_finish(j->s);
@@ -235,21 +227,17 @@ static void go_on(substeps *j) {
   if (j->ends_known) ms_contacts_know(j->e);
 }
 
-/* x and v of a row after a share of the part: of the dense output, or of Hermite's cubics. */
-static void state_at(const substeps *j, int32_t row, double share, double x[3], double v[3]) {
+/* x and v after a share of the part: of the dense output, or of Hermite's cubics. */
+static void go_along(const substeps *j, int32_t row, double share, ms_path *p) {
   ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
-  double x1[3], v1[3], a0[3], a1[3];
-  ms_row_get(rows, s->x, row, x);
-  ms_row_get(rows, s->v, row, v);
+  double x1[3], v1[3], *x = p->x, *v = p->v;
   ms_row_get(rows, s->x_next, row, x1);
   ms_row_get(rows, s->v_next, row, v1);
-  ms_row_get(rows, j->e->a, row, a0);
-  ms_row_get(rows, j->e->a_end, row, a1);
   for (int c = 0; c < rows->dims; c++) {
     const int k = rows->axis[c];
     ms_bernstein of_x = ms_bernstein_cubic(x[k], s->h * v[k], x1[k], s->h * v1[k]);
-    const ms_bernstein of_v = ms_bernstein_cubic(v[k], s->h * a0[k], v1[k], s->h * a1[k]);
+    const ms_bernstein of_v = ms_bernstein_cubic(v[k], s->h * p->b0[k], v1[k], s->h * p->b1[k]);
     v[k] = ms_bernstein_at(&of_v, share);
     if (j->method->path) {
       j->method->path(s, (size_t)c * (size_t)rows->stride + (size_t)row, &of_x);
@@ -264,16 +252,10 @@ static void state_at(const substeps *j, int32_t row, double share, double x[3], 
 static void follow_path(substeps *j, int32_t row, double from, const ms_contact *contact) {
   ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
-  ms_path p = {.walls = ms_walls_of(s), .h = (1 - from) * s->h};
+  ms_path p = ms_contacts_path(s, row, j->e->a, j->e->a_end);
+  p.h *= 1 - from;
   if (!(p.h > 0)) return;
-  ms_row_get(rows, j->e->a, row, p.b0);
-  ms_row_get(rows, j->e->a_end, row, p.b1);
-  if (from > 0) {
-    state_at(j, row, from, p.x, p.v);
-  } else {
-    ms_row_get(rows, s->x, row, p.x);
-    ms_row_get(rows, s->v, row, p.v);
-  }
+  if (from > 0) go_along(j, row, from, &p);
   for (int c = 0; c < 3; c++) {
     p.b0[c] += from * (p.b1[c] - p.b0[c]);
     p.a[c] = (2 * p.b0[c] + p.b1[c]) / 3;
@@ -281,7 +263,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   if (contact && contact->bounces) ms_axpy3(contact->rebound, contact->on.plane[0]->normal, p.v);
   memcpy(p.w, p.v, sizeof p.w);
   ms_path_follow(&p);
-  if (from == 0) note_error(j, row, contact, &p);
+  if (from == 0) note_error(j, row, &p);
   ms_row_put(rows, p.x, row, s->x_next);
   ms_row_put(rows, p.w, row, s->v_next);
   s->stats->contacts += p.impacts;
@@ -324,8 +306,8 @@ static double find_first_change(const substeps *j) {
   double first = MS_NOWHERE;
   for (int32_t i = 0; i < j->e->ncontacts; i++) {
     const ms_contact *c = &j->e->contact[i];
-    first = fmin(first, ms_contact_change(j->s, c));
-    if (ms_contact_turns(j->s, c)) first = fmin(first, 0.5);
+    first = fmin(first, c->change);
+    if (c->turns) first = fmin(first, 0.5);
   }
   return first;
 }
@@ -384,28 +366,13 @@ static msim_status make_parts(substeps *j, msim_error *err) {
 
 msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_events *e = s->events;
-  double *x = s->x, *v = s->v;
-  const int carried = s->warm & ~MS_NOTED;
-  substeps j = {.method = method, .s = s, .e = e, .h = s->h, .carried = carried, .warm = carried};
-  e->known = s->warm & MS_NOTED;
-  if (!e->known) e->held = 0;
-  e->implicit = method->entry.implicit;
-  e->merge = 1e-11 * e->reach;
+  substeps j = {.method = method, .s = s, .e = e, .h = s->h, .warm = s->warm};
   e->jump = s->one_part ? s->x_tolerance : INFINITY;
-  s->impact = MS_NOWHERE;
-  s->path_error = s->event_error = 0;
   j.bounds = ms_bounds_of(s->model);
   j.may_cut = may_cut(&j);
   const msim_status status = make_parts(&j, err);
-  e->moved = s->x != x;
-  s->x = x, s->v = v, s->h = j.h;
-  s->warm = j.lost ? 0 : carried;
   if (status) return status;
   if (j.cuts || (e->ncontacts && !method->entry.implicit)) s->warm_next = 0;
-  if (!j.cuts && e->ncontacts && j.ends_known &&
-      !s->one_part) { /* else a rejected step would tell */
-    e->held_next = ms_contacts_sign(s);
-    s->warm_next |= MS_NOTED;
-  }
+  if (!j.cuts && j.ends_known) ms_contacts_note(s);
   return MSIM_OK;
 }

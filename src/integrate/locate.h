@@ -1,10 +1,10 @@
 /* locate - a step of an explicit method with its impacts located inside, under collision = event
  *
  * The step is made. The distance of each particle from each plane is then a polynomial: the
- * method's dense output, or Hermite's cubic through both ends, and where steps are long, h omega >
- * 1/2, the quintic that knows the accelerations too. Its Bernstein coefficients tell the first
- * impact, however short (bernstein.h). The step is cut there, all particles that touch a plane
- * bounce at once, and the rest of the step is made from there: the order of the method is kept.
+ * method's dense output, or Hermite's quintic, of x, v and a at both ends, where his cubic comes
+ * near the plane. Its Bernstein coefficients tell the first impact, however short (bernstein.h).
+ * The step is cut there, all particles that touch a plane bounce at once, and the rest of the step
+ * is made from there: the order of the method is kept.
  * After MS_MAX_CUTS cuts each particle with an impact goes on along a path of its own (path.h),
  * which is of order 2.
  *

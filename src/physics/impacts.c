@@ -6,6 +6,8 @@
 
 #include "base/vec3.h"
 
+static const double nothing[MS_MOST_TOUCHED] = {0};
+
 double ms_distance(const msim_plane *p, const double x[3]) {
   return ms_dot3(p->normal, x) - p->offset;
 }
@@ -24,16 +26,38 @@ ms_touch ms_touched(const ms_walls *walls, const double x[3]) {
   return touch;
 }
 
+ms_touch ms_touch_approached(const ms_touch *touch, const double v[3], double limit) {
+  ms_touch hit = {0};
+  for (int i = 0; i < touch->n; i++)
+    if (ms_dot3(touch->plane[i]->normal, v) < limit) hit.plane[hit.n++] = touch->plane[i];
+  return hit;
+}
+
+ms_touch ms_touch_pushing(const ms_touch *touch, const double *J, double noise, double *pull) {
+  ms_touch pushing = {0};
+  *pull = 0;
+  for (int i = 0; i < touch->n; i++) {
+    if (!(J[i] > noise)) continue;
+    pushing.plane[pushing.n++] = touch->plane[i];
+    *pull += touch->plane[i]->friction * J[i];
+  }
+  return pushing;
+}
+
 /*------------------------------------- small systems --------------------------------------------*/
 
-/* sum_j (n_i.n_j) c_j = b_i over k normals, by elimination; 0: they are not independent. */
-static int solve(int k, const double *const *n, const double *b, double *c) {
+/* How many planes of a touch act where only independent ones can: the first of them */
+static int count_holding(const ms_touch *touch) {
+  return touch->n < MS_MOST_HOLDING ? touch->n : MS_MOST_HOLDING;
+}
+
+/* sum_j (n_i.n_j) c_j = b_i over the first k normals, by elimination, with b in c at first; 0: they
+ * are not independent. */
+static int solve(int k, const ms_touch *touch, double *c) {
   const double DEPENDENT = 1e-12; /* of the squared sine between a normal and those before it */
   double g[MS_MOST_HOLDING][MS_MOST_HOLDING];
-  for (int i = 0; i < k; i++) {
-    c[i] = b[i];
-    for (int j = 0; j < k; j++) g[i][j] = ms_dot3(n[i], n[j]);
-  }
+  for (int i = 0; i < k; i++)
+    for (int j = 0; j < k; j++) g[i][j] = ms_dot3(touch->plane[i]->normal, touch->plane[j]->normal);
   for (int i = 0; i < k; i++) {
     if (!(g[i][i] > DEPENDENT)) return 0;
     for (int r = i + 1; r < k; r++) {
@@ -49,12 +73,11 @@ static int solve(int k, const double *const *n, const double *b, double *c) {
   return 1;
 }
 
-/* u' = u + sum J_i n_i with n_i.u' = to_i over k normals; 0: they are not independent. */
-static int meet(int k, const double *const *n, const double *to, double u[3], double *J) {
-  double b[MS_MOST_HOLDING] = {0};
-  for (int i = 0; i < k; i++) b[i] = to[i] - ms_dot3(n[i], u);
-  if (!solve(k, n, b, J)) return 0;
-  for (int i = 0; i < k; i++) ms_axpy3(J[i], n[i], u);
+int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J) {
+  const int k = count_holding(touch);
+  for (int i = 0; i < k; i++) J[i] = to[i] - ms_dot3(touch->plane[i]->normal, u);
+  if (!solve(k, touch, J)) return 0;
+  for (int i = 0; i < k; i++) ms_axpy3(J[i], touch->plane[i]->normal, u);
   return 1;
 }
 
@@ -67,17 +90,18 @@ typedef struct attempt {
 } attempt;
 
 static int try_set(const ms_touch *touch, unsigned set, const double *least, attempt *a) {
-  const double *n[MS_MOST_HOLDING];
+  ms_touch acting = {0};
   double to[MS_MOST_HOLDING], J[MS_MOST_HOLDING];
-  int k = 0, at[MS_MOST_HOLDING];
+  int at[MS_MOST_HOLDING];
   for (int i = 0; i < touch->n; i++) {
     if (!(set >> i & 1)) continue;
-    if (k == MS_MOST_HOLDING) return 0;
-    n[k] = touch->plane[i]->normal, to[k] = least[i], at[k++] = i;
+    if (acting.n == MS_MOST_HOLDING) return 0;
+    to[acting.n] = least[i], at[acting.n] = i;
+    acting.plane[acting.n++] = touch->plane[i];
   }
-  if (!meet(k, n, to, a->u, J)) return 0;
+  if (!ms_meet(&acting, to, a->u, J)) return 0;
   for (int i = 0; i < touch->n; i++) a->J[i] = 0;
-  for (int i = 0; i < k; i++) a->J[at[i]] = J[i];
+  for (int i = 0; i < acting.n; i++) a->J[at[i]] = J[i];
   a->broken = 0;
   for (int i = 0; i < touch->n; i++) {
     a->broken = fmax(a->broken, -a->J[i]);
@@ -104,26 +128,12 @@ void ms_project(const ms_touch *touch, const double *least, double u[3], double 
 
 /*------------------------------------- impacts --------------------------------------------------*/
 
-/* Those that v runs into. */
-static ms_touch approached(const ms_touch *touch, const double v[3]) {
-  const double noise = ms_speed_noise(v);
-  ms_touch hit = {0};
-  for (int i = 0; i < touch->n; i++)
-    if (ms_dot3(touch->plane[i]->normal, v) < -noise) hit.plane[hit.n++] = touch->plane[i];
-  return hit;
-}
-
 /* Coulomb's, in proportion to the impulses */
 static void rub(const ms_touch *hit, const double *J, double v[3]) {
-  ms_touch acting = {0};
-  double pull = 0, along[3] = {v[0], v[1], v[2]}, least;
-  for (int i = 0; i < hit->n; i++) {
-    if (!(J[i] > 0)) continue;
-    acting.plane[acting.n++] = hit->plane[i];
-    pull += hit->plane[i]->friction * J[i];
-  }
+  double pull, along[3] = {v[0], v[1], v[2]};
+  const ms_touch acting = ms_touch_pushing(hit, J, 0, &pull);
   if (pull == 0) return;
-  ms_keep_along(&acting, along, &least);
+  ms_keep_along(&acting, along, NULL);
   const double speed = ms_norm3(along);
   ms_axpy3(speed > pull ? -pull / speed : -1, along, v);
 }
@@ -133,7 +143,7 @@ int ms_bounce(const ms_touch *touch, double v[3]) {
   double least[MS_MOST_TOUCHED] = {0}, J[MS_MOST_TOUCHED] = {0};
   const double noise = ms_speed_noise(v);
   for (int round = 0; round < MOST; round++) {
-    const ms_touch hit = approached(touch, v);
+    const ms_touch hit = ms_touch_approached(touch, v, -noise);
     if (!hit.n && round > 0 && ms_norm3(v) <= noise) memset(v, 0, 3 * sizeof *v);
     if (!hit.n) return round > 0;
     for (int i = 0; i < hit.n; i++)
@@ -148,21 +158,6 @@ int ms_bounce(const ms_touch *touch, double v[3]) {
 
 /*------------------------------------- rest -----------------------------------------------------*/
 
-static const double nothing[MS_MOST_HOLDING] = {0};
-
-/* The normals of the first three planes; how many there are. */
-static int normals(const ms_touch *touch, const double *n[MS_MOST_HOLDING]) {
-  const int k = touch->n < MS_MOST_HOLDING ? touch->n : MS_MOST_HOLDING;
-  for (int i = 0; i < MS_MOST_HOLDING; i++) n[i] = i < k ? touch->plane[i]->normal : NULL;
-  return k;
-}
-
-int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J) {
-  const double *n[MS_MOST_HOLDING];
-  const int k = normals(touch, n);
-  return meet(k, n, to, u, J);
-}
-
 void ms_put_on(const ms_touch *touch, double x[3]) {
   double to[MS_MOST_TOUCHED] = {0}, c[MS_MOST_HOLDING];
   for (int i = 0; i < touch->n; i++) to[i] = touch->plane[i]->offset;
@@ -170,12 +165,18 @@ void ms_put_on(const ms_touch *touch, double x[3]) {
 }
 
 double ms_keep_along(const ms_touch *touch, double u[3], double *least) {
-  double J[MS_MOST_HOLDING], pull = 0;
-  *least = INFINITY;
-  if (!ms_meet(touch, nothing, u, J)) return 0;
-  for (int i = 0; i < touch->n && i < MS_MOST_HOLDING; i++) {
-    *least = fmin(*least, J[i]);
+  double J[MS_MOST_HOLDING], pull = 0, smallest = INFINITY;
+  const int there = ms_meet(touch, nothing, u, J);
+  for (int i = 0; i < count_holding(touch) && there; i++) {
+    smallest = fmin(smallest, J[i]);
     pull += touch->plane[i]->friction * fmax(0, J[i]);
   }
+  if (least) *least = smallest;
   return pull;
+}
+
+ms_touch ms_touch_pressed(const ms_touch *touch, double noise, double a[3], double *pull) {
+  double J[MS_MOST_TOUCHED] = {0};
+  ms_project(touch, nothing, a, J);
+  return ms_touch_pushing(touch, J, noise, pull);
 }

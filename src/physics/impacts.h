@@ -39,6 +39,12 @@ double ms_speed_noise(const double v[3]);
 /* The planes that x touches or lies outside of, in their order: s <= noise. */
 ms_touch ms_touched(const ms_walls *walls, const double x[3]);
 
+/* Those with n_i.v < limit */
+ms_touch ms_touch_approached(const ms_touch *touch, const double v[3], double limit);
+
+/* Those with impulses or forces J_i > noise; *pull: sum mu_i J_i over them. */
+ms_touch ms_touch_pushing(const ms_touch *touch, const double *J, double noise, double *pull);
+
 /* The vector nearest to u with n_i.u >= least_i for all planes, in place of u: u += sum J_i n_i.
  * J: one for each plane, 0 where it need not act. */
 void ms_project(const ms_touch *touch, const double *least, double u[3], double *J);
@@ -57,7 +63,11 @@ void ms_put_on(const ms_touch *touch, double x[3]);
 
 /* u without its components along the normals: u' = u + sum J_i n_i with n_i.u' = 0. Returns
  * sum mu_i max(0, J_i): how hard friction can pull where u is an acceleration. least: the smallest
- * J_i. 3 independent planes at most. */
+ * J_i (nullable). 3 independent planes at most. */
 double ms_keep_along(const ms_touch *touch, double u[3], double *least);
+
+/* The planes that a presses on by more than `noise`; in place of a: what all of them leave of it;
+ * *pull: sum of mu N/m. */
+ms_touch ms_touch_pressed(const ms_touch *touch, double noise, double a[3], double *pull);
 
 #endif

@@ -15,33 +15,17 @@ typedef struct walk {
   int stalled;  /* impacts in a row with hardly any time between them */
 } walk;
 
-static const double nothing[MS_MOST_TOUCHED] = {0};
-
 static void acceleration_at(const ms_path *p, double t, double b[3]) {
   for (int c = 0; c < 3; c++) b[c] = p->b0[c] + (p->b1[c] - p->b0[c]) * (t / p->h);
 }
 
 /*------------------------------------- contact --------------------------------------------------*/
 
-/* The planes of `on` that a presses on; a: what they leave of it; *friction: sum of mu N/m. */
-static ms_touch find_pressed(const ms_touch *on, double a[3], double *friction) {
-  double J[MS_MOST_TOUCHED] = {0};
-  ms_touch pressed = {0};
-  ms_project(on, nothing, a, J);
-  *friction = 0;
-  for (int i = 0; i < on->n; i++) {
-    if (!(J[i] > 0)) continue;
-    pressed.plane[pressed.n++] = on->plane[i];
-    *friction += on->plane[i]->friction * J[i];
-  }
-  return pressed;
-}
-
 /* v over dt by the constant a and the planes of `on` */
 static void kick(const ms_touch *on, const double a[3], double dt, double v[3]) {
-  double along[3] = {a[0], a[1], a[2]}, friction, least;
-  const ms_touch pressed = find_pressed(on, along, &friction);
-  ms_keep_along(&pressed, v, &least);
+  double along[3] = {a[0], a[1], a[2]}, friction;
+  const ms_touch pressed = ms_touch_pressed(on, 0, along, &friction);
+  ms_keep_along(&pressed, v, NULL);
   ms_friction_slide(along, friction, dt, v, NULL);
 }
 
@@ -110,8 +94,8 @@ static const msim_plane *fly(walk *k, double left) {
 /* The same in contact: along the parabola to where friction leads in what is left of the step. */
 static const msim_plane *slide(walk *k, const double along[3], double friction, double left) {
   ms_path *p = k->p;
-  double end[3], dx[3], bend[3], least, dt;
-  ms_keep_along(&k->on, p->v, &least);
+  double end[3], dx[3], bend[3], dt;
+  ms_keep_along(&k->on, p->v, NULL);
   memcpy(end, p->v, sizeof end);
   ms_friction_slide(along, friction, left, end, dx);
   for (int c = 0; c < 3; c++) bend[c] = 2 * (dx[c] - left * p->v[c]) / (left * left);
@@ -202,19 +186,15 @@ static void bounce_on(walk *k, const msim_plane *q) {
 
 /* The planes of `touched` that v does not leave are those it rests on. */
 static void settle(walk *k, const ms_touch *touched, double noise) {
-  double least;
-  k->on = (ms_touch){0};
-  for (int i = 0; i < touched->n; i++)
-    if (ms_dot3(touched->plane[i]->normal, k->p->v) <= noise)
-      k->on.plane[k->on.n++] = touched->plane[i];
-  ms_keep_along(&k->on, k->p->v, &least);
+  k->on = ms_touch_approached(touched, k->p->v, noise);
+  ms_keep_along(&k->on, k->p->v, NULL);
 }
 
 /* A corner that cannot be left by bounces: no restitution, all planes at once */
 static void stop_in_corner(walk *k, const ms_touch *touched) {
-  double J[MS_MOST_TOUCHED];
-  ms_project(touched, nothing, k->p->v, J);
-  ms_project(touched, nothing, k->p->w, J);
+  double unused;
+  ms_touch_pressed(touched, 0, k->p->v, &unused);
+  ms_touch_pressed(touched, 0, k->p->w, &unused);
   settle(k, touched, 1e4 * k->noise);
   k->stalled = 0;
 }
@@ -257,7 +237,7 @@ void ms_path_follow(ms_path *p) {
   start(&k);
   for (int i = 0; i < MOST && k.t < p->h; i++) {
     double along[3] = {p->a[0], p->a[1], p->a[2]}, friction;
-    k.on = find_pressed(&k.on, along, &friction);
+    k.on = ms_touch_pressed(&k.on, 0, along, &friction);
     const double left = p->h - k.t;
     const msim_plane *hit = k.on.n ? slide(&k, along, friction, left) : fly(&k, left);
     if (!hit) break;

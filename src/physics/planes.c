@@ -57,21 +57,12 @@ static const msim_plane *find_deepest(const ms_scene *scene, const double x[3], 
 /* x becomes the point nearest to `from` in front of the planes of `on` and of one more. Those that
  * do not hold it there leave `on`. */
 static void add_plane(const msim_plane *p, const double from[3], ms_touch *on, double x[3]) {
-  double offset[MS_MOST_TOUCHED], J[MS_MOST_TOUCHED] = {0};
-  int acting = 0;
+  double offset[MS_MOST_TOUCHED], J[MS_MOST_TOUCHED] = {0}, unused;
   on->plane[on->n++] = p;
   for (int i = 0; i < on->n; i++) offset[i] = on->plane[i]->offset;
   for (int c = 0; c < 3; c++) x[c] = from[c];
   ms_project(on, offset, x, J);
-  for (int i = 0; i < on->n; i++)
-    if (J[i] > 0) on->plane[acting++] = on->plane[i];
-  on->n = acting;
-}
-
-static int is_on(const ms_touch *on, const msim_plane *p) {
-  for (int i = 0; i < on->n; i++)
-    if (on->plane[i] == p) return 1;
-  return 0;
+  *on = ms_touch_pushing(on, J, 0, &unused);
 }
 
 /* x becomes the nearest point behind no plane, and `on` the planes that hold it there, 3 at most:
@@ -84,7 +75,7 @@ static void go_to_nearest(const ms_scene *scene, double x[3], ms_touch *on) {
   on->n = 0;
   for (int set = 0; set < MOST_SETS; set++) {
     const msim_plane *deepest = find_deepest(scene, x, ms_norm3(from));
-    if (!deepest || is_on(on, deepest)) return;
+    if (!deepest || ms_touch_holds(on, deepest)) return;
     add_plane(deepest, from, on, x);
   }
 }

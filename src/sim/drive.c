@@ -106,19 +106,6 @@ static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error
   return status;
 }
 
-/* Error of the paths of particles, over what is allowed. It goes like h^3, that over h like h^2,
- * where the controller expects h^k: so they are raised to k/3 and k/2. Doubled steps measure it
- * themselves. */
-static double path_error(const msim_sim *sim, const ms_motion *m, double k, double allowed) {
-  const ms_stepper *s = &m->stepper;
-  if (!s->events || !sim->integrator->estimate || !s->events->nfollowed) return 0;
-  const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
-  const double share = sqrt(fmin(1, s->events->nfollowed / (2. * part->n)));
-  const double each = share * s->path_error / part->speed / fmax(allowed, part->rounding);
-  const double once = share * s->event_error / s->v_tolerance;
-  return fmax(pow(each, k / 2), pow(once, k / 3));
-}
-
 /* In a run there may be some tens of events, whose errors add up by chance. */
 static void set_tolerances(const msim_sim *sim, ms_motion *m) {
   const ms_part least = ms_norm_least(&m->norm);
@@ -127,6 +114,17 @@ static void set_tolerances(const msim_sim *sim, ms_motion *m) {
   m->stepper.v_tolerance = 0.03 * tol * least.speed;
 }
 
+/* It goes like h^3. */
+double ms_drive_path_error(const msim_sim *sim, ms_motion *m) {
+  const ms_stepper *s = &m->stepper;
+  if (!s->events || !s->events->nfollowed) return 0;
+  set_tolerances(sim, m);
+  const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
+  const double share = sqrt(fmin(1, s->events->nfollowed / (2. * part->n)));
+  return share * s->path_error / s->v_tolerance;
+}
+
+/* The controller expects errors that go like h^k. Doubled steps measure those of paths, too. */
 msim_status ms_drive_controlled(const msim_sim *sim, ms_motion *m, const ms_control *c,
                                 msim_error *err) {
   ms_stepper *s = &m->stepper;
@@ -142,7 +140,8 @@ msim_status ms_drive_controlled(const msim_sim *sim, ms_motion *m, const ms_cont
   if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
   m->error = ms_error_of(sim->integrator, s, &m->norm, allowed);
   s->x = x, s->v = v;
-  m->error = fmax(m->error, path_error(sim, m, c->order, allowed));
+  if (sim->integrator->estimate)
+    m->error = fmax(m->error, pow(ms_drive_path_error(sim, m), c->order / 3));
   return MSIM_OK;
 }
 

@@ -24,6 +24,9 @@ msim_status ms_drive_parts(const msim_sim *sim, ms_stepper *s, int64_t n, msim_e
 msim_status ms_drive_controlled(const msim_sim *sim, struct ms_motion *m, const ms_control *c,
                                 msim_error *err);
 
+/* The error of the paths that particles took in the step just made, over what an event may add. */
+double ms_drive_path_error(const msim_sim *sim, struct ms_motion *m);
+
 /* Shorter steps may help where one failed like this. */
 int ms_drive_may_help(msim_status status);
 

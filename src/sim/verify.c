@@ -114,7 +114,7 @@ enum { LARGE = 64 }; /* particles of an island: one event counts little there */
 static int has_events(const ms_motion *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   if (!s->events || m->model.shape.n >= LARGE) return 0;
-  return s->stats->contacts > contacts || s->event_error > 0 || s->path_error > 0;
+  return s->stats->contacts > contacts || s->path_error > 0;
 }
 
 /* In a large island D costs as much as a quarter of an evaluation, the angles as three. In a small
