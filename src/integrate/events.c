@@ -18,12 +18,13 @@ static void begin(const ms_integrator *method, ms_stepper *s) {
 
 msim_status ms_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   if (!s->events) return method->step(s, err);
+  begin(method, s);
   s->events->replays = method->replays && !s->one_part;
+  if (s->events->replays) s->events->ncontacts = 0; /* of a step that was located */
   if (s->events->replays) return method->step(s, err);
   const int is_stiff = method->entry.implicit && s->h * ms_bounds_of(s->model).omega > 2;
   double *x = s->x, *v = s->v;
   const double h = s->h;
-  begin(method, s);
   const msim_status status =
       is_stiff ? ms_constrain_step(method, s, err) : ms_locate_step(method, s, err);
   s->events->moved = !is_stiff && s->x != x;

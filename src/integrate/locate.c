@@ -319,11 +319,11 @@ static double length_before(const substeps *j, double share) {
   return until > near / 2 ? until : fmin(near, j->s->h);
 }
 
-/* Methods of order p > 2, where the step resolves the fastest vibrations: what is faster they
- * follow to no more than order 2. Then accuracy is worth more steps. */
-static int may_cut(const substeps *j) {
-  const int p = j->method->entry.order;
-  return p > 2 && j->h * j->bounds.omega <= p * p / 16.;
+/* Where the step resolves the fastest vibrations: what is faster methods follow to no more than
+ * order 2. Then accuracy is worth more steps. */
+double ms_locate_longest(const ms_integrator *method, double omega) {
+  const int p = method->entry.order;
+  return p > 2 ? p * p / (16 * omega) : 0;
 }
 
 /* Under error control steps end at impacts, but where paths lead behind planes by so little that
@@ -369,7 +369,7 @@ msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_erro
   substeps j = {.method = method, .s = s, .e = e, .h = s->h, .warm = s->warm};
   e->jump = s->one_part ? s->x_tolerance : INFINITY;
   j.bounds = ms_bounds_of(s->model);
-  j.may_cut = may_cut(&j);
+  j.may_cut = j.h <= ms_locate_longest(method, j.bounds.omega);
   const msim_status status = make_parts(&j, err);
   if (status) return status;
   if (j.cuts || (e->ncontacts && !method->entry.implicit)) s->warm_next = 0;

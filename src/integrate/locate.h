@@ -22,4 +22,8 @@ enum { MS_FEW_CUTS = 8, MS_MAX_CUTS = 64 };
  * method carried over is gone, also where the step failed. */
 msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_error *err);
 
+/* The longest step that is cut at impacts, so that the method keeps its order p; of methods with p
+ * = 2 none is. omega: a bound on frequencies (1/s) */
+double ms_locate_longest(const ms_integrator *method, double omega);
+
 #endif

@@ -208,8 +208,10 @@ static msim_status fly(ms_probe *p, msim_sim *sim, int64_t steps, double *x, dou
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
-/* To within one part of the first impact; three quarters of the run are enough to wait for it. */
-static msim_status fly_to_impact(ms_probe *p, msim_sim *sim, int64_t part, msim_error *err) {
+/* To within a 64th of the run from the first impact, as free flight before it tells nothing; three
+ * quarters of the run are enough to wait for it. */
+static msim_status fly_to_impact(ms_probe *p, msim_sim *sim, double h, msim_error *err) {
+  const int64_t part = (int64_t)fmax(1, round(p->span / h / 64));
   msim_status status = MSIM_OK;
   while (!status && !p->met && p->flown < 0.75 * p->span) {
     keep(p, sim, p->x, p->v);
@@ -249,7 +251,7 @@ static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
   }
   p->flown = 0, p->met = 0;
   status = go_to(p, &pilot, h, p->x0, p->v0, &sim, err);
-  if (!status) status = fly_to_impact(p, sim, part, err);
+  if (!status) status = fly_to_impact(p, sim, h, err);
   p->price += ms_probe_work(sim);
   return status;
 }

@@ -2,8 +2,8 @@
  * are worth there
  *
  * Velocity Verlet flies through the first eighth of the run. Where it meets no plane there, planes
- * do not count until one is close (verify.h). Else it flies again, to a sixteenth of the run before
- * the first impact. From there methods are tried: some steps of h beside twice as many of h/2 tell
+ * do not count until one is close (verify.h). Else it flies again, to a 64th of the run before the
+ * first impact. From there methods are tried: some steps of h beside twice as many of h/2 tell
  * the error of h by Richardson, taken to grow linearly over the run. A start at rest says little:
  * by how much motion has grown wilder in the second half of the flight, it is expected to grow once
  * more, and twice where nothing damps it. What is worse is found by verification. */

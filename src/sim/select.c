@@ -5,6 +5,7 @@
 #include <stdio.h>
 
 #include "integrate/cut.h"
+#include "integrate/locate.h"
 #include "integrate/methods.h"
 #include "linear/predict.h"
 #include "sim/drive.h"
@@ -75,6 +76,12 @@ static double longest(const ms_probe *p, const ms_integrator *method) {
   return fmin(ms_probe_reach(p, method), p->span / 10);
 }
 
+/* Located impacts are of order 2 in longer steps: no trial of a shorter one tells their error. */
+static double longest_to_locate(const ms_probe *p, const ms_integrator *method) {
+  const double limit = ms_locate_longest(method, p->bounds.omega);
+  return limit > 0 ? fmin(longest(p, method), limit) : longest(p, method);
+}
+
 /* Of steps of h */
 static void settle(const ms_probe *p, int i, ms_candidate *c) {
   if (c->method->stages) c->price = c->method->stages(c->h, ms_bounds_of(ms_probe_model(p)));
@@ -100,7 +107,7 @@ static void enter(const ms_probe *p, int i, ms_candidate *c) {
                       .cost = INFINITY,
                       .why = why_not(p, i)};
   if (c->price == 0 || c->why) return;
-  c->h = longest(p, c->method);
+  c->h = located && !controlled ? longest_to_locate(p, c->method) : longest(p, c->method);
   settle(p, i, c);
 }
 
@@ -174,7 +181,7 @@ static msim_status run_to(ms_probe *p, msim_sim *trial, double t, double most, m
 /* dop853 by its own steps, over the third quarter of the flight; not beyond what the best so far
  * costs there. Its evaluations are worth more, as in the list. */
 static msim_status try_controlled(ms_probe *p, double least, ms_candidate *c, msim_error *err) {
-  const double SUMS = 19. / 12, t = p->flown / 4;
+  const double SUMS = 19. / 12, t = fmax(p->flown, p->span / 16) / 4;
   msim_sim *trial;
   int arrived = 0;
   msim_status status = make_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
@@ -342,14 +349,18 @@ static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verificat
   v->away = p->sim->scene->nplanes > 0 && !p->near;
   const int reflects = c->collision == MSIM_COLLISION_REFLECT; /* of order 1 */
   if (c->controlled || !ms_has_control(c->method)) return MSIM_OK;
-  if (p->near && (reflects || p->many)) return MSIM_OK;
+  if (p->near && reflects) return MSIM_OK;
+  v->only_events = p->near && p->many;
+  if (v->only_events) v->allowed = p->tol / MS_EVENTS;
+  if (v->only_events) return MSIM_OK;
   const ms_trial trial = trial_of(p, c);
   msim_status status = ms_probe_measure_steps(p, &trial, c->h, n, s, err);
   if (status) return status;
   const double share = p->tol * c->h / p->span;
   const double foreseen = fmax(c->error / p->growth, DBL_MIN);
   const double even = usual_error(s, n, event) * p->tol / foreseen;
-  v->allowed = fmin(fmax(event, SOME * even), fmax(share, CARE * even));
+  const double most = p->near ? event : fmax(event, SOME * even);
+  v->allowed = fmin(most, fmax(share, CARE * even));
   for (int i = 0; i < n; i++)
     for (int k = 0; k < 2 && s[i].error <= v->allowed; k++)
       v->sign[k] = fmax(v->sign[k], s[i].sign[k]);

@@ -110,11 +110,13 @@ msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measure
 
 enum { LARGE = 64 }; /* particles of an island: one event counts little there */
 
-/* In the step just made: impacts, or particles that stop, slip or turn, on paths of their own */
-static int has_events(const ms_motion *m, int64_t contacts) {
+/* Is the step just made to be verified for its events? Particles that bounce, or stop, slip or turn
+ * on paths of their own that may be too inaccurate */
+static int has_events(const msim_sim *sim, ms_motion *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
-  if (!s->events || m->model.shape.n >= LARGE) return 0;
-  return s->stats->contacts > contacts || s->path_error > 0;
+  if (!s->events) return 0;
+  const int bounces = s->stats->contacts > contacts && m->model.shape.n < LARGE;
+  return bounces || ms_drive_path_error(sim, m) > 1;
 }
 
 /* In a large island D costs as much as a quarter of an evaluation, the angles as three. In a small
@@ -177,69 +179,105 @@ static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, d
   }
   s->stats->contacts = contacts;
   s->stats->rejected_steps++;
-  return c->h < 1e-13 * c->span
+  return c->h < 1e-16 * c->span
              ? ms_fail(err, MSIM_NOT_CONVERGED, "even a step of %.3g s has too large an error", h)
              : MSIM_OK;
 }
 
+/* A step that moves s->x itself goes back there when it is complete. */
+static void keep_start(ms_motion *m) {
+  ms_copy(m->model.shape, m->stepper.x, m->check.x);
+  ms_copy(m->model.shape, m->stepper.v, m->check.v);
+}
+
+static void go_back(ms_motion *m) {
+  ms_stepper *s = &m->stepper;
+  ms_copy(m->model.shape, m->check.x, s->x);
+  ms_copy(m->model.shape, m->check.v, s->v);
+  if (s->events) s->events->moved = 0;
+  s->warm = 0;
+}
+
+/* Parts make the most of what they may add, so that it is less than that of steps, whose errors are
+ * mostly smaller; no less than under tol. */
+static ms_control control_of(const msim_sim *sim, double step, double h) {
+  const double LESS = 1. / 16, tol = sim->selection.tol, span = ms_plan_span(&sim->plan);
+  const double most = LESS * sim->selection.verification.allowed * span / step;
+  ms_control c = ms_control_of(sim->integrator, fmax(tol, most), span);
+  c.h = h;
+  return c;
+}
+
 /* The step under error control, which begins with parts of check->h, and goes on with them in the
  * next step where they are shorter than that. */
-static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, double allowed,
-                                 msim_error *err) {
+static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
-  const ms_shape shape = m->model.shape;
   const double h = s->h;
   double left = h;
-  ms_control c = ms_control_of(sim->integrator, allowed, h);
-  c.h = m->check.h;
-  ms_copy(shape, s->x, m->check.x);
-  ms_copy(shape, s->v, m->check.v);
+  ms_control c = control_of(sim, h, m->check.h);
   s->warm = 0;
   msim_status status = MSIM_OK;
   while (!status && left > 0) status = make_part(sim, m, &c, &left, err);
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
-  ms_copy(shape, m->check.x, s->x);
-  ms_copy(shape, m->check.v, s->v);
-  if (s->events) s->events->moved = 0;
-  s->warm_next = s->warm, s->warm = 0;
-  s->h = h, s->parts = 1;
+  s->warm_next = 0; /* control holds contacts in other ways than methods that replay impacts */
   m->check.h = c.h < h ? c.h : 0;
   return status;
 }
 
 /* Parts that would be accurate enough in place of a step whose error is known, or infinite */
-static double length_of_parts(const msim_sim *sim, double h, double error, double allowed) {
-  ms_control c = ms_control_of(sim->integrator, allowed, h);
-  ms_control_accepts(&c, h, error / allowed);
+static double length_of_parts(const msim_sim *sim, double h, double error) {
+  ms_control c = control_of(sim, h, h);
+  ms_control_accepts(&c, h, error / ms_control_allowed(&c, h));
   return c.h;
 }
 
-msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
-  enum { EVENTS = 16 }; /* in a run: as many share tol */
+/* *moved: the start of the whole step is kept, and s->x is elsewhere */
+static msim_status verify(const msim_sim *sim, ms_motion *m, int *moved, msim_error *err) {
   ms_stepper *s = &m->stepper;
   ms_check *check = &m->check;
   const int64_t contacts = s->stats->contacts;
   const double usual = sim->selection.verification.allowed;
   double error = INFINITY, sign[2] = {0};
-  if (check->h > 0) return make_in_parts(sim, m, usual, err);
-  msim_status status = ms_drive_parts(sim, s, 1, err);
+  msim_status status = MSIM_OK;
+  if (check->h > 0 && !*moved) keep_start(m), *moved = 1;
+  if (check->h > 0) return make_in_parts(sim, m, err);
+  status = ms_drive_parts(sim, s, 1, err);
   if (status && !ms_drive_may_help(status)) return status;
-  const int has_event = !status && has_events(m, contacts);
-  const double allowed = has_event ? fmax(usual, sim->selection.tol / EVENTS) : usual;
+  const int has_event = !status && has_events(sim, m, contacts);
+  const double allowed = has_event ? fmax(usual, sim->selection.tol / MS_EVENTS) : usual;
   const double better = has_event ? 1 : ldexp(1, sim->integrator->entry.order) - 1;
-  if (!status && !has_event && !is_due(sim, m, sign)) return MSIM_OK;
+  const int only_events = sim->selection.verification.only_events;
+  if (!status && !has_event && (only_events || !is_due(sim, m, sign))) return MSIM_OK;
   if (!status) status = halve(sim, s, &sim->selection.verification.scales, contacts, &error, err);
   error = status ? INFINITY : sqrt(error);
   check->all = !(error <= allowed);
   if (!(error <= better * allowed)) {
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
-    check->h = length_of_parts(sim, s->h, error, allowed);
-    return make_in_parts(sim, m, allowed, err);
+    check->h = length_of_parts(sim, s->h, error);
+    if (!*moved) keep_start(m), *moved = 1;
+    return make_in_parts(sim, m, err);
   }
   for (int i = 0; i < 2; i++) check->sign[i] = fmax(check->sign[i], sign[i]);
   return MSIM_OK;
+}
+
+msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
+  const int64_t n = sim->selection.parts;
+  ms_stepper *s = &m->stepper;
+  const double h = s->h;
+  int moved = 0;
+  msim_status status = MSIM_OK;
+  for (int64_t i = 0; i < n && !status; i++) {
+    if (i > 0 && !moved) keep_start(m), moved = 1;
+    if (i > 0) go_on(s);
+    s->h = h / (double)n;
+    status = verify(sim, m, &moved, err);
+  }
+  s->h = h, s->parts = n;
+  if (moved) go_back(m);
+  return status;
 }
 
 /*------------------------------------- planes ---------------------------------------------------*/
@@ -339,10 +377,12 @@ void ms_verification_history(ms_bytes *b, ms_verification *v) {
     ms_bytes_check(b, isfinite(*numbers[i]), "the verification of steps");
   }
   MS_BYTES_PASS(b, v->warned);
+  MS_BYTES_PASS(b, v->only_events);
   MS_BYTES_PASS(b, v->away);
   ms_bytes_pass_count(b, &v->due);
-  ms_bytes_check(b, v->allowed >= 0 && (v->away | 1) == 1 && (v->warned | 1) == 1,
-                 "the verification of steps");
+  ms_bytes_check(
+      b, v->allowed >= 0 && (v->away | 1) == 1 && (v->warned | 1) == 1 && (v->only_events | 1) == 1,
+      "the verification of steps");
 }
 
 void ms_check_history(ms_bytes *b, ms_check *check) {

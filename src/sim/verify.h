@@ -37,6 +37,8 @@
 
 enum { MS_VERIFY_INTERVAL = 80 };
 
+enum { MS_EVENTS = 16 }; /* in a run: as many share tol */
+
 /* A step */
 typedef struct ms_measured {
   double error;   /* by which two halves differ from it, in the norm of errors */
@@ -55,6 +57,7 @@ typedef struct ms_check {
 typedef struct ms_verification {
   ms_scales scales; /* of the scene */
   double allowed;   /* error of a step; 0: steps are not verified */
+  int only_events;  /* steps are verified for their events alone */
   double sign[2];   /* of steps at the choice */
   double energy;    /* J, where the method began */
   int warned;       /* of energy */
