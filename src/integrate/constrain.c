@@ -180,7 +180,7 @@ static int is_settled(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     const ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch *on = c ? &c->on : &none;
-    if (find_entered(j, r, on).n > on->n || (c && ms_contact_changes(c))) return 0;
+    if (find_entered(j, r, on).n > on->n || (c && c->change <= 1)) return 0;
   }
   return 1;
 }

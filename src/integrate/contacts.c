@@ -147,13 +147,12 @@ static void scale_to_one(double u[3]) {
 }
 
 /* What friction adds to a where the planes press by pull = sum of mu N/m. v NULL: it slides on as
- * at the start, or, where friction is given, without, as the matrix has it. Bounces rub as in the
- * mean (path.h). Friction that turns too fast for the stages of an explicit method keeps its
- * direction. That of an implicit one must not stop v within its step: it is constant then, too. */
+ * at the start, or, where friction is given, without, as the matrix has it. Friction that turns too
+ * fast for the stages of an explicit method keeps its direction. That of an implicit one must not
+ * stop v within its step: it is constant then, too. */
 static void friction_of(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
                         double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
-  const double mean = c->bounces ? (1 + c->on.plane[0]->restitution) / 2 : 1;
   double way[3] = {c->slide[0], c->slide[1], c->slide[2]}, now[3] = {0};
   if (v) memcpy(now, v, sizeof now);
   ms_keep_along(&c->on, now, NULL);
@@ -166,7 +165,7 @@ static void friction_of(const ms_stepper *s, const ms_contact *c, const double *
     /* a stage that has passed the stop is to go on straight: the stop is found by that */
     if (!turns && ms_dot3(now, c->slide) > 0) memcpy(way, now, sizeof way);
     scale_to_one(way);
-    ms_axpy3(-mean * pull, way, f);
+    ms_axpy3(-pull, way, f);
   }
 }
 
@@ -184,12 +183,6 @@ double ms_contact_reaction(const ms_contact *c, const double a[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
   ms_keep_along(&c->on, along, &least);
   return least;
-}
-
-double ms_contact_grip(const ms_contact *c, const double a[3]) {
-  double along[3] = {a[0], a[1], a[2]};
-  const double pull = ms_keep_along(&c->on, along, NULL);
-  return pull - ms_norm3(along);
 }
 
 /* Whether it sticks or slides, and where. Where nothing rubs, nothing sticks but what nothing
