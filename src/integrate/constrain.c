@@ -1,7 +1,7 @@
 #include "integrate/constrain.h"
 
 #include <math.h>
-#include <string.h>
+#include <stdlib.h>
 
 #include "base/vec3.h"
 #include "integrate/methods.h"
@@ -63,6 +63,11 @@ static ms_touch find_entered(const constraint *j, int32_t row, const ms_touch *o
   return entered;
 }
 
+static int compare_rows(const void *a, const void *b) {
+  const ms_contact *first = a, *second = b;
+  return (first->row > second->row) - (first->row < second->row);
+}
+
 /* Rows that end behind planes become contacts, in the order of rows; how many. */
 static int32_t let_in(constraint *j) {
   ms_events *e = j->e;
@@ -71,25 +76,17 @@ static int32_t let_in(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch on = find_entered(j, r, c ? &c->on : &none);
-    if (!c && on.n) e->followed[nnew++] = r;
-    if (!c || on.n == c->on.n) continue;
-    c->on = on;
+    if (on.n == (c ? c->on.n : 0)) continue;
     changed++;
-  }
-  for (int32_t from = e->ncontacts - 1, to = from + nnew, k = nnew - 1; k >= 0; to--) {
-    if (from >= 0 && e->contact[from].row > e->followed[k]) {
-      e->contact[to] = e->contact[from--];
-      continue;
-    }
-    e->contact[to] = (ms_contact){.row = e->followed[k],
-                                  .on = find_entered(j, e->followed[k], &none),
-                                  .is_given = 1,
-                                  .enters = 1};
-    k--;
+    if (c) c->on = on;
+    else
+      e->contact[e->ncontacts + nnew++] =
+          (ms_contact){.row = r, .on = on, .is_given = 1, .enters = 1};
   }
   e->ncontacts += nnew;
+  qsort(e->contact, (size_t)e->ncontacts, sizeof *e->contact, compare_rows);
   j->s->stats->contacts += nnew;
-  return nnew + changed;
+  return changed;
 }
 
 /* Contacts on which a plane would pull leave; how many. */
