@@ -240,9 +240,7 @@ static int settle(ms_stepper *s, ms_contact *c) {
   if (c->fixed || ms_norm3(v) <= noise) memset(v, 0, sizeof v);
   ms_axpy3(-1, v, before);
   if (ms_norm3(before) > noise || (ms_norm3(v) == 0 && ms_norm3(before) > 0)) {
-    const int known = s->events->known; /* so small a change of v is none to the forces */
     ms_contacts_own(s);
-    s->events->known = known;
     ms_row_put(rows, v, c->row, s->v);
   }
   find_slide(c, v, a);
