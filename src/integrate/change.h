@@ -4,7 +4,7 @@
 
 #include "integrate/contacts.h"
 
-/* Sets c->change and c->turns by the part just made, from s->x, s->v with the free accelerations a
+/* Sets c->change by the part just made, from s->x, s->v with the free accelerations a
  * and a_end. */
 void ms_contact_judge(const ms_stepper *s, ms_contact *c);
 

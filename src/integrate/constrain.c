@@ -1,7 +1,7 @@
 #include "integrate/constrain.h"
 
 #include <math.h>
-#include <string.h>
+#include <stdlib.h>
 
 #include "base/vec3.h"
 #include "integrate/methods.h"
@@ -37,11 +37,9 @@ static void give_velocity(constraint *j, ms_contact *c) {
   }
   ms_meet(&c->on, to, v, J);
   ms_row_put(rows, v, c->row, s->v);
-  c->jump = 0, c->least_jump = INFINITY;
-  for (int i = 0; i < c->on.n && i < MS_MOST_HOLDING; i++) {
+  c->jump = 0;
+  for (int i = 0; i < c->on.n && i < MS_MOST_HOLDING; i++)
     c->jump += c->on.plane[i]->friction * J[i] / s->h;
-    c->least_jump = fmin(c->least_jump, J[i] / s->h);
-  }
 }
 
 static void give_velocities(constraint *j) {
@@ -65,6 +63,11 @@ static ms_touch find_entered(const constraint *j, int32_t row, const ms_touch *o
   return entered;
 }
 
+static int compare_rows(const void *a, const void *b) {
+  const ms_contact *first = a, *second = b;
+  return (first->row > second->row) - (first->row < second->row);
+}
+
 /* Rows that end behind planes become contacts, in the order of rows; how many. */
 static int32_t let_in(constraint *j) {
   ms_events *e = j->e;
@@ -73,25 +76,17 @@ static int32_t let_in(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch on = find_entered(j, r, c ? &c->on : &none);
-    if (!c && on.n) e->followed[nnew++] = r;
-    if (!c || on.n == c->on.n) continue;
-    c->on = on;
+    if (on.n == (c ? c->on.n : 0)) continue;
     changed++;
-  }
-  for (int32_t from = e->ncontacts - 1, to = from + nnew, k = nnew - 1; k >= 0; to--) {
-    if (from >= 0 && e->contact[from].row > e->followed[k]) {
-      e->contact[to] = e->contact[from--];
-      continue;
-    }
-    e->contact[to] = (ms_contact){.row = e->followed[k],
-                                  .on = find_entered(j, e->followed[k], &none),
-                                  .is_given = 1,
-                                  .enters = 1};
-    k--;
+    if (c) c->on = on;
+    else
+      e->contact[e->ncontacts + nnew++] =
+          (ms_contact){.row = r, .on = on, .is_given = 1, .enters = 1};
   }
   e->ncontacts += nnew;
+  qsort(e->contact, (size_t)e->ncontacts, sizeof *e->contact, compare_rows);
   j->s->stats->contacts += nnew;
-  return nnew + changed;
+  return changed;
 }
 
 /* Contacts on which a plane would pull leave; how many. */
@@ -102,8 +97,7 @@ static int32_t let_go(constraint *j) {
     ms_contact c = e->contact[i];
     double a[3];
     ms_row_get(&j->s->model->rows, e->a_end, c.row, a);
-    const double push = ms_contact_reaction(&c, a) + c.least_jump;
-    if (push < -MS_PRESS * ms_norm3(a) && c.on.n == 1) continue;
+    if (c.on.n == 1 && ms_contact_reaction(&c, a) < -MS_PRESS * ms_norm3(a)) continue;
     e->contact[kept++] = c;
   }
   const int32_t gone = e->ncontacts - kept;
@@ -180,7 +174,7 @@ static int is_settled(constraint *j) {
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     const ms_contact *c = ms_contact_of(e, r, &next);
     const ms_touch *on = c ? &c->on : &none;
-    if (find_entered(j, r, on).n > on->n || (c && ms_contact_changes(c))) return 0;
+    if (find_entered(j, r, on).n > on->n || (c && c->change <= 1)) return 0;
   }
   return 1;
 }

@@ -20,14 +20,22 @@ static double find_reach(const ms_model *model) {
   return reach;
 }
 
+enum { MS_EVENT_VECTORS = 8 };
+
+static void list_vectors(ms_events *e, double **vectors[MS_EVENT_VECTORS]) {
+  double **all[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
+                    &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
+  memcpy(vectors, all, sizeof all);
+}
+
 msim_status ms_events_create(const ms_model *model, ms_events **events, msim_error *err) {
   const ms_scene *scene = model->scene;
   ms_events *e = *events = ms_new(&scene->alloc, 1, sizeof *e);
   if (!e) return ms_fail_memory(err, "the impacts");
   e->reach = find_reach(model);
-  double **vectors[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
-                        &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
+  double **vectors[MS_EVENT_VECTORS];
+  list_vectors(e, vectors);
+  for (int i = 0; i < MS_EVENT_VECTORS; i++) {
     *vectors[i] = ms_rows_vector(scene, &model->rows);
     if (!*vectors[i]) return ms_fail_memory(err, "the impacts");
   }
@@ -59,19 +67,10 @@ ms_path ms_contacts_path(const ms_stepper *s, int32_t row, const double *b0, con
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x,
-                    e->v,
-                    e->a,
-                    e->a_end,
-                    e->stage[0],
-                    e->stage[1],
-                    e->begin[0],
-                    e->begin[1],
-                    e->contact,
-                    e->hold,
-                    e->followed,
-                    e->parts,
-                    e};
+  double **vectors[MS_EVENT_VECTORS];
+  list_vectors(e, vectors);
+  for (int i = 0; i < MS_EVENT_VECTORS; i++) ms_delete(alloc, *vectors[i]);
+  void *arrays[] = {e->contact, e->hold, e->followed, e->parts, e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
 }
 
@@ -147,13 +146,12 @@ static void scale_to_one(double u[3]) {
 }
 
 /* What friction adds to a where the planes press by pull = sum of mu N/m. v NULL: it slides on as
- * at the start, or, where friction is given, without, as the matrix has it. Bounces rub as in the
- * mean (path.h). Friction that turns too fast for the stages of an explicit method keeps its
- * direction. That of an implicit one must not stop v within its step: it is constant then, too. */
+ * at the start, or, where friction is given, without, as the matrix has it. Friction that turns too
+ * fast for the stages of an explicit method keeps its direction. That of an implicit one must not
+ * stop v within its step: it is constant then, too. */
 static void friction_of(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
                         double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
-  const double mean = c->bounces ? (1 + c->on.plane[0]->restitution) / 2 : 1;
   double way[3] = {c->slide[0], c->slide[1], c->slide[2]}, now[3] = {0};
   if (v) memcpy(now, v, sizeof now);
   ms_keep_along(&c->on, now, NULL);
@@ -166,7 +164,7 @@ static void friction_of(const ms_stepper *s, const ms_contact *c, const double *
     /* a stage that has passed the stop is to go on straight: the stop is found by that */
     if (!turns && ms_dot3(now, c->slide) > 0) memcpy(way, now, sizeof way);
     scale_to_one(way);
-    ms_axpy3(-mean * pull, way, f);
+    ms_axpy3(-pull, way, f);
   }
 }
 
@@ -184,12 +182,6 @@ double ms_contact_reaction(const ms_contact *c, const double a[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
   ms_keep_along(&c->on, along, &least);
   return least;
-}
-
-double ms_contact_grip(const ms_contact *c, const double a[3]) {
-  double along[3] = {a[0], a[1], a[2]};
-  const double pull = ms_keep_along(&c->on, along, NULL);
-  return pull - ms_norm3(along);
 }
 
 /* Whether it sticks or slides, and where. Where nothing rubs, nothing sticks but what nothing
@@ -248,9 +240,7 @@ static int settle(ms_stepper *s, ms_contact *c) {
   if (c->fixed || ms_norm3(v) <= noise) memset(v, 0, sizeof v);
   ms_axpy3(-1, v, before);
   if (ms_norm3(before) > noise || (ms_norm3(v) == 0 && ms_norm3(before) > 0)) {
-    const int known = s->events->known; /* so small a change of v is none to the forces */
     ms_contacts_own(s);
-    s->events->known = known;
     ms_row_put(rows, v, c->row, s->v);
   }
   find_slide(c, v, a);

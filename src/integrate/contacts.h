@@ -30,18 +30,17 @@ typedef struct ms_contact {
   double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
   double rub[3];   /* what friction adds to a at the start of the part, where it slides */
   double stop;     /* s: in that time it would stop v; it may turn as fast */
-  double change;   /* the share of the part after which it is lifted, slips or stops; MS_NOWHERE */
-  int turns; /* its direction changes by more than 45 degrees in the part, or is stiff there */
+  double change;   /* the share of the part after which it is lifted, slips or stops, or half of a
+                      part in which it turns; MS_NOWHERE: nothing of that */
 
   /* where normal velocities and friction are given, in constrain.h: */
   int is_given;
-  int enters;        /* it was not in contact at the start */
-  int leaves;        /* it bounces */
-  int slipped;       /* it stuck in an earlier solve */
-  double friction;   /* sum of mu N/m, m/s^2 */
-  double lag;        /* m/s: friction pulls by friction v/lag */
-  double jump;       /* sum of mu J/(m h) of the impulses J that gave it its normal velocity */
-  double least_jump; /* the smallest J/(m h) */
+  int enters;      /* it was not in contact at the start */
+  int leaves;      /* it bounces */
+  int slipped;     /* it stuck in an earlier solve */
+  double friction; /* sum of mu N/m, m/s^2 */
+  double lag;      /* m/s: friction pulls by friction v/lag */
+  double jump;     /* sum of mu J/(m h) of the impulses J that gave it its normal velocity */
 } ms_contact;
 
 /* What a stepper has under collision = event: the part of the step that is being made starts from
@@ -67,8 +66,6 @@ typedef struct ms_events {
   uint64_t held;      /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
   uint64_t held_next; /* the same of the step just made */
 } ms_events;
-
-static inline int ms_contact_changes(const ms_contact *c) { return c->change <= 1 || c->turns; }
 
 /* The contact of a row, or NULL. Rows are asked for in ascending order; *next: 0 at first. */
 static inline ms_contact *ms_contact_of(const ms_events *e, int32_t row, int32_t *next) {
@@ -124,9 +121,7 @@ void ms_contacts_push(const ms_stepper *s, const ms_pass *pass);
  * whether contacts change in the part that ends there. */
 void ms_contacts_finish(ms_stepper *s);
 
-/* With a the acceleration of a contact as if nothing rested: the least force of its planes; how
- * much more they could pull before what sticks slips. */
+/* The least force of its planes, with a the acceleration of a contact as if nothing rested */
 double ms_contact_reaction(const ms_contact *c, const double a[3]);
-double ms_contact_grip(const ms_contact *c, const double a[3]);
 
 #endif

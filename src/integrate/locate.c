@@ -58,7 +58,7 @@ static void note_error(const substeps *j, int32_t row, const ms_path *p) {
  * knows no forces of velocities, as friction is one. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int rubs = c->rubs && !c->sticks && j->method->separable;
-  return c->bounces || rubs || ms_contact_changes(c);
+  return c->bounces || rubs || c->change <= 1;
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
@@ -227,23 +227,18 @@ static void go_on(substeps *j) {
   if (j->ends_known) ms_contacts_know(j->e);
 }
 
-/* x and v after a share of the part: of the dense output, or of Hermite's cubics. */
-static void go_along(const substeps *j, int32_t row, double share, ms_path *p) {
-  ms_stepper *s = j->s;
+/* x and v after a share of the part, v by the cubic of v and a at both ends */
+static void go_along(substeps *j, int32_t row, double share, ms_path *p) {
+  const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
-  double x1[3], v1[3], *x = p->x, *v = p->v;
-  ms_row_get(rows, s->x_next, row, x1);
+  double v1[3];
   ms_row_get(rows, s->v_next, row, v1);
-  for (int c = 0; c < rows->dims; c++) {
+  for (int32_t c = 0; c < rows->dims; c++) {
     const int k = rows->axis[c];
-    ms_bernstein of_x = ms_bernstein_cubic(x[k], s->h * v[k], x1[k], s->h * v1[k]);
-    const ms_bernstein of_v = ms_bernstein_cubic(v[k], s->h * p->b0[k], v1[k], s->h * p->b1[k]);
-    v[k] = ms_bernstein_at(&of_v, share);
-    if (j->method->path) {
-      j->method->path(s, (size_t)c * (size_t)rows->stride + (size_t)row, &of_x);
-      v[k] = ms_bernstein_slope(&of_x, share) / s->h;
-    }
-    x[k] = ms_bernstein_at(&of_x, share);
+    const ms_bernstein x = component_of(j, row, c);
+    const ms_bernstein v = ms_bernstein_cubic(p->v[k], s->h * p->b0[k], v1[k], s->h * p->b1[k]);
+    p->x[k] = ms_bernstein_at(&x, share);
+    p->v[k] = ms_bernstein_at(&v, share);
   }
 }
 
@@ -301,14 +296,10 @@ static int is_done(substeps *j) {
   return 1;
 }
 
-/* The first of all contacts that changes; what turns does so all through the part. */
+/* The first of all contacts that changes */
 static double find_first_change(const substeps *j) {
   double first = MS_NOWHERE;
-  for (int32_t i = 0; i < j->e->ncontacts; i++) {
-    const ms_contact *c = &j->e->contact[i];
-    first = fmin(first, c->change);
-    if (c->turns) first = fmin(first, 0.5);
-  }
+  for (int32_t i = 0; i < j->e->ncontacts; i++) first = fmin(first, j->e->contact[i].change);
   return first;
 }
 

@@ -26,7 +26,6 @@ ms_bernstein ms_bernstein_quintic(double s0, double slope0, double bend0, double
 void ms_bernstein_elevate(ms_bernstein *s);
 
 double ms_bernstein_at(const ms_bernstein *s, double q);
-double ms_bernstein_slope(const ms_bernstein *s, double q); /* ds/dq */
 
 /* The least coefficient: no value in [0, 1] is less. */
 double ms_bernstein_least(const ms_bernstein *s);
