@@ -15,6 +15,11 @@
  * far as the residual drops. Each d is solved for as well as the residual has dropped (Eisenstat
  * and Walker 1996).
  *
+ * Where dampers keep the lengths of springs, more than springs do, the exact and whole matrix makes
+ * each d, which is followed whatever becomes of the residual, as far as no spring turns by more
+ * than a quarter: a plate that turns by 80 degrees in a step takes 34 iterations so, and more than
+ * 1000 where each had to reduce the residual.
+ *
  * Cloth that buckles has many solutions v, the minima of E, of nearly the same energy. Which one is
  * found depends on rounding and tolerances; newton.rtol is the error with respect to that one. */
 #ifndef MS_NEWTON_H

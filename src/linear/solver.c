@@ -81,12 +81,13 @@ static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   return take(s, &choice, err);
 }
 
-/* Where the solver is msim's own to choose, BiCGStab beside it. */
-static msim_status set_up_bicgstab(ms_solver *s, msim_error *err) {
+/* Where the solver is msim's own to choose, another for the matrix with all its parts beside it. */
+static msim_status set_up_unsymmetric(ms_solver *s, msim_error *err) {
   const ms_model *model = s->system.model;
   if (!ms_solver_is_chosen(s) || s->linear->exact || s->linear->unsymmetric) return MSIM_OK;
   if (s->system.a.block == 1 || !(model->passes & MSIM_SKIP_DAMPING)) return MSIM_OK;
-  return ms_bicgstab_create(model, &s->bicgstab, err);
+  const msim_status status = ms_elimination_create(model, &s->elimination, err);
+  return status ? status : ms_bicgstab_create(model, &s->bicgstab, err);
 }
 
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
@@ -100,7 +101,7 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
   s->stats = stats;
   s->planned = h;
   msim_status status = set_up(s, h, err);
-  if (!status && nonlinear) status = set_up_bicgstab(s, err);
+  if (!status && nonlinear) status = set_up_unsymmetric(s, err);
   if (status) ms_solver_destroy(s);
   else *solver = s;
   return status;
@@ -114,6 +115,7 @@ void ms_solver_destroy(ms_solver *s) {
   origin_destroy(s, &s->by_coarse);
   ms_coefficients_destroy(model, &s->system.a);
   ms_free_components_destroy(model, &s->components);
+  ms_elimination_destroy(model, &s->elimination);
   ms_bicgstab_destroy(model, &s->bicgstab);
   double *work[] = {s->b, s->guess, s->residual, s->correction, s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) ms_delete(&model->scene->alloc, work[i]);
@@ -409,13 +411,17 @@ static msim_status factor_symmetric_part(ms_solver *s, msim_error *err) {
   return status;
 }
 
-/* With what dampers add as they turn: by a solver that was made for it, or by BiCGStab. */
-static msim_status solve_unsymmetric(ms_solver *s, const double *b, double *v, msim_error *err) {
+/* With what dampers add as they turn: by a solver made for it, by elimination, or by BiCGStab. */
+static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, double *v,
+                                     msim_error *err) {
   if (s->linear->unsymmetric) return factor_and_solve(s, MSIM_FACTOR_UNSYMMETRIC, b, v, err);
-  msim_status status = factor_symmetric_part(s, err);
+  const int eliminates = direct && s->elimination.a;
+  msim_status status = eliminates ? MSIM_OK : factor_symmetric_part(s, err);
   if (status) return status;
   const double start = ms_clock();
-  status = ms_bicgstab_solve(&s->bicgstab, s->linear, &s->target, b, v, &s->stats->iterations);
+  int64_t *count = &s->stats->iterations;
+  if (eliminates) status = ms_elimination_solve(&s->elimination, &s->system, b, v);
+  else status = ms_bicgstab_solve(&s->bicgstab, s->linear, &s->target, b, v, count);
   s->linear->met = 0; /* it says nothing of this answer */
   if (!status && !is_good(s, b, v)) status = MSIM_NOT_CONVERGED;
   s->stats->solve_s += ms_clock() - start;
@@ -427,7 +433,7 @@ static msim_status solve_variable(ms_solver *s, const ms_request *r, const doubl
   msim_status status = assemble(s, r, r->clamp);
   if (!status) status = form_right_hand_side(s, r, &b);
   if (status) return status;
-  if (r->v) return solve_unsymmetric(s, b, v, err);
+  if (r->v) return solve_unsymmetric(s, r->direct, b, v, err);
   status = try_kept(s, b, v);
   if (!status || status == MSIM_NOT_SPD) return status;
   const int64_t before = s->stats->iterations, made = s->linear->coarse_factors;

@@ -5,6 +5,7 @@
 
 #include "base/bytes.h"
 #include "linear/bicgstab.h"
+#include "linear/elimination.h"
 #include "linear/kept.h"
 #include "linear/momentum.h"
 
@@ -39,8 +40,9 @@ typedef struct ms_solver {
   ms_origin by_coarse; /* of the coarse factor */
   msim_stats *stats;
   ms_free_components components;
-  ms_bicgstab bicgstab; /* for pcg and `auto`, where springs are damped; else empty */
-  double *b;            /* the right-hand side of a request with a base */
+  ms_bicgstab bicgstab;       /* for pcg and `auto`, where springs are damped; else empty */
+  ms_elimination elimination; /* the same, where there are few unknowns */
+  double *b;                  /* the right-hand side of a request with a base */
   double *guess, *residual, *correction, *magnitude; /* work vectors */
   double reached;   /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
   int32_t culprit;  /* the row to blame for the last status != MSIM_OK; -1: none in particular */
@@ -59,6 +61,7 @@ typedef struct ms_request {
   const double *x; /* A(x, h) */
   double h;
   const double *v; /* A(x, v, h), with what the turning of dashpots adds; NULL: without */
+  int direct;      /* with v: by elimination in place of BiCGStab, where there are few unknowns */
   ms_hold *hold;   /* nholds rows that are held */
   int32_t nholds;
   int clamp;          /* the clamped matrix: positive definite always */
@@ -88,7 +91,7 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const 
                             double *v, msim_error *err);
 
 /* 1: requests may have a v, as springs are damped and there is a solver for such matrices: the one
- * chosen, or BiCGStab preconditioned by it. */
+ * chosen, BiCGStab preconditioned by it, or elimination. */
 int ms_solver_takes_turning(const ms_solver *solver);
 
 /* v downhill, b.v > 0, to the residual r->rtol: conjugate gradients on A(x, h) from 0, as

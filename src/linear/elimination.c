@@ -1,0 +1,83 @@
+#include "linear/elimination.h"
+
+#include <math.h>
+#include <string.h>
+
+msim_status ms_elimination_create(const ms_model *model, ms_elimination *e, msim_error *err) {
+  const size_t n = (size_t)model->rows.dims * (size_t)model->rows.nfree;
+  if (n > MS_MOST_ELIMINATED) return MSIM_OK;
+  ms_graph graph;
+  msim_status status = ms_graph_create(model, &graph, err);
+  if (!status)
+    status =
+        ms_matrix_create(model, &graph, NULL, MSIM_FORMAT_FULL, model->rows.dims, &e->matrix, err);
+  ms_graph_destroy(model, &graph);
+  if (status) return status;
+  e->a = ms_new(&model->scene->alloc, n * (n + 1), sizeof *e->a);
+  e->packed = ms_new(&model->scene->alloc, n, sizeof *e->packed);
+  return e->a && e->packed ? MSIM_OK : ms_fail_memory(err, "elimination");
+}
+
+void ms_elimination_destroy(const ms_model *model, ms_elimination *e) {
+  ms_delete(&model->scene->alloc, e->packed);
+  ms_delete(&model->scene->alloc, e->a);
+  ms_matrix_destroy(model, &e->matrix);
+  *e = (ms_elimination){0};
+}
+
+/* [A | b] */
+static void fill(const ms_elimination *e, size_t n) {
+  const ms_matrix *m = &e->matrix;
+  memset(e->a, 0, n * (n + 1) * sizeof *e->a);
+  for (size_t row = 0; row < n; row++) {
+    double *to = e->a + row * (n + 1);
+    for (int32_t at = m->rowptr[row]; at < m->rowptr[row + 1]; at++) to[m->colind[at]] = m->val[at];
+    to[n] = e->packed[row];
+  }
+}
+
+/* The row at or below `top` with the largest entry of that column goes to the top. */
+static void pivot(double *a, size_t n, size_t top) {
+  size_t best = top;
+  for (size_t row = top + 1; row < n; row++)
+    if (fabs(a[row * (n + 1) + top]) > fabs(a[best * (n + 1) + top])) best = row;
+  for (size_t c = top; c <= n && best > top; c++) {
+    const double kept = a[top * (n + 1) + c];
+    a[top * (n + 1) + c] = a[best * (n + 1) + c];
+    a[best * (n + 1) + c] = kept;
+  }
+}
+
+/* [A | b] to [U | y], U with ones on its diagonal, which are not stored; 0: A is singular. */
+static int eliminate(double *a, size_t n) {
+  for (size_t k = 0; k < n; k++) {
+    pivot(a, n, k);
+    double *from = a + k * (n + 1);
+    if (from[k] == 0) return 0;
+    const double by = 1 / from[k];
+    for (size_t c = k + 1; c <= n; c++) from[c] *= by;
+    for (size_t row = k + 1; row < n; row++) {
+      double *to = a + row * (n + 1);
+      for (size_t c = k + 1; c <= n && to[k] != 0; c++) to[c] -= to[k] * from[c];
+    }
+  }
+  return 1;
+}
+
+msim_status ms_elimination_solve(ms_elimination *e, const ms_system *system, const double *b,
+                                 double *y) {
+  const ms_model *model = system->model;
+  const size_t n = (size_t)model->rows.dims * (size_t)model->rows.nfree;
+  ms_matrix_expand(model, &system->a, &e->matrix);
+  ms_matrix_add_turning(model, &system->turning, &e->matrix);
+  ms_matrix_pack(model, &e->matrix, b, e->packed);
+  fill(e, n);
+  if (!eliminate(e->a, n)) return MSIM_NOT_CONVERGED;
+  for (size_t row = n; row-- > 0;) {
+    const double *from = e->a + row * (n + 1);
+    e->packed[row] = from[n];
+    for (size_t c = row + 1; c < n; c++) e->packed[row] -= from[c] * e->packed[c];
+  }
+  ms_matrix_unpack(model, &e->matrix, e->packed, y);
+  return MSIM_OK;
+}
