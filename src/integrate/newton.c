@@ -160,24 +160,60 @@ static double reduction(const newton *n, double lambda, double slope, double squ
          ms_excess(n->s->model, g->x, g->ah, n->d, lambda, n->s->scratch);
 }
 
-/* v += lambda d, the first of 1, ... that reduces E enough (Armijo 1966), each from the minimum of
- * a parabola; whole: 1, unconditionally. Returns lambda. */
+/* E(v) - E(v + at d) */
+typedef struct sample {
+  double at, reduced;
+} sample;
+
+/* Where s l - c l^2/2 - q l^4 through both samples is largest, s the slope: what d turns by l it
+ * stretches by l^2. Where that fits not, or there is but one sample (b.at = 0), q = 0, or, where
+ * E rises, c = 0. At most the limit. */
+static double find_peak(double slope, sample a, sample b, double limit) {
+  const double of_a = (slope * a.at - a.reduced) / (a.at * a.at); /* c/2 + q at^2 */
+  const double of_b = (slope * b.at - b.reduced) / (b.at * b.at);
+  double q = a.reduced < 0 ? of_a / (a.at * a.at) : 0, low = 0, high = limit;
+  if (b.at > 0) q = fmax((of_a - of_b) / (a.at * a.at - b.at * b.at), 0);
+  const double c = 2 * (of_a - q * a.at * a.at);
+  if (slope - c * limit - 4 * q * limit * limit * limit > 0) return limit;
+  while (high - low > 1e-3 * high) {
+    const double middle = (low + high) / 2;
+    if (slope - c * middle - 4 * q * middle * middle * middle > 0) low = middle;
+    else high = middle;
+  }
+  return low;
+}
+
+/* v += lambda d, lambda near the minimum of E on the line: the first of 1, ... that reduces E
+ * enough (Armijo 1966), and up to 3 better ones unless that takes off half of what the slope alone
+ * would, as at the end of a parabola. Cloth that buckles moves along where A has next to no
+ * curvature, and the quadratic model knows nothing of the distance: an energy is far cheaper than
+ * another d. Solvers that only solve have the radius for that. whole: 1, unconditionally. Returns
+ * lambda. */
 static double search_energy(newton *n, int whole) {
-  enum { MOST = 30 };
+  enum { MOST = 30, BETTER = 3 };
+  const double NEAR = 0.1, CLOSE = 0.2, FAR = 4;
   const ms_model *m = n->s->model;
   const double slope = ms_dot(n->shape, n->b, n->d), size = norm(n, n->d);
   const double drag = m->passes & MSIM_SKIP_DRAG ? n->stage->ah * m->scene->drag : 0;
   const double square = size * size + drag * ms_dot(n->shape, n->d, n->d);
-  double lambda = 1, reduced = reduction(n, 1, slope, square);
-  for (int i = 0; !(reduced >= 1e-4 * lambda * slope) && i < MOST && !whole; i++) {
-    const double least = lambda * slope / (2 * (lambda * slope - reduced));
-    lambda *= least > 0.1 ? fmin(least, 0.5) : 0.1;
-    reduced = reduction(n, lambda, slope, square);
+  sample best = {1, reduction(n, 1, slope, square)}, other = {0};
+  int left = ms_solver_descends(n->s->solver) ? BETTER : 0;
+  for (int i = 0; i < MOST && !whole; i++) {
+    const double share = best.reduced / (best.at * slope);
+    const int reduces = share >= 1e-4;
+    double at = find_peak(slope, best, other, FAR * fmax(best.at, other.at));
+    if (reduces && (fabs(share - 0.5) <= NEAR || fabs(at - best.at) < CLOSE * best.at || !left--))
+      break;
+    if (!reduces) at = fmin(fmax(at, 0.1 * best.at), 0.5 * best.at);
+    const sample next = {at, reduction(n, at, slope, square)};
+    const int is_better = !reduces || next.reduced > best.reduced;
+    other = is_better ? best : next;
+    if (is_better) best = next;
   }
-  ms_axpy(n->shape, lambda, n->d, n->stage->v);
+  ms_axpy(n->shape, best.at, n->d, n->stage->v);
   evaluate(n);
-  set_radius(n, lambda, reduced);
-  return lambda;
+  set_radius(n, best.at, best.reduced);
+  return best.at;
 }
 
 /* v += lambda d, the first of 1, ... that does not lead far beyond the place where d would lead
@@ -285,25 +321,36 @@ static double rounding_level(const newton *n) {
   return 4 * DBL_EPSILON * (norm(n, g->v) + norm(n, g->x) / g->ah);
 }
 
-/* theta is an estimate, and the errors of many steps add up. Where the matrix is constant the error
- * is A^-1 R, and less than M^-1 R. */
-static int is_converged(const newton *n) {
+/* 1 where the corrections, each theta times the one before, come down to the tolerance with so many
+ * more. theta is an estimate, and the errors of many steps add up. */
+static int ends_within(const newton *n, double theta, int more) {
   const double SAFETY = 0.1;
-  const double theta = fmax(n->eta, n->previous > 0 ? n->correction / n->previous : 1);
-  if (n->linear && n->residual <= tolerance(n)) return 1;
   return n->correction > 0 && theta < 1 &&
-         theta / (1 - theta) * n->correction <= SAFETY * tolerance(n);
+         pow(theta, more) * theta / (1 - theta) * n->correction <= SAFETY * tolerance(n);
+}
+
+/* The last corrections' ratio; 1: not known. */
+static double contraction(const newton *n) {
+  return n->previous > 0 ? n->correction / n->previous : 1;
+}
+
+/* Where the matrix is constant the error is A^-1 R, and less than M^-1 R. */
+static int is_converged(const newton *n) {
+  if (n->linear && n->residual <= tolerance(n)) return 1;
+  return ends_within(n, fmax(n->eta, contraction(n)), 0);
 }
 
 /* The clamped matrix leads far, the exact one to the end: near the solution it makes the method
- * quadratic, and is often positive definite. Conjugate gradients take it later than solves: clamped
- * iterations take few of theirs, and correct in the plane of a cloth what an exact one has moved
- * out of it. */
+ * quadratic, and is often positive definite. Conjugate gradients take it later than solves, and
+ * later still where few clamped iterations will do: those take few of theirs, and correct in the
+ * plane of a cloth what an exact one has moved out of it. */
 static int must_clamp(newton *n, double first) {
-  const double dropped = ms_solver_descends(n->s->solver) ? 1e-3 : 0.1;
-  const int is_lost = n->is_lost;
+  enum { FEW = 8 };
+  const int descends = ms_solver_descends(n->s->solver), is_lost = n->is_lost;
+  const int will_do = descends && n->residual > 1e-3 * first && ends_within(n, contraction(n), FEW);
   n->is_lost = 0;
-  return n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP || n->residual > dropped * first || is_lost;
+  return n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP ||
+         n->residual > (descends ? 1e-2 : 0.1) * first || will_do || is_lost;
 }
 
 static double search(newton *n, int whole) {

@@ -111,7 +111,7 @@ static void halve_chunk(void *data, int32_t item) {
 }
 
 int ms_compression_reduce(ms_compression *c, const double *p, float *coefficients) {
-  const double LITTLE = 0.01;
+  const double LITTLE = 0.001;
   job j = {.c = c, .coefficients = coefficients, .p = p};
   double largest = 0;
   run(find_largest_chunk, &j);
