@@ -11,8 +11,9 @@
  *   D = x' - x - h/2 (v + v') - h^2/12 (a - a') = O(h^5)
  * of methods that carry the acceleration a. A step is verified, that is, made in two halves, too,
  * where a sign is three times as large as in steps verified before, where a spring turned by 45
- * degrees, and once in MS_VERIFY_INTERVAL steps. With planes near, islands of fewer than 64
- * particles are verified, too, and each step in which one bounces, stops or slips: such steps are
+ * degrees, and once in MS_VERIFY_INTERVAL steps. With planes near, each step is verified in which
+ * particles stop, slip or turn on paths that may be too inaccurate, or, of fewer than 64, one
+ * bounces; of more particles no other step is, as some always bounce. Such steps are
  * few, and may differ from their halves by tol/16. Reflection at the ends of steps is of order 1:
  * halves say nothing of it.
  *
@@ -22,8 +23,8 @@
  * not cancel. Where it is larger, the next step is verified, too. The halves take the step's place
  * as long as they are accurate enough themselves: their error is 2^p - 1 times less than what they
  * differ by, p the order, in steps without an event. Else error control makes this step and those
- * to come, in as many parts as it takes, until one part is as long as a step again. So the grid of
- * steps, and of frames, stays.
+ * to come, in as many parts as it takes, until one part is as long as a step again; parts may add
+ * as much as under tol, or a 16th of that if it is more. So the grid of steps, and of frames, stays.
  *
  * Steps in other variables than x and v cannot be halved: such methods take part only where
  * particles are many. Where nothing dissipates, energy is looked at now and then by any method: an
