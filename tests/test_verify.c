@@ -93,6 +93,23 @@ static msim_scene *sliding(void) {
   return scene;
 }
 
+/* 125 particles fall on a tilted plane, which they meet after a while. */
+static msim_scene *crowd(void) {
+  const double g[3] = {0, 0, -9.81};
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {5, 5, 5},
+                              .origin = {0, 0, 0.02},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0.1, 0.05, 1, 0, 0.8, 0);
+  return scene;
+}
+
 static msim_scene *net_over(double floor) {
   msim_scene *scene = hanging_cloth(5, 100, 0);
   if (isfinite(floor)) plane(scene, 0, 0, 1, floor, 0.5, 0);
@@ -142,6 +159,14 @@ static void late_events_are_verified(void **state) {
     for (double tol = 1e-4; tol > 1e-8; tol /= 10) assert_true(error_of(scene, tol, 1) <= 10);
     msim_scene_destroy(scene);
   }
+}
+
+/* In m, of a block of 0.2 m */
+static void crowds_that_land_keep_tol(void **state) {
+  (void)state;
+  msim_scene *scene = crowd();
+  for (double tol = 1e-4; tol > 3e-8; tol /= 10) assert_true(error_of(scene, tol, 0.1) <= 2);
+  msim_scene_destroy(scene);
 }
 
 /*------------------------------------- costs ----------------------------------------------------*/
@@ -295,6 +320,7 @@ static void pieces_make_the_same_run(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(few_that_fly_by_are_followed),
                                      cmocka_unit_test(late_events_are_verified),
+                                     cmocka_unit_test(crowds_that_land_keep_tol),
                                      cmocka_unit_test(choosing_costs_little),
                                      cmocka_unit_test(bursts_cost_what_control_costs),
                                      cmocka_unit_test(sliding_costs_what_control_costs),

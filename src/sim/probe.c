@@ -284,6 +284,33 @@ static int32_t count_free(const ms_scene *scene) {
   return count;
 }
 
+/* Free particles of the largest part that springs connect */
+static msim_status find_largest_part(const msim_sim *sim, int32_t *n, msim_error *err) {
+  msim_status status = MSIM_OK;
+  *n = 0;
+  for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !status; m++) {
+    ms_norm norm;
+    status = ms_norm_create(&m->model, &norm, err);
+    for (int32_t i = 0; i < norm.n && !status; i++)
+      if (norm.part[i].n > *n) *n = norm.part[i].n;
+    ms_norm_destroy(&m->model, &norm);
+  }
+  return status;
+}
+
+/* With planes the particles of a part count, as parts have impacts of their own; of many particles
+ * these are too many for steps that end at each. */
+static msim_status count_few(ms_probe *p, msim_error *err) {
+  enum { FEW = 12, MANY = 64 };
+  const int32_t free = count_free(p->sim->scene);
+  int32_t part = free;
+  p->many = free >= MANY;
+  msim_status status = MSIM_OK;
+  if (p->near && !p->many) status = find_largest_part(p->sims[MSIM_COLLISION_REFLECT], &part, err);
+  p->few = part < FEW;
+  return status;
+}
+
 static msim_status prepare(ms_probe *p, double t0, msim_error *err) {
   const ms_scene *scene = p->sim->scene;
   msim_options opt = p->sim->opt;
@@ -302,10 +329,8 @@ static msim_status prepare(ms_probe *p, double t0, msim_error *err) {
 
 msim_status ms_probe_begin(const msim_sim *sim, double tol, int late, double t0, const double *x,
                            const double *v, ms_probe *p, msim_error *err) {
-  enum { FEW = 12, MANY = 64 };
   const double FEWEST = 100; /* steps in the run, where nothing is stiff */
   *p = (ms_probe){.sim = sim, .tol = tol, .late = late, .near = late, .x0 = x, .v0 = v};
-  p->few = count_free(sim->scene) < FEW, p->many = count_free(sim->scene) >= MANY;
   msim_status status = prepare(p, t0, err);
   if (status) return status;
   const double h = fmin(ms_probe_reach(p, pilot.method), p->span / FEWEST);
@@ -313,6 +338,7 @@ msim_status ms_probe_begin(const msim_sim *sim, double tol, int late, double t0,
   p->x = p->states + 2 * n, p->v = p->x + n;
   p->x_half = p->v + n, p->v_half = p->x_half + n;
   status = fly_all(p, h, err);
+  if (!status) status = count_few(p, err);
   return status ? status : find_growth(p, h, err);
 }
 

@@ -359,7 +359,7 @@ static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verificat
   const double share = p->tol * c->h / p->span;
   const double foreseen = fmax(c->error / p->growth, DBL_MIN);
   const double even = usual_error(s, n, event) * p->tol / foreseen;
-  const double most = p->near ? event : fmax(event, SOME * even);
+  const double most = p->near || !p->many ? event : fmax(event, SOME * even);
   v->allowed = fmin(most, fmax(share, CARE * even));
   for (int i = 0; i < n; i++)
     for (int k = 0; k < 2 && s[i].error <= v->allowed; k++)

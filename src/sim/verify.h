@@ -22,9 +22,10 @@
  * errors cancel and are foreseen with care, 50 times that, but tol/4 at most, as those of events do
  * not cancel. Where it is larger, the next step is verified, too. The halves take the step's place
  * as long as they are accurate enough themselves: their error is 2^p - 1 times less than what they
- * differ by, p the order, in steps without an event. Else error control makes this step and those
- * to come, in as many parts as it takes, until one part is as long as a step again; parts may add
- * as much as under tol, or a 16th of that if it is more. So the grid of steps, and of frames, stays.
+ * differ by, p the order, in steps without an event, unless that is more than tol/4. Else error
+ * control makes this step and those to come, in as many parts as it takes, until one part is as
+ * long as a step again; parts may add as much as under tol, or a 16th of that if it is more. So the
+ * grid of steps, and of frames, stays.
  *
  * Steps in other variables than x and v cannot be halved: such methods take part only where
  * particles are many. Where nothing dissipates, energy is looked at now and then by any method: an
