@@ -37,9 +37,11 @@ static void give_velocity(constraint *j, ms_contact *c) {
   }
   ms_meet(&c->on, to, v, J);
   ms_row_put(rows, v, c->row, s->v);
-  c->jump = 0;
-  for (int i = 0; i < c->on.n && i < MS_MOST_HOLDING; i++)
+  c->jump = 0, c->least_jump = INFINITY;
+  for (int i = 0; i < c->on.n && i < MS_MOST_HOLDING; i++) {
     c->jump += c->on.plane[i]->friction * J[i] / s->h;
+    c->least_jump = fmin(c->least_jump, J[i] / s->h);
+  }
 }
 
 static void give_velocities(constraint *j) {
@@ -97,7 +99,8 @@ static int32_t let_go(constraint *j) {
     ms_contact c = e->contact[i];
     double a[3];
     ms_row_get(&j->s->model->rows, e->a_end, c.row, a);
-    if (c.on.n == 1 && ms_contact_reaction(&c, a) < -MS_PRESS * ms_norm3(a)) continue;
+    const double push = ms_contact_reaction(&c, a) + c.least_jump;
+    if (push < -MS_PRESS * ms_norm3(a) && c.on.n == 1) continue;
     e->contact[kept++] = c;
   }
   const int32_t gone = e->ncontacts - kept;

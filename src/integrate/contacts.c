@@ -20,22 +20,14 @@ static double find_reach(const ms_model *model) {
   return reach;
 }
 
-enum { MS_EVENT_VECTORS = 8 };
-
-static void list_vectors(ms_events *e, double **vectors[MS_EVENT_VECTORS]) {
-  double **all[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
-                    &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
-  memcpy(vectors, all, sizeof all);
-}
-
 msim_status ms_events_create(const ms_model *model, ms_events **events, msim_error *err) {
   const ms_scene *scene = model->scene;
   ms_events *e = *events = ms_new(&scene->alloc, 1, sizeof *e);
   if (!e) return ms_fail_memory(err, "the impacts");
   e->reach = find_reach(model);
-  double **vectors[MS_EVENT_VECTORS];
-  list_vectors(e, vectors);
-  for (int i = 0; i < MS_EVENT_VECTORS; i++) {
+  double **vectors[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
+                        &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
+  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
     *vectors[i] = ms_rows_vector(scene, &model->rows);
     if (!*vectors[i]) return ms_fail_memory(err, "the impacts");
   }
@@ -67,10 +59,19 @@ ms_path ms_contacts_path(const ms_stepper *s, int32_t row, const double *b0, con
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  double **vectors[MS_EVENT_VECTORS];
-  list_vectors(e, vectors);
-  for (int i = 0; i < MS_EVENT_VECTORS; i++) ms_delete(alloc, *vectors[i]);
-  void *arrays[] = {e->contact, e->hold, e->followed, e->parts, e};
+  void *arrays[] = {e->x,
+                    e->v,
+                    e->a,
+                    e->a_end,
+                    e->stage[0],
+                    e->stage[1],
+                    e->begin[0],
+                    e->begin[1],
+                    e->contact,
+                    e->hold,
+                    e->followed,
+                    e->parts,
+                    e};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
 }
 

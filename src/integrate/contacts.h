@@ -35,12 +35,13 @@ typedef struct ms_contact {
 
   /* where normal velocities and friction are given, in constrain.h: */
   int is_given;
-  int enters;      /* it was not in contact at the start */
-  int leaves;      /* it bounces */
-  int slipped;     /* it stuck in an earlier solve */
-  double friction; /* sum of mu N/m, m/s^2 */
-  double lag;      /* m/s: friction pulls by friction v/lag */
-  double jump;     /* sum of mu J/(m h) of the impulses J that gave it its normal velocity */
+  int enters;        /* it was not in contact at the start */
+  int leaves;        /* it bounces */
+  int slipped;       /* it stuck in an earlier solve */
+  double friction;   /* sum of mu N/m, m/s^2 */
+  double lag;        /* m/s: friction pulls by friction v/lag */
+  double jump;       /* sum of mu J/(m h) of the impulses J that gave it its normal velocity */
+  double least_jump; /* the smallest J/(m h) */
 } ms_contact;
 
 /* What a stepper has under collision = event: the part of the step that is being made starts from
