@@ -94,7 +94,7 @@ static msim_scene *sliding(void) {
 }
 
 /* 125 particles fall on a tilted plane, which they meet after a while. */
-static msim_scene *crowd(void) {
+static msim_scene *falling_block(void) {
   const double g[3] = {0, 0, -9.81};
   const msim_lattice block = {.size = sizeof block,
                               .n = {5, 5, 5},
@@ -162,9 +162,9 @@ static void late_events_are_verified(void **state) {
 }
 
 /* In m, of a block of 0.2 m */
-static void crowds_that_land_keep_tol(void **state) {
+static void a_block_that_lands_keeps_tol(void **state) {
   (void)state;
-  msim_scene *scene = crowd();
+  msim_scene *scene = falling_block();
   for (double tol = 1e-4; tol > 3e-8; tol /= 10) assert_true(error_of(scene, tol, 0.1) <= 2);
   msim_scene_destroy(scene);
 }
@@ -320,7 +320,7 @@ static void pieces_make_the_same_run(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(few_that_fly_by_are_followed),
                                      cmocka_unit_test(late_events_are_verified),
-                                     cmocka_unit_test(crowds_that_land_keep_tol),
+                                     cmocka_unit_test(a_block_that_lands_keeps_tol),
                                      cmocka_unit_test(choosing_costs_little),
                                      cmocka_unit_test(bursts_cost_what_control_costs),
                                      cmocka_unit_test(sliding_costs_what_control_costs),

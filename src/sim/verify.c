@@ -184,10 +184,12 @@ static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, d
              : MSIM_OK;
 }
 
-/* A step that moves s->x itself goes back there when it is complete. */
-static void keep_start(ms_motion *m) {
+/* A step that moves s->x itself goes back there when it is complete. *moved: it is kept already */
+static void keep_start(ms_motion *m, int *moved) {
+  if (*moved) return;
   ms_copy(m->model.shape, m->stepper.x, m->check.x);
   ms_copy(m->model.shape, m->stepper.v, m->check.v);
+  *moved = 1;
 }
 
 static void go_back(ms_motion *m) {
@@ -211,13 +213,14 @@ static ms_control control_of(const msim_sim *sim, double step, double h) {
 /* The step under error control, which begins with parts of check->h, and goes on with them in the
  * next step where they are shorter than that: but not by a method of order 2, whose errors mostly
  * cancel, and which takes very many parts to do without. */
-static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, msim_error *err) {
+static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, int *moved, msim_error *err) {
   ms_stepper *s = &m->stepper;
   const double h = s->h;
   double left = h;
   ms_control c = control_of(sim, h, m->check.h);
-  s->warm = 0;
   msim_status status = MSIM_OK;
+  keep_start(m, moved);
+  s->warm = 0;
   while (!status && left > 0) status = make_part(sim, m, &c, &left, err);
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
@@ -240,10 +243,8 @@ static msim_status verify(const msim_sim *sim, ms_motion *m, int *moved, msim_er
   const int64_t contacts = s->stats->contacts;
   const double usual = sim->selection.verification.allowed;
   double error = INFINITY, sign[2] = {0};
-  msim_status status = MSIM_OK;
-  if (check->h > 0 && !*moved) keep_start(m), *moved = 1;
-  if (check->h > 0) return make_in_parts(sim, m, err);
-  status = ms_drive_parts(sim, s, 1, err);
+  if (check->h > 0) return make_in_parts(sim, m, moved, err);
+  msim_status status = ms_drive_parts(sim, s, 1, err);
   if (status && !ms_drive_may_help(status)) return status;
   const int has_event = !status && has_events(sim, m, contacts);
   const double allowed = has_event ? fmax(usual, sim->selection.tol / MS_EVENTS) : usual;
@@ -258,8 +259,7 @@ static msim_status verify(const msim_sim *sim, ms_motion *m, int *moved, msim_er
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
     check->h = length_of_parts(sim, s->h, error);
-    if (!*moved) keep_start(m), *moved = 1;
-    return make_in_parts(sim, m, err);
+    return make_in_parts(sim, m, moved, err);
   }
   for (int i = 0; i < 2; i++) check->sign[i] = fmax(check->sign[i], sign[i]);
   return MSIM_OK;
@@ -272,7 +272,7 @@ msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
   int moved = 0;
   msim_status status = MSIM_OK;
   for (int64_t i = 0; i < n && !status; i++) {
-    if (i > 0 && !moved) keep_start(m), moved = 1;
+    if (i > 0) keep_start(m, &moved);
     if (i > 0) go_on(s);
     s->h = h / (double)n;
     status = verify(sim, m, &moved, err);
