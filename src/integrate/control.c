@@ -1,5 +1,6 @@
 #include "integrate/control.h"
 
+#include <float.h>
 #include <math.h>
 
 #include "integrate/contacts.h"
@@ -123,4 +124,28 @@ int ms_control_accepts(ms_control *c, double h, double r) {
   c->previous = fmax(r, 1e-4);
   c->shrunk = 0;
   return 1;
+}
+
+/*------------------------------------- attempts -------------------------------------------------*/
+
+ms_attempt ms_control_begin(const ms_control *c, double t, double left) {
+  return (ms_attempt){.t = t, .left = left, .planned = c->h, .h = ms_control_next(c, left)};
+}
+
+ms_verdict ms_control_judge(ms_control *c, ms_attempt *a, msim_status status, double error,
+                            double impact) {
+  enum { MOST_CUTS = 8 };
+  const double AT_END = 1 - 1e-9;
+  ms_control after = *c;
+  if (status) ms_control_fail(&after, a->h);
+  if (status || !ms_control_accepts(&after, a->h, error)) {
+    *c = after;
+    *a = ms_control_begin(c, a->t, a->left);
+    return c->h < 16 * DBL_EPSILON * fmax(fabs(a->t), c->span) ? MS_TOO_SHORT : MS_TRY_AGAIN;
+  }
+  if (a->cuts == 0) *c = after;
+  if (a->cuts++ == MOST_CUTS || !(impact < AT_END)) return MS_ACCEPTED;
+  ms_control_forget(c);
+  a->h *= impact;
+  return MS_TRY_AGAIN;
 }

@@ -60,6 +60,25 @@ int ms_control_accepts(ms_control *c, double h, double r);
 /* The step of h could not be made. */
 void ms_control_fail(ms_control *c, double h);
 
+/* A step under error control is attempted until its error is small enough, then made anew to end at
+ * its first impact, if it has one; the controller goes on as after the whole step. */
+typedef struct ms_attempt {
+  double t, left; /* s: the time at its start; its length at most */
+  double planned; /* s: the length that was to be tried after the last rejection */
+  double h;       /* s: the length to try now */
+  int cuts;       /* at impacts, since the last rejection */
+} ms_attempt;
+
+typedef enum ms_verdict { MS_ACCEPTED, MS_TRY_AGAIN, MS_TOO_SHORT } ms_verdict;
+
+ms_attempt ms_control_begin(const ms_control *c, double t, double left);
+
+/* The verdict on the step of a->h just made, and the next a->h. error: over what is allowed;
+ * impact: the first, as a share of the step, or MS_NOWHERE. MS_TOO_SHORT: no shorter step could be
+ * told from none. */
+ms_verdict ms_control_judge(ms_control *c, ms_attempt *a, msim_status status, double error,
+                            double impact);
+
 /* What is to come has little to do with the step before. */
 void ms_control_forget(ms_control *c);
 

@@ -322,58 +322,33 @@ static msim_status give_up(msim_sim *sim, const outcome *o, ms_motion *worst, do
   return blame(sim, worst, sim->t + h, MSIM_NOT_CONVERGED, why, err);
 }
 
-static int is_accepted(msim_sim *sim, const outcome *o, double h, ms_motion **worst) {
-  ms_control *c = &sim->control;
-  int good = 0;
-  if (o->m) ms_control_fail(c, h);
-  else good = ms_control_accepts(c, h, largest_error(sim, worst));
-  sim->stats.rejected_steps += !good;
-  return good;
-}
-
-/* A step that was accepted is made anew, to end at its first impact, and judged again. *h: its
- * length; the controller goes on as after the whole one. 1: it is accepted. */
-static int cut_at_impact(msim_sim *sim, outcome *o, int64_t contacts, double *h, ms_motion **worst,
-                         msim_error *why) {
-  enum { MOST = 8 };
-  const double THERE = 1 - 1e-9;
-  double share = first_impact(sim);
-  if (share < THERE) ms_control_forget(&sim->control);
-  const ms_control next = sim->control;
-  for (int i = 0; i < MOST && share < THERE; i++, share = first_impact(sim)) {
-    *h *= share;
-    sim->stats.rejected_steps++;
-    sim->stats.contacts = contacts;
-    *o = try_step(sim, *h, ms_control_allowed(&sim->control, *h), why);
-    if (!is_accepted(sim, o, *h, worst)) return 0;
-    sim->control = next;
-  }
-  return 1;
-}
-
 /* A failure leaves the controller as it was, too. */
 static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   const ms_control before = sim->control;
+  const int64_t contacts = sim->stats.contacts;
   const double left = time_left(sim);
-  const double least = 16 * DBL_EPSILON * fmax(fabs(sim->t), before.span);
+  ms_attempt a = ms_control_begin(&sim->control, sim->t, left);
   msim_error why;
   for (;;) {
-    const int64_t contacts = sim->stats.contacts;
-    double h = ms_control_next(&sim->control, left);
+    const double h = a.h;
     ms_motion *worst = NULL;
-    outcome o = try_step(sim, h, ms_control_allowed(&sim->control, h), &why);
-    if (is_accepted(sim, &o, h, &worst) && cut_at_impact(sim, &o, contacts, &h, &worst, &why)) {
+    const outcome o = try_step(sim, h, ms_control_allowed(&sim->control, h), &why);
+    const double error = o.m ? 0 : largest_error(sim, &worst);
+    const ms_verdict verdict =
+        ms_control_judge(&sim->control, &a, o.status, error, first_impact(sim));
+    if (verdict == MS_ACCEPTED) {
       accept_all(sim);
       advance_time(sim, h, left);
       sim->plan.h = sim->control.h;
       return MSIM_OK;
     }
+    sim->stats.rejected_steps++;
     sim->stats.contacts = contacts;
-    if (sim->control.h >= least && (!o.m || ms_drive_may_help(o.status))) continue;
+    const int may_help = !o.m || ms_drive_may_help(o.status);
+    if (may_help && verdict == MS_TRY_AGAIN) continue;
     sim->control = before;
-    return o.m && !ms_drive_may_help(o.status)
-               ? blame(sim, o.m, sim->t + h, o.status, o.why->text, err)
-               : give_up(sim, &o, worst, h, err);
+    return may_help ? give_up(sim, &o, worst, h, err)
+                    : blame(sim, o.m, sim->t + h, o.status, o.why->text, err);
   }
 }
 

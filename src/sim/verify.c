@@ -148,40 +148,28 @@ static void go_on(ms_stepper *s) {
   ms_contacts_advance(s);
 }
 
-/* The next part of the step, under error control; one that is accepted is made anew to end at its
- * first impact. */
+/* The next part of the step, under error control */
 static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, double *left,
                              msim_error *err) {
-  enum { MOST = 8 };
-  const double THERE = 1 - 1e-9, planned = c->h;
   ms_stepper *s = &m->stepper;
   const int64_t contacts = s->stats->contacts;
-  ms_control next = *c;
-  double h = ms_control_next(c, *left);
-  for (int cuts = 0;; cuts++) {
-    s->h = h;
+  ms_attempt a = ms_control_begin(c, ms_sim_time(sim), *left);
+  for (;;) {
+    const double h = s->h = a.h;
     const msim_status status = ms_drive_controlled(sim, m, c, err);
     if (status && !ms_drive_may_help(status)) return status;
-    if (status) ms_control_fail(c, h);
-    if (status || !ms_control_accepts(c, h, m->error)) break;
-    if (cuts == 0) next = *c;
-    *c = next;
-    if (cuts == MOST || !(s->impact < THERE)) {
-      if (h < planned) c->h = fmax(c->h, planned); /* it ended with the step, or at an impact */
+    const ms_verdict verdict = ms_control_judge(c, &a, status, m->error, s->impact);
+    if (verdict == MS_ACCEPTED) {
+      if (h < a.planned) c->h = fmax(c->h, a.planned); /* it ended with the step, or at an impact */
       *left = h == *left ? 0 : *left - h;
       go_on(s);
       return MSIM_OK;
     }
-    ms_control_forget(&next);
-    h *= s->impact;
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
+    if (verdict == MS_TOO_SHORT)
+      return ms_fail(err, MSIM_NOT_CONVERGED, "even a step of %.3g s has too large an error", h);
   }
-  s->stats->contacts = contacts;
-  s->stats->rejected_steps++;
-  return c->h < 1e-16 * c->span
-             ? ms_fail(err, MSIM_NOT_CONVERGED, "even a step of %.3g s has too large an error", h)
-             : MSIM_OK;
 }
 
 /* A step that moves s->x itself goes back there when it is complete. *moved: it is kept already */
