@@ -106,19 +106,10 @@ static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error
   return status;
 }
 
-/* In a run there may be some tens of events, whose errors add up by chance. */
-static void set_tolerances(const msim_sim *sim, ms_motion *m) {
-  const ms_part least = ms_norm_least(&m->norm);
-  const double tol = ms_sim_selects(sim) ? sim->selection.tol : sim->opt.tol;
-  m->stepper.x_tolerance = 0.1 * tol * least.extent;
-  m->stepper.v_tolerance = 0.03 * tol * least.speed;
-}
-
 /* It goes like h^3. */
-double ms_drive_path_error(const msim_sim *sim, ms_motion *m) {
+double ms_drive_path_error(const ms_motion *m) {
   const ms_stepper *s = &m->stepper;
   if (!s->events || !s->events->nfollowed) return 0;
-  set_tolerances(sim, m);
   const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
   const double share = sqrt(fmin(1, s->events->nfollowed / (2. * part->n)));
   return share * s->path_error / s->v_tolerance;
@@ -130,7 +121,6 @@ msim_status ms_drive_controlled(const msim_sim *sim, ms_motion *m, const ms_cont
   ms_stepper *s = &m->stepper;
   double *x = s->x, *v = s->v;
   const double allowed = ms_control_allowed(c, s->h);
-  set_tolerances(sim, m);
   s->one_part = 1;
   s->impact = MS_NOWHERE;
   const msim_status status =
@@ -141,7 +131,7 @@ msim_status ms_drive_controlled(const msim_sim *sim, ms_motion *m, const ms_cont
   m->error = ms_error_of(sim->integrator, s, &m->norm, allowed);
   s->x = x, s->v = v;
   if (sim->integrator->estimate)
-    m->error = fmax(m->error, pow(ms_drive_path_error(sim, m), c->order / 3));
+    m->error = fmax(m->error, pow(ms_drive_path_error(m), c->order / 3));
   return MSIM_OK;
 }
 
@@ -196,16 +186,17 @@ typedef struct outcome {
   const msim_error *why; /* the caller's */
 } outcome;
 
-/* Solves leave a small part of what a step may add. */
-static double noise_of(const ms_part *least, double allowed) {
-  return allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least->rounding)) : 0;
-}
-
-static void prepare(ms_motion *m, double h, double allowed) {
-  const ms_part least = allowed > 0 ? ms_norm_least(&m->norm) : (ms_part){0};
-  m->stepper.h = h;
-  m->stepper.noise = noise_of(&least, allowed);
-  m->stepper.looked = 0;
+/* Solves leave a small part of what a step may add. In a run there may be some tens of events,
+ * whose errors add up by chance. */
+static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed) {
+  const double tol = ms_sim_selects(sim) ? sim->selection.tol : sim->opt.tol;
+  const ms_part least = tol > 0 ? ms_norm_least(&m->norm) : (ms_part){0};
+  ms_stepper *s = &m->stepper;
+  s->h = h;
+  s->noise = allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least.rounding)) : 0;
+  s->x_tolerance = 0.1 * tol * least.extent;
+  s->v_tolerance = 0.03 * tol * least.speed;
+  s->looked = 0;
 }
 
 /* A step of h by all that are not at rest; none is accepted yet. allowed: the error that it may
@@ -213,7 +204,8 @@ static void prepare(ms_motion *m, double h, double allowed) {
 static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why) {
   outcome result = {.why = why};
   why->text[0] = 0;
-  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) prepare(m, h, allowed);
+  for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+    prepare(sim, m, h, allowed);
   if (sim->any_by_one) ms_pool_run(sim->pool, step_by_one, sim, sim->nislands);
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands && !result.m; m++) {
     if (m->at_rest) continue;

@@ -25,7 +25,7 @@ msim_status ms_drive_controlled(const msim_sim *sim, struct ms_motion *m, const 
                                 msim_error *err);
 
 /* The error of the paths that particles took in the step just made, over what an event may add. */
-double ms_drive_path_error(const msim_sim *sim, struct ms_motion *m);
+double ms_drive_path_error(const struct ms_motion *m);
 
 /* Shorter steps may help where one failed like this. */
 int ms_drive_may_help(msim_status status);

@@ -112,11 +112,11 @@ enum { LARGE = 64 }; /* particles of an island: one event counts little there */
 
 /* Is the step just made to be verified for its events? Particles that bounce, or stop, slip or turn
  * on paths of their own that may be too inaccurate */
-static int has_events(const msim_sim *sim, ms_motion *m, int64_t contacts) {
+static int has_events(const ms_motion *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   if (!s->events) return 0;
   const int bounces = s->stats->contacts > contacts && m->model.shape.n < LARGE;
-  return bounces || ms_drive_path_error(sim, m) > 1;
+  return bounces || ms_drive_path_error(m) > 1;
 }
 
 /* In a large island D costs as much as a quarter of an evaluation, the angles as three. In a small
@@ -234,7 +234,7 @@ static msim_status verify(const msim_sim *sim, ms_motion *m, int *moved, msim_er
   if (check->h > 0) return make_in_parts(sim, m, moved, err);
   msim_status status = ms_drive_parts(sim, s, 1, err);
   if (status && !ms_drive_may_help(status)) return status;
-  const int has_event = !status && has_events(sim, m, contacts);
+  const int has_event = !status && has_events(m, contacts);
   const double allowed = has_event ? fmax(usual, sim->selection.tol / MS_EVENTS) : usual;
   const double better = has_event ? 1 : ldexp(1, sim->integrator->entry.order) - 1;
   const int only_events = sim->selection.verification.only_events;
