@@ -7,6 +7,17 @@
 #include "linear/jacobi.h"
 #include "physics/excess.h"
 
+/* The matrix that d is of, and how far d is followed */
+typedef enum search {
+  REDUCE_POTENTIAL, /* symmetric: by the incremental potential, or, without one, its slope */
+  REDUCE_RESIDUAL,  /* with the non-symmetric part of damping: as far as the residual drops */
+  LIMIT_ROTATION    /* the same, not clamped: as far as no spring turns much */
+} search;
+
+/* The non-symmetric part of damping is small, or may matter, or outweighs the stiffness of springs,
+ * so that dampers keep their lengths. */
+typedef enum dampers { WEAK, STRONG, DOMINANT } dampers;
+
 /* The residual in units of velocity: rho = M^-1 R, b = R. Norms are those of M; the radius and the
  * length of d, where the solver only solves, are in that of its matrix. */
 typedef struct newton {
@@ -20,13 +31,10 @@ typedef struct newton {
   double radius;               /* d is not longer */
   double length, promise;      /* of d: what the model says that it takes off the energy */
   int is_cut;                  /* d was cut at the radius */
-  int is_lost;                 /* d of the matrix with all its parts did not reduce the residual */
-  int is_whole;                /* d is that of the matrix with all its parts */
-  int is_damped;               /* strongly: that may matter */
-  int keeps_lengths;           /* by dampers, more than by springs */
-  int is_unguarded;            /* d is followed, whatever becomes of the residual */
-  int wants_whole;             /* the next one should be */
-  int failures;                /* of such d, in this stage */
+  search search;               /* of this d; between iterations, that to try next */
+  dampers dampers;             /* in this stage */
+  int is_lost;                 /* REDUCE_RESIDUAL did not reduce the residual */
+  int failures;                /* of d of the matrix with all its parts, in this stage */
   double moved;                /* by the last iteration, ||lambda d|| */
   double correction, previous; /* ||d|| of this iteration and of the one before; 0: none, or cut */
 } newton;
@@ -94,7 +102,6 @@ static msim_status solve_whole(newton *n, ms_request *request, msim_error *err) 
   request->v = n->stage->v;
   const msim_status status = solve(n, request, err);
   request->v = NULL;
-  n->is_whole = !status;
   n->is_cut = 0;
   return status;
 }
@@ -108,17 +115,16 @@ static msim_status solve_exactly(newton *n, ms_request *request, msim_error *err
   request->clamp = 0, request->direct = 1;
   request->rtol = fmin(n->eta, FINE);
   const msim_status status = solve_whole(n, request, err);
-  n->is_unguarded = !status;
-  n->failures += !n->is_unguarded;
-  if (n->is_unguarded) n->eta = request->rtol;
+  if (status) n->failures++;
+  else n->eta = request->rtol;
   return status;
 }
 
 /* Three failures end the attempts, in this stage. */
-static int may_go_unguarded(const newton *n) {
+static int may_solve_exactly(const newton *n) {
   enum { MOST_FAILURES = 3 };
-  return n->keeps_lengths && n->failures < MOST_FAILURES && ms_solver_takes_turning(n->s->solver) &&
-         n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
+  return n->dampers == DOMINANT && n->failures < MOST_FAILURES &&
+         ms_solver_takes_turning(n->s->solver) && n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
 }
 
 /* d downhill, to the residual eta; with strong dampers that of the exact matrix */
@@ -127,18 +133,19 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_request request = {
       .x = n->stage->x, .h = n->stage->ah, .clamp = clamp, .indefinite = -1, .rtol = n->eta};
   ms_hold_rows(n->s, &request);
-  n->is_unguarded = 0;
-  if (may_go_unguarded(n) && !solve_exactly(n, &request, err)) return MSIM_OK;
-  request.clamp = clamp, request.direct = 0, request.rtol = n->eta;
   const int descends = ms_solver_descends(solver);
-  const int whole = n->wants_whole || (!clamp && (n->is_damped || !descends));
-  n->is_whole = 0;
+  const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (n->dampers || !descends));
+  n->search = LIMIT_ROTATION;
+  if (may_solve_exactly(n) && !solve_exactly(n, &request, err)) return MSIM_OK;
+  request.clamp = clamp, request.direct = 0, request.rtol = n->eta;
+  n->search = REDUCE_RESIDUAL;
   if (whole && ms_solver_takes_turning(solver)) {
     request.clamp = n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP;
     if (!solve_whole(n, &request, err)) return MSIM_OK;
     request.clamp = clamp;
     n->failures++;
   }
+  n->search = REDUCE_POTENTIAL;
   if (!descends) return solve_within(n, &request, err);
   return ms_solver_descend(solver, &request, n->b, n->d, err);
 }
@@ -187,9 +194,9 @@ static double find_peak(double slope, sample a, sample b, double limit) {
  * enough (Armijo 1966), and up to 3 better ones unless that takes off half of what the slope alone
  * would, as at the end of a parabola. Cloth that buckles moves along where A has next to no
  * curvature, and the quadratic model knows nothing of the distance: an energy is far cheaper than
- * another d. Solvers that only solve have the radius for that. whole: 1, unconditionally. Returns
- * lambda. */
-static double search_energy(newton *n, int whole) {
+ * another d. Solvers that only solve have the radius for that. full: lambda = 1.
+ * Returns lambda. */
+static double search_energy(newton *n, int full) {
   enum { MOST = 30, BETTER = 3 };
   const double NEAR = 0.1, CLOSE = 0.2, FAR = 4;
   const ms_model *m = n->s->model;
@@ -198,7 +205,7 @@ static double search_energy(newton *n, int whole) {
   const double square = size * size + drag * ms_dot(n->shape, n->d, n->d);
   sample best = {1, reduction(n, 1, slope, square)}, other = {0};
   int left = ms_solver_descends(n->s->solver) ? BETTER : 0;
-  for (int i = 0; i < MOST && !whole; i++) {
+  for (int i = 0; i < MOST && !full; i++) {
     const double share = best.reduced / (best.at * slope);
     const int reduces = share >= 1e-4;
     double at = find_peak(slope, best, other, FAR * fmax(best.at, other.at));
@@ -217,9 +224,9 @@ static double search_energy(newton *n, int whole) {
 }
 
 /* v += lambda d, the first of 1, ... that does not lead far beyond the place where d would lead
- * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). whole: 1, unconditionally. Returns
- * lambda. Where dashpots or contacts leave R without a potential. */
-static double search_slope(newton *n, int whole) {
+ * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). full: lambda = 1.
+ * Returns lambda. Where dashpots or contacts leave R without a potential. */
+static double search_slope(newton *n, int full) {
   enum { MOST = 30 };
   const double start = ms_dot(n->shape, n->b, n->d);
   double lambda = 1;
@@ -228,7 +235,7 @@ static double search_slope(newton *n, int whole) {
     ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
     evaluate(n);
     const double slope = ms_dot(n->shape, n->b, n->d);
-    if (slope >= -0.5 * start || i == MOST || whole) {
+    if (slope >= -0.5 * start || i == MOST || full) {
       set_radius(n, lambda, (start + slope) / 2);
       return lambda;
     }
@@ -245,9 +252,9 @@ static double residual_level(const newton *n) {
 }
 
 /* v += lambda d, the first of 1, ... that takes enough off the residual (Armijo 1966), each after
- * the minimum of a parabola; whole: 1, whatever comes. Where d leads nowhere the clamped matrix
- * makes the next one. Returns lambda. */
-static double search_residual(newton *n, int whole) {
+ * the minimum of a parabola; full: lambda = 1. Where d leads nowhere the clamped
+ * matrix makes the next one. Returns lambda. */
+static double search_residual(newton *n, int full) {
   enum { MOST = 10 };
   const double first = residual_level(n), start = first * first;
   double lambda = 1;
@@ -257,7 +264,7 @@ static double search_residual(newton *n, int whole) {
     evaluate(n);
     const double level = residual_level(n), end = level * level;
     n->is_lost = !(end <= (1 - 1e-4 * lambda) * start);
-    if (!n->is_lost || i == MOST || whole) return lambda;
+    if (!n->is_lost || i == MOST || full) return lambda;
     const double least = lambda * start / (end - start + 2 * lambda * start);
     lambda *= least > 0.1 ? fmin(least, 0.5) : 0.1;
   }
@@ -280,15 +287,15 @@ static double relative_motion(const newton *n, int32_t e) {
   return length2 > MS_ZERO_LENGTH2 ? sqrt(motion2 / length2) : 0;
 }
 
-/* v += lambda d, 1 or as much as turns no spring by more than a quarter; whole: 1. The residual may
- * rise. Strong dampers keep lengths, so that the states near the solution are a narrow curved
- * valley: each straight step leaves it, by the square of its length, and one that is cut until the
- * residual falls turns springs by a thousandth. The next step corrects the lengths, as the matrix
- * is exact: "watchdog" (Chamberlain et al. 1982), without the watch. Returns lambda. */
-static double turn_at_most(newton *n, int whole) {
+/* v += lambda d, 1 or as much as turns no spring by more than a quarter; full: lambda = 1. The
+ * residual may rise. Strong dampers keep lengths, so that the states near the solution are a narrow
+ * curved valley: each straight step leaves it, by the square of its length, and one that is cut
+ * until the residual falls turns springs by a thousandth. The next step corrects the lengths, as
+ * the matrix is exact: "watchdog" (Chamberlain et al. 1982), without the watch. Returns lambda. */
+static double turn_at_most(newton *n, int full) {
   const double MOST = 0.25;
   double largest = 0;
-  for (int32_t e = 0; e < n->s->model->springs.n && !whole; e++)
+  for (int32_t e = 0; e < n->s->model->springs.n && !full; e++)
     largest = fmax(largest, relative_motion(n, e));
   const double lambda = largest > MOST ? MOST / largest : 1;
   ms_axpy(n->shape, lambda, n->d, n->stage->v);
@@ -298,13 +305,14 @@ static double turn_at_most(newton *n, int whole) {
 
 /* The matrix without turning dampers makes the quicker and safer steps, unless it leaves much of
  * the residual at the end of a step that nothing cut; with them, as long as that leads down. */
-static int should_be_whole(newton *n, double before, double lambda) {
+static search find_next_search(newton *n, double before, double lambda) {
   enum { MOST_FAILURES = 3 };
   const double MUCH = 0.3;
-  if (n->is_whole) n->failures += n->is_lost;
-  if (n->is_whole) return !n->is_lost;
-  return n->is_damped && n->failures < MOST_FAILURES && !n->is_cut && lambda == 1 &&
-         n->residual > MUCH * before;
+  n->failures += n->is_lost;
+  if (n->search != REDUCE_POTENTIAL) return n->is_lost ? REDUCE_POTENTIAL : REDUCE_RESIDUAL;
+  const int is_slow = n->dampers && n->failures < MOST_FAILURES && !n->is_cut && lambda == 1 &&
+                      n->residual > MUCH * before;
+  return is_slow ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
 }
 
 /* The tolerance of the linear solve: as the residual drops (Eisenstat and Walker 1996, choice 2).
@@ -353,11 +361,11 @@ static int must_clamp(newton *n, double first) {
          n->residual > (descends ? 1e-2 : 0.1) * first || will_do || is_lost;
 }
 
-static double search(newton *n, int whole) {
+static double line_search(newton *n, int full) {
   const int has_potential = !(n->s->model->passes & MSIM_SKIP_DAMPING) && !ms_rests(n->s);
-  if (n->is_unguarded) return turn_at_most(n, whole);
-  if (n->is_whole) return search_residual(n, whole);
-  return has_potential ? search_energy(n, whole) : search_slope(n, whole);
+  if (n->search == LIMIT_ROTATION) return turn_at_most(n, full);
+  if (n->search == REDUCE_RESIDUAL) return search_residual(n, full);
+  return has_potential ? search_energy(n, full) : search_slope(n, full);
 }
 
 static msim_status give_up(newton *n, msim_error *err) {
@@ -392,16 +400,17 @@ static void find_start(newton *n) {
   const double FAR = 0.1;
   const ms_stage *g = n->stage;
   evaluate(n);
-  n->is_damped = has_strong_dampers(n, 0.1);
-  n->keeps_lengths = has_strong_dampers(n, 0.3);
-  if (!n->is_damped) return;
+  if (has_strong_dampers(n, 0.1)) n->dampers = has_strong_dampers(n, 0.3) ? DOMINANT : STRONG;
+  if (!n->dampers) return;
   const double usual = n->residual;
   ms_copy(n->shape, g->v, n->from);
   ms_combine(n->shape, n->s->x, -1, g->x0, g->v);
   ms_scale(n->shape, 1 / g->ah, g->v);
   evaluate(n);
-  n->wants_whole = n->residual < FAR * usual;
-  if (n->wants_whole) return;
+  if (n->residual < FAR * usual) {
+    n->search = REDUCE_RESIDUAL;
+    return;
+  }
   ms_copy(n->shape, n->from, g->v);
   evaluate(n);
 }
@@ -430,9 +439,9 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
     n.correction = norm(&n, n.d);
     s->stats->newton_iterations++;
     const int is_little = n.correction <= rounding_level(&n), last = is_little && !n.is_cut;
-    const double lambda = search(&n, last);
+    const double lambda = line_search(&n, last);
     n.moved = lambda * n.correction;
-    n.wants_whole = should_be_whole(&n, before, lambda);
+    n.search = find_next_search(&n, before, lambda);
     if (lambda < 1 || n.is_cut) n.correction = 0;
     if (is_little) n.radius = INFINITY; /* slopes that are noise have made it small */
     if (last || is_converged(&n)) return MSIM_OK;
