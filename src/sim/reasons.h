@@ -1,30 +1,31 @@
-/* reasons - why a method was passed over by integrator = auto, for people */
+/* reasons - why integrator = auto passed a method over */
 #ifndef MS_REASONS_H
 #define MS_REASONS_H
 
 enum {
-  NOT_PASSED_OVER,
-  NO_IMPACTS_YET,
-  FEW_IMPACTS,
-  TO_BE_LOCATED,
-  NO_IMPACTS,
-  NO_PLANES,
-  ON_GRID,
-  FEW_PARTICLES,
-  UNVERIFIED,
-  DAMPED,
-  UNDAMPED,
-  NO_FEW,
-  TOO_LARGE,
-  NOT_WORTH_IT,
-  ACCURACY,
-  TOO_DEAR,
-  COSTS_MORE,
-  NOT_THROUGH,
-  NEVER_STABLE,
+  MS_REASON_NONE,
+  MS_REASON_NO_IMPACTS_YET,
+  MS_REASON_FEW_IMPACTS,
+  MS_REASON_TO_BE_LOCATED,
+  MS_REASON_NO_IMPACTS,
+  MS_REASON_NO_PLANES,
+  MS_REASON_ON_GRID,
+  MS_REASON_FEW_PARTICLES,
+  MS_REASON_UNVERIFIED,
+  MS_REASON_DAMPED,
+  MS_REASON_UNDAMPED,
+  MS_REASON_NO_FEW_STIFF,
+  MS_REASON_ERROR_TOO_LARGE,
+  MS_REASON_NOT_WORTH_IT,
+  MS_REASON_ACCURACY_DECIDES,
+  MS_REASON_TOO_EXPENSIVE,
+  MS_REASON_COSTS_MORE,
+  MS_REASON_UNFINISHED,
+  MS_REASON_NEVER_STABLE,
   MS_REASONS
 };
 
-const char *ms_reason(int why);
+/* In words */
+const char *ms_reasons_text(int why);
 
 #endif

@@ -57,19 +57,19 @@ static const ms_integrator *method_of(const ms_probe *p, int i) {
 
 static int why_not(const ms_probe *p, int i) {
   const int planes = p->near, few = p->sim->scene->nparticles <= FEW;
-  if (i == LEAPFROG && planes && few) return FEW_IMPACTS;
+  if (i == LEAPFROG && planes && few) return MS_REASON_FEW_IMPACTS;
   if (i == LEAPFROG && planes && p->sim->selection.collision == MSIM_COLLISION_EVENT)
-    return TO_BE_LOCATED;
-  if (i == LEAPFROG && planes && !p->met) return NO_IMPACTS_YET;
-  if (i == LOCATED && !planes) return NO_IMPACTS;
-  if (i == CORRECTED && planes) return NO_PLANES;
-  if ((i == CORRECTED || i == SIXTH) && p->damped) return DAMPED;
-  if (i == STABILISED && !p->damped) return UNDAMPED;
-  if (i == STABILISED && ms_probe_reach(p, &ms_rkc) == 0) return NEVER_STABLE;
-  if (!p->many && !planes && !ms_has_control(method_of(p, i))) return UNVERIFIED;
-  if (i == CONTROLLED && p->late) return ON_GRID;
-  if (i != CONTROLLED && p->few) return FEW_PARTICLES;
-  return NOT_PASSED_OVER;
+    return MS_REASON_TO_BE_LOCATED;
+  if (i == LEAPFROG && planes && !p->met) return MS_REASON_NO_IMPACTS_YET;
+  if (i == LOCATED && !planes) return MS_REASON_NO_IMPACTS;
+  if (i == CORRECTED && planes) return MS_REASON_NO_PLANES;
+  if ((i == CORRECTED || i == SIXTH) && p->damped) return MS_REASON_DAMPED;
+  if (i == STABILISED && !p->damped) return MS_REASON_UNDAMPED;
+  if (i == STABILISED && ms_probe_reach(p, &ms_rkc) == 0) return MS_REASON_NEVER_STABLE;
+  if (!p->many && !planes && !ms_has_control(method_of(p, i))) return MS_REASON_UNVERIFIED;
+  if (i == CONTROLLED && p->late) return MS_REASON_ON_GRID;
+  if (i != CONTROLLED && p->few) return MS_REASON_FEW_PARTICLES;
+  return MS_REASON_NONE;
 }
 
 static double longest(const ms_probe *p, const ms_integrator *method) {
@@ -191,7 +191,7 @@ static msim_status try_controlled(ms_probe *p, double least, ms_candidate *c, ms
   msim_sim_destroy(trial);
   c->price *= SUMS;
   c->cost = arrived ? c->price / c->h : INFINITY;
-  if (!arrived) c->why = COSTS_MORE;
+  if (!arrived) c->why = MS_REASON_COSTS_MORE;
   c->tried = 1;
   return status;
 }
@@ -228,7 +228,7 @@ static msim_status choose_explicit(ms_probe *p, ms_selection *s, msim_error *err
     c[i].tried |= ++tries[i] == PATIENCE;
   }
   for (int i = 0; i < MS_CANDIDATES; i++)
-    if (c[i].cost < c[s->best].cost) c[i].why = NOT_WORTH_IT;
+    if (c[i].cost < c[s->best].cost) c[i].why = MS_REASON_NOT_WORTH_IT;
   return status;
 }
 
@@ -278,12 +278,12 @@ static msim_status consider_split(ms_probe *p, const ms_candidate *best, ms_cand
   const double WORTH = 0.25;
   double cost;
   int64_t n = 0;
-  c->why = NO_FEW;
+  c->why = MS_REASON_NO_FEW_STIFF;
   if (p->near || !p->many || !is_held(p, best)) return MSIM_OK;
   msim_status status = find_split(p, &n, &cost, err);
   for (int tries = 0; tries < 3 && !status && cost < WORTH * best->cost; tries++) {
     status = try_split(p, n, c, err);
-    c->why = c->error <= p->tol ? NOT_PASSED_OVER : TOO_LARGE;
+    c->why = c->error <= p->tol ? MS_REASON_NONE : MS_REASON_ERROR_TOO_LARGE;
     cost = c->price / c->h;
     if (!c->why) c->cost = cost;
     if (!c->why) break;
@@ -310,9 +310,9 @@ static msim_status consider_implicit(ms_probe *p, const ms_candidate *best, ms_c
                                      msim_error *err) {
   const double most = best->cost * p->span / 5;
   msim_sim *trial;
-  c->why = ACCURACY;
+  c->why = MS_REASON_ACCURACY_DECIDES;
   if (p->near || !is_held(p, best)) return MSIM_OK;
-  c->why = TOO_DEAR;
+  c->why = MS_REASON_TOO_EXPENSIVE;
   if (10 * predict_price(ms_probe_model(p), p->span / 10) >= most) return MSIM_OK;
   msim_status status = make_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
@@ -320,7 +320,7 @@ static msim_status consider_implicit(ms_probe *p, const ms_candidate *best, ms_c
   status = ms_probe_start(p, trial, err);
   if (!status) status = run_to(p, trial, p->span, most, c, &arrived, err);
   if (arrived) c->cost = c->price / c->h;
-  c->why = arrived ? NOT_PASSED_OVER : NOT_THROUGH;
+  c->why = arrived ? MS_REASON_NONE : MS_REASON_UNFINISHED;
   msim_sim_destroy(trial);
   return status;
 }
@@ -427,7 +427,7 @@ static void pass_candidate(ms_bytes *b, int i, ms_candidate *c) {
 /* Impacts are located by methods that have v and all forces at one time. */
 static int may_be_best(const ms_candidate *c) {
   const int locates = !c->method->sync && !c->method->splits;
-  return c->why == NOT_PASSED_OVER && (locates || c->collision == MSIM_COLLISION_REFLECT);
+  return c->why == MS_REASON_NONE && (locates || c->collision == MSIM_COLLISION_REFLECT);
 }
 
 void ms_selection_history(ms_bytes *b, ms_selection *s) {
@@ -450,7 +450,7 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
   snprintf(name, sizeof name, "%s%s", c->method->entry.name, c->controlled ? ", tol" : "");
   ms_print(out, "              %-17s ", name);
   if (c->why) {
-    ms_print(out, "passed over: %s\n", ms_reason(c->why));
+    ms_print(out, "passed over: %s\n", ms_reasons_text(c->why));
     return;
   }
   ms_print(out, "h = %-8.3g %5.4g evaluations a step, %s%8.4g a second%s%s\n", c->h, c->price,
