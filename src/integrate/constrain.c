@@ -15,8 +15,6 @@ typedef struct constraint {
   int inelastic;
 } constraint;
 
-static double gravity_of(const ms_stepper *s) { return ms_norm3(s->model->gravity); }
-
 /*------------------------------------- normal velocities ----------------------------------------*/
 
 /* The velocities that the planes of a contact give it, in place of those at the start. Its impulses
@@ -24,6 +22,7 @@ static double gravity_of(const ms_stepper *s) { return ms_norm3(s->model->gravit
 static void give_velocity(constraint *j, ms_contact *c) {
   ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
+  const double slow = 2 * s->h * ms_norm3(s->model->gravity);
   double x[3], v[3], to[MS_MOST_TOUCHED], J[MS_MOST_HOLDING] = {0};
   ms_row_get(rows, s->x, c->row, x);
   ms_row_get(rows, j->v_start, c->row, v);
@@ -31,7 +30,7 @@ static void give_velocity(constraint *j, ms_contact *c) {
   for (int i = 0; i < c->on.n; i++) {
     const msim_plane *p = c->on.plane[i];
     const double back = -p->restitution * ms_dot3(p->normal, v);
-    const int bounces = !j->inelastic && back > 2 * s->h * gravity_of(s);
+    const int bounces = !j->inelastic && back > slow;
     to[i] = bounces ? back : -fmax(0, ms_distance(p, x)) / s->h;
     c->leaves |= bounces;
   }
@@ -52,17 +51,18 @@ static void give_velocities(constraint *j) {
 
 /*------------------------------------- what changes ---------------------------------------------*/
 
-/* What a row runs into at the end of the step, beside the planes that it is in contact with. */
-static ms_touch find_entered(const constraint *j, int32_t row, const ms_touch *on) {
+/* The planes of a row: those of its contact, if it has one, and what it has run into at the end of
+ * the step. */
+static ms_touch find_planes(const constraint *j, int32_t row, const ms_contact *c) {
   const ms_walls walls = ms_walls_of(j->s);
   double x[3];
-  ms_touch entered = *on;
+  ms_touch on = c ? c->on : (ms_touch){0};
   ms_row_get(&j->s->model->rows, j->s->x_next, row, x);
   const double noise = ms_distance_noise(&walls, x);
   for (const msim_plane *p = walls.plane; p < walls.plane + walls.n; p++)
-    if (entered.n < MS_MOST_HOLDING && !ms_touch_holds(on, p) && ms_distance(p, x) < -noise)
-      entered.plane[entered.n++] = p;
-  return entered;
+    if (on.n < MS_MOST_HOLDING && !ms_touch_holds(&on, p) && ms_distance(p, x) < -noise)
+      on.plane[on.n++] = p;
+  return on;
 }
 
 static int compare_rows(const void *a, const void *b) {
@@ -73,11 +73,10 @@ static int compare_rows(const void *a, const void *b) {
 /* Rows that end behind planes become contacts, in the order of rows; how many. */
 static int32_t let_in(constraint *j) {
   ms_events *e = j->e;
-  const ms_touch none = {0};
   int32_t nnew = 0, changed = 0, next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
     ms_contact *c = ms_contact_of(e, r, &next);
-    const ms_touch on = find_entered(j, r, c ? &c->on : &none);
+    const ms_touch on = find_planes(j, r, c);
     if (on.n == (c ? c->on.n : 0)) continue;
     changed++;
     if (c) c->on = on;
@@ -144,14 +143,6 @@ static int update(constraint *j, int may_go) {
 
 /*------------------------------------- the step -------------------------------------------------*/
 
-static msim_status make(constraint *j, msim_error *err) {
-  j->s->warm = 0;
-  j->s->looked = 0;
-  const msim_status status = j->by->step(j->s, err);
-  if (!status) ms_contacts_finish(j->s);
-  return status;
-}
-
 static double energy_of(const ms_stepper *s, const double *x, const double *v) {
   const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
   const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
@@ -162,8 +153,11 @@ static msim_status solve(constraint *j, msim_error *err) {
   enum { MOST = 4, MAY_GO = 2 };
   for (int i = 0; i < MOST; i++) {
     give_velocities(j);
-    const msim_status status = make(j, err);
+    j->s->warm = 0;
+    j->s->looked = 0;
+    const msim_status status = j->by->step(j->s, err);
     if (status) return status;
+    ms_contacts_finish(j->s);
     if (!update(j, i < MAY_GO)) break;
   }
   return MSIM_OK;
@@ -171,48 +165,42 @@ static msim_status solve(constraint *j, msim_error *err) {
 
 /* Contacts are what they were, as the method has it. */
 static int is_settled(constraint *j) {
-  const ms_touch none = {0};
-  const ms_events *e = j->e;
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
-    const ms_contact *c = ms_contact_of(e, r, &next);
-    const ms_touch *on = c ? &c->on : &none;
-    if (find_entered(j, r, on).n > on->n || (c && c->change <= 1)) return 0;
+    const ms_contact *c = ms_contact_of(j->e, r, &next);
+    if (find_planes(j, r, c).n > (c ? c->on.n : 0) || (c && c->change <= 1)) return 0;
   }
   return 1;
 }
 
-/* By implicit Euler, or linearized as the method is, with contacts as they come; none may feed
- * energy. */
+/* By the first of these that feeds no energy: the method, if it is linear; implicit Euler; the same
+ * without restitution, whatever it does. */
 static msim_status make_anew(constraint *j, msim_error *err) {
-  ms_stepper *s = j->s;
+  const ms_stepper *s = j->s;
+  const ms_integrator *const by[] = {j->method, &ms_implicit_euler, &ms_implicit_euler};
   const double before = energy_of(s, s->x, j->v_start);
-  if (!j->method->nonlinear) {
-    j->by = j->method;
+  for (int i = j->method->nonlinear ? 1 : 0;; i++) {
+    j->by = by[i];
+    j->inelastic = i == 2;
     const msim_status status = solve(j, err);
-    if (status || energy_of(s, s->x_next, s->v_next) <= before) return status;
+    if (status || i == 2 || energy_of(s, s->x_next, s->v_next) <= before) return status;
   }
-  j->by = &ms_implicit_euler;
-  const msim_status status = solve(j, err);
-  if (status || energy_of(s, s->x_next, s->v_next) <= before) return status;
-  j->inelastic = 1;
-  return solve(j, err);
 }
 
-static msim_status attempt(constraint *j, msim_error *err) {
-  ms_stepper *s = j->s;
-  ms_events *e = j->e;
+msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
+  ms_events *e = s->events;
+  constraint j = {.method = method, .s = s, .e = e, .v_start = s->v};
   const int64_t impacts = s->stats->contacts;
   const int carried = s->warm;
   ms_contacts_find(s);
   int made = 0;
   if (s->stats->contacts == impacts) {
     s->warm = s->x != e->x && ms_contacts_sign(s) == e->held ? carried : 0;
-    const msim_status status = j->method->step(s, err);
+    const msim_status status = method->step(s, err);
     if (status && status != MSIM_NOT_CONVERGED) return status;
     made = !status;
     if (made) ms_contacts_finish(s);
-    if (made && is_settled(j)) {
+    if (made && is_settled(&j)) {
       ms_contacts_note(s);
       return MSIM_OK;
     }
@@ -223,13 +211,8 @@ static msim_status attempt(constraint *j, msim_error *err) {
     c->is_given = 1;
     c->lag = INFINITY;
   }
-  if (made) update(j, 1);
-  const msim_status status = make_anew(j, err);
+  if (made) update(&j, 1);
+  const msim_status status = make_anew(&j, err);
   s->warm_next = 0;
   return status;
-}
-
-msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
-  constraint j = {.method = method, .s = s, .e = s->events, .v_start = s->v};
-  return attempt(&j, err);
 }

@@ -4,12 +4,11 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "integrate/change.h"
+#include "physics/friction.h"
 
 /*------------------------------------- life -----------------------------------------------------*/
 
-/* A length that stands for the island, whatever its present state: so who touches a plane depends
- * on that state alone. */
+/* By the scene, not by the present state: what touches a plane follows from that state alone. */
 static double find_reach(const ms_model *model) {
   const ms_scene *scene = model->scene;
   double reach = 0;
@@ -59,20 +58,10 @@ ms_path ms_contacts_path(const ms_stepper *s, int32_t row, const double *b0, con
 void ms_events_destroy(const ms_model *model, ms_events *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x,
-                    e->v,
-                    e->a,
-                    e->a_end,
-                    e->stage[0],
-                    e->stage[1],
-                    e->begin[0],
-                    e->begin[1],
-                    e->contact,
-                    e->hold,
-                    e->followed,
-                    e->parts,
-                    e};
+  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->hold, e->followed, e->parts};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+  for (int i = 0; i < 2; i++) ms_delete(alloc, e->stage[i]), ms_delete(alloc, e->begin[i]);
+  ms_delete(alloc, e);
 }
 
 void ms_contacts_keep_begin(ms_events *e, ms_shape shape) {
@@ -82,8 +71,7 @@ void ms_contacts_keep_begin(ms_events *e, ms_shape shape) {
 }
 
 void ms_contacts_know(ms_events *e) {
-  double *a = e->a;
-  e->a = e->a_end, e->a_end = a;
+  ms_swap(&e->a, &e->a_end);
   e->known = 1;
 }
 
@@ -169,16 +157,6 @@ static void friction_of(const ms_stepper *s, const ms_contact *c, const double *
   }
 }
 
-/* What the planes add to a: all of it, where they hold the particle, else they take what leads into
- * them, and friction pulls. */
-static void find_push(const ms_stepper *s, const ms_contact *c, const double *v, const double a[3],
-                      double push[3]) {
-  double along[3] = {a[0], a[1], a[2]}, f[3] = {0};
-  const double pull = ms_keep_along(&c->on, along, NULL);
-  if (c->rubs && !c->sticks) friction_of(s, c, v, pull, f);
-  for (int i = 0; i < 3; i++) push[i] = c->sticks ? -a[i] : along[i] + f[i] - a[i];
-}
-
 double ms_contact_reaction(const ms_contact *c, const double a[3]) {
   double along[3] = {a[0], a[1], a[2]}, least;
   ms_keep_along(&c->on, along, &least);
@@ -193,8 +171,7 @@ static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
   const double grip = pull > 0 ? pull - MS_PRESS * size : 16 * DBL_EPSILON * size;
   const int still = ms_norm3(v) == 0;
   c->sticks = c->fixed || (still && ms_norm3(along) <= grip);
-  memcpy(c->slide, still ? along : v, sizeof c->slide);
-  if (c->sticks) memset(c->slide, 0, sizeof c->slide);
+  if (!c->sticks) memcpy(c->slide, still ? along : v, sizeof c->slide);
   scale_to_one(c->slide);
   const double friction = c->sticks ? 0 : pull;
   for (int i = 0; i < 3; i++) c->rub[i] = -friction * c->slide[i];
@@ -205,17 +182,6 @@ void ms_contact_classify(ms_contact *c, int32_t dims) {
   c->fixed = c->on.n >= dims;
   c->rubs = 0;
   for (int i = 0; i < c->on.n; i++) c->rubs |= c->on.plane[i]->friction > 0;
-}
-
-/* The directions in which it cannot move */
-static ms_hold hold_of(const ms_contact *c) {
-  const int all = c->sticks || c->on.n > 2;
-  ms_hold hold = {.row = c->row, .n = all ? 3 : c->on.n};
-  for (int i = 0; i < hold.n; i++) {
-    if (all) hold.along[i][i] = 1;
-    else memcpy(hold.along[i], c->on.plane[i]->normal, sizeof hold.along[i]);
-  }
-  return hold;
 }
 
 /* 1 if it rests. */
@@ -248,7 +214,6 @@ static int settle(ms_stepper *s, ms_contact *c) {
   return 1;
 }
 
-/* The acceleration as if nothing rested */
 void ms_contacts_free(ms_stepper *s, const double *x, const double *v, double *a) {
   const int32_t n = s->events->ncontacts;
   s->events->ncontacts = 0;
@@ -285,10 +250,65 @@ void ms_contacts_hold(ms_stepper *s, double ah) {
   ms_events *e = s->events;
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
-    e->hold[i] = hold_of(c);
+    const int all = c->sticks || c->on.n > 2;
+    ms_hold *hold = &e->hold[i];
+    *hold = (ms_hold){.row = c->row, .n = all ? 3 : c->on.n};
+    for (int k = 0; k < hold->n; k++)
+      if (all) hold->along[k][k] = 1;
+      else memcpy(hold->along[k], c->on.plane[k]->normal, sizeof hold->along[k]);
     if (c->is_given && !c->sticks && c->friction > 0)
-      e->hold[i].drag = s->model->mass[c->row] * ah * c->friction / c->lag;
+      hold->drag = s->model->mass[c->row] * ah * c->friction / c->lag;
   }
+}
+
+/*------------------------------------- what changes ---------------------------------------------*/
+
+/* By more than 45 degrees in the part of h, or where its direction is stiff: what is across v
+ * decays at the rate F/|v|. On a line nothing is across. v: at both ends; a: at the second */
+static int turns(const ms_contact *c, double h, double v[2][3], const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]};
+  if (!c->rubs || c->sticks || c->fixed || c->bounces) return 0;
+  ms_keep_along(&c->on, along, NULL);
+  const double ahead = ms_dot3(c->slide, along), across2 = ms_dot3(along, along) - ahead * ahead;
+  const int is_straight = across2 <= 1e-12 * ahead * ahead;
+  return (c->stop < h && !is_straight) ||
+         ms_dot3(v[0], v[1]) < sqrt(0.5) * ms_norm3(v[0]) * ms_norm3(v[1]);
+}
+
+/* How much more the planes could pull before what sticks slips */
+static double grip(const ms_contact *c, const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]};
+  const double pull = ms_keep_along(&c->on, along, NULL);
+  return pull - ms_norm3(along);
+}
+
+/* The share of the part after which g, linear in time, is below 0 */
+static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
+
+/* v: at the start; a0, a1: at both ends. What slides stops as by a0. */
+static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
+                          const double a1[3]) {
+  if (c->bounces) return MS_NOWHERE;
+  const double noise = MS_PRESS * ms_norm3(a1), push = ms_contact_reaction(c, a1);
+  if (push < -noise) return crossing(ms_contact_reaction(c, a0), push);
+  if (c->fixed || (c->sticks && grip(c, a1) >= -noise)) return MS_NOWHERE;
+  if (c->sticks) return crossing(grip(c, a0), grip(c, a1));
+  if (!c->rubs) return MS_NOWHERE;
+  const double friction = ms_keep_along(&c->on, a0, NULL);
+  const double stop = ms_friction_stop(a0, friction, v) / h;
+  return stop <= 1 ? stop : MS_NOWHERE;
+}
+
+/* By the part just made, from s->x, s->v with the free accelerations a and a_end */
+static void judge(const ms_stepper *s, ms_contact *c) {
+  const ms_rows *rows = &s->model->rows;
+  double v[2][3], a[2][3];
+  ms_row_get(rows, s->v, c->row, v[0]);
+  ms_row_get(rows, s->v_next, c->row, v[1]);
+  ms_row_get(rows, s->events->a, c->row, a[0]);
+  ms_row_get(rows, s->events->a_end, c->row, a[1]);
+  c->change = turns(c, s->h, v, a[1]) ? 0.5 : MS_NOWHERE;
+  c->change = fmin(c->change, find_change(c, s->h, v[0], a[0], a[1]));
 }
 
 /*------------------------------------- what rests -----------------------------------------------*/
@@ -315,15 +335,20 @@ static void add(const ms_rows *rows, double h, const double u[3], int32_t r, dou
   ms_row_put(rows, sum, r, vec);
 }
 
+/* Planes take all of a, where they hold the particle, else what leads into them, and friction
+ * pulls. */
 void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
   const ms_rows *rows = &s->model->rows;
   const int follows = !pass->along || pass->along == pass->v_to; /* x_to moves with v_to */
   for (int32_t i = 0; i < s->events->ncontacts; i++) {
     const ms_contact *c = &s->events->contact[i];
-    double a[3], v[3], push[3];
+    double a[3], along[3], v[3], f[3] = {0}, push[3];
     ms_row_get(rows, pass->a, c->row, a);
+    memcpy(along, a, sizeof along);
     if (pass->v) ms_row_get(rows, pass->v, c->row, v);
-    find_push(s, c, pass->v ? v : NULL, a, push);
+    const double pull = ms_keep_along(&c->on, along, NULL);
+    if (c->rubs && !c->sticks) friction_of(s, c, pass->v ? v : NULL, pull, f);
+    for (int k = 0; k < 3; k++) push[k] = c->sticks ? -a[k] : along[k] + f[k] - a[k];
     add(rows, 1, push, c->row, pass->a);
     if (pass->v_to) add(rows, pass->h, push, c->row, pass->v_to);
     if (pass->x_to && follows) add(rows, pass->drift * pass->h, push, c->row, pass->x_to);
@@ -347,5 +372,5 @@ void ms_contacts_finish(ms_stepper *s) {
     ms_row_put(rows, v, c->row, s->v_next);
   }
   ms_contacts_free(s, s->x_next, s->v_next, e->a_end);
-  for (int32_t i = 0; i < e->ncontacts; i++) ms_contact_judge(s, &e->contact[i]);
+  for (int32_t i = 0; i < e->ncontacts; i++) judge(s, &e->contact[i]);
 }

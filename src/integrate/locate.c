@@ -31,9 +31,10 @@ typedef struct impact {
 
 /* Error of v that a path leaves, of third order: what its acceleration being linear in time adds to
  * a constant one, times how much that acceleration changes; and of its neighbours, which felt the
- * particle where the step had it, not where the path ends, h (omega^2 |dx|/3 + rate |dv|/2). */
-static double error_of_path(const substeps *j, int32_t row, const ms_path *p) {
-  const ms_stepper *s = j->s;
+ * particle where the step had it, not where the path ends, h (omega^2 |dx|/3 + rate |dv|/2).
+ * Shallow impacts have been judged before (is_shallow). */
+static void note_error(const substeps *j, int32_t row, const ms_path *p) {
+  ms_stepper *s = j->s;
   const ms_bounds *b = &j->bounds;
   double bend[3], da[3], dx[3], dv[3];
   ms_row_get(&s->model->rows, s->x_next, row, dx);
@@ -44,13 +45,8 @@ static double error_of_path(const substeps *j, int32_t row, const ms_path *p) {
   }
   const double size = fmax(ms_norm3(p->b0), ms_norm3(p->b1));
   const double own = size > 0 ? ms_norm3(bend) * ms_norm3(da) / size : 0;
-  return fmax(own, s->h * (b->omega * b->omega * ms_norm3(dx) / 3 + b->rate * ms_norm3(dv) / 2));
-}
-
-/* Shallow impacts have been judged before (is_shallow). */
-static void note_error(const substeps *j, int32_t row, const ms_path *p) {
-  ms_stepper *s = j->s;
-  const double error = error_of_path(j, row, p);
+  const double error =
+      fmax(own, s->h * (b->omega * b->omega * ms_norm3(dx) / 3 + b->rate * ms_norm3(dv) / 2));
   if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
 }
 
@@ -117,12 +113,10 @@ static ms_bernstein distance_of(substeps *j, int32_t row, const msim_plane *p) {
   return sum;
 }
 
-/* What touches a plane and neither leaves it nor runs into it, by the signs of n.v up to rounding,
- * stays off it for that share of the part. */
-#define LEAST (1. / 16)
-
-/* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. */
+/* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. What touches
+ * it and neither leaves it nor runs into it, up to rounding, stays off it for a share LEAST. */
 static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double *depth) {
+  const double LEAST = 1. / 16;
   const ms_walls walls = ms_walls_of(j->s);
   double x[3];
   if (!may_meet(j, row, p)) return MS_NOWHERE;
@@ -142,9 +136,8 @@ static void find_impact_of(substeps *j, int32_t row, const ms_contact *c, impact
     if (c && ms_touch_holds(&c->on, p)) continue;
     const double share = share_of_impact(j, row, p, &depth);
     if (share > 1) continue;
-    depth = fmax(depth, first->depth);
-    if (share < first->share) *first = (impact){.share = share, .row = row, .plane = p};
-    first->depth = depth;
+    if (share < first->share) first->share = share, first->row = row, first->plane = p;
+    first->depth = fmax(depth, first->depth);
   }
 }
 
@@ -167,7 +160,6 @@ static msim_status make(substeps *j, double length, msim_error *err) {
   j->s->warm = j->warm;
   j->s->h = length;
   j->s->looked = 0;
-  j->ends_known = 0;
   const msim_status status = j->method->step(j->s, err);
   if (!status) ms_contacts_finish(j->s);
   j->ends_known = j->e->ncontacts > 0;

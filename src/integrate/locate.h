@@ -18,8 +18,7 @@
 
 enum { MS_FEW_CUTS = 8, MS_MAX_CUTS = 64 };
 
-/* One step of the method, as its own step(). A step made in parts leaves s->warm = 0: what the
- * method carried over is gone, also where the step failed. */
+/* One step of the method, as ms_step (events.h) */
 msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_error *err);
 
 /* The longest step that is cut at impacts, so that the method keeps its order p; of methods with p

@@ -151,8 +151,7 @@ int ms_bounce(const ms_touch *touch, double v[3]) {
     ms_project(&hit, least, v, J);
     rub(&hit, J, v);
   }
-  memset(least, 0, sizeof least);
-  ms_project(touch, least, v, J);
+  ms_project(touch, nothing, v, J);
   return 1;
 }
 

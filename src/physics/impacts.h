@@ -50,8 +50,8 @@ ms_touch ms_touch_pushing(const ms_touch *touch, const double *J, double noise, 
 void ms_project(const ms_touch *touch, const double *least, double u[3], double *J);
 
 /* Velocity after an impact: each plane that v runs into sends it back, n_i.v' = -e_i n_i.v, and the
- * part of v' along all of them is scaled by max(0, 1 - sum mu_i J_i/|v_t|): for one plane, the
- * seed's law. Until v' runs into none. Returns 1 if there was an impact. */
+ * part of v' along all of them is scaled by max(0, 1 - sum mu_i J_i/|v_t|). Until v' runs into
+ * none. Returns 1 if there was an impact. */
 int ms_bounce(const ms_touch *touch, double v[3]);
 
 /* u += sum J_i n_i with n_i.u = to_i for the first three planes; 0: they are not independent, and u

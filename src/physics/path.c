@@ -190,15 +190,7 @@ static void settle(walk *k, const ms_touch *touched, double noise) {
   ms_keep_along(&k->on, k->p->v, NULL);
 }
 
-/* A corner that cannot be left by bounces: no restitution, all planes at once */
-static void stop_in_corner(walk *k, const ms_touch *touched) {
-  double unused;
-  ms_touch_pressed(touched, 0, k->p->v, &unused);
-  ms_touch_pressed(touched, 0, k->p->w, &unused);
-  settle(k, touched, 1e4 * k->noise);
-  k->stalled = 0;
-}
-
+/* A corner that cannot be left by bounces stops v and w: no restitution, all planes at once. */
 static void meet(walk *k, const msim_plane *hit) {
   enum { PATIENCE = 8 };
   ms_path *p = k->p;
@@ -207,7 +199,11 @@ static void meet(walk *k, const msim_plane *hit) {
   p->impacts += ms_bounce(&touched, p->v);
   ms_bounce(&touched, p->w);
   if (k->stalled > PATIENCE) {
-    stop_in_corner(k, &touched);
+    double unused;
+    ms_touch_pressed(&touched, 0, p->v, &unused);
+    ms_touch_pressed(&touched, 0, p->w, &unused);
+    settle(k, &touched, 1e4 * k->noise);
+    k->stalled = 0;
     return;
   }
   settle(k, &touched, k->noise);

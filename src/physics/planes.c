@@ -6,24 +6,22 @@
 #include "physics/impacts.h"
 
 static void reflect_velocity(const msim_plane *p, double v[3]) {
-  double vn = ms_dot3(p->normal, v);
+  const double vn = ms_dot3(p->normal, v), impulse = -(1 + p->restitution) * vn;
   if (!(vn < 0)) return;
-  double impulse = -(1 + p->restitution) * vn;
   if (p->friction == 0) {
-    for (int c = 0; c < 3; c++) v[c] += impulse * p->normal[c];
+    ms_axpy3(impulse, p->normal, v);
     return;
   }
-  double tangential[3];
-  for (int c = 0; c < 3; c++) tangential[c] = v[c] - vn * p->normal[c];
-  double speed = sqrt(ms_dot3(tangential, tangential));
-  double keep = speed > 0 ? fmax(0.0, 1 - p->friction * impulse / speed) : 0.0;
-  for (int c = 0; c < 3; c++) v[c] = (vn + impulse) * p->normal[c] + keep * tangential[c];
+  ms_axpy3(-vn, p->normal, v);
+  const double speed = ms_norm3(v);
+  const double keep = speed > 0 ? fmax(0.0, 1 - p->friction * impulse / speed) : 0.0;
+  for (int c = 0; c < 3; c++) v[c] = (vn + impulse) * p->normal[c] + keep * v[c];
 }
 
 static int reflect(const msim_plane *p, double depth, double x[3], double v[3]) {
   const double s = ms_distance(p, x);
   if (!(s < -depth)) return 0;
-  for (int c = 0; c < 3; c++) x[c] -= (1 + p->restitution) * s * p->normal[c];
+  ms_axpy3(-(1 + p->restitution) * s, p->normal, x);
   reflect_velocity(p, v);
   return 1;
 }
@@ -36,10 +34,11 @@ static double rounding_at(const msim_plane *p, const double x[3], double reach) 
   return 64 * DBL_EPSILON * (fabs(p->offset) + ms_norm3(x) + reach);
 }
 
-static int pass_again(const ms_scene *scene, double x[3], double v[3]) {
+/* again: not the first pass, so that x may lie on planes but for rounding */
+static int pass(const ms_scene *scene, int again, double x[3], double v[3]) {
   int reflected = 0;
   for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++)
-    reflected |= reflect(p, rounding_at(p, x, 0), x, v);
+    reflected |= reflect(p, again ? rounding_at(p, x, 0) : 0, x, v);
   return reflected;
 }
 
@@ -88,8 +87,8 @@ static void go_to_nearest(const ms_scene *scene, double x[3], ms_touch *on) {
 static void settle(const ms_scene *scene, double x[3], double v[3]) {
   enum { MOST_PASSES = 64 };
   ms_touch on;
-  for (int pass = 1; pass < MOST_PASSES; pass++)
-    if (!pass_again(scene, x, v)) return;
+  for (int i = 1; i < MOST_PASSES; i++)
+    if (!pass(scene, 1, x, v)) return;
   go_to_nearest(scene, x, &on);
   ms_bounce(&on, v);
 }
@@ -117,9 +116,7 @@ int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
     double xp[3], vp[3];
     ms_row_get(rows, x, r, xp);
     ms_row_get(rows, v, r, vp);
-    int touched = 0;
-    for (int32_t p = 0; p < scene->nplanes; p++) touched |= reflect(&scene->planes[p], 0, xp, vp);
-    if (!touched) continue;
+    if (!pass(scene, 0, xp, vp)) continue;
     if (scene->nplanes > 1) settle(scene, xp, vp);
     ms_row_put(rows, xp, r, x);
     ms_row_put(rows, vp, r, v);

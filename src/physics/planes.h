@@ -1,4 +1,4 @@
-/* planes - the seed's reflection of a predicted state at half spaces */
+/* planes - reflection of a predicted state at half spaces */
 #ifndef MS_PLANES_H
 #define MS_PLANES_H
 

@@ -44,28 +44,13 @@ static msim_status check_values(const char *what, int32_t n, const double *value
   return MSIM_OK;
 }
 
-static void use_scene(msim_sim *sim, ms_scene *scene) {
+void ms_sim_use_scene(msim_sim *sim, ms_scene *scene) {
   sim->scene = scene;
   sim->is_marked = 0;
-  for (int32_t i = 0; i < sim->nislands; i++) sim->motion[i].model.scene = scene;
-}
-
-static void update_models(msim_sim *sim) {
-  for (int32_t i = 0; i < sim->nislands; i++)
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    sim->motion[i].model.scene = scene;
     ms_model_update(&sim->motion[i].model, sim->opt.skip_off);
-}
-
-void ms_sim_use_scene(msim_sim *sim, ms_scene *scene) {
-  use_scene(sim, scene);
-  update_models(sim);
-}
-
-/* The sim's own scene, no longer that of the handle it was made from. */
-static ms_scene *own_scene(msim_sim *sim, msim_error *err) {
-  msim_scene handle = {sim->scene};
-  ms_scene *own = ms_scene_writable(&handle, err);
-  if (own) use_scene(sim, own);
-  return own;
+  }
 }
 
 /* 1 where the island's matrix becomes one of scalars, or ceases to be one. */
@@ -82,21 +67,24 @@ static int changes_kind(const msim_sim *sim, const ms_motion *m, const double *r
   return solver && alike != (solver->system.a.block == 1);
 }
 
+/* Into a scene of the sim's own, no longer that of the handle it was made from */
 static msim_status write_springs(msim_sim *sim, const double *k, const double *rest,
                                  const double *damping, msim_error *err) {
-  ms_scene *scene = own_scene(sim, err);
+  msim_scene handle = {sim->scene};
+  ms_scene *scene = ms_scene_writable(&handle, err);
   if (!scene) return MSIM_ERR_MEMORY;
   const size_t bytes = (size_t)scene->nsprings * sizeof(double);
-  sim->is_marked = 0;
   if (k) memcpy(scene->k, k, bytes);
   if (rest) memcpy(scene->rest, rest, bytes);
   if (damping) memcpy(scene->damping, damping, bytes);
-  update_models(sim);
+  ms_sim_use_scene(sim, scene);
   return MSIM_OK;
 }
 
-/* New solvers for all islands, or none. fresh: one a island */
-static msim_status make_solvers(msim_sim *sim, ms_solver **fresh, msim_error *err) {
+/* New solvers for all islands, or none */
+static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
+  ms_solver **fresh = ms_new(&sim->alloc, (size_t)sim->nislands, sizeof *fresh);
+  if (!fresh) return ms_fail_memory(err, "the linear solvers");
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     const ms_motion *m = &sim->motion[i];
@@ -109,13 +97,6 @@ static msim_status make_solvers(msim_sim *sim, ms_solver **fresh, msim_error *er
     ms_solver_destroy(status ? fresh[i] : *used);
     if (!status) *used = fresh[i];
   }
-  return status;
-}
-
-static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
-  ms_solver **fresh = ms_new(&sim->alloc, (size_t)sim->nislands, sizeof *fresh);
-  if (!fresh) return ms_fail_memory(err, "the linear solvers");
-  msim_status status = make_solvers(sim, fresh, err);
   ms_delete(&sim->alloc, fresh);
   if (!status) ms_sim_choose_for(sim, NULL);
   return status;
