@@ -23,6 +23,7 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
   if (!status && (ms_sim_has_control(sim) || ms_sim_selects(sim)))
     status = ms_norm_create(&m->model, &m->norm, err);
   if (!status) status = ms_verify_create(sim, &m->model, &m->check, err);
+  if (!status) status = ms_sensitivity_create(sim, &m->model, &m->disturbance, err);
   if (status) return status;
   return events ? ms_events_create(&m->model, &s->events, err) : MSIM_OK;
 }
@@ -111,6 +112,7 @@ static void take_down(const msim_allocator *alloc, ms_motion *motion, int32_t ni
     ms_events_destroy(&motion[i].model, s->events);
     ms_watch_destroy(&motion[i].model, &motion[i].guard);
     ms_norm_destroy(&motion[i].model, &motion[i].norm);
+    ms_sensitivity_destroy(&motion[i].model, &motion[i].disturbance);
     ms_verify_destroy(&motion[i].model, &motion[i].check);
     ms_model_destroy(&motion[i].model);
     double *vectors[] = {s->x,          s->v,          s->x_next,     s->v_next,    s->scratch,

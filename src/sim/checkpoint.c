@@ -22,7 +22,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 5u
+#define VERSION 6u
 
 typedef struct header {
   char magic[8];
@@ -106,6 +106,7 @@ typedef struct run {
   ms_selection selection;
   msim_stats stats;
   ms_watch watch;
+  ms_sensitivity sensitivity;
 } run;
 
 /* Is a frame shown, or due, within the last step? */
@@ -138,7 +139,8 @@ static run run_of(const msim_sim *sim) {
                .first_h = sim->opt.h,
                .selection = sim->selection,
                .stats = sim->stats,
-               .watch = sim->watch};
+               .watch = sim->watch,
+               .sensitivity = sim->sensitivity};
 }
 
 /* Without the seconds, so that equal runs have equal checkpoints. */
@@ -183,6 +185,7 @@ static void pass_run(ms_bytes *b, const msim_sim *sim, run *r) {
   pass_stats(b, &r->stats);
   if (ms_sim_selects(sim)) ms_selection_history(b, &r->selection);
   ms_watch_history(b, sim, &r->watch);
+  ms_sensitivity_archive(b, &r->sensitivity);
   ms_bytes_check(b, r->step >= r->step0 && r->h > 0 && r->solver_h >= 0, "the step");
 }
 
@@ -225,6 +228,7 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_e
     if (!status && !ms_bytes_failed(b))
       ms_guard_history(b, sim, r->watch.step == r->step, &m->stepper, &m->guard);
     if (ms_sim_selects(sim)) ms_check_history(b, &m->check);
+    ms_sensitivity_archive_island(b, m->model.shape, &m->disturbance);
   }
   return status;
 }
@@ -436,6 +440,7 @@ static void use_run(msim_sim *sim, const run *r) {
   sim->control = r->control;
   sim->stats = r->stats;
   sim->watch = r->watch;
+  sim->sensitivity = r->sensitivity;
   use_frames(sim, r);
   /* what no row writes: pinned particles, and the axis left out */
   memcpy(sim->flat_x, scene->x, flat);

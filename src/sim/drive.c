@@ -401,6 +401,8 @@ msim_status ms_drive_step(msim_sim *sim, msim_error *err) {
   if (has_control) ms_drive_show(sim, sim->t); /* what lies within the last step is lost now */
   msim_status status = ms_verify_meets_planes(sim) ? ms_sim_meet_planes(sim, err) : MSIM_OK;
   if (!status) status = has_control ? controlled_step(sim, err) : fixed_step(sim, err);
-  if (!status) ms_verify_energy(sim);
+  if (status) return status;
+  ms_verify_energy(sim);
+  ms_sensitivity_follow(sim, has_control ? sim->motion->stepper.h : sim->plan.h);
   return status;
 }

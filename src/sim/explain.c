@@ -102,6 +102,7 @@ static void explain_control(const msim_sim *sim, ms_text *out) {
       "              each may add its share of tol = %g to the error, relative to the extent\n",
       sim->opt.tol);
   explain_scales(sim, out);
+  ms_sensitivity_explain(sim, out);
   if (sim->plan.t_end < 0)
     ms_print(out, "              tol is that of one second, as the run has no t_end\n");
   else if (ms_plan_has_times(&sim->opt))

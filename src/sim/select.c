@@ -157,6 +157,7 @@ static msim_status make_sim(const ms_probe *p, const ms_integrator *method, doub
   opt.integrator = method->entry.name;
   opt.collision = MSIM_COLLISION_REFLECT;
   opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
+  opt.watch = MSIM_WATCH_OFF;
   return msim_sim_create(&scene, &opt, sim, err);
 }
 

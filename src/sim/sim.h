@@ -11,6 +11,7 @@
 #include "sim/marks.h"
 #include "sim/plan.h"
 #include "sim/select.h"
+#include "sim/sensitivity.h"
 #include "sim/watch.h"
 
 /* One island in motion. Nothing couples it with others. */
@@ -26,6 +27,7 @@ typedef struct ms_motion {
   double error;       /* of the step that is being made, over what is allowed */
   ms_guard guard;
   ms_check check;
+  ms_disturbance disturbance;
 } ms_motion;
 
 struct msim_sim {
@@ -62,6 +64,7 @@ struct msim_sim {
   int flat_is_current;
 
   ms_watch watch;
+  ms_sensitivity sensitivity;
 
   ms_text explanation;
   struct ms_whole *whole; /* for msim_sim_matrix; NULL: nobody asked */

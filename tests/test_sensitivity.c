@@ -1,0 +1,199 @@
+/* How much errors grow in a run: measured beside the exact rate of an unstable equilibrium, and
+ * reported where motion is chaotic, but not where it is regular. */
+#include <math.h>
+#include <stdio.h>
+
+#include "checkpoints.h"
+
+typedef struct reports {
+  int n;
+  double t; /* of the last one, s */
+} reports;
+
+static void take_report(const char *text, void *user) {
+  reports *r = user;
+  const char *time = strstr(text, "t = ");
+  if (!strstr(text, "sensitive to small errors")) return;
+  assert_non_null(time);
+  r->t = strtod(time + 4, NULL);
+  r->n++;
+}
+
+/* n particles of 1 kg between two pinned ones, 0.5 m apart, in a line; springs of 50 N/m and of
+ * this rest length. They move along the line, by different distances. */
+static msim_scene *column(int32_t n, double rest, double damping, double drag) {
+  const double k = 50, mass = 1;
+  const int32_t ends[2] = {0, n + 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int32_t i = 0; i < n + 2; i++) {
+    const double speed = i == 1 ? 0.2 : 0, x[3] = {0.3 * i, 0.4 * i, 0};
+    const double v[3] = {0.3 * speed, 0.4 * speed, 0};
+    const int32_t ij[2] = {i - 1, i};
+    assert_ok(msim_scene_add_particles(scene, 1, x, v, &mass, err));
+    if (i) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &damping, err));
+  }
+  assert_ok(msim_scene_pin(scene, 2, ends, err));
+  assert_ok(msim_scene_set_drag(scene, drag, err));
+  return scene;
+}
+
+/* A rope in folds, that springs apart */
+static msim_scene *folded_rope(void) {
+  enum { ALL = 16 };
+  const double mass = 0.05, k = 2000, rest = 0.3, g[3] = {0, 0, -9.81};
+  const int32_t first = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int32_t i = 0; i < ALL; i++) {
+    const double x[3] = {0.02 * i, 0, 0.1 * (i % 2)};
+    const int32_t ij[2] = {i - 1, i};
+    assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+    if (i) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  }
+  assert_ok(msim_scene_pin(scene, 1, &first, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+static msim_options options_to(const char *method, double tol, double t_end, reports *r) {
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = method, opt.tol = tol, opt.t_end = t_end;
+  opt.warn = take_report, opt.warn_user = r;
+  *r = (reports){0};
+  return opt;
+}
+
+static void run(const msim_scene *scene, const msim_options *opt) {
+  msim_sim *sim = make_sim(scene, opt);
+  assert_ok(msim_sim_run(sim, NULL, 0, err));
+  msim_sim_destroy(sim);
+}
+
+/* Across the line displacements obey y_i'' = g (2 y_i - y_(i-1) - y_(i+1)) - b y_i' with
+ * g = (k/m)(L/l - 1) = 5 and drag b: by the eigenvalues of that matrix, 2 for one particle and 3
+ * for two, they grow like exp(a t), a^2 + b a = 10 or 15. So E = (exp(a t) - 1)/(a T) reaches 30 at
+ * t = ln(30 a T + 1)/a; later only as the first disturbance is in all modes, and strides take
+ * 0.2 s. Dampers act along the line alone. */
+static void growth_is_that_of_the_unstable_mode(void **state) {
+  static const char *const methods[] = {"dop853", "rk4", "heun", "auto"};
+  static const struct {
+    int32_t n;
+    double damping, drag, a;
+  } cases[] = {{1, 0, 0, 3.1623}, {2, 0, 0, 3.8730}, {2, 6, 3, 2.6533}};
+  const double T = 4;
+  (void)state;
+  for (int i = 0; i < 12; i++) {
+    reports r;
+    const double a = cases[i % 3].a, expected = log(30 * a * T + 1) / a;
+    msim_scene *scene = column(cases[i % 3].n, 0.55, cases[i % 3].damping, cases[i % 3].drag);
+    const msim_options opt = options_to(methods[i / 3], 1e-7, T, &r);
+    run(scene, &opt);
+    if (r.n != 1 || !(r.t > expected && r.t < expected + 0.7))
+      fail_msg("%s, %d: %d reports, at %g s; 1 expected, at %g s", methods[i / 3], i % 3, r.n, r.t,
+               expected);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* The same springs pull where they are longer than at rest. A run without an end goes on and on. */
+static void regular_motion_is_not_reported(void **state) {
+  (void)state;
+  for (int endless = 0; endless < 2; endless++) {
+    reports r;
+    msim_scene *scene = column(1, 0.25, 0, 0);
+    const msim_options opt = options_to("dop853", 1e-7, endless ? -1 : 100, &r);
+    msim_sim *sim = make_sim(scene, &opt);
+    while (state_of(sim).t < 100) assert_ok(msim_sim_step(sim, 1, err));
+    assert_int_equal(r.n, 0);
+    msim_sim_destroy(sim), msim_scene_destroy(scene);
+  }
+}
+
+static double distance(const msim_scene *scene, const msim_options *a, const msim_options *b) {
+  msim_sim *sim[2] = {make_sim(scene, a), make_sim(scene, b)};
+  msim_state s[2];
+  double largest = 0;
+  for (int i = 0; i < 2; i++) {
+    assert_ok(msim_sim_run(sim[i], NULL, 0, err));
+    s[i] = state_of(sim[i]);
+  }
+  for (int i = 0; i < 3 * s[0].n; i++) largest = fmax(largest, fabs(s[0].x[i] - s[1].x[i]));
+  for (int i = 0; i < 2; i++) msim_sim_destroy(sim[i]);
+  return largest;
+}
+
+/* Errors are far above tol there, though each step keeps it. */
+static void chaos_is_reported_once(void **state) {
+  static const char *const methods[] = {"dop853", "auto"};
+  msim_scene *scene = folded_rope();
+  (void)state;
+  for (int i = 0; i < 2; i++) {
+    reports r, none;
+    const msim_options exact = options_to("dop853", 1e-12, 0.5, &none);
+    const msim_options opt = options_to(methods[i], 1e-6, 0.5, &r);
+    assert_true(distance(scene, &opt, &exact) > 10 * opt.tol);
+    assert_int_equal(r.n, 1);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Nothing is measured without the watch, which changes no bit. */
+static void watch_changes_no_bit(void **state) {
+  msim_scene *scene = folded_rope();
+  reports r, none;
+  const msim_options opt = options_to("auto", 1e-6, 0.5, &r);
+  msim_options off = options_to("auto", 1e-6, 0.5, &none);
+  (void)state;
+  off.watch = MSIM_WATCH_OFF;
+  assert_true(distance(scene, &opt, &off) == 0);
+  assert_int_equal(r.n, 1);
+  assert_int_equal(none.n, 0);
+  msim_scene_destroy(scene);
+}
+
+static void resumed_runs_measure_the_same(void **state) {
+  static const char *const methods[] = {"dop853", "auto"};
+  const int64_t at[] = {1, 40, 100, 130};
+  msim_scene *scene = folded_rope();
+  (void)state;
+  for (int i = 0; i < 2; i++) {
+    reports r;
+    const msim_options opt = options_to(methods[i], 1e-4, 0.5, &r);
+    expect_resumable(scene, &opt, 160, 4, at, methods[i]);
+    assert_true(r.n >= 2);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* With a force evaluation a step at the limit of stability, it would take half of them all. */
+static void expensive_measurement_is_left_off(void **state) {
+  msim_scene *scene = hanging_cloth(8, 1e5, 0);
+  reports r;
+  const msim_options opt = options_to("velocity-verlet", 0.01, 0.5, &r);
+  const char *text;
+  (void)state;
+  msim_options off = opt;
+  off.watch = MSIM_WATCH_OFF;
+  msim_sim *sim = make_sim(scene, &opt), *without = make_sim(scene, &off);
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "the growth of errors is measured"));
+  assert_ok(msim_sim_run(sim, NULL, 0, err));
+  assert_ok(msim_sim_run(without, NULL, 0, err));
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "the growth of errors is not measured"));
+  assert_true((double)stats_of(sim).force_evaluations <
+              1.12 * (double)stats_of(without).force_evaluations + 40);
+  msim_sim_destroy(sim), msim_sim_destroy(without), msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(growth_is_that_of_the_unstable_mode),
+                                     cmocka_unit_test(regular_motion_is_not_reported),
+                                     cmocka_unit_test(chaos_is_reported_once),
+                                     cmocka_unit_test(watch_changes_no_bit),
+                                     cmocka_unit_test(resumed_runs_measure_the_same),
+                                     cmocka_unit_test(expensive_measurement_is_left_off)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
