@@ -114,7 +114,17 @@ double ms_dot(ms_shape s, const double *x, const double *y) {
 }
 
 int ms_is_zero(ms_shape s, const double *x) {
-  EACH_COMPONENT(s) { EACH_ROW(s) if (x[at + (size_t)r] != 0) return 0; }
+  EACH_COMPONENT(s) {
+    int32_t r = 0;
+    for (; r + LANES <= s.n; r += LANES) {
+      ms_mask moves = {0};
+      for (int i = 0; i < LANES; i += MS_LANES) moves |= ms_load(x + at + r + i) != 0;
+      for (int i = 0; i < MS_LANES; i++)
+        if (moves[i]) return 0;
+    }
+    for (; r < s.n; r++)
+      if (x[at + (size_t)r] != 0) return 0;
+  }
   return 1;
 }
 
@@ -126,17 +136,18 @@ int ms_is_same(ms_shape s, const double *x, const double *y) {
 int32_t ms_find_bad(ms_shape s, const double *x) {
   /* (c x)^2 is infinite, or NaN, where x is NaN or beyond MS_HUGE, and stays so in sums */
   const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */
-  ms_lanes lanes = {0};
+  ms_lanes lanes[LANES / MS_LANES] = {{0}};
   double sum = 0;
   EACH_COMPONENT(s) {
     int32_t r = 0;
-    for (; r + MS_LANES <= s.n; r += MS_LANES) {
-      const ms_lanes y = c * ms_load(x + at + r);
-      lanes += y * y;
-    }
+    for (; r + LANES <= s.n; r += LANES)
+      for (int i = 0; i < LANES / MS_LANES; i++) {
+        const ms_lanes y = c * ms_load(x + at + r + i * MS_LANES);
+        lanes[i] += y * y;
+      }
     for (; r < s.n; r++) sum += (c * x[at + (size_t)r]) * (c * x[at + (size_t)r]);
   }
-  for (int i = 0; i < MS_LANES; i++) sum += lanes[i];
+  for (int i = 0; i < LANES; i++) sum += lanes[i / MS_LANES][i % MS_LANES];
   if (isfinite(sum)) return -1;
   for (int32_t r = 0; r < s.n; r++)
     EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_HUGE)) return r;
