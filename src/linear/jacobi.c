@@ -3,6 +3,8 @@
 #include <float.h>
 #include <math.h>
 
+#include "base/simd.h"
+
 msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi,
                              msim_error *err) {
   const size_t n = ms_diagonal_size((size_t)a->block) * (size_t)model->rows.first_pinned;
@@ -138,21 +140,76 @@ static void root_of_row(const ms_model *model, const ms_coefficients *a, int32_t
 static double square_of_row(const ms_model *model, const ms_coefficients *a, const double *r,
                             int32_t row) {
   double l[6], own[3], y[3], sum = 0;
-  for (int32_t c = 0; c < a->block; c++)
-    own[c] = r[(size_t)c * (size_t)model->rows.stride + (size_t)row];
   root_of_row(model, a, row, l);
-  divide_by_root((size_t)a->block, l, own, y);
-  for (int32_t c = 0; c < a->block; c++) sum += y[c] * y[c];
+  for (int32_t first = 0; first < model->rows.dims; first += a->block) {
+    for (int32_t c = 0; c < a->block; c++)
+      own[c] = r[(size_t)(first + c) * (size_t)model->rows.stride + (size_t)row];
+    divide_by_root((size_t)a->block, l, own, y);
+    for (int32_t c = 0; c < a->block; c++) sum += y[c] * y[c];
+  }
   return sum;
 }
 
+/* r.B^-1 r of so many rows at once, by B = L D L^T. has_root: as of take_root */
+MS_INLINE ms_lanes squares_of_rows(size_t dims, const ms_lanes b[6], const ms_lanes r[3],
+                                   ms_mask *has_root) {
+  ms_lanes l[3][3], y[3], inverse[3], sum = {0};
+  *has_root = ~(ms_mask){0};
+  for (size_t i = 0; i < dims; i++) {
+    ms_lanes pivot = b[i], scaled[3];
+    y[i] = r[i];
+    for (size_t k = 0; k < i; k++) {
+      scaled[k] = b[ms_diagonal_entry(dims, k, i)];
+      for (size_t q = 0; q < k; q++) scaled[k] -= scaled[q] * l[k][q];
+      l[i][k] = scaled[k] * inverse[k];
+      pivot -= scaled[k] * l[i][k];
+      y[i] -= l[i][k] * y[k];
+    }
+    *has_root &= pivot > DBL_EPSILON * b[i];
+    inverse[i] = 1 / pivot;
+    sum += y[i] * y[i] * inverse[i];
+  }
+  return sum;
+}
+
+/* Blocks of b[0] alone, the same for each of the components */
+MS_INLINE ms_lanes squares_of_scalars(size_t dims, ms_lanes b, const ms_lanes r[3],
+                                      ms_mask *has_root) {
+  ms_lanes sum = r[0] * r[0];
+  for (size_t c = 1; c < dims; c++) sum += r[c] * r[c];
+  *has_root = b > 0;
+  return sum / b;
+}
+
+/* Of whole groups; their 8 running sums */
+MS_INLINE void add_squares(size_t block, size_t dims, const ms_model *model,
+                           const ms_coefficients *a, const double *r, double sums[MS_GROUP]) {
+  const size_t s = (size_t)model->rows.first_pinned, t = (size_t)model->rows.stride;
+  const size_t end = (size_t)model->rows.nfree / MS_GROUP * MS_GROUP;
+  for (size_t row = 0; row < end; row += MS_LANES) {
+    double *to = sums + row % MS_GROUP;
+    ms_lanes b[6], own[3];
+    ms_mask has_root;
+    for (size_t q = 0; q < ms_diagonal_size(block); q++) b[q] = ms_load(a->diagonal + q * s + row);
+    for (size_t c = 0; c < dims; c++) own[c] = ms_load(r + c * t + row);
+    const ms_lanes squares = block == 1 ? squares_of_scalars(dims, b[0], own, &has_root)
+                                        : squares_of_rows(dims, b, own, &has_root);
+    ms_store(to, ms_load(to) + ms_select(has_root, squares, (ms_lanes){0}));
+    for (size_t i = 0; i < MS_LANES; i++)
+      if (!has_root[i]) to[i] += square_of_row(model, a, r, (int32_t)(row + i));
+  }
+}
+
 double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const double *r) {
-  const size_t apart = (size_t)a->block * (size_t)model->rows.stride;
-  double sum = 0;
-  for (int32_t c = 0; c < model->rows.dims; c += a->block)
-    for (int32_t row = 0; row < model->rows.nfree; row++)
-      sum += square_of_row(model, a, r + (size_t)(c / a->block) * apart, row);
-  return sqrt(sum);
+  const int32_t nfree = model->rows.nfree;
+  double l[MS_GROUP] = {0};
+  if (a->block == 3) add_squares(3, 3, model, a, r, l);
+  else if (a->block == 2) add_squares(2, 2, model, a, r, l);
+  else if (model->rows.dims == 3) add_squares(1, 3, model, a, r, l);
+  else add_squares(1, 2, model, a, r, l);
+  for (int32_t row = nfree - nfree % MS_GROUP; row < nfree; row++)
+    l[row % MS_GROUP] += square_of_row(model, a, r, row);
+  return sqrt(((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7])));
 }
 
 void ms_jacobi_roots(const ms_model *model, const ms_coefficients *a, double *roots) {
