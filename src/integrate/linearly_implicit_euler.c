@@ -1,5 +1,4 @@
 #include <math.h>
-#include <string.h>
 
 #include "integrate/methods.h"
 
@@ -36,7 +35,6 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   ms_acceleration(s, s->x, NULL, dv);
   ms_scale_rows(shape, s->model->mass, dv, b);
   ms_scale(shape, s->h, b);
-  memset(dv, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *dv);
   ms_request request = {
       .x = s->x,
       .h = s->h,

@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "linear/jacobi.h"
 #include "physics/excess.h"
@@ -76,7 +75,6 @@ static double tolerance(const newton *n) {
 }
 
 static msim_status solve(newton *n, const ms_request *request, msim_error *err) {
-  memset(n->d, 0, (size_t)n->shape.dims * (size_t)n->shape.stride * sizeof *n->d);
   return ms_solver_solve(n->s->solver, request, n->b, n->d, err);
 }
 

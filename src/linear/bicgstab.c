@@ -54,7 +54,7 @@ static msim_status precondition(const run *q, const double *v) {
     q->by->ops->precondition(q->by, q->s->w, q->s->z);
     return MSIM_OK;
   }
-  const ms_target rough = {1e-3, 1};
+  const ms_target rough = {.rtol = 1e-3, .max_iterations = 1};
   int64_t iterations = 0;
   return q->by->ops->solve(q->by, &rough, q->s->w, q->s->z, &iterations, NULL);
 }
@@ -130,7 +130,7 @@ msim_status ms_bicgstab_solve(const ms_bicgstab *s, ms_linear *by, const ms_targ
                               const double *b, double *y, int64_t *iterations) {
   const ms_system *system = by->system;
   const ms_model *model = system->model;
-  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * ms_jacobi_norm(model, &system->a, b);
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
   int64_t count = 0;
   run q = {.s = s,
            .system = system,
@@ -141,14 +141,15 @@ msim_status ms_bicgstab_solve(const ms_bicgstab *s, ms_linear *by, const ms_targ
   double last = INFINITY;
   msim_status status = MSIM_OK;
   ms_jacobi_roots(model, &system->a, s->roots);
+  ms_copy(model->shape, b, s->r[0]);
   while (!status) {
-    ms_system_apply(system, y, s->r[0]);
-    ms_combine(model->shape, b, -1, s->r[0], s->r[0]);
     ms_jacobi_divide(model, s->roots, s->r[0]);
     const double left = sqrt(dot(&q, s->r[0], s->r[0]));
     if (left <= goal || !(left < 0.9 * last)) break;
     last = left;
     status = count < q.limit ? iterate(&q, goal, y) : MSIM_NOT_CONVERGED;
+    ms_system_apply(system, y, s->r[0]);
+    ms_combine(model->shape, b, -1, s->r[0], s->r[0]);
   }
   *iterations += count;
   return status;

@@ -21,7 +21,7 @@ typedef struct ms_bicgstab {
 msim_status ms_bicgstab_create(const ms_model *model, ms_bicgstab *solver, msim_error *err);
 void ms_bicgstab_destroy(const ms_model *model, ms_bicgstab *solver);
 
-/* A y = b, A with its turning; y: first guess in, solution out. by: has been made ready for the
+/* A y = b, A with its turning; y: 0 in, solution out. by: has been made ready for the
  * symmetric part. MSIM_OK says that the true residual has reached its goal or stagnates: look at
  * it. An iteration is a product with A. */
 msim_status ms_bicgstab_solve(const ms_bicgstab *solver, ms_linear *by, const ms_target *target,

@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "linear/jacobi.h"
+#include "linear/residual.h"
 
 msim_status ms_cg_create(const ms_model *model, ms_cg *cg, msim_error *err) {
   *cg = (ms_cg){.r = ms_rows_vector(model->scene, &model->rows),
@@ -19,18 +20,13 @@ void ms_cg_destroy(const ms_model *model, ms_cg *cg) {
     ms_delete(&model->scene->alloc, vectors[i]);
 }
 
-static void residual(const ms_system *s, const double *b, const double *y, double *r) {
-  ms_coefficients_apply(s->model, &s->a, y, r);
-  ms_combine(s->model->shape, b, -1, r, r);
-}
-
-/* From the residual of y in cg->r until ||r|| <= goal, by the recurrence of r. */
+/* From the residual r of y, of that norm, until it is <= goal, by the recurrence of r. */
 static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
-                           void *data, double goal, int64_t limit, double *y, int64_t *iterations) {
+                           void *data, double norm, double goal, int64_t limit, double *y,
+                           int64_t *iterations) {
   const ms_shape shape = s->model->shape;
   double rho = 0;
-  for (int first = 1;; first = 0) {
-    if (ms_jacobi_norm(s->model, &s->a, cg->r) <= goal) return MSIM_OK;
+  for (int first = 1; norm > goal; first = 0) {
     if (*iterations >= limit) return MSIM_NOT_CONVERGED;
     const msim_status status = precondition(data, cg->r, cg->z);
     if (status) return status;
@@ -44,26 +40,27 @@ static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditione
     const double alpha = rho / curvature;
     ms_axpy(shape, alpha, cg->p, y);
     ms_axpy(shape, -alpha, cg->q, cg->r);
+    norm = ms_jacobi_norm(s->model, &s->a, cg->r);
     ++*iterations;
   }
+  return MSIM_OK;
 }
 
 /* The recurrence drifts from the true residual: where it claims success, start again from the
  * truth, until that holds too or gets no better. */
 msim_status ms_cg_solve(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
                         void *data, const ms_target *target, const double *b, double *y,
-                        int64_t *iterations) {
-  const double size = ms_jacobi_norm(s->model, &s->a, b);
-  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * size;
+                        int64_t *iterations, double *residual) {
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
   double last = INFINITY;
   int64_t count = 0;
   msim_status status = MSIM_OK;
-  while (!status) {
-    residual(s, b, y, cg->r);
-    const double norm = ms_jacobi_norm(s->model, &s->a, cg->r);
-    if (norm <= goal || norm > 0.5 * last) break;
-    last = norm;
-    status = iterate(cg, s, precondition, data, goal, target->max_iterations, y, &count);
+  *residual = target->size;
+  ms_copy(s->model->shape, b, cg->r);
+  while (!status && *residual > goal && *residual <= 0.5 * last) {
+    last = *residual;
+    status = iterate(cg, s, precondition, data, last, goal, target->max_iterations, y, &count);
+    if (!status) *residual = ms_true_residual(s, b, y, cg->r);
   }
   *iterations += count;
   return status;

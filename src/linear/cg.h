@@ -14,10 +14,11 @@ typedef struct ms_cg {
 msim_status ms_cg_create(const ms_model *model, ms_cg *cg, msim_error *err);
 void ms_cg_destroy(const ms_model *model, ms_cg *cg);
 
-/* A y = b; y: first guess in, solution out. MSIM_NOT_SPD where a direction has no positive
- * curvature. MSIM_OK says that the true residual has reached its goal or stagnates: look at it. */
+/* A y = b; y: 0 in, solution out. MSIM_NOT_SPD where a direction has no positive
+ * curvature. MSIM_OK says that the true residual, ||b - A y||, has reached its goal or stagnates:
+ * look at it. */
 msim_status ms_cg_solve(const ms_cg *cg, const ms_system *system, ms_preconditioner *precondition,
                         void *data, const ms_target *target, const double *b, double *y,
-                        int64_t *iterations);
+                        int64_t *iterations, double *residual);
 
 #endif

@@ -37,7 +37,7 @@ void ms_kept_forget(ms_kept *kept) { kept->age = kept->wait = kept->rest = 0; }
 
 static msim_status by_factor(void *data, const double *r, double *z) {
   ms_kept *kept = data;
-  const ms_target target = {kept->rtol, 1};
+  const ms_target target = {.rtol = kept->rtol, .max_iterations = 1};
   int64_t iterations = 0;
   return kept->by->ops->solve(kept->by, &target, r, z, &iterations, NULL);
 }
@@ -51,10 +51,10 @@ static double limit_of(const ms_kept *kept) {
 int ms_kept_is_ready(ms_kept *kept) { return kept->by && kept->age > 0 && kept->rest-- <= 0; }
 
 msim_status ms_kept_solve(ms_kept *kept, const ms_system *system, const ms_target *target,
-                          const double *b, double *v, int64_t *iterations) {
+                          const double *b, double *v, int64_t *iterations, double *residual) {
   const double limit = fmin(fmax(1, limit_of(kept)), target->max_iterations);
-  const ms_target bounded = {target->rtol, (int32_t)limit};
-  return ms_cg_solve(&kept->cg, system, by_factor, kept, &bounded, b, v, iterations);
+  const ms_target bounded = {target->rtol, target->size, (int32_t)limit};
+  return ms_cg_solve(&kept->cg, system, by_factor, kept, &bounded, b, v, iterations, residual);
 }
 
 void ms_kept_judge(ms_kept *kept, int served, int64_t iterations) {

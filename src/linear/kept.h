@@ -34,9 +34,9 @@ void ms_kept_forget(ms_kept *kept);
  * a sign: the next tries come after 1, 3, 7, ... 63 steps. */
 int ms_kept_is_ready(ms_kept *kept);
 
-/* A v = b from the first guess in v, as ms_cg_solve. */
+/* A v = b, as ms_cg_solve; residual: ||b - A v||. */
 msim_status ms_kept_solve(ms_kept *kept, const ms_system *system, const ms_target *target,
-                          const double *b, double *v, int64_t *iterations);
+                          const double *b, double *v, int64_t *iterations, double *residual);
 
 /* How the step ended that ms_kept_solve has tried. */
 void ms_kept_judge(ms_kept *kept, int served, int64_t iterations);

@@ -21,6 +21,7 @@ static inline void ms_system_apply(const ms_system *s, const double *x, double *
 /* What a solve has to reach, and what it cost. */
 typedef struct ms_target {
   double rtol;
+  double size; /* ||b|| (jacobi.h), for solvers that iterate by themselves */
   int32_t max_iterations;
 } ms_target;
 
@@ -38,7 +39,7 @@ typedef struct ms_linear_ops {
   void (*expand)(ms_linear *self);
   /* Make ready to solve. kind: MSIM_FACTOR_.... Nullable. */
   msim_status (*factor)(ms_linear *self, int32_t kind, msim_error *err);
-  /* A y = b; y: first guess in, solution out. */
+  /* A y = b; y: 0 in, solution out. */
   msim_status (*solve)(ms_linear *self, const ms_target *target, const double *b, double *y,
                        int64_t *iterations, msim_error *err);
   /* Conjugate gradients from y = 0 as far as d says, after factor() for symmetric systems. Where A
@@ -60,7 +61,7 @@ struct ms_linear {
   int symmetric;   /* can solve systems that are not positive definite */
   int unsymmetric; /* nor symmetric */
   int factorises;  /* factor() factors a matrix */
-  int exact;       /* answers are right to rounding, whatever the guess: nothing to check */
+  int exact;       /* answers are right to rounding: nothing to check */
   int met;         /* the last solve has seen its true residual reach the goal */
   double residual; /* that residual, ||b - A y|| */
   int64_t analyses;

@@ -6,6 +6,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "linear/residual.h"
+
 MS_TABLES(ms_pcg_kernels);
 
 /*------------------------------------- passes ---------------------------------------------------*/
@@ -137,20 +139,6 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
 
 /*------------------------------------- iterations -----------------------------------------------*/
 
-/* r = (b - A y) / scale, with A in double precision; returns the norm of b - A y. */
-static double residual(ms_pcg *s, const double *b) {
-  const ms_model *model = s->base.system->model;
-  const ms_coefficients *a = &s->base.system->a;
-  if (ms_is_zero(model->shape, s->y)) ms_copy(model->shape, b, s->r);
-  else {
-    ms_coefficients_apply(model, a, s->y, s->r);
-    ms_combine(model->shape, b, -1, s->r, s->r);
-  }
-  const double norm = ms_jacobi_norm(model, a, s->r);
-  ms_scale(model->shape, 1 / s->jacobi.scale, s->r);
-  return norm;
-}
-
 /* From the residual of y in r until its norm <= goal, by the recurrence of r. */
 static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
   const ms_shape shape = s->base.system->model->shape;
@@ -181,19 +169,22 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   (void)err;
   const double SAFETY = 0.9;
   ms_pcg *s = (ms_pcg *)base;
-  const double size = ms_jacobi_norm(base->system->model, &base->system->a, b);
-  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * size;
+  const ms_shape shape = base->system->model->shape;
+  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
   double last = INFINITY;
   int64_t count = 0;
   msim_status status = MSIM_OK;
   s->y = y;
-  base->met = 0;
-  while (!status) {
-    const double norm = base->residual = residual(s, b);
-    base->met = norm <= goal;
-    if (base->met || norm > 0.5 * last) break;
-    last = norm;
+  base->residual = target->size;
+  ms_copy(shape, b, s->r);
+  for (;;) {
+    base->met = base->residual <= goal;
+    if (base->met || base->residual > 0.5 * last) break;
+    last = base->residual;
+    ms_scale(shape, 1 / s->jacobi.scale, s->r);
     status = iterate(s, SAFETY * goal / sqrt(s->jacobi.scale), target->max_iterations, &count);
+    if (status) break;
+    base->residual = ms_true_residual(base->system, b, y, s->r);
   }
   *iterations += count;
   return status;

@@ -8,6 +8,7 @@
 #include "linear/choose.h"
 #include "linear/jacobi.h"
 #include "linear/residual.h"
+#include "physics/culprit.h"
 
 /*------------------------------------- life -----------------------------------------------------*/
 
@@ -68,7 +69,7 @@ static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   msim_status status = ms_coefficients_create(model, &s->system.a, err);
   if (!status) status = ms_free_components_create(model, &s->components, err);
   if (status) return status;
-  double **work[] = {&s->b, &s->guess, &s->residual, &s->correction, &s->magnitude};
+  double **work[] = {&s->b, &s->residual, &s->correction, &s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) {
     *work[i] = ms_rows_vector(model->scene, &model->rows);
     if (!*work[i]) return ms_fail_memory(err, "the linear solver");
@@ -117,7 +118,7 @@ void ms_solver_destroy(ms_solver *s) {
   ms_free_components_destroy(model, &s->components);
   ms_elimination_destroy(model, &s->elimination);
   ms_bicgstab_destroy(model, &s->bicgstab);
-  double *work[] = {s->b, s->guess, s->residual, s->correction, s->magnitude};
+  double *work[] = {s->b, s->residual, s->correction, s->magnitude};
   for (size_t i = 0; i < sizeof work / sizeof *work; i++) ms_delete(&model->scene->alloc, work[i]);
   ms_delete(&model->scene->alloc, s);
 }
@@ -196,20 +197,23 @@ msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin,
   return factor(s, by, origin->kind, err);
 }
 
-/* The right-hand side for the matrix at hand in place of *b. */
+/* The right-hand side for the matrix at hand in place of *b, and its norm. */
 static msim_status form_right_hand_side(ms_solver *s, const ms_request *r, const double **b) {
-  if (!r->base) return MSIM_OK;
-  ms_change_right_hand_side(&s->system, *b, r->base, s->b);
-  *b = s->b;
-  s->culprit = ms_find_bad(s->system.model->shape, s->b);
-  return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+  if (r->base) {
+    ms_change_right_hand_side(&s->system, *b, r->base, s->b);
+    *b = s->b;
+    s->culprit = ms_find_bad(s->system.model->shape, s->b);
+    if (s->culprit >= 0) return MSIM_NOT_FINITE;
+  }
+  s->target.size = ms_jacobi_norm(s->system.model, &s->system.a, *b);
+  return MSIM_OK;
 }
 
-static int is_good(ms_solver *s, const double *b, const double *v) {
+/* left: ||b - A v||; NAN: not known yet */
+static int is_good(ms_solver *s, const double *b, const double *v, double left) {
   const ms_system *system = &s->system;
-  const double size = ms_jacobi_norm(system->model, &system->a, b);
-  const double left =
-      s->linear->met ? s->linear->residual : ms_true_residual(system, b, v, s->residual);
+  const double size = s->target.size;
+  if (isnan(left)) left = ms_true_residual(system, b, v, s->residual);
   s->reached = size > 0 ? left / size : left;
   return left <= s->target.rtol * size ||
          left <= ms_rounding_level(system, b, v, s->magnitude, s->correction);
@@ -223,12 +227,18 @@ static ms_target target_of(const ms_solver *s) {
   return target;
 }
 
+static void clear(const ms_solver *s, double *v) {
+  const ms_shape shape = s->system.model->shape;
+  memset(v, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *v);
+}
+
 /* Accept v, or refine it with the factor at hand. */
 static msim_status check(ms_solver *s, const double *b, double *v, msim_error *err) {
   enum { REFINEMENTS = 3 };
   const ms_shape shape = s->system.model->shape;
   const ms_target target = target_of(s);
-  for (int round = 0; !is_good(s, b, v); round++) {
+  double left = s->linear->met ? s->linear->residual : NAN;
+  for (int round = 0; !is_good(s, b, v, left); round++) {
     s->culprit = isfinite(s->reached) ? ms_find_largest(shape, s->residual) : ms_find_bad(shape, v);
     if (!isfinite(s->reached))
       return ms_fail(err, MSIM_NOT_CONVERGED, "solver %s gave an answer that is not finite",
@@ -238,23 +248,21 @@ static msim_status check(ms_solver *s, const double *b, double *v, msim_error *e
           err, MSIM_NOT_CONVERGED,
           "solver %s left a residual of %.3g of the right side; solver.rtol asks for %.3g",
           s->linear->name, s->reached, s->target.rtol);
-    memset(s->correction, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *s->correction);
+    clear(s, s->correction);
     int64_t iterations = 0;
     msim_status status =
         s->linear->ops->solve(s->linear, &target, s->residual, s->correction, &iterations, err);
     if (status) return status;
     ms_axpy(shape, 1, s->correction, v);
+    left = NAN;
     s->stats->refinements++;
   }
   return MSIM_OK;
 }
 
-/* Factors need none; conjugate gradients by a kept one do. */
-static int uses_guess(const ms_linear *linear) { return !linear->exact && !linear->factorises; }
-
 static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *err) {
   double start = ms_clock();
-  if (uses_guess(s->linear)) ms_copy(s->system.model->shape, s->guess, v);
+  clear(s, v);
   const ms_target target = target_of(s);
   msim_status status = s->linear->ops->solve(s->linear, &target, b, v, &s->stats->iterations, err);
   /* an iteration that ran out may still stand at rounding level */
@@ -279,10 +287,10 @@ static msim_status try_kept(ms_solver *s, const double *b, double *v) {
   if (!ms_kept_is_ready(&s->kept)) return MSIM_NOT_CONVERGED;
   const double start = ms_clock();
   int64_t iterations = 0;
-  ms_copy(s->system.model->shape, s->guess, v);
-  s->linear->met = 0; /* it says nothing of this answer */
-  msim_status status = ms_kept_solve(&s->kept, &s->system, &s->target, b, v, &iterations);
-  if (!status && !is_good(s, b, v)) status = MSIM_NOT_CONVERGED;
+  double left = NAN;
+  clear(s, v);
+  msim_status status = ms_kept_solve(&s->kept, &s->system, &s->target, b, v, &iterations, &left);
+  if (!status && !is_good(s, b, v, left)) status = MSIM_NOT_CONVERGED;
   ms_kept_judge(&s->kept, !status, iterations);
   if (status && s->kept.by != s->linear) s->kept.age = 0; /* it has to be saved for again */
   s->stats->kept_factors += !status;
@@ -334,22 +342,6 @@ static void save(ms_solver *s, int64_t iterations, int changed) {
 
 /*------------------------------------- what else may happen -------------------------------------*/
 
-/* The row whose springs push hardest sideways for its mass: sum of -t over the mass. */
-static int32_t most_compressed(const ms_solver *s) {
-  const ms_model *model = s->system.model;
-  const ms_coefficients *a = &s->system.a;
-  int32_t worst = 0;
-  double largest = -1;
-  for (int32_t r = 0; r < model->rows.nfree; r++) {
-    const ms_span span = ms_halves_of(&model->halves, r);
-    double push = 0;
-    for (int32_t at = span.begin; at < span.end; at += span.step) push += fmax(0, -a->t[at]);
-    push *= model->inv_mass[r];
-    if (push > largest) largest = push, worst = r;
-  }
-  return worst;
-}
-
 static msim_status not_positive_definite(ms_solver *s, const ms_request *r, const double *b,
                                          double *v, msim_error *err) {
   msim_status status;
@@ -363,7 +355,7 @@ static msim_status not_positive_definite(ms_solver *s, const ms_request *r, cons
       if (!status) status = form_right_hand_side(s, r, &b);
       return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
     default:
-      s->culprit = most_compressed(s);
+      s->culprit = ms_find_most_compressed(s->system.model, &s->system.a);
       return ms_fail(
           err, MSIM_NOT_SPD,
           "the matrix M - h D - h^2 J is not positive definite (h = %g s is too long for "
@@ -420,10 +412,10 @@ static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, 
   if (status) return status;
   const double start = ms_clock();
   int64_t *count = &s->stats->iterations;
+  clear(s, v);
   if (eliminates) status = ms_elimination_solve(&s->elimination, &s->system, b, v);
   else status = ms_bicgstab_solve(&s->bicgstab, s->linear, &s->target, b, v, count);
-  s->linear->met = 0; /* it says nothing of this answer */
-  if (!status && !is_good(s, b, v)) status = MSIM_NOT_CONVERGED;
+  if (!status && !is_good(s, b, v, NAN)) status = MSIM_NOT_CONVERGED;
   s->stats->solve_s += ms_clock() - start;
   return status;
 }
@@ -454,10 +446,10 @@ static msim_status solve_once(ms_solver *s, const ms_request *r, const double *b
 msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
                             double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
-  if (uses_guess(solver->linear) || solver->kept.by) ms_copy(shape, v, solver->guess);
   solver->culprit = ms_find_bad(shape, b); /* -1: none */
   if (solver->culprit >= 0) return MSIM_NOT_FINITE;
-  solver->target = (ms_target){request->rtol, solver->opt->solver_max_iterations};
+  solver->target =
+      (ms_target){.rtol = request->rtol, .max_iterations = solver->opt->solver_max_iterations};
   solver->stats->solves++;
   msim_status status = solve_once(solver, request, b, v, err);
   if (status == MSIM_NOT_CONVERGED && !request->v && solver->may_switch &&

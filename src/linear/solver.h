@@ -43,7 +43,7 @@ typedef struct ms_solver {
   ms_bicgstab bicgstab;       /* for pcg and `auto`, where springs are damped; else empty */
   ms_elimination elimination; /* the same, where there are few unknowns */
   double *b;                  /* the right-hand side of a request with a base */
-  double *guess, *residual, *correction, *magnitude; /* work vectors */
+  double *residual, *correction, *magnitude; /* work vectors */
   double reached;   /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
   int32_t culprit;  /* the row to blame for the last status != MSIM_OK; -1: none in particular */
   char reason[256]; /* why this solver, for people */
@@ -71,7 +71,7 @@ typedef struct ms_request {
                          b - (A - M) base, by the matrix that is finally used; NULL: b */
 } ms_request;
 
-/* v = A(x, h)^-1 b. v: first guess in, solution out, scratch unless MSIM_OK.
+/* v = A(x, h)^-1 b. v: solution out, scratch unless MSIM_OK; iterations begin with 0.
  *
  * The pattern is analysed once, at creation; a factor is made in every solve, because x is new. A
  * matrix of scalars (force.h) is the same for every x: it is assembled and factored once for an h.

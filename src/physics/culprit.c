@@ -22,3 +22,16 @@ int32_t ms_find_bad_spring(const ms_model *model, const double *x, const double 
       return s->spring[e];
   return -1;
 }
+
+int32_t ms_find_most_compressed(const ms_model *model, const ms_coefficients *a) {
+  int32_t worst = 0;
+  double largest = -1;
+  for (int32_t r = 0; r < model->rows.nfree; r++) {
+    const ms_span span = ms_halves_of(&model->halves, r);
+    double push = 0;
+    for (int32_t at = span.begin; at < span.end; at += span.step) push += fmax(0, -a->t[at]);
+    push *= model->inv_mass[r];
+    if (push > largest) largest = push, worst = r;
+  }
+  return worst;
+}
