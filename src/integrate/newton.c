@@ -313,12 +313,17 @@ static search find_next_search(newton *n, double before, double lambda) {
   return is_slow ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
 }
 
+/* What the last correction may leave: it is an estimate, and the errors of many steps add up. */
+static double last_error(const newton *n) { return 0.1 * tolerance(n); }
+
 /* The tolerance of the linear solve: as the residual drops (Eisenstat and Walker 1996, choice 2).
- */
+ * No less is needed than half of what ends Newton's method, if the correction is as much smaller
+ * than the last one as the residual is. */
 static double forcing(const newton *n, double before) {
   if (n->linear) return fmin(n->s->opt->solver_rtol, n->s->opt->newton_rtol);
-  const double ratio = before > 0 ? n->residual / before : 1, eta = 0.9 * ratio * ratio;
-  return fmax(fmin(eta, 0.1), n->s->opt->solver_rtol);
+  const double ratio = before > 0 ? n->residual / before : 1, expected = ratio * n->correction;
+  const double enough = expected > 0 ? 0.5 * last_error(n) / expected : 0;
+  return fmax(fmin(fmax(0.9 * ratio * ratio, enough), 0.1), n->s->opt->solver_rtol);
 }
 
 /* What x = x0 + ah v cannot tell apart from v. */
@@ -328,11 +333,10 @@ static double rounding_level(const newton *n) {
 }
 
 /* 1 where the corrections, each theta times the one before, come down to the tolerance with so many
- * more. theta is an estimate, and the errors of many steps add up. */
+ * more. */
 static int ends_within(const newton *n, double theta, int more) {
-  const double SAFETY = 0.1;
   return n->correction > 0 && theta < 1 &&
-         pow(theta, more) * theta / (1 - theta) * n->correction <= SAFETY * tolerance(n);
+         pow(theta, more) * theta / (1 - theta) * n->correction <= last_error(n);
 }
 
 /* The last corrections' ratio; 1: not known. */
