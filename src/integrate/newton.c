@@ -317,12 +317,12 @@ static search find_next_search(newton *n, double before, double lambda) {
 static double last_error(const newton *n) { return 0.1 * tolerance(n); }
 
 /* The tolerance of the linear solve: as the residual drops (Eisenstat and Walker 1996, choice 2).
- * No less is needed than half of what ends Newton's method, if the correction is as much smaller
+ * No less is needed than a tenth of what ends Newton's method, if the correction is as much smaller
  * than the last one as the residual is. */
 static double forcing(const newton *n, double before) {
   if (n->linear) return fmin(n->s->opt->solver_rtol, n->s->opt->newton_rtol);
   const double ratio = before > 0 ? n->residual / before : 1, expected = ratio * n->correction;
-  const double enough = expected > 0 ? 0.5 * last_error(n) / expected : 0;
+  const double enough = expected > 0 ? 0.1 * last_error(n) / expected : 0;
   return fmax(fmin(fmax(0.9 * ratio * ratio, enough), 0.1), n->s->opt->solver_rtol);
 }
 
