@@ -26,7 +26,7 @@ void ms_hold_rows(ms_stepper *s, ms_request *request) {
 void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass) {
   double start = ms_clock();
   const int good = ms_pass_run(model, pass);
-  s->finite = good && pass->x_to && pass->v_to;
+  s->finite = good && pass->v_to && (pass->x_to || pass->x == s->x_next);
   s->stats->force_evaluations++;
   s->stats->spring_evaluations += model->springs.n;
   s->stats->force_s += ms_clock() - start;

@@ -78,6 +78,9 @@ MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_vec f, con
         ms_fma_vec(dims, zero + p->drift, along, ms_load_vec(dims, p->x_from + row, stride));
     ms_store_vec(dims, p->x_to + row, stride, x);
     size += ms_dot_vec(dims, x, x);
+  } else if (p->v_to) {
+    const ms_vec x = ms_load_vec(dims, p->x + row, stride);
+    size += ms_dot_vec(dims, x, x);
   }
   return size;
 }

@@ -24,7 +24,8 @@ typedef struct ms_pass {
 } ms_pass;
 
 /* By all threads of the model's pool; each row by one of them, so no bit depends on their number.
- * Returns 1 if no number of x_to and v_to is NaN or beyond MS_HUGE; 0: some may be. */
+ * Returns 1 if no number of v_to, and of x_to, or else x, is NaN or beyond MS_HUGE; 0: some may be.
+ */
 int ms_pass_run(const ms_model *model, const ms_pass *pass);
 
 /* One set for each instruction set. */

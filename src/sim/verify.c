@@ -46,24 +46,24 @@ static double find_defect(const ms_integrator *method, ms_stepper *s, const ms_s
   return norm(s, s->x_spare[0], scales->extent, scales);
 }
 
-/* 1 - cos of the largest angle that a spring has turned by, of those whose direction matters */
+/* 1 - cos of the largest angle that a spring has turned by, of those whose direction matters; the
+ * least cos |cos| needs one root */
 static double find_turn(const ms_stepper *s) {
-  const ms_rows *rows = &s->model->rows;
   const ms_springs *springs = &s->model->springs;
+  const size_t stride = (size_t)s->model->rows.stride, dims = (size_t)s->model->rows.dims;
   double least = 1;
   for (int32_t e = 0; e < springs->n; e++) {
-    double from[2][3], to[2][3];
-    const int32_t ends[2] = {springs->i[e], springs->j[e]};
+    const size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
+    double before = 0, after = 0, both = 0;
     if (springs->rest[e] == 0 && springs->damping[e] == 0) continue;
-    for (int i = 0; i < 2; i++) {
-      ms_row_get(rows, s->x, ends[i], from[i]);
-      ms_row_get(rows, s->x_next, ends[i], to[i]);
+    for (size_t at = 0; at < dims * stride; at += stride) {
+      const double from = s->x[at + j] - s->x[at + i], to = s->x_next[at + j] - s->x_next[at + i];
+      before += from * from, after += to * to, both += from * to;
     }
-    for (int c = 0; c < 3; c++) from[0][c] -= from[1][c], to[0][c] -= to[1][c];
-    const double both = sqrt(ms_dot3(from[0], from[0]) * ms_dot3(to[0], to[0]));
-    if (both > 0) least = fmin(least, ms_dot3(from[0], to[0]) / both);
+    const double size = before * after, product = both * fabs(both);
+    if (product < least * size) least = product / size;
   }
-  return 1 - least;
+  return 1 - copysign(sqrt(fabs(least)), least);
 }
 
 /*------------------------------------- errors ---------------------------------------------------*/
