@@ -1,7 +1,9 @@
-/* Numbers that no step may go on with are found wherever they stand, and no others. */
+/* Arithmetic on vectors by each instruction set of this CPU: sums have the same bits, and numbers
+ * that no step may go on with are found wherever they stand, and no others. */
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/isa.h"
 #include "base/vector.h"
 #include "testing.h"
 
@@ -12,10 +14,10 @@ static void bad_numbers_are_found(void **state) {
   const double bad[] = {NAN, INFINITY, -INFINITY, nextafter(MS_HUGE, INFINITY), -1e300};
   const double fine[] = {MS_HUGE, -MS_HUGE, 0.0, 5e-324, 1e100};
   double x[MOST];
-  for (int32_t dims = 2; dims <= 3; dims++)
-    for (int32_t at = 0; at < dims * STRIDE; at++)
+  for (int k = 0; k < 2 * (ms_isa_best() + 1); k++) {
+    const ms_shape shape = {ROWS, STRIDE, 2 + k % 2, k / 2};
+    for (int32_t at = 0; at < shape.dims * STRIDE; at++)
       for (int i = 0; i < 5; i++) {
-        const ms_shape shape = {ROWS, STRIDE, dims};
         const int counts = at % STRIDE < ROWS; /* what stands behind the rows does not */
         for (int q = 0; q < MOST; q++) x[q] = 0.5;
         x[at] = bad[i];
@@ -23,20 +25,46 @@ static void bad_numbers_are_found(void **state) {
         x[at] = fine[i];
         assert_int_equal(ms_find_bad(shape, x), -1);
       }
-  for (int q = 0; q < MOST; q++) x[q] = q % 2 ? MS_HUGE : -MS_HUGE;
-  assert_int_equal(ms_find_bad((ms_shape){ROWS, STRIDE, 3}, x), -1);
-  assert_int_equal(ms_find_bad((ms_shape){0, STRIDE, 3}, x), -1);
+    for (int q = 0; q < MOST; q++) x[q] = q % 2 ? MS_HUGE : -MS_HUGE;
+    assert_int_equal(ms_find_bad(shape, x), -1);
+    assert_int_equal(ms_find_bad((ms_shape){0, STRIDE, 3, k / 2}, x), -1);
+  }
+}
+
+/* In their order, row by row; what stands behind the rows stays as it was. */
+static void sums_have_the_same_bits(void **state) {
+  enum { TERMS = 5 };
+  double y[TERMS][MOST], x[MOST], z[MOST], w[TERMS];
+  const double *of[TERMS];
+  (void)state;
+  for (int k = 0; k < TERMS; k++) {
+    w[k] = ms_arbitrary((uint32_t)k), of[k] = y[k];
+    for (int q = 0; q < MOST; q++) y[k][q] = ms_arbitrary((uint32_t)(k * MOST + q));
+  }
+  for (int q = 0; q < MOST; q++) x[q] = 1e3 * ms_arbitrary((uint32_t)(7 * q));
+  for (int k = 0; k < 2 * (ms_isa_best() + 1); k++) {
+    const int is_added = k % 2;
+    for (int q = 0; q < MOST; q++) z[q] = -1;
+    ms_add_all((ms_shape){ROWS, STRIDE, 3, k / 2}, is_added ? x : NULL, TERMS, w, of, z);
+    for (int q = 0; q < MOST; q++) {
+      double sum = 0;
+      for (int i = 0; i < TERMS; i++) sum += w[i] * y[i][q];
+      const double expected = q % STRIDE >= ROWS ? -1 : is_added ? x[q] + sum : sum;
+      assert_true(z[q] == expected);
+    }
+  }
 }
 
 static void the_largest_is_found(void **state) {
   (void)state;
-  const ms_shape shape = {3, 4, 2};
+  const ms_shape shape = {.n = 3, .stride = 4, .dims = 2};
   const double x[8] = {1, -2, 2, 9, 0, 1, -2, 9}; /* row 3 is no row */
   assert_int_equal(ms_find_largest(shape, x), 1);
 }
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(bad_numbers_are_found),
+                                     cmocka_unit_test(sums_have_the_same_bits),
                                      cmocka_unit_test(the_largest_is_found)};
   return cmocka_run_group_tests_name("vector", tests, NULL, NULL);
 }

@@ -4,6 +4,9 @@
 #include <string.h>
 
 #include "base/simd.h"
+#include "base/vector_kernels.h"
+
+MS_TABLES(ms_vector_kernels);
 
 /* for each component: `body` over rows r of the component's part of each vector */
 #define EACH_COMPONENT(s)                                                      \
@@ -54,34 +57,9 @@ void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, dou
   }
 }
 
-/* As many blocks of some registers as there are, whose sums stay there; returns where they end. */
-MS_INLINE size_t add_blocks(int registers, const double *x, int n, const double *w,
-                            const double *const *y, size_t at, size_t end, double *z) {
-  enum { MOST = 4 };
-  const size_t block = (size_t)registers * MS_LANES;
-  for (; at + block <= end; at += block) {
-    ms_lanes sum[MOST] = {{0}};
-    for (int k = 0; k < n; k++)
-      for (int i = 0; i < registers; i++) sum[i] += w[k] * ms_load(y[k] + at + i * MS_LANES);
-    for (int i = 0; i < registers; i++) {
-      const size_t row = at + (size_t)i * MS_LANES;
-      ms_store(z + row, (x ? ms_load(x + row) : (ms_lanes){0}) + sum[i]);
-    }
-  }
-  return at;
-}
-
 void ms_add_all(ms_shape s, const double *x, int n, const double *w, const double *const *y,
                 double *z) {
-  EACH_COMPONENT(s) {
-    const size_t end = at + (size_t)s.n;
-    size_t row = add_blocks(4, x, n, w, y, at, end, z);
-    for (row = add_blocks(1, x, n, w, y, row, end, z); row < end; row++) {
-      double sum = 0;
-      for (int k = 0; k < n; k++) sum += w[k] * y[k][row];
-      z[row] = (x ? x[row] : 0) + sum;
-    }
-  }
+  ms_vector_kernels_of[s.isa]->add_all(s, x, n, w, y, z);
 }
 
 void ms_scale_rows(ms_shape s, const double *d, const double *f, double *a) {
@@ -134,21 +112,7 @@ int ms_is_same(ms_shape s, const double *x, const double *y) {
 }
 
 int32_t ms_find_bad(ms_shape s, const double *x) {
-  /* (c x)^2 is infinite, or NaN, where x is NaN or beyond MS_HUGE, and stays so in sums */
-  const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */
-  ms_lanes lanes[LANES / MS_LANES] = {{0}};
-  double sum = 0;
-  EACH_COMPONENT(s) {
-    int32_t r = 0;
-    for (; r + LANES <= s.n; r += LANES)
-      for (int i = 0; i < LANES / MS_LANES; i++) {
-        const ms_lanes y = c * ms_load(x + at + r + i * MS_LANES);
-        lanes[i] += y * y;
-      }
-    for (; r < s.n; r++) sum += (c * x[at + (size_t)r]) * (c * x[at + (size_t)r]);
-  }
-  for (int i = 0; i < LANES; i++) sum += lanes[i / MS_LANES][i % MS_LANES];
-  if (isfinite(sum)) return -1;
+  if (ms_vector_kernels_of[s.isa]->is_good(s, x)) return -1;
   for (int32_t r = 0; r < s.n; r++)
     EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_HUGE)) return r;
   return -1;

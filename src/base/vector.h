@@ -12,6 +12,7 @@ typedef struct ms_shape {
   int32_t n;      /* rows to work on */
   int32_t stride; /* doubles from one component to the next */
   int32_t dims;   /* components */
+  int32_t isa;    /* of the kernels (isa.h) */
 } ms_shape;
 
 void ms_copy(ms_shape s, const double *x, double *y);

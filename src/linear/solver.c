@@ -138,7 +138,8 @@ void ms_solver_renew(ms_solver *s) {
 
 /* The row on which a spring's NaN or Inf ended up, in the diagonal block; -1: none. */
 static int32_t bad_coefficients(const ms_system *s) {
-  const ms_shape shape = {s->model->rows.nfree, s->model->rows.first_pinned, s->a.block};
+  const ms_rows *rows = &s->model->rows;
+  const ms_shape shape = {.n = rows->nfree, .stride = rows->first_pinned, .dims = s->a.block};
   return ms_find_bad(shape, s->a.diagonal);
 }
 

@@ -52,7 +52,8 @@ static inline size_t ms_diagonal_entry(size_t dims, size_t a, size_t b) {
 }
 /* All of them, as a vector of so many components */
 static inline ms_shape ms_diagonal_shape(const ms_rows *rows, const ms_coefficients *a) {
-  return (ms_shape){rows->nfree, rows->first_pinned, (int32_t)ms_diagonal_size((size_t)a->block)};
+  const int32_t size = (int32_t)ms_diagonal_size((size_t)a->block);
+  return (ms_shape){.n = rows->nfree, .stride = rows->first_pinned, .dims = size};
 }
 
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err);

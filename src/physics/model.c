@@ -28,7 +28,7 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   if (left_out >= 0) ms_rows_leave_out(&model->rows, left_out);
   if (status) return status;
   const ms_rows *rows = &model->rows;
-  model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims};
+  model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims, model->isa};
   size_t count = (size_t)rows->first_pinned;
   model->mass = ms_new(&scene->alloc, count, sizeof(double));
   model->inv_mass = ms_new(&scene->alloc, count, sizeof(double));

@@ -1,0 +1,58 @@
+/* Compiled once for each instruction set, with MS_ISA its name. */
+#include "base/vector_kernels.h"
+
+#include <math.h>
+
+#include "base/simd.h"
+
+/* As many blocks of some registers as there are, whose sums stay there; returns where they end. */
+MS_INLINE size_t add_blocks(int registers, const double *x, int n, const double *w,
+                            const double *const *y, size_t at, size_t end, double *z) {
+  enum { MOST = 4 };
+  const size_t block = (size_t)registers * MS_LANES;
+  for (; at + block <= end; at += block) {
+    ms_lanes sum[MOST] = {{0}};
+    for (int k = 0; k < n; k++)
+      for (int i = 0; i < registers; i++) sum[i] += w[k] * ms_load(y[k] + at + i * MS_LANES);
+    for (int i = 0; i < registers; i++) {
+      const size_t row = at + (size_t)i * MS_LANES;
+      ms_store(z + row, (x ? ms_load(x + row) : (ms_lanes){0}) + sum[i]);
+    }
+  }
+  return at;
+}
+
+static void add_all(ms_shape s, const double *x, int n, const double *w, const double *const *y,
+                    double *z) {
+  for (size_t at = 0; at < (size_t)s.dims * (size_t)s.stride; at += (size_t)s.stride) {
+    const size_t end = at + (size_t)s.n;
+    size_t row = add_blocks(4, x, n, w, y, at, end, z);
+    for (row = add_blocks(1, x, n, w, y, row, end, z); row < end; row++) {
+      double sum = 0;
+      for (int k = 0; k < n; k++) sum += w[k] * y[k][row];
+      z[row] = (x ? x[row] : 0) + sum;
+    }
+  }
+}
+
+/* (c x)^2 is infinite, or NaN, where x is NaN or beyond MS_HUGE, and stays so in sums. */
+static int is_good(ms_shape s, const double *x) {
+  enum { REGISTERS = 2 };
+  const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */
+  ms_lanes lanes[REGISTERS] = {{0}};
+  double sum = 0;
+  for (size_t at = 0; at < (size_t)s.dims * (size_t)s.stride; at += (size_t)s.stride) {
+    int32_t r = 0;
+    for (; r + REGISTERS * MS_LANES <= s.n; r += REGISTERS * MS_LANES)
+      for (int i = 0; i < REGISTERS; i++) {
+        const ms_lanes y = c * ms_load(x + at + r + i * MS_LANES);
+        lanes[i] += y * y;
+      }
+    for (; r < s.n; r++) sum += (c * x[at + (size_t)r]) * (c * x[at + (size_t)r]);
+  }
+  lanes[0] += lanes[1];
+  for (int i = 0; i < MS_LANES; i++) sum += lanes[0][i];
+  return isfinite(sum);
+}
+
+const ms_vector_kernels MS_TABLE(ms_vector_kernels) = {add_all, is_good};
