@@ -116,19 +116,42 @@ static msim_scene *turned_block(double k, double angle) {
   return scene;
 }
 
+typedef struct wedge_case {
+  const char *method;
+  double k, angle, restitution; /* degrees */
+} wedge_case;
+
 /* Particles less than 1e-11 of the scene's size behind a plane touch it (impacts.h); this scene is
- * smaller than 1 m. Contacts that were dropped by their acceleration alone, without the impulses of
- * that step, once ended 4.7e-6 m behind a plane here. Few scenes show that: all digits count. */
-static void in_a_wedge_nothing_ends_behind_a_plane(void **state) {
-  (void)state;
-  const double k = 334080.2909315968, angle = 27.785363420975248 * acos(-1) / 180, n = sqrt(0.5);
-  const double offset[2] = {-0.05, -0.25};
-  msim_scene *scene = turned_block(k, angle);
-  plane(scene, n, 0, n, offset[0], 1, 0.1);
-  plane(scene, -n, 0, n, offset[1], 1, 0.1);
-  msim_options opt = options("implicit-midpoint", 1.0 / 60);
+ * smaller than 1 m. Few scenes show each fault: all digits count. Contacts that were dropped by
+ * their acceleration alone, without the impulses of that step, once ended 4.7e-6 m behind a plane
+ * in the first one. In others particles that stuck at one plane and met the other were put back to
+ * where the step began, which gave the springs up to 1500 J; and the last pass left particles
+ * behind planes. The implicit midpoint rule stretches stiff springs that turn, also in free flight:
+ * its energy is not checked. */
+static const wedge_case wedge_cases[] = {
+    {"implicit-midpoint", 334080.2909315968, 27.785363420975248, 1},
+    {"implicit-midpoint", 1e6, 6.6, 1},
+    {"implicit-midpoint", 1e6, 39.6, 0.5},
+    {"trapezoidal", 1e6, 33, 1},
+    {"newmark", 1e6, 6.6, 0.5},
+    {"linearly-implicit-euler", 1e6, 16.5, 0.5},
+    {"implicit-euler", 1e6, 26.4, 1},
+    {"bdf2", 1e6, 0, 1},
+    {"tr-bdf2", 1e6, 3.3, 1},
+    {"sdirk2", 1e6, 36.3, 0.5},
+};
+
+static void fall_into_a_wedge(const wedge_case *c) {
+  const double n = sqrt(0.5), offset[2] = {-0.05, -0.25};
+  msim_scene *scene = turned_block(c->k, c->angle * acos(-1) / 180);
+  plane(scene, n, 0, n, offset[0], c->restitution, 0.1);
+  plane(scene, -n, 0, n, offset[1], c->restitution, 0.1);
+  msim_options opt = options(c->method, 1.0 / 60);
   opt.collision = MSIM_COLLISION_EVENT;
   msim_sim *sim = make_sim(scene, &opt);
+  msim_energy energy = {.size = sizeof energy};
+  msim_sim_energy(sim, &energy);
+  const double gains = strcmp(c->method, "implicit-midpoint") == 0, start = energy.total;
   for (int step = 0; step < 60; step++) {
     assert_ok(msim_sim_step(sim, 1, err));
     const double *x = state_of(sim).x;
@@ -136,16 +159,25 @@ static void in_a_wedge_nothing_ends_behind_a_plane(void **state) {
       assert_true(n * (x[3 * p] + x[3 * p + 2]) - offset[0] >= -1e-11);
       assert_true(n * (x[3 * p + 2] - x[3 * p]) - offset[1] >= -1e-11);
     }
+    msim_sim_energy(sim, &energy);
+    assert_true(gains || energy.total <= start + 1e-9);
   }
   assert_true(stats_of(sim).contacts > 0);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
+static void in_a_wedge_energy_does_not_grow_and_nothing_ends_behind_a_plane(void **state) {
+  (void)state;
+  for (size_t i = 0; i < sizeof wedge_cases / sizeof *wedge_cases; i++)
+    fall_into_a_wedge(&wedge_cases[i]);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(without_friction_it_slides_as_gravity_has_it),
-                                     cmocka_unit_test(on_a_rough_slope_it_slides_slower),
-                                     cmocka_unit_test(on_a_rougher_one_it_sticks),
-                                     cmocka_unit_test(in_a_wedge_nothing_ends_behind_a_plane)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(without_friction_it_slides_as_gravity_has_it),
+      cmocka_unit_test(on_a_rough_slope_it_slides_slower),
+      cmocka_unit_test(on_a_rougher_one_it_sticks),
+      cmocka_unit_test(in_a_wedge_energy_does_not_grow_and_nothing_ends_behind_a_plane)};
   return cmocka_run_group_tests_name("landing", tests, NULL, NULL);
 }

@@ -2,9 +2,14 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/vec3.h"
 #include "integrate/methods.h"
+
+/* What planes do to particles that run into them: send fast ones back; let all reach the plane;
+ * keep all at their distances from it. */
+typedef enum impact_law { ELASTIC, INELASTIC, KEEP_DISTANCE } impact_law;
 
 typedef struct constraint {
   const ms_integrator *method;
@@ -12,35 +17,47 @@ typedef struct constraint {
   ms_stepper *s;
   ms_events *e;
   const double *v_start; /* before anything bounced */
-  int inelastic;
+  impact_law law;
+  int bounces; /* a particle was sent back */
 } constraint;
 
 /*------------------------------------- normal velocities ----------------------------------------*/
 
-/* The velocities that the planes of a contact give it, in place of those at the start. Its impulses
- * over h and m belong to the pressure of the planes. */
+/* The velocity at which a plane sends a particle back; 0: it does not. v: before the step */
+static double find_rebound(const constraint *j, const msim_plane *p, const double v[3]) {
+  const double slow = 2 * j->s->h * ms_norm3(j->s->model->gravity);
+  const double back = -p->restitution * ms_dot3(p->normal, v);
+  return j->law == ELASTIC && back > slow ? back : 0;
+}
+
+/* The velocities that the planes of a contact give it, in place of those at the start; what sticks
+ * has no other. Its impulses over h and m belong to the pressure of the planes. */
 static void give_velocity(constraint *j, ms_contact *c) {
-  ms_stepper *s = j->s;
+  const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
-  const double slow = 2 * s->h * ms_norm3(s->model->gravity);
   double x[3], v[3], to[MS_MOST_TOUCHED], J[MS_MOST_HOLDING] = {0};
   ms_row_get(rows, s->x, c->row, x);
   ms_row_get(rows, j->v_start, c->row, v);
-  c->leaves = 0;
   for (int i = 0; i < c->on.n; i++) {
-    const msim_plane *p = c->on.plane[i];
-    const double back = -p->restitution * ms_dot3(p->normal, v);
-    const int bounces = !j->inelastic && back > slow;
-    to[i] = bounces ? back : -fmax(0, ms_distance(p, x)) / s->h;
-    c->leaves |= bounces;
+    const double gap = fmax(0, ms_distance(c->on.plane[i], x));
+    const double back = find_rebound(j, c->on.plane[i], v);
+    const int reaches = back == 0 && j->law != KEEP_DISTANCE;
+    to[i] = reaches ? -gap / s->h : back;
+    c->end[i] = reaches ? 0 : gap + s->h * back;
+    c->leave[i] = back;
+    j->bounces |= back > 0;
   }
   ms_meet(&c->on, to, v, J);
-  ms_row_put(rows, v, c->row, s->v);
   c->jump = 0, c->least_jump = INFINITY;
   for (int i = 0; i < c->on.n && i < MS_MOST_HOLDING; i++) {
     c->jump += c->on.plane[i]->friction * J[i] / s->h;
     c->least_jump = fmin(c->least_jump, J[i] / s->h);
   }
+  if (c->sticks) {
+    memset(v, 0, sizeof v);
+    ms_meet(&c->on, to, v, J);
+  }
+  ms_row_put(rows, v, c->row, s->v);
 }
 
 static void give_velocities(constraint *j) {
@@ -79,7 +96,7 @@ static int32_t let_in(constraint *j) {
     const ms_touch on = find_planes(j, r, c);
     if (on.n == (c ? c->on.n : 0)) continue;
     changed++;
-    if (c) c->on = on;
+    if (c) c->on = on, c->enters = 1;
     else
       e->contact[e->ncontacts + nnew++] =
           (ms_contact){.row = r, .on = on, .is_given = 1, .enters = 1};
@@ -112,12 +129,15 @@ static int find_friction(constraint *j, ms_contact *c) {
   const ms_rows *rows = &j->s->model->rows;
   const double NEARLY = 0.1, STOPS = 0.3, h = j->s->h;
   const ms_contact before = *c;
-  double a[3], v[3];
+  double a[3], v[3], start[3];
   ms_row_get(rows, j->e->a_end, c->row, a);
   ms_row_get(rows, j->s->v_next, c->row, v);
+  ms_row_get(rows, j->v_start, c->row, start);
   ms_contact_classify(c, rows->dims);
   c->friction = fmax(0, ms_keep_along(&c->on, a, NULL) + c->jump);
   ms_keep_along(&c->on, v, NULL);
+  ms_keep_along(&c->on, start, NULL);
+  ms_axpy3(1 / h, start, a);
   const double speed = ms_norm3(v), pull = ms_norm3(a), slow = 1e-3 * h * c->friction;
   if (before.sticks) {
     c->sticks = c->fixed || pull <= c->friction;
@@ -133,34 +153,44 @@ static int find_friction(constraint *j, ms_contact *c) {
          (c->friction > 0 && !c->sticks && fabs(c->lag - before.lag) > NEARLY * c->lag);
 }
 
+/* Passes before these numbers let contacts go, and find friction anew. In later ones particles only
+ * join, so that passes end. */
+enum { MAY_GO = 2, MAY_SLIP = 3 };
+
 /* Do the contacts change? By what the step just made says. */
-static int update(constraint *j, int may_go) {
-  int32_t changed = may_go ? let_go(j) : 0;
-  for (int32_t i = 0; i < j->e->ncontacts; i++) changed += find_friction(j, &j->e->contact[i]);
+static int update(constraint *j, int pass) {
+  int32_t changed = pass < MAY_GO ? let_go(j) : 0;
+  for (int32_t i = 0; i < j->e->ncontacts && pass < MAY_SLIP; i++)
+    changed += find_friction(j, &j->e->contact[i]);
   changed += let_in(j);
   return changed > 0;
 }
 
 /*------------------------------------- the step -------------------------------------------------*/
 
-static double energy_of(const ms_stepper *s, const double *x, const double *v) {
+/* *rounding: what may be rounding of it */
+static double energy_of(const ms_stepper *s, const double *x, const double *v, double *rounding) {
   const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
   const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
-  return t.kinetic + t.elastic - ms_dot3(s->model->gravity, t.moment);
+  const double *g = s->model->gravity;
+  double mass = 0;
+  for (int32_t r = 0; r < s->model->rows.nfree; r++) mass += s->model->mass[r];
+  *rounding = 1e-12 * (t.kinetic + t.elastic + mass * ms_norm3(g) * s->events->reach);
+  return t.kinetic + t.elastic - ms_dot3(g, t.moment);
 }
 
+/* The contacts and friction of INELASTIC or ELASTIC do for KEEP_DISTANCE, but for particles that
+ * join. */
 static msim_status solve(constraint *j, msim_error *err) {
-  enum { MOST = 4, MAY_GO = 2 };
-  for (int i = 0; i < MOST; i++) {
+  for (int pass = j->law == KEEP_DISTANCE ? MAY_SLIP : 0;; pass++) {
     give_velocities(j);
     j->s->warm = 0;
     j->s->looked = 0;
     const msim_status status = j->by->step(j->s, err);
     if (status) return status;
     ms_contacts_finish(j->s);
-    if (!update(j, i < MAY_GO)) break;
+    if (!update(j, pass)) return MSIM_OK;
   }
-  return MSIM_OK;
 }
 
 /* Contacts are what they were, as the method has it. */
@@ -173,17 +203,19 @@ static int is_settled(constraint *j) {
   return 1;
 }
 
-/* By the first of these that feeds no energy: the method, if it is linear; implicit Euler; the same
- * without restitution, whatever it does. */
+/* By the first law under which energy does not grow. By the last one planes do no work, whether
+ * they push or pull, so that what is left is implicit Euler's own error. */
 static msim_status make_anew(constraint *j, msim_error *err) {
   const ms_stepper *s = j->s;
-  const ms_integrator *const by[] = {j->method, &ms_implicit_euler, &ms_implicit_euler};
-  const double before = energy_of(s, s->x, j->v_start);
-  for (int i = j->method->nonlinear ? 1 : 0;; i++) {
-    j->by = by[i];
-    j->inelastic = i == 2;
+  double rounding, unused;
+  const double before = energy_of(s, s->x, j->v_start, &rounding);
+  j->by = j->method->nonlinear ? &ms_implicit_euler : j->method;
+  for (;;) {
     const msim_status status = solve(j, err);
-    if (status || i == 2 || energy_of(s, s->x_next, s->v_next) <= before) return status;
+    if (j->law == KEEP_DISTANCE || (status && status != MSIM_NOT_CONVERGED)) return status;
+    if (!status && energy_of(s, s->x_next, s->v_next, &unused) <= before + rounding) return status;
+    j->law = j->law == ELASTIC && j->bounces ? INELASTIC : KEEP_DISTANCE;
+    j->by = &ms_implicit_euler;
   }
 }
 
@@ -211,7 +243,7 @@ msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_e
     c->is_given = 1;
     c->lag = INFINITY;
   }
-  if (made) update(&j, 1);
+  if (made) update(&j, 0);
   const msim_status status = make_anew(&j, err);
   s->warm_next = 0;
   return status;

@@ -12,10 +12,16 @@
  * which the matrix knows. Friction is viscous there: -mu N v/w, with N and the speed w = |v| of the
  * last solve, so that it takes energy whatever N is; a particle that nearly stops sticks, until it
  * takes more than mu N to hold it. Particles that end behind a plane join, those on which a plane
- * would pull leave, and the step is made again until nothing changes, or three times: in stiff
- * solids more passes change only which few particles stick. Should the energy have grown, impacts
- * are made without restitution. linearly-implicit-euler takes its own steps for it, of one solve
- * each, where energy does not grow. */
+ * would pull leave, and the step is made again until nothing changes. In stiff solids more than
+ * four passes change only which few particles stick: from the fourth on contacts only join, until
+ * no particle is left behind a plane. The matrix constrains velocities by large weights, so in the
+ * end x and v along normals are set to what was given, by rounding and solver tolerance: a stiff
+ * solid cannot be moved farther without energy.
+ *
+ * Velocities given to many particles of a stiff solid do work on it. Where energy has grown,
+ * impacts are made without restitution; where it still has, planes have pulled, and the step is
+ * made with n.v = 0 at all distances, which does no work. linearly-implicit-euler takes its own
+ * steps in the first attempt, of one solve each. */
 #ifndef MS_CONSTRAIN_H
 #define MS_CONSTRAIN_H
 

@@ -361,13 +361,11 @@ void ms_contacts_finish(ms_stepper *s) {
   if (!e->ncontacts) return;
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
-    const int stays = c->sticks && !c->enters;
-    double x[3], v[3] = {0};
-    if (c->leaves) continue;
-    ms_row_get(rows, stays ? s->x : s->x_next, c->row, x);
+    double x[3], v[3] = {0}, J[MS_MOST_HOLDING];
+    ms_row_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
     if (!c->sticks) ms_row_get(rows, s->v_next, c->row, v);
-    if (!stays) ms_put_on(&c->on, x);
-    ms_keep_along(&c->on, v, NULL);
+    if (!c->sticks || c->enters) ms_put_at(&c->on, c->end, x);
+    ms_meet(&c->on, c->leave, v, J);
     ms_row_put(rows, x, c->row, s->x_next);
     ms_row_put(rows, v, c->row, s->v_next);
   }

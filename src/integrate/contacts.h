@@ -33,13 +33,14 @@ typedef struct ms_contact {
   double change;   /* the share of the part after which it is lifted, slips or stops, or half of a
                       part in which it turns; MS_NOWHERE: nothing of that */
 
-  /* where normal velocities and friction are given, in constrain.h: */
+  /* where normal velocities and friction are given, in constrain.h, else 0: */
   int is_given;
-  int enters;        /* it was not in contact at the start */
-  int leaves;        /* it bounces */
-  int slipped;       /* it stuck in an earlier solve */
-  double friction;   /* sum of mu N/m, m/s^2 */
-  double lag;        /* m/s: friction pulls by friction v/lag */
+  int enters; /* it was not in contact at the start, or not with all of its planes */
+  double end[MS_MOST_TOUCHED];   /* m: the distances from its planes at the end of the part */
+  double leave[MS_MOST_TOUCHED]; /* m/s: the velocities at which it then leaves them */
+  int slipped;                   /* it stuck in an earlier solve */
+  double friction;               /* sum of mu N/m, m/s^2 */
+  double lag;                    /* m/s: friction pulls by friction v/lag */
   double jump;       /* sum of mu J/(m h) of the impulses J that gave it its normal velocity */
   double least_jump; /* the smallest J/(m h) */
 } ms_contact;

@@ -157,11 +157,13 @@ int ms_bounce(const ms_touch *touch, double v[3]) {
 
 /*------------------------------------- rest -----------------------------------------------------*/
 
-void ms_put_on(const ms_touch *touch, double x[3]) {
+void ms_put_at(const ms_touch *touch, const double *distance, double x[3]) {
   double to[MS_MOST_TOUCHED] = {0}, c[MS_MOST_HOLDING];
-  for (int i = 0; i < touch->n; i++) to[i] = touch->plane[i]->offset;
+  for (int i = 0; i < touch->n; i++) to[i] = touch->plane[i]->offset + distance[i];
   ms_meet(touch, to, x, c);
 }
+
+void ms_put_on(const ms_touch *touch, double x[3]) { ms_put_at(touch, nothing, x); }
 
 double ms_keep_along(const ms_touch *touch, double u[3], double *least) {
   double J[MS_MOST_HOLDING], pull = 0, smallest = INFINITY;

@@ -60,6 +60,8 @@ int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J);
 
 /* On all planes of `touch`: x += sum c_i n_i. 3 independent ones at most. */
 void ms_put_on(const ms_touch *touch, double x[3]);
+/* ... at those distances from them */
+void ms_put_at(const ms_touch *touch, const double *distance, double x[3]);
 
 /* u without its components along the normals: u' = u + sum J_i n_i with n_i.u' = 0. Returns
  * sum mu_i max(0, J_i): how hard friction can pull where u is an acceleration. least: the smallest
