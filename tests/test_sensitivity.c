@@ -178,14 +178,32 @@ static void expensive_measurement_is_left_off(void **state) {
   off.watch = MSIM_WATCH_OFF;
   msim_sim *sim = make_sim(scene, &opt), *without = make_sim(scene, &off);
   assert_ok(msim_sim_explain(sim, &text, err));
-  assert_non_null(strstr(text, "the growth of errors is measured"));
+  assert_non_null(strstr(text, "growth of errors: measured"));
   assert_ok(msim_sim_run(sim, NULL, 0, err));
   assert_ok(msim_sim_run(without, NULL, 0, err));
   assert_ok(msim_sim_explain(sim, &text, err));
-  assert_non_null(strstr(text, "the growth of errors is not measured"));
+  assert_non_null(strstr(text, "growth of errors: not measured"));
   assert_true((double)stats_of(sim).force_evaluations <
               1.12 * (double)stats_of(without).force_evaluations + 40);
   msim_sim_destroy(sim), msim_sim_destroy(without), msim_scene_destroy(scene);
+}
+
+/* What planes do is not linearized: the growth is measured until they are met. */
+static void contact_ends_the_measurement(void **state) {
+  msim_scene *scene = folded_rope();
+  reports r;
+  const msim_options opt = options_to("dop853", 1e-6, 0.5, &r);
+  const char *text;
+  (void)state;
+  plane(scene, 0, 0, 1, -0.3, 0.5, 0.2);
+  msim_sim *sim = make_sim(scene, &opt);
+  while (stats_of(sim).contacts == 0) assert_ok(msim_sim_step(sim, 1, err));
+  assert_int_equal(r.n, 0);
+  assert_ok(msim_sim_run(sim, NULL, 0, err));
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "particles have met planes"));
+  assert_int_equal(r.n, 0);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
 }
 
 int main(void) {
@@ -194,6 +212,7 @@ int main(void) {
                                      cmocka_unit_test(chaos_is_reported_once),
                                      cmocka_unit_test(watch_changes_no_bit),
                                      cmocka_unit_test(resumed_runs_measure_the_same),
-                                     cmocka_unit_test(expensive_measurement_is_left_off)};
+                                     cmocka_unit_test(expensive_measurement_is_left_off),
+                                     cmocka_unit_test(contact_ends_the_measurement)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

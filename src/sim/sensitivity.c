@@ -120,6 +120,8 @@ static void follow(msim_sim *sim, ms_motion *m, double h) {
 }
 
 void ms_sensitivity_follow(msim_sim *sim, double h) {
+  if (sim->stats.contacts > 0 && sim->sensitivity.state == MS_SENSITIVITY_MEASURED)
+    sim->sensitivity.state = MS_SENSITIVITY_CONTACT;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
     if (m->disturbance.dx && m->disturbance.stride < INFINITY && !m->at_rest &&
         sim->sensitivity.state == MS_SENSITIVITY_MEASURED)
@@ -127,12 +129,14 @@ void ms_sensitivity_follow(msim_sim *sim, double h) {
 }
 
 void ms_sensitivity_explain(const msim_sim *sim, ms_text *out) {
+  static const char *const states[] = {
+      [MS_SENSITIVITY_MEASURED] = "measured, and reported where it is large",
+      [MS_SENSITIVITY_TOO_EXPENSIVE] =
+          "not measured: that would take more than a tenth of the evaluations",
+      [MS_SENSITIVITY_CONTACT] = "not measured any longer, as particles have met planes",
+      [MS_SENSITIVITY_REPORTED] = "large, as was reported"};
   if (!sim->motion->disturbance.dx) return;
-  ms_print(out, sim->sensitivity.state == MS_SENSITIVITY_TOO_EXPENSIVE
-                    ? "              the growth of errors is not measured: that would take more "
-                      "than a tenth\n              of all evaluations\n"
-                    : "              the growth of errors is measured, and reported where it is "
-                      "large\n");
+  ms_print(out, "              growth of errors: %s\n", states[sim->sensitivity.state]);
 }
 
 void ms_sensitivity_archive(ms_bytes *b, ms_sensitivity *s) {

@@ -13,9 +13,9 @@
  * H is constant, as else its changes would feed energy into d (parametric resonance), and nearly as
  * long as it is stable; x is interpolated to the ends of strides. A product with J and D costs
  * about as much as an evaluation. Where they come to more than a tenth of these, as with long
- * implicit steps or inexpensive ones at the stability limit, the growth is not measured, and
- * explain says so. Reflection, constraints and friction at planes are not linearized. No bit of the
- * motion depends on any of this. */
+ * implicit steps or inexpensive ones at the stability limit, the growth is not measured. Impacts
+ * and constraints are not linearized: it is measured until the first contact. explain says so. No
+ * bit of the motion depends on any of this. */
 #ifndef MS_SENSITIVITY_H
 #define MS_SENSITIVITY_H
 
@@ -34,6 +34,7 @@ typedef struct ms_disturbance {
 typedef enum ms_sensitivity_state {
   MS_SENSITIVITY_MEASURED,
   MS_SENSITIVITY_TOO_EXPENSIVE,
+  MS_SENSITIVITY_CONTACT, /* particles have met planes */
   MS_SENSITIVITY_REPORTED
 } ms_sensitivity_state;
 
