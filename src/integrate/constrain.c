@@ -244,12 +244,7 @@ msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_e
     c->lag = INFINITY;
   }
   if (made) update(&j, 0);
-  const msim_options *asked = s->opt;
-  msim_options opt = *asked;
-  opt.newton_rtol = sqrt(asked->newton_rtol);
-  s->opt = &opt;
   const msim_status status = make_anew(&j, err);
-  s->opt = asked;
   s->warm_next = 0;
   return status;
 }

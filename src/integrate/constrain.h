@@ -21,8 +21,7 @@
  * Velocities given to many particles of a stiff solid do work on it. Where energy has grown,
  * impacts are made without restitution; where it still has, planes have pulled, and the step is
  * made with n.v = 0 at all distances, which does no work. linearly-implicit-euler takes its own
- * steps in the first attempt, of one solve each. Others are of order 1 where springs are stiff:
- * Newton's method goes to the root of newton.rtol. */
+ * steps in the first attempt, of one solve each. */
 #ifndef MS_CONSTRAIN_H
 #define MS_CONSTRAIN_H
 
