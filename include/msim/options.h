@@ -19,7 +19,8 @@ enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
 
 /* ON: every 160 explicit steps, every implicit one, before each frame and at the end of a run the
  * motion is checked: kinetic and elastic energy, and the extent of the scene, beyond 100 times what
- * the start and gravity can supply end it with MSIM_UNSTABLE. Bits do not depend on it. */
+ * the start and gravity can supply end it with MSIM_UNSTABLE. Under tol, a note reports motion in
+ * which errors of steps grow (chaos). Bits do not depend on it. */
 enum { MSIM_WATCH_ON, MSIM_WATCH_OFF };
 
 /* Of trajectories. OFF: each frame is the system's to keep once it is written: it outlives this

@@ -117,7 +117,8 @@ static const option table[] = {
     PICK("verlet.start", "taylor | plain", "taylor", "velocity at -h/2: v0 - h/2 a0, or v0 itself",
          verlet_start),
     PICK("watch", "on | off", "on",
-         "end a run whose energy or extent grows beyond what its start and gravity can supply",
+         "end a run whose energy or extent grows beyond what its start and gravity can supply; "
+         "under tol, report motion in which errors grow",
          watch),
     {{"every", "whole number >= 1", "", "a frame every so many steps"},
      INT64,
