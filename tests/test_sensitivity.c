@@ -169,7 +169,7 @@ static void resumed_runs_measure_the_same(void **state) {
 
 /* With a force evaluation a step at the limit of stability, it would take half of them all. */
 static void expensive_measurement_is_left_off(void **state) {
-  msim_scene *scene = hanging_cloth(8, 1e5, 0);
+  msim_scene *scene = hanging_cloth(5, 1e5, 0);
   reports r;
   const msim_options opt = options_to("velocity-verlet", 0.01, 0.5, &r);
   const char *text;

@@ -9,7 +9,9 @@
 
 msim_status ms_sensitivity_create(const msim_sim *sim, const ms_model *model, ms_disturbance *d,
                                   msim_error *err) {
-  if (sim->opt.watch != MSIM_WATCH_ON || !(ms_sim_has_control(sim) || ms_sim_selects(sim)))
+  enum { MOST_SPRINGS = 128 };
+  const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
+  if (sim->opt.watch != MSIM_WATCH_ON || !has_tol || model->springs.n > MOST_SPRINGS)
     return MSIM_OK;
   d->dx = ms_rows_vector(sim->scene, &model->rows);
   d->dv = ms_rows_vector(sim->scene, &model->rows);
@@ -135,8 +137,9 @@ void ms_sensitivity_explain(const msim_sim *sim, ms_text *out) {
           "not measured: that would take more than a tenth of the evaluations",
       [MS_SENSITIVITY_CONTACT] = "not measured any longer, as particles have met planes",
       [MS_SENSITIVITY_REPORTED] = "large, as was reported"};
-  if (!sim->motion->disturbance.dx) return;
-  ms_print(out, "              growth of errors: %s\n", states[sim->sensitivity.state]);
+  int is_any = 0;
+  for (int32_t i = 0; i < sim->nislands; i++) is_any |= sim->motion[i].disturbance.dx != NULL;
+  if (is_any) ms_print(out, "              growth of errors: %s\n", states[sim->sensitivity.state]);
 }
 
 void ms_sensitivity_archive(ms_bytes *b, ms_sensitivity *s) {
