@@ -79,6 +79,23 @@ static inline void plane(msim_scene *scene, double nx, double ny, double nz, dou
   assert_ok(msim_scene_add_plane(scene, &p, err));
 }
 
+/* n particles, the first pinned: a rope in folds, that springs apart and flies */
+static inline msim_scene *folded_rope(int32_t n) {
+  const double mass = 0.05, k = 2000, rest = 0.3, g[3] = {0, 0, -9.81};
+  const int32_t first = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int32_t i = 0; i < n; i++) {
+    const double x[3] = {0.02 * i, 0, 0.1 * (i % 2)};
+    const int32_t ij[2] = {i - 1, i};
+    assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+    if (i) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  }
+  assert_ok(msim_scene_pin(scene, 1, &first, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
 /* Fixed steps of h, also where the method would choose its own. */
 static inline msim_options options(const char *integrator, double h) {
   msim_options opt;

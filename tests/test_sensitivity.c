@@ -38,24 +38,6 @@ static msim_scene *column(int32_t n, double rest, double damping, double drag) {
   return scene;
 }
 
-/* A rope in folds, that springs apart */
-static msim_scene *folded_rope(void) {
-  enum { ALL = 16 };
-  const double mass = 0.05, k = 2000, rest = 0.3, g[3] = {0, 0, -9.81};
-  const int32_t first = 0;
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  for (int32_t i = 0; i < ALL; i++) {
-    const double x[3] = {0.02 * i, 0, 0.1 * (i % 2)};
-    const int32_t ij[2] = {i - 1, i};
-    assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
-    if (i) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-  }
-  assert_ok(msim_scene_pin(scene, 1, &first, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
-}
-
 static msim_options options_to(const char *method, double tol, double t_end, reports *r) {
   msim_options opt;
   msim_options_init(&opt, sizeof opt);
@@ -127,7 +109,7 @@ static double distance(const msim_scene *scene, const msim_options *a, const msi
 /* Errors are far above tol there, though each step keeps it. */
 static void chaos_is_reported_once(void **state) {
   static const char *const methods[] = {"dop853", "auto"};
-  msim_scene *scene = folded_rope();
+  msim_scene *scene = folded_rope(16);
   (void)state;
   for (int i = 0; i < 2; i++) {
     reports r, none;
@@ -141,7 +123,7 @@ static void chaos_is_reported_once(void **state) {
 
 /* Nothing is measured without the watch, which changes no bit. */
 static void watch_changes_no_bit(void **state) {
-  msim_scene *scene = folded_rope();
+  msim_scene *scene = folded_rope(16);
   reports r, none;
   const msim_options opt = options_to("auto", 1e-6, 0.5, &r);
   msim_options off = options_to("auto", 1e-6, 0.5, &none);
@@ -156,7 +138,7 @@ static void watch_changes_no_bit(void **state) {
 static void resumed_runs_measure_the_same(void **state) {
   static const char *const methods[] = {"dop853", "auto"};
   const int64_t at[] = {1, 40, 100, 130};
-  msim_scene *scene = folded_rope();
+  msim_scene *scene = folded_rope(16);
   (void)state;
   for (int i = 0; i < 2; i++) {
     reports r;
@@ -190,7 +172,7 @@ static void expensive_measurement_is_left_off(void **state) {
 
 /* What planes do is not linearized: the growth is measured until they are met. */
 static void contact_ends_the_measurement(void **state) {
-  msim_scene *scene = folded_rope();
+  msim_scene *scene = folded_rope(16);
   reports r;
   const msim_options opt = options_to("dop853", 1e-6, 0.5, &r);
   const char *text;

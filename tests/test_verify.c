@@ -50,23 +50,6 @@ static msim_scene *shot(double d) {
   return scene;
 }
 
-/* A rope in folds, that springs apart and flies. */
-static msim_scene *folded(int32_t n) {
-  const double mass = 0.05, k = 2000, rest = 0.3, g[3] = {0, 0, -9.81};
-  const int32_t first = 0;
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  for (int32_t i = 0; i < n; i++) {
-    const double x[3] = {0.02 * i, 0, 0.1 * (i % 2)};
-    const int32_t ij[2] = {i - 1, i};
-    assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
-    if (i) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-  }
-  assert_ok(msim_scene_pin(scene, 1, &first, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
-}
-
 /* A block slides down a slope of 20 degrees, slower and slower, and stops. */
 static msim_scene *sliding(void) {
   enum { ALL = 27 };
@@ -215,7 +198,7 @@ static void bursts_cost_what_control_costs(void **state) {
   (void)state;
   for (int32_t n = 6; n <= 20; n += 7)
     for (double tol = 1e-2; tol > 1e-7; tol /= 100) {
-      msim_scene *scene = folded(n);
+      msim_scene *scene = folded_rope(n);
       costs_what_control_costs(scene, "folded rope", tol, 0.6, 1.5);
       msim_scene_destroy(scene);
     }
