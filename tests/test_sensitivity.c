@@ -170,7 +170,8 @@ static void expensive_measurement_is_left_off(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(without), msim_scene_destroy(scene);
 }
 
-/* What planes do is not linearized: the growth is measured until they are met. */
+/* What planes do is not linearized: the growth is measured until they are met, and again from a
+ * state that is set. */
 static void contact_ends_the_measurement(void **state) {
   msim_scene *scene = folded_rope(16);
   reports r;
@@ -179,12 +180,22 @@ static void contact_ends_the_measurement(void **state) {
   (void)state;
   plane(scene, 0, 0, 1, -0.3, 0.5, 0.2);
   msim_sim *sim = make_sim(scene, &opt);
+  double x[3 * 64], v[3 * 64];
+  msim_state start = state_of(sim);
+  assert_in_range(start.n, 1, 64);
+  const size_t size = 3 * (size_t)start.n * sizeof *x;
+  memcpy(x, start.x, size), memcpy(v, start.v, size);
+  start.x = x, start.v = v;
   while (stats_of(sim).contacts == 0) assert_ok(msim_sim_step(sim, 1, err));
   assert_int_equal(r.n, 0);
   assert_ok(msim_sim_run(sim, NULL, 0, err));
   assert_ok(msim_sim_explain(sim, &text, err));
   assert_non_null(strstr(text, "particles have met planes"));
   assert_int_equal(r.n, 0);
+  assert_ok(msim_sim_set_state(sim, &start, err));
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "growth of errors: measured"));
   msim_sim_destroy(sim), msim_scene_destroy(scene);
 }
 

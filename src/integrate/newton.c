@@ -192,8 +192,8 @@ static double find_peak(double slope, sample a, sample b, double limit) {
  * enough (Armijo 1966), and up to 3 better ones unless that takes off half of what the slope alone
  * would, as at the end of a parabola. Cloth that buckles moves along where A has next to no
  * curvature, and the quadratic model knows nothing of the distance: an energy is far cheaper than
- * another d. Solvers that only solve have the radius for that. full: lambda = 1.
- * Returns lambda. */
+ * another d. Solvers that only solve have the radius for that. full: lambda = 1. Returns
+ * lambda. */
 static double search_energy(newton *n, int full) {
   enum { MOST = 30, BETTER = 3 };
   const double NEAR = 0.1, CLOSE = 0.2, FAR = 4;
@@ -222,8 +222,8 @@ static double search_energy(newton *n, int full) {
 }
 
 /* v += lambda d, the first of 1, ... that does not lead far beyond the place where d would lead
- * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). full: lambda = 1.
- * Returns lambda. Where dashpots or contacts leave R without a potential. */
+ * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). full: lambda = 1. Returns lambda.
+ * Where dashpots or contacts leave R without a potential. */
 static double search_slope(newton *n, int full) {
   enum { MOST = 30 };
   const double start = ms_dot(n->shape, n->b, n->d);
@@ -250,8 +250,8 @@ static double residual_level(const newton *n) {
 }
 
 /* v += lambda d, the first of 1, ... that takes enough off the residual (Armijo 1966), each after
- * the minimum of a parabola; full: lambda = 1. Where d leads nowhere the clamped
- * matrix makes the next one. Returns lambda. */
+ * the minimum of a parabola; full: lambda = 1. Where d leads nowhere the clamped matrix makes the
+ * next one. Returns lambda. */
 static double search_residual(newton *n, int full) {
   enum { MOST = 10 };
   const double first = residual_level(n), start = first * first;

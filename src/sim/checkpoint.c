@@ -22,7 +22,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 6u
+#define VERSION 7u
 
 typedef struct header {
   char magic[8];

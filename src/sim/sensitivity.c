@@ -37,8 +37,13 @@ static double normalize(ms_motion *m) {
   return length;
 }
 
+void ms_sensitivity_start(msim_sim *sim) {
+  sim->sensitivity = (ms_sensitivity){.evaluations0 = sim->stats.force_evaluations,
+                                      .contacts0 = sim->stats.contacts};
+}
+
 /* Velocities are disturbed at first, as stiff springs make much of disturbed positions. */
-void ms_sensitivity_start(ms_motion *m) {
+void ms_sensitivity_start_island(ms_motion *m) {
   const double SHARE = 0.9;
   const ms_rows *rows = &m->model.rows;
   ms_disturbance *d = &m->disturbance;
@@ -104,7 +109,9 @@ static void report(msim_sim *sim, double growth) {
 
 static int is_too_expensive(const msim_sim *sim) {
   const double FREE = 32, MOST = 0.1;
-  return (double)sim->sensitivity.products > FREE + MOST * (double)sim->stats.force_evaluations;
+  const ms_sensitivity *s = &sim->sensitivity;
+  const int64_t evaluations = sim->stats.force_evaluations - s->evaluations0;
+  return (double)s->products > FREE + MOST * (double)evaluations;
 }
 
 static void follow(msim_sim *sim, ms_motion *m, double h) {
@@ -122,11 +129,12 @@ static void follow(msim_sim *sim, ms_motion *m, double h) {
 }
 
 void ms_sensitivity_follow(msim_sim *sim, double h) {
-  if (sim->stats.contacts > 0 && sim->sensitivity.state == MS_SENSITIVITY_MEASURED)
-    sim->sensitivity.state = MS_SENSITIVITY_CONTACT;
+  ms_sensitivity *s = &sim->sensitivity;
+  if (sim->stats.contacts > s->contacts0 && s->state == MS_SENSITIVITY_MEASURED)
+    s->state = MS_SENSITIVITY_CONTACT;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
     if (m->disturbance.dx && m->disturbance.stride < INFINITY && !m->at_rest &&
-        sim->sensitivity.state == MS_SENSITIVITY_MEASURED)
+        s->state == MS_SENSITIVITY_MEASURED)
       follow(sim, m, h);
 }
 
@@ -143,7 +151,8 @@ void ms_sensitivity_explain(const msim_sim *sim, ms_text *out) {
 }
 
 void ms_sensitivity_archive(ms_bytes *b, ms_sensitivity *s) {
-  ms_bytes_pass_count(b, &s->products);
+  int64_t *counts[] = {&s->evaluations0, &s->contacts0, &s->products};
+  for (int i = 0; i < 3; i++) ms_bytes_pass_count(b, counts[i]);
   MS_BYTES_PASS(b, s->state);
   ms_bytes_check(b, s->state >= 0 && s->state <= MS_SENSITIVITY_REPORTED, "the growth of errors");
 }

@@ -41,6 +41,7 @@ typedef enum ms_sensitivity_state {
 
 /* Of the whole run */
 typedef struct ms_sensitivity {
+  int64_t evaluations0, contacts0; /* stats where it started */
   int64_t products;
   int32_t state; /* ms_sensitivity_state */
 } ms_sensitivity;
@@ -53,8 +54,11 @@ msim_status ms_sensitivity_create(const struct msim_sim *sim, const ms_model *mo
                                   ms_disturbance *d, msim_error *err);
 void ms_sensitivity_destroy(const ms_model *model, ms_disturbance *d);
 
-/* The present state is where the motion of the island starts. */
-void ms_sensitivity_start(struct ms_motion *m);
+/* The present state is where the run starts. */
+void ms_sensitivity_start(struct msim_sim *sim);
+
+/* ... where the motion of the island starts. */
+void ms_sensitivity_start_island(struct ms_motion *m);
 
 /* After a step of h */
 void ms_sensitivity_follow(struct msim_sim *sim, double h);

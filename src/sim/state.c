@@ -106,7 +106,7 @@ static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
   m->at_rest = 0;
   if (ms_sim_has_control(sim) || ms_sim_selects(sim))
     ms_norm_measure(&m->model, s->x, s->v, ms_plan_span(&sim->plan), &m->norm);
-  ms_sensitivity_start(m);
+  ms_sensitivity_start_island(m);
   s->h = sim->plan.h;
   s->warm = 0;
   if (s->solver) ms_solver_restart(s->solver);
@@ -152,7 +152,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   sim->flat_is_current = 1;
   ms_watch_start(sim);
   ms_verify_start(sim);
-  sim->sensitivity = (ms_sensitivity){0};
+  ms_sensitivity_start(sim);
   ms_sim_watch_step(sim);
   return ms_ok(err);
 }
