@@ -58,14 +58,15 @@ static double extent_of(const ms_totals *t) {
 /* The bounds in the present state, as far as it is good itself. */
 typedef struct bounds {
   double supply, extent;
+  double most; /* of supplies so far */
 } bounds;
 
 static bounds bounds_at(const msim_sim *sim, const ms_totals *now) {
   const ms_watch *w = &sim->watch;
   const double work = ms_dot3(sim->scene->gravity, now->moment) - w->work;
-  const double supply = fmax(w->supply, w->energy + work);
-  const double speed = w->least > 0 ? sqrt(2 * supply / w->least) : 0;
-  return (bounds){supply, w->extent + 2 * (time_of(sim) - w->t0) * speed};
+  const double supply = w->energy + fmax(0, work), most = fmax(w->supply, supply);
+  const double speed = w->least > 0 ? sqrt(2 * most / w->least) : 0;
+  return (bounds){supply, w->extent + 2 * (time_of(sim) - w->t0) * speed, most};
 }
 
 static int is_good(const ms_totals *now, const bounds *b) {
@@ -230,7 +231,7 @@ msim_status ms_watch_check(msim_sim *sim, msim_error *err) {
   const ms_totals now = measure(sim);
   const bounds b = bounds_at(sim, &now);
   if (is_good(&now, &b)) {
-    sim->watch.supply = b.supply;
+    sim->watch.supply = b.most;
     keep(sim);
     return MSIM_OK;
   }

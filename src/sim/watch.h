@@ -5,16 +5,17 @@
  *   K + E <= S,  S = K0 + E0 + sum m g.(x - x0) over all free particles,
  * and no particle is ever faster than sqrt(2 S/m), so that the longest side of the box around all
  * of them, L0 at the start, keeps
- *   L <= L0 + 2 t sqrt(2 S/m_least).
+ *   L <= L0 + 2 t sqrt(2 S/m_least), S the largest so far.
  * A method may miss both by its error, which is a share of what the scene has to give, and so
  * S takes in what that is at least, for scenes that start with nothing:
  *   - M g (L0 + g h^2): a fall of all the free mass M through the scene, or, where that is more,
  *     from its farthest particle down to a plane; and one step of free fall;
  *   - sum k d^2/2 with d = sqrt(eps) max |x|, which rounding does not reach, and twice the depth
  *     of the particle farthest behind a plane, which is put out on the other side.
- * S never falls during a run. Motion beyond a hundred times either bound is not that of the scene,
- * and ends the run with MSIM_UNSTABLE; the state handed back is the last one that was checked and
- * kept before, as it is after any other numerical event whose state is beyond the bounds.
+ * What is lifted takes back the work of gravity, down to 0. Motion beyond a hundred times either
+ * bound is not that of the scene, and ends the run with MSIM_UNSTABLE; the state handed back is the
+ * last one that was checked and kept before, as it is after any other numerical event whose state
+ * is beyond the bounds.
  *
  * A check takes one evaluation of energy, about as long as one of forces. Implicit steps take many
  * times that and are all checked, explicit ones when their number is a multiple of 160, and both
@@ -39,7 +40,7 @@ typedef struct ms_guard {
 
 /* Of the whole sim */
 typedef struct ms_watch {
-  double supply; /* S, J */
+  double supply; /* the largest S so far, J */
   double energy; /* S but for the work of gravity since the start, J */
   double work;   /* sum m g.x at the start, J */
   double extent; /* L0, m */
