@@ -17,6 +17,15 @@ def setting(name):
         raise unittest.SkipTest(f"MSIM_{name} is not set: run this by ctest") from None
 
 
+def require(there, what):
+    """Skips the test where what it needs is missing, or fails it where nothing should be, as in
+    tools/check."""
+    if not there:
+        if "MSIM_COMPLETE" in os.environ:
+            raise AssertionError(f"{what} is missing")
+        raise unittest.SkipTest(f"{what} is missing")
+
+
 def shared_library():
     if setting("SHARED") != "1":
         raise unittest.SkipTest("a static build has no libmsim.so and no plugin files")

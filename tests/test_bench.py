@@ -3,8 +3,8 @@
 import os
 import signal
 import time
-import unittest
 
+import support
 from bench_support import BenchTest, Children
 
 
@@ -96,4 +96,4 @@ class Stopping(Children):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    support.main()

@@ -3,9 +3,9 @@
 import os
 import re
 import shutil
-import unittest
 from xml.etree import ElementTree
 
+import support
 from bench_support import BenchTest
 
 
@@ -55,8 +55,8 @@ class Picture(BenchTest):
         self.assertEqual((self.folder / "out.svg").read_text(), "old")
         self.assertNotIn("out.svg.part", self.files())
 
-    @unittest.skipUnless(shutil.which("gnuplot"), "gnuplot is not here")
     def test_svg(self):
+        support.require(shutil.which("gnuplot"), "gnuplot")
         for args, words in [
             (self.SMALL, ("msim, 1 thread", "cloth32", "jelly16")),
             (["scaling", *self.SMALL[1:3], "cloth32,jelly8", *self.SMALL[4:]],
@@ -75,4 +75,4 @@ class Picture(BenchTest):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    support.main()

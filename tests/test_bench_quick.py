@@ -5,8 +5,8 @@ import csv
 import math
 import shutil
 import time
-import unittest
 
+import support
 from bench_support import BenchTest
 
 ALONE = {"jacobian_over_force", "auto_slowdown_when_other_core_busy_cloth64"}
@@ -202,4 +202,4 @@ class Duels(BenchTest):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    support.main()

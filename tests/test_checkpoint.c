@@ -225,7 +225,7 @@ static msim_stats expect_resumable_solid(const msim_scene *scene, const char *me
 static void a_kept_factor_is_made_again(void **state) {
   (void)state;
   static const int64_t at[] = {1, 2, 9, 21, 33};
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   const char *const methods[] = {"linearly-implicit-euler", "implicit-euler"};
   msim_scene *scene = held_block(5, 1, 1e8, 0);
   for (int m = 0; m < 2; m++) {
@@ -266,7 +266,7 @@ static void coarse_factors_of_cloth(void **state) {
 
 static void pcg_may_have_given_way(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   msim_scene *scene = cloth();
   msim_options opt = options("linearly-implicit-euler", 2e-3);
   opt.solver_max_iterations = 2;

@@ -17,18 +17,18 @@ static void *symbol(void *plugin, const char *name) {
   return found;
 }
 
-/* 1 if this BLAS and this OpenMP can be asked. */
+/* 0 if this BLAS and this OpenMP can be asked, else the program's exit status. */
 static int find_controls(void) {
   char path[4096];
   snprintf(path, sizeof path, "%s/msim_backend_cholmod.so", getenv("MSIM_PLUGIN_PATH"));
   void *plugin = dlopen(path, RTLD_NOW | RTLD_NOLOAD);
-  if (!plugin) return 0;
+  if (!plugin) return 77; /* linked in */
   void *found[] = {
       symbol(plugin, "openblas_get_num_threads"), symbol(plugin, "omp_get_max_active_levels"),
       symbol(plugin, "openblas_set_num_threads"), symbol(plugin, "omp_set_max_active_levels")};
   memcpy(&get_blas, found + 0, sizeof(void *)), memcpy(&get_levels, found + 1, sizeof(void *));
   memcpy(&set_blas, found + 2, sizeof(void *)), memcpy(&set_levels, found + 3, sizeof(void *));
-  return found[0] && found[1] && found[2] && found[3];
+  return found[0] && found[1] && found[2] && found[3] ? 0 : missing_status("OpenBLAS or OpenMP");
 }
 
 static msim_sim *cloth_sim(void) {
@@ -151,7 +151,9 @@ static void factors_of_scalars_serve_a_run(void **state) {
 }
 
 int main(void) {
-  if (!solver_there("cholmod") || !find_controls()) return 77;
+  if (!solver_there("cholmod")) return missing_status("the solver cholmod");
+  const int status = find_controls();
+  if (status) return status;
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(threads_are_as_they_were), cmocka_unit_test(bits_do_not_depend_on_them),
       cmocka_unit_test(solids_are_dissected), cmocka_unit_test(factors_of_scalars_serve_a_run)};

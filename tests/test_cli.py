@@ -7,6 +7,7 @@ import subprocess
 import unittest
 from pathlib import Path
 
+import support
 from cli_support import (CLI, INTEGRATORS, OPTIONS, COUNTERS, SECONDS, PENDULUM, SCENES, pendulum,
                          CliTest)
 
@@ -188,8 +189,8 @@ class HDF5Scenes(CliTest):
 
     def setUp(self):
         super().setUp()
-        if not re.search(r"(?s)Importers.* hdf5 +yes ", self.good("list")):
-            self.skipTest("the importer hdf5 is not there")
+        support.require(re.search(r"(?s)Importers.* hdf5 +yes ", self.good("list")),
+                        "the importer hdf5")
 
     def test_run(self):
         path = self.HERE / "fuzz/corpus/hdf5/three_particles.h5"
@@ -414,8 +415,7 @@ class Frames(CliTest):
         self.assertEqual((watched["x"], watched["v"]), (alone["x"], alone["v"]))
 
     def test_paraview(self):
-        if not re.search(r"(?m)^  hdf5 +yes ", self.good("list")):
-            self.skipTest("the recorder hdf5 is not there")
+        support.require(re.search(r"(?m)^  hdf5 +yes ", self.good("list")), "the recorder hdf5")
         self.scene()
         out = self.good("run", "scene.json", "--out", "out.vtkhdf")
         self.assertIn("ParaView", out)
@@ -424,4 +424,4 @@ class Frames(CliTest):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    support.main()

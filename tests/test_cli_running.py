@@ -11,9 +11,9 @@ import struct
 import subprocess
 import termios
 import time
-import unittest
 from fcntl import ioctl
 
+import support
 from cli_support import CLI, SCENES, COUNTERS, SECONDS, FOR_EVER, PENDULUM, pendulum, CliTest
 
 
@@ -340,4 +340,4 @@ class Progress(CliTest):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    support.main()

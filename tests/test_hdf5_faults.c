@@ -22,7 +22,6 @@ static counting_host host;
 static void more_frames_than_planned(void **state) {
   (void)state;
   const msim_recorder_type *hdf5 = plugin();
-  if (!hdf5) skip();
   sample s;
   void *self;
   host_init(&host);
@@ -43,7 +42,6 @@ static void more_frames_than_planned(void **state) {
 static void assert_refused(const char *path, int64_t nframes, msim_status status,
                            const char *sentence) {
   const msim_recorder_type *hdf5 = plugin();
-  if (!hdf5) skip();
   sample s;
   host_init(&host);
   host.empty = status == MSIM_ERR_MEMORY;
@@ -82,7 +80,6 @@ static herr_t host_printer(hid_t stack, void *data) {
 
 static void the_library_never_prints(void **state) {
   (void)state;
-  if (!plugin()) skip();
   int printed = 0, before = dup(STDERR_FILENO);
   int to = open("stderr", O_CREAT | O_RDWR | O_TRUNC, 0600);
   H5Eset_auto2(H5E_DEFAULT, host_printer, &printed);
@@ -139,7 +136,6 @@ static void run_into_limit(const char *path, rlim_t at_open, rlim_t while_writin
 }
 
 static int status_at_limit(const char *path, rlim_t at_open, rlim_t while_writing) {
-  if (!plugin()) skip();
   fflush(NULL);
   pid_t child = fork();
   if (child == 0) run_into_limit(path, at_open, while_writing);
@@ -244,11 +240,10 @@ static void assert_resumed(const char *path, size_t length, const char *whole) {
  * before is in it and good, and at most the one being written is there too; and going on from there
  * makes the file that it would have been. */
 static void assert_every_write(const char *path, int status) {
-  if (!plugin()) skip();
   int64_t after[1 + FEW_FRAMES], planned;
   writes_made = 0;
   assert_int_equal(run_few_frames(path, after), 0);
-  if (writes_made == 0) skip(); /* this libhdf5 writes by other means */
+  assert_true(writes_made > 0);
   const int64_t writes = after[FEW_FRAMES];
   size_t length = 0;
   char *whole = slurp(path, &length);
@@ -278,6 +273,7 @@ static void refusal_of_any_write_is_told(void **state) {
 }
 
 int main(void) {
+  if (!plugin()) return missing_status("the recorder hdf5");
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(more_frames_than_planned),
       cmocka_unit_test(refusals_say_why),

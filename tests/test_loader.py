@@ -3,7 +3,6 @@ import os
 import pwd
 import shutil
 import subprocess
-import unittest
 from pathlib import Path
 
 import support

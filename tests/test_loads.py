@@ -55,8 +55,7 @@ class Loads(unittest.TestCase):
         self.assertGreater(final["stats"]["solves"], 0)
 
     def test_cholmod_is_loaded_when_asked_for(self):
-        if "backend_cholmod" not in support.plugins():
-            self.skipTest("plugin cholmod was not built")
+        support.require("backend_cholmod" in support.plugins(), "the plugin cholmod")
         opened, final = self.libraries("--integrator", "linearly-implicit-euler",
                                        "--solver", "cholmod")
         self.assert_some(opened, SOLVERS)
@@ -64,8 +63,7 @@ class Loads(unittest.TestCase):
         self.assertGreater(final["stats"]["solves"], 0)
 
     def test_hdf5_is_loaded_for_its_files_only(self):
-        if "recorder_hdf5" not in support.plugins():
-            self.skipTest("plugin hdf5 was not built")
+        support.require("recorder_hdf5" in support.plugins(), "the plugin hdf5")
         opened, _ = self.libraries("--integrator", "verlet", "--out", self.folder / "a.vtkhdf")
         self.assert_some(opened, HDF5)
         self.assert_none(opened, SOLVERS)

@@ -7,7 +7,6 @@ and libgfortran do not survive being loaded without memory."""
 
 import os
 import resource
-import unittest
 
 import support
 from cli_support import CliTest

@@ -153,7 +153,7 @@ static msim_sim *crushed(const char *solver, int32_t aggregate, int32_t indefini
 /* It is noticed, and steps are made clamped. */
 static void an_indefinite_matrix_is_clamped(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   msim_sim *right = crushed("cholmod", 0, MSIM_INDEFINITE_CLAMP);
   msim_sim *sim = crushed("pcg", SIZE, MSIM_INDEFINITE_CLAMP);
   assert_ok(msim_sim_step(right, 3, err));

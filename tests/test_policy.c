@@ -26,7 +26,7 @@ static msim_options automatic(double h) {
 
 static void a_factor_is_kept_while_it_serves(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   msim_scene *scene = stiff_block();
   msim_options opt = automatic(1e-2);
   msim_sim *kept = make_sim(scene, &opt);
@@ -48,7 +48,7 @@ static void a_factor_is_kept_while_it_serves(void **state) {
 /* Cloth folds: an old factor is no help, and the tries become rare. */
 static void a_factor_that_does_not_serve_is_rarely_tried(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   msim_scene *scene = hanging_cloth(24, 1e8, 0);
   msim_options opt = automatic(1.0 / 60);
   opt.jacobian = MSIM_JACOBIAN_CLAMP;
@@ -78,7 +78,7 @@ static msim_sim *in_motion(msim_scene *scene, unsigned skip_off, int32_t threads
  * iterations, to the same tolerance and to the same bits. */
 static void pcg_buys_a_factor_where_that_pays(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   enum { STEPS = 60 };
   msim_scene *scene = block(9, 3000);
   msim_sim *kept = in_motion(scene, 0, 1, STEPS), *again = in_motion(scene, 0, 2, STEPS);
@@ -98,7 +98,7 @@ static void pcg_buys_a_factor_where_that_pays(void **state) {
 /* What follows a state that was set depends on that state alone. */
 static void a_state_that_is_set_forgets_the_factor(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   msim_scene *scene = stiff_block();
   msim_options opt = automatic(1e-2);
   msim_sim *a = make_sim(scene, &opt), *b = make_sim(scene, &opt);
@@ -117,7 +117,7 @@ static void a_state_that_is_set_forgets_the_factor(void **state) {
 /* Where cholmod is not found pcg does what it can, and what it cannot is said. */
 static void without_cholmod(void **state) {
   (void)state;
-  if (!getenv("MSIM_PLUGIN_PATH")) skip();
+  require(getenv("MSIM_PLUGIN_PATH") != NULL, "MSIM_PLUGIN_PATH");
   const char *text;
   char *folder = strdup(getenv("MSIM_PLUGIN_PATH"));
   msim_scene *scene = stiff_block();
@@ -148,7 +148,7 @@ static void without_cholmod(void **state) {
 
 static void pcg_that_does_not_converge_gives_way(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   msim_scene *scene = hanging_cloth(6, 100, 0);
   msim_options opt = automatic(2e-3);
   msim_sim *sim = make_sim(scene, &opt);

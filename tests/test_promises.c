@@ -133,7 +133,7 @@ int main(int argc, char **argv) {
   if (argc != 2) return 2;
   const msim_status status = msim_solver_backend(argv[1], NULL, &bare, &why);
   if (status) fprintf(stderr, "%s\n", why.text);
-  if (status) return status == MSIM_ERR_NAME ? 77 : 1;
+  if (status) return status == MSIM_ERR_NAME ? missing_status(argv[1]) : 1;
   const struct CMUnitTest tests[] = {cmocka_unit_test(clamped_where_it_is_indefinite),
                                      cmocka_unit_test(solved_where_it_is_indefinite),
                                      cmocka_unit_test(stopped_where_it_is_indefinite),

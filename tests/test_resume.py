@@ -3,11 +3,11 @@
 MSIM_KILLS: how many kills, 20 where it is not set."""
 import os
 import random
+import re
 import resource
 import signal
 import subprocess
 import time
-import unittest
 from pathlib import Path
 
 import support
@@ -35,8 +35,7 @@ RUNS = ["--integrator linearly-implicit-euler --h 4e-3 --t_end 1.6 --every 1",
 class Resume(CliTest):
     def setUp(self):
         super().setUp()
-        if support.setting("SHARED") == "1" and "recorder_hdf5" not in support.plugins():
-            self.skipTest("the plugin hdf5 was not built")
+        support.require(re.search(r"(?m)^  hdf5 +yes ", self.good("list")), "the recorder hdf5")
         self.write("scene.json", CLOTH)
 
     def command(self, options, file, *more):

@@ -396,7 +396,7 @@ static void agrees_with_conjugate_gradients(void **state) {
 
 int main(int argc, char **argv) {
   if (argc > 1) solver = argv[1];
-  if (!solver_there(solver)) return 77;
+  if (!solver_there(solver)) return missing_status(solver);
   direct = !(solver_flags(solver) & MSIM_BACKEND_ITERATIVE);
   symmetric = (solver_flags(solver) & MSIM_BACKEND_SYMMETRIC) != 0;
   const struct CMUnitTest tests[] = {cmocka_unit_test(answer_solves_the_system),

@@ -45,8 +45,7 @@ class Symbols(unittest.TestCase):
         self.assertEqual(dynamic(self.library, "SONAME"), ["libmsim.so.0"])
 
     def test_plugins_show_their_entry_and_use_nothing_of_ours(self):
-        if not support.plugins():
-            self.skipTest("no plugin was built")
+        support.require(support.plugins(), "every plugin")
         for name, path in support.plugins().items():
             with self.subTest(plugin=name):
                 kind = name.split("_")[0]
@@ -73,8 +72,7 @@ class Headers(unittest.TestCase):
 
     def test_cplusplus(self):
         compiler = shutil.which("c++")
-        if compiler is None:
-            self.skipTest("no C++ compiler")
+        support.require(compiler, "a C++ compiler")
         self.each(compiler, "c++", "c++11", "c++17")
 
 

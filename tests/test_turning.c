@@ -176,7 +176,7 @@ static const char *const whole[] = {"pcg",
  * symmetric one. */
 static void newton_is_quadratic_where_damping_is_strong(void **state) {
   (void)state;
-  if (!solver_there("cholmod") || !solver_there("klu")) skip();
+  require(solver_there("cholmod") && solver_there("klu"), "the solver cholmod or klu");
   msim_scene *scene = hanging_cloth(8, 1000, 10);
   const int64_t rough = iterations(scene, "cholmod", 1e-6),
                 fine = iterations(scene, "cholmod", 1e-12);

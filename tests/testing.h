@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 #include <cmocka.h>
 
@@ -27,6 +28,21 @@
     if (!(a_ - b_ <= tol_ && b_ - a_ <= tol_))                                               \
       fail_msg("%s = %.17g, %s = %.17g, off by %.3g > %.3g", #a, a_, #b, b_, a_ - b_, tol_); \
   } while (0)
+
+/* Exit status of a program that cannot run without `what`: skipped, or failed where MSIM_COMPLETE
+ * is set, as by tools/check, for which nothing is missing. */
+static inline int missing_status(const char *what) {
+  const int fails = getenv("MSIM_COMPLETE") != NULL;
+  print_message("%s: %s is missing\n", fails ? "failed" : "skipped", what);
+  return fails ? 1 : 77;
+}
+
+/* Skips the test, or fails it, where what it needs is missing. */
+static inline void require(int there, const char *what) {
+  if (there) return;
+  if (missing_status(what) == 1) fail();
+  skip();
+}
 
 /* 1 where each access to memory is checked, ten times slower: sizes that only numbers need go. */
 #if defined(__SANITIZE_ADDRESS__)

@@ -2,23 +2,20 @@
 #ifndef TRAJECTORY_H
 #define TRAJECTORY_H
 
-#include <dlfcn.h>
 #include <hdf5.h>
 
 #include "testing.h"
 #include "recording.h"
+#include "sim/recorders.h"
 
-/* NULL where the plugin was not built, or is linked in. */
+/* The recorder, a plugin or linked in; NULL: missing. */
 static inline const msim_recorder_type *plugin(void) {
-  const char *folder = getenv("MSIM_PLUGIN_PATH");
-  char path[1024];
-  snprintf(path, sizeof path, "%s/msim_recorder_hdf5.so", folder ? folder : "");
-  void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
-  if (!library) return NULL;
-  void *symbol = dlsym(library, "msim_recorder_entry");
-  msim_recorder_entry_fn *entry;
-  memcpy(&entry, &symbol, sizeof entry);
-  return entry();
+  const msim_allocator alloc = ms_allocator(NULL);
+  ms_text where = {.alloc = &alloc};
+  const msim_recorder_type *type;
+  const msim_status status = ms_recorder_find("hdf5", NULL, &type, &where, NULL);
+  ms_text_free(&where);
+  return status ? NULL : type;
 }
 
 static inline hid_t open_trajectory(const char *path) {

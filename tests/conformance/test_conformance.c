@@ -72,7 +72,7 @@ int main(int argc, char **argv) {
   msim_status status = msim_solver_backend(argv[1], NULL, &bare, &err);
   if (status) {
     fprintf(stderr, "%s\n", err.text);
-    return status == MSIM_ERR_NAME ? 77 : 1;
+    return status == MSIM_ERR_NAME ? missing_status(argv[1]) : 1;
   }
   backend = checking_backend(bare);
   iterative = (bare->flags & MSIM_BACKEND_ITERATIVE) != 0;

@@ -54,8 +54,7 @@ class Install(unittest.TestCase):
         return build
 
     def pkg_config(self, *what):
-        if shutil.which("pkg-config") is None:
-            self.skipTest("no pkg-config")
+        support.require(shutil.which("pkg-config"), "pkg-config")
         folder = self.library.parent / "pkgconfig"
         return shlex.split(support.run("pkg-config", *what, "msim",
                                        env=dict(os.environ, PKG_CONFIG_PATH=str(folder))))
@@ -91,7 +90,7 @@ class Install(unittest.TestCase):
             support.run(support.setting("CC"), "-shared", "-x", "c", os.devnull, "-llapack",
                         "-o", self.folder / "probe.so")
         except AssertionError:
-            self.skipTest("no LAPACK to build with")
+            support.require(False, "LAPACK")
 
     def test_plugin_by_cmake(self):
         self.need_lapack()
