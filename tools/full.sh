@@ -1,26 +1,34 @@
 # shellcheck shell=bash
-# Sourced by check: what --full does besides. Each function is one check, and counts as one where
-# it runs no tests; a tool that is not there leaves it out, by name.
+# Sourced by check: what finds little, in slices of ten minutes at most. Each run of tools/check
+# takes one of them, --full all. tools/packages has what each needs, under its name.
+slices=(kills quick_benches failing_allocations sanitized_runs sanitized_solvers thread_sanitizer
+  clang_bits coverage valgrind static_analysis fuzzing)
 
-# check TOOL NAME COMMAND...
-check() {
-  local tool=$1 name=$2
-  shift 2
-  if ! command -v "$tool" >/dev/null; then
-    note "no $tool: $name is left out"
-    skipped+=("$name")
-  elif step "$name" "$@"; then
-    passed=$((passed + 1))
-  else
-    failed=$((failed + 1))
-  fi
+# The number of commits chooses, so that neighbouring commits run different ones.
+slice_of_commit() {
+  local commits
+  commits=$(git rev-list --count HEAD 2>/dev/null || echo 0)
+  echo "${slices[commits % ${#slices[@]}]}"
 }
 
-# Tests that can go on for longer do, where this is set.
-long_tests() { MSIM_LONG_TESTS=1 tests release -L 'long|full'; }
+# 500 runs killed at random moments and resumed
+kills() { tests release -R '^resume_kills$'; }
 
-# What the address sanitizer has not seen yet.
-sanitized_long() { tests asan -LE full -R "$long_runs"; }
+quick_benches() { tests release -R '^bench_quick$'; }
+
+# Every allocation of a run fails in turn.
+failing_allocations() { MSIM_LONG_TESTS=1 tests release -L long; }
+
+# What the address sanitizer does not see in the default run
+sanitized_runs() {
+  build asan asan -DMSIM_TEST_TIMEOUT=600
+  tests asan -LE full -R "$long_runs" -E 'sundials|klu'
+}
+
+sanitized_solvers() {
+  build asan asan -DMSIM_TEST_TIMEOUT=600
+  tests asan -LE full -R '(conformance|oracle|solver)_(sundials.*|klu)$'
+}
 
 # Speeds, and results that other builds have seen, tell nothing about threads.
 thread_sanitizer() {
@@ -29,10 +37,23 @@ thread_sanitizer() {
     -R '^(pool|parallel|threads_(pcg|cholmod)|islands|auto|sim|recorder|cli_running)$'
 }
 
-# The same bits as by GCC, with the same flags.
+# The same bits as by GCC, with the same flags
 clang_bits() {
   CC=clang-14 build clang release
   tests clang -R '^(golden|vector|pass|physics)'
+}
+
+# The build that is not optimised tells the lines that no test reaches. Its tests take three times as
+# long, and where they fill disks its own counts are not written either; two of them see what gcov
+# adds. Of the kernels two copies count, those for any CPU and for AVX2: few machines can run that
+# for AVX-512.
+coverage() {
+  build coverage debug "-DCMAKE_C_FLAGS=--coverage -fprofile-update=atomic" -DMSIM_TEST_TIMEOUT=1200
+  GCOV_ERROR_FILE=/dev/null tests coverage -LE full \
+    -E '^(bench|golden|symbols|loader|memory_cli|oracle_sundials)'
+  check "line coverage of src, at least 95 %" gcovr --root . --filter src/ \
+    --exclude-directories '.*kernels_avx512' --print-summary --fail-under-line 95 build/coverage
+  grep '^lines' build/check.log || true
 }
 
 memory_checked() {
@@ -45,6 +66,8 @@ memory_checked() {
   done
 }
 
+valgrind() { check "valgrind" memory_checked; }
+
 c_files() { find src backends tools/common tools/msim_cli -name '*.c'; }
 
 tidied() { c_files | xargs -P2 -n4 clang-tidy-14 --quiet -p build/release; }
@@ -55,27 +78,33 @@ cppchecked() {
     -I include -I src -I tools -DMSIM_X86_KERNELS -DMSIM_LINKED_RECORDERS= -D__GNUC__
 }
 
-# The build that is not optimised also tells the lines that no test reaches, and the ABI. Its tests
-# take three times as long, and where they fill disks its own counts are not written either; two of
-# them see what gcov adds. Of the kernels two copies count, those for any CPU and for AVX2: few
-# machines can run that for AVX-512.
-coverage() {
-  build coverage debug "-DCMAKE_C_FLAGS=--coverage -fprofile-update=atomic" -DMSIM_TEST_TIMEOUT=1200
-  GCOV_ERROR_FILE=/dev/null tests coverage -LE full \
-    -E '^(bench|golden|symbols|loader|memory_cli|oracle_sundials)'
-  check gcovr "line coverage of src, at least 95 %" gcovr --root . --filter src/ \
-    --exclude-directories '.*kernels_avx512' --print-summary --fail-under-line 95 build/coverage
-  grep '^lines' build/check.log || true
-  check abidiff "ABI against tools/msim-0.1.abi" tools/abi build/coverage/lib/libmsim.so
+abi() { cmake --preset debug -DMSIM_TESTS=OFF && cmake --build build/debug --target msim &&
+  tools/abi build/debug/lib/libmsim.so; }
+
+static_analysis() {
+  check "clang-tidy" tidied
+  check "cppcheck" cppchecked
+  check "ABI against tools/msim-0.1.abi" abi
 }
 
-full() {
-  long_tests
-  sanitized_long
-  thread_sanitizer
-  if command -v clang-14 >/dev/null; then clang_bits; else skipped+=("the same bits by clang"); fi
-  coverage
-  check valgrind "valgrind" memory_checked
-  check clang-tidy-14 "clang-tidy" tidied
-  check cppcheck "cppcheck" cppchecked
+# Each target for a minute, from its corpus on; what crashes stays in build/fuzz-found.
+fuzzed() {
+  local target=$1
+  shift
+  mkdir -p build/fuzz-found
+  MSIM_PLUGIN_PATH=$top/build/fuzz/lib/msim "build/fuzz/bin/fuzz_$target" "$@" -max_total_time=60 \
+    -timeout=20 -artifact_prefix=build/fuzz-found/ "$(mktemp -d)" "tests/fuzz/corpus/$target"
+}
+
+# The last two run libhdf5, whose own crashes are no findings of ours (tests/fuzz/README.md).
+fuzzing() {
+  local target
+  build fuzz fuzz
+  for target in scene arguments; do
+    check "fuzzing: $target" fuzzed "$target" "-dict=tests/fuzz/$target.dict"
+  done
+  for target in backend plugins checkpoint; do check "fuzzing: $target" fuzzed "$target"; done
+  for target in hdf5 trajectory; do
+    check "fuzzing: $target" fuzzed "$target" -fork=1 -ignore_crashes=1 -malloc_limit_mb=1000000
+  done
 }

@@ -38,6 +38,7 @@ is_there() {
     command) command -v "$2" >/dev/null ;;
     header) header_is_there "$2" ;;
     library) PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null | grep -F "$2 " >/dev/null ;;
+    file) compgen -G "$2" >/dev/null ;;
     module) python3 -c "import $2" 2>/dev/null ;;
   esac
 }
