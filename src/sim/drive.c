@@ -404,5 +404,5 @@ msim_status ms_drive_step(msim_sim *sim, msim_error *err) {
   if (status) return status;
   ms_verify_energy(sim);
   ms_sensitivity_follow(sim, has_control ? sim->motion->stepper.h : sim->plan.h);
-  return status;
+  return MSIM_OK;
 }
