@@ -5,6 +5,7 @@
 #include <locale.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include "testing.h"
 #include "recording.h"
@@ -101,6 +102,49 @@ static void frames_are_flushed(void **state) {
   remove("b.csv");
 }
 
+/* csv.c calls this in place of the C library's. */
+static int syncs;
+static off_t synced_length; /* of the file, at the last call */
+
+int fdatasync(int fd) {
+  struct stat now;
+  syncs++;
+  if (fstat(fd, &now) == 0) synced_length = now.st_size;
+  return 0;
+}
+
+static off_t length_of(const char *path) {
+  struct stat now;
+  assert_int_equal(stat(path, &now), 0);
+  return now.st_size;
+}
+
+/* sync = 1: the header and each whole frame are on the disk when the call returns. 0: no call waits
+ * for the disk. */
+static void frames_are_synced_where_asked(void **state) {
+  (void)state;
+  const msim_recorder_type *csv = ms_recorder_csv();
+  for (int sync = 0; sync < 2; sync++) {
+    sample s;
+    void *self;
+    host_init(&host);
+    sample_init(&s, "f.csv", 3, 0, 4);
+    s.what.sync = sync;
+    syncs = 0;
+    assert_int_equal(csv->open(&host.host, &s.what, &self), MSIM_OK);
+    assert_int_equal(syncs, sync);
+    for (int i = 0; i < 4; i++) {
+      msim_frame frame = sample_frame(&s, i);
+      assert_int_equal(csv->write(self, &frame), MSIM_OK);
+      assert_int_equal(syncs, sync * (2 + i));
+      if (sync) assert_int_equal(synced_length, length_of("f.csv"));
+    }
+    assert_int_equal(csv->close(self), MSIM_OK);
+    sample_free(&s);
+    remove("f.csv");
+  }
+}
+
 static void a_comma_locale_changes_nothing(void **state) {
   (void)state;
   require(setlocale(LC_NUMERIC, "de_DE.UTF-8") != NULL, "the locale de_DE.UTF-8");
@@ -183,6 +227,7 @@ int main(void) {
       cmocka_unit_test(frames_larger_than_the_buffer),
       cmocka_unit_test(no_particles),
       cmocka_unit_test(frames_are_flushed),
+      cmocka_unit_test(frames_are_synced_where_asked),
       cmocka_unit_test(a_comma_locale_changes_nothing),
       cmocka_unit_test(refusals_say_why),
       cmocka_unit_test(a_full_disk_leaves_whole_frames),

@@ -79,19 +79,22 @@ static void from_wherever_it_ended(void **state) {
   }
 }
 
+/* It lies in either of the two slots. */
 static void with_the_last_checkpoint(void **state) {
   (void)state;
-  void *self;
-  msim_resumption from = {.size = sizeof from};
-  begin(5);
-  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
-  const msim_frame frame = sample_frame(&s, 4);
-  assert_int_equal(from.frames, 5);
-  assert_int_equal(from.step, frame.step);
-  assert_int_equal(from.checkpoint_length, frame.checkpoint_length);
-  assert_memory_equal(from.checkpoint, frame.checkpoint, frame.checkpoint_length);
-  assert_int_equal(plugin()->close(self), MSIM_OK);
-  go_on(5);
+  for (int64_t written = 4; written <= 5; written++) {
+    void *self;
+    msim_resumption from = {.size = sizeof from};
+    begin(written);
+    assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+    const msim_frame frame = sample_frame(&s, written - 1);
+    assert_int_equal(from.frames, written);
+    assert_int_equal(from.step, frame.step);
+    assert_int_equal(from.checkpoint_length, frame.checkpoint_length);
+    assert_memory_equal(from.checkpoint, frame.checkpoint, frame.checkpoint_length);
+    assert_int_equal(plugin()->close(self), MSIM_OK);
+    go_on(written);
+  }
 }
 
 static void past_what_is_damaged(void **state) {
@@ -123,6 +126,66 @@ static void over_a_frame_out_of_plan(void **state) {
   assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
   assert_int_equal(plugin()->close(self), MSIM_OK);
   assert_good("a.vtkhdf", 5, PLANNED);
+  go_on(4);
+}
+
+/* libhdf5's file as the disk has it after each sync; the plugin calls this, which is visible, in
+ * place of the C library's. */
+enum { MOST_SYNCS = 8 };
+static struct {
+  char *bytes;
+  size_t length;
+} synced[MOST_SYNCS];
+static int nsyncs;
+
+__attribute__((visibility("default"))) int fdatasync(int fd) {
+  (void)fd;
+  if (nsyncs < MOST_SYNCS) synced[nsyncs].bytes = slurp("a.vtkhdf", &synced[nsyncs].length);
+  nsyncs++;
+  return 0;
+}
+
+/* The good frames in the file after the i-th sync */
+static int64_t frames_at_sync(int i) {
+  int64_t planned;
+  FILE *file = fopen("b.vtkhdf", "wb");
+  assert_true(file && fwrite(synced[i].bytes, 1, synced[i].length, file) == synced[i].length);
+  fclose(file);
+  const int64_t frames = verify("b.vtkhdf", &planned);
+  remove("b.vtkhdf");
+  return frames;
+}
+
+/* Two frames without checkpoints are committed behind the last one with one. Before that one's next
+ * frame is written they are withdrawn one by one, each on the disk before the other: a power cut
+ * may lose any writes since the last sync, and still the frames committed are the first ones. */
+static void frames_are_withdrawn_one_by_one(void **state) {
+  (void)state;
+  static const int64_t expected[] = {4, 3, 3, 4};
+  void *self;
+  msim_resumption from = {.size = sizeof from};
+  begin(3);
+  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  for (int i = 3; i < 5; i++) {
+    msim_frame frame = sample_frame(&s, i);
+    frame.checkpoint = NULL, frame.checkpoint_length = 0;
+    assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+  }
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  assert_good("a.vtkhdf", 5, PLANNED);
+  s.what.sync = 1;
+  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  assert_int_equal(from.frames, 3);
+  const msim_frame frame = sample_frame(&s, 3);
+  nsyncs = 0;
+  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+  assert_int_equal(nsyncs, 4);
+  for (int i = 0; i < 4; i++) {
+    assert_int_equal(frames_at_sync(i), expected[i]);
+    free(synced[i].bytes);
+  }
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  s.what.sync = 0;
   go_on(4);
 }
 
@@ -312,6 +375,7 @@ int main(void) {
       cmocka_unit_test(with_the_last_checkpoint),
       cmocka_unit_test(past_what_is_damaged),
       cmocka_unit_test(over_a_frame_out_of_plan),
+      cmocka_unit_test(frames_are_withdrawn_one_by_one),
       cmocka_unit_test(to_an_earlier_end),
       cmocka_unit_test(another_run_is_refused),
       cmocka_unit_test(damage_is_refused),
