@@ -1,5 +1,6 @@
 /* Contact and friction under collision = event, against closed forms and references: energy through
- * simultaneous impacts, the onset of slip, curved sliding, bounces that die out, cost. */
+ * simultaneous impacts, the onset of slip, curved sliding, bounces that die out, rounding, cost. */
+#include <float.h>
 #include <math.h>
 
 #include "events.h"
@@ -249,27 +250,70 @@ static void short_bounces_are_all_found(void **state) {
 }
 
 /* In one step: infinitely many bounces that are summed, and the slide that follows, lead where 400
- * single ones lead. */
+ * single ones lead; so do 150 short elastic ones and half a flight. */
 static void bounces_are_summed_exactly(void **state) {
   (void)state;
-  const double g = 10, e = 0.9, mu = 0.05, T = 3;
-  double u = 1, t = 0, at = 0, vx = 2;
-  const double x[3] = {0}, v[3] = {vx, 0, u};
-  for (int i = 0; i < 400; i++) {
-    const double flight = 2 * u / g;
-    t += flight, at += vx * flight;
-    vx -= mu * (1 + e) * u, u *= e;
+  const double g = 10, mu = 0.05;
+  for (int elastic = 0; elastic < 2; elastic++) {
+    const double e = elastic ? 1 : 0.9, T = elastic ? 3.01 : 3;
+    double u = elastic ? 0.1 : 1, t = 0, at = 0, vx = 2;
+    const double x[3] = {0}, v[3] = {vx, 0, u};
+    for (int i = 0; i < (elastic ? 150 : 400); i++) {
+      const double flight = 2 * u / g;
+      t += flight, at += vx * flight;
+      vx -= mu * (1 + e) * u, u *= e;
+    }
+    const double friction = elastic ? 0 : mu * g;
+    at += vx * (T - t) - friction * (T - t) * (T - t) / 2;
+    msim_scene *scene = single(x, v, g);
+    plane(scene, 0, 0, 1, 0, e, mu);
+    msim_sim *sim;
+    msim_state s;
+    run(scene, "velocity-verlet", T, 1, &s, &sim);
+    assert_close(s.x[0], at, 1e-12);
+    assert_close(s.v[0], vx - friction * (T - t), 1e-12);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
   }
-  at += vx * (T - t) - mu * g * (T - t) * (T - t) / 2;
-  msim_scene *scene = single(x, v, g);
-  plane(scene, 0, 0, 1, 0, e, mu);
-  msim_sim *sim;
-  msim_state s;
-  run(scene, "velocity-verlet", T, 1, &s, &sim);
-  assert_close(s.x[0], at, 1e-12);
-  assert_close(s.v[0], vx - mu * g * (T - t), 1e-12);
-  msim_sim_destroy(sim);
-  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- rounding -------------------------------------------------*/
+
+/* What leaves a plane no faster than rounding may have it, by 1e-14 (|v| + h |a|), stays there.
+ * What is faster flies, and lands again. */
+static void rounding_lifts_nothing(void **state) {
+  (void)state;
+  const double g = 10, h = 0.01, noise = 1e-14 * (1 + h * g), x[3] = {0};
+  for (int32_t m = 0; event_method_at(m); m++)
+    for (int flies = 0; flies < 2; flies++) {
+      const double v[3] = {1, 0, (flies ? 2 : 0.5) * noise};
+      msim_scene *scene = single(x, v, g);
+      plane(scene, 0, 0, 1, 0, 0.5, 0);
+      msim_sim *sim;
+      msim_state s;
+      run(scene, event_method_at(m), h, 1, &s, &sim);
+      assert_true(s.x[2] == 0 && s.v[2] == 0);
+      assert_int_equal(stats_of(sim).contacts, flies);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+}
+
+/* On a smooth slope of 16 epsilon or less, which rounding may have made, nothing moves. */
+static void rounding_moves_nothing(void **state) {
+  (void)state;
+  const double g = 10, x[3] = {0};
+  for (int slides = 0; slides < 2; slides++) {
+    const double slope = (slides ? 32 : 8) * DBL_EPSILON;
+    msim_scene *scene = single(x, x, g);
+    plane(scene, slope, 0, 1, 0, 0.5, 0);
+    msim_sim *sim;
+    msim_state s;
+    run(scene, "heun", 1, 100, &s, &sim);
+    assert_close(s.v[0], slides * g * slope, 1e-10 * g * slope);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
 }
 
 /* Bounces, stops and slips of a cloth that lies down on a rough floor cost velocity Verlet nothing,
@@ -317,6 +361,8 @@ int main(void) {
                                      cmocka_unit_test(the_last_bounces_rub_too),
                                      cmocka_unit_test(short_bounces_are_all_found),
                                      cmocka_unit_test(bounces_are_summed_exactly),
+                                     cmocka_unit_test(rounding_lifts_nothing),
+                                     cmocka_unit_test(rounding_moves_nothing),
                                      cmocka_unit_test(a_cloth_lies_down_cheaply)};
   return cmocka_run_group_tests_name("contact", tests, NULL, NULL);
 }

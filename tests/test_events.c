@@ -26,10 +26,11 @@ static void drop(double e, double g, double t, double *z, double *vz, int *bounc
 static void ball_bounces_in_closed_form_and_rests(void **state) {
   (void)state;
   const double x[3] = {0.3, 0, 1}, v[3] = {0.5, 0, 0}, g = 9.81, h = 0.0103;
-  for (int m = 0; m < NEXACT; m++) {
+  for (int32_t m = 0; event_method_at(m); m++) {
+    if (strstr(event_method_at(m), "euler")) continue; /* of order 1 */
     msim_scene *scene = single(x, v, g);
     plane(scene, 0, 0, 1, 0, 0.8, 0);
-    msim_options opt = event(exact[m], h);
+    msim_options opt = event(event_method_at(m), h);
     msim_sim *sim = make_sim(scene, &opt);
     double z, vz;
     int bounces;

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "scenes.h"
+#include "sim/drive.h"
 
 static const char *const methods[] = {
     "implicit-euler", "implicit-midpoint", "trapezoidal", "newmark", "bdf2", "tr-bdf2", "sdirk2"};
@@ -129,6 +130,52 @@ static void cloth_that_buckles_is_solved(void **state) {
     assert_int_equal(stats_of(sim).rejected_steps, 0);
     assert_in_range(stats_of(sim).newton_iterations, 60, cases[i].most);
     msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A method that fails in its call of that number */
+static struct {
+  const ms_integrator *real;
+  int calls, fails_at;
+} failing;
+
+static msim_status failing_step(ms_stepper *s, msim_error *err) {
+  if (++failing.calls == failing.fails_at) return ms_fail(err, MSIM_NOT_CONVERGED, "by order");
+  return failing.real->step(s, err);
+}
+
+static void make_part_fail(msim_sim *sim, ms_integrator *method, int fails_at) {
+  *method = *(failing.real = sim->integrator);
+  method->step = failing_step;
+  failing.calls = 0, failing.fails_at = fails_at;
+  sim->integrator = method;
+}
+
+/* The second half of a step fails, and with it the step. What the method carried from the step
+ * before was replaced in the first half: what follows is what a new sim makes of the state, which
+ * stays. */
+static void a_part_that_fails_leaves_nothing(void **state) {
+  (void)state;
+  for (int m = 0; m < NMETHODS; m++) {
+    msim_scene *scene = hanging_cloth(SIDE, 100, 0);
+    msim_sim *sim = sim_of(scene, methods[m], 0.01, 1e-10);
+    msim_sim *fresh = sim_of(scene, methods[m], 0.01, 1e-10);
+    double x[3 * N], v[3 * N];
+    ms_integrator method;
+    assert_ok(msim_sim_step(sim, 4, err));
+    memcpy(x, state_of(sim).x, sizeof x), memcpy(v, state_of(sim).v, sizeof v);
+    make_part_fail(sim, &method, 2);
+    ms_stepper *s = &sim->motion->stepper;
+    assert_int_equal(ms_drive_parts(sim, s, 2, NULL), MSIM_NOT_CONVERGED);
+    assert_memory_equal(state_of(sim).x, x, sizeof x);
+    const msim_state start = {sizeof start, 4, state_of(sim).t, N, x, v, NULL, 0};
+    assert_ok(msim_sim_set_state(fresh, &start, err));
+    assert_ok(msim_sim_step(sim, 3, err));
+    assert_ok(msim_sim_step(fresh, 3, err));
+    assert_memory_equal(state_of(sim).x, state_of(fresh).x, sizeof x);
+    assert_memory_equal(state_of(sim).v, state_of(fresh).v, sizeof v);
+    msim_sim_destroy(sim), msim_sim_destroy(fresh);
     msim_scene_destroy(scene);
   }
 }
@@ -270,6 +317,7 @@ int main(void) {
                                      cmocka_unit_test(what_does_not_converge_is_said),
                                      cmocka_unit_test(a_crumpled_start_is_solved),
                                      cmocka_unit_test(cloth_that_buckles_is_solved),
+                                     cmocka_unit_test(a_part_that_fails_leaves_nothing),
                                      cmocka_unit_test(the_midpoint_rule_keeps_angular_momentum),
                                      cmocka_unit_test(speed_does_not_matter),
                                      cmocka_unit_test(newmark_is_the_trapezoidal_rule),

@@ -1,7 +1,8 @@
 /* bdf2 where the step before says nothing of the next one: at the start and after reflections.
- * Under error control such steps are of order 2, too; fixed ones are implicit Euler's. */
+ * Under error control such steps are of order 2, too; fixed ones are implicit Euler's. What is
+ * estimated of the error of a step. */
 #include "controlled.h"
-#include "sim/sim.h"
+#include "sim/drive.h"
 
 /* The weight at 1 m of a spring of no length: x = cos(10 t) + sin(10 t) */
 static msim_scene *oscillator(void) {
@@ -45,6 +46,35 @@ static void a_first_step_is_of_order_2_under_control(void **state) {
   assert_close(long_error / short_error, 8, 0.5);
   assert_close(long_estimate / short_estimate, 8, 0.5);
   assert_true(long_estimate > long_error && long_estimate < 2 * long_error);
+}
+
+static double x_at(double t) { return cos(10 * t) + sin(10 * t); }
+static double v_at(double t) { return 10 * (cos(10 * t) - sin(10 * t)); }
+
+/* A step of r h from the exact states at 0 and h: the estimate of its error is its error, up to
+ * terms of the next order, for any ratio r of the steps. */
+static void the_estimate_of_a_step_is_its_error(void **state) {
+  (void)state;
+  const double ratio[] = {0.5, 1, 2}, h = 1e-3;
+  for (int i = 0; i < 3; i++) {
+    msim_scene *scene = oscillator();
+    const msim_options opt = controlled("bdf2", 1, 10);
+    msim_sim *sim = make_sim(scene, &opt);
+    ms_stepper *s = &sim->motion->stepper;
+    assert_ok(msim_sim_set_step(sim, h, err));
+    assert_ok(msim_sim_step(sim, 1, err));
+    double **before = s->work + sim->integrator->carried_at + 3 * (s->warm == 2);
+    before[0][0] = x_at(0), before[1][0] = v_at(0), before[2][0] = -100 * x_at(h);
+    s->x[0] = x_at(h), s->v[0] = v_at(h);
+    s->h = ratio[i] * h, s->h_before = h;
+    assert_ok(ms_drive_parts(sim, s, 1, err));
+    double *dx = s->x_spare[1], *dv = s->v_spare[1];
+    sim->integrator->estimate(s, 0, dx, dv);
+    assert_close(dx[0] / (s->x_next[0] - x_at(h + s->h)), 1, 0.03);
+    assert_close(dv[0] / (s->v_next[0] - v_at(h + s->h)), 1, 0.03);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
 }
 
 /* A cloth, two corners held or free, falls on a sloping floor. tr-bdf2 makes each step of two, and
@@ -125,6 +155,7 @@ static void impacts_are_met(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(a_first_step_is_of_order_2_under_control),
+                                     cmocka_unit_test(the_estimate_of_a_step_is_its_error),
                                      cmocka_unit_test(impacts_leave_steps_long),
                                      cmocka_unit_test(impacts_are_met)};
   return cmocka_run_group_tests_name("restart", tests, NULL, NULL);

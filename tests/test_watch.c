@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "scenes.h"
+#include "sim/sim.h"
 
 enum { SIDE = 8, N = SIDE * SIDE };
 
@@ -166,6 +167,76 @@ static void a_short_run_is_watched(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A method whose steps displace the first row along x, in the step of that number */
+static struct {
+  const ms_integrator *real;
+  int64_t at, steps;
+  double by;
+} jump;
+
+static msim_status jumping_step(ms_stepper *s, msim_error *err) {
+  const msim_status status = jump.real->step(s, err);
+  if (++jump.steps == jump.at) s->x_next[0] += jump.by, s->finite = 0;
+  return status;
+}
+
+static ms_integrator make_jump(msim_sim *sim, int64_t at, double by) {
+  ms_integrator method = *sim->integrator;
+  jump.real = sim->integrator, jump.at = at, jump.by = by, jump.steps = 0;
+  method.step = jumping_step;
+  return method;
+}
+
+/* Without springs energy does not see that. The extent L0 = 1 m may become
+ * 100 (L0 + 2 t sqrt(2 S/m)) = 900 m, with S = 2 J of one of the masses m = 1 kg, after t = 2 s. */
+static void a_jump_without_energy_is_found(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 0, 0, 1, 0}, v[6] = {0, 2, 0}, mass[2] = {1, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  for (int is_far = 0; is_far < 2; is_far++) {
+    msim_options opt = options("velocity-verlet", 0.5);
+    opt.steps = 4;
+    msim_sim *sim = make_sim(scene, &opt);
+    const ms_integrator method = make_jump(sim, 2, is_far ? 901 : 899);
+    msim_error why = {0};
+    sim->integrator = &method;
+    assert_int_equal(msim_sim_step(sim, 4, &why), is_far ? MSIM_UNSTABLE : MSIM_OK);
+    if (is_far) assert_non_null(strstr(why.text, "particle 0: it is the farthest out, as the "));
+    if (is_far) assert_memory_equal(state_of(sim).x, x, sizeof x);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* What follows is what a new sim makes of the state that is handed back. */
+static void an_implicit_run_goes_on_from_there(void **state) {
+  (void)state;
+  for (int32_t m = 0; method_at(m); m++) {
+    double x[3 * N], v[3 * N];
+    if (!is_implicit(method_at(m))) continue;
+    msim_scene *scene = hanging_cloth(SIDE, 100, 0);
+    msim_options opt = options(method_at(m), 0.01);
+    opt.solver = "pcg";
+    msim_sim *sim = make_sim(scene, &opt), *fresh = make_sim(scene, &opt);
+    const ms_integrator method = make_jump(sim, 5, 1e6);
+    sim->integrator = &method;
+    assert_int_equal(msim_sim_step(sim, 10, NULL), MSIM_UNSTABLE);
+    msim_state s = state_of(sim);
+    assert_int_equal(s.step, 4);
+    memcpy(x, s.x, sizeof x), memcpy(v, s.v, sizeof v);
+    s.x = x, s.v = v;
+    assert_ok(msim_sim_set_state(fresh, &s, err));
+    assert_ok(msim_sim_step(sim, 6, err));
+    assert_ok(msim_sim_step(fresh, 6, err));
+    assert_memory_equal(state_of(sim).x, state_of(fresh).x, sizeof x);
+    assert_memory_equal(state_of(sim).v, state_of(fresh).v, sizeof v);
+    msim_sim_destroy(sim), msim_sim_destroy(fresh);
+    msim_scene_destroy(scene);
+  }
+}
+
 /* A start without energy: rounding is let be, growth from it is not. */
 static void nothing_comes_from_nothing(void **state) {
   (void)state;
@@ -288,6 +359,8 @@ int main(void) {
                                      cmocka_unit_test(each_implicit_step_is_looked_at),
                                      cmocka_unit_test(frames_are_good),
                                      cmocka_unit_test(a_short_run_is_watched),
+                                     cmocka_unit_test(a_jump_without_energy_is_found),
+                                     cmocka_unit_test(an_implicit_run_goes_on_from_there),
                                      cmocka_unit_test(nothing_comes_from_nothing),
                                      cmocka_unit_test(exact_motion_passes),
                                      cmocka_unit_test(new_springs_are_a_new_start),
