@@ -185,6 +185,31 @@ static void sharp_turns_are_no_stops(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Friction that would stop a mass within two steps keeps its direction through the step of an
+ * implicit method. So a step on a spring of rest length 0 is linear: in each stage Newton's method
+ * takes one correction, and another that finds none. */
+static void slow_sliding_takes_no_more_iterations(void **state) {
+  (void)state;
+  static const struct {
+    const char *method;
+    int stages; /* of a first step */
+  } row[] = {{"implicit-euler", 1}, {"implicit-midpoint", 1}, {"trapezoidal", 1}, {"newmark", 1},
+             {"bdf2", 2},           {"tr-bdf2", 2},           {"sdirk2", 2}};
+  const double h = 0.01, g = 10, mu = 0.15, share[] = {0.5, 1.1, 1.5, 1.9}, k = 1;
+  const int32_t ij[2] = {0, 1};
+  for (size_t i = 0; i < 4 * sizeof row / sizeof *row; i++) {
+    const double speed = share[i % 4] * h * mu * g, x[6] = {0, 0, 0, 1, 0, 0};
+    const double v[6] = {0, 0, 0, 0.2 * speed, sqrt(0.96) * speed, 0};
+    msim_scene *scene = on_floor(2, x, v, 1, ij, &k, 0, g, mu);
+    msim_sim *sim;
+    msim_state s;
+    run(scene, row[i / 4].method, h, 1, &s, &sim);
+    assert_in_range(stats_of(sim).newton_iterations, 1, 2 * row[i / 4].stages);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- many bounces ---------------------------------------------*/
 
 /* 250 bounces in 5 steps between elastic planes */
@@ -357,6 +382,7 @@ int main(void) {
                                      cmocka_unit_test(slip_begins_to_second_order),
                                      cmocka_unit_test(curved_sliding_keeps_the_order),
                                      cmocka_unit_test(sharp_turns_are_no_stops),
+                                     cmocka_unit_test(slow_sliding_takes_no_more_iterations),
                                      cmocka_unit_test(bounces_without_end_keep_the_speed),
                                      cmocka_unit_test(the_last_bounces_rub_too),
                                      cmocka_unit_test(short_bounces_are_all_found),

@@ -111,10 +111,71 @@ static void what_stands_alone_is_held_too(void **state) {
   msim_scene_destroy(scene);
 }
 
+/*------------------------------------- friction -------------------------------------------------*/
+
+/* Masses of 1 kg, at rest, and 1000 kg, at speed v, 1 m apart on a rough floor, tied by a spring
+ * that swings several times a step. */
+static const double MU = 0.3, G = 10, STIFF = 6400, STEP = 0.05, pulled_mass[2] = {1, 1000};
+
+static msim_sim *pulled(const char *method, double v) {
+  const double x[6] = {0, 0, 0, 1, 0, 0}, vs[6] = {0, 0, 0, v}, rest = 1, g[3] = {0, 0, -G};
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, vs, pulled_mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &STIFF, &rest, NULL, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0, 0, 1, 0, 0, MU);
+  msim_options opt = event(method, STEP);
+  opt.solver = "pcg";
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_scene_destroy(scene);
+  return sim;
+}
+
+static const char *const backward[] = {"implicit-euler", "linearly-implicit-euler"};
+
+/* The spring pulls harder than friction holds only in the course of the step: the mass that stuck
+ * slips, m (v' - v)/h = force of the spring at the end -+ mu m g, on both masses, up to the tenth
+ * by which friction may lag. */
+static void what_slips_obeys_coulomb(void **state) {
+  (void)state;
+  for (int m = 0; m < 2; m++) {
+    msim_sim *sim = pulled(backward[m], 1);
+    assert_ok(msim_sim_step(sim, 1, err));
+    const msim_state s = state_of(sim);
+    const double pull = STIFF * (s.x[3] - s.x[0] - 1), v[2] = {0, 1};
+    assert_true(s.v[0] > 0 && s.v[3] > 0);
+    for (int p = 0; p < 2; p++) {
+      const double force = pulled_mass[p] * (s.v[3 * p] - v[p]) / STEP;
+      const double friction = (p ? -pull : pull) - force, expected = MU * pulled_mass[p] * G;
+      assert_close(friction, expected, 0.1 * expected);
+    }
+    assert_int_equal(stats_of(sim).contacts, 0);
+    msim_sim_destroy(sim);
+  }
+}
+
+/* Friction can stop the heavy mass in a seventh of the step. There it stays, to the bit. */
+static void what_stops_within_a_step_sticks(void **state) {
+  (void)state;
+  for (int m = 0; m < 2; m++) {
+    msim_sim *sim = pulled(backward[m], STEP * MU * G / 7);
+    for (int i = 0; i < 3; i++) {
+      assert_ok(msim_sim_step(sim, 1, err));
+      const msim_state s = state_of(sim);
+      for (int c = 0; c < 6; c++) assert_true(s.v[c] == 0 && s.x[c] == (c == 3));
+    }
+    msim_sim_destroy(sim);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(what_stands_on_a_stiff_spring_keeps_still),
                                      cmocka_unit_test(what_is_held_costs_no_iterations),
                                      cmocka_unit_test(what_keeps_still_keeps_its_factors),
-                                     cmocka_unit_test(what_stands_alone_is_held_too)};
+                                     cmocka_unit_test(what_stands_alone_is_held_too),
+                                     cmocka_unit_test(what_slips_obeys_coulomb),
+                                     cmocka_unit_test(what_stops_within_a_step_sticks)};
   return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
 }
