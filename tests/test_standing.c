@@ -111,6 +111,23 @@ static void what_stands_alone_is_held_too(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A mass that falls from 1 cm beside it lands in the third step, without a bounce: one row more is
+ * held from then on, and the coarse factor is made anew that once. At 8 kg nothing else would ask
+ * for that, neither the inverses of the diagonal blocks nor their scale. */
+static void a_coarse_factor_is_of_what_is_held(void **state) {
+  (void)state;
+  static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler"};
+  const double x[3] = {5, 0, 0.01}, mass = 8;
+  msim_scene *scene = jelly();
+  assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+  for (int m = 0; m < 2; m++) {
+    assert_int_equal(run(scene, methods[m], "pcg", 2).coarse_factors, 1);
+    assert_int_equal(run(scene, methods[m], "pcg", 3).coarse_factors, 2);
+    assert_int_equal(run(scene, methods[m], "pcg", 30).coarse_factors, 2);
+  }
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- friction -------------------------------------------------*/
 
 /* Masses of 1 kg, at rest, and 1000 kg, at speed v, 1 m apart on a rough floor, tied by a spring
@@ -175,6 +192,7 @@ int main(void) {
                                      cmocka_unit_test(what_is_held_costs_no_iterations),
                                      cmocka_unit_test(what_keeps_still_keeps_its_factors),
                                      cmocka_unit_test(what_stands_alone_is_held_too),
+                                     cmocka_unit_test(a_coarse_factor_is_of_what_is_held),
                                      cmocka_unit_test(what_slips_obeys_coulomb),
                                      cmocka_unit_test(what_stops_within_a_step_sticks)};
   return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
