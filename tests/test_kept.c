@@ -1,0 +1,144 @@
+/* Factors that solver = auto keeps, seen from inside: when they are tried and renewed, and that the
+ * answers by them are checked. */
+#include <math.h>
+#include <string.h>
+
+#include "linear/solver.h"
+#include "scenes.h"
+#include "sim/sim.h"
+
+/* A block that hardly deforms: a stiff one is factored by cholmod, a soft one solved by pcg until
+ * that has cost as much as a factor. */
+static msim_sim *block(double k, ms_solver **solver) {
+  msim_scene *scene = held_block(5, 1, k, 0);
+  msim_options opt = options("linearly-implicit-euler", 1e-2);
+  opt.solver_rtol = 1e-10;
+  msim_sim *sim = make_sim(scene, &opt);
+  *solver = sim->motion->stepper.solver;
+  msim_scene_destroy(scene);
+  return sim;
+}
+
+static msim_sim *factored(ms_solver **solver) {
+  msim_sim *sim = block(1e8, solver);
+  assert_ptr_equal((*solver)->kept.by, (*solver)->linear); /* else these test nothing */
+  return sim;
+}
+
+/* Iterations of the next step */
+static int64_t step(msim_sim *sim) {
+  const int64_t before = stats_of(sim).iterations;
+  assert_ok(msim_sim_step(sim, 1, err));
+  return stats_of(sim).iterations - before;
+}
+
+/* The backend of the solver with other operations, to be put in the place of the kept factor */
+static ms_linear replaced(ms_solver *solver, const ms_linear_ops *ops) {
+  ms_linear by = *solver->linear;
+  by.ops = ops;
+  return by;
+}
+
+static msim_status copy(ms_linear *self, const ms_target *target, const double *b, double *y,
+                        int64_t *iterations, msim_error *err) {
+  (void)target, (void)iterations, (void)err;
+  ms_copy(self->system->model->shape, b, y);
+  return MSIM_OK;
+}
+
+/* A backend that overwrites the residual, too: by its recurrence the residual of 0 is 0. */
+static msim_status spoil(ms_linear *self, const ms_target *target, const double *b, double *y,
+                         int64_t *iterations, msim_error *err) {
+  const ms_shape shape = self->system->model->shape;
+  copy(self, target, b, y, iterations, err);
+  memset((double *)(uintptr_t)b, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *b);
+  return MSIM_OK;
+}
+
+/* The step after n with one factor may take as many iterations as the mean of all n + 1 if it took
+ * none, where making the factor counts as 30 iterations. Then the factor is renewed. */
+static void a_factor_is_renewed_where_it_costs_more_than_the_mean(void **state) {
+  (void)state;
+  static const ms_linear_ops ops = {.solve = copy};
+  static const int lasts[] = {1, 2, 5, 10};
+  if (!solver_there("cholmod")) skip();
+  for (int i = 0; i < 4; i++) {
+    ms_solver *solver;
+    int64_t sum = 0;
+    msim_sim *sim = factored(&solver);
+    solver->kept.by->flops = 30 * MS_FLOPS_PER_FILL * solver->kept.by->fill;
+    for (int n = 0; n < lasts[i]; n++) sum += step(sim);
+    assert_int_equal(stats_of(sim).factorizations, 1);
+    ms_linear useless = replaced(solver, &ops);
+    solver->kept.by = &useless;
+    assert_int_equal(step(sim), (30 + sum) / (lasts[i] + 1));
+    assert_int_equal(stats_of(sim).factorizations, 2);
+    msim_sim_destroy(sim);
+  }
+}
+
+/* A factor that is of no use in the very next step is tried after 1, 3, 7, ... 63 steps more. */
+static void what_is_of_no_use_is_tried_rarely(void **state) {
+  (void)state;
+  if (!solver_there("cholmod")) skip();
+  ms_solver *solver;
+  msim_sim *sim = factored(&solver);
+  sim->opt.solver_rtol = 1e-300; /* out of reach: all iterations that there may be are made */
+  for (int n = 1, next = 2, wait = 1; n <= 200; n++) {
+    const int64_t iterations = step(sim);
+    assert_true((iterations > 0) == (n == next));
+    if (n == next) next += wait + 1, wait = wait < 63 ? 2 * wait + 1 : 63;
+  }
+  assert_int_equal(stats_of(sim).factorizations, 200);
+  msim_sim_destroy(sim);
+}
+
+static void answers_of_kept_factors_are_checked(void **state) {
+  (void)state;
+  static const ms_linear_ops ops = {.solve = spoil};
+  if (!solver_there("cholmod")) skip();
+  ms_solver *solver, *other;
+  msim_sim *sim = factored(&solver), *fresh = factored(&other);
+  assert_ok(msim_sim_step(sim, 3, err));
+  assert_ok(msim_sim_step(fresh, 3, err));
+  ms_linear faulty = replaced(solver, &ops);
+  solver->kept.by = &faulty;
+  ms_kept_forget(&other->kept);
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_ok(msim_sim_step(fresh, 1, err));
+  const msim_state a = state_of(sim), b = state_of(fresh);
+  assert_memory_equal(a.v, b.v, 3 * (size_t)a.n * sizeof *a.v);
+  assert_int_equal(stats_of(sim).factorizations, 2);
+  msim_sim_destroy(sim), msim_sim_destroy(fresh);
+}
+
+/* A factor that was made for what pcg had cost is given up once it is of no use: pcg makes eight
+ * steps before another. */
+static void a_bought_factor_of_no_use_is_given_up(void **state) {
+  (void)state;
+  enum { ENOUGH = 8, EXPENSIVE = 30 };
+  if (!solver_there("cholmod")) skip();
+  ms_solver *solver;
+  msim_sim *sim = block(1e5, &solver);
+  for (int n = 0; n < ENOUGH; n++) assert_true(step(sim) > EXPENSIVE);
+  assert_int_equal(stats_of(sim).factorizations, 1);
+  assert_true(step(sim) < EXPENSIVE);
+  const double limit = solver->kept.limit;
+  solver->kept.limit = 1;
+  for (int n = 0; n < ENOUGH; n++) {
+    assert_true(step(sim) > EXPENSIVE);
+    if (n == 0) solver->kept.limit = limit;
+    assert_int_equal(stats_of(sim).factorizations, n == ENOUGH - 1 ? 2 : 1);
+  }
+  assert_true(step(sim) < EXPENSIVE);
+  msim_sim_destroy(sim);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(a_factor_is_renewed_where_it_costs_more_than_the_mean),
+      cmocka_unit_test(what_is_of_no_use_is_tried_rarely),
+      cmocka_unit_test(answers_of_kept_factors_are_checked),
+      cmocka_unit_test(a_bought_factor_of_no_use_is_given_up)};
+  return cmocka_run_group_tests_name("kept", tests, NULL, NULL);
+}
