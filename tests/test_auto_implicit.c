@@ -1,0 +1,76 @@
+/* integrator = auto: tr-bdf2 is chosen where it makes the whole run for a fifth of the best cost of
+ * the explicit methods, and only there. */
+#include <math.h>
+
+#include "scenes.h"
+#include "sim/probe.h"
+#include "sim/reasons.h"
+
+enum { IMPLICIT = MS_CANDIDATES - 1 };
+
+/* Two stiff springs with strong dampers, which swing from one end. */
+static msim_scene *wire(double k) {
+  const double g[3] = {0, 0, -9.81};
+  const int32_t first = 0;
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = 3,
+                          .to = {1, 0, 0},
+                          .mass = 0.2,
+                          .k = k,
+                          .damping = 1e4,
+                          .npinned = 1,
+                          .pinned = &first};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_rope(scene, &rope, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+static msim_sim *planned(const msim_scene *scene, const char *method, double tol) {
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = method, opt.tol = tol, opt.t_end = 0.4, opt.solver = "pcg";
+  return make_sim(scene, &opt);
+}
+
+/* What the run costs by tr-bdf2 */
+static double implicit_cost(const msim_scene *scene, double tol) {
+  msim_sim *sim = planned(scene, "tr-bdf2", tol);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const double cost = ms_probe_work(sim);
+  msim_sim_destroy(sim);
+  return cost;
+}
+
+/* The least cost of the explicit methods for the same run */
+static double explicit_cost(const msim_sim *sim) {
+  double least = INFINITY;
+  for (int i = 0; i < IMPLICIT; i++) least = fmin(least, sim->selection.candidates[i].cost);
+  return least * sim->plan.t_end;
+}
+
+static void a_fifth_of_the_cost_decides(void **state) {
+  (void)state;
+  static const struct {
+    double k, tol;
+    int is_chosen;
+  } row[] = {{1e9, 3e-4, 1}, {5e9, 5e-5, 1}, {1e9, 7e-5, 0}, {1e9, 3e-5, 0}};
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    msim_scene *scene = wire(row[i].k);
+    msim_sim *sim = planned(scene, "auto", row[i].tol);
+    const ms_candidate *implicit = &sim->selection.candidates[IMPLICIT];
+    const double share = implicit_cost(scene, row[i].tol) / explicit_cost(sim);
+    print_message("  k = %g, tol = %g: %.3f of the cost\n", row[i].k, row[i].tol, share);
+    assert_true(row[i].is_chosen ? share < 0.19 : share > 0.25 && share < 0.5);
+    assert_int_equal(sim->selection.best == IMPLICIT, row[i].is_chosen);
+    assert_int_equal(implicit->why, row[i].is_chosen ? MS_REASON_NONE : MS_REASON_UNFINISHED);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_fifth_of_the_cost_decides)};
+  return cmocka_run_group_tests_name("auto_implicit", tests, NULL, NULL);
+}
