@@ -144,7 +144,8 @@ static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #endif
 }
 
-/* sqrt(v), and *inverse = 1/sqrt(v) to one unit in the last place; v normal and > 0, or NaN.
+/* sqrt(v), and *inverse = 1/sqrt(v) to one unit in the last place with AVX-512, else to 1.5; v
+ * normal and > 0, or NaN.
  *
  * AVX-512 has a guess r of 14 bits for the full range; e = 1 - v r^2 is below 2^-12.9, so
  *   1/sqrt(v) = r (1 - e)^(-1/2) = r (1 + e/2 + 3/8 e^2 + 5/16 e^3 + 35/128 e^4 + ...)
