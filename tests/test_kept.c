@@ -61,7 +61,7 @@ static void a_factor_is_renewed_where_it_costs_more_than_the_mean(void **state) 
   (void)state;
   static const ms_linear_ops ops = {.solve = copy};
   static const int lasts[] = {1, 2, 5, 10};
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   for (int i = 0; i < 4; i++) {
     ms_solver *solver;
     int64_t sum = 0;
@@ -80,7 +80,7 @@ static void a_factor_is_renewed_where_it_costs_more_than_the_mean(void **state) 
 /* A factor that is of no use in the very next step is tried after 1, 3, 7, ... 63 steps more. */
 static void what_is_of_no_use_is_tried_rarely(void **state) {
   (void)state;
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   ms_solver *solver;
   msim_sim *sim = factored(&solver);
   sim->opt.solver_rtol = 1e-300; /* out of reach: all iterations that there may be are made */
@@ -96,7 +96,7 @@ static void what_is_of_no_use_is_tried_rarely(void **state) {
 static void answers_of_kept_factors_are_checked(void **state) {
   (void)state;
   static const ms_linear_ops ops = {.solve = spoil};
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   ms_solver *solver, *other;
   msim_sim *sim = factored(&solver), *fresh = factored(&other);
   assert_ok(msim_sim_step(sim, 3, err));
@@ -117,7 +117,7 @@ static void answers_of_kept_factors_are_checked(void **state) {
 static void a_bought_factor_of_no_use_is_given_up(void **state) {
   (void)state;
   enum { ENOUGH = 8, EXPENSIVE = 30 };
-  if (!solver_there("cholmod")) skip();
+  require(solver_there("cholmod"), "the solver cholmod");
   ms_solver *solver;
   msim_sim *sim = block(1e5, &solver);
   for (int n = 0; n < ENOUGH; n++) assert_true(step(sim) > EXPENSIVE);
