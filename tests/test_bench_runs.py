@@ -62,7 +62,9 @@ class Linear(Children):
             if "default cholmod" in result["machine"]["references"]:
                 expected.add("cholmod_step_over_default_cloth32")
             expected |= {"max_disagreement", "max_disagreement_stiff"}
-        self.assertEqual(set(summary), expected)
+        self.assertEqual(set(summary), {"cholmod_step_over_default_cloth32", "max_disagreement",
+                                        "max_disagreement_stiff"})
+        self.assertEqual({key for key in summary if summary[key] is not None}, expected)
         for key, k in ("max_disagreement", 1e3), ("max_disagreement_stiff", 1e5):
             if key in expected:
                 largest = [row["largest"] for row in self.find(rows, measure="disagreement", k=k)
@@ -90,11 +92,12 @@ class Linear(Children):
             for child in children:
                 if "reference" in (child / "cmdline").read_text():
                     os.kill(int(child.name), signal.SIGKILL)
-            process.communicate(timeout=100)
+            out, _ = process.communicate(timeout=100)
         self.assertEqual(process.returncode, 0)
         result = self.result()
         self.check_rows(result["rows"])
-        self.assertNotIn("cholmod_step_over_default_cloth32", result["summary"])
+        self.assertIsNone(result["summary"]["cholmod_step_over_default_cloth32"])
+        self.check_printed(result["summary"], out)
         self.assertEqual(self.find(result["rows"], measure="default", status="ok"), [])
         self.assertTrue(self.find(result["rows"], measure="step", status="ok"))
 
@@ -232,6 +235,16 @@ class Forces(BenchTest):
         speedup, = self.find(result["rows"], scene="cloth100", measure="ratio", name="speedup")
         self.assertEqual(speedup["ratio"], result["summary"]["explicit_step_speedup_cloth100"])
         self.assertGreater(speedup["ratio"], 1)
+
+    def test_textbook_has_the_instruction_set_of_msim(self):
+        for isa in "baseline", "avx2":
+            with self.subTest(isa):
+                self.good("forces", "--quick", "--scene", "cloth32", "--json", "out.json",
+                          env={**os.environ, "MSIM_ISA": isa})
+                result = self.result()
+                row, = self.find(result["rows"], name="textbook")
+                if isa in ["baseline"] + result["machine"]["isa"]:
+                    self.assertEqual(row["isa"], isa)
 
     def test_all_scenes_in_a_minute(self):
         start = time.monotonic()

@@ -50,7 +50,7 @@ static int run_textbook(contestant *c, sample *s) {
   const struct arm *arm = c->data;
   arena *a = arm->arena;
   const double start = wall_seconds();
-  for (int i = 0; i < a->steps; i++) textbook_step(&a->book, STEP);
+  for (int i = 0; i < a->steps; i++) a->book.kernels->step(&a->book, STEP);
   s->whole = (wall_seconds() - start) / a->steps;
   return 1;
 }
@@ -119,7 +119,7 @@ static double difference(arena *a) {
   msim_state state = {.size = sizeof state};
   double largest = 0;
   if (msim_sim_step(a->sims[0], STEPS, NULL) != MSIM_OK) return NAN;
-  for (int i = 0; i < STEPS; i++) textbook_step(&a->book, STEP);
+  for (int i = 0; i < STEPS; i++) a->book.kernels->step(&a->book, STEP);
   msim_sim_state(a->sims[0], &state);
   for (int32_t i = 0; i < 3 * state.n; i++)
     largest = fmax(largest, fabs(state.x[i] - a->book.x[i]));
@@ -140,6 +140,7 @@ static void report_arm(report *out, const arena *a, const contestant *c) {
   json_t *row = scene_row(out, c->measure, a);
   put_text(row, "name", c->family);
   put_text(row, "contestant", c->name);
+  if (c->run == run_textbook) put_text(row, "isa", a->book.kernels->isa);
   put_integer(row, "threads", arm->threads);
   put_integer(row, "springs", a->m.view.nsprings);
   put_text(row, "status", c->failed ? "failed" : c->n ? "ok" : "left out");
@@ -166,19 +167,24 @@ static const struct key {
             {"two threads", "cloth500", "two_threads_cloth500"},
             {"speedup", "mesh500", "irregular_speedup"}};
 
+static void report_key_of(report *out, const char *ratio, const bench_scene *scene, double value) {
+  for (const struct key *k = keys; k < keys + sizeof keys / sizeof *keys; k++)
+    if (strcmp(k->ratio, ratio) == 0 && strcmp(k->scene, scene->name) == 0)
+      report_key(out, k->key, value);
+}
+
 /* How many times faster: the median of the rounds' ratios, each of two runs side by side. */
 static void report_ratio(report *out, const arena *a, const char *name, const contestant *slow,
                          const contestant *fast) {
-  if (!slow || !fast || slow->failed || fast->failed) return;
+  if (!slow || !fast) return;
+  if (slow->failed || fast->failed) return;
   const double ratio = median_ratio(slow, whole_seconds, fast, whole_seconds);
   if (!isfinite(ratio)) return;
+  report_key_of(out, name, a->m.kind, ratio);
   json_t *row = scene_row(out, "ratio", a);
   put_text(row, "name", name);
   put_real(row, "ratio", ratio);
   printf(" %s %.3g\n", name, ratio);
-  for (const struct key *k = keys; k < keys + sizeof keys / sizeof *keys; k++)
-    if (strcmp(k->ratio, name) == 0 && strcmp(k->scene, a->m.kind->name) == 0)
-      report_key(out, k->key, ratio);
 }
 
 static void report_arena(report *out, const arena *a, double apart) {
@@ -217,6 +223,9 @@ static void measure_scene(report *out, const bench_scene *scene, int quick, doub
   arena *a = malloc(sizeof *a);
   msim_error err;
   if (!a) return;
+  report_key_of(out, "speedup", scene, NAN); /* until there is a result */
+  report_key_of(out, "fraction of triad", scene, NAN);
+  if (usable_cores() > 1) report_key_of(out, "two threads", scene, NAN);
   if (make_arena(scene, quick ? 0.02 : 0.1, a, &err)) {
     measure(out, a, &p);
   } else {

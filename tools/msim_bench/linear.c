@@ -250,7 +250,17 @@ static void measure_moving(linear_bench *b, const moving *m, int k, worst *w) {
   measure_busy(b, m, steps[MAIN_H], &p);
 }
 
+/* Without a result, until there is one. */
+static void announce_keys(report *r, const bench_scene *scene) {
+  char key[80];
+  for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++) {
+    snprintf(key, sizeof key, "%s_%s", ratios[i].name, scene->name);
+    if (is_key(key)) report_key(r, key, NAN);
+  }
+}
+
 static void measure_scene(linear_bench *b, const bench_scene *scene, worst *w) {
+  announce_keys(b->report, scene);
   for (int k = 0; k < NK && !is_interrupted(); k++) {
     moving m;
     if (!b->plan->everything && k != MAIN_K && !is_compared(b, scene)) continue;
@@ -273,7 +283,7 @@ static void measure_all(linear_bench *b) {
   for (int i = 0; !wishes->nscenes && b->plan->scenes[i]; i++)
     measure_scene(b, scene_named(b->plan->scenes[i]), &w);
   for (int k = 0; k < NK; k++)
-    if (w.compared[k] && !w.missed[k]) report_key(b->report, keys[k], w.largest[k]);
+    if (w.compared[k]) report_key(b->report, keys[k], w.missed[k] ? NAN : w.largest[k]);
 }
 
 int bench_linear(const bench_wishes *wishes, report *r) {

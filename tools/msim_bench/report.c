@@ -27,8 +27,12 @@ json_t *report_row(report *r, const char *measure) {
   return row;
 }
 
+static void put_real_or_null(json_t *object, const char *key, double value) {
+  json_object_set_new(object, key, isfinite(value) ? json_real(value) : json_null());
+}
+
 void put_real(json_t *object, const char *key, double value) {
-  if (isfinite(value)) json_object_set_new(object, key, json_real(value));
+  if (!isnan(value)) put_real_or_null(object, key, value);
 }
 
 void put_text(json_t *object, const char *key, const char *text) {
@@ -39,13 +43,18 @@ void put_integer(json_t *object, const char *key, int64_t value) {
   json_object_set_new(object, key, json_integer(value));
 }
 
-void report_key(report *r, const char *key, double value) { put_real(r->summary, key, value); }
+void report_key(report *r, const char *key, double value) {
+  put_real_or_null(r->summary, key, value);
+}
 
 void report_print_summary(const report *r) {
   const char *key;
   json_t *value;
   puts("\nSummary");
-  json_object_foreach(r->summary, key, value) printf("  %-50s %.4g\n", key, json_real_value(value));
+  json_object_foreach(r->summary, key, value) {
+    if (json_is_null(value)) printf("  %-50s no result\n", key);
+    else printf("  %-50s %.4g\n", key, json_real_value(value));
+  }
   if (json_object_size(r->summary) == 0) puts("  nothing that has a key was measured");
 }
 

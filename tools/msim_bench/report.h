@@ -19,12 +19,13 @@ void report_free(report *r);
 /* Append a row, which is taken; its keys are set through the calls below. */
 json_t *report_row(report *r, const char *measure);
 
-/* A number that could not be measured, NAN, leaves no key. */
+/* NAN, what was not measured, leaves no key; an infinite value is null. */
 void put_real(json_t *object, const char *key, double value);
 void put_text(json_t *object, const char *key, const char *text);
 void put_integer(json_t *object, const char *key, int64_t value);
 
-/* A key of the summary; NAN: none. */
+/* A key of the summary; null, printed as "no result", where it is NAN or infinite: a key that was
+ * to be measured does not vanish. */
 void report_key(report *r, const char *key, double value);
 
 /* To the terminal. */

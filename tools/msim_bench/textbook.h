@@ -3,19 +3,27 @@
 #ifndef BENCH_TEXTBOOK_H
 #define BENCH_TEXTBOOK_H
 
+#include "base/isa.h"
 #include "scenes.h"
 
-typedef struct textbook {
+typedef struct textbook textbook;
+
+typedef struct textbook_kernels {
+  const char *isa; /* the instruction set that it is compiled for */
+  void (*step)(textbook *t, double h);
+} textbook_kernels;
+
+struct textbook {
+  const textbook_kernels *kernels; /* by the library's own rule: of the set that msim uses */
   int32_t nparticles, nsprings;
   const int32_t *ij;
   const double *k, *rest, *mass; /* of the scene */
   double gravity[3];
   double *x, *v, *f, *inverse_mass; /* pinned: 0 */
-} textbook;
+};
 
 /* From the state of m, which outlives it. 0 where there is no memory. */
 int textbook_make(const moving *m, textbook *t);
 void textbook_free(textbook *t);
-void textbook_step(textbook *t, double h);
 
 #endif
