@@ -46,28 +46,26 @@ static int fail(contestant *c, const char *why) {
 
 /*------------------------------------- whole steps ----------------------------------------------*/
 
-/* What a step added to the sim's statistics. */
-static void take_phases(const msim_stats *before, const msim_stats *after, sample *s) {
-  s->force = after->force_s - before->force_s;
-  s->assemble = after->assemble_s - before->assemble_s;
-  s->factor = after->factor_s - before->factor_s;
-  s->solve = after->solve_s - before->solve_s;
-  s->iterations = after->iterations - before->iterations;
+/* What steps added to the sim's statistics, on average. */
+static void take_phases(const msim_stats *before, const msim_stats *after, int steps, sample *s) {
+  s->force = (after->force_s - before->force_s) / steps;
+  s->assemble = (after->assemble_s - before->assemble_s) / steps;
+  s->factor = (after->factor_s - before->factor_s) / steps;
+  s->solve = (after->solve_s - before->solve_s) / steps;
+  s->iterations = (after->iterations - before->iterations) / steps;
 }
 
-static msim_status step_once(struct racing_step *step, sample *s, msim_error *err) {
+/* From the state of `moving`. */
+static msim_status run_one(struct racing_step *step, sample *s, msim_error *err) {
   msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
-  const race *r = step->race;
-  msim_status status = MSIM_OK;
-  if (!r->goes_on || !step->began) status = msim_sim_set_state(step->sim, &r->moving->state, err);
+  msim_status status = msim_sim_set_state(step->sim, &step->race->moving->state, err);
   if (status) return status;
-  step->began = 1;
   msim_sim_stats(step->sim, &before);
   const double start = wall_seconds();
   status = msim_sim_step(step->sim, 1, err);
   s->whole = wall_seconds() - start;
   msim_sim_stats(step->sim, &after);
-  take_phases(&before, &after, s);
+  if (!status) take_phases(&before, &after, 1, s);
   return status;
 }
 
@@ -79,28 +77,26 @@ static int run_step(contestant *c, sample *s) {
   step->probe.listens = c->n == 0;
   const double start = wall_seconds();
   do
-    if (step_once(step, s, &err) != MSIM_OK) return fail(c, err.text);
+    if (run_one(step, s, &err) != MSIM_OK) return fail(c, err.text);
   while (wall_seconds() - start < r->warm);
-  if (c->n > 0 || r->system.n == 0 || r->goes_on) return 1;
+  if (c->n > 0 || r->system.n == 0) return 1;
   msim_sim_state(step->sim, &end);
   c->residual = system_residual(&r->system, end.v);
   return 1;
 }
 
-void race_run_up(contestant *first, contestant *second, int32_t steps) {
-  struct racing_step *leads = first->data, *follows = second->data;
-  msim_state end = {.size = sizeof end};
-  sample untimed;
+/* A series from the state of `moving` on: setting it makes a solver forget what it kept, so all
+ * that it makes and keeps on the way counts. */
+static int run_series(contestant *c, sample *s) {
+  const struct racing_step *step = c->data;
+  msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
   msim_error err;
-  msim_status status = MSIM_OK;
-  for (int32_t i = 0; i < steps && !status; i++) status = step_once(leads, &untimed, &err);
-  if (!status) {
-    msim_sim_state(leads->sim, &end);
-    status = msim_sim_set_state(follows->sim, &end, &err);
-    follows->began = 1;
-  }
-  first->failed = status != MSIM_OK;
-  if (status) fail(first, err.text);
+  if (msim_sim_set_state(step->sim, &step->race->moving->state, &err)) return fail(c, err.text);
+  msim_sim_stats(step->sim, &before);
+  if (time_series(step->sim, step->race->series, s, &err)) return fail(c, err.text);
+  msim_sim_stats(step->sim, &after);
+  take_phases(&before, &after, step->race->series, s);
+  return 1;
 }
 
 /* Only `auto` may choose. */
@@ -113,7 +109,7 @@ static void check_solver(contestant *c, const char *solver, const msim_sim *sim)
 
 contestant *race_add_step(race *r, const char *solver, const msim_backend *table, int32_t threads) {
   struct racing_step *step = &r->steps[r->nsteps++];
-  contestant *c = enter(r, solver, solver, "step", run_step, step);
+  contestant *c = enter(r, solver, solver, "step", r->series ? run_series : run_step, step);
   msim_options options = implicit_options(r->system.h, r->system.rtol, solver, threads);
   msim_error err;
   step->race = r;
@@ -129,7 +125,7 @@ contestant *race_add_step(race *r, const char *solver, const msim_backend *table
 }
 
 const struct racing_step *race_step_of(const contestant *c) {
-  return c->run == run_step ? c->data : NULL;
+  return c->run == run_step || c->run == run_series ? c->data : NULL;
 }
 
 /*------------------------------------- backends alone -------------------------------------------*/

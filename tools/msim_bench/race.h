@@ -18,13 +18,13 @@ typedef struct race {
     probe probe;
     const msim_backend *own[2]; /* the probe's table, NULL */
     msim_sim *sim;
-    int began; /* from the state of `moving` */
   } steps[MOST_STEPS];
   struct racing_reference {
     reference *child;
     int variant;
   } references[REFERENCE_VARIANTS + 1];
-  int goes_on; /* steps follow each other; 0: each begins at the state of `moving` */
+  int series; /* whole steps that follow each other from the state of `moving` on, in each sample;
+                 0: one; set before they are entered */
   int nsteps, nreferences, count;
   contestant all[MOST_CONTESTANTS];
 } race;
@@ -40,10 +40,6 @@ void race_free(race *r);
 /* A whole step by so many threads, option `solver` being the name. table: the backend behind it, to
  * be watched for race_add_bare; NULL: it is not, or built in. */
 contestant *race_add_step(race *r, const char *solver, const msim_backend *table, int32_t threads);
-
-/* Steps of `first` that nobody times; `second` begins where they end. Both are whole steps of a
- * race that goes on. */
-void race_run_up(contestant *first, contestant *second, int32_t steps);
 
 /* What makes a contestant's steps; NULL: it is no whole step. */
 const struct racing_step *race_step_of(const contestant *c);

@@ -8,7 +8,8 @@ typedef struct bench_scene {
   const char *name;
   int32_t side; /* particles along an edge of 1 m */
   int solid;    /* 0: a cloth of 0.3 kg held at two corners, structural, shear and bend springs;
-                   1: a jelly of 1 kg held at a face, 13 springs a particle */
+                   1: a jelly of 1 kg held at an upper edge, so that it swings; 13 springs a
+                   particle */
   int random;   /* neither: side^2 particles at random in a plane, see mesh.h */
 } bench_scene;
 

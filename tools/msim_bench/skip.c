@@ -15,9 +15,10 @@ enum { ON, OFF, DIRECT, WAYS };
 
 static const char *const ways[WAYS] = {"on", "off", "off, cholmod"};
 
-/* One of the three, in motion. */
+/* One of the three. */
 typedef struct runner {
   const skip_case *what;
+  msim_scene *scene;
   msim_sim *sim;
 } runner;
 
@@ -26,8 +27,22 @@ static int fail(contestant *c, const char *why) {
   return 0;
 }
 
-/* Step for a while and go on from there the next time: seconds of one step. */
-static int run(contestant *c, sample *s) {
+/* The same steps in each sample, from the scene's state on: setting it makes a solver forget what
+ * it kept, so all that it makes and keeps on the way counts. */
+static int run_series(contestant *c, sample *s) {
+  const runner *r = c->data;
+  msim_scene_view view = {.size = sizeof view};
+  msim_error err;
+  msim_scene_get(r->scene, &view);
+  const msim_state start = {
+      .size = sizeof start, .n = view.nparticles, .x = view.x, .v = view.v, .h = r->what->h};
+  if (msim_sim_set_state(r->sim, &start, &err)) return fail(c, err.text);
+  return time_series(r->sim, r->what->series, s, &err) ? fail(c, err.text) : 1;
+}
+
+/* Step for a while and go on from there the next time. */
+static int run_on(contestant *c, sample *s) {
+  const double SECONDS = 0.05;
   const runner *r = c->data;
   const double start = wall_seconds();
   int64_t steps = 0;
@@ -36,24 +51,22 @@ static int run(contestant *c, sample *s) {
     if (msim_sim_step(r->sim, 1, &err) != MSIM_OK) return fail(c, err.text);
     steps++;
     s->whole = wall_seconds() - start;
-  } while (s->whole < r->what->seconds && !is_interrupted());
+  } while (s->whole < SECONDS && !is_interrupted());
   s->whole /= (double)steps;
   return 1;
 }
 
-static msim_status make_sim(const bench_wishes *wishes, const skip_case *what, int way,
-                            msim_sim **sim, msim_error *err) {
+static msim_status make_sim(const bench_wishes *wishes, int way, runner *r, msim_error *err) {
+  const skip_case *what = r->what;
   msim_options options =
       implicit_options(what->h, 1e-6, way == DIRECT ? "cholmod" : "auto", wishes->threads);
-  msim_scene *scene = NULL;
   options.integrator = what->integrator;
   msim_status status = MSIM_OK;
   for (int i = 0; i < MOST_OFF && what->off[i] && way != ON && !status; i++)
     status = msim_options_set(&options, what->off[i], "off", err);
-  if (!status) status = msim_scene_create(NULL, &scene, err);
-  if (!status) status = what->build(way != ON, scene, err);
-  if (!status) status = msim_sim_create(scene, &options, sim, err);
-  msim_scene_destroy(scene);
+  if (!status) status = msim_scene_create(NULL, &r->scene, err);
+  if (!status) status = what->build(way != ON, r->scene, err);
+  if (!status) status = msim_sim_create(r->scene, &options, &r->sim, err);
   return status;
 }
 
@@ -61,10 +74,11 @@ static void enter(const bench_wishes *wishes, const skip_case *what, int way, ru
                   contestant *c) {
   msim_error err = {0, "out of memory for the scene"};
   *r = (runner){.what = what};
-  *c = (contestant){.family = ways[way], .measure = "step", .run = run, .data = r};
+  *c = (contestant){.family = ways[way], .measure = "step", .data = r};
+  c->run = what->series ? run_series : run_on;
   snprintf(c->name, sizeof c->name, "%s", ways[way]);
   c->residual = NAN;
-  c->failed = make_sim(wishes, what, way, &r->sim, &err) != MSIM_OK;
+  c->failed = make_sim(wishes, way, r, &err) != MSIM_OK;
   if (c->failed) fail(c, err.text);
 }
 
@@ -94,6 +108,11 @@ static void report_way(report *out, const skip_case *what, const contestant *c) 
   msim_sim_plan(r->sim, &plan);
   put_text(row, "solver", plan.solver);
   put_real(row, "ms", 1e3 * median_of(c, whole_seconds));
+  if (what->series) {
+    put_integer(row, "series", what->series);
+    put_real(row, "median_ms", 1e3 * median_of(c, median_seconds));
+    put_real(row, "least_kinetic", median_of(c, kinetic_energy));
+  }
   put_real(row, "spread", spread_of(c, whole_seconds));
   put_integer(row, "repeats", c->n > 1 ? c->n - 1 : 1);
   printf(" %-12s %10.4g ms  +-%3.0f%%  %s\n", c->name, 1e3 * median_of(c, whole_seconds),
@@ -138,7 +157,10 @@ static void measure(const bench_wishes *wishes, const skip_case *what, const pat
       if (what->key) report_key(out, what->key, factor);
     }
   }
-  for (int way = 0; way < count; way++) msim_sim_destroy(runners[way].sim);
+  for (int way = 0; way < count; way++) {
+    msim_sim_destroy(runners[way].sim);
+    msim_scene_destroy(runners[way].scene);
+  }
 }
 
 int bench_skip(const bench_wishes *wishes, report *r) {

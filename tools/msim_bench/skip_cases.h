@@ -15,7 +15,8 @@ typedef struct skip_case {
   const char *off[MOST_OFF]; /* the options that switch the skip off */
   /* The scene: with what is skipped, or with what must be done without the skip. */
   msim_status (*build)(int without, msim_scene *scene, msim_error *err);
-  double seconds; /* of one sample, at the least */
+  int series; /* steps in a sample, from the scene's state on; 0: samples go on from each other, as
+                 scenes at rest and explicit steps may */
 } skip_case;
 
 /* The i-th, NULL past the end. */

@@ -19,6 +19,8 @@ void rest_seconds(double seconds) {
 /*------------------------------------- values ---------------------------------------------------*/
 
 double whole_seconds(const sample *s) { return s->whole; }
+double median_seconds(const sample *s) { return s->median; }
+double kinetic_energy(const sample *s) { return s->kinetic; }
 double force_seconds(const sample *s) { return s->force; }
 double assemble_seconds(const sample *s) { return s->assemble; }
 double factor_seconds(const sample *s) { return s->factor; }
@@ -52,6 +54,24 @@ void contest(contestant *all, int count, const patience *p) {
       running = 1;
     }
   }
+}
+
+msim_status time_series(msim_sim *sim, int steps, sample *s, msim_error *err) {
+  double seconds[MOST_SERIES], sum = 0;
+  s->kinetic = INFINITY;
+  for (int i = 0; i < steps; i++) {
+    msim_energy energy = {.size = sizeof energy};
+    const double start = wall_seconds();
+    const msim_status status = msim_sim_step(sim, 1, err);
+    seconds[i] = wall_seconds() - start;
+    if (status) return status;
+    msim_sim_energy(sim, &energy);
+    s->kinetic = fmin(s->kinetic, energy.kinetic);
+    sum += seconds[i];
+  }
+  s->whole = sum / steps;
+  s->median = quantile(steps, seconds, 0.5);
+  return MSIM_OK;
 }
 
 /*------------------------------------- looking --------------------------------------------------*/

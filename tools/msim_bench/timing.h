@@ -4,19 +4,25 @@
 
 #include <stdint.h>
 
+#include "msim/msim.h"
+
 /* Do nothing for a while, so that threads that wait by spinning, as those of OpenBLAS and OpenMP
  * do, go to sleep. */
 void rest_seconds(double seconds);
 
-/* One run: seconds, and what they went into. */
+/* One run: seconds, and what they went into. Of a series of steps: means over it. */
 typedef struct sample {
   double whole, force, assemble, factor, solve;
+  double median;  /* s, of the steps of a series */
+  double kinetic; /* J, the least after a step of a series: it moves */
   int64_t iterations;
 } sample;
 
 /* What is looked at of a sample. */
 typedef double sample_value(const sample *s);
 double whole_seconds(const sample *s);
+double median_seconds(const sample *s);
+double kinetic_energy(const sample *s);
 double force_seconds(const sample *s);
 double assemble_seconds(const sample *s);
 double factor_seconds(const sample *s);
@@ -47,6 +53,11 @@ typedef struct patience {
   int rounds;    /* at least so many beside the first, unless these take half the budget */
   double until;  /* on wall_seconds' clock: nobody runs after it */
 } patience;
+
+/* Time so many steps of a sim, MOST_SERIES at most: their mean and median, and the least kinetic
+ * energy. */
+enum { MOST_SERIES = 64 };
+msim_status time_series(msim_sim *sim, int steps, sample *s, msim_error *err);
 
 /* Run all in turn, each round in the reverse order of the one before. */
 void contest(contestant *all, int count, const patience *p);
