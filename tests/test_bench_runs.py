@@ -144,7 +144,7 @@ class Step(BenchTest):
         out = self.good("step", "--quick", "--scene", "cloth32", "--json", "out.json")
         result = self.result()
         self.assertEqual((result["bench"], result["quick"]), ("step", True))
-        worst, solved = [], True
+        found, unsolved, cases = [], 0, 0
         for k in 1e3, 1e5:
             for steps in 60, 240:
                 rows = [row for row in result["rows"]
@@ -152,10 +152,34 @@ class Step(BenchTest):
                 with self.subTest(f"k = {k}, h = 1/{steps}"):
                     self.check_case(rows)
                     self.check_descents(rows, (k, steps) == (1e3, 240))
-                worst += [row["ratio"] for row in
-                          self.find(rows, measure="ratio", name="newton_over_prefactored")]
-                solved &= bool(self.find(rows, method="Newton, pcg", accuracy=1e-4, status="ok"))
-        self.check_summary(result, out, max(worst) if solved and worst else None)
+                found += self.find(rows, measure="ratio", name="newton_over_prefactored")
+                unsolved += bool(self.find(rows, measure="solution", status="failed"))
+                cases += self.is_case(rows)
+        self.check_summary(result, out)
+        self.assertEqual(result["summary"]["newton_over_prefactored_cases"], cases)
+        self.check_prefactored(result["summary"], found, unsolved)
+
+    def is_case(self, rows):
+        """Newton's method was tried, and failed or met a reference that was tried."""
+        tried = [row["method"] for row in self.find(rows, measure="step", accuracy=1e-4)
+                 if row["status"] != "left out"]
+        solved = self.find(rows, method="Newton, pcg", accuracy=1e-4, status="ok")
+        return bool(self.find(rows, measure="solution", status="failed") or
+                    "Newton, pcg" in tried and (not solved or set(tried) & set(self.METHODS[2:])))
+
+    def check_prefactored(self, summary, found, unsolved):
+        """Each case counts: one that Newton's method does not solve as the worst, one that the
+        references do not solve by the time that they had."""
+        unsolved += len([row for row in found if row["ratio"] is None])
+        bounds = self.find(found, is_upper_bound=True)
+        ratios = [row["ratio"] for row in found if row["ratio"] is not None]
+        key = "newton_over_prefactored"
+        self.assertEqual(summary[key], None if unsolved or not ratios else max(ratios))
+        self.assertEqual(summary[f"{key}_cases"], len(ratios) + unsolved)
+        self.assertEqual(summary[f"{key}_bounds"], len(bounds))
+        self.assertEqual(summary[f"{key}_unsolved"], unsolved)
+        for row in bounds:
+            self.assertRegex(row["reason"], "(L-BFGS|projective dynamics): .{10}")
 
     def check_case(self, rows):
         """Whoever is said to be there was there; the others have a reason."""
@@ -188,11 +212,11 @@ class Step(BenchTest):
                 continue
             self.assertIn(row["status"], ("ok",) if is_easy else ("ok", "cut off"))
 
-    def check_summary(self, result, out, worst):
+    def check_summary(self, result, out):
         rows, summary = result["rows"], result["summary"]
-        self.assertLessEqual(set(summary),
-                             {"newton_over_tuned_factor_cloth32", "newton_over_prefactored"})
-        self.assertEqual(summary.get("newton_over_prefactored"), worst)
+        self.assertEqual({key.replace("newton_over_", "") for key in summary},
+                         {"tuned_factor_cloth32", "prefactored", "prefactored_cases",
+                          "prefactored_bounds", "prefactored_unsolved"})
         for row in self.find(rows, measure="ratio", name="newton_over_tuned_factor", k=1e3):
             if round(1 / row["h"]) == 60:
                 self.assertEqual(summary["newton_over_tuned_factor_cloth32"], row["ratio"])

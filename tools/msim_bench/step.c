@@ -59,40 +59,51 @@ typedef struct step_bench {
   const bench_wishes *wishes;
   const bench_plan *plan;
   report *report;
-  double until;       /* on wall_seconds' clock */
-  double soft;        /* s, of cloth64 to SUMMARY_ACCURACY; NAN: not known */
-  double prefactored; /* the largest of newton_over_prefactored; NAN: none */
-  int missed;         /* a cloth that Newton's method did not solve */
+  double until; /* on wall_seconds' clock */
+  double soft;  /* s, of cloth64 to SUMMARY_ACCURACY; NAN: not known */
+  struct {
+    double worst; /* NAN: there is no case; INFINITY: Newton's method has no result in one */
+    int cases, bounds, unsolved; /* bounds: by an upper bound; unsolved: by INFINITY */
+  } prefactored;                 /* newton_over_prefactored of the cloths */
 } step_bench;
 
 enum { SUMMARY_ACCURACY = 1, LAST = ACCURACIES - 1 };
 
 /*------------------------------------- ratios ---------------------------------------------------*/
 
-typedef struct ratio {
-  double value; /* NAN: none */
-  int is_bound; /* it is this at most */
-} ratio;
-
 /* Of our Newton method's time and another method's. */
-static ratio over_method(const step_race *r, int method) {
+static step_ratio over_method(const step_race *r, int method) {
   const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
   const contestant *other = r->arrived[method][SUMMARY_ACCURACY];
   const pursuit *p = r->pursuits[method];
-  if (ours && other) return (ratio){median_ratio(ours, whole_seconds, other, whole_seconds), 0};
-  if (ours && p->end == CUT_OFF) return (ratio){median_of(ours, whole_seconds) / p->lasted, 1};
-  return (ratio){NAN, 0};
+  if (ours && other)
+    return (step_ratio){median_ratio(ours, whole_seconds, other, whole_seconds), NULL};
+  if (ours && p->end == CUT_OFF) return (step_ratio){median_of(ours, whole_seconds) / p->lasted, p};
+  return (step_ratio){NAN, NULL};
 }
 
-static ratio over_prefactored(const step_race *r) {
-  const ratio a = over_method(r, BY_PROJECTIVE_DYNAMICS), b = over_method(r, BY_LBFGS);
+/* A reference that failed, or came to another minimum, counts as if it needed all its time. */
+static step_ratio over_descent(const step_race *r, int method) {
+  const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
+  const pursuit *p = r->pursuits[method];
+  const step_ratio ratio = over_method(r, method);
+  if (!ours || isfinite(ratio.value) || p->end == LEFT_OUT) return ratio;
+  return (step_ratio){median_of(ours, whole_seconds) / r->descent_limit, p};
+}
+
+/* Of the better reference; where our method has no result, the worst. */
+static step_ratio over_prefactored(const step_race *r) {
+  const int is_left_out = r->pursuits[BY_PCG]->end == LEFT_OUT;
+  if (!r->arrived[BY_PCG][SUMMARY_ACCURACY])
+    return (step_ratio){is_left_out ? NAN : INFINITY, NULL};
+  const step_ratio a = over_descent(r, BY_PROJECTIVE_DYNAMICS), b = over_descent(r, BY_LBFGS);
   return isnan(b.value) || a.value > b.value ? a : b;
 }
 
-static ratio over_factor(const step_race *r) {
+static step_ratio over_factor(const step_race *r) {
   const contestant *ours = r->arrived[BY_PCG][LAST];
-  if (!ours || !r->factor) return (ratio){NAN, 0};
-  return (ratio){median_ratio(ours, whole_seconds, r->factor, factor_seconds), 0};
+  if (!ours || !r->factor) return (step_ratio){NAN, NULL};
+  return (step_ratio){median_ratio(ours, whole_seconds, r->factor, factor_seconds), NULL};
 }
 
 /*------------------------------------- keys -----------------------------------------------------*/
@@ -109,68 +120,78 @@ static const struct key {
     {"newton_over_newton_cholmod", "cloth100", LONG, "newton_over_newton_cholmod_cloth100"},
 };
 
-static void report_ratio(step_bench *b, const step_race *r, const char *name, int accuracy,
-                         ratio found) {
-  const moving *m = r->step.moving;
-  if (!isfinite(found.value)) return;
-  report_step_ratio(b->report, r, name, accuracy, found.value, found.is_bound);
+static void report_key_of(report *out, const char *ratio, const moving *m, double h, double value) {
   for (const struct key *k = keys; k < keys + sizeof keys / sizeof *keys; k++)
-    if (strcmp(k->ratio, name) == 0 && strcmp(k->scene, m->kind->name) == 0 && m->k == SOFT &&
-        r->step.h == k->h)
-      report_key(b->report, k->key, found.value);
+    if ((!ratio || strcmp(k->ratio, ratio) == 0) && strcmp(k->scene, m->kind->name) == 0 &&
+        m->k == SOFT && k->h == h)
+      report_key(out, k->key, value);
 }
 
-static int is_cloth(const moving *m) { return !m->kind->solid; }
+static void report_ratio(step_bench *b, const step_race *r, const char *name, int accuracy,
+                         step_ratio found) {
+  if (isnan(found.value)) return;
+  report_step_ratio(b->report, r, name, accuracy, found);
+  report_key_of(b->report, name, r->step.moving, r->step.h, found.value);
+}
 
-static void measure_prefactored(step_bench *b, const step_race *r) {
-  const ratio found = over_prefactored(r);
-  report_ratio(b, r, "newton_over_prefactored", SUMMARY_ACCURACY, found);
-  if (is_cloth(r->step.moving)) b->prefactored = fmax(b->prefactored, found.value);
+/* One case more of newton_over_prefactored, if it is a cloth. */
+static void count_case(step_bench *b, const moving *m, step_ratio found) {
+  if (m->kind->solid || isnan(found.value)) return;
+  b->prefactored.cases++;
+  b->prefactored.bounds += found.bound != NULL;
+  b->prefactored.unsolved += isinf(found.value) != 0;
+  b->prefactored.worst = fmax(b->prefactored.worst, found.value);
+}
+
+static int is_of_stiffness(const moving *m, double h) {
+  return strcmp(m->kind->name, "cloth64") == 0 && h == LONG;
 }
 
 static void measure_stiffness(step_bench *b, const step_race *r) {
   const moving *m = r->step.moving;
   const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
-  if (!ours || strcmp(m->kind->name, "cloth64") != 0 || r->step.h != LONG) return;
+  if (!ours || !is_of_stiffness(m, r->step.h)) return;
   const double seconds = median_of(ours, whole_seconds);
   if (m->k == SOFT) b->soft = seconds;
   else report_key(b->report, "stiff_over_soft_cloth64", seconds / b->soft);
 }
 
-/* Whether Newton's method failed where the keys need it; that cloth200 cannot be solved is a
- * finding. */
-static void note_failure(step_bench *b, const moving *m, int failed) {
-  b->missed |= failed && is_cloth(m) && strcmp(m->kind->name, "cloth200") != 0;
-}
-
 static void report_keys(step_bench *b, const step_race *r) {
-  const pursuit *ours = r->pursuits[BY_PCG];
+  const step_ratio prefactored = over_prefactored(r);
   report_ratio(b, r, "newton_over_tuned_factor", LAST, over_factor(r));
   report_ratio(b, r, "newton_over_newton_cholmod", SUMMARY_ACCURACY, over_method(r, BY_CHOLMOD));
-  measure_prefactored(b, r);
+  report_ratio(b, r, "newton_over_prefactored", SUMMARY_ACCURACY, prefactored);
+  count_case(b, r->step.moving, prefactored);
   measure_stiffness(b, r);
-  note_failure(b, r->step.moving, !r->arrived[BY_PCG][SUMMARY_ACCURACY] && ours->end != LEFT_OUT);
+}
+
+/* Without a result, until there is one. */
+static void announce_keys(step_bench *b, const moving *m, double h) {
+  report_key_of(b->report, NULL, m, h, NAN);
+  if (is_of_stiffness(m, h)) report_key(b->report, "stiff_over_soft_cloth64", NAN);
+}
+
+static void report_prefactored(const step_bench *b) {
+  report_key(b->report, "newton_over_prefactored", b->prefactored.worst);
+  report_key(b->report, "newton_over_prefactored_cases", b->prefactored.cases);
+  report_key(b->report, "newton_over_prefactored_bounds", b->prefactored.bounds);
+  report_key(b->report, "newton_over_prefactored_unsolved", b->prefactored.unsolved);
 }
 
 /*------------------------------------- all scenes -----------------------------------------------*/
 
 static void measure(step_bench *b, const moving *m, double h) {
   msim_error err;
-  if (wall_seconds() > b->until) {
-    report_left_out(b->report, "solution", m, h, "all", "there was no time left");
-    return;
-  }
-  step_race *r = step_race_run(m, h, &b->plan->each, b->until, &err);
-  if (is_interrupted()) {
-    step_race_free(r);
-    return;
-  }
-  if (r) {
+  step_race *r = NULL;
+  if (wall_seconds() < b->until) r = step_race_run(m, h, &b->plan->each, b->until, &err);
+  if (r && !is_interrupted()) {
     report_step_race(b->report, r);
     report_keys(b, r);
-  } else {
+  } else if (wall_seconds() > b->until) {
+    report_left_out(b->report, "solution", m, h, "all", "there was no time left");
+  } else if (!is_interrupted()) {
     report_unsolved(b->report, m, h, err.text);
-    note_failure(b, m, 1);
+    count_case(b, m, (step_ratio){INFINITY, NULL});
   }
   step_race_free(r);
 }
@@ -181,6 +202,7 @@ static void measure_subject(step_bench *b, const struct subject *subject) {
       moving_make(scene_named(subject->scene), subject->k, 1, b->plan->fall, b->until, &m);
   for (int i = 0; i < 2 && subject->steps[i] > 0 && !is_interrupted(); i++) {
     print_heading(&m, subject->steps[i]);
+    announce_keys(b, &m, subject->steps[i]);
     if (made) nonlinear_settle(&m, subject->steps[i]);
     if (made) measure(b, &m, subject->steps[i]);
     else report_left_out(b->report, "solution", &m, subject->steps[i], "all", m.err.text);
@@ -201,7 +223,7 @@ int bench_step(const bench_wishes *wishes, report *r) {
                   .report = r,
                   .until = wall_seconds() + plan->seconds,
                   .soft = NAN,
-                  .prefactored = NAN};
+                  .prefactored = {.worst = NAN}};
   if (wishes->threads)
     return complain_usage("", "--threads means nothing to the bench 'step', which runs on one");
   for (int i = 0; i < wishes->nscenes; i++)
@@ -210,6 +232,6 @@ int bench_step(const bench_wishes *wishes, report *r) {
                             wishes->scenes[i]->name);
   for (int i = 0; i < SUBJECTS && !is_interrupted(); i++)
     if (is_wanted(wishes, subjects[i].scene)) measure_subject(&b, &subjects[i]);
-  if (!b.missed) report_key(r, "newton_over_prefactored", b.prefactored);
+  report_prefactored(&b);
   return 0;
 }

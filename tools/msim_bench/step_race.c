@@ -61,6 +61,7 @@ static void descend_both(step_race *r, const step_plan *plan, double until) {
   static const descent_method *const methods[] = {&projective_dynamics, &lbfgs};
   const double ours = seconds_to_best(r->pursuits[BY_PCG]);
   const allowance allowed = {.seconds = fmax(plan->descent, 4 * ours), .until = until};
+  r->descent_limit = allowed.seconds;
   const int made = laplacian_make(r->step.moving, r->step.h, &r->matrix) &&
                    potential_make(&r->step, &r->matrix, &r->potential);
   for (int i = 0; i < 2; i++) {

@@ -22,6 +22,7 @@ typedef struct step_race {
   laplacian matrix;
   potential potential;
   descent descents[2];
+  double descent_limit; /* s, that each descent may take */
   const pursuit *pursuits[METHODS];
   race *linear; /* where the factorisation comes from */
   int count;

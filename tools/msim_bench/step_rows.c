@@ -118,12 +118,20 @@ void report_unsolved(report *out, const moving *m, double h, const char *why) {
 }
 
 void report_step_ratio(report *out, const step_race *r, const char *name, int accuracy,
-                       double ratio, int is_bound) {
+                       step_ratio ratio) {
   json_t *row = row_of(out, r, "ratio");
+  const pursuit *without = isfinite(ratio.value) ? ratio.bound : r->pursuits[BY_PCG];
   put_text(row, "name", name);
   put_real(row, "accuracy", accuracies[accuracy]);
-  put_real(row, "ratio", ratio);
-  json_object_set_new(row, "is_upper_bound", json_boolean(is_bound));
-  printf(" %s to %.0e: %.3g%s\n", name, accuracies[accuracy], ratio,
-         is_bound ? " at most: the other was cut off" : "");
+  put_real(row, "ratio", ratio.value);
+  json_object_set_new(row, "is_upper_bound", json_boolean(ratio.bound != NULL));
+  if (isfinite(ratio.value)) printf(" %s to %.0e: %.3g", name, accuracies[accuracy], ratio.value);
+  else printf(" %s to %.0e: no result", name, accuracies[accuracy]);
+  if (without) {
+    char reason[sizeof without->reason + 64];
+    snprintf(reason, sizeof reason, "%s: %s", without->name, without->reason);
+    put_text(row, "reason", reason);
+    printf("%s; %s", ratio.bound ? " at most" : "", reason);
+  }
+  putchar('\n');
 }
