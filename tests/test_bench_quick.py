@@ -95,8 +95,8 @@ class Quick(QuickTest):
         picture = ["--svg", "out.svg"] if shutil.which("gnuplot") else []
         result = self.run_quick("stability", *picture)
         rows, found = result["rows"], result["summary"]
-        self.assertEqual(set(found), {"limit_error", "cells", "silent", "crashes", "hangs",
-                                      "detection_steps"})
+        self.assertEqual(set(found), {"limit_error", "cells", "refused", "silent", "crashes",
+                                      "hangs", "detection_steps"})
         self.assertLessEqual(found["limit_error"], 1e-3)
         self.assertEqual({row["method"] for row in self.find(rows, measure="limit")},
                          {row["method"] for row in self.find(rows, measure="method")})
@@ -104,7 +104,11 @@ class Quick(QuickTest):
         self.assertGreater(found["cells"], 500)
         self.assertEqual([found[key] for key in ("silent", "crashes", "hangs")], [0, 0, 0])
         cells = self.find(rows, measure="cell")
-        self.assertEqual(len(cells), found["cells"])
+        refused = self.find(cells, outcome="refused")
+        self.assertEqual(len(refused), found["refused"])
+        self.assertEqual(len(cells), found["cells"] + found["refused"])
+        for cell in refused:
+            self.assertRegex(cell["reason"], "forces of positions alone|which planes cannot reflect")
         for cell in self.find(cells, outcome="reported"):
             self.assertRegex(cell["reason"], r"\Astep \d+, t = ")
         for outcome in "stable", "dissipated", "reported":

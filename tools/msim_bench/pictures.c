@@ -65,7 +65,7 @@ static int stability_point(const json_t *row, picture_point *p) {
   *p = (picture_point){text_of(row, "method"), text_of(row, "scene"), number_of(row, "h"), NAN};
   for (int i = 0; i < 7; i++)
     if (strcmp(text_of(row, "outcome"), words[i]) == 0) p->y = i;
-  return is_measure(row, "cell");
+  return is_measure(row, "cell") && isfinite(p->y); /* refused: no run */
 }
 
 const picture stability_picture = {.title = "outcome of runs under stress",

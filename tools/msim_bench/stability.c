@@ -21,7 +21,6 @@ typedef struct tally {
 
 static void note(const stress_scene *s, const char *method, double h, const stress_result *c,
                  report *r, tally *t) {
-  if (c->outcome == REFUSED) return;
   json_t *row = report_row(r, "cell");
   put_text(row, "scene", s->name);
   put_text(row, "method", method);
@@ -29,10 +28,10 @@ static void note(const stress_scene *s, const char *method, double h, const stre
   put_text(row, "outcome", stress_words[c->outcome]);
   if (*c->text) put_text(row, "reason", c->text);
   if (c->late >= 0) put_integer(row, "late", c->late);
-  t->cells++;
+  t->cells += c->outcome != REFUSED;
   t->by[c->outcome]++;
   if (c->late > t->late) t->late = c->late;
-  if (c->outcome >= SILENT)
+  if (c->outcome >= SILENT && c->outcome != REFUSED)
     printf(" %s, %s, h = %g s: %s %s\n", s->name, method, h, stress_words[c->outcome], c->text);
 }
 
@@ -61,7 +60,7 @@ static void measure_cells(const bench_wishes *wishes, report *r) {
   const msim_integrator_entry *entry;
   tally sum = {0};
   printf("\nstress\n %-24s", "method");
-  for (int o = 0; o < REFUSED; o++) printf(" %10s", stress_words[o]);
+  for (int o = 0; o < STRESS_OUTCOMES; o++) printf(" %10s", stress_words[o]);
   printf(" %8s\n", "share");
   for (int32_t m = 0; (entry = msim_integrator_info(m)) != NULL && !is_interrupted(); m++) {
     tally t = {0};
@@ -71,7 +70,7 @@ static void measure_cells(const bench_wishes *wishes, report *r) {
     json_t *row = report_row(r, "method");
     put_text(row, "method", entry->name);
     printf(" %-24s", entry->name);
-    for (int o = 0; o < REFUSED; o++) {
+    for (int o = 0; o < STRESS_OUTCOMES; o++) {
       put_integer(row, stress_words[o], t.by[o]);
       printf(" %10lld", (long long)t.by[o]);
     }
@@ -81,6 +80,7 @@ static void measure_cells(const bench_wishes *wishes, report *r) {
     add(&t, &sum);
   }
   report_key(r, "cells", (double)sum.cells);
+  report_key(r, "refused", (double)sum.by[REFUSED]);
   report_key(r, "silent", (double)sum.by[SILENT]);
   report_key(r, "crashes", (double)sum.by[CRASHED]);
   report_key(r, "hangs", (double)sum.by[HUNG]);

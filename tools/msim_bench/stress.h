@@ -31,7 +31,7 @@ typedef enum stress_outcome {
   SILENT,
   CRASHED,
   HUNG,
-  REFUSED, /* the method does not take such forces: no cell */
+  REFUSED, /* there is no sim, as of forces that the method does not take: not counted as a cell */
   STRESS_OUTCOMES
 } stress_outcome;
 
