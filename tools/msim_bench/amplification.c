@@ -64,8 +64,9 @@ void amplify_takahashi_imada(double zeta, double z, double y[2]) {
   y[0] += z * y[1];
 }
 
-/* Of the form of Omelyan, Mryglod and Folk (2002), where four numbers make it order 6 on an
- * oscillator: then trace/2 = cos z + O(z^8). */
+/* Of the form of Omelyan, Mryglod and Folk (Phys. Rev. E 66 (2002) 026701), whose four numbers are
+ * those that make it order 6 on an oscillator. No paper has them: tests/test_amplification.c solves
+ * the four order conditions, from a rough guess on, and holds this step to the solution. */
 void amplify_force_gradient(double zeta, double z, double y[2]) {
   static const double a = 0.24004250742648506, b[2] = {0.0891007659901135, 0.28694996084206753},
                       g = 0.023037733119604515;
@@ -98,9 +99,9 @@ static void leapfrog(double z, double k, double y[2]) {
 }
 
 /* Half kicks of the soft spring around n steps by the stiff one (Tuckerman, Berne and Martyna
- * 1992): unstable near h w = pi. Where discs, as Gershgorin's, bound squares of frequencies by
- * 2 k/m, all take steps of one length up to h^2 (2 + 2 soft) = 4, and beyond n is the least with
- * h sqrt(2)/n <= 1, half the leapfrog's limit. */
+ * 1992): unstable near h w = pi. Which n is the library's own rule: where discs, as Gershgorin's,
+ * bound squares of frequencies by 2 k/m, all take steps of one length up to h^2 (2 + 2 soft) = 4,
+ * and beyond n is the least with h sqrt(2)/n <= 1, half the leapfrog's limit. */
 void amplify_respa(double zeta, double z, double y[2]) {
   const double soft = SOFT_STIFFNESS;
   const int n = (int)ceil(sqrt(2) * z);

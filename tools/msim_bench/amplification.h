@@ -1,7 +1,8 @@
 /* amplification - one step of a method on the oscillator x'' = -2 zeta w x' - w^2 x, at z = h w
  *
- * Written from each method's published coefficients or stability function, not from the library's
- * code. */
+ * Written from each method's published coefficients or stability function, which the .c file
+ * names. The library has the same sources, so this checks its code, not their numbers: those,
+ * tests/test_amplification.c holds to the order of each method. */
 #ifndef BENCH_AMPLIFICATION_H
 #define BENCH_AMPLIFICATION_H
 
