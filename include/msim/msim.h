@@ -113,7 +113,8 @@ typedef struct msim_csr {
 } msim_csr;
 
 /* Make a sim from a scene, which it shares until either is changed: the scene may be destroyed at
- * once. No step allocates.
+ * once. Steps allocate nothing, except where `auto` chooses anew, and by CHOLMOD and KLU, which
+ * call malloc in every step.
  *
  * Parts of the scene that no spring connects are islands: systems of their own, each with a solver
  * of its own, and not stepped while at exact rest. Pinned particles connect nothing; what is below

@@ -51,7 +51,8 @@ typedef struct ms_solver {
 
 /* opt lives as long as the solver; h: the step, for `auto`; nonlinear: for Newton's method, whose
  * requests may have a v. Counts go to stats. Set up once:
- * nothing is allocated later, but where `auto` changes its mind (5. and 6. below). */
+ * nothing is allocated later but by CHOLMOD and KLU, or where `auto` changes its mind (5. and 6.
+ * below). */
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
                              int nonlinear, msim_stats *stats, ms_solver **solver, msim_error *err);
 void ms_solver_destroy(ms_solver *solver);
