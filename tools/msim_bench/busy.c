@@ -36,6 +36,18 @@ static int run_condition(contestant *c, sample *s) {
   return good;
 }
 
+static void report_slowdown_key(report *out, const char *solver, const bench_scene *scene,
+                                double slowdown) {
+  char key[80];
+  snprintf(key, sizeof key, "%.31s_slowdown_when_other_core_busy_%s", solver, scene->name);
+  report_key(out, key, slowdown);
+}
+
+void announce_slowdown(report *out, const bench_scene *scene) {
+  report_slowdown_key(out, "auto", scene, NAN);
+  report_slowdown_key(out, "cholmod", scene, NAN);
+}
+
 static void report_slowdown(report *out, const race *r, const contestant *idle,
                             const contestant *busy, int spinners) {
   const double slowdown = median_ratio(busy, whole_seconds, idle, whole_seconds);
@@ -53,11 +65,8 @@ static void report_slowdown(report *out, const race *r, const contestant *idle,
     printf(" %-19s %7.4g ms idle, %7.4g ms with %d busy core%s: %.3g times\n", idle->name,
            1e3 * median_of(idle, whole_seconds), 1e3 * median_of(busy, whole_seconds), spinners,
            spinners == 1 ? "" : "s", slowdown);
-  if (strcmp(idle->measure, "step") != 0) return;
-  char key[80];
-  snprintf(key, sizeof key, "%.31s_slowdown_when_other_core_busy_%s", idle->name,
-           r->moving->kind->name);
-  report_key(out, key, slowdown);
+  if (strcmp(idle->measure, "step") == 0)
+    report_slowdown_key(out, idle->name, r->moving->kind, slowdown);
 }
 
 /* Idle and busy versions of all contestants of r. */

@@ -42,8 +42,9 @@ static const struct match {
 };
 enum { MATCHES = sizeof matches / sizeof *matches };
 
-/* In 0.2 s a cloth never keeps a factor; in 0.8 s a jelly swings almost to and fro. */
-enum { CLOTH_SERIES = 12, JELLY_SERIES = 48 };
+/* A cloth never keeps a factor; in 0.8 s a jelly, for which factors are made, swings almost half a
+ * period. */
+enum { CLOTH_SERIES = 8, JELLY_SERIES = 48 };
 
 static int share_state(const struct match *a, const struct match *b) {
   return strcmp(a->scene, b->scene) == 0 && a->k == b->k;
@@ -121,6 +122,7 @@ static void fight_all(linear_bench *b, const moving *m, const struct match *firs
     return;
   }
   r->series = m->kind->solid ? JELLY_SERIES : CLOTH_SERIES;
+  r->until = p->until;
   for (int i = 0; i < count && !is_interrupted(); i++) fight(b, r, &first[i], p);
   race_free(r);
 }

@@ -223,7 +223,7 @@ static void time_solvers(linear_bench *b, const moving *m, double h, int is_main
 /* The largest disagreement so far of each k; missed: some could not be measured. */
 typedef struct worst {
   double largest[NK];
-  int missed[NK], compared[NK];
+  int missed[NK], compared[NK]; /* compared: they were to be */
 } worst;
 
 static int is_compared(const linear_bench *b, const bench_scene *scene) {
@@ -233,8 +233,12 @@ static int is_compared(const linear_bench *b, const bench_scene *scene) {
 static void compare(linear_bench *b, const moving *m, int k, double h, worst *w) {
   const double found = compare_solvers(b, m, h, &b->plan->compare);
   w->missed[k] |= isnan(found);
-  w->compared[k] = 1;
   w->largest[k] = fmax(w->largest[k], found);
+}
+
+/* Whether its steps are timed beside a busy core, too. */
+static int is_slowed_down(const linear_bench *b, const bench_scene *scene) {
+  return strcmp(scene->name, "cloth64") == 0 && b->spinner.count > 0;
 }
 
 static void measure_moving(linear_bench *b, const moving *m, int k, worst *w) {
@@ -245,14 +249,17 @@ static void measure_moving(linear_bench *b, const moving *m, int k, worst *w) {
     if (timed) time_solvers(b, m, steps[i], is_main);
     if (compared && !is_interrupted()) compare(b, m, k, steps[i], w);
   }
-  if (k != MAIN_K || strcmp(m->kind->name, "cloth64") != 0 || is_interrupted()) return;
+  if (k != MAIN_K || !is_slowed_down(b, m->kind) || is_interrupted()) return;
   const patience p = limited(b, b->plan->busy);
   measure_busy(b, m, steps[MAIN_H], &p);
 }
 
 /* Without a result, until there is one. */
-static void announce_keys(report *r, const bench_scene *scene) {
+static void announce_keys(const linear_bench *b, const bench_scene *scene, worst *w) {
+  report *r = b->report;
   char key[80];
+  for (int k = 0; k < NK; k++) w->compared[k] |= is_compared(b, scene);
+  if (is_slowed_down(b, scene)) announce_slowdown(r, scene);
   for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++) {
     snprintf(key, sizeof key, "%s_%s", ratios[i].name, scene->name);
     if (is_key(key)) report_key(r, key, NAN);
@@ -260,7 +267,7 @@ static void announce_keys(report *r, const bench_scene *scene) {
 }
 
 static void measure_scene(linear_bench *b, const bench_scene *scene, worst *w) {
-  announce_keys(b->report, scene);
+  announce_keys(b, scene, w);
   for (int k = 0; k < NK && !is_interrupted(); k++) {
     moving m;
     if (!b->plan->everything && k != MAIN_K && !is_compared(b, scene)) continue;

@@ -34,6 +34,9 @@ double compare_solvers(const linear_bench *b, const moving *m, double h, const t
  * out of the box: rows, and the keys of the former two. */
 void measure_busy(linear_bench *b, const moving *m, double h, const patience *p);
 
+/* These keys, without a result. */
+void announce_slowdown(report *out, const bench_scene *scene);
+
 /* The keys that compare `auto` with CHOLMOD, and matrices with forces. seconds: for each scene to
  * fall. */
 void measure_duels(linear_bench *b, double seconds, const patience *p);

@@ -14,6 +14,7 @@ race *race_new(const moving *m, double h, double rtol, int with_system, msim_err
     return NULL;
   }
   r->moving = m;
+  r->until = INFINITY;
   r->system = (linear_system){.h = h, .rtol = rtol};
   if (!with_system || system_make(m, h, rtol, &r->system, err)) return r;
   race_free(r);
@@ -93,7 +94,8 @@ static int run_series(contestant *c, sample *s) {
   msim_error err;
   if (msim_sim_set_state(step->sim, &step->race->moving->state, &err)) return fail(c, err.text);
   msim_sim_stats(step->sim, &before);
-  if (time_series(step->sim, step->race->series, s, &err)) return fail(c, err.text);
+  if (!time_series(step->sim, step->race->series, step->race->until, s, &err))
+    return fail(c, err.text);
   msim_sim_stats(step->sim, &after);
   take_phases(&before, &after, step->race->series, s);
   return 1;

@@ -23,8 +23,9 @@ typedef struct race {
     reference *child;
     int variant;
   } references[REFERENCE_VARIANTS + 1];
-  int series; /* whole steps that follow each other from the state of `moving` on, in each sample;
+  int series;   /* whole steps that follow each other from the state of `moving` on, in each sample;
                  0: one; set before they are entered */
+  double until; /* on wall_seconds' clock: no series goes on after it */
   int nsteps, nreferences, count;
   contestant all[MOST_CONTESTANTS];
 } race;

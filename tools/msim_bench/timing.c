@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -56,22 +57,25 @@ void contest(contestant *all, int count, const patience *p) {
   }
 }
 
-msim_status time_series(msim_sim *sim, int steps, sample *s, msim_error *err) {
+int time_series(msim_sim *sim, int steps, double until, sample *s, msim_error *err) {
   double seconds[MOST_SERIES], sum = 0;
   s->kinetic = INFINITY;
   for (int i = 0; i < steps; i++) {
     msim_energy energy = {.size = sizeof energy};
     const double start = wall_seconds();
-    const msim_status status = msim_sim_step(sim, 1, err);
+    if (start > until || is_interrupted()) {
+      snprintf(err->text, sizeof err->text, "there was no time left");
+      return 0;
+    }
+    if (msim_sim_step(sim, 1, err) != MSIM_OK) return 0;
     seconds[i] = wall_seconds() - start;
-    if (status) return status;
     msim_sim_energy(sim, &energy);
     s->kinetic = fmin(s->kinetic, energy.kinetic);
     sum += seconds[i];
   }
   s->whole = sum / steps;
   s->median = quantile(steps, seconds, 0.5);
-  return MSIM_OK;
+  return 1;
 }
 
 /*------------------------------------- looking --------------------------------------------------*/

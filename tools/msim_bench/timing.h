@@ -55,9 +55,9 @@ typedef struct patience {
 } patience;
 
 /* Time so many steps of a sim, MOST_SERIES at most: their mean and median, and the least kinetic
- * energy. */
+ * energy. 0 where a step fails, or time is up before the last, and why in err. */
 enum { MOST_SERIES = 64 };
-msim_status time_series(msim_sim *sim, int steps, sample *s, msim_error *err);
+int time_series(msim_sim *sim, int steps, double until, sample *s, msim_error *err);
 
 /* Run all in turn, each round in the reverse order of the one before. */
 void contest(contestant *all, int count, const patience *p);
