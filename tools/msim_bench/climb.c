@@ -11,8 +11,7 @@
 
 static int run_rung(contestant *c, sample *s) {
   rung *r = c->data;
-  const double until = fmin(wall_seconds() + r->limit, r->until);
-  if (!entrant_run(r->arena, r->who, r->setting, until, r->room)) {
+  if (!entrant_run(r->arena, r->who, r->setting, r->until, r->room)) {
     snprintf(c->reason, sizeof c->reason, "%s", r->room->reason);
     return 0;
   }
@@ -21,15 +20,10 @@ static int run_rung(contestant *c, sample *s) {
   return 1;
 }
 
-static contestant *add_rung(climb *c, const entrant *who, double setting, const climb_plan *plan) {
+static contestant *add_rung(climb *c, const entrant *who, double setting, double until) {
   rung *r = &c->rungs[c->count];
   contestant *run = &c->all[c->count++];
-  *r = (rung){.who = who,
-              .arena = &c->arena,
-              .setting = setting,
-              .limit = plan->longest,
-              .until = plan->until,
-              .room = &c->room};
+  *r = (rung){.who = who, .arena = &c->arena, .setting = setting, .until = until, .room = &c->room};
   *run = (contestant){.family = who->name, .measure = "rung", .run = run_rung, .data = r};
   snprintf(run->name, sizeof run->name, "%.31s", who->name);
   return run;
@@ -61,25 +55,43 @@ static double next_seconds(const entrant *who, double seconds) {
   return seconds / (who->by_tol ? 0.5 : who->ratio);
 }
 
-/* Up to the first rung that is as good as the truth, to where its share of the time is used up, or
- * to where shorter steps have not helped for a while. */
-static void climb_ladder(climb *c, const truth *t, const entrant *who, const climb_plan *plan,
-                         double share) {
+/* Where stability sets the steps, a tolerance above the error already reached changes nothing. The
+ * tolerances of msim are relative to the extent, those of SUNDIALS to the motion, as errors are. */
+static int may_change_nothing(const truth *t, const entrant *who, double setting, double error) {
+  const double unit = who->integrator ? t->extent / t->motion : 1;
+  return who->by_tol && setting * unit > error;
+}
+
+/* Up to the first run that is as good as the truth, to where the next run would exceed the share
+ * of the time, or to where shorter steps have not helped for a while. */
+static void climb_ladder(climb *c, const entrant *who, double share) {
   enum { PATIENCE = 3 };
-  double setting = who->first, spent = 0, best = 1;
+  const truth *t = c->arena.truth;
+  const double until = wall_seconds() + share;
+  double setting = who->first, best = 1;
   for (int i = 0, worse = 0; i < MOST_RUNGS && worse < PATIENCE; i++, setting *= who->ratio) {
-    if (is_interrupted() || wall_seconds() > plan->until) return;
     const double start = wall_seconds();
-    contestant *run = add_rung(c, who, setting, plan);
+    if (is_interrupted() || start > until) return;
+    contestant *run = add_rung(c, who, setting, until);
     const rung *r = run->data;
     try_rung(t, run);
-    const double seconds = wall_seconds() - start;
-    spent += seconds;
-    worse += best < 1 && !(r->status == RAN && r->verdict.error < best);
     if (r->status == RAN && r->verdict.error < best) best = r->verdict.error, worse = 0;
+    else worse += best < 1 && !may_change_nothing(t, who, setting, best);
     if (r->status == FAILED && c->room.refused) return;
-    if (r->status == REFUSED || spent > share) return;
-    if (next_seconds(who, seconds) > plan->longest) return;
+    const double seconds = wall_seconds() - start;
+    if (r->status == REFUSED || next_seconds(who, seconds) > until - wall_seconds()) return;
+  }
+}
+
+/* A quarter of the time goes to `auto`, which the others are compared with; what is left over at
+ * one method is shared out among those that follow. */
+static void climb_all(climb *c, double until) {
+  const entrant *chosen = entrants_find(&c->entrants, AUTO_BY_TOL);
+  climb_ladder(c, chosen, (until - wall_seconds()) / 4);
+  for (int i = 0; i < c->entrants.count; i++) {
+    const entrant *who = &c->entrants.all[i];
+    const double share = (until - wall_seconds()) / (c->entrants.count - i);
+    if (who != chosen) climb_ladder(c, who, share);
   }
 }
 
@@ -91,10 +103,8 @@ int climb_run(const arena *a, const climb_plan *plan, climb *c) {
   c->rungs = malloc(most * sizeof *c->rungs);
   c->all = malloc(most * sizeof *c->all);
   if (!c->rungs || !c->all || !ending_make(t->view.nparticles, &c->room)) return 0;
-  for (int i = 0; i < c->entrants.count; i++) {
-    const double left = plan->until - plan->turns - wall_seconds();
-    climb_ladder(c, t, &c->entrants.all[i], plan, left / (c->entrants.count - i));
-  }
+  climb_all(c, plan->until - plan->turns);
+  for (int i = 0; i < c->count; i++) c->rungs[i].until = plan->until;
   const patience turns = {
       .most = 9, .budget = plan->turns, .until = fmin(plan->until, wall_seconds() + plan->turns)};
   contest(c->all, c->count, &turns);

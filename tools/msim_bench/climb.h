@@ -1,5 +1,5 @@
-/* climb - each entrant goes up the ladder of its settings, towards smaller errors, as far as there
- * is time; then all rungs run in turn, as often as there is time */
+/* climb - each entrant goes up the ladder of its settings, towards smaller errors, as far as its
+ * share of the time allows; then all rungs run in turn, as often as there is time */
 #ifndef BENCH_CLIMB_H
 #define BENCH_CLIMB_H
 
@@ -7,9 +7,8 @@
 #include "timing.h"
 
 typedef struct climb_plan {
-  double longest; /* s: no run takes longer */
-  double turns;   /* s: all rungs again */
-  double until;   /* on wall_seconds' clock */
+  double turns; /* s: all rungs again */
+  double until; /* on wall_seconds' clock */
 } climb_plan;
 
 /* REFUSED: the truth is not known well enough to tell its error. */
@@ -22,7 +21,7 @@ typedef struct rung {
   int status;
   verdict verdict;
   int64_t evaluations;
-  double limit, until; /* of a run: s, and on wall_seconds' clock */
+  double until; /* on wall_seconds' clock: when a run is cut off */
   ending *room;
 } rung;
 

@@ -72,6 +72,12 @@ void entrants_collect(const truth *t, const ode_methods *ode, entrants *list) {
   }
 }
 
+const entrant *entrants_find(const entrants *list, const char *name) {
+  for (const entrant *who = list->all; who < list->all + list->count; who++)
+    if (strcmp(who->name, name) == 0) return who;
+  return NULL;
+}
+
 /*------------------------------------- runs -----------------------------------------------------*/
 
 /* What the library calls for forces. */

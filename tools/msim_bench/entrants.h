@@ -28,6 +28,10 @@ typedef struct entrants {
 /* All that fit the scene. ode: NULL where there is no library. */
 void entrants_collect(const truth *t, const ode_methods *ode, entrants *list);
 
+/* NULL: it does not take part. */
+#define AUTO_BY_TOL "auto, tol"
+const entrant *entrants_find(const entrants *list, const char *name);
+
 /* One run by one setting. 0 where it failed, and why in e->reason. */
 typedef struct arena {
   const truth *truth;

@@ -13,11 +13,11 @@
 
 /* Of one scene, s. */
 typedef struct scene_plan {
-  double truth, longest, turns, whole;
+  double truth, turns, whole;
 } scene_plan;
 
-static const scene_plan plan_full = {.truth = 20, .longest = 4, .turns = 30, .whole = 120};
-static const scene_plan plan_quick = {.truth = 1.2, .longest = 0.1, .turns = 1, .whole = 7};
+static const scene_plan plan_full = {.truth = 20, .turns = 30, .whole = 120};
+static const scene_plan plan_quick = {.truth = 1.2, .turns = 1, .whole = 6};
 
 enum { SCENES = 16 };
 
@@ -45,14 +45,8 @@ static void compare_libraries(const climb *c, findings *f) {
                                       seconds_of(c, cheapest(c, 0, levels[l]), levels[l]));
 }
 
-static const entrant *find(const climb *c, const char *name) {
-  for (const entrant *who = c->entrants.all; who < c->entrants.all + c->entrants.count; who++)
-    if (strcmp(who->name, name) == 0) return who;
-  return NULL;
-}
-
 static void judge_auto(const climb *c, findings *f) {
-  const entrant *chosen = find(c, "auto, tol");
+  const entrant *chosen = entrants_find(&c->entrants, AUTO_BY_TOL);
   for (int l = 0; l < LEVELS; l++) {
     const double ratio =
         seconds_of(c, chosen, levels[l]) / seconds_of(c, cheapest(c, 1, levels[l]), levels[l]);
@@ -80,9 +74,9 @@ static void judge_tol(const climb *c, findings *f) {
 
 static void judge_respa(const climb *c, report *out) {
   if (strcmp(c->arena.truth->kind->name, "cord") != 0) return;
-  report_key(
-      out, "respa_over_velocity_verlet",
-      seconds_of(c, find(c, "respa"), 1e-2) / seconds_of(c, find(c, "velocity-verlet"), 1e-2));
+  report_key(out, "respa_over_velocity_verlet",
+             seconds_of(c, entrants_find(&c->entrants, "respa"), 1e-2) /
+                 seconds_of(c, entrants_find(&c->entrants, "velocity-verlet"), 1e-2));
 }
 
 static void report_findings(report *out, findings *f) {
@@ -102,7 +96,7 @@ static void measure(const bench_wishes *wishes, const precision_scene *kind, con
                     report *out, findings *f) {
   const scene_plan *plan = wishes->quick ? &plan_quick : &plan_full;
   const double until = wall_seconds() + plan->whole;
-  const climb_plan limits = {.longest = plan->longest, .turns = plan->turns, .until = until};
+  const climb_plan limits = {.turns = plan->turns, .until = until};
   truth t;
   kernel k = {.by_runs = 0};
   climb c = {.count = 0};

@@ -31,6 +31,7 @@ static void report_truth(report *out, const truth *t) {
   put_integer(row, "springs", t->view.nsprings);
   put_real(row, "t_end", t->t_end);
   put_real(row, "verlet_limit", t->limit);
+  put_real(row, "extent", t->extent);
   put_real(row, "motion", t->motion);
   put_real(row, "speed", t->speed);
   put_text(row, "beside", t->other);
