@@ -17,9 +17,11 @@ BESIDE_CHOLMOD = {"auto_over_tuned_cholmod_cloth64", "auto_over_tuned_cholmod_cl
                   "cholmod_slowdown_when_other_core_busy_cloth64"}
 BESIDE_DEFAULT = {"auto_over_default_cholmod_cloth100", "cholmod_step_over_default_cloth32",
                   "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100"}
-PRECISION = {"best_over_sundials_1e4", "best_over_sundials_1e6", "best_over_sundials_1e8",
-             "auto_over_best_p80", "auto_over_best_worst", "respa_over_velocity_verlet",
+PRECISION = {"auto_over_best_p80", "auto_over_best_worst", "auto_over_best_cells",
+             "auto_over_best_missing", "auto_over_best_empty", "respa_over_velocity_verlet",
              "error_over_tol_worst"}
+BESIDE_SUNDIALS = {f"{name}_over_sundials_{kind}{error}" for name in ("best", "auto")
+                   for kind in ("", "damped_") for error in ("1e4", "1e6", "1e8")}
 SCENES = ["trampoline", "folding", "stiff", "damped", "jelly", "chain", "dumbbells", "slide",
           "cord"]
 
@@ -75,15 +77,20 @@ class Quick(QuickTest):
         picture = ["--svg", "out.svg"] if shutil.which("gnuplot") else []
         result = self.run_quick("precision", "--csv", "out.csv", *picture)
         rows, found = result["rows"], result["summary"]
-        self.assertEqual(set(found) - PRECISION, set())
+        expected = PRECISION | (BESIDE_SUNDIALS if "ode" in result["machine"] else set())
+        self.assertEqual(set(found) - expected, set())
         for value in found.values():
-            self.assertTrue(value is None or value > 0, value)
+            self.assertTrue(value is None or value >= 0, value)
         truths = self.find(rows, measure="truth")
         self.assertEqual([row["scene"] for row in truths], SCENES)
         for truth in truths:
             with self.subTest(truth["scene"]):
                 self.check_truth(truth, self.find(rows, scene=truth["scene"]))
                 self.check_auto(truth, self.find(rows, scene=truth["scene"]))
+                self.check_cells(truth, self.find(rows, scene=truth["scene"]))
+        self.check_auto_over_best(self.find(rows, measure="cell"), found)
+        if "ode" in result["machine"]:
+            self.check_over_sundials(rows, found)
         self.check_order(rows, "velocity-verlet", 2)
         self.check_order(rows, "rk4", 4)
         with (self.folder / "out.csv").open(newline="") as file:
@@ -151,6 +158,62 @@ class Quick(QuickTest):
             if (truth["scene"], run["method"]) == self.UNVERIFIED and run["tol"] < 0.9e-7:
                 continue
             self.assertLess(run["error"] * truth["motion"], 10 * run["tol"] * truth["extent"])
+
+    def check_cells(self, truth, rows):
+        """A row for each error that the truth resolves, with the quickest of each side."""
+        if truth["status"] != "ok":
+            return
+        cells = self.find(rows, measure="cell")
+        known = 10 * truth["error"] * max(1, truth["growth"])
+        self.assertEqual([cell["error"] for cell in cells],
+                         [error for error in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10) if known <= error])
+        for cell in cells:
+            levels = self.find(rows, measure="level", error=cell["error"])
+            chosen = self.find(levels, method="auto, tol")
+            named = [row for row in self.find(levels, of="msim") if row not in chosen]
+            for key, found in [("auto_ms", chosen), ("best_ms", named),
+                               ("sundials_ms", self.find(levels, of="sundials"))]:
+                self.assertEqual(cell.get(key), min((row["ms"] for row in found), default=None))
+
+    @staticmethod
+    def ratio(a, b):
+        """The missing one is the worse."""
+        if b is None:
+            return None if a is None else 0
+        return math.inf if a is None else a / b
+
+    def check_same(self, found, ratio):
+        """JSON has no infinity."""
+        if ratio is None or math.isinf(ratio):
+            self.assertIsNone(found)
+        else:
+            self.assertAlmostEqual(found, ratio, delta=1e-6 * ratio)
+
+    def check_auto_over_best(self, cells, found):
+        ratios = [self.ratio(cell.get("auto_ms"), cell.get("best_ms")) for cell in cells]
+        known = [ratio for ratio in ratios if ratio is not None]
+        self.assertEqual(found["auto_over_best_cells"], len(known))
+        self.assertEqual(found["auto_over_best_missing"], known.count(math.inf))
+        self.assertEqual(found["auto_over_best_empty"], ratios.count(None))
+        self.check_same(found.get("auto_over_best_worst"), max(known))
+
+    def check_over_sundials(self, rows, found):
+        damped = ["damped"]
+        free = [name for name in SCENES if name not in ("damped", "jelly", "dumbbells", "slide")]
+        for kind, scenes in ("", free), ("damped_", damped):
+            for error in 1e-4, 1e-6, 1e-8:
+                cells = [cell for cell in self.find(rows, measure="cell", error=error)
+                         if cell["scene"] in scenes]
+                for name in "best", "auto":
+                    key = f"{name}_over_sundials_{kind}{error:.0e}".replace("e-0", "e")
+                    worst, = self.find(rows, measure="worst", name=key)
+                    self.assertEqual(worst["scenes"], len(cells))
+                    self.assertEqual(worst["without_sundials"],
+                                     sum("sundials_ms" not in cell for cell in cells))
+                    ratios = [self.ratio(cell.get(f"{name}_ms"), cell.get("sundials_ms"))
+                              for cell in cells]
+                    known = [ratio for ratio in ratios if ratio is not None]
+                    self.check_same(found.get(key), max(known, default=None))
 
     def check_order(self, rows, method, order):
         """Where a ladder is neither too coarse nor at rounding, half the step has 2^-order of the

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "../common/clock.h"
 #include "interrupt.h"
@@ -83,15 +84,28 @@ static void climb_ladder(climb *c, const entrant *who, double share) {
   }
 }
 
-/* A quarter of the time goes to `auto`, which the others are compared with; what is left over at
- * one method is shared out among those that follow. */
+enum { CHOSEN_BY_AUTO, LIBRARY, NAMED, GROUPS };
+
+static int group_of(const entrant *who) {
+  if (!who->integrator) return LIBRARY;
+  return strcmp(who->name, AUTO_BY_TOL) == 0 ? CHOSEN_BY_AUTO : NAMED;
+}
+
+/* What is left over at one method is shared out among those that follow. */
+static void climb_group(climb *c, int group, double until) {
+  const entrants *list = &c->entrants;
+  int left = 0;
+  for (int i = 0; i < list->count; i++) left += group_of(&list->all[i]) == group;
+  for (int i = 0; i < list->count; i++)
+    if (group_of(&list->all[i]) == group)
+      climb_ladder(c, &list->all[i], (until - wall_seconds()) / left--);
+}
+
+/* A third of the time for each group, so that whatever is compared in the end has a result. */
 static void climb_all(climb *c, double until) {
-  const entrant *chosen = entrants_find(&c->entrants, AUTO_BY_TOL);
-  climb_ladder(c, chosen, (until - wall_seconds()) / 4);
-  for (int i = 0; i < c->entrants.count; i++) {
-    const entrant *who = &c->entrants.all[i];
-    const double share = (until - wall_seconds()) / (c->entrants.count - i);
-    if (who != chosen) climb_ladder(c, who, share);
+  for (int group = 0; group < GROUPS; group++) {
+    const double start = wall_seconds();
+    climb_group(c, group, start + (until - start) / (GROUPS - group));
   }
 }
 

@@ -11,11 +11,13 @@
 enum { LEVELS = 5 };
 extern const double levels[LEVELS]; /* 1e-2, 1e-4, 1e-6, 1e-8, 1e-10 */
 
-/* s and evaluations; NAN: it did not come to it, or the truth is not known well enough. */
+/* s and evaluations; NAN: it did not come to it, takes no part, or the truth is not known well
+ * enough. */
 typedef struct cost {
   double seconds, evaluations;
 } cost;
 
+/* who: nullable */
 cost cost_of(const climb *c, const entrant *who, double error);
 
 /* The cheapest method of msim but `auto`, or of the library; NULL: none came to it. */

@@ -2,13 +2,13 @@
  * make something difficult, beside CVODE and ARKODE on the same forces */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "../common/clock.h"
 #include "../common/message.h"
 #include "benches.h"
 #include "interrupt.h"
+#include "precision_cells.h"
 #include "precision_rows.h"
 
 /* Of one scene, s. */
@@ -19,44 +19,11 @@ typedef struct scene_plan {
 static const scene_plan plan_full = {.truth = 20, .turns = 30, .whole = 120};
 static const scene_plan plan_quick = {.truth = 1.2, .turns = 1, .whole = 6};
 
-enum { SCENES = 16 };
-
-/* What the keys are made of. */
-typedef struct findings {
-  double over_sundials[LEVELS]; /* the largest; NAN: none */
-  double over_best[SCENES * LEVELS];
-  int nover_best;
-  double over_tol; /* the largest error of msim over tol; 0: none could be told */
-} findings;
-
-/*------------------------------------- keys -----------------------------------------------------*/
-
-static double seconds_of(const climb *c, const entrant *who, double error) {
-  return who ? cost_of(c, who, error).seconds : NAN;
-}
-
-/* fmax takes the number where the other is none. */
-static void compare_libraries(const climb *c, findings *f) {
-  const precision_scene *kind = c->arena.truth->kind;
-  if (kind->damped || kind->impacts) return;
-  for (int l = 0; l < LEVELS; l++)
-    f->over_sundials[l] =
-        fmax(f->over_sundials[l], seconds_of(c, cheapest(c, 1, levels[l]), levels[l]) /
-                                      seconds_of(c, cheapest(c, 0, levels[l]), levels[l]));
-}
-
-static void judge_auto(const climb *c, findings *f) {
-  const entrant *chosen = entrants_find(&c->entrants, AUTO_BY_TOL);
-  for (int l = 0; l < LEVELS; l++) {
-    const double ratio =
-        seconds_of(c, chosen, levels[l]) / seconds_of(c, cheapest(c, 1, levels[l]), levels[l]);
-    if (isfinite(ratio)) f->over_best[f->nover_best++] = ratio;
-  }
-}
+/*------------------------------------- keys of one scene ----------------------------------------*/
 
 /* In terms of the extent, as tol is, of rungs whose error the truth tells apart, above rounding, in
  * scenes that are not chaotic. */
-static void judge_tol(const climb *c, findings *f) {
+static void judge_tol(const climb *c, double *over_tol) {
   const double LEAST = 0.9e-8, CHAOTIC = 100;
   const truth *t = c->arena.truth;
   const double scale = t->motion / t->extent;
@@ -69,28 +36,22 @@ static void judge_tol(const climb *c, findings *f) {
   if (!worst) return;
   const double over = scale * worst->verdict.error / worst->setting;
   printf(" largest error over tol: %.3g, %s at %.0e\n", over, worst->who->name, worst->setting);
-  f->over_tol = fmax(f->over_tol, over);
+  *over_tol = fmax(*over_tol, over);
 }
 
 static void judge_respa(const climb *c, report *out) {
   if (strcmp(c->arena.truth->kind->name, "cord") != 0) return;
-  report_key(out, "respa_over_velocity_verlet",
-             seconds_of(c, entrants_find(&c->entrants, "respa"), 1e-2) /
-                 seconds_of(c, entrants_find(&c->entrants, "velocity-verlet"), 1e-2));
-}
-
-static void report_findings(report *out, findings *f) {
-  static const char *const keys[LEVELS] = {NULL, "best_over_sundials_1e4", "best_over_sundials_1e6",
-                                           "best_over_sundials_1e8", NULL};
-  for (int l = 0; l < LEVELS; l++)
-    if (keys[l]) report_key(out, keys[l], f->over_sundials[l]);
-  if (f->over_tol > 0) report_key(out, "error_over_tol_worst", f->over_tol);
-  if (f->nover_best == 0) return;
-  report_key(out, "auto_over_best_p80", quantile(f->nover_best, f->over_best, 0.8));
-  report_key(out, "auto_over_best_worst", quantile(f->nover_best, f->over_best, 1));
+  const cost respa = cost_of(c, entrants_find(&c->entrants, "respa"), 1e-2);
+  const cost verlet = cost_of(c, entrants_find(&c->entrants, "velocity-verlet"), 1e-2);
+  report_key(out, "respa_over_velocity_verlet", ratio_of_results(respa.seconds, verlet.seconds));
 }
 
 /*------------------------------------- all scenes -----------------------------------------------*/
+
+typedef struct findings {
+  cells cells;
+  double over_tol; /* the largest error of msim over tol; NAN: none could be told */
+} findings;
 
 static void measure(const bench_wishes *wishes, const precision_scene *kind, const ode_methods *ode,
                     report *out, findings *f) {
@@ -108,9 +69,8 @@ static void measure(const bench_wishes *wishes, const precision_scene *kind, con
     report_no_truth(out, kind, "out of memory");
   } else if (!is_interrupted()) {
     report_climb(out, &c);
-    compare_libraries(&c, f);
-    judge_auto(&c, f);
-    judge_tol(&c, f);
+    cells_add(&c, out, &f->cells);
+    judge_tol(&c, &f->over_tol);
     judge_respa(&c, out);
   }
   climb_free(&c);
@@ -119,7 +79,7 @@ static void measure(const bench_wishes *wishes, const precision_scene *kind, con
 }
 
 int bench_precision(const bench_wishes *wishes, report *r) {
-  findings f = {.nover_best = 0};
+  findings f = {.over_tol = NAN};
   const precision_scene *kind;
   char reason[256];
   if (wishes->nscenes)
@@ -129,9 +89,10 @@ int bench_precision(const bench_wishes *wishes, report *r) {
   if (ode) printf("beside %s\n", ode->library);
   else printf("without SUNDIALS: %s\n", reason);
   if (ode) json_object_set_new(r->machine, "ode", json_string(ode->library));
-  for (int l = 0; l < LEVELS; l++) f.over_sundials[l] = NAN;
   for (int i = 0; (kind = precision_scene_info(i)) != NULL && !is_interrupted(); i++)
     measure(wishes, kind, ode, r, &f);
-  report_findings(r, &f);
+  if (is_interrupted()) return 0;
+  report_cell_keys(&f.cells, ode != NULL, r);
+  report_key(r, "error_over_tol_worst", f.over_tol);
   return 0;
 }

@@ -158,16 +158,6 @@ static void print_columns(void) {
   printf(" %8s %9s %8s %8s\n", "at error", "evaluat.", "energy", "momentum");
 }
 
-/* What came out best at each level. */
-static void print_best(const climb *c, int of_msim, const char *title) {
-  printf(" best of %s:", title);
-  for (int l = 0; l < LEVELS; l++) {
-    const entrant *best = cheapest(c, of_msim, levels[l]);
-    if (best) printf("  %.0e %s", levels[l], best->name);
-  }
-  putchar('\n');
-}
-
 void report_climb(report *out, const climb *c) {
   const entrants *list = &c->entrants;
   report_truth(out, c->arena.truth);
@@ -178,8 +168,5 @@ void report_climb(report *out, const climb *c) {
     print_method(c, &list->all[i]);
     report_levels(out, c, &list->all[i]);
   }
-  print_best(c, 1, "msim");
-  if (c->arena.truth->kind->impacts) puts(" SUNDIALS takes no part: it reflects nothing");
-  else if (c->arena.ode) print_best(c, 0, c->arena.ode->library);
   fflush(stdout);
 }

@@ -89,6 +89,7 @@ double quantile(int n, double *v, double q) {
   qsort(v, (size_t)n, sizeof *v, ascending);
   const double at = q * (n - 1);
   const int below = (int)at, above = below + (below < n - 1);
+  if (at <= below || v[below] == v[above]) return v[below]; /* also where these are infinite */
   return v[below] + (at - below) * (v[above] - v[below]);
 }
 
