@@ -91,6 +91,10 @@ class Quick(QuickTest):
         self.check_auto_over_best(self.find(rows, measure="cell"), found)
         if "ode" in result["machine"]:
             self.check_over_sundials(rows, found)
+        if "ode" in result["machine"]:
+            self.check_split(rows, "cord", {"ARKODE IMEX", "ARKODE MRI"})
+            self.check_split(rows, "damped", {"ARKODE IMEX"})
+            self.check_split(rows, "folding", set())
         self.check_order(rows, "velocity-verlet", 2)
         self.check_order(rows, "rk4", 4)
         with (self.folder / "out.csv").open(newline="") as file:
@@ -214,6 +218,22 @@ class Quick(QuickTest):
                               for cell in cells]
                     known = [ratio for ratio in ratios if ratio is not None]
                     self.check_same(found.get(key), max(known, default=None))
+
+    def check_split(self, rows, scene, expected):
+        """Methods that take the forces in two parts are there where these are split, and come to
+        the same end as the others."""
+        rows = self.find(rows, scene=scene)
+        kernel, = self.find(rows, measure="kernel")
+        self.assertEqual("split_difference" in kernel, bool(expected))
+        self.assertLess(kernel.get("split_difference", 0), 1e-12)
+        runs = [row for row in self.find(rows, measure="rung", of="sundials")
+                if row["method"].startswith(("ARKODE IMEX", "ARKODE MRI"))]
+        self.assertEqual({row["method"][:11].strip() for row in runs}, expected)
+        for name in expected:
+            ended = [row for row in runs if row["method"].startswith(name)
+                     and "cut off" not in row.get("reason", "")]
+            if ended:
+                self.assertLess(min(row.get("error", 1) for row in ended), 1e-4)
 
     def check_order(self, rows, method, order):
         """Where a ladder is neither too coarse nor at rounding, half the step has 2^-order of the

@@ -112,7 +112,7 @@ static void climb_all(climb *c, double until) {
 int climb_run(const arena *a, const climb_plan *plan, climb *c) {
   const truth *t = a->truth;
   *c = (climb){.arena = *a};
-  entrants_collect(t, a->ode, &c->entrants);
+  entrants_collect(t, a->kernel->split.by, a->ode, &c->entrants);
   const size_t most = (size_t)c->entrants.count * MOST_RUNGS;
   c->rungs = malloc(most * sizeof *c->rungs);
   c->all = malloc(most * sizeof *c->all);

@@ -24,8 +24,9 @@ static void by_tol(entrant *who) {
 }
 
 static void by_step(const truth *t, entrant *who) {
-  const double own = longest_step(t->scene, who->integrator, NULL);
-  const int limited = isfinite(own) && strcmp(who->integrator, "respa") != 0;
+  const int multirate = !who->integrator || strcmp(who->integrator, "respa") == 0;
+  const double own = multirate ? INFINITY : longest_step(t->scene, who->integrator, NULL);
+  const int limited = isfinite(own);
   who->first = limited ? own : 64 * t->limit;
   who->ratio = 0.5;
 }
@@ -56,19 +57,21 @@ static void add_method(const truth *t, const char *integrator, int32_t collision
   }
 }
 
-void entrants_collect(const truth *t, const ode_methods *ode, entrants *list) {
+void entrants_collect(const truth *t, int split_by, const ode_methods *ode, entrants *list) {
   const msim_integrator_entry *entry;
-  const char *name;
+  const ode_method *method;
   list->count = 0;
   for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
     add_method(t, entry->name, MSIM_COLLISION_REFLECT, "", list);
     if (t->kind->impacts) add_method(t, entry->name, MSIM_COLLISION_EVENT, ", event", list);
   }
-  for (int i = 0; ode && !t->kind->impacts && (name = ode->name(i)) != NULL; i++) {
-    entrant *who = add(list, name, "");
+  for (int i = 0; ode && !t->kind->impacts && (method = ode->info(i)) != NULL; i++) {
+    if (method->splits && !(method->splits & split_by)) continue;
+    entrant *who = add(list, method->name, "");
     if (!who) return;
     who->ode = i;
-    by_tol(who);
+    if (method->by_step) by_step(t, who);
+    else by_tol(who);
   }
 }
 
@@ -84,21 +87,21 @@ const entrant *entrants_find(const entrants *list, const char *name) {
 typedef struct call {
   const kernel *kernel;
   double until;
-  int64_t evaluations;
+  int64_t evaluations; /* a part of the forces counts as one */
   int stopped;
 } call;
 
-static int force(void *data, const double *x, const double *v, double *f) {
+static int force(void *data, int part, const double *x, const double *v, double *f) {
   call *c = data;
   c->evaluations++;
   c->stopped = is_interrupted() || wall_seconds() > c->until;
-  if (!c->stopped) kernel_force(c->kernel, x, v, f);
+  if (!c->stopped) kernel_force(c->kernel, part, x, v, f);
   return !c->stopped;
 }
 
 /* The library's clock starts when it gets arrays that are ready. x, v: room for where it came to.
  */
-static void time_ode(const arena *a, const entrant *who, double tol, double until, double *x,
+static void time_ode(const arena *a, const entrant *who, double setting, double until, double *x,
                      double *v, ending *e) {
   const truth *t = a->truth;
   call c = {.kernel = a->kernel, .until = until};
@@ -108,10 +111,11 @@ static void time_ode(const arena *a, const entrant *who, double tol, double unti
                                .inverse = a->kernel->inverse,
                                .t_end = t->t_end,
                                .scales = {t->motion, t->speed},
+                               .split = a->kernel->split.by,
                                .force = force,
                                .data = &c};
   const double start = wall_seconds();
-  const int status = a->ode->solve(who->ode, &problem, tol, x, v);
+  const int status = a->ode->solve(who->ode, &problem, setting, x, v);
   e->seconds = wall_seconds() - start;
   e->evaluations = c.evaluations;
   e->reason[0] = '\0';
@@ -119,13 +123,13 @@ static void time_ode(const arena *a, const entrant *who, double tol, double unti
   else if (status) snprintf(e->reason, sizeof e->reason, "SUNDIALS' status is %d", status);
 }
 
-static int run_ode(const arena *a, const entrant *who, double tol, double until, ending *e) {
+static int run_ode(const arena *a, const entrant *who, double setting, double until, ending *e) {
   const size_t n = 3 * (size_t)a->truth->view.nparticles;
   double *x = malloc(2 * n * sizeof *x);
   snprintf(e->reason, sizeof e->reason, "out of memory");
   e->refused = x == NULL;
   if (!x) return 0;
-  time_ode(a, who, tol, until, x, x + n, e);
+  time_ode(a, who, setting, until, x, x + n, e);
   kernel_unfold(a->kernel, x, e->x);
   kernel_unfold(a->kernel, x + n, e->v);
   free(x);

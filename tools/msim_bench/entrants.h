@@ -1,8 +1,8 @@
 /* entrants - who takes part in the bench `precision`, and by which settings, fixed beforehand
  *
  * Methods of msim at fixed steps: h = L, L/2, L/4, ... from their longest stable step L on, or from
- * 64 times that of Verlet where they have none. Under error control, and SUNDIALS: tol = 1e-1,
- * 1e-2, ... */
+ * 64 times that of Verlet where they have none; MRIStep of SUNDIALS likewise, by its slow steps.
+ * Under error control, and other methods of SUNDIALS: tol = 1e-1, 1e-2, ... */
 #ifndef BENCH_ENTRANTS_H
 #define BENCH_ENTRANTS_H
 
@@ -25,8 +25,8 @@ typedef struct entrants {
   entrant all[MOST_ENTRANTS];
 } entrants;
 
-/* All that fit the scene. ode: NULL where there is no library. */
-void entrants_collect(const truth *t, const ode_methods *ode, entrants *list);
+/* All that fit the scene. split_by: how its forces are split, 0: not at all; ode: nullable. */
+void entrants_collect(const truth *t, int split_by, const ode_methods *ode, entrants *list);
 
 /* NULL: it does not take part. */
 #define AUTO_BY_TOL "auto, tol"

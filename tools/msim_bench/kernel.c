@@ -6,6 +6,7 @@
 
 #include "../common/clock.h"
 #include "interrupt.h"
+#include "ode.h"
 
 enum { TIMES = 5, CALLS = 200 };
 
@@ -36,16 +37,18 @@ static void keep_start(kernel *k) {
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-void kernel_force(const kernel *k, const double *x, const double *v, double *f) {
-  if (k->by_runs) runs_force(&k->runs, x, v, f);
+void kernel_force(const kernel *k, int part, const double *x, const double *v, double *f) {
+  if (part == STIFF_FORCES) runs_force(&k->split.stiff, x, v, f);
+  else if (part == OTHER_FORCES) runs_force(&k->split.others, x, v, f);
+  else if (k->by_runs) runs_force(&k->runs, x, v, f);
   else msim_sim_force(k->truth->judge, x, v, f);
 }
 
-static double time_forces(const kernel *k, const double *x, const double *v, double *f) {
+static double time_forces(const kernel *k, int part, const double *x, const double *v, double *f) {
   double best = INFINITY;
   for (int i = 0; i < TIMES && !is_interrupted(); i++) {
     const double start = wall_seconds();
-    for (int call = 0; call < CALLS; call++) kernel_force(k, x, v, f);
+    for (int call = 0; call < CALLS; call++) kernel_force(k, part, x, v, f);
     best = fmin(best, (wall_seconds() - start) / CALLS);
   }
   return best;
@@ -63,17 +66,33 @@ static double compare(const kernel *k, const double *f, const double *flat) {
   return apart / largest;
 }
 
-/* Both at the end of the run, where springs are strained. f: room for 3n, twice. */
+/* Both ways at the end of the run, where springs are strained. f: room for 3n, twice. */
 static void choose(kernel *k, double *f) {
   const truth *t = k->truth;
   double *flat = f + 3 * (size_t)t->view.nparticles;
-  k->flat_s = time_forces(k, t->end.x, t->end.v, flat);
+  k->flat_s = time_forces(k, ALL_FORCES, t->end.x, t->end.v, flat);
   k->by_runs = 1;
   fold(k, t->end.x, k->x);
   fold(k, t->end.v, k->v);
-  k->runs_s = time_forces(k, k->x, k->v, f);
+  k->runs_s = time_forces(k, ALL_FORCES, k->x, k->v, f);
   k->difference = compare(k, f, flat);
-  k->by_runs = k->runs_s < k->flat_s && k->difference < 1e-9;
+  k->by_runs = (k->runs_s < k->flat_s || k->split.by) && k->difference < 1e-9;
+}
+
+/* Of the parts, likewise: their times, and how far their sum is from the whole. */
+static void check_split(kernel *k, double *f) {
+  const size_t n = 3 * (size_t)k->truth->view.nparticles;
+  double *other = f + n, apart = 0, largest = 0;
+  k->stiff_s = time_forces(k, STIFF_FORCES, k->x, k->v, f);
+  k->others_s = time_forces(k, OTHER_FORCES, k->x, k->v, other);
+  for (size_t i = 0; i < n; i++) f[i] += other[i];
+  kernel_force(k, ALL_FORCES, k->x, k->v, other);
+  for (size_t i = 0; i < n; i++) {
+    apart = fmax(apart, fabs(f[i] - other[i]));
+    largest = fmax(largest, fabs(other[i]));
+  }
+  k->split_difference = apart / largest;
+  if (!k->by_runs || !(k->split_difference < 1e-9)) k->split.by = 0;
 }
 
 /*------------------------------------- a sim ----------------------------------------------------*/
@@ -105,11 +124,16 @@ int kernel_make(const truth *t, kernel *k) {
                 .v = malloc(bytes),
                 .inverse = malloc(bytes),
                 .create_s = INFINITY,
-                .step_s = INFINITY};
+                .step_s = INFINITY,
+                .stiff_s = NAN,
+                .others_s = NAN,
+                .split_difference = NAN};
   double *f = malloc(2 * bytes);
-  const int made = runs_make(&t->view, &k->runs) && k->x && k->v && k->inverse && f;
+  const int made = runs_make(&t->view, &k->runs) && split_make(t->kind, &t->view, &k->split) &&
+                   k->x && k->v && k->inverse && f;
   if (made) {
     choose(k, f);
+    if (k->split.by) check_split(k, f);
     keep_start(k);
     for (int i = 0; i < TIMES && !is_interrupted(); i++) time_sim(k);
   }
@@ -119,6 +143,7 @@ int kernel_make(const truth *t, kernel *k) {
 
 void kernel_free(kernel *k) {
   runs_free(&k->runs);
+  split_free(&k->split);
   free(k->x), free(k->v), free(k->inverse);
   *k = (kernel){.by_runs = 0};
 }

@@ -11,8 +11,8 @@ enum { MOST_CELLS = 16 * LEVELS };
 /* s, NAN: that one has no result */
 typedef struct cell {
   const precision_scene *scene;
-  int level;    /* of `levels` */
-  int compared; /* SUNDIALS takes part */
+  int level;                     /* of `levels` */
+  int compared;                  /* SUNDIALS takes part */
   double best, chosen, sundials; /* chosen: by `auto` */
 } cell;
 

@@ -53,9 +53,16 @@ static void report_kernel(report *out, const kernel *k) {
   put_real(row, "loop_us", 1e6 * k->runs_s);
   put_real(row, "step_us", 1e6 * k->step_s);
   put_real(row, "create_ms", 1e3 * k->create_s);
+  put_real(row, "stiff_part_us", 1e6 * k->stiff_s);
+  put_real(row, "other_part_us", 1e6 * k->others_s);
   put_real(row, "difference", k->difference);
+  put_real(row, "split_difference", k->split_difference);
   printf(" forces: %.3g us through flat arrays, %.3g us by a loop of our own; SUNDIALS gets %s\n",
          1e6 * k->flat_s, 1e6 * k->runs_s, names[k->by_runs]);
+  if (k->split.by)
+    printf(
+        " split in two for MRIStep and IMEX methods: %.3g us the stiff part, %.3g us the others\n",
+        1e6 * k->stiff_s, 1e6 * k->others_s);
   printf(" a whole step of Verlet takes %.3g us, making the sim %.2g ms\n", 1e6 * k->step_s,
          1e3 * k->create_s);
 }

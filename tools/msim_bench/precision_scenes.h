@@ -12,6 +12,7 @@ typedef struct precision_scene {
   double ends[2];   /* s: the time that is looked at */
   int damped;       /* forces depend on velocities */
   int impacts;      /* planes are hit */
+  double stiff;     /* N/m: springs from here on are much stiffer than the others; 0: none are */
   msim_status (*build)(int32_t side, msim_scene *scene, msim_error *err);
 } precision_scene;
 

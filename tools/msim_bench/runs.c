@@ -47,6 +47,7 @@ static void fill(const msim_scene_view *view, link *links, runs *r) {
   for (int32_t s = 0; s < view->nsprings; s++) {
     const int32_t i = view->ij[2 * s], j = view->ij[2 * s + 1];
     links[s] = (link){i < j ? i : j, i < j ? j : i, s};
+    r->elastic |= view->k[s] > 0;
     r->damped |= view->damping[s] > 0;
   }
   qsort(links, (size_t)view->nsprings, sizeof *links, compare);
@@ -111,6 +112,11 @@ WIDE static void damp(int32_t length, int32_t n, const double *restrict xi,
   }
 }
 
+static void clear(int32_t length, pulls *p) {
+  double *const components[3] = {p->x, p->y, p->z};
+  for (int c = 0; c < 3; c++) memset(components[c], 0, (size_t)length * sizeof(double));
+}
+
 WIDE static void add(int32_t length, double sign, const double *restrict p, double *restrict f) {
   for (int32_t s = 0; s < length; s++) f[s] += sign * p[s];
 }
@@ -128,7 +134,9 @@ void runs_force(const runs *r, const double *x, const double *v, double *f) {
   memcpy(f, r->weight, 3 * (size_t)r->n * sizeof *f);
   if (r->drag > 0) add(3 * r->n, -r->drag, v, f);
   for (const spring_run *run = r->all; run < r->all + r->count; run++) {
-    pull(run->length, r->n, x + run->i, x + run->j, r->k + run->first, r->rest + run->first, &p);
+    if (r->elastic)
+      pull(run->length, r->n, x + run->i, x + run->j, r->k + run->first, r->rest + run->first, &p);
+    else clear(run->length, &p);
     if (r->damped)
       damp(run->length, r->n, x + run->i, x + run->j, v + run->i, v + run->j,
            r->damping + run->first, &p);

@@ -14,8 +14,8 @@ typedef struct runs {
   int32_t n, count, used;
   spring_run *all;
   double *k, *rest, *damping; /* `used` springs, in the order of the runs */
-  int damped;
-  double *weight; /* 3n, x of all, then y, then z: m g, 0 where pinned */
+  int elastic, damped;        /* any spring has k, damping */
+  double *weight;             /* 3n, x of all, then y, then z: m g, 0 where pinned */
   double drag;
 } runs;
 
