@@ -16,7 +16,7 @@ typedef struct scene_plan {
   double truth, turns, whole;
 } scene_plan;
 
-static const scene_plan plan_full = {.truth = 20, .turns = 30, .whole = 120};
+static const scene_plan plan_full = {.truth = 20, .turns = 20, .whole = 98};
 static const scene_plan plan_quick = {.truth = 1.2, .turns = 1, .whole = 6};
 
 /*------------------------------------- keys of one scene ----------------------------------------*/
