@@ -1,5 +1,6 @@
-/* Every state in which a crash can leave a trajectory: whatever the disk kept of what was written,
- * the file opens, holds every frame that was written, and can be gone on with to the same bytes.
+/* Every state in which a crash can leave a trajectory while it is created, written and resumed:
+ * whatever the disk kept of what was written, the file holds every frame whose write had returned
+ * and resumes to the same bytes. Only a file whose creation had not ended may be refused.
  *
  *   test_hdf5_replay                    the tests
  *   test_hdf5_replay states FOLDER      some of the states, as FOLDER/I_FRAMES.vtkhdf, for VTK
@@ -11,12 +12,13 @@
 #include <inttypes.h>
 #include <sys/syscall.h>
 
+#include "scenes.h"
 #include "trajectory.h"
 
 /*------------------------------------- what is written ------------------------------------------*/
 
 typedef struct operation {
-  enum { WRITE, RESIZE, RESERVE, SYNC } kind;
+  enum { WRITE, RESIZE, RESERVE, SYNC, RENAME } kind;
   size_t at, length;
   char *data; /* of a WRITE */
   int frames; /* whose write() had returned before */
@@ -25,6 +27,7 @@ typedef struct operation {
 enum { MOST = 4000 };
 static operation journal[MOST];
 static int noperations, is_open, frames_returned;
+static int created; /* operations before open() returned */
 
 static void note(int kind, size_t at, size_t length, const void *data) {
   if (!is_open) return;
@@ -56,6 +59,11 @@ SEEN int fdatasync(int fd) {
   (void)fd;
   note(SYNC, 0, 0, NULL);
   return 0;
+}
+
+SEEN int rename(const char *from, const char *to) {
+  note(RENAME, 0, 0, NULL);
+  return (int)syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, 0);
 }
 
 /*------------------------------------- the disk -------------------------------------------------*/
@@ -100,8 +108,8 @@ enum { N = 90, NSPRINGS = 20, FRAMES = 6 };
 
 static counting_host host;
 static sample s;
-static image first, whole; /* when open() has returned, and at the end */
-static int nstates;        /* checked */
+static image first, whole;    /* before the first operation, and at the end */
+static int nstates, nrefused; /* that were checked, and of these */
 
 static void load(image *to, const char *path) {
   size_t length = 0;
@@ -112,49 +120,125 @@ static void load(image *to, const char *path) {
   free(bytes);
 }
 
-/* All frames: as they are written, the journal tells. */
+/* Record the rest of a file that open() or resume() has made ready. */
+static void write_rest(void *self) {
+  while (frames_returned < FRAMES) {
+    const msim_frame frame = sample_frame(&s, frames_returned);
+    assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+    frames_returned++;
+  }
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+}
+
+/* The journal of a whole run. */
 static void run(int sync) {
   const msim_recorder_type *hdf5 = plugin();
   void *self;
   host_init(&host);
   sample_init(&s, "a.vtkhdf", N, NSPRINGS, FRAMES);
   s.what.sync = sync;
-  noperations = frames_returned = nstates = 0;
-  assert_int_equal(hdf5->open(&host.host, &s.what, &self), MSIM_OK);
-  load(&first, "a.vtkhdf");
+  resize(&first, 0);
+  noperations = frames_returned = nstates = nrefused = 0;
   is_open = 1;
-  for (int i = 0; i < FRAMES; i++) {
-    const msim_frame frame = sample_frame(&s, i);
-    assert_int_equal(hdf5->write(self, &frame), MSIM_OK);
-    frames_returned++;
-  }
-  assert_int_equal(hdf5->close(self), MSIM_OK);
+  assert_int_equal(hdf5->open(&host.host, &s.what, &self), MSIM_OK);
+  created = noperations;
+  write_rest(self);
   is_open = 0;
   load(&whole, "a.vtkhdf");
 }
 
+static void forget_journal(void) {
+  while (noperations > 0) free(journal[--noperations].data);
+}
+
 static void forget(void) {
-  for (int i = 0; i < noperations; i++) free(journal[i].data);
+  forget_journal();
   sample_free(&s);
   remove("a.vtkhdf");
 }
 
-/* The frames that had been written are in it and good, and at most one more; and who goes on from
- * there ends with the same bytes. */
-static void check(const image *state, int frames, const char *what, int at) {
+/* A file of `written` frames; is_stopped: the last one at a time that is not planned. */
+static void record_part(int written, int is_stopped) {
+  void *self;
+  assert_int_equal(plugin()->open(&host.host, &s.what, &self), MSIM_OK);
+  for (int i = 0; i < written; i++) {
+    const int is_last = is_stopped && i == written - 1;
+    msim_frame frame = sample_frame(&s, is_last ? FRAMES : i);
+    if (is_last) frame.t = s.times[i] - 0.05;
+    assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+  }
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+}
+
+/* The journal of a run that resumes a file of `written` frames. One that is not planned is
+ * withdrawn. */
+static void run_resumed(int sync, int written, int is_stopped) {
+  void *self;
+  msim_resumption from = {.size = sizeof from};
+  run(sync);
+  forget_journal();
+  record_part(written, is_stopped);
+  load(&first, "a.vtkhdf");
+  created = 0, frames_returned = written - is_stopped;
+  is_open = 1;
+  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  assert_int_equal(from.frames, frames_returned);
+  write_rest(self);
+  is_open = 0;
+}
+
+/*------------------------------------- one state ------------------------------------------------*/
+
+/* Its creation had not ended; resume() says why in one line, and leaves it as it was. */
+static void check_refused(const image *state, const char *what, int at) {
+  static image after;
+  load(&after, "state.vtkhdf");
+  const char *line_end = strchr(host.sentence, '\n');
+  if (at >= created || !strstr(host.sentence, "state.vtkhdf: cannot go on with the file: ") ||
+      line_end || after.length != state->length ||
+      memcmp(after.bytes, state->bytes, state->length) != 0)
+    fail_msg("%s at operation %d: refused by '%s'", what, at, host.sentence);
+  nrefused++;
+}
+
+/* The frames whose write had returned are in it and good, and at most one more; a run that resumes
+ * it keeps these and ends with the same bytes. */
+static void check_resumed(int frames, const char *what, int at) {
   static image end;
   int64_t planned, kept;
-  save(state, "state.vtkhdf");
   const int64_t good = verify("state.vtkhdf", &planned);
   if (good < frames || good > frames + 1 || planned != FRAMES)
     fail_msg("%s at operation %d: %" PRId64 " good frames of %d", what, at, good, frames);
-  s.what.path = "state.vtkhdf";
   if (record_on(plugin(), &host.host, &s, FRAMES, &kept) != MSIM_OK)
     fail_msg("%s at operation %d: %s", what, at, host.sentence);
   load(&end, "state.vtkhdf");
-  if (kept < good - 1 || end.length != whole.length ||
+  if (kept < frames || end.length != whole.length ||
       memcmp(end.bytes, whole.bytes, whole.length) != 0)
     fail_msg("%s at operation %d: %" PRId64 " frames kept, another end", what, at, kept);
+}
+
+/* 1: the file resumes, with the checkpoint of the last frame that it keeps. */
+static int resumes(void) {
+  void *self;
+  msim_resumption from = {.size = sizeof from};
+  host.sentence[0] = '\0';
+  if (plugin()->resume(&host.host, &s.what, &from, &self) != MSIM_OK) return 0;
+  if (from.frames > 0) {
+    const msim_frame last = sample_frame(&s, from.frames - 1);
+    assert_int_equal(from.step, last.step);
+    assert_int_equal(from.checkpoint_length, last.checkpoint_length);
+    assert_memory_equal(from.checkpoint, last.checkpoint, last.checkpoint_length);
+  }
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  return 1;
+}
+
+/* `frames` had been written. */
+static void check(const image *state, int frames, const char *what, int at) {
+  save(state, "state.vtkhdf");
+  s.what.path = "state.vtkhdf";
+  if (resumes()) check_resumed(frames, what, at);
+  else check_refused(state, what, at);
   s.what.path = "a.vtkhdf";
   nstates++;
   remove("state.vtkhdf");
@@ -163,13 +247,11 @@ static void check(const image *state, int frames, const char *what, int at) {
 /*------------------------------------- killed ---------------------------------------------------*/
 
 /* Between two operations, or within a write: at each page of the disk, and in the middle. */
-static void killed_at_any_moment(void **state) {
-  (void)state;
+static void kill_at_any_moment(void) {
   enum { PAGE = 4096 };
   image now = {0}, torn = {0};
-  run(0);
   copy(&now, &first);
-  check(&now, 0, "killed", 0);
+  check(&now, journal[0].frames, "killed", 0);
   for (int i = 0; i < noperations; i++) {
     const operation *o = &journal[i];
     for (size_t bytes = PAGE - o->at % PAGE; o->kind == WRITE && bytes < o->length; bytes += PAGE) {
@@ -183,10 +265,53 @@ static void killed_at_any_moment(void **state) {
     apply(&now, o, o->length);
     check(&now, o->frames, "killed", i + 1);
   }
-  print_message("%d operations, %d states\n", noperations, nstates);
-  assert_in_range(noperations, 10 * FRAMES, MOST);
+  print_message("%d operations, %d states, %d refused\n", noperations, nstates, nrefused);
   free(now.bytes), free(torn.bytes);
   forget();
+}
+
+static void killed_in_a_new_file(void **state) {
+  (void)state;
+  run(0);
+  assert_in_range(created, 10, MOST);
+  assert_in_range(noperations - created, 10 * FRAMES, MOST);
+  kill_at_any_moment();
+  assert_true(nrefused > 0);
+}
+
+static void killed_in_a_resumed_file(void **state) {
+  (void)state;
+  for (int written = 0; written < FRAMES; written++) {
+    for (int is_stopped = 0; is_stopped < 2 && is_stopped * 2 <= written; is_stopped++) {
+      run_resumed(0, written, is_stopped);
+      kill_at_any_moment();
+    }
+  }
+}
+
+/* Until all of a new file is on the disk it has a name of its own, so that the states in which it
+ * would be refused, or an older file be lost, are never those of the file that was asked for. */
+static void named_when_it_is_whole(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
+  msim_scene *scene = single(x, v, 9.81);
+  msim_options opt = options("velocity-verlet", 0.01);
+  msim_recorder *recorder;
+  int synced = 0;
+  if (!plugin()) skip();
+  opt.steps = 6, opt.every = 1, opt.sync = 1;
+  msim_sim *sim = make_sim(scene, &opt);
+  is_open = 1;
+  assert_ok(msim_recorder_open(sim, "a.vtkhdf", &recorder, err));
+  is_open = 0;
+  for (int i = 0; i < noperations; i++)
+    if (journal[i].kind == WRITE || journal[i].kind == SYNC) synced = journal[i].kind == SYNC;
+  assert_true(synced);
+  assert_int_equal(journal[noperations - 1].kind, RENAME);
+  assert_ok(msim_recorder_close(recorder, err));
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+  forget_journal();
+  remove("a.vtkhdf");
 }
 
 /*------------------------------------- power cuts -----------------------------------------------*/
@@ -199,12 +324,10 @@ static int coin(void) {
 }
 
 /* Up to the last sync all is on the disk; of what follows anything, torn writes too. */
-static void power_cut_at_any_moment(void **state) {
-  (void)state;
+static void cut_power_at_any_moment(void) {
   enum { TRIES = 8 };
   image synced = {0}, now = {0};
   int from = 0;
-  run(1);
   copy(&synced, &first);
   for (int i = 0; i <= noperations; i++) {
     for (int try = 0; try < TRIES && i > from; try++) {
@@ -218,9 +341,23 @@ static void power_cut_at_any_moment(void **state) {
     if (i == noperations || journal[i].kind != SYNC) continue;
     for (; from <= i; from++) apply(&synced, &journal[from], journal[from].length);
   }
-  print_message("%d states\n", nstates);
+  print_message("%d states, %d refused\n", nstates, nrefused);
   free(synced.bytes), free(now.bytes);
   forget();
+}
+
+static void power_cut_in_a_new_file(void **state) {
+  (void)state;
+  run(1);
+  cut_power_at_any_moment();
+}
+
+static void power_cut_in_a_resumed_file(void **state) {
+  (void)state;
+  for (int is_stopped = 0; is_stopped < 2; is_stopped++) {
+    run_resumed(1, 3, is_stopped);
+    cut_power_at_any_moment();
+  }
 }
 
 /*------------------------------------- for VTK --------------------------------------------------*/
@@ -231,7 +368,8 @@ static int write_states(const char *folder) {
   if (chdir(folder) != 0) return 1;
   run(0);
   copy(&now, &first);
-  for (int i = 0; i < noperations; i++) {
+  for (int i = 0; i < created; i++) apply(&now, &journal[i], journal[i].length);
+  for (int i = created; i < noperations; i++) {
     int64_t planned;
     apply(&now, &journal[i], i % 2 ? journal[i].length / 2 : journal[i].length);
     save(&now, "state.vtkhdf");
@@ -247,8 +385,9 @@ static int write_states(const char *folder) {
 int main(int argc, char **argv) {
   if (!plugin()) return missing_status("the recorder hdf5");
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(killed_at_any_moment),
-      cmocka_unit_test(power_cut_at_any_moment),
+      cmocka_unit_test(killed_in_a_new_file),        cmocka_unit_test(killed_in_a_resumed_file),
+      cmocka_unit_test(named_when_it_is_whole),      cmocka_unit_test(power_cut_in_a_new_file),
+      cmocka_unit_test(power_cut_in_a_resumed_file),
   };
   if (argc == 3 && strcmp(argv[1], "states") == 0) return write_states(argv[2]);
   int status = cmocka_run_group_tests(tests, enter_folder, leave_folder);
