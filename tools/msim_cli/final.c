@@ -31,17 +31,21 @@ static int put_triples(FILE *stream, const char *key, int32_t n, const double *x
   return done && fputc(']', stream) != EOF;
 }
 
+/* NULL: out of memory. */
 static json_t *stats_object(const msim_stats *stats) {
   json_t *object = json_object(), *seconds = json_object();
   const char *name;
   int64_t count;
   double s;
+  int failed = 0;
   for (int i = 0; (name = stats_counter(stats, i, &count)) != NULL; i++)
-    json_object_set_new(object, name, json_integer(count));
+    failed |= json_object_set_new(object, name, json_integer(count));
   for (int i = 0; (name = stats_phase(stats, i, &s)) != NULL; i++)
-    json_object_set_new(seconds, name, json_real(s));
-  json_object_set_new(object, "seconds", seconds);
-  return object;
+    failed |= json_object_set_new(seconds, name, json_real(s));
+  failed |= json_object_set_new(object, "seconds", seconds);
+  if (!failed) return object;
+  json_decref(object);
+  return NULL;
 }
 
 static json_t *energy_object(const msim_energy *energy) {
