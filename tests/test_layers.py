@@ -6,9 +6,17 @@ from pathlib import Path
 import support
 
 LEVELS = {"base": 0, "scene": 1, "layout": 2, "physics": 3, "linear": 4, "integrate": 5, "sim": 6}
+# What a module may include beside its own headers and those of C11; layout, physics, linear and
+# integrate compute, and nothing else.
+C11 = {name + ".h" for name in
+       """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
+       stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath time
+       wchar wctype""".split()}
+SYSTEM = {"base": {"dlfcn.h", "immintrin.h", "pthread.h", "sched.h", "unistd.h"},
+          "scene": {"jansson.h"}, "sim": {"fcntl.h", "sys/stat.h", "unistd.h"}}
 LONGEST_FILE, LONGEST_FUNCTION, LONGEST_LINE = 500, 80, 100
 
-INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:"([^"]+)"|<(msim/[^>]+)>)', re.M)
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:"([^"]+)"|<([^>]+)>)', re.M)
 COMMENT_OR_STRING = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|'
                                r"'(?:\\.|[^'\\\n])*'", re.S)
 PREPROCESSOR = re.compile(r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", re.M)
@@ -22,9 +30,20 @@ def name(path):
     return str(path.relative_to(support.SOURCE))
 
 
+def is_ours(include):
+    return any((support.SOURCE / folder / include).is_file() for folder in ("include", "src"))
+
+
 def includes(path):
-    """The headers of ours that a file includes, as it spells them."""
-    return [quoted or ours for quoted, ours in INCLUDE.findall(path.read_text())]
+    """The headers of the project that a file includes, as it spells them, in either quotes."""
+    return [quoted or angled for quoted, angled in INCLUDE.findall(path.read_text())
+            if quoted or is_ours(angled)]
+
+
+def system_includes(path):
+    """All other headers that a file includes."""
+    return [angled for _, angled in INCLUDE.findall(path.read_text())
+            if angled and not is_ours(angled)]
 
 
 def is_neighbour(path, include):
@@ -73,6 +92,9 @@ class Layers(unittest.TestCase):
                 self.check(path, include, module == "msim" or module in LEVELS, "unknown module")
                 self.check(path, include, LEVELS.get(module, 0) <= LEVELS[own],
                            f"{module} is above {own}")
+            for include in system_includes(path):
+                self.check(path, include, include in C11 | SYSTEM.get(own, set()),
+                           f"{own} needs no such header")
 
     def test_backends_see_their_table_only(self):
         for path in files("backends"):
@@ -96,6 +118,9 @@ class Layers(unittest.TestCase):
         for path in files("include"):
             for include in includes(path):
                 self.check(path, include, include.startswith("msim/"), "not public")
+            for include in system_includes(path):
+                self.check(path, include, include in ("stddef.h", "stdint.h"),
+                           "a program that includes it would need that, too")
 
 
 class Sizes(unittest.TestCase):
