@@ -1,229 +1,10 @@
-/* integrator = auto: which method it takes, and what that is worth. */
+/* integrator = auto: the same choice each time, and why; a new one for another state or springs. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "auto_scenes.h"
 #include "bank.h"
-#include "scenes.h"
-#include "sim/sim.h"
-
-/*------------------------------------- scenes ---------------------------------------------------*/
-
-static msim_scene *soft_cloth(void) { return hanging_cloth(5, 30, 0); }
-static msim_scene *stiff_cloth(void) { return hanging_cloth(5, 3e4, 0); }
-static msim_scene *damped_cloth(void) { return hanging_cloth(5, 300, 0.05); }
-static msim_scene *felt(void) { return hanging_cloth(5, 3000, 10); }
-
-/* It swings from one end. */
-static msim_scene *swing(int32_t n, double k, double damping) {
-  const double g[3] = {0, 0, -9.81};
-  const int32_t first = 0;
-  const msim_rope rope = {.size = sizeof rope,
-                          .n = n,
-                          .to = {1, 0, 0},
-                          .mass = 0.2,
-                          .k = k,
-                          .damping = damping,
-                          .npinned = 1,
-                          .pinned = &first};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_rope(scene, &rope, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
-}
-
-static msim_scene *pendulum(void) { return swing(6, 500, 0); }
-static msim_scene *wire(void) { return swing(3, 1e9, 1e4); }
-
-static msim_scene *ball(void) {
-  const double x[3] = {0, 0, 1}, v[3] = {0};
-  msim_scene *scene = single(x, v, 9.81);
-  plane(scene, 0, 0, 1, 0, 0.5, 0);
-  return scene;
-}
-
-typedef struct example {
-  const char *name;
-  msim_scene *(*make)(void);
-  double t_end;
-  double most; /* error over tol: it is estimated, not controlled */
-} example;
-
-static const example examples[] = {
-    {"soft cloth", soft_cloth, 0.6, 1},     {"stiff cloth", stiff_cloth, 0.2, 1},
-    {"damped cloth", damped_cloth, 0.5, 1}, {"felt", felt, 0.5, 1},
-    {"rope pendulum", pendulum, 1, 2},      {"ball on plane", ball, 1.2, 1}};
-enum { NEXAMPLES = sizeof examples / sizeof *examples };
-
-static msim_options options_of(const char *method, double tol, double t_end) {
-  msim_options opt;
-  msim_options_init(&opt, sizeof opt);
-  opt.integrator = method, opt.tol = tol, opt.t_end = t_end, opt.solver = "pcg";
-  return opt;
-}
-
-/*------------------------------------- error and work -------------------------------------------*/
-
-enum { MOST = 3 * 25 };
-
-typedef struct result {
-  double x[MOST], v[MOST];
-  double work; /* evaluations */
-} result;
-
-typedef struct target {
-  const example *of;
-  msim_scene *scene;
-  ms_scales scales;
-  result exact;
-} target;
-
-/* 1: made, with so much work at most. */
-static int run(const msim_scene *scene, const msim_options *opt, double most, result *r) {
-  msim_sim *sim;
-  if (msim_sim_create(scene, opt, &sim, NULL)) return 0; /* not for forces like these */
-  msim_status status = MSIM_OK;
-  while (!status && state_of(sim).t < opt->t_end * (1 - 1e-12) &&
-         (double)stats_of(sim).force_evaluations <= most)
-    status = msim_sim_step(sim, 1, NULL);
-  const msim_state now = state_of(sim);
-  const int done = !status && now.t >= opt->t_end * (1 - 1e-12);
-  memcpy(r->x, now.x, 3 * (size_t)now.n * sizeof *now.x);
-  memcpy(r->v, now.v, 3 * (size_t)now.n * sizeof *now.v);
-  r->work = (double)stats_of(sim).force_evaluations;
-  msim_sim_destroy(sim);
-  return done;
-}
-
-/* As control measures it */
-static double error_of(const target *t, const result *r) {
-  msim_scene_view view = {.size = sizeof view};
-  msim_scene_get(t->scene, &view);
-  double sum = 0;
-  for (size_t i = 0; i < 3 * (size_t)view.nparticles; i++) {
-    const double dx = (r->x[i] - t->exact.x[i]) / t->scales.extent;
-    const double dv = (r->v[i] - t->exact.v[i]) / t->scales.speed;
-    if (!view.pinned[i / 3]) sum += view.mass[i / 3] * (dx * dx + dv * dv);
-  }
-  return sqrt(sum / (2 * t->scales.mass));
-}
-
-static void find_exact(const example *of, double tol, target *t) {
-  msim_scene_view view = {.size = sizeof view};
-  *t = (target){.of = of, .scene = of->make()};
-  msim_scene_get(t->scene, &view);
-  assert_true(3 * view.nparticles <= MOST);
-  assert_ok(ms_scales_compute(t->scene->data, view.x, view.v, of->t_end, &t->scales, err));
-  const msim_options opt = options_of("dop853", tol, of->t_end);
-  assert_true(run(t->scene, &opt, INFINITY, &t->exact));
-}
-
-/*------------------------------------- the best method ------------------------------------------*/
-
-/* What a method costs at errors of a ladder of tol or of h */
-typedef struct curve {
-  const char *method;
-  int fixed, n;
-  double error[12], work[12];
-} curve;
-
-static void climb(const target *t, const char *method, int fixed, double most, curve *c) {
-  *c = (curve){.method = method, .fixed = fixed};
-  msim_options opt = options_of(method, 0.1, t->of->t_end);
-  if (fixed) opt.tol = 0, opt.h = MSIM_H_AUTO;
-  msim_sim *sim;
-  if (msim_sim_create(t->scene, &opt, &sim, NULL)) return;
-  opt.h = sim->plan.h;
-  msim_sim_destroy(sim);
-  result r;
-  for (int i = 0; i < 12 && run(t->scene, &opt, most, &r); i++, opt.tol /= 10, opt.h /= 2)
-    c->error[c->n] = error_of(t, &r), c->work[c->n++] = r.work;
-}
-
-/* Between two rungs as powers of the error go */
-static double work_at(const curve *c, double error) {
-  double least = INFINITY;
-  for (int i = 0; i < c->n; i++) {
-    if (c->error[i] > error) continue;
-    double work = c->work[i];
-    if (i > 0 && c->error[i - 1] > error)
-      work *=
-          pow(c->work[i - 1] / work, log(error / c->error[i]) / log(c->error[i - 1] / c->error[i]));
-    least = fmin(least, work);
-  }
-  return least;
-}
-
-/* Fixed steps too, but at planes, where they are right by chance */
-enum { CURVES = 9 };
-static void climb_all(const target *t, double most, curve curves[CURVES]) {
-  static const char *const methods[] = {"velocity-verlet", "force-gradient", "rkn6", "dop853",
-                                        "rk4"};
-  static const char *const fixed[] = {"velocity-verlet", "force-gradient", "rkn6", "rkc"};
-  const int planes = t->scene->data->nplanes > 0;
-  int n = 0;
-  for (int m = 0; m < 5; m++) climb(t, methods[m], 0, most, &curves[n++]);
-  for (int m = 0; m < 4; m++) climb(t, fixed[m], 1, planes ? 0 : most, &curves[n++]);
-}
-
-static double find_best(const curve curves[CURVES], double error, const curve **best) {
-  double least = INFINITY;
-  *best = &curves[0];
-  for (int i = 0; i < CURVES; i++) {
-    const double work = work_at(&curves[i], error);
-    if (work < least) least = work, *best = &curves[i];
-  }
-  return least;
-}
-
-static void choose(const target *t, double tol, result *r, const ms_candidate **c,
-                   ms_selection *s) {
-  const msim_options opt = options_of("auto", tol, t->of->t_end);
-  msim_sim *sim = make_sim(t->scene, &opt);
-  *s = sim->selection;
-  *c = &s->candidates[s->best];
-  assert_string_equal(sim->integrator->entry.name, (*c)->method->entry.name);
-  msim_sim_destroy(sim);
-  assert_true(run(t->scene, &opt, INFINITY, r));
-}
-
-/* It keeps tol, and costs little more than the best method by itself where that is as good. */
-static void as_good_as_the_best(void **state) {
-  (void)state;
-  const double tols[] = {1e-2, 1e-4, 1e-6, 1e-8};
-  enum { NTOLS = 4 };
-  for (int i = 0; i < NEXAMPLES; i++) {
-    target t;
-    result r[NTOLS];
-    const ms_candidate *c[NTOLS];
-    ms_selection s[NTOLS];
-    double most = 0;
-    curve curves[CURVES];
-    find_exact(&examples[i], 1e-11, &t);
-    for (int k = 0; k < NTOLS; k++) {
-      choose(&t, tols[k], &r[k], &c[k], &s[k]);
-      most = fmax(most, r[k].work);
-    }
-    climb_all(&t, 1.5 * most, curves);
-    for (int k = 0; k < NTOLS; k++) {
-      const curve *best;
-      const double enough = find_best(curves, tols[k], &best);
-      const double error = error_of(&t, &r[k]), least = find_best(curves, error, &best);
-      print_message(
-          "  %-14s tol %.0e  %-15s %-10s  error %.1e  evaluations %6.0f + %4.0f, "
-          "%4.2f of %s%s, %4.2f of enough\n",
-          t.of->name, tols[k], c[k]->method->entry.name, c[k]->controlled ? "controlled" : "fixed",
-          error, r[k].work, s[k].price, r[k].work / least, best->method,
-          best->fixed ? ", fixed" : "", r[k].work / enough);
-      assert_true(error < t.of->most * tols[k]);
-      assert_true(r[k].work <= 4 * least && r[k].work <= 6 * enough);
-    }
-    msim_scene_destroy(t.scene);
-  }
-}
-
-/*------------------------------------- the choice -----------------------------------------------*/
 
 static const char *name_of(const msim_sim *sim) {
   msim_plan plan = {.size = sizeof plan};
@@ -243,27 +24,6 @@ static void same_state(msim_sim *a, msim_sim *b) {
   assert_true(s.t == t.t);
   assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
   assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
-}
-
-/* Two stiff springs that are damped, and swing slowly: long steps by far pay. */
-static void implicit_where_that_pays(void **state) {
-  (void)state;
-  const example swinging = {"wire", wire, 0.4, 1};
-  const double tol = 1e-2;
-  target t;
-  result r;
-  const ms_candidate *c;
-  ms_selection s;
-  find_exact(&swinging, 1e-6, &t);
-  choose(&t, tol, &r, &c, &s);
-  const double error = error_of(&t, &r), by_verlet = s.candidates[0].cost;
-  print_message("  %s error %.1e, evaluations a second %.0f, by velocity-verlet %.0f\n",
-                c->method->entry.name, error, c->cost, by_verlet);
-  assert_string_equal(c->method->entry.name, "tr-bdf2");
-  assert_true(error < tol);
-  assert_true(5 * c->cost < by_verlet && s.price < 0.3 * by_verlet * t.of->t_end);
-  assert_true(r.work < c->cost * t.of->t_end);
-  msim_scene_destroy(t.scene);
 }
 
 /* A soft chain with strong dampers, and beside it a stiff spring without, which hardly swings: a
@@ -471,15 +231,15 @@ static void it_survives_lack_of_memory(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(as_good_as_the_best),
-                                     cmocka_unit_test(implicit_where_that_pays),
-                                     cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
-                                     cmocka_unit_test(it_is_always_the_same),
-                                     cmocka_unit_test(it_needs_no_options),
-                                     cmocka_unit_test(a_state_is_a_new_run),
-                                     cmocka_unit_test(springs_are_a_new_run),
-                                     cmocka_unit_test(it_chooses_the_steps),
-                                     cmocka_unit_test(impacts_are_located_where_asked),
-                                     cmocka_unit_test(it_survives_lack_of_memory)};
+  const struct CMUnitTest tests[] = {
+
+      cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
+      cmocka_unit_test(it_is_always_the_same),
+      cmocka_unit_test(it_needs_no_options),
+      cmocka_unit_test(a_state_is_a_new_run),
+      cmocka_unit_test(springs_are_a_new_run),
+      cmocka_unit_test(it_chooses_the_steps),
+      cmocka_unit_test(impacts_are_located_where_asked),
+      cmocka_unit_test(it_survives_lack_of_memory)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

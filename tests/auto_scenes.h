@@ -1,0 +1,68 @@
+/* auto_scenes - small scenes for integrator = auto, with the end of a run and the error allowed */
+#ifndef AUTO_SCENES_H
+#define AUTO_SCENES_H
+
+#include "scenes.h"
+#include "sim/sim.h"
+
+static inline msim_scene *soft_cloth(void) { return hanging_cloth(5, 30, 0); }
+static inline msim_scene *stiff_cloth(void) { return hanging_cloth(5, 3e4, 0); }
+static inline msim_scene *damped_cloth(void) { return hanging_cloth(5, 300, 0.05); }
+static inline msim_scene *large_cloth(void) { return hanging_cloth(9, 3e4, 0); }
+static inline msim_scene *felt(void) { return hanging_cloth(5, 3000, 10); }
+
+/* It swings from one end. */
+static inline msim_scene *swing(int32_t n, double k, double damping) {
+  const double g[3] = {0, 0, -9.81};
+  const int32_t first = 0;
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = n,
+                          .to = {1, 0, 0},
+                          .mass = 0.2,
+                          .k = k,
+                          .damping = damping,
+                          .npinned = 1,
+                          .pinned = &first};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_rope(scene, &rope, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+static inline msim_scene *pendulum(void) { return swing(6, 500, 0); }
+
+static inline msim_scene *ball(void) {
+  const double x[3] = {0, 0, 1}, v[3] = {0};
+  msim_scene *scene = single(x, v, 9.81);
+  plane(scene, 0, 0, 1, 0, 0.5, 0);
+  return scene;
+}
+
+typedef struct example {
+  const char *name;
+  msim_scene *(*make)(void);
+  double t_end;
+  double most; /* error over tol, which is estimated and not controlled: by few particles that make
+                  the steps of dop853, and by verlet, of which no step is verified */
+} example;
+
+static const example examples[] = {{"soft cloth", soft_cloth, 0.6, 1},
+                                   {"stiff cloth", stiff_cloth, 0.2, 1},
+                                   {"large cloth", large_cloth, 0.2, 2},
+                                   {"damped cloth", damped_cloth, 0.5, 1},
+                                   {"felt", felt, 0.5, 1},
+                                   {"rope pendulum", pendulum, 1, 2},
+                                   {"ball on plane", ball, 1.2, 1}};
+enum { NEXAMPLES = sizeof examples / sizeof *examples };
+
+static inline msim_options options_of(const char *method, double tol, double t_end) {
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = method, opt.tol = tol, opt.t_end = t_end, opt.solver = "pcg";
+  return opt;
+}
+
+enum { MOST = 3 * 81 }; /* coordinates of a scene */
+
+#endif

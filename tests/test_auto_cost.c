@@ -1,0 +1,248 @@
+/* integrator = auto: what its choice and its run cost, beside what the best method would have. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "auto_scenes.h"
+#include "sim/probe.h"
+
+/*------------------------------------- error and work -------------------------------------------*/
+
+typedef struct result {
+  double x[MOST], v[MOST];
+  double work; /* evaluations; iterations and factors of solvers count by their flops */
+} result;
+
+typedef struct target {
+  const example *of;
+  msim_scene *scene;
+  ms_scales scales;
+  result exact;
+} target;
+
+/* At least one evaluation a step: where nothing pulls, implicit methods make none. */
+static double work_of(const msim_sim *sim) {
+  return fmax(ms_probe_work(sim), (double)stats_of(sim).steps);
+}
+
+/* 1: made, with so much work at most. */
+static int run(const msim_scene *scene, const msim_options *opt, double most, result *r) {
+  msim_sim *sim;
+  if (msim_sim_create(scene, opt, &sim, NULL)) return 0; /* not for forces like these */
+  msim_status status = MSIM_OK;
+  while (!status && state_of(sim).t < opt->t_end * (1 - 1e-12) && work_of(sim) <= most)
+    status = msim_sim_step(sim, 1, NULL);
+  const msim_state now = state_of(sim);
+  const int done = !status && now.t >= opt->t_end * (1 - 1e-12);
+  memcpy(r->x, now.x, 3 * (size_t)now.n * sizeof *now.x);
+  memcpy(r->v, now.v, 3 * (size_t)now.n * sizeof *now.v);
+  r->work = work_of(sim);
+  msim_sim_destroy(sim);
+  return done;
+}
+
+/* As control measures it */
+static double error_of(const target *t, const result *r) {
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(t->scene, &view);
+  double sum = 0;
+  for (size_t i = 0; i < 3 * (size_t)view.nparticles; i++) {
+    const double dx = (r->x[i] - t->exact.x[i]) / t->scales.extent;
+    const double dv = (r->v[i] - t->exact.v[i]) / t->scales.speed;
+    if (!view.pinned[i / 3]) sum += view.mass[i / 3] * (dx * dx + dv * dv);
+  }
+  return sqrt(sum / (2 * t->scales.mass));
+}
+
+static void find_exact(const example *of, double tol, target *t) {
+  msim_scene_view view = {.size = sizeof view};
+  *t = (target){.of = of, .scene = of->make()};
+  msim_scene_get(t->scene, &view);
+  assert_true(3 * view.nparticles <= MOST);
+  assert_ok(ms_scales_compute(t->scene->data, view.x, view.v, of->t_end, &t->scales, err));
+  const msim_options opt = options_of("dop853", tol, of->t_end);
+  assert_true(run(t->scene, &opt, INFINITY, &t->exact));
+}
+
+/*------------------------------------- the best method ------------------------------------------*/
+
+/* What a method costs at the errors of a sweep over tol or h */
+enum { RUNS = 12 };
+typedef struct curve {
+  const char *method;
+  int fixed, n;
+  double error[RUNS], work[RUNS];
+} curve;
+
+/* The first step of a sweep: the longest stable one, or a tenth of the run. 0: the method cannot
+ * take part, or eliminates unknowns, which ms_probe_work() does not count. */
+static double first_step(const target *t, msim_options opt, int fixed) {
+  msim_sim *sim;
+  if (fixed) opt.h = MSIM_H_AUTO;
+  msim_status status = msim_sim_create(t->scene, &opt, &sim, NULL);
+  if (fixed && status) {
+    opt.h = t->of->t_end / 10;
+    status = msim_sim_create(t->scene, &opt, &sim, NULL);
+  }
+  if (status) return 0;
+  const ms_solver *solver = ms_sim_largest(sim)->stepper.solver;
+  const double h = solver && solver->elimination.a ? 0 : sim->plan.h;
+  msim_sim_destroy(sim);
+  return h;
+}
+
+static void sweep(const target *t, const char *method, int fixed, double most, curve *c) {
+  *c = (curve){.method = method, .fixed = fixed};
+  msim_options opt = options_of(method, fixed ? 0 : 0.1, t->of->t_end);
+  result r = {.work = 0};
+  const double h = first_step(t, opt, fixed);
+  if (fixed) opt.h = h;
+  for (int i = 0; i < RUNS && h > 0 && r.work <= most; i++, opt.tol /= 10) {
+    if (run(t->scene, &opt, most, &r)) c->error[c->n] = error_of(t, &r), c->work[c->n++] = r.work;
+    if (fixed) opt.h /= 2;
+  }
+}
+
+/* Between two rungs as powers of the error go */
+static double work_at(const curve *c, double error) {
+  double least = INFINITY;
+  for (int i = 0; i < c->n; i++) {
+    if (c->error[i] > error) continue;
+    double work = c->work[i];
+    if (i > 0 && c->error[i - 1] > error)
+      work *=
+          pow(c->work[i - 1] / work, log(error / c->error[i]) / log(c->error[i - 1] / c->error[i]));
+    least = fmin(least, work);
+  }
+  return least;
+}
+
+/* All that a user could have named, by tol and in fixed steps; these not at planes, where they are
+ * right by chance. */
+enum { CURVES = 40 };
+static int sweep_all(const target *t, double most, curve curves[CURVES]) {
+  const int kinds = t->scene->data->nplanes > 0 ? 1 : 2;
+  const msim_integrator_entry *entry;
+  int n = 0;
+  for (int32_t m = 0; (entry = msim_integrator_info(m)) != NULL; m++)
+    for (int fixed = 0; fixed < kinds && entry->order > 0; fixed++) {
+      assert_true(n < CURVES);
+      sweep(t, entry->name, fixed, most, &curves[n++]);
+    }
+  return n;
+}
+
+static double find_best(const curve *curves, int n, double error, const curve **best) {
+  double least = INFINITY;
+  *best = &curves[0];
+  for (int i = 0; i < n; i++) {
+    const double work = work_at(&curves[i], error);
+    if (work < least) least = work, *best = &curves[i];
+  }
+  return least;
+}
+
+static void choose(const target *t, double tol, result *r, const ms_candidate **c,
+                   ms_selection *s) {
+  const msim_options opt = options_of("auto", tol, t->of->t_end);
+  msim_sim *sim = make_sim(t->scene, &opt);
+  *s = sim->selection;
+  *c = &s->candidates[s->best];
+  assert_string_equal(sim->integrator->entry.name, (*c)->method->entry.name);
+  msim_sim_destroy(sim);
+  assert_true(run(t->scene, &opt, INFINITY, r));
+}
+
+/* The most and the mean of what is found in the runs of a table */
+typedef struct summary {
+  double most, sum;
+  int n;
+} summary;
+
+static void add(summary *s, double value) {
+  s->most = fmax(s->most, value), s->sum += value, s->n++;
+}
+
+static void assert_summary(const char *what, const summary *s, double most, double mean) {
+  print_message("  %s: %.3g at most, %.3g on average\n", what, s->most, s->sum / s->n);
+  assert_true(s->most <= most && s->sum / s->n <= mean);
+}
+
+/* Its run keeps tol, and costs little more than that of the best method, found by hindsight, where
+ * that is as good, and where it just keeps tol; the choice itself costs less than the run. Bounds
+ * are a tenth above what is measured. */
+static void as_good_as_the_best(void **state) {
+  (void)state;
+  const double tols[] = {1e-2, 1e-4, 1e-6, 1e-8};
+  enum { NTOLS = 4 };
+  summary as_good = {0}, enough = {0}, choice = {0};
+  for (int i = 0; i < NEXAMPLES; i++) {
+    target t;
+    result r[NTOLS];
+    const ms_candidate *c[NTOLS];
+    ms_selection s[NTOLS];
+    double most = 0;
+    curve curves[CURVES];
+    find_exact(&examples[i], 1e-11, &t);
+    for (int k = 0; k < NTOLS; k++) {
+      choose(&t, tols[k], &r[k], &c[k], &s[k]);
+      most = fmax(most, r[k].work);
+    }
+    const int n = sweep_all(&t, 1.5 * most, curves);
+    for (int k = 0; k < NTOLS; k++) {
+      const curve *best;
+      const double at_tol = find_best(curves, n, tols[k], &best);
+      const double error = error_of(&t, &r[k]), least = find_best(curves, n, error, &best);
+      print_message(
+          "  %-14s tol %.0e  %-15s %-10s  error %.1e  evaluations %6.0f + %4.0f, "
+          "%4.2f of %s%s, %4.2f of enough\n",
+          t.of->name, tols[k], c[k]->method->entry.name, c[k]->controlled ? "controlled" : "fixed",
+          error, r[k].work, s[k].price, r[k].work / least, best->method,
+          best->fixed ? ", fixed" : "", r[k].work / at_tol);
+      assert_true(error < t.of->most * tols[k]);
+      add(&as_good, r[k].work / least);
+      add(&enough, r[k].work / at_tol);
+      add(&choice, s[k].price / r[k].work);
+    }
+    msim_scene_destroy(t.scene);
+  }
+  assert_summary("run over the best one as good", &as_good, 3.3, 1.92);
+  assert_summary("run over the best one that keeps tol", &enough, 5.2, 2.55);
+  assert_summary("choice over run", &choice, 0.83, 0.255);
+}
+
+/*------------------------------------- tr-bdf2 --------------------------------------------------*/
+
+static msim_scene *wire(void) { return swing(3, 1e9, 1e4); }
+
+/* Two stiff springs that are damped, and swing slowly: long steps by far pay. */
+static void implicit_where_that_pays(void **state) {
+  (void)state;
+  const example swinging = {"wire", wire, 0.4, 1};
+  const double tol = 1e-2;
+  target t;
+  result r;
+  const ms_candidate *c;
+  ms_selection s;
+  find_exact(&swinging, 1e-6, &t);
+  choose(&t, tol, &r, &c, &s);
+  const double error = error_of(&t, &r);
+  double by_explicit = INFINITY;
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (!s.candidates[i].method->entry.implicit)
+      by_explicit = fmin(by_explicit, s.candidates[i].cost);
+  print_message("  %s error %.1e, evaluations a second %.0f, foreseen %.0f, explicit %.0f\n",
+                c->method->entry.name, error, r.work / t.of->t_end, c->cost, by_explicit);
+  assert_string_equal(c->method->entry.name, "tr-bdf2");
+  assert_true(error < tol);
+  assert_true(isfinite(by_explicit) && 5 * c->cost < by_explicit);
+  assert_true(s.price < 0.3 * by_explicit * t.of->t_end);
+  assert_true(4 * r.work < by_explicit * t.of->t_end);
+  msim_scene_destroy(t.scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(as_good_as_the_best),
+                                     cmocka_unit_test(implicit_where_that_pays)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
