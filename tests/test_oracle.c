@@ -114,6 +114,7 @@ static msim_options options_of(const json_t *run, const char *method) {
   msim_options_init(&opt, sizeof opt);
   opt.integrator = method;
   opt.h = number(run, "h");
+  opt.steps = (int64_t)number(run, "steps"); /* dop853: that many, and no error control */
   opt.solver = solver;
   opt.solver_rtol = RTOL;
   opt.newton_rtol = NEWTON_RTOL;
