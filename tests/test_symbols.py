@@ -44,6 +44,11 @@ class Symbols(unittest.TestCase):
             self.assertRegex(needed, NEEDED)
         self.assertEqual(dynamic(self.library, "SONAME"), ["libmsim.so.0"])
 
+    def test_library_leaves_the_environment_alone(self):
+        """The programs choose OpenBLAS's kernels by a variable, the library never does."""
+        self.assertEqual(symbols(self.library, "--undefined-only") &
+                         {"setenv", "putenv", "unsetenv", "clearenv"}, set())
+
     def test_plugins_show_their_entry_and_use_nothing_of_ours(self):
         support.require(support.plugins(), "every plugin")
         for name, path in support.plugins().items():
