@@ -298,7 +298,6 @@ static void named_when_it_is_whole(void **state) {
   msim_options opt = options("velocity-verlet", 0.01);
   msim_recorder *recorder;
   int synced = 0;
-  if (!plugin()) skip();
   opt.steps = 6, opt.every = 1, opt.sync = 1;
   msim_sim *sim = make_sim(scene, &opt);
   is_open = 1;
