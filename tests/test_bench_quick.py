@@ -37,9 +37,6 @@ class QuickTest(BenchTest):
 
 
 class Quick(QuickTest):
-    # Steps in which 64 particles or more bounce are not verified: `auto` is off by 52 tol at 1e-8.
-    UNVERIFIED = ("jelly", "auto, tol")
-
     def check_keys(self, result, expected):
         """Without a result are those only for which the machine had no time, or no library."""
         found = {key for key, value in result["summary"].items() if value is not None}
@@ -158,8 +155,6 @@ class Quick(QuickTest):
             self.assertLess(last["tol"], 2e-6)
         for run in self.find(rows, measure="rung", of="msim", status="ok"):
             if run.get("tol", 0) < 0.9e-8 or truth["growth"] > 100:
-                continue
-            if (truth["scene"], run["method"]) == self.UNVERIFIED and run["tol"] < 0.9e-7:
                 continue
             self.assertLess(run["error"] * truth["motion"], 10 * run["tol"] * truth["extent"])
 

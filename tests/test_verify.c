@@ -148,7 +148,7 @@ static void late_events_are_verified(void **state) {
 static void a_block_that_lands_keeps_tol(void **state) {
   (void)state;
   msim_scene *scene = falling_block();
-  for (double tol = 1e-4; tol > 3e-8; tol /= 10) assert_true(error_of(scene, tol, 0.1) <= 2);
+  for (double tol = 1e-4; tol > 3e-9; tol /= 10) assert_true(error_of(scene, tol, 0.1) <= 2);
   msim_scene_destroy(scene);
 }
 

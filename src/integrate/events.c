@@ -13,7 +13,7 @@ static void begin(const ms_integrator *method, ms_stepper *s) {
   e->nfollowed = 0;
   s->warm &= ~MS_NOTED;
   s->impact = MS_NOWHERE;
-  s->path_error = 0;
+  s->path_error = 0, s->npaths = 0;
 }
 
 msim_status ms_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {

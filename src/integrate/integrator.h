@@ -38,6 +38,7 @@ typedef struct ms_stepper {
   double v_tolerance;     /* m/s: ... of v */
   double path_error;      /* m/s: the largest of v, of particles on paths of their own (locate.h) */
   int32_t path_row;       /* which has it */
+  int32_t npaths;         /* how many there were in all parts of the step */
   int looked;             /* what is kept for those who look inside the last step; 0: nothing */
   double noise;           /* relative error of v that solves may leave; 0: as options say */
   int32_t culprit;        /* row to blame when step() fails; -1: none in particular */

@@ -275,6 +275,7 @@ static void follow_paths(substeps *j, int all) {
     if (from <= 1) follow_path(j, r, from, c);
   }
   if (!e->nfollowed) return;
+  j->s->npaths += e->nfollowed;
   j->ends_known = 0;
   j->s->warm_next = 0;
   j->s->finite = 0;

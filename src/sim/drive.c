@@ -109,9 +109,9 @@ static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error
 /* It goes like h^3. */
 double ms_drive_path_error(const ms_motion *m) {
   const ms_stepper *s = &m->stepper;
-  if (!s->events || !s->events->nfollowed) return 0;
+  if (s->npaths == 0) return 0;
   const ms_part *part = &m->norm.part[m->norm.of[s->path_row]];
-  const double share = sqrt(fmin(1, s->events->nfollowed / (2. * part->n)));
+  const double share = sqrt(fmin(1, s->npaths / (2. * part->n)));
   return share * s->path_error / s->v_tolerance;
 }
 
