@@ -14,12 +14,15 @@
 #  include <immintrin.h>
 #endif
 
-#if defined(__AVX512F__)
-#  define MS_LANES 8
-#elif defined(__AVX__)
-#  define MS_LANES 4
-#else
-#  define MS_LANES 2
+/* Tests define it, to run code for 8 lanes where registers hold 4. */
+#ifndef MS_LANES
+#  if defined(__AVX512F__)
+#    define MS_LANES 8
+#  elif defined(__AVX__)
+#    define MS_LANES 4
+#  else
+#    define MS_LANES 2
+#  endif
 #endif
 
 /* Arguments that are constants of the caller are constants inside. */
@@ -47,7 +50,7 @@ static inline void ms_store(double *to, ms_lanes v) { memcpy(to, &v, sizeof v); 
 static inline ms_lanes ms_load_floats(const float *from) {
 #if defined(__AVX512F__)
   return (ms_lanes)_mm512_cvtps_pd(_mm256_loadu_ps(from));
-#elif defined(__AVX__)
+#elif defined(__AVX__) && MS_LANES == 4
   return (ms_lanes)_mm256_cvtps_pd(_mm_loadu_ps(from));
 #else
   ms_floats v;
@@ -59,7 +62,7 @@ static inline ms_lanes ms_load_floats(const float *from) {
 static inline void ms_store_floats(float *to, ms_lanes v) {
 #if defined(__AVX512F__)
   _mm256_storeu_ps(to, _mm512_cvtpd_ps(v));
-#elif defined(__AVX__)
+#elif defined(__AVX__) && MS_LANES == 4
   _mm_storeu_ps(to, _mm256_cvtpd_ps(v));
 #else
   const ms_floats narrow = __builtin_convertvector(v, ms_floats);
@@ -125,7 +128,7 @@ static inline ms_lanes ms_at_least(ms_lanes v, double least) {
   const ms_lanes low = (ms_lanes){0} + least;
 #if defined(__AVX512F__)
   return _mm512_max_pd(low, v);
-#elif defined(__AVX__)
+#elif defined(__AVX__) && MS_LANES == 4
   return _mm256_max_pd(low, v);
 #else
   return ms_select(v < low, low, v);
@@ -137,8 +140,11 @@ static inline ms_lanes ms_at_least(ms_lanes v, double least) {
 static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #if defined(__AVX512F__)
   return _mm512_fmadd_pd(a, b, c);
-#elif defined(__FMA__)
+#elif defined(__FMA__) && MS_LANES == 4
   return _mm256_fmadd_pd(a, b, c);
+#elif defined(__FMA__)
+  for (int l = 0; l < MS_LANES; l++) c[l] = fma(a[l], b[l], c[l]);
+  return c;
 #else
   return a * b + c;
 #endif
