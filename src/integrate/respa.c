@@ -21,7 +21,6 @@ static msim_status damped_steps(ms_stepper *s, int32_t n, msim_error *err) {
     if (status) return status;
     ms_swap(&s->x, &s->x_next);
     ms_swap(&s->v, &s->v_next);
-    s->warm = s->warm_next;
   }
   return MSIM_OK;
 }
