@@ -2,7 +2,7 @@
 # Sourced by check: what finds little, in slices of ten minutes at most. Each run of tools/check
 # takes one of them, --full all. tools/packages has what each needs, under its name.
 slices=(kills quick_benches failing_allocations sanitized_runs sanitized_solvers thread_sanitizer
-  clang_bits coverage valgrind static_analysis fuzzing)
+  clang_bits coverage valgrind static_analysis fuzzing mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones.
 slice_of_commit() {
@@ -85,6 +85,15 @@ static_analysis() {
   check "clang-tidy" tidied
   check "cppcheck" cppchecked
   check "ABI against tools/msim-0.1.abi" abi
+}
+
+# Small faults in the code, each of which some test must see. A slice tries as many as ten minutes
+# allow, others with every commit; --full a hundred.
+mutations() {
+  local number=10
+  if ((${#chosen[@]} > 1)); then number=100; fi
+  check "mutations, $number, of which 9 in 10 are seen" tools/mutate -n "$number" \
+    --survivors $((number / 10)) --seed "$(git rev-list --count HEAD)" src backends
 }
 
 # Each target for a minute, from its corpus on; what crashes stays in build/fuzz-found.
