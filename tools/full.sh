@@ -4,11 +4,15 @@
 slices=(kills quick_benches failing_allocations sanitized_runs sanitized_solvers thread_sanitizer
   clang_bits coverage valgrind static_analysis fuzzing mutations)
 
-# The number of commits chooses, so that neighbouring commits run different ones.
+# The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
+# which does not know it, the hash.
 slice_of_commit() {
-  local commits
-  commits=$(git rev-list --count HEAD 2>/dev/null || echo 0)
-  echo "${slices[commits % ${#slices[@]}]}"
+  local number
+  number=$(git rev-list --count HEAD 2>/dev/null || echo 0)
+  if [[ $(git rev-parse --is-shallow-repository 2>/dev/null) == true ]]; then
+    number=$((16#$(git rev-parse HEAD | cut -c1-8)))
+  fi
+  echo "${slices[number % ${#slices[@]}]}"
 }
 
 # 500 runs killed at random moments and resumed
