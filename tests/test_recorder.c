@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "scenes.h"
 
 static char folder[] = "/tmp/msim_recorder_XXXXXX";
@@ -59,6 +60,32 @@ static void frames_hold_the_state(void **state) {
   assert_memory_equal(n + 6, s.v, 3 * sizeof *n);
   assert_true(stats_of(sim).output_s > 0);
   msim_sim_destroy(sim);
+}
+
+/* Each is a share of the run's time, and that is no more than the clock says. */
+static void times_are_those_of_the_run(void **state) {
+  (void)state;
+  static const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler", "bdf2"};
+  msim_scene *scene = hanging_cloth(8, 100, 0);
+  plane(scene, 0, 0, 1, -0.1, 0.5, 0.2);
+  for (int m = 0; m < 3; m++) {
+    const double start = ms_clock();
+    msim_options opt = options(methods[m], 0.001);
+    opt.steps = 20, opt.solver = "pcg";
+    msim_sim *sim = make_sim(scene, &opt);
+    msim_recorder *recorder;
+    assert_ok(msim_recorder_open(sim, in_folder("times.csv"), &recorder, err));
+    assert_ok(msim_sim_run(sim, record, recorder, err));
+    assert_ok(msim_recorder_close(recorder, err));
+    const msim_stats s = stats_of(sim);
+    const double parts[] = {s.force_s,    s.collide_s, s.output_s,
+                            s.assemble_s, s.factor_s,  s.solve_s};
+    for (int i = 0; i < (m ? 6 : 3); i++) assert_true(parts[i] > 0 && parts[i] < s.total_s);
+    assert_true(s.total_s < ms_clock() - start);
+    remove(in_folder("times.csv"));
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
 }
 
 static void refuse(msim_sim *sim, const char *name, msim_status want, const char *sentence) {
@@ -221,6 +248,7 @@ static int remove_folder(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(frames_hold_the_state),
+                                     cmocka_unit_test(times_are_those_of_the_run),
                                      cmocka_unit_test(what_cannot_be_written_is_refused),
                                      cmocka_unit_test(energies_are_numbers),
                                      cmocka_unit_test(only_one_writes_a_file),
