@@ -74,8 +74,8 @@ typedef struct image {
 } image;
 
 static void resize(image *to, size_t length) {
-  if (length > to->room) {
-    to->room = 2 * length;
+  if (length >= to->room) {
+    to->room = 2 * length + 1;
     to->bytes = realloc(to->bytes, to->room);
   }
   if (length > to->length) memset(to->bytes + to->length, 0, length - to->length);
