@@ -2,8 +2,8 @@
 # Sourced by check: what finds little, in slices of ten minutes at most. Each run of tools/check
 # takes one of them but the last, which depends on chance, and --full all. tools/packages has what
 # each needs, under its name.
-slices=(kills quick_benches failing_allocations sanitized_runs sanitized_solvers thread_sanitizer
-  clang_bits coverage valgrind static_analysis fuzzing mutations)
+slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
+  thread_sanitizer coverage valgrind static_analysis fuzzing mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.

@@ -37,8 +37,10 @@ static double rounding_at(const msim_plane *p, const double x[3], double reach) 
 /* again: not the first pass, so that x may lie on planes but for rounding */
 static int pass(const ms_scene *scene, int again, double x[3], double v[3]) {
   int reflected = 0;
-  for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++)
+  for (int32_t i = 0; i < scene->nplanes; i++) {
+    const msim_plane *p = &scene->planes[i];
     reflected |= reflect(p, again ? rounding_at(p, x, 0) : 0, x, v);
+  }
   return reflected;
 }
 
@@ -46,7 +48,8 @@ static int pass(const ms_scene *scene, int again, double x[3], double v[3]) {
 static const msim_plane *find_deepest(const ms_scene *scene, const double x[3], double reach) {
   const msim_plane *deepest = NULL;
   double most = 0;
-  for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
+  for (int32_t i = 0; i < scene->nplanes; i++) {
+    const msim_plane *p = &scene->planes[i];
     const double depth = -ms_distance(p, x) - rounding_at(p, x, reach);
     if (depth > most) most = depth, deepest = p;
   }
