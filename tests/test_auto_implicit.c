@@ -2,30 +2,14 @@
  * the explicit methods, and only there. */
 #include <math.h>
 
-#include "scenes.h"
+#include "auto_scenes.h"
 #include "sim/probe.h"
 #include "sim/reasons.h"
 
 enum { IMPLICIT = MS_CANDIDATES - 1 };
 
-/* Two stiff springs with strong dampers, which swing from one end. */
-static msim_scene *wire(double k) {
-  const double g[3] = {0, 0, -9.81};
-  const int32_t first = 0;
-  const msim_rope rope = {.size = sizeof rope,
-                          .n = 3,
-                          .to = {1, 0, 0},
-                          .mass = 0.2,
-                          .k = k,
-                          .damping = 1e4,
-                          .npinned = 1,
-                          .pinned = &first};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_rope(scene, &rope, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
-}
+/* Two stiff springs with strong dampers */
+static msim_scene *wire(double k) { return swing(3, k, 1e4); }
 
 static msim_sim *planned(const msim_scene *scene, const char *method, double tol) {
   msim_options opt;

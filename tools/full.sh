@@ -3,7 +3,7 @@
 # takes one of them but the last, which depends on chance, and --full all. tools/packages has what
 # each needs, under its name.
 slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
-  thread_sanitizer coverage valgrind static_analysis fuzzing mutations)
+  thread_sanitizer coverage memory_errors static_analysis fuzzing mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.
@@ -71,7 +71,7 @@ memory_checked() {
   done
 }
 
-valgrind() { check "valgrind" memory_checked; }
+memory_errors() { check "valgrind" memory_checked; }
 
 c_files() { find src backends tools/common tools/msim_cli -name '*.c'; }
 
@@ -83,8 +83,10 @@ cppchecked() {
     -I include -I src -I tools -DMSIM_X86_KERNELS -DMSIM_LINKED_RECORDERS= -D__GNUC__
 }
 
-abi() { cmake --preset debug -DMSIM_TESTS=OFF && cmake --build build/debug --target msim &&
-  tools/abi build/debug/lib/libmsim.so; }
+abi() {
+  cmake --preset debug -DMSIM_TESTS=OFF && cmake --build build/debug --target msim &&
+    tools/abi build/debug/lib/libmsim.so
+}
 
 static_analysis() {
   check "clang-tidy" tidied
