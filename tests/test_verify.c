@@ -93,6 +93,24 @@ static msim_scene *falling_block(void) {
   return scene;
 }
 
+/* 64 particles, just above a rough floor, from which they bounce all the time */
+static msim_scene *bouncing_block(void) {
+  const double g[3] = {-4.48, -1.52, -8.59};
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {4, 4, 4},
+                              .origin = {0, 0, 0.0207},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 740,
+                              .damping = 0.97};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0, 0, 1, 0, 1, 0.3);
+  return scene;
+}
+
 static msim_scene *net_over(double floor) {
   msim_scene *scene = hanging_cloth(5, 100, 0);
   if (isfinite(floor)) plane(scene, 0, 0, 1, floor, 0.5, 0);
@@ -149,6 +167,14 @@ static void a_block_that_lands_keeps_tol(void **state) {
   (void)state;
   msim_scene *scene = falling_block();
   for (double tol = 1e-4; tol > 3e-9; tol /= 10) assert_true(error_of(scene, tol, 0.1) <= 2);
+  msim_scene_destroy(scene);
+}
+
+/* ... or stays on the plane by bounces, which long steps leave out */
+static void a_block_that_bounces_keeps_tol(void **state) {
+  (void)state;
+  msim_scene *scene = bouncing_block();
+  for (double tol = 1e-4; tol > 3e-6; tol /= 10) assert_true(error_of(scene, tol, 0.25) <= 2);
   msim_scene_destroy(scene);
 }
 
@@ -304,6 +330,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(few_that_fly_by_are_followed),
                                      cmocka_unit_test(late_events_are_verified),
                                      cmocka_unit_test(a_block_that_lands_keeps_tol),
+                                     cmocka_unit_test(a_block_that_bounces_keeps_tol),
                                      cmocka_unit_test(choosing_costs_little),
                                      cmocka_unit_test(bursts_cost_what_control_costs),
                                      cmocka_unit_test(sliding_costs_what_control_costs),

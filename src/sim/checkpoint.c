@@ -22,7 +22,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 7u
+#define VERSION 8u
 
 typedef struct header {
   char magic[8];
@@ -228,7 +228,7 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_e
     if (!status && !ms_bytes_failed(b))
       ms_guard_history(b, sim, r->watch.step == r->step, &m->stepper, &m->guard);
     if (ms_sim_selects(sim)) ms_check_history(b, &m->check);
-    ms_sensitivity_archive_island(b, m->model.shape, &m->disturbance);
+    ms_sensitivity_archive_island(b, m);
   }
   return status;
 }

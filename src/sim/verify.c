@@ -108,15 +108,14 @@ msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measure
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
-enum { LARGE = 64 }; /* particles of an island: one event counts little there */
+enum { LARGE = 64 }; /* particles of an island: one event among more of them counts little */
 
 /* Is the step just made to be verified for its events? Particles that bounce, or stop, slip or turn
  * on paths of their own that may be too inaccurate */
 static int has_events(const ms_motion *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   if (!s->events) return 0;
-  const int bounces = s->stats->contacts > contacts && m->model.shape.n < LARGE;
-  return bounces || ms_drive_path_error(m) > 1;
+  return (s->stats->contacts - contacts) * LARGE >= m->model.shape.n || ms_drive_path_error(m) > 1;
 }
 
 /* In a large island D costs as much as a quarter of an evaluation, the angles as three. In a small

@@ -12,10 +12,9 @@
  * of methods that carry the acceleration a. A step is verified, that is, made in two halves, too,
  * where a sign is three times as large as in steps verified before, where a spring turned by 45
  * degrees, and once in MS_VERIFY_INTERVAL steps. With planes near, each step is verified in which
- * particles stop, slip or turn on paths that may be too inaccurate, or, of fewer than 64, one
- * bounces; of more particles no other step is, as some always bounce. Such steps are
- * few, and may differ from their halves by tol/16. Reflection at the ends of steps is of order 1:
- * halves say nothing of it.
+ * particles stop, slip or turn on paths that may be too inaccurate, or at least one in 64 bounces;
+ * of more particles some always do. Such steps may differ from their halves by tol/16. Reflection
+ * at the ends of steps is of order 1: halves say nothing of it.
  *
  * The difference of whole and halves may be what makes tol at the end of the run if all steps have
  * it: that of steps at the choice, times tol over the error at the end foreseen from there; as
