@@ -104,7 +104,8 @@ static void a_state_is_a_new_run(void **state) {
   assert_ok(msim_sim_step(sim, 30, err));
   double x[MOST], v[MOST];
   msim_state now = state_of(sim);
-  memcpy(x, now.x, sizeof x), memcpy(v, now.v, sizeof v);
+  const size_t bytes = 3 * (size_t)now.n * sizeof *x;
+  memcpy(x, now.x, bytes), memcpy(v, now.v, bytes);
   now.x = x, now.v = v, now.t = 0;
   assert_ok(msim_sim_set_state(sim, &now, err));
   assert_ok(msim_sim_set_state(other, &now, err));
