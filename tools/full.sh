@@ -37,15 +37,17 @@ sanitized_solvers() {
 
 # Speeds, and results that other builds have seen, tell nothing about threads.
 thread_sanitizer() {
-  build tsan tsan -DMSIM_TEST_TIMEOUT=1200
+  build tsan tsan -DMSIM_TEST_TIMEOUT=1200 \
+    "-DMSIM_TEST_PROGRAMS=^(pool|parallel|threads|islands|auto|sim|recorder)$"
   TSAN_OPTIONS=halt_on_error=1 tests tsan \
     -R '^(pool|parallel|threads_(pcg|cholmod)|islands|auto|sim|recorder|cli_running)$'
 }
 
 # The same bits as by GCC, with the same flags
 clang_bits() {
-  CC=clang-14 build clang release
-  tests clang -R '^(golden|vector|pass|physics)'
+  local with_lanes='^(golden|vector|pass|physics)'
+  CC=clang-14 build clang release "-DMSIM_TEST_PROGRAMS=$with_lanes"
+  tests clang -R "$with_lanes"
 }
 
 # The build that is not optimised tells the lines that no test reaches. Its tests take three times as
