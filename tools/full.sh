@@ -3,7 +3,7 @@
 # takes one of them but the last, which depends on chance, and --full all. tools/packages has what
 # each needs, under its name.
 slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
-  thread_sanitizer coverage memory_errors static_analysis fuzzing mutations)
+  thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.
@@ -65,15 +65,20 @@ coverage() {
 
 memory_checked() {
   local test
-  for test in scene objects scene_json bad_scenes layout shapes sim newton respa planes frames \
-    events coarse recorder csv checkpoint_bytes hdf5_resume; do
+  for test in "$@"; do
     MSIM_ISA=baseline MSIM_PLUGIN_PATH=$top/build/release/lib/msim valgrind --quiet \
       --suppressions=tools/valgrind.supp --leak-check=full --errors-for-leak-kinds=definite \
       --error-exitcode=1 "build/release/bin/test_$test" || return
   done
 }
 
-memory_errors() { check "valgrind" memory_checked; }
+# test_newton takes as long as all others.
+memory_errors() {
+  check "valgrind" memory_checked scene objects scene_json bad_scenes layout shapes sim respa \
+    planes events coarse recorder csv checkpoint_bytes hdf5_resume
+}
+
+memory_errors_of_newton() { check "valgrind: newton" memory_checked newton; }
 
 c_files() { find src backends tools/common tools/msim_cli -name '*.c'; }
 
