@@ -80,8 +80,8 @@ void ms_sensitivity_start_island(ms_motion *m) {
   d->stride = SHARE * ms_symplectic_euler.limit(&bounds);
 }
 
-/* A stride that ends at x, which is overwritten; returns |d'|/|d|, INFINITY where d leaves the range
- * of doubles, as only one from a spoilt checkpoint can. */
+/* A stride that ends at x, which is overwritten; returns |d'|/|d|, INFINITY where d leaves the
+ * range of doubles, as only one from a spoilt checkpoint can. */
 static double advance(ms_motion *m, double *x) {
   const ms_model *model = &m->model;
   ms_disturbance *d = &m->disturbance;
