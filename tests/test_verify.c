@@ -178,6 +178,82 @@ static void a_block_that_bounces_keeps_tol(void **state) {
   msim_scene_destroy(scene);
 }
 
+/*------------------------------------- signs ----------------------------------------------------*/
+
+/* A net of 23 free particles at its step 31, which is not one of 80, by a method whose steps take
+ * so many evaluations that all of them are looked at; velocities times `faster` */
+static msim_sim *resume_faster(const msim_scene *scene, const msim_options *opt,
+                               const checkpoint *c, double faster) {
+  msim_sim *sim = resume(scene, opt, c);
+  ms_motion *m = sim->motion;
+  assert_string_equal(sim->integrator->entry.name, "rkn6");
+  for (int32_t i = 0; i < m->model.rows.dims * m->model.rows.stride; i++) m->stepper.v[i] *= faster;
+  return sim;
+}
+
+/* Is the next step verified, if steps verified before had these signs? It takes thrice the
+ * evaluations then. */
+static int is_verified(msim_sim *sim, double defect, double turn) {
+  const int64_t before = stats_of(sim).force_evaluations;
+  sim->motion->check.sign[0] = defect, sim->motion->check.sign[1] = turn;
+  assert_ok(msim_sim_step(sim, 1, err));
+  const int64_t count = stats_of(sim).force_evaluations - before;
+  msim_sim_destroy(sim);
+  return count > 20;
+}
+
+/* Three times as large as in steps verified before, of turns only beyond 0.005 = 1 - cos 6 degrees,
+ * and in any case beyond 0.3 = 1 - cos 45 degrees */
+static void signs_say_which_steps_are_verified(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(5, 30, 0);
+  const msim_options opt = options_of("auto", 1e-6, 0.6);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 30, err));
+  const checkpoint c = save(sim);
+  int little = 0, more = 0, large = 0;
+  for (double faster = 0.1; faster < 10; faster *= 1.2) {
+    ms_measured next;
+    msim_sim *same = resume_faster(scene, &opt, &c, faster);
+    assert_ok(ms_verify_measure(same, &same->selection.verification.scales, &next, err));
+    msim_sim_destroy(same);
+    const double defect = next.sign[0], turn = next.sign[1];
+    if (turn < 0.28) {
+#define VERIFIED(d, t) is_verified(resume_faster(scene, &opt, &c, faster), d, t)
+      assert_true(VERIFIED(0.33 * defect, INFINITY));
+      assert_false(VERIFIED(0.34 * defect, INFINITY));
+      assert_int_equal(VERIFIED(INFINITY, 0), turn > 0.005);
+      if (turn > 0.005) assert_true(VERIFIED(INFINITY, 0.33 * turn));
+      assert_false(VERIFIED(INFINITY, 0.34 * turn));
+    } else if (turn > 0.31) assert_true(VERIFIED(INFINITY, INFINITY));
+    little += turn > 0.0025 && turn<0.005, more += turn> 0.005 && turn < 0.01;
+    large += turn > 0.31 && turn < 0.6;
+  }
+  assert_true(little && more && large);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  free(c.bytes);
+}
+
+/* Steps as long as stability allows: what they may add is a share of tol, and less than the quarter
+ * that an event may. */
+static void what_steps_may_add_goes_like_tol(void **state) {
+  (void)state;
+  double share[2];
+  msim_scene *scene = hanging_cloth(5, 3e4, 0);
+  for (int i = 0; i < 2; i++) {
+    const double tol = i ? 1e-4 : 1e-2;
+    const msim_options opt = options_of("auto", tol, 0.2);
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_string_equal(sim->integrator->entry.name, "velocity-verlet");
+    share[i] = sim->selection.verification.allowed / tol;
+    assert_in_range(share[i] * 1e6, sim->plan.h / 0.2 * 1e6, 0.1e6);
+    msim_sim_destroy(sim);
+  }
+  assert_close(share[0], share[1], 1e-9);
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- costs ----------------------------------------------------*/
 
 static int64_t evaluations_of(const msim_scene *scene, const char *method, double tol,
@@ -331,6 +407,8 @@ int main(void) {
                                      cmocka_unit_test(late_events_are_verified),
                                      cmocka_unit_test(a_block_that_lands_keeps_tol),
                                      cmocka_unit_test(a_block_that_bounces_keeps_tol),
+                                     cmocka_unit_test(signs_say_which_steps_are_verified),
+                                     cmocka_unit_test(what_steps_may_add_goes_like_tol),
                                      cmocka_unit_test(choosing_costs_little),
                                      cmocka_unit_test(bursts_cost_what_control_costs),
                                      cmocka_unit_test(sliding_costs_what_control_costs),
