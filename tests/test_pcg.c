@@ -177,6 +177,29 @@ static void a_coarse_matrix_may_be_indefinite(void **state) {
   msim_sim_destroy(sim);
 }
 
+/* P r is that of r alone, also where iterations before have ended in what is no number. */
+static void nothing_is_left_of_iterations_before(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_jelly(6, 1000);
+  const msim_options opt = frames();
+  for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
+    msim_sim *sim = make_two_level(scene, &opt, aggregate);
+    assert_ok(msim_sim_step(sim, 1, err));
+    ms_pcg *pcg = pcg_of(sim);
+    const ms_rows *rows = &sim->motion->model.rows;
+    const size_t count = (size_t)rows->dims * (size_t)rows->stride;
+    double *z[2] = {ms_rows_vector(sim->scene, rows), ms_rows_vector(sim->scene, rows)};
+    for (int i = 0; i < 2; i++) {
+      for (size_t k = 0; k < count && i; k++) pcg->p[k] = pcg->q[k] = NAN;
+      pcg->base.ops->precondition(&pcg->base, sim->motion->stepper.v, z[i]);
+    }
+    assert_memory_equal(z[0], z[1], count * sizeof(double));
+    for (int i = 0; i < 2; i++) ms_delete(&sim->alloc, z[i]);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- scales ---------------------------------------------------*/
 
 /* A cloth of mass 0.3 unit and stiffness 1000 unit. */
@@ -362,6 +385,7 @@ int main(void) {
                                      cmocka_unit_test(every_tolerance_is_met),
                                      cmocka_unit_test(an_indefinite_matrix_is_clamped),
                                      cmocka_unit_test(a_coarse_matrix_may_be_indefinite),
+                                     cmocka_unit_test(nothing_is_left_of_iterations_before),
                                      cmocka_unit_test(units_do_not_matter),
                                      cmocka_unit_test(scales_may_meet),
                                      cmocka_unit_test(a_coarse_factor_is_kept_while_it_serves),
