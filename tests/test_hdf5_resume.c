@@ -327,6 +327,28 @@ static void a_checkpoint_that_is_too_long(void **state) {
   remove("a.vtkhdf");
 }
 
+/* To the last byte of a slot, which is made of words */
+static void a_checkpoint_as_long_as_planned(void **state) {
+  (void)state;
+  enum { LENGTH = SAMPLE_CHECKPOINT / 8 * 8 };
+  void *self;
+  msim_resumption from = {.size = sizeof from};
+  begin(0);
+  s.what.checkpoint_capacity = LENGTH;
+  assert_int_equal(plugin()->open(&host.host, &s.what, &self), MSIM_OK);
+  msim_frame frame = sample_frame(&s, 0);
+  frame.checkpoint_length = LENGTH;
+  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  assert_int_equal(from.frames, 1);
+  assert_int_equal(from.checkpoint_length, LENGTH);
+  assert_memory_equal(from.checkpoint, frame.checkpoint, LENGTH);
+  assert_int_equal(plugin()->close(self), MSIM_OK);
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
 /*------------------------------------- sims -----------------------------------------------------*/
 
 static msim_sim *flight(void) {
@@ -384,6 +406,7 @@ int main(void) {
       cmocka_unit_test(without_memory),
       cmocka_unit_test(an_older_host),
       cmocka_unit_test(a_checkpoint_that_is_too_long),
+      cmocka_unit_test(a_checkpoint_as_long_as_planned),
       cmocka_unit_test(before_the_first_frame),
   };
   return cmocka_run_group_tests(tests, enter_folder, leave_folder);
