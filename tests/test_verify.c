@@ -332,6 +332,28 @@ static void far_planes_cost_nothing(void **state) {
   }
 }
 
+/* Within a step at twice the speed: 2 h (U + g h) = gap, with U of the scene's scales or what the
+ * fastest has, if that is more */
+static void a_plane_is_close_within_a_step(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 1}, v[3] = {0, 0, 3}, g = 9.81, fast[3] = {0, 0, 50};
+  for (int is_fast = 0; is_fast < 2; is_fast++) {
+    msim_scene *scene = single(x, v, g);
+    const msim_options opt = options_of("auto", 1e-4, 1);
+    plane(scene, 0, 0, 1, 0.25, 0.5, 0);
+    msim_sim *sim = make_sim(scene, &opt);
+    const ms_motion *m = sim->motion;
+    if (is_fast) ms_row_put(&m->model.rows, fast, 0, m->stepper.v);
+    const double U = is_fast ? 50 : sim->selection.verification.scales.speed;
+    const double h = (sqrt(U * U + 2 * g * 0.75) - U) / (2 * g);
+    assert_true(U >= 3);
+    assert_false(ms_verify_is_plane_close(sim, 0.999 * h));
+    assert_true(ms_verify_is_plane_close(sim, 1.001 * h));
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 typedef struct frames {
   int n;
   double t[300];
@@ -413,6 +435,7 @@ int main(void) {
                                      cmocka_unit_test(bursts_cost_what_control_costs),
                                      cmocka_unit_test(sliding_costs_what_control_costs),
                                      cmocka_unit_test(far_planes_cost_nothing),
+                                     cmocka_unit_test(a_plane_is_close_within_a_step),
                                      cmocka_unit_test(near_planes_count),
                                      cmocka_unit_test(pieces_make_the_same_run)};
   return cmocka_run_group_tests(tests, NULL, NULL);
