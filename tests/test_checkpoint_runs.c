@@ -183,13 +183,18 @@ static void runs_may_end_elsewhere(void **state) {
   longer = make_sim(scene, &opt);
   assert_int_equal(load(longer, &c, &why), MSIM_ERR_ARG);
   assert_non_null(strstr(why.text, "to end at t_end = 0.0305 s, h is 0.00098387"));
-  opt.t_end = 0.01;
-  msim_sim *shorter = make_sim(scene, &opt);
-  assert_int_equal(load(shorter, &c, &why), MSIM_ERR_ARG);
-  assert_string_equal(why.text, "the run ends after 10 steps, but the checkpoint is of step 20");
+  for (int steps = 0; steps <= 10; steps += 10) {
+    char text[100];
+    opt.t_end = steps * 1e-3;
+    msim_sim *shorter = make_sim(scene, &opt);
+    assert_int_equal(load(shorter, &c, &why), MSIM_ERR_ARG);
+    snprintf(text, sizeof text, "the run ends after %d steps, but the checkpoint is of step 20",
+             steps);
+    assert_string_equal(why.text, text);
+    msim_sim_destroy(shorter);
+  }
   free(c.bytes);
-  msim_sim_destroy(sim), msim_sim_destroy(whole);
-  msim_sim_destroy(longer), msim_sim_destroy(shorter);
+  msim_sim_destroy(sim), msim_sim_destroy(whole), msim_sim_destroy(longer);
   msim_scene_destroy(scene);
 }
 
