@@ -105,11 +105,34 @@ static void plain_verlet_is_symplectic_euler(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* v = g t to rounding, by any method, whatever direction g has; and no gravity is said to be 0 */
+static void free_fall_is_exact_along_each_axis(void **state) {
+  (void)state;
+  const double x[3] = {0}, v[3] = {0}, h = 0.01;
+  for (int32_t i = 0; method_at(i); i++)
+    for (int axis = 0; axis < 3; axis++) {
+      double g[3] = {0};
+      g[axis] = 5;
+      msim_scene *scene = single(x, v, 0);
+      assert_ok(msim_scene_set_gravity(scene, g, err));
+      const msim_options opt = options(method_at(i), h);
+      msim_sim *sim = make_sim(scene, &opt);
+      assert_ok(msim_sim_step(sim, 20, err));
+      for (int c = 0; c < 3; c++) assert_close(state_of(sim).v[c], g[c] * 20 * h, 1e-12);
+      const char *text;
+      assert_ok(msim_sim_explain(sim, &text, err));
+      assert_null(strstr(text, "gravity: it is 0"));
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(measured_order_is_the_declared_one),
       cmocka_unit_test(plain_start_is_first_order),
       cmocka_unit_test(damping_costs_verlet_an_order_but_not_velocity_verlet),
-      cmocka_unit_test(plain_verlet_is_symplectic_euler)};
+      cmocka_unit_test(plain_verlet_is_symplectic_euler),
+      cmocka_unit_test(free_fall_is_exact_along_each_axis)};
   return cmocka_run_group_tests_name("orders", tests, NULL, NULL);
 }
