@@ -1,0 +1,197 @@
+/* msim_sim_explain, line by line, where each number can be told from the scene. */
+#include "scenes.h"
+
+/* A weight of 2 kg on a spring of 8 N/m: omega = 2/s. */
+static const char pendulum[] =
+    "{\"msim\": 1, \"name\": \"a pair\", \"gravity\": [0, 0, -9.81], \"particles\": {\"x\": [[0, "
+    "0, 0],"
+    " [1, 0, 0.5]], \"mass\": [1, 2], \"pinned\": [0]},"
+    " \"springs\": {\"ij\": [[0, 1]], \"k\": 8, \"rest\": 0.5}}";
+
+/* The same, 1 m long, and one of 1 kg on 2 m: omega = 3/s, and with drag a rate of 3.5/s. Speeds
+ * are those of falls of 1 and of 2 m, sqrt(8) and sqrt(16) m/s. */
+static const char two_over_a_plane[] =
+    "{\"msim\": 1, \"gravity\": [0, 0, -8], \"drag\": 0.5, \"particles\": {\"x\": [[0, 0, 1], [1, "
+    "0, 1],"
+    " [0, 1, 1], [0, 3, 1]], \"mass\": [1, 2, 1, 1], \"pinned\": [0, 2]}, \"springs\": {\"ij\": "
+    "[[0, 1],"
+    " [2, 3]], \"k\": [8, 9], \"rest\": [1, 2], \"damping\": [0, 3]},"
+    " \"planes\": [{\"normal\": [0, 0, 1], \"offset\": 0, \"restitution\": 0.5}]}";
+
+/* A method's own sentence stands between the two parts. */
+static void expect(const char *text, msim_options *opt, const char *first, const char *second) {
+  msim_scene *scene;
+  const char *said;
+  opt->threads = 1, opt->solver = "pcg";
+  assert_ok(msim_scene_parse(NULL, "scene", text, strlen(text), &scene, err));
+  msim_sim *sim = make_sim(scene, opt);
+  assert_ok(msim_sim_explain(sim, &said, err));
+  if (strncmp(said, first, strlen(first)) != 0 || !strstr(said, second) ||
+      strcmp(strstr(said, second), second) != 0)
+    fail_msg("%s\nlacks\n%s...\n%s", said, first, second);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+static void a_fixed_step_that_fits_the_end(void **state) {
+  (void)state;
+  msim_options opt = options("velocity-verlet", 0.3);
+  opt.t_end = 1;
+  expect(
+      pendulum, &opt,
+      "scene         a pair\n"
+      "              particles 2, of them pinned 1; springs 1; planes 0\n"
+      "rows          sorted by number of springs, 64 at a time: that fills 8 lanes better\n"
+      "integrator    velocity-verlet, order 2\n",
+      "step          h = 0.25 s, lowered from 0.3 s so that the run ends at t_end\n"
+      "              4 steps, to t = 1 s; 5 frames where it is recorded\n"
+      "threads       1: as asked for\n"
+      "solver        none: the method is explicit\n"
+      "skipped       assembly, factorisation, solver libraries: the method needs no solver\n"
+      "              damping of springs: no spring is damped\n"
+      "              drag: it is 0\n"
+      "              contact pass: there are no planes\n"
+      "              component y: nothing moves along it, or pulls that way\n"
+      "              pinned particles: they are no unknowns: no row, no column\n"
+      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
+      "              conversion to flat arrays, energies: made only when somebody looks\n"
+      "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
+      "              velocity-verlet is stable for h < 1 s; h is 0.25 of that\n");
+}
+
+static void newtons_method(void **state) {
+  (void)state;
+  msim_options opt = options("implicit-euler", 0.25);
+  opt.steps = 8;
+  expect(
+      pendulum, &opt,
+      "scene         a pair\n"
+      "              particles 2, of them pinned 1; springs 1; planes 0\n"
+      "rows          sorted by number of springs, 64 at a time: that fills 8 lanes better\n"
+      "integrator    implicit-euler, order 1\n",
+      "step          h = 0.25 s\n"
+      "              8 steps, to t = 2 s; 9 frames where it is recorded\n"
+      "threads       1: as asked for\n"
+      "solver        pcg (asked for: about 2 iterations, no coarse space would pay)\n"
+      "              relative residual 1e-08, checked after every solve\n"
+      "matrix        2 unknowns: 2 for each free particle\n"
+      "newton        to 1e-08 of the velocity; clamped matrix until the residual has dropped\n"
+      "skipped       damping of springs: no spring is damped\n"
+      "              drag: it is 0\n"
+      "              contact pass: there are no planes\n"
+      "              component y: nothing moves along it, or pulls that way\n"
+      "              pinned particles: they are no unknowns: no row, no column\n"
+      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
+      "              conversion to flat arrays, energies: made only when somebody looks\n"
+      "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
+      "              stable for every h where the system is linear\n");
+}
+
+static void error_control(void **state) {
+  (void)state;
+  msim_options opt = options("dop853", 0.125);
+  opt.steps = -1, opt.t_end = 1, opt.tol = 1e-4;
+  expect(
+      two_over_a_plane, &opt,
+      "scene         (no name)\n"
+      "              particles 4, of them pinned 2; springs 2; planes 1\n"
+      "integrator    dop853, order 8\n",
+      "step          by error control: h = 0.125 s is tried first\n"
+      "              each may add its share of tol = 0.0001 to the error, relative to the extent\n"
+      "              1 to 2 m and the speed 2.828 to 4 m/s of each of 2 parts that\n"
+      "              no spring connects; the largest error decides\n"
+      "              growth of errors: measured, and reported where it is large\n"
+      "              to t = 1 s; 201 frames where it is recorded\n"
+      "collisions    event: impacts are located inside the step, rest is exact\n"
+      "threads       1: as asked for\n"
+      "solver        none: the method is explicit\n"
+      "skipped       assembly, factorisation, solver libraries: the method needs no solver\n"
+      "              pinned particles: they are no unknowns: no row, no column\n"
+      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
+      "              conversion to flat arrays, energies: made only when somebody looks\n"
+      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+      "              dop853 is stable for h < 1.82571 s; error control finds that out\n");
+}
+
+static void unsymmetric_matrices(void **state) {
+  (void)state;
+  msim_options opt = options("bdf2", 0.5);
+  opt.steps = 2, opt.collision = MSIM_COLLISION_EVENT;
+  expect(
+      two_over_a_plane, &opt,
+      "scene         (no name)\n"
+      "              particles 4, of them pinned 2; springs 2; planes 1\n"
+      "integrator    bdf2, order 2\n",
+      "step          h = 0.5 s\n"
+      "              2 steps, to t = 1 s; 3 frames where it is recorded\n"
+      "collisions    event: impacts are located inside the step, rest is exact\n"
+      "threads       1: as asked for\n"
+      "solver        pcg (asked for: about 6 iterations, no coarse space would pay)\n"
+      "              relative residual 1e-08, checked after every solve\n"
+      "matrix        6 unknowns: 3 for each free particle\n"
+      "newton        to 1e-08 of the velocity; clamped matrix until the residual has dropped, "
+      "then\n"
+      "              the whole one, which damping makes unsymmetric\n"
+      "skipped       pinned particles: they are no unknowns: no row, no column\n"
+      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
+      "              conversion to flat arrays, energies: made only when somebody looks\n"
+      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+      "              stable for every h where the system is linear\n");
+}
+
+static void a_step_too_long(void **state) {
+  (void)state;
+  msim_options opt = options("velocity-verlet", 0.75);
+  opt.steps = 4;
+  expect(
+      two_over_a_plane, &opt,
+      "scene         (no name)\n"
+      "              particles 4, of them pinned 2; springs 2; planes 1\n"
+      "integrator    velocity-verlet, order 2\n",
+      "step          h = 0.75 s\n"
+      "              4 steps, to t = 3 s; 5 frames where it is recorded\n"
+      "collisions    reflect: the state after the step; order 1 at each impact\n"
+      "threads       1: as asked for\n"
+      "solver        none: the method is explicit\n"
+      "skipped       assembly, factorisation, solver libraries: the method needs no solver\n"
+      "              pinned particles: they are no unknowns: no row, no column\n"
+      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
+      "              conversion to flat arrays, energies: made only when somebody looks\n"
+      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+      "              velocity-verlet is stable for h < 0.571429 s; h is 1.31 of that: it may blow "
+      "up\n");
+}
+
+static void a_clamped_matrix(void **state) {
+  (void)state;
+  msim_options opt = options("linearly-implicit-euler", 0.25);
+  opt.steps = 8, opt.jacobian = MSIM_JACOBIAN_CLAMP;
+  expect(
+      two_over_a_plane, &opt,
+      "scene         (no name)\n"
+      "              particles 4, of them pinned 2; springs 2; planes 1\n"
+      "integrator    linearly-implicit-euler, order 1\n",
+      "step          h = 0.25 s\n"
+      "              8 steps, to t = 2 s; 9 frames where it is recorded\n"
+      "collisions    reflect: the state after the step; order 1 at each impact\n"
+      "threads       1: as asked for\n"
+      "solver        pcg (asked for: about 4 iterations, no coarse space would pay)\n"
+      "              relative residual 1e-08, checked after every solve\n"
+      "matrix        6 unknowns: 3 for each free particle\n"
+      "              clamped: positive definite always\n"
+      "skipped       pinned particles: they are no unknowns: no row, no column\n"
+      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
+      "              conversion to flat arrays, energies: made only when somebody looks\n"
+      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+      "              stable for every h where the system is linear\n");
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_fixed_step_that_fits_the_end),
+                                     cmocka_unit_test(newtons_method),
+                                     cmocka_unit_test(error_control),
+                                     cmocka_unit_test(unsymmetric_matrices),
+                                     cmocka_unit_test(a_step_too_long),
+                                     cmocka_unit_test(a_clamped_matrix)};
+  return cmocka_run_group_tests_name("explain", tests, NULL, NULL);
+}
