@@ -300,6 +300,21 @@ static void corners_bounce_in_any_order(void **state) {
   }
 }
 
+/* More bounces from wall to wall than are followed: one impact all the same, which leads out. */
+static void a_narrow_wedge_is_one_impact(void **state) {
+  (void)state;
+  for (double angle = 0.001; angle < 1; angle *= 3) {
+    const msim_plane plane[2] = {{{0, 0, 1}, 0, 1, 0}, {{sin(angle), 0, -cos(angle)}, 0, 1, 0}};
+    const ms_touch touch = {.n = 2, .plane = {&plane[0], &plane[1]}};
+    double v[3] = {-1, 0.25, -2 * angle}; /* into the first alone */
+    const double before = norm(v);
+    assert_int_equal(ms_bounce(&touch, v), 1);
+    assert_true(v[0] * sin(angle) - v[2] * cos(angle) > -1e-14 && v[2] > -1e-14);
+    assert_true(norm(v) <= before * (1 + 1e-12));
+    assert_close(v[1], 0.25, 1e-14);
+  }
+}
+
 /* The nearest vector to u that leads into no plane: nothing is left out of reach, and what the
  * planes give is at right angles to what is left (Moreau). */
 static void projection_is_the_nearest(void **state) {
@@ -338,6 +353,7 @@ int main(void) {
                                      cmocka_unit_test(planes_without_room_are_refused),
                                      cmocka_unit_test(pinned_particles_are_not_reflected),
                                      cmocka_unit_test(corners_bounce_in_any_order),
+                                     cmocka_unit_test(a_narrow_wedge_is_one_impact),
                                      cmocka_unit_test(projection_is_the_nearest)};
   return cmocka_run_group_tests_name("planes", tests, NULL, NULL);
 }
