@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "auto_scenes.h"
+#include "msim/backend.h"
 #include "sim/probe.h"
 #include "sim/reasons.h"
 
@@ -54,7 +55,41 @@ static void a_fifth_of_the_cost_decides(void **state) {
   }
 }
 
+/* cholmod, until so many factors were made */
+static const msim_backend *cholmod;
+static int factors_left;
+
+static msim_status failing_factor(void *self, const msim_system *A, int32_t kind,
+                                  msim_solve_info *info) {
+  return factors_left-- > 0 ? cholmod->factor(self, A, kind, info) : MSIM_ERR_BACKEND;
+}
+
+/* A solver that fails in the run by which tr-bdf2 is tried, in its first step or later, is what the
+ * user has to know. */
+static void a_failure_of_the_solver_is_reported(void **state) {
+  (void)state;
+  require(solver_there("cholmod"), "the solver cholmod");
+  assert_ok(msim_solver_backend("cholmod", NULL, &cholmod, err));
+  msim_backend table = *cholmod;
+  table.name = "failing", table.factor = failing_factor;
+  const msim_backend *const backends[] = {&table, NULL};
+  msim_scene *scene = wire(1e9);
+  msim_options opt;
+  msim_options_init(&opt, sizeof opt);
+  opt.integrator = "auto", opt.tol = 3e-4, opt.t_end = 0.4;
+  opt.solver = "failing", opt.backends = backends;
+  for (int factors = 0; factors <= 100; factors += 50) {
+    msim_sim *sim = NULL;
+    factors_left = factors;
+    const msim_status status = msim_sim_create(scene, &opt, &sim, NULL);
+    msim_sim_destroy(sim);
+    assert_int_equal(status, MSIM_ERR_BACKEND);
+  }
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(a_fifth_of_the_cost_decides)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(a_fifth_of_the_cost_decides),
+                                     cmocka_unit_test(a_failure_of_the_solver_is_reported)};
   return cmocka_run_group_tests_name("auto_implicit", tests, NULL, NULL);
 }
