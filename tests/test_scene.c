@@ -116,6 +116,11 @@ static void bad_particles_are_refused(void **state) {
   assert_refused(s, msim_scene_add_particles(s, 2, x3, NULL, endless, err), "mass[1] is inf");
   assert_refused(s, msim_scene_add_particles(s, INT32_MAX, x3, NULL, mass3, err),
                  "2147483650 particles are more than the limit of 715827882");
+  const int32_t room = INT32_MAX / 3 - 3; /* numbers are looked at where all of them fit */
+  assert_refused(s, msim_scene_add_particles(s, room + 1, endless, NULL, mass3, err),
+                 "715827883 particles are more than the limit of 715827882");
+  assert_refused(s, msim_scene_add_particles(s, room, endless + 1, NULL, mass3, err),
+                 "particles.x[0] is inf");
   msim_scene_destroy(s);
 }
 
