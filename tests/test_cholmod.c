@@ -2,6 +2,7 @@
  * whatever the program set, and are as before when it is done. */
 #define _GNU_SOURCE /* RTLD_NOLOAD */
 #include <dlfcn.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -51,6 +52,28 @@ static void threads_are_as_they_were(void **state) {
     assert_int_equal(get_levels(), wanted + 1);
   }
   msim_sim_destroy(sim);
+}
+
+static void *step_often(void *sim) { return msim_sim_step(sim, 60, NULL) == MSIM_OK ? NULL : sim; }
+
+/* The last of those that solve at the same time takes back what the first has changed. */
+static void nor_do_solvers_in_other_threads_change_them(void **state) {
+  (void)state;
+  enum { SIMS = 4 };
+  msim_sim *sims[SIMS];
+  pthread_t threads[SIMS];
+  for (int i = 0; i < SIMS; i++) sims[i] = cloth_sim();
+  set_blas(2);
+  const int before = get_blas();
+  for (int i = 0; i < SIMS; i++)
+    assert_int_equal(pthread_create(&threads[i], NULL, step_often, sims[i]), 0);
+  for (int i = 0; i < SIMS; i++) {
+    void *failed;
+    pthread_join(threads[i], &failed);
+    assert_null(failed);
+    msim_sim_destroy(sims[i]);
+  }
+  assert_int_equal(get_blas(), before);
 }
 
 static void bits_do_not_depend_on_them(void **state) {
@@ -154,8 +177,10 @@ int main(void) {
   if (!solver_there("cholmod")) return missing_status("the solver cholmod");
   const int status = find_controls();
   if (status) return status;
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(threads_are_as_they_were), cmocka_unit_test(bits_do_not_depend_on_them),
-      cmocka_unit_test(solids_are_dissected), cmocka_unit_test(factors_of_scalars_serve_a_run)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(threads_are_as_they_were),
+                                     cmocka_unit_test(nor_do_solvers_in_other_threads_change_them),
+                                     cmocka_unit_test(bits_do_not_depend_on_them),
+                                     cmocka_unit_test(solids_are_dissected),
+                                     cmocka_unit_test(factors_of_scalars_serve_a_run)};
   return cmocka_run_group_tests_name("cholmod", tests, NULL, NULL);
 }
