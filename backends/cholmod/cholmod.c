@@ -1,9 +1,9 @@
-/* cholmod - SuiteSparse's supernodal Cholesky, and its simplicial LDL' for indefinite systems.
+/* cholmod - solver plugin: supernodal Cholesky and simplicial LDL' of SuiteSparse.
  *
- * The host's UPPER matrix, read by columns, is the lower triangle with full diagonal blocks: what
- * CHOLMOD takes as stype = -1, ignoring entries above the diagonal. It is read in place.
- * The order is found on the graph of the blocks, a third of the matrix' size, and the host hands
- * over the values permuted, so that CHOLMOD keeps the natural order and copies nothing. */
+ * The host's UPPER matrix, read by columns, is the lower triangle with full diagonal blocks, which
+ * CHOLMOD accepts as stype = -1, ignoring entries above the diagonal. It is used without a copy.
+ * The order is computed on the graph of the blocks, which has a third of the dimension, and the
+ * host passes the matrix permuted, so that CHOLMOD uses the natural order and copies nothing. */
 #define _GNU_SOURCE /* RTLD_DEFAULT */
 #include <cholmod.h>
 #include <dlfcn.h>
@@ -22,21 +22,22 @@
 typedef struct cholesky {
   const msim_host *host;
   cholmod_common common;
-  cholmod_sparse matrix;                   /* the host's arrays */
-  cholmod_factor *supernodal, *simplicial; /* LL', and LDL' once it is needed */
+  cholmod_sparse matrix;                   /* refers to the host's arrays */
+  cholmod_factor *supernodal, *simplicial; /* LL', and LDL' after its first use */
   cholmod_factor *current;
-  cholmod_dense *x, *y, *e;                /* CHOLMOD's own work space */
-  double *work;                            /* for triangular_solve */
-  panels panels;                           /* where the factor serves many times */
-  enum { NOT_YET, PACKED, UNFIT } packing; /* of this factor into them */
-  int omp_levels;                          /* of the calling thread, before we came */
+  cholmod_dense *x, *y, *e;                /* workspace of CHOLMOD */
+  double *work;                            /* workspace of triangular_solve */
+  panels panels;                           /* packed copy of the factor, if it is used many times */
+  enum { NOT_YET, PACKED, UNFIT } packing; /* state of the packed copy */
+  int omp_levels;                          /* OpenMP setting of the caller before hold_threads */
 } cholesky;
 
 /*------------------------------------- threads --------------------------------------------------*/
 
-/* CHOLMOD 3 opens regions of 4 OpenMP threads whatever the machine has, and BLAS brings its own:
- * on two cores they fight, and the bits would depend on their number. One thread while we are in;
- * what the process had is put back. Found at run time: any BLAS and any OpenMP will do. */
+/* CHOLMOD 3 starts 4 OpenMP threads on any machine, and BLAS its own threads: on two cores they
+ * compete, and results would depend on their number. Use one thread during calls, and restore the
+ * settings of the process afterwards. The functions are found at run time, so that any BLAS and any
+ * OpenMP library will do. */
 typedef struct thread_controls {
   void (*set_blas)(int);
   int (*get_blas)(void);
@@ -60,8 +61,8 @@ static thread_controls find_controls(void) {
   return controls;
 }
 
-/* OpenBLAS' number is the whole process', so solvers in several threads share one change of it:
- * the first in makes it, the last out takes it back. OpenMP's levels belong to each thread. */
+/* The number of OpenBLAS threads is global, so solvers in several threads share one change of it:
+ * the first to enter sets it, the last to leave restores it. OpenMP's levels are per thread. */
 static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
 static int inside, blas_before;
 
@@ -83,7 +84,7 @@ static void release_threads(cholesky *self) {
 
 /*------------------------------------- status ---------------------------------------------------*/
 
-/* CHOLMOD returns TRUE for a matrix that is not positive definite: only its status tells. */
+/* CHOLMOD returns TRUE even if the matrix is not positive definite: only its status shows that. */
 static msim_status status_of(cholesky *self, const char *what) {
   switch (self->common.status) {
     case CHOLMOD_OK:
@@ -109,7 +110,7 @@ static msim_status refuse(cholesky *self, const char *why) {
   return MSIM_ERR_ARG;
 }
 
-/*------------------------------------- the table ------------------------------------------------*/
+/*------------------------------------- plugin functions -----------------------------------------*/
 
 static msim_status create(const msim_host *host, void **result) {
   cholesky *self = host->alloc(host, sizeof *self);
@@ -124,12 +125,13 @@ static msim_status create(const msim_host *host, void **result) {
   return MSIM_OK;
 }
 
-/* Minimum degree is quick and best for small and flat systems. Above this many flops of the
- * factorisation nested dissection is tried too: its search costs about one factorisation, and saves
- * up to two thirds of each on solids. */
+/* Minimum degree is fast, and best for small systems and for cloths. Above this number of flops of
+ * the factorization nested dissection is tried, too: it costs about as much as one factorization,
+ * and saves up to two thirds of each for solids. */
 #define TRY_DISSECTION 3e9
 
-/* The order of the graph's vertices by one method, postordered; its flops. */
+/* Order the vertices of the graph by one method, with postordering; *flops: of the
+ * factorization. */
 static cholmod_factor *order_by(cholesky *self, cholmod_sparse *graph, int method, double *flops) {
   cholmod_common *c = &self->common;
   c->method[0].ordering = method;
@@ -170,7 +172,7 @@ static msim_status order(void *data, int32_t n, const int32_t *ptr, const int32_
   return status;
 }
 
-/* The order came postordered: neither it nor the columns are to be moved again. */
+/* The order is postordered already: neither postorder again nor permute columns. */
 static cholmod_factor *symbolic(cholesky *self, int supernodal) {
   cholmod_common *c = &self->common;
   c->method[0].ordering = CHOLMOD_NATURAL;
@@ -218,7 +220,7 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
                                   .dtype = CHOLMOD_DOUBLE,
                                   .sorted = 1,
                                   .packed = 1};
-  /* relaxed supernodes as wide, in block rows, as CHOLMOD has them for scalar problems */
+  /* limits of relaxed supernodes: CHOLMOD's defaults, counted in block rows */
   const size_t relaxed[3] = {4, 16, 48};
   for (int i = 0; i < 3; i++)
     self->common.nrelax[i] = relaxed[i] * (A->block == 1 ? 1 : (size_t)A->block);
@@ -229,13 +231,13 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
   release_threads(self);
   msim_status status = status_of(self, "analyse the matrix");
   if (status) return status;
-  /* a matrix of scalars is one of constants, and its factor serves for a whole run */
+  /* a matrix with scalar blocks is constant, so one factorization is used for a whole run */
   if (A->block == 1 && panels_pay()) return allocate_panels(self, 0);
   self->work = self->host->alloc(self->host, triangular_work(self->supernodal) * sizeof(double));
   return self->work ? MSIM_OK : MSIM_ERR_MEMORY;
 }
 
-/* LL' exists where A is positive definite only; of LDL', D tells. */
+/* LL' exists only if A is positive definite; for LDL', the signs of D show it. */
 static int32_t definiteness(const cholmod_factor *L) {
   const int32_t *column = L->p;
   const double *value = L->x;
@@ -265,20 +267,20 @@ static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_s
   return status;
 }
 
-/* Who asks for rough answers keeps the factor as a preconditioner: then panels in single precision
- * pay, which halve the time of a solve. */
+/* Whether to solve by panels. With a coarse tolerance the factor is a preconditioner, for which
+ * panels in single precision suffice, which halve the time of a solve. */
 static int by_panels(cholesky *self, double rtol) {
   const double ROUGH = 1e-4;
   panels *p = &self->panels;
   const int rough = rtol >= ROUGH;
   if (rough && !p->value && panels_pay())
-    allocate_panels(self, 1); /* or not: they are not needed */
+    allocate_panels(self, 1); /* a failure is harmless: the panels are optional */
   if (!p->value || (p->single && !rough)) return 0;
   if (self->packing == NOT_YET) self->packing = panels_pack(p) ? PACKED : UNFIT;
   return self->packing == PACKED;
 }
 
-/* y = (L L')^-1 b, right sides n apart */
+/* y = (L L')^-1 b, right-hand sides n apart */
 static void solve_supernodal(cholesky *self, size_t n, int32_t nrhs, const double *b, double *y,
                              double rtol) {
   const int packed = by_panels(self, rtol);

@@ -1,11 +1,12 @@
-/* panels - CHOLMOD's supernodal factor, packed once more to be solved with many times.
+/* panels - a packed copy of CHOLMOD's supernodal factor, for many solves with one factor.
  *
- * The columns J of a supernode are taken by fours:
- *   P = [L_JJ^-1; -L_RJ L_JJ^-1],  so that  w = P w_J  is L's forward substitution by J,
- *   and  w_J = P' w  that of L':
- * within a panel no number waits for another. P is kept in the order in which it is read: 4 rows of
- * one column, the same rows of the next; in single precision where that will do, since reading P is
- * what a solve costs. Sums are made in double precision. */
+ * The columns of a supernode are grouped by four. For a group J, with R the rows below it, the
+ * panel is
+ *   P = [L_JJ^-1; -L_RJ L_JJ^-1].
+ * Forward substitution with L for the columns J is w = P w_J, and backward substitution with L' is
+ * w_J = P' w, without dependences between the numbers of a panel. P is stored in the order in which
+ * it is read: 4 rows of one column, the same rows of the next column; in single precision if that
+ * is sufficient, because the time of a solve is that of reading P. Sums are in double precision. */
 #ifndef MSIM_CHOLMOD_PANELS_H
 #define MSIM_CHOLMOD_PANELS_H
 
@@ -22,20 +23,20 @@ typedef int64_t quad_mask __attribute__((vector_size(8 * LANES)));
 
 typedef struct panels {
   const cholmod_factor *factor;
-  int single;  /* values are floats, not doubles */
-  void *value; /* panels_size of them: P after P */
-  double *y;   /* work: 4 n, right sides side by side */
-  double *w;   /* work: the rows of a supernode, panels_work */
+  int single;  /* values are floats, otherwise doubles */
+  void *value; /* panels_size numbers: all panels in order */
+  double *y;   /* workspace: 4 n, right-hand sides interleaved */
+  double *w;   /* workspace for the rows of a supernode: panels_work */
 } panels;
 
 INLINE int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
 
-/* Quads that hold the rows of a supernode from row j on. */
+/* Number of quads for the rows of a supernode from row j on. */
 INLINE size_t quads_from(const supernode *s, int32_t j) {
   return (size_t)(s->rows - j + LANES - 1) / LANES;
 }
 
-/* Numbers in the panel that begins with column j. */
+/* Number of values in the panel that begins with column j. */
 INLINE size_t panel_size(const supernode *s, int32_t j) {
   return LANES * (size_t)least(LANES, s->width - j) * quads_from(s, j);
 }
@@ -61,7 +62,7 @@ static size_t panels_work(const cholmod_factor *L) {
 /*------------------------------------- packing --------------------------------------------------*/
 
 /* V = L_JJ^-1:  V_kk = 1/L_kk,  V_ik = - (sum over k <= m < i of L_im V_mk) / L_ii
- * L: from the panel's first number on, columns `rows` apart */
+ * L points to the first number of the panel; its columns are `rows` apart. */
 static void invert_corner(const double *L, size_t rows, size_t columns, double V[LANES][LANES]) {
   for (size_t k = 0; k < columns; k++)
     for (size_t i = 0; i < columns; i++) {
@@ -77,10 +78,10 @@ INLINE quad load_quad(const double *from) {
   return v;
 }
 
-/* 4 numbers at any address, to be written. */
+/* 4 numbers at any address, for writing. */
 INLINE loose_quad *quad_at(double *to) { return (loose_quad *)to; }
 
-/* The values from the at-th on: `single` is a constant where these are inlined. */
+/* Four values from index `at` on; `single` is a constant after inlining. */
 INLINE quad load_values(const void *P, size_t at, int single) {
   if (!single) return load_quad((const double *)P + at);
   float_quad v;
@@ -94,7 +95,7 @@ INLINE void store_values(void *P, size_t at, int single, quad v) {
   else memcpy((double *)P + at, &v, sizeof v);
 }
 
-/* Rows first to first + 3 of -L_RJ V, k-th column; rows of J and past the end need not be right. */
+/* Rows first to first + 3 of -L_RJ V, column k; rows of J and rows past the end are arbitrary. */
 INLINE quad product(const double *L, size_t rows, size_t columns, size_t first, size_t end,
                     double V[LANES][LANES], size_t k) {
   quad sum = {0};
@@ -108,13 +109,13 @@ INLINE quad product(const double *L, size_t rows, size_t columns, size_t first, 
   return sum;
 }
 
-/* 1; or 0 where a float cannot hold what it should: V_kk is to be normal, all others finite. */
+/* Returns 0 if a float cannot represent the panel: V_kk must be normal, all others finite. */
 INLINE int pack_panel(const supernode *s, int32_t j, int single, void *P, size_t at) {
   const size_t rows = (size_t)s->rows, end = rows - (size_t)j;
   const size_t columns = (size_t)least(LANES, s->width - j);
   const double *L = s->value + (size_t)j * rows + j;
   double V[LANES][LANES], least_V = INFINITY;
-  quad sum = {0}; /* of 0 times each: 0, or NaN */
+  quad sum = {0}; /* sum of 0 times each value: 0, or NaN */
   invert_corner(L, rows, columns, V);
   for (size_t k = 0; k < columns; k++) least_V = V[k][k] < least_V ? V[k][k] : least_V;
   for (size_t first = 0; first < end; first += LANES)
@@ -140,14 +141,14 @@ INLINE int pack_panels(const panels *p, int single) {
 
 /*------------------------------------- products -------------------------------------------------*/
 
-/* The lanes of a and b, in an order. */
+/* Lanes i, j, k, l of the lanes of a (0 to 3) and b (4 to 7). */
 #if defined(__clang__) || __GNUC__ >= 12
 #  define PICK(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
 #else
 #  define PICK(a, b, i, j, k, l) __builtin_shuffle(a, b, (quad_mask){i, j, k, l})
 #endif
 
-/* Rows of 4 numbers to columns, or back. */
+/* Transpose a 4 x 4 matrix. */
 INLINE void transpose(quad v[LANES]) {
   const quad a = PICK(v[0], v[1], 0, 4, 2, 6), b = PICK(v[0], v[1], 1, 5, 3, 7);
   const quad c = PICK(v[2], v[3], 0, 4, 2, 6), d = PICK(v[2], v[3], 1, 5, 3, 7);
@@ -155,8 +156,8 @@ INLINE void transpose(quad v[LANES]) {
   v[2] = PICK(a, c, 2, 3, 6, 7), v[3] = PICK(b, d, 2, 3, 6, 7);
 }
 
-/* w = P w_J: the first `columns` numbers of w are replaced, to the others P's share is added.
- * P begins with the at-th value. The sides of w lie `apart`. */
+/* w = P w_J: replace the first `columns` numbers of w, add to the others. P begins at index `at`;
+ * the right-hand sides in w are `apart` numbers apart. */
 INLINE void multiply(const panels *p, int single, size_t at, size_t quads, int columns, double *w,
                      size_t apart, int sides) {
   quad x[LANES][MOST_SIDES] = {{{0}}};
@@ -177,7 +178,7 @@ INLINE void multiply(const panels *p, int single, size_t at, size_t quads, int c
   }
 }
 
-/* w_J = P' w. Panels are read from the last to the first here, which the CPU does not foresee. */
+/* w_J = P' w. Panels are read from last to first, which the hardware does not prefetch. */
 INLINE void multiply_transposed(const panels *p, int single, size_t at, size_t quads, int columns,
                                 double *w, size_t apart, int sides) {
   enum { LINE = 64, AHEAD = 8192 };
@@ -201,7 +202,7 @@ INLINE void multiply_transposed(const panels *p, int single, size_t at, size_t q
   }
 }
 
-/* Either one by the panel that begins with column j; the number of columns is a constant. */
+/* One of the two products with the panel of column j, with a constant number of columns. */
 INLINE void by_panel(const panels *p, int single, const supernode *s, int32_t j, size_t at,
                      int transposed, double *w, size_t apart, int sides) {
   const size_t quads = quads_from(s, j);
@@ -221,7 +222,7 @@ INLINE void by_panel(const panels *p, int single, const supernode *s, int32_t j,
 
 /*------------------------------------- solving --------------------------------------------------*/
 
-/* 4 rows of y, or as many as there are; zeros for the others */
+/* 4 rows of y; zeros for rows past the `count`-th */
 INLINE void load_rows(const int32_t *row, int32_t count, const double *y, quad v[LANES]) {
   for (int32_t l = 0; l < LANES; l++)
     v[l] = l < count ? load_quad(y + LANES * (size_t)row[l]) : (quad){0};
@@ -248,7 +249,7 @@ INLINE void scatter_quad(const int32_t *row, int32_t count, const double *w, siz
   store_rows(row, count, v, y);
 }
 
-/* w = the rows of y, and zeros up to a whole quad */
+/* w = the rows of y of the supernode, and zeros up to a whole quad */
 INLINE void gather_rows(const supernode *s, const double *y, double *w, size_t apart, int sides) {
   int32_t i = 0;
   for (; i < (int32_t)apart && sides == 1; i++) w[i] = i < s->rows ? y[s->row[i]] : 0;
@@ -256,7 +257,7 @@ INLINE void gather_rows(const supernode *s, const double *y, double *w, size_t a
   if (i < s->rows) gather_quad(s->row + i, s->rows - i, y, w + i, apart, sides);
 }
 
-/* the first `count` rows of y = w */
+/* store w to the first `count` rows of the supernode in y */
 INLINE void scatter_rows(const supernode *s, int32_t count, const double *w, size_t apart,
                          double *y, int sides) {
   int32_t i = 0;
@@ -293,7 +294,7 @@ INLINE void panels_backward(const panels *p, int single, int sides) {
   }
 }
 
-/* y = b, whose sides lie n apart, side by side */
+/* y = b, from right-hand sides n apart to interleaved ones */
 INLINE void interleave(size_t n, const double *b, double *y, int sides) {
   size_t i = 0;
   for (; i + LANES <= n && sides > 1; i += LANES) {
@@ -328,8 +329,8 @@ INLINE void solve_by_panels(const panels *p, int single, const double *b, double
   separate(p->factor->n, p->y, x, sides);
 }
 
-/* Products and sums are rounded once here. Registers of 2 numbers are too few: there, panels do not
- * pay. */
+/* Compiled with fused multiply-add. With registers of 2 doubles panels are slower than
+ * triangular_solve. */
 #if defined(__x86_64__)
 #  if defined(__clang__)
 #    define FUSED __attribute__((target("avx2,fma")))
@@ -344,12 +345,12 @@ static int panels_pay(void) {
 static int panels_pay(void) { return 1; }
 #endif
 
-/* The factor is new. 0: it does not fit into single precision. */
+/* Pack a new factor. 0: it is out of the range of single precision. */
 FUSED static int panels_pack(const panels *p) {
   return p->single ? pack_panels(p, 1) : pack_panels(p, 0);
 }
 
-/* x = (L L')^-1 b for 1 to 3 right sides, n apart. */
+/* x = (L L')^-1 b for 1 to 3 right-hand sides, n apart. */
 FUSED static void panels_solve(const panels *p, const double *b, double *x, int sides) {
   if (p->single && sides == 1) solve_by_panels(p, 1, b, x, 1);
   else if (sides == 1) solve_by_panels(p, 0, b, x, 1);

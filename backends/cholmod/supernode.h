@@ -1,24 +1,24 @@
-/* supernode - the parts in which CHOLMOD keeps a factor L */
+/* supernode - access to the supernodes of CHOLMOD's factor L */
 #ifndef MSIM_CHOLMOD_SUPERNODE_H
 #define MSIM_CHOLMOD_SUPERNODE_H
 
 #include <cholmod.h>
 #include <stdint.h>
 
-/* Wide vectors never leave the functions into which those here are inlined. */
+/* The warning concerns calls with wide vectors, but all such functions are inlined. */
 #pragma GCC diagnostic ignored "-Wpsabi"
 
-enum { LANES = 4, MOST_SIDES = 3 }; /* doubles read at once; right sides solved at once */
+enum { LANES = 4, MOST_SIDES = 3 }; /* doubles read at once; right-hand sides solved at once */
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* Some columns of L: a lower triangle, and full rows below it. Column j begins at value + j rows.
- * Lanes past the end of a column meet the next one: what they make is not used, but it must be
- * there, so the last supernodes go without. */
+/* Consecutive columns of L with the same pattern: a lower triangle and full rows below it. Column j
+ * starts at value + j rows. Lanes past the end of a column read the next column: the results are
+ * ignored, but the memory must exist, so the last supernodes round `end` down. */
 typedef struct supernode {
   int32_t width, rows;
-  int32_t end;        /* of the rows that are taken in whole lanes: rows, rounded up or down */
-  const int32_t *row; /* rows of them, ascending; the first `width` are the columns' own */
+  int32_t end;        /* end of the rows that are read in whole lanes: rows, or LANES - 1 less */
+  const int32_t *row; /* rows indices, ascending; the first `width` are those of the columns */
   const double *value;
 } supernode;
 

@@ -1,8 +1,9 @@
-/* triangular - y = (L L')^-1 y by the supernodal factor of CHOLMOD, for few right sides.
+/* triangular - y = (L L')^-1 y by the supernodal factor of CHOLMOD, for few right-hand sides.
  *
- * CHOLMOD calls BLAS for each supernode, which costs more than the work where right sides are few.
+ * CHOLMOD calls BLAS for each supernode, whose overhead exceeds the work for few right-hand sides.
  * Here the rows of a supernode are gathered once; its columns are then read in pairs, from first to
- * last, for all right sides at once. Sums run in one order, whatever registers the CPU has. */
+ * last, for all right-hand sides at once. The order of summation is the same with all register
+ * widths. */
 #ifndef MSIM_CHOLMOD_TRIANGULAR_H
 #define MSIM_CHOLMOD_TRIANGULAR_H
 
@@ -12,7 +13,7 @@
 
 typedef double lanes __attribute__((vector_size(8 * LANES)));
 
-/* Built for wider registers too; the CPU decides when the plugin is loaded. */
+/* Also compiled for wider registers; the CPU decides when the plugin is loaded. */
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__)
 #  define FOR_EACH_CPU __attribute__((target_clones("avx2", "default")))
 #else
@@ -21,7 +22,7 @@ typedef double lanes __attribute__((vector_size(8 * LANES)));
 
 INLINE void load(lanes *to, const double *from) { memcpy(to, from, sizeof *to); }
 
-/* w_i -= sum over `columns` columns of L_ij w_j, for the rows i after them */
+/* w_i -= sum over the `columns` columns j, j + 1 of L_ij w_j, for the rows i below them */
 INLINE void subtract_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
                              int sides) {
   const int32_t rows = s->rows;
@@ -48,7 +49,7 @@ INLINE void subtract_columns(const supernode *s, int32_t j, int columns, double 
         w[(size_t)c * apart + (size_t)i] -= L[q * rows + i] * solved[q][c];
 }
 
-/* columns j and, where there are two, j + 1 of L w' = w */
+/* forward substitution, L w' = w, for column j and, if columns = 2, column j + 1 */
 INLINE void forward(const supernode *s, int32_t j, int columns, double *w, size_t apart,
                     int sides) {
   const int32_t rows = s->rows;
@@ -61,7 +62,7 @@ INLINE void forward(const supernode *s, int32_t j, int columns, double *w, size_
   subtract_columns(s, j, columns, w, apart, sides);
 }
 
-/* the same columns of L' w' = w */
+/* backward substitution, L' w' = w, for the same columns */
 INLINE void backward(const supernode *s, int32_t j, int columns, double *w, size_t apart,
                      int sides) {
   const int32_t rows = s->rows;
@@ -107,7 +108,7 @@ INLINE void scatter(const supernode *s, const double *w, size_t apart, int32_t c
       y[(size_t)c * n + (size_t)s->row[i]] = w[(size_t)c * apart + (size_t)i];
 }
 
-/* An odd column comes first. */
+/* If the width is odd, the first column is processed alone. */
 INLINE void solve_sides(const cholmod_factor *L, double *y, double *w, int sides) {
   for (size_t k = 0; k < L->nsuper; k++) {
     const supernode s = supernode_at(L, k);
@@ -127,7 +128,7 @@ INLINE void solve_sides(const cholmod_factor *L, double *y, double *w, int sides
   }
 }
 
-/* y = (L L')^-1 y for 1 to 3 right sides, n apart. work: triangular_work(L) doubles. */
+/* y = (L L')^-1 y for 1 to 3 right-hand sides, n apart. work: triangular_work(L) doubles. */
 FOR_EACH_CPU static void triangular_solve(const cholmod_factor *L, double *y, int sides,
                                           double *work) {
   if (sides == 1) solve_sides(L, y, work, 1);

@@ -8,7 +8,7 @@
 
 /*------------------------------------- datasets -------------------------------------------------*/
 
-/* Row i of `rows` becomes first + i stride, all along its width. */
+/* Set all entries of row i to first + i stride, for 0 <= i < rows. */
 static void fill(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t first, int64_t stride) {
   enum { BLOCK = 256, WIDEST = 4 };
   int64_t block[BLOCK * WIDEST];
@@ -20,7 +20,7 @@ static void fill(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t firs
   }
 }
 
-/* 256 rows; of vectors one frame, in equal pieces of at most 1 MiB. */
+/* Rows of a chunk: 256, and for vectors a frame divided into equal pieces of at most 1 MiB. */
 static hsize_t chunk_rows(shape s, int64_t n, hsize_t rows) {
   const hsize_t most = (1 << 20) / (3 * sizeof(double)), frame = h5_rows(s, n);
   const hsize_t pieces = frame / most + 1;
@@ -28,8 +28,8 @@ static hsize_t chunk_rows(shape s, int64_t n, hsize_t rows) {
   return chunk < rows ? chunk : rows;
 }
 
-/* Contiguous where chunk = 0. All its space is taken at once and stays as it is. No times: equal
- * runs give equal bytes. */
+/* Contiguous if chunk = 0. Space is allocated at once and not initialized. Without time stamps, so
+ * that equal runs give equal bytes. */
 static hid_t create_dataset(recorder *r, const char *path, shape s, hsize_t rows, hsize_t chunk) {
   if (!h5_doing(r, "write", path)) return H5I_INVALID_HID;
   const hsize_t dims[] = {rows, h5_width[s]}, chunk_dims[] = {chunk, h5_width[s]};
@@ -68,7 +68,7 @@ static void constant(recorder *r, const char *path, shape s, int64_t rows, const
   h5_drop(r, H5Dclose, dataset);
 }
 
-/* VTK wants all four kinds of cells, and one list of offsets a part. */
+/* VTK requires all four kinds of cells, with one list of offsets per part. */
 static void create_cells(recorder *r, const char *kind, int64_t cells, const int32_t *ij) {
   const char *name[] = {"Connectivity", "NumberOfCells", "NumberOfConnectivityIds", "Offsets"};
   char path[4][64];
@@ -94,7 +94,7 @@ static void create_constants(recorder *r, const msim_recording *what) {
   constant(r, "/msim/scene", BYTE, (int64_t)what->scene_length, what->scene);
 }
 
-/* Zeros are no slot: their hash is another one. */
+/* A slot of zeros is invalid, because its hash is not 0. */
 static void create_slots(recorder *r, size_t capacity) {
   if (capacity == 0) return;
   h5_allocate_slot(r, capacity);
@@ -104,7 +104,7 @@ static void create_slots(recorder *r, size_t capacity) {
   }
 }
 
-/* A scalar where count = 0. */
+/* A scalar if count = 0. */
 static void create_attribute(recorder *r, const char *group, const char *name, hid_t type,
                              hsize_t count, const void *data) {
   if (!h5_doing(r, "write the attributes of", group)) return;
@@ -116,7 +116,7 @@ static void create_attribute(recorder *r, const char *group, const char *name, h
   h5_drop(r, H5Sclose, space);
 }
 
-/* VTK before 9.5 reads texts only if they are ASCII of fixed length. */
+/* VTK before 9.5 reads only texts that are ASCII of fixed length. */
 static void create_text(recorder *r, const char *group, const char *name, const char *text) {
   hid_t type = h5_id(r, H5Tcopy(H5T_C_S1));
   h5_ok(r, H5Tset_size(type, strlen(text)));
@@ -137,7 +137,7 @@ static void create_attributes(recorder *r, const msim_recording *what) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-/* The bytes of all data; libhdf5 adds its own. */
+/* Bytes of all data, without the metadata of libhdf5. */
 static double payload(const msim_recording *what) {
   double frame = 0;
   for (const column *c = h5_columns; c < h5_columns + NCOLUMNS; c++)
@@ -146,8 +146,8 @@ static double payload(const msim_recording *what) {
          2.0 * (double)what->checkpoint_capacity;
 }
 
-/* Space is reserved twice: when the size is known, and before libhdf5 writes anything, because
- * what it caches of metadata and cannot write it would keep for ever. */
+/* Space is allocated twice: when the amount of data is known, and before libhdf5 writes its cached
+ * metadata, which it would keep forever if writing failed. */
 void h5_create(recorder *r, const msim_recording *what) {
   hsize_t size = 0;
   h5_doing(r, "create", "the file");

@@ -1,4 +1,4 @@
-/* create - a new trajectory: all planned frames, and what holds for all of them */
+/* create - creation of a trajectory file with all planned frames and the constant data */
 #ifndef HDF5_CREATE_H
 #define HDF5_CREATE_H
 

@@ -27,7 +27,7 @@ msim_status h5_report(const recorder *r) {
 
 /*------------------------------------- rows -----------------------------------------------------*/
 
-/* Of the two one is NULL. */
+/* Write if `data` is not NULL, else read to `to`. */
 static void move(recorder *r, hid_t dataset, shape s, hsize_t first, hsize_t rows, const void *data,
                  void *to) {
   if (r->fault.status != MSIM_OK || rows == 0) return;
@@ -59,9 +59,9 @@ void h5_allocate_slot(recorder *r, size_t capacity) {
 
 /*------------------------------------- the file -------------------------------------------------*/
 
-/* Superblock 0, which has no "open for writing" flag to be left behind. No locks: viewers may open
- * the file while it is written. No cache of chunks, no sieve: a write that fails does so in the
- * call that made it, and leaves nothing behind that libhdf5 would have to write when it closes. */
+/* Superblock 0 has no "open for writing" flag that could remain set. No locks: viewers may open the
+ * file while it is written. No chunk cache and no sieve buffer: a failing write is reported by the
+ * call that made it, and leaves nothing for libhdf5 to write when it closes the file. */
 void h5_open_file(recorder *r, const char *path, int how) {
   if (!library_fits()) h5_fail(r, MSIM_ERR_PLUGIN, "built for another release of " H5_VERS_INFO);
   if (r->fault.status != MSIM_OK) return;
@@ -71,7 +71,7 @@ void h5_open_file(recorder *r, const char *path, int how) {
   h5_ok(r, H5Pset_cache(access, 0, 0, 0, 0.0));
   h5_ok(r, H5Pset_sieve_buf_size(access, 0));
   h5_ok(r, H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
-  h5_ok(r, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG)); /* with all datasets */
+  h5_ok(r, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG)); /* closes all datasets, too */
   const unsigned mode = how == LOOK ? H5F_ACC_RDONLY : H5F_ACC_RDWR;
   if (r->fault.status == MSIM_OK)
     r->file = h5_id(r, how == CREATE ? H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, access)

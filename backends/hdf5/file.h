@@ -1,6 +1,6 @@
-/* file - a trajectory that is open: its datasets, what went wrong with it, rows of numbers
+/* file - an open trajectory file: its datasets, its error state, reading and writing of rows
  *
- * Nothing is read or written after the first failure. */
+ * After the first failure nothing more is read or written. */
 #ifndef HDF5_FILE_H
 #define HDF5_FILE_H
 
@@ -11,46 +11,47 @@ typedef struct recorder {
   const msim_host *host;
   hid_t file, column[NWRITTEN], slot[NSLOTS];
   int64_t n, nframes, written;
-  int64_t committed; /* before the last one that says so; above `written` those are taken back */
-  double planned_t;  /* of that last one, s */
+  int64_t committed; /* index after the last frame marked as committed; those from `written` on are
+                        to be uncommitted */
+  double planned_t;  /* planned time of the last of them, s */
   int sync;
-  size_t capacity; /* bytes of a checkpoint; 0: there are no slots */
-  uint64_t *words; /* of a slot */
+  size_t capacity; /* size of a checkpoint, bytes; 0: no slots */
+  uint64_t *words; /* buffer for a slot */
   fault fault;
-  char doing[96]; /* what failed */
-  char name[];    /* of the file, for messages */
+  char doing[96]; /* present operation, for messages */
+  char name[];    /* name of the file, for messages */
 } recorder;
 
-/* Say what is going to be done, for the message should it fail; 0 where something has failed. */
+/* Set the present operation for messages. Returns 0 after a failure. */
 int h5_doing(recorder *r, const char *verb, const char *object);
 #if defined(__GNUC__)
 __attribute__((format(printf, 3, 4)))
 #endif
 void h5_fail(recorder *r, msim_status status, const char *format, ...);
 
-/* Every result of libhdf5 passes here. */
+/* All results of libhdf5 are checked by these. */
 static inline int h5_ok(recorder *r, int64_t result) { return ok(&r->fault, result); }
 static inline hid_t h5_id(recorder *r, hid_t result) { return id(&r->fault, result); }
 static inline void h5_drop(recorder *r, herr_t (*close)(hid_t), hid_t object) {
   drop(&r->fault, close, object);
 }
 
-/* Tell the host. */
+/* Pass the error to the host and return its status. */
 msim_status h5_report(const recorder *r);
 
 void h5_put(recorder *r, hid_t to, shape s, hsize_t first, hsize_t rows, const void *data);
 void h5_get(recorder *r, hid_t from, shape s, hsize_t first, hsize_t rows, void *data);
 
-/* Memory for a slot of so many bytes. */
+/* Allocate the buffer for slots with checkpoints of `capacity` bytes. */
 void h5_allocate_slot(recorder *r, size_t capacity);
 
 enum { CREATE, GO_ON, LOOK };
 void h5_open_file(recorder *r, const char *path, int how);
 
-/* Into the file, and with `sync` onto the disk. */
+/* Write all buffers to the file, and with `sync` flush it to the disk. */
 void h5_flush(recorder *r);
 
-/* "Disk full" then comes before the run and not hours into it. */
+/* Allocate disk space, so that a full disk is reported before the run and not during it. */
 void h5_reserve(recorder *r, double bytes);
 
 #endif

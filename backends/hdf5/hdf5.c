@@ -1,4 +1,4 @@
-/* hdf5 - the recorder plugin `hdf5`: trajectories that ParaView opens as they are */
+/* hdf5 - the recorder plugin `hdf5`, which writes trajectories that ParaView can open */
 #include "create.h"
 #include "file.h"
 #include "hash.h"
@@ -30,7 +30,7 @@ static void put_checkpoint(recorder *r, const msim_frame *frame) {
   h5_put(r, r->slot[which], WHOLE, 0, words, r->words);
 }
 
-/* The last ones first, so that those committed are the first ones at any time. */
+/* Uncommit frames from `written` on, last first, so that there is never a gap. */
 static void take_back(recorder *r) {
   const hid_t values = r->column[TIME_SHOWN], commit = r->column[COMMIT];
   if (r->committed > r->written)
@@ -50,8 +50,8 @@ static void put_entry(recorder *r, const entry *e) {
 
 /*------------------------------------- the recorder ---------------------------------------------*/
 
-/* Frames that were planned but not written stay, and show nothing: to cut them would change
- * metadata, and a file whose writer is killed while it does that may be damaged. */
+/* Planned frames that were not written remain and show nothing: removing them would change
+ * metadata, and a file whose writer is killed in between may be damaged. */
 static msim_status close_recorder(void *self) {
   recorder *r = self;
   const msim_host *host = r->host;
@@ -63,11 +63,11 @@ static msim_status close_recorder(void *self) {
   return status;
 }
 
-/* As much of a struct as the host knows; the rest is 0. */
+/* Copy as much of a struct as the host provides; the rest stays 0. */
 #define TAKE(mine, given) \
   memcpy(&(mine), given, (given)->size < sizeof(mine) ? (given)->size : sizeof(mine))
 
-/* A new file where `from` is NULL. */
+/* Create the file if `from` is NULL, else resume it. */
 static msim_status start(const msim_host *host, const msim_recording *given, msim_resumption *from,
                          void **self) {
   msim_recording what = {0};

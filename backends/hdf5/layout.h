@@ -1,24 +1,25 @@
-/* layout - what stands where in a trajectory
+/* layout - the format of trajectory files
  *
  * The file is VTKHDF 2.0 (docs.vtk.org, "VTKHDF File Format"): a temporal PolyData of two parts,
- * 0 = the mesh, 1 = nothing. Particles are points, springs are lines. All planned frames exist from
- * the start and show part 1; a frame is committed by setting its Steps/PartOffsets to 0, eight
- * bytes, after its data has been flushed. No metadata of HDF5 changes after creation, so a file
- * whose writer was killed opens and holds every committed frame, and a viewer may read along.
+ * part 0 is the mesh, part 1 is empty. Particles are points, springs are lines. All planned frames
+ * exist from the start and refer to part 1. A frame is committed by setting its Steps/PartOffsets
+ * to 0, eight bytes, after its data have been flushed. HDF5 metadata do not change after creation,
+ * so a file whose writer was killed can be opened and contains every committed frame, and viewers
+ * may read it during the run.
  *
- * What the run can go on from lies in two slots, /msim/checkpoint/0 and 1: words of 8 bytes, which
- * are hash, frame, step, number of bytes, the bytes. Frame i writes slot i mod 2 before its commit:
- * whatever is torn, the last committed frame has its slot still, or the one before it has.
+ * Checkpoints are in two slots, /msim/checkpoint/0 and 1, of words of 8 bytes: hash, frame, step,
+ * number of bytes, the bytes. Frame i writes slot i mod 2 before its commit: if a write is
+ * interrupted, the slot of the last committed frame, or that of the one before it, is intact.
  *
- * Next to /VTKHDF, per planned frame: /msim/frames/time, step, hash; once: /msim/scene (the scene
- * as JSON, bytes) and the attributes format, creator and static_hash of /msim. A hash of 64-bit
- * words w_1, w_2, ... (doubles by their bits) is, modulo 2^64,
+ * Besides /VTKHDF there are, per planned frame: /msim/frames/time, step, hash; once: /msim/scene
+ * (the scene as JSON, bytes) and the attributes format, creator and static_hash of /msim. The hash
+ * of 64-bit words w_1, w_2, ... (doubles by their bits) is, modulo 2^64,
  *
  *     sum over i of (z ^ (z >> 32)) * 0xbf58476d1ce4e5b9,  z = w_i ^ (i * 0x9e3779b97f4a7c15)
  *
- * A frame's words: v (3n), x (3n), time, step. A slot's: all after the hash, as far as it has
- * bytes. The static words: number of particles and of springs, Lines/Connectivity, Mass, Stiffness,
- * RestLength, the scene's length, its bytes, one a word. */
+ * Words of a frame: v (3n), x (3n), time, step. Of a slot: all after the hash, up to the end of its
+ * bytes. Of the constant data: number of particles and of springs, Lines/Connectivity, Mass,
+ * Stiffness, RestLength, length of the scene, its bytes, one per word. */
 #ifndef HDF5_LAYOUT_H
 #define HDF5_LAYOUT_H
 
@@ -26,39 +27,39 @@
 
 #include "msim/recorder.h"
 
-/* Rows of a dataset. INDEX: int32 in memory, as wide as WHOLE in the file. */
+/* Shape of the rows of a dataset. INDEX: int32 in memory, 64 bits in the file like WHOLE. */
 typedef enum shape { VECTOR, REAL, WHOLE, QUAD, INDEX, BYTE } shape;
 extern const hsize_t h5_width[];
 
-/* What a column holds for frame i before anything is computed. */
+/* Initial value of a column for frame i. */
 typedef enum plan { NOTHING, TIMES, ZERO, ONE, FRAME /* i */, FIRST_ROW /* i n */ } plan;
 
-/* What one frame writes. */
+/* Data of one frame. */
 typedef struct entry {
   msim_frame frame;
   uint64_t hash;
   int64_t part;
 } entry;
 
-/* A dataset with a row a frame; n rows a frame where the shape is VECTOR. */
+/* A dataset with one row per frame, or n rows if the shape is VECTOR. */
 typedef struct column {
   const char *path;
   shape shape;
   plan plan;
-  size_t source; /* within an entry; of the first NWRITTEN only */
+  size_t source; /* offset in an entry; for the first NWRITTEN columns only */
 } column;
 
-/* COMMIT is written last, and only after all the others are in the file. */
+/* COMMIT is written last, after all others have been flushed. */
 enum { X, V, TIME_SHOWN, TIME = 5, STEP, HASH, COMMIT, NWRITTEN, NCOLUMNS = 19 };
 extern const column h5_columns[NCOLUMNS];
 
-/* What a slot begins with. */
+/* Words at the beginning of a slot. */
 enum { SLOT_HASH, SLOT_FRAME, SLOT_STEP, SLOT_LENGTH, SLOT_BYTES, NSLOTS = 2 };
 extern const char *const h5_slots[NSLOTS];
 size_t h5_slot_words(size_t bytes);
 
 int h5_rank(shape s);
-hsize_t h5_rows(shape s, int64_t n); /* of a frame */
+hsize_t h5_rows(shape s, int64_t n); /* number of rows per frame */
 hid_t h5_memory_type(shape s);
 hid_t h5_file_type(shape s);
 

@@ -1,8 +1,8 @@
-/* library - libhdf5 as a plugin uses it: one at a time, silent, and with a reason where it fails */
+/* library - use of libhdf5 by plugins: one thread at a time, no printing, error messages */
 #ifndef HDF5_LIBRARY_H
 #define HDF5_LIBRARY_H
 
-#define _POSIX_C_SOURCE 200809L /* posix_fallocate: no header comes before this one */
+#define _POSIX_C_SOURCE 200809L /* for posix_fallocate: must be defined before any system header */
 #define H5_USE_110_API
 #include <errno.h>
 #include <fcntl.h>
@@ -13,7 +13,7 @@
 
 #include "msim/status.h"
 
-/* The first failure: nothing is done after it. */
+/* The first failure; later ones are ignored. */
 typedef struct fault {
   msim_status status;
   char reason[256];
@@ -25,8 +25,8 @@ static inline void fault_set(fault *f, msim_status status, const char *reason) {
   snprintf(f->reason, sizeof f->reason, "%s", reason);
 }
 
-/* The innermost record of libhdf5's error stack. That of a failed system call ends like
- * "errno = 28, error message = 'No space left on device', ...": the part in quotes will do. */
+/* Get the reason from the innermost record of libhdf5's error stack. That of a failed system call
+ * ends like "errno = 28, error message = 'No space left on device', ...": extract it. */
 static inline herr_t fault_explain(unsigned depth, const H5E_error2_t *record, void *data) {
   static const char mark[] = "error message = '";
   fault *f = data;
@@ -37,7 +37,7 @@ static inline herr_t fault_explain(unsigned depth, const H5E_error2_t *record, v
   return 0;
 }
 
-/* Every result of libhdf5 passes here. Reasons are taken at once: the next call clears them. */
+/* Check a result of libhdf5. The reason is read at once, because the next call clears it. */
 static inline int ok(fault *f, int64_t result) {
   if (result < 0 && f->status == MSIM_OK) {
     (void)H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, fault_explain, f);
@@ -52,15 +52,15 @@ static inline void drop(fault *f, herr_t (*close)(hid_t), hid_t object) {
   if (object >= 0) ok(f, close(object));
 }
 
-/* libhdf5 aborts the process where it is not the release whose headers were compiled in. */
+/* libhdf5 aborts the process if it is not the release of the headers used here. */
 static inline int library_fits(void) {
   unsigned v[3] = {0, 0, 0};
   return H5get_libversion(&v[0], &v[1], &v[2]) >= 0 && v[0] == H5_VERS_MAJOR &&
          v[1] == H5_VERS_MINOR && v[2] == H5_VERS_RELEASE;
 }
 
-/* Take disk space now: "disk full" then comes before anything is written, and libhdf5, which would
- * keep for ever what it cannot write, never sees it. Some file systems cannot promise space. */
+/* Allocate disk space: a full disk is then reported before anything is written, and libhdf5, which
+ * keeps data that it cannot write, never meets it. Some file systems cannot allocate space. */
 static inline void reserve_disk(fault *f, hid_t file, double bytes) {
   void *fd = NULL;
   if (!ok(f, H5Fget_vfd_handle(file, H5P_DEFAULT, &fd))) return;
@@ -69,10 +69,10 @@ static inline void reserve_disk(fault *f, hid_t file, double bytes) {
   if (error && error != EOPNOTSUPP && error != EINVAL) fault_set(f, MSIM_ERR_IO, strerror(error));
 }
 
-/* libhdf5 is one per process and, as often built, not safe for threads. While it is in our hands
- * it must not print. At exit it would try again and again to write what a full disk refused, and
- * crash; H5dont_atexit forbids that if it comes first, else it changes nothing. Of a plugin one
- * file alone takes it. */
+/* libhdf5 has one state per process and is often built without thread safety, hence the mutex. It
+ * must not print while it is used here. At exit it would repeat writes that a full disk refused,
+ * and crash; H5dont_atexit prevents that if it is the first call, else it has no effect. Only one
+ * file of a plugin may use WITH_LIBRARY, since each file has a mutex of its own. */
 static inline pthread_mutex_t *library(void) {
   static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
   return &mutex;

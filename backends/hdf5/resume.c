@@ -5,10 +5,10 @@
 
 #include "hash.h"
 
-/* Words that are read at once. */
+/* Words read at once. */
 enum { BLOCK = 1536 };
 
-/*------------------------------------- what there is --------------------------------------------*/
+/*------------------------------------- contents of the file -------------------------------------*/
 
 static int64_t get_attribute(recorder *r, const char *group, const char *name) {
   int64_t value = 0;
@@ -19,7 +19,8 @@ static int64_t get_attribute(recorder *r, const char *group, const char *name) {
   return value;
 }
 
-/* All of it is in the file, as it was from the start: who reads so many rows comes to an end. */
+/* Whether the file contains all data of the dataset, so that reading `rows` rows is bounded by the
+ * size of the file. */
 static int is_stored(recorder *r, hid_t dataset, hid_t type, shape s, hsize_t rows) {
   hsize_t size = 0;
   h5_ok(r, H5Fget_filesize(r->file, &size));
@@ -28,7 +29,7 @@ static int is_stored(recorder *r, hid_t dataset, hid_t type, shape s, hsize_t ro
   return (double)stored >= claimed && stored <= size;
 }
 
-/* One of ours of that shape, with its rows; any other is refused. */
+/* Open a dataset of this shape and get its number of rows; refuse all others. */
 static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows) {
   hsize_t dims[H5S_MAX_RANK] = {0};
   if (r->fault.status != MSIM_OK) return H5I_INVALID_HID;
@@ -93,7 +94,7 @@ static void check_counts(recorder *r, const msim_recording *what) {
             r->nframes, what->nframes);
 }
 
-/* What open_recorder and h5_create left open in their time; the words of a slot. */
+/* Open the datasets that are written during the run; return the number of words of a slot. */
 static hsize_t open_columns(recorder *r) {
   hsize_t words[NSLOTS] = {0};
   for (int i = 0; i < NWRITTEN; i++) {
@@ -108,9 +109,9 @@ static hsize_t open_columns(recorder *r) {
   return words[0];
 }
 
-/*------------------------------------- whole or damaged -----------------------------------------*/
+/*------------------------------------- integrity ------------------------------------------------*/
 
-/* Go on with what the file has there. */
+/* Add rows of the file to a hash. */
 static void hash_rows(recorder *r, hash *h, hid_t dataset, shape s, int64_t first, int64_t rows) {
   uint64_t words[BLOCK];
   const int64_t most = BLOCK / (int64_t)h5_width[s];
@@ -137,7 +138,7 @@ static void check_statics(recorder *r, const msim_recording *what) {
   hash_dataset(r, &h, "/VTKHDF/CellData/RestLength", REAL, what->nsprings);
   hid_t scene = open_dataset(r, "/msim/scene", BYTE, &length);
   h5_hash_words(&h, 1, &length);
-  hash_rows(r, &h, scene, WHOLE, 0, (int64_t)length); /* a byte, a word */
+  hash_rows(r, &h, scene, WHOLE, 0, (int64_t)length); /* one byte per word */
   h5_drop(r, H5Dclose, scene);
   if (h.sum != (uint64_t)get_attribute(r, "/msim", "static_hash") && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG, "its mesh, parameters or scene are damaged: their hash is another");
@@ -158,10 +159,10 @@ static int frame_is_whole(recorder *r, int64_t i) {
   return h.sum == get_word(r, HASH, i) && r->fault.status == MSIM_OK;
 }
 
-/*------------------------------------- where it goes on -----------------------------------------*/
+/*------------------------------------- point of continuation ------------------------------------*/
 
-/* The frames committed; *beyond: up to the last one that says so. A power cut may have lost what
- * lies between. */
+/* Number of frames committed without a gap; *beyond: up to the last frame marked as committed. A
+ * power failure may leave gaps. */
 static int64_t count_committed(recorder *r, int64_t *beyond) {
   int64_t part[BLOCK], committed = 0;
   *beyond = 0;
@@ -177,8 +178,8 @@ static int64_t count_committed(recorder *r, int64_t *beyond) {
   return committed;
 }
 
-/* The number of frames up to that of a slot; 0 where it has none to go on from: its frame must be
- * whole, and one that this run would write. */
+/* Number of frames up to and including that of a slot; 0 if the slot or its frame is damaged, or if
+ * the frame is not one of this run. */
 static int64_t frames_of_slot(recorder *r, int which, int64_t committed, const double *times) {
   const uint64_t *slot = r->words;
   h5_get(r, r->slot[which], WHOLE, 0, h5_slot_words(r->capacity), r->words);
@@ -203,9 +204,9 @@ static void find_checkpoint(recorder *r, int64_t committed, const double *times)
   if (r->written > 0) h5_get(r, r->slot[newest], WHOLE, 0, h5_slot_words(r->capacity), r->words);
 }
 
-/* The file shows the time of every frame from the beginning. That of the last one written may be
- * another; so may that of the next, whose writing may have begun, and that of the last one planned,
- * as far as the next has room. */
+/* Compare the planned times with those shown in the file. They may differ for the last frame
+ * written, for the next one, whose writing may have begun, and for the last frame of this run, if
+ * its time is before that of the next frame in the file. */
 static void check_times(recorder *r, const msim_recording *what) {
   double shown[BLOCK];
   const int64_t last = what->nframes - 1;
@@ -239,8 +240,8 @@ static void find_end(recorder *r, const msim_recording *what) {
             committed);
 }
 
-/* Where libhdf5 may write it may change a damaged file at once. So it may not until all has been
- * looked at. */
+/* libhdf5 may change a damaged file as soon as it is opened for writing, so it is reopened only
+ * after all checks. */
 static void open_to_write(recorder *r, const char *path) {
   h5_drop(r, H5Fclose, r->file);
   r->file = H5I_INVALID_HID;

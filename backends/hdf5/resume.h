@@ -1,13 +1,13 @@
-/* resume - a trajectory that is there already, to go on with it */
+/* resume - continuation of an existing trajectory file */
 #ifndef HDF5_RESUME_H
 #define HDF5_RESUME_H
 
 #include "file.h"
 
-/* Open the file and find where it goes on; it stays as it is. */
+/* Open the file and find the frame after which it continues; the file is not changed. */
 void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from);
 
-/* 1: the file is one that h5_create has made. */
+/* 1: h5_create created the file. */
 int h5_recognize(recorder *r, const char *path);
 
 #endif

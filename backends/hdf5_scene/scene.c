@@ -1,13 +1,13 @@
-/* scene - the importer plugin `hdf5`: scenes as HDF5 files
+/* scene - the importer plugin `hdf5`, which reads and writes scene files in HDF5
  *
- * Groups and datasets bear the keys of the JSON form: particles/x is n x 3, planes/0/normal the
- * normal of the first plane. Numbers are integers and IEEE floats of up to 64 bits, texts scalars
- * of fixed length; attributes are left alone.
+ * Groups and datasets have the keys of the JSON form: particles/x is n x 3, planes/0/normal is the
+ * normal of the first plane. Numbers are integers and IEEE floats of at most 64 bits, texts are
+ * scalars of fixed length; attributes are ignored.
  *
- * A file may be hostile. What leads elsewhere (links, external and virtual datasets), what runs
- * other code (filters, variable length) and what claims more than a file of its size can hold is
- * refused before data is read. Against what libhdf5 itself makes of a damaged file nothing can be
- * done from here. */
+ * Files are not trusted. References to other places (links, external and virtual datasets),
+ * features that run other code (filters, types of variable length) and sizes beyond the possible
+ * content of the file are refused before data are read. Defects of libhdf5 itself on damaged files
+ * cannot be avoided here. */
 #include "../hdf5/library.h"
 
 #include <unistd.h>
@@ -16,23 +16,23 @@
 
 /*------------------------------------- reading --------------------------------------------------*/
 
-/* "objects/0/k/shear" is as deep as it gets. */
+/* The deepest path is "objects/0/k/shear". */
 enum { MOST_DEPTH = 4, MOST_PATH = 256, MOST_TEXT = 4096 };
 
 typedef struct reader {
   fault fault;
   const msim_host *host;
   const msim_tree *tree;
-  char path[MOST_PATH]; /* of what is being read */
+  char path[MOST_PATH]; /* of the present node */
   int depth;
-  int told;       /* the sentence stands */
-  double members; /* at most so many more: no cycle, and no group under a thousand names */
-  double bytes;   /* at most so many more, in memory: nothing is inflated without end */
+  int told;       /* the error message is already set */
+  double members; /* limit of further members: ends cycles, and multiple links to a group */
+  double bytes;   /* bytes of memory allowed for further data: limits decompression */
 } reader;
 
 static int going(const reader *r) { return r->fault.status == MSIM_OK; }
 
-/* The file is read no further. */
+/* Set the error message; nothing more is read. */
 static void refuse(reader *r, const char *what) {
   if (!going(r)) return;
   r->host->fail(r->host, "%s %s", *r->path ? r->path : "it", what);
@@ -40,12 +40,12 @@ static void refuse(reader *r, const char *what) {
   fault_set(&r->fault, MSIM_ERR_ARG, what);
 }
 
-/* What a dataset says of itself. */
+/* Shape and type of a dataset. */
 typedef struct shape {
   H5S_class_t extent;
   int rank;
   hsize_t dims[MSIM_NODE_MOST_DIMS];
-  hid_t type, plan; /* of creation */
+  hid_t type, plan; /* plan: property list of its creation */
 } shape;
 
 static double count_of(const shape *s) {
@@ -54,7 +54,7 @@ static double count_of(const shape *s) {
   return count;
 }
 
-/* Integers and IEEE floats as the usual machines have them: no other layout is converted. */
+/* Integers and IEEE floats in standard formats; libhdf5 is not asked to convert any other. */
 static int is_plain_number(hid_t type) {
   const hid_t plain[] = {H5T_STD_I8LE,   H5T_STD_I8BE,   H5T_STD_I16LE,  H5T_STD_I16BE,
                          H5T_STD_I32LE,  H5T_STD_I32BE,  H5T_STD_I64LE,  H5T_STD_I64BE,
@@ -90,7 +90,7 @@ static void check_filters(reader *r, hid_t plan) {
   }
 }
 
-/* What must lie in memory at once: the numbers, or a chunk of them. */
+/* Memory needed for reading: the converted numbers, or one chunk if that is larger. */
 static double bytes_of(const shape *s, H5D_layout_t layout) {
   hsize_t chunk[H5S_MAX_RANK];
   double bytes = (double)H5Tget_size(s->type);
@@ -111,7 +111,7 @@ static void check_storage(reader *r, hid_t dataset, const shape *s) {
   if (!going(r)) return;
   const double stored = (double)H5Dget_storage_size(dataset);
   const double least = count_of(s) * (double)H5Tget_size(s->type);
-  if (stored < (filters > 0 ? least / 2000 : least)) /* deflate makes at most 1032 bytes of one */
+  if (stored < (filters > 0 ? least / 2000 : least)) /* deflate compresses at most 1032:1 */
     refuse(r, "claims more data than there is in the file");
   r->bytes -= bytes_of(s, layout);
   if (going(r) && r->bytes < 0) refuse(r, "claims more data than a file of this size should hold");
@@ -128,7 +128,7 @@ static void read_numbers(reader *r, hid_t dataset, const shape *s, const msim_no
   hid_t type = node->kind == MSIM_NODE_REAL ? H5T_NATIVE_DOUBLE : H5T_NATIVE_INT64;
   if (node->kind == MSIM_NODE_TEXT) {
     type = id(&r->fault, H5Tcopy(H5T_C_S1));
-    ok(&r->fault, H5Tset_size(type, (size_t)node->dims[0] + 1)); /* ends with a zero */
+    ok(&r->fault, H5Tset_size(type, (size_t)node->dims[0] + 1)); /* includes the final zero */
     ok(&r->fault, H5Tset_cset(type, H5Tget_cset(s->type)));
   }
   if (going(r) && count_of(s) > 0)
@@ -213,7 +213,7 @@ static herr_t read_member(hid_t group, const char *name, const H5L_info_t *link,
   return going(r) ? 0 : -1;
 }
 
-/*------------------------------------- the file to read -----------------------------------------*/
+/*------------------------------------- reading a file -------------------------------------------*/
 
 static void read_file(reader *r, const char *path) {
   hsize_t size = 0;
@@ -223,7 +223,7 @@ static void read_file(reader *r, const char *path) {
   if (going(r)) ok(&r->fault, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG));
   hid_t file = going(r) ? id(&r->fault, H5Fopen(path, H5F_ACC_RDONLY, access)) : -1;
   if (going(r) && ok(&r->fault, H5Fget_filesize(file, &size))) {
-    r->members = 16 + (double)size / 64; /* no header of an object is smaller */
+    r->members = 16 + (double)size / 64; /* no object header is smaller */
     r->bytes = 0x1p26 + 100 * (double)size;
     hid_t root = id(&r->fault, H5Gopen2(file, "/", H5P_DEFAULT));
     if (going(r)) read_members(r, root);
@@ -265,7 +265,7 @@ static void write_node(fault *f, hid_t file, const msim_node *node) {
   hid_t space = id(f, is_scalar ? H5Screate(H5S_SCALAR) : H5Screate_simple(node->rank, dims, NULL));
   hid_t link = id(f, H5Pcreate(H5P_LINK_CREATE)), create = id(f, H5Pcreate(H5P_DATASET_CREATE));
   ok(f, H5Pset_create_intermediate_group(link, 1));
-  ok(f, H5Pset_obj_track_times(create, 0)); /* equal scenes, equal bytes */
+  ok(f, H5Pset_obj_track_times(create, 0)); /* without time stamps, equal scenes give equal files */
   hid_t set = H5I_INVALID_HID;
   if (f->status == MSIM_OK)
     set = id(f, H5Dcreate2(file, node->path, type, space, link, create, H5P_DEFAULT));
@@ -277,7 +277,7 @@ static void write_node(fault *f, hid_t file, const msim_node *node) {
   drop(f, H5Tclose, type);
 }
 
-/* What the nodes take in the file, each with a header, and with it perhaps a group's tables. */
+/* Upper estimate of the size of the file: data, and per node a header and group tables. */
 static double payload(int32_t n, const msim_node *nodes) {
   double bytes = 4096.0 * (n + 1);
   for (int32_t i = 0; i < n; i++) {
@@ -303,7 +303,7 @@ static void write_file(fault *f, const char *path, int32_t n, const msim_node *n
     ok(f, H5Fget_filesize(file, &size));
   drop(f, H5Fclose, file);
   drop(f, H5Pclose, access);
-  /* what was reserved and not needed */
+  /* release the reserved space that was not needed */
   if (f->status == MSIM_OK && truncate(path, (off_t)size))
     fault_set(f, MSIM_ERR_IO, strerror(errno));
 }

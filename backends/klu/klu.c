@@ -1,14 +1,14 @@
-/* klu - KLU's sparse LU, through SUNDIALS' SUNLinSol_KLU.
+/* klu - solver plugin: sparse LU factorization by KLU, through SUNLinSol_KLU of SUNDIALS.
  *
- * The host's FULL matrix comes by rows. KLU wants columns: a symmetric one reads the same, of
- * others SUNDIALS solves the transposed system. The pattern is widened once to SUNDIALS' indices,
- * the values are read in place.
+ * The host's FULL matrix is stored by rows and KLU needs columns: a symmetric matrix is the same by
+ * columns; for others SUNDIALS solves the transposed system. The pattern is converted once to the
+ * index type of SUNDIALS, the values are not copied.
  *
- * Positive definite systems are factored with the diagonal for pivots, P A P' = L U, where U's
- * diagonal is that of L D L': its signs are A's, by Sylvester. SUNDIALS analyses and factors at
- * first, and afterwards refactors; where the condition number that it then estimates is above
- * eps^(-2/3), it factors anew. Others get partial pivoting, in a factor of its own, which begins
- * anew each time. */
+ * Positive definite systems are factored with diagonal pivots, P A P' = L U. The diagonal of U is D
+ * in L D L', so its signs are those of the eigenvalues of A (Sylvester's law of inertia). SUNDIALS
+ * analyzes and factors at first, and afterwards refactors with the same pivots, unless the
+ * estimated condition number exceeds eps^(-2/3). Other systems are factored with partial pivoting,
+ * in a solver of their own, with new pivots each time. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -22,7 +22,7 @@
 #define STRING_(x) #x
 #define STRING(x)  STRING_(x)
 
-/* KLU comes in two widths of an index; SUNDIALS names most of its functions, not these. */
+/* KLU exists for two index types; SUNDIALS names most functions, but not these. */
 #ifdef SUNDIALS_INT64_T
 #  define KLU(function) klu_l_##function
 #else
@@ -33,10 +33,10 @@ typedef struct lu {
   const msim_host *host;
   SUNContext context;
   SUNMatrix matrix;
-  double *own_data;                   /* what SUNDIALS allocated for the values, and has to free */
-  int32_t *diagonal;                  /* where in the values a row's diagonal entry is */
-  N_Vector b, y;                      /* the host's arrays */
-  SUNLinearSolver solver[3], current; /* by kind, once they are needed */
+  double *own_data;                   /* the array of values that SUNDIALS allocated, to be freed */
+  int32_t *diagonal;                  /* index of each row's diagonal entry among the values */
+  N_Vector b, y;                      /* wrappers for arrays of the host */
+  SUNLinearSolver solver[3], current; /* one per kind, created at first use */
 } lu;
 
 static msim_status refuse(lu *self, const char *why) {
@@ -74,7 +74,7 @@ static msim_status check(lu *self, const msim_system *A) {
   return MSIM_OK;
 }
 
-/* The pattern in SUNDIALS' indices, and where the diagonal is in it. */
+/* Copy the pattern in SUNDIALS' index type, and find the diagonal entries. */
 static msim_status copy_pattern(lu *self, const msim_system *A) {
   const int32_t n = A->n * A->block;
   sunindextype *start = SM_INDEXPTRS_S(self->matrix), *row = SM_INDEXVALS_S(self->matrix);
@@ -108,7 +108,7 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
 
 /*------------------------------------- the factor -----------------------------------------------*/
 
-/* Scaling and row exchanges would spoil the symmetry that the signs of the pivots rest on. */
+/* Scaling and row exchanges would destroy the symmetry on which the signs of the pivots depend. */
 static SUNLinearSolver make_solver(lu *self, int32_t kind) {
   SM_SPARSETYPE_S(self->matrix) = kind == MSIM_FACTOR_UNSYMMETRIC ? CSR_MAT : CSC_MAT;
   SUNLinearSolver solver = SUNLinSol_KLU(self->b, self->matrix, self->context);
@@ -120,14 +120,14 @@ static SUNLinearSolver make_solver(lu *self, int32_t kind) {
   return solver;
 }
 
-/* Forget pivots and order: the next setup begins with an analysis. */
+/* Discard pivots and order: the next setup begins with an analysis. */
 static void begin_anew(lu *self, SUNLinearSolver solver) {
   SUNLinSol_KLUReInit(solver, self->matrix, SUNSparseMatrix_NNZ(self->matrix),
                       SUNKLU_REINIT_PARTIAL);
 }
 
-/* The signs of the diagonal pivots. One that cancellation has eaten down to the last bit of the
- * diagonal entry it began with has none. */
+/* Definiteness by the signs of the diagonal pivots. A pivot smaller than eps times its initial
+ * diagonal entry is the result of cancellation, so its sign is unknown. */
 static int32_t definiteness(const lu *self, SUNLinearSolver solver) {
   const sun_klu_symbolic *symbolic = SUNLinSol_KLUGetSymbolic(solver);
   const sun_klu_numeric *numeric = SUNLinSol_KLUGetNumeric(solver);
@@ -175,18 +175,18 @@ static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_s
   if (!is_old) *solver = make_solver(self, kind);
   if (!*solver) return out_of_memory(self);
   self->current = *solver;
-  /* pivots that other values chose may be bad ones, and bits must not depend on what came before */
+  /* pivots of earlier values may be unstable, and results must not depend on them */
   if (is_old && kind != MSIM_FACTOR_SPD) begin_anew(self, *solver);
   msim_status status = set_up(self, *solver, kind, info);
-  /* SUNDIALS refactors whatever it has: nothing, where a full factorisation failed; and NaN may
-   * have led the search for a pivot off the diagonal, where it would stay */
+  /* SUNDIALS would refactor even if the full factorization failed and there is no factor; and after
+   * NaN, a pivot may be off the diagonal, where refactorization would keep it */
   if (status && (!SUNLinSol_KLUGetNumeric(*solver) ||
                  (kind == MSIM_FACTOR_SPD && SUNLinSol_KLUGetCommon(*solver)->noffdiag != 0)))
     begin_anew(self, *solver);
   return status;
 }
 
-/*------------------------------------- the rest -------------------------------------------------*/
+/*------------------------------------- solve and destroy ----------------------------------------*/
 
 static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
                          int32_t nrhs, const double *b, double *y, msim_solve_info *info) {

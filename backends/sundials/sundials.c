@@ -1,15 +1,16 @@
-/* sundials - the five Krylov solvers of SUNDIALS; -DSOLVER=... says which one this plugin is.
+/* sundials - solver plugins: the five Krylov solvers of SUNDIALS; -DSOLVER=... selects one.
  *
- * They see A and its preconditioner as functions, and vectors as a table of operations. The vectors
- * are our own: in the host's layout, padding included, and compiled as we like (Debian's SUNDIALS
- * is not optimised).
+ * The solvers use A and its preconditioner as functions and vectors through a table of operations.
+ * The vectors are implemented here: in the host's layout, including the padding, and compiled with
+ * optimization (Debian's SUNDIALS is not).
  *
- * Each call of the library solves for a correction, A x = r / ||S r||, from x = 0: its tolerance is
- * absolute, and two of the five refuse another guess. The preconditioner P is on the right, where
- * the norm that they stop on is that of the residual, scaled by S. The host asks for the norm
- * sqrt(r.P r) <= ||S r||, S^2 = block diag(P), as P <= block diag(P) where its blocks have so many
- * scalars. They update that residual by recurrences, which drift, so the true one decides, and a
- * call is followed by another until it is small enough. */
+ * Each call of the library solves for a correction, A x = r / ||S r||, from x = 0, because its
+ * tolerance is absolute and two of the five solvers refuse another initial guess. The
+ * preconditioner P is applied from the right, where the stopping criterion is the norm of the
+ * residual, scaled by S. The host asks for the norm sqrt(r.P r) <= ||S r|| with S^2 = block
+ * diag(P), since P <= block diag(P) for diagonal blocks of `block` scalars. The solvers update that
+ * residual by recurrences, which accumulate rounding errors; therefore the true residual decides,
+ * and calls are repeated until it is small enough. */
 #include <float.h>
 #include <limits.h>
 #include <math.h>
@@ -30,7 +31,7 @@
 #define STRING_(x)   #x
 #define STRING(x)    STRING_(x)
 
-/*------------------------------------- the five -------------------------------------------------*/
+/*------------------------------------- solvers --------------------------------------------------*/
 
 #define CREATE_pcg     SUNLinSol_PCG
 #define CREATE_spgmr   SUNLinSol_SPGMR
@@ -46,16 +47,17 @@
 
 enum { SYMMETRIC = (PASTE(FLAGS_, SOLVER) & MSIM_BACKEND_SYMMETRIC) != 0 };
 
-/* GMRES has no function for it, but the length may be lowered while all was allocated for more. */
+/* Limits the iterations of a call. GMRES has no function for that, but its length may be lowered
+ * below the allocated one. */
 #define LIMIT_pcg(solver, n)     SUNLinSol_PCGSetMaxl(solver, n)
 #define LIMIT_spgmr(solver, n)   (((SUNLinearSolverContent_SPGMR)(solver)->content)->maxl = (n))
 #define LIMIT_spfgmr(solver, n)  (((SUNLinearSolverContent_SPFGMR)(solver)->content)->maxl = (n))
 #define LIMIT_spbcgs(solver, n)  SUNLinSol_SPBCGSSetMaxl(solver, n)
 #define LIMIT_sptfqmr(solver, n) SUNLinSol_SPTFQMRSetMaxl(solver, n)
 
-/* GMRES keeps one vector for each iteration of a call, SPFGMR two, and longer calls need fewer of
- * them. The last two keep none, but a call of theirs that breaks down has nothing to show, so it
- * had better be short. SPTFQMR stagnates above rounding level first. */
+/* GMRES stores one vector per iteration of a call, SPFGMR two, and longer calls need fewer
+ * iterations in total. The last two solvers store none, but a call that breaks down has no result,
+ * so calls should be short. SPTFQMR stagnates above rounding level. */
 #define METHOD_pcg     4, 0, INT_MAX, 0
 #define METHOD_spgmr   3, 1, 200, 0
 #define METHOD_spfgmr  4, 2, 200, 0
@@ -63,10 +65,10 @@ enum { SYMMETRIC = (PASTE(FLAGS_, SOLVER) & MSIM_BACKEND_SYMMETRIC) != 0 };
 #define METHOD_sptfqmr 11, 0, 500, 1e-6
 
 static const struct {
-  int vectors;      /* that SUNDIALS makes */
+  int vectors;      /* number that SUNDIALS allocates, */
   int more;         /* and for each iteration of a call */
-  int longest;      /* call, in iterations */
-  double reduction; /* of the residual in a call, at most */
+  int longest;      /* maximum number of iterations of a call */
+  double reduction; /* smallest reduction of the residual requested from a call */
 } method = {PASTE(METHOD_, SOLVER)};
 
 typedef struct krylov {
@@ -74,14 +76,14 @@ typedef struct krylov {
   SUNContext context;
   SUNLinearSolver solver;
   size_t length;        /* of a vector */
-  int cycle;            /* iterations of one call, at most */
-  N_Vector spare;       /* vectors */
+  int cycle;            /* maximum number of iterations of a call */
+  N_Vector spare;       /* list of unused vectors */
   N_Vector r, x, z;     /* residual, correction, P r */
   N_Vector scale;       /* S; 1 in the padding */
-  const msim_system *A; /* in a solve() */
+  const msim_system *A; /* set by solve() */
   int32_t kind;
-  N_Vector product;     /* A v, whose v'A v is yet to be seen */
-  int indefinite, lost; /* negative curvature was met, or one that is no number */
+  N_Vector product;     /* A v, while v'A v has not been checked */
+  int indefinite, lost; /* curvature was negative, or not finite */
 } krylov;
 
 /*------------------------------------- vectors --------------------------------------------------*/
@@ -96,8 +98,8 @@ static content *content_of(N_Vector v) { return v->content; }
 static double *value_of(N_Vector v) { return content_of(v)->value; }
 static size_t length_of(N_Vector v) { return content_of(v)->owner->length; }
 
-/* Loops of their own for what is written in place, so that nothing in a loop may overlap: an exact
- * overlap is harmless, but no compiler vectorises past it. */
+/* Separate loops for operations in place, so that the operands of a loop never overlap: an exact
+ * overlap is correct, but compilers do not vectorize it. */
 static void scale(size_t n, double a, const double *restrict x, double *restrict z) {
   for (size_t i = 0; i < n; i++) z[i] = a * x[i];
 }
@@ -116,7 +118,7 @@ static void add_in_place(size_t n, double a, const double *restrict x, double b,
   for (size_t i = 0; i < n; i++) z[i] = a * x[i] + b * z[i];
 }
 
-/* 8 running sums, which a SIMD register of any width can follow, then one tree */
+/* 8 partial sums, an order that SIMD registers of any width can follow, then a binary tree */
 static double dot(size_t n, const double *x, const double *y) {
   enum { LANES = 8 };
   double sum[LANES] = {0};
@@ -127,8 +129,8 @@ static double dot(size_t n, const double *x, const double *y) {
   return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
 }
 
-/* Where v'A v is negative, A is not positive definite; where it is no number, nothing will come of
- * this call. */
+/* Check the curvature v'A v: if it is negative, A is not positive definite; if it is not finite,
+ * the call cannot succeed. */
 static void see_curvature(krylov *self, N_Vector v, double curvature) {
   const int negative = curvature <= 0 && dot(self->length, value_of(v), value_of(v)) > 0;
   if (self->kind == MSIM_FACTOR_SPD && negative) self->indefinite = 1;
@@ -163,7 +165,7 @@ static void vector_sum(double a, N_Vector x, double b, N_Vector y, N_Vector z) {
   else add(n, a, value_of(x), b, value_of(y), value_of(z));
 }
 
-/* z = sum of c[k] x[k], by chunks that stay in the cache. z may be one of the x. */
+/* z = sum_k c[k] x[k], in chunks that fit into the cache. z may be one of the x. */
 static int vector_combine(int count, double *c, N_Vector *x, N_Vector z) {
   enum { CHUNK = 512 };
   double sum[CHUNK];
@@ -176,7 +178,7 @@ static int vector_combine(int count, double *c, N_Vector *x, N_Vector z) {
   return 0;
 }
 
-/* The solvers want these two to exist, for scaling vectors, of which there are none. */
+/* SUNDIALS requires these two for scaling by vectors. */
 static void vector_product(N_Vector x, N_Vector y, N_Vector z) {
   for (size_t i = 0; i < length_of(z); i++) value_of(z)[i] = value_of(x)[i] * value_of(y)[i];
 }
@@ -220,7 +222,7 @@ static void vector_free(N_Vector v) {
   N_VFreeEmpty(v);
 }
 
-/* SUNDIALS 6 does not survive a clone that finds no memory: it gets one that was made before. */
+/* SUNDIALS 6 crashes if a clone finds no memory, so clones come from a list made before. */
 static N_Vector vector_clone(N_Vector v) {
   krylov *self = content_of(v)->owner;
   N_Vector clone = self->spare;
@@ -244,10 +246,10 @@ static int vectors_reserve(krylov *self, int count) {
   return 1;
 }
 
-/*------------------------------------- what the solvers call ------------------------------------*/
+/*------------------------------------- callbacks ------------------------------------------------*/
 
-/* z = A v, and a look at v'A v, which may end the call. Conjugate gradients form it themselves in
- * their next step. */
+/* z = A v, and a check of v'A v, which may end the call. For conjugate gradients the check follows
+ * in vector_dot, because the solver computes v'A v itself in its next operation. */
 static int times(void *data, N_Vector v, N_Vector z) {
   krylov *self = data;
   self->A->apply(self->A, value_of(v), value_of(z));
@@ -263,7 +265,7 @@ static int precondition(void *data, N_Vector r, N_Vector z, double tolerance, in
   return 0;
 }
 
-/*------------------------------------- one right side -------------------------------------------*/
+/*------------------------------------- one right-hand side --------------------------------------*/
 
 /* sqrt(r.P r) */
 static double norm(krylov *self, const double *r) {
@@ -277,8 +279,8 @@ static double scaled_norm(krylov *self) {
   return sqrt(vector_dot(self->z, self->z));
 }
 
-/* P acts on the scalars of a block row alone: what it makes of a vector that is 1 in one component
- * shows its diagonal there. */
+/* Compute S. P is block diagonal: applied to the vector that is 1 in one component of all block
+ * rows and 0 in the others, it gives the diagonal entries of that component. */
 static void find_scale(krylov *self, const msim_system *A) {
   double *scale = value_of(self->scale), *one = value_of(self->r), *column = value_of(self->z);
   const size_t n = (size_t)A->n;
@@ -292,7 +294,7 @@ static void find_scale(krylov *self, const msim_system *A) {
   }
 }
 
-/* r = b - A y; its norm */
+/* r = b - A y; return its norm */
 static double residual(krylov *self, const double *b, const double *y) {
   double *r = value_of(self->r);
   self->A->apply(self->A, y, r);
@@ -300,11 +302,11 @@ static double residual(krylov *self, const double *b, const double *y) {
   return norm(self, r);
 }
 
-/* x ~ A^-1 r / size, to where the norm is `goal` or to *limit iterations, which then is how many
- * were made; by a factor of 10 at least: SPTFQMR's estimate may claim less than that for nothing.
- * Is there anything to show? If so the curvature of x is looked at as well, which shows the
- * smallest eigenvalues best; that of conjugate gradients is a sum of what was looked at. r is lost.
- */
+/* Compute x, an approximation of A^-1 r / size, to the norm `goal` or up to *limit iterations,
+ * which is set to the number made. A reduction by a factor of 10 at least is requested, because
+ * SPTFQMR's estimate may report a smaller one without any. Returns 1 if there is a result.
+ * Then the curvature x'A x is checked as well, which is most sensitive to the smallest eigenvalues;
+ * for conjugate gradients it is a sum of curvatures already checked. Overwrites r. */
 static int correct(krylov *self, double size, double goal, int *limit) {
   const double factor = fmax(fmin(0.5 * goal / size, 0.1), method.reduction);
   scale_in_place(self->length, 1 / size, value_of(self->r));
@@ -320,8 +322,8 @@ static int correct(krylov *self, double size, double goal, int *limit) {
   return shown;
 }
 
-/* Correction by correction, as long as there is progress. y holds the best. A call that breaks down
- * is made again, half as long. */
+/* Add corrections as long as they reduce the residual; y is the best solution so far. A call that
+ * breaks down is repeated with half as many iterations. */
 static msim_status solve_one(krylov *self, const msim_solve_params *params, const double *b,
                              double *y, msim_solve_info *info) {
   double *x = value_of(self->x);
@@ -350,7 +352,7 @@ static msim_status solve_one(krylov *self, const msim_solve_params *params, cons
   return left <= goal && isfinite(goal) ? MSIM_OK : MSIM_NOT_CONVERGED;
 }
 
-/*------------------------------------- the table ------------------------------------------------*/
+/*------------------------------------- plugin functions -----------------------------------------*/
 
 static msim_status refuse(krylov *self, const char *why) {
   self->host->fail(self->host, "%s", why);
@@ -372,7 +374,8 @@ static msim_status create(const msim_host *host, void **result) {
   return MSIM_OK;
 }
 
-/* Iterations of a call: of GMRES in 128 MiB, but 30 at least; more than unknowns are of no use. */
+/* Iterations of a call: for GMRES, vectors of at most 128 MiB, but at least 30 iterations and at
+ * most as many as unknowns. */
 static int longest_call(const msim_system *A) {
   const int64_t memory = 1 << 27, unknowns = (int64_t)A->block * A->n;
   const int64_t bytes = (int64_t)A->block * A->stride * (int64_t)sizeof(double);

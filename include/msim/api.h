@@ -1,4 +1,4 @@
-/* api.h - what all of the API rests on: version, errors, memory */
+/* api.h - declarations shared by the whole API: version, errors, memory allocation */
 #ifndef MSIM_API_H
 #define MSIM_API_H
 
@@ -24,22 +24,22 @@
 extern "C" {
 #endif
 
-/* What went wrong: a sentence that names the culprit. Empty after success. */
+/* Reason of a failure: a sentence that names the offending input or element. Empty: success. */
 typedef struct msim_error {
   msim_status status;
   char text[1020];
 } msim_error;
 
-/* Fixed text for a status; never NULL. */
+/* Text of a status; never NULL. */
 MSIM_API const char *msim_status_text(msim_status status);
 
-/* The version of the library that runs, "0.1.0". */
+/* Version of the library that is loaded, "0.1.0". */
 MSIM_API const char *msim_version(void);
 
-/* All memory of a scene, and of sims made from it, comes from here. free(NULL) must be allowed;
- * where sims run in several threads, both must be callable from all of them. */
+/* Allocator of all memory of a scene, and of the sims made from it. free(NULL) must be allowed; if
+ * sims run in several threads, both functions must be callable from all of them. */
 typedef struct msim_allocator {
-  void *(*alloc)(size_t bytes, void *user); /* NULL when there is none left */
+  void *(*alloc)(size_t bytes, void *user); /* NULL: out of memory */
   void (*free)(void *ptr, void *user);
   void *user;
 } msim_allocator;

@@ -1,8 +1,8 @@
-/* backend.h - the ABI of linear-solver plugins.
+/* backend.h - the ABI of plugins that solve the linear systems of implicit methods.
  *
- * This header (with status.h) is all a backend includes, and a backend links to its own solver
- * library only: what it needs from msim arrives as function pointers. A plugin is one file,
- * msim_backend_NAME.so, that exports one symbol, msim_backend_entry:
+ * A backend includes this header (and status.h) only and links to its own solver library only:
+ * services of msim arrive as function pointers. A plugin is one file, msim_backend_NAME.so, that
+ * exports one symbol, msim_backend_entry:
  *
  *     static const msim_backend table = {.abi = MSIM_BACKEND_ABI, .size = sizeof table, ...};
  *     MSIM_BACKEND_ENTRY(dense) { return &table; }
@@ -14,19 +14,22 @@
  * Without MSIM_PLUGIN the same source can be linked into a program: the symbol is then
  * msim_backend_dense, and msim_options.backends takes the table it returns.
  *
- * What the host promises: calls come in the order create, order, analyze, (factor, solve+)+,
- * destroy, where factor may be repeated, and destroy may follow any call; b, and A where there is
- * one, are finite; n >= 1. Calls for one `self` never overlap, those for two may, in two threads.
- * What a backend promises: it writes nothing but `self`, y, perm and info; it neither prints nor
- * ends the process; it gives the same bits for the same calls, whatever other instances do; it
- * returns one of MSIM_OK, MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_ERR_ARG, MSIM_ERR_MEMORY,
- * MSIM_ERR_BACKEND, after an error (< 0) with a sentence to host->fail, which MSIM_ERR_MEMORY may
- * spare. A block size, format or number of right sides that it cannot take is MSIM_ERR_ARG.
- * The host trusts none of it: perm is checked to be a permutation, y by its true residual.
+ * Guarantees of the host: calls come in the order create, order, analyze, (factor, solve+)+,
+ * destroy, where factor may be repeated, and destroy may follow any call; b, and A if there is a
+ * matrix, are finite; n >= 1. Calls for one `self` never overlap; calls for different instances
+ * may, in different threads.
  *
- * Rules of change: new members go at the end of a struct, and `size` tells which exist. Anything
- * else is a new MSIM_BACKEND_ABI. The host refuses another ABI and never calls past `size`.
- * The ABI is not frozen before version 1.0.
+ * Obligations of a backend: it writes to nothing but `self`, y, perm and info; it neither prints
+ * nor ends the process; the same calls give the same bits, whatever other instances do; it returns
+ * one of MSIM_OK, MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_ERR_ARG, MSIM_ERR_MEMORY,
+ * MSIM_ERR_BACKEND. With an error (< 0) it passes a message to host->fail, which is optional for
+ * MSIM_ERR_MEMORY. An unsupported block size, format or number of right-hand sides is MSIM_ERR_ARG.
+ *
+ * The host verifies the results: that perm is a permutation, and the true residual of y.
+ *
+ * Rules of change: new members are appended to a struct, and `size` says which exist. Any other
+ * change requires a new MSIM_BACKEND_ABI. The host refuses another ABI and never reads beyond
+ * `size`. The ABI is not frozen before version 1.0.
  */
 #ifndef MSIM_BACKEND_H
 #define MSIM_BACKEND_H
@@ -39,40 +42,40 @@ extern "C" {
 
 #define MSIM_BACKEND_ABI 1u
 
-/* How a backend wants A: by rows. Unless it takes MSIM_FACTOR_UNSYMMETRIC, A is symmetric, and
- * reads the same by columns. */
+/* The format in which a backend receives A: by rows. A is symmetric, so that its columns have the
+ * same content, unless factor() gets MSIM_FACTOR_UNSYMMETRIC. */
 enum {
   MSIM_FORMAT_NONE = 0,  /* no matrix, only apply() and precondition() */
-  MSIM_FORMAT_UPPER = 1, /* rows of the block-upper triangle, diagonal blocks full: read by columns
-                            it is the lower triangle */
+  MSIM_FORMAT_UPPER = 1, /* rows of the upper block triangle, with full diagonal blocks; the same
+                            arrays read by columns are the lower triangle */
   MSIM_FORMAT_FULL = 2   /* both triangles */
 };
 
 enum {
-  MSIM_BACKEND_SYMMETRIC = 1u << 0,  /* factor() knows MSIM_FACTOR_SYMMETRIC */
-  MSIM_BACKEND_ITERATIVE = 1u << 1,  /* solve() honours its parameters and the initial guess */
-  MSIM_BACKEND_UNSYMMETRIC = 1u << 2 /* factor() knows MSIM_FACTOR_UNSYMMETRIC; FULL or NONE */
+  MSIM_BACKEND_SYMMETRIC = 1u << 0,  /* factor() supports MSIM_FACTOR_SYMMETRIC */
+  MSIM_BACKEND_ITERATIVE = 1u << 1,  /* solve() respects its parameters and the initial guess */
+  MSIM_BACKEND_UNSYMMETRIC = 1u << 2 /* factor() supports MSIM_FACTOR_UNSYMMETRIC; FULL or NONE */
 };
 
-/* What factor() is asked for. */
+/* Kinds of factor(). */
 enum {
-  /* A is expected to be positive definite: MSIM_NOT_SPD as soon as it is seen not to be, by
-   * factor() or by solve(). A factorisation has to see it; an iteration says so when it meets
-   * negative curvature. */
+  /* A should be positive definite. Return MSIM_NOT_SPD if it is found not to be, from factor() or
+   * solve(): a factorization must detect this, an iterative method reports it when it meets
+   * negative curvature (p.A p <= 0). */
   MSIM_FACTOR_SPD = 0,
-  /* A is symmetric, perhaps indefinite: MSIM_NOT_SPD only where it is singular too. */
+  /* A is symmetric, possibly indefinite: MSIM_NOT_SPD only if it is singular. */
   MSIM_FACTOR_SYMMETRIC = 1,
-  /* The pattern of A is symmetric, its values are not: MSIM_NOT_SPD only where it is singular. */
+  /* The pattern of A is symmetric, its values are not: MSIM_NOT_SPD only if it is singular. */
   MSIM_FACTOR_UNSYMMETRIC = 2
 };
 
-/* What a backend has learnt of A. */
+/* Definiteness of A, as far as the backend has found it out. */
 enum { MSIM_DEFINITE_UNKNOWN = 0, MSIM_DEFINITE_POSITIVE = 1, MSIM_DEFINITE_NOT = -1 };
 
-/* The system A y = b. n block rows of `block` scalars each. Every array belongs to the host; the
- * addresses hold from analyze() to destroy(), the pattern too, only the values change.
+/* The system A y = b with n block rows of `block` scalars each. The host owns all arrays; addresses
+ * and pattern are constant from analyze() to destroy(), only the values change.
  *
- * UPPER and FULL: scalar rows, vectors interleaved (block row i, component c at block * i + c).
+ * UPPER and FULL: scalar rows, interleaved vectors (block row i, component c at block * i + c).
  * NONE: component c of block row i of a vector is at c * stride + i; padding is zero. */
 typedef struct msim_system {
   size_t size;
@@ -80,36 +83,36 @@ typedef struct msim_system {
   int32_t block; /* scalars in a block row: 3, 2 or 1 */
   int32_t format;
   int32_t stride;          /* NONE: >= n */
-  const int32_t *graphptr; /* n + 1; NULL if NONE: the pattern of the blocks */
-  const int32_t *graphind; /* graphptr[n], ascending in a row */
-  const int32_t *rowptr;   /* block n + 1; NULL if NONE: the pattern of the scalars */
-  const int32_t *colind;   /* rowptr[block n], ascending in a row */
+  const int32_t *graphptr; /* n + 1; pattern of the blocks; NULL if NONE */
+  const int32_t *graphind; /* graphptr[n], ascending in each row */
+  const int32_t *rowptr;   /* block n + 1; pattern of the scalars; NULL if NONE */
+  const int32_t *colind;   /* rowptr[block n], ascending in each row */
   const double *val;       /* rowptr[block n], 64-byte aligned; NULL if NONE */
-  /* y = A x, y apart from x; NONE only. Vectors of any alignment; 64 bytes is fastest. */
+  /* y = A x, y must not overlap x; NONE only. Any alignment of x and y; 64 bytes is fastest. */
   void (*apply)(const struct msim_system *A, const double *x, double *y);
-  /* z = D^-1 r ~ A^-1 r, D the diagonal blocks of A, made positive definite where they are not; new
-   * with each factor(); NONE only. z may be r. */
+  /* z = D^-1 r, an approximation of A^-1 r. D: the diagonal blocks of A, modified to be positive
+   * definite if they are not; updated before each factor(). NONE only. z may be r. */
   void (*precondition)(const struct msim_system *A, const double *r, double *z);
-  void *data; /* the host's */
+  void *data; /* private to the host */
 } msim_system;
 
-/* What one solve() has to reach. */
+/* Stopping criteria of one solve(). */
 typedef struct msim_solve_params {
   size_t size;
-  /* ||b - A y|| <= rtol ||b|| in the norm sqrt(r.D^-1 r), D the diagonal blocks of A; with NONE
-   * its square is r.precondition(r). A factor may be applied in single precision where this is 1e-4
-   * or more: the host asks for that of preconditioners. */
+  /* ||b - A y|| <= rtol ||b|| in the norm ||r|| = sqrt(r.D^-1 r), D the diagonal blocks of A; with
+   * NONE ||r||^2 = r.precondition(r). If rtol >= 1e-4, which the host requests from
+   * preconditioners, a factor may be applied in single precision. */
   double rtol;
   int32_t max_iterations;
 } msim_solve_params;
 
-/* What a call has to tell; zeroed by the host, every member optional. */
+/* Statistics of a call; initialized to zero by the host, every member is optional. */
 typedef struct msim_solve_info {
   size_t size;
   int64_t iterations;
-  double residual;  /* ||b - A y|| / ||b||, as the backend finds it; the worst of the right sides */
+  double residual;  /* ||b - A y|| / ||b|| as computed by the backend; the largest of all y */
   double fill;      /* nonzeros of the factor */
-  double flops;     /* of one factorisation */
+  double flops;     /* of one factorization */
   int32_t definite; /* MSIM_DEFINITE_... */
 } msim_solve_info;
 
@@ -121,36 +124,37 @@ struct msim_backend {
   uint32_t size;       /* sizeof(msim_backend) */
   const char *name;    /* [a-z0-9_-]+: what the option `solver` selects */
   const char *library; /* the library behind it, with its version */
-  const char *license; /* of that library, SPDX */
+  const char *license; /* license of that library, SPDX */
   uint32_t flags;      /* MSIM_BACKEND_... */
   int32_t format;      /* MSIM_FORMAT_... */
 
-  /* self: the instance, not NULL where the status is MSIM_OK. */
+  /* self: the instance, not NULL if the status is MSIM_OK. */
   msim_status (*create)(const msim_host *host, void **self);
 
-  /* The order in which the backend wants the block rows, from their graph: both triangles,
-   * ascending in a row, without the diagonal. perm[k] = the row that comes k-th.
-   * Nullable: the host's order is kept. */
+  /* Choose an order of the block rows (to reduce fill-in) from their graph: both triangles,
+   * ascending in each row, without the diagonal. perm[k] = the row at position k. Nullable: then
+   * the host's order is used. */
   msim_status (*order)(void *self, int32_t n, const int32_t *ptr /* n+1 */, const int32_t *ind,
                        int32_t *perm /* n */);
 
-  /* The pattern is new: called once. The values are not set yet. */
+  /* Analyze the pattern: called once, before the values are set. */
   msim_status (*analyze)(void *self, const msim_system *A, msim_solve_info *info);
 
-  /* The values are new, or the kind is. A failure leaves `self` ready for another factor(). */
+  /* Factor A, whose values (or `kind`) have changed. May be called again after a failure. */
   msim_status (*factor)(void *self, const msim_system *A, int32_t kind, msim_solve_info *info);
 
-  /* Solve for nrhs >= 1 right sides, one after the other in b and y, apart by the length of a
-   * vector: block n, or NONE: block stride. y: initial guess in, solution out, the best so far with
-   * MSIM_NOT_CONVERGED, scratch otherwise. May be called many times for one factor(), and belongs
-   * to it: the host may have written new values since, which a factorisation does not look at. */
+  /* Solve for nrhs >= 1 right-hand sides. They are consecutive in b and y; a vector has length
+   * block * n, or with NONE block * stride. y: on input the initial guess, on output the solution;
+   * with MSIM_NOT_CONVERGED the best iterate; undefined otherwise. May be called repeatedly after
+   * one factor() and solves with its values: the host may have changed A->val since then, so a
+   * direct solver must not read it here. */
   msim_status (*solve)(void *self, const msim_system *A, const msim_solve_params *params,
                        int32_t nrhs, const double *b, double *y, msim_solve_info *info);
 
-  void (*destroy)(void *self); /* accepts what create() left when it failed, and NULL */
+  void (*destroy)(void *self); /* accepts NULL and what a failed create() left in *self */
 };
 
-/* The size of the table when this ABI began: the least a plugin must have. */
+/* Size of the table in the first version of this ABI, the minimum for a plugin. */
 #define MSIM_BACKEND_SIZE_1 (offsetof(msim_backend, destroy) + sizeof(void (*)(void *)))
 
 typedef const msim_backend *msim_backend_entry_fn(void);

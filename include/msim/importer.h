@@ -1,12 +1,12 @@
-/* importer.h - the ABI of plugins that read and write scenes in files other than JSON.
+/* importer.h - the ABI of plugins that read and write scene files in formats other than JSON.
  *
  * An importer plugin is one file, msim_importer_NAME.so, that exports msim_importer_entry; linked
- * into the host the symbol is msim_importer_NAME. MSIM_IMPORTER_ENTRY writes either. The rules of
- * change are those of backend.h. Programs that want a scene use msim_scene_load in msim.h.
+ * into the host, the symbol is msim_importer_NAME. MSIM_IMPORTER_ENTRY defines either. The rules of
+ * change are those of backend.h. Programs load scenes by msim_scene_load (msim.h).
  *
- * A scene file is a tree, whatever its format: the keys of the JSON form, with '/' between them,
- * are a node's path, "particles/x"; the i-th of a list of objects has the key i, "planes/0/normal".
- * What the keys and values mean, and whether they may stand there, is the host's business alone.
+ * In every format a scene file is a tree. The path of a node is the sequence of its keys in the
+ * JSON form, with '/' between them: "particles/x"; the i-th element of a list of objects has the
+ * key i: "planes/0/normal". Only the host interprets and validates keys and values.
  */
 #ifndef MSIM_IMPORTER_H
 #define MSIM_IMPORTER_H
@@ -19,9 +19,9 @@ extern "C" {
 
 #define MSIM_IMPORTER_ABI 1u
 
-/* What a node is. */
+/* Kinds of nodes. */
 enum {
-  MSIM_NODE_GROUP = 0, /* of other nodes, all of which come after it */
+  MSIM_NODE_GROUP = 0, /* contains other nodes, which all come after it */
   MSIM_NODE_TEXT = 1,  /* dims[0] bytes of UTF-8, rank 1 */
   MSIM_NODE_REAL = 2,  /* double */
   MSIM_NODE_WHOLE = 3  /* int64_t */
@@ -33,18 +33,18 @@ typedef struct msim_node {
   size_t size;
   const char *path;
   int32_t kind;
-  int32_t rank; /* 0: one number; 1: a list; 2: a list of lists, row by row */
+  int32_t rank; /* 0: one number; 1: a list; 2: a list of lists, stored row by row */
   int64_t dims[MSIM_NODE_MOST_DIMS];
-  const void *data; /* what is to be saved; unused in add() */
+  const void *data; /* data to save; unused in add() */
 } msim_node;
 
-/* Where load() puts what it finds. */
+/* Receiver of the nodes that load() finds. */
 typedef struct msim_tree {
   size_t size;
-  /* Announce a node; *room is where its values belong, NULL for a group. After an error load()
-   * ends with the status that it got; the sentence is there already. */
+  /* Announce a node; *room is set to the memory for its values, NULL for a group. If add() fails,
+   * load() must return the same status; the error message is already set. */
   msim_status (*add)(const struct msim_tree *tree, const msim_node *node, void **room);
-  void *data; /* the host's */
+  void *data; /* private to the host */
 } msim_tree;
 
 typedef struct msim_importer {
@@ -55,9 +55,9 @@ typedef struct msim_importer {
   const char *library;   /* the library behind it, with its version */
   const char *license;   /* of that library, SPDX */
 
-  /* Sentences name no file, only what is wrong in it: the host puts the file's name in front. */
+  /* Messages describe the defect without naming the file: the host prepends the file name. */
   msim_status (*load)(const msim_host *host, const char *path, const msim_tree *tree);
-  /* The file is new, and the host renames it when save() has succeeded. */
+  /* Creates a new file, which the host renames after save() has succeeded. */
   msim_status (*save)(const msim_host *host, const char *path, int32_t n, const msim_node *nodes);
 } msim_importer;
 

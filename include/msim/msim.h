@@ -1,8 +1,8 @@
-/* msim.h - the public API of msim, a library that simulates mass-spring systems. Include this one;
- * it brings scene.h and options.h.
+/* msim.h - the public API of msim, a library that simulates mass-spring systems. Include this
+ * header; it includes scene.h and options.h.
  *
- * Two objects: a scene (what there is) and a sim (how it moves). Build a scene, make a sim from
- * it, step the sim, read its state:
+ * There are two kinds of objects: a scene (the mechanical model) and a sim (its motion). Build a
+ * scene, create a sim from it, step the sim, read its state:
  *
  *     msim_scene *scene = NULL;
  *     msim_sim *sim = NULL;
@@ -22,19 +22,23 @@
  *     msim_sim_destroy(sim);
  *     msim_scene_destroy(scene);
  *
- * Conventions, valid for every function here:
- *  - The object comes first, inputs next, outputs after them, the error last and nullable.
- *  - What can fail returns msim_status: 0 success; < 0 error, nothing was changed; > 0 numerical
- *    event (MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_NOT_FINITE: the state is that before the step,
- *    or, where that is beyond what energy allows, as with MSIM_UNSTABLE, the last good one;
- *    MSIM_STOPPED: that after it). Destroyers return void and accept NULL.
- *  - Positions, velocities and forces are flat arrays of 3n doubles: x0 y0 z0 x1 y1 z1 ...
+ * Conventions of all functions:
+ *  - The object comes first, inputs next, outputs after them, the error last (nullable).
+ *  - Functions that can fail return msim_status: 0 success; < 0 error, nothing was changed; > 0
+ *    numerical event. After MSIM_NOT_SPD, MSIM_NOT_CONVERGED and MSIM_NOT_FINITE the state is that
+ *    before the failed step, or, if its energy or extent exceeds the bounds of the energy monitor
+ *    (MSIM_WATCH_ON), as after MSIM_UNSTABLE, the last good state. After MSIM_STOPPED it is that
+ *    after the step. Functions that destroy an object return void and accept NULL.
+ *    Invalid arguments are MSIM_ERR_ARG, failed allocations MSIM_ERR_MEMORY. Plugins: MSIM_ERR_NAME
+ *    if not found, MSIM_ERR_PLUGIN or MSIM_ERR_ABI if unusable, MSIM_ERR_BACKEND if their library
+ *    fails. Other errors are listed at each function.
+ *  - Positions, velocities and forces are contiguous arrays of 3n doubles: x0 y0 z0 x1 y1 z1 ...
  *    Units are SI: m, kg, s, N. Indices are int32_t and count from 0.
- *  - What you pass in is copied; it must not be what the same object lent. What you get back is
- *    borrowed and dies with its owner, or when its owner is changed or asked again.
+ *  - Arguments are copied; they must not point into memory borrowed from the same object. Returned
+ *    pointers are borrowed: valid until their owner is destroyed or changed, or called again.
  *  - Structs that may grow begin with their size: set it (or call their _init) before use.
- *  - The library never prints, aborts or exits, and holds no global state. Distinct sims may run
- *    in distinct threads, also when they were made from one scene.
+ *  - The library never prints, aborts or exits, and has no global state. Different sims may run in
+ *    different threads, also if they were created from the same scene.
  */
 #ifndef MSIM_MSIM_H
 #define MSIM_MSIM_H
@@ -49,20 +53,20 @@ extern "C" {
 
 typedef struct msim_sim msim_sim;
 
-/* The state at time t = t0 + (step - step0) h; under error control t is the sum of all steps. */
+/* State at the time t = t0 + (step - step0) h; under error control t is the sum of all steps. */
 typedef struct msim_state {
   size_t size;
   int64_t step;
   double t;             /* s */
-  int32_t n;            /* particles */
+  int32_t n;            /* number of particles */
   const double *x;      /* 3n, m */
   const double *v;      /* 3n, m/s: the velocity at t */
-  const double *v_half; /* 3n: the velocity at t - h/2 that `verlet` carries; NULL for others */
-  double h; /* the step of the run, s: v_half belongs to it; under error control the next to try */
+  const double *v_half; /* 3n: the velocity at t - h/2 that `verlet` carries; else NULL */
+  double h; /* step size of the run, s, to which v_half belongs; with tol the next to try */
 } msim_state;
 
-/* Energies in J: 0 at rest, at rest length and at x = 0; all particles count, pinned ones too.
- * Angular momentum is about the origin. */
+/* Energies in J, of all particles, pinned ones included. Zero levels: velocity 0, springs at rest
+ * length, and x = 0 for the gravitational energy. Angular momentum is taken about the origin. */
 typedef struct msim_energy {
   size_t size;
   double kinetic, elastic, gravitational, total;
@@ -70,184 +74,187 @@ typedef struct msim_energy {
   double angular_momentum[3]; /* kg m^2/s */
 } msim_energy;
 
-/* Work done and time spent since creation. A zero says that the phase never ran. Each island of a
- * scene counts its own evaluations, assemblies, factorizations, solves and iterations. */
+/* Work done and time spent since creation; 0: that phase never ran. Each island of a scene counts
+ * its own evaluations, assemblies, factorizations, solves and iterations. */
 typedef struct msim_stats {
   size_t size;
   int64_t steps, force_evaluations, assemblies, analyses, factorizations, solves, iterations;
   int64_t newton_iterations;
-  int64_t contacts;         /* particles reflected, once a pass; impacts located; endless bounces
-                               that were summed are one */
-  int64_t indefinite_steps; /* steps whose exact matrix was seen not to be positive definite */
-  int64_t coarse_factors;   /* factorisations of the coarse part of pcg's preconditioner */
-  int64_t kept_factors;     /* solves that an old factor, or coarse factor, preconditioned */
-  int64_t refinements;      /* corrections of an answer above solver.rtol */
-  int64_t fallbacks;        /* changes of mind of solver = auto */
+  int64_t contacts;         /* reflections at planes; impacts located, where the sum of infinitely
+                               many bounces counts as one */
+  int64_t indefinite_steps; /* steps whose exact matrix was found not to be positive definite */
+  int64_t coarse_factors;   /* factorizations of the coarse matrix of pcg's preconditioner */
+  int64_t kept_factors;     /* solves preconditioned by a lagged factorization or coarse factor */
+  int64_t refinements;      /* corrections of a solution above solver.rtol */
+  int64_t fallbacks;        /* changes of solver by solver = auto */
   double total_s, force_s, assemble_s, factor_s, solve_s, collide_s, output_s;
-  int64_t steps_at_rest;   /* of `steps`, those that were not made, as they would change nothing */
-  int64_t islands_at_rest; /* steps of single islands that were not made for that reason */
-  int64_t spring_evaluations; /* springs in all force evaluations: respa's are of some of them */
-  int64_t rejected_steps;     /* made again, shorter or in parts: too far off, or not to be made */
+  int64_t steps_at_rest;      /* those of `steps` that were skipped: the scene was at rest */
+  int64_t islands_at_rest;    /* steps of single islands that were skipped for that reason */
+  int64_t spring_evaluations; /* springs in all force evaluations; those of respa take some only */
+  int64_t rejected_steps;     /* steps repeated in shorter ones: too inaccurate, or failed */
 } msim_stats;
 
-/* What was decided at creation, or from the last state set. */
+/* Decisions made at creation, or when the state was last set. */
 typedef struct msim_plan {
   size_t size;
-  double h;      /* the step actually made, s; under error control the next one to try */
-  int64_t steps; /* from there to the end; -1 where no end was given, and under error control */
-  const char *integrator; /* what `auto` has chosen, too */
-  const char *solver;     /* of the largest island; "none" where the method needs none */
-  int32_t threads;        /* that compute; fewer than asked for where not all could be started */
-  double tol;             /* that error control keeps; 0: steps are fixed */
-  double t_end;           /* where the run ends, s; -1 where it has no end */
+  double h;      /* step size in use, s; under error control the next to try */
+  int64_t steps; /* from there to the end; -1 if no end was given, and under error control */
+  const char *integrator; /* the method in use, also if `auto` has chosen it */
+  const char *solver;     /* of the largest island; "none" if the method needs none */
+  int32_t threads;        /* in use; fewer than requested if not all could be started */
+  double tol;             /* tolerance of the error control; 0: fixed steps */
+  double t_end;           /* end of the run, s; -1: none */
 } msim_plan;
 
-/* The matrix of the next implicit step by rows: A = M - h D - h^2 J, in particle order, rows and
- * columns of pinned particles left out. */
+/* The matrix of the next implicit step, A = M - h D - h^2 J, in compressed rows: in the order of
+ * the particles, without rows and columns of pinned particles. */
 typedef struct msim_csr {
   size_t size;
-  int32_t n;                      /* rows, 3 times the free particles, in flat scenes too */
+  int32_t n;                      /* rows: 3 times the free particles, also in planar scenes */
   const int32_t *rowptr, *colind; /* n + 1; rowptr[n] */
   const double *val;              /* rowptr[n] */
   const int32_t *particle;        /* n / 3: the particle of each block row */
 } msim_csr;
 
-/* Make a sim from a scene, which it shares until either is changed: the scene may be destroyed at
- * once. Steps allocate nothing, except where `auto` chooses anew, and by CHOLMOD and KLU, which
- * call malloc in every step.
+/* Create a sim from a scene. The sim shares the data of the scene until either is changed; the
+ * scene may be destroyed at once. Steps allocate no memory, except when `auto` chooses anew, and in
+ * CHOLMOD and KLU, which call malloc in every step.
  *
- * Parts of the scene that no spring connects are islands: systems of their own, each with a solver
- * of its own, and not stepped while at exact rest. Pinned particles connect nothing; what is below
- * 512 particles is taken together with others.
+ * Islands are parts of the scene that no spring connects: each is a system with a solver of its
+ * own, and is not stepped while at exact rest. Pinned particles connect nothing; islands of less
+ * than 512 particles are combined with others.
  *
- * Error control is on where options.tol is set, or the method is dop853 and options.steps is not:
- * then steps are as long as their error E, in root mean square, allows. A step of h may add
- *   E^2 = 1/(2 n) sum_i (|dx_i|^2/L^2 + |dv_i|^2/U^2) <= (tol h/T)^2,
- * to each part of n free particles that springs connect, with the extent L and the speed U of the
- * part (explain tells them) and the length T of the run up to t_end, or 1 s where there is none.
- * The part with the largest error decides. So tol stands for the error at the end as far as errors
- * neither grow nor fade on the way: a tenth of tol makes about a tenth of the error. dop853 has an
- * estimate of its own; others make each step of two halves and compare with a whole one. `verlet`,
- * `bdf2`, `rkc` and `respa` have none. Impacts are located: a step ends at the first one that leads
- * deeper behind a plane than tol L/10, and particles bounce at the start of the next one.
- * `step` counts the steps accepted, and the last one ends at t_end. Setting a state starts a new
- * run: its error is counted from there.
- * With integrator = "auto" each run begins with the choice of a method, by tol and steps tried in
- * the scene, as explain tells: counts decide, never a clock. Few bodies run under error control;
- * others mostly in fixed steps, which are verified as they are made, and made in parts where tol
- * asks for that. Once a plane is close a method for impacts is chosen: they are located, always
- * with collision = event, else unless reflection keeps tol. `h` is not used, `steps` is refused.
+ * Error control is on if options.tol is set, or if the method is dop853 and options.steps is not
+ * set. It chooses the step size h so that the root mean square error E added by a step satisfies
+ *   E^2 = 1/(2 n) sum_i (|dx_i|^2/L^2 + |dv_i|^2/U^2) <= (tol h/T)^2
+ * in each part of n free particles that springs connect, with the extent L and the speed U of the
+ * part (see msim_sim_explain) and the length T of the run up to t_end, or 1 s if there is no end.
+ * The part with the largest error determines h. So tol is the error at the end of the run if errors
+ * neither grow nor decay; a tenth of tol gives about a tenth of the error. dop853, rkc and bdf2
+ * have an error estimate of their own; others make each step as two half steps as well and compare.
+ * `verlet`, `respa` and `takahashi-imada` have no error control. Impacts are located: a step ends
+ * at the first impact that would lead deeper behind a plane than tol L/10, and particles bounce at
+ * the start of the next step. `step` counts the accepted steps, and the last one ends at t_end.
+ * Setting a state starts a new run, with an error counted from there.
  *
- * A scene is flat where along some axis all particles lie level and at rest, gravity is 0 and no
- * plane has a part of its normal. Its motion is computed in two components: the same as in three,
- * to rounding, and exactly level. Nothing leaves a plane in which nothing pushes it out, so a
- * matrix that were indefinite out of the plane only is positive definite here. */
+ * With integrator = "auto" each run begins with the choice of a method from tol and pilot runs in
+ * the scene (see msim_sim_explain); only operation counts decide, never timings. Small scenes run
+ * under error control; others mostly with fixed steps, which are verified during the run and split
+ * up where tol requires it. When a particle comes close to a plane, a method for impacts is chosen:
+ * impacts are located, unless reflection keeps tol and collision is not event. `h` is ignored,
+ * `steps` is refused.
+ *
+ * A scene is planar if along some axis all particles have the same coordinate and no velocity, and
+ * gravity and all plane normals have no component. Its motion is computed in two components:
+ * equal to that in three, up to rounding, and exactly planar. A matrix that is indefinite only for
+ * displacements out of the plane is then positive definite. */
 MSIM_API msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt,
                                      msim_sim **sim, msim_error *err);
 MSIM_API void msim_sim_destroy(msim_sim *sim);
 
-/* Make n steps. Stops early, with a status > 0, at a numerical event or when asked to. */
+/* Make n steps. Stops early, with a status > 0, at a numerical event or after msim_sim_stop:
+ * MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_NOT_FINITE, MSIM_UNSTABLE, MSIM_STOPPED. */
 MSIM_API msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err);
 
-/* Called at the first step and at each frame (options every, fps); non-zero stops the run. */
+/* Called at the first state and at each frame (options every, fps); non-zero stops the run. */
 typedef int msim_observer(msim_sim *sim, void *user);
 
-/* Step to the end that options.steps or options.t_end set, calling the observer at each frame,
- * the first state and the last included. Running in several pieces gives the same bits.
- * Under error control frames of `fps`, and the default ones, are at their exact times: the observer
- * then sees the state there, from inside the step just made, which no frame changes. */
+/* Make steps to the end given by options.steps or options.t_end, and call the observer at each
+ * frame, including the initial and the final state. Running in several pieces gives the same bits.
+ * Under error control frames of `fps`, and those of the default, are at their exact times: the
+ * state passed to the observer is interpolated inside the last step, which it does not change. */
 MSIM_API msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user,
                                   msim_error *err);
 
-/* Ask a running msim_sim_step or msim_sim_run to return MSIM_STOPPED after the step it is in; if
- * that step is a frame, it is shown first. May be called from another thread and from a signal
- * handler. */
+/* Ask a running msim_sim_step or msim_sim_run to return MSIM_STOPPED after the present step; if
+ * that step is a frame, the observer is called first. May be called from another thread and from a
+ * signal handler. */
 MSIM_API void msim_sim_stop(msim_sim *sim);
 
-/* The step at which the next frame is due after the present one; the end of the run at latest.
- * Under error control frames in time lie between steps, for msim_sim_run to show: the next step. */
+/* The number of the next step that is a frame; at most the last step of the run. Under error
+ * control with frames in time, which msim_sim_run interpolates: the next step. */
 MSIM_API int64_t msim_sim_next_frame(const msim_sim *sim);
 
-/* The present state; set state->size before. The arrays hold until the next call. */
+/* Get the present state; set state->size first. The arrays are valid until the next call. */
 MSIM_API void msim_sim_state(msim_sim *sim, msim_state *state);
 
-/* Go on from another state; steps and t_end are planned anew from there. Pinned particles must
- * stay where they are. Where the method carries v_half and it is given for the same h, it is taken
- * as it is, else it is made from v. Nullable: v_half.
- * A state out of the plane of a flat scene is computed in three components from there on, one
- * within it in two: between them all is planned, allocated and analysed anew. */
+/* Continue from another state; number of steps and t_end are planned anew. Pinned particles must
+ * keep their positions. If the method carries v_half and it is given together with the same h, it
+ * is used unchanged, else it is computed from v. Nullable: v_half. If a planar scene gets a state
+ * out of its plane it is computed in three components from then on, and in two again after a state
+ * within the plane: these changes allocate and analyze everything anew. */
 MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err);
 
-/* Go on from the present state with another step: s, > 0, or MSIM_H_AUTO. The end stays: t_end, or
- * as many steps as options.steps leaves. Values of matrices change, nothing is analysed anew. A
- * recorder that is open keeps the frames it has planned. Under error control h is the next step to
- * try; refused with auto. */
+/* Continue from the present state with another step size h: s, > 0, or MSIM_H_AUTO. The end stays:
+ * t_end, or the number of steps left of options.steps. Matrices get new values, nothing is analyzed
+ * anew. An open recorder keeps its planned frames. Under error control h is the next step to try;
+ * refused with integrator = auto. */
 MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err);
 
-/* Change the springs of this sim; the scene it was made from stays as it is. Values of matrices
- * change; they are analysed anew only where all rest lengths and dampings were 0 or become so. The
- * step stays, also where MSIM_H_AUTO has chosen it for the old ones; but integrator = auto begins a
- * new run in the present state. Nullable: k, rest, damping (as they are). */
+/* Change the springs of this sim, not of its scene. Matrices get new values; they are analyzed anew
+ * only if all rest lengths and dampings were 0 or become 0. The step size stays, even if
+ * MSIM_H_AUTO chose it for the old springs; but integrator = auto starts a new run from the present
+ * state. Nullable: k, rest, damping (unchanged). */
 MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nsprings */,
                                           const double *rest /* nsprings */,
                                           const double *damping /* nsprings */, msim_error *err);
 
-/* A checkpoint: all that the steps to come owe to those made, so that a sim made anew goes on from
- * there to the same bits, with any method, solver or error control, and counts on in stats, but
- * for the seconds. The bytes are the caller's, to be written straight to where they are to lie;
- * they name what they are, and each of them counts in a hash. Saving changes nothing, and frames of
- * msim_sim_run are checkpoints too. No sim ever needs more than this, until a state or springs are
- * set: */
+/* Save a checkpoint: all data that further steps depend on, so that another sim can continue with
+ * the same bits, with any method, solver and error control, and with the same counts in stats
+ * (except for times). The caller provides the memory. The data include a format identifier and a
+ * hash of all bytes. Saving changes nothing, also inside the observer of msim_sim_run.
+ * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set. */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
 MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                                    msim_error *err);
 
-/* Go on from a checkpoint, in a sim that was made from the same scene with the same options, and to
- * which the same msim_sim_set_step happened; its springs are those that were set last. What differs
- * is named; so is another msim or MSIM_ISA. Free are threads, frames (every, fps), plugin_path,
- * sync and the end (steps, t_end), as long as h stays; under error control the tolerance for a
- * second stays, too. */
+/* Continue from a checkpoint, in a sim created from the same scene with the same options, and with
+ * the same calls of msim_sim_set_step; the springs must be those set last. Errors name the
+ * difference, also of the version of msim or of MSIM_ISA. These may differ: threads, frames (every,
+ * fps), plugin_path, sync and the end (steps, t_end), if h stays the same; under error control tol
+ * per second must stay the same, too. */
 MSIM_API msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err);
 
 MSIM_API void msim_sim_energy(msim_sim *sim, msim_energy *energy);
 MSIM_API void msim_sim_stats(const msim_sim *sim, msim_stats *stats);
 MSIM_API void msim_sim_plan(const msim_sim *sim, msim_plan *plan);
 
-/* The forces on all particles, pinned ones 0, in the state x, v. */
+/* Compute the forces on all particles in the state x, v; 0 for pinned particles. */
 MSIM_API void msim_sim_force(msim_sim *sim, const double *x /* 3n */, const double *v /* 3n */,
                              double *force /* 3n */);
 
-/* The matrix of the next step, assembled anew. Refused where the method needs no matrix. */
+/* Assemble the matrix of the next step. Refused if the method needs no matrix. */
 MSIM_API msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err);
 
-/* What will run, what is skipped and why, stability limits, matrix size: text for people. */
+/* Describe the run as text: method, solver, skipped features, stability limits, matrix size. */
 MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err);
 
 /*------------------------------------- recording ------------------------------------------------*/
 
-/* A file being written. The kind follows from the name: .csv (built in), .vtkhdf (plugin hdf5). */
+/* Writer of a trajectory, .csv (built in) or .vtkhdf (plugin hdf5) by the extension of the file. */
 typedef struct msim_recorder msim_recorder;
 
-/* Open a file for the frames that the sim's options ask for. The file appears under its name
- * when it is complete enough to be read. An older trajectory of msim gives way to it; any other
- * file is kept, and so is one that another recorder writes, in whatever process: refused. */
+/* Open a file for the frames that the options of the sim define. The file appears under its name as
+ * soon as it can be read. It replaces an older trajectory of msim. MSIM_ERR_IO: another file has
+ * that name, another recorder, in any process, is writing it, or it cannot be created;
+ * MSIM_ERR_NAME: unknown extension. */
 MSIM_API msim_status msim_recorder_open(msim_sim *sim, const char *path, msim_recorder **recorder,
                                         msim_error *err);
 
-/* The same, but any file gives way that no recorder writes. */
+/* The same, but replaces any file, unless a recorder is writing it. */
 MSIM_API msim_status msim_recorder_replace(msim_sim *sim, const char *path,
                                            msim_recorder **recorder, msim_error *err);
 
-/* Go on with a .vtkhdf file whose run was interrupted in whatever way: load its last checkpoint,
- * as msim_sim_load does, into a sim that stands where that run began, and write what follows behind
- * the frames up to there. The last of them, in which the sim is then, is not written again. The end
- * may be another as far as the file has planned frames for it: it never grows. A file without a
- * frame is begun anew. Refused, and nothing is changed, where the file was planned for other times
- * or msim_sim_load refuses. */
+/* Continue a .vtkhdf file of a run that was interrupted in any way: load its last checkpoint, like
+ * msim_sim_load, into a sim in the initial state of that run, and append the following frames. The
+ * last frame, which is then the state of the sim, is not written again. The run may have another
+ * end within the frames planned in the file, which never grows. A file without frames starts from
+ * the beginning. Refused, and nothing is changed, if the file was planned for other times or
+ * msim_sim_load refuses. MSIM_ERR_IO: there is no such file; MSIM_ERR_UNSUPPORTED: .csv. */
 MSIM_API msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder **recorder,
                                           msim_error *err);
 
-/* Write the sim's present state as the next frame. */
+/* Write the present state of the sim as the next frame. */
 MSIM_API msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err);
 
 /* Finish the file and free the recorder, also after errors. Nullable: recorder. */

@@ -1,8 +1,8 @@
-/* recorder.h - the ABI of output plugins.
+/* recorder.h - the ABI of plugins that write trajectories.
  *
  * A recorder plugin is one file, msim_recorder_NAME.so, that exports msim_recorder_entry; linked
- * into the host the symbol is msim_recorder_NAME. MSIM_RECORDER_ENTRY writes either. The rules of
- * change are those of backend.h. Programs that want to record use msim_recorder_open in msim.h.
+ * into the host, the symbol is msim_recorder_NAME. MSIM_RECORDER_ENTRY defines either. The rules of
+ * change are those of backend.h. Programs record trajectories by msim_recorder_open (msim.h).
  */
 #ifndef MSIM_RECORDER_H
 #define MSIM_RECORDER_H
@@ -15,7 +15,7 @@ extern "C" {
 
 #define MSIM_RECORDER_ABI 1u
 
-/* What is going to be recorded. Valid during open() and resume() only. */
+/* Description of a recording. Valid during open() and resume() only. */
 typedef struct msim_recording {
   size_t size;
   const char *path; /* the file to create; the host renames it when open() has succeeded */
@@ -26,12 +26,12 @@ typedef struct msim_recording {
   const double *k;            /* nsprings, N/m */
   const double *rest;         /* nsprings, m */
   int64_t nframes;            /* frames planned, >= 1 */
-  const double *times;        /* nframes, s: their planned times, ascending */
-  const char *scene;          /* the scene as JSON text (FORMAT: scene file) */
+  const double *times;        /* nframes: planned times, s, ascending */
+  const char *scene;          /* the scene as JSON text, in the format of scene files */
   size_t scene_length;        /* bytes, without the terminating zero */
-  const char *name;           /* what messages call the file: its final name; NULL: path */
-  size_t checkpoint_capacity; /* bytes, the most that comes with a frame; 0: nothing does */
-  int32_t sync;               /* 1: what write() has accepted outlives a power cut */
+  const char *name;           /* file name for messages: the final one; NULL: path */
+  size_t checkpoint_capacity; /* maximum size of a frame's checkpoint, bytes; 0: none */
+  int32_t sync;               /* 1: what write() has accepted survives a power failure */
 } msim_recording;
 
 /* One state. Valid during write() only. */
@@ -43,16 +43,16 @@ typedef struct msim_frame {
   const double *v;        /* 3n, m/s */
   double kinetic;         /* J */
   double potential;       /* J: elastic and gravitational */
-  const void *checkpoint; /* what a run goes on from, opaque; NULL: nothing */
+  const void *checkpoint; /* opaque data for resuming the run here; NULL: none */
   size_t checkpoint_length;
 } msim_frame;
 
-/* Where a file goes on. Lent until the next call with the recorder. */
+/* The point at which a file is resumed. Borrowed until the next call with the recorder. */
 typedef struct msim_resumption {
   size_t size;
-  int64_t frames;         /* that stay; the next write() is of the one after them */
-  int64_t step;           /* of the last of them */
-  const void *checkpoint; /* that came with it; NULL: there are no frames */
+  int64_t frames;         /* number of frames kept; the next write() appends to them */
+  int64_t step;           /* of the last frame kept */
+  const void *checkpoint; /* of the last frame kept; NULL: there are no frames */
   size_t checkpoint_length;
 } msim_resumption;
 
@@ -66,17 +66,17 @@ typedef struct msim_recorder_type {
 
   msim_status (*open)(const msim_host *host, const msim_recording *what, void **self);
   msim_status (*write)(void *self, const msim_frame *frame);
-  /* Frees self in any case; reports what buffering hid. */
+  /* Free self in any case; report write errors that buffering has delayed. */
   msim_status (*close)(void *self);
 
-  /* What follows came later: `size` tells whether it is there. */
+  /* Later additions: present if `size` includes them. */
 
-  /* Go on with a file that open() made for the same particles, springs and times, in its place; the
-   * plan may end earlier than the file's. The frames that stay end with the last one whose
-   * checkpoint is whole, as it is. The file changes with the next write() and not before. */
+  /* Continue, in place, a file that open() created for the same particles, springs and times; the
+   * planned times may be fewer than the file's. Frames are kept up to and including the last one
+   * with an intact checkpoint. The file is not changed before the next write(). */
   msim_status (*resume)(const msim_host *host, const msim_recording *what, msim_resumption *from,
                         void **self);
-  /* 1: open() made this file, so another one may replace it. */
+  /* 1: open() created this file, so a new recording may replace it. */
   int32_t (*recognize)(const msim_host *host, const char *path);
 } msim_recorder_type;
 

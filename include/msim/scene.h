@@ -1,4 +1,4 @@
-/* scene.h - what there is: particles, springs, planes and the forces on all; conventions: msim.h */
+/* scene.h - scenes: particles, springs, planes, gravity and drag; conventions: msim.h */
 #ifndef MSIM_SCENE_H
 #define MSIM_SCENE_H
 
@@ -10,39 +10,40 @@ extern "C" {
 
 typedef struct msim_scene msim_scene;
 
-/* The half space n.x >= d. A particle found outside after a step, s = n.x - d < 0, is reflected
- * (Teschner): x -= (1 + e) s n, and if n.v < 0 too: v += J n with J = -(1 + e) n.v, the part of v
- * along the plane times max(0, 1 - mu J/|v_t|). That is repeated while it is outside one of several
- * planes. Planes that leave no point inside all of them are refused. With option collision = event
- * v changes like that where and when the particle meets the plane. */
+/* The half space n.x >= d. A particle that is outside at the end of a step, s = n.x - d < 0, is
+ * reflected (Teschner): x -= (1 + e) s n, and if n.v < 0, with the impulse per unit mass J = -(1 +
+ * e) n.v, v += J n, and the tangential velocity v_t is scaled by max(0, 1 - mu J/|v_t|). This is
+ * repeated while the particle is outside any plane. Planes whose half spaces have no common point
+ * are refused. With option collision = event the velocity changes in the same way, at the position
+ * and time of the impact. */
 typedef struct msim_plane {
-  double normal[3];   /* any length but 0; scaled to 1, and offset with it */
+  double normal[3];   /* of any length but 0; normal and offset are divided by it */
   double offset;      /* m */
   double restitution; /* [0, 1] */
-  double friction;    /* Coulomb's, >= 0 */
+  double friction;    /* Coulomb's coefficient mu, >= 0 */
 } msim_plane;
 
-/* n particles on a straight line, a spring between neighbours. */
+/* n particles on a straight line, with a spring between neighbours. */
 typedef struct msim_rope {
   size_t size;
   int32_t n;             /* >= 1 */
-  double from[3], to[3]; /* the first and the last particle, m */
-  double mass;           /* of the whole rope, kg, > 0 */
-  double k, damping;     /* N/m, N s/m; k = 0 leaves the springs out */
+  double from[3], to[3]; /* positions of the first and the last particle, m */
+  double mass;           /* total mass of the rope, kg, > 0 */
+  double k, damping;     /* N/m, N s/m; k = 0: no springs */
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
 } msim_rope;
 
-/* rows x columns particles in a parallelogram; particle r * columns + c lies at
- * origin + r/(rows-1) row + c/(columns-1) column. Springs of a particle: right, down,
- * down-right, down-left, two right, two down; listed by first particle. */
+/* rows x columns particles in a parallelogram; particle r * columns + c is at origin + r/(rows-1)
+ * row + c/(columns-1) column. Springs of a particle lead to its neighbours right, down, down-right,
+ * down-left, two to the right and two down; they are ordered by first particle. */
 typedef struct msim_cloth {
   size_t size;
   int32_t rows, columns;                /* >= 1 */
-  double origin[3], row[3], column[3];  /* m; row and column are whole edges of the cloth */
-  double mass;                          /* of the whole cloth, kg, > 0 */
-  double k_structural, k_shear, k_bend; /* N/m; 0 leaves those springs out */
-  double damping;                       /* N s/m, of each spring */
+  double origin[3], row[3], column[3];  /* m; row, column: edge vectors of the whole cloth */
+  double mass;                          /* total mass of the cloth, kg, > 0 */
+  double k_structural, k_shear, k_bend; /* N/m; 0: no such springs */
+  double damping;                       /* N s/m, for each spring */
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
 } msim_cloth;
@@ -53,13 +54,13 @@ typedef struct msim_lattice {
   size_t size;
   int32_t n[3];                /* >= 1 each */
   double origin[3], extent[3]; /* the corner of least coordinates; edge lengths, >= 0; m */
-  double mass;                 /* of the whole lattice, kg, > 0 */
-  double k, damping;           /* N/m, N s/m; k = 0 leaves the springs out */
+  double mass;                 /* total mass of the lattice, kg, > 0 */
+  double k, damping;           /* N/m, N s/m; k = 0: no springs */
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
 } msim_lattice;
 
-/* Everything a scene holds, borrowed. */
+/* The complete content of a scene; all pointers are borrowed. */
 typedef struct msim_scene_view {
   size_t size;
   const char *name; /* never NULL */
@@ -71,25 +72,26 @@ typedef struct msim_scene_view {
   const double *k, *rest, *damping; /* nsprings */
   const msim_plane *planes;         /* nplanes, with unit normals */
   double gravity[3];                /* m/s^2 */
-  double drag;                      /* N s/m: force -drag v on every particle */
+  double drag;                      /* N s/m: the force -drag v acts on every particle */
 } msim_scene_view;
 
-/* Make an empty scene. Nullable: alloc (malloc and free are used). */
+/* Create an empty scene. Nullable: alloc (then malloc and free are used). */
 MSIM_API msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene,
                                        msim_error *err);
 
-/* Read a scene file: JSON, or *.h5 where the plugin for HDF5 is there, whose text in JSON would say
- * the same. What is wrong is named by file, line or key. Nullable: alloc. */
+/* Read a scene file: JSON, or *.h5 (if the HDF5 plugin is available) with the same tree as the JSON
+ * form. Errors name the file and the line or key: MSIM_ERR_IO, MSIM_ERR_ARG. Nullable:
+ * alloc. */
 MSIM_API msim_status msim_scene_load(const msim_allocator *alloc, const char *path,
                                      msim_scene **scene, msim_error *err);
 
-/* The same from memory; `label` stands for the file name in errors. Nullable: alloc. */
+/* The same from memory; `label` replaces the file name in error messages. Nullable: alloc. */
 MSIM_API msim_status msim_scene_parse(const msim_allocator *alloc, const char *label,
                                       const char *text, size_t length, msim_scene **scene,
                                       msim_error *err);
 
-/* Write the scene as a scene file, by its extension as above: objects expanded, every number
- * exact. */
+/* Write the scene to a scene file in the format given by the extension, as above: objects are
+ * expanded into particles and springs, every number is exact. MSIM_ERR_IO: cannot be written. */
 MSIM_API msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err);
 
 MSIM_API void msim_scene_destroy(msim_scene *scene);
@@ -105,9 +107,9 @@ MSIM_API msim_status msim_scene_add_particles(msim_scene *scene, int32_t n,
                                               const double *x /* 3n */, const double *v /* 3n */,
                                               const double *mass /* n, > 0 */, msim_error *err);
 
-/* Append n springs. With d = x_j - x_i, l = |d|, u = d/l the force on i is
- * k (l - rest) u + damping (u . (v_j - v_i)) u, on j the opposite; l = 0: no force.
- * Nullable: rest (the distance now), damping (0). All of them >= 0. */
+/* Append n springs. With d = x_j - x_i, l = |d|, u = d/l, the force on i is k (l - rest) u +
+ * damping (u . (v_j - v_i)) u, and the opposite one acts on j; no force if l = 0. k, rest and
+ * damping must be >= 0. Nullable: rest (the present distance), damping (0). */
 MSIM_API msim_status msim_scene_add_springs(msim_scene *scene, int32_t n,
                                             const int32_t *ij /* 2n */, const double *k /* n */,
                                             const double *rest /* n */,
@@ -116,7 +118,7 @@ MSIM_API msim_status msim_scene_add_springs(msim_scene *scene, int32_t n,
 MSIM_API msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane,
                                           msim_error *err);
 
-/* Hold n particles where they are for ever; their velocity must be 0. */
+/* Pin n particles: their positions stay constant. Their velocity must be 0. */
 MSIM_API msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particles /* n */,
                                     msim_error *err);
 
@@ -126,7 +128,7 @@ MSIM_API msim_status msim_scene_add_cloth(msim_scene *scene, const msim_cloth *c
 MSIM_API msim_status msim_scene_add_lattice(msim_scene *scene, const msim_lattice *lattice,
                                             msim_error *err);
 
-/* Everything in the scene; set view->size before. Valid until the scene is changed. */
+/* Get the complete content of the scene; set view->size first. Valid until the scene is changed. */
 MSIM_API void msim_scene_get(const msim_scene *scene, msim_scene_view *view);
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-/* status.h - what functions and plugins return, and what a plugin is lent by its host */
+/* status.h - return codes of functions and plugins, and services of msim for plugins */
 #ifndef MSIM_STATUS_H
 #define MSIM_STATUS_H
 
@@ -32,14 +32,14 @@ typedef int32_t msim_status;
 enum { MSIM_STATUS_LIST(MSIM_STATUS_ENUM) MSIM_STATUS_END_ = 99 };
 #undef MSIM_STATUS_ENUM
 
-/* What the host lends to a plugin. Memory comes from the allocator of the scene or sim. */
+/* Services of the host (msim) for a plugin. Memory comes from the allocator of the scene or sim. */
 typedef struct msim_host {
   size_t size;                                                /* sizeof(msim_host) */
-  void *(*alloc)(const struct msim_host *host, size_t bytes); /* NULL when there is none left */
+  void *(*alloc)(const struct msim_host *host, size_t bytes); /* NULL: out of memory */
   void (*free)(const struct msim_host *host, void *ptr);      /* accepts NULL */
-  /* Sets the sentence that the user reads when the plugin returns an error; printf-like. */
+  /* Set the message that the user reads when the plugin returns an error; printf-like. */
   void (*fail)(const struct msim_host *host, const char *format, ...);
-  void *data; /* the host's */
+  void *data; /* private to the host */
 } msim_host;
 
 #ifdef __cplusplus

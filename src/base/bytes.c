@@ -28,9 +28,9 @@ void ms_bytes_check(ms_bytes *b, int is_so, const char *what) {
   if (b->direction == MS_TAKE && !is_so && !b->wrong) b->wrong = what;
 }
 
-/* Each step takes a word in by a one-to-one map of the hash, as of the word: other words of which
- * all but one are the same never meet. The shift brings high bits down, which products do not; the
- * factor is that of Steele, Lea and Flood's SplitMix (2014). */
+/* For a fixed word this is a bijection of the hash, for a fixed hash one of the word: data that
+ * differ in one word only have different hashes. The shift carries high bits down, which the
+ * product does not; the factor is that of SplitMix (Steele, Lea and Flood 2014). */
 static uint64_t mix(uint64_t hash, uint64_t word) {
   hash = (hash ^ word) * 0xbf58476d1ce4e5b9u;
   return hash ^ hash >> 31;

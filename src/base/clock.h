@@ -1,4 +1,4 @@
-/* clock - seconds of a clock that never goes back, for statistics only */
+/* clock - monotonic time in s, for statistics only */
 #ifndef MS_CLOCK_H
 #define MS_CLOCK_H
 

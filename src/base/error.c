@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <stdio.h>
 
-/* Whatever a file or a plugin says, a sentence stays on its line. */
+/* Replace control characters: text of files and plugins must not break the line of a message. */
 static void clean(char *text) {
   for (; *text; text++)
     if ((unsigned char)*text < ' ' || *text == 0x7f) *text = ' ';

@@ -1,4 +1,4 @@
-/* error - one way to fail: set the sentence, return the status */
+/* error - failures: set the message of an msim_error and return its status */
 #ifndef MS_ERROR_H
 #define MS_ERROR_H
 
@@ -16,10 +16,10 @@
 msim_status ms_fail(msim_error *err, msim_status status, const char *format, ...) MS_PRINTF(3, 4);
 msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va_list args);
 
-/* The same for memory that could not be had. */
+/* The same for a failed allocation: "out of memory for WHAT". */
 msim_status ms_fail_memory(msim_error *err, const char *what);
 
-/* Of a file that could not be read or written, by errno. */
+/* Status of a failed file operation, by its errno. */
 msim_status ms_status_of(int number);
 
 /* Clear err and return MSIM_OK. Nullable: err. */

@@ -1,17 +1,18 @@
-/* isa - the instruction sets for which the hot loops are compiled, and the one to use
+/* isa - the instruction sets for which the inner loops are compiled, and the choice of one
  *
- * A file of kernels is compiled once for each with MS_ISA its name, and ends in one constant table:
+ * A file of kernels is compiled once for each, with MS_ISA defined as its name, and ends with one
+ * constant table:
  *     const ms_block_kernels MS_TABLE(ms_block_kernels) = {...};
- * Whoever calls them says MS_TABLES(ms_block_kernels) and takes ms_block_kernels_of[isa]. */
+ * A caller declares MS_TABLES(ms_block_kernels) and uses ms_block_kernels_of[isa]. */
 #ifndef MS_ISA_H
 #define MS_ISA_H
 
 enum { MS_ISA_BASELINE, MS_ISA_AVX2, MS_ISA_AVX512 };
 
-/* baseline, avx2 or avx512; -1: not built, or not for this CPU. */
+/* name: baseline, avx2 or avx512. -1: not compiled, or not supported by this CPU. */
 int ms_isa_named(const char *name);
 
-/* What MSIM_ISA in the environment names, else the widest one of this CPU. */
+/* The instruction set named by the environment variable MSIM_ISA, else the widest of this CPU. */
 int ms_isa_best(void);
 
 #ifndef MS_ISA

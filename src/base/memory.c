@@ -17,7 +17,7 @@ msim_allocator ms_allocator(const msim_allocator *alloc) {
   return alloc ? *alloc : (msim_allocator){libc_alloc, libc_free, NULL};
 }
 
-/* The host's pointer stands just before the aligned block. */
+/* The pointer returned by the allocator is stored just before the aligned block. */
 void *ms_new(const msim_allocator *alloc, size_t count, size_t size) {
   const size_t extra = MS_ALIGNMENT + sizeof(void *);
   if (size && count > (SIZE_MAX - extra) / size) return NULL;
@@ -25,7 +25,7 @@ void *ms_new(const msim_allocator *alloc, size_t count, size_t size) {
   if (!raw) return NULL;
   uintptr_t first = (uintptr_t)raw + sizeof(void *);
   char *block = raw + sizeof(void *) + (MS_ALIGNMENT - first % MS_ALIGNMENT) % MS_ALIGNMENT;
-  /* cppcheck-suppress pointerSize; it is the pointer that is kept */
+  /* cppcheck-suppress pointerSize; the pointer itself is stored */
   memcpy(block - sizeof(void *), &raw, sizeof(void *));
   return memset(block, 0, count * size);
 }

@@ -11,7 +11,7 @@ static int is_name(const char *name) {
   return *name && strspn(name, "abcdefghijklmnopqrstuvwxyz0123456789_-") == strlen(name);
 }
 
-/* The folder of plugins beside the file that holds this code, so that a moved install works. */
+/* The plugin folder next to the file of this library, so that an installation can be moved. */
 static void add_own_folder(ms_text *folders) {
   Dl_info self;
   if (!dladdr((void *)(uintptr_t)ms_plugin_open, &self) || !self.dli_fname) return;
@@ -21,7 +21,7 @@ static void add_own_folder(ms_text *folders) {
   ms_print(folders, "%s", MSIM_PLUGIN_FOLDER);
 }
 
-/* All folders to look in, ':' between. An empty one would be the current directory: left out. */
+/* All folders to search, ':' between. Empty names (the current directory) are ignored. */
 static void list_folders(const char *plugin_path, ms_text *folders) {
   const char *environment = secure_getenv("MSIM_PLUGIN_PATH");
   if (plugin_path) ms_print(folders, ":%s", plugin_path);
@@ -42,7 +42,7 @@ static msim_status open_file(const char *kind, const char *file, void **entry, m
   return ms_fail(err, MSIM_ERR_PLUGIN, "%s is no msim plugin: it has no %s", file, symbol);
 }
 
-/* The first file that is there decides: a broken one is reported, not passed over. */
+/* Open the first file that exists: a defective one is reported, not skipped. */
 static msim_status search(const char *kind, const char *name, const char *folders, void **entry,
                           ms_text *where, msim_error *err) {
   for (const char *folder = folders; *folder;) {

@@ -8,48 +8,48 @@
 
 #include "base/clock.h"
 
-/* Who waits looks so often before it sleeps: some 20 us, longer than the pause between two steps of
- * a run, too short to keep a core busy. */
+/* Number of polls before a waiting thread sleeps: about 20 us, longer than the time between two
+ * steps of a run, but too short to keep a core busy. */
 enum { PATIENCE = 1000 };
 
-/* A worker that keeps the owner waiting so long, in s, was put aside by the system in the middle of
- * an item: its core is busy, and would be again. So the owner works alone for so many times as
- * long: what is lost by waiting stays a few percent. */
+/* If the owner waits longer than LATE (s), the system has suspended a worker in the middle of an
+ * item, because its core is in use by other processes. The owner then works alone for ALONE times
+ * as long, so that waiting costs a few percent of the time at most. */
 #define LATE  200e-6
 #define ALONE 30
 
-/* A thread's part of the items. It begins at its front; others who are done help. A cache line
- * each, so that threads do not disturb one another. */
+/* One thread's share of the items. Each thread begins with its own share, then helps with the
+ * others. Each has a cache line of its own, to avoid false sharing. */
 typedef struct part {
   _Alignas(MS_ALIGNMENT) atomic_int next;
   int32_t end;
 } part;
 
-/* A worker may look at a job only between entering and leaving, and enters only while it is open;
- * a job that is closed and has nobody inside is over. */
+/* A worker accesses a job only while it is counted in `inside`, and only if the job is still open
+ * after that increment. A job is finished when it is closed and `inside` is 0. */
 struct ms_pool {
-  _Alignas(MS_ALIGNMENT) atomic_uint job; /* counts up twice a job: odd while it is open */
+  _Alignas(MS_ALIGNMENT) atomic_uint job; /* odd while a job is open; +1 at its start and end */
   _Alignas(MS_ALIGNMENT) atomic_int inside;
   atomic_int sleepers, owner_sleeps, quit;
-  pthread_mutex_t lock; /* of those who sleep */
+  pthread_mutex_t lock; /* for the sleeping threads */
   pthread_cond_t begin, left;
   ms_item *work;
   void *data;
   int32_t threads;
-  double alone_until; /* by ms_clock() */
-  int forks;          /* of this process when the pool was made */
+  double alone_until; /* time of ms_clock() */
+  int forks;          /* number of forks when the pool was created */
   msim_allocator alloc;
   struct worker {
     ms_pool *pool;
     int32_t index;
     pthread_t thread;
-  } * workers; /* threads; that of the owner, 0, is not used */
+  } * workers; /* threads; entry 0, the owner's, is unused */
   part *parts; /* threads */
 };
 
 /*------------------------------------- processes ------------------------------------------------*/
 
-/* How often this process is the child of one that used pools. */
+/* Number of forks between the process that first used pools and this one. */
 static atomic_int forks;
 static void count_fork(void) { atomic_fetch_add(&forks, 1); }
 static void watch_forks(void) { pthread_atfork(NULL, NULL, count_fork); }
@@ -70,7 +70,7 @@ static void pause_briefly(void) {
 #endif
 }
 
-/* Until another job is open than the one seen last, or the end. */
+/* Wait until a job other than `seen` is open, or the pool is destroyed. */
 static unsigned wait_for_job(ms_pool *pool, unsigned seen) {
   for (int i = 0; i < PATIENCE; i++) {
     const unsigned job = atomic_load(&pool->job);
@@ -94,7 +94,7 @@ static void wake_workers(ms_pool *pool) {
   pthread_mutex_unlock(&pool->lock);
 }
 
-/* The job is closed: until the last worker has left it. */
+/* Wait until the last worker has left the closed job. */
 static void wait_for_workers(ms_pool *pool) {
   for (int i = 0; i < PATIENCE; i++) {
     if (!atomic_load(&pool->inside)) return;
@@ -175,7 +175,7 @@ void ms_pool_run(ms_pool *pool, ms_item *work, void *data, int32_t n) {
 
 /*------------------------------------- life -----------------------------------------------------*/
 
-/* Workers take no signals: those are the host's. */
+/* Workers block all signals: these are for the threads of the host program. */
 static void start_workers(ms_pool *pool, int32_t threads) {
   sigset_t all, before;
   sigfillset(&all);
@@ -221,7 +221,7 @@ ms_pool *ms_pool_create(const msim_allocator *alloc, int32_t threads) {
   return NULL;
 }
 
-/* In a child process there is nobody to wait for, and no telling who held the lock. */
+/* A child process has none of the threads, and the state of the lock is unknown. */
 void ms_pool_destroy(ms_pool *pool) {
   if (!pool) return;
   if (has_threads(pool)) {

@@ -1,8 +1,8 @@
-/* pool - threads that wait for work, share it out and wait again
+/* pool - threads that wait for work, share it and wait again
  *
- * Work is n items, each done once, by whichever thread. Where items are fixed parts of the data and
- * write to places of their own, no bit depends on the number of threads; sums are made by the
- * caller over one partial sum an item. */
+ * A job consists of n items, each executed once by any thread. If items work on fixed parts of the
+ * data and write to disjoint memory, results do not depend on the number of threads; for sums, each
+ * item writes a partial sum, and the caller adds these in order. */
 #ifndef MS_POOL_H
 #define MS_POOL_H
 
@@ -10,25 +10,25 @@
 
 typedef struct ms_pool ms_pool;
 
-/* More threads than this are never started. */
+/* Maximum number of threads. */
 enum { MS_MOST_THREADS = 256 };
 
-/* A pool of `threads`, the caller's being one of them; of fewer where not all can be started. NULL:
- * of the caller alone, which needs no pool. */
+/* Create a pool of `threads` threads, including the caller's; fewer if not all can be started.
+ * NULL: no additional thread, or out of memory; a valid pool. */
 ms_pool *ms_pool_create(const msim_allocator *alloc, int32_t threads);
 void ms_pool_destroy(ms_pool *pool);
 
-/* With that of the caller; 1 for NULL. */
+/* Number of threads including the caller's; 1 for NULL. */
 int32_t ms_pool_threads(const ms_pool *pool);
 
-/* Do item `item` of [0, n). */
+/* Executes the item with index `item`, 0 <= item < n. */
 typedef void ms_item(void *data, int32_t item);
 
-/* All items, in no order; returns when the last is done. One call at a time for one pool. NULL: the
- * caller does them, in order; so it does in a child process, where the pool's threads are not. */
+/* Execute all items, in no particular order; return after the last. One call at a time per pool. In
+ * the calling thread and in order if pool is NULL, or in a child process, which has no threads. */
 void ms_pool_run(ms_pool *pool, ms_item *work, void *data, int32_t n);
 
-/* The cores that this thread may run on. */
+/* Number of cores that this thread may run on. */
 int32_t ms_usable_cores(void);
 
 #endif

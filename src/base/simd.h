@@ -1,10 +1,11 @@
-/* simd - as many doubles as one register of the build's instruction set holds. Lanes never meet, so
- * the bits of a result do not depend on their number, which divides 8; but where ms_fma or
- * ms_root go into it, they do depend on the instruction set. */
+/* simd - portable vectors of as many doubles as a register of the instruction set holds
+ *
+ * Lanes never interact, so results do not depend on their number, which divides 8; but those of
+ * ms_fma and ms_root depend on the instruction set. */
 #ifndef MS_SIMD_H
 #define MS_SIMD_H
 
-/* Wide vectors never leave the functions into which these here are inlined. */
+/* The warning concerns calls with wide vectors, but all such functions are inlined. */
 #pragma GCC diagnostic ignored "-Wpsabi"
 
 #include <math.h>
@@ -14,7 +15,7 @@
 #  include <immintrin.h>
 #endif
 
-/* Tests define it, to run code for 8 lanes where registers hold 4. */
+/* Tests define it to run the code for 8 lanes with registers of 4. */
 #ifndef MS_LANES
 #  if defined(__AVX512F__)
 #    define MS_LANES 8
@@ -25,19 +26,19 @@
 #  endif
 #endif
 
-/* Arguments that are constants of the caller are constants inside. */
+/* For functions with arguments that are constants of the caller. */
 #define MS_INLINE static inline __attribute__((always_inline))
 
 typedef double ms_lanes __attribute__((vector_size(8 * MS_LANES)));
-typedef int64_t ms_mask __attribute__((vector_size(8 * MS_LANES))); /* lanes 0 or -1 */
+typedef int64_t ms_mask __attribute__((vector_size(8 * MS_LANES))); /* each lane 0 or -1 */
 
 typedef float ms_floats __attribute__((vector_size(4 * MS_LANES)));
 
-/* 4 doubles on every instruction set. */
+/* 4 doubles with every instruction set. */
 typedef double ms_quad __attribute__((vector_size(32)));
 typedef float ms_float_quad __attribute__((vector_size(16)));
 
-/* From and to any address. */
+/* Load and store at any alignment. */
 static inline ms_lanes ms_load(const double *from) {
   ms_lanes v;
   memcpy(&v, from, sizeof v);
@@ -46,7 +47,7 @@ static inline ms_lanes ms_load(const double *from) {
 
 static inline void ms_store(double *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
 
-/* floats as doubles; GCC 12 converts half a register at a time where it is left to it */
+/* floats to doubles; intrinsics, because GCC 12 converts half a register at a time otherwise */
 static inline ms_lanes ms_load_floats(const float *from) {
 #if defined(__AVX512F__)
   return (ms_lanes)_mm512_cvtps_pd(_mm256_loadu_ps(from));
@@ -88,7 +89,7 @@ static inline ms_quad ms_load_float_quad(const float *from) {
 #endif
 }
 
-/* The lanes of a and b, in an order. */
+/* Lanes i, j, k, l of the lanes of a (0 to 3) and b (4 to 7). */
 #if defined(__clang__) || __GNUC__ >= 12
 #  define MS_PICK(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
 #else
@@ -96,14 +97,14 @@ typedef int64_t ms_quad_mask __attribute__((vector_size(32)));
 #  define MS_PICK(a, b, i, j, k, l) __builtin_shuffle(a, b, (ms_quad_mask){i, j, k, l})
 #endif
 
-/* The sums (0 + 1) + (2 + 3) over the lanes of each of four. */
+/* The four horizontal sums (0 + 1) + (2 + 3) of the lanes of a, b, c and d. */
 static inline ms_quad ms_quad_sums(ms_quad a, ms_quad b, ms_quad c, ms_quad d) {
   const ms_quad ab = MS_PICK(a, b, 0, 4, 2, 6) + MS_PICK(a, b, 1, 5, 3, 7);
   const ms_quad cd = MS_PICK(c, d, 0, 4, 2, 6) + MS_PICK(c, d, 1, 5, 3, 7);
   return MS_PICK(ab, cd, 0, 1, 4, 5) + MS_PICK(ab, cd, 2, 3, 6, 7);
 }
 
-/* a where the mask says so, else b */
+/* mask ? a : b in each lane */
 static inline ms_lanes ms_select(ms_mask mask, ms_lanes a, ms_lanes b) {
   return (ms_lanes)((mask & (ms_mask)a) | (~mask & (ms_mask)b));
 }
@@ -118,12 +119,12 @@ static inline ms_lanes ms_sqrt(ms_lanes v) {
 /* x[index[0]], x[index[1]], ... */
 static inline ms_lanes ms_gather(const double *x, const int32_t *index) {
   ms_lanes v;
-  /* cppcheck-suppress uninitvar; a lane is no read */
+  /* cppcheck-suppress uninitvar; assigning a lane does not read v */
   for (int l = 0; l < MS_LANES; l++) v[l] = x[index[l]];
   return v;
 }
 
-/* The larger of both; NaN where v is */
+/* max(v, least) in each lane; NaN if v is NaN */
 static inline ms_lanes ms_at_least(ms_lanes v, double least) {
   const ms_lanes low = (ms_lanes){0} + least;
 #if defined(__AVX512F__)
@@ -135,8 +136,8 @@ static inline ms_lanes ms_at_least(ms_lanes v, double least) {
 #endif
 }
 
-/* a b + c: rounded once where the instruction set can, which is faster; else twice.
- * So the last bits of forces are others on CPUs without it. */
+/* a b + c, rounded once if the instruction set has a fused multiply-add, which is faster, else
+ * twice: the last bits of forces depend on it. */
 static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #if defined(__AVX512F__)
   return _mm512_fmadd_pd(a, b, c);
@@ -150,13 +151,13 @@ static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #endif
 }
 
-/* sqrt(v), and *inverse = 1/sqrt(v) to one unit in the last place with AVX-512, else to 1.5; v
- * normal and > 0, or NaN.
+/* sqrt(v), and *inverse = 1/sqrt(v) with an error of at most 1 unit in the last place with AVX-512,
+ * else 1.5; v must be normal and > 0, or NaN.
  *
- * AVX-512 has a guess r of 14 bits for the full range; e = 1 - v r^2 is below 2^-12.9, so
- *   1/sqrt(v) = r (1 - e)^(-1/2) = r (1 + e/2 + 3/8 e^2 + 5/16 e^3 + 35/128 e^4 + ...)
- * ends after e^4; and l = v/sqrt(v) is rounded well after a step l + (v - l^2)/(2 l). Elsewhere the
- * chain of such steps takes as long as the divider. */
+ * AVX-512 has an approximation r of 14 bits over the full range. With e = 1 - v r^2, |e| < 2^-12.9,
+ *   1/sqrt(v) = r (1 - e)^(-1/2) = r (1 + e/2 + 3/8 e^2 + 5/16 e^3 + 35/128 e^4 + ...),
+ * truncated after e^4. l = v/sqrt(v) gets one Newton step, l + (v - l^2)/(2 l). With other
+ * instruction sets, a chain of such steps would take as long as the hardware's square root. */
 static inline ms_lanes ms_root(ms_lanes v, ms_lanes *inverse) {
 #if defined(__AVX512F__)
   const ms_lanes zero = {0}, r = _mm512_rsqrt14_pd(v);

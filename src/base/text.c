@@ -26,7 +26,7 @@ int ms_parse_int64(const char *text, int64_t *value) {
   return end != text && *end == '\0' && errno == 0;
 }
 
-/* printf and strtod agree on a decimal point; what it is, the locale says. */
+/* printf and strtod use the decimal point of the locale, of one or more bytes; it becomes '.'. */
 ms_number ms_number_text(double value) {
   char local[64];
   for (int digits = 15; digits <= 17; digits++) {
@@ -39,7 +39,7 @@ ms_number ms_number_text(double value) {
     if (strchr("+-0123456789e", *c)) number.text[n++] = *c;
     else if (n && number.text[n - 1] != '.') number.text[n++] = '.';
   }
-  /* read as a whole number, -0 would lose its sign */
+  /* JSON reads "-0" as an integer, which has no sign */
   if (value == 0 && signbit(value)) memcpy(number.text + n, ".0", 3);
   return number;
 }
@@ -49,7 +49,7 @@ static int min3(int a, int b, int c) {
   return m < c ? m : c;
 }
 
-/* Levenshtein's distance; words longer than the table count as far away. */
+/* Levenshtein distance; INT_MAX for words longer than the table. */
 static int edit_distance(const char *a, const char *b) {
   enum { LONGEST = 47 };
   int row[LONGEST + 1];
@@ -70,7 +70,7 @@ static int edit_distance(const char *a, const char *b) {
 
 ms_hint ms_did_you_mean(const char *word, ms_words *words, const void *data) {
   const char *best = NULL, *name;
-  int least = (int)strlen(word) / 3 + 1; /* one slip in three letters, and one more */
+  int least = (int)strlen(word) / 3 + 1; /* one error per three letters, plus one */
   for (int32_t i = 0; (name = words(i, data)) != NULL; i++) {
     int distance = edit_distance(word, name);
     if (distance > 0 && distance <= least && (!best || distance < least)) {
@@ -105,7 +105,7 @@ void ms_print(ms_text *text, const char *format, ...) {
   if (more < 0 || !make_room(text, (size_t)more)) {
     text->failed = 1;
   } else {
-    /* the first attempt was cut short where there was too little room */
+    /* the first attempt was truncated if there was too little room */
     if ((size_t)more >= room) vsnprintf(text->data + text->length, (size_t)more + 1, format, again);
     text->length += (size_t)more;
   }

@@ -1,29 +1,29 @@
-/* text - numbers and words as people and files write them, whatever the host's locale is */
+/* text - conversion of numbers to and from text independent of the locale, and growing strings */
 #ifndef MS_TEXT_H
 #define MS_TEXT_H
 
 #include "base/memory.h"
 
-/* The whole of `text` as a finite double, or as a whole number; 0 if it is not one. */
+/* Parse all of `text` as a finite double, or as an integer; return 0 if it is not one. */
 int ms_parse_double(const char *text, double *value);
 int ms_parse_int64(const char *text, int64_t *value);
 
-/* A finite double in the fewest digits, 15 to 17, that read back as the same bits. */
+/* A finite double as text: the fewest digits, 15 to 17, that read back as the same bits. */
 typedef struct ms_number {
   char text[32];
 } ms_number;
 ms_number ms_number_text(double value);
 
-/* The i-th of some words, NULL past the end. */
+/* List of words: the i-th one, NULL past the end. */
 typedef const char *ms_words(int32_t i, const void *data);
 
-/* " (did you mean 'cholmod'?)" where one of the words is close to `word`, "" else. */
+/* " (did you mean 'cholmod'?)" if one of the words is similar to `word`, else "". */
 typedef struct ms_hint {
   char text[96];
 } ms_hint;
 ms_hint ms_did_you_mean(const char *word, ms_words *words, const void *data);
 
-/* A text that grows. After the first failure nothing more is added. */
+/* A growing string. After a failed allocation `failed` is set and nothing more is appended. */
 typedef struct ms_text {
   const msim_allocator *alloc;
   char *data; /* NULL while empty */

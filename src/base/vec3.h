@@ -1,4 +1,4 @@
-/* vec3 - arithmetic on single vectors of space */
+/* vec3 - arithmetic of 3-vectors */
 #ifndef MS_VEC3_H
 #define MS_VEC3_H
 

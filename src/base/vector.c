@@ -8,7 +8,7 @@
 
 MS_TABLES(ms_vector_kernels);
 
-/* for each component: `body` over rows r of the component's part of each vector */
+/* loops over the components, which start at x[at], and over the rows r of one */
 #define EACH_COMPONENT(s)                                                      \
   for (size_t at = 0, end_ = (size_t)(s).dims * (size_t)(s).stride; at < end_; \
        at += (size_t)(s).stride)
@@ -72,7 +72,7 @@ void ms_scale_rows(ms_shape s, const double *d, const double *f, double *a) {
 
 enum { LANES = 8, CHUNK = 1024 };
 
-/* 8 running sums, then one tree: the order that a SIMD register of any width can follow. */
+/* 8 partial sums, then a binary tree: an order that SIMD registers of any width can follow. */
 static double dot_chunk(const double *x, const double *y, int32_t n) {
   double sum[LANES] = {0};
   int32_t r = 0;

@@ -1,7 +1,7 @@
-/* vector - arithmetic on vectors of `dims` components, `stride` apart, n rows each.
+/* vector - arithmetic of vectors of `dims` components with n rows each, `stride` doubles apart.
  *
- * Sums run over fixed chunks in 8 fixed lanes, so that their bits depend on neither threads nor
- * instruction set. Rows past n are left alone. */
+ * Sums run over fixed chunks in 8 fixed lanes, so that their bits depend on neither the number of
+ * threads nor the instruction set. Rows from n to stride are neither read nor written. */
 #ifndef MS_VECTOR_H
 #define MS_VECTOR_H
 
@@ -9,10 +9,10 @@
 #include <stdint.h>
 
 typedef struct ms_shape {
-  int32_t n;      /* rows to work on */
+  int32_t n;      /* rows */
   int32_t stride; /* doubles from one component to the next */
   int32_t dims;   /* components */
-  int32_t isa;    /* of the kernels (isa.h) */
+  int32_t isa;    /* instruction set of the kernels (isa.h) */
 } ms_shape;
 
 void ms_copy(ms_shape s, const double *x, double *y);
@@ -26,28 +26,29 @@ void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, c
 void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
                    const double *y2, double c, const double *f, double *y);
 
-/* z = x + sum of w_k y_k, added up in their order. Nullable: x, for 0. */
+/* z = x + sum_k w_k y_k, summed in this order. Nullable: x (0). */
 void ms_add_all(ms_shape s, const double *x, int n, const double *w /* n */,
                 const double *const *y /* n */, double *z);
 double ms_dot(ms_shape s, const double *x, const double *y);
 
-/* a = D f, D diagonal with one entry a row. */
+/* a = D f with the diagonal matrix D, one entry per row. */
 void ms_scale_rows(ms_shape s, const double *d /* n */, const double *f, double *a);
 
 int ms_is_zero(ms_shape s, const double *x);
 int ms_is_same(ms_shape s, const double *x, const double *y); /* bit for bit */
 
-/* The first row that holds NaN or a number beyond MS_HUGE; -1 if all are fine. */
+/* Index of the first row that contains NaN or a number beyond MS_HUGE; -1: none. */
 int32_t ms_find_bad(ms_shape s, const double *x);
 
-/* The first row that holds the largest magnitude. */
+/* Index of the first row that contains the largest magnitude. */
 int32_t ms_find_largest(ms_shape s, const double *x);
 
-/* The i-th entry of a vector that has a part of every other, and is the same on every machine: some
- * number in [-1/2, 1/2). */
+/* The i-th entry of a fixed pseudo-random vector, in [-1/2, 1/2), the same on every machine. It has
+ * a component along practically every other vector. */
 double ms_arbitrary(uint32_t i);
 
-/* Beyond this a square leaves the range of doubles, and so do forces and energies. */
+/* Limit of the numbers in a state. Squares overflow at 1.34e154; the margin is for the products in
+ * forces and energies. */
 #define MS_HUGE 1e140
 
 #endif

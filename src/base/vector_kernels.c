@@ -1,11 +1,12 @@
-/* Compiled once for each instruction set, with MS_ISA its name. */
+/* Compiled once for each instruction set, with MS_ISA defined as its name. */
 #include "base/vector_kernels.h"
 
 #include <math.h>
 
 #include "base/simd.h"
 
-/* As many blocks of some registers as there are, whose sums stay there; returns where they end. */
+/* Process whole blocks of `registers` registers, whose sums stay in registers; return the index of
+ * the first row that is left. */
 MS_INLINE size_t add_blocks(int registers, const double *x, int n, const double *w,
                             const double *const *y, size_t at, size_t end, double *z) {
   enum { MOST = 4 };
@@ -35,10 +36,10 @@ static void add_all(ms_shape s, const double *x, int n, const double *w, const d
   }
 }
 
-/* (c x)^2 is infinite, or NaN, where x is NaN or beyond MS_HUGE, and stays so in sums. */
+/* (c x)^2 is infinite or NaN if x is NaN or beyond MS_HUGE, and so is any sum that contains it. */
 static int is_good(ms_shape s, const double *x) {
   enum { REGISTERS = 2 };
-  const double c = 1.35e154 / MS_HUGE; /* above the root of the largest double */
+  const double c = 1.35e154 / MS_HUGE; /* c MS_HUGE exceeds the root of the largest double */
   ms_lanes lanes[REGISTERS] = {{0}};
   double sum = 0;
   for (size_t at = 0; at < (size_t)s.dims * (size_t)s.stride; at += (size_t)s.stride) {

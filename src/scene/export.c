@@ -5,14 +5,14 @@
 #include "scene/import.h"
 #include "scene/options.h"
 
-/* What a node points to where the scene holds nothing of the kind. */
+/* A path, and the data of a node that the scene does not store in this form. */
 typedef struct entry {
   char path[64];
   double real;
   int64_t whole;
 } entry;
 
-/* Room for `most` nodes, of which there are n. */
+/* The list of n nodes of a scene. */
 typedef struct export {
   const ms_scene *scene;
   msim_node *nodes;
@@ -43,7 +43,7 @@ static void put_rows(export *e, int32_t kind, int64_t rows, int64_t width, const
   node->dims[1] = width;
 }
 
-/* One number where all are the same. */
+/* One number if all are the same, else an array. */
 static void put_each(export *e, int64_t count, const double *numbers, const char *path) {
   if (ms_all_equal(count, numbers)) put(e, MSIM_NODE_REAL, 0, numbers, "%s", path);
   else put_rows(e, MSIM_NODE_REAL, count, 1, numbers, path);

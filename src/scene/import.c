@@ -6,9 +6,9 @@
 
 #include "scene/json_reader.h"
 
-enum { MOST_LENGTH = 255 }; /* of a path; "objects/0/k/structural" needs less */
+enum { MOST_LENGTH = 255 }; /* of a path; "objects/0/k/structural" is shorter */
 
-/* What an importer has found so far. */
+/* The nodes that an importer has added so far. */
 typedef struct import {
   ms_json reader;
   json_t *root;
@@ -19,7 +19,7 @@ typedef struct import {
 
 static msim_status no_memory(import *in) { return in->status = ms_json_no_memory(&in->reader); }
 
-/* "planes/0/normal" as sentences have it: planes[0].normal */
+/* "planes/0/normal" in the form used in messages: planes[0].normal */
 static ms_path readable(const char *path) {
   ms_path p = {""};
   while (*path) {
@@ -38,14 +38,14 @@ static msim_status refuse(import *in, const char *path, const char *why) {
   return in->status = ms_json_fail(&in->reader, MSIM_ERR_ARG, "%s %s", readable(path).text, why);
 }
 
-/* Sets in->status where it is not. */
+/* Set in->status if the text is not valid UTF-8. */
 static void check_utf8(import *in, const char *path, const char *text) {
   const int is_utf8 = ms_is_utf8(text);
   if (is_utf8 < 0) no_memory(in);
   if (is_utf8 == 0) refuse(in, path, "is text that is not UTF-8");
 }
 
-/*------------------------------------- what is announced ----------------------------------------*/
+/*------------------------------------- add nodes ------------------------------------------------*/
 
 static int is_sound(const msim_node *node) {
   if (!node->path || !*node->path || strlen(node->path) > MOST_LENGTH) return 0;
@@ -58,12 +58,12 @@ static int is_sound(const msim_node *node) {
   return 1;
 }
 
-/* A column for the node's numbers or text, which ends with a zero; its index in the tree. */
+/* Allocate a column for the numbers or text of a node, with a final 0; its index as JSON. */
 static json_t *new_column(import *in, const msim_node *node) {
   msim_error inner;
   const size_t size = node->kind == MSIM_NODE_TEXT ? 1 : sizeof(double);
   size_t count = 1;
-  for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i]; /* below 2^62 */
+  for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i]; /* < 2^62 */
   if (ms_reserve(&in->reader.alloc, (void **)&in->columns, sizeof *in->columns, in->n,
                  &in->capacity, (int64_t)in->n + 1, &inner))
     return NULL;
@@ -73,7 +73,7 @@ static json_t *new_column(import *in, const msim_node *node) {
   return c->data ? json_integer(in->n++) : NULL;
 }
 
-/* The group that the last key of a path belongs to, and that key; NULL: it was never announced. */
+/* Find the group of the last key of a path, and set *key to that key; NULL: no such group. */
 static json_t *find_group(import *in, const char *path, const char **key) {
   char group[MOST_LENGTH + 1];
   json_t *at = in->root;
@@ -106,7 +106,7 @@ static msim_status add(const msim_tree *tree, const msim_node *node, void **room
 
 /*------------------------------------- the tree -------------------------------------------------*/
 
-/* Items 0, 1, 2, ... of a group, as the list that they are; NULL: they are none. */
+/* A list with the members 0, 1, 2, ... of a group; NULL: these are not its members. */
 static json_t *list_of(json_t *group) {
   const size_t n = json_object_size(group);
   json_t *list = n ? json_array() : NULL;
@@ -122,7 +122,7 @@ static json_t *list_of(json_t *group) {
 
 static json_t *settle(import *in, json_t *group);
 
-/* A member as it would stand in JSON: texts in their place, groups of items as lists. */
+/* A member in its JSON form: texts as strings, groups with members 0, 1, 2, ... as lists. */
 static json_t *settle_member(import *in, const char *key, json_t *member) {
   if (json_is_object(member)) return settle(in, json_incref(member));
   const ms_column *c = &in->columns[json_integer_value(member)];
@@ -131,8 +131,8 @@ static json_t *settle_member(import *in, const char *key, json_t *member) {
   return in->status ? NULL : json_string_nocheck(c->data);
 }
 
-/* Takes the group, below which add() allows no more than MOST_LENGTH / 2 levels. NULL: a text is no
- * UTF-8, or there is no memory. */
+/* Convert a group, whose reference it takes. The recursion is limited by MOST_LENGTH / 2 levels of
+ * a path. NULL: a text is not valid UTF-8, or memory is exhausted. */
 static json_t *settle(import *in, json_t *group) {
   const char *key;
   json_t *member;
@@ -157,7 +157,7 @@ static msim_status load(import *in, const msim_importer *table, const char *path
   in->root = json_object();
   if (!in->root) return no_memory(in);
   msim_status status = table->load(&host.base, path, &tree);
-  if (in->status) return in->status; /* its sentence stands */
+  if (in->status) return in->status; /* add() has already set the message */
   if (status) {
     ms_host_fail(&host, path, status, &inner);
     return ms_fail(in->reader.err, status < 0 ? status : MSIM_ERR_PLUGIN, "%s", inner.text);

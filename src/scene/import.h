@@ -1,4 +1,4 @@
-/* import - scene files other than JSON, read and written by plugins */
+/* import - reading and writing of scene files in formats other than JSON, by importer plugins */
 #ifndef MS_IMPORT_H
 #define MS_IMPORT_H
 
@@ -6,17 +6,18 @@
 #include "msim/importer.h"
 #include "scene/scene.h"
 
-/* The importer for files of that name; NULL: none, the file is JSON. */
+/* Name of the importer for a path, by its extension; NULL: the file is JSON. */
 const char *ms_importer_for(const char *path);
 
-/* Its table: linked in, or that of a plugin. where: the plugin's file. Nullable: plugin_path. */
+/* Get the importer's function table, linked in or from a plugin. where: path of the plugin.
+ * Nullable: plugin_path. */
 msim_status ms_importer_find(const char *name, const char *plugin_path, const msim_importer **table,
                              ms_text *where, msim_error *err);
 
 msim_status ms_scene_import(const msim_allocator *alloc, const char *name, const char *path,
                             msim_scene **scene, msim_error *err);
 
-/* `label` stands for the file in errors. */
+/* `label` replaces the file name in messages. */
 msim_status ms_scene_export(const ms_scene *scene, const char *name, const char *path,
                             const char *label, msim_error *err);
 

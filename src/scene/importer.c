@@ -1,4 +1,4 @@
-/* importers by the extension of their files, and what their tables must have */
+/* importer - the list of importers by file extension, and the checks of their function tables */
 #include <string.h>
 
 #include "scene/import.h"
@@ -6,7 +6,7 @@
 static const struct { const char *name, *extension; } kinds[] = {{"hdf5", ".h5"}};
 enum { NKINDS = sizeof kinds / sizeof *kinds };
 
-/* Static builds name the importers that are linked in: X(hdf5) ... */
+/* Static builds define the list of importers that are linked in: X(hdf5) ... */
 #define X(name) const msim_importer *msim_importer_##name(void);
 MSIM_LINKED_IMPORTERS
 #undef X

@@ -4,14 +4,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-/*------------------------------------- sentences ------------------------------------------------*/
+/*------------------------------------- messages -------------------------------------------------*/
 
-/* What the file says, short enough for a sentence. */
+/* A value of the file, shortened for a message. */
 typedef struct excerpt {
   char text[48];
 } excerpt;
 
-/* The first characters of a text; UTF-8 is not cut in the middle of one. */
+/* The first characters of a text, without splitting a UTF-8 sequence. */
 static excerpt shorten(const char *text) {
   excerpt e;
   size_t n = strlen(text);
@@ -24,7 +24,7 @@ static excerpt shorten(const char *text) {
   return e;
 }
 
-/* A number as JSON writes it; an importer may have read one that JSON does not know. */
+/* A number as JSON; "%g" for values that JSON does not have, from an importer. */
 static excerpt found_number(ms_value value) {
   excerpt e;
   const double number = ms_value_number(value);

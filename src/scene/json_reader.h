@@ -1,5 +1,5 @@
-/* json_reader - values out of a scene file's tree; what does not fit is refused in one sentence
- * that names file, key path, what was found and what is allowed */
+/* json_reader - reading and checking the values of a scene file; error messages name the file, the
+ * path of the key, the value found and the values allowed */
 #ifndef MS_JSON_READER_H
 #define MS_JSON_READER_H
 
@@ -7,21 +7,21 @@
 #include "scene/value.h"
 
 typedef struct ms_json {
-  const char *label; /* stands for the file in errors */
+  const char *label; /* name of the file in messages */
   msim_allocator alloc;
-  msim_scene *scene; /* what is being built */
+  msim_scene *scene; /* scene under construction */
   msim_error *err;
-  ms_grid *grids; /* of `objects`, whose springs come after all particles */
+  ms_grid *grids; /* of `objects`; their springs are added after all particles */
   int32_t ngrids;
 } ms_json;
 
-/* A key path and, where they are >= 0, one or two indices behind it: "springs.ij[3][1]". */
+/* A key path and, if they are >= 0, one or two indices: "springs.ij[3][1]". */
 typedef struct ms_place {
   const char *key;
   int64_t i, j;
 } ms_place;
 
-/* The path of a member, "objects[0].k"; the outermost object has the path "". */
+/* Path of a member, "objects[0].k"; the root has the path "". */
 typedef struct ms_path {
   char text[96];
 } ms_path;
@@ -33,17 +33,17 @@ static inline ms_place ms_item(const char *key, size_t i) {
   return (ms_place){key, (int64_t)i, -1};
 }
 
-/* All of these set r->err and return its status. */
+/* These set r->err and return its status. */
 msim_status ms_json_fail(const ms_json *r, msim_status status, const char *format, ...)
     MS_PRINTF(3, 4);
 msim_status ms_json_refuse(const ms_json *r, ms_place at, ms_value value, const char *must);
 msim_status ms_json_no_memory(const ms_json *r);
-/* Pass on what another part of the library says: where it refuses something, `path` comes before
- * its sentence. */
+/* Pass on the status and message of another part of the library; MSIM_ERR_ARG with `path` in
+ * front. */
 msim_status ms_json_pass(const ms_json *r, const char *path, msim_status status,
                          const msim_error *inner);
 
-/* `value` must be an object with no other keys; `keys` ends with NULL. */
+/* Check that `value` is an object with these keys only; `keys` ends with NULL. */
 msim_status ms_json_keys(const ms_json *r, const char *path, ms_value value,
                          const char *const *keys);
 msim_status ms_json_need(const ms_json *r, const char *path, ms_value object, const char *key,
@@ -55,19 +55,19 @@ msim_status ms_json_number(const ms_json *r, ms_place at, ms_value value, ms_ran
 /* An array of exactly n numbers. */
 msim_status ms_json_row(const ms_json *r, ms_place at, ms_value value, ms_range range, int32_t n,
                         double *numbers);
-/* n rows of three. */
+/* An array of n rows of three numbers. */
 msim_status ms_json_rows(const ms_json *r, const char *key, ms_value value, int32_t n,
                          double *numbers /* 3n */);
-/* One number for all, or n. */
+/* One number for all, or an array of n numbers. */
 msim_status ms_json_each(const ms_json *r, const char *key, ms_value value, ms_range range,
                          int32_t n, double *numbers);
-/* A whole number from 0 to n - 1. */
+/* An integer from 0 to n - 1. */
 msim_status ms_json_index(const ms_json *r, ms_place at, ms_value value, int32_t n, int32_t *index);
 
-/* In scene_json.c: the scene that a tree describes, in r->scene. */
+/* In scene_json.c: build the scene that a tree describes, in r->scene. */
 msim_status ms_json_build(ms_json *r, ms_value root);
 
-/* In scene_json_objects.c: the particles of `objects`, and later their springs. */
+/* In scene_json_objects.c: add the particles of `objects`, and later their springs. */
 msim_status ms_json_objects(ms_json *r, const char *path, ms_value objects);
 msim_status ms_json_object_springs(const ms_json *r);
 

@@ -36,7 +36,7 @@ const char *ms_range_text(ms_range range) {
 
 static const ms_tie rope_ties[] = {{{1, 0, 0}, 0}};
 
-/* right, down, down-right, down-left, two right, two down: structural, shear, bend */
+/* to the right, down, down-right, down-left, two right, two down: structural, shear, bend */
 static const ms_tie cloth_ties[] = {{{0, 1, 0}, 0},  {{1, 0, 0}, 0}, {{1, 1, 0}, 1},
                                     {{1, -1, 0}, 1}, {{0, 2, 0}, 2}, {{2, 0, 0}, 2}};
 
@@ -167,7 +167,7 @@ static int64_t count_springs(const ms_grid *grid) {
   return count;
 }
 
-/* The scene's own limits, met before any memory is asked for. */
+/* Check the limits of the scene before memory is allocated. */
 static msim_status check_size(const ms_grid *grid, const char *subject, msim_error *err) {
   double size = (double)grid->n[0] * grid->n[1] * grid->n[2];
   if (size > INT32_MAX / 3)
@@ -219,7 +219,7 @@ msim_status ms_grid_make(const ms_object_type *type, const void *object, const c
 
 /*------------------------------------- particles ------------------------------------------------*/
 
-/* a/(n-1); a grid of one stands at the origin. */
+/* a/(n-1); 0 if n = 1. */
 static double share(int32_t a, int32_t n) { return n > 1 ? (double)a / (n - 1) : 0.0; }
 
 static void place_particles(const ms_grid *grid, double *x) {
@@ -233,7 +233,7 @@ static void place_particles(const ms_grid *grid, double *x) {
   if (grid->last) memcpy(last, grid->last, 3 * sizeof *last);
 }
 
-/* The pinned ones too, numbered as the scene numbers them. */
+/* Pin particles of the grid, by their indices in the scene. */
 static msim_status pin_particles(msim_scene *scene, const ms_grid *grid, msim_error *err) {
   const msim_allocator *alloc = &scene->data->alloc;
   int32_t *pinned = ms_new(alloc, (size_t)grid->npinned, sizeof *pinned);
@@ -264,7 +264,7 @@ msim_status ms_grid_add_particles(msim_scene *scene, ms_grid *grid, const char *
 
 /*------------------------------------- springs --------------------------------------------------*/
 
-/* The particle that a tie leads to from (a, b, c); -1 outside. */
+/* The particle at the other end of a spring from particle (a, b, c) = at; -1: outside the grid. */
 static int32_t neighbour(const ms_grid *grid, const ms_tie *tie, const int32_t at[3]) {
   int32_t p = 0;
   for (int d = 0; d < 3; d++) {
@@ -314,7 +314,7 @@ static msim_status add(msim_scene *scene, const ms_object_type *type, const void
   const int32_t before = scene->data->nparticles;
   status = ms_grid_add_particles(scene, &grid, type->name, err);
   if (!status) status = ms_grid_add_springs(scene, &grid, err);
-  /* shared data still has the old number and must not even be written to */
+  /* data that are shared have the old number already, and must not be written to */
   if (status && scene->data->nparticles > before) scene->data->nparticles = before;
   return status;
 }

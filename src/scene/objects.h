@@ -1,54 +1,55 @@
-/* objects - ropes, cloths and lattices: tables of what their structs hold, and one builder, for
- * all of them are grids */
+/* objects - creation of ropes, cloths and lattices, which are all grids of particles, from tables
+ * that describe the members of their structs */
 #ifndef MS_OBJECTS_H
 #define MS_OBJECTS_H
 
 #include "scene/scene.h"
 
-/* What a number may be; all are finite. */
+/* Valid ranges of numbers; all must be finite. */
 typedef enum ms_range {
   MS_ANY,
   MS_NOT_NEGATIVE,
   MS_POSITIVE,
   MS_FRACTION, /* [0, 1] */
-  MS_COUNT     /* whole, >= 1, an int32_t */
+  MS_COUNT     /* integer, 1 to INT32_MAX */
 } ms_range;
 
 int ms_in_range(ms_range range, double value);
 const char *ms_range_text(ms_range range); /* "a number > 0" */
 
-/* One key of an object in a scene file and the member of its struct, or members in a row. */
+/* A key of an object in a scene file and the members of its struct that it sets. */
 typedef struct ms_member {
   const char *key;
-  const char *names[3]; /* in the struct; where there is only the first, an index follows it */
-  const char *parts[3]; /* of the file's object of numbers that may stand for one number */
+  const char *names[3]; /* of members of the struct; a single one is followed by an index */
+  const char *parts[3]; /* keys of a JSON object that may replace the single number */
   ms_range range;
   int32_t count;
   size_t offset;
   int optional;
 } ms_member;
 
-/* A step from a particle of a grid to another that a spring ties it to. */
+/* Offset in the grid from one end of a spring to the other. */
 typedef struct ms_tie {
   int8_t step[3];
-  int8_t law; /* which of the grid's k */
+  int8_t law; /* index of the stiffness in the grid's k */
 } ms_tie;
 
-/* Particle (a n[1] + b) n[2] + c lies at origin + a/(n[0]-1) edge[0] + b/(n[1]-1) edge[1] + ... */
+/* Particle (a n[1] + b) n[2] + c is at origin + a/(n[0]-1) edge[0] + b/(n[1]-1) edge[1] +
+ * c/(n[2]-1) edge[2]. */
 typedef struct ms_grid {
   int32_t n[3];
   double origin[3], edge[3][3];
-  const double *last; /* where the last particle lies to the bit, borrowed; NULL: as above */
+  const double *last; /* exact position of the last particle, borrowed; NULL: computed as above */
   double mass, k[3], damping;
   const ms_tie *ties;
   int32_t nties, npinned;
   const int32_t *pinned;
-  int32_t first; /* its first particle, once added */
+  int32_t first; /* index of its first particle in the scene */
 } ms_grid;
 
 typedef struct ms_object_type {
   const char *name;
-  size_t size; /* of the struct, whose first member says it again */
+  size_t size; /* of the struct; its first member must have this value */
   const ms_member *members;
   int32_t nmembers;
   void (*make)(const void *object, ms_grid *grid);
@@ -56,7 +57,7 @@ typedef struct ms_object_type {
 
 enum { MS_MOST_MEMBERS = 8 };
 
-/* Room for any object. */
+/* Large enough for any type of object. */
 typedef union ms_object {
   size_t size;
   msim_rope rope;
@@ -64,16 +65,17 @@ typedef union ms_object {
   msim_lattice lattice;
 } ms_object;
 
-/* The i-th type, NULL past the end. */
+/* Get the i-th type, NULL past the end. */
 const ms_object_type *ms_object_type_info(int32_t i);
 
-/* `subject` stands for the object in errors: "cloth", "objects[3]". The pinned are borrowed. */
+/* Build a grid from the struct `object` and check it. `subject` is its name in messages: "cloth",
+ * "objects[3]". The array of pinned particles is borrowed. */
 msim_status ms_grid_make(const ms_object_type *type, const void *object, const char *subject,
                          ms_grid *grid, msim_error *err);
 int32_t ms_grid_size(const ms_grid *grid);
 
-/* In this order; what the grid borrows is not needed after the first. Where one fails, particles
- * may stay behind: the caller takes them back. */
+/* Call these in this order; the borrowed arrays are needed by the first only. After a failure,
+ * particles may remain in the scene, which the caller must remove. */
 msim_status ms_grid_add_particles(msim_scene *scene, ms_grid *grid, const char *subject,
                                   msim_error *err);
 msim_status ms_grid_add_springs(msim_scene *scene, const ms_grid *grid, msim_error *err);

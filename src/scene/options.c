@@ -14,11 +14,11 @@ typedef struct option {
   msim_option_entry entry;
   option_type type;
   size_t member; /* offset in msim_options */
-  double least;  /* numbers: the smallest value ... */
-  int open;      /* ... itself not allowed */
-  double unset;  /* numbers: a value below `least` that says "not given", or stands for the word
-                    that `values` allows; NAN: none */
-  uint32_t bit;  /* SKIP: of skip_off */
+  double least;  /* numbers: lower bound of the values, */
+  int open;      /* which is excluded */
+  double unset;  /* numbers: the value below `least` that means "not set", or the word that `values`
+                    lists; NAN: none */
+  uint32_t bit;  /* SKIP: the flag in skip_off */
 } option;
 
 #define AT(m) offsetof(msim_options, m)
@@ -184,7 +184,7 @@ const msim_option_entry *ms_option_find(const char *name, int *number) {
 
 static void *member_of(msim_options *opt, const option *o) { return (char *)opt + o->member; }
 
-/* Which of "a | b | c" the word is; -1: none. */
+/* Index of the word in "a | b | c"; -1: not in it. */
 static int32_t choice_of(const char *values, const char *word) {
   size_t length = strlen(word);
   int32_t i = 0;
@@ -246,9 +246,9 @@ static msim_status set_option(msim_options *opt, const option *o, const char *va
   return MSIM_OK;
 }
 
-/*------------------------------------- values as texts ------------------------------------------*/
+/*------------------------------------- values as text -------------------------------------------*/
 
-/* The pick-th of "a | b | c" */
+/* The word with index `pick` in "a | b | c". */
 static void put_word(const char *values, int32_t pick, ms_number *word) {
   for (; pick > 0; pick--) values = strstr(values, " | ") + 3;
   const char *bar = strstr(values, " | ");

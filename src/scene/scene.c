@@ -192,7 +192,7 @@ static msim_status check_number(const char *what, int64_t i, double value, int p
                  (long long)i, value, positive ? "> 0" : ">= 0");
 }
 
-/* `width` numbers share an index. */
+/* Indices in messages are those of groups of `width` numbers. */
 static msim_status check_finite(const char *what, int64_t n, int width, const double *values,
                                 msim_error *err) {
   for (int64_t i = 0; i < n; i++)
@@ -210,7 +210,7 @@ static msim_status check_count(int64_t n, const char *what, msim_error *err) {
 
 static msim_status check_particle_limit(const ms_scene *s, int32_t n, msim_error *err) {
   int64_t total = (int64_t)s->nparticles + n;
-  /* a flat 3n index must fit int32 */
+  /* indices of 3n arrays are int32_t */
   if (total <= INT32_MAX / 3) return MSIM_OK;
   return ms_fail(err, MSIM_ERR_ARG, "%lld particles are more than the limit of %d",
                  (long long)total, INT32_MAX / 3);
@@ -307,7 +307,7 @@ msim_status msim_scene_add_springs(msim_scene *scene, int32_t n, const int32_t *
   return ms_ok(err);
 }
 
-/* A normal that has length 1 to rounding stays as it is, bit for bit. */
+/* A normal whose length is 1 up to rounding stays bitwise the same. */
 static void normalise(msim_plane *p) {
   double largest = fmax(fmax(fabs(p->normal[0]), fabs(p->normal[1])), fabs(p->normal[2]));
   double n[3] = {p->normal[0] / largest, p->normal[1] / largest, p->normal[2] / largest};

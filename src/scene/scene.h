@@ -1,7 +1,9 @@
-/* scene - what there is: flat arrays in particle order, validated on entry, shared by sims.
+/* scene - the data of a scene: arrays in the order of the particles, validated on entry, shared by
+ * sims
  *
- * A handle (msim_scene) points to counted data. A sim takes a reference to the data; the first
- * setter that finds the data shared makes its own copy. Data that is shared never changes. */
+ * A handle (msim_scene) points to reference-counted data. A sim takes a reference; the first setter
+ * that finds the data shared makes a copy for its handle (copy on write), so shared data never
+ * changes. */
 #ifndef MS_SCENE_H
 #define MS_SCENE_H
 
@@ -10,14 +12,14 @@
 #include "base/text.h"
 
 typedef struct ms_run_entry {
-  char *name, *value; /* as msim_options_set takes them */
+  char *name, *value; /* in the form that msim_options_set takes */
 } ms_run_entry;
 
 typedef struct ms_scene {
   msim_allocator alloc;
   atomic_int references;
   char *name;   /* never NULL */
-  char *source; /* the file's text; NULL once the scene differs from it */
+  char *source; /* text of the scene file; NULL after any change of the scene */
 
   int32_t nparticles, particle_capacity;
   double *x, *v, *mass; /* 3n, 3n, n */
@@ -40,27 +42,28 @@ struct msim_scene {
   ms_scene *data;
 };
 
-ms_scene *ms_scene_share(ms_scene *scene); /* one more reference */
-void ms_scene_release(ms_scene *scene);    /* one less; accepts NULL */
+ms_scene *ms_scene_share(ms_scene *scene); /* increments the number of references */
+void ms_scene_release(ms_scene *scene);    /* decrements it, frees the data at 0; accepts NULL */
 
-/* The handle's data for writing: alone, and no longer what the file said. NULL: no memory. */
+/* Get the handle's data for writing: copies them if they are shared, and discards `source`. NULL:
+ * out of memory. */
 ms_scene *ms_scene_writable(msim_scene *scene, msim_error *err);
 
-/* Remember a default for the command line; checked by msim_options_set. */
+/* Append an option of the scene file's `run`; the caller has checked it by msim_options_set. */
 msim_status ms_scene_add_run(msim_scene *scene, const char *name, const char *value,
                              msim_error *err);
 
-/* The scene as a scene file: the text it was read from where that still holds. */
+/* Write the scene as JSON: the text it was read from, if it has not changed since. */
 msim_status ms_scene_to_json(const ms_scene *scene, ms_text *text, msim_error *err);
 
-/* 1: it is UTF-8, 0: it is not, -1: there is no memory to know. */
+/* 1: valid UTF-8, 0: not, -1: out of memory. */
 int ms_is_utf8(const char *text);
 
-/* Refuse a scene that no file can hold. */
+/* Refuse a scene that a scene file cannot represent: without particles, or with an invalid name. */
 msim_status ms_scene_check_file(const ms_scene *scene, msim_error *err);
 
-/* What a scene file leaves out: of numbers that are the same to the bit all but one, and those that
- * are 0, as by default; -0 is not 0. */
+/* Conditions under which a scene file stores one number for all, or none. Comparisons are bitwise,
+ * so -0 is not 0. */
 int ms_all_equal(int64_t count, const double *numbers);
 int ms_all_zero(int64_t count, const double *numbers);
 

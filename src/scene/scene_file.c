@@ -12,7 +12,7 @@ static msim_status fail_io(msim_error *err, const char *path, const char *what, 
 
 /*------------------------------------- load -----------------------------------------------------*/
 
-/* All of a file, a pipe too. *text is the caller's to delete, also after an error. */
+/* Read a file, which may be a pipe, to its end. The caller deletes *text, also after an error. */
 static msim_status read_all(const msim_allocator *alloc, FILE *file, const char *path, char **text,
                             size_t *length, msim_error *err) {
   size_t room = 0, got = 1;
@@ -54,13 +54,13 @@ msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_
 
 /*------------------------------------- save -----------------------------------------------------*/
 
-/* errno, or 0 */
+/* Returns errno, or 0. */
 static int write_file(const char *path, const ms_text *text) {
   FILE *file = fopen(path, "wb");
   if (!file) return errno;
   errno = 0;
   int fault = fwrite(text->data, 1, text->length, file) == text->length ? 0 : errno;
-  /* a full disk may show only now */
+  /* a full disk may be reported only here */
   if (fclose(file) && !fault) fault = errno;
   if (fault) remove(path);
   return fault;
@@ -75,7 +75,7 @@ static msim_status write_json(const ms_scene *scene, const char *part, const cha
   return fault ? fail_io(err, path, "written", fault) : status;
 }
 
-/* Under its own name a file is whole. */
+/* Write to the file `part`, then rename it: a file named `path` is always complete. */
 static msim_status write_part(const ms_scene *scene, const char *part, const char *path,
                               msim_error *err) {
   const char *importer = ms_importer_for(path);

@@ -38,7 +38,7 @@ static msim_status read_drag(ms_json *r, const char *path, ms_value value) {
 
 /*------------------------------------- particles ------------------------------------------------*/
 
-/* A list of particles; *list is the caller's to delete, also after an error. */
+/* A list of particle indices; the caller deletes *list, also after an error. */
 static msim_status read_indices(const ms_json *r, const char *key, ms_value value, int32_t limit,
                                 int32_t *n, int32_t **list) {
   msim_status status = ms_json_array(r, key, value, n);
@@ -184,7 +184,7 @@ static msim_status read_planes(ms_json *r, const char *path, ms_value planes) {
 
 /*------------------------------------- run ------------------------------------------------------*/
 
-/* The value as msim_options_set takes it; in *number where it is no string. */
+/* The value in the form that msim_options_set takes; a number is written to *number. */
 static const char *option_text(ms_value value, ms_number *number) {
   if (ms_value_text(value)) return ms_value_text(value);
   if (ms_value_is_whole(value))
@@ -237,7 +237,7 @@ static msim_status read_run(ms_json *r, const char *path, ms_value run) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-/* In the order in which they are read. Springs may tie particles of objects. */
+/* In the order in which they are read: springs may connect particles of objects. */
 static const struct section {
   const char *key;
   msim_status (*read)(ms_json *r, const char *path, ms_value value);
@@ -252,7 +252,7 @@ static msim_status read_root(ms_json *r, ms_value root) {
   ms_value version;
   for (int i = 0; i < NSECTIONS; i++) keys[i] = sections[i].key;
   if (!json_is_object(root.json)) return ms_json_refuse(r, ms_at(""), root, "an object");
-  /* a file of another version may have other keys: first things first */
+  /* check the version first: another version may have other keys */
   msim_status status =
       ms_json_need(r, "", root, sections[0].key, "1, the version of the format", &version);
   if (!status) status = read_version(r, sections[0].key, version);
@@ -268,7 +268,7 @@ static msim_status read_root(ms_json *r, ms_value root) {
   return status;
 }
 
-/* A fresh scene remembers the text it was read from. */
+/* Store the text from which the new scene was read. */
 static msim_status keep_source(ms_json *r, const char *text, size_t length) {
   ms_scene *s = r->scene->data;
   s->source = ms_new(&s->alloc, length + 1, 1);
@@ -290,7 +290,7 @@ msim_status ms_json_build(ms_json *r, ms_value root) {
 }
 
 static msim_status refuse_syntax(const ms_json *r, const json_error_t *error) {
-  if (errno == ENOMEM) return ms_json_no_memory(r); /* jansson itself may take it for bad syntax */
+  if (errno == ENOMEM) return ms_json_no_memory(r); /* jansson may call it a syntax error */
   char label[600];
   snprintf(label, sizeof label, "%s:%d:%d", r->label, error->line, error->column);
   const ms_json there = {.label = label, .err = r->err};

@@ -42,7 +42,7 @@ static msim_status check_keys(const ms_json *r, const char *path, ms_value objec
 
 /*------------------------------------- members --------------------------------------------------*/
 
-/* "k": {"shear": 10}: the parts left out are 0. */
+/* "k": {"shear": 10}; missing parts are 0. */
 static msim_status read_parts(const ms_json *r, const char *path, ms_value value,
                               const ms_member *m, double *numbers) {
   const char *keys[4] = {m->parts[0], m->parts[1], m->parts[2]};
@@ -87,8 +87,8 @@ static msim_status read_member(const ms_json *r, const char *path, ms_value obje
 
 /*------------------------------------- pinned ---------------------------------------------------*/
 
-/* Particles of a cloth that have a name: in the first row or in the outer two, all or the outer
- * two of each. */
+/* Named sets of particles of a cloth: in the first row, or in the first and last row; all of them,
+ * or the first and last of each row. */
 typedef struct named_particles {
   const char *name;
   int32_t rows;
@@ -128,7 +128,8 @@ static msim_status mark_item(const ms_json *r, ms_place at, ms_value value,
   return status;
 }
 
-/* An array of indices and names, or one name. `marks` becomes the list of the marked. */
+/* An array of indices and names, or one name. `marks` has a flag per particle, and becomes the list
+ * of the indices of those that are set. */
 static msim_status read_pinned(const ms_json *r, const char *path, ms_value value,
                                const ms_object_type *type, ms_grid *grid, int32_t *marks) {
   msim_status status = MSIM_OK;

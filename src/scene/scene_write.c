@@ -12,7 +12,7 @@ static void write_number(ms_text *text, double value) {
   ms_print(text, "%s", ms_number_text(value).text);
 }
 
-/* count numbers in rows of `width`, each row in brackets of its own where it has several. */
+/* An array of `count` numbers; if width > 1, an array of rows of `width` numbers. */
 static void write_numbers(ms_text *text, int64_t count, int width, const double *numbers) {
   ms_print(text, "[");
   for (int64_t i = 0; i < count; i++) {
@@ -29,7 +29,7 @@ int ms_all_equal(int64_t count, const double *numbers) {
   return i >= count;
 }
 
-/* ,"key": one number where all are the same to the bit, else all of them */
+/* ,"key": one number if all have the same bits, else an array */
 static void write_each(ms_text *text, const char *key, int64_t count, const double *numbers) {
   ms_print(text, ",\n    \"%s\": ", key);
   if (count > 0 && ms_all_equal(count, numbers)) write_number(text, numbers[0]);
@@ -118,7 +118,7 @@ static msim_status write_run(ms_text *text, const ms_scene *s, msim_error *err) 
 /*------------------------------------- the whole ------------------------------------------------*/
 
 int ms_is_utf8(const char *text) {
-  errno = 0; /* json_string() does not say why it fails */
+  errno = 0; /* errno distinguishes the two reasons for which json_string() fails */
   json_t *value = json_string(text);
   const int result = value ? 1 : errno == ENOMEM ? -1 : 0;
   json_decref(value);

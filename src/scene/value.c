@@ -4,7 +4,7 @@ static const ms_column *column_of(ms_value v) {
   return v.columns && json_is_integer(v.json) ? v.columns + json_integer_value(v.json) : NULL;
 }
 
-/* The column that holds the one number that is meant; NULL: there is none. */
+/* The column, if v is a single number in it; else NULL. */
 static const ms_column *number_in(ms_value v) {
   const ms_column *c = column_of(v);
   return c && v.depth == c->rank ? c : NULL;

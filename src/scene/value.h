@@ -1,7 +1,7 @@
-/* value - a value in the tree of a scene file
+/* value - access to the values of a scene file
  *
- * The tree is JSON's. An importer reads numbers by the million: they stand beside the tree in
- * columns, and a whole number in the tree is the index of one. */
+ * The tree is that of JSON. The many numbers that an importer reads are in columns next to the
+ * tree, where an integer is the index of a column. */
 #ifndef MS_VALUE_H
 #define MS_VALUE_H
 
@@ -9,7 +9,7 @@
 
 #include "msim/importer.h"
 
-/* Numbers as an importer read them. */
+/* An array of numbers, or a text, from an importer. */
 typedef struct ms_column {
   int32_t kind; /* MSIM_NODE_... */
   int32_t rank;
@@ -18,19 +18,19 @@ typedef struct ms_column {
 } ms_column;
 
 typedef struct ms_value {
-  json_t *json;             /* NULL: it is not there */
+  json_t *json;             /* NULL: missing */
   const ms_column *columns; /* NULL: all numbers are in the tree */
-  int32_t depth;            /* indices taken within a column */
-  size_t at;                /* its first number, counted in the column */
+  int32_t depth;            /* number of indices applied within the column */
+  size_t at;                /* index of its first number in the column */
 } ms_value;
 
 int ms_value_is_array(ms_value v);
-size_t ms_value_size(ms_value v); /* 0 where it is no array */
+size_t ms_value_size(ms_value v); /* 0 if it is not an array */
 ms_value ms_value_item(ms_value v, size_t i);
 
 ms_value ms_value_member(ms_value v, const char *key);
 
-/* 0 and NULL where it is of another kind. */
+/* These return 0 or NULL if the value is of another kind. */
 int ms_value_is_number(ms_value v);
 int ms_value_is_whole(ms_value v);
 double ms_value_number(ms_value v);
