@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* The halves of each row in the order of the springs. next: where each row goes on, stride. */
+/* Half-edges of each row in the order of the springs. next: the next position of each row. */
 static void by_spring(const ms_springs *springs, int32_t *next, ms_half *halves) {
   for (int32_t e = 0; e < springs->n; e++) {
     const int32_t i = springs->i[e], j = springs->j[e];
@@ -11,8 +11,8 @@ static void by_spring(const ms_springs *springs, int32_t *next, ms_half *halves)
   }
 }
 
-/* Each row in turn, from low to high, tells its neighbours of itself: they hear of them in that
- * order. */
+/* The transpose of `from`: rows in ascending order are appended to those of their neighbours, so
+ * that each row lists its neighbours in ascending order. */
 static void by_neighbour(const int32_t *first, int32_t nrows, const ms_half *from, int32_t *next,
                          ms_half *halves) {
   for (int32_t r = 0; r < nrows; r++)

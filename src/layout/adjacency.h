@@ -1,23 +1,23 @@
-/* adjacency - the springs at each row, by neighbour */
+/* adjacency - lists the springs of each particle of an island by the particle at the other end */
 #ifndef MS_ADJACENCY_H
 #define MS_ADJACENCY_H
 
 #include "layout/rows.h"
 
-/* One half of a spring, seen from the row at hand. */
+/* A half-edge of a row: a spring of it and the row at the other end. */
 typedef struct ms_half {
   int32_t neighbour, spring;
 } ms_half;
 
 typedef struct ms_adjacency {
   int32_t *first;  /* stride + 1 */
-  ms_half *halves; /* of each row, pinned ones too: neighbours ascending, then springs */
+  ms_half *halves; /* of each row, pinned ones too: sorted by neighbour, then by spring */
 } ms_adjacency;
 
 msim_status ms_adjacency_create(const ms_scene *scene, const ms_rows *rows,
                                 const ms_springs *springs, ms_adjacency *a, msim_error *err);
 
-/* Row r becomes row new_row[r], each of them another. */
+/* Row r becomes row new_row[r], a permutation. */
 msim_status ms_adjacency_renumber(const ms_scene *scene, int32_t nrows, const int32_t *new_row,
                                   ms_adjacency *a, msim_error *err);
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a);

@@ -1,13 +1,13 @@
 #include "layout/halves.h"
 
-/*------------------------------------- long rows ------------------------------------------------*/
+/*------------------------------------- split rows -----------------------------------------------*/
 
-/* The sums of a part cost about as much as this many slots. */
+/* Cost of the sums of a part, in entries. */
 enum { PRICE_OF_SUMS = 2 };
 
 static int32_t slots_of(int32_t degree) { return (degree + MS_GROUP - 1) / MS_GROUP; }
 
-/* Rows of a group, those with most springs first. Returns how many there are. */
+/* Rows of a slice, by descending number of springs. Returns their number. */
 static int32_t by_degree(const ms_adjacency *a, int32_t nfree, int32_t group,
                          int32_t row[MS_GROUP]) {
   int32_t n = 0;
@@ -19,7 +19,8 @@ static int32_t by_degree(const ms_adjacency *a, int32_t nfree, int32_t group,
   return n;
 }
 
-/* The first so many rows are long: their slots and those of the longest other row are fewest. */
+/* How many of the first rows to split: this minimizes the entries and sums of split rows plus the
+ * entries of the longest other row. */
 static int32_t count_long(const ms_adjacency *a, const int32_t row[MS_GROUP], int32_t n) {
   int32_t best = 0, nlong = 0, spent = 0;
   for (int32_t k = 0; k <= n; k++) {
@@ -30,7 +31,7 @@ static int32_t count_long(const ms_adjacency *a, const int32_t row[MS_GROUP], in
   return nlong;
 }
 
-/* part = 0 marks a long row. */
+/* Marks split rows by part = 0 and counts their parts. */
 static void find_long(const ms_adjacency *a, int32_t nfree, ms_halves *out) {
   for (int32_t g = 0; g < out->ngroups; g++) {
     int32_t row[MS_GROUP];
@@ -53,9 +54,9 @@ static void number_parts(const ms_adjacency *a, ms_halves *out) {
   }
 }
 
-/*------------------------------------- one group ------------------------------------------------*/
+/*------------------------------------- one slice ------------------------------------------------*/
 
-/* The halves of a group's lanes that are still to be placed. */
+/* The half-edges of each lane of a slice that are still to be placed. */
 typedef struct heads {
   const ms_half *next[MS_GROUP], *end[MS_GROUP];
   int32_t row; /* of lane 0 */
@@ -71,7 +72,7 @@ static heads begin(const ms_adjacency *a, const ms_halves *halves, int32_t nfree
   return h;
 }
 
-/* The least distance from a lane's row to its next neighbour; 0: all are placed. */
+/* The least offset, neighbour - row, of the lanes' next half-edges; 0: all are placed. */
 static int32_t least_offset(const heads *h) {
   int32_t least = INT32_MAX, any = 0;
   for (int32_t lane = 0; lane < MS_GROUP; lane++) {
@@ -83,8 +84,8 @@ static int32_t least_offset(const heads *h) {
   return any ? least : 0;
 }
 
-/* Slots of equal offset leave lanes empty where the mesh is irregular: take them while they are not
- * much more than the longest row needs. */
+/* Entries of equal offset leave lanes empty where the mesh is irregular. Returns 1 if they are at
+ * most 1.5 times as many as the longest row needs. */
 static int by_offset(heads h) {
   ptrdiff_t longest = 0, slots = 0;
   for (int32_t lane = 0; lane < MS_GROUP; lane++)
@@ -96,7 +97,7 @@ static int by_offset(heads h) {
   return 2 * slots <= 3 * longest;
 }
 
-/* Take one slot's halves from the heads. NULL in empty lanes. */
+/* Take the half-edges of the next entry from h; NULL in empty lanes. */
 static void take_slot(heads *h, int aligned, const ms_half *slot[MS_GROUP]) {
   const int32_t offset = least_offset(h);
   for (int32_t lane = 0; lane < MS_GROUP; lane++) {
@@ -106,7 +107,7 @@ static void take_slot(heads *h, int aligned, const ms_half *slot[MS_GROUP]) {
   }
 }
 
-/*------------------------------------- all segments ---------------------------------------------*/
+/*------------------------------------- all slice ranges -----------------------------------------*/
 
 static int32_t count_slots(heads h) {
   const int aligned = by_offset(h);
@@ -116,7 +117,7 @@ static int32_t count_slots(heads h) {
   return n;
 }
 
-/* The row that lane 0 would have to meet, if the neighbours are consecutive rows; else -1. */
+/* The row at lane 0 if the neighbours are consecutive rows, empty lanes included; else -1. */
 static int32_t run_of(const ms_rows *rows, const ms_half *const slot[MS_GROUP]) {
   int32_t start = -1;
   for (int32_t lane = 0; lane < MS_GROUP; lane++) {
@@ -128,7 +129,7 @@ static int32_t run_of(const ms_rows *rows, const ms_half *const slot[MS_GROUP]) 
   return start;
 }
 
-/* Padding meets any row: here the one at hand. */
+/* Padding refers to an existing row: the one that continues the run, or else `row`. */
 static void write_slot(const ms_rows *rows, int32_t row, const ms_half *const slot[MS_GROUP],
                        int32_t s, ms_halves *out) {
   out->start[s] = run_of(rows, slot);
@@ -159,7 +160,8 @@ static void fill_long(const ms_adjacency *a, const ms_rows *rows, int32_t row, m
   }
 }
 
-/* The slots of each segment, as far as they can be numbered. */
+/* Number the entries of each slice range. Returns their number; beyond the limit of INT32_MAX / 8,
+ * a number above it. */
 static int64_t divide(const ms_adjacency *a, const ms_rows *rows, ms_halves *out) {
   const int64_t most = INT32_MAX / MS_GROUP;
   int64_t slots = 0;

@@ -1,49 +1,51 @@
-/* halves - every spring seen from each of its unknown ends, for loops that gather and never scatter
+/* halves - stores each spring once for each unknown end (as half-edges), so that loops over them
+ * gather from neighbours and write to their own rows only
  *
- * A slot holds up to 8 half springs, one a lane. Rows come in groups of 8: lane l of the slots of a
- * group is its row l (sliced ELLPACK; Monakov, Lokhmotov and Avetisyan 2010). They are filled so
- * that neighbours of consecutive rows are consecutive rows wherever the mesh has any such order:
- * these are read by one vector load. A row with many more springs than others of its group is long:
- * its halves lie across all lanes of slots of its own, in parts that threads can share; the 8 sums
- * of each part are added to the row at the end. A star with 1e5 springs takes 1.0 lanes a half, not
- * 4.5, and a third of the time.
- *
- * So slots come in segments: the groups, then the parts. Each row meets its halves in one fixed
- * order. */
+ * The format is sliced ELLPACK (Monakov, Lokhmotov and Avetisyan 2010):
+ *   entry        up to 8 half-edges, one per lane;
+ *   slice        8 consecutive rows: lane l of its entries belongs to its row l. Wherever the order
+ *                of the mesh allows it, the neighbours in an entry are consecutive rows, which one
+ *                vector load reads;
+ *   split row    a row with many more springs than others of its slice: its half-edges fill all
+ *                lanes of entries of its own, in parts that threads can share; the 8 sums of each
+ *                part are added to the row at the end. A star of 1e5 springs takes 1.0 lanes per
+ *                half-edge instead of 4.5, and a third of the time;
+ *   slice range  the entries of a slice or of a part of a split row. All slices come first.
+ * The half-edges of a row have a fixed order. */
 #ifndef MS_HALVES_H
 #define MS_HALVES_H
 
 #include "layout/adjacency.h"
 
-/* Slots of a part: long enough that its 8 sums cost nothing beside it. */
+/* Entries of a part of a split row; the cost of its 8 sums is negligible beside so many. */
 enum { MS_PART = 256 };
 
 typedef struct ms_halves {
-  int32_t ngroups;    /* first_pinned / 8: the unknowns */
-  int32_t nparts;     /* of long rows */
-  int32_t nslots;     /* of 8 halves each */
-  int32_t *first;     /* ngroups + nparts + 1: the first slot of each segment */
-  int32_t *part;      /* first_pinned: the first part of a long row; else -1 */
-  int32_t *part_row;  /* nparts: whose part it is */
-  double *part_sums;  /* 6 x 8 nparts: up to 6 sums a lane, component-wise; scratch of kernels */
+  int32_t ngroups;    /* slices of unknowns: first_pinned / 8 */
+  int32_t nparts;     /* of split rows */
+  int32_t nslots;     /* entries of 8 half-edges each */
+  int32_t *first;     /* ngroups + nparts + 1: the first entry of each slice range */
+  int32_t *part;      /* first_pinned: the first part of a split row; -1: the row is not split */
+  int32_t *part_row;  /* nparts: the row of each part */
+  double *part_sums;  /* 6 x 8 nparts: up to 6 sums per lane, component by component; scratch */
   int32_t *start;     /* nslots: the neighbour of lane l is row start + l; -1: see neighbour */
   int32_t *neighbour; /* 8 nslots: the row at the other end; padding: any row */
-  int32_t *spring;    /* 8 nslots: its index in ms_springs; padding: -1 */
+  int32_t *spring;    /* 8 nslots: index in ms_springs; padding: -1 */
   double *k, *rest, *damping; /* 8 nslots; padding: 0 */
 } ms_halves;
 
 msim_status ms_halves_create(const ms_scene *scene, const ms_rows *rows, const ms_springs *springs,
                              const ms_adjacency *a, ms_halves *halves, msim_error *err);
 
-/* Take k, rest and damping from the springs again. */
+/* Copy k, rest and damping from the springs again. */
 void ms_halves_update(const ms_springs *springs, ms_halves *halves);
 void ms_halves_destroy(const ms_scene *scene, ms_halves *halves);
 
-/* Add what the kernels left in part_sums to the long rows of a vector, part by part. */
+/* Add the sums that the kernels left in part_sums to the split rows of a vector, part by part. */
 void ms_halves_add_parts(const ms_halves *halves, int32_t components, size_t stride, double *vec);
 
-/* Where a row's halves lie: at = begin, begin + step, ... below end, neighbours ascending, with
- * padding among them. */
+/* Positions of a row's half-edges: begin, begin + step, ... below end, neighbours ascending, with
+ * padding between them. */
 typedef struct ms_span {
   int32_t begin, end, step;
 } ms_span;
@@ -58,7 +60,8 @@ static inline ms_span ms_halves_of(const ms_halves *h, int32_t row) {
                    1};
 }
 
-/* Work on segments is cut into chunks of so many: how many chunks, and where the k-th ends. */
+/* Threads share the slice ranges in chunks of `size`: the number of chunks, and the end of chunk k.
+ */
 static inline int32_t ms_chunks(const ms_halves *h, int32_t size) {
   return (h->ngroups + h->nparts + size - 1) / size;
 }

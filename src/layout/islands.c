@@ -2,9 +2,10 @@
 
 enum { NONE = -1 };
 
-/*------------------------------------- connected parts ------------------------------------------*/
+/*------------------------------------- connected components -------------------------------------*/
 
-/* Each particle points to one of its part with a lower number, the first one to itself. */
+/* Union-find (Tarjan 1975). to[p]: a particle of p's component with a lower number; p itself if it
+ * is the first one. */
 static int32_t find_first(int32_t *to, int32_t p) {
   while (to[p] != p) p = to[p] = to[to[p]];
   return p;
@@ -16,19 +17,19 @@ static void connect(int32_t *to, int32_t p, int32_t q) {
   else to[p] = q;
 }
 
-/* A free end of the spring, the first if both are; NONE: it has none. */
+/* The free end of a spring, the first one if both are free; NONE: both are pinned. */
 static int32_t free_end(const ms_scene *s, int32_t e) {
   const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
   return !s->pinned[i] ? i : !s->pinned[j] ? j : NONE;
 }
 
-/* The pinned end of a spring that has a free one; NONE: it has none. */
+/* The pinned end of a spring with one free end; NONE: any other spring. */
 static int32_t pinned_end(const ms_scene *s, int32_t e) {
   const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
   return s->pinned[i] == s->pinned[j] ? NONE : s->pinned[i] ? i : j;
 }
 
-/* of: the first particle of each particle's part; NONE for pinned ones. */
+/* of[p]: the first particle of p's component; NONE if p is pinned. */
 static void find_parts(const ms_scene *s, int32_t *of) {
   int32_t first_loose = NONE;
   for (int32_t p = 0; p < s->nparticles; p++) of[p] = NONE;
@@ -45,10 +46,10 @@ static void find_parts(const ms_scene *s, int32_t *of) {
   }
 }
 
-/*------------------------------------- islands of them ------------------------------------------*/
+/*------------------------------------- components to islands ------------------------------------*/
 
-/* From the first particle of its part to the island of each; size: scratch, n zeros. Returns how
- * many islands there are. A new one is begun only where enough is left to fill it. */
+/* of[p]: in, the first particle of p's component; out, its island. size: scratch, n zeros. Returns
+ * the number of islands. Small components open a new island only if enough are left to fill it. */
 static int32_t number_islands(int32_t n, int32_t *of, int32_t *size) {
   int32_t islands = 0, open = NONE, held = 0, left = 0;
   for (int32_t p = 0; p < n; p++)
@@ -71,9 +72,9 @@ static int32_t number_islands(int32_t n, int32_t *of, int32_t *size) {
   return islands;
 }
 
-/*------------------------------------- what belongs to them -------------------------------------*/
+/*------------------------------------- contents of islands --------------------------------------*/
 
-/* Things 0 to n - 1 into buckets, in their order; to: the bucket of each, NONE for none of them. */
+/* Put the items 0 to n - 1 into buckets, in their order; to: the bucket of each, NONE: none. */
 static msim_status sort(const msim_allocator *alloc, int32_t n, const int32_t *to, int32_t nbuckets,
                         ms_buckets *b, msim_error *err) {
   b->first = ms_new(alloc, (size_t)nbuckets + 2, sizeof *b->first);
@@ -93,8 +94,9 @@ static void empty(const msim_allocator *alloc, ms_buckets *b) {
   ms_delete(alloc, b->item);
 }
 
-/* Springs by their pinned end first: so each island meets its pinned particles in order, and those
- * it meets again next to each other. last: scratch, one of each island. */
+/* The springs are sorted by their pinned end first: so each island gets its pinned particles in
+ * ascending order, and duplicates, which are dropped, follow each other. last: scratch, one for
+ * each island. */
 static msim_status sort_pinned(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
                                ms_islands *out, msim_error *err) {
   ms_buckets held = {0};
@@ -128,7 +130,7 @@ static msim_status sort_all(const ms_scene *s, const int32_t *of, int32_t *to, i
   return status ? status : sort_pinned(s, of, to, last, out, err);
 }
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- create and destroy ---------------------------------------*/
 
 msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *islands,
                               msim_error *err) {

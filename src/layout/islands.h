@@ -1,12 +1,12 @@
-/* islands - the parts of a scene that no spring connects: systems of their own
+/* islands - splits a scene into islands: no spring connects particles of different ones
  *
- * Two free particles that share a spring are of one island. A pinned particle connects nothing: it
- * is of every island whose springs touch it. The free particles that no spring touches count as one
- * connected part. Parts below MS_LEAST_ISLAND particles would cost more alone than they save: those
- * are taken together in the order of their first particles until there are as many; what is left
- * then joins the last such island.
+ * Free particles joined by a spring belong to one connected component. A pinned particle connects
+ * nothing: it belongs to each island that has a spring to it. The free particles without springs
+ * count as one component. Components below MS_LEAST_ISLAND particles would cost more on their own
+ * than they save: they are collected, in the order of their first particles, into islands of at
+ * least that size; a remainder too small for another island joins the last of these.
  *
- * Islands are numbered by their first particle. They follow from the scene's springs and pins. */
+ * Islands are numbered by their first particle; they follow from the scene's springs and pins. */
 #ifndef MS_ISLANDS_H
 #define MS_ISLANDS_H
 
@@ -14,21 +14,21 @@
 
 enum { MS_LEAST_ISLAND = 512 };
 
-/* What belongs to an island, by numbers of the scene, ascending each. */
+/* The contents of an island, by their numbers in the scene, each list ascending. */
 typedef struct ms_island {
   int32_t nfree, npinned, nsprings;
   const int32_t *free, *pinned; /* particles */
-  const int32_t *spring;        /* those that can push a free particle */
-  int32_t *row;                 /* of each particle of the scene: scratch of who lays them out */
+  const int32_t *spring;        /* springs with a free end */
+  int32_t *row;                 /* for each particle of the scene: scratch of ms_springs_create */
 } ms_island;
 
-/* Things by where they belong: those of b are item[first[b]] ... item[first[b + 1] - 1]. */
+/* Bucket b holds item[first[b]] ... item[first[b + 1] - 1]. */
 typedef struct ms_buckets {
   int32_t *first, *item;
 } ms_buckets;
 
 typedef struct ms_islands {
-  int32_t n; /* at least 1, which may be empty */
+  int32_t n; /* >= 1; a scene without free particles has one, which is empty */
   ms_buckets free, pinned, springs;
   int32_t *row; /* nparticles */
 } ms_islands;

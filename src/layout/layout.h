@@ -1,4 +1,5 @@
-/* layout - rows, springs and half springs of an island, in an order that serves the caches */
+/* layout - builds the arrays of an island that the kernels loop over, in an order that makes good
+ * use of the caches */
 #ifndef MS_LAYOUT_H
 #define MS_LAYOUT_H
 

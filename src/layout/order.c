@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/*------------------------------------- what is there --------------------------------------------*/
+/*------------------------------------- the present order ----------------------------------------*/
 
-/* How many of a row's halves go on in the next row: here j, there j + 1. */
+/* The number of neighbours j of a row such that j + 1 is a neighbour of the next row. */
 static int32_t count_continued(const ms_adjacency *a, int32_t row) {
   const ms_half *here = a->halves + a->first[row], *end = a->halves + a->first[row + 1];
   const ms_half *next = end, *next_end = a->halves + a->first[row + 2];
@@ -19,22 +19,23 @@ static int32_t count_continued(const ms_adjacency *a, int32_t row) {
   return count;
 }
 
-/* Most slots will be runs, or nearly so. */
+/* The neighbours in most entries will be consecutive rows, or nearly so. */
 static int is_contiguous(const ms_adjacency *a, int32_t nfree) {
   int64_t continued = 0;
   for (int32_t r = 0; r + 1 < nfree; r++) continued += count_continued(a, r);
   return 2 * continued >= a->first[nfree];
 }
 
-/*------------------------------------- breadth first --------------------------------------------*/
+/*------------------------------------- breadth-first search -------------------------------------*/
 
 enum { NONE = -1, AWAITED = -2 };
 
-/* Of the mesh are unknowns that are no hubs: these would bring everything together. */
+/* Hubs (unknowns with very many springs) are excluded from the breadth-first search: through them
+ * all rows would be close to each other. */
 typedef struct node {
-  int32_t degree; /* springs; NONE: not of the mesh */
-  int32_t place;  /* in the new order */
-  int32_t second; /* where the second of its neighbours lies */
+  int32_t degree; /* number of springs; NONE: excluded */
+  int32_t place;  /* in the new order; AWAITED: reached, but not placed yet */
+  int32_t second; /* the place of the second neighbour to be placed */
 } node;
 
 typedef struct search {
@@ -44,6 +45,7 @@ typedef struct search {
   node *node;     /* stride */
 } search;
 
+/* most: the largest number of springs of a row that is not a hub */
 static void find_mesh(search *s, int32_t stride, int64_t most) {
   for (int32_t r = 0; r < stride; r++) {
     const int32_t degree = ms_degree(s->a, r);
@@ -51,7 +53,7 @@ static void find_mesh(search *s, int32_t stride, int64_t most) {
   }
 }
 
-/* A row gets its place. Its neighbours remember the second time that this happens to them. */
+/* Place a row, and record this in neighbours for which it is the second. */
 static void put(search *s, int32_t row, int32_t at) {
   s->order[at] = row;
   s->node[row].place = at;
@@ -62,8 +64,7 @@ static void put(search *s, int32_t row, int32_t at) {
   }
 }
 
-/* Fewest springs first; then who was met by an earlier row, which keeps the lines of a grid in
- * step. */
+/* By number of springs, then by `second`, which keeps parallel lines of a grid in the same order */
 static int goes_before(const search *s, int32_t i, int32_t j) {
   const node *p = &s->node[i], *q = &s->node[j];
   if (p->degree != q->degree) return p->degree < q->degree;
@@ -71,7 +72,7 @@ static int goes_before(const search *s, int32_t i, int32_t j) {
   return i < j;
 }
 
-/* A row's neighbours that have no place yet come next. Returns where they end. */
+/* Place the other neighbours of a row from `begin` on. Returns their end. */
 static int32_t put_neighbours(search *s, int32_t row, int32_t begin) {
   int32_t end = begin;
   for (int32_t e = s->a->first[row]; e < s->a->first[row + 1]; e++) {
@@ -91,7 +92,7 @@ static int32_t put_neighbours(search *s, int32_t row, int32_t begin) {
   return end;
 }
 
-/* All that springs connect with `start`, from place `begin` on. Returns where it ends. */
+/* Place the connected component of `start` from `begin` on. Returns its end. */
 static int32_t sweep(search *s, int32_t start, int32_t begin) {
   int32_t end = begin + 1;
   put(s, start, begin);
@@ -106,7 +107,8 @@ static void forget(search *s, int32_t begin, int32_t end) {
   }
 }
 
-/* Each piece of the mesh from a row at its far end, which a first sweep finds. Hubs come last. */
+/* Place each connected component from a peripheral row, the last one of a first search. Hubs come
+ * last. */
 static void breadth_first(search *s) {
   int32_t end = 0;
   for (int32_t r = 0; r < s->nfree; r++) {
@@ -121,7 +123,7 @@ static void breadth_first(search *s) {
     if (s->node[r].degree == NONE) s->order[end++] = r;
 }
 
-/* Distances between neighbours, in rows as they are and as they would be. */
+/* Sums of |row - neighbour| in the present and in the new order. */
 static void total_spans(const search *s, double *before, double *after) {
   *before = *after = 0;
   for (int32_t place = 0; place < s->nfree; place++) {
@@ -136,9 +138,9 @@ static void total_spans(const search *s, double *before, double *after) {
   }
 }
 
-/*------------------------------------- by degree ------------------------------------------------*/
+/*------------------------------------- sorting by degree ----------------------------------------*/
 
-/* Slots of the groups, each as many as its longest row needs. */
+/* Entries of all slices but the last, each as many as its longest row has springs */
 static int64_t count_slots(const search *s) {
   int64_t slots = 0;
   for (int32_t k = 0, longest = 0; k < s->nfree; k++) {
@@ -149,8 +151,8 @@ static int64_t count_slots(const search *s) {
   return slots;
 }
 
-/* Rows with most springs first, within windows that keep neighbours near. By insertion: equals stay
- * in order. Returns whether that is worth while. */
+/* Stable sort by descending number of springs, within windows so that neighbours stay near. Returns
+ * 1 if this saves at least 5 % of the entries. */
 static int sort_windows(search *s) {
   enum { WINDOW = 64 };
   for (int32_t r = 0; r < s->nfree; r++) s->order[r] = r;
@@ -166,9 +168,9 @@ static int sort_windows(search *s) {
   return 20 * count_slots(s) <= 19 * before;
 }
 
-/*------------------------------------- new numbers ----------------------------------------------*/
+/*------------------------------------- renumbering ----------------------------------------------*/
 
-/* Pinned rows follow the unknowns that meet them first. */
+/* Pinned rows follow in the order in which the unknowns refer to them. */
 static void place_pinned(const ms_rows *rows, const ms_adjacency *a, const int32_t *order,
                          int32_t *new_row) {
   int32_t next = rows->first_pinned;

@@ -20,7 +20,7 @@ void ms_bernstein_elevate(ms_bernstein *s) {
   for (int i = n - 1; i > 0; i--) s->c[i] += (double)i / n * (s->c[i - 1] - s->c[i]);
 }
 
-/* De Casteljau's algorithm: the coefficients of both parts, cut at q; left[degree] is s(q). */
+/* De Casteljau's algorithm: subdivision at q; the last coefficient of `left` is s(q). */
 static void split(const ms_bernstein *s, double q, ms_bernstein *left, ms_bernstein *right) {
   const int n = s->degree;
   *right = *s;
@@ -49,8 +49,8 @@ static int count_signs(const ms_bernstein *s) {
   return count;
 }
 
-/* The only root, from above 0 to below: false position with halved values (Illinois; Dowell and
- * Jarratt, BIT 11 (1971) 168). */
+/* The only root of an s with s(0) > 0 > s(1): the Illinois method, false position with halved
+ * values (Dowell and Jarratt, BIT 11 (1971) 168). */
 static double find_root(const ms_bernstein *s) {
   enum { MOST = 100 };
   double lo = 0, hi = 1, above = s->c[0], below = s->c[s->degree];
@@ -72,7 +72,7 @@ static double find_root(const ms_bernstein *s) {
   return hi;
 }
 
-/* In [from, from + width] of the whole, where s is defined over [0, 1] of that part. */
+/* s covers [from, from + width] of the original polynomial; the result refers to the latter. */
 static double first_fall(const ms_bernstein *s, double noise, double from, double width) {
   const double NARROWEST = 1e-14;
   if (!(ms_bernstein_least(s) < -noise)) return MS_NOWHERE;
@@ -84,7 +84,7 @@ static double first_fall(const ms_bernstein *s, double noise, double from, doubl
   return q <= 1 ? q : first_fall(&right, noise, from + width / 2, width / 2);
 }
 
-/* s = q r(q) has r_i = n/(i + 1) s_(i+1). */
+/* s - s(0) = q r(q) with r_i = n/(i + 1) (s_(i+1) - s_0) */
 double ms_bernstein_first_fall(const ms_bernstein *s, double noise) {
   if (s->c[0] > noise) return first_fall(s, noise, 0, 1);
   const int n = s->degree;

@@ -1,10 +1,10 @@
-/* bernstein - where a polynomial first falls below 0
+/* bernstein - finds where a polynomial first falls below 0, by its Bernstein coefficients
  *
  *   s(q) = sum_i c_i B_i(q) over q in [0, 1],  B_i(q) = binomial(n, i) q^i (1 - q)^(n - i)
  *
- * A polynomial lies within the range of its coefficients and has no more roots in (0, 1) than they
- * change their signs (Farouki, Computer Aided Geometric Design 29 (2012) 379): where no
- * coefficient is negative there is no root, however short a dip below 0 would be. */
+ * The values of s lie within the range of its coefficients, and s has at most as many roots in
+ * (0, 1) as these have sign changes (Farouki, Computer Aided Geometric Design 29 (2012) 379): if no
+ * coefficient is negative, s falls below 0 nowhere, so that no dip is missed, however short. */
 #ifndef MS_BERNSTEIN_H
 #define MS_BERNSTEIN_H
 
@@ -15,23 +15,23 @@ typedef struct ms_bernstein {
   double c[MS_MAX_DEGREE + 1];
 } ms_bernstein;
 
-/* Hermite's cubic: the values and slopes ds/dq at both ends. */
+/* The cubic Hermite interpolant of values and slopes ds/dq at both ends. */
 ms_bernstein ms_bernstein_cubic(double s0, double slope0, double s1, double slope1);
 
-/* The same with second derivatives. */
+/* The quintic one, with second derivatives `bend` also. */
 ms_bernstein ms_bernstein_quintic(double s0, double slope0, double bend0, double s1, double slope1,
                                   double bend1);
 
-/* The same polynomial with one coefficient more. */
+/* Degree elevation: the same polynomial with one coefficient more, MS_MAX_DEGREE at most. */
 void ms_bernstein_elevate(ms_bernstein *s);
 
 double ms_bernstein_at(const ms_bernstein *s, double q);
 
-/* The least coefficient: no value in [0, 1] is less. */
+/* The least coefficient, a lower bound of the values in [0, 1]. */
 double ms_bernstein_least(const ms_bernstein *s);
 
-/* The first q where s falls below 0 on its way below -noise; MS_NOWHERE: there is none. Where s(0)
- * is not above `noise`, s starts at 0, and its first return there is looked for. */
+/* The first q where s falls below 0 and goes on below -noise (smaller values may be rounding
+ * errors); MS_NOWHERE: none. If s(0) <= noise, the first q where s falls below s(0) again. */
 #define MS_NOWHERE 2.0
 double ms_bernstein_first_fall(const ms_bernstein *s, double noise);
 

@@ -4,8 +4,8 @@
 
 #include "physics/lanczos.h"
 
-/* Disc of particle i: (1/m_i) (sum w + sum of w to free neighbours + b); the largest bounds all
- * eigenvalues (Gershgorin 1931). disc: nparticles, 0 so far; pinned ones stay 0. */
+/* Disc of particle i: (1/m_i) (sum w + sum of w to free neighbours + b), 0 if pinned; the largest
+ * one bounds all eigenvalues (Gershgorin 1931). disc: nparticles, in: zeros. */
 static double compute_discs(const ms_laplacian *l, double *disc) {
   const ms_scene *s = l->scene;
   double largest = 0;
@@ -27,7 +27,7 @@ static int any_above_zero(int32_t n, const double *values) {
   return 0;
 }
 
-/* Without weights the discs are exact. */
+/* The discs are exact if all weights are 0. */
 static msim_status bound_largest(const ms_laplacian *l, int sharp, double *bound, msim_error *err) {
   const ms_scene *s = l->scene;
   double *disc = ms_new(&s->alloc, (size_t)s->nparticles, sizeof *disc), sharper;
@@ -49,10 +49,10 @@ static double heaviest(const ms_scene *s) {
   return most;
 }
 
-/* Springs that a damping of r C leaves in part uncovered, as seen from one particle */
+/* Sums over the springs of a particle with k > r c */
 typedef struct uncovered {
   double ratio;      /* r */
-  double k, damping; /* sums of e k and e c */
+  double k, damping; /* of e k and e c */
 } uncovered;
 
 static void add_uncovered(const ms_scene *s, size_t e, int32_t from, int32_t to, uncovered *u) {
@@ -61,8 +61,8 @@ static void add_uncovered(const ms_scene *s, size_t e, int32_t from, int32_t to,
   u[from].k += ends * s->k[e], u[from].damping += ends * s->damping[e];
 }
 
-/* One step of Newton's method on sum e (k - r c)^+ = r b, for all particles: from below, as the
- * left side is convex. Returns 1 if any r has grown. */
+/* One step of Newton's method on sum e (k - r c)^+ = r b for each particle, from below, as the
+ * left-hand side is convex. Returns 1 if any r has grown. */
 static int raise_ratios(const ms_scene *s, uncovered *u) {
   int grown = 0;
   for (int32_t p = 0; p < s->nparticles; p++) u[p].k = u[p].damping = 0;
@@ -81,8 +81,8 @@ static int raise_ratios(const ms_scene *s, uncovered *u) {
   return grown;
 }
 
-/* Each step drops springs from some sum, so that few are needed; no bound is known before the
- * last one. */
+/* Each step removes springs from some sum, so that few steps suffice. Before convergence r is no
+ * bound. */
 static msim_status bound_ratio(const ms_scene *s, double *bound, msim_error *err) {
   enum { MOST_STEPS = 100 };
   uncovered *u = ms_new(&s->alloc, (size_t)s->nparticles, sizeof *u);

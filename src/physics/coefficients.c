@@ -1,3 +1,4 @@
+/* The matrix A = M - h D - h^2 J of force.h: coefficients, constraints, products with vectors */
 #include <math.h>
 #include <string.h>
 
@@ -28,7 +29,7 @@ void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
   *a = (ms_coefficients){0};
 }
 
-/* t = h^2 k, and m + h b + the sum of t on the diagonal */
+/* t = h^2 k; diagonal: m + h b + sum of t */
 static void compute_alike(const ms_model *model, double h, ms_coefficients *a) {
   const ms_halves *halves = &model->halves;
   for (int32_t at = 0; at < MS_GROUP * halves->nslots; at++) a->t[at] = h * h * halves->k[at];
@@ -39,18 +40,18 @@ static void compute_alike(const ms_model *model, double h, ms_coefficients *a) {
   }
 }
 
-/* One call of a kernel over all segments, by all threads. */
+/* One call of a kernel for all slice ranges, by all threads. */
 typedef struct job {
   const ms_model *model;
   ms_coefficients *a;
   const double *x;
   double *y;
-  double h, share; /* share: of the masses */
+  double h, share; /* share: factor of the masses, 1 or 0 */
   int clamp;
   int32_t components;
 } job;
 
-/* Segments to an item of work: some 10 us. */
+/* Slice ranges in an item of work: some 10 us. */
 enum { CHUNK = 64 };
 
 static void compute_chunk(void *data, int32_t item) {
@@ -83,8 +84,8 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
                       (size_t)model->rows.first_pinned, a->diagonal);
 }
 
-/* Heavy enough for Newton's method to go on as if nothing moved there, and light enough for single
- * precision. */
+/* Weight of a constraint over the largest diagonal element: large enough for Newton's method to
+ * take the row as fixed, small enough for single precision. */
 #define HEAVY 1e4
 
 void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_coefficients *a) {
@@ -105,7 +106,8 @@ void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_co
   }
 }
 
-/* share: of the weights, as of the masses; friction counts whole, but where they act. */
+/* q += by (share weight n n^T + drag (I - n n^T)) p for each constraint, n n^T summed over its
+ * directions. Returns p.(q - q before). */
 static double apply_holds(const ms_model *model, const ms_coefficients *a, double share, double by,
                           const double *p, double *q) {
   double sum = 0;
@@ -161,7 +163,7 @@ void ms_coefficients_apply_one(const ms_model *model, const ms_coefficients *a, 
   apply(model, a, 1, 1, x, y);
 }
 
-/* The same of magnitudes, for one row. */
+/* y_i = |A_ii| |x_i| + sum over half-edges of (|t| I + g |d| |d|^T) |x_j| */
 static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const double *x,
                           size_t row, double *y) {
   const size_t stride = (size_t)model->rows.stride, sd = (size_t)model->rows.first_pinned;

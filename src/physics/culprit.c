@@ -4,7 +4,7 @@
 
 #include "base/vec3.h"
 
-/* |k (l - L)| + c |v_j - v_i|, which is at least the force */
+/* |k (l - L)| + c |v_j - v_i| >= the magnitude of the force */
 static double force_bound(const ms_model *m, int32_t e, const double *x, const double *v) {
   const ms_springs *s = &m->springs;
   double xi[3], xj[3], vi[3], vj[3], d[3], dv[3];

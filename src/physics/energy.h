@@ -1,11 +1,11 @@
-/* energy - energies and momenta of a state */
+/* energy - energies, momentum and angular momentum of a state */
 #ifndef MS_ENERGY_H
 #define MS_ENERGY_H
 
 #include "scene/scene.h"
 
 /* Kinetic sum m v.v/2, elastic sum k (l - L)^2/2, gravitational -sum m g.x; momentum sum m v,
- * angular momentum sum m x cross v. x and v are flat 3n. */
+ * angular momentum sum m x cross v. x, v: n x 3. */
 void ms_energy(const ms_scene *scene, const double *x, const double *v, msim_energy *energy);
 
 #endif

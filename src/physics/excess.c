@@ -8,8 +8,8 @@ typedef struct job {
   const ms_model *model;
   const double *x, *d;
   double h, lambda;
-  int32_t chunk; /* segments to an item of work */
-  double *sums;  /* by item */
+  int32_t chunk; /* slice ranges in an item of work */
+  double *sums;  /* one per item */
 } job;
 
 static void sum_chunk(void *data, int32_t item) {

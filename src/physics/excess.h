@@ -1,14 +1,14 @@
-/* excess - what a step takes springs beyond the linear part of their energy
+/* excess - the nonlinear part of the change of elastic energy in a step
  *
  *   U(x + s) - U(x) - grad U(x).s,  s = lambda h d, d a change of velocities.
- * Each spring adds a number of the size of its own excess, so that the sum is accurate where a
- * difference of energies would drown in rounding. */
+ * It is summed from the nonlinear parts of single springs, without cancellation: a difference of
+ * energies would be lost in rounding errors. */
 #ifndef MS_EXCESS_H
 #define MS_EXCESS_H
 
 #include "physics/model.h"
 
-/* Pinned rows of d are 0. work: scratch, a vector of the model's rows. */
+/* d must be 0 on pinned rows. work: scratch, a vector. */
 double ms_excess(const ms_model *model, const double *x, double h, const double *d, double lambda,
                  double *work);
 

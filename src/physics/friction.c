@@ -5,7 +5,7 @@
 
 #include "base/vec3.h"
 
-/* Below this share of t |a| a velocity is rounding, and its direction means nothing. */
+/* Rounding tolerance of v over t |a|: below it the direction of v is meaningless. */
 #define STILL 1e-12
 
 double ms_friction_stop(const double a[3], double F, const double v[3]) {
@@ -14,7 +14,7 @@ double ms_friction_stop(const double a[3], double F, const double v[3]) {
   return (F * speed + ms_dot3(a, v)) / ((F - A) * (F + A));
 }
 
-/* x' = v over t at the constant acceleration b */
+/* Advance dx and v by t at the constant acceleration b. */
 static void accelerate(const double b[3], double t, double v[3], double dx[3]) {
   for (int c = 0; c < 3; c++) {
     dx[c] += t * (v[c] + 0.5 * t * b[c]);
@@ -22,11 +22,11 @@ static void accelerate(const double b[3], double t, double v[3], double dx[3]) {
   }
 }
 
-/* v and a on one line: friction keeps its direction until v turns or stops. */
+/* v and a are parallel: friction has a constant direction until v reaches 0. */
 static void slide_straight(const double a[3], double F, double t, double v[3], double dx[3]) {
   const double A = ms_norm3(a), speed = ms_norm3(v);
   double b[3] = {a[0], a[1], a[2]};
-  const double slowed = F - copysign(A, ms_dot3(a, v)); /* how fast |v| falls */
+  const double slowed = F - copysign(A, ms_dot3(a, v)); /* -d|v|/dt */
   double left = t;
   if (speed > STILL * t * A) {
     const double still = slowed > 0 ? speed / slowed : INFINITY;
@@ -39,21 +39,21 @@ static void slide_straight(const double a[3], double F, double t, double v[3], d
   accelerate(b, left, v, dx);
 }
 
-/* The integral of u^(p-1) from u0 e^d to u0, over u0^p */
+/* u0^-p times the integral of u^(p-1) from u0 e^d to u0 */
 static double power(double p, double d) { return fabs(p) > 1e-12 ? -expm1(p * d) / p : -d; }
 
-/* d with power(p, d) = value; -INFINITY: beyond all */
+/* d with power(p, d) = value; -INFINITY: there is none */
 static double inverse_power(double p, double value) {
   if (fabs(p) <= 1e-12) return -value;
   return p * value < 1 ? log1p(-p * value) / p : -INFINITY;
 }
 
-/* d = ln(u/u0) <= 0 after the time t: power(k - 1, d) + E power(k + 1, d) = t A (1 + E)/|v| with
- * E = u0^2. Newton's method between bounds; either term alone gives a lower one. */
+/* d = ln(u/u0) <= 0 after the time t: power(k - 1, d) + E power(k + 1, d) = t A (1 + E)/|v| =: time
+ * with E = u0^2. Newton's method between bounds; each term alone gives a lower bound. */
 static double find_angle(double k, double E, double time) {
   enum { MOST = 100 };
   double high = 0, low = fmax(inverse_power(k - 1, time), inverse_power(k + 1, time / E));
-  double d = low = fmax(low, -700 / fabs(k - 1)); /* exp((k - 1) d) stays in range */
+  double d = low = fmax(low, -700 / fabs(k - 1)); /* so that exp((k - 1) d) does not overflow */
   for (int i = 0; i < MOST; i++) {
     const double off = power(k - 1, d) + E * power(k + 1, d) - time;
     if (off > 0) low = d;
@@ -66,7 +66,7 @@ static double find_angle(double k, double E, double time) {
   return d;
 }
 
-/* along, across: v.a/A and the rest of v, side its vector */
+/* v and a are not parallel. along: v.a/A; side: v without its component along a; across: |side|. */
 static void slide_curved(double A, double F, double t, double along, const double a[3],
                          double across, const double side[3], double v[3], double dx[3]) {
   const double speed = ms_norm3(v), k = F / A;

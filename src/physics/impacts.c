@@ -46,15 +46,15 @@ ms_touch ms_touch_pushing(const ms_touch *touch, const double *J, double noise, 
 
 /*------------------------------------- small systems --------------------------------------------*/
 
-/* How many planes of a touch act where only independent ones can: the first of them */
+/* The number of planes used where they must be independent, the first ones */
 static int count_holding(const ms_touch *touch) {
   return touch->n < MS_MOST_HOLDING ? touch->n : MS_MOST_HOLDING;
 }
 
-/* sum_j (n_i.n_j) c_j = b_i over the first k normals, by elimination, with b in c at first; 0: they
- * are not independent. */
+/* Solve sum_j (n_i.n_j) c_j = b_i over the first k normals, by elimination. c: in b, out c. Returns
+ * 0 if they are linearly dependent. */
 static int solve(int k, const ms_touch *touch, double *c) {
-  const double DEPENDENT = 1e-12; /* of the squared sine between a normal and those before it */
+  const double DEPENDENT = 1e-12; /* squared sine of the angle from a normal to those before it */
   double g[MS_MOST_HOLDING][MS_MOST_HOLDING];
   for (int i = 0; i < k; i++)
     for (int j = 0; j < k; j++) g[i][j] = ms_dot3(touch->plane[i]->normal, touch->plane[j]->normal);
@@ -83,8 +83,8 @@ int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J) {
 
 /*------------------------------------- projection -----------------------------------------------*/
 
-/* The planes of a set act: what comes of it, and by how much that breaks a condition, J_i >= 0 or
- * n_i.u >= least_i. */
+/* The result with an active set of planes, and its largest violation of J_i >= 0 or
+ * n_i.u >= least_i */
 typedef struct attempt {
   double u[3], J[MS_MOST_TOUCHED], broken;
 } attempt;
@@ -111,7 +111,8 @@ static int try_set(const ms_touch *touch, unsigned set, const double *least, att
   return 1;
 }
 
-/* Of all sets of planes one breaks nothing; rounding aside, it is the first that breaks least. */
+/* Enumerates all active sets: some set violates no condition. With rounding errors: the first set
+ * within the tolerance, else that of least violation. */
 void ms_project(const ms_touch *touch, const double *least, double u[3], double *J) {
   double noise = ms_norm3(u), broken = INFINITY;
   const double from[3] = {u[0], u[1], u[2]};
@@ -128,7 +129,7 @@ void ms_project(const ms_touch *touch, const double *least, double u[3], double 
 
 /*------------------------------------- impacts --------------------------------------------------*/
 
-/* Coulomb's, in proportion to the impulses */
+/* Coulomb friction in an impact: v_t *= max(0, 1 - sum mu_i J_i/|v_t|) */
 static void rub(const ms_touch *hit, const double *J, double v[3]) {
   double pull, along[3] = {v[0], v[1], v[2]};
   const ms_touch acting = ms_touch_pushing(hit, J, 0, &pull);
@@ -139,7 +140,7 @@ static void rub(const ms_touch *hit, const double *J, double v[3]) {
 }
 
 int ms_bounce(const ms_touch *touch, double v[3]) {
-  enum { MOST = 32 }; /* from wall to wall of a wedge, without a flight between */
+  enum { MOST = 32 }; /* impacts in turn on the planes of a wedge, without time between them */
   double least[MS_MOST_TOUCHED] = {0}, J[MS_MOST_TOUCHED] = {0};
   const double noise = ms_speed_noise(v);
   for (int round = 0; round < MOST; round++) {
@@ -155,7 +156,7 @@ int ms_bounce(const ms_touch *touch, double v[3]) {
   return 1;
 }
 
-/*------------------------------------- rest -----------------------------------------------------*/
+/*------------------------------------- constraints ----------------------------------------------*/
 
 void ms_put_at(const ms_touch *touch, const double *distance, double x[3]) {
   double to[MS_MOST_TOUCHED] = {0}, c[MS_MOST_HOLDING];

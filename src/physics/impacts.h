@@ -1,16 +1,18 @@
-/* impacts - one particle at half spaces: which it touches, how it bounces, what holds it
+/* impacts - contact of one particle with planes: touched planes, impacts, constraint forces
  *
- * Planes that are touched together act together, by impulses or forces J_i >= 0 along their normals
- * that are as small as can be: one problem with one solution, whatever the order of the planes
- * (Moreau 1988). */
+ * All planes that a particle touches act at once, by impulses or forces J_i >= 0 along their
+ * normals that change its velocity or acceleration least: the solution is unique and does not
+ * depend on the order of the planes (Moreau 1988). n_i, mu_i, e_i: normal, friction, restitution of
+ * plane i. */
 #ifndef MS_IMPACTS_H
 #define MS_IMPACTS_H
 
 #include "msim/msim.h"
 
-/* In space three normals are independent at most; a tip may have more. */
+/* At most 3 normals in space are linearly independent; a corner may have more planes. */
 enum { MS_MOST_TOUCHED = 6, MS_MOST_HOLDING = 3 };
 
+/* A set of planes: those that a particle touches, or some of them. */
 typedef struct ms_touch {
   int n;
   const msim_plane *plane[MS_MOST_TOUCHED];
@@ -22,54 +24,54 @@ static inline int ms_touch_holds(const ms_touch *touch, const msim_plane *plane)
   return 0;
 }
 
-/* s = n.x - d */
+/* s = n.x - d, d the offset: negative behind the plane */
 double ms_distance(const msim_plane *p, const double x[3]);
 
 typedef struct ms_walls {
   int32_t n;
   const msim_plane *plane;
-  double reach; /* the size of the scene, by which coordinates near 0 are rounded too */
-  double merge; /* m: what is nearer to a plane touches it */
+  double reach; /* m: the size of the scene, a lower bound of |x| in rounding tolerances */
+  double merge; /* m: a particle nearer to a plane touches it */
 } ms_walls;
 
-/* A distance or a speed that may be rounding. */
+/* Rounding tolerances of a distance at x, merge included, and of a speed. */
 double ms_distance_noise(const ms_walls *walls, const double x[3]);
 double ms_speed_noise(const double v[3]);
 
-/* The planes that x touches or lies outside of, in their order: s <= noise. */
+/* The first MS_MOST_TOUCHED planes that x touches or lies behind: s <= ms_distance_noise. */
 ms_touch ms_touched(const ms_walls *walls, const double x[3]);
 
-/* Those with n_i.v < limit */
+/* The planes with n_i.v < limit */
 ms_touch ms_touch_approached(const ms_touch *touch, const double v[3], double limit);
 
-/* Those with impulses or forces J_i > noise; *pull: sum mu_i J_i over them. */
+/* The planes with J_i > noise; *pull: their friction limit, sum mu_i J_i. */
 ms_touch ms_touch_pushing(const ms_touch *touch, const double *J, double noise, double *pull);
 
-/* The vector nearest to u with n_i.u >= least_i for all planes, in place of u: u += sum J_i n_i.
- * J: one for each plane, 0 where it need not act. */
+/* Project u to the nearest vector with n_i.u >= least_i for all planes: u += sum J_i n_i, J_i >= 0.
+ * J: one for each plane, 0 if it does not act. */
 void ms_project(const ms_touch *touch, const double *least, double u[3], double *J);
 
-/* Velocity after an impact: each plane that v runs into sends it back, n_i.v' = -e_i n_i.v, and the
- * part of v' along all of them is scaled by max(0, 1 - sum mu_i J_i/|v_t|). Until v' runs into
- * none. Returns 1 if there was an impact. */
+/* Velocity after an impact: n_i.v' >= -e_i n_i.v for the planes that v approaches; the part v_t of
+ * v' parallel to those with J_i > 0 is scaled by max(0, 1 - sum mu_i J_i/|v_t|). Repeated until v'
+ * approaches no plane. Returns 1 if there was an impact. */
 int ms_bounce(const ms_touch *touch, double v[3]);
 
-/* u += sum J_i n_i with n_i.u = to_i for the first three planes; 0: they are not independent, and u
- * stays. */
+/* u += sum J_i n_i so that n_i.u = to_i for the first three planes; returns 0, and u stays, if they
+ * are linearly dependent. */
 int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J);
 
-/* On all planes of `touch`: x += sum c_i n_i. 3 independent ones at most. */
+/* Move x onto all planes of `touch`, at most 3 independent ones: x += sum c_i n_i. */
 void ms_put_on(const ms_touch *touch, double x[3]);
-/* ... at those distances from them */
+/* The same, to these distances from them. */
 void ms_put_at(const ms_touch *touch, const double *distance, double x[3]);
 
-/* u without its components along the normals: u' = u + sum J_i n_i with n_i.u' = 0. Returns
- * sum mu_i max(0, J_i): how hard friction can pull where u is an acceleration. least: the smallest
- * J_i (nullable). 3 independent planes at most. */
+/* Remove the components of u along the normals: u += sum J_i n_i so that n_i.u = 0. Returns the
+ * friction limit, sum mu_i max(0, J_i). least: the smallest J_i (nullable). At most 3 independent
+ * planes. */
 double ms_keep_along(const ms_touch *touch, double u[3], double *least);
 
-/* The planes that a presses on by more than `noise`; in place of a: what all of them leave of it;
- * *pull: sum of mu N/m. */
+/* Project an acceleration a to n_i.a >= 0 for all planes. Returns the planes with a normal force
+ * over mass J_i > noise; *pull: their friction limit over mass, sum mu_i J_i. */
 ms_touch ms_touch_pressed(const ms_touch *touch, double noise, double a[3], double *pull);
 
 #endif

@@ -1,14 +1,13 @@
-/* The matrix' coefficients and products with it. Compiled once for each instruction set, with
- * MS_ISA its name; every loop is built for 2 and for 3 components. */
+/* Compiled once for each instruction set MS_ISA; every loop is built for 2 and for 3 components. */
 #include "physics/kernels.h"
 
 #include <math.h>
 
 #include "physics/lanes.h"
 
-/*------------------------------------- coefficients ---------------------------------------------*/
+/*------------------------------------- matrix ---------------------------------------------------*/
 
-/* Where l2 = |d|^2 says that a spring has a direction. NaN goes on, to be seen. */
+/* Lanes with l2 = |d|^2 > MS_ZERO_LENGTH2. NaN counts, so that it propagates to the result. */
 MS_INLINE ms_mask has_direction(ms_lanes l2) { return (l2 > MS_ZERO_LENGTH2) | (l2 != l2); }
 
 /* 1/|d|; 0 where d has no direction */
@@ -45,7 +44,7 @@ MS_INLINE void add_block(int dims, ms_lanes t, ms_lanes g, ms_vec d, ms_lanes su
   }
 }
 
-/* Slots whose roots are made before what waits for them, so that the divider is never idle. */
+/* Entries whose roots are computed ahead of what depends on them, to keep the divider busy */
 enum { BLOCK = 16 };
 
 MS_INLINE void coefficients_of(int dims, int damped, const ms_model *model, const double *x,
@@ -101,8 +100,8 @@ static void coefficients(const ms_model *model, const double *x, double h, int c
 
 /*------------------------------------- products -------------------------------------------------*/
 
-/* y_i = (share m_i + h b) x_i + sum over half springs of (t I + g d d^T)(x_i - x_j): a translation
- * stretches no spring, to the last bit. */
+/* y_i = (share m_i + h b) x_i + sum over half-edges of (t I + g d d^T)(x_i - x_j): for a common
+ * translation the sum is exactly 0. */
 MS_INLINE void apply_of(int dims, const ms_model *model, const ms_coefficients *a, double share,
                         const double *x, double *y, int32_t begin, int32_t end) {
   const size_t stride = (size_t)model->rows.stride;
@@ -167,8 +166,10 @@ static void apply_alike(const ms_model *model, const ms_coefficients *a, double 
 
 /*------------------------------------- energy ---------------------------------------------------*/
 
-/* One register of half-edges, e = x_j - x_i and q = lambda h (d_j - d_i): a is the part of q along
- * e, and l + a + more the length that follows. No two terms cancel where q is small. */
+/* One register of half-edges. With e = x_j - x_i, l = |e|, q = lambda h (d_j - d_i), a = q.e/l and
+ * |e + q| = l + a + more, a spring contributes
+ *   k ((a + more)^2/2 + (l - L) more),
+ * in which no terms cancel if q is small. */
 MS_INLINE ms_lanes half_excess(int dims, const ms_halves *halves, size_t at, ms_vec e, ms_vec q) {
   const ms_lanes zero = {0}, inverse = inverse_length(dims, e);
   const ms_lanes l = inverse * ms_dot_vec(dims, e, e), a = inverse * ms_dot_vec(dims, e, q);

@@ -1,8 +1,10 @@
-/* kernels - the loops over half springs that serve the matrix, one set for each instruction set.
+/* kernels - the loops over half-edges that compute the matrix and products with it, one table for
+ * each instruction set
  *
- * Each works on the segments [begin, end) of the halves: a group's rows are written where they
- * belong, the sums of a part to halves.part_sums. With fused multiply-add where the instruction set
- * has it: last bits differ between these, and never between numbers of threads. */
+ * Each kernel processes the slice ranges [begin, end) (halves.h): it writes the rows of slices to
+ * the result, and the sums of split rows to halves.part_sums. It uses fused multiply-add if the
+ * instruction set has it: last bits depend on the instruction set, but not on the number of
+ * threads. */
 #ifndef MS_KERNELS_H
 #define MS_KERNELS_H
 
@@ -12,13 +14,13 @@
 typedef struct ms_kernels {
   void (*coefficients)(const ms_model *model, const double *x, double h, int clamp,
                        ms_coefficients *a, int32_t begin, int32_t end);
-  /* y = (A - (1 - share) M) x, without holds */
+  /* y = (A - (1 - share) M) x, without constraints */
   void (*apply)(const ms_model *model, const ms_coefficients *a, double share, const double *x,
                 double *y, int32_t begin, int32_t end);
-  /* a->block = 1: on vectors of so many components */
+  /* The same for a->block = 1, on vectors of `components` */
   void (*apply_alike)(const ms_model *model, const ms_coefficients *a, double share,
                       int32_t components, const double *x, double *y, int32_t begin, int32_t end);
-  /* ms_excess of the springs of these segments; those between two unknowns are halved */
+  /* ms_excess of these half-edges; those between two unknowns count half */
   double (*excess)(const ms_model *model, const double *x, double h, const double *d, double lambda,
                    int32_t begin, int32_t end);
 } ms_kernels;

@@ -1,12 +1,12 @@
-/* Lanczos's method (1950) on M^-1/2 (Lap_w + b I) M^-1/2. Its largest Ritz value theta is a lower
- * bound; with its residual r, some eigenvalue lies within theta +- r, but no theorem says that it
- * is the largest one. So the bound is theta + r + 1 % (Zhou and Li 2011 add the residual of the
- * last vector, which is more), r is driven below 2 %, and 15 steps are made at least: of a hundred
- * meshes, among them cloths with one spring or particle a little out of the ordinary, all were
- * covered from 12 steps on, but not all where a small r alone was enough. 30 are made at most, as r
- * counts anyway.
+/* Lanczos's method (1950) on B = M^-1/2 (Lap_w + b I) M^-1/2. Its largest Ritz value theta is a
+ * lower bound; with its residual r, some eigenvalue lies within theta +- r, but not necessarily the
+ * largest one. So the bound is theta + r + 1 % (Zhou and Li 2011 add the residual of the last
+ * vector, which is more), and iteration goes on until r <= 2 %, for at least 15 steps unless r
+ * vanishes: of a hundred meshes, among them cloths with one slightly different spring or particle,
+ * all were bounded from 12 steps on, but not all if only a small r was required. At most 30 steps
+ * are made, as the bound includes r.
  *
- * Everything goes in one order, from one start: the bound has the same bits always. */
+ * Start vector and order of sums are fixed: the bound is reproducible bit for bit. */
 #include "physics/lanczos.h"
 
 #include <math.h>
@@ -17,16 +17,16 @@ enum { LEAST_STEPS = 15, MOST_STEPS = 30 };
 
 typedef struct lanczos {
   const ms_laplacian *l;
-  ms_shape shape; /* one number a particle, those of pinned ones 0 */
+  ms_shape shape; /* one component; pinned particles have 0 */
   double *root;   /* 1/sqrt m; 0 where pinned */
   double *v, *before, *next;
-  int n;                    /* steps made: rows of T */
-  double alpha[MOST_STEPS]; /* its diagonal */
-  double beta[MOST_STEPS];  /* beside it; the last one leads out of it */
-  double theta;             /* its largest eigenvalue */
+  int n;                    /* steps made: order of the tridiagonal matrix T */
+  double alpha[MOST_STEPS]; /* diagonal of T */
+  double beta[MOST_STEPS];  /* off-diagonal of T, and one element more */
+  double theta;             /* largest eigenvalue of T */
 } lanczos;
 
-/* y = M^-1/2 (Lap_w + b I) M^-1/2 x */
+/* y = B x */
 static void apply(const lanczos *z, const double *x, double *y) {
   const ms_scene *s = z->l->scene;
   const double *root = z->root;
@@ -55,7 +55,7 @@ static void turn(lanczos *z) {
   ms_scale(z->shape, 1 / z->beta[z->n - 1], z->v);
 }
 
-/* The pivots of theta I - T are positive where theta is above all eigenvalues of T. */
+/* All pivots of theta I - T are positive if and only if theta is above all eigenvalues of T. */
 static int is_above(const lanczos *z, double theta) {
   double pivot = theta - z->alpha[0];
   for (int i = 1; i < z->n && pivot > 0; i++)
@@ -63,7 +63,7 @@ static int is_above(const lanczos *z, double theta) {
   return pivot > 0;
 }
 
-/* Bisection between the last one, which is no larger, and Gershgorin's bound on T. */
+/* Bisection between the previous theta, a lower bound, and Gershgorin's bound of T. */
 static void find_theta(lanczos *z) {
   double low = z->theta, high = low;
   for (int i = 0; i < z->n; i++)
@@ -75,8 +75,7 @@ static void find_theta(lanczos *z) {
   z->theta = high;
 }
 
-/* |B y - theta y| = beta_n |p_n| / |p| with T p = theta p: row by row, p_(i+1)/p_i is the i-th
- * pivot over beta_i. */
+/* |B y - theta y| = beta_n |p_n| / |p| with T p = theta p; p_(i+1)/p_i is pivot i over beta_i. */
 static double residual(const lanczos *z) {
   double p = 1, sum = 1, pivot = z->theta - z->alpha[0];
   for (int i = 1; i < z->n; i++) {
@@ -87,8 +86,8 @@ static double residual(const lanczos *z) {
   return z->beta[z->n - 1] * fabs(p) / sqrt(sum);
 }
 
-/* A part of every eigenvector, and more where the wanted one may lie: one stiff spring among a
- * million is seen at once. */
+/* The first vector has a component of every eigenvector, and is larger where the wanted one may be:
+ * one stiff spring among a million is found at once. */
 static void start(lanczos *z, const double *likely) {
   const ms_scene *s = z->l->scene;
   for (int32_t p = 0; p < s->nparticles; p++) {

@@ -1,5 +1,5 @@
-/* lanes - vectors of space, one in each lane of a register. `dims` is a constant where these are
- * inlined: no loop is left of them. */
+/* lanes - arithmetic on spatial vectors, one in each lane of a SIMD register. `dims` is a constant
+ * in the callers, so that the compiler unrolls all loops. */
 #ifndef MS_LANES_H
 #define MS_LANES_H
 
@@ -42,7 +42,7 @@ MS_INLINE ms_lanes ms_dot_vec(int dims, ms_vec a, ms_vec b) {
   return sum;
 }
 
-/* The neighbours' part of x: consecutive rows, or gathered. */
+/* x of the neighbours in an entry: one load if they are consecutive rows, else a gather */
 MS_INLINE ms_vec ms_load_neighbours(int dims, const ms_halves *halves, int32_t slot, size_t lane,
                                     const double *x, size_t stride) {
   const int32_t start = halves->start[slot];
@@ -53,15 +53,15 @@ MS_INLINE ms_vec ms_load_neighbours(int dims, const ms_halves *halves, int32_t s
   return v;
 }
 
-/* Where a segment's sums go, and whose they are: a group's own rows, or one long row. */
+/* The rows of a slice range, and the destination of its sums. */
 typedef struct ms_place {
-  size_t row;    /* of the segment's first lane */
-  int is_part;   /* all lanes are of that row */
-  double *sums;  /* where lane 0's first sum goes */
-  size_t stride; /* to the next of its sums */
+  size_t row;    /* of lane 0 */
+  int is_part;   /* 1: of a split row, to which all lanes belong */
+  double *sums;  /* the first sum of lane 0 */
+  size_t stride; /* from there to the next sum of lane 0 */
 } ms_place;
 
-/* to = NULL where nothing is summed up. */
+/* to: the sums of slices; NULL: not needed. */
 MS_INLINE ms_place ms_place_of(const ms_halves *halves, int32_t segment, double *to,
                                size_t stride) {
   const int32_t part = segment - halves->ngroups;
@@ -71,7 +71,7 @@ MS_INLINE ms_place ms_place_of(const ms_halves *halves, int32_t segment, double 
                     MS_GROUP * (size_t)halves->nparts};
 }
 
-/* x of the segment's own rows */
+/* x of the slice range's own rows */
 MS_INLINE ms_vec ms_load_own(int dims, ms_place p, size_t lane, const double *x, size_t stride) {
   if (!p.is_part) return ms_load_vec(dims, x + p.row + lane, stride);
   ms_vec v = {{{0}}};

@@ -5,7 +5,7 @@
 #include "base/isa.h"
 #include "layout/flat.h"
 
-/* A pass is needed where it could change a number. */
+/* A feature is needed if it could change a result. */
 static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
   unsigned passes = 0;
   if (springs->n) passes |= MSIM_SKIP_SPRINGS;
@@ -38,7 +38,7 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
     return ms_fail_memory(err, "the masses");
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
-    model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* stays at rest */
+    model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* padding rests */
   }
   model->passes = needed_passes(scene, &model->springs) | skip_off;
   return MSIM_OK;

@@ -5,21 +5,21 @@
 
 #include "base/vec3.h"
 
-/* What is summed up over a part, or the largest of it */
+/* Sums and extremes over a body */
 typedef struct ms_gathered {
-  double low[3], high[3]; /* the box */
+  double low[3], high[3]; /* the bounding box */
   double speed2;          /* sum of |v_i|^2 */
   double omega2;          /* by Gershgorin's discs, as in bounds.h */
 } ms_gathered;
 
-/*------------------------------------- parts ----------------------------------------------------*/
+/*------------------------------------- bodies ---------------------------------------------------*/
 
 static int32_t find_root(int32_t *of, int32_t r) {
   while (of[r] != r) r = of[r] = of[of[r]];
   return r;
 }
 
-/* of: to the first row of its part, then to the part's number (Tarjan 1975). */
+/* of: the body of each unknown. Returns the number of bodies. Union-find (Tarjan 1975). */
 static int32_t find_parts(const ms_model *model, int32_t *of) {
   const int32_t nfree = model->rows.nfree;
   const ms_springs *s = &model->springs;
@@ -65,8 +65,8 @@ static void extend(const double x[3], ms_gathered *g) {
     g->low[c] = fmin(g->low[c], x[c]), g->high[c] = fmax(g->high[c], x[c]);
 }
 
-/* |v|^2 of row r once the energy e of a spring to row q, free or not, has become motion: both ends
- * have the momentum p, p^2 = 2 e mu, mu the reduced mass. */
+/* |v|^2 of row r if the energy e of a spring to row q becomes kinetic: both ends have momentum of
+ * magnitude p, p^2 = 2 e mu, mu the reduced mass (q pinned: m_r). */
 static double speed2_from(const ms_model *model, int32_t r, int32_t q, double energy) {
   const double there = q < model->rows.nfree ? model->inv_mass[q] : 0, here = model->inv_mass[r];
   return 2 * energy * here * here / (here + there);
@@ -126,7 +126,7 @@ void ms_norm_measure(const ms_model *model, const double *x, const double *v, do
 
 /*------------------------------------- norms ----------------------------------------------------*/
 
-/* Rows of many parts are mixed: their sums are formed row by row. */
+/* The rows of bodies are interleaved: sums are formed row by row. */
 static void square_parts(const ms_norm *norm, ms_shape shape, int which, const double *dx,
                          const double *dv) {
   for (int32_t p = 0; p < norm->n; p++) norm->part[p].square[which] = 0;

@@ -1,14 +1,13 @@
-/* The spring forces and the update, compiled once for each instruction set, with MS_ISA its name.
- */
+/* Kernels for forces and the update of the state, compiled once for each instruction set MS_ISA. */
 #include "physics/force.h"
 #include "physics/lanes.h"
 #include "physics/step.h"
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-/* k (l - L)/l + c (d.dv)/l^2: times d, the push of a spring. The root of MS_ZERO_LENGTH2 stands for
- * shorter lengths, so d = 0 is pushed by 0. Lengths are rounded as those of the scene are: a spring
- * at rest pushes by exactly 0. */
+/* k (l - L)/l + c (d.dv)/l^2, which times d is the force of a spring. l^2 is at least
+ * MS_ZERO_LENGTH2, so that d = 0 has force 0. l is rounded as the rest lengths of the scene are (no
+ * fused multiply-add): the force of a spring at rest length is exactly 0. */
 MS_INLINE ms_lanes pull(int dims, int damped, ms_vec d, ms_vec dv, const ms_halves *halves,
                         size_t at) {
   ms_lanes l2 = d.c[0] * d.c[0], inverse;
@@ -30,10 +29,10 @@ MS_INLINE ms_vec external(int dims, const ms_model *m, size_t row, const double 
                     ms_load_vec(dims, v + row, (size_t)m->rows.stride), f);
 }
 
-/* Springs that have no rest length and no damping pull by k d; others may be damped. */
+/* LINEAR: neither rest length nor damping, the force is k d */
 typedef enum spring_kind { LINEAR, UNDAMPED, DAMPED } spring_kind;
 
-/* What the springs of a segment do to its own rows, added to sum */
+/* sum + the forces of a slice range's springs on its own rows */
 MS_INLINE ms_vec add_springs(int dims, spring_kind kind, const ms_model *m, int32_t segment,
                              ms_place p, size_t lane, const double *x, const double *v,
                              ms_vec sum) {
@@ -55,7 +54,8 @@ MS_INLINE ms_vec add_springs(int dims, spring_kind kind, const ms_model *m, int3
 
 /*------------------------------------- update ---------------------------------------------------*/
 
-/* The results for one register of rows; returns |x_to|^2 + |v_to|^2. */
+/* Compute the results for one register of rows. Returns |x|^2 + |v|^2 of those that ms_pass_run
+ * checks. */
 MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_vec f, const ms_pass *p) {
   const size_t stride = (size_t)m->rows.stride;
   const ms_lanes zero = {0};
@@ -85,7 +85,7 @@ MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_vec f, con
   return size;
 }
 
-/*------------------------------------- segments -------------------------------------------------*/
+/*------------------------------------- slices and parts -----------------------------------------*/
 
 MS_INLINE int groups_of(int dims, spring_kind kind, const ms_model *m, const ms_pass *p,
                         int32_t begin, int32_t end) {
@@ -134,7 +134,7 @@ static int groups(const ms_model *m, const ms_pass *p, int32_t begin, int32_t en
   return groups_of(3, DAMPED, m, p, begin, end);
 }
 
-/* Few scenes have any: one function for all kinds. */
+/* Few scenes have split rows: one function serves all dims and kinds. */
 static void part(const ms_model *m, const ms_pass *p, int32_t k) {
   part_of(m->rows.dims, kind_of(m, p), m, p, k);
 }

@@ -6,13 +6,13 @@
 #include "base/vec3.h"
 #include "physics/friction.h"
 
-/* Where the particle has come to. */
+/* Progress of the particle in the step. */
 typedef struct walk {
   ms_path *p;
   double t;
   ms_touch on;  /* the planes that it rests on or slides along */
-  double noise; /* a velocity that may be rounding */
-  int stalled;  /* impacts in a row with hardly any time between them */
+  double noise; /* rounding tolerance of a velocity */
+  int stalled;  /* consecutive impacts at most 1e-6 h apart */
 } walk;
 
 static void acceleration_at(const ms_path *p, double t, double b[3]) {
@@ -21,7 +21,7 @@ static void acceleration_at(const ms_path *p, double t, double b[3]) {
 
 /*------------------------------------- contact --------------------------------------------------*/
 
-/* v over dt by the constant a and the planes of `on` */
+/* Advance v by dt at the constant a, in contact with the planes of `on`. */
 static void kick(const ms_touch *on, const double a[3], double dt, double v[3]) {
   double along[3] = {a[0], a[1], a[2]}, friction;
   const ms_touch pressed = ms_touch_pressed(on, 0, along, &friction);
@@ -29,7 +29,7 @@ static void kick(const ms_touch *on, const double a[3], double dt, double v[3]) 
   ms_friction_slide(along, friction, dt, v, NULL);
 }
 
-/* w over dt. Where n.b changes its sign, w_n is the integral of what lifts. */
+/* Advance w by dt in contact. If n.b becomes positive, w_n is the integral of its positive part. */
 static void kick_along(walk *k, double dt) {
   double first[3], last[3];
   double *w = k->p->w;
@@ -44,7 +44,7 @@ static void kick_along(walk *k, double dt) {
 
 /*------------------------------------- the next impact ------------------------------------------*/
 
-/* When s + u t + g t^2/2 falls below 0; INFINITY: never. */
+/* When s + u t + g t^2/2 falls below 0; INFINITY: never. touches: s counts as 0. */
 static double fall_time(double s, double u, double g, int touches, double noise) {
   if (touches) return u < -noise ? 0 : g < 0 ? fmax(0, -2 * u / g) : INFINITY;
   const double d = u * u - 2 * g * s;
@@ -52,7 +52,7 @@ static double fall_time(double s, double u, double g, int touches, double noise)
   return u < 0 ? 2 * s / (sqrt(d) - u) : -(u + sqrt(d)) / g;
 }
 
-/* The first plane that the way from x with v and a meets within `left`; NULL: none. */
+/* The first plane that the parabola from x with v and a meets within `left`; NULL: none. */
 static const msim_plane *find_impact(const walk *k, const double v[3], const double a[3],
                                      double left, double *when) {
   const ms_walls *walls = &k->p->walls;
@@ -68,14 +68,14 @@ static const msim_plane *find_impact(const walk *k, const double v[3], const dou
   return first;
 }
 
-/*------------------------------------- parts ----------------------------------------------------*/
+/*------------------------------------- flight and sliding ---------------------------------------*/
 
 static void advance(walk *k, double dt) {
   k->t += dt;
   k->stalled = dt > 1e-6 * k->p->h ? 0 : k->stalled + 1;
 }
 
-/* Up to the next impact, which it returns; NULL: to the end of the step. */
+/* Flight up to the next impact, whose plane it returns; NULL: to the end of the step. */
 static const msim_plane *fly(walk *k, double left) {
   ms_path *p = k->p;
   double dt, first[3], last[3];
@@ -91,7 +91,8 @@ static const msim_plane *fly(walk *k, double left) {
   return hit;
 }
 
-/* The same in contact: along the parabola to where friction leads in what is left of the step. */
+/* The same in contact. Impacts are found on the parabola to the end point of sliding in the rest of
+ * the step. */
 static const msim_plane *slide(walk *k, const double along[3], double friction, double left) {
   ms_path *p = k->p;
   double end[3], dx[3], bend[3], dt;
@@ -112,12 +113,13 @@ static const msim_plane *slide(walk *k, const double along[3], double friction, 
 
 /*------------------------------------- impacts --------------------------------------------------*/
 
-/* Bounces to come on one plane, from the speed u on. */
+/* Bounces on one plane: number, INFINITY until rest; duration, s; final normal speed over the
+ * initial one. */
 typedef struct series {
-  double number, time, kept; /* INFINITY: until it rests; s; what is left of the speed */
+  double number, time, kept;
 } series;
 
-/* As many as end within the time left */
+/* The bounces that end within the time left, the first of normal speed u */
 static series sum_bounces(double e, double u, double g, double left) {
   const double period = 2 * u / g, m = left / period;
   if (e == 1) return (series){floor(m), period * floor(m), 1};
@@ -126,7 +128,7 @@ static series sum_bounces(double e, double u, double g, double left) {
   return (series){number, period * (1 - kept) / (1 - e), kept};
 }
 
-/* Nothing else can be met within that time. */
+/* The particle cannot reach another plane within that time. */
 static int is_alone(const walk *k, const msim_plane *plane, double time) {
   const ms_path *p = k->p;
   const double reach = time * (ms_norm3(p->v) + time * ms_norm3(p->a));
@@ -135,10 +137,10 @@ static int is_alone(const walk *k, const msim_plane *plane, double time) {
   return 1;
 }
 
-/* Tangential motion by b while the plane pushes as bouncing makes it in the mean; the normal
- * velocity becomes what is kept of it. Bounce k takes 2 u_k/g, u_k = e^k u, and takes
- * mu (1 + e) u_k of the speed at its end, where the mean takes it all the time: that leads farther
- * by half of both, in all by mu (u^2/g) (1 - e^2m)/(1 - e). */
+/* Tangential motion by b during bounces, with the friction of the mean normal force over mass,
+ * g (1 + e)/2; the normal velocity is scaled by `kept`. Bounce k lasts 2 u_k/g, u_k = e^k u, and
+ * reduces the speed by mu (1 + e) u_k at its end, the mean force gradually: the displacement is
+ * larger by half the product of both, in total by mu (u^2/g) (1 - e^2m)/(1 - e). */
 static void bounce_along(const msim_plane *q, const double b[3], const series *s, double v[3],
                          double dx[3]) {
   const double *n = q->normal, u = ms_dot3(n, v), g = ms_dot3(n, b);
@@ -152,10 +154,10 @@ static void bounce_along(const msim_plane *q, const double b[3], const series *s
   ms_axpy3(s->kept * fmax(0, u), n, v);
 }
 
-/* Bounces that are summed; number 0: none. */
+/* The bounces to be summed, if they come to rest in the time left or are short; number 0: none. */
 static series find_series(const msim_plane *q, const double v[3], const double a[3], double h,
                           double left) {
-  const double SHORT = 1. / 64; /* of the step: summed though they do not end in it */
+  const double SHORT = 1. / 64; /* duration of a short bounce over the step */
   const double u = ms_dot3(q->normal, v), g = -ms_dot3(q->normal, a);
   if (!(g > 0) || !(u > 0)) return (series){0};
   const series s = sum_bounces(q->restitution, u, g, left);
@@ -169,7 +171,7 @@ int ms_path_sums_bounces(const msim_plane *plane, const double v[3], const doubl
   return find_series(plane, v, a, h, h).number > 0 && u * u * reach <= g * jump;
 }
 
-/* After a bounce on one plane: those that follow, where they are short or end in the step. */
+/* After a bounce on one plane: sum the bounces that follow. */
 static void bounce_on(walk *k, const msim_plane *q) {
   ms_path *p = k->p;
   const series s = find_series(q, p->v, p->a, p->h, p->h - k->t);
@@ -184,13 +186,14 @@ static void bounce_on(walk *k, const msim_plane *q) {
   p->impacts += isinf(s.number) ? 1 : (int64_t)s.number;
 }
 
-/* The planes of `touched` that v does not leave are those it rests on. */
+/* The particle rests on, or slides along, the planes of `touched` that v does not leave. */
 static void settle(walk *k, const ms_touch *touched, double noise) {
   k->on = ms_touch_approached(touched, k->p->v, noise);
   ms_keep_along(&k->on, k->p->v, NULL);
 }
 
-/* A corner that cannot be left by bounces stops v and w: no restitution, all planes at once. */
+/* Impact on `hit` (nullable) and the other planes that x touches. After PATIENCE stalled impacts,
+ * as in a corner, v and w are projected without restitution. */
 static void meet(walk *k, const msim_plane *hit) {
   enum { PATIENCE = 8 };
   ms_path *p = k->p;
@@ -213,9 +216,9 @@ static void meet(walk *k, const msim_plane *hit) {
   }
 }
 
-/*------------------------------------- the whole ------------------------------------------------*/
+/*------------------------------------- the whole step -------------------------------------------*/
 
-/* What lies outside at the start is put on its planes, and bounces if it runs on. */
+/* A particle already behind planes is moved onto them, and bounces if it approaches them. */
 static void start(walk *k) {
   ms_path *p = k->p;
   const ms_touch touched = ms_touched(&p->walls, p->x);
@@ -241,7 +244,7 @@ void ms_path_follow(ms_path *p) {
   }
 }
 
-/* By the control points of the parabola, between which it lies. */
+/* The parabola lies within the convex hull of its control points (at s, s + u/2 and `end`). */
 int ms_path_is_near(const ms_path *p) {
   const double noise = ms_distance_noise(&p->walls, p->x);
   for (const msim_plane *q = p->walls.plane; q < p->walls.plane + p->walls.n; q++) {

@@ -1,11 +1,11 @@
-/* plain - forces in particle order, by the formula and without a layout */
+/* plain - reference implementation of the forces: particle by particle, without half-edges */
 #ifndef MS_PLAIN_H
 #define MS_PLAIN_H
 
 #include "scene/scene.h"
 
-/* f = F(x, v) on every particle, 0 on pinned ones: for a state that a sim in fewer components
- * cannot hold. Flat 3n. */
+/* f = F(x, v) of force.h on every particle, 0 on pinned ones. Serves states with 3 components in
+ * sims with 2. x, v, f: n x 3. */
 void ms_plain_force(const ms_scene *scene, const double *x, const double *v, double *f);
 
 #endif

@@ -26,15 +26,15 @@ static int reflect(const msim_plane *p, double depth, double x[3], double v[3]) 
   return 1;
 }
 
-/*------------------------------------- more planes than one -------------------------------------*/
+/*------------------------------------- several planes -------------------------------------------*/
 
-/* What rounding leaves of the distance of a point that was put on the plane, from another point as
- * far from the origin as `reach` */
+/* Rounding tolerance of the distance of a point that was moved onto the plane from a point at most
+ * `reach` from the origin */
 static double rounding_at(const msim_plane *p, const double x[3], double reach) {
   return 64 * DBL_EPSILON * (fabs(p->offset) + ms_norm3(x) + reach);
 }
 
-/* again: not the first pass, so that x may lie on planes but for rounding */
+/* Reflect at all planes once. again: x may lie on planes up to rounding, from an earlier call. */
 static int pass(const ms_scene *scene, int again, double x[3], double v[3]) {
   int reflected = 0;
   for (int32_t i = 0; i < scene->nplanes; i++) {
@@ -44,7 +44,7 @@ static int pass(const ms_scene *scene, int again, double x[3], double v[3]) {
   return reflected;
 }
 
-/* The plane that x is farthest behind, by more than rounding; NULL: none. */
+/* The plane that x is farthest behind, by more than the tolerance; NULL: none. */
 static const msim_plane *find_deepest(const ms_scene *scene, const double x[3], double reach) {
   const msim_plane *deepest = NULL;
   double most = 0;
@@ -56,8 +56,8 @@ static const msim_plane *find_deepest(const ms_scene *scene, const double x[3], 
   return deepest;
 }
 
-/* x becomes the point nearest to `from` in front of the planes of `on` and of one more. Those that
- * do not hold it there leave `on`. */
+/* Move x to the point nearest to `from` in front of p and the planes of `on`; then `on` are those
+ * of these planes that constrain it there. */
 static void add_plane(const msim_plane *p, const double from[3], ms_touch *on, double x[3]) {
   double offset[MS_MOST_TOUCHED], J[MS_MOST_TOUCHED] = {0}, unused;
   on->plane[on->n++] = p;
@@ -67,10 +67,10 @@ static void add_plane(const msim_plane *p, const double from[3], ms_touch *on, d
   *on = ms_touch_pushing(on, J, 0, &unused);
 }
 
-/* x becomes the nearest point behind no plane, and `on` the planes that hold it there, 3 at most:
- * the plane that x is farthest behind is added to them until there is none. x moves farther from
- * where it was each time, so that no set of planes comes twice. Ends, too, where the others leave
- * no room in front of that plane. */
+/* Move x to the nearest point in front of all planes; `on` are the planes that constrain it there,
+ * 3 at most. An active-set method: the plane that x is farthest behind is added to `on` until there
+ * is none. The distance from the initial x increases each time, so that no set recurs. Ends also if
+ * the other planes leave no point in front of that plane. */
 static void go_to_nearest(const ms_scene *scene, double x[3], ms_touch *on) {
   enum { MOST_SETS = 200 };
   const double from[3] = {x[0], x[1], x[2]};
@@ -82,11 +82,11 @@ static void go_to_nearest(const ms_scene *scene, double x[3], ms_touch *on) {
   }
 }
 
-/* Behind a plane after one pass: again. Each reflection takes x closer to all points behind no
- * plane; where they fill some space, and e = 1, the passes end (Motzkin and Schoenberg, Canad. J.
- * Math. 6 (1954) 393). Between parallel planes that is free flight: each reflection stands for a
- * bounce, at e < 1, too. Where passes do not end soon, as in a corner at e = 0, the particle takes
- * the nearest point, and the velocity of an impact there. */
+/* Repeated reflection. Each one takes x closer to all points in front of all planes; if these have
+ * a positive volume, and e = 1, the iteration ends (Motzkin and Schoenberg, Canad. J. Math. 6
+ * (1954) 393). Between parallel planes it is free flight: each reflection is a bounce, also at
+ * e < 1. If the iteration does not end soon, as in a corner at e = 0, the particle is moved to the
+ * nearest point, and its velocity changed by an impact there. */
 static void settle(const ms_scene *scene, double x[3], double v[3]) {
   enum { MOST_PASSES = 64 };
   ms_touch on;
@@ -97,7 +97,7 @@ static void settle(const ms_scene *scene, double x[3], double v[3]) {
 }
 
 msim_status ms_planes_check(const ms_scene *scene, msim_error *err) {
-  const double ROOM = 1e-9; /* planes may touch: what lies between them is as good as nothing */
+  const double ROOM = 1e-9; /* relative tolerance, for planes that coincide */
   const double *from = scene->x;
   double x[3] = {from[0], from[1], from[2]};
   ms_touch on;

@@ -6,7 +6,7 @@
 #include "physics/bounds.h"
 #include "physics/energy.h"
 
-/* Longest side of the box; *farthest: the largest coordinate. */
+/* Longest side of the bounding box; *farthest: the largest magnitude of a coordinate. */
 static double find_extent(int32_t n, const double *x, double *farthest) {
   double extent = 0;
   *farthest = 0;

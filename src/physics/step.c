@@ -4,7 +4,7 @@
 
 MS_TABLES(ms_pass_kernels);
 
-/* Groups to an item of work: some 5 us. */
+/* Slices in an item of work: some 5 us. */
 enum { CHUNK = 64 };
 
 typedef struct job {
@@ -26,7 +26,7 @@ static void do_chunk(void *data, int32_t item) {
     atomic_store_explicit(&j->suspect, 1, memory_order_relaxed);
 }
 
-/* The springs of long rows, into part_force. */
+/* part_force = spring forces on split rows */
 static void sum_parts(const ms_model *model, job *j) {
   const ms_halves *halves = &model->halves;
   const size_t stride = (size_t)model->rows.stride;

@@ -1,14 +1,15 @@
-/* step - forces and what a step makes of them, in one pass over memory */
+/* step - computes forces and updates x and v with them, fused into one sweep over memory */
 #ifndef MS_STEP_H
 #define MS_STEP_H
 
 #include "base/isa.h"
 #include "physics/model.h"
 
-/* One pass over the unknown rows. A result that is NULL is not made; pinned rows of results are
- * left alone. Rows read x and v of their neighbours: no result may lie there. */
+/* Inputs and results of one force sweep over the unknowns. A result that is NULL is not computed;
+ * pinned rows of results are not written. Rows read x and v of their neighbours: no result may
+ * alias these. */
 typedef struct ms_pass {
-  const double *x, *v; /* where forces are taken; v NULL: those that do not depend on it */
+  const double *x, *v; /* state of the forces; v NULL: without the terms in v */
   double *f;           /* F(x, v) */
   double *a;           /* F/m */
 
@@ -23,16 +24,16 @@ typedef struct ms_pass {
   double drift;
 } ms_pass;
 
-/* By all threads of the model's pool; each row by one of them, so no bit depends on their number.
- * Returns 1 if no number of v_to, and of x_to, or else x, is NaN or beyond MS_HUGE; 0: some may be.
- */
+/* Runs on all threads of the model's pool; bits do not depend on their number. Returns 1 if no
+ * number of v_to and x_to is NaN or beyond MS_HUGE, 0 if some may be. If x_to is NULL, it checks x
+ * with v_to. */
 int ms_pass_run(const ms_model *model, const ms_pass *pass);
 
-/* One set for each instruction set. */
+/* One table for each instruction set. */
 typedef struct ms_pass_kernels {
-  /* groups [begin, end), after the parts; returns as ms_pass_run does */
+  /* slices [begin, end), after the parts of split rows; returns as ms_pass_run does */
   int (*groups)(const ms_model *model, const ms_pass *pass, int32_t begin, int32_t end);
-  /* one part of a long row, to halves.part_sums */
+  /* one part of a split row, to halves.part_sums */
   void (*part)(const ms_model *model, const ms_pass *pass, int32_t part);
 } ms_pass_kernels;
 

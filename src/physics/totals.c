@@ -4,7 +4,7 @@
 
 MS_TABLES(ms_totals_kernels);
 
-/* Segments to an item of work. */
+/* Slice ranges in an item of work. */
 enum { CHUNK = 64 };
 
 typedef struct job {

@@ -1,36 +1,37 @@
-/* totals - energy, place and size of an island, in one pass over memory */
+/* totals - energy, mass moment and bounding box of an island, computed in one sweep over memory */
 #ifndef MS_TOTALS_H
 #define MS_TOTALS_H
 
 #include "base/isa.h"
 #include "physics/model.h"
 
-/* Of the unknowns and their springs; pinned particles move nothing. */
+/* Of the unknowns and their springs, without pinned particles. */
 typedef struct ms_totals {
   double kinetic, elastic; /* J */
   double moment[3];        /* sum of m x, kg m */
-  double low[3], high[3];  /* the box around the particles, m; 0 along an axis left out */
+  double low[3], high[3];  /* bounding box, m; 0 along an axis left out */
 } ms_totals;
 
-/* Where the pass puts the state, too: two vectors of the model, whose pinned rows stay. */
+/* Vectors to which the sweep copies the unknowns of the state; pinned rows are not written. */
 typedef struct ms_totals_copy {
   double *x, *v;
 } ms_totals_copy;
 
-/* Parts that the sums are made of: room for so many is needed. */
+/* The number of partial sums. */
 int32_t ms_totals_parts(const ms_model *model);
 
-/* Of the state x, v, by all threads of the model's pool; no bit depends on their number. */
+/* Totals of the state x, v, by all threads of the model's pool, bit for bit the same for any number
+ * of them. parts: scratch, ms_totals_parts. */
 ms_totals ms_totals_compute(const ms_model *model, const double *x, const double *v,
                             const ms_totals_copy *copy, ms_totals *parts);
 
-/* to += more, and the box around both */
+/* to += more; the box becomes that around both. */
 void ms_totals_add(const ms_totals *more, ms_totals *to);
 
-/* Of nothing: added to, it takes what is added. */
+/* Identity of ms_totals_add. */
 ms_totals ms_totals_none(void);
 
-/* One set for each instruction set: the segments [begin, end) of halves.h. */
+/* One table for each instruction set: totals of the slice ranges [begin, end). */
 typedef struct ms_totals_kernels {
   void (*segments)(const ms_model *model, const double *x, const double *v,
                    const ms_totals_copy *copy, int32_t begin, int32_t end, ms_totals *totals);

@@ -1,14 +1,14 @@
-/* Energy, moment and box of some rows, compiled once for each instruction set, with MS_ISA its
- * name. */
+/* Kernels for energy, mass moment and bounding box, compiled once for each instruction set MS_ISA.
+ */
 #include "physics/lanes.h"
 #include "physics/totals.h"
 
 typedef struct tally {
-  ms_lanes kinetic, elastic; /* twice */
+  ms_lanes kinetic, elastic; /* twice the energies */
   ms_vec moment, low, high;
 } tally;
 
-/* The rows of one register; padding has no inverse mass. */
+/* Add the rows of one register; padding has inverse mass 0. */
 MS_INLINE void add_rows(int dims, const ms_model *m, size_t row, const double *x, const double *v,
                         const ms_totals_copy *copy, tally *t) {
   const size_t stride = (size_t)m->rows.stride;
@@ -25,8 +25,8 @@ MS_INLINE void add_rows(int dims, const ms_model *m, size_t row, const double *x
   }
 }
 
-/* Lanes whose other end lies in a later row, as pinned ones do: these count, so that each spring
- * does once. */
+/* The lanes that contribute: those whose neighbour is a later row, as all pinned ones are, so that
+ * each spring counts once. */
 MS_INLINE ms_mask counted(const ms_halves *halves, int32_t slot, ms_place p, size_t lane) {
   const int32_t *j = halves->neighbour + MS_GROUP * (size_t)slot + lane;
   ms_mask other, own;
@@ -37,13 +37,13 @@ MS_INLINE ms_mask counted(const ms_halves *halves, int32_t slot, ms_place p, siz
   return other > own;
 }
 
-/* Consecutive rows that all lie before these: no lane counts. */
+/* All neighbours are earlier rows: no lane contributes. */
 MS_INLINE int is_behind(const ms_halves *halves, int32_t slot, ms_place p) {
   const int32_t start = halves->start[slot];
   return start >= 0 && !p.is_part && (size_t)start < p.row;
 }
 
-/* k (l - L)^2 of the springs of one register of rows */
+/* Sums of k (l - L)^2 over the springs of one register of rows */
 MS_INLINE ms_lanes stored(int dims, const ms_model *m, int32_t segment, ms_place p, size_t lane,
                           const double *x) {
   const size_t stride = (size_t)m->rows.stride;

@@ -30,7 +30,7 @@ int ms_turning_block(const ms_model *model, const ms_turning *t, int32_t i, int3
   return 1;
 }
 
-/* y_i -= sum over half springs of h^2 K (z_j - z_i) */
+/* y_i -= sum over half-edges of h^2 K (z_j - z_i) */
 static void apply_row(const ms_model *model, const ms_turning *t, int32_t i, const double *z,
                       double *y) {
   const int32_t dims = model->rows.dims;
@@ -51,7 +51,7 @@ typedef struct job {
   double *y;
 } job;
 
-/* Rows to an item of work: some 20 us. */
+/* Rows in an item of work: some 20 us. */
 enum { CHUNK = 64 };
 
 static void apply_chunk(void *data, int32_t item) {
