@@ -1,4 +1,4 @@
-/* adapter - a backend of the plugin ABI as the policy sees it */
+/* adapter - makes a backend of the plugin ABI (msim/backend.h) a linear solver of linear.h */
 #include <string.h>
 
 #include "linear/jacobi.h"
@@ -12,11 +12,12 @@ typedef struct adapter {
   ms_host host;
   ms_matrix matrix;
   msim_system view;
-  double *b, *y;    /* packed; NULL where vectors go as they are */
-  ms_jacobi jacobi; /* without inverses where there is a matrix */
+  double *b, *y;    /* in the order of the matrix; NULL with MSIM_FORMAT_NONE */
+  ms_jacobi jacobi; /* with MSIM_FORMAT_NONE; else empty */
 } adapter;
 
-/* A backend's status with its sentence. One that no backend may return is an error of its own. */
+/* Pass on the backend's status and message. A status that backends must not return becomes
+ * MSIM_ERR_BACKEND. */
 static msim_status say(adapter *self, msim_status status, msim_error *err) {
   switch (status) {
     case MSIM_OK:
@@ -34,7 +35,7 @@ static msim_status say(adapter *self, msim_status status, msim_error *err) {
   }
 }
 
-/* What a backend asks of us: rows past the unknowns are 0 in what it gets, as in what it gives. */
+/* msim_system.apply. Padding is zero on input and on output. */
 static void apply(const msim_system *view, const double *x, double *y) {
   const adapter *self = view->data;
   const ms_system *s = self->base.system;
@@ -51,14 +52,14 @@ static void precondition(const msim_system *view, const double *r, double *z) {
   ms_jacobi_apply(self->base.system->model, &self->jacobi, view->block, r, z);
 }
 
-/* Every row once? seen: n zeros. */
+/* 1 if order contains each of [0, n) exactly once. seen: n zeros. */
 static int is_permutation(int32_t n, const int32_t *order, uint8_t *seen) {
   for (int32_t k = 0; k < n; k++)
     if (order[k] < 0 || order[k] >= n || seen[order[k]]++) return 0;
   return 1;
 }
 
-/* The order in which the backend wants the rows; NULL: as they are. */
+/* The order of the block rows that the backend returns; NULL: that of the unknowns. */
 static msim_status ask_order(adapter *self, const ms_graph *graph, int32_t **order,
                              msim_error *err) {
   const msim_allocator *alloc = &self->base.system->model->scene->alloc;
@@ -79,7 +80,6 @@ static msim_status ask_order(adapter *self, const ms_graph *graph, int32_t **ord
   return status;
 }
 
-/* The matrix in the order that the backend asks for. */
 static msim_status build_matrix(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
@@ -141,7 +141,7 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   return say(self, status, err);
 }
 
-/* A backend without a matrix sees padding and pinned rows: they are 0, whatever it wrote there. */
+/* Backends of MSIM_FORMAT_NONE can write to padding and pinned particles: these become 0 again. */
 static void clear_padding(const ms_rows *rows, double *y) {
   const size_t n = (size_t)rows->nfree, stride = (size_t)rows->stride;
   for (size_t c = 0; c < (size_t)rows->dims; c++)

@@ -4,19 +4,19 @@
 
 /*------------------------------------- growth ---------------------------------------------------*/
 
-/* Clusters growing one after the other. */
+/* State of the growth of clusters, one after the other */
 typedef struct growth {
   const ms_neighbours *graph;
-  int32_t size;                      /* wanted */
-  int32_t *of;                       /* n: the cluster of each row; -1: none yet */
-  int32_t *seeds, next_seed, nseeds; /* rows met at borders, oldest first */
-  uint8_t *met;                      /* n: is among the seeds */
-  int32_t *candidate, ncandidates;   /* of the cluster at hand */
-  int32_t *distance, *links;         /* n: from its seed; to its members */
-  int32_t *mark;                     /* n: the cluster for which these hold */
+  int32_t size;                      /* of a complete cluster */
+  int32_t *of;                       /* n: the cluster of each unknown; -1: none yet */
+  int32_t *seeds, next_seed, nseeds; /* unknowns at borders, oldest first */
+  uint8_t *met;                      /* n: 1 if among the seeds */
+  int32_t *candidate, ncandidates;   /* unknowns adjacent to the present cluster */
+  int32_t *distance, *links;         /* n: from the seed; springs to members */
+  int32_t *mark;                     /* n: the cluster to which these refer */
 } growth;
 
-/* A hub has more neighbours than anybody wants to look at. */
+/* Bounds the cost at a hub, an unknown with very many springs. */
 enum { MOST_CANDIDATES = 1024 };
 
 static void meet(growth *g, int32_t cluster, int32_t row, int32_t distance) {
@@ -30,7 +30,8 @@ static void meet(growth *g, int32_t cluster, int32_t row, int32_t distance) {
   }
 }
 
-/* Nearest to the seed, then most linked: clusters get round. */
+/* Remove and return the candidate nearest to the seed, of several the one with most springs to the
+ * cluster, so that clusters are round. */
 static int32_t take_best(growth *g) {
   int32_t best = 0;
   for (int32_t c = 1; c < g->ncandidates; c++) {
@@ -55,7 +56,7 @@ static void grow(growth *g, int32_t cluster, int32_t seed) {
   }
 }
 
-/* Seeds lie beside what has grown already, so that few gaps remain. Returns how many clusters. */
+/* Seeds are adjacent to earlier clusters, so that few gaps remain. Returns how many clusters. */
 static int32_t grow_all(growth *g, int32_t n) {
   int32_t clusters = 0;
   for (int32_t r = 0; r < n; r++) {
@@ -67,10 +68,11 @@ static int32_t grow_all(growth *g, int32_t n) {
   return clusters;
 }
 
-/*------------------------------------- remains --------------------------------------------------*/
+/*------------------------------------- small clusters -------------------------------------------*/
 
-/* What grew in a gap joins a neighbour that has room for all of it, so that clusters stay
- * connected. Beside a hub none has: such rows stay alone if they are few. into: scratch */
+/* Merge each small cluster, grown in a gap, with an adjacent larger one, up to 2 size members, so
+ * that clusters stay connected. If there is none, as beside a hub, and the cluster has fewer
+ * members than modes, it is dissolved. into: scratch */
 static void settle(const growth *g, int32_t n, int32_t *members, int32_t *into) {
   for (int32_t k = 0; k < n; k++) into[k] = k;
   for (int32_t r = 0; r < n; r++) {
@@ -90,7 +92,7 @@ static void settle(const growth *g, int32_t n, int32_t *members, int32_t *into) 
   }
 }
 
-/* Clusters that are left, numbered anew in the order of their first rows; the rows of each. */
+/* Number the remaining clusters by their first unknowns, and list the unknowns of each. */
 static void list_rows(ms_aggregates *a, int32_t n, int32_t *number) {
   for (int32_t r = 0; r < n; r++) {
     if (a->of[r] < 0) continue;
@@ -106,7 +108,7 @@ static void list_rows(ms_aggregates *a, int32_t n, int32_t *number) {
     if (a->of[r] >= 0) a->row[next[a->of[r]]++] = r;
 }
 
-/*------------------------------------- all ------------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 static msim_status cluster(const ms_model *model, const ms_neighbours *graph, int32_t size,
                            ms_aggregates *a, msim_error *err) {

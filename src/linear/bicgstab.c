@@ -34,19 +34,19 @@ void ms_bicgstab_destroy(const ms_model *model, ms_bicgstab *s) {
   *s = (ms_bicgstab){0};
 }
 
-/* One solve. */
+/* State of one solve */
 typedef struct run {
   const ms_bicgstab *s;
   const ms_system *system;
   ms_shape shape;
-  ms_linear *by; /* solves the symmetric part, or has a preconditioner for it */
+  ms_linear *by; /* the preconditioner */
   double rho, alpha, omega;
   int64_t *iterations, limit;
 } run;
 
 static double dot(const run *q, const double *x, const double *y) { return ms_dot(q->shape, x, y); }
 
-/* z = P^-1 L v */
+/* z = B L v */
 static msim_status precondition(const run *q, const double *v) {
   ms_copy(q->shape, v, q->s->w);
   ms_jacobi_multiply(q->system->model, q->s->roots, q->s->w);
@@ -59,7 +59,7 @@ static msim_status precondition(const run *q, const double *v) {
   return q->by->ops->solve(q->by, &rough, q->s->w, q->s->z, &iterations, NULL);
 }
 
-/* to = L^-1 A P^-1 L v */
+/* to = L^-1 A B L v */
 static msim_status multiply(const run *q, const double *v, double *to) {
   const msim_status status = precondition(q, v);
   if (status) return status;
@@ -69,7 +69,7 @@ static msim_status multiply(const run *q, const double *v, double *to) {
   return MSIM_OK;
 }
 
-/* The step j of bi-conjugate gradients. MSIM_NOT_CONVERGED: it breaks down. */
+/* Step j of bi-conjugate gradients. MSIM_NOT_CONVERGED: breakdown. */
 static msim_status bicg_step(run *q, int j) {
   const ms_bicgstab *s = q->s;
   const double rho = dot(q, s->r[j], s->shadow), beta = q->alpha * rho / q->rho;
@@ -85,7 +85,7 @@ static msim_status bicg_step(run *q, int j) {
   return multiply(q, s->r[j], s->r[j + 1]);
 }
 
-/* r -= gamma1 r1 + gamma2 r2, the least, by modified Gram-Schmidt */
+/* r[0] -= gamma1 r[1] + gamma2 r[2], of minimal norm, by modified Gram-Schmidt */
 static msim_status minimise_residual(run *q) {
   const ms_bicgstab *s = q->s;
   const double first = dot(q, s->r[1], s->r[1]), tau = dot(q, s->r[2], s->r[1]) / first;
@@ -104,7 +104,8 @@ static msim_status minimise_residual(run *q) {
   return MSIM_OK;
 }
 
-/* From r[0] = L^-1 (b - A y) until its norm, by recurrence, is `goal`, or it breaks down. */
+/* Iterate from r[0] = L^-1 (b - A y) until the norm of the recursively updated r[0] is <= goal, or
+ * until a breakdown; then add the accumulated solution to y. */
 static msim_status iterate(run *q, double goal, double *y) {
   const ms_bicgstab *s = q->s;
   const size_t bytes = (size_t)q->shape.dims * (size_t)q->shape.stride * sizeof(double);
@@ -124,8 +125,8 @@ static msim_status iterate(run *q, double goal, double *y) {
   return status;
 }
 
-/* The recurrence drifts from the true residual, and may break down: it starts again from the truth
- * until that reaches the goal or gets no better. */
+/* The recursively updated residual drifts from the true one, and the recurrence may break down: the
+ * iteration restarts from the true residual until that reaches the goal or stagnates. */
 msim_status ms_bicgstab_solve(const ms_bicgstab *s, ms_linear *by, const ms_target *target,
                               const double *b, double *y, int64_t *iterations) {
   const ms_system *system = by->system;

@@ -8,15 +8,15 @@ MS_TABLES(ms_block_kernels);
 
 /*------------------------------------- order and pattern ----------------------------------------*/
 
-/* The rows not yet eliminated, each with its neighbours among them. */
+/* The rows not yet eliminated, each with its neighbours among them */
 typedef struct elimination {
   const msim_allocator *alloc;
   int32_t n;
-  int32_t **neighbours; /* n arrays */
-  int32_t *degree, *room;
-  int32_t leaves, *least; /* 2 leaves: a tree of winners, the row of least degree at its root, 1 */
-  int64_t *mark;          /* n: the last look at a row that found this one */
-  int64_t looks;
+  int32_t **neighbours;   /* n arrays */
+  int32_t *degree, *room; /* n: number of neighbours; capacity of the array */
+  int32_t leaves, *least; /* 2 leaves: tournament tree; its root, 1: the row of least degree */
+  int64_t *mark;          /* n: the number of the last call of connect() that met this row */
+  int64_t looks;          /* calls of connect() */
 } elimination;
 
 static void choose_least(elimination *e, int32_t node) {
@@ -30,7 +30,7 @@ static void set_degree(elimination *e, int32_t i, int32_t degree) {
   for (int32_t node = (e->leaves + i) / 2; node; node /= 2) choose_least(e, node);
 }
 
-/* The row of least degree, the first of them; it does not compete any more. */
+/* Remove from the tree, and return, the first row of least degree. */
 static int32_t take_least(elimination *e) {
   const int32_t i = e->least[1];
   e->least[e->leaves + i] = -1;
@@ -68,7 +68,7 @@ static void end(elimination *e) {
   ms_delete(e->alloc, e->least);
 }
 
-/* i loses k and meets the other neighbours of k. */
+/* Replace k in the neighbours of i by the other neighbours of k. */
 static msim_status connect(elimination *e, int32_t i, int32_t k) {
   msim_error err;
   const int64_t look = ++e->looks;
@@ -91,7 +91,7 @@ static msim_status connect(elimination *e, int32_t i, int32_t k) {
   return MSIM_OK;
 }
 
-/* Always the row of least degree. */
+/* Eliminate all rows, always that of least degree next. blocks: number of blocks of L */
 static msim_status eliminate(elimination *e, int32_t *position, int64_t *blocks) {
   *blocks = e->n;
   for (int32_t step = 0; step < e->n; step++) {
@@ -115,7 +115,7 @@ static void sort(int32_t *a, int32_t n) {
   }
 }
 
-/* What was left of a row when it was eliminated is its column of L. */
+/* The neighbours of a row at its elimination are the pattern of its column of L. */
 static void write_pattern(const elimination *e, ms_block_cholesky *chol) {
   for (int32_t i = 0; i < e->n; i++) chol->first[chol->position[i] + 1] = e->degree[i] + 1;
   for (int32_t k = 0; k < e->n; k++) chol->first[k + 1] += chol->first[k];
@@ -159,9 +159,9 @@ void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *c
   *chol = (ms_block_cholesky){0};
 }
 
-/*------------------------------------- numbers --------------------------------------------------*/
+/*------------------------------------- values ---------------------------------------------------*/
 
-/* The block in row r of column c, both in the order of elimination. */
+/* The index of the block in row r of column c, both by position; -1: not in the pattern. */
 static int32_t find(const ms_block_cholesky *chol, int32_t r, int32_t c) {
   int32_t low = chol->first[c], high = chol->first[c + 1] - 1;
   while (low < high) {
@@ -177,8 +177,8 @@ int32_t ms_block_cholesky_find(const ms_block_cholesky *chol, int32_t i, int32_t
   return p >= q ? find(chol, p, q) : find(chol, q, p);
 }
 
-/* Column k is final: subtract L_ik L_jk^T for all i >= j of its rows. The rows of k below j are
- * rows of j too: one walk along j finds them all. */
+/* Subtract L_ik L_jk^T from A_ij for all rows i >= j of column k. The rows of column k below j are
+ * also rows of column j, so that one scan of column j finds them all. */
 static void update(const ms_block_cholesky *chol, int32_t k) {
   const size_t block = (size_t)chol->block, area = block * block;
   const int32_t end = chol->first[k + 1];

@@ -1,4 +1,4 @@
-/* Compiled once for each instruction set, with MS_ISA its name. */
+/* This file is compiled once per instruction set, MS_ISA. */
 #include "linear/block_kernels.h"
 
 #include <math.h>
@@ -27,7 +27,7 @@ static int invert_factor(size_t n, double *a, double *inverse) {
   return 1;
 }
 
-/* out = a b^T for columns [j, j + 4), n a constant where inlined */
+/* out = columns [j, j + 4) of a b^T; n is a constant where this is inlined */
 MS_INLINE void product(size_t n, const double *a, const double *b, size_t j,
                        ms_quad out[4][MOST_QUADS]) {
   for (size_t c = 0; c < 4; c++)
@@ -70,7 +70,7 @@ static void times_transpose(size_t n, double *a, const double *b, float *rounded
 
 /*------------------------------------- solves ---------------------------------------------------*/
 
-/* x_row -= L x_k for every row of column k, where x_k is final */
+/* x_k = L_kk^-1 x_k, then x_row -= L_row,k x_k for the other rows of column k */
 MS_INLINE void forward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
   const int32_t begin = chol->first[k], end = chol->first[k + 1];
   double xk[MS_LARGEST_BLOCK];
@@ -90,14 +90,14 @@ MS_INLINE void forward(size_t n, const ms_block_cholesky *chol, int32_t k, doubl
   }
 }
 
-/* sums[c] = sum of column c of the block times y, lane by lane */
+/* sums[c] += column c of the block times y, lane by lane */
 MS_INLINE void add_transposed(size_t n, const float *l, const double *y, ms_quad *sums) {
   for (size_t c = 0; c < n; c++)
     for (size_t q = 0; q < n / 4; q++)
       sums[c] += ms_load_float_quad(l + c * n + 4 * q) * ms_load_quad(y + 4 * q);
 }
 
-/* x_k = L_kk^-T (x_k - sum of L^T x_row) */
+/* x_k = L_kk^-T (x_k - sum of L_row,k^T x_row) */
 MS_INLINE void backward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
   const size_t area = n * n;
   ms_quad sums[MS_LARGEST_BLOCK];

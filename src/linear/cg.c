@@ -20,7 +20,8 @@ void ms_cg_destroy(const ms_model *model, ms_cg *cg) {
     ms_delete(&model->scene->alloc, vectors[i]);
 }
 
-/* From the residual r of y, of that norm, until it is <= goal, by the recurrence of r. */
+/* Iterate from the residual r of y, whose norm is given, until that of the recursively updated r
+ * is <= goal. */
 static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
                            void *data, double norm, double goal, int64_t limit, double *y,
                            int64_t *iterations) {
@@ -46,8 +47,8 @@ static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditione
   return MSIM_OK;
 }
 
-/* The recurrence drifts from the true residual: where it claims success, start again from the
- * truth, until that holds too or gets no better. */
+/* The recursively updated residual drifts from the true one. At the goal the iteration restarts
+ * from the true residual, until that reaches the goal or is no longer halved. */
 msim_status ms_cg_solve(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
                         void *data, const ms_target *target, const double *b, double *y,
                         int64_t *iterations, double *residual) {

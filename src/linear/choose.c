@@ -6,7 +6,7 @@
 #include "linear/kept.h"
 #include "linear/predict.h"
 
-/* Below so many iterations nothing is opened to find out what a factor would cost. */
+/* Up to so many iterations cholmod is not opened to estimate the cost of its factor. */
 #define FEW_ITERATIONS 150.0
 
 static msim_status take_pcg(const ms_system *system, const msim_options *opt,
@@ -25,15 +25,15 @@ static msim_status take_pcg(const ms_system *system, const msim_options *opt,
   return MSIM_OK;
 }
 
-/* What a step by a factorisation costs, in flops of one. A matrix of scalars is factored once for
- * all steps, which only solve. */
+/* The cost of a step by a direct solver, in flops of a factorization. A scalar matrix is factored
+ * once for all steps. */
 static double price_of_step(const ms_linear *linear) {
   const ms_system *s = linear->system;
   return s->a.block == 1 ? MS_FLOPS_PER_FILL * linear->fill * s->model->rows.dims : linear->flops;
 }
 
-/* pcg, unless many iterations are ahead, cholmod is there, and its flops are fewer than those of
- * the iterations it spares; or where A need not be positive definite. */
+/* solver = auto: cholmod where A need not be positive definite (an error if it is not available),
+ * or where its factor costs fewer flops than the estimated iterations; else pcg. */
 static msim_status estimate(const ms_system *system, const msim_options *opt,
                             const ms_prediction *p, ms_choice *choice, msim_error *err) {
   const double iterations = p->aggregate ? p->two_level : p->one_level;

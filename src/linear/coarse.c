@@ -15,7 +15,7 @@ static int ascending(const void *a, const void *b) {
   return (p[1] > q[1]) - (p[1] < q[1]);
 }
 
-/* Pairs of aggregates that a spring links, from both ends, sorted, each once. */
+/* List the pairs of aggregates that springs connect, both ways, sorted, without duplicates. */
 static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*link)[2]) {
   const ms_springs *s = &model->springs;
   int32_t n = 0, kept = 0;
@@ -34,7 +34,7 @@ static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*li
   return kept;
 }
 
-/* A copy of the modes, and a list, where planes may hold rows. */
+/* Where there are planes, prepare constraints: copy the modes, and allocate `held`. */
 static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const size_t n = MS_MODES * (size_t)model->rows.first_pinned;
   if (!(model->passes & MSIM_SKIP_PLANES)) return MSIM_OK;
@@ -68,7 +68,8 @@ static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error 
   return status;
 }
 
-/* Of a spring's two halves one takes care of the block: the one whose row is eliminated later. */
+/* Of the two half-edges of a spring, that of the aggregate eliminated later contributes to the
+ * off-diagonal block. */
 static void find_blocks(const ms_model *model, ms_coarse *coarse) {
   const ms_halves *halves = &model->halves;
   const int32_t *of = coarse->aggregates.of, *position = coarse->chol.position;
@@ -116,11 +117,11 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   *coarse = (ms_coarse){0};
 }
 
-/*------------------------------------- numbers --------------------------------------------------*/
+/*------------------------------------- values ---------------------------------------------------*/
 
-enum { CHUNK = 8 }; /* aggregates to an item of work */
+enum { CHUNK = 8 }; /* aggregates per work item */
 
-/* Something to do for every aggregate, by all threads: none writes what another one writes. */
+/* One loop over all aggregates, by all threads; no two write to the same place. */
 typedef struct job {
   ms_coarse *coarse;
   const float *coefficients;
@@ -164,7 +165,7 @@ int ms_coarse_holds(const ms_coarse *coarse, const ms_hold *hold, int32_t n) {
   return 1;
 }
 
-/* Modes that move nothing but held rows need an inertia, whatever it is. */
+/* Modes of constrained unknowns alone need some inertia, or the coarse matrix would be singular. */
 static void add_held(ms_coarse *coarse, const double *inertia) {
   const size_t n = (size_t)coarse->chol.block, area = n * n;
   for (const int32_t *row = coarse->held; row < coarse->held + coarse->nheld; row++) {

@@ -1,9 +1,9 @@
-/* Compiled once for each instruction set, with MS_ISA its name. */
+/* This file is compiled once per instruction set, MS_ISA. */
 #include "linear/coarse_kernels.h"
 
 #include "base/simd.h"
 
-/* K = t I + w w^T of one half spring, as ms_coefficients keeps diagonal blocks */
+/* K = t I + w w^T of one half-edge, in the layout of ms_coefficients.diagonal */
 MS_INLINE void spring_block(size_t dims, const float *coefficients, int32_t at, int braced,
                             double K[6]) {
   const float *a = coefficients + 4 * MS_GROUP * (size_t)(at / MS_GROUP) + at % MS_GROUP;
@@ -15,7 +15,7 @@ MS_INLINE void spring_block(size_t dims, const float *coefficients, int32_t at, 
       K[ms_diagonal_entry(dims, c, d)] = w[c] * w[d] + (c == d ? t : 0);
 }
 
-/* block += left (x) right: rows (c, mode) left, columns (d, mode) right */
+/* block += left (x) right, with rows (c, mode) from left and columns (d, mode) from right */
 MS_INLINE void add_outer(size_t dims, double *block, ms_quad left, const ms_quad right[6]) {
   for (size_t d = 0; d < dims; d++)
     for (size_t mode = 0; mode < MS_MODES; mode++)
@@ -25,8 +25,9 @@ MS_INLINE void add_outer(size_t dims, double *block, ms_quad left, const ms_quad
       }
 }
 
-/* One row i of aggregate a: its own block gets w_i (x) (m_i w_i + sum K_ij (w_i - w_j)), where
- * w_j = 0 outside a, and the block to b gets -w_i (x) K_ij w_j, j in b. */
+/* Contributions of unknown i of aggregate a, with modes w_i: to the diagonal block
+ * w_i (x) (m_i w_i + sum K_ij (w_i - w_j)), where w_j = 0 outside a; to the block of a and b
+ * -w_i (x) K_ij w_j for j in b. */
 MS_INLINE void assemble_row(size_t dims, ms_coarse *coarse, const float *coefficients,
                             const double *inertia, int32_t row) {
   const ms_model *model = coarse->model;
@@ -64,7 +65,7 @@ static void assemble(ms_coarse *coarse, const float *coefficients, const double 
   }
 }
 
-/* The rows of an aggregate lie apart: ask for those that come soon. */
+/* The unknowns of an aggregate are scattered in memory: prefetch a later one. */
 MS_INLINE void fetch_ahead(size_t dims, const ms_aggregates *g, const double *r, size_t stride,
                            int32_t i) {
   enum { AHEAD = 16 };

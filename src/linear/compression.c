@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { CHUNK = 128 }; /* segments of half-edges to an item of work */
+enum { CHUNK = 128 }; /* slice ranges per work item */
 
 msim_status ms_compression_create(const ms_model *model, ms_compression *c, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
@@ -22,7 +22,7 @@ void ms_compression_destroy(ms_compression *c) {
 
 typedef struct job {
   ms_compression *c;
-  float *coefficients; /* of pcg.h: t of 8 half-edges, then w */
+  float *coefficients; /* of pcg.h: by entry, t of 8 half-edges, then w */
   const double *p;
   double threshold;
 } job;
@@ -58,9 +58,9 @@ void ms_compression_apply(ms_compression *c, float *coefficients) {
   run(apply_chunk, &(job){.c = c, .coefficients = coefficients});
 }
 
-/*------------------------------------- the springs that buckle ----------------------------------*/
+/*------------------------------------- springs that buckle --------------------------------------*/
 
-/* -t |p_i - p_j|^2, the part of a spring in -p.A p, of 8 half-edges */
+/* -t |p_i - p_j|^2, the contribution of t to -p.A p, for the 8 half-edges of an entry */
 static void find_parts(const job *j, int32_t segment, int32_t slot, double part[MS_GROUP]) {
   const ms_model *model = j->c->model;
   const ms_halves *halves = &model->halves;

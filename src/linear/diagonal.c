@@ -1,3 +1,4 @@
+/* diagonal - solves systems with a diagonal matrix: scenes without springs */
 #include "linear/linear.h"
 
 static msim_status solve(ms_linear *self, const ms_target *target, const double *b, double *y,

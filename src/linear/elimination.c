@@ -36,7 +36,7 @@ static void fill(const ms_elimination *e, size_t n) {
   }
 }
 
-/* The row at or below `top` with the largest entry of that column goes to the top. */
+/* Partial pivoting: the row at or below `top` with the largest entry of that column goes there. */
 static void pivot(double *a, size_t n, size_t top) {
   size_t best = top;
   for (size_t row = top + 1; row < n; row++)
@@ -48,7 +48,8 @@ static void pivot(double *a, size_t n, size_t top) {
   }
 }
 
-/* [A | b] to [U | y], U with ones on its diagonal, which are not stored; 0: A is singular. */
+/* [A | b] becomes [U | c], where U y = c, and U has ones on its diagonal, which are not stored.
+ * Returns 0 if A is singular. */
 static int eliminate(double *a, size_t n) {
   for (size_t k = 0; k < n; k++) {
     pivot(a, n, k);

@@ -1,14 +1,14 @@
-/* history - what solves to come owe to solves made
+/* history - serializes the state of a solver that affects later solves, for checkpoints:
  *
- *   who solves            pcg may have given way to cholmod, once and for all
- *   the kept factor       made of an earlier x, h; its age and what it has cost decide on its use
- *   the coarse factor     of pcg, likewise
- *   the constant matrix   its h: the factor may be one of scalars, for a whole run
- *   savings               of pcg, for a factor; cholmod, which was opened for it, or was no use
+ *   linear solver         auto may have replaced pcg by cholmod for good
+ *   lagged factor         its linearization point; its age and cost, which decide on its use
+ *   coarse factor         of pcg, likewise
+ *   constant matrix       its h, as a scalar matrix is factored once for a whole run
+ *   amortization          flops of pcg so far; whether cholmod was opened for a factor, or given up
  *
- * What was chosen by h and springs at its creation is the caller's to choose by the same. Guesses
- * are the caller's, too; all else is made anew in each solve. Factors are not kept but what they
- * were made from, which is hundreds of times less, and gives the same bits again. */
+ * All else is computed anew in each solve. The caller creates the solver for the same h and springs
+ * before its state is read. Instead of factors their linearization points are stored, which are
+ * hundreds of times smaller and reproduce the factors to the bit. */
 #include <math.h>
 #include <string.h>
 
@@ -25,7 +25,7 @@ int ms_solver_is_chosen(const ms_solver *s) {
   return is_auto(s) || strcmp(s->opt->solver, "pcg") == 0;
 }
 
-/* What is decided, in numbers. */
+/* Decisions that are stored as flags */
 typedef struct decisions {
   int32_t pcg, may_switch, aggregates;
   int32_t saves, has_cholmod; /* beside pcg */
@@ -44,7 +44,7 @@ static void pass_decisions(ms_bytes *b, decisions *d) {
   for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_BYTES_PASS(b, *flags[i]);
 }
 
-/* A solver just created decides as that one did. */
+/* Apply stored decisions to a solver just created. */
 static msim_status decide(ms_solver *s, const decisions *d, msim_error *err) {
   msim_status status = MSIM_OK;
   if (pcg_of(s) && !d->pcg && s->may_switch) status = ms_solver_switch(s, err);
@@ -60,7 +60,7 @@ static msim_status decide(ms_solver *s, const decisions *d, msim_error *err) {
   return status;
 }
 
-/* Rows that planes held, ascending */
+/* Constrained unknowns, ascending */
 static void pass_holds(ms_bytes *b, const ms_rows *rows, ms_origin *origin) {
   MS_BYTES_PASS(b, origin->nholds);
   ms_bytes_check(b, origin->nholds >= 0 && origin->nholds <= rows->nfree, "rows that are held");
@@ -86,14 +86,14 @@ static void pass_origin(ms_bytes *b, const ms_solver *s, ms_origin *origin) {
   ms_bytes_check(b, (origin->kind | 1) == 1, "the kind of a factor");
   if (s->system.a.block == 1) return;
   if (b->direction == MS_TAKE) ms_rows_gather(&model->rows, model->scene->x, origin->x);
-  ms_bytes_pass_rows(b, model->shape, origin->x); /* the pinned ones are where they are */
+  ms_bytes_pass_rows(b, model->shape, origin->x); /* pinned particles: from the scene */
   if (ms_solver_may_hold(s)) pass_holds(b, &model->rows, origin);
 }
 
 static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {
   int64_t *counts[] = {&kept->age, &kept->iterations, &kept->wait, &savings->steps};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
-  MS_BYTES_PASS(b, kept->rest); /* which steps that are made make less than 0 */
+  MS_BYTES_PASS(b, kept->rest); /* may be negative */
   ms_bytes_check(b, kept->rest > INT64_MIN / 2, "a count");
   MS_BYTES_PASS(b, kept->limit);
   MS_BYTES_PASS(b, kept->rtol);
@@ -102,14 +102,14 @@ static void pass_counts(ms_bytes *b, ms_kept *kept, ms_savings *savings) {
   ms_bytes_check(b, kept->by || kept->age == 0, "a kept factor");
 }
 
-/* Age of the coarse factor, if one is there to serve; -1: none. */
+/* The age of the coarse factor, if there is one that may be lagged; else -1 */
 static int32_t coarse_age(const ms_solver *s) {
   const ms_pcg *pcg = pcg_of(s);
   const int serves = pcg && pcg->base.aggregates && pcg->coarse_is_ready && pcg->may_keep;
   return serves ? pcg->coarse_age : -1;
 }
 
-/* All factors again. Making one makes its counts begin anew. */
+/* Recompute all factors. As that resets their counts, these are restored. */
 static msim_status make_factors(ms_solver *s, int32_t age, const ms_origin *constant,
                                 msim_error *err) {
   const ms_kept kept = s->kept;
@@ -141,7 +141,7 @@ msim_status ms_solver_history(ms_bytes *b, ms_solver *s, msim_error *err) {
                                pcg_of(s)->may_keep && d.aggregates),
                  "a coarse factor");
   if (ms_bytes_failed(b)) return MSIM_OK;
-  const int counts = b->direction == MS_COUNT; /* what may come to be */
+  const int counts = b->direction == MS_COUNT; /* count what may exist later, too */
   if (counts ? is_auto(s) || pcg_of(s) : age >= 0) pass_origin(b, s, &s->by_coarse);
   if (counts ? is_auto(s) : s->kept.age > 0) pass_origin(b, s, &s->by_kept);
   if (b->direction != MS_TAKE || ms_bytes_failed(b)) return MSIM_OK;

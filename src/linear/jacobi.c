@@ -28,8 +28,8 @@ static double choose_scale(const ms_model *model, const ms_coefficients *a) {
   return ldexp(1, 2 * (exponent / 2));
 }
 
-/* What makes a row's block positive definite: t = h^2 k s of compressed springs is < 0, and the
- * rest of their blocks is not. */
+/* A shift that makes an unknown's diagonal block positive definite: the sum of max(0, -t) over its
+ * springs. Each adds t I + g d d^T (force.h), g >= 0, but t = h^2 k s < 0 if it is compressed. */
 static double brace(const ms_model *model, const ms_coefficients *a, int32_t row) {
   const ms_span span = ms_halves_of(&model->halves, row);
   double sum = 0;
@@ -37,7 +37,7 @@ static double brace(const ms_model *model, const ms_coefficients *a, int32_t row
   return sum;
 }
 
-/* By cofactors; 0 unless positive definite, by Sylvester: all leading minors > 0. */
+/* By cofactors. Returns 0 unless positive definite, by Sylvester: all leading minors > 0. */
 static int invert3(const double *b, double *out) {
   const double xx = b[0], yy = b[1], zz = b[2], xy = b[3], xz = b[4], yz = b[5];
   const double cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
@@ -99,8 +99,8 @@ void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t com
 
 /*------------------------------------- the norm -------------------------------------------------*/
 
-/* B = L L^T, l by rows; 0 where a pivot is not above the rounding errors of its diagonal entry,
- * unless `floor` puts it there. */
+/* B = L L^T, l by rows. Returns 0 at a pivot within the rounding errors of its diagonal entry; with
+ * floor = 1 it is raised to that level instead. */
 static int take_root(size_t dims, const double *b, int floor, double l[6]) {
   for (size_t i = 0, row = 0; i < dims; row += ++i) {
     const double least = DBL_EPSILON * b[i];
@@ -126,7 +126,7 @@ static void divide_by_root(size_t dims, const double l[6], const double r[3], do
   }
 }
 
-/* Where compressed springs leave a block without a root it is braced, as in the preconditioner. */
+/* A block without a root, because of compressed springs, is shifted as in the preconditioner. */
 static void root_of_row(const ms_model *model, const ms_coefficients *a, int32_t row, double l[6]) {
   const size_t s = (size_t)model->rows.first_pinned, dims = (size_t)a->block;
   double block[6];
@@ -150,7 +150,7 @@ static double square_of_row(const ms_model *model, const ms_coefficients *a, con
   return sum;
 }
 
-/* r.B^-1 r of so many rows at once, by B = L D L^T. has_root: as of take_root */
+/* r.B^-1 r for one unknown per lane, by B = L D L^T. has_root: lanes where take_root succeeds */
 MS_INLINE ms_lanes squares_of_rows(size_t dims, const ms_lanes b[6], const ms_lanes r[3],
                                    ms_mask *has_root) {
   ms_lanes l[3][3], y[3], inverse[3], sum = {0};
@@ -172,7 +172,7 @@ MS_INLINE ms_lanes squares_of_rows(size_t dims, const ms_lanes b[6], const ms_la
   return sum;
 }
 
-/* Blocks of b[0] alone, the same for each of the components */
+/* The same for scalar blocks */
 MS_INLINE ms_lanes squares_of_scalars(size_t dims, ms_lanes b, const ms_lanes r[3],
                                       ms_mask *has_root) {
   ms_lanes sum = r[0] * r[0];
@@ -181,7 +181,7 @@ MS_INLINE ms_lanes squares_of_scalars(size_t dims, ms_lanes b, const ms_lanes r[
   return sum / b;
 }
 
-/* Of whole groups; their 8 running sums */
+/* Add r.D^-1 r of all whole slices of 8 unknowns to 8 running sums. */
 MS_INLINE void add_squares(size_t block, size_t dims, const ms_model *model,
                            const ms_coefficients *a, const double *r, double sums[MS_GROUP]) {
   const size_t s = (size_t)model->rows.first_pinned, t = (size_t)model->rows.stride;

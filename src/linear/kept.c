@@ -13,8 +13,8 @@ void ms_kept_destroy(const ms_system *system, ms_kept *kept) {
   *kept = (ms_kept){0};
 }
 
-/* A bound of A's condition with its diagonal scaled to 1, which is what a factorisation meets: A is
- * M + h b and something semidefinite, so twice the largest A_ii over m_i + h b. */
+/* A bound of the condition number of A scaled to a diagonal of 1, on which the accuracy of a factor
+ * depends: twice the largest A_ii/(m_i + h drag), for A - M - h drag positive semidefinite */
 static double condition(const ms_system *s) {
   const ms_rows *rows = &s->model->rows;
   double most = 1;
@@ -25,8 +25,8 @@ static double condition(const ms_system *s) {
   return 2 * most;
 }
 
-/* Solved in single precision, the factor is off by this times the condition: conjugate gradients
- * mend a little in an iteration or two. */
+/* In single precision the factor has errors of FLT_EPSILON/2 times the condition number: if LITTLE,
+ * conjugate gradients correct them in an iteration or two. */
 void ms_kept_renew(ms_kept *kept, const ms_system *system, double limit) {
   const double ROUGH = 1e-3, LITTLE = 0.1;
   kept->age = 1, kept->iterations = 0, kept->limit = limit;

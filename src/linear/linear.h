@@ -1,55 +1,55 @@
-/* linear - what the policy in solver.c sees of a linear solver, native or behind the plugin ABI */
+/* linear - the interface of linear solvers, built in or from plugins, to solver.c */
 #ifndef MS_LINEAR_H
 #define MS_LINEAR_H
 
 #include "linear/system.h"
 
-/* The system of one step. */
+/* The matrix A of one step. */
 typedef struct ms_system {
   const ms_model *model;
-  ms_coefficients a;
-  ms_turning turning; /* A is a and this */
+  ms_coefficients a;  /* A without the damping derivative: symmetric */
+  ms_turning turning; /* the damping derivative; turning.v NULL: none, and A is symmetric */
   int clamped;        /* a is that of the clamped matrix: positive definite, up to rounding */
 } ms_system;
 
-/* y = A x, as ms_coefficients_apply */
+/* y = A x, with the conventions of ms_coefficients_apply on padding */
 static inline void ms_system_apply(const ms_system *s, const double *x, double *y) {
   ms_coefficients_apply(s->model, &s->a, x, y);
   if (s->turning.v) ms_turning_apply(s->model, &s->turning, x, y);
 }
 
-/* What a solve has to reach, and what it cost. */
+/* Tolerance and limit of a solve: ||b - A y|| <= rtol size */
 typedef struct ms_target {
   double rtol;
-  double size; /* ||b|| (jacobi.h), for solvers that iterate by themselves */
+  double size; /* ||b|| (jacobi.h), for msim's own iterations */
   int32_t max_iterations;
 } ms_target;
 
-/* A step d with b.d > 0: A need not be positive definite. */
+/* Tolerance and limit of descend(), either of which ends it */
 typedef struct ms_descent {
-  double rtol;            /* of the residual, sqrt(r.P^-1 r), P the preconditioner: enough */
-  int32_t max_iterations; /* enough, too */
+  double rtol; /* of the residual sqrt(r.B r), B ~ A^-1 the preconditioner */
+  int32_t max_iterations;
 } ms_descent;
 
 typedef struct ms_linear ms_linear;
 
-/* Calls come in this order: create, (expand, factor+, solve+)+, destroy. */
+/* Order of calls: create, (expand, factor+, solve+)+, destroy. */
 typedef struct ms_linear_ops {
-  /* The coefficients are new: write the matrix. Nullable: there is none. */
+  /* Write the matrix of new coefficients. Nullable: matrix-free. */
   void (*expand)(ms_linear *self);
-  /* Make ready to solve. kind: MSIM_FACTOR_.... Nullable. */
+  /* Compute a factorization or a preconditioner. kind: MSIM_FACTOR_.... Nullable. */
   msim_status (*factor)(ms_linear *self, int32_t kind, msim_error *err);
-  /* A y = b; y: 0 in, solution out. */
+  /* A y = b; y: 0 on input, the solution on output. Adds to *iterations. */
   msim_status (*solve)(ms_linear *self, const ms_target *target, const double *b, double *y,
                        int64_t *iterations, msim_error *err);
-  /* Conjugate gradients from y = 0 as far as d says, after factor() for symmetric systems. Where A
-   * is not positive definite, parts of it are left out (compression.h), which the next calls take
-   * in again. Nullable: only solves. */
+  /* A descent direction y, b.y > 0, by conjugate gradients from y = 0, after factor() with
+   * MSIM_FACTOR_SYMMETRIC. Where A is not positive definite, the compression of springs is reduced
+   * in it (compression.h); later calls restore most of that. Nullable. */
   void (*descend)(ms_linear *self, const ms_descent *d, const double *b, double *y,
                   int64_t *iterations);
-  /* z = P r, P as in descend(). Nullable: there is no P but solve(). */
+  /* z = B r, B as in ms_descent. Nullable: only solve() preconditions. */
   void (*precondition)(ms_linear *self, const double *r, double *z);
-  /* Forget what earlier systems left. Nullable. */
+  /* Discard all factors of earlier systems. Nullable. */
   void (*restart)(ms_linear *self);
   void (*destroy)(ms_linear *self);
 } ms_linear_ops;
@@ -58,27 +58,27 @@ struct ms_linear {
   const ms_linear_ops *ops;
   const ms_system *system;
   const char *name;
-  int symmetric;   /* can solve systems that are not positive definite */
-  int unsymmetric; /* nor symmetric */
-  int factorises;  /* factor() factors a matrix */
-  int exact;       /* answers are right to rounding: nothing to check */
-  int met;         /* the last solve has seen its true residual reach the goal */
-  double residual; /* that residual, ||b - A y|| */
-  int64_t analyses;
-  int32_t aggregates;                          /* of a coarse space; 0: there is none */
-  double fill, flops;                          /* of one factorisation */
-  int64_t coarse_factors, kept_coarse_factors; /* since creation */
+  int symmetric;      /* solves symmetric systems that are not positive definite */
+  int unsymmetric;    /* solves non-symmetric systems */
+  int factorises;     /* factor() computes a factorization of A */
+  int exact;          /* solutions are exact to rounding: no check */
+  int met;            /* the last solve has verified that its true residual is within the target */
+  double residual;    /* that residual, ||b - A y|| */
+  int64_t analyses;   /* symbolic analyses made */
+  int32_t aggregates; /* of the coarse space; 0: no coarse space */
+  double fill, flops; /* of one factorization: numbers in the factor, operations */
+  int64_t coarse_factors, kept_coarse_factors; /* since creation: computed; reused */
 };
 
-/* A is diagonal where no spring pulls: y = b / (m + h b). */
+/* The solver for a diagonal A, where no spring couples unknowns: y_i = b_i / (m_i + h drag). */
 msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim_error *err);
 
-/* Conjugate gradients, matrix free, with block Jacobi and the coarse space of aggregates of so many
- * rows; 0: block Jacobi alone. */
+/* Matrix-free conjugate gradients with block Jacobi and a coarse space of aggregates of about
+ * `aggregate` unknowns; 0: block Jacobi alone. */
 msim_status ms_pcg_create(const ms_system *system, const msim_options *opt, int32_t aggregate,
                           ms_linear **linear, msim_error *err);
 
-/* A backend of the ABI, by name: opt's own, linked in, or from a plugin. */
+/* A backend of the plugin ABI by its name: one of opt->backends, linked in, or from a plugin. */
 msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,
                               ms_linear **linear, msim_error *err);
 

@@ -8,7 +8,7 @@ msim_status ms_neighbours_create(const ms_model *model, ms_neighbours *graph, ms
   const msim_allocator *alloc = &model->scene->alloc;
   const ms_springs *s = &model->springs;
   const int32_t n = model->rows.nfree;
-  /* one more: first[r + 1] is where row r is being filled */
+  /* n + 2: during filling first[r + 1] is the next free place of row r */
   *graph = (ms_neighbours){.first = ms_new(alloc, (size_t)n + 2, sizeof(int32_t)),
                            .row = ms_new(alloc, 2 * (size_t)s->n, sizeof(int32_t)),
                            .k = ms_new(alloc, 2 * (size_t)s->n, sizeof(double))};
@@ -35,10 +35,10 @@ void ms_neighbours_destroy(const ms_model *model, ms_neighbours *graph) {
   *graph = (ms_neighbours){0};
 }
 
-/*------------------------------------- one cluster ----------------------------------------------*/
+/*------------------------------------- one aggregate --------------------------------------------*/
 
-/* L of rows[0..n), dense, in units of its stiffest spring; returns the mean of its diagonal. local:
- * the place of each row. */
+/* l = the dense Laplacian of the aggregate rows[0..n), in units of its stiffest spring. Returns the
+ * mean of its diagonal. local: the index in `rows` of each unknown. */
 static double laplacian(const ms_neighbours *graph, const int32_t *rows, int32_t n,
                         const int32_t *local, const int32_t *of, double *l) {
   double largest = 0, sum = 0;
@@ -58,8 +58,8 @@ static double laplacian(const ms_neighbours *graph, const int32_t *rows, int32_t
   return sum / n;
 }
 
-/* L + shift I as its lower Cholesky factor. The shift is well above rounding, and well below the
- * smallest eigenvalue that is looked for. */
+/* Replace the Laplacian l by the lower Cholesky factor of l + shift I. The shift is well above
+ * rounding errors, and well below the smallest positive eigenvalue of interest. */
 static void factor_laplacian(int32_t n, double mean, double *l) {
   const double shift = mean > 0 ? 1e-4 * mean : 1;
   for (int32_t j = 0; j < n; j++) {
@@ -74,7 +74,7 @@ static void factor_laplacian(int32_t n, double mean, double *l) {
   }
 }
 
-/* v = (L L^T)^-1 v for MS_MODES vectors side by side */
+/* v = (l l^T)^-1 v for MS_MODES vectors side by side */
 static void solve_laplacian(const double *l, int32_t n, double (*v)[MS_MODES]) {
   for (int32_t i = 0; i < n; i++) {
     for (int32_t k = 0; k < i; k++)
@@ -88,7 +88,7 @@ static void solve_laplacian(const double *l, int32_t n, double (*v)[MS_MODES]) {
   }
 }
 
-/* Modified Gram-Schmidt. */
+/* Modified Gram-Schmidt */
 static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
   for (int m = 0; m < MS_MODES; m++) {
     for (int other = 0; other < m; other++) {
@@ -102,7 +102,7 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
   }
 }
 
-/* l: n n doubles, v: n, both scratch */
+/* v = the modes of one aggregate of n unknowns. l: n^2 doubles, scratch */
 static void modes_of(const ms_neighbours *graph, const ms_aggregates *a, int32_t cluster,
                      const int32_t *local, double *l, double (*v)[MS_MODES]) {
   enum { ITERATIONS = 6 };

@@ -2,14 +2,13 @@
 
 #include <string.h>
 
-/* The root of a row's tree; paths are halved on the way (union-find; Tarjan and van Leeuwen 1984).
- */
+/* The root of an unknown's tree, with path halving (union-find; Tarjan and van Leeuwen 1984) */
 static int32_t find_root(int32_t *parent, int32_t row) {
   while (parent[row] != row) row = parent[row] = parent[parent[row]];
   return row;
 }
 
-/* The least row of each component is its root. */
+/* The root of each component is its unknown of least index. */
 static void unite_rows(const ms_model *model, int32_t *parent) {
   const ms_springs *s = &model->springs;
   for (int32_t row = 0; row < model->rows.nfree; row++) parent[row] = row;
@@ -21,7 +20,8 @@ static void unite_rows(const ms_model *model, int32_t *parent) {
   }
 }
 
-/* From roots to numbers: -2: not numbered yet, -1: pinned. */
+/* Replace roots by component numbers. number: by root; -2: none yet, -1: connected to pinned
+ * particles */
 static void number_components(const ms_model *model, int32_t *number, ms_free_components *f) {
   const ms_springs *s = &model->springs;
   const int32_t nfree = model->rows.nfree;

@@ -1,9 +1,10 @@
-/* momentum - a correction that makes the answer of a solve conserve momentum
+/* momentum - corrects the solution y of a system A y = b such that it conserves momentum
  *
- * On a connected component of the springs without pinned particles the translation 1 has
- * 1.A = 1.(M + h b): springs cancel. So y += 1 c,  c = 1.(b - (M + h b) y)/1.(M + h b) 1, leaves a
- * residual without a sum, whatever the solver left. It is the Galerkin correction by that mode: the
- * energy norm of the error does not grow. */
+ * On a connected component of the springs without pinned particles the translation 1 satisfies
+ * 1.A = 1.W, W = M + h drag, because the forces of springs cancel. Therefore
+ *     y += 1 c,  c = 1.(b - W y)/(1.W 1)
+ * leaves a residual whose sum over the component is 0. This is the Galerkin correction by the mode
+ * 1, which does not increase the energy norm of the error. */
 #ifndef MS_MOMENTUM_H
 #define MS_MOMENTUM_H
 
@@ -11,15 +12,15 @@
 
 typedef struct ms_free_components {
   int32_t n;
-  int32_t *of;  /* nfree: the component of each unknown row; -1: it hangs on pinned particles */
-  double *sums; /* 4 for each component: of masses, then of residuals */
+  int32_t *of;  /* nfree: the component of each unknown; -1: it is connected to pinned particles */
+  double *sums; /* 4 per component: 1.W 1, then 1.(b - W y) */
 } ms_free_components;
 
 msim_status ms_free_components_create(const ms_model *model, ms_free_components *components,
                                       msim_error *err);
 void ms_free_components_destroy(const ms_model *model, ms_free_components *components);
 
-/* Components with rows that are held are left as they are. */
+/* Correct y. Components with constrained unknowns are left unchanged. */
 void ms_balance_momentum(const ms_model *model, const ms_coefficients *a,
                          const ms_free_components *components, const double *b, double *y);
 

@@ -1,5 +1,5 @@
-/* Conjugate gradients (Hestenes and Stiefel 1952) with block Jacobi plus a coarse space, additive:
- * M^-1 = D^-1 + P (P^T A P)^-1 P^T (two-level additive Schwarz; Dryja and Widlund 1987). */
+/* Conjugate gradients (Hestenes and Stiefel 1952), preconditioned by block Jacobi plus a coarse
+ * space: B = D^-1 + P (P^T A P)^-1 P^T (two-level additive Schwarz; Dryja and Widlund 1987). */
 #include "linear/pcg.h"
 
 #include <float.h>
@@ -10,15 +10,15 @@
 
 MS_TABLES(ms_pcg_kernels);
 
-/*------------------------------------- passes ---------------------------------------------------*/
+/*------------------------------------- sweeps ---------------------------------------------------*/
 
-enum { CHUNK = 128 }; /* groups to an item of work */
+enum { CHUNK = 128 }; /* slices per work item */
 
 static int32_t count_chunks(const ms_model *model) {
   return (model->halves.ngroups + CHUNK - 1) / CHUNK;
 }
 
-/* One pass over all groups, by all threads. */
+/* Arguments of one sweep over all slices by all threads */
 typedef struct job {
   ms_pcg *s;
   double alpha, beta;
@@ -54,7 +54,7 @@ static void advance_chunk(void *data, int32_t k) {
   j->s->kernels->advance(j->s, j->alpha, j->beta, CHUNK * k, end_of(j->s, k));
 }
 
-/* q = A p; returns p.q */
+/* q = A p. Returns p.q. */
 static double apply(ms_pcg *s) {
   const int32_t n = count_chunks(s->base.system->model);
   double sum;
@@ -66,7 +66,7 @@ static double apply(ms_pcg *s) {
          ms_coefficients_apply_holds(system->model, &system->a, 1 / s->jacobi.scale, s->p, s->q);
 }
 
-/* r -= alpha q,  z = D^-1 r; returns r.z */
+/* r -= alpha q,  z = D^-1 r. Returns r.z. */
 static double reduce(ms_pcg *s, double alpha) {
   const int32_t n = count_chunks(s->base.system->model);
   double sum = 0;
@@ -81,7 +81,7 @@ static void advance(ms_pcg *s, double alpha, double beta) {
 
 /*------------------------------------- setup ----------------------------------------------------*/
 
-/* ||P - Q|| / ||P||, Frobenius, n a multiple of 8 */
+/* ||p - q|| / ||p||, Frobenius norms, n a multiple of 8 */
 static double distance(const float *p, const float *q, size_t n) {
   double apart[MS_GROUP] = {0}, size[MS_GROUP] = {0};
   for (size_t i = 0; i < n; i += MS_GROUP)
@@ -93,9 +93,10 @@ static double distance(const float *p, const float *q, size_t n) {
   return sqrt(apart[0] / size[0]);
 }
 
-/* A coarse factor serves as long as the matrix hardly changes: in solids, not in moving cloth,
- * where an old one costs more iterations than a new one. Newton's matrices are good for few
- * iterations each: one factor serves several. None serves where other rows are held. */
+/* 1 if the coarse factor can be reused: the matrix, judged by D^-1, has hardly changed. That is so
+ * in solids, but not in moving cloth, where the iterations that a lagged factor adds cost more than
+ * a new one. Each matrix of Newton's method takes few iterations, so that there a factor serves at
+ * least SEVERAL matrices. Changed constraints require a new factor. */
 static int coarse_serves(ms_pcg *s, int32_t kind) {
   enum { SEVERAL = 8 };
   const double HARDLY = 0.05;
@@ -139,7 +140,7 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
 
 /*------------------------------------- iterations -----------------------------------------------*/
 
-/* From the residual of y in r until its norm <= goal, by the recurrence of r. */
+/* Iterate from the residual r of y until the norm of the recursively updated r is <= goal. */
 static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
   const ms_shape shape = s->base.system->model->shape;
   const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
@@ -162,8 +163,9 @@ static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *itera
   }
 }
 
-/* The recurrence drifts from the true residual, and its norm is by the inverse in single precision:
- * where it claims success, start again from the truth, until that holds too or gets no better. */
+/* The recursively updated residual drifts from the true one, and its norm uses D^-1 in single
+ * precision. At the goal the iteration restarts from the true residual, until that reaches the goal
+ * or is no longer halved. */
 static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
                          int64_t *iterations, msim_error *err) {
   (void)err;
@@ -190,8 +192,8 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   return status;
 }
 
-/* Conjugate gradients from y = 0 until sqrt(r.P^-1 r) is rtol times what it was. 0: the direction p
- * has negative curvature, and y is what came before, or, where there was nothing, p. */
+/* Conjugate gradients from y = 0 until sqrt(r.B r) is rtol times its initial value. Returns 0 at a
+ * direction p with p.A p <= 0: y is then the last iterate, or p if there is none. */
 static int descend_once(ms_pcg *s, const ms_descent *d, const double *b, double *y,
                         int64_t *iterations) {
   const ms_shape shape = s->base.system->model->shape;
@@ -214,8 +216,8 @@ static int descend_once(ms_pcg *s, const ms_descent *d, const double *b, double 
   return curvature > 0;
 }
 
-/* Where A is not positive definite: leave out more of the compression that makes it so, and again,
- * from 0, so that y leads downhill. */
+/* Where a direction shows that A is not positive definite, reduce the compression that causes it,
+ * and start again from 0, so that b.y > 0. */
 static void descend(ms_linear *base, const ms_descent *d, const double *b, double *y,
                     int64_t *iterations) {
   enum { MOST = 16 };
@@ -227,14 +229,14 @@ static void descend(ms_linear *base, const ms_descent *d, const double *b, doubl
     if (!ms_compression_reduce(&s->compression, s->p, s->coefficients)) break;
 }
 
-/* z = P r: a step of the iteration with alpha = beta = 0 */
+/* z = B r: one iteration with alpha = beta = 0 */
 static void precondition(ms_linear *base, const double *r, double *z) {
   ms_pcg *s = (ms_pcg *)base;
   const ms_shape shape = base->system->model->shape;
   const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
   memset(s->q, 0, bytes);
   memset(s->p, 0, bytes);
-  s->y = s->q; /* nothing is added to it */
+  s->y = s->q; /* y += 0 p */
   ms_copy(shape, r, s->r);
   ms_scale(shape, 1 / s->jacobi.scale, s->r);
   reduce(s, 0);
@@ -243,7 +245,7 @@ static void precondition(ms_linear *base, const double *r, double *z) {
   ms_copy(shape, s->p, z);
 }
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 static void destroy(ms_linear *base) {
   if (!base) return;
@@ -280,12 +282,13 @@ static msim_status allocate(ms_pcg *s, msim_error *err) {
   return status ? status : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
 }
 
-/* In solids the coarse factor grows faster than the mesh. Where it holds more than half as many
- * numbers as the matrix, aggregates of twice the size cost more iterations and less time: a cube of
- * 0.26 million particles takes 94, 117 and 165 of them at 96, 192 and 800 rows, and 5.4, 5.2 and
- * 2.9 s, after 11, 5.2 and 0.2 s for the factor. Tried in vain: a level between, of blocks of small
- * aggregates, saves a tenth of the iterations and makes each a quarter dearer; CHOLMOD's factor of
- * the coarse matrix is slower to make and to solve with, in cloth and, at such sizes, in solids. */
+/* In solids the coarse factor grows faster than the mesh. Where it has more than half as many
+ * numbers as the matrix, aggregates of twice the size cost more iterations but less time: a cube of
+ * 0.26 million particles takes 94, 117 and 165 iterations with 96, 192 and 800 unknowns per
+ * aggregate, in 5.4, 5.2 and 2.9 s, after 11, 5.2 and 0.2 s for the factor. Two alternatives were
+ * slower: an intermediate level, of blocks of small aggregates, saves a tenth of the iterations but
+ * makes each one a quarter more expensive; CHOLMOD takes longer to factor the coarse matrix and to
+ * solve with it, in cloth and, at such sizes, in solids. */
 static msim_status create_coarse(ms_pcg *s, int32_t aggregate, msim_error *err) {
   const double LITTLE = 1e6;
   const ms_model *model = s->base.system->model;

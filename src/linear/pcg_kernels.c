@@ -1,12 +1,14 @@
-/* Compiled once for each instruction set, with MS_ISA its name. Loops over components are unrolled:
- * `dims` is a constant where functions are inlined. */
+/* Kernels of pcg.h: the sweeps of conjugate gradients. This file is compiled once per instruction
+ * set, MS_ISA. Loops over components are unrolled: `dims` is a constant where functions are
+ * inlined. */
 #include <float.h>
 #include <string.h>
 
 #include "linear/pcg.h"
 #include "physics/lanes.h"
 
-/* 8 running sums, one a lane of a group, and their tree: one order on every instruction set. */
+/* 8 running sums, one per lane of a slice. total() adds them up as a tree, so that the order of
+ * summation is the same on every instruction set. */
 typedef struct lane_sums {
   double lane[MS_GROUP];
 } lane_sums;
@@ -22,7 +24,7 @@ static inline double total(const lane_sums *s) {
 
 /*------------------------------------- pack -----------------------------------------------------*/
 
-/* t, wx, wy, wz of 8 halves, slot by slot, w = sqrt(g) d; a matrix of scalars has w = 0 */
+/* t, wx, wy, wz of 8 half-edges, by entry, w = sqrt(g) d; dims = 0: a scalar matrix, w stays 0 */
 MS_INLINE void pack_segment(int dims, ms_pcg *s, int32_t segment) {
   const ms_coefficients *a = &s->base.system->a;
   const ms_model *model = s->base.system->model;
@@ -49,8 +51,8 @@ MS_INLINE void pack_segments(int dims, ms_pcg *s, int32_t begin, int32_t end) {
   for (int32_t segment = begin; segment < end; segment++) pack_segment(dims, s, segment);
 }
 
-/* An inverse block beyond the range of floats is made smaller as a whole, which keeps it positive
- * definite; its largest entry is on its diagonal. */
+/* Scale an inverse block that exceeds the range of floats, whereby it stays positive definite. The
+ * largest entry of such a block is on its diagonal. */
 static void shrink(ms_pcg *s, size_t block, size_t row) {
   const size_t stride = (size_t)s->base.system->model->rows.first_pinned;
   const double *from = s->jacobi.inverse + row;
@@ -75,14 +77,14 @@ static void pack_rows(ms_pcg *s, size_t begin, size_t end) {
       beyond |= s->jacobi.inverse[q * stride + r] > FLT_MAX;
     }
   for (size_t r = begin; r < end && beyond; r++) shrink(s, block, r);
-  for (size_t c = 1; c < dims && block == 1; c++) /* a scalar stands for a block */
+  for (size_t c = 1; c < dims && block == 1; c++) /* repeat scalars along the diagonal of a block */
     memcpy(s->inverse + c * stride + begin, s->inverse + begin, (end - begin) * sizeof(float));
 }
 
 static void pack(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_model *model = s->base.system->model;
   const ms_halves *halves = &model->halves;
-  /* the parts of long rows with the last groups */
+  /* split rows together with the last slices */
   const int32_t last = end < halves->ngroups ? end : halves->ngroups + halves->nparts;
   if (s->jacobi.block == 1) pack_segments(0, s, begin, last);
   else if (model->rows.dims == 3) pack_segments(3, s, begin, last);
@@ -92,7 +94,8 @@ static void pack(ms_pcg *s, int32_t begin, int32_t end) {
 
 /*------------------------------------- apply ----------------------------------------------------*/
 
-/* q += sum over the halves of a segment in one register of lanes, at their own p */
+/* q += sum of (t I + w w^T) (p_i - p_j) over the half-edges of a slice range, for one register of
+ * lanes; p: of these unknowns */
 MS_INLINE void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
                            const ms_lanes p[3], ms_lanes q[3]) {
   const ms_halves *halves = &s->base.system->model->halves;
@@ -134,7 +137,7 @@ MS_INLINE void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end
   *sum = total(&pq);
 }
 
-/* The parts of long rows, added to q; one after the other. */
+/* Add the sums of split rows to q, one part after the other. */
 MS_INLINE void apply_parts_of(size_t dims, const ms_pcg *s, double *sum) {
   const ms_halves *halves = &s->base.system->model->halves;
   const size_t stride = (size_t)s->base.system->model->rows.stride;
@@ -200,7 +203,7 @@ static void reduce(const ms_pcg *s, double alpha, int32_t begin, int32_t end, do
 
 /*------------------------------------- advance --------------------------------------------------*/
 
-/* P c in the 8 rows of a group */
+/* P c at the 8 unknowns of a slice */
 MS_INLINE void prolong(size_t dims, const ms_coarse *coarse, size_t row, double out[3][MS_GROUP]) {
   const ms_aggregates *g = &coarse->aggregates;
   for (size_t l = 0; l < MS_GROUP; l += 4) {

@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* The worst ratio of stiffness to mass in one spring, times the mean number of springs. */
+/* The bound of kappa(A), estimated by the largest ratio of stiffness to mass in a spring and the
+ * mean number of springs per unknown */
 static double condition(const ms_model *model, double h) {
   const ms_springs *s = &model->springs;
   double worst = 0;
@@ -16,8 +17,8 @@ static double condition(const ms_model *model, double h) {
   return 1 + 4.0 * s->n / fmax(1, model->rows.nfree) * worst;
 }
 
-/* The denser coarse matrix of small aggregates has to pay for itself: its factor grows faster than
- * the number of rows, and many iterations share it. */
+/* Small aggregates save iterations, but the cost of the coarse factor grows faster than the number
+ * of unknowns. With MANY iterations per factor they are smaller. */
 static int32_t aggregate_size(int32_t rows, double iterations) {
   const double MANY = 75;
   const int32_t size = rows < 12000 ? 64 : rows < 60000 ? 128 : rows < 500000 ? 192 : 256;
@@ -25,7 +26,7 @@ static int32_t aggregate_size(int32_t rows, double iterations) {
 }
 
 ms_prediction ms_predict(const ms_model *model, double h, double rtol) {
-  /* of an iteration with a coarse part, and of making it, in iterations without one */
+  /* the costs of an iteration with a coarse space and of its setup, in iterations without one */
   const double PRICE = 2, SETUP = 15;
   const double kappa = condition(model, h), digits = log(2 / rtol);
   ms_prediction p = {.kappa = kappa,

@@ -27,7 +27,7 @@ static int is_built_in(const char *name) {
   return strcmp(name, "auto") == 0 || strcmp(name, "pcg") == 0;
 }
 
-/*------------------------------------- where tables come from -----------------------------------*/
+/*------------------------------------- sources of tables ----------------------------------------*/
 
 static const msim_backend *own(const char *name, const msim_backend *const *backends) {
   for (; backends && *backends; backends++)
@@ -35,7 +35,7 @@ static const msim_backend *own(const char *name, const msim_backend *const *back
   return NULL;
 }
 
-/* Static builds name the backends that are linked in: X(cholmod) X(klu) ... */
+/* Static builds define MSIM_LINKED_BACKENDS as the list of their backends: X(cholmod) X(klu) ... */
 #define X(name) const msim_backend *msim_backend_##name(void);
 MSIM_LINKED_BACKENDS
 #undef X
@@ -69,7 +69,7 @@ static msim_status load(const char *name, const char *plugin_path, const msim_ba
   return ms_fail(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
 }
 
-/*------------------------------------- what a table must have -----------------------------------*/
+/*------------------------------------- validity of a table --------------------------------------*/
 
 static msim_status check_table(const char *name, const char *file, const msim_backend *table,
                                msim_error *err) {

@@ -10,7 +10,7 @@
 #include "linear/residual.h"
 #include "physics/culprit.h"
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 static int may_keep(const ms_solver *s) {
   return strcmp(s->opt->solver, "auto") == 0 && s->system.a.block > 1 &&
@@ -56,7 +56,6 @@ static msim_status take(ms_solver *s, const ms_choice *choice, msim_error *err) 
   return keep_by(s, s->linear, err);
 }
 
-/* No kept factor, nor anybody beside s->linear who makes one. */
 void ms_solver_drop_kept(ms_solver *s) {
   if (s->savings.cholmod) s->savings.cholmod->ops->destroy(s->savings.cholmod);
   ms_kept_destroy(&s->system, &s->kept);
@@ -82,7 +81,7 @@ static msim_status set_up(ms_solver *s, double h, msim_error *err) {
   return take(s, &choice, err);
 }
 
-/* Where the solver is msim's own to choose, another for the matrix with all its parts beside it. */
+/* With solver = auto or pcg: solvers for the damping derivative, unless that selected takes it. */
 static msim_status set_up_unsymmetric(ms_solver *s, msim_error *err) {
   const ms_model *model = s->system.model;
   if (!ms_solver_is_chosen(s) || s->linear->exact || s->linear->unsymmetric) return MSIM_OK;
@@ -136,7 +135,7 @@ void ms_solver_renew(ms_solver *s) {
 
 /*------------------------------------- one solve ------------------------------------------------*/
 
-/* The row on which a spring's NaN or Inf ended up, in the diagonal block; -1: none. */
+/* The first unknown whose diagonal block is not finite; -1: none. */
 static int32_t bad_coefficients(const ms_system *s) {
   const ms_rows *rows = &s->model->rows;
   const ms_shape shape = {.n = rows->nfree, .stride = rows->first_pinned, .dims = s->a.block};
@@ -164,7 +163,7 @@ static void expand(ms_solver *s, ms_linear *linear) {
   s->stats->assemble_s += ms_clock() - start;
 }
 
-/* The factor just made is one of the matrix at hand. */
+/* Record the linearization point of the present matrix. */
 static void remember(const ms_solver *s, int32_t kind, ms_origin *origin) {
   const ms_rows *rows = &s->system.model->rows;
   const ms_coefficients *a = &s->system.a;
@@ -198,7 +197,7 @@ msim_status ms_solver_make(ms_solver *s, ms_linear *by, const ms_origin *origin,
   return factor(s, by, origin->kind, err);
 }
 
-/* The right-hand side for the matrix at hand in place of *b, and its norm. */
+/* Set *b to the right-hand side for the present matrix, and target.size to its norm. */
 static msim_status form_right_hand_side(ms_solver *s, const ms_request *r, const double **b) {
   if (r->base) {
     ms_change_right_hand_side(&s->system, *b, r->base, s->b);
@@ -210,7 +209,7 @@ static msim_status form_right_hand_side(ms_solver *s, const ms_request *r, const
   return MSIM_OK;
 }
 
-/* left: ||b - A v||; NAN: not known yet */
+/* 1 if v is accurate enough, or accurate to rounding. left: ||b - A v||; NAN: to be computed. */
 static int is_good(ms_solver *s, const double *b, const double *v, double left) {
   const ms_system *system = &s->system;
   const double size = s->target.size;
@@ -220,7 +219,8 @@ static int is_good(ms_solver *s, const double *b, const double *v, double left) 
          left <= ms_rounding_level(system, b, v, s->magnitude, s->correction);
 }
 
-/* Single precision is for preconditioners: a new factor is asked for more. */
+/* With rtol >= 1e-4 a backend may solve in single precision (backend.h), which is for
+ * preconditioners only. */
 static ms_target target_of(const ms_solver *s) {
   const double FINE = 1e-5;
   ms_target target = s->target;
@@ -233,7 +233,7 @@ static void clear(const ms_solver *s, double *v) {
   memset(v, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *v);
 }
 
-/* Accept v, or refine it with the factor at hand. */
+/* Accept v, or refine it iteratively with the present factor. */
 static msim_status check(ms_solver *s, const double *b, double *v, msim_error *err) {
   enum { REFINEMENTS = 3 };
   const ms_shape shape = s->system.model->shape;
@@ -266,7 +266,7 @@ static msim_status solve(ms_solver *s, const double *b, double *v, msim_error *e
   clear(s, v);
   const ms_target target = target_of(s);
   msim_status status = s->linear->ops->solve(s->linear, &target, b, v, &s->stats->iterations, err);
-  /* an iteration that ran out may still stand at rounding level */
+  /* after max_iterations the residual may still be at rounding level */
   if ((status == MSIM_OK && !s->linear->exact) || status == MSIM_NOT_CONVERGED)
     status = check(s, b, v, err);
   s->stats->solve_s += ms_clock() - start;
@@ -282,7 +282,7 @@ static msim_status factor_and_solve(ms_solver *s, int32_t kind, const double *b,
   return status;
 }
 
-/*------------------------------------- a kept factor --------------------------------------------*/
+/*------------------------------------- lagged factors -------------------------------------------*/
 
 static msim_status try_kept(ms_solver *s, const double *b, double *v) {
   if (!ms_kept_is_ready(&s->kept)) return MSIM_NOT_CONVERGED;
@@ -293,14 +293,14 @@ static msim_status try_kept(ms_solver *s, const double *b, double *v) {
   msim_status status = ms_kept_solve(&s->kept, &s->system, &s->target, b, v, &iterations, &left);
   if (!status && !is_good(s, b, v, left)) status = MSIM_NOT_CONVERGED;
   ms_kept_judge(&s->kept, !status, iterations);
-  if (status && s->kept.by != s->linear) s->kept.age = 0; /* it has to be saved for again */
+  if (status && s->kept.by != s->linear) s->kept.age = 0; /* pcg has to amortize a new one */
   s->stats->kept_factors += !status;
   s->stats->iterations += iterations;
   s->stats->solve_s += ms_clock() - start;
   return status;
 }
 
-/* Iterations by cholmod's factor that cost as much as a step of pcg. */
+/* The mean cost of a solve by pcg, in iterations preconditioned by cholmod's factor. */
 static double worth(const ms_savings *savings) {
   return savings->flops / (double)savings->steps / (MS_FLOPS_PER_FILL * savings->cholmod->fill);
 }
@@ -313,8 +313,8 @@ msim_status ms_solver_add_cholmod(ms_solver *s, msim_error *err) {
   return keep_by(s, *cholmod, err);
 }
 
-/* cholmod beside pcg, to buy factors from. Where it is not there, or its factor takes too much
- * memory or time to be read, there is nothing to save for. */
+/* Open cholmod beside pcg. Returns 0, and drops it for good, if it is not available, or its factor
+ * is too large to store, or to apply FEW times for the cost of a solve by pcg. */
 static int open_cholmod(ms_solver *s) {
   const double LARGEST_FILL = 1 << 26, FEW = 2; /* 0.8 GB, with a copy in single precision */
   ms_savings *savings = &s->savings;
@@ -327,7 +327,8 @@ static int open_cholmod(ms_solver *s) {
   return 0;
 }
 
-/* pcg has solved a step; changed: by a matrix unlike the last ones. */
+/* Count the flops of a solve by pcg, and let cholmod compute a factor once they reach its cost.
+ * changed: 1 if the matrix has changed, so that the count starts again. */
 static void save(ms_solver *s, int64_t iterations, int changed) {
   enum { ENOUGH_TO_LOOK = 8 };
   ms_savings *savings = &s->savings;
@@ -341,7 +342,7 @@ static void save(ms_solver *s, int64_t iterations, int changed) {
   savings->flops = 0, savings->steps = 0;
 }
 
-/*------------------------------------- what else may happen -------------------------------------*/
+/*------------------------------------- one system -----------------------------------------------*/
 
 static msim_status not_positive_definite(ms_solver *s, const ms_request *r, const double *b,
                                          double *v, msim_error *err) {
@@ -365,7 +366,6 @@ static msim_status not_positive_definite(ms_solver *s, const ms_request *r, cons
   }
 }
 
-/* pcg did not converge: `auto` takes cholmod from here on. */
 msim_status ms_solver_switch(ms_solver *s, msim_error *err) {
   ms_choice choice = {.reason = "auto: pcg did not converge"};
   s->may_switch = 0;
@@ -378,7 +378,7 @@ msim_status ms_solver_switch(ms_solver *s, msim_error *err) {
   return take(s, &choice, err);
 }
 
-/* A does not depend on x: one factor for all steps of this h. */
+/* A does not depend on x: one factor serves all systems of this h. */
 static msim_status solve_constant(ms_solver *s, const ms_request *r, const double *b, double *v,
                                   msim_error *err) {
   if (s->made_for != r->h) {
@@ -391,7 +391,7 @@ static msim_status solve_constant(ms_solver *s, const ms_request *r, const doubl
   return status ? status : solve(s, b, v, err);
 }
 
-/* The symmetric part, made ready to precondition: as it is, positive definite or not. */
+/* Prepare A without the damping derivative as a preconditioner, positive definite or not. */
 static msim_status factor_symmetric_part(ms_solver *s, msim_error *err) {
   const ms_turning all = s->system.turning;
   const int may_be_definite = s->linear->factorises;
@@ -404,7 +404,7 @@ static msim_status factor_symmetric_part(ms_solver *s, msim_error *err) {
   return status;
 }
 
-/* With what dampers add as they turn: by a solver made for it, by elimination, or by BiCGStab. */
+/* A with the damping derivative: by a linear solver for such matrices, elimination, or BiCGStab. */
 static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, double *v,
                                      msim_error *err) {
   if (s->linear->unsymmetric) return factor_and_solve(s, MSIM_FACTOR_UNSYMMETRIC, b, v, err);
@@ -464,7 +464,7 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const 
   return solver->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 
-/*------------------------------------- a step downhill ------------------------------------------*/
+/*------------------------------------- descent directions ---------------------------------------*/
 
 int ms_solver_takes_turning(const ms_solver *s) {
   return (s->linear->unsymmetric || s->bicgstab.roots) && s->system.a.block > 1 &&

@@ -12,7 +12,8 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* Springs between two unknowns, from both ends, then each row sorted and its doubles dropped. */
+/* List each spring between two unknowns at both ends, then sort each row of the graph and remove
+ * duplicates. */
 static void fill_graph(const ms_model *model, ms_graph *g, int32_t *next) {
   const ms_springs *s = &model->springs;
   memcpy(next, g->ptr, (size_t)g->n * sizeof *next);
@@ -63,8 +64,8 @@ void ms_graph_destroy(const ms_model *model, ms_graph *graph) {
 
 /*------------------------------------- pattern --------------------------------------------------*/
 
-/* Block columns of one block row, in the new order: the diagonal, and neighbours that the format
- * keeps. */
+/* List the block columns of block row k, in the order of the matrix: the diagonal, and neighbours
+ * that the format stores. */
 static int32_t block_row(const ms_graph *g, const int32_t *order, const int32_t *position,
                          int32_t format, int32_t k, int32_t *columns) {
   int32_t count = 0, row = order[k];
@@ -91,7 +92,7 @@ static void scalar_pattern(ms_matrix *m) {
   m->rowptr[size * m->n] = size * size * m->graphptr[m->n];
 }
 
-/* Offset in val of the block at (row, column), which is there. */
+/* Offset in val of the block at (row, column), which must be in the pattern. */
 static int32_t find_slot(const ms_matrix *m, int32_t row, int32_t column) {
   int32_t low = m->graphptr[row], high = m->graphptr[row + 1] - 1;
   while (low < high) {
@@ -102,7 +103,7 @@ static int32_t find_slot(const ms_matrix *m, int32_t row, int32_t column) {
   return m->block * (m->block * m->graphptr[row] + low - m->graphptr[row]);
 }
 
-/* Is the block of this half stored? UPPER has those of the end that comes first. */
+/* 1 if the block of this half-edge is stored. UPPER stores that of the end that comes first. */
 static int is_stored(const ms_model *model, const int32_t *position, const ms_matrix *m, int32_t r,
                      int32_t at) {
   const int32_t j = model->halves.neighbour[at];
@@ -110,7 +111,7 @@ static int is_stored(const ms_model *model, const int32_t *position, const ms_ma
          (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
 }
 
-/* Where the diagonal block of each row lies, and of each of its halves. */
+/* Offsets in val of the diagonal block of each unknown, and of the blocks of its half-edges */
 static void find_slots(const ms_model *model, const int32_t *position, ms_matrix *m) {
   for (int32_t r = 0; r < m->n; r++) {
     m->diagonal_slot[r] = find_slot(m, position[r], position[r]);
@@ -137,7 +138,7 @@ static msim_status count_blocks(const ms_graph *g, const ms_matrix *m, int64_t *
 static int allocate_matrix(const ms_model *model, size_t blocks, ms_matrix *m) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)m->n, size = (size_t)m->block;
-  const size_t halves = m->format == MSIM_FORMAT_FULL ? 2 : 1; /* of a spring */
+  const size_t halves = m->format == MSIM_FORMAT_FULL ? 2 : 1; /* half-edges per spring */
   m->order = ms_new(alloc, n, sizeof(int32_t));
   m->graphptr = ms_new(alloc, n + 1, sizeof(int32_t));
   m->graphind = ms_new(alloc, blocks, sizeof(int32_t));
@@ -178,7 +179,7 @@ msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const
 }
 
 void ms_matrix_destroy(const ms_model *model, ms_matrix *m) {
-  if (!model->scene) return; /* a sim that was refused before it had a model */
+  if (!model->scene) return; /* the creation of the sim failed before that of the model */
   void *arrays[] = {m->order, m->graphptr,      m->graphind, m->rowptr, m->colind,
                     m->val,   m->diagonal_slot, m->row_step, m->first,  m->entry};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
@@ -197,7 +198,7 @@ MS_INLINE void write_diagonal(const ms_model *model, const ms_coefficients *a, i
       row[c] = a->diagonal[ms_diagonal_entry(dims, b, c) * stride + (size_t)r];
 }
 
-/* block = -(t I + g d d^T), less what is there already where several springs share it */
+/* block = -(t I + g d d^T); shared: subtracted from the block, which several springs share */
 MS_INLINE void write_block(double *at, int32_t step, double t, double g, const double d[3],
                            int shared, int32_t size) {
   for (int r = 0; r < size; r++, at += step) {
@@ -206,7 +207,7 @@ MS_INLINE void write_block(double *at, int32_t step, double t, double g, const d
   }
 }
 
-/* The order of the matrix leads far from row to row: ask for what will be written soon. */
+/* Consecutive unknowns may lie far apart in val: prefetch the block row of a later one. */
 static void fetch_ahead(const ms_matrix *m, int32_t r) {
   enum { AHEAD = 16, LINE = 8 };
   if (r + AHEAD >= m->n) return;
@@ -215,8 +216,8 @@ static void fetch_ahead(const ms_matrix *m, int32_t r) {
     __builtin_prefetch(from + i, 1);
 }
 
-/* Every block of the pattern has a spring: all are written, none is cleared before. Springs that
- * share one follow each other, as a row meets its neighbours in ascending order. */
+/* Each block of the pattern belongs to a spring: all values are written, and val is not cleared
+ * first. Springs that share a block are consecutive, as half-edges are sorted by neighbour. */
 MS_INLINE void expand(const ms_model *model, const ms_coefficients *a, ms_matrix *m, int32_t size) {
   const size_t stride = (size_t)model->rows.stride;
   for (int32_t r = 0; r < m->n; r++) {

@@ -1,15 +1,15 @@
-/* system - the matrix A = M - h D - h^2 J: its coefficients, and its expansion to CSR of blocks
+/* system - the matrix A = M - h D - h^2 J in compressed sparse rows, for solvers that factor it,
+ * from its coefficients (physics/force.h)
  *
- * The core keeps coefficients. Who factorises gets the matrix: block row K of the value array is
- * `block` scalar rows, each with the blocks of K side by side. Where each spring's block lies is
- * found once. */
+ * Block row K of the value array consists of `block` scalar rows, each with its part of all blocks
+ * of K side by side. The offset of each spring's block is computed once. */
 #ifndef MS_SYSTEM_H
 #define MS_SYSTEM_H
 
 #include "msim/backend.h"
 #include "physics/turning.h"
 
-/* Which unknowns share a spring: both triangles, ascending, without the diagonal. */
+/* Which unknowns share a spring: compressed rows of both triangles, ascending, no diagonal. */
 typedef struct ms_graph {
   int32_t n;
   int32_t *ptr; /* n + 1 */
@@ -19,22 +19,23 @@ typedef struct ms_graph {
 msim_status ms_graph_create(const ms_model *model, ms_graph *graph, msim_error *err);
 void ms_graph_destroy(const ms_model *model, ms_graph *graph);
 
-/* A as a backend sees it, in an order and a format. */
+/* A in the order and format that a backend requires. */
 typedef struct ms_matrix {
   int32_t n, format, block;     /* block rows; MSIM_FORMAT_...; scalars in a block row */
-  int32_t *order;               /* n: the row that comes k-th */
-  int32_t *graphptr, *graphind; /* blocks */
-  int32_t *rowptr, *colind;     /* scalars: block n + 1, block^2 a block */
-  double *val;                  /* block^2 a block */
-  int32_t *diagonal_slot;       /* n, by row: offset of the diagonal block in val */
-  int32_t *row_step;            /* n, by row: from one scalar row of a block to the next */
-  int32_t *first;               /* n + 1, by row: its entries, one for each half that is stored */
+  int32_t *order;               /* n: the unknown of the k-th block row */
+  int32_t *graphptr, *graphind; /* pattern of the blocks: n + 1; one per block */
+  int32_t *rowptr, *colind;     /* pattern of the scalars: block n + 1; block^2 per block */
+  double *val;                  /* block^2 per block */
+  int32_t *diagonal_slot;       /* n, by unknown: offset of the diagonal block in val */
+  int32_t *row_step;            /* n, by unknown: from one scalar row of a block to the next */
+  int32_t *first;               /* n + 1, by unknown: its entries, one per half-edge stored */
   struct ms_entry {
-    int32_t half, slot; /* where its coefficients are, and the offset of its block in val */
+    int32_t half, slot; /* index of the half-edge; offset of its block in val */
   } * entry;
 } ms_matrix;
 
-/* block: that of the coefficients to come. Nullable: order (the rows as they are). */
+/* block: scalars in a block of the coefficients. Nullable: order (that of the unknowns).
+ * MSIM_ERR_ARG: more numbers than 32-bit indices can address. */
 msim_status ms_matrix_create(const ms_model *model, const ms_graph *graph, const int32_t *order,
                              int32_t format, int32_t block, ms_matrix *matrix, msim_error *err);
 void ms_matrix_destroy(const ms_model *model, ms_matrix *matrix);
@@ -42,11 +43,11 @@ void ms_matrix_destroy(const ms_model *model, ms_matrix *matrix);
 /* val = A */
 void ms_matrix_expand(const ms_model *model, const ms_coefficients *a, ms_matrix *matrix);
 
-/* val += what turning dashpots add, by rows; FULL only. */
+/* val += the damping derivative (physics/turning.h); MSIM_FORMAT_FULL only */
 void ms_matrix_add_turning(const ms_model *model, const ms_turning *t, ms_matrix *matrix);
 
-/* Row vectors to interleaved ones in the matrix' order, and back. Where the matrix has scalars for
- * blocks: to one vector after the other, one for each component. */
+/* Vectors of layout/rows.h to the order of the matrix, and back: components interleaved, or, where
+ * block = 1, one vector per component, one after the other. */
 void ms_matrix_pack(const ms_model *model, const ms_matrix *matrix, const double *vec,
                     double *packed);
 void ms_matrix_unpack(const ms_model *model, const ms_matrix *matrix, const double *packed,
