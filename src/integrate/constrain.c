@@ -7,31 +7,32 @@
 #include "base/vec3.h"
 #include "integrate/methods.h"
 
-/* What planes do to particles that run into them: send fast ones back; let all reach the plane;
- * keep all at their distances from it. */
+/* Velocities along the normals: particles that are fast enough bounce; all particles reach the
+ * plane; all particles keep their distances from it */
 typedef enum impact_law { ELASTIC, INELASTIC, KEEP_DISTANCE } impact_law;
 
 typedef struct constraint {
   const ms_integrator *method;
-  const ms_integrator *by; /* makes steps with given velocities */
+  const ms_integrator *by; /* makes the steps with prescribed velocities */
   ms_stepper *s;
   ms_events *e;
-  const double *v_start; /* before anything bounced */
+  const double *v_start; /* at the start of the step, before any bounce */
   impact_law law;
-  int bounces; /* a particle was sent back */
+  int bounces; /* a particle has bounced */
 } constraint;
 
 /*------------------------------------- normal velocities ----------------------------------------*/
 
-/* The velocity at which a plane sends a particle back; 0: it does not. v: before the step */
+/* The speed at which a particle with velocity v before the step bounces off a plane; 0: it does
+ * not bounce. */
 static double find_rebound(const constraint *j, const msim_plane *p, const double v[3]) {
   const double slow = 2 * j->s->h * ms_norm3(j->s->model->gravity);
   const double back = -p->restitution * ms_dot3(p->normal, v);
   return j->law == ELASTIC && back > slow ? back : 0;
 }
 
-/* The velocities that the planes of a contact give it, in place of those at the start; what sticks
- * has no other. Its impulses over h and m belong to the pressure of the planes. */
+/* Replaces the normal velocities at the start by the prescribed ones; a particle that sticks has no
+ * other. The impulses J per mass, over h, add to the normal forces per mass. */
 static void give_velocity(constraint *j, ms_contact *c) {
   const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
@@ -66,10 +67,10 @@ static void give_velocities(constraint *j) {
   for (int32_t i = 0; i < j->e->ncontacts; i++) give_velocity(j, &j->e->contact[i]);
 }
 
-/*------------------------------------- what changes ---------------------------------------------*/
+/*------------------------------------- contact changes ------------------------------------------*/
 
-/* The planes of a row: those of its contact, if it has one, and what it has run into at the end of
- * the step. */
+/* The planes of an unknown: those of its contact c (nullable), and those that it is behind at the
+ * end of the step. */
 static ms_touch find_planes(const constraint *j, int32_t row, const ms_contact *c) {
   const ms_walls walls = ms_walls_of(j->s);
   double x[3];
@@ -87,7 +88,8 @@ static int compare_rows(const void *a, const void *b) {
   return (first->row > second->row) - (first->row < second->row);
 }
 
-/* Rows that end behind planes become contacts, in the order of rows; how many. */
+/* Adds particles that end behind planes to the contact set, sorted by row; returns the number of
+ * contacts that are new or have new planes. */
 static int32_t let_in(constraint *j) {
   ms_events *e = j->e;
   int32_t nnew = 0, changed = 0, next = 0;
@@ -107,7 +109,7 @@ static int32_t let_in(constraint *j) {
   return changed;
 }
 
-/* Contacts on which a plane would pull leave; how many. */
+/* Removes contacts with one plane if this plane would have to pull. Returns their number. */
 static int32_t let_go(constraint *j) {
   ms_events *e = j->e;
   int32_t kept = 0;
@@ -124,7 +126,8 @@ static int32_t let_go(constraint *j) {
   return gone;
 }
 
-/* Friction by the pressure that was found, stick or slip; 1: they are others. */
+/* Friction from the normal force of the last solve, and whether the particle sticks or slips;
+ * returns 1 if either has changed. */
 static int find_friction(constraint *j, ms_contact *c) {
   const ms_rows *rows = &j->s->model->rows;
   const double NEARLY = 0.1, STOPS = 0.3, h = j->s->h;
@@ -153,11 +156,11 @@ static int find_friction(constraint *j, ms_contact *c) {
          (c->friction > 0 && !c->sticks && fabs(c->lag - before.lag) > NEARLY * c->lag);
 }
 
-/* Passes before these numbers let contacts go, and find friction anew. In later ones particles only
- * join, so that passes end. */
+/* Solves before these numbers may remove contacts, and change friction; then particles only join,
+ * so that the iteration ends. */
 enum { MAY_GO = 2, MAY_SLIP = 3 };
 
-/* Do the contacts change? By what the step just made says. */
+/* Updates the contact set by the step just made; returns 1 if it has changed. */
 static int update(constraint *j, int pass) {
   int32_t changed = pass < MAY_GO ? let_go(j) : 0;
   for (int32_t i = 0; i < j->e->ncontacts && pass < MAY_SLIP; i++)
@@ -168,7 +171,7 @@ static int update(constraint *j, int pass) {
 
 /*------------------------------------- the step -------------------------------------------------*/
 
-/* *rounding: what may be rounding of it */
+/* Kinetic, elastic and gravitational energy (J); *rounding: its rounding tolerance */
 static double energy_of(const ms_stepper *s, const double *x, const double *v, double *rounding) {
   const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
   const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
@@ -179,8 +182,8 @@ static double energy_of(const ms_stepper *s, const double *x, const double *v, d
   return t.kinetic + t.elastic - ms_dot3(g, t.moment);
 }
 
-/* The contacts and friction of INELASTIC or ELASTIC do for KEEP_DISTANCE, but for particles that
- * join. */
+/* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the
+ * contacts and friction found before, particles can only join. */
 static msim_status solve(constraint *j, msim_error *err) {
   for (int pass = j->law == KEEP_DISTANCE ? MAY_SLIP : 0;; pass++) {
     give_velocities(j);
@@ -193,7 +196,7 @@ static msim_status solve(constraint *j, msim_error *err) {
   }
 }
 
-/* Contacts are what they were, as the method has it. */
+/* 1 if the method's own step changes no contact */
 static int is_settled(constraint *j) {
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->rows.nfree; r++) {
@@ -203,8 +206,8 @@ static int is_settled(constraint *j) {
   return 1;
 }
 
-/* By the first law under which energy does not grow. By the last one planes do no work, whether
- * they push or pull, so that what is left is implicit Euler's own error. */
+/* Uses the first law under which the solve converges and the energy does not grow. Under the last
+ * one planes do no work, so that only the error of implicit Euler remains. */
 static msim_status make_anew(constraint *j, msim_error *err) {
   const ms_stepper *s = j->s;
   double rounding, unused;

@@ -1,35 +1,37 @@
-/* constrain - a step of an implicit method with planes and springs that are stiff for it
+/* constrain - impacts and contact in a step of an implicit method that does not resolve the springs
  *
- * Where springs swing many times in a step an impact is not one of a particle alone: what it is
- * tied to pushes on. So nothing is located. If in a step of the method contacts stay what they are,
- * that is the step. Else it is made anew by implicit Euler, which damps what an impact excites,
- * with velocities as unknowns and positions as conditions (Stewart and Trinkle, Int. J. Numer.
- * Meth. Eng. 39 (1996) 2673): along the normal of its planes a particle has a given velocity all
- * through the step,
+ * Where springs oscillate many times within a step, an impact involves more than one particle: the
+ * particles connected to it push on. So impacts are not located. The method first makes its own
+ * step, which is the result if no contact changes. Otherwise implicit Euler, which damps the
+ * vibrations that an impact excites, makes the step anew, with velocities as unknowns and
+ * constraints on positions (Stewart and Trinkle, Int. J. Numer. Meth. Eng. 39 (1996) 2673): along
+ * the normals n of its planes a particle has a prescribed velocity during the step,
  *   n.v = -gap/h       it reaches the plane,
- *   n.v = -e n.v_n     it bounces, faster than 2 h g,
+ *   n.v = -e n.v_n     it bounces, if this speed exceeds 2 h |g|,
  *   n.v = 0            it rests,
- * which the matrix knows. Friction is viscous there: -mu N v/w, with N and the speed w = |v| of the
- * last solve, so that it takes energy whatever N is; a particle that nearly stops sticks, until it
- * takes more than mu N to hold it. Particles that end behind a plane join, those on which a plane
- * would pull leave, and the step is made again until nothing changes. In stiff solids more than
- * four passes change only which few particles stick: from the fourth on contacts only join, until
- * no particle is left behind a plane. The matrix constrains velocities by large weights, so in the
- * end x and v along normals are set to what was given, by rounding and solver tolerance: a stiff
- * solid cannot be moved farther without energy.
+ * and the matrix contains these constraints. Friction is viscous in this step: -mu N v/w, with N
+ * and the speed w = |v| of the previous solve, so that it dissipates energy for any N. A particle
+ * that nearly stops sticks until more than mu N is necessary to hold it. A particle that ends
+ * behind a plane joins the contact set, one that its only plane would have to pull leaves it, and
+ * the step is solved again until nothing changes. In stiff solids, more than four solves change
+ * only which few particles stick: from the fourth on particles only join, until none is behind a
+ * plane. The matrix enforces the velocities by large weights, and in the end x and v along the
+ * normals are set to the prescribed values, a correction of the size of rounding and the solver's
+ * tolerance: a larger one would add energy to a stiff solid.
  *
- * Velocities given to many particles of a stiff solid do work on it. Where energy has grown,
- * impacts are made without restitution; where it still has, planes have pulled, and the step is
- * made with n.v = 0 at all distances, which does no work. linearly-implicit-euler takes its own
- * steps in the first attempt, of one solve each. */
+ * Velocities prescribed to many particles of a stiff solid do work on it. If the energy has grown,
+ * impacts are repeated without restitution; if it has grown again, planes have pulled, and the step
+ * is made with n.v = 0 at all distances, which does no work. The first attempt for
+ * linearly-implicit-euler uses this method's own steps, of one solve each. */
 #ifndef MS_CONSTRAIN_H
 #define MS_CONSTRAIN_H
 
 #include "integrate/contacts.h"
 
-/* Work vectors that implicit methods need for it: those of implicit Euler. */
+/* Number of work vectors that ms_constrain_step() needs: those of implicit Euler */
 enum { MS_CONSTRAIN_WORK = 6 };
 
+/* One step of s->h by `method`. May change s->x and s->v, which ms_step() restores. */
 msim_status ms_constrain_step(const ms_integrator *method, ms_stepper *s, msim_error *err);
 
 #endif

@@ -6,9 +6,10 @@
 #include "base/vec3.h"
 #include "physics/friction.h"
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation -------------------------------------------------*/
 
-/* By the scene, not by the present state: what touches a plane follows from that state alone. */
+/* The reach (impacts.h) of the scene, not of the state at creation: so which particles touch planes
+ * depends on the present state alone. */
 static double find_reach(const ms_model *model) {
   const ms_scene *scene = model->scene;
   double reach = 0;
@@ -76,7 +77,8 @@ void ms_contacts_know(ms_events *e) {
 }
 
 void ms_contacts_note(ms_stepper *s) {
-  if (!s->events->ncontacts || s->one_part) return; /* else a rejected step would tell */
+  /* not under error control (one_part): results must not depend on rejected steps */
+  if (!s->events->ncontacts || s->one_part) return;
   s->events->held_next = ms_contacts_sign(s);
   s->warm_next |= MS_NOTED;
 }
@@ -95,14 +97,14 @@ void ms_contacts_own(ms_stepper *s) {
   const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x;
   e->known = 0;
   if (s->x == e->x) return;
-  memcpy(e->x, s->x, bytes); /* pinned rows too */
+  memcpy(e->x, s->x, bytes); /* pinned particles too */
   memcpy(e->v, s->v, bytes);
   s->x = e->x, s->v = e->v;
 }
 
-/*------------------------------------- what is in contact ---------------------------------------*/
+/*------------------------------------- the contact set ------------------------------------------*/
 
-/* Bounce what runs into a plane, put on it what lies outside. */
+/* Lets a particle that moves into planes bounce, and puts one that lies outside on them. */
 static void meet_planes(ms_stepper *s, const ms_walls *walls, ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
   double x[3], v[3];
@@ -120,7 +122,7 @@ static void meet_planes(ms_stepper *s, const ms_walls *walls, ms_contact *c) {
   ms_row_put(rows, v, c->row, s->v);
 }
 
-/* The planes that hold a particle: of those it touches and does not leave, those it presses on. */
+/* The planes that a particle presses on, of those that it touches and does not separate from */
 static ms_touch find_holding(const ms_stepper *s, const ms_touch *on, const double v[3],
                              const double a[3]) {
   const double size = ms_norm3(a), noise = 1e-14 * (ms_norm3(v) + s->h * size);
@@ -134,10 +136,9 @@ static void scale_to_one(double u[3]) {
   for (int c = 0; c < 3; c++) u[c] = size > 0 ? u[c] / size : 0;
 }
 
-/* What friction adds to a where the planes press by pull = sum of mu N/m. v NULL: it slides on as
- * at the start, or, where friction is given, without, as the matrix has it. Friction that turns too
- * fast for the stages of an explicit method keeps its direction. That of an implicit one must not
- * stop v within its step: it is constant then, too. */
+/* Friction force over mass for pull = sum of mu N/m. v NULL: in the direction at the start, or 0 if
+ * the matrix contains it (is_given). It keeps its direction if it turns too fast for the stages of
+ * an explicit method, and is constant if it might stop v in the step of an implicit one. */
 static void friction_of(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
                         double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
@@ -150,7 +151,7 @@ static void friction_of(const ms_stepper *s, const ms_contact *c, const double *
   } else if (implicit && turns) {
     memcpy(f, c->rub, sizeof c->rub);
   } else {
-    /* a stage that has passed the stop is to go on straight: the stop is found by that */
+    /* a stage after the stop goes on in a straight line, by which the stop is found */
     if (!turns && ms_dot3(now, c->slide) > 0) memcpy(way, now, sizeof way);
     scale_to_one(way);
     ms_axpy3(-pull, way, f);
@@ -163,8 +164,8 @@ double ms_contact_reaction(const ms_contact *c, const double a[3]) {
   return least;
 }
 
-/* Whether it sticks or slides, and where. Where nothing rubs, nothing sticks but what nothing
- * pulls. */
+/* Whether the particle sticks, and the sliding direction. Without friction it sticks only if no
+ * force acts along the planes. */
 static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
   double along[3] = {a[0], a[1], a[2]};
   const double pull = ms_keep_along(&c->on, along, NULL), size = ms_norm3(a);
@@ -184,7 +185,7 @@ void ms_contact_classify(ms_contact *c, int32_t dims) {
   for (int i = 0; i < c->on.n; i++) c->rubs |= c->on.plane[i]->friction > 0;
 }
 
-/* 1 if it rests. */
+/* Reduces c->on to the planes that act, and v to motion along them; 0: the particle is free. */
 static int settle(ms_stepper *s, ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
   double v[3], before[3], a[3];
@@ -261,10 +262,11 @@ void ms_contacts_hold(ms_stepper *s, double ah) {
   }
 }
 
-/*------------------------------------- what changes ---------------------------------------------*/
+/*------------------------------------- contact changes ------------------------------------------*/
 
-/* By more than 45 degrees in the part of h, or where its direction is stiff: what is across v
- * decays at the rate F/|v|. On a line nothing is across. v: at both ends; a: at the second */
+/* 1 if v turns by more than 45 degrees in h, or if its direction is stiff: velocity across v decays
+ * at the rate F/|v|, F the friction over mass. Straight motion has none. v: at both ends; a: at the
+ * second */
 static int turns(const ms_contact *c, double h, double v[2][3], const double a[3]) {
   double along[3] = {a[0], a[1], a[2]};
   if (!c->rubs || c->sticks || c->fixed || c->bounces) return 0;
@@ -275,17 +277,18 @@ static int turns(const ms_contact *c, double h, double v[2][3], const double a[3
          ms_dot3(v[0], v[1]) < sqrt(0.5) * ms_norm3(v[0]) * ms_norm3(v[1]);
 }
 
-/* How much more the planes could pull before what sticks slips */
+/* Friction margin (m/s^2): how much larger |a_t| may become before a sticking particle slips */
 static double grip(const ms_contact *c, const double a[3]) {
   double along[3] = {a[0], a[1], a[2]};
   const double pull = ms_keep_along(&c->on, along, NULL);
   return pull - ms_norm3(along);
 }
 
-/* The share of the part after which g, linear in time, is below 0 */
+/* The share of the substep after which g, linear in time, falls below 0 */
 static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
 
-/* v: at the start; a0, a1: at both ends. What slides stops as by a0. */
+/* ms_contact.change, but for turns. v: at the start; a0, a1: free accelerations at both ends.
+ * Sliding stops as with constant a0. */
 static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
                           const double a1[3]) {
   if (c->bounces) return MS_NOWHERE;
@@ -299,7 +302,7 @@ static double find_change(const ms_contact *c, double h, const double v[3], doub
   return stop <= 1 ? stop : MS_NOWHERE;
 }
 
-/* By the part just made, from s->x, s->v with the free accelerations a and a_end */
+/* Sets `change` by the substep just made, with free accelerations a and a_end. */
 static void judge(const ms_stepper *s, ms_contact *c) {
   const ms_rows *rows = &s->model->rows;
   double v[2][3], a[2][3];
@@ -311,9 +314,9 @@ static void judge(const ms_stepper *s, ms_contact *c) {
   c->change = fmin(c->change, find_change(c, s->h, v[0], a[0], a[1]));
 }
 
-/*------------------------------------- what rests -----------------------------------------------*/
+/*------------------------------------- reactions ------------------------------------------------*/
 
-/* Fowler, Noll and Vo's hash */
+/* One step of the FNV-1a hash (Fowler, Noll and Vo), by words in place of bytes */
 static uint64_t mix(uint64_t sign, uint64_t number) { return (sign ^ number) * 1099511628211u; }
 
 uint64_t ms_contacts_sign(const ms_stepper *s) {
@@ -335,8 +338,7 @@ static void add(const ms_rows *rows, double h, const double u[3], int32_t r, dou
   ms_row_put(rows, sum, r, vec);
 }
 
-/* Planes take all of a, where they hold the particle, else what leads into them, and friction
- * pulls. */
+/* Reactions cancel all of a if the particle sticks, else its normal part, and friction is added. */
 void ms_contacts_push(const ms_stepper *s, const ms_pass *pass) {
   const ms_rows *rows = &s->model->rows;
   const int follows = !pass->along || pass->along == pass->v_to; /* x_to moves with v_to */

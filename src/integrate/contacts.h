@@ -1,10 +1,9 @@
-/* contacts - particles that rest on planes or slide along them, under collision = event
+/* contacts - the contact set: particles that rest on planes or slide along them (collision = event)
  *
- * A particle that touches a plane, does not leave it and is pressed on it is in contact: n.v = 0,
- * and the plane adds to its acceleration what keeps n.a = 0. Which particles are follows from x, v
- * and the forces alone, so there is nothing to carry from step to step. Friction: while v = 0 the
- * planes cancel all of a, if they can (|a_t| <= mu N), else they pull against the motion by mu
- * N. */
+ * A particle is in contact if it touches a plane, does not separate from it and is pressed against
+ * it: then n.v = 0, and the reaction of the plane keeps n.a = 0. The contact set follows from x, v
+ * and the forces alone, so that steps need not carry it. Friction: while v = 0 the planes cancel
+ * all of a if |a_t| <= mu N/m (the particle sticks); otherwise mu N acts against the motion. */
 #ifndef MS_CONTACTS_H
 #define MS_CONTACTS_H
 
@@ -12,118 +11,117 @@
 #include "physics/path.h"
 #include "physics/totals.h"
 
-/* In `warm`, beside what the method notes there: the contacts at the end of the last step are
- * known, and the a of that state. So all that forgets the one forgets the other. */
+/* Flag in `warm`, beside the method's cached-stage tag: `held` and `a` of ms_events belong to the
+ * present state. warm = 0 discards both. */
 enum { MS_NOTED = 1 << 16 };
 
-/* A reaction, over |a|, that may be rounding. */
+/* Rounding tolerance of a reaction per mass, relative to |a| */
 #define MS_PRESS 1e-12
 
 typedef struct ms_contact {
-  int32_t row;
+  int32_t row;     /* the unknown (particle) */
   int sticks;      /* v = 0, and the planes keep it so */
-  int fixed;       /* as many planes as components: nowhere to slide */
-  int rubs;        /* there is friction */
-  int bounces;     /* so shortly that its path sums the bounces */
-  double rebound;  /* n.v at the start of the part, of what bounces */
-  ms_touch on;     /* independent planes */
-  double slide[3]; /* the direction of v at the start of the part, or where it will go; 0: sticks */
-  double rub[3];   /* what friction adds to a at the start of the part, where it slides */
-  double stop;     /* s: in that time it would stop v; it may turn as fast */
-  double change;   /* the share of the part after which it is lifted, slips or stops, or half of a
-                      part in which it turns; MS_NOWHERE: nothing of that */
+  int fixed;       /* at least as many planes as components: it cannot slide */
+  int rubs;        /* a plane has friction */
+  int bounces;     /* its bounces are so short that the particle path sums them */
+  double rebound;  /* m/s: n.v at the start of the substep, if it bounces */
+  ms_touch on;     /* its planes, which are independent */
+  double slide[3]; /* sliding direction at the start of the substep: of v, or of a if v = 0 */
+  double rub[3];   /* friction force over mass at the start of the substep, if it slides */
+  double stop;     /* s: friction alone would stop v in this time; v may turn as fast */
+  double change;   /* share of the substep after which it is lifted, slips or stops; at most 1/2 if
+                      it turns; or MS_NOWHERE */
 
-  /* where normal velocities and friction are given, in constrain.h, else 0: */
-  int is_given;
-  int enters; /* it was not in contact at the start, or not with all of its planes */
-  double end[MS_MOST_TOUCHED];   /* m: the distances from its planes at the end of the part */
-  double leave[MS_MOST_TOUCHED]; /* m/s: the velocities at which it then leaves them */
-  int slipped;                   /* it stuck in an earlier solve */
-  double friction;               /* sum of mu N/m, m/s^2 */
-  double lag;                    /* m/s: friction pulls by friction v/lag */
-  double jump;       /* sum of mu J/(m h) of the impulses J that gave it its normal velocity */
-  double least_jump; /* the smallest J/(m h) */
+  /* of prescribed normal velocities and friction (constrain.h), else 0: */
+  int is_given; /* they are prescribed */
+  int enters;   /* at the start it was not in contact, or not with all of its planes */
+  double end[MS_MOST_TOUCHED];   /* m: distances from its planes at the end of the step */
+  double leave[MS_MOST_TOUCHED]; /* m/s: velocities at which it then separates from them */
+  int slipped;                   /* it stuck in an earlier solve, and slips now */
+  double friction;               /* m/s^2: sum of mu N/m, those of impulses (jump) included */
+  double lag;                    /* m/s: the friction force over mass is -friction v/lag */
+  double jump; /* m/s^2: sum of mu J/(m h) of the impulses J that change its normal velocity */
+  double least_jump; /* m/s^2: the smallest J/(m h) */
 } ms_contact;
 
-/* What a stepper has under collision = event: the part of the step that is being made starts from
- * s->x and s->v, which lie in x and v here once something was changed there. */
+/* State of a stepper under collision = event. The substep being made starts from s->x and s->v;
+ * these point to x and v here once impacts or contacts have changed them. */
 typedef struct ms_events {
-  double reach, merge; /* of the walls */
+  double reach, merge; /* those of ms_walls (impacts.h) */
   double *x, *v;
-  double *a, *a_end; /* F/m at the start of the part and at its end, as if nothing rested */
-  double *stage[2];  /* x and v of a stage of the interpolant */
-  double *begin[2];  /* x and v that the last step in one part started from, where `moved` */
-  int moved;         /* impacts or contacts changed the state at the start of that step */
-  int replays;       /* velocity Verlet follows paths by itself */
-  ms_totals *parts;  /* for energies */
-  int known;         /* a is that of s->x, s->v */
-  double sums;       /* s: bounces that end within are summed (path.h); 0: none */
-  double jump;       /* m: ... unless they reach farther than that */
-  int implicit;      /* the method solves equations, by a matrix without friction */
-  ms_contact *contact;
-  ms_hold *hold; /* the same for the matrix */
+  double *a, *a_end;   /* F/m without reactions, at the start and at the end of the substep */
+  double *stage[2];    /* x and v of a stage of the dense output; scratch */
+  double *begin[2];    /* if `moved`: x and v at the start of the last step without substeps */
+  int moved;           /* impacts or contacts changed the state at the start of that step */
+  int replays;         /* velocity Verlet follows particle paths itself (replay.h) */
+  ms_totals *parts;    /* scratch for energies */
+  int known;           /* a is that of s->x, s->v */
+  double sums;         /* s: bounces that end within this time are summed (path.h); 0: none */
+  double jump;         /* m: ... if they reach no farther than this */
+  int implicit;        /* the method solves equations, by a matrix without friction */
+  ms_contact *contact; /* ncontacts, with ascending rows */
+  ms_hold *hold;       /* the same contacts as constraints of the matrix */
   int32_t ncontacts;
-  int32_t *followed; /* nfollowed rows that took paths of their own in the last part */
+  int32_t *followed; /* nfollowed unknowns that followed paths of their own in the last substep */
   int32_t nfollowed;
-  uint64_t held;      /* ms_contacts_sign() at the end of the last step; 0: unknown, or none */
+  uint64_t held; /* ms_contacts_sign() at the end of the last step; 0: unknown, or no contact */
   uint64_t held_next; /* the same of the step just made */
 } ms_events;
 
-/* The contact of a row, or NULL. Rows are asked for in ascending order; *next: 0 at first. */
+/* The contact of an unknown, or NULL. Call it with ascending rows and one *next, 0 at first. */
 static inline ms_contact *ms_contact_of(const ms_events *e, int32_t row, int32_t *next) {
   return *next < e->ncontacts && e->contact[*next].row == row ? &e->contact[(*next)++] : NULL;
 }
 
-/* Whether there is friction, and anywhere to slide, by the planes of the contact; dims: components
- * of a vector. */
+/* Sets c->fixed and c->rubs by the planes of the contact; dims: components of a vector. */
 void ms_contact_classify(ms_contact *c, int32_t dims);
 
-/* The path of a row from s->x, s->v over s->h, by a = b0 */
+/* The path (path.h) of an unknown from s->x, s->v over s->h, with a = b0 */
 ms_path ms_contacts_path(const ms_stepper *s, int32_t row, const double *b0, const double *b1);
 
-/* The scene's planes; a sim may change its scene between steps. */
+/* The scene's planes, which a sim may change between steps */
 ms_walls ms_walls_of(const ms_stepper *s);
 
-/* NULL members of `events` where memory ran out; destroy accepts that. */
+/* After MSIM_ERR_MEMORY *events, or some of its members, are NULL, which destroy accepts. */
 msim_status ms_events_create(const ms_model *model, ms_events **events, msim_error *err);
 void ms_events_destroy(const ms_model *model, ms_events *events);
 
-/* Keep what the step in one part that was just made started from, if that is not s->x, s->v. */
+/* If e->moved, stores the state at the start of the step just made. */
 void ms_contacts_keep_begin(ms_events *e, ms_shape shape);
 
-/* The contacts that were found hold at the end of the step, too. */
+/* Records that the present contact set is also that of the end of the step. */
 void ms_contacts_note(ms_stepper *s);
 
-/* The end of the part, where a_end was found, is the start of the next. */
+/* The next substep starts where the last one ended: a = a_end. */
 void ms_contacts_know(ms_events *e);
 
-/* The step just made is the last one: s->warm is warm_next from here on, and what belongs to it. */
+/* Accepts the step just made: s->warm = s->warm_next, with the `held` and `a` that belong to it. */
 void ms_contacts_advance(ms_stepper *s);
 
-/* Let s->x, s->v lie in memory that may be written. */
+/* Lets s->x, s->v point to copies in e->x, e->v, to be overwritten; `a` becomes unknown. */
 void ms_contacts_own(ms_stepper *s);
 
-/* At s->x, s->v: what lies outside is put on its plane, what runs into planes bounces, and the
- * contacts are found. */
+/* Finds the contact set at s->x, s->v. First it puts particles outside on their planes, and lets
+ * particles that move into planes bounce. */
 void ms_contacts_find(ms_stepper *s);
 
-/* What the matrix is to hold of them, for a stage of length ah */
+/* Sets e->hold, the constraints of the matrix, for a stage of coefficient ah (newton.h). */
 void ms_contacts_hold(ms_stepper *s, double ah);
 
-/* The free acceleration at x, v: as if nothing rested. */
+/* The free acceleration a = F(x, v)/m, without reactions of planes */
 void ms_contacts_free(ms_stepper *s, const double *x, const double *v, double *a);
 
-/* Two of one sign hold the same particles in the same way; 0: nothing rests. */
+/* A hash of the contacts: their particles and planes, and which of them stick; 0: no contact */
 uint64_t ms_contacts_sign(const ms_stepper *s);
 
-/* What the planes add is added to the results of an evaluation, which has a. */
+/* Adds reactions and friction of the planes to the results of a force sweep, which include a. */
 void ms_contacts_push(const ms_stepper *s, const ms_pass *pass);
 
-/* Put what rests on its planes to the last bit in x_next, v_next, find the a of that state, and
- * whether contacts change in the part that ends there. */
+/* Puts particles in contact on their planes, to the last bit, in x_next and v_next, computes a_end,
+ * and sets `change` of each contact. Without contacts it does nothing. */
 void ms_contacts_finish(ms_stepper *s);
 
-/* The least force of its planes, with a the acceleration of a contact as if nothing rested */
+/* The smallest reaction per mass to the free acceleration a; < 0: a plane would have to pull */
 double ms_contact_reaction(const ms_contact *c, const double a[3]);
 
 #endif

@@ -11,8 +11,8 @@ int ms_has_control(const ms_integrator *integrator) {
 
 /*------------------------------------- error ----------------------------------------------------*/
 
-/* An estimate is of the step that the method made: rows that took paths have errors of their own,
- * in s->path_error. */
+/* An estimate holds for the step that the method made: the errors of particles that followed paths
+ * of their own are in s->path_error. */
 static void leave_paths_out(const ms_stepper *s, double *dx, double *dv) {
   const double none[3] = {0};
   for (int32_t i = 0; s->events && i < s->events->nfollowed; i++) {
@@ -21,7 +21,7 @@ static void leave_paths_out(const ms_stepper *s, double *dx, double *dv) {
   }
 }
 
-/* which: 0, the fine estimate; 1, the coarse one */
+/* Writes an estimate to the first spare pair. which: 0, the fine one; 1, the coarse one */
 static void put_error(const ms_integrator *integrator, ms_stepper *s, int which) {
   const ms_shape shape = s->model->shape;
   double *dx = s->x_spare[0], *dv = s->v_spare[0];
@@ -37,7 +37,7 @@ static void put_error(const ms_integrator *integrator, ms_stepper *s, int which)
   ms_scale(shape, richardson, dv);
 }
 
-/* E of a part, from the squares of both estimates */
+/* E of a connected part, from the squares of both estimates */
 static double error_of_part(const ms_part *p, int two_estimates) {
   const double fine = p->square[0], weight = fine + (two_estimates ? 0.01 * p->square[1] : 0);
   return weight == 0 ? 0 : fine / sqrt(weight);
@@ -76,7 +76,7 @@ ms_control ms_control_of(const ms_integrator *integrator, double tol, double spa
 
 double ms_control_allowed(const ms_control *c, double h) { return c->tol * h / c->span; }
 
-/* The error of a step would be (h/time)^(k + 1), were the scene's motion all at that time. */
+/* (h/time)^(k + 1) = tol h/T, the left-hand side an estimate of the error */
 double ms_control_first(const ms_control *c, const ms_scales *scales) {
   const double time = scales->time;
   return fmin(time * fmin(1, pow(c->tol * time / c->span, 1 / c->order)), c->span / 10);
@@ -103,8 +103,9 @@ void ms_control_fail(ms_control *c, double h) {
   c->shrunk = 1;
 }
 
-/* r = E/limit of this step and of the one before; s a margin of safety, so that r tends to s^k:
- *   h' = h s^0.3 r^(-0.7/k) r_before^(0.4/k),  and h s r^(-1/k) where there is none before */
+/* h'/h, with r the relative errors of this step and of the one before, and s the safety factor, so
+ * that r tends to s^k:
+ *   h' = h s^0.3 r^(-0.7/k) r_before^(0.4/k),  or h s r^(-1/k) if there is none before or r > 1 */
 static double factor(const ms_control *c, double r) {
   const double TINY = 1e-10, k = c->order;
   if (r < TINY) r = TINY;

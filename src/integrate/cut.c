@@ -6,7 +6,7 @@
 
 #include "integrate/methods.h"
 
-/* Where more are needed, something is wrong with the scene. */
+/* A scene that needs more is faulty. */
 #define MOST_INNER 1e6
 
 /* h over the longest stable step of velocity Verlet */
@@ -22,7 +22,7 @@ static void find_octaves(const ms_model *model, int *octave) {
     octave[e] = ilogb(s->k[e] * (inverse_mass(model, s->i[e]) + inverse_mass(model, s->j[e])));
 }
 
-/* The bounds of bounds.h for the springs of octaves [from, to] alone. sums: 2 nfree, scratch */
+/* The bounds of bounds.h for the springs of classes [from, to] alone. sums: 2 nfree, scratch */
 static ms_bounds bounds_between(const ms_model *model, const int *octave, int from, int to,
                                 double drag, double *sums) {
   const ms_springs *s = &model->springs;
@@ -41,7 +41,7 @@ static ms_bounds bounds_between(const ms_model *model, const int *octave, int fr
   return (ms_bounds){.omega = sqrt(omega2), .rate = rate};
 }
 
-/* The highest octave below this one, and how many springs are of it or above. */
+/* The highest class below this one, and the number of springs of that class or above */
 static int next_octave(const ms_springs *s, const int *octave, int below, int32_t *nstiff) {
   int next = INT_MIN;
   *nstiff = 0;

@@ -1,21 +1,22 @@
-/* cut - which springs are so much stiffer than the others that they are worth steps of their own */
+/* cut - the partition of the springs by stiffness for a multirate method (respa.c): soft springs
+ * take the step h, stiff ones shorter steps */
 #ifndef MS_CUT_H
 #define MS_CUT_H
 
 #include "physics/bounds.h"
 
-/* Springs are told apart by the octave of k (1/m_i + 1/m_j), the square of the frequency that each
- * has alone. Those of `octave` and above are stiff. */
+/* The stiffness class of a spring is floor(log2 w^2), w^2 = k (1/m_i + 1/m_j), where w is the
+ * frequency of the spring alone. Springs of class `octave` and above are stiff. */
 typedef struct ms_cut {
   int octave;
-  int32_t nstiff; /* 0: no cut pays */
-  int32_t inner;  /* steps of the stiff springs in one of the others */
+  int32_t nstiff; /* 0: no partition is cost-effective */
+  int32_t inner;  /* steps of the stiff springs within one step of the soft ones */
 } ms_cut;
 
-/* The cut for which a step of h evaluates fewest springs, soft + (inner + 1) stiff, among those
- * where the soft springs alone are stable with h and the stiff ones with h/inner, at half the
- * limit of Verlet: both by the bounds of bounds.h. None where all are stable with h, or where
- * velocity Verlet at its limit costs less. octave: springs.n, out. */
+/* The partition for which a step of h evaluates fewest springs, soft + (inner + 1) stiff, among
+ * those where the soft springs alone are stable with h, and the stiff ones alone with h/inner at
+ * half the limit of Verlet, by the bounds of bounds.h. None if all springs are stable with h, or if
+ * velocity Verlet at its limit evaluates fewer. octave: springs.n, out: the classes. */
 msim_status ms_cut_choose(const ms_model *model, double h, int *octave, ms_cut *cut,
                           msim_error *err);
 

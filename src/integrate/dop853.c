@@ -1,3 +1,4 @@
+/* dop853 - the explicit Runge-Kutta method of order 8 of Dormand and Prince, with dense output */
 #include "integrate/dop853_table.h"
 
 #include <math.h>
@@ -6,14 +7,14 @@
 #include "integrate/interpolate.h"
 #include "integrate/methods.h"
 
-/* Dormand and Prince's method of order 8 for y' = f(y), with y = (x, v), f = (v, a), written for
- * accelerations alone (Nystroem):
+/* The method for y' = f(y), with y = (x, v), f = (v, a), written for accelerations alone (Nystroem
+ * form):
  *   k_i = a(X_i, V_i),  V_i = v + h sum_j A_ij k_j,
  *   X_i = x + C_i h v + h^2 sum_j AA_ij k_j
  * The state after the step is stage RESULT, and its k is the first one of the next step.
  *
- * Work vectors: the k of both ends, in turn; of the stages; of those of the interpolant. warm: 1 +
- * the vector that holds the k of the present state. */
+ * Work vectors: the k of both ends, alternating; of the other stages; of the dense output. warm:
+ * 1 + the index of the work vector that holds k of the present state. */
 enum { OWN = 2 };
 
 static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
@@ -23,7 +24,7 @@ static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
   k[RESULT] = s->work[1 - at];
 }
 
-/* z = base + drift v + scale sum_j row_j k_j. Nullable: base. */
+/* z = base + drift v + scale sum_j row_j k_j; base NULL: 0 */
 static void add_slopes(const ms_stepper *s, const double *base, double drift, const double *v,
                        double scale, const double row[STAGES], double *const k[STAGES], double *z) {
   const double *y[STAGES + 1];
@@ -35,14 +36,14 @@ static void add_slopes(const ms_stepper *s, const double *base, double drift, co
   ms_add_all(s->model->shape, base, n, w, y, z);
 }
 
-/* X and V of stage i of a step from x, v. Nullable: V. */
+/* X and V (nullable) of stage i of a step from x, v */
 static void put_stage(const ms_stepper *s, const double *x, const double *v, int i,
                       double *const k[STAGES], double *X, double *V) {
   add_slopes(s, x, C[i] * s->h, v, s->h * s->h, AA[i], k, X);
   if (V) add_slopes(s, v, 0, v, s->h, A[i], k, V);
 }
 
-/* k of stage i; X and V may be anywhere. */
+/* k of stage i; X and V: scratch, with pinned positions in X */
 static void evaluate_stage(ms_stepper *s, const double *x, const double *v, int i,
                            double *const k[STAGES], double *X, double *V) {
   if (ms_is_separable(s)) V = NULL;
@@ -64,7 +65,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* The result minus those of order 5 and 3, before it was reflected:
+/* The difference of the result, before reflection, from those of order 5 (which = 0) and 3 (1):
  *   dv = h sum_j E_j k_j,  dx = h^2 sum_j EE_j k_j */
 static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
   double *k[STAGES];
@@ -73,7 +74,8 @@ static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
   add_slopes(s, NULL, 0, NULL, s->h, E[which], k, dv);
 }
 
-/* The stages of the interpolant of the step from x, v, made once. warm: of the step's end. */
+/* Computes the stages of the dense output of the step from x, v. warm: the tag at its end. looked:
+ * OWN + the index of the work vector that holds k of its end */
 static void make_dense(ms_stepper *s, int warm, const double *x, const double *v, double *X,
                        double *V) {
   double *k[STAGES];
@@ -82,9 +84,9 @@ static void make_dense(ms_stepper *s, int warm, const double *x, const double *v
   for (int i = RESULT + 1; i < STAGES; i++) evaluate_stage(s, x, v, i, k, X, V);
 }
 
-/* The cubic one, and h sum_j d_j k_j and h^2 sum_j dd_j k_j on top,
+/* v: the cubic interpolant + h sum_j d_j k_j,  x: the cubic interpolant + h^2 sum_j dd_j k_j,
  *   d_j = t^2 u^2 D_0j + t^3 u^2 D_1j + t^3 u^3 D_2j + t^4 u^3 D_3j,  t = theta,  u = 1 - theta
- * with three more stages. Where the end was reflected the cubic one alone, as it meets the end. */
+ * with three more stages; dd_j: with DD. If the end was reflected: the cubic one alone. */
 static void interpolate(ms_stepper *s, double theta, double *x, double *v) {
   const double t = theta, u = 1 - theta;
   const double w[4] = {t * t * u * u, t * t * t * u * u, t * t * t * u * u * u,
@@ -105,8 +107,8 @@ static void interpolate(ms_stepper *s, double theta, double *x, double *v) {
   add_slopes(s, v, 0, NULL, s->h, row, k, v);
 }
 
-/* t^2 u^2, t^3 u^2, t^3 u^3 and t^4 u^3 are each a share of one Bernstein polynomial, of degree 4,
- * 5, 6 and 7. */
+/* t^2 u^2, t^3 u^2, t^3 u^3 and t^4 u^3 are multiples of one Bernstein polynomial each, of degrees
+ * 4, 5, 6 and 7. */
 static void path(ms_stepper *s, size_t at, ms_bernstein *to) {
   static const int index[4] = {2, 3, 3, 4};
   static const double share[4] = {1. / 6, 1. / 10, 1. / 20, 1. / 35};
@@ -127,7 +129,7 @@ static void path(ms_stepper *s, size_t at, ms_bernstein *to) {
   }
 }
 
-/* On the imaginary axis and on the real one; between them the region is no smaller. */
+/* On the imaginary axis and on the real one; the region of stability is no smaller between them. */
 static double limit(const ms_bounds *b) { return fmin(5.96 / b->omega, 6.39 / b->rate); }
 
 const ms_integrator ms_dop853 = {

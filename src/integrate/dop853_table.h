@@ -1,15 +1,15 @@
-/* dop853_table - coefficients of Hairer, Norsett and Wanner, Solving Ordinary Differential
- * Equations I, 2nd ed., II.5 and II.10: those of Dormand and Prince's method of order 8, of its
- * estimates of order 5 and 3, and of its interpolant of order 7.
+/* dop853_table - coefficients of the method of order 8 of Dormand and Prince, of its error
+ * estimates of order 5 and 3, and of its dense output of order 7 (Hairer, Norsett and Wanner,
+ * Solving Ordinary Differential Equations I, 2nd ed., II.5 and II.10).
  *
- * Indices count from 0; what is not named is 0. Doubled letters are products with A, for equations
- * of second order. */
+ * Indices count from 0; entries that are not listed are 0. Doubled letters are products with A, for
+ * equations of second order. */
 #ifndef MS_DOP853_TABLE_H
 #define MS_DOP853_TABLE_H
 
-enum { STAGES = 16, RESULT = 12 }; /* stages 13 to 15 are for the interpolant */
+enum { STAGES = 16, RESULT = 12 }; /* stages 13 to 15 are for the dense output */
 
-/* where in the step each stage lies */
+/* times of the stages, as shares of h */
 static const double C[STAGES] = {0.0,
                                  0.052600151958767731879,
                                  0.078900227938151597818,
@@ -27,7 +27,7 @@ static const double C[STAGES] = {0.0,
                                  0.2,
                                  0.77777777777777777778};
 
-/* row RESULT holds the weights of the result */
+/* row RESULT: the weights of the result */
 static const double A[16][STAGES] = {
     [1] = {[0] = 0.052600151958767731879},
     [2] = {[0] = 0.019725056984537899454, [1] = 0.059175170953613698363},
@@ -236,7 +236,7 @@ static const double EE[2][STAGES] = {
            [10] = 0.014573998784681820632},
 };
 
-/* of the interpolant of order 7, what comes on top of the cubic one */
+/* dense output of order 7: its difference from the cubic Hermite interpolant */
 static const double D[4][STAGES] = {
     [0] = {[0] = -8.4289382761090128651,
            [5] = 0.56671495351937776963,

@@ -1,3 +1,4 @@
+/* euler - the explicit and the symplectic Euler method */
 #include <math.h>
 
 #include "integrate/methods.h"
@@ -12,8 +13,8 @@ static msim_status explicit_step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* |1 + h lambda| <= 1, lambda^2 + g lambda + w^2 = 0:  h w^2 <= g  where lambda is complex, and, as
- * lambda may be all of -g,  h g <= 2 */
+/* |1 + h lambda| <= 1, lambda^2 + g lambda + w^2 = 0:  h w^2 <= g  for complex lambda, and, as
+ * lambda = -g is possible,  h g <= 2 */
 static double explicit_limit(const ms_bounds *b) {
   if (b->omega == 0) return 2 / b->rate;
   return fmin(b->least_rate / (b->omega * b->omega), 2 / b->rate);

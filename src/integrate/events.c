@@ -20,7 +20,7 @@ msim_status ms_step(const ms_integrator *method, ms_stepper *s, msim_error *err)
   if (!s->events) return method->step(s, err);
   begin(method, s);
   s->events->replays = method->replays && !s->one_part;
-  if (s->events->replays) s->events->ncontacts = 0; /* of a step that was located */
+  if (s->events->replays) s->events->ncontacts = 0; /* left by a step of ms_locate_step() */
   if (s->events->replays) return method->step(s, err);
   const int is_stiff = method->entry.implicit && s->h * ms_bounds_of(s->model).omega > 2;
   double *x = s->x, *v = s->v;

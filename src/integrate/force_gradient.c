@@ -1,20 +1,21 @@
+/* force_gradient - a composition method of order 4 with a force-gradient kick
+ *
+ * v += b_i h a,  x += a_i h v,  alternating: b_1 a_1 b_2 a_2 b_3 a_2 b_2 a_1 b_1. The kick in the
+ * middle is that of the modified force F + g h^2 J M^-1 F; it is computed as F(x + g h^2 a(x)),
+ * which is equal up to O(h^4) and takes one more evaluation (Wisdom, Holman and Touma 1996). So the
+ * method is reversible and volume preserving, and symplectic to that order. A kernel for J a would
+ * read both x and a of neighbours, as that of damping does, and take 1.3 times as many instructions
+ * as the force. The last kick and the first of the next step use the same force: 5 evaluations a
+ * step.
+ *
+ * Form: Omelyan, Mryglod and Folk, Phys. Rev. E 66 (2002) 026701. Two conditions on its four
+ * coefficients give order 4. Two more, order 6 for linear forces, determine those below; for
+ * nonlinear forces their error is close to the least possible, and at equal cost about 1/20 of that
+ * of Chin's method 4A (1997). The method of Takahashi and Imada (takahashi_imada.c) is of order 4
+ * in other variables than x and v, and is less expensive if errors may be larger. */
 #include "integrate/methods.h"
 #include "integrate/splitting.h"
 
-/* v += b_i h a,  x += a_i h v,  in turn: b_1 a_1 b_2 a_2 b_3 a_2 b_2 a_1 b_1. The kick in the
- * middle is that of the modified force F + g h^2 J M^-1 F; it is taken as F(x + g h^2 a(x)), the
- * same to O(h^4) for one evaluation more (Wisdom, Holman and Touma 1996): reversible and volume
- * preserving, and symplectic to that order. A kernel for J a would read both x and a of neighbours,
- * as damping does, and take 1.3 times as many instructions as the force. The last kick and the
- * first of the next step are of one force: 5 evaluations a step.
- *
- * Form: Omelyan, Mryglod and Folk, Phys. Rev. E 66 (2002) 026701. Two conditions on its four
- * numbers make it order 4. Ours are fixed by two more, order 6 where forces are linear; that is
- * nearly the least error where they are not, and at equal cost some 20 times less than that of
- * Chin's method 4A (1997).
- *
- * Takahashi and Imada's leapfrog (1984) is order 4 in other variables than x and v, so that states
- * would have to be converted to and fro, and is no cheaper. */
 enum { DRIFTS = 4 };
 
 #define A1 0.24004250742648506

@@ -1,3 +1,4 @@
+/* heun - Heun's method of order 2 */
 #include <math.h>
 
 #include "integrate/methods.h"
@@ -5,11 +6,11 @@
 /* x* = x + h v, v* = v + h a;  a* = a(x*, v*);
  * x' = x + h/2 (v + v*),  v' = v + h/2 (a + a*)
  *
- * heun.collision says what is reflected:
- *   final     the stage, but only where a* is taken; then the result
+ * Option heun.collision determines which states are reflected:
+ *   final     the stage, for a* only, and the result
  *   standard  the result
- *   literal   the stage, also in x'; not the result: as printed in the notes. The impulse then
- *             acts on the stage alone, and a particle never bounces */
+ *   literal   the stage, for a* and for v* in x', and not the result, as in Teschner's exercises.
+ *             The impulse then acts on the stage alone, and a particle never bounces. */
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
   const ms_shape shape = s->model->shape;
@@ -30,9 +31,9 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* |1 + y + y^2/2| <= 1, y = h lambda as for explicit Euler: h g <= 2, and for complex y, with
- * z = h w and zeta = g/(2 w),  z^3 - 4 zeta z^2 + 8 zeta^2 z - 8 zeta <= 0.  This has one root
- * (Cardano's formula), which is beyond the other limit from zeta = 1/2 on. */
+/* |1 + y + y^2/2| <= 1, y = h lambda with lambda^2 + g lambda + w^2 = 0: h g <= 2, and for complex
+ * y, with z = h w and zeta = g/(2 w),  z^3 - 4 zeta z^2 + 8 zeta^2 z - 8 zeta <= 0.  This cubic has
+ * one real root (Cardano's formula), which exceeds the other limit from zeta = 1/2 on. */
 static double limit(const ms_bounds *b) {
   if (!(b->least_rate < b->omega)) return 2 / b->rate;
   if (b->least_rate == 0) return 0;

@@ -4,7 +4,7 @@
 
 #include "integrate/contacts.h"
 
-/* 1 if the method may have left such a note. */
+/* 1 if `note` is a cached-stage tag of the method */
 static int is_note(const ms_integrator *method, int note) {
   if (note < 1 || note > 2) return note == 0;
   return method->carried && method->carried_at + note * method->carried <= method->nwork;
@@ -25,7 +25,7 @@ static void pass_contacts(ms_bytes *b, ms_stepper *s) {
   MS_BYTES_PASS(b, s->events->held);
 }
 
-/* A method that interpolates by itself does so by its stages, others by the a of both ends. */
+/* A method with its own dense output needs its stages, others the a of both ends. */
 static void pass_last_step(ms_bytes *b, const ms_integrator *method, ms_stepper *s) {
   const ms_shape shape = s->model->shape;
   ms_bytes_pass_rows(b, shape, s->x_next);

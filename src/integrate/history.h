@@ -1,10 +1,10 @@
-/* history - what steps to come owe to steps made, beside x and v
+/* history - reads and writes the state of a method that later steps depend on, for checkpoints
  *
- *   warm       the method's note, and the vectors that it speaks of (integrator.h, `carried`): the
- *              last a, the state before, stages' coefficients
- *   h_before   of methods of two steps, and of Newmark's carried a
- *   held, a    of what rests on planes, under collision = event: who rests follows from x, v
- *   the last step, where somebody is to look inside: its start, h and what is known of its slopes
+ *   x, v, h
+ *   warm       the cached-stage tag, and the work vectors it refers to (integrator.h, `carried`)
+ *   h_before   for two-step methods, and for the a that Newmark's method carries
+ *   held, a    of ms_events, under collision = event; the contact set follows from x, v
+ *   the last step, for dense output: its start, h and the slopes known so far
  *
  * All other vectors are written before they are read. */
 #ifndef MS_HISTORY_H
@@ -13,10 +13,11 @@
 #include "base/bytes.h"
 #include "integrate/integrator.h"
 
-/* x and v with all that. Taken by a stepper that was just started. inside: 1, the last step too. */
+/* Passes this state to or from an archive (bytes.h), from one to a stepper that was just started.
+ * inside: 1, with the last step. */
 void ms_stepper_history(ms_bytes *bytes, const ms_integrator *method, ms_stepper *s, int inside);
 
-/* The vectors that a note of the method's speaks of; 0: of none. */
+/* Passes the work vectors that a cached-stage tag of the method refers to; 0: none. */
 void ms_carried_history(ms_bytes *bytes, const ms_integrator *method, const ms_stepper *s,
                         int note);
 

@@ -1,31 +1,33 @@
-/* The implicit methods: tables over one engine. A method has one stage or two, each of the form
+/* implicit - the nonlinear implicit methods, each given by its coefficients
+ *
+ * A method has one or two stages of the form
  *   Y = known + a h f(Y),   y = (x, v), f = (v, a(x, v)),
- * where what is known is made of the present y, h f(y), the y of the step before, and the first
+ * where the known part combines the present y, h f(y), the y of the step before, and the first
  * stage. */
 #include "integrate/methods.h"
 #include "integrate/newton.h"
 
 typedef struct rung {
   double a;
-  double slope, before, first; /* weights of h f(y), the last y and the first stage; y has the rest
-                                  of 1 */
+  double slope, before, first; /* weights in the known part of h f(y), the y of the step before and
+                                  the first stage; the weight of y is 1 - before - first */
 } rung;
 
 typedef struct table {
   int nrungs;
   rung rungs[2];
-  int is_middle; /* the stage is the mean of y and the result; else the last one is the result */
+  int is_middle; /* 1: the stage is the mean of y and the result; 0: the last stage is the result */
 } table;
 
-/* Work vectors: Newton's, what is known, and then what the method keeps. */
+/* Work vectors: those of Newton's method, the known parts of x and v, then the method's own */
 enum { NEWTON, X0 = 4, W, KEPT };
 
-/* What rungs may refer to, beside y; a carries over from step to step where a method keeps it. */
+/* Vectors that a stage may combine beside y; NULL: not used by the method */
 typedef struct sources {
   const double *a, *x_before, *v_before, *x_first, *v_first;
 } sources;
 
-/* known += weight (other - y): at rest nothing, to the bit */
+/* known += weight (other - y), which is exactly 0 at rest */
 static void add(const ms_stepper *s, double weight, const double *other, const double *y,
                 double *known) {
   if (weight == 0) return;
@@ -33,7 +35,7 @@ static void add(const ms_stepper *s, double weight, const double *other, const d
   ms_axpy(s->model->shape, weight, s->scratch, known);
 }
 
-/* x0 and w of a stage */
+/* The known parts x0 and w of a stage */
 static void gather(const ms_stepper *s, const rung *g, const sources *from) {
   const ms_shape shape = s->model->shape;
   double *x0 = s->work[X0], *w = s->work[W];
@@ -49,14 +51,14 @@ static void gather(const ms_stepper *s, const rung *g, const sources *from) {
   add(s, g->first, from->v_first, s->v, w);
 }
 
-/* a' = (v' - w)/(a h), of the last stage */
+/* The acceleration at the last stage, a' = (v' - w)/(a h) */
 static void find_slope(const ms_stepper *s, double a, double *slope) {
   ms_combine(s->model->shape, s->v_next, -1, s->work[W], slope);
   ms_scale(s->model->shape, 1 / (a * s->h), slope);
 }
 
-/* The result to x_next and v_next, not yet reflected. The guess of a stage is the velocity of the
- * one before. */
+/* Solves the stages; writes the result to x_next and v_next, not yet reflected. The initial guess
+ * of a stage is the velocity of the one before. */
 static msim_status climb(ms_stepper *s, const table *t, sources *from, double *keep_first[2],
                          msim_error *err) {
   const ms_shape shape = s->model->shape;
@@ -109,8 +111,8 @@ static msim_status step_trapezoidal(ms_stepper *s, msim_error *err) {
   return finish(s, climb(s, &trapezoidal, &(sources){.a = a}, NULL, err));
 }
 
-/* beta = 1/4, gamma = 1/2: the trapezoidal rule with an a that is carried, not computed anew.
- * warm: 1 + the work vector that holds it. */
+/* beta = 1/4, gamma = 1/2: the trapezoidal rule with a carried from step to step, not computed
+ * anew. warm: 1 + the index, from KEPT on, of the work vector that holds a. */
 static msim_status step_newmark(ms_stepper *s, msim_error *err) {
   const int at = s->warm == 2;
   double *a = s->work[KEPT + at], *next = s->work[KEPT + 1 - at];
@@ -124,9 +126,8 @@ static msim_status step_newmark(ms_stepper *s, msim_error *err) {
 
 /*------------------------------------- two steps ------------------------------------------------*/
 
-/* gamma = 2 - sqrt 2: the trapezoidal rule to t + gamma h, then the second order backward
- * differentiation formula over both parts of the step (Bank et al. 1985; Hosea and Shampine 1996)
- */
+/* gamma = 2 - sqrt 2: the trapezoidal rule to t + gamma h, then the backward differentiation
+ * formula of order 2 over both parts of the step (Bank et al. 1985; Hosea and Shampine 1996) */
 #define GAMMA 0.58578643762690495
 static const table tr_bdf2 = {
     2,
@@ -139,10 +140,10 @@ static table bdf2(double r) {
   return (table){1, {{.a = (1 + r) / (1 + 2 * r), .before = -(r * r) / (1 + 2 * r)}}, 0};
 }
 
-/* The step before says nothing of this one: of the first step, and after a reflection. Fixed steps
- * are implicit Euler's then, as the method is written. Under error control order 1 would set their
- * length, and with events located it would be the largest error: a step of tr-bdf2 takes their
- * place, whose first stage and slope at the start lie where those of the step before would. */
+/* The first step, and a step after a reflection, which cannot use the step before. A fixed step is
+ * one of implicit Euler, as usual for this method. Under error control its order 1 would determine
+ * the length, and with collision = event its error would be the largest: then a step of tr-bdf2
+ * takes its place. start: gets the first stage and the slope at the start. */
 static msim_status restart_bdf2(ms_stepper *s, double **start, double *rule, msim_error *err) {
   if (s->opt->tol == 0 && !s->events) {
     *rule = implicit_euler.rungs[0].a;
@@ -153,8 +154,8 @@ static msim_status restart_bdf2(ms_stepper *s, double **start, double *rule, msi
   return climb(s, &tr_bdf2, &(sources){.a = start[2]}, start, err);
 }
 
-/* warm: 1 + the set of work vectors that holds the y of the step before, and the a that this step
- * led to. */
+/* warm: 1 + the index of the set of work vectors with x and v at the start of the last step, and a
+ * at its end. */
 static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
   const int at = s->warm == 2;
@@ -172,7 +173,7 @@ static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* share (y' - p),  p = y + (1 + r) h f + r^2 (y_before - y) */
+/* error = share (y' - p),  share = (1 + r)/(2 + 3 r),  p = y + (1 + r) h f + r^2 (y_before - y) */
 static void compare(const ms_stepper *s, double r, const double *y, const double *f,
                     const double *before, const double *y_next, double *error) {
   const ms_shape shape = s->model->shape;
@@ -184,7 +185,7 @@ static void compare(const ms_stepper *s, double r, const double *y, const double
 
 /* h (e_1 f + e_2 f_1 + e_3 f'), e = ((sqrt 2 - 1)/3, -1/3, (2 - sqrt 2)/3): the difference from the
  * formula of order 3 with the same stages (Hosea and Shampine 1996). start: x and v of the first
- * stage, and a at the start; of the first stage h a_1 = 2 (v_1 - v)/gamma - h a. */
+ * stage, and a at the start of the step; h a_1 = 2 (v_1 - v)/gamma - h a at the first stage. */
 static void estimate_tr_bdf2(const ms_stepper *s, double *const *start, const double *a_next,
                              double *dx, double *dv) {
   const ms_shape shape = s->model->shape;
@@ -197,9 +198,9 @@ static void estimate_tr_bdf2(const ms_stepper *s, double *const *start, const do
   ms_add_all(shape, NULL, 4, of_v, as, dv);
 }
 
-/* The parabola through y_before and y, with the slope f in y that the last step found, leads to p.
- * Its error is -(1 + 1/r) e, where the method has (1 + r)^2/(r (1 + 2 r)) e, e = h^3/6 d3y/dt3: a
- * share (1 + r)/(2 + 3 r) of the difference is the method's. */
+/* p extrapolates the parabola through y_before and y that has the slope f in y, as the last step
+ * found it. Its error is -(1 + 1/r) e, that of the method (1 + r)^2/(r (1 + 2 r)) e, with
+ * e = h^3/6 d3y/dt3: the share (1 + r)/(2 + 3 r) of the difference is the error of the method. */
 static void estimate_bdf2(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
   double *const *before = s->work + KEPT + 3 * (s->warm == 2);

@@ -1,4 +1,4 @@
-/* integrator - a time integration method is one const table in one file */
+/* integrator - the interface of time integration methods, and the state that steps work on */
 #ifndef MS_INTEGRATOR_H
 #define MS_INTEGRATOR_H
 
@@ -9,128 +9,126 @@
 
 enum { MS_MAX_WORK = 16 };
 
-/* What a method sees. A step reads x, v and writes x_next, v_next; the driver accepts it by
- * swapping the pointers, so that a step refused costs nothing.
+/* The state and the work vectors of a method in one island. A step reads x, v and writes x_next,
+ * v_next; the driver accepts it by swapping the pointers, so that a rejected step costs nothing.
  *
- * Force kernels want the pinned rows right: in x and x_next they hold the pinned positions, in v,
- * v_next and every work vector they are 0. So stages
- * keep their positions in x_next. The spare pairs are as x and v. */
+ * Force sweeps read the entries of pinned particles: x and x_next have the pinned positions; v,
+ * v_next and work vectors are 0 there. So stages keep their positions in x_next. The spare pairs
+ * are as x and v. */
 typedef struct ms_stepper {
   const ms_model *model;
   const msim_options *opt;
-  ms_solver *solver; /* NULL where the method needs none */
+  ms_solver *solver; /* NULL: the method needs none */
   double *x, *v;
   double *x_next, *v_next;
   double *work[MS_MAX_WORK]; /* nwork vectors */
   double *scratch;           /* holds nothing between calls */
-  int warm, warm_next;       /* the method's own note, as on what its work vectors hold: 0, none.
-                                As with x, a step reads warm and writes warm_next */
-  double h;                  /* of the step to be made; start() may rely on it, and who looks
-                                between the ends of a step finds that of the last one */
-  double h_before;           /* of the step that led to the present state, or its last part */
-  int64_t parts;             /* of the step being made */
-  ms_bounds bounds;          /* of the island, where the method has stages() */
-  double *x_spare[2];        /* where errors are controlled, or steps retried, for the driver */
+  int warm, warm_next;       /* cached-stage tag: which work vectors hold results for the present
+                                state; 0: none. A step reads warm and writes warm_next */
+  double h;                  /* of the step to be made, or, for dense output, of the last one */
+  double h_before;           /* of the step that led to the present state, or its last substep */
+  int64_t parts;             /* substeps of equal length in the step being made */
+  ms_bounds bounds;          /* of the island, if the method has stages() */
+  double *x_spare[2];        /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];
-  int one_part;           /* a step is not cut at its first impact, but tells where that is */
-  double impact;          /* ... the share of the step; beyond 1: nowhere */
-  double x_tolerance;     /* m: under error control, what an event may add to the error of x */
+  int one_part;           /* 1: the step is not divided at impacts, but sets `impact` */
+  double impact;          /* the share of the step before its first impact; > 1: no impact */
+  double x_tolerance;     /* m: under error control, the error of x that an event may add */
   double v_tolerance;     /* m/s: ... of v */
-  double path_error;      /* m/s: the largest of v, of particles on paths of their own (locate.h) */
-  int32_t path_row;       /* which has it */
-  int32_t npaths;         /* how many there were in all parts of the step */
-  int looked;             /* what is kept for those who look inside the last step; 0: nothing */
-  double noise;           /* relative error of v that solves may leave; 0: as options say */
-  int32_t culprit;        /* row to blame when step() fails; -1: none in particular */
-  struct ms_split *split; /* NULL where the method needs none, or where none pays */
-  int finite;             /* 1: no number of x_next and v_next is NaN or huge; 0: unknown */
+  double path_error;      /* m/s: the largest error of v on particle paths (locate.h) */
+  int32_t path_row;       /* the unknown with that error */
+  int32_t npaths;         /* number of particle paths in all substeps of the step */
+  int looked;             /* what dense output of the last step is available; 0: none yet */
+  double noise;           /* relative error of v that solves may leave; 0: that of the options */
+  int32_t culprit;        /* the offending unknown if step() fails; -1: none in particular */
+  struct ms_split *split; /* NULL: the method needs none, or none is cost-effective */
+  int finite; /* 1: no number of x_next and v_next is NaN or beyond MS_HUGE; 0: unknown */
   msim_stats *stats;
-  struct ms_events *events; /* of collision = event, where there are planes; NULL: none of that */
+  struct ms_events *events; /* for collision = event in scenes with planes; else NULL */
 } ms_stepper;
 
 typedef struct ms_integrator {
-  msim_integrator_entry entry; /* order: a test measures it and compares */
+  msim_integrator_entry entry; /* a test measures the order */
   int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
   int separable; /* needs forces that do not depend on velocities: no damping, no drag */
-  int splits;    /* keeps stiff springs apart: stepper.split, which belongs to h and the springs */
+  int splits;    /* multirate: uses stepper.split, which depends on h and the springs */
   int replays;   /* handles impacts and contact itself, under collision = event (replay.h) */
-  int one_step;  /* a step depends on x and v alone, so that two halves tell its error */
+  int one_step;  /* a step depends on x and v alone: step doubling estimates its error */
   int32_t nwork;
-  int32_t carried, carried_at; /* work vectors that steps to come read: so many, where warm = 1 + k
-                                  from number carried_at + k carried on. 0: none */
-  /* From x and the velocity at t in v to the velocity that the method carries; called with warm = 0
-   * at the start and after a state was set. Nullable. */
+  int32_t carried, carried_at; /* work vectors that later steps read: with warm = 1 + k, `carried`
+                                  of them from number carried_at + k carried on. carried 0: none */
+  /* Replaces x, v at t by the variables that the method carries; called with warm = 0 at the start
+   * and after a state was set. Nullable. */
   void (*start)(ms_stepper *s);
-  /* One step of s->h. */
+  /* One step of s->h. Explicit methods return MSIM_OK, others the status of a solve that failed. */
   msim_status (*step)(ms_stepper *s, msim_error *err);
-  /* The longest h with which every mode within the bounds stays bounded: a scene has many, and
-   * which pairs of frequency and damping it has changes as it moves. 0: none does; INFINITY: any
-   * h. NULL: any h is stable where forces are linear, or the method splits. */
+  /* The longest h for which every mode within the bounds stays bounded, with any pair of frequency
+   * and damping, as the pairs that occur change with time. 0: none; INFINITY: any. NULL: any h is
+   * stable for linear forces, or the method is multirate. */
   double (*limit)(const ms_bounds *b);
-  /* Evaluations in a step, where h decides that. Nullable. */
+  /* Number of force evaluations in a step of h. Nullable: it does not depend on h. */
   int32_t (*stages)(double h, ms_bounds bounds);
-  /* The error of the step just made, from x to x_next before any reflection, by the method's own
-   * estimates: which = 0, the finer; 1, a coarser, where there are two. Nullable. */
+  /* The method's own error estimates of the step just made, from x to x_next before reflection:
+   * which = 0, the finer; 1, the coarser, if there are two. Nullable. */
   void (*estimate)(ms_stepper *s, int which, double *dx, double *dv);
-  int two_estimates; /* which together go like h^order; one alone goes like h^(order + 1) */
-  int chooses_steps; /* by a tol of its own, unless `steps` is given */
-  double growth;     /* under control, of a step over the one before, at most; 0: the usual */
-  double safety;     /* the same, of the longest step that the error allows; 0: the usual share */
-  /* The state a share theta into the step that was accepted last; see interpolate.h. Nullable: by
-   * cubics. */
+  int two_estimates; /* 1: two estimates, combined O(h^order); 0: one, O(h^(order + 1)) */
+  int chooses_steps; /* by a default tol, unless the option `steps` is given */
+  double growth; /* under error control, largest ratio of a step to the one before; 0: default */
+  double safety; /* ... ratio of a step to the longest that the error allows; 0: default */
+  /* Dense output of the step that was accepted last (interpolate.h). Nullable: cubics. */
   void (*interpolate)(ms_stepper *s, double theta, double *x, double *v);
-  /* One entry of x over the step just made and not accepted, under collision = event. Nullable: by
-   * cubics. */
+  /* Dense output of entry `at` of x over the step just made and not yet accepted. Nullable: a
+   * quintic. */
   void (*path)(ms_stepper *s, size_t at, ms_bernstein *to);
-  /* x and v at t, where the method carries other variables, which belong to h. Nullable. */
+  /* x and v at t, for a method that carries transformed variables, which depend on h. Nullable. */
   void (*show)(const ms_stepper *s, double *x, double *v);
-  /* v = the velocity at t, where the method carries another one. Nullable: it carries v(t). */
+  /* v = the velocity at t, for a method that carries that of another time. Nullable: v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;
 
-/* Vectors are never copied to be kept: they change names. */
+/* Exchanges two vectors without a copy. */
 static inline void ms_swap(double **a, double **b) {
   double *between = *a;
   *a = *b, *b = between;
 }
 
-/* What its stages follow from, where the method or the springs are others than before. */
+/* Sets s->bounds, on which the number of stages depends, after the method or springs changed. */
 void ms_bound_stages(const ms_integrator *method, ms_stepper *s);
 
-/* Let a vector of the method's own take stages in turn with x_next: forces want its pinned rows. */
+/* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */
 void ms_hold_stages(const ms_stepper *s, double *stage);
 
-/* One evaluation of forces and what the step makes of it, counted and timed. */
+/* A force sweep with the updates of `pass` and the reactions of planes, counted and timed */
 void ms_evaluate(ms_stepper *s, const ms_pass *pass);
 
-/* The same of a model with some of the springs */
+/* A force sweep of `model`, which has some of the springs, without reactions */
 void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass);
 
-/* v_next = v + h a(x, v),  x_next = x + h v_next */
+/* The force sweep v_next = v + h a(x, v),  x_next = x + h v_next */
 ms_pass ms_kick_drift(const ms_stepper *s);
 
-/* a = F(x, v)/m, counted and timed. */
+/* a = F(x, v)/m, with reactions of planes; v NULL: without forces that depend on it */
 void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
 
-/* Reflect x, v at the planes, where there are any; how many particles were. Under collision = event
- * nothing is reflected here. */
+/* Reflects x, v at the planes, but not under collision = event; returns the number of particles
+ * reflected. */
 int64_t ms_reflect(ms_stepper *s, double *x, double *v);
 
-/* 1 where particles rest on planes, which then push in every evaluation, against v too. */
+/* 1: particles are in contact with planes (contacts.h); forces then depend on v. */
 int ms_rests(const ms_stepper *s);
-/* ... and hold rows of the matrix */
+/* Adds the constraints of these contacts to a linear system. */
 void ms_hold_rows(ms_stepper *s, ms_request *request);
 
-/* No force depends on velocities. */
+/* 1: no force depends on velocities. */
 int ms_is_separable(const ms_stepper *s);
 
 /* The i-th method of this version; NULL past the end. */
 const ms_integrator *ms_integrator_at(int32_t i);
 
-/* That one of them is to be chosen */
+/* The value of option `integrator` for which the sim chooses the method */
 #define MS_AUTO "auto"
 
-/* By name */
+/* The method of this name; MSIM_ERR_NAME: there is none. */
 msim_status ms_integrator_find(const char *name, const ms_integrator **integrator, msim_error *err);
 
 #endif

@@ -8,7 +8,8 @@ void ms_hermite(ms_shape shape, double h, double theta, const double *y0, const 
   ms_add_all(shape, y0, 4, w, of, y);
 }
 
-/* The accelerations at both ends are made when somebody looks, and stay in the second pair. */
+/* The accelerations at both ends are computed by the first call, and stay in the second spare
+ * pair. */
 void ms_interpolate_cubic(ms_stepper *s, double theta, double *x, double *v) {
   const ms_shape shape = s->model->shape;
   double *a0 = s->x_spare[1], *a1 = s->v_spare[1];

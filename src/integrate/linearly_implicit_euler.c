@@ -1,9 +1,10 @@
+/* linearly_implicit_euler - implicit Euler with one Newton iteration: one linear system a step */
 #include <math.h>
 
 #include "integrate/methods.h"
 
-/* The same where no spring pulls, so that each particle is alone:
- * (m + h b) v' = m v + h m g,  x' = x + h v' */
+/* The step without springs, by independent equations, with the drag b:
+ *   (m + h b) v' = m v + h m g,  x' = x + h v' */
 static void step_alone(ms_stepper *s) {
   const ms_rows *rows = &s->model->rows;
   const double *mass = s->model->mass, *g = s->model->scene->gravity, h = s->h;
@@ -21,10 +22,10 @@ static void step_alone(ms_stepper *s) {
 }
 
 /* (M - h D - h^2 J) dv = h F(x) + (h D + h^2 J) v,  v' = v + dv,  x' = x + h v'
- * J, D at x; F without velocities, as h D v stands beside it. This is the first Newton iterate of
- * implicit Euler from v' = 0, (M - h D - h^2 J) v' = M v + h F (Teschner), solved for the change of
- * v (Baraff and Witkin 1998, eq. 6): the tolerance of the solver is then one of what happens in the
- * step, however fast all moves along. */
+ * J, D at x; F without the forces that depend on v, which h D v contains. This is the first Newton
+ * iterate of implicit Euler from v' = 0, (M - h D - h^2 J) v' = M v + h F (Teschner), solved for
+ * the change of v (Baraff and Witkin 1998, eq. 6): so the tolerance of the solver is relative to
+ * the change in the step, for any common velocity of the particles. */
 static msim_status step(ms_stepper *s, msim_error *err) {
   if (!(s->model->passes & MSIM_SKIP_SPRINGS) && !ms_rests(s)) {
     step_alone(s);

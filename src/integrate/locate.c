@@ -6,33 +6,33 @@
 
 #include "base/vec3.h"
 
-/* A step in parts */
+/* A step in substeps */
 typedef struct substeps {
   const ms_integrator *method;
   ms_stepper *s;
   ms_events *e;
-  double h, done;   /* the step, and how much of it lies behind */
+  double h, done;   /* s: the length of the step, and of the substeps made */
   ms_bounds bounds; /* on frequencies and rates of damping */
-  int may_cut;      /* paths of particles, of order 2, would be worse than the method */
-  int cuts;
-  int warm;       /* for the part to come; 0: without what was carried over */
-  int ends_known; /* a and a_end are those of the part just made */
+  int may_cut;      /* the step is divided: the order of the method exceeds that of paths, 2 */
+  int cuts;         /* substeps made, but for the last */
+  int warm;         /* the cached-stage tag for the next substep */
+  int ends_known;   /* a and a_end are those of the substep just made */
 } substeps;
 
-/* The first impact of a part */
+/* The first impact of a substep */
 typedef struct impact {
   double share;
   int32_t row;
   const msim_plane *plane;
-  double depth; /* how far behind planes the paths of all rows may lead */
+  double depth; /* m: a bound on the penetration of all particles in the substep */
 } impact;
 
-/*------------------------------------- paths of particles ---------------------------------------*/
+/*------------------------------------- particle paths -------------------------------------------*/
 
-/* Error of v that a path leaves, of third order: what its acceleration being linear in time adds to
- * a constant one, times how much that acceleration changes; and of its neighbours, which felt the
- * particle where the step had it, not where the path ends, h (omega^2 |dx|/3 + rate |dv|/2).
- * Shallow impacts have been judged before (is_shallow). */
+/* Estimates the error of v that a particle path leaves, O(h^3): the larger of its own error, from
+ * an acceleration that is linear in time, not constant, |w - v| |b1 - b0|/max(|b0|, |b1|), and that
+ * of its neighbours, whose forces used the end of the step, not that of the path,
+ * h (omega^2 |dx|/3 + rate |dv|/2). Shallow impacts have been accepted before (is_shallow). */
 static void note_error(const substeps *j, int32_t row, const ms_path *p) {
   ms_stepper *s = j->s;
   const ms_bounds *b = &j->bounds;
@@ -50,8 +50,8 @@ static void note_error(const substeps *j, int32_t row, const ms_path *p) {
   if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
 }
 
-/* Its end of the part is that of its own path: bounces are summed, something changes, or the method
- * knows no forces of velocities, as friction is one. */
+/* 1: the particle follows its own path in the substep: its bounces are summed, its contact changes,
+ * or friction acts, and the method allows no force that depends on v. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int rubs = c->rubs && !c->sticks && j->method->separable;
   return c->bounces || rubs || c->change <= 1;
@@ -59,6 +59,7 @@ static int needs_path(const substeps *j, const ms_contact *c) {
 
 /*------------------------------------- the first impact -----------------------------------------*/
 
+/* Computes a and a_end of the substep just made, if necessary. */
 static void know_ends(substeps *j) {
   if (j->ends_known) return;
   if (!j->e->known) ms_contacts_free(j->s, j->s->x, j->s->v, j->e->a);
@@ -67,9 +68,8 @@ static void know_ends(substeps *j) {
   j->ends_known = 1;
 }
 
-/* May a row come to a plane in the part just made? By Hermite's cubic, whose error is at most
- * h^4/384 |x''''|, with |x''''| <= omega^2 |x''|, of which the ends show some: 4 times that is
- * allowed for. */
+/* 1: the particle may reach the plane in the substep just made, by Hermite's cubic with a margin of
+ * 4 times its error, h^4/384 |x''''| <= h^4/384 omega^2 |x''|, |x''| taken from its ends. */
 static int may_meet(const substeps *j, int32_t row, const msim_plane *p) {
   const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
@@ -86,8 +86,7 @@ static int may_meet(const substeps *j, int32_t row, const msim_plane *p) {
   return ms_bernstein_least(&cubic) <= z * z / 96 * bend;
 }
 
-/* One component of a row over the part just made: the dense output of the method, or Hermite's
- * quintic. */
+/* One component of x over the substep just made: the method's dense output, or Hermite's quintic */
 static ms_bernstein component_of(substeps *j, int32_t row, int32_t c) {
   const ms_stepper *s = j->s;
   const size_t at = (size_t)c * (size_t)s->model->rows.stride + (size_t)row;
@@ -113,8 +112,8 @@ static ms_bernstein distance_of(substeps *j, int32_t row, const msim_plane *p) {
   return sum;
 }
 
-/* Nowhere, or where; *depth: no deeper than that does the path lead behind the plane. What touches
- * it and neither leaves it nor runs into it, up to rounding, stays off it for a share LEAST. */
+/* The share of the substep before the impact, or MS_NOWHERE; *depth: a bound on the penetration. If
+ * the particle touches the plane and does not separate from it, the share is at least LEAST. */
 static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, double *depth) {
   const double LEAST = 1. / 16;
   const ms_walls walls = ms_walls_of(j->s);
@@ -128,7 +127,7 @@ static double share_of_impact(substeps *j, int32_t row, const msim_plane *p, dou
   return q <= 1 && path.c[0] <= noise && !leaves ? fmax(q, LEAST) : q;
 }
 
-/* Of one row, where it is earlier than *first */
+/* Updates *first by the impacts of one particle: the earliest, and the largest depth. */
 static void find_impact_of(substeps *j, int32_t row, const ms_contact *c, impact *first) {
   const ms_scene *scene = j->s->model->scene;
   for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
@@ -141,7 +140,7 @@ static void find_impact_of(substeps *j, int32_t row, const ms_contact *c, impact
   }
 }
 
-/* Of all rows but those that follow paths of their own */
+/* The first impact of all particles but those that follow their own paths */
 static impact find_impact(substeps *j) {
   const ms_events *e = j->e;
   impact first = {.share = MS_NOWHERE};
@@ -153,9 +152,9 @@ static impact find_impact(substeps *j) {
   return first;
 }
 
-/*------------------------------------- parts ----------------------------------------------------*/
+/*------------------------------------- substeps -------------------------------------------------*/
 
-/* A part of that length, from s->x, s->v. */
+/* Makes a substep of that length from s->x, s->v. */
 static msim_status make(substeps *j, double length, msim_error *err) {
   j->s->warm = j->warm;
   j->s->h = length;
@@ -166,7 +165,7 @@ static msim_status make(substeps *j, double length, msim_error *err) {
   return status;
 }
 
-/* By what the length of the part is to be multiplied so that it ends at the impact (Newton). */
+/* The factor by which a Newton iteration changes the length, to end at the impact */
 static double stretch(const substeps *j, const impact *i) {
   double x[3], v[3];
   ms_row_get(&j->s->model->rows, j->s->x_next, i->row, x);
@@ -177,7 +176,7 @@ static double stretch(const substeps *j, const impact *i) {
   return fmin(fmax(1 + s / (speed * j->s->h), 0.5), 2);
 }
 
-/* The part ends at a point of the dense output, which expects a step that was accepted. */
+/* Ends the substep at a point of the dense output; interpolate() expects an accepted step. */
 static void cut_dense(substeps *j, double share) {
   ms_stepper *s = j->s;
   double *x = j->e->stage[0], *v = j->e->stage[1];
@@ -191,7 +190,7 @@ static void cut_dense(substeps *j, double share) {
   j->ends_known = j->e->ncontacts > 0;
 }
 
-/* The part ends at the impact: it is made anew, until it does. */
+/* Ends the substep at the impact, by dense output or by making it anew. */
 static msim_status cut(substeps *j, const impact *i, msim_error *err) {
   enum { MOST = 6 };
   const double longest = j->h - j->done;
@@ -210,7 +209,7 @@ static msim_status cut(substeps *j, const impact *i, msim_error *err) {
   return MSIM_OK;
 }
 
-/* The end of the part is the start of the next. */
+/* The next substep starts where the last one ended. */
 static void go_on(substeps *j) {
   ms_stepper *s = j->s;
   ms_contacts_own(s);
@@ -219,7 +218,7 @@ static void go_on(substeps *j) {
   if (j->ends_known) ms_contacts_know(j->e);
 }
 
-/* x and v after a share of the part, v by the cubic of v and a at both ends */
+/* x and v after a share of the substep, v by the cubic of v and a at both ends */
 static void go_along(substeps *j, int32_t row, double share, ms_path *p) {
   const ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
@@ -234,8 +233,8 @@ static void go_along(substeps *j, int32_t row, double share, ms_path *p) {
   }
 }
 
-/* From a share of the part on. Its acceleration is linear in time, t of the whole length; x ends
- * where that leads: t^2/2 (2 b0 + b1)/3. */
+/* Follows a particle's own path from the share `from` on. A linear acceleration moves x by
+ * t^2/2 (2 b0 + b1)/3, as the constant one of the path does. */
 static void follow_path(substeps *j, int32_t row, double from, const ms_contact *contact) {
   ms_stepper *s = j->s;
   const ms_rows *rows = &s->model->rows;
@@ -257,8 +256,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   j->e->followed[j->e->nfollowed++] = row;
 }
 
-/* Contacts to which something happens, and, where the step may not be cut any more, what meets
- * planes. */
+/* Follows the paths of particles that need them and, with `all`, of those with an impact. */
 static void follow_paths(substeps *j, int all) {
   ms_events *e = j->e;
   if (all) know_ends(j);
@@ -281,6 +279,7 @@ static void follow_paths(substeps *j, int all) {
   j->s->finite = 0;
 }
 
+/* 1: the substeps make up the whole step; then the result is the present state. */
 static int is_done(substeps *j) {
   ms_stepper *s = j->s;
   if (j->h - j->done > 8 * DBL_EPSILON * j->h) return 0;
@@ -289,30 +288,30 @@ static int is_done(substeps *j) {
   return 1;
 }
 
-/* The first of all contacts that changes */
+/* The share of the substep before the first change of a contact, or MS_NOWHERE */
 static double find_first_change(const substeps *j) {
   double first = MS_NOWHERE;
   for (int32_t i = 0; i < j->e->ncontacts; i++) first = fmin(first, j->e->contact[i].change);
   return first;
 }
 
-/* The length of a part that ends before a change, or, from near before it, behind it: so that the
- * path of what changes is short, and its error small. */
+/* The length of a substep that ends shortly before a change or, if that is near, shortly after it:
+ * so the particle path over the change is short, and accurate. */
 static double length_before(const substeps *j, double share) {
   const double NEAR = 1. / 16, near = NEAR * j->h, until = share * j->s->h - near / 2;
   return until > near / 2 ? until : fmin(near, j->s->h);
 }
 
-/* Where the step resolves the fastest vibrations: what is faster methods follow to no more than
- * order 2. Then accuracy is worth more steps. */
+/* p^2/(16 omega): longer steps do not resolve the fastest vibrations, which then are of order 2 at
+ * most; substeps would not be cost-effective. */
 double ms_locate_longest(const ms_integrator *method, double omega) {
   const int p = method->entry.order;
   return p > 2 ? p * p / (16 * omega) : 0;
 }
 
-/* Under error control steps end at impacts, but where paths lead behind planes by so little that
- * the particle may follow its own: its neighbours feel dampers of the velocity before. The error
- * estimates of order 2 are not worth that doubt. */
+/* Under error control steps end at impacts, unless the penetration is within the tolerances: then
+ * the particle may follow its own path, though dampers of its neighbours act by its velocity before
+ * the impact. Methods with one estimate of their own, of order 2, do not permit this error. */
 static int is_shallow(const substeps *j, double depth) {
   const int may_pass = !j->method->estimate || j->method->two_estimates;
   return may_pass && depth <= j->s->x_tolerance && j->bounds.rate * depth <= j->s->v_tolerance;

@@ -1,16 +1,16 @@
-/* locate - a step of an explicit method with its impacts located inside, under collision = event
+/* locate - one step with impacts located in time, for methods that resolve the springs
  *
- * The step is made. The distance of each particle from each plane is then a polynomial: the
- * method's dense output, or Hermite's quintic, of x, v and a at both ends, where his cubic comes
- * near the plane. Its Bernstein coefficients tell the first impact, however short (bernstein.h).
- * The step is cut there, all particles that touch a plane bounce at once, and the rest of the step
- * is made from there: the order of the method is kept.
- * After MS_MAX_CUTS cuts each particle with an impact goes on along a path of its own (path.h),
- * which is of order 2.
+ * The whole step is made first. Then the distance of each particle from each plane is a polynomial
+ * of time: the method's dense output or, if Hermite's cubic of x and v comes near the plane, his
+ * quintic of x, v and a at both ends. Its Bernstein coefficients give the first impact, however
+ * short (bernstein.h). The step ends there, all particles that touch a plane bounce at once, and
+ * the next substep makes the rest: so the order of the method is kept.
+ * After MS_MAX_CUTS substeps, or if the step exceeds ms_locate_longest(), each particle with an
+ * impact follows a path of its own instead (path.h), of order 2.
  *
- * What rests or slides on planes is held there in each evaluation (contacts.h). Where it stops,
- * begins to slip, turns sharply, or is lifted in a part of the step, that part is replaced by the
- * particle's own path. */
+ * Reactions keep particles in contact on their planes in each evaluation (contacts.h). If such a
+ * particle stops, begins to slip, turns sharply, or is lifted in a substep, its own path replaces
+ * the motion in that substep. */
 #ifndef MS_LOCATE_H
 #define MS_LOCATE_H
 
@@ -18,11 +18,11 @@
 
 enum { MS_FEW_CUTS = 8, MS_MAX_CUTS = 64 };
 
-/* One step of the method, as ms_step (events.h) */
+/* One step of s->h by `method`. May change s->h, s->x and s->v, which ms_step() restores. */
 msim_status ms_locate_step(const ms_integrator *method, ms_stepper *s, msim_error *err);
 
-/* The longest step that is cut at impacts, so that the method keeps its order p; of methods with p
- * = 2 none is. omega: a bound on frequencies (1/s) */
+/* The longest step (s) that is divided at impacts so that the method keeps its order p; 0 for
+ * methods with p <= 2, as particle paths keep these orders. omega: a bound on frequencies (1/s) */
 double ms_locate_longest(const ms_integrator *method, double omega);
 
 #endif

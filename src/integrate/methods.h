@@ -1,4 +1,4 @@
-/* methods - the methods of this version, in the order in which they are listed */
+/* methods - the list of all time integration methods, in the order in which msim lists them */
 #ifndef MS_METHODS_H
 #define MS_METHODS_H
 
@@ -30,7 +30,7 @@
 MS_INTEGRATORS(MS_DECLARE)
 #undef MS_DECLARE
 
-/* Of symplectic Euler and Verlet. */
+/* The stability limit (s) of symplectic Euler and Verlet */
 double ms_verlet_limit(const ms_bounds *b);
 
 #endif

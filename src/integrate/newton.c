@@ -6,19 +6,19 @@
 #include "linear/jacobi.h"
 #include "physics/excess.h"
 
-/* The matrix that d is of, and how far d is followed */
+/* The matrix of d, and the line search */
 typedef enum search {
-  REDUCE_POTENTIAL, /* symmetric: by the incremental potential, or, without one, its slope */
-  REDUCE_RESIDUAL,  /* with the non-symmetric part of damping: as far as the residual drops */
-  LIMIT_ROTATION    /* the same, not clamped: as far as no spring turns much */
+  REDUCE_POTENTIAL, /* symmetric matrix: the incremental potential, or, without one, its slope */
+  REDUCE_RESIDUAL,  /* full matrix, with the non-symmetric damping term: the residual */
+  LIMIT_ROTATION    /* the same, not clamped: no spring turns much */
 } search;
 
-/* The non-symmetric part of damping is small, or may matter, or outweighs the stiffness of springs,
- * so that dampers keep their lengths. */
+/* The non-symmetric damping term is small, or may matter, or outweighs the stiffness of springs, so
+ * that dampers keep their lengths. */
 typedef enum dampers { WEAK, STRONG, DOMINANT } dampers;
 
-/* The residual in units of velocity: rho = M^-1 R, b = R. Norms are those of M; the radius and the
- * length of d, where the solver only solves, are in that of its matrix. */
+/* b = R, and rho = M^-1 R, the residual in units of velocity. Norms are those of M. The trust
+ * radius and the length of d, for solvers without descend(), are in the norm of the matrix. */
 typedef struct newton {
   ms_stepper *s;
   const ms_stage *stage;
@@ -26,16 +26,16 @@ typedef struct newton {
   int linear; /* the matrix is constant */
   double *rho, *b, *d, *from;
   double residual;             /* ||rho|| */
-  double eta;                  /* what the last solve left of its right side */
-  double radius;               /* d is not longer */
-  double length, promise;      /* of d: what the model says that it takes off the energy */
-  int is_cut;                  /* d was cut at the radius */
+  double eta;                  /* relative residual of the last linear solve */
+  double radius;               /* trust radius: the largest length of d */
+  double length, promise;      /* of d: its length, and the predicted reduction of E */
+  int is_cut;                  /* d was truncated at the radius */
   search search;               /* of this d; between iterations, that to try next */
   dampers dampers;             /* in this stage */
   int is_lost;                 /* REDUCE_RESIDUAL did not reduce the residual */
-  int failures;                /* of d of the matrix with all its parts, in this stage */
-  double moved;                /* by the last iteration, ||lambda d|| */
-  double correction, previous; /* ||d|| of this iteration and of the one before; 0: none, or cut */
+  int failures;                /* solves and searches with the full matrix that failed */
+  double moved;                /* ||lambda d|| of the last iteration */
+  double correction, previous; /* ||d|| of this iteration and of the last; 0: none, or shortened */
 } newton;
 
 static double norm(const newton *n, const double *v) {
@@ -54,8 +54,8 @@ static void evaluate(newton *n) {
   n->residual = sqrt(ms_dot(n->shape, n->b, n->rho));
 }
 
-/* The change of v that relative errors are measured by: that since the present state, or of free
- * fall, where forces are nearly balanced. It does not depend on how fast all moves along. */
+/* The change of v to which errors are relative: from the present state, or that of free fall, if
+ * larger, as forces may be nearly balanced. A common velocity has no effect on it. */
 static double change(const newton *n) {
   const ms_model *model = n->s->model;
   const double *g = model->gravity, *m = model->mass;
@@ -66,8 +66,7 @@ static double change(const newton *n) {
               n->stage->ah * sqrt(mass * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2])));
 }
 
-/* What the error of v may be. Error control may need more than the option asks for, and asks in
- * terms of v itself. */
+/* The error of v allowed. Error control may require less than newton.rtol, relative to v itself. */
 static double tolerance(const newton *n) {
   const double size = change(n), asked = n->s->opt->newton_rtol * size;
   if (!(n->s->noise > 0)) return asked;
@@ -78,8 +77,7 @@ static msim_status solve(newton *n, const ms_request *request, msim_error *err) 
   return ms_solver_solve(n->s->solver, request, n->b, n->d, err);
 }
 
-/* d = A^-1 R, cut at the radius: by the matrix as it is; clamped, where that is not positive
- * definite. */
+/* d = A^-1 R, truncated at the trust radius; A is clamped if it is not positive definite. */
 static msim_status solve_within(newton *n, ms_request *request, msim_error *err) {
   msim_status status = solve(n, request, err);
   if (status == MSIM_NOT_SPD && !request->clamp) {
@@ -95,7 +93,7 @@ static msim_status solve_within(newton *n, ms_request *request, msim_error *err)
   return MSIM_OK;
 }
 
-/* d = A^-1 R with all of A, which leads down the residual and no energy */
+/* d = A^-1 R with the full matrix: a descent direction of the residual norm, not of the energy */
 static msim_status solve_whole(newton *n, ms_request *request, msim_error *err) {
   request->v = n->stage->v;
   const msim_status status = solve(n, request, err);
@@ -104,10 +102,10 @@ static msim_status solve_whole(newton *n, ms_request *request, msim_error *err) 
   return status;
 }
 
-/* Of the exact matrix with all its parts, to a part of the residual that keeps the method
- * quadratic: the terms along strong dampers are a million times those across. Solved directly, if
- * possible. Steps with a search stay with BiCGStab: where a matrix is nearly singular it fails, and
- * the symmetric one leads on (damping 10, h 0.1: 13 iterations a step; 41 by elimination). */
+/* d of the exact full matrix, by elimination if possible, to a relative residual that keeps the
+ * convergence quadratic although terms along strong dampers are 1e6 times those across. The line
+ * search REDUCE_RESIDUAL uses BiCGStab: it fails if the matrix is nearly singular, and the
+ * symmetric matrix follows (damping 10, h 0.1: 13 iterations a step; 41 by elimination). */
 static msim_status solve_exactly(newton *n, ms_request *request, msim_error *err) {
   const double FINE = 1e-3;
   request->clamp = 0, request->direct = 1;
@@ -118,14 +116,15 @@ static msim_status solve_exactly(newton *n, ms_request *request, msim_error *err
   return status;
 }
 
-/* Three failures end the attempts, in this stage. */
+/* After three failures in this stage, no. */
 static int may_solve_exactly(const newton *n) {
   enum { MOST_FAILURES = 3 };
   return n->dampers == DOMINANT && n->failures < MOST_FAILURES &&
          ms_solver_takes_turning(n->s->solver) && n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
 }
 
-/* d downhill, to the residual eta; with strong dampers that of the exact matrix */
+/* d to the relative residual eta, by the first of these that is allowed and does not fail: the
+ * exact full matrix, the full matrix, the symmetric one. Sets n->search. */
 static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_solver *solver = n->s->solver;
   ms_request request = {
@@ -148,7 +147,7 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   return ms_solver_descend(solver, &request, n->b, n->d, err);
 }
 
-/* The radius follows the ratio of the reduction of the energy to the predicted one. */
+/* Updates the trust radius by the ratio of the reduction of E to the predicted one. */
 static void set_radius(newton *n, double lambda, double reduced) {
   if (ms_solver_descends(n->s->solver)) return;
   const double ratio = reduced / n->promise;
@@ -157,8 +156,8 @@ static void set_radius(newton *n, double lambda, double reduced) {
   else if (ratio > 0.75 && n->is_cut) n->radius = fmax(n->radius, 2 * n->length);
 }
 
-/* E(v) - E(v + lambda d), E = |v - w|_M^2/2 + U(x0 + ah v), the incremental potential, whose
- * gradient is -R. slope: R.d; square: d.d, by mass and drag. */
+/* E(v) - E(v + lambda d), E = |v - w|_M^2/2 + U(x0 + ah v) + ah b |v|^2/2, the incremental
+ * potential with drag b, whose gradient is -R. slope: R.d; square: |d|_M^2 + ah b |d|^2 */
 static double reduction(const newton *n, double lambda, double slope, double square) {
   const ms_stage *g = n->stage;
   return lambda * (slope - lambda * square / 2) -
@@ -170,9 +169,9 @@ typedef struct sample {
   double at, reduced;
 } sample;
 
-/* Where s l - c l^2/2 - q l^4 through both samples is largest, s the slope: what d turns by l it
- * stretches by l^2. Where that fits not, or there is but one sample (b.at = 0), q = 0, or, where
- * E rises, c = 0. At most the limit. */
+/* The maximum, at most `limit`, of s l - c l^2/2 - q l^4 through both samples, s the slope: a
+ * rotation by l stretches a spring by l^2. q = 0 if the fit would have q < 0. With one sample
+ * (b.at = 0) q = 0, or c = 0 if E rises. */
 static double find_peak(double slope, sample a, sample b, double limit) {
   const double of_a = (slope * a.at - a.reduced) / (a.at * a.at); /* c/2 + q at^2 */
   const double of_b = (slope * b.at - b.reduced) / (b.at * b.at);
@@ -188,12 +187,11 @@ static double find_peak(double slope, sample a, sample b, double limit) {
   return low;
 }
 
-/* v += lambda d, lambda near the minimum of E on the line: the first of 1, ... that reduces E
- * enough (Armijo 1966), and up to 3 better ones unless that takes off half of what the slope alone
- * would, as at the end of a parabola. Cloth that buckles moves along where A has next to no
- * curvature, and the quadratic model knows nothing of the distance: an energy is far cheaper than
- * another d. Solvers that only solve have the radius for that. full: lambda = 1. Returns
- * lambda. */
+/* v += lambda d, with lambda near the minimum of E on the line: the first of 1, ... that reduces E
+ * enough (Armijo 1966), then up to 3 better ones, unless E drops by half of lambda R.d, as at the
+ * minimum of a parabola. Buckling cloth moves in directions in which A has hardly any curvature, so
+ * that the quadratic model does not predict lambda; and E is far less expensive than another d.
+ * Solvers without descend() use the trust radius instead. full: lambda = 1. Returns lambda. */
 static double search_energy(newton *n, int full) {
   enum { MOST = 30, BETTER = 3 };
   const double NEAR = 0.1, CLOSE = 0.2, FAR = 4;
@@ -221,9 +219,9 @@ static double search_energy(newton *n, int full) {
   return best.at;
 }
 
-/* v += lambda d, the first of 1, ... that does not lead far beyond the place where d would lead
- * uphill: d.R >= -1/2 of what it was (Matthies and Strang 1979). full: lambda = 1. Returns lambda.
- * Where dashpots or contacts leave R without a potential. */
+/* v += lambda d, with the first lambda of 1, ... that does not pass the minimum along d by much:
+ * d.R(v + lambda d) >= -d.R(v)/2 (Matthies and Strang 1979). For damping or contacts, with which R
+ * has no potential. full: lambda = 1. Returns lambda. */
 static double search_slope(newton *n, int full) {
   enum { MOST = 30 };
   const double start = ms_dot(n->shape, n->b, n->d);
@@ -237,21 +235,21 @@ static double search_slope(newton *n, int full) {
       set_radius(n, lambda, (start + slope) / 2);
       return lambda;
     }
-    const double zero = start / (start - slope); /* of the straight line; NaN far outside */
+    const double zero = start / (start - slope); /* of the secant; NaN far outside */
     lambda *= zero > 0.1 ? zero : 0.1;
   }
 }
 
-/* ||R|| in the norm of the last solve (jacobi.h). That of M^-1 weighs errors along a stiff spring
- * by its stiffness over the mass, which leaves the search a narrow winding valley: a step that
- * takes 15 iterations in this one, with h c/m = 3500, takes 86 there. */
+/* ||R|| in the norm of the last solve (jacobi.h). The norm of M^-1 weights errors along a stiff
+ * spring by its stiffness over the mass, and the search then follows a narrow curved valley: a step
+ * with h c/m = 3500 takes 86 iterations with that norm, and 15 with this one. */
 static double residual_level(const newton *n) {
   return ms_jacobi_norm(n->s->model, &n->s->solver->system.a, n->b);
 }
 
-/* v += lambda d, the first of 1, ... that takes enough off the residual (Armijo 1966), each after
- * the minimum of a parabola; full: lambda = 1. Where d leads nowhere the clamped matrix makes the
- * next one. Returns lambda. */
+/* v += lambda d, with the first lambda of 1, ... that reduces the residual enough (Armijo 1966);
+ * the next one is the minimum of a parabola. If none does, the clamped matrix makes the next d.
+ * full: lambda = 1. Returns lambda. */
 static double search_residual(newton *n, int full) {
   enum { MOST = 10 };
   const double first = residual_level(n), start = first * first;
@@ -268,8 +266,8 @@ static double search_residual(newton *n, int full) {
   }
 }
 
-/* How far d moves the ends of a spring apart, in lengths of the spring at the start of the step:
- * dampers keep them, whereas the present ones may pass through 0. */
+/* The relative displacement of the ends of a spring by d, over its length at the start of the step,
+ * which dampers keep, or at rest, if larger. The present length may pass through 0. */
 static double relative_motion(const newton *n, int32_t e) {
   const ms_springs *s = &n->s->model->springs;
   const size_t stride = (size_t)n->shape.stride;
@@ -285,11 +283,12 @@ static double relative_motion(const newton *n, int32_t e) {
   return length2 > MS_ZERO_LENGTH2 ? sqrt(motion2 / length2) : 0;
 }
 
-/* v += lambda d, 1 or as much as turns no spring by more than a quarter; full: lambda = 1. The
- * residual may rise. Strong dampers keep lengths, so that the states near the solution are a narrow
- * curved valley: each straight step leaves it, by the square of its length, and one that is cut
- * until the residual falls turns springs by a thousandth. The next step corrects the lengths, as
- * the matrix is exact: "watchdog" (Chamberlain et al. 1982), without the watch. Returns lambda. */
+/* v += lambda d, lambda = 1 or less, so that no relative_motion() exceeds 1/4; full: lambda = 1.
+ * Returns lambda. The residual may rise. Strong dampers keep lengths, so that states with a small
+ * residual form a narrow curved valley: a straight step leaves it by the square of its length, and
+ * turns springs by a thousandth if shortened until the residual falls. The next step corrects the
+ * lengths, as the matrix is exact: the relaxed steps of the watchdog technique (Chamberlain et al.
+ * 1982), without its check. */
 static double turn_at_most(newton *n, int full) {
   const double MOST = 0.25;
   double largest = 0;
@@ -301,8 +300,8 @@ static double turn_at_most(newton *n, int full) {
   return lambda;
 }
 
-/* The matrix without turning dampers makes the quicker and safer steps, unless it leaves much of
- * the residual at the end of a step that nothing cut; with them, as long as that leads down. */
+/* The symmetric matrix makes faster and more robust iterations, unless one with lambda = 1 leaves
+ * more than MUCH of the residual. The full one then stays in use while the residual falls. */
 static search find_next_search(newton *n, double before, double lambda) {
   enum { MOST_FAILURES = 3 };
   const double MUCH = 0.3;
@@ -313,12 +312,12 @@ static search find_next_search(newton *n, double before, double lambda) {
   return is_slow ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
 }
 
-/* What the last correction may leave: it is an estimate, and the errors of many steps add up. */
+/* The bound on the estimated error after the last correction; errors of many steps add up. */
 static double last_error(const newton *n) { return 0.1 * tolerance(n); }
 
-/* The tolerance of the linear solve: as the residual drops (Eisenstat and Walker 1996, choice 2).
- * No less is needed than a tenth of what ends Newton's method, if the correction is as much smaller
- * than the last one as the residual is. */
+/* The relative tolerance of the linear solve, 0.9 (||rho||/||rho before||)^2 (Eisenstat and Walker
+ * 1996, choice 2), at most 0.1. A tenth of the error that ends Newton's method is sufficient, if
+ * corrections decrease as the residual does. */
 static double forcing(const newton *n, double before) {
   if (n->linear) return fmin(n->s->opt->solver_rtol, n->s->opt->newton_rtol);
   const double ratio = before > 0 ? n->residual / before : 1, expected = ratio * n->correction;
@@ -326,34 +325,34 @@ static double forcing(const newton *n, double before) {
   return fmax(fmin(fmax(0.9 * ratio * ratio, enough), 0.1), n->s->opt->solver_rtol);
 }
 
-/* What x = x0 + ah v cannot tell apart from v. */
+/* Changes of v that are lost in the rounding of v or x = x0 + ah v */
 static double rounding_level(const newton *n) {
   const ms_stage *g = n->stage;
   return 4 * DBL_EPSILON * (norm(n, g->v) + norm(n, g->x) / g->ah);
 }
 
-/* 1 where the corrections, each theta times the one before, come down to the tolerance with so many
- * more. */
+/* 1: with `more` further corrections, each theta times the one before, the estimated error is
+ * small enough: theta^more theta/(1 - theta) |d| <= last_error(). */
 static int ends_within(const newton *n, double theta, int more) {
   return n->correction > 0 && theta < 1 &&
          pow(theta, more) * theta / (1 - theta) * n->correction <= last_error(n);
 }
 
-/* The last corrections' ratio; 1: not known. */
+/* The ratio of the last two corrections; 1: unknown */
 static double contraction(const newton *n) {
   return n->previous > 0 ? n->correction / n->previous : 1;
 }
 
-/* Where the matrix is constant the error is A^-1 R, and less than M^-1 R. */
+/* If the matrix is constant, the error is A^-1 R, whose norm is below that of M^-1 R. */
 static int is_converged(const newton *n) {
   if (n->linear && n->residual <= tolerance(n)) return 1;
   return ends_within(n, fmax(n->eta, contraction(n)), 0);
 }
 
-/* The clamped matrix leads far, the exact one to the end: near the solution it makes the method
- * quadratic, and is often positive definite. Conjugate gradients take it later than solves, and
- * later still where few clamped iterations will do: those take few of theirs, and correct in the
- * plane of a cloth what an exact one has moved out of it. */
+/* The clamped matrix is robust far from the solution; near it the exact one converges
+ * quadratically, and is often positive definite. Solvers with descend() switch to it later, and
+ * later still if FEW clamped iterations are sufficient: these need few iterations of conjugate
+ * gradients, and correct in the plane of a cloth what an exact one has moved out of it. */
 static int must_clamp(newton *n, double first) {
   enum { FEW = 8 };
   const int descends = ms_solver_descends(n->s->solver), is_lost = n->is_lost;
@@ -380,8 +379,8 @@ static msim_status give_up(newton *n, msim_error *err) {
                  wanted < n->s->opt->newton_rtol ? "tol" : "newton.rtol", wanted);
 }
 
-/* 1 where a damper outweighs that share of its spring's stiffness over the stage, and the mass of
- * an end: from a tenth on what it adds as it turns is more than a small part of the matrix. */
+/* 1: a damper c exceeds share ah k, k the stiffness of its spring, and ah c exceeds the mass of a
+ * free end. From share = 0.1 on its non-symmetric term is more than a small part of the matrix. */
 static int has_strong_dampers(const newton *n, double share) {
   const double ah = n->stage->ah;
   const ms_model *model = n->s->model;
@@ -396,8 +395,8 @@ static int has_strong_dampers(const newton *n, double share) {
   return 0;
 }
 
-/* The guess is in v. Strong dampers stop motion within a step: where the residual is far smaller
- * at the v that leaves x as it is, v starts there. */
+/* Starts from the guess in v, or, as strong dampers stop motion within a step, from the v that does
+ * not change x, (x - x0)/ah, if the residual is far smaller there. */
 static void find_start(newton *n) {
   const double FAR = 0.1;
   const ms_stage *g = n->stage;
@@ -445,7 +444,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
     n.moved = lambda * n.correction;
     n.search = find_next_search(&n, before, lambda);
     if (lambda < 1 || n.is_cut) n.correction = 0;
-    if (is_little) n.radius = INFINITY; /* slopes that are noise have made it small */
+    if (is_little) n.radius = INFINITY; /* slopes within rounding have made it small */
     if (last || is_converged(&n)) return MSIM_OK;
   }
   return give_up(&n, err);

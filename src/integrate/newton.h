@@ -1,24 +1,25 @@
-/* newton - the equation of an implicit stage, solved for the velocity
+/* newton - Newton's method for the nonlinear equation of an implicit stage, in terms of velocities
  *
  *   v = w + ah a(x, v),  x = x0 + ah v:     R(v) = M (w - v) + ah F(x0 + ah v, v) = 0
- * by v += d,  (M - ah D - ah^2 J) d = R.  The residual is exact always; the matrix leaves out what
- * the direction of dashpots adds to J, which has no symmetry, and is the clamped one until the
- * residual has dropped (Teran et al. 2005), so that far from the solution each d leads downhill.
- * Then it is the exact one: by conjugate gradients that leave out compressed springs where they
- * make it indefinite (linear/compression.h), else by solves in a trust region, clamped where that
- * matrix is indefinite. Each d is shortened until it reduces the incremental potential
+ * by v += lambda d,  (M - ah D - ah^2 J) d = R.  The residual is always exact. The matrix omits the
+ * non-symmetric damping term, d(D v)/dx, and is the clamped one until the residual has dropped
+ * (Teran et al. 2005), so that d is a descent direction far from the solution. Then it is the exact
+ * one. Solvers with descend() use conjugate gradients that leave out the negative stiffness of
+ * compressed springs where it makes the matrix indefinite (linear/compression.h); with other
+ * solvers d is truncated at a trust radius, and an indefinite matrix is clamped. The line search
+ * shortens d until it reduces the incremental potential
  *   E(v) = |v - w|_M^2/2 + U(x0 + ah v),
- * which is measured spring by spring (physics/excess.h), or, where damping or contacts leave no
- * potential, until its slope at the end is no steep ascent (Matthies and Strang 1979). The whole
- * matrix, with the turning of dampers (physics/turning.h), takes over where a full step leaves a
- * third of the residual or more, and from the start where dampers are strong; then d is followed as
- * far as the residual drops. Each d is solved for as well as the residual has dropped (Eisenstat
- * and Walker 1996).
+ * whose change is summed spring by spring (physics/excess.h), or, where damping or contacts leave
+ * no potential, until its slope at the end is no steep ascent (Matthies and Strang 1979). With
+ * strong dampers, or without descend(), the exact matrix is the full one, with the non-symmetric
+ * damping term (physics/turning.h); strong dampers need it, too, after a full iteration that leaves
+ * more than 0.3 of the residual. The line search then reduces the residual. The tolerance of each
+ * solve follows the drop of the residual (Eisenstat and Walker 1996).
  *
- * Where dampers keep the lengths of springs, more than springs do, the exact and whole matrix makes
- * each d, which is followed whatever becomes of the residual, as far as no spring turns by more
- * than a quarter: a plate that turns by 80 degrees in a step takes 34 iterations so, and more than
- * 1000 where each had to reduce the residual.
+ * Where dampers, more than springs, keep the lengths of springs, each d is that of the exact full
+ * matrix, and lambda is limited only so that the ends of no spring move by more than a quarter of
+ * its length, even if the residual rises: a plate that turns by 80 degrees in a step takes 34
+ * iterations so, and more than 1000 if each must reduce the residual.
  *
  * Cloth that buckles has many solutions v, the minima of E, of nearly the same energy. Which one is
  * found depends on rounding and tolerances; newton.rtol is the error with respect to that one. */
@@ -28,16 +29,17 @@
 #include "integrate/integrator.h"
 
 typedef struct ms_stage {
-  double ah;            /* the stage's share of the step */
-  const double *x0, *w; /* what is known of x and v */
-  double *x, *v;        /* out; v: the first guess in. Pinned rows of x are right */
+  double ah;            /* s: the coefficient of the stage times h */
+  const double *x0, *w; /* the known parts of x and v */
+  double *x, *v;        /* out; in: the initial guess in v, the pinned positions in x */
   double *work[4];
 } ms_stage;
 
-/* Until the error of v is below newton.rtol times its change from the present state, or that of
- * free fall where this is larger, in the norm of M: the last correction was a whole one, and its
- * size times theta/(1 - theta), theta the ratio of the last two, is below that; or the correction
- * is at rounding level. MSIM_NOT_CONVERGED after newton.max_iterations. */
+/* Iterates until the error of v, in the norm of M, is below newton.rtol times the change of v from
+ * the present state, or that of free fall if larger (s->noise may require less). The estimate of
+ * the error after an iteration with lambda = 1, |d| theta/(1 - theta), must be below a tenth of
+ * that; theta: the ratio of the last two |d|, or the tolerance of the solve if larger. A correction
+ * at rounding level ends the iteration, too. MSIM_NOT_CONVERGED after newton.max_iterations. */
 msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err);
 
 #endif

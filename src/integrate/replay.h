@@ -1,15 +1,16 @@
-/* replay - impacts and contact in a step of velocity Verlet, under collision = event
+/* replay - impacts and contact in a step of velocity Verlet (collision = event)
  *
- * Each particle near a plane follows a path of its own (physics/path.h), first with the
- * acceleration at the start of the step, which gives its position at the end; then, once the
- * acceleration there is known, through the same impacts at the same times for its velocity. One
- * evaluation of forces a step, whatever happens in it; of order 2, for any number of impacts. */
+ * Each particle near a plane follows a path of its own (physics/path.h): first with the
+ * acceleration at the start of the step, which gives its position at the end; then, with the
+ * acceleration there, through the same impacts at the same times, which gives its velocity. This
+ * takes one force evaluation a step and is of order 2, for any number of impacts. */
 #ifndef MS_REPLAY_H
 #define MS_REPLAY_H
 
 #include "integrate/contacts.h"
 
-/* Corrects x_next = x + h v + h^2/2 a and v_predicted = v + h a near planes. */
+/* Corrects x_next = x + h v + h^2/2 a and v_predicted = v + h a of particles near planes. Does
+ * nothing unless e->replays is set. */
 void ms_replay_positions(ms_stepper *s, const double *a, double *v_predicted);
 
 /* Corrects v_next = v + h/2 (a + a_next) of the same particles. */

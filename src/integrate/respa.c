@@ -1,19 +1,21 @@
+/* respa - the multirate method r-RESPA: stiff springs take shorter steps than all other forces
+ *
+ * Stiff springs take n steps of velocity Verlet of length h/n; soft springs, gravity and drag act
+ * by kicks before and after them:
+ *   v += h/2 a_soft(x),  n steps of x, v by a_stiff,  v += h/2 a_soft(x', v + h a_soft)
+ * (Grubmueller et al. 1991; Tuckerman, Berne and Martyna, J. Chem. Phys. 97 (1992) 1990).
+ * Particles without stiff springs move in a straight line, at no cost.
+ *
+ * The kicks resonate with stiff modes of a frequency Omega near k pi/h, k = 1, 2, ...: the closer
+ * they are and the stronger the soft forces, the faster the energy grows. If such a mode is excited
+ * for long and undamped, h must avoid k pi/Omega, or be below pi/Omega.
+ *
+ * Without a cost-effective partition of the springs (cut.h) this is velocity Verlet. */
 #include "base/clock.h"
 #include "integrate/methods.h"
 #include "integrate/split.h"
 
-/* Stiff springs take steps of velocity Verlet of their own, of h/n; the others, gravity and drag
- * kick before and after them:
- *   v += h/2 a_soft(x),  n steps of x, v by a_stiff,  v += h/2 a_soft(x', v + h a_soft)
- * (Grubmueller et al. 1991; Tuckerman, Berne and Martyna, J. Chem. Phys. 97 (1992) 1990). Particles
- * that no stiff spring touches fly straight meanwhile and cost nothing.
- *
- * The kicks resonate with stiff modes of a frequency Omega near n pi/h, n = 1, 2, ...: the nearer
- * and the stronger the soft forces, the faster their energy grows. Where such a mode is excited,
- * undamped and lasting, h is to be kept off it, or below pi/Omega altogether.
- *
- * Where no cut of the springs pays this is velocity Verlet. */
-
+/* n steps of velocity Verlet, for all forces */
 static msim_status damped_steps(ms_stepper *s, int32_t n, msim_error *err) {
   s->warm = 0;
   for (int32_t i = 0; i < n; i++) {
@@ -25,7 +27,8 @@ static msim_status damped_steps(ms_stepper *s, int32_t n, msim_error *err) {
   return MSIM_OK;
 }
 
-/* The half kicks between two steps are one; so few springs take less time than a clock does. */
+/* n steps if forces do not depend on v: two half kicks in a row are one kick. The clock is read
+ * once, as it takes more time than a sweep over so few springs. */
 static void undamped_steps(ms_stepper *s, int32_t n) {
   const double start = ms_clock();
   for (int32_t i = 0; i <= n; i++) {
@@ -40,7 +43,7 @@ static void undamped_steps(ms_stepper *s, int32_t n) {
   s->stats->force_s += ms_clock() - start;
 }
 
-/* The steps of the stiff springs, from x and v to their rows of x_next and v_next */
+/* The steps of the stiff springs, from x and v_next, to x_next and v_next of their particles */
 static msim_status inner_steps(ms_stepper *s, msim_error *err) {
   ms_split *split = s->split;
   ms_stepper *inner = &split->stepper;

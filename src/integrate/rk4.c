@@ -1,3 +1,4 @@
+/* rk4 - the classical Runge-Kutta method of order 4 */
 #include <math.h>
 
 #include "integrate/methods.h"
@@ -14,7 +15,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   for (int stage = 0; stage < 4; stage++) {
     const double *v = stage ? v_stage : s->v, *x = stage ? s->x_next : s->x;
     if (stage) {
-      /* the position moves with the velocity of the stage before */
+      /* the slope of x is the velocity of the stage before */
       ms_combine(shape, s->x, s->h * reach[stage], stage == 1 ? s->v : v_stage, s->x_next);
       ms_combine(shape, s->v, s->h * reach[stage], a, v_stage);
     }
@@ -34,8 +35,9 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* The region of stability holds the imaginary axis to 2 sqrt 2 and the real one to -2.785; of the
- * left half plane all to radius 2.615, and to 2 sqrt 2 where -Re y < 0.3 |y|. */
+/* The region of stability contains the imaginary axis up to 2 sqrt 2, the real one down to -2.785,
+ * and of the left half plane the half disc of radius 2.615, and radii up to 2 sqrt 2 for
+ * -Re y < 0.3 |y|. */
 static double limit(const ms_bounds *b) {
   const double w = b->omega, g = b->rate;
   return g <= 0.5 * w ? sqrt(8) / w : fmin(2.615 / w, 2.785 / g);

@@ -4,18 +4,18 @@
 
 #include "integrate/methods.h"
 
-/* y = (x, v), f = (v, a), in s stages (Sommeijer, Shampine and Verwer, J. Comput. Appl. Math. 88
- * (1998) 315):
+/* The method with s stages for y' = f(y), y = (x, v), f = (v, a) (Sommeijer, Shampine and Verwer,
+ * J. Comput. Appl. Math. 88 (1998) 315):
  *   Y_0 = y,  Y_1 = Y_0 + m_1 h f_0,
  *   Y_j = Y_0 + mu (Y_(j-1) - Y_0) + nu (Y_(j-2) - Y_0) + m h f_(j-1) + g h f_0,  y' = Y_s,
- * with Chebyshev's polynomials T_j at w0 = 1 + (2/13)/s^2, w1 = T_s'/T_s'',
+ * with Chebyshev polynomials T_j at w0 = 1 + (2/13)/s^2, w1 = T_s'/T_s'',
  *   b_j = T_j''/T_j'^2 from j = 2 on, b_0 = b_2, b_1 = 1/w0,
  *   m_1 = b_1 w1,  mu = 2 b_j w0/b_(j-1),  nu = -b_j/b_(j-2),  m = 2 b_j w1/b_(j-1),
  *   g = -(1 - b_(j-1) T_(j-1)) m.
- * Its amplification is 1 - b_s T_s(w0) + b_s T_s(w0 + w1 h z). */
+ * Its amplification factor is 1 - b_s T_s(w0) + b_s T_s(w0 + w1 h z). */
 #define DAMPING (2. / 13)
 
-/* Beyond this rounding errors of the stages add up. */
+/* With more stages their rounding errors accumulate. */
 enum { MOST_STAGES = 1000 };
 
 int32_t ms_rkc_stages(double h, ms_bounds bounds) {
@@ -38,7 +38,7 @@ static term after(double w0, term now, term before) {
   return next;
 }
 
-/* Where the recurrence stands: at stage j of s. */
+/* The recurrence at stage j of s */
 typedef struct recurrence {
   double w0, w1;
   term now, before;
@@ -56,7 +56,7 @@ static void advance(recurrence *r) {
   r->now = next;
 }
 
-/* At stage 1 */
+/* The recurrence at stage 1 */
 static recurrence begin(int32_t stages) {
   const double s = stages, w0 = 1 + DAMPING / (s * s);
   const term zeroth = {.t = 1}, first = {.t = w0, .t1 = 1, .b = 1 / w0};
@@ -83,7 +83,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
   const int32_t stages = ms_rkc_stages(s->h, s->bounds);
   double *xs[] = {s->x_next, s->work[X]},
-         *vs[] = {s->v_next, s->work[V]}; /* the last in the first */
+         *vs[] = {s->v_next, s->work[V]}; /* the last stage is in the first pair */
   recurrence r = begin(stages);
   int to = (stages - 1) % 2;
   ms_evaluate(s, &(ms_pass){.x = s->x,
@@ -118,7 +118,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* (12 (y - y') + 6 h (f + f'))/15 */
+/* The error estimate of Sommeijer, Shampine and Verwer, (12 (y - y') + 6 h (f + f'))/15 */
 static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
   const double w[] = {0.8, -0.8, 0.4 * s->h, 0.4 * s->h};

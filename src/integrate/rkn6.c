@@ -1,9 +1,11 @@
+/* rkn6 - a symplectic Runge-Kutta-Nystroem method of order 6
+ *
+ * v += h b_i a(x),  x += h a_i v,  alternating: b_1 a_1 b_2 a_2 ... a_11 b_12, symmetric.
+ * Coefficients: Blanes and Moan, J. Comput. Appl. Math. 142 (2002) 313, method SRKN_11^6, with 11
+ * evaluations a step. */
 #include "integrate/methods.h"
 #include "integrate/splitting.h"
 
-/* v += h b_i a(x),  x += h a_i v,  in turn: b_1 a_1 b_2 a_2 ... a_11 b_12, the same from both ends.
- * Coefficients: Blanes and Moan, J. Comput. Appl. Math. 142 (2002) 313, method SRKN_11^6: 11
- * evaluations a step. */
 enum { DRIFTS = 11, KICKS = 12 };
 
 #define B6                                                                                   \
@@ -37,7 +39,8 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* From z = h w = 3.1414 to 3.1424 a mode grows by up to 4e-4 a step, past that none up to 6.3 */
+/* For z = h w from 3.1414 to 3.1424 a mode grows by up to 4e-4 a step; from there to 6.3 none
+ * grows. */
 static double limit(const ms_bounds *b) { return 3.1414 / b->omega; }
 
 const ms_integrator ms_rkn6 = {

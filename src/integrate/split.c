@@ -4,11 +4,11 @@
 
 /*------------------------------------- the two models -------------------------------------------*/
 
-/* Arrays of the making. */
+/* Arrays needed during creation */
 typedef struct lists {
-  int *octave;            /* springs.n */
-  int32_t *soft, *stiff;  /* springs.n: numbers of the scene */
-  int32_t *free, *pinned; /* nparticles: those that stiff springs touch */
+  int *octave;            /* springs.n: their stiffness classes (cut.h) */
+  int32_t *soft, *stiff;  /* springs.n: numbers of springs in the scene */
+  int32_t *free, *pinned; /* nparticles: particles at stiff springs */
   int32_t *row;           /* nparticles */
   int32_t nsoft, nstiff, nfree, npinned;
 } lists;
@@ -42,7 +42,7 @@ static void sort_out(const ms_model *model, const ms_cut *cut, lists *l) {
       continue;
     }
     l->stiff[l->nstiff++] = spring;
-    l->row[ends[0]] = l->row[ends[1]] = 1; /* marked, for now */
+    l->row[ends[0]] = l->row[ends[1]] = 1; /* a mark; overwritten by make_models() */
   }
   for (int32_t p = 0; p < scene->nparticles; p++) {
     if (!l->row[p]) continue;
@@ -78,7 +78,7 @@ static msim_status make_models(const ms_model *model, uint32_t skip_off, lists *
 
 /*------------------------------------- the stepper ----------------------------------------------*/
 
-/* What it takes to make one, with so many work vectors; in all of them pinned rows are right. */
+/* Creates the vectors of a stepper for velocity Verlet, with the pinned positions in x, x_next. */
 static msim_status make_stepper(const msim_options *opt, double h, ms_split *split,
                                 msim_error *err) {
   ms_stepper *s = &split->stepper;
@@ -111,7 +111,7 @@ void ms_split_put(const ms_split *split, ms_shape shape, const double *from, dou
           from[(size_t)c * (size_t)own.stride + (size_t)r];
 }
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation -------------------------------------------------*/
 
 static msim_status build(const ms_model *model, const msim_options *opt, double h, lists *l,
                          ms_split **split, msim_error *err) {

@@ -1,23 +1,24 @@
-/* split - the stiff springs of an island in a model of their own, and the others in another */
+/* split - the models of a multirate method: one with the stiff springs of an island, one with all
+ * other forces */
 #ifndef MS_SPLIT_H
 #define MS_SPLIT_H
 
 #include "integrate/integrator.h"
 
 typedef struct ms_split {
-  ms_model soft;      /* the island's rows with the other springs, and whatever else acts */
-  ms_model stiff;     /* the particles that stiff springs touch, and these springs alone */
-  int32_t *row;       /* stiff.rows.nfree: the island's row of each */
-  int32_t inner;      /* steps of the stiff springs in one of the others */
-  ms_stepper stepper; /* of the stiff springs, with a step of h/inner */
+  ms_model soft;      /* all particles of the island, with the soft springs and all other forces */
+  ms_model stiff;     /* the particles at stiff springs, with these springs only */
+  int32_t *row;       /* stiff.rows.nfree: the index of each unknown in the island */
+  int32_t inner;      /* steps of the stiff springs within one step of h */
+  ms_stepper stepper; /* for the stiff springs, with steps of h/inner */
 } ms_split;
 
-/* *split stays NULL where no cut of the springs pays: see cut.h. */
+/* Sets *split to NULL if no partition of the springs is cost-effective (cut.h). */
 msim_status ms_split_create(const ms_model *model, const msim_options *opt, double h,
                             ms_split **split, msim_error *err);
 void ms_split_destroy(const ms_model *model, ms_split *split);
 
-/* x and v of the particles that stiff springs touch, from the island's rows, and back. */
+/* Copy the entries of particles at stiff springs from a vector of the island, and back. */
 void ms_split_take(const ms_split *split, ms_shape shape, const double *from, double *to);
 void ms_split_put(const ms_split *split, ms_shape shape, const double *from, double *to);
 

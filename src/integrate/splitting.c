@@ -4,7 +4,7 @@ enum { STAGE = 2 };
 
 void ms_splitting_start(ms_stepper *s) { ms_hold_stages(s, s->work[STAGE]); }
 
-/* warm: 1 + the work vector that holds a */
+/* warm: 1 + the index of the work vector that holds a(x) */
 void ms_splitting_step(ms_stepper *s, const ms_splitting *m) {
   const ms_shape shape = s->model->shape;
   const int now = s->warm == 2;

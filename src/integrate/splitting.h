@@ -1,6 +1,7 @@
-/* splitting - kicks, by forces of positions alone, and drifts in turn:
+/* splitting - steps of composition methods: alternating kicks and drifts, for forces that depend on
+ * positions only,
  *   v += h b_i a(x),  x += h a_i v
- * The last kick and the first of the next step are of one force. */
+ * The last kick and the first of the next step use the same force. */
 #ifndef MS_SPLITTING_H
 #define MS_SPLITTING_H
 
@@ -12,7 +13,7 @@ typedef struct ms_splitting {
   double gradient;            /* g: the kick in the middle is by a(x + g h^2 a(x)); 0: by a(x) */
 } ms_splitting;
 
-/* Work vectors: the acceleration, in turn, and a stage. */
+/* Number of work vectors: 0 and 1, alternating, the acceleration; 2, the positions of a stage */
 enum { MS_SPLITTING_WORK = 3 };
 
 void ms_splitting_start(ms_stepper *s);

@@ -1,3 +1,4 @@
+/* stepper - force evaluations and reflections of a step, for all methods (integrator.h) */
 #include <string.h>
 
 #include "base/clock.h"
@@ -15,7 +16,7 @@ void ms_hold_stages(const ms_stepper *s, double *stage) {
 
 int ms_rests(const ms_stepper *s) { return s->events && s->events->ncontacts; }
 
-/* Without springs every particle is alone, and its matrix a scalar. */
+/* Without springs the matrix is a scalar for each particle, and takes no constraints. */
 void ms_hold_rows(ms_stepper *s, ms_request *request) {
   if (!ms_rests(s) || !(s->model->passes & MSIM_SKIP_SPRINGS)) return;
   ms_contacts_hold(s, request->h);
@@ -32,7 +33,7 @@ void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass) {
   s->stats->force_s += ms_clock() - start;
 }
 
-/* The same where particles rest on planes */
+/* The same with particles in contact. The acceleration at s->x, s->v may be known. */
 static void evaluate_at_planes(ms_stepper *s, const ms_pass *pass) {
   const ms_events *e = s->events;
   ms_pass all = *pass;

@@ -1,3 +1,4 @@
+/* table - the table of all methods, and their lookup by name */
 #include <string.h>
 
 #include "integrate/methods.h"
@@ -7,7 +8,7 @@ static const ms_integrator *const methods[] = {MS_INTEGRATORS(ADDRESS)};
 #undef ADDRESS
 enum { NMETHODS = sizeof methods / sizeof *methods };
 
-/* It is no method: sims put one of the others in its place. */
+/* Not a method: a sim chooses one of the others for it. */
 static const msim_integrator_entry automatic = {
     MS_AUTO, "the cheapest of the others that keeps tol in the scene; explain tells which and why",
     0, 0};

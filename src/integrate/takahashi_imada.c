@@ -1,32 +1,35 @@
-#include <string.h>
-
-#include "integrate/methods.h"
-
-/* The leapfrog of the potential V - h^2/24 |grad V|^2 / m, that is with
+/* takahashi_imada - leapfrog with a modified force, of order 4 in transformed variables
+ *
+ * The leapfrog method for the potential V - h^2/24 |grad V|^2 / m, that is with
  *   a~(x) = a(x) + h^2/12 J a = a(x + h^2/12 a(x)) + O(h^4):
  *   v(t + h/2) = v(t - h/2) + h a~,  x(t + h) = x(t) + h v(t + h/2).
- * Its energy is off by h^2/12 (v.V''v - V'.V'/m) + O(h^4), which is what a change of variables by
- * the flow of h^2/12 v.V' makes of the exact one: in
+ * Its energy differs from the exact one by h^2/12 (v.V''v - V'.V'/m) + O(h^4), as does the exact
+ * one after a change of variables by the flow of h^2/12 v.V': in
  *   X = x + h^2/12 a(x) + O(h^4),  V = v - h^2/12 J v
- * the method is of order 4. So it carries other variables than x and v, and changes between them
- * at the start and where somebody looks; an error made there does not grow.
+ * the method is of order 4. So it carries other variables than x and v, and converts them at the
+ * start and for output; an error of the conversion does not grow.
  *
- * With y = (h omega)^2/12 a mode keeps V^2 + omega^2 (1 - y)(1 - 3 y + 3 y^2) X^2, before the
- * change. So its energy is right with V scaled by 1 + y and X by (1 + y) sqrt((1 - y)(1 - 3 y +
- * 3 y^2)), of which a polynomial takes the series up to y^2, 1 - y - y^2, and with three terms more
- * keeps within 0.4 % for y <= 0.9, that is up to 0.95 of the longest stable step; the first term
- * alone is off by a factor of 3 there.
+ * With y = (h omega)^2/12 a mode conserves V^2 + omega^2 (1 - y)(1 - 3 y + 3 y^2) X^2, before the
+ * change of variables. So its energy is exact if V is scaled by 1 + y and X by
+ *   (1 + y) sqrt((1 - y)(1 - 3 y + 3 y^2)).
+ * A polynomial approximates this factor: its series up to y^2, 1 - y - y^2, with three more terms
+ * that keep the error below 0.4 % for y <= 0.9, that is up to 0.95 of the longest stable step,
+ * where the first term alone is wrong by a factor of 3.
  *
  * Takahashi and Imada, J. Phys. Soc. Japan 53 (1984) 3765; the change of variables: Rowlands,
  * J. Comput. Phys. 97 (1991) 235; to higher order: Blanes, Casas and Ros, SIAM J. Sci. Comput. 21
  * (1999) 711; a~ by a displaced point: Wisdom, Holman and Touma (1996).
- * On a cloth 3 times as cheap as `force-gradient` at errors of 1e-6, where that one's longest
- * stable step is more accurate than asked; dearer from 1e-9 on. */
+ * On a cloth it costs a third of `force-gradient` at errors of 1e-6, where the longest stable step
+ * of the latter is more accurate than necessary; from 1e-9 on it costs more. */
+#include <string.h>
+
+#include "integrate/methods.h"
+
 #define C (1.0 / 12)
 
-enum { A, STAGE, X0, V0 }; /* work vectors; the last two hold what a run started from */
+enum { A, STAGE, X0, V0 }; /* work vectors; the last two hold x and v at the start of the run */
 
-/* What a~ wants: the stage is x + h^2/12 a(x). */
+/* The force sweep for the stage x + h^2/12 a(x), at which a~ is evaluated */
 static ms_pass displace(const ms_stepper *s) {
   double *a = s->work[A];
   return (ms_pass){.x = s->x,
@@ -37,8 +40,8 @@ static ms_pass displace(const ms_stepper *s) {
                    .drift = C * s->h * s->h};
 }
 
-/* to = x + sum_k POWER[k] (-h^2/12 J)^(k + 1) x, but for the first power a, and for the others
- * J d = a(x + d) - a(x): as (1 - y - y^2 + ..) x where forces are linear */
+/* to = x + sum_k POWER[k] (-h^2/12 J)^(k + 1) x, with J x replaced by a(x), and J d for the higher
+ * powers by a(x + d) - a(x): (1 - y - y^2 + ..) x for linear forces */
 static void convert_x(const ms_stepper *s, const double *x, double *to) {
   enum { POWERS = 5 };
   static const double POWER[POWERS] = {-1, -1, 0.33578852, 6.78221203, -5.88168404};
@@ -56,7 +59,7 @@ static void convert_x(const ms_stepper *s, const double *x, double *to) {
   }
 }
 
-/* to = v - h/12 (a(x + h v/2) - a(x - h v/2)) = (1 + y) v; in place too */
+/* to = v - h/12 (a(x + h v/2) - a(x - h v/2)) = (1 + y) v for linear forces; `to` may be v */
 static void convert_v(const ms_stepper *s, const double *x, const double *v, double *to) {
   const ms_shape shape = s->model->shape;
   const double h = s->h;
@@ -88,9 +91,10 @@ static double correct(const ms_stepper *s, double w, const double *y0, const dou
   return ms_dot(shape, s->scratch, s->scratch);
 }
 
-/* Back from X0, V0, by x += w (X0 - X(x)), v likewise: a round leaves 1 - w X/x of the error of a
- * mode, that is about y of slow ones, with w = 1. The last rounds are for fast ones, where X/x is
- * down to 0.51 and V/v = 1 + y up to 1.9. Returns 0 if the rounds diverge by more than rounding. */
+/* Inverts the conversion, from X0, V0 to s->x, s->v, by x += w (X0 - X(x)), and v likewise. An
+ * iteration multiplies the error of a mode by 1 - w X/x, about y for slow modes with w = 1. The
+ * last ones are for fast modes, with X/x down to 0.51 and V/v = 1 + y up to 1.9. Returns 0 if it
+ * diverges by more than rounding. */
 static int invert(ms_stepper *s) {
   static const double OF_X[ROUNDS] = {1, 1, 1, 1, 1, 1 / 0.65, 1 / 0.53},
                       OF_V[ROUNDS] = {1, 1, 1, 1, 1, 1 / 1.6, 1 / 1.85};
@@ -107,8 +111,8 @@ static int invert(ms_stepper *s) {
   return off[ROUNDS - 1] <= off[0] + 1e-24 * ms_dot(s->model->shape, x0, x0);
 }
 
-/* warm: the state is what the run started from. Far beyond the longest stable step no such
- * variables are found: x and v take their place. */
+/* warm = 1: the state is that at the start of the run. Far beyond the longest stable step the
+ * conversion has no inverse: x and v stay as they are. */
 static void start(ms_stepper *s) {
   const size_t bytes = (size_t)s->model->rows.dims * (size_t)s->model->rows.stride * sizeof *s->x;
   memcpy(s->work[X0], s->x, bytes);
@@ -149,7 +153,7 @@ static void show(const ms_stepper *s, double *x, double *v) {
   convert_v(s, s->x, v, v);
 }
 
-/* h^2 omega^2 (1 - h^2 omega^2 / 12) in (0, 4) */
+/* Stable while 0 < h^2 omega^2 (1 - h^2 omega^2 / 12) < 4: h omega < sqrt(12) */
 static double limit(const ms_bounds *b) { return 3.4641016151377544 / b->omega; }
 
 const ms_integrator ms_takahashi_imada = {

@@ -1,3 +1,4 @@
+/* velocity_verlet - the velocity Verlet method */
 #include <math.h>
 
 #include "integrate/methods.h"
@@ -5,13 +6,13 @@
 
 /* x' = x + h v + h^2/2 a,  v' = v + h/2 (a + a(x', v + h a))
  *
- * Where no force depends on v and nothing was reflected, the a of the next step is the one just
- * made: the same number, so one evaluation a step is enough. */
+ * If no force depends on v and no particle was reflected, the next step uses a(x') as its a, which
+ * is the same number: one evaluation a step is sufficient. */
 static msim_status step(ms_stepper *s, msim_error *err) {
   (void)err;
   const ms_shape shape = s->model->shape;
   const double h = s->h;
-  const int at = s->warm == 2, next = 1 - at; /* warm: 1 + the work vector that holds a */
+  const int at = s->warm == 2, next = 1 - at; /* warm: 1 + index of the work vector with a(x) */
   double *a = s->work[at], *a_next = s->work[next], *v_predicted = s->work[2];
   const int separable = ms_is_separable(s);
   if (!s->warm) ms_acceleration(s, s->x, s->v, a);
@@ -32,10 +33,11 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* With p = h g, q = h^2 w^2 a step has trace 2 - p - q + p^2/2 + p q/4, determinant
- * 1 - p + p^2/2 - p q/4, and is stable where  p <= 2  and  q < 4 - 2 p + p^2.  The least of that is
- * 3, at p = 1, which a mode may have if the largest p is more. This is so for modes; where damping
- * and stiffness share none, it held for each of 6000 random systems. */
+/* With p = h g, q = h^2 w^2 the matrix of a step has trace 2 - p - q + p^2/2 + p q/4, determinant
+ * 1 - p + p^2/2 - p q/4, and is stable if  p <= 2  and  q < 4 - 2 p + p^2.  The right-hand side is
+ * least, 3, at p = 1, which some mode may have if the largest p exceeds 1. This holds for modes
+ * that damping and stiffness have in common; without such modes it held in each of 6000 random
+ * systems. */
 static double limit(const ms_bounds *b) {
   const double w = b->omega, g = b->rate;
   if (3 * g * g <= w * w) return 4 / (g + sqrt(4 * w * w - 3 * g * g));

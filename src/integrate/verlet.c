@@ -1,13 +1,14 @@
+/* verlet - Verlet's method with half-step velocities (leapfrog) */
 #include <math.h>
 
 #include "integrate/methods.h"
 
-/* The seed's Verlet carries v(t - h/2):
- *   x' = x + h v + h^2 a,  v' = (x' - x)/h,  reflect both.
- * v' is formed as v + h a: the same number, without the cancellation in x' - x.
+/* The method of Teschner's exercises, where v is v(t - h/2):
+ *   x' = x + h v + h^2 a,  v' = (x' - x)/h,  then both are reflected.
+ * v' is computed as v + h a: equal, but without the cancellation in x' - x.
  *
- * verlet.start: taylor, v(-h/2) = v0 - h/2 a0 with a0 = a(x0, v0), and the first step uses this
- * a0: order 2. plain, v(-h/2) = v0: symplectic Euler, order 1. */
+ * Option verlet.start: taylor, v(-h/2) = v0 - h/2 a0 with a0 = a(x0, v0), which the first step uses
+ * again: order 2. plain, v(-h/2) = v0: symplectic Euler, order 1. */
 static void start(ms_stepper *s) {
   if (s->opt->verlet_start == MSIM_VERLET_PLAIN) return;
   double *a = s->work[0];
@@ -35,14 +36,14 @@ static msim_status step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* v(t) = v(t - h/2) + h/2 a(x, v(t - h/2)): second order where forces do not depend on v */
+/* v(t) = v(t - h/2) + h/2 a(x, v(t - h/2)): of order 2 if forces do not depend on v */
 static void sync(const ms_stepper *s, double *v, double *scratch) {
   const double *a = s->warm ? s->work[0] : scratch;
   if (!s->warm) ms_pass_run(s->model, &(ms_pass){.x = s->x, .v = s->v, .a = scratch});
   ms_combine(s->model->shape, s->v, s->h / 2, a, v);
 }
 
-/* h^2 w^2 + 2 h g < 4, worst at the bounds of both */
+/* h^2 w^2 + 2 h g < 4, with the largest w and g */
 double ms_verlet_limit(const ms_bounds *b) { return 4 / (b->rate + hypot(b->rate, 2 * b->omega)); }
 
 const ms_integrator ms_verlet = {
