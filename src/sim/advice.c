@@ -1,11 +1,10 @@
-/* advice - how long a step the method bears in this scene: for h = auto, a warning, and explain */
 #include "sim/advice.h"
 
 #include <math.h>
 
 #include "sim/sim.h"
 
-/* Once for each degree of sharpness, as long as the springs stay what they are. */
+/* Computed once, rough and tight each, until the springs change. */
 static msim_status look(msim_sim *sim, int sharp, msim_error *err) {
   ms_advice *a = &sim->advice;
   if (a->known > sharp) return MSIM_OK;
@@ -57,7 +56,7 @@ static void say(const msim_sim *sim) {
                 name);
 }
 
-/* The rough bounds first: mostly they are enough. Error control shortens what is too long. */
+/* Rough bounds are mostly sufficient. Error control shortens steps that are too long by itself. */
 void ms_sim_watch_step(msim_sim *sim) {
   ms_advice *a = &sim->advice;
   if (!sim->opt.warn || ms_sim_has_control(sim)) return;

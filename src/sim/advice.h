@@ -1,31 +1,29 @@
-/* advice - how long a step the method bears in this scene */
+/* advice - the longest stable step of the method in this scene */
 #ifndef MS_ADVICE_H
 #define MS_ADVICE_H
 
 #include "physics/bounds.h"
 
-/* The share of the limit that is taken. At the limit itself the fastest motion grows, if slowly,
- * and just below its amplitude is uncertain: by 1/sqrt(1 - z^2/4) with Verlet, a factor of 2.3
- * here. */
+/* The fraction of the stability limit that h = auto takes. At the limit itself the fastest mode
+ * grows, if slowly; just below it its amplitude is uncertain: with Verlet by the factor 1/sqrt(1 -
+ * z^2/4), z = h omega, which is 2.3 here. */
 #define MS_REACH 0.9
 
 typedef struct ms_advice {
   ms_bounds bounds;
-  double limit; /* of h, within these bounds */
-  int known;    /* 0: nothing yet, 1: rough bounds, 2: sharp ones */
-  int chosen;   /* opt.h was MSIM_H_AUTO, and is what came of it */
-  int warned;   /* h is beyond it, and that was said */
+  double limit; /* s: the longest stable step within these bounds; 0: none is, INFINITY: any is */
+  int known;    /* bounds are 0: not computed, 1: rough, 2: tight */
+  int chosen;   /* 1: opt.h was MSIM_H_AUTO, and has been replaced */
+  int warned;   /* 1: h exceeds the limit, and a warning said so */
 } ms_advice;
 
-/* Make bounds and limit as sharp as they get. */
+/* Compute tight bounds, and the limit that follows from them. */
 msim_status ms_sim_advise(msim_sim *sim, msim_error *err);
 
-/* Put 0.9 of the limit in the place of MSIM_H_AUTO; refused where there is none, or it is 0. Any
- * other h stays. */
+/* Replace h = MSIM_H_AUTO by 0.9 of the limit; MSIM_ERR_ARG if that is 0, infinite or unknown. */
 msim_status ms_sim_settle_step(msim_sim *sim, double *h, msim_error *err);
 
-/* Say so where h has become too long. Costs nothing where nobody listens; what memory is lacking
- * for is not said. */
+/* Warn if h has become too long. Computes nothing without options.warn; ignores lack of memory. */
 void ms_sim_watch_step(msim_sim *sim);
 
 #endif

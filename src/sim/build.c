@@ -1,4 +1,4 @@
-/* build - models, solvers and vectors of a plan: one of each for every island */
+/* build - create the model, the solver and the vectors of each island */
 #include "integrate/constrain.h"
 #include "integrate/split.h"
 #include "sim/drive.h"
@@ -28,7 +28,6 @@ static msim_status allocate(msim_sim *sim, ms_motion *m, msim_error *err) {
   return events ? ms_events_create(&m->model, &s->events, err) : MSIM_OK;
 }
 
-/* A model of each island. */
 static msim_status make_models(msim_sim *sim, int32_t left_out, msim_error *err) {
   ms_islands islands;
   const int whole = (sim->opt.skip_off & MSIM_SKIP_ISLANDS) != 0;
@@ -48,7 +47,7 @@ static msim_status make_models(msim_sim *sim, int32_t left_out, msim_error *err)
   return status;
 }
 
-/* Started once, by the first plan. */
+/* Threads are started once, when islands are built for the first time. */
 static void start_threads(msim_sim *sim) {
   int64_t slots = 0;
   if (sim->threads_planned) return;
@@ -57,10 +56,11 @@ static void start_threads(msim_sim *sim) {
   sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
 }
 
-/* Threads share the work of a large island. Explicit steps of small ones they share island by
- * island, where there are enough to go round. Solvers may allocate: they stay in the caller's. */
+/* All threads share the work of a large island. If there are at least two small islands per thread,
+ * each thread steps small islands by itself, with explicit methods only: solvers may allocate, and
+ * so stay in the caller's thread. */
 static void use_threads(msim_sim *sim) {
-  enum { SMALL = 512 }; /* groups */
+  enum { SMALL = 512 }; /* slices */
   int32_t nsmall = 0;
   start_threads(sim);
   for (int32_t i = 0; i < sim->nislands; i++) nsmall += sim->motion[i].model.halves.ngroups < SMALL;
@@ -88,7 +88,7 @@ static msim_status make_stepper(msim_sim *sim, ms_motion *m, msim_error *err) {
                           &sim->stats, &s->solver, err);
 }
 
-/* Rows that planes hold need a block of their own. */
+/* Constraints act on blocks: the matrix must not become scalar, identical for each component. */
 static void keep_blocks(msim_sim *sim) {
   if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes &&
       sim->integrator->entry.implicit)

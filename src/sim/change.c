@@ -1,11 +1,12 @@
-/* change - new parameters for a sim in motion: its matrix gets new values, its pattern stays */
+/* change - change the step or the springs of a running sim: matrices get new values in old
+ * patterns */
 #include <math.h>
 #include <string.h>
 
 #include "integrate/interpolate.h"
 #include "sim/drive.h"
 
-/* Steps that options.steps counts are counted from the present state on. */
+/* options.steps is reduced by the steps already made. */
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (!sim || !(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
     return ms_fail(err, MSIM_ERR_ARG,
@@ -14,7 +15,7 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
     return ms_fail(err, MSIM_ERR_ARG,
                    "integrator 'auto' chooses its steps: name a method to set them");
   if (ms_sim_has_control(sim) || ms_sim_selects(sim)) {
-    if (h == MSIM_H_AUTO) return ms_ok(err); /* it is, always */
+    if (h == MSIM_H_AUTO) return ms_ok(err); /* h is automatic already */
     sim->opt.h = h;
     ms_drive_use_step(sim, h);
     return ms_ok(err);
@@ -26,7 +27,7 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (status) return status;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
-  now.v_half = NULL; /* it belongs to the old h */
+  now.v_half = NULL; /* v(t - h/2) with the old h */
   sim->opt.h = h;
   if (sim->opt.steps >= 0) sim->spent += now.step - sim->step0;
   if (sim->opt.steps >= 0) sim->opt.steps -= now.step - sim->step0;
@@ -53,7 +54,8 @@ void ms_sim_use_scene(msim_sim *sim, ms_scene *scene) {
   }
 }
 
-/* 1 where the island's matrix becomes one of scalars, or ceases to be one. */
+/* 1: these springs turn the island's matrix into a scalar one (identical for each component) or
+ * back. */
 static int changes_kind(const msim_sim *sim, const ms_motion *m, const double *rest,
                         const double *damping) {
   const ms_springs *s = &m->model.springs;
@@ -67,7 +69,7 @@ static int changes_kind(const msim_sim *sim, const ms_motion *m, const double *r
   return solver && alike != (solver->system.a.block == 1);
 }
 
-/* Into a scene of the sim's own, no longer that of the handle it was made from */
+/* Write the springs to a copy of the scene that belongs to this sim alone. */
 static msim_status write_springs(msim_sim *sim, const double *k, const double *rest,
                                  const double *damping, msim_error *err) {
   msim_scene handle = {sim->scene};
@@ -81,7 +83,7 @@ static msim_status write_springs(msim_sim *sim, const double *k, const double *r
   return MSIM_OK;
 }
 
-/* New solvers for all islands, or none */
+/* Replace the solvers of all islands; on failure all old ones stay. */
 static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
   ms_solver **fresh = ms_new(&sim->alloc, (size_t)sim->nislands, sizeof *fresh);
   if (!fresh) return ms_fail_memory(err, "the linear solvers");
@@ -107,7 +109,7 @@ static void put_back(msim_sim *sim, ms_scene *before) {
   ms_sim_use_scene(sim, before);
 }
 
-/* Frames within the last step are those of the springs it was made with. */
+/* Compute the dense output of the last step, with its springs: frames may lie inside it. */
 static void keep_last_step(msim_sim *sim) {
   if (!ms_plan_has_times(&sim->opt) || sim->step == sim->step0) return;
   for (int32_t i = 0; i < sim->nislands; i++) {
@@ -116,7 +118,7 @@ static void keep_last_step(msim_sim *sim) {
   }
 }
 
-/* What the islands know of the springs is no longer so: forces, matrices, rest. */
+/* Invalidate what depends on the springs: accelerations, matrices, rest, the history of errors. */
 static void renew(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_motion *m = &sim->motion[i];
@@ -129,13 +131,14 @@ static void renew(msim_sim *sim) {
   sim->flat_is_current = 0;
 }
 
-/* A new run with them, from the state that is seen, by a method or in variables that suit them. */
+/* Start a new run with these springs in the present state: auto chooses its method anew, and
+ * methods that carry other variables than x and v compute these anew. */
 static msim_status start_anew(msim_sim *sim, const double *k, const double *rest,
                               const double *damping, msim_error *err) {
   ms_scene *before = ms_scene_share(sim->scene);
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
-  ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
+  ms_sim_drop_matrix(sim); /* its model refers to the old scene */
   msim_status status = write_springs(sim, k, rest, damping, err);
   if (!status) status = msim_sim_set_state(sim, &now, err);
   if (status) put_back(sim, before);
@@ -143,22 +146,22 @@ static msim_status start_anew(msim_sim *sim, const double *k, const double *rest
   return status;
 }
 
-/* 1: solvers that go on were chosen for springs that only the scene at hand still has. */
+/* 1: solvers stay that were chosen for springs which only the present scene has. */
 static int has_choices(const msim_sim *sim) {
   const ms_solver *solver = sim->motion->stepper.solver;
   return !sim->chosen_for && solver && ms_solver_is_chosen(solver);
 }
 
-/* The same run with them. */
+/* Continue the present run with these springs. */
 static msim_status go_on(msim_sim *sim, const double *k, const double *rest, const double *damping,
                          msim_error *err) {
-  int other = sim->integrator->splits; /* which springs are stiff */
+  int other = sim->integrator->splits; /* 1: the split into stiff and soft springs may change */
   for (int32_t i = 0; i < sim->nislands && !other; i++)
     other = changes_kind(sim, &sim->motion[i], rest, damping);
   keep_last_step(sim);
   const int remembers = !other && has_choices(sim);
   ms_scene *before = other || remembers ? ms_scene_share(sim->scene) : NULL;
-  ms_sim_drop_matrix(sim); /* its model is one of the scene as it was */
+  ms_sim_drop_matrix(sim); /* its model refers to the old scene */
   msim_status status = write_springs(sim, k, rest, damping, err);
   if (!status && other)
     status = sim->integrator->splits ? ms_sim_rebuild(sim, err) : replace_solvers(sim, err);

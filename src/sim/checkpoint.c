@@ -1,17 +1,17 @@
-/* checkpoint - a sim's run to bytes, and from them on to the same bits
+/* checkpoint - save a run to memory, and continue it from there with identical results
  *
- *   header    magic, byte order, version, lengths, a hash of everything
- *   marks     what scene and options are told by, as lines "name=value" (marks.h)
- *   the run   step and time, with what rounding took from it; the controller: next h, last error;
- *             length of the run, which its tolerance is by; frames shown; stats; what
- *             integrator = auto has chosen; which axis is left out; the h solvers were chosen for;
- *             the bounds that the watch allows
- *   springs   that solvers were chosen for, where msim_sim_set_springs has set others since
- *   islands   at rest or not; the stepper (integrate/history.h), the scales of its errors, the
- *             solver (linear/history.c); the last good state, where that is another (watch.h)
+ *   header       magic, byte order, version, lengths, a hash of everything
+ *   fingerprint  of scene and options (marks.h), as lines "name=value"
+ *   run          step and time, with its rounding error; the step controller: next h, last error;
+ *                length of the run, to which its tolerance refers; frames shown; stats; what
+ *                integrator = auto has chosen; which axis is left out; the h that solvers were
+ *                chosen for; the bounds of the energy monitor
+ *   springs      that solvers were chosen for, if msim_sim_set_springs has set others since
+ *   islands      at rest or not; the stepper (integrate/history.h), its error scales, the solver
+ *                (linear/history.c); the last good state, if it is another one (watch.h)
  *
- * What a sim keeps beside that follows from it: models and their order of rows, split springs,
- * analyses and aggregates from scene and options; bounds and the plan, but its end, too. */
+ * Everything else is computed anew: models, the order of their unknowns, split springs, analyses
+ * and aggregates follow from scene and options; so do bounds, and the plan except its end. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -27,11 +27,11 @@
 typedef struct header {
   char magic[8];
   uint32_t order, version;
-  uint64_t length, hash; /* of all bytes, with 0 in the place of the hash */
-  uint64_t marks;        /* bytes */
+  uint64_t length, hash; /* hash: of all bytes, with 0 in its place */
+  uint64_t marks;        /* bytes of the fingerprint */
 } header;
 
-/* Of all bytes; those of the header are in h. */
+/* The hash of all bytes, where h replaces the header. */
 static uint64_t hash_of(const header *h, const void *from) {
   header without = *h;
   without.hash = 0;
@@ -39,9 +39,9 @@ static uint64_t hash_of(const header *h, const void *from) {
                  (size_t)h->length - sizeof without);
 }
 
-/*------------------------------------- marks ----------------------------------------------------*/
+/*------------------------------------- fingerprint ----------------------------------------------*/
 
-/* A line for each; counted, with room for another number. */
+/* Write one line per entry. MS_COUNT reserves room for the longest number, as values may change. */
 static void put_mark(void *data, const char *name, const char *value, int is_hash) {
   enum { LONGEST_NUMBER = 24 };
   ms_bytes *b = data;
@@ -52,14 +52,14 @@ static void put_mark(void *data, const char *name, const char *value, int is_has
     b->used += LONGEST_NUMBER - strlen(value);
 }
 
-/* Here beside there */
+/* The sim's fingerprint, compared with that of the checkpoint */
 typedef struct comparison {
-  const char *next, *end; /* lines */
+  const char *next, *end; /* lines not compared yet */
   msim_status status;
   msim_error *err;
 } comparison;
 
-/* Both have the same names in the same order, up to the first that differs. */
+/* Up to the first difference both have the same names in the same order. */
 static void compare_mark(void *data, const char *name, const char *value, int is_hash) {
   comparison *c = data;
   if (c->status) return;
@@ -95,13 +95,13 @@ typedef struct run {
   int64_t step, step0, spent, frame;
   double t0, h, t, t_lost, t_shown;
   ms_control control;
-  double fps, t_end; /* frames are counted by them */
+  double fps, t_end; /* with `every`: these number the frames */
   int64_t every;
-  double solver_h; /* 0: no solver */
+  double solver_h; /* s: solvers were chosen for this h; 0: no solver */
   int32_t left_out;
-  int32_t inside; /* the last step is kept, as somebody is to look inside */
-  int32_t chosen; /* the step, by the limit of stability */
-  int32_t others; /* solvers were chosen for other springs */
+  int32_t inside; /* 1: a frame lies inside the last step, which is saved, too */
+  int32_t chosen; /* 1: h was chosen from the stability limit */
+  int32_t others; /* 1: solvers were chosen for other springs */
   double tol, first_h;
   ms_selection selection;
   msim_stats stats;
@@ -109,7 +109,7 @@ typedef struct run {
   ms_sensitivity sensitivity;
 } run;
 
-/* Is a frame shown, or due, within the last step? */
+/* 1: the frame shown last, or the next one, lies inside the last step. */
 static int is_inside(const msim_sim *sim) {
   if (!ms_plan_has_times(&sim->opt) || sim->step == sim->step0) return 0;
   return sim->t_shown < sim->t || ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame) < sim->t;
@@ -143,7 +143,7 @@ static run run_of(const msim_sim *sim) {
                .sensitivity = sim->sensitivity};
 }
 
-/* Without the seconds, so that equal runs have equal checkpoints. */
+/* All counts. Seconds are left out, so that identical runs have identical checkpoints. */
 static void pass_stats(ms_bytes *b, msim_stats *s) {
   int64_t *counts[] = {&s->steps,
                        &s->force_evaluations,
@@ -164,7 +164,7 @@ static void pass_stats(ms_bytes *b, msim_stats *s) {
                        &s->spring_evaluations,
                        &s->rejected_steps};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) ms_bytes_pass_count(b, counts[i]);
-  enum { SECONDS = 7 }; /* who adds to stats adds here */
+  enum { SECONDS = 7 }; /* new counts of msim_stats have to be added above */
   _Static_assert(
       sizeof *s - offsetof(msim_stats, steps) == 8 * (sizeof counts / sizeof *counts + SECONDS),
       "all counts are in a checkpoint");
@@ -198,7 +198,7 @@ static void pass_springs(ms_bytes *b, ms_scene *s) {
   }
 }
 
-/* Of the state that the run started from */
+/* Error scales are those of the state that the run started from. */
 static void pass_norm(ms_bytes *b, ms_norm *norm) {
   for (int32_t i = 0; i < norm->n; i++) {
     ms_part *p = &norm->part[i];
@@ -235,14 +235,15 @@ static msim_status pass_islands(ms_bytes *b, msim_sim *sim, const run *r, msim_e
 
 /*------------------------------------- save -----------------------------------------------------*/
 
-/* Counted, or put; a load checks each part before it uses it. */
+/* For MS_COUNT and MS_PUT; take() reads and checks part by part. */
 static void put_sim(ms_bytes *b, msim_sim *sim, run *r) {
   pass_run(b, sim, r);
   if (r->others) pass_springs(b, sim->chosen_for);
   pass_islands(b, sim, r, NULL);
 }
 
-/* What a method chosen once planes count may carry beside that of now, and where particles rest. */
+/* Bytes that a method for impacts, chosen once planes count, may need beyond those of the present
+ * one: for carried vectors, and for particles at rest on planes. */
 static size_t room_for_impacts(const msim_sim *sim) {
   enum { VECTORS = 4, REST = 64 };
   return (size_t)sim->scene->nparticles * 3 * VECTORS * sizeof(double) +
@@ -281,7 +282,7 @@ msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *leng
 
 /*------------------------------------- load -----------------------------------------------------*/
 
-/* Are these bytes what msim_sim_save has written? */
+/* Check that the bytes are a complete, undamaged checkpoint of this version. */
 static msim_status check_bytes(const void *from, size_t length, header *h, msim_error *err) {
   if (length < sizeof *h || memcmp(from, MAGIC, sizeof h->magic) != 0)
     return ms_fail(err, MSIM_ERR_ARG, "the %zu bytes are no checkpoint of msim", length);
@@ -305,8 +306,8 @@ static msim_status refuse_bytes(const ms_bytes *b, msim_error *err) {
                  b->wrong ? b->wrong : "its length");
 }
 
-/* The end is the sim's own, and not behind, unless it was; the steps to it have to be those of the
- * checkpoint. */
+/* The end of the run is the loading sim's. If it differs from that of the checkpoint it must not
+ * lie before it; with fixed steps h must be the same. */
 static msim_status check_end(const msim_sim *sim, const run *r, const ms_plan *plan,
                              msim_error *err) {
   const int64_t steps = r->step - r->step0;
@@ -325,7 +326,8 @@ static msim_status check_end(const msim_sim *sim, const run *r, const ms_plan *p
   return MSIM_OK;
 }
 
-/* The choice that auto made is by the tol and collision of here, and the run by that choice. */
+/* The choice of auto must be for the same tol and collision here, and the run must follow from
+ * it. */
 static void check_selection(ms_bytes *b, const msim_sim *sim, const run *r) {
   const ms_selection *here = &sim->selection, *there = &r->selection;
   ms_bytes_check(b, there->tol == here->tol && there->collision == here->collision,
@@ -349,7 +351,7 @@ static void check_control(ms_bytes *b, const ms_integrator *method, double tol,
                  "error control");
 }
 
-/* What nothing else has looked at */
+/* Check the values that no other function checks. */
 static void check_run(ms_bytes *b, const msim_sim *sim, const run *r) {
   const int32_t flat = ms_flat_axis(sim->scene, sim->opt.skip_off);
   ms_bytes_check(b, r->left_out == -1 || r->left_out == flat, "the axis left out");
@@ -362,7 +364,6 @@ static void check_run(ms_bytes *b, const msim_sim *sim, const run *r) {
   check_control(b, method_of(sim, r), r->tol, &r->watch.control);
 }
 
-/* Sets the method and the plan. */
 static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
   if (ms_sim_selects(sim)) {
     sim->selection = r->selection;
@@ -379,7 +380,7 @@ static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
   }
   ms_plan plan;
   msim_options opt = sim->opt;
-  if (ms_sim_selects(sim) && r->tol == 0) opt.h = r->h; /* steps go on to another end, too */
+  if (ms_sim_selects(sim) && r->tol == 0) opt.h = r->h; /* h stays, also if the end differs */
   msim_status status = ms_plan_create(&opt, r->t0, &plan, err);
   plan.h_asked = sim->opt.h;
   if (!status) status = check_end(sim, r, &plan, err);
@@ -389,7 +390,7 @@ static msim_status plan_run(msim_sim *sim, const run *r, msim_error *err) {
   return MSIM_OK;
 }
 
-/* The scene with the springs that solvers were chosen for; NULL: with those it has. */
+/* *there: the scene whose springs solvers were chosen for; NULL: they are the present ones. */
 static msim_status take_springs(ms_bytes *b, const msim_sim *sim, const run *r, ms_scene **there,
                                 msim_error *err) {
   msim_scene copy = {sim->scene};
@@ -405,7 +406,8 @@ static msim_status take_springs(ms_bytes *b, const msim_sim *sim, const run *r, 
   return ms_bytes_failed(b) ? refuse_bytes(b, err) : MSIM_OK;
 }
 
-/* New islands, which go on from there. Solvers are chosen by h and the springs of back then. */
+/* Build islands and read them. Solvers are chosen again for the h and springs of the first
+ * choice. */
 static msim_status make_islands(msim_sim *sim, ms_bytes *b, const run *r, ms_scene *there,
                                 msim_error *err) {
   ms_scene *scene = sim->scene;
@@ -423,7 +425,7 @@ static msim_status make_islands(msim_sim *sim, ms_bytes *b, const run *r, ms_sce
   return status <= 0 ? status : ms_fail(err, MSIM_ERR_ARG, "a factor cannot be made again");
 }
 
-/* Frames are counted on where they are the same, else from the time that was shown last. */
+/* If frames have the same times their count goes on, else it starts at the time shown last. */
 static void use_frames(msim_sim *sim, const run *r) {
   const msim_options *opt = &sim->opt;
   if (!ms_plan_has_times(opt)) return;
@@ -431,7 +433,7 @@ static void use_frames(msim_sim *sim, const run *r) {
   sim->frame = same ? r->frame : ms_plan_frame_after(&sim->plan, opt, r->t_shown);
 }
 
-/* Nothing fails any more. */
+/* Copy the run into the sim; this cannot fail. */
 static void use_run(msim_sim *sim, const run *r) {
   const ms_scene *scene = sim->scene;
   const size_t flat = 3 * (size_t)scene->nparticles * sizeof(double);
@@ -442,14 +444,14 @@ static void use_run(msim_sim *sim, const run *r) {
   sim->watch = r->watch;
   sim->sensitivity = r->sensitivity;
   use_frames(sim, r);
-  /* what no row writes: pinned particles, and the axis left out */
+  /* what no vector holds: particles that belong to no island, and the axis left out */
   memcpy(sim->flat_x, scene->x, flat);
   memcpy(sim->flat_v, scene->v, flat);
   if (sim->flat_v_half) memcpy(sim->flat_v_half, scene->v, flat);
   sim->flat_is_current = 0;
 }
 
-/* The sim as the bytes say, or as it was. */
+/* Load the run; on failure the sim stays as it was. */
 static msim_status take(msim_sim *sim, ms_bytes *b, msim_error *err) {
   const ms_plan plan = sim->plan;
   const ms_selection selection = sim->selection;

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 
-/* A line holds at most two whole numbers of 20 characters and seven reals of 24. */
+/* A line has at most two integers of 20 characters and seven reals of 24. */
 enum { LONGEST_LINE = 256, BUFFER = 1 << 18 };
 
 static const char title[] = "step,t,particle,x,y,z,vx,vy,vz\n";
@@ -23,9 +23,9 @@ typedef struct recorder {
   int fd;
   int sync;
   int error;      /* errno of the first failure; nothing is written after it */
-  int torn;       /* 1: the file ends within a frame */
+  int torn;       /* 1: the file ends inside an incomplete frame */
   off_t length;   /* of the file, bytes */
-  off_t complete; /* of it up to the end of the last whole frame */
+  off_t complete; /* bytes up to the end of the last complete frame */
   size_t used;    /* of the buffer */
   char buffer[BUFFER];
   char name[]; /* of the file, for messages */
@@ -38,7 +38,7 @@ static msim_status report(const recorder *r) {
   return ms_status_of(r->error);
 }
 
-/* No stdio: it cannot be kept from writing the rest of a frame after an error. */
+/* Uses write(), as stdio might still write the rest of a frame after an error. */
 static void flush(recorder *r) {
   size_t done = 0;
   while (done < r->used && !r->error) {
@@ -50,7 +50,7 @@ static void flush(recorder *r) {
   r->used = 0;
 }
 
-/* After an error the file is cut to its whole frames. */
+/* After an error the file is truncated to its complete frames. */
 static msim_status end_frame(recorder *r) {
   flush(r);
   if (!r->error && r->sync && fdatasync(r->fd) != 0) r->error = errno;

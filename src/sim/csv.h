@@ -1,7 +1,8 @@
-/* csv - the built-in recorder `csv`: text for spreadsheets and scripts.
+/* csv - the built-in recorder `csv`: writes trajectories as text for spreadsheets and scripts
  *
- * The first line is `step,t,particle,x,y,z,vx,vy,vz`; then one line a particle a frame. Numbers
- * have 17 digits, so reading them back gives the same bits, and a point whatever the locale. */
+ * The first line is `step,t,particle,x,y,z,vx,vy,vz`; one line per particle and frame follows.
+ * Numbers have 17 digits, which give the same bits when read, and a decimal point in every
+ * locale. */
 #ifndef MS_CSV_H
 #define MS_CSV_H
 

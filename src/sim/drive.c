@@ -12,7 +12,8 @@
 
 /*------------------------------------- one island -----------------------------------------------*/
 
-/* One step of s->h by the method: the only place that makes one. Refused if it is not finite. */
+/* Make one step of s->h by the method; all steps go through here. MSIM_NOT_FINITE: x or v is NaN or
+ * huge. */
 static msim_status make_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   s->culprit = -1;
   s->finite = 0;
@@ -23,8 +24,8 @@ static msim_status make_step(const msim_sim *sim, ms_stepper *s, msim_error *err
   return s->culprit < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 
-/* From the state between two parts on: what was next is now, and the first spare pair takes what
- * follows, as the state at the start stays where it is. */
+/* Continue from the state between two substeps: x_next becomes x. The state at the start of the
+ * step stays where it is: x_next takes the first spare pair in place of its memory. */
 static void go_on(ms_stepper *s, const ms_stepper *start) {
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
@@ -34,7 +35,7 @@ static void go_on(ms_stepper *s, const ms_stepper *start) {
   s->h_before = s->h;
 }
 
-/* The state at the start is the present one again. What the method kept of it may be gone. */
+/* Make the state at the start the present one again; its cached stages may be overwritten. */
 static void go_back(ms_stepper *s, const ms_stepper *start) {
   s->h = start->h;
   s->h_before = start->h_before;
@@ -63,7 +64,7 @@ int ms_drive_may_help(msim_status status) {
   return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
 }
 
-/* None where what the method carries belongs to h. */
+/* 0 if the method carries variables that depend on h. */
 int32_t ms_drive_retries(const msim_sim *sim) {
   enum { USUAL = 6 };
   if (sim->integrator->show) return 0;
@@ -71,7 +72,7 @@ int32_t ms_drive_retries(const msim_sim *sim) {
   return sim->integrator->nonlinear ? USUAL : 0;
 }
 
-/* As planned, or else in 2, 4, ... times as many parts. */
+/* The step as it is planned, or else in 2, 4, ... times as many substeps. */
 static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   enum { MOST = 40 };
   const int32_t retries = ms_drive_retries(sim);
@@ -84,7 +85,7 @@ static msim_status make_fixed(const msim_sim *sim, ms_stepper *s, msim_error *er
   return status;
 }
 
-/* A whole step, kept aside, and two halves. Impacts are where the halves have them. */
+/* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. */
 static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   const int64_t contacts = s->stats->contacts;
   msim_status status = ms_drive_parts(sim, s, 1, err);
@@ -99,14 +100,15 @@ static msim_status make_doubled(const msim_sim *sim, ms_stepper *s, msim_error *
   return status;
 }
 
-/* By the method's own estimate, from where the step began. */
+/* One step, whose error the method estimates by itself; keeps the state that it started from. */
 static msim_status make_estimated(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   const msim_status status = ms_drive_parts(sim, s, 1, err);
   if (!status && s->events) ms_contacts_keep_begin(s->events, s->model->shape);
   return status;
 }
 
-/* It goes like h^3. */
+/* e sqrt(n_p/(2 n))/v_tolerance, which is proportional to h^3: the largest error e of n_p paths, as
+ * a root mean square over the n particles of the connected component */
 double ms_drive_path_error(const ms_motion *m) {
   const ms_stepper *s = &m->stepper;
   if (s->npaths == 0) return 0;
@@ -115,7 +117,8 @@ double ms_drive_path_error(const ms_motion *m) {
   return share * s->path_error / s->v_tolerance;
 }
 
-/* The controller expects errors that go like h^k. Doubled steps measure those of paths, too. */
+/* The controller expects errors proportional to h^k: those of paths, ~ h^3, enter with the power
+ * k/3. Step doubling measures errors of paths, too. */
 msim_status ms_drive_controlled(const msim_sim *sim, ms_motion *m, const ms_control *c,
                                 msim_error *err) {
   ms_stepper *s = &m->stepper;
@@ -135,9 +138,9 @@ msim_status ms_drive_controlled(const msim_sim *sim, ms_motion *m, const ms_cont
   return MSIM_OK;
 }
 
-/* A step from rest that stays there, and meets no plane: as x and v are what they were and v is 0,
- * so is every force, and the next step does the same. The method's own vectors follow from x and v
- * then. The first row that moves ends the search. */
+/* 1: the step started at rest, stays there and meets no plane. As x and v = 0 are unchanged all
+ * accelerations are 0, and the next step has the same result; the vectors that the method carries
+ * follow from x and v then. The comparison ends at the first unknown that differs. */
 static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   const ms_shape shape = m->model.shape;
@@ -146,7 +149,7 @@ static int stays_at_rest(const msim_sim *sim, const ms_motion *m, int64_t contac
          ms_is_same(shape, s->x, s->x_next);
 }
 
-/* The next state of one island. The present one stays as it is. */
+/* Compute the next state of one island; the present one is kept. */
 static msim_status step_island(const msim_sim *sim, ms_motion *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
   const int verified = sim->selection.verification.allowed > 0;
@@ -166,7 +169,7 @@ static void step_by_one(void *data, int32_t i) {
   if (m->by_one && !m->at_rest) m->status = step_island(sim, m, NULL);
 }
 
-/* What that came to. Its seconds passed in all threads at once. */
+/* Add the island's stats to the sim's. All threads spent its seconds at once. */
 static msim_status collect(msim_sim *sim, ms_motion *m) {
   const double threads = ms_pool_threads(sim->pool);
   sim->stats.force_evaluations += m->stats.force_evaluations;
@@ -179,15 +182,15 @@ static msim_status collect(msim_sim *sim, ms_motion *m) {
   return m->status;
 }
 
-/* What a step of h came to in the first island that failed; m NULL: in all. */
+/* Result of a step: of the first island that failed; m NULL: none did */
 typedef struct outcome {
   msim_status status;
   ms_motion *m;
-  const msim_error *why; /* the caller's */
+  const msim_error *why; /* in the caller's memory */
 } outcome;
 
-/* Solves leave a small part of what a step may add. In a run there may be some tens of events,
- * whose errors add up by chance. */
+/* Set the tolerances of a step. Solves may leave 1/20 of the error that the step may add.
+ * Tolerances of events assume some tens of events in a run, whose errors add up at random. */
 static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed) {
   const double tol = ms_sim_selects(sim) ? sim->selection.tol : sim->opt.tol;
   const ms_part least = tol > 0 ? ms_norm_least(&m->norm) : (ms_part){0};
@@ -199,8 +202,8 @@ static void prepare(const msim_sim *sim, ms_motion *m, double h, double allowed)
   s->looked = 0;
 }
 
-/* A step of h by all that are not at rest; none is accepted yet. allowed: the error that it may
- * add; 0: there is no error control. */
+/* Compute a step of h by all islands that are not at rest; none is accepted yet. allowed: the error
+ * that it may add; 0: there is no error control. */
 static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why) {
   outcome result = {.why = why};
   why->text[0] = 0;
@@ -217,7 +220,7 @@ static outcome try_step(msim_sim *sim, double h, double allowed, msim_error *why
 
 static void accept(ms_motion *m) {
   ms_stepper *s = &m->stepper;
-  if (s->events && s->events->moved) { /* for those who look inside the step */
+  if (s->events && s->events->moved) { /* for the dense output */
     ms_copy(m->model.shape, s->events->begin[0], s->x);
     ms_copy(m->model.shape, s->events->begin[1], s->v);
     s->events->moved = 0;
@@ -242,7 +245,7 @@ static void accept_all(msim_sim *sim) {
   if (resting < sim->nislands) sim->flat_is_current = 0;
 }
 
-/* Say when and where; t is the time that was to be reached. */
+/* Report step, time, particle and spring of the failure; t: the time at the end of the step. */
 static msim_status blame(const msim_sim *sim, const ms_motion *m, double t, msim_status status,
                          const char *why, msim_error *err) {
   char particle[32] = "", spring[32] = "";
@@ -271,7 +274,8 @@ static double time_left(const msim_sim *sim) {
   return sim->plan.t_end < 0 || left <= 0 ? INFINITY : left;
 }
 
-/* t += h, with what rounding takes from the sum kept for the next one (Kahan 1965). */
+/* t += h by compensated summation: t_lost carries the rounding error to the next sum (Kahan,
+ * Commun. ACM 8 (1965) 40). */
 static void advance_time(msim_sim *sim, double h, double left) {
   const double add = h - sim->t_lost, t = sim->t + add;
   sim->t_lost = (t - sim->t) - add;
@@ -280,7 +284,7 @@ static void advance_time(msim_sim *sim, double h, double left) {
   sim->t_shown = sim->t;
 }
 
-/* The first impact of all islands, as a share of the step */
+/* The first impact of all islands, as a fraction of the step */
 static double first_impact(const msim_sim *sim) {
   double first = MS_NOWHERE;
   for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
@@ -288,7 +292,7 @@ static double first_impact(const msim_sim *sim) {
   return first;
 }
 
-/* Of all islands in motion; *worst: the one that has it. */
+/* The largest error of all islands that are not at rest; *worst: the island that has it. */
 static double largest_error(const msim_sim *sim, ms_motion **worst) {
   *worst = NULL;
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
@@ -299,7 +303,7 @@ static double largest_error(const msim_sim *sim, ms_motion **worst) {
   return *worst ? (*worst)->error : 0;
 }
 
-/* No shorter step could be told from none. */
+/* Report that the shortest step failed; in t a shorter one is lost by rounding. */
 static msim_status give_up(msim_sim *sim, const outcome *o, ms_motion *worst, double h,
                            msim_error *err) {
   char why[256];
@@ -314,7 +318,7 @@ static msim_status give_up(msim_sim *sim, const outcome *o, ms_motion *worst, do
   return blame(sim, worst, sim->t + h, MSIM_NOT_CONVERGED, why, err);
 }
 
-/* A failure leaves the controller as it was, too. */
+/* On failure the step controller keeps its state, too. */
 static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   const ms_control before = sim->control;
   const int64_t contacts = sim->stats.contacts;
@@ -344,7 +348,6 @@ static msim_status controlled_step(msim_sim *sim, msim_error *err) {
   }
 }
 
-/* Names of the methods that have error control, between commas. */
 static void list_methods(size_t size, char *names) {
   const ms_integrator *method;
   names[0] = 0;
@@ -355,7 +358,7 @@ static void list_methods(size_t size, char *names) {
   }
 }
 
-/* dop853 leaves it to steps to switch its control off. */
+/* dop853 has error control by default; `steps` switches it off. */
 msim_status ms_drive_choose(msim_sim *sim, msim_error *err) {
   msim_options *opt = &sim->opt;
   char names[512];
@@ -398,7 +401,7 @@ void ms_drive_show(msim_sim *sim, double t) {
 
 msim_status ms_drive_step(msim_sim *sim, msim_error *err) {
   const int has_control = ms_sim_has_control(sim);
-  if (has_control) ms_drive_show(sim, sim->t); /* what lies within the last step is lost now */
+  if (has_control) ms_drive_show(sim, sim->t); /* the dense output of the last step is lost now */
   msim_status status = ms_verify_meets_planes(sim) ? ms_sim_meet_planes(sim, err) : MSIM_OK;
   if (!status) status = has_control ? controlled_step(sim, err) : fixed_step(sim, err);
   if (status) return status;

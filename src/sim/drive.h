@@ -1,5 +1,5 @@
-/* drive - how a sim makes one step: of the length that is planned; in parts, where it cannot be
- * made whole; or, under error control, of the length that keeps its error small enough */
+/* drive - make one step of a sim: with the planned length; in substeps if it fails as a whole; or,
+ * under error control, with the length that keeps its error small enough */
 #ifndef MS_DRIVE_H
 #define MS_DRIVE_H
 
@@ -7,39 +7,41 @@
 
 #define MS_DEFAULT_TOL 1e-6
 
-/* Fixed steps or error control, from the options and the method; refuses what cannot be. */
+/* Choose between fixed steps and error control, from the options and the method. MSIM_ERR_ARG: tol
+ * together with `steps`, or with a method that has no error control. */
 msim_status ms_drive_choose(msim_sim *sim, msim_error *err);
 
-/* Times that the parts of a step are halved where it cannot be made. */
+/* How many times the number of substeps is doubled if a step fails. */
 int32_t ms_drive_retries(const msim_sim *sim);
 
-/* All islands that are not at rest make a step, or none: where one fails, the state stays. */
+/* Make one step with all islands that are not at rest. If one of them fails the state stays. */
 msim_status ms_drive_step(msim_sim *sim, msim_error *err);
 
-/* n steps of h/n by one island, one after the other, from x to x_next. */
+/* n substeps of h/n by one island, one after the other, from x to x_next. */
 msim_status ms_drive_parts(const msim_sim *sim, ms_stepper *s, int64_t n, msim_error *err);
 
-/* A step of s->h by one island as error control makes it: not cut at its first impact, but that is
- * told. m->error: its error, of what c allows. */
+/* A step of s->h by one island as error control makes it: it does not end at its first impact, but
+ * returns that in s->impact. m->error: its error, over what c allows. */
 msim_status ms_drive_controlled(const msim_sim *sim, struct ms_motion *m, const ms_control *c,
                                 msim_error *err);
 
-/* The error of the paths that particles took in the step just made, over what an event may add. */
+/* The error of particles on paths of their own (locate.h) in the step, over what an event may
+ * add. */
 double ms_drive_path_error(const struct ms_motion *m);
 
-/* Shorter steps may help where one failed like this. */
+/* 1: shorter steps may succeed after a failure with this status. */
 int ms_drive_may_help(msim_status status);
 
-/* Begin a run under error control as it is planned. */
+/* Begin a run under error control, as it is planned. */
 void ms_drive_start(msim_sim *sim);
 
-/* Who looks at the state is to see that of t, at the end of the last step or within it. */
+/* Let msim_sim_state return the state at t, the end of the last step or a time inside it. */
 void ms_drive_show(msim_sim *sim, double t);
 
-/* Take the scales of errors from the present state, for a run of `span` (s). */
+/* Take the error scales from the present state, for a run of `span` (s). */
 void ms_drive_measure(msim_sim *sim, double span);
 
-/* The next step to try has this length (s). */
+/* Set the length of the next step to try (s). */
 void ms_drive_use_step(msim_sim *sim, double h);
 
 #endif

@@ -1,4 +1,4 @@
-/* explain - the plan in words: what will run, what is skipped and why, limits, sizes */
+/* explain - describe the plan of a run as text: what will run, what is skipped and why, limits */
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 #include "linear/aggregates.h"
 #include "sim/sim.h"
 
-/* 1 where an island makes this pass. */
+/* 1: an island has this feature. */
 static int has(const msim_sim *sim, unsigned pass) {
   unsigned passes = 0;
   for (int32_t i = 0; i < sim->nislands; i++) passes |= sim->motion[i].model.passes;
@@ -29,7 +29,7 @@ static void explain_scene(const msim_sim *sim, ms_text *out) {
 
 static const char *solver_of(const ms_motion *m) { return m->stepper.solver->linear->name; }
 
-/* How many islands have the solver of the i-th; 0: an earlier one has it too. */
+/* The number of islands that have the same solver as island i; 0: an earlier island has it, too. */
 static int32_t count_solvers(const msim_sim *sim, int32_t i) {
   int32_t count = 0;
   for (int32_t k = 0; k < sim->nislands; k++) {
@@ -76,7 +76,7 @@ static void explain_rows(const ms_rows *rows, ms_text *out) {
              label);
 }
 
-/* By what errors are measured: the scales of the part, or of the smallest and the largest ones */
+/* Error scales of the connected component, or of the smallest and the largest ones */
 static void explain_scales(const msim_sim *sim, ms_text *out) {
   double least[2] = {INFINITY, INFINITY}, most[2] = {0, 0};
   int32_t parts = 0;
@@ -139,7 +139,6 @@ static double reach_of(const msim_sim *sim, const ms_model *model) {
   return sim->plan.h / ms_verlet_limit(&bounds);
 }
 
-/* Which springs take shorter steps. */
 static void explain_split(const msim_sim *sim, ms_text *out) {
   const ms_motion *m = ms_sim_largest(sim);
   const ms_split *split = m->stepper.split;
@@ -267,8 +266,8 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
   }
 }
 
-/* By the discs alone, as steps do: of all springs, or, of a method that splits, of those that wait
- * for the longest steps. */
+/* Bounds by Gershgorin's discs alone, which steps use, too: of all springs, or, for a multirate
+ * method, of the soft ones, which take the longest steps. */
 static ms_bounds bound_roughly(const msim_sim *sim) {
   ms_bounds most = {0};
   for (int32_t i = 0; i < sim->nislands; i++) {

@@ -78,7 +78,7 @@ static void mark_scene(const msim_sim *sim, ms_mark *mark, void *data) {
 
 /*------------------------------------- options --------------------------------------------------*/
 
-/* Where a run ends and what is seen of it is free, and what bits never depend on. */
+/* 1: the option may differ between the parts of a run: no bit of a state depends on it. */
 static int is_free(const char *name) {
   static const char *const names[] = {"steps",   "t_end",       "every", "fps",
                                       "threads", "plugin_path", "sync"};
@@ -87,7 +87,7 @@ static int is_free(const char *name) {
   return 0;
 }
 
-/* As they were asked for, where `auto` has put others in their place. */
+/* The options as the caller gave them, where `auto` has replaced some. */
 static msim_options asked(const msim_sim *sim) {
   msim_options opt = sim->opt;
   if (ms_sim_selects(sim)) {

@@ -1,5 +1,5 @@
-/* marks - what a scene and options are told by, as far as they decide on the bits of a run: names
- * and values, as texts. Arrays have a hash for a value. */
+/* marks - fingerprint of everything that affects the bits of a run: scene, options, version of msim
+ * and instruction set, as pairs of name and value. The value of an array is a hash. */
 #ifndef MS_MARKS_H
 #define MS_MARKS_H
 
@@ -7,15 +7,15 @@
 
 #include "msim/msim.h"
 
-enum { MS_SCENE_MARKS = 8 }; /* arrays of a scene */
+enum { MS_SCENE_MARKS = 8 }; /* hashed arrays of a scene */
 
-/* Told of each. is_hash: only whether values are the same says anything. */
+/* Called for each entry. is_hash: the value is a hash, for comparison only. */
 typedef void ms_mark(void *data, const char *name, const char *value, int is_hash);
 
-/* The hashes are made once, and again where springs have changed. */
+/* Hash the arrays of the scene, unless that is done; changed springs need new hashes. */
 void ms_sim_hash_scene(msim_sim *sim);
 
-/* All marks; those of arrays are right after ms_sim_hash_scene(). */
+/* Pass all entries to `mark`. Call ms_sim_hash_scene() before: these hashes are listed, too. */
 void ms_sim_marks(const msim_sim *sim, ms_mark *mark, void *data);
 
 #endif

@@ -1,7 +1,7 @@
-/* matrix - the matrix of the next step for somebody who wants to look at it
+/* matrix - export the matrix of the next step (msim_sim_matrix)
  *
- * It has three components a particle, the order of particles and all islands, whatever the sim
- * itself computes with: so it has a model of its own, made when it is asked for. */
+ * It has three components per particle, the scene's order of particles, and all islands, which the
+ * sim's own matrices may not have. So it has a model of its own, built at the first request. */
 #include "sim/sim.h"
 
 #define WHOLE (MSIM_SKIP_TWO_D | MSIM_SKIP_ZERO_REST_LENGTH)
@@ -10,7 +10,7 @@ typedef struct ms_whole {
   ms_model model;
   ms_coefficients a;
   ms_matrix matrix;
-  double *x;         /* rows of the model */
+  double *x;         /* positions, in the order of the model's unknowns */
   int32_t *particle; /* of each block row */
 } ms_whole;
 

@@ -16,8 +16,8 @@ static int is_same(int fd, const char *path) {
          mine.st_ino == there.st_ino;
 }
 
-/* 0, or why not. The lock belongs to the file as this call opened it, not to the process: two
- * recorders of one program exclude each other, too. Some file systems have no locks. */
+/* 0, or EBUSY. The lock belongs to the open file description, not to the process: two recorders of
+ * one program exclude each other, too. Some file systems have no locks: there the result is 0. */
 static int lock(int fd) {
   struct flock byte = {
       .l_type = F_WRLCK, .l_whence = SEEK_SET, .l_start = (off_t)1 << 62, .l_len = 1};
@@ -25,7 +25,7 @@ static int lock(int fd) {
   return errno == EAGAIN || errno == EACCES ? EBUSY : 0;
 }
 
-/* Who renamed it meanwhile writes it. */
+/* 0, or an errno. EBUSY also if another recorder has renamed its file to the path meanwhile. */
 static int open_locked(const char *path, int flags, int *fd) {
   *fd = open(path, O_RDWR | O_CLOEXEC | flags, 0666);
   if (*fd < 0) return errno;
@@ -49,7 +49,7 @@ static msim_status refuse(const char *path, int why, msim_error *err) {
   return ms_fail(err, MSIM_ERR_IO, "%s could not be opened for writing: %s", path, strerror(why));
 }
 
-/*------------------------------------- the place ------------------------------------------------*/
+/*------------------------------------- the output file ------------------------------------------*/
 
 static msim_status check_kind(const char *path, struct stat *there, msim_error *err) {
   if (stat(path, there) != 0 || S_ISREG(there->st_mode)) return MSIM_OK;
@@ -74,14 +74,14 @@ msim_status ms_place_begin(ms_place *place, msim_error *err) {
   return why ? refuse(place->path, why, err) : MSIM_OK;
 }
 
-/* Of a file: there its name lies. Takes the text. 0, or why not. */
+/* Flush the folder that holds the file's name. Overwrites the text. 0, or an errno. */
 static int sync_folder(char *path) {
   char *slash = strrchr(path, '/');
   if (slash) slash[1] = '\0';
   int fd = open(slash ? path : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   int why = fd < 0 || fsync(fd) != 0 ? errno : 0;
   drop(&fd);
-  return why == EINVAL ? 0 : why; /* a file system that has none of that */
+  return why == EINVAL ? 0 : why; /* the file system cannot do that */
 }
 
 msim_status ms_place_fill(ms_place *place, int sync, msim_error *err) {

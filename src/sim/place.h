@@ -1,31 +1,31 @@
-/* place - the file that a recorder takes: may it, and is it alone there?
+/* place - the output file of a recorder: lock it, write it under a temporary name, rename it
  *
- * Who writes a file holds a lock on a byte far beyond its end, which dies with the process. It is
- * none that readers know of: libhdf5's are on whole files, and of another kind. */
+ * A recorder holds a lock on one byte far beyond the end of its file, which ends with the process.
+ * Readers do not meet it: libhdf5 locks whole files, by locks of another kind. */
 #ifndef MS_PLACE_H
 #define MS_PLACE_H
 
 #include "base/text.h"
 
 typedef struct ms_place {
-  const char *path; /* borrowed, until the file bears it */
-  ms_text part;     /* the name of a new file until then */
-  int fd;           /* holds the lock; -1: on none */
-  int before;       /* of the file that is there still; -1: none is */
+  const char *path; /* final name; borrowed until the file is renamed */
+  ms_text part;     /* temporary name of a new file, until it is renamed */
+  int fd;           /* the new file, which is locked; -1: none */
+  int before;       /* the locked file that still has the final name; -1: none */
 } ms_place;
 
-/* Lock what is there and stay alone: a file takes another file's place, but not that of a device, a
- * pipe or a folder. *taken: something is written there. */
+/* Lock the file at `path`, if there is one. MSIM_ERR_IO: another recorder has locked it, or it is a
+ * device, a pipe or a folder, which must not be replaced. *taken: it is there and not empty. */
 msim_status ms_place_claim(ms_place *place, const msim_allocator *alloc, const char *path,
                            int *taken, msim_error *err);
 
-/* Make the new file, under its other name, and lock that. */
+/* Create the new file under its temporary name, and lock it. */
 msim_status ms_place_begin(ms_place *place, msim_error *err);
 
-/* The new file is whole enough to bear the name. sync: on the disk, too. */
+/* Rename the new file, which readers can open now. sync: write its name to the disk, too. */
 msim_status ms_place_fill(ms_place *place, int sync, msim_error *err);
 
-/* Unlock, and leave nothing behind of a new file that does not bear the name. */
+/* Unlock, and remove a new file that was not renamed. */
 void ms_place_leave(ms_place *place);
 
 #endif

@@ -4,7 +4,7 @@
 
 #include "base/pool.h"
 
-/* Above this a step's number is no exact double, and time no exact product. */
+/* 2^52: numbers of steps up to here are exact as doubles. */
 #define MOST_STEPS 4503599627370496.0
 
 msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, msim_error *err) {
@@ -44,8 +44,8 @@ double ms_plan_span(const ms_plan *plan) {
   return plan->t_end >= 0 && span > 0 ? span : 1;
 }
 
-/* Below so many slots of half springs for each, some 15 us, a thread more saves less than it takes
- * to call and wait for it. */
+/* The least number of half-edge entries per thread, some 15 us of work: with fewer, one more thread
+ * saves less than it costs to wake it and to wait for it. */
 enum { LEAST_SLOTS = 1500 };
 
 int32_t ms_plan_threads(const msim_options *opt, int64_t slots) {
@@ -56,14 +56,14 @@ int32_t ms_plan_threads(const msim_options *opt, int64_t slots) {
   return threads > 1 ? threads : 1;
 }
 
-/* A frame every so many steps; 0: by fps. Default: about 200 frames in the run. */
+/* Steps per frame; 0: frames follow fps. Default: about 200 frames in the run. */
 static int64_t frame_steps(const ms_plan *plan, const msim_options *opt) {
   if (opt->every > 0) return opt->every;
   if (opt->fps > 0) return 0;
   return plan->steps > 200 ? (plan->steps + 199) / 200 : 1;
 }
 
-/* The first step s with s h >= k / fps, forgiving rounding. */
+/* The first step s with s h >= k / fps, with a tolerance for rounding. */
 static int64_t step_of_frame(double steps_per_frame, double k) {
   double at = k * steps_per_frame;
   return at < MOST_STEPS ? (int64_t)ceil(at - 1e-9 * fmax(1, at)) : (int64_t)MOST_STEPS;
@@ -76,7 +76,7 @@ int64_t ms_plan_next_frame(const ms_plan *plan, const msim_options *opt, int64_t
   } else {
     double steps_per_frame = 1 / (opt->fps * plan->h);
     double k = floor((double)step / steps_per_frame);
-    next = step + 1; /* which is due where frames are no rarer than steps */
+    next = step + 1; /* each step is a frame where frames are as frequent as steps */
     if (steps_per_frame > 1) do
         next = step_of_frame(steps_per_frame, k++);
       while (next <= step);
@@ -86,7 +86,7 @@ int64_t ms_plan_next_frame(const ms_plan *plan, const msim_options *opt, int64_t
 
 int ms_plan_has_times(const msim_options *opt) { return opt->tol > 0 && opt->every <= 0; }
 
-/* Long enough for the times of two frames to differ. */
+/* s; long enough for the times of successive frames to differ. */
 static double frame_interval(const ms_plan *plan, const msim_options *opt) {
   const double span = ms_plan_span(plan), latest = fmax(fabs(plan->t0), fabs(plan->t_end));
   return fmax(opt->fps > 0 ? 1 / opt->fps : span / 200, 0x1p-50 * fmax(span, latest));
@@ -99,7 +99,7 @@ double ms_plan_frame_time(const ms_plan *plan, const msim_options *opt, int64_t 
 
 int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double t) {
   const double k = fmax(0, floor((t - plan->t0) / frame_interval(plan, opt)));
-  if (!(k < MOST_STEPS)) return (int64_t)MOST_STEPS; /* no exact double any more */
+  if (!(k < MOST_STEPS)) return (int64_t)MOST_STEPS; /* larger numbers are not exact as doubles */
   for (int64_t frame = (int64_t)k;; frame++) {
     const double at = ms_plan_frame_time(plan, opt, frame);
     if (at > t) return frame;
@@ -107,7 +107,7 @@ int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double
   }
 }
 
-/* Frames at times of their own. */
+/* The number of frames that have times of their own */
 static int64_t count_times(const ms_plan *plan, const msim_options *opt, int64_t most) {
   const double count = ceil(ms_plan_span(plan) / frame_interval(plan, opt) - 1e-9) + 1;
   return count < (double)most ? (int64_t)count : most;

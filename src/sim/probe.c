@@ -8,8 +8,9 @@
 #include "sim/drive.h"
 #include "sim/verify.h"
 
-/* A coarse space doubles an iteration. An assembly is worth one evaluation; the flops of factors
- * compare as in kept.h. */
+/* Work in evaluations, per island
+ *   W = evaluations + assemblies + 1.5 c iterations + (flops factorizations + 16 fill solves)/f,
+ * c = 2 with a coarse space, else 1; f = 2 32/1.5 flops for each spring, as in kept.h. */
 double ms_probe_work(const msim_sim *sim) {
   const ms_motion *m = ms_sim_largest(sim);
   const msim_stats *s = &sim->stats;
@@ -55,8 +56,8 @@ static void keep(const ms_probe *p, msim_sim *sim, double *x, double *v) {
   memcpy(v, now.v, count(p) * sizeof *v);
 }
 
-/* E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2), as of integrate/control.h. Impacts make
- * velocities jump, so that who is a little late has another one: with planes dx counts alone. */
+/* E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2), as in integrate/control.h, but weighted by
+ * masses. With planes only dx counts, as a small delay of an impact changes v much. */
 static double distance(const ms_probe *p, msim_sim *sim, const double *x, const double *v) {
   const ms_scales *s = &p->scales;
   const double weight = p->near ? 0 : 1 / s->speed;
@@ -72,7 +73,7 @@ static double distance(const ms_probe *p, msim_sim *sim, const double *x, const 
 
 /*------------------------------------- one sim for all methods ----------------------------------*/
 
-/* dop853 needs the most room. */
+/* The method with the most work vectors: the sim is built for it. */
 static const ms_integrator *const widest = &ms_dop853;
 
 static msim_status find_sim(ms_probe *p, int32_t collision, msim_sim **sim, msim_error *err) {
@@ -85,13 +86,13 @@ static msim_status find_sim(ms_probe *p, int32_t collision, msim_sim **sim, msim
   opt.collision = collision;
   opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
   opt.watch = MSIM_WATCH_OFF;
-  opt.newton_retries = 2; /* room for halves */
+  opt.newton_retries = 2; /* for memory of half steps */
   msim_status status = msim_sim_create(&scene, &opt, sim, err);
   if (!status) p->sims[collision] = *sim;
   return status;
 }
 
-/* To that state, to go on from there by another method. */
+/* Set the sim to that state, and let it continue by another method. */
 static msim_status go_to(ms_probe *p, const ms_trial *of, double h, const double *x,
                          const double *v, msim_sim **sim, msim_error *err) {
   msim_status status = find_sim(p, of->collision, sim, err);
@@ -116,7 +117,8 @@ const ms_model *ms_probe_model(const ms_probe *p) {
 
 /*------------------------------------- errors ---------------------------------------------------*/
 
-/* Of m steps of h from x, v. Nothing is found out where they end at what is not finite. */
+/* Estimate the error of m steps of h from x, v by 2 m steps of h/2: 2^p/(2^p - 1) times the
+ * distance of their ends, p the order. INFINITY if the steps fail. */
 static msim_status compare(ms_probe *p, const ms_trial *of, double h, int64_t m, const double *x,
                            const double *v, double *error, msim_error *err) {
   const double halving = ldexp(1, of->order);
@@ -136,7 +138,7 @@ static msim_status compare(ms_probe *p, const ms_trial *of, double h, int64_t m,
   return MSIM_OK;
 }
 
-/* Trying them costs a twentieth of the run; or they surely lead past the first impact. */
+/* 1/60 of the run: a trial costs three times that. With planes 1/14, to pass the first impact. */
 double ms_probe_steps(const ms_probe *p, double h) {
   const double SHARE = p->near ? 1. / 14 : 1. / 60;
   return fmax(1, round(SHARE * p->span / h));
@@ -182,7 +184,7 @@ static msim_status fly_halves(ms_probe *p, msim_sim *other, int64_t n, double *h
   return status;
 }
 
-/* From the start on it goes like a power of time. */
+/* E(T) = E(t) (T/t)^p, p = log2(E(t)/E(t/2)) >= 1; t: length of the pilot run, T: of the run */
 msim_status ms_probe_fly_beside(ms_probe *p, msim_sim *other, int64_t n, double *error,
                                 msim_error *err) {
   double half, whole;
@@ -193,11 +195,12 @@ msim_status ms_probe_fly_beside(ms_probe *p, msim_sim *other, int64_t n, double 
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
-/*------------------------------------- the flight -----------------------------------------------*/
+/*------------------------------------- the pilot run --------------------------------------------*/
 
 static const ms_trial pilot = {&ms_velocity_verlet, MSIM_COLLISION_REFLECT, 2};
 
-/* The state before what is not finite is as good as any. x, v: where that came to */
+/* Make `steps` steps of the pilot run; x, v: the state where they end, or before the one that
+ * failed */
 static msim_status fly(ms_probe *p, msim_sim *sim, int64_t steps, double *x, double *v,
                        msim_error *err) {
   const int64_t before = sim->stats.contacts;
@@ -208,8 +211,8 @@ static msim_status fly(ms_probe *p, msim_sim *sim, int64_t steps, double *x, dou
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
-/* To within a 64th of the run from the first impact, as free flight before it tells nothing; three
- * quarters of the run are enough to wait for it. */
+/* Make the pilot run in parts of 1/64 of the run until an impact, for 3/4 of the run at most.
+ * Trials start where the last part began: free flight before that is not typical. */
 static msim_status fly_to_impact(ms_probe *p, msim_sim *sim, double h, msim_error *err) {
   const int64_t part = (int64_t)fmax(1, round(p->span / h / 64));
   msim_status status = MSIM_OK;
@@ -221,8 +224,8 @@ static msim_status fly_to_impact(ms_probe *p, msim_sim *sim, double h, msim_erro
   return status;
 }
 
-/* On to a third of the run, as long as a plane could be met there: choosing anew at a late impact
- * costs less than fixed steps for impacts until then, but one choice is better than two. */
+/* Continue to 1/3 of the run, as long as a plane could be met there. To choose anew at a late
+ * impact costs less than fixed steps for impacts until then, but one choice costs less than two. */
 static msim_status look_ahead(ms_probe *p, msim_sim *sim, int64_t part, msim_error *err) {
   const double flown = p->flown, end = p->span / 3;
   msim_status status = MSIM_OK;
@@ -233,7 +236,7 @@ static msim_status look_ahead(ms_probe *p, msim_sim *sim, int64_t part, msim_err
   return status;
 }
 
-/* From the start on, again where planes count. */
+/* The pilot run; if it meets a plane, a second one as far as an impact */
 static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
   const int64_t part = (int64_t)fmax(1, round(p->span / h / 16));
   msim_sim *sim;
@@ -256,8 +259,8 @@ static msim_status fly_all(ms_probe *p, double h, msim_error *err) {
   return status;
 }
 
-/* Impacts are wild, but others may be wilder. Else how much the error of a step has grown, at most
- * 4, and that again where nothing damps it */
+/* Set p->growth: with planes 4, as later impacts may have larger errors; else g = (error of a step
+ * at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 if nothing is damped. */
 static msim_status find_growth(ms_probe *p, double h, msim_error *err) {
   double now, before;
   p->growth = p->near ? 4 : 1;
@@ -284,7 +287,7 @@ static int32_t count_free(const ms_scene *scene) {
   return count;
 }
 
-/* Free particles of the largest part that springs connect */
+/* *n: the number of free particles in the largest connected component */
 static msim_status find_largest_part(const msim_sim *sim, int32_t *n, msim_error *err) {
   msim_status status = MSIM_OK;
   *n = 0;
@@ -298,8 +301,8 @@ static msim_status find_largest_part(const msim_sim *sim, int32_t *n, msim_error
   return status;
 }
 
-/* With planes the particles of a part count, as parts have impacts of their own; of many particles
- * these are too many for steps that end at each. */
+/* With planes the particles of a connected component count, as each has its own impacts. Many
+ * particles have too many impacts for steps that end at each one. */
 static msim_status count_few(ms_probe *p, msim_error *err) {
   enum { FEW = 12, MANY = 64 };
   const int32_t free = count_free(p->sim->scene);
@@ -329,7 +332,7 @@ static msim_status prepare(ms_probe *p, double t0, msim_error *err) {
 
 msim_status ms_probe_begin(const msim_sim *sim, double tol, int late, double t0, const double *x,
                            const double *v, ms_probe *p, msim_error *err) {
-  const double FEWEST = 100; /* steps in the run, where nothing is stiff */
+  const double FEWEST = 100; /* steps in the run, at least */
   *p = (ms_probe){.sim = sim, .tol = tol, .late = late, .near = late, .x0 = x, .v0 = v};
   msim_status status = prepare(p, t0, err);
   if (status) return status;

@@ -1,4 +1,4 @@
-/* reasons - why integrator = auto passed a method over */
+/* reasons - why integrator = auto has rejected a method */
 #ifndef MS_REASONS_H
 #define MS_REASONS_H
 
@@ -25,7 +25,6 @@ enum {
   MS_REASONS
 };
 
-/* In words */
 const char *ms_reasons_text(int why);
 
 #endif

@@ -1,4 +1,4 @@
-/* recorder - the front end of output: one file, its kind by its name, one frame after another */
+/* recorder - write and resume trajectory files (msim_recorder_*), by plugins for their formats */
 #include <math.h>
 #include <string.h>
 
@@ -15,15 +15,15 @@ struct msim_recorder {
   void *self; /* NULL: closed */
   ms_host host;
   ms_place place;
-  void *checkpoint; /* NULL: the recorder cannot go on with its files */
+  void *checkpoint; /* buffer; NULL: the recorder cannot resume files */
   size_t capacity;
-  int64_t step_kept; /* of the last frame of a file that goes on; -1: of none */
+  int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
   double t_kept;
 };
 
-/*------------------------------------- what is to come ------------------------------------------*/
+/*------------------------------------- plan of the frames ---------------------------------------*/
 
-/* The planned time of every frame. */
+/* The planned times of all frames */
 static double *plan_times(const msim_sim *sim, int64_t nframes) {
   double *times = ms_new(&sim->alloc, (size_t)nframes, sizeof *times);
   const int has_times = ms_plan_has_times(&sim->opt);
@@ -40,7 +40,7 @@ static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_e
   const msim_sim *sim = r->sim;
   const char *path = r->place.path;
   const int64_t planned = ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES + 1);
-  *nframes = planned < 0 ? 1 : planned; /* csv takes what comes */
+  *nframes = planned < 0 ? 1 : planned; /* csv does not need their number */
   if (planned < 0 && r->type != ms_recorder_csv())
     return ms_fail(
         err, MSIM_ERR_ARG,
@@ -53,7 +53,7 @@ static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_e
   return MSIM_OK;
 }
 
-/* What open() and resume() are told. */
+/* Arguments of a plugin's open() and resume() */
 typedef struct announcement {
   msim_recording what;
   double *times;
@@ -99,7 +99,7 @@ static int is_ours(const msim_recorder *r, const char *path) {
   return MS_RECORDER_HAS(r->type, recognize) && r->type->recognize(&r->host.base, path);
 }
 
-/* The file gets its name once its frame of metadata stands: half a file never bears it. */
+/* The file gets its final name once its metadata are written: an incomplete file never has it. */
 static msim_status create(msim_recorder *r, announcement *a, msim_error *err) {
   msim_status status = ms_place_begin(&r->place, err);
   if (status) return status;
@@ -109,7 +109,7 @@ static msim_status create(msim_recorder *r, announcement *a, msim_error *err) {
   return ms_place_fill(&r->place, a->what.sync, err);
 }
 
-/* In the place of one of ours, or with `force` of any. */
+/* Open a new file, in place of an older trajectory of msim, or with `force` of any file. */
 static msim_status open_new(msim_recorder *r, const char *path, int force, msim_error *err) {
   announcement a;
   int taken;
@@ -126,7 +126,7 @@ static msim_status open_new(msim_recorder *r, const char *path, int force, msim_
   return status;
 }
 
-/* The sim goes where the file ends. One without a frame is begun anew. */
+/* Resume a file, and set the sim to its last checkpoint. A file without a frame is begun anew. */
 static msim_status go_on(msim_recorder *r, announcement *a, msim_error *err) {
   msim_error why;
   msim_resumption from = {.size = sizeof from};
@@ -172,7 +172,7 @@ static msim_status check_target(const msim_sim *sim, const char *path, const cha
   return MSIM_OK;
 }
 
-/* A recorder without a file. */
+/* Make a recorder that has no file yet. */
 static msim_status make(msim_sim *sim, const char *path, msim_recorder **recorder,
                         msim_error *err) {
   const char *kind;
@@ -239,7 +239,7 @@ msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder 
 
 /*------------------------------------- writing --------------------------------------------------*/
 
-/* What the run can go on from; nothing where a state set meanwhile needs more room than planned. */
+/* Add the checkpoint; none if it exceeds the planned size, as after another state was set. */
 static void add_checkpoint(msim_recorder *r, msim_frame *frame) {
   if (r->checkpoint &&
       msim_sim_save(r->sim, r->checkpoint, r->capacity, &frame->checkpoint_length, NULL) == MSIM_OK)

@@ -1,18 +1,19 @@
-/* recorders - the kinds of trajectories, and who writes them */
+/* recorders - registry of recorders: find the one that writes a kind of trajectory file */
 #ifndef MS_RECORDERS_H
 #define MS_RECORDERS_H
 
 #include "base/text.h"
 #include "msim/recorder.h"
 
-/* Whose files are named so; NULL: nobody's. */
+/* The name of the recorder whose files have the extension of `path`; NULL: there is none. */
 const char *ms_recorder_kind(const char *path);
 
-/* The recorder of a kind, its plugin opened. where: its file, as ms_plugin_open says. */
+/* Find a recorder by name, and open its plugin unless it is linked in. where: as of ms_plugin_open.
+ * Errors are those of ms_plugin_open, and MSIM_ERR_PLUGIN for a defective table. */
 msim_status ms_recorder_find(const char *kind, const char *plugin_path,
                              const msim_recorder_type **type, ms_text *where, msim_error *err);
 
-/* Whether a table goes as far as that member. */
+/* 1: the table is long enough to have that member, and has it. */
 #define MS_RECORDER_HAS(type, member) \
   ((type)->size > offsetof(msim_recorder_type, member) && (type)->member)
 

@@ -12,7 +12,7 @@
 #include "sim/probe.h"
 #include "sim/reasons.h"
 
-/* Particles whose impacts are few enough to be located one by one */
+/* The impacts of so many particles are few enough to be located one by one. */
 enum { FEW = 4 };
 
 enum {
@@ -28,11 +28,11 @@ enum {
   IMPLICIT
 };
 
-/* What can take part where no force depends on velocities, and else; evaluations in a step, 0:
- * measured, and those that make the first state, where that takes many. The leapfrog stands for all
- * explicit methods of order 2. Evaluations of dop853 are worth more, as it forms so many sums;
- * those of rkc follow from h. tr-bdf2 damps what long steps cannot follow; the implicit methods
- * that do not are held up by it, and go no farther than explicit ones. */
+/* The candidates: methods and their evaluations per step, [0] if no force depends on velocities,
+ * else [1]; 0: measured. first: evaluations at the first state, if there are many. The leapfrog
+ * stands for all explicit methods of order 2. Evaluations of dop853 count 19/12-fold, as it forms
+ * so many sums; those of rkc follow from h. tr-bdf2 damps what long steps cannot resolve; implicit
+ * methods that do not damp it have to resolve it, and take no longer steps than explicit ones. */
 static const struct {
   const ms_integrator *method[2];
   double evaluations[2];
@@ -50,7 +50,8 @@ static const struct {
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
-/* What the staggered leapfrog carries belongs to h, so that no step can be halved. */
+/* verlet carries v(t - h/2), so that no step can be halved: velocity-verlet takes its place where
+ * steps are verified or divided. */
 static const ms_integrator *method_of(const ms_probe *p, int i) {
   return list[i].method[p->damped || (i == LEAPFROG && (p->late || !p->many))];
 }
@@ -76,20 +77,20 @@ static double longest(const ms_probe *p, const ms_integrator *method) {
   return fmin(ms_probe_reach(p, method), p->span / 10);
 }
 
-/* Located impacts are of order 2 in longer steps: no trial of a shorter one tells their error. */
+/* Located impacts are of order 2 in longer steps, which trials of shorter steps do not show. */
 static double longest_to_locate(const ms_probe *p, const ms_integrator *method) {
   const double limit = ms_locate_longest(method, p->bounds.omega);
   return limit > 0 ? fmin(longest(p, method), limit) : longest(p, method);
 }
 
-/* Of steps of h */
+/* Set the evaluations of steps of c->h, and their cost. */
 static void settle(const ms_probe *p, int i, ms_candidate *c) {
   if (c->method->stages) c->price = c->method->stages(c->h, ms_bounds_of(ms_probe_model(p)));
   c->cost = c->price / c->h + list[i].first / p->span;
 }
 
-/* With what it costs to try it, steps and their halves from a start each; that counts fourfold, as
- * most of what could be saved is not. */
+/* The cost, and for an untried method 4 times that of its trial, which consists of m steps, 2 m
+ * half steps and two starts: most savings turn out smaller than they seem. */
 static double outlook(const ms_probe *p, int i, const ms_candidate *c) {
   const double WORTH = 4;
   if (c->tried || i == CONTROLLED) return c->cost;
@@ -111,8 +112,7 @@ static void enter(const ms_probe *p, int i, ms_candidate *c) {
   settle(p, i, c);
 }
 
-/* verlet is velocity Verlet with half steps between. Reflection at the ends of steps is of first
- * order. */
+/* verlet has the positions of velocity Verlet. Reflection at the ends of steps is of order 1. */
 static ms_trial trial_of(const ms_probe *p, const ms_candidate *c) {
   const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->near;
   return (ms_trial){.method = c->method == &ms_verlet ? &ms_velocity_verlet : c->method,
@@ -120,7 +120,8 @@ static ms_trial trial_of(const ms_probe *p, const ms_candidate *c) {
                     .order = reflects ? 1 : c->method->entry.order};
 }
 
-/* Fast modes are worth more to takahashi-imada than to others, and come later in a run. */
+/* Errors of takahashi-imada depend more on fast modes than those of other methods, and fast modes
+ * come later in a run: its error counts fourfold. */
 static msim_status measure(ms_probe *p, ms_candidate *c, msim_error *err) {
   const double ROUGHER = 4;
   const ms_trial trial = trial_of(p, c);
@@ -131,8 +132,8 @@ static msim_status measure(ms_probe *p, ms_candidate *c, msim_error *err) {
   return status;
 }
 
-/* Finds the step at which the error is what tol allows, as errors go like h^k, once they are small.
- * What is more than twice as long or as short as what was tried is to be tried again. */
+/* Find the step whose error is tol: errors go like h^k once they are small (ROUGH). A step that is
+ * more than twice as long or as short as the one tried has to be tried itself. */
 static msim_status try_step(ms_probe *p, int i, ms_candidate *c, double *most, msim_error *err) {
   const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01;
   const double k = trial_of(p, c).order, h = c->h;
@@ -161,8 +162,8 @@ static msim_status make_sim(const ms_probe *p, const ms_integrator *method, doub
   return msim_sim_create(&scene, &opt, sim, err);
 }
 
-/* Under error control from the state it is in to t, or as far as `most` evaluations lead. The run
- * is that of span, with its scales. */
+/* Run `trial` under error control from its present state to t, or until it has spent `most`
+ * evaluations. tol and scales are those of the whole run. */
 static msim_status run_to(ms_probe *p, msim_sim *trial, double t, double most, ms_candidate *c,
                           int *arrived, msim_error *err) {
   msim_status status = MSIM_OK;
@@ -179,8 +180,8 @@ static msim_status run_to(ms_probe *p, msim_sim *trial, double t, double most, m
   return MSIM_OK;
 }
 
-/* dop853 by its own steps, over the third quarter of the flight; not beyond what the best so far
- * costs there. Its evaluations are worth more, as in the list. */
+/* dop853 under error control over the third quarter of the pilot run, or as long as it costs less
+ * than the best candidate so far would there. Its evaluations count more, as in `list`. */
 static msim_status try_controlled(ms_probe *p, double least, ms_candidate *c, msim_error *err) {
   const double SUMS = 19. / 12, t = fmax(p->flown, p->span / 16) / 4;
   msim_sim *trial;
@@ -240,8 +241,8 @@ static int is_held(const ms_probe *p, const ms_candidate *c) {
   return c->controlled ? c->h > reach / 2 : c->h == reach;
 }
 
-/* Steps for half of the flight, of those with the fewest evaluations that are a half, a
- * quarter, ... as many as the leapfrog's; *cost: evaluations for a second. */
+/* *n: steps of respa for half of the pilot run, with the fewest evaluations among 1/4, 1/8, ... of
+ * the number that velocity Verlet needs; *cost: evaluations per simulated second. */
 static msim_status find_split(const ms_probe *p, int64_t *n, double *cost, msim_error *err) {
   const ms_model *model = ms_probe_model(p);
   const double springs = model->springs.n;
@@ -261,7 +262,7 @@ static msim_status find_split(const ms_probe *p, int64_t *n, double *cost, msim_
   return status;
 }
 
-/* The flight again. It was that of velocity Verlet, which is exact beside this. */
+/* Repeat the pilot run in 2 n steps; that had much shorter ones, whose error is negligible. */
 static msim_status try_split(ms_probe *p, int64_t n, ms_candidate *c, msim_error *err) {
   msim_sim *sim;
   c->h = p->flown / (double)(2 * n);
@@ -273,7 +274,7 @@ static msim_status try_split(ms_probe *p, int64_t n, ms_candidate *c, msim_error
   return status;
 }
 
-/* Its steps cost more than their evaluations, and may resonate: it has to save a lot. */
+/* respa costs more than its evaluations, and may resonate: it has to save three quarters. */
 static msim_status consider_split(ms_probe *p, const ms_candidate *best, ms_candidate *c,
                                   msim_error *err) {
   const double WORTH = 0.25;
@@ -293,8 +294,9 @@ static msim_status consider_split(ms_probe *p, const ms_candidate *best, ms_cand
   return status;
 }
 
-/* Of a step of two halves and a whole one, two stages each, by linear/predict.h, where Newton's
- * method is quick. Conjugate gradients need no more iterations than there are unknowns. */
+/* Evaluations of a step of tr-bdf2, which is made whole and in two halves, of two stages each,
+ * while Newton's method converges quickly; iterations by linear/predict.h. Conjugate gradients need
+ * no more iterations than there are unknowns. */
 static double predict_price(const ms_model *model, double h) {
   const double CORRECTIONS = 2, RTOL = 0.01;
   const ms_prediction p = ms_predict(model, h, RTOL);
@@ -303,10 +305,10 @@ static double predict_price(const ms_model *model, double h) {
   return 3 * 2 * CORRECTIONS * (2 + MS_ITERATION * iterations);
 }
 
-/* How far an implicit method comes no single step tells: what makes its steps short comes once the
- * motion has grown wild, and costs up to 20 times what the first states promise. So it has to make
- * the whole run for a fifth of the best cost. That is asked only where stability holds explicit
- * methods back, and where ten such steps may be had for that. */
+/* No single step shows how long the steps of an implicit method may be: they become short once the
+ * motion is rough, and cost up to 20 times what the first states predict. So tr-bdf2 has to make
+ * the whole run for a fifth of the best cost. It is tried only where stability limits explicit
+ * methods, and ten of its steps, as predicted, cost less than that. */
 static msim_status consider_implicit(ms_probe *p, const ms_candidate *best, ms_candidate *c,
                                      msim_error *err) {
   const double most = best->cost * p->span / 5;
@@ -328,7 +330,7 @@ static msim_status consider_implicit(ms_probe *p, const ms_candidate *best, ms_c
 
 /*------------------------------------- the choice -----------------------------------------------*/
 
-/* The largest error of a step that met no event */
+/* The largest error of a step without an event; if there is none, the least error */
 static double usual_error(const ms_measured *s, int n, double event) {
   double largest = 0, least = INFINITY;
   for (int i = 0; i < n; i++) {
@@ -338,9 +340,11 @@ static double usual_error(const ms_measured *s, int n, double event) {
   return largest > 0 ? largest : least;
 }
 
-/* What errors of single steps may be: as verify.h says. The growth that was foreseen has not come
- * yet. A step may have met an event: its error is none to go by, nor are its signs. So several are
- * measured, but of many particles, whose step is much like any other. */
+/* Set the difference from their halves that verified steps may have (verify.h): 50 e tol/E, at
+ * least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many and no
+ * plane is near. e: that of a step at the choice; E: the error foreseen without the growth to come.
+ * A measured step may contain an event, whose error and indicators are not typical: so several are
+ * measured, but only one of many particles, where all steps are alike. */
 static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verification *v,
                                 msim_error *err) {
   const double CARE = 50, SOME = 4, event = p->tol / 4;
@@ -348,7 +352,7 @@ static msim_status find_allowed(ms_probe *p, const ms_candidate *c, ms_verificat
   ms_measured s[MS_MEASURED];
   v->scales = p->scales;
   v->away = p->sim->scene->nplanes > 0 && !p->near;
-  const int reflects = c->collision == MSIM_COLLISION_REFLECT; /* of order 1 */
+  const int reflects = c->collision == MSIM_COLLISION_REFLECT; /* reflection is of order 1 */
   if (c->controlled || !ms_has_control(c->method)) return MSIM_OK;
   if (p->near && reflects) return MSIM_OK;
   v->only_events = p->near && p->many;
@@ -380,7 +384,7 @@ static msim_status choose(ms_probe *p, ms_selection *s, msim_error *err) {
   return status;
 }
 
-/* As if all that had been asked for. The first step is one that is stable. */
+/* Set method and options as if they had been requested. The first step is a stable one. */
 static void use(msim_sim *sim, const ms_probe *p, const ms_selection *s) {
   const ms_candidate *c = &s->candidates[s->best];
   const double reach = ms_probe_reach(p, c->method);
@@ -425,7 +429,7 @@ static void pass_candidate(ms_bytes *b, int i, ms_candidate *c) {
                  "the choice of a method");
 }
 
-/* Impacts are located by methods that have v and all forces at one time. */
+/* Impacts can be located by methods that have v and all forces at the same time. */
 static int may_be_best(const ms_candidate *c) {
   const int locates = !c->method->sync && !c->method->splits;
   return c->why == MS_REASON_NONE && (locates || c->collision == MSIM_COLLISION_REFLECT);

@@ -1,23 +1,23 @@
-/* select - integrator = auto: of a few methods the cheapest that keeps tol in the scene
+/* select - integrator = auto: of a few methods choose the least expensive one that keeps tol
  *
- * Costs are counted, never timed, in evaluations of forces for a simulated second: the price of a
- * step over its length. A method's step is as long as stability and accuracy allow. At first all
- * are taken to be as cheap as stability allows; the cheapest is tried (probe.h), which mostly makes
- * it dearer, until the cheapest is one that has been tried. So what cannot win costs nothing. What
- * a trial costs is added to the cost of what has not been tried, fourfold, as few win as much as
- * they might: a run of a hundred steps takes a method that is easily found.
+ * Costs are counted, never timed, in force evaluations per simulated second: the evaluations of a
+ * step over its length, which is as long as stability and accuracy allow. The cost that follows
+ * from stability is a lower bound. The least expensive method is tried (probe.h), which mostly
+ * raises its cost, until the least expensive one has been tried: methods that cannot win are never
+ * tried. An untried method also costs four times its trial, as few turn out as inexpensive as their
+ * bound: a run of a hundred steps gets a method that is easily found.
  *
- * tr-bdf2 and dop853 run under error control, too: dop853 over a part of the flight, which tells
- * its cost, and alone where particles are few, as one event decides on the error there. The others
- * take fixed steps: what control compares costs half as much again, and it adds up errors that
- * methods which keep energy within bounds make good again, up to a hundredfold. Their steps are
- * verified (verify.h). LSODA (Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136) likewise compares
- * the steps that each method could take.
+ * tr-bdf2 and dop853 run under error control, too: dop853 over a part of the pilot run, which
+ * yields its cost, and as the only candidate where particles are few, as one event determines the
+ * error there. The others take fixed steps: step doubling costs half as much again, and control
+ * adds up errors that cancel, up to a hundredfold, in methods that keep energy within bounds. Fixed
+ * steps are verified (verify.h). LSODA (Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136) likewise
+ * compares the steps that each method could take.
  *
  * Until a plane is close the choice is as without planes; then it is made anew.
  *
- * Where stability sets the steps, respa is tried if few springs do so, and tr-bdf2 makes the whole
- * run, at a fifth of the best cost, or is passed over. */
+ * Where stability limits the step, respa is tried if few springs cause that, and tr-bdf2 makes the
+ * whole run: it is rejected unless that takes at most a fifth of the lowest cost so far. */
 #ifndef MS_SELECT_H
 #define MS_SELECT_H
 
@@ -28,37 +28,36 @@ enum { MS_CANDIDATES = 10 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;
-  int32_t collision; /* impacts are located, or reflected at the ends of steps */
-  int controlled;    /* not in fixed steps */
-  double price;      /* of a step, in evaluations */
-  double cost;       /* evaluations for a second, or the least that it may be; INFINITY: it cannot
-                        take part */
-  double h;          /* s: the step */
+  int32_t collision; /* MSIM_COLLISION_...: how impacts are treated */
+  int controlled;    /* 1: error control chooses its steps; 0: they are fixed */
+  double price;      /* evaluations per step */
+  double cost;       /* evaluations per simulated second, or a lower bound; INFINITY: rejected */
+  double h;          /* s: its step */
   double error;      /* at the end of the run; 0: it was not tried */
-  int tried;         /* and found to be worth h */
-  int why;           /* it was passed over; 0: it was not */
+  int tried;         /* 1: a trial has confirmed h */
+  int why;           /* MS_REASON_...: why it was rejected; 0: it was not */
 } ms_candidate;
 
 typedef struct ms_selection {
-  double tol;        /* asked for; 0: the method was named */
-  int32_t collision; /* as asked for */
-  double flown;      /* s: the beginning of the run that was looked at */
-  double price;      /* of the whole choice, in evaluations */
-  int32_t best;      /* of candidates */
-  int damped;        /* which are those for forces that depend on velocities */
-  int64_t parts;     /* of a step of the sim: so many steps of the method */
-  int out_of_date;   /* what was built is for another method, or for other springs */
+  double tol;        /* as requested; 0: the method was named */
+  int32_t collision; /* as requested */
+  double flown;      /* s: length of the pilot run */
+  double price;      /* cost of the whole choice, in evaluations */
+  int32_t best;      /* index of the candidate that was chosen */
+  int damped;        /* 1: forces depend on velocities, and candidates are methods for that */
+  int64_t parts;     /* substeps: steps of the method in each step of the sim */
+  int out_of_date;   /* 1: the islands were built for another method, or for other springs */
   ms_verification verification;
   ms_candidate candidates[MS_CANDIDATES];
 } ms_selection;
 
-/* Choose by what is ahead from x, v (flat 3n) at t0 on: a pure function of scene, options and that
- * state. late: the run goes on, and planes count. Sets the method, and tol or h, as if they had
- * been asked for; keeps what is where that fails. */
+/* Choose a method for the run from x, v (3n, in particle order) at t0: a pure function of scene,
+ * options and that state. late: the run has begun before, and planes count. Sets the method, and
+ * tol or h, as if they had been requested; on failure nothing changes. */
 msim_status ms_sim_select(msim_sim *sim, int late, double t0, const double *x, const double *v,
                           msim_error *err);
 
-/* All of it, and taken again. */
+/* Write all of it to a checkpoint, or read it. */
 void ms_selection_history(ms_bytes *bytes, ms_selection *selection);
 
 void ms_selection_explain(const ms_selection *selection, ms_text *out);

@@ -10,7 +10,7 @@
 #include "sim/sim.h"
 
 enum { FEW_SPRINGS = 128 };
-static const double LENGTH = 1e-7; /* |d| */
+static const double LENGTH = 1e-7; /* the length that d is scaled to */
 
 msim_status ms_sensitivity_create(const msim_sim *sim, const ms_model *model, ms_disturbance *d,
                                   msim_error *err) {
@@ -30,7 +30,7 @@ void ms_sensitivity_destroy(const ms_model *model, ms_disturbance *d) {
   for (int i = 0; i < 6; i++) ms_delete(&model->scene->alloc, vectors[i]);
 }
 
-/* |d|/LENGTH, |d|: the largest of any part; d is scaled to LENGTH. */
+/* Scale d to LENGTH. Returns |d|/LENGTH, where |d| is the largest of any connected component. */
 static double normalize(ms_motion *m) {
   const ms_disturbance *d = &m->disturbance;
   const ms_shape shape = m->model.shape;
@@ -63,7 +63,7 @@ static void take_start(ms_motion *m) {
   ms_copy(m->model.shape, m->stepper.v, m->disturbance.v);
 }
 
-/* Velocities are disturbed at first, as stiff springs make much of disturbed positions. */
+/* Velocities are disturbed at first: stiff springs amplify disturbed positions. */
 void ms_sensitivity_start_island(ms_motion *m) {
   const double SHARE = m->model.scene->nplanes ? 0.45 : 0.9; /* of the longest stable stride */
   const ms_rows *rows = &m->model.rows;
@@ -80,8 +80,8 @@ void ms_sensitivity_start_island(ms_motion *m) {
   d->stride = SHARE * ms_symplectic_euler.limit(&bounds);
 }
 
-/* A stride that ends at x, which is overwritten; returns |d'|/|d|, INFINITY where d leaves the
- * range of doubles, as only one from a spoilt checkpoint can. */
+/* Make a stride that ends at x, which is overwritten. Returns |d'|/|d|, INFINITY if d overflows, as
+ * only one from a corrupted checkpoint can. */
 static double advance(ms_motion *m, double *x) {
   const ms_model *model = &m->model;
   ms_disturbance *d = &m->disturbance;
@@ -117,13 +117,12 @@ static int is_too_expensive(const msim_sim *sim) {
   return (double)s->evaluations > FREE + MOST * (double)others;
 }
 
-/* What the last step, of h, did to a row at a plane: by it the parts of d along the normal become
- * dx' = x dx, dv' = v dv + mixed dx. */
+/* The effect of an impact on d along the normal: dx' = x dx, dv' = v dv + mixed dx. */
 typedef struct meeting {
   double x, v, mixed;
 } meeting;
 
-/* Of the whole island: M^-1 F at the end of the step */
+/* M^-1 F of the whole island at the end of the step */
 static const double *accelerations(msim_sim *sim, ms_motion *m) {
   const ms_stepper *s = &m->stepper;
   ms_force(&m->model, s->x, s->v, s->scratch);
@@ -132,7 +131,7 @@ static const double *accelerations(msim_sim *sim, ms_motion *m) {
   return s->scratch;
 }
 
-/* a: NULL until it is needed. Returns 0 where they did not meet. */
+/* 1: a particle met the plane in the last step, of h, as *met says. *a: NULL until it is needed. */
 static int has_met(msim_sim *sim, ms_motion *m, int32_t row, const msim_plane *plane, double h,
                    const double **a, meeting *met) {
   const double REST = 1e-9, SHARE = 0.3, e = plane->restitution, *n = plane->normal;
@@ -151,7 +150,7 @@ static int has_met(msim_sim *sim, ms_motion *m, int32_t row, const msim_plane *p
   if (!*a) *a = accelerations(sim, m);
   ms_row_get(rows, *a, row, at);
   const double pull = ms_dot3(n, at), impulse = to - from - h * pull;
-  if (impulse < SHARE * (1 + e) * -from) return 0;                /* forces turned it */
+  if (impulse < SHARE * (1 + e) * -from) return 0;                /* forces turned it back */
   if (e < 1 && 2 * from > pull * m->disturbance.stride) return 1; /* on the way to rest */
   *met = (meeting){.x = -e, .v = -e, .mixed = (1 + e) * pull / from};
   return 1;
@@ -164,7 +163,8 @@ static void move(double t, const double a[3], double x[3], double v[3]) {
   ms_axpy3(t, a, v);
 }
 
-/* d is that at the end of the last stride: it is moved to the end of the step and back. */
+/* Apply the impacts of the last step, of h: d, of the end of the last stride, is moved to the end
+ * of the step and back. */
 static void meet_planes(msim_sim *sim, ms_motion *m, double h) {
   const ms_rows *rows = &m->model.rows;
   ms_disturbance *d = &m->disturbance;
@@ -207,7 +207,7 @@ static void follow(msim_sim *sim, ms_motion *m, double h) {
   take_start(m);
 }
 
-/* From the first contact on, whatever there was before. */
+/* Start measuring at the first contact, even if it was too expensive before. */
 static void follow_contact(msim_sim *sim) {
   ms_sensitivity *s = &sim->sensitivity;
   s->has_contact = 1;

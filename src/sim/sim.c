@@ -32,7 +32,7 @@ void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
   if (sim->opt.warn) sim->opt.warn(note.text, sim->opt.warn_user);
 }
 
-/* The method comes later, once all else is known. */
+/* ms_sim_select chooses the method later, when all other options are known. */
 static msim_status take_auto(msim_sim *sim, msim_error *err) {
   msim_options usual;
   msim_options_init(&usual, sizeof usual);
@@ -48,7 +48,8 @@ static msim_status take_auto(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
-/* Error control locates impacts, whatever `collision` says: their error is of what it controls. */
+/* Error control locates impacts, whatever `collision` says, because their error counts towards
+ * tol. */
 static msim_status take_collision(msim_sim *sim, msim_error *err) {
   if (!ms_sim_selects(sim) && ms_sim_has_control(sim) && sim->scene->nplanes > 0)
     sim->opt.collision = MSIM_COLLISION_EVENT;
@@ -82,7 +83,7 @@ static msim_status take_options(msim_sim *sim, const msim_options *opt, msim_err
   return take_collision(sim, err);
 }
 
-/* Says so where an h that was given had to be lowered, once for each h. */
+/* Warn that the plan has lowered the given h, once for each h. */
 static void tell_lowered(const msim_sim *sim, const ms_plan *plan) {
   if (sim->advice.chosen || ms_sim_selects(sim)) return;
   if (plan->h == plan->h_asked || plan->h == sim->plan.h) return;
@@ -133,7 +134,8 @@ msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim
 
 static msim_status allocate_flat(msim_sim *sim, msim_error *err) {
   const size_t n = 3 * (size_t)sim->scene->nparticles;
-  const int sync = sim->integrator->sync || ms_sim_selects(sim); /* what it may choose later */
+  const int sync = sim->integrator->sync || ms_sim_selects(sim); /* auto may choose such a method
+                                                                    later */
   sim->flat_x = ms_new(&sim->alloc, n, sizeof(double));
   sim->flat_v = ms_new(&sim->alloc, n, sizeof(double));
   if (sync) sim->flat_v_half = ms_new(&sim->alloc, n, sizeof(double));
@@ -215,7 +217,7 @@ static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   return status;
 }
 
-/* Frames that lie behind are not shown any more. */
+/* A later msim_sim_run does not show frames that these steps have passed. */
 msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
   if (!sim || n < 0) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL, or n is negative");
   msim_status status = make_steps(sim, n, err);
@@ -243,15 +245,16 @@ static msim_status run_to_step(msim_sim *sim, int64_t due, msim_error *err) {
   return status;
 }
 
-/* The frame may lie within the step that passes it. */
+/* The frame may lie inside the last step. */
 static msim_status run_to_time(msim_sim *sim, double due, msim_error *err) {
   msim_status status = MSIM_OK;
   while (!status && sim->t < due) status = make_steps(sim, 1, err);
   return status;
 }
 
-/* shown: somebody will look at it, once it is there: also where the run is stopped just there.
- * A frame at a time of its own waits for the next run. */
+/* Run to the next frame. shown: an observer will get it, so that its state is checked first.
+ * *is_there: the frame is reached, also where a request to stop takes effect exactly there; after
+ * such a request the next run shows a frame that has a time of its own. */
 static msim_status run_to_frame(msim_sim *sim, int shown, int *is_there, msim_error *err) {
   const int has_times = ms_plan_has_times(&sim->opt);
   const int64_t next = msim_sim_next_frame(sim);

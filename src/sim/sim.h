@@ -1,4 +1,5 @@
-/* sim - one scene in motion: its plan, its state, its method, and what watches it */
+/* sim - the simulation object: a scene, the plan of its run, the state of each island, the
+ * integration method, and the monitors of energy and errors */
 #ifndef MS_SIM_H
 #define MS_SIM_H
 
@@ -14,16 +15,16 @@
 #include "sim/sensitivity.h"
 #include "sim/watch.h"
 
-/* One island in motion. Nothing couples it with others. */
+/* The simulation of one island: particles that no spring connects with other islands. */
 typedef struct ms_motion {
   ms_model model;
-  ms_stepper stepper; /* its solver: NULL where the method needs none */
-  int at_rest;        /* the last step changed no bit, and no step to come will */
-  int at_rest_next;   /* the same of the step that is being made */
-  int by_one;         /* one thread steps it, while others step others */
-  msim_stats stats;   /* by_one: what that has counted, until it is added to the sim's */
-  msim_status status; /* by_one: of the step that is being made */
-  ms_norm norm;       /* under error control */
+  ms_stepper stepper; /* stepper.solver: NULL where the method needs none */
+  int at_rest;        /* exact rest: steps would change no bit, and are skipped */
+  int at_rest_next;   /* at_rest after the step that is being made */
+  int by_one;         /* one thread steps this island while others step other islands */
+  msim_stats stats;   /* by_one: counts of this island, until they are added to the sim's */
+  msim_status status; /* by_one: result of the step that is being made */
+  ms_norm norm;       /* scales of errors, with a tol */
   double error;       /* of the step that is being made, over what is allowed */
   ms_guard guard;
   ms_check check;
@@ -32,115 +33,116 @@ typedef struct ms_motion {
 
 struct msim_sim {
   msim_allocator alloc;
-  ms_scene *scene;            /* shared */
-  ms_scene *chosen_for;       /* whose springs its solvers were chosen for; NULL: this scene's */
-  msim_options opt;           /* its strings are the sim's own */
-  char *solver, *plugin_path; /* what opt's pointers point to; nullable */
+  ms_scene *scene;            /* reference counted */
+  ms_scene *chosen_for;       /* solvers were chosen for its springs; NULL: for those of `scene` */
+  msim_options opt;           /* its strings belong to the sim, or are static */
+  char *solver, *plugin_path; /* what opt.solver and opt.plugin_path point to; nullable */
   ms_plan plan;
   ms_advice advice;
-  ms_selection selection;  /* of the method, by integrator = auto */
+  ms_selection selection;  /* result of integrator = auto */
   ms_pool *pool;           /* NULL: one thread */
-  int32_t threads_planned; /* more than the pool has where not all could be started */
+  int32_t threads_planned; /* exceeds the threads of the pool if some could not be started */
   const ms_integrator *integrator;
   msim_stats stats;
   atomic_int stop;
 
-  int64_t step, step0; /* t = t0 + (step - step0) h, but under error control, which has: */
+  int64_t step, step0; /* t = t0 + (step - step0) h; under error control instead: */
   double t0;
   ms_control control;
-  double t, t_lost; /* the sum of all steps, and what rounding took from it */
-  double t_shown;   /* of the state that is looked at: t, or within the last step */
-  int64_t frame;    /* that msim_sim_run shows next, where frames are at times of their own */
-  int64_t spent;    /* steps that msim_sim_set_step took off opt.steps */
+  double t, t_lost; /* s: the sum of all steps, and its rounding error */
+  double t_shown;   /* s: time of the state that msim_sim_state returns, <= t */
+  int64_t frame;    /* frame that msim_sim_run shows next, if frames have times of their own */
+  int64_t spent;    /* steps that msim_sim_set_step has subtracted from opt.steps */
 
   int32_t nislands;  /* at least 1 */
-  ms_motion *motion; /* nislands: replaced where the components of space are others */
-  int any_by_one;    /* 1: some are stepped at the same time */
+  ms_motion *motion; /* nislands; built anew when the components of space change */
+  int any_by_one;    /* 1: threads step several islands at the same time */
 
-  uint64_t marks[MS_SCENE_MARKS]; /* of its scene, once they were asked for: see marks.h */
+  uint64_t marks[MS_SCENE_MARKS]; /* hashes of the scene's arrays, see marks.h */
   int is_marked;
 
-  double *flat_x, *flat_v, *flat_v_half; /* 3n: what somebody asked for last */
+  double *flat_x, *flat_v, *flat_v_half; /* 3n, particle order: the state as last requested */
   int flat_is_current;
 
   ms_watch watch;
   ms_sensitivity sensitivity;
 
   ms_text explanation;
-  struct ms_whole *whole; /* for msim_sim_matrix; NULL: nobody asked */
+  struct ms_whole *whole; /* for msim_sim_matrix; NULL: not requested */
 };
 
-/* A plain struct, as much of it as the caller's has room for. */
+/* Copy the struct `full` to the caller's, as far as the caller's size goes. */
 #define MS_GIVE(to, full) \
   memcpy(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
 
-/* Steps are as long as their error allows. */
+/* 1: error control chooses the length of each step. */
 static inline int ms_sim_has_control(const msim_sim *sim) { return sim->opt.tol > 0; }
 
-/* Of integrator = auto */
+/* 1: the integrator is `auto`. */
 static inline int ms_sim_selects(const msim_sim *sim) { return sim->selection.tol > 0; }
 
-/* The time of the present state, as it is looked at. */
+/* The time of the state that msim_sim_state returns, s. */
 double ms_sim_time(const msim_sim *sim);
 
-/* Make models, solvers and vectors anew, without components along the axis left_out (-1: none);
- * keeps the old ones where that fails. The state is yet to be set. */
+/* Build all islands, without components along the axis left_out (-1: with all three); on failure
+ * the old ones stay. The caller then has to set the state. */
 msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err);
 
-/* What that replaces. */
+/* The islands that ms_sim_put_aside takes out of a sim */
 typedef struct ms_motions {
   int32_t n;
   ms_motion *motion;
   int any_by_one;
 } ms_motions;
 
-/* The same step by step: put the old ones aside, make new ones, then drop the old ones, or drop
- * the new ones, half built too, and put the old ones back. */
+/* The parts of ms_sim_build: put the old islands aside and make new ones. Then either drop the old
+ * ones, or put them back, which destroys the new ones, partly built or not. */
 ms_motions ms_sim_put_aside(msim_sim *sim);
 msim_status ms_sim_make_motions(msim_sim *sim, int32_t left_out, msim_error *err);
 void ms_sim_drop(msim_sim *sim, const ms_motions *old);
 void ms_sim_put_back(msim_sim *sim, const ms_motions *old);
 
-/* Solvers are chosen for the springs of that scene from here on, whose reference is taken; NULL:
- * for those that are there. */
+/* Record that the present solvers were chosen for the springs of that scene, and take over the
+ * caller's reference to it; NULL: for the springs of the sim's scene. */
 void ms_sim_choose_for(msim_sim *sim, ms_scene *scene);
 
-/* The scene becomes the sim's, and models are as its springs are; no reference changes. */
+/* Replace the sim's scene, and update the springs of all models; no reference count changes. */
 void ms_sim_use_scene(msim_sim *sim, ms_scene *scene);
 
-/* The same again, in the present state. */
+/* Build all islands anew, with the same components, and start them in the present state. */
 msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err);
 
-/* Does the method allow such springs in this scene? damping: one a spring. */
+/* MSIM_ERR_ARG where the method cannot handle these dampings, or the scene's drag or planes.
+ * damping: one value per spring. */
 msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim_error *err);
 
-/* Free them; what is half built too. */
+/* Destroy all islands, also partly built ones. */
 void ms_sim_take_down(msim_sim *sim);
 
-/* The island of most free particles, and of those the first: it stands for all where one has to. */
+/* The island with the most free particles, the first of several: reports describe this one. */
 const ms_motion *ms_sim_largest(const msim_sim *sim);
 
-/* Forget the matrix that somebody looked at. */
+/* Free the matrix of msim_sim_matrix. */
 void ms_sim_drop_matrix(msim_sim *sim);
 
-/* One sentence to who listens. */
+/* Pass a note to options.warn, if that is set. */
 void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
 
-/* A run from that state on, which is good. */
+/* Start a run from this state, which the caller has checked. */
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err);
 
-/* Let the islands start in that state, as it is planned. */
+/* Start all islands in this state, with the planned step. */
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state);
 
-/* Planes count from here on: a method for impacts is chosen in the present state, whose steps
- * divide those that are planned; under error control the method stays. */
+/* From here on planes count (verify.h): choose a method for impacts in the present state, with
+ * steps that divide the planned ones. Under error control the method stays. */
 msim_status ms_sim_meet_planes(msim_sim *sim, msim_error *err);
 
-/* Plan the run from t0 and x, v (flat 3n) on; keeps the old plan where that fails. */
+/* Plan the run from t0 and x, v (3n, in particle order); on failure the old plan stays. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,
                              msim_error *err);
 
-/* Seconds spent on output belong to the sim's stats. */
+/* Add seconds spent on output to the sim's stats. */
 void ms_sim_count_output(msim_sim *sim, double seconds);
 
 #endif

@@ -1,4 +1,4 @@
-/* state - looking at a sim, and setting its state */
+/* state - read and set the state of a sim, its energies and forces */
 #include <math.h>
 #include <string.h>
 
@@ -8,7 +8,7 @@
 #include "physics/plain.h"
 #include "sim/drive.h"
 
-/* Within the last step, which no island at rest made. */
+/* Interpolate inside the last step, in an island that is not at rest. */
 static void refresh_within(msim_sim *sim, ms_motion *m) {
   ms_stepper *s = &m->stepper;
   const double theta = 1 - (sim->t - sim->t_shown) / s->h;
@@ -41,7 +41,7 @@ static void refresh_island(msim_sim *sim, ms_motion *m) {
   }
 }
 
-/* Rows to flat arrays, once a step at most, and only when somebody looks. */
+/* Copy the state to the arrays in particle order, at most once per step, and only on demand. */
 static void refresh(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands && !sim->flat_is_current; i++)
     refresh_island(sim, &sim->motion[i]);
@@ -81,8 +81,7 @@ static msim_status check_state(const msim_sim *sim, const msim_state *state, msi
   return MSIM_OK;
 }
 
-/* A state out of the scene's plane needs all three components, one within it does not. A split of
- * the springs belongs to its h. */
+/* A state outside the scene's plane needs three components. A split of the springs belongs to h. */
 static msim_status fit_state(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_scene *scene = sim->scene;
   int32_t flat = ms_flat_axis(scene, sim->opt.skip_off);
@@ -99,7 +98,7 @@ static void start_island(msim_sim *sim, ms_motion *m, const msim_state *state) {
   ms_stepper *s = &m->stepper;
   const ms_rows *rows = &m->model.rows;
   ms_rows_gather(rows, state->x, s->x);
-  ms_rows_gather(rows, state->x, s->x_next); /* for its pinned rows */
+  ms_rows_gather(rows, state->x, s->x_next); /* for the pinned particles */
   for (int i = 0; i < 2; i++)
     if (s->x_spare[i]) ms_rows_gather(rows, state->x, s->x_spare[i]);
   ms_rows_gather(rows, state->v, s->v);
@@ -145,7 +144,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   memmove(sim->flat_v, state->v, flat);
   ms_sim_start_islands(sim, state);
   if (sim->integrator->sync) {
-    memcpy(sim->flat_v_half, sim->flat_v, flat); /* 0 where there is no component */
+    memcpy(sim->flat_v_half, sim->flat_v, flat); /* 0 along an axis left out */
     for (int32_t i = 0; i < sim->nislands; i++)
       ms_rows_scatter(&sim->motion[i].model.rows, sim->motion[i].stepper.v, sim->flat_v_half);
   }
@@ -157,7 +156,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   return ms_ok(err);
 }
 
-/* With a method chosen for that state; the old one where the run cannot start. */
+/* Start a run by a method chosen for that state; on failure the old method stays. */
 static msim_status start_anew(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_selection selection = sim->selection;
   const ms_advice advice = sim->advice;
@@ -177,7 +176,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
   return ms_sim_selects(sim) ? start_anew(sim, state, err) : ms_sim_start(sim, state, err);
 }
 
-/* The grid of steps, and of frames, stays: h is divided. */
+/* Choose a method for impacts. The grid of steps and frames stays: its step is divided. */
 static msim_status choose_for_planes(msim_sim *sim, const msim_state *now, msim_error *err) {
   msim_status status = ms_sim_select(sim, 1, now->t, now->x, now->v, err);
   if (status) return status;
@@ -237,13 +236,13 @@ void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
 static void put_island_force(const ms_motion *m, const double *x, const double *v, double *force) {
   const ms_stepper *s = &m->stepper;
   const ms_rows *rows = &m->model.rows;
-  double *x_there = s->x_spare[0] ? s->x_spare[0] : s->x_next; /* what somebody may look into */
+  double *x_there = s->x_spare[0] ? s->x_spare[0] : s->x_next; /* dense output needs x_next */
   double *v_there = s->v_spare[0] ? s->v_spare[0] : s->v_next;
   ms_rows_gather(rows, x, x_there);
   ms_rows_gather(rows, v, v_there);
   ms_force(&m->model, x_there, v_there, s->scratch);
   ms_rows_scatter(rows, s->scratch, force);
-  /* leave the pinned rows as steps expect them */
+  /* restore the pinned particles, as steps expect them */
   const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *x;
   memcpy(x_there, s->x, bytes);
   memset(v_there, 0, bytes);

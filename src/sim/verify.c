@@ -6,10 +6,10 @@
 #include "integrate/contacts.h"
 #include "sim/drive.h"
 
-/* Explicit steps between two looks at energy */
+/* Steps between two checks of energy */
 enum { ENERGY_INTERVAL = 512 };
 
-/* Signs of an event */
+/* Indicators */
 enum { DEFECT, TURN };
 
 msim_status ms_verify_create(const msim_sim *sim, const ms_model *model, ms_check *check,
@@ -26,16 +26,16 @@ void ms_verify_destroy(const ms_model *model, ms_check *check) {
   ms_delete(&model->scene->alloc, check->v);
 }
 
-/*------------------------------------- signs --------------------------------------------------*/
+/*------------------------------------- indicators -----------------------------------------------*/
 
-/* Root mean square by mass, over the scale, as errors are measured */
+/* sqrt(d.M d/(2 m))/scale, m the mass of the scene's free particles */
 static double norm(ms_stepper *s, const double *d, double scale, const ms_scales *scales) {
   const ms_shape shape = s->model->shape;
   ms_scale_rows(shape, s->model->mass, d, s->scratch);
   return sqrt(ms_dot(shape, d, s->scratch) / (2 * scales->mass)) / scale;
 }
 
-/* D_x of the step from x to x_next, not yet accepted; 0 where the method has no a at both ends */
+/* |D| of the step from x to x_next, not yet accepted; 0 if the method does not carry a */
 static double find_defect(const ms_integrator *method, ms_stepper *s, const ms_scales *scales) {
   const ms_shape shape = s->model->shape;
   const double h = s->h, w[] = {-1, -h / 2, -h / 2, -h * h / 12, h * h / 12};
@@ -46,8 +46,8 @@ static double find_defect(const ms_integrator *method, ms_stepper *s, const ms_s
   return norm(s, s->x_spare[0], scales->extent, scales);
 }
 
-/* 1 - cos of the largest angle that a spring has turned by, of those whose direction matters; the
- * least cos |cos| needs one root */
+/* 1 - cos of the largest angle by which a spring turned, among those whose direction matters. The
+ * least cos |cos| is found first, as that needs a single root. */
 static double find_turn(const ms_stepper *s) {
   const ms_springs *springs = &s->model->springs;
   const size_t stride = (size_t)s->model->rows.stride, dims = (size_t)s->model->rows.dims;
@@ -68,8 +68,8 @@ static double find_turn(const ms_stepper *s) {
 
 /*------------------------------------- errors ---------------------------------------------------*/
 
-/* The step just made is made again in two halves, which take its place, with their impacts, beside
- * `contacts` before it; error: what they differ by, squared. */
+/* Make the step again in two half steps, which replace it. Their impacts replace the step's, too:
+ * `contacts` is the count before the step. *error: the squared norm of the difference. */
 static msim_status halve(const msim_sim *sim, ms_stepper *s, const ms_scales *scales,
                          int64_t contacts, double *error, msim_error *err) {
   const ms_shape shape = s->model->shape;
@@ -108,19 +108,19 @@ msim_status ms_verify_measure(msim_sim *sim, const ms_scales *scales, ms_measure
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
-enum { LARGE = 64 }; /* particles of an island: one event among more of them counts little */
+enum { LARGE = 64 }; /* particles: in a larger island a single event adds little to the error */
 
-/* Is the step just made to be verified for its events? Particles that bounce, or stop, slip or turn
- * on paths of their own that may be too inaccurate */
+/* 1: the events of the step just made require verification: many particles bounced, or the error of
+ * individual paths may be too large. */
 static int has_events(const ms_motion *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   if (!s->events) return 0;
   return (s->stats->contacts - contacts) * LARGE >= m->model.shape.n || ms_drive_path_error(m) > 1;
 }
 
-/* In a large island D costs as much as a quarter of an evaluation, the angles as three. In a small
- * one both cost about as much as one: steps of few evaluations, which are short, wait for each
- * other. */
+/* 1: the step just made has to be verified, because it is its turn or by its indicators, sign[]. In
+ * a large island D costs a quarter of an evaluation, the angles three: they are found only if it is
+ * the step's turn. In a small one both cost about one, and are found once in some 8 evaluations. */
 static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
   enum { WORTH = 8 }; /* evaluations */
   const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
@@ -140,14 +140,12 @@ static int is_due(const msim_sim *sim, ms_motion *m, double sign[2]) {
          sign[TURN] > fmin(TURNED, fmax(LITTLE, MORE * seen[TURN]));
 }
 
-/* From the state between two parts on */
 static void go_on(ms_stepper *s) {
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
   ms_contacts_advance(s);
 }
 
-/* The next part of the step, under error control */
 static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, double *left,
                              msim_error *err) {
   ms_stepper *s = &m->stepper;
@@ -159,7 +157,7 @@ static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, d
     if (status && !ms_drive_may_help(status)) return status;
     const ms_verdict verdict = ms_control_judge(c, &a, status, m->error, s->impact);
     if (verdict == MS_ACCEPTED) {
-      if (h < a.planned) c->h = fmax(c->h, a.planned); /* it ended with the step, or at an impact */
+      if (h < a.planned) c->h = fmax(c->h, a.planned); /* the end of the step, or an impact */
       *left = h == *left ? 0 : *left - h;
       go_on(s);
       return MSIM_OK;
@@ -171,7 +169,7 @@ static msim_status make_part(const msim_sim *sim, ms_motion *m, ms_control *c, d
   }
 }
 
-/* A step that moves s->x itself goes back there when it is complete. *moved: it is kept already */
+/* Copy the state at the start of the step, as substeps move s->x. *moved: 1, once that is done */
 static void keep_start(ms_motion *m, int *moved) {
   if (*moved) return;
   ms_copy(m->model.shape, m->stepper.x, m->check.x);
@@ -187,8 +185,8 @@ static void go_back(ms_motion *m) {
   s->warm = 0;
 }
 
-/* Parts make the most of what they may add, so that it is less than that of steps, whose errors are
- * mostly smaller; no less than under tol. */
+/* The controller of substeps. Substeps use all of the error that they may add, while steps mostly
+ * add far less than allowed: so substeps may add 1/16 of that, but no less than under tol. */
 static ms_control control_of(const msim_sim *sim, double step, double h) {
   const double LESS = 1. / 16, tol = sim->selection.tol, span = ms_plan_span(&sim->plan);
   const double most = LESS * sim->selection.verification.allowed * span / step;
@@ -197,9 +195,9 @@ static ms_control control_of(const msim_sim *sim, double step, double h) {
   return c;
 }
 
-/* The step under error control, which begins with parts of check->h, and goes on with them in the
- * next step where they are shorter than that: but not by a method of order 2, whose errors mostly
- * cancel, and which takes very many parts to do without. */
+/* Make the step in substeps under error control, check->h at first; the next step continues with
+ * them if they are still shorter. A method of order 2 does not continue: its errors mostly cancel,
+ * and it would need very many substeps to keep each of them small. */
 static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, int *moved, msim_error *err) {
   ms_stepper *s = &m->stepper;
   const double h = s->h;
@@ -211,19 +209,19 @@ static msim_status make_in_parts(const msim_sim *sim, ms_motion *m, int *moved, 
   while (!status && left > 0) status = make_part(sim, m, &c, &left, err);
   ms_swap(&s->x, &s->x_next);
   ms_swap(&s->v, &s->v_next);
-  s->warm_next = 0; /* control holds contacts in other ways than methods that replay impacts */
+  s->warm_next = 0; /* error control treats contacts differently from methods that replay impacts */
   m->check.h = c.h < h && sim->integrator->entry.order > 2 ? c.h : 0;
   return status;
 }
 
-/* Parts that would be accurate enough in place of a step whose error is known, or infinite */
+/* The length of substeps that are accurate enough in place of a step with this error */
 static double length_of_parts(const msim_sim *sim, double h, double error) {
   ms_control c = control_of(sim, h, h);
   ms_control_accepts(&c, h, error / ms_control_allowed(&c, h));
   return c.h;
 }
 
-/* *moved: the start of the whole step is kept, and s->x is elsewhere */
+/* Make one step, verified. *moved: the start of the whole step is saved, and s->x has moved */
 static msim_status verify(const msim_sim *sim, ms_motion *m, int *moved, msim_error *err) {
   ms_stepper *s = &m->stepper;
   ms_check *check = &m->check;
@@ -271,7 +269,7 @@ msim_status ms_verify_step(const msim_sim *sim, ms_motion *m, msim_error *err) {
 
 /*------------------------------------- planes ---------------------------------------------------*/
 
-/* Of the particle nearest to a plane; *speed: of the fastest. */
+/* The distance of the particle nearest to a plane, m; *speed: that of the fastest one, m/s */
 static double find_gap(const msim_sim *sim, double *speed) {
   const ms_scene *scene = sim->scene;
   double gap = INFINITY, fastest = 0;
@@ -288,7 +286,7 @@ static double find_gap(const msim_sim *sim, double *speed) {
   return gap;
 }
 
-/* In how many steps of h could a plane be met? Speeds may double meanwhile. */
+/* The number of steps of h before a plane can be met: gap/(2 h (v + g h)); speeds may double */
 static double count_steps(const msim_sim *sim, double h) {
   double speed;
   const double gap = find_gap(sim, &speed), g = ms_norm3(sim->scene->gravity);
@@ -311,7 +309,7 @@ int ms_verify_meets_planes(msim_sim *sim) {
 
 /*------------------------------------- energy ---------------------------------------------------*/
 
-/* As if the planes were not there, where they do not count */
+/* 1: energy is conserved. Planes that do not count yet (verification.away) are left aside. */
 static int is_conserved(const msim_sim *sim) {
   if (sim->scene->nplanes && !sim->selection.verification.away) return 0;
   return !sim->selection.damped;

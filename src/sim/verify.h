@@ -1,33 +1,34 @@
-/* verify - steps that integrator = auto has chosen, verified as they are made
+/* verify - check the fixed steps of integrator = auto while they are made
  *
- * The choice (select.h) is by the beginning of a run; this looks at what comes later. A step is
- * verified before it is accepted, so that no state that was seen is ever taken back. MERCURIUS and
- * TRACE look for encounters within a step likewise (Rein et al., MNRAS 485 (2019) 5490; Lu,
- * Hernandez and Rein, MNRAS 533 (2024) 3708).
+ * The choice (select.h) is based on the beginning of a run; verification detects what comes later.
+ * A step is verified before it is accepted, so that a state that was shown is never taken back.
+ * MERCURIUS and TRACE check steps for encounters in a similar way (Rein et al., MNRAS 485 (2019)
+ * 5490; Lu, Hernandez and Rein, MNRAS 533 (2024) 3708).
  *
- * Frequencies of springs are bounded in every state. So what fixed steps cannot follow is a spring
- * that turns, or larger motion. Both have signs that cost no evaluation: the largest angle by which
- * a spring turned, and
+ * Frequencies of springs are bounded in every state. So what fixed steps cannot resolve is a spring
+ * that turns fast, or larger motion. Both have indicators that cost no evaluation: the largest
+ * angle by which a spring turned, and
  *   D = x' - x - h/2 (v + v') - h^2/12 (a - a') = O(h^5)
- * of methods that carry the acceleration a. A step is verified, that is, made in two halves, too,
- * where a sign is three times as large as in steps verified before, where a spring turned by 45
- * degrees, and once in MS_VERIFY_INTERVAL steps. With planes near, each step is verified in which
- * particles stop, slip or turn on paths that may be too inaccurate, or at least one in 64 bounces;
- * of more particles some always do. Such steps may differ from their halves by tol/16. Reflection
- * at the ends of steps is of order 1: halves say nothing of it.
+ * of methods that carry the acceleration a. To verify a step is to compare it with two half steps.
+ * That is done where an indicator is three times as large as in steps verified before, where a
+ * spring turned by 45 degrees, and once in MS_VERIFY_INTERVAL steps. With planes near, it is done
+ * for each step in which particles stop, slip or turn on individual paths that may be too
+ * inaccurate, or at least one in 64 bounces (in large scenes a few always do); such steps may
+ * differ from their halves by tol/16. Reflection at the ends of steps is of order 1: half steps do
+ * not show its error.
  *
- * The difference of whole and halves may be what makes tol at the end of the run if all steps have
- * it: that of steps at the choice, times tol over the error at the end foreseen from there; as
- * errors cancel and are foreseen with care, 50 times that, but tol/4 at most, as those of events do
- * not cancel. Where it is larger, the next step is verified, too. The halves take the step's place
- * as long as they are accurate enough themselves: their error is 2^p - 1 times less than what they
- * differ by, p the order, in steps without an event, unless that is more than tol/4. Else error
- * control makes this step and those to come, in as many parts as it takes, until one part is as
- * long as a step again; parts may add as much as under tol, or a 16th of that if it is more. So the
- * grid of steps, and of frames, stays.
+ * The allowed difference of whole and half steps leads to tol at the end of the run if all steps
+ * have it: the difference at the choice, times tol over the error foreseen there; as errors cancel
+ * and are foreseen pessimistically, 50 times that, but tol/4 at most, as errors of events do not
+ * cancel. Where it is larger, the next step is verified, too. The half steps replace the step if
+ * they are accurate enough: without an event their error is 1/(2^p - 1) of the difference, p the
+ * order, which may be larger by that, up to tol/4. Otherwise error control makes this step and the
+ * following ones in substeps, until a substep is as long as a step again; substeps may add the
+ * error that tol allows, or 1/16 of the allowed difference if that is more. So the grid of steps,
+ * and of frames, stays.
  *
- * Steps in other variables than x and v cannot be halved: such methods take part only where
- * particles are many. Where nothing dissipates, energy is looked at now and then by any method: an
+ * Steps in other variables than x and v cannot be halved: such methods are candidates only where
+ * particles are many. If nothing dissipates, energy is checked now and then with any method: an
  * error above 10 tol is reported to options.warn. */
 #ifndef MS_VERIFY_H
 #define MS_VERIFY_H
@@ -38,32 +39,32 @@
 
 enum { MS_VERIFY_INTERVAL = 80 };
 
-enum { MS_EVENTS = 16 }; /* in a run: as many share tol */
+enum { MS_EVENTS = 16 }; /* events in a run: so many share tol */
 
-/* A step */
+/* A measured step */
 typedef struct ms_measured {
-  double error;   /* by which two halves differ from it, in the norm of errors */
-  double sign[2]; /* D, in that norm; 1 - cos of the largest angle */
+  double error;   /* difference from two half steps, in the norm of errors */
+  double sign[2]; /* indicators: D, in that norm; 1 - cos of the largest angle */
 } ms_measured;
 
-/* Of one island */
+/* Verification of one island */
 typedef struct ms_check {
-  double sign[2]; /* the largest in steps verified: D, in the norm of errors; 1 - cos of an angle */
-  int all;        /* the last step verified was found too inaccurate: the next one is, too */
-  double h;       /* s: steps are made under error control, in parts of that; 0: they are not */
-  double *x, *v;  /* a start to go back to; NULL: nothing is verified */
+  double sign[2]; /* the largest indicators in steps verified */
+  int all;        /* 1: the last step verified was too inaccurate: the next one is verified, too */
+  double h;       /* s: length of substeps under error control; 0: steps are whole */
+  double *x, *v;  /* copy of the state at the start of a step; NULL: nothing is verified */
 } ms_check;
 
-/* Of the whole run */
+/* Verification of the whole run */
 typedef struct ms_verification {
   ms_scales scales; /* of the scene */
-  double allowed;   /* error of a step; 0: steps are not verified */
-  int only_events;  /* steps are verified for their events alone */
-  double sign[2];   /* of steps at the choice */
-  double energy;    /* J, where the method began */
-  int warned;       /* of energy */
-  int away;         /* planes do not count yet */
-  int64_t due;      /* the step at which they are looked at next */
+  double allowed;   /* difference from half steps that is allowed; 0: steps are not verified */
+  int only_events;  /* 1: steps are verified for their events alone */
+  double sign[2];   /* indicators of steps at the choice */
+  double energy;    /* J, at the start of the run with this method */
+  int warned;       /* 1: the error of energy was reported */
+  int away;         /* 1: planes are too far away to count yet */
+  int64_t due;      /* the step at which their distance is checked next */
 } ms_verification;
 
 struct msim_sim;
@@ -73,20 +74,21 @@ msim_status ms_verify_create(const struct msim_sim *sim, const ms_model *model, 
                              msim_error *err);
 void ms_verify_destroy(const ms_model *model, ms_check *check);
 
-/* A run by the method chosen begins in the present state. */
+/* Start the verification of a run in the present state. */
 void ms_verify_start(struct msim_sim *sim);
 
-/* A step by one island from x to x_next, verified. */
+/* One step of an island from x to x_next, verified. */
 msim_status ms_verify_step(const struct msim_sim *sim, struct ms_motion *m, msim_error *err);
 
-/* After a step: is energy what it was? */
+/* Check the energy after a step, and report its error. */
 void ms_verify_energy(struct msim_sim *sim);
 
-/* One step of a sim in which methods are tried */
+/* Measure one step of a sim that tries a method. */
 msim_status ms_verify_measure(struct msim_sim *sim, const ms_scales *scales, ms_measured *step,
                               msim_error *err);
 
-/* Could a plane be met within some steps of h? And before a step: is that so the first time? */
+/* 1: a plane could be met within a step of h. Before a step: 1 where that is so for the first
+ * time */
 int ms_verify_is_plane_close(const struct msim_sim *sim, double h);
 int ms_verify_meets_planes(struct msim_sim *sim);
 

@@ -9,7 +9,7 @@
 #include "integrate/history.h"
 #include "sim/sim.h"
 
-/* How many times the bounds are allowed, and how many explicit steps go by between checks. */
+/* The multiple of the bounds that is allowed, and the number of explicit steps between checks */
 enum { ALLOWED = 100, INTERVAL = 160 };
 
 static int is_on(const msim_sim *sim) { return sim->opt.watch == MSIM_WATCH_ON; }
@@ -31,13 +31,13 @@ void ms_watch_destroy(const ms_model *model, ms_guard *guard) {
   for (int i = 0; i < 5; i++) ms_delete(&model->scene->alloc, arrays[i]);
 }
 
-/*------------------------------------- looking --------------------------------------------------*/
+/*------------------------------------- measuring ------------------------------------------------*/
 
 static double time_of(const msim_sim *sim) {
   return ms_sim_has_control(sim) ? sim->t : ms_sim_time(sim);
 }
 
-/* Of all free particles in the present state. An island that was kept at rest has not changed. */
+/* Sum over all free particles in the present state. Islands that stay at rest have not changed. */
 static ms_totals measure(msim_sim *sim) {
   ms_totals sum = ms_totals_none();
   for (ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++) {
@@ -55,10 +55,10 @@ static double extent_of(const ms_totals *t) {
   return extent;
 }
 
-/* The bounds in the present state, as far as it is good itself. */
+/* The bounds in the present state; `most` is kept if that state is good. */
 typedef struct bounds {
   double supply, extent;
-  double most; /* of supplies so far */
+  double most; /* the largest energy bound so far */
 } bounds;
 
 static bounds bounds_at(const msim_sim *sim, const ms_totals *now) {
@@ -83,16 +83,16 @@ int ms_watch_is_due(const msim_sim *sim) {
 
 /*------------------------------------- starting -------------------------------------------------*/
 
-/* What is said of a scene, whoever moves in it. */
+/* Properties of a scene in a state */
 typedef struct facts {
-  double mass, least; /* of the free particles, all and the lightest, kg */
-  double farthest;    /* the largest coordinate, m */
+  double mass, least; /* of all free particles and of the lightest one, kg */
+  double farthest;    /* the largest |coordinate|, m */
   double height;      /* of the particle highest above a plane, m */
-  double depth;       /* of the one farthest behind one */
+  double depth;       /* of the particle farthest behind a plane, m */
   double stiffness;   /* the sum of all k, N/m */
 } facts;
 
-/* x of a pinned particle is the scene's. */
+/* Take a particle into account; of a pinned one only the position counts. */
 static void look_at_particle(const ms_scene *s, int32_t p, const double x[3], facts *f) {
   for (int c = 0; c < 3; c++) f->farthest = fmax(f->farthest, fabs(x[c]));
   if (s->pinned[p]) return;
@@ -104,7 +104,7 @@ static void look_at_particle(const ms_scene *s, int32_t p, const double x[3], fa
   }
 }
 
-/* box: that of the free particles, which takes in pinned ones */
+/* box: that of the free particles; on return it contains pinned ones, too */
 static facts look_at_scene(const msim_sim *sim, ms_totals *box) {
   const ms_scene *s = sim->scene;
   facts f = {0};
@@ -125,9 +125,9 @@ static facts look_at_scene(const msim_sim *sim, ms_totals *box) {
   return f;
 }
 
-/* Methods that carry other variables note in warm that these are of the state they started from,
- * and hold that in work vectors that no step writes. What others note is of vectors that steps
- * write. */
+/* 1: the tag `warm` may be restored with a kept state. Methods with other variables than x and v
+ * set it only in the state that a run started from, for work vectors that no step overwrites. Tags
+ * of other methods refer to vectors that steps overwrite. */
 static int notes_start(const msim_sim *sim) {
   return sim->integrator->show || sim->integrator->sync;
 }
@@ -169,7 +169,7 @@ void ms_watch_start(msim_sim *sim) {
   keep(sim);
 }
 
-/*------------------------------------- going back -----------------------------------------------*/
+/*------------------------------------- returning ------------------------------------------------*/
 
 static void go_back(msim_sim *sim) {
   const ms_watch *w = &sim->watch;
@@ -187,7 +187,8 @@ static void go_back(msim_sim *sim) {
   sim->flat_is_current = 0;
 }
 
-/* The free particle that is farthest from `from`, or fastest; what: positions or velocities. */
+/* The free particle farthest from `from`, or, with `fastest` and from = 0, the fastest one; *most:
+ * its distance or speed. */
 static int32_t find_first(const msim_sim *sim, int fastest, const double from[3], double *most) {
   int32_t first = -1;
   *most = -1;
@@ -204,7 +205,6 @@ static int32_t find_first(const msim_sim *sim, int fastest, const double from[3]
   return first;
 }
 
-/* Where and when, and what was exceeded */
 static msim_status report(const msim_sim *sim, const ms_totals *now, const bounds *b,
                           msim_error *err) {
   const double energy = now->kinetic + now->elastic;
@@ -265,7 +265,7 @@ void ms_watch_history(ms_bytes *b, const msim_sim *sim, ms_watch *w) {
   ms_control_history(b, &w->control);
 }
 
-/* Implicit steps are all looked at: the state kept is the present one. */
+/* After implicit steps the last good state is the present one, as all are checked. */
 void ms_guard_history(ms_bytes *b, const msim_sim *sim, int is_present, const ms_stepper *s,
                       ms_guard *g) {
   const ms_shape shape = s->model->shape;

@@ -1,79 +1,78 @@
-/* watch - is the motion one that energy allows? And the last state of which that was known
+/* watch - energy monitor: detect motion beyond what energy allows, and keep the last good state
  *
- * Springs, planes, pins, damping and drag add no energy to a scene, and gravity what its work
- * comes to. So from a start with kinetic energy K0 and elastic energy E0 exact motion keeps
+ * Springs, planes, pins, damping and drag add no energy to a scene; gravity adds its work. So from
+ * a start with kinetic energy K0 and elastic energy E0 exact motion keeps
  *   K + E <= S,  S = K0 + E0 + sum m g.(x - x0) over all free particles,
- * and no particle is ever faster than sqrt(2 S/m), so that the longest side of the box around all
- * of them, L0 at the start, keeps
+ * and no particle is ever faster than sqrt(2 S/m), so that the longest side L of the box around all
+ * particles, L0 at the start, keeps
  *   L <= L0 + 2 t sqrt(2 S/m_least), S the largest so far.
- * A method may miss both by its error, which is a share of what the scene has to give, and so
- * S takes in what that is at least, for scenes that start with nothing:
- *   - M g (L0 + g h^2): a fall of all the free mass M through the scene, or, where that is more,
- *     from its farthest particle down to a plane; and one step of free fall;
- *   - sum k d^2/2 with d = sqrt(eps) max |x|, which rounding does not reach, and twice the depth
- *     of the particle farthest behind a plane, which is put out on the other side.
- * What is lifted takes back the work of gravity, down to 0. Motion beyond a hundred times either
- * bound is not that of the scene, and ends the run with MSIM_UNSTABLE; the state handed back is the
- * last one that was checked and kept before, as it is after any other numerical event whose state
- * is beyond the bounds.
+ * A method may exceed both by its error, which is a fraction of the energy available in the scene.
+ * For scenes that start without energy, S contains a least amount of it:
+ *   - M g (L0 + g h^2): a fall of the free mass M through the scene, or, where that is more, from
+ *     the highest particle down to a plane; and one step of free fall;
+ *   - sum k d^2/2 with d = sqrt(eps) max |x|, far above rounding errors, plus twice the depth of
+ *     the particle farthest behind a plane, which is moved to the other side.
+ * Lifting reduces the work of gravity, down to 0. Motion beyond a hundred times either bound ends
+ * the run with MSIM_UNSTABLE, and the sim returns to the last good state, the last one that passed
+ * a check. It does so, too, after any other numerical event in a state beyond the bounds.
  *
- * A check takes one evaluation of energy, about as long as one of forces. Implicit steps take many
- * times that and are all checked, explicit ones when their number is a multiple of 160, and both
- * before a frame is shown and at the end of the run. Setting a state, a step or springs starts
- * anew. Checks only read: no bit of the motion depends on them. */
+ * A check costs one evaluation of energy, about as much as one of forces. Implicit steps cost many
+ * times that and are all checked; explicit ones if their number is a multiple of 160; both before a
+ * frame is shown and at the end of the run. Setting a state, a step or springs starts anew. Checks
+ * only read: no bit of the motion depends on them. */
 #ifndef MS_WATCH_H
 #define MS_WATCH_H
 
 #include "integrate/control.h"
 #include "physics/totals.h"
 
-/* Of one island */
+/* The last good state of one island */
 typedef struct ms_guard {
-  ms_totals_copy kept; /* the last good state, vectors of its model; NULL: nothing is watched */
-  ms_totals_copy last; /* that looked at last, until it is known to be good */
-  double h_before;     /* with it */
-  int warm;            /* the same, where it is the state that the method started from */
-  int at_rest;         /* the same */
-  ms_totals totals;    /* of the state looked at last */
+  ms_totals_copy kept; /* the last good state, vectors of its model; NULL: the monitor is off */
+  ms_totals_copy last; /* the state measured last, which may become `kept` */
+  double h_before;     /* of the kept state */
+  int warm;            /* of the kept state: its tag, if that may be restored */
+  int at_rest;         /* of the kept state */
+  ms_totals totals;    /* of the state measured last */
   ms_totals *parts;    /* scratch */
 } ms_guard;
 
-/* Of the whole sim */
+/* The energy monitor of the whole sim */
 typedef struct ms_watch {
-  double supply; /* the largest S so far, J */
-  double energy; /* S but for the work of gravity since the start, J */
+  double supply; /* the largest energy bound S so far, J */
+  double energy; /* S without the work of gravity since the start, J */
   double work;   /* sum m g.x at the start, J */
   double extent; /* L0, m */
   double least;  /* m_least, kg; 0: no particle is free */
-  double t0;     /* of the start, s */
-  int64_t step;  /* looked at last and found good: of the state kept; the rest as in msim_sim */
+  double t0;     /* time of the start, s */
+  int64_t step;  /* step of the last good state; t, t_lost and control are msim_sim's there */
   double t, t_lost;
   ms_control control;
 } ms_watch;
 
-/* Memory of an island, where options.watch is on. */
+/* Allocate the memory for an island, if options.watch is on. MSIM_ERR_MEMORY. */
 msim_status ms_watch_create(const msim_sim *sim, const ms_model *model, ms_guard *guard,
                             msim_error *err);
 void ms_watch_destroy(const ms_model *model, ms_guard *guard);
 
-/* The present state is where the motion starts. */
+/* Start monitoring in the present state. */
 void ms_watch_start(msim_sim *sim);
 
-/* After a step: is it one of those that are checked? */
+/* 1: the step just made is one of those that are checked. */
 int ms_watch_is_due(const msim_sim *sim);
 
-/* Check the present state, unless that was done. A good one is kept; else the kept one takes its
- * place. */
+/* Check the present state, unless that was done. A good state becomes the last good one; otherwise
+ * the sim returns to the last good one: MSIM_UNSTABLE. */
 msim_status ms_watch_check(msim_sim *sim, msim_error *err);
 
-/* What a checkpoint says of w, which is the sim's or shall be, and of an island whose x and v are
- * there already. is_present: they are those of the state kept. */
+/* Write the monitor to a checkpoint, or read it: w of the sim; and that of an island, whose x and v
+ * are read before. is_present: the present state is the last good one. */
 void ms_watch_history(ms_bytes *bytes, const msim_sim *sim, ms_watch *w);
 void ms_guard_history(ms_bytes *bytes, const msim_sim *sim, int is_present, const ms_stepper *s,
                       ms_guard *guard);
 
-/* A step failed, and err says why. If the state before it was beyond the bounds already, the kept
- * one takes its place, and err says so too. */
+/* After a step that failed: if the state before it is beyond the bounds, return to the last good
+ * state, and append that to err. */
 void ms_watch_retreat(msim_sim *sim, msim_error *err);
 
 #endif

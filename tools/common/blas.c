@@ -3,7 +3,7 @@
 
 #include <stdlib.h>
 
-/* What OpenBLAS' SkylakeX kernels are compiled for, on a processor it does not know to have it. */
+/* 1: an AMD processor has all instructions that OpenBLAS' SkylakeX kernels are compiled for. */
 static int is_misjudged(void) {
 #if defined(__GNUC__) && defined(__x86_64__)
   __builtin_cpu_init();

@@ -1,4 +1,4 @@
-/* clock - seconds on a clock that nobody sets */
+/* clock - seconds on the monotonic clock, to measure durations */
 #ifndef TOOLS_CLOCK_H
 #define TOOLS_CLOCK_H
 

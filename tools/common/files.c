@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* A file that exists, or the folder of one that does not and its name there. */
+/* A file that exists, or the folder of one that does not exist, with its name there */
 typedef struct identity {
   int known;
   struct stat info;

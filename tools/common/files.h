@@ -1,17 +1,17 @@
-/* files - what the names of files stand for */
+/* files - compare and classify files by their names */
 #ifndef TOOLS_FILES_H
 #define TOOLS_FILES_H
 
-/* Whether two names stand for one file, also where neither exists yet. Nullable: both. */
+/* 1: two names refer to the same file, also if it does not exist yet. Nullable: both. */
 int same_file(const char *a, const char *b);
 
-/* "a folder" or "a device or a pipe" where one has this name, else NULL. Nullable: path. */
+/* "a folder" or "a device or a pipe" if the name is that of one, else NULL. Nullable: path. */
 const char *not_a_file(const char *path);
 
-/* Whether anything has this name. */
+/* 1: a file, a folder or anything else has this name. */
 int file_exists(const char *path);
 
-/* Whether a name ends in an extension, ".csv". */
+/* 1: the name ends in this extension, such as ".csv". */
 int has_extension(const char *path, const char *extension);
 
 #endif

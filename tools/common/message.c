@@ -13,7 +13,7 @@ void clean_text(char *text) {
   }
 }
 
-/* One call of fprintf, so that the lines of several programs do not mix. */
+/* A single call of fprintf, so that lines of several programs do not mix */
 static void complain_va(const char *ending, const char *command, const char *format, va_list args) {
   char text[MESSAGE_SIZE];
   vsnprintf(text, sizeof text, format, args);

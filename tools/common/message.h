@@ -1,4 +1,4 @@
-/* message - text for people: one line to stderr when something is wrong, columns to stdout */
+/* message - error messages on stderr, one line each, and text in columns on stdout */
 #ifndef TOOLS_MESSAGE_H
 #define TOOLS_MESSAGE_H
 
@@ -10,25 +10,24 @@
 #  define TOOLS_PRINTF(string, first)
 #endif
 
-/* "msim_cli": what every message begins with. Each program defines its own. */
+/* The start of every message, as "msim_cli"; each program defines its own. */
 extern const char program_name[];
 
 enum { EXIT_OK = 0, EXIT_ERROR = 1, EXIT_EVENT = 2 };
 
-/* "PROGRAM: ..." in one line, whatever the text holds. Returns EXIT_ERROR. */
+/* Print "PROGRAM: ..." to stderr, control characters as blanks. Returns EXIT_ERROR. */
 int complain(const char *format, ...) TOOLS_PRINTF(1, 2);
 
-/* The same for a command line that makes no sense: points to the help of `command`, "" for that of
- * the program. */
+/* The same for a faulty command line; refers to the help of `command`, "": of the program. */
 int complain_usage(const char *command, const char *format, ...) TOOLS_PRINTF(2, 3);
 
-/* Blanks for control characters, so that no file's text can move the cursor or break the line. */
+/* Replace control characters by blanks: text from files cannot move the cursor. */
 void clean_text(char *text);
 
-/* Print text at `column`, which the cursor has reached, and break it at blanks before column 80. */
+/* Print text at `column`, where the cursor is, and break it at blanks before column 80. */
 void print_wrapped(size_t column, const char *text);
 
-/* Print `text` after two blanks and fill up to `column`, on the next line where it is too long. */
+/* Print two blanks and `text`, and fill up to `column`, on the next line if `text` is too long. */
 void print_column(size_t column, const char *text);
 
 #endif

@@ -1,4 +1,4 @@
-/* output - a file that appears under its name when it is complete, and not before */
+/* output - write a file that gets its name only when it is complete */
 #ifndef TOOLS_OUTPUT_H
 #define TOOLS_OUTPUT_H
 
@@ -6,18 +6,18 @@
 
 typedef struct output_file {
   const char *path;
-  char *part;   /* the name it has until then */
+  char *part;   /* its temporary name until then */
   FILE *stream; /* NULL: not open */
 } output_file;
 
-/* Make sure, before the work is done, that the file can be written; complains. */
+/* Open the file, under its temporary name, before the work is done. Prints errors. */
 int output_open(output_file *file, const char *path);
 
-/* Close the file. written: whether all writes to it went well, else errno tells why they did not;
- * only then it gets its name. Complains. */
+/* Close the file, and rename it if all writes to it succeeded: written, else errno has the reason.
+ * Prints errors. */
 int output_close(output_file *file, int written);
 
-/* Leave no trace of a file that was not written. Accepts one that is not open. */
+/* Remove a file that was not closed. Accepts one that is not open. */
 void output_discard(output_file *file);
 
 #endif

@@ -9,8 +9,8 @@
 
 #include "message.h"
 
-/* Where standard files are closed, the next file opened would take their place and get what is
- * printed. Here writing to stdout fails as it should, and what goes to stderr is lost. */
+/* If standard files are closed, the next files opened would take their place and receive what is
+ * printed. With these in place writing to stdout fails, as it should; output to stderr is lost. */
 static void reserve_standard_files(void) {
   for (int fd = 0; fd <= 2; fd++)
     if (fcntl(fd, F_GETFD) == -1 && errno == EBADF)
@@ -20,7 +20,7 @@ static void reserve_standard_files(void) {
 void standard_begin(void) {
   reserve_standard_files();
   signal(SIGPIPE, SIG_IGN);
-  signal(SIGXFSZ, SIG_IGN); /* a limit on file sizes is an error of the write, as a full disk is */
+  signal(SIGXFSZ, SIG_IGN); /* a write beyond the limit of file sizes fails, as on a full disk */
 }
 
 int standard_end(int status) {

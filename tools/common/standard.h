@@ -1,12 +1,12 @@
-/* standard - standard files and signals, as every program of ours treats them */
+/* standard - standard files and signals of the programs */
 #ifndef TOOLS_STANDARD_H
 #define TOOLS_STANDARD_H
 
-/* First thing in main: what is printed cannot end up in a file of ours, and a write that fails is
- * an error, not a signal. */
+/* Call first in main: what is printed cannot end up in another file, and no failed write is a
+ * signal. */
 void standard_begin(void);
 
-/* Last thing in main: what buffering hid. Returns `status`, or EXIT_ERROR with a complaint. */
+/* Call last in main: reports errors of buffered output. Returns `status`, or EXIT_ERROR. */
 int standard_end(int status);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "../common/message.h"
 
-/*------------------------------------- what there is --------------------------------------------*/
+/*------------------------------------- flags ----------------------------------------------------*/
 
 #define FOR_RUN    (1u << COMMAND_RUN)
 #define FOR_ALL    ((1u << NCOMMANDS) - 1)
@@ -43,8 +43,8 @@ int command_has_option(command_id which, const msim_option_entry *option) {
 
 /*------------------------------------- for getopt_long ------------------------------------------*/
 
-/* Values of struct option: flag i is FIRST_FLAG + i, option i of the library FIRST_OPTION + i. All
- * are above those of characters, with which getopt_long reports an unknown short option. */
+/* Values of struct option: flag i is FIRST_FLAG + i, option i of the library FIRST_OPTION + i, both
+ * above all characters, by which getopt_long reports unknown short options. */
 enum { FIRST_FLAG = 1000, FIRST_OPTION = 2000 };
 
 static int count_options(void) {
@@ -53,7 +53,7 @@ static int count_options(void) {
   return n;
 }
 
-/* All flags of a command, to be freed; NULL: no memory. */
+/* All flags of a command, to be freed by the caller; NULL: no memory. */
 static struct option *long_options(command_id which) {
   struct option *all = calloc((size_t)(NFLAGS + count_options() + 1), sizeof *all);
   struct option *next = all;
@@ -70,14 +70,14 @@ static struct option *long_options(command_id which) {
   return all;
 }
 
-/*------------------------------------- slips of the pen -----------------------------------------*/
+/*------------------------------------- unknown options ------------------------------------------*/
 
 static size_t least3(size_t a, size_t b, size_t c) {
   size_t least = a < b ? a : b;
   return least < c ? least : c;
 }
 
-/* Levenshtein's distance of two words, of which the longest name has room. */
+/* Levenshtein's distance of two words; LONGEST, the longest name, if one of them is longer. */
 static size_t edit_distance(const char *a, size_t na, const char *b) {
   enum { LONGEST = 47 };
   size_t row[LONGEST + 1], nb = strlen(b);
@@ -95,7 +95,7 @@ static size_t edit_distance(const char *a, size_t na, const char *b) {
   return row[nb];
 }
 
-/* The flag that was meant: one that begins so, or else the nearest; NULL: none is near. */
+/* The flag that was probably meant: one that begins like the word, else the nearest; NULL: none */
 static const char *nearest(const struct option *all, const char *word, size_t length) {
   const char *best = NULL;
   size_t least = length / 3 + 2;
@@ -152,7 +152,7 @@ static int take_option(arguments *args, const char *name, const char *value) {
   return EXIT_OK;
 }
 
-/* getopt_long has found something wrong: which is '?' or ':', optopt tells the flag. */
+/* Report an error of getopt_long; which: '?' or ':', optopt: the flag. */
 static int complain_getopt(const arguments *args, const struct option *all, int which,
                            const char *given) {
   const char *command = command_name(args->which);
@@ -163,8 +163,8 @@ static int complain_getopt(const arguments *args, const struct option *all, int 
   return complain_unknown(args, all, given);
 }
 
-/* One flag as getopt_long returned it. Abbreviations, which it would take, are refused: a new
- * option must not change what an old script means. */
+/* Take a flag that getopt_long returned. Abbreviations, which it accepts, are errors: a new option
+ * must not change what an old script means. */
 static int take_long(arguments *args, const struct option *all, int value, const char *given) {
   const msim_option_entry *option = msim_option_info(value - FIRST_OPTION);
   const char *name = option ? option->name : flags[value - FIRST_FLAG].name;
@@ -173,7 +173,8 @@ static int take_long(arguments *args, const struct option *all, int value, const
   return take_flag(args, &flags[value - FIRST_FLAG], optarg);
 }
 
-/* "-:": operands come in order with value 1, and a missing value is told from an unknown flag. */
+/* "-:": getopt_long returns operands in their order with the value 1, and different values for a
+ * missing value and for an unknown flag. */
 static int parse_all(arguments *args, int argc, char **argv, const struct option *all) {
   int value, status = EXIT_OK;
   opterr = 0;
@@ -217,7 +218,7 @@ void arguments_free(arguments *args) { free(args->settings); }
 
 /*------------------------------------- options of a run -----------------------------------------*/
 
-/* Some options stand for one another: what the command line gives unsets the scene's other one. */
+/* Some options replace one another: one on the command line unsets the other one of the scene. */
 static void unset_others(const msim_options *given, msim_options *options) {
   if (given->t_end >= 0) options->steps = -1;
   if (given->steps >= 0) options->tol = 0;

@@ -1,4 +1,4 @@
-/* arguments - the command line as one struct */
+/* arguments - parse the command line into one struct */
 #ifndef CLI_ARGUMENTS_H
 #define CLI_ARGUMENTS_H
 
@@ -22,27 +22,28 @@ typedef struct arguments {
   msim_options options; /* the defaults, and the settings on top */
 } arguments;
 
-/* What only the command line knows; the other flags are the library's options. */
+/* A flag of the command line alone; all other flags are options of the library. */
 typedef struct cli_flag {
   const char *name;
-  const char *value; /* what it takes, "FILE"; NULL: nothing */
+  const char *value; /* name of its value, "FILE"; NULL: it takes none */
   const char *doc;
-  unsigned commands; /* 1 << command of those that have it */
-  size_t member;     /* offset in arguments: const char * where it takes something, else int */
+  unsigned commands; /* bits 1 << command: the commands that have it */
+  size_t member;     /* offset in arguments: const char * if it takes a value, else int */
 } cli_flag;
 
 /* The i-th flag, NULL past the end. */
 const cli_flag *flag_info(int i);
 
-/* Whether a command has an option of the library as a flag. */
+/* 1: the command has this option of the library as a flag. */
 int command_has_option(command_id which, const msim_option_entry *option);
 
-/* Read argv from argv[1] on; complains and returns EXIT_ERROR where it makes no sense. Strings are
- * borrowed from argv. Call arguments_free in any case. */
+/* Parse argv from argv[1] on. Prints errors. Strings are borrowed from argv. Call arguments_free
+ * always. */
 int arguments_parse(command_id which, int argc, char **argv, arguments *args);
 void arguments_free(arguments *args);
 
-/* Defaults, then the scene's `run`, then the command line; complains. Strings are borrowed. */
+/* Set the options: defaults, then the scene's `run`, then the command line. Strings are borrowed.
+ * Prints errors. */
 int arguments_options(const arguments *args, const msim_scene *scene, msim_options *options);
 
 #endif

@@ -10,7 +10,7 @@
 
 /*------------------------------------- writing --------------------------------------------------*/
 
-/* 17 digits: reading them back gives the same bits. Takes the value. Returns 0 where it fails. */
+/* Write and free the value; 17 digits, which give the same bits when read. Returns 0 on failure. */
 static int put_value(FILE *stream, json_t *value) {
   int done = value && json_dumpf(value, stream, JSON_ENCODE_ANY | JSON_REAL_PRECISION(17)) == 0;
   json_decref(value);
@@ -23,7 +23,7 @@ static int put_key(FILE *stream, const char *key, json_t *value) {
 
 static json_t *triple(const double *x) { return json_pack("[fff]", x[0], x[1], x[2]); }
 
-/* One triple at a time, since a tree of the whole array would need ten times its memory. */
+/* One triple at a time: a tree of the whole array would need ten times its memory. */
 static int put_triples(FILE *stream, const char *key, int32_t n, const double *x /* 3n */) {
   int done = fprintf(stream, ",\n \"%s\": [", key) > 0;
   for (int32_t i = 0; i < n && done; i++)
@@ -96,7 +96,7 @@ static int all_finite(size_t n, const double *x) {
   return 1;
 }
 
-/* The key of a number that JSON cannot hold; NULL: there is none. */
+/* The key of a number that is not finite, which JSON cannot represent; NULL: all are finite. */
 static const char *find_culprit(const content *c) {
   const msim_state *s = &c->state;
   const msim_energy *e = &c->energy;
@@ -132,7 +132,7 @@ typedef struct init {
   const char *path;
   json_t *root;
   msim_state state;
-  double *x, *v, *v_half; /* 3n, what state points to */
+  double *x, *v, *v_half; /* 3n: what state points to */
 } init;
 
 static int take_triple(const init *in, const char *key, int32_t i, double *to) {
@@ -148,7 +148,7 @@ static int take_triple(const init *in, const char *key, int32_t i, double *to) {
   return EXIT_OK;
 }
 
-/* The array of n triples under a key, to be freed; *to stays NULL where the key is missing. */
+/* Read an array of n triples, to be freed by the caller; *to stays NULL without such a key. */
 static int take_triples(const init *in, const char *key, double **to) {
   const json_t *rows = json_object_get(in->root, key);
   int32_t n = in->state.n;
@@ -171,7 +171,7 @@ static int take_time(init *in) {
     return complain("%s: step must be a whole number >= 0", in->path);
   if (t && !json_is_number(t)) return complain("%s: t must be a number", in->path);
   if (h && !json_is_number(h)) return complain("%s: h must be a number", in->path);
-  in->state.h = json_number_value(h); /* 0 where it is missing: v_half then belongs to no h */
+  in->state.h = json_number_value(h); /* 0 if it is missing: v_half then belongs to no h */
   if (step) in->state.step = json_integer_value(step);
   if (t) in->state.t = json_number_value(t);
   return EXIT_OK;

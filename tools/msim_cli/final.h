@@ -1,14 +1,14 @@
-/* final - the state that --final writes and --init reads */
+/* final - write the state of --final, and read that of --init */
 #ifndef CLI_FINAL_H
 #define CLI_FINAL_H
 
 #include "../common/output.h"
 #include "msim/msim.h"
 
-/* Write the present state of a run that ended with `status`, and close the file; complains. */
+/* Write the present state of a run that ended with `status`, and close the file. Prints errors. */
 int final_write(output_file *file, msim_sim *sim, msim_status status);
 
-/* Set the sim to the state in a file that final_write wrote; complains. */
+/* Set the sim to the state in a file that final_write wrote. Prints errors. */
 int init_read(const char *path, msim_sim *sim);
 
 #endif

@@ -15,7 +15,7 @@ int guard_scene(const char *path) {
   if (child == 0) {
     msim_scene *scene;
     msim_scene_load(NULL, path, &scene, NULL);
-    _exit(EXIT_OK); /* what is wrong with it, the parent will say */
+    _exit(EXIT_OK); /* the parent reports errors of the scene */
   }
   int how = 0;
   if (child < 0 || waitpid(child, &how, 0) != child || !WIFSIGNALED(how)) return EXIT_OK;

@@ -1,9 +1,9 @@
-/* guard - a scene file that a library cannot stand is met by a child process first */
+/* guard - load a scene file in a child process first, because libhdf5 may crash on it */
 #ifndef CLI_GUARD_H
 #define CLI_GUARD_H
 
-/* Loads a scene of HDF5 in a child process; complains where that crashes. libhdf5 does so over some
- * damaged files, before anything of it can be looked at. */
+/* Load an HDF5 scene in a child process, and print an error if that crashes: libhdf5 does so on
+ * some damaged files before their content can be checked. */
 int guard_scene(const char *path);
 
 #endif

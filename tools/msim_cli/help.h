@@ -1,4 +1,4 @@
-/* help - what --help and --version print */
+/* help - print the texts of --help and --version */
 #ifndef CLI_HELP_H
 #define CLI_HELP_H
 

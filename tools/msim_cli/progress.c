@@ -10,10 +10,10 @@
 
 #include "../common/clock.h"
 
-/* Columns. The text beside the bar has TEXT_COLUMNS where there is room for a bar at all. */
+/* Columns; TEXT_COLUMNS are kept for the text beside the bar. */
 enum { WIDEST = 250, TEXT_COLUMNS = 64, WIDEST_BAR = 40, NARROWEST_BAR = 8 };
 
-/* Columns that may be used. The last one stays free: some terminals wrap when it is written. */
+/* The number of usable columns. The last one stays free: some terminals wrap when it is written. */
 static int terminal_columns(void) {
   struct winsize size = {0};
   int columns = 0;
@@ -24,7 +24,7 @@ static int terminal_columns(void) {
   return columns > WIDEST ? WIDEST - 1 : columns - 1;
 }
 
-/* Append what still fits in the line as a whole; parts come in the order of their worth. */
+/* Append a part if all of it fits in the line; the most important parts come first. */
 static void append(char *line, int columns, const char *part) {
   size_t used = strlen(line), length = strlen(part);
   if (used + length <= (size_t)columns) memcpy(line + used, part, length + 1);
@@ -78,7 +78,7 @@ static void describe(const progress *bar, char *line, int columns, double now, i
   append_speed(line, columns, speed);
 }
 
-/* In one call, so that the terminal never shows half a line. */
+/* A single call, so that the terminal never shows half a line */
 static void print_line(progress *bar, const char *line, const char *ending) {
   int length = (int)strlen(line);
   int erase = bar->shown > length ? bar->shown - length : 0;

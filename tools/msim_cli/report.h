@@ -1,20 +1,20 @@
-/* report - what a run and `list` print to stdout */
+/* report - print the summary of a run, and the lists of `list` */
 #ifndef CLI_REPORT_H
 #define CLI_REPORT_H
 
 #include "arguments.h"
 
 typedef struct report {
-  const char *name; /* of the scene */
-  msim_state first; /* only its step and t are looked at */
+  const char *name; /* name of the scene */
+  msim_state first; /* only step and t are used */
   msim_energy start;
   double wall_s;
-  int notes;      /* of the library, printed to stderr */
-  int64_t frames; /* written to args->out */
-  int goes_on;    /* 1: with frames that were there */
+  int notes;      /* number of the library's notes on stderr */
+  int64_t frames; /* frames written to args->out */
+  int goes_on;    /* 1: the file had frames before */
 } report;
 
-/* After the run; the sim is where it ended. */
+/* Print the summary after the run; the sim is in its last state. */
 void report_run(const report *r, const arguments *args, msim_sim *sim);
 
 int report_list(const arguments *args);

@@ -22,13 +22,13 @@ typedef struct run {
   output_file final;
   progress bar;
   report report;
-  msim_state first;   /* its arrays are not looked at */
-  msim_state from;    /* the same, where it goes on: the first one, or a file's last frame */
+  msim_state first;   /* first state; its arrays are not used */
+  msim_state from;    /* state where the run starts or resumes: `first`, or a file's last frame */
   double h;           /* s */
   double t_end;       /* s */
-  int64_t end;        /* the last step to make; -1: nobody knows */
-  double t_recorded;  /* s: of the last frame in the file; NAN: none */
-  msim_status failed; /* of writing a frame, and why */
+  int64_t end;        /* the last step to make; -1: unknown */
+  double t_recorded;  /* s: time of the last frame in the file; NAN: none */
+  msim_status failed; /* result of writing a frame */
   msim_error why;
 } run;
 
@@ -37,7 +37,7 @@ typedef struct run {
 static msim_sim *volatile running;
 static volatile sig_atomic_t stop_asked;
 
-/* The first signal ends the run after the present step, the second one kills. */
+/* The first signal ends the run after the present step, the second one ends the program. */
 static void on_signal(int number) {
   (void)number;
   signal(SIGINT, SIG_DFL);
@@ -66,8 +66,7 @@ static void print_note(const char *text, void *user) {
   r->report.notes++;
 }
 
-/* Files are written under another name and then renamed, which would put a file in the place of a
- * device or a pipe. */
+/* Files are renamed when they are written, which would replace a device or a pipe. */
 static int check_target(const char *flag, const char *path) {
   const char *kind = not_a_file(path);
   return kind ? complain_usage("run", "%s '%s' is %s, not a file", flag, path, kind) : EXIT_OK;
@@ -84,7 +83,7 @@ static int check_files(const arguments *args) {
   return check_target("--final", args->final);
 }
 
-/* The plan counts the steps from the first state. */
+/* Find the last step; the plan counts from the first state. */
 static void find_end(run *r) {
   msim_plan plan = {.size = sizeof plan};
   r->first.size = sizeof r->first;
@@ -118,7 +117,7 @@ static int make_sim(run *r) {
   return EXIT_OK;
 }
 
-/* The sim is then where the file ends. */
+/* Resume the file; the sim is then in the state of its last frame. */
 static msim_status resume(run *r, msim_error *err) {
   msim_status status = msim_recorder_resume(r->sim, r->args->out, &r->recorder, err);
   msim_sim_state(r->sim, &r->from);
@@ -158,7 +157,7 @@ static msim_status record(run *r, double t, msim_error *err) {
   return MSIM_OK;
 }
 
-/* How many steps until the clock is read again: about 50 ms. */
+/* The number of steps until the clock is read again, after about 50 ms */
 static int64_t next_pace(int64_t pace, double seconds) {
   const double wanted = 0.05;
   if (seconds < wanted / 2) return pace < INT64_MAX / 2 ? 2 * pace : pace;
@@ -170,7 +169,7 @@ static double time_of(const run *r, int64_t step) {
   return r->first.t + (double)(step - r->first.step) * r->h;
 }
 
-/* Step to the end in pieces: to the next frame, or until the clock is to be read. */
+/* Simulate to the end in pieces: to the next frame, or until the clock has to be read. */
 static msim_status simulate(run *r, msim_error *err) {
   int64_t step = r->from.step, pace = 1, left = pace;
   double before = wall_seconds();
@@ -201,7 +200,7 @@ static int at_frame(msim_sim *sim, void *user) {
   return r->failed != MSIM_OK;
 }
 
-/* The library shows each frame, at its time, within the step that passes it. */
+/* Under error control the library shows each frame at its time, inside the step that passes it. */
 static msim_status simulate_by_error(run *r, msim_error *err) {
   int looks = r->recorder || r->bar.wanted;
   msim_status status = msim_sim_run(r->sim, looks ? at_frame : NULL, r, err);
@@ -217,13 +216,13 @@ static int close_recorder(run *r, msim_error *err) {
   return msim_recorder_close(recorder, err);
 }
 
-/* Write the state where it ended, and close the file. Keeps the first thing that went wrong. */
+/* Write the last state as a frame, and close the file. Returns the first error. */
 static msim_status end_recording(run *r, msim_status status, msim_state *last, msim_error *err) {
   msim_error second = {MSIM_OK, ""};
   msim_status failed = MSIM_OK;
   if (!r->recorder) return status;
   if (status >= 0) failed = record(r, last->t, &second);
-  if (failed > 0) { /* the state was no good, and the sim has gone back to one that is */
+  if (failed > 0) { /* the last state was not good, and the sim has returned to the last good one */
     status = failed, *err = second;
     msim_sim_state(r->sim, last);
     failed = record(r, last->t, &second);

@@ -1,4 +1,4 @@
-/* run - the command that simulates */
+/* run - the command `run`: simulate a scene and write its files */
 #ifndef CLI_RUN_H
 #define CLI_RUN_H
 

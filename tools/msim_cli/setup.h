@@ -1,4 +1,4 @@
-/* setup - from the command line to a scene and the options of its run */
+/* setup - load the scene and find the options of its run */
 #ifndef CLI_SETUP_H
 #define CLI_SETUP_H
 
@@ -9,12 +9,12 @@ typedef struct setup {
   msim_options options;
 } setup;
 
-/* Load the scene and find its options, an integrator among them; complains. Call setup_free in any
- * case. */
+/* Load the scene and find its options, which have to name an integrator. Prints errors. Call
+ * setup_free always. */
 int setup_make(const arguments *args, setup *made);
 void setup_free(setup *made);
 
-/* Complain about what the library said, and return the exit status it asks for. */
+/* Print the library's error, and return the exit status for it. */
 int setup_failed(msim_status status, const msim_error *err);
 
 #endif
