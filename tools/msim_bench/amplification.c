@@ -35,10 +35,10 @@ void amplify_dop853(double zeta, double z, double y[2]) {
   }
 }
 
-/* R(z) = 1 - b T_s(w0) + b T_s(w0 + w1 z),  w0 = 1 + (2/13)/s^2,  w1 = T_s'/T_s'',
- * b = T_s''/T_s'^2 at w0 = cosh u, where T_s = cosh s u; in as many stages s as its authors take
- * for eigenvalues of size w max(2 zeta, 1): s^2 >= 1 + z max(2 zeta, 1)/0.653 (Sommeijer, Shampine
- * and Verwer 1998) */
+/* R(z) = 1 - b T_s(w0) + b T_s(w0 + w1 z),  w0 = 1 + (2/13)/s^2,  w1 = T_s'/T_s'', b = T_s''/T_s'^2
+ * at w0 = cosh u, where T_s = cosh s u. The number of stages s is the one that the authors choose
+ * for eigenvalues of modulus w max(2 zeta, 1): s^2 >= 1 + z max(2 zeta, 1)/0.653 (Sommeijer,
+ * Shampine and Verwer 1998) */
 void amplify_rkc(double zeta, double z, double y[2]) {
   const double s = fmax(2, ceil(sqrt(1 + z * fmax(2 * zeta, 1) / 0.653)));
   const double w0 = 1 + 2 / (13 * s * s), u = acosh(w0);
@@ -57,16 +57,17 @@ void amplify_rkc(double zeta, double z, double y[2]) {
 
 /*------------------------------------- kicks and drifts -----------------------------------------*/
 
-/* The leapfrog by a(x + h^2/12 a(x)) (Takahashi and Imada 1984; Wisdom, Holman and Touma 1996) */
+/* Leapfrog with the acceleration a(x + h^2/12 a(x)) (Takahashi and Imada 1984; Wisdom, Holman and
+ * Touma 1996) */
 void amplify_takahashi_imada(double zeta, double z, double y[2]) {
   (void)zeta;
   y[1] -= z * (1 - z * z / 12) * y[0];
   y[0] += z * y[1];
 }
 
-/* Of the form of Omelyan, Mryglod and Folk (Phys. Rev. E 66 (2002) 026701), whose four numbers are
- * those that make it order 6 on an oscillator. No paper has them: tests/test_amplification.c solves
- * the four order conditions, from a rough guess on, and holds this step to the solution. */
+/* A composition of the form of Omelyan, Mryglod and Folk (Phys. Rev. E 66 (2002) 026701), with the
+ * four coefficients that give order 6 on an oscillator. They are unpublished:
+ * tests/test_amplification.c solves the four order conditions and compares. */
 void amplify_force_gradient(double zeta, double z, double y[2]) {
   static const double a = 0.24004250742648506, b[2] = {0.0891007659901135, 0.28694996084206753},
                       g = 0.023037733119604515;
@@ -78,7 +79,7 @@ void amplify_force_gradient(double zeta, double z, double y[2]) {
 }
 
 /* SRKN_11^6 of Blanes and Moan (2002), table 3: half of a symmetric method whose kicks and drifts
- * add up to 1 */
+ * sum to 1 */
 void amplify_rkn6(double zeta, double z, double y[2]) {
   static const double b[5] = {0.0414649985182624, 0.198128671918067, -0.0400061921041533,
                               0.0752539843015807, -0.0115113874206879};
@@ -98,10 +99,10 @@ static void leapfrog(double z, double k, double y[2]) {
   y[1] -= z / 2 * k * y[0], y[0] += z * y[1], y[1] -= z / 2 * k * y[0];
 }
 
-/* Half kicks of the soft spring around n steps by the stiff one (Tuckerman, Berne and Martyna
- * 1992): unstable near h w = pi. Which n is the library's own rule: where discs, as Gershgorin's,
- * bound squares of frequencies by 2 k/m, all take steps of one length up to h^2 (2 + 2 soft) = 4,
- * and beyond n is the least with h sqrt(2)/n <= 1, half the leapfrog's limit. */
+/* Half kicks of the soft spring around n steps with the stiff one (Tuckerman, Berne and Martyna
+ * 1992): unstable near h w = pi. n follows the library's rule, in which Gershgorin's discs bound
+ * squared frequencies by 2 k/m: up to h^2 (2 + 2 soft) = 4 all springs take the same step; beyond,
+ * n is the smallest with h sqrt(2)/n <= 1, half the stability limit of leapfrog. */
 void amplify_respa(double zeta, double z, double y[2]) {
   const double soft = SOFT_STIFFNESS;
   const int n = (int)ceil(sqrt(2) * z);

@@ -1,22 +1,22 @@
 /* amplification - one step of a method on the oscillator x'' = -2 zeta w x' - w^2 x, at z = h w
  *
- * Written from each method's published coefficients or stability function, which the .c file
- * names. The library has the same sources, so this checks its code, not their numbers: those,
- * tests/test_amplification.c holds to the order of each method. */
+ * Written from each method's published coefficients or stability function, which the .c file cites
+ * and the library uses as well: a comparison checks its code, not the coefficients.
+ * tests/test_amplification.c checks those by the order of each method. */
 #ifndef BENCH_AMPLIFICATION_H
 #define BENCH_AMPLIFICATION_H
 
-/* In place: y = (x, v/w) */
+/* Advances y = (x, v/w) in place. */
 typedef void amplification(double zeta, double z, double y[2]);
 
 amplification amplify_rkc, amplify_dop853;
-/* without damping */
+/* undamped: zeta is ignored */
 amplification amplify_takahashi_imada, amplify_force_gradient, amplify_rkn6, amplify_respa;
 
-/* Of the second spring beside the one of w in amplify_respa, over that of w */
+/* Stiffness of the soft spring in amplify_respa over that of the stiff one */
 #define SOFT_STIFFNESS 0.09
 
-/* The logarithm of the spectral radius: how the amplitude grows in a step. */
+/* ln of the spectral radius of a step: the growth rate of the amplitude. */
 double amplification_rate(amplification *step, double zeta, double z);
 
 #endif

@@ -26,8 +26,7 @@ static int take_version(arguments *args, const char *value) {
   return EXIT_OK;
 }
 
-/* A file is written under another name and then renamed, which would put it in the place of a
- * device or a pipe. */
+/* Output goes to a temporary file that is then renamed, which would replace a device or a pipe. */
 static int take_file(const char *flag, const char *value, const char **path) {
   const char *kind = not_a_file(value);
   if (!*value) return complain_usage("", "--%s needs the name of a file", flag);
@@ -68,7 +67,7 @@ static int complain_scene(const char *name, size_t length) {
   return complain_usage("", "there is no scene '%.*s', only %s", (int)length, name, known);
 }
 
-/* Names with commas between. */
+/* value: scene names separated by commas */
 static int take_scene(arguments *args, const char *value) {
   bench_wishes *w = &args->wishes;
   for (const char *name = value, *end; name; name = *end ? end + 1 : NULL) {
@@ -112,7 +111,7 @@ static int take_name(arguments *args, const char *name) {
   return complain_usage("", "there is no bench '%s'", name);
 }
 
-/* "--NAME", "--NAME VALUE" or "--NAME=VALUE"; *i: where argv stands. */
+/* Parses "--NAME", "--NAME VALUE" or "--NAME=VALUE" at argv[*i]; moves *i to the last word used. */
 static int take_flag(arguments *args, int argc, char **argv, int *i) {
   const char *given = argv[*i] + 2, *value = strchr(given, '=');
   const size_t length = strcspn(given, "=");

@@ -1,11 +1,11 @@
-/* arguments - the command line as one struct */
+/* arguments - parses the command line of msim_bench */
 #ifndef BENCH_ARGUMENTS_H
 #define BENCH_ARGUMENTS_H
 
 #include "benches.h"
 
 typedef struct arguments {
-  const bench_entry *bench; /* NULL where help or version are asked for */
+  const bench_entry *bench; /* NULL if help or version is requested */
   bench_wishes wishes;
   const char *json, *csv, *svg; /* NULL: not given */
   int help, version;
@@ -13,16 +13,17 @@ typedef struct arguments {
 
 typedef struct bench_flag {
   const char *name;
-  const char *value; /* what it takes, "FILE"; NULL: nothing */
+  const char *value; /* placeholder of its argument, such as "FILE"; NULL: the flag takes none */
   const char *doc;
-  /* value: NULL where it takes nothing. Complains, and returns EXIT_ERROR, where it is wrong. */
+  /* Stores the value, NULL if the flag takes none. Prints an error and returns EXIT_ERROR if it is
+   * invalid. */
   int (*take)(arguments *args, const char *value);
 } bench_flag;
 
-/* The i-th flag, NULL past the end. */
+/* The i-th flag; NULL past the end. */
 const bench_flag *flag_info(int i);
 
-/* Read argv from argv[1] on; complains and returns EXIT_ERROR where it makes no sense. */
+/* Parses argv[1] onward. Prints an error and returns EXIT_ERROR if the command line is invalid. */
 int arguments_parse(int argc, char **argv, arguments *args);
 
 #endif

@@ -1,4 +1,4 @@
-/* benches - what msim_bench can measure */
+/* benches - the table of all benchmarks of msim_bench */
 #ifndef BENCH_BENCHES_H
 #define BENCH_BENCHES_H
 
@@ -8,26 +8,26 @@
 
 enum { MOST_SCENES = 13 };
 
-/* What the command line asks of a bench. */
+/* Options of a benchmark run, from the command line. */
 typedef struct bench_wishes {
-  int quick;                              /* end within 60 s */
-  int32_t threads;                        /* option of all sims; 0: by size */
-  int nscenes;                            /* 0: all that the bench has in mind */
+  int quick;                              /* finish within 60 s */
+  int32_t threads;                        /* option of all sims; 0: chosen by the scene's size */
+  int nscenes;                            /* 0: all scenes of the benchmark */
   const bench_scene *scenes[MOST_SCENES]; /* nscenes */
 } bench_wishes;
 
 typedef struct bench_entry {
   const char *name;
   const char *doc;
-  /* Measure and print. Returns the exit status. */
+  /* Measures and prints. Returns the exit status. */
   int (*run)(const bench_wishes *wishes, report *r);
-  const picture *picture; /* of what it found */
+  const picture *picture; /* how gnuplot draws the results */
 } bench_entry;
 
-/* The i-th bench, NULL past the end. */
+/* The i-th benchmark; NULL past the end. */
 const bench_entry *bench_info(int i);
 
-/* Whether a scene is among those that are asked for. */
+/* Whether a scene is selected; without a selection, all are. */
 int is_wanted(const bench_wishes *wishes, const char *scene);
 
 int bench_linear(const bench_wishes *wishes, report *r);

@@ -1,3 +1,4 @@
+/* Measures how much slower steps are while the other cores are busy. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,14 +10,14 @@
 
 enum { CONTESTANTS = 3 };
 
-/* A contestant of another race, while the other cores are idle or busy. */
+/* A candidate of a solver comparison, run with the other cores idle or busy. */
 typedef struct condition {
   contestant *inner;
   const spinner *spinner; /* NULL: idle */
 } condition;
 
-/* The mean of a few runs in a row: one alone would show a lucky slice of time. Before them, runs
- * that do not count, in which threads get used to the company. */
+/* Times the mean of 4 consecutive runs, as a single one may fall into a favourable time slice,
+ * after untimed runs in which the threads adapt to the load. */
 static int run_condition(contestant *c, sample *s) {
   enum { RUNS = 4 };
   const double USED_TO_IT = 0.1;
@@ -25,7 +26,7 @@ static int run_condition(contestant *c, sample *s) {
   sample one = {0};
   if (run->spinner) spinner_turn(run->spinner);
   int good = run->inner->run(run->inner, &one);
-  run->inner->n = 1; /* it is warm */
+  run->inner->n = 1; /* warmed up */
   while (good && wall_seconds() - start < USED_TO_IT) good = run->inner->run(run->inner, &one);
   for (int i = 0; i < RUNS && good; i++) {
     good = run->inner->run(run->inner, &one);
@@ -69,7 +70,7 @@ static void report_slowdown(report *out, const race *r, const contestant *idle,
     report_slowdown_key(out, idle->name, r->moving->kind, slowdown);
 }
 
-/* Idle and busy versions of all contestants of r. */
+/* Times all candidates of r, each with the other cores idle and with them busy. */
 static void run_conditions(linear_bench *b, race *r, const patience *p) {
   condition conditions[2 * CONTESTANTS];
   contestant all[2 * CONTESTANTS] = {{.n = 0}};

@@ -30,7 +30,7 @@ static contestant *add_rung(climb *c, const entrant *who, double setting, double
   return run;
 }
 
-/* The first run, which tells the error. */
+/* The first run of a setting, from which its error is measured. */
 static void try_rung(const truth *t, contestant *run) {
   rung *r = run->data;
   sample s = {0};
@@ -50,21 +50,21 @@ static void try_rung(const truth *t, contestant *run) {
 
 /*------------------------------------- ladders --------------------------------------------------*/
 
-/* Shorter steps cost as much more as there are more of them; a tenth of tol makes at most twice as
- * many of most methods. */
+/* Expected time of the next run. Halving h doubles the number of steps; dividing tol by 10 at most
+ * doubles it for most methods. */
 static double next_seconds(const entrant *who, double seconds) {
   return seconds / (who->by_tol ? 0.5 : who->ratio);
 }
 
-/* Where stability sets the steps, a tolerance above the error already reached changes nothing. The
- * tolerances of msim are relative to the extent, those of SUNDIALS to the motion, as errors are. */
+/* Where stability limits the step, a tolerance above the error already reached changes nothing.
+ * msim's tolerances are relative to the extent, those of SUNDIALS and all errors to the motion. */
 static int may_change_nothing(const truth *t, const entrant *who, double setting, double error) {
   const double unit = who->integrator ? t->extent / t->motion : 1;
   return who->by_tol && setting * unit > error;
 }
 
-/* Up to the first run that is as good as the truth, to where the next run would exceed the share
- * of the time, or to where shorter steps have not helped for a while. */
+/* Stops when a run is as accurate as the reference solution, when the next one would exceed the
+ * share of the time, or when PATIENCE smaller settings have not reduced the error. */
 static void climb_ladder(climb *c, const entrant *who, double share) {
   enum { PATIENCE = 3 };
   const truth *t = c->arena.truth;
@@ -91,7 +91,7 @@ static int group_of(const entrant *who) {
   return strcmp(who->name, AUTO_BY_TOL) == 0 ? CHOSEN_BY_AUTO : NAMED;
 }
 
-/* What is left over at one method is shared out among those that follow. */
+/* Divides the time that one method leaves unused among the following ones. */
 static void climb_group(climb *c, int group, double until) {
   const entrants *list = &c->entrants;
   int left = 0;
@@ -101,7 +101,7 @@ static void climb_group(climb *c, int group, double until) {
       climb_ladder(c, &list->all[i], (until - wall_seconds()) / left--);
 }
 
-/* A third of the time for each group, so that whatever is compared in the end has a result. */
+/* Each group gets a third of the time, so that all groups have results to compare. */
 static void climb_all(climb *c, double until) {
   for (int group = 0; group < GROUPS; group++) {
     const double start = wall_seconds();

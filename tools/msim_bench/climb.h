@@ -1,5 +1,5 @@
-/* climb - each entrant goes up the ladder of its settings, towards smaller errors, as far as its
- * share of the time allows; then all rungs run in turn, as often as there is time */
+/* climb - runs every method of `precision` over its settings, from large to small errors, as far as
+ * its share of the time allows; then repeats all these runs in turn while time remains */
 #ifndef BENCH_CLIMB_H
 #define BENCH_CLIMB_H
 
@@ -7,11 +7,11 @@
 #include "timing.h"
 
 typedef struct climb_plan {
-  double turns; /* s: all rungs again */
+  double turns; /* s, for the repeated runs */
   double until; /* on wall_seconds' clock */
 } climb_plan;
 
-/* REFUSED: the truth is not known well enough to tell its error. */
+/* REFUSED: the error is too close to that of the reference solution to be measured. */
 enum { RAN, REFUSED, FAILED };
 
 typedef struct rung {
@@ -21,7 +21,7 @@ typedef struct rung {
   int status;
   verdict verdict;
   int64_t evaluations;
-  double until; /* on wall_seconds' clock: when a run is cut off */
+  double until; /* on wall_seconds' clock: when a run is aborted */
   ending *room;
 } rung;
 
@@ -29,12 +29,12 @@ typedef struct climb {
   arena arena;
   entrants entrants;
   int count;
-  rung *rungs;     /* an entrant's one after another, from the first setting on */
-  contestant *all; /* their runs: all[i] of rungs[i] */
+  rung *rungs;     /* grouped by method, in the order of the settings */
+  contestant *all; /* timed runs: all[i] belongs to rungs[i] */
   ending room;
 } climb;
 
-/* 0: there is no memory. Call climb_free in any case. */
+/* Returns 0 if out of memory. Call climb_free in any case. */
 int climb_run(const arena *a, const climb_plan *plan, climb *c);
 void climb_free(climb *c);
 

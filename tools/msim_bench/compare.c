@@ -1,3 +1,4 @@
+/* Measures by how much the solutions of all solvers differ. */
 #include <math.h>
 #include <stdio.h>
 
@@ -5,7 +6,7 @@
 #include "linear.h"
 #include "rows.h"
 
-/* The largest |a_i - b_i|. */
+/* max |a_i - b_i| */
 static double largest_difference(size_t n, const double *a, const double *b) {
   double largest = 0;
   for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(a[i] - b[i]));
@@ -21,7 +22,7 @@ static const double *velocity(const contestant *c) {
 
 typedef struct disagreement {
   int solvers;
-  double largest; /* m/s; NAN: there is no pair */
+  double largest; /* m/s; NAN: fewer than two solvers have a result */
   const contestant *pair[2];
 } disagreement;
 

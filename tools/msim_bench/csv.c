@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <string.h>
 
-/* An object that has every key of any row, in the order of their first appearance. */
+/* Returns an object with the keys of all rows, in the order of their first appearance. */
 static json_t *collect_columns(const report *r) {
   json_t *columns = json_object(), *row, *value;
   const char *key;
@@ -16,7 +16,7 @@ static json_t *collect_columns(const report *r) {
   return columns;
 }
 
-/* In quotes where it must be (RFC 4180). */
+/* Quotes the text if RFC 4180 requires it. */
 static void put_field(FILE *out, const char *text) {
   if (!strpbrk(text, ",\"\n\r")) {
     fputs(text, out);
@@ -37,7 +37,7 @@ static void put_value(FILE *out, const json_t *value) {
   else if (json_is_boolean(value)) fputs(json_is_true(value) ? "1" : "0", out);
 }
 
-/* row NULL: the names */
+/* row NULL: writes the header */
 static void put_line(FILE *out, json_t *columns, const json_t *row) {
   const char *key, *comma = "";
   json_t *unused;

@@ -1,10 +1,10 @@
-/* csv - the rows of a report as a table with one line of names, for spreadsheets and plots */
+/* csv - writes the rows of a report as a CSV table with a header line */
 #ifndef BENCH_CSV_H
 #define BENCH_CSV_H
 
 #include "report.h"
 
-/* To a file that is open; complains. What a row lacks is empty. */
+/* Writes to an open file; prints an error if that fails. Keys that a row lacks are empty fields. */
 int csv_write(const report *r, output_file *file);
 
 #endif

@@ -22,7 +22,7 @@ void descent_free(descent *d) {
   *d = (descent){0};
 }
 
-/* Where it is; how far that is from the solution is nobody's time. Returns whether to go on. */
+/* Records the error of the iterate, outside the time of the method. Returns whether to continue. */
 static int look(descent *d, double seconds, int64_t iterations) {
   enum { NOW_AND_THEN = 16 };
   const nonlinear_step *step = d->p->step;

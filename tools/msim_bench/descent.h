@@ -1,47 +1,48 @@
-/* descent - what minimises the potential of a step with the prefactored matrix as its only one */
+/* descent - minimizes the potential of an implicit step by methods whose only matrix is the
+ * prefactored one */
 #ifndef BENCH_DESCENT_H
 #define BENCH_DESCENT_H
 
 #include "potential.h"
 #include "pursuit.h"
 
-enum { PAIRS = 8 }; /* that L-BFGS remembers */
+enum { PAIRS = 8 }; /* pairs (s, y) that L-BFGS stores */
 
 typedef struct descent descent;
 
 typedef struct descent_method {
   const char *name;
-  /* From x = y on. */
+  /* Starts from x = y, the inertial position. */
   void (*begin)(descent *d);
-  /* Returns whether there is a next x. */
+  /* Returns 0 if no next x was found. */
   int (*iterate)(descent *d);
 } descent_method;
 
 extern const descent_method projective_dynamics, lbfgs;
 
-/* Vectors are those of the potential, 3n. */
+/* All vectors have the layout of the potential, 3n. */
 struct descent {
   const descent_method *method;
   const potential *p;
   size_t length;
   double *x, *gradient, *direction, *next;
   double value;                        /* P(x) */
-  double *s[PAIRS + 1], *y[PAIRS + 1]; /* changes of x and gradient, the next pair among them */
+  double *s[PAIRS + 1], *y[PAIRS + 1]; /* changes of x and of the gradient, with one spare pair */
   double curvature[PAIRS + 1];         /* y.s */
-  int64_t pairs;                       /* made so far */
-  double *all;                         /* memory of the vectors */
+  int64_t pairs;                       /* so far */
+  double *all;                         /* memory of all vectors */
   pursuit pursuit;
 };
 
-/* 0 where there is no memory. Call descent_free in any case. */
+/* Returns 0 if out of memory. Call descent_free in any case. */
 int descent_make(const descent_method *method, const potential *p, descent *d);
 void descent_free(descent *d);
 
-/* Run until all accuracies are reached, or as long as is allowed; the seconds are those of the
- * method itself. */
+/* Iterates until all accuracies are reached or the time is up. The time of the method itself
+ * counts, not that of evaluating its error. */
 void descent_pursue(descent *d, const allowance *allowed);
 
-/* So many iterations from the start, in seconds. */
+/* Repeats this number of iterations from the start. Returns the time in s. */
 double descent_repeat(descent *d, int64_t iterations);
 
 #endif

@@ -1,6 +1,6 @@
-/* Keys of the summary for which two run alone, on one thread each, in turn: each makes the same
- * series of steps, from the same state of a scene in motion. What a solver makes on the way to keep
- * it counts, as a key is the ratio of the means over a series. */
+/* Summary keys of paired timings: two candidates, on one thread each, alternate and make the same
+ * series of steps from the same state of a scene in motion. A key is the ratio of the mean times of
+ * a step in the series, which include factorizations that are reused within it. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -13,7 +13,7 @@
 #define STEP      (1.0 / 60)
 
 typedef struct fighter {
-  const char *name; /* option `solver`, or REFERENCE */
+  const char *name; /* value of option `solver`, or REFERENCE */
   sample_value *value;
 } fighter;
 
@@ -24,7 +24,7 @@ typedef struct fighter {
 #define FORCE_BY(name) \
   { name, force_seconds }
 
-/* In the order of their scenes: neighbours share a state. */
+/* Entries with the same scene and k are adjacent and share a state. */
 static const struct match {
   const char *key, *scene;
   double k;
@@ -42,8 +42,8 @@ static const struct match {
 };
 enum { MATCHES = sizeof matches / sizeof *matches };
 
-/* A cloth never keeps a factor; in 0.8 s a jelly, for which factors are made, swings almost half a
- * period. */
+/* Factorizations are never reused in a cloth, but in a jelly, which swings through almost half a
+ * period in 0.8 s. */
 enum { CLOTH_SERIES = 8, JELLY_SERIES = 48 };
 
 static int share_state(const struct match *a, const struct match *b) {
@@ -112,7 +112,7 @@ static void fight(linear_bench *b, race *r, const struct match *match, const pat
 
 /*------------------------------------- all ------------------------------------------------------*/
 
-/* Those that share a state. */
+/* Matches that share a state. */
 static void fight_all(linear_bench *b, const moving *m, const struct match *first, int count,
                       const patience *p) {
   msim_error err;
@@ -135,7 +135,7 @@ void measure_duels(linear_bench *b, double seconds, const patience *p) {
     for (count = 1; i + count < MATCHES && share_state(first, first + count);) count++;
     if (!is_wanted(b->wishes, first->scene)) continue;
     for (int k = 0; k < count; k++)
-      report_key(b->report, first[k].key, NAN); /* until it is found */
+      report_key(b->report, first[k].key, NAN); /* no result yet */
     const bench_scene *scene = scene_named(first->scene);
     const int made = moving_make(scene, first->k, b->wishes->threads, seconds, b->until, &m);
     print_heading(&m, STEP);

@@ -31,7 +31,7 @@ static void by_step(const truth *t, entrant *who) {
   who->ratio = 0.5;
 }
 
-/* Those whose steps are worth choosing, by doubling or by an estimate of their own. */
+/* Methods that are also run under error control, by step doubling or by an embedded estimate. */
 static int is_worth_control(const char *integrator) {
   static const char *const names[] = {"velocity-verlet", "force-gradient",    "rk4",    "rkn6",
                                       "dop853",          "implicit-midpoint", "sdirk2", "auto"};
@@ -47,7 +47,7 @@ static void add_method(const truth *t, const char *integrator, int32_t collision
   for (int control = 0; control < 2; control++) {
     if (control ? !is_worth_control(integrator) : strcmp(integrator, "auto") == 0) continue;
     if (control && collision == MSIM_COLLISION_EVENT)
-      continue; /* it ends steps at impacts anyway */
+      continue; /* error control always locates impacts, so a second run would be the same */
     entrant *who = add(list, integrator, control ? controlled : suffix);
     if (!who) return;
     who->integrator = integrator;
@@ -83,11 +83,11 @@ const entrant *entrants_find(const entrants *list, const char *name) {
 
 /*------------------------------------- runs -----------------------------------------------------*/
 
-/* What the library calls for forces. */
+/* Data of the force callback. */
 typedef struct call {
   const kernel *kernel;
   double until;
-  int64_t evaluations; /* a part of the forces counts as one */
+  int64_t evaluations; /* each part of split forces counts as one */
   int stopped;
 } call;
 
@@ -99,8 +99,7 @@ static int force(void *data, int part, const double *x, const double *v, double 
   return !c->stopped;
 }
 
-/* The library's clock starts when it gets arrays that are ready. x, v: room for where it came to.
- */
+/* Times the library only: its input arrays are prepared beforehand. x, v: the final state. */
 static void time_ode(const arena *a, const entrant *who, double setting, double until, double *x,
                      double *v, ending *e) {
   const truth *t = a->truth;

@@ -1,8 +1,8 @@
-/* entrants - who takes part in the bench `precision`, and by which settings, fixed beforehand
+/* entrants - the methods in the benchmark `precision` and their settings, fixed in advance
  *
- * Methods of msim at fixed steps: h = L, L/2, L/4, ... from their longest stable step L on, or from
- * 64 times that of Verlet where they have none; MRIStep of SUNDIALS likewise, by its slow steps.
- * Under error control, and other methods of SUNDIALS: tol = 1e-1, 1e-2, ... */
+ * Fixed steps: h = L, L/2, L/4, ... from the longest stable step L on, or from 64 times that of
+ * Verlet for methods without a limit; MRIStep of SUNDIALS likewise, for its slow steps. Error
+ * control, and the other methods of SUNDIALS: tol = 1e-1, 1e-2, ... */
 #ifndef BENCH_ENTRANTS_H
 #define BENCH_ENTRANTS_H
 
@@ -13,11 +13,11 @@ enum { MOST_ENTRANTS = 64, MOST_RUNGS = 24 };
 
 typedef struct entrant {
   char name[32];
-  const char *integrator; /* msim's; NULL: a method of the library below */
-  int ode;                /* its number there */
+  const char *integrator; /* of msim; NULL: a method of the other library */
+  int ode;                /* its number there, see ode.h */
   int by_tol;
   int32_t collision;
-  double first, ratio; /* the first setting, h in s or tol; of each to the one before */
+  double first, ratio; /* first setting (h in s, or tol); ratio of successive settings */
 } entrant;
 
 typedef struct entrants {
@@ -25,18 +25,19 @@ typedef struct entrants {
   entrant all[MOST_ENTRANTS];
 } entrants;
 
-/* All that fit the scene. split_by: how its forces are split, 0: not at all; ode: nullable. */
+/* Collects the methods that suit the scene. split_by: SPLIT_* if its forces are split, else 0; ode:
+ * may be NULL. */
 void entrants_collect(const truth *t, int split_by, const ode_methods *ode, entrants *list);
 
-/* NULL: it does not take part. */
+/* Returns NULL if there is none. */
 #define AUTO_BY_TOL "auto, tol"
 const entrant *entrants_find(const entrants *list, const char *name);
 
-/* One run by one setting. 0 where it failed, and why in e->reason. */
+/* One run with one setting. Returns 0 on failure and sets e->reason. */
 typedef struct arena {
   const truth *truth;
-  const kernel *kernel;   /* what the library gets */
-  const ode_methods *ode; /* nullable */
+  const kernel *kernel;   /* forces for the other library */
+  const ode_methods *ode; /* may be NULL */
   int32_t threads;
 } arena;
 

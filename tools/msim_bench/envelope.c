@@ -5,7 +5,7 @@
 
 const double levels[LEVELS] = {1e-2, 1e-4, 1e-6, 1e-8, 1e-10};
 
-/* A run's cost and the error that can be told of it. */
+/* The cost of a run, and its error as far as it is measurable. */
 typedef struct point {
   double error;
   cost cost;
@@ -20,7 +20,7 @@ static point point_of(const climb *c, int i) {
 
 static double between(double a, double b, double share) { return a * pow(b / a, share); }
 
-/* Of an error between those of two rungs. */
+/* The cost at an error between those of two settings. */
 static cost interpolate(const point *above, const point *below, double error) {
   const double share = log(above->error / error) / log(above->error / below->error);
   return (cost){between(above->cost.seconds, below->cost.seconds, share),

@@ -1,4 +1,5 @@
-/* forces - the explicit step beside the textbook's and beside the speed of memory */
+/* forces - benchmark of explicit steps against a textbook implementation and the memory
+ * bandwidth */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,14 +17,14 @@
 enum { STIFFNESS = 1000, MOST_ARMS = 5 };
 #define STEP 1e-6 /* s: stable in all scenes */
 
-/* All that takes turns on one scene: each sample is so many steps, or passes of the triad, which
- * moves as many bytes as a step must. */
+/* The candidates that alternate on one scene. A sample is `steps` steps, or passes of the triad,
+ * which transfers as many bytes as a step must. */
 typedef struct arena {
   moving m;
-  msim_sim *sims[2]; /* one thread, two */
+  msim_sim *sims[2]; /* with one thread and with two */
   textbook book;
   triad memory;
-  double bytes; /* of a step */
+  double bytes; /* transferred in a step */
   int steps;
   int count;
   contestant all[MOST_ARMS];
@@ -74,9 +75,9 @@ static contestant *enter(arena *a, const char *name, const char *measure, int th
 
 /*------------------------------------- one scene ------------------------------------------------*/
 
-/* What a step cannot do without, in this format. A particle: x, v in and out, its mass, 104 bytes.
- * Half a spring, as each is read from both of its ends: k, rest and where the neighbour is, 4
- * bytes, shared by eight where they are neighbours too. */
+/* Bytes that a step must transfer. A particle: x and v read and written, mass read, 104. A
+ * half-edge, as a spring is read from both ends: k, rest and a neighbour index of 4 bytes, which
+ * serves 8 half-edges if their neighbours are contiguous. */
 static double bytes_of_step(const moving *m) {
   const double half = 16 + (m->kind->random ? 4 : 0.5);
   return 104.0 * m->view.nparticles + 2 * half * m->view.nsprings;
@@ -113,7 +114,7 @@ static void free_arena(arena *a) {
   moving_free(&a->m);
 }
 
-/* The largest distance of two coordinates after the same steps, m. */
+/* The largest difference of a coordinate, m, after the same number of steps. */
 static double difference(arena *a) {
   enum { STEPS = 3 };
   msim_state state = {.size = sizeof state};
@@ -173,7 +174,7 @@ static void report_key_of(report *out, const char *ratio, const bench_scene *sce
       report_key(out, k->key, value);
 }
 
-/* How many times faster: the median of the rounds' ratios, each of two runs side by side. */
+/* Reports the speedup: the median of the ratios of each round. */
 static void report_ratio(report *out, const arena *a, const char *name, const contestant *slow,
                          const contestant *fast) {
   if (!slow || !fast) return;
@@ -223,7 +224,7 @@ static void measure_scene(report *out, const bench_scene *scene, int quick, doub
   arena *a = malloc(sizeof *a);
   msim_error err;
   if (!a) return;
-  report_key_of(out, "speedup", scene, NAN); /* until there is a result */
+  report_key_of(out, "speedup", scene, NAN); /* no result yet */
   report_key_of(out, "fraction of triad", scene, NAN);
   if (usable_cores() > 1) report_key_of(out, "two threads", scene, NAN);
   if (make_arena(scene, quick ? 0.02 : 0.1, a, &err)) {

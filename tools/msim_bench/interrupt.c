@@ -13,7 +13,7 @@ static void on_signal(int number) {
   interrupted = 1;
 }
 
-/* Signals that the caller ignores, as `nohup` and `&` do, stay ignored. */
+/* Signals that are ignored at the start, as under `nohup` or `&`, stay ignored. */
 void catch_interrupts(void) {
   static const int numbers[] = {SIGINT, SIGTERM};
   struct sigaction action = {.sa_handler = on_signal}, before;

@@ -1,9 +1,9 @@
-/* interrupt - Ctrl-C */
+/* interrupt - handles Ctrl-C */
 #ifndef BENCH_INTERRUPT_H
 #define BENCH_INTERRUPT_H
 
-/* From here on the first SIGINT or SIGTERM is only noted, and ends a read from a pipe; the second
- * one kills. */
+/* After this call, the first SIGINT or SIGTERM sets a flag and interrupts a read from a pipe; the
+ * second one terminates the program. */
 void catch_interrupts(void);
 
 int is_interrupted(void);

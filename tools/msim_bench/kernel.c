@@ -12,7 +12,7 @@ enum { TIMES = 5, CALLS = 200 };
 
 /*------------------------------------- orders ---------------------------------------------------*/
 
-/* By components. */
+/* Converts from x0 y0 z0 x1 ... to arrays by components. */
 static void fold(const kernel *k, const double *from, double *to) {
   const int32_t n = k->truth->view.nparticles;
   for (int32_t i = 0; i < n; i++)
@@ -54,7 +54,7 @@ static double time_forces(const kernel *k, int part, const double *x, const doub
   return best;
 }
 
-/* Pinned particles have no force in one of them. */
+/* max |f - flat| / max |flat| over free particles; runs_force sets forces on pinned ones, too. */
 static double compare(const kernel *k, const double *f, const double *flat) {
   const int32_t n = k->truth->view.nparticles;
   double apart = 0, largest = 0;
@@ -66,7 +66,8 @@ static double compare(const kernel *k, const double *f, const double *flat) {
   return apart / largest;
 }
 
-/* Both ways at the end of the run, where springs are strained. f: room for 3n, twice. */
+/* Times and compares both implementations at the end of the run, where springs are strained. f:
+ * scratch, 6n. */
 static void choose(kernel *k, double *f) {
   const truth *t = k->truth;
   double *flat = f + 3 * (size_t)t->view.nparticles;
@@ -79,7 +80,7 @@ static void choose(kernel *k, double *f) {
   k->by_runs = (k->runs_s < k->flat_s || k->split.by) && k->difference < 1e-9;
 }
 
-/* Of the parts, likewise: their times, and how far their sum is from the whole. */
+/* Times the parts of split forces and compares their sum with the whole. */
 static void check_split(kernel *k, double *f) {
   const size_t n = 3 * (size_t)k->truth->view.nparticles;
   double *other = f + n, apart = 0, largest = 0;

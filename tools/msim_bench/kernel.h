@@ -1,5 +1,5 @@
-/* kernel - the forces that another library gets: by msim_sim_force, through flat arrays, or by the
- * loop of runs.h, in arrays by components; whichever is the faster in this scene */
+/* kernel - the forces for the methods of another library: by msim_sim_force on interleaved arrays,
+ * or by the loop of runs.h on arrays by components, whichever is faster in this scene */
 #ifndef BENCH_KERNEL_H
 #define BENCH_KERNEL_H
 
@@ -9,25 +9,25 @@
 typedef struct kernel {
   const truth *truth;
   runs runs;
-  split split;             /* by components */
-  int by_runs;             /* which of the two; where forces are split, always the loop */
-  double *x, *v, *inverse; /* the start, in the order of that one */
-  /* What they cost, s, the best of a few times; what making a sim costs, and a whole step of
-   * velocity Verlet, which makes one evaluation. */
+  split split;             /* arrays by components */
+  int by_runs;             /* 1: the loop; always so if the forces are split */
+  double *x, *v, *inverse; /* initial state and 1/m, in the layout in use */
+  /* Times in s, the minimum of 5: forces by msim_sim_force and by the loop; creating a sim; a step
+   * of velocity Verlet, which takes one evaluation. */
   double flat_s, runs_s, create_s, step_s;
-  double stiff_s, others_s; /* parts of the split; NAN: there is none */
-  double difference;        /* of the two, over the largest force */
-  double split_difference;  /* of the whole and the sum of its parts, likewise */
+  double stiff_s, others_s; /* of split forces; NAN: not split */
+  double difference;        /* of both implementations, over the largest force */
+  double split_difference;  /* of the forces and the sum of their parts, likewise */
 } kernel;
 
-/* 0: there is no memory. Call kernel_free in any case. */
+/* Returns 0 if out of memory. Call kernel_free in any case. */
 int kernel_make(const truth *t, kernel *k);
 void kernel_free(kernel *k);
 
-/* part: of enum FORCE_PARTS */
+/* part: ALL_FORCES, STIFF_FORCES or OTHER_FORCES */
 void kernel_force(const kernel *k, int part, const double *x, const double *v, double *f);
 
-/* Back to x0 y0 z0 x1 ... */
+/* Converts from the layout in use to x0 y0 z0 x1 ... */
 void kernel_unfold(const kernel *k, const double *from, double *to);
 
 #endif

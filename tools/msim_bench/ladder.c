@@ -19,7 +19,7 @@ msim_status ladder_step(const ladder *l, int rung, double *seconds, msim_error *
   return status;
 }
 
-/* Twice where that takes no time: the first run is a cold one. */
+/* Runs a short step twice: in the first run caches are cold. */
 static msim_status try_rung(const ladder *l, int rung, arrival *here, msim_error *err) {
   const double SHORT = 0.05;
   msim_stats stats = {.size = sizeof stats};
@@ -48,7 +48,7 @@ static void keep_the_quickest(ladder *l) {
   }
 }
 
-/* Whether to climb on. */
+/* Returns whether to continue. */
 static int climb_rung(ladder *l, const char *solver, int rung, const ladder_plan *plan) {
   msim_options options = newton_options(l->step->h, rung_rtol(rung), solver);
   const int32_t most = affordable(&plan->allowed, options.newton_max_iterations);

@@ -6,7 +6,7 @@
 
 /*------------------------------------- the host of the backend ----------------------------------*/
 
-enum { LINE = 64 }; /* bytes that vectors are aligned to */
+enum { LINE = 64 }; /* bytes, alignment of vectors */
 
 static void *allocate(size_t bytes) { return aligned_alloc(LINE, (bytes / LINE + 1) * LINE); }
 
@@ -30,11 +30,11 @@ static void host_fail(const msim_host *host, const char *format, ...) {
 
 /*------------------------------------- the graph ------------------------------------------------*/
 
-/* Who is tied to whom, both ways. No two springs tie the same particles, as in cloths and jellies.
- */
+/* Springs between free particles, in both directions. Assumes at most one spring per pair, as in
+ * cloths and jellies. */
 typedef struct graph {
-  int32_t *ptr, *ind; /* n + 1; ptr[n], ascending in a row */
-  double *k, *total;  /* ptr[n]; n: all springs of a particle, those to pinned ones too */
+  int32_t *ptr, *ind; /* n + 1; ptr[n], ascending within a row */
+  double *k, *total;  /* ptr[n]: weights of ind; n: sum over all springs of a free particle */
 } graph;
 
 static void graph_free(graph *g) {
@@ -48,7 +48,7 @@ static int is_free(const msim_scene_view *s, int32_t spring) {
   return !s->pinned[s->ij[2 * spring]] && !s->pinned[s->ij[2 * spring + 1]];
 }
 
-/* Into its place among those of the row that are there, as few as the particle has springs. */
+/* Inserts column j into the sorted row that begins at `first` and ends before `at`. */
 static void insert(int32_t *ind, double *k, int32_t first, int32_t at, int32_t j, double value) {
   for (; at > first && ind[at - 1] > j; at--) ind[at] = ind[at - 1], k[at] = k[at - 1];
   ind[at] = j, k[at] = value;
@@ -79,7 +79,7 @@ static int graph_make(const msim_scene_view *s, graph *g) {
 
 /*------------------------------------- the matrix -----------------------------------------------*/
 
-/* Rows in the factor's order, from the diagonal on. */
+/* Fills the upper triangle in the order of the factorization. */
 static int fill_matrix(const moving *m, double h, const graph *g, laplacian *L) {
   const size_t n = (size_t)L->n, entries = n + (size_t)g->ptr[n] / 2;
   int32_t *rowptr = allocate((n + 1) * sizeof *rowptr),

@@ -1,30 +1,30 @@
-/* laplacian - the one matrix that methods with a prefactored system keep: M + h^2 Lap_k, a scalar
- * for each particle, Lap_k the graph's Laplacian with the weights k */
+/* laplacian - the constant matrix of prefactored methods: M + h^2 Lap_k, a scalar for each
+ * particle, with the Laplacian Lap_k of the spring graph with weights k */
 #ifndef BENCH_LAPLACIAN_H
 #define BENCH_LAPLACIAN_H
 
 #include "msim/backend.h"
 #include "scenes.h"
 
-/* Vectors have one number for each particle at its place in the factor's order, or three such
- * after each other. Pinned particles are there too, tied to nobody. */
+/* A vector has one number per particle, in the order of the factorization, or three such blocks.
+ * Pinned particles are included, without off-diagonal entries. */
 typedef struct laplacian {
   int32_t n;         /* particles */
-  int32_t *particle; /* n: which one is at each place */
-  int32_t *place;    /* n: where each one is */
+  int32_t *particle; /* n: the particle at each position of this order */
+  int32_t *place;    /* n: the position of each particle */
   const msim_backend *by;
-  void *self; /* of by */
+  void *self; /* state of the backend */
   msim_host host;
-  msim_system matrix; /* its arrays are ours */
+  msim_system matrix; /* owns its arrays */
   msim_error err;
 } laplacian;
 
-/* Made and factored by CHOLMOD as msim tunes it. 0 where it failed, and why in L->err. Call
- * laplacian_free in any case. */
+/* Assembles and factorizes the matrix by CHOLMOD with msim's settings. Returns 0 on failure and
+ * sets L->err. Call laplacian_free in any case. */
 int laplacian_make(const moving *m, double h, laplacian *L);
 void laplacian_free(laplacian *L);
 
-/* (M + h^2 Lap_k) y = b in three components, 3n; y apart from b. */
+/* Solves (M + h^2 Lap_k) y = b for three components, 3n; y must not overlap b. */
 msim_status laplacian_solve(const laplacian *L, const double *b, double *y);
 
 #endif

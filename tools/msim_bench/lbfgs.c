@@ -1,11 +1,11 @@
-/* L-BFGS from the prefactored matrix as the first guess of the Hessian (Liu, Bouaziz and Kavan
+/* L-BFGS with the prefactored matrix as the initial Hessian approximation (Liu, Bouaziz and Kavan
  * 2017). */
 #include <math.h>
 #include <string.h>
 
 #include "descent.h"
 
-/* In eight sums, so that it is no chain of additions. */
+/* Eight partial sums, so that the additions do not depend on each other. */
 static double dot(size_t n, const double *restrict a, const double *restrict b) {
   double sum[8] = {0}, rest = 0;
   const size_t whole = n - n % 8;
@@ -20,8 +20,8 @@ static void add(size_t n, double a, const double *restrict x, double *restrict y
   for (size_t i = 0; i < n; i++) y[i] += a * x[i];
 }
 
-/* direction = H grad P, H that of the pairs, newest first and then oldest first (Nocedal 1980).
- * next: scratch. */
+/* direction = H grad P by the two-loop recursion, which visits the pairs from the newest to the
+ * oldest and back (Nocedal 1980); H is the inverse Hessian approximation. next: scratch. */
 static int find_direction(descent *d) {
   const int64_t oldest = d->pairs > PAIRS ? d->pairs - PAIRS : 0;
   double a[PAIRS + 1];
@@ -40,8 +40,9 @@ static int find_direction(descent *d) {
   return 1;
 }
 
-/* Whether P has become small enough for a step of length t (Armijo). Where rounding hides the
- * change, the slopes tell of the parabola through them (Hager and Zhang 2005). */
+/* Armijo condition P(x - t d) <= P(x) - c t slope, where slope = grad P(x) . d and c = 0.3. Where
+ * rounding hides the change of P, the approximate Wolfe condition of Hager and Zhang (2005):
+ * -grad P(x - t d) . d <= (1 - 2 c) slope. */
 static int is_lower(const descent *d, double t, double slope, double value,
                     const double *gradient) {
   const double ENOUGH = 0.3, HIDDEN = 1e-9;
@@ -50,8 +51,8 @@ static int is_lower(const descent *d, double t, double slope, double value,
          -dot(d->length, gradient, d->direction) <= (1 - 2 * ENOUGH) * slope;
 }
 
-/* s = -t direction for the first t of 1, 1/2, ... that is good enough; next = x + s, y = the
- * gradient there. */
+/* Backtracking: s = -t direction for the first t of 1, 1/2, ... that is_lower accepts;
+ * next = x + s, y = the gradient there. */
 static int search(descent *d, double *s, double *y) {
   enum { MOST = 40 };
   const double slope = dot(d->length, d->gradient, d->direction);
@@ -69,7 +70,7 @@ static int search(descent *d, double *s, double *y) {
   return 0;
 }
 
-/* x = next and its gradient; y: from it to the change. */
+/* Moves x and its gradient to `next`. y: on input the gradient there, on output its change. */
 static void move(descent *d, double *restrict y) {
   double *restrict g = d->gradient, *restrict x = d->x;
   for (size_t k = 0; k < d->length; k++) {
@@ -86,7 +87,7 @@ static void begin(descent *d) {
   d->pairs = 0;
 }
 
-/* A pair that curves down is not remembered, so that H stays positive definite. */
+/* A pair with y.s <= 0 is discarded, so that H stays positive definite. */
 static int iterate(descent *d) {
   const int at = (int)(d->pairs % (PAIRS + 1));
   double *s = d->s[at], *y = d->y[at];

@@ -1,5 +1,5 @@
-/* x'' = -2 zeta w x' - w^2 x: a spring of rest length 0, whose force is linear, with w = 1/s, so
- * that h is z = h w. */
+/* The oscillator x'' = -2 zeta w x' - w^2 x: a spring of rest length 0, which makes the force
+ * linear. w = 1/s, so that h in seconds is z = h w. */
 #include "limits.h"
 
 #include <math.h>
@@ -10,8 +10,8 @@
 #include "msim/msim.h"
 #include "theory.h"
 
-/* The particle at 1 m, of 1 kg, on a spring of 1 N/m to a pinned one at the origin. Soft ones are
- * many, so that it pays to give the stiff one steps of its own. */
+/* A particle of 1 kg at 1 m, on a spring of 1 N/m to a pinned one at the origin. The soft stiffness
+ * is divided among 8 springs, so that short steps for the stiff one alone are cost-effective. */
 static msim_sim *make(const theory *t, double zeta, double z) {
   enum { SPRINGS = 9 };
   const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {1, 1}, rest[SPRINGS] = {0};
@@ -35,8 +35,8 @@ static msim_sim *make(const theory *t, double zeta, double z) {
   return sim;
 }
 
-/* log of the largest amplitude within a period after some more steps; INFINITY where they end
- * before. */
+/* Advances by `steps`. Returns ln of the largest amplitude over the last `period` steps; INFINITY
+ * if the run fails. */
 static double amplitude(msim_sim *sim, int64_t steps, int64_t period) {
   msim_state s = {.size = sizeof s};
   double size = 0;
@@ -57,8 +57,8 @@ static double amplitude_after(const theory *t, double zeta, double z, int64_t st
   return size;
 }
 
-/* From one half of the steps to the other. Without damping amplitudes vary as they go; what has
- * decayed to the least numbers jitters. */
+/* Whether the amplitude grows from the first half of the steps to the second. Without damping it
+ * oscillates by less than a factor e^5; below e^-300 it is rounding error. */
 static int grows(const theory *t, double zeta, double z, int64_t steps) {
   msim_sim *sim = make(t, zeta, z);
   const double half = amplitude(sim, steps / 2, 64);
@@ -67,7 +67,7 @@ static int grows(const theory *t, double zeta, double z, int64_t steps) {
   return whole == INFINITY || (whole > -300 && whole - half > (zeta > 0 ? 0 : 5));
 }
 
-/* Below the z at which it is known to grow; INFINITY: it does not. */
+/* Bisects below a z at which the amplitude is known to grow; INFINITY: it does not. */
 static double find_limit(const theory *t, double zeta, double known, int quick) {
   const int64_t steps = quick ? 40000 : 100000;
   double low = 0, high = known;
@@ -82,10 +82,10 @@ static double find_limit(const theory *t, double zeta, double known, int quick) 
 
 static const char *springs_of(const theory *t) { return t->soft > 0 ? "stiff and soft" : "one"; }
 
-/* 0, where nothing is left of it to speak of. NAN stays NAN. */
+/* A decayed amplitude counts as 0; NAN stays NAN. */
 static double decayed(double size) { return size < 0 ? 0 : size; }
 
-/* What could not be found is as wrong as can be. */
+/* A value that was not found has the error INFINITY. */
 static double check_limit(const theory *t, int i, int quick, report *r) {
   const double z = 0.1;
   double found, peak, expected = theory_limit(t, i, &peak);
@@ -122,8 +122,8 @@ double measure_limits(int quick, report *r) {
 
 /*------------------------------------- energy ---------------------------------------------------*/
 
-/* Two bodies on a spring that turn and move on: what is lost of momentum and angular momentum, as a
- * share; -1: the method did not get there. */
+/* Two bodies on a spring that rotate and translate: the relative changes of momentum (along y) and
+ * angular momentum; -1: the run failed. */
 static void lose_momentum(const char *method, int64_t steps, double *linear, double *angular) {
   const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {1, 0, 0.5, 1, 3, 0.5}, mass[2] = {1, 2}, k = 100;
   const int32_t ij[2] = {0, 1};

@@ -1,5 +1,5 @@
-/* linear - one linearly implicit step, from the same folded state, by every solver; beside it the
- * backend alone and the libraries out of the box, in child processes */
+/* linear - benchmark of one linearly implicit step, from the same folded state, by every solver,
+ * against the direct backends alone and libraries with default settings in child processes */
 #include "linear.h"
 
 #include <math.h>
@@ -13,20 +13,20 @@
 
 typedef struct linear_plan {
   const char *const *scenes;     /* in this order */
-  int everything;                /* 0: times at the k and h of the summary's speeds only */
-  double seconds;                /* for all */
-  double fall;                   /* s, of each scene */
-  int largest_compared;          /* particles along an edge of a cloth */
-  patience first, others, busy;  /* first: at the k and h of the summary's speeds */
-  patience duel;                 /* of the two that a speed of the summary compares */
+  int everything;                /* 0: time the main case only (MAIN_K and MAIN_H) */
+  double seconds;                /* s, limit for all scenes */
+  double fall;                   /* s, limit for advancing a scene */
+  int largest_compared;          /* largest side of a cloth in which solvers are compared */
+  patience first, others, busy;  /* first: of the main case */
+  patience duel;                 /* of the paired timing for a summary key */
   int variants;                  /* of a reference program */
-  thrift thrift, stock, compare; /* of who is timed, of SUNDIALS' own PCG, of who is compared */
+  thrift thrift, stock, compare; /* limits for timed solvers, SUNDIALS' own PCG, compared solvers */
 } linear_plan;
 
-/* what is dear comes last */
+/* expensive scenes last */
 static const char *const all_scenes[] = {"cloth32", "cloth64",  "cloth100",
                                          "jelly16", "cloth200", NULL};
-/* what most keys need comes first */
+/* the scene that most keys need first */
 static const char *const quick_scenes[] = {"cloth100", "cloth32", "cloth64", NULL};
 
 static const linear_plan plan_full = {
@@ -59,7 +59,7 @@ static const linear_plan plan_quick = {
 };
 
 static const double stiffnesses[] = {1000, 100000}, steps[] = {1.0 / 60, 1.0 / 240};
-enum { MAIN_K, STIFF_K, NK, MAIN_H = 0, NH = 2 }; /* the summary's speeds are those of [0], [0] */
+enum { MAIN_K, STIFF_K, NK, MAIN_H = 0, NH = 2 }; /* the summary uses MAIN_K, MAIN_H */
 
 /*------------------------------------- what there is --------------------------------------------*/
 
@@ -85,7 +85,7 @@ static void find_solvers(linear_bench *b) {
     *solver = (struct bench_solver){.table = NULL};
     snprintf(solver->name, sizeof solver->name, "%s", entry.name);
     put_text(libraries, entry.name, entry.library);
-    msim_solver_backend(solver->name, NULL, &solver->table, &err); /* NULL stays: built in */
+    msim_solver_backend(solver->name, NULL, &solver->table, &err); /* NULL: built in */
     b->nsolvers++;
   }
   json_object_set_new(b->report->machine, "solvers", libraries);
@@ -115,7 +115,7 @@ void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *
   for (int i = 0; i < b->nsolvers; i++) {
     const struct bench_solver *solver = &b->solvers[i];
     char text[128];
-    if (strcmp(solver->name, "auto") == 0 && !is_step) continue; /* it is one of the others */
+    if (strcmp(solver->name, "auto") == 0 && !is_step) continue; /* it selects one of the others */
     const char *why = leave_out(solver->name, r->moving, r->system.h, r->system.rtol, t, text);
     if (why) {
       report_left_out(b->report, measure, r->moving, r->system.h, solver->name, why);
@@ -127,7 +127,7 @@ void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *
   }
 }
 
-/* A child that never ran was reported at the start. */
+/* Sends the system to a child. One that did not start was reported before. */
 static int hand_over(linear_bench *b, const race *r, reference *child) {
   if (reference_take(child, &r->system)) return 1;
   if (!*child->hello.library) return 0;
@@ -145,7 +145,7 @@ static void enter_references(linear_bench *b, race *r) {
     race_add_reference(r, "stock", &b->sundials, i);
 }
 
-/* Ratios of medians taken in pairs; with the scene's name behind, some are keys of the summary. */
+/* Ratios of medians of pairs; NAME_SCENE is a summary key if is_key lists it. */
 static const struct ratio {
   const char *name, *over;
   sample_value *of_over;
@@ -169,7 +169,7 @@ static int is_key(const char *name) {
   return 0;
 }
 
-/* What a plan grants, no longer than there is time for all. */
+/* Limits that end with the time for the whole benchmark. */
 static patience limited(const linear_bench *b, patience p) {
   p.until = b->until;
   return p;
@@ -220,10 +220,10 @@ static void time_solvers(linear_bench *b, const moving *m, double h, int is_main
 
 /*------------------------------------- all scenes -----------------------------------------------*/
 
-/* The largest disagreement so far of each k; missed: some could not be measured. */
+/* The largest disagreement for each k; missed: some were not measured. */
 typedef struct worst {
   double largest[NK];
-  int missed[NK], compared[NK]; /* compared: they were to be */
+  int missed[NK], compared[NK]; /* some scenes were to be compared */
 } worst;
 
 static int is_compared(const linear_bench *b, const bench_scene *scene) {
@@ -236,7 +236,7 @@ static void compare(linear_bench *b, const moving *m, int k, double h, worst *w)
   w->largest[k] = fmax(w->largest[k], found);
 }
 
-/* Whether its steps are timed beside a busy core, too. */
+/* Whether steps of this scene are also timed with the other cores busy. */
 static int is_slowed_down(const linear_bench *b, const bench_scene *scene) {
   return strcmp(scene->name, "cloth64") == 0 && b->spinner.count > 0;
 }
@@ -254,7 +254,7 @@ static void measure_moving(linear_bench *b, const moving *m, int k, worst *w) {
   measure_busy(b, m, steps[MAIN_H], &p);
 }
 
-/* Without a result, until there is one. */
+/* Initializes the keys of a scene to "no result". */
 static void announce_keys(const linear_bench *b, const bench_scene *scene, worst *w) {
   report *r = b->report;
   char key[80];

@@ -1,4 +1,4 @@
-/* linear - what the parts of the bench `linear` share */
+/* linear - declarations shared by the parts of the benchmark `linear` */
 #ifndef BENCH_LINEAR_H
 #define BENCH_LINEAR_H
 
@@ -21,24 +21,23 @@ typedef struct linear_bench {
   spinner spinner;
 } linear_bench;
 
-/* Enter the whole step of all solvers that are not left out, and beside those that factorise the
- * backend alone; what is left out is reported as a row of this measure. `auto`
- * for the measure "step" only. */
+/* Adds the steps of all solvers that are affordable; the others become rows of this measure. `auto`
+ * and the direct backends alone are added for the measure "step" only. */
 void enter_solvers(const linear_bench *b, race *r, const thrift *t, const char *measure);
 
-/* One step to solver.rtol 1e-12 by all solvers: the largest difference of two velocities in m/s;
- * NAN: fewer than two did it, or some had no time to. */
+/* One step to solver.rtol 1e-12 by all solvers: returns the largest difference of a velocity in
+ * m/s; NAN: fewer than two succeeded, or the time was up. */
 double compare_solvers(const linear_bench *b, const moving *m, double h, const thrift *t);
 
-/* How much slower a step by `auto` and by CHOLMOD is while the other cores are busy, and CHOLMOD
- * out of the box: rows, and the keys of the former two. */
+/* Slowdown of a step by `auto`, by CHOLMOD and by CHOLMOD with default settings while the other
+ * cores are busy: rows, and keys of the first two. */
 void measure_busy(linear_bench *b, const moving *m, double h, const patience *p);
 
-/* These keys, without a result. */
+/* Sets these keys to "no result". */
 void announce_slowdown(report *out, const bench_scene *scene);
 
-/* The keys that compare `auto` with CHOLMOD, and matrices with forces. seconds: for each scene to
- * fall. */
+/* Paired timings: the keys that compare `auto` with CHOLMOD, and assembly with forces. seconds:
+ * limit for advancing each scene. */
 void measure_duels(linear_bench *b, double seconds, const patience *p);
 
 #endif

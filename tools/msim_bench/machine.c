@@ -10,8 +10,8 @@
 #include "msim/msim.h"
 #include "spinner.h"
 
-/* What follows key and separator in the first line that begins with key, to be freed; NULL: there
- * is no such file or line. */
+/* Returns the text after `separator` in the first line that begins with `key`, to be freed; NULL:
+ * no such file or line. */
 static char *look_up(const char *path, const char *key, char separator) {
   FILE *file = fopen(path, "r");
   char *line = NULL, *found = NULL;
@@ -28,13 +28,13 @@ static char *look_up(const char *path, const char *key, char separator) {
   return found;
 }
 
-/* Takes text. */
+/* Frees text; NULL adds nothing. */
 static void put(json_t *object, const char *key, char *text) {
   if (text) json_object_set_new(object, key, json_string(text));
   free(text);
 }
 
-/* Of all that a processor can do, what decides the speed of arithmetic. */
+/* Lists the processor features that determine the speed of arithmetic. */
 static json_t *list_isa(void) {
   static const char *const known[] = {"sse4_2",   "avx",      "avx2",     "fma",
                                       "avx512f",  "avx512cd", "avx512bw", "avx512dq",

@@ -1,13 +1,13 @@
-/* machine - where a bench ran */
+/* machine - describes the machine on which a benchmark runs */
 #ifndef BENCH_MACHINE_H
 #define BENCH_MACHINE_H
 
 #include <jansson.h>
 
-/* A new object: cpu, cores, isa, os, kernel, compiler, msim. What is not known is absent. */
+/* Returns a new object: cpu, cores, isa, os, kernel, compiler, msim; unknown entries are absent. */
 json_t *machine_describe(void);
 
-/* Add what OpenBLAS tells of itself, once a solver has loaded it. */
+/* Adds the configuration that OpenBLAS reports, if a solver has loaded it. */
 void machine_add_blas(json_t *machine);
 
 #endif

@@ -1,4 +1,4 @@
-/* msim_bench - measure msim on this machine, beside what it should be compared with */
+/* msim_bench - measures the speed and accuracy of msim on this machine, next to other libraries */
 #include <stdio.h>
 #include <string.h>
 
@@ -46,12 +46,11 @@ static void print_help(void) {
       "is a result like any other: its row says why.");
 }
 
-/* What is written in the end. */
 typedef struct files {
   output_file json, csv, svg;
 } files;
 
-/* Before anything is measured: what could not be written then. */
+/* Opens output files before the measurement, so that an unwritable path is reported at once. */
 static int open_files(const arguments *args, files *f) {
   if (args->svg && !gnuplot_is_there()) return EXIT_ERROR;
   if (args->json && output_open(&f->json, args->json)) return EXIT_ERROR;

@@ -6,13 +6,13 @@
 
 enum { NEAREST = 5 };
 
-/* Points are found through a grid of cells, about one point in each. */
+/* Points are found through a grid of cells, with about one point in each. */
 typedef struct mesh {
   int32_t side, n, nsprings;
   double *x, *mass;
-  int32_t *first;  /* side^2 + 1: of the points of each cell */
-  int32_t *inside; /* n: points by cell */
-  int32_t *near;   /* NEAREST n */
+  int32_t *first;  /* side^2 + 1: index in `inside` of the first point of each cell */
+  int32_t *inside; /* n: points, sorted by cell */
+  int32_t *near;   /* n lists of NEAREST points, -1: none */
   int32_t *ij;     /* 2 NEAREST n */
 } mesh;
 
@@ -43,7 +43,8 @@ static double distance2(const mesh *m, int32_t p, int32_t q) {
   return dx * dx + dy * dy;
 }
 
-/* q into p's list of the nearest, where it is near enough; found: how many are in it. */
+/* Inserts q into the list of the nearest points of p, if it is near enough. found: length of the
+ * list; returns the new length. */
 static int32_t insert(const mesh *m, int32_t p, int32_t q, int32_t found) {
   int32_t *near = m->near + NEAREST * p, at = found < NEAREST ? found : NEAREST;
   while (at > 0 && distance2(m, p, near[at - 1]) > distance2(m, p, q)) {
@@ -55,7 +56,7 @@ static int32_t insert(const mesh *m, int32_t p, int32_t q, int32_t found) {
 }
 
 static void find_nearest(const mesh *m, int32_t p) {
-  enum { REACH = 3 }; /* cells: holds five points but for one in many millions */
+  enum { REACH = 3 }; /* cells; these almost always hold five other points */
   const int32_t cell = cell_of(m, p), row = cell / m->side, column = cell % m->side;
   int32_t found = 0;
   for (int32_t i = 0; i < NEAREST; i++) m->near[NEAREST * p + i] = -1;

@@ -73,7 +73,7 @@ int is_another_minimum(const nonlinear_step *s, const double *v) {
 
 /*------------------------------------- solution -------------------------------------------------*/
 
-/* Make the step in no more than `most` iterations; s->sim: the one that did. */
+/* Makes the step with at most `most` iterations in a new sim, s->sim. */
 static msim_status step_within(int32_t most, nonlinear_step *s, msim_error *err) {
   msim_options options = newton_options(s->h, 1e-12, s->solver);
   options.newton_max_iterations = most;
@@ -84,7 +84,7 @@ static msim_status step_within(int32_t most, nonlinear_step *s, msim_error *err)
   return status ? status : msim_sim_step(s->sim, 1, err);
 }
 
-/* With ever more iterations, as long as those before promise that there is time for them. */
+/* Raises the iteration limit while the step does not converge and the time suffices. */
 static msim_status step_patiently(const allowance *a, nonlinear_step *s, msim_error *err) {
   enum { FIRST = 6, MOST = 2000 };
   allowance known = *a;
@@ -100,7 +100,7 @@ static msim_status step_patiently(const allowance *a, nonlinear_step *s, msim_er
   return status;
 }
 
-/* 0: this solver does not get there, and why in err. */
+/* Returns 0 if the step does not converge, and sets err. */
 static int solve_by(const char *solver, const allowance *a, nonlinear_step *s, msim_error *err) {
   const moving *m = s->moving;
   msim_state end = {.size = sizeof end};

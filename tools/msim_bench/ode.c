@@ -6,7 +6,7 @@
 
 #include "reference.h"
 
-/* It stays loaded. */
+/* The module is never unloaded. */
 const ode_methods *ode_load(char reason[static 256]) {
   static const char name[] = "msim_bench_ode_sundials.so";
   char path[4096];

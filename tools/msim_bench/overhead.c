@@ -12,7 +12,7 @@ static const char cloth[] =
     "100], \"origin\": [0, 0, 0], \"row\": [1, 0, 0], \"column\": [0, 1, 0], \"mass\": 1, \"k\": "
     "1000, \"pinned\": \"first_corners\"}]}\n";
 
-/* Instructions of a run by the msim_cli that lies beside this program. */
+/* Instructions of a run by the msim_cli in the folder of this program. */
 static double count(const char *folder, const char *scene, const char *watch) {
   char command[4096], line[256];
   double found = NAN;

@@ -1,5 +1,4 @@
-/* parts - the arrays of a scene that a recipe makes, to be changed before a scene is made of them
- */
+/* parts - copies of a scene's arrays, to be modified before another scene is built from them */
 #ifndef BENCH_PARTS_H
 #define BENCH_PARTS_H
 
@@ -7,17 +6,17 @@
 
 typedef struct parts {
   msim_scene *recipe;
-  msim_scene_view view;       /* of it */
-  double *v, *mass;           /* 3n, 0; n */
-  double *k, *rest, *damping; /* springs */
+  msim_scene_view view;       /* of the recipe */
+  double *v, *mass;           /* 3n, 0 at first; n */
+  double *k, *rest, *damping; /* of each spring */
 } parts;
 
-/* Takes the recipe, also where it fails; NULL fails with MSIM_ERR_MEMORY. Call parts_free in any
- * case. */
+/* Takes ownership of the recipe, also on failure; fails with MSIM_ERR_MEMORY if it is NULL. Call
+ * parts_free in any case. */
 msim_status parts_take(msim_scene *recipe, parts *p);
 void parts_free(parts *p);
 
-/* Its particles, and its springs where they are asked for. */
+/* Adds the particles, and the springs if requested. */
 msim_status parts_add(const parts *p, int springs, msim_scene *scene, msim_error *err);
 
 #endif

@@ -16,7 +16,7 @@ extern char **environ;
 
 enum { MOST_NAMES = 64 };
 
-#define BARS 0.8 /* width of those at one place, 1 from place to place */
+#define BARS 0.8 /* total width at one place, over the distance of places */
 
 /* Names in the order of their first appearance. */
 typedef struct names {
@@ -24,7 +24,7 @@ typedef struct names {
   const char *all[MOST_NAMES];
 } names;
 
-/* -1: there is no room for another. */
+/* Adds the name if it is new; -1: there is no room. */
 static int number_of(names *n, const char *name) {
   for (int i = 0; i < n->count; i++)
     if (strcmp(n->all[i], name) == 0) return i;
@@ -35,8 +35,8 @@ static int number_of(names *n, const char *name) {
 
 /*------------------------------------- gnuplot --------------------------------------------------*/
 
-/* Run it on these files, without a shell, and without the user's own settings. Returns its exit
- * status; -1: it could not be run, and errno tells why. */
+/* Runs gnuplot on these files, without a shell or the user's settings. Returns its exit status; -1:
+ * it could not be run, see errno. */
 static int run_gnuplot(char *argument, int from, int to) {
   char name[] = "gnuplot", settings[] = "-d", *argv[] = {name, settings, argument, NULL};
   posix_spawn_file_actions_t actions;
@@ -67,7 +67,7 @@ int gnuplot_is_there(void) {
 
 /*------------------------------------- the script -----------------------------------------------*/
 
-/* A string of gnuplot's, in which '' stands for '. */
+/* A string in gnuplot's syntax, in which '' stands for '. */
 static void print_quoted(FILE *out, const char *text) {
   putc('\'', out);
   for (; *text; text++) {
@@ -77,7 +77,7 @@ static void print_quoted(FILE *out, const char *text) {
   putc('\'', out);
 }
 
-/* Whether places belong to one curve: cloth32 and cloth64 do. */
+/* Whether two places belong to one curve, as cloth32 and cloth64 do. */
 static int are_family(const char *a, const char *b) {
   const size_t n = strcspn(a, "0123456789");
   return n == strcspn(b, "0123456789") && memcmp(a, b, n) == 0;
@@ -98,14 +98,14 @@ static void collect(const picture *p, const report *r, names *series, names *pla
   }
 }
 
-/* By family, and within it by x. */
+/* Order by family, then by x. */
 static int compare_points(const void *a, const void *b) {
   const picture_point *p = a, *q = b;
   if (are_family(p->place, q->place)) return (p->x > q->x) - (p->x < q->x);
   return strcmp(p->place, q->place);
 }
 
-/* A line of data of each point: x, y, place; families apart. */
+/* A data line for each point: x, y, place; an empty line between families. */
 static void print_curve(FILE *out, picture_point *points, int n) {
   qsort(points, (size_t)n, sizeof *points, compare_points);
   for (int i = 0; i < n; i++) {
@@ -114,14 +114,14 @@ static void print_curve(FILE *out, picture_point *points, int n) {
   }
 }
 
-/* The same, each beside its neighbours of other series: offset of them all from the place. */
+/* A data line for each bar, shifted by `offset` from its place. */
 static void print_bars(FILE *out, const picture_point *points, int n, double offset,
                        names *places) {
   for (int i = 0; i < n; i++)
     fprintf(out, "%.9g %.9g\n", number_of(places, points[i].place) + offset, points[i].y);
 }
 
-/* One series as a block of data. points: room for all rows; place NULL: all. */
+/* One series as a data block. points: scratch for all rows; place NULL: all. */
 static void print_data(FILE *out, const picture *p, const report *r, int number, names *series,
                        names *places, const char *place, picture_point *points) {
   size_t i;
@@ -138,7 +138,7 @@ static void print_data(FILE *out, const picture *p, const report *r, int number,
   fputs("END\n", out);
 }
 
-/* gnuplot has eight colours of its own. */
+/* gnuplot defines eight colours. */
 static const char more_colours[] =
     "set linetype 9 lc '#808080'\nset linetype 10 lc '#a0522d'\nset linetype 11 lc '#ff69b4'\n"
     "set linetype 12 lc '#556b2f'\n";
@@ -175,8 +175,8 @@ static void print_axes(FILE *out, const picture *p, const names *places) {
   fprintf(out, ")\nset xrange [-0.6:%d - 0.4]\n", places->count);
 }
 
-/* Places are written at the first curve only, as they lie at the same x in all; a panel has one.
- * all: each has a colour of its own. */
+/* Labels places at the first curve only, as x is the same in all; a panel has one place. all:
+ * determines the colours. */
 static void print_plot(FILE *out, const picture *p, const names *series, names *all) {
   fputs(series->count ? "plot " : "set yrange [1:10]\nplot 1 notitle", out);
   for (int i = 0; i < series->count; i++) {
@@ -189,7 +189,7 @@ static void print_plot(FILE *out, const picture *p, const names *series, names *
   putc('\n', out);
 }
 
-/* A series that a place knows nothing of is left out there. */
+/* Prints one place, with the series that have points there. */
 static void print_panel(FILE *out, const picture *p, const report *r, names *all, names *places,
                         const char *place, picture_point *points) {
   names series = {.count = 0};
@@ -215,10 +215,10 @@ static void print_panels(FILE *out, const picture *p, const report *r, names *al
   fputs("unset multiplot\n", out);
 }
 
-/* Decades of x from the least on; columns of a place lie side by side. */
+/* Decades of x from the smallest on, side by side within a place. */
 enum { DECADES = 8 };
 
-/* A field of cells: a row for each series, a column for each place and decade of x. */
+/* A heat map: a row for each series, a column for each place and decade of x. */
 static void print_heat(FILE *out, const picture *p, const report *r, names *series, names *places) {
   picture_point point;
   size_t i;

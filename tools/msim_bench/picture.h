@@ -1,34 +1,34 @@
-/* picture - what a bench found, drawn by gnuplot */
+/* picture - plots the results of a benchmark with gnuplot */
 #ifndef BENCH_PICTURE_H
 #define BENCH_PICTURE_H
 
 #include "report.h"
 
-/* A row as a point or a bar. */
+/* A row of the report as a point or a bar. */
 typedef struct picture_point {
-  const char *series; /* one colour, and a line in the key */
-  const char *place;  /* the scene, or what stands below the bars */
-  double x, y;        /* bars have no x */
+  const char *series; /* with its own colour */
+  const char *place;  /* name of the scene, or label below the bars */
+  double x, y;        /* x is unused for bars */
 } picture_point;
 
-/* How the rows of a bench are drawn. */
+/* How the rows of a benchmark are plotted. */
 typedef struct picture {
   const char *title, *x_label, *y_label;
-  const char *x_format; /* of gnuplot; NULL: 10k for 10 000 */
-  int bars; /* side by side at each place; 0: curves, each through places of one family, whose names
-               begin with the same letters */
-  int panels; /* curves: a picture for each place, one below the other */
-  int heat;   /* neither: a field of cells, places x by series, x within; coloured by y */
-  int (*point)(const json_t *row, picture_point *p); /* 0: the row is not in the picture */
+  const char *x_format; /* of gnuplot; NULL: "10k" for 10 000 */
+  int bars; /* 1: bars, side by side at each place; 0: curves, each through the places of one
+               family, whose names begin with the same letters */
+  int panels; /* curves: a panel for each place, one below the other */
+  int heat;   /* 1: a heat map: places x by series, with x within a place; coloured by y */
+  int (*point)(const json_t *row, picture_point *p); /* returns 0 if the row is not plotted */
 } picture;
 
 extern const picture linear_picture, skip_picture, forces_picture, scaling_picture, step_picture,
     precision_picture, stability_picture;
 
-/* Whether gnuplot can be run; complains. */
+/* Whether gnuplot can be run; prints an error if not. */
 int gnuplot_is_there(void);
 
-/* To a file that is open, as SVG; complains. */
+/* Writes SVG to an open file; prints an error if that fails. */
 int picture_write(const picture *p, const report *r, output_file *file);
 
 #endif

@@ -1,4 +1,4 @@
-/* What of each bench's rows its picture shows. */
+/* The plot of each benchmark: which rows it shows, and how. */
 #include <math.h>
 #include <string.h>
 
@@ -9,7 +9,7 @@ static const char *text_of(const json_t *row, const char *key) {
   return text ? text : "";
 }
 
-/* NAN where there is none */
+/* Returns NAN if the row has no such number. */
 static double number_of(const json_t *row, const char *key) {
   const json_t *value = json_object_get(row, key);
   return json_is_number(value) ? json_number_value(value) : NAN;
@@ -19,7 +19,7 @@ static int is_measure(const json_t *row, const char *measure) {
   return strcmp(text_of(row, "measure"), measure) == 0;
 }
 
-/* Steps of the summary's k and h. */
+/* Whether the step has the k and h of the summary. */
 static int is_main_step(const json_t *row) {
   return number_of(row, "k") == 1000 && fabs(number_of(row, "h") * 60 - 1) < 1e-6;
 }
@@ -58,14 +58,14 @@ static int precision_point(const json_t *row, picture_point *p) {
   return is_measure(row, "rung") && json_is_true(json_object_get(row, "near_best"));
 }
 
-/* The outcome of a cell as a number: the darker the worse. */
+/* y is the index of the outcome; a larger one is worse. */
 static int stability_point(const json_t *row, picture_point *p) {
   static const char *const words[] = {"stable", "bounded", "dissipated", "reported",
                                       "silent", "crash",   "hang"};
   *p = (picture_point){text_of(row, "method"), text_of(row, "scene"), number_of(row, "h"), NAN};
   for (int i = 0; i < 7; i++)
     if (strcmp(text_of(row, "outcome"), words[i]) == 0) p->y = i;
-  return is_measure(row, "cell") && isfinite(p->y); /* refused: no run */
+  return is_measure(row, "cell") && isfinite(p->y); /* a refused cell has no outcome */
 }
 
 const picture stability_picture = {.title = "outcome of runs under stress",

@@ -9,7 +9,7 @@ static int by_ends(const void *a, const void *b) {
   return s->i != t->i ? (s->i > t->i) - (s->i < t->i) : (s->j > t->j) - (s->j < t->j);
 }
 
-/* Springs as neighbours in memory, like their ends. */
+/* Sorts the springs by their ends, for memory locality. */
 static void fill_springs(potential *p) {
   const msim_scene_view *s = &p->step->moving->view;
   const double h = p->step->h;
@@ -58,7 +58,7 @@ void potential_free(potential *p) {
   *p = (potential){0};
 }
 
-/* 1/2 (x - y)' M (x - y) and M (x - y) */
+/* Returns 1/2 (x - y)' M (x - y); g = M (x - y) */
 static double inertia(const potential *p, const double *restrict x, double *restrict g) {
   const int32_t n = p->n;
   double sum[3] = {0};
@@ -71,7 +71,7 @@ static double inertia(const potential *p, const double *restrict x, double *rest
   return 0.5 * (sum[0] + sum[1] + sum[2]);
 }
 
-/* h^2 sum of k/2 (l - L)^2, and h^2 k (l - L) d/l */
+/* Returns h^2 sum of k/2 (l - L)^2 and adds its gradient, h^2 k (l - L) d/l */
 static double elasticity(const potential *p, const double *restrict x, double *restrict gx) {
   const double *y = x + p->n, *z = y + p->n;
   double *restrict gy = gx + p->n, *restrict gz = gy + p->n;

@@ -1,7 +1,7 @@
-/* potential - the step as a minimisation, in the order of the prefactored matrix
+/* potential - an implicit Euler step as a minimization, in the order of the prefactored matrix
  *
  *   P(x') = 1/2 (x' - y)' M (x' - y) + h^2 E(x'),  y = x + h v + h^2 g,  v' = (x' - x)/h
- * E of the springs; grad P = 0 is the equation of the step (Martin et al. 2011). */
+ * E is the energy of the springs; grad P = 0 is the equation of the step (Martin et al. 2011). */
 #ifndef BENCH_POTENTIAL_H
 #define BENCH_POTENTIAL_H
 
@@ -12,23 +12,23 @@ typedef struct potential {
   const nonlinear_step *step;
   const laplacian *matrix;
   int32_t n, nsprings, npinned;
-  double *mass, *y; /* n; 3n: where it begins */
-  int32_t *pinned;  /* their places */
+  double *mass, *y; /* n; 3n: the inertial position */
+  int32_t *pinned;  /* positions in the order of the matrix */
   struct link {
     int32_t i, j;
-    double k, rest; /* k: h^2 of it */
+    double k, rest; /* k: multiplied by h^2 */
   } * springs;
-  double *v; /* 3n: room for potential_velocity */
+  double *v; /* 3n: result of potential_velocity */
 } potential;
 
-/* 0 where there is no memory. Call potential_free in any case. */
+/* Returns 0 if out of memory. Call potential_free in any case. */
 int potential_make(const nonlinear_step *s, const laplacian *L, potential *p);
 void potential_free(potential *p);
 
-/* P and its gradient, in one loop over the springs. */
+/* Computes P and its gradient, in one loop over the springs. */
 double potential_at(const potential *p, const double *x, double *gradient);
 
-/* The velocity that leads there, in the order of the scene; lent. */
+/* The velocity v' of x' = x, in the order of the scene; valid until the next call. */
 const double *potential_velocity(const potential *p, const double *x);
 
 #endif

@@ -1,5 +1,5 @@
-/* precision - run time against error: every method by a ladder of settings, on scenes that each
- * make something difficult, beside CVODE and ARKODE on the same forces */
+/* precision - benchmark of run time against error: every method at several settings, on scenes that
+ * each pose one difficulty, against CVODE and ARKODE on the same forces */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 #include "precision_cells.h"
 #include "precision_rows.h"
 
-/* Of one scene, s. */
+/* Time limits for one scene, s. */
 typedef struct scene_plan {
   double truth, turns, whole;
 } scene_plan;
@@ -21,8 +21,8 @@ static const scene_plan plan_quick = {.truth = 1.2, .turns = 1, .whole = 6};
 
 /*------------------------------------- keys of one scene ----------------------------------------*/
 
-/* In terms of the extent, as tol is, of rungs whose error the truth tells apart, above rounding, in
- * scenes that are not chaotic. */
+/* The largest error over tol, both relative to the extent, over runs by tol whose error is
+ * measurable and well above rounding, in scenes that are not chaotic. */
 static void judge_tol(const climb *c, double *over_tol) {
   const double LEAST = 0.9e-8, CHAOTIC = 100;
   const truth *t = c->arena.truth;
@@ -50,7 +50,7 @@ static void judge_respa(const climb *c, report *out) {
 
 typedef struct findings {
   cells cells;
-  double over_tol; /* the largest error of msim over tol; NAN: none could be told */
+  double over_tol; /* the largest error of msim over tol; NAN: none was measured */
 } findings;
 
 static void measure(const bench_wishes *wishes, const precision_scene *kind, const ode_methods *ode,

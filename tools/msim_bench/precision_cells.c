@@ -42,7 +42,7 @@ static void print_cell(const cell *here, const entrant *best, const entrant *sun
   putchar('\n');
 }
 
-/* Numbers that are missing or infinite have no key in the row. */
+/* A NAN has no key in the row, an infinite number is null. */
 static void report_cell(report *out, const cell *here, const entrant *best,
                         const entrant *sundials) {
   json_t *row = report_row(out, "cell");
@@ -80,7 +80,7 @@ void cells_add(const climb *c, report *out, cells *list) {
 
 /*------------------------------------- keys -----------------------------------------------------*/
 
-/* `auto` over the best method of msim, of all cells. */
+/* `auto` over the best method of msim, over all cells. */
 static void report_auto_over_best(const cells *list, report *out) {
   double ratios[MOST_CELLS];
   int count = 0, missing = 0, empty = 0;
@@ -101,7 +101,8 @@ static void report_auto_over_best(const cells *list, report *out) {
   report_key(out, "auto_over_best_worst", count ? quantile(count, ratios, 1) : NAN);
 }
 
-/* The worst of one kind of scenes at one error, of `auto` or of the best method. */
+/* The largest ratio at one error, over scenes with or without damping; of_auto: of `auto`, else of
+ * the best method. */
 static void report_over_sundials(const cells *list, int level, int damped, int of_auto,
                                  report *out) {
   static const char *const names[LEVELS] = {NULL, "1e4", "1e6", "1e8", NULL};

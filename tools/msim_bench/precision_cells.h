@@ -1,5 +1,5 @@
-/* precision_cells - the best method of msim, `auto` and the best of SUNDIALS side by side in each
- * cell, that is a scene and an error that its truth resolves; the keys that compare them */
+/* precision_cells - the best method of msim, `auto` and the best of SUNDIALS in each cell (a scene
+ * and an error that its reference solution resolves), and the keys that compare them */
 #ifndef BENCH_PRECISION_CELLS_H
 #define BENCH_PRECISION_CELLS_H
 
@@ -8,12 +8,12 @@
 
 enum { MOST_CELLS = 16 * LEVELS };
 
-/* s, NAN: that one has no result */
+/* s, NAN: no result */
 typedef struct cell {
   const precision_scene *scene;
-  int level;                     /* of `levels` */
-  int compared;                  /* SUNDIALS takes part */
-  double best, chosen, sundials; /* chosen: by `auto` */
+  int level;                     /* index in `levels` */
+  int compared;                  /* whether SUNDIALS takes part */
+  double best, chosen, sundials; /* chosen: of `auto` */
 } cell;
 
 typedef struct cells {
@@ -21,14 +21,14 @@ typedef struct cells {
   cell all[MOST_CELLS];
 } cells;
 
-/* A missing result is the worst: INFINITY where only a is missing, 0 where only b is, NAN where
- * both are. */
+/* a / b; a missing result counts as infinitely slow: INFINITY if only a is missing, 0 if only b is,
+ * NAN if both are. */
 double ratio_of_results(double a, double b);
 
-/* Append the cells of a scene, print them and write a row for each. */
+/* Appends the cells of a scene, prints them and writes a row for each. */
 void cells_add(const climb *c, report *out, cells *list);
 
-/* Keys over all cells. with_sundials: whether the library is there. */
+/* Writes the keys over all cells. with_sundials: whether the library was found. */
 void report_cell_keys(const cells *list, int with_sundials, report *out);
 
 #endif

@@ -71,8 +71,8 @@ static void report_kernel(report *out, const kernel *k) {
 
 static const char *const statuses[] = {[RAN] = "ok", [REFUSED] = "refused", [FAILED] = "failed"};
 
-/* At some error within a factor of 1.5 of the best of msim's, or of the library's: no others are in
- * the picture. */
+/* Whether it is, at some error, within a factor of 1.5 of the best method of its library; only
+ * these are plotted. */
 static int is_near_best(const climb *c, const entrant *who) {
   for (int l = 0; l < LEVELS; l++) {
     const entrant *best = cheapest(c, who->integrator != NULL, levels[l]);
@@ -105,9 +105,9 @@ static void report_rung(report *out, const climb *c, int i) {
 
 /*------------------------------------- methods --------------------------------------------------*/
 
-enum { DRIFT_LEVEL = 1 }; /* drifts and evaluations are those at 1e-4, or of the best rung */
+enum { DRIFT_LEVEL = 1 }; /* drifts and evaluations: at 1e-4, or of the most accurate run */
 
-/* The rung that a method's drifts are told of; NULL: none ran. */
+/* The run whose drifts are printed; NULL: none. */
 static const rung *typical(const climb *c, const entrant *who) {
   const rung *best = NULL;
   for (const rung *r = c->rungs; r < c->rungs + c->count; r++) {
@@ -123,7 +123,7 @@ static void print_number(const char *format, double value) {
   else printf(" %8s", "-");
 }
 
-/* Why a method has no result: the reason of its last rung. */
+/* Why a method has no result: the reason of its last run. */
 static const char *last_reason(const climb *c, const entrant *who) {
   const char *reason = "there was no time left";
   for (int i = 0; i < c->count; i++)

@@ -1,4 +1,4 @@
-/* precision_rows - what the methods came to on one scene, as a table and as rows of the report */
+/* precision_rows - prints the results of `precision` on one scene and writes them to the report */
 #ifndef BENCH_PRECISION_ROWS_H
 #define BENCH_PRECISION_ROWS_H
 
@@ -7,10 +7,10 @@
 
 void print_scene(const precision_scene *kind);
 
-/* The scene without a result. */
+/* Writes a row for a scene without a reference solution. */
 void report_no_truth(report *out, const precision_scene *kind, const char *why);
 
-/* What is known of the scene, every rung, and what each error costs by each method. */
+/* Writes the properties of the scene, every run, and the cost of each error by each method. */
 void report_climb(report *out, const climb *c);
 
 #endif

@@ -5,7 +5,7 @@
 
 #include "../common/clock.h"
 
-/* create() is not told which table it was called by. */
+/* The probe of the next create(), which has no argument to identify it. */
 static probe *next;
 
 /*------------------------------------- forwarding -----------------------------------------------*/
@@ -32,7 +32,7 @@ static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_s
   return p->inner->factor(p->self, A, kind, info);
 }
 
-/* Scalars of one vector. */
+/* Number of scalars in a vector. */
 static size_t vector_length(const msim_system *A) {
   return (size_t)A->block * (size_t)(A->format == MSIM_FORMAT_NONE ? A->stride : A->n);
 }

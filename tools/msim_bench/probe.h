@@ -1,28 +1,28 @@
-/* probe - a backend inside a real sim, to be called again from outside with the very same system
+/* probe - a backend that forwards all calls to another one, to repeat a solve outside the sim on
+ * the same system
  *
- * The probe's table has the backend's name and forwards every call to it. A sim takes it by
- * msim_options.backends. */
+ * Its table has the name of the inner backend. A sim uses it through msim_options.backends. */
 #ifndef BENCH_PROBE_H
 #define BENCH_PROBE_H
 
 #include "msim/backend.h"
 
 typedef struct probe {
-  msim_backend table; /* for the sim */
+  msim_backend table; /* passed to the sim */
   const msim_backend *inner;
-  void *self;            /* of inner */
-  const msim_system *A;  /* the sim's, since analyze() */
-  int listens;           /* keep what the first solve() from now on is asked */
-  size_t length;         /* of b and guess; 0: nothing was kept */
-  double *b, *guess, *y; /* y: room for a solution */
+  void *self;            /* state of the inner backend */
+  const msim_system *A;  /* owned by the sim; set by analyze() */
+  int listens;           /* 1: copy the arguments of the next solve() */
+  size_t length;         /* of b and guess; 0: no solve() was copied */
+  double *b, *guess, *y; /* y: scratch for a solution */
   msim_solve_params params;
 } probe;
 
-/* The next sim that is created with p->table as a solver is watched by p, which outlives it. */
+/* The next sim that is created with p->table as a solver uses p, which must outlive it. */
 void probe_init(probe *p, const msim_backend *inner);
 void probe_free(probe *p);
 
-/* factor() and solve() once more, for the right side and first guess that were kept. */
+/* Repeats and times factor() and solve() with the copied right-hand side and initial guess. */
 msim_status probe_replay(probe *p, double *factor_s, double *solve_s);
 
 #endif

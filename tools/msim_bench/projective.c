@@ -1,10 +1,10 @@
-/* Projective dynamics (Liu et al. 2013), alternating between the directions of the springs and a
- * linear system that is always the same:
+/* Projective dynamics (Liu et al. 2013), which alternates between the directions of the springs and
+ * a linear system with a constant matrix:
  *
  *   local:  p = L d/l of each spring      global:  (M + h^2 Lap_k) x' = M y + h^2 sum k A' p
  *
- * where A x = d. As a correction of x that is x' = x - (M + h^2 Lap_k)^-1 grad P(x) (Liu, Bouaziz
- * and Kavan 2017): one loop over the springs and one solve either way. */
+ * where A x = d. As a correction of x this is x' = x - (M + h^2 Lap_k)^-1 grad P(x) (Liu, Bouaziz
+ * and Kavan 2017): both take one loop over the springs and one solve. */
 #include <string.h>
 
 #include "descent.h"

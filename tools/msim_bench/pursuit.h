@@ -1,51 +1,52 @@
-/* pursuit - how a method came near the solution of a step: the time to each accuracy */
+/* pursuit - the times at which a method reaches each accuracy of a step */
 #ifndef BENCH_PURSUIT_H
 #define BENCH_PURSUIT_H
 
 #include <stdint.h>
 
 enum { ACCURACIES = 3 };
-extern const double accuracies[ACCURACIES]; /* relative errors, the largest first */
+extern const double accuracies[ACCURACIES]; /* relative errors in decreasing order */
 
 typedef struct arrival {
-  double seconds; /* NAN: it did not arrive */
-  double error;   /* where it stopped */
+  double seconds; /* NAN: the accuracy was not reached */
+  double error;   /* of this iterate */
   int64_t iterations;
-  int rung; /* of a ladder */
+  int rung; /* index of newton.rtol, for Newton's method */
 } arrival;
 
-/* How it ended. CUT_OFF: time was up, and nobody knows how much more it needs. */
+/* Why the run ended. CUT_OFF: the time was up; how much more the method needs is unknown. */
 enum { ARRIVED, CUT_OFF, OTHER_MINIMUM, FAILED, LEFT_OUT };
 
 typedef struct pursuit {
   const char *name;
   arrival at[ACCURACIES];
   int end;
-  double lasted;     /* s, where it was cut off */
-  char reason[1024]; /* where it did not arrive */
+  double lasted;     /* s without reaching the next accuracy, if it was cut off */
+  char reason[1024]; /* why accuracies were not reached */
 } pursuit;
 
-/* What a method may take. */
+/* Time limits of a method. */
 typedef struct allowance {
   double seconds;
   double until;     /* on wall_seconds' clock */
-  double iteration; /* s, at least, of one of Newton's; 0: not known */
+  double iteration; /* s, lower bound for a Newton iteration; 0: unknown */
 } allowance;
 
-/* Newton iterations for which there is time: a step cannot be interrupted. */
+/* Number of Newton iterations, at most `most`, for which there is time: a step cannot be
+ * interrupted. */
 int32_t affordable(const allowance *a, int32_t most);
 
 void pursuit_begin(pursuit *p, const char *name);
 
-/* It was there: the quickest way to each accuracy is kept. Returns whether all are reached. */
+/* Records an iterate; each accuracy keeps the fastest. Returns whether all are reached. */
 int pursuit_note(pursuit *p, const arrival *here);
 
-/* It goes no further, and why. */
+/* Ends the run, with the reason. */
 void pursuit_end(pursuit *p, int end, const char *reason);
 void pursuit_cut_off(pursuit *p, double lasted);
 
-/* Whether it may begin something, having spent so much; where not, it ends. lasted: without having
- * arrived. */
+/* Whether the method may continue after `spent` seconds; ends the run if not. lasted: time without
+ * reaching the next accuracy. */
 int pursuit_may_go_on(pursuit *p, const allowance *a, double spent, double lasted);
 
 #endif

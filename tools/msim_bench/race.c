@@ -47,7 +47,7 @@ static int fail(contestant *c, const char *why) {
 
 /*------------------------------------- whole steps ----------------------------------------------*/
 
-/* What steps added to the sim's statistics, on average. */
+/* Stores the mean change of the statistics over `steps`. */
 static void take_phases(const msim_stats *before, const msim_stats *after, int steps, sample *s) {
   s->force = (after->force_s - before->force_s) / steps;
   s->assemble = (after->assemble_s - before->assemble_s) / steps;
@@ -56,7 +56,7 @@ static void take_phases(const msim_stats *before, const msim_stats *after, int s
   s->iterations = (after->iterations - before->iterations) / steps;
 }
 
-/* From the state of `moving`. */
+/* Makes a step from the state of `moving`. */
 static msim_status run_one(struct racing_step *step, sample *s, msim_error *err) {
   msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
   msim_status status = msim_sim_set_state(step->sim, &step->race->moving->state, err);
@@ -86,8 +86,8 @@ static int run_step(contestant *c, sample *s) {
   return 1;
 }
 
-/* A series from the state of `moving` on: setting it makes a solver forget what it kept, so all
- * that it makes and keeps on the way counts. */
+/* Makes a series of steps from the state of `moving`. Setting it discards lagged factorizations, so
+ * that each sample includes making them. */
 static int run_series(contestant *c, sample *s) {
   const struct racing_step *step = c->data;
   msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
@@ -101,7 +101,7 @@ static int run_series(contestant *c, sample *s) {
   return 1;
 }
 
-/* Only `auto` may choose. */
+/* Only `auto` may select another solver. */
 static void check_solver(contestant *c, const char *solver, const msim_sim *sim) {
   msim_plan plan = {.size = sizeof plan};
   msim_sim_plan(sim, &plan);

@@ -1,4 +1,5 @@
-/* race - all that solves one system, in turn: whole steps, backends alone, reference programs */
+/* race - times all that solves one linear system, in turn: whole steps, backends alone, reference
+ * programs */
 #ifndef BENCH_RACE_H
 #define BENCH_RACE_H
 
@@ -11,8 +12,8 @@ enum { MOST_STEPS = 16, MOST_CONTESTANTS = 2 * MOST_STEPS + REFERENCE_VARIANTS +
 
 typedef struct race {
   const moving *moving;
-  linear_system system; /* n = 0: h and rtol alone */
-  double warm;          /* s of steps that do not count, before each one that does */
+  linear_system system; /* n = 0: only h and rtol are set */
+  double warm;          /* s of untimed steps before each timed one */
   struct racing_step {
     const struct race *race;
     probe probe;
@@ -23,32 +24,32 @@ typedef struct race {
     reference *child;
     int variant;
   } references[REFERENCE_VARIANTS + 1];
-  int series;   /* whole steps that follow each other from the state of `moving` on, in each sample;
-                 0: one; set before they are entered */
-  double until; /* on wall_seconds' clock: no series goes on after it */
+  int series;   /* consecutive steps from the state of `moving` on, in each sample; 0: one; to be
+                   set before race_add_step */
+  double until; /* on wall_seconds' clock: when a series is aborted */
   int nsteps, nreferences, count;
   contestant all[MOST_CONTESTANTS];
 } race;
 
-/* A race over the step of length h from a scene's state. with_system: references take part and
- * residuals are computed, which a large matrix is too large for. NULL: it failed, and why in err.
- */
+/* Prepares a comparison on the step of length h from a scene's state. with_system: 1 if reference
+ * programs take part and residuals are computed; not for the largest scenes. Returns NULL on
+ * failure and sets err. */
 race *race_new(const moving *m, double h, double rtol, int with_system, msim_error *err);
 void race_free(race *r);
 
-/* Enter one: the contestant, whose `failed` tells that it cannot run. */
+/* Each function adds a candidate; its `failed` is set if it cannot run. */
 
-/* A whole step by so many threads, option `solver` being the name. table: the backend behind it, to
- * be watched for race_add_bare; NULL: it is not, or built in. */
+/* Adds a whole step with option `solver`. table: its backend, which a probe then forwards to for
+ * race_add_bare; NULL: no probe. */
 contestant *race_add_step(race *r, const char *solver, const msim_backend *table, int32_t threads);
 
-/* What makes a contestant's steps; NULL: it is no whole step. */
+/* The data of a whole step; NULL for other candidates. */
 const struct racing_step *race_step_of(const contestant *c);
 
-/* Factor and solve of the step entered last, called again on the same values. */
+/* Adds factor and solve of the step that was added last, repeated. */
 contestant *race_add_bare(race *r);
 
-/* A reference program that has taken r->system. */
+/* Adds a reference program, to which r->system was sent. */
 contestant *race_add_reference(race *r, const char *measure, reference *child, int variant);
 
 #endif

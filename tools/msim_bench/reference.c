@@ -17,7 +17,7 @@ extern char **environ;
 
 /*------------------------------------- starting -------------------------------------------------*/
 
-/* REFERENCE_FOLDER is relative to where this program lies, so that a moved install works. */
+/* REFERENCE_FOLDER is relative to this program's folder, so that an installation can be moved. */
 int reference_path(const char *name, int mode, char *path, size_t size) {
   char own[2048];
   const ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
@@ -36,7 +36,7 @@ static int tells_libraries(const char *variable) {
   return 0;
 }
 
-/* To be freed; the strings are borrowed. */
+/* Returns the environment without such variables: an array to be freed, with shared strings. */
 static char **plain_environment(void) {
   size_t n = 0, kept = 0;
   while (environ[n]) n++;
@@ -46,7 +46,7 @@ static char **plain_environment(void) {
   return plain;
 }
 
-/* Two pipes whose ends no other child inherits: [0] from us to it, [1] from it to us. */
+/* Makes two pipes that other child processes do not inherit: [0] to the child, [1] from it. */
 static int make_pipes(int ends[2][2]) {
   if (pipe(ends[0]) != 0) return 0;
   if (pipe(ends[1]) != 0) {
@@ -111,7 +111,7 @@ void reference_stop(reference *r) {
 
 /*------------------------------------- asking ---------------------------------------------------*/
 
-/* Who does not answer is asked no more. */
+/* Stops a program that does not answer. */
 static int lose(reference *r) {
   reference_stop(r);
   snprintf(r->reason, sizeof r->reason, "the reference program ended before its time");

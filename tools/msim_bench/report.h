@@ -1,4 +1,4 @@
-/* report - what a bench found: rows and summary, for people and as JSON */
+/* report - the results of a benchmark: rows and a summary, printed and written as JSON */
 #ifndef BENCH_REPORT_H
 #define BENCH_REPORT_H
 
@@ -16,22 +16,22 @@ typedef struct report {
 void report_begin(report *r, const char *bench, int quick);
 void report_free(report *r);
 
-/* Append a row, which is taken; its keys are set through the calls below. */
+/* Appends a row, which the report owns; the functions below set its keys. */
 json_t *report_row(report *r, const char *measure);
 
-/* NAN, what was not measured, leaves no key; an infinite value is null. */
+/* NAN (not measured) adds no key; an infinite value becomes null. */
 void put_real(json_t *object, const char *key, double value);
 void put_text(json_t *object, const char *key, const char *text);
 void put_integer(json_t *object, const char *key, int64_t value);
 
-/* A key of the summary; null, printed as "no result", where it is NAN or infinite: a key that was
- * to be measured does not vanish. */
+/* Sets a key of the summary; NAN and infinity become null, printed as "no result", so that a key
+ * which could not be measured stays visible. */
 void report_key(report *r, const char *key, double value);
 
-/* To the terminal. */
+/* Prints to stdout. */
 void report_print_summary(const report *r);
 
-/* To a file that is open; complains. */
+/* Writes JSON to an open file; prints an error if that fails. */
 int report_write(const report *r, output_file *file);
 
 #endif

@@ -55,7 +55,7 @@ static void put_ms(json_t *row, const char *key, double seconds) {
   if (seconds > 0) put_real(row, key, 1e3 * seconds);
 }
 
-/* Who computed. */
+/* Adds the solver that ran and its number of threads. */
 static void put_plan(json_t *row, const contestant *c) {
   const struct racing_step *step = race_step_of(c);
   msim_plan plan = {.size = sizeof plan};

@@ -1,24 +1,24 @@
-/* rows - what a race found, as a table and as rows of the report */
+/* rows - prints the results of a solver comparison and writes them to the report */
 #ifndef BENCH_ROWS_H
 #define BENCH_ROWS_H
 
 #include "race.h"
 #include "report.h"
 
-/* The scene and its step; what the columns of a race are. */
+/* Print the scene and its step; print the header of the table. */
 void print_heading(const moving *m, double h);
 void print_columns(void);
 
-/* A new row about a scene and its step. */
+/* Appends a row with the properties of a scene and its step. */
 json_t *step_row(report *out, const char *measure, const moving *m, double h);
 
-/* All contestants of a race. */
+/* Prints and writes the results of all candidates. */
 void report_race(report *out, const race *r);
 
-/* Those of them that failed or never ran, as rows of another measure than their own. */
+/* Writes those that failed or never ran, as rows with this measure instead of their own. */
 void report_failures(report *out, const race *r, const char *measure);
 
-/* A solver that was not even tried. */
+/* Writes a row for a solver that was not run. */
 void report_left_out(report *out, const char *measure, const moving *m, double h,
                      const char *solver, const char *why);
 

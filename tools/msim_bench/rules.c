@@ -4,16 +4,15 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Of LU without pivoting, n unknowns in an order that minimises fill: about 800 n^1.5 on a surface,
- * 80 n^2 in a solid; fitted to AMD's orders of these scenes. */
+/* Flops of LU without pivoting, for n unknowns in a fill-reducing order: about 800 n^1.5 on a
+ * surface, 80 n^2 in a solid; fitted to AMD orderings of these scenes. */
 static double predict_flops(const moving *m) {
   const double n = m->unknowns;
   return m->kind->solid ? 80 * n * n : 800 * n * sqrt(n);
 }
 
-/* Of conjugate gradients that know no more than the blocks of the diagonal: half the root of the
- * condition number times the digits asked for, where
- * kappa <= 1 + 2 g h^2 k / m for g springs at each particle, by Gershgorin. Folded cloth needs a
+/* Iterations of conjugate gradients with block Jacobi: 1/2 sqrt(kappa) ln(2/rtol), where
+ * kappa <= 1 + 2 g h^2 k/m for g springs at each particle, by Gershgorin. Folded cloth needs a
  * tenth to half of it. */
 static double predict_iterations(const moving *m, double h, double rtol) {
   const msim_scene_view *view = &m->view;
@@ -35,7 +34,7 @@ const char *leave_out(const char *solver, const moving *m, double h, double rtol
     return flops > t->flops ? text : NULL;
   }
   const int restarts = strstr(solver, "gmr") != NULL;
-  const int pairs = strstr(solver, "bcgs") || strstr(solver, "tfqmr"); /* in each iteration */
+  const int pairs = strstr(solver, "bcgs") || strstr(solver, "tfqmr"); /* 2 per iteration */
   const double products = (pairs ? 2 : 1) * predict_iterations(m, h, rtol);
   snprintf(text, 128, "up to %.1g products A x predicted%s", products,
            restarts ? ", with restarts" : "");

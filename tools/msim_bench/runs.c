@@ -7,16 +7,16 @@
 
 #include "wide.h"
 
-enum { LONGEST = 256, GAP = 4 }; /* springs of a run; of them, in a row, that are none */
+enum { LONGEST = 256, GAP = 4 }; /* largest number of springs in a run; of consecutive fillers */
 
 /*------------------------------------- sorting --------------------------------------------------*/
 
-/* From the lower particle to the higher one. */
+/* A spring, from the particle of lower index to the other. */
 typedef struct link {
   int32_t i, j, spring;
 } link;
 
-/* By distance of the numbers, then by the lower one. */
+/* Orders by the difference of the indices, then by the lower index. */
 static int compare(const void *a, const void *b) {
   const link *p = a, *q = b;
   const int32_t far = p->j - p->i, other = q->j - q->i;
@@ -29,8 +29,8 @@ static void put(runs *r, double k, double rest, double damping) {
   r->used++;
 }
 
-/* Short gaps, as at the ends of a cloth's rows, are filled by springs of no stiffness: one long
- * loop is faster than many short ones. */
+/* Fills short gaps, as at the ends of a cloth's rows, with springs of stiffness 0: one long loop is
+ * faster than many short ones. */
 static void append(const msim_scene_view *view, const link *s, runs *r) {
   spring_run *run = r->count ? &r->all[r->count - 1] : NULL;
   const int32_t gap = run ? s->i - run->i - run->length : -1;
@@ -81,12 +81,12 @@ void runs_free(runs *r) {
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-/* Of one run on its lower particles. DBL_MIN: a pair at one place pulls nowhere. */
+/* Forces of one run on its particles i. DBL_MIN avoids 0/0 where two particles coincide. */
 typedef struct pulls {
   double x[LONGEST], y[LONGEST], z[LONGEST];
 } pulls;
 
-/* k (l - L) d/l */
+/* p = k (l - L) d/l */
 WIDE static void pull(int32_t length, int32_t n, const double *restrict xi,
                       const double *restrict xj, const double *restrict k,
                       const double *restrict rest, pulls *restrict p) {
@@ -98,7 +98,7 @@ WIDE static void pull(int32_t length, int32_t n, const double *restrict xi,
   }
 }
 
-/* c (d . (v_j - v_i)) d/l^2 on top */
+/* p += c (d . (v_j - v_i)) d/l^2 */
 WIDE static void damp(int32_t length, int32_t n, const double *restrict xi,
                       const double *restrict xj, const double *restrict vi,
                       const double *restrict vj, const double *restrict c, pulls *restrict p) {

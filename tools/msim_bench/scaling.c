@@ -1,4 +1,5 @@
-/* scaling - the time of a step as scenes and stiffness grow, by `auto` and beside it by CHOLMOD */
+/* scaling - benchmark of implicit steps against the size and the stiffness of scenes, by `auto` and
+ * by CHOLMOD */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -15,8 +16,8 @@
 enum { SOFT = 1000, STIFF = 100000 }; /* N/m */
 
 typedef struct scaling_plan {
-  double seconds; /* for all */
-  double fall;    /* s, of each scene */
+  double seconds; /* s, limit for all scenes */
+  double fall;    /* s, limit for advancing a scene */
   patience each, growth;
   thrift thrift;
 } scaling_plan;
@@ -36,7 +37,7 @@ static const scaling_plan plan_quick = {
     .thrift = {.dense = 6e9},
 };
 
-/* What the keys need comes before what is dear. */
+/* Scenes that the keys need come first, expensive ones last. */
 static const struct subject {
   const char *scene;
   double k;
@@ -52,7 +53,7 @@ typedef struct scaling {
   const scaling_plan *plan;
   report *report;
   double until;           /* on wall_seconds' clock */
-  double soft_iterations; /* of cloth100; NAN: not known */
+  double soft_iterations; /* of cloth100 with SOFT springs; NAN: unknown */
 } scaling;
 
 static patience limited(const scaling *s, patience p) {
@@ -62,7 +63,7 @@ static patience limited(const scaling *s, patience p) {
 
 /*------------------------------------- one scene ------------------------------------------------*/
 
-/* A race without the matrix, whose steps are made until caches are warm. */
+/* Prepares a comparison without the matrix, with untimed steps that warm the caches. */
 static race *make_race(const moving *m, msim_error *err) {
   race *r = race_new(m, STEP, 1e-6, 0, err);
   if (r) r->warm = 0.02;
@@ -82,7 +83,7 @@ static void enter_all(const scaling *s, race *r) {
   else race_add_step(r, "cholmod", NULL, 1);
 }
 
-/* The time for a particle, over that in the small scene: steps of both, in turn. */
+/* Measures the time per particle relative to cloth64, by paired timing. */
 static void measure_growth(scaling *s, const contestant *large, const moving *m) {
   const bench_scene *scene = scene_named("cloth64");
   const patience p = limited(s, s->plan->growth);
@@ -104,7 +105,7 @@ static void measure_growth(scaling *s, const contestant *large, const moving *m)
   moving_free(&small);
 }
 
-/* Of a solve by iterations; NAN where it was a factorisation. */
+/* Iterations of the solver in a step; NAN for a direct solver. */
 static double iterations_of(const contestant *c) {
   const int64_t iterations = c->failed || c->n == 0 ? 0 : c->samples[c->n - 1].iterations;
   return iterations > 0 ? (double)iterations : NAN;

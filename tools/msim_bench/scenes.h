@@ -1,4 +1,4 @@
-/* scenes - what the benches simulate */
+/* scenes - the scenes that the benchmarks simulate */
 #ifndef BENCH_SCENES_H
 #define BENCH_SCENES_H
 
@@ -7,23 +7,23 @@
 typedef struct bench_scene {
   const char *name;
   int32_t side; /* particles along an edge of 1 m */
-  int solid;    /* 0: a cloth of 0.3 kg held at two corners, structural, shear and bend springs;
-                   1: a jelly of 1 kg held at an upper edge, so that it swings; 13 springs a
+  int solid;    /* 0: a cloth of 0.3 kg pinned at two corners, structural, shear and bend springs;
+                   1: a jelly of 1 kg pinned at an upper edge, so that it swings; 13 springs per
                    particle */
-  int random;   /* neither: side^2 particles at random in a plane, see mesh.h */
+  int random;   /* side^2 particles at random in a plane instead, see mesh.h */
 } bench_scene;
 
-/* The i-th scene, NULL past the end. */
+/* The i-th scene; NULL past the end. */
 const bench_scene *scene_info(int i);
 
-/* The scene whose name is the first `length` characters; NULL: there is none. */
+/* The scene whose name is the first `length` characters; NULL: none. */
 const bench_scene *scene_find(const char *name, size_t length);
 const bench_scene *scene_named(const char *name);
 
-/* 1 m x 1 m of 0.3 kg, every spring of k, held at the particles given, which it borrows. */
+/* A cloth of 1 m x 1 m and 0.3 kg, all springs of stiffness k; `pinned` is not copied. */
 msim_cloth bench_cloth(int32_t side, double k, int32_t npinned, const int32_t *pinned);
 
-/* A scene in motion, half a second after it was let go: a cloth is folded and wrinkled, a jelly
+/* A scene in motion, half a second after its release: a cloth is folded and wrinkled, a jelly
  * swings. */
 typedef struct moving {
   const bench_scene *kind;
@@ -33,25 +33,25 @@ typedef struct moving {
   msim_scene_view view;
   int32_t unknowns;
   msim_state state;
-  double *x, *v, *none; /* 3n: what state points to; zeros */
+  double *x, *v, *none; /* 3n: the arrays of `state`; zeros */
   msim_error err;
 } moving;
 
-/* The scene as it is built, every particle moved a little, so that no spring is at rest. 0 where it
- * failed, and why in m->err. Call moving_free in any case. */
+/* The scene as built, with free particles displaced randomly so that no spring is at rest. Returns
+ * 0 on failure and sets m->err. Call moving_free in any case. */
 int moving_shaken(const bench_scene *kind, double k, moving *m);
 
-/* seconds: for falling; where that is too short, an earlier state is taken, and m->state.t tells
- * which. until: when to give up, on wall_seconds' clock. 0 where it failed, and why in m->err. Call
- * moving_free in any case. */
+/* Makes the scene and advances it by 0.5 s, or less if that takes more than `seconds` of wall time;
+ * m->state.t is the time reached. until: when to give up, on wall_seconds' clock. Returns 0 on
+ * failure and sets m->err. Call moving_free in any case. */
 int moving_make(const bench_scene *kind, double k, int32_t threads, double seconds, double until,
                 moving *m);
 void moving_free(moving *m);
 
-/* After so many an iterative solver has failed. */
+/* iteration limit of linear solvers */
 enum { MOST_ITERATIONS = 5000 };
 
-/* Options of one linearly implicit step with a matrix that is positive definite. */
+/* Options of linearly implicit Euler with a positive definite matrix (clamped Jacobian). */
 msim_options implicit_options(double h, double rtol, const char *solver, int32_t threads);
 
 #endif

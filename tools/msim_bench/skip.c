@@ -1,5 +1,5 @@
-/* skip - what leaving out saves: each scene with the skip, without it, and without it by CHOLMOD
- * in every step, which is the general direct path */
+/* skip - benchmark of what skipping features saves: each scene with the skip, without it, and
+ * without it by CHOLMOD in every step, the general direct method */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -15,7 +15,7 @@ enum { ON, OFF, DIRECT, WAYS };
 
 static const char *const ways[WAYS] = {"on", "off", "off, cholmod"};
 
-/* One of the three. */
+/* Data of one of the three ways. */
 typedef struct runner {
   const skip_case *what;
   msim_scene *scene;
@@ -27,8 +27,8 @@ static int fail(contestant *c, const char *why) {
   return 0;
 }
 
-/* The same steps in each sample, from the scene's state on: setting it makes a solver forget what
- * it kept, so all that it makes and keeps on the way counts. */
+/* Makes the same steps in each sample. Setting the state discards lagged factorizations, so that
+ * each sample includes making them. */
 static int run_series(contestant *c, sample *s) {
   const runner *r = c->data;
   msim_scene_view view = {.size = sizeof view};
@@ -40,7 +40,7 @@ static int run_series(contestant *c, sample *s) {
   return time_series(r->sim, r->what->series, INFINITY, s, &err) ? 1 : fail(c, err.text);
 }
 
-/* Step for a while and go on from there the next time. */
+/* Makes steps for SECONDS; the next sample continues from there. */
 static int run_on(contestant *c, sample *s) {
   const double SECONDS = 0.05;
   const runner *r = c->data;
@@ -119,7 +119,7 @@ static void report_way(report *out, const skip_case *what, const contestant *c) 
          100 * spread_of(c, whole_seconds), plan.solver);
 }
 
-/* How many times as long a step takes in another way. */
+/* Reports the time of the slower way over that of the faster one. */
 static double report_factor(report *out, const skip_case *what, const contestant *slow,
                             const contestant *fast) {
   if (slow->failed || fast->failed) return NAN;

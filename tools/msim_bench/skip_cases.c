@@ -41,7 +41,7 @@ static msim_status pin_corners(msim_scene *scene, msim_error *err) {
   return msim_scene_pin(scene, 2, corners, err);
 }
 
-/* A cloth that sways: along z, or within its plane. */
+/* A cloth that sways along z or within its plane. */
 static void sway(parts *p, int axis) {
   for (int32_t i = 0; i < p->view.nparticles; i++)
     p->v[3 * i + axis] = 0.1 * sin(3 * p->view.x[3 * i]) * p->view.x[3 * i + 1];
@@ -82,7 +82,7 @@ static msim_status unmoved(int without, msim_scene *scene, msim_error *err) {
   return swaying(2, NULL, 1, 0, scene, err);
 }
 
-/* At its rest lengths, without weight, and nobody pushes it. */
+/* A cloth at its rest lengths, without gravity and initial velocity. */
 static msim_status resting(int without, msim_scene *scene, msim_error *err) {
   parts p;
   (void)without;
@@ -92,14 +92,14 @@ static msim_status resting(int without, msim_scene *scene, msim_error *err) {
   return status;
 }
 
-/* One sways, four lie beside it at their rest lengths. */
+/* A swaying cloth next to four cloths at rest. */
 static msim_status among_resting(int without, msim_scene *scene, msim_error *err) {
   msim_status status = unmoved(without, scene, err);
   for (int i = 1; i <= 4 && !status; i++) status = add_cloth(scene, 2 * i, err);
   return status;
 }
 
-/* Half of the rows pinned, or, as by a program that leaves nothing out, computed as free ones. */
+/* Half of the rows are pinned; without: free, as in a program that skips nothing. */
 static msim_status half_pinned(int without, msim_scene *scene, msim_error *err) {
   static int32_t held[N / 2];
   parts p;
@@ -115,7 +115,7 @@ static msim_status half_pinned(int without, msim_scene *scene, msim_error *err) 
   return status;
 }
 
-/* A jelly held at a face and struck: it trembles, and goes on by a method that damps nothing. */
+/* A jelly, pinned at a face, that starts with a velocity and vibrates without numerical damping. */
 static msim_status trembling(int without, msim_scene *scene, msim_error *err) {
   static int32_t face[JELLY * JELLY];
   const msim_lattice jelly = {.size = sizeof jelly,

@@ -1,4 +1,4 @@
-/* skip_cases - scenes that do not need something, for the bench `skip` */
+/* skip_cases - scenes that do not need some feature, for the benchmark `skip` */
 #ifndef BENCH_SKIP_CASES_H
 #define BENCH_SKIP_CASES_H
 
@@ -7,19 +7,19 @@
 enum { MOST_OFF = 2 };
 
 typedef struct skip_case {
-  const char *name;  /* of the rows */
-  const char *key;   /* of the summary; NULL: it has none */
-  const char *scene; /* for people */
+  const char *name;  /* in the rows */
+  const char *key;   /* in the summary; NULL: none */
+  const char *scene; /* description to print */
   const char *integrator;
   double h;
-  const char *off[MOST_OFF]; /* the options that switch the skip off */
-  /* The scene: with what is skipped, or with what must be done without the skip. */
+  const char *off[MOST_OFF]; /* options that disable the skip */
+  /* Builds the scene; without: such that the feature must be computed. */
   msim_status (*build)(int without, msim_scene *scene, msim_error *err);
-  int series; /* steps in a sample, from the scene's state on; 0: samples go on from each other, as
-                 scenes at rest and explicit steps may */
+  int series; /* steps in a sample, from the scene's state; 0: samples continue from each other, as
+                 is possible for scenes at rest and explicit steps */
 } skip_case;
 
-/* The i-th, NULL past the end. */
+/* The i-th case; NULL past the end. */
 const skip_case *skip_case_info(int i);
 
 #endif

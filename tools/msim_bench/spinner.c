@@ -19,7 +19,7 @@ int usable_cores(void) {
   return online > 0 ? (int)online : 1;
 }
 
-/* Spin until the pipe has something to say. */
+/* Computes until the pipe has data. */
 static void be_busy(int control) {
   struct pollfd wait = {.fd = control, .events = POLLIN};
   do {
@@ -72,6 +72,6 @@ void spinner_stop(spinner *s) {
 
 void spinner_turn(const spinner *s) {
   for (int i = 0; i < s->count; i++)
-    if (write(s->processes[i].control, "", 1) != 1) return; /* it was killed: nothing spins */
+    if (write(s->processes[i].control, "", 1) != 1) return; /* it was killed: no load */
   rest_seconds(0.03);
 }

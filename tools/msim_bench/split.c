@@ -5,7 +5,7 @@
 
 #include "ode.h"
 
-/* Springs of one part of a scene. */
+/* The springs of one part. */
 typedef struct part {
   int32_t nsprings;
   int32_t *ij;
@@ -30,7 +30,8 @@ static void part_add(const msim_scene_view *view, int32_t spring, double k, doub
   p->k[s] = k, p->rest[s] = view->rest[spring], p->damping[s] = damping;
 }
 
-/* Stiff springs, or the damping of all; gravity and drag belong to the others. */
+/* Collects the springs of one part: the stiff ones, or the damping of all springs; or the others.
+ * Gravity and drag belong to the others. */
 static void select_springs(const precision_scene *kind, const msim_scene_view *view, int by,
                            int stiff, part *p) {
   for (int32_t s = 0; s < view->nsprings; s++) {

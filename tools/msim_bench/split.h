@@ -1,5 +1,5 @@
-/* split - the forces of a scene in two parts, the stiff ones and the others, for methods of another
- * library that treat them differently; by the loops of runs.h */
+/* split - the forces of a scene in two parts, stiff and others, for methods of another library that
+ * treat them differently; by the loops of runs.h */
 #ifndef BENCH_SPLIT_H
 #define BENCH_SPLIT_H
 
@@ -11,7 +11,7 @@ typedef struct split {
   runs stiff, others;
 } split;
 
-/* 0: there is no memory. Call split_free in any case. */
+/* Returns 0 if out of memory. Call split_free in any case. */
 int split_make(const precision_scene *kind, const msim_scene_view *view, split *s);
 void split_free(split *s);
 

@@ -1,5 +1,5 @@
-/* stability - limits of steps and growth of energy beside theory, and what becomes of scenes that
- * methods break down on: no run may go wrong in silence */
+/* stability - benchmark of stability limits and energy growth against theory, and of scenes in
+ * which methods break down: no run may become unstable without a report */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -35,7 +35,7 @@ static void note(const stress_scene *s, const char *method, double h, const stre
     printf(" %s, %s, h = %g s: %s %s\n", s->name, method, h, stress_words[c->outcome], c->text);
 }
 
-/* All scenes and steps of one method. */
+/* Runs all scenes and steps with one method. */
 static void measure_method(const char *method, const bench_wishes *wishes, report *r, tally *t) {
   static const double all[] = {1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1}, few[] = {1e-3, 0.1};
   const double *h = wishes->quick ? few : all;
@@ -87,7 +87,7 @@ static void measure_cells(const bench_wishes *wishes, report *r) {
   report_key(r, "detection_steps", (double)sum.late);
 }
 
-/* A method that nobody has put into the table of theory is not to be forgotten in silence. */
+/* Checks that theory.c lists every integrator. */
 static int has_theory_of_all(void) {
   const msim_integrator_entry *entry;
   int all = 1;
@@ -99,7 +99,8 @@ static int has_theory_of_all(void) {
   return all;
 }
 
-/* A run known to blow up within 20 steps, that nobody watches. */
+/* Self-test: a run that becomes unstable within 20 steps without the energy monitor must be
+ * SILENT. */
 static int has_a_judge_that_sees(void) {
   const stress_result r =
       stress_run(stress_info(0), "velocity-verlet", 0.1, 20, MSIM_WATCH_OFF, 60);

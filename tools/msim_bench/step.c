@@ -1,6 +1,6 @@
-/* step - one nonlinear step of implicit Euler until its velocity is within 1e-2, 1e-4, 1e-6 of the
- * converged one: msim's Newton method, the same by CHOLMOD, what works with a prefactored matrix,
- * and beside them one factorisation */
+/* step - benchmark of one nonlinear step of implicit Euler to relative velocity errors of 1e-2,
+ * 1e-4 and 1e-6: Newton's method with pcg and CHOLMOD, prefactored methods, and one
+ * factorization */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -14,8 +14,8 @@
 #include "step_rows.h"
 
 typedef struct bench_plan {
-  double seconds; /* for all */
-  double fall;    /* s, of each scene */
+  double seconds; /* s, limit for all scenes */
+  double fall;    /* s, limit for advancing a scene */
   step_plan each;
 } bench_plan;
 
@@ -41,7 +41,7 @@ enum { SOFT = 1000, STIFF = 100000 }; /* N/m */
 #define LONG  (1.0 / 60)              /* s */
 #define SHORT (1.0 / 240)
 
-/* What the keys need comes before what is dear. */
+/* Scenes that the keys need come first, expensive ones last. */
 static const struct subject {
   const char *scene;
   double k, steps[2];
@@ -60,18 +60,19 @@ typedef struct step_bench {
   const bench_plan *plan;
   report *report;
   double until; /* on wall_seconds' clock */
-  double soft;  /* s, of cloth64 to SUMMARY_ACCURACY; NAN: not known */
+  double soft;  /* s, of cloth64 with SOFT springs to SUMMARY_ACCURACY; NAN: unknown */
   struct {
-    double worst; /* NAN: there is no case; INFINITY: Newton's method has no result in one */
-    int cases, bounds, unsolved; /* bounds: by an upper bound; unsolved: by INFINITY */
-  } prefactored;                 /* newton_over_prefactored of the cloths */
+    double worst; /* NAN: no case; INFINITY: Newton's method failed in one */
+    int cases, bounds, unsolved; /* numbers of cases, of upper bounds, of INFINITY */
+  } prefactored;                 /* for newton_over_prefactored, over all cloths */
 } step_bench;
 
 enum { SUMMARY_ACCURACY = 1, LAST = ACCURACIES - 1 };
 
 /*------------------------------------- ratios ---------------------------------------------------*/
 
-/* Of our Newton method's time and another method's. */
+/* Time of Newton's method with pcg over that of another method; an upper bound if the other one was
+ * cut off. */
 static step_ratio over_method(const step_race *r, int method) {
   const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
   const contestant *other = r->arrived[method][SUMMARY_ACCURACY];
@@ -82,7 +83,8 @@ static step_ratio over_method(const step_race *r, int method) {
   return (step_ratio){NAN, NULL};
 }
 
-/* A reference that failed, or came to another minimum, counts as if it needed all its time. */
+/* Ratio to a prefactored method; one that failed or found another minimum counts with all of its
+ * time. */
 static step_ratio over_descent(const step_race *r, int method) {
   const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
   const pursuit *p = r->pursuits[method];
@@ -91,7 +93,7 @@ static step_ratio over_descent(const step_race *r, int method) {
   return (step_ratio){median_of(ours, whole_seconds) / r->descent_limit, p};
 }
 
-/* Of the better reference; where our method has no result, the worst. */
+/* Ratio to the faster prefactored method; INFINITY if Newton's method failed. */
 static step_ratio over_prefactored(const step_race *r) {
   const int is_left_out = r->pursuits[BY_PCG]->end == LEFT_OUT;
   if (!r->arrived[BY_PCG][SUMMARY_ACCURACY])
@@ -134,7 +136,7 @@ static void report_ratio(step_bench *b, const step_race *r, const char *name, in
   report_key_of(b->report, name, r->step.moving, r->step.h, found.value);
 }
 
-/* One case more of newton_over_prefactored, if it is a cloth. */
+/* Adds a case of newton_over_prefactored, if it is a cloth. */
 static void count_case(step_bench *b, const moving *m, step_ratio found) {
   if (m->kind->solid || isnan(found.value)) return;
   b->prefactored.cases++;
@@ -165,7 +167,7 @@ static void report_keys(step_bench *b, const step_race *r) {
   measure_stiffness(b, r);
 }
 
-/* Without a result, until there is one. */
+/* Initializes the keys of a scene to "no result". */
 static void announce_keys(step_bench *b, const moving *m, double h) {
   report_key_of(b->report, NULL, m, h, NAN);
   if (is_of_stiffness(m, h)) report_key(b->report, "stiff_over_soft_cloth64", NAN);

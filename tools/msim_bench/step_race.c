@@ -6,8 +6,8 @@
 
 /*------------------------------------- one factorisation ----------------------------------------*/
 
-/* The backend alone, on the matrix of the linearly implicit step from the same state: after a step
- * by it, which is not looked at. */
+/* Times the factorization alone, by CHOLMOD, on the matrix of the linearly implicit step from the
+ * same state, after such a step. */
 static int enter_factor(step_race *r, const moving *m, double h, double until) {
   const patience once = {.until = until};
   const msim_backend *table;
@@ -29,7 +29,8 @@ static int enter_factor(step_race *r, const moving *m, double h, double until) {
 
 /*------------------------------------- each on its own ------------------------------------------*/
 
-/* A decade below the first that arrived somewhere: whoever goes the same way begins there. */
+/* One decade above the newton.rtol that reached the first accuracy: a method that converges equally
+ * begins there. */
 static int rung_below(const pursuit *p) {
   const int found = isfinite(p->at[0].seconds) ? p->at[0].rung : 0;
   return found > 2 ? found - 2 : 0;
@@ -48,7 +49,7 @@ static void climb_both(step_race *r, const step_plan *plan, const allowance allo
   }
 }
 
-/* Of the best accuracy that it came to; NAN: it came to none. */
+/* Time to the smallest error that was reached; NAN: none. */
 static double seconds_to_best(const pursuit *p) {
   double seconds = NAN;
   for (int a = 0; a < ACCURACIES; a++)
@@ -56,7 +57,8 @@ static double seconds_to_best(const pursuit *p) {
   return seconds;
 }
 
-/* Long enough in any case to tell that they are slower than we are. */
+/* The limit is at least 4 times the time of Newton's method, enough to show that they are
+ * slower. */
 static void descend_both(step_race *r, const step_plan *plan, double until) {
   static const descent_method *const methods[] = {&projective_dynamics, &lbfgs};
   const double ours = seconds_to_best(r->pursuits[BY_PCG]);
@@ -92,7 +94,7 @@ static int run_again(contestant *c, sample *s) {
   return !status;
 }
 
-/* Who came near enough for two accuracies at once runs once for both. */
+/* A run that reached several accuracies at once is repeated once for all. */
 static contestant *find_same_run(const step_race *r, int method, int accuracy) {
   const arrival *at = r->pursuits[method]->at;
   for (int a = 0; a < accuracy; a++)
@@ -101,7 +103,7 @@ static contestant *find_same_run(const step_race *r, int method, int accuracy) {
   return NULL;
 }
 
-/* The run that found it warms up. */
+/* The run that found it is the warm-up. */
 static void enter(step_race *r, int method, int accuracy) {
   const pursuit *p = r->pursuits[method];
   const arrival *at = &p->at[accuracy];

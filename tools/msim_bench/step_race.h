@@ -1,5 +1,5 @@
-/* step_race - all methods on one nonlinear step: first each on its own, to learn how far it must
- * go for each accuracy, then those that arrived in turn */
+/* step_race - compares all methods on one nonlinear step: first each alone, to find the iterations
+ * for each accuracy, then those that reached it in turn */
 #ifndef BENCH_STEP_RACE_H
 #define BENCH_STEP_RACE_H
 
@@ -10,9 +10,9 @@
 enum { BY_PCG, BY_CHOLMOD, BY_PROJECTIVE_DYNAMICS, BY_LBFGS, METHODS };
 
 typedef struct step_plan {
-  double solution;        /* s, to find it */
-  double ladder, descent; /* s, for each ladder and each descent */
-  int is_quick;           /* leave out rungs */
+  double solution;        /* s, limit for the converged solution */
+  double ladder, descent; /* s, limits for each Newton run and each descent */
+  int is_quick;           /* use every other newton.rtol */
   patience turns;
 } step_plan;
 
@@ -22,13 +22,14 @@ typedef struct step_race {
   laplacian matrix;
   potential potential;
   descent descents[2];
-  double descent_limit; /* s, that each descent may take */
+  double descent_limit; /* s, limit for each prefactored method */
   const pursuit *pursuits[METHODS];
-  race *linear; /* where the factorisation comes from */
+  race *linear; /* runs the factorization */
   int count;
   contestant all[METHODS * ACCURACIES + 1];
-  contestant *arrived[METHODS][ACCURACIES]; /* NULL: it did not */
-  contestant *factor; /* factor_seconds of the linear step's matrix, by CHOLMOD; NULL: none */
+  contestant *arrived[METHODS][ACCURACIES]; /* NULL: not reached */
+  contestant *factor; /* factor_seconds of the linearly implicit step's matrix, by CHOLMOD; NULL:
+                         none */
   struct step_run {
     struct step_race *race;
     int method, accuracy;
@@ -36,8 +37,8 @@ typedef struct step_race {
   msim_error no_factor; /* why there is none */
 } step_race;
 
-/* Run it, from a scene's state; until: on wall_seconds' clock. NULL: there is no solution to
- * measure errors by, and why in err. */
+/* Runs the comparison from a scene's state; until: on wall_seconds' clock. Returns NULL if no
+ * converged solution was found and sets err. */
 step_race *step_race_run(const moving *m, double h, const step_plan *plan, double until,
                          msim_error *err);
 void step_race_free(step_race *r);

@@ -1,4 +1,4 @@
-/* step_rows - what a race over a nonlinear step found, as a table and as rows of the report */
+/* step_rows - prints the results of a nonlinear step comparison and writes them to the report */
 #ifndef BENCH_STEP_ROWS_H
 #define BENCH_STEP_ROWS_H
 
@@ -7,13 +7,13 @@
 
 void report_step_race(report *out, const step_race *r);
 
-/* A step of which no solution is known. */
+/* Writes a row for a step without a converged solution. */
 void report_unsolved(report *out, const moving *m, double h, const char *why);
 
-/* Of two times to an accuracy. */
+/* Ratio of the times of two methods to an accuracy. */
 typedef struct step_ratio {
-  double value;         /* NAN: not measured; INFINITY: msim's Newton method has no result */
-  const pursuit *bound; /* the other, which has no result: it is this at most; NULL: exact */
+  double value;         /* NAN: not measured; INFINITY: msim's Newton method failed */
+  const pursuit *bound; /* other method, which failed: `value` is an upper bound; NULL: exact */
 } step_ratio;
 
 void report_step_ratio(report *out, const step_race *r, const char *name, int accuracy,

@@ -1,4 +1,4 @@
-/* One cell, judged by what the public API shows of each step. */
+/* Runs one cell and classifies its outcome from what the public API returns in each step. */
 #define _POSIX_C_SOURCE 200809L /* fork, kill */
 #include <float.h>
 #include <math.h>
@@ -17,33 +17,30 @@ const char *const stress_words[STRESS_OUTCOMES] = {"stable", "bounded", "dissipa
 
 /*------------------------------------- the judge ------------------------------------------------*/
 
-/* A run is silent whose status is ok although the energy of its motion, or its extent, once was
- * beyond a hundred times what start and gravity can supply; nothing in these scenes is moved by
- * prescription. So the judge reckons what that is from the scene as it was made:
- *   - motion, kinetic and elastic energy, may be that of the start and the work of gravity since,
- *     which counts both ways: what has been climbed is to be paid;
- *   - where the start has little, gravity has a fall of all the mass through the scene or down to a
- *     plane to give, and in one step that of the step, g h^2; rounding stretches springs by
- *     sqrt(eps) of where they are, a plane those it puts out by twice their depth;
- *   - nobody is faster than all of it in the lightest particle, so extent grows by two such speeds.
- * The watch inside the library reckons the same physics, as both are to mean the same by "beyond".
- * Nothing of it is used here, though: energies are summed particle by particle and spring by
- * spring from the states that callers see; every step counts, not one in 160; what gravity has
- * supplied is that of now, not the most so far; and what is no number is beyond. A state that is
- * handed back with a report is judged too, by the most that has been supplied so far. */
+/* A run is SILENT if its status is ok although its energy or its extent exceeded 100 times these
+ * bounds at some step, which hold because no motion is prescribed:
+ *   K + E <= S = K0 + E0 + S_min + max(0, sum m g.(x - x0)),  L <= L0 + 2 t sqrt(2 S/m_least)
+ * K, E: kinetic and elastic energy; L: extent. No particle is faster than the lightest one with all
+ * of S. S_min is for scenes that start with little energy, see least_supply.
+ *
+ * The energy monitor of the library uses the same bounds, so that both agree on what is unstable,
+ * but this code is independent of it: it sums energies over particles and springs from the states
+ * that a caller gets, checks every step, not one in 160, uses the present work of gravity, not the
+ * largest so far, and lets NAN exceed all bounds. A state that is returned with a report is checked
+ * as well, by the largest S so far. */
 
 typedef struct look {
   double motion; /* kinetic and elastic energy, J */
   double work;   /* sum m g.x, J */
-  double extent; /* of the free particles, m */
+  double extent; /* of the free particles, m; INFINITY: not a number */
 } look;
 
 typedef struct judge {
   msim_scene_view view;
   look first;
-  double supply, extent, least; /* J, m, kg */
-  double most;                  /* the largest share of the supply that moved */
-  double most_supply;           /* so far */
+  double supply, extent, least; /* S without the work of gravity, J; L0, m; m_least, kg */
+  double most;                  /* the largest (K + E)/S */
+  double most_supply;           /* the largest S, J */
 } judge;
 
 static double dot(const double a[3], const double b[3]) {
@@ -72,8 +69,9 @@ static look look_at(const msim_scene_view *s, const double *x, const double *v) 
   return l;
 }
 
-/* What a scene that starts with nothing may have: a fall through itself, down to a plane, or of one
- * step; springs stretched by rounding, or by particles that a plane puts out. */
+/* S_min = M g (fall + g h^2) + sum k d^2/2: a fall through the scene or down to a plane, and of one
+ * step; d = sqrt(eps) max |x| + 2 depth: springs stretched by rounding, or by a plane that moves
+ * particles behind it to the other side. */
 static double least_supply(const msim_scene_view *s, double extent, double h) {
   const double g = sqrt(dot(s->gravity, s->gravity));
   double mass = 0, k = 0, far = 0, fall = extent, depth = 0;
@@ -116,13 +114,16 @@ static int is_beyond(const judge *j, const look *now, double t, double supply) {
 
 /*------------------------------------- one cell -------------------------------------------------*/
 
+/* REPORTED: the run ended with a status that names the step, and a state within the bounds.
+ * Without a status, and if the bounds held: DISSIPATED if K + E - sum m g.x fell by more than a
+ * tenth of the initial S, BOUNDED if K + E exceeded 1.1 S, else STABLE. */
 static stress_result judge_run(msim_sim *sim, judge *j, int64_t steps) {
   stress_result r = {.outcome = STABLE, .late = -1};
   msim_state state = {.size = sizeof state};
   msim_error err;
   msim_status status = MSIM_OK;
   look last = j->first;
-  int64_t step = 0, passed = -1; /* the first step beyond */
+  int64_t step = 0, passed = -1; /* the first step beyond the bounds; -1: none */
   int beyond = 0;
   while (step < steps && !status) {
     status = msim_sim_step(sim, 1, &err);

@@ -1,4 +1,4 @@
-/* Three rows of three particles, 1 m x 1 m, and what is done to them. */
+/* Stress scenes of 3 x 3 particles on 1 m x 1 m, and their initial states. */
 #include <math.h>
 
 #include "stress.h"
@@ -84,7 +84,7 @@ const stress_scene *stress_info(int i) {
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
 }
 
-/* Neighbours along rows, columns and diagonals, at the lengths of the straight scene. */
+/* Springs between neighbours along rows, columns and diagonals; lengths of the undeformed scene. */
 static msim_status add_springs(const stress_scene *s, msim_scene *scene, msim_error *err) {
   double x[STRESS_N][3], v[STRESS_N][3];
   msim_status status = MSIM_OK;

@@ -11,7 +11,7 @@ static void *copy(const void *from, size_t bytes) {
   return to;
 }
 
-/* The sim's matrix dies with it. */
+/* Copies the matrix, which the sim owns and frees. */
 static int copy_matrix(const msim_csr *from, msim_csr *to) {
   const size_t n = (size_t)from->n, entries = (size_t)from->rowptr[n];
   *to = (msim_csr){.size = sizeof *to,
@@ -23,7 +23,7 @@ static int copy_matrix(const msim_csr *from, msim_csr *to) {
   return to->rowptr && to->colind && to->val && to->particle;
 }
 
-/* What row i of A makes of the velocities y of all particles */
+/* Row i of A times the velocities y of all particles */
 static double row_product(const linear_system *s, int32_t i, const double *y) {
   const msim_csr *A = &s->A;
   double sum = 0;
@@ -40,7 +40,8 @@ static double entry(const msim_csr *A, int32_t row, int32_t column) {
   return 0;
 }
 
-/* sqrt(r.D^-1 r), D the diagonal blocks of A, by their Cholesky factors: what solver.rtol is of */
+/* sqrt(r.D^-1 r), where D is the block diagonal of A, by Cholesky factors: the norm of
+ * solver.rtol */
 static double norm(const msim_csr *A, const double *r) {
   double sum = 0;
   for (int32_t first = 0; first < A->n; first += 3) {

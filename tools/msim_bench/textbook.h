@@ -1,5 +1,5 @@
-/* textbook - symplectic Euler as one writes it down: flat arrays of 3n numbers, a loop over the
- * springs, a loop over the particles. What the explicit step is compared with. */
+/* textbook - symplectic Euler as in a textbook, which explicit steps are compared with: arrays of
+ * 3n numbers, a loop over the springs, a loop over the particles */
 #ifndef BENCH_TEXTBOOK_H
 #define BENCH_TEXTBOOK_H
 
@@ -9,20 +9,20 @@
 typedef struct textbook textbook;
 
 typedef struct textbook_kernels {
-  const char *isa; /* the instruction set that it is compiled for */
+  const char *isa; /* instruction set that it is compiled for */
   void (*step)(textbook *t, double h);
 } textbook_kernels;
 
 struct textbook {
-  const textbook_kernels *kernels; /* by the library's own rule: of the set that msim uses */
+  const textbook_kernels *kernels; /* for the instruction set that msim selects */
   int32_t nparticles, nsprings;
   const int32_t *ij;
-  const double *k, *rest, *mass; /* of the scene */
+  const double *k, *rest, *mass; /* arrays of the scene */
   double gravity[3];
-  double *x, *v, *f, *inverse_mass; /* pinned: 0 */
+  double *x, *v, *f, *inverse_mass; /* 1/m, 0 for pinned particles */
 };
 
-/* From the state of m, which outlives it. 0 where there is no memory. */
+/* Copies the state of m, which must outlive t. Returns 0 if out of memory. */
 int textbook_make(const moving *m, textbook *t);
 void textbook_free(textbook *t);
 

@@ -1,5 +1,4 @@
-/* The textbook's step, compiled once for each instruction set, as the library's loops are, with
- * MS_ISA its name. */
+/* The textbook step, compiled once for each instruction set (MS_ISA), like the library's loops. */
 #include <math.h>
 
 #include "textbook.h"

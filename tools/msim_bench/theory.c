@@ -14,7 +14,7 @@ static double none(double z) { return 0 * z; }
 static double implicit_euler(double z) { return -0.5 * log1p(z * z); }
 static double rk4(double z) { return 0.5 * log1p(-pow(z, 6) / 72 + pow(z, 8) / 576); }
 
-/* The roots of (3/2) r^2 - 2 r + 1/2 = i z r^2 */
+/* ln |r| of the principal root of (3/2) r^2 - 2 r + 1/2 = i z r^2 */
 static double bdf2(double z) {
   const double size = hypot(1, 2 * z);
   const double root_re = sqrt((size + 1) / 2), root_im = sqrt((size - 1) / 2);
@@ -35,7 +35,7 @@ static const theory table[] = {
     {"verlet", {2, 1.8099751, 0.8284271}, .rate = none},
     {"symplectic-euler", {2, 1.8099751, 0.8284271}, .rate = none},
     {"velocity-verlet", {2, 1.8435126, 1}, .rate = none},
-    {"respa", {2, 1.8435126, 1}, .rate = none}, /* nothing to split: velocity Verlet */
+    {"respa", {2, 1.8435126, 1}, .rate = none}, /* a single spring is not split: velocity Verlet */
     {"respa", .step = amplify_respa, .undamped = 1, .soft = SOFT_STIFFNESS},
     {"rk4", {2.8284271, 2.9508500, 2.7852936}, .rate = rk4},
     {"rkc", .step = amplify_rkc},
@@ -69,12 +69,12 @@ double theory_rate(const theory *t, double z) {
   return t->step ? amplification_rate(t->step, 0, z) : t->rate(z);
 }
 
-/* By rounding alone a double root grows by 1e-8 a step. */
+/* Rounding alone lets a double root grow by 1e-8 per step. */
 static int grows(const theory *t, double zeta, double z) {
   return amplification_rate(t->step, zeta, z) > 1e-6;
 }
 
-/* The narrowest range in which a method is unstable, that of rkn6, is 9e-4 wide. */
+/* dz is below the narrowest unstable range, that of rkn6, 9e-4. */
 static double find_limit(const theory *t, double zeta) {
   const double furthest = 10, dz = 1e-4;
   double z = dz;

@@ -89,11 +89,11 @@ double quantile(int n, double *v, double q) {
   qsort(v, (size_t)n, sizeof *v, ascending);
   const double at = q * (n - 1);
   const int below = (int)at, above = below + (below < n - 1);
-  if (at <= below || v[below] == v[above]) return v[below]; /* also where these are infinite */
+  if (at <= below || v[below] == v[above]) return v[below]; /* also if both are infinite */
   return v[below] + (at - below) * (v[above] - v[below]);
 }
 
-/* The values without that of the warm-up; how many. */
+/* Collects the values without the warm-up. Returns their number. */
 static int values(const contestant *c, sample_value *value, double v[MOST_ROUNDS]) {
   const int first = c->n > 1;
   for (int i = first; i < c->n; i++) v[i - first] = value(&c->samples[i]);

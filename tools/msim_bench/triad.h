@@ -1,4 +1,4 @@
-/* triad - how fast memory is: a = b + s c over arrays of a given size */
+/* triad - measures the memory bandwidth by a = b + s c (STREAM triad) on arrays of a given size */
 #ifndef BENCH_TRIAD_H
 #define BENCH_TRIAD_H
 
@@ -9,13 +9,12 @@ typedef struct triad {
   double *a, *b, *c;
 } triad;
 
-/* Arrays that one pass moves `bytes` of, two thirds read and one written, without what a cache
- * reads to write into. 0 where there is no memory. */
+/* Allocates arrays of which a pass transfers `bytes`: two thirds read and one written, not counting
+ * reads for ownership of written cache lines. Returns 0 if out of memory. */
 int triad_make(triad *t, size_t bytes);
 void triad_free(triad *t);
 
-/* Seconds of one pass, the mean of so many, shared by one thread or two; NAN where the second did
- * not start. */
+/* Mean time of a pass, s, on one thread or two; NAN if the second one did not start. */
 double triad_seconds(const triad *t, int threads, int passes);
 
 #endif

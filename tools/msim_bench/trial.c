@@ -8,7 +8,7 @@
 #include "../common/clock.h"
 #include "interrupt.h"
 
-enum { LOOKS = 64 }; /* in a run: whether to go on, and at what is to be seen */
+enum { LOOKS = 64 }; /* frames in a run, at which `see` is called and limits are checked */
 
 int ending_make(int32_t n, ending *e) {
   *e = (ending){.x = malloc(3 * (size_t)n * sizeof *e->x),
@@ -22,14 +22,15 @@ void ending_free(ending *e) {
   *e = (ending){.x = NULL};
 }
 
-/* Each frame; not 0 ends the run. */
+/* Called at each frame; a nonzero result ends the run. */
 static int look(msim_sim *sim, void *user) {
   const trial *t = user;
   if (t->see) t->see(sim, t->data);
   return is_interrupted() || wall_seconds() > t->until;
 }
 
-/* Frames are counted in steps, as those in time would cost error control an interpolant. */
+/* Frames are spaced in steps: frames at given times would need an interpolant under error
+ * control. */
 static msim_options options_of(const trial *t) {
   msim_options options;
   msim_options_init(&options, sizeof options);

@@ -10,7 +10,7 @@
 
 /*------------------------------------- distances ------------------------------------------------*/
 
-/* sqrt(sum m |a - b|^2 / sum m); b NULL: 0. */
+/* sqrt(sum m |a - b|^2 / sum m); b NULL: 0 */
 static double distance(const truth *t, const double *a, const double *b) {
   double sum = 0;
   for (int32_t i = 0; i < 3 * t->view.nparticles; i++) {
@@ -48,7 +48,7 @@ int truth_allows(const truth *t, double claim) {
 
 /*------------------------------------- scales ---------------------------------------------------*/
 
-/* How far and how fast the scene moves. */
+/* Updates the maxima of motion, speed and kinetic energy. */
 static void see_motion(msim_sim *sim, void *data) {
   truth *t = data;
   msim_state state = {.size = sizeof state};
@@ -76,7 +76,7 @@ static int fail(truth *t, const char *why) {
   return 0;
 }
 
-/* Steps of half the limit. */
+/* Number of steps of half the stability limit. */
 static int64_t first_steps(const truth *t) { return (int64_t)ceil(2 * t->t_end / t->limit); }
 
 static int measure_motion(truth *t, double until) {
@@ -91,7 +91,7 @@ static int measure_motion(truth *t, double until) {
 
 enum { THE_ONE, THE_OTHER, FAMILIES };
 
-/* Both, at steps of one length and at those before. */
+/* Final states of both methods, with the present and the previous step. */
 typedef struct search {
   truth *t;
   ending now[FAMILIES], before[FAMILIES];
@@ -115,7 +115,8 @@ static void keep(truth *t, const ending *e) {
   memcpy(t->end.v, e->v, bytes);
 }
 
-/* Halve until it is known to rounding, or rounding adds up, or the next halving took too long. */
+/* Halves until the error is at rounding level or stops decreasing, or the next halving would take
+ * too long. */
 static int halve(search *s, int32_t threads, double seconds, double until) {
   const double start = wall_seconds();
   truth *t = s->t;
@@ -155,7 +156,8 @@ static int find(truth *t, int32_t threads, double seconds, double until) {
 
 /*------------------------------------- growth ---------------------------------------------------*/
 
-/* The start, each free coordinate off by chance, 1e-10 D in root mean square. */
+/* The initial positions; free coordinates are disturbed at random by 1e-10 D in root mean
+ * square. */
 static void disturb(const truth *t, double *x) {
   const int32_t n = 3 * t->view.nparticles;
   unsigned seed = 1;
@@ -167,7 +169,7 @@ static void disturb(const truth *t, double *x) {
   for (int32_t i = 0; i < n; i++) x[i] = t->view.x[i] + scale * x[i];
 }
 
-/* Two runs of the same steps, one of them disturbed: rounding and the method are no part of it. */
+/* Compares two runs with the same steps, so that errors of rounding and of the method cancel. */
 static int measure_growth(truth *t, int32_t threads, double until) {
   ending ends[2] = {{.x = NULL}, {.x = NULL}};
   trial run = trial_of(t, "dop853", first_steps(t), threads, until);

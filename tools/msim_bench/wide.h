@@ -1,5 +1,4 @@
-/* wide - loops for every width of register, of which the processor's is taken when the program is
- * loaded */
+/* wide - compiles loops for several vector widths, one of which is selected at load time */
 #ifndef BENCH_WIDE_H
 #define BENCH_WIDE_H
 

@@ -1,11 +1,10 @@
 /* sundials - CVODE and ARKODE on the forces of msim, for `msim_bench precision`
  *
- * Nothing is asked for but the end. Errors are weighed by the scene's own scales, so that a
- * tolerance means the same for all. Implicit methods solve by GMRES without a matrix or a
- * preconditioner; its J v is the library's difference quotient, which costs one evaluation, as one
- * of ours would. IMEX methods treat the stiff part of the forces implicitly and the others
- * explicitly; MRIStep, which in SUNDIALS 6 takes fixed slow steps only, makes so many explicit
- * fast steps for the stiff part in each of them. */
+ * Only the final state is requested. Errors are weighted by the scene's own scales, so that a
+ * tolerance means the same for all. Implicit methods use GMRES without a matrix or preconditioner;
+ * J v is the library's difference quotient, at the cost of one evaluation. IMEX methods treat the
+ * stiff part of the forces implicitly and the others explicitly. MRIStep, which in SUNDIALS 6 takes
+ * fixed slow steps only, makes a fixed number of explicit fast steps for the stiff part in each. */
 #include <arkode/arkode_arkstep.h>
 #include <arkode/arkode_erkstep.h>
 #include <arkode/arkode_mristep.h>
@@ -28,9 +27,9 @@ enum { CVODE, EXPLICIT, IMPLICIT, IMEX, MULTIRATE };
 static const struct method {
   ode_method info;
   int kind;
-  int order; /* of CVODE: CV_ADAMS or CV_BDF, whose order is chosen in each step */
-  int table; /* of EXPLICIT, 0: that of the order; of MULTIRATE: that of the fast steps */
-  int fast;  /* of MULTIRATE: fast steps in a slow one */
+  int order; /* of CVODE: CV_ADAMS or CV_BDF, with variable order */
+  int table; /* of EXPLICIT, 0: the default of the order; of MULTIRATE: for the fast steps */
+  int fast;  /* of MULTIRATE: fast steps per slow step */
 } methods[] = {
     {{"CVODE Adams", 0, 0}, CVODE, CV_ADAMS, 0, 0},
     {{"CVODE BDF", 0, 0}, CVODE, CV_BDF, 0, 0},
@@ -56,12 +55,12 @@ typedef struct run {
   SUNNonlinearSolver iteration;
   SUNLinearSolver gmres;
   void *integrator, *fast;     /* fast: integrator of the fast steps */
-  MRIStepInnerStepper stepper; /* and what MRIStep calls it by */
+  MRIStepInnerStepper stepper; /* adapter of `fast` for MRIStep */
 } run;
 
 /*------------------------------------- what the methods call ------------------------------------*/
 
-/* moves: x' = v belongs to this part, else x' = 0 */
+/* moves: 1 if x' = v belongs to this part, else x' = 0 */
 static int derive(const run *r, int part, int moves, N_Vector y, N_Vector to) {
   const ode_problem *p = r->problem;
   const double *x = value_of(y), *v = x + p->n;
@@ -114,7 +113,7 @@ static void say_nothing(int code, const char *module, const char *function, char
 
 /*------------------------------------- the methods ----------------------------------------------*/
 
-/* What all have under names of their own; they return 0 or a status. */
+/* Calls that all integrators have under different prefixes; the result is 0 or a status. */
 #define PREPARE(Prefix, integrator, r)                                  \
   (SILENCE(Prefix, integrator) || Prefix##SetUserData(integrator, r) || \
    Prefix##WFtolerances(integrator, weigh) || Prefix##SetMaxNumSteps(integrator, -1))
@@ -216,7 +215,7 @@ static int solve(int i, const ode_problem *p, double setting, double *x, double 
     status = -1;
   }
   release(&r, methods[i].kind);
-  return status > 0 ? 0 : status; /* > 0: that it stopped where it was asked to */
+  return status > 0 ? 0 : status; /* > 0: stopped at t_end, as requested */
 }
 
 static const ode_method *info(int i) { return i >= 0 && i < METHODS ? &methods[i].info : NULL; }

@@ -12,7 +12,7 @@ static size_t length_of(N_Vector v) { return (size_t)NV_LENGTH_S(v); }
 
 /*------------------------------------- loops ----------------------------------------------------*/
 
-/* What is written in place has loops of its own, so that nothing in a loop may overlap. */
+/* Operations in place have loops of their own, so that the arrays of a loop never overlap. */
 
 WIDE static void scale(size_t n, double a, const double *restrict x, double *restrict z) {
   for (size_t i = 0; i < n; i++) z[i] = a * x[i];
@@ -36,7 +36,7 @@ WIDE void multiply(size_t n, const double *restrict w, double *restrict z) {
   for (size_t i = 0; i < n; i++) z[i] *= w[i];
 }
 
-/* 8 running sums, which a register of any width can follow, then one tree */
+/* 8 partial sums, which suit every vector width, then a tree */
 enum { LANES = 8 };
 
 static double tree(const double s[LANES]) {
@@ -94,7 +94,7 @@ static double vector_wrms_norm(N_Vector x, N_Vector w) {
   return sqrt(weighted_square(n, value_of(x), value_of(w)) / (double)n);
 }
 
-/* z = sum of c[k] x[k], by chunks that stay in the cache. z may be one of the x. */
+/* z = sum of c[k] x[k], in chunks that stay in the cache. z may be one of the x. */
 static int vector_combine(int count, double *c, N_Vector *x, N_Vector z) {
   enum { CHUNK = 512 };
   double sum[CHUNK];
@@ -125,7 +125,7 @@ static int vector_scale_all(int count, double *c, N_Vector *x, N_Vector *z) {
   return 0;
 }
 
-/* The library's own for the rest, which no step needs. */
+/* Replaces the operations that steps use. */
 N_Vector fast_vector(size_t n, SUNContext context) {
   N_Vector v = N_VNew_Serial((sunindextype)n, context);
   if (!v) return NULL;

@@ -1,11 +1,11 @@
-/* vectors - N_Vector_Serial with loops of ours, compiled as we like and for every width of register
- * (Debian's SUNDIALS is not optimised) */
+/* vectors - N_Vector_Serial with optimized loops for several vector widths (Debian's SUNDIALS is
+ * not optimized) */
 #ifndef ODE_VECTORS_H
 #define ODE_VECTORS_H
 
 #include <sundials/sundials_nvector.h>
 
-/* Of n zeros; its clones are like it. NULL: no memory. */
+/* Returns a vector of n zeros, whose clones have the same operations. NULL: out of memory. */
 N_Vector fast_vector(size_t n, SUNContext context);
 
 double *value_of(N_Vector v);

@@ -1,4 +1,5 @@
-/* CHOLMOD with all its defaults, as its user guide begins: start, analyze, factorize, solve. */
+/* CHOLMOD with default settings, called as in the introduction of its user guide: start, analyze,
+ * factorize, solve. */
 #include <cholmod.h>
 #include <stdio.h>
 #include <string.h>
@@ -20,8 +21,8 @@ static void release(void) {
   cholmod_free_dense(&right, &common);
 }
 
-/* The upper triangle in the order of the particles: of what a user may hand over, the form that
- * costs CHOLMOD least. Column i of A holds what row i does. */
+/* Copies the upper triangle in the order of the particles, the least expensive form that a user may
+ * pass. Column i of A is its row i. */
 static int copy_upper(const csr_system *s) {
   const size_t n = (size_t)s->n;
   size_t count = 0;

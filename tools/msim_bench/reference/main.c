@@ -1,6 +1,7 @@
-/* msim_bench_reference_NAME - solves the systems that msim_bench sends, with NAME out of the box.
+/* msim_bench_reference_NAME - solves the systems that msim_bench sends, by library NAME in default
+ * settings
  *
- * A process of its own, so that nothing msim sets, threads or environment, changes how it runs. */
+ * A separate process, so that no setting of msim (threads, environment) affects the library. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +15,7 @@ static void free_system(csr_system *s) {
   *s = (csr_system){0};
 }
 
-/* A new array read from the pipe; NULL where there is no memory or no more data. */
+/* Returns a new array read from the pipe; NULL: out of memory, or no more data. */
 static void *read_array(size_t count, size_t size) {
   void *array = malloc(count * size + 1);
   if (array && pipe_read(STDIN_FILENO, array, count * size)) return array;

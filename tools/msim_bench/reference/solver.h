@@ -1,10 +1,10 @@
-/* solver - a library as its own manual says to call it, to compare msim with */
+/* solver - interface of reference programs to a library, called as its manual recommends */
 #ifndef REFERENCE_SOLVER_H
 #define REFERENCE_SOLVER_H
 
 #include "protocol.h"
 
-/* A x = b, by rows. */
+/* A x = b, A by rows. */
 typedef struct csr_system {
   int32_t n, max_iterations;
   int32_t *rowptr, *colind; /* n + 1; rowptr[n] */
@@ -12,13 +12,13 @@ typedef struct csr_system {
   double rtol;
 } csr_system;
 
-/* What each reference program defines. */
+/* Defined by each reference program. */
 typedef struct reference_solver {
   reference_hello hello;
-  /* Take another system, which lives until the next call: what need not be done again when the
-   * values change. 0 where it failed. */
+  /* Takes another system, which remains valid until the next call, and does all that does not
+   * depend on the values. Returns 0 on failure. */
   int (*prepare)(const csr_system *system);
-  /* From values to solution; sets times, iterations, and reason where it fails. */
+  /* Factorizes and solves; sets times, iterations, and reason on failure. */
   int (*solve)(int variant, double *x, reference_reply *reply);
 } reference_solver;
 

@@ -1,8 +1,8 @@
-/* SUNLinSol_PCG with N_Vector_Serial, block-Jacobi preconditioner and its own product A x.
+/* SUNLinSol_PCG with N_Vector_Serial, a block Jacobi preconditioner and a product A x of our own.
  *
- * What a user brings along decides much of its speed, so there are two products: by scalar rows,
- * the form in which a matrix comes, and by 3 x 3 blocks, which loads one index for nine numbers.
- * Each starts from zero or from msim's own first guess; compare with the fastest. */
+ * The product determines much of the speed, so there are two: by scalar rows, as the matrix is
+ * received, and by 3 x 3 blocks, which loads one index for nine numbers. Each starts from zero and
+ * from the guess that was sent; compare with the fastest. */
 #include <math.h>
 #include <nvector/nvector_serial.h>
 #include <stdio.h>
@@ -42,7 +42,7 @@ static int multiply_rows(void *data, N_Vector from, N_Vector to) {
   return 0;
 }
 
-/* Block row i / 3 holds a third of the entries of row i; its columns are every third one's. */
+/* Block row i / 3 has a third of the entries of row i; every third one begins a block. */
 static int multiply_blocks(void *data, N_Vector from, N_Vector to) {
   const csr_system *s = data;
   const double *v = N_VGetArrayPointer(from), *a = blocks;
@@ -70,7 +70,7 @@ static void copy_blocks(const csr_system *s) {
 
 /*------------------------------------- preconditioner -------------------------------------------*/
 
-/* By cofactors. */
+/* Inverts a 3 x 3 matrix by cofactors. */
 static void invert(const double m[9], double to[9]) {
   const double c0 = m[4] * m[8] - m[5] * m[7], c1 = m[5] * m[6] - m[3] * m[8],
                c2 = m[3] * m[7] - m[4] * m[6];
