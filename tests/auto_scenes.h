@@ -1,4 +1,5 @@
-/* auto_scenes - small scenes for integrator = auto, with the end of a run and the error allowed */
+/* auto_scenes - small scenes for integrator = auto, each with the length of a run and an error
+ * bound */
 #ifndef AUTO_SCENES_H
 #define AUTO_SCENES_H
 
@@ -11,7 +12,7 @@ static inline msim_scene *damped_cloth(void) { return hanging_cloth(5, 300, 0.05
 static inline msim_scene *large_cloth(void) { return hanging_cloth(9, 3e4, 0); }
 static inline msim_scene *felt(void) { return hanging_cloth(5, 3000, 10); }
 
-/* It swings from one end. */
+/* A rope along x that swings from its first particle, which is pinned. */
 static inline msim_scene *swing(int32_t n, double k, double damping) {
   const double g[3] = {0, 0, -9.81};
   const int32_t first = 0;
@@ -43,8 +44,9 @@ typedef struct example {
   const char *name;
   msim_scene *(*make)(void);
   double t_end;
-  double most; /* error over tol, which is estimated and not controlled: by few particles that make
-                  the steps of dop853, and by verlet, of which no step is verified */
+  double most; /* allowed error over tol; above 1 where the error is estimated and not controlled:
+                * with few particles, for which dop853 chooses the steps, and with verlet, none of
+                * whose steps is verified */
 } example;
 
 static const example examples[] = {{"soft cloth", soft_cloth, 0.6, 1},
@@ -63,6 +65,6 @@ static inline msim_options options_of(const char *method, double tol, double t_e
   return opt;
 }
 
-enum { MOST = 3 * 81 }; /* coordinates of a scene */
+enum { MOST = 3 * 81 }; /* coordinates of the largest scene */
 
 #endif

@@ -1,4 +1,4 @@
-/* bank - an allocator that counts, and runs out of memory when it is told to */
+/* bank - an allocator for tests that counts calls and bytes and fails at a chosen call */
 #ifndef TEST_BANK_H
 #define TEST_BANK_H
 
@@ -6,8 +6,8 @@
 #include <stdlib.h>
 
 typedef struct bank {
-  int64_t calls, live, fail_at; /* fail_at: the call that finds no memory; -1: none */
-  size_t bytes;                 /* asked for so far */
+  int64_t calls, live, fail_at; /* fail_at: the index of the call that returns NULL; -1: none */
+  size_t bytes;                 /* requested so far */
 } bank;
 
 static void *bank_alloc(size_t bytes, void *user) {

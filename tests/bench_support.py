@@ -1,4 +1,4 @@
-"""What the tests of msim_bench share."""
+"""Helpers that the tests of msim_bench share."""
 
 import json
 import os
@@ -26,13 +26,13 @@ class BenchTest(CliTest):
 class Children(BenchTest):
     @staticmethod
     def children(process):
-        """The reference programs and spinners, with what /proc tells of them."""
+        """The reference programs and background loads, with their entries in /proc."""
         text = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
         return [Path("/proc") / pid for pid in text.split()]
 
     @staticmethod
     def alive(child):
-        """Not even a zombie that nobody waits for counts."""
+        """True if the process runs; a zombie without a waiting parent does not."""
         try:
             return (child / "stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
         except OSError:

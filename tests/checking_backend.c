@@ -9,29 +9,29 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Where an instance is in its life. */
+/* The state of an instance, which decides which calls are allowed. */
 enum { BROKEN, CREATED, ANALYZED, FACTORED, DESTROYED };
 
 typedef struct watch {
-  msim_host lent; /* first: what the inner backend gets for its host */
+  msim_host lent; /* first member: the host that the inner backend is given */
   const msim_host *outer;
-  void *self; /* the inner backend's */
+  void *self; /* instance of the inner backend */
   int stage;
-  atomic_int inside; /* calls that run */
-  int live;          /* blocks of the host's memory that it holds */
-  int said;          /* 1: it gave a sentence in this call */
+  atomic_int inside; /* number of calls in progress */
+  int live;          /* blocks of the host's memory that it has not freed */
+  int said;          /* 1: it reported an error message in this call */
   msim_system system;
   uint64_t pattern;
-  double *factored; /* the values when factor() saw them; NULL if NONE */
+  double *factored; /* a copy of the values at factor(); NULL without a matrix */
   struct watch *next;
 } watch;
 
 static const msim_backend *inner;
-static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER; /* of what follows */
-static watch *watches;                                   /* all, the destroyed ones too */
+static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER; /* protects what follows */
+static watch *watches;                                   /* all, also destroyed ones */
 static char report[4096];
 
-/*------------------------------------- findings -------------------------------------------------*/
+/*------------------------------------- breaches -------------------------------------------------*/
 
 static void complain(const char *who, const char *call, const char *what) {
   pthread_mutex_lock(&gate);
@@ -61,7 +61,7 @@ const char *checking_report(void) {
   return last;
 }
 
-/*------------------------------------- what the inner backend is lent ---------------------------*/
+/*------------------------------------- host of the inner backend --------------------------------*/
 
 static void *lent_alloc(const msim_host *host, size_t bytes) {
   watch *w = host->data;
@@ -87,9 +87,9 @@ static void lent_fail(const msim_host *host, const char *format, ...) {
   w->outer->fail(w->outer, "%s", sentence);
 }
 
-/*------------------------------------- in and out of a call -------------------------------------*/
+/*------------------------------------- begin and end of a call ----------------------------------*/
 
-/* 0: out of turn, and the inner backend is not asked. */
+/* 0: the call is not allowed now, and the inner backend is not called. */
 static int enter(watch *w, const char *call, int least, int most) {
   const char *wrong = w->stage == DESTROYED ? "was called after destroy"
                       : w->stage == BROKEN  ? "was called after a failure"
@@ -111,13 +111,13 @@ static void leave(watch *w, const char *call, msim_status status) {
   int found = 0;
   for (size_t i = 0; i < sizeof known / sizeof *known; i++) found |= status == known[i];
   expect_backend(found, call, "returned what is no status of a backend");
-  /* what there is to say of memory, the host can say itself */
+  /* if memory runs out the host supplies the message itself */
   expect_backend(status >= 0 || status == MSIM_ERR_MEMORY || w->said, call,
                  "failed without a sentence");
   atomic_fetch_sub(&w->inside, 1);
 }
 
-/* FNV-1a, on from `hash` */
+/* FNV-1a, continued from `hash` */
 static uint64_t mix(uint64_t hash, const void *data, size_t bytes) {
   const unsigned char *byte = data;
   for (size_t i = 0; i < bytes; i++) hash = (hash ^ byte[i]) * 0x100000001b3u;
@@ -139,7 +139,7 @@ static void check_info(const char *call, const msim_solve_info *info) {
   expect_backend(info->definite >= -1 && info->definite <= 1, call, "tells of no definiteness");
 }
 
-/* Every member is 0 but the size. */
+/* Every member except size is 0. */
 static void check_blank(const char *call, const msim_solve_info *info) {
   const msim_solve_info blank = {.size = sizeof blank};
   expect_host(info && memcmp(info, &blank, sizeof blank) == 0, call, "got an info not zeroed");
@@ -157,7 +157,7 @@ static int ascending(int32_t n, const int32_t *ptr, const int32_t *ind) {
   return 1;
 }
 
-/* Where the entry (row, column) stands; -1: nowhere. */
+/* The position of the entry (row, column); -1: there is none. */
 static int32_t find(const int32_t *ptr, const int32_t *ind, int32_t row, int32_t column) {
   for (int32_t e = ptr[row]; e < ptr[row + 1]; e++)
     if (ind[e] == column) return e;
@@ -187,7 +187,7 @@ static int has_diagonal(int32_t n, const int32_t *ptr, const int32_t *ind) {
   return 1;
 }
 
-/* Is the pattern of the scalars that of the blocks, each block full? */
+/* 1 if the scalar pattern is that of the blocks, each of them full. */
 static int is_expanded(const msim_system *A) {
   int32_t at = 0;
   for (int32_t r = 0; r < A->block * A->n; r++) {
@@ -255,15 +255,15 @@ static void check_system(const msim_system *A) {
   expect_host(A->stride >= A->n && A->apply && A->precondition, "analyze", "lacks callbacks");
 }
 
-/* The same system at the same place, as analyze() saw it. */
+/* The same system at the same addresses as in analyze(). */
 static void check_unmoved(const watch *w, const char *call, const msim_system *A) {
   expect_host(memcmp(A, &w->system, sizeof *A) == 0, call, "got another system than analyze");
   expect_host(hash_pattern(A) == w->pattern, call, "got another pattern than analyze");
 }
 
-/*------------------------------------- answers --------------------------------------------------*/
+/*------------------------------------- solutions ------------------------------------------------*/
 
-/* y += A x, or |A| x, from the values that factor() saw */
+/* y += A x, or |A| x, with the values at factor() */
 static void multiply(const msim_system *A, const double *val, int absolute, const double *x,
                      double *y) {
   for (int32_t r = 0; r < A->block * A->n; r++)
@@ -275,7 +275,7 @@ static void multiply(const msim_system *A, const double *val, int absolute, cons
     }
 }
 
-/* sqrt(r.D^-1 r) where the host has D^-1, else the 2-norm */
+/* sqrt(r.D^-1 r) if the host provides D^-1, else the 2-norm */
 static double size_of(const msim_system *A, const double *r) {
   const size_t n = length(A);
   double *z = calloc(n, sizeof *z), sum = 0;
@@ -287,8 +287,8 @@ static double size_of(const msim_system *A, const double *r) {
   return sqrt(fmax(0, sum));
 }
 
-/* ||b - A y|| <= rtol ||b||, or as near as `slack` || |A| |y| + |b| ||. Without a matrix there is
- * no |A|: A |y| stands for |A| |y|. */
+/* ||b - A y|| <= rtol ||b||, or at most `slack` || |A| |y| + |b| ||. Without a matrix |A| is
+ * unknown, and A |y| replaces |A| |y|. */
 static int is_solved(const watch *w, double rtol, double slack, const double *b, const double *y) {
   const msim_system *A = &w->system;
   const size_t n = length(A);
@@ -309,19 +309,19 @@ static int is_solved(const watch *w, double rtol, double slack, const double *b,
   return solved;
 }
 
-/* Is all that is no unknown zero? */
+/* 1 if every entry that is no unknown is zero. */
 static int is_padded(const msim_system *A, const double *x) {
   for (size_t i = 0; A->format == MSIM_FORMAT_NONE && i < length(A); i++)
     if (i % (size_t)A->stride >= (size_t)A->n && x[i] != 0) return 0;
   return 1;
 }
 
-/* An iteration is held to what it was asked for, a factor to a small backward error, in single
- * precision where that may be: the host refines what is in between. */
+/* An iteration must meet its tolerance, a factorization a small backward error; single precision is
+ * enough for rtol >= 1e-4, as the host refines the solution. */
 static void check_answer(const watch *w, const msim_solve_params *params, const double *b,
                          const double *y) {
   const int iterative = (inner->flags & MSIM_BACKEND_ITERATIVE) != 0;
-  /* summed in another order, the same residual differs in the last digits */
+  /* a residual summed in another order differs in the last digits */
   const double rtol = iterative ? params->rtol * (1 + 1e-9) : 0;
   const double direct = params->rtol >= 1e-4 ? 1e-5 : 1e-8;
   const double slack = !iterative ? direct : w->factored ? 8 * DBL_EPSILON : 1e-13;

@@ -1,16 +1,17 @@
-/* checking_backend - a backend around another one: passes every call on, and checks that the host
- * keeps what backend.h promises on the way in, and the backend on the way out. */
+/* checking_backend - a solver backend that wraps another one, passes every call on, and checks the
+ * contract of backend.h in both directions: the arguments of the host and the results of the
+ * backend */
 #ifndef CHECKING_BACKEND_H
 #define CHECKING_BACKEND_H
 
 #include "msim/backend.h"
 
-/* A table like `inner`, with every call checked. It is valid until the next call of this: one inner
- * backend at a time, any number of instances and threads. */
+/* A function table like `inner` with every call checked. It is valid until the next call of this
+ * function: one inner backend at a time, any number of instances and threads. */
 const msim_backend *checking_backend(const msim_backend *inner);
 
-/* What was found since it was asked last: sentences that begin with "host: " or "backend: ", one a
- * line; "" where all is well. Ask when no instance lives. */
+/* The violations found since the last call of this function: sentences that begin with "host: " or
+ * "backend: ", one a line; "" if there are none. Call it only while no instance exists. */
 const char *checking_report(void);
 
 #endif

@@ -1,4 +1,4 @@
-/* checkpoints - sims that are saved, destroyed, made anew and loaded */
+/* checkpoints - saves sims, loads them into new ones, and compares how they continue */
 #ifndef TEST_CHECKPOINTS_H
 #define TEST_CHECKPOINTS_H
 
@@ -25,7 +25,7 @@ static inline msim_sim *resume(const msim_scene *scene, const msim_options *opt,
   return sim;
 }
 
-/* The present state, and what was counted; seconds are others always. */
+/* The states and all counts of the statistics agree; measured seconds are not compared. */
 static inline void expect_same(msim_sim *a, msim_sim *b, const char *label) {
   const msim_state s = state_of(a), t = state_of(b);
   const size_t size = 3 * (size_t)s.n * sizeof *s.x;
@@ -47,7 +47,7 @@ static inline void expect_same(msim_sim *a, msim_sim *b, const char *label) {
                (long long)here[i]);
 }
 
-/* The next checkpoint of each has the same bytes. */
+/* The next checkpoints agree byte for byte. */
 static inline void expect_same_save(msim_sim *a, msim_sim *b, const char *label) {
   const checkpoint c = save(a), d = save(b);
   if (c.length != d.length || memcmp(c.bytes, d.bytes, c.length) != 0)
@@ -55,8 +55,9 @@ static inline void expect_same_save(msim_sim *a, msim_sim *b, const char *label)
   free(c.bytes), free(d.bytes);
 }
 
-/* Steps in one go, and again with a new sim at each of these steps, each saved twice on the way:
- * the same end. What they come to. */
+/* Steps in one run, and again with a new sim loaded from a checkpoint after each of the n step
+ * numbers at[]: states, counts and next checkpoints agree. Returns the statistics of the whole
+ * run. */
 static inline msim_stats expect_resumable(const msim_scene *scene, const msim_options *opt,
                                           int64_t steps, int n, const int64_t *at,
                                           const char *label) {

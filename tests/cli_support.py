@@ -1,6 +1,6 @@
-"""What the tests of programs share.
+"""Helpers that the tests of programs share.
 
-MSIM_CLI names the first of them, MSIM_SCENES a folder of scenes."""
+MSIM_CLI is the path of msim_cli, MSIM_SCENES a folder of scenes."""
 
 import csv
 import json
@@ -28,7 +28,7 @@ COUNTERS = {"steps", "force_evaluations", "assemblies", "analyses", "factorizati
 SECONDS = {"total", "force", "assemble", "factor", "solve", "collide", "output"}
 FOR_EVER = ["--steps", "100000000000"]
 
-# A pinned particle and one that swings; 100 steps.
+# A pinned particle and one that swings from it; 100 steps.
 PENDULUM = {
     "msim": 1,
     "name": "pendulum",
@@ -49,7 +49,7 @@ def no_constant(word):
 
 
 def default_signals():
-    """As a terminal starts programs; a background job would ignore Ctrl-C."""
+    """Default handlers, as for a program started in a terminal; a background job ignores Ctrl-C."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
@@ -71,7 +71,7 @@ class CliTest(unittest.TestCase):
 
     @contextmanager
     def start(self, *args, **keys):
-        """A process that does not outlive the test."""
+        """A process that ends with the test at the latest."""
         keys = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE,
                 "stderr": subprocess.PIPE, "preexec_fn": default_signals, **keys}
         with subprocess.Popen([self.PROGRAM, *args], cwd=self.folder, text=True, **keys) as process:
@@ -120,11 +120,11 @@ class CliTest(unittest.TestCase):
         self.fail(otherwise)
 
     def wait_for(self, name):
-        """A run has begun, and stops in order when asked to, once its --out file is there."""
+        """Wait for the --out file: then the run has begun, and a signal stops it cleanly."""
         self.wait_until((self.folder / name).exists, f"{name} never appeared")
 
     def assert_sentence(self, err, *words):
-        """Exactly one line, made for people."""
+        """The text is one message: the name of the program, and one line."""
         self.assertRegex(err, rf"\A{Path(self.PROGRAM).name}: [^\n]{{10,}}\n\Z")
         for word in words:
             self.assertIn(word, err)

@@ -1,4 +1,4 @@
-/* controlled - runs whose steps are chosen by their error */
+/* controlled - options and comparisons for runs under error control (option tol) */
 #ifndef TEST_CONTROLLED_H
 #define TEST_CONTROLLED_H
 
@@ -16,7 +16,7 @@ static inline msim_options controlled(const char *method, double tol, double t_e
   return opt;
 }
 
-/* 1 if it takes tol. */
+/* 1 if the method takes the option tol. */
 static inline int has_control(const char *method) {
   static const char *const without[] = {"verlet", "respa", "takahashi-imada"};
   for (size_t i = 0; i < sizeof without / sizeof *without; i++)
@@ -24,7 +24,7 @@ static inline int has_control(const char *method) {
   return 1;
 }
 
-/* Root mean square of the distance of particles. */
+/* Root mean square of the distances between the particles of two states. */
 static inline double off(const double *a, const double *b) {
   double sum = 0;
   for (int i = 0; i < 3 * N; i++) sum += (a[i] - b[i]) * (a[i] - b[i]);

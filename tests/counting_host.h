@@ -1,5 +1,5 @@
-/* counting_host - the host of a plugin under test: counts memory, runs out of it, keeps what is
- * said */
+/* counting_host - the host of a plugin under test: counts blocks of memory, fails allocations on
+ * demand, records the last error message */
 #ifndef COUNTING_HOST_H
 #define COUNTING_HOST_H
 
@@ -11,14 +11,15 @@
 #include "msim/status.h"
 
 typedef struct counting_host {
-  msim_host host;  /* first: the plugin's pointer to it is a pointer to this */
-  int live;        /* blocks not freed */
-  int empty;       /* 1: there is no memory */
-  int until_empty; /* so many allocations later there is none; 0: never */
+  msim_host host;  /* first member: a pointer to it is a pointer to this */
+  int live;        /* blocks allocated and not freed */
+  int empty;       /* 1: every allocation fails */
+  int until_empty; /* the allocation number (from 1) from which all fail; 0: none */
   char sentence[512];
 } counting_host;
 
-/* Memory comes filled: the host promises no zeros, and all bits set is no number. */
+/* Memory comes filled with 0xff bytes, which are NaN as doubles: the host does not promise
+ * zeros. */
 static inline void *counting_alloc(const msim_host *host, size_t bytes) {
   counting_host *self = host->data;
   if (self->until_empty && --self->until_empty == 0) self->empty = 1;

@@ -1,4 +1,4 @@
-/* events - what tests of collision = event share */
+/* events - options and methods that the tests of collision = event share */
 #ifndef TEST_EVENTS_H
 #define TEST_EVENTS_H
 
@@ -14,7 +14,8 @@ static inline msim_options event(const char *method, double h) {
   return opt;
 }
 
-/* Methods that take collision = event; NULL past the end. */
+/* 1 if the method does not take collision = event; then the i-th method that takes it, NULL past
+ * the end. */
 static inline int refuses_events(const char *method) {
   return refuses_planes(method) || strcmp(method, "verlet") == 0 || strcmp(method, "respa") == 0;
 }

@@ -1,6 +1,6 @@
-/* A dense solver that misbehaves as its file is called: msim_backend_wrong_abi.so has a wrong ABI.
- * tests/loading.h copies the one file under many names. Called `good`, or anything that is no vice,
- * it is a correct backend: Gaussian elimination without pivoting. */
+/* A dense solver with the fault that its file name says: msim_backend_wrong_abi.so has a wrong ABI.
+ * tests/loading.h copies the file under many names. As `good`, or any name that is no fault, it is
+ * a correct backend: Gaussian elimination without pivoting. */
 #define _GNU_SOURCE /* dladdr */
 #include <dlfcn.h>
 #include <math.h>
@@ -8,11 +8,11 @@
 
 #include "msim/backend.h"
 
-static char name[64]; /* the file's, between "msim_backend_" and ".so" */
+static char name[64]; /* the part of the file name between "msim_backend_" and ".so" */
 
 static int is(const char *vice) { return strcmp(name, vice) == 0; }
 
-/* In spite of const. */
+/* Writes to a const array, on purpose. */
 static void spoil(const double *x) { *(double *)(uintptr_t)x += 1; }
 
 /*------------------------------------- the solver -----------------------------------------------*/
@@ -20,7 +20,7 @@ static void spoil(const double *x) { *(double *)(uintptr_t)x += 1; }
 typedef struct dense {
   const msim_host *host;
   double *a;
-  int factors; /* so far */
+  int factors;
 } dense;
 
 static msim_status complain(const dense *d, msim_status status, const char *what) {

@@ -1,4 +1,5 @@
-/* hash - the bits of a state in one number */
+/* hash - a 64-bit hash of the time, positions and velocities of a sim, to compare runs bit by
+ * bit */
 #ifndef TEST_HASH_H
 #define TEST_HASH_H
 
@@ -6,7 +7,7 @@
 
 #include "scenes.h"
 
-/* FNV-1a (Fowler, Noll and Vo). */
+/* 64-bit FNV-1a (Fowler, Noll and Vo) */
 static inline uint64_t add_hash(uint64_t hash, const void *data, size_t bytes) {
   for (size_t i = 0; i < bytes; i++)
     hash = (hash ^ ((const unsigned char *)data)[i]) * UINT64_C(1099511628211);

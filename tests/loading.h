@@ -1,4 +1,5 @@
-/* loading - a folder of plugins that misbehave as they are called, and what the user reads of it */
+/* loading - a folder of plugins, each with the fault that its file name says, and checks of the
+ * messages that users see */
 #ifndef LOADING_H
 #define LOADING_H
 
@@ -9,7 +10,8 @@
 
 #include "scenes.h"
 
-/* Where a test puts its plugins. The build has but one of these, msim_backend_good.so, in FAKES. */
+/* The folder of the plugins of a test. The build makes only one of them,
+ * FAKES/msim_backend_good.so. */
 static char folder[] = "/tmp/msim_plugins_XXXXXX";
 
 static inline const char *plugin_file(const char *name) {
@@ -18,7 +20,7 @@ static inline const char *plugin_file(const char *name) {
   return path;
 }
 
-/* The plugin becomes what it is called. Once: a file that is loaded must not be written to. */
+/* Copy that plugin under the name of a fault. Only once: a loaded file must not be overwritten. */
 static inline void put_plugin(const char *name) {
   if (access(plugin_file(name), F_OK) == 0) return;
   FILE *from = fopen(FAKES "/msim_backend_good.so", "rb"), *to = fopen(plugin_file(name), "wb");
@@ -40,7 +42,7 @@ static inline int remove_folder(void **state) {
   return system(command);
 }
 
-/* A sentence with every @ replaced by the folder. */
+/* The message with the folder in place of each @. */
 static inline const char *with_folder(const char *sentence) {
   static char text[2048];
   size_t used = 0;
@@ -51,7 +53,8 @@ static inline const char *with_folder(const char *sentence) {
   return text;
 }
 
-/* Word for word; where it ends in "...", only what comes before. */
+/* 1 if the texts are equal; where `wanted` ends in "...", if text begins with what precedes
+ * that. */
 static inline int is_sentence(const char *text, const char *wanted) {
   const size_t length = strlen(wanted);
   if (length >= 3 && strcmp(wanted + length - 3, "...") == 0)
@@ -59,7 +62,7 @@ static inline int is_sentence(const char *text, const char *wanted) {
   return strcmp(text, wanted) == 0;
 }
 
-/* Three steps of a small cloth; x: where it ends. */
+/* Three steps of a small cloth; x: the positions at the end. */
 static inline msim_status try_solver(const char *solver, const char *plugin_path, double *x,
                                      msim_stats *stats, msim_error *why) {
   msim_scene *scene = hanging_cloth(3, 100, 0);
@@ -78,8 +81,8 @@ static inline msim_status try_solver(const char *solver, const char *plugin_path
   return status;
 }
 
-/* What the user gets to read of a solver. A failed step leaves a sound state; where success is
- * claimed, it is the state that pcg gives. */
+/* The status and the message of a run with a solver. After a failed step the state must be bounded;
+ * after success it must agree with that of pcg. */
 static inline void expect(const char *solver, const char *plugin_path, msim_status wanted,
                           const char *sentence) {
   double x[27] = {0}, right[27];
@@ -101,7 +104,7 @@ typedef struct attempt {
   const char *sentence;
 } attempt;
 
-/* Plugins that behave as they are called, one after the other. */
+/* The same for several plugins, one after the other. */
 static inline void expect_plugins(const attempt *attempts, size_t count) {
   for (size_t i = 0; i < count; i++) {
     put_plugin(attempts[i].name);

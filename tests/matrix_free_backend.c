@@ -1,5 +1,5 @@
-/* A correct backend without a matrix: conjugate gradients by apply() and precondition(). It checks
- * what the host promises of vectors. */
+/* A correct backend without a matrix, for tests: conjugate gradients by apply() and precondition().
+ * It checks the padding of vectors that the host promises. */
 #include <math.h>
 #include <string.h>
 
@@ -51,20 +51,20 @@ static double dot(size_t n, const double *x, const double *y) {
   return sum;
 }
 
-/* Is all that is not an unknown zero? */
+/* 1 if every entry that is no unknown is zero. */
 static int padded(const msim_system *A, const double *x) {
   for (size_t i = 0; i < length(A); i++)
     if (i % (size_t)A->stride >= (size_t)A->n && x[i] != 0) return 0;
   return 1;
 }
 
-/* r.z, z = P r */
+/* r.z with z = P r, the preconditioned residual */
 static double square(gradients *g, const msim_system *A, const double *r) {
   A->precondition(A, r, g->z);
   return dot(length(A), r, g->z);
 }
 
-/* One direction of search, from g->r; rho: r.z of the last one, 0 at the start. */
+/* One search direction, from g->r; rho: r.z of the previous one, 0 at the start. */
 static msim_status advance(gradients *g, const msim_system *A, double *rho, double *y) {
   const size_t n = length(A);
   const double next = square(g, A, g->r), beta = *rho > 0 ? next / *rho : 0;
@@ -80,7 +80,7 @@ static msim_status advance(gradients *g, const msim_system *A, double *rho, doub
   return MSIM_OK;
 }
 
-/* Where the recurrence of r claims success, it starts again from the truth. */
+/* When the residual of the recurrence meets the tolerance, restart from the true residual. */
 static msim_status solve_one(gradients *g, const msim_system *A, const msim_solve_params *params,
                              const double *b, double *y, msim_solve_info *info) {
   const size_t n = length(A);

@@ -1,4 +1,4 @@
-/* recording - what tests of recorders share: a made-up trajectory, a folder */
+/* recording - what the tests of recorders share: a synthetic trajectory and a temporary folder */
 #ifndef RECORDING_H
 #define RECORDING_H
 
@@ -13,7 +13,8 @@
 
 /*------------------------------------- trajectory -----------------------------------------------*/
 
-/* A chain with one spring more from each particle to the next but one, as far as they go. */
+/* n particles and springs i/2 -- i/2 + 1 + i%2: a chain, and a spring between next-nearest
+ * neighbours. */
 enum { SAMPLE_CHECKPOINT = 1003 };
 
 typedef struct sample {
@@ -63,7 +64,8 @@ static inline void sample_free(sample *s) {
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
 }
 
-/* The i-th frame: numbers with all their digits, of all sizes, and some that are easily lost. */
+/* Frame i: values with many digits and magnitudes, and some that are easily lost (-0.0, denormal
+ * numbers). */
 static inline msim_frame sample_frame(sample *s, int64_t i) {
   for (int32_t p = 0; p < s->what.n; p++)
     for (int c = 0; c < 3; c++) {
@@ -98,7 +100,7 @@ static inline msim_status record_rest(const msim_recorder_type *type, void *self
   return status != MSIM_OK ? status : closed;
 }
 
-/* Open, write the first `written` frames, close; the first status that is not MSIM_OK. */
+/* Open, write the first `written` frames, close; returns the first status that is not MSIM_OK. */
 static inline msim_status record(const msim_recorder_type *type, const msim_host *host, sample *s,
                                  int64_t written) {
   void *self = NULL;
@@ -106,7 +108,7 @@ static inline msim_status record(const msim_recorder_type *type, const msim_host
   return status != MSIM_OK ? status : record_rest(type, self, s, 0, written);
 }
 
-/* Go on with the file, up to `written` frames; *kept: those it had. */
+/* Resume the file and write until it has `written` frames; *kept: the frames it had. */
 static inline msim_status record_on(const msim_recorder_type *type, const msim_host *host,
                                     sample *s, int64_t written, int64_t *kept) {
   void *self = NULL;
@@ -118,7 +120,7 @@ static inline msim_status record_on(const msim_recorder_type *type, const msim_h
 
 /*------------------------------------- files ----------------------------------------------------*/
 
-/* Work in a new folder, so that tests may run side by side. */
+/* Work in a new temporary folder, so that tests can run in parallel. */
 static inline int enter_folder(void **state) {
   static char folder[] = "/tmp/msim_test_XXXXXX";
   *state = folder;
@@ -129,7 +131,7 @@ static inline int leave_folder(void **state) {
   return chdir("/") == 0 && rmdir(*state) == 0 ? 0 : -1;
 }
 
-/* A whole file as text; the caller frees it. */
+/* The content of a file, with a terminating 0; the caller frees it. */
 static inline char *slurp(const char *path, size_t *length) {
   FILE *file = fopen(path, "rb");
   if (!file) return NULL;

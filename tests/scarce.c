@@ -19,7 +19,7 @@ int64_t scarce_left(void) {
   return blocks;
 }
 
-/* 0 for the one that is to fail. */
+/* 0 if this allocation is to fail. */
 static int is_there(int by) {
   if (counting != by || left < 0) return 1;
   if (left > 0) return left--, 1;
@@ -57,7 +57,7 @@ void *__libc_realloc(void *old, size_t size);
 void *__libc_memalign(size_t alignment, size_t size);
 void __libc_free(void *ptr);
 
-/* seen by all libraries of the process */
+/* visible to all libraries of the process */
 #  pragma GCC visibility push(default)
 void *malloc(size_t size) {
   return is_there(SCARCE_BY_MALLOC) ? count(SCARCE_BY_MALLOC, __libc_malloc(size)) : NULL;
@@ -72,7 +72,7 @@ void *realloc(void *old, size_t size) {
   return old ? __libc_realloc(old, size) : count(SCARCE_BY_MALLOC, __libc_malloc(size));
 }
 
-/* Never fails: OpenMP would end the process, and nobody could help it. */
+/* Never fails, as OpenMP would then end the process. */
 void *memalign(size_t alignment, size_t size) {
   return count(SCARCE_BY_MALLOC, __libc_memalign(alignment, size));
 }

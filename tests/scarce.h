@@ -1,7 +1,8 @@
-/* scarce - memory that runs out when it is told to: malloc itself, or an allocator for scenes
+/* scarce - allocations that fail on demand, by a replacement of malloc or by an allocator for
+ * scenes
  *
- * Taking malloc over reaches what libraries ask for, too. Sanitizers do that themselves and leave
- * the allocator only. All counting is of the calling thread. */
+ * The replacement of malloc also reaches the allocations of libraries. Sanitizers replace malloc
+ * themselves, and leave only the allocator. Counts are per thread. */
 #ifndef TEST_SCARCE_H
 #define TEST_SCARCE_H
 
@@ -15,16 +16,17 @@
 
 enum { SCARCE_NOT, SCARCE_BY_MALLOC, SCARCE_BY_ALLOCATOR };
 
-/* From here on blocks are counted, made by malloc or by scarce_allocator(); NOT: no more. */
+/* Start counting the blocks allocated by malloc or by scarce_allocator(); SCARCE_NOT: stop. */
 void scarce_count(int by);
 
-/* Of those to come, allocation number `which` fails, or all from it on; -1: none. */
+/* Of the allocations after this call, number `which` (from 0) fails, or all from it on if for_good;
+ * -1: none. */
 void scarce_arm(int64_t which, int for_good);
 
-/* 1 if one has failed since scarce_arm. */
+/* 1 if an allocation has failed since scarce_arm. */
 int scarce_failed(void);
 
-/* Blocks made while counting that were not freed while counting; the count begins anew. */
+/* Blocks allocated while counting and not freed while counting; resets the count to 0. */
 int64_t scarce_left(void);
 
 const msim_allocator *scarce_allocator(void);

@@ -1,5 +1,6 @@
-/* scarce_preload - loaded before a program, makes its allocation number SCARCE_AT fail, or with
- * SCARCE_LATER all from it on; tells the pipe SCARCE_PIPE at the end whether it got there */
+/* scarce_preload - a library to preload into a program: makes its allocation number SCARCE_AT fail,
+ * or with SCARCE_LATER all from it on, and writes to the pipe SCARCE_PIPE at exit whether one
+ * failed */
 #define _POSIX_C_SOURCE 200809L /* write */
 #include <stdlib.h>
 #include <unistd.h>

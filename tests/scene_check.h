@@ -1,4 +1,4 @@
-/* scene_check - an allocator that counts and starves, and what is said about scenes in tests */
+/* scene_check - an allocator that counts blocks and fails on demand, and assertions about scenes */
 #ifndef SCENE_CHECK_H
 #define SCENE_CHECK_H
 
@@ -11,8 +11,8 @@
 /*------------------------------------- memory ---------------------------------------------------*/
 
 typedef struct starving {
-  int live;  /* blocks not freed */
-  int meals; /* allocations to go until one fails; < 0: none ever does */
+  int live;  /* blocks allocated and not freed */
+  int meals; /* successful allocations until all fail; < 0: none fails */
 } starving;
 
 static inline void *starving_alloc(size_t bytes, void *user) {
@@ -36,7 +36,7 @@ static inline msim_allocator starving_allocator(starving *s) {
 
 /*------------------------------------- content --------------------------------------------------*/
 
-/* All that a scene holds, as text that the caller frees. */
+/* The whole content of a scene as JSON text; the caller frees it. */
 static inline char *text_of(const ms_scene *data) {
   const msim_allocator alloc = ms_allocator(NULL);
   ms_text text = {.alloc = &alloc};
@@ -53,7 +53,7 @@ static inline msim_scene_view view_of(const msim_scene *scene) {
   return view;
 }
 
-/* The call is an error, its sentence holds the words, and the scene is what it was. */
+/* The call returns MSIM_ERR_ARG, its message contains `words`, and the scene is unchanged. */
 #define assert_refused(scene, call, words)                                                  \
   do {                                                                                      \
     msim_error err_ = {0, ""};                                                              \

@@ -1,4 +1,4 @@
-/* scenes - small scenes that several tests share */
+/* scenes - small scenes, options and queries that several tests share */
 #ifndef TEST_SCENES_H
 #define TEST_SCENES_H
 
@@ -8,7 +8,7 @@
 #include "msim/backend.h"
 #include "testing.h"
 
-/* A hanging cloth of side 1 m and 0.3 kg, flat at the start, two corners held. */
+/* A horizontal square cloth of side 1 m and 0.3 kg with side^2 particles, two corners pinned. */
 static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) {
   const int32_t corners[2] = {0, side - 1};
   const double g[3] = {0, 0, -9.81};
@@ -31,7 +31,7 @@ static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) 
   return scene;
 }
 
-/* A cube of 1 kg, side^3 particles, held by the layer of particles with that z index. */
+/* A cube of 1 kg with side^3 particles, pinned in the layer of that z index. */
 static inline msim_scene *held_block(int32_t side, double extent, double k, int32_t layer) {
   const double g[3] = {0, 0, -9.81};
   int32_t face[400];
@@ -51,7 +51,7 @@ static inline msim_scene *held_block(int32_t side, double extent, double k, int3
   return scene;
 }
 
-/* The scenes of tools/scenes; NULL past the end. */
+/* Scene i of tools/scenes; NULL past the end. */
 static inline msim_scene *shipped_scene(size_t i) {
   static const char *const names[] = {"three_particles", "pendulum",   "rope",
                                       "hanging_cloth",   "jelly_drop", "bouncing_balls"};
@@ -79,7 +79,8 @@ static inline void plane(msim_scene *scene, double nx, double ny, double nz, dou
   assert_ok(msim_scene_add_plane(scene, &p, err));
 }
 
-/* n particles, the first pinned: a rope in folds, that springs apart and flies */
+/* A compressed zigzag rope of n particles, the first pinned: it springs apart under large
+ * rotations. */
 static inline msim_scene *folded_rope(int32_t n) {
   const double mass = 0.05, k = 2000, rest = 0.3, g[3] = {0, 0, -9.81};
   const int32_t first = 0;
@@ -96,7 +97,7 @@ static inline msim_scene *folded_rope(int32_t n) {
   return scene;
 }
 
-/* Fixed steps of h, also where the method would choose its own. */
+/* Fixed steps of h; dop853 takes them only where the number of steps is given. */
 static inline msim_options options(const char *integrator, double h) {
   msim_options opt;
   msim_options_init(&opt, sizeof opt);
@@ -124,13 +125,13 @@ static inline msim_stats stats_of(const msim_sim *sim) {
   return stats;
 }
 
-/* The methods of this version; NULL past the end. */
+/* Method i of this version; NULL past the end. */
 static inline const char *method_at(int32_t i) {
   const msim_integrator_entry *entry = msim_integrator_info(i);
   return entry && entry->order > 0 ? entry->name : NULL;
 }
 
-/* 1 if a step solves a system. */
+/* 1 if each step solves a system. */
 static inline int is_implicit(const char *method) {
   const msim_integrator_entry *entry;
   for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++)
@@ -138,18 +139,18 @@ static inline int is_implicit(const char *method) {
   return 0;
 }
 
-/* 1 if it takes no forces that depend on velocities. */
+/* 1 if the method takes no forces that depend on velocities. */
 static inline int wants_positions_alone(const char *method) {
   return strcmp(method, "rkn6") == 0 || strcmp(method, "force-gradient") == 0 ||
          strcmp(method, "takahashi-imada") == 0;
 }
 
-/* 1 if it takes no planes. */
+/* 1 if the method takes no planes. */
 static inline int refuses_planes(const char *method) {
   return strcmp(method, "takahashi-imada") == 0;
 }
 
-/* 1 if the solver can be used here. */
+/* 1 if the solver is available. */
 static inline int solver_there(const char *name) {
   msim_plugin_entry entry;
   msim_error err;
@@ -158,7 +159,7 @@ static inline int solver_there(const char *name) {
   return 0;
 }
 
-/* MSIM_BACKEND_... of a solver that is there. */
+/* The flags MSIM_BACKEND_... of an available solver. */
 static inline uint32_t solver_flags(const char *name) {
   const msim_backend *backend;
   if (strcmp(name, "pcg") == 0) return MSIM_BACKEND_ITERATIVE;

@@ -1,4 +1,5 @@
-/* stability - bounds, limits, and a scene for which they are known */
+/* stability - frequency bounds, step-size limits, and a linear scene for which both are known
+ * exactly */
 #ifndef TEST_STABILITY_H
 #define TEST_STABILITY_H
 
@@ -7,8 +8,9 @@
 
 enum { RING = 8 };
 
-/* A chain on a line whose ends are tied together, of particles of 1 kg, with springs of 100 N/m and
- * rest length 0: linear, omega = 20/s, and that is what Gershgorin's discs say. */
+/* A closed chain on a line: particles of 1 kg, springs of k = 100 N/m and rest length 0. It is
+ * linear, and its highest frequency is omega = sqrt(4 k/m) = 20/s, which is also Gershgorin's
+ * bound. */
 #define RING_OMEGA 20.0
 static inline msim_scene *ring(double damping, double drag) {
   double x[3 * RING] = {0}, v[3 * RING] = {0}, mass[RING], k[RING], rest[RING] = {0}, c[RING];
@@ -32,7 +34,7 @@ static inline ms_bounds bounds_of(const msim_scene *scene, int sharp) {
   return b;
 }
 
-/* It has one, for steps of one stage count. */
+/* 1 if the method has a stability limit and a fixed number of stages. */
 static inline int has_limit(const char *method) {
   const ms_integrator *integrator;
   assert_ok(ms_integrator_find(method, &integrator, err));

@@ -1,4 +1,4 @@
-"""What the tests in Python share: where things are, and exit status 77 where all was skipped."""
+"""Helpers of the tests in Python: paths of the build, exit status 77 if every test was skipped."""
 import os
 import subprocess
 import sys
@@ -6,11 +6,11 @@ import unittest
 from pathlib import Path
 
 SOURCE = Path(__file__).resolve().parent.parent
-os.environ.pop("MSIM_PLUGIN_PATH", None)  # plugins are found by themselves, or a test fails
+os.environ.pop("MSIM_PLUGIN_PATH", None)  # plugins must be found without it
 
 
 def setting(name):
-    """What CMake says about this build, see msim_python_test in CMakeLists.txt."""
+    """A variable that CMake sets for this build, see msim_python_test in CMakeLists.txt."""
     try:
         return os.environ["MSIM_" + name]
     except KeyError:
@@ -18,7 +18,7 @@ def setting(name):
 
 
 def require(there, what):
-    """Skips the test where what it needs is missing, or fails it where nothing should be, as in
+    """Skips the test if a requirement is missing, or fails it if MSIM_COMPLETE is set, as by
     tools/check."""
     if not there:
         if "MSIM_COMPLETE" in os.environ:
@@ -39,7 +39,7 @@ def plugins():
 
 
 def run(*command, **options):
-    """Runs a command and returns what it printed; a failure shows all of it."""
+    """Runs a command and returns its output; on failure the output is shown."""
     done = subprocess.run([str(word) for word in command], stdin=subprocess.DEVNULL, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **options)
     if done.returncode != 0:

@@ -1,5 +1,5 @@
-"""Hostile scenes against references of their own: impacts within a step, sliding, mass ratios, speeds,
-late events, buckling limits. accuracy.json has scenes, options, references and limits."""
+"""Tests of accuracy in difficult scenes, each against a reference: impacts inside a step, sliding,
+mass ratios, speed, late events, buckling. accuracy.json has scenes, options, references, limits."""
 import json
 import math
 import subprocess
@@ -13,13 +13,13 @@ CASES = json.loads((Path(__file__).parent / "accuracy.json").read_text())
 
 
 class Runner:
-    """msim_cli in a folder of its own."""
+    """Runs msim_cli in a temporary folder."""
 
     def __init__(self, folder):
         self.scene, self.final = Path(folder) / "scene.json", Path(folder) / "final.json"
 
     def status(self, scene, options):
-        """Exit status of a run; what it ended with lies in `final`."""
+        """Exit status of a run; its final state is in `final`."""
         self.scene.write_text(json.dumps({"msim": 1, **scene}))
         self.final.unlink(missing_ok=True)
         words = [support.setting("CLI"), "run", self.scene, "--quiet", "--threads", "1", "--final",
@@ -65,7 +65,7 @@ def energy_band(runner, case, measure):
 
 
 def growth(runner, case, measure):
-    """Energy over that of the start; 0 where the run is refused."""
+    """Final energy over initial energy; 0 if the run is refused."""
     if runner.status(case["scene"], case["run"]) == 1:
         return 0
     return runner.run(case["scene"], case["run"])["energy"]["total"] / measure["E0"]
@@ -82,7 +82,7 @@ def stat(runner, case, measure):
 
 
 def stat_ratio(runner, case, measure):
-    """A counter over that of another scene, or of other options."""
+    """A counter over that of a run with another scene or other options."""
     base = {**case, **measure["base"]}
     return (runner.run(case["scene"], case["run"])["stats"][measure["stat"]]
             / runner.run(base["scene"], base["run"])["stats"][measure["stat"]])
@@ -96,7 +96,7 @@ def momentum(runner, case, _measure):
 
 
 def outside(runner, case, _measure):
-    """How far behind a plane a particle ends, m."""
+    """The largest distance of a particle behind a plane at the end, m."""
     end = runner.run(case["scene"], case["run"])
     return max((p["offset"] - sum(a * b for a, b in zip(p["normal"], x)))
                / math.hypot(*p["normal"]) for p in case["scene"]["planes"] for x in end["x"])

@@ -1,4 +1,4 @@
-/* What is said and done about how long a step may be: warnings, h = auto, explain. */
+/* Tests of step-size limits: warnings, h = auto, explain. */
 #include <string.h>
 
 #include "stability.h"
@@ -94,7 +94,8 @@ static void auto_is_below_the_limit(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* It ends at t_end, quietly; new springs leave it, and it can be had anew. */
+/* h = auto is lowered to meet t_end, without a warning; new springs do not change it, and it can be
+ * set anew. */
 static void auto_is_a_step_like_others(void **state) {
   (void)state;
   msim_scene *scene = ring(0, 0);
@@ -149,7 +150,7 @@ static void auto_is_refused_where_it_says_nothing(void **state) {
   msim_scene_destroy(scene), msim_scene_destroy(free_ring), msim_scene_destroy(still);
 }
 
-/* As text of an option, in a scene file, and in what is saved of it. */
+/* "auto" as the text of an option, in a scene file, and in a saved scene. */
 static void auto_is_a_word(void **state) {
   (void)state;
   static const char text[] =

@@ -1,5 +1,5 @@
-/* Clusters of rows and their smoothest motions, on meshes that are regular and on graphs that are
- * not. */
+/* Tests of aggregates (connected clusters of unknowns) and their smoothest modes, on regular meshes
+ * and irregular graphs. */
 #include "linear/aggregates.h"
 
 #include <math.h>
@@ -48,7 +48,7 @@ static void edge(graph *g, int32_t i, int32_t j, double k) {
   g->ij[2 * g->edges] = i, g->ij[2 * g->edges + 1] = j, g->k[g->edges++] = k;
 }
 
-/* Particles anywhere: aggregates look at springs alone. */
+/* Positions do not matter: aggregates depend on springs only. */
 static msim_scene *scene_of(graph *g) {
   double *x = calloc(3 * (size_t)g->n, sizeof *x), *mass = calloc((size_t)g->n, sizeof *mass);
   msim_scene *scene;
@@ -60,7 +60,7 @@ static msim_scene *scene_of(graph *g) {
   return scene;
 }
 
-/* Bodies of `corners` particles each, all linked. */
+/* Bodies of `corners` particles each, with springs between all pairs. */
 static msim_scene *bodies(int32_t count, int32_t corners) {
   graph g = empty(count * corners, count * corners * corners);
   for (int32_t b = 0; b < count; b++)
@@ -69,7 +69,7 @@ static msim_scene *bodies(int32_t count, int32_t corners) {
   return scene_of(&g);
 }
 
-/* Particle 0 is linked to all others; `rim`: these also to the next. */
+/* Springs from particle 0 to all others; `rim`: also from each of these to the next. */
 static msim_scene *hub(int32_t leaves, int rim) {
   graph g = empty(leaves + 1, 2 * leaves);
   for (int32_t i = 1; i <= leaves; i++) edge(&g, 0, i, 100);
@@ -77,7 +77,8 @@ static msim_scene *hub(int32_t leaves, int rim) {
   return scene_of(&g);
 }
 
-/* A tree where each particle hangs on one of the `back` before it, and some more springs. */
+/* A tree in which each particle is connected to one of the `back` before it, and some more
+ * springs. */
 static msim_scene *random_graph(int32_t n, int32_t back, int32_t more, unsigned seed) {
   graph g = empty(n, n + more);
   for (int32_t i = 1; i < n; i++) {
@@ -108,7 +109,7 @@ static msim_scene *chain(int32_t n) {
 
 /*------------------------------------- checks ---------------------------------------------------*/
 
-/* Every row is in no aggregate or in the one that lists it, once. */
+/* Every unknown is in no aggregate, or in the one that lists it, once. */
 static void check_lists(const aggregates *g) {
   const ms_aggregates *a = &g->a;
   int32_t listed = 0;
@@ -132,7 +133,7 @@ static int32_t root_of(int32_t *parent, int32_t r) {
   return r;
 }
 
-/* Springs between members link all members. */
+/* Springs between members connect all members of an aggregate. */
 static void check_connected(const aggregates *g) {
   const ms_springs *s = &g->model.springs;
   const int32_t n = g->model.rows.nfree, *of = g->a.of;
@@ -153,8 +154,8 @@ static double dot(const ms_aggregates *a, int32_t k, int p, int q) {
   return sum;
 }
 
-/* What is left of f, by the rows of an aggregate, beside its modes; in units of its deviation from
- * the mean, or of f where f is constant. */
+/* The norm of f on an aggregate without its part in the modes, over the norm of its deviation from
+ * the mean, or of f if f is constant. */
 static double left_over(const ms_aggregates *a, int32_t k, const double *f) {
   double part[4] = {0}, left = 0, mean = 0, ff = 0;
   const int32_t n = a->first[k + 1] - a->first[k], *row = a->row + a->first[k];
@@ -185,7 +186,7 @@ static void check_modes(const aggregates *g) {
   free(one);
 }
 
-/* All of that, twice with the same bits; returns how many rows lie in an aggregate. */
+/* All checks, on two results with the same bits; returns the number of unknowns in aggregates. */
 static int32_t check(msim_scene *scene, int32_t size) {
   aggregates g = make(scene, size), again = make(scene, size);
   check_lists(&g);
@@ -217,7 +218,7 @@ static void meshes_are_covered(void **state) {
   }
 }
 
-/* Jacobi's rotations: the sum of the 4 least eigenvalues of the symmetric n x n matrix A. */
+/* The sum of the 4 least eigenvalues of the symmetric n x n matrix A, by Jacobi rotations. */
 static double least_eigenvalues(int32_t n, double *A) {
   for (int sweep = 0; sweep < 8; sweep++)
     for (int32_t p = 0; p < n; p++)
@@ -242,7 +243,7 @@ static double least_eigenvalues(int32_t n, double *A) {
   return sum;
 }
 
-/* The energy of the modes of an aggregate, trace W^T L W, over what it is at least. */
+/* The energy of the modes of an aggregate, trace W^T L W, over its minimum. */
 static double energy_ratio(const aggregates *g, int32_t k) {
   const ms_springs *s = &g->model.springs;
   const int32_t first = g->a.first[k], n = g->a.first[k + 1] - first, *of = g->a.of;
@@ -273,8 +274,8 @@ static void modes_are_the_lowest(void **state) {
   }
 }
 
-/* On a regular cloth the coordinates are about motions of the coarse space: cosines of half a wave,
- * which is all that a square leaves to them, miss 12 %. */
+/* On a regular cloth the coordinates are almost in the coarse space: half a cosine wave, which is
+ * the closest mode of a square, leaves 12 %. */
 static void affine_motions_are_nearly_modes(void **state) {
   (void)state;
   enum { SIDE = 40 };
@@ -313,8 +314,8 @@ static double seconds_for_hub(int32_t leaves, int rim) {
   return seconds;
 }
 
-/* A hub with 1e5 leaves: 16 times as many take about 16 times as long, not 256 times, although
- * nobody has a place for them all. */
+/* A hub with 1e5 leaves: the time is linear (16 times as many leaves take about 16 times as long,
+ * not 256 times), although no aggregate is large enough for all of them. */
 static void hubs_take_no_time(void **state) {
   (void)state;
   for (int rim = 0; rim < 2; rim++) {
@@ -332,8 +333,8 @@ static void all_pinned_but_one(void **state) {
   assert_int_equal(check_and_destroy(scene, 64), 0);
 }
 
-/* Trees, thin and bushy, and denser graphs; several springs between the same two; stiffnesses of
- * 1 to 1e9. */
+/* Trees, thin and bushy, and denser graphs; several springs between a pair; stiffnesses of 1 to
+ * 1e9. */
 static void any_graph(void **state) {
   (void)state;
   static const int32_t back[] = {1, 2, 5, 30, 1000}, more[] = {0, 30, 3000};
@@ -342,7 +343,7 @@ static void any_graph(void **state) {
                       4 << seed % 5);
 }
 
-/* Springs of no stiffness or any: in all of a cluster, or beside others. */
+/* Springs of zero to very large stiffness: all those of an aggregate, or mixed with others. */
 static void any_stiffness(void **state) {
   (void)state;
   static const double scales[] = {0, 5e-324, 1e-310, 1e-200, 1, 1e200, 1e307};

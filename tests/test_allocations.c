@@ -1,5 +1,5 @@
-/* No step by msim's own code or by SUNDIALS allocates: steps of every method are made while there
- * is no memory, from malloc, which libraries call, too, or under sanitizers from the scene's
+/* Tests that no step with msim's own solvers or with SUNDIALS allocates: every method makes
+ * steps while all allocations fail, those of malloc or, under sanitizers, those of the scene's
  * allocator. */
 #include <string.h>
 
@@ -8,8 +8,8 @@
 
 enum { STEPS = 20 };
 
-/* A cloth with a corner a micrometre above a plane that it falls on, if the method takes planes.
- * More than three contacts are sorted by qsort, for which glibc allocates. */
+/* A cloth with a corner 1e-6 m above a plane that it falls on, if the method takes planes. More
+ * than three contacts are sorted by qsort, for which glibc allocates. */
 static msim_scene *falling_cloth(const char *method) {
   const msim_plane floor = {{0.3, 0.3, 1}, -1e-6, 0.5, 0.2};
   const double g[3] = {0, 0, -9.81};
@@ -30,7 +30,7 @@ static msim_scene *falling_cloth(const char *method) {
   return scene;
 }
 
-/* Steps while every allocation of this thread fails; 1: there was one. */
+/* Make steps while every allocation of this thread fails; returns 1 if there was one. */
 static int steps_allocate(msim_sim *sim, int32_t steps, msim_status *status) {
   scarce_count(SCARCE_MALLOC ? SCARCE_BY_MALLOC : SCARCE_BY_ALLOCATOR);
   scarce_arm(0, 1);
@@ -50,7 +50,7 @@ static int check_method(const char *method, const char *solver, double tol, int3
   msim_sim *sim = NULL;
   msim_status status = msim_sim_create(scene, &opt, &sim, NULL);
   const int made = status == MSIM_OK;
-  if (!made) assert_int_equal(status, MSIM_ERR_ARG); /* tol, or impacts, are not for this method */
+  if (!made) assert_int_equal(status, MSIM_ERR_ARG); /* no tol, or no located impacts */
   if (made && steps_allocate(sim, STEPS, &status))
     fail_msg("%s, solver %s, tol %g: a step allocates", method, solver, tol);
   assert_int_equal(status, made ? MSIM_OK : MSIM_ERR_ARG);
@@ -89,7 +89,7 @@ static void no_step_by_sundials_allocates(void **state) {
   require(tried > 0, "SUNDIALS");
 }
 
-/* Otherwise the tests above might not see what a library asks for. */
+/* Checks the check: an allocation within a library is detected. */
 static void steps_by_cholmod_are_seen_to_allocate(void **state) {
   (void)state;
   if (!SCARCE_MALLOC) skip();

@@ -1,11 +1,12 @@
-/* The steps that the bench takes as theory: each agrees with the exact motion of an oscillator to
- * the order of its method, and force-gradient's coefficients solve the conditions that fix them. */
+/* Tests of the theoretical steps of the benchmarks (amplification of a damped oscillator): each
+ * agrees with the exact motion to the order of its method, and the coefficients of force-gradient
+ * satisfy its order conditions. */
 #include <math.h>
 
 #include "../tools/msim_bench/amplification.h"
 #include "testing.h"
 
-/* x'' = -2 zeta w x' - w^2 x exactly, z = w t, zeta < 1; y = (x, v/w) */
+/* The exact solution of x'' = -2 zeta w x' - w^2 x over z = w t for zeta < 1; y = (x, v/w) */
 static void move_exactly(double zeta, double z, double y[2]) {
   const double w = sqrt(1 - zeta * zeta), c = exp(-zeta * z) * cos(w * z);
   const double s = exp(-zeta * z) * sin(w * z) / w, x = y[0], v = y[1];
@@ -48,8 +49,8 @@ static void steps_have_their_order(void **state) {
   }
 }
 
-/* Order 4 in other variables than x and v: what does not depend on variables, the trace, is that of
- * the exact motion to one power of z more. */
+/* Its order 4 holds in transformed variables, not in x and v. The trace of the step is invariant
+ * under such a transformation, and agrees with that of the exact motion to one power of z more. */
 static void takahashi_imada_has_its_order(void **state) {
   (void)state;
   const double z = 0.2;
@@ -62,8 +63,8 @@ static void takahashi_imada_has_its_order(void **state) {
 
 /* Omelyan, Mryglod and Folk (2002) leave four numbers a, b1, b2, g free in
  *   b1 a b2 a' b3 a' b2 a b1,  a' = 1/2 - a,  b3 = (1 - 2 b1 - 2 b2)(1 - g z^2).
- * A step of an oscillator has order 6 where four coefficients of its powers of z are those of
- * cos z and sin z; the others follow as it is symmetric and its determinant 1. */
+ * The step of an oscillator has order 6 if four coefficients of its power series in z are those of
+ * cos z and sin z; the others follow, as the step is symmetric and its determinant is 1. */
 enum { TERMS = 8, NUMBERS = 4 };
 
 typedef struct series {
@@ -93,7 +94,8 @@ static void conditions(const double n[NUMBERS], double off[NUMBERS]) {
   off[2] = from_v.x[3] + 1. / 6, off[3] = from_v.x[5] - 1. / 120;
 }
 
-/* J d = off by elimination with pivots; J is destroyed. */
+/* J d = off by Gauss-Jordan elimination with pivots, in place: the last column of J is off, then
+ * d. */
 static void solve(double J[NUMBERS][NUMBERS + 1]) {
   for (int k = 0; k < NUMBERS; k++) {
     int pivot = k;
@@ -126,7 +128,7 @@ static void newton_step(double n[NUMBERS]) {
   for (int c = 0; c < NUMBERS; c++) n[c] -= J[c][NUMBERS];
 }
 
-/* As one step by the numbers that solve the conditions, from a rough guess on. */
+/* The step agrees with one by the numbers that Newton's method finds from a rough initial guess. */
 static void force_gradient_solves_the_order_conditions(void **state) {
   (void)state;
   double n[NUMBERS] = {0.25, 0.1, 0.3, 0.02};

@@ -1,4 +1,5 @@
-/* integrator = auto: the same choice each time, and why; a new one for another state or springs. */
+/* Tests of integrator = auto: a reproducible choice with its reason, and a new one for another
+ * state or other springs. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -26,8 +27,8 @@ static void same_state(msim_sim *a, msim_sim *b) {
   assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
 }
 
-/* A soft chain with strong dampers, and beside it a stiff spring without, which hardly swings: a
- * few steps of rkc do not show that it grows. */
+/* A soft chain with strong dampers, and a stiff undamped spring, which hardly oscillates: a few
+ * steps of rkc do not show that its motion grows. */
 static void rkc_is_left_out_where_a_spring_is_undamped(void **state) {
   (void)state;
   enum { LINKS = 20, ALL = LINKS + 2 };
@@ -57,7 +58,7 @@ static void rkc_is_left_out_where_a_spring_is_undamped(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Who asks again gets the same, however many threads there are, and told why. */
+/* A second sim makes the same choice, with any number of threads, and explains it. */
 static void it_is_always_the_same(void **state) {
   (void)state;
   for (int i = 0; i < NEXAMPLES; i++) {
@@ -94,8 +95,8 @@ static void it_needs_no_options(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A scene that is in a state already chooses as one that was put into it, which goes on as a fresh
- * one does. */
+/* A scene created in a state makes the same choice as a sim that was set to it, and the same
+ * steps. */
 static void a_state_is_a_new_run(void **state) {
   (void)state;
   msim_scene *scene = soft_cloth(), *later;
@@ -130,7 +131,7 @@ static void a_state_is_a_new_run(void **state) {
   msim_scene_destroy(scene), msim_scene_destroy(later);
 }
 
-/* Forces that come to depend on velocities take another method. */
+/* If forces begin to depend on velocities, another method is chosen. */
 static void springs_are_a_new_run(void **state) {
   (void)state;
   msim_scene *scene = soft_cloth(), *damped = hanging_cloth(5, 30, 0.01);
@@ -154,7 +155,7 @@ static void springs_are_a_new_run(void **state) {
 
 static void note(const char *text, void *user) { snprintf(user, 256, "%s", text); }
 
-/* It is no step of the user's that it takes, and it says so; of its own it has nothing to say. */
+/* A step given by the user is not used, and a warning says so; without one there is no warning. */
 static void it_chooses_the_steps(void **state) {
   (void)state;
   msim_scene *scene = stiff_cloth();
@@ -179,7 +180,7 @@ static void it_chooses_the_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Where the user wants impacts located, none is reflected at the end of a step. */
+/* If the user asks for located impacts, none is reflected at the end of a step. */
 static void impacts_are_located_where_asked(void **state) {
   (void)state;
   msim_scene *scene = soft_cloth();
@@ -197,7 +198,7 @@ static void impacts_are_located_where_asked(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A choice that memory is lacking for changes nothing, and leaks nothing. */
+/* A choice for which memory runs out changes nothing, and leaks nothing. */
 static void it_survives_lack_of_memory(void **state) {
   (void)state;
   bank b = {.fail_at = -1};

@@ -1,4 +1,5 @@
-/* integrator = auto: what its choice and its run cost, beside what the best method would have. */
+/* Tests of integrator = auto: the cost of the choice and of the run, compared with the best
+ * method. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -10,7 +11,7 @@
 
 typedef struct result {
   double x[MOST], v[MOST];
-  double work; /* evaluations; iterations and factors of solvers count by their flops */
+  double work; /* force evaluations; iterations and factorizations are converted by their flops */
 } result;
 
 typedef struct target {
@@ -20,15 +21,15 @@ typedef struct target {
   result exact;
 } target;
 
-/* At least one evaluation a step: where nothing pulls, implicit methods make none. */
+/* At least one evaluation per step: without springs implicit methods count none. */
 static double work_of(const msim_sim *sim) {
   return fmax(ms_probe_work(sim), (double)stats_of(sim).steps);
 }
 
-/* 1: made, with so much work at most. */
+/* 1: the run reached its end with at most so much work. */
 static int run(const msim_scene *scene, const msim_options *opt, double most, result *r) {
   msim_sim *sim;
-  if (msim_sim_create(scene, opt, &sim, NULL)) return 0; /* not for forces like these */
+  if (msim_sim_create(scene, opt, &sim, NULL)) return 0; /* the method does not take such forces */
   msim_status status = MSIM_OK;
   while (!status && state_of(sim).t < opt->t_end * (1 - 1e-12) && work_of(sim) <= most)
     status = msim_sim_step(sim, 1, NULL);
@@ -41,7 +42,7 @@ static int run(const msim_scene *scene, const msim_options *opt, double most, re
   return done;
 }
 
-/* As control measures it */
+/* In the norm of the error control */
 static double error_of(const target *t, const result *r) {
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(t->scene, &view);
@@ -66,7 +67,7 @@ static void find_exact(const example *of, double tol, target *t) {
 
 /*------------------------------------- the best method ------------------------------------------*/
 
-/* What a method costs at the errors of a sweep over tol or h */
+/* The cost of a method against its error, in a sweep over tol or h */
 enum { RUNS = 12 };
 typedef struct curve {
   const char *method;
@@ -74,8 +75,8 @@ typedef struct curve {
   double error[RUNS], work[RUNS];
 } curve;
 
-/* The first step of a sweep: the longest stable one, or a tenth of the run. 0: the method cannot
- * take part, or eliminates unknowns, which ms_probe_work() does not count. */
+/* The first step of a sweep: the stability limit, or a tenth of the run. 0: the method does not
+ * take the scene, or eliminates unknowns, which ms_probe_work() does not count. */
 static double first_step(const target *t, msim_options opt, int fixed) {
   msim_sim *sim;
   if (fixed) opt.h = MSIM_H_AUTO;
@@ -103,7 +104,7 @@ static void sweep(const target *t, const char *method, int fixed, double most, c
   }
 }
 
-/* Between two rungs as powers of the error go */
+/* Interpolated between two points of the sweep: the work is a power of the error */
 static double work_at(const curve *c, double error) {
   double least = INFINITY;
   for (int i = 0; i < c->n; i++) {
@@ -117,8 +118,8 @@ static double work_at(const curve *c, double error) {
   return least;
 }
 
-/* All that a user could have named, by tol and in fixed steps; these not at planes, where they are
- * right by chance. */
+/* All methods that a user could name, with tol and with fixed steps; these not in scenes with
+ * planes, where they are accurate by chance. */
 enum { CURVES = 40 };
 static int sweep_all(const target *t, double most, curve curves[CURVES]) {
   const int kinds = t->scene->data->nplanes > 0 ? 1 : 2;
@@ -153,7 +154,7 @@ static void choose(const target *t, double tol, result *r, const ms_candidate **
   assert_true(run(t->scene, &opt, INFINITY, r));
 }
 
-/* The most and the mean of what is found in the runs of a table */
+/* Maximum and mean over the runs of a table */
 typedef struct summary {
   double most, sum;
   int n;
@@ -168,9 +169,9 @@ static void assert_summary(const char *what, const summary *s, double most, doub
   assert_true(s->most <= most && s->sum / s->n <= mean);
 }
 
-/* Its run keeps tol, and costs little more than that of the best method, found by hindsight, where
- * that is as good, and where it just keeps tol; the choice itself costs less than the run. Bounds
- * are a tenth above what is measured. */
+/* The run keeps tol. It costs little more than the best method, found by a sweep, at the same
+ * error, and at an error of tol; the choice costs less than the run. Bounds are a tenth above
+ * measured values. */
 static void as_good_as_the_best(void **state) {
   (void)state;
   const double tols[] = {1e-2, 1e-4, 1e-6, 1e-8};
@@ -215,7 +216,7 @@ static void as_good_as_the_best(void **state) {
 
 static msim_scene *wire(void) { return swing(3, 1e9, 1e4); }
 
-/* Two stiff springs that are damped, and swing slowly: long steps by far pay. */
+/* Two stiff damped springs that swing slowly: long implicit steps are much less expensive. */
 static void implicit_where_that_pays(void **state) {
   (void)state;
   const example swinging = {"wire", wire, 0.4, 1};

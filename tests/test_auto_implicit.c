@@ -1,5 +1,5 @@
-/* integrator = auto: tr-bdf2 is chosen where it makes the whole run for a fifth of the best cost of
- * the explicit methods, and only there. */
+/* Tests that integrator = auto chooses tr-bdf2 if and only if the whole run costs at most a fifth
+ * of the best explicit method. */
 #include <math.h>
 
 #include "auto_scenes.h"
@@ -19,7 +19,7 @@ static msim_sim *planned(const msim_scene *scene, const char *method, double tol
   return make_sim(scene, &opt);
 }
 
-/* What the run costs by tr-bdf2 */
+/* The cost of the run by tr-bdf2 */
 static double implicit_cost(const msim_scene *scene, double tol) {
   msim_sim *sim = planned(scene, "tr-bdf2", tol);
   assert_ok(msim_sim_run(sim, NULL, NULL, err));
@@ -55,7 +55,7 @@ static void a_fifth_of_the_cost_decides(void **state) {
   }
 }
 
-/* cholmod, until so many factors were made */
+/* cholmod, until the number of factorizations is used up */
 static const msim_backend *cholmod;
 static int factors_left;
 
@@ -64,8 +64,8 @@ static msim_status failing_factor(void *self, const msim_system *A, int32_t kind
   return factors_left-- > 0 ? cholmod->factor(self, A, kind, info) : MSIM_ERR_BACKEND;
 }
 
-/* A solver that fails in the run by which tr-bdf2 is tried, in its first step or later, is what the
- * user has to know. */
+/* A failure of the solver in the pilot run of tr-bdf2, in its first step or later, is reported to
+ * the user. */
 static void a_failure_of_the_solver_is_reported(void **state) {
   (void)state;
   require(solver_there("cholmod"), "the solver cholmod");

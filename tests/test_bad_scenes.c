@@ -1,11 +1,12 @@
-/* Files that are no scenes: each is refused in one sentence that names the file and the key. */
+/* Tests of invalid scene files: each is refused with one message that names the file and the
+ * key. */
 #define _POSIX_C_SOURCE 200809L
 #include <dirent.h>
 #include <stdio.h>
 
 #include "scene_check.h"
 
-/* In the folder bad_scenes; what the sentence must hold. */
+/* A file in the folder bad_scenes, and words that its message must contain. */
 static const struct {
   const char *file, *words;
 } cases[] = {

@@ -1,4 +1,4 @@
-"""What msim_bench promises on its command line, and when it is stopped: no trace is left."""
+"""Tests of the command line of msim_bench, and that nothing of it is left when it is stopped."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What msim_bench --svg draws, with gnuplot and without."""
+"""Tests of the diagrams of msim_bench --svg, with gnuplot and without."""
 
 import os
 import re
@@ -10,11 +10,11 @@ from bench_support import BenchTest
 
 
 class Picture(BenchTest):
-    """Of one small scene; what a stand-in for gnuplot is given, and what gnuplot makes of it."""
+    """For one small scene: the input of a substitute for gnuplot, and the output of gnuplot."""
     SMALL = ["forces", "--quick", "--scene", "cloth100,jelly16,cloth32", "--svg", "out.svg"]
 
     def stand_in(self, script):
-        """PATH with nothing but a gnuplot that is this script."""
+        """A PATH that contains only this script, as gnuplot."""
         folder = self.folder / "bin"
         folder.mkdir()
         if script:

@@ -1,5 +1,5 @@
-"""msim_bench linear, precision, stability and skip as a whole: all keys, in a minute, however busy
-the machine is."""
+"""Tests of msim_bench linear, precision, stability and skip as a whole: all keys, within a minute,
+also on a busy machine."""
 
 import csv
 import math
@@ -38,7 +38,7 @@ class QuickTest(BenchTest):
 
 class Quick(QuickTest):
     def check_keys(self, result, expected):
-        """Without a result are those only for which the machine had no time, or no library."""
+        """Methods without a result are those for which there was no time, or no library."""
         found = {key for key, value in result["summary"].items() if value is not None}
         self.assertEqual(found - expected, set())
         self.assertEqual(expected - set(result["summary"]), set())
@@ -128,7 +128,7 @@ class Quick(QuickTest):
             self.assertIn("implicit-midpoint", (self.folder / "out.svg").read_text())
 
     def check_truth(self, truth, rows):
-        """No error is told that the truth is not known for; no claim of more than that."""
+        """No error below the accuracy of the reference is reported."""
         if truth["status"] != "ok":
             self.assertGreater(len(truth["reason"]), 10)
             return
@@ -146,7 +146,7 @@ class Quick(QuickTest):
             self.assertGreater(level["ms"], 0)
 
     def check_auto(self, truth, rows):
-        """Where it is quick, `auto` is measured down to small tol, also where stability sets its
+        """Where it is fast, `auto` is measured down to small tol, also if stability limits its
         steps; with tol, errors are below ten times tol."""
         if truth["status"] != "ok":
             return
@@ -159,7 +159,7 @@ class Quick(QuickTest):
             self.assertLess(run["error"] * truth["motion"], 10 * run["tol"] * truth["extent"])
 
     def check_cells(self, truth, rows):
-        """A row for each error that the truth resolves, with the quickest of each side."""
+        """A row for each error that the reference resolves, with the fastest of each side."""
         if truth["status"] != "ok":
             return
         cells = self.find(rows, measure="cell")
@@ -176,13 +176,13 @@ class Quick(QuickTest):
 
     @staticmethod
     def ratio(a, b):
-        """The missing one is the worse."""
+        """A missing result counts as the worse one."""
         if b is None:
             return None if a is None else 0
         return math.inf if a is None else a / b
 
     def check_same(self, found, ratio):
-        """JSON has no infinity."""
+        """JSON cannot represent infinity."""
         if ratio is None or math.isinf(ratio):
             self.assertIsNone(found)
         else:
@@ -215,8 +215,8 @@ class Quick(QuickTest):
                     self.check_same(found.get(key), max(known, default=None))
 
     def check_split(self, rows, scene, expected):
-        """Methods that take the forces in two parts are there where these are split, and come to
-        the same end as the others."""
+        """Multirate methods take part where the forces are split, and their results agree with
+        those of the others."""
         rows = self.find(rows, scene=scene)
         kernel, = self.find(rows, measure="kernel")
         self.assertEqual("split_difference" in kernel, bool(expected))
@@ -231,8 +231,8 @@ class Quick(QuickTest):
                 self.assertLess(min(row.get("error", 1) for row in ended), 1e-4)
 
     def check_order(self, rows, method, order):
-        """Where a ladder is neither too coarse nor at rounding, half the step has 2^-order of the
-        error."""
+        """In a sweep over h that is neither too coarse nor at rounding level, half the step has
+        2^-order of the error."""
         rungs = [row for row in self.find(rows, measure="rung", scene="chain", method=method)
                  if row["status"] == "ok" and 1e-9 < row["error"] < 1e-5]
         ratios = [a["error"] / b["error"] for a, b in zip(rungs, rungs[1:])]
@@ -274,7 +274,7 @@ class Skip(QuickTest):
             key = self.IMPLICIT[name]
             self.assertEqual(summary[key], factors.get("off, cholmod"))
             if summary[key] is not None:
-                self.assertGreater(summary[key], 1)  # however busy the machine is
+                self.assertGreater(summary[key], 1)  # also on a busy machine
             for row in steps.values():
                 if row["status"] == "ok":
                     self.assertGreater(row["least_kinetic"], 1e-4)
@@ -282,7 +282,7 @@ class Skip(QuickTest):
 
 
 class Duels(BenchTest):
-    """Two alone, for keys of their own."""
+    """Runs with two methods only, for their additional keys."""
     KEYS = {"auto_over_tuned_cholmod_jelly16", "auto_over_tuned_cholmod_cloth64"}
 
     def test_who_ran(self):
@@ -301,12 +301,12 @@ class Duels(BenchTest):
                     self.assertIn("cholmod", row["reason"])
                     continue
                 for role in "over", "under":
-                    self.assertGreater(row[f"{role}_least_kinetic"], 1e-5)  # it moves all the time
+                    self.assertGreater(row[f"{role}_least_kinetic"], 1e-5)  # it never comes to rest
                     self.assertGreater(row[f"{role}_median_ms"], 0)
                 self.assertGreaterEqual(row["series"], 8)
                 self.assertEqual(row["under_ran"], "cholmod")
                 self.assertEqual(row["ratio"], result["summary"][key])
-                # medians of ratios and ratios of medians lie near each other, on a busy machine too
+                # medians of ratios and ratios of medians agree roughly, also on a busy machine
                 self.assertLess(abs(math.log(row["ratio"] * row["under_ms"] / row["over_ms"])), 1)
 
 

@@ -1,4 +1,4 @@
-"""What msim_bench measures: rows and summary, every contestant, the same results."""
+"""Tests of the measurements of msim_bench: rows, summary, every program compared, equal results."""
 
 import os
 import re
@@ -17,7 +17,7 @@ class Linear(Children):
         self.assertGreater(row["ms"], 0)
         self.assertGreaterEqual(row["repeats"], 1)
         parts = [row.get(f"{part}_ms", 0) for part in ("force", "assemble", "factor", "solve")]
-        self.assertLess(sum(parts), 3 * row["ms"])  # medians of each: they need not add up
+        self.assertLess(sum(parts), 3 * row["ms"])  # medians of each part, which need not add up
         if row["measure"] != "bare":
             self.assertLess(row["residual"], 1.01e-6)
         if row["measure"] == "step":
@@ -127,7 +127,7 @@ class Scaling(BenchTest):
         self.assertEqual(row["particles"], particles)
         self.assertAlmostEqual(row["h"], 1 / 60)
         if row["status"] != "ok":
-            self.assertEqual(row["solver"], "cholmod")  # it alone may be left out, or not be there
+            self.assertEqual(row["solver"], "cholmod")  # the only one that may be missing
             self.assertGreater(len(row["reason"]), 10)
             return
         self.assertGreater(row["ms"], 0)
@@ -160,7 +160,7 @@ class Step(BenchTest):
         self.check_prefactored(result["summary"], found, unsolved)
 
     def is_case(self, rows):
-        """Newton's method was tried, and failed or met a reference that was tried."""
+        """Newton's method was run, and failed or agrees with a reference that was run."""
         tried = [row["method"] for row in self.find(rows, measure="step", accuracy=1e-4)
                  if row["status"] != "left out"]
         solved = self.find(rows, method="Newton, pcg", accuracy=1e-4, status="ok")
@@ -169,7 +169,7 @@ class Step(BenchTest):
 
     def check_prefactored(self, summary, found, unsolved):
         """Each case counts: one that Newton's method does not solve as the worst, one that the
-        references do not solve by the time that they had."""
+        references do not solve with the time limit."""
         unsolved += len([row for row in found if row["ratio"] is None])
         bounds = self.find(found, is_upper_bound=True)
         ratios = [row["ratio"] for row in found if row["ratio"] is not None]
@@ -182,7 +182,7 @@ class Step(BenchTest):
             self.assertRegex(row["reason"], "(L-BFGS|projective dynamics): .{10}")
 
     def check_case(self, rows):
-        """Whoever is said to be there was there; the others have a reason."""
+        """Every program listed as present has results; the others have a reason."""
         solution, = self.find(rows, measure="solution")
         if solution["status"] != "ok":
             self.assertGreater(len(solution["reason"]), 10)
@@ -206,7 +206,7 @@ class Step(BenchTest):
             self.assertEqual("newton_rtol" in row, row["method"] in self.METHODS[:2])
 
     def check_descents(self, rows, is_easy):
-        """They minimise the potential of the very same step, and get there where it is easy."""
+        """They minimize the potential of the same step, and converge in easy cases."""
         for row in self.find(rows, measure="step", method="L-BFGS", accuracy=1e-2):
             if "cholmod" in row.get("reason", "") or "no time" in row.get("reason", ""):
                 continue
@@ -231,7 +231,7 @@ class Forces(BenchTest):
             "mesh500": {"irregular_speedup"}, "cloth32": set(), "mesh100": set()}
 
     def check_scene(self, rows, cores):
-        """Who took part, and that both computed the same."""
+        """The programs compared are listed, and their results agree."""
         scene, = self.find(rows, measure="scene")
         self.assertLess(scene["difference"], 1e-12)
         self.assertGreater(scene["bytes_per_step"], 104 * scene["particles"])

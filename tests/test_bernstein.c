@@ -1,4 +1,5 @@
-/* The first fall of a polynomial below 0: against products of known roots, and closed forms. */
+/* Tests of the first downward zero of a polynomial in Bernstein form, against products of known
+ * roots and closed forms. */
 #include <math.h>
 
 #include "physics/bernstein.h"
@@ -15,7 +16,8 @@ static ms_bernstein times(const ms_bernstein *s, double a, double b) {
   return p;
 }
 
-/* Roots inside, outside and in pairs; the first that leads downwards is found, to rounding. */
+/* Roots inside, outside and in pairs: the first one at which the polynomial falls is found, up to
+ * rounding. */
 static void first_falls_are_found(void **state) {
   (void)state;
   unsigned seed = 5;
@@ -34,13 +36,14 @@ static void first_falls_are_found(void **state) {
       second = fmin(second, fmax(first, root[i]));
       first = fmin(first, root[i]);
     }
-    if (second - first < 1e-3) continue; /* a pair may be none to rounding */
+    if (second - first < 1e-3) continue; /* a close pair may vanish by rounding */
     const double found = ms_bernstein_first_fall(&s, 1e-12 * fabs(s.c[0]));
     assert_close(found, first, 1e-7);
   }
 }
 
-/* 4 (q - 1/2)^2 - depth, in degrees 2 to 7: a dip is found however short, a miss is none. */
+/* 4 (q - 1/2)^2 - depth, in degrees 2 to 7: the shortest dip below 0 is found, and a near miss is
+ * not. */
 static void short_dips_are_found(void **state) {
   (void)state;
   for (int exponent = 2; exponent <= 14; exponent++) {
@@ -56,7 +59,7 @@ static void short_dips_are_found(void **state) {
   }
 }
 
-/* From 0 upwards: back at 0 is a fall, the start is none. */
+/* A polynomial that rises from 0: its return to 0 is found, its start is not. */
 static void what_leaves_returns(void **state) {
   (void)state;
   const ms_bernstein back = ms_bernstein_cubic(0, 1, -1, -3); /* q - 2 q^2 */

@@ -1,5 +1,5 @@
-/* Which kernels of OpenBLAS the programs ask for: SkylakeX on AMD's processors with AVX-512, unless
- * the user has chosen. */
+/* Tests of the OpenBLAS kernels that the programs request: SkylakeX on AMD processors with AVX-512,
+ * unless the user has chosen others. */
 #define _POSIX_C_SOURCE 200809L /* setenv */
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,7 +8,7 @@
 #include "../tools/common/blas.h"
 #include "testing.h"
 
-/* As the kernel says */
+/* According to /proc/cpuinfo; -1: it cannot be read */
 static int is_amd_with_avx512(void) {
   char line[8192];
   int amd = 0, avx512 = 0;

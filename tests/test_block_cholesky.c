@@ -1,4 +1,5 @@
-/* Sparse Cholesky of blocks against dense sums: pattern, factor, solves, refusals, memory. */
+/* Tests of the sparse block Cholesky factorization against dense sums: pattern, factor, solutions,
+ * indefinite matrices, memory. */
 #include "linear/block_cholesky.h"
 
 #include <float.h>
@@ -12,13 +13,13 @@
 
 enum { GRID, STAR, COMPLETE, ISOLATED, TANGLED };
 
-/* A symmetric positive definite matrix: E E^T of an edge vector E = (E_i, -E_j) for each edge, with
+/* A symmetric positive definite matrix: the sum over all edges of E E^T, E = (E_i, -E_j) with
  * random blocks, plus 1e-3 I. */
 typedef struct matrix {
-  int32_t n, block, size; /* size: n block */
-  uint8_t *linked;        /* n n */
+  int32_t n, block, size; /* size = n block */
+  uint8_t *linked;        /* n x n */
   int32_t *ptr, *ind;
-  double *A; /* size size, by rows */
+  double *A; /* size x size, row by row */
 } matrix;
 
 static const msim_allocator *libc_memory(void) {
@@ -88,7 +89,7 @@ static ms_block_cholesky analyse(const matrix *m, int isa) {
   return chol;
 }
 
-/* What is not to be read is NaN. */
+/* Entries that must not be read are NaN. */
 static void fill(const matrix *m, ms_block_cholesky *chol) {
   const int32_t b = m->block;
   memset(chol->value, 0, (size_t)(b * b * chol->first[m->n]) * sizeof *chol->value);
@@ -108,7 +109,7 @@ static void factor(const matrix *m, ms_block_cholesky *chol) {
   assert_int_equal(ms_block_cholesky_factor(chol), MSIM_OK);
 }
 
-/* ||A x - b|| / (||A|| ||x||), Frobenius: independent of the condition */
+/* ||A x - b|| / (||A|| ||x||) in the Frobenius norm: independent of the condition number */
 static double backward_error(const matrix *m, const double *x, const double *b) {
   double aa = 0, xx = 0, rr = 0;
   for (int32_t i = 0; i < m->size; i++) {
@@ -131,8 +132,8 @@ static double *random_vector(int32_t n) {
 
 /*------------------------------------- checks ---------------------------------------------------*/
 
-/* Elimination by the book, in the order that was chosen: find() knows these blocks, each once, and
- * no others. */
+/* Symbolic elimination in the chosen order, as in textbooks: find() finds exactly these blocks,
+ * each once. */
 static void check_pattern(const matrix *m, const ms_block_cholesky *chol) {
   const int32_t n = m->n;
   uint8_t *full = malloc((size_t)(n * n)), *met = calloc((size_t)chol->first[n], 1);
@@ -157,7 +158,7 @@ static void check_pattern(const matrix *m, const ms_block_cholesky *chol) {
   free(full), free(met), free(at);
 }
 
-/* L (L^T x) = A x, with L as it is before rounding */
+/* L (L^T x) = A x with L as it is before it is rounded to single precision */
 static void check_factor(const matrix *m, const ms_block_cholesky *chol) {
   const int32_t b = m->block;
   double *x = random_vector(m->size), *y = calloc((size_t)m->size, sizeof *y);
@@ -182,7 +183,8 @@ static void check_factor(const matrix *m, const ms_block_cholesky *chol) {
   free(x), free(y), free(Ax), free(px), free(Lx);
 }
 
-/* Dense, in double precision: x = A^-1 x; returns the largest and least pivot's quotient. */
+/* Dense, in double precision: x = A^-1 x; returns the quotient of the largest and the least
+ * pivot. */
 static double solve_dense(const matrix *m, double *x) {
   const int32_t n = m->size;
   double *l = malloc((size_t)n * (size_t)n * sizeof *l), largest = 0, least = INFINITY;
@@ -206,7 +208,8 @@ static double solve_dense(const matrix *m, double *x) {
   return largest * largest / (least * least);
 }
 
-/* As good as single precision allows: in the residual; in x times the condition. */
+/* The residual is at the level of single precision; the error of x is that times the condition
+ * number. */
 static void check_solve(const matrix *m, const ms_block_cholesky *chol) {
   double *b = random_vector(m->size), *x = random_vector(m->size), *exact = random_vector(m->size);
   ms_block_cholesky_solve(chol, x);
@@ -242,7 +245,7 @@ static void it_is_the_cholesky_factor(void **state) {
     }
 }
 
-/* Minimum degree takes the hub last. */
+/* Minimum degree eliminates the hub last. */
 static void a_star_fills_nothing(void **state) {
   (void)state;
   matrix m = make(STAR, 200, 8);
@@ -252,7 +255,7 @@ static void a_star_fills_nothing(void **state) {
   clean(&m);
 }
 
-/* Rows of many small bodies, in pairs. */
+/* The matrix of many separate bodies of two block rows each. */
 static double seconds_for_pairs(int32_t n) {
   int32_t *ptr = calloc((size_t)n + 1, sizeof *ptr), *ind = calloc((size_t)n, sizeof *ind);
   ms_block_cholesky chol;
@@ -266,14 +269,14 @@ static double seconds_for_pairs(int32_t n) {
   return seconds;
 }
 
-/* The least of some runs: other programs share the machine. */
+/* The least of several runs, as other programs use the machine. */
 static double least_seconds_for_pairs(int32_t n) {
   double least = seconds_for_pairs(n);
   for (int i = 0; i < 4; i++) least = fmin(least, seconds_for_pairs(n));
   return least;
 }
 
-/* 16 times as many take about 16 times as long, not 256 times. */
+/* The time is linear: 16 times as many bodies take about 16 times as long, not 256 times. */
 static void many_bodies_take_no_time(void **state) {
   (void)state;
   const double few = least_seconds_for_pairs(6250), many = least_seconds_for_pairs(100000);
@@ -282,7 +285,7 @@ static void many_bodies_take_no_time(void **state) {
 
 /*------------------------------------- refusals -------------------------------------------------*/
 
-/* One pivot of -1, 0 or NaN, in any row: refused; what follows is as if nothing had been. */
+/* One pivot of -1, 0 or NaN, in any row: MSIM_NOT_SPD; the next factorization is not affected. */
 static void what_is_not_positive_definite_is_refused(void **state) {
   (void)state;
   static const double pivots[] = {-1, 0, NAN};
@@ -301,7 +304,7 @@ static void what_is_not_positive_definite_is_refused(void **state) {
   clean(&m);
 }
 
-/* Every diagonal block is positive definite, and the whole is not. */
+/* Every diagonal block is positive definite, and the whole matrix is not. */
 static void the_whole_matrix_is_looked_at(void **state) {
   (void)state;
   matrix m = make(COMPLETE, 2, 8);
@@ -336,7 +339,7 @@ static void instruction_sets_agree(void **state) {
     ms_block_cholesky first = analyse(&m, ms_isa_named("baseline"));
     factor(&m, &first);
     for (size_t i = 0; i < 3; i++) {
-      if (ms_isa_named(sets[i]) < 0) continue; /* not for this CPU */
+      if (ms_isa_named(sets[i]) < 0) continue; /* not supported by this CPU */
       ms_block_cholesky chol = analyse(&m, ms_isa_named(sets[i]));
       for (int repeat = 0; repeat < 2; repeat++) {
         factor(&m, &chol);
@@ -366,7 +369,7 @@ static void memory_that_ends_is_reported(void **state) {
     ms_block_cholesky_destroy(&alloc, &chol);
     assert_int_equal(memory.live, 0);
   }
-  assert_true(meals > m.n); /* each row has an array, at least */
+  assert_true(meals > m.n); /* each row allocates at least one array */
   clean(&m);
 }
 

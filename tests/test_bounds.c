@@ -1,6 +1,6 @@
-/* Bounds: no call reads or writes beyond a block of memory. Each block ends where a page begins
- * that cannot be touched, and one that was freed cannot be touched either. Sanitizers and valgrind
- * see more, but are not at hand in each build. */
+/* Tests that no call reads or writes beyond a block of memory. Each block ends at an inaccessible
+ * page, and a freed block is inaccessible as a whole. Sanitizers and valgrind detect more, but do
+ * not run with every build. */
 #define _DEFAULT_SOURCE /* MAP_ANONYMOUS */
 #include <stdlib.h>
 #include <string.h>
@@ -13,15 +13,15 @@
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-/* Before a block: its pages. */
+/* Stored before a block: its pages. */
 typedef struct pages {
   void *first;
   size_t bytes;
 } pages;
 
-/* ms_new asks for a pointer and MS_ALIGNMENT bytes more than are used, and aligns what is left. One
- * pointer below an aligned address that shifts nothing: what is used ends less than MS_ALIGNMENT
- * bytes before the page. */
+/* ms_new allocates sizeof(void *) + MS_ALIGNMENT bytes more than are used, and aligns the address
+ * after the pointer. The block begins one pointer below an aligned address, so that nothing is
+ * shifted, and the used bytes end less than MS_ALIGNMENT bytes before the inaccessible page. */
 static void *guarded_alloc(size_t bytes, void *user) {
   const size_t page = (size_t)sysconf(_SC_PAGESIZE);
   const size_t used = (bytes - sizeof(void *) - 1) / MS_ALIGNMENT * MS_ALIGNMENT;
@@ -47,7 +47,8 @@ static const msim_allocator guarded = {guarded_alloc, guarded_free, NULL};
 
 /*------------------------------------- scenes ---------------------------------------------------*/
 
-/* Counts odd and even, but no multiples of 8; the second has islands, one of them at rest. */
+/* Odd and even numbers of particles, none a multiple of 8; the second scene has several islands,
+ * one of them at rest. */
 static const char *const scenes[] = {
     "{\"msim\": 1, \"gravity\": [0, 0, -9.81], \"drag\": 0.1, \"objects\": [{\"type\": \"cloth\","
     " \"n\": [7, 9], \"origin\": [0, 0, 0], \"row\": [0, 1, 0], \"column\": [1, 0, 0], \"mass\": "
@@ -75,9 +76,9 @@ static msim_scene *make_scene(int i) {
   return scene;
 }
 
-/*------------------------------------- lives ----------------------------------------------------*/
+/*------------------------------------- calls ----------------------------------------------------*/
 
-/* Steps may end with an event; what matters is that they end. */
+/* Steps may end with a numerical event, but not with an error. */
 static void step(msim_sim *sim) { assert_true(msim_sim_step(sim, 10, NULL) >= 0); }
 
 static void change(msim_sim *sim) {
@@ -86,7 +87,7 @@ static void change(msim_sim *sim) {
   msim_state now = state_of(sim);
   msim_csr matrix = {.size = sizeof matrix};
   memcpy(v, now.v, 3 * (size_t)now.n * sizeof *v);
-  v[3 * 2 + 2] += 0.125; /* no particle 2 is pinned */
+  v[3 * 2 + 2] += 0.125; /* particle 2 is pinned in no scene */
   now.v = v, now.v_half = NULL, now.t = 0;
   assert_ok(msim_sim_set_state(sim, &now, err));
   step(sim);
@@ -103,7 +104,7 @@ static void record_frame(msim_sim *sim, const char *path) {
   remove(path);
 }
 
-/* From the first call to the last; 0: the method refuses the scene or an option. */
+/* All calls from creation to destruction; 0: the method refuses the scene or an option. */
 static int live(int i, const msim_options *opt) {
   msim_scene *scene = make_scene(i);
   const char *text;
@@ -126,7 +127,7 @@ static int live(int i, const msim_options *opt) {
   return !status;
 }
 
-/* Impacts located and not, with error control and without */
+/* With located impacts and without, with error control and without */
 static int live_each_way(int i, const char *method) {
   const int chooses = strcmp(method, "auto") == 0;
   msim_options opt = options(method, chooses ? MSIM_H_AUTO : 1e-3);

@@ -1,6 +1,6 @@
-/* The checking backend itself: it finds nothing where both sides keep their promises, and every
- * breach of one by what it broke. The system is 2 x 2, the backend a diagonal one that misbehaves
- * on request, the host a script of letters, one a call. */
+/* Tests of checking_backend itself: it reports nothing if host and backend keep the contract, and
+ * each breach otherwise. The system is 2 x 2, the backend a diagonal one with a fault on request,
+ * the host a script with one letter per call. */
 #include <math.h>
 #include <string.h>
 
@@ -8,7 +8,7 @@
 #include "counting_host.h"
 #include "testing.h"
 
-/*------------------------------------- a backend with vices -------------------------------------*/
+/*------------------------------------- a faulty backend -----------------------------------------*/
 
 enum vice {
   NONE,
@@ -27,10 +27,10 @@ enum vice {
   CALLS_BACK
 };
 static enum vice vice;
-static const msim_backend *checked; /* what the host sees, and its instance */
+static const msim_backend *checked; /* the wrapped backend as the host calls it, and its instance */
 static void *instance;
 
-/* In spite of const: that is the point. */
+/* Writes to a const array, on purpose. */
 static void write_to(const void *array) { *(unsigned char *)(uintptr_t)array ^= 1; }
 
 static msim_status create(const msim_host *host, void **self) {
@@ -98,11 +98,12 @@ static const msim_backend diagonal = {.abi = MSIM_BACKEND_ABI,
                                       .solve = solve,
                                       .destroy = destroy};
 
-/*------------------------------------- a host with vices ----------------------------------------*/
+/*------------------------------------- a faulty host --------------------------------------------*/
 
-/* c create, o order, a analyze, f factor, s solve, d destroy; what a host must not do in between:
- * m move the matrix, p change its pattern, n write NaN to it, u make it unsymmetric, b spoil b,
- * i keep an old info, t ask for what no flag offers; z is allowed: a matrix that is refused. */
+/* Calls: c create, o order, a analyze, f factor, s solve, d destroy. Breaches by the host in
+ * between: m move the matrix, p change its pattern, n write NaN to it, u make it nonsymmetric, b
+ * change b, i keep an old info, t request what no flag offers. z is allowed: a matrix that is
+ * refused. */
 static const char *play(const char *script) {
   counting_host host;
   int32_t ptr[] = {0, 2, 4}, ind[] = {0, 1, 0, 1}, other[] = {0, 1, 0, 1};

@@ -1,5 +1,5 @@
-/* msim_sim_save and msim_sim_load: a run that was interrupted ends in the same bits, with the same
- * counts, whatever makes its steps. */
+/* Tests of msim_sim_save and msim_sim_load: an interrupted run ends with the same bits and the same
+ * counts, for every method and solver. */
 #include <math.h>
 #include <stdio.h>
 
@@ -27,7 +27,7 @@ static void add_block(msim_scene *scene, int32_t side, double x, double z, doubl
   assert_ok(msim_scene_add_lattice(scene, &lattice, err));
 }
 
-/* It meets a slope after some steps, and comes to rest on it. */
+/* It lands on a slope after some steps, and comes to rest on it. */
 static msim_scene *jelly(void) {
   const double g[3] = {0, 0, -9.81};
   msim_scene *scene;
@@ -38,7 +38,7 @@ static msim_scene *jelly(void) {
   return scene;
 }
 
-/* Every rest length 0: the matrix is constant. */
+/* All rest lengths are 0: the matrix is constant. */
 static msim_scene *net(void) {
   enum { N = 30 };
   const double g[3] = {0, -9.81, 3};
@@ -60,7 +60,7 @@ static msim_scene *net(void) {
   return scene;
 }
 
-/* Two islands, without gravity: one at rest, one thrown about. */
+/* Two islands without gravity: one at rest, one hit by a particle. */
 static msim_scene *islands(void) {
   enum { SIDE = 8 };
   const double x[3] = {0.9, 0.1, 0.1}, v[3] = {-1, 0.5, 0.2}, mass = 0.1, k = 400, rest = 0.2;
@@ -94,7 +94,7 @@ static const kind kinds[] = {{"cloth", cloth, MSIM_COLLISION_REFLECT},
                              {"jelly that rests", jelly, MSIM_COLLISION_EVENT}};
 enum { NKINDS = sizeof kinds / sizeof *kinds };
 
-/* Not every method takes every scene. */
+/* 1 if the method takes the scene. */
 static int takes(const msim_scene *scene, const msim_options *opt) {
   msim_sim *sim = NULL;
   const msim_status status = msim_sim_create(scene, opt, &sim, NULL);
@@ -117,7 +117,7 @@ static void every_method_goes_on_to_the_same_bits(void **state) {
     }
 }
 
-/* Steps that are made in parts, and springs of which few are much stiffer than others */
+/* Steps that are divided by retries, and a few springs that are much stiffer than the others */
 static void parts_of_steps_and_of_springs(void **state) {
   (void)state;
   const double k = 1e6;
@@ -128,7 +128,7 @@ static void parts_of_steps_and_of_springs(void **state) {
   opt = options("bdf2", 5e-3);
   opt.newton_max_iterations = 3, opt.newton_retries = 8, opt.solver = "pcg";
   const msim_stats s = expect_resumable(scene, &opt, STEPS, NPOINTS, points, "bdf2 in parts");
-  assert_true(s.rejected_steps > 0); /* else this tests nothing */
+  assert_true(s.rejected_steps > 0); /* otherwise nothing is tested */
   msim_scene_destroy(scene);
 }
 
@@ -140,7 +140,7 @@ static void islands_rest_and_move(void **state) {
   for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
     msim_options opt = options(methods[m], 2e-3);
     const msim_stats s = expect_resumable(scene, &opt, 6, 1, at, methods[m]);
-    assert_true(s.islands_at_rest > 0); /* else this tests nothing */
+    assert_true(s.islands_at_rest > 0); /* otherwise nothing is tested */
   }
   msim_scene_destroy(scene);
 }
@@ -167,7 +167,7 @@ static void every_solver_goes_on_to_the_same_bits(void **state) {
   }
 }
 
-/* Crushed along one edge: its exact matrix is indefinite. */
+/* Compressed along one edge: its exact matrix is indefinite. */
 static msim_scene *crushed(void) {
   enum { SIDE = 7, N = SIDE * SIDE };
   msim_scene *made = hanging_cloth(SIDE, 300, 0.01), *scene;
@@ -186,7 +186,8 @@ static msim_scene *crushed(void) {
   return scene;
 }
 
-/* It is thrown on its edge, in steps so long that pivots of one matrix are bad ones of another. */
+/* A cloth that falls on its edge, with steps so long that pivots of one matrix are bad for
+ * another. */
 static msim_scene *thrown(void) {
   msim_scene *scene = hanging_cloth(6, 2000, 0.01);
   assert_ok(msim_scene_set_gravity(scene, (double[3]){3, -20, -1}, err));
@@ -204,7 +205,7 @@ static void indefinite_matrices(void **state) {
       msim_scene *scene = crushed(), *other = thrown();
       msim_options opt = options("linearly-implicit-euler", 0.02);
       opt.solver = solvers[i],
-      opt.watch = MSIM_WATCH_OFF; /* solved as they are they throw it about */
+      opt.watch = MSIM_WATCH_OFF; /* solved without clamping, the motion is unbounded */
       opt.indefinite = way;
       expect_resumable(scene, &opt, STEPS, NPOINTS, points, solvers[i]);
       opt.h = 0.1;
@@ -213,7 +214,7 @@ static void indefinite_matrices(void **state) {
     }
 }
 
-/* A solid by solver = auto, and what its steps come to */
+/* A solid with solver = auto; returns the statistics of the run */
 static msim_stats expect_resumable_solid(const msim_scene *scene, const char *method, double h,
                                          int64_t steps, int n, const int64_t *at) {
   msim_options opt = options(method, h);
@@ -221,7 +222,7 @@ static msim_stats expect_resumable_solid(const msim_scene *scene, const char *me
   return expect_resumable(scene, &opt, steps, n, at, method);
 }
 
-/* The factor is of one step, and serves many. */
+/* The factorization is that of an earlier step. */
 static void a_kept_factor_is_made_again(void **state) {
   (void)state;
   static const int64_t at[] = {1, 2, 9, 21, 33};
@@ -230,12 +231,12 @@ static void a_kept_factor_is_made_again(void **state) {
   msim_scene *scene = held_block(5, 1, 1e8, 0);
   for (int m = 0; m < 2; m++) {
     const msim_stats s = expect_resumable_solid(scene, methods[m], 1e-2, 40, 5, at);
-    assert_true(s.factorizations > 0 && s.kept_factors > 0); /* else this tests nothing */
+    assert_true(s.factorizations > 0 && s.kept_factors > 0); /* otherwise nothing is tested */
   }
   msim_scene_destroy(scene);
 }
 
-/* pcg's coarse factor, and one that is bought of cholmod in mid-run */
+/* the coarse factor of pcg, and the factorization by cholmod that auto computes in mid-run */
 static void coarse_and_bought_factors_are_made_again(void **state) {
   (void)state;
   static const int64_t at[] = {1, 5, 7, 8, 9, 10, 16, 29};
@@ -250,7 +251,7 @@ static void coarse_and_bought_factors_are_made_again(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A moving cloth makes a coarse factor in each step. */
+/* A moving cloth computes a coarse factor in each step. */
 static void coarse_factors_of_cloth(void **state) {
   (void)state;
   static const int64_t at[] = {2, 7};
@@ -273,7 +274,7 @@ static void pcg_may_have_given_way(void **state) {
   expect_resumable(scene, &opt, STEPS, NPOINTS, points, "fallback");
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, STEPS, err));
-  assert_int_equal(stats_of(sim).fallbacks, 1); /* else this tests nothing */
+  assert_int_equal(stats_of(sim).fallbacks, 1); /* otherwise nothing is tested */
   const checkpoint c = save(sim);
   msim_sim *other = resume(scene, &opt, &c);
   msim_plan plan = {.size = sizeof plan};

@@ -1,5 +1,5 @@
-/* What is no checkpoint, a damaged one, or one of another scene or other options: refused with a
- * sentence that names what differs, and nothing changes. */
+/* Tests of refused checkpoints: other bytes, damaged ones, and those of another scene or other
+ * options. The message names the difference, and the sim is unchanged. */
 #include <stdio.h>
 
 #include "base/bytes.h"
@@ -14,7 +14,7 @@ static msim_options of(const char *method) {
   return opt;
 }
 
-/* A sim that is refused some bytes goes on as if nothing had been. */
+/* A sim that refuses checkpoints, and its twin, which is never given any: both must stay equal. */
 typedef struct victim {
   msim_sim *sim, *twin;
 } victim;
@@ -43,7 +43,7 @@ static checkpoint of_run(const msim_scene *scene, const msim_options *opt) {
 
 /*------------------------------------- differences ----------------------------------------------*/
 
-/* The sentence for bytes of one scene and its options in a sim of another. */
+/* The message when a checkpoint of one scene and options is loaded into a sim of another. */
 static void expect_refusal(const msim_scene *scene, const msim_options *opt,
                            const msim_scene *there, const msim_options *opt_there,
                            const char *sentence) {
@@ -130,7 +130,7 @@ static void expect_no_checkpoint(msim_sim *sim, const void *bytes, size_t length
     fail_msg("%zu bytes were taken", length);
 }
 
-/* Every bit of every byte; every length. */
+/* Each bit flipped, and each shorter length. */
 static void damaged_bytes_are_refused(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(3, 100, 0);
@@ -145,7 +145,8 @@ static void damaged_bytes_are_refused(void **state) {
       bytes[i] ^= (unsigned char)(1u << bit);
     }
   for (size_t length = 0; length < c.length; length++) {
-    unsigned char *part = malloc(length + 1); /* so that a look past the end is seen */
+    unsigned char *part = malloc(length + 1); /* of the exact length: sanitizers see reads past
+                                               * it */
     memcpy(part, bytes, length);
     expect_no_checkpoint(v.sim, part, length);
     free(part);
@@ -184,7 +185,7 @@ static void what_is_wrong_is_told(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* As the writer would have hashed them: bytes 24 to 31 are the hash. */
+/* Recompute the hash, in bytes 24 to 31, as the writer does. */
 static void hash_again(const checkpoint *c) {
   unsigned char *bytes = c->bytes;
   enum { HASH = 24, HEADER = 40 };
@@ -193,7 +194,7 @@ static void hash_again(const checkpoint *c) {
   memcpy(bytes + HASH, &hash, sizeof hash);
 }
 
-/* Bytes that somebody has made up, with a right hash: taken or not, they lead nowhere. */
+/* Forged bytes with a correct hash are refused or loaded, and do no harm. */
 static void forged_bytes_do_no_harm(void **state) {
   (void)state;
   static const char *const methods[] = {"bdf2", "dop853", "auto"};
@@ -203,7 +204,7 @@ static void forged_bytes_do_no_harm(void **state) {
     opt.t_end = 0.05, opt.steps = -1;
     const checkpoint c = of_run(scene, &opt);
     hash_again(&c);
-    msim_sim *sim = resume(scene, &opt, &c); /* that is how they are hashed */
+    msim_sim *sim = resume(scene, &opt, &c); /* this checks hash_again() */
     unsigned seed = 1;
     unsigned char *bytes = malloc(c.length);
     checkpoint forged = {bytes, c.length};
@@ -223,7 +224,7 @@ static void forged_bytes_do_no_harm(void **state) {
   }
 }
 
-/* Of what a run may come to; no frame needs more. */
+/* msim_sim_save_size() is a bound for the whole run. */
 static void the_size_is_known_before(void **state) {
   (void)state;
   const char *method;
@@ -232,7 +233,7 @@ static void the_size_is_known_before(void **state) {
       msim_scene *scene = hanging_cloth(6, 100, wants_positions_alone(method) ? 0 : 0.01);
       msim_options opt = options(method, 0.01);
       msim_sim *sim = NULL;
-      opt.solver_max_iterations = 2; /* auto will change its mind */
+      opt.solver_max_iterations = 2; /* so that solver = auto replaces its choice */
       if (controlled) opt.tol = 1e-4, opt.t_end = 0.1, opt.steps = -1;
       if (!msim_sim_create(scene, &opt, &sim, NULL)) {
         const size_t size = msim_sim_save_size(sim);
@@ -251,7 +252,7 @@ static void the_size_is_known_before(void **state) {
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-/* Saving takes none; a load that runs out of it changes nothing. */
+/* Saving allocates nothing; a load that runs out of memory changes nothing. */
 static void a_load_without_memory_changes_nothing(void **state) {
   (void)state;
   static const char *const methods[] = {"velocity-verlet", "bdf2", "bdf2"};

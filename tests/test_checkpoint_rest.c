@@ -1,8 +1,8 @@
-/* Checkpoints of what rests on planes, under implicit methods and collision = event: factors know
- * the rows that are held. */
+/* Tests of checkpoints of bodies that rest on planes, for implicit methods with collision = event:
+ * factorizations belong to a set of constrained unknowns. */
 #include "checkpoints.h"
 
-/* A jelly at that height above a plane of that slope and friction, under gravity */
+/* An elastic cube at that height above a plane of that slope and friction, under gravity */
 static msim_scene *jelly(double height, double slope, double friction) {
   enum { SIDE = 6 };
   const msim_lattice lattice = {.size = sizeof lattice,
@@ -19,7 +19,7 @@ static msim_scene *jelly(double height, double slope, double friction) {
   return scene;
 }
 
-/* What the whole run comes to */
+/* Returns the statistics of the whole run */
 static msim_stats expect_resumable_rest(const msim_scene *scene, const char *method,
                                         const char *solver, int64_t steps) {
   static const int64_t at[] = {2, 5, 7, 9, 10, 11, 14, 19, 22};
@@ -31,25 +31,26 @@ static msim_stats expect_resumable_rest(const msim_scene *scene, const char *met
   return expect_resumable(scene, &opt, steps, n, at, method);
 }
 
-/* Some of its feet rest while others slide or rise: few factors serve for long. */
+/* Some particles rest while others slide or lift off: coarse factors are used for few steps. */
 static void coarse_factors(void **state) {
   (void)state;
   static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler", "tr-bdf2"};
   msim_scene *scene = jelly(0.001, 0.05, 0.04);
   for (int m = 0; m < 3; m++) {
     const msim_stats s = expect_resumable_rest(scene, methods[m], "pcg", m == 1 ? 12 : 24);
-    assert_true(s.coarse_factors > 0); /* else this tests nothing */
+    assert_true(s.coarse_factors > 0); /* otherwise nothing is tested */
   }
   msim_scene_destroy(scene);
 }
 
-/* All of its feet rest: few are made, and one is bought. */
+/* All particles of the bottom rest: few coarse factors are computed, and one factorization by
+ * cholmod. */
 static void kept_factors(void **state) {
   (void)state;
   msim_scene *scene = jelly(0, 0, 1);
   const char *const solver = solver_there("cholmod") ? "auto" : "pcg";
   const msim_stats s = expect_resumable_rest(scene, "linearly-implicit-euler", solver, 24);
-  assert_true(s.kept_factors > 4 * s.coarse_factors); /* else this tests nothing */
+  assert_true(s.kept_factors > 4 * s.coarse_factors); /* otherwise nothing is tested */
   assert_int_equal(s.factorizations, strcmp(solver, "auto") == 0);
   const msim_stats n = expect_resumable_rest(scene, "implicit-euler", "pcg", 12);
   assert_true(n.kept_factors > 4 * n.coarse_factors);

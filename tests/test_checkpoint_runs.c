@@ -1,6 +1,6 @@
-/* Checkpoints of whole runs: at frames, also those within a step, under error control, by
- * integrator = auto; to another end, with other threads, after states, steps and springs were set,
- * and back in the sim that was saved. */
+/* Tests of checkpoints in whole runs: at frames, also inside a step; under error control; with
+ * integrator = auto; with another end or other threads; after a state, a step or springs were set;
+ * and loaded into the sim that was saved. */
 #include <math.h>
 #include <stdio.h>
 
@@ -11,7 +11,7 @@
 static msim_scene *cloth(void) { return hanging_cloth(SIDE, 300, 0); }
 static msim_scene *damped(void) { return hanging_cloth(SIDE, 300, 0.05); }
 
-/* It meets a plane. */
+/* It hits a plane. */
 static msim_scene *ball(void) {
   const double x[3] = {0, 0, 0.01}, v[3] = {0.1, 0, -1};
   msim_scene *scene = single(x, v, 9.81);
@@ -30,8 +30,8 @@ typedef struct frame {
 } frame;
 
 typedef struct film {
-  int n, stop_after; /* frames; 0: never */
-  int after_step;    /* stopped after the next step, whose frames are yet to be shown */
+  int n, stop_after; /* number of frames; the frame to stop after, 0: none */
+  int after_step;    /* 1: stop by msim_sim_stop() after the next step, before its frames */
   frame frames[MOST_FRAMES];
 } film;
 
@@ -45,7 +45,7 @@ static int watch(msim_sim *sim, void *user) {
   return f->n == f->stop_after && !f->after_step;
 }
 
-/* The run in one go, and interrupted after frames here and there: the same frames and end. */
+/* The whole run, and the run interrupted after some of its frames: the same frames and end. */
 static void expect_same_film(const msim_scene *scene, const msim_options *opt, const char *label) {
   static film whole, parts;
   const int has_times = opt->tol > 0 && !opt->every && strcmp(opt->integrator, "auto") != 0;
@@ -60,7 +60,7 @@ static void expect_same_film(const msim_scene *scene, const msim_options *opt, c
     const checkpoint c = save(first);
     msim_sim *second = resume(scene, opt, &c);
     expect_same(first, second, label);
-    if (state_of(first).step == 0) parts.n = 0; /* the start is shown again */
+    if (state_of(first).step == 0) parts.n = 0; /* the frame of the start is shown again */
     parts.stop_after = 0;
     assert_ok(msim_sim_run(second, watch, &parts, err));
     if (parts.n != whole.n) fail_msg("%s: %d frames of %d", label, parts.n, whole.n);
@@ -75,7 +75,7 @@ static void expect_same_film(const msim_scene *scene, const msim_options *opt, c
   msim_sim_destroy(sim);
 }
 
-/* By default some 200 frames, many of them within a step; few; and with steps */
+/* Frames by default (some 200, many inside a step), few of them, and frames at steps */
 static void frames_under_error_control(void **state) {
   (void)state;
   msim_scene *(*const scenes[])(void) = {cloth, damped, ball};
@@ -102,7 +102,7 @@ static void frames_of_fixed_steps(void **state) {
   static const char *const methods[] = {"verlet", "dop853", "bdf2"};
   for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
     msim_scene *scene = cloth();
-    msim_options opt = options(methods[m], 7e-4); /* lowered, to end at t_end */
+    msim_options opt = options(methods[m], 7e-4); /* lowered, so that a step ends at t_end */
     opt.steps = -1, opt.t_end = 0.05, opt.fps = 333;
     if (strcmp(methods[m], "dop853") == 0) opt.steps = 70;
     expect_same_film(scene, &opt, methods[m]);
@@ -124,7 +124,7 @@ static void methods_that_auto_has_chosen(void **state) {
   }
 }
 
-/* To another end auto would choose another method: the choice is that of the checkpoint. */
+/* For another end auto would choose another method; a loaded checkpoint keeps its choice. */
 static void auto_keeps_its_choice(void **state) {
   (void)state;
   msim_scene *scene = cloth();
@@ -134,10 +134,10 @@ static void auto_keeps_its_choice(void **state) {
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 3, err));
   const checkpoint c = save(sim);
-  opt.t_end = 3.2; /* as many whole steps */
+  opt.t_end = 3.2; /* also a whole number of steps */
   msim_sim *other = make_sim(scene, &opt);
   msim_sim_plan(sim, &then), msim_sim_plan(other, &now);
-  assert_string_not_equal(then.integrator, now.integrator); /* else this tests nothing */
+  assert_string_not_equal(then.integrator, now.integrator); /* otherwise nothing is tested */
   assert_ok(msim_sim_load(other, c.bytes, c.length, err));
   msim_sim_plan(other, &now);
   assert_string_equal(then.integrator, now.integrator);
@@ -168,7 +168,7 @@ static void runs_may_end_elsewhere(void **state) {
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_run(sim, NULL, NULL, err));
   const checkpoint c = save(sim);
-  assert_ok(msim_sim_step(sim, 1, err)); /* past the end, as steps may lead */
+  assert_ok(msim_sim_step(sim, 1, err)); /* single steps may go past the end */
   const checkpoint past = save(sim);
   msim_sim_destroy(resume(scene, &opt, &past));
   free(past.bytes);
@@ -198,7 +198,8 @@ static void runs_may_end_elsewhere(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The tolerance of a second stays, and so do steps, up to those that meet the end. */
+/* With another end the error allowed per second is the same, and so are the steps, up to those that
+ * are shortened to meet the end. */
 static void controlled_runs_may_end_elsewhere(void **state) {
   (void)state;
   msim_scene *scene = cloth();
@@ -225,7 +226,7 @@ static void controlled_runs_may_end_elsewhere(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Nothing has been made yet: the state is the scene's own, to the bit. */
+/* Before the first step the state is that of the scene, bit for bit. */
 static void from_the_start(void **state) {
   (void)state;
   msim_scene *scene = cloth();
@@ -245,9 +246,9 @@ static void from_the_start(void **state) {
   msim_scene_destroy(scene);
 }
 
-/*------------------------------------- what was set ---------------------------------------------*/
+/*------------------------------------- after changes --------------------------------------------*/
 
-/* options.steps is what remains of it. */
+/* options.steps then counts the remaining steps. */
 static void after_another_step_was_set(void **state) {
   (void)state;
   static const char *const methods[] = {"verlet", "newmark", "respa"};
@@ -275,7 +276,8 @@ static void after_another_step_was_set(void **state) {
   }
 }
 
-/* Out of the plane of a flat scene, at another time and step: islands have another component. */
+/* A state out of the plane of a planar scene, at another time and step: islands get a third
+ * component. */
 static void after_a_state_was_set(void **state) {
   (void)state;
   const double sideways[3] = {9.81, 0, 0};
@@ -298,7 +300,7 @@ static void after_a_state_was_set(void **state) {
     assert_ok(msim_sim_step(sim, 5, err));
     assert_ok(msim_sim_step(other, 5, err));
     expect_same(sim, other, methods[m]);
-    const checkpoint flat = save(there); /* and back into the plane */
+    const checkpoint flat = save(there); /* back to a state in the plane */
     assert_ok(load(other, &flat, err));
     expect_same(there, other, methods[m]);
     free(c.bytes), free(flat.bytes);
@@ -307,7 +309,7 @@ static void after_a_state_was_set(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Springs count as the scene's. */
+/* A checkpoint stores springs that were set, as part of the scene. */
 static void after_springs_were_set(void **state) {
   (void)state;
   static const char *const methods[] = {"velocity-verlet", "respa", "linearly-implicit-euler"};
@@ -344,7 +346,7 @@ static const char *solver_of(const msim_sim *sim) {
   return plan.solver;
 }
 
-/* By other springs another one would have been chosen, or another coarse space. */
+/* For the new springs alone another solver or another coarse space would be chosen. */
 static void solvers_stay_as_they_were_chosen(void **state) {
   (void)state;
   enum { MOST_SPRINGS = 9000 };
@@ -380,7 +382,7 @@ static void solvers_stay_as_they_were_chosen(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The way back: what was made since leaves no trace. */
+/* Load an earlier checkpoint into the same sim: the steps since then leave no trace. */
 static void back_in_the_same_sim(void **state) {
   (void)state;
   const char *method;

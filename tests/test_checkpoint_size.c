@@ -1,4 +1,5 @@
-/* What README promises of the size of checkpoints: bytes a particle, and a spring that was set. */
+/* Tests of the checkpoint sizes that README states: bytes per particle, and per spring that was
+ * set. */
 #include <stdlib.h>
 
 #include "scenes.h"
@@ -33,15 +34,16 @@ static size_t size_of(int32_t side, const msim_options *opt) {
   return size;
 }
 
-/* Of cloths of two sizes, so that what does not depend on particles cancels */
+/* Difference of two sizes of cloth, in which everything that is independent of particles cancels */
 static double bytes_a_particle(const msim_options *opt) {
   enum { SMALL = 9, LARGE = 17 };
   const size_t more = size_of(LARGE, opt) - size_of(SMALL, opt);
   return (double)more / (LARGE * LARGE - SMALL * SMALL);
 }
 
-/* x and v, and the vectors that a method carries on; where the energy monitor would hand back an
- * older state, that too. A byte for a hundred particles is for numbers that grow with the scene. */
+/* 48 bytes for x and v, 24 for each vector that the method carries on, and 48 for the older state
+ * that the energy monitor may restore. The tolerance of a byte in ten particles is for numbers that
+ * grow with the scene. */
 static void bytes_of_particles(void **state) {
   (void)state;
   static const struct {

@@ -1,11 +1,11 @@
-/* Checkpoints of runs that the watch ends: resumed, they end in the same step by the same sentence,
- * and hand the same state back. */
+/* Tests of checkpoints of runs that the energy monitor ends: resumed, they end in the same step
+ * with the same message, and return the same state. */
 #include <math.h>
 #include <stdio.h>
 
 #include "checkpoints.h"
 
-/* Held 1 m from the mass, which falls from the side. */
+/* A mass on a spring of 1 m, which starts beside its pin and falls. */
 static msim_scene *pendulum(void) {
   const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {1, 1}, g[3] = {0, -9.81, 0}, k = 100;
   const int32_t ij[2] = {0, 1};
@@ -28,8 +28,8 @@ static void add_block(msim_scene *scene, double x, int32_t side) {
   assert_ok(msim_scene_add_lattice(scene, &lattice, err));
 }
 
-/* Two islands, without gravity: a block with a mass that swings, and one that keeps still, as does
- * a mass between two stretched springs. */
+/* Two islands without gravity: a block with an oscillating mass, and one at rest; also at rest is a
+ * mass between two stretched springs. */
 static msim_scene *islands(void) {
   enum { SIDE = 8, BLOCK = SIDE * SIDE * SIDE, SWINGS = 2 * BLOCK, HELD };
   const double x[12] = {0.5, 0.1, 0.1, 2, 0, 0, 3, 0, 0, 4, 0, 0}, mass[4] = {0.5, 1, 1, 1};
@@ -46,8 +46,8 @@ static msim_scene *islands(void) {
 
 static msim_scene *stiff_cloth(void) { return hanging_cloth(6, 1e6, 0); }
 
-/* In one go, and again with a new sim at each of these steps, each a checkpoint of the one before:
- * all end alike. */
+/* The whole run, and the run continued in a new sim at each of these steps, from a checkpoint each:
+ * all end with the same status and message. */
 static void expect_same_report(const msim_scene *scene, const msim_options *opt,
                                msim_status reported, int n, const int64_t *at) {
   enum { MOST = 2000 };
@@ -69,19 +69,19 @@ static void expect_same_report(const msim_scene *scene, const msim_options *opt,
   msim_sim_destroy(whole), msim_sim_destroy(parts);
 }
 
-/* The state kept is that of step 0 or 160, or of the last step. */
+/* The last good state is that of step 0 or 160, or of the last step. */
 static void a_report_is_the_same(void **state) {
   (void)state;
   static const int64_t late[] = {1, 159, 160, 161, 319};
   msim_scene *scene = pendulum();
   msim_options opt = options("explicit-euler", 0.1);
   expect_same_report(scene, &opt, MSIM_UNSTABLE, 2, late);
-  opt.h = 0.02; /* it grows by less */
+  opt.h = 0.02; /* smaller growth */
   expect_same_report(scene, &opt, MSIM_UNSTABLE, 5, late);
   msim_scene_destroy(scene);
 }
 
-/* These carry other variables, and hold what they started from aside. */
+/* These methods carry transformed variables, and store the state of the start separately. */
 static void a_start_is_handed_back_as_it_was(void **state) {
   (void)state;
   static const char *const methods[] = {"verlet", "takahashi-imada"};
@@ -109,7 +109,7 @@ static void a_start_is_handed_back_as_it_was(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The energy of what is not stepped any more is part of the sum. */
+/* The energy of islands at rest is part of the sum. */
 static void what_is_at_rest_counts(void **state) {
   (void)state;
   static const int64_t late[] = {2, 161};
@@ -118,7 +118,7 @@ static void what_is_at_rest_counts(void **state) {
   expect_same_report(scene, &opt, MSIM_UNSTABLE, 2, late);
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 2, err));
-  assert_true(stats_of(sim).islands_at_rest > 0); /* else this tests nothing */
+  assert_true(stats_of(sim).islands_at_rest > 0); /* otherwise nothing is tested */
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
@@ -133,7 +133,7 @@ static void a_retreat_is_the_same(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Steps that error control was told to let pass; it goes back with the state. */
+/* With a tol so loose that error control accepts unstable steps; its state is restored, too. */
 static void the_controller_goes_back_too(void **state) {
   (void)state;
   static const int64_t late[] = {1, 100, 160, 161, 319};

@@ -1,5 +1,5 @@
-/* The cholmod plugin in its process: threads of BLAS and OpenMP are held to one while it works,
- * whatever the program set, and are as before when it is done. */
+/* Tests that the plugin cholmod limits the threads of BLAS and OpenMP to one while it works,
+ * whatever the program has set, and restores the settings afterwards. */
 #define _GNU_SOURCE /* RTLD_NOLOAD */
 #include <dlfcn.h>
 #include <pthread.h>
@@ -18,7 +18,8 @@ static void *symbol(void *plugin, const char *name) {
   return found;
 }
 
-/* 0 if this BLAS and this OpenMP can be asked, else the program's exit status. */
+/* 0 if the settings of this BLAS and this OpenMP can be read, else the exit status of the
+ * program. */
 static int find_controls(void) {
   char path[4096];
   snprintf(path, sizeof path, "%s/msim_backend_cholmod.so", getenv("MSIM_PLUGIN_PATH"));
@@ -56,7 +57,7 @@ static void threads_are_as_they_were(void **state) {
 
 static void *step_often(void *sim) { return msim_sim_step(sim, 60, NULL) == MSIM_OK ? NULL : sim; }
 
-/* The last of those that solve at the same time takes back what the first has changed. */
+/* When several solvers work at the same time, the last one restores what the first has changed. */
 static void nor_do_solvers_in_other_threads_change_them(void **state) {
   (void)state;
   enum { SIMS = 4 };
@@ -87,7 +88,7 @@ static void bits_do_not_depend_on_them(void **state) {
   msim_sim_destroy(one), msim_sim_destroy(two);
 }
 
-/* Minimum degree needs about twice the flops on a solid: the plugin looks further. */
+/* On a solid minimum degree needs about twice the flops of the order that the plugin finds. */
 static void solids_are_dissected(void **state) {
   (void)state;
   const msim_lattice block = {
@@ -113,8 +114,8 @@ static void solids_are_dissected(void **state) {
 
 enum { MOST = 70 };
 
-/* Particles in a row, the first one pinned, each bound to so many behind it by springs without a
- * rest length: a chain, a band, or one dense block. depth 0: flat, two components. */
+/* Particles in a row, the first one pinned, each connected with the next `reach` ones by springs of
+ * rest length 0: a chain, a band, or one dense block. depth 0: planar, two components. */
 static msim_scene *bound(int32_t n, int32_t reach, double depth) {
   static int32_t ij[MOST * MOST];
   static double x[3 * MOST], mass[MOST], k[MOST * MOST / 2], rest[MOST * MOST / 2];
@@ -142,8 +143,9 @@ static msim_sim *bound_sim(const msim_scene *scene, const char *solver) {
   return make_sim(scene, &opt);
 }
 
-/* Supernodes of every width, two and three right sides: the motion that pcg finds, without help
- * from refinement, and from the same state the same bits, by a new factor and by an old one. */
+/* Supernodes of every width, two and three right-hand sides: the same motion as with pcg,
+ * without refinement, and from the same state the same bits, with a new factorization and with
+ * an old one. */
 static void factors_of_scalars_serve_a_run(void **state) {
   (void)state;
   static const int32_t counts[] = {2, 3, 4, 5, 6, 7, 8, 9, 18, 33, MOST};

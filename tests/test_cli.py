@@ -1,4 +1,4 @@
-"""What msim_cli promises to people and scripts: help, refusals, options, files."""
+"""Tests of the interface of msim_cli for users and scripts: help, refusals, options, files."""
 
 import json
 import os
@@ -263,7 +263,7 @@ class Options(CliTest):
 
 
 class Control(CliTest):
-    """Steps chosen by their error."""
+    """Runs under error control."""
 
     def test_frames_are_at_their_times(self):
         self.scene()
@@ -395,7 +395,7 @@ class Frames(CliTest):
         self.assertEqual(self.run_csv("--steps", "3", "--every", "1000"), [0, 3])
 
     def test_fps(self):
-        """The first step at or after the frame's time."""
+        """A frame is the first step at or after its time."""
         self.assertEqual(self.run_csv("--steps", "10", "--fps", "30"), [0, 4, 7, 10])
         self.assertEqual(self.run_csv("--steps", "10", "--fps", "50"), [0, 2, 4, 6, 8, 10])
         self.assertEqual(self.run_csv("--steps", "3", "--fps", "1000"), [0, 1, 2, 3])

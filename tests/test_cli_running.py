@@ -1,4 +1,4 @@
-"""What msim_cli does while it runs and at the end: signals, streams, progress, report."""
+"""Tests of msim_cli during a run and at its end: signals, streams, progress, report."""
 
 import contextlib
 import json
@@ -18,7 +18,7 @@ from cli_support import CLI, SCENES, COUNTERS, SECONDS, FOR_EVER, PENDULUM, pend
 
 
 def caught(process, number):
-    """Whether a handler of its own takes this signal."""
+    """True if the process has a handler for this signal."""
     with open(f"/proc/{process.pid}/status", encoding="ascii") as status:
         mask = next(line for line in status if line.startswith("SigCgt:")).split()[1]
     return int(mask, 16) >> (number - 1) & 1
@@ -45,7 +45,7 @@ class Stopping(CliTest):
                 os.remove(self.folder / "out.csv")
 
     def test_second_signal_kills(self):
-        """Nobody reads the full pipe into which the stopped run reports."""
+        """The stopped run writes its report to a full pipe without a reader."""
         self.scene()
         read, write = os.pipe()
         os.set_blocking(write, False)
@@ -145,7 +145,7 @@ class Streams(CliTest):
                 self.assert_sentence(err, "standard output", "Broken pipe")
 
     def test_closed(self):
-        """What is printed must not end up in the file that is opened next."""
+        """If stdout is closed, output must not go into the file that is opened next."""
         self.scene()
         out = ["--out", "out.csv", "--steps", "2", "--every", "1"]
         status, _, err = self.cli("run", "scene.json", *out, stdout=None,
@@ -167,7 +167,7 @@ class Streams(CliTest):
         self.assertEqual((done.stdout, done.returncode), ("pendulum\n", 0))
 
     def test_disk_full(self):
-        """A limit on file sizes stands for it: exit 1, the frames so far are good."""
+        """A file size limit simulates it: exit status 1, the frames so far are good."""
         self.scene()
         limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
         status, out, err = self.cli("run", "scene.json", "--out", "out.csv", "--final",
@@ -272,7 +272,7 @@ class Report(CliTest):
 
 class Progress(CliTest):
     def watch(self, *args, columns=100, bars=3, seconds=20, env=None):
-        """What stderr, a terminal, shows of a run, stopped after so many bars or some time."""
+        """The output on stderr, a terminal, of a run stopped after some bars or some time."""
         self.scene()
         terminal, slave = pty.openpty()
         self.addCleanup(os.close, terminal)
@@ -289,7 +289,7 @@ class Progress(CliTest):
                 try:
                     if select.select([terminal], [], [], 0.02)[0]:
                         shown += os.read(terminal, 65536)
-                except OSError:  # the program has gone
+                except OSError:  # the program has ended
                     break
             process.communicate(timeout=20)
         return shown.decode().replace("\r\n", "\n")
@@ -301,7 +301,7 @@ class Progress(CliTest):
         for bar in bars:
             self.assertRegex(bar, r"^\[[#-]+\] +\d+%  [0-9:]+ left  step +\d+/100000000000  "
                                   r"t \S+/\S+ s  \S+ steps/s *$")
-        # erased before the last word
+        # erased before the last message
         self.assertRegex(lines[-1], r"\Amsim_cli: stopped at step \d+, t = .*\n\Z")
         self.assertEqual(lines[-2].strip(), "")
 

@@ -1,5 +1,5 @@
-/* The operators of two-level conjugate gradients, on matrices of cloth that has folded: the coarse
- * matrix, its solves, and A in single precision. */
+/* Tests of the operators of two-level conjugate gradients, on matrices of folded cloth: the coarse
+ * matrix, its solution, and A in single precision. */
 #include <float.h>
 #include <stdlib.h>
 
@@ -8,7 +8,7 @@
 
 enum { FOLDED, FLAT, HUB, SCENES };
 
-/* Links a particle to all others. */
+/* Connects a particle with all others. */
 static void add_hub(msim_scene *scene) {
   const msim_scene_view view = view_of(scene);
   for (int32_t p = 2; p < view.nparticles; p++) {
@@ -17,8 +17,8 @@ static void add_hub(msim_scene *scene) {
   }
 }
 
-/* A cloth that has moved: in space, in its plane, or with a row of many springs. Its matrix is that
- * of the last step. */
+/* A cloth that has moved: in space, in its plane, or with an unknown of many springs. The matrix is
+ * that of the last step. */
 static msim_sim *moved(int kind, int32_t side, int32_t aggregate) {
   const double sideways[3] = {9.81, 0, 0};
   const msim_options opt = frames();
@@ -38,7 +38,7 @@ static size_t length(const msim_sim *sim) {
   return (size_t)sim->motion->model.rows.dims * (size_t)sim->motion->model.rows.stride;
 }
 
-/* 0 outside of the unknowns */
+/* entries of padding are 0 */
 static double *random_vector(const msim_sim *sim, unsigned seed) {
   const ms_rows *rows = &sim->motion->model.rows;
   double *v = calloc(length(sim), sizeof *v);
@@ -65,7 +65,8 @@ static void prolong(const msim_sim *sim, const ms_coarse *coarse, const double *
 
 /*------------------------------------- coarse matrix --------------------------------------------*/
 
-/* ms_coarse_solve says what P^T v, z and v.Q v are; Q is symmetric, and not negative. */
+/* P^T v, z and v.Q v are as ms_coarse_solve documents them; Q is symmetric positive
+ * semidefinite. */
 static void coarse_operator_is_symmetric(void **state) {
   (void)state;
   for (int kind = 0; kind < SCENES; kind++) {
@@ -88,7 +89,7 @@ static void coarse_operator_is_symmetric(void **state) {
   }
 }
 
-/* pcg's A v, in msim's unit */
+/* A v and v.A v by pcg, in the units of msim */
 static const double *apply(msim_sim *sim, const double *v, double *curvature) {
   ms_pcg *pcg = pcg_of(sim);
   memcpy(pcg->p, v, length(sim) * sizeof *v);
@@ -120,7 +121,7 @@ static void multiply_factor(const ms_block_cholesky *chol, double *M) {
   free(L);
 }
 
-/* L L^T = P^T A P / scale, a column at a time, with A in single precision */
+/* L L^T = P^T A P / scale, column by column, with A in single precision */
 static void coarse_matrix_is_the_triple_product(void **state) {
   (void)state;
   for (int kind = 0; kind < SCENES; kind++) {
@@ -152,8 +153,8 @@ static void coarse_matrix_is_the_triple_product(void **state) {
 
 /*------------------------------------- A in single precision ------------------------------------*/
 
-/* Sum of (t + |w|^2) |dv| over the springs of a row, w = sqrt(g) d: what rounding t and w once is
- * measured by. */
+/* Sum of (t + |w|^2) |dv| over the springs of an unknown, w = sqrt(g) d: the scale of the error
+ * from rounding t and w once. */
 static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
   const ms_halves *halves = &sim->motion->model.halves;
   const ms_coefficients *a = &sim->motion->stepper.solver->system.a;
@@ -187,15 +188,15 @@ static void matrix_is_rounded_spring_by_spring(void **state) {
         apart = fmax(apart, off / size);
       }
     }
-    assert_true(apart > FLT_EPSILON / 100); /* else nothing was rounded */
+    assert_true(apart > FLT_EPSILON / 100); /* otherwise nothing was rounded */
     assert_close(curvature, dot(sim, v, exact), FLT_EPSILON * curvature);
     free(v), free(exact);
     msim_sim_destroy(sim);
   }
 }
 
-/* Springs act in pairs: a body that moves as one feels its inertia alone, to the last bit, and
- * whatever else it does, its springs' forces have no sum. */
+/* The forces of a spring on its ends are opposite: a rigid translation gives the inertia only, to
+ * the last bit, and for any motion the sum of the spring forces is 0. */
 static void springs_stay_balanced(void **state) {
   (void)state;
   msim_scene *scene;
@@ -231,7 +232,7 @@ static void springs_stay_balanced(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Only the very rows that a factor was made for will do. */
+/* A coarse factor is used only for the set of constrained unknowns that it was computed for. */
 static void other_rows_are_told(void **state) {
   (void)state;
   const ms_hold hold[3] = {{.row = 1}, {.row = 5}, {.row = 9}};

@@ -1,5 +1,6 @@
-/* Contact and friction under collision = event, against closed forms and references: energy through
- * simultaneous impacts, the onset of slip, curved sliding, bounces that die out, rounding, cost. */
+/* Tests of contact and friction with collision = event, against closed forms and reference
+ * solutions: energy in simultaneous impacts, onset of slip, curved sliding, bounces that die out,
+ * rounding, cost. */
 #include <float.h>
 #include <math.h>
 
@@ -37,7 +38,7 @@ static msim_scene *falling_block(int32_t side, double *energy) {
   return scene;
 }
 
-/* However many particles land at once, and whatever follows. */
+/* For any number of particles that land at once, over many bounces. */
 static void elastic_faces_keep_their_energy(void **state) {
   (void)state;
   static const struct {
@@ -71,7 +72,7 @@ static void elastic_faces_keep_their_energy(void **state) {
 
 /*------------------------------------- friction -------------------------------------------------*/
 
-/* Particles on springs of rest length 0 over a rough floor */
+/* Particles with springs of rest length 0 on a rough floor */
 static msim_scene *on_floor(int32_t n, const double *x, const double *v, int32_t nsprings,
                             const int32_t *ij, const double *k, int32_t pin, double g, double mu) {
   const double mass[3] = {1, 1, 1}, none[2] = {0}, gravity[3] = {0, 0, -g};
@@ -87,7 +88,7 @@ static msim_scene *on_floor(int32_t n, const double *x, const double *v, int32_t
 
 typedef struct reference {
   double T;
-  int at; /* of x, or where `of_v` of v: two entries from there on */
+  int at; /* index into x, or into v if of_v; value has two entries from there on */
   int of_v;
   double value[2];
 } reference;
@@ -106,8 +107,8 @@ static double error_of(const msim_scene *scene, const char *method, int64_t step
 
 typedef struct expectation {
   const char *method;
-  double coarse; /* the error at the fewest steps, at most */
-  double order;  /* from there to 4 times as many, at least, unless the error is below `enough` */
+  double coarse; /* upper bound of the error at the smallest number of steps */
+  double order;  /* least order from there to 4 times as many, unless the error is < `enough` */
   double enough;
 } expectation;
 
@@ -123,8 +124,8 @@ static void check_orders(const msim_scene *scene, const reference *r, int64_t st
   }
 }
 
-/* A mass that swings above pulls ever more at one that sticks, which begins to slip at 0.71 of the
- * run. Reference: closed form until then, then Radau at rtol 1e-12. */
+/* A mass that oscillates above a sticking one pulls at it with growing force, until it begins to
+ * slip at 0.71 of the run. Reference: closed form until then, then Radau with rtol 1e-12. */
 static void slip_begins_to_second_order(void **state) {
   (void)state;
   static const reference r = {
@@ -150,7 +151,8 @@ static void slip_begins_to_second_order(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Round a spring on a rough floor. Reference: DOP853 at rtol 1e-13, which Radau confirms. */
+/* An orbit around a spring's pinned end on a rough floor. Reference: DOP853 with rtol 1e-13,
+ * confirmed by Radau. */
 static void curved_sliding_keeps_the_order(void **state) {
   (void)state;
   static const reference orbit = {4, 3, 0, {-0.5623132073553342, -0.601719995827015}};
@@ -168,8 +170,8 @@ static void curved_sliding_keeps_the_order(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Near the turning points of a narrow ellipse v turns by 90 degrees and more in a step: that is no
- * stop. Reference: as above. */
+/* At the ends of a narrow ellipse v turns by 90 degrees and more per step, which is no stop.
+ * Reference: as above. */
 static void sharp_turns_are_no_stops(void **state) {
   (void)state;
   static const reference r = {6, 3, 0, {0.5729147314957811, -0.0014055531692621337}};
@@ -185,9 +187,9 @@ static void sharp_turns_are_no_stops(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Friction that would stop a mass within two steps keeps its direction through the step of an
- * implicit method. So a step on a spring of rest length 0 is linear: in each stage Newton's method
- * takes one correction, and another that finds none. */
+/* Friction that would stop a mass within two steps keeps its direction throughout a step of an
+ * implicit method. With a spring of rest length 0 the step is therefore linear: in each stage
+ * Newton's method makes one correction, and a second iteration that finds none. */
 static void slow_sliding_takes_no_more_iterations(void **state) {
   (void)state;
   static const struct {
@@ -234,8 +236,8 @@ static void bounces_without_end_keep_the_speed(void **state) {
   }
 }
 
-/* Infinitely many bounces that die out rub as the few large ones do: place and rest in closed form.
- */
+/* Infinitely many bounces that die out lose speed by friction just as the few large ones do.
+ * Position of rest in closed form. */
 static void the_last_bounces_rub_too(void **state) {
   (void)state;
   const double x[3] = {0, 0, 0.5}, v[3] = {3, 0, 0};
@@ -254,7 +256,7 @@ static void the_last_bounces_rub_too(void **state) {
   }
 }
 
-/* Elastic bounces of 0.02 s in a step of 1 s, each of which begins at the plane. */
+/* Elastic bounces of 0.02 s within one step of 1 s, each of which starts on the plane. */
 static void short_bounces_are_all_found(void **state) {
   (void)state;
   const double x[3] = {0, 0, 0.0005}, v[3] = {0};
@@ -274,8 +276,8 @@ static void short_bounces_are_all_found(void **state) {
   }
 }
 
-/* In one step: infinitely many bounces that are summed, and the slide that follows, lead where 400
- * single ones lead; so do 150 short elastic ones and half a flight. */
+/* One step with infinitely many bounces, which are summed, followed by sliding, ends where 400
+ * single bounces end; so does one with 150 short elastic bounces and half a flight. */
 static void bounces_are_summed_exactly(void **state) {
   (void)state;
   const double g = 10, mu = 0.05;
@@ -304,8 +306,8 @@ static void bounces_are_summed_exactly(void **state) {
 
 /*------------------------------------- rounding -------------------------------------------------*/
 
-/* What leaves a plane no faster than rounding may have it, by 1e-14 (|v| + h |a|), stays there.
- * What is faster flies, and lands again. */
+/* A particle that leaves a plane at no more than the rounding tolerance, 1e-14 (|v| + h |a|), stays
+ * on it. A faster one flies, and lands again. */
 static void rounding_lifts_nothing(void **state) {
   (void)state;
   const double g = 10, h = 0.01, noise = 1e-14 * (1 + h * g), x[3] = {0};
@@ -324,7 +326,7 @@ static void rounding_lifts_nothing(void **state) {
     }
 }
 
-/* On a smooth slope of 16 epsilon or less, which rounding may have made, nothing moves. */
+/* On a frictionless slope of at most 16 epsilon, which may be rounding error, nothing moves. */
 static void rounding_moves_nothing(void **state) {
   (void)state;
   const double g = 10, x[3] = {0};
@@ -341,8 +343,8 @@ static void rounding_moves_nothing(void **state) {
   }
 }
 
-/* Bounces, stops and slips of a cloth that lies down on a rough floor cost velocity Verlet nothing,
- * and rk4 less than half a step each. */
+/* Impacts, stops and slips of a cloth that settles on a rough floor add no force evaluations with
+ * velocity Verlet, and with rk4 less than half a step each. */
 static void a_cloth_lies_down_cheaply(void **state) {
   (void)state;
   static const char *const methods[] = {"velocity-verlet", "rk4"};

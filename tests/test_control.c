@@ -1,4 +1,4 @@
-/* Error control: what tol means, and what becomes of steps that are too long. */
+/* Tests of error control: the meaning of tol, and steps that are too long. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -38,11 +38,11 @@ static void check_errors(const char *method, int order, const msim_scene *scene,
                 less, coarse / fine);
   assert_true(coarse < tol && coarse > 1e-4 * tol);
   assert_true(coarse / fine > less / 2.5);
-  /* nearly of order 6, while the estimate knows of 4 */
+  /* its error is nearly of order 6, its estimate assumes 4 */
   if (strcmp(method, "force-gradient") != 0) assert_true(coarse / fine < less * 2.5);
 }
 
-/* A tenth of tol makes about a tenth of the error. */
+/* A tenth of tol gives about a tenth of the error. */
 static void error_goes_like_tol(void **state) {
   (void)state;
   const double t_end = 0.6;
@@ -57,7 +57,7 @@ static void error_goes_like_tol(void **state) {
   }
 }
 
-/* dop853 takes control by itself, unless steps are counted. */
+/* dop853 uses error control by default, unless the number of steps is given. */
 static void dop853_chooses_its_steps(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
@@ -76,7 +76,7 @@ static void dop853_chooses_its_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Time is a sum of many steps, and as good as one product. */
+/* The time, a sum of many steps, is as accurate as one product. */
 static void time_adds_up(void **state) {
   (void)state;
   const double x[3] = {0}, v[3] = {1, 0, 0};
@@ -94,7 +94,7 @@ static void time_adds_up(void **state) {
 
 /*------------------------------------- rejected steps -------------------------------------------*/
 
-/* Factors have limits, and a step that was shortened does not grow at once. */
+/* Growth and shrinkage are limited, and a step that was shortened does not grow at once. */
 static void steps_grow_with_care(void **state) {
   (void)state;
   const double none = 0, huge = 1e9, twice = 2, nan = NAN;
@@ -113,13 +113,14 @@ static void steps_grow_with_care(void **state) {
   assert_true(c.h > 2);
   ms_control_fail(&c, 1);
   assert_close(c.h, 0.25, 0);
-  /* no sliver remains before the end */
+  /* the last steps before the end are not extremely short */
   assert_close(ms_control_next(&c, 0.2), 0.2, 0);
   assert_close(ms_control_next(&c, 0.26), 0.13, 0);
   assert_close(ms_control_next(&c, 0.6), 0.25, 0);
 }
 
-/* A step that follows a rejected one is the step that would have been made at once. */
+/* After a rejected step the sim makes the step that it would have made if it had been tried
+ * first. */
 static void rejected_steps_leave_no_trace(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
@@ -134,7 +135,7 @@ static void rejected_steps_leave_no_trace(void **state) {
       if (i % 20 == 10) assert_ok(msim_sim_set_step(sim, 0.3, err));
       assert_ok(msim_sim_step(sim, 1, err));
       if (i % 20 == 10) assert_true(stats_of(sim).rejected_steps > before);
-      /* the other one is told the step that was found */
+      /* the other sim is given the step that was found */
       assert_ok(msim_sim_set_step(other, sim->motion->stepper.h, err));
       assert_ok(msim_sim_step(other, 1, err));
       assert_true(state_of(sim).t > t);
@@ -149,7 +150,7 @@ static void rejected_steps_leave_no_trace(void **state) {
   }
 }
 
-/* A method that fails where steps are too long, or is off by an amount that no step lessens. */
+/* A method that fails if a step is too long, or has an error that does not depend on the step. */
 static struct {
   const ms_integrator *real;
   double longest, noise;
@@ -189,7 +190,7 @@ static void no_step_is_short_enough(void **state) {
     snprintf(particle, sizeof particle, "particle %d:", sim->motion->model.rows.particle[7]);
     if (i == 0) assert_non_null(strstr(why.text, particle));
     same_state(sim, start);
-    spied.noise = 0, spied.longest = INFINITY; /* it goes on from there */
+    spied.noise = 0, spied.longest = INFINITY; /* the sim goes on from the same state */
     assert_ok(msim_sim_step(sim, 5, err));
     assert_ok(msim_sim_step(start, 5, err));
     same_state(sim, start);
@@ -198,7 +199,7 @@ static void no_step_is_short_enough(void **state) {
   }
 }
 
-/* Under error control a step that cannot be made is made shorter. */
+/* Under error control a step that fails is shortened. */
 static void steps_that_fail_are_shortened(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 30, 0);
@@ -213,12 +214,12 @@ static void steps_that_fail_are_shortened(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A fixed step is made in parts of the same h, which together end where it would. */
+/* A fixed step is divided into parts of equal length, which end where the whole step would. */
 static void fixed_steps_are_made_in_parts(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
     if (strcmp(method_at(m), "verlet") == 0 || strcmp(method_at(m), "respa") == 0) continue;
-    if (strcmp(method_at(m), "takahashi-imada") == 0) continue; /* its variables belong to h */
+    if (strcmp(method_at(m), "takahashi-imada") == 0) continue; /* its variables depend on h */
     msim_scene *scene = hanging_cloth(SIDE, 30, 0);
     msim_options opt = options(method_at(m), 4e-3);
     opt.solver = "pcg", opt.newton_retries = 2;
@@ -233,7 +234,7 @@ static void fixed_steps_are_made_in_parts(void **state) {
     assert_int_equal(stats_of(sim).rejected_steps, 10);
     assert_memory_equal(state_of(sim).x, state_of(fine).x, 3 * N * sizeof(double));
     assert_memory_equal(state_of(sim).v, state_of(fine).v, 3 * N * sizeof(double));
-    spied.longest = 0.9e-3; /* not even four parts do */
+    spied.longest = 0.9e-3; /* not even four parts are short enough */
     msim_error why;
     assert_int_equal(msim_sim_step(sim, 1, &why), MSIM_NOT_CONVERGED);
     assert_non_null(strstr(why.text, "step 6, t = 0.024 s"));
@@ -243,7 +244,7 @@ static void fixed_steps_are_made_in_parts(void **state) {
   }
 }
 
-/* Six halvings by default, and those only where a step solves a nonlinear equation. */
+/* Six halvings by default, and only where a step solves a nonlinear equation. */
 static void nonlinear_steps_are_retried_by_default(void **state) {
   (void)state;
   const double h = 4e-3;
@@ -263,7 +264,7 @@ static void nonlinear_steps_are_retried_by_default(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Steps whole and in parts by turns: coefficients follow the ratio of steps. */
+/* Whole and divided steps alternate: the coefficients follow the ratio of steps. */
 static double bdf2_by_turns(const msim_scene *scene, int steps, const double *x) {
   msim_options opt = options("bdf2", 0.2 / steps);
   opt.solver = "pcg", opt.newton_retries = 1;
@@ -291,8 +292,8 @@ static void bdf2_keeps_its_order(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* However little a step errs, the next is not more than twice as long: beyond 1 + sqrt 2 errors of
- * the past would grow. */
+/* Even with an error of 0 a step is at most twice as long as the one before: beyond a ratio of 1 +
+ * sqrt 2 earlier errors would grow. */
 static void bdf2_grows_with_care(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
@@ -318,7 +319,7 @@ static int64_t evaluations_of(const msim_scene *scene, const char *method, const
   return n;
 }
 
-/* Where damping, not accuracy, would keep steps short its stages grow with them. */
+/* If damping, not accuracy, would limit the step, rkc uses more stages. */
 static void rkc_takes_as_many_stages_as_its_steps_need(void **state) {
   (void)state;
   double x[3 * N];
@@ -360,7 +361,8 @@ static void explain_tells_what_tol_is_of(void **state) {
   expect_told(opt, "h = 1e-05 s is tried first");
 }
 
-/* A first step that nobody gave is not rejected, and too short by what three steps make good. */
+/* The first step that msim chooses is not rejected, and is too short by no more than three steps
+ * correct. */
 static void the_first_step_is_found(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 30, 0);
@@ -388,8 +390,8 @@ static void refused(msim_options opt, const char *sentence) {
   msim_scene_destroy(scene);
 }
 
-/* A light pendulum on a spring; with others, beside it a heavy body in free fall and a pinned
- * particle far away, to which nothing ties it. */
+/* A light pendulum on a spring; others: also a heavy particle in free fall and a distant pinned
+ * one, not connected with it. */
 static msim_scene *light_pendulum(int others) {
   const double x[12] = {0, 0, 0, 1, 0, 0, 3, 0, 0, 1e4, 0, 0.5}, mass[4] = {1, 1e-3, 1e6, 1};
   const double k = 10, rest = 0.9, gravity[3] = {0, 0, -9.81};
@@ -413,7 +415,7 @@ static void what_nothing_ties_to_a_part_leaves_its_error(void **state) {
     const double tol = method->entry.order > 2 ? 1e-6 : 1e-3;
     if (!has_control(method_at(m)) || method->entry.order == 1) continue;
     msim_options opt = controlled(method_at(m), tol, 4);
-    opt.h = 1e-4; /* the first step is by the scale of the scene */
+    opt.h = 1e-4; /* the default of the first step depends on the scale of the whole scene */
     msim_sim *sim = make_sim(alone, &opt), *other = make_sim(beside, &opt);
     assert_ok(msim_sim_run(sim, NULL, NULL, err));
     assert_ok(msim_sim_run(other, NULL, NULL, err));
@@ -424,8 +426,8 @@ static void what_nothing_ties_to_a_part_leaves_its_error(void **state) {
   msim_scene_destroy(alone), msim_scene_destroy(beside);
 }
 
-/* A light particle swings on a soft spring around a heavy one, and both fall: its error counts,
- * though its mass is a millionth of the part's. */
+/* A light particle oscillates on a soft spring around a heavy one, and both fall: its error counts
+ * although its mass is a millionth of that of its part. */
 static void light_particles_count(void **state) {
   (void)state;
   const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, 0, 1, 0}, mass[2] = {1e3, 1e-3};

@@ -1,4 +1,4 @@
-/* The built-in recorder csv: what it writes is what it was given, to the bit. */
+/* Tests of the built-in recorder csv: the file holds the bits of the states it was given. */
 #define _POSIX_C_SOURCE 200809L
 
 #include <inttypes.h>
@@ -15,7 +15,7 @@ static counting_host host;
 
 static void assert_no_leak(void) { assert_int_equal(host.live, 0); }
 
-/* Reads a whole number or a double and what separates it from the next. */
+/* Reads a whole number or a double and the separator that follows it. */
 static int64_t whole(char **next) {
   int64_t value = strtoll(*next, next, 10);
   ++*next;
@@ -42,7 +42,7 @@ static void assert_frame(char **next, const msim_frame *frame, int32_t n) {
   }
 }
 
-/* The file holds exactly the first `frames` frames. */
+/* The file consists of the first `frames` frames. */
 static void assert_file(const char *path, sample *s, int64_t frames) {
   static const char header[] = "step,t,particle,x,y,z,vx,vy,vz\n";
   char *text = slurp(path, NULL);
@@ -83,7 +83,7 @@ static void no_particles(void **state) {
   write_and_read(0, 2);
 }
 
-/* Somebody may read along: each frame is in the file when write() returns. */
+/* Each frame is in the file when write() returns, so that other programs can read along. */
 static void frames_are_flushed(void **state) {
   (void)state;
   sample s;
@@ -102,7 +102,7 @@ static void frames_are_flushed(void **state) {
   remove("b.csv");
 }
 
-/* csv.c calls this in place of the C library's. */
+/* csv.c calls this function instead of that of the C library. */
 static int syncs;
 static off_t synced_length; /* of the file, at the last call */
 
@@ -156,7 +156,7 @@ static void a_comma_locale_changes_nothing(void **state) {
   snprintf(here, sizeof here, "%.1f", 0.5);
   setlocale(LC_NUMERIC, "C");
   assert_int_equal(status, MSIM_OK);
-  assert_string_equal(here, "0,5"); /* the host's locale is as it was */
+  assert_string_equal(here, "0,5"); /* the locale of the host is unchanged */
   assert_file("c.csv", &s, 2);
   sample_free(&s);
   remove("c.csv");
@@ -183,7 +183,7 @@ static void refusals_say_why(void **state) {
   assert_refused("d.csv", MSIM_ERR_MEMORY, "memory");
 }
 
-/* The file's size limit stands for a full disk. */
+/* A file size limit simulates a full disk. */
 static void limit_file_size(rlim_t bytes) {
   struct rlimit limit;
   getrlimit(RLIMIT_FSIZE, &limit);
@@ -212,7 +212,7 @@ static void a_full_disk_leaves_whole_frames(void **state) {
   signal(SIGXFSZ, SIG_DFL);
   assert_in_range(good, 1, 5);
   msim_frame frame = sample_frame(&s, good);
-  assert_int_equal(csv->write(self, &frame), MSIM_ERR_IO); /* once failed, always failed */
+  assert_int_equal(csv->write(self, &frame), MSIM_ERR_IO); /* after a failure all writes fail */
   assert_int_equal(csv->close(self), MSIM_ERR_IO);
   assert_non_null(strstr(host.sentence, "e.csv: cannot write the file: File too large"));
   assert_file("e.csv", &s, good);

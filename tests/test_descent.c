@@ -1,11 +1,12 @@
-/* Conjugate gradients on matrices that need not be positive definite: always downhill. */
+/* Tests of conjugate gradients on matrices that may be indefinite: the result is always a descent
+ * direction. */
 #include <stdlib.h>
 
 #include "two_level.h"
 
 enum { SIDE = 14, N = SIDE * SIDE };
 
-/* A cloth thrown about at random: most of its springs are compressed or stretched. */
+/* A randomly displaced cloth: most of its springs are compressed or stretched. */
 static msim_sim *crumpled(const msim_scene *scene, int32_t aggregate) {
   const msim_options opt = frames();
   msim_sim *sim = make_two_level(scene, &opt, aggregate);
@@ -20,7 +21,7 @@ static msim_sim *crumpled(const msim_scene *scene, int32_t aggregate) {
   return sim;
 }
 
-/* A right side, and where the answer goes. */
+/* A right-hand side b and its solution y. */
 typedef struct problem {
   msim_sim *sim;
   ms_solver *solver;
@@ -46,7 +47,7 @@ static void descend(const problem *p, int clamp, double rtol) {
   assert_true(ms_dot(p->shape, p->b, p->y) > 0);
 }
 
-/* y.A y with A as it is, or clamped */
+/* y.A y with A exact, or clamped */
 static double curvature(const problem *p) {
   ms_coefficients_apply(p->sim->motion->stepper.model, &p->solver->system.a, p->y, p->Ay);
   return ms_dot(p->shape, p->y, p->Ay);
@@ -70,7 +71,7 @@ static void a_clamped_descent_is_a_solve(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Nothing is left out of a matrix that is positive definite, although springs are compressed. */
+/* Nothing is removed from a positive definite matrix, even if springs are compressed. */
 static void a_definite_matrix_stays_whole(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 0.3, 0);
@@ -84,8 +85,8 @@ static void a_definite_matrix_stays_whole(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Where the exact matrix is far from positive definite only what makes it so is left out: the
- * direction leads downhill, and is none of the clamped matrix. */
+/* From an exact matrix far from positive definite only the indefinite part is removed: the result
+ * is a descent direction, and not that of the clamped matrix. */
 static void an_indefinite_matrix_leads_downhill(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);
@@ -102,7 +103,7 @@ static void an_indefinite_matrix_leads_downhill(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The bits depend on no thread, and twin half-edges of a spring agree on what is left out of it. */
+/* The bits do not depend on threads, and both half-edges of a spring have the same part removed. */
 static void half_edges_agree(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);

@@ -1,12 +1,13 @@
-/* Orders of accuracy through impacts, release and friction, collision = event. */
+/* Tests of the order of accuracy with collision = event, through impacts, release and friction. */
 #include "events.h"
 
 enum { MANY = 12 };
 
-/* A particle on a spring of rest length 0 to a pin on the far side of a plane, which it hits again
- * and again while it swings along it: x = A cos(w t + p) between impacts. */
+/* A particle on a spring of rest length 0, whose pin is behind a plane that it hits repeatedly: x =
+ * A cos(w t + p) between impacts. */
 static void oscillator(double t, double z0, double e, double *z, double *vz, int *hits) {
-  /* the plane is at z = 0, the pin at z = -1; w = 1: z = -1 + a cos(t - phase), z0 at rest first */
+  /* the plane is at z = 0, the pin at z = -1, w = 1: z = -1 + a cos(t - phase), at rest in z0
+   * initially */
   double a = z0 + 1, at = 0, phase = 0;
   *hits = 0;
   for (;;) {
@@ -34,8 +35,8 @@ static msim_scene *spring_on_plane(double e) {
   return scene;
 }
 
-/* What an impact costs depends on where in its step it falls: the mean over some numbers of steps
- * from `steps` on. */
+/* The error of an impact depends on its position in the step: the mean over several numbers of
+ * steps from `steps` on. */
 static double error_through_impacts(const msim_scene *scene, const char *method, int steps) {
   enum { TIMES = 5 };
   const double T = 8;
@@ -68,7 +69,7 @@ static void order_is_kept_through_impacts(void **state) {
     const double fine = error_through_impacts(scene, entry->name, 4 * steps);
     const double order = log2(coarse / fine) / 2;
     print_message("  %-24s %.3g %.3g  order %.2f\n", entry->name, coarse, fine, order);
-    /* where steps are long, those that an impact cuts short are many */
+    /* with long steps a large part of them is shortened by impacts */
     assert_true(order >= (entry->order > 6 ? 6.5 : entry->order > 4 ? 5.5 : entry->order - 0.1));
   }
   msim_scene_destroy(scene);
@@ -108,14 +109,14 @@ static void check_order(const msim_scene *scene, double T, int at, truth *exactl
   }
 }
 
-/* One mass lies on the floor, the other swings above it on a spring, until that lifts the first:
- * k = 100, m = 1 each, g = 10, L = 1; compressed by 0.3 at first. */
+/* One mass lies on the floor, the other oscillates above it on a spring, which finally lifts the
+ * first: k = 100, m = 1 each, g = 10, L = 1, initially compressed by 0.3. */
 static void lifted(double t, double *z, double *vz) {
   const double g = 10, off = acos(-2. / 3) / 10, up = 3 * sin(10 * off) / 2, w = sqrt(200);
   const double d = t - off, c = cos(w * d), s = sin(w * d);
   *z = 0, *vz = 0;
   if (d < 0) return;
-  /* half the stretch of the spring: 0.05 at first, growing by `up` */
+  /* half the stretch of the spring: initially 0.05, growing by `up` */
   *z = 0.05 + up * d - g * d * d / 2 - (0.05 * c + up / w * s);
   *vz = up - g * d - (-0.05 * w * s + up * c);
 }
@@ -135,8 +136,8 @@ static void release_is_located(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A mass on a spring rubs on the floor, mu g = 0.1, k = m = 1, L = 0: each half swing is about
- * +-0.1 and 0.2 shorter than the one before, until the spring cannot move it any more. */
+/* A mass on a spring slides on the floor, mu g = 0.1, k = m = 1, L = 0: each half oscillation is
+ * about +-0.1 and 0.2 shorter than the one before, until friction holds the mass. */
 static void rubbed(double t, double *x, double *v) {
   const double pi = acos(-1);
   const int swing = (int)fmin(5, floor(t / pi)), sign = swing % 2 ? -1 : 1;
@@ -188,7 +189,7 @@ static msim_scene *many_oscillators(void) {
   return scene;
 }
 
-/* Of all oscillators, in the mean, and over some numbers of steps from `steps` on. */
+/* Mean over all oscillators and several numbers of steps from `steps` on. */
 static double error_of_many(const msim_scene *scene, const char *method, int steps) {
   enum { TIMES = 5 };
   const double T = 8;
@@ -211,7 +212,7 @@ static double error_of_many(const msim_scene *scene, const char *method, int ste
   return sum / MANY / TIMES;
 }
 
-/* A dozen oscillators hit the plane in the same steps, again and again: about second order */
+/* A dozen oscillators hit the plane in the same steps, repeatedly: about second order */
 static void many_oscillators_keep_second_order(void **state) {
   (void)state;
   static const char *const methods[] = {"velocity-verlet", "rk4", "heun", "implicit-midpoint"};

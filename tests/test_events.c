@@ -1,4 +1,5 @@
-/* Impacts located inside the step, collision = event: closed forms, rest, corners, promises. */
+/* Tests of impacts located inside the step, collision = event: closed forms, rest, corners, and
+ * reproducibility. */
 #include "events.h"
 
 static const char *const exact[] = {"heun", "velocity-verlet", "rk4", "rkn6"};
@@ -6,7 +7,7 @@ enum { NEXACT = sizeof exact / sizeof *exact };
 
 /*------------------------------------- one ball -------------------------------------------------*/
 
-/* Height and speed of a ball dropped from 1 m at time t; *bounces so far. */
+/* Height and speed at time t of a ball dropped from 1 m; *bounces so far. */
 static void drop(double e, double g, double t, double *z, double *vz, int *bounces) {
   double up = sqrt(2 * g), start = up / g;
   *bounces = 0;
@@ -22,7 +23,8 @@ static void drop(double e, double g, double t, double *z, double *vz, int *bounc
   *vz = up - g * (t - start);
 }
 
-/* 10 bounces in closed form, wherever in their steps they fall; then rest, exact and not stepped */
+/* 10 bounces in closed form, at any position in their steps; then exact rest, in which steps are
+ * skipped */
 static void ball_bounces_in_closed_form_and_rests(void **state) {
   (void)state;
   const double x[3] = {0.3, 0, 1}, v[3] = {0.5, 0, 0}, g = 9.81, h = 0.0103;
@@ -55,7 +57,7 @@ static void ball_bounces_in_closed_form_and_rests(void **state) {
   }
 }
 
-/* e = 1 keeps the energy: `reflect` doubles it in 200 s */
+/* e = 1 conserves the energy; collision = reflect doubles it in 200 s */
 static void elastic_ball_keeps_its_energy(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, g = 9.81;
@@ -73,7 +75,7 @@ static void elastic_ball_keeps_its_energy(void **state) {
   }
 }
 
-/* An oblique bounce with friction on a plane of no simple normal, then free flight */
+/* An oblique bounce with friction on an inclined plane, then free flight */
 static void oblique_bounce_in_closed_form(void **state) {
   (void)state;
   const double n[3] = {0.6, 0, 0.8}, along[3] = {0.8, 0, -0.6}, e = 0.7, mu = 0.2, g = 2;
@@ -101,7 +103,7 @@ static void oblique_bounce_in_closed_form(void **state) {
   }
 }
 
-/* v^2/(2 mu g), to the end and no further; then the same bits for ever */
+/* The slider stops after v^2/(2 mu g), exactly; then the bits never change */
 static void slider_stops_in_closed_form(void **state) {
   (void)state;
   const double x[3] = {0.1, 0.2, 0}, v[3] = {1.2, 1.6, 0}, mu = 0.3, g = 10;
@@ -131,7 +133,7 @@ static void slider_stops_in_closed_form(void **state) {
   }
 }
 
-/* mu > tan a: nothing moves, exactly. mu < tan a: g (sin a - mu cos a). */
+/* mu > tan a: nothing moves, exactly. mu < tan a: acceleration g (sin a - mu cos a). */
 static void incline_sticks_or_slides(void **state) {
   (void)state;
   const double a = 0.3, g = 10, x[3] = {0, 0, 0}, v[3] = {0, 0, 0};
@@ -155,7 +157,8 @@ static void incline_sticks_or_slides(void **state) {
     }
 }
 
-/* Without gravity nothing rests: it slides along a plane, and flies between two */
+/* Without gravity a particle does not come to rest: it slides along a plane, and flies away from
+ * it */
 static void nothing_rests_without_gravity(void **state) {
   (void)state;
   const double x[3] = {0, 0, 0}, v[3] = {1, 0, 0}, up[3] = {1, 0, 1e-6};
@@ -176,7 +179,7 @@ static void nothing_rests_without_gravity(void **state) {
 
 /*------------------------------------- many planes ----------------------------------------------*/
 
-/* A particle in a box: there and back in closed form, several impacts a step and in corners */
+/* A particle in a box, in closed form: several impacts per step, some of them in corners */
 static void box_in_closed_form(void **state) {
   (void)state;
   const double x[3] = {0.5, 0.5, 0.5}, v[3] = {7, 12, 7}, h = 0.1;
@@ -191,24 +194,24 @@ static void box_in_closed_form(void **state) {
     assert_ok(msim_sim_step(sim, 13, err));
     const msim_state s = state_of(sim);
     for (int c = 0; c < 3; c++) {
-      const double way = fmod(x[c] + v[c] * 1.3, 2); /* a saw's tooth */
+      const double way = fmod(x[c] + v[c] * 1.3, 2); /* sawtooth */
       assert_close(s.x[c], way < 1 ? way : 2 - way, 1e-13);
       assert_close(s.v[c], way < 1 ? v[c] : -v[c], 1e-13);
     }
-    /* x and z meet their walls together: that is one impact */
+    /* x and z hit their walls together, which is one impact */
     assert_int_equal(stats_of(sim).contacts, 9 + 16);
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
 }
 
-/* In and out within a step, seen at neither end, and a miss by a hair */
+/* A particle that enters and leaves a plane within a step, outside at both ends, and a near miss */
 static void in_and_out_is_not_missed(void **state) {
   (void)state;
   const double depth[] = {0.01, 1e-6, -1e-6}, g = -8, h = 1;
   for (int k = 0; k < 3; k++)
     for (int m = 0; m < NEXACT; m++) {
-      /* z = -depth + 4 (t - 1/2)^2, were there no plane */
+      /* z = -depth + 4 (t - 1/2)^2 without the plane */
       const double x[3] = {0, 0, 1 - depth[k]}, v[3] = {0, 0, -4};
       msim_scene *scene = single(x, v, g);
       plane(scene, 0, 0, 1, 0, 1, 0);
@@ -217,7 +220,7 @@ static void in_and_out_is_not_missed(void **state) {
       assert_ok(msim_sim_step(sim, 1, err));
       assert_int_equal(stats_of(sim).contacts, depth[k] > 0);
       const double u = depth[k] > 0 ? 4 * sqrt(depth[k]) : 0, t = 0.5 + u / 8;
-      /* the speed at the impact, up instead of down from there on: t0 = 1/2 - u/8 */
+      /* the speed at the impact, upwards from then on: t0 = 1/2 - u/8 */
       const double z = depth[k] > 0 ? u * t + 4 * t * t : x[2];
       assert_close(state_of(sim).x[2], z, 1e-12);
       msim_sim_destroy(sim);
@@ -225,7 +228,8 @@ static void in_and_out_is_not_missed(void **state) {
     }
 }
 
-/* Pressed into corners of two and three planes, in any order of them: the same, at exact rest */
+/* Pressed into corners of two and three planes, in any order of planes: the same state of exact
+ * rest */
 static void corners_hold_in_any_order(void **state) {
   (void)state;
   const double n[3][3] = {{1, 0, 0.5}, {-0.5, 0.9, 0.5}, {-0.5, -0.9, 0.6}};
@@ -258,11 +262,12 @@ static void corners_hold_in_any_order(void **state) {
   }
 }
 
-/*------------------------------------- many at once ---------------------------------------------*/
+/*------------------------------------- simultaneous impacts -------------------------------------*/
 
 enum { MANY = 12 };
 
-/* Balls of nearly one height: each bounces at its own time, and no force is evaluated for that */
+/* Balls at nearly equal heights: each bounces at its own time, without additional force
+ * evaluations */
 static void many_balls_in_closed_form(void **state) {
   (void)state;
   const double g[3] = {0, 0, -9.81};
@@ -288,7 +293,7 @@ static void many_balls_in_closed_form(void **state) {
     for (int i = 0; i < MANY; i++) {
       double z, vz;
       int bounces;
-      const double scale = x[3 * i + 2]; /* lengths by it, times by its root */
+      const double scale = x[3 * i + 2]; /* lengths scale with it, times with its square root */
       drop(0.8, 9.81, s.t / sqrt(scale), &z, &vz, &bounces);
       assert_close(s.x[3 * i + 2], z * scale, 1e-13);
       assert_close(s.v[3 * i + 2], vz * sqrt(scale), 1e-12);
@@ -303,8 +308,8 @@ static void many_balls_in_closed_form(void **state) {
   }
 }
 
-/* A stiff spring swings on a mass that lies on the floor, never lifting it: Newton's method is to
- * know of the floor. */
+/* A stiff spring oscillates on a mass that lies on the floor and is never lifted: Newton's method
+ * has to take the contact into account. */
 static void implicit_steps_find_what_rests(void **state) {
   (void)state;
   const double x[6] = {0, 0, 0, 0, 0, 1 - 1.05e-3}, mass[2] = {1, 1}, k = 1e4, rest = 1, none = 0;
@@ -333,7 +338,7 @@ static void implicit_steps_find_what_rests(void **state) {
   }
 }
 
-/*------------------------------------- promises -------------------------------------------------*/
+/*------------------------------------- reproducibility ------------------------------------------*/
 
 /* Blocks of side^3 particles above a rough slope, far from each other */
 static msim_scene *blocks(int32_t side, int from, int to) {
@@ -361,7 +366,8 @@ static int lies_inside(const msim_state *s, double nx, double nz) {
   return 1;
 }
 
-/* Set on from a state in the midst of it, in pieces, at rest skipped or not: the same bits */
+/* From a state set in mid-run, in several calls, with steps at rest skipped or not: the same
+ * bits */
 static void nothing_is_carried_but_the_state(void **state) {
   (void)state;
   enum { N3 = 3 * 4 * 4 * 4 };
@@ -393,7 +399,7 @@ static void nothing_is_carried_but_the_state(void **state) {
   }
 }
 
-/* Blocks that no spring connects: what one does is what it does alone, with any threads */
+/* Blocks that no spring connects: each moves as it does alone, with any number of threads */
 static void islands_and_threads_change_no_bit(void **state) {
   (void)state;
   enum { SIDE = 8, N = SIDE * SIDE * SIDE, STEPS = 32 };
@@ -422,7 +428,7 @@ static void islands_and_threads_change_no_bit(void **state) {
   }
 }
 
-/* In a flat scene, in two components, the same as in three */
+/* A planar scene gives the same results in two components as in three */
 static void flat_scenes_do_the_same(void **state) {
   (void)state;
   const double x[6] = {0, 0, 1, 0.3, 0, 1.2}, v[6] = {0.5, 0, 0, -0.2, 0, 0}, mass[2] = {1, 2};
@@ -450,7 +456,7 @@ static void flat_scenes_do_the_same(void **state) {
   }
 }
 
-/* What starts outside is put on the plane, and sent back if it runs on */
+/* A particle that starts behind a plane is moved onto it, and reflected if it moves inwards */
 static void outside_is_put_on_the_plane(void **state) {
   (void)state;
   const double x[3] = {0, 0, -0.5}, v[3] = {1, 0, -2};

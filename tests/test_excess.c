@@ -1,4 +1,5 @@
-/* What a step adds to the energy of springs beyond its linear part, beside a textbook sum. */
+/* Tests of the nonlinearity of the elastic energy in a step (the change beyond its linear part)
+ * against a reference sum. */
 #include <math.h>
 #include <string.h>
 
@@ -8,7 +9,7 @@
 
 enum { SIDE = 12 };
 
-/* The same sum from energies and forces, each of one spring, in long double */
+/* The same sum from energy and force of each spring, in long double */
 static long double textbook(const ms_model *m, const double *x, double h, const double *d,
                             double lambda) {
   const size_t stride = (size_t)m->rows.stride;
@@ -29,7 +30,7 @@ static long double textbook(const ms_model *m, const double *x, double h, const 
   return sum;
 }
 
-/* From random states; the last spring has no length, and one particle has very many springs. */
+/* Random states; the last spring has length 0, and one particle has very many springs. */
 static msim_sim *crumpled(msim_scene *scene, double *d) {
   const double k = 10, zero = 0;
   const int32_t twins[2] = {SIDE + 1, SIDE + 2};

@@ -1,15 +1,15 @@
-/* msim_sim_explain, line by line, where each number can be told from the scene. */
+/* Tests of msim_sim_explain, line by line, with scenes from which each number follows. */
 #include "scenes.h"
 
-/* A weight of 2 kg on a spring of 8 N/m: omega = 2/s. */
+/* A mass of 2 kg on a spring of 8 N/m: omega = 2/s. */
 static const char pendulum[] =
     "{\"msim\": 1, \"name\": \"a pair\", \"gravity\": [0, 0, -9.81], \"particles\": {\"x\": [[0, "
     "0, 0],"
     " [1, 0, 0.5]], \"mass\": [1, 2], \"pinned\": [0]},"
     " \"springs\": {\"ij\": [[0, 1]], \"k\": 8, \"rest\": 0.5}}";
 
-/* The same, 1 m long, and one of 1 kg on 2 m: omega = 3/s, and with drag a rate of 3.5/s. Speeds
- * are those of falls of 1 and of 2 m, sqrt(8) and sqrt(16) m/s. */
+/* The same, 1 m long, and 1 kg on a spring of 2 m: omega = 3/s, and with drag a rate of 3.5/s. The
+ * speed scales sqrt(g L) (scales.h) are sqrt(8) and sqrt(16) m/s. */
 static const char two_over_a_plane[] =
     "{\"msim\": 1, \"gravity\": [0, 0, -8], \"drag\": 0.5, \"particles\": {\"x\": [[0, 0, 1], [1, "
     "0, 1],"
@@ -18,7 +18,7 @@ static const char two_over_a_plane[] =
     " [2, 3]], \"k\": [8, 9], \"rest\": [1, 2], \"damping\": [0, 3]},"
     " \"planes\": [{\"normal\": [0, 0, 1], \"offset\": 0, \"restitution\": 0.5}]}";
 
-/* A method's own sentence stands between the two parts. */
+/* The line of the method itself is between the two parts. */
 static void expect(const char *text, msim_options *opt, const char *first, const char *second) {
   msim_scene *scene;
   const char *said;

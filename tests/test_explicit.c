@@ -1,5 +1,5 @@
-/* What takahashi-imada, force-gradient, rkc and respa promise beyond their order: what they keep,
- * what they cost, where they are stable. More of respa: test_respa.c */
+/* Tests of properties of takahashi-imada, force-gradient, rkc and respa besides their order:
+ * conserved quantities, cost, stability. See also test_respa.c */
 #include <complex.h>
 #include <math.h>
 #include <string.h>
@@ -9,8 +9,8 @@
 
 enum { SIDE = 5, N = SIDE * SIDE };
 
-/* A cloth that nothing holds, bent and thrown; two of its springs have a stiffness of their own.
- * Damping is so many times stiffness. */
+/* A free cloth, bent and thrown, two of whose springs have the stiffness `stiff`. Damping = ratio
+ * times stiffness. */
 static msim_scene *thrown(double stiff, double ratio) {
   msim_scene *cloth = hanging_cloth(SIDE, 50, 0), *scene;
   msim_scene_view view = {.size = sizeof view};
@@ -44,7 +44,7 @@ static msim_energy energy_of(msim_sim *sim) {
   return e;
 }
 
-/* Springs push both ends alike: momentum is kept to rounding. */
+/* The forces of a spring on its ends are opposite: momentum is conserved up to rounding. */
 static void momentum_is_kept(void **state) {
   (void)state;
   static const struct {
@@ -73,7 +73,7 @@ static void momentum_is_kept(void **state) {
   }
 }
 
-/* Back with -v a symmetric method ends where it began, at rounding. */
+/* After a reversal of v a symmetric method returns to its start, up to rounding. */
 static void reversible_methods_find_their_way_back(void **state) {
   (void)state;
   static const struct {
@@ -107,7 +107,7 @@ static void reversible_methods_find_their_way_back(void **state) {
 
 /*------------------------------------- force-gradient -------------------------------------------*/
 
-/* The state after 0.4 s and so many evaluations, one of the start left out */
+/* The state after 0.4 s and so many evaluations, apart from one at the start */
 static void spend(const msim_scene *scene, const char *method, int per_step, int evaluations,
                   double *x) {
   const int steps = evaluations / per_step;
@@ -119,13 +119,13 @@ static void spend(const msim_scene *scene, const char *method, int per_step, int
   msim_sim_destroy(sim);
 }
 
-/* For errors of 1e-2 to 1e-5 no other explicit method makes as much of its evaluations. */
+/* For errors of 1e-2 to 1e-5 it is the most accurate explicit method for its evaluations. */
 static void force_gradient_is_the_cheapest(void **state) {
   (void)state;
   static const struct {
     const char *method;
     int per_step;
-    double worse; /* times, at least */
+    double worse; /* factor of the error, at least */
   } others[] = {{"velocity-verlet", 1, 10}, {"rk4", 4, 10}, {"rkn6", 11, 3}};
   static const struct {
     int evaluations;
@@ -150,7 +150,8 @@ static void force_gradient_is_the_cheapest(void **state) {
 
 /*------------------------------------- takahashi-imada ------------------------------------------*/
 
-/* Where a scene is smooth and the longest stable steps of others are more accurate than asked. */
+/* In a smooth scene in which the longest stable steps of other methods are more accurate than
+ * needed. */
 static void takahashi_imada_is_the_cheapest_of_long_steps(void **state) {
   (void)state;
   static double exact[3 * N], x[3 * N], y[3 * N];
@@ -167,8 +168,8 @@ static void takahashi_imada_is_the_cheapest_of_long_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Its variables belong to h and the springs; who looks sees x and v, which nothing but steps moves.
- */
+/* Its internal variables depend on h and the springs; x and v, which are returned, change only by
+ * steps. */
 static void new_parameters_move_nothing(void **state) {
   (void)state;
   msim_scene *scene = thrown(50, 0);
@@ -191,7 +192,7 @@ static void new_parameters_move_nothing(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A weight on a spring; the energy at any step is that of the start, for any share of the limit. */
+/* A mass on a spring; the energy at any step is that of the start, for any share of the limit. */
 static void energy_is_right_at_long_steps(void **state) {
   (void)state;
   const double shares[] = {0.05, 0.2, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95};
@@ -238,7 +239,7 @@ static void chebyshev(int s, double w0, double t[3]) {
   t[2] = (s * s * cosh(s * u) - w0 * t[1]) / (r * r);
 }
 
-/* The amplification of s stages, in closed form */
+/* The amplification factor of s stages, in closed form */
 static double complex amplification(int s, double complex z) {
   const double w0 = 1 + 2. / 13 / (s * (double)s);
   double t[3];
@@ -247,8 +248,8 @@ static double complex amplification(int s, double complex z) {
   return 1 - b * t[0] + b * ccosh(s * cacosh(w0 + w1 * z));
 }
 
-/* All modes that the bounds allow, where rates grow as springs do, are stable with the stages that
- * are taken; with two less the stiffest is not. */
+/* With the chosen number of stages all modes within the bounds are stable, if rates grow in
+ * proportion to stiffness; with two stages fewer the stiffest is not. */
 static void stages_hold_the_whole_strip(void **state) {
   (void)state;
   for (double rate = 0.01; rate < 2000; rate *= 1.3)
@@ -268,7 +269,7 @@ static void stages_hold_the_whole_strip(void **state) {
     }
 }
 
-/* A weight that swings along a damped spring of no length, which is linear */
+/* A mass that oscillates along a damped spring of rest length 0, a linear system */
 static msim_scene *oscillator(double omega, double rate) {
   const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, -0.3, 0, 0}, mass[2] = {1, 1};
   const double k = omega * omega, rest = 0;
@@ -281,7 +282,7 @@ static msim_scene *oscillator(double omega, double rate) {
   return scene;
 }
 
-/* A step is that polynomial of the matrix, in as many evaluations as it has stages. */
+/* A step applies this polynomial to the matrix, with one evaluation per stage. */
 static void a_step_has_that_amplification(void **state) {
   (void)state;
   static const double modes[][2] = {{1, 0.2}, {1, 3}, {3, 20}, {5, 200}, {10, 1500}};
@@ -290,7 +291,7 @@ static void a_step_has_that_amplification(void **state) {
     msim_scene *scene = oscillator(omega, rate);
     msim_options opt = options("rkc", 1);
     msim_sim *sim = make_sim(scene, &opt);
-    /* the bounds know the spring only by twice its k and c */
+    /* the bounds would give twice the k and c of the spring */
     const int s = ms_rkc_stages(1, (ms_bounds){.omega = omega, .rate = rate});
     assert_ok(msim_sim_step(sim, 1, err));
     assert_int_equal(stats_of(sim).force_evaluations, s);
@@ -306,8 +307,8 @@ static void a_step_has_that_amplification(void **state) {
   }
 }
 
-/* Where damping limits the step: a tenth of the evaluations of velocity Verlet at its limit, and
- * still within 1 %. */
+/* If damping limits the step: a tenth of the evaluations of velocity Verlet at its stability limit,
+ * and an error within 1 %. */
 static void strong_damping_takes_few_evaluations(void **state) {
   (void)state;
   static const struct {

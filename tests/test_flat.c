@@ -1,5 +1,6 @@
-/* Scenes in which nothing moves along one axis: two components give what three give, exactly level,
- * for every method, solver and axis; and what leaves the plane is computed in three. */
+/* Tests of planar scenes, in which nothing moves along one axis: two components give the same
+ * results as three, for every method, solver and axis, and a state out of the plane is computed in
+ * three. */
 #include <math.h>
 #include <string.h>
 
@@ -8,12 +9,13 @@
 #include "sim/sim.h"
 
 enum { SIDE = 7, N = SIDE * SIDE, DROPPED = 0, KEPT = 1 };
-#define LEVEL 0.3 /* of all particles along the axis */
+#define LEVEL 0.3 /* the common coordinate of all particles along the axis */
 
 static const char *const explicit_methods[] = {
     "explicit-euler", "heun", "verlet", "symplectic-euler", "velocity-verlet", "rk4"};
 
-/* A damped cloth, one corner held, that swings in the plane across `axis` and falls on a slope. */
+/* A damped cloth, pinned at one corner, that swings in the plane perpendicular to `axis` and falls
+ * on a slope. */
 static msim_scene *swing(const msim_allocator *alloc, int axis) {
   const int a = (axis + 1) % 3, b = (axis + 2) % 3, pin = 0;
   double x[3 * N], v[3 * N], mass[N], g[3] = {0}, normal[3] = {0};
@@ -44,7 +46,7 @@ static msim_scene *swing(const msim_allocator *alloc, int axis) {
 static msim_sim *sim_with(const msim_scene *scene, const char *method, const char *solver,
                           int third) {
   msim_options opt = options(method, 2e-3);
-  opt.watch = MSIM_WATCH_OFF; /* explicit-euler grows */
+  opt.watch = MSIM_WATCH_OFF; /* the energy grows with explicit-euler */
   opt.solver = solver, opt.solver_rtol = 1e-13, opt.jacobian = MSIM_JACOBIAN_CLAMP;
   assert_ok(msim_options_set(&opt, "skip.two_d", third == KEPT ? "off" : "on", err));
   return make_sim(scene, &opt);
@@ -58,7 +60,7 @@ static void is_level(msim_sim *sim, int axis) {
   }
 }
 
-/* Sums of three terms, one of them 0, are sums of two. */
+/* A sum of three terms of which one is 0 has the bits of the sum of the other two. */
 static void explicit_methods_give_the_same_bits(void **state) {
   (void)state;
   for (size_t m = 0; m < sizeof explicit_methods / sizeof *explicit_methods; m++)
@@ -115,7 +117,7 @@ static int32_t components(const msim_scene *scene) {
   return dims;
 }
 
-/* Each of the conditions for two components, broken alone. */
+/* Each condition for two components, violated alone. */
 static void what_pushes_out_of_the_plane_is_seen(void **state) {
   (void)state;
   for (int axis = 0; axis < 3; axis++) {
@@ -151,7 +153,8 @@ static void what_pushes_out_of_the_plane_is_seen(void **state) {
   }
 }
 
-/* A straight rope that swings from one end is level along one axis; along its weight, along two. */
+/* A straight rope that swings from one end is planar along one axis; hanging straight down, along
+ * two. */
 static void straight_scenes_are_flat(void **state) {
   (void)state;
   const int32_t pin = 0;
@@ -172,7 +175,7 @@ static void straight_scenes_are_flat(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Positions and velocities of a state that is not level. */
+/* Positions and velocities of a state out of the plane. */
 typedef struct risen {
   double x[3 * N], v[3 * N];
 } risen;
@@ -185,7 +188,7 @@ static risen out_of_plane(msim_sim *sim, int axis) {
   return r;
 }
 
-/* Out of the plane, and back into it. */
+/* States out of the plane, and back into it. */
 static void states_choose_the_components(void **state) {
   (void)state;
   static const char *const methods[] = {"verlet", "linearly-implicit-euler"};
@@ -221,7 +224,7 @@ static void states_choose_the_components(void **state) {
     }
 }
 
-/* verlet's own velocity alone may lead out of the plane. */
+/* The half-step velocity of verlet alone may lead out of the plane. */
 static void v_half_counts(void **state) {
   (void)state;
   msim_scene *scene = swing(NULL, 1);
@@ -236,7 +239,7 @@ static void v_half_counts(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Where memory ends on the way to three components, the sim goes on in two, from where it was. */
+/* If memory runs out on the way to three components, the sim goes on in two, from its old state. */
 static void a_state_that_fails_changes_nothing(void **state) {
   (void)state;
   bank b = {.fail_at = -1};
@@ -265,7 +268,7 @@ static void a_state_that_fails_changes_nothing(void **state) {
   assert_int_equal(b.live, 0);
 }
 
-/* Forces in any state, and the matrix, have three components a particle as ever. */
+/* msim_sim_force() in any state and msim_sim_matrix() have three components per particle. */
 static void what_is_looked_at_is_whole(void **state) {
   (void)state;
   for (int axis = 0; axis < 3; axis++) {
@@ -297,7 +300,7 @@ static void what_is_looked_at_is_whole(void **state) {
   }
 }
 
-/* Vectors of the third component are not there. */
+/* Vectors have no memory for the third component. */
 static void less_is_allocated(void **state) {
   (void)state;
   size_t bytes[2];
@@ -311,7 +314,7 @@ static void less_is_allocated(void **state) {
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
-  const size_t vectors = 5 + 2 + 4 + 4; /* at the least */
+  const size_t vectors = 5 + 2 + 4 + 4; /* at least */
   assert_true(bytes[KEPT] >= bytes[DROPPED] + vectors * N * sizeof(double));
 }
 

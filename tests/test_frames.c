@@ -1,4 +1,5 @@
-/* Runs under error control, watched: frames lie at their times, and looking changes no bit. */
+/* Tests of frames under error control: they are at their times, and observing a run changes no
+ * bit. */
 #include <math.h>
 #include <string.h>
 
@@ -22,7 +23,7 @@ static int take(msim_sim *sim, void *user) {
     f->t[f->count] = s.t, f->step[f->count] = s.step;
     memcpy(f->x[f->count], s.x, sizeof f->x[0]);
     memcpy(f->v[f->count], s.v, sizeof f->v[0]);
-    msim_sim_force(sim, s.x, s.v, force); /* a look that computes */
+    msim_sim_force(sim, s.x, s.v, force); /* a computation in the callback */
   }
   return ++f->count == f->stop_at;
 }
@@ -44,7 +45,8 @@ static void frames_are_on_time(void **state) {
     assert_int_equal(f.count, 26);
     for (int i = 0; i < 26; i++) assert_close(f.t[i], i == 25 ? 0.25 : i / 100., 1e-15);
     assert_true(f.t[25] == 0.25 && f.t[0] == 0);
-    /* the same bits unwatched, by those who do not look, and in pieces, which miss no frame */
+    /* the same bits without a callback, with one that reads no state, and in interrupted runs,
+     * which miss no frame */
     assert_ok(msim_sim_run(alone, NULL, NULL, err));
     same_state(sim, alone);
     film *unseen = &(film){0};
@@ -66,7 +68,7 @@ static void frames_are_on_time(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* What is shown between two steps is as good as the steps. */
+/* States shown between two steps are as accurate as the steps. */
 static void frames_are_accurate(void **state) {
   (void)state;
   static film f;
@@ -92,7 +94,7 @@ static void frames_are_accurate(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* every counts the steps that were accepted. */
+/* `every` counts accepted steps. */
 static void frames_by_steps(void **state) {
   (void)state;
   static film f;
@@ -110,7 +112,8 @@ static void frames_by_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Runs that are stopped after each step miss no frame, those of the steps they stop at neither. */
+/* Runs that are stopped after each step miss no frame, not even those of the steps where they
+ * stop. */
 static void stops_miss_no_frame(void **state) {
   (void)state;
   static film f, g;
@@ -139,7 +142,7 @@ static void stops_miss_no_frame(void **state) {
 
 static film plain;
 
-/* The first look comes after the change, at a frame within the step before it. */
+/* The first state is read after the change, at a frame inside the step before it. */
 static int stiffen(msim_sim *sim, void *user) {
   film *f = user;
   if (++f->count != 10) return 0;
@@ -153,7 +156,7 @@ static int stiffen(msim_sim *sim, void *user) {
   return 0;
 }
 
-/* Frames within the step before are those of the springs it was made with. */
+/* Frames inside the last step are computed with the springs of that step. */
 static void springs_change_between_steps(void **state) {
   (void)state;
   static film f;
@@ -197,7 +200,7 @@ static void a_state_that_is_set_starts_a_run(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Islands, one of which comes to rest, by one thread and by two: the same bits. */
+/* Several islands, one of which comes to rest, with one thread and with two: the same bits. */
 static void threads_change_no_bit(void **state) {
   (void)state;
   static const char *const methods[] = {"rk4", "velocity-verlet", "dop853"};
@@ -260,7 +263,7 @@ static msim_status live(const msim_allocator *alloc, const char *method, msim_er
   if (!status) status = msim_scene_add_particles(scene, 3, x, NULL, mass, err);
   if (!status) status = msim_scene_add_springs(scene, 2, ij, k, NULL, NULL, err);
   if (!status) status = msim_sim_create(scene, &opt, &sim, err);
-  if (!status) status = msim_sim_set_state(sim, &risen, err); /* no longer flat */
+  if (!status) status = msim_sim_set_state(sim, &risen, err); /* no longer planar */
   bank *b = alloc->user;
   const int64_t calls = b->calls;
   if (!status) status = msim_sim_run(sim, take, &f, err);

@@ -1,4 +1,5 @@
-/* Coulomb friction in closed form, against the differential equation and closed forms on a line. */
+/* Tests of the closed form of Coulomb friction, against its differential equation and closed forms
+ * on a line. */
 #include <math.h>
 #include <string.h>
 
@@ -27,14 +28,14 @@ static void integrate(const double a[3], double F, double t, int n, double v[3],
   }
 }
 
-/* F below, near and above |a|; v in all directions; to nine tenths of the stop at most */
+/* F below, near and above |a|; v in all directions; up to nine tenths of the time to the stop */
 static void slides_as_its_equation_has_it(void **state) {
   (void)state;
   unsigned seed = 7;
   for (int i = 0; i < 400; i++) {
     double a[3] = {0}, v[3] = {0}, x[3] = {0}, dx[3], w[3];
     for (int c = 0; c < 2; c++) a[c] = 4 * uniform(&seed) - 2, v[c] = 4 * uniform(&seed) - 2;
-    if (i % 5 == 0) v[1] = v[0] * a[1] / a[0] + 1e-4; /* nearly on a line */
+    if (i % 5 == 0) v[1] = v[0] * a[1] / a[0] + 1e-4;
     const double F = i % 7 == 0 ? ms_norm3(a) : 4 * uniform(&seed);
     const double t = fmin(0.9 * ms_friction_stop(a, F, v), 0.3 * ms_norm3(v) / (F + ms_norm3(a)));
     memcpy(w, v, sizeof w);
@@ -47,7 +48,7 @@ static void slides_as_its_equation_has_it(void **state) {
   }
 }
 
-/* In two parts the same as in one, past sharp turns, stops and starts */
+/* Two substeps give the same as one, across sharp turns, stops and starts */
 static void parts_add_up(void **state) {
   (void)state;
   unsigned seed = 3;
@@ -85,7 +86,7 @@ static void stops_at_its_time_and_stays(void **state) {
   assert_true(isinf(ms_friction_stop(a, 1, v)));
 }
 
-/* On a line: down, a turn and back, a stop, and no start where |a| <= F. */
+/* On a line: deceleration, reversal, a stop, and no start if |a| <= F. */
 static void on_a_line(void **state) {
   (void)state;
   const double a[3] = {0, -2, 0};

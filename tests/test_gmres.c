@@ -1,12 +1,13 @@
-/* The memory of GMRES, which keeps one vector for each iteration of a call, or two. A call has so
- * many as 128 MiB take, but 30 at least and 200 at most, and no more than there are unknowns. */
+/* Tests of the memory of GMRES, which stores one or two vectors per iteration before it restarts.
+ * The restart length is what fits in 128 MiB, but at least 30 and at most 200, and at most the
+ * number of unknowns. */
 #include <string.h>
 
 #include "counting_host.h"
 #include "msim/backend.h"
 #include "scenes.h"
 
-/* Blocks of memory after the analysis of a system of n unknowns in one block row each */
+/* Blocks of memory after the analysis of a system of n unknowns, one in each block row */
 static int count_blocks(const msim_backend *table, int32_t n) {
   counting_host host;
   void *self;
@@ -22,7 +23,8 @@ static int count_blocks(const msim_backend *table, int32_t n) {
   return count;
 }
 
-/* As many iterations as unknowns where these are few: that tells the blocks of an iteration. */
+/* For small systems the restart length is the number of unknowns: two of them give the number of
+ * blocks per iteration. */
 static void check_lengths(const char *name, int64_t vectors) {
   const msim_backend *table;
   const int64_t memory = 128 << 20, size = sizeof(double);

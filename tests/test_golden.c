@@ -1,10 +1,10 @@
-/* Golden hashes: the bits in which runs end, for each instruction set, as golden.txt has them.
- * Static or shared, whatever the compiler: they are the same. A change that means to change bits
- * renews the file, on a machine that has them all, and says so:
+/* Tests of reproducibility: hashes of the final states of runs, for each instruction set, as stored
+ * in golden.txt. They depend neither on the compiler nor on static or shared linking. A change that
+ * changes bits on purpose renews the file, on a machine with all instruction sets, and says so:
  *
  *     for isa in baseline avx2 avx512; do MSIM_ISA=$isa test_golden print; done >tests/golden.txt
  *
- * Left out is what hangs on more than msim: direct solvers, whose BLAS chooses its own kernels. */
+ * Direct solvers are left out, as their BLAS chooses its own kernels. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -43,13 +43,13 @@ static const struct {
   msim_scene *(*make)(void);
 } scenes[] = {{"cloth", cloth}, {"solid", solid}, {"damped", damped}, {"flat", flat}};
 
-/* Where the method takes the scene: 1, and the hash of its end. */
+/* 1 if the method takes the scene; *hash: of its final state. */
 static int end_of(msim_scene *scene, const char *method, double tol, uint64_t *hash) {
   msim_options opt = options(method, 0.002);
   msim_sim *sim;
   msim_error err;
   opt.solver = "pcg";
-  opt.watch = MSIM_WATCH_OFF; /* a wild end is an end too */
+  opt.watch = MSIM_WATCH_OFF; /* an unbounded end state is compared all the same */
   opt.tol = tol;
   opt.steps = tol > 0 ? -1 : STEPS;
   opt.t_end = tol > 0 ? STEPS * 0.002 : -1;
@@ -61,7 +61,7 @@ static int end_of(msim_scene *scene, const char *method, double tol, uint64_t *h
   return 1;
 }
 
-/* "avx2 solid heun" of each run to a function. */
+/* Call a function for each run, such as "avx2 solid heun". */
 static void each(const char *isa, void (*tell)(const char *run, uint64_t hash)) {
   const char *method;
   for (size_t s = 0; s < sizeof scenes / sizeof *scenes; s++) {
@@ -120,7 +120,7 @@ static void runs_end_as_ever(void **state) {
   assert_int_equal(checked, known);
 }
 
-/* 1 where this machine has what MSIM_ISA asks for, and the file has its hashes. */
+/* 1 if this machine supports MSIM_ISA, and the file has its hashes. */
 static int is_there(void) {
   const char *asked = getenv("MSIM_ISA");
   int there = 0;

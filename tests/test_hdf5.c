@@ -1,9 +1,8 @@
-/* The recorder plugin hdf5 writes what it was given, as VTKHDF wants it.
+/* Tests of the recorder plugin hdf5: files hold what was recorded, in the layout of VTKHDF.
  *
  *   test_hdf5                           the tests
  *   test_hdf5 write BASE                BASE.vtkhdf, BASE.csv and BASE.json, for vtk_read.py
- *   test_hdf5 verify FILE               prints "GOOD of PLANNED"; status 1 if anything is wrong
- */
+ *   test_hdf5 verify FILE               prints "GOOD of PLANNED"; status 1 if anything is wrong */
 #define _DEFAULT_SOURCE /* mkdtemp */
 
 #include <inttypes.h>
@@ -14,9 +13,9 @@
 
 static counting_host host;
 
-/*------------------------------------- the file is right ----------------------------------------*/
+/*------------------------------------- content and layout ---------------------------------------*/
 
-/* Leaves the file; the caller removes it. */
+/* The file remains; the caller removes it. */
 static void write_file(const char *path, int32_t n, int32_t nsprings, int64_t planned,
                        int64_t written) {
   const msim_recorder_type *hdf5 = plugin();
@@ -60,7 +59,7 @@ static void no_particles(void **state) {
   write_and_verify(0, 0, 3, 3);
 }
 
-/* More rows than a block of 256, frames that are cut into several chunks. */
+/* More rows than a block of 256, and frames that are split into several chunks. */
 static void many_frames_and_large_frames(void **state) {
   (void)state;
   write_and_verify(3, 2, 1000, 1000);
@@ -144,7 +143,7 @@ static void the_layout_is_that_of_vtkhdf(void **state) {
   assert_int_equal(read_attribute(file, "/msim", "format"), 1);
   H5F_info2_t info;
   assert_true(H5Fget_info2(file, &info) >= 0);
-  assert_int_equal(info.super.version, 0); /* no mark "open for writing" stays behind */
+  assert_int_equal(info.super.version, 0); /* no mark "open for writing" remains */
   H5Fclose(file);
   remove("b.vtkhdf");
 }
@@ -202,7 +201,7 @@ static void equal_runs_give_equal_bytes(void **state) {
   remove("e.vtkhdf");
 }
 
-/* Any bit of what the hashes cover. */
+/* Flip a bit of what the hashes cover. */
 static void damage_is_noticed(void **state) {
   (void)state;
   static const char *const paths[] = {"/VTKHDF/Points", "/VTKHDF/PointData/Velocity",
@@ -266,7 +265,7 @@ static void write_list(FILE *out, const char *key, const double *values, int64_t
   fprintf(out, "]");
 }
 
-/* What the CSV file does not tell. */
+/* What the CSV file does not contain. */
 static int write_json(const char *path, sample *s, int64_t frames) {
   FILE *out = fopen(path, "w");
   if (!out) return complain("cannot write the JSON file");

@@ -1,5 +1,5 @@
-/* The recorder plugin hdf5 when things go wrong: it says why, neither prints nor crashes, leaks
- * nothing, and the frames so far are good. */
+/* Tests of failures in the recorder plugin hdf5: it reports the reason, neither prints nor crashes,
+ * leaks nothing, and the frames written so far are good. */
 #define _DEFAULT_SOURCE /* mkdtemp, syscall */
 
 #include <errno.h>
@@ -11,7 +11,7 @@
 
 #include "trajectory.h"
 
-/* libhdf5 loses some memory of its own when a write fails; ours is counted by the host. */
+/* libhdf5 leaks some memory when a write fails; blocks of the plugin are counted by the host. */
 const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libhdf5"; }
 
@@ -65,7 +65,7 @@ static void refusals_say_why(void **state) {
   assert_refused("h.vtkhdf", 2, MSIM_ERR_MEMORY, "memory");
 }
 
-/* More than any disk holds is refused before a byte is written. */
+/* A file larger than any disk is refused before a byte is written. */
 static void a_disk_that_is_too_small(void **state) {
   (void)state;
   assert_refused("i.vtkhdf", INT64_C(1) << 48, MSIM_ERR_IO, "MB of disk space: ");
@@ -92,14 +92,14 @@ static void the_library_never_prints(void **state) {
   remove("stderr");
   assert_int_equal(length, 0);
   assert_int_equal(printed, 0);
-  H5Dclose(12345); /* the host's own errors are printed as before */
+  H5Dclose(12345); /* errors of the host itself are printed as before */
   assert_int_equal(printed, 1);
   H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
 }
 
 /*------------------------------------- full disks -----------------------------------------------*/
 
-/* The file's size limit stands for a full disk. */
+/* A file size limit simulates a full disk. */
 static void limit_file_size(rlim_t bytes) {
   const struct rlimit limit = {bytes, bytes};
   setrlimit(RLIMIT_FSIZE, &limit);
@@ -108,8 +108,8 @@ static void limit_file_size(rlim_t bytes) {
 
 enum { FULL_FRAMES = 20, FRAMES_BEFORE = 7 };
 
-/* In a process of its own, which ends as a program does, handlers at exit included. Its exit
- * status: the number of good frames, 100 where open() failed, 200 and more where this test did. */
+/* In a child process, which ends as a program does, exit handlers included. Its exit status: the
+ * number of good frames; 100 if open() failed; 200 and more if a check failed. */
 static void run_into_limit(const char *path, rlim_t at_open, rlim_t while_writing) {
   sample s;
   void *self = NULL;
@@ -124,7 +124,7 @@ static void run_into_limit(const char *path, rlim_t at_open, rlim_t while_writin
     if (i == FRAMES_BEFORE) limit_file_size(while_writing);
     msim_frame frame = sample_frame(&s, i);
     int fine = hdf5->write(self, &frame) == MSIM_OK;
-    if (fine && failed) exit(201); /* once failed, always failed */
+    if (fine && failed) exit(201); /* after a failure all writes fail */
     good += fine;
     failed += !fine;
   }
@@ -151,7 +151,7 @@ static void a_full_disk_is_noticed_before_the_run(void **state) {
   remove("j.vtkhdf");
 }
 
-/* Where space could not be reserved. The limits cut x, v, and what comes after them. */
+/* If space could not be reserved. The limits fall into x, v, and what follows them. */
 static void a_disk_that_fills_leaves_whole_frames(void **state) {
   (void)state;
   for (rlim_t limit = 1000; limit < 900000; limit += 139000) {
@@ -163,9 +163,9 @@ static void a_disk_that_fills_leaves_whole_frames(void **state) {
 
 /*------------------------------------- every single write ---------------------------------------*/
 
-/* libhdf5 calls this pwrite, which is visible, instead of the C library's. */
-static int64_t writes_left = INT64_MAX; /* before the one that goes wrong; the next ones are fine */
-static int dies;                        /* 1: it is torn and the process ends; 0: "disk full" */
+/* libhdf5 calls this pwrite, which is visible, instead of that of the C library. */
+static int64_t writes_left = INT64_MAX; /* before the one that fails; the next ones succeed */
+static int dies;                        /* 1: written by half, then exit; 0: "disk full" */
 static int64_t writes_made;
 
 __attribute__((visibility("default"))) ssize_t pwrite(int fd, const void *data, size_t bytes,
@@ -182,8 +182,8 @@ __attribute__((visibility("default"))) ssize_t pwrite(int fd, const void *data, 
 
 enum { FEW_FRAMES = 5 };
 
-/* Opens, writes and closes as a program does; 1 where anything was refused, 2 and more where the
- * answers do not fit together. Tells how many writes had been made after open and each frame. */
+/* Open, write and close as a program does. Returns 1 if any call was refused, 2 and more if the
+ * results are inconsistent. after[]: the numbers of writes after open and after each frame. */
 static int run_few_frames(const char *path, int64_t after[1 + FEW_FRAMES]) {
   sample s;
   void *self = NULL;
@@ -195,7 +195,7 @@ static int run_few_frames(const char *path, int64_t after[1 + FEW_FRAMES]) {
   for (int i = 0; i < FEW_FRAMES && self; i++) {
     msim_frame frame = sample_frame(&s, i);
     int fine = hdf5->write(self, &frame) == MSIM_OK;
-    if (fine && refused) return 2; /* though the disk may have room again */
+    if (fine && refused) return 2; /* although the disk may have space again */
     refused |= !fine;
     after[1 + i] = writes_made;
   }
@@ -216,11 +216,11 @@ static int status_with_bad_write(const char *path, int64_t which) {
   }
   int status = 0;
   assert_int_equal(waitpid(child, &status, 0), child);
-  assert_true(WIFEXITED(status)); /* no signal, at exit neither */
+  assert_true(WIFEXITED(status)); /* no signal, not even at exit */
   return WEXITSTATUS(status);
 }
 
-/* Somebody else goes on where that ended. */
+/* Another process resumes the file. */
 static void assert_resumed(const char *path, size_t length, const char *whole) {
   sample s;
   size_t now;
@@ -236,9 +236,9 @@ static void assert_resumed(const char *path, size_t length, const char *whole) {
   free(bytes);
 }
 
-/* Each write goes wrong in its turn. Once the file is open, every frame whose last write came
- * before is in it and good, and at most the one being written is there too; and going on from there
- * makes the file that it would have been. */
+/* Each write fails in turn. Once the file is open, every frame whose last write came before is in
+ * it and good, and at most the frame that was being written is there too. The resumed and completed
+ * file equals an uninterrupted one. */
 static void assert_every_write(const char *path, int status) {
   int64_t after[1 + FEW_FRAMES], planned;
   writes_made = 0;

@@ -1,10 +1,9 @@
-/* Every state in which a crash can leave a trajectory while it is created, written and resumed:
- * whatever the disk kept of what was written, the file holds every frame whose write had returned
- * and resumes to the same bytes. Only a file whose creation had not ended may be refused.
+/* Tests of every state in which a crash can leave a trajectory while it is created, written and
+ * resumed. Whichever writes are on the disk, the file holds every frame whose write had returned,
+ * and is resumed to the same bytes. Only a file whose creation had not ended may be refused.
  *
  *   test_hdf5_replay                    the tests
- *   test_hdf5_replay states FOLDER      some of the states, as FOLDER/I_FRAMES.vtkhdf, for VTK
- */
+ *   test_hdf5_replay states FOLDER      some of the states, as FOLDER/I_FRAMES.vtkhdf, for VTK */
 #define _DEFAULT_SOURCE /* mkdtemp, syscall */
 
 #include <errno.h>
@@ -15,13 +14,13 @@
 #include "scenes.h"
 #include "trajectory.h"
 
-/*------------------------------------- what is written ------------------------------------------*/
+/*------------------------------------- journal --------------------------------------------------*/
 
 typedef struct operation {
   enum { WRITE, RESIZE, RESERVE, SYNC, RENAME } kind;
   size_t at, length;
   char *data; /* of a WRITE */
-  int frames; /* whose write() had returned before */
+  int frames; /* frames whose write() had returned before */
 } operation;
 
 enum { MOST = 4000 };
@@ -37,7 +36,8 @@ static void note(int kind, size_t at, size_t length, const void *data) {
   if (data) memcpy(o->data, data, length);
 }
 
-/* libhdf5 and the plugin call these, which are visible, instead of the C library's. */
+/* libhdf5 and the plugin call these functions, which are visible, instead of those of the C
+ * library. */
 #define SEEN __attribute__((visibility("default")))
 
 SEEN ssize_t pwrite(int fd, const void *data, size_t bytes, off_t offset) {
@@ -66,7 +66,7 @@ SEEN int rename(const char *from, const char *to) {
   return (int)syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, 0);
 }
 
-/*------------------------------------- the disk -------------------------------------------------*/
+/*------------------------------------- file images ----------------------------------------------*/
 
 typedef struct image {
   char *bytes;
@@ -109,7 +109,7 @@ enum { N = 90, NSPRINGS = 20, FRAMES = 6 };
 static counting_host host;
 static sample s;
 static image first, whole;    /* before the first operation, and at the end */
-static int nstates, nrefused; /* that were checked, and of these */
+static int nstates, nrefused; /* number of states checked; those among them that were refused */
 
 static void load(image *to, const char *path) {
   size_t length = 0;
@@ -120,7 +120,7 @@ static void load(image *to, const char *path) {
   free(bytes);
 }
 
-/* Record the rest of a file that open() or resume() has made ready. */
+/* Record the rest of a file after open() or resume(). */
 static void write_rest(void *self) {
   while (frames_returned < FRAMES) {
     const msim_frame frame = sample_frame(&s, frames_returned);
@@ -170,7 +170,7 @@ static void record_part(int written, int is_stopped) {
   assert_int_equal(plugin()->close(self), MSIM_OK);
 }
 
-/* The journal of a run that resumes a file of `written` frames. One that is not planned is
+/* The journal of a run that resumes a file of `written` frames. A frame that is not planned is
  * withdrawn. */
 static void run_resumed(int sync, int written, int is_stopped) {
   void *self;
@@ -187,9 +187,10 @@ static void run_resumed(int sync, int written, int is_stopped) {
   is_open = 0;
 }
 
-/*------------------------------------- one state ------------------------------------------------*/
+/*------------------------------------- checks ---------------------------------------------------*/
 
-/* Its creation had not ended; resume() says why in one line, and leaves it as it was. */
+/* The creation had not ended; resume() gives the reason in one line, and leaves the file
+ * unchanged. */
 static void check_refused(const image *state, const char *what, int at) {
   static image after;
   load(&after, "state.vtkhdf");
@@ -201,8 +202,8 @@ static void check_refused(const image *state, const char *what, int at) {
   nrefused++;
 }
 
-/* The frames whose write had returned are in it and good, and at most one more; a run that resumes
- * it keeps these and ends with the same bytes. */
+/* The file holds the frames whose write had returned, all good, and at most one more; a run that
+ * resumes it keeps them and ends with the same bytes. */
 static void check_resumed(int frames, const char *what, int at) {
   static image end;
   int64_t planned, kept;
@@ -217,7 +218,7 @@ static void check_resumed(int frames, const char *what, int at) {
     fail_msg("%s at operation %d: %" PRId64 " frames kept, another end", what, at, kept);
 }
 
-/* 1: the file resumes, with the checkpoint of the last frame that it keeps. */
+/* 1: the file can be resumed, with the checkpoint of the last frame that it keeps. */
 static int resumes(void) {
   void *self;
   msim_resumption from = {.size = sizeof from};
@@ -244,7 +245,7 @@ static void check(const image *state, int frames, const char *what, int at) {
   remove("state.vtkhdf");
 }
 
-/*------------------------------------- killed ---------------------------------------------------*/
+/*------------------------------------- killed processes -----------------------------------------*/
 
 /* Between two operations, or within a write: at each page of the disk, and in the middle. */
 static void kill_at_any_moment(void) {
@@ -289,8 +290,8 @@ static void killed_in_a_resumed_file(void **state) {
   }
 }
 
-/* Until all of a new file is on the disk it has a name of its own, so that the states in which it
- * would be refused, or an older file be lost, are never those of the file that was asked for. */
+/* Until all of a new file is on the disk it has another name, so that a file under the requested
+ * name is never incomplete, and an older one is not lost. */
 static void named_when_it_is_whole(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
@@ -322,7 +323,7 @@ static int coin(void) {
   return (int)(chance >> 63);
 }
 
-/* Up to the last sync all is on the disk; of what follows anything, torn writes too. */
+/* Everything up to the last sync is on the disk; of the later writes any subset, torn ones too. */
 static void cut_power_at_any_moment(void) {
   enum { TRIES = 8 };
   image synced = {0}, now = {0};
@@ -332,7 +333,7 @@ static void cut_power_at_any_moment(void) {
     for (int try = 0; try < TRIES && i > from; try++) {
       copy(&now, &synced);
       for (int j = from; j < i; j++) {
-        const int kept = try == 0 ? 0 : try == 1 ? j == i - 1 : coin(); /* nothing, the last, any */
+        const int kept = try == 0 ? 0 : try == 1 ? j == i - 1 : coin(); /* none, the last, any */
         if (kept) apply(&now, &journal[j], coin() ? journal[j].length : journal[j].length / 2);
       }
       check(&now, journal[i - 1].frames, "power cut", i);

@@ -1,5 +1,5 @@
-/* The recorder plugin hdf5 goes on with its files, wherever they end, and the whole is to the byte
- * what it would have been; what it cannot go on with it leaves alone. */
+/* Tests of the recorder plugin hdf5 when it resumes a file: from any end, the completed file equals
+ * an uninterrupted one byte by byte; a file that cannot be resumed is left unchanged. */
 #define _DEFAULT_SOURCE /* mkdtemp */
 
 #include <inttypes.h>
@@ -12,14 +12,14 @@ enum { N = 20, NSPRINGS = 30, PLANNED = 12 };
 static counting_host host;
 static sample s;
 
-/* A file of `written` frames. */
+/* Record a file of `written` frames. */
 static void begin(int64_t written) {
   host_init(&host);
   sample_init(&s, "a.vtkhdf", N, NSPRINGS, PLANNED);
   assert_int_equal(record(plugin(), &host.host, &s, written), MSIM_OK);
 }
 
-/* Go on to the end; the file kept so many frames, and is now as if nobody had stopped. */
+/* Resume up to the end: the file kept so many frames, and now equals an uninterrupted one. */
 static void go_on(int64_t kept) {
   int64_t found = -1;
   size_t first, second;
@@ -39,7 +39,7 @@ static void go_on(int64_t kept) {
   sample_free(&s);
 }
 
-/* The i-th word of a dataset becomes another one. */
+/* Flip bits of the i-th word of a dataset. */
 static void change_word(const char *path, hsize_t i, uint64_t bits) {
   hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
   hid_t dataset = H5Dopen2(file, path, H5P_DEFAULT), type = H5Dget_type(dataset);
@@ -69,7 +69,7 @@ static void refuse(msim_status want, const char *sentence) {
   free(before), free(now);
 }
 
-/*------------------------------------- going on -------------------------------------------------*/
+/*------------------------------------- resuming -------------------------------------------------*/
 
 static void from_wherever_it_ended(void **state) {
   (void)state;
@@ -79,7 +79,7 @@ static void from_wherever_it_ended(void **state) {
   }
 }
 
-/* It lies in either of the two slots. */
+/* The last checkpoint may be in either of the two slots. */
 static void with_the_last_checkpoint(void **state) {
   (void)state;
   for (int64_t written = 4; written <= 5; written++) {
@@ -114,7 +114,7 @@ static void past_what_is_damaged(void **state) {
   remove("a.vtkhdf");
 }
 
-/* Frames written where a run was stopped belong to no plan: they give way. */
+/* Frames written at an interruption, at times that are not planned, are overwritten. */
 static void over_a_frame_out_of_plan(void **state) {
   (void)state;
   void *self;
@@ -129,8 +129,8 @@ static void over_a_frame_out_of_plan(void **state) {
   go_on(4);
 }
 
-/* libhdf5's file as the disk has it after each sync; the plugin calls this, which is visible, in
- * place of the C library's. */
+/* The content of the file at each sync: the plugin calls this function, which is visible, instead
+ * of that of the C library. */
 enum { MOST_SYNCS = 8 };
 static struct {
   char *bytes;
@@ -145,7 +145,7 @@ __attribute__((visibility("default"))) int fdatasync(int fd) {
   return 0;
 }
 
-/* The good frames in the file after the i-th sync */
+/* Number of good frames in the file after the i-th sync */
 static int64_t frames_at_sync(int i) {
   int64_t planned;
   FILE *file = fopen("b.vtkhdf", "wb");
@@ -156,9 +156,9 @@ static int64_t frames_at_sync(int i) {
   return frames;
 }
 
-/* Two frames without checkpoints are committed behind the last one with one. Before that one's next
- * frame is written they are withdrawn one by one, each on the disk before the other: a power cut
- * may lose any writes since the last sync, and still the frames committed are the first ones. */
+/* Two frames without checkpoints are committed after the last one that has one. Before the next
+ * frame is written there, they are withdrawn one by one, with a sync after each: a power cut may
+ * lose any writes since the last sync, and the committed frames are still the first ones. */
 static void frames_are_withdrawn_one_by_one(void **state) {
   (void)state;
   static const int64_t expected[] = {4, 3, 3, 4};
@@ -189,7 +189,7 @@ static void frames_are_withdrawn_one_by_one(void **state) {
   go_on(4);
 }
 
-/* To an end before the planned one, and from there to that. */
+/* Resume to an end before the planned one, and then to the planned one. */
 static void to_an_earlier_end(void **state) {
   (void)state;
   int64_t kept;
@@ -241,7 +241,7 @@ static void damage_is_refused(void **state) {
   remove("a.vtkhdf");
 }
 
-/* Nobody sets out to read what is claimed: it would take as long as the claim says. */
+/* The claimed rows are not read, which would take as long as the file claims. */
 static void rows_that_are_not_stored_are_refused(void **state) {
   (void)state;
   const hsize_t rows = (hsize_t)1 << 40;
@@ -296,7 +296,7 @@ static void without_memory(void **state) {
   go_on(5);
 }
 
-/* It knows nothing of checkpoints. */
+/* A host of a version without checkpoints. */
 static void an_older_host(void **state) {
   (void)state;
   host_init(&host);
@@ -327,7 +327,7 @@ static void a_checkpoint_that_is_too_long(void **state) {
   remove("a.vtkhdf");
 }
 
-/* To the last byte of a slot, which is made of words */
+/* A checkpoint that fills its slot, which consists of words, to the last byte */
 static void a_checkpoint_as_long_as_planned(void **state) {
   (void)state;
   enum { LENGTH = SAMPLE_CHECKPOINT / 8 * 8 };
@@ -366,7 +366,7 @@ static int write_frame(msim_sim *sim, void *recorder) {
   return msim_recorder_write(recorder, NULL) != MSIM_OK;
 }
 
-/* What stopped before its first frame begins anew; where nothing is there, nobody goes on. */
+/* A file without frames starts anew; a file that does not exist cannot be resumed. */
 static void before_the_first_frame(void **state) {
   (void)state;
   msim_sim *sim = flight(), *other = flight();

@@ -1,5 +1,5 @@
-/* Parts of a scene that no spring connects move as each does alone, to the bit; one at rest is not
- * stepped, one that fails leaves all as they were. */
+/* Tests of islands: components that no spring connects move bit by bit as each does alone; one at
+ * rest is not stepped; after a failure in one, all keep their states. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 enum { SIDE = 24, N = SIDE * SIDE, MOST = 6 * N, STEPS = 12 };
 enum { APART, INTERLEAVED, SHARED_PIN, KINDS };
 
-/* A cloth held at two corners, and its arrays. */
+/* A cloth pinned at two corners, and its arrays. */
 typedef struct body {
   double x[3 * N], v[3 * N], mass[N], k[MOST], rest[MOST], damping[MOST];
   int32_t ij[2 * MOST], nsprings;
@@ -37,7 +37,7 @@ static body cloth(double k, double stretch, double damping, double speed) {
   return b;
 }
 
-/* The number of a particle of the first or second body in the scene of both. */
+/* The index of a particle of the first or second body in the scene of both. */
 static int32_t place(int kind, int second, int32_t p) {
   if (kind == INTERLEAVED) return 2 * p + second;
   if (kind == SHARED_PIN && second) return p == 0 ? 0 : N + p - 1;
@@ -80,7 +80,7 @@ static msim_scene *join(const msim_allocator *alloc, int kind, const body *const
 
 static const double down[3] = {0, 0, -9.81}, along[3] = {0, 9.81, 0}, none[3] = {0, 0, 0};
 
-/* alone: a single body has the first numbers of APART */
+/* a single body has the first indices of APART */
 static msim_scene *alone(const body *b, const double gravity[3]) {
   return join(NULL, APART, (const body *const[2]){b, NULL}, gravity);
 }
@@ -111,7 +111,6 @@ static void same_as_alone(msim_sim *sim, int kind, int second, msim_sim *single)
   }
 }
 
-/* A state that is set, with more speed. */
 static void push(msim_sim *sim) {
   static double v[6 * N];
   msim_state s = state_of(sim);
@@ -142,7 +141,7 @@ static void move_as_alone(const char *method, const double gravity[3], int kind,
   for (int i = 0; i < 3; i++) msim_sim_destroy(sims[i]), msim_scene_destroy(scenes[i]);
 }
 
-/* Of the second all rest lengths are 0: its matrix is another kind. */
+/* All rest lengths of the second body are 0, so that its matrix has scalar blocks. */
 static void each_moves_as_alone(void **state) {
   (void)state;
   static body a, b;
@@ -155,7 +154,7 @@ static void each_moves_as_alone(void **state) {
         move_as_alone(method->name, flat ? along : down, kind, &a, &b);
 }
 
-/* What is looked at is that of one system. */
+/* msim_sim_force(), msim_sim_matrix() and msim_sim_explain() treat the scene as one system. */
 static void looks_see_the_whole(void **state) {
   (void)state;
   static double f[6 * N], g[6 * N];
@@ -171,7 +170,7 @@ static void looks_see_the_whole(void **state) {
     assert_int_equal(sim->motion[1].stepper.solver->system.a.block, 1);
     const msim_state s = state_of(sim);
     msim_sim_force(sim, s.x, s.v, f), msim_sim_force(one, s.x, s.v, g);
-    /* without the direction of springs, last bits are others */
+    /* with rest length 0 a spring's direction is not computed, so that last bits differ */
     for (int i = 0; i < 3 * s.n; i++) assert_close(f[i], g[i], 1e-13 * (1 + fabs(g[i])));
     assert_ok(msim_sim_matrix(sim, &A, err));
     assert_ok(msim_sim_matrix(one, &B, err));
@@ -188,9 +187,10 @@ static void looks_see_the_whole(void **state) {
   }
 }
 
-/*------------------------------------- rest -----------------------------------------------------*/
+/*------------------------------------- islands at rest ------------------------------------------*/
 
-/* The second lies at its rest lengths, without weight, until it is pushed or its springs change. */
+/* The second body is at its rest lengths without gravity, until it is pushed or its springs
+ * change. */
 static void one_rests_while_the_other_moves(void **state) {
   (void)state;
   static body a, b;
@@ -228,7 +228,7 @@ static void one_rests_while_the_other_moves(void **state) {
   }
 }
 
-/* Where all rest, nothing is stepped, until somebody pushes one. */
+/* If all islands rest, none is stepped, until a state with a velocity is set. */
 static void all_may_rest(void **state) {
   (void)state;
   static body a;
@@ -256,7 +256,7 @@ static void all_may_rest(void **state) {
 
 /*------------------------------------- solvers --------------------------------------------------*/
 
-/* A soft cloth needs the iterations of a soft cloth, whatever hangs beside it. */
+/* A soft cloth needs as many iterations as it does alone, whatever else the scene contains. */
 static void iterations_are_those_of_each(void **state) {
   (void)state;
   static body soft, stiff;
@@ -271,13 +271,14 @@ static void iterations_are_those_of_each(void **state) {
   assert_ok(msim_sim_step(easy, STEPS, err));
   const int64_t hard = stats_of(sim).iterations - stats_of(easy).iterations;
   assert_true(3 * stats_of(easy).iterations < hard);
-  /* each of them on half of the rows */
+  /* each on half of the unknowns */
   assert_true(4 * stats_of(sim).iterations < 3 * 2 * stats_of(one).iterations);
   msim_sim_destroy(sim), msim_sim_destroy(one), msim_sim_destroy(easy);
   msim_scene_destroy(scene), msim_scene_destroy(single);
 }
 
-/* The first could go on, the second cannot: neither does, and its particle is named. */
+/* The step of the first island succeeds, that of the second fails: neither changes, and the message
+ * names the particle. */
 static void one_that_fails_stops_all(void **state) {
   (void)state;
   static const char *const methods[] = {"velocity-verlet", "rk4", "linearly-implicit-euler"};
@@ -339,7 +340,7 @@ static void threads_change_no_bit(void **state) {
 
 enum { MANY = 7, RESTING = 1, BROKEN = 4 };
 
-/* Cloths of the same kind over a plane, without weight. */
+/* Similar cloths over a plane, without gravity. */
 static msim_scene *many(void) {
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
@@ -359,7 +360,7 @@ static msim_scene *many(void) {
   return scene;
 }
 
-/* All but one of them in motion for some steps. */
+/* Some steps in which all but one of them move. */
 static msim_sim *run_many(const msim_scene *scene, const char *method, int32_t threads) {
   static double v[3 * MANY * N];
   msim_options opt = lean(method);
@@ -386,7 +387,7 @@ static void same_run(msim_sim *sim, msim_sim *by_one_thread) {
   assert_true(a.force_s + a.collide_s <= a.total_s);
 }
 
-/* A particle too fast for doubles, in a step that is too long. */
+/* A velocity that overflows in a step that is too long. */
 static msim_error break_one(msim_sim *sim) {
   static double v[3 * MANY * N];
   msim_error why;
@@ -400,7 +401,7 @@ static msim_error break_one(msim_sim *sim) {
   return why;
 }
 
-/* Small islands stepped at the same time: motion, counts and errors are those of one thread. */
+/* Small islands stepped by several threads: motion, counts and errors are those of one thread. */
 static void small_islands_are_shared_out(void **state) {
   (void)state;
   const msim_integrator_entry *method;
@@ -437,7 +438,7 @@ static void every_allocation_may_fail(void **state) {
   opt.solver = "pcg", opt.threads = 2;
   msim_sim *sim;
   int64_t failures = 0;
-  /* threads that cannot be had are done without */
+  /* a sim that cannot start all threads uses fewer */
   for (b.fail_at = b.calls = 0; b.calls >= b.fail_at; b.fail_at++) {
     b.calls = 0;
     if (msim_sim_create(scene, &opt, &sim, NULL)) failures++;
@@ -449,7 +450,7 @@ static void every_allocation_may_fail(void **state) {
   assert_int_equal(b.live, 0);
 }
 
-/* Both islands get solvers of another kind, or none does. */
+/* Either the solvers of both islands are replaced, or none. */
 static void a_change_that_fails_changes_nothing(void **state) {
   (void)state;
   static double zeros[2 * MOST];

@@ -1,5 +1,5 @@
-/* Factors that solver = auto keeps, seen from inside: when they are tried and renewed, and that the
- * answers by them are checked. */
+/* Tests of lagged factorizations with solver = auto, by its internal state: when they are used and
+ * renewed, and that solutions with them are checked. */
 #include <math.h>
 #include <string.h>
 
@@ -7,8 +7,8 @@
 #include "scenes.h"
 #include "sim/sim.h"
 
-/* A block that hardly deforms: a stiff one is factored by cholmod, a soft one solved by pcg until
- * that has cost as much as a factor. */
+/* A cube that hardly deforms: a stiff one is factored by cholmod, a soft one solved by pcg until
+ * the iterations have cost as much as a factorization. */
 static msim_sim *block(double k, ms_solver **solver) {
   msim_scene *scene = held_block(5, 1, k, 0);
   msim_options opt = options("linearly-implicit-euler", 1e-2);
@@ -21,7 +21,7 @@ static msim_sim *block(double k, ms_solver **solver) {
 
 static msim_sim *factored(ms_solver **solver) {
   msim_sim *sim = block(1e8, solver);
-  assert_ptr_equal((*solver)->kept.by, (*solver)->linear); /* else these test nothing */
+  assert_ptr_equal((*solver)->kept.by, (*solver)->linear); /* otherwise these tests are void */
   return sim;
 }
 
@@ -32,7 +32,7 @@ static int64_t step(msim_sim *sim) {
   return stats_of(sim).iterations - before;
 }
 
-/* The backend of the solver with other operations, to be put in the place of the kept factor */
+/* The backend of the solver with other operations, to replace the lagged factorization */
 static ms_linear replaced(ms_solver *solver, const ms_linear_ops *ops) {
   ms_linear by = *solver->linear;
   by.ops = ops;
@@ -46,7 +46,7 @@ static msim_status copy(ms_linear *self, const ms_target *target, const double *
   return MSIM_OK;
 }
 
-/* A backend that overwrites the residual, too: by its recurrence the residual of 0 is 0. */
+/* A backend that also overwrites the residual with 0, which the recurrence would then accept. */
 static msim_status spoil(ms_linear *self, const ms_target *target, const double *b, double *y,
                          int64_t *iterations, msim_error *err) {
   const ms_shape shape = self->system->model->shape;
@@ -55,8 +55,9 @@ static msim_status spoil(ms_linear *self, const ms_target *target, const double 
   return MSIM_OK;
 }
 
-/* The step after n with one factor may take as many iterations as the mean of all n + 1 if it took
- * none, where making the factor counts as 30 iterations. Then the factor is renewed. */
+/* The factorization counts as 30 iterations. After n steps with it, of `sum` iterations in all, the
+ * next one may take (30 + sum)/(n + 1), the mean if it took none; then the factorization is
+ * renewed. */
 static void a_factor_is_renewed_where_it_costs_more_than_the_mean(void **state) {
   (void)state;
   static const ms_linear_ops ops = {.solve = copy};
@@ -77,13 +78,14 @@ static void a_factor_is_renewed_where_it_costs_more_than_the_mean(void **state) 
   }
 }
 
-/* A factor that is of no use in the very next step is tried after 1, 3, 7, ... 63 steps more. */
+/* A factorization that does not help in the very next step is tried again after 1, 3, 7, ... 63
+ * more. */
 static void what_is_of_no_use_is_tried_rarely(void **state) {
   (void)state;
   require(solver_there("cholmod"), "the solver cholmod");
   ms_solver *solver;
   msim_sim *sim = factored(&solver);
-  sim->opt.solver_rtol = 1e-300; /* out of reach: all iterations that there may be are made */
+  sim->opt.solver_rtol = 1e-300; /* out of reach: the maximum of iterations is made */
   for (int n = 1, next = 2, wait = 1; n <= 200; n++) {
     const int64_t iterations = step(sim);
     assert_true((iterations > 0) == (n == next));
@@ -112,8 +114,8 @@ static void answers_of_kept_factors_are_checked(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(fresh);
 }
 
-/* A factor that was made for what pcg had cost is given up once it is of no use: pcg makes eight
- * steps before another. */
+/* A factorization computed to replace pcg is given up once it does not help: pcg makes eight steps
+ * before the next. */
 static void a_bought_factor_of_no_use_is_given_up(void **state) {
   (void)state;
   enum { ENOUGH = 8, EXPENSIVE = 30 };

@@ -1,5 +1,5 @@
-/* Stiff solids land on planes, many particles in one step, under implicit methods and collision =
- * event: nothing blows up, what is left slides or sticks as a rigid body does. */
+/* Tests of stiff solids that land on planes, many particles in one step, for implicit methods with
+ * collision = event: energy does not grow, and the solid slides or sticks as a rigid body does. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -7,7 +7,7 @@
 
 enum { CASES = 16, SIDE = 4, N = SIDE * SIDE * SIDE };
 
-static const double G = 9.81, SLOPE = 0.1; /* the angle of gravity */
+static const double G = 9.81, SLOPE = 0.1; /* angle of the slope, by tilted gravity, rad */
 
 static msim_scene *block(double k, double height, double restitution, double friction) {
   const double gravity[3] = {G * sin(SLOPE), 0, -G * cos(SLOPE)};
@@ -26,13 +26,13 @@ static msim_scene *block(double k, double height, double restitution, double fri
   return scene;
 }
 
-/* The means along the slope and normal to it. */
+/* Mean of the components along the slope and normal to it. */
 static void mean(const double *of, double to[2]) {
   to[0] = to[1] = 0;
   for (int p = 0; p < N; p++) to[0] += of[3 * p] / N, to[1] += of[3 * p + 2] / N;
 }
 
-/* After a second */
+/* Velocity after one second */
 static void land(const char *method, msim_scene *scene, double v[2]) {
   msim_options opt = options(method, 1.0 / 60);
   opt.collision = MSIM_COLLISION_EVENT;
@@ -59,9 +59,9 @@ static void without_friction_it_slides_as_gravity_has_it(void **state) {
   }
 }
 
-/* From rest to rest planes push as much as weight pulls, bounces included, so friction takes what
- * it takes without any. That of an impact, being that of the start of a part, is of the right size
- * only. */
+/* From rest to rest the impulse of the planes equals that of the weight, bounces included, so that
+ * friction slows the block as it does without bounces. The friction of an impact, which is computed
+ * with the start of a substep, is right in order of magnitude only. */
 static void on_a_rough_slope_it_slides_slower(void **state) {
   (void)state;
   const double mu = 0.05, slides = G * (sin(SLOPE) - mu * cos(SLOPE));
@@ -92,7 +92,7 @@ static int are_neighbours(int p, int q) {
          abs(p / SIDE % SIDE - q / SIDE % SIDE) <= 1 && abs(p % SIDE - q % SIDE) <= 1;
 }
 
-/* The same lattice turned about y, its lowest particles at z = 0.05 m. */
+/* The same lattice rotated about y, its lowest particles at z = 0.05 m. */
 static msim_scene *turned_block(double k, double angle) {
   const double gravity[3] = {0, 0, -G};
   double x[3 * N], mass[N], ks[13 * N], damping[13 * N], lowest = INFINITY;
@@ -118,15 +118,15 @@ static msim_scene *turned_block(double k, double angle) {
 
 typedef struct wedge_case {
   const char *method;
-  double k, angle, restitution; /* degrees */
+  double k, angle, restitution; /* angle in degrees */
 } wedge_case;
 
-/* Particles less than 1e-11 of the scene's size behind a plane touch it (impacts.h); this scene is
- * smaller than 1 m. Few scenes show each fault: all digits count. Contacts that were dropped by
- * their acceleration alone, without the impulses of that step, once ended 4.7e-6 m behind a plane
- * in the first one. In others particles that stuck at one plane and met the other were put back to
- * where the step began, which gave the springs up to 1500 J; and the last pass left particles
- * behind planes. The implicit midpoint rule stretches stiff springs that turn, also in free flight:
+/* Particles less than 1e-11 of the scene's extent behind a plane count as in contact (impacts.h);
+ * this scene is smaller than 1 m. Few scenes show each fault, so all digits matter. Regressions:
+ * contacts released by their acceleration alone, without the impulses of the step, ended 4.7e-6 m
+ * behind a plane (first scene); particles that stuck at one plane and hit the other were returned
+ * to the start of the step, which gave the springs up to 1500 J; the last pass left particles
+ * behind planes. The implicit midpoint rule stretches stiff rotating springs, also in free flight:
  * its energy is not checked. */
 static const wedge_case wedge_cases[] = {
     {"implicit-midpoint", 334080.2909315968, 27.785363420975248, 1},

@@ -1,4 +1,4 @@
-"""Who may include whom, and how long files, functions and lines may be: read from the sources."""
+"""Tests of the sources: includes between modules, lengths of files, functions and lines."""
 import re
 import unittest
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import support
 
 LEVELS = {"base": 0, "scene": 1, "layout": 2, "physics": 3, "linear": 4, "integrate": 5, "sim": 6}
-# What a module may include beside its own headers and those of C11; layout, physics, linear and
-# integrate compute, and nothing else.
+# The modules and headers that a module may include besides its own headers and those of C11;
+# layout, physics, linear and integrate only compute.
 C11 = {name + ".h" for name in
        """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
        stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath time
@@ -51,12 +51,12 @@ def is_neighbour(path, include):
 
 
 def blank(match):
-    """As many lines, and nothing on them."""
+    """The same number of empty lines."""
     return "\n" * match.group().count("\n")
 
 
 def functions(text):
-    """(line, lines) of each function: what stands between braces at file level, after a `)`."""
+    """(line, lines) of each function: the text between braces at file level, after a `)`."""
     text = PREPROCESSOR.sub(blank, COMMENT_OR_STRING.sub(blank, text))
     text = re.sub(r'extern\s*\{', "", text)
     depth, start, first = 0, 0, 0
@@ -105,7 +105,7 @@ class Layers(unittest.TestCase):
                            or is_neighbour(path, include), "a plugin sees its table only")
 
     def test_tools_see_public_headers_only(self):
-        # the textbook's loop is compiled for the instruction set that the library takes
+        # the reference loop is compiled for the instruction set that the library uses
         shared = {("tools/msim_bench/textbook.h", "base/isa.h")}
         for path in files("tools"):
             for include in includes(path):

@@ -1,5 +1,5 @@
-/* Rows and half springs: each is there once, neighbours lie near each other, runs of consecutive
- * ones are found where the mesh has any, few lanes are empty. */
+/* Tests of the order of unknowns and of the sliced ELLPACK layout of half-edges: each occurs once,
+ * neighbours are close in memory and consecutive where the mesh allows it, few lanes are empty. */
 #include <stdlib.h>
 
 #include "layout/layout.h"
@@ -25,7 +25,8 @@ static void destroy(const msim_scene *scene, layout *l) {
   ms_layout_destroy(scene->data, &l->rows, &l->springs, &l->halves);
 }
 
-/* The halves of one row: with the right neighbours, in ascending order. Returns how many. */
+/* The half-edges of one unknown have the right neighbours, in ascending order. Returns their
+ * number. */
 static int32_t check_row(const layout *l, int32_t row, int *seen) {
   const ms_halves *h = &l->halves;
   const ms_span span = ms_halves_of(h, row);
@@ -44,7 +45,8 @@ static int32_t check_row(const layout *l, int32_t row, int *seen) {
   return count;
 }
 
-/* Slots as their comments say: runs are runs, parts belong to long rows, padding pulls nothing. */
+/* The invariants of entries: consecutive ones are marked as such, split rows have consecutive
+ * parts, padding exerts no force. Returns the number of half-edges. */
 static int32_t check_slots(const layout *l) {
   const ms_halves *h = &l->halves;
   int32_t count = 0;
@@ -65,7 +67,7 @@ static int32_t check_slots(const layout *l) {
   return count;
 }
 
-/* Each free particle has a row of its own; pinned ones follow, those that springs touch. */
+/* Each free particle has an unknown of its own; the pinned ones that springs touch follow. */
 static void check_rows(const ms_scene *scene, const ms_rows *rows) {
   uint8_t *seen = calloc((size_t)scene->nparticles, 1);
   const int32_t last_pinned = rows->first_pinned + rows->n - rows->nfree;
@@ -83,7 +85,7 @@ static void check_rows(const ms_scene *scene, const ms_rows *rows) {
   free(seen);
 }
 
-/* Every half spring is there once, at the right row. */
+/* Every half-edge occurs once, at the right unknown. */
 static void check(const msim_scene *scene, const layout *l) {
   check_rows(scene->data, &l->rows);
   int *seen = calloc(2 * (size_t)l->springs.n + 1, sizeof *seen);
@@ -144,7 +146,7 @@ static void grids_are_read_in_runs(void **state) {
   check(scene, &l);
   assert_true(share_of_runs(&l) > 0.98);
   assert_true(lanes_per_half(&l) < 1.1);
-  /* and rows are as the scene numbers its particles */
+  /* the unknowns are in the order of the scene's particles */
   assert_true(l.rows.narrowed == 0 && !l.rows.sorted);
   for (int32_t r = 1; r < l.rows.nfree; r++)
     assert_true(l.rows.particle[r] > l.rows.particle[r - 1]);
@@ -152,7 +154,8 @@ static void grids_are_read_in_runs(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The particles of a mesh in random order, its springs too. A hub: with a spring to everybody. */
+/* The particles and springs of a mesh in random order; hub: one more particle with a spring to
+ * each. */
 static msim_scene *shuffled(const msim_scene *mesh, int hub) {
   const ms_scene *from = mesh->data;
   const int32_t n = from->nparticles, all = n + hub, springs = from->nsprings + (hub ? n : 0);
@@ -187,7 +190,7 @@ static void shuffled_grids_get_their_runs_back(void **state) {
     msim_scene *scene = shuffled(cloth, hub);
     layout l = make(scene), again = make(scene);
     check(scene, &l);
-    assert_true(share_of_runs(&l) > (hub ? 0.6 : 0.85)); /* by the hub a gather a row */
+    assert_true(share_of_runs(&l) > (hub ? 0.6 : 0.85)); /* hub: one gathered entry per row */
     assert_true(lanes_per_half(&l) < 1.15);
     assert_true(l.rows.narrowed > 10);
     assert_memory_equal(l.rows.particle, again.rows.particle,
@@ -198,7 +201,7 @@ static void shuffled_grids_get_their_runs_back(void **state) {
   msim_scene_destroy(cloth);
 }
 
-/* Random points in a square, joined where they are near: shuffled, as they are random. */
+/* Random points in a square, joined where they are close. */
 static void irregular_meshes_have_near_neighbours_and_full_lanes(void **state) {
   (void)state;
   enum { N = 2000 };
@@ -225,7 +228,7 @@ static void irregular_meshes_have_near_neighbours_and_full_lanes(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* `stars` stars of `arms` springs each, their centres in a star of their own. */
+/* `stars` stars of `arms` springs each, whose centres form a star of their own. */
 static msim_scene *star_of_stars(int32_t stars, int32_t arms) {
   const int32_t n = 1 + stars * (1 + arms);
   double *x = calloc(3 * (size_t)n, sizeof *x), *ones = malloc((size_t)n * sizeof *ones);
@@ -245,7 +248,7 @@ static msim_scene *star_of_stars(int32_t stars, int32_t arms) {
   return scene;
 }
 
-/* Hubs cost as many lanes as the springs of a mesh, twice and a bit at most. */
+/* Hubs are not padded to the longest row: at most 2.5 lanes per half-edge. */
 static void hubs_are_not_padded(void **state) {
   (void)state;
   const int32_t shapes[][2] = {{1, 100000}, {300, 300}, {3000, 30}, {9000, 9},  {10000, 4},

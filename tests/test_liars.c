@@ -1,5 +1,5 @@
-/* Plugins that load and then lie, fail or meddle: msim trusts none of it, and here is what the user
- * gets to read. */
+/* Tests of plugins that load and then fail, return wrong results or write where they must not: msim
+ * detects each fault, and its message is useful. */
 #define _GNU_SOURCE /* mkdtemp */
 #include "loading.h"
 
@@ -57,7 +57,8 @@ static void answers_are_checked(void **state) {
   EXPECT_PLUGINS(lies);
 }
 
-/* The matrix is good: indefinite = clamp gives it another chance, and then it is the user's. */
+/* The matrix is positive definite: indefinite = clamp makes a second attempt, and then the user
+ * gets the status. */
 static void a_good_matrix_may_be_called_bad(void **state) {
   (void)state;
   const attempt lies[] = {
@@ -69,7 +70,7 @@ static void a_good_matrix_may_be_called_bad(void **state) {
   EXPECT_PLUGINS(lies);
 }
 
-/* msim judges by what it knows itself, so these cannot hurt: the answers are right. */
+/* msim does not depend on what these plugins overwrite or report: the results are right. */
 static void meddling_does_not_matter(void **state) {
   (void)state;
   const attempt lies[] = {
@@ -80,7 +81,7 @@ static void meddling_does_not_matter(void **state) {
   EXPECT_PLUGINS(lies);
 }
 
-/* What a backend tells of itself is added up only where it can be true. */
+/* Counts that a backend reports are added only if they are possible. */
 static void counts_never_fall(void **state) {
   (void)state;
   double x[27];

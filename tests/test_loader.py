@@ -1,4 +1,4 @@
-"""Plugins as msim_cli meets them: what needs a process of its own, or a compiler."""
+"""Tests of loading plugins in msim_cli that need a process of their own, or a compiler."""
 import os
 import pwd
 import shutil
@@ -10,7 +10,7 @@ from cli_support import CLI, CliTest
 
 FAKES = Path(support.setting("BUILD")) / "tests/fakes"
 
-# Two free particles and a spring: something to solve.
+# Two free particles and a spring, the smallest coupled system.
 SCENE = {"msim": 1, "gravity": [0, 0, -9.81],
          "particles": {"x": [[0, 0, 0], [1, 0, 0]], "mass": 1},
          "springs": {"ij": [[0, 1]], "k": 100},
@@ -23,7 +23,7 @@ class Loader(CliTest):
         self.scene(SCENE)
 
     def attempt(self, solver, *plugin_path, program=CLI, **environment):
-        """Runs the scene with this solver: exit status and what stderr says."""
+        """Runs the scene with this solver; returns the exit status and stderr."""
         path = ":".join(map(str, plugin_path))
         done = subprocess.run([program, "run", "scene.json", "--quiet", "--solver", solver],
                               cwd=self.folder, text=True, capture_output=True,
@@ -32,7 +32,7 @@ class Loader(CliTest):
         return done.returncode, done.stderr
 
     def put(self, name):
-        """The plugin that behaves as it is called."""
+        """The plugin with the fault that its name says."""
         shutil.copy(FAKES / "msim_backend_good.so", self.folder / f"msim_backend_{name}.so")
 
     def test_environment(self):
@@ -80,7 +80,7 @@ class Loader(CliTest):
                                   "be loaded: libgone.so: ")
 
     def as_nobody(self, program):
-        """A copy of a program that runs as the user nobody, whoever starts it."""
+        """A copy of a program that runs as the user nobody (set-user-ID), whoever starts it."""
         copy = self.folder / f"nobodys_{Path(program).name}"
         shutil.copy(program, copy)
         os.chown(copy, pwd.getpwnam("nobody").pw_uid, -1)
@@ -102,7 +102,7 @@ class Loader(CliTest):
         self.assert_sentence(err, "there is no solver 'good': not built in, and no "
                                   "msim_backend_good.so in ")
         self.assertNotIn(str(FAKES), err)
-        program.chmod(0o755)  # the same program without the bit
+        program.chmod(0o755)  # the same program without the set-user-ID bit
         self.assertEqual(self.attempt("good", FAKES, program=program), (0, ""))
 
     def test_static_builds_open_no_plugin(self):

@@ -1,5 +1,5 @@
-"""A run loads the libraries that it needs and no other: what the dynamic linker opens is its own
-word for it (LD_DEBUG, of glibc)."""
+"""Tests that a run loads only the libraries that it needs, as the dynamic linker of glibc lists
+them (LD_DEBUG)."""
 import json
 import re
 import tempfile

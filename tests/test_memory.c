@@ -1,7 +1,8 @@
-/* Memory: every allocation of every call fails in turn, alone or with all later ones. The call says
- * MSIM_ERR_MEMORY or does without; nothing is left behind, nothing has changed: made again, it ends
- * in the same bits as if nothing had happened. test_conformance does the same to backends alone,
- * test_memory_cli.py to the program. MSIM_LONG_TESTS tries all methods on all scenes. */
+/* Tests of out-of-memory handling: each allocation of each call fails in turn, alone or with all
+ * later ones. The call returns MSIM_ERR_MEMORY or succeeds without the memory; nothing leaks or
+ * changes, and the repeated call gives the same bits as if nothing had failed. test_conformance
+ * does the same for backends, test_memory_cli.py for the program. MSIM_LONG_TESTS: all methods on
+ * all scenes. */
 #define _POSIX_C_SOURCE 200809L /* mkdtemp */
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,7 +22,7 @@ typedef struct parts {
   double k, damping, g;
 } parts;
 
-/* A cloth with its corners held; with all parts 0, a handful of particles. */
+/* A cloth with two pinned corners; with all parts 0 a few particles. */
 static msim_status build_scene(msim_scene *s, const parts *p, msim_error *err) {
   const int32_t n = p->side, corners[2] = {0, n - 1}, cut[] = {0, 1};
   const double gravity[3] = {0, p->flat ? p->g : 0, p->flat ? 0 : p->g}, k = p->k + 1;
@@ -61,12 +62,12 @@ static const struct {
                     {"cloth at rest", {.side = 3, .k = 100}},
                     {"islands", {.side = 24, .k = 100, .g = -9.81}}};
 
-/*------------------------------------- one case -------------------------------------------------*/
+/*------------------------------------- one run --------------------------------------------------*/
 
 typedef struct life life;
 typedef msim_status call(life *l, msim_error *err);
 
-/* A scene and a sim, and what is to happen to them. */
+/* A scene, a sim, and the call under test. */
 struct life {
   const char *scene_label, *name;
   const parts *parts;
@@ -99,7 +100,8 @@ static void end_life(life *l) {
   l->recorder = NULL, l->sim = NULL, l->scene = NULL;
 }
 
-/* All that comes before the call; asserts wait until blocks are not counted any more. */
+/* Everything before the call under test. Assertions come only after blocks are no longer
+ * counted. */
 static msim_status prepare(life *l, msim_error *err) {
   msim_status status = l->call == create_scene ? MSIM_OK : create_scene(l, err);
   const int sim_too = l->call != create_scene && l->call != create_sim;
@@ -113,15 +115,15 @@ static msim_status go_on(life *l, msim_error *err) {
 }
 
 typedef struct outcome {
-  msim_status status, after; /* of the call; of what came before and after */
+  msim_status status, after; /* status: of the call; after: of what precedes and follows it */
   int reached;               /* 1: an allocation has failed */
-  int changed;               /* 1: a call that failed left another state */
+  int changed;               /* 1: a call that failed has changed the state */
   uint64_t end;
   int64_t left;
   msim_error err;
 } outcome;
 
-/* A life in which, within the call, allocation number `which` fails. */
+/* One run in which allocation number `which` of the call fails. */
 static outcome live(life *l, int64_t which, int all_later) {
   outcome o = {0};
   scarce_count(l->by);
@@ -146,7 +148,7 @@ static int64_t points;
 
 static void sweep(life *l, int all_later) {
   char label[256];
-  live(l, -1, 0); /* what libraries allocate only once */
+  live(l, -1, 0); /* libraries allocate some memory only once */
   const outcome whole = live(l, -1, 0);
   snprintf(label, sizeof label, "%s, %s, %s, solver %s", l->scene_label, l->opt.integrator, l->name,
            l->opt.solver);
@@ -173,7 +175,8 @@ static void sweep(life *l, int all_later) {
 
 static int is_long(void) { return getenv("MSIM_LONG_TESTS") != NULL; }
 
-/* Of malloc each alone, of the allocator with all later ones; in the long run both of both. */
+/* With malloc each allocation fails alone, with the allocator also all later ones; MSIM_LONG_TESTS:
+ * both ways for both. */
 static void sweep_all(life *l) {
   for (int by = SCARCE_BY_MALLOC; by <= SCARCE_BY_ALLOCATOR; by++)
     for (int all_later = 0; all_later < 2; all_later++) {
@@ -190,14 +193,14 @@ static msim_status step(life *l, msim_error *err) { return msim_sim_step(l->sim,
 static msim_status set_springs(life *l, msim_error *err) {
   enum { MOST = 16384 };
   static double rest[MOST], damping[MOST];
-  return msim_sim_set_springs(l->sim, NULL, rest, damping, err); /* of another kind now */
+  return msim_sim_set_springs(l->sim, NULL, rest, damping, err); /* rest = 0: other features */
 }
 
 static msim_status set_step(life *l, msim_error *err) {
   return msim_sim_set_step(l->sim, 0.0005, err);
 }
 
-/* Out of the plane in which flat scenes lie. */
+/* A state out of the plane of the planar scenes. */
 static msim_status set_state(life *l, msim_error *err) {
   enum { MOST = 3 * 4096 };
   static double v[MOST];
@@ -235,8 +238,8 @@ static msim_status save(life *l, msim_error *err) {
   return msim_scene_save(l->scene, "a.json", err);
 }
 
-/* Everything there is, in words of less than 16 characters: where its buffer for a longer one
- * cannot grow, jansson 2.14 loses characters or aborts, and nobody could help it. */
+/* A scene with every key, in strings of less than 16 characters: where the buffer for a longer one
+ * cannot grow, jansson 2.14 loses characters or aborts, which msim cannot prevent. */
 static msim_status load(life *l, msim_error *err) {
   static const char text[] =
       "{\"msim\": 1, \"name\": \"all of it\", \"gravity\": [0, 0, -9.81], \"drag\": 0.5,"
@@ -319,7 +322,7 @@ static void sims_are_changed(void **state) {
   for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
     for (int i = 0; i < ISLANDS; i++) {
       life l = life_of(i, methods[m]);
-      if (!is_long() && i != (int)m % 2) continue; /* flat or not */
+      if (!is_long() && i != (int)m % 2) continue; /* planar or not */
       SWEEP(l, set_springs);
       SWEEP(l, set_step);
       SWEEP(l, set_state);
@@ -334,13 +337,13 @@ static void sims_are_recorded(void **state) {
     life l = life_of(i, "velocity-verlet");
     SWEEP(l, record_csv);
     l.call = record_hdf5, l.name = "record_hdf5";
-    l.by = SCARCE_BY_ALLOCATOR; /* libhdf5 does not live through it */
+    l.by = SCARCE_BY_ALLOCATOR; /* libhdf5 crashes if malloc fails */
     for (int all_later = 0; all_later < 2 && has_hdf5(); all_later++) sweep(&l, all_later);
   }
   remove("a.csv"), remove("a.vtkhdf"), remove("a.json");
 }
 
-/* Systems of a size that has islands, threads, a coarse space, a factor. */
+/* Systems large enough for islands, threads, a coarse space, a factorization. */
 static void solvers_are_made(void **state) {
   (void)state;
   static const char *const solvers[] = {"pcg", "auto",         "cholmod",
@@ -349,14 +352,14 @@ static void solvers_are_made(void **state) {
     life l = life_of(ISLANDS, "linearly-implicit-euler");
     if (strcmp(solvers[k], "auto") != 0 && !solver_there(solvers[k])) continue;
     l.opt.solver = solvers[k];
-    l.opt.threads = k > 0 || !is_long() ? 1 : 2; /* two that others keep waiting take long */
+    l.opt.threads = k > 0 || !is_long() ? 1 : 2; /* two threads on a busy machine take long */
     l.by = SCARCE_BY_ALLOCATOR;
     for (int all_later = 0; all_later < 2; all_later++)
       l.call = create_sim, l.name = "create_sim", sweep(&l, all_later);
   }
 }
 
-/* 2^31 / 9 blocks: a scalar of the matrix could not be counted any more. */
+/* 2^31 / 9 blocks: the number of scalar entries would exceed the range of int32_t. */
 static void matrices_too_large_are_refused(void **state) {
   (void)state;
   int32_t ptr[] = {0, 0, 500000000};

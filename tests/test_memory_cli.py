@@ -1,9 +1,10 @@
-"""Allocations of msim_cli fail in turn: a sentence and exit status 1, or the same results.
+"""Tests that when an allocation of msim_cli fails, it ends with a message and exit status 1, or
+with the same results.
 
-No word of the scene is longer than 15 characters, as jansson 2.14 aborts where its buffer for one
-cannot grow. With MSIM_LONG_TESTS all allocations fail, in the short run some forty of a command.
-What a dynamic linker that finds no memory says by itself is 127. CHOLMOD is left out: OpenBLAS
-and libgfortran do not survive being loaded without memory."""
+Strings of the scene have at most 15 characters, as jansson 2.14 aborts if its buffer for a longer
+one cannot grow. With MSIM_LONG_TESTS each allocation fails in turn, otherwise some forty per
+command. Exit status 127 is that of the dynamic linker without memory. CHOLMOD is left out:
+OpenBLAS and libgfortran crash when they are loaded without memory."""
 
 import os
 import re
@@ -21,8 +22,8 @@ COMMANDS = [["run", "scene.json", "--integrator", "heun", "--out", "a.csv", "--f
             ["run", "scene.json", "--integrator", "implicit-euler", "--solver", "pcg", "--stats"],
             ["explain", "scene.json", "--integrator", "heun"]]
 RESULTS = "a.csv", "a.json"
-# The line `took`, the table `seconds` of --stats and the object "seconds" of a final state; the
-# number of notes, as a note that needs memory is left out where there is none.
+# Not compared: the line `took`, the table `seconds` of --stats, the object "seconds" of a final
+# state, and the number of notes, as a note that needs memory is omitted when there is none.
 VARIES = re.compile(r'^  (took|notes) .*\n|^  seconds\n(    .*\n)+|"seconds": \{[^}]+\}', re.M)
 
 
@@ -50,7 +51,7 @@ class Memory(CliTest):
             return *result, pipe.read() == b"!"
 
     def results(self, out):
-        """What a command has printed and written."""
+        """The output and the files of a command."""
         paths = [self.folder / name for name in RESULTS]
         texts = [out] + [path.read_text() for path in paths if path.exists()]
         return [VARIES.sub("", text) for text in texts]

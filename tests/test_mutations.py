@@ -1,4 +1,4 @@
-"""The operators of tools/mutate, on a function that has a place for each."""
+"""Tests of the operators of tools/mutate, on a function to which each of them applies."""
 import sys
 import tempfile
 import unittest

@@ -1,4 +1,5 @@
-/* Nonlinear implicit steps: solved as well as asked, or said not to be; what they keep and damp. */
+/* Tests of nonlinear implicit steps: accuracy of Newton's method, failures, conserved quantities
+ * and damping. */
 #include <math.h>
 #include <string.h>
 
@@ -16,15 +17,15 @@ static msim_sim *sim_of(const msim_scene *scene, const char *method, double h, d
   return make_sim(scene, &opt);
 }
 
-/* ||a - b|| and ||a||, mass-weighted; all particles of the cloth weigh the same */
+/* ||a - b||, or ||a|| if b is NULL; all particles of the cloth have the same mass */
 static double distance(const double *a, const double *b) {
   double sum = 0;
   for (int i = 0; i < 3 * N; i++) sum += (a[i] - (b ? b[i] : 0)) * (a[i] - (b ? b[i] : 0));
   return sqrt(sum);
 }
 
-/* A step from the same state by a looser newton.rtol: its velocity is that near to the solution, as
- * a share of its change in the step. */
+/* A step from the same state with a looser newton.rtol: the distance of its velocity from the
+ * solution is at most that share of the change in the step. */
 static void steps_are_solved_as_well_as_asked(void **state) {
   (void)state;
   static const double asked[] = {1e-3, 1e-6, 1e-9, 1e-12};
@@ -55,7 +56,8 @@ static void steps_are_solved_as_well_as_asked(void **state) {
     }
 }
 
-/* A step that is not solved is no step: the state stays, and the sentence says how far it got. */
+/* A step that does not converge leaves the state unchanged, and the message states what was
+ * reached. */
 static void what_does_not_converge_is_said(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e4, 0);
@@ -77,8 +79,8 @@ static void what_does_not_converge_is_said(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Thrown about at random, inverted and crumpled: the clamped matrix and the search get through,
- * whoever solves. */
+/* From random positions, inverted and crumpled: with the clamped matrix and the line search
+ * Newton's method converges, with any solver. */
 static void a_crumpled_start_is_solved(void **state) {
   (void)state;
   static const double steps[] = {1e-4, 1e-3, 0.02};
@@ -86,7 +88,7 @@ static void a_crumpled_start_is_solved(void **state) {
   msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);
   double x[3 * N], v[3 * N] = {0};
   unsigned seed = 5;
-  for (int i = 0; i < 5; i++) { /* long steps are too much for cholmod */
+  for (int i = 0; i < 5; i++) { /* long steps are too difficult for cholmod */
     msim_options opt = options("implicit-euler", steps[i % 3]);
     opt.solver = solvers[i / 3], opt.solver_rtol = 1e-14;
     if (!solver_there(opt.solver)) continue;
@@ -109,7 +111,7 @@ static void a_crumpled_start_is_solved(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A cloth falls from the horizontal and buckles: every step is made whole, in few iterations. */
+/* A falling cloth buckles: every step is made whole, in few iterations. */
 static void cloth_that_buckles_is_solved(void **state) {
   (void)state;
   static const struct {
@@ -152,9 +154,9 @@ static void make_part_fail(msim_sim *sim, ms_integrator *method, int fails_at) {
   sim->integrator = method;
 }
 
-/* The second half of a step fails, and with it the step. What the method carried from the step
- * before was replaced in the first half: what follows is what a new sim makes of the state, which
- * stays. */
+/* The second half of a step fails, and with it the step. The method state of the step before was
+ * replaced in the first half: the next step is that of a new sim from the state, which is
+ * unchanged. */
 static void a_part_that_fails_leaves_nothing(void **state) {
   (void)state;
   for (int m = 0; m < NMETHODS; m++) {
@@ -180,8 +182,8 @@ static void a_part_that_fails_leaves_nothing(void **state) {
   }
 }
 
-/* Two masses on a spring that turns: the midpoint rule keeps its angular momentum, implicit Euler
- * does not. */
+/* Two masses on a rotating spring: the midpoint rule conserves their angular momentum, implicit
+ * Euler does not. */
 static double spin_left(const char *method) {
   const double x[6] = {-0.5, 0, 0, 0.5, 0, 0}, v[6] = {0, -1, 0.3, 0, 1, -0.3}, mass[2] = {1, 2};
   const int32_t ij[2] = {0, 1};
@@ -207,7 +209,7 @@ static void the_midpoint_rule_keeps_angular_momentum(void **state) {
   assert_true(spin_left("implicit-euler") < 0.9);
 }
 
-/* Newmark's carried a is that of the trapezoidal rule. */
+/* With a carried over between steps, Newmark's method equals the trapezoidal rule. */
 static void newmark_is_the_trapezoidal_rule(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e3, 0);
@@ -221,8 +223,8 @@ static void newmark_is_the_trapezoidal_rule(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The velocities of a free block, thrown about while all of it moves along at this speed; returns
- * Newton's iterations. */
+/* The velocities of a randomly thrown free block that also moves at this speed; returns the number
+ * of Newton iterations. */
 static int64_t throw_block(const char *method, double speed, double v[81]) {
   const msim_lattice lattice = {
       .size = sizeof lattice, .n = {3, 3, 3}, .extent = {1, 1, 1}, .mass = 1, .k = 2000};
@@ -247,7 +249,7 @@ static int64_t throw_block(const char *method, double speed, double v[81]) {
   return iterations;
 }
 
-/* Errors are relative to the change of v: a common speed makes no step coarser. */
+/* Errors are relative to the change of v: a common velocity loosens no step. */
 static void speed_does_not_matter(void **state) {
   (void)state;
   for (int m = 0; m < NMETHODS; m++) {
@@ -258,7 +260,7 @@ static void speed_does_not_matter(void **state) {
   }
 }
 
-/* Two masses on a spring of this rest length, one apart */
+/* Two masses at distance 1, on a spring of this rest length */
 static msim_scene *pair(double rest) {
   const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0}, mass[2] = {1, 1}, k = 10, c = 0;
   const int32_t ij[2] = {0, 1};
@@ -269,7 +271,7 @@ static msim_scene *pair(double rest) {
   return scene;
 }
 
-/* Forces that are linear take one correction a stage, and nothing is solved where nothing moves. */
+/* Linear forces take one correction per stage; if nothing moves, nothing is solved. */
 static void nothing_is_solved_that_needs_no_solving(void **state) {
   (void)state;
   for (int m = 0; m < 2 * NMETHODS; m++) {
@@ -287,7 +289,7 @@ static void nothing_is_solved_that_needs_no_solving(void **state) {
   }
 }
 
-/* Damping and drag are refused by name, in the scene and later. */
+/* Damping and drag are refused, by name, in the scene and in later changes. */
 static void rkn6_wants_forces_of_positions_alone(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 100, 0.1), *good = hanging_cloth(SIDE, 100, 0);

@@ -1,4 +1,4 @@
-/* Ropes, cloths and lattices: which particles, where, which springs, in which order. */
+/* Tests of ropes, cloths and lattices: which particles, where, which springs, in which order. */
 #include <math.h>
 
 #include "scene_check.h"
@@ -9,7 +9,7 @@ static msim_scene *empty(void) {
   return scene;
 }
 
-/* One particle before the object, so that indices are not what they would be alone. */
+/* One particle before the object, so that its indices do not start at 0. */
 static msim_scene *started(void) {
   const double x[3] = {9, 9, 9}, mass = 5;
   msim_scene *scene = empty();
@@ -182,7 +182,7 @@ static void a_cell_is_tied_in_all_directions(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Every pair of neighbours, along edges and across, once. */
+/* Every pair of neighbours, along edges and diagonals, once. */
 static void a_lattice_ties_all_neighbours(void **state) {
   (void)state;
   enum { NX = 3, NY = 4, NZ = 2, N = NX * NY * NZ };
@@ -271,8 +271,8 @@ static void release(void *block, void *user) {
   free(block);
 }
 
-/* 700 million particles would need 20 GB; the scene's limit speaks before memory does, and is one
- * that a scene may reach. */
+/* 700 million particles would need 20 GB: the limit is checked before memory is allocated, and a
+ * scene may reach it. */
 static void limits_hold_for_the_whole_scene(void **state) {
   (void)state;
   const msim_allocator alloc = {little, release, NULL};

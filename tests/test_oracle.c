@@ -1,9 +1,10 @@
-/* Every run of tests/oracle by the methods of this version, against the results of exact
- * arithmetic and within the tolerance that each run states. The argument is the linear solver.
+/* Tests of every run in tests/oracle by the methods of this version, against results in exact
+ * arithmetic, within the tolerance that each run states. The argument is the linear solver.
  *
- * strict: tol_x, tol_v as stored (direct solvers); iterative: at least 100 rtol max(1, |x|). Runs
- * flagged `unstable` must stop with a status or grow; `indefinite`: solved as they are by a solver
- * that can, stopped with MSIM_NOT_SPD by another; `degenerate`, `chaotic`: bounded energy. */
+ * Direct solvers: tol_x and tol_v as stored; iterative ones: at least 100 rtol max(1, |x|). Runs
+ * with the flag `unstable` must stop with a status or grow. `indefinite`: solved without clamping
+ * by a solver that can, stopped with MSIM_NOT_SPD by others. `degenerate`, `chaotic`: the energy is
+ * bounded. */
 #include <dirent.h>
 #include <math.h>
 #include <stdio.h>
@@ -93,7 +94,8 @@ static int flagged(const json_t *run, const char *flag) {
   return 0;
 }
 
-/* "velocity_verlet" is velocity-verlet, "linimp_euler" linearly-implicit-euler. NULL: later. */
+/* "velocity_verlet" is velocity-verlet, "linimp_euler" is linearly-implicit-euler. NULL: not in
+ * this version. */
 static const char *method_of(const json_t *run) {
   static char name[64];
   snprintf(name, sizeof name, "%s", json_string_value(json_object_get(run, "integrator")));
@@ -114,7 +116,7 @@ static msim_options options_of(const json_t *run, const char *method) {
   msim_options_init(&opt, sizeof opt);
   opt.integrator = method;
   opt.h = number(run, "h");
-  opt.steps = (int64_t)number(run, "steps"); /* dop853: that many, and no error control */
+  opt.steps = (int64_t)number(run, "steps"); /* dop853 then takes that many fixed steps */
   opt.solver = solver;
   opt.solver_rtol = RTOL;
   opt.newton_rtol = NEWTON_RTOL;
@@ -141,8 +143,8 @@ static double largest(size_t n, const double *a) {
   return most;
 }
 
-/* How far v(t) may be off where v(t - h/2) is off by tv and x by tx: h/2 times the bounds of
- * dF/dx and dF/dv over the mass. */
+/* The tolerance of v(t) if v(t - h/2) is accurate to tv and x to tx: h/2 times the bounds of dF/dx
+ * and dF/dv over the mass. */
 static double synchronised_tolerance(const json_t *run, const msim_scene *scene, double tx,
                                      double tv) {
   msim_scene_view s = {.size = sizeof s};
@@ -171,7 +173,7 @@ static void compare(const char *name, const json_t *run, const msim_scene *scene
   double *x = vector(json_object_get(run, "x")), *v = vector(json_object_get(run, "v"));
   double tx = number(run, "tol_x"), tv = number(run, "tol_v");
   if (!direct && is_implicit(method_of(run))) {
-    /* what each step may be off by, and the linear solver */
+    /* the errors of Newton's method in each step, and of the linear solver */
     const int linear = strcmp(method_of(run), "linearly-implicit-euler") == 0;
     const double share = linear ? 100 * RTOL : number(run, "steps") * NEWTON_RTOL;
     tx = fmax(tx, share * fmax(1, largest(n, x)));
@@ -194,7 +196,8 @@ static void compare(const char *name, const json_t *run, const msim_scene *scene
   free(x), free(v);
 }
 
-/* Rounding decides such a run: its energy may change by three times what the reference's did. */
+/* Rounding decides the outcome of such a run: its energy may change by three times the change in
+ * the reference. */
 static void compare_energy(const char *name, const json_t *run, const msim_energy *before,
                            const msim_energy *after) {
   const json_t *e = json_object_get(run, "energy");

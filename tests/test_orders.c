@@ -1,5 +1,5 @@
-/* The order that each method declares is the order that is measured, on a chain that swings in
- * space, without impacts. */
+/* Tests that the measured order of accuracy of each method is the declared one, on a swinging chain
+ * without impacts. */
 #include <math.h>
 #include <string.h>
 
@@ -8,7 +8,7 @@
 enum { N = 5 };
 #define T_END 0.5
 
-/* A chain hung from its first particle, drawn aside, stretched, moving. */
+/* A displaced, stretched and moving chain that hangs from its first particle. */
 static msim_scene *chain(double damping, double drag) {
   const double g[3] = {0, 0, -9.81};
   double x[3 * N], v[3 * N], mass[N], k[N - 1], rest[N - 1], c[N - 1];
@@ -52,14 +52,14 @@ static double off(const double *a, const double *b) {
 static void check(const char *method, int start, double damping, double drag, double order) {
   msim_scene *scene = chain(damping, drag);
   double x[3][3 * N], v[3][3 * N];
-  const int steps = order > 4 ? 15 : 200; /* rounding is far below their error still */
+  const int steps = order > 4 ? 15 : 200; /* their errors are still far above rounding */
   run(scene, "rk4", 0, 20000, x[0], v[0]);
   run(scene, method, start, steps, x[1], v[1]);
   run(scene, method, start, 2 * steps, x[2], v[2]);
   double in_x = log2(off(x[1], x[0]) / off(x[2], x[0]));
   double in_v = log2(off(v[1], v[0]) / off(v[2], v[0]));
   print_message("  %-24s x: %.3f  v: %.3f\n", method, in_x, in_v);
-  const double margin = order > 6 ? 0.25 : 0.15; /* rounding leaves no room for shorter steps */
+  const double margin = order > 6 ? 0.25 : 0.15; /* rounding prevents shorter steps */
   assert_close(in_x, order, margin);
   assert_close(in_v, order, margin);
   msim_scene_destroy(scene);
@@ -87,7 +87,7 @@ static void damping_costs_verlet_an_order_but_not_velocity_verlet(void **state) 
   check("linearly-implicit-euler", 0, 0.5, 0.3, 1);
 }
 
-/* verlet started plainly is symplectic Euler, bit for bit */
+/* verlet with start = plain is symplectic Euler, bit by bit */
 static void plain_verlet_is_symplectic_euler(void **state) {
   (void)state;
   msim_scene *scene = chain(0, 0);
@@ -105,7 +105,7 @@ static void plain_verlet_is_symplectic_euler(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* v = g t to rounding, by any method, whatever direction g has; and no gravity is said to be 0 */
+/* v = g t up to rounding, for any method and direction of g; the plan does not call gravity 0 */
 static void free_fall_is_exact_along_each_axis(void **state) {
   (void)state;
   const double x[3] = {0}, v[3] = {0}, h = 0.01;

@@ -1,5 +1,5 @@
-/* One sim on several threads: the bits are those of one thread, by every method, on meshes of
- * every kind; and the sim says how many threads there are. */
+/* Tests that several threads give the same bits as one, for every method and several meshes, and
+ * that the plan states the number of threads. */
 #include <stdlib.h>
 
 #include "scenes.h"
@@ -26,7 +26,7 @@ static msim_scene *jelly(void) {
   return scene;
 }
 
-/* Springs between any two of n particles. */
+/* 3 n springs between random pairs of n particles. */
 static msim_scene *tangle(int32_t n) {
   static double x[3 * MOST], mass[MOST], k[3 * MOST];
   static int32_t ij[6 * MOST];
@@ -47,10 +47,10 @@ static msim_scene *tangle(int32_t n) {
 
 static void run(const msim_scene *scene, const char *method, int32_t nthreads, int32_t *n,
                 double *x, double *v) {
-  /* long enough a step that the linearly implicit method wants its coarse space */
+  /* with a step this long the linearly implicit method uses its coarse space */
   const int linear = strcmp(method, "linearly-implicit-euler") == 0;
   msim_options opt = options(method, linear ? 0.05 : is_implicit(method) ? 5e-3 : 1e-3);
-  opt.newton_rtol = 1e-4; /* bits are compared, not answers */
+  opt.newton_rtol = 1e-4; /* the test compares bits, so that accuracy does not matter */
   opt.threads = nthreads, opt.solver = "pcg", opt.jacobian = MSIM_JACOBIAN_CLAMP;
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, linear || !is_implicit(method) ? 25 : IS_CHECKED ? 1 : 4, err));
@@ -67,7 +67,7 @@ static void check_scene(msim_scene *scene, int is_damped) {
   const msim_integrator_entry *method;
   int32_t n = 0;
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++) {
-    if (method->order == 0) continue; /* of a later version */
+    if (method->order == 0) continue; /* planned for a later version */
     if (is_damped && wants_positions_alone(method->name)) continue;
     for (int t = 0; t < NTHREADS; t++) {
       run(scene, method->name, threads[t], &n, x[t], v[t]);
@@ -115,7 +115,7 @@ static void expect_threads(msim_scene *scene, int32_t asked, int32_t want, const
 static void plans_tell_how_many(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(12, 200, 0);
-  expect_threads(scene, 0, 1, "one"); /* core, or a second thread saves nothing */
+  expect_threads(scene, 0, 1, "one"); /* reason: one core, or a second thread saves nothing */
   expect_threads(scene, 1, 1, "asked");
   expect_threads(scene, 3, 3, "asked");
   msim_scene_destroy(scene);

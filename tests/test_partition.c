@@ -1,5 +1,5 @@
-/* Which particles and springs make an island: what is connected stays together, each thing is
- * there once, small parts are taken together, and no array grows with the number of islands. */
+/* Tests of the partition into islands: connected particles stay together, everything occurs once,
+ * small components are merged, and no array grows with the number of islands. */
 #include <stdlib.h>
 
 #include "bank.h"
@@ -9,8 +9,8 @@
 
 enum { MOST = 6000 };
 
-/* The first particle that springs connect with each free one, by spreading low numbers; -1 where
- * pinned. Those without springs count as connected. */
+/* For each free particle the first one that springs connect it with, by propagation of the lowest
+ * number; -1 where pinned. Particles without springs count as connected. */
 static void label(const ms_scene *s, int32_t *of) {
   static uint8_t touched[MOST];
   int32_t loose = -1;
@@ -33,8 +33,7 @@ static void label(const ms_scene *s, int32_t *of) {
   }
 }
 
-/* Everything belongs where it must: island[p] of the free particles; count: springs of an island,
- * free and pinned particles. */
+/* Every particle and spring is in the right island; island[p]: that of a free particle p. */
 static void check_members(const ms_scene *s, const ms_islands *islands, int32_t *island) {
   static int32_t pinned_in[MOST];
   static uint8_t has[MOST];
@@ -73,7 +72,8 @@ static void check_members(const ms_scene *s, const ms_islands *islands, int32_t 
   assert_int_equal(springs, pulling);
 }
 
-/* Large parts alone, small ones together, none of them torn; islands by their first particle. */
+/* Large components are islands of their own, small ones are merged, none is divided; islands are in
+ * the order of their first particles. */
 static void check_sizes(const ms_scene *s, const ms_islands *islands, const int32_t *island) {
   static int32_t of[MOST], size[MOST];
   int32_t small = 0, begun = 0;
@@ -99,7 +99,7 @@ static void check_sizes(const ms_scene *s, const ms_islands *islands, const int3
   assert_int_equal(begun == 0 ? 1 : begun, islands->n);
 }
 
-/* Chains of all lengths among shuffled numbers, some particles pinned, some without a spring. */
+/* Chains of random lengths in shuffled order, some particles pinned, some without a spring. */
 static msim_scene *chains(unsigned seed, int32_t longest, double pins) {
   static double x[3 * MOST], ones[MOST];
   static int32_t order[MOST], ij[2 * MOST];
@@ -142,7 +142,7 @@ static void nothing_is_torn_or_lost(void **state) {
   }
 }
 
-/* What a linearly implicit sim of so many pairs asks for, and how many islands it has. */
+/* Bytes that a linearly implicit sim of n pairs allocates, and the number of its islands. */
 static size_t bytes_of_pairs(int32_t n, int springs, int32_t *islands) {
   bank b = {.fail_at = -1};
   const msim_allocator alloc = {bank_alloc, bank_free, &b};

@@ -1,5 +1,5 @@
-/* One pass over the rows: spring forces of every length against long double, results against plain
- * loops, by every instruction set and number of threads. */
+/* Tests of the force sweep: spring forces at every length against long double, and results against
+ * plain loops, for every instruction set and number of threads. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -12,8 +12,8 @@ enum { NSETS = 3 };
 
 /*------------------------------------- lengths --------------------------------------------------*/
 
-/* Pairs of particles, each held by one spring; the first of a pair lies in the origin, so that no
- * length is rounded. Two more pairs than exponents of ten: one without length, one with NaN. */
+/* Pairs of particles, each joined by one spring; the first of a pair is in the origin, so that no
+ * length is rounded. One pair per power of ten, one of length 0, one with NaN. */
 enum { LONGEST = 150, PAIRS = 2 * LONGEST + 3, ZERO = PAIRS - 2, BROKEN = PAIRS - 1 };
 
 typedef struct pairs {
@@ -37,7 +37,7 @@ static void make_pairs(pairs *p) {
   }
 }
 
-/* What the spring does to the second of pair i, and a scale for its error. */
+/* The force of the spring on the second particle of pair i, and a scale for its error. */
 static void exact(const pairs *p, int i, long double f[3], long double *scale) {
   const double *d = p->x + 6 * i + 3, *dv = p->v + 6 * i + 3;
   long double l2 = 0, rate = 0;
@@ -71,7 +71,7 @@ static void forces_of_all_lengths(void **state) {
   make_pairs(&p);
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
-  /* the scene refuses some of the lengths: they come later, as rows */
+  /* the scene refuses some of the lengths: they are set in the vectors later */
   static const double origin[6 * PAIRS];
   assert_ok(msim_scene_add_particles(scene, 2 * PAIRS, origin, NULL, p.mass, err));
   assert_ok(msim_scene_add_springs(scene, PAIRS, p.ij, p.k, p.rest, p.damping, err));
@@ -82,7 +82,7 @@ static void forces_of_all_lengths(void **state) {
   double *v = ms_rows_vector(scene->data, &model.rows);
   for (int i = 0; i < NSETS; i++) {
     model.isa = ms_isa_named(sets[i]);
-    if (model.isa < 0) continue; /* not for this CPU */
+    if (model.isa < 0) continue; /* not supported by this CPU */
     p.x[6 * BROKEN + 4] = NAN;
     ms_rows_gather(&model.rows, p.x, x);
     ms_rows_gather(&model.rows, p.v, v);
@@ -95,7 +95,7 @@ static void forces_of_all_lengths(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A scene whose rest lengths are those of its particles: exactly nothing happens. */
+/* A scene in which all rest lengths equal the distances: the forces are exactly 0. */
 static void springs_at_rest_push_by_nothing(void **state) {
   (void)state;
   enum { N = 100 };
@@ -197,7 +197,7 @@ static void results_are_the_formulas(void **state) {
   tear_down(&b);
 }
 
-/* A number that is bad is seen in whatever row, component and result it lies. */
+/* A NaN, infinite or huge number is detected in any row, component and result. */
 static void bad_numbers_are_seen(void **state) {
   (void)state;
   static const double bad[] = {NAN, INFINITY, -INFINITY, -2 * MS_HUGE};

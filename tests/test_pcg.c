@@ -1,5 +1,5 @@
-/* Two-level conjugate gradients in whole steps: how many iterations, for what tolerance and scale,
- * and when the coarse factor is made anew. */
+/* Tests of two-level conjugate gradients in whole steps: number of iterations, tolerances, scales,
+ * and when the coarse factor is computed anew. */
 #define _POSIX_C_SOURCE 200112L /* setenv */
 #include <float.h>
 #include <stdlib.h>
@@ -9,11 +9,11 @@
 #include "scene_check.h"
 #include "two_level.h"
 
-enum { SIZE = 64 }; /* rows of an aggregate */
+enum { SIZE = 64 }; /* block rows per aggregate */
 
 /*------------------------------------- iterations -----------------------------------------------*/
 
-/* Of a step of a hanging cloth that has folded. */
+/* Per step of a hanging cloth that has folded. */
 static double cloth_iterations(int32_t side, double k, int32_t aggregate) {
   msim_scene *scene = hanging_cloth(side, k, 0);
   msim_options opt = frames();
@@ -38,8 +38,8 @@ static void the_coarse_space_spares_iterations(void **state) {
   assert_true(large < 1.5 * small);
 }
 
-/* Two levels: within 2.5. One level: likewise where the mesh is large enough for the stiffness;
- * small stiff ones need fewer, as information is soon everywhere. */
+/* Two levels: within a factor of 2.5. One level: the same if the mesh is large for its stiffness;
+ * small stiff meshes need fewer, as information crosses them in few iterations. */
 static void iterations_are_predicted(void **state) {
   (void)state;
   const msim_options opt = frames();
@@ -67,7 +67,8 @@ static void iterations_are_predicted(void **state) {
 
 /*------------------------------------- tolerances -----------------------------------------------*/
 
-/* sqrt(r.D^-1 r) of one component of a flat vector, -1: of all; D: the blocks of the last step */
+/* sqrt(r.D^-1 r) of one component of a vector in the order x, y, z of each particle, -1: of all; D:
+ * the diagonal blocks of the last step */
 static double norm_of(const msim_sim *sim, const double *flat, int only) {
   const ms_stepper *stepper = &sim->motion->stepper;
   const ms_model *model = stepper->model;
@@ -82,7 +83,8 @@ static double norm_of(const msim_sim *sim, const double *flat, int only) {
   return norm;
 }
 
-/* ||b - A dv|| of the next step, over rtol ||b|| or over the rounding level if that is larger. */
+/* ||b - A dv|| of the next step, over rtol ||b|| or over the rounding tolerance if that is
+ * larger. */
 static double step_and_compare(msim_sim *sim, double h, double rtol) {
   const msim_state s = state_of(sim);
   const size_t n = 3 * (size_t)s.n;
@@ -129,8 +131,8 @@ static void every_tolerance_is_met(void **state) {
   }
 }
 
-/* A cloth that is crushed along one edge and pulled along the other: the exact matrix is
- * indefinite, and its diagonal blocks are not. */
+/* A cloth compressed along one edge and stretched along the other: the exact matrix is indefinite,
+ * its diagonal blocks are not. */
 static msim_sim *crushed(const char *solver, int32_t aggregate, int32_t indefinite) {
   enum { SIDE = 24, N = SIDE * SIDE };
   const double by[3] = {1.25, 0.9, 1};
@@ -150,7 +152,7 @@ static msim_sim *crushed(const char *solver, int32_t aggregate, int32_t indefini
   return sim;
 }
 
-/* It is noticed, and steps are made clamped. */
+/* The solver detects this, and the steps are made with the clamped matrix. */
 static void an_indefinite_matrix_is_clamped(void **state) {
   (void)state;
   require(solver_there("cholmod"), "the solver cholmod");
@@ -165,7 +167,7 @@ static void an_indefinite_matrix_is_clamped(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(right);
 }
 
-/* The coarse factor sees it before any iteration is made. */
+/* The coarse factorization detects this before any iteration. */
 static void a_coarse_matrix_may_be_indefinite(void **state) {
   (void)state;
   msim_sim *sim = crushed("pcg", SIZE, MSIM_INDEFINITE_STOP);
@@ -177,7 +179,7 @@ static void a_coarse_matrix_may_be_indefinite(void **state) {
   msim_sim_destroy(sim);
 }
 
-/* P r is that of r alone, also where iterations before have ended in what is no number. */
+/* P r depends on r only, also after iterations that ended in NaN. */
 static void nothing_is_left_of_iterations_before(void **state) {
   (void)state;
   msim_scene *scene = hanging_jelly(6, 1000);
@@ -224,7 +226,7 @@ static msim_scene *cloth_in_units(double unit) {
   return scene;
 }
 
-/* In units of a power of 4 all numbers are the same but for their exponents. */
+/* With a unit that is a power of 4 all numbers differ in their exponents only. */
 static void units_do_not_matter(void **state) {
   (void)state;
   for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
@@ -242,8 +244,8 @@ static void units_do_not_matter(void **state) {
   }
 }
 
-/* A cloth beside pairs of particles that are lighter and heavier by 30 orders of magnitude: it is
- * no reason to fail, or to call the matrix indefinite. */
+/* A cloth and pairs of particles lighter and heavier by 30 orders of magnitude: the solver must
+ * neither fail nor report an indefinite matrix. */
 static void scales_may_meet(void **state) {
   (void)state;
   for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
@@ -263,9 +265,9 @@ static void scales_may_meet(void **state) {
   }
 }
 
-/*------------------------------------- a kept coarse factor -------------------------------------*/
+/*------------------------------------- reuse of the coarse factor -------------------------------*/
 
-/* Steps by pcg with the coarse space that msim itself asks for. */
+/* Steps by pcg with the coarse space that msim chooses. */
 static msim_sim *stepped(const msim_scene *scene, uint32_t skip_off, int64_t steps) {
   msim_options opt = frames();
   opt.skip_off = skip_off;
@@ -297,7 +299,7 @@ static void expect_same_bits(msim_sim *a, msim_sim *b) {
   assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
 }
 
-/* What follows a state that was set, or a change, is what a new sim makes of it. */
+/* After a state was set, or a change, the steps are those of a new sim. */
 static void a_change_forgets_the_coarse_factor(void **state) {
   (void)state;
   for (int change = 0; change < 3; change++) {
@@ -338,7 +340,7 @@ static void instruction_sets_agree(void **state) {
     setenv("MSIM_ISA", "baseline", 1);
     msim_sim *baseline = stepped(scenes[i], 0, STEPS);
     for (size_t k = 0; k < 2; k++) {
-      if (ms_isa_named(sets[k]) < 0) continue; /* not for this CPU */
+      if (ms_isa_named(sets[k]) < 0) continue; /* not supported by this CPU */
       setenv("MSIM_ISA", sets[k], 1);
       msim_sim *sim = stepped(scenes[i], 0, STEPS);
       assert_int_equal(sim->motion->model.isa, ms_isa_named(sets[k]));

@@ -1,4 +1,5 @@
-/* Forces and matrices against derivatives by complex step, the seed's formulas, and each other. */
+/* Tests of forces and matrices against complex-step derivatives, formulas written out, and each
+ * other. */
 #include <complex.h>
 #include <math.h>
 #include <stdlib.h>
@@ -9,7 +10,7 @@
 #include "testing.h"
 
 enum { N = 12, NS = 30 };
-#define STEP 1e-100 /* of the complex step: no cancellation, so as small as one likes */
+#define STEP 1e-100 /* of the complex step, which has no cancellation: any tiny value */
 
 typedef struct tangle {
   double x[3 * N], v[3 * N], mass[N];
@@ -53,7 +54,7 @@ static msim_sim *sim_of(msim_scene *scene, const char *method, double h, int jac
   return sim;
 }
 
-/*------------------------------------- plain formulas -------------------------------------------*/
+/*------------------------------------- reference formulas ---------------------------------------*/
 
 static double complex energy(const tangle *s, const double complex *x) {
   double complex e = 0;
@@ -138,12 +139,12 @@ static void damping_force_is_the_formula(void **state) {
     assert_close(f[i], creal(elastic[i] + damped[i]), 2e-13);
     sum[i % 3] += f[i] + s.drag * s.v[i];
   }
-  for (int c = 0; c < 3; c++) assert_close(sum[c], 0, 1e-12); /* springs push in pairs */
+  for (int c = 0; c < 3; c++) assert_close(sum[c], 0, 1e-12); /* spring forces cancel */
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
-/* A = M - h D - h^2 J with J and D by complex step; symmetric to the bit */
+/* A = M - h D - h^2 J with J and D by complex step; symmetric bit by bit */
 static void matrix_is_the_derivative(void **state) {
   (void)state;
   static double J[9 * N * N], D[9 * N * N];
@@ -166,7 +167,8 @@ static void matrix_is_the_derivative(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The seed's example: particles 1, 2, 3, springs 1-2 and 2-3, nothing else. J = (M - A)/h^2. */
+/* Three particles, springs 1-2 and 2-3, nothing else: J = (M - A)/h^2. Each spring contributes J_ii
+ * = J_jj = k (-I + L/l (I - d d^T/l^2)) and J_ij = J_ji = -J_ii, d = x_j - x_i, l = |d|. */
 static void three_particles_entry_by_entry(void **state) {
   (void)state;
   const double x[9] = {0.1, 0.2, -0.3, 1.2, 0.5, 0.1, 1.9, 1.4, 0.6}, mass[3] = {1, 2, 3};
@@ -198,13 +200,13 @@ static void three_particles_entry_by_entry(void **state) {
           double m = i == j && r == c ? mass[i] : 0;
           assert_close(entry(&A, 3 * i + r, 3 * j + c), m - h * h * J, 1e-14);
         }
-  /* (1,3) and (3,1) are not even stored */
+  /* blocks (1,3) and (3,1) are not stored */
   assert_int_equal(A.rowptr[9], 9 * 7);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
-/* Both triangles, the upper one in another order, and A x without a matrix say the same. */
+/* Both triangles, the upper one in another order, and A x without a matrix agree. */
 static void formats_agree(void **state) {
   (void)state;
   tangle s = make_tangle(3, 0.7);
@@ -261,7 +263,8 @@ static void formats_agree(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The kernels of every instruction set agree to rounding, padding and lone rows included. */
+/* The kernels of every instruction set agree up to rounding, padding and incomplete slices
+ * included. */
 static void instruction_sets_agree(void **state) {
   (void)state;
   static const char *const sets[] = {"baseline", "avx2", "avx512"};
@@ -278,7 +281,7 @@ static void instruction_sets_agree(void **state) {
   ms_rows_gather(&model.rows, s.x, x);
   for (size_t i = 0; i < 3; i++) {
     model.isa = ms_isa_named(sets[i]);
-    if (model.isa < 0) continue; /* not for this CPU */
+    if (model.isa < 0) continue; /* not supported by this CPU */
     ms_coefficients_compute(&model, x, 0.07, 0, &a);
     ms_coefficients_apply(&model, &a, x, y);
     const double *results[] = {a.t, a.g, y};
@@ -297,7 +300,7 @@ static void instruction_sets_agree(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Two particles `length` apart, rest length 1, k = 100, masses 1: A of step 0.1. */
+/* Two particles `length` apart, rest length 1, k = 100, masses 1: A for h = 0.1. */
 static void pair_matrix(double length, int jacobian, double A[6][6]) {
   const double x[6] = {0, 0, 0, length, 0, 0}, mass[2] = {1, 1}, k = 100, rest = 1;
   const int32_t ij[2] = {0, 1};
@@ -328,7 +331,7 @@ static void clamp_and_zero_length(void **state) {
   pair_matrix(0.5, MSIM_JACOBIAN_CLAMP, A);
   assert_close(A[0][0], 1 + 1, 1e-15);
   assert_true(A[1][1] == 1 && A[2][2] == 1 && A[1][4] == 0);
-  pair_matrix(2.0, MSIM_JACOBIAN_CLAMP, A); /* stretched: nothing to clamp */
+  pair_matrix(2.0, MSIM_JACOBIAN_CLAMP, A); /* stretched: clamping changes nothing */
   assert_close(A[1][1], 1 + 0.5, 1e-15);
   pair_matrix(0.0, MSIM_JACOBIAN_EXACT, A); /* J_ii = -k I */
   for (int r = 0; r < 3; r++)

@@ -1,4 +1,5 @@
-/* Reflection at planes: bounce, slide, corner, incline, and what the notes' Heun does instead. */
+/* Tests of reflection at planes: bounce, sliding, corner, incline, and the variants of Heun's
+ * method. */
 #include <math.h>
 #include <string.h>
 
@@ -20,7 +21,7 @@ static void one_reflection_in_closed_form(void **state) {
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 1, err));
     msim_state s = state_of(sim);
-    /* heun takes the mean of the velocities before and after: same here, as a = 0 */
+    /* heun takes the mean of the velocities before and after: the same here, as a = 0 */
     for (int c = 0; c < 3; c++) assert_close(s.x[c], x1[c], 1e-15);
     for (int c = 0; c < 3; c++) assert_close(s.v[c], v1[c], 1e-15);
     msim_sim_destroy(sim);
@@ -28,7 +29,7 @@ static void one_reflection_in_closed_form(void **state) {
   }
 }
 
-/* e = 1: dropped from 1 m it comes back to 1 m, up to the first order of the reflection */
+/* e = 1: dropped from 1 m the ball returns to 1 m, up to the first order of the reflection */
 static void ball_bounces_back(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, period = 2 * sqrt(2 / 9.81);
@@ -46,8 +47,9 @@ static void ball_bounces_back(void **state) {
   }
 }
 
-/* The notes' Heun reflects the stage only: with e = 1 the particle slides into the plane for ever,
- * with e < 1 it sinks through. The other two bounce. */
+/* heun.collision = literal reflects only the stage x* = x + h v, v* = v + h a, as Teschner's
+ * exercises print it, and not the result: with e = 1 the particle slides into the plane for ever,
+ * with e < 1 it sinks through. The other two variants bounce. */
 static void literal_heun_never_bounces(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, h = 1e-3;
@@ -80,7 +82,8 @@ static void literal_heun_never_bounces(void **state) {
     }
 }
 
-/* Sliding on the floor with e = 0: each step takes mu g h from the speed, v^2 / (2 mu g) in all */
+/* Sliding on the floor with e = 0: each step reduces the speed by mu g h; the way is v^2 / (2 mu
+ * g) */
 static void friction_stops_a_slider(void **state) {
   (void)state;
   const double x[3] = {0, 0, 0}, v[3] = {2, 0, 0}, mu = 0.5, g = 10, h = 1e-4;
@@ -97,8 +100,8 @@ static void friction_stops_a_slider(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* An incline of slope angle a. mu > tan a: it sticks, and creeps g sin(a) h^2 a step, as only the
- * normal position is put back. mu < tan a: it slides with g (sin a - mu cos a). */
+/* An incline of angle a. mu > tan a: the particle sticks, and creeps by g sin(a) h^2 per step, as
+ * only the normal position is corrected. mu < tan a: it slides with g (sin a - mu cos a). */
 static void incline_sticks_or_slides(void **state) {
   (void)state;
   const double a = 0.3, g = 10, h = 1e-3, x[3] = {0, 0, 0}, v[3] = {0, 0, 0};
@@ -119,7 +122,7 @@ static void incline_sticks_or_slides(void **state) {
   }
 }
 
-/* A corner of floor and wall: planes in their order, each sees the result of the one before; the
+/* A corner of floor and wall: planes act in their order, each on the result of the one before; the
  * particle counts once. */
 static void corner_reflects_twice_and_counts_once(void **state) {
   (void)state;
@@ -156,7 +159,8 @@ static void leaving_particle_keeps_its_velocity(void **state) {
 
 static double norm(const double v[3]) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-/* From wall to wall, in free flight: z and its velocity after a time h. gap: between the walls */
+/* Free flight between two walls: z and its velocity after a time h; gap: the distance of the
+ * walls */
 static void fly_between_walls(double gap, double e, double h, double *z, double *v) {
   while (*v != 0) {
     const double until = (*v > 0 ? gap - *z : -*z) / *v;
@@ -168,8 +172,8 @@ static void fly_between_walls(double gap, double e, double h, double *z, double 
   *z += h * *v;
 }
 
-/* A step many times as long as the gap: each reflection stands for a bounce. At e < 1 the same, as
- * the way behind a wall shrinks as the velocity does. */
+/* A step many times as long as the flight across the gap: each reflection stands for a bounce. So
+ * it does for e < 1, as the penetration shrinks with the velocity. */
 static void slabs_hold_what_flies_fast(void **state) {
   (void)state;
   unsigned seed = 4;
@@ -193,8 +197,8 @@ static void slabs_hold_what_flies_fast(void **state) {
   }
 }
 
-/* Acute wedges (of 3 degrees, too), corners and rooms of up to 9 tilted planes, from a point inside
- * or on an edge: whatever the step, no particle ends behind a plane. */
+/* Acute wedges (down to 3 degrees), corners and rooms of up to 9 tilted planes, from a point inside
+ * or on an edge: for any step no particle ends behind a plane. */
 static void no_particle_ends_behind_a_plane(void **state) {
   (void)state;
   unsigned seed = 8;
@@ -273,8 +277,8 @@ static msim_plane random_plane(unsigned *seed, double e, double mu) {
   return p;
 }
 
-/* Corners of one to five planes: v' runs into none of them; e = 1 keeps the speed, e < 1 and
- * friction take from it; the order of the planes does not matter. */
+/* Corners of one to five planes: v' points into none of them; e = 1 keeps the speed, e < 1 and
+ * friction reduce it; the order of the planes does not matter. */
 static void corners_bounce_in_any_order(void **state) {
   (void)state;
   unsigned seed = 5;
@@ -300,13 +304,14 @@ static void corners_bounce_in_any_order(void **state) {
   }
 }
 
-/* More bounces from wall to wall than are followed: one impact all the same, which leads out. */
+/* A wedge with more bounces from wall to wall than are followed counts as one impact, and the
+ * particle leaves it. */
 static void a_narrow_wedge_is_one_impact(void **state) {
   (void)state;
   for (double angle = 0.001; angle < 1; angle *= 3) {
     const msim_plane plane[2] = {{{0, 0, 1}, 0, 1, 0}, {{sin(angle), 0, -cos(angle)}, 0, 1, 0}};
     const ms_touch touch = {.n = 2, .plane = {&plane[0], &plane[1]}};
-    double v[3] = {-1, 0.25, -2 * angle}; /* into the first alone */
+    double v[3] = {-1, 0.25, -2 * angle}; /* into the first plane only */
     const double before = norm(v);
     assert_int_equal(ms_bounce(&touch, v), 1);
     assert_true(v[0] * sin(angle) - v[2] * cos(angle) > -1e-14 && v[2] > -1e-14);
@@ -315,8 +320,8 @@ static void a_narrow_wedge_is_one_impact(void **state) {
   }
 }
 
-/* The nearest vector to u that leads into no plane: nothing is left out of reach, and what the
- * planes give is at right angles to what is left (Moreau). */
+/* The vector nearest to u that points into no plane (Moreau): the correction by the planes is
+ * perpendicular to the result. */
 static void projection_is_the_nearest(void **state) {
   (void)state;
   static const double nothing[MS_MOST_TOUCHED] = {0};

@@ -1,5 +1,5 @@
-/* Plugins from outside: where they are looked for, which ones are refused, and the sentence that
- * says why. */
+/* Tests of loading solver plugins: where they are searched for, which ones are refused, and the
+ * message with the reason. */
 #define _GNU_SOURCE /* mkdtemp, realpath, chdir, symlink, RTLD_NOLOAD */
 #include <dlfcn.h>
 #include <sys/stat.h>
@@ -12,7 +12,7 @@
 #define VERSION  TEXT(MSIM_VERSION_MAJOR) "." TEXT(MSIM_VERSION_MINOR) "." TEXT(MSIM_VERSION_PATCH)
 #define LEAST    "88" /* MSIM_BACKEND_SIZE_1 where pointers have 8 bytes */
 
-/*------------------------------------- good ones ------------------------------------------------*/
+/*------------------------------------- correct plugins ------------------------------------------*/
 
 static void strangers_solve_as(const char *solver, int factorises) {
   msim_scene *scene = hanging_cloth(4, 100, 0.1);
@@ -36,7 +36,8 @@ static void strangers_solve(void **state) {
   strangers_solve_as("matrix_free", 0);
 }
 
-/* Threads of BLAS and OpenMP live on in a plugin: it stays when the last sim goes. */
+/* Threads of BLAS and OpenMP run inside a plugin: it stays loaded when the last sim is
+ * destroyed. */
 static void plugins_stay_loaded(void **state) {
   (void)state;
   put_plugin("stays");
@@ -50,7 +51,7 @@ static void plugins_stay_loaded(void **state) {
 static void tables_are_checked(void **state) {
   (void)state;
   const attempt attempts[] = {
-      {"long_table", MSIM_OK, ""}, /* of a later msim: what is new there is not used */
+      {"long_table", MSIM_OK, ""}, /* of a later msim: the new members are not used */
       {"no_order", MSIM_OK, ""},
       {"wrong_abi", MSIM_ERR_ABI,
        "@/msim_backend_wrong_abi.so was built for backend ABI 99; this is msim " VERSION
@@ -85,7 +86,7 @@ static void put_text(const char *name, const char *text) {
   fclose(file);
 }
 
-/* The dynamic linker's own words end the sentence. */
+/* The message ends with that of the dynamic linker. */
 static void files_that_are_no_plugins(void **state) {
   (void)state;
   put_text("garbage", "this is not a shared library\n");
@@ -112,7 +113,7 @@ static void files_that_are_no_plugins(void **state) {
 
 static void unreadable_files(void **state) {
   (void)state;
-  if (geteuid() == 0) skip(); /* who may read everything */
+  if (geteuid() == 0) skip(); /* root may read everything */
   put_plugin("secret");
   assert_int_equal(chmod(plugin_file("secret"), 0), 0);
   expect("secret", folder, MSIM_ERR_PLUGIN,
@@ -121,7 +122,7 @@ static void unreadable_files(void **state) {
 
 /*------------------------------------- names and folders ----------------------------------------*/
 
-/* A name is part of a file's, and must not lead out of the folders. */
+/* A name is part of a file name, and must not lead out of the folders. */
 static void names_are_checked(void **state) {
   (void)state;
   static const char *const names[] = {"../good", "/tmp/good", FAKES "/good", "a/b",    "Good",
@@ -133,7 +134,7 @@ static void names_are_checked(void **state) {
              "of a-z, 0-9, '_' and '-'",
              names[i], names[i]);
     for (char *c = sentence; *c; c++)
-      if (*c == '\n') *c = ' '; /* a sentence stays on its line */
+      if (*c == '\n') *c = ' '; /* messages contain no line breaks */
     expect(names[i], FAKES, MSIM_ERR_NAME, sentence);
   }
 }
@@ -151,7 +152,7 @@ static void folders_are_searched_in_order(void **state) {
   put_text("good", "this is not a shared library\n");
   snprintf(path, sizeof path, FAKES ":%s", folder);
   expect("good", path, MSIM_OK, "");
-  snprintf(path, sizeof path, "%s:" FAKES, folder); /* what is broken is not passed over */
+  snprintf(path, sizeof path, "%s:" FAKES, folder); /* the search ends at a broken plugin */
   expect("good", path, MSIM_ERR_PLUGIN,
          "solver 'good': @/msim_backend_good.so could not be loaded: ...");
   setenv("MSIM_PLUGIN_PATH", FAKES, 1);
@@ -168,7 +169,7 @@ static void folders_are_searched_in_order(void **state) {
       ", ...");
 }
 
-/* A folder may be given from where the process is, but an empty one is not the current one. */
+/* A folder may be relative to the working directory, but an empty one does not mean that. */
 static void relative_and_empty_folders(void **state) {
   (void)state;
   const char *slash = strrchr(FAKES, '/') + 1;

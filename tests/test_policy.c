@@ -1,5 +1,5 @@
-/* What solver = auto makes of kept factors and of pcg's failures, and what a change of parameters
- * costs a sim in motion. */
+/* Tests of solver = auto: when it keeps a lagged factorization and when it replaces pcg; and of the
+ * cost of changing parameters of a running sim. */
 #define _GNU_SOURCE /* setenv, strdup */
 #include <math.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 
 #include "scenes.h"
 
-/* A block that stands on the face that is held: a stiff one hardly deforms. */
+/* A cube that stands on its bottom face, which is pinned; a stiff one hardly deforms. */
 static msim_scene *block(int32_t side, double k) { return held_block(side, 1, k, 0); }
 static msim_scene *stiff_block(void) { return block(5, 1e8); }
 
@@ -45,7 +45,7 @@ static void a_factor_is_kept_while_it_serves(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Cloth folds: an old factor is no help, and the tries become rare. */
+/* Folding cloth: a lagged factorization does not help, and attempts to use it become rare. */
 static void a_factor_that_does_not_serve_is_rarely_tried(void **state) {
   (void)state;
   require(solver_there("cholmod"), "the solver cholmod");
@@ -53,7 +53,7 @@ static void a_factor_that_does_not_serve_is_rarely_tried(void **state) {
   msim_options opt = automatic(1.0 / 60);
   opt.jacobian = MSIM_JACOBIAN_CLAMP;
   msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, 30, err)); /* until it folds */
+  assert_ok(msim_sim_step(sim, 30, err)); /* until the cloth folds */
   const msim_stats before = stats_of(sim);
   assert_ok(msim_sim_step(sim, 200, err));
   const msim_stats after = stats_of(sim);
@@ -69,13 +69,14 @@ static msim_sim *in_motion(msim_scene *scene, unsigned skip_off, int32_t threads
   opt.skip_off = skip_off, opt.threads = threads;
   msim_sim *sim = make_sim(scene, &opt);
   msim_sim_plan(sim, &plan);
-  assert_string_equal(plan.solver, "pcg"); /* else this tests nothing */
+  assert_string_equal(plan.solver, "pcg"); /* otherwise nothing is tested */
   assert_ok(msim_sim_step(sim, steps, err));
   return sim;
 }
 
-/* What pcg spends on a block that hardly deforms buys a factor, which then solves each step in few
- * iterations, to the same tolerance and to the same bits. */
+/* On a cube that hardly deforms pcg costs more than a factorization, which auto then computes:
+ * steps take few iterations, to the same tolerance, with the same bits for any number of
+ * threads. */
 static void pcg_buys_a_factor_where_that_pays(void **state) {
   (void)state;
   require(solver_there("cholmod"), "the solver cholmod");
@@ -95,7 +96,7 @@ static void pcg_buys_a_factor_where_that_pays(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* What follows a state that was set depends on that state alone. */
+/* The steps after msim_sim_set_state() depend on that state only. */
 static void a_state_that_is_set_forgets_the_factor(void **state) {
   (void)state;
   require(solver_there("cholmod"), "the solver cholmod");
@@ -114,7 +115,7 @@ static void a_state_that_is_set_forgets_the_factor(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Where cholmod is not found pcg does what it can, and what it cannot is said. */
+/* Without cholmod auto uses pcg, and explains that cholmod is missing. */
 static void without_cholmod(void **state) {
   (void)state;
   require(getenv("MSIM_PLUGIN_PATH") != NULL, "MSIM_PLUGIN_PATH");
@@ -132,7 +133,7 @@ static void without_cholmod(void **state) {
     assert_non_null(strstr(text, "pcg (auto: "));
     assert_non_null(strstr(text, "; cholmod is not there)"));
     assert_non_null(strstr(text, "cholmod makes one, if it is there"));
-    assert_ok(msim_sim_step(sim, 20, err)); /* it has looked for it in vain */
+    assert_ok(msim_sim_step(sim, 20, err)); /* now it has searched for cholmod, in vain */
     assert_ok(msim_sim_explain(sim, &text, err));
     assert_null(strstr(text, "cholmod makes one"));
     msim_sim_destroy(sim);
@@ -154,7 +155,7 @@ static void pcg_that_does_not_converge_gives_way(void **state) {
   msim_sim *sim = make_sim(scene, &opt);
   msim_plan plan = {.size = sizeof plan};
   msim_sim_plan(sim, &plan);
-  assert_string_equal(plan.solver, "pcg"); /* else this tests nothing */
+  assert_string_equal(plan.solver, "pcg"); /* otherwise nothing is tested */
   msim_sim_destroy(sim);
   opt.solver_max_iterations = 2;
   sim = make_sim(scene, &opt);
@@ -164,7 +165,7 @@ static void pcg_that_does_not_converge_gives_way(void **state) {
   assert_int_equal(stats_of(sim).fallbacks, 1);
   assert_int_equal(stats_of(sim).analyses, 1);
   msim_sim_destroy(sim);
-  opt.solver = "pcg"; /* asked for by name: never replaced */
+  opt.solver = "pcg"; /* a solver requested by name is never replaced */
   sim = make_sim(scene, &opt);
   assert_int_equal(msim_sim_step(sim, 10, NULL), MSIM_NOT_CONVERGED);
   msim_sim_destroy(sim);
@@ -173,7 +174,7 @@ static void pcg_that_does_not_converge_gives_way(void **state) {
 
 /*------------------------------------- changes --------------------------------------------------*/
 
-/* A sim that is changed goes on as a new one would from there. */
+/* A changed sim makes the same steps as a new one from the same state. */
 static void expect_same_as_new(msim_sim *changed, const msim_scene *scene, const msim_options *opt,
                                int analyses) {
   msim_state s = state_of(changed);
@@ -240,7 +241,7 @@ static void other_springs_analyse_nothing(void **state) {
     msim_scene_get(other, &wanted);
     assert_ok(msim_sim_set_springs(sim, wanted.k, NULL, wanted.damping, err));
     expect_same_as_new(sim, other, &opt, direct);
-    msim_scene_get(scene, &view); /* the handle's scene is as it was */
+    msim_scene_get(scene, &view); /* the scene behind the handle is unchanged */
     assert_true(view.k[0] == 100 && view.damping[0] == 0);
     msim_sim_destroy(sim);
     msim_scene_destroy(scene), msim_scene_destroy(other);

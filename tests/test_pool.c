@@ -1,5 +1,5 @@
-/* The pool does every item once, with whatever threads it could start, in parents and children, and
- * leaves the cores alone where there is nothing to do. */
+/* Tests of the thread pool: every item is done once, with as many threads as could be started, in
+ * parent and child processes; idle threads use no CPU time. */
 #define _GNU_SOURCE /* RTLD_NEXT */
 #include <dlfcn.h>
 #include <pthread.h>
@@ -14,7 +14,7 @@
 
 enum { MOST_ITEMS = 1000 };
 
-/* pthread_create fails once it was called so often; -1: never */
+/* pthread_create fails after so many calls; -1: never */
 static int calls_left = -1;
 
 int pthread_create(pthread_t *thread, const pthread_attr_t *attr, void *(*start)(void *),
@@ -33,7 +33,7 @@ static const msim_allocator *libc(void) {
   return &alloc;
 }
 
-static int done[MOST_ITEMS]; /* each by one thread only: the thread sanitizer looks on */
+static int done[MOST_ITEMS]; /* each written by one thread only, as the thread sanitizer checks */
 static void do_item(void *data, int32_t item) { done[item] += *(int *)data; }
 
 static int all_are(int32_t n, int value) {
@@ -66,7 +66,7 @@ static void every_item_is_done_once(void **state) {
   }
 }
 
-/* Long pauses: threads that have gone to sleep come back. */
+/* Long pauses: threads that have gone to sleep wake up. */
 static void sleepers_wake(void **state) {
   (void)state;
   ms_pool *pool = ms_pool_create(libc(), 3);
@@ -77,7 +77,7 @@ static void sleepers_wake(void **state) {
   ms_pool_destroy(pool);
 }
 
-/* Two items, each waits for the other to have begun: only two threads can do that. */
+/* Two items, each of which waits until the other has begun: this needs two threads. */
 static void meet(void *data, int32_t item) {
   (void)item;
   pthread_barrier_wait(data);
@@ -87,7 +87,7 @@ static void items_run_side_by_side(void **state) {
   (void)state;
   pthread_barrier_t barrier;
   pthread_barrier_init(&barrier, NULL, 2);
-  for (int i = 0; i < 50; i++) { /* a new pool each: one that was kept waiting would work alone */
+  for (int i = 0; i < 50; i++) { /* each a new pool: after a delay the owner works alone */
     ms_pool *pool = ms_pool_create(libc(), 2);
     ms_pool_run(pool, meet, &barrier, 2);
     ms_pool_destroy(pool);
@@ -142,7 +142,8 @@ static void one_thread_without_memory(void **state) {
   }
 }
 
-/* The child has one thread: it does the work, and ends the pool without waiting for others. */
+/* The child process has one thread: it does all the work, and destroys the pool without waiting for
+ * others. */
 static void children_do_it_alone(void **state) {
   (void)state;
   ms_pool *pool = ms_pool_create(libc(), 3);
@@ -161,11 +162,11 @@ static void children_do_it_alone(void **state) {
   ms_pool_destroy(pool);
 }
 
-/* The worker's first item holds the owner up; those of the next run take long enough for it to come
- * and take some, if it were let. */
+/* The first item of the worker delays the owner; the items of the next run take long enough for the
+ * worker to take some of them, if the pool allowed it. */
 typedef struct hold_up {
   pthread_t owner;
-  int late; /* ms that the worker takes for an item; the owner takes 1 */
+  int late; /* ms that the worker needs for an item; the owner needs 1 */
   int by_worker[8];
 } hold_up;
 

@@ -1,6 +1,6 @@
-/* What backend.h says of the host, in whole simulations by the solver that the argument names. A
- * checking backend between msim and the solver reports no breach, and answers of a faulty one that
- * are off by more than rtol are not accepted. */
+/* Tests that msim as a host keeps the contract of backend.h, in whole simulations with the solver
+ * that the argument names. checking_backend between msim and the solver reports no breach, and
+ * solutions of a faulty solver with errors beyond rtol are not accepted. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -15,8 +15,8 @@ static const msim_backend *bare;
 
 static int is_iterative(void) { return (bare->flags & MSIM_BACKEND_ITERATIVE) != 0; }
 
-/* Blocks of the matrix: 3; 2 where gravity leaves the cloth in its plane; 1 where all rest lengths
- * and dampings are 0. */
+/* Block size of the matrix: 3; 2 if gravity keeps the cloth planar; 1 if all rest lengths and
+ * dampings are 0. */
 static int block = 3;
 
 static const char cloth[] =
@@ -29,10 +29,10 @@ typedef struct run {
   msim_status status;
   msim_stats stats;
   double x[3 * N];
-  char text[1020]; /* what the user reads */
+  char text[1020]; /* the error message */
 } run;
 
-/* A cloth that starts crushed along one edge, so that the exact matrix is indefinite. */
+/* A cloth that is initially compressed along one edge, so that the exact matrix is indefinite. */
 static run simulate(const msim_allocator *alloc, const msim_backend *table, int32_t indefinite) {
   const msim_backend *const backends[] = {table, NULL};
   run r = {0};
@@ -65,7 +65,7 @@ static void assert_no_breach(void) {
   if (report[0]) fail_msg("promises were broken:\n%s", report);
 }
 
-/* Watched and alone: the same end, to the bit. */
+/* With checking_backend and without: the same end, bit by bit. */
 static run simulate_watched(int32_t indefinite) {
   run alone = simulate(NULL, bare, indefinite);
   run watched = simulate(NULL, checking_backend(bare), indefinite);
@@ -100,7 +100,7 @@ static void solved_where_it_is_indefinite(void **state) {
 static void stopped_where_it_is_indefinite(void **state) {
   (void)state;
   const run r = simulate_watched(MSIM_INDEFINITE_STOP);
-  if (r.status == MSIM_OK && is_iterative()) { /* it has met no negative curvature */
+  if (r.status == MSIM_OK && is_iterative()) { /* the iteration met no negative curvature */
     assert_int_equal(r.stats.steps, STEPS);
     return;
   }
@@ -119,7 +119,7 @@ static void smaller_blocks(void **state) {
   block = 3;
 }
 
-/* Memory ends after ever more allocations: an instance is still treated as promised. */
+/* Memory runs out after ever more allocations: the contract is kept all the same. */
 static void promises_hold_where_memory_ends(void **state) {
   (void)state;
   const msim_backend *watched = checking_backend(bare);
@@ -142,10 +142,10 @@ static size_t length(const msim_system *A) {
   return (size_t)A->block * (size_t)(A->format == MSIM_FORMAT_NONE ? A->stride : A->n);
 }
 
-static double farthest_from_identity; /* of D^-1 D, in any entry of any step */
-static int compared;                  /* columns of D^-1 D */
+static double farthest_from_identity; /* largest entry of D^-1 D - I, over all steps */
+static int compared;                  /* number of columns compared */
 
-/* D e, as apply() gives it, for a unit vector e, and then D^-1 of that. */
+/* D e for a unit vector e, from apply(), and then D^-1 of that. */
 static void compare_column(const msim_system *A, int32_t row, int32_t c) {
   const size_t n = length(A), unit = (size_t)c * (size_t)A->stride + (size_t)row;
   double *e = calloc(3 * n, sizeof *e), *column = e + n, *own = e + 2 * n;
@@ -167,7 +167,7 @@ static msim_status factor_and_compare(void *self, const msim_system *A, int32_t 
   return status;
 }
 
-/* Without a matrix there is D^-1: that of the diagonal blocks of this step's A. */
+/* Without a matrix the host provides D^-1, for the diagonal blocks of A in this step. */
 static void preconditioner_is_that_of_the_blocks(void **state) {
   (void)state;
   if (bare->format != MSIM_FORMAT_NONE) return;
@@ -185,12 +185,12 @@ static void preconditioner_is_that_of_the_blocks(void **state) {
 
 /*------------------------------------- rtol and its norm ----------------------------------------*/
 
-/* What the faulty backend adds to its answers. */
+/* What the faulty backend adds to its solution. */
 static enum { NOTHING, SHARE_OF_ANSWER, RESIDUAL_OF_LIGHTEST } fault;
 static double off;              /* the residual that it leaves, over rtol ||b|| */
 static msim_solve_params asked; /* of the last call */
 
-/* The diagonal entry of an unknown, +-0 of padding. */
+/* The diagonal entry of an unknown, +-0 for padding. */
 static double diagonal(const msim_system *A, size_t i, double *x, double *y) {
   if (A->format != MSIM_FORMAT_NONE) {
     int32_t e = A->rowptr[i];
@@ -203,7 +203,8 @@ static double diagonal(const msim_system *A, size_t i, double *x, double *y) {
   return i % (size_t)A->stride < (size_t)A->n ? y[i] : 0;
 }
 
-/* Leaves a residual of off rtol ||b||, in the 2-norm, in the equation of the lightest unknown. */
+/* Leaves a residual of off rtol ||b||, in the 2-norm, in the equation with the least diagonal
+ * entry. */
 static void spoil_lightest(const msim_system *A, double rtol, const double *b, double *y) {
   const size_t n = length(A);
   double *work = calloc(2 * n, sizeof *work), least = INFINITY, sum = 0;
@@ -227,7 +228,7 @@ static msim_status solve_faultily(void *self, const msim_system *A, const msim_s
   return status;
 }
 
-/* A particle of 1 kg on one of 1e6 kg, which hangs on a pinned one. */
+/* A particle of 1 kg connected with one of 1e6 kg, which hangs from a pinned one. */
 static run simulate_faulty(double rtol, int kind, double residual) {
   const double x[9] = {0, 0, 0, 1, 0.2, 0, 2, 0.1, 0.4}, mass[3] = {1, 1e6, 1}, k[2] = {10, 10};
   const double g[3] = {0, 0, -9.81};
@@ -255,7 +256,8 @@ static run simulate_faulty(double rtol, int kind, double residual) {
   return r;
 }
 
-/* An answer of an iteration is refused; that of a factor is refined, as often as it takes. */
+/* A solution of an iteration is refused; that of a factorization is refined, as often as
+ * necessary. */
 static void assert_refused_or_refined(const run *r) {
   if (!is_iterative()) {
     assert_int_equal(r->status, MSIM_OK);
@@ -267,7 +269,7 @@ static void assert_refused_or_refined(const run *r) {
   assert_int_equal(r->stats.steps, 0);
 }
 
-/* A factor is asked for 1e-5 at least, as single precision is for preconditioners. */
+/* A factorization must meet at least 1e-5, as single precision does for preconditioners. */
 static void tolerance_and_limit_are_passed_on(void **state) {
   (void)state;
   const double rtols[] = {1e-3, 1e-6, 1e-9};
@@ -291,8 +293,8 @@ static void answers_beyond_rtol_are_not_accepted(void **state) {
   }
 }
 
-/* In the 2-norm this residual is a tenth of rtol ||b||; in sqrt(r.D^-1 r) it is 100 times
- * rtol ||b||, as D is a million times smaller there than in the other equations. */
+/* In the 2-norm this residual is a tenth of rtol ||b||; in sqrt(r.D^-1 r) it is 100 times rtol
+ * ||b||, as D is a million times smaller there than in the other equations. */
 static void answers_are_judged_in_the_norm_of_the_blocks(void **state) {
   (void)state;
   const run r = simulate_faulty(1e-6, RESIDUAL_OF_LIGHTEST, 0.1);

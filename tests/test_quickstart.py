@@ -1,4 +1,4 @@
-"""The last command of tools/quickstart, as it stands there, by the msim_cli of this build."""
+"""Runs the last command of tools/quickstart, read from it, with the msim_cli of this build."""
 import os
 import re
 import unittest
@@ -9,7 +9,7 @@ from cli_support import CliTest
 
 class Quickstart(CliTest):
     def command(self):
-        """What follows the build, up to its `|| fail`; it names $build and $trajectory."""
+        """The command after the build, up to its `|| fail`; it uses $build and $trajectory."""
         script = (support.SOURCE / "tools/quickstart").read_text()
         found = re.search(r'^"\$build/bin/msim_cli" run .*?(?= \|\|)', script, re.M | re.S)
         self.assertIsNotNone(found, "tools/quickstart runs another command")

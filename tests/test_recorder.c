@@ -1,4 +1,5 @@
-/* The front end of recording, by CSV: what is refused, when a file gets its name, what it holds. */
+/* Tests of the front end of recording, with CSV: what is refused, when a file gets its name, what
+ * it holds. */
 #define _GNU_SOURCE /* mkdtemp */
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,7 +35,7 @@ static int record(msim_sim *sim, void *recorder) {
   return msim_recorder_write(recorder, NULL) != MSIM_OK;
 }
 
-/* The last line of a frame holds the bits of the state. */
+/* The last line of the file holds the bits of the state. */
 static void frames_hold_the_state(void **state) {
   (void)state;
   msim_sim *sim = flight(10, 4, MSIM_SYNC_OFF);
@@ -62,7 +63,7 @@ static void frames_hold_the_state(void **state) {
   msim_sim_destroy(sim);
 }
 
-/* Each is a share of the run's time, and that is no more than the clock says. */
+/* Each measured time is a part of the time of the run, which is at most that of the clock. */
 static void times_are_those_of_the_run(void **state) {
   (void)state;
   static const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler", "bdf2"};
@@ -116,7 +117,7 @@ static void what_cannot_be_written_is_refused(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(endless), msim_sim_destroy(many);
 }
 
-/* A speed is a number, and its square may be none. */
+/* The square of a finite speed may overflow. */
 static void energies_are_numbers(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {1e160, 0, 0};
@@ -140,7 +141,7 @@ static msim_recorder *opened(msim_sim *sim, const char *name) {
   return recorder;
 }
 
-/* In whatever order, and in one process too. */
+/* In any order, and also within one process. */
 static void only_one_writes_a_file(void **state) {
   (void)state;
   msim_sim *sim = flight(10, 1, MSIM_SYNC_OFF);
@@ -159,7 +160,8 @@ static void put_text(const char *name, const char *text) {
   assert_true(file && fputs(text, file) >= 0 && fclose(file) == 0);
 }
 
-/* place.c calls this in place of the C library's: syncs of the folder once the file has its name */
+/* place.c calls this function instead of that of the C library; counted: syncs of the folder once
+ * the file has its name */
 static int folder_syncs;
 
 int fsync(int fd) {
@@ -170,7 +172,7 @@ int fsync(int fd) {
   return 0;
 }
 
-/* A rename is an entry of the folder, which a power cut may lose until the folder is synced. */
+/* A rename changes the folder, and a power cut may undo it until the folder is synced. */
 static void with_sync_a_new_name_outlives_a_power_cut(void **state) {
   (void)state;
   for (int sync = 0; sync < 2; sync++) {
@@ -183,7 +185,7 @@ static void with_sync_a_new_name_outlives_a_power_cut(void **state) {
   }
 }
 
-/* Nothing is lost where a file is empty, or a table of ours. */
+/* Only an empty file or a table of msim is overwritten. */
 static void what_is_not_ours_stays(void **state) {
   (void)state;
   static const char *const others[] = {"name,phone\n", "s", "step,t,particle\n"};
@@ -218,7 +220,7 @@ static void tables_cannot_be_gone_on_with(void **state) {
   msim_sim_destroy(sim);
 }
 
-/* Somebody who may not is refused before anything is made. */
+/* A file or folder without write permission is refused before anything is created. */
 static void read_only_places_are_refused(void **state) {
   (void)state;
   msim_sim *sim = flight(10, 1, MSIM_SYNC_OFF);

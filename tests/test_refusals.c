@@ -1,4 +1,4 @@
-/* Wrong calls: one sentence names the culprit, and nothing has changed. */
+/* Tests of wrong calls: one message names the offending argument, and nothing changes. */
 #include <math.h>
 #include <string.h>
 
@@ -12,7 +12,7 @@ static void assert_says(const msim_error *why, const char *sentence) {
 
 enum { N = 3 };
 
-/* Each of these is refused; the pinned particle is 0. */
+/* Each of these states is refused; particle 0 is pinned. */
 static void want_no_particle(msim_state *s) { s->n--; }
 static void want_no_x(msim_state *s) { s->x = NULL; }
 static void want_no_v(msim_state *s) { s->v = NULL; }
@@ -92,7 +92,7 @@ static void ends_that_no_run_reaches(void **state) {
   refuse(&opt, "fps = 1e+09 makes 1e+09 frames; the limit is 10000000");
 }
 
-/* A program that did not call msim_options_init has no size, and no defaults. */
+/* A program that does not call msim_options_init has no size, and no defaults. */
 static void options_of_no_size(void **state) {
   (void)state;
   refuse(&(msim_options){.integrator = "verlet"},

@@ -1,5 +1,5 @@
-/* Stiff springs in steps of their own: what that costs and saves, that it is order 2 with damping
- * too, that bits are kept, and that it is left alone where it buys nothing. */
+/* Tests of respa (multirate: stiff springs take shorter steps): cost, order 2 also with damping,
+ * bit reproducibility, and plain velocity Verlet where a split saves nothing. */
 #include <math.h>
 #include <string.h>
 
@@ -11,8 +11,8 @@
 enum { SIDE = 12, N = SIDE * SIDE, CORD = 5 };
 #define T_END 0.2
 
-/* A hanging net of k = 100; springs along one row of it are a cord of k = 1e6. The
- * pins are at the ends of row 0. */
+/* A hanging net of k = 100; the springs along one of its rows form a cord of k = 1e6. The ends of
+ * row 0 are pinned. */
 static msim_scene *net(const msim_allocator *alloc, int row, double ratio) {
   msim_scene *cloth = hanging_cloth(SIDE, 100, 0), *scene;
   msim_scene_view view = {.size = sizeof view};
@@ -38,7 +38,7 @@ static msim_sim *sim_of(const msim_scene *scene, const char *method, double h) {
   return make_sim(scene, &opt);
 }
 
-/* Where the net is at T_END, and the springs that were evaluated */
+/* x: positions at T_END; returns the number of spring evaluations */
 static int64_t run(const msim_scene *scene, const char *method, double h, double *x) {
   msim_sim *sim = sim_of(scene, method, h);
   assert_ok(msim_sim_step(sim, (int64_t)round(T_END / h), err));
@@ -54,7 +54,8 @@ static double distance(const double *a, const double *b) {
   return sqrt(sum);
 }
 
-/* Velocity Verlet at its limit is accurate enough, too, and takes ten times as many. */
+/* Velocity Verlet at its stability limit is accurate enough, too, but evaluates ten times as many
+ * springs. */
 static void a_stiff_cord_costs_a_tenth(void **state) {
   (void)state;
   static double exact[3 * N], x[3 * N], y[3 * N];
@@ -71,7 +72,7 @@ static void a_stiff_cord_costs_a_tenth(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The steps of the cord are of the cord: 11 springs of 12 particles. */
+/* Only the cord takes short steps: 11 springs and 12 particles. */
 static void only_stiff_springs_are_evaluated_often(void **state) {
   (void)state;
   msim_scene *scene = net(NULL, CORD, 0);
@@ -98,8 +99,8 @@ static void only_stiff_springs_are_evaluated_often(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Soft, stiff and very stiff links of a chain: the stiff ones are kept apart where the others'
- * step is too long for them, and only there. */
+/* Soft, stiff and very stiff springs of a chain: the stiff ones are separated where the step is too
+ * long for them, and only there. */
 static void the_cut_follows_the_step(void **state) {
   (void)state;
   enum { LINKS = 300, STIFF = 10, STIFFEST = 2 };
@@ -129,7 +130,7 @@ static void the_cut_follows_the_step(void **state) {
 
 /*------------------------------------- order ----------------------------------------------------*/
 
-/* From one split, whatever the step. */
+/* With the same partition for every step length. */
 static void run_split(const msim_scene *scene, double h, int halvings, double *x, double *v) {
   msim_sim *sim = sim_of(scene, "respa", h);
   assert_non_null(sim->motion->stepper.split);
@@ -141,7 +142,7 @@ static void run_split(const msim_scene *scene, double h, int halvings, double *x
   msim_sim_destroy(sim);
 }
 
-/* Damped springs on both sides of the cut, and drag. */
+/* Damped springs on both sides of the partition, and drag. */
 static void damping_and_drag_keep_order_2(void **state) {
   (void)state;
   static double x[4][3 * N], v[4][3 * N];
@@ -194,7 +195,7 @@ static void threads_pieces_and_states_change_no_bit(void **state) {
   }
 }
 
-/* A cord between pins in a net that stays level: two components give what three do. */
+/* A cord between pinned ends in a planar net: two components give the same results as three. */
 static void flat_nets_are_split_too(void **state) {
   (void)state;
   const double down[3] = {0, 9.81, 0};
@@ -214,7 +215,8 @@ static void flat_nets_are_split_too(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A level chain that falls on a plane is reflected at the end of the step, its stiff spring too. */
+/* A horizontal chain that falls on a plane is reflected at the end of the step, its stiff spring
+ * too. */
 static void planes_reflect_at_the_end_of_the_step(void **state) {
   (void)state;
   enum { LINKS = 6 };
@@ -241,7 +243,7 @@ static void planes_reflect_at_the_end_of_the_step(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Another step or other springs are another split: that of a sim made with them. */
+/* With another step or other springs the partition is that of a new sim with them. */
 static void the_split_follows_h_and_springs(void **state) {
   (void)state;
   msim_scene *scene = net(NULL, CORD, 0), *stiffer = net(NULL, CORD, 0);
@@ -272,9 +274,10 @@ static void the_split_follows_h_and_springs(void **state) {
   msim_scene_destroy(scene), msim_scene_destroy(stiffer);
 }
 
-/*------------------------------------- nothing to gain ------------------------------------------*/
+/*------------------------------------- without stiff springs ------------------------------------*/
 
-/* All springs alike, or a step short enough for the stiffest: velocity Verlet, to the bit. */
+/* All springs of equal stiffness, or a step short enough for the stiffest: velocity Verlet, bit by
+ * bit. */
 static void what_buys_nothing_is_velocity_verlet(void **state) {
   (void)state;
   static const struct {
@@ -300,9 +303,10 @@ static void what_buys_nothing_is_velocity_verlet(void **state) {
   }
 }
 
-/*------------------------------------- unasked --------------------------------------------------*/
+/*------------------------------------- integrator = auto ----------------------------------------*/
 
-/* Where a few springs set the steps `auto` takes it, and keeps tol at a quarter of the work. */
+/* If a few springs limit the step, `auto` chooses respa, which keeps tol at a quarter of the
+ * work. */
 static void auto_finds_the_cord(void **state) {
   (void)state;
   static double exact[3 * N];
@@ -333,7 +337,7 @@ static msim_status live(const msim_scene *scene, msim_error *why) {
   if (!status) status = msim_sim_set_step(sim, 4e-4, why);
   if (!status) status = msim_sim_step(sim, 2, why);
   if (!status) status = msim_sim_set_springs(sim, k, NULL, NULL, why);
-  /* what failed has left a sim that goes on */
+  /* after a failed call the sim can go on */
   msim_error after;
   if (sim && msim_sim_step(sim, 2, &after)) fail_msg("%s", after.text);
   msim_sim_destroy(sim);

@@ -1,4 +1,4 @@
-/* A scene at exact rest is not stepped, and nobody can tell but by the counters. */
+/* Tests that a scene at exact rest is not stepped, which changes nothing but counters. */
 #include <string.h>
 
 #include "scenes.h"
@@ -9,7 +9,7 @@ static msim_options pcg(const char *method, double h) {
   return opt;
 }
 
-/* A rope that lies at its rest lengths, without gravity, above a plane. */
+/* A rope at its rest lengths without gravity, above a plane. */
 static msim_scene *lying(double damping) {
   const msim_rope rope = {sizeof rope, 5,   {0.1, 0.2, 0.3}, {0.7, 0.4, 0.9}, 1, 100, damping,
                           0,           NULL};
@@ -21,7 +21,7 @@ static msim_scene *lying(double damping) {
   return scene;
 }
 
-/* Once a step has changed nothing no further one is made, until a state or a spring is set. */
+/* After a step that changes nothing no further one is made, until a state or a spring is set. */
 static void rest_is_not_stepped(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
@@ -60,7 +60,7 @@ static void rest_is_not_stepped(void **state) {
   }
 }
 
-/* The top of a throw is no rest, nor is hanging still with a pull that the next step follows. */
+/* The top of a throw is no rest, and neither is zero velocity with a force. */
 static void standing_still_is_not_rest(void **state) {
   (void)state;
   const double x[3] = {0, 0, 0}, v[3] = {0, 0, 0.5};

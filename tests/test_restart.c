@@ -1,10 +1,10 @@
-/* bdf2 where the step before says nothing of the next one: at the start and after reflections.
- * Under error control such steps are of order 2, too; fixed ones are implicit Euler's. What is
- * estimated of the error of a step. */
+/* Tests of bdf2 where the previous step cannot be used: at the start and after reflections. Under
+ * error control such steps have order 2; fixed ones are those of implicit Euler. And of its error
+ * estimate. */
 #include "controlled.h"
 #include "sim/drive.h"
 
-/* The weight at 1 m of a spring of no length: x = cos(10 t) + sin(10 t) */
+/* A mass of 1 kg on a spring of rest length 0, 1 m from its pin: x = cos(10 t) + sin(10 t) */
 static msim_scene *oscillator(void) {
   const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, 10, 0, 0}, mass[2] = {1, 1};
   const double k = 100, rest = 0;
@@ -17,7 +17,7 @@ static msim_scene *oscillator(void) {
   return scene;
 }
 
-/* A first step of h: its error, and what is estimated of it. tol: 0, a fixed step */
+/* The error of a first step of h; *estimate: its error estimate. tol = 0: a fixed step */
 static double first_step(double h, double tol, double *estimate) {
   msim_scene *scene = oscillator();
   msim_options opt = tol > 0 ? controlled("bdf2", tol, 10) : options("bdf2", h);
@@ -38,7 +38,7 @@ static void a_first_step_is_of_order_2_under_control(void **state) {
   (void)state;
   double long_estimate, short_estimate;
   const double fixed = first_step(4e-3, 0, NULL), half = first_step(2e-3, 0, NULL);
-  assert_close(fixed / half, 4, 0.2); /* an error of h^2: implicit Euler */
+  assert_close(fixed / half, 4, 0.2); /* an error of O(h^2): implicit Euler */
   const double long_error = first_step(4e-3, 1e3, &long_estimate);
   const double short_error = first_step(2e-3, 1e3, &short_estimate);
   print_message("  %.3g, %.3g, estimated %.3g, %.3g\n", long_error, short_error, long_estimate,
@@ -51,8 +51,8 @@ static void a_first_step_is_of_order_2_under_control(void **state) {
 static double x_at(double t) { return cos(10 * t) + sin(10 * t); }
 static double v_at(double t) { return 10 * (cos(10 * t) - sin(10 * t)); }
 
-/* A step of r h from the exact states at 0 and h: the estimate of its error is its error, up to
- * terms of the next order, for any ratio r of the steps. */
+/* In a step of r h from the exact states at 0 and h the error estimate equals the error, up to
+ * terms of higher order, for any ratio r of the steps. */
 static void the_estimate_of_a_step_is_its_error(void **state) {
   (void)state;
   const double ratio[] = {0.5, 1, 2}, h = 1e-3;
@@ -77,9 +77,9 @@ static void the_estimate_of_a_step_is_its_error(void **state) {
   }
 }
 
-/* A cloth, two corners held or free, falls on a sloping floor. tr-bdf2 makes each step of two, and
- * errs as much as bdf2 with steps shorter by sqrt(0.333/0.0101) = 5.7: each impact by itself must
- * cost no more. */
+/* A cloth, two corners pinned or free, falls on a sloping floor. tr-bdf2 makes each step of two
+ * halves, and its error is that of bdf2 with steps shorter by sqrt(0.333/0.0101) = 5.7: impacts
+ * alone must not make bdf2 more expensive. */
 static int64_t steps_of(const char *method, double tol, int32_t side, double k, int is_held) {
   const int32_t corners[2] = {0, side - 1};
   const double gravity[3] = {0, 0, -9.81};
@@ -128,7 +128,7 @@ static void impacts_leave_steps_long(void **state) {
   }
 }
 
-/* A ball that falls from 1 m and bounces three times: steps end at the impacts. */
+/* A ball falls from 1 m and bounces three times: steps end at the impacts. */
 static void impacts_are_met(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, g = 9.81, e = 0.5, t_end = 1.2;
@@ -137,7 +137,7 @@ static void impacts_are_met(void **state) {
   for (up *= e; 2 * up / g < left; up *= e) left -= 2 * up / g;
   for (int32_t m = 0; method_at(m); m++) {
     if (!has_control(method_at(m)) || msim_integrator_info(m)->order == 1) continue;
-    /* every flight of bdf2 starts by a step of order 1, and doubles it then */
+    /* after each impact bdf2 starts with a step of order 1, and doubles the step from there */
     const int most = strcmp(method_at(m), "bdf2") == 0 ? 150 : 100;
     for (int i = 0; i < 3; i++) {
       msim_scene *scene = single(x, v, g);

@@ -1,6 +1,6 @@
-"""Runs that are killed at any moment, and gone on with: msim_cli run --resume.
+"""Tests of msim_cli run --resume: runs that are killed at any moment, and resumed.
 
-MSIM_KILLS: how many kills, 20 where it is not set."""
+MSIM_KILLS: number of kills, by default 20."""
 import os
 import random
 import re
@@ -45,14 +45,14 @@ class Resume(CliTest):
         return (self.folder / file).read_bytes()
 
     def interrupted(self, options, file, number):
-        """A run that a signal ended as soon as there was a file: its exit status."""
+        """A run that a signal ends as soon as its file exists; returns its exit status."""
         for _ in range(20):
             (self.folder / file).unlink(missing_ok=True)
             with self.start(*self.command(options, file)) as process:
                 self.wait_for(file)
                 process.send_signal(number)
                 process.communicate(timeout=60)
-            if process.returncode != 0:  # else it was too quick
+            if process.returncode != 0:  # otherwise the run had ended before
                 return process.returncode
         self.fail("no run was slow enough to be interrupted")
 
@@ -66,7 +66,7 @@ class Resume(CliTest):
 
 class Kills(Resume):
     def good_frames(self, file):
-        """As another reader sees them, each checked by its hash; -1 where there is no file."""
+        """Number of frames as another program reads them, checked by hash; -1 without a file."""
         if not (self.folder / file).exists():
             return -1
         program = Path(support.setting("BUILD")) / "bin/test_hdf5"
@@ -75,7 +75,7 @@ class Kills(Resume):
         return int(frames)
 
     def kill_once(self, command, delay):
-        """False where it ended before."""
+        """False if the run ended before the signal."""
         with self.start(*command) as process:
             try:
                 process.wait(delay)
@@ -86,7 +86,7 @@ class Kills(Resume):
         return process.returncode != 0
 
     def end_of(self, options, kills, chance):
-        """Kill a run again and again until it has ended; how often that was. Frames stay."""
+        """Kill and resume a run until it ends; returns the number of kills. No frame is lost."""
         begun = time.monotonic()
         self.good(*self.command(options, "whole.vtkhdf"))
         length = time.monotonic() - begun
@@ -129,9 +129,9 @@ class Ends(Resume):
         self.assertEqual(self.read("out.vtkhdf"), self.read("whole.vtkhdf"))
 
     def test_another_end(self):
-        """Kept to the file's plan, as it was made for the later one."""
+        """A resumed run keeps to the plan of the file, which was made for the later end."""
         options = "--integrator verlet --h 1e-5 --every 200 --t_end "
-        self.interrupted(options + "1", "out.vtkhdf", signal.SIGINT)  # with a frame at least
+        self.interrupted(options + "1", "out.vtkhdf", signal.SIGINT)  # with at least one frame
         for t_end in "0.8", "1":
             self.good(*self.command(options + t_end, "out.vtkhdf", "--resume"))
         self.good(*self.command(options + "1", "whole.vtkhdf"))
@@ -148,7 +148,7 @@ class Ends(Resume):
         self.refuse(self.OPTIONS + "0.5", "out.vtkhdf", "gravity")
 
     def test_beginning(self):
-        """A run that may be interrupted is one command."""
+        """The same command starts a run and resumes it."""
         args = self.command(self.OPTIONS + "0.1", "out.vtkhdf", "--resume")[:-2] + ["--resume"]
         _, _, err = self.cli(*args)
         self.assert_sentence(err, "note: there is no file of --out yet: the run begins")
@@ -163,7 +163,7 @@ class Ends(Resume):
             self.assertEqual(self.read(name), b"a diary\n")
             self.assert_refused(["run", "scene.json", "--out", name, "--resume"], name)
             self.good("run", "scene.json", "--out", name, "--force", "--quiet")
-            self.good("run", "scene.json", "--out", name, "--quiet")  # ours may be replaced
+            self.good("run", "scene.json", "--out", name, "--quiet")  # a trajectory may be replaced
 
 
 class Limits(Resume):
@@ -178,10 +178,10 @@ class Limits(Resume):
                 self.assertEqual(status, 1)
                 self.assert_sentence(err, "out.vtkhdf", "is being written by another recorder")
             process.kill()
-        self.good(*self.command(self.OPTIONS, "out.vtkhdf", "--resume"))  # the lock is gone
+        self.good(*self.command(self.OPTIONS, "out.vtkhdf", "--resume"))  # the lock is released
 
     def test_no_room(self):
-        """Said before the run, without a signal and without a crash at exit."""
+        """A message before the run, without a signal and without a crash at exit."""
         def limit():
             resource.setrlimit(resource.RLIMIT_FSIZE, (200000, 200000))
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

@@ -1,23 +1,23 @@
-/* ms_root of the widest registers that the build knows: square roots and their inverses against
- * long double. */
+/* Tests of ms_root for the widest registers that the build supports: square roots and their
+ * inverses against long double. */
 #include "base/simd.h"
 #include "testing.h"
 
 enum { MANY = 1 << 21 };
 
-/* In units in the last place of doubles */
+/* In units in the last place of double precision */
 static double distance_in_ulp(double value, long double exact) {
   return (double)(fabsl(value - exact) / scalbnl(1, ilogbl(exact) - 52));
 }
 
-/* What base/simd.h says of 1/sqrt(v) */
+/* the error of 1/sqrt(v) in units in the last place, as base/simd.h states it */
 #ifdef __AVX512F__
 static const double most = 1;
 #else
 static const double most = 1.5;
 #endif
 
-/* Of numbers of all sizes; sqrt(v) is nearly always rounded to the nearest. */
+/* Over the whole range of exponents. sqrt(v) is almost always correctly rounded. */
 static void roots_of_all_sizes(void **state) {
   (void)state;
   unsigned seed = 1;

@@ -1,11 +1,12 @@
-/* The scene as a program builds it: what is refused, what is copied, and want of memory. */
+/* Tests of scenes built by a program: what is refused, what is copied, and out-of-memory
+ * handling. */
 #include <math.h>
 
 #include "scene_check.h"
 
 static const double x3[9] = {0, 0, 0, 3, 4, 0, 1, 1, 1}, mass3[3] = {1, 2, 3};
 
-/* Three particles and a spring, all else by default. */
+/* Three particles and a spring, everything else by default. */
 static msim_scene *bare(const msim_allocator *alloc) {
   static const int32_t ij[2] = {0, 1};
   static const double k[1] = {10};
@@ -16,7 +17,7 @@ static msim_scene *bare(const msim_allocator *alloc) {
   return scene;
 }
 
-/* Something of everything. */
+/* A scene with everything. */
 static msim_scene *sample(const msim_allocator *alloc) {
   static const double gravity[3] = {0, 1, -9.81};
   static const int32_t pinned[1] = {1};
@@ -68,7 +69,7 @@ static void adding_nothing_is_legal(void **state) {
   msim_scene_destroy(NULL);
 }
 
-/* A normal of unit length to rounding stays bit for bit, and offset with it. */
+/* A normal of unit length, up to rounding, is stored bit by bit, and so is its offset. */
 static void unit_normals_stay(void **state) {
   (void)state;
   msim_scene *scene;
@@ -116,7 +117,7 @@ static void bad_particles_are_refused(void **state) {
   assert_refused(s, msim_scene_add_particles(s, 2, x3, NULL, endless, err), "mass[1] is inf");
   assert_refused(s, msim_scene_add_particles(s, INT32_MAX, x3, NULL, mass3, err),
                  "2147483650 particles are more than the limit of 715827882");
-  const int32_t room = INT32_MAX / 3 - 3; /* numbers are looked at where all of them fit */
+  const int32_t room = INT32_MAX / 3 - 3; /* values are checked only if the count is allowed */
   assert_refused(s, msim_scene_add_particles(s, room + 1, endless, NULL, mass3, err),
                  "715827883 particles are more than the limit of 715827882");
   assert_refused(s, msim_scene_add_particles(s, room, endless + 1, NULL, mass3, err),
@@ -262,7 +263,7 @@ static msim_status (*const changes[])(msim_scene *, msim_error *) = {
     change_pins, change_rope,    change_cloth, change_lattice,   change_run};
 enum { NCHANGES = sizeof changes / sizeof *changes };
 
-/* What a change makes of the sample, alone. */
+/* The text of the sample after the change. */
 static char *text_after(int change) {
   msim_scene *scene = sample(NULL);
   assert_ok(changes[change](scene, err));
@@ -294,7 +295,7 @@ static void shared_data_never_changes(void **state) {
   }
 }
 
-/* Starve the change after ever more allocations until it has what it needs. */
+/* Fail the change after ever more allocations, until it succeeds. */
 static void starve(int change, int shared) {
   char *wanted = text_after(change);
   msim_status status = MSIM_ERR_MEMORY;

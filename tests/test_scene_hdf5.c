@@ -1,5 +1,5 @@
-/* Scenes in HDF5 files: they mean what the JSON means, come back to the bit, are refused in the
- * same sentences, and lead nowhere. */
+/* Tests of scenes in HDF5 files: equal to the same scenes in JSON, unchanged bit by bit when
+ * written and read back, refused with the same messages, and without access to other files. */
 #define _POSIX_C_SOURCE 200809L /* mkdtemp */
 #include <errno.h>
 #include <hdf5.h>
@@ -12,7 +12,7 @@
 #include "scene_check.h"
 #include "scenes.h"
 
-/* What libhdf5 keeps of a file that it could not write is not ours. */
+/* libhdf5 leaks memory of a file that it could not write. */
 const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libhdf5"; }
 
@@ -22,7 +22,7 @@ static char folder[] = "/tmp/msim_test_XXXXXX";
 
 static int enter(void **state) {
   (void)state;
-  H5Eset_auto2(H5E_DEFAULT, NULL, NULL); /* whether a link is there is asked in vain */
+  H5Eset_auto2(H5E_DEFAULT, NULL, NULL); /* no messages where a missing link is looked up */
   return mkdtemp(folder) && chdir(folder) == 0 ? 0 : -1;
 }
 
@@ -32,7 +32,7 @@ static int leave(void **state) {
   return chdir("/") == 0 && rmdir(folder) == 0 ? 0 : -1;
 }
 
-/* A dataset from native numbers; dims end with a negative one. */
+/* A dataset from native numbers; a negative number ends dims. */
 static void put(hid_t file, const char *path, hid_t type, const hssize_t *dims, const void *data) {
   hsize_t extent[4];
   int rank = 0;
@@ -78,7 +78,7 @@ static void write_with(mangler *mangle) {
   assert_true(H5Fclose(file) >= 0);
 }
 
-/*------------------------------------- what it means --------------------------------------------*/
+/*------------------------------------- content --------------------------------------------------*/
 
 static void assert_same_bits(const msim_scene *one, const msim_scene *other) {
   const msim_scene_view a = view_of(one), b = view_of(other);
@@ -100,7 +100,7 @@ static void assert_same_bits(const msim_scene *one, const msim_scene *other) {
   assert_memory_equal(&a.drag, &b.drag, sizeof a.drag);
 }
 
-/* Strings are borrowed from the scenes: compared as such. */
+/* Strings belong to the scenes, and are compared as strings. */
 static void assert_same_run(const msim_scene *one, const msim_scene *other) {
   msim_options a, b;
   msim_options_init(&a, sizeof a);
@@ -113,7 +113,7 @@ static void assert_same_run(const msim_scene *one, const msim_scene *other) {
   assert_memory_equal(&a, &b, sizeof a);
 }
 
-/* A superblock of version 0 has the address of the end in its 40th byte. */
+/* In a superblock of version 0 the 8 bytes at offset 40 are the address of the end. */
 static void assert_ends_where_it_says(const char *path) {
   uint64_t end = 0;
   FILE *file = fopen(path, "rb");
@@ -139,7 +139,7 @@ static void scenes_come_back_to_the_bit(void **state) {
   }
 }
 
-/* Other numbers than ours, lists as groups, a name among the pinned. */
+/* Other number types than msim writes, lists as groups, a name among the pinned. */
 static void mangle_other_types(hid_t file) {
   put(file, "gravity", H5T_NATIVE_FLOAT, DIMS(3), (float[]){0, 0, -10});
   put(file, "particles/pinned", H5T_NATIVE_UINT8, DIMS(1), (uint8_t[]){1});
@@ -177,7 +177,7 @@ static void it_means_what_the_json_means(void **state) {
   msim_scene_destroy(hdf5);
 }
 
-/*------------------------------------- what is wrong --------------------------------------------*/
+/*------------------------------------- refusals -------------------------------------------------*/
 
 static void no_version(hid_t f) { H5Ldelete(f, "msim", H5P_DEFAULT); }
 static void unknown_key(hid_t f) { put_text(f, "gravitiy", "down"); }
@@ -214,7 +214,7 @@ static void named_type(hid_t f) {
   H5Tclose(type);
 }
 
-/* One group under many names, many times over. */
+/* One group under many names, on three levels. */
 static void many_names(hid_t f) {
   hid_t group = f;
   for (int level = 0; level < 3; level++) {
@@ -230,7 +230,7 @@ static void many_names(hid_t f) {
   H5Gclose(group);
 }
 
-/* A dataset that is never written, planned as `plan` says. */
+/* A dataset that is never written, with the creation properties `plan`. */
 static void plan_only(hid_t f, const char *path, hid_t type, hid_t plan, const hssize_t *dims) {
   hsize_t extent[4];
   int rank = 0;
@@ -352,7 +352,7 @@ static void what_is_wrong_is_named(void **state) {
   }
 }
 
-/*------------------------------------- the rest -------------------------------------------------*/
+/*------------------------------------- memory and files -----------------------------------------*/
 
 static void want_of_memory_leaves_nothing(void **state) {
   (void)state;
@@ -386,7 +386,7 @@ static void what_is_no_hdf5_is_refused(void **state) {
   assert_string_equal(err.text, "a.h5: cannot read it as HDF5: file signature not found");
 }
 
-/* What was there before stays. */
+/* The old file stays. */
 static void a_full_disk_is_seen_before_anything_is_written(void **state) {
   (void)state;
   write_with(NULL);

@@ -1,4 +1,5 @@
-/* Scene files: what they may say, what they are when written, and back again to the bit. */
+/* Tests of scene files in JSON: what they may contain, how they are written, and that a scene which
+ * is written and read back agrees bit by bit. */
 #define _POSIX_C_SOURCE 200809L
 #include <locale.h>
 #include <math.h>
@@ -75,7 +76,7 @@ static void a_full_file_is_read(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The file's own springs keep their numbers, and may end at particles of objects. */
+/* The springs of the file itself come first, and may end at particles of objects. */
 static void springs_come_before_those_of_objects(void **state) {
   (void)state;
   msim_scene *scene = parse(NULL, full);
@@ -94,7 +95,7 @@ static void springs_come_before_those_of_objects(void **state) {
   "{\"msim\": 1, \"objects\": [{\"type\": \"cloth\", \"n\": [3, 4], \"origin\": [1, 2, 3], " \
   "\"row\": [0, 0, -1], \"column\": [2, 0, 0], \"mass\": 3, "
 
-/* A file's object is the object of the program. */
+/* An object in a file gives the same scene as the same object added by the API. */
 static void objects_are_those_of_the_api(void **state) {
   (void)state;
   msim_scene *api;
@@ -199,7 +200,7 @@ static void assert_same(const msim_scene *a, const msim_scene *b) {
   }
 }
 
-/* Numbers of all sizes with all their digits. */
+/* Numbers of many magnitudes, with all digits of the mantissa. */
 static msim_scene *awkward(void) {
   enum { N = 50 };
   msim_scene *scene = parse(NULL, full);
@@ -233,7 +234,7 @@ static void what_is_written_is_read_back_to_the_bit(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Where numbers are left out or said once for all, 0 and -0 are not the same. */
+/* Where values are omitted or written once for all, 0 and -0 are distinguished. */
 static void zeros_keep_their_signs(void **state) {
   (void)state;
   const double x[6] = {1, 2, 3, 4, 5, 6}, v[6] = {0, 0, -0.0, 0, 0, 0}, mass[2] = {1, 1};
@@ -267,7 +268,7 @@ static void a_scene_not_changed_is_its_file(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A comma for a decimal point must not get into files, nor spoil what is in them. */
+/* A comma as the decimal separator must neither be written to files nor change what is read. */
 static void the_locale_does_not_matter(void **state) {
   (void)state;
   require(setlocale(LC_NUMERIC, "de_DE.UTF-8") != NULL, "the locale de_DE.UTF-8");
@@ -362,7 +363,7 @@ static void files_that_cannot_be_written_are_named(void **state) {
   rmdir("taken");
 }
 
-/* A full disk, nearly: what was there before stays. */
+/* If the disk is full while a scene is written, the old file stays. */
 static void a_write_cut_short_leaves_the_old_file(void **state) {
   (void)state;
   msim_scene *scene = parse(NULL, full), *again;
@@ -385,7 +386,7 @@ static void a_write_cut_short_leaves_the_old_file(void **state) {
   msim_scene_destroy(scene);
 }
 
-/*------------------------------------- the rest -------------------------------------------------*/
+/*------------------------------------- memory and arguments -------------------------------------*/
 
 static void want_of_memory_leaves_nothing(void **state) {
   (void)state;

@@ -1,5 +1,5 @@
-/* How much errors grow in a run: measured beside the exact rate of an unstable equilibrium, and
- * reported where motion is chaotic, but not where it is regular. */
+/* Tests of error growth: the measured rate against that of an unstable equilibrium, and the
+ * warning, which appears for chaotic motion only. */
 #include <math.h>
 #include <stdio.h>
 
@@ -19,8 +19,8 @@ static void take_report(const char *text, void *user) {
   r->n++;
 }
 
-/* n particles of 1 kg between two pinned ones, 0.5 m apart, in a line; springs of 50 N/m and of
- * this rest length. They move along the line, by different distances. */
+/* n particles of 1 kg between two pinned ones on a line, 0.5 m apart; springs of 50 N/m and this
+ * rest length. The particles move along the line, by different distances. */
 static msim_scene *column(int32_t n, double rest, double damping, double drag) {
   const double k = 50, mass = 1;
   const int32_t ends[2] = {0, n + 1};
@@ -53,11 +53,11 @@ static void run(const msim_scene *scene, const msim_options *opt) {
   msim_sim_destroy(sim);
 }
 
-/* Across the line displacements obey y_i'' = g (2 y_i - y_(i-1) - y_(i+1)) - b y_i' with
- * g = (k/m)(L/l - 1) = 5 and drag b: by the eigenvalues of that matrix, 2 for one particle and 3
- * for two, they grow like exp(a t), a^2 + b a = 10 or 15. So E = (exp(a t) - 1)/(a T) reaches 30 at
- * t = ln(30 a T + 1)/a; later only as the first disturbance is in all modes, and strides take
- * 0.2 s. Dampers act along the line alone. */
+/* Displacements y_i perpendicular to the line obey y_i'' = g (2 y_i - y_(i-1) - y_(i+1)) - b y_i'
+ * with g = (k/m)(L/l - 1) = 5 and drag b. With the largest eigenvalue of that matrix, 2 for one
+ * particle and 3 for two, they grow like exp(a t), a^2 + b a = 10 or 15. So E = (exp(a t) - 1)/(a
+ * T) reaches 30 at t = ln(30 a T + 1)/a, or later, as the first disturbance is spread over all
+ * modes, and as strides take 0.2 s. Dampers act along the line only. */
 static void growth_is_that_of_the_unstable_mode(void **state) {
   static const char *const methods[] = {"dop853", "rk4", "heun", "auto"};
   static const struct {
@@ -79,7 +79,7 @@ static void growth_is_that_of_the_unstable_mode(void **state) {
   }
 }
 
-/* The same springs pull where they are longer than at rest. A run without an end goes on and on. */
+/* The same springs in tension are stable. The first run has an end, the second has none. */
 static void regular_motion_is_not_reported(void **state) {
   (void)state;
   for (int endless = 0; endless < 2; endless++) {
@@ -106,7 +106,7 @@ static double distance(const msim_scene *scene, const msim_options *a, const msi
   return largest;
 }
 
-/* Errors are far above tol there, though each step keeps it. */
+/* The error is far above tol, though each step keeps it. */
 static void chaos_is_reported_once(void **state) {
   static const char *const methods[] = {"dop853", "auto"};
   msim_scene *scene = folded_rope(16);
@@ -121,7 +121,7 @@ static void chaos_is_reported_once(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Nothing is measured without the watch, which changes no bit. */
+/* With watch = off nothing is measured; the measurement changes no bit of the run. */
 static void watch_changes_no_bit(void **state) {
   msim_scene *scene = folded_rope(16);
   reports r, none;
@@ -149,7 +149,7 @@ static void resumed_runs_measure_the_same(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* With a force evaluation a step at the limit of stability, it would take half of them all. */
+/* At the stability limit a measurement with one force evaluation per step would double the cost. */
 static void expensive_measurement_is_left_off(void **state) {
   msim_scene *scene = hanging_cloth(5, 1e5, 0);
   reports r;
@@ -170,8 +170,8 @@ static void expensive_measurement_is_left_off(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(without), msim_scene_destroy(scene);
 }
 
-/* At a plane across the line, from which particle 1 bounces, displacements across the line go on as
- * before: they touch no impact. So E grows as without it. */
+/* Impacts of particle 1 with a plane perpendicular to the line do not affect displacements across
+ * the line: E grows as it does without the plane. */
 static void growth_goes_on_past_impacts(void **state) {
   static const char *const methods[] = {"dop853", "rk4", "auto"};
   const double T = 4, a = 3.1623, expected = log(30 * a * T + 1) / a;
@@ -192,7 +192,7 @@ static void growth_goes_on_past_impacts(void **state) {
   }
 }
 
-/* A block of 1 kg and edges of 0.2 m just above a rough floor, which pulls it askew. */
+/* A block of 1 kg with edges of 0.2 m just above a rough floor, under oblique gravity. */
 static msim_scene *dropped(int32_t side, double k, double damping, double restitution,
                            const double gravity[3]) {
   const msim_lattice lattice = {.size = sizeof lattice,
@@ -210,7 +210,7 @@ static msim_scene *dropped(int32_t side, double k, double damping, double restit
   return scene;
 }
 
-/* Where nothing is lost in impacts, those of many particles are chaotic, in islands of any size. */
+/* With elastic impacts the motion of many particles is chaotic, in islands of any size. */
 static void chaos_by_impacts_is_reported(void **state) {
   static const char *const methods[] = {"dop853", "auto"};
   const double gravity[3] = {-2.65, -4.5, -8.3};
@@ -226,8 +226,8 @@ static void chaos_by_impacts_is_reported(void **state) {
   }
 }
 
-/* It lands and comes to rest, particle by particle: the last bounces take no time, and what they do
- * to a disturbance ends with them. */
+/* The block lands and comes to rest, particle by particle: the last bounces take no time, and their
+ * effect on a disturbance ends with them. */
 static void landing_is_not_reported(void **state) {
   const double gravity[3] = {-0.76, -0.94, -9.7};
   (void)state;
@@ -241,8 +241,8 @@ static void landing_is_not_reported(void **state) {
   }
 }
 
-/* Measurement starts anew from a state that is set, and at the first contact where it had been left
- * off, as in an island this large. */
+/* Measurement starts anew from a state that is set, and, if it had been left off, at the first
+ * contact, as in an island this large. */
 static void measurement_starts_anew(void **state) {
   const double gravity[3] = {-2.65, -4.5, -8.3};
   msim_scene *scene = dropped(5, 4171, 0, 1, gravity);

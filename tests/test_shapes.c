@@ -1,5 +1,5 @@
-/* Springs of any shape - hubs, duplicates, lone particles, shuffled numbers, few unknowns - against
- * plain loops over the springs, to rounding. */
+/* Tests of forces and matrices on irregular graphs of springs (hubs, duplicates, isolated
+ * particles, shuffled order, few unknowns) against plain loops over the springs, up to rounding. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,7 +38,7 @@ static void pin(shape *s, int32_t i) {
   for (int c = 0; c < 3; c++) s->v[3 * i + c] = 0;
 }
 
-/* New numbers for all particles, springs in a new order and turned round. */
+/* New indices for all particles, springs in a new order and with ends exchanged. */
 static void shuffle(shape *s) {
   int32_t number[MOST];
   for (int32_t i = 0; i < s->n; i++) {
@@ -69,9 +69,9 @@ static msim_scene *scene_of(const shape *s) {
   return scene;
 }
 
-/*------------------------------------- plain loops ----------------------------------------------*/
+/*------------------------------------- reference loops ------------------------------------------*/
 
-/* A flat vector, and the sum of the magnitudes that were added to each entry. */
+/* A vector of 3 components per particle, and the sum of the magnitudes added to each entry. */
 typedef struct total {
   double sum[3 * MOST], magnitude[3 * MOST];
 } total;
@@ -109,7 +109,8 @@ static void plain_force(const shape *s, const ms_scene *scene, total *f) {
   }
 }
 
-/* (M - h D - h^2 J) v: each spring takes t dv + (w.dv) w from i, gives it to j */
+/* (M - h D - h^2 J) v: each spring subtracts t dv + (w.dv) w at i and adds it at j, dv = v_j -
+ * v_i */
 static void plain_product(const shape *s, const ms_scene *scene, total *y) {
   const double h = 1.0 / H_INVERSE;
   memset(y, 0, sizeof *y);
@@ -137,7 +138,7 @@ static void assert_same(const ms_model *model, const double *vec, const total *e
       assert_close(flat[i], expected->sum[i], 1e-13 * (100 + expected->magnitude[i]));
 }
 
-/* A v by the expanded matrix */
+/* A v by the assembled matrix */
 static void multiply(const ms_model *model, const ms_coefficients *a, const double *v, double *y) {
   ms_graph graph;
   ms_matrix m;
@@ -155,7 +156,7 @@ static void multiply(const ms_model *model, const ms_coefficients *a, const doub
   ms_graph_destroy(model, &graph);
 }
 
-/* Every instruction set: right to rounding. */
+/* Every instruction set: accurate up to rounding. */
 static void compare_kernels(ms_model *model, const shape *s) {
   static const char *const sets[] = {"baseline", "avx2", "avx512"};
   static total force, product, magnitude;
@@ -171,7 +172,7 @@ static void compare_kernels(ms_model *model, const shape *s) {
   assert_ok(ms_coefficients_create(model, &a, err));
   for (size_t i = 0; i < sizeof sets / sizeof *sets; i++) {
     model->isa = ms_isa_named(sets[i]);
-    if (model->isa < 0) continue; /* not for this CPU */
+    if (model->isa < 0) continue; /* not supported by this CPU */
     ms_force(model, x, v, y);
     assert_same(model, y, &force);
     ms_coefficients_compute(model, x, 1.0 / H_INVERSE, 0, &a);
@@ -179,7 +180,7 @@ static void compare_kernels(ms_model *model, const shape *s) {
     assert_same(model, y, &product);
   }
   model->isa = ms_isa_best();
-  if (a.block == 3) { /* some spring has a length */
+  if (a.block == 3) { /* some rest length is not 0 */
     multiply(model, &a, v, y);
     assert_same(model, y, &product);
   }
@@ -192,7 +193,7 @@ static void compare_kernels(ms_model *model, const shape *s) {
   for (int i = 0; i < 3; i++) ms_delete(alloc, vectors[i]);
 }
 
-/* A run in two pieces, the second in a sim of its own. */
+/* A run in two parts, the second in a sim of its own. */
 static void compare_restart(const msim_scene *scene) {
   msim_options opt = options("verlet", 1e-3);
   msim_sim *whole = make_sim(scene, &opt), *part = make_sim(scene, &opt);
@@ -224,7 +225,7 @@ static void compare_shuffled(shape *s) {
   compare(s);
 }
 
-/*------------------------------------- shapes ---------------------------------------------------*/
+/*------------------------------------- graphs ---------------------------------------------------*/
 
 static shape s;
 
@@ -235,7 +236,7 @@ static void stars(void **state) {
     for (int32_t i = 1; i < n; i++) join(&s, 0, i);
     compare_shuffled(&s);
   }
-  /* longer than a part */
+  /* longer than a part of a split row */
   place(&s, MOST / 2);
   for (int32_t i = 1; i < s.n; i++) join(&s, 0, i), join(&s, i, 1);
   compare_shuffled(&s);
@@ -267,7 +268,7 @@ static void chains_and_grids(void **state) {
   compare_shuffled(&s);
 }
 
-/* Hundreds of springs between the same two, beside isolated particles. */
+/* Hundreds of springs between one pair, and isolated particles. */
 static void duplicates(void **state) {
   (void)state;
   for (int32_t times = 1; times < 500; times *= 5) {
@@ -300,7 +301,7 @@ static void random_graphs(void **state) {
   }
 }
 
-/* Particles keep their numbers in messages, whatever rows they have. */
+/* Messages name particles by their index in the scene, in whatever order the unknowns are. */
 static void the_scene_names_particles(void **state) {
   (void)state;
   place(&s, 500);

@@ -1,5 +1,6 @@
-/* The life of a sim: same bits however it is run and watched, nothing allocated in a step, nothing
- * lost when memory ends, ends hit exactly, trouble reported with step, time and particle. */
+/* Tests of sims from creation to destruction: the same bits in however many calls, no allocation
+ * in a step, unchanged after lack of memory, exact ends, events reported with step, time and
+ * particle. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,13 +11,13 @@
 
 enum { SIDE = 6, N = SIDE * SIDE };
 
-/* Its next step depends on more than x and v. */
+/* The next step depends on more than x and v. */
 static int has_memory(const char *method) {
   return strcmp(method, "newmark") == 0 || strcmp(method, "bdf2") == 0 ||
          strcmp(method, "takahashi-imada") == 0;
 }
 
-/* Cloth that falls on a plane, damped or not: every pass at work. */
+/* A damped or undamped cloth that falls on a plane: all features. */
 static msim_scene *everything(double damping) {
   msim_scene *scene = hanging_cloth(SIDE, 100, damping);
   plane(scene, 0, 0, 1, -0.05, 0.5, 0.3);
@@ -63,8 +64,8 @@ static void pieces_and_watching_change_no_bit(void **state) {
     }
 }
 
-/* Going on from a state that was read gives the bits of going on. verlet needs its own velocity
- * for that, and gets it. */
+/* A new sim set to a state that was read continues with the same bits. verlet needs its half-step
+ * velocity for that, which is part of the state. */
 static void set_state_goes_on_bit_for_bit(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
@@ -154,9 +155,9 @@ static void plan(double h, int64_t steps, double t_end, double want_h, int64_t w
 
 static void ends_are_hit(void **state) {
   (void)state;
-  plan(0.1, 7, 99, 0.1, 7);          /* steps win over t_end */
-  plan(0.1, -1, 1, 0.1, 10);         /* 1/0.1 is a whole number to rounding */
-  plan(0.3, -1, 1, 0.25, 4);         /* lowered, and said so */
+  plan(0.1, 7, 99, 0.1, 7);          /* steps have precedence over t_end */
+  plan(0.1, -1, 1, 0.1, 10);         /* 1/0.1 is a whole number up to rounding */
+  plan(0.3, -1, 1, 0.25, 4);         /* lowered, with a warning */
   plan(0.1, -1, 1 + 1e-11, 0.1, 10); /* still whole to 1e-9 */
   plan(0.1, -1, 1 + 1e-6, (1 + 1e-6) / 11, 11);
   plan(0.1, 0, -1, 0.1, 0); /* no steps: the start */
@@ -184,14 +185,15 @@ static void frames(int64_t every, double fps, int64_t steps, int n, const int64_
   msim_scene_destroy(scene);
 }
 
-/* The first step at or after a frame's time, no interpolation; start and end are frames too. */
+/* A frame is the first step at or after its time, without interpolation; start and end are frames
+ * too. */
 static void frames_fall_on_steps(void **state) {
   (void)state;
   frames(3, 0, 10, 5, (const int64_t[]){0, 3, 6, 9, 10});
   frames(5, 0, 10, 3, (const int64_t[]){0, 5, 10});
   frames(0, 2, 12, 4, (const int64_t[]){0, 5, 10, 12});
   frames(0, 4, 10, 5, (const int64_t[]){0, 3, 5, 8, 10}); /* 0.25, 0.5, 0.75, 1.0 s */
-  frames(0, 1000, 3, 4, (const int64_t[]){0, 1, 2, 3});   /* no faster than the steps */
+  frames(0, 1000, 3, 4, (const int64_t[]){0, 1, 2, 3});   /* at most one per step */
   frames(0, 0, 4, 5, (const int64_t[]){0, 1, 2, 3, 4});
 }
 
@@ -211,19 +213,19 @@ static void stop_ends_after_the_step(void **state) {
   assert_int_equal(msim_sim_step(sim, 5, &why), MSIM_STOPPED);
   assert_int_equal(state_of(sim).step, 3);
   assert_non_null(strstr(why.text, "step 3"));
-  assert_ok(msim_sim_run(sim, NULL, NULL, err)); /* and goes on when told to */
+  assert_ok(msim_sim_run(sim, NULL, NULL, err)); /* the run continues when it is called again */
   assert_int_equal(state_of(sim).step, 20);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
-/*------------------------------------- trouble --------------------------------------------------*/
+/*------------------------------------- events and refusals --------------------------------------*/
 
 static void blow_up_is_reported_and_refused(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
-    if (is_implicit(method_at(m))) continue;    /* those do not blow up */
-    if (refuses_planes(method_at(m))) continue; /* what it shows is larger than what it carries */
+    if (is_implicit(method_at(m))) continue;    /* implicit methods do not blow up */
+    if (refuses_planes(method_at(m))) continue; /* its x, v exceed its own variables */
     msim_scene *scene = hanging_cloth(SIDE, 1e6, 0);
     msim_options opt = pcg(method_at(m), 0.1);
     opt.watch = MSIM_WATCH_OFF;
@@ -329,14 +331,14 @@ static msim_status build_and_step(const msim_allocator *alloc, const char *metho
   if (!status && strcmp(method, "verlet") != 0) status = msim_sim_matrix(sim, &A, err);
   const double out[9] = {0, 0, 0, 1, 0, 0.1, 2, 0.1, 0}, rest[9] = {0};
   const msim_state risen = {.size = sizeof risen, .n = 3, .x = out, .v = rest};
-  if (!status) status = msim_sim_set_state(sim, &risen, err); /* no longer flat */
+  if (!status) status = msim_sim_set_state(sim, &risen, err); /* no longer planar */
   if (!status) status = msim_sim_step(sim, 2, err);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
   return status;
 }
 
-/* Every allocation fails in turn: a status, no crash, no leak. */
+/* Each allocation fails in turn: a status, no crash, no leak. */
 static void every_allocation_may_fail(void **state) {
   (void)state;
   static const char *const pairs[][2] = {{"verlet", "pcg"},
@@ -389,7 +391,7 @@ static void a_step_allocates_nothing(void **state) {
   }
 }
 
-/* The sim shares the scene: neither destroying nor changing it reaches the sim. */
+/* The sim shares the scene: destroying or changing the scene does not affect the sim. */
 static void the_scene_is_shared_and_safe(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0}, up[3] = {0, 0, 100};
@@ -403,7 +405,7 @@ static void the_scene_is_shared_and_safe(void **state) {
   msim_sim_destroy(sim);
 }
 
-/*------------------------------------- skips ----------------------------------------------------*/
+/*------------------------------------- features -------------------------------------------------*/
 
 static void what_is_not_needed_does_not_run(void **state) {
   (void)state;
@@ -411,7 +413,7 @@ static void what_is_not_needed_does_not_run(void **state) {
   for (int32_t m = 0; method_at(m); m++) {
     if (is_implicit(method_at(m))) continue;
     msim_options opt = options(method_at(m), 1e-3);
-    opt.solver = "no-such-solver"; /* an explicit method never asks */
+    opt.solver = "no-such-solver"; /* explicit methods need no solver */
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 10, err));
     msim_stats s = stats_of(sim);
@@ -422,12 +424,12 @@ static void what_is_not_needed_does_not_run(void **state) {
   msim_options opt = pcg("velocity-verlet", 1e-3);
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 10, err));
-  assert_int_equal(stats_of(sim).force_evaluations, 11); /* the last a of a step is the next's */
+  assert_int_equal(stats_of(sim).force_evaluations, 11); /* the last a of a step is reused */
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
-/* A pass that is kept although nothing needs it changes no bit. */
+/* A feature that is kept although it is not needed changes no bit. */
 static void skips_change_no_bit(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++)

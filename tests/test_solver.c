@@ -1,4 +1,4 @@
-/* The policy over linear solvers, run with the solver that the argument names. */
+/* Tests of linear solvers in implicit steps; the argument names the solver. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -15,8 +15,9 @@ static msim_options implicit(double h) {
   return opt;
 }
 
-/* A compressed column of two springs between pinned ends, bent a little: it buckles, and the exact
- * matrix is indefinite for h > 0.1/sigma. */
+/* A compressed column of two springs between pinned ends, slightly bent: it buckles. Across the
+ * column the stiffness is 2 k (1 - L/l) = -25 N/m, so that the exact matrix is indefinite for h >
+ * sqrt(m/25) = 0.063 s. */
 static msim_scene *column(void) {
   const double x[9] = {0, 0, 0, 0.4, 1e-3, 5e-4, 0.8, 0, 0}, mass[3] = {1, 0.1, 1};
   const double k[2] = {50, 50}, rest[2] = {0.5, 0.5};
@@ -29,7 +30,8 @@ static msim_scene *column(void) {
   return scene;
 }
 
-/* A triangle of free particles, compressed: couples unknowns, so nothing is diagonal. */
+/* A compressed triangle of free particles: its springs couple unknowns, so that A is not
+ * diagonal. */
 static msim_scene *crushed_triangle(void) {
   const double x[9] = {0, 0, 0, 0.5, 0, 0, 0.2, 0.4, 0}, mass[3] = {1, 1, 1};
   const double k[3] = {500, 500, 500}, rest[3] = {1, 1, 1};
@@ -41,7 +43,7 @@ static msim_scene *crushed_triangle(void) {
   return scene;
 }
 
-/* ||b - A v|| of the step just made, with the matrix and forces before it. */
+/* ||b - A v|| of the step just made, with the matrix and the forces before it. */
 static void answer_solves_the_system(void **state) {
   (void)state;
   enum { SIDE = 6, N = SIDE * SIDE };
@@ -58,7 +60,7 @@ static void answer_solves_the_system(void **state) {
   msim_sim_force(sim, s.x, zero, f);
   for (int i = 0; i < 3 * N; i++) b[i] = view.mass[i / 3] * s.v[i] + opt.h * f[i];
   assert_ok(msim_sim_matrix(sim, &A, err));
-  double values[9 * 13 * N]; /* at most 12 neighbours */
+  double values[9 * 13 * N]; /* a particle has at most 12 neighbours */
   memcpy(values, A.val, (size_t)A.rowptr[A.n] * sizeof *values);
   assert_ok(msim_sim_step(sim, 1, err));
   memcpy(v, state_of(sim).v, sizeof v);
@@ -73,8 +75,9 @@ static void answer_solves_the_system(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A lone spring is SPD iff h^2 k (L/l - 1) < m1 m2/(m1 + m2) = 1/2. The diagonal blocks are
- * positive definite on both sides of that: the whole matrix has to be looked at. */
+/* The matrix of a single spring between free particles is positive definite iff h^2 k (L/l - 1) <
+ * m1 m2/(m1 + m2) = 1/2. On both sides of this limit the diagonal blocks are positive definite: the
+ * solver has to examine the whole matrix. */
 static void definiteness_ends_where_theory_says(void **state) {
   (void)state;
   for (int beyond = 0; beyond < 2; beyond++) {
@@ -87,7 +90,7 @@ static void definiteness_ends_where_theory_says(void **state) {
     assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
     msim_options opt = implicit(h);
     opt.indefinite = MSIM_INDEFINITE_STOP;
-    opt.watch = MSIM_WATCH_OFF; /* close to a singular matrix steps are huge */
+    opt.watch = MSIM_WATCH_OFF; /* near a singular matrix the step changes v by very much */
     msim_sim *sim = make_sim(scene, &opt);
     assert_int_equal(msim_sim_step(sim, 1, NULL), beyond ? MSIM_NOT_SPD : MSIM_OK);
     msim_sim_destroy(sim);
@@ -112,7 +115,7 @@ static void stop_reports_and_keeps_the_state(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Where every step is indefinite, indefinite = clamp makes the steps of jacobian = clamp. */
+/* If every step is indefinite, indefinite = clamp makes the same steps as jacobian = clamp. */
 static void clamp_repeats_the_step_clamped(void **state) {
   (void)state;
   msim_scene *scene = crushed_triangle();
@@ -151,7 +154,7 @@ static void solve_wants_a_solver_that_can(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* K of a free body does nothing to a translation: it falls as one, however stiff it is. */
+/* A free body has K u = 0 for a translation u: it falls like a particle, however stiff it is. */
 static void a_free_solid_falls(void **state) {
   (void)state;
   enum { SIDE = 8, N = SIDE * SIDE * SIDE };
@@ -173,7 +176,8 @@ static void a_free_solid_falls(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Two bodies on a spring of rest length 1 along x, apart by 1.1, that move along at this speed. */
+/* Two particles on a spring of rest length 1 along x, 1.1 apart, that move along x at this
+ * speed. */
 static msim_scene *ship_and_boat(double speed, double heavy, double light, double k) {
   const double x[6] = {0, 0, 0, 1.1, 0, 0}, v[6] = {speed, 0, 0, speed, 0, 0};
   const double mass[2] = {heavy, light}, rest = 1;
@@ -185,8 +189,9 @@ static msim_scene *ship_and_boat(double speed, double heavy, double light, doubl
   return scene;
 }
 
-/* The step's change of v is what the tolerance is of, not v: neither speed nor a heavy body makes
- * it coarser. The distance r obeys w' = (w - h q (r - 1))/(1 + h^2 q), r' = r + h w', q = k/mu. */
+/* The tolerance is relative to the change of v in the step, not to v: neither speed nor a heavy
+ * particle loosens it. The distance r obeys w' = (w - h q (r - 1))/(1 + h^2 q), r' = r + h w', q =
+ * k/mu with the reduced mass mu. */
 static void neither_speed_nor_mass_hides_a_spring(void **state) {
   (void)state;
   const double speeds[] = {0, 10, 1000}, masses[] = {1, 1e6};
@@ -224,8 +229,8 @@ static void gravity_acts_at_any_speed(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Of two bodies in one sim, one of them pinned: the other keeps its momentum, however coarse the
- * solves are. */
+/* One of two bodies in a sim has a pinned particle; the other one keeps its momentum, however
+ * coarse the tolerance is. */
 static void momentum_is_kept_by_coarse_solves(void **state) {
   (void)state;
   enum { SIDE = 4, N = SIDE * SIDE * SIDE };
@@ -281,7 +286,7 @@ static void too_few_iterations_are_reported(void **state) {
   msim_sim *sim = make_sim(scene, &opt);
   msim_error why;
   assert_int_equal(msim_sim_step(sim, 2, &why), MSIM_NOT_CONVERGED);
-  /* the first step is easy: the cloth is flat, and gravity pulls across it */
+  /* the first step is easy: the cloth is planar, and gravity is perpendicular to it */
   assert_non_null(strstr(why.text, "step 2, t = 0.02 s, particle "));
   char sentence[64];
   snprintf(sentence, sizeof sentence, "solver %s left a residual of", solver);
@@ -291,14 +296,14 @@ static void too_few_iterations_are_reported(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* No spring between unknowns: A is diagonal, and no solver is asked. */
+/* Without springs between unknowns A is diagonal, and no solver is called. */
 static void no_springs_no_matrix(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
   msim_scene *scene = single(x, v, 10);
   assert_ok(msim_scene_set_drag(scene, 3, err));
   msim_options opt = implicit(0.5);
-  opt.solver = "no-such-solver"; /* not even looked for */
+  opt.solver = "no-such-solver"; /* no plugin is searched for */
   msim_sim *sim = make_sim(scene, &opt);
   msim_plan plan = {.size = sizeof plan};
   msim_sim_plan(sim, &plan);
@@ -312,8 +317,8 @@ static void no_springs_no_matrix(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Particles alone, in three and two components, with drag and on a plane: the general path, asked
- * to go through CHOLMOD or pcg, says the same. */
+/* Particles without springs, in three components and in two, with drag or without, over a plane:
+ * the general code with pcg gives the same motion as the code without a matrix. */
 static void no_springs_no_difference(void **state) {
   (void)state;
   for (int i = 0; i < 4; i++) {
@@ -373,7 +378,8 @@ static void analyses_once_factors_when_values_are_new(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Flat hanging cloth 32 x 32, k = 1000, h = 1e-3, 100 steps: this solver and pcg agree to 1e-9. */
+/* A hanging cloth of 32 x 32, k = 1000, h = 1e-3, 100 steps: this solver and pcg agree to 1e-9
+ * m. */
 static void agrees_with_conjugate_gradients(void **state) {
   (void)state;
   enum { SIDE = 32 };
@@ -389,7 +395,7 @@ static void agrees_with_conjugate_gradients(void **state) {
   for (int i = 0; i < 3 * SIDE * SIDE; i++) worst = fmax(worst, fabs(sa.x[i] - sb.x[i]));
   print_message("  %s and pcg differ by %.3g m\n", solver, worst);
   assert_true(worst <= 1e-9);
-  assert_true(sa.x[3 * SIDE * SIDE / 2 + 2] < -0.01); /* it did move */
+  assert_true(sa.x[3 * SIDE * SIDE / 2 + 2] < -0.01);
   msim_sim_destroy(a), msim_sim_destroy(b);
   msim_scene_destroy(scene);
 }

@@ -1,4 +1,5 @@
-/* Bounds on frequencies against matrices, limits of the methods against runs. */
+/* Tests of frequency bounds against matrices, and of stability limits of the methods against
+ * runs. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +10,7 @@
 
 enum { N = 30, NS = 80 };
 
-/* Random masses, springs and places; two particles held. */
+/* Random masses, springs and positions; two particles pinned. */
 static msim_scene *tangle(unsigned seed, double spread, double damping, double drag) {
   double x[3 * N], mass[N], k[NS], rest[NS], c[NS];
   int32_t ij[2 * NS];
@@ -30,7 +31,7 @@ static msim_scene *tangle(unsigned seed, double spread, double damping, double d
   return scene;
 }
 
-/* A cloth, one of whose springs is so many times stiffer than the others. */
+/* A cloth with one spring that is `stiffer` times as stiff as the others. */
 static msim_scene *odd_cloth(int32_t side, double stiffer) {
   msim_scene *even = hanging_cloth(side, 100, 0), *scene;
   msim_scene_view view = {.size = sizeof view};
@@ -48,8 +49,8 @@ static msim_scene *odd_cloth(int32_t side, double stiffer) {
 
 /*------------------------------------- bounds ---------------------------------------------------*/
 
-/* lambda M - Lap_w - g I on the free particles, dense; 0 where Cholesky's method finds that it is
- * not positive definite. */
+/* 1 if lambda M - Lap_w - g I on the free particles is positive definite, by dense Cholesky; Lap_w:
+ * the graph Laplacian with these weights, g: ground. */
 static int is_above(const ms_scene *s, const double *weight, double ground, double lambda) {
   const int32_t n = s->nparticles;
   double *A = calloc((size_t)(n * n), sizeof *A);
@@ -74,8 +75,8 @@ static int is_above(const ms_scene *s, const double *weight, double ground, doub
   return positive;
 }
 
-/* Bounds are above the eigenvalues they bound, sharp ones by a tenth at most, and by less than
- * rough ones. */
+/* Bounds are above the eigenvalues; the tight ones by at most a tenth, and never above the
+ * Gershgorin bounds. */
 static void check_bounds(msim_scene *scene) {
   const ms_scene *s = scene->data;
   const ms_bounds rough = bounds_of(scene, 0), sharp = bounds_of(scene, 1);
@@ -141,7 +142,8 @@ static double stiffest(msim_sim *sim, const double *mass) {
   return quotient;
 }
 
-/* Stretched a thousand times, springs are as if they had no rest length: then it is attained. */
+/* Stretched a thousand times, springs behave as if their rest length were 0, and the bound is
+ * attained. */
 static void bounds_hold_in_every_configuration(void **state) {
   (void)state;
   for (unsigned seed = 1; seed < 8; seed++) {
@@ -212,8 +214,8 @@ static void limits_are_the_known_ones(void **state) {
   }
 }
 
-/* The bench knows the theory of every method. What we promise is never more, and without damping
- * hardly less. */
+/* The benchmark has the theoretical limit of every method. The limit of msim never exceeds it, and
+ * without damping it is at most 0.5 % lower. */
 static void limits_are_within_theory(void **state) {
   (void)state;
   for (int32_t i = 0; method_at(i); i++) {
@@ -232,7 +234,7 @@ static void limits_are_within_theory(void **state) {
   }
 }
 
-/* How many times the energy of the ring has become larger at most, in so many steps. */
+/* The largest energy of the ring in so many steps, over its initial energy. */
 static double growth(const msim_scene *scene, const char *method, double h, int steps) {
   msim_options opt = options(method, h);
   msim_sim *sim = make_sim(scene, &opt);
@@ -250,8 +252,8 @@ static double growth(const msim_scene *scene, const char *method, double h, int 
   return most / start;
 }
 
-/* Just below the limit motion stays bounded, just above it does not, where the scene has a mode at
- * both bounds, or one of the pair that the limit is made for. */
+/* Motion stays bounded just below the limit and grows just above it, in scenes with a mode at both
+ * bounds or with the pair of values that determines the limit. */
 static void limits_are_where_motion_blows_up(void **state) {
   (void)state;
   const struct {
@@ -295,7 +297,7 @@ static void limits_are_where_motion_blows_up(void **state) {
   }
 }
 
-/* Springs do not damp what moves across them. */
+/* Springs damp no motion perpendicular to them. */
 static void damped_springs_leave_euler_without_a_limit(void **state) {
   (void)state;
   msim_scene *scene = ring(10, 0);
@@ -304,9 +306,9 @@ static void damped_springs_leave_euler_without_a_limit(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Particles along a line with springs of rest length 0, which are linear there: masses, k and
- * damping differ by orders of magnitude, so that K and C have no modes in common. With drag some
- * springs have no damping. The first particle is pinned in every second one. */
+/* Particles along a line with springs of rest length 0, a linear system: masses, k and damping
+ * differ by orders of magnitude, so that K and C have no modes in common. With drag some springs
+ * have no damping. The first particle is pinned if the seed is odd. */
 static msim_scene *line(unsigned seed, double drag) {
   enum { MOST = 3 * RING };
   double x[3 * RING] = {0}, v[3 * RING] = {0}, mass[RING], k[MOST], rest[MOST] = {0}, c[MOST];
@@ -334,7 +336,7 @@ static msim_scene *line(unsigned seed, double drag) {
   return scene;
 }
 
-/* Damping takes energy from every mode but the rigid ones, which keep theirs. */
+/* Damping takes energy from every mode except the rigid ones, which keep theirs. */
 static void rkc_is_stable_up_to_its_limit(void **state) {
   (void)state;
   for (unsigned seed = 1; seed <= 120; seed++) {
@@ -347,7 +349,7 @@ static void rkc_is_stable_up_to_its_limit(void **state) {
   }
 }
 
-/* A spring without damping beside damped ones */
+/* A spring without damping among damped ones */
 static void rkc_has_no_limit_where_a_spring_is_undamped(void **state) {
   (void)state;
   const double x[6] = {0, 0, 1, 0, 0, 2}, v[6] = {0}, mass[2] = {1, 1}, k = 100, rest = 1, c = 0;

@@ -1,10 +1,11 @@
-/* What stands on planes by stiff springs, under implicit methods and collision = event. */
+/* Tests of resting contact on planes with stiff springs, for implicit methods with collision =
+ * event: stability, cost of the solvers, friction. */
 #include <math.h>
 
 #include "events.h"
 
-/* A mass on a light foot, by a spring that swings many times a step: it must not swing up, whatever
- * the planes' slopes and whoever solves. */
+/* A mass on a light foot, joined by a spring that oscillates many times per step. The oscillation
+ * must not grow, for any slope of the plane and any solver. */
 static void what_stands_on_a_stiff_spring_keeps_still(void **state) {
   (void)state;
   static const char *const methods[] = {"linearly-implicit-euler",
@@ -34,7 +35,7 @@ static void what_stands_on_a_stiff_spring_keeps_still(void **state) {
       msim_options opt = event(methods[m], 0.05);
       opt.solver = solvers[i % 3], opt.newton_rtol = 1e-10;
       msim_sim *sim = make_sim(scene, &opt);
-      assert_ok(msim_sim_step(sim, 100, err)); /* before it topples */
+      assert_ok(msim_sim_step(sim, 100, err)); /* before it tips over */
       const double *at = state_of(sim).x;
       for (int c = 0; c < 3; c++) {
         assert_close(at[c], 0, 1e-15);
@@ -46,7 +47,7 @@ static void what_stands_on_a_stiff_spring_keeps_still(void **state) {
     }
 }
 
-/* A jelly that stands on the ground */
+/* An elastic cube that stands on the ground */
 static msim_scene *jelly(void) {
   const double gravity[3] = {0, 0, -9.81};
   const msim_lattice block = {
@@ -67,12 +68,13 @@ static msim_stats run(const msim_scene *scene, const char *method, const char *s
   assert_ok(msim_sim_step(sim, steps, err));
   const msim_stats s = stats_of(sim);
   msim_sim_destroy(sim);
-  assert_true(s.coarse_factors > 0); /* else this tests nothing */
+  assert_true(s.coarse_factors > 0); /* otherwise the coarse space is not tested */
   return s;
 }
 
-/* What is held is heavy in the matrix. The coarse space of pcg knows, else its corrections would
- * move that, and 20 times as many iterations would have to undo it. */
+/* A constrained unknown has a large diagonal entry in the matrix. The modes of the coarse space are
+ * 0 there; otherwise its corrections would move that unknown, at the cost of 20 times as many
+ * iterations. */
 static void what_is_held_costs_no_iterations(void **state) {
   (void)state;
   msim_scene *scene = jelly();
@@ -82,7 +84,8 @@ static void what_is_held_costs_no_iterations(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* One coarse factor for as long as the same rows are held, and a factor that is bought. */
+/* While the set of constrained unknowns is the same, the coarse factor is computed once, and so is
+ * a factorization used as a preconditioner. */
 static void what_keeps_still_keeps_its_factors(void **state) {
   (void)state;
   static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler", "tr-bdf2"};
@@ -100,7 +103,7 @@ static void what_keeps_still_keeps_its_factors(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A particle that no spring touches is of no aggregate, and may be held all the same. */
+/* A particle without springs belongs to no aggregate, and may be constrained all the same. */
 static void what_stands_alone_is_held_too(void **state) {
   (void)state;
   const double x[3] = {5, 0, 0}, mass = 1;
@@ -111,9 +114,9 @@ static void what_stands_alone_is_held_too(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A mass that falls from 1 cm beside it lands in the third step, without a bounce: one row more is
- * held from then on, and the coarse factor is made anew that once. At 8 kg nothing else would ask
- * for that, neither the inverses of the diagonal blocks nor their scale. */
+/* A particle next to the cube falls from 1 cm and lands in the third step, without a bounce. From
+ * then on one more unknown is constrained, and the coarse factor is computed anew once. With 8 kg
+ * neither the inverses of the diagonal blocks nor their scale would require that. */
 static void a_coarse_factor_is_of_what_is_held(void **state) {
   (void)state;
   static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler"};
@@ -130,8 +133,8 @@ static void a_coarse_factor_is_of_what_is_held(void **state) {
 
 /*------------------------------------- friction -------------------------------------------------*/
 
-/* Masses of 1 kg, at rest, and 1000 kg, at speed v, 1 m apart on a rough floor, tied by a spring
- * that swings several times a step. */
+/* Masses of 1 kg, at rest, and of 1000 kg, at speed v, 1 m apart on a rough floor, joined by a
+ * spring that oscillates several times per step. */
 static const double MU = 0.3, G = 10, STIFF = 6400, STEP = 0.05, pulled_mass[2] = {1, 1000};
 
 static msim_sim *pulled(const char *method, double v) {
@@ -152,9 +155,9 @@ static msim_sim *pulled(const char *method, double v) {
 
 static const char *const backward[] = {"implicit-euler", "linearly-implicit-euler"};
 
-/* The spring pulls harder than friction holds only in the course of the step: the mass that stuck
- * slips, m (v' - v)/h = force of the spring at the end -+ mu m g, on both masses, up to the tenth
- * by which friction may lag. */
+/* The force of the spring exceeds the friction limit only during the step: the mass that stuck
+ * begins to slip. For both masses m (v' - v)/h = force of the spring at the end -+ mu m g, up to a
+ * tenth, by which friction may lag. */
 static void what_slips_obeys_coulomb(void **state) {
   (void)state;
   for (int m = 0; m < 2; m++) {
@@ -173,7 +176,7 @@ static void what_slips_obeys_coulomb(void **state) {
   }
 }
 
-/* Friction can stop the heavy mass in a seventh of the step. There it stays, to the bit. */
+/* Friction can stop the heavy mass in a seventh of the step. It then stays at rest exactly. */
 static void what_stops_within_a_step_sticks(void **state) {
   (void)state;
   for (int m = 0; m < 2; m++) {

@@ -1,5 +1,5 @@
-"""What the binaries show to the outside: symbols, libraries they need; and that the headers compile
-alone, in every language a user may write in."""
+"""Tests of the exported symbols and needed libraries of the binaries; and that each header compiles
+alone, in every supported language."""
 import os
 import re
 import shutil
@@ -23,7 +23,7 @@ def dynamic(path, tag):
 
 
 def promised():
-    """The functions that the headers declare for the outside."""
+    """The functions that the public headers declare."""
     text = "".join(path.read_text() for path in (support.SOURCE / "include/msim").glob("*.h"))
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
     text = re.sub(r"^\s*#.*", "", text, flags=re.M)
@@ -45,7 +45,7 @@ class Symbols(unittest.TestCase):
         self.assertEqual(dynamic(self.library, "SONAME"), ["libmsim.so.0"])
 
     def test_library_leaves_the_environment_alone(self):
-        """The programs choose OpenBLAS's kernels by a variable, the library never does."""
+        """The programs set the variable that chooses OpenBLAS kernels, the library never does."""
         self.assertEqual(symbols(self.library, "--undefined-only") &
                          {"setenv", "putenv", "unsetenv", "clearenv"}, set())
 

@@ -1,6 +1,6 @@
-/* Sims of one scene in several threads: each gets the bits that it gets alone. The argument is
- * the linear solver. Under the thread sanitizer this also shows that nothing is shared but the
- * scene. */
+/* Tests of sims of one scene in several threads: each computes the bits that it computes alone. The
+ * argument is the linear solver. Under the thread sanitizer this also shows that only the scene is
+ * shared. */
 #include <pthread.h>
 #include <string.h>
 

@@ -1,5 +1,5 @@
-/* Energies, moments and boxes that the energy monitor sums in one sweep, against plain loops over
- * particles and springs, for every instruction set. */
+/* Tests of the totals of the energy monitor (energies, moments, bounding boxes), summed in one
+ * force sweep, against plain loops over particles and springs, for every instruction set. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -44,7 +44,7 @@ static msim_scene *random_scene(int dims) {
   return scene;
 }
 
-/* Pinned particles have no mass that moves, and springs between them no energy that changes. */
+/* Pinned particles have no kinetic energy, and springs between them none that changes. */
 static ms_totals plain_totals(void) {
   ms_totals t = ms_totals_none();
   for (int32_t i = 0; i < N; i++)
@@ -91,7 +91,7 @@ static void totals_are_those_of_plain_loops(void **state) {
     ms_rows_gather(&model.rows, s.v, vec[1]);
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++) {
       model.isa = ms_isa_named(sets[i]);
-      if (model.isa < 0) continue; /* not for this CPU */
+      if (model.isa < 0) continue; /* not supported by this CPU */
       const ms_totals got =
           ms_totals_compute(&model, vec[0], vec[1], &(ms_totals_copy){vec[2], vec[3]}, parts);
       compare(&got, &want);

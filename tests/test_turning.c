@@ -1,4 +1,5 @@
-/* What turning dashpots add to Newton's matrix, for solvers that take unsymmetric ones. */
+/* Tests of the non-symmetric damping term d(D v)/dx in Newton's matrix, and of the solvers that
+ * take it. */
 #include <math.h>
 #include <string.h>
 
@@ -10,7 +11,7 @@ enum { SIDE = 6, N = SIDE * SIDE };
 
 /*------------------------------------- the matrix -----------------------------------------------*/
 
-/* A cloth in motion, with drag, and one of its pairs has a second spring. */
+/* A moving cloth with drag; one of its pairs has a second spring. */
 static msim_scene *moving_cloth(void) {
   const int32_t ij[2] = {3, 2};
   const double k = 7, rest = 0.1, c = 2;
@@ -25,11 +26,11 @@ typedef struct problem {
   ms_system system;
   ms_graph graph;
   ms_matrix matrix;
-  double *x0, *v, *x, *f; /* rows */
+  double *x0, *v, *x, *f; /* vectors of unknowns */
   double h;
 } problem;
 
-/* R(v) = M (w - v) + h F(x0 + h v, v), without what does not depend on v */
+/* R(v) = M v - h F(x0 + h v, v), the residual of the step without its constant part */
 static void residual(problem *p, double *r) {
   const ms_shape shape = p->model.shape;
   ms_combine(shape, p->x0, p->h, p->v, p->x);
@@ -40,8 +41,8 @@ static void residual(problem *p, double *r) {
 
 static double *vector(const problem *p) { return ms_rows_vector(p->model.scene, &p->model.rows); }
 
-/* left_out: the axis of a plane in which all moves; -1: none. One at a time: the system points to
- * the model. */
+/* left_out: the axis that a planar scene leaves out; -1: none. One problem at a time: the system
+ * points to the model. */
 static problem pose(const msim_scene *scene, int32_t left_out) {
   static problem p;
   p = (problem){.h = 0.03};
@@ -79,7 +80,7 @@ static double entry(const ms_matrix *m, int32_t row, int32_t column) {
   return 0;
 }
 
-/* Column by column: the matrix, its product with a vector, and central differences of R. */
+/* Column by column: the matrix, its product with a vector, and central differences of R agree. */
 static void check_columns(problem *p) {
   const double EPS = 1e-5;
   const int32_t dims = p->model.rows.dims, n = p->model.rows.nfree, stride = p->model.rows.stride;
@@ -102,7 +103,7 @@ static void check_columns(problem *p) {
       apart = fmax(apart, fabs(a - entry(&p->matrix, column, row)));
     }
   }
-  assert_true(apart > 0.01); /* nothing like symmetric */
+  assert_true(apart > 0.01); /* far from symmetric */
   double *vectors[] = {plus, minus, unit, product};
   for (int i = 0; i < 4; i++) ms_delete(&p->model.scene->alloc, vectors[i]);
 }
@@ -125,7 +126,7 @@ static void the_whole_matrix_is_the_derivative_of_the_residual(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A y = b, to rounding errors. */
+/* A y = b, up to rounding errors. */
 static void elimination_solves_the_whole_matrix(void **state) {
   (void)state;
   msim_scene *scene = moving_cloth();
@@ -153,7 +154,7 @@ static void elimination_solves_the_whole_matrix(void **state) {
 
 enum { STEPS = 20 };
 
-/* Iterations of all steps, to a tolerance. */
+/* Newton iterations of all steps, for a tolerance. */
 static int64_t iterations(const msim_scene *scene, const char *solver, double rtol) {
   msim_options opt = options("implicit-euler", 0.01);
   opt.solver = solver, opt.newton_rtol = rtol, opt.solver_rtol = 1e-13, opt.newton_retries = 0;
@@ -172,8 +173,8 @@ static const char *const whole[] = {"pcg",
                                     "sundials-spbcgs",
                                     "sundials-sptfqmr"};
 
-/* Six more digits cost no more than an iteration a step by the whole matrix, and five by the
- * symmetric one. */
+/* Six more digits cost at most one iteration per step with the whole matrix, and five with its
+ * symmetric part. */
 static void newton_is_quadratic_where_damping_is_strong(void **state) {
   (void)state;
   require(solver_there("cholmod") && solver_there("klu"), "the solver cholmod or klu");
@@ -197,7 +198,7 @@ static int takes_turning(const msim_scene *scene, const char *solver) {
   return takes != 0;
 }
 
-/* What is not damped keeps its symmetric matrix, and so does who cannot have another. */
+/* Without damping the matrix stays symmetric, and so it does for solvers that take no other. */
 static void the_whole_matrix_is_for_whom_it_serves(void **state) {
   (void)state;
   static const char *const symmetric[] = {"cholmod", "sundials-pcg"};
@@ -212,7 +213,7 @@ static void the_whole_matrix_is_for_whom_it_serves(void **state) {
   msim_scene_destroy(damped), msim_scene_destroy(undamped);
 }
 
-/* A hanging net of random velocities, 1 m wide, with dampers across it too. */
+/* A hanging net with random velocities, 1 m wide, with dampers across it too. */
 static msim_scene *damped_net(double c, int is_pinned) {
   enum { NET = 8 };
   static const int32_t steps[][2] = {{0, 1}, {1, 0}, {1, 1}, {1, -1}, {0, 2}, {2, 0}};
@@ -241,7 +242,7 @@ static msim_scene *damped_net(double c, int is_pinned) {
   return scene;
 }
 
-/* As klu does, in few iterations, with the matrix that it takes. */
+/* auto and pcg converge in few iterations with the whole matrix, as klu does. */
 static void strong_dampers_are_solved_by_default(void **state) {
   (void)state;
   static const char *const methods[] = {"implicit-euler", "implicit-midpoint", "bdf2", "sdirk2"};
@@ -259,7 +260,7 @@ static void strong_dampers_are_solved_by_default(void **state) {
     }
 }
 
-/* Three rows of three, a corner pinned. */
+/* 3 x 3 particles, a corner pinned. */
 static msim_scene *hanging_plate(double k, double damping) {
   const int32_t corner = 0;
   const double g[3] = {0, 0, -9.81};
@@ -281,9 +282,9 @@ static msim_scene *hanging_plate(double k, double damping) {
   return scene;
 }
 
-/* A plate that dampers keep stiff falls by its own length and more in a step, and turns by more
- * than a right angle. A step took thousands of iterations, where each was cut until the residual
- * fell. */
+/* A plate that dampers make rigid falls by more than its length in a step, and rotates by more than
+ * a right angle. A line search that required the residual to fall took thousands of iterations per
+ * step. */
 static void strong_dampers_turn_far_in_a_step(void **state) {
   (void)state;
   enum { FEW = 10 };

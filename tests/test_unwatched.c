@@ -1,5 +1,5 @@
-/* A run that nobody watches converts nothing to flat arrays and synchronises no velocity; who looks
- * pays once a step. */
+/* Tests that a run whose state is not read converts no vectors and synchronizes no velocities, and
+ * that reads cost one conversion per step. */
 #include <string.h>
 
 #include "scenes.h"
@@ -15,7 +15,7 @@ static void counting_sync(const ms_stepper *s, double *v, double *scratch) {
   watched->sync(s, v, scratch);
 }
 
-/* Stays in the flat arrays until somebody converts. */
+/* Values that stay in the arrays of the API until the next conversion. */
 static void mark(msim_sim *sim) { sim->flat_x[3 * N - 1] = sim->flat_v[3 * N - 1] = 12345; }
 
 static int is_marked(const msim_sim *sim) {
@@ -25,7 +25,7 @@ static int is_marked(const msim_sim *sim) {
 static int stop_at_30(msim_sim *sim, void *user) {
   msim_plan plan = {.size = sizeof plan};
   (void)user;
-  msim_sim_plan(sim, &plan); /* not a look at the state */
+  msim_sim_plan(sim, &plan); /* does not read the state */
   return sim->step == 30;
 }
 

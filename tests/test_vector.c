@@ -1,5 +1,5 @@
-/* Arithmetic on vectors by each instruction set of this CPU: sums have the same bits, and numbers
- * that no step may go on with are found wherever they stand, and no others. */
+/* Tests of the vector arithmetic of each instruction set of this CPU: sums have the same bits, and
+ * numbers with which no step may continue are found at any position, and no others. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -18,7 +18,7 @@ static void bad_numbers_are_found(void **state) {
     const ms_shape shape = {ROWS, STRIDE, 2 + k % 2, k / 2};
     for (int32_t at = 0; at < shape.dims * STRIDE; at++)
       for (int i = 0; i < 5; i++) {
-        const int counts = at % STRIDE < ROWS; /* what stands behind the rows does not */
+        const int counts = at % STRIDE < ROWS; /* padding does not count */
         for (int q = 0; q < MOST; q++) x[q] = 0.5;
         x[at] = bad[i];
         assert_int_equal(ms_find_bad(shape, x), counts ? at % STRIDE : -1);
@@ -31,7 +31,7 @@ static void bad_numbers_are_found(void **state) {
   }
 }
 
-/* In their order, row by row; what stands behind the rows stays as it was. */
+/* Terms are added in their order, row by row; padding is not changed. */
 static void sums_have_the_same_bits(void **state) {
   enum { TERMS = 5 };
   double y[TERMS][MOST], x[MOST], z[MOST], w[TERMS];
@@ -58,7 +58,7 @@ static void sums_have_the_same_bits(void **state) {
 static void the_largest_is_found(void **state) {
   (void)state;
   const ms_shape shape = {.n = 3, .stride = 4, .dims = 2};
-  const double x[8] = {1, -2, 2, 9, 0, 1, -2, 9}; /* row 3 is no row */
+  const double x[8] = {1, -2, 2, 9, 0, 1, -2, 9}; /* row 3 is padding */
   assert_int_equal(ms_find_largest(shape, x), 1);
 }
 

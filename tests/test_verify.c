@@ -1,5 +1,5 @@
-/* integrator = auto where motion grows wilder than it was at the beginning: steps are verified, and
- * planes count once they are close. */
+/* Tests of integrator = auto when motion becomes faster than it was initially: steps are verified,
+ * and planes are taken into account once they are close. */
 #include <math.h>
 
 #include "checkpoints.h"
@@ -14,7 +14,7 @@ static msim_options options_of(const char *method, double tol, double t_end) {
 
 /*------------------------------------- scenes ---------------------------------------------------*/
 
-/* It flies by the other end of its spring, at a distance of d, in the middle of the run. */
+/* A particle passes the other end of its spring, at a distance of d, in the middle of the run. */
 static msim_scene *flyby(double d, double speed) {
   const double x[6] = {0, 0, 0, 1, d, 0}, v[6] = {0, 0, 0, -speed, 0, 0}, mass[2] = {1, 1};
   const double k = 1, rest = 1;
@@ -27,8 +27,8 @@ static msim_scene *flyby(double d, double speed) {
   return scene;
 }
 
-/* A net of 25, held at its corners, that hums, and a particle on a spring to its middle, which
- * shoots past that late in the run. */
+/* A vibrating net of 25 particles, pinned at its corners, and a particle on a spring to its middle,
+ * which it passes closely late in the run. */
 static msim_scene *shot(double d) {
   const double gap = 0.2, k = 100, mass = 0.1, v[3] = {0, 0, -2.5}, x[3] = {0.4 + d, 0.4, 1.5};
   const double soft = 1, rest = 0.5;
@@ -50,7 +50,7 @@ static msim_scene *shot(double d) {
   return scene;
 }
 
-/* A block slides down a slope of 20 degrees, slower and slower, and stops. */
+/* A block slides down a slope of 20 degrees, slows down and stops. */
 static msim_scene *sliding(void) {
   enum { ALL = 27 };
   const double angle = 0.35, g[3] = {9.81 * sin(angle), 0, -9.81 * cos(angle)};
@@ -76,7 +76,7 @@ static msim_scene *sliding(void) {
   return scene;
 }
 
-/* 125 particles fall on a tilted plane, which they meet after a while. */
+/* 125 particles fall on a tilted plane, which they hit after a while. */
 static msim_scene *falling_block(void) {
   const double g[3] = {0, 0, -9.81};
   const msim_lattice block = {.size = sizeof block,
@@ -93,7 +93,7 @@ static msim_scene *falling_block(void) {
   return scene;
 }
 
-/* 64 particles, just above a rough floor, from which they bounce all the time */
+/* 64 particles just above a rough floor, from which they bounce all the time */
 static msim_scene *bouncing_block(void) {
   const double g[3] = {-4.48, -1.52, -8.59};
   const msim_lattice block = {.size = sizeof block,
@@ -121,7 +121,7 @@ static msim_scene *net_over(double floor) {
 
 enum { MOST = 3 * 26 };
 
-/* The largest error of a position at the end, over tol */
+/* The largest error of a coordinate at the end, over tol */
 static double error_of(const msim_scene *scene, double tol, double t_end) {
   const msim_options opt = options_of("auto", tol, t_end);
   const msim_options exact = options_of("dop853", 1e-13, t_end);
@@ -138,7 +138,7 @@ static double error_of(const msim_scene *scene, double tol, double t_end) {
   return most / tol;
 }
 
-/* In a box of 1 m */
+/* In a scene of 1 m */
 static void few_that_fly_by_are_followed(void **state) {
   (void)state;
   const double d[] = {1e-2, 1e-3, 1e-4, 1e-6}, speed[] = {1.2, 2, 3.5};
@@ -151,7 +151,7 @@ static void few_that_fly_by_are_followed(void **state) {
     }
 }
 
-/* Among many the steps are fixed, and some are refused. */
+/* With many particles steps are fixed, and some are rejected. */
 static void late_events_are_verified(void **state) {
   (void)state;
   const double d[] = {0.02, 0.005, 0.001};
@@ -170,7 +170,7 @@ static void a_block_that_lands_keeps_tol(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* ... or stays on the plane by bounces, which long steps leave out */
+/* ... or stays on the plane by bounces, which long steps would miss */
 static void a_block_that_bounces_keeps_tol(void **state) {
   (void)state;
   msim_scene *scene = bouncing_block();
@@ -178,10 +178,10 @@ static void a_block_that_bounces_keeps_tol(void **state) {
   msim_scene_destroy(scene);
 }
 
-/*------------------------------------- signs ----------------------------------------------------*/
+/*------------------------------------- indicators -----------------------------------------------*/
 
-/* A net of 23 free particles at its step 31, which is not one of 80, by a method whose steps take
- * so many evaluations that all of them are looked at; velocities times `faster` */
+/* A net of 23 free particles at step 31, which is no multiple of 80, by a method so expensive that
+ * the indicators of all steps are computed; velocities times `faster` */
 static msim_sim *resume_faster(const msim_scene *scene, const msim_options *opt,
                                const checkpoint *c, double faster) {
   msim_sim *sim = resume(scene, opt, c);
@@ -191,8 +191,8 @@ static msim_sim *resume_faster(const msim_scene *scene, const msim_options *opt,
   return sim;
 }
 
-/* Is the next step verified, if steps verified before had these signs? It takes thrice the
- * evaluations then. */
+/* 1 if the next step is verified when steps verified before had these indicators: it then takes
+ * three times as many evaluations. */
 static int is_verified(msim_sim *sim, double defect, double turn) {
   const int64_t before = stats_of(sim).force_evaluations;
   sim->motion->check.sign[0] = defect, sim->motion->check.sign[1] = turn;
@@ -202,8 +202,8 @@ static int is_verified(msim_sim *sim, double defect, double turn) {
   return count > 20;
 }
 
-/* Three times as large as in steps verified before, of turns only beyond 0.005 = 1 - cos 6 degrees,
- * and in any case beyond 0.3 = 1 - cos 45 degrees */
+/* A step is verified if an indicator is three times as large as in steps verified before
+ * (rotations: only beyond 0.005 = 1 - cos 6 degrees), and always beyond 0.3 = 1 - cos 45 degrees */
 static void signs_say_which_steps_are_verified(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(5, 30, 0);
@@ -235,8 +235,8 @@ static void signs_say_which_steps_are_verified(void **state) {
   free(c.bytes);
 }
 
-/* Steps as long as stability allows: what they may add is a share of tol, and less than the quarter
- * that an event may. */
+/* With steps at the stability limit, the error that they may add is a share of tol, and less than
+ * the quarter that an event may add. */
 static void what_steps_may_add_goes_like_tol(void **state) {
   (void)state;
   double share[2];
@@ -266,7 +266,7 @@ static int64_t evaluations_of(const msim_scene *scene, const char *method, doubl
   return count;
 }
 
-/* Evaluations for the choice, beside those of a run of some hundred steps */
+/* Evaluations for the choice, compared with those of a run of some hundred steps */
 static void choosing_costs_little(void **state) {
   (void)state;
   const double damping[] = {0, 0.1};
@@ -295,7 +295,7 @@ static void costs_what_control_costs(const msim_scene *scene, const char *name, 
   assert_true((double)chosen <= most * (double)controlled);
 }
 
-/* Steps for the wildest moment are not made all the time. */
+/* The step that the fastest moment needs is not used all the time. */
 static void bursts_cost_what_control_costs(void **state) {
   (void)state;
   for (int32_t n = 6; n <= 20; n += 7)
@@ -306,7 +306,7 @@ static void bursts_cost_what_control_costs(void **state) {
     }
 }
 
-/* Nearly each step has an event of some of its feet. */
+/* Almost every step has an event of some particles at the bottom. */
 static void sliding_costs_what_control_costs(void **state) {
   (void)state;
   msim_scene *scene = sliding();
@@ -317,7 +317,7 @@ static void sliding_costs_what_control_costs(void **state) {
 
 /*------------------------------------- planes ---------------------------------------------------*/
 
-/* A plane that is never touched changes no bit. */
+/* A plane that is never reached changes no bit. */
 static void far_planes_cost_nothing(void **state) {
   (void)state;
   for (double tol = 1e-2; tol > 1e-7; tol /= 100) {
@@ -332,8 +332,8 @@ static void far_planes_cost_nothing(void **state) {
   }
 }
 
-/* Within a step at twice the speed: 2 h (U + g h) = gap, with U of the scene's scales or what the
- * fastest has, if that is more */
+/* Close: reached within a step at twice the speed, 2 h (U + g h) = gap, U the speed scale of the
+ * scene or that of the fastest particle, if that is larger */
 static void a_plane_is_close_within_a_step(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 3}, g = 9.81, fast[3] = {0, 0, 50};
@@ -365,7 +365,7 @@ static int note(msim_sim *sim, void *user) {
   return 0;
 }
 
-/* Ball and floor: it flies, and an impact is located; frames are where they were planned. */
+/* A ball falls, and its impact with the floor is located; frames are at the planned times. */
 static void near_planes_count(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0}, g = 9.81, t_end = 0.8, fall = sqrt(2 / g);
@@ -389,7 +389,7 @@ static void near_planes_count(void **state) {
 
 /*------------------------------------- bits -----------------------------------------------------*/
 
-/* In one go, in steps, resumed on the way */
+/* The whole run, step by step, and resumed in between */
 static void expect_one_run(const msim_scene *scene, double tol, double t_end, const char *label) {
   enum { PIECES = 24 };
   const msim_options opt = options_of("auto", tol, t_end);

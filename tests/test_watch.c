@@ -1,4 +1,4 @@
-/* The watch: what it lets pass, what it ends, and the state that is left then. */
+/* Tests of the energy monitor: what it accepts, what it ends, and the state that remains. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@ static double moving_energy(msim_sim *sim) {
   return e.kinetic + e.elastic;
 }
 
-/* Two particles 1 m apart whose spring is 1 m too long or too short; omega = 1/s. */
+/* Two particles 1 m apart whose spring is stretched or compressed; omega = 1/s. */
 static msim_scene *pair(double rest) {
   const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {2, 2}, k = 1;
   const int32_t ij[2] = {0, 1};
@@ -25,9 +25,9 @@ static msim_scene *pair(double rest) {
   return scene;
 }
 
-/*------------------------------------- what ends ------------------------------------------------*/
+/*------------------------------------- unstable runs --------------------------------------------*/
 
-/* Steps until the status is not 0. first: the first step with more than 100 times the start's
+/* Steps until the status is not 0. first: the first step with more than 100 times the initial
  * energy, -1: none. */
 static msim_status run_out(msim_sim *sim, int most, int64_t *first, int64_t *reported,
                            msim_error *why) {
@@ -77,7 +77,8 @@ static void assert_shown(msim_sim *sim, const double *x, const double *v) {
   assert_memory_equal(s.v, v, 3 * N * sizeof *v);
 }
 
-/* It is shown as it was, the same steps lead to the same end again, and a shorter step goes on. */
+/* The last good state is returned, the same steps end in the same way, and a shorter step goes
+ * on. */
 static void the_state_kept_is_good(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
@@ -103,7 +104,7 @@ static void the_state_kept_is_good(void **state) {
   }
 }
 
-/* A jump that is over after one step; nobody who looks only now and then would see it. */
+/* A jump that is over after one step, which occasional checks would miss. */
 static void each_implicit_step_is_looked_at(void **state) {
   (void)state;
   const double x[6] = {-0.5, 0, 0, 0.5, 0, 0}, v[6] = {0, -2.5, 0, 0, 2.5, 0}, mass[2] = {1, 1};
@@ -136,7 +137,7 @@ static int look(msim_sim *sim, void *user) {
   return 0;
 }
 
-/* Who looks at frames never sees what is reported afterwards. */
+/* A callback for frames never receives a state that is reported afterwards. */
 static void frames_are_good(void **state) {
   (void)state;
   const int every[] = {1, 7, 50, 1000};
@@ -154,7 +155,7 @@ static void frames_are_good(void **state) {
   }
 }
 
-/* The end of a run is looked at too. */
+/* The end of a run is checked, too. */
 static void a_short_run_is_watched(void **state) {
   (void)state;
   msim_scene *scene = pair(0.5);
@@ -167,7 +168,7 @@ static void a_short_run_is_watched(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* A method whose steps displace the first row along x, in the step of that number */
+/* A method that displaces the first unknown along x in the step of that number */
 static struct {
   const ms_integrator *real;
   int64_t at, steps;
@@ -187,9 +188,9 @@ static ms_integrator make_jump(msim_sim *sim, int64_t at, double by) {
   return method;
 }
 
-/* Without springs energy does not see that. The extent L0 = 1 m may become
- * 100 (L0 + 2 t sqrt(2 S/m)) = 900 m, with S = 2 J of one of the masses m = 1 kg, t = 2 s after the
- * start, whatever time that had. */
+/* Without springs this does not change the energy. The extent L0 = 1 m may become 100 (L0 + 2 t
+ * sqrt(2 S/m)) = 900 m, with S = 2 J of one of the masses m = 1 kg and t = 2 s after the start,
+ * whatever the time of the start. */
 static void a_jump_without_energy_is_found(void **state) {
   (void)state;
   const double x[6] = {0, 0, 0, 0, 1, 0}, v[6] = {0, 2, 0}, mass[2] = {1, 1};
@@ -215,7 +216,7 @@ static void a_jump_without_energy_is_found(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* What follows is what a new sim makes of the state that is handed back. */
+/* The next steps are those of a new sim from the state that was returned. */
 static void an_implicit_run_goes_on_from_there(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
@@ -242,7 +243,7 @@ static void an_implicit_run_goes_on_from_there(void **state) {
   }
 }
 
-/* A start without energy: rounding is let be, growth from it is not. */
+/* A start without energy: rounding is accepted, growth from it is not. */
 static void nothing_comes_from_nothing(void **state) {
   (void)state;
   const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler", "dop853"};
@@ -264,9 +265,9 @@ static void nothing_comes_from_nothing(void **state) {
     }
 }
 
-/*------------------------------------- what passes ----------------------------------------------*/
+/*------------------------------------- accepted motion ------------------------------------------*/
 
-/* What falls, bounces, hangs, folds or is thrown is not ended. */
+/* Falling, bouncing, hanging, folding and thrown bodies are accepted. */
 static void exact_motion_passes(void **state) {
   (void)state;
   const double at[3] = {0, 0, 0}, up[3] = {0, 0, 3}, fast[3] = {1e6, 0, 0}, still[3] = {0};
@@ -288,7 +289,7 @@ static void exact_motion_passes(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Springs that are set anew bring energy along. */
+/* Springs that are set anew may add energy. */
 static void new_springs_are_a_new_start(void **state) {
   (void)state;
   const double stiff = 1e6;
@@ -302,7 +303,7 @@ static void new_springs_are_a_new_start(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* No bit depends on it, nor what it says on threads. */
+/* The monitor changes no bit, and its message does not depend on threads. */
 static void bits_are_the_same(void **state) {
   (void)state;
   static double x[3 * N], v[3 * N];
@@ -329,9 +330,9 @@ static void bits_are_the_same(void **state) {
   }
 }
 
-/*------------------------------------- numbers that are none ------------------------------------*/
+/*------------------------------------- NaN and infinity -----------------------------------------*/
 
-/* Found in the step that makes it; the spring that did it is named. */
+/* Detected in the step in which it occurs; the message names the offending spring. */
 static void a_spring_is_named(void **state) {
   (void)state;
   const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0, 0}, mass[3] = {1, 1, 1}, k[2] = {1, 1e300};
@@ -350,7 +351,7 @@ static void a_spring_is_named(void **state) {
     if (!status && !is_implicit(method_at(m)) && strcmp(method_at(m), "takahashi-imada")) {
       assert_int_equal(msim_sim_step(sim, 1, &why), MSIM_NOT_FINITE);
       assert_true(strncmp(why.text, "step 1, t = 0.1 s, particle ", 28) == 0);
-      assert_int_equal(stats_of(sim).rejected_steps, 0); /* nothing is tried in parts */
+      assert_int_equal(stats_of(sim).rejected_steps, 0); /* no retries in parts */
       if (strstr(why.text, "particle 1")) assert_non_null(strstr(why.text, "particle 1, spring 1"));
     }
     assert_memory_equal(state_of(sim).x, x, sizeof x);

@@ -1,5 +1,5 @@
-/* Springs of rest length 0: one matrix of scalars and one factor for a whole run, and the motion
- * that the general matrix gives. */
+/* Tests of springs of rest length 0: one scalar matrix and one factorization for a whole run, and
+ * the same motion as with the general matrix. */
 #include <math.h>
 #include <string.h>
 
@@ -14,7 +14,7 @@ static const char *const solvers[] = {
 enum { NSOLVERS = sizeof solvers / sizeof *solvers };
 static const double zeros[MOST];
 
-/* A hanging cloth whose springs would like to vanish; flat: hung in its own plane. */
+/* A hanging cloth of springs of rest length 0; flat: gravity lies in its plane. */
 static msim_scene *collapsing(const msim_allocator *alloc, int flat) {
   const int32_t corners[2] = {0, SIDE - 1};
   const double g[3] = {0, flat ? -9.81 : 0.5, flat ? 0 : -9.81};
@@ -54,7 +54,8 @@ static void same_motion(msim_sim *a, msim_sim *b, double tolerance) {
   }
 }
 
-/* One assembly and one factorisation, however many steps; 3, 2 or 1 of anything only for h or k. */
+/* One assembly and one factorization for any number of steps; further ones only after a change of h
+ * or k. */
 static void one_factor_lasts(void **state) {
   (void)state;
   for (int i = 0; i < 2 * NSOLVERS; i++) {
@@ -95,7 +96,7 @@ static void one_factor_lasts(void **state) {
   }
 }
 
-/* k (l - 0)/l is k, to rounding. */
+/* The force factor k (l - 0)/l is k, up to rounding. */
 static void forces_are_the_same(void **state) {
   (void)state;
   static const char *const methods[] = {"heun", "verlet", "velocity-verlet", "rk4"};
@@ -111,8 +112,8 @@ static void forces_are_the_same(void **state) {
   }
 }
 
-/* One spring with a rest length or a damping, and the matrix is general; where both its ends are
- * pinned it does not count. */
+/* One spring with a rest length or a damping makes the matrix general, unless both its ends are
+ * pinned. */
 static void one_other_spring_is_seen(void **state) {
   (void)state;
   const double k = 1, some = 1e-300, none = 0;
@@ -128,7 +129,7 @@ static void one_other_spring_is_seen(void **state) {
   }
 }
 
-/* Springs that get a rest length, or lose it, in mid-run. */
+/* Springs whose rest lengths become nonzero or 0 in mid-run. */
 static void springs_may_change_their_kind(void **state) {
   (void)state;
   double rest[MOST], damping[MOST];
@@ -150,13 +151,13 @@ static void springs_may_change_their_kind(void **state) {
     same_motion(lean, general, 1e-9);
     msim_scene_view view = {.size = sizeof view};
     msim_scene_get(scene, &view);
-    assert_true(view.rest[0] == 0); /* the scene's own */
+    assert_true(view.rest[0] == 0); /* the scene itself is unchanged */
     msim_sim_destroy(lean), msim_sim_destroy(general);
     msim_scene_destroy(scene);
   }
 }
 
-/* Where memory ends on the way to another solver, springs and motion stay as they were. */
+/* If memory runs out while the solver is replaced, springs and motion stay as they were. */
 static void a_change_that_fails_changes_nothing(void **state) {
   (void)state;
   double rest[MOST];
@@ -183,7 +184,8 @@ static void a_change_that_fails_changes_nothing(void **state) {
   assert_int_equal(b.live, 0);
 }
 
-/* What is looked at is the matrix of three components; what is said names the reason. */
+/* msim_sim_matrix() returns the matrix of three components; msim_sim_explain() states the
+ * reason. */
 static void the_matrix_and_the_reason_are_told(void **state) {
   (void)state;
   msim_scene *scene = collapsing(NULL, 0);

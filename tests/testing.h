@@ -1,4 +1,4 @@
-/* testing - what every test program includes */
+/* testing - assertions and helpers that every test program includes */
 #ifndef TESTING_H
 #define TESTING_H
 
@@ -12,7 +12,7 @@
 
 #include "msim/msim.h"
 
-/* Fails the test with the library's own sentence. */
+/* Fail the test with the message of the library unless the call returns MSIM_OK. */
 #define assert_ok(call)                                                                        \
   do {                                                                                         \
     msim_error err_ = {0, ""};                                                                 \
@@ -21,7 +21,7 @@
     if (status_ != MSIM_OK) fail_msg("%s: status %d, \"%s\"", #call, (int)status_, err->text); \
   } while (0)
 
-/* |a - b| <= tol, with both numbers in the message. */
+/* Fail unless |a - b| <= tol, and print both numbers. */
 #define assert_close(a, b, tol)                                                              \
   do {                                                                                       \
     double a_ = (a), b_ = (b), tol_ = (tol);                                                 \
@@ -29,29 +29,29 @@
       fail_msg("%s = %.17g, %s = %.17g, off by %.3g > %.3g", #a, a_, #b, b_, a_ - b_, tol_); \
   } while (0)
 
-/* Exit status of a program that cannot run without `what`: skipped, or failed where MSIM_COMPLETE
- * is set, as by tools/check, for which nothing is missing. */
+/* Exit status of a test program that cannot run without `what`: skipped (77), or failed (1) where
+ * MSIM_COMPLETE is set, as by tools/check, which requires every dependency. */
 static inline int missing_status(const char *what) {
   const int fails = getenv("MSIM_COMPLETE") != NULL;
   print_message("%s: %s is missing\n", fails ? "failed" : "skipped", what);
   return fails ? 1 : 77;
 }
 
-/* Skips the test, or fails it, where what it needs is missing. */
+/* Skip the test if !there, or fail it where MSIM_COMPLETE is set. */
 static inline void require(int there, const char *what) {
   if (there) return;
   if (missing_status(what) == 1) fail();
   skip();
 }
 
-/* 1 where each access to memory is checked, ten times slower: sizes that only numbers need go. */
+/* 1 under AddressSanitizer, about ten times slower: tests then leave out their large sizes. */
 #if defined(__SANITIZE_ADDRESS__)
 enum { IS_CHECKED = 1 };
 #else
 enum { IS_CHECKED = 0 };
 #endif
 
-/* The next number in [0, 1). */
+/* The next number in [0, 1), by the linear congruential generator of Numerical Recipes. */
 static inline double uniform(unsigned *seed) {
   *seed = *seed * 1664525u + 1013904223u;
   return (*seed >> 8) / 16777216.0;

@@ -1,4 +1,4 @@
-/* trajectory - reads a .vtkhdf file and checks it, independently of the plugin that wrote it */
+/* trajectory - reads a .vtkhdf file and checks it independently of the plugin that wrote it */
 #ifndef TRAJECTORY_H
 #define TRAJECTORY_H
 
@@ -8,7 +8,7 @@
 #include "recording.h"
 #include "sim/recorders.h"
 
-/* The recorder, a plugin or linked in; NULL: missing. */
+/* The recorder hdf5, loaded or linked in; NULL: missing. */
 static inline const msim_recorder_type *plugin(void) {
   const msim_allocator alloc = ms_allocator(NULL);
   ms_text where = {.alloc = &alloc};
@@ -27,7 +27,8 @@ static inline hid_t open_trajectory(const char *path) {
   return file;
 }
 
-/* Its dimensions, [0] for scalars; the rank, -1 where there is none. */
+/* The rank of a dataset, -1 if it does not exist; dims: its dimensions, dims[0] = 0 for a
+ * scalar. */
 static inline int extent(hid_t file, const char *path, hsize_t dims[2]) {
   dims[0] = dims[1] = 0;
   hid_t dataset = H5Dopen2(file, path, H5P_DEFAULT);
@@ -40,8 +41,8 @@ static inline int extent(hid_t file, const char *path, hsize_t dims[2]) {
   return rank;
 }
 
-/* `rows` rows of a dataset of 64-bit numbers, as they are; all where rows < 0. NULL where they
- * cannot be read. */
+/* Rows first to first + rows - 1 of a dataset of 64-bit numbers, as raw words; rows < 0: all. NULL
+ * where they cannot be read. */
 static inline uint64_t *read_rows(hid_t file, const char *path, int64_t first, int64_t rows,
                                   int64_t *count) {
   hsize_t dims[2];
@@ -74,7 +75,7 @@ static inline int64_t read_attribute(hid_t file, const char *group, const char *
   return value[0];
 }
 
-/* The hash, as the head of hdf5.c tells readers to compute it. */
+/* The hash that the comment at the top of hdf5.c defines. */
 typedef struct hash {
   uint64_t sum, count;
 } hash;
@@ -121,7 +122,8 @@ static inline int statics_are_good(hid_t file, int64_t n) {
   return good && h.sum == (uint64_t)read_attribute(file, "/msim", "static_hash");
 }
 
-/* Frames committed: the leading zeros of PartOffsets, nothing but ones after them. -1 if not so. */
+/* The number of committed frames: the leading zeros of PartOffsets, which only ones may follow; -1
+ * otherwise. */
 static inline int64_t count_committed(hid_t file, int64_t planned) {
   int64_t count = 0, committed = 0, zeros = 0;
   uint64_t *part = read_rows(file, "/VTKHDF/Steps/PartOffsets", 0, -1, &count);
@@ -134,7 +136,7 @@ static inline int64_t count_committed(hid_t file, int64_t planned) {
   return zeros == committed && count == planned ? committed : -1;
 }
 
-/* The frames committed, all checked; < 0 where anything is wrong. */
+/* Check all committed frames; returns their number, < 0 where anything is wrong. */
 static inline int64_t verify(const char *path, int64_t *planned) {
   hid_t file = open_trajectory(path);
   if (file < 0) return -1;
@@ -142,7 +144,7 @@ static inline int64_t verify(const char *path, int64_t *planned) {
   int64_t count, good = -2;
   *planned = read_attribute(file, "/VTKHDF/Steps", "NSteps");
   uint64_t *n = read_rows(file, "/VTKHDF/NumberOfPoints", 0, 1, &count);
-  /* longer Values would make VTK write past the end of its arrays */
+  /* VTK reads all of Values, and writes past the end of its arrays if there are more */
   if (n && extent(file, "/VTKHDF/Steps/Values", values) == 1 && (int64_t)values[0] == *planned &&
       statics_are_good(file, (int64_t)*n))
     good = count_committed(file, *planned);

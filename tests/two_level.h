@@ -1,4 +1,4 @@
-/* two_level - sims whose pcg has a coarse space, or none, whatever msim would choose */
+/* two_level - sims whose solver pcg has a coarse space or none, as the test chooses */
 #ifndef TWO_LEVEL_H
 #define TWO_LEVEL_H
 
@@ -9,7 +9,7 @@
 #include "scenes.h"
 #include "sim/sim.h"
 
-/* Clamped steps of 1/60 s by pcg. */
+/* Linearly implicit Euler with pcg, h = 1/60 s, clamped stiffness matrices. */
 static inline msim_options frames(void) {
   msim_options opt = options("linearly-implicit-euler", 1.0 / 60);
   opt.solver = "pcg";
@@ -21,7 +21,7 @@ static inline ms_pcg *pcg_of(msim_sim *sim) {
   return (ms_pcg *)sim->motion->stepper.solver->linear;
 }
 
-/* aggregate: rows in one; 0: block Jacobi alone */
+/* aggregate: block rows per aggregate of the coarse space; 0: block Jacobi only */
 static inline msim_sim *make_two_level(const msim_scene *scene, const msim_options *opt,
                                        int32_t aggregate) {
   msim_sim *sim = make_sim(scene, opt);
@@ -33,12 +33,12 @@ static inline msim_sim *make_two_level(const msim_scene *scene, const msim_optio
   return sim;
 }
 
-/* A jelly that hangs from its top face. */
+/* A cube that hangs from its top face, which is pinned. */
 static inline msim_scene *hanging_jelly(int32_t side, double k) {
   return held_block(side, 0.3, k, side - 1);
 }
 
-/* Iterations a step, of the 5 steps after the first `steps`. */
+/* Mean number of iterations per step in the 5 steps after the first `steps`. */
 static inline double iterations_after(msim_sim *sim, int64_t steps) {
   assert_ok(msim_sim_step(sim, steps, err));
   const int64_t before = stats_of(sim).iterations;

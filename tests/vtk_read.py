@@ -1,8 +1,8 @@
-"""A trajectory as VTK's own reader sees it, compared with what was recorded.
+"""Reads a trajectory with VTK's own reader and compares it with what was recorded.
 
     vtk_read.py BASE              BASE.vtkhdf against BASE.csv (x, v of each frame) and BASE.json
                                   (the rest)
-    vtk_read.py states REPLAY     what crashes leave: the program test_hdf5_replay makes the files
+    vtk_read.py states REPLAY     the files that crashes leave, made by the program test_hdf5_replay
 
 Frames that were planned but not written must be there and be empty. Exit status 77 without VTK, 1 where MSIM_COMPLETE is set.
 """
@@ -53,7 +53,7 @@ def array(data, name):
 
 
 def piece(reader):
-    """The poly data of the present step; newer versions wrap it up."""
+    """The poly data of the present step, which newer versions of VTK wrap in a collection."""
     data = reader.GetOutputDataObject(0)
     while data is not None and data.IsA("vtkCompositeDataSet"):
         iterator = data.NewIterator()
@@ -83,7 +83,7 @@ def check_mesh(data, expected):
 
 
 def check_energy(data, name, value):
-    """A field has one value a frame; some versions hand out the fields of all frames."""
+    """A field has one value per frame; some versions return those of all frames."""
     found = array(data.GetFieldData(), name)
     if len(found) != 1:
         sys.exit(f"{name} has {len(found)} values in one frame")
@@ -91,7 +91,7 @@ def check_energy(data, name, value):
 
 
 def count_points(path):
-    """Of each frame."""
+    """Number of points in each frame."""
     reader, steps = open_file(str(path))
     for t in steps:
         reader.UpdateTimeStep(t)
@@ -100,7 +100,7 @@ def count_points(path):
 
 
 def check_states(program):
-    """FOLDER/I_FRAMES.vtkhdf: so many frames have points, and those after them have none."""
+    """In FOLDER/I_FRAMES.vtkhdf the first FRAMES frames have points, the later ones have none."""
     with tempfile.TemporaryDirectory() as folder:
         made = subprocess.run([program, "states", folder], check=False).returncode
         if made:

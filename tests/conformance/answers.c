@@ -1,4 +1,4 @@
-/* Answers: right ones for every positive definite system, and the same ones every time. */
+/* Solutions: accurate for every positive definite system, and the same bits every time. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -7,7 +7,7 @@
 
 static const kind well_posed[] = {{"random", random_dominant, 1}, {"springs", spring_net, 1}, {0}};
 
-/*------------------------------------- right ----------------------------------------------------*/
+/*------------------------------------- accuracy -------------------------------------------------*/
 
 static void check_answer(const char *label, const problem *p) {
   double *b = random_vector(unknowns(p), 3);
@@ -29,7 +29,8 @@ static void positive_definite_systems_are_solved(void **state) {
   for_each(well_posed, (const int32_t[]){1, 2, 3, 10, 50, 200, 0}, check_answer);
 }
 
-/* A factorisation does not mind; an iteration may give up, but must not claim what is not so. */
+/* A factorization must solve it; an iteration may give up, but must not return a wrong solution as
+ * right. */
 static void check_hard(const char *label, const problem *p) {
   double *b = random_vector(unknowns(p), 3);
   outcome o = solve_with(backend, p, MSIM_FACTOR_SPD, b);
@@ -67,7 +68,8 @@ static void zero_has_the_answer_zero(void **state) {
   for_each(well_posed, (const int32_t[]){1, 30, 0}, check_zero);
 }
 
-/* Who is asked for little may do less, the second time too, but not less than that. */
+/* With a loose tolerance the solver may do less work, also in later calls, but must meet the
+ * tolerance. */
 static void check_rough(const char *label, const problem *p) {
   const double rough = 1e-3;
   const int32_t n = unknowns(p);
@@ -96,7 +98,7 @@ static void rough_answers_are_as_good_as_asked(void **state) {
   for_each(kinds, (const int32_t[]){1, 10, 200, 0}, check_rough);
 }
 
-/*------------------------------------- several at once ------------------------------------------*/
+/*------------------------------------- several right-hand sides ---------------------------------*/
 
 static void check_many(const char *label, const problem *p) {
   enum { MANY = 5 };
@@ -114,13 +116,13 @@ static void check_many(const char *label, const problem *p) {
   free(b), free(together);
 }
 
-/* Not to the bits of one at a time: BLAS sums in another order for several. */
+/* Not with the bits of single solutions, as BLAS sums in another order for several. */
 static void many_right_sides_are_solved_as_one(void **state) {
   (void)state;
   for_each(well_posed, (const int32_t[]){1, 7, 60, 0}, check_many);
 }
 
-/*------------------------------------- the same ones --------------------------------------------*/
+/*------------------------------------- reproducibility ------------------------------------------*/
 
 static void check_repeats(const char *label, const problem *p) {
   const int32_t n = unknowns(p);
@@ -146,7 +148,7 @@ static void the_same_calls_give_the_same_bits(void **state) {
   for_each(well_posed, (const int32_t[]){1, 60, 150, 0}, check_repeats);
 }
 
-/* New values in the pattern of one instance: what a fresh instance makes of them. */
+/* New values in the pattern of one instance give the solution of a fresh instance. */
 static void new_values_forget_the_old_ones(void **state) {
   (void)state;
   enum { N = 40, ROUNDS = 5 };
@@ -171,7 +173,7 @@ static void new_values_forget_the_old_ones(void **state) {
   }
 }
 
-/* Values written after factor() belong to the next one. */
+/* Values written after factor() do not affect the present factorization. */
 static void a_factor_keeps_its_own_values(void **state) {
   (void)state;
   enum { N = 20 };
@@ -189,7 +191,7 @@ static void a_factor_keeps_its_own_values(void **state) {
   free(b), free(fresh.y), problem_free(then), problem_free(now);
 }
 
-/* Only iterations may look at the guess. */
+/* Only iterations may read the initial guess. */
 static void a_factor_needs_no_guess(void **state) {
   (void)state;
   enum { N = 20 };

@@ -1,17 +1,18 @@
-/* conformance - what the groups of tests share: the backend under test, and one system solved */
+/* conformance - what the groups of conformance tests share: the backend under test and the solution
+ * of one linear system */
 #ifndef CONFORMANCE_H
 #define CONFORMANCE_H
 
 #include "rig.h"
 
-extern const msim_backend *backend;           /* the one under test, watched by checking_backend */
-extern const msim_backend *bare;              /* the same unwatched, for what a host must not do */
-extern int iterative, symmetric, unsymmetric; /* its flags */
+extern const msim_backend *backend;           /* under test, wrapped by checking_backend */
+extern const msim_backend *bare;              /* the same unwrapped, for invalid calls */
+extern int iterative, symmetric, unsymmetric; /* nonzero: its flags MSIM_BACKEND_... */
 
-#define RTOL 1e-10 /* asked of iterations where nothing else is said */
+#define RTOL 1e-10 /* default relative tolerance of iterative backends */
 enum { LIMIT = 5000 };
 
-/* The groups of tests; each returns how many failed. */
+/* The groups of tests; each returns the number of failures. */
 int run_answers(void);
 int run_definiteness(void);
 int run_iterations(void);
@@ -19,11 +20,11 @@ int run_refusals(void);
 int run_manners(void);
 int run_scarcity(void);
 
-/* A test, at whose end nobody must have broken a promise. */
+/* A test that fails at its end if the host or the backend has broken the contract. */
 #define conformance_test(f) cmocka_unit_test_teardown(f, no_breach)
 int no_breach(void **state);
 
-/* A kind of problem, its values times `factor`. */
+/* A kind of problem whose values are multiplied by `factor`. */
 typedef struct kind {
   const char *name;
   problem *(*make)(int32_t n, int32_t block, uint64_t seed);
@@ -32,28 +33,30 @@ typedef struct kind {
 
 typedef void visitor(const char *label, const problem *p);
 
-/* Calls visit for all kinds up to one without a name, all sizes up to 0, and blocks of 1, 2, 3. */
+/* Call visit for all kinds up to the first without a name, all sizes up to the first 0, and blocks
+ * of 1, 2, 3. */
 void for_each(const kind *kinds, const int32_t *sizes, visitor *visit);
 
-/* One system from the first call to the last. */
+/* The results of one system, from create to solve. */
 typedef struct outcome {
   msim_status status; /* the first that was not MSIM_OK */
-  const char *call;   /* that gave it, or "solve" */
-  int32_t definite;   /* what factor() and solve() learnt of A */
+  const char *call;   /* the call that returned it; "solve" if none did */
+  int32_t definite;   /* what factor() and solve() reported about A */
   int64_t iterations;
   double fill, flops;
-  double *y; /* the answer, from the guess 0 */
+  double *y; /* the solution, from the initial guess 0 */
 } outcome;
 
 outcome solve_with(const msim_backend *table, const problem *p, int32_t ask, const double *b);
 
-/* A status that says openly that there is no answer, or one that holds. */
+/* 1 if the status reports a failure, or if y is a solution. */
 int is_honest(const problem *p, const double *b, msim_status status, const double *y);
 
-/* Is y as good as can be asked: of an iteration rtol or rounding, of a factor a backward error? */
+/* 1 if y is accurate enough: of an iteration, a residual of at most rtol or rounding error; of a
+ * factorization, a small backward error. */
 int is_answer(const problem *p, const double *b, const double *y, double rtol, double error);
 
-/* y: many right sides at once, one at a time, in the bits of another instance, ... */
+/* Two vectors must agree bit for bit, such as the solutions of two instances. */
 void assert_same(const char *label, const double *y, const double *z, int32_t n);
 
 #endif

@@ -1,5 +1,5 @@
-/* Definiteness: what is not positive definite is seen, or solved where the flags say so, and leaves
- * nothing behind. */
+/* Definiteness: a matrix that is not positive definite is detected, or solved if the flags say so,
+ * and does not affect later calls. */
 #include "conformance.h"
 
 static const int32_t sizes[] = {2, 9, 60, 0};
@@ -10,7 +10,7 @@ static const kind indefinite[] = {{"one negative", one_negative, 1},
                                   {0}};
 static const kind singular[] = {{"free chain", free_chain, 1}, {"row of zeros", zero_row, 1}, {0}};
 
-/* A right side that has a solution, also where A is singular. */
+/* A right-hand side that has a solution, even if A is singular. */
 static double *solvable(const problem *p) {
   double *x = random_vector(unknowns(p), 3), *b = calloc((size_t)unknowns(p), sizeof *b);
   problem_apply(p, x, b);
@@ -18,7 +18,7 @@ static double *solvable(const problem *p) {
   return b;
 }
 
-/* A factorisation has to see it; an iteration may come upon an answer, or not. */
+/* A factorization must detect the matrix; an iteration may find a solution, or not. */
 static void check_spd(const char *label, const problem *p) {
   double *b = solvable(p);
   outcome o = solve_with(backend, p, MSIM_FACTOR_SPD, b);
@@ -85,7 +85,7 @@ static void factor_symmetric_does_not_make_up_answers(void **state) {
   for_each(singular, sizes, check_singular);
 }
 
-/* Row by row what the host wrote, not its transpose. */
+/* The matrix as the host stores it, row by row, and not its transpose. */
 static void check_unsymmetric(const char *label, const problem *p) {
   problem *q = skewed(random_dominant(p->n, p->block, 7), 11);
   double *b = random_vector(unknowns(q), 3);
@@ -103,7 +103,8 @@ static void factor_unsymmetric_solves_what_is(void **state) {
   for_each((const kind[]){{"skewed", random_dominant, 1}, {0}}, sizes, check_unsymmetric);
 }
 
-/* A step of msim: the exact matrix fails, the clamped one follows; or the other kind does. */
+/* As in a step of msim: the exact matrix fails, and the clamped one or another kind of
+ * factorization follows. */
 static void check_recovery(const char *label, const problem *bad) {
   const int32_t n = unknowns(bad);
   problem *good = spring_net(bad->n, bad->block, 7);
@@ -135,8 +136,8 @@ static void a_failure_leaves_nothing_behind(void **state) {
   for_each(kinds, sizes, check_recovery);
 }
 
-/* Pivots on the diagonal were a good choice for the first matrix. In the second they make large
- * multipliers, in the third one is about 0: LU has to look again. LDL' cannot. */
+/* Pivots on the diagonal are good for the first matrix. In the second they give large multipliers,
+ * in the third one is about 0: LU has to choose new ones. LDL^T cannot. */
 static void pivots_follow_the_values(void **state) {
   (void)state;
   if (strcmp(backend->name, "klu") != 0) skip();

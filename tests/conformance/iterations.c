@@ -1,5 +1,5 @@
-/* Iterations: what is asked of them is reached, by no more work than it takes, and given up in
- * time. Skipped by backends that factorise. */
+/* Iterative solvers: they meet their tolerance, without needless work, and stop at the limit.
+ * Skipped for factorizations. */
 #include "conformance.h"
 
 enum { N = 150 };
@@ -24,7 +24,7 @@ static void tear_down(bench *t) {
   free(t->b), free(t->y);
 }
 
-/* Iterations to rtol from t->y; -1: it did not get there. */
+/* Number of iterations to rtol from t->y; -1: not converged. */
 static int64_t solve(bench *t, double rtol, int32_t limit) {
   const msim_status status = rig_solve(&t->r, rtol, limit, 1, t->b, t->y);
   if (status == MSIM_NOT_CONVERGED) return -1;
@@ -34,7 +34,8 @@ static int64_t solve(bench *t, double rtol, int32_t limit) {
 
 static void start_from_zero(bench *t) { memset(t->y, 0, (size_t)unknowns(t->p) * sizeof *t->y); }
 
-/* The tightest tolerance costs most. In between a method that restarts need not be monotone. */
+/* The tightest tolerance takes most iterations. In between a method with restarts need not be
+ * monotone. */
 static void every_tolerance_is_reached(void **state) {
   (void)state;
   if (!iterative) skip();
@@ -53,7 +54,7 @@ static void every_tolerance_is_reached(void **state) {
       if (i == 0) most = count;
       if (count > most) fail_msg("rtol %g takes more iterations than 1e-12", tolerances[i]);
     }
-    assert_true(most > 10); /* else there was nothing to compare */
+    assert_true(most > 10); /* otherwise nothing is compared */
     tear_down(&t);
   }
 }
@@ -77,7 +78,8 @@ static void a_good_guess_saves_iterations(void **state) {
   }
 }
 
-/* From far away the recurrence of a residual loses sight of the true one, which is what counts. */
+/* From a distant guess the residual of the recurrence deviates from the true one, which must meet
+ * rtol. */
 static void a_bad_guess_does_no_harm(void **state) {
   (void)state;
   if (!iterative) skip();
@@ -98,13 +100,13 @@ static void iterations_end_where_the_limit_is(void **state) {
     set_up(&t, 3);
     assert_int_equal(solve(&t, 1e-10, limit), -1);
     assert_in_range(t.r.info.iterations, 1, limit);
-    start_from_zero(&t); /* what a failed solve leaves is scratch */
+    start_from_zero(&t); /* y is undefined after a failed solve */
     assert_true(solve(&t, 1e-10, LIMIT) > limit);
     tear_down(&t);
   }
 }
 
-/* A goal below rounding must end in one way or the other, with as much as there is to get. */
+/* With a tolerance below rounding the iteration must end, with an error at rounding level. */
 static void a_goal_out_of_reach_ends_at_rounding_level(void **state) {
   (void)state;
   if (!iterative) skip();

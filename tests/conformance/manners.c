@@ -1,4 +1,4 @@
-/* Manners: nothing is printed, and instances do not feel each other, be it in one thread or in
+/* Side effects: nothing is printed, and instances do not affect each other, in one thread or in
  * several. */
 #define _GNU_SOURCE /* dup, dup2, fileno */
 #include <pthread.h>
@@ -6,7 +6,7 @@
 
 #include "conformance.h"
 
-/*------------------------------------- side by side ---------------------------------------------*/
+/*------------------------------------- several instances ----------------------------------------*/
 
 static void calls_to_several_may_alternate(void **state) {
   (void)state;
@@ -74,7 +74,7 @@ static void threads_do_not_meet(void **state) {
   free(b);
 }
 
-/*------------------------------------- silence --------------------------------------------------*/
+/*------------------------------------- no output ------------------------------------------------*/
 
 static void solve_and_drop(const char *label, const problem *p) {
   double *b = random_vector(unknowns(p), 3);
@@ -83,7 +83,7 @@ static void solve_and_drop(const char *label, const problem *p) {
   free(o.y), free(b);
 }
 
-/* Good and bad systems, with standard output and error in a file. */
+/* Good and bad systems, with standard output and standard error redirected to a file. */
 static void nothing_is_printed(void **state) {
   (void)state;
   const kind kinds[] = {{"springs", spring_net, 1},       {"one negative", one_negative, 1},

@@ -6,7 +6,7 @@
 
 /*------------------------------------- numbers --------------------------------------------------*/
 
-/* In [-1, 1), by the generator of Steele, Lea and Flood (SplitMix64). */
+/* Uniform in [-1, 1), by SplitMix64 (Steele, Lea and Flood 2014). */
 static double draw(uint64_t *state) {
   uint64_t z = *state += 0x9e3779b97f4a7c15u;
   z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
@@ -42,7 +42,8 @@ static void add(problem *p, int32_t row, int32_t column, double value) {
   p->entries[p->count++] = (entry){first, second, value, 0};
 }
 
-/* The spring's block K = k w w^T + t I between the block rows i and j: + on the diagonal, - off. */
+/* A spring between the block rows i and j with K = k w w^T + t I: + K on the diagonal, - K off
+ * it. */
 static void add_spring(problem *p, int32_t i, int32_t j, double k, double t, const double *w) {
   const int32_t m = p->block;
   for (int32_t r = 0; r < m; r++)
@@ -82,7 +83,8 @@ problem *random_dominant(int32_t n, int32_t block, uint64_t seed) {
   return p;
 }
 
-/* A net of about sqrt(n) columns, springs along and across; each row's mass on the diagonal. */
+/* A net of about sqrt(n) columns with springs along and across; the diagonal has the mass of each
+ * row. */
 static problem *net(int32_t n, int32_t block, uint64_t seed, double (*mass)(int32_t row)) {
   problem *p = create(n, block);
   const int32_t columns = (int32_t)ceil(sqrt(n)), hops[2] = {1, columns};
@@ -183,7 +185,7 @@ problem *times(problem *p, double factor) {
   return p;
 }
 
-/*------------------------------------- truth ----------------------------------------------------*/
+/*------------------------------------- products and norms ---------------------------------------*/
 
 void problem_apply(const problem *p, const double *x, double *y) {
   memset(y, 0, (size_t)unknowns(p) * sizeof *y);
@@ -194,7 +196,7 @@ void problem_apply(const problem *p, const double *x, double *y) {
   }
 }
 
-/* By Gauss and Jordan, in place; 0 where a pivot is not positive. */
+/* In place, by Gauss-Jordan elimination; 0 if a pivot is not positive. */
 static int invert(int32_t m, double *a) {
   for (int32_t k = 0; k < m; k++) {
     const double pivot = a[m * k + k];
@@ -238,7 +240,8 @@ static long double norm(const problem *p, const double *inverse, const long doub
   return sqrtl(fmaxl(0, sum));
 }
 
-/* Of b - A y and of b by blocks; of b - A y and of |A| |y| + |b| in the 2-norm. */
+/* residual, right: of b - A y and b in the norm of the blocks; left, size: of b - A y and |A| |y| +
+ * |b| in the 2-norm. */
 typedef struct norms {
   long double residual, right, left, size;
 } norms;

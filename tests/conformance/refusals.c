@@ -1,11 +1,11 @@
-/* Refusals: sizes that are none, memory that is not there, numbers that are none. */
+/* Refusals: invalid sizes, lack of memory, numbers that are not finite. */
 #include <math.h>
 
 #include "conformance.h"
 
 /*------------------------------------- arguments ------------------------------------------------*/
 
-/* A system that is not what it says: to be refused before it is read. */
+/* A system with invalid sizes or formats must be refused before it is read. */
 static void impossible_systems_are_refused(void **state) {
   (void)state;
   const struct {
@@ -32,7 +32,7 @@ static void impossible_systems_are_refused(void **state) {
   problem_free(p);
 }
 
-/* msim never asks this; a program that plays the host might. */
+/* msim never makes such a call; another host might. */
 static void no_rows_at_all(void **state) {
   (void)state;
   problem *p = spring_net(0, 1, 1);
@@ -62,7 +62,7 @@ static void no_right_sides_are_refused(void **state) {
   free(b), problem_free(p);
 }
 
-/*------------------------------------- ends -----------------------------------------------------*/
+/*------------------------------------- destroy --------------------------------------------------*/
 
 static void destroy_may_follow_any_call(void **state) {
   (void)state;
@@ -82,8 +82,8 @@ static void destroy_may_follow_any_call(void **state) {
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-/* Every allocation from the host fails in turn, and all after it: the call says so, or does without
- * it; destroy() still gives back the rest. */
+/* An allocation from the host fails, and all later ones, for each allocation in turn: the call
+ * returns MSIM_ERR_MEMORY or succeeds without it; destroy() frees the rest. */
 static void memory_that_ends_is_reported(void **state) {
   (void)state;
   const int32_t n = 12, block = 3;
@@ -108,10 +108,10 @@ static void memory_that_ends_is_reported(void **state) {
   free(b), free(y), problem_free(p);
 }
 
-/*------------------------------------- numbers --------------------------------------------------*/
+/*------------------------------------- NaN and infinity -----------------------------------------*/
 
-/* The host promises finite numbers. Where it does not keep that, a call must come back, and the
- * instance must go on with good ones as if nothing had been. */
+/* The host promises finite numbers. If it breaks that promise, the call must return, and later
+ * calls with finite numbers must not be affected. */
 static void after_nan_and_inf_life_goes_on(void **state) {
   (void)state;
   enum { SIZE = 3 * 20 };

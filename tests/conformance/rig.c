@@ -4,7 +4,7 @@
 
 /*------------------------------------- pattern --------------------------------------------------*/
 
-/* coupled[n i + j]: 1 where the blocks (i, j) and (j, i) hold an entry; the diagonal always. */
+/* coupled[n i + j]: 1 if the block (i, j) or (j, i) has an entry, and on the diagonal. */
 static uint8_t *find_coupled(const problem *p) {
   const size_t n = (size_t)p->n;
   uint8_t *coupled = calloc(n * n + 1, 1);
@@ -18,7 +18,7 @@ static uint8_t *find_coupled(const problem *p) {
 }
 
 /* Rows of the graph, in an order: all couplings; or without the diagonal; or without the lower
- * triangle. ind: room for n^2. */
+ * triangle. ind: space for n^2. */
 enum { ALL, OFF_DIAGONAL, UPPER };
 
 static void list_rows(int32_t n, const uint8_t *coupled, const int32_t *order, int which,
@@ -32,7 +32,7 @@ static void list_rows(int32_t n, const uint8_t *coupled, const int32_t *order, i
   }
 }
 
-/* Scalar rows: each block of the graph in full. */
+/* The scalar pattern: each block of the graph in full. */
 static void expand_pattern(rig *r, int32_t m) {
   int32_t at = 0;
   for (int32_t row = 0; row < m * r->problem->n; row++) {
@@ -61,7 +61,7 @@ static void build_matrix(rig *r, const uint8_t *coupled) {
 
 /*------------------------------------- without a matrix -----------------------------------------*/
 
-/* Where the unknown i of the problem stands in the backend's vectors. */
+/* Position of the unknown i of the problem in the vectors of the backend. */
 static size_t place(const rig *r, int32_t i) {
   const int32_t m = r->problem->block;
   if (r->A.format == MSIM_FORMAT_NONE) return (size_t)(i % m * r->A.stride + i / m);
@@ -96,7 +96,7 @@ static void precondition(const msim_system *A, const double *x, double *z) {
   }
 }
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 static void begin(rig *r) {
   r->host.sentence[0] = '\0';
@@ -104,7 +104,7 @@ static void begin(rig *r) {
   if (r->around) r->around(1);
 }
 
-/* What every call must keep to. */
+/* Checks that apply to every call. */
 static msim_status end(rig *r, const char *call, msim_status status) {
   if (r->around) r->around(0);
   if (status < 0 && status != MSIM_ERR_MEMORY && !r->host.sentence[0])
@@ -114,7 +114,7 @@ static msim_status end(rig *r, const char *call, msim_status status) {
   return status;
 }
 
-/* r->order: the rows in the backend's order, then the place of each row in it. */
+/* r->order: the block rows in the order of the backend, then the position of each in that order. */
 static msim_status ask_order(rig *r, const uint8_t *coupled) {
   const int32_t n = r->problem->n;
   int32_t *position = r->order + n;
@@ -187,7 +187,7 @@ void rig_close(rig *r) {
 
 /*------------------------------------- calls ----------------------------------------------------*/
 
-/* val at (row, column), where the format has it */
+/* val at (row, column), if the format stores it */
 static void put(rig *r, size_t row, size_t column, double value) {
   for (int32_t e = r->rowptr[row]; e < r->rowptr[row + 1]; e++)
     if (r->colind[e] == (int32_t)column) r->val[e] += value;

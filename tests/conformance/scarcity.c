@@ -1,6 +1,6 @@
-/* Scarcity: every allocation of the library behind a backend fails in turn, and with it all later
- * ones or none. The call says MSIM_ERR_MEMORY or does without, nothing crashes, nothing stays
- * behind. Sanitizers leave this out. */
+/* Lack of memory in the library behind a backend: each of its allocations fails in turn, alone or
+ * with all later ones. The call returns MSIM_ERR_MEMORY or succeeds without the memory, nothing
+ * crashes, nothing leaks. Not with sanitizers. */
 #include <stdlib.h>
 
 #include "../scarce.h"
@@ -10,7 +10,7 @@
 
 static void around(int begins) { scarce_count(begins ? SCARCE_BY_MALLOC : SCARCE_NOT); }
 
-/* One life of an instance in which the allocation number `which` fails; -1: none. */
+/* All calls of an instance, in which allocation number `which` fails; -1: none. */
 static void live_with(int64_t which, int all_later, const problem *p, const double *b, double *y) {
   rig r;
   scarce_arm(which, all_later);
@@ -39,10 +39,10 @@ static void allocations_fail_in_turn(void **state) {
     print_message("  SUNDIALS does not look at what malloc gives it\n");
     skip();
   }
-  const int32_t n = 10, block = 3; /* small: threads of OpenBLAS would end the process, too */
+  const int32_t n = 10, block = 3; /* small: threads of OpenBLAS would also end the process */
   problem *p = spring_net(n, block, 1);
   double *b = random_vector(n * block, 3), *y = calloc((size_t)(n * block), sizeof *y);
-  outcome o = solve_with(bare, p, MSIM_FACTOR_SPD, b); /* what libraries allocate only once */
+  outcome o = solve_with(bare, p, MSIM_FACTOR_SPD, b); /* some is allocated only once */
   for (int all_later = 0; all_later < 2; all_later++) {
     int64_t which = -1;
     do {

@@ -1,7 +1,7 @@
-/* Any backend, held to what backend.h promises. usage: test_conformance NAME
+/* Tests that a solver backend keeps the contract of backend.h. usage: test_conformance NAME
  *
- * NAME is found as the option `solver` finds it, so MSIM_PLUGIN_PATH brings in a plugin from
- * anywhere. This program plays the host itself: no sim is involved. */
+ * NAME is found like the option `solver`, so that MSIM_PLUGIN_PATH adds plugins. This program is
+ * the host: no sim is involved. */
 #include <float.h>
 #include <string.h>
 

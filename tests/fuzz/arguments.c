@@ -1,5 +1,5 @@
-/* Command lines: one argument a line, of which the first picks the command. What is accepted is an
- * option of a run, and makes a few steps. */
+/* Fuzz target: command lines, one argument per line, of which the first selects the command.
+ * Accepted arguments are options of a run of a few steps. */
 #include <getopt.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,7 +17,7 @@ static const char text[] =
     "\"mass\": 1, \"pinned\": [0]}, \"springs\": {\"ij\": [[0,1],[1,2]], \"k\": 500},"
     "\"planes\": [{\"normal\": [0,0,1], \"offset\": 0}], \"run\": {\"h\": 0.01, \"t_end\": 1}}";
 
-/* Ends each line with a zero; the number of lines. */
+/* Ends each line with a zero; returns the number of lines. */
 static int split(char *lines, char **argv) {
   int argc = 0;
   for (char *end; lines && argc < MOST_ARGUMENTS; lines = end) {
@@ -36,7 +36,7 @@ static void run(const arguments *args) {
              err.text);
   if (arguments_options(args, scene, &options) == EXIT_OK) {
     if (!options.integrator) options.integrator = "bdf2";
-    options.plugin_path = NULL; /* whoever gives the command line may load code */
+    options.plugin_path = NULL; /* a command line may load any code, which is no fault */
     fuzz_run(scene, &options);
   }
   msim_scene_destroy(scene);
@@ -48,7 +48,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   fuzz_check(lines != NULL, "memory");
   if (size) memcpy(lines, data, size);
   const int argc = split(lines, argv);
-  optind = 0; /* glibc: from the start */
+  optind = 0; /* glibc: restart the scan */
   if (arguments_parse((command_id)(*argv[0] % NCOMMANDS + NCOMMANDS) % NCOMMANDS, argc, argv,
                       &args) == EXIT_OK)
     run(&args);

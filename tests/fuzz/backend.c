@@ -1,4 +1,5 @@
-/* A solver's table and all that it answers come from the input: msim trusts none of it. */
+/* Fuzz target: the function table of a solver and all of its results come from the input; msim must
+ * trust none of them. */
 #include "fuzz.h"
 #include "input.h"
 #include "msim/backend.h"

@@ -1,5 +1,5 @@
-/* Checkpoints whose hash is right and whose bytes are not: each is refused, and the sim goes on as
- * it was, or it is a run that goes on. */
+/* Fuzz target: checkpoints with a correct hash and forged bytes. Each is refused, and the sim goes
+ * on unchanged, or it is accepted, and the run goes on. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,7 +7,8 @@
 #include "input.h"
 #include "saved.h"
 
-/* Of each kind of history one at least: integrate/history.c, linear/history.c, select.c. */
+/* At least one variant for each kind of method state and solver state in a checkpoint:
+ * integrate/history.c, linear/history.c, select.c. */
 static const struct {
   const char *integrator;
   double tol;
@@ -26,17 +27,17 @@ static const struct {
                 {"tr-bdf2", 0, MSIM_COLLISION_EVENT}};
 enum { NVARIANTS = sizeof variants / sizeof *variants, NPARTICLES = 7, NX = 3 * NPARTICLES };
 
-/* What a variant is, and where it goes. */
+/* The scene and the options of a variant, and the run that was saved. */
 typedef struct origin {
   msim_scene *scene;
   msim_options options;
   uint8_t *saved; /* after some steps */
   size_t length;
-  double x[NX]; /* where a sim is that loads nothing, after as many and some more */
+  double x[NX]; /* positions of a sim that loads nothing, after those and AFTER more steps */
 } origin;
 
-/* A cloth of four over a floor, a chain in the air and a particle for itself; or level, with
- * neither weight nor floor. */
+/* A cloth of four particles over a floor, a pair in the air and a single particle; or a planar
+ * scene without gravity and floor. */
 static msim_scene *make_scene(int is_flat) {
   static const double x[] = {0, 0, .3, 1, 0, .2, 0, 1, .1, 1, 1, .2, 3, 0, 4, 4, 0, 4, 6, 0, 0.1};
   static const double mass[] = {1, 2, 1, 1, 1, 1, 1}, k[] = {500, 100, 50, 70, 80, 900};
@@ -86,7 +87,7 @@ static uint8_t *save(msim_sim *sim, size_t *length) {
 
 enum { BEFORE = 2, AFTER = 3 };
 
-/* Made on first use, and never freed. */
+/* Created on first use, and never freed. */
 static const origin *find_origin(unsigned variant, int is_flat) {
   static origin all[NVARIANTS][2];
   origin *o = &all[variant][is_flat];
@@ -116,8 +117,8 @@ static int look(msim_sim *sim, void *user) {
   return --*frames == 0;
 }
 
-/* Some frames, a step with each call: a state may ask for steps so short, or method and tolerance
- * for so many, that the next frame is out of reach. */
+/* Some frames, one step per call: a forged state may have steps so short, or a method and a
+ * tolerance with so many of them, that the next frame is out of reach. */
 static void run_some(msim_sim *sim) {
   const int most = 600;
   msim_error err;
@@ -130,7 +131,7 @@ static void run_some(msim_sim *sim) {
   }
 }
 
-/* A run it is: some frames of it, and a checkpoint of its own. */
+/* An accepted checkpoint is a run: some frames of it, and a checkpoint of its own. */
 static void go_on(msim_sim *sim, const origin *o) {
   msim_error err;
   const char *text;
@@ -142,13 +143,14 @@ static void go_on(msim_sim *sim, const origin *o) {
   uint8_t *saved = save(sim, &length);
   msim_sim *again = make_sim(o);
   const int is_taken = msim_sim_load(again, saved, length, &err) == MSIM_OK;
-  fuzz_check(is_taken || strstr(err.text, "a count"), err.text); /* which may have had an end */
+  fuzz_check(is_taken || strstr(err.text, "a count"), err.text); /* a count may be at its limit */
   msim_sim_destroy(again);
   free(saved);
 }
 
-/* The first byte picks the variant, the second what is left as it is: with bit 0 nothing is, the
- * input is the checkpoint; with 1 the hash; with 2 the marks are spoilt, too; with 3 it is cut. */
+/* The first byte selects the variant, the second one what is forged. Bit 0: the input is the
+ * checkpoint. Otherwise bytes of the saved run are changed; bit 1: the hash is not recomputed; bit
+ * 2: the fingerprint is changed, too; bit 3: the checkpoint is truncated. */
 static uint8_t *make_bytes(const origin *o, size_t *length) {
   const unsigned how = input_next();
   size_t size;

@@ -1,4 +1,4 @@
-/* driver - runs a target on files and on all files of folders, where there is no libFuzzer */
+/* driver - runs a fuzz target on files and on all files of folders, for builds without libFuzzer */
 #define _POSIX_C_SOURCE 200809L
 #include <dirent.h>
 #include <stdio.h>
@@ -22,7 +22,7 @@ static void run_file(const char *path) {
   fuzz_check(file && room, path);
   const size_t size = fread(room, 1, MOST_BYTES, file);
   fclose(file);
-  /* no byte more than there are: a checker sees what reads past the end */
+  /* a block of the exact length, so that sanitizers detect reads past its end */
   uint8_t *data = realloc(room, size ? size : 1);
   fuzz_check(data != NULL, path);
   const double start = seconds();

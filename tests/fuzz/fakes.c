@@ -1,4 +1,4 @@
-/* fakes - plugins by name, whose tables are those of the target that loads them */
+/* fakes - plugins of recorder and importer for fuzz targets, whose tables the target defines */
 #include "msim/importer.h"
 #include "msim/recorder.h"
 

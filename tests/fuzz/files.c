@@ -1,3 +1,4 @@
+/* files - the temporary file with the input, for fuzz targets that need one (see fuzz.h) */
 #define _POSIX_C_SOURCE 200809L /* mkdtemp */
 #include <stdio.h>
 #include <stdlib.h>
@@ -5,11 +6,11 @@
 
 #include "fuzz.h"
 
-/* libhdf5 1.10 loses memory of its own over damaged files. */
+/* libhdf5 1.10 leaks memory on damaged files. */
 __attribute__((visibility("default"))) const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) { return "leak:libhdf5"; }
 
-/* It asks for as much memory as they say; malloc has the right to refuse. */
+/* libhdf5 allocates as much memory as a damaged file states; malloc may refuse. */
 __attribute__((visibility("default"))) const char *__asan_default_options(void);
 const char *__asan_default_options(void) {
   return "allocator_may_return_null=1:max_allocation_size_mb=1024";

@@ -1,5 +1,5 @@
-/* Scene files in HDF5: any bytes are a scene or are refused; a scene makes a few steps, and comes
- * back from a file as it was. */
+/* Fuzz target: scene files in HDF5. Any bytes are a scene or are refused; a scene makes a few
+ * steps, and is unchanged when it is written and read back. */
 #include <string.h>
 
 #include "fuzz.h"

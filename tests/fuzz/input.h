@@ -1,4 +1,5 @@
-/* input - what the bytes of an input decide, one after the other; those that are spent are 0 */
+/* input - reads values from the bytes of a fuzzer's input, one after the other; zeros when none are
+ * left */
 #ifndef FUZZ_INPUT_H
 #define FUZZ_INPUT_H
 
@@ -10,20 +11,20 @@
 void input_begin(const uint8_t *data, size_t size);
 unsigned input_next(void);
 
-/* Ends of what numbers can be, or something usual. */
+/* Limits of the type and special values, or an ordinary number. */
 double input_number(void);
 int64_t input_whole(void);
 
-/* Of a table, a bit for each member that is spoilt: half of all tables are good. */
+/* One bit for each member of a function table that is to be wrong; 0 for half of all tables. */
 unsigned input_spoilt(void);
 
-/* Mostly success. Nullable: host, which is told why not. */
+/* A status, mostly success; with an error message to host, if any and if the input says so. */
 msim_status input_answer(const msim_host *host);
 
-/* All bytes left, or NULL; *size of them. */
+/* The bytes that are left; *size: their number. */
 const uint8_t *input_rest(size_t *size);
 
-/* Until nothing is left: bytes, a number or a flipped bit, somewhere. */
+/* Overwrite bytes or numbers or flip bits at random places, until no input is left. */
 void input_spoil(uint8_t *at, size_t size);
 
 #endif

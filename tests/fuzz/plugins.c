@@ -1,5 +1,5 @@
-/* The tables of a recorder and of an importer, and all that they answer, come from the input: msim
- * trusts none of it. */
+/* Fuzz target: the function tables of a recorder and of an importer and all of their results come
+ * from the input; msim must trust none of them. */
 #define _POSIX_C_SOURCE 200809L /* setenv */
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +15,7 @@ enum { MOST_BYTES = 4 << 20 };
 __attribute__((visibility("default"))) const msim_recorder_type *fuzz_recorder(void);
 __attribute__((visibility("default"))) const msim_importer *fuzz_importer(void);
 
-/* What was lent is there to be read, all of it. */
+/* Everything that a plugin is given must be readable. */
 static void read_all(const void *data, size_t size) {
   static volatile unsigned sum;
   for (size_t i = 0; i < size; i++) sum = sum + ((const uint8_t *)data)[i];
@@ -72,7 +72,7 @@ static int32_t recognize(const msim_host *host, const char *path) {
   return (int32_t)input_whole();
 }
 
-/* What tables have in common. */
+/* The members that all tables have. */
 static void spoil_head(unsigned spoilt, uint32_t *abi, uint32_t *size, const char **name) {
   static const char *const names[] = {"hdf5", NULL, "", "csv", "hdf5 "};
   if (spoilt & 256) *abi = input_next();
@@ -140,7 +140,7 @@ static const char *pick_path(char *own, size_t size) {
   return own;
 }
 
-/* What a particle system has, so that some are accepted. */
+/* Shapes that occur in a particle system, so that some are accepted. */
 static void pick_shape(msim_node *node) {
   const unsigned shape = input_next();
   node->kind = (int32_t)(shape % 4);
@@ -204,7 +204,7 @@ const msim_importer *fuzz_importer(void) {
   return spoilt & 2048 ? NULL : &table;
 }
 
-/*------------------------------------- what msim makes of them ----------------------------------*/
+/*------------------------------------- runs -----------------------------------------------------*/
 
 static int write_state(msim_sim *sim, void *recorder) {
   msim_error err;

@@ -1,14 +1,15 @@
-/* saved - a checkpoint as src/sim/checkpoint.c lays it out, to get behind its hash */
+/* saved - access to the parts of a checkpoint (src/sim/checkpoint.c), to forge them and recompute
+ * the hash */
 #ifndef FUZZ_SAVED_H
 #define FUZZ_SAVED_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* Where the run begins, behind the header and the marks. */
+/* The offset of the run, after the header and the fingerprint. */
 size_t saved_run(const uint8_t *saved);
 
-/* Say that there are so many bytes, and whose hash it is. */
+/* Set the length, and recompute the hash. */
 void saved_mend(uint8_t *saved, size_t length);
 
 #endif

@@ -1,5 +1,5 @@
-/* Scene files: any bytes are a scene or are refused; a scene is written and read back to the same
- * text, and makes a few steps. */
+/* Fuzz target: scene files in JSON. Any bytes are a scene or are refused; a scene makes a few
+ * steps, and has the same text when it is written and read back. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,7 +8,7 @@
 
 enum { MOST_BYTES = 4 << 20 };
 
-/* Written with its objects expanded, a scene reads back as itself. */
+/* A scene written with its objects expanded is unchanged when it is read back. */
 static void check_round_trip(msim_scene *scene, const msim_allocator *alloc) {
   msim_error err;
   msim_scene *again;

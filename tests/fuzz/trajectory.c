@@ -1,5 +1,6 @@
-/* Trajectories to be gone on with: whatever bytes a .vtkhdf file has, it is refused in a sentence
- * and stays as it is, with the sim, or the run goes on from a checkpoint and writes its frames. */
+/* Fuzz target: .vtkhdf files from which a run is to be resumed. Any bytes are refused with a
+ * message, and file and sim stay as they were, or the run goes on from a checkpoint and writes its
+ * frames. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,7 +16,7 @@ static const char steps[] = "\"steps\": 8, \"every\": 2";
 
 /*------------------------------------- the run --------------------------------------------------*/
 
-/* Where the sim is, and what the next steps make of it. */
+/* x: the positions three steps on. */
 static void follow(msim_sim *sim, double *x) {
   msim_error err;
   msim_state state = {.size = sizeof state};
@@ -38,7 +39,7 @@ static int write_frame(msim_sim *sim, void *user) {
   return status || --w->frames == 0;
 }
 
-/* As many frames as there are to be, or that many. */
+/* All frames of the run, or the given number of them. */
 static void record(msim_sim *sim, msim_recorder *recorder, int frames) {
   msim_error err;
   writer w = {recorder, frames};
@@ -48,7 +49,7 @@ static void record(msim_sim *sim, msim_recorder *recorder, int frames) {
 
 /*------------------------------------- the file -------------------------------------------------*/
 
-/* One of a run that was stopped, and where it keeps what the run goes on from. */
+/* The file of an interrupted run, and the positions of its checkpoint slots. */
 typedef struct sample {
   uint8_t *file;
   size_t size, slot[NSLOTS], slot_size;
@@ -57,7 +58,7 @@ typedef struct sample {
 
 static uint64_t *word(uint8_t *slot, int i) { return (uint64_t *)(void *)(slot + 8 * i); }
 
-/* A slot is where the name of a checkpoint is, and a head in front of it. */
+/* A slot is found by the name at the start of a checkpoint; a header precedes it. */
 static void find_slots(sample *s) {
   int found = 0;
   for (size_t i = 8 * SLOT_BYTES; i + 8 <= s->size && found < NSLOTS; i += 8)
@@ -66,7 +67,7 @@ static void find_slots(sample *s) {
   s->slot_size = 8 * h5_slot_words(*word(s->file + s->slot[0], SLOT_LENGTH));
 }
 
-/* Made on first use, and never freed. */
+/* Created on first use, and never freed. */
 static const sample *find_sample(const char *path) {
   static sample s;
   msim_error err;
@@ -86,7 +87,7 @@ static const sample *find_sample(const char *path) {
   return &s;
 }
 
-/* Hashes as they should be, of what is there. */
+/* Recompute the hashes. */
 static void mend(const sample *s, uint8_t *file) {
   for (int i = 0; i < NSLOTS; i++) {
     uint8_t *slot = file + s->slot[i];
@@ -97,8 +98,9 @@ static void mend(const sample *s, uint8_t *file) {
   }
 }
 
-/* The first byte tells what is spoilt: with bit 0 the input is the file; else with 1 it is the
- * slots, behind their hashes, and with 2 the first kilobytes, where the groups are, or anything. */
+/* The first byte selects what is forged. Bit 0: the input is the file. Otherwise bit 1: the slots,
+ * with their hashes recomputed; else bit 2: the first kilobytes, which hold the groups; else
+ * anything. */
 static uint8_t *make_file(const sample *s, size_t *size) {
   enum { GROUPS = 8192 };
   const unsigned how = input_next();

@@ -1,7 +1,7 @@
 #include <msim/msim.h>
 #include <stdio.h>
 
-/* A weight on a spring, for two seconds. usage: pendulum [INTEGRATOR [SOLVER]] */
+/* A mass on a spring, for two seconds. usage: pendulum [INTEGRATOR [SOLVER]] */
 int main(int argc, char **argv) {
   const double x[] = {0, 0, 2, 0.5, 0, 2}, mass[] = {1, 0.2}, k = 500;
   const double gravity[] = {0, 0, -9.81};
@@ -17,7 +17,7 @@ int main(int argc, char **argv) {
   options.solver = argc > 2 ? argv[2] : "auto";
   options.h = 1e-3;
 
-  /* 0 is success: the first call that fails ends the chain */
+  /* success is 0: the first call that fails ends the chain */
   int failed = msim_scene_create(NULL, &scene, &error) ||
                msim_scene_set_gravity(scene, gravity, &error) ||
                msim_scene_add_particles(scene, 2, x, NULL, mass, &error) ||

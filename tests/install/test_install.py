@@ -1,5 +1,5 @@
-"""A program of a user and a plugin of a stranger, built against an installed msim that was moved
-since, by CMake and by pkg-config."""
+"""Tests that a user's program and a third-party plugin build against an installed and then moved
+msim, by CMake and by pkg-config."""
 import json
 import os
 import re

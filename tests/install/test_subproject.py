@@ -1,4 +1,5 @@
-"""README's program with msim as a part of its project, by FetchContent and by add_subdirectory."""
+"""Tests that the program of README builds with msim as a subproject, by FetchContent and by
+add_subdirectory."""
 import tempfile
 import unittest
 from pathlib import Path
@@ -20,7 +21,7 @@ class Subproject(unittest.TestCase):
                     f"-DCMAKE_C_COMPILER={support.setting('CC')}", *options)
 
     def test_fetch_content(self):
-        """Neither tests nor tools are built, nor what is to be installed."""
+        """The subproject builds no tests and no tools, and installs nothing."""
         self.configure("-DFETCH=ON")
         support.run(support.setting("CMAKE"), "--build", self.build)
         self.assertRegex(support.run(self.build / "pendulum"), r"^t = 2 s, x = \S+ \S+ \S+ m\n$")
@@ -28,7 +29,7 @@ class Subproject(unittest.TestCase):
         self.assertEqual(built & {"msim_cli", "msim_bench", "test_vector"}, set())
 
     def test_add_subdirectory(self):
-        """The same targets; CMake refuses to generate what links to one that does not exist."""
+        """The subproject has the targets of the package; CMake fails where one is missing."""
         self.configure()
         self.assertTrue((self.build / "msim/cmake_install.cmake").is_file())
 

@@ -1,19 +1,19 @@
-"""Makes explicit_*.json of this folder: results of six explicit methods in 40 digits.
+"""Writes explicit_*.json of this folder: results of six explicit methods with 40 digits.
 
 usage: python3 explicit.py FOLDER
 
-Each method is written from its publication alone, as a loop over springs in plain Python, and run
-in decimal arithmetic; `noise` is what double precision changes, which the tolerances follow.
+Each method is written from its publication only, as a loop over springs in plain Python, and runs
+in decimal arithmetic; `noise` is the change by double precision, from which the tolerances follow.
 
   dop853           Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5: the
                    weights of Dormand and Prince's order 8, here as a method for y' = f(y)
-  rkc              Sommeijer, Shampine and Verwer, J. Comput. Appl. Math. 88 (1998) 315: Chebyshev's
-                   polynomials by cosh, and not by the recurrence
+  rkc              Sommeijer, Shampine and Verwer, J. Comput. Appl. Math. 88 (1998) 315: Chebyshev
+                   polynomials by cosh, not by the recurrence
   rkn6             Blanes and Moan, J. Comput. Appl. Math. 142 (2002) 313, SRKN_11^6
-  force-gradient   Omelyan, Mryglod and Folk, Phys. Rev. E 66 (2002) 026701: the numbers are solved
-                   for, by order 4, and order 6 of an oscillator
+  force-gradient   Omelyan, Mryglod and Folk, Phys. Rev. E 66 (2002) 026701: the coefficients
+                   follow from order 4, and order 6 for an oscillator
   respa            Tuckerman, Berne and Martyna, J. Chem. Phys. 97 (1992) 1990
-  takahashi-imada  J. Phys. Soc. Japan 53 (1984) 3765: its frequency of an oscillator in closed form
+  takahashi-imada  J. Phys. Soc. Japan 53 (1984) 3765: the frequency of an oscillator in closed form
 """
 import json
 import math
@@ -23,7 +23,7 @@ from pathlib import Path
 
 getcontext().prec = 40
 
-# ---- forces, in the numbers of `num`, Decimal or float ----
+# ---- forces, with numbers of the type `num`, Decimal or float ----
 
 
 def root(a):
@@ -42,7 +42,7 @@ def add_springs(springs, x, v, f, num):
 
 
 def acceleration(scene, num, springs=None, outer=True):
-    """a(x, v) by some springs, or all; outer: with gravity and drag."""
+    """a(x, v) by the given springs, or all; outer: with gravity and drag."""
     springs = scene["springs"] if springs is None else springs
 
     def a(x, v):
@@ -67,7 +67,7 @@ def add(base, *terms):
 
 # ---- Runge-Kutta: y = (x, v), f = (v, a) ----
 
-DOP853 = [  # the weights of the stages; those of the result last
+DOP853 = [  # the coefficients of the stages; the weights of the result last
     {},
     {0: "5.26001519587677318785587544488e-2"},
     {0: "1.97250569845378994544595329183e-2", 1: "5.91751709536136983633785987549e-2"},
@@ -149,7 +149,7 @@ def rkc(scene, num, h, stages):
     return step
 
 
-# ---- splitting ----
+# ---- composition methods ----
 
 
 def kicks_and_drifts(scene, num, h, b, d, gradient):
@@ -175,7 +175,7 @@ def rkn6(scene, num, h):
 
 
 def oscillator_defects(unknowns):
-    """What one step makes of an oscillator, less the rotation: in z^4 and z^6, z^3 and z^5."""
+    """The step of an oscillator minus the exact rotation: coefficients of z^4, z^6 and z^3, z^5."""
     a1, b1, b2, g = unknowns
     half = Decimal(1) / 2
     b, d = [b1, b2, 1 - 2 * (b1 + b2), b2, b1], [a1, half - a1, half - a1, a1]
@@ -211,7 +211,7 @@ def solve(matrix, right):
 
 
 def force_gradient_numbers():
-    """Newton's method from the root near the published ones, by differences"""
+    """Newton's method with difference quotients, from near the published root"""
     u, small = [Decimal(s) for s in ("0.24", "0.09", "0.29", "0.023")], Decimal("1e-15")
     for _ in range(12):
         f = oscillator_defects(u)
@@ -255,7 +255,7 @@ THREE = {"n": 3, "mass": [1.0, 0.5, 2.0],
 DAMPED = {**THREE, "springs": [[0, 1, 120.0, 1.0, 0.3], [1, 2, 80.0, 1.0, 0.2]], "drag": 0.1}
 # By Gershgorin's bound, (2 (60 + 40) N s/m + drag)/0.5 kg, h = 0.05 s takes 6 stages.
 VISCOUS = {**THREE, "springs": [[0, 1, 120.0, 1.0, 60.0], [1, 2, 80.0, 1.0, 40.0]], "drag": 1.0}
-# One spring has h w = 3.9, and takes 4 steps, each of half of the longest stable one.
+# One spring has h w = 3.9, and takes 4 steps, each half as long as the longest stable one.
 CORD = {"n": 8, "mass": [1.0] * 8, "pinned": [0],
         "x": [[0.5 * i, 0.05 * (i % 3), -0.02 * i * i] for i in range(8)],
         "v": [[0.0, 0.1 * i, -0.1 * i] for i in range(8)],

@@ -1,24 +1,24 @@
-/* dense-lapack - LAPACK's dense Cholesky factorisation as a solver of msim.
+/* dense-lapack - LAPACK's dense Cholesky factorization as a linear solver of msim
  *
- * An example to begin your own from. It needs msim's headers and the library that it wraps, nothing
- * else of msim: a plugin does not link to libmsim. Fine for some hundred particles. */
+ * An example to start a solver plugin from. It needs only the headers of msim and the library that
+ * it wraps: a plugin does not link to libmsim. Suitable for some hundred particles. */
 #include <string.h>
 
 #include <msim/backend.h>
 
-/* LAPACK is Fortran: every argument is a pointer, and texts bring their length along at the end. */
+/* LAPACK is Fortran: every argument is a pointer, and the lengths of strings follow at the end. */
 void dpotrf_(const char *uplo, const int *n, double *a, const int *lda, int *info, size_t);
 void dpotrs_(const char *uplo, const int *n, const int *nrhs, const double *a, const int *lda,
              double *b, const int *ldb, int *info, size_t);
 
-/* All that one solver remembers. Several may live at a time, so nothing is kept in globals. */
+/* The state of one instance. Several may exist at a time, so there are no global variables. */
 typedef struct dense {
-  const msim_host *host; /* lends memory, and takes the sentence when something fails */
-  int n;                 /* unknowns */
+  const msim_host *host; /* provides memory and takes error messages */
+  int n;                 /* number of unknowns */
   double *a;             /* n x n, dense: A, then its factor */
 } dense;
 
-/* An error is a status < 0 and a sentence for the user. */
+/* An error is a status < 0 with a message for the user. */
 static msim_status refuse(dense *self, const char *why) {
   self->host->fail(self->host, "%s", why);
   return MSIM_ERR_ARG;
@@ -32,7 +32,7 @@ static msim_status create(const msim_host *host, void **result) {
   return MSIM_OK;
 }
 
-/* Once, before there are values: the time to allocate. n block rows are `block` unknowns each. */
+/* Called once, before there are values: allocate here. n block rows are `block` unknowns each. */
 static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
   dense *self = data;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_UPPER)
@@ -47,23 +47,23 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
   return MSIM_OK;
 }
 
-/* A = L L', each time that the values are new. LAPACK counts by columns: the upper triangle that
- * the host gives by rows is its lower one. It looks at that triangle only. */
+/* A = L L^T, computed each time the values are new. LAPACK stores by columns: the upper triangle,
+ * which the host gives by rows, is its lower one. It reads that triangle only. */
 static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
   dense *self = data;
   const size_t n = (size_t)self->n;
   int bad;
-  (void)kind; /* always MSIM_FACTOR_SPD: the table's flags offer nothing else */
+  (void)kind; /* always MSIM_FACTOR_SPD, as the table has no other flags */
   memset(self->a, 0, n * n * sizeof *self->a);
   for (size_t row = 0; row < n; row++)
     for (int32_t e = A->rowptr[row]; e < A->rowptr[row + 1]; e++)
       self->a[n * row + (size_t)A->colind[e]] = A->val[e];
   dpotrf_("L", &self->n, self->a, &self->n, &bad, 1);
   info->definite = bad ? MSIM_DEFINITE_NOT : MSIM_DEFINITE_POSITIVE;
-  return bad ? MSIM_NOT_SPD : MSIM_OK; /* no error: the host knows what to do, and asks again */
+  return bad ? MSIM_NOT_SPD : MSIM_OK; /* not an error: the host handles an indefinite matrix */
 }
 
-/* L L' y = b, for each of the right sides */
+/* L L^T y = b for each right-hand side */
 static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
                          int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   dense *self = data;
@@ -82,7 +82,8 @@ static void destroy(void *data) {
   self->host->free(self->host, self);
 }
 
-/* The one symbol that the file exports. Members left out are 0: no flags, the host's own order. */
+/* The only symbol that the plugin exports. Members left out are 0: no flags, the order of the
+ * host. */
 MSIM_BACKEND_ENTRY(dense_lapack) {
   static const msim_backend table = {.abi = MSIM_BACKEND_ABI,
                                      .size = sizeof table,
