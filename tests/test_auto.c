@@ -232,16 +232,69 @@ static void it_survives_lack_of_memory(void **state) {
   assert_int_equal(b.live, 0);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
+static void count_warning(const char *text, void *user) {
+  int *count = user;
+  *count += strstr(text, "no method that was tried keeps tol") != NULL;
+}
 
-      cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
-      cmocka_unit_test(it_is_always_the_same),
-      cmocka_unit_test(it_needs_no_options),
-      cmocka_unit_test(a_state_is_a_new_run),
-      cmocka_unit_test(springs_are_a_new_run),
-      cmocka_unit_test(it_chooses_the_steps),
-      cmocka_unit_test(impacts_are_located_where_asked),
-      cmocka_unit_test(it_survives_lack_of_memory)};
+/* A soft net with a stiff cord along its middle row, where stability makes steps so short that
+ * leapfrog is accurate to 1e-8. For less another method is taken, and where rounding may be more
+ * than 10 tol the run says so. */
+static void tight_tolerances_are_kept_or_reported(void **state) {
+  enum { SIDE = 16 };
+  const int32_t corners[4] = {0, SIDE - 1, SIDE * (SIDE - 1), SIDE * SIDE - 1};
+  const double g[3] = {0, 0, -9.81}, k = 1e6, rest = 1. / (SIDE - 1), t_end = 0.2;
+  const msim_cloth net = {.size = sizeof net,
+                          .rows = SIDE,
+                          .columns = SIDE,
+                          .row = {0, 1, 0},
+                          .column = {1, 0, 0},
+                          .mass = 1,
+                          .k_structural = 100,
+                          .k_shear = 100,
+                          .k_bend = 100,
+                          .npinned = 4,
+                          .pinned = corners};
+  msim_scene *scene;
+  (void)state;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_cloth(scene, &net, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  for (int32_t i = 0; i + 1 < SIDE; i++) {
+    const int32_t ij[2] = {SIDE * SIDE / 2 + i, SIDE * SIDE / 2 + i + 1};
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  }
+  const msim_options exact = options_of("dop853", 1e-13, t_end);
+  msim_sim *reference = make_sim(scene, &exact);
+  assert_ok(msim_sim_run(reference, NULL, NULL, err));
+  const msim_state at = state_of(reference);
+  for (double tol = 1e-7; tol > 1e-12; tol /= 10) {
+    int warnings = 0;
+    double most = 0;
+    msim_options opt = options_of("auto", tol, t_end);
+    opt.warn = count_warning, opt.warn_user = &warnings;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    const msim_state s = state_of(sim);
+    for (int32_t i = 0; i < 3 * s.n; i++) most = fmax(most, fabs(s.x[i] - at.x[i]));
+    if (tol > 5e-10) assert_int_equal(warnings, 0);
+    assert_true(warnings || most <= 10 * tol);
+    assert_true(most < 2e-9 || tol > 5e-8);
+    msim_sim_destroy(sim);
+  }
+  msim_sim_destroy(reference);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(tight_tolerances_are_kept_or_reported),
+                                     cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
+                                     cmocka_unit_test(it_is_always_the_same),
+                                     cmocka_unit_test(it_needs_no_options),
+                                     cmocka_unit_test(a_state_is_a_new_run),
+                                     cmocka_unit_test(springs_are_a_new_run),
+                                     cmocka_unit_test(it_chooses_the_steps),
+                                     cmocka_unit_test(impacts_are_located_where_asked),
+                                     cmocka_unit_test(it_survives_lack_of_memory)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

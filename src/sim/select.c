@@ -133,13 +133,15 @@ static msim_status measure(ms_probe *p, ms_candidate *c, msim_error *err) {
 }
 
 /* Find the step whose error is tol: errors go like h^k once they are small (ROUGH). A step that is
- * more than twice as long or as short as the one tried has to be tried itself. */
+ * more than twice as long or as short as the one tried has to be tried itself. The error of a trial
+ * of m steps cannot be smaller than their rounding, which adds up like sqrt(m). */
 static msim_status try_step(ms_probe *p, int i, ms_candidate *c, double *most, msim_error *err) {
   const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01;
   const double k = trial_of(p, c).order, h = c->h;
   msim_status status = measure(p, c, err);
   if (status) return status;
-  const double allowed = fmax(p->tol, p->scales.rounding * p->span / h);
+  const double rounding = p->scales.rounding * p->span / (h * sqrt(ms_probe_steps(p, h)));
+  const double allowed = fmax(p->tol, rounding);
   const double change = fmin(FARTHEST, SAFETY * pow(allowed / c->error, 1 / k));
   if (c->error > allowed) *most = SAFETY * h;
   c->h = fmin(*most, h * (c->error > ROUGH ? fmax(1 / FARTHEST, change) : change));
@@ -384,10 +386,22 @@ static msim_status choose(ms_probe *p, ms_selection *s, msim_error *err) {
   return status;
 }
 
+/* Rounding may be larger than tol, and the number of trials is limited. */
+static void warn_of_error(const msim_sim *sim, const ms_candidate *c, double tol) {
+  const double MUCH = 10;
+  if (c->controlled || !(c->error > MUCH * tol)) return;
+  ms_sim_warn(
+      sim,
+      "integrator 'auto': no method that was tried keeps tol = %g here; the error of the one "
+      "chosen, %s, may reach %.2g",
+      tol, c->method->entry.name, c->error);
+}
+
 /* Set method and options as if they had been requested. The first step is a stable one. */
 static void use(msim_sim *sim, const ms_probe *p, const ms_selection *s) {
   const ms_candidate *c = &s->candidates[s->best];
   const double reach = ms_probe_reach(p, c->method);
+  warn_of_error(sim, c, s->tol);
   sim->selection = *s;
   sim->selection.out_of_date = 1;
   sim->integrator = c->method;
