@@ -11,11 +11,10 @@
 #include "physics/model.h"
 
 typedef struct ms_part {
-  int32_t n; /* free particles */
-  double
-      extent;   /* L, m: longest side of the body's bounding box at the start; if 0, U T + g T^2/2,
+  int32_t n;     /* free particles */
+  double extent; /* L, m: longest side of the body's bounding box at the start; if 0, U T + g T^2/2,
                     U without g L */
-  double speed; /* U, m/s: U^2 = mean of |v_i|^2 + g L at the start, |v_i|^2 increased as if each
+  double speed;  /* U, m/s: U^2 = mean of |v_i|^2 + g L at the start, |v_i|^2 increased as if each
                     spring gave its energy to its ends; if 0, L/T */
   double rounding;  /* rounding error of x and v, in this norm */
   double square[2]; /* E^2 of two estimates: scratch */

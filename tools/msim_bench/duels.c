@@ -134,8 +134,7 @@ void measure_duels(linear_bench *b, double seconds, const patience *p) {
     moving m;
     for (count = 1; i + count < MATCHES && share_state(first, first + count);) count++;
     if (!is_wanted(b->wishes, first->scene)) continue;
-    for (int k = 0; k < count; k++)
-      report_key(b->report, first[k].key, NAN); /* no result yet */
+    for (int k = 0; k < count; k++) report_key(b->report, first[k].key, NAN); /* no result yet */
     const bench_scene *scene = scene_named(first->scene);
     const int made = moving_make(scene, first->k, b->wishes->threads, seconds, b->until, &m);
     print_heading(&m, STEP);

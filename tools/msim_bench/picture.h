@@ -15,7 +15,7 @@ typedef struct picture_point {
 typedef struct picture {
   const char *title, *x_label, *y_label;
   const char *x_format; /* of gnuplot; NULL: "10k" for 10 000 */
-  int bars; /* 1: bars, side by side at each place; 0: curves, each through the places of one
+  int bars;   /* 1: bars, side by side at each place; 0: curves, each through the places of one
                family, whose names begin with the same letters */
   int panels; /* curves: a panel for each place, one below the other */
   int heat;   /* 1: a heat map: places x by series, with x within a place; coloured by y */

@@ -62,7 +62,7 @@ typedef struct step_bench {
   double until; /* on wall_seconds' clock */
   double soft;  /* s, of cloth64 with SOFT springs to SUMMARY_ACCURACY; NAN: unknown */
   struct {
-    double worst; /* NAN: no case; INFINITY: Newton's method failed in one */
+    double worst;                /* NAN: no case; INFINITY: Newton's method failed in one */
     int cases, bounds, unsolved; /* numbers of cases, of upper bounds, of INFINITY */
   } prefactored;                 /* for newton_over_prefactored, over all cloths */
 } step_bench;
