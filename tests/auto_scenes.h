@@ -35,7 +35,7 @@ static inline msim_scene *pendulum(void) { return swing(6, 500, 0); }
 
 static inline msim_scene *ball(void) {
   const double x[3] = {0, 0, 1}, v[3] = {0};
-  msim_scene *scene = single(x, v, 9.81);
+  msim_scene *scene = make_single_particle(x, v, 9.81);
   plane(scene, 0, 0, 1, 0, 0.5, 0);
   return scene;
 }
@@ -44,9 +44,9 @@ typedef struct example {
   const char *name;
   msim_scene *(*make)(void);
   double t_end;
-  double most; /* allowed error over tol; above 1 where the error is estimated and not controlled:
-                * with few particles, for which dop853 chooses the steps, and with verlet, none of
-                * whose steps is verified */
+  /* allowed error over tol; above 1 where the error is estimated and not controlled: with few
+   * particles, for which dop853 chooses the steps, and with verlet, whose steps are not verified */
+  double error_limit;
 } example;
 
 static const example examples[] = {{"soft cloth", soft_cloth, 0.6, 1},

@@ -12,7 +12,7 @@
 /* The state of an instance, which decides which calls are allowed. */
 enum { BROKEN, CREATED, ANALYZED, FACTORED, DESTROYED };
 
-typedef struct watch {
+typedef struct checked_instance {
   msim_host lent; /* first member: the host that the inner backend is given */
   const msim_host *outer;
   void *self; /* instance of the inner backend */
@@ -22,39 +22,39 @@ typedef struct watch {
   int said;          /* 1: it reported an error message in this call */
   msim_system system;
   uint64_t pattern;
-  double *factored; /* a copy of the values at factor(); NULL without a matrix */
-  struct watch *next;
-} watch;
+  double *factored; /* a copy of the values at checked_factor(); NULL without a matrix */
+  struct checked_instance *next;
+} checked_instance;
 
 static const msim_backend *inner;
-static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER; /* protects what follows */
-static watch *watches;                                   /* all, also destroyed ones */
+static pthread_mutex_t report_mutex = PTHREAD_MUTEX_INITIALIZER; /* protects what follows */
+static checked_instance *all_instances;                          /* all, also destroyed ones */
 static char report[4096];
 
 /*------------------------------------- breaches -------------------------------------------------*/
 
-static void complain(const char *who, const char *call, const char *what) {
-  pthread_mutex_lock(&gate);
+static void report_error(const char *who, const char *call, const char *what) {
+  pthread_mutex_lock(&report_mutex);
   size_t used = strlen(report);
   snprintf(report + used, sizeof report - used, "%s: %s %s\n", who, call, what);
-  pthread_mutex_unlock(&gate);
+  pthread_mutex_unlock(&report_mutex);
 }
 
 static void expect_host(int holds, const char *call, const char *what) {
-  if (!holds) complain("host", call, what);
+  if (!holds) report_error("host", call, what);
 }
 
 static void expect_backend(int holds, const char *call, const char *what) {
-  if (!holds) complain("backend", call, what);
+  if (!holds) report_error("backend", call, what);
 }
 
 const char *checking_report(void) {
   static char last[sizeof report];
   memcpy(last, report, sizeof report);
   report[0] = '\0';
-  while (watches) {
-    watch *w = watches;
-    watches = w->next;
+  while (all_instances) {
+    checked_instance *w = all_instances;
+    all_instances = w->next;
     free(w->factored);
     free(w);
   }
@@ -63,21 +63,21 @@ const char *checking_report(void) {
 
 /*------------------------------------- host of the inner backend --------------------------------*/
 
-static void *lent_alloc(const msim_host *host, size_t bytes) {
-  watch *w = host->data;
+static void *wrapped_alloc(const msim_host *host, size_t bytes) {
+  checked_instance *w = host->data;
   void *block = w->outer->alloc(w->outer, bytes);
   w->live += block != NULL;
   return block;
 }
 
-static void lent_free(const msim_host *host, void *block) {
-  watch *w = host->data;
+static void wrapped_free(const msim_host *host, void *block) {
+  checked_instance *w = host->data;
   w->live -= block != NULL;
   w->outer->free(w->outer, block);
 }
 
-static void lent_fail(const msim_host *host, const char *format, ...) {
-  watch *w = host->data;
+static void wrapped_fail(const msim_host *host, const char *format, ...) {
+  checked_instance *w = host->data;
   char sentence[512];
   va_list args;
   va_start(args, format);
@@ -90,7 +90,7 @@ static void lent_fail(const msim_host *host, const char *format, ...) {
 /*------------------------------------- begin and end of a call ----------------------------------*/
 
 /* 0: the call is not allowed now, and the inner backend is not called. */
-static int enter(watch *w, const char *call, int least, int most) {
+static int begin_call(checked_instance *w, const char *call, int least, int most) {
   const char *wrong = w->stage == DESTROYED ? "was called after destroy"
                       : w->stage == BROKEN  ? "was called after a failure"
                       : w->stage < least    ? "was called too early"
@@ -100,12 +100,12 @@ static int enter(watch *w, const char *call, int least, int most) {
     atomic_fetch_sub(&w->inside, 1);
     wrong = "overlaps another call";
   }
-  if (wrong) complain("host", call, wrong);
+  if (wrong) report_error("host", call, wrong);
   w->said = 0;
   return !wrong;
 }
 
-static void leave(watch *w, const char *call, msim_status status) {
+static void end_call(checked_instance *w, const char *call, msim_status status) {
   const msim_status known[] = {MSIM_OK,      MSIM_NOT_SPD,    MSIM_NOT_CONVERGED,
                                MSIM_ERR_ARG, MSIM_ERR_MEMORY, MSIM_ERR_BACKEND};
   int found = 0;
@@ -118,7 +118,7 @@ static void leave(watch *w, const char *call, msim_status status) {
 }
 
 /* FNV-1a, continued from `hash` */
-static uint64_t mix(uint64_t hash, const void *data, size_t bytes) {
+static uint64_t hash_bytes(uint64_t hash, const void *data, size_t bytes) {
   const unsigned char *byte = data;
   for (size_t i = 0; i < bytes; i++) hash = (hash ^ byte[i]) * 0x100000001b3u;
   return hash;
@@ -158,7 +158,7 @@ static int ascending(int32_t n, const int32_t *ptr, const int32_t *ind) {
 }
 
 /* The position of the entry (row, column); -1: there is none. */
-static int32_t find(const int32_t *ptr, const int32_t *ind, int32_t row, int32_t column) {
+static int32_t find_entry(const int32_t *ptr, const int32_t *ind, int32_t row, int32_t column) {
   for (int32_t e = ptr[row]; e < ptr[row + 1]; e++)
     if (ind[e] == column) return e;
   return -1;
@@ -167,7 +167,7 @@ static int32_t find(const int32_t *ptr, const int32_t *ind, int32_t row, int32_t
 static int has_both_triangles(int32_t n, const int32_t *ptr, const int32_t *ind) {
   for (int32_t r = 0; r < n; r++)
     for (int32_t e = ptr[r]; e < ptr[r + 1]; e++)
-      if (find(ptr, ind, ind[e], r) < 0) return 0;
+      if (find_entry(ptr, ind, ind[e], r) < 0) return 0;
   return 1;
 }
 
@@ -183,7 +183,7 @@ static int is_permutation(int32_t n, const int32_t *perm) {
 
 static int has_diagonal(int32_t n, const int32_t *ptr, const int32_t *ind) {
   for (int32_t r = 0; r < n; r++)
-    if (find(ptr, ind, r, r) < 0) return 0;
+    if (find_entry(ptr, ind, r, r) < 0) return 0;
   return 1;
 }
 
@@ -202,7 +202,7 @@ static int is_expanded(const msim_system *A) {
 static int is_symmetric(const msim_system *A) {
   for (int32_t r = 0; r < A->block * A->n; r++)
     for (int32_t e = A->rowptr[r]; e < A->rowptr[r + 1]; e++) {
-      int32_t other = find(A->rowptr, A->colind, A->colind[e], r);
+      int32_t other = find_entry(A->rowptr, A->colind, A->colind[e], r);
       if (other >= 0 && A->val[other] != A->val[e]) return 0;
     }
   return 1;
@@ -215,7 +215,8 @@ static size_t length(const msim_system *A) {
 }
 
 static uint64_t hash_graph(int32_t n, const int32_t *ptr, const int32_t *ind) {
-  return mix(mix(1, ptr, ((size_t)n + 1) * sizeof *ptr), ind, (size_t)ptr[n] * sizeof *ind);
+  return hash_bytes(hash_bytes(1, ptr, ((size_t)n + 1) * sizeof *ptr), ind,
+                    (size_t)ptr[n] * sizeof *ind);
 }
 
 static uint64_t hash_pattern(const msim_system *A) {
@@ -225,7 +226,7 @@ static uint64_t hash_pattern(const msim_system *A) {
 }
 
 static uint64_t hash_values(const msim_system *A) {
-  return A->format == MSIM_FORMAT_NONE ? 0 : mix(1, A->val, entries(A) * sizeof(double));
+  return A->format == MSIM_FORMAT_NONE ? 0 : hash_bytes(1, A->val, entries(A) * sizeof(double));
 }
 
 static void check_matrix(const msim_system *A) {
@@ -255,15 +256,15 @@ static void check_system(const msim_system *A) {
   expect_host(A->stride >= A->n && A->apply && A->precondition, "analyze", "lacks callbacks");
 }
 
-/* The same system at the same addresses as in analyze(). */
-static void check_unmoved(const watch *w, const char *call, const msim_system *A) {
+/* The same system at the same addresses as in checked_analyze(). */
+static void check_unmoved(const checked_instance *w, const char *call, const msim_system *A) {
   expect_host(memcmp(A, &w->system, sizeof *A) == 0, call, "got another system than analyze");
   expect_host(hash_pattern(A) == w->pattern, call, "got another pattern than analyze");
 }
 
 /*------------------------------------- solutions ------------------------------------------------*/
 
-/* y += A x, or |A| x, with the values at factor() */
+/* y += A x, or |A| x, with the values at checked_factor() */
 static void multiply(const msim_system *A, const double *val, int absolute, const double *x,
                      double *y) {
   for (int32_t r = 0; r < A->block * A->n; r++)
@@ -276,7 +277,7 @@ static void multiply(const msim_system *A, const double *val, int absolute, cons
 }
 
 /* sqrt(r.D^-1 r) if the host provides D^-1, else the 2-norm */
-static double size_of(const msim_system *A, const double *r) {
+static double norm_of(const msim_system *A, const double *r) {
   const size_t n = length(A);
   double *z = calloc(n, sizeof *z), sum = 0;
   if (!z) abort();
@@ -289,7 +290,8 @@ static double size_of(const msim_system *A, const double *r) {
 
 /* ||b - A y|| <= rtol ||b||, or at most `slack` || |A| |y| + |b| ||. Without a matrix |A| is
  * unknown, and A |y| replaces |A| |y|. */
-static int is_solved(const watch *w, double rtol, double slack, const double *b, const double *y) {
+static int is_solved(const checked_instance *w, double rtol, double slack, const double *b,
+                     const double *y) {
   const msim_system *A = &w->system;
   const size_t n = length(A);
   double *work = calloc(3 * n, sizeof *work), *r = work, *size = work + n, *positive = work + 2 * n;
@@ -303,8 +305,8 @@ static int is_solved(const watch *w, double rtol, double slack, const double *b,
     A->apply(A, positive, size);
   }
   for (size_t i = 0; i < n; i++) r[i] = b[i] - r[i], size[i] = fabs(size[i]) + fabs(b[i]);
-  const double left = size_of(A, r);
-  const int solved = left <= rtol * size_of(A, b) || left <= slack * size_of(A, size);
+  const double left = norm_of(A, r);
+  const int solved = left <= rtol * norm_of(A, b) || left <= slack * norm_of(A, size);
   free(work);
   return solved;
 }
@@ -318,8 +320,8 @@ static int is_padded(const msim_system *A, const double *x) {
 
 /* An iteration must meet its tolerance, a factorization a small backward error; single precision is
  * enough for rtol >= 1e-4, as the host refines the solution. */
-static void check_answer(const watch *w, const msim_solve_params *params, const double *b,
-                         const double *y) {
+static void check_answer(const checked_instance *w, const msim_solve_params *params,
+                         const double *b, const double *y) {
   const int iterative = (inner->flags & MSIM_BACKEND_ITERATIVE) != 0;
   /* a residual summed in another order differs in the last digits */
   const double rtol = iterative ? params->rtol * (1 + 1e-9) : 0;
@@ -332,44 +334,45 @@ static void check_answer(const watch *w, const msim_solve_params *params, const 
 
 /*------------------------------------- the table ------------------------------------------------*/
 
-static msim_status create(const msim_host *host, void **self) {
-  watch *w = calloc(1, sizeof *w);
+static msim_status checked_create(const msim_host *host, void **self) {
+  checked_instance *w = calloc(1, sizeof *w);
   if (!w) return MSIM_ERR_MEMORY;
-  *w = (watch){.lent = {sizeof w->lent, lent_alloc, lent_free, lent_fail, w}, .outer = host};
+  *w = (checked_instance){.lent = {sizeof w->lent, wrapped_alloc, wrapped_free, wrapped_fail, w},
+                          .outer = host};
   atomic_init(&w->inside, 1);
   *self = w;
-  pthread_mutex_lock(&gate);
-  w->next = watches;
-  watches = w;
-  pthread_mutex_unlock(&gate);
+  pthread_mutex_lock(&report_mutex);
+  w->next = all_instances;
+  all_instances = w;
+  pthread_mutex_unlock(&report_mutex);
   const msim_status status = inner->create(&w->lent, &w->self);
   w->stage = status ? BROKEN : CREATED;
   expect_backend(status || w->self, "create", "succeeded without a self");
-  leave(w, "create", status);
+  end_call(w, "create", status);
   return status;
 }
 
-static msim_status order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
-                         int32_t *perm) {
-  watch *w = self;
-  if (!enter(w, "order", CREATED, CREATED)) return MSIM_ERR_ARG;
+static msim_status checked_order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
+                                 int32_t *perm) {
+  checked_instance *w = self;
+  if (!begin_call(w, "order", CREATED, CREATED)) return MSIM_ERR_ARG;
   expect_host(n >= 1 && ptr && ind && perm, "order", "got a graph that is not all there");
   expect_host(ascending(n, ptr, ind), "order", "got rows that are not ascending");
   expect_host(has_both_triangles(n, ptr, ind), "order", "got a graph that is not symmetric");
   for (int32_t r = 0; r < n; r++)
-    expect_host(find(ptr, ind, r, r) < 0, "order", "got a graph with a diagonal");
+    expect_host(find_entry(ptr, ind, r, r) < 0, "order", "got a graph with a diagonal");
   const uint64_t before = hash_graph(n, ptr, ind);
   const msim_status status = inner->order(w->self, n, ptr, ind, perm);
   expect_backend(hash_graph(n, ptr, ind) == before, "order", "wrote to the graph");
   expect_backend(status || is_permutation(n, perm), "order", "gave no permutation");
   if (status) w->stage = BROKEN;
-  leave(w, "order", status);
+  end_call(w, "order", status);
   return status;
 }
 
-static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
-  watch *w = self;
-  if (!enter(w, "analyze", CREATED, CREATED)) return MSIM_ERR_ARG;
+static msim_status checked_analyze(void *self, const msim_system *A, msim_solve_info *info) {
+  checked_instance *w = self;
+  if (!begin_call(w, "analyze", CREATED, CREATED)) return MSIM_ERR_ARG;
   check_system(A);
   check_blank("analyze", info);
   w->system = *A;
@@ -379,13 +382,14 @@ static msim_status analyze(void *self, const msim_system *A, msim_solve_info *in
   if (!status && A->val) w->factored = malloc(entries(A) * sizeof *w->factored);
   w->stage = status ? BROKEN : ANALYZED;
   check_info("analyze", info);
-  leave(w, "analyze", status);
+  end_call(w, "analyze", status);
   return status;
 }
 
-static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_solve_info *info) {
-  watch *w = self;
-  if (!enter(w, "factor", ANALYZED, FACTORED)) return MSIM_ERR_ARG;
+static msim_status checked_factor(void *self, const msim_system *A, int32_t kind,
+                                  msim_solve_info *info) {
+  checked_instance *w = self;
+  if (!begin_call(w, "factor", ANALYZED, FACTORED)) return MSIM_ERR_ARG;
   check_unmoved(w, "factor", A);
   check_blank("factor", info);
   expect_host(kind == MSIM_FACTOR_SPD ||
@@ -404,14 +408,14 @@ static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_s
   expect_backend(hash_values(A) == before, "factor", "wrote to the values");
   w->stage = status ? ANALYZED : FACTORED;
   check_info("factor", info);
-  leave(w, "factor", status);
+  end_call(w, "factor", status);
   return status;
 }
 
-static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
-                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
-  watch *w = self;
-  if (!enter(w, "solve", FACTORED, FACTORED)) return MSIM_ERR_ARG;
+static msim_status checked_solve(void *self, const msim_system *A, const msim_solve_params *params,
+                                 int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+  checked_instance *w = self;
+  if (!begin_call(w, "solve", FACTORED, FACTORED)) return MSIM_ERR_ARG;
   const size_t n = length(A), all = nrhs > 0 ? n * (size_t)nrhs : 0;
   check_unmoved(w, "solve", A);
   check_blank("solve", info);
@@ -422,38 +426,38 @@ static msim_status solve(void *self, const msim_system *A, const msim_solve_para
   for (int32_t k = 0; k < nrhs; k++)
     expect_host(is_padded(A, b + (size_t)k * n) && is_padded(A, y + (size_t)k * n), "solve",
                 "got padding that is not zero");
-  const uint64_t values = hash_values(A), right = mix(1, b, all * sizeof *b);
+  const uint64_t values = hash_values(A), right = hash_bytes(1, b, all * sizeof *b);
   const msim_status status = inner->solve(w->self, A, params, nrhs, b, y, info);
   expect_backend(hash_pattern(A) == w->pattern, "solve", "wrote to the pattern");
   expect_backend(hash_values(A) == values, "solve", "wrote to the values");
-  expect_backend(mix(1, b, all * sizeof *b) == right, "solve", "wrote to the right side");
+  expect_backend(hash_bytes(1, b, all * sizeof *b) == right, "solve", "wrote to the right side");
   for (int32_t k = 0; !status && k < nrhs; k++)
     check_answer(w, params, b + (size_t)k * n, y + (size_t)k * n);
   check_info("solve", info);
-  leave(w, "solve", status);
+  end_call(w, "solve", status);
   return status;
 }
 
-static void destroy(void *self) {
-  watch *w = self;
+static void checked_destroy(void *self) {
+  checked_instance *w = self;
   if (!w) return;
   if (w->stage == BROKEN) w->stage = CREATED; /* destroy may follow any call */
-  if (!enter(w, "destroy", CREATED, FACTORED)) return;
+  if (!begin_call(w, "destroy", CREATED, FACTORED)) return;
   inner->destroy(w->self);
   w->stage = DESTROYED;
   expect_backend(w->live == 0, "destroy", "left memory of the host behind");
-  leave(w, "destroy", MSIM_OK);
+  end_call(w, "destroy", MSIM_OK);
 }
 
 const msim_backend *checking_backend(const msim_backend *table) {
   static msim_backend checking;
   inner = table;
   checking = *table;
-  checking.create = create;
-  checking.order = table->order ? order : NULL;
-  checking.analyze = analyze;
-  checking.factor = factor;
-  checking.solve = solve;
-  checking.destroy = destroy;
+  checking.create = checked_create;
+  checking.order = table->order ? checked_order : NULL;
+  checking.analyze = checked_analyze;
+  checking.factor = checked_factor;
+  checking.solve = checked_solve;
+  checking.destroy = checked_destroy;
   return &checking;
 }

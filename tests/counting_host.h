@@ -11,10 +11,10 @@
 #include "msim/status.h"
 
 typedef struct counting_host {
-  msim_host host;  /* first member: a pointer to it is a pointer to this */
-  int live;        /* blocks allocated and not freed */
-  int empty;       /* 1: every allocation fails */
-  int until_empty; /* the allocation number (from 1) from which all fail; 0: none */
+  msim_host host; /* first member: a pointer to it is a pointer to this */
+  int live;       /* blocks allocated and not freed */
+  int fails;      /* 1: every allocation fails */
+  int fail_at;    /* the allocation number (from 1) from which all fail; 0: none */
   char sentence[512];
 } counting_host;
 
@@ -22,8 +22,8 @@ typedef struct counting_host {
  * zeros. */
 static inline void *counting_alloc(const msim_host *host, size_t bytes) {
   counting_host *self = host->data;
-  if (self->until_empty && --self->until_empty == 0) self->empty = 1;
-  void *block = self->empty ? NULL : malloc(bytes);
+  if (self->fail_at && --self->fail_at == 0) self->fails = 1;
+  void *block = self->fails ? NULL : malloc(bytes);
   self->live += block != NULL;
   return block ? memset(block, 0xff, bytes) : NULL;
 }

@@ -5,33 +5,33 @@
 
 #include "msim/backend.h"
 
-typedef struct gradients {
+typedef struct cg_solver {
   const msim_host *host;
   double *r, *z, *p, *q; /* residual, preconditioned residual, direction, A p */
-} gradients;
+} cg_solver;
 
-static msim_status refuse(gradients *g, msim_status status, const char *why) {
+static msim_status cg_fail(cg_solver *g, msim_status status, const char *why) {
   g->host->fail(g->host, "%s", why);
   return status;
 }
 
-static msim_status create(const msim_host *host, void **self) {
-  gradients *g = host->alloc(host, sizeof *g);
+static msim_status cg_create(const msim_host *host, void **self) {
+  cg_solver *g = host->alloc(host, sizeof *g);
   *self = g;
   if (!g) return MSIM_ERR_MEMORY;
-  *g = (gradients){.host = host};
+  *g = (cg_solver){.host = host};
   return MSIM_OK;
 }
 
 static size_t length(const msim_system *A) { return (size_t)A->block * (size_t)A->stride; }
 
-static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
-  gradients *g = self;
+static msim_status cg_analyze(void *self, const msim_system *A, msim_solve_info *info) {
+  cg_solver *g = self;
   (void)info;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_NONE)
-    return refuse(g, MSIM_ERR_ARG, "no matrix of 1 to 3 components, please");
+    return cg_fail(g, MSIM_ERR_ARG, "no matrix of 1 to 3 components, please");
   if (A->val || A->rowptr || A->graphptr || A->stride < A->n)
-    return refuse(g, MSIM_ERR_BACKEND, "a matrix where none was asked for");
+    return cg_fail(g, MSIM_ERR_BACKEND, "a matrix where none was asked for");
   double **work[] = {&g->r, &g->z, &g->p, &g->q};
   for (size_t i = 0; i < 4; i++) {
     *work[i] = g->host->alloc(g->host, length(A) * sizeof(double));
@@ -40,7 +40,8 @@ static msim_status analyze(void *self, const msim_system *A, msim_solve_info *in
   return MSIM_OK;
 }
 
-static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_solve_info *info) {
+static msim_status cg_factor(void *self, const msim_system *A, int32_t kind,
+                             msim_solve_info *info) {
   (void)self, (void)A, (void)kind, (void)info;
   return MSIM_OK;
 }
@@ -52,26 +53,26 @@ static double dot(size_t n, const double *x, const double *y) {
 }
 
 /* 1 if every entry that is no unknown is zero. */
-static int padded(const msim_system *A, const double *x) {
+static int is_padding_zero(const msim_system *A, const double *x) {
   for (size_t i = 0; i < length(A); i++)
     if (i % (size_t)A->stride >= (size_t)A->n && x[i] != 0) return 0;
   return 1;
 }
 
 /* r.z with z = P r, the preconditioned residual */
-static double square(gradients *g, const msim_system *A, const double *r) {
+static double preconditioned_norm2(cg_solver *g, const msim_system *A, const double *r) {
   A->precondition(A, r, g->z);
   return dot(length(A), r, g->z);
 }
 
 /* One search direction, from g->r; rho: r.z of the previous one, 0 at the start. */
-static msim_status advance(gradients *g, const msim_system *A, double *rho, double *y) {
+static msim_status cg_iterate(cg_solver *g, const msim_system *A, double *rho, double *y) {
   const size_t n = length(A);
-  const double next = square(g, A, g->r), beta = *rho > 0 ? next / *rho : 0;
+  const double next = preconditioned_norm2(g, A, g->r), beta = *rho > 0 ? next / *rho : 0;
   for (size_t i = 0; i < n; i++) g->p[i] = g->z[i] + (*rho > 0 ? beta * g->p[i] : 0);
   A->apply(A, g->p, g->q);
-  if (!padded(A, g->z) || !padded(A, g->q))
-    return refuse(g, MSIM_ERR_BACKEND, "padding that is not zero");
+  if (!is_padding_zero(A, g->z) || !is_padding_zero(A, g->q))
+    return cg_fail(g, MSIM_ERR_BACKEND, "padding that is not zero");
   const double curvature = dot(n, g->p, g->q);
   if (!(curvature > 0)) return MSIM_NOT_SPD;
   for (size_t i = 0; i < n; i++) y[i] += next / curvature * g->p[i];
@@ -81,40 +82,40 @@ static msim_status advance(gradients *g, const msim_system *A, double *rho, doub
 }
 
 /* When the residual of the recurrence meets the tolerance, restart from the true residual. */
-static msim_status solve_one(gradients *g, const msim_system *A, const msim_solve_params *params,
+static msim_status solve_one(cg_solver *g, const msim_system *A, const msim_solve_params *params,
                              const double *b, double *y, msim_solve_info *info) {
   const size_t n = length(A);
-  const double goal = params->rtol * sqrt(square(g, A, b));
+  const double goal = params->rtol * sqrt(preconditioned_norm2(g, A, b));
   double rho = 0, left = 0;
   for (int64_t i = 0;; i++, info->iterations++) {
     if (left <= goal) {
       A->apply(A, y, g->q);
       for (size_t k = 0; k < n; k++) g->r[k] = b[k] - g->q[k];
       rho = 0;
-      if (sqrt(square(g, A, g->r)) <= goal) return MSIM_OK;
+      if (sqrt(preconditioned_norm2(g, A, g->r)) <= goal) return MSIM_OK;
     }
     if (i == params->max_iterations) return MSIM_NOT_CONVERGED;
-    const msim_status status = advance(g, A, &rho, y);
+    const msim_status status = cg_iterate(g, A, &rho, y);
     if (status) return status;
-    left = sqrt(square(g, A, g->r));
+    left = sqrt(preconditioned_norm2(g, A, g->r));
   }
 }
 
-static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
-                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
-  gradients *g = self;
+static msim_status cg_solve(void *self, const msim_system *A, const msim_solve_params *params,
+                            int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+  cg_solver *g = self;
   msim_status status = MSIM_OK;
-  if (nrhs < 1) return refuse(g, MSIM_ERR_ARG, "a right side, please");
+  if (nrhs < 1) return cg_fail(g, MSIM_ERR_ARG, "a right side, please");
   for (; nrhs > 0 && !status; nrhs--, b += length(A), y += length(A)) {
-    if (!padded(A, b) || !padded(A, y))
-      return refuse(g, MSIM_ERR_BACKEND, "padding that is not zero");
+    if (!is_padding_zero(A, b) || !is_padding_zero(A, y))
+      return cg_fail(g, MSIM_ERR_BACKEND, "padding that is not zero");
     status = solve_one(g, A, params, b, y, info);
   }
   return status;
 }
 
-static void destroy(void *self) {
-  gradients *g = self;
+static void cg_destroy(void *self) {
+  cg_solver *g = self;
   if (!g) return;
   double *work[] = {g->r, g->z, g->p, g->q};
   for (size_t i = 0; i < 4; i++) g->host->free(g->host, work[i]);
@@ -130,11 +131,11 @@ MSIM_BACKEND_ENTRY(matrix_free) {
       .license = "MIT",
       .flags = MSIM_BACKEND_ITERATIVE,
       .format = MSIM_FORMAT_NONE,
-      .create = create,
-      .analyze = analyze,
-      .factor = factor,
-      .solve = solve,
-      .destroy = destroy,
+      .create = cg_create,
+      .analyze = cg_analyze,
+      .factor = cg_factor,
+      .solve = cg_solve,
+      .destroy = cg_destroy,
   };
   return &table;
 }

@@ -10,37 +10,37 @@
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-typedef struct starving {
-  int live;  /* blocks allocated and not freed */
-  int meals; /* successful allocations until all fail; < 0: none fails */
-} starving;
+typedef struct limited_allocator {
+  int live;      /* blocks allocated and not freed */
+  int remaining; /* successful allocations until all fail; < 0: none fails */
+} limited_allocator;
 
-static inline void *starving_alloc(size_t bytes, void *user) {
-  starving *s = user;
-  if (s->meals == 0) return NULL;
-  s->meals -= s->meals > 0;
+static inline void *limited_allocator_alloc(size_t bytes, void *user) {
+  limited_allocator *s = user;
+  if (s->remaining == 0) return NULL;
+  s->remaining -= s->remaining > 0;
   void *block = malloc(bytes);
   s->live += block != NULL;
   return block;
 }
 
-static inline void starving_free(void *block, void *user) {
-  ((starving *)user)->live -= block != NULL;
+static inline void limited_allocator_free(void *block, void *user) {
+  ((limited_allocator *)user)->live -= block != NULL;
   free(block);
 }
 
-static inline msim_allocator starving_allocator(starving *s) {
-  *s = (starving){0, -1};
-  return (msim_allocator){starving_alloc, starving_free, s};
+static inline msim_allocator make_limited_allocator(limited_allocator *s) {
+  *s = (limited_allocator){0, -1};
+  return (msim_allocator){limited_allocator_alloc, limited_allocator_free, s};
 }
 
 /*------------------------------------- content --------------------------------------------------*/
 
 /* The whole content of a scene as JSON text; the caller frees it. */
 static inline char *text_of(const ms_scene *data) {
-  const msim_allocator alloc = ms_allocator(NULL);
+  const msim_allocator alloc = ms_memory_allocator(NULL);
   ms_text text = {.alloc = &alloc};
-  assert_ok(ms_scene_to_json(data, &text, err));
+  assert_ok(ms_scene_write_json(data, &text, err));
   char *copy = malloc(text.length + 1);
   memcpy(copy, text.data, text.length + 1);
   ms_text_free(&text);

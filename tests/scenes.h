@@ -32,7 +32,7 @@ static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) 
 }
 
 /* A cube of 1 kg with side^3 particles, pinned in the layer of that z index. */
-static inline msim_scene *held_block(int32_t side, double extent, double k, int32_t layer) {
+static inline msim_scene *pinned_block(int32_t side, double extent, double k, int32_t layer) {
   const double g[3] = {0, 0, -9.81};
   int32_t face[400];
   assert_true(side <= 20);
@@ -52,7 +52,7 @@ static inline msim_scene *held_block(int32_t side, double extent, double k, int3
 }
 
 /* Scene i of tools/scenes; NULL past the end. */
-static inline msim_scene *shipped_scene(size_t i) {
+static inline msim_scene *load_shipped_scene(size_t i) {
   static const char *const names[] = {"three_particles", "pendulum",   "rope",
                                       "hanging_cloth",   "jelly_drop", "bouncing_balls"};
   char path[512];
@@ -64,7 +64,7 @@ static inline msim_scene *shipped_scene(size_t i) {
 }
 
 /* One particle of mass 1 at x with velocity v, gravity g along -z. */
-static inline msim_scene *single(const double x[3], const double v[3], double g) {
+static inline msim_scene *make_single_particle(const double x[3], const double v[3], double g) {
   const double gravity[3] = {0, 0, -g}, mass = 1;
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
@@ -140,7 +140,7 @@ static inline int is_implicit(const char *method) {
 }
 
 /* 1 if the method takes no forces that depend on velocities. */
-static inline int wants_positions_alone(const char *method) {
+static inline int takes_positions_only(const char *method) {
   return strcmp(method, "rkn6") == 0 || strcmp(method, "force-gradient") == 0 ||
          strcmp(method, "takahashi-imada") == 0;
 }
@@ -151,7 +151,7 @@ static inline int refuses_planes(const char *method) {
 }
 
 /* 1 if the solver is available. */
-static inline int solver_there(const char *name) {
+static inline int is_solver_available(const char *name) {
   msim_plugin_entry entry;
   msim_error err;
   for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++)

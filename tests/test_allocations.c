@@ -3,7 +3,7 @@
  * allocator. */
 #include <string.h>
 
-#include "scarce.h"
+#include "failing_allocator.h"
 #include "scenes.h"
 
 enum { STEPS = 20 };
@@ -21,9 +21,9 @@ static msim_scene *falling_cloth(const char *method) {
                             .mass = 0.3,
                             .k_structural = 1000,
                             .k_shear = 1000,
-                            .damping = wants_positions_alone(method) ? 0 : 1e-4};
+                            .damping = takes_positions_only(method) ? 0 : 1e-4};
   msim_scene *scene;
-  assert_ok(msim_scene_create(scarce_allocator(), &scene, err));
+  assert_ok(msim_scene_create(failing_allocator_get(), &scene, err));
   assert_ok(msim_scene_set_gravity(scene, g, err));
   assert_ok(msim_scene_add_cloth(scene, &cloth, err));
   if (!refuses_planes(method)) assert_ok(msim_scene_add_plane(scene, &floor, err));
@@ -32,12 +32,12 @@ static msim_scene *falling_cloth(const char *method) {
 
 /* Make steps while every allocation of this thread fails; returns 1 if there was one. */
 static int steps_allocate(msim_sim *sim, int32_t steps, msim_status *status) {
-  scarce_count(SCARCE_MALLOC ? SCARCE_BY_MALLOC : SCARCE_BY_ALLOCATOR);
-  scarce_arm(0, 1);
+  failing_allocator_count(FAILING_MALLOC ? FAILING_BY_MALLOC : FAILING_BY_ALLOCATOR);
+  failing_allocator_arm(0, 1);
   *status = msim_sim_step(sim, steps, NULL);
-  const int failed = scarce_failed();
-  scarce_arm(-1, 0);
-  scarce_count(SCARCE_NOT);
+  const int failed = failing_allocator_has_failed();
+  failing_allocator_arm(-1, 0);
+  failing_allocator_count(FAILING_NONE);
   return failed;
 }
 
@@ -82,7 +82,7 @@ static void no_step_by_sundials_allocates(void **state) {
                                         "sundials-spbcgs", "sundials-sptfqmr"};
   int tried = 0;
   for (size_t i = 0; i < sizeof solvers / sizeof *solvers; i++) {
-    if (!solver_there(solvers[i])) continue;
+    if (!is_solver_available(solvers[i])) continue;
     check_all_methods(solvers[i]);
     tried++;
   }
@@ -92,8 +92,8 @@ static void no_step_by_sundials_allocates(void **state) {
 /* Checks the check: an allocation within a library is detected. */
 static void steps_by_cholmod_are_seen_to_allocate(void **state) {
   (void)state;
-  if (!SCARCE_MALLOC) skip();
-  require(solver_there("cholmod"), "the solver cholmod");
+  if (!FAILING_MALLOC) skip();
+  require(is_solver_available("cholmod"), "the solver cholmod");
   msim_scene *scene = falling_cloth("linearly-implicit-euler");
   msim_options opt = options("linearly-implicit-euler", 1e-3);
   opt.solver = "cholmod", opt.threads = 1;

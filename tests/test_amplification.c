@@ -14,7 +14,7 @@ static void move_exactly(double zeta, double z, double y[2]) {
   y[1] = -s * x + (c - zeta * s) * v;
 }
 
-static double error_of(amplification *step, double zeta, double z) {
+static double error_of(amplification_step *step, double zeta, double z) {
   double largest = 0;
   for (int i = 0; i < 2; i++) {
     double y[2] = {i == 0, i == 1}, exact[2] = {i == 0, i == 1};
@@ -25,7 +25,7 @@ static double error_of(amplification *step, double zeta, double z) {
   return largest;
 }
 
-static double half_trace(amplification *step, double z) {
+static double half_trace(amplification_step *step, double z) {
   double p[2] = {1, 0}, q[2] = {0, 1};
   step(0, z, p);
   step(0, z, q);
@@ -36,7 +36,7 @@ static double half_trace(amplification *step, double z) {
 static void steps_have_their_order(void **state) {
   (void)state;
   const struct {
-    amplification *step;
+    amplification_step *step;
     double zeta, z, order;
   } cases[] = {{amplify_rkc, 0, 0.05, 2},   {amplify_rkc, 0.1, 0.05, 2},
                {amplify_dop853, 0, 0.6, 8}, {amplify_dop853, 0.1, 0.6, 8},

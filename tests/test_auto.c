@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "auto_scenes.h"
-#include "bank.h"
+#include "counting_allocator.h"
 
 static const char *name_of(const msim_sim *sim) {
   msim_plan plan = {.size = sizeof plan};
@@ -15,8 +15,7 @@ static const char *name_of(const msim_sim *sim) {
 
 static void same_choice(const msim_sim *a, const msim_sim *b) {
   assert_string_equal(name_of(a), name_of(b));
-  assert_memory_equal(a->selection.candidates, b->selection.candidates,
-                      sizeof a->selection.candidates);
+  assert_memory_equal(a->choice.candidates, b->choice.candidates, sizeof a->choice.candidates);
   assert_true(a->opt.tol == b->opt.tol && a->opt.h == b->opt.h);
 }
 
@@ -74,7 +73,7 @@ static void it_is_always_the_same(void **state) {
     same_state(sim, other);
     assert_ok(msim_sim_explain(sim, &text, err));
     for (int k = 0; k < MS_CANDIDATES; k++)
-      assert_non_null(strstr(text, sim->selection.candidates[k].method->entry.name));
+      assert_non_null(strstr(text, sim->choice.candidates[k].method->entry.name));
     line = strstr(text, ": chosen, ");
     assert_non_null(line);
     assert_null(strstr(line + 1, ": chosen, "));
@@ -97,7 +96,7 @@ static void it_needs_no_options(void **state) {
 
 /* A scene created in a state makes the same choice as a sim that was set to it, and the same
  * steps. */
-static void a_state_is_a_new_run(void **state) {
+static void a_set_state_makes_a_new_choice(void **state) {
   (void)state;
   msim_scene *scene = soft_cloth(), *later;
   const msim_options opt = options_of("auto", 1e-5, 0.8);
@@ -132,7 +131,7 @@ static void a_state_is_a_new_run(void **state) {
 }
 
 /* If forces begin to depend on velocities, another method is chosen. */
-static void springs_are_a_new_run(void **state) {
+static void set_springs_make_a_new_choice(void **state) {
   (void)state;
   msim_scene *scene = soft_cloth(), *damped = hanging_cloth(5, 30, 0.01);
   const msim_options opt = options_of("auto", 1e-6, 0.6);
@@ -199,10 +198,10 @@ static void impacts_are_located_where_asked(void **state) {
 }
 
 /* A choice for which memory runs out changes nothing, and leaks nothing. */
-static void it_survives_lack_of_memory(void **state) {
+static void lack_of_memory_changes_nothing(void **state) {
   (void)state;
-  bank b = {.fail_at = -1};
-  const msim_allocator alloc = {bank_alloc, bank_free, &b};
+  counting_allocator b = {.fail_at = -1};
+  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
   const double x[6] = {0, 0, 0, 1, 0.2, 0}, far[6] = {0, 0, 0, 3, 0, 0.5}, v[6] = {0},
                mass[2] = {1, 1}, k = 100, rest = 1;
   const int32_t ij[2] = {0, 1};
@@ -291,10 +290,10 @@ int main(void) {
                                      cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
                                      cmocka_unit_test(it_is_always_the_same),
                                      cmocka_unit_test(it_needs_no_options),
-                                     cmocka_unit_test(a_state_is_a_new_run),
-                                     cmocka_unit_test(springs_are_a_new_run),
+                                     cmocka_unit_test(a_set_state_makes_a_new_choice),
+                                     cmocka_unit_test(set_springs_make_a_new_choice),
                                      cmocka_unit_test(it_chooses_the_steps),
                                      cmocka_unit_test(impacts_are_located_where_asked),
-                                     cmocka_unit_test(it_survives_lack_of_memory)};
+                                     cmocka_unit_test(lack_of_memory_changes_nothing)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

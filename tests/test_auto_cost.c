@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "auto_scenes.h"
-#include "sim/probe.h"
+#include "sim/pilot_run.h"
 
 /*------------------------------------- error and work -------------------------------------------*/
 
@@ -23,7 +23,7 @@ typedef struct target {
 
 /* At least one evaluation per step: without springs implicit methods count none. */
 static double work_of(const msim_sim *sim) {
-  return fmax(ms_probe_work(sim), (double)stats_of(sim).steps);
+  return fmax(ms_pilot_run_count_work(sim), (double)stats_of(sim).steps);
 }
 
 /* 1: the run reached its end with at most so much work. */
@@ -76,7 +76,7 @@ typedef struct curve {
 } curve;
 
 /* The first step of a sweep: the stability limit, or a tenth of the run. 0: the method does not
- * take the scene, or eliminates unknowns, which ms_probe_work() does not count. */
+ * take the scene, or eliminates unknowns, which ms_pilot_run_count_work() does not count. */
 static double first_step(const target *t, msim_options opt, int fixed) {
   msim_sim *sim;
   if (fixed) opt.h = MSIM_H_AUTO;
@@ -86,7 +86,7 @@ static double first_step(const target *t, msim_options opt, int fixed) {
     status = msim_sim_create(t->scene, &opt, &sim, NULL);
   }
   if (status) return 0;
-  const ms_solver *solver = ms_sim_largest(sim)->stepper.solver;
+  const ms_solver *solver = ms_sim_largest_island(sim)->stepper.solver;
   const double h = solver && solver->elimination.a ? 0 : sim->plan.h;
   msim_sim_destroy(sim);
   return h;
@@ -144,10 +144,10 @@ static double find_best(const curve *curves, int n, double error, const curve **
 }
 
 static void choose(const target *t, double tol, result *r, const ms_candidate **c,
-                   ms_selection *s) {
+                   ms_method_choice *s) {
   const msim_options opt = options_of("auto", tol, t->of->t_end);
   msim_sim *sim = make_sim(t->scene, &opt);
-  *s = sim->selection;
+  *s = sim->choice;
   *c = &s->candidates[s->best];
   assert_string_equal(sim->integrator->entry.name, (*c)->method->entry.name);
   msim_sim_destroy(sim);
@@ -181,7 +181,7 @@ static void as_good_as_the_best(void **state) {
     target t;
     result r[NTOLS];
     const ms_candidate *c[NTOLS];
-    ms_selection s[NTOLS];
+    ms_method_choice s[NTOLS];
     double most = 0;
     curve curves[CURVES];
     find_exact(&examples[i], 1e-11, &t);
@@ -197,13 +197,13 @@ static void as_good_as_the_best(void **state) {
       print_message(
           "  %-14s tol %.0e  %-15s %-10s  error %.1e  evaluations %6.0f + %4.0f, "
           "%4.2f of %s%s, %4.2f of enough\n",
-          t.of->name, tols[k], c[k]->method->entry.name, c[k]->controlled ? "controlled" : "fixed",
-          error, r[k].work, s[k].price, r[k].work / least, best->method,
-          best->fixed ? ", fixed" : "", r[k].work / at_tol);
-      assert_true(error < t.of->most * tols[k]);
+          t.of->name, tols[k], c[k]->method->entry.name,
+          c[k]->error_control ? "controlled" : "fixed", error, r[k].work, s[k].total_cost,
+          r[k].work / least, best->method, best->fixed ? ", fixed" : "", r[k].work / at_tol);
+      assert_true(error < t.of->error_limit * tols[k]);
       add(&as_good, r[k].work / least);
       add(&enough, r[k].work / at_tol);
-      add(&choice, s[k].price / r[k].work);
+      add(&choice, s[k].total_cost / r[k].work);
     }
     msim_scene_destroy(t.scene);
   }
@@ -217,33 +217,33 @@ static void as_good_as_the_best(void **state) {
 static msim_scene *wire(void) { return swing(3, 1e9, 1e4); }
 
 /* Two stiff damped springs that swing slowly: long implicit steps are much less expensive. */
-static void implicit_where_that_pays(void **state) {
+static void implicit_where_it_costs_less(void **state) {
   (void)state;
   const example swinging = {"wire", wire, 0.4, 1};
   const double tol = 1e-2;
   target t;
   result r;
   const ms_candidate *c;
-  ms_selection s;
+  ms_method_choice s;
   find_exact(&swinging, 1e-6, &t);
   choose(&t, tol, &r, &c, &s);
   const double error = error_of(&t, &r);
   double by_explicit = INFINITY;
   for (int i = 0; i < MS_CANDIDATES; i++)
     if (!s.candidates[i].method->entry.implicit)
-      by_explicit = fmin(by_explicit, s.candidates[i].cost);
+      by_explicit = fmin(by_explicit, s.candidates[i].cost_rate);
   print_message("  %s error %.1e, evaluations a second %.0f, foreseen %.0f, explicit %.0f\n",
-                c->method->entry.name, error, r.work / t.of->t_end, c->cost, by_explicit);
+                c->method->entry.name, error, r.work / t.of->t_end, c->cost_rate, by_explicit);
   assert_string_equal(c->method->entry.name, "tr-bdf2");
   assert_true(error < tol);
-  assert_true(isfinite(by_explicit) && 5 * c->cost < by_explicit);
-  assert_true(s.price < 0.3 * by_explicit * t.of->t_end);
+  assert_true(isfinite(by_explicit) && 5 * c->cost_rate < by_explicit);
+  assert_true(s.total_cost < 0.3 * by_explicit * t.of->t_end);
   assert_true(4 * r.work < by_explicit * t.of->t_end);
   msim_scene_destroy(t.scene);
 }
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(as_good_as_the_best),
-                                     cmocka_unit_test(implicit_where_that_pays)};
+                                     cmocka_unit_test(implicit_where_it_costs_less)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,8 +4,8 @@
 
 #include "auto_scenes.h"
 #include "msim/backend.h"
-#include "sim/probe.h"
-#include "sim/reasons.h"
+#include "sim/pilot_run.h"
+#include "sim/rejection_reasons.h"
 
 enum { IMPLICIT = MS_CANDIDATES - 1 };
 
@@ -23,7 +23,7 @@ static msim_sim *planned(const msim_scene *scene, const char *method, double tol
 static double implicit_cost(const msim_scene *scene, double tol) {
   msim_sim *sim = planned(scene, "tr-bdf2", tol);
   assert_ok(msim_sim_run(sim, NULL, NULL, err));
-  const double cost = ms_probe_work(sim);
+  const double cost = ms_pilot_run_count_work(sim);
   msim_sim_destroy(sim);
   return cost;
 }
@@ -31,7 +31,7 @@ static double implicit_cost(const msim_scene *scene, double tol) {
 /* The least cost of the explicit methods for the same run */
 static double explicit_cost(const msim_sim *sim) {
   double least = INFINITY;
-  for (int i = 0; i < IMPLICIT; i++) least = fmin(least, sim->selection.candidates[i].cost);
+  for (int i = 0; i < IMPLICIT; i++) least = fmin(least, sim->choice.candidates[i].cost_rate);
   return least * sim->plan.t_end;
 }
 
@@ -44,12 +44,13 @@ static void a_fifth_of_the_cost_decides(void **state) {
   for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
     msim_scene *scene = wire(row[i].k);
     msim_sim *sim = planned(scene, "auto", row[i].tol);
-    const ms_candidate *implicit = &sim->selection.candidates[IMPLICIT];
+    const ms_candidate *implicit = &sim->choice.candidates[IMPLICIT];
     const double share = implicit_cost(scene, row[i].tol) / explicit_cost(sim);
     print_message("  k = %g, tol = %g: %.3f of the cost\n", row[i].k, row[i].tol, share);
     assert_true(row[i].is_chosen ? share < 0.19 : share > 0.25 && share < 0.5);
-    assert_int_equal(sim->selection.best == IMPLICIT, row[i].is_chosen);
-    assert_int_equal(implicit->why, row[i].is_chosen ? MS_REASON_NONE : MS_REASON_UNFINISHED);
+    assert_int_equal(sim->choice.best == IMPLICIT, row[i].is_chosen);
+    assert_int_equal(implicit->rejection,
+                     row[i].is_chosen ? MS_REASON_NONE : MS_REASON_RUN_NOT_FINISHED);
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
@@ -68,7 +69,7 @@ static msim_status failing_factor(void *self, const msim_system *A, int32_t kind
  * the user. */
 static void a_failure_of_the_solver_is_reported(void **state) {
   (void)state;
-  require(solver_there("cholmod"), "the solver cholmod");
+  require(is_solver_available("cholmod"), "the solver cholmod");
   assert_ok(msim_solver_backend("cholmod", NULL, &cholmod, err));
   msim_backend table = *cholmod;
   table.name = "failing", table.factor = failing_factor;

@@ -141,8 +141,8 @@ static const struct {
 enum { NCASES = sizeof cases / sizeof *cases };
 
 static void assert_bad(const char *file, const char *words) {
-  starving memory;
-  const msim_allocator alloc = starving_allocator(&memory);
+  limited_allocator memory;
+  const msim_allocator alloc = make_limited_allocator(&memory);
   char path[512];
   msim_error err = {0, ""};
   msim_scene *scene = (msim_scene *)&memory;
@@ -161,7 +161,7 @@ static void each_is_refused(void **state) {
   for (int i = 0; i < NCASES; i++) assert_bad(cases[i].file, cases[i].words);
 }
 
-static void none_is_forgotten(void **state) {
+static void every_bad_scene_is_tested(void **state) {
   (void)state;
   DIR *folder = opendir(TEST_SOURCE_DIR "/bad_scenes");
   int files = 0;
@@ -173,6 +173,6 @@ static void none_is_forgotten(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(each_is_refused),
-                                     cmocka_unit_test(none_is_forgotten)};
+                                     cmocka_unit_test(every_bad_scene_is_tested)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -28,7 +28,7 @@ static void set_where_it_is_needed(void **state) {
   const int is_needed = is_amd_with_avx512();
   if (is_needed < 0) skip();
   unsetenv("OPENBLAS_CORETYPE");
-  choose_blas_kernels();
+  blas_choose_kernels();
   const char *chosen = getenv("OPENBLAS_CORETYPE");
   assert_int_equal(chosen != NULL, is_needed);
   if (chosen) assert_string_equal(chosen, "SkylakeX");
@@ -37,7 +37,7 @@ static void set_where_it_is_needed(void **state) {
 static void left_where_it_is_set(void **state) {
   (void)state;
   setenv("OPENBLAS_CORETYPE", "Zen", 1);
-  choose_blas_kernels();
+  blas_choose_kernels();
   assert_string_equal(getenv("OPENBLAS_CORETYPE"), "Zen");
 }
 

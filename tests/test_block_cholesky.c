@@ -11,7 +11,7 @@
 #include "base/isa.h"
 #include "scene_check.h"
 
-enum { GRID, STAR, COMPLETE, ISOLATED, TANGLED };
+enum { GRID, STAR, COMPLETE, ISOLATED, RANDOM_GRAPH };
 
 /* A symmetric positive definite matrix: the sum over all edges of E E^T, E = (E_i, -E_j) with
  * random blocks, plus 1e-3 I. */
@@ -24,7 +24,7 @@ typedef struct matrix {
 
 static const msim_allocator *libc_memory(void) {
   static msim_allocator alloc;
-  alloc = ms_allocator(NULL);
+  alloc = ms_memory_allocator(NULL);
   return &alloc;
 }
 
@@ -37,7 +37,7 @@ static int is_linked(int kind, int32_t i, int32_t j, unsigned *seed) {
       return i == 0;
     case COMPLETE:
       return 1;
-    case TANGLED:
+    case RANDOM_GRAPH:
       return uniform(seed) < 0.02;
     default:
       return 0;
@@ -47,7 +47,7 @@ static int is_linked(int kind, int32_t i, int32_t j, unsigned *seed) {
 /* A += E E^T of one edge */
 static void add_edge(matrix *m, int32_t i, int32_t j, unsigned *seed) {
   const int32_t b = m->block;
-  double e[2][MS_LARGEST_BLOCK][MS_LARGEST_BLOCK];
+  double e[2][MS_BLOCK_CHOLESKY_MAX_BLOCK][MS_BLOCK_CHOLESKY_MAX_BLOCK];
   for (int32_t k = 0; k < 2 * b * b; k++) e[k % 2][k / 2 / b][k / 2 % b] = uniform(seed) - 0.5;
   for (int32_t at = 0; at < 4 * b * b; at++) {
     const int32_t p = at / b / b / 2, q = at / b / b % 2, r = at / b % b, c = at % b;
@@ -80,7 +80,7 @@ static matrix make(int kind, int32_t n, int32_t block) {
   return m;
 }
 
-static void clean(matrix *m) { free(m->linked), free(m->ptr), free(m->ind), free(m->A); }
+static void free_matrix(matrix *m) { free(m->linked), free(m->ptr), free(m->ind), free(m->A); }
 
 static ms_block_cholesky analyse(const matrix *m, int isa) {
   ms_block_cholesky chol;
@@ -227,7 +227,7 @@ static void check_solve(const matrix *m, const ms_block_cholesky *chol) {
 static const struct {
   int kind;
   int32_t n;
-} graphs[] = {{GRID, 200},   {STAR, 200},   {COMPLETE, 30}, {ISOLATED, 12}, {TANGLED, 100},
+} graphs[] = {{GRID, 200},   {STAR, 200},   {COMPLETE, 30}, {ISOLATED, 12}, {RANDOM_GRAPH, 100},
               {ISOLATED, 1}, {COMPLETE, 2}, {GRID, 30},     {STAR, 30}};
 
 static void it_is_the_cholesky_factor(void **state) {
@@ -235,13 +235,13 @@ static void it_is_the_cholesky_factor(void **state) {
   for (int32_t block = 8; block <= 12; block += 4)
     for (size_t g = 0; g < sizeof graphs / sizeof *graphs; g++) {
       matrix m = make(graphs[g].kind, graphs[g].n, block);
-      ms_block_cholesky chol = analyse(&m, ms_isa_best());
+      ms_block_cholesky chol = analyse(&m, ms_isa_choose());
       check_pattern(&m, &chol);
       factor(&m, &chol);
       check_factor(&m, &chol);
       check_solve(&m, &chol);
       ms_block_cholesky_destroy(libc_memory(), &chol);
-      clean(&m);
+      free_matrix(&m);
     }
 }
 
@@ -249,10 +249,10 @@ static void it_is_the_cholesky_factor(void **state) {
 static void a_star_fills_nothing(void **state) {
   (void)state;
   matrix m = make(STAR, 200, 8);
-  ms_block_cholesky chol = analyse(&m, ms_isa_best());
+  ms_block_cholesky chol = analyse(&m, ms_isa_choose());
   assert_int_equal(chol.first[m.n], m.n + m.n - 1);
   ms_block_cholesky_destroy(libc_memory(), &chol);
-  clean(&m);
+  free_matrix(&m);
 }
 
 /* The matrix of many separate bodies of two block rows each. */
@@ -261,7 +261,7 @@ static double seconds_for_pairs(int32_t n) {
   ms_block_cholesky chol;
   for (int32_t i = 0; i < n; i++) ptr[i + 1] = i + 1, ind[i] = i ^ 1;
   const clock_t start = clock();
-  assert_ok(ms_block_cholesky_create(libc_memory(), n, 8, ptr, ind, ms_isa_best(), &chol, err));
+  assert_ok(ms_block_cholesky_create(libc_memory(), n, 8, ptr, ind, ms_isa_choose(), &chol, err));
   const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
   assert_int_equal(chol.first[n], n + n / 2);
   ms_block_cholesky_destroy(libc_memory(), &chol);
@@ -290,7 +290,7 @@ static void what_is_not_positive_definite_is_refused(void **state) {
   (void)state;
   static const double pivots[] = {-1, 0, NAN};
   matrix m = make(GRID, 30, 12);
-  ms_block_cholesky chol = analyse(&m, ms_isa_best());
+  ms_block_cholesky chol = analyse(&m, ms_isa_choose());
   for (int32_t i = 0; i < m.size; i += 7)
     for (size_t p = 0; p < 3; p++) {
       fill(&m, &chol);
@@ -301,23 +301,23 @@ static void what_is_not_positive_definite_is_refused(void **state) {
   check_factor(&m, &chol);
   check_solve(&m, &chol);
   ms_block_cholesky_destroy(libc_memory(), &chol);
-  clean(&m);
+  free_matrix(&m);
 }
 
 /* Every diagonal block is positive definite, and the whole matrix is not. */
-static void the_whole_matrix_is_looked_at(void **state) {
+static void the_whole_matrix_is_examined(void **state) {
   (void)state;
   matrix m = make(COMPLETE, 2, 8);
   memset(m.A, 0, (size_t)(m.size * m.size) * sizeof *m.A);
   for (int beyond = 0; beyond < 2; beyond++) {
     for (int32_t i = 0; i < m.size; i++) m.A[i * m.size + i] = 1;
     m.A[2 * m.size + 13] = m.A[13 * m.size + 2] = beyond ? 1.001 : 0.999;
-    ms_block_cholesky chol = analyse(&m, ms_isa_best());
+    ms_block_cholesky chol = analyse(&m, ms_isa_choose());
     fill(&m, &chol);
     assert_int_equal(ms_block_cholesky_factor(&chol), beyond ? MSIM_NOT_SPD : MSIM_OK);
     ms_block_cholesky_destroy(libc_memory(), &chol);
   }
-  clean(&m);
+  free_matrix(&m);
 }
 
 /*------------------------------------- bits and memory ------------------------------------------*/
@@ -335,12 +335,12 @@ static void instruction_sets_agree(void **state) {
   (void)state;
   static const char *const sets[] = {"baseline", "avx2", "avx512"};
   for (int32_t block = 8; block <= 12; block += 4) {
-    matrix m = make(TANGLED, 60, block);
-    ms_block_cholesky first = analyse(&m, ms_isa_named("baseline"));
+    matrix m = make(RANDOM_GRAPH, 60, block);
+    ms_block_cholesky first = analyse(&m, ms_isa_find("baseline"));
     factor(&m, &first);
     for (size_t i = 0; i < 3; i++) {
-      if (ms_isa_named(sets[i]) < 0) continue; /* not supported by this CPU */
-      ms_block_cholesky chol = analyse(&m, ms_isa_named(sets[i]));
+      if (ms_isa_find(sets[i]) < 0) continue; /* not supported by this CPU */
+      ms_block_cholesky chol = analyse(&m, ms_isa_find(sets[i]));
       for (int repeat = 0; repeat < 2; repeat++) {
         factor(&m, &chol);
         expect_bits(&m, &first, &chol);
@@ -348,7 +348,7 @@ static void instruction_sets_agree(void **state) {
       ms_block_cholesky_destroy(libc_memory(), &chol);
     }
     ms_block_cholesky_destroy(libc_memory(), &first);
-    clean(&m);
+    free_matrix(&m);
   }
 }
 
@@ -357,20 +357,20 @@ static void memory_that_ends_is_reported(void **state) {
   matrix m = make(GRID, 40, 8);
   int meals = 0;
   for (msim_status status = MSIM_ERR_MEMORY; status; meals++) {
-    starving memory;
-    const msim_allocator alloc = starving_allocator(&memory);
+    limited_allocator memory;
+    const msim_allocator alloc = make_limited_allocator(&memory);
     ms_block_cholesky chol;
     msim_error why = {0, ""};
-    memory.meals = meals;
+    memory.remaining = meals;
     status =
-        ms_block_cholesky_create(&alloc, m.n, m.block, m.ptr, m.ind, ms_isa_best(), &chol, &why);
+        ms_block_cholesky_create(&alloc, m.n, m.block, m.ptr, m.ind, ms_isa_choose(), &chol, &why);
     if (status)
       assert_int_equal(status, MSIM_ERR_MEMORY), assert_non_null(strstr(why.text, "coarse"));
     ms_block_cholesky_destroy(&alloc, &chol);
     assert_int_equal(memory.live, 0);
   }
   assert_true(meals > m.n); /* each row allocates at least one array */
-  clean(&m);
+  free_matrix(&m);
 }
 
 int main(void) {
@@ -378,7 +378,7 @@ int main(void) {
                                      cmocka_unit_test(a_star_fills_nothing),
                                      cmocka_unit_test(many_bodies_take_no_time),
                                      cmocka_unit_test(what_is_not_positive_definite_is_refused),
-                                     cmocka_unit_test(the_whole_matrix_is_looked_at),
+                                     cmocka_unit_test(the_whole_matrix_is_examined),
                                      cmocka_unit_test(instruction_sets_agree),
                                      cmocka_unit_test(memory_that_ends_is_reported)};
   return cmocka_run_group_tests_name("block_cholesky", tests, NULL, NULL);

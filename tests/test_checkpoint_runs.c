@@ -4,9 +4,9 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "base/bytes.h"
+#include "base/archive.h"
 #include "checkpoints.h"
-#include "controlled.h"
+#include "error_control.h"
 
 static msim_scene *cloth(void) { return hanging_cloth(SIDE, 300, 0); }
 static msim_scene *damped(void) { return hanging_cloth(SIDE, 300, 0.05); }
@@ -14,7 +14,7 @@ static msim_scene *damped(void) { return hanging_cloth(SIDE, 300, 0.05); }
 /* It hits a plane. */
 static msim_scene *ball(void) {
   const double x[3] = {0, 0, 0.01}, v[3] = {0.1, 0, -1};
-  msim_scene *scene = single(x, v, 9.81);
+  msim_scene *scene = make_single_particle(x, v, 9.81);
   plane(scene, 0, 0, 1, 0, 0.5, 0.2);
   return scene;
 }
@@ -29,40 +29,42 @@ typedef struct frame {
   uint64_t hash;
 } frame;
 
-typedef struct film {
+typedef struct frame_log {
   int n, stop_after; /* number of frames; the frame to stop after, 0: none */
   int after_step;    /* 1: stop by msim_sim_stop() after the next step, before its frames */
   frame frames[MOST_FRAMES];
-} film;
+} frame_log;
 
-static int watch(msim_sim *sim, void *user) {
-  film *f = user;
+static int log_frame(msim_sim *sim, void *user) {
+  frame_log *f = user;
   const msim_state s = state_of(sim);
   const size_t size = 3 * (size_t)s.n * sizeof *s.x;
   assert_true(f->n < MOST_FRAMES);
-  f->frames[f->n++] = (frame){s.step, s.t, ms_hash(ms_hash(0, s.x, size), s.v, size)};
+  f->frames[f->n++] =
+      (frame){s.step, s.t, ms_archive_hash(ms_archive_hash(0, s.x, size), s.v, size)};
   if (f->n == f->stop_after && f->after_step) msim_sim_stop(sim);
   return f->n == f->stop_after && !f->after_step;
 }
 
 /* The whole run, and the run interrupted after some of its frames: the same frames and end. */
-static void expect_same_film(const msim_scene *scene, const msim_options *opt, const char *label) {
-  static film whole, parts;
+static void expect_same_frames(const msim_scene *scene, const msim_options *opt,
+                               const char *label) {
+  static frame_log whole, parts;
   const int has_times = opt->tol > 0 && !opt->every && strcmp(opt->integrator, "auto") != 0;
   whole.n = whole.stop_after = 0;
   msim_sim *sim = make_sim(scene, opt);
-  assert_ok(msim_sim_run(sim, watch, &whole, err));
+  assert_ok(msim_sim_run(sim, log_frame, &whole, err));
   for (int stop = 1; stop < whole.n; stop += 1 + whole.n / 7) {
     parts.n = 0, parts.stop_after = stop, parts.after_step = has_times && !parts.after_step;
     msim_sim *first = make_sim(scene, opt);
-    const msim_status status = msim_sim_run(first, watch, &parts, NULL);
+    const msim_status status = msim_sim_run(first, log_frame, &parts, NULL);
     if (!parts.after_step) assert_int_equal(status, MSIM_STOPPED);
     const checkpoint c = save(first);
     msim_sim *second = resume(scene, opt, &c);
     expect_same(first, second, label);
     if (state_of(first).step == 0) parts.n = 0; /* the frame of the start is shown again */
     parts.stop_after = 0;
-    assert_ok(msim_sim_run(second, watch, &parts, err));
+    assert_ok(msim_sim_run(second, log_frame, &parts, err));
     if (parts.n != whole.n) fail_msg("%s: %d frames of %d", label, parts.n, whole.n);
     for (int i = 0; i < parts.n; i++)
       if (memcmp(&parts.frames[i], &whole.frames[i], sizeof *parts.frames))
@@ -83,16 +85,16 @@ static void frames_under_error_control(void **state) {
   for (int32_t m = 0; (method = method_at(m)) != NULL; m++)
     for (int i = 0; i < 9; i++) {
       char label[100];
-      if (!has_control(method) || (i / 3 == 1 && wants_positions_alone(method))) continue;
+      if (!takes_tol(method) || (i / 3 == 1 && takes_positions_only(method))) continue;
       const int first_order = strstr(method, "euler") != NULL;
-      msim_options opt = controlled(method, first_order ? 1e-2 : 1e-4, 0.05);
+      msim_options opt = control_options(method, first_order ? 1e-2 : 1e-4, 0.05);
       opt.newton_rtol = 1e-6;
       if (i % 3 == 1) opt.fps = 90;
       if (i % 3 == 2) opt.every = 2;
       if (i % 3 == 2 && first_order) opt.every = 50;
       snprintf(label, sizeof label, "%s, scene %d, frames %d", method, i / 3, i % 3);
       msim_scene *scene = scenes[i / 3]();
-      expect_same_film(scene, &opt, label);
+      expect_same_frames(scene, &opt, label);
       msim_scene_destroy(scene);
     }
 }
@@ -105,7 +107,7 @@ static void frames_of_fixed_steps(void **state) {
     msim_options opt = options(methods[m], 7e-4); /* lowered, so that a step ends at t_end */
     opt.steps = -1, opt.t_end = 0.05, opt.fps = 333;
     if (strcmp(methods[m], "dop853") == 0) opt.steps = 70;
-    expect_same_film(scene, &opt, methods[m]);
+    expect_same_frames(scene, &opt, methods[m]);
     msim_scene_destroy(scene);
   }
 }
@@ -117,9 +119,9 @@ static void methods_that_auto_has_chosen(void **state) {
   for (int i = 0; i < 9; i++) {
     char label[40];
     msim_scene *scene = scenes[i / 3]();
-    const msim_options opt = controlled("auto", tols[i % 3], 0.05);
+    const msim_options opt = control_options("auto", tols[i % 3], 0.05);
     snprintf(label, sizeof label, "auto, scene %d, tol %g", i / 3, tols[i % 3]);
-    expect_same_film(scene, &opt, label);
+    expect_same_frames(scene, &opt, label);
     msim_scene_destroy(scene);
   }
 }
@@ -128,7 +130,7 @@ static void methods_that_auto_has_chosen(void **state) {
 static void auto_keeps_its_choice(void **state) {
   (void)state;
   msim_scene *scene = cloth();
-  msim_options opt = controlled("auto", 1e-4, 0.1);
+  msim_options opt = control_options("auto", 1e-4, 0.1);
   msim_plan then = {.size = sizeof then}, now = then;
   const char *text;
   msim_sim *sim = make_sim(scene, &opt);
@@ -204,7 +206,7 @@ static void controlled_runs_may_end_elsewhere(void **state) {
   (void)state;
   msim_scene *scene = cloth();
   msim_error why;
-  msim_options opt = controlled("velocity-verlet", 1e-4, 0.2);
+  msim_options opt = control_options("velocity-verlet", 1e-4, 0.2);
   msim_sim *sim = make_sim(scene, &opt);
   while (state_of(sim).t < 0.1) assert_ok(msim_sim_step(sim, 1, err));
   const checkpoint c = save(sim);
@@ -213,8 +215,8 @@ static void controlled_runs_may_end_elsewhere(void **state) {
   assert_ok(msim_sim_step(longer, 3, err));
   assert_ok(msim_sim_step(sim, 3, err));
   expect_same(sim, longer, "on the way");
-  film f = {0};
-  assert_ok(msim_sim_run(longer, watch, &f, err));
+  frame_log f = {0};
+  assert_ok(msim_sim_run(longer, log_frame, &f, err));
   assert_true(state_of(longer).t == 0.4);
   assert_true(f.frames[0].t > 0.1 && f.frames[0].t < 0.2 && f.n < 16);
   opt.t_end = 0.05;
@@ -352,13 +354,13 @@ static void solvers_stay_as_they_were_chosen(void **state) {
   enum { MOST_SPRINGS = 9000 };
   static const char *const solvers[] = {"auto", "pcg", "cholmod"};
   static double k[2][MOST_SPRINGS];
-  msim_scene *scene = held_block(9, 1, 3000, 0);
+  msim_scene *scene = pinned_block(9, 1, 3000, 0);
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(scene, &view);
   assert_true(view.nsprings <= MOST_SPRINGS);
   for (int32_t e = 0; e < view.nsprings; e++) k[0][e] = 1e8, k[1][e] = 100 + e % 7;
   for (size_t i = 0; i < 3; i++) {
-    if (i != 1 && !solver_there("cholmod")) continue;
+    if (i != 1 && !is_solver_available("cholmod")) continue;
     msim_options opt = options("linearly-implicit-euler", 1.0 / 60);
     opt.solver = solvers[i];
     msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);

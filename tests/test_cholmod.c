@@ -116,7 +116,7 @@ enum { MOST = 70 };
 
 /* Particles in a row, the first one pinned, each connected with the next `reach` ones by springs of
  * rest length 0: a chain, a band, or one dense block. depth 0: planar, two components. */
-static msim_scene *bound(int32_t n, int32_t reach, double depth) {
+static msim_scene *connected_row(int32_t n, int32_t reach, double depth) {
   static int32_t ij[MOST * MOST];
   static double x[3 * MOST], mass[MOST], k[MOST * MOST / 2], rest[MOST * MOST / 2];
   const double g[3] = {0, -9.81, depth};
@@ -137,7 +137,7 @@ static msim_scene *bound(int32_t n, int32_t reach, double depth) {
   return scene;
 }
 
-static msim_sim *bound_sim(const msim_scene *scene, const char *solver) {
+static msim_sim *connected_row_sim(const msim_scene *scene, const char *solver) {
   msim_options opt = options("linearly-implicit-euler", 0.02);
   opt.solver = solver, opt.solver_rtol = 1e-13;
   return make_sim(scene, &opt);
@@ -152,8 +152,8 @@ static void factors_of_scalars_serve_a_run(void **state) {
   for (int i = 0; i < 6 * (int)(sizeof counts / sizeof *counts); i++) {
     const int32_t n = counts[i / 6], reach[] = {1, 6, MOST};
     const size_t size = 3 * (size_t)n * sizeof(double);
-    msim_scene *scene = bound(n, reach[i % 3], i / 3 % 2 ? 0.05 : 0);
-    msim_sim *sim = bound_sim(scene, "cholmod"), *other = bound_sim(scene, "pcg");
+    msim_scene *scene = connected_row(n, reach[i % 3], i / 3 % 2 ? 0.05 : 0);
+    msim_sim *sim = connected_row_sim(scene, "cholmod"), *other = connected_row_sim(scene, "pcg");
     double x[3 * MOST];
     assert_ok(msim_sim_step(other, 20, err));
     const msim_state first = state_of(sim);
@@ -176,7 +176,7 @@ static void factors_of_scalars_serve_a_run(void **state) {
 }
 
 int main(void) {
-  if (!solver_there("cholmod")) return missing_status("the solver cholmod");
+  if (!is_solver_available("cholmod")) return missing_status("the solver cholmod");
   const int status = find_controls();
   if (status) return status;
   const struct CMUnitTest tests[] = {cmocka_unit_test(threads_are_as_they_were),

@@ -21,13 +21,13 @@ static void add_hub(msim_scene *scene) {
  * that of the last step. */
 static msim_sim *moved(int kind, int32_t side, int32_t aggregate) {
   const double sideways[3] = {9.81, 0, 0};
-  const msim_options opt = frames();
+  const msim_options opt = two_level_options();
   msim_scene *scene = hanging_cloth(side, 1000, 0.01);
   if (kind == FLAT) assert_ok(msim_scene_set_gravity(scene, sideways, err));
   if (kind == HUB) add_hub(scene);
-  msim_sim *sim = make_two_level(scene, &opt, aggregate);
-  assert_int_equal(sim->motion->model.rows.dims, kind == FLAT ? 2 : 3);
-  assert_int_equal(sim->motion->model.halves.nparts > 0, kind == HUB);
+  msim_sim *sim = make_two_level_sim(scene, &opt, aggregate);
+  assert_int_equal(sim->islands->model.unknowns.dims, kind == FLAT ? 2 : 3);
+  assert_int_equal(sim->islands->model.half_edges.nparts > 0, kind == HUB);
   assert_ok(msim_sim_step(sim, 30, err));
   assert_true(pcg_of(sim)->coarse_is_ready);
   msim_scene_destroy(scene);
@@ -35,12 +35,12 @@ static msim_sim *moved(int kind, int32_t side, int32_t aggregate) {
 }
 
 static size_t length(const msim_sim *sim) {
-  return (size_t)sim->motion->model.rows.dims * (size_t)sim->motion->model.rows.stride;
+  return (size_t)sim->islands->model.unknowns.dims * (size_t)sim->islands->model.unknowns.stride;
 }
 
 /* entries of padding are 0 */
 static double *random_vector(const msim_sim *sim, unsigned seed) {
-  const ms_rows *rows = &sim->motion->model.rows;
+  const ms_unknowns *rows = &sim->islands->model.unknowns;
   double *v = calloc(length(sim), sizeof *v);
   for (int32_t c = 0; c < rows->dims; c++)
     for (int32_t r = 0; r < rows->nfree; r++) v[c * rows->stride + r] = uniform(&seed) - 0.5;
@@ -48,12 +48,12 @@ static double *random_vector(const msim_sim *sim, unsigned seed) {
 }
 
 static double dot(const msim_sim *sim, const double *u, const double *v) {
-  return ms_dot(sim->motion->model.shape, u, v);
+  return ms_vector_dot(sim->islands->model.shape, u, v);
 }
 
 /* out = P z */
 static void prolong(const msim_sim *sim, const ms_coarse *coarse, const double *z, double *out) {
-  const ms_rows *rows = &sim->motion->model.rows;
+  const ms_unknowns *rows = &sim->islands->model.unknowns;
   for (int32_t at = 0; at < rows->dims * rows->nfree; at++) {
     const int32_t c = at / rows->nfree, r = at % rows->nfree, k = coarse->aggregates.of[r];
     double sum = 0;
@@ -94,8 +94,8 @@ static const double *apply(msim_sim *sim, const double *v, double *curvature) {
   ms_pcg *pcg = pcg_of(sim);
   memcpy(pcg->p, v, length(sim) * sizeof *v);
   double parts;
-  pcg->kernels->apply(pcg, 0, sim->motion->model.halves.ngroups, curvature);
-  pcg->kernels->apply_parts(pcg, &parts);
+  pcg->kernels->apply(pcg, 0, sim->islands->model.half_edges.nslices, curvature);
+  pcg->kernels->apply_split_rows(pcg, &parts);
   *curvature += parts;
   for (size_t i = 0; i < length(sim); i++) pcg->q[i] *= pcg->jacobi.scale;
   *curvature *= pcg->jacobi.scale;
@@ -156,14 +156,14 @@ static void coarse_matrix_is_the_triple_product(void **state) {
 /* Sum of (t + |w|^2) |dv| over the springs of an unknown, w = sqrt(g) d: the scale of the error
  * from rounding t and w once. */
 static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
-  const ms_halves *halves = &sim->motion->model.halves;
-  const ms_coefficients *a = &sim->motion->stepper.solver->system.a;
-  const int32_t stride = sim->motion->model.rows.stride;
-  const ms_span span = ms_halves_of(halves, r);
+  const ms_half_edges *halves = &sim->islands->model.half_edges;
+  const ms_coefficients *a = &sim->islands->stepper.solver->system.a;
+  const int32_t stride = sim->islands->model.unknowns.stride;
+  const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     double dd = 0, ww = 0;
-    for (int32_t c = 0; c < sim->motion->model.rows.dims; c++) {
+    for (int32_t c = 0; c < sim->islands->model.unknowns.dims; c++) {
       dd += pow(v[c * stride + r] - v[c * stride + halves->neighbour[at]], 2);
       ww += a->g[at] * pow(a->x[c * stride + r] - a->x[c * stride + halves->neighbour[at]], 2);
     }
@@ -176,13 +176,13 @@ static void matrix_is_rounded_spring_by_spring(void **state) {
   (void)state;
   for (int kind = 0; kind < SCENES; kind++) {
     msim_sim *sim = moved(kind, 20, 32);
-    const int32_t stride = sim->motion->model.rows.stride;
+    const int32_t stride = sim->islands->model.unknowns.stride;
     double *v = random_vector(sim, 1), *exact = random_vector(sim, 1), curvature, apart = 0;
     const double *got = apply(sim, v, &curvature);
-    ms_coefficients_apply(&sim->motion->model, &sim->motion->stepper.solver->system.a, v, exact);
-    for (int32_t r = 0; r < sim->motion->model.rows.nfree; r++) {
+    ms_coefficients_apply(&sim->islands->model, &sim->islands->stepper.solver->system.a, v, exact);
+    for (int32_t r = 0; r < sim->islands->model.unknowns.nfree; r++) {
       const double size = spring_sizes(sim, v, r);
-      for (int32_t c = 0; c < sim->motion->model.rows.dims; c++) {
+      for (int32_t c = 0; c < sim->islands->model.unknowns.dims; c++) {
         const double off = fabs(got[c * stride + r] - exact[c * stride + r]);
         assert_close(off, 0, FLT_EPSILON * size);
         apart = fmax(apart, off / size);
@@ -206,12 +206,12 @@ static void springs_stay_balanced(void **state) {
                               .mass = 0.7,
                               .k = 1e5,
                               .damping = 3};
-  const msim_options opt = frames();
+  const msim_options opt = two_level_options();
   assert_ok(msim_scene_create(NULL, &scene, err));
   assert_ok(msim_scene_add_lattice(scene, &block, err));
-  msim_sim *sim = make_two_level(scene, &opt, 64);
+  msim_sim *sim = make_two_level_sim(scene, &opt, 64);
   assert_ok(msim_sim_step(sim, 1, err));
-  const ms_rows *rows = &sim->motion->model.rows;
+  const ms_unknowns *rows = &sim->islands->model.unknowns;
   const ms_pcg *pcg = pcg_of(sim);
   double *v = random_vector(sim, 1), curvature, sum[3] = {0};
   const double *Av = apply(sim, v, &curvature);
@@ -225,7 +225,7 @@ static void springs_stay_balanced(void **state) {
   for (int32_t at = 0; at < rows->dims * rows->nfree; at++) {
     const int32_t r = at % rows->nfree, i = at / rows->nfree * rows->stride + r;
     assert_true(Av[i] == pcg->inertia[r] * v[i] * pcg->jacobi.scale);
-    assert_close(Av[i] / (sim->motion->model.mass[r] * v[i]), 1, 1e-15);
+    assert_close(Av[i] / (sim->islands->model.mass[r] * v[i]), 1, 1e-15);
   }
   free(v);
   msim_sim_destroy(sim);
@@ -233,18 +233,19 @@ static void springs_stay_balanced(void **state) {
 }
 
 /* A coarse factor is used only for the set of constrained unknowns that it was computed for. */
-static void other_rows_are_told(void **state) {
+static void other_constraint_sets_are_detected(void **state) {
   (void)state;
-  const ms_hold hold[3] = {{.row = 1}, {.row = 5}, {.row = 9}};
-  msim_scene *scene = hanging_jelly(6, 1e4);
+  const ms_constraint hold[3] = {{.row = 1}, {.row = 5}, {.row = 9}};
+  msim_scene *scene = hanging_cube(6, 1e4);
   plane(scene, 0, 0, 1, -5, 0, 0);
-  const msim_options opt = frames();
-  msim_sim *sim = make_two_level(scene, &opt, 64);
+  const msim_options opt = two_level_options();
+  msim_sim *sim = make_two_level_sim(scene, &opt, 64);
   ms_coarse *coarse = &pcg_of(sim)->coarse;
   for (int32_t n = 0; n < 3; n++) {
-    ms_coarse_hold(coarse, hold, n);
-    for (int32_t m = 0; m < 3; m++) assert_int_equal(ms_coarse_holds(coarse, hold, m), m == n);
-    assert_int_equal(ms_coarse_holds(coarse, hold + 1, n), n == 0);
+    ms_coarse_constrain(coarse, hold, n);
+    for (int32_t m = 0; m < 3; m++)
+      assert_int_equal(ms_coarse_is_constrained_by(coarse, hold, m), m == n);
+    assert_int_equal(ms_coarse_is_constrained_by(coarse, hold + 1, n), n == 0);
   }
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
@@ -255,6 +256,6 @@ int main(void) {
                                      cmocka_unit_test(coarse_matrix_is_the_triple_product),
                                      cmocka_unit_test(matrix_is_rounded_spring_by_spring),
                                      cmocka_unit_test(springs_stay_balanced),
-                                     cmocka_unit_test(other_rows_are_told)};
+                                     cmocka_unit_test(other_constraint_sets_are_detected)};
   return cmocka_run_group_tests_name("coarse", tests, NULL, NULL);
 }

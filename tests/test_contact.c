@@ -4,11 +4,11 @@
 #include <float.h>
 #include <math.h>
 
-#include "events.h"
+#include "event_options.h"
 
 static double run(const msim_scene *scene, const char *method, double T, int64_t steps,
                   msim_state *state, msim_sim **sim) {
-  msim_options opt = event(method, T / (double)steps);
+  msim_options opt = event_options(method, T / (double)steps);
   *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(*sim, steps, err));
   *state = state_of(*sim);
@@ -52,7 +52,7 @@ static void elastic_faces_keep_their_energy(void **state) {
              {"dop853", 3, 1000, 1e-6},           {"dop853", 4, 1000, 1e-6},
              {"dop853", 10, 1000, 1e-6}};
   for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
-    if (IS_CHECKED && row[i].side > 4) continue;
+    if (HAS_ADDRESS_SANITIZER && row[i].side > 4) continue;
     double start;
     msim_scene *scene = falling_block(row[i].side, &start);
     msim_sim *sim;
@@ -221,7 +221,7 @@ static void bounces_without_end_keep_the_speed(void **state) {
   for (int32_t m = 0; event_method_at(m); m++) {
     const char *name = event_method_at(m);
     if (is_implicit(name)) continue;
-    msim_scene *scene = single(x, v, 0);
+    msim_scene *scene = make_single_particle(x, v, 0);
     plane(scene, 0, 0, 1, 0, 1, 0);
     plane(scene, 0, 0, -1, -0.01, 1, 0);
     msim_sim *sim;
@@ -238,13 +238,13 @@ static void bounces_without_end_keep_the_speed(void **state) {
 
 /* Infinitely many bounces that die out lose speed by friction just as the few large ones do.
  * Position of rest in closed form. */
-static void the_last_bounces_rub_too(void **state) {
+static void small_bounces_cause_friction_too(void **state) {
   (void)state;
   const double x[3] = {0, 0, 0.5}, v[3] = {3, 0, 0};
   for (int32_t m = 0; event_method_at(m); m++) {
     const char *name = event_method_at(m);
     if (is_implicit(name)) continue;
-    msim_scene *scene = single(x, v, 9.81);
+    msim_scene *scene = make_single_particle(x, v, 9.81);
     plane(scene, 0, 0, 1, 0, 0.5, 0.2);
     msim_sim *sim;
     msim_state s;
@@ -263,7 +263,7 @@ static void short_bounces_are_all_found(void **state) {
   for (int32_t m = 0; event_method_at(m); m++) {
     const char *name = event_method_at(m);
     if (is_implicit(name) || strstr(name, "euler")) continue;
-    msim_scene *scene = single(x, v, 10);
+    msim_scene *scene = make_single_particle(x, v, 10);
     plane(scene, 0, 0, 1, 0, 1, 0);
     msim_sim *sim;
     msim_state s;
@@ -292,7 +292,7 @@ static void bounces_are_summed_exactly(void **state) {
     }
     const double friction = elastic ? 0 : mu * g;
     at += vx * (T - t) - friction * (T - t) * (T - t) / 2;
-    msim_scene *scene = single(x, v, g);
+    msim_scene *scene = make_single_particle(x, v, g);
     plane(scene, 0, 0, 1, 0, e, mu);
     msim_sim *sim;
     msim_state s;
@@ -314,7 +314,7 @@ static void rounding_lifts_nothing(void **state) {
   for (int32_t m = 0; event_method_at(m); m++)
     for (int flies = 0; flies < 2; flies++) {
       const double v[3] = {1, 0, (flies ? 2 : 0.5) * noise};
-      msim_scene *scene = single(x, v, g);
+      msim_scene *scene = make_single_particle(x, v, g);
       plane(scene, 0, 0, 1, 0, 0.5, 0);
       msim_sim *sim;
       msim_state s;
@@ -332,7 +332,7 @@ static void rounding_moves_nothing(void **state) {
   const double g = 10, x[3] = {0};
   for (int slides = 0; slides < 2; slides++) {
     const double slope = (slides ? 32 : 8) * DBL_EPSILON;
-    msim_scene *scene = single(x, x, g);
+    msim_scene *scene = make_single_particle(x, x, g);
     plane(scene, slope, 0, 1, 0, 0.5, 0);
     msim_sim *sim;
     msim_state s;
@@ -386,7 +386,7 @@ int main(void) {
                                      cmocka_unit_test(sharp_turns_are_no_stops),
                                      cmocka_unit_test(slow_sliding_takes_no_more_iterations),
                                      cmocka_unit_test(bounces_without_end_keep_the_speed),
-                                     cmocka_unit_test(the_last_bounces_rub_too),
+                                     cmocka_unit_test(small_bounces_cause_friction_too),
                                      cmocka_unit_test(short_bounces_are_all_found),
                                      cmocka_unit_test(bounces_are_summed_exactly),
                                      cmocka_unit_test(rounding_lifts_nothing),

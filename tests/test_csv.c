@@ -8,7 +8,7 @@
 #include <sys/stat.h>
 
 #include "testing.h"
-#include "recording.h"
+#include "sample_recording.h"
 #include "sim/csv.h"
 
 static counting_host host;
@@ -43,9 +43,9 @@ static void assert_frame(char **next, const msim_frame *frame, int32_t n) {
 }
 
 /* The file consists of the first `frames` frames. */
-static void assert_file(const char *path, sample *s, int64_t frames) {
+static void assert_file(const char *path, sample_trajectory *s, int64_t frames) {
   static const char header[] = "step,t,particle,x,y,z,vx,vy,vz\n";
-  char *text = slurp(path, NULL);
+  char *text = read_file(path, NULL);
   assert_non_null(text);
   assert_memory_equal(text, header, sizeof header - 1);
   char *next = text + sizeof header - 1;
@@ -58,10 +58,10 @@ static void assert_file(const char *path, sample *s, int64_t frames) {
 }
 
 static void write_and_read(int32_t n, int64_t frames) {
-  sample s;
+  sample_trajectory s;
   host_init(&host);
   sample_init(&s, "a.csv", n, 0, frames);
-  assert_int_equal(record(ms_recorder_csv(), &host.host, &s, frames), MSIM_OK);
+  assert_int_equal(record(ms_csv_recorder_type(), &host.host, &s, frames), MSIM_OK);
   assert_file("a.csv", &s, frames);
   assert_no_leak();
   sample_free(&s);
@@ -86,9 +86,9 @@ static void no_particles(void **state) {
 /* Each frame is in the file when write() returns, so that other programs can read along. */
 static void frames_are_flushed(void **state) {
   (void)state;
-  sample s;
+  sample_trajectory s;
   void *self;
-  const msim_recorder_type *csv = ms_recorder_csv();
+  const msim_recorder_type *csv = ms_csv_recorder_type();
   host_init(&host);
   sample_init(&s, "b.csv", 3, 0, 4);
   assert_int_equal(csv->open(&host.host, &s.what, &self), MSIM_OK);
@@ -123,9 +123,9 @@ static off_t length_of(const char *path) {
  * for the disk. */
 static void frames_are_synced_where_asked(void **state) {
   (void)state;
-  const msim_recorder_type *csv = ms_recorder_csv();
+  const msim_recorder_type *csv = ms_csv_recorder_type();
   for (int sync = 0; sync < 2; sync++) {
-    sample s;
+    sample_trajectory s;
     void *self;
     host_init(&host);
     sample_init(&s, "f.csv", 3, 0, 4);
@@ -148,10 +148,10 @@ static void frames_are_synced_where_asked(void **state) {
 static void a_comma_locale_changes_nothing(void **state) {
   (void)state;
   require(setlocale(LC_NUMERIC, "de_DE.UTF-8") != NULL, "the locale de_DE.UTF-8");
-  sample s;
+  sample_trajectory s;
   host_init(&host);
   sample_init(&s, "c.csv", 5, 0, 2);
-  msim_status status = record(ms_recorder_csv(), &host.host, &s, 2);
+  msim_status status = record(ms_csv_recorder_type(), &host.host, &s, 2);
   char here[32];
   snprintf(here, sizeof here, "%.1f", 0.5);
   setlocale(LC_NUMERIC, "C");
@@ -163,12 +163,12 @@ static void a_comma_locale_changes_nothing(void **state) {
 }
 
 static void assert_refused(const char *path, msim_status status, const char *why) {
-  sample s;
+  sample_trajectory s;
   host_init(&host);
-  host.empty = status == MSIM_ERR_MEMORY;
+  host.fails = status == MSIM_ERR_MEMORY;
   sample_init(&s, path, 5, 0, 2);
   s.what.name = "final.csv";
-  assert_int_equal(record(ms_recorder_csv(), &host.host, &s, 2), status);
+  assert_int_equal(record(ms_csv_recorder_type(), &host.host, &s, 2), status);
   assert_non_null(strstr(host.sentence, why));
   assert_non_null(strstr(host.sentence, "final.csv"));
   assert_no_leak();
@@ -193,9 +193,9 @@ static void limit_file_size(rlim_t bytes) {
 
 static void a_full_disk_leaves_whole_frames(void **state) {
   (void)state;
-  sample s;
+  sample_trajectory s;
   void *self;
-  const msim_recorder_type *csv = ms_recorder_csv();
+  const msim_recorder_type *csv = ms_csv_recorder_type();
   host_init(&host);
   sample_init(&s, "e.csv", 100, 0, 9);
   assert_int_equal(csv->open(&host.host, &s.what, &self), MSIM_OK);

@@ -8,8 +8,8 @@ enum { SIDE = 14, N = SIDE * SIDE };
 
 /* A randomly displaced cloth: most of its springs are compressed or stretched. */
 static msim_sim *crumpled(const msim_scene *scene, int32_t aggregate) {
-  const msim_options opt = frames();
-  msim_sim *sim = make_two_level(scene, &opt, aggregate);
+  const msim_options opt = two_level_options();
+  msim_sim *sim = make_two_level_sim(scene, &opt, aggregate);
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(scene, &view);
   double x[3 * N], v[3 * N] = {0};
@@ -31,7 +31,7 @@ typedef struct problem {
 
 static problem pose(const msim_scene *scene, int32_t aggregate) {
   problem p = {.sim = crumpled(scene, aggregate)};
-  const ms_stepper *s = &p.sim->motion->stepper;
+  const ms_stepper *s = &p.sim->islands->stepper;
   p.solver = s->solver, p.shape = s->model->shape;
   p.b = s->work[0], p.y = s->v_next, p.Ay = s->work[1];
   unsigned seed = 8;
@@ -41,22 +41,25 @@ static problem pose(const msim_scene *scene, int32_t aggregate) {
 }
 
 static void descend(const problem *p, int clamp, double rtol) {
-  const ms_request request = {
-      .x = p->sim->motion->stepper.x, .h = 1. / 60, .clamp = clamp, .indefinite = -1, .rtol = rtol};
+  const ms_linear_system_spec request = {.x = p->sim->islands->stepper.x,
+                                         .h = 1. / 60,
+                                         .clamp = clamp,
+                                         .indefinite = -1,
+                                         .rtol = rtol};
   assert_ok(ms_solver_descend(p->solver, &request, p->b, p->y, err));
-  assert_true(ms_dot(p->shape, p->b, p->y) > 0);
+  assert_true(ms_vector_dot(p->shape, p->b, p->y) > 0);
 }
 
 /* y.A y with A exact, or clamped */
 static double curvature(const problem *p) {
-  ms_coefficients_apply(p->sim->motion->stepper.model, &p->solver->system.a, p->y, p->Ay);
-  return ms_dot(p->shape, p->y, p->Ay);
+  ms_coefficients_apply(p->sim->islands->stepper.model, &p->solver->system.a, p->y, p->Ay);
+  return ms_vector_dot(p->shape, p->y, p->Ay);
 }
 
 static double left_of(const problem *p) {
-  ms_coefficients_apply(p->sim->motion->stepper.model, &p->solver->system.a, p->y, p->Ay);
-  ms_axpy(p->shape, -1, p->b, p->Ay);
-  return sqrt(ms_dot(p->shape, p->Ay, p->Ay) / ms_dot(p->shape, p->b, p->b));
+  ms_coefficients_apply(p->sim->islands->stepper.model, &p->solver->system.a, p->y, p->Ay);
+  ms_vector_axpy(p->shape, -1, p->b, p->Ay);
+  return sqrt(ms_vector_dot(p->shape, p->Ay, p->Ay) / ms_vector_dot(p->shape, p->b, p->b));
 }
 
 static void a_clamped_descent_is_a_solve(void **state) {
@@ -93,11 +96,11 @@ static void an_indefinite_matrix_leads_downhill(void **state) {
   for (int32_t aggregate = 0; aggregate <= 16; aggregate += 16) {
     const problem p = pose(scene, aggregate);
     descend(&p, 1, 1e-7);
-    const double clamped = ms_dot(p.shape, p.b, p.y);
+    const double clamped = ms_vector_dot(p.shape, p.b, p.y);
     assert_true(curvature(&p) > 0);
     for (int i = 0; i < 4; i++) descend(&p, 0, 1e-7);
-    assert_true(ms_dot(p.shape, p.b, p.y) > clamped);
-    assert_true(curvature(&p) < ms_dot(p.shape, p.b, p.y));
+    assert_true(ms_vector_dot(p.shape, p.b, p.y) > clamped);
+    assert_true(curvature(&p) < ms_vector_dot(p.shape, p.b, p.y));
     msim_sim_destroy(p.sim);
   }
   msim_scene_destroy(scene);
@@ -108,23 +111,23 @@ static void half_edges_agree(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);
   const problem p = pose(scene, 16);
-  const ms_halves *halves = &p.sim->motion->stepper.model->halves;
+  const ms_half_edges *halves = &p.sim->islands->stepper.model->half_edges;
   const ms_pcg *pcg = pcg_of(p.sim);
-  float *first = calloc((size_t)p.sim->motion->stepper.model->springs.n, sizeof *first);
+  float *first = calloc((size_t)p.sim->islands->stepper.model->springs.n, sizeof *first);
   int64_t differ = 0, partial = 0;
   descend(&p, 1, 1e-7);
   descend(&p, 0, 1e-7);
   for (int twin = 0; twin < 2; twin++)
-    for (int32_t at = 0; at < MS_GROUP * halves->nslots; at++) {
+    for (int32_t at = 0; at < MS_SLICE * halves->nentries; at++) {
       const int32_t spring = halves->spring[at];
       if (spring < 0) continue;
-      const float left_out = pcg->compression.left_out[at];
+      const float left_out = pcg->compression.reduction[at];
       if (!twin) first[spring] = left_out;
       else differ += first[spring] != left_out;
       partial += left_out > 0.2f;
     }
   assert_int_equal(differ, 0);
-  assert_true(partial > 0 && partial < MS_GROUP * halves->nslots);
+  assert_true(partial > 0 && partial < MS_SLICE * halves->nentries);
   free(first);
   msim_sim_destroy(p.sim);
   msim_scene_destroy(scene);

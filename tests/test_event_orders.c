@@ -1,5 +1,5 @@
 /* Tests of the order of accuracy with collision = event, through impacts, release and friction. */
-#include "events.h"
+#include "event_options.h"
 
 enum { MANY = 12 };
 
@@ -46,7 +46,7 @@ static double error_through_impacts(const msim_scene *scene, const char *method,
   assert_int_equal(hits, 4);
   for (int k = 0; k < TIMES; k++) {
     const int n = steps + steps * k * 7 / 50;
-    msim_options opt = event(method, T / n);
+    msim_options opt = event_options(method, T / n);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, n, err));
     assert_int_equal(stats_of(sim).contacts, hits);
@@ -63,7 +63,7 @@ static void order_is_kept_through_impacts(void **state) {
   const msim_integrator_entry *entry;
   for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
     if (!entry->order || refuses_events(entry->name)) continue;
-    const int long_steps = entry->order > 4 || wants_positions_alone(entry->name);
+    const int long_steps = entry->order > 4 || takes_positions_only(entry->name);
     const int steps = long_steps ? 10 : entry->order > 2 ? 240 : 300;
     const double coarse = error_through_impacts(scene, entry->name, steps);
     const double fine = error_through_impacts(scene, entry->name, 4 * steps);
@@ -81,7 +81,7 @@ typedef void truth(double t, double *x, double *v);
 static double error_at(const msim_scene *scene, const char *method, double T, int steps, int at,
                        truth *exactly) {
   double x, v;
-  msim_options opt = event(method, T / steps);
+  msim_options opt = event_options(method, T / steps);
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, steps, err));
   exactly(T, &x, &v);
@@ -147,7 +147,7 @@ static void rubbed(double t, double *x, double *v) {
   if (swing == 5) *x = -0.05, *v = 0;
 }
 
-static void rubbing_spring_turns_and_sticks(void **state) {
+static void a_sliding_mass_turns_and_sticks(void **state) {
   (void)state;
   const double x[6] = {0, 0, 0, 1.05, 0, 0}, v[6] = {0}, mass[2] = {1, 1};
   const double k = 1, rest = 0, none = 0, g[3] = {0, 0, -1};
@@ -161,7 +161,7 @@ static void rubbing_spring_turns_and_sticks(void **state) {
   plane(scene, 0, 0, 1, 0, 0.5, 0.1);
   check_order(scene, 12, 3, rubbed);
   for (int32_t m = 0; event_method_at(m); m++) {
-    msim_options opt = event(event_method_at(m), 0.02);
+    msim_options opt = event_options(event_method_at(m), 0.02);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 2000, err));
     assert_true(state_of(sim).v[3] == 0);
@@ -196,7 +196,7 @@ static double error_of_many(const msim_scene *scene, const char *method, int ste
   double sum = 0;
   for (int k = 0; k < TIMES; k++) {
     const int n = steps + steps * k * 7 / 50;
-    msim_options opt = event(method, T / n);
+    msim_options opt = event_options(method, T / n);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, n, err));
     const msim_state s = state_of(sim);
@@ -229,7 +229,7 @@ static void many_oscillators_keep_second_order(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(order_is_kept_through_impacts),
                                      cmocka_unit_test(release_is_located),
-                                     cmocka_unit_test(rubbing_spring_turns_and_sticks),
+                                     cmocka_unit_test(a_sliding_mass_turns_and_sticks),
                                      cmocka_unit_test(many_oscillators_keep_second_order)};
   return cmocka_run_group_tests_name("event_orders", tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 /* Tests of impacts located inside the step, collision = event: closed forms, rest, corners, and
  * reproducibility. */
-#include "events.h"
+#include "event_options.h"
 
 static const char *const exact[] = {"heun", "velocity-verlet", "rk4", "rkn6"};
 enum { NEXACT = sizeof exact / sizeof *exact };
@@ -30,9 +30,9 @@ static void ball_bounces_in_closed_form_and_rests(void **state) {
   const double x[3] = {0.3, 0, 1}, v[3] = {0.5, 0, 0}, g = 9.81, h = 0.0103;
   for (int32_t m = 0; event_method_at(m); m++) {
     if (strstr(event_method_at(m), "euler")) continue; /* of order 1 */
-    msim_scene *scene = single(x, v, g);
+    msim_scene *scene = make_single_particle(x, v, g);
     plane(scene, 0, 0, 1, 0, 0.8, 0);
-    msim_options opt = event(event_method_at(m), h);
+    msim_options opt = event_options(event_method_at(m), h);
     msim_sim *sim = make_sim(scene, &opt);
     double z, vz;
     int bounces;
@@ -62,9 +62,9 @@ static void elastic_ball_keeps_its_energy(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, g = 9.81;
   for (int m = 0; m < NEXACT; m++) {
-    msim_scene *scene = single(x, v, g);
+    msim_scene *scene = make_single_particle(x, v, g);
     plane(scene, 0, 0, 1, 0, 1, 0);
-    msim_options opt = event(exact[m], 0.01);
+    msim_options opt = event_options(exact[m], 0.01);
     msim_sim *sim = make_sim(scene, &opt);
     msim_energy energy = {.size = sizeof energy};
     assert_ok(msim_sim_step(sim, 2000, err));
@@ -87,9 +87,9 @@ static void oblique_bounce_in_closed_form(void **state) {
   const double un = -e * vn, ut = vt * (1 - mu * J / vt);
   const double xn = un * t - 0.8 * t * t, xt = 3 * t1 + 0.6 * t1 * t1 + ut * t + 0.6 * t * t;
   for (int m = 0; m < NEXACT; m++) {
-    msim_scene *scene = single(x, v, g);
+    msim_scene *scene = make_single_particle(x, v, g);
     plane(scene, n[0], n[1], n[2], 0, e, mu);
-    msim_options opt = event(exact[m], 0.08);
+    msim_options opt = event_options(exact[m], 0.08);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 10, err));
     const msim_state s = state_of(sim);
@@ -111,9 +111,9 @@ static void slider_stops_in_closed_form(void **state) {
   for (int32_t m = 0; event_method_at(m); m++) {
     const char *name = event_method_at(m);
     const int first_order = strstr(name, "euler") != NULL;
-    msim_scene *scene = single(x, v, g);
+    msim_scene *scene = make_single_particle(x, v, g);
     plane(scene, 0, 0, 1, 0, 0.5, mu);
-    msim_options opt = event(name, 0.013);
+    msim_options opt = event_options(name, 0.013);
     msim_sim *sim = make_sim(scene, &opt);
     for (int i = 0; i < 80; i++) {
       assert_ok(msim_sim_step(sim, 1, err));
@@ -140,10 +140,10 @@ static void incline_sticks_or_slides(void **state) {
   for (int32_t m = 0; event_method_at(m); m++)
     for (int slides = 0; slides < 2; slides++) {
       const char *name = event_method_at(m);
-      msim_scene *scene = single(x, v, g);
+      msim_scene *scene = make_single_particle(x, v, g);
       const double mu = slides ? 0.1 : 0.5;
       plane(scene, sin(a), 0, cos(a), 0, 0.3, mu);
-      msim_options opt = event(name, 0.01);
+      msim_options opt = event_options(name, 0.01);
       msim_sim *sim = make_sim(scene, &opt);
       assert_ok(msim_sim_step(sim, 100, err));
       const msim_state s = state_of(sim);
@@ -164,9 +164,9 @@ static void nothing_rests_without_gravity(void **state) {
   const double x[3] = {0, 0, 0}, v[3] = {1, 0, 0}, up[3] = {1, 0, 1e-6};
   for (int m = 0; m < NEXACT; m++)
     for (int flies = 0; flies < 2; flies++) {
-      msim_scene *scene = single(x, flies ? up : v, 0);
+      msim_scene *scene = make_single_particle(x, flies ? up : v, 0);
       plane(scene, 0, 0, 1, 0, 0.5, 0.5);
-      msim_options opt = event(exact[m], 0.01);
+      msim_options opt = event_options(exact[m], 0.01);
       msim_sim *sim = make_sim(scene, &opt);
       assert_ok(msim_sim_step(sim, 100, err));
       assert_close(state_of(sim).x[0], 1, 1e-14);
@@ -184,12 +184,12 @@ static void box_in_closed_form(void **state) {
   (void)state;
   const double x[3] = {0.5, 0.5, 0.5}, v[3] = {7, 12, 7}, h = 0.1;
   for (int m = 0; m < NEXACT; m++) {
-    msim_scene *scene = single(x, v, 0);
+    msim_scene *scene = make_single_particle(x, v, 0);
     for (int c = 0; c < 3; c++) {
       plane(scene, c == 0, c == 1, c == 2, 0, 1, 0);
       plane(scene, -(c == 0), -(c == 1), -(c == 2), -1, 1, 0);
     }
-    msim_options opt = event(exact[m], h);
+    msim_options opt = event_options(exact[m], h);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 13, err));
     const msim_state s = state_of(sim);
@@ -206,16 +206,16 @@ static void box_in_closed_form(void **state) {
 }
 
 /* A particle that enters and leaves a plane within a step, outside at both ends, and a near miss */
-static void in_and_out_is_not_missed(void **state) {
+static void entry_and_exit_in_a_step_are_found(void **state) {
   (void)state;
   const double depth[] = {0.01, 1e-6, -1e-6}, g = -8, h = 1;
   for (int k = 0; k < 3; k++)
     for (int m = 0; m < NEXACT; m++) {
       /* z = -depth + 4 (t - 1/2)^2 without the plane */
       const double x[3] = {0, 0, 1 - depth[k]}, v[3] = {0, 0, -4};
-      msim_scene *scene = single(x, v, g);
+      msim_scene *scene = make_single_particle(x, v, g);
       plane(scene, 0, 0, 1, 0, 1, 0);
-      msim_options opt = event(exact[m], h);
+      msim_options opt = event_options(exact[m], h);
       msim_sim *sim = make_sim(scene, &opt);
       assert_ok(msim_sim_step(sim, 1, err));
       assert_int_equal(stats_of(sim).contacts, depth[k] > 0);
@@ -238,12 +238,12 @@ static void corners_hold_in_any_order(void **state) {
   for (int32_t m = 0; event_method_at(m); m++) {
     double first[3] = {0};
     for (int o = 0; o < 6; o++) {
-      msim_scene *scene = single(x, v, 9.81);
+      msim_scene *scene = make_single_particle(x, v, 9.81);
       for (int p = 0; p < 3; p++) {
         const double *k = n[order[o][p]];
         plane(scene, k[0], k[1], k[2], 0, 0.1, 0.1);
       }
-      msim_options opt = event(event_method_at(m), 0.01);
+      msim_options opt = event_options(event_method_at(m), 0.01);
       msim_sim *sim = make_sim(scene, &opt);
       assert_ok(msim_sim_step(sim, 100, err));
       const double half = state_of(sim).x[2];
@@ -279,7 +279,7 @@ static void many_balls_in_closed_form(void **state) {
     assert_ok(msim_scene_add_particles(scene, MANY, x, NULL, mass, err));
     assert_ok(msim_scene_set_gravity(scene, g, err));
     plane(scene, 0, 0, 1, 0, 0.8, 0);
-    msim_options opt = event(exact[m], 0.01);
+    msim_options opt = event_options(exact[m], 0.01);
     msim_sim *sim = make_sim(scene, &opt);
     for (int i = 0; i < 100; i++) {
       const msim_stats before = stats_of(sim);
@@ -310,7 +310,7 @@ static void many_balls_in_closed_form(void **state) {
 
 /* A stiff spring oscillates on a mass that lies on the floor and is never lifted: Newton's method
  * has to take the contact into account. */
-static void implicit_steps_find_what_rests(void **state) {
+static void implicit_steps_find_resting_contacts(void **state) {
   (void)state;
   const double x[6] = {0, 0, 0, 0, 0, 1 - 1.05e-3}, mass[2] = {1, 1}, k = 1e4, rest = 1, none = 0;
   const double g[3] = {0, 0, -10};
@@ -323,7 +323,7 @@ static void implicit_steps_find_what_rests(void **state) {
     assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &none, err));
     assert_ok(msim_scene_set_gravity(scene, g, err));
     plane(scene, 0, 0, 1, 0, 0.5, 0.3);
-    msim_options opt = event(methods[m], 0.01);
+    msim_options opt = event_options(methods[m], 0.01);
     opt.solver = "pcg", opt.newton_rtol = 1e-8;
     msim_sim *sim = make_sim(scene, &opt);
     for (int i = 0; i < 30; i++) {
@@ -368,14 +368,14 @@ static int lies_inside(const msim_state *s, double nx, double nz) {
 
 /* From a state set in mid-run, in several calls, with steps at rest skipped or not: the same
  * bits */
-static void nothing_is_carried_but_the_state(void **state) {
+static void only_the_state_determines_the_next_step(void **state) {
   (void)state;
   enum { N3 = 3 * 4 * 4 * 4 };
   for (int32_t m = 0; event_method_at(m); m++) {
     const char *name = event_method_at(m);
     if (is_implicit(name) || strcmp(name, "explicit-euler") == 0) continue;
     msim_scene *scene = blocks(4, 0, 1);
-    msim_options opt = event(name, 1e-3);
+    msim_options opt = event_options(name, 1e-3);
     msim_sim *whole = make_sim(scene, &opt);
     assert_ok(msim_options_set(&opt, "skip.at_rest", "off", err));
     msim_sim *pieces = make_sim(scene, &opt);
@@ -406,7 +406,7 @@ static void islands_and_threads_change_no_bit(void **state) {
   static const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler"};
   for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
     msim_scene *scene = blocks(SIDE, 0, 2);
-    msim_options opt = event(methods[m], 1e-3);
+    msim_options opt = event_options(methods[m], 1e-3);
     opt.solver = "pcg", opt.threads = 1;
     msim_sim *one = make_sim(scene, &opt);
     opt.threads = 3;
@@ -429,7 +429,7 @@ static void islands_and_threads_change_no_bit(void **state) {
 }
 
 /* A planar scene gives the same results in two components as in three */
-static void flat_scenes_do_the_same(void **state) {
+static void planar_scenes_give_the_same_results(void **state) {
   (void)state;
   const double x[6] = {0, 0, 1, 0.3, 0, 1.2}, v[6] = {0.5, 0, 0, -0.2, 0, 0}, mass[2] = {1, 2};
   const double k = 50, g[3] = {0, 0, -9.81};
@@ -442,7 +442,7 @@ static void flat_scenes_do_the_same(void **state) {
     assert_ok(msim_scene_set_gravity(scene, g, err));
     plane(scene, 0.2, 0, 1, 0, 0.6, 0.2);
     plane(scene, -1, 0, 1, -1, 0.6, 0.2);
-    msim_options opt = event(event_method_at(m), 0.01);
+    msim_options opt = event_options(event_method_at(m), 0.01);
     opt.solver = "pcg";
     msim_sim *flat = make_sim(scene, &opt);
     assert_ok(msim_options_set(&opt, "skip.two_d", "off", err));
@@ -461,9 +461,9 @@ static void outside_is_put_on_the_plane(void **state) {
   (void)state;
   const double x[3] = {0, 0, -0.5}, v[3] = {1, 0, -2};
   for (int32_t m = 0; event_method_at(m); m++) {
-    msim_scene *scene = single(x, v, 0);
+    msim_scene *scene = make_single_particle(x, v, 0);
     plane(scene, 0, 0, 1, 0, 0.5, 0);
-    msim_options opt = event(event_method_at(m), 0.01);
+    msim_options opt = event_options(event_method_at(m), 0.01);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 10, err));
     assert_close(state_of(sim).x[2], 0.1, 1e-14);
@@ -482,13 +482,13 @@ int main(void) {
                                      cmocka_unit_test(incline_sticks_or_slides),
                                      cmocka_unit_test(nothing_rests_without_gravity),
                                      cmocka_unit_test(box_in_closed_form),
-                                     cmocka_unit_test(in_and_out_is_not_missed),
+                                     cmocka_unit_test(entry_and_exit_in_a_step_are_found),
                                      cmocka_unit_test(corners_hold_in_any_order),
                                      cmocka_unit_test(many_balls_in_closed_form),
-                                     cmocka_unit_test(implicit_steps_find_what_rests),
-                                     cmocka_unit_test(nothing_is_carried_but_the_state),
+                                     cmocka_unit_test(implicit_steps_find_resting_contacts),
+                                     cmocka_unit_test(only_the_state_determines_the_next_step),
                                      cmocka_unit_test(islands_and_threads_change_no_bit),
-                                     cmocka_unit_test(flat_scenes_do_the_same),
+                                     cmocka_unit_test(planar_scenes_give_the_same_results),
                                      cmocka_unit_test(outside_is_put_on_the_plane)};
   return cmocka_run_group_tests_name("events", tests, NULL, NULL);
 }

@@ -74,7 +74,7 @@ static void momentum_is_kept(void **state) {
 }
 
 /* After a reversal of v a symmetric method returns to its start, up to rounding. */
-static void reversible_methods_find_their_way_back(void **state) {
+static void reversible_methods_return_to_the_start(void **state) {
   (void)state;
   static const struct {
     const char *method;
@@ -255,7 +255,7 @@ static void stages_hold_the_whole_strip(void **state) {
   for (double rate = 0.01; rate < 2000; rate *= 1.3)
     for (double strip = 0.05; strip <= MS_RKC_STRIP; strip += 0.05) {
       const ms_bounds bounds = {.omega = sqrt(strip * rate), .rate = rate};
-      const int s = ms_rkc_stages(1, bounds);
+      const int s = ms_rkc_count_stages(1, bounds);
       double largest = 0;
       for (int i = 1; i <= 200; i++) {
         const double w = bounds.omega * i / 200, g = rate * i * i / 40000;
@@ -292,7 +292,7 @@ static void a_step_has_that_amplification(void **state) {
     msim_options opt = options("rkc", 1);
     msim_sim *sim = make_sim(scene, &opt);
     /* the bounds would give twice the k and c of the spring */
-    const int s = ms_rkc_stages(1, (ms_bounds){.omega = omega, .rate = rate});
+    const int s = ms_rkc_count_stages(1, (ms_bounds){.omega = omega, .rate = rate});
     assert_ok(msim_sim_step(sim, 1, err));
     assert_int_equal(stats_of(sim).force_evaluations, s);
     /* x = p e^(z t) + q e^(y t) */
@@ -342,7 +342,7 @@ static void strong_damping_takes_few_evaluations(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(momentum_is_kept),
-      cmocka_unit_test(reversible_methods_find_their_way_back),
+      cmocka_unit_test(reversible_methods_return_to_the_start),
       cmocka_unit_test(force_gradient_is_the_cheapest),
       cmocka_unit_test(takahashi_imada_is_the_cheapest_of_long_steps),
       cmocka_unit_test(energy_is_right_at_long_steps),

@@ -3,19 +3,19 @@
 #include <math.h>
 #include <string.h>
 
-#include "bank.h"
-#include "controlled.h"
+#include "counting_allocator.h"
+#include "error_control.h"
 #include "sim/sim.h"
 
 enum { FRAMES = 64 };
-typedef struct film {
+typedef struct frame_log {
   int count, stop_at, looks;
   int64_t step[FRAMES];
   double t[FRAMES], x[FRAMES][3 * N], v[FRAMES][3 * N];
-} film;
+} frame_log;
 
-static int take(msim_sim *sim, void *user) {
-  film *f = user;
+static int log_frame(msim_sim *sim, void *user) {
+  frame_log *f = user;
   assert_true(f->count < FRAMES);
   if (f->looks) {
     const msim_state s = state_of(sim);
@@ -30,18 +30,18 @@ static int take(msim_sim *sim, void *user) {
 
 static void frames_are_on_time(void **state) {
   (void)state;
-  static film f, g;
+  static frame_log f, g;
   msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
   for (int32_t m = 0; method_at(m); m++) {
     const char *method = method_at(m);
     const int order = msim_integrator_info(m)->order;
-    if (!has_control(method) || wants_positions_alone(method) || order == 1) continue;
-    msim_options opt = controlled(method, order > 2 ? 1e-5 : 1e-3, 0.25);
+    if (!takes_tol(method) || takes_positions_only(method) || order == 1) continue;
+    msim_options opt = control_options(method, order > 2 ? 1e-5 : 1e-3, 0.25);
     opt.fps = 100;
     msim_sim *sim = make_sim(scene, &opt), *alone = make_sim(scene, &opt);
     msim_sim *blind = make_sim(scene, &opt), *pieces = make_sim(scene, &opt);
-    f = (film){.looks = 1}, g = (film){.looks = 1, .stop_at = 7};
-    assert_ok(msim_sim_run(sim, take, &f, err));
+    f = (frame_log){.looks = 1}, g = (frame_log){.looks = 1, .stop_at = 7};
+    assert_ok(msim_sim_run(sim, log_frame, &f, err));
     assert_int_equal(f.count, 26);
     for (int i = 0; i < 26; i++) assert_close(f.t[i], i == 25 ? 0.25 : i / 100., 1e-15);
     assert_true(f.t[25] == 0.25 && f.t[0] == 0);
@@ -49,14 +49,14 @@ static void frames_are_on_time(void **state) {
      * which miss no frame */
     assert_ok(msim_sim_run(alone, NULL, NULL, err));
     same_state(sim, alone);
-    film *unseen = &(film){0};
-    assert_ok(msim_sim_run(blind, take, unseen, err));
+    frame_log *unseen = &(frame_log){0};
+    assert_ok(msim_sim_run(blind, log_frame, unseen, err));
     assert_int_equal(stats_of(blind).force_evaluations, stats_of(alone).force_evaluations);
     assert_true(stats_of(sim).force_evaluations > stats_of(alone).force_evaluations);
-    assert_int_equal(msim_sim_run(pieces, take, &g, NULL), MSIM_STOPPED);
+    assert_int_equal(msim_sim_run(pieces, log_frame, &g, NULL), MSIM_STOPPED);
     msim_sim_stop(pieces);
-    assert_int_equal(msim_sim_run(pieces, take, &g, NULL), MSIM_STOPPED);
-    assert_ok(msim_sim_run(pieces, take, &g, err));
+    assert_int_equal(msim_sim_run(pieces, log_frame, &g, NULL), MSIM_STOPPED);
+    assert_ok(msim_sim_run(pieces, log_frame, &g, err));
     same_state(sim, pieces);
     assert_int_equal(g.count, 26);
     assert_memory_equal(f.t, g.t, sizeof f.t);
@@ -71,23 +71,23 @@ static void frames_are_on_time(void **state) {
 /* States shown between two steps are as accurate as the steps. */
 static void frames_are_accurate(void **state) {
   (void)state;
-  static film f;
+  static frame_log f;
   static const char *const methods[] = {"dop853", "rk4", "velocity-verlet"};
   static const double tols[] = {1e-8, 1e-5, 1e-3}, bounds[] = {1e-8, 1e-5, 1e-3};
   msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
   const msim_options fixed = options("rk4", 5e-4);
   for (int m = 0; m < 3; m++) {
-    msim_options opt = controlled(methods[m], tols[m], 0.25);
+    msim_options opt = control_options(methods[m], tols[m], 0.25);
     opt.fps = 200;
     msim_sim *sim = make_sim(scene, &opt), *exact = make_sim(scene, &fixed);
-    f = (film){.looks = 1};
-    assert_ok(msim_sim_run(sim, take, &f, err));
+    f = (frame_log){.looks = 1};
+    assert_ok(msim_sim_run(sim, log_frame, &f, err));
     assert_int_equal(f.count, 51);
     for (int i = 1; i < f.count; i++) {
       assert_ok(msim_sim_step(exact, 10, err));
       const msim_state s = state_of(exact);
-      assert_close(off(f.x[i], s.x), 0, bounds[m]);
-      assert_close(off(f.v[i], s.v), 0, 30 * bounds[m]);
+      assert_close(rms_distance(f.x[i], s.x), 0, bounds[m]);
+      assert_close(rms_distance(f.v[i], s.v), 0, 30 * bounds[m]);
     }
     msim_sim_destroy(sim), msim_sim_destroy(exact);
   }
@@ -97,13 +97,13 @@ static void frames_are_accurate(void **state) {
 /* `every` counts accepted steps. */
 static void frames_by_steps(void **state) {
   (void)state;
-  static film f;
+  static frame_log f;
   msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
-  msim_options opt = controlled("dop853", 1e-6, 0.25);
+  msim_options opt = control_options("dop853", 1e-6, 0.25);
   opt.every = 4;
   msim_sim *sim = make_sim(scene, &opt);
-  f = (film){.looks = 1};
-  assert_ok(msim_sim_run(sim, take, &f, err));
+  f = (frame_log){.looks = 1};
+  assert_ok(msim_sim_run(sim, log_frame, &f, err));
   const int64_t steps = state_of(sim).step;
   assert_int_equal(f.count, 1 + (steps + 3) / 4);
   for (int i = 0; i < f.count; i++) assert_int_equal(f.step[i], i + 1 < f.count ? 4 * i : steps);
@@ -116,19 +116,19 @@ static void frames_by_steps(void **state) {
  * stop. */
 static void stops_miss_no_frame(void **state) {
   (void)state;
-  static film f, g;
+  static frame_log f, g;
   static const char *const methods[] = {"velocity-verlet", "dop853"};
   msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
   for (int i = 0; i < 6; i++) {
     msim_options opt = options(methods[i / 3], 1e-2);
     opt.steps = -1, opt.t_end = 0.25, opt.every = 1 + 2 * (i % 3);
-    if (i >= 3) opt = controlled(methods[1], 1e-6, 0.25), opt.every = 1 + 2 * (i % 3);
+    if (i >= 3) opt = control_options(methods[1], 1e-6, 0.25), opt.every = 1 + 2 * (i % 3);
     msim_sim *whole = make_sim(scene, &opt), *pieces = make_sim(scene, &opt);
-    f = (film){.looks = 1}, g = (film){.looks = 1};
-    assert_ok(msim_sim_run(whole, take, &f, err));
+    f = (frame_log){.looks = 1}, g = (frame_log){.looks = 1};
+    assert_ok(msim_sim_run(whole, log_frame, &f, err));
     int stops = 0;
     do msim_sim_stop(pieces), stops++;
-    while (msim_sim_run(pieces, take, &g, NULL) == MSIM_STOPPED);
+    while (msim_sim_run(pieces, log_frame, &g, NULL) == MSIM_STOPPED);
     assert_int_equal(stops, 1 + state_of(whole).step);
     assert_int_equal(f.count, g.count);
     assert_memory_equal(f.step, g.step, sizeof f.step);
@@ -140,11 +140,11 @@ static void stops_miss_no_frame(void **state) {
 
 /*------------------------------------- setters, threads -----------------------------------------*/
 
-static film plain;
+static frame_log plain;
 
 /* The first state is read after the change, at a frame inside the step before it. */
-static int stiffen(msim_sim *sim, void *user) {
-  film *f = user;
+static int change_springs_at_frame(msim_sim *sim, void *user) {
+  frame_log *f = user;
   if (++f->count != 10) return 0;
   static double k[200];
   for (int i = 0; i < 200; i++) k[i] = 60;
@@ -159,18 +159,18 @@ static int stiffen(msim_sim *sim, void *user) {
 /* Frames inside the last step are computed with the springs of that step. */
 static void springs_change_between_steps(void **state) {
   (void)state;
-  static film f;
+  static frame_log f;
   static const char *const methods[] = {"dop853", "rk4", "velocity-verlet", "implicit-midpoint"};
   msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
   for (int m = 0; m < 4; m++) {
-    msim_options opt = controlled(methods[m], 1e-3, 0.25);
+    msim_options opt = control_options(methods[m], 1e-3, 0.25);
     opt.fps = 200;
     msim_sim *soft = make_sim(scene, &opt), *sim = make_sim(scene, &opt);
-    plain = (film){.looks = 1}, f = (film){0};
-    assert_ok(msim_sim_run(soft, take, &plain, err));
-    assert_ok(msim_sim_run(sim, stiffen, &f, err));
+    plain = (frame_log){.looks = 1}, f = (frame_log){0};
+    assert_ok(msim_sim_run(soft, log_frame, &plain, err));
+    assert_ok(msim_sim_run(sim, change_springs_at_frame, &f, err));
     assert_int_equal(f.count, 51);
-    assert_true(off(state_of(sim).x, state_of(soft).x) > 1e-4);
+    assert_true(rms_distance(state_of(sim).x, state_of(soft).x) > 1e-4);
     msim_sim_destroy(sim), msim_sim_destroy(soft);
   }
   msim_scene_destroy(scene);
@@ -178,9 +178,9 @@ static void springs_change_between_steps(void **state) {
 
 static void a_state_that_is_set_starts_a_run(void **state) {
   (void)state;
-  static film f;
+  static frame_log f;
   msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
-  msim_options opt = controlled("dop853", 1e-6, 0.25);
+  msim_options opt = control_options("dop853", 1e-6, 0.25);
   opt.fps = 100;
   msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 3, err));
@@ -188,10 +188,10 @@ static void a_state_that_is_set_starts_a_run(void **state) {
   assert_ok(msim_sim_set_state(other, &there, err));
   assert_ok(msim_sim_set_state(
       sim,
-      &(msim_state){sizeof there, there.step, there.t, N, other->flat_x, other->flat_v, NULL, 0},
+      &(msim_state){sizeof there, there.step, there.t, N, other->state_x, other->state_v, NULL, 0},
       err));
-  f = (film){.looks = 1};
-  assert_ok(msim_sim_run(sim, take, &f, err));
+  f = (frame_log){.looks = 1};
+  assert_ok(msim_sim_run(sim, log_frame, &f, err));
   assert_ok(msim_sim_run(other, NULL, NULL, err));
   same_state(sim, other);
   assert_true(state_of(sim).t == 0.25 && f.t[f.count - 1] == 0.25);
@@ -204,7 +204,7 @@ static void a_state_that_is_set_starts_a_run(void **state) {
 static void threads_change_no_bit(void **state) {
   (void)state;
   static const char *const methods[] = {"rk4", "velocity-verlet", "dop853"};
-  const int nmethods = IS_CHECKED ? 1 : 3;
+  const int nmethods = HAS_ADDRESS_SANITIZER ? 1 : 3;
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
   for (int i = 0; i < 5; i++) {
@@ -227,13 +227,13 @@ static void threads_change_no_bit(void **state) {
   for (int m = 0; m < nmethods; m++) {
     msim_sim *sims[2];
     for (int t = 0; t < 2; t++) {
-      msim_options opt = controlled(methods[m], 1e-3, 0.05);
+      msim_options opt = control_options(methods[m], 1e-3, 0.05);
       opt.threads = t + 1, opt.fps = 200;
       sims[t] = make_sim(scene, &opt);
       msim_state s = state_of(sims[t]);
       s.v = v;
       assert_ok(msim_sim_set_state(sims[t], &s, err));
-      assert_int_equal(sims[t]->any_by_one, t);
+      assert_int_equal(sims[t]->any_single_thread, t);
       assert_ok(msim_sim_run(sims[t], NULL, NULL, err));
     }
     same_state(sims[0], sims[1]);
@@ -247,8 +247,8 @@ static void threads_change_no_bit(void **state) {
   msim_scene_destroy(scene);
 }
 
-static msim_status live(const msim_allocator *alloc, const char *method, msim_error *err) {
-  static film f;
+static msim_status run_all_calls(const msim_allocator *alloc, const char *method, msim_error *err) {
+  static frame_log f;
   const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0.1, 0}, mass[3] = {1, 1, 1}, k[2] = {10, 10};
   const double out[9] = {0, 0, 0, 1, 0, 0.1, 2, 0.1, 0}, rest[9] = {0};
   const msim_state risen = {.size = sizeof risen, .n = 3, .x = out, .v = rest};
@@ -256,17 +256,17 @@ static msim_status live(const msim_allocator *alloc, const char *method, msim_er
   msim_scene *scene = NULL;
   msim_sim *sim = NULL;
   const char *text;
-  msim_options opt = controlled(method, 1e-3, 0.1);
+  msim_options opt = control_options(method, 1e-3, 0.1);
   opt.fps = 200;
-  f = (film){0};
+  f = (frame_log){0};
   msim_status status = msim_scene_create(alloc, &scene, err);
   if (!status) status = msim_scene_add_particles(scene, 3, x, NULL, mass, err);
   if (!status) status = msim_scene_add_springs(scene, 2, ij, k, NULL, NULL, err);
   if (!status) status = msim_sim_create(scene, &opt, &sim, err);
   if (!status) status = msim_sim_set_state(sim, &risen, err); /* no longer planar */
-  bank *b = alloc->user;
+  counting_allocator *b = alloc->user;
   const int64_t calls = b->calls;
-  if (!status) status = msim_sim_run(sim, take, &f, err);
+  if (!status) status = msim_sim_run(sim, log_frame, &f, err);
   assert_int_equal(b->calls, calls); /* no step allocates */
   if (!status) status = msim_sim_explain(sim, &text, err);
   if (!status) assert_non_null(strstr(text, "by error control"));
@@ -279,13 +279,13 @@ static void memory_may_end(void **state) {
   (void)state;
   static const char *const methods[] = {"dop853", "velocity-verlet", "implicit-midpoint"};
   for (int m = 0; m < 3; m++) {
-    bank b = {.fail_at = -1};
-    const msim_allocator alloc = {bank_alloc, bank_free, &b};
+    counting_allocator b = {.fail_at = -1};
+    const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
     for (int status = MSIM_ERR_MEMORY; status; b.fail_at++) {
       msim_error why;
       b.calls = 0;
       if (b.fail_at < 0) b.fail_at = 0;
-      status = live(&alloc, methods[m], &why);
+      status = run_all_calls(&alloc, methods[m], &why);
       assert_true(status == MSIM_OK || status == MSIM_ERR_MEMORY);
       assert_int_equal(b.live, 0);
     }

@@ -8,7 +8,7 @@
 #include "testing.h"
 
 static void rate(const double a[3], double F, const double v[3], double to[3]) {
-  const double speed = ms_norm3(v);
+  const double speed = ms_vec3_norm(v);
   for (int c = 0; c < 3; c++) to[c] = a[c] - F * v[c] / speed;
 }
 
@@ -20,24 +20,25 @@ static void integrate(const double a[3], double F, double t, int n, double v[3],
     double k[3] = {0}, stage[3], sum[3] = {v[0], v[1], v[2]};
     for (int s = 0; s < 4; s++) {
       for (int c = 0; c < 3; c++) stage[c] = v[c] + h * reach[s] * k[c];
-      ms_axpy3(h * weight[s], stage, x);
+      ms_vec3_axpy(h * weight[s], stage, x);
       rate(a, F, stage, k);
-      ms_axpy3(h * weight[s], k, sum);
+      ms_vec3_axpy(h * weight[s], k, sum);
     }
     memcpy(v, sum, sizeof sum);
   }
 }
 
 /* F below, near and above |a|; v in all directions; up to nine tenths of the time to the stop */
-static void slides_as_its_equation_has_it(void **state) {
+static void sliding_solves_its_equation(void **state) {
   (void)state;
   unsigned seed = 7;
   for (int i = 0; i < 400; i++) {
     double a[3] = {0}, v[3] = {0}, x[3] = {0}, dx[3], w[3];
     for (int c = 0; c < 2; c++) a[c] = 4 * uniform(&seed) - 2, v[c] = 4 * uniform(&seed) - 2;
     if (i % 5 == 0) v[1] = v[0] * a[1] / a[0] + 1e-4;
-    const double F = i % 7 == 0 ? ms_norm3(a) : 4 * uniform(&seed);
-    const double t = fmin(0.9 * ms_friction_stop(a, F, v), 0.3 * ms_norm3(v) / (F + ms_norm3(a)));
+    const double F = i % 7 == 0 ? ms_vec3_norm(a) : 4 * uniform(&seed);
+    const double t =
+        fmin(0.9 * ms_friction_stop(a, F, v), 0.3 * ms_vec3_norm(v) / (F + ms_vec3_norm(a)));
     memcpy(w, v, sizeof w);
     integrate(a, F, t, 400, w, x);
     ms_friction_slide(a, F, t, v, dx);
@@ -78,7 +79,7 @@ static void stops_at_its_time_and_stays(void **state) {
   assert_close(ms_friction_stop(a, F, v), stop, 1e-15);
   ms_friction_slide(a, F, stop * (1 - 1e-6), before, dx);
   ms_friction_slide(a, F, stop + 3, after, later);
-  assert_true(ms_norm3(before) > 0 && ms_norm3(before) < 1e-5);
+  assert_true(ms_vec3_norm(before) > 0 && ms_vec3_norm(before) < 1e-5);
   for (int c = 0; c < 3; c++) {
     assert_true(after[c] == 0);
     assert_close(dx[c], later[c], 1e-10);
@@ -100,7 +101,7 @@ static void on_a_line(void **state) {
   assert_close(dx[1], 0.75, 1e-15);
   double still[3] = {0};
   ms_friction_slide(a, 2, 5, still, dx);
-  assert_true(ms_norm3(still) == 0 && ms_norm3(dx) == 0);
+  assert_true(ms_vec3_norm(still) == 0 && ms_vec3_norm(dx) == 0);
   ms_friction_slide(a, 0.5, 2, still, dx);
   assert_close(still[1], -3, 1e-15);
   assert_close(dx[1], -3, 1e-15);
@@ -108,7 +109,7 @@ static void on_a_line(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(slides_as_its_equation_has_it), cmocka_unit_test(parts_add_up),
+      cmocka_unit_test(sliding_solves_its_equation), cmocka_unit_test(parts_add_up),
       cmocka_unit_test(stops_at_its_time_and_stays), cmocka_unit_test(on_a_line)};
   return cmocka_run_group_tests_name("friction", tests, NULL, NULL);
 }

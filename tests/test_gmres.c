@@ -42,7 +42,7 @@ static void check_lengths(const char *name, int64_t vectors) {
 
 static void calls_are_as_long_as_memory_allows(void **state) {
   (void)state;
-  require(solver_there("sundials-spgmr"), "SUNDIALS");
+  require(is_solver_available("sundials-spgmr"), "SUNDIALS");
   check_lengths("sundials-spgmr", 1);
   check_lengths("sundials-spfgmr", 2);
 }

@@ -11,14 +11,14 @@
 #include <string.h>
 
 #include "base/isa.h"
-#include "hash.h"
+#include "state_hash.h"
 
 enum { STEPS = 15, MOST_LINES = 512 };
 
 static msim_scene *cloth(void) { return hanging_cloth(20, 100, 0); }
 
 static msim_scene *solid(void) {
-  msim_scene *scene = held_block(7, 1, 300, 0);
+  msim_scene *scene = pinned_block(7, 1, 300, 0);
   plane(scene, 0, 0, 1, -0.01, 0.5, 0.2);
   return scene;
 }
@@ -107,7 +107,7 @@ static void check(const char *run, uint64_t hash) {
 
 static const char *isa_name(void) {
   static const char *const names[] = {"baseline", "avx2", "avx512"};
-  return names[ms_isa_best()];
+  return names[ms_isa_choose()];
 }
 
 static void runs_end_as_ever(void **state) {

@@ -18,13 +18,13 @@ static counting_host host;
 /* The file remains; the caller removes it. */
 static void write_file(const char *path, int32_t n, int32_t nsprings, int64_t planned,
                        int64_t written) {
-  const msim_recorder_type *hdf5 = plugin();
-  sample s;
+  const msim_recorder_type *hdf5 = find_hdf5_recorder();
+  sample_trajectory s;
   host_init(&host);
   sample_init(&s, path, n, nsprings, planned);
   if (record(hdf5, &host.host, &s, written) != MSIM_OK) fail_msg("%s", host.sentence);
   assert_int_equal(host.live, 0);
-  assert_good(path, written, planned);
+  assert_trajectory_valid(path, written, planned);
   sample_free(&s);
 }
 
@@ -130,8 +130,8 @@ static void the_layout_is_that_of_vtkhdf(void **state) {
   hid_t file = open_trajectory("b.vtkhdf");
   for (size_t i = 0; i < sizeof layout / sizeof *layout; i++) {
     hsize_t dims[2];
-    if (extent(file, layout[i].path, dims) != layout[i].rank || dims[0] != layout[i].dims[0] ||
-        dims[1] != layout[i].dims[1])
+    if (dataset_extent(file, layout[i].path, dims) != layout[i].rank ||
+        dims[0] != layout[i].dims[0] || dims[1] != layout[i].dims[1])
       fail_msg("%s is %d x %d", layout[i].path, (int)dims[0], (int)dims[1]);
   }
   char creator[32];
@@ -167,7 +167,7 @@ static void assert_doubles(hid_t file, const char *path, const double *expected)
 static void columns_hold_what_was_given(void **state) {
   (void)state;
   write_file("c.vtkhdf", 4, 3, 600, 2);
-  sample s;
+  sample_trajectory s;
   sample_init(&s, "c.vtkhdf", 4, 3, 600);
   hid_t file = open_trajectory("c.vtkhdf");
   assert_doubles(file, "/VTKHDF/Steps/Values", s.times);
@@ -192,7 +192,7 @@ static void equal_runs_give_equal_bytes(void **state) {
   sleep(1); /* a time of day in the file would now differ */
   write_file("e.vtkhdf", 20, 30, 300, 290);
   size_t first, second;
-  char *d = slurp("d.vtkhdf", &first), *e = slurp("e.vtkhdf", &second);
+  char *d = read_file("d.vtkhdf", &first), *e = read_file("e.vtkhdf", &second);
   assert_int_equal(first, second);
   assert_memory_equal(d, e, first);
   free(d);
@@ -219,7 +219,7 @@ static void damage_is_noticed(void **state) {
     H5Tclose(type);
     H5Dclose(dataset);
     H5Fclose(file);
-    assert_true(verify("f.vtkhdf", &planned) < 0);
+    assert_true(verify_trajectory("f.vtkhdf", &planned) < 0);
     remove("f.vtkhdf");
   }
 }
@@ -227,11 +227,11 @@ static void damage_is_noticed(void **state) {
 /*------------------------------------- threads --------------------------------------------------*/
 
 static void *record_in_thread(void *path) {
-  sample s;
+  sample_trajectory s;
   counting_host mine;
   host_init(&mine);
   sample_init(&s, path, 50, 40, 200);
-  msim_status status = record(plugin(), &mine.host, &s, 200);
+  msim_status status = record(find_hdf5_recorder(), &mine.host, &s, 200);
   sample_free(&s);
   return status == MSIM_OK && mine.live == 0 ? path : NULL;
 }
@@ -247,14 +247,14 @@ static void threads_record_side_by_side(void **state) {
     assert_ptr_equal(result, paths[i]);
   }
   for (int i = 0; i < 3; i++) {
-    assert_good(paths[i], 200, 200);
+    assert_trajectory_valid(paths[i], 200, 200);
     remove(paths[i]);
   }
 }
 
 /*------------------------------------- modes for the tests in Python ----------------------------*/
 
-static int complain(const char *sentence) {
+static int report_error(const char *sentence) {
   fprintf(stderr, "%s\n", sentence);
   return 1;
 }
@@ -266,9 +266,9 @@ static void write_list(FILE *out, const char *key, const double *values, int64_t
 }
 
 /* What the CSV file does not contain. */
-static int write_json(const char *path, sample *s, int64_t frames) {
+static int write_json(const char *path, sample_trajectory *s, int64_t frames) {
   FILE *out = fopen(path, "w");
-  if (!out) return complain("cannot write the JSON file");
+  if (!out) return report_error("cannot write the JSON file");
   double *kinetic = doubles(frames), *potential = doubles(frames),
          *ij = doubles(2 * s->what.nsprings);
   for (int64_t i = 0; i < frames; i++) {
@@ -289,30 +289,30 @@ static int write_json(const char *path, sample *s, int64_t frames) {
   free(kinetic);
   free(potential);
   free(ij);
-  return fclose(out) == 0 ? 0 : complain("cannot write the JSON file");
+  return fclose(out) == 0 ? 0 : report_error("cannot write the JSON file");
 }
 
 /* 40 frames planned, 36 written. */
 static int write_mode(const char *base) {
   enum { N = 35, NSPRINGS = 60, PLANNED = 40, WRITTEN = 36 };
-  const msim_recorder_type *hdf5 = plugin();
+  const msim_recorder_type *hdf5 = find_hdf5_recorder();
   char path[3][1024];
   static const char *const endings[] = {"vtkhdf", "csv", "json"};
   for (int i = 0; i < 3; i++) snprintf(path[i], sizeof path[i], "%s.%s", base, endings[i]);
-  sample s;
+  sample_trajectory s;
   host_init(&host);
   sample_init(&s, path[0], N, NSPRINGS, PLANNED);
   msim_status status = record(hdf5, &host.host, &s, WRITTEN);
   s.what.path = path[1];
-  if (status == MSIM_OK) status = record(ms_recorder_csv(), &host.host, &s, WRITTEN);
-  int result = status == MSIM_OK ? write_json(path[2], &s, WRITTEN) : complain(host.sentence);
+  if (status == MSIM_OK) status = record(ms_csv_recorder_type(), &host.host, &s, WRITTEN);
+  int result = status == MSIM_OK ? write_json(path[2], &s, WRITTEN) : report_error(host.sentence);
   sample_free(&s);
   return result;
 }
 
 static int verify_mode(const char *path) {
-  int64_t planned = -1, good = verify(path, &planned);
-  if (good < 0) return complain("the file is damaged");
+  int64_t planned = -1, good = verify_trajectory(path, &planned);
+  if (good < 0) return report_error("the file is damaged");
   printf("%" PRId64 " of %" PRId64 "\n", good, planned);
   return 0;
 }
@@ -332,7 +332,7 @@ int main(int argc, char **argv) {
       cmocka_unit_test(threads_record_side_by_side),
   };
   if (argc == 3 && strcmp(argv[1], "verify") == 0) return verify_mode(argv[2]);
-  if (!plugin()) return missing_status("the recorder hdf5");
+  if (!find_hdf5_recorder()) return missing_status("the recorder hdf5");
   if (argc == 3 && strcmp(argv[1], "write") == 0) return write_mode(argv[2]);
   return cmocka_run_group_tests(tests, enter_folder, leave_folder);
 }

@@ -21,8 +21,8 @@ static counting_host host;
 
 static void more_frames_than_planned(void **state) {
   (void)state;
-  const msim_recorder_type *hdf5 = plugin();
-  sample s;
+  const msim_recorder_type *hdf5 = find_hdf5_recorder();
+  sample_trajectory s;
   void *self;
   host_init(&host);
   sample_init(&s, "g.vtkhdf", 5, 4, 2);
@@ -34,17 +34,17 @@ static void more_frames_than_planned(void **state) {
   assert_string_equal(host.sentence, "g.vtkhdf: all 2 planned frames are written");
   assert_int_equal(hdf5->close(self), MSIM_OK);
   assert_int_equal(host.live, 0);
-  assert_good("g.vtkhdf", 2, 2);
+  assert_trajectory_valid("g.vtkhdf", 2, 2);
   sample_free(&s);
   remove("g.vtkhdf");
 }
 
 static void assert_refused(const char *path, int64_t nframes, msim_status status,
                            const char *sentence) {
-  const msim_recorder_type *hdf5 = plugin();
-  sample s;
+  const msim_recorder_type *hdf5 = find_hdf5_recorder();
+  sample_trajectory s;
   host_init(&host);
-  host.empty = status == MSIM_ERR_MEMORY;
+  host.fails = status == MSIM_ERR_MEMORY;
   sample_init(&s, path, 5, 4, 2);
   s.what.name = "final.vtkhdf";
   s.what.nframes = nframes;
@@ -72,7 +72,7 @@ static void a_disk_that_is_too_small(void **state) {
   remove("i.vtkhdf");
 }
 
-static herr_t host_printer(hid_t stack, void *data) {
+static herr_t count_printed(hid_t stack, void *data) {
   (void)stack;
   ++*(int *)data;
   return 0;
@@ -82,7 +82,7 @@ static void the_library_never_prints(void **state) {
   (void)state;
   int printed = 0, before = dup(STDERR_FILENO);
   int to = open("stderr", O_CREAT | O_RDWR | O_TRUNC, 0600);
-  H5Eset_auto2(H5E_DEFAULT, host_printer, &printed);
+  H5Eset_auto2(H5E_DEFAULT, count_printed, &printed);
   dup2(to, STDERR_FILENO);
   assert_refused("missing/a.vtkhdf", 2, MSIM_ERR_IO, "");
   dup2(before, STDERR_FILENO);
@@ -111,9 +111,9 @@ enum { FULL_FRAMES = 20, FRAMES_BEFORE = 7 };
 /* In a child process, which ends as a program does, exit handlers included. Its exit status: the
  * number of good frames; 100 if open() failed; 200 and more if a check failed. */
 static void run_into_limit(const char *path, rlim_t at_open, rlim_t while_writing) {
-  sample s;
+  sample_trajectory s;
   void *self = NULL;
-  const msim_recorder_type *hdf5 = plugin();
+  const msim_recorder_type *hdf5 = find_hdf5_recorder();
   host_init(&host);
   sample_init(&s, path, 1000, 0, FULL_FRAMES);
   if (at_open) limit_file_size(at_open);
@@ -156,7 +156,7 @@ static void a_disk_that_fills_leaves_whole_frames(void **state) {
   (void)state;
   for (rlim_t limit = 1000; limit < 900000; limit += 139000) {
     assert_int_equal(status_at_limit("k.vtkhdf", 0, limit), FRAMES_BEFORE);
-    assert_good("k.vtkhdf", FRAMES_BEFORE, FULL_FRAMES);
+    assert_trajectory_valid("k.vtkhdf", FRAMES_BEFORE, FULL_FRAMES);
     remove("k.vtkhdf");
   }
 }
@@ -165,14 +165,14 @@ static void a_disk_that_fills_leaves_whole_frames(void **state) {
 
 /* libhdf5 calls this pwrite, which is visible, instead of that of the C library. */
 static int64_t writes_left = INT64_MAX; /* before the one that fails; the next ones succeed */
-static int dies;                        /* 1: written by half, then exit; 0: "disk full" */
+static int ends_process;                /* 1: written by half, then exit; 0: "disk full" */
 static int64_t writes_made;
 
 __attribute__((visibility("default"))) ssize_t pwrite(int fd, const void *data, size_t bytes,
                                                       off_t offset) {
   writes_made++;
   if (writes_left-- != 0) return syscall(SYS_pwrite64, fd, data, bytes, offset);
-  if (!dies) {
+  if (!ends_process) {
     errno = ENOSPC;
     return -1;
   }
@@ -185,9 +185,9 @@ enum { FEW_FRAMES = 5 };
 /* Open, write and close as a program does. Returns 1 if any call was refused, 2 and more if the
  * results are inconsistent. after[]: the numbers of writes after open and after each frame. */
 static int run_few_frames(const char *path, int64_t after[1 + FEW_FRAMES]) {
-  sample s;
+  sample_trajectory s;
   void *self = NULL;
-  const msim_recorder_type *hdf5 = plugin();
+  const msim_recorder_type *hdf5 = find_hdf5_recorder();
   host_init(&host);
   sample_init(&s, path, 10, 5, FEW_FRAMES);
   int refused = hdf5->open(&host.host, &s.what, &self) != MSIM_OK, closed = MSIM_OK;
@@ -222,15 +222,15 @@ static int status_with_bad_write(const char *path, int64_t which) {
 
 /* Another process resumes the file. */
 static void assert_resumed(const char *path, size_t length, const char *whole) {
-  sample s;
+  sample_trajectory s;
   size_t now;
   int64_t kept;
   host_init(&host);
   sample_init(&s, path, 10, 5, FEW_FRAMES);
-  if (record_on(plugin(), &host.host, &s, FEW_FRAMES, &kept) != MSIM_OK)
+  if (record_resumed(find_hdf5_recorder(), &host.host, &s, FEW_FRAMES, &kept) != MSIM_OK)
     fail_msg("%s", host.sentence);
   sample_free(&s);
-  char *bytes = slurp(path, &now);
+  char *bytes = read_file(path, &now);
   assert_int_equal(now, length);
   assert_memory_equal(bytes, whole, length);
   free(bytes);
@@ -246,10 +246,10 @@ static void assert_every_write(const char *path, int status) {
   assert_true(writes_made > 0);
   const int64_t writes = after[FEW_FRAMES];
   size_t length = 0;
-  char *whole = slurp(path, &length);
+  char *whole = read_file(path, &length);
   for (int64_t which = 0; which < writes; which++) {
     assert_int_equal(status_with_bad_write(path, which), status);
-    int64_t frames = 0, good = verify(path, &planned);
+    int64_t frames = 0, good = verify_trajectory(path, &planned);
     while (frames < FEW_FRAMES && after[1 + frames] <= which) frames++;
     if (which >= after[0] && good != frames && good != frames + 1)
       fail_msg("write %d of %d: %d frames, not %d", (int)which, (int)writes, (int)good,
@@ -262,9 +262,9 @@ static void assert_every_write(const char *path, int status) {
 
 static void death_at_any_write_leaves_whole_frames(void **state) {
   (void)state;
-  dies = 1;
+  ends_process = 1;
   assert_every_write("o.vtkhdf", 0);
-  dies = 0;
+  ends_process = 0;
 }
 
 static void refusal_of_any_write_is_told(void **state) {
@@ -273,7 +273,7 @@ static void refusal_of_any_write_is_told(void **state) {
 }
 
 int main(void) {
-  if (!plugin()) return missing_status("the recorder hdf5");
+  if (!find_hdf5_recorder()) return missing_status("the recorder hdf5");
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(more_frames_than_planned),
       cmocka_unit_test(refusals_say_why),

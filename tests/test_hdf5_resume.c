@@ -10,13 +10,13 @@
 enum { N = 20, NSPRINGS = 30, PLANNED = 12 };
 
 static counting_host host;
-static sample s;
+static sample_trajectory s;
 
 /* Record a file of `written` frames. */
 static void begin(int64_t written) {
   host_init(&host);
   sample_init(&s, "a.vtkhdf", N, NSPRINGS, PLANNED);
-  assert_int_equal(record(plugin(), &host.host, &s, written), MSIM_OK);
+  assert_int_equal(record(find_hdf5_recorder(), &host.host, &s, written), MSIM_OK);
 }
 
 /* Resume up to the end: the file kept so many frames, and now equals an uninterrupted one. */
@@ -24,14 +24,14 @@ static void go_on(int64_t kept) {
   int64_t found = -1;
   size_t first, second;
   host_init(&host);
-  if (record_on(plugin(), &host.host, &s, PLANNED, &found) != MSIM_OK)
+  if (record_resumed(find_hdf5_recorder(), &host.host, &s, PLANNED, &found) != MSIM_OK)
     fail_msg("%s", host.sentence);
   assert_int_equal(found, kept);
   assert_int_equal(host.live, 0);
-  assert_good("a.vtkhdf", PLANNED, PLANNED);
+  assert_trajectory_valid("a.vtkhdf", PLANNED, PLANNED);
   s.what.path = "whole.vtkhdf";
-  assert_int_equal(record(plugin(), &host.host, &s, PLANNED), MSIM_OK);
-  char *mine = slurp("a.vtkhdf", &first), *whole = slurp("whole.vtkhdf", &second);
+  assert_int_equal(record(find_hdf5_recorder(), &host.host, &s, PLANNED), MSIM_OK);
+  char *mine = read_file("a.vtkhdf", &first), *whole = read_file("whole.vtkhdf", &second);
   assert_int_equal(first, second);
   assert_memory_equal(mine, whole, first);
   free(mine), free(whole);
@@ -56,14 +56,14 @@ static void change_word(const char *path, hsize_t i, uint64_t bits) {
 static void refuse(msim_status want, const char *sentence) {
   void *self;
   size_t length, after;
-  char *before = slurp("a.vtkhdf", &length);
+  char *before = read_file("a.vtkhdf", &length);
   msim_resumption from = {.size = sizeof from};
   host_init(&host);
-  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), want);
+  assert_int_equal(find_hdf5_recorder()->resume(&host.host, &s.what, &from, &self), want);
   if (!strstr(host.sentence, sentence)) fail_msg("'%s' lacks '%s'", host.sentence, sentence);
   assert_non_null(strstr(host.sentence, "a.vtkhdf: cannot go on with the file: "));
   assert_int_equal(host.live, 0);
-  char *now = slurp("a.vtkhdf", &after);
+  char *now = read_file("a.vtkhdf", &after);
   assert_int_equal(after, length);
   if (length) assert_memory_equal(now, before, length);
   free(before), free(now);
@@ -71,7 +71,7 @@ static void refuse(msim_status want, const char *sentence) {
 
 /*------------------------------------- resuming -------------------------------------------------*/
 
-static void from_wherever_it_ended(void **state) {
+static void resume_from_any_frame(void **state) {
   (void)state;
   for (int64_t written = 0; written <= PLANNED; written++) {
     begin(written);
@@ -86,18 +86,18 @@ static void with_the_last_checkpoint(void **state) {
     void *self;
     msim_resumption from = {.size = sizeof from};
     begin(written);
-    assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+    assert_int_equal(find_hdf5_recorder()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
     const msim_frame frame = sample_frame(&s, written - 1);
     assert_int_equal(from.frames, written);
     assert_int_equal(from.step, frame.step);
     assert_int_equal(from.checkpoint_length, frame.checkpoint_length);
     assert_memory_equal(from.checkpoint, frame.checkpoint, frame.checkpoint_length);
-    assert_int_equal(plugin()->close(self), MSIM_OK);
+    assert_int_equal(find_hdf5_recorder()->close(self), MSIM_OK);
     go_on(written);
   }
 }
 
-static void past_what_is_damaged(void **state) {
+static void resume_before_damaged_frames(void **state) {
   (void)state;
   static const char *const last[] = {"/msim/checkpoint/0", "/VTKHDF/Points"};
   const hsize_t words[] = {100, 4 * 3 * N + 7};
@@ -115,22 +115,22 @@ static void past_what_is_damaged(void **state) {
 }
 
 /* Frames written at an interruption, at times that are not planned, are overwritten. */
-static void over_a_frame_out_of_plan(void **state) {
+static void resume_over_an_unplanned_frame(void **state) {
   (void)state;
   void *self;
   msim_resumption from = {.size = sizeof from};
   begin(4);
-  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
   msim_frame frame = sample_frame(&s, 4);
   frame.t -= 0.05;
-  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
-  assert_int_equal(plugin()->close(self), MSIM_OK);
-  assert_good("a.vtkhdf", 5, PLANNED);
+  assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->close(self), MSIM_OK);
+  assert_trajectory_valid("a.vtkhdf", 5, PLANNED);
   go_on(4);
 }
 
-/* The content of the file at each sync: the plugin calls this function, which is visible, instead
- * of that of the C library. */
+/* The content of the file at each sync: the find_hdf5_recorder calls this function, which is
+ * visible, instead of that of the C library. */
 enum { MOST_SYNCS = 8 };
 static struct {
   char *bytes;
@@ -140,7 +140,7 @@ static int nsyncs;
 
 __attribute__((visibility("default"))) int fdatasync(int fd) {
   (void)fd;
-  if (nsyncs < MOST_SYNCS) synced[nsyncs].bytes = slurp("a.vtkhdf", &synced[nsyncs].length);
+  if (nsyncs < MOST_SYNCS) synced[nsyncs].bytes = read_file("a.vtkhdf", &synced[nsyncs].length);
   nsyncs++;
   return 0;
 }
@@ -151,7 +151,7 @@ static int64_t frames_at_sync(int i) {
   FILE *file = fopen("b.vtkhdf", "wb");
   assert_true(file && fwrite(synced[i].bytes, 1, synced[i].length, file) == synced[i].length);
   fclose(file);
-  const int64_t frames = verify("b.vtkhdf", &planned);
+  const int64_t frames = verify_trajectory("b.vtkhdf", &planned);
   remove("b.vtkhdf");
   return frames;
 }
@@ -165,26 +165,26 @@ static void frames_are_withdrawn_one_by_one(void **state) {
   void *self;
   msim_resumption from = {.size = sizeof from};
   begin(3);
-  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
   for (int i = 3; i < 5; i++) {
     msim_frame frame = sample_frame(&s, i);
     frame.checkpoint = NULL, frame.checkpoint_length = 0;
-    assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+    assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_OK);
   }
-  assert_int_equal(plugin()->close(self), MSIM_OK);
-  assert_good("a.vtkhdf", 5, PLANNED);
+  assert_int_equal(find_hdf5_recorder()->close(self), MSIM_OK);
+  assert_trajectory_valid("a.vtkhdf", 5, PLANNED);
   s.what.sync = 1;
-  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
   assert_int_equal(from.frames, 3);
   const msim_frame frame = sample_frame(&s, 3);
   nsyncs = 0;
-  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_OK);
   assert_int_equal(nsyncs, 4);
   for (int i = 0; i < 4; i++) {
     assert_int_equal(frames_at_sync(i), expected[i]);
     free(synced[i].bytes);
   }
-  assert_int_equal(plugin()->close(self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->close(self), MSIM_OK);
   s.what.sync = 0;
   go_on(4);
 }
@@ -196,8 +196,8 @@ static void to_an_earlier_end(void **state) {
   begin(5);
   s.what.nframes = 8;
   s.times[7] -= 0.03;
-  assert_int_equal(record_on(plugin(), &host.host, &s, 8, &kept), MSIM_OK);
-  assert_good("a.vtkhdf", 8, PLANNED);
+  assert_int_equal(record_resumed(find_hdf5_recorder(), &host.host, &s, 8, &kept), MSIM_OK);
+  assert_trajectory_valid("a.vtkhdf", 8, PLANNED);
   s.what.nframes = PLANNED;
   s.times[7] += 0.03;
   go_on(8);
@@ -261,7 +261,7 @@ static void rows_that_are_not_stored_are_refused(void **state) {
 static void what_is_not_ours_is_refused(void **state) {
   (void)state;
   begin(0);
-  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 1);
+  assert_int_equal(find_hdf5_recorder()->recognize(&host.host, "a.vtkhdf"), 1);
   hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
   H5Ldelete(file, "/msim/checkpoint", H5P_DEFAULT);
   H5Fclose(file);
@@ -270,14 +270,14 @@ static void what_is_not_ours_is_refused(void **state) {
   H5Ldelete(file, "/msim", H5P_DEFAULT);
   H5Fclose(file);
   refuse(MSIM_ERR_ARG, "it is no trajectory of msim's");
-  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 0);
+  assert_int_equal(find_hdf5_recorder()->recognize(&host.host, "a.vtkhdf"), 0);
   FILE *text = fopen("a.vtkhdf", "w");
   fputs("a diary\n", text);
   fclose(text);
   refuse(MSIM_ERR_BACKEND, "file signature");
-  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 0);
+  assert_int_equal(find_hdf5_recorder()->recognize(&host.host, "a.vtkhdf"), 0);
   remove("a.vtkhdf");
-  assert_int_equal(plugin()->recognize(&host.host, "a.vtkhdf"), 0);
+  assert_int_equal(find_hdf5_recorder()->recognize(&host.host, "a.vtkhdf"), 0);
   assert_int_equal(host.live, 0);
   sample_free(&s);
 }
@@ -288,8 +288,9 @@ static void without_memory(void **state) {
   begin(5);
   for (int i = 1; i <= 2; i++) {
     host_init(&host);
-    host.until_empty = i;
-    assert_int_equal(record_on(plugin(), &host.host, &s, PLANNED, &kept), MSIM_ERR_MEMORY);
+    host.fail_at = i;
+    assert_int_equal(record_resumed(find_hdf5_recorder(), &host.host, &s, PLANNED, &kept),
+                     MSIM_ERR_MEMORY);
     assert_non_null(strstr(host.sentence, "a.vtkhdf: "));
     assert_int_equal(host.live, 0);
   }
@@ -303,12 +304,12 @@ static void an_older_host(void **state) {
   sample_init(&s, "a.vtkhdf", N, NSPRINGS, PLANNED);
   s.what.size = offsetof(msim_recording, checkpoint_capacity);
   void *self;
-  assert_int_equal(plugin()->open(&host.host, &s.what, &self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->open(&host.host, &s.what, &self), MSIM_OK);
   msim_frame frame = sample_frame(&s, 0);
   frame.size = offsetof(msim_frame, checkpoint);
-  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
-  assert_int_equal(plugin()->close(self), MSIM_OK);
-  assert_good("a.vtkhdf", 1, PLANNED);
+  assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->close(self), MSIM_OK);
+  assert_trajectory_valid("a.vtkhdf", 1, PLANNED);
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -317,12 +318,12 @@ static void a_checkpoint_that_is_too_long(void **state) {
   (void)state;
   void *self;
   begin(0);
-  assert_int_equal(plugin()->open(&host.host, &s.what, &self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->open(&host.host, &s.what, &self), MSIM_OK);
   msim_frame frame = sample_frame(&s, 0);
   frame.checkpoint_length = SAMPLE_CHECKPOINT + 1;
-  assert_int_equal(plugin()->write(self, &frame), MSIM_ERR_ARG);
+  assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_ERR_ARG);
   assert_non_null(strstr(host.sentence, "1004 bytes are more than the 1003 planned"));
-  assert_int_equal(plugin()->close(self), MSIM_ERR_ARG);
+  assert_int_equal(find_hdf5_recorder()->close(self), MSIM_ERR_ARG);
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -335,16 +336,16 @@ static void a_checkpoint_as_long_as_planned(void **state) {
   msim_resumption from = {.size = sizeof from};
   begin(0);
   s.what.checkpoint_capacity = LENGTH;
-  assert_int_equal(plugin()->open(&host.host, &s.what, &self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->open(&host.host, &s.what, &self), MSIM_OK);
   msim_frame frame = sample_frame(&s, 0);
   frame.checkpoint_length = LENGTH;
-  assert_int_equal(plugin()->write(self, &frame), MSIM_OK);
-  assert_int_equal(plugin()->close(self), MSIM_OK);
-  assert_int_equal(plugin()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->close(self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->resume(&host.host, &s.what, &from, &self), MSIM_OK);
   assert_int_equal(from.frames, 1);
   assert_int_equal(from.checkpoint_length, LENGTH);
   assert_memory_equal(from.checkpoint, frame.checkpoint, LENGTH);
-  assert_int_equal(plugin()->close(self), MSIM_OK);
+  assert_int_equal(find_hdf5_recorder()->close(self), MSIM_OK);
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -353,7 +354,7 @@ static void a_checkpoint_as_long_as_planned(void **state) {
 
 static msim_sim *flight(void) {
   const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
-  msim_scene *scene = single(x, v, 9.81);
+  msim_scene *scene = make_single_particle(x, v, 9.81);
   msim_options opt = options("velocity-verlet", 0.01);
   opt.steps = 6, opt.every = 1;
   msim_sim *sim = make_sim(scene, &opt);
@@ -391,12 +392,12 @@ static void before_the_first_frame(void **state) {
 }
 
 int main(void) {
-  if (!plugin()) return missing_status("the recorder hdf5");
+  if (!find_hdf5_recorder()) return missing_status("the recorder hdf5");
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(from_wherever_it_ended),
+      cmocka_unit_test(resume_from_any_frame),
       cmocka_unit_test(with_the_last_checkpoint),
-      cmocka_unit_test(past_what_is_damaged),
-      cmocka_unit_test(over_a_frame_out_of_plan),
+      cmocka_unit_test(resume_before_damaged_frames),
+      cmocka_unit_test(resume_over_an_unplanned_frame),
       cmocka_unit_test(frames_are_withdrawn_one_by_one),
       cmocka_unit_test(to_an_earlier_end),
       cmocka_unit_test(another_run_is_refused),

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "events.h"
+#include "event_options.h"
 
 enum { CASES = 16, SIDE = 4, N = SIDE * SIDE * SIDE };
 
@@ -49,7 +49,7 @@ static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler
                                       "tr-bdf2"};
 static const double stiffness[] = {1e4, 3e5}, heights[] = {0, 0.2};
 
-static void without_friction_it_slides_as_gravity_has_it(void **state) {
+static void without_friction_it_slides_freely(void **state) {
   (void)state;
   for (int i = 0; i < CASES; i++) {
     double v[2];
@@ -175,7 +175,7 @@ static void in_a_wedge_energy_does_not_grow_and_nothing_ends_behind_a_plane(void
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(without_friction_it_slides_as_gravity_has_it),
+      cmocka_unit_test(without_friction_it_slides_freely),
       cmocka_unit_test(on_a_rough_slope_it_slides_slower),
       cmocka_unit_test(on_a_rougher_one_it_sticks),
       cmocka_unit_test(in_a_wedge_energy_does_not_grow_and_nothing_ends_behind_a_plane)};

@@ -6,16 +6,16 @@
 #include "scenes.h"
 
 typedef struct layout {
-  ms_rows rows;
+  ms_unknowns rows;
   ms_springs springs;
-  ms_halves halves;
+  ms_half_edges halves;
 } layout;
 
 static layout make(const msim_scene *scene) {
   layout l;
   ms_islands islands;
   assert_ok(ms_islands_create(scene->data, 1, &islands, err));
-  const ms_island all = ms_island_at(&islands, 0);
+  const ms_island all = ms_islands_get(&islands, 0);
   assert_ok(ms_layout_create(scene->data, &all, &l.rows, &l.springs, &l.halves, err));
   ms_islands_destroy(scene->data, &islands);
   return l;
@@ -28,8 +28,8 @@ static void destroy(const msim_scene *scene, layout *l) {
 /* The half-edges of one unknown have the right neighbours, in ascending order. Returns their
  * number. */
 static int32_t check_row(const layout *l, int32_t row, int *seen) {
-  const ms_halves *h = &l->halves;
-  const ms_span span = ms_halves_of(h, row);
+  const ms_half_edges *h = &l->halves;
+  const ms_half_edge_span span = ms_half_edges_of_row(h, row);
   int32_t count = 0, last = -1;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t e = h->spring[at], neighbour = h->neighbour[at];
@@ -47,20 +47,20 @@ static int32_t check_row(const layout *l, int32_t row, int *seen) {
 
 /* The invariants of entries: consecutive ones are marked as such, split rows have consecutive
  * parts, padding exerts no force. Returns the number of half-edges. */
-static int32_t check_slots(const layout *l) {
-  const ms_halves *h = &l->halves;
+static int32_t check_entries(const layout *l) {
+  const ms_half_edges *h = &l->halves;
   int32_t count = 0;
   assert_int_equal(h->first[0], 0);
-  assert_int_equal(h->first[h->ngroups + h->nparts], h->nslots);
+  assert_int_equal(h->first[h->nslices + h->nparts], h->nentries);
   for (int32_t p = 0; p < h->nparts; p++) {
-    const int32_t slots = h->first[h->ngroups + p + 1] - h->first[h->ngroups + p];
-    assert_in_range(slots, 1, MS_PART);
-    assert_in_range(h->part[h->part_row[p]], 0, p);
+    const int32_t slots = h->first[h->nslices + p + 1] - h->first[h->nslices + p];
+    assert_in_range(slots, 1, MS_PART_ENTRIES);
+    assert_in_range(h->first_part[h->part_row[p]], 0, p);
   }
-  for (int32_t at = 0; at < MS_GROUP * h->nslots; at++) {
-    const int32_t start = h->start[at / MS_GROUP];
+  for (int32_t at = 0; at < MS_SLICE * h->nentries; at++) {
+    const int32_t start = h->start[at / MS_SLICE];
     assert_in_range(h->neighbour[at], 0, l->rows.stride - 1);
-    if (start >= 0) assert_int_equal(h->neighbour[at], start + at % MS_GROUP);
+    if (start >= 0) assert_int_equal(h->neighbour[at], start + at % MS_SLICE);
     if (h->spring[at] < 0) assert_true(h->k[at] == 0 && h->damping[at] == 0);
     count += h->spring[at] >= 0;
   }
@@ -68,7 +68,7 @@ static int32_t check_slots(const layout *l) {
 }
 
 /* Each free particle has an unknown of its own; the pinned ones that springs touch follow. */
-static void check_rows(const ms_scene *scene, const ms_rows *rows) {
+static void check_unknowns(const ms_scene *scene, const ms_unknowns *rows) {
   uint8_t *seen = calloc((size_t)scene->nparticles, 1);
   const int32_t last_pinned = rows->first_pinned + rows->n - rows->nfree;
   for (int32_t r = 0; r < rows->stride; r++) {
@@ -87,13 +87,13 @@ static void check_rows(const ms_scene *scene, const ms_rows *rows) {
 
 /* Every half-edge occurs once, at the right unknown. */
 static void check(const msim_scene *scene, const layout *l) {
-  check_rows(scene->data, &l->rows);
+  check_unknowns(scene->data, &l->rows);
   int *seen = calloc(2 * (size_t)l->springs.n + 1, sizeof *seen);
   int32_t count = 0;
-  assert_int_equal(l->halves.ngroups * MS_GROUP, l->rows.first_pinned);
+  assert_int_equal(l->halves.nslices * MS_SLICE, l->rows.first_pinned);
   for (int32_t r = 0; r < l->rows.nfree; r++) count += check_row(l, r, seen);
-  assert_int_equal(check_slots(l), count);
-  assert_in_range(2 * MS_GROUP * l->halves.nslots, 2 * count, 5 * count + 64 * l->halves.ngroups);
+  assert_int_equal(check_entries(l), count);
+  assert_in_range(2 * MS_SLICE * l->halves.nentries, 2 * count, 5 * count + 64 * l->halves.nslices);
   for (int32_t e = 0; e < l->springs.n; e++) {
     assert_int_equal(seen[2 * e], l->springs.i[e] < l->rows.nfree);
     assert_int_equal(seen[2 * e + 1], l->springs.j[e] < l->rows.nfree);
@@ -102,7 +102,7 @@ static void check(const msim_scene *scene, const layout *l) {
 }
 
 /* Random pairs, some of them several times, a hub, isolated and pinned particles. */
-static void every_half_is_there_once(void **state) {
+static void every_half_edge_occurs_once(void **state) {
   (void)state;
   enum { MOST = 300 };
   srand(7);
@@ -129,25 +129,25 @@ static void every_half_is_there_once(void **state) {
   }
 }
 
-static double share_of_runs(const layout *l) {
+static double share_of_consecutive(const layout *l) {
   int32_t runs = 0;
-  for (int32_t s = 0; s < l->halves.nslots; s++) runs += l->halves.start[s] >= 0;
-  return (double)runs / l->halves.nslots;
+  for (int32_t s = 0; s < l->halves.nentries; s++) runs += l->halves.start[s] >= 0;
+  return (double)runs / l->halves.nentries;
 }
 
-static double lanes_per_half(const layout *l) {
-  return (double)MS_GROUP * l->halves.nslots / (2.0 * l->springs.n);
+static double lanes_per_half_edge(const layout *l) {
+  return (double)MS_SLICE * l->halves.nentries / (2.0 * l->springs.n);
 }
 
-static void grids_are_read_in_runs(void **state) {
+static void grids_have_consecutive_neighbours(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(50, 100, 0);
   layout l = make(scene);
   check(scene, &l);
-  assert_true(share_of_runs(&l) > 0.98);
-  assert_true(lanes_per_half(&l) < 1.1);
+  assert_true(share_of_consecutive(&l) > 0.98);
+  assert_true(lanes_per_half_edge(&l) < 1.1);
   /* the unknowns are in the order of the scene's particles */
-  assert_true(l.rows.narrowed == 0 && !l.rows.sorted);
+  assert_true(l.rows.distance_reduction == 0 && !l.rows.sorted_by_degree);
   for (int32_t r = 1; r < l.rows.nfree; r++)
     assert_true(l.rows.particle[r] > l.rows.particle[r - 1]);
   destroy(scene, &l);
@@ -182,7 +182,7 @@ static msim_scene *shuffled(const msim_scene *mesh, int hub) {
   return scene;
 }
 
-static void shuffled_grids_get_their_runs_back(void **state) {
+static void shuffled_grids_are_reordered(void **state) {
   (void)state;
   msim_scene *cloth = hanging_cloth(60, 100, 0);
   for (int round = 0; round < 10; round++) {
@@ -190,9 +190,10 @@ static void shuffled_grids_get_their_runs_back(void **state) {
     msim_scene *scene = shuffled(cloth, hub);
     layout l = make(scene), again = make(scene);
     check(scene, &l);
-    assert_true(share_of_runs(&l) > (hub ? 0.6 : 0.85)); /* hub: one gathered entry per row */
-    assert_true(lanes_per_half(&l) < 1.15);
-    assert_true(l.rows.narrowed > 10);
+    assert_true(share_of_consecutive(&l) >
+                (hub ? 0.6 : 0.85)); /* hub: one gathered entry per row */
+    assert_true(lanes_per_half_edge(&l) < 1.15);
+    assert_true(l.rows.distance_reduction > 10);
     assert_memory_equal(l.rows.particle, again.rows.particle,
                         (size_t)l.rows.stride * sizeof *l.rows.particle);
     destroy(scene, &l), destroy(scene, &again);
@@ -222,8 +223,8 @@ static void irregular_meshes_have_near_neighbours_and_full_lanes(void **state) {
   check(scene, &l);
   for (int32_t e = 0; e < springs; e++) span += abs(l.springs.i[e] - l.springs.j[e]);
   assert_true(span / springs < N / 25);
-  assert_true(l.rows.narrowed > 8 && l.rows.sorted);
-  assert_true(lanes_per_half(&l) < 1.15);
+  assert_true(l.rows.distance_reduction > 8 && l.rows.sorted_by_degree);
+  assert_true(lanes_per_half_edge(&l) < 1.15);
   destroy(scene, &l);
   msim_scene_destroy(scene);
 }
@@ -257,7 +258,7 @@ static void hubs_are_not_padded(void **state) {
     msim_scene *scene = star_of_stars(shapes[i][0], shapes[i][1]);
     layout l = make(scene);
     check(scene, &l);
-    assert_in_range(MS_GROUP * l.halves.nslots, 0, 5 * l.springs.n + 24);
+    assert_in_range(MS_SLICE * l.halves.nentries, 0, 5 * l.springs.n + 24);
     destroy(scene, &l);
     msim_scene_destroy(scene);
   }
@@ -265,8 +266,9 @@ static void hubs_are_not_padded(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(every_half_is_there_once), cmocka_unit_test(grids_are_read_in_runs),
-      cmocka_unit_test(shuffled_grids_get_their_runs_back),
+      cmocka_unit_test(every_half_edge_occurs_once),
+      cmocka_unit_test(grids_have_consecutive_neighbours),
+      cmocka_unit_test(shuffled_grids_are_reordered),
       cmocka_unit_test(irregular_meshes_have_near_neighbours_and_full_lanes),
       cmocka_unit_test(hubs_are_not_padded)};
   return cmocka_run_group_tests_name("layout", tests, NULL, NULL);

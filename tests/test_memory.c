@@ -9,21 +9,21 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "hash.h"
-#include "linear/system.h"
-#include "recording.h"
-#include "scarce.h"
+#include "state_hash.h"
+#include "linear/sparse_matrix.h"
+#include "sample_recording.h"
+#include "failing_allocator.h"
 
 /*------------------------------------- scenes ---------------------------------------------------*/
 
-typedef struct parts {
+typedef struct scene_features {
   int32_t side;
   int flat, plane, drag;
   double k, damping, g;
-} parts;
+} scene_features;
 
 /* A cloth with two pinned corners; with all parts 0 a few particles. */
-static msim_status build_scene(msim_scene *s, const parts *p, msim_error *err) {
+static msim_status build_scene(msim_scene *s, const scene_features *p, msim_error *err) {
   const int32_t n = p->side, corners[2] = {0, n - 1}, cut[] = {0, 1};
   const double gravity[3] = {0, p->flat ? p->g : 0, p->flat ? 0 : p->g}, k = p->k + 1;
   const double x[6] = {2, 0, 0, 2, 1, 0}, v[6] = {0, 0.1, 0, 0, 0, 0}, mass[2] = {0.1, 0.2};
@@ -53,7 +53,7 @@ static msim_status build_scene(msim_scene *s, const parts *p, msim_error *err) {
 enum { ISLANDS = 5, SCENES }; /* all but the last are small */
 static const struct {
   const char *label;
-  parts parts;
+  scene_features parts;
 } scenes[SCENES] = {{"cloth", {.side = 5, .k = 100, .g = -9.81}},
                     {"flat cloth", {.side = 4, .flat = 1, .k = 100, .g = -9.81}},
                     {"damped cloth over a plane",
@@ -64,13 +64,13 @@ static const struct {
 
 /*------------------------------------- one run --------------------------------------------------*/
 
-typedef struct life life;
-typedef msim_status call(life *l, msim_error *err);
+typedef struct scenario scenario;
+typedef msim_status call(scenario *l, msim_error *err);
 
 /* A scene, a sim, and the call under test. */
-struct life {
+struct scenario {
   const char *scene_label, *name;
-  const parts *parts;
+  const scene_features *parts;
   msim_options opt;
   call *call;
   int by; /* SCARCE_BY_... */
@@ -79,8 +79,8 @@ struct life {
   msim_recorder *recorder;
 };
 
-static msim_status create_scene(life *l, msim_error *err) {
-  const msim_allocator *alloc = l->by == SCARCE_BY_ALLOCATOR ? scarce_allocator() : NULL;
+static msim_status create_scene(scenario *l, msim_error *err) {
+  const msim_allocator *alloc = l->by == FAILING_BY_ALLOCATOR ? failing_allocator_get() : NULL;
   msim_status status = msim_scene_create(alloc, &l->scene, err);
   if (!status) status = build_scene(l->scene, l->parts, err);
   if (!status) return MSIM_OK;
@@ -89,11 +89,11 @@ static msim_status create_scene(life *l, msim_error *err) {
   return status;
 }
 
-static msim_status create_sim(life *l, msim_error *err) {
+static msim_status create_sim(scenario *l, msim_error *err) {
   return msim_sim_create(l->scene, &l->opt, &l->sim, err);
 }
 
-static void end_life(life *l) {
+static void end_scenario(scenario *l) {
   msim_recorder_close(l->recorder, NULL);
   msim_sim_destroy(l->sim);
   msim_scene_destroy(l->scene);
@@ -102,14 +102,14 @@ static void end_life(life *l) {
 
 /* Everything before the call under test. Assertions come only after blocks are no longer
  * counted. */
-static msim_status prepare(life *l, msim_error *err) {
+static msim_status prepare(scenario *l, msim_error *err) {
   msim_status status = l->call == create_scene ? MSIM_OK : create_scene(l, err);
   const int sim_too = l->call != create_scene && l->call != create_sim;
   if (!status && sim_too) status = create_sim(l, err);
   return !status && sim_too ? msim_sim_step(l->sim, 2, err) : status;
 }
 
-static msim_status go_on(life *l, msim_error *err) {
+static msim_status run_to_end(scenario *l, msim_error *err) {
   msim_status status = l->sim ? MSIM_OK : create_sim(l, err);
   return status ? status : msim_sim_step(l->sim, 2, err);
 }
@@ -124,32 +124,32 @@ typedef struct outcome {
 } outcome;
 
 /* One run in which allocation number `which` of the call fails. */
-static outcome live(life *l, int64_t which, int all_later) {
+static outcome run_scenario(scenario *l, int64_t which, int all_later) {
   outcome o = {0};
-  scarce_count(l->by);
-  scarce_left();
+  failing_allocator_count(l->by);
+  failing_allocator_count_leaks();
   o.after = prepare(l, &o.err);
   const uint64_t before = l->sim ? hash_sim(l->sim) : 0;
-  scarce_arm(which, all_later);
+  failing_allocator_arm(which, all_later);
   if (!o.after) o.status = l->call(l, &o.err);
-  o.reached = scarce_failed();
-  scarce_arm(-1, 0);
+  o.reached = failing_allocator_has_failed();
+  failing_allocator_arm(-1, 0);
   o.changed = o.status && (l->sim ? hash_sim(l->sim) : 0) != before;
   if (o.status && o.reached) o.after = l->call(l, NULL);
-  if (!o.after && (!o.status || o.reached)) o.after = go_on(l, NULL);
+  if (!o.after && (!o.status || o.reached)) o.after = run_to_end(l, NULL);
   o.end = l->sim ? hash_sim(l->sim) : 0;
-  end_life(l);
-  o.left = scarce_left();
-  scarce_count(SCARCE_NOT);
+  end_scenario(l);
+  o.left = failing_allocator_count_leaks();
+  failing_allocator_count(FAILING_NONE);
   return o;
 }
 
 static int64_t points;
 
-static void sweep(life *l, int all_later) {
+static void sweep(scenario *l, int all_later) {
   char label[256];
-  live(l, -1, 0); /* libraries allocate some memory only once */
-  const outcome whole = live(l, -1, 0);
+  run_scenario(l, -1, 0); /* libraries allocate some memory only once */
+  const outcome whole = run_scenario(l, -1, 0);
   snprintf(label, sizeof label, "%s, %s, %s, solver %s", l->scene_label, l->opt.integrator, l->name,
            l->opt.solver);
   if (whole.status == MSIM_ERR_ARG || whole.after == MSIM_ERR_ARG) return; /* not for this method */
@@ -157,7 +157,7 @@ static void sweep(life *l, int all_later) {
     fail_msg("%s: status %d and %d, %lld blocks left: %s", label, (int)whole.status,
              (int)whole.after, (long long)whole.left, whole.err.text);
   for (int64_t which = 0;; which++, points++) {
-    const outcome o = live(l, which, all_later);
+    const outcome o = run_scenario(l, which, all_later);
     const char *why = NULL;
     if (o.status && o.status != MSIM_ERR_MEMORY) why = "another status";
     else if (o.status && !o.err.text[0]) why = "no sentence";
@@ -177,31 +177,31 @@ static int is_long(void) { return getenv("MSIM_LONG_TESTS") != NULL; }
 
 /* With malloc each allocation fails alone, with the allocator also all later ones; MSIM_LONG_TESTS:
  * both ways for both. */
-static void sweep_all(life *l) {
-  for (int by = SCARCE_BY_MALLOC; by <= SCARCE_BY_ALLOCATOR; by++)
+static void sweep_all(scenario *l) {
+  for (int by = FAILING_BY_MALLOC; by <= FAILING_BY_ALLOCATOR; by++)
     for (int all_later = 0; all_later < 2; all_later++) {
       l->by = by;
-      if (by == SCARCE_BY_MALLOC && !SCARCE_MALLOC) continue;
-      if (is_long() || all_later == (by == SCARCE_BY_ALLOCATOR)) sweep(l, all_later);
+      if (by == FAILING_BY_MALLOC && !FAILING_MALLOC) continue;
+      if (is_long() || all_later == (by == FAILING_BY_ALLOCATOR)) sweep(l, all_later);
     }
 }
 
 /*------------------------------------- calls ----------------------------------------------------*/
 
-static msim_status step(life *l, msim_error *err) { return msim_sim_step(l->sim, 1, err); }
+static msim_status step(scenario *l, msim_error *err) { return msim_sim_step(l->sim, 1, err); }
 
-static msim_status set_springs(life *l, msim_error *err) {
+static msim_status set_springs(scenario *l, msim_error *err) {
   enum { MOST = 16384 };
   static double rest[MOST], damping[MOST];
   return msim_sim_set_springs(l->sim, NULL, rest, damping, err); /* rest = 0: other features */
 }
 
-static msim_status set_step(life *l, msim_error *err) {
+static msim_status set_step(scenario *l, msim_error *err) {
   return msim_sim_set_step(l->sim, 0.0005, err);
 }
 
 /* A state out of the plane of the planar scenes. */
-static msim_status set_state(life *l, msim_error *err) {
+static msim_status set_state(scenario *l, msim_error *err) {
   enum { MOST = 3 * 4096 };
   static double v[MOST];
   msim_state state = state_of(l->sim);
@@ -211,17 +211,17 @@ static msim_status set_state(life *l, msim_error *err) {
   return msim_sim_set_state(l->sim, &state, err);
 }
 
-static msim_status matrix(life *l, msim_error *err) {
+static msim_status matrix(scenario *l, msim_error *err) {
   msim_csr A = {.size = sizeof A};
   return msim_sim_matrix(l->sim, &A, err);
 }
 
-static msim_status explain(life *l, msim_error *err) {
+static msim_status explain(scenario *l, msim_error *err) {
   const char *text;
   return msim_sim_explain(l->sim, &text, err);
 }
 
-static msim_status record_one(life *l, const char *path, msim_error *err) {
+static msim_status record_one(scenario *l, const char *path, msim_error *err) {
   msim_status status = msim_recorder_open(l->sim, path, &l->recorder, err);
   if (!status) status = msim_recorder_write(l->recorder, err);
   if (!status) status = msim_recorder_close(l->recorder, err);
@@ -230,17 +230,19 @@ static msim_status record_one(life *l, const char *path, msim_error *err) {
   return status;
 }
 
-static msim_status record_csv(life *l, msim_error *err) { return record_one(l, "a.csv", err); }
+static msim_status record_csv(scenario *l, msim_error *err) { return record_one(l, "a.csv", err); }
 
-static msim_status record_hdf5(life *l, msim_error *err) { return record_one(l, "a.vtkhdf", err); }
+static msim_status record_hdf5(scenario *l, msim_error *err) {
+  return record_one(l, "a.vtkhdf", err);
+}
 
-static msim_status save(life *l, msim_error *err) {
+static msim_status save(scenario *l, msim_error *err) {
   return msim_scene_save(l->scene, "a.json", err);
 }
 
 /* A scene with every key, in strings of less than 16 characters: where the buffer for a longer one
  * cannot grow, jansson 2.14 loses characters or aborts, which msim cannot prevent. */
-static msim_status load(life *l, msim_error *err) {
+static msim_status load(scenario *l, msim_error *err) {
   static const char text[] =
       "{\"msim\": 1, \"name\": \"all of it\", \"gravity\": [0, 0, -9.81], \"drag\": 0.5,"
       " \"particles\": {\"x\": [[0, 0, 1], [1, 0, 1]], \"v\": [[0, 0, 0], [0.5, 0, 0]],"
@@ -252,7 +254,7 @@ static msim_status load(life *l, msim_error *err) {
       "                \"origin\": [0, 0, 2], \"mass\": 1, \"k\": 5, \"pinned\": [0, 7]}],"
       " \"planes\": [{\"normal\": [0, 0, 1], \"offset\": -1, \"friction\": 0.25}],"
       " \"run\": {\"integrator\": \"heun\", \"h\": 0.001, \"solver.rtol\": 1e-9}}";
-  const msim_allocator *alloc = l->by == SCARCE_BY_ALLOCATOR ? scarce_allocator() : NULL;
+  const msim_allocator *alloc = l->by == FAILING_BY_ALLOCATOR ? failing_allocator_get() : NULL;
   msim_scene *scene = NULL;
   msim_status status = msim_scene_parse(alloc, "text", text, sizeof text - 1, &scene, err);
   msim_scene_destroy(scene);
@@ -268,9 +270,9 @@ static int has_hdf5(void) {
 
 /*------------------------------------- methods --------------------------------------------------*/
 
-static life life_of(int scene, const char *method) {
+static scenario make_scenario(int scene, const char *method) {
   const int chooses = strcmp(method, "auto") == 0;
-  life l = {.scene_label = scenes[scene].label, .parts = &scenes[scene].parts};
+  scenario l = {.scene_label = scenes[scene].label, .parts = &scenes[scene].parts};
   l.opt = options(method, 0.001);
   l.opt.solver = "pcg";
   l.opt.threads = 1;
@@ -285,7 +287,7 @@ static life life_of(int scene, const char *method) {
 static void scenes_are_made(void **state) {
   (void)state;
   for (int i = 0; i < ISLANDS; i++) {
-    life l = life_of(i, "heun");
+    scenario l = make_scenario(i, "heun");
     SWEEP(l, create_scene);
     SWEEP(l, save);
     SWEEP(l, load);
@@ -298,7 +300,7 @@ static void sims_are_made(void **state) {
   const msim_integrator_entry *entry;
   for (int32_t m = 0; (entry = msim_integrator_info(m)) != NULL; m++)
     for (int i = 0; i < ISLANDS; i++) {
-      life l = life_of(i, entry->name);
+      scenario l = make_scenario(i, entry->name);
       if (!is_long() && i != m % ISLANDS) continue;
       SWEEP(l, create_sim);
       SWEEP(l, step);
@@ -321,7 +323,7 @@ static void sims_are_changed(void **state) {
       "linearly-implicit-euler", "auto"};
   for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
     for (int i = 0; i < ISLANDS; i++) {
-      life l = life_of(i, methods[m]);
+      scenario l = make_scenario(i, methods[m]);
       if (!is_long() && i != (int)m % 2) continue; /* planar or not */
       SWEEP(l, set_springs);
       SWEEP(l, set_step);
@@ -334,10 +336,10 @@ static void sims_are_changed(void **state) {
 static void sims_are_recorded(void **state) {
   (void)state;
   for (int i = 0; i < ISLANDS; i++) {
-    life l = life_of(i, "velocity-verlet");
+    scenario l = make_scenario(i, "velocity-verlet");
     SWEEP(l, record_csv);
     l.call = record_hdf5, l.name = "record_hdf5";
-    l.by = SCARCE_BY_ALLOCATOR; /* libhdf5 crashes if malloc fails */
+    l.by = FAILING_BY_ALLOCATOR; /* libhdf5 crashes if malloc fails */
     for (int all_later = 0; all_later < 2 && has_hdf5(); all_later++) sweep(&l, all_later);
   }
   remove("a.csv"), remove("a.vtkhdf"), remove("a.json");
@@ -349,11 +351,11 @@ static void solvers_are_made(void **state) {
   static const char *const solvers[] = {"pcg", "auto",         "cholmod",
                                         "klu", "sundials-pcg", "sundials-spgmr"};
   for (size_t k = 0; k < sizeof solvers / sizeof *solvers; k++) {
-    life l = life_of(ISLANDS, "linearly-implicit-euler");
-    if (strcmp(solvers[k], "auto") != 0 && !solver_there(solvers[k])) continue;
+    scenario l = make_scenario(ISLANDS, "linearly-implicit-euler");
+    if (strcmp(solvers[k], "auto") != 0 && !is_solver_available(solvers[k])) continue;
     l.opt.solver = solvers[k];
     l.opt.threads = k > 0 || !is_long() ? 1 : 2; /* two threads on a busy machine take long */
-    l.by = SCARCE_BY_ALLOCATOR;
+    l.by = FAILING_BY_ALLOCATOR;
     for (int all_later = 0; all_later < 2; all_later++)
       l.call = create_sim, l.name = "create_sim", sweep(&l, all_later);
   }
@@ -363,12 +365,13 @@ static void solvers_are_made(void **state) {
 static void matrices_too_large_are_refused(void **state) {
   (void)state;
   int32_t ptr[] = {0, 0, 500000000};
-  const ms_graph graph = {.n = 2, .ptr = ptr};
+  const ms_sparse_graph graph = {.n = 2, .ptr = ptr};
   const ms_model model = {0};
-  ms_matrix matrix;
+  ms_sparse_matrix matrix;
   msim_error why;
-  assert_int_equal(ms_matrix_create(&model, &graph, NULL, MSIM_FORMAT_UPPER, 3, &matrix, &why),
-                   MSIM_ERR_ARG);
+  assert_int_equal(
+      ms_sparse_matrix_create(&model, &graph, NULL, MSIM_FORMAT_UPPER, 3, &matrix, &why),
+      MSIM_ERR_ARG);
   assert_string_equal(why.text, "the matrix has 250000002 blocks of 3 x 3; the limit is 238609294");
 }
 

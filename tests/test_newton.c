@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "scenes.h"
-#include "sim/drive.h"
+#include "sim/step_driver.h"
 
 static const char *const methods[] = {
     "implicit-euler", "implicit-midpoint", "trapezoidal", "newmark", "bdf2", "tr-bdf2", "sdirk2"};
@@ -91,7 +91,7 @@ static void a_crumpled_start_is_solved(void **state) {
   for (int i = 0; i < 5; i++) { /* long steps are too difficult for cholmod */
     msim_options opt = options("implicit-euler", steps[i % 3]);
     opt.solver = solvers[i / 3], opt.solver_rtol = 1e-14;
-    if (!solver_there(opt.solver)) continue;
+    if (!is_solver_available(opt.solver)) continue;
     msim_sim *sim = make_sim(scene, &opt);
     const msim_state s = state_of(sim);
     for (int q = 0; q < 3 * N; q++) x[q] = s.x[q] + uniform(&seed) - 0.5;
@@ -143,7 +143,7 @@ static struct {
 } failing;
 
 static msim_status failing_step(ms_stepper *s, msim_error *err) {
-  if (++failing.calls == failing.fails_at) return ms_fail(err, MSIM_NOT_CONVERGED, "by order");
+  if (++failing.calls == failing.fails_at) return ms_error_set(err, MSIM_NOT_CONVERGED, "by order");
   return failing.real->step(s, err);
 }
 
@@ -168,8 +168,8 @@ static void a_part_that_fails_leaves_nothing(void **state) {
     assert_ok(msim_sim_step(sim, 4, err));
     memcpy(x, state_of(sim).x, sizeof x), memcpy(v, state_of(sim).v, sizeof v);
     make_part_fail(sim, &method, 2);
-    ms_stepper *s = &sim->motion->stepper;
-    assert_int_equal(ms_drive_parts(sim, s, 2, NULL), MSIM_NOT_CONVERGED);
+    ms_stepper *s = &sim->islands->stepper;
+    assert_int_equal(ms_step_driver_make_substeps(sim, s, 2, NULL), MSIM_NOT_CONVERGED);
     assert_memory_equal(state_of(sim).x, x, sizeof x);
     const msim_state start = {sizeof start, 4, state_of(sim).t, N, x, v, NULL, 0};
     assert_ok(msim_sim_set_state(fresh, &start, err));
@@ -184,7 +184,7 @@ static void a_part_that_fails_leaves_nothing(void **state) {
 
 /* Two masses on a rotating spring: the midpoint rule conserves their angular momentum, implicit
  * Euler does not. */
-static double spin_left(const char *method) {
+static double angular_momentum_ratio(const char *method) {
   const double x[6] = {-0.5, 0, 0, 0.5, 0, 0}, v[6] = {0, -1, 0.3, 0, 1, -0.3}, mass[2] = {1, 2};
   const int32_t ij[2] = {0, 1};
   const double k = 1000, rest = 0.9, c = 0;
@@ -205,8 +205,8 @@ static double spin_left(const char *method) {
 
 static void the_midpoint_rule_keeps_angular_momentum(void **state) {
   (void)state;
-  assert_close(spin_left("implicit-midpoint"), 1, 1e-10);
-  assert_true(spin_left("implicit-euler") < 0.9);
+  assert_close(angular_momentum_ratio("implicit-midpoint"), 1, 1e-10);
+  assert_true(angular_momentum_ratio("implicit-euler") < 0.9);
 }
 
 /* With a carried over between steps, Newmark's method equals the trapezoidal rule. */
@@ -290,7 +290,7 @@ static void nothing_is_solved_that_needs_no_solving(void **state) {
 }
 
 /* Damping and drag are refused, by name, in the scene and in later changes. */
-static void rkn6_wants_forces_of_positions_alone(void **state) {
+static void rkn6_refuses_velocity_dependent_forces(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 100, 0.1), *good = hanging_cloth(SIDE, 100, 0);
   const msim_options opt = options("rkn6", 0.01);
@@ -325,6 +325,6 @@ int main(void) {
                                      cmocka_unit_test(speed_does_not_matter),
                                      cmocka_unit_test(newmark_is_the_trapezoidal_rule),
                                      cmocka_unit_test(nothing_is_solved_that_needs_no_solving),
-                                     cmocka_unit_test(rkn6_wants_forces_of_positions_alone)};
+                                     cmocka_unit_test(rkn6_refuses_velocity_dependent_forces)};
   return cmocka_run_group_tests_name("newton", tests, NULL, NULL);
 }

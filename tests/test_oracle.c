@@ -269,7 +269,7 @@ static void all_cases(void **state) {
 
 int main(int argc, char **argv) {
   if (argc > 1) solver = argv[1];
-  if (!solver_there(solver)) return missing_status(solver);
+  if (!is_solver_available(solver)) return missing_status(solver);
   direct = !(solver_flags(solver) & MSIM_BACKEND_ITERATIVE);
   symmetric = (solver_flags(solver) & MSIM_BACKEND_SYMMETRIC) != 0;
   const struct CMUnitTest tests[] = {cmocka_unit_test(all_cases)};

@@ -113,7 +113,7 @@ static void free_fall_is_exact_along_each_axis(void **state) {
     for (int axis = 0; axis < 3; axis++) {
       double g[3] = {0};
       g[axis] = 5;
-      msim_scene *scene = single(x, v, 0);
+      msim_scene *scene = make_single_particle(x, v, 0);
       assert_ok(msim_scene_set_gravity(scene, g, err));
       const msim_options opt = options(method_at(i), h);
       msim_sim *sim = make_sim(scene, &opt);

@@ -2,7 +2,7 @@
  * small components are merged, and no array grows with the number of islands. */
 #include <stdlib.h>
 
-#include "bank.h"
+#include "counting_allocator.h"
 #include "layout/islands.h"
 #include "scenes.h"
 #include "sim/sim.h"
@@ -40,7 +40,7 @@ static void check_members(const ms_scene *s, const ms_islands *islands, int32_t 
   int32_t springs = 0, free = 0, pulling = 0;
   for (int32_t p = 0; p < MOST; p++) pinned_in[p] = -1;
   for (int32_t i = 0; i < islands->n; i++) {
-    const ms_island m = ms_island_at(islands, i);
+    const ms_island m = ms_islands_get(islands, i);
     free += m.nfree, springs += m.nsprings;
     memset(has, 0, sizeof has);
     for (int32_t k = 0; k < m.nfree; k++) {
@@ -86,15 +86,15 @@ static void check_sizes(const ms_scene *s, const ms_islands *islands, const int3
     assert_int_equal(island[p], island[of[p]]);
     assert_true(island[p] <= begun);
     begun += island[p] == begun;
-    const int32_t held = ms_island_at(islands, island[p]).nfree;
-    if (size[of[p]] >= MS_LEAST_ISLAND) assert_int_equal(held, size[of[p]]);
+    const int32_t held = ms_islands_get(islands, island[p]).nfree;
+    if (size[of[p]] >= MS_MIN_ISLAND) assert_int_equal(held, size[of[p]]);
     else small++;
   }
   for (int32_t p = 0; p < s->nparticles; p++) {
-    if (of[p] < 0 || size[of[p]] >= MS_LEAST_ISLAND) continue;
-    const int32_t held = ms_island_at(islands, island[p]).nfree;
-    const int32_t least = small < MS_LEAST_ISLAND ? small : MS_LEAST_ISLAND;
-    assert_in_range(held, least, 3 * MS_LEAST_ISLAND);
+    if (of[p] < 0 || size[of[p]] >= MS_MIN_ISLAND) continue;
+    const int32_t held = ms_islands_get(islands, island[p]).nfree;
+    const int32_t least = small < MS_MIN_ISLAND ? small : MS_MIN_ISLAND;
+    assert_in_range(held, least, 3 * MS_MIN_ISLAND);
   }
   assert_int_equal(begun == 0 ? 1 : begun, islands->n);
 }
@@ -123,7 +123,7 @@ static msim_scene *chains(unsigned seed, int32_t longest, double pins) {
   return scene;
 }
 
-static void nothing_is_torn_or_lost(void **state) {
+static void components_stay_whole(void **state) {
   (void)state;
   static const double pins[] = {0, 0.001, 0.1, 1};
   static const int32_t longest[] = {1, 10, 1000, 8000};
@@ -144,8 +144,8 @@ static void nothing_is_torn_or_lost(void **state) {
 
 /* Bytes that a linearly implicit sim of n pairs allocates, and the number of its islands. */
 static size_t bytes_of_pairs(int32_t n, int springs, int32_t *islands) {
-  bank b = {.fail_at = -1};
-  const msim_allocator alloc = {bank_alloc, bank_free, &b};
+  counting_allocator b = {.fail_at = -1};
+  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
   double *x = calloc(6 * (size_t)n, sizeof *x), *ones = malloc(2 * (size_t)n * sizeof *ones);
   int32_t *ij = malloc(2 * (size_t)n * sizeof *ij);
   for (int32_t p = 0; p < 2 * n; p++) x[3 * p] = p, ones[p] = 1, ij[p] = p;
@@ -178,7 +178,7 @@ static void memory_grows_with_the_scene_alone(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(nothing_is_torn_or_lost),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(components_stay_whole),
                                      cmocka_unit_test(memory_grows_with_the_scene_alone)};
   return cmocka_run_group_tests_name("partition", tests, NULL, NULL);
 }

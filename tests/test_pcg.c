@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "linear/jacobi.h"
-#include "linear/predict.h"
+#include "linear/iteration_estimate.h"
 #include "scene_check.h"
 #include "two_level.h"
 
@@ -16,9 +16,9 @@ enum { SIZE = 64 }; /* block rows per aggregate */
 /* Per step of a hanging cloth that has folded. */
 static double cloth_iterations(int32_t side, double k, int32_t aggregate) {
   msim_scene *scene = hanging_cloth(side, k, 0);
-  msim_options opt = frames();
+  msim_options opt = two_level_options();
   opt.solver_max_iterations = 100000;
-  msim_sim *sim = make_two_level(scene, &opt, aggregate);
+  msim_sim *sim = make_two_level_sim(scene, &opt, aggregate);
   const double iterations = iterations_after(sim, 30);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
@@ -27,7 +27,7 @@ static double cloth_iterations(int32_t side, double k, int32_t aggregate) {
 
 static void the_coarse_space_spares_iterations(void **state) {
   (void)state;
-  if (IS_CHECKED) skip();
+  if (HAS_ADDRESS_SANITIZER) skip();
   const double soft = cloth_iterations(40, 1000, SIZE), stiff = cloth_iterations(40, 1e5, SIZE);
   const double small = cloth_iterations(24, 1000, SIZE), large = cloth_iterations(64, 1000, SIZE);
   const double alone = cloth_iterations(40, 1000, 0);
@@ -42,17 +42,18 @@ static void the_coarse_space_spares_iterations(void **state) {
  * small stiff meshes need fewer, as information crosses them in few iterations. */
 static void iterations_are_predicted(void **state) {
   (void)state;
-  const msim_options opt = frames();
+  const msim_options opt = two_level_options();
   for (int at = 0; at < 8; at++) {
     const int32_t side = at < 6 ? 24 + 20 * (at / 2) : 10;
     const int soft = at % 2 == 0, jelly = at >= 6;
     const double k = soft ? 1e3 : 1e5;
-    msim_scene *scene = jelly ? hanging_jelly(side, k) : hanging_cloth(side, k, 0);
+    msim_scene *scene = jelly ? hanging_cube(side, k) : hanging_cloth(side, k, 0);
     for (int two = 0; two < 2; two++) {
       if (side == 64 && !(two && soft)) continue; /* takes long */
-      if (side > 24 && IS_CHECKED) continue;
-      msim_sim *sim = make_two_level(scene, &opt, two ? SIZE : 0);
-      const ms_prediction p = ms_predict(&sim->motion->model, opt.h, opt.solver_rtol);
+      if (side > 24 && HAS_ADDRESS_SANITIZER) continue;
+      msim_sim *sim = make_two_level_sim(scene, &opt, two ? SIZE : 0);
+      const ms_iteration_estimate p =
+          ms_iteration_estimate_compute(&sim->islands->model, opt.h, opt.solver_rtol);
       const double predicted = two ? p.two_level : p.one_level;
       const double measured = iterations_after(sim, 20);
       print_message("  %s %d, k %g, %d level(s): %.0f predicted, %.0f measured\n",
@@ -70,15 +71,15 @@ static void iterations_are_predicted(void **state) {
 /* sqrt(r.D^-1 r) of one component of a vector in the order x, y, z of each particle, -1: of all; D:
  * the diagonal blocks of the last step */
 static double norm_of(const msim_sim *sim, const double *flat, int only) {
-  const ms_stepper *stepper = &sim->motion->stepper;
+  const ms_stepper *stepper = &sim->islands->stepper;
   const ms_model *model = stepper->model;
-  double *part = calloc(3 * (size_t)model->rows.n, sizeof *part);
-  double *vec = ms_rows_vector(model->scene, &model->rows);
-  for (int32_t i = 0; i < 3 * model->rows.n; i++)
+  double *part = calloc(3 * (size_t)model->unknowns.n, sizeof *part);
+  double *vec = ms_unknowns_new_vector(model->scene, &model->unknowns);
+  for (int32_t i = 0; i < 3 * model->unknowns.n; i++)
     if (only < 0 || i % 3 == only) part[i] = flat[i];
-  ms_rows_gather(&model->rows, part, vec);
+  ms_unknowns_gather(&model->unknowns, part, vec);
   const double norm = ms_jacobi_norm(model, &stepper->solver->system.a, vec);
-  ms_delete(&model->scene->alloc, vec);
+  ms_memory_free(&model->scene->alloc, vec);
   free(part);
   return norm;
 }
@@ -120,9 +121,9 @@ static void every_tolerance_is_met(void **state) {
   static const double stiffness[] = {1e3, 1e5, 1e7}, rtol[] = {1e-2, 1e-5, 1e-8, 1e-11, 1e-13};
   for (size_t at = 0; at < 15; at++) {
     msim_scene *scene = hanging_cloth(24, stiffness[at / 5], 0);
-    msim_options opt = frames();
+    msim_options opt = two_level_options();
     opt.solver_rtol = rtol[at % 5];
-    msim_sim *sim = make_two_level(scene, &opt, SIZE);
+    msim_sim *sim = make_two_level_sim(scene, &opt, SIZE);
     assert_ok(msim_sim_step(sim, 25, err));
     for (int step = 0; step < 3; step++)
       assert_close(step_and_compare(sim, opt.h, opt.solver_rtol), 0, 1.01);
@@ -138,11 +139,11 @@ static msim_sim *crushed(const char *solver, int32_t aggregate, int32_t indefini
   const double by[3] = {1.25, 0.9, 1};
   double x[3 * N];
   msim_scene *scene = hanging_cloth(SIDE, 1000, 0.01);
-  msim_options opt = frames();
+  msim_options opt = two_level_options();
   opt.jacobian = MSIM_JACOBIAN_EXACT;
   opt.indefinite = indefinite;
   opt.solver = solver, opt.solver_rtol = 1e-12;
-  msim_sim *sim = aggregate ? make_two_level(scene, &opt, aggregate) : make_sim(scene, &opt);
+  msim_sim *sim = aggregate ? make_two_level_sim(scene, &opt, aggregate) : make_sim(scene, &opt);
   msim_state s = state_of(sim);
   for (int i = 0; i < 3 * N; i++) x[i] = s.x[i] * by[i % 3];
   for (int i = 0; i < 3; i++) x[3 * (SIDE - 1) + i] = s.x[3 * (SIDE - 1) + i];
@@ -155,7 +156,7 @@ static msim_sim *crushed(const char *solver, int32_t aggregate, int32_t indefini
 /* The solver detects this, and the steps are made with the clamped matrix. */
 static void an_indefinite_matrix_is_clamped(void **state) {
   (void)state;
-  require(solver_there("cholmod"), "the solver cholmod");
+  require(is_solver_available("cholmod"), "the solver cholmod");
   msim_sim *right = crushed("cholmod", 0, MSIM_INDEFINITE_CLAMP);
   msim_sim *sim = crushed("pcg", SIZE, MSIM_INDEFINITE_CLAMP);
   assert_ok(msim_sim_step(right, 3, err));
@@ -182,21 +183,22 @@ static void a_coarse_matrix_may_be_indefinite(void **state) {
 /* P r depends on r only, also after iterations that ended in NaN. */
 static void nothing_is_left_of_iterations_before(void **state) {
   (void)state;
-  msim_scene *scene = hanging_jelly(6, 1000);
-  const msim_options opt = frames();
+  msim_scene *scene = hanging_cube(6, 1000);
+  const msim_options opt = two_level_options();
   for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
-    msim_sim *sim = make_two_level(scene, &opt, aggregate);
+    msim_sim *sim = make_two_level_sim(scene, &opt, aggregate);
     assert_ok(msim_sim_step(sim, 1, err));
     ms_pcg *pcg = pcg_of(sim);
-    const ms_rows *rows = &sim->motion->model.rows;
+    const ms_unknowns *rows = &sim->islands->model.unknowns;
     const size_t count = (size_t)rows->dims * (size_t)rows->stride;
-    double *z[2] = {ms_rows_vector(sim->scene, rows), ms_rows_vector(sim->scene, rows)};
+    double *z[2] = {ms_unknowns_new_vector(sim->scene, rows),
+                    ms_unknowns_new_vector(sim->scene, rows)};
     for (int i = 0; i < 2; i++) {
       for (size_t k = 0; k < count && i; k++) pcg->p[k] = pcg->q[k] = NAN;
-      pcg->base.ops->precondition(&pcg->base, sim->motion->stepper.v, z[i]);
+      pcg->base.ops->precondition(&pcg->base, sim->islands->stepper.v, z[i]);
     }
     assert_memory_equal(z[0], z[1], count * sizeof(double));
-    for (int i = 0; i < 2; i++) ms_delete(&sim->alloc, z[i]);
+    for (int i = 0; i < 2; i++) ms_memory_free(&sim->alloc, z[i]);
     msim_sim_destroy(sim);
   }
   msim_scene_destroy(scene);
@@ -233,8 +235,8 @@ static void units_do_not_matter(void **state) {
     double x[3 * 400];
     for (int exponent = -100; exponent <= 100; exponent += 50) {
       msim_scene *scene = cloth_in_units(ldexp(1, 2 * exponent));
-      const msim_options opt = frames();
-      msim_sim *sim = make_two_level(scene, &opt, aggregate);
+      const msim_options opt = two_level_options();
+      msim_sim *sim = make_two_level_sim(scene, &opt, aggregate);
       assert_ok(msim_sim_step(sim, 10, err));
       if (exponent == -100) memcpy(x, state_of(sim).x, sizeof x);
       assert_memory_equal(x, state_of(sim).x, sizeof x);
@@ -257,8 +259,8 @@ static void scales_may_meet(void **state) {
       assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
       assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
     }
-    const msim_options opt = frames();
-    msim_sim *sim = make_two_level(scene, &opt, aggregate);
+    const msim_options opt = two_level_options();
+    msim_sim *sim = make_two_level_sim(scene, &opt, aggregate);
     assert_ok(msim_sim_step(sim, 10, err));
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
@@ -268,8 +270,8 @@ static void scales_may_meet(void **state) {
 /*------------------------------------- reuse of the coarse factor -------------------------------*/
 
 /* Steps by pcg with the coarse space that msim chooses. */
-static msim_sim *stepped(const msim_scene *scene, uint32_t skip_off, int64_t steps) {
-  msim_options opt = frames();
+static msim_sim *make_stepped_sim(const msim_scene *scene, uint32_t skip_off, int64_t steps) {
+  msim_options opt = two_level_options();
   opt.skip_off = skip_off;
   msim_sim *sim = make_sim(scene, &opt);
   assert_true(pcg_of(sim)->base.aggregates > 0);
@@ -284,12 +286,12 @@ static void expect_factors(msim_sim *sim, int64_t least, int64_t most) {
   msim_sim_destroy(sim);
 }
 
-static void a_coarse_factor_is_kept_while_it_serves(void **state) {
+static void a_coarse_factor_is_reused_while_it_helps(void **state) {
   (void)state;
-  msim_scene *jelly = hanging_jelly(12, 1e5), *cloth = hanging_cloth(32, 1e4, 0);
-  expect_factors(stepped(jelly, 0, 30), 1, 1);
-  expect_factors(stepped(jelly, MSIM_SKIP_KEPT_FACTOR, 30), 30, 30);
-  expect_factors(stepped(cloth, 0, 30), 25, 30);
+  msim_scene *jelly = hanging_cube(12, 1e5), *cloth = hanging_cloth(32, 1e4, 0);
+  expect_factors(make_stepped_sim(jelly, 0, 30), 1, 1);
+  expect_factors(make_stepped_sim(jelly, MSIM_SKIP_KEPT_FACTOR, 30), 30, 30);
+  expect_factors(make_stepped_sim(cloth, 0, 30), 25, 30);
   msim_scene_destroy(jelly), msim_scene_destroy(cloth);
 }
 
@@ -300,13 +302,12 @@ static void expect_same_bits(msim_sim *a, msim_sim *b) {
 }
 
 /* After a state was set, or a change, the steps are those of a new sim. */
-static void a_change_forgets_the_coarse_factor(void **state) {
+static void a_change_discards_the_coarse_factor(void **state) {
   (void)state;
   for (int change = 0; change < 3; change++) {
-    msim_scene *scene = hanging_jelly(10, 1e4),
-               *other = hanging_jelly(10, change == 2 ? 1.2e4 : 1e4);
-    msim_options opt = frames();
-    msim_sim *a = stepped(scene, 0, 7);
+    msim_scene *scene = hanging_cube(10, 1e4), *other = hanging_cube(10, change == 2 ? 1.2e4 : 1e4);
+    msim_options opt = two_level_options();
+    msim_sim *a = make_stepped_sim(scene, 0, 7);
     msim_state s = state_of(a);
     if (change == 1) assert_ok(msim_sim_set_step(a, opt.h = 0.02, err));
     if (change == 2) {
@@ -335,15 +336,15 @@ static void instruction_sets_agree(void **state) {
   enum { STEPS = 5 };
   static const char *const sets[] = {"avx2", "avx512"};
   const char *asked = getenv("MSIM_ISA");
-  msim_scene *scenes[] = {hanging_cloth(32, 1e4, 0.01), hanging_jelly(9, 1e4)};
+  msim_scene *scenes[] = {hanging_cloth(32, 1e4, 0.01), hanging_cube(9, 1e4)};
   for (size_t i = 0; i < 2; i++) {
     setenv("MSIM_ISA", "baseline", 1);
-    msim_sim *baseline = stepped(scenes[i], 0, STEPS);
+    msim_sim *baseline = make_stepped_sim(scenes[i], 0, STEPS);
     for (size_t k = 0; k < 2; k++) {
-      if (ms_isa_named(sets[k]) < 0) continue; /* not supported by this CPU */
+      if (ms_isa_find(sets[k]) < 0) continue; /* not supported by this CPU */
       setenv("MSIM_ISA", sets[k], 1);
-      msim_sim *sim = stepped(scenes[i], 0, STEPS);
-      assert_int_equal(sim->motion->model.isa, ms_isa_named(sets[k]));
+      msim_sim *sim = make_stepped_sim(scenes[i], 0, STEPS);
+      assert_int_equal(sim->islands->model.isa, ms_isa_find(sets[k]));
       const msim_state s = state_of(baseline), t = state_of(sim);
       for (int32_t c = 0; c < 3 * s.n; c++) assert_close(s.x[c], t.x[c], 1e-6);
       const int64_t more = stats_of(sim).iterations - stats_of(baseline).iterations;
@@ -361,16 +362,16 @@ static void memory_that_ends_is_reported(void **state) {
   (void)state;
   int meals = 0;
   for (msim_status status = MSIM_ERR_MEMORY; status; meals++) {
-    starving memory;
-    const msim_allocator alloc = starving_allocator(&memory);
+    limited_allocator memory;
+    const msim_allocator alloc = make_limited_allocator(&memory);
     const msim_lattice block = {
         .size = sizeof block, .n = {6, 6, 6}, .extent = {1, 1, 1}, .mass = 1, .k = 1e8};
-    const msim_options opt = frames();
+    const msim_options opt = two_level_options();
     msim_scene *scene;
     msim_sim *sim = NULL;
     assert_ok(msim_scene_create(&alloc, &scene, err));
     assert_ok(msim_scene_add_lattice(scene, &block, err));
-    memory.meals = meals;
+    memory.remaining = meals;
     status = msim_sim_create(scene, &opt, &sim, NULL);
     if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
     else assert_true(pcg_of(sim)->base.aggregates > 0);
@@ -390,8 +391,8 @@ int main(void) {
                                      cmocka_unit_test(nothing_is_left_of_iterations_before),
                                      cmocka_unit_test(units_do_not_matter),
                                      cmocka_unit_test(scales_may_meet),
-                                     cmocka_unit_test(a_coarse_factor_is_kept_while_it_serves),
-                                     cmocka_unit_test(a_change_forgets_the_coarse_factor),
+                                     cmocka_unit_test(a_coarse_factor_is_reused_while_it_helps),
+                                     cmocka_unit_test(a_change_discards_the_coarse_factor),
                                      cmocka_unit_test(instruction_sets_agree),
                                      cmocka_unit_test(memory_that_ends_is_reported)};
   return cmocka_run_group_tests_name("pcg", tests, NULL, NULL);

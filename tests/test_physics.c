@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "linear/system.h"
-#include "physics/kernels.h"
+#include "linear/sparse_matrix.h"
+#include "physics/matrix_kernels.h"
 #include "testing.h"
 
 enum { N = 12, NS = 30 };
@@ -215,22 +215,22 @@ static void formats_agree(void **state) {
   assert_ok(msim_scene_pin(scene, 3, pins, err));
   ms_model model;
   ms_coefficients a;
-  ms_graph graph;
-  ms_matrix full, upper;
+  ms_sparse_graph graph;
+  ms_sparse_matrix full, upper;
   assert_ok(ms_model_create(scene->data, 0, &model, err));
   assert_ok(ms_coefficients_create(&model, &a, err));
-  assert_ok(ms_graph_create(&model, &graph, err));
+  assert_ok(ms_sparse_matrix_create_graph(&model, &graph, err));
   const int32_t order[N - 3] = {8, 0, 7, 1, 6, 2, 5, 3, 4}, n = 3 * (N - 3);
-  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_FULL, 3, &full, err));
-  assert_ok(ms_matrix_create(&model, &graph, order, MSIM_FORMAT_UPPER, 3, &upper, err));
-  double *x = ms_rows_vector(scene->data, &model.rows),
-         *y = ms_rows_vector(scene->data, &model.rows);
-  double *magnitude = ms_rows_vector(scene->data, &model.rows);
+  assert_ok(ms_sparse_matrix_create(&model, &graph, order, MSIM_FORMAT_FULL, 3, &full, err));
+  assert_ok(ms_sparse_matrix_create(&model, &graph, order, MSIM_FORMAT_UPPER, 3, &upper, err));
+  double *x = ms_unknowns_new_vector(scene->data, &model.unknowns),
+         *y = ms_unknowns_new_vector(scene->data, &model.unknowns);
+  double *magnitude = ms_unknowns_new_vector(scene->data, &model.unknowns);
   double px[3 * N], py[3 * N], dense[2][9 * N * N] = {{0}};
-  ms_rows_gather(&model.rows, s.x, x);
+  ms_unknowns_gather(&model.unknowns, s.x, x);
   ms_coefficients_compute(&model, x, 0.07, 0, &a);
-  ms_matrix_expand(&model, &a, &full);
-  ms_matrix_expand(&model, &a, &upper);
+  ms_sparse_matrix_assemble(&model, &a, &full);
+  ms_sparse_matrix_assemble(&model, &a, &upper);
   for (int32_t r = 0; r < n; r++) {
     for (int32_t e = full.rowptr[r] + 1; e < full.rowptr[r + 1]; e++)
       assert_true(full.colind[e - 1] < full.colind[e]);
@@ -240,24 +240,24 @@ static void formats_agree(void **state) {
       dense[1][n * r + upper.colind[e]] = dense[1][n * upper.colind[e] + r] = upper.val[e];
   }
   assert_memory_equal(dense[0], dense[1], sizeof dense[0]);
-  ms_rows_gather(&model.rows, s.v, x);
-  for (int32_t r = model.rows.first_pinned; r < model.rows.stride; r++)
-    for (int c = 0; c < 3; c++) x[c * model.rows.stride + r] = 0;
+  ms_unknowns_gather(&model.unknowns, s.v, x);
+  for (int32_t r = model.unknowns.first_pinned; r < model.unknowns.stride; r++)
+    for (int c = 0; c < 3; c++) x[c * model.unknowns.stride + r] = 0;
   ms_coefficients_apply(&model, &a, x, y);
   ms_coefficients_apply_abs(&model, &a, x, magnitude);
-  ms_matrix_pack(&model, &full, x, px);
-  ms_matrix_pack(&model, &full, y, py);
+  ms_sparse_matrix_pack(&model, &full, x, px);
+  ms_sparse_matrix_pack(&model, &full, y, py);
   for (int32_t r = 0; r < n; r++) {
     double sum = 0;
     for (int32_t c = 0; c < n; c++) sum += dense[0][n * r + c] * px[c];
     assert_close(sum, py[r], 1e-13);
   }
-  for (int32_t i = 0; i < 3 * model.rows.stride; i++)
-    if (i % model.rows.stride < model.rows.nfree) assert_true(magnitude[i] >= fabs(y[i]));
-  ms_delete(&scene->data->alloc, x), ms_delete(&scene->data->alloc, y);
-  ms_delete(&scene->data->alloc, magnitude);
-  ms_matrix_destroy(&model, &full), ms_matrix_destroy(&model, &upper);
-  ms_graph_destroy(&model, &graph);
+  for (int32_t i = 0; i < 3 * model.unknowns.stride; i++)
+    if (i % model.unknowns.stride < model.unknowns.nfree) assert_true(magnitude[i] >= fabs(y[i]));
+  ms_memory_free(&scene->data->alloc, x), ms_memory_free(&scene->data->alloc, y);
+  ms_memory_free(&scene->data->alloc, magnitude);
+  ms_sparse_matrix_destroy(&model, &full), ms_sparse_matrix_destroy(&model, &upper);
+  ms_sparse_matrix_destroy_graph(&model, &graph);
   ms_coefficients_destroy(&model, &a);
   ms_model_destroy(&model);
   msim_scene_destroy(scene);
@@ -274,13 +274,14 @@ static void instruction_sets_agree(void **state) {
   ms_coefficients a;
   assert_ok(ms_model_create(scene->data, 0, &model, err));
   assert_ok(ms_coefficients_create(&model, &a, err));
-  const size_t n = 3 * (size_t)model.rows.stride, slots = MS_GROUP * (size_t)model.halves.nslots;
-  double *x = ms_rows_vector(scene->data, &model.rows);
-  double *y = ms_rows_vector(scene->data, &model.rows);
+  const size_t n = 3 * (size_t)model.unknowns.stride,
+               slots = MS_SLICE * (size_t)model.half_edges.nentries;
+  double *x = ms_unknowns_new_vector(scene->data, &model.unknowns);
+  double *y = ms_unknowns_new_vector(scene->data, &model.unknowns);
   double first[3][9 * N * N];
-  ms_rows_gather(&model.rows, s.x, x);
+  ms_unknowns_gather(&model.unknowns, s.x, x);
   for (size_t i = 0; i < 3; i++) {
-    model.isa = ms_isa_named(sets[i]);
+    model.isa = ms_isa_find(sets[i]);
     if (model.isa < 0) continue; /* not supported by this CPU */
     ms_coefficients_compute(&model, x, 0.07, 0, &a);
     ms_coefficients_apply(&model, &a, x, y);
@@ -293,8 +294,8 @@ static void instruction_sets_agree(void **state) {
         assert_close(results[r][k], first[r][k], 1e-12 * (1 + fabs(first[r][k])));
     }
   }
-  assert_int_equal(ms_isa_named("avx1024"), -1);
-  ms_delete(&scene->data->alloc, x), ms_delete(&scene->data->alloc, y);
+  assert_int_equal(ms_isa_find("avx1024"), -1);
+  ms_memory_free(&scene->data->alloc, x), ms_memory_free(&scene->data->alloc, y);
   ms_coefficients_destroy(&model, &a);
   ms_model_destroy(&model);
   msim_scene_destroy(scene);

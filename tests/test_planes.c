@@ -15,7 +15,7 @@ static void one_reflection_in_closed_form(void **state) {
   const double x1[3] = {0.3, 0.4, 0.05}, v1[3] = {2.55, 3.4, 1};
   for (int32_t m = 0; method_at(m); m++) {
     if (refuses_planes(method_at(m))) continue;
-    msim_scene *scene = single(x, v, 0);
+    msim_scene *scene = make_single_particle(x, v, 0);
     plane(scene, 0, 0, 2, 0, e, mu);
     msim_options opt = options(method_at(m), h);
     msim_sim *sim = make_sim(scene, &opt);
@@ -35,7 +35,7 @@ static void ball_bounces_back(void **state) {
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, period = 2 * sqrt(2 / 9.81);
   for (int32_t m = 0; method_at(m); m++) {
     if (refuses_planes(method_at(m))) continue;
-    msim_scene *scene = single(x, v, 9.81);
+    msim_scene *scene = make_single_particle(x, v, 9.81);
     plane(scene, 0, 0, 1, 0, 1, 0);
     msim_options opt = options(method_at(m), period / 20000);
     msim_sim *sim = make_sim(scene, &opt);
@@ -55,7 +55,7 @@ static void literal_heun_never_bounces(void **state) {
   const double x[3] = {0, 0, 1}, v[3] = {0, 0, 0}, h = 1e-3;
   for (int mode = MSIM_HEUN_FINAL; mode <= MSIM_HEUN_LITERAL; mode++)
     for (int soft = 0; soft < 2; soft++) {
-      msim_scene *scene = single(x, v, 9.81);
+      msim_scene *scene = make_single_particle(x, v, 9.81);
       plane(scene, 0, 0, 1, 0, soft ? 0.8 : 1, 0);
       msim_options opt = options("heun", h);
       opt.heun_collision = mode;
@@ -87,7 +87,7 @@ static void literal_heun_never_bounces(void **state) {
 static void friction_stops_a_slider(void **state) {
   (void)state;
   const double x[3] = {0, 0, 0}, v[3] = {2, 0, 0}, mu = 0.5, g = 10, h = 1e-4;
-  msim_scene *scene = single(x, v, g);
+  msim_scene *scene = make_single_particle(x, v, g);
   plane(scene, 0, 0, 1, 0, 0, mu);
   msim_options opt = options("symplectic-euler", h);
   msim_sim *sim = make_sim(scene, &opt);
@@ -107,7 +107,7 @@ static void incline_sticks_or_slides(void **state) {
   const double a = 0.3, g = 10, h = 1e-3, x[3] = {0, 0, 0}, v[3] = {0, 0, 0};
   const int steps = 1000;
   for (int slides = 0; slides < 2; slides++) {
-    msim_scene *scene = single(x, v, g);
+    msim_scene *scene = make_single_particle(x, v, g);
     double mu = slides ? 0.1 : 0.5;
     plane(scene, sin(a), 0, cos(a), 0, 0, mu);
     msim_options opt = options("symplectic-euler", h);
@@ -127,7 +127,7 @@ static void incline_sticks_or_slides(void **state) {
 static void corner_reflects_twice_and_counts_once(void **state) {
   (void)state;
   const double x[3] = {0.05, 0, 0.1}, v[3] = {-1, 0, -2};
-  msim_scene *scene = single(x, v, 0);
+  msim_scene *scene = make_single_particle(x, v, 0);
   plane(scene, 0, 0, 1, 0, 0.5, 0);
   plane(scene, 1, 0, 0, 0, 1, 0);
   msim_options opt = options("explicit-euler", 0.1);
@@ -146,7 +146,7 @@ static void corner_reflects_twice_and_counts_once(void **state) {
 static void leaving_particle_keeps_its_velocity(void **state) {
   (void)state;
   const double x[3] = {0, 0, -1}, v[3] = {0, 0, 2};
-  msim_scene *scene = single(x, v, 0);
+  msim_scene *scene = make_single_particle(x, v, 0);
   plane(scene, 0, 0, 1, 0, 1, 0.5);
   msim_options opt = options("explicit-euler", 0.1);
   msim_sim *sim = make_sim(scene, &opt);
@@ -174,7 +174,7 @@ static void fly_between_walls(double gap, double e, double h, double *z, double 
 
 /* A step many times as long as the flight across the gap: each reflection stands for a bounce. So
  * it does for e < 1, as the penetration shrinks with the velocity. */
-static void slabs_hold_what_flies_fast(void **state) {
+static void slabs_confine_fast_particles(void **state) {
   (void)state;
   unsigned seed = 4;
   for (int i = 0; i < 150; i++) {
@@ -182,7 +182,7 @@ static void slabs_hold_what_flies_fast(void **state) {
     const double speed = i % 2 ? 3 : -3, h = gap / 3 * 50 * uniform(&seed);
     double z = gap * uniform(&seed), vz = speed;
     const double x[3] = {0, 0, z + 0.3}, v[3] = {1, 0, speed};
-    msim_scene *scene = single(x, v, 0);
+    msim_scene *scene = make_single_particle(x, v, 0);
     plane(scene, 0, 0, i % 4 < 2 ? 1 : -1, i % 4 < 2 ? 0.3 : -0.3 - gap, e, 0);
     plane(scene, 0, 0, i % 4 < 2 ? -1 : 1, i % 4 < 2 ? -0.3 - gap : 0.3, e, 0);
     const msim_options opt = options("velocity-verlet", h);
@@ -207,7 +207,7 @@ static void no_particle_ends_behind_a_plane(void **state) {
     const int planes = i % 3 == 0 ? 2 : 3 + i % 7;
     double x[3] = {0, 0, i % 3 == 0 ? 1 : 0}, v[3], n[9][3];
     for (int c = 0; c < 3; c++) v[c] = reach * (uniform(&seed) - 0.5);
-    msim_scene *scene = single(x, v, i % 2 ? 9.81 : 0);
+    msim_scene *scene = make_single_particle(x, v, i % 2 ? 9.81 : 0);
     for (int p = 0; p < planes; p++) {
       for (int c = 0; c < 3; c++) n[p][c] = uniform(&seed) - 0.5;
       if (planes == 2)
@@ -236,7 +236,7 @@ static void planes_without_room_are_refused(void **state) {
   (void)state;
   const double x[3] = {0}, v[3] = {0, 0, 1};
   for (int gap = -1; gap < 2; gap++) {
-    msim_scene *scene = single(x, v, 9.81);
+    msim_scene *scene = make_single_particle(x, v, 9.81);
     plane(scene, 0, 0.6, 0.8, 0.2, 1, 0);
     plane(scene, 0, -0.6, -0.8, -0.2 - 1e-3 * gap, 1, 0);
     const msim_options opt = options("velocity-verlet", 0.1);
@@ -256,7 +256,7 @@ static void pinned_particles_are_not_reflected(void **state) {
   const int32_t pin = 0;
   for (int32_t m = 0; method_at(m); m++) {
     if (refuses_planes(method_at(m))) continue;
-    msim_scene *scene = single(x, v, 9.81);
+    msim_scene *scene = make_single_particle(x, v, 9.81);
     plane(scene, 0, 0, 1, 0, 1, 0);
     assert_ok(msim_scene_pin(scene, 1, &pin, err));
     msim_options opt = options(method_at(m), 0.1);
@@ -285,15 +285,15 @@ static void corners_bounce_in_any_order(void **state) {
   for (int i = 0; i < 2000; i++) {
     const double e = i % 3 ? 1 : 0.6, mu = i % 2 ? 0.3 : 0;
     msim_plane plane[5];
-    ms_touch touch = {.n = 1 + i % 5}, turned = touch;
+    ms_plane_set touch = {.n = 1 + i % 5}, turned = touch;
     for (int p = 0; p < touch.n; p++) plane[p] = random_plane(&seed, e, mu);
     for (int p = 0; p < touch.n; p++)
       touch.plane[p] = &plane[p], turned.plane[(p + 2) % touch.n] = &plane[p];
     double v[3], w[3];
     for (int c = 0; c < 3; c++) v[c] = w[c] = uniform(&seed) - 0.5;
     const double before = norm(v);
-    const int bounced = ms_bounce(&touch, v);
-    assert_int_equal(ms_bounce(&turned, w), bounced);
+    const int bounced = ms_impacts_bounce(&touch, v);
+    assert_int_equal(ms_impacts_bounce(&turned, w), bounced);
     for (int c = 0; c < 3; c++) assert_close(v[c], w[c], 1e-9);
     for (int p = 0; p < touch.n; p++) {
       const double *n = plane[p].normal;
@@ -310,10 +310,10 @@ static void a_narrow_wedge_is_one_impact(void **state) {
   (void)state;
   for (double angle = 0.001; angle < 1; angle *= 3) {
     const msim_plane plane[2] = {{{0, 0, 1}, 0, 1, 0}, {{sin(angle), 0, -cos(angle)}, 0, 1, 0}};
-    const ms_touch touch = {.n = 2, .plane = {&plane[0], &plane[1]}};
+    const ms_plane_set touch = {.n = 2, .plane = {&plane[0], &plane[1]}};
     double v[3] = {-1, 0.25, -2 * angle}; /* into the first plane only */
     const double before = norm(v);
-    assert_int_equal(ms_bounce(&touch, v), 1);
+    assert_int_equal(ms_impacts_bounce(&touch, v), 1);
     assert_true(v[0] * sin(angle) - v[2] * cos(angle) > -1e-14 && v[2] > -1e-14);
     assert_true(norm(v) <= before * (1 + 1e-12));
     assert_close(v[1], 0.25, 1e-14);
@@ -324,16 +324,16 @@ static void a_narrow_wedge_is_one_impact(void **state) {
  * perpendicular to the result. */
 static void projection_is_the_nearest(void **state) {
   (void)state;
-  static const double nothing[MS_MOST_TOUCHED] = {0};
+  static const double nothing[MS_MAX_TOUCHED_PLANES] = {0};
   unsigned seed = 7;
   for (int i = 0; i < 2000; i++) {
     msim_plane plane[4];
-    ms_touch touch = {.n = 1 + i % 4};
-    double u[3], J[MS_MOST_TOUCHED] = {0}, given[3], product = 0;
+    ms_plane_set touch = {.n = 1 + i % 4};
+    double u[3], J[MS_MAX_TOUCHED_PLANES] = {0}, given[3], product = 0;
     for (int p = 0; p < touch.n; p++)
       plane[p] = random_plane(&seed, 0, 0), touch.plane[p] = &plane[p];
     for (int c = 0; c < 3; c++) given[c] = u[c] = uniform(&seed) - 0.5;
-    ms_project(&touch, nothing, u, J);
+    ms_impacts_project(&touch, nothing, u, J);
     for (int c = 0; c < 3; c++) given[c] = u[c] - given[c], product += given[c] * u[c];
     assert_close(product, 0, 1e-12);
     for (int p = 0; p < touch.n; p++) {
@@ -353,7 +353,7 @@ int main(void) {
                                      cmocka_unit_test(incline_sticks_or_slides),
                                      cmocka_unit_test(corner_reflects_twice_and_counts_once),
                                      cmocka_unit_test(leaving_particle_keeps_its_velocity),
-                                     cmocka_unit_test(slabs_hold_what_flies_fast),
+                                     cmocka_unit_test(slabs_confine_fast_particles),
                                      cmocka_unit_test(no_particle_ends_behind_a_plane),
                                      cmocka_unit_test(planes_without_room_are_refused),
                                      cmocka_unit_test(pinned_particles_are_not_reflected),

@@ -4,7 +4,7 @@
 #include <dlfcn.h>
 #include <sys/stat.h>
 
-#include "loading.h"
+#include "faulty_plugins.h"
 #include "msim/backend.h"
 
 #define TEXT_(x) #x
@@ -30,7 +30,7 @@ static void strangers_solve_as(const char *solver, int factorises) {
   msim_scene_destroy(scene);
 }
 
-static void strangers_solve(void **state) {
+static void third_party_plugins_solve(void **state) {
   (void)state;
   strangers_solve_as("good", 1);
   strangers_solve_as("matrix_free", 0);
@@ -40,9 +40,9 @@ static void strangers_solve(void **state) {
  * destroyed. */
 static void plugins_stay_loaded(void **state) {
   (void)state;
-  put_plugin("stays");
+  copy_plugin("stays");
   assert_null(dlopen(plugin_file("stays"), RTLD_NOW | RTLD_NOLOAD));
-  expect("stays", folder, MSIM_OK, "");
+  expect_message("stays", plugin_folder, MSIM_OK, "");
   assert_non_null(dlopen(plugin_file("stays"), RTLD_NOW | RTLD_NOLOAD));
 }
 
@@ -50,7 +50,7 @@ static void plugins_stay_loaded(void **state) {
 
 static void tables_are_checked(void **state) {
   (void)state;
-  const attempt attempts[] = {
+  const plugin_case attempts[] = {
       {"long_table", MSIM_OK, ""}, /* of a later msim: the new members are not used */
       {"no_order", MSIM_OK, ""},
       {"wrong_abi", MSIM_ERR_ABI,
@@ -94,7 +94,7 @@ static void files_that_are_no_plugins(void **state) {
   assert_int_equal(mkdir(plugin_file("folder"), 0700), 0);
   assert_int_equal(symlink("/nowhere/at/all", plugin_file("dangling")), 0);
   assert_int_equal(symlink(FAKES "/msim_backend_no_entry.so", plugin_file("no_entry")), 0);
-  const attempt attempts[] = {
+  const plugin_case attempts[] = {
       {"garbage", MSIM_ERR_PLUGIN,
        "solver 'garbage': @/msim_backend_garbage.so could not be loaded: ..."},
       {"nothing", MSIM_ERR_PLUGIN,
@@ -108,16 +108,16 @@ static void files_that_are_no_plugins(void **state) {
        "msim_backend_entry"},
   };
   for (size_t i = 0; i < sizeof attempts / sizeof *attempts; i++)
-    expect(attempts[i].name, folder, attempts[i].status, attempts[i].sentence);
+    expect_message(attempts[i].name, plugin_folder, attempts[i].status, attempts[i].sentence);
 }
 
 static void unreadable_files(void **state) {
   (void)state;
   if (geteuid() == 0) skip(); /* root may read everything */
-  put_plugin("secret");
+  copy_plugin("secret");
   assert_int_equal(chmod(plugin_file("secret"), 0), 0);
-  expect("secret", folder, MSIM_ERR_PLUGIN,
-         "solver 'secret': @/msim_backend_secret.so could not be loaded: ...");
+  expect_message("secret", plugin_folder, MSIM_ERR_PLUGIN,
+                 "solver 'secret': @/msim_backend_secret.so could not be loaded: ...");
 }
 
 /*------------------------------------- names and folders ----------------------------------------*/
@@ -135,7 +135,7 @@ static void names_are_checked(void **state) {
              names[i], names[i]);
     for (char *c = sentence; *c; c++)
       if (*c == '\n') *c = ' '; /* messages contain no line breaks */
-    expect(names[i], FAKES, MSIM_ERR_NAME, sentence);
+    expect_message(names[i], FAKES, MSIM_ERR_NAME, sentence);
   }
 }
 
@@ -143,27 +143,27 @@ static void long_names_fit_in_no_folder(void **state) {
   (void)state;
   static char name[8192];
   memset(name, 'a', sizeof name - 1);
-  expect(name, FAKES, MSIM_ERR_NAME, "there is no solver 'aaaaaaaa...");
+  expect_message(name, FAKES, MSIM_ERR_NAME, "there is no solver 'aaaaaaaa...");
 }
 
 static void folders_are_searched_in_order(void **state) {
   (void)state;
   char path[1024];
   put_text("good", "this is not a shared library\n");
-  snprintf(path, sizeof path, FAKES ":%s", folder);
-  expect("good", path, MSIM_OK, "");
-  snprintf(path, sizeof path, "%s:" FAKES, folder); /* the search ends at a broken plugin */
-  expect("good", path, MSIM_ERR_PLUGIN,
-         "solver 'good': @/msim_backend_good.so could not be loaded: ...");
+  snprintf(path, sizeof path, FAKES ":%s", plugin_folder);
+  expect_message("good", path, MSIM_OK, "");
+  snprintf(path, sizeof path, "%s:" FAKES, plugin_folder); /* the search ends at a broken plugin */
+  expect_message("good", path, MSIM_ERR_PLUGIN,
+                 "solver 'good': @/msim_backend_good.so could not be loaded: ...");
   setenv("MSIM_PLUGIN_PATH", FAKES, 1);
-  expect("good", NULL, MSIM_OK, "");
-  expect("good", "/nowhere", MSIM_OK, "");
-  expect("good", folder, MSIM_ERR_PLUGIN,
-         "solver 'good': @/msim_backend_good.so could not be loaded: ...");
-  setenv("MSIM_PLUGIN_PATH", folder, 1);
-  expect("good", FAKES, MSIM_OK, "");
+  expect_message("good", NULL, MSIM_OK, "");
+  expect_message("good", "/nowhere", MSIM_OK, "");
+  expect_message("good", plugin_folder, MSIM_ERR_PLUGIN,
+                 "solver 'good': @/msim_backend_good.so could not be loaded: ...");
+  setenv("MSIM_PLUGIN_PATH", plugin_folder, 1);
+  expect_message("good", FAKES, MSIM_OK, "");
   unsetenv("MSIM_PLUGIN_PATH");
-  expect(
+  expect_message(
       "goood", "/nowhere:" FAKES, MSIM_ERR_NAME,
       "there is no solver 'goood': not built in, and no msim_backend_goood.so in /nowhere, " FAKES
       ", ...");
@@ -175,17 +175,17 @@ static void relative_and_empty_folders(void **state) {
   const char *slash = strrchr(FAKES, '/') + 1;
   char *before = realpath(".", NULL);
   assert_int_equal(chdir(FAKES "/.."), 0);
-  expect("good", slash, MSIM_OK, "");
+  expect_message("good", slash, MSIM_OK, "");
   assert_int_equal(chdir(FAKES), 0);
-  expect("good", ".", MSIM_OK, "");
-  expect("good", "::/nowhere::.:", MSIM_OK, "");
+  expect_message("good", ".", MSIM_OK, "");
+  expect_message("good", "::/nowhere::.:", MSIM_OK, "");
   static const char *const empty[] = {"", ":", "::", "/nowhere::"};
   for (size_t i = 0; i < sizeof empty / sizeof *empty; i++) {
-    expect("good", empty[i], MSIM_ERR_NAME,
-           "there is no solver 'good': not built in, and no msim_backend_good.so in ...");
+    expect_message("good", empty[i], MSIM_ERR_NAME,
+                   "there is no solver 'good': not built in, and no msim_backend_good.so in ...");
     setenv("MSIM_PLUGIN_PATH", empty[i], 1);
-    expect("good", NULL, MSIM_ERR_NAME,
-           "there is no solver 'good': not built in, and no msim_backend_good.so in ...");
+    expect_message("good", NULL, MSIM_ERR_NAME,
+                   "there is no solver 'good': not built in, and no msim_backend_good.so in ...");
     unsetenv("MSIM_PLUGIN_PATH");
   }
   assert_int_equal(chdir(before), 0);
@@ -194,7 +194,7 @@ static void relative_and_empty_folders(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(strangers_solve),
+      cmocka_unit_test(third_party_plugins_solve),
       cmocka_unit_test(plugins_stay_loaded),
       cmocka_unit_test(tables_are_checked),
       cmocka_unit_test(files_that_are_no_plugins),

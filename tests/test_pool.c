@@ -29,7 +29,7 @@ int pthread_create(pthread_t *thread, const pthread_attr_t *attr, void *(*start)
 
 static const msim_allocator *libc(void) {
   static msim_allocator alloc;
-  alloc = ms_allocator(NULL);
+  alloc = ms_memory_allocator(NULL);
   return &alloc;
 }
 
@@ -42,7 +42,7 @@ static int all_are(int32_t n, int value) {
   return 1;
 }
 
-static int runs_well(ms_pool *pool, int32_t n, int runs) {
+static int run_items(ms_pool *pool, int32_t n, int runs) {
   int one = 1;
   memset(done, 0, sizeof done);
   for (int i = 0; i < runs; i++) ms_pool_run(pool, do_item, &one, n);
@@ -58,27 +58,27 @@ static void every_item_is_done_once(void **state) {
   static const int32_t threads[] = {1, 2, 3, 7}, items[] = {0, 1, 2, 5, MOST_ITEMS};
   for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
     ms_pool *pool = ms_pool_create(libc(), threads[t]);
-    assert_int_equal(ms_pool_threads(pool), threads[t]);
+    assert_int_equal(ms_pool_thread_count(pool), threads[t]);
     assert_true((pool == NULL) == (threads[t] == 1));
     for (size_t i = 0; i < sizeof items / sizeof *items; i++)
-      assert_true(runs_well(pool, items[i], 200));
+      assert_true(run_items(pool, items[i], 200));
     ms_pool_destroy(pool);
   }
 }
 
 /* Long pauses: threads that have gone to sleep wake up. */
-static void sleepers_wake(void **state) {
+static void sleeping_threads_wake_up(void **state) {
   (void)state;
   ms_pool *pool = ms_pool_create(libc(), 3);
   for (int i = 0; i < 20; i++) {
     pause_ms(2);
-    assert_true(runs_well(pool, MOST_ITEMS, 1));
+    assert_true(run_items(pool, MOST_ITEMS, 1));
   }
   ms_pool_destroy(pool);
 }
 
 /* Two items, each of which waits until the other has begun: this needs two threads. */
-static void meet(void *data, int32_t item) {
+static void wait_for_other_item(void *data, int32_t item) {
   (void)item;
   pthread_barrier_wait(data);
 }
@@ -89,7 +89,7 @@ static void items_run_side_by_side(void **state) {
   pthread_barrier_init(&barrier, NULL, 2);
   for (int i = 0; i < 50; i++) { /* each a new pool: after a delay the owner works alone */
     ms_pool *pool = ms_pool_create(libc(), 2);
-    ms_pool_run(pool, meet, &barrier, 2);
+    ms_pool_run(pool, wait_for_other_item, &barrier, 2);
     ms_pool_destroy(pool);
   }
   pthread_barrier_destroy(&barrier);
@@ -101,10 +101,10 @@ static double cpu_seconds(void) {
   return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-static void idle_threads_burn_nothing(void **state) {
+static void idle_threads_use_no_cpu_time(void **state) {
   (void)state;
   ms_pool *pool = ms_pool_create(libc(), 4);
-  assert_true(runs_well(pool, 10, 1));
+  assert_true(run_items(pool, 10, 1));
   pause_ms(50);
   const double before = cpu_seconds();
   pause_ms(300);
@@ -118,8 +118,8 @@ static void fewer_threads_where_they_fail(void **state) {
     calls_left = allowed;
     ms_pool *pool = ms_pool_create(libc(), 4);
     calls_left = -1;
-    assert_int_equal(ms_pool_threads(pool), 1 + allowed);
-    assert_true(runs_well(pool, 100, 10));
+    assert_int_equal(ms_pool_thread_count(pool), 1 + allowed);
+    assert_true(run_items(pool, 100, 10));
     ms_pool_destroy(pool);
   }
 }
@@ -147,46 +147,46 @@ static void one_thread_without_memory(void **state) {
 static void children_do_it_alone(void **state) {
   (void)state;
   ms_pool *pool = ms_pool_create(libc(), 3);
-  assert_true(runs_well(pool, 100, 10));
+  assert_true(run_items(pool, 100, 10));
   const pid_t child = fork();
   if (child == 0) {
-    const int good = ms_pool_threads(pool) == 1 && runs_well(pool, 100, 10);
+    const int good = ms_pool_thread_count(pool) == 1 && run_items(pool, 100, 10);
     ms_pool_destroy(pool);
     _exit(!good);
   }
   int status = -1;
   assert_int_equal(waitpid(child, &status, 0), child);
   assert_int_equal(status, 0);
-  assert_int_equal(ms_pool_threads(pool), 3);
-  assert_true(runs_well(pool, 100, 10));
+  assert_int_equal(ms_pool_thread_count(pool), 3);
+  assert_true(run_items(pool, 100, 10));
   ms_pool_destroy(pool);
 }
 
 /* The first item of the worker delays the owner; the items of the next run take long enough for the
  * worker to take some of them, if the pool allowed it. */
-typedef struct hold_up {
+typedef struct delay_test {
   pthread_t owner;
   int late; /* ms that the worker needs for an item; the owner needs 1 */
   int by_worker[8];
-} hold_up;
+} delay_test;
 
 static void do_slowly(void *data, int32_t item) {
-  hold_up *h = data;
+  delay_test *h = data;
   h->by_worker[item] = !pthread_equal(pthread_self(), h->owner);
   pause_ms(h->by_worker[item] ? h->late : 1);
 }
 
-static int count_by_worker(ms_pool *pool, hold_up *h) {
+static int count_by_worker(ms_pool *pool, delay_test *h) {
   int n = 0;
   ms_pool_run(pool, do_slowly, h, 8);
   for (int i = 0; i < 8; i++) n += h->by_worker[i];
   return n;
 }
 
-static void who_was_held_up_works_alone_for_a_while(void **state) {
+static void a_delayed_owner_works_alone_for_a_while(void **state) {
   (void)state;
   ms_pool *pool = ms_pool_create(libc(), 2);
-  hold_up h = {.owner = pthread_self(), .late = 30};
+  delay_test h = {.owner = pthread_self(), .late = 30};
   assert_true(count_by_worker(pool, &h) > 0);
   h.late = 1;
   for (int i = 0; i < 20; i++) assert_int_equal(count_by_worker(pool, &h), 0);
@@ -197,12 +197,12 @@ static void who_was_held_up_works_alone_for_a_while(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(every_item_is_done_once),
-                                     cmocka_unit_test(sleepers_wake),
+                                     cmocka_unit_test(sleeping_threads_wake_up),
                                      cmocka_unit_test(items_run_side_by_side),
-                                     cmocka_unit_test(idle_threads_burn_nothing),
+                                     cmocka_unit_test(idle_threads_use_no_cpu_time),
                                      cmocka_unit_test(fewer_threads_where_they_fail),
                                      cmocka_unit_test(one_thread_without_memory),
                                      cmocka_unit_test(children_do_it_alone),
-                                     cmocka_unit_test(who_was_held_up_works_alone_for_a_while)};
+                                     cmocka_unit_test(a_delayed_owner_works_alone_for_a_while)};
   return cmocka_run_group_tests_name("pool", tests, NULL, NULL);
 }

@@ -20,7 +20,7 @@ static const char *in_folder(const char *name) {
 
 static msim_sim *flight(int64_t steps, int64_t every, int32_t sync) {
   const double x[3] = {0, 0, 1}, v[3] = {0.1, 0, 0};
-  msim_scene *scene = single(x, v, 9.81);
+  msim_scene *scene = make_single_particle(x, v, 9.81);
   msim_options opt = options("verlet", 0.1);
   opt.steps = steps, opt.every = every, opt.sync = sync;
   msim_sim *sim = make_sim(scene, &opt);
@@ -70,7 +70,7 @@ static void times_are_those_of_the_run(void **state) {
   msim_scene *scene = hanging_cloth(8, 100, 0);
   plane(scene, 0, 0, 1, -0.1, 0.5, 0.2);
   for (int m = 0; m < 3; m++) {
-    const double start = ms_clock();
+    const double start = ms_clock_now();
     msim_options opt = options(methods[m], 0.001);
     opt.steps = 20, opt.solver = "pcg";
     msim_sim *sim = make_sim(scene, &opt);
@@ -82,7 +82,7 @@ static void times_are_those_of_the_run(void **state) {
     const double parts[] = {s.force_s,    s.collide_s, s.output_s,
                             s.assemble_s, s.factor_s,  s.solve_s};
     for (int i = 0; i < (m ? 6 : 3); i++) assert_true(parts[i] > 0 && parts[i] < s.total_s);
-    assert_true(s.total_s < ms_clock() - start);
+    assert_true(s.total_s < ms_clock_now() - start);
     remove(in_folder("times.csv"));
     msim_sim_destroy(sim);
   }
@@ -121,7 +121,7 @@ static void what_cannot_be_written_is_refused(void **state) {
 static void energies_are_numbers(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {1e160, 0, 0};
-  msim_scene *scene = single(x, v, 0);
+  msim_scene *scene = make_single_particle(x, v, 0);
   msim_options opt = options("velocity-verlet", 1e-170);
   opt.steps = 1;
   msim_sim *sim = make_sim(scene, &opt);
@@ -160,8 +160,8 @@ static void put_text(const char *name, const char *text) {
   assert_true(file && fputs(text, file) >= 0 && fclose(file) == 0);
 }
 
-/* place.c calls this function instead of that of the C library; counted: syncs of the folder once
- * the file has its name */
+/* output_file.c calls this function instead of that of the C library; counted: syncs of the folder
+ * once the file has its name */
 static int folder_syncs;
 
 int fsync(int fd) {
@@ -208,7 +208,7 @@ static void what_is_not_ours_stays(void **state) {
   msim_sim_destroy(sim);
 }
 
-static void tables_cannot_be_gone_on_with(void **state) {
+static void csv_files_cannot_be_resumed(void **state) {
   (void)state;
   msim_sim *sim = flight(10, 1, MSIM_SYNC_OFF);
   msim_recorder *recorder = NULL;
@@ -256,7 +256,7 @@ int main(void) {
                                      cmocka_unit_test(only_one_writes_a_file),
                                      cmocka_unit_test(with_sync_a_new_name_outlives_a_power_cut),
                                      cmocka_unit_test(what_is_not_ours_stays),
-                                     cmocka_unit_test(tables_cannot_be_gone_on_with),
+                                     cmocka_unit_test(csv_files_cannot_be_resumed),
                                      cmocka_unit_test(read_only_places_are_refused)};
   return cmocka_run_group_tests_name("recorder", tests, make_folder, remove_folder);
 }

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "bank.h"
-#include "integrate/split.h"
+#include "counting_allocator.h"
+#include "integrate/multirate.h"
 #include "scenes.h"
 #include "sim/sim.h"
 
@@ -77,11 +77,11 @@ static void only_stiff_springs_are_evaluated_often(void **state) {
   (void)state;
   msim_scene *scene = net(NULL, CORD, 0);
   msim_sim *sim = sim_of(scene, "respa", 5e-4);
-  const ms_split *split = sim->motion->stepper.split;
-  const int32_t n = sim->motion->model.springs.n;
+  const ms_multirate *split = sim->islands->stepper.split;
+  const int32_t n = sim->islands->model.springs.n;
   assert_non_null(split);
   assert_int_equal(split->stiff.springs.n, SIDE - 1);
-  assert_int_equal(split->stiff.rows.nfree, SIDE);
+  assert_int_equal(split->stiff.unknowns.nfree, SIDE);
   assert_int_equal(split->soft.springs.n, n - (SIDE - 1));
   assert_ok(msim_sim_step(sim, 10, err));
   const msim_stats s = stats_of(sim);
@@ -101,7 +101,7 @@ static void only_stiff_springs_are_evaluated_often(void **state) {
 
 /* Soft, stiff and very stiff springs of a chain: the stiff ones are separated where the step is too
  * long for them, and only there. */
-static void the_cut_follows_the_step(void **state) {
+static void the_partition_depends_on_the_step(void **state) {
   (void)state;
   enum { LINKS = 300, STIFF = 10, STIFFEST = 2 };
   static double x[3 * LINKS + 3], mass[LINKS + 1], k[LINKS];
@@ -119,7 +119,7 @@ static void the_cut_follows_the_step(void **state) {
   } cases[] = {{5e-3, STIFFEST, 100}, {0.05, STIFF + STIFFEST, 1000}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     msim_sim *sim = sim_of(scene, "respa", cases[i].h);
-    const ms_split *split = sim->motion->stepper.split;
+    const ms_multirate *split = sim->islands->stepper.split;
     assert_non_null(split);
     assert_int_equal(split->stiff.springs.n, cases[i].stiff);
     assert_int_equal(split->inner, cases[i].inner);
@@ -131,9 +131,9 @@ static void the_cut_follows_the_step(void **state) {
 /*------------------------------------- order ----------------------------------------------------*/
 
 /* With the same partition for every step length. */
-static void run_split(const msim_scene *scene, double h, int halvings, double *x, double *v) {
+static void run_partitioned(const msim_scene *scene, double h, int halvings, double *x, double *v) {
   msim_sim *sim = sim_of(scene, "respa", h);
-  assert_non_null(sim->motion->stepper.split);
+  assert_non_null(sim->islands->stepper.split);
   sim->plan.h = ldexp(h, -halvings);
   assert_ok(msim_sim_step(sim, (int64_t)round(0.05 / sim->plan.h), err));
   const msim_state now = state_of(sim);
@@ -149,7 +149,7 @@ static void damping_and_drag_keep_order_2(void **state) {
   for (int damped = 0; damped < 2; damped++) {
     msim_scene *scene = net(NULL, CORD, damped ? 1e-6 : 0);
     assert_ok(msim_scene_set_drag(scene, damped ? 1e-3 : 0, err));
-    for (int i = 0; i < 4; i++) run_split(scene, 1e-4, i == 3 ? 5 : i, x[i], v[i]);
+    for (int i = 0; i < 4; i++) run_partitioned(scene, 1e-4, i == 3 ? 5 : i, x[i], v[i]);
     const double in_x = log2(distance(x[1], x[3]) / distance(x[2], x[3]));
     const double in_v = log2(distance(v[1], v[3]) / distance(v[2], v[3]));
     print_message("  x: %.3f  v: %.3f\n", in_x, in_v);
@@ -196,7 +196,7 @@ static void threads_pieces_and_states_change_no_bit(void **state) {
 }
 
 /* A cord between pinned ends in a planar net: two components give the same results as three. */
-static void flat_nets_are_split_too(void **state) {
+static void planar_nets_are_partitioned_too(void **state) {
   (void)state;
   const double down[3] = {0, 9.81, 0};
   msim_scene *scene = net(NULL, 0, 0);
@@ -205,9 +205,9 @@ static void flat_nets_are_split_too(void **state) {
   msim_sim *flat = make_sim(scene, &opt);
   assert_ok(msim_options_set(&opt, "skip.two_d", "off", err));
   msim_sim *full = make_sim(scene, &opt);
-  assert_int_equal(flat->motion->stepper.split->stiff.rows.dims, 2);
-  assert_int_equal(flat->motion->stepper.split->stiff.rows.nfree, SIDE - 2);
-  assert_int_equal(full->motion->stepper.split->stiff.rows.dims, 3);
+  assert_int_equal(flat->islands->stepper.split->stiff.unknowns.dims, 2);
+  assert_int_equal(flat->islands->stepper.split->stiff.unknowns.nfree, SIDE - 2);
+  assert_int_equal(full->islands->stepper.split->stiff.unknowns.dims, 3);
   assert_ok(msim_sim_step(flat, 100, err));
   assert_ok(msim_sim_step(full, 100, err));
   assert_close(distance(state_of(flat).x, state_of(full).x), 0, 1e-11);
@@ -231,7 +231,7 @@ static void planes_reflect_at_the_end_of_the_step(void **state) {
   assert_ok(msim_scene_add_springs(scene, LINKS - 1, ij, k, NULL, NULL, err));
   plane(scene, 0, 0, 1, 0, 0.5, 0);
   msim_sim *sim = sim_of(scene, "respa", 0.01);
-  assert_non_null(sim->motion->stepper.split);
+  assert_non_null(sim->islands->stepper.split);
   assert_ok(msim_sim_step(sim, 1, err));
   const msim_state s = state_of(sim);
   for (int i = 0; i < LINKS; i++) {
@@ -244,7 +244,7 @@ static void planes_reflect_at_the_end_of_the_step(void **state) {
 }
 
 /* With another step or other springs the partition is that of a new sim with them. */
-static void the_split_follows_h_and_springs(void **state) {
+static void the_partition_depends_on_h_and_springs(void **state) {
   (void)state;
   msim_scene *scene = net(NULL, CORD, 0), *stiffer = net(NULL, CORD, 0);
   msim_scene_view view = {.size = sizeof view};
@@ -255,19 +255,19 @@ static void the_split_follows_h_and_springs(void **state) {
   assert_ok(msim_sim_step(sim, 50, err));
   msim_state s = state_of(sim);
   assert_ok(msim_sim_set_state(fresh, &s, err));
-  const int32_t before = sim->motion->stepper.split->inner;
+  const int32_t before = sim->islands->stepper.split->inner;
   assert_ok(msim_sim_set_step(sim, 2.5e-4, err));
-  assert_true(sim->motion->stepper.split->inner < before);
+  assert_true(sim->islands->stepper.split->inner < before);
   assert_ok(msim_sim_step(sim, 50, err));
   assert_ok(msim_sim_step(fresh, 50, err));
   same_bits(sim, fresh);
   assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
-  assert_int_equal(sim->motion->stepper.split->stiff.springs.n, 1);
+  assert_int_equal(sim->islands->stepper.split->stiff.springs.n, 1);
   assert_int_equal(state_of(sim).step, 100);
   same_bits(sim, fresh);
   for (int32_t e = 0; e < view.nsprings; e++) k[e] = 100;
   assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
-  assert_null(sim->motion->stepper.split);
+  assert_null(sim->islands->stepper.split);
   assert_ok(msim_sim_step(sim, 10, err));
   free(k);
   msim_sim_destroy(sim), msim_sim_destroy(fresh);
@@ -278,7 +278,7 @@ static void the_split_follows_h_and_springs(void **state) {
 
 /* All springs of equal stiffness, or a step short enough for the stiffest: velocity Verlet, bit by
  * bit. */
-static void what_buys_nothing_is_velocity_verlet(void **state) {
+static void without_stiff_springs_respa_is_velocity_verlet(void **state) {
   (void)state;
   static const struct {
     double h;
@@ -292,7 +292,7 @@ static void what_buys_nothing_is_velocity_verlet(void **state) {
     msim_sim *sim = sim_of(scene, "respa", cases[i].h);
     msim_sim *verlet = sim_of(scene, "velocity-verlet", cases[i].h);
     const char *text;
-    assert_null(sim->motion->stepper.split);
+    assert_null(sim->islands->stepper.split);
     assert_ok(msim_sim_step(sim, 20, err));
     assert_ok(msim_sim_step(verlet, 20, err));
     same_bits(sim, verlet);
@@ -307,7 +307,7 @@ static void what_buys_nothing_is_velocity_verlet(void **state) {
 
 /* If a few springs limit the step, `auto` chooses respa, which keeps tol at a quarter of the
  * work. */
-static void auto_finds_the_cord(void **state) {
+static void auto_chooses_respa_for_a_stiff_cord(void **state) {
   (void)state;
   static double exact[3 * N];
   msim_scene *scene = net(NULL, CORD, 0);
@@ -327,7 +327,7 @@ static void auto_finds_the_cord(void **state) {
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-static msim_status live(const msim_scene *scene, msim_error *why) {
+static msim_status run_with_allocator(const msim_scene *scene, msim_error *why) {
   const msim_options opt = options("respa", 5e-4);
   static double k[8 * N];
   msim_sim *sim = NULL;
@@ -346,17 +346,17 @@ static msim_status live(const msim_scene *scene, msim_error *why) {
 
 static void every_allocation_may_fail(void **state) {
   (void)state;
-  bank b = {.fail_at = -1};
-  const msim_allocator alloc = {bank_alloc, bank_free, &b};
+  counting_allocator b = {.fail_at = -1};
+  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
   msim_scene *scene = net(&alloc, CORD, 0);
   const int64_t kept = b.live;
   msim_error why;
   b.calls = 0;
-  assert_int_equal(live(scene, &why), MSIM_OK);
+  assert_int_equal(run_with_allocator(scene, &why), MSIM_OK);
   const int64_t total = b.calls;
   for (int64_t at = 0; at < total; at++) {
     b.calls = 0, b.fail_at = at;
-    assert_int_equal(live(scene, &why), MSIM_ERR_MEMORY);
+    assert_int_equal(run_with_allocator(scene, &why), MSIM_ERR_MEMORY);
     assert_int_equal(b.live, kept);
   }
   b.fail_at = -1;
@@ -365,16 +365,17 @@ static void every_allocation_may_fail(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(a_stiff_cord_costs_a_tenth),
-                                     cmocka_unit_test(only_stiff_springs_are_evaluated_often),
-                                     cmocka_unit_test(the_cut_follows_the_step),
-                                     cmocka_unit_test(damping_and_drag_keep_order_2),
-                                     cmocka_unit_test(threads_pieces_and_states_change_no_bit),
-                                     cmocka_unit_test(flat_nets_are_split_too),
-                                     cmocka_unit_test(planes_reflect_at_the_end_of_the_step),
-                                     cmocka_unit_test(the_split_follows_h_and_springs),
-                                     cmocka_unit_test(what_buys_nothing_is_velocity_verlet),
-                                     cmocka_unit_test(auto_finds_the_cord),
-                                     cmocka_unit_test(every_allocation_may_fail)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(a_stiff_cord_costs_a_tenth),
+      cmocka_unit_test(only_stiff_springs_are_evaluated_often),
+      cmocka_unit_test(the_partition_depends_on_the_step),
+      cmocka_unit_test(damping_and_drag_keep_order_2),
+      cmocka_unit_test(threads_pieces_and_states_change_no_bit),
+      cmocka_unit_test(planar_nets_are_partitioned_too),
+      cmocka_unit_test(planes_reflect_at_the_end_of_the_step),
+      cmocka_unit_test(the_partition_depends_on_h_and_springs),
+      cmocka_unit_test(without_stiff_springs_respa_is_velocity_verlet),
+      cmocka_unit_test(auto_chooses_respa_for_a_stiff_cord),
+      cmocka_unit_test(every_allocation_may_fail)};
   return cmocka_run_group_tests_name("respa", tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
-/* Tests of ms_root for the widest registers that the build supports: square roots and their
- * inverses against long double. */
+/* Tests of ms_simd_sqrt_and_inverse for the widest registers that the build supports: square roots
+ * and their inverses against long double. */
 #include "base/simd.h"
 #include "testing.h"
 
@@ -28,8 +28,8 @@ static void roots_of_all_sizes(void **state) {
       v[l] =
           ldexp(1 + uniform(&seed) + 0x1p-24 * uniform(&seed), (int)(2000 * uniform(&seed)) - 1000);
     ms_lanes of_all;
-    ms_store(root, ms_root(ms_load(v), &of_all));
-    ms_store(inverse, of_all);
+    ms_simd_store(root, ms_simd_sqrt_and_inverse(ms_simd_load(v), &of_all));
+    ms_simd_store(inverse, of_all);
     for (int l = 0; l < MS_LANES; l++) {
       const long double exact = sqrtl(v[l]);
       root_error = fmax(root_error, distance_in_ulp(root[l], exact));
@@ -47,8 +47,8 @@ static void no_number_has_no_root(void **state) {
   double v[MS_LANES], root[MS_LANES], inverse[MS_LANES];
   for (int l = 0; l < MS_LANES; l++) v[l] = l ? 4 : NAN;
   ms_lanes of_all;
-  ms_store(root, ms_root(ms_load(v), &of_all));
-  ms_store(inverse, of_all);
+  ms_simd_store(root, ms_simd_sqrt_and_inverse(ms_simd_load(v), &of_all));
+  ms_simd_store(inverse, of_all);
   for (int l = 0; l < MS_LANES; l++) {
     assert_true(l ? root[l] == 2 : isnan(root[l]));
     assert_true(l ? inverse[l] == 0.5 : isnan(inverse[l]));

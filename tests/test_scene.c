@@ -28,7 +28,7 @@ static msim_scene *sample(const msim_allocator *alloc) {
   assert_ok(msim_scene_set_drag(scene, 0.5, err));
   assert_ok(msim_scene_add_plane(scene, &floor, err));
   assert_ok(msim_scene_pin(scene, 1, pinned, err));
-  assert_ok(ms_scene_add_run(scene, "h", "0.1", err));
+  assert_ok(ms_scene_add_run_option(scene, "h", "0.1", err));
   return scene;
 }
 
@@ -255,7 +255,7 @@ static msim_status change_lattice(msim_scene *s, msim_error *err) {
 }
 
 static msim_status change_run(msim_scene *s, msim_error *err) {
-  return ms_scene_add_run(s, "solver", "pcg", err);
+  return ms_scene_add_run_option(s, "solver", "pcg", err);
 }
 
 static msim_status (*const changes[])(msim_scene *, msim_error *) = {
@@ -275,10 +275,10 @@ static char *text_after(int change) {
 static void shared_data_never_changes(void **state) {
   (void)state;
   for (int i = 0; i < NCHANGES; i++) {
-    starving memory;
-    const msim_allocator alloc = starving_allocator(&memory);
+    limited_allocator memory;
+    const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = sample(&alloc);
-    ms_scene *shared = ms_scene_share(scene->data);
+    ms_scene *shared = ms_scene_retain(scene->data);
     char *before = text_of(shared);
     assert_ok(changes[i](scene, err));
     assert_ptr_not_equal(scene->data, shared);
@@ -300,15 +300,15 @@ static void starve(int change, int shared) {
   char *wanted = text_after(change);
   msim_status status = MSIM_ERR_MEMORY;
   for (int meals = 0; status; meals++) {
-    starving memory;
-    const msim_allocator alloc = starving_allocator(&memory);
+    limited_allocator memory;
+    const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = sample(&alloc);
-    ms_scene *other = shared ? ms_scene_share(scene->data) : NULL;
+    ms_scene *other = shared ? ms_scene_retain(scene->data) : NULL;
     char *before = text_of(scene->data);
     msim_error err = {0, ""};
-    memory.meals = meals;
+    memory.remaining = meals;
     status = changes[change](scene, &err);
-    memory.meals = -1;
+    memory.remaining = -1;
     char *after = text_of(scene->data);
     assert_string_equal(after, status ? before : wanted);
     if (status) {
@@ -331,11 +331,11 @@ static void want_of_memory_changes_nothing(void **state) {
 
 static void no_scene_without_memory(void **state) {
   (void)state;
-  starving memory;
-  const msim_allocator alloc = starving_allocator(&memory);
+  limited_allocator memory;
+  const msim_allocator alloc = make_limited_allocator(&memory);
   for (int meals = 0; meals < 3; meals++) {
     msim_scene *scene = (msim_scene *)&memory;
-    memory.meals = meals;
+    memory.remaining = meals;
     assert_int_equal(msim_scene_create(&alloc, &scene, NULL), MSIM_ERR_MEMORY);
     assert_null(scene);
     assert_int_equal(memory.live, 0);

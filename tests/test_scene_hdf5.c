@@ -127,7 +127,7 @@ static void assert_ends_where_it_says(const char *path) {
 static void scenes_come_back_to_the_bit(void **state) {
   (void)state;
   msim_scene *json, *hdf5;
-  for (size_t i = 0; (json = shipped_scene(i)) != NULL; i++) {
+  for (size_t i = 0; (json = load_shipped_scene(i)) != NULL; i++) {
     assert_ok(msim_scene_save(json, "a.h5", err));
     assert_ends_where_it_says("a.h5");
     assert_ok(msim_scene_load(NULL, "a.h5", &hdf5, err));
@@ -359,15 +359,15 @@ static void want_of_memory_leaves_nothing(void **state) {
   write_with(mangle_other_types);
   msim_status status = MSIM_ERR_MEMORY;
   for (int meals = 0; status; meals++) {
-    starving memory;
-    const msim_allocator alloc = starving_allocator(&memory);
+    limited_allocator memory;
+    const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = NULL;
     msim_error err;
-    memory.meals = meals;
+    memory.remaining = meals;
     status = msim_scene_load(&alloc, "a.h5", &scene, &err);
     if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
     if (!status) {
-      memory.meals = 2;
+      memory.remaining = 2;
       assert_int_equal(msim_scene_save(scene, "a.h5", &err), MSIM_ERR_MEMORY);
     }
     msim_scene_destroy(scene);

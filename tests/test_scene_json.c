@@ -122,7 +122,7 @@ static void objects_are_those_of_the_api(void **state) {
   assert_ok(msim_scene_create(NULL, &api, err));
   assert_ok(msim_scene_add_cloth(api, &cloth, err));
   assert_ok(msim_scene_add_lattice(api, &lattice, err));
-  assert_non_null(ms_scene_writable(file, NULL));
+  assert_non_null(ms_scene_make_writable(file, NULL));
   char *a = text_of(api->data), *b = text_of(file->data);
   assert_string_equal(a, b);
   free(a), free(b);
@@ -392,11 +392,11 @@ static void want_of_memory_leaves_nothing(void **state) {
   (void)state;
   msim_status status = MSIM_ERR_MEMORY;
   for (int meals = 0; status; meals++) {
-    starving memory;
-    const msim_allocator alloc = starving_allocator(&memory);
+    limited_allocator memory;
+    const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = (msim_scene *)&memory;
     msim_error err;
-    memory.meals = meals;
+    memory.remaining = meals;
     status = msim_scene_parse(&alloc, "test", full, sizeof full - 1, &scene, &err);
     if (status) {
       assert_int_equal(status, MSIM_ERR_MEMORY);
@@ -422,7 +422,7 @@ static void null_is_refused(void **state) {
 static void scenes_that_ship_can_be_run(void **state) {
   (void)state;
   msim_scene *scene;
-  for (size_t i = 0; (scene = shipped_scene(i)) != NULL; i++) {
+  for (size_t i = 0; (scene = load_shipped_scene(i)) != NULL; i++) {
     msim_options opt;
     msim_options_init(&opt, sizeof opt);
     assert_ok(msim_options_from_scene(&opt, scene, err));

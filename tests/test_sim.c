@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "bank.h"
+#include "counting_allocator.h"
 #include "scenes.h"
 
 enum { SIDE = 6, N = SIDE * SIDE };
@@ -42,7 +42,7 @@ static void pieces_and_watching_change_no_bit(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++)
     for (int damped = 0; damped < 2; damped++) {
-      if (damped && wants_positions_alone(method_at(m))) continue;
+      if (damped && takes_positions_only(method_at(m))) continue;
       if (refuses_planes(method_at(m))) continue;
       msim_scene *scene = everything(damped * 0.05);
       msim_options opt = pcg(method_at(m), 1e-3);
@@ -113,7 +113,7 @@ static void v_half_of_another_h_is_not_taken(void **state) {
 static void the_start_is_the_scene_itself(void **state) {
   (void)state;
   const double x[3] = {0.1, 0.2, 0.3}, v[3] = {0.4, 0.5, 0.6};
-  msim_scene *scene = single(x, v, 9.81);
+  msim_scene *scene = make_single_particle(x, v, 9.81);
   for (int32_t m = 0; method_at(m); m++) {
     msim_options opt = pcg(method_at(m), 1e-3);
     msim_sim *sim = make_sim(scene, &opt);
@@ -136,7 +136,7 @@ static void keep_warning(const char *text, void *user) {
 
 static void plan(double h, int64_t steps, double t_end, double want_h, int64_t want_steps) {
   const double x[3] = {0}, v[3] = {1, 0, 0};
-  msim_scene *scene = single(x, v, 0);
+  msim_scene *scene = make_single_particle(x, v, 0);
   msim_options opt = pcg("verlet", h);
   opt.steps = steps, opt.t_end = t_end, opt.warn = keep_warning;
   warning[0] = 0;
@@ -173,7 +173,7 @@ static int note_step(msim_sim *sim, void *user) {
 
 static void frames(int64_t every, double fps, int64_t steps, int n, const int64_t *want) {
   const double x[3] = {0}, v[3] = {1, 0, 0};
-  msim_scene *scene = single(x, v, 0);
+  msim_scene *scene = make_single_particle(x, v, 0);
   msim_options opt = pcg("verlet", 0.1);
   opt.steps = steps, opt.every = every, opt.fps = fps;
   msim_sim *sim = make_sim(scene, &opt);
@@ -201,7 +201,7 @@ static void stop_ends_after_the_step(void **state) {
   (void)state;
   int calls = 3;
   const double x[3] = {0}, v[3] = {1, 0, 0};
-  msim_scene *scene = single(x, v, 0);
+  msim_scene *scene = make_single_particle(x, v, 0);
   msim_options opt = pcg("verlet", 0.1);
   opt.steps = 20, opt.every = 1;
   msim_sim *sim = make_sim(scene, &opt);
@@ -252,7 +252,7 @@ static void blow_up_is_reported_and_refused(void **state) {
 static void refused(const char *integrator, const char *option, const char *value,
                     const char *sentence) {
   const double x[3] = {0}, v[3] = {0};
-  msim_scene *scene = single(x, v, 0);
+  msim_scene *scene = make_single_particle(x, v, 0);
   msim_options opt = pcg(integrator, 0.1);
   msim_sim *sim;
   msim_error why;
@@ -348,16 +348,16 @@ static void every_allocation_may_fail(void **state) {
                                          {"linearly-implicit-euler", "sundials-pcg"},
                                          {"linearly-implicit-euler", "sundials-spfgmr"}};
   for (size_t m = 0; m < sizeof pairs / sizeof *pairs; m++) {
-    if (!solver_there(pairs[m][1])) continue;
-    bank b = {.fail_at = -1};
-    const msim_allocator alloc = {bank_alloc, bank_free, &b};
+    if (!is_solver_available(pairs[m][1])) continue;
+    counting_allocator b = {.fail_at = -1};
+    const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
     msim_error why;
     assert_int_equal(build_and_step(&alloc, pairs[m][0], pairs[m][1], &why), MSIM_OK);
     assert_int_equal(b.live, 0);
     int64_t total = b.calls;
     assert_true(total > 20);
     for (int64_t at = 0; at < total; at++) {
-      b = (bank){.fail_at = at};
+      b = (counting_allocator){.fail_at = at};
       msim_status status = build_and_step(&alloc, pairs[m][0], pairs[m][1], &why);
       if (status != MSIM_ERR_MEMORY)
         fail_msg("%s, allocation %lld: status %d, %s", pairs[m][1], (long long)at, (int)status,
@@ -370,8 +370,8 @@ static void every_allocation_may_fail(void **state) {
 static void a_step_allocates_nothing(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
-    bank b = {.fail_at = -1};
-    const msim_allocator alloc = {bank_alloc, bank_free, &b};
+    counting_allocator b = {.fail_at = -1};
+    const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
     const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0.1, 0}, mass[3] = {1, 1, 1}, k[2] = {10, 10};
     const int32_t ij[4] = {0, 1, 1, 2};
     msim_scene *scene;
@@ -395,7 +395,7 @@ static void a_step_allocates_nothing(void **state) {
 static void the_scene_is_shared_and_safe(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {0}, up[3] = {0, 0, 100};
-  msim_scene *scene = single(x, v, 10);
+  msim_scene *scene = make_single_particle(x, v, 10);
   msim_options opt = pcg("symplectic-euler", 0.1);
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_scene_set_gravity(scene, up, err));

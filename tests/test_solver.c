@@ -32,7 +32,7 @@ static msim_scene *column(void) {
 
 /* A compressed triangle of free particles: its springs couple unknowns, so that A is not
  * diagonal. */
-static msim_scene *crushed_triangle(void) {
+static msim_scene *compressed_triangle(void) {
   const double x[9] = {0, 0, 0, 0.5, 0, 0, 0.2, 0.4, 0}, mass[3] = {1, 1, 1};
   const double k[3] = {500, 500, 500}, rest[3] = {1, 1, 1};
   const int32_t ij[6] = {0, 1, 1, 2, 2, 0};
@@ -118,7 +118,7 @@ static void stop_reports_and_keeps_the_state(void **state) {
 /* If every step is indefinite, indefinite = clamp makes the same steps as jacobian = clamp. */
 static void clamp_repeats_the_step_clamped(void **state) {
   (void)state;
-  msim_scene *scene = crushed_triangle();
+  msim_scene *scene = compressed_triangle();
   msim_options opt = implicit(0.2);
   msim_sim *a = make_sim(scene, &opt);
   opt.jacobian = MSIM_JACOBIAN_CLAMP;
@@ -133,9 +133,9 @@ static void clamp_repeats_the_step_clamped(void **state) {
   msim_scene_destroy(scene);
 }
 
-static void solve_wants_a_solver_that_can(void **state) {
+static void indefinite_solve_needs_a_capable_solver(void **state) {
   (void)state;
-  msim_scene *scene = crushed_triangle();
+  msim_scene *scene = compressed_triangle();
   msim_options opt = implicit(0.2);
   opt.indefinite = MSIM_INDEFINITE_SOLVE;
   msim_sim *sim;
@@ -178,7 +178,7 @@ static void a_free_solid_falls(void **state) {
 
 /* Two particles on a spring of rest length 1 along x, 1.1 apart, that move along x at this
  * speed. */
-static msim_scene *ship_and_boat(double speed, double heavy, double light, double k) {
+static msim_scene *unequal_pair(double speed, double heavy, double light, double k) {
   const double x[6] = {0, 0, 0, 1.1, 0, 0}, v[6] = {speed, 0, 0, speed, 0, 0};
   const double mass[2] = {heavy, light}, rest = 1;
   const int32_t ij[2] = {0, 1};
@@ -204,7 +204,7 @@ static void neither_speed_nor_mass_hides_a_spring(void **state) {
       w = (w - h * q * (r - 1)) / (1 + h * h * q);
       r += h * w;
     }
-    msim_scene *scene = ship_and_boat(speeds[i % 3], heavy, light, k);
+    msim_scene *scene = unequal_pair(speeds[i % 3], heavy, light, k);
     msim_options opt = implicit(h);
     opt.solver_rtol = 1e-8;
     msim_sim *sim = make_sim(scene, &opt);
@@ -218,7 +218,7 @@ static void neither_speed_nor_mass_hides_a_spring(void **state) {
 static void gravity_acts_at_any_speed(void **state) {
   (void)state;
   const double g[3] = {0, 0, -9.81};
-  msim_scene *scene = ship_and_boat(1000, 1, 1, 1);
+  msim_scene *scene = unequal_pair(1000, 1, 1, 1);
   assert_ok(msim_scene_set_gravity(scene, g, err));
   msim_options opt = implicit(1e-6);
   opt.solver_rtol = 1e-8;
@@ -300,7 +300,7 @@ static void too_few_iterations_are_reported(void **state) {
 static void no_springs_no_matrix(void **state) {
   (void)state;
   const double x[3] = {0, 0, 1}, v[3] = {1, 0, 0};
-  msim_scene *scene = single(x, v, 10);
+  msim_scene *scene = make_single_particle(x, v, 10);
   assert_ok(msim_scene_set_drag(scene, 3, err));
   msim_options opt = implicit(0.5);
   opt.solver = "no-such-solver"; /* no plugin is searched for */
@@ -325,7 +325,7 @@ static void no_springs_no_difference(void **state) {
     const double drag = i % 2 ? 0.3 : 0, y = i / 2 ? 0.2 : 0;
     const double x[6] = {0, 0, 0.5, 1, 0, 0.7}, v[6] = {1, y, 0.1, 0.5, 0, -1};
     const double mass[2] = {0.5, 2};
-    msim_scene *scene = single(x, v, 10);
+    msim_scene *scene = make_single_particle(x, v, 10);
     assert_ok(msim_scene_add_particles(scene, 1, x + 3, v + 3, mass + 1, err));
     assert_ok(msim_scene_set_drag(scene, drag, err));
     plane(scene, 0, 0, 1, 0, 0.7, 0.1);
@@ -402,14 +402,14 @@ static void agrees_with_conjugate_gradients(void **state) {
 
 int main(int argc, char **argv) {
   if (argc > 1) solver = argv[1];
-  if (!solver_there(solver)) return missing_status(solver);
+  if (!is_solver_available(solver)) return missing_status(solver);
   direct = !(solver_flags(solver) & MSIM_BACKEND_ITERATIVE);
   symmetric = (solver_flags(solver) & MSIM_BACKEND_SYMMETRIC) != 0;
   const struct CMUnitTest tests[] = {cmocka_unit_test(answer_solves_the_system),
                                      cmocka_unit_test(definiteness_ends_where_theory_says),
                                      cmocka_unit_test(stop_reports_and_keeps_the_state),
                                      cmocka_unit_test(clamp_repeats_the_step_clamped),
-                                     cmocka_unit_test(solve_wants_a_solver_that_can),
+                                     cmocka_unit_test(indefinite_solve_needs_a_capable_solver),
                                      cmocka_unit_test(a_free_solid_falls),
                                      cmocka_unit_test(neither_speed_nor_mass_hides_a_spring),
                                      cmocka_unit_test(gravity_acts_at_any_speed),

@@ -32,7 +32,7 @@ static msim_scene *tangle(unsigned seed, double spread, double damping, double d
 }
 
 /* A cloth with one spring that is `stiffer` times as stiff as the others. */
-static msim_scene *odd_cloth(int32_t side, double stiffer) {
+static msim_scene *cloth_with_stiff_spring(int32_t side, double stiffer) {
   msim_scene *even = hanging_cloth(side, 100, 0), *scene;
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(even, &view);
@@ -96,17 +96,17 @@ static void bounds_are_above_and_close(void **state) {
   for (unsigned seed = 1; seed < 30; seed++)
     check_bounds(tangle(seed, seed % 7, seed % 2, 0.1 * (seed % 3)));
   for (size_t i = 0; i < sizeof stiffer / sizeof *stiffer; i++)
-    check_bounds(odd_cloth(16, stiffer[i]));
+    check_bounds(cloth_with_stiff_spring(16, stiffer[i]));
   check_bounds(hanging_cloth(2, 1, 1));
   check_bounds(hanging_cloth(16, 1e5, 3));
-  check_bounds(held_block(5, 1, 100, 0));
+  check_bounds(pinned_block(5, 1, 100, 0));
   check_bounds(ring(2, 0.5));
 }
 
 static void nothing_vibrates_without_springs(void **state) {
   (void)state;
   const double x[3] = {0};
-  msim_scene *scene = single(x, x, 9.81);
+  msim_scene *scene = make_single_particle(x, x, 9.81);
   ms_bounds b = bounds_of(scene, 1);
   assert_true(b.omega == 0 && b.rate == 0 && b.least_rate == 0);
   assert_ok(msim_scene_set_drag(scene, 0.5, err));
@@ -126,7 +126,7 @@ static void apply(const msim_csr *A, const double *mass, const double *x, double
 }
 
 /* The largest eigenvalue of M^-1 (-J), from below, by power iteration. */
-static double stiffest(msim_sim *sim, const double *mass) {
+static double largest_eigenvalue(msim_sim *sim, const double *mass) {
   double x[3 * N], y[3 * N], quotient = 0;
   msim_csr A = {.size = sizeof A};
   unsigned seed = 5;
@@ -162,7 +162,7 @@ static void bounds_hold_in_every_configuration(void **state) {
       }
       const msim_state there = {.size = sizeof there, .n = N, .x = x, .v = view.v};
       assert_ok(msim_sim_set_state(sim, &there, err));
-      const double found = stiffest(sim, view.mass);
+      const double found = largest_eigenvalue(sim, view.mass);
       assert_true(found <= bound);
       if (scale > 500) assert_true(found > 0.9 * bound);
     }
@@ -209,7 +209,7 @@ static void limits_are_the_known_ones(void **state) {
   for (int32_t i = 0; method_at(i); i++) {
     if (!has_limit(method_at(i))) continue;
     assert_true(isinf(limit_of(method_at(i), mode(0, 0))));
-    if (!wants_positions_alone(method_at(i)))
+    if (!takes_positions_only(method_at(i)))
       assert_true(limit_of(method_at(i), mode(0, 3)) < 2.2); /* dop853: 6.39 / 3 */
   }
 }
@@ -219,11 +219,11 @@ static void limits_are_the_known_ones(void **state) {
 static void limits_are_within_theory(void **state) {
   (void)state;
   for (int32_t i = 0; method_at(i); i++) {
-    const theory *t = theory_of(method_at(i));
+    const theory *t = theory_find(method_at(i));
     const ms_integrator *integrator;
     if (!t) fail_msg("no theory of '%s' is in the bench's table", method_at(i));
     assert_ok(ms_integrator_find(method_at(i), &integrator, err));
-    for (int z = 0; z < (t->undamped ? 1 : ZETAS) && integrator->limit; z++) {
+    for (int z = 0; z < (t->undamped ? 1 : DAMPING_RATIOS) && integrator->limit; z++) {
       double peak;
       const double g = 2 * zetas[z], known = theory_limit(t, z, &peak);
       const ms_bounds bounds = mode(1, g);

@@ -69,7 +69,7 @@ static void stop_comes_from_another_thread(void **state) {
 
 int main(int argc, char **argv) {
   if (argc > 1) solver = argv[1];
-  if (!solver_there(solver)) return missing_status(solver);
+  if (!is_solver_available(solver)) return missing_status(solver);
   const struct CMUnitTest tests[] = {cmocka_unit_test(threads_do_not_meet),
                                      cmocka_unit_test(stop_comes_from_another_thread)};
   return cmocka_run_group_tests_name("threads", tests, NULL, NULL);

@@ -46,7 +46,7 @@ static msim_scene *random_scene(int dims) {
 
 /* Pinned particles have no kinetic energy, and springs between them none that changes. */
 static ms_totals plain_totals(void) {
-  ms_totals t = ms_totals_none();
+  ms_totals t = ms_totals_identity();
   for (int32_t i = 0; i < N; i++)
     for (int c = 0; c < 3 && !is_pinned(i); c++) {
       const double x = s.x[3 * i + c], v = s.v[3 * i + c];
@@ -81,29 +81,29 @@ static void totals_are_those_of_plain_loops(void **state) {
     const ms_totals want = plain_totals();
     ms_model model;
     assert_ok(ms_model_create(scene->data, 0, &model, err));
-    assert_int_equal(model.rows.dims, dims);
-    assert_true(model.halves.nparts > 0);
-    assert_true(ms_totals_parts(&model) > 1);
-    ms_totals *parts = malloc((size_t)ms_totals_parts(&model) * sizeof *parts);
+    assert_int_equal(model.unknowns.dims, dims);
+    assert_true(model.half_edges.nparts > 0);
+    assert_true(ms_totals_count_parts(&model) > 1);
+    ms_totals *parts = malloc((size_t)ms_totals_count_parts(&model) * sizeof *parts);
     double *vec[4];
-    for (int i = 0; i < 4; i++) vec[i] = ms_rows_vector(scene->data, &model.rows);
-    ms_rows_gather(&model.rows, s.x, vec[0]);
-    ms_rows_gather(&model.rows, s.v, vec[1]);
+    for (int i = 0; i < 4; i++) vec[i] = ms_unknowns_new_vector(scene->data, &model.unknowns);
+    ms_unknowns_gather(&model.unknowns, s.x, vec[0]);
+    ms_unknowns_gather(&model.unknowns, s.v, vec[1]);
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++) {
-      model.isa = ms_isa_named(sets[i]);
+      model.isa = ms_isa_find(sets[i]);
       if (model.isa < 0) continue; /* not supported by this CPU */
       const ms_totals got =
           ms_totals_compute(&model, vec[0], vec[1], &(ms_totals_copy){vec[2], vec[3]}, parts);
       compare(&got, &want);
       for (int c = 0; c < dims; c++) {
-        const int32_t at = c * model.rows.stride;
-        const size_t bytes = (size_t)model.rows.nfree * sizeof(double);
+        const int32_t at = c * model.unknowns.stride;
+        const size_t bytes = (size_t)model.unknowns.nfree * sizeof(double);
         assert_memory_equal(vec[2] + at, vec[0] + at, bytes);
         assert_memory_equal(vec[3] + at, vec[1] + at, bytes);
         memset(vec[2] + at, 0, bytes), memset(vec[3] + at, 0, bytes);
       }
     }
-    for (int i = 0; i < 4; i++) ms_delete(&scene->data->alloc, vec[i]);
+    for (int i = 0; i < 4; i++) ms_memory_free(&scene->data->alloc, vec[i]);
     free(parts);
     ms_model_destroy(&model);
     msim_scene_destroy(scene);

@@ -11,23 +11,23 @@ enum { ROWS = 37, STRIDE = 48, MOST = 3 * STRIDE };
 
 static void bad_numbers_are_found(void **state) {
   (void)state;
-  const double bad[] = {NAN, INFINITY, -INFINITY, nextafter(MS_HUGE, INFINITY), -1e300};
-  const double fine[] = {MS_HUGE, -MS_HUGE, 0.0, 5e-324, 1e100};
+  const double bad[] = {NAN, INFINITY, -INFINITY, nextafter(MS_LARGEST_VALID, INFINITY), -1e300};
+  const double fine[] = {MS_LARGEST_VALID, -MS_LARGEST_VALID, 0.0, 5e-324, 1e100};
   double x[MOST];
-  for (int k = 0; k < 2 * (ms_isa_best() + 1); k++) {
+  for (int k = 0; k < 2 * (ms_isa_choose() + 1); k++) {
     const ms_shape shape = {ROWS, STRIDE, 2 + k % 2, k / 2};
     for (int32_t at = 0; at < shape.dims * STRIDE; at++)
       for (int i = 0; i < 5; i++) {
         const int counts = at % STRIDE < ROWS; /* padding does not count */
         for (int q = 0; q < MOST; q++) x[q] = 0.5;
         x[at] = bad[i];
-        assert_int_equal(ms_find_bad(shape, x), counts ? at % STRIDE : -1);
+        assert_int_equal(ms_vector_find_invalid(shape, x), counts ? at % STRIDE : -1);
         x[at] = fine[i];
-        assert_int_equal(ms_find_bad(shape, x), -1);
+        assert_int_equal(ms_vector_find_invalid(shape, x), -1);
       }
-    for (int q = 0; q < MOST; q++) x[q] = q % 2 ? MS_HUGE : -MS_HUGE;
-    assert_int_equal(ms_find_bad(shape, x), -1);
-    assert_int_equal(ms_find_bad((ms_shape){0, STRIDE, 3, k / 2}, x), -1);
+    for (int q = 0; q < MOST; q++) x[q] = q % 2 ? MS_LARGEST_VALID : -MS_LARGEST_VALID;
+    assert_int_equal(ms_vector_find_invalid(shape, x), -1);
+    assert_int_equal(ms_vector_find_invalid((ms_shape){0, STRIDE, 3, k / 2}, x), -1);
   }
 }
 
@@ -38,14 +38,15 @@ static void sums_have_the_same_bits(void **state) {
   const double *of[TERMS];
   (void)state;
   for (int k = 0; k < TERMS; k++) {
-    w[k] = ms_arbitrary((uint32_t)k), of[k] = y[k];
-    for (int q = 0; q < MOST; q++) y[k][q] = ms_arbitrary((uint32_t)(k * MOST + q));
+    w[k] = ms_vector_random_entry((uint32_t)k), of[k] = y[k];
+    for (int q = 0; q < MOST; q++) y[k][q] = ms_vector_random_entry((uint32_t)(k * MOST + q));
   }
-  for (int q = 0; q < MOST; q++) x[q] = 1e3 * ms_arbitrary((uint32_t)(7 * q));
-  for (int k = 0; k < 2 * (ms_isa_best() + 1); k++) {
+  for (int q = 0; q < MOST; q++) x[q] = 1e3 * ms_vector_random_entry((uint32_t)(7 * q));
+  for (int k = 0; k < 2 * (ms_isa_choose() + 1); k++) {
     const int is_added = k % 2;
     for (int q = 0; q < MOST; q++) z[q] = -1;
-    ms_add_all((ms_shape){ROWS, STRIDE, 3, k / 2}, is_added ? x : NULL, TERMS, w, of, z);
+    ms_vector_linear_combination((ms_shape){ROWS, STRIDE, 3, k / 2}, is_added ? x : NULL, TERMS, w,
+                                 of, z);
     for (int q = 0; q < MOST; q++) {
       double sum = 0;
       for (int i = 0; i < TERMS; i++) sum += w[i] * y[i][q];
@@ -59,7 +60,7 @@ static void the_largest_is_found(void **state) {
   (void)state;
   const ms_shape shape = {.n = 3, .stride = 4, .dims = 2};
   const double x[8] = {1, -2, 2, 9, 0, 1, -2, 9}; /* row 3 is padding */
-  assert_int_equal(ms_find_largest(shape, x), 1);
+  assert_int_equal(ms_vector_find_largest(shape, x), 1);
 }
 
 int main(void) {

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "bank.h"
+#include "counting_allocator.h"
 #include "scenes.h"
 #include "sim/sim.h"
 
@@ -15,7 +15,7 @@ enum { NSOLVERS = sizeof solvers / sizeof *solvers };
 static const double zeros[MOST];
 
 /* A hanging cloth of springs of rest length 0; flat: gravity lies in its plane. */
-static msim_scene *collapsing(const msim_allocator *alloc, int flat) {
+static msim_scene *zero_rest_cloth(const msim_allocator *alloc, int flat) {
   const int32_t corners[2] = {0, SIDE - 1};
   const double g[3] = {0, flat ? -9.81 : 0.5, flat ? 0 : -9.81};
   msim_scene *like = hanging_cloth(SIDE, 100, 0), *scene;
@@ -56,16 +56,16 @@ static void same_motion(msim_sim *a, msim_sim *b, double tolerance) {
 
 /* One assembly and one factorization for any number of steps; further ones only after a change of h
  * or k. */
-static void one_factor_lasts(void **state) {
+static void one_factorization_serves_a_run(void **state) {
   (void)state;
   for (int i = 0; i < 2 * NSOLVERS; i++) {
     const char *solver = solvers[i / 2];
-    if (i > 1 && !solver_there(solver)) continue;
-    msim_scene *scene = collapsing(NULL, i % 2);
+    if (i > 1 && !is_solver_available(solver)) continue;
+    msim_scene *scene = zero_rest_cloth(NULL, i % 2);
     msim_sim *lean = implicit(scene, solver, 0), *general = implicit(scene, solver, 1);
-    assert_int_equal(lean->motion->stepper.solver->system.a.block, 1);
-    assert_int_equal(general->motion->stepper.solver->system.a.block, 3 - i % 2);
-    const int factorises = lean->motion->stepper.solver->linear->factorises;
+    assert_int_equal(lean->islands->stepper.solver->system.a.block, 1);
+    assert_int_equal(general->islands->stepper.solver->system.a.block, 3 - i % 2);
+    const int factorises = lean->islands->stepper.solver->linear->factorises;
     assert_ok(msim_sim_step(lean, 40, err));
     assert_ok(msim_sim_step(general, 40, err));
     same_motion(lean, general, 1e-10);
@@ -101,7 +101,7 @@ static void forces_are_the_same(void **state) {
   (void)state;
   static const char *const methods[] = {"heun", "verlet", "velocity-verlet", "rk4"};
   for (int i = 0; i < 8; i++) {
-    msim_scene *scene = collapsing(NULL, i % 2);
+    msim_scene *scene = zero_rest_cloth(NULL, i % 2);
     msim_sim *lean = sim_with(scene, methods[i / 2], "pcg", 0);
     msim_sim *general = sim_with(scene, methods[i / 2], "pcg", 1);
     assert_ok(msim_sim_step(lean, 300, err));
@@ -114,16 +114,16 @@ static void forces_are_the_same(void **state) {
 
 /* One spring with a rest length or a damping makes the matrix general, unless both its ends are
  * pinned. */
-static void one_other_spring_is_seen(void **state) {
+static void one_general_spring_is_detected(void **state) {
   (void)state;
   const double k = 1, some = 1e-300, none = 0;
   const int32_t free_pair[2] = {0, 9}, pinned_pair[2] = {0, SIDE - 1};
   for (int which = 0; which < 3; which++) {
-    msim_scene *scene = collapsing(NULL, 0);
+    msim_scene *scene = zero_rest_cloth(NULL, 0);
     assert_ok(msim_scene_add_springs(scene, 1, which == 2 ? pinned_pair : free_pair, &k,
                                      which == 1 ? &none : &some, which == 1 ? &some : &none, err));
     msim_sim *sim = implicit(scene, "pcg", 0);
-    assert_int_equal(sim->motion->stepper.solver->system.a.block, which == 2 ? 1 : 3);
+    assert_int_equal(sim->islands->stepper.solver->system.a.block, which == 2 ? 1 : 3);
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
@@ -135,8 +135,8 @@ static void springs_may_change_their_kind(void **state) {
   double rest[MOST], damping[MOST];
   for (int e = 0; e < MOST; e++) rest[e] = 0.1, damping[e] = 0.001;
   for (int i = 1; i < NSOLVERS; i++) {
-    if (!solver_there(solvers[i])) continue;
-    msim_scene *scene = collapsing(NULL, 0);
+    if (!is_solver_available(solvers[i])) continue;
+    msim_scene *scene = zero_rest_cloth(NULL, 0);
     msim_sim *lean = implicit(scene, solvers[i], 0), *general = implicit(scene, solvers[i], 1);
     const double *const rests[] = {rest, zeros, NULL}, *const dampings[] = {NULL, NULL, damping};
     for (int change = 0; change < 3; change++) {
@@ -144,7 +144,7 @@ static void springs_may_change_their_kind(void **state) {
       assert_ok(msim_sim_step(general, 10, err));
       assert_ok(msim_sim_set_springs(lean, NULL, rests[change], dampings[change], err));
       assert_ok(msim_sim_set_springs(general, NULL, rests[change], dampings[change], err));
-      assert_int_equal(lean->motion->stepper.solver->system.a.block, change == 1 ? 1 : 3);
+      assert_int_equal(lean->islands->stepper.solver->system.a.block, change == 1 ? 1 : 3);
     }
     assert_ok(msim_sim_step(lean, 10, err));
     assert_ok(msim_sim_step(general, 10, err));
@@ -162,9 +162,9 @@ static void a_change_that_fails_changes_nothing(void **state) {
   (void)state;
   double rest[MOST];
   for (int e = 0; e < MOST; e++) rest[e] = 0.1;
-  bank b = {.fail_at = -1};
-  const msim_allocator alloc = {bank_alloc, bank_free, &b};
-  msim_scene *scene = collapsing(&alloc, 0);
+  counting_allocator b = {.fail_at = -1};
+  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  msim_scene *scene = zero_rest_cloth(&alloc, 0);
   msim_sim *sim = implicit(scene, "pcg", 0), *other = implicit(scene, "pcg", 0);
   const int64_t live = b.live;
   int64_t failures = 0;
@@ -178,7 +178,7 @@ static void a_change_that_fails_changes_nothing(void **state) {
     assert_int_equal(stats_of(sim).assemblies, 1);
   }
   assert_in_range(failures, 10, 100);
-  assert_int_equal(sim->motion->stepper.solver->system.a.block, 3);
+  assert_int_equal(sim->islands->stepper.solver->system.a.block, 3);
   msim_sim_destroy(sim), msim_sim_destroy(other);
   msim_scene_destroy(scene);
   assert_int_equal(b.live, 0);
@@ -188,7 +188,7 @@ static void a_change_that_fails_changes_nothing(void **state) {
  * reason. */
 static void the_matrix_and_the_reason_are_told(void **state) {
   (void)state;
-  msim_scene *scene = collapsing(NULL, 0);
+  msim_scene *scene = zero_rest_cloth(NULL, 0);
   msim_sim *lean = implicit(scene, "pcg", 0), *general = implicit(scene, "pcg", 1);
   msim_csr A = {.size = sizeof A}, B = {.size = sizeof B};
   const char *text;
@@ -197,7 +197,7 @@ static void the_matrix_and_the_reason_are_told(void **state) {
   assert_int_equal(A.n, 3 * (N - 2));
   assert_int_equal(A.rowptr[A.n], B.rowptr[B.n]);
   for (int32_t e = 0; e < A.rowptr[A.n]; e++) assert_true(A.val[e] == B.val[e]);
-  assert_null(lean->motion->stepper.solver->system.a.g);
+  assert_null(lean->islands->stepper.solver->system.a.g);
   assert_ok(msim_sim_explain(lean, &text, err));
   assert_non_null(strstr(text, "all rest lengths and dampings are 0"));
   assert_non_null(strstr(text, "62 unknowns: one for each free particle, 3 right sides"));
@@ -208,9 +208,9 @@ static void the_matrix_and_the_reason_are_told(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(one_factor_lasts),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(one_factorization_serves_a_run),
                                      cmocka_unit_test(forces_are_the_same),
-                                     cmocka_unit_test(one_other_spring_is_seen),
+                                     cmocka_unit_test(one_general_spring_is_detected),
                                      cmocka_unit_test(springs_may_change_their_kind),
                                      cmocka_unit_test(a_change_that_fails_changes_nothing),
                                      cmocka_unit_test(the_matrix_and_the_reason_are_told)};

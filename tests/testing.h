@@ -48,7 +48,7 @@ static inline void require(int there, const char *what) {
 #if defined(__SANITIZE_ADDRESS__)
 enum { IS_CHECKED = 1 };
 #else
-enum { IS_CHECKED = 0 };
+enum { HAS_ADDRESS_SANITIZER = 0 };
 #endif
 
 /* The next number in [0, 1), by the linear congruential generator of Numerical Recipes. */

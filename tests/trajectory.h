@@ -5,15 +5,15 @@
 #include <hdf5.h>
 
 #include "testing.h"
-#include "recording.h"
+#include "sample_recording.h"
 #include "sim/recorders.h"
 
 /* The recorder hdf5, loaded or linked in; NULL: missing. */
-static inline const msim_recorder_type *plugin(void) {
-  const msim_allocator alloc = ms_allocator(NULL);
+static inline const msim_recorder_type *find_hdf5_recorder(void) {
+  const msim_allocator alloc = ms_memory_allocator(NULL);
   ms_text where = {.alloc = &alloc};
   const msim_recorder_type *type;
-  const msim_status status = ms_recorder_find("hdf5", NULL, &type, &where, NULL);
+  const msim_status status = ms_recorders_find("hdf5", NULL, &type, &where, NULL);
   ms_text_free(&where);
   return status ? NULL : type;
 }
@@ -29,7 +29,7 @@ static inline hid_t open_trajectory(const char *path) {
 
 /* The rank of a dataset, -1 if it does not exist; dims: its dimensions, dims[0] = 0 for a
  * scalar. */
-static inline int extent(hid_t file, const char *path, hsize_t dims[2]) {
+static inline int dataset_extent(hid_t file, const char *path, hsize_t dims[2]) {
   dims[0] = dims[1] = 0;
   hid_t dataset = H5Dopen2(file, path, H5P_DEFAULT);
   if (dataset < 0) return -1;
@@ -46,7 +46,7 @@ static inline int extent(hid_t file, const char *path, hsize_t dims[2]) {
 static inline uint64_t *read_rows(hid_t file, const char *path, int64_t first, int64_t rows,
                                   int64_t *count) {
   hsize_t dims[2];
-  const int rank = extent(file, path, dims);
+  const int rank = dataset_extent(file, path, dims);
   if (rows < 0) rows = (int64_t)dims[0];
   if (rank < 1 || first + rows > (int64_t)dims[0]) return NULL;
   *count = rows * (rank == 2 ? (int64_t)dims[1] : 1);
@@ -76,17 +76,18 @@ static inline int64_t read_attribute(hid_t file, const char *group, const char *
 }
 
 /* The hash that the comment at the top of hdf5.c defines. */
-typedef struct hash {
+typedef struct trajectory_hash {
   uint64_t sum, count;
-} hash;
+} trajectory_hash;
 
-static inline void hash_word(hash *h, uint64_t word) {
+static inline void hash_word(trajectory_hash *h, uint64_t word) {
   h->count++;
   uint64_t z = word ^ (h->count * 0x9e3779b97f4a7c15u);
   h->sum += (z ^ (z >> 32)) * 0xbf58476d1ce4e5b9u;
 }
 
-static inline int hash_rows(hash *h, hid_t file, const char *path, int64_t first, int64_t rows) {
+static inline int hash_rows(trajectory_hash *h, hid_t file, const char *path, int64_t first,
+                            int64_t rows) {
   int64_t count = 0;
   uint64_t *words = read_rows(file, path, first, rows, &count);
   for (int64_t i = 0; i < count && words; i++) hash_word(h, words[i]);
@@ -94,8 +95,8 @@ static inline int hash_rows(hash *h, hid_t file, const char *path, int64_t first
   return words != NULL;
 }
 
-static inline int frame_is_good(hid_t file, int64_t i, int64_t n) {
-  hash h = {0, 0};
+static inline int is_frame_valid(hid_t file, int64_t i, int64_t n) {
+  trajectory_hash h = {0, 0};
   int64_t one;
   uint64_t *stored = read_rows(file, "/msim/frames/hash", i, 1, &one);
   int good = stored && hash_rows(&h, file, "/VTKHDF/PointData/Velocity", i * n, n) &&
@@ -106,11 +107,11 @@ static inline int frame_is_good(hid_t file, int64_t i, int64_t n) {
   return good;
 }
 
-static inline int statics_are_good(hid_t file, int64_t n) {
-  hash h = {0, 0};
+static inline int are_statics_valid(hid_t file, int64_t n) {
+  trajectory_hash h = {0, 0};
   hsize_t springs[2], scene[2];
-  extent(file, "/VTKHDF/CellData/Stiffness", springs);
-  extent(file, "/msim/scene", scene);
+  dataset_extent(file, "/VTKHDF/CellData/Stiffness", springs);
+  dataset_extent(file, "/msim/scene", scene);
   hash_word(&h, (uint64_t)n);
   hash_word(&h, springs[0]);
   int good = hash_rows(&h, file, "/VTKHDF/Lines/Connectivity", 0, -1) &&
@@ -137,7 +138,7 @@ static inline int64_t count_committed(hid_t file, int64_t planned) {
 }
 
 /* Check all committed frames; returns their number, < 0 where anything is wrong. */
-static inline int64_t verify(const char *path, int64_t *planned) {
+static inline int64_t verify_trajectory(const char *path, int64_t *planned) {
   hid_t file = open_trajectory(path);
   if (file < 0) return -1;
   hsize_t values[2];
@@ -145,19 +146,19 @@ static inline int64_t verify(const char *path, int64_t *planned) {
   *planned = read_attribute(file, "/VTKHDF/Steps", "NSteps");
   uint64_t *n = read_rows(file, "/VTKHDF/NumberOfPoints", 0, 1, &count);
   /* VTK reads all of Values, and writes past the end of its arrays if there are more */
-  if (n && extent(file, "/VTKHDF/Steps/Values", values) == 1 && (int64_t)values[0] == *planned &&
-      statics_are_good(file, (int64_t)*n))
+  if (n && dataset_extent(file, "/VTKHDF/Steps/Values", values) == 1 &&
+      (int64_t)values[0] == *planned && are_statics_valid(file, (int64_t)*n))
     good = count_committed(file, *planned);
   for (int64_t i = 0; i < good; i++)
-    if (!frame_is_good(file, i, (int64_t)*n)) good = -3;
+    if (!is_frame_valid(file, i, (int64_t)*n)) good = -3;
   free(n);
   H5Fclose(file);
   return good;
 }
 
-static inline void assert_good(const char *path, int64_t frames, int64_t planned) {
+static inline void assert_trajectory_valid(const char *path, int64_t frames, int64_t planned) {
   int64_t found = -1;
-  assert_int_equal(verify(path, &found), frames);
+  assert_int_equal(verify_trajectory(path, &found), frames);
   assert_int_equal(found, planned);
 }
 

@@ -10,7 +10,7 @@
 #include "sim/sim.h"
 
 /* Linearly implicit Euler with pcg, h = 1/60 s, clamped stiffness matrices. */
-static inline msim_options frames(void) {
+static inline msim_options two_level_options(void) {
   msim_options opt = options("linearly-implicit-euler", 1.0 / 60);
   opt.solver = "pcg";
   opt.jacobian = MSIM_JACOBIAN_CLAMP;
@@ -18,14 +18,14 @@ static inline msim_options frames(void) {
 }
 
 static inline ms_pcg *pcg_of(msim_sim *sim) {
-  return (ms_pcg *)sim->motion->stepper.solver->linear;
+  return (ms_pcg *)sim->islands->stepper.solver->linear;
 }
 
 /* aggregate: block rows per aggregate of the coarse space; 0: block Jacobi only */
-static inline msim_sim *make_two_level(const msim_scene *scene, const msim_options *opt,
-                                       int32_t aggregate) {
+static inline msim_sim *make_two_level_sim(const msim_scene *scene, const msim_options *opt,
+                                           int32_t aggregate) {
   msim_sim *sim = make_sim(scene, opt);
-  ms_solver *solver = sim->motion->stepper.solver;
+  ms_solver *solver = sim->islands->stepper.solver;
   assert_string_equal(solver->linear->name, "pcg");
   solver->linear->ops->destroy(solver->linear);
   solver->linear = NULL;
@@ -34,8 +34,8 @@ static inline msim_sim *make_two_level(const msim_scene *scene, const msim_optio
 }
 
 /* A cube that hangs from its top face, which is pinned. */
-static inline msim_scene *hanging_jelly(int32_t side, double k) {
-  return held_block(side, 0.3, k, side - 1);
+static inline msim_scene *hanging_cube(int32_t side, double k) {
+  return pinned_block(side, 0.3, k, side - 1);
 }
 
 /* Mean number of iterations per step in the 5 steps after the first `steps`. */

@@ -45,7 +45,7 @@ thread_sanitizer() {
 
 # The same bits as by GCC, with the same flags
 clang_bits() {
-  local with_lanes='^(golden|vector|pass|physics)'
+  local with_lanes='^(golden|vector|force_sweep|physics)'
   CC=clang-14 build clang release "-DMSIM_TEST_PROGRAMS=$with_lanes"
   tests clang -R "$with_lanes"
 }
@@ -74,8 +74,8 @@ memory_checked() {
 
 # test_newton takes as long as all others.
 memory_errors() {
-  check "valgrind" memory_checked scene objects scene_json bad_scenes layout shapes sim respa \
-    planes events coarse recorder csv checkpoint_bytes hdf5_resume
+  check "valgrind" memory_checked scene objects scene_json bad_scenes layout spring_graphs sim respa \
+    planes events coarse recorder csv checkpoint_refusals hdf5_resume
 }
 
 memory_errors_of_newton() { check "valgrind: newton" memory_checked newton; }

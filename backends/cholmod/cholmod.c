@@ -29,7 +29,7 @@ typedef struct cholesky {
   double *work;                            /* workspace of triangular_solve */
   panels panels;                           /* packed copy of the factor, if it is used many times */
   enum { NOT_YET, PACKED, UNFIT } packing; /* state of the packed copy */
-  int omp_levels;                          /* OpenMP setting of the caller before hold_threads */
+  int omp_levels;                          /* OpenMP setting of the caller before limit_threads */
 } cholesky;
 
 /*------------------------------------- threads --------------------------------------------------*/
@@ -63,29 +63,30 @@ static thread_controls find_controls(void) {
 
 /* The number of OpenBLAS threads is global, so solvers in several threads share one change of it:
  * the first to enter sets it, the last to leave restores it. OpenMP's levels are per thread. */
-static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
-static int inside, blas_before;
+static pthread_mutex_t blas_mutex = PTHREAD_MUTEX_INITIALIZER;
+static int active_solvers, blas_threads_before;
 
-static void hold_threads(cholesky *self) {
+static void limit_threads(cholesky *self) {
   const thread_controls c = find_controls();
-  pthread_mutex_lock(&gate);
-  if (inside++ == 0 && c.get_blas && c.set_blas) blas_before = c.get_blas(), c.set_blas(1);
-  pthread_mutex_unlock(&gate);
+  pthread_mutex_lock(&blas_mutex);
+  if (active_solvers++ == 0 && c.get_blas && c.set_blas)
+    blas_threads_before = c.get_blas(), c.set_blas(1);
+  pthread_mutex_unlock(&blas_mutex);
   if (c.get_levels && c.set_levels) self->omp_levels = c.get_levels(), c.set_levels(0);
 }
 
-static void release_threads(cholesky *self) {
+static void restore_threads(cholesky *self) {
   const thread_controls c = find_controls();
   if (c.get_levels && c.set_levels) c.set_levels(self->omp_levels);
-  pthread_mutex_lock(&gate);
-  if (--inside == 0 && c.get_blas && c.set_blas) c.set_blas(blas_before);
-  pthread_mutex_unlock(&gate);
+  pthread_mutex_lock(&blas_mutex);
+  if (--active_solvers == 0 && c.get_blas && c.set_blas) c.set_blas(blas_threads_before);
+  pthread_mutex_unlock(&blas_mutex);
 }
 
 /*------------------------------------- status ---------------------------------------------------*/
 
 /* CHOLMOD returns TRUE even if the matrix is not positive definite: only its status shows that. */
-static msim_status status_of(cholesky *self, const char *what) {
+static msim_status cholesky_status(cholesky *self, const char *what) {
   switch (self->common.status) {
     case CHOLMOD_OK:
     case CHOLMOD_DSMALL:
@@ -105,14 +106,14 @@ static msim_status status_of(cholesky *self, const char *what) {
   }
 }
 
-static msim_status refuse(cholesky *self, const char *why) {
+static msim_status cholesky_refuse(cholesky *self, const char *why) {
   self->host->fail(self->host, "%s", why);
   return MSIM_ERR_ARG;
 }
 
 /*------------------------------------- plugin functions -----------------------------------------*/
 
-static msim_status create(const msim_host *host, void **result) {
+static msim_status cholesky_create(const msim_host *host, void **result) {
   cholesky *self = host->alloc(host, sizeof *self);
   *result = self;
   if (!self) return MSIM_ERR_MEMORY;
@@ -128,11 +129,12 @@ static msim_status create(const msim_host *host, void **result) {
 /* Minimum degree is fast, and best for small systems and for cloths. Above this number of flops of
  * the factorization nested dissection is tried, too: it costs about as much as one factorization,
  * and saves up to two thirds of each for solids. */
-#define TRY_DISSECTION 3e9
+#define MIN_DISSECTION_FLOPS 3e9
 
 /* Order the vertices of the graph by one method, with postordering; *flops: of the
  * factorization. */
-static cholmod_factor *order_by(cholesky *self, cholmod_sparse *graph, int method, double *flops) {
+static cholmod_factor *order_with_method(cholesky *self, cholmod_sparse *graph, int method,
+                                         double *flops) {
   cholmod_common *c = &self->common;
   c->method[0].ordering = method;
   c->postorder = 1;
@@ -142,8 +144,8 @@ static cholmod_factor *order_by(cholesky *self, cholmod_sparse *graph, int metho
   return order;
 }
 
-static msim_status order(void *data, int32_t n, const int32_t *ptr, const int32_t *ind,
-                         int32_t *perm) {
+static msim_status cholesky_order(void *data, int32_t n, const int32_t *ptr, const int32_t *ind,
+                                  int32_t *perm) {
   cholesky *self = data;
   cholmod_common *c = &self->common;
   cholmod_sparse graph = {.nrow = (size_t)n,
@@ -156,24 +158,24 @@ static msim_status order(void *data, int32_t n, const int32_t *ptr, const int32_
                           .xtype = CHOLMOD_PATTERN,
                           .sorted = 1,
                           .packed = 1};
-  hold_threads(self);
+  limit_threads(self);
   double flops, fewer;
-  cholmod_factor *best = order_by(self, &graph, CHOLMOD_AMD, &flops);
-  msim_status status = status_of(self, "order the matrix");
-  if (!status && 27 * flops > TRY_DISSECTION) {
-    cholmod_factor *other = order_by(self, &graph, CHOLMOD_NESDIS, &fewer);
+  cholmod_factor *best = order_with_method(self, &graph, CHOLMOD_AMD, &flops);
+  msim_status status = cholesky_status(self, "order the matrix");
+  if (!status && 27 * flops > MIN_DISSECTION_FLOPS) {
+    cholmod_factor *other = order_with_method(self, &graph, CHOLMOD_NESDIS, &fewer);
     cholmod_factor *worse = fewer < flops ? best : other;
     best = fewer < flops ? other : best;
     cholmod_free_factor(&worse, c);
   }
   if (best) memcpy(perm, best->Perm, (size_t)n * sizeof *perm);
   cholmod_free_factor(&best, c);
-  release_threads(self);
+  restore_threads(self);
   return status;
 }
 
 /* The order is postordered already: neither postorder again nor permute columns. */
-static cholmod_factor *symbolic(cholesky *self, int supernodal) {
+static cholmod_factor *analyze_symbolic(cholesky *self, int supernodal) {
   cholmod_common *c = &self->common;
   c->method[0].ordering = CHOLMOD_NATURAL;
   c->postorder = 0;
@@ -194,19 +196,19 @@ static msim_status allocate_panels(cholesky *self, int single) {
   const size_t size = single ? sizeof(float) : sizeof(double);
   self->panels = (panels){.factor = L,
                           .single = single,
-                          .value = host->alloc(host, panels_size(L) * size),
+                          .value = host->alloc(host, panels_value_count(L) * size),
                           .y = host->alloc(host, LANES * L->n * sizeof(double)),
-                          .w = host->alloc(host, panels_work(L) * sizeof(double))};
+                          .w = host->alloc(host, panels_work_size(L) * sizeof(double))};
   const panels *p = &self->panels;
   if (p->value && p->y && p->w) return MSIM_OK;
   free_panels(self);
   return MSIM_ERR_MEMORY;
 }
 
-static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
+static msim_status cholesky_analyze(void *data, const msim_system *A, msim_solve_info *info) {
   cholesky *self = data;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_UPPER)
-    return refuse(self, "A must be UPPER, with blocks of 1 to 3 and a row at least");
+    return cholesky_refuse(self, "A must be UPPER, with blocks of 1 to 3 and a row at least");
   const size_t n = (size_t)A->block * (size_t)A->n;
   self->matrix = (cholmod_sparse){.nrow = n,
                                   .ncol = n,
@@ -224,21 +226,22 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
   const size_t relaxed[3] = {4, 16, 48};
   for (int i = 0; i < 3; i++)
     self->common.nrelax[i] = relaxed[i] * (A->block == 1 ? 1 : (size_t)A->block);
-  hold_threads(self);
-  self->supernodal = symbolic(self, CHOLMOD_SUPERNODAL);
+  limit_threads(self);
+  self->supernodal = analyze_symbolic(self, CHOLMOD_SUPERNODAL);
   info->fill = self->common.lnz;
   info->flops = self->common.fl;
-  release_threads(self);
-  msim_status status = status_of(self, "analyse the matrix");
+  restore_threads(self);
+  msim_status status = cholesky_status(self, "analyse the matrix");
   if (status) return status;
   /* a matrix with scalar blocks is constant, so one factorization is used for a whole run */
-  if (A->block == 1 && panels_pay()) return allocate_panels(self, 0);
-  self->work = self->host->alloc(self->host, triangular_work(self->supernodal) * sizeof(double));
+  if (A->block == 1 && panels_are_faster()) return allocate_panels(self, 0);
+  self->work =
+      self->host->alloc(self->host, triangular_work_size(self->supernodal) * sizeof(double));
   return self->work ? MSIM_OK : MSIM_ERR_MEMORY;
 }
 
 /* LL' exists only if A is positive definite; for LDL', the signs of D show it. */
-static int32_t definiteness(const cholmod_factor *L) {
+static int32_t cholesky_definiteness(const cholmod_factor *L) {
   const int32_t *column = L->p;
   const double *value = L->x;
   if (L->is_ll) return MSIM_DEFINITE_POSITIVE;
@@ -247,33 +250,34 @@ static int32_t definiteness(const cholmod_factor *L) {
   return MSIM_DEFINITE_POSITIVE;
 }
 
-static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
+static msim_status cholesky_factor(void *data, const msim_system *A, int32_t kind,
+                                   msim_solve_info *info) {
   (void)A;
   cholesky *self = data;
-  hold_threads(self);
+  limit_threads(self);
   msim_status status = MSIM_OK;
   self->packing = NOT_YET;
   if (kind == MSIM_FACTOR_SYMMETRIC && !self->simplicial) {
-    self->simplicial = symbolic(self, CHOLMOD_SIMPLICIAL);
-    status = status_of(self, "analyse the matrix");
+    self->simplicial = analyze_symbolic(self, CHOLMOD_SIMPLICIAL);
+    status = cholesky_status(self, "analyse the matrix");
   }
   self->current = kind == MSIM_FACTOR_SYMMETRIC ? self->simplicial : self->supernodal;
   if (!status) {
     cholmod_factorize(&self->matrix, self->current, &self->common);
-    status = status_of(self, "factor the matrix");
-    info->definite = status ? MSIM_DEFINITE_UNKNOWN : definiteness(self->current);
+    status = cholesky_status(self, "factor the matrix");
+    info->definite = status ? MSIM_DEFINITE_UNKNOWN : cholesky_definiteness(self->current);
   }
-  release_threads(self);
+  restore_threads(self);
   return status;
 }
 
 /* Whether to solve by panels. With a coarse tolerance the factor is a preconditioner, for which
  * panels in single precision suffice, which halve the time of a solve. */
-static int by_panels(cholesky *self, double rtol) {
+static int use_panels(cholesky *self, double rtol) {
   const double ROUGH = 1e-4;
   panels *p = &self->panels;
   const int rough = rtol >= ROUGH;
-  if (rough && !p->value && panels_pay())
+  if (rough && !p->value && panels_are_faster())
     allocate_panels(self, 1); /* a failure is harmless: the panels are optional */
   if (!p->value || (p->single && !rough)) return 0;
   if (self->packing == NOT_YET) self->packing = panels_pack(p) ? PACKED : UNFIT;
@@ -283,8 +287,8 @@ static int by_panels(cholesky *self, double rtol) {
 /* y = (L L')^-1 b, right-hand sides n apart */
 static void solve_supernodal(cholesky *self, size_t n, int32_t nrhs, const double *b, double *y,
                              double rtol) {
-  const int packed = by_panels(self, rtol);
-  const int32_t most = packed && self->panels.single ? 1 : MOST_SIDES;
+  const int packed = use_panels(self, rtol);
+  const int32_t most = packed && self->panels.single ? 1 : MAX_SIDES;
   for (int32_t done = 0; done < nrhs; done += most, b += (size_t)most * n, y += (size_t)most * n) {
     const int32_t sides = nrhs - done < most ? nrhs - done : most;
     if (packed) {
@@ -296,11 +300,11 @@ static void solve_supernodal(cholesky *self, size_t n, int32_t nrhs, const doubl
   }
 }
 
-static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
-                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+static msim_status cholesky_solve(void *data, const msim_system *A, const msim_solve_params *params,
+                                  int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   (void)info;
   cholesky *self = data;
-  if (nrhs < 1) return refuse(self, "nrhs must be at least 1");
+  if (nrhs < 1) return cholesky_refuse(self, "nrhs must be at least 1");
   const size_t n = (size_t)A->block * (size_t)A->n, columns = (size_t)nrhs;
   if (self->current == self->supernodal) {
     solve_supernodal(self, n, nrhs, b, y, params->rtol);
@@ -313,16 +317,16 @@ static msim_status solve(void *data, const msim_system *A, const msim_solve_para
                          .x = (void *)(uintptr_t)b,
                          .xtype = CHOLMOD_REAL,
                          .dtype = CHOLMOD_DOUBLE};
-  hold_threads(self);
+  limit_threads(self);
   cholmod_solve2(CHOLMOD_A, self->current, &right, NULL, &self->x, NULL, &self->y, &self->e,
                  &self->common);
-  release_threads(self);
-  msim_status status = status_of(self, "solve");
+  restore_threads(self);
+  msim_status status = cholesky_status(self, "solve");
   if (!status) memcpy(y, self->x->x, n * columns * sizeof *y);
   return status;
 }
 
-static void destroy(void *data) {
+static void cholesky_destroy(void *data) {
   cholesky *self = data;
   if (!self) return;
   cholmod_free_factor(&self->supernodal, &self->common);
@@ -346,11 +350,11 @@ MSIM_BACKEND_ENTRY(cholmod) {
       .license = "GPL-2.0-or-later (Supernodal), LGPL-2.1-or-later (Cholesky, Core)",
       .flags = MSIM_BACKEND_SYMMETRIC,
       .format = MSIM_FORMAT_UPPER,
-      .create = create,
-      .order = order,
-      .analyze = analyze,
-      .factor = factor,
-      .solve = solve,
-      .destroy = destroy};
+      .create = cholesky_create,
+      .order = cholesky_order,
+      .analyze = cholesky_analyze,
+      .factor = cholesky_factor,
+      .solve = cholesky_solve,
+      .destroy = cholesky_destroy};
   return &table;
 }

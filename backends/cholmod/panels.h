@@ -24,12 +24,12 @@ typedef int64_t quad_mask __attribute__((vector_size(8 * LANES)));
 typedef struct panels {
   const cholmod_factor *factor;
   int single;  /* values are floats, otherwise doubles */
-  void *value; /* panels_size numbers: all panels in order */
+  void *value; /* panels_value_count numbers: all panels in order */
   double *y;   /* workspace: 4 n, right-hand sides interleaved */
-  double *w;   /* workspace for the rows of a supernode: panels_work */
+  double *w;   /* workspace for the rows of a supernode: panels_work_size */
 } panels;
 
-INLINE int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
+INLINE int32_t min_int32(int32_t a, int32_t b) { return a < b ? a : b; }
 
 /* Number of quads for the rows of a supernode from row j on. */
 INLINE size_t quads_from(const supernode *s, int32_t j) {
@@ -38,10 +38,10 @@ INLINE size_t quads_from(const supernode *s, int32_t j) {
 
 /* Number of values in the panel that begins with column j. */
 INLINE size_t panel_size(const supernode *s, int32_t j) {
-  return LANES * (size_t)least(LANES, s->width - j) * quads_from(s, j);
+  return LANES * (size_t)min_int32(LANES, s->width - j) * quads_from(s, j);
 }
 
-static size_t panels_size(const cholmod_factor *L) {
+static size_t panels_value_count(const cholmod_factor *L) {
   size_t size = 0;
   for (size_t k = 0; k < L->nsuper; k++) {
     const supernode s = supernode_at(L, k);
@@ -50,20 +50,21 @@ static size_t panels_size(const cholmod_factor *L) {
   return size;
 }
 
-static size_t panels_work(const cholmod_factor *L) {
+static size_t panels_work_size(const cholmod_factor *L) {
   size_t most = 0;
   for (size_t k = 0; k < L->nsuper; k++) {
     const supernode s = supernode_at(L, k);
     if (quads_from(&s, 0) > most) most = quads_from(&s, 0);
   }
-  return MOST_SIDES * LANES * most;
+  return MAX_SIDES * LANES * most;
 }
 
 /*------------------------------------- packing --------------------------------------------------*/
 
 /* V = L_JJ^-1:  V_kk = 1/L_kk,  V_ik = - (sum over k <= m < i of L_im V_mk) / L_ii
  * L points to the first number of the panel; its columns are `rows` apart. */
-static void invert_corner(const double *L, size_t rows, size_t columns, double V[LANES][LANES]) {
+static void invert_diagonal_block(const double *L, size_t rows, size_t columns,
+                                  double V[LANES][LANES]) {
   for (size_t k = 0; k < columns; k++)
     for (size_t i = 0; i < columns; i++) {
       double sum = i == k;
@@ -96,8 +97,8 @@ INLINE void store_values(void *P, size_t at, int single, quad v) {
 }
 
 /* Rows first to first + 3 of -L_RJ V, column k; rows of J and rows past the end are arbitrary. */
-INLINE quad product(const double *L, size_t rows, size_t columns, size_t first, size_t end,
-                    double V[LANES][LANES], size_t k) {
+INLINE quad compute_panel_rows(const double *L, size_t rows, size_t columns, size_t first,
+                               size_t end, double V[LANES][LANES], size_t k) {
   quad sum = {0};
   for (size_t m = k; m < columns; m++) {
     quad l = {0};
@@ -112,15 +113,15 @@ INLINE quad product(const double *L, size_t rows, size_t columns, size_t first, 
 /* Returns 0 if a float cannot represent the panel: V_kk must be normal, all others finite. */
 INLINE int pack_panel(const supernode *s, int32_t j, int single, void *P, size_t at) {
   const size_t rows = (size_t)s->rows, end = rows - (size_t)j;
-  const size_t columns = (size_t)least(LANES, s->width - j);
+  const size_t columns = (size_t)min_int32(LANES, s->width - j);
   const double *L = s->value + (size_t)j * rows + j;
   double V[LANES][LANES], least_V = INFINITY;
   quad sum = {0}; /* sum of 0 times each value: 0, or NaN */
-  invert_corner(L, rows, columns, V);
+  invert_diagonal_block(L, rows, columns, V);
   for (size_t k = 0; k < columns; k++) least_V = V[k][k] < least_V ? V[k][k] : least_V;
   for (size_t first = 0; first < end; first += LANES)
     for (size_t k = 0; k < columns; k++, at += LANES) {
-      quad v = product(L, rows, columns, first, end, V, k);
+      quad v = compute_panel_rows(L, rows, columns, first, end, V, k);
       for (size_t i = 0; i < columns && first == 0; i++) v[i] = V[i][k];
       store_values(P, at, single, v);
       if (single) sum += 0 * load_values(P, at, single);
@@ -160,7 +161,7 @@ INLINE void transpose(quad v[LANES]) {
  * the right-hand sides in w are `apart` numbers apart. */
 INLINE void multiply(const panels *p, int single, size_t at, size_t quads, int columns, double *w,
                      size_t apart, int sides) {
-  quad x[LANES][MOST_SIDES] = {{{0}}};
+  quad x[LANES][MAX_SIDES] = {{{0}}};
   for (int c = 0; c < sides; c++) {
     quad corner = load_quad(w + (size_t)c * apart);
     for (int j = 0; j < columns; j++) {
@@ -170,7 +171,7 @@ INLINE void multiply(const panels *p, int single, size_t at, size_t quads, int c
     *quad_at(w + (size_t)c * apart) = corner;
   }
   for (size_t q = 0; q < quads; q++, w += LANES) {
-    quad sum[MOST_SIDES];
+    quad sum[MAX_SIDES];
     for (int c = 0; c < sides; c++) sum[c] = load_quad(w + (size_t)c * apart);
     for (int j = 0; j < columns; j++, at += LANES)
       for (int c = 0; c < sides; c++) sum[c] += load_values(p->value, at, single) * x[j][c];
@@ -183,7 +184,7 @@ INLINE void multiply_transposed(const panels *p, int single, size_t at, size_t q
                                 double *w, size_t apart, int sides) {
   enum { LINE = 64, AHEAD = 8192 };
   const size_t bytes = single ? sizeof(float) : sizeof(double);
-  quad sum[MOST_SIDES][LANES] = {{{0}}};
+  quad sum[MAX_SIDES][LANES] = {{{0}}};
   for (size_t q = 0; q < quads; q++) {
     const uintptr_t here = (uintptr_t)p->value + at * bytes;
     for (size_t b = 0; b < LANES * (size_t)columns * bytes; b += LINE)
@@ -203,10 +204,10 @@ INLINE void multiply_transposed(const panels *p, int single, size_t at, size_t q
 }
 
 /* One of the two products with the panel of column j, with a constant number of columns. */
-INLINE void by_panel(const panels *p, int single, const supernode *s, int32_t j, size_t at,
-                     int transposed, double *w, size_t apart, int sides) {
+INLINE void multiply_by_panel(const panels *p, int single, const supernode *s, int32_t j, size_t at,
+                              int transposed, double *w, size_t apart, int sides) {
   const size_t quads = quads_from(s, j);
-  switch (least(LANES, s->width - j)) {
+  switch (min_int32(LANES, s->width - j)) {
 #define CASE(columns)                                                                        \
   case columns:                                                                              \
     if (transposed) multiply_transposed(p, single, at, quads, columns, w + j, apart, sides); \
@@ -274,28 +275,28 @@ INLINE void panels_forward(const panels *p, int single, int sides) {
     const size_t apart = LANES * quads_from(&s, 0);
     gather_rows(&s, p->y, p->w, apart, sides);
     for (int32_t j = 0; j < s.width; at += panel_size(&s, j), j += LANES)
-      by_panel(p, single, &s, j, at, 0, p->w, apart, sides);
+      multiply_by_panel(p, single, &s, j, at, 0, p->w, apart, sides);
     scatter_rows(&s, s.rows, p->w, apart, p->y, sides);
   }
 }
 
 /* L' y' = y */
 INLINE void panels_backward(const panels *p, int single, int sides) {
-  size_t at = panels_size(p->factor);
+  size_t at = panels_value_count(p->factor);
   for (size_t k = p->factor->nsuper; k-- > 0;) {
     const supernode s = supernode_at(p->factor, k);
     const size_t apart = LANES * quads_from(&s, 0);
     gather_rows(&s, p->y, p->w, apart, sides);
     for (int32_t j = (s.width - 1) / LANES * LANES; j >= 0; j -= LANES) {
       at -= panel_size(&s, j);
-      by_panel(p, single, &s, j, at, 1, p->w, apart, sides);
+      multiply_by_panel(p, single, &s, j, at, 1, p->w, apart, sides);
     }
     scatter_rows(&s, s.width, p->w, apart, p->y, sides);
   }
 }
 
 /* y = b, from right-hand sides n apart to interleaved ones */
-INLINE void interleave(size_t n, const double *b, double *y, int sides) {
+INLINE void interleave_sides(size_t n, const double *b, double *y, int sides) {
   size_t i = 0;
   for (; i + LANES <= n && sides > 1; i += LANES) {
     quad v[LANES] = {{0}};
@@ -308,7 +309,7 @@ INLINE void interleave(size_t n, const double *b, double *y, int sides) {
       y[(sides > 1 ? LANES : 1) * i + (size_t)c] = b[(size_t)c * n + i];
 }
 
-INLINE void separate(size_t n, const double *y, double *x, int sides) {
+INLINE void separate_sides(size_t n, const double *y, double *x, int sides) {
   size_t i = 0;
   for (; i + LANES <= n && sides > 1; i += LANES) {
     quad v[LANES];
@@ -323,10 +324,10 @@ INLINE void separate(size_t n, const double *y, double *x, int sides) {
 
 /* L L' x = b */
 INLINE void solve_by_panels(const panels *p, int single, const double *b, double *x, int sides) {
-  interleave(p->factor->n, b, p->y, sides);
+  interleave_sides(p->factor->n, b, p->y, sides);
   panels_forward(p, single, sides);
   panels_backward(p, single, sides);
-  separate(p->factor->n, p->y, x, sides);
+  separate_sides(p->factor->n, p->y, x, sides);
 }
 
 /* Compiled with fused multiply-add. With registers of 2 doubles panels are slower than
@@ -337,7 +338,7 @@ INLINE void solve_by_panels(const panels *p, int single, const double *b, double
 #  else
 #    define FUSED __attribute__((target("avx2,fma"), optimize("fp-contract=fast")))
 #  endif
-static int panels_pay(void) {
+static int panels_are_faster(void) {
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 }
 #else

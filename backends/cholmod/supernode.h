@@ -8,7 +8,7 @@
 /* The warning concerns calls with wide vectors, but all such functions are inlined. */
 #pragma GCC diagnostic ignored "-Wpsabi"
 
-enum { LANES = 4, MOST_SIDES = 3 }; /* doubles read at once; right-hand sides solved at once */
+enum { LANES = 4, MAX_SIDES = 3 }; /* doubles read at once; right-hand sides solved at once */
 
 #define INLINE static inline __attribute__((always_inline))
 

@@ -20,24 +20,24 @@ typedef double lanes __attribute__((vector_size(8 * LANES)));
 #  define FOR_EACH_CPU
 #endif
 
-INLINE void load(lanes *to, const double *from) { memcpy(to, from, sizeof *to); }
+INLINE void load_lanes(lanes *to, const double *from) { memcpy(to, from, sizeof *to); }
 
 /* w_i -= sum over the `columns` columns j, j + 1 of L_ij w_j, for the rows i below them */
 INLINE void subtract_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
                              int sides) {
   const int32_t rows = s->rows;
   const double *L = s->value + (size_t)j * (size_t)rows;
-  double solved[2][MOST_SIDES];
+  double solved[2][MAX_SIDES];
   for (int q = 0; q < columns; q++)
     for (int c = 0; c < sides; c++) solved[q][c] = w[(size_t)c * apart + (size_t)(j + q)];
   int32_t i = j + columns;
   for (; i < s->end; i += LANES) {
     lanes first, second, rest;
-    load(&first, L + i);
-    if (columns == 2) load(&second, L + rows + i);
+    load_lanes(&first, L + i);
+    if (columns == 2) load_lanes(&second, L + rows + i);
     for (int c = 0; c < sides; c++) {
       double *wi = w + (size_t)c * apart + i;
-      load(&rest, wi);
+      load_lanes(&rest, wi);
       rest -= first * solved[0][c];
       if (columns == 2) rest -= second * solved[1][c];
       memcpy(wi, &rest, sizeof rest);
@@ -50,8 +50,8 @@ INLINE void subtract_columns(const supernode *s, int32_t j, int columns, double 
 }
 
 /* forward substitution, L w' = w, for column j and, if columns = 2, column j + 1 */
-INLINE void forward(const supernode *s, int32_t j, int columns, double *w, size_t apart,
-                    int sides) {
+INLINE void forward_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
+                            int sides) {
   const int32_t rows = s->rows;
   const double *L = s->value + (size_t)j * (size_t)rows;
   for (int c = 0; c < sides; c++) {
@@ -63,18 +63,18 @@ INLINE void forward(const supernode *s, int32_t j, int columns, double *w, size_
 }
 
 /* backward substitution, L' w' = w, for the same columns */
-INLINE void backward(const supernode *s, int32_t j, int columns, double *w, size_t apart,
-                     int sides) {
+INLINE void backward_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
+                             int sides) {
   const int32_t rows = s->rows;
   const double *L = s->value + (size_t)j * (size_t)rows;
-  lanes sum[2][MOST_SIDES] = {{{0}}};
+  lanes sum[2][MAX_SIDES] = {{{0}}};
   int32_t i = j + columns;
   for (; i < s->end; i += LANES) {
     lanes first, second, x;
-    load(&first, L + i);
-    if (columns == 2) load(&second, L + rows + i);
+    load_lanes(&first, L + i);
+    if (columns == 2) load_lanes(&second, L + rows + i);
     for (int c = 0; c < sides; c++) {
-      load(&x, w + (size_t)c * apart + i);
+      load_lanes(&x, w + (size_t)c * apart + i);
       sum[0][c] += first * x;
       if (columns == 2) sum[1][c] += second * x;
     }
@@ -92,8 +92,8 @@ INLINE void backward(const supernode *s, int32_t j, int columns, double *w, size
   }
 }
 
-INLINE void gather(const supernode *s, const double *y, size_t n, double *w, size_t apart,
-                   int sides) {
+INLINE void gather_sides(const supernode *s, const double *y, size_t n, double *w, size_t apart,
+                         int sides) {
   for (int c = 0; c < sides; c++) {
     double *wc = w + (size_t)c * apart;
     for (int32_t i = 0; i < s->rows; i++) wc[i] = y[(size_t)c * n + (size_t)s->row[i]];
@@ -101,8 +101,8 @@ INLINE void gather(const supernode *s, const double *y, size_t n, double *w, siz
   }
 }
 
-INLINE void scatter(const supernode *s, const double *w, size_t apart, int32_t count, double *y,
-                    size_t n, int sides) {
+INLINE void scatter_sides(const supernode *s, const double *w, size_t apart, int32_t count,
+                          double *y, size_t n, int sides) {
   for (int c = 0; c < sides; c++)
     for (int32_t i = 0; i < count; i++)
       y[(size_t)c * n + (size_t)s->row[i]] = w[(size_t)c * apart + (size_t)i];
@@ -113,22 +113,22 @@ INLINE void solve_sides(const cholmod_factor *L, double *y, double *w, int sides
   for (size_t k = 0; k < L->nsuper; k++) {
     const supernode s = supernode_at(L, k);
     const size_t apart = (size_t)s.rows + LANES;
-    gather(&s, y, L->n, w, apart, sides);
-    if (s.width % 2) forward(&s, 0, 1, w, apart, sides);
-    for (int32_t j = s.width % 2; j < s.width; j += 2) forward(&s, j, 2, w, apart, sides);
-    scatter(&s, w, apart, s.rows, y, L->n, sides);
+    gather_sides(&s, y, L->n, w, apart, sides);
+    if (s.width % 2) forward_columns(&s, 0, 1, w, apart, sides);
+    for (int32_t j = s.width % 2; j < s.width; j += 2) forward_columns(&s, j, 2, w, apart, sides);
+    scatter_sides(&s, w, apart, s.rows, y, L->n, sides);
   }
   for (size_t k = L->nsuper; k-- > 0;) {
     const supernode s = supernode_at(L, k);
     const size_t apart = (size_t)s.rows + LANES;
-    gather(&s, y, L->n, w, apart, sides);
-    for (int32_t j = s.width - 2; j >= 0; j -= 2) backward(&s, j, 2, w, apart, sides);
-    if (s.width % 2) backward(&s, 0, 1, w, apart, sides);
-    scatter(&s, w, apart, s.width, y, L->n, sides);
+    gather_sides(&s, y, L->n, w, apart, sides);
+    for (int32_t j = s.width - 2; j >= 0; j -= 2) backward_columns(&s, j, 2, w, apart, sides);
+    if (s.width % 2) backward_columns(&s, 0, 1, w, apart, sides);
+    scatter_sides(&s, w, apart, s.width, y, L->n, sides);
   }
 }
 
-/* y = (L L')^-1 y for 1 to 3 right-hand sides, n apart. work: triangular_work(L) doubles. */
+/* y = (L L')^-1 y for 1 to 3 right-hand sides, n apart. work: triangular_work_size(L) doubles. */
 FOR_EACH_CPU static void triangular_solve(const cholmod_factor *L, double *y, int sides,
                                           double *work) {
   if (sides == 1) solve_sides(L, y, work, 1);
@@ -136,12 +136,12 @@ FOR_EACH_CPU static void triangular_solve(const cholmod_factor *L, double *y, in
   else solve_sides(L, y, work, 3);
 }
 
-static size_t triangular_work(const cholmod_factor *L) {
+static size_t triangular_work_size(const cholmod_factor *L) {
   const int32_t *pi = L->pi;
   int32_t most = 0;
   for (size_t k = 0; k < L->nsuper; k++)
     if (pi[k + 1] - pi[k] > most) most = pi[k + 1] - pi[k];
-  return MOST_SIDES * ((size_t)most + LANES);
+  return MAX_SIDES * ((size_t)most + LANES);
 }
 
 #endif

@@ -9,7 +9,8 @@
 /*------------------------------------- datasets -------------------------------------------------*/
 
 /* Set all entries of row i to first + i stride, for 0 <= i < rows. */
-static void fill(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t first, int64_t stride) {
+static void fill_rows(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t first,
+                      int64_t stride) {
   enum { BLOCK = 256, WIDEST = 4 };
   int64_t block[BLOCK * WIDEST];
   for (hsize_t i = 0; i < rows && r->fault.status == MSIM_OK; i += BLOCK) {
@@ -56,13 +57,14 @@ static void create_columns(recorder *r, const double *times) {
     const int64_t stride = c->plan == FRAME ? 1 : c->plan == FIRST_ROW ? r->n : 0;
     hid_t dataset = create_dataset(r, c->path, c->shape, rows, chunk_rows(c->shape, r->n, rows));
     if (c->plan == TIMES) h5_put(r, dataset, c->shape, 0, rows, times);
-    else if (c->plan != NOTHING) fill(r, dataset, c->shape, rows, c->plan == ONE, stride);
+    else if (c->plan != NOTHING) fill_rows(r, dataset, c->shape, rows, c->plan == ONE, stride);
     if (i < NWRITTEN) r->column[i] = dataset;
     else h5_drop(r, H5Dclose, dataset);
   }
 }
 
-static void constant(recorder *r, const char *path, shape s, int64_t rows, const void *data) {
+static void create_constant(recorder *r, const char *path, shape s, int64_t rows,
+                            const void *data) {
   hid_t dataset = create_dataset(r, path, s, (hsize_t)rows, 0);
   h5_put(r, dataset, s, 0, (hsize_t)rows, data);
   h5_drop(r, H5Dclose, dataset);
@@ -73,25 +75,25 @@ static void create_cells(recorder *r, const char *kind, int64_t cells, const int
   const char *name[] = {"Connectivity", "NumberOfCells", "NumberOfConnectivityIds", "Offsets"};
   char path[4][64];
   for (int i = 0; i < 4; i++) snprintf(path[i], sizeof path[i], "/VTKHDF/%s/%s", kind, name[i]);
-  constant(r, path[0], INDEX, 2 * cells, ij);
-  constant(r, path[1], WHOLE, 2, (int64_t[]){cells, 0});
-  constant(r, path[2], WHOLE, 2, (int64_t[]){2 * cells, 0});
+  create_constant(r, path[0], INDEX, 2 * cells, ij);
+  create_constant(r, path[1], WHOLE, 2, (int64_t[]){cells, 0});
+  create_constant(r, path[2], WHOLE, 2, (int64_t[]){2 * cells, 0});
   hid_t offsets = create_dataset(r, path[3], WHOLE, (hsize_t)cells + 2, 0);
-  fill(r, offsets, WHOLE, (hsize_t)cells + 1, 0, 2);
+  fill_rows(r, offsets, WHOLE, (hsize_t)cells + 1, 0, 2);
   h5_put(r, offsets, WHOLE, (hsize_t)cells + 1, 1, &(int64_t){0});
   h5_drop(r, H5Dclose, offsets);
 }
 
 static void create_constants(recorder *r, const msim_recording *what) {
-  constant(r, "/VTKHDF/NumberOfPoints", WHOLE, 2, (int64_t[]){what->n, 0});
+  create_constant(r, "/VTKHDF/NumberOfPoints", WHOLE, 2, (int64_t[]){what->n, 0});
   create_cells(r, "Vertices", 0, NULL);
   create_cells(r, "Lines", what->nsprings, what->ij);
   create_cells(r, "Polygons", 0, NULL);
   create_cells(r, "Strips", 0, NULL);
-  constant(r, "/VTKHDF/PointData/Mass", REAL, what->n, what->mass);
-  constant(r, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings, what->k);
-  constant(r, "/VTKHDF/CellData/RestLength", REAL, what->nsprings, what->rest);
-  constant(r, "/msim/scene", BYTE, (int64_t)what->scene_length, what->scene);
+  create_constant(r, "/VTKHDF/PointData/Mass", REAL, what->n, what->mass);
+  create_constant(r, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings, what->k);
+  create_constant(r, "/VTKHDF/CellData/RestLength", REAL, what->nsprings, what->rest);
+  create_constant(r, "/msim/scene", BYTE, (int64_t)what->scene_length, what->scene);
 }
 
 /* A slot of zeros is invalid, because its hash is not 0. */
@@ -138,7 +140,7 @@ static void create_attributes(recorder *r, const msim_recording *what) {
 /*------------------------------------- the whole ------------------------------------------------*/
 
 /* Bytes of all data, without the metadata of libhdf5. */
-static double payload(const msim_recording *what) {
+static double count_data_bytes(const msim_recording *what) {
   double frame = 0;
   for (const column *c = h5_columns; c < h5_columns + NCOLUMNS; c++)
     frame += 8.0 * (double)(h5_width[c->shape] * h5_rows(c->shape, what->n));
@@ -151,10 +153,10 @@ static double payload(const msim_recording *what) {
 void h5_create(recorder *r, const msim_recording *what) {
   hsize_t size = 0;
   h5_doing(r, "create", "the file");
-  if (what->nframes < 1 || payload(what) > 0x1p62)
+  if (what->nframes < 1 || count_data_bytes(what) > 0x1p62)
     h5_fail(r, MSIM_ERR_ARG, "too few or too many frames");
   h5_open_file(r, what->path, CREATE);
-  h5_reserve(r, payload(what));
+  h5_reserve(r, count_data_bytes(what));
   create_columns(r, what->times);
   create_constants(r, what);
   create_slots(r, what->checkpoint_capacity);

@@ -6,7 +6,8 @@
 /*------------------------------------- errors ---------------------------------------------------*/
 
 int h5_doing(recorder *r, const char *verb, const char *object) {
-  if (r->fault.status == MSIM_OK) snprintf(r->doing, sizeof r->doing, "%s %s", verb, object);
+  if (r->fault.status == MSIM_OK)
+    snprintf(r->operation, sizeof r->operation, "%s %s", verb, object);
   return r->fault.status == MSIM_OK;
 }
 
@@ -21,15 +22,15 @@ void h5_fail(recorder *r, msim_status status, const char *format, ...) {
 
 msim_status h5_report(const recorder *r) {
   if (r->fault.status != MSIM_OK)
-    r->host->fail(r->host, "%s: cannot %s: %s", r->name, r->doing, r->fault.reason);
+    r->host->fail(r->host, "%s: cannot %s: %s", r->name, r->operation, r->fault.reason);
   return r->fault.status;
 }
 
 /*------------------------------------- rows -----------------------------------------------------*/
 
 /* Write if `data` is not NULL, else read to `to`. */
-static void move(recorder *r, hid_t dataset, shape s, hsize_t first, hsize_t rows, const void *data,
-                 void *to) {
+static void transfer_rows(recorder *r, hid_t dataset, shape s, hsize_t first, hsize_t rows,
+                          const void *data, void *to) {
   if (r->fault.status != MSIM_OK || rows == 0) return;
   const hsize_t start[] = {first, 0}, count[] = {rows, h5_width[s]};
   const hid_t type = h5_memory_type(s);
@@ -43,11 +44,11 @@ static void move(recorder *r, hid_t dataset, shape s, hsize_t first, hsize_t row
 }
 
 void h5_put(recorder *r, hid_t to, shape s, hsize_t first, hsize_t rows, const void *data) {
-  move(r, to, s, first, rows, data, NULL);
+  transfer_rows(r, to, s, first, rows, data, NULL);
 }
 
 void h5_get(recorder *r, hid_t from, shape s, hsize_t first, hsize_t rows, void *data) {
-  move(r, from, s, first, rows, NULL, data);
+  transfer_rows(r, from, s, first, rows, NULL, data);
 }
 
 void h5_allocate_slot(recorder *r, size_t capacity) {

@@ -18,8 +18,8 @@ typedef struct recorder {
   size_t capacity; /* size of a checkpoint, bytes; 0: no slots */
   uint64_t *words; /* buffer for a slot */
   fault fault;
-  char doing[96]; /* present operation, for messages */
-  char name[];    /* name of the file, for messages */
+  char operation[96]; /* present operation, for messages */
+  char name[];        /* name of the file, for messages */
 } recorder;
 
 /* Set the present operation for messages. Returns 0 after a failure. */
@@ -30,10 +30,10 @@ __attribute__((format(printf, 3, 4)))
 void h5_fail(recorder *r, msim_status status, const char *format, ...);
 
 /* All results of libhdf5 are checked by these. */
-static inline int h5_ok(recorder *r, int64_t result) { return ok(&r->fault, result); }
-static inline hid_t h5_id(recorder *r, hid_t result) { return id(&r->fault, result); }
+static inline int h5_ok(recorder *r, int64_t result) { return check_result(&r->fault, result); }
+static inline hid_t h5_id(recorder *r, hid_t result) { return check_id(&r->fault, result); }
 static inline void h5_drop(recorder *r, herr_t (*close)(hid_t), hid_t object) {
-  drop(&r->fault, close, object);
+  close_object(&r->fault, close, object);
 }
 
 /* Pass the error to the host and return its status. */

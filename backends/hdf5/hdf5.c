@@ -4,7 +4,7 @@
 #include "hash.h"
 #include "resume.h"
 
-static void put_column(recorder *r, int i, const entry *e) {
+static void write_column(recorder *r, int i, const entry *e) {
   const shape s = h5_columns[i].shape;
   const hsize_t rows = h5_rows(s, r->n);
   const void *data = (const char *)e + h5_columns[i].source;
@@ -13,7 +13,7 @@ static void put_column(recorder *r, int i, const entry *e) {
   h5_put(r, r->column[i], s, (hsize_t)r->written * rows, rows, data);
 }
 
-static void put_checkpoint(recorder *r, const msim_frame *frame) {
+static void write_checkpoint(recorder *r, const msim_frame *frame) {
   const size_t bytes = frame->checkpoint_length, words = h5_slot_words(bytes);
   const int which = (int)(r->written % NSLOTS);
   if (!frame->checkpoint || !h5_doing(r, "write", h5_slots[which])) return;
@@ -31,7 +31,7 @@ static void put_checkpoint(recorder *r, const msim_frame *frame) {
 }
 
 /* Uncommit frames from `written` on, last first, so that there is never a gap. */
-static void take_back(recorder *r) {
+static void uncommit_frames(recorder *r) {
   const hid_t values = r->column[TIME_SHOWN], commit = r->column[COMMIT];
   if (r->committed > r->written)
     h5_put(r, values, REAL, (hsize_t)r->committed - 1, 1, &r->planned_t);
@@ -39,12 +39,12 @@ static void take_back(recorder *r) {
     h5_put(r, commit, WHOLE, (hsize_t)--r->committed, 1, &(int64_t){1});
 }
 
-static void put_entry(recorder *r, const entry *e) {
-  take_back(r);
-  for (int i = 0; i < COMMIT; i++) put_column(r, i, e);
-  put_checkpoint(r, &e->frame);
+static void write_frame_entry(recorder *r, const entry *e) {
+  uncommit_frames(r);
+  for (int i = 0; i < COMMIT; i++) write_column(r, i, e);
+  write_checkpoint(r, &e->frame);
   h5_flush(r);
-  put_column(r, COMMIT, e);
+  write_column(r, COMMIT, e);
   h5_flush(r);
 }
 
@@ -64,14 +64,14 @@ static msim_status close_recorder(void *self) {
 }
 
 /* Copy as much of a struct as the host provides; the rest stays 0. */
-#define TAKE(mine, given) \
+#define COPY_KNOWN_MEMBERS(mine, given) \
   memcpy(&(mine), given, (given)->size < sizeof(mine) ? (given)->size : sizeof(mine))
 
 /* Create the file if `from` is NULL, else resume it. */
-static msim_status start(const msim_host *host, const msim_recording *given, msim_resumption *from,
-                         void **self) {
+static msim_status start_recorder(const msim_host *host, const msim_recording *given,
+                                  msim_resumption *from, void **self) {
   msim_recording what = {0};
-  TAKE(what, given);
+  COPY_KNOWN_MEMBERS(what, given);
   const char *name = what.name ? what.name : what.path;
   recorder *r = host->alloc(host, sizeof *r + strlen(name) + 1);
   *self = NULL;
@@ -90,18 +90,18 @@ static msim_status start(const msim_host *host, const msim_recording *given, msi
 }
 
 static msim_status open_recorder(const msim_host *host, const msim_recording *what, void **self) {
-  return start(host, what, NULL, self);
+  return start_recorder(host, what, NULL, self);
 }
 
 static msim_status resume_recorder(const msim_host *host, const msim_recording *what,
                                    msim_resumption *from, void **self) {
   msim_resumption found = {.size = from->size};
-  const msim_status status = start(host, what, &found, self);
+  const msim_status status = start_recorder(host, what, &found, self);
   memcpy(from, &found, found.size < sizeof found ? found.size : sizeof found);
   return status;
 }
 
-static int32_t recognize(const msim_host *host, const char *path) {
+static int32_t recognize_file(const msim_host *host, const char *path) {
   int ours;
   recorder r = {host, .file = H5I_INVALID_HID};
   WITH_LIBRARY(ours = h5_recognize(&r, path));
@@ -116,9 +116,9 @@ static msim_status write_frame(void *self, const msim_frame *frame) {
     return MSIM_ERR_ARG;
   }
   entry e = {.part = 0};
-  TAKE(e.frame, frame);
+  COPY_KNOWN_MEMBERS(e.frame, frame);
   e.hash = h5_frame_hash(r->n, frame);
-  WITH_LIBRARY(put_entry(r, &e));
+  WITH_LIBRARY(write_frame_entry(r, &e));
   if (r->fault.status == MSIM_OK) r->committed = ++r->written;
   return h5_report(r);
 }
@@ -135,7 +135,7 @@ MSIM_RECORDER_ENTRY(hdf5) {
       .write = write_frame,
       .close = close_recorder,
       .resume = resume_recorder,
-      .recognize = recognize,
+      .recognize = recognize_file,
   };
   return &type;
 }

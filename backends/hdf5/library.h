@@ -38,7 +38,7 @@ static inline herr_t fault_explain(unsigned depth, const H5E_error2_t *record, v
 }
 
 /* Check a result of libhdf5. The reason is read at once, because the next call clears it. */
-static inline int ok(fault *f, int64_t result) {
+static inline int check_result(fault *f, int64_t result) {
   if (result < 0 && f->status == MSIM_OK) {
     (void)H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, fault_explain, f);
     fault_set(f, MSIM_ERR_BACKEND, "libhdf5 does not say why");
@@ -46,10 +46,12 @@ static inline int ok(fault *f, int64_t result) {
   return result >= 0;
 }
 
-static inline hid_t id(fault *f, hid_t result) { return ok(f, result) ? result : H5I_INVALID_HID; }
+static inline hid_t check_id(fault *f, hid_t result) {
+  return check_result(f, result) ? result : H5I_INVALID_HID;
+}
 
-static inline void drop(fault *f, herr_t (*close)(hid_t), hid_t object) {
-  if (object >= 0) ok(f, close(object));
+static inline void close_object(fault *f, herr_t (*close)(hid_t), hid_t object) {
+  if (object >= 0) check_result(f, close(object));
 }
 
 /* libhdf5 aborts the process if it is not the release of the headers used here. */
@@ -63,7 +65,7 @@ static inline int library_fits(void) {
  * keeps data that it cannot write, never meets it. Some file systems cannot allocate space. */
 static inline void reserve_disk(fault *f, hid_t file, double bytes) {
   void *fd = NULL;
-  if (!ok(f, H5Fget_vfd_handle(file, H5P_DEFAULT, &fd))) return;
+  if (!check_result(f, H5Fget_vfd_handle(file, H5P_DEFAULT, &fd))) return;
   int error = EINTR;
   while (error == EINTR) error = posix_fallocate(*(const int *)fd, 0, (off_t)bytes);
   if (error && error != EOPNOTSUPP && error != EINVAL) fault_set(f, MSIM_ERR_IO, strerror(error));
@@ -73,18 +75,18 @@ static inline void reserve_disk(fault *f, hid_t file, double bytes) {
  * must not print while it is used here. At exit it would repeat writes that a full disk refused,
  * and crash; H5dont_atexit prevents that if it is the first call, else it has no effect. Only one
  * file of a plugin may use WITH_LIBRARY, since each file has a mutex of its own. */
-static inline pthread_mutex_t *library(void) {
+static inline pthread_mutex_t *library_mutex(void) {
   static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
   return &mutex;
 }
 
-#define WITH_LIBRARY(work)           \
-  do {                               \
-    pthread_mutex_lock(library());   \
-    (void)H5dont_atexit();           \
-    H5E_BEGIN_TRY { work; }          \
-    H5E_END_TRY                      \
-    pthread_mutex_unlock(library()); \
+#define WITH_LIBRARY(work)                 \
+  do {                                     \
+    pthread_mutex_lock(library_mutex());   \
+    (void)H5dont_atexit();                 \
+    H5E_BEGIN_TRY { work; }                \
+    H5E_END_TRY                            \
+    pthread_mutex_unlock(library_mutex()); \
   } while (0)
 
 #endif

@@ -21,7 +21,7 @@ static int64_t get_attribute(recorder *r, const char *group, const char *name) {
 
 /* Whether the file contains all data of the dataset, so that reading `rows` rows is bounded by the
  * size of the file. */
-static int is_stored(recorder *r, hid_t dataset, hid_t type, shape s, hsize_t rows) {
+static int has_all_data(recorder *r, hid_t dataset, hid_t type, shape s, hsize_t rows) {
   hsize_t size = 0;
   h5_ok(r, H5Fget_filesize(r->file, &size));
   const double claimed = (double)rows * (double)h5_width[s] * (double)H5Tget_size(type);
@@ -41,7 +41,7 @@ static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows)
                    H5Sget_simple_extent_dims(space, dims, NULL) == h5_rank(s) &&
                    (h5_rank(s) == 1 || dims[1] == h5_width[s]) &&
                    H5Tequal(type, h5_file_type(s)) > 0 && H5Pget_nfilters(create) == 0 &&
-                   H5Pget_external_count(create) == 0 && is_stored(r, dataset, type, s, dims[0]);
+                   H5Pget_external_count(create) == 0 && has_all_data(r, dataset, type, s, dims[0]);
   if (!fits && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG, "its dataset %s is not as msim makes it", path);
   h5_drop(r, H5Pclose, create);
@@ -68,13 +68,13 @@ static int64_t get_count(recorder *r, const char *path) {
   return counts[0];
 }
 
-static int is_ours(const recorder *r) {
+static int is_msim_file(const recorder *r) {
   return r->fault.status == MSIM_OK &&
          H5Aexists_by_name(r->file, "/msim", "format", H5P_DEFAULT) > 0;
 }
 
 static void check_counts(recorder *r, const msim_recording *what) {
-  if (r->fault.status == MSIM_OK && !is_ours(r))
+  if (r->fault.status == MSIM_OK && !is_msim_file(r))
     h5_fail(r, MSIM_ERR_ARG, "it is no trajectory of msim's");
   const int64_t format = get_attribute(r, "/msim", "format");
   const int64_t n = get_count(r, "/VTKHDF/NumberOfPoints");
@@ -128,7 +128,7 @@ static void hash_dataset(recorder *r, hash *h, const char *path, shape s, int64_
   h5_drop(r, H5Dclose, dataset);
 }
 
-static void check_statics(recorder *r, const msim_recording *what) {
+static void check_constants(recorder *r, const msim_recording *what) {
   hash h = {0, 0};
   hsize_t length = 0;
   h5_hash_words(&h, 2, (int64_t[]){what->n, what->nsprings});
@@ -150,7 +150,7 @@ static uint64_t get_word(recorder *r, int i, int64_t frame) {
   return word;
 }
 
-static int frame_is_whole(recorder *r, int64_t i) {
+static int frame_is_intact(recorder *r, int64_t i) {
   hash h = {0, 0};
   hash_rows(r, &h, r->column[V], VECTOR, i * r->n, r->n);
   hash_rows(r, &h, r->column[X], VECTOR, i * r->n, r->n);
@@ -190,7 +190,7 @@ static int64_t frames_of_slot(recorder *r, int which, int64_t committed, const d
   const uint64_t t = get_word(r, TIME, frame);
   const int fits =
       memcmp(&t, &times[frame], sizeof t) == 0 && get_word(r, STEP, frame) == slot[SLOT_STEP];
-  return fits && frame_is_whole(r, frame) ? frame + 1 : 0;
+  return fits && frame_is_intact(r, frame) ? frame + 1 : 0;
 }
 
 static void find_checkpoint(recorder *r, int64_t committed, const double *times) {
@@ -225,7 +225,7 @@ static void check_times(recorder *r, const msim_recording *what) {
   }
 }
 
-static void find_end(recorder *r, const msim_recording *what) {
+static void find_resume_point(recorder *r, const msim_recording *what) {
   const int64_t committed = count_committed(r, &r->committed);
   if (r->fault.status == MSIM_OK && r->committed > what->nframes)
     h5_fail(r, MSIM_ERR_ARG, "it holds %" PRId64 " frames already, and this run has %" PRId64,
@@ -242,7 +242,7 @@ static void find_end(recorder *r, const msim_recording *what) {
 
 /* libhdf5 may change a damaged file as soon as it is opened for writing, so it is reopened only
  * after all checks. */
-static void open_to_write(recorder *r, const char *path) {
+static void reopen_for_writing(recorder *r, const char *path) {
   h5_drop(r, H5Fclose, r->file);
   r->file = H5I_INVALID_HID;
   h5_open_file(r, path, GO_ON);
@@ -254,9 +254,9 @@ void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
   h5_open_file(r, what->path, LOOK);
   check_counts(r, what);
   h5_allocate_slot(r, (size_t)(open_columns(r) - SLOT_BYTES) * 8);
-  check_statics(r, what);
-  find_end(r, what);
-  if (r->fault.status == MSIM_OK) open_to_write(r, what->path);
+  check_constants(r, what);
+  find_resume_point(r, what);
+  if (r->fault.status == MSIM_OK) reopen_for_writing(r, what->path);
   if (r->fault.status != MSIM_OK) return;
   from->frames = r->written;
   if (r->written == 0) return;
@@ -267,7 +267,7 @@ void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
 
 int h5_recognize(recorder *r, const char *path) {
   h5_open_file(r, path, LOOK);
-  const int ours = is_ours(r);
+  const int ours = is_msim_file(r);
   h5_drop(r, H5Fclose, r->file);
   return ours;
 }

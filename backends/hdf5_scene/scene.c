@@ -19,43 +19,43 @@
 /* The deepest path is "objects/0/k/shear". */
 enum { MOST_DEPTH = 4, MOST_PATH = 256, MOST_TEXT = 4096 };
 
-typedef struct reader {
+typedef struct hdf5_reader {
   fault fault;
   const msim_host *host;
   const msim_tree *tree;
   char path[MOST_PATH]; /* of the present node */
   int depth;
-  int told;       /* the error message is already set */
+  int reported;   /* the error message is already set */
   double members; /* limit of further members: ends cycles, and multiple links to a group */
   double bytes;   /* bytes of memory allowed for further data: limits decompression */
-} reader;
+} hdf5_reader;
 
-static int going(const reader *r) { return r->fault.status == MSIM_OK; }
+static int is_reading(const hdf5_reader *r) { return r->fault.status == MSIM_OK; }
 
 /* Set the error message; nothing more is read. */
-static void refuse(reader *r, const char *what) {
-  if (!going(r)) return;
+static void refuse_hdf5(hdf5_reader *r, const char *what) {
+  if (!is_reading(r)) return;
   r->host->fail(r->host, "%s %s", *r->path ? r->path : "it", what);
-  r->told = 1;
+  r->reported = 1;
   fault_set(&r->fault, MSIM_ERR_ARG, what);
 }
 
 /* Shape and type of a dataset. */
-typedef struct shape {
+typedef struct dataset_shape {
   H5S_class_t extent;
   int rank;
   hsize_t dims[MSIM_NODE_MOST_DIMS];
-  hid_t type, plan; /* plan: property list of its creation */
-} shape;
+  hid_t type, creation; /* plan: property list of its creation */
+} dataset_shape;
 
-static double count_of(const shape *s) {
+static double count_numbers(const dataset_shape *s) {
   double count = 1;
   for (int i = 0; i < s->rank; i++) count *= (double)s->dims[i];
   return count;
 }
 
 /* Integers and IEEE floats in standard formats; libhdf5 is not asked to convert any other. */
-static int is_plain_number(hid_t type) {
+static int is_standard_number(hid_t type) {
   const hid_t plain[] = {H5T_STD_I8LE,   H5T_STD_I8BE,   H5T_STD_I16LE,  H5T_STD_I16BE,
                          H5T_STD_I32LE,  H5T_STD_I32BE,  H5T_STD_I64LE,  H5T_STD_I64BE,
                          H5T_STD_U8LE,   H5T_STD_U8BE,   H5T_STD_U16LE,  H5T_STD_U16BE,
@@ -66,96 +66,100 @@ static int is_plain_number(hid_t type) {
   return 0;
 }
 
-static void check_type(reader *r, const shape *s) {
+static void check_type(hdf5_reader *r, const dataset_shape *s) {
   const H5T_class_t class = H5Tget_class(s->type);
   if (class == H5T_STRING && H5Tis_variable_str(s->type) != 0)
-    refuse(r, "is a text of variable length; it must be one of fixed length (numpy.bytes_)");
+    refuse_hdf5(r, "is a text of variable length; it must be one of fixed length (numpy.bytes_)");
   else if (class == H5T_STRING && (s->extent != H5S_SCALAR || H5Tget_size(s->type) > MOST_TEXT))
-    refuse(r, "is an array of texts, or a very long one; it must be one text");
-  else if (class != H5T_STRING && !is_plain_number(s->type))
-    refuse(r,
-           "is of a type that no scene has; it must be integers, IEEE floats of 32 or 64 bits "
-           "or a text");
+    refuse_hdf5(r, "is an array of texts, or a very long one; it must be one text");
+  else if (class != H5T_STRING && !is_standard_number(s->type))
+    refuse_hdf5(r,
+                "is of a type that no scene has; it must be integers, IEEE floats of 32 or 64 bits "
+                "or a text");
 }
 
-static void check_filters(reader *r, hid_t plan) {
+static void check_filters(hdf5_reader *r, hid_t plan) {
   const int n = H5Pget_nfilters(plan);
-  for (int i = 0; i < n && going(r); i++) {
+  for (int i = 0; i < n && is_reading(r); i++) {
     unsigned flags, config;
     size_t none = 0;
     const H5Z_filter_t filter =
         H5Pget_filter2(plan, (unsigned)i, &flags, &none, NULL, 0, NULL, &config);
     if (filter != H5Z_FILTER_DEFLATE && filter != H5Z_FILTER_SHUFFLE)
-      refuse(r, "goes through a filter; only shuffle and deflate (gzip) are read");
+      refuse_hdf5(r, "goes through a filter; only shuffle and deflate (gzip) are read");
   }
 }
 
 /* Memory needed for reading: the converted numbers, or one chunk if that is larger. */
-static double bytes_of(const shape *s, H5D_layout_t layout) {
+static double memory_needed(const dataset_shape *s, H5D_layout_t layout) {
   hsize_t chunk[H5S_MAX_RANK];
   double bytes = (double)H5Tget_size(s->type);
-  if (layout == H5D_CHUNKED && H5Pget_chunk(s->plan, H5S_MAX_RANK, chunk) == s->rank)
+  if (layout == H5D_CHUNKED && H5Pget_chunk(s->creation, H5S_MAX_RANK, chunk) == s->rank)
     for (int i = 0; i < s->rank; i++) bytes *= (double)chunk[i];
-  const double whole = count_of(s) * sizeof(double);
+  const double whole = count_numbers(s) * sizeof(double);
   return bytes > whole ? bytes : whole;
 }
 
-static void check_storage(reader *r, hid_t dataset, const shape *s) {
-  const H5D_layout_t layout = H5Pget_layout(s->plan);
-  const int filters = H5Pget_nfilters(s->plan);
+static void check_storage(hdf5_reader *r, hid_t dataset, const dataset_shape *s) {
+  const H5D_layout_t layout = H5Pget_layout(s->creation);
+  const int filters = H5Pget_nfilters(s->creation);
   if (layout != H5D_COMPACT && layout != H5D_CONTIGUOUS && layout != H5D_CHUNKED)
-    refuse(r, "is a virtual dataset; its data must be its own");
-  else if (H5Pget_external_count(s->plan) != 0)
-    refuse(r, "keeps its data in another file; it must be in this one");
-  check_filters(r, s->plan);
-  if (!going(r)) return;
+    refuse_hdf5(r, "is a virtual dataset; its data must be its own");
+  else if (H5Pget_external_count(s->creation) != 0)
+    refuse_hdf5(r, "keeps its data in another file; it must be in this one");
+  check_filters(r, s->creation);
+  if (!is_reading(r)) return;
   const double stored = (double)H5Dget_storage_size(dataset);
-  const double least = count_of(s) * (double)H5Tget_size(s->type);
+  const double least = count_numbers(s) * (double)H5Tget_size(s->type);
   if (stored < (filters > 0 ? least / 2000 : least)) /* deflate compresses at most 1032:1 */
-    refuse(r, "claims more data than there is in the file");
-  r->bytes -= bytes_of(s, layout);
-  if (going(r) && r->bytes < 0) refuse(r, "claims more data than a file of this size should hold");
+    refuse_hdf5(r, "claims more data than there is in the file");
+  r->bytes -= memory_needed(s, layout);
+  if (is_reading(r) && r->bytes < 0)
+    refuse_hdf5(r, "claims more data than a file of this size should hold");
 }
 
-static void read_numbers(reader *r, hid_t dataset, const shape *s, const msim_node *node) {
+static void read_data(hdf5_reader *r, hid_t dataset, const dataset_shape *s,
+                      const msim_node *node) {
   void *room;
   const msim_status status = r->tree->add(r->tree, node, &room);
   if (status) {
-    r->told = 1;
+    r->reported = 1;
     fault_set(&r->fault, status, "");
     return;
   }
   hid_t type = node->kind == MSIM_NODE_REAL ? H5T_NATIVE_DOUBLE : H5T_NATIVE_INT64;
   if (node->kind == MSIM_NODE_TEXT) {
-    type = id(&r->fault, H5Tcopy(H5T_C_S1));
-    ok(&r->fault, H5Tset_size(type, (size_t)node->dims[0] + 1)); /* includes the final zero */
-    ok(&r->fault, H5Tset_cset(type, H5Tget_cset(s->type)));
+    type = check_id(&r->fault, H5Tcopy(H5T_C_S1));
+    check_result(&r->fault,
+                 H5Tset_size(type, (size_t)node->dims[0] + 1)); /* includes the final zero */
+    check_result(&r->fault, H5Tset_cset(type, H5Tget_cset(s->type)));
   }
-  if (going(r) && count_of(s) > 0)
-    ok(&r->fault, H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, room));
-  if (node->kind == MSIM_NODE_TEXT) drop(&r->fault, H5Tclose, type);
+  if (is_reading(r) && count_numbers(s) > 0)
+    check_result(&r->fault, H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, room));
+  if (node->kind == MSIM_NODE_TEXT) close_object(&r->fault, H5Tclose, type);
 }
 
-static void read_shape(reader *r, hid_t dataset, shape *s) {
-  hid_t space = id(&r->fault, H5Dget_space(dataset));
-  *s = (shape){.extent = H5Sget_simple_extent_type(space), .type = -1, .plan = -1};
+static void read_shape(hdf5_reader *r, hid_t dataset, dataset_shape *s) {
+  hid_t space = check_id(&r->fault, H5Dget_space(dataset));
+  *s = (dataset_shape){.extent = H5Sget_simple_extent_type(space), .type = -1, .creation = -1};
   s->rank = H5Sget_simple_extent_ndims(space);
-  if (s->extent != H5S_SCALAR && s->extent != H5S_SIMPLE) refuse(r, "is empty; it must hold data");
-  if (s->rank < 0 || s->rank > MSIM_NODE_MOST_DIMS) refuse(r, "has more than two dimensions");
-  if (going(r)) {
-    ok(&r->fault, H5Sget_simple_extent_dims(space, s->dims, NULL));
-    s->type = id(&r->fault, H5Dget_type(dataset));
-    s->plan = id(&r->fault, H5Dget_create_plist(dataset));
+  if (s->extent != H5S_SCALAR && s->extent != H5S_SIMPLE)
+    refuse_hdf5(r, "is empty; it must hold data");
+  if (s->rank < 0 || s->rank > MSIM_NODE_MOST_DIMS) refuse_hdf5(r, "has more than two dimensions");
+  if (is_reading(r)) {
+    check_result(&r->fault, H5Sget_simple_extent_dims(space, s->dims, NULL));
+    s->type = check_id(&r->fault, H5Dget_type(dataset));
+    s->creation = check_id(&r->fault, H5Dget_create_plist(dataset));
   }
-  drop(&r->fault, H5Sclose, space);
+  close_object(&r->fault, H5Sclose, space);
 }
 
-static void read_dataset(reader *r, hid_t dataset) {
-  shape s;
+static void read_dataset(hdf5_reader *r, hid_t dataset) {
+  dataset_shape s;
   read_shape(r, dataset, &s);
-  if (going(r)) check_type(r, &s);
-  if (going(r)) check_storage(r, dataset, &s);
-  if (going(r)) {
+  if (is_reading(r)) check_type(r, &s);
+  if (is_reading(r)) check_storage(r, dataset, &s);
+  if (is_reading(r)) {
     const H5T_class_t class = H5Tget_class(s.type);
     msim_node node = {.size = sizeof node, .path = r->path, .rank = s.rank};
     for (int i = 0; i < s.rank; i++) node.dims[i] = (int64_t)s.dims[i];
@@ -165,92 +169,94 @@ static void read_dataset(reader *r, hid_t dataset) {
       node.rank = 1;
       node.dims[0] = (int64_t)H5Tget_size(s.type);
     }
-    read_numbers(r, dataset, &s, &node);
+    read_data(r, dataset, &s, &node);
   }
-  drop(&r->fault, H5Pclose, s.plan);
-  drop(&r->fault, H5Tclose, s.type);
+  close_object(&r->fault, H5Pclose, s.creation);
+  close_object(&r->fault, H5Tclose, s.type);
 }
 
-static herr_t read_member(hid_t group, const char *name, const H5L_info_t *link, void *data);
+static herr_t read_hdf5_member(hid_t group, const char *name, const H5L_info_t *link, void *data);
 
-static void read_members(reader *r, hid_t group) {
-  if (++r->depth > MOST_DEPTH) refuse(r, "lies deeper than anything in a scene");
+static void read_members(hdf5_reader *r, hid_t group) {
+  if (++r->depth > MOST_DEPTH) refuse_hdf5(r, "lies deeper than anything in a scene");
   hsize_t at = 0;
-  if (going(r))
-    ok(&r->fault, H5Literate(group, H5_INDEX_NAME, H5_ITER_NATIVE, &at, read_member, r));
+  if (is_reading(r))
+    check_result(&r->fault,
+                 H5Literate(group, H5_INDEX_NAME, H5_ITER_NATIVE, &at, read_hdf5_member, r));
   r->depth--;
 }
 
-static void read_group(reader *r, hid_t group) {
+static void read_group(hdf5_reader *r, hid_t group) {
   void *room;
   const msim_node node = {.size = sizeof node, .path = r->path, .kind = MSIM_NODE_GROUP};
   const msim_status status = r->tree->add(r->tree, &node, &room);
   if (!status) read_members(r, group);
-  else r->told = 1, fault_set(&r->fault, status, "");
+  else r->reported = 1, fault_set(&r->fault, status, "");
 }
 
-static void read_object(reader *r, hid_t group, const char *name) {
-  hid_t object = id(&r->fault, H5Oopen(group, name, H5P_DEFAULT));
+static void read_hdf5_object(hdf5_reader *r, hid_t group, const char *name) {
+  hid_t object = check_id(&r->fault, H5Oopen(group, name, H5P_DEFAULT));
   const H5I_type_t type = object < 0 ? H5I_BADID : H5Iget_type(object);
   if (type == H5I_GROUP) read_group(r, object);
   else if (type == H5I_DATASET) read_dataset(r, object);
-  else refuse(r, "is neither a group nor a dataset");
-  drop(&r->fault, H5Oclose, object);
+  else refuse_hdf5(r, "is neither a group nor a dataset");
+  close_object(&r->fault, H5Oclose, object);
 }
 
 /* A negative result ends H5Literate. */
-static herr_t read_member(hid_t group, const char *name, const H5L_info_t *link, void *data) {
-  reader *r = data;
+static herr_t read_hdf5_member(hid_t group, const char *name, const H5L_info_t *link, void *data) {
+  hdf5_reader *r = data;
   const size_t length = strlen(r->path), room = sizeof r->path - length;
   if ((size_t)snprintf(r->path + length, room, "%s%s", length ? "/" : "", name) >= room)
-    refuse(r, "... is a longer name than any in a scene");
+    refuse_hdf5(r, "... is a longer name than any in a scene");
   else if (link->type != H5L_TYPE_HARD)
-    refuse(r, link->type == H5L_TYPE_SOFT ? "is a soft link; it must be here itself"
-                                          : "is a link to another file; it must be here itself");
-  else if (--r->members < 0) refuse(r, "is one member more than a file of this size can have");
-  else read_object(r, group, name);
-  if (going(r)) r->path[length] = '\0';
-  return going(r) ? 0 : -1;
+    refuse_hdf5(r, link->type == H5L_TYPE_SOFT
+                       ? "is a soft link; it must be here itself"
+                       : "is a link to another file; it must be here itself");
+  else if (--r->members < 0) refuse_hdf5(r, "is one member more than a file of this size can have");
+  else read_hdf5_object(r, group, name);
+  if (is_reading(r)) r->path[length] = '\0';
+  return is_reading(r) ? 0 : -1;
 }
 
 /*------------------------------------- reading a file -------------------------------------------*/
 
-static void read_file(reader *r, const char *path) {
+static void read_scene_file(hdf5_reader *r, const char *path) {
   hsize_t size = 0;
   if (!library_fits()) fault_set(&r->fault, MSIM_ERR_PLUGIN, "built for another " H5_VERS_INFO);
-  hid_t access = going(r) ? id(&r->fault, H5Pcreate(H5P_FILE_ACCESS)) : -1;
-  if (going(r)) ok(&r->fault, H5Pset_file_locking(access, 0, 1));
-  if (going(r)) ok(&r->fault, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG));
-  hid_t file = going(r) ? id(&r->fault, H5Fopen(path, H5F_ACC_RDONLY, access)) : -1;
-  if (going(r) && ok(&r->fault, H5Fget_filesize(file, &size))) {
+  hid_t access = is_reading(r) ? check_id(&r->fault, H5Pcreate(H5P_FILE_ACCESS)) : -1;
+  if (is_reading(r)) check_result(&r->fault, H5Pset_file_locking(access, 0, 1));
+  if (is_reading(r)) check_result(&r->fault, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG));
+  hid_t file = is_reading(r) ? check_id(&r->fault, H5Fopen(path, H5F_ACC_RDONLY, access)) : -1;
+  if (is_reading(r) && check_result(&r->fault, H5Fget_filesize(file, &size))) {
     r->members = 16 + (double)size / 64; /* no object header is smaller */
     r->bytes = 0x1p26 + 100 * (double)size;
-    hid_t root = id(&r->fault, H5Gopen2(file, "/", H5P_DEFAULT));
-    if (going(r)) read_members(r, root);
-    drop(&r->fault, H5Gclose, root);
+    hid_t root = check_id(&r->fault, H5Gopen2(file, "/", H5P_DEFAULT));
+    if (is_reading(r)) read_members(r, root);
+    close_object(&r->fault, H5Gclose, root);
   }
-  drop(&r->fault, H5Fclose, file);
-  drop(&r->fault, H5Pclose, access);
+  close_object(&r->fault, H5Fclose, file);
+  close_object(&r->fault, H5Pclose, access);
 }
 
-static msim_status load(const msim_host *host, const char *path, const msim_tree *tree) {
-  reader r = {.host = host, .tree = tree};
-  WITH_LIBRARY(read_file(&r, path));
-  if (r.fault.status != MSIM_OK && !r.told)
+static msim_status load_hdf5_scene(const msim_host *host, const char *path, const msim_tree *tree) {
+  hdf5_reader r = {.host = host, .tree = tree};
+  WITH_LIBRARY(read_scene_file(&r, path));
+  if (r.fault.status != MSIM_OK && !r.reported)
     host->fail(host, "cannot read %s: %s", *r.path ? r.path : "it as HDF5", r.fault.reason);
   return r.fault.status;
 }
 
 /*------------------------------------- writing --------------------------------------------------*/
 
-static hid_t type_of(fault *f, const msim_node *node) {
-  hid_t type = id(f, H5Tcopy(node->kind == MSIM_NODE_TEXT    ? H5T_C_S1
-                             : node->kind == MSIM_NODE_WHOLE ? H5T_STD_I64LE
-                                                             : H5T_IEEE_F64LE));
+static hid_t create_type(fault *f, const msim_node *node) {
+  hid_t type = check_id(f, H5Tcopy(node->kind == MSIM_NODE_TEXT    ? H5T_C_S1
+                                   : node->kind == MSIM_NODE_WHOLE ? H5T_STD_I64LE
+                                                                   : H5T_IEEE_F64LE));
   if (node->kind != MSIM_NODE_TEXT) return type;
-  ok(f, H5Tset_size(type, (size_t)node->dims[0]));
-  ok(f, H5Tset_strpad(type, H5T_STR_NULLPAD));
-  ok(f, H5Tset_cset(type, H5T_CSET_UTF8));
+  check_result(f, H5Tset_size(type, (size_t)node->dims[0]));
+  check_result(f, H5Tset_strpad(type, H5T_STR_NULLPAD));
+  check_result(f, H5Tset_cset(type, H5T_CSET_UTF8));
   return type;
 }
 
@@ -258,27 +264,30 @@ static void write_node(fault *f, hid_t file, const msim_node *node) {
   const hsize_t dims[] = {(hsize_t)node->dims[0], (hsize_t)node->dims[1]};
   const int is_scalar = node->kind == MSIM_NODE_TEXT || node->rank == 0;
   if (f->status != MSIM_OK || node->kind == MSIM_NODE_GROUP) return;
-  hid_t type = type_of(f, node);
+  hid_t type = create_type(f, node);
   hid_t memory = node->kind == MSIM_NODE_TEXT    ? type
                  : node->kind == MSIM_NODE_WHOLE ? H5T_NATIVE_INT64
                                                  : H5T_NATIVE_DOUBLE;
-  hid_t space = id(f, is_scalar ? H5Screate(H5S_SCALAR) : H5Screate_simple(node->rank, dims, NULL));
-  hid_t link = id(f, H5Pcreate(H5P_LINK_CREATE)), create = id(f, H5Pcreate(H5P_DATASET_CREATE));
-  ok(f, H5Pset_create_intermediate_group(link, 1));
-  ok(f, H5Pset_obj_track_times(create, 0)); /* without time stamps, equal scenes give equal files */
+  hid_t space =
+      check_id(f, is_scalar ? H5Screate(H5S_SCALAR) : H5Screate_simple(node->rank, dims, NULL));
+  hid_t link = check_id(f, H5Pcreate(H5P_LINK_CREATE)),
+        create = check_id(f, H5Pcreate(H5P_DATASET_CREATE));
+  check_result(f, H5Pset_create_intermediate_group(link, 1));
+  check_result(f, H5Pset_obj_track_times(
+                      create, 0)); /* without time stamps, equal scenes give equal files */
   hid_t set = H5I_INVALID_HID;
   if (f->status == MSIM_OK)
-    set = id(f, H5Dcreate2(file, node->path, type, space, link, create, H5P_DEFAULT));
-  if (set >= 0) ok(f, H5Dwrite(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, node->data));
-  drop(f, H5Dclose, set);
-  drop(f, H5Pclose, create);
-  drop(f, H5Pclose, link);
-  drop(f, H5Sclose, space);
-  drop(f, H5Tclose, type);
+    set = check_id(f, H5Dcreate2(file, node->path, type, space, link, create, H5P_DEFAULT));
+  if (set >= 0) check_result(f, H5Dwrite(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, node->data));
+  close_object(f, H5Dclose, set);
+  close_object(f, H5Pclose, create);
+  close_object(f, H5Pclose, link);
+  close_object(f, H5Sclose, space);
+  close_object(f, H5Tclose, type);
 }
 
 /* Upper estimate of the size of the file: data, and per node a header and group tables. */
-static double payload(int32_t n, const msim_node *nodes) {
+static double estimate_size(int32_t n, const msim_node *nodes) {
   double bytes = 4096.0 * (n + 1);
   for (int32_t i = 0; i < n; i++) {
     double count = 1;
@@ -288,37 +297,38 @@ static double payload(int32_t n, const msim_node *nodes) {
   return bytes;
 }
 
-static void write_file(fault *f, const char *path, int32_t n, const msim_node *nodes) {
+static void write_scene_file(fault *f, const char *path, int32_t n, const msim_node *nodes) {
   if (!library_fits()) fault_set(f, MSIM_ERR_PLUGIN, "built for another " H5_VERS_INFO);
   if (f->status != MSIM_OK) return;
-  hid_t access = id(f, H5Pcreate(H5P_FILE_ACCESS));
-  ok(f, H5Pset_file_locking(access, 0, 1));
-  ok(f, H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
-  ok(f, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG));
-  hid_t file = id(f, H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, access));
-  if (f->status == MSIM_OK) reserve_disk(f, file, payload(n, nodes));
+  hid_t access = check_id(f, H5Pcreate(H5P_FILE_ACCESS));
+  check_result(f, H5Pset_file_locking(access, 0, 1));
+  check_result(f, H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V18));
+  check_result(f, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG));
+  hid_t file = check_id(f, H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, access));
+  if (f->status == MSIM_OK) reserve_disk(f, file, estimate_size(n, nodes));
   for (int32_t i = 0; i < n; i++) write_node(f, file, &nodes[i]);
   hsize_t size = 0;
-  if (f->status == MSIM_OK && ok(f, H5Fflush(file, H5F_SCOPE_GLOBAL)))
-    ok(f, H5Fget_filesize(file, &size));
-  drop(f, H5Fclose, file);
-  drop(f, H5Pclose, access);
+  if (f->status == MSIM_OK && check_result(f, H5Fflush(file, H5F_SCOPE_GLOBAL)))
+    check_result(f, H5Fget_filesize(file, &size));
+  close_object(f, H5Fclose, file);
+  close_object(f, H5Pclose, access);
   /* release the reserved space that was not needed */
   if (f->status == MSIM_OK && truncate(path, (off_t)size))
     fault_set(f, MSIM_ERR_IO, strerror(errno));
 }
 
-static msim_status save(const msim_host *host, const char *path, int32_t n,
-                        const msim_node *nodes) {
+static msim_status save_hdf5_scene(const msim_host *host, const char *path, int32_t n,
+                                   const msim_node *nodes) {
   fault f = {MSIM_OK, ""};
-  WITH_LIBRARY(write_file(&f, path, n, nodes));
+  WITH_LIBRARY(write_scene_file(&f, path, n, nodes));
   if (f.status != MSIM_OK) host->fail(host, "cannot be written: %s", f.reason);
   return f.status;
 }
 
 MSIM_IMPORTER_ENTRY(hdf5) {
   static const msim_importer table = {
-      MSIM_IMPORTER_ABI, sizeof table, "hdf5", ".h5", H5_VERS_INFO, "BSD-3-Clause", load, save,
+      MSIM_IMPORTER_ABI, sizeof table,   "hdf5",          ".h5",
+      H5_VERS_INFO,      "BSD-3-Clause", load_hdf5_scene, save_hdf5_scene,
   };
   return &table;
 }

@@ -29,7 +29,7 @@
 #  define KLU(function) klu_##function
 #endif
 
-typedef struct lu {
+typedef struct lu_solver {
   const msim_host *host;
   SUNContext context;
   SUNMatrix matrix;
@@ -37,22 +37,22 @@ typedef struct lu {
   int32_t *diagonal;                  /* index of each row's diagonal entry among the values */
   N_Vector b, y;                      /* wrappers for arrays of the host */
   SUNLinearSolver solver[3], current; /* one per kind, created at first use */
-} lu;
+} lu_solver;
 
-static msim_status refuse(lu *self, const char *why) {
+static msim_status lu_refuse(lu_solver *self, const char *why) {
   self->host->fail(self->host, "%s", why);
   return MSIM_ERR_ARG;
 }
 
-static msim_status out_of_memory(lu *self) {
+static msim_status lu_out_of_memory(lu_solver *self) {
   self->host->fail(self->host, "KLU ran out of memory");
   return MSIM_ERR_MEMORY;
 }
 
 /*------------------------------------- the matrix -----------------------------------------------*/
 
-static msim_status create(const msim_host *host, void **result) {
-  lu *self = host->alloc(host, sizeof *self);
+static msim_status lu_create(const msim_host *host, void **result) {
+  lu_solver *self = host->alloc(host, sizeof *self);
   *result = self;
   if (!self) return MSIM_ERR_MEMORY;
   memset(self, 0, sizeof *self);
@@ -61,21 +61,21 @@ static msim_status create(const msim_host *host, void **result) {
   if (SUNContext_Create(SUN_COMM_NULL, &self->context)) return out_of_memory(self);
   SUNContext_ClearErrHandlers(self->context); /* they print */
 #else
-  if (SUNContext_Create(NULL, &self->context)) return out_of_memory(self);
+  if (SUNContext_Create(NULL, &self->context)) return lu_out_of_memory(self);
 #endif
   return MSIM_OK;
 }
 
-static msim_status check(lu *self, const msim_system *A) {
-  if (A->format != MSIM_FORMAT_FULL) return refuse(self, "A must have both triangles");
+static msim_status lu_check_system(lu_solver *self, const msim_system *A) {
+  if (A->format != MSIM_FORMAT_FULL) return lu_refuse(self, "A must have both triangles");
   if (A->n < 1 || A->block < 1 || A->block > 3)
-    return refuse(self, "A must have a block row or more, of 1 to 3 scalars");
-  if (A->n >= INT32_MAX / A->block) return refuse(self, "A has too many rows");
+    return lu_refuse(self, "A must have a block row or more, of 1 to 3 scalars");
+  if (A->n >= INT32_MAX / A->block) return lu_refuse(self, "A has too many rows");
   return MSIM_OK;
 }
 
 /* Copy the pattern in SUNDIALS' index type, and find the diagonal entries. */
-static msim_status copy_pattern(lu *self, const msim_system *A) {
+static msim_status copy_pattern(lu_solver *self, const msim_system *A) {
   const int32_t n = A->n * A->block;
   sunindextype *start = SM_INDEXPTRS_S(self->matrix), *row = SM_INDEXVALS_S(self->matrix);
   for (int32_t i = 0; i <= n; i++) start[i] = A->rowptr[i];
@@ -84,23 +84,23 @@ static msim_status copy_pattern(lu *self, const msim_system *A) {
     int32_t e = A->rowptr[i];
     while (e < A->rowptr[i + 1] && A->colind[e] < i) e++;
     if (e == A->rowptr[i + 1] || A->colind[e] != i)
-      return refuse(self, "A must have all of its diagonal entries");
+      return lu_refuse(self, "A must have all of its diagonal entries");
     self->diagonal[i] = e;
   }
   return MSIM_OK;
 }
 
-static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
+static msim_status lu_analyze(void *data, const msim_system *A, msim_solve_info *info) {
   (void)info;
-  lu *self = data;
-  msim_status status = check(self, A);
+  lu_solver *self = data;
+  msim_status status = lu_check_system(self, A);
   if (status) return status;
   const int32_t n = A->n * A->block;
   self->matrix = SUNSparseMatrix(n, n, A->rowptr[n], CSC_MAT, self->context);
   self->b = N_VNewEmpty_Serial(n, self->context);
   self->y = N_VNewEmpty_Serial(n, self->context);
   self->diagonal = self->host->alloc(self->host, (size_t)n * sizeof *self->diagonal);
-  if (!self->matrix || !self->b || !self->y || !self->diagonal) return out_of_memory(self);
+  if (!self->matrix || !self->b || !self->y || !self->diagonal) return lu_out_of_memory(self);
   self->own_data = SM_DATA_S(self->matrix);
   SM_DATA_S(self->matrix) = (double *)(uintptr_t)A->val;
   return copy_pattern(self, A);
@@ -109,7 +109,7 @@ static msim_status analyze(void *data, const msim_system *A, msim_solve_info *in
 /*------------------------------------- the factor -----------------------------------------------*/
 
 /* Scaling and row exchanges would destroy the symmetry on which the signs of the pivots depend. */
-static SUNLinearSolver make_solver(lu *self, int32_t kind) {
+static SUNLinearSolver make_solver(lu_solver *self, int32_t kind) {
   SM_SPARSETYPE_S(self->matrix) = kind == MSIM_FACTOR_UNSYMMETRIC ? CSR_MAT : CSC_MAT;
   SUNLinearSolver solver = SUNLinSol_KLU(self->b, self->matrix, self->context);
   if (!solver) return NULL;
@@ -121,14 +121,14 @@ static SUNLinearSolver make_solver(lu *self, int32_t kind) {
 }
 
 /* Discard pivots and order: the next setup begins with an analysis. */
-static void begin_anew(lu *self, SUNLinearSolver solver) {
+static void reset_pivoting(lu_solver *self, SUNLinearSolver solver) {
   SUNLinSol_KLUReInit(solver, self->matrix, SUNSparseMatrix_NNZ(self->matrix),
                       SUNKLU_REINIT_PARTIAL);
 }
 
 /* Definiteness by the signs of the diagonal pivots. A pivot smaller than eps times its initial
  * diagonal entry is the result of cancellation, so its sign is unknown. */
-static int32_t definiteness(const lu *self, SUNLinearSolver solver) {
+static int32_t lu_definiteness(const lu_solver *self, SUNLinearSolver solver) {
   const sun_klu_symbolic *symbolic = SUNLinSol_KLUGetSymbolic(solver);
   const sun_klu_numeric *numeric = SUNLinSol_KLUGetNumeric(solver);
   const double *pivot = numeric->Udiag, *value = SM_DATA_S(self->matrix);
@@ -143,68 +143,70 @@ static int32_t definiteness(const lu *self, SUNLinearSolver solver) {
   return result;
 }
 
-static msim_status status_of(lu *self, SUNLinearSolver solver, int flag) {
+static msim_status lu_status(lu_solver *self, SUNLinearSolver solver, int flag) {
   const sun_klu_common *common = SUNLinSol_KLUGetCommon(solver);
   if (!flag) return MSIM_OK;
   if (common->status == KLU_SINGULAR) return MSIM_NOT_SPD;
-  if (common->status == KLU_OUT_OF_MEMORY) return out_of_memory(self);
+  if (common->status == KLU_OUT_OF_MEMORY) return lu_out_of_memory(self);
   self->host->fail(self->host, "KLU failed with its status %d, and SUNDIALS with %d",
                    (int)common->status, flag);
   return MSIM_ERR_BACKEND;
 }
 
-static msim_status set_up(lu *self, SUNLinearSolver solver, int32_t kind, msim_solve_info *info) {
-  msim_status status = status_of(self, solver, SUNLinSolSetup(solver, self->matrix));
+static msim_status lu_set_up(lu_solver *self, SUNLinearSolver solver, int32_t kind,
+                             msim_solve_info *info) {
+  msim_status status = lu_status(self, solver, SUNLinSolSetup(solver, self->matrix));
   if (status) return status;
   sun_klu_common *common = SUNLinSol_KLUGetCommon(solver);
   sun_klu_numeric *numeric = SUNLinSol_KLUGetNumeric(solver);
-  if (kind != MSIM_FACTOR_UNSYMMETRIC) info->definite = definiteness(self, solver);
+  if (kind != MSIM_FACTOR_UNSYMMETRIC) info->definite = lu_definiteness(self, solver);
   info->fill = (double)numeric->lnz + (double)numeric->unz;
   if (KLU(flops)(SUNLinSol_KLUGetSymbolic(solver), numeric, common)) info->flops = common->flops;
   return kind == MSIM_FACTOR_SPD && info->definite != MSIM_DEFINITE_POSITIVE ? MSIM_NOT_SPD
                                                                              : MSIM_OK;
 }
 
-static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
+static msim_status lu_factor(void *data, const msim_system *A, int32_t kind,
+                             msim_solve_info *info) {
   (void)A;
-  lu *self = data;
+  lu_solver *self = data;
   if (kind < MSIM_FACTOR_SPD || kind > MSIM_FACTOR_UNSYMMETRIC)
-    return refuse(self, "there is no such kind of factor");
+    return lu_refuse(self, "there is no such kind of factor");
   SUNLinearSolver *solver = &self->solver[kind];
   const int is_old = *solver != NULL;
   if (!is_old) *solver = make_solver(self, kind);
-  if (!*solver) return out_of_memory(self);
+  if (!*solver) return lu_out_of_memory(self);
   self->current = *solver;
   /* pivots of earlier values may be unstable, and results must not depend on them */
-  if (is_old && kind != MSIM_FACTOR_SPD) begin_anew(self, *solver);
-  msim_status status = set_up(self, *solver, kind, info);
+  if (is_old && kind != MSIM_FACTOR_SPD) reset_pivoting(self, *solver);
+  msim_status status = lu_set_up(self, *solver, kind, info);
   /* SUNDIALS would refactor even if the full factorization failed and there is no factor; and after
    * NaN, a pivot may be off the diagonal, where refactorization would keep it */
   if (status && (!SUNLinSol_KLUGetNumeric(*solver) ||
                  (kind == MSIM_FACTOR_SPD && SUNLinSol_KLUGetCommon(*solver)->noffdiag != 0)))
-    begin_anew(self, *solver);
+    reset_pivoting(self, *solver);
   return status;
 }
 
 /*------------------------------------- solve and destroy ----------------------------------------*/
 
-static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
-                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+static msim_status lu_solve(void *data, const msim_system *A, const msim_solve_params *params,
+                            int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   (void)params, (void)info;
-  lu *self = data;
+  lu_solver *self = data;
   const size_t n = (size_t)A->n * (size_t)A->block;
-  if (nrhs < 1) return refuse(self, "there must be a right side or more");
+  if (nrhs < 1) return lu_refuse(self, "there must be a right side or more");
   int flag = 0;
   for (size_t at = 0; !flag && at < n * (size_t)nrhs; at += n) {
     N_VSetArrayPointer((double *)(uintptr_t)(b + at), self->b);
     N_VSetArrayPointer(y + at, self->y);
     flag = SUNLinSolSolve(self->current, self->matrix, self->y, self->b, 0);
   }
-  return status_of(self, self->current, flag);
+  return lu_status(self, self->current, flag);
 }
 
-static void destroy(void *data) {
-  lu *self = data;
+static void lu_destroy(void *data) {
+  lu_solver *self = data;
   if (!self) return;
   for (int kind = 0; kind < 3; kind++)
     if (self->solver[kind]) SUNLinSolFree(self->solver[kind]);
@@ -227,10 +229,10 @@ MSIM_BACKEND_ENTRY(klu) {
       .license = "LGPL-2.1-or-later (KLU), BSD-3-Clause (SUNDIALS)",
       .flags = MSIM_BACKEND_SYMMETRIC | MSIM_BACKEND_UNSYMMETRIC,
       .format = MSIM_FORMAT_FULL,
-      .create = create,
-      .analyze = analyze,
-      .factor = factor,
-      .solve = solve,
-      .destroy = destroy};
+      .create = lu_create,
+      .analyze = lu_analyze,
+      .factor = lu_factor,
+      .solve = lu_solve,
+      .destroy = lu_destroy};
   return &table;
 }

@@ -75,32 +75,32 @@ typedef struct krylov {
   const msim_host *host;
   SUNContext context;
   SUNLinearSolver solver;
-  size_t length;        /* of a vector */
-  int cycle;            /* maximum number of iterations of a call */
-  N_Vector spare;       /* list of unused vectors */
-  N_Vector r, x, z;     /* residual, correction, P r */
-  N_Vector scale;       /* S; 1 in the padding */
-  const msim_system *A; /* set by solve() */
+  size_t length;           /* of a vector */
+  int call_iterations;     /* maximum number of iterations of a call */
+  N_Vector unused_vectors; /* list of unused vectors */
+  N_Vector r, x, z;        /* residual, correction, P r */
+  N_Vector scale;          /* S; 1 in the padding */
+  const msim_system *A;    /* set by krylov_solve() */
   int32_t kind;
-  N_Vector product;     /* A v, while v'A v has not been checked */
-  int indefinite, lost; /* curvature was negative, or not finite */
+  N_Vector product;           /* A v, while v'A v has not been checked */
+  int indefinite, not_finite; /* curvature was negative, or not finite */
 } krylov;
 
 /*------------------------------------- vectors --------------------------------------------------*/
 
-typedef struct content {
+typedef struct vector_content {
   krylov *owner;
   N_Vector next;
   double *value;
-} content;
+} vector_content;
 
-static content *content_of(N_Vector v) { return v->content; }
+static vector_content *content_of(N_Vector v) { return v->content; }
 static double *value_of(N_Vector v) { return content_of(v)->value; }
 static size_t length_of(N_Vector v) { return content_of(v)->owner->length; }
 
 /* Separate loops for operations in place, so that the operands of a loop never overlap: an exact
  * overlap is correct, but compilers do not vectorize it. */
-static void scale(size_t n, double a, const double *restrict x, double *restrict z) {
+static void scale_array(size_t n, double a, const double *restrict x, double *restrict z) {
   for (size_t i = 0; i < n; i++) z[i] = a * x[i];
 }
 
@@ -108,8 +108,8 @@ static void scale_in_place(size_t n, double a, double *z) {
   for (size_t i = 0; i < n; i++) z[i] *= a;
 }
 
-static void add(size_t n, double a, const double *restrict x, double b, const double *restrict y,
-                double *restrict z) {
+static void add_arrays(size_t n, double a, const double *restrict x, double b,
+                       const double *restrict y, double *restrict z) {
   for (size_t i = 0; i < n; i++) z[i] = a * x[i] + b * y[i];
 }
 
@@ -119,7 +119,7 @@ static void add_in_place(size_t n, double a, const double *restrict x, double b,
 }
 
 /* 8 partial sums, an order that SIMD registers of any width can follow, then a binary tree */
-static double dot(size_t n, const double *x, const double *y) {
+static double dot_arrays(size_t n, const double *x, const double *y) {
   enum { LANES = 8 };
   double sum[LANES] = {0};
   size_t i = 0;
@@ -131,18 +131,18 @@ static double dot(size_t n, const double *x, const double *y) {
 
 /* Check the curvature v'A v: if it is negative, A is not positive definite; if it is not finite,
  * the call cannot succeed. */
-static void see_curvature(krylov *self, N_Vector v, double curvature) {
-  const int negative = curvature <= 0 && dot(self->length, value_of(v), value_of(v)) > 0;
+static void check_curvature(krylov *self, N_Vector v, double curvature) {
+  const int negative = curvature <= 0 && dot_arrays(self->length, value_of(v), value_of(v)) > 0;
   if (self->kind == MSIM_FACTOR_SPD && negative) self->indefinite = 1;
-  if (!isfinite(curvature)) self->lost = 1;
+  if (!isfinite(curvature)) self->not_finite = 1;
   self->product = NULL;
 }
 
 static double vector_dot(N_Vector x, N_Vector y) {
-  const double sum = dot(length_of(x), value_of(x), value_of(y));
+  const double sum = dot_arrays(length_of(x), value_of(x), value_of(y));
   krylov *self = content_of(x)->owner;
   if (self->product && (x == self->product || y == self->product))
-    see_curvature(self, x == self->product ? y : x, sum);
+    check_curvature(self, x == self->product ? y : x, sum);
   return sum;
 }
 
@@ -154,7 +154,7 @@ static void vector_const(double c, N_Vector z) {
 static void vector_scale(double a, N_Vector x, N_Vector z) {
   if (x == z) scale_in_place(length_of(z), a, value_of(z));
   else if (a == 1) memcpy(value_of(z), value_of(x), length_of(z) * sizeof(double));
-  else scale(length_of(z), a, value_of(x), value_of(z));
+  else scale_array(length_of(z), a, value_of(x), value_of(z));
 }
 
 static void vector_sum(double a, N_Vector x, double b, N_Vector y, N_Vector z) {
@@ -162,7 +162,7 @@ static void vector_sum(double a, N_Vector x, double b, N_Vector y, N_Vector z) {
   if (x == y) vector_scale(a + b, x, z);
   else if (x == z) add_in_place(n, b, value_of(y), a, value_of(z));
   else if (y == z) add_in_place(n, a, value_of(x), b, value_of(z));
-  else add(n, a, value_of(x), b, value_of(y), value_of(z));
+  else add_arrays(n, a, value_of(x), b, value_of(y), value_of(z));
 }
 
 /* z = sum_k c[k] x[k], in chunks that fit into the cache. z may be one of the x. */
@@ -171,7 +171,7 @@ static int vector_combine(int count, double *c, N_Vector *x, N_Vector z) {
   double sum[CHUNK];
   for (size_t at = 0, n = length_of(z); at < n; at += CHUNK) {
     const size_t m = n - at < CHUNK ? n - at : CHUNK;
-    scale(m, c[0], value_of(x[0]) + at, sum);
+    scale_array(m, c[0], value_of(x[0]) + at, sum);
     for (int k = 1; k < count; k++) add_in_place(m, c[k], value_of(x[k]) + at, 1, sum);
     memcpy(value_of(z) + at, sum, m * sizeof *sum);
   }
@@ -192,7 +192,7 @@ static void vector_destroy(N_Vector v);
 
 static N_Vector vector_create(krylov *self) {
   N_Vector v = N_VNewEmpty(self->context);
-  content *c = self->host->alloc(self->host, sizeof *c);
+  vector_content *c = self->host->alloc(self->host, sizeof *c);
   double *value = self->host->alloc(self->host, self->length * sizeof *value);
   if (!v || !c || !value) {
     self->host->free(self->host, value);
@@ -201,7 +201,7 @@ static N_Vector vector_create(krylov *self) {
     return NULL;
   }
   memset(value, 0, self->length * sizeof *value);
-  *c = (content){.owner = self, .value = value};
+  *c = (vector_content){.owner = self, .value = value};
   v->content = c;
   v->ops->nvclone = vector_clone;
   v->ops->nvdestroy = vector_destroy;
@@ -225,16 +225,16 @@ static void vector_free(N_Vector v) {
 /* SUNDIALS 6 crashes if a clone finds no memory, so clones come from a list made before. */
 static N_Vector vector_clone(N_Vector v) {
   krylov *self = content_of(v)->owner;
-  N_Vector clone = self->spare;
+  N_Vector clone = self->unused_vectors;
   if (!clone) return vector_create(self);
-  self->spare = content_of(clone)->next;
+  self->unused_vectors = content_of(clone)->next;
   return clone;
 }
 
 static void vector_destroy(N_Vector v) {
   krylov *self = content_of(v)->owner;
-  content_of(v)->next = self->spare;
-  self->spare = v;
+  content_of(v)->next = self->unused_vectors;
+  self->unused_vectors = v;
 }
 
 static int vectors_reserve(krylov *self, int count) {
@@ -250,15 +250,15 @@ static int vectors_reserve(krylov *self, int count) {
 
 /* z = A v, and a check of v'A v, which may end the call. For conjugate gradients the check follows
  * in vector_dot, because the solver computes v'A v itself in its next operation. */
-static int times(void *data, N_Vector v, N_Vector z) {
+static int apply_matrix(void *data, N_Vector v, N_Vector z) {
   krylov *self = data;
   self->A->apply(self->A, value_of(v), value_of(z));
   self->product = z;
   if (SYMMETRIC) vector_dot(v, z);
-  return self->indefinite || self->lost;
+  return self->indefinite || self->not_finite;
 }
 
-static int precondition(void *data, N_Vector r, N_Vector z, double tolerance, int side) {
+static int apply_preconditioner(void *data, N_Vector r, N_Vector z, double tolerance, int side) {
   (void)tolerance, (void)side;
   krylov *self = data;
   self->A->precondition(self->A, value_of(r), value_of(z));
@@ -268,9 +268,9 @@ static int precondition(void *data, N_Vector r, N_Vector z, double tolerance, in
 /*------------------------------------- one right-hand side --------------------------------------*/
 
 /* sqrt(r.P r) */
-static double norm(krylov *self, const double *r) {
+static double preconditioned_norm(krylov *self, const double *r) {
   self->A->precondition(self->A, r, value_of(self->z));
-  return sqrt(fmax(0, dot(self->length, r, value_of(self->z))));
+  return sqrt(fmax(0, dot_arrays(self->length, r, value_of(self->z))));
 }
 
 /* ||S r|| */
@@ -281,7 +281,7 @@ static double scaled_norm(krylov *self) {
 
 /* Compute S. P is block diagonal: applied to the vector that is 1 in one component of all block
  * rows and 0 in the others, it gives the diagonal entries of that component. */
-static void find_scale(krylov *self, const msim_system *A) {
+static void compute_scale(krylov *self, const msim_system *A) {
   double *scale = value_of(self->scale), *one = value_of(self->r), *column = value_of(self->z);
   const size_t n = (size_t)A->n;
   vector_const(1, self->scale);
@@ -295,11 +295,11 @@ static void find_scale(krylov *self, const msim_system *A) {
 }
 
 /* r = b - A y; return its norm */
-static double residual(krylov *self, const double *b, const double *y) {
+static double compute_residual(krylov *self, const double *b, const double *y) {
   double *r = value_of(self->r);
   self->A->apply(self->A, y, r);
   add_in_place(self->length, 1, b, -1, r);
-  return norm(self, r);
+  return preconditioned_norm(self, r);
 }
 
 /* Compute x, an approximation of A^-1 r / size, to the norm `goal` or up to *limit iterations,
@@ -307,42 +307,43 @@ static double residual(krylov *self, const double *b, const double *y) {
  * SPTFQMR's estimate may report a smaller one without any. Returns 1 if there is a result.
  * Then the curvature x'A x is checked as well, which is most sensitive to the smallest eigenvalues;
  * for conjugate gradients it is a sum of curvatures already checked. Overwrites r. */
-static int correct(krylov *self, double size, double goal, int *limit) {
+static int compute_correction(krylov *self, double size, double goal, int *limit) {
   const double factor = fmax(fmin(0.5 * goal / size, 0.1), method.reduction);
   scale_in_place(self->length, 1 / size, value_of(self->r));
   vector_const(0, self->x);
-  self->product = NULL, self->lost = 0;
+  self->product = NULL, self->not_finite = 0;
   SUNLinSolSetZeroGuess(self->solver, SUNTRUE);
   PASTE(LIMIT_, SOLVER)(self->solver, *limit);
   const int flag = SUNLinSolSolve(self->solver, NULL, self->x, self->r, factor);
   const int shown = !flag || flag == SUNLS_RES_REDUCED;
   if (!shown) vector_const(0, self->x);
-  else if (SYMMETRIC) times(self, self->x, self->r);
+  else if (SYMMETRIC) apply_matrix(self, self->x, self->r);
   *limit = SUNLinSolNumIters(self->solver);
   return shown;
 }
 
 /* Add corrections as long as they reduce the residual; y is the best solution so far. A call that
  * breaks down is repeated with half as many iterations. */
-static msim_status solve_one(krylov *self, const msim_solve_params *params, const double *b,
-                             double *y, msim_solve_info *info) {
+static msim_status solve_right_hand_side(krylov *self, const msim_solve_params *params,
+                                         const double *b, double *y, msim_solve_info *info) {
   double *x = value_of(self->x);
-  const double size = norm(self, b), goal = fmax(params->rtol, DBL_EPSILON / 4) * size;
+  const double size = preconditioned_norm(self, b),
+               goal = fmax(params->rtol, DBL_EPSILON / 4) * size;
   if (size == 0) memset(y, 0, self->length * sizeof *y);
-  double left = residual(self, b, y);
-  int count = 0, cycle = self->cycle;
+  double left = compute_residual(self, b, y);
+  int count = 0, cycle = self->call_iterations;
   while (left > goal && count < params->max_iterations && cycle > 0) {
     int used = cycle < params->max_iterations - count ? cycle : params->max_iterations - count;
     const double scaled = scaled_norm(self);
-    const int shown = correct(self, scaled, goal, &used);
+    const int shown = compute_correction(self, scaled, goal, &used);
     count += used;
     if (self->indefinite) break;
     add_in_place(self->length, 1, y, scaled, x);
-    const double now = residual(self, b, x);
+    const double now = compute_residual(self, b, x);
     const int gained = now < 0.99 * left;
     if (now < left) memcpy(y, x, self->length * sizeof *y), left = now;
-    else residual(self, b, y);
-    cycle = shown ? self->cycle : used / 2;
+    else compute_residual(self, b, y);
+    cycle = shown ? self->call_iterations : used / 2;
     if (shown && !gained) break;
   }
   info->iterations += count;
@@ -354,12 +355,12 @@ static msim_status solve_one(krylov *self, const msim_solve_params *params, cons
 
 /*------------------------------------- plugin functions -----------------------------------------*/
 
-static msim_status refuse(krylov *self, const char *why) {
+static msim_status krylov_refuse(krylov *self, const char *why) {
   self->host->fail(self->host, "%s", why);
   return MSIM_ERR_ARG;
 }
 
-static msim_status create(const msim_host *host, void **result) {
+static msim_status krylov_create(const msim_host *host, void **result) {
   krylov *self = host->alloc(host, sizeof *self);
   *result = self;
   if (!self) return MSIM_ERR_MEMORY;
@@ -376,7 +377,7 @@ static msim_status create(const msim_host *host, void **result) {
 
 /* Iterations of a call: for GMRES, vectors of at most 128 MiB, but at least 30 iterations and at
  * most as many as unknowns. */
-static int longest_call(const msim_system *A) {
+static int max_call_iterations(const msim_system *A) {
   const int64_t memory = 1 << 27, unknowns = (int64_t)A->block * A->n;
   const int64_t bytes = (int64_t)A->block * A->stride * (int64_t)sizeof(double);
   int64_t count = method.longest;
@@ -386,68 +387,71 @@ static int longest_call(const msim_system *A) {
   return (int)(count < unknowns ? count : unknowns);
 }
 
-static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
+static msim_status krylov_analyze(void *data, const msim_system *A, msim_solve_info *info) {
   (void)info;
   krylov *self = data;
-  if (A->format != MSIM_FORMAT_NONE) return refuse(self, "A must be a function, not a matrix");
+  if (A->format != MSIM_FORMAT_NONE)
+    return krylov_refuse(self, "A must be a function, not a matrix");
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->stride < A->n)
-    return refuse(self, "A must have a block row or more, of 1 to 3 scalars");
-  self->cycle = longest_call(A);
+    return krylov_refuse(self, "A must have a block row or more, of 1 to 3 scalars");
+  self->call_iterations = max_call_iterations(A);
   self->length = (size_t)A->block * (size_t)A->stride;
   self->r = vector_create(self);
   self->x = vector_create(self);
   self->z = vector_create(self);
   self->scale = vector_create(self);
-  const int more = method.more ? method.more * self->cycle : 0;
+  const int more = method.more ? method.more * self->call_iterations : 0;
   if (!self->r || !self->x || !self->z || !self->scale ||
       !vectors_reserve(self, method.vectors + more))
     return MSIM_ERR_MEMORY;
-  self->solver = PASTE(CREATE_, SOLVER)(self->x, SUN_PREC_RIGHT, self->cycle, self->context);
-  if (!self->solver || SUNLinSolSetATimes(self->solver, self, times) ||
-      SUNLinSolSetPreconditioner(self->solver, self, NULL, precondition) ||
+  self->solver =
+      PASTE(CREATE_, SOLVER)(self->x, SUN_PREC_RIGHT, self->call_iterations, self->context);
+  if (!self->solver || SUNLinSolSetATimes(self->solver, self, apply_matrix) ||
+      SUNLinSolSetPreconditioner(self->solver, self, NULL, apply_preconditioner) ||
       SUNLinSolSetScalingVectors(self->solver, self->scale, self->scale) ||
       SUNLinSolInitialize(self->solver))
     return MSIM_ERR_MEMORY;
   return MSIM_OK;
 }
 
-static msim_status factor(void *data, const msim_system *A, int32_t kind, msim_solve_info *info) {
+static msim_status krylov_factor(void *data, const msim_system *A, int32_t kind,
+                                 msim_solve_info *info) {
   (void)info;
   krylov *self = data;
   if (kind != MSIM_FACTOR_SPD &&
       !(SYMMETRIC && (kind == MSIM_FACTOR_SYMMETRIC || kind == MSIM_FACTOR_UNSYMMETRIC)))
-    return refuse(self, "it cannot solve that kind of system");
+    return krylov_refuse(self, "it cannot solve that kind of system");
   self->kind = kind;
-  find_scale(self, A);
+  compute_scale(self, A);
   return MSIM_OK;
 }
 
-static msim_status solve(void *data, const msim_system *A, const msim_solve_params *params,
-                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+static msim_status krylov_solve(void *data, const msim_system *A, const msim_solve_params *params,
+                                int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   krylov *self = data;
-  if (nrhs < 1) return refuse(self, "there must be a right side or more");
+  if (nrhs < 1) return krylov_refuse(self, "there must be a right side or more");
   self->A = A;
   self->indefinite = 0;
   msim_status worst = MSIM_OK;
   for (int32_t k = 0; k < nrhs && worst != MSIM_NOT_SPD;
        k++, b += self->length, y += self->length) {
-    msim_status status = solve_one(self, params, b, y, info);
+    msim_status status = solve_right_hand_side(self, params, b, y, info);
     if (status) worst = status;
   }
   return worst;
 }
 
-static void destroy(void *data) {
+static void krylov_destroy(void *data) {
   krylov *self = data;
   if (!self) return;
   if (self->solver) {
-    PASTE(LIMIT_, SOLVER)(self->solver, self->cycle); /* for the arrays it frees */
+    PASTE(LIMIT_, SOLVER)(self->solver, self->call_iterations); /* for the arrays it frees */
     SUNLinSolFree(self->solver);
   }
   N_Vector own[] = {self->r, self->x, self->z, self->scale};
   for (size_t i = 0; i < sizeof own / sizeof *own; i++)
     if (own[i]) vector_free(own[i]);
-  while (self->spare) vector_free(vector_clone(self->spare));
+  while (self->unused_vectors) vector_free(vector_clone(self->unused_vectors));
   SUNContext_Free(&self->context);
   self->host->free(self->host, self);
 }
@@ -462,10 +466,10 @@ ENTRY(PASTE(sundials_, SOLVER)) {
                                      .license = "BSD-3-Clause",
                                      .flags = PASTE(FLAGS_, SOLVER),
                                      .format = MSIM_FORMAT_NONE,
-                                     .create = create,
-                                     .analyze = analyze,
-                                     .factor = factor,
-                                     .solve = solve,
-                                     .destroy = destroy};
+                                     .create = krylov_create,
+                                     .analyze = krylov_analyze,
+                                     .factor = krylov_factor,
+                                     .solve = krylov_solve,
+                                     .destroy = krylov_destroy};
   return &table;
 }

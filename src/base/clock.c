@@ -3,7 +3,7 @@
 
 #include <time.h>
 
-double ms_clock(void) {
+double ms_clock_now(void) {
   struct timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
   return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;

@@ -2,6 +2,6 @@
 #ifndef MS_CLOCK_H
 #define MS_CLOCK_H
 
-double ms_clock(void);
+double ms_clock_now(void);
 
 #endif

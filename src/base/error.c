@@ -4,35 +4,37 @@
 #include <stdio.h>
 
 /* Replace control characters: text of files and plugins must not break the line of a message. */
-static void clean(char *text) {
+static void replace_control_characters(char *text) {
   for (; *text; text++)
     if ((unsigned char)*text < ' ' || *text == 0x7f) *text = ' ';
 }
 
-msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va_list args) {
+msim_status ms_error_vset(msim_error *err, msim_status status, const char *format, va_list args) {
   if (err) {
     err->status = status;
     vsnprintf(err->text, sizeof err->text, format, args);
-    clean(err->text);
+    replace_control_characters(err->text);
   }
   return status;
 }
 
-msim_status ms_fail(msim_error *err, msim_status status, const char *format, ...) {
+msim_status ms_error_set(msim_error *err, msim_status status, const char *format, ...) {
   va_list args;
   va_start(args, format);
-  ms_vfail(err, status, format, args);
+  ms_error_vset(err, status, format, args);
   va_end(args);
   return status;
 }
 
-msim_status ms_fail_memory(msim_error *err, const char *what) {
-  return ms_fail(err, MSIM_ERR_MEMORY, "out of memory for %s", what);
+msim_status ms_error_set_memory(msim_error *err, const char *what) {
+  return ms_error_set(err, MSIM_ERR_MEMORY, "out of memory for %s", what);
 }
 
-msim_status ms_status_of(int number) { return number == ENOMEM ? MSIM_ERR_MEMORY : MSIM_ERR_IO; }
+msim_status ms_error_io_status(int number) {
+  return number == ENOMEM ? MSIM_ERR_MEMORY : MSIM_ERR_IO;
+}
 
-msim_status ms_ok(msim_error *err) {
+msim_status ms_error_clear(msim_error *err) {
   if (err) {
     err->status = MSIM_OK;
     err->text[0] = '\0';

@@ -13,16 +13,17 @@
 #endif
 
 /* Set err and return status. Nullable: err. */
-msim_status ms_fail(msim_error *err, msim_status status, const char *format, ...) MS_PRINTF(3, 4);
-msim_status ms_vfail(msim_error *err, msim_status status, const char *format, va_list args);
+msim_status ms_error_set(msim_error *err, msim_status status, const char *format, ...)
+    MS_PRINTF(3, 4);
+msim_status ms_error_vset(msim_error *err, msim_status status, const char *format, va_list args);
 
 /* The same for a failed allocation: "out of memory for WHAT". */
-msim_status ms_fail_memory(msim_error *err, const char *what);
+msim_status ms_error_set_memory(msim_error *err, const char *what);
 
 /* Status of a failed file operation, by its errno. */
-msim_status ms_status_of(int number);
+msim_status ms_error_io_status(int number);
 
 /* Clear err and return MSIM_OK. Nullable: err. */
-msim_status ms_ok(msim_error *err);
+msim_status ms_error_clear(msim_error *err);
 
 #endif

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-int ms_isa_named(const char *name) {
+int ms_isa_find(const char *name) {
   if (strcmp(name, "baseline") == 0) return MS_ISA_BASELINE;
 #ifdef MSIM_X86_KERNELS
   if (strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
@@ -14,11 +14,11 @@ int ms_isa_named(const char *name) {
   return -1;
 }
 
-int ms_isa_best(void) {
+int ms_isa_choose(void) {
   const char *wanted = secure_getenv("MSIM_ISA");
   const char *const names[] = {wanted ? wanted : "avx512", "avx512", "avx2"};
   for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-    const int isa = ms_isa_named(names[i]);
+    const int isa = ms_isa_find(names[i]);
     if (isa >= 0) return isa;
   }
   return MS_ISA_BASELINE;

@@ -10,10 +10,10 @@
 enum { MS_ISA_BASELINE, MS_ISA_AVX2, MS_ISA_AVX512 };
 
 /* name: baseline, avx2 or avx512. -1: not compiled, or not supported by this CPU. */
-int ms_isa_named(const char *name);
+int ms_isa_find(const char *name);
 
 /* The instruction set named by the environment variable MSIM_ISA, else the widest of this CPU. */
-int ms_isa_best(void);
+int ms_isa_choose(void);
 
 #ifndef MS_ISA
 #  define MS_ISA baseline

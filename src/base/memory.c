@@ -13,12 +13,12 @@ static void libc_free(void *ptr, void *user) {
   free(ptr);
 }
 
-msim_allocator ms_allocator(const msim_allocator *alloc) {
+msim_allocator ms_memory_allocator(const msim_allocator *alloc) {
   return alloc ? *alloc : (msim_allocator){libc_alloc, libc_free, NULL};
 }
 
 /* The pointer returned by the allocator is stored just before the aligned block. */
-void *ms_new(const msim_allocator *alloc, size_t count, size_t size) {
+void *ms_memory_allocate(const msim_allocator *alloc, size_t count, size_t size) {
   const size_t extra = MS_ALIGNMENT + sizeof(void *);
   if (size && count > (SIZE_MAX - extra) / size) return NULL;
   char *raw = alloc->alloc(count * size + extra, alloc->user);
@@ -30,33 +30,33 @@ void *ms_new(const msim_allocator *alloc, size_t count, size_t size) {
   return memset(block, 0, count * size);
 }
 
-void ms_delete(const msim_allocator *alloc, void *ptr) {
+void ms_memory_free(const msim_allocator *alloc, void *ptr) {
   if (!ptr) return;
   void *raw;
   memcpy(&raw, (char *)ptr - sizeof(void *), sizeof(void *));
   alloc->free(raw, alloc->user);
 }
 
-msim_status ms_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
-                       int32_t *capacity, int64_t needed, msim_error *err) {
+msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
+                              int32_t *capacity, int64_t needed, msim_error *err) {
   if (needed <= *capacity) return MSIM_OK;
   if (needed > INT32_MAX)
-    return ms_fail(err, MSIM_ERR_ARG, "%lld elements are more than the limit of %d",
-                   (long long)needed, INT32_MAX);
+    return ms_error_set(err, MSIM_ERR_ARG, "%lld elements are more than the limit of %d",
+                        (long long)needed, INT32_MAX);
   int64_t doubled = 2 * (int64_t)*capacity;
   if (doubled > INT32_MAX) doubled = INT32_MAX;
   int64_t room = needed > doubled ? needed : doubled;
-  void *larger = ms_new(alloc, (size_t)room, size);
-  if (!larger) return ms_fail_memory(err, "a scene's arrays");
+  void *larger = ms_memory_allocate(alloc, (size_t)room, size);
+  if (!larger) return ms_error_set_memory(err, "a scene's arrays");
   if (used) memcpy(larger, *array, (size_t)used * size);
-  ms_delete(alloc, *array);
+  ms_memory_free(alloc, *array);
   *array = larger;
   *capacity = (int32_t)room;
   return MSIM_OK;
 }
 
-char *ms_strdup(const msim_allocator *alloc, const char *text) {
+char *ms_memory_copy_string(const msim_allocator *alloc, const char *text) {
   size_t bytes = strlen(text) + 1;
-  char *copy = ms_new(alloc, bytes, 1);
+  char *copy = ms_memory_allocate(alloc, bytes, 1);
   return copy ? memcpy(copy, text, bytes) : NULL;
 }

@@ -8,18 +8,18 @@
 enum { MS_ALIGNMENT = 64 };
 
 /* *alloc, or malloc and free if alloc is NULL. */
-msim_allocator ms_allocator(const msim_allocator *alloc);
+msim_allocator ms_memory_allocator(const msim_allocator *alloc);
 
 /* Allocate count elements of `size` bytes, all zero; NULL if memory is exhausted or the product
  * overflows. count may be 0. */
-void *ms_new(const msim_allocator *alloc, size_t count, size_t size);
-void ms_delete(const msim_allocator *alloc, void *ptr);
+void *ms_memory_allocate(const msim_allocator *alloc, size_t count, size_t size);
+void ms_memory_free(const msim_allocator *alloc, void *ptr);
 
 /* Enlarge *array to `needed` elements, at least doubling it; the first `used` are kept. */
-msim_status ms_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
-                       int32_t *capacity, int64_t needed, msim_error *err);
+msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
+                              int32_t *capacity, int64_t needed, msim_error *err);
 
 /* Copy a string; NULL if memory is exhausted. */
-char *ms_strdup(const msim_allocator *alloc, const char *text);
+char *ms_memory_copy_string(const msim_allocator *alloc, const char *text);
 
 #endif

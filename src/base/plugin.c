@@ -16,63 +16,64 @@ static void add_own_folder(ms_text *folders) {
   Dl_info self;
   if (!dladdr((void *)(uintptr_t)ms_plugin_open, &self) || !self.dli_fname) return;
   const char *slash = strrchr(self.dli_fname, '/');
-  if (slash) ms_print(folders, ":%.*s/", (int)(slash - self.dli_fname), self.dli_fname);
-  else ms_print(folders, ":./");
-  ms_print(folders, "%s", MSIM_PLUGIN_FOLDER);
+  if (slash) ms_text_append(folders, ":%.*s/", (int)(slash - self.dli_fname), self.dli_fname);
+  else ms_text_append(folders, ":./");
+  ms_text_append(folders, "%s", MSIM_PLUGIN_FOLDER);
 }
 
 /* All folders to search, ':' between. Empty names (the current directory) are ignored. */
 static void list_folders(const char *plugin_path, ms_text *folders) {
   const char *environment = secure_getenv("MSIM_PLUGIN_PATH");
-  if (plugin_path) ms_print(folders, ":%s", plugin_path);
-  if (environment) ms_print(folders, ":%s", environment);
+  if (plugin_path) ms_text_append(folders, ":%s", plugin_path);
+  if (environment) ms_text_append(folders, ":%s", environment);
   add_own_folder(folders);
 }
 
-static msim_status open_file(const char *kind, const char *file, void **entry, msim_error *err) {
+static msim_status load_plugin(const char *kind, const char *file, void **entry, msim_error *err) {
   void *handle = dlopen(file, RTLD_NOW | RTLD_LOCAL);
   if (!handle) {
     const char *why = dlerror();
-    return ms_fail(err, MSIM_ERR_PLUGIN, "%s could not be loaded: %s", file, why ? why : "?");
+    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s could not be loaded: %s", file, why ? why : "?");
   }
   char symbol[64];
   snprintf(symbol, sizeof symbol, "msim_%s_entry", kind);
   *entry = dlsym(handle, symbol);
   if (*entry) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_PLUGIN, "%s is no msim plugin: it has no %s", file, symbol);
+  return ms_error_set(err, MSIM_ERR_PLUGIN, "%s is no msim plugin: it has no %s", file, symbol);
 }
 
 /* Open the first file that exists: a defective one is reported, not skipped. */
-static msim_status search(const char *kind, const char *name, const char *folders, void **entry,
-                          ms_text *where, msim_error *err) {
+static msim_status search_folders(const char *kind, const char *name, const char *folders,
+                                  void **entry, ms_text *where, msim_error *err) {
   for (const char *folder = folders; *folder;) {
     size_t length = strcspn(folder, ":");
     where->length = 0;
-    ms_print(where, "%.*s/msim_%s_%s.so", (int)length, folder, kind, name);
-    if (where->failed) return ms_fail_memory(err, "a file name");
-    if (length && access(where->data, F_OK) == 0) return open_file(kind, where->data, entry, err);
+    ms_text_append(where, "%.*s/msim_%s_%s.so", (int)length, folder, kind, name);
+    if (where->failed) return ms_error_set_memory(err, "a file name");
+    if (length && access(where->data, F_OK) == 0) return load_plugin(kind, where->data, entry, err);
     folder += length + (folder[length] == ':');
   }
   where->length = 0;
   for (const char *folder = folders; *folder;) {
     size_t length = strcspn(folder, ":");
-    if (length) ms_print(where, "%s%.*s", where->length ? ", " : "", (int)length, folder);
+    if (length) ms_text_append(where, "%s%.*s", where->length ? ", " : "", (int)length, folder);
     folder += length + (folder[length] == ':');
   }
-  return ms_fail(err, MSIM_ERR_NAME, "no msim_%s_%s.so in %s", kind, name,
-                 where->length ? where->data : "any folder");
+  return ms_error_set(err, MSIM_ERR_NAME, "no msim_%s_%s.so in %s", kind, name,
+                      where->length ? where->data : "any folder");
 }
 
 msim_status ms_plugin_open(const char *kind, const char *name, const char *plugin_path,
                            void **entry, ms_text *where, msim_error *err) {
   *entry = NULL;
   if (!is_name(name))
-    return ms_fail(err, MSIM_ERR_NAME,
-                   "'%s' is no %s's name: names are made of a-z, 0-9, '_' and '-'", name, kind);
+    return ms_error_set(err, MSIM_ERR_NAME,
+                        "'%s' is no %s's name: names are made of a-z, 0-9, '_' and '-'", name,
+                        kind);
   ms_text folders = {.alloc = where->alloc};
   list_folders(plugin_path, &folders);
-  msim_status status = folders.failed ? ms_fail_memory(err, "the list of plugin folders")
-                                      : search(kind, name, folders.data, entry, where, err);
+  msim_status status = folders.failed ? ms_error_set_memory(err, "the list of plugin folders")
+                                      : search_folders(kind, name, folders.data, entry, where, err);
   ms_text_free(&folders);
   return status;
 }
@@ -81,46 +82,50 @@ msim_status ms_plugin_check(const char *kind, const char *name, const char *file
                             uint32_t host_abi, uint32_t size, uint32_t least,
                             const char *table_name, msim_error *err) {
   if (abi != host_abi)
-    return ms_fail(err, MSIM_ERR_ABI, "%s was built for %s ABI %u; this is msim %s with ABI %u",
-                   file, kind, abi, msim_version(), host_abi);
+    return ms_error_set(err, MSIM_ERR_ABI,
+                        "%s was built for %s ABI %u; this is msim %s with ABI %u", file, kind, abi,
+                        msim_version(), host_abi);
   if (size < least)
-    return ms_fail(err, MSIM_ERR_ABI, "%s has a table of %u bytes; the least is %u", file, size,
-                   least);
+    return ms_error_set(err, MSIM_ERR_ABI, "%s has a table of %u bytes; the least is %u", file,
+                        size, least);
   if (table_name && strcmp(table_name, name) == 0) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_PLUGIN, "%s calls itself '%s', not '%s'", file,
-                 table_name ? table_name : "", name);
+  return ms_error_set(err, MSIM_ERR_PLUGIN, "%s calls itself '%s', not '%s'", file,
+                      table_name ? table_name : "", name);
 }
 
 msim_status ms_plugin_check_members(const char *file, const ms_plugin_member *members, size_t n,
                                     msim_error *err) {
   for (size_t i = 0; i < n; i++)
     if (members[i].missing)
-      return ms_fail(err, MSIM_ERR_PLUGIN, "%s has a table without `%s`", file, members[i].name);
+      return ms_error_set(err, MSIM_ERR_PLUGIN, "%s has a table without `%s`", file,
+                          members[i].name);
   return MSIM_OK;
 }
 
 /*------------------------------------- host -----------------------------------------------------*/
 
 static void *host_alloc(const msim_host *host, size_t bytes) {
-  return ms_new(((const ms_host *)host)->alloc, bytes, 1);
+  return ms_memory_allocate(((const ms_plugin_host *)host)->alloc, bytes, 1);
 }
 
 static void host_free(const msim_host *host, void *ptr) {
-  ms_delete(((const ms_host *)host)->alloc, ptr);
+  ms_memory_free(((const ms_plugin_host *)host)->alloc, ptr);
 }
 
 static void host_fail(const msim_host *host, const char *format, ...) {
   va_list args;
   va_start(args, format);
-  vsnprintf(host->data, sizeof((ms_host *)0)->text, format, args);
+  vsnprintf(host->data, sizeof((ms_plugin_host *)0)->text, format, args);
   va_end(args);
 }
 
-void ms_host_init(ms_host *host, const msim_allocator *alloc) {
-  *host = (ms_host){{sizeof(msim_host), host_alloc, host_free, host_fail, host->text}, alloc, ""};
+void ms_plugin_init_host(ms_plugin_host *host, const msim_allocator *alloc) {
+  *host = (ms_plugin_host){
+      {sizeof(msim_host), host_alloc, host_free, host_fail, host->text}, alloc, ""};
 }
 
-msim_status ms_host_fail(const ms_host *host, const char *name, msim_status status,
-                         msim_error *err) {
-  return ms_fail(err, status, "%s: %s", name, *host->text ? host->text : msim_status_text(status));
+msim_status ms_plugin_fail(const ms_plugin_host *host, const char *name, msim_status status,
+                           msim_error *err) {
+  return ms_error_set(err, status, "%s: %s", name,
+                      *host->text ? host->text : msim_status_text(status));
 }

@@ -26,16 +26,16 @@ msim_status ms_plugin_check_members(const char *file, const ms_plugin_member *me
                                     msim_error *err);
 
 /* Services for a plugin: memory of the scene's allocator, and a buffer for its last message. */
-typedef struct ms_host {
+typedef struct ms_plugin_host {
   msim_host base;
   const msim_allocator *alloc;
   char text[768];
-} ms_host;
+} ms_plugin_host;
 
-void ms_host_init(ms_host *host, const msim_allocator *alloc);
+void ms_plugin_init_host(ms_plugin_host *host, const msim_allocator *alloc);
 
 /* Fail with the plugin's status and its message, or the text of the status if it gave none. */
-msim_status ms_host_fail(const ms_host *host, const char *name, msim_status status,
-                         msim_error *err);
+msim_status ms_plugin_fail(const ms_plugin_host *host, const char *name, msim_status status,
+                           msim_error *err);
 
 #endif

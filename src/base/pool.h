@@ -11,7 +11,7 @@
 typedef struct ms_pool ms_pool;
 
 /* Maximum number of threads. */
-enum { MS_MOST_THREADS = 256 };
+enum { MS_MAX_THREADS = 256 };
 
 /* Create a pool of `threads` threads, including the caller's; fewer if not all can be started.
  * NULL: no additional thread, or out of memory; a valid pool. */
@@ -19,16 +19,16 @@ ms_pool *ms_pool_create(const msim_allocator *alloc, int32_t threads);
 void ms_pool_destroy(ms_pool *pool);
 
 /* Number of threads including the caller's; 1 for NULL. */
-int32_t ms_pool_threads(const ms_pool *pool);
+int32_t ms_pool_thread_count(const ms_pool *pool);
 
 /* Executes the item with index `item`, 0 <= item < n. */
-typedef void ms_item(void *data, int32_t item);
+typedef void ms_pool_item(void *data, int32_t item);
 
 /* Execute all items, in no particular order; return after the last. One call at a time per pool. In
  * the calling thread and in order if pool is NULL, or in a child process, which has no threads. */
-void ms_pool_run(ms_pool *pool, ms_item *work, void *data, int32_t n);
+void ms_pool_run(ms_pool *pool, ms_pool_item *work, void *data, int32_t n);
 
 /* Number of cores that this thread may run on. */
-int32_t ms_usable_cores(void);
+int32_t ms_pool_usable_cores(void);
 
 #endif

@@ -1,7 +1,7 @@
 /* simd - portable vectors of as many doubles as a register of the instruction set holds
  *
  * Lanes never interact, so results do not depend on their number, which divides 8; but those of
- * ms_fma and ms_root depend on the instruction set. */
+ * ms_simd_fma and ms_simd_sqrt_and_inverse depend on the instruction set. */
 #ifndef MS_SIMD_H
 #define MS_SIMD_H
 
@@ -39,16 +39,16 @@ typedef double ms_quad __attribute__((vector_size(32)));
 typedef float ms_float_quad __attribute__((vector_size(16)));
 
 /* Load and store at any alignment. */
-static inline ms_lanes ms_load(const double *from) {
+static inline ms_lanes ms_simd_load(const double *from) {
   ms_lanes v;
   memcpy(&v, from, sizeof v);
   return v;
 }
 
-static inline void ms_store(double *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
+static inline void ms_simd_store(double *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
 
 /* floats to doubles; intrinsics, because GCC 12 converts half a register at a time otherwise */
-static inline ms_lanes ms_load_floats(const float *from) {
+static inline ms_lanes ms_simd_load_floats(const float *from) {
 #if defined(__AVX512F__)
   return (ms_lanes)_mm512_cvtps_pd(_mm256_loadu_ps(from));
 #elif defined(__AVX__) && MS_LANES == 4
@@ -60,7 +60,7 @@ static inline ms_lanes ms_load_floats(const float *from) {
 #endif
 }
 
-static inline void ms_store_floats(float *to, ms_lanes v) {
+static inline void ms_simd_store_floats(float *to, ms_lanes v) {
 #if defined(__AVX512F__)
   _mm256_storeu_ps(to, _mm512_cvtpd_ps(v));
 #elif defined(__AVX__) && MS_LANES == 4
@@ -71,15 +71,15 @@ static inline void ms_store_floats(float *to, ms_lanes v) {
 #endif
 }
 
-static inline ms_quad ms_load_quad(const double *from) {
+static inline ms_quad ms_simd_load_quad(const double *from) {
   ms_quad v;
   memcpy(&v, from, sizeof v);
   return v;
 }
 
-static inline void ms_store_quad(double *to, ms_quad v) { memcpy(to, &v, sizeof v); }
+static inline void ms_simd_store_quad(double *to, ms_quad v) { memcpy(to, &v, sizeof v); }
 
-static inline ms_quad ms_load_float_quad(const float *from) {
+static inline ms_quad ms_simd_load_float_quad(const float *from) {
 #if defined(__AVX__)
   return (ms_quad)_mm256_cvtps_pd(_mm_loadu_ps(from));
 #else
@@ -91,33 +91,33 @@ static inline ms_quad ms_load_float_quad(const float *from) {
 
 /* Lanes i, j, k, l of the lanes of a (0 to 3) and b (4 to 7). */
 #if defined(__clang__) || __GNUC__ >= 12
-#  define MS_PICK(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
+#  define MS_SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
 #else
 typedef int64_t ms_quad_mask __attribute__((vector_size(32)));
-#  define MS_PICK(a, b, i, j, k, l) __builtin_shuffle(a, b, (ms_quad_mask){i, j, k, l})
+#  define MS_SHUFFLE(a, b, i, j, k, l) __builtin_shuffle(a, b, (ms_quad_mask){i, j, k, l})
 #endif
 
 /* The four horizontal sums (0 + 1) + (2 + 3) of the lanes of a, b, c and d. */
-static inline ms_quad ms_quad_sums(ms_quad a, ms_quad b, ms_quad c, ms_quad d) {
-  const ms_quad ab = MS_PICK(a, b, 0, 4, 2, 6) + MS_PICK(a, b, 1, 5, 3, 7);
-  const ms_quad cd = MS_PICK(c, d, 0, 4, 2, 6) + MS_PICK(c, d, 1, 5, 3, 7);
-  return MS_PICK(ab, cd, 0, 1, 4, 5) + MS_PICK(ab, cd, 2, 3, 6, 7);
+static inline ms_quad ms_simd_quad_sums(ms_quad a, ms_quad b, ms_quad c, ms_quad d) {
+  const ms_quad ab = MS_SHUFFLE(a, b, 0, 4, 2, 6) + MS_SHUFFLE(a, b, 1, 5, 3, 7);
+  const ms_quad cd = MS_SHUFFLE(c, d, 0, 4, 2, 6) + MS_SHUFFLE(c, d, 1, 5, 3, 7);
+  return MS_SHUFFLE(ab, cd, 0, 1, 4, 5) + MS_SHUFFLE(ab, cd, 2, 3, 6, 7);
 }
 
 /* mask ? a : b in each lane */
-static inline ms_lanes ms_select(ms_mask mask, ms_lanes a, ms_lanes b) {
+static inline ms_lanes ms_simd_select(ms_mask mask, ms_lanes a, ms_lanes b) {
   return (ms_lanes)((mask & (ms_mask)a) | (~mask & (ms_mask)b));
 }
 
-static inline ms_lanes ms_sqrt(ms_lanes v) {
+static inline ms_lanes ms_simd_sqrt(ms_lanes v) {
   double lane[MS_LANES];
-  ms_store(lane, v);
+  ms_simd_store(lane, v);
   for (int l = 0; l < MS_LANES; l++) lane[l] = sqrt(lane[l]);
-  return ms_load(lane);
+  return ms_simd_load(lane);
 }
 
 /* x[index[0]], x[index[1]], ... */
-static inline ms_lanes ms_gather(const double *x, const int32_t *index) {
+static inline ms_lanes ms_simd_gather(const double *x, const int32_t *index) {
   ms_lanes v;
   /* cppcheck-suppress uninitvar; assigning a lane does not read v */
   for (int l = 0; l < MS_LANES; l++) v[l] = x[index[l]];
@@ -125,20 +125,20 @@ static inline ms_lanes ms_gather(const double *x, const int32_t *index) {
 }
 
 /* max(v, least) in each lane; NaN if v is NaN */
-static inline ms_lanes ms_at_least(ms_lanes v, double least) {
+static inline ms_lanes ms_simd_max(ms_lanes v, double least) {
   const ms_lanes low = (ms_lanes){0} + least;
 #if defined(__AVX512F__)
   return _mm512_max_pd(low, v);
 #elif defined(__AVX__) && MS_LANES == 4
   return _mm256_max_pd(low, v);
 #else
-  return ms_select(v < low, low, v);
+  return ms_simd_select(v < low, low, v);
 #endif
 }
 
 /* a b + c, rounded once if the instruction set has a fused multiply-add, which is faster, else
  * twice: the last bits of forces depend on it. */
-static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
+static inline ms_lanes ms_simd_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #if defined(__AVX512F__)
   return _mm512_fmadd_pd(a, b, c);
 #elif defined(__FMA__) && MS_LANES == 4
@@ -158,18 +158,18 @@ static inline ms_lanes ms_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
  *   1/sqrt(v) = r (1 - e)^(-1/2) = r (1 + e/2 + 3/8 e^2 + 5/16 e^3 + 35/128 e^4 + ...),
  * truncated after e^4. l = v/sqrt(v) gets one Newton step, l + (v - l^2)/(2 l). With other
  * instruction sets, a chain of such steps would take as long as the hardware's square root. */
-static inline ms_lanes ms_root(ms_lanes v, ms_lanes *inverse) {
+static inline ms_lanes ms_simd_sqrt_and_inverse(ms_lanes v, ms_lanes *inverse) {
 #if defined(__AVX512F__)
   const ms_lanes zero = {0}, r = _mm512_rsqrt14_pd(v);
   const ms_lanes e = _mm512_fnmadd_pd(v * r, r, zero + 1);
-  ms_lanes series = ms_fma(e, zero + 35. / 128, zero + 5. / 16);
-  series = ms_fma(e, series, zero + 3. / 8);
-  series = ms_fma(e, series, zero + 1. / 2);
-  *inverse = ms_fma(e * r, series, r);
+  ms_lanes series = ms_simd_fma(e, zero + 35. / 128, zero + 5. / 16);
+  series = ms_simd_fma(e, series, zero + 3. / 8);
+  series = ms_simd_fma(e, series, zero + 1. / 2);
+  *inverse = ms_simd_fma(e * r, series, r);
   const ms_lanes l = v * *inverse;
-  return ms_fma(_mm512_fnmadd_pd(l, l, v), 0.5 * *inverse, l);
+  return ms_simd_fma(_mm512_fnmadd_pd(l, l, v), 0.5 * *inverse, l);
 #else
-  const ms_lanes l = ms_sqrt(v);
+  const ms_lanes l = ms_simd_sqrt(v);
   *inverse = 1 / l;
   return l;
 #endif

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-int ms_parse_double(const char *text, double *value) {
+int ms_text_parse_double(const char *text, double *value) {
   locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
   if (!c) return 0;
   char *end;
@@ -18,7 +18,7 @@ int ms_parse_double(const char *text, double *value) {
   return end != text && *end == '\0' && isfinite(*value);
 }
 
-int ms_parse_int64(const char *text, int64_t *value) {
+int ms_text_parse_int64(const char *text, int64_t *value) {
   char *end;
   errno = 0;
   long long number = strtoll(text, &end, 10);
@@ -27,13 +27,13 @@ int ms_parse_int64(const char *text, int64_t *value) {
 }
 
 /* printf and strtod use the decimal point of the locale, of one or more bytes; it becomes '.'. */
-ms_number ms_number_text(double value) {
+ms_number_text_buffer ms_text_format_double(double value) {
   char local[64];
   for (int digits = 15; digits <= 17; digits++) {
     snprintf(local, sizeof local, "%.*g", digits, value);
     if (strtod(local, NULL) == value) break;
   }
-  ms_number number = {""};
+  ms_number_text_buffer number = {""};
   size_t n = 0;
   for (const char *c = local; *c && n < sizeof number.text - 3; c++) {
     if (strchr("+-0123456789e", *c)) number.text[n++] = *c;
@@ -68,7 +68,7 @@ static int edit_distance(const char *a, const char *b) {
   return row[nb];
 }
 
-ms_hint ms_did_you_mean(const char *word, ms_words *words, const void *data) {
+ms_hint ms_text_suggest(const char *word, ms_word_list *words, const void *data) {
   const char *best = NULL, *name;
   int least = (int)strlen(word) / 3 + 1; /* one error per three letters, plus one */
   for (int32_t i = 0; (name = words(i, data)) != NULL; i++) {
@@ -83,26 +83,26 @@ ms_hint ms_did_you_mean(const char *word, ms_words *words, const void *data) {
   return hint;
 }
 
-static int make_room(ms_text *text, size_t more) {
+static int reserve_text(ms_text *text, size_t more) {
   if (text->length + more < text->capacity) return 1;
   size_t capacity = 2 * (text->length + more) + 256;
-  char *larger = ms_new(text->alloc, capacity, 1);
+  char *larger = ms_memory_allocate(text->alloc, capacity, 1);
   if (!larger) return 0;
   if (text->length) memcpy(larger, text->data, text->length);
-  ms_delete(text->alloc, text->data);
+  ms_memory_free(text->alloc, text->data);
   text->data = larger;
   text->capacity = capacity;
   return 1;
 }
 
-void ms_print(ms_text *text, const char *format, ...) {
+void ms_text_append(ms_text *text, const char *format, ...) {
   if (text->failed) return;
   size_t room = text->capacity - text->length;
   va_list args, again;
   va_start(args, format);
   va_copy(again, args);
   int more = vsnprintf(room ? text->data + text->length : NULL, room, format, args);
-  if (more < 0 || !make_room(text, (size_t)more)) {
+  if (more < 0 || !reserve_text(text, (size_t)more)) {
     text->failed = 1;
   } else {
     /* the first attempt was truncated if there was too little room */
@@ -114,6 +114,6 @@ void ms_print(ms_text *text, const char *format, ...) {
 }
 
 void ms_text_free(ms_text *text) {
-  ms_delete(text->alloc, text->data);
+  ms_memory_free(text->alloc, text->data);
   *text = (ms_text){.alloc = text->alloc};
 }

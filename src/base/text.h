@@ -5,23 +5,23 @@
 #include "base/memory.h"
 
 /* Parse all of `text` as a finite double, or as an integer; return 0 if it is not one. */
-int ms_parse_double(const char *text, double *value);
-int ms_parse_int64(const char *text, int64_t *value);
+int ms_text_parse_double(const char *text, double *value);
+int ms_text_parse_int64(const char *text, int64_t *value);
 
 /* A finite double as text: the fewest digits, 15 to 17, that read back as the same bits. */
-typedef struct ms_number {
+typedef struct ms_number_text_buffer {
   char text[32];
-} ms_number;
-ms_number ms_number_text(double value);
+} ms_number_text_buffer;
+ms_number_text_buffer ms_text_format_double(double value);
 
 /* List of words: the i-th one, NULL past the end. */
-typedef const char *ms_words(int32_t i, const void *data);
+typedef const char *ms_word_list(int32_t i, const void *data);
 
 /* " (did you mean 'cholmod'?)" if one of the words is similar to `word`, else "". */
 typedef struct ms_hint {
   char text[96];
 } ms_hint;
-ms_hint ms_did_you_mean(const char *word, ms_words *words, const void *data);
+ms_hint ms_text_suggest(const char *word, ms_word_list *words, const void *data);
 
 /* A growing string. After a failed allocation `failed` is set and nothing more is appended. */
 typedef struct ms_text {
@@ -31,7 +31,7 @@ typedef struct ms_text {
   int failed;
 } ms_text;
 
-void ms_print(ms_text *text, const char *format, ...) MS_PRINTF(2, 3);
+void ms_text_append(ms_text *text, const char *format, ...) MS_PRINTF(2, 3);
 void ms_text_free(ms_text *text);
 
 #endif

@@ -4,14 +4,14 @@
 
 #include <math.h>
 
-static inline double ms_dot3(const double a[3], const double b[3]) {
+static inline double ms_vec3_dot(const double a[3], const double b[3]) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static inline double ms_norm3(const double a[3]) { return sqrt(ms_dot3(a, a)); }
+static inline double ms_vec3_norm(const double a[3]) { return sqrt(ms_vec3_dot(a, a)); }
 
 /* y += a x */
-static inline void ms_axpy3(double a, const double x[3], double y[3]) {
+static inline void ms_vec3_axpy(double a, const double x[3], double y[3]) {
   for (int c = 0; c < 3; c++) y[c] += a * x[c];
 }
 

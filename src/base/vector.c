@@ -14,15 +14,15 @@ MS_TABLES(ms_vector_kernels);
        at += (size_t)(s).stride)
 #define EACH_ROW(s) for (int32_t r = 0; r < (s).n; r++)
 
-void ms_copy(ms_shape s, const double *x, double *y) {
+void ms_vector_copy(ms_shape s, const double *x, double *y) {
   EACH_COMPONENT(s) memcpy(y + at, x + at, (size_t)s.n * sizeof *x);
 }
 
-void ms_scale(ms_shape s, double a, double *x) {
+void ms_vector_scale(ms_shape s, double a, double *x) {
   EACH_COMPONENT(s) EACH_ROW(s) x[at + (size_t)r] *= a;
 }
 
-void ms_axpy(ms_shape s, double a, const double *x, double *y) {
+void ms_vector_axpy(ms_shape s, double a, const double *x, double *y) {
   EACH_COMPONENT(s) {
     const double *restrict xc = x + at;
     double *restrict yc = y + at;
@@ -30,7 +30,7 @@ void ms_axpy(ms_shape s, double a, const double *x, double *y) {
   }
 }
 
-void ms_combine(ms_shape s, const double *x, double a, const double *y, double *z) {
+void ms_vector_add_scaled(ms_shape s, const double *x, double a, const double *y, double *z) {
   EACH_COMPONENT(s) {
     const double *xc = x + at, *yc = y + at;
     double *zc = z + at;
@@ -38,8 +38,8 @@ void ms_combine(ms_shape s, const double *x, double a, const double *y, double *
   }
 }
 
-void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, const double *z,
-             double *w) {
+void ms_vector_add_two_scaled(ms_shape s, const double *x, double a, const double *y, double b,
+                              const double *z, double *w) {
   EACH_COMPONENT(s) {
     const double *xc = x + at, *yc = y + at, *zc = z + at;
     double *wc = w + at;
@@ -47,8 +47,8 @@ void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, c
   }
 }
 
-void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
-                   const double *y2, double c, const double *f, double *y) {
+void ms_vector_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
+                          const double *y2, double c, const double *f, double *y) {
   EACH_COMPONENT(s) {
     const double *from = y0 + at, *one = y1 + at, *two = y2 + at, *fc = f + at;
     double *to = y + at;
@@ -57,12 +57,12 @@ void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, dou
   }
 }
 
-void ms_add_all(ms_shape s, const double *x, int n, const double *w, const double *const *y,
-                double *z) {
-  ms_vector_kernels_of[s.isa]->add_all(s, x, n, w, y, z);
+void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w,
+                                  const double *const *y, double *z) {
+  ms_vector_kernels_of[s.isa]->linear_combination(s, x, n, w, y, z);
 }
 
-void ms_scale_rows(ms_shape s, const double *d, const double *f, double *a) {
+void ms_vector_scale_rows(ms_shape s, const double *d, const double *f, double *a) {
   EACH_COMPONENT(s) {
     const double *fc = f + at;
     double *ac = a + at;
@@ -82,7 +82,7 @@ static double dot_chunk(const double *x, const double *y, int32_t n) {
   return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
 }
 
-double ms_dot(ms_shape s, const double *x, const double *y) {
+double ms_vector_dot(ms_shape s, const double *x, const double *y) {
   double sum = 0;
   EACH_COMPONENT(s) {
     for (int32_t r = 0; r < s.n; r += CHUNK)
@@ -91,12 +91,12 @@ double ms_dot(ms_shape s, const double *x, const double *y) {
   return sum;
 }
 
-int ms_is_zero(ms_shape s, const double *x) {
+int ms_vector_is_zero(ms_shape s, const double *x) {
   EACH_COMPONENT(s) {
     int32_t r = 0;
     for (; r + LANES <= s.n; r += LANES) {
       ms_mask moves = {0};
-      for (int i = 0; i < LANES; i += MS_LANES) moves |= ms_load(x + at + r + i) != 0;
+      for (int i = 0; i < LANES; i += MS_LANES) moves |= ms_simd_load(x + at + r + i) != 0;
       for (int i = 0; i < MS_LANES; i++)
         if (moves[i]) return 0;
     }
@@ -106,19 +106,19 @@ int ms_is_zero(ms_shape s, const double *x) {
   return 1;
 }
 
-int ms_is_same(ms_shape s, const double *x, const double *y) {
+int ms_vector_is_equal(ms_shape s, const double *x, const double *y) {
   EACH_COMPONENT(s) if (memcmp(x + at, y + at, (size_t)s.n * sizeof *x) != 0) return 0;
   return 1;
 }
 
-int32_t ms_find_bad(ms_shape s, const double *x) {
-  if (ms_vector_kernels_of[s.isa]->is_good(s, x)) return -1;
+int32_t ms_vector_find_invalid(ms_shape s, const double *x) {
+  if (ms_vector_kernels_of[s.isa]->is_valid(s, x)) return -1;
   for (int32_t r = 0; r < s.n; r++)
-    EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_HUGE)) return r;
+    EACH_COMPONENT(s) if (!(fabs(x[at + (size_t)r]) <= MS_LARGEST_VALID)) return r;
   return -1;
 }
 
-int32_t ms_find_largest(ms_shape s, const double *x) {
+int32_t ms_vector_find_largest(ms_shape s, const double *x) {
   int32_t row = 0;
   double largest = -1;
   for (int32_t r = 0; r < s.n; r++) EACH_COMPONENT(s) {
@@ -128,7 +128,7 @@ int32_t ms_find_largest(ms_shape s, const double *x) {
   return row;
 }
 
-double ms_arbitrary(uint32_t i) {
+double ms_vector_random_entry(uint32_t i) {
   i = (i ^ 61u ^ (i >> 16)) * 2654435769u;
   return (double)(i >> 8) / 16777216.0 - 0.5;
 }

@@ -15,40 +15,40 @@ typedef struct ms_shape {
   int32_t isa;    /* instruction set of the kernels (isa.h) */
 } ms_shape;
 
-void ms_copy(ms_shape s, const double *x, double *y);
-void ms_scale(ms_shape s, double a, double *x);                 /* x = a x */
-void ms_axpy(ms_shape s, double a, const double *x, double *y); /* y += a x */
-void ms_combine(ms_shape s, const double *x, double a, const double *y,
-                double *z); /* z = x + a y */
-void ms_add2(ms_shape s, const double *x, double a, const double *y, double b, const double *z,
-             double *w); /* w = x + a y + b z */
+void ms_vector_copy(ms_shape s, const double *x, double *y);
+void ms_vector_scale(ms_shape s, double a, double *x);                 /* x = a x */
+void ms_vector_axpy(ms_shape s, double a, const double *x, double *y); /* y += a x */
+void ms_vector_add_scaled(ms_shape s, const double *x, double a, const double *y,
+                          double *z); /* z = x + a y */
+void ms_vector_add_two_scaled(ms_shape s, const double *x, double a, const double *y, double b,
+                              const double *z, double *w); /* w = x + a y + b z */
 /* y = y0 + a (y1 - y0) + b (y2 - y0) + c f; y may be y1 or y2 */
-void ms_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
-                   const double *y2, double c, const double *f, double *y);
+void ms_vector_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
+                          const double *y2, double c, const double *f, double *y);
 
 /* z = x + sum_k w_k y_k, summed in this order. Nullable: x (0). */
-void ms_add_all(ms_shape s, const double *x, int n, const double *w /* n */,
-                const double *const *y /* n */, double *z);
-double ms_dot(ms_shape s, const double *x, const double *y);
+void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w /* n */,
+                                  const double *const *y /* n */, double *z);
+double ms_vector_dot(ms_shape s, const double *x, const double *y);
 
 /* a = D f with the diagonal matrix D, one entry per row. */
-void ms_scale_rows(ms_shape s, const double *d /* n */, const double *f, double *a);
+void ms_vector_scale_rows(ms_shape s, const double *d /* n */, const double *f, double *a);
 
-int ms_is_zero(ms_shape s, const double *x);
-int ms_is_same(ms_shape s, const double *x, const double *y); /* bit for bit */
+int ms_vector_is_zero(ms_shape s, const double *x);
+int ms_vector_is_equal(ms_shape s, const double *x, const double *y); /* bit for bit */
 
-/* Index of the first row that contains NaN or a number beyond MS_HUGE; -1: none. */
-int32_t ms_find_bad(ms_shape s, const double *x);
+/* Index of the first row that contains NaN or a number beyond MS_LARGEST_VALID; -1: none. */
+int32_t ms_vector_find_invalid(ms_shape s, const double *x);
 
 /* Index of the first row that contains the largest magnitude. */
-int32_t ms_find_largest(ms_shape s, const double *x);
+int32_t ms_vector_find_largest(ms_shape s, const double *x);
 
 /* The i-th entry of a fixed pseudo-random vector, in [-1/2, 1/2), the same on every machine. It has
  * a component along practically every other vector. */
-double ms_arbitrary(uint32_t i);
+double ms_vector_random_entry(uint32_t i);
 
 /* Limit of the numbers in a state. Squares overflow at 1.34e154; the margin is for the products in
  * forces and energies. */
-#define MS_HUGE 1e140
+#define MS_LARGEST_VALID 1e140
 
 #endif

@@ -7,28 +7,28 @@
 
 /* Process whole blocks of `registers` registers, whose sums stay in registers; return the index of
  * the first row that is left. */
-MS_INLINE size_t add_blocks(int registers, const double *x, int n, const double *w,
-                            const double *const *y, size_t at, size_t end, double *z) {
+MS_INLINE size_t combine_blocks(int registers, const double *x, int n, const double *w,
+                                const double *const *y, size_t at, size_t end, double *z) {
   enum { MOST = 4 };
   const size_t block = (size_t)registers * MS_LANES;
   for (; at + block <= end; at += block) {
     ms_lanes sum[MOST] = {{0}};
     for (int k = 0; k < n; k++)
-      for (int i = 0; i < registers; i++) sum[i] += w[k] * ms_load(y[k] + at + i * MS_LANES);
+      for (int i = 0; i < registers; i++) sum[i] += w[k] * ms_simd_load(y[k] + at + i * MS_LANES);
     for (int i = 0; i < registers; i++) {
       const size_t row = at + (size_t)i * MS_LANES;
-      ms_store(z + row, (x ? ms_load(x + row) : (ms_lanes){0}) + sum[i]);
+      ms_simd_store(z + row, (x ? ms_simd_load(x + row) : (ms_lanes){0}) + sum[i]);
     }
   }
   return at;
 }
 
-static void add_all(ms_shape s, const double *x, int n, const double *w, const double *const *y,
-                    double *z) {
+static void linear_combination(ms_shape s, const double *x, int n, const double *w,
+                               const double *const *y, double *z) {
   for (size_t at = 0; at < (size_t)s.dims * (size_t)s.stride; at += (size_t)s.stride) {
     const size_t end = at + (size_t)s.n;
-    size_t row = add_blocks(4, x, n, w, y, at, end, z);
-    for (row = add_blocks(1, x, n, w, y, row, end, z); row < end; row++) {
+    size_t row = combine_blocks(4, x, n, w, y, at, end, z);
+    for (row = combine_blocks(1, x, n, w, y, row, end, z); row < end; row++) {
       double sum = 0;
       for (int k = 0; k < n; k++) sum += w[k] * y[k][row];
       z[row] = (x ? x[row] : 0) + sum;
@@ -36,17 +36,19 @@ static void add_all(ms_shape s, const double *x, int n, const double *w, const d
   }
 }
 
-/* (c x)^2 is infinite or NaN if x is NaN or beyond MS_HUGE, and so is any sum that contains it. */
-static int is_good(ms_shape s, const double *x) {
+/* (c x)^2 is infinite or NaN if x is NaN or beyond MS_LARGEST_VALID, and so is any sum that
+ * contains it. */
+static int is_valid(ms_shape s, const double *x) {
   enum { REGISTERS = 2 };
-  const double c = 1.35e154 / MS_HUGE; /* c MS_HUGE exceeds the root of the largest double */
+  const double c =
+      1.35e154 / MS_LARGEST_VALID; /* c MS_LARGEST_VALID exceeds the root of the largest double */
   ms_lanes lanes[REGISTERS] = {{0}};
   double sum = 0;
   for (size_t at = 0; at < (size_t)s.dims * (size_t)s.stride; at += (size_t)s.stride) {
     int32_t r = 0;
     for (; r + REGISTERS * MS_LANES <= s.n; r += REGISTERS * MS_LANES)
       for (int i = 0; i < REGISTERS; i++) {
-        const ms_lanes y = c * ms_load(x + at + r + i * MS_LANES);
+        const ms_lanes y = c * ms_simd_load(x + at + r + i * MS_LANES);
         lanes[i] += y * y;
       }
     for (; r < s.n; r++) sum += (c * x[at + (size_t)r]) * (c * x[at + (size_t)r]);
@@ -56,4 +58,4 @@ static int is_good(ms_shape s, const double *x) {
   return isfinite(sum);
 }
 
-const ms_vector_kernels MS_TABLE(ms_vector_kernels) = {add_all, is_good};
+const ms_vector_kernels MS_TABLE(ms_vector_kernels) = {linear_combination, is_valid};

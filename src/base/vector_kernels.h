@@ -7,10 +7,10 @@
 
 /* Functions of vector.h; their results do not depend on the instruction set. */
 typedef struct ms_vector_kernels {
-  void (*add_all)(ms_shape s, const double *x, int n, const double *w, const double *const *y,
-                  double *z);
-  /* 1: no number is NaN or beyond MS_HUGE; 0: some may be */
-  int (*is_good)(ms_shape s, const double *x);
+  void (*linear_combination)(ms_shape s, const double *x, int n, const double *w,
+                             const double *const *y, double *z);
+  /* 1: no number is NaN or beyond MS_LARGEST_VALID; 0: some may be */
+  int (*is_valid)(ms_shape s, const double *x);
 } ms_vector_kernels;
 
 #endif

@@ -3,9 +3,9 @@
 #include <float.h>
 #include <math.h>
 
-#include "integrate/contacts.h"
+#include "integrate/contact_set.h"
 
-int ms_has_control(const ms_integrator *integrator) {
+int ms_control_is_supported(const ms_integrator *integrator) {
   return integrator->estimate || integrator->one_step;
 }
 
@@ -13,44 +13,44 @@ int ms_has_control(const ms_integrator *integrator) {
 
 /* An estimate holds for the step that the method made: the errors of particles that followed paths
  * of their own are in s->path_error. */
-static void leave_paths_out(const ms_stepper *s, double *dx, double *dv) {
+static void clear_path_errors(const ms_stepper *s, double *dx, double *dv) {
   const double none[3] = {0};
   for (int32_t i = 0; s->events && i < s->events->nfollowed; i++) {
-    ms_row_put(&s->model->rows, none, s->events->followed[i], dx);
-    ms_row_put(&s->model->rows, none, s->events->followed[i], dv);
+    ms_unknowns_set(&s->model->unknowns, none, s->events->followed[i], dx);
+    ms_unknowns_set(&s->model->unknowns, none, s->events->followed[i], dv);
   }
 }
 
 /* Writes an estimate to the first spare pair. which: 0, the fine one; 1, the coarse one */
-static void put_error(const ms_integrator *integrator, ms_stepper *s, int which) {
+static void write_estimate(const ms_integrator *integrator, ms_stepper *s, int which) {
   const ms_shape shape = s->model->shape;
   double *dx = s->x_spare[0], *dv = s->v_spare[0];
   if (integrator->estimate) {
     integrator->estimate(s, which, dx, dv);
-    leave_paths_out(s, dx, dv);
+    clear_path_errors(s, dx, dv);
     return;
   }
   const double richardson = 1 / (ldexp(1, integrator->entry.order) - 1);
-  ms_combine(shape, s->x_next, -1, s->x_spare[1], dx);
-  ms_combine(shape, s->v_next, -1, s->v_spare[1], dv);
-  ms_scale(shape, richardson, dx);
-  ms_scale(shape, richardson, dv);
+  ms_vector_add_scaled(shape, s->x_next, -1, s->x_spare[1], dx);
+  ms_vector_add_scaled(shape, s->v_next, -1, s->v_spare[1], dv);
+  ms_vector_scale(shape, richardson, dx);
+  ms_vector_scale(shape, richardson, dv);
 }
 
 /* E of a connected part, from the squares of both estimates */
-static double error_of_part(const ms_part *p, int two_estimates) {
+static double error_of_part(const ms_norm_body *p, int two_estimates) {
   const double fine = p->square[0], weight = fine + (two_estimates ? 0.01 * p->square[1] : 0);
   return weight == 0 ? 0 : fine / sqrt(weight);
 }
 
-double ms_error_of(const ms_integrator *integrator, ms_stepper *s, const ms_norm *norm,
-                   double allowed) {
+double ms_control_error(const ms_integrator *integrator, ms_stepper *s, const ms_norm *norm,
+                        double allowed) {
   double largest = 0;
   for (int which = 0; which <= integrator->two_estimates; which++) {
-    put_error(integrator, s, which);
-    ms_norm_square(norm, s->model->shape, which, s->x_spare[0], s->v_spare[0]);
+    write_estimate(integrator, s, which);
+    ms_norm_square_errors(norm, s->model->shape, which, s->x_spare[0], s->v_spare[0]);
   }
-  for (const ms_part *p = norm->part; p < norm->part + norm->n; p++) {
+  for (const ms_norm_body *p = norm->body; p < norm->body + norm->n; p++) {
     const double r = error_of_part(p, integrator->two_estimates) / fmax(allowed, p->rounding);
     if (!(r <= largest)) largest = r;
     if (isnan(r)) return r;
@@ -58,14 +58,14 @@ double ms_error_of(const ms_integrator *integrator, ms_stepper *s, const ms_norm
   return largest;
 }
 
-int32_t ms_error_culprit(const ms_integrator *integrator, ms_stepper *s) {
-  put_error(integrator, s, 0);
-  return ms_find_largest(s->model->shape, s->v_spare[0]);
+int32_t ms_control_find_offender(const ms_integrator *integrator, ms_stepper *s) {
+  write_estimate(integrator, s, 0);
+  return ms_vector_find_largest(s->model->shape, s->v_spare[0]);
 }
 
 /*------------------------------------- step -----------------------------------------------------*/
 
-ms_control ms_control_of(const ms_integrator *integrator, double tol, double span) {
+ms_control ms_control_make(const ms_integrator *integrator, double tol, double span) {
   const double GROWTH = 5, SAFETY = 0.85;
   return (ms_control){.tol = tol,
                       .span = span,
@@ -74,31 +74,31 @@ ms_control ms_control_of(const ms_integrator *integrator, double tol, double spa
                       .safety = integrator->safety > 0 ? integrator->safety : SAFETY};
 }
 
-double ms_control_allowed(const ms_control *c, double h) { return c->tol * h / c->span; }
+double ms_control_allowed_error(const ms_control *c, double h) { return c->tol * h / c->span; }
 
 /* (h/time)^(k + 1) = tol h/T, the left-hand side an estimate of the error */
-double ms_control_first(const ms_control *c, const ms_scales *scales) {
+double ms_control_first_step(const ms_control *c, const ms_scales *scales) {
   const double time = scales->time;
   return fmin(time * fmin(1, pow(c->tol * time / c->span, 1 / c->order)), c->span / 10);
 }
 
-double ms_control_next(const ms_control *c, double left) {
+double ms_control_next_step(const ms_control *c, double left) {
   if (c->h >= left) return left;
   return 2 * c->h > left ? left / 2 : c->h;
 }
 
-void ms_control_forget(ms_control *c) { c->previous = 0, c->shrunk = 0; }
+void ms_control_reset(ms_control *c) { c->previous = 0, c->shrunk = 0; }
 
-void ms_control_history(ms_bytes *b, ms_control *c) {
+void ms_control_archive(ms_archive *b, ms_control *c) {
   double *numbers[] = {&c->tol, &c->span, &c->order, &c->h, &c->growth, &c->safety, &c->previous};
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
-    MS_BYTES_PASS(b, *numbers[i]);
-    ms_bytes_check(b, isfinite(*numbers[i]) && *numbers[i] >= 0, "error control");
+    MS_ARCHIVE_TRANSFER(b, *numbers[i]);
+    ms_archive_check(b, isfinite(*numbers[i]) && *numbers[i] >= 0, "error control");
   }
-  MS_BYTES_PASS(b, c->shrunk);
+  MS_ARCHIVE_TRANSFER(b, c->shrunk);
 }
 
-void ms_control_fail(ms_control *c, double h) {
+void ms_control_reject_failed(ms_control *c, double h) {
   c->h = h / 4;
   c->shrunk = 1;
 }
@@ -106,7 +106,7 @@ void ms_control_fail(ms_control *c, double h) {
 /* h'/h, with r the relative errors of this step and of the one before, and s the safety factor, so
  * that r tends to s^k:
  *   h' = h s^0.3 r^(-0.7/k) r_before^(0.4/k),  or h s r^(-1/k) if there is none before or r > 1 */
-static double factor(const ms_control *c, double r) {
+static double step_factor(const ms_control *c, double r) {
   const double TINY = 1e-10, k = c->order;
   if (r < TINY) r = TINY;
   if (c->previous > 0 && r <= 1)
@@ -114,14 +114,14 @@ static double factor(const ms_control *c, double r) {
   return c->safety * pow(r, -1 / k);
 }
 
-int ms_control_accepts(ms_control *c, double h, double r) {
+int ms_control_update(ms_control *c, double h, double r) {
   const double LEAST = 0.2;
   if (!(r <= 1)) {
-    c->h = h * (isfinite(r) ? fmax(LEAST, factor(c, r)) : LEAST);
+    c->h = h * (isfinite(r) ? fmax(LEAST, step_factor(c, r)) : LEAST);
     c->shrunk = 1;
     return 0;
   }
-  c->h = h * fmax(LEAST, fmin(factor(c, r), c->shrunk ? 1 : c->growth));
+  c->h = h * fmax(LEAST, fmin(step_factor(c, r), c->shrunk ? 1 : c->growth));
   c->previous = fmax(r, 1e-4);
   c->shrunk = 0;
   return 1;
@@ -129,24 +129,24 @@ int ms_control_accepts(ms_control *c, double h, double r) {
 
 /*------------------------------------- attempts -------------------------------------------------*/
 
-ms_attempt ms_control_begin(const ms_control *c, double t, double left) {
-  return (ms_attempt){.t = t, .left = left, .planned = c->h, .h = ms_control_next(c, left)};
+ms_attempt ms_control_begin_attempt(const ms_control *c, double t, double left) {
+  return (ms_attempt){.t = t, .left = left, .planned = c->h, .h = ms_control_next_step(c, left)};
 }
 
-ms_verdict ms_control_judge(ms_control *c, ms_attempt *a, msim_status status, double error,
-                            double impact) {
+ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
+                                    double impact) {
   enum { MOST_CUTS = 8 };
   const double AT_END = 1 - 1e-9;
   ms_control after = *c;
-  if (status) ms_control_fail(&after, a->h);
-  if (status || !ms_control_accepts(&after, a->h, error)) {
+  if (status) ms_control_reject_failed(&after, a->h);
+  if (status || !ms_control_update(&after, a->h, error)) {
     *c = after;
-    *a = ms_control_begin(c, a->t, a->left);
+    *a = ms_control_begin_attempt(c, a->t, a->left);
     return c->h < 16 * DBL_EPSILON * fmax(fabs(a->t), c->span) ? MS_TOO_SHORT : MS_TRY_AGAIN;
   }
-  if (a->cuts == 0) *c = after;
-  if (a->cuts++ == MOST_CUTS || !(impact < AT_END)) return MS_ACCEPTED;
-  ms_control_forget(c);
+  if (a->times_shortened == 0) *c = after;
+  if (a->times_shortened++ == MOST_CUTS || !(impact < AT_END)) return MS_ACCEPTED;
+  ms_control_reset(c);
   a->h *= impact;
   return MS_TRY_AGAIN;
 }

@@ -11,24 +11,24 @@
 #ifndef MS_CONTROL_H
 #define MS_CONTROL_H
 
-#include "base/bytes.h"
+#include "base/archive.h"
 #include "integrate/integrator.h"
 #include "physics/norm.h"
 #include "physics/scales.h"
 
 /* 1: the method has its own error estimate, or is a one-step method, for step doubling. */
-int ms_has_control(const ms_integrator *integrator);
+int ms_control_is_supported(const ms_integrator *integrator);
 
 /* The relative error of the step just made, from x to x_next, without reflection: the largest
  * E/max(allowed, rounding) of all connected parts; NaN if an estimate is. E is the method's own
  * estimate or Richardson's, (half - whole)/(2^p - 1), with two half steps in x_next, v_next and a
  * whole one in the second spare pair. Overwrites the first spare pair. dop853 combines the squares
  * of two estimates, E^2 = fine^2/(fine + coarse/100) (Hairer, Norsett and Wanner I, II.10). */
-double ms_error_of(const ms_integrator *integrator, ms_stepper *s, const ms_norm *norm,
-                   double allowed);
+double ms_control_error(const ms_integrator *integrator, ms_stepper *s, const ms_norm *norm,
+                        double allowed);
 
-/* After ms_error_of(): the unknown with the largest error of its velocity. */
-int32_t ms_error_culprit(const ms_integrator *integrator, ms_stepper *s);
+/* After ms_control_error(): the unknown with the largest error of its velocity. */
+int32_t ms_control_find_offender(const ms_integrator *integrator, ms_stepper *s);
 
 typedef struct ms_control {
   double tol, span; /* span: T, s */
@@ -40,48 +40,48 @@ typedef struct ms_control {
   int shrunk;       /* the last attempt was rejected */
 } ms_control;
 
-ms_control ms_control_of(const ms_integrator *integrator, double tol, double span);
+ms_control ms_control_make(const ms_integrator *integrator, double tol, double span);
 
 /* The error that a step of h may add, if rounding is below it: tol h/T */
-double ms_control_allowed(const ms_control *c, double h);
+double ms_control_allowed_error(const ms_control *c, double h);
 
 /* The first step to try in a scene, if the options name none */
-double ms_control_first(const ms_control *c, const ms_scales *scales);
+double ms_control_first_step(const ms_control *c, const ms_scales *scales);
 
 /* The step to try with `left` seconds of the run to go: the last one or two steps are shortened to
  * end with the run, so that no much shorter one remains. */
-double ms_control_next(const ms_control *c, double left);
+double ms_control_next_step(const ms_control *c, double left);
 
 /* 1: the step of h, with the relative error r, is accepted: r <= 1. Sets the next step to try by a
  * PI controller (Gustafsson 1991; Hairer and Wanner, Solving ODEs II, IV.2). */
-int ms_control_accepts(ms_control *c, double h, double r);
+int ms_control_update(ms_control *c, double h, double r);
 
 /* The step of h failed: sets the next one to try. */
-void ms_control_fail(ms_control *c, double h);
+void ms_control_reject_failed(ms_control *c, double h);
 
 /* A step under error control: it is attempted until its error is small enough, then made anew to
  * end at its first impact, if any; the controller goes on as after the whole step. */
 typedef struct ms_attempt {
-  double t, left; /* s: the time at its start; its largest length */
-  double planned; /* s: the controller's step at the start or the last rejection */
-  double h;       /* s: the length to try now */
-  int cuts;       /* how often it was shortened to an impact since the last rejection */
+  double t, left;      /* s: the time at its start; its largest length */
+  double planned;      /* s: the controller's step at the start or the last rejection */
+  double h;            /* s: the length to try now */
+  int times_shortened; /* how often it was shortened to an impact since the last rejection */
 } ms_attempt;
 
 typedef enum ms_verdict { MS_ACCEPTED, MS_TRY_AGAIN, MS_TOO_SHORT } ms_verdict;
 
-ms_attempt ms_control_begin(const ms_control *c, double t, double left);
+ms_attempt ms_control_begin_attempt(const ms_control *c, double t, double left);
 
 /* Accepts or rejects the step of a->h just made, and sets the next a->h. error: the relative one;
  * impact: the share of the step before the first, or MS_NOWHERE. MS_TOO_SHORT: the next step would
  * be lost in the rounding of t. */
-ms_verdict ms_control_judge(ms_control *c, ms_attempt *a, msim_status status, double error,
-                            double impact);
+ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
+                                    double impact);
 
 /* Discards the error of the last step, as after an impact. */
-void ms_control_forget(ms_control *c);
+void ms_control_reset(ms_control *c);
 
-/* Passes all members to or from an archive (bytes.h). */
-void ms_control_history(ms_bytes *bytes, ms_control *c);
+/* Passes all members to or from an archive (archive.h). */
+void ms_control_archive(ms_archive *bytes, ms_control *c);
 
 #endif

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "integrate/contacts.h"
+#include "integrate/contact_set.h"
 #include "integrate/interpolate.h"
 #include "integrate/methods.h"
 
@@ -15,7 +15,7 @@
  *
  * Work vectors: the k of both ends, alternating; of the other stages; of the dense output. warm:
  * 1 + the index of the work vector that holds k of the present state. */
-enum { OWN = 2 };
+enum { DENSE_STAGES_AT = 2 };
 
 static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
   for (int j = 1; j < RESULT; j++) k[j] = s->work[j + 1];
@@ -33,7 +33,7 @@ static void add_slopes(const ms_stepper *s, const double *base, double drift, co
   if (drift != 0) w[n] = drift, y[n++] = v;
   for (int j = 0; j < STAGES; j++)
     if (row[j] != 0) w[n] = scale * row[j], y[n++] = k[j];
-  ms_add_all(s->model->shape, base, n, w, y, z);
+  ms_vector_linear_combination(s->model->shape, base, n, w, y, z);
 }
 
 /* X and V (nullable) of stage i of a step from x, v */
@@ -46,40 +46,40 @@ static void put_stage(const ms_stepper *s, const double *x, const double *v, int
 /* k of stage i; X and V: scratch, with pinned positions in X */
 static void evaluate_stage(ms_stepper *s, const double *x, const double *v, int i,
                            double *const k[STAGES], double *X, double *V) {
-  if (ms_is_separable(s)) V = NULL;
+  if (ms_stepper_is_separable(s)) V = NULL;
   put_stage(s, x, v, i, k, X, V);
-  ms_acceleration(s, X, V, k[i]);
+  ms_stepper_acceleration(s, X, V, k[i]);
 }
 
-static msim_status step(ms_stepper *s, msim_error *err) {
+static msim_status dop853_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const int now = s->warm == 2;
+  const int now = s->cached_stage == 2;
   double *k[STAGES];
   find_slopes(s, now, k);
-  if (!s->warm) ms_acceleration(s, s->x, s->v, k[0]);
+  if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, k[0]);
   for (int i = 1; i < RESULT; i++) evaluate_stage(s, s->x, s->v, i, k, s->x_next, s->v_next);
   put_stage(s, s->x, s->v, RESULT, k, s->x_next, s->v_next);
-  const int64_t reflected = ms_reflect(s, s->x_next, s->v_next);
-  if (!reflected) ms_acceleration(s, s->x_next, s->v_next, k[RESULT]);
-  s->warm_next = reflected ? 0 : 2 - now;
+  const int64_t reflected = ms_stepper_reflect(s, s->x_next, s->v_next);
+  if (!reflected) ms_stepper_acceleration(s, s->x_next, s->v_next, k[RESULT]);
+  s->cached_stage_next = reflected ? 0 : 2 - now;
   return MSIM_OK;
 }
 
 /* The difference of the result, before reflection, from those of order 5 (which = 0) and 3 (1):
  *   dv = h sum_j E_j k_j,  dx = h^2 sum_j EE_j k_j */
-static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
+static void dop853_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   double *k[STAGES];
-  find_slopes(s, s->warm == 2, k);
+  find_slopes(s, s->cached_stage == 2, k);
   add_slopes(s, NULL, 0, NULL, s->h * s->h, EE[which], k, dx);
   add_slopes(s, NULL, 0, NULL, s->h, E[which], k, dv);
 }
 
 /* Computes the stages of the dense output of the step from x, v. warm: the tag at its end. looked:
- * OWN + the index of the work vector that holds k of its end */
-static void make_dense(ms_stepper *s, int warm, const double *x, const double *v, double *X,
-                       double *V) {
+ * DENSE_STAGES_AT + the index of the work vector that holds k of its end */
+static void evaluate_dense_stages(ms_stepper *s, int warm, const double *x, const double *v,
+                                  double *X, double *V) {
   double *k[STAGES];
-  s->looked = OWN + (warm == 2);
+  s->dense_output = DENSE_STAGES_AT + (warm == 2);
   find_slopes(s, warm != 2, k);
   for (int i = RESULT + 1; i < STAGES; i++) evaluate_stage(s, x, v, i, k, X, V);
 }
@@ -87,38 +87,39 @@ static void make_dense(ms_stepper *s, int warm, const double *x, const double *v
 /* v: the cubic interpolant + h sum_j d_j k_j,  x: the cubic interpolant + h^2 sum_j dd_j k_j,
  *   d_j = t^2 u^2 D_0j + t^3 u^2 D_1j + t^3 u^3 D_2j + t^4 u^3 D_3j,  t = theta,  u = 1 - theta
  * with three more stages; dd_j: with DD. If the end was reflected: the cubic one alone. */
-static void interpolate(ms_stepper *s, double theta, double *x, double *v) {
+static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v) {
   const double t = theta, u = 1 - theta;
   const double w[4] = {t * t * u * u, t * t * t * u * u, t * t * t * u * u * u,
                        t * t * t * t * u * u * u};
   const ms_shape shape = s->model->shape;
-  if (!s->looked && s->warm) make_dense(s, s->warm, s->x_next, s->v_next, x, v);
-  if (s->looked < OWN) {
+  if (!s->dense_output && s->cached_stage)
+    evaluate_dense_stages(s, s->cached_stage, s->x_next, s->v_next, x, v);
+  if (s->dense_output < DENSE_STAGES_AT) {
     ms_interpolate_cubic(s, theta, x, v);
     return;
   }
   double *k[STAGES], row[STAGES] = {0}, row2[STAGES] = {0};
-  find_slopes(s, s->looked == OWN, k);
+  find_slopes(s, s->dense_output == DENSE_STAGES_AT, k);
   for (int j = 0; j < STAGES; j++)
     for (int n = 0; n < 4; n++) row[j] += w[n] * D[n][j], row2[j] += w[n] * DD[n][j];
-  ms_hermite(shape, s->h, theta, s->x_next, s->v_next, s->x, s->v, x);
-  ms_hermite(shape, s->h, theta, s->v_next, k[0], s->v, k[RESULT], v);
+  ms_interpolate_hermite(shape, s->h, theta, s->x_next, s->v_next, s->x, s->v, x);
+  ms_interpolate_hermite(shape, s->h, theta, s->v_next, k[0], s->v, k[RESULT], v);
   add_slopes(s, x, 0, NULL, s->h * s->h, row2, k, x);
   add_slopes(s, v, 0, NULL, s->h, row, k, v);
 }
 
 /* t^2 u^2, t^3 u^2, t^3 u^3 and t^4 u^3 are multiples of one Bernstein polynomial each, of degrees
  * 4, 5, 6 and 7. */
-static void path(ms_stepper *s, size_t at, ms_bernstein *to) {
+static void dop853_dense_entry(ms_stepper *s, size_t at, ms_bernstein *to) {
   static const int index[4] = {2, 3, 3, 4};
   static const double share[4] = {1. / 6, 1. / 10, 1. / 20, 1. / 35};
   double *k[STAGES];
-  if (s->looked < OWN) {
+  if (s->dense_output < DENSE_STAGES_AT) {
     double **stage = s->events->stage;
-    ms_hold_stages(s, stage[0]);
-    make_dense(s, s->warm_next, s->x, s->v, stage[0], stage[1]);
+    ms_stepper_init_stage(s, stage[0]);
+    evaluate_dense_stages(s, s->cached_stage_next, s->x, s->v, stage[0], stage[1]);
   }
-  find_slopes(s, s->looked == OWN, k);
+  find_slopes(s, s->dense_output == DENSE_STAGES_AT, k);
   *to = ms_bernstein_cubic(s->x[at], s->h * s->v[at], s->x_next[at], s->h * s->v_next[at]);
   for (int n = 0; n < 4; n++) {
     double sum = 0;
@@ -130,7 +131,7 @@ static void path(ms_stepper *s, size_t at, ms_bernstein *to) {
 }
 
 /* On the imaginary axis and on the real one; the region of stability is no smaller between them. */
-static double limit(const ms_bounds *b) { return fmin(5.96 / b->omega, 6.39 / b->rate); }
+static double dop853_limit(const ms_bounds *b) { return fmin(5.96 / b->omega, 6.39 / b->rate); }
 
 const ms_integrator ms_dop853 = {
     .entry = {.name = "dop853",
@@ -139,10 +140,10 @@ const ms_integrator ms_dop853 = {
               .order = 8},
     .nwork = STAGES,
     .carried = 1,
-    .step = step,
-    .estimate = estimate,
+    .step = dop853_step,
+    .estimate = dop853_estimate,
     .two_estimates = 1,
     .chooses_steps = 1,
-    .interpolate = interpolate,
-    .path = path,
-    .limit = limit};
+    .interpolate = dop853_interpolate,
+    .path = dop853_dense_entry,
+    .limit = dop853_limit};

@@ -4,12 +4,12 @@
 #include "integrate/methods.h"
 
 /* x' = x + h v,  v' = v + h a(x, v) */
-static msim_status explicit_step(ms_stepper *s, msim_error *err) {
+static msim_status explicit_euler_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  ms_pass pass = ms_kick_drift(s);
+  ms_fused_step pass = ms_stepper_kick_drift(s);
   pass.along = s->v;
-  ms_evaluate(s, &pass);
-  ms_reflect(s, s->x_next, s->v_next);
+  ms_stepper_evaluate(s, &pass);
+  ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }
 
@@ -23,9 +23,9 @@ static double explicit_limit(const ms_bounds *b) {
 /* v' = v + h a(x, v),  x' = x + h v' */
 static msim_status symplectic_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_pass pass = ms_kick_drift(s);
-  ms_evaluate(s, &pass);
-  ms_reflect(s, s->x_next, s->v_next);
+  const ms_fused_step pass = ms_stepper_kick_drift(s);
+  ms_stepper_evaluate(s, &pass);
+  ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }
 
@@ -34,7 +34,7 @@ const ms_integrator ms_explicit_euler = {
               .doc = "x' = x + h v, v' = v + h a; grows without damping (Teschner)",
               .order = 1},
     .one_step = 1,
-    .step = explicit_step,
+    .step = explicit_euler_step,
     .limit = explicit_limit};
 
 const ms_integrator ms_symplectic_euler = {

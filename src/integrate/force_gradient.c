@@ -14,7 +14,7 @@
  * of Chin's method 4A (1997). The method of Takahashi and Imada (takahashi_imada.c) is of order 4
  * in other variables than x and v, and is less expensive if errors may be larger. */
 #include "integrate/methods.h"
-#include "integrate/splitting.h"
+#include "integrate/composition.h"
 
 enum { DRIFTS = 4 };
 
@@ -25,16 +25,16 @@ enum { DRIFTS = 4 };
 static const double kick[DRIFTS + 1] = {B1, B2, 1 - 2 * (B1 + B2), B2, B1};
 static const double drift[DRIFTS] = {A1, 0.5 - A1, 0.5 - A1, A1};
 
-static const ms_splitting splitting = {
+static const ms_composition force_gradient_composition = {
     .drifts = DRIFTS, .kick = kick, .drift = drift, .gradient = G};
 
-static msim_status step(ms_stepper *s, msim_error *err) {
+static msim_status force_gradient_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  ms_splitting_step(s, &splitting);
+  ms_composition_step(s, &force_gradient_composition);
   return MSIM_OK;
 }
 
-static double limit(const ms_bounds *b) { return 3.1 / b->omega; }
+static double force_gradient_limit(const ms_bounds *b) { return 3.1 / b->omega; }
 
 const ms_integrator ms_force_gradient = {
     .entry = {.name = "force-gradient",
@@ -44,8 +44,8 @@ const ms_integrator ms_force_gradient = {
               .order = 4},
     .separable = 1,
     .one_step = 1,
-    .nwork = MS_SPLITTING_WORK,
+    .nwork = MS_COMPOSITION_WORK,
     .carried = 1,
-    .start = ms_splitting_start,
-    .step = step,
-    .limit = limit};
+    .start = ms_composition_start,
+    .step = force_gradient_step,
+    .limit = force_gradient_limit};

@@ -7,120 +7,121 @@
 #include "integrate/methods.h"
 #include "integrate/newton.h"
 
-typedef struct rung {
+typedef struct stage_coefficients {
   double a;
   double slope, before, first; /* weights in the known part of h f(y), the y of the step before and
                                   the first stage; the weight of y is 1 - before - first */
-} rung;
+} stage_coefficients;
 
-typedef struct table {
-  int nrungs;
-  rung rungs[2];
+typedef struct tableau {
+  int nstages;
+  stage_coefficients stage[2];
   int is_middle; /* 1: the stage is the mean of y and the result; 0: the last stage is the result */
-} table;
+} tableau;
 
 /* Work vectors: those of Newton's method, the known parts of x and v, then the method's own */
-enum { NEWTON, X0 = 4, W, KEPT };
+enum { NEWTON, X0 = 4, W, OWN_WORK };
 
 /* Vectors that a stage may combine beside y; NULL: not used by the method */
-typedef struct sources {
+typedef struct stage_inputs {
   const double *a, *x_before, *v_before, *x_first, *v_first;
-} sources;
+} stage_inputs;
 
 /* known += weight (other - y), which is exactly 0 at rest */
-static void add(const ms_stepper *s, double weight, const double *other, const double *y,
-                double *known) {
+static void add_difference(const ms_stepper *s, double weight, const double *other, const double *y,
+                           double *known) {
   if (weight == 0) return;
-  ms_combine(s->model->shape, other, -1, y, s->scratch);
-  ms_axpy(s->model->shape, weight, s->scratch, known);
+  ms_vector_add_scaled(s->model->shape, other, -1, y, s->scratch);
+  ms_vector_axpy(s->model->shape, weight, s->scratch, known);
 }
 
 /* The known parts x0 and w of a stage */
-static void gather(const ms_stepper *s, const rung *g, const sources *from) {
+static void form_known_parts(const ms_stepper *s, const stage_coefficients *g,
+                             const stage_inputs *from) {
   const ms_shape shape = s->model->shape;
   double *x0 = s->work[X0], *w = s->work[W];
-  ms_copy(shape, s->x, x0);
-  ms_copy(shape, s->v, w);
+  ms_vector_copy(shape, s->x, x0);
+  ms_vector_copy(shape, s->v, w);
   if (g->slope != 0) {
-    ms_axpy(shape, g->slope * s->h, s->v, x0);
-    ms_axpy(shape, g->slope * s->h, from->a, w);
+    ms_vector_axpy(shape, g->slope * s->h, s->v, x0);
+    ms_vector_axpy(shape, g->slope * s->h, from->a, w);
   }
-  add(s, g->before, from->x_before, s->x, x0);
-  add(s, g->before, from->v_before, s->v, w);
-  add(s, g->first, from->x_first, s->x, x0);
-  add(s, g->first, from->v_first, s->v, w);
+  add_difference(s, g->before, from->x_before, s->x, x0);
+  add_difference(s, g->before, from->v_before, s->v, w);
+  add_difference(s, g->first, from->x_first, s->x, x0);
+  add_difference(s, g->first, from->v_first, s->v, w);
 }
 
 /* The acceleration at the last stage, a' = (v' - w)/(a h) */
-static void find_slope(const ms_stepper *s, double a, double *slope) {
-  ms_combine(s->model->shape, s->v_next, -1, s->work[W], slope);
-  ms_scale(s->model->shape, 1 / (a * s->h), slope);
+static void find_stage_acceleration(const ms_stepper *s, double a, double *slope) {
+  ms_vector_add_scaled(s->model->shape, s->v_next, -1, s->work[W], slope);
+  ms_vector_scale(s->model->shape, 1 / (a * s->h), slope);
 }
 
 /* Solves the stages; writes the result to x_next and v_next, not yet reflected. The initial guess
  * of a stage is the velocity of the one before. */
-static msim_status climb(ms_stepper *s, const table *t, sources *from, double *keep_first[2],
-                         msim_error *err) {
+static msim_status solve_stages(ms_stepper *s, const tableau *t, stage_inputs *from,
+                                double *keep_first[2], msim_error *err) {
   const ms_shape shape = s->model->shape;
-  ms_copy(shape, s->v, s->v_next);
-  for (int i = 0; i < t->nrungs; i++) {
-    ms_stage stage = {.ah = t->rungs[i].a * s->h,
-                      .x0 = s->work[X0],
-                      .w = s->work[W],
-                      .x = s->x_next,
-                      .v = s->v_next};
+  ms_vector_copy(shape, s->v, s->v_next);
+  for (int i = 0; i < t->nstages; i++) {
+    ms_newton_stage stage = {.ah = t->stage[i].a * s->h,
+                             .x0 = s->work[X0],
+                             .w = s->work[W],
+                             .x = s->x_next,
+                             .v = s->v_next};
     for (int k = 0; k < 4; k++) stage.work[k] = s->work[NEWTON + k];
-    gather(s, &t->rungs[i], from);
+    form_known_parts(s, &t->stage[i], from);
     const msim_status status = ms_newton_solve(s, &stage, err);
     if (status) return status;
-    if (i + 1 == t->nrungs) break;
-    ms_copy(shape, s->x_next, keep_first[0]);
-    ms_copy(shape, s->v_next, keep_first[1]);
+    if (i + 1 == t->nstages) break;
+    ms_vector_copy(shape, s->x_next, keep_first[0]);
+    ms_vector_copy(shape, s->v_next, keep_first[1]);
     from->x_first = keep_first[0], from->v_first = keep_first[1];
   }
   if (t->is_middle) {
-    ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
-    ms_scale(shape, 2, s->v_next);
-    ms_axpy(shape, -1, s->v, s->v_next);
+    ms_vector_add_scaled(shape, s->x, s->h, s->v_next, s->x_next);
+    ms_vector_scale(shape, 2, s->v_next);
+    ms_vector_axpy(shape, -1, s->v, s->v_next);
   }
   return MSIM_OK;
 }
 
-static msim_status finish(ms_stepper *s, msim_status status) {
-  if (!status) ms_reflect(s, s->x_next, s->v_next);
+static msim_status reflect_result(ms_stepper *s, msim_status status) {
+  if (!status) ms_stepper_reflect(s, s->x_next, s->v_next);
   return status;
 }
 
 /*------------------------------------- one stage ------------------------------------------------*/
 
-static const table implicit_euler = {1, {{.a = 1}}, 0};
-static const table implicit_midpoint = {1, {{.a = 0.5}}, 1};
-static const table trapezoidal = {1, {{.a = 0.5, .slope = 0.5}}, 0};
+static const tableau implicit_euler = {1, {{.a = 1}}, 0};
+static const tableau implicit_midpoint = {1, {{.a = 0.5}}, 1};
+static const tableau trapezoidal = {1, {{.a = 0.5, .slope = 0.5}}, 0};
 
 static msim_status step_implicit_euler(ms_stepper *s, msim_error *err) {
-  return finish(s, climb(s, &implicit_euler, &(sources){0}, NULL, err));
+  return reflect_result(s, solve_stages(s, &implicit_euler, &(stage_inputs){0}, NULL, err));
 }
 
 static msim_status step_implicit_midpoint(ms_stepper *s, msim_error *err) {
-  return finish(s, climb(s, &implicit_midpoint, &(sources){0}, NULL, err));
+  return reflect_result(s, solve_stages(s, &implicit_midpoint, &(stage_inputs){0}, NULL, err));
 }
 
 static msim_status step_trapezoidal(ms_stepper *s, msim_error *err) {
-  double *a = s->work[KEPT];
-  ms_acceleration(s, s->x, s->v, a);
-  return finish(s, climb(s, &trapezoidal, &(sources){.a = a}, NULL, err));
+  double *a = s->work[OWN_WORK];
+  ms_stepper_acceleration(s, s->x, s->v, a);
+  return reflect_result(s, solve_stages(s, &trapezoidal, &(stage_inputs){.a = a}, NULL, err));
 }
 
 /* beta = 1/4, gamma = 1/2: the trapezoidal rule with a carried from step to step, not computed
- * anew. warm: 1 + the index, from KEPT on, of the work vector that holds a. */
+ * anew. warm: 1 + the index, from OWN_WORK on, of the work vector that holds a. */
 static msim_status step_newmark(ms_stepper *s, msim_error *err) {
-  const int at = s->warm == 2;
-  double *a = s->work[KEPT + at], *next = s->work[KEPT + 1 - at];
-  if (!s->warm || s->h != s->h_before) ms_acceleration(s, s->x, s->v, a);
-  msim_status status = climb(s, &trapezoidal, &(sources){.a = a}, NULL, err);
+  const int at = s->cached_stage == 2;
+  double *a = s->work[OWN_WORK + at], *next = s->work[OWN_WORK + 1 - at];
+  if (!s->cached_stage || s->h != s->h_before) ms_stepper_acceleration(s, s->x, s->v, a);
+  msim_status status = solve_stages(s, &trapezoidal, &(stage_inputs){.a = a}, NULL, err);
   if (status) return status;
-  find_slope(s, trapezoidal.rungs[0].a, next);
-  s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
+  find_stage_acceleration(s, trapezoidal.stage[0].a, next);
+  s->cached_stage_next = ms_stepper_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
   return MSIM_OK;
 }
 
@@ -128,59 +129,62 @@ static msim_status step_newmark(ms_stepper *s, msim_error *err) {
 
 /* gamma = 2 - sqrt 2: the trapezoidal rule to t + gamma h, then the backward differentiation
  * formula of order 2 over both parts of the step (Bank et al. 1985; Hosea and Shampine 1996) */
-#define GAMMA 0.58578643762690495
-static const table tr_bdf2 = {
+#define TR_BDF2_GAMMA 0.58578643762690495
+static const tableau tr_bdf2 = {
     2,
-    {{.a = GAMMA / 2, .slope = GAMMA / 2}, {.a = GAMMA / 2, .first = 1 / (GAMMA * (2 - GAMMA))}},
+    {{.a = TR_BDF2_GAMMA / 2, .slope = TR_BDF2_GAMMA / 2},
+     {.a = TR_BDF2_GAMMA / 2, .first = 1 / (TR_BDF2_GAMMA * (2 - TR_BDF2_GAMMA))}},
     0};
 
 /* r = h/h_before: of order 2 for any r, stable for r < 1 + sqrt 2 (Grigorieff 1983).
  * r = 1: y' = 4/3 y - 1/3 y_before + 2/3 h f(y') */
-static table bdf2(double r) {
-  return (table){1, {{.a = (1 + r) / (1 + 2 * r), .before = -(r * r) / (1 + 2 * r)}}, 0};
+static tableau bdf2_tableau(double r) {
+  return (tableau){1, {{.a = (1 + r) / (1 + 2 * r), .before = -(r * r) / (1 + 2 * r)}}, 0};
 }
 
 /* The first step, and a step after a reflection, which cannot use the step before. A fixed step is
  * one of implicit Euler, as usual for this method. Under error control its order 1 would determine
  * the length, and with collision = event its error would be the largest: then a step of tr-bdf2
  * takes its place. start: gets the first stage and the slope at the start. */
-static msim_status restart_bdf2(ms_stepper *s, double **start, double *rule, msim_error *err) {
+static msim_status restart_bdf2(ms_stepper *s, double **start, double *last_a, msim_error *err) {
   if (s->opt->tol == 0 && !s->events) {
-    *rule = implicit_euler.rungs[0].a;
-    return climb(s, &implicit_euler, &(sources){0}, NULL, err);
+    *last_a = implicit_euler.stage[0].a;
+    return solve_stages(s, &implicit_euler, &(stage_inputs){0}, NULL, err);
   }
-  *rule = tr_bdf2.rungs[1].a;
-  ms_acceleration(s, s->x, s->v, start[2]);
-  return climb(s, &tr_bdf2, &(sources){.a = start[2]}, start, err);
+  *last_a = tr_bdf2.stage[1].a;
+  ms_stepper_acceleration(s, s->x, s->v, start[2]);
+  return solve_stages(s, &tr_bdf2, &(stage_inputs){.a = start[2]}, start, err);
 }
 
 /* warm: 1 + the index of the set of work vectors with x and v at the start of the last step, and a
  * at its end. */
 static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
-  const int at = s->warm == 2;
-  double **before = s->work + KEPT + 3 * at, **now = s->work + KEPT + 3 * (1 - at);
-  const table way = bdf2(s->warm ? s->h / s->h_before : 1);
-  double rule = way.rungs[0].a;
+  const int at = s->cached_stage == 2;
+  double **before = s->work + OWN_WORK + 3 * at, **now = s->work + OWN_WORK + 3 * (1 - at);
+  const tableau this_tableau = bdf2_tableau(s->cached_stage ? s->h / s->h_before : 1);
+  double last_a = this_tableau.stage[0].a;
   msim_status status =
-      s->warm ? climb(s, &way, &(sources){.x_before = before[0], .v_before = before[1]}, NULL, err)
-              : restart_bdf2(s, before, &rule, err);
+      s->cached_stage
+          ? solve_stages(s, &this_tableau,
+                         &(stage_inputs){.x_before = before[0], .v_before = before[1]}, NULL, err)
+          : restart_bdf2(s, before, &last_a, err);
   if (status) return status;
-  ms_copy(shape, s->x, now[0]);
-  ms_copy(shape, s->v, now[1]);
-  find_slope(s, rule, now[2]);
-  s->warm_next = ms_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
+  ms_vector_copy(shape, s->x, now[0]);
+  ms_vector_copy(shape, s->v, now[1]);
+  find_stage_acceleration(s, last_a, now[2]);
+  s->cached_stage_next = ms_stepper_reflect(s, s->x_next, s->v_next) ? 0 : 2 - at;
   return MSIM_OK;
 }
 
 /* error = share (y' - p),  share = (1 + r)/(2 + 3 r),  p = y + (1 + r) h f + r^2 (y_before - y) */
-static void compare(const ms_stepper *s, double r, const double *y, const double *f,
-                    const double *before, const double *y_next, double *error) {
+static void compare_extrapolation(const ms_stepper *s, double r, const double *y, const double *f,
+                                  const double *before, const double *y_next, double *error) {
   const ms_shape shape = s->model->shape;
-  ms_combine(shape, y_next, -1, y, error);
-  ms_axpy(shape, -(1 + r) * s->h, f, error);
-  add(s, -r * r, before, y, error);
-  ms_scale(shape, (1 + r) / (2 + 3 * r), error);
+  ms_vector_add_scaled(shape, y_next, -1, y, error);
+  ms_vector_axpy(shape, -(1 + r) * s->h, f, error);
+  add_difference(s, -r * r, before, y, error);
+  ms_vector_scale(shape, (1 + r) / (2 + 3 * r), error);
 }
 
 /* h (e_1 f + e_2 f_1 + e_3 f'), e = ((sqrt 2 - 1)/3, -1/3, (2 - sqrt 2)/3): the difference from the
@@ -191,11 +195,11 @@ static void estimate_tr_bdf2(const ms_stepper *s, double *const *start, const do
   const ms_shape shape = s->model->shape;
   const double E1 = 0.13807118745769836, E2 = -1. / 3, E3 = 0.19526214587563498, h = s->h;
   const double of_x[] = {E1 * h, E2 * h, E3 * h};
-  const double of_v[] = {(E1 - E2) * h, 2 * E2 / GAMMA, -2 * E2 / GAMMA, E3 * h};
+  const double of_v[] = {(E1 - E2) * h, 2 * E2 / TR_BDF2_GAMMA, -2 * E2 / TR_BDF2_GAMMA, E3 * h};
   const double *const vs[] = {s->v, start[1], s->v_next};
   const double *const as[] = {start[2], start[1], s->v, a_next};
-  ms_add_all(shape, NULL, 3, of_x, vs, dx);
-  ms_add_all(shape, NULL, 4, of_v, as, dv);
+  ms_vector_linear_combination(shape, NULL, 3, of_x, vs, dx);
+  ms_vector_linear_combination(shape, NULL, 4, of_v, as, dv);
 }
 
 /* p extrapolates the parabola through y_before and y that has the slope f in y, as the last step
@@ -203,14 +207,14 @@ static void estimate_tr_bdf2(const ms_stepper *s, double *const *start, const do
  * e = h^3/6 d3y/dt3: the share (1 + r)/(2 + 3 r) of the difference is the error of the method. */
 static void estimate_bdf2(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
-  double *const *before = s->work + KEPT + 3 * (s->warm == 2);
-  if (!s->warm) {
-    estimate_tr_bdf2(s, before, s->work[KEPT + 5], dx, dv);
+  double *const *before = s->work + OWN_WORK + 3 * (s->cached_stage == 2);
+  if (!s->cached_stage) {
+    estimate_tr_bdf2(s, before, s->work[OWN_WORK + 5], dx, dv);
     return;
   }
   const double r = s->h / s->h_before;
-  compare(s, r, s->x, s->v, before[0], s->x_next, dx);
-  compare(s, r, s->v, before[2], before[1], s->v_next, dv);
+  compare_extrapolation(s, r, s->x, s->v, before[0], s->x_next, dx);
+  compare_extrapolation(s, r, s->v, before[2], before[1], s->v_next, dv);
 }
 
 /*------------------------------------- two stages -----------------------------------------------*/
@@ -218,17 +222,19 @@ static void estimate_bdf2(ms_stepper *s, int which, double *dx, double *dv) {
 /* gamma = 1 - 1/sqrt 2, stiffly accurate (Alexander 1977):
  *   Y1 = y + gamma h f(Y1),  y' = y + (1 - gamma) h f(Y1) + gamma h f(y'),
  *   and h f(Y1) = (Y1 - y)/gamma */
-#define DELTA 0.29289321881345248
-static const table sdirk2 = {2, {{.a = DELTA}, {.a = DELTA, .first = (1 - DELTA) / DELTA}}, 0};
+#define SDIRK2_GAMMA 0.29289321881345248
+static const tableau sdirk2 = {
+    2, {{.a = SDIRK2_GAMMA}, {.a = SDIRK2_GAMMA, .first = (1 - SDIRK2_GAMMA) / SDIRK2_GAMMA}}, 0};
 
 static msim_status step_tr_bdf2(ms_stepper *s, msim_error *err) {
-  double *a = s->work[KEPT];
-  ms_acceleration(s, s->x, s->v, a);
-  return finish(s, climb(s, &tr_bdf2, &(sources){.a = a}, s->work + KEPT + 1, err));
+  double *a = s->work[OWN_WORK];
+  ms_stepper_acceleration(s, s->x, s->v, a);
+  return reflect_result(
+      s, solve_stages(s, &tr_bdf2, &(stage_inputs){.a = a}, s->work + OWN_WORK + 1, err));
 }
 
 static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
-  return finish(s, climb(s, &sdirk2, &(sources){0}, s->work + KEPT, err));
+  return reflect_result(s, solve_stages(s, &sdirk2, &(stage_inputs){0}, s->work + OWN_WORK, err));
 }
 
 /*------------------------------------- methods --------------------------------------------------*/
@@ -237,9 +243,9 @@ static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
   const ms_integrator ms_##id = {.entry = {.name = label, .doc = text, .order = p, .implicit = 1}, \
                                  .nonlinear = 1,                                                   \
                                  .one_step = 1,                                                    \
-                                 .nwork = KEPT + (kept),                                           \
+                                 .nwork = OWN_WORK + (kept),                                       \
                                  .carried = carries,                                               \
-                                 .carried_at = KEPT,                                               \
+                                 .carried_at = OWN_WORK,                                           \
                                  .step = step_##id}
 
 METHOD(implicit_euler, "implicit-euler",
@@ -254,9 +260,9 @@ const ms_integrator ms_bdf2 = {.entry = {.name = "bdf2",
                                          .order = 2,
                                          .implicit = 1},
                                .nonlinear = 1,
-                               .nwork = KEPT + 6,
+                               .nwork = OWN_WORK + 6,
                                .carried = 3,
-                               .carried_at = KEPT,
+                               .carried_at = OWN_WORK,
                                .step = step_bdf2,
                                .estimate = estimate_bdf2,
                                .growth = 2,

@@ -5,7 +5,7 @@
 #include "linear/solver.h"
 #include "physics/bernstein.h"
 #include "physics/bounds.h"
-#include "physics/step.h"
+#include "physics/fused_step.h"
 
 enum { MS_MAX_WORK = 16 };
 
@@ -23,37 +23,38 @@ typedef struct ms_stepper {
   double *x_next, *v_next;
   double *work[MS_MAX_WORK]; /* nwork vectors */
   double *scratch;           /* holds nothing between calls */
-  int warm, warm_next;       /* cached-stage tag: which work vectors hold results for the present
-                                state; 0: none. A step reads warm and writes warm_next */
-  double h;                  /* of the step to be made, or, for dense output, of the last one */
-  double h_before;           /* of the step that led to the present state, or its last substep */
-  int64_t parts;             /* substeps of equal length in the step being made */
-  ms_bounds bounds;          /* of the island, if the method has stages() */
-  double *x_spare[2];        /* for the driver, under error control or if steps may be retried */
+  int cached_stage,
+      cached_stage_next; /* cached-stage tag: which work vectors hold results for the present
+                                state; 0: none. A step reads warm and writes cached_stage_next */
+  double h;              /* of the step to be made, or, for dense output, of the last one */
+  double h_before;       /* of the step that led to the present state, or its last substep */
+  int64_t parts;         /* substeps of equal length in the step being made */
+  ms_bounds bounds;      /* of the island, if the method has stages() */
+  double *x_spare[2];    /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];
-  int one_part;           /* 1: the step is not divided at impacts, but sets `impact` */
+  int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
   double impact;          /* the share of the step before its first impact; > 1: no impact */
   double x_tolerance;     /* m: under error control, the error of x that an event may add */
   double v_tolerance;     /* m/s: ... of v */
-  double path_error;      /* m/s: the largest error of v on particle paths (locate.h) */
+  double path_error;      /* m/s: the largest error of v on particle paths (impact_location.h) */
   int32_t path_row;       /* the unknown with that error */
   int32_t npaths;         /* number of particle paths in all substeps of the step */
-  int looked;             /* what dense output of the last step is available; 0: none yet */
-  double noise;           /* relative error of v that solves may leave; 0: that of the options */
-  int32_t culprit;        /* the offending unknown if step() fails; -1: none in particular */
-  struct ms_split *split; /* NULL: the method needs none, or none is cost-effective */
-  int finite; /* 1: no number of x_next and v_next is NaN or beyond MS_HUGE; 0: unknown */
+  int dense_output;       /* what dense output of the last step is available; 0: none yet */
+  double solve_tolerance; /* relative error of v that solves may leave; 0: that of the options */
+  int32_t offender;       /* the offending unknown if step() fails; -1: none in particular */
+  struct ms_multirate *split; /* NULL: the method needs none, or none is cost-effective */
+  int finite; /* 1: no number of x_next and v_next is NaN or beyond MS_LARGEST_VALID; 0: unknown */
   msim_stats *stats;
-  struct ms_events *events; /* for collision = event in scenes with planes; else NULL */
+  struct ms_contact_set *events; /* for collision = event in scenes with planes; else NULL */
 } ms_stepper;
 
 typedef struct ms_integrator {
   msim_integrator_entry entry; /* a test measures the order */
   int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
-  int separable; /* needs forces that do not depend on velocities: no damping, no drag */
-  int splits;    /* multirate: uses stepper.split, which depends on h and the springs */
-  int replays;   /* handles impacts and contact itself, under collision = event (replay.h) */
-  int one_step;  /* a step depends on x and v alone: step doubling estimates its error */
+  int separable;       /* needs forces that do not depend on velocities: no damping, no drag */
+  int is_multirate;    /* multirate: uses stepper.split, which depends on h and the springs */
+  int handles_contact; /* impacts and contact, under collision = event (verlet_contact.h) */
+  int one_step;        /* a step depends on x and v alone: step doubling estimates its error */
   int32_t nwork;
   int32_t carried, carried_at; /* work vectors that later steps read: with warm = 1 + k, `carried`
                                   of them from number carried_at + k carried on. carried 0: none */
@@ -81,46 +82,46 @@ typedef struct ms_integrator {
    * quintic. */
   void (*path)(ms_stepper *s, size_t at, ms_bernstein *to);
   /* x and v at t, for a method that carries transformed variables, which depend on h. Nullable. */
-  void (*show)(const ms_stepper *s, double *x, double *v);
+  void (*convert_state)(const ms_stepper *s, double *x, double *v);
   /* v = the velocity at t, for a method that carries that of another time. Nullable: v(t). */
   void (*sync)(const ms_stepper *s, double *v, double *scratch);
 } ms_integrator;
 
 /* Exchanges two vectors without a copy. */
-static inline void ms_swap(double **a, double **b) {
+static inline void ms_stepper_swap(double **a, double **b) {
   double *between = *a;
   *a = *b, *b = between;
 }
 
 /* Sets s->bounds, on which the number of stages depends, after the method or springs changed. */
-void ms_bound_stages(const ms_integrator *method, ms_stepper *s);
+void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 
 /* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */
-void ms_hold_stages(const ms_stepper *s, double *stage);
+void ms_stepper_init_stage(const ms_stepper *s, double *stage);
 
 /* A force sweep with the updates of `pass` and the reactions of planes, counted and timed */
-void ms_evaluate(ms_stepper *s, const ms_pass *pass);
+void ms_stepper_evaluate(ms_stepper *s, const ms_fused_step *pass);
 
 /* A force sweep of `model`, which has some of the springs, without reactions */
-void ms_evaluate_on(ms_stepper *s, const ms_model *model, const ms_pass *pass);
+void ms_stepper_evaluate_model(ms_stepper *s, const ms_model *model, const ms_fused_step *pass);
 
 /* The force sweep v_next = v + h a(x, v),  x_next = x + h v_next */
-ms_pass ms_kick_drift(const ms_stepper *s);
+ms_fused_step ms_stepper_kick_drift(const ms_stepper *s);
 
 /* a = F(x, v)/m, with reactions of planes; v NULL: without forces that depend on it */
-void ms_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
+void ms_stepper_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
 
 /* Reflects x, v at the planes, but not under collision = event; returns the number of particles
  * reflected. */
-int64_t ms_reflect(ms_stepper *s, double *x, double *v);
+int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v);
 
-/* 1: particles are in contact with planes (contacts.h); forces then depend on v. */
-int ms_rests(const ms_stepper *s);
+/* 1: particles are in contact with planes (contact_set.h); forces then depend on v. */
+int ms_stepper_has_contacts(const ms_stepper *s);
 /* Adds the constraints of these contacts to a linear system. */
-void ms_hold_rows(ms_stepper *s, ms_request *request);
+void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *request);
 
 /* 1: no force depends on velocities. */
-int ms_is_separable(const ms_stepper *s);
+int ms_stepper_is_separable(const ms_stepper *s);
 
 /* The i-th method of this version; NULL past the end. */
 const ms_integrator *ms_integrator_at(int32_t i);

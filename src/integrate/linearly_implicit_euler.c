@@ -5,10 +5,10 @@
 
 /* The step without springs, by independent equations, with the drag b:
  *   (m + h b) v' = m v + h m g,  x' = x + h v' */
-static void step_alone(ms_stepper *s) {
-  const ms_rows *rows = &s->model->rows;
+static void step_without_springs(ms_stepper *s) {
+  const ms_unknowns *rows = &s->model->unknowns;
   const double *mass = s->model->mass, *g = s->model->scene->gravity, h = s->h;
-  const double drag = s->model->passes & MSIM_SKIP_DRAG ? h * s->model->scene->drag : 0;
+  const double drag = s->model->features & MSIM_SKIP_DRAG ? h * s->model->scene->drag : 0;
   for (size_t c = 0; c < (size_t)rows->dims; c++) {
     const size_t at = c * (size_t)rows->stride;
     const double *restrict x = s->x + at, *restrict v = s->v + at, kick = h * g[rows->axis[c]];
@@ -18,7 +18,7 @@ static void step_alone(ms_stepper *s) {
       x_next[r] = x[r] + h * v_next[r];
     }
   }
-  ms_reflect(s, s->x_next, s->v_next);
+  ms_stepper_reflect(s, s->x_next, s->v_next);
 }
 
 /* (M - h D - h^2 J) dv = h F(x) + (h D + h^2 J) v,  v' = v + dv,  x' = x + h v'
@@ -26,30 +26,31 @@ static void step_alone(ms_stepper *s) {
  * iterate of implicit Euler from v' = 0, (M - h D - h^2 J) v' = M v + h F (Teschner), solved for
  * the change of v (Baraff and Witkin 1998, eq. 6): so the tolerance of the solver is relative to
  * the change in the step, for any common velocity of the particles. */
-static msim_status step(ms_stepper *s, msim_error *err) {
-  if (!(s->model->passes & MSIM_SKIP_SPRINGS) && !ms_rests(s)) {
-    step_alone(s);
+static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) {
+  if (!(s->model->features & MSIM_SKIP_SPRINGS) && !ms_stepper_has_contacts(s)) {
+    step_without_springs(s);
     return MSIM_OK;
   }
   const ms_shape shape = s->model->shape;
   double *dv = s->work[0], *b = s->work[1];
-  ms_acceleration(s, s->x, NULL, dv);
-  ms_scale_rows(shape, s->model->mass, dv, b);
-  ms_scale(shape, s->h, b);
-  ms_request request = {
-      .x = s->x,
-      .h = s->h,
-      .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
-      .indefinite = s->opt->indefinite,
-      .rtol = s->noise > 0 ? fmin(s->opt->solver_rtol, s->noise) : s->opt->solver_rtol,
-      .base = s->v};
-  ms_hold_rows(s, &request);
+  ms_stepper_acceleration(s, s->x, NULL, dv);
+  ms_vector_scale_rows(shape, s->model->mass, dv, b);
+  ms_vector_scale(shape, s->h, b);
+  ms_linear_system_spec request = {.x = s->x,
+                                   .h = s->h,
+                                   .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
+                                   .indefinite = s->opt->indefinite,
+                                   .rtol = s->solve_tolerance > 0
+                                               ? fmin(s->opt->solver_rtol, s->solve_tolerance)
+                                               : s->opt->solver_rtol,
+                                   .base = s->v};
+  ms_stepper_add_constraints(s, &request);
   msim_status status = ms_solver_solve(s->solver, &request, b, dv, err);
-  s->culprit = s->solver->culprit;
+  s->offender = s->solver->offender;
   if (status) return status;
-  ms_combine(shape, s->v, 1, dv, s->v_next);
-  ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
-  ms_reflect(s, s->x_next, s->v_next);
+  ms_vector_add_scaled(shape, s->v, 1, dv, s->v_next);
+  ms_vector_add_scaled(shape, s->x, s->h, s->v_next, s->x_next);
+  ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }
 
@@ -62,4 +63,4 @@ const ms_integrator ms_linearly_implicit_euler = {
          .implicit = 1},
     .one_step = 1,
     .nwork = 2,
-    .step = step};
+    .step = linearly_implicit_euler_step};

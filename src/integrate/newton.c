@@ -4,7 +4,7 @@
 #include <math.h>
 
 #include "linear/jacobi.h"
-#include "physics/excess.h"
+#include "physics/nonlinearity.h"
 
 /* The matrix of d, and the line search */
 typedef enum search {
@@ -21,84 +21,85 @@ typedef enum dampers { WEAK, STRONG, DOMINANT } dampers;
  * radius and the length of d, for solvers without descend(), are in the norm of the matrix. */
 typedef struct newton {
   ms_stepper *s;
-  const ms_stage *stage;
+  const ms_newton_stage *stage;
   ms_shape shape;
   int linear; /* the matrix is constant */
   double *rho, *b, *d, *from;
-  double residual;             /* ||rho|| */
-  double eta;                  /* relative residual of the last linear solve */
-  double radius;               /* trust radius: the largest length of d */
-  double length, promise;      /* of d: its length, and the predicted reduction of E */
-  int is_cut;                  /* d was truncated at the radius */
-  search search;               /* of this d; between iterations, that to try next */
-  dampers dampers;             /* in this stage */
-  int is_lost;                 /* REDUCE_RESIDUAL did not reduce the residual */
-  int failures;                /* solves and searches with the full matrix that failed */
-  double moved;                /* ||lambda d|| of the last iteration */
+  double residual;                    /* ||rho|| */
+  double eta;                         /* relative residual of the last linear solve */
+  double radius;                      /* trust radius: the largest length of d */
+  double length, predicted_reduction; /* of d: its length, and the predicted reduction of E */
+  int is_truncated;                   /* d was truncated at the radius */
+  search search;                      /* of this d; between iterations, that to try next */
+  dampers dampers;                    /* in this stage */
+  int residual_grew;                  /* REDUCE_RESIDUAL did not reduce the residual */
+  int failures;                       /* solves and searches with the full matrix that failed */
+  double moved;                       /* ||lambda d|| of the last iteration */
   double correction, previous; /* ||d|| of this iteration and of the last; 0: none, or shortened */
 } newton;
 
-static double norm(const newton *n, const double *v) {
-  ms_scale_rows(n->shape, n->s->model->mass, v, n->s->scratch);
-  return sqrt(ms_dot(n->shape, v, n->s->scratch));
+static double newton_norm(const newton *n, const double *v) {
+  ms_vector_scale_rows(n->shape, n->s->model->mass, v, n->s->scratch);
+  return sqrt(ms_vector_dot(n->shape, v, n->s->scratch));
 }
 
 /* x, rho and b at the v of the stage */
-static void evaluate(newton *n) {
-  const ms_stage *g = n->stage;
-  ms_combine(n->shape, g->x0, g->ah, g->v, g->x);
-  ms_acceleration(n->s, g->x, g->v, n->rho);
-  ms_combine(n->shape, g->w, g->ah, n->rho, n->rho);
-  ms_axpy(n->shape, -1, g->v, n->rho);
-  ms_scale_rows(n->shape, n->s->model->mass, n->rho, n->b);
-  n->residual = sqrt(ms_dot(n->shape, n->b, n->rho));
+static void evaluate_residual(newton *n) {
+  const ms_newton_stage *g = n->stage;
+  ms_vector_add_scaled(n->shape, g->x0, g->ah, g->v, g->x);
+  ms_stepper_acceleration(n->s, g->x, g->v, n->rho);
+  ms_vector_add_scaled(n->shape, g->w, g->ah, n->rho, n->rho);
+  ms_vector_axpy(n->shape, -1, g->v, n->rho);
+  ms_vector_scale_rows(n->shape, n->s->model->mass, n->rho, n->b);
+  n->residual = sqrt(ms_vector_dot(n->shape, n->b, n->rho));
 }
 
 /* The change of v to which errors are relative: from the present state, or that of free fall, if
  * larger, as forces may be nearly balanced. A common velocity has no effect on it. */
-static double change(const newton *n) {
+static double velocity_change(const newton *n) {
   const ms_model *model = n->s->model;
   const double *g = model->gravity, *m = model->mass;
   double mass = 0;
   for (int32_t row = 0; row < n->shape.n; row++) mass += m[row];
-  ms_combine(n->shape, n->stage->v, -1, n->s->v, n->from);
-  return fmax(norm(n, n->from),
+  ms_vector_add_scaled(n->shape, n->stage->v, -1, n->s->v, n->from);
+  return fmax(newton_norm(n, n->from),
               n->stage->ah * sqrt(mass * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2])));
 }
 
 /* The error of v allowed. Error control may require less than newton.rtol, relative to v itself. */
-static double tolerance(const newton *n) {
-  const double size = change(n), asked = n->s->opt->newton_rtol * size;
-  if (!(n->s->noise > 0)) return asked;
-  return fmin(asked, n->s->noise * fmax(size, norm(n, n->stage->v)));
+static double velocity_tolerance(const newton *n) {
+  const double size = velocity_change(n), asked = n->s->opt->newton_rtol * size;
+  if (!(n->s->solve_tolerance > 0)) return asked;
+  return fmin(asked, n->s->solve_tolerance * fmax(size, newton_norm(n, n->stage->v)));
 }
 
-static msim_status solve(newton *n, const ms_request *request, msim_error *err) {
+static msim_status solve_newton_system(newton *n, const ms_linear_system_spec *request,
+                                       msim_error *err) {
   return ms_solver_solve(n->s->solver, request, n->b, n->d, err);
 }
 
 /* d = A^-1 R, truncated at the trust radius; A is clamped if it is not positive definite. */
-static msim_status solve_within(newton *n, ms_request *request, msim_error *err) {
-  msim_status status = solve(n, request, err);
+static msim_status solve_within(newton *n, ms_linear_system_spec *request, msim_error *err) {
+  msim_status status = solve_newton_system(n, request, err);
   if (status == MSIM_NOT_SPD && !request->clamp) {
     request->clamp = 1;
-    status = solve(n, request, err);
+    status = solve_newton_system(n, request, err);
   }
   if (status) return status;
-  const double drop = ms_dot(n->shape, n->b, n->d), part = n->radius / sqrt(drop);
-  n->is_cut = part < 1;
-  if (n->is_cut) ms_scale(n->shape, part, n->d);
+  const double drop = ms_vector_dot(n->shape, n->b, n->d), part = n->radius / sqrt(drop);
+  n->is_truncated = part < 1;
+  if (n->is_truncated) ms_vector_scale(n->shape, part, n->d);
   n->length = fmin(sqrt(drop), n->radius);
-  n->promise = n->is_cut ? part * (1 - part / 2) * drop : drop / 2;
+  n->predicted_reduction = n->is_truncated ? part * (1 - part / 2) * drop : drop / 2;
   return MSIM_OK;
 }
 
 /* d = A^-1 R with the full matrix: a descent direction of the residual norm, not of the energy */
-static msim_status solve_whole(newton *n, ms_request *request, msim_error *err) {
+static msim_status solve_full(newton *n, ms_linear_system_spec *request, msim_error *err) {
   request->v = n->stage->v;
-  const msim_status status = solve(n, request, err);
+  const msim_status status = solve_newton_system(n, request, err);
   request->v = NULL;
-  n->is_cut = 0;
+  n->is_truncated = 0;
   return status;
 }
 
@@ -106,11 +107,11 @@ static msim_status solve_whole(newton *n, ms_request *request, msim_error *err) 
  * convergence quadratic although terms along strong dampers are 1e6 times those across. The line
  * search REDUCE_RESIDUAL uses BiCGStab: it fails if the matrix is nearly singular, and the
  * symmetric matrix follows (damping 10, h 0.1: 13 iterations a step; 41 by elimination). */
-static msim_status solve_exactly(newton *n, ms_request *request, msim_error *err) {
+static msim_status solve_exact_full(newton *n, ms_linear_system_spec *request, msim_error *err) {
   const double FINE = 1e-3;
-  request->clamp = 0, request->direct = 1;
+  request->clamp = 0, request->use_elimination = 1;
   request->rtol = fmin(n->eta, FINE);
-  const msim_status status = solve_whole(n, request, err);
+  const msim_status status = solve_full(n, request, err);
   if (status) n->failures++;
   else n->eta = request->rtol;
   return status;
@@ -120,25 +121,26 @@ static msim_status solve_exactly(newton *n, ms_request *request, msim_error *err
 static int may_solve_exactly(const newton *n) {
   enum { MOST_FAILURES = 3 };
   return n->dampers == DOMINANT && n->failures < MOST_FAILURES &&
-         ms_solver_takes_turning(n->s->solver) && n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
+         ms_solver_supports_damping_derivative(n->s->solver) &&
+         n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
 }
 
 /* d to the relative residual eta, by the first of these that is allowed and does not fail: the
  * exact full matrix, the full matrix, the symmetric one. Sets n->search. */
 static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_solver *solver = n->s->solver;
-  ms_request request = {
+  ms_linear_system_spec request = {
       .x = n->stage->x, .h = n->stage->ah, .clamp = clamp, .indefinite = -1, .rtol = n->eta};
-  ms_hold_rows(n->s, &request);
-  const int descends = ms_solver_descends(solver);
+  ms_stepper_add_constraints(n->s, &request);
+  const int descends = ms_solver_can_descend(solver);
   const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (n->dampers || !descends));
   n->search = LIMIT_ROTATION;
-  if (may_solve_exactly(n) && !solve_exactly(n, &request, err)) return MSIM_OK;
-  request.clamp = clamp, request.direct = 0, request.rtol = n->eta;
+  if (may_solve_exactly(n) && !solve_exact_full(n, &request, err)) return MSIM_OK;
+  request.clamp = clamp, request.use_elimination = 0, request.rtol = n->eta;
   n->search = REDUCE_RESIDUAL;
-  if (whole && ms_solver_takes_turning(solver)) {
+  if (whole && ms_solver_supports_damping_derivative(solver)) {
     request.clamp = n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP;
-    if (!solve_whole(n, &request, err)) return MSIM_OK;
+    if (!solve_full(n, &request, err)) return MSIM_OK;
     request.clamp = clamp;
     n->failures++;
   }
@@ -148,20 +150,20 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
 }
 
 /* Updates the trust radius by the ratio of the reduction of E to the predicted one. */
-static void set_radius(newton *n, double lambda, double reduced) {
-  if (ms_solver_descends(n->s->solver)) return;
-  const double ratio = reduced / n->promise;
+static void update_trust_radius(newton *n, double lambda, double reduced) {
+  if (ms_solver_can_descend(n->s->solver)) return;
+  const double ratio = reduced / n->predicted_reduction;
   if (lambda < 1) n->radius = lambda * n->length;
   else if (ratio < 0.25) n->radius = 0.5 * n->length;
-  else if (ratio > 0.75 && n->is_cut) n->radius = fmax(n->radius, 2 * n->length);
+  else if (ratio > 0.75 && n->is_truncated) n->radius = fmax(n->radius, 2 * n->length);
 }
 
 /* E(v) - E(v + lambda d), E = |v - w|_M^2/2 + U(x0 + ah v) + ah b |v|^2/2, the incremental
  * potential with drag b, whose gradient is -R. slope: R.d; square: |d|_M^2 + ah b |d|^2 */
 static double reduction(const newton *n, double lambda, double slope, double square) {
-  const ms_stage *g = n->stage;
+  const ms_newton_stage *g = n->stage;
   return lambda * (slope - lambda * square / 2) -
-         ms_excess(n->s->model, g->x, g->ah, n->d, lambda, n->s->scratch);
+         ms_nonlinearity_compute(n->s->model, g->x, g->ah, n->d, lambda, n->s->scratch);
 }
 
 /* E(v) - E(v + at d) */
@@ -172,7 +174,7 @@ typedef struct sample {
 /* The maximum, at most `limit`, of s l - c l^2/2 - q l^4 through both samples, s the slope: a
  * rotation by l stretches a spring by l^2. q = 0 if the fit would have q < 0. With one sample
  * (b.at = 0) q = 0, or c = 0 if E rises. */
-static double find_peak(double slope, sample a, sample b, double limit) {
+static double maximize_quartic(double slope, sample a, sample b, double limit) {
   const double of_a = (slope * a.at - a.reduced) / (a.at * a.at); /* c/2 + q at^2 */
   const double of_b = (slope * b.at - b.reduced) / (b.at * b.at);
   double q = a.reduced < 0 ? of_a / (a.at * a.at) : 0, low = 0, high = limit;
@@ -196,15 +198,15 @@ static double search_energy(newton *n, int full) {
   enum { MOST = 30, BETTER = 3 };
   const double NEAR = 0.1, CLOSE = 0.2, FAR = 4;
   const ms_model *m = n->s->model;
-  const double slope = ms_dot(n->shape, n->b, n->d), size = norm(n, n->d);
-  const double drag = m->passes & MSIM_SKIP_DRAG ? n->stage->ah * m->scene->drag : 0;
-  const double square = size * size + drag * ms_dot(n->shape, n->d, n->d);
+  const double slope = ms_vector_dot(n->shape, n->b, n->d), size = newton_norm(n, n->d);
+  const double drag = m->features & MSIM_SKIP_DRAG ? n->stage->ah * m->scene->drag : 0;
+  const double square = size * size + drag * ms_vector_dot(n->shape, n->d, n->d);
   sample best = {1, reduction(n, 1, slope, square)}, other = {0};
-  int left = ms_solver_descends(n->s->solver) ? BETTER : 0;
+  int left = ms_solver_can_descend(n->s->solver) ? BETTER : 0;
   for (int i = 0; i < MOST && !full; i++) {
     const double share = best.reduced / (best.at * slope);
     const int reduces = share >= 1e-4;
-    double at = find_peak(slope, best, other, FAR * fmax(best.at, other.at));
+    double at = maximize_quartic(slope, best, other, FAR * fmax(best.at, other.at));
     if (reduces && (fabs(share - 0.5) <= NEAR || fabs(at - best.at) < CLOSE * best.at || !left--))
       break;
     if (!reduces) at = fmin(fmax(at, 0.1 * best.at), 0.5 * best.at);
@@ -213,9 +215,9 @@ static double search_energy(newton *n, int full) {
     other = is_better ? best : next;
     if (is_better) best = next;
   }
-  ms_axpy(n->shape, best.at, n->d, n->stage->v);
-  evaluate(n);
-  set_radius(n, best.at, best.reduced);
+  ms_vector_axpy(n->shape, best.at, n->d, n->stage->v);
+  evaluate_residual(n);
+  update_trust_radius(n, best.at, best.reduced);
   return best.at;
 }
 
@@ -224,15 +226,15 @@ static double search_energy(newton *n, int full) {
  * has no potential. full: lambda = 1. Returns lambda. */
 static double search_slope(newton *n, int full) {
   enum { MOST = 30 };
-  const double start = ms_dot(n->shape, n->b, n->d);
+  const double start = ms_vector_dot(n->shape, n->b, n->d);
   double lambda = 1;
-  ms_copy(n->shape, n->stage->v, n->from);
+  ms_vector_copy(n->shape, n->stage->v, n->from);
   for (int i = 0;; i++) {
-    ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
-    evaluate(n);
-    const double slope = ms_dot(n->shape, n->b, n->d);
+    ms_vector_add_scaled(n->shape, n->from, lambda, n->d, n->stage->v);
+    evaluate_residual(n);
+    const double slope = ms_vector_dot(n->shape, n->b, n->d);
     if (slope >= -0.5 * start || i == MOST || full) {
-      set_radius(n, lambda, (start + slope) / 2);
+      update_trust_radius(n, lambda, (start + slope) / 2);
       return lambda;
     }
     const double zero = start / (start - slope); /* of the secant; NaN far outside */
@@ -254,13 +256,13 @@ static double search_residual(newton *n, int full) {
   enum { MOST = 10 };
   const double first = residual_level(n), start = first * first;
   double lambda = 1;
-  ms_copy(n->shape, n->stage->v, n->from);
+  ms_vector_copy(n->shape, n->stage->v, n->from);
   for (int i = 0;; i++) {
-    ms_combine(n->shape, n->from, lambda, n->d, n->stage->v);
-    evaluate(n);
+    ms_vector_add_scaled(n->shape, n->from, lambda, n->d, n->stage->v);
+    evaluate_residual(n);
     const double level = residual_level(n), end = level * level;
-    n->is_lost = !(end <= (1 - 1e-4 * lambda) * start);
-    if (!n->is_lost || i == MOST || full) return lambda;
+    n->residual_grew = !(end <= (1 - 1e-4 * lambda) * start);
+    if (!n->residual_grew || i == MOST || full) return lambda;
     const double least = lambda * start / (end - start + 2 * lambda * start);
     lambda *= least > 0.1 ? fmin(least, 0.5) : 0.1;
   }
@@ -280,7 +282,7 @@ static double relative_motion(const newton *n, int32_t e) {
     motion2 += motion * motion;
   }
   length2 = fmax(length2, apart2);
-  return length2 > MS_ZERO_LENGTH2 ? sqrt(motion2 / length2) : 0;
+  return length2 > MS_MIN_LENGTH2 ? sqrt(motion2 / length2) : 0;
 }
 
 /* v += lambda d, lambda = 1 or less, so that no relative_motion() exceeds 1/4; full: lambda = 1.
@@ -289,14 +291,14 @@ static double relative_motion(const newton *n, int32_t e) {
  * turns springs by a thousandth if shortened until the residual falls. The next step corrects the
  * lengths, as the matrix is exact: the relaxed steps of the watchdog technique (Chamberlain et al.
  * 1982), without its check. */
-static double turn_at_most(newton *n, int full) {
+static double limit_rotation(newton *n, int full) {
   const double MOST = 0.25;
   double largest = 0;
   for (int32_t e = 0; e < n->s->model->springs.n && !full; e++)
     largest = fmax(largest, relative_motion(n, e));
   const double lambda = largest > MOST ? MOST / largest : 1;
-  ms_axpy(n->shape, lambda, n->d, n->stage->v);
-  evaluate(n);
+  ms_vector_axpy(n->shape, lambda, n->d, n->stage->v);
+  evaluate_residual(n);
   return lambda;
 }
 
@@ -305,37 +307,37 @@ static double turn_at_most(newton *n, int full) {
 static search find_next_search(newton *n, double before, double lambda) {
   enum { MOST_FAILURES = 3 };
   const double MUCH = 0.3;
-  n->failures += n->is_lost;
-  if (n->search != REDUCE_POTENTIAL) return n->is_lost ? REDUCE_POTENTIAL : REDUCE_RESIDUAL;
-  const int is_slow = n->dampers && n->failures < MOST_FAILURES && !n->is_cut && lambda == 1 &&
-                      n->residual > MUCH * before;
+  n->failures += n->residual_grew;
+  if (n->search != REDUCE_POTENTIAL) return n->residual_grew ? REDUCE_POTENTIAL : REDUCE_RESIDUAL;
+  const int is_slow = n->dampers && n->failures < MOST_FAILURES && !n->is_truncated &&
+                      lambda == 1 && n->residual > MUCH * before;
   return is_slow ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
 }
 
 /* The bound on the estimated error after the last correction; errors of many steps add up. */
-static double last_error(const newton *n) { return 0.1 * tolerance(n); }
+static double final_tolerance(const newton *n) { return 0.1 * velocity_tolerance(n); }
 
 /* The relative tolerance of the linear solve, 0.9 (||rho||/||rho before||)^2 (Eisenstat and Walker
  * 1996, choice 2), at most 0.1. A tenth of the error that ends Newton's method is sufficient, if
  * corrections decrease as the residual does. */
-static double forcing(const newton *n, double before) {
+static double forcing_tolerance(const newton *n, double before) {
   if (n->linear) return fmin(n->s->opt->solver_rtol, n->s->opt->newton_rtol);
   const double ratio = before > 0 ? n->residual / before : 1, expected = ratio * n->correction;
-  const double enough = expected > 0 ? 0.1 * last_error(n) / expected : 0;
+  const double enough = expected > 0 ? 0.1 * final_tolerance(n) / expected : 0;
   return fmax(fmin(fmax(0.9 * ratio * ratio, enough), 0.1), n->s->opt->solver_rtol);
 }
 
 /* Changes of v that are lost in the rounding of v or x = x0 + ah v */
 static double rounding_level(const newton *n) {
-  const ms_stage *g = n->stage;
-  return 4 * DBL_EPSILON * (norm(n, g->v) + norm(n, g->x) / g->ah);
+  const ms_newton_stage *g = n->stage;
+  return 4 * DBL_EPSILON * (newton_norm(n, g->v) + newton_norm(n, g->x) / g->ah);
 }
 
 /* 1: with `more` further corrections, each theta times the one before, the estimated error is
- * small enough: theta^more theta/(1 - theta) |d| <= last_error(). */
-static int ends_within(const newton *n, double theta, int more) {
+ * small enough: theta^more theta/(1 - theta) |d| <= final_tolerance(). */
+static int converges_within(const newton *n, double theta, int more) {
   return n->correction > 0 && theta < 1 &&
-         pow(theta, more) * theta / (1 - theta) * n->correction <= last_error(n);
+         pow(theta, more) * theta / (1 - theta) * n->correction <= final_tolerance(n);
 }
 
 /* The ratio of the last two corrections; 1: unknown */
@@ -345,8 +347,8 @@ static double contraction(const newton *n) {
 
 /* If the matrix is constant, the error is A^-1 R, whose norm is below that of M^-1 R. */
 static int is_converged(const newton *n) {
-  if (n->linear && n->residual <= tolerance(n)) return 1;
-  return ends_within(n, fmax(n->eta, contraction(n)), 0);
+  if (n->linear && n->residual <= velocity_tolerance(n)) return 1;
+  return converges_within(n, fmax(n->eta, contraction(n)), 0);
 }
 
 /* The clamped matrix is robust far from the solution; near it the exact one converges
@@ -355,28 +357,30 @@ static int is_converged(const newton *n) {
  * gradients, and correct in the plane of a cloth what an exact one has moved out of it. */
 static int must_clamp(newton *n, double first) {
   enum { FEW = 8 };
-  const int descends = ms_solver_descends(n->s->solver), is_lost = n->is_lost;
-  const int will_do = descends && n->residual > 1e-3 * first && ends_within(n, contraction(n), FEW);
-  n->is_lost = 0;
+  const int descends = ms_solver_can_descend(n->s->solver), is_lost = n->residual_grew;
+  const int will_do =
+      descends && n->residual > 1e-3 * first && converges_within(n, contraction(n), FEW);
+  n->residual_grew = 0;
   return n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP ||
          n->residual > (descends ? 1e-2 : 0.1) * first || will_do || is_lost;
 }
 
 static double line_search(newton *n, int full) {
-  const int has_potential = !(n->s->model->passes & MSIM_SKIP_DAMPING) && !ms_rests(n->s);
-  if (n->search == LIMIT_ROTATION) return turn_at_most(n, full);
+  const int has_potential =
+      !(n->s->model->features & MSIM_SKIP_DAMPING) && !ms_stepper_has_contacts(n->s);
+  if (n->search == LIMIT_ROTATION) return limit_rotation(n, full);
   if (n->search == REDUCE_RESIDUAL) return search_residual(n, full);
   return has_potential ? search_energy(n, full) : search_slope(n, full);
 }
 
-static msim_status give_up(newton *n, msim_error *err) {
-  const double size = change(n), wanted = tolerance(n) / size;
-  n->s->culprit = ms_find_largest(n->shape, n->rho);
-  return ms_fail(err, MSIM_NOT_CONVERGED,
-                 "Newton's method made %d iterations, and the last correction was %.3g of the "
-                 "step's change of v; %s asks for %.3g",
-                 n->s->opt->newton_max_iterations, n->moved / size,
-                 wanted < n->s->opt->newton_rtol ? "tol" : "newton.rtol", wanted);
+static msim_status fail_not_converged(newton *n, msim_error *err) {
+  const double size = velocity_change(n), wanted = velocity_tolerance(n) / size;
+  n->s->offender = ms_vector_find_largest(n->shape, n->rho);
+  return ms_error_set(err, MSIM_NOT_CONVERGED,
+                      "Newton's method made %d iterations, and the last correction was %.3g of the "
+                      "step's change of v; %s asks for %.3g",
+                      n->s->opt->newton_max_iterations, n->moved / size,
+                      wanted < n->s->opt->newton_rtol ? "tol" : "newton.rtol", wanted);
 }
 
 /* 1: a damper c exceeds share ah k, k the stiffness of its spring, and ah c exceeds the mass of a
@@ -385,11 +389,11 @@ static int has_strong_dampers(const newton *n, double share) {
   const double ah = n->stage->ah;
   const ms_model *model = n->s->model;
   const ms_springs *s = &model->springs;
-  if (!(model->passes & MSIM_SKIP_DAMPING)) return 0;
+  if (!(model->features & MSIM_SKIP_DAMPING)) return 0;
   for (int32_t e = 0; e < s->n; e++) {
     double mass = INFINITY;
-    if (s->i[e] < model->rows.nfree) mass = fmin(mass, model->mass[s->i[e]]);
-    if (s->j[e] < model->rows.nfree) mass = fmin(mass, model->mass[s->j[e]]);
+    if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);
+    if (s->j[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->j[e]]);
     if (s->damping[e] > share * ah * s->k[e] && ah * s->damping[e] > mass) return 1;
   }
   return 0;
@@ -397,26 +401,26 @@ static int has_strong_dampers(const newton *n, double share) {
 
 /* Starts from the guess in v, or, as strong dampers stop motion within a step, from the v that does
  * not change x, (x - x0)/ah, if the residual is far smaller there. */
-static void find_start(newton *n) {
+static void choose_initial_guess(newton *n) {
   const double FAR = 0.1;
-  const ms_stage *g = n->stage;
-  evaluate(n);
+  const ms_newton_stage *g = n->stage;
+  evaluate_residual(n);
   if (has_strong_dampers(n, 0.1)) n->dampers = has_strong_dampers(n, 0.3) ? DOMINANT : STRONG;
   if (!n->dampers) return;
   const double usual = n->residual;
-  ms_copy(n->shape, g->v, n->from);
-  ms_combine(n->shape, n->s->x, -1, g->x0, g->v);
-  ms_scale(n->shape, 1 / g->ah, g->v);
-  evaluate(n);
+  ms_vector_copy(n->shape, g->v, n->from);
+  ms_vector_add_scaled(n->shape, n->s->x, -1, g->x0, g->v);
+  ms_vector_scale(n->shape, 1 / g->ah, g->v);
+  evaluate_residual(n);
   if (n->residual < FAR * usual) {
     n->search = REDUCE_RESIDUAL;
     return;
   }
-  ms_copy(n->shape, n->from, g->v);
-  evaluate(n);
+  ms_vector_copy(n->shape, n->from, g->v);
+  evaluate_residual(n);
 }
 
-msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err) {
+msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_error *err) {
   newton n = {.s = s,
               .stage = stage,
               .shape = s->model->shape,
@@ -426,26 +430,26 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *er
               .b = stage->work[1],
               .d = stage->work[2],
               .from = stage->work[3]};
-  find_start(&n);
+  choose_initial_guess(&n);
   const double first = n.residual;
   double before = 0;
   for (int32_t i = 0; i < s->opt->newton_max_iterations; i++) {
     if (n.residual == 0) return MSIM_OK;
-    n.eta = forcing(&n, before);
+    n.eta = forcing_tolerance(&n, before);
     msim_status status = find_direction(&n, must_clamp(&n, first), err);
-    if (status) s->culprit = s->solver->culprit;
+    if (status) s->offender = s->solver->offender;
     if (status) return status;
     before = n.residual;
     n.previous = n.correction;
-    n.correction = norm(&n, n.d);
+    n.correction = newton_norm(&n, n.d);
     s->stats->newton_iterations++;
-    const int is_little = n.correction <= rounding_level(&n), last = is_little && !n.is_cut;
+    const int is_little = n.correction <= rounding_level(&n), last = is_little && !n.is_truncated;
     const double lambda = line_search(&n, last);
     n.moved = lambda * n.correction;
     n.search = find_next_search(&n, before, lambda);
-    if (lambda < 1 || n.is_cut) n.correction = 0;
+    if (lambda < 1 || n.is_truncated) n.correction = 0;
     if (is_little) n.radius = INFINITY; /* slopes within rounding have made it small */
     if (last || is_converged(&n)) return MSIM_OK;
   }
-  return give_up(&n, err);
+  return fail_not_converged(&n, err);
 }

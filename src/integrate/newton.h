@@ -9,12 +9,13 @@
  * solvers d is truncated at a trust radius, and an indefinite matrix is clamped. The line search
  * shortens d until it reduces the incremental potential
  *   E(v) = |v - w|_M^2/2 + U(x0 + ah v),
- * whose change is summed spring by spring (physics/excess.h), or, where damping or contacts leave
- * no potential, until its slope at the end is no steep ascent (Matthies and Strang 1979). With
- * strong dampers, or without descend(), the exact matrix is the full one, with the non-symmetric
- * damping term (physics/turning.h); strong dampers need it, too, after a full iteration that leaves
- * more than 0.3 of the residual. The line search then reduces the residual. The tolerance of each
- * solve follows the drop of the residual (Eisenstat and Walker 1996).
+ * whose change is summed spring by spring (physics/nonlinearity.h), or, where damping or contacts
+ * leave no potential, until its slope at the end is no steep ascent (Matthies and Strang 1979).
+ * With strong dampers, or without descend(), the exact matrix is the full one, with the
+ * non-symmetric damping term (physics/damping_derivative.h); strong dampers need it, too, after a
+ * full iteration that leaves more than 0.3 of the residual. The line search then reduces the
+ * residual. The tolerance of each solve follows the drop of the residual (Eisenstat and Walker
+ * 1996).
  *
  * Where dampers, more than springs, keep the lengths of springs, each d is that of the exact full
  * matrix, and lambda is limited only so that the ends of no spring move by more than a quarter of
@@ -28,18 +29,18 @@
 
 #include "integrate/integrator.h"
 
-typedef struct ms_stage {
+typedef struct ms_newton_stage {
   double ah;            /* s: the coefficient of the stage times h */
   const double *x0, *w; /* the known parts of x and v */
   double *x, *v;        /* out; in: the initial guess in v, the pinned positions in x */
   double *work[4];
-} ms_stage;
+} ms_newton_stage;
 
 /* Iterates until the error of v, in the norm of M, is below newton.rtol times the change of v from
  * the present state, or that of free fall if larger (s->noise may require less). The estimate of
  * the error after an iteration with lambda = 1, |d| theta/(1 - theta), must be below a tenth of
  * that; theta: the ratio of the last two |d|, or the tolerance of the solve if larger. A correction
  * at rounding level ends the iteration, too. MSIM_NOT_CONVERGED after newton.max_iterations. */
-msim_status ms_newton_solve(ms_stepper *s, const ms_stage *stage, msim_error *err);
+msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_error *err);
 
 #endif

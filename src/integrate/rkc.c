@@ -18,7 +18,7 @@
 /* With more stages their rounding errors accumulate. */
 enum { MOST_STAGES = 1000 };
 
-int32_t ms_rkc_stages(double h, ms_bounds bounds) {
+int32_t ms_rkc_count_stages(double h, ms_bounds bounds) {
   const double stages = ceil(sqrt(1 + h * fmax(bounds.rate, bounds.omega) / 0.653));
   return (int32_t)fmin(fmax(stages, 2), MOST_STAGES);
 }
@@ -26,27 +26,27 @@ int32_t ms_rkc_stages(double h, ms_bounds bounds) {
 /*------------------------------------- coefficients ---------------------------------------------*/
 
 /* T_j, T_j' and T_j'' at w0, and b_j */
-typedef struct term {
+typedef struct chebyshev_term {
   double t, t1, t2, b;
-} term;
+} chebyshev_term;
 
-static term after(double w0, term now, term before) {
-  term next = {.t = 2 * w0 * now.t - before.t,
-               .t1 = 2 * now.t + 2 * w0 * now.t1 - before.t1,
-               .t2 = 4 * now.t1 + 2 * w0 * now.t2 - before.t2};
+static chebyshev_term next_chebyshev_term(double w0, chebyshev_term now, chebyshev_term before) {
+  chebyshev_term next = {.t = 2 * w0 * now.t - before.t,
+                         .t1 = 2 * now.t + 2 * w0 * now.t1 - before.t1,
+                         .t2 = 4 * now.t1 + 2 * w0 * now.t2 - before.t2};
   next.b = next.t2 / (next.t1 * next.t1);
   return next;
 }
 
 /* The recurrence at stage j of s */
-typedef struct recurrence {
+typedef struct chebyshev_recurrence {
   double w0, w1;
-  term now, before;
+  chebyshev_term now, before;
   double mu, nu, m, g; /* of the stage */
-} recurrence;
+} chebyshev_recurrence;
 
-static void advance(recurrence *r) {
-  const term next = after(r->w0, r->now, r->before);
+static void advance_recurrence(chebyshev_recurrence *r) {
+  const chebyshev_term next = next_chebyshev_term(r->w0, r->now, r->before);
   const double share = 2 * next.b / r->now.b;
   r->mu = share * r->w0;
   r->m = share * r->w1;
@@ -57,16 +57,16 @@ static void advance(recurrence *r) {
 }
 
 /* The recurrence at stage 1 */
-static recurrence begin(int32_t stages) {
+static chebyshev_recurrence begin_recurrence(int32_t stages) {
   const double s = stages, w0 = 1 + DAMPING / (s * s);
-  const term zeroth = {.t = 1}, first = {.t = w0, .t1 = 1, .b = 1 / w0};
-  const term second = after(w0, first, zeroth);
-  term now = second, before = first;
+  const chebyshev_term zeroth = {.t = 1}, first = {.t = w0, .t1 = 1, .b = 1 / w0};
+  const chebyshev_term second = next_chebyshev_term(w0, first, zeroth);
+  chebyshev_term now = second, before = first;
   for (int32_t j = 2; j < stages; j++) {
-    const term next = after(w0, now, before);
+    const chebyshev_term next = next_chebyshev_term(w0, now, before);
     before = now, now = next;
   }
-  recurrence r = {.w0 = w0, .w1 = now.t1 / now.t2, .now = first, .before = zeroth};
+  chebyshev_recurrence r = {.w0 = w0, .w1 = now.t1 / now.t2, .now = first, .before = zeroth};
   r.before.b = second.b;
   r.m = r.w1 / w0;
   return r;
@@ -76,61 +76,61 @@ static recurrence begin(int32_t stages) {
 
 enum { A0, X, V }; /* work vectors */
 
-static void start(ms_stepper *s) { ms_hold_stages(s, s->work[X]); }
+static void rkc_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[X]); }
 
-static msim_status step(ms_stepper *s, msim_error *err) {
+static msim_status rkc_step(ms_stepper *s, msim_error *err) {
   (void)err;
   const ms_shape shape = s->model->shape;
-  const int32_t stages = ms_rkc_stages(s->h, s->bounds);
+  const int32_t stages = ms_rkc_count_stages(s->h, s->bounds);
   double *xs[] = {s->x_next, s->work[X]},
          *vs[] = {s->v_next, s->work[V]}; /* the last stage is in the first pair */
-  recurrence r = begin(stages);
+  chebyshev_recurrence r = begin_recurrence(stages);
   int to = (stages - 1) % 2;
-  ms_evaluate(s, &(ms_pass){.x = s->x,
-                            .v = s->v,
-                            .a = s->work[A0],
-                            .v_to = vs[to],
-                            .v_from = s->v,
-                            .h = r.m * s->h,
-                            .x_to = xs[to],
-                            .x_from = s->x,
-                            .along = s->v,
-                            .drift = r.m * s->h});
+  ms_stepper_evaluate(s, &(ms_fused_step){.x = s->x,
+                                          .v = s->v,
+                                          .a = s->work[A0],
+                                          .v_to = vs[to],
+                                          .v_from = s->v,
+                                          .h = r.m * s->h,
+                                          .x_to = xs[to],
+                                          .x_from = s->x,
+                                          .along = s->v,
+                                          .drift = r.m * s->h});
   const double *x_before = s->x, *v_before = s->v;
   for (int32_t j = 2; j <= stages; j++) {
     const double *x = xs[to], *v = vs[to];
     to = 1 - to;
-    advance(&r);
-    ms_three_term(shape, s->x, r.mu, x, r.nu, x_before, r.g * s->h, s->v, xs[to]);
-    ms_three_term(shape, s->v, r.mu, v, r.nu, v_before, r.g * s->h, s->work[A0], vs[to]);
-    ms_evaluate(s, &(ms_pass){.x = x,
-                              .v = v,
-                              .v_to = vs[to],
-                              .v_from = vs[to],
-                              .h = r.m * s->h,
-                              .x_to = xs[to],
-                              .x_from = xs[to],
-                              .along = v,
-                              .drift = r.m * s->h});
+    advance_recurrence(&r);
+    ms_vector_three_term(shape, s->x, r.mu, x, r.nu, x_before, r.g * s->h, s->v, xs[to]);
+    ms_vector_three_term(shape, s->v, r.mu, v, r.nu, v_before, r.g * s->h, s->work[A0], vs[to]);
+    ms_stepper_evaluate(s, &(ms_fused_step){.x = x,
+                                            .v = v,
+                                            .v_to = vs[to],
+                                            .v_from = vs[to],
+                                            .h = r.m * s->h,
+                                            .x_to = xs[to],
+                                            .x_from = xs[to],
+                                            .along = v,
+                                            .drift = r.m * s->h});
     x_before = x, v_before = v;
   }
-  ms_reflect(s, s->x_next, s->v_next);
+  ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }
 
 /* The error estimate of Sommeijer, Shampine and Verwer, (12 (y - y') + 6 h (f + f'))/15 */
-static void estimate(ms_stepper *s, int which, double *dx, double *dv) {
+static void rkc_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
   const double w[] = {0.8, -0.8, 0.4 * s->h, 0.4 * s->h};
   const double *const x[] = {s->x, s->x_next, s->v, s->v_next};
   const double *const v[] = {s->v, s->v_next, s->work[A0], s->work[V]};
-  ms_acceleration(s, s->x_next, s->v_next, s->work[V]);
-  ms_add_all(s->model->shape, NULL, 4, w, x, dx);
-  ms_add_all(s->model->shape, NULL, 4, w, v, dv);
+  ms_stepper_acceleration(s, s->x_next, s->v_next, s->work[V]);
+  ms_vector_linear_combination(s->model->shape, NULL, 4, w, x, dx);
+  ms_vector_linear_combination(s->model->shape, NULL, 4, w, v, dv);
 }
 
 /* h w^2 <= MS_RKC_STRIP g for every mode (rkc.h). */
-static double limit(const ms_bounds *b) {
+static double rkc_limit(const ms_bounds *b) {
   return b->omega > 0 ? MS_RKC_STRIP / b->ratio : INFINITY;
 }
 
@@ -140,8 +140,8 @@ const ms_integrator ms_rkc = {
                      "root of h; undamped motion gains energy (Sommeijer, Shampine, Verwer 1998)",
               .order = 2},
     .nwork = 3,
-    .start = start,
-    .step = step,
-    .estimate = estimate,
-    .limit = limit,
-    .stages = ms_rkc_stages};
+    .start = rkc_start,
+    .step = rkc_step,
+    .estimate = rkc_estimate,
+    .limit = rkc_limit,
+    .stages = ms_rkc_count_stages};

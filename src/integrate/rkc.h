@@ -16,6 +16,6 @@
  * h or another method is necessary. Undamped motion gains energy for any h; motion across springs
  * is undamped unless there is drag. */
 #define MS_RKC_STRIP 1.73
-int32_t ms_rkc_stages(double h, ms_bounds bounds);
+int32_t ms_rkc_count_stages(double h, ms_bounds bounds);
 
 #endif

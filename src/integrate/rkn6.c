@@ -4,7 +4,7 @@
  * Coefficients: Blanes and Moan, J. Comput. Appl. Math. 142 (2002) 313, method SRKN_11^6, with 11
  * evaluations a step. */
 #include "integrate/methods.h"
-#include "integrate/splitting.h"
+#include "integrate/composition.h"
 
 enum { DRIFTS = 11, KICKS = 12 };
 
@@ -31,17 +31,17 @@ static const double drift[DRIFTS] = {0.123229775946271,  0.290553797799558,  -0.
                                      0.357208872795928,  -0.246331761062075, -0.127049212625417,
                                      0.290553797799558,  0.123229775946271};
 
-static const ms_splitting splitting = {.drifts = DRIFTS, .kick = kick, .drift = drift};
+static const ms_composition rkn6_composition = {.drifts = DRIFTS, .kick = kick, .drift = drift};
 
-static msim_status step(ms_stepper *s, msim_error *err) {
+static msim_status rkn6_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  ms_splitting_step(s, &splitting);
+  ms_composition_step(s, &rkn6_composition);
   return MSIM_OK;
 }
 
 /* For z = h w from 3.1414 to 3.1424 a mode grows by up to 4e-4 a step; from there to 6.3 none
  * grows. */
-static double limit(const ms_bounds *b) { return 3.1414 / b->omega; }
+static double rkn6_limit(const ms_bounds *b) { return 3.1414 / b->omega; }
 
 const ms_integrator ms_rkn6 = {
     .entry = {.name = "rkn6",
@@ -51,8 +51,8 @@ const ms_integrator ms_rkn6 = {
               .order = 6},
     .separable = 1,
     .one_step = 1,
-    .nwork = MS_SPLITTING_WORK,
+    .nwork = MS_COMPOSITION_WORK,
     .carried = 1,
-    .start = ms_splitting_start,
-    .step = step,
-    .limit = limit};
+    .start = ms_composition_start,
+    .step = rkn6_step,
+    .limit = rkn6_limit};

@@ -30,14 +30,14 @@
 enum { A, STAGE, X0, V0 }; /* work vectors; the last two hold x and v at the start of the run */
 
 /* The force sweep for the stage x + h^2/12 a(x), at which a~ is evaluated */
-static ms_pass displace(const ms_stepper *s) {
+static ms_fused_step make_stage_sweep(const ms_stepper *s) {
   double *a = s->work[A];
-  return (ms_pass){.x = s->x,
-                   .a = a,
-                   .x_to = s->work[STAGE],
-                   .x_from = s->x,
-                   .along = a,
-                   .drift = C * s->h * s->h};
+  return (ms_fused_step){.x = s->x,
+                         .a = a,
+                         .x_to = s->work[STAGE],
+                         .x_from = s->x,
+                         .along = a,
+                         .drift = C * s->h * s->h};
 }
 
 /* to = x + sum_k POWER[k] (-h^2/12 J)^(k + 1) x, with J x replaced by a(x), and J d for the higher
@@ -48,14 +48,14 @@ static void convert_x(const ms_stepper *s, const double *x, double *to) {
   const ms_shape shape = s->model->shape;
   const double factor = -C * s->h * s->h;
   double *a = s->work[A], *stage = s->work[STAGE], *change = s->scratch;
-  ms_pass_run(s->model, &(ms_pass){.x = x, .a = a});
-  ms_combine(shape, x, POWER[0] * factor, a, to);
-  ms_combine(shape, x, factor, a, stage);
+  ms_fused_step_run(s->model, &(ms_fused_step){.x = x, .a = a});
+  ms_vector_add_scaled(shape, x, POWER[0] * factor, a, to);
+  ms_vector_add_scaled(shape, x, factor, a, stage);
   for (int k = 1; k < POWERS; k++) {
-    ms_pass_run(s->model, &(ms_pass){.x = stage, .a = change});
-    ms_axpy(shape, -1, a, change);
-    ms_axpy(shape, POWER[k] * factor, change, to);
-    ms_combine(shape, x, factor, change, stage);
+    ms_fused_step_run(s->model, &(ms_fused_step){.x = stage, .a = change});
+    ms_vector_axpy(shape, -1, a, change);
+    ms_vector_axpy(shape, POWER[k] * factor, change, to);
+    ms_vector_add_scaled(shape, x, factor, change, stage);
   }
 }
 
@@ -64,97 +64,101 @@ static void convert_v(const ms_stepper *s, const double *x, const double *v, dou
   const ms_shape shape = s->model->shape;
   const double h = s->h;
   double *stage = s->work[STAGE], *ahead = s->scratch;
-  ms_combine(shape, x, h / 2, v, stage);
-  ms_pass_run(s->model, &(ms_pass){.x = stage, .a = ahead});
-  ms_combine(shape, x, -h / 2, v, stage);
-  ms_pass_run(
+  ms_vector_add_scaled(shape, x, h / 2, v, stage);
+  ms_fused_step_run(s->model, &(ms_fused_step){.x = stage, .a = ahead});
+  ms_vector_add_scaled(shape, x, -h / 2, v, stage);
+  ms_fused_step_run(
       s->model,
-      &(ms_pass){
+      &(ms_fused_step){
           .x = stage, .v_to = to, .v_from = v, .a_before = ahead, .h_before = -C * h, .h = C * h});
 }
 
 /* v_to = v_from + h a~(x) */
-static void kick(const ms_stepper *s, const double *v_from, double h, double *v_to) {
-  const ms_pass to_stage = displace(s);
-  ms_pass_run(s->model, &to_stage);
-  ms_pass_run(s->model, &(ms_pass){.x = s->work[STAGE], .v_to = v_to, .v_from = v_from, .h = h});
+static void takahashi_imada_kick(const ms_stepper *s, const double *v_from, double h,
+                                 double *v_to) {
+  const ms_fused_step to_stage = make_stage_sweep(s);
+  ms_fused_step_run(s->model, &to_stage);
+  ms_fused_step_run(s->model,
+                    &(ms_fused_step){.x = s->work[STAGE], .v_to = v_to, .v_from = v_from, .h = h});
 }
 
 enum { ROUNDS = 7 };
 
 /* y += w (y0 - to); returns |y0 - to|^2 */
-static double correct(const ms_stepper *s, double w, const double *y0, const double *to,
-                      double *y) {
+static double correct_toward(const ms_stepper *s, double w, const double *y0, const double *to,
+                             double *y) {
   const ms_shape shape = s->model->shape;
-  ms_combine(shape, y0, -1, to, s->scratch);
-  ms_axpy(shape, w, s->scratch, y);
-  return ms_dot(shape, s->scratch, s->scratch);
+  ms_vector_add_scaled(shape, y0, -1, to, s->scratch);
+  ms_vector_axpy(shape, w, s->scratch, y);
+  return ms_vector_dot(shape, s->scratch, s->scratch);
 }
 
 /* Inverts the conversion, from X0, V0 to s->x, s->v, by x += w (X0 - X(x)), and v likewise. An
  * iteration multiplies the error of a mode by 1 - w X/x, about y for slow modes with w = 1. The
  * last ones are for fast modes, with X/x down to 0.51 and V/v = 1 + y up to 1.9. Returns 0 if it
  * diverges by more than rounding. */
-static int invert(ms_stepper *s) {
+static int invert_conversion(ms_stepper *s) {
   static const double OF_X[ROUNDS] = {1, 1, 1, 1, 1, 1 / 0.65, 1 / 0.53},
                       OF_V[ROUNDS] = {1, 1, 1, 1, 1, 1 / 1.6, 1 / 1.85};
   const double *x0 = s->work[X0], *v0 = s->work[V0];
   double off[ROUNDS];
   for (int i = 0; i < ROUNDS; i++) {
     convert_x(s, s->x, s->x_next);
-    off[i] = correct(s, OF_X[i], x0, s->x_next, s->x);
+    off[i] = correct_toward(s, OF_X[i], x0, s->x_next, s->x);
   }
   for (int i = 0; i < ROUNDS; i++) {
     convert_v(s, s->x, s->v, s->v_next);
-    correct(s, OF_V[i], v0, s->v_next, s->v);
+    correct_toward(s, OF_V[i], v0, s->v_next, s->v);
   }
-  return off[ROUNDS - 1] <= off[0] + 1e-24 * ms_dot(s->model->shape, x0, x0);
+  return off[ROUNDS - 1] <= off[0] + 1e-24 * ms_vector_dot(s->model->shape, x0, x0);
 }
 
 /* warm = 1: the state is that at the start of the run. Far beyond the longest stable step the
  * conversion has no inverse: x and v stay as they are. */
-static void start(ms_stepper *s) {
-  const size_t bytes = (size_t)s->model->rows.dims * (size_t)s->model->rows.stride * sizeof *s->x;
+static void takahashi_imada_start(ms_stepper *s) {
+  const size_t bytes =
+      (size_t)s->model->unknowns.dims * (size_t)s->model->unknowns.stride * sizeof *s->x;
   memcpy(s->work[X0], s->x, bytes);
   memcpy(s->work[V0], s->v, bytes);
-  ms_hold_stages(s, s->work[STAGE]);
-  if (!invert(s)) {
+  ms_stepper_init_stage(s, s->work[STAGE]);
+  if (!invert_conversion(s)) {
     memcpy(s->x, s->work[X0], bytes);
     memcpy(s->v, s->work[V0], bytes);
   }
-  kick(s, s->v, -s->h / 2, s->v);
-  s->warm = 1;
+  takahashi_imada_kick(s, s->v, -s->h / 2, s->v);
+  s->cached_stage = 1;
 }
 
-static msim_status step(ms_stepper *s, msim_error *err) {
+static msim_status takahashi_imada_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_pass to_stage = displace(s);
-  ms_evaluate(s, &to_stage);
-  ms_evaluate(s, &(ms_pass){.x = s->work[STAGE],
-                            .v_to = s->v_next,
-                            .v_from = s->v,
-                            .h = s->h,
-                            .x_to = s->x_next,
-                            .x_from = s->x,
-                            .drift = s->h});
-  s->warm_next = 0;
+  const ms_fused_step to_stage = make_stage_sweep(s);
+  ms_stepper_evaluate(s, &to_stage);
+  ms_stepper_evaluate(s, &(ms_fused_step){.x = s->work[STAGE],
+                                          .v_to = s->v_next,
+                                          .v_from = s->v,
+                                          .h = s->h,
+                                          .x_to = s->x_next,
+                                          .x_from = s->x,
+                                          .drift = s->h});
+  s->cached_stage_next = 0;
   return MSIM_OK;
 }
 
-static void show(const ms_stepper *s, double *x, double *v) {
-  const size_t bytes = (size_t)s->model->rows.dims * (size_t)s->model->rows.stride * sizeof *s->x;
-  if (s->warm) {
+static void takahashi_imada_show(const ms_stepper *s, double *x, double *v) {
+  const size_t bytes =
+      (size_t)s->model->unknowns.dims * (size_t)s->model->unknowns.stride * sizeof *s->x;
+  if (s->cached_stage) {
     memcpy(x, s->work[X0], bytes);
     memcpy(v, s->work[V0], bytes);
     return;
   }
-  kick(s, s->v, s->h / 2, v);
+  takahashi_imada_kick(s, s->v, s->h / 2, v);
   convert_x(s, s->x, x);
   convert_v(s, s->x, v, v);
 }
 
 /* Stable while 0 < h^2 omega^2 (1 - h^2 omega^2 / 12) < 4: h omega < sqrt(12) */
-static double limit(const ms_bounds *b) { return 3.4641016151377544 / b->omega; }
+static double takahashi_imada_limit(const ms_bounds *b) { return 3.4641016151377544 / b->omega; }
 
 const ms_integrator ms_takahashi_imada = {
     .entry = {.name = "takahashi-imada",
@@ -166,7 +170,7 @@ const ms_integrator ms_takahashi_imada = {
     .nwork = 4,
     .carried = 2,
     .carried_at = X0,
-    .start = start,
-    .step = step,
-    .limit = limit,
-    .show = show};
+    .start = takahashi_imada_start,
+    .step = takahashi_imada_step,
+    .limit = takahashi_imada_limit,
+    .convert_state = takahashi_imada_show};

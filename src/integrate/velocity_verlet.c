@@ -2,34 +2,35 @@
 #include <math.h>
 
 #include "integrate/methods.h"
-#include "integrate/replay.h"
+#include "integrate/verlet_contact.h"
 
 /* x' = x + h v + h^2/2 a,  v' = v + h/2 (a + a(x', v + h a))
  *
  * If no force depends on v and no particle was reflected, the next step uses a(x') as its a, which
  * is the same number: one evaluation a step is sufficient. */
-static msim_status step(ms_stepper *s, msim_error *err) {
+static msim_status velocity_verlet_step(ms_stepper *s, msim_error *err) {
   (void)err;
   const ms_shape shape = s->model->shape;
   const double h = s->h;
-  const int at = s->warm == 2, next = 1 - at; /* warm: 1 + index of the work vector with a(x) */
+  const int at = s->cached_stage == 2,
+            next = 1 - at; /* warm: 1 + index of the work vector with a(x) */
   double *a = s->work[at], *a_next = s->work[next], *v_predicted = s->work[2];
-  const int separable = ms_is_separable(s);
-  if (!s->warm) ms_acceleration(s, s->x, s->v, a);
-  ms_add2(shape, s->x, h, s->v, h * h / 2, a, s->x_next);
-  if (!separable) ms_combine(shape, s->v, h, a, v_predicted);
-  ms_replay_positions(s, a, v_predicted);
-  ms_evaluate(s, &(ms_pass){.x = s->x_next,
-                            .v = v_predicted,
-                            .a = a_next,
-                            .v_to = s->v_next,
-                            .v_from = s->v,
-                            .a_before = a,
-                            .h_before = h / 2,
-                            .h = h / 2});
-  ms_replay_velocities(s, a, a_next);
-  int64_t reflected = ms_reflect(s, s->x_next, s->v_next);
-  s->warm_next = separable && !reflected ? 1 + next : 0;
+  const int separable = ms_stepper_is_separable(s);
+  if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, a);
+  ms_vector_add_two_scaled(shape, s->x, h, s->v, h * h / 2, a, s->x_next);
+  if (!separable) ms_vector_add_scaled(shape, s->v, h, a, v_predicted);
+  ms_verlet_contact_correct_positions(s, a, v_predicted);
+  ms_stepper_evaluate(s, &(ms_fused_step){.x = s->x_next,
+                                          .v = v_predicted,
+                                          .a = a_next,
+                                          .v_to = s->v_next,
+                                          .v_from = s->v,
+                                          .a_before = a,
+                                          .h_before = h / 2,
+                                          .h = h / 2});
+  ms_verlet_contact_correct_velocities(s, a, a_next);
+  int64_t reflected = ms_stepper_reflect(s, s->x_next, s->v_next);
+  s->cached_stage_next = separable && !reflected ? 1 + next : 0;
   return MSIM_OK;
 }
 
@@ -38,7 +39,7 @@ static msim_status step(ms_stepper *s, msim_error *err) {
  * least, 3, at p = 1, which some mode may have if the largest p exceeds 1. This holds for modes
  * that damping and stiffness have in common; without such modes it held in each of 6000 random
  * systems. */
-static double limit(const ms_bounds *b) {
+static double velocity_verlet_limit(const ms_bounds *b) {
   const double w = b->omega, g = b->rate;
   if (3 * g * g <= w * w) return 4 / (g + sqrt(4 * w * w - 3 * g * g));
   return fmin(sqrt(3) / w, 2 / g);
@@ -53,6 +54,6 @@ const ms_integrator ms_velocity_verlet = {
     .one_step = 1,
     .nwork = 3,
     .carried = 1,
-    .replays = 1,
-    .step = step,
-    .limit = limit};
+    .handles_contact = 1,
+    .step = velocity_verlet_step,
+    .limit = velocity_verlet_limit};

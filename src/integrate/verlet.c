@@ -9,38 +9,39 @@
  *
  * Option verlet.start: taylor, v(-h/2) = v0 - h/2 a0 with a0 = a(x0, v0), which the first step uses
  * again: order 2. plain, v(-h/2) = v0: symplectic Euler, order 1. */
-static void start(ms_stepper *s) {
+static void verlet_begin(ms_stepper *s) {
   if (s->opt->verlet_start == MSIM_VERLET_PLAIN) return;
   double *a = s->work[0];
-  ms_pass_run(s->model, &(ms_pass){.x = s->x, .v = s->v, .a = a});
-  ms_combine(s->model->shape, s->v, -s->h / 2, a, s->v);
-  s->warm = 1;
+  ms_fused_step_run(s->model, &(ms_fused_step){.x = s->x, .v = s->v, .a = a});
+  ms_vector_add_scaled(s->model->shape, s->v, -s->h / 2, a, s->v);
+  s->cached_stage = 1;
 }
 
-/* The first step, with the a of start() */
+/* The first step, with the a of verlet_begin() */
 static void first_step(ms_stepper *s) {
   const ms_shape shape = s->model->shape;
-  ms_combine(shape, s->v, s->h, s->work[0], s->v_next);
-  ms_combine(shape, s->x, s->h, s->v_next, s->x_next);
+  ms_vector_add_scaled(shape, s->v, s->h, s->work[0], s->v_next);
+  ms_vector_add_scaled(shape, s->x, s->h, s->v_next, s->x_next);
   s->stats->force_evaluations++;
   s->stats->spring_evaluations += s->model->springs.n;
 }
 
-static msim_status step(ms_stepper *s, msim_error *err) {
+static msim_status verlet_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_pass pass = ms_kick_drift(s);
-  if (s->warm) first_step(s);
-  else ms_evaluate(s, &pass);
-  s->warm_next = 0;
-  ms_reflect(s, s->x_next, s->v_next);
+  const ms_fused_step pass = ms_stepper_kick_drift(s);
+  if (s->cached_stage) first_step(s);
+  else ms_stepper_evaluate(s, &pass);
+  s->cached_stage_next = 0;
+  ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }
 
 /* v(t) = v(t - h/2) + h/2 a(x, v(t - h/2)): of order 2 if forces do not depend on v */
-static void sync(const ms_stepper *s, double *v, double *scratch) {
-  const double *a = s->warm ? s->work[0] : scratch;
-  if (!s->warm) ms_pass_run(s->model, &(ms_pass){.x = s->x, .v = s->v, .a = scratch});
-  ms_combine(s->model->shape, s->v, s->h / 2, a, v);
+static void verlet_sync(const ms_stepper *s, double *v, double *scratch) {
+  const double *a = s->cached_stage ? s->work[0] : scratch;
+  if (!s->cached_stage)
+    ms_fused_step_run(s->model, &(ms_fused_step){.x = s->x, .v = s->v, .a = scratch});
+  ms_vector_add_scaled(s->model->shape, s->v, s->h / 2, a, v);
 }
 
 /* h^2 w^2 + 2 h g < 4, with the largest w and g */
@@ -52,7 +53,7 @@ const ms_integrator ms_verlet = {
               .order = 2},
     .nwork = 1,
     .carried = 1,
-    .start = start,
-    .step = step,
+    .start = verlet_begin,
+    .step = verlet_step,
     .limit = ms_verlet_limit,
-    .sync = sync};
+    .sync = verlet_sync};

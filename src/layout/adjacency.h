@@ -2,19 +2,19 @@
 #ifndef MS_ADJACENCY_H
 #define MS_ADJACENCY_H
 
-#include "layout/rows.h"
+#include "layout/unknowns.h"
 
 /* A half-edge of a row: a spring of it and the row at the other end. */
-typedef struct ms_half {
+typedef struct ms_half_edge {
   int32_t neighbour, spring;
-} ms_half;
+} ms_half_edge;
 
 typedef struct ms_adjacency {
-  int32_t *first;  /* stride + 1 */
-  ms_half *halves; /* of each row, pinned ones too: sorted by neighbour, then by spring */
+  int32_t *first;           /* stride + 1 */
+  ms_half_edge *half_edges; /* of each row, pinned ones too: sorted by neighbour, then by spring */
 } ms_adjacency;
 
-msim_status ms_adjacency_create(const ms_scene *scene, const ms_rows *rows,
+msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
                                 const ms_springs *springs, ms_adjacency *a, msim_error *err);
 
 /* Row r becomes row new_row[r], a permutation. */
@@ -22,7 +22,7 @@ msim_status ms_adjacency_renumber(const ms_scene *scene, int32_t nrows, const in
                                   ms_adjacency *a, msim_error *err);
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a);
 
-static inline int32_t ms_degree(const ms_adjacency *a, int32_t row) {
+static inline int32_t ms_adjacency_degree(const ms_adjacency *a, int32_t row) {
   return a->first[row + 1] - a->first[row];
 }
 

@@ -6,13 +6,13 @@ enum { NONE = -1 };
 
 /* Union-find (Tarjan 1975). to[p]: a particle of p's component with a lower number; p itself if it
  * is the first one. */
-static int32_t find_first(int32_t *to, int32_t p) {
+static int32_t find_first_of_component(int32_t *to, int32_t p) {
   while (to[p] != p) p = to[p] = to[to[p]];
   return p;
 }
 
-static void connect(int32_t *to, int32_t p, int32_t q) {
-  p = find_first(to, p), q = find_first(to, q);
+static void join_components(int32_t *to, int32_t p, int32_t q) {
+  p = find_first_of_component(to, p), q = find_first_of_component(to, q);
   if (p < q) to[q] = p;
   else to[p] = q;
 }
@@ -30,19 +30,19 @@ static int32_t pinned_end(const ms_scene *s, int32_t e) {
 }
 
 /* of[p]: the first particle of p's component; NONE if p is pinned. */
-static void find_parts(const ms_scene *s, int32_t *of) {
+static void find_components(const ms_scene *s, int32_t *of) {
   int32_t first_loose = NONE;
   for (int32_t p = 0; p < s->nparticles; p++) of[p] = NONE;
   for (int32_t e = 0; e < s->nsprings; e++) {
     const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
     if (!s->pinned[i] && of[i] == NONE) of[i] = i;
     if (!s->pinned[j] && of[j] == NONE) of[j] = j;
-    if (!s->pinned[i] && !s->pinned[j]) connect(of, i, j);
+    if (!s->pinned[i] && !s->pinned[j]) join_components(of, i, j);
   }
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (s->pinned[p]) continue;
     if (of[p] == NONE && first_loose == NONE) first_loose = p;
-    of[p] = of[p] == NONE ? first_loose : find_first(of, p);
+    of[p] = of[p] == NONE ? first_loose : find_first_of_component(of, p);
   }
 }
 
@@ -55,18 +55,18 @@ static int32_t number_islands(int32_t n, int32_t *of, int32_t *size) {
   for (int32_t p = 0; p < n; p++)
     if (of[p] != NONE) size[of[p]]++;
   for (int32_t p = 0; p < n; p++)
-    if (size[p] < MS_LEAST_ISLAND) left += size[p];
+    if (size[p] < MS_MIN_ISLAND) left += size[p];
   for (int32_t p = 0; p < n; p++) {
     if (of[p] == NONE) continue;
     if (of[p] != p) {
       of[p] = of[of[p]];
-    } else if (size[p] >= MS_LEAST_ISLAND) {
+    } else if (size[p] >= MS_MIN_ISLAND) {
       of[p] = islands++;
     } else {
       if (open == NONE) open = islands++, held = 0;
       of[p] = open;
       held += size[p], left -= size[p];
-      if (held >= MS_LEAST_ISLAND && left >= MS_LEAST_ISLAND) open = NONE;
+      if (held >= MS_MIN_ISLAND && left >= MS_MIN_ISLAND) open = NONE;
     }
   }
   return islands;
@@ -75,11 +75,11 @@ static int32_t number_islands(int32_t n, int32_t *of, int32_t *size) {
 /*------------------------------------- contents of islands --------------------------------------*/
 
 /* Put the items 0 to n - 1 into buckets, in their order; to: the bucket of each, NONE: none. */
-static msim_status sort(const msim_allocator *alloc, int32_t n, const int32_t *to, int32_t nbuckets,
-                        ms_buckets *b, msim_error *err) {
-  b->first = ms_new(alloc, (size_t)nbuckets + 2, sizeof *b->first);
-  b->item = ms_new(alloc, (size_t)n, sizeof *b->item);
-  if (!b->first || !b->item) return ms_fail_memory(err, "the islands");
+static msim_status sort_into_buckets(const msim_allocator *alloc, int32_t n, const int32_t *to,
+                                     int32_t nbuckets, ms_islands_buckets *b, msim_error *err) {
+  b->first = ms_memory_allocate(alloc, (size_t)nbuckets + 2, sizeof *b->first);
+  b->item = ms_memory_allocate(alloc, (size_t)n, sizeof *b->item);
+  if (!b->first || !b->item) return ms_error_set_memory(err, "the islands");
   int32_t *next = b->first + 1;
   for (int32_t k = 0; k < n; k++)
     if (to[k] != NONE) next[to[k] + 1]++;
@@ -89,19 +89,19 @@ static msim_status sort(const msim_allocator *alloc, int32_t n, const int32_t *t
   return MSIM_OK;
 }
 
-static void empty(const msim_allocator *alloc, ms_buckets *b) {
-  ms_delete(alloc, b->first);
-  ms_delete(alloc, b->item);
+static void destroy_buckets(const msim_allocator *alloc, ms_islands_buckets *b) {
+  ms_memory_free(alloc, b->first);
+  ms_memory_free(alloc, b->item);
 }
 
 /* The springs are sorted by their pinned end first: so each island gets its pinned particles in
  * ascending order, and duplicates, which are dropped, follow each other. last: scratch, one for
  * each island. */
-static msim_status sort_pinned(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
-                               ms_islands *out, msim_error *err) {
-  ms_buckets held = {0};
+static msim_status sort_pinned_particles(const ms_scene *s, const int32_t *of, int32_t *to,
+                                         int32_t *last, ms_islands *out, msim_error *err) {
+  ms_islands_buckets held = {0};
   for (int32_t e = 0; e < s->nsprings; e++) to[e] = pinned_end(s, e);
-  msim_status status = sort(&s->alloc, s->nsprings, to, s->nparticles, &held, err);
+  msim_status status = sort_into_buckets(&s->alloc, s->nsprings, to, s->nparticles, &held, err);
   if (!status) {
     const int32_t n = held.first[s->nparticles];
     for (int32_t i = 0; i < out->n; i++) last[i] = NONE;
@@ -111,23 +111,23 @@ static msim_status sort_pinned(const ms_scene *s, const int32_t *of, int32_t *to
       to[k] = last[island] == held.item[k] ? NONE : island;
       last[island] = held.item[k];
     }
-    status = sort(&s->alloc, n, to, out->n, &out->pinned, err);
+    status = sort_into_buckets(&s->alloc, n, to, out->n, &out->pinned, err);
     for (int32_t k = 0; !status && k < out->pinned.first[out->n]; k++)
       out->pinned.item[k] = held.item[out->pinned.item[k]];
   }
-  empty(&s->alloc, &held);
+  destroy_buckets(&s->alloc, &held);
   return status;
 }
 
-static msim_status sort_all(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
-                            ms_islands *out, msim_error *err) {
-  msim_status status = sort(&s->alloc, s->nparticles, of, out->n, &out->free, err);
+static msim_status sort_contents(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
+                                 ms_islands *out, msim_error *err) {
+  msim_status status = sort_into_buckets(&s->alloc, s->nparticles, of, out->n, &out->free, err);
   for (int32_t e = 0; e < s->nsprings; e++) {
     const int32_t p = free_end(s, e);
     to[e] = p == NONE ? NONE : of[p];
   }
-  if (!status) status = sort(&s->alloc, s->nsprings, to, out->n, &out->springs, err);
-  return status ? status : sort_pinned(s, of, to, last, out, err);
+  if (!status) status = sort_into_buckets(&s->alloc, s->nsprings, to, out->n, &out->springs, err);
+  return status ? status : sort_pinned_particles(s, of, to, last, out, err);
 }
 
 /*------------------------------------- create and destroy ---------------------------------------*/
@@ -136,35 +136,37 @@ msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *isla
                               msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   const size_t n = (size_t)scene->nparticles, springs = (size_t)scene->nsprings;
-  *islands = (ms_islands){.n = 1, .row = ms_new(alloc, n, sizeof *islands->row)};
-  int32_t *of = ms_new(alloc, n, sizeof *of), *size = ms_new(alloc, n + 1, sizeof *size);
-  int32_t *to = ms_new(alloc, springs, sizeof *to);
+  *islands = (ms_islands){
+      .n = 1, .row_scratch = ms_memory_allocate(alloc, n, sizeof *islands->row_scratch)};
+  int32_t *of = ms_memory_allocate(alloc, n, sizeof *of),
+          *size = ms_memory_allocate(alloc, n + 1, sizeof *size);
+  int32_t *to = ms_memory_allocate(alloc, springs, sizeof *to);
   msim_status status =
-      islands->row && of && size && to ? MSIM_OK : ms_fail_memory(err, "the islands");
+      islands->row_scratch && of && size && to ? MSIM_OK : ms_error_set_memory(err, "the islands");
   if (!status && whole) {
     for (size_t p = 0; p < n; p++) of[p] = scene->pinned[p] ? NONE : 0;
   } else if (!status) {
-    find_parts(scene, of);
+    find_components(scene, of);
     islands->n = number_islands(scene->nparticles, of, size);
     if (islands->n == 0) islands->n = 1; /* all particles are pinned */
   }
-  if (!status) status = sort_all(scene, of, to, size, islands, err);
-  ms_delete(alloc, of);
-  ms_delete(alloc, size);
-  ms_delete(alloc, to);
+  if (!status) status = sort_contents(scene, of, to, size, islands, err);
+  ms_memory_free(alloc, of);
+  ms_memory_free(alloc, size);
+  ms_memory_free(alloc, to);
   if (status) ms_islands_destroy(scene, islands);
   return status;
 }
 
 void ms_islands_destroy(const ms_scene *scene, ms_islands *islands) {
-  empty(&scene->alloc, &islands->free);
-  empty(&scene->alloc, &islands->pinned);
-  empty(&scene->alloc, &islands->springs);
-  ms_delete(&scene->alloc, islands->row);
+  destroy_buckets(&scene->alloc, &islands->free);
+  destroy_buckets(&scene->alloc, &islands->pinned);
+  destroy_buckets(&scene->alloc, &islands->springs);
+  ms_memory_free(&scene->alloc, islands->row_scratch);
   *islands = (ms_islands){0};
 }
 
-ms_island ms_island_at(const ms_islands *islands, int32_t i) {
+ms_island ms_islands_get(const ms_islands *islands, int32_t i) {
   const int32_t *free = islands->free.first + i, *pinned = islands->pinned.first + i;
   const int32_t *springs = islands->springs.first + i;
   return (ms_island){.nfree = free[1] - free[0],
@@ -173,5 +175,5 @@ ms_island ms_island_at(const ms_islands *islands, int32_t i) {
                      .free = islands->free.item + free[0],
                      .pinned = islands->pinned.item + pinned[0],
                      .spring = islands->springs.item + springs[0],
-                     .row = islands->row};
+                     .row_scratch = islands->row_scratch};
 }

@@ -2,7 +2,7 @@
  *
  * Free particles joined by a spring belong to one connected component. A pinned particle connects
  * nothing: it belongs to each island that has a spring to it. The free particles without springs
- * count as one component. Components below MS_LEAST_ISLAND particles would cost more on their own
+ * count as one component. Components below MS_MIN_ISLAND particles would cost more on their own
  * than they save: they are collected, in the order of their first particles, into islands of at
  * least that size; a remainder too small for another island joins the last of these.
  *
@@ -12,25 +12,25 @@
 
 #include "scene/scene.h"
 
-enum { MS_LEAST_ISLAND = 512 };
+enum { MS_MIN_ISLAND = 512 };
 
 /* The contents of an island, by their numbers in the scene, each list ascending. */
 typedef struct ms_island {
   int32_t nfree, npinned, nsprings;
   const int32_t *free, *pinned; /* particles */
   const int32_t *spring;        /* springs with a free end */
-  int32_t *row;                 /* for each particle of the scene: scratch of ms_springs_create */
+  int32_t *row_scratch;         /* for each particle of the scene: scratch of ms_springs_create */
 } ms_island;
 
 /* Bucket b holds item[first[b]] ... item[first[b + 1] - 1]. */
-typedef struct ms_buckets {
+typedef struct ms_islands_buckets {
   int32_t *first, *item;
-} ms_buckets;
+} ms_islands_buckets;
 
 typedef struct ms_islands {
   int32_t n; /* >= 1; a scene without free particles has one, which is empty */
-  ms_buckets free, pinned, springs;
-  int32_t *row; /* nparticles */
+  ms_islands_buckets free, pinned, springs;
+  int32_t *row_scratch; /* nparticles */
 } ms_islands;
 
 /* whole: 1 for a single island, whatever the springs connect. */
@@ -38,6 +38,6 @@ msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *isla
                               msim_error *err);
 void ms_islands_destroy(const ms_scene *scene, ms_islands *islands);
 
-ms_island ms_island_at(const ms_islands *islands, int32_t i);
+ms_island ms_islands_get(const ms_islands *islands, int32_t i);
 
 #endif

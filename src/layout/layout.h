@@ -3,11 +3,11 @@
 #ifndef MS_LAYOUT_H
 #define MS_LAYOUT_H
 
-#include "layout/halves.h"
+#include "layout/half_edges.h"
 
-msim_status ms_layout_create(const ms_scene *scene, const ms_island *island, ms_rows *rows,
-                             ms_springs *springs, ms_halves *halves, msim_error *err);
-void ms_layout_destroy(const ms_scene *scene, ms_rows *rows, ms_springs *springs,
-                       ms_halves *halves);
+msim_status ms_layout_create(const ms_scene *scene, const ms_island *island, ms_unknowns *rows,
+                             ms_springs *springs, ms_half_edges *halves, msim_error *err);
+void ms_layout_destroy(const ms_scene *scene, ms_unknowns *rows, ms_springs *springs,
+                       ms_half_edges *halves);
 
 #endif

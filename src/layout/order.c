@@ -7,8 +7,9 @@
 
 /* The number of neighbours j of a row such that j + 1 is a neighbour of the next row. */
 static int32_t count_continued(const ms_adjacency *a, int32_t row) {
-  const ms_half *here = a->halves + a->first[row], *end = a->halves + a->first[row + 1];
-  const ms_half *next = end, *next_end = a->halves + a->first[row + 2];
+  const ms_half_edge *here = a->half_edges + a->first[row],
+                     *end = a->half_edges + a->first[row + 1];
+  const ms_half_edge *next = end, *next_end = a->half_edges + a->first[row + 2];
   int32_t count = 0;
   while (here < end && next < next_end) {
     const int32_t ahead = next->neighbour - here->neighbour - 1;
@@ -28,13 +29,13 @@ static int is_contiguous(const ms_adjacency *a, int32_t nfree) {
 
 /*------------------------------------- breadth-first search -------------------------------------*/
 
-enum { NONE = -1, AWAITED = -2 };
+enum { NONE = -1, QUEUED = -2 };
 
 /* Hubs (unknowns with very many springs) are excluded from the breadth-first search: through them
  * all rows would be close to each other. */
 typedef struct node {
   int32_t degree; /* number of springs; NONE: excluded */
-  int32_t place;  /* in the new order; AWAITED: reached, but not placed yet */
+  int32_t place;  /* in the new order; QUEUED: reached, but not placed yet */
   int32_t second; /* the place of the second neighbour to be placed */
 } node;
 
@@ -46,26 +47,26 @@ typedef struct search {
 } search;
 
 /* most: the largest number of springs of a row that is not a hub */
-static void find_mesh(search *s, int32_t stride, int64_t most) {
+static void init_nodes(search *s, int32_t stride, int64_t most) {
   for (int32_t r = 0; r < stride; r++) {
-    const int32_t degree = ms_degree(s->a, r);
+    const int32_t degree = ms_adjacency_degree(s->a, r);
     s->node[r] = (node){r < s->nfree && degree <= most ? degree : NONE, NONE, NONE};
   }
 }
 
 /* Place a row, and record this in neighbours for which it is the second. */
-static void put(search *s, int32_t row, int32_t at) {
+static void place_row(search *s, int32_t row, int32_t at) {
   s->order[at] = row;
   s->node[row].place = at;
   for (int32_t e = s->a->first[row]; e < s->a->first[row + 1]; e++) {
-    int32_t *second = &s->node[s->a->halves[e].neighbour].second;
+    int32_t *second = &s->node[s->a->half_edges[e].neighbour].second;
     if (*second == NONE) *second = INT32_MAX;
     else if (*second == INT32_MAX) *second = at;
   }
 }
 
 /* By number of springs, then by `second`, which keeps parallel lines of a grid in the same order */
-static int goes_before(const search *s, int32_t i, int32_t j) {
+static int precedes(const search *s, int32_t i, int32_t j) {
   const node *p = &s->node[i], *q = &s->node[j];
   if (p->degree != q->degree) return p->degree < q->degree;
   if (p->second != q->second) return p->second < q->second;
@@ -73,34 +74,34 @@ static int goes_before(const search *s, int32_t i, int32_t j) {
 }
 
 /* Place the other neighbours of a row from `begin` on. Returns their end. */
-static int32_t put_neighbours(search *s, int32_t row, int32_t begin) {
+static int32_t place_neighbours(search *s, int32_t row, int32_t begin) {
   int32_t end = begin;
   for (int32_t e = s->a->first[row]; e < s->a->first[row + 1]; e++) {
-    const int32_t j = s->a->halves[e].neighbour;
+    const int32_t j = s->a->half_edges[e].neighbour;
     if (s->node[j].degree == NONE || s->node[j].place != NONE) continue;
-    s->node[j].place = AWAITED;
+    s->node[j].place = QUEUED;
     s->order[end++] = j;
   }
   for (int32_t at = begin; at < end; at++) {
     int32_t best = at;
     for (int32_t k = at + 1; k < end; k++)
-      if (goes_before(s, s->order[k], s->order[best])) best = k;
+      if (precedes(s, s->order[k], s->order[best])) best = k;
     const int32_t chosen = s->order[best];
     s->order[best] = s->order[at];
-    put(s, chosen, at);
+    place_row(s, chosen, at);
   }
   return end;
 }
 
 /* Place the connected component of `start` from `begin` on. Returns its end. */
-static int32_t sweep(search *s, int32_t start, int32_t begin) {
+static int32_t place_component(search *s, int32_t start, int32_t begin) {
   int32_t end = begin + 1;
-  put(s, start, begin);
-  for (int32_t at = begin; at < end; at++) end = put_neighbours(s, s->order[at], end);
+  place_row(s, start, begin);
+  for (int32_t at = begin; at < end; at++) end = place_neighbours(s, s->order[at], end);
   return end;
 }
 
-static void forget(search *s, int32_t begin, int32_t end) {
+static void clear_places(search *s, int32_t begin, int32_t end) {
   for (int32_t at = begin; at < end; at++) {
     node *p = &s->node[s->order[at]];
     p->place = p->second = NONE;
@@ -109,28 +110,28 @@ static void forget(search *s, int32_t begin, int32_t end) {
 
 /* Place each connected component from a peripheral row, the last one of a first search. Hubs come
  * last. */
-static void breadth_first(search *s) {
+static void order_breadth_first(search *s) {
   int32_t end = 0;
   for (int32_t r = 0; r < s->nfree; r++) {
     if (s->node[r].degree == NONE || s->node[r].place != NONE) continue;
     const int32_t begin = end;
-    end = sweep(s, r, begin);
+    end = place_component(s, r, begin);
     const int32_t far = s->order[end - 1];
-    forget(s, begin, end);
-    end = sweep(s, far, begin);
+    clear_places(s, begin, end);
+    end = place_component(s, far, begin);
   }
   for (int32_t r = 0; r < s->nfree; r++)
     if (s->node[r].degree == NONE) s->order[end++] = r;
 }
 
 /* Sums of |row - neighbour| in the present and in the new order. */
-static void total_spans(const search *s, double *before, double *after) {
+static void sum_distances(const search *s, double *before, double *after) {
   *before = *after = 0;
   for (int32_t place = 0; place < s->nfree; place++) {
     const int32_t r = s->order[place];
     if (s->node[r].degree == NONE) continue;
     for (int32_t e = s->a->first[r]; e < s->a->first[r + 1]; e++) {
-      const int32_t j = s->a->halves[e].neighbour;
+      const int32_t j = s->a->half_edges[e].neighbour;
       if (s->node[j].degree == NONE) continue;
       *before += abs(r - j);
       *after += abs(place - s->node[j].place);
@@ -141,10 +142,10 @@ static void total_spans(const search *s, double *before, double *after) {
 /*------------------------------------- sorting by degree ----------------------------------------*/
 
 /* Entries of all slices but the last, each as many as its longest row has springs */
-static int64_t count_slots(const search *s) {
+static int64_t count_padded_entries(const search *s) {
   int64_t slots = 0;
   for (int32_t k = 0, longest = 0; k < s->nfree; k++) {
-    if (k % MS_GROUP == 0) slots += longest, longest = 0;
+    if (k % MS_SLICE == 0) slots += longest, longest = 0;
     const int32_t degree = s->node[s->order[k]].degree;
     if (degree > longest) longest = degree;
   }
@@ -156,7 +157,7 @@ static int64_t count_slots(const search *s) {
 static int sort_windows(search *s) {
   enum { WINDOW = 64 };
   for (int32_t r = 0; r < s->nfree; r++) s->order[r] = r;
-  const int64_t before = count_slots(s);
+  const int64_t before = count_padded_entries(s);
   for (int32_t r = 0; r < s->nfree; r++) {
     int32_t to = r;
     for (; to > r / WINDOW * WINDOW; to--) {
@@ -165,75 +166,75 @@ static int sort_windows(search *s) {
     }
     s->order[to] = r;
   }
-  return 20 * count_slots(s) <= 19 * before;
+  return 20 * count_padded_entries(s) <= 19 * before;
 }
 
 /*------------------------------------- renumbering ----------------------------------------------*/
 
 /* Pinned rows follow in the order in which the unknowns refer to them. */
-static void place_pinned(const ms_rows *rows, const ms_adjacency *a, const int32_t *order,
-                         int32_t *new_row) {
+static void number_pinned_rows(const ms_unknowns *rows, const ms_adjacency *a, const int32_t *order,
+                               int32_t *new_row) {
   int32_t next = rows->first_pinned;
   for (int32_t r = rows->first_pinned; r < rows->stride; r++) new_row[r] = NONE;
   for (int32_t k = 0; k < rows->nfree; k++)
     for (int32_t e = a->first[order[k]]; e < a->first[order[k] + 1]; e++) {
-      const int32_t j = a->halves[e].neighbour;
+      const int32_t j = a->half_edges[e].neighbour;
       if (j >= rows->nfree && new_row[j] == NONE) new_row[j] = next++;
     }
   for (int32_t r = rows->first_pinned; r < rows->stride; r++)
     if (new_row[r] == NONE) new_row[r] = next++;
 }
 
-static msim_status renumber(const ms_scene *scene, const int32_t *order, ms_rows *rows,
-                            ms_springs *springs, ms_adjacency *a, msim_error *err) {
-  int32_t *new_row = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *new_row);
-  int32_t *particle = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *particle);
+static msim_status apply_order(const ms_scene *scene, const int32_t *order, ms_unknowns *rows,
+                               ms_springs *springs, ms_adjacency *a, msim_error *err) {
+  int32_t *new_row = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *new_row);
+  int32_t *particle = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *particle);
   if (!new_row || !particle) {
-    ms_delete(&scene->alloc, new_row);
-    ms_delete(&scene->alloc, particle);
-    return ms_fail_memory(err, "the order of rows");
+    ms_memory_free(&scene->alloc, new_row);
+    ms_memory_free(&scene->alloc, particle);
+    return ms_error_set_memory(err, "the order of rows");
   }
   for (int32_t k = 0; k < rows->first_pinned; k++) new_row[k < rows->nfree ? order[k] : k] = k;
-  place_pinned(rows, a, order, new_row);
+  number_pinned_rows(rows, a, order, new_row);
   for (int32_t r = 0; r < rows->stride; r++) particle[new_row[r]] = rows->particle[r];
-  ms_delete(&scene->alloc, rows->particle);
+  ms_memory_free(&scene->alloc, rows->particle);
   rows->particle = particle;
   for (int32_t e = 0; e < springs->n; e++) {
     springs->i[e] = new_row[springs->i[e]];
     springs->j[e] = new_row[springs->j[e]];
   }
   msim_status status = ms_adjacency_renumber(scene, rows->stride, new_row, a, err);
-  ms_delete(&scene->alloc, new_row);
+  ms_memory_free(&scene->alloc, new_row);
   return status;
 }
 
-static msim_status arrange(const ms_scene *scene, search *s, ms_rows *rows, ms_springs *springs,
-                           ms_adjacency *a, msim_error *err) {
+static msim_status find_order(const ms_scene *scene, search *s, ms_unknowns *rows,
+                              ms_springs *springs, ms_adjacency *a, msim_error *err) {
   const int64_t most = 32 + 8 * (2 * (int64_t)springs->n / rows->nfree);
   double before, after;
-  find_mesh(s, rows->stride, most);
-  breadth_first(s);
-  total_spans(s, &before, &after);
+  init_nodes(s, rows->stride, most);
+  order_breadth_first(s);
+  sum_distances(s, &before, &after);
   if (after > 0 && 2 * after <= before) {
-    rows->narrowed = before / after;
-    msim_status status = renumber(scene, s->order, rows, springs, a, err);
+    rows->distance_reduction = before / after;
+    msim_status status = apply_order(scene, s->order, rows, springs, a, err);
     if (status || is_contiguous(a, rows->nfree)) return status;
-    find_mesh(s, rows->stride, most);
+    init_nodes(s, rows->stride, most);
   }
-  rows->sorted = sort_windows(s);
-  return rows->sorted ? renumber(scene, s->order, rows, springs, a, err) : MSIM_OK;
+  rows->sorted_by_degree = sort_windows(s);
+  return rows->sorted_by_degree ? apply_order(scene, s->order, rows, springs, a, err) : MSIM_OK;
 }
 
-msim_status ms_order_rows(const ms_scene *scene, ms_rows *rows, ms_springs *springs,
-                          ms_adjacency *a, msim_error *err) {
+msim_status ms_order_unknowns(const ms_scene *scene, ms_unknowns *rows, ms_springs *springs,
+                              ms_adjacency *a, msim_error *err) {
   if (is_contiguous(a, rows->nfree)) return MSIM_OK;
   search s = {.a = a,
               .nfree = rows->nfree,
-              .order = ms_new(&scene->alloc, (size_t)rows->nfree, sizeof *s.order),
-              .node = ms_new(&scene->alloc, (size_t)rows->stride, sizeof *s.node)};
-  msim_status status = s.order && s.node ? arrange(scene, &s, rows, springs, a, err)
-                                         : ms_fail_memory(err, "the order of rows");
-  ms_delete(&scene->alloc, s.order);
-  ms_delete(&scene->alloc, s.node);
+              .order = ms_memory_allocate(&scene->alloc, (size_t)rows->nfree, sizeof *s.order),
+              .node = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *s.node)};
+  msim_status status = s.order && s.node ? find_order(scene, &s, rows, springs, a, err)
+                                         : ms_error_set_memory(err, "the order of rows");
+  ms_memory_free(&scene->alloc, s.order);
+  ms_memory_free(&scene->alloc, s.node);
   return status;
 }

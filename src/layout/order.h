@@ -18,7 +18,7 @@
 #include "layout/adjacency.h"
 
 /* Renumbers rows, the ends of springs, and `a`, their adjacency, if that is worthwhile. */
-msim_status ms_order_rows(const ms_scene *scene, ms_rows *rows, ms_springs *springs,
-                          ms_adjacency *a, msim_error *err);
+msim_status ms_order_unknowns(const ms_scene *scene, ms_unknowns *rows, ms_springs *springs,
+                              ms_adjacency *a, msim_error *err);
 
 #endif

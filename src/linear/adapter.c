@@ -9,8 +9,8 @@ typedef struct adapter {
   ms_linear base;
   const msim_backend *table;
   void *backend;
-  ms_host host;
-  ms_matrix matrix;
+  ms_plugin_host host;
+  ms_sparse_matrix matrix;
   msim_system view;
   double *b, *y;    /* in the order of the matrix; NULL with MSIM_FORMAT_NONE */
   ms_jacobi jacobi; /* with MSIM_FORMAT_NONE; else empty */
@@ -18,7 +18,7 @@ typedef struct adapter {
 
 /* Pass on the backend's status and message. A status that backends must not return becomes
  * MSIM_ERR_BACKEND. */
-static msim_status say(adapter *self, msim_status status, msim_error *err) {
+static msim_status convert_backend_status(adapter *self, msim_status status, msim_error *err) {
   switch (status) {
     case MSIM_OK:
       return MSIM_OK;
@@ -27,26 +27,26 @@ static msim_status say(adapter *self, msim_status status, msim_error *err) {
     case MSIM_ERR_ARG:
     case MSIM_ERR_MEMORY:
     case MSIM_ERR_BACKEND:
-      return ms_host_fail(&self->host, self->table->name, status, err);
+      return ms_plugin_fail(&self->host, self->table->name, status, err);
     default:
       self->host.base.fail(&self->host.base, "it returned %d, which is no status of a backend",
                            (int)status);
-      return ms_host_fail(&self->host, self->table->name, MSIM_ERR_BACKEND, err);
+      return ms_plugin_fail(&self->host, self->table->name, MSIM_ERR_BACKEND, err);
   }
 }
 
 /* msim_system.apply. Padding is zero on input and on output. */
-static void apply(const msim_system *view, const double *x, double *y) {
+static void adapter_apply(const msim_system *view, const double *x, double *y) {
   const adapter *self = view->data;
-  const ms_system *s = self->base.system;
-  const size_t stride = (size_t)s->model->rows.stride, n = (size_t)s->model->rows.nfree;
-  if (view->block == 1) ms_coefficients_apply_one(s->model, &s->a, x, y);
-  else ms_system_apply(s, x, y);
+  const ms_linear_system *s = self->base.system;
+  const size_t stride = (size_t)s->model->unknowns.stride, n = (size_t)s->model->unknowns.nfree;
+  if (view->block == 1) ms_coefficients_apply_component(s->model, &s->a, x, y);
+  else ms_linear_system_apply(s, x, y);
   for (size_t c = 0; c < (size_t)view->block; c++)
     memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
 }
 
-static void precondition(const msim_system *view, const double *r, double *z) {
+static void adapter_precondition(const msim_system *view, const double *r, double *z) {
   const adapter *self = view->data;
   if (z != r) memset(z, 0, (size_t)(view->block * view->stride) * sizeof *z);
   ms_jacobi_apply(self->base.system->model, &self->jacobi, view->block, r, z);
@@ -60,74 +60,76 @@ static int is_permutation(int32_t n, const int32_t *order, uint8_t *seen) {
 }
 
 /* The order of the block rows that the backend returns; NULL: that of the unknowns. */
-static msim_status ask_order(adapter *self, const ms_graph *graph, int32_t **order,
-                             msim_error *err) {
+static msim_status get_backend_order(adapter *self, const ms_sparse_graph *graph, int32_t **order,
+                                     msim_error *err) {
   const msim_allocator *alloc = &self->base.system->model->scene->alloc;
   *order = NULL;
   if (!self->table->order) return MSIM_OK;
   const size_t n = (size_t)graph->n;
-  uint8_t *seen = ms_new(alloc, n, 1);
-  *order = ms_new(alloc, n, sizeof **order);
-  msim_status status = *order && seen ? MSIM_OK : ms_fail_memory(err, "the order of the matrix");
+  uint8_t *seen = ms_memory_allocate(alloc, n, 1);
+  *order = ms_memory_allocate(alloc, n, sizeof **order);
+  msim_status status =
+      *order && seen ? MSIM_OK : ms_error_set_memory(err, "the order of the matrix");
   if (!status)
-    status =
-        say(self, self->table->order(self->backend, graph->n, graph->ptr, graph->ind, *order), err);
+    status = convert_backend_status(
+        self, self->table->order(self->backend, graph->n, graph->ptr, graph->ind, *order), err);
   if (!status && !is_permutation(graph->n, *order, seen))
-    status =
-        ms_fail(err, MSIM_ERR_BACKEND, "%s: the order it asks for is no permutation of %d rows",
-                self->table->name, graph->n);
-  ms_delete(alloc, seen);
+    status = ms_error_set(err, MSIM_ERR_BACKEND,
+                          "%s: the order it asks for is no permutation of %d rows",
+                          self->table->name, graph->n);
+  ms_memory_free(alloc, seen);
   return status;
 }
 
 static msim_status build_matrix(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
-  ms_graph graph = {0};
+  ms_sparse_graph graph = {0};
   int32_t *order = NULL;
-  msim_status status = ms_graph_create(model, &graph, err);
-  if (!status) status = ask_order(self, &graph, &order, err);
+  msim_status status = ms_sparse_matrix_create_graph(model, &graph, err);
+  if (!status) status = get_backend_order(self, &graph, &order, err);
   if (!status)
-    status = ms_matrix_create(model, &graph, order, self->table->format, self->base.system->a.block,
-                              &self->matrix, err);
-  ms_delete(alloc, order);
-  ms_graph_destroy(model, &graph);
+    status = ms_sparse_matrix_create(model, &graph, order, self->table->format,
+                                     self->base.system->a.block, &self->matrix, err);
+  ms_memory_free(alloc, order);
+  ms_sparse_matrix_destroy_graph(model, &graph);
   return status;
 }
 
-static msim_status analyze(adapter *self, msim_error *err) {
+static msim_status adapter_analyze(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
-  ms_matrix *m = &self->matrix;
+  ms_sparse_matrix *m = &self->matrix;
   self->view = (msim_system){.size = sizeof self->view,
-                             .n = model->rows.nfree,
+                             .n = model->unknowns.nfree,
                              .block = self->base.system->a.block,
                              .format = self->table->format,
-                             .stride = model->rows.stride,
+                             .stride = model->unknowns.stride,
                              .graphptr = m->graphptr,
                              .graphind = m->graphind,
                              .rowptr = m->rowptr,
                              .colind = m->colind,
                              .val = m->val,
-                             .apply = apply,
-                             .precondition = self->jacobi.inverse ? precondition : NULL,
+                             .apply = adapter_apply,
+                             .precondition = self->jacobi.inverse ? adapter_precondition : NULL,
                              .data = self};
   msim_solve_info info = {.size = sizeof info};
   msim_status status = self->table->analyze(self->backend, &self->view, &info);
   self->base.analyses = self->table->format != MSIM_FORMAT_NONE;
   self->base.fill = info.fill;
   self->base.flops = info.flops;
-  return say(self, status, err);
+  return convert_backend_status(self, status, err);
 }
 
-static void expand(ms_linear *base) {
+static void adapter_expand(ms_linear *base) {
   adapter *self = (adapter *)base;
-  const ms_system *s = base->system;
+  const ms_linear_system *s = base->system;
   if (!self->matrix.val) return;
-  ms_matrix_expand(s->model, &s->a, &self->matrix);
-  if (s->turning.v) ms_matrix_add_turning(s->model, &s->turning, &self->matrix);
+  ms_sparse_matrix_assemble(s->model, &s->a, &self->matrix);
+  if (s->damping_derivative.v)
+    ms_sparse_matrix_add_damping_derivative(s->model, &s->damping_derivative, &self->matrix);
 }
 
-static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
+static msim_status adapter_factor(ms_linear *base, int32_t kind, msim_error *err) {
   adapter *self = (adapter *)base;
   msim_solve_info info = {.size = sizeof info};
   if (self->jacobi.inverse) {
@@ -138,79 +140,84 @@ static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
   msim_status status = self->table->factor(self->backend, &self->view, kind, &info);
   if (!status && kind == MSIM_FACTOR_SPD && info.definite == MSIM_DEFINITE_NOT)
     status = MSIM_NOT_SPD;
-  return say(self, status, err);
+  return convert_backend_status(self, status, err);
 }
 
 /* Backends of MSIM_FORMAT_NONE can write to padding and pinned particles: these become 0 again. */
-static void clear_padding(const ms_rows *rows, double *y) {
+static void clear_padding(const ms_unknowns *rows, double *y) {
   const size_t n = (size_t)rows->nfree, stride = (size_t)rows->stride;
   for (size_t c = 0; c < (size_t)rows->dims; c++)
     memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
 }
 
-static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
-                         int64_t *iterations, msim_error *err) {
+static msim_status adapter_solve(ms_linear *base, const ms_linear_target *target, const double *b,
+                                 double *y, int64_t *iterations, msim_error *err) {
   adapter *self = (adapter *)base;
   const ms_model *model = base->system->model;
   const msim_solve_params params = {sizeof params, target->rtol, target->max_iterations};
   msim_solve_info info = {.size = sizeof info};
   if (self->b) {
-    ms_matrix_pack(model, &self->matrix, b, self->b);
-    if (!base->factorises) ms_matrix_pack(model, &self->matrix, y, self->y);
+    ms_sparse_matrix_pack(model, &self->matrix, b, self->b);
+    if (!base->factorises) ms_sparse_matrix_pack(model, &self->matrix, y, self->y);
   }
-  msim_status status =
-      self->table->solve(self->backend, &self->view, &params, model->rows.dims / self->view.block,
-                         self->b ? self->b : b, self->b ? self->y : y, &info);
-  if (!self->b) clear_padding(&model->rows, y);
+  msim_status status = self->table->solve(self->backend, &self->view, &params,
+                                          model->unknowns.dims / self->view.block,
+                                          self->b ? self->b : b, self->b ? self->y : y, &info);
+  if (!self->b) clear_padding(&model->unknowns, y);
   else if (status == MSIM_OK || status == MSIM_NOT_CONVERGED)
-    ms_matrix_unpack(model, &self->matrix, self->y, y);
+    ms_sparse_matrix_unpack(model, &self->matrix, self->y, y);
   if (info.iterations > 0) *iterations += info.iterations;
-  return say(self, status, err);
+  return convert_backend_status(self, status, err);
 }
 
-static void destroy(ms_linear *base) {
+static void adapter_destroy(ms_linear *base) {
   if (!base) return;
   adapter *self = (adapter *)base;
   const ms_model *model = base->system->model;
   if (self->backend) self->table->destroy(self->backend);
-  ms_matrix_destroy(model, &self->matrix);
-  ms_delete(&model->scene->alloc, self->b);
-  ms_delete(&model->scene->alloc, self->y);
+  ms_sparse_matrix_destroy(model, &self->matrix);
+  ms_memory_free(&model->scene->alloc, self->b);
+  ms_memory_free(&model->scene->alloc, self->y);
   ms_jacobi_destroy(model, &self->jacobi);
-  ms_delete(&model->scene->alloc, self);
+  ms_memory_free(&model->scene->alloc, self);
 }
 
-static msim_status set_up(adapter *self, msim_error *err) {
+static msim_status adapter_set_up(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
-  msim_status status = say(self, self->table->create(&self->host.base, &self->backend), err);
+  msim_status status =
+      convert_backend_status(self, self->table->create(&self->host.base, &self->backend), err);
   if (!status && !self->backend)
-    status = ms_fail(err, MSIM_ERR_BACKEND, "%s: create() gave no instance", self->table->name);
+    status =
+        ms_error_set(err, MSIM_ERR_BACKEND, "%s: create() gave no instance", self->table->name);
   if (!status && self->table->format != MSIM_FORMAT_NONE) {
     status = build_matrix(self, err);
-    const size_t length = (size_t)model->rows.dims * (size_t)model->rows.nfree;
-    self->b = ms_new(alloc, length, sizeof(double));
-    self->y = ms_new(alloc, length, sizeof(double));
-    if (!status && (!self->b || !self->y)) status = ms_fail_memory(err, "the linear solver");
+    const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
+    self->b = ms_memory_allocate(alloc, length, sizeof(double));
+    self->y = ms_memory_allocate(alloc, length, sizeof(double));
+    if (!status && (!self->b || !self->y)) status = ms_error_set_memory(err, "the linear solver");
   }
   if (!status && self->table->format == MSIM_FORMAT_NONE)
     status = ms_jacobi_create(model, &self->base.system->a, &self->jacobi, err);
-  return status ? status : analyze(self, err);
+  return status ? status : adapter_analyze(self, err);
 }
 
-msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,
-                              ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {
-      .expand = expand, .factor = factor, .solve = solve, .destroy = destroy};
+msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
+                              const msim_options *opt, ms_linear **linear, msim_error *err) {
+  static const ms_linear_ops ops = {.expand = adapter_expand,
+                                    .factor = adapter_factor,
+                                    .solve = adapter_solve,
+                                    .destroy = adapter_destroy};
   const msim_allocator *alloc = &system->model->scene->alloc;
   const msim_backend *table;
   ms_text where = {.alloc = alloc};
   *linear = NULL;
-  msim_status status = ms_backend_find(name, opt->backends, opt->plugin_path, &table, &where, err);
+  msim_status status =
+      ms_registry_find_backend(name, opt->backends, opt->plugin_path, &table, &where, err);
   ms_text_free(&where);
   if (status) return status;
-  adapter *self = ms_new(alloc, 1, sizeof *self);
-  if (!self) return ms_fail_memory(err, "the linear solver");
+  adapter *self = ms_memory_allocate(alloc, 1, sizeof *self);
+  if (!self) return ms_error_set_memory(err, "the linear solver");
   self->base = (ms_linear){.ops = &ops,
                            .system = system,
                            .name = table->name,
@@ -219,9 +226,9 @@ msim_status ms_adapter_create(const ms_system *system, const char *name, const m
                                           table->format != MSIM_FORMAT_UPPER,
                            .factorises = !(table->flags & MSIM_BACKEND_ITERATIVE)};
   self->table = table;
-  ms_host_init(&self->host, alloc);
-  status = set_up(self, err);
-  if (status) destroy(&self->base);
+  ms_plugin_init_host(&self->host, alloc);
+  status = adapter_set_up(self, err);
+  if (status) adapter_destroy(&self->base);
   else *linear = &self->base;
   return status;
 }

@@ -6,11 +6,11 @@
 
 /* State of the growth of clusters, one after the other */
 typedef struct growth {
-  const ms_neighbours *graph;
+  const ms_modes_graph *graph;
   int32_t size;                      /* of a complete cluster */
   int32_t *of;                       /* n: the cluster of each unknown; -1: none yet */
   int32_t *seeds, next_seed, nseeds; /* unknowns at borders, oldest first */
-  uint8_t *met;                      /* n: 1 if among the seeds */
+  uint8_t *is_seed;                  /* n: 1 if among the seeds */
   int32_t *candidate, ncandidates;   /* unknowns adjacent to the present cluster */
   int32_t *distance, *links;         /* n: from the seed; springs to members */
   int32_t *mark;                     /* n: the cluster to which these refer */
@@ -19,9 +19,9 @@ typedef struct growth {
 /* Bounds the cost at a hub, an unknown with very many springs. */
 enum { MOST_CANDIDATES = 1024 };
 
-static void meet(growth *g, int32_t cluster, int32_t row, int32_t distance) {
+static void add_candidate(growth *g, int32_t cluster, int32_t row, int32_t distance) {
   if (g->of[row] >= 0) return;
-  if (!g->met[row]) g->met[row] = 1, g->seeds[g->nseeds++] = row;
+  if (!g->is_seed[row]) g->is_seed[row] = 1, g->seeds[g->nseeds++] = row;
   if (g->mark[row] == cluster) {
     g->links[row]++;
   } else if (g->ncandidates < MOST_CANDIDATES) {
@@ -47,17 +47,17 @@ static int32_t take_best(growth *g) {
 
 static void grow(growth *g, int32_t cluster, int32_t seed) {
   g->ncandidates = 0;
-  meet(g, cluster, seed, 0);
+  add_candidate(g, cluster, seed, 0);
   for (int32_t members = 0; members < g->size && g->ncandidates; members++) {
     const int32_t row = take_best(g);
     g->of[row] = cluster;
     for (int32_t e = g->graph->first[row]; e < g->graph->first[row + 1]; e++)
-      meet(g, cluster, g->graph->row[e], g->distance[row] + 1);
+      add_candidate(g, cluster, g->graph->neighbour[e], g->distance[row] + 1);
   }
 }
 
 /* Seeds are adjacent to earlier clusters, so that few gaps remain. Returns how many clusters. */
-static int32_t grow_all(growth *g, int32_t n) {
+static int32_t grow_clusters(growth *g, int32_t n) {
   int32_t clusters = 0;
   for (int32_t r = 0; r < n; r++) {
     if (g->of[r] >= 0 || g->graph->first[r] == g->graph->first[r + 1]) continue;
@@ -73,13 +73,13 @@ static int32_t grow_all(growth *g, int32_t n) {
 /* Merge each small cluster, grown in a gap, with an adjacent larger one, up to 2 size members, so
  * that clusters stay connected. If there is none, as beside a hub, and the cluster has fewer
  * members than modes, it is dissolved. into: scratch */
-static void settle(const growth *g, int32_t n, int32_t *members, int32_t *into) {
+static void merge_small_clusters(const growth *g, int32_t n, int32_t *members, int32_t *into) {
   for (int32_t k = 0; k < n; k++) into[k] = k;
   for (int32_t r = 0; r < n; r++) {
     const int32_t own = g->of[r];
     if (own < 0 || members[own] > g->size / 4 || into[own] != own) continue;
     for (int32_t e = g->graph->first[r]; e < g->graph->first[r + 1]; e++) {
-      const int32_t other = into[g->of[g->graph->row[e]]];
+      const int32_t other = into[g->of[g->graph->neighbour[e]]];
       if (members[other] <= g->size / 4 || members[other] + members[own] > 2 * g->size) continue;
       into[own] = other;
       members[other] += members[own];
@@ -105,62 +105,63 @@ static void list_rows(ms_aggregates *a, int32_t n, int32_t *number) {
   int32_t *next = number;
   for (int32_t k = 0; k < a->n; k++) next[k] = a->first[k];
   for (int32_t r = 0; r < n; r++)
-    if (a->of[r] >= 0) a->row[next[a->of[r]]++] = r;
+    if (a->of[r] >= 0) a->unknown[next[a->of[r]]++] = r;
 }
 
 /*------------------------------------- creation and destruction ---------------------------------*/
 
-static msim_status cluster(const ms_model *model, const ms_neighbours *graph, int32_t size,
-                           ms_aggregates *a, msim_error *err) {
+static msim_status build_clusters(const ms_model *model, const ms_modes_graph *graph, int32_t size,
+                                  ms_aggregates *a, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const int32_t n = model->rows.nfree;
+  const int32_t n = model->unknowns.nfree;
   const size_t count = (size_t)n;
   growth g = {.graph = graph, .size = size, .of = a->of};
   int32_t **arrays[] = {&g.seeds, &g.distance, &g.links, &g.mark, &g.candidate};
   int failed = 0;
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
-    *arrays[i] = ms_new(alloc, i < 4 ? count : MOST_CANDIDATES, sizeof(int32_t));
+    *arrays[i] = ms_memory_allocate(alloc, i < 4 ? count : MOST_CANDIDATES, sizeof(int32_t));
     failed |= !*arrays[i];
   }
-  g.met = ms_new(alloc, count, 1);
-  int32_t *members = ms_new(alloc, 3 * count, sizeof *members);
-  if (!failed && g.met && members) {
+  g.is_seed = ms_memory_allocate(alloc, count, 1);
+  int32_t *members = ms_memory_allocate(alloc, 3 * count, sizeof *members);
+  if (!failed && g.is_seed && members) {
     for (int32_t r = 0; r < n; r++) g.of[r] = g.mark[r] = -1;
-    grow_all(&g, n);
+    grow_clusters(&g, n);
     for (int32_t r = 0; r < n; r++)
       if (g.of[r] >= 0) members[g.of[r]]++;
-    settle(&g, n, members, members + count);
+    merge_small_clusters(&g, n, members, members + count);
     list_rows(a, n, members + 2 * count);
   } else {
     failed = 1;
   }
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, *arrays[i]);
-  ms_delete(alloc, g.met);
-  ms_delete(alloc, members);
-  return failed ? ms_fail_memory(err, "the aggregates") : MSIM_OK;
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, *arrays[i]);
+  ms_memory_free(alloc, g.is_seed);
+  ms_memory_free(alloc, members);
+  return failed ? ms_error_set_memory(err, "the aggregates") : MSIM_OK;
 }
 
 msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggregates *a,
                                  msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const size_t n = (size_t)model->rows.first_pinned;
-  ms_neighbours graph;
-  *a = (ms_aggregates){.of = ms_new(alloc, n, sizeof *a->of),
-                       .first = ms_new(alloc, n + 1, sizeof *a->first),
-                       .row = ms_new(alloc, n, sizeof *a->row),
-                       .weight = ms_new(alloc, MS_MODES * n, sizeof *a->weight)};
-  if (!a->of || !a->first || !a->row || !a->weight) return ms_fail_memory(err, "the aggregates");
-  msim_status status = ms_neighbours_create(model, &graph, err);
-  if (!status) status = cluster(model, &graph, size, a, err);
-  for (int32_t r = model->rows.nfree; r < model->rows.first_pinned; r++) a->of[r] = -1;
+  const size_t n = (size_t)model->unknowns.first_pinned;
+  ms_modes_graph graph;
+  *a = (ms_aggregates){.of = ms_memory_allocate(alloc, n, sizeof *a->of),
+                       .first = ms_memory_allocate(alloc, n + 1, sizeof *a->first),
+                       .unknown = ms_memory_allocate(alloc, n, sizeof *a->unknown),
+                       .weight = ms_memory_allocate(alloc, MS_MODES * n, sizeof *a->weight)};
+  if (!a->of || !a->first || !a->unknown || !a->weight)
+    return ms_error_set_memory(err, "the aggregates");
+  msim_status status = ms_modes_create_graph(model, &graph, err);
+  if (!status) status = build_clusters(model, &graph, size, a, err);
+  for (int32_t r = model->unknowns.nfree; r < model->unknowns.first_pinned; r++) a->of[r] = -1;
   if (!status) status = ms_modes_compute(model, &graph, a, err);
-  ms_neighbours_destroy(model, &graph);
+  ms_modes_destroy_graph(model, &graph);
   return status;
 }
 
 void ms_aggregates_destroy(const ms_model *model, ms_aggregates *a) {
-  void *arrays[] = {a->of, a->first, a->row, a->weight};
+  void *arrays[] = {a->of, a->first, a->unknown, a->weight};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_delete(&model->scene->alloc, arrays[i]);
+    ms_memory_free(&model->scene->alloc, arrays[i]);
   *a = (ms_aggregates){0};
 }

@@ -14,10 +14,10 @@ enum { MS_MODES = 4 }; /* per aggregate and component; one register of doubles *
 
 typedef struct ms_aggregates {
   int32_t n;
-  int32_t *of;    /* first_pinned: the aggregate of each unknown; -1: none */
-  int32_t *first; /* n + 1: the range of each aggregate in `row` */
-  int32_t *row;   /* first[n]: the unknowns of each aggregate */
-  float *weight;  /* 4 first_pinned: the modes at each unknown, orthonormal in an aggregate */
+  int32_t *of;      /* first_pinned: the aggregate of each unknown; -1: none */
+  int32_t *first;   /* n + 1: the range of each aggregate in `row` */
+  int32_t *unknown; /* first[n]: the unknowns of each aggregate */
+  float *weight;    /* 4 first_pinned: the modes at each unknown, orthonormal in an aggregate */
 } ms_aggregates;
 
 /* size: unknowns per aggregate, approximately, 4 to 256. Unknowns without springs, and fewer than 4

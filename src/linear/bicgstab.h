@@ -1,5 +1,6 @@
-/* bicgstab - solves systems with the non-symmetric damping derivative (physics/turning.h) by
- * BiCGStab(2) (Sleijpen and Fokkema, ETNA 1 (1993) 11), preconditioned by A0, A without that term
+/* bicgstab - solves systems with the non-symmetric damping derivative
+ * (physics/damping_derivative.h) by BiCGStab(2) (Sleijpen and Fokkema, ETNA 1 (1993) 11),
+ * preconditioned by A0, A without that term
  *
  * The preconditioner B ~ A0^-1 acts from the right, and the iteration runs in the coordinates
  * L^-1 r, D = L L^T the diagonal blocks: the 2-norm that it minimises, and by which it stops, is
@@ -24,7 +25,8 @@ void ms_bicgstab_destroy(const ms_model *model, ms_bicgstab *solver);
 /* A y = b, A with the damping derivative; y: 0 on input, the solution on output. by: prepared for
  * A0. Each product with A counts as an iteration. MSIM_OK: the true residual has reached the target
  * or stagnates, which the caller must check. MSIM_NOT_CONVERGED: too many iterations. */
-msim_status ms_bicgstab_solve(const ms_bicgstab *solver, ms_linear *by, const ms_target *target,
-                              const double *b, double *y, int64_t *iterations);
+msim_status ms_bicgstab_solve(const ms_bicgstab *solver, ms_linear *by,
+                              const ms_linear_target *target, const double *b, double *y,
+                              int64_t *iterations);
 
 #endif

@@ -9,69 +9,70 @@ MS_TABLES(ms_block_kernels);
 /*------------------------------------- order and pattern ----------------------------------------*/
 
 /* The rows not yet eliminated, each with its neighbours among them */
-typedef struct elimination {
+typedef struct elimination_graph {
   const msim_allocator *alloc;
   int32_t n;
   int32_t **neighbours;   /* n arrays */
   int32_t *degree, *room; /* n: number of neighbours; capacity of the array */
   int32_t leaves, *least; /* 2 leaves: tournament tree; its root, 1: the row of least degree */
-  int64_t *mark;          /* n: the number of the last call of connect() that met this row */
-  int64_t looks;          /* calls of connect() */
-} elimination;
+  int64_t *mark; /* n: the number of the last call of replace_by_neighbours() that met this row */
+  int64_t searches; /* calls of replace_by_neighbours() */
+} elimination_graph;
 
-static void choose_least(elimination *e, int32_t node) {
+static void update_tournament(elimination_graph *e, int32_t node) {
   const int32_t i = e->least[2 * node], j = e->least[2 * node + 1];
   const int second = j >= 0 && (i < 0 || e->degree[j] < e->degree[i]);
   e->least[node] = second ? j : i;
 }
 
-static void set_degree(elimination *e, int32_t i, int32_t degree) {
+static void set_degree(elimination_graph *e, int32_t i, int32_t degree) {
   e->degree[i] = degree;
-  for (int32_t node = (e->leaves + i) / 2; node; node /= 2) choose_least(e, node);
+  for (int32_t node = (e->leaves + i) / 2; node; node /= 2) update_tournament(e, node);
 }
 
 /* Remove from the tree, and return, the first row of least degree. */
-static int32_t take_least(elimination *e) {
+static int32_t take_least(elimination_graph *e) {
   const int32_t i = e->least[1];
   e->least[e->leaves + i] = -1;
   set_degree(e, i, e->degree[i]);
   return i;
 }
 
-static msim_status begin(elimination *e, const int32_t *ptr, const int32_t *ind) {
+static msim_status create_elimination_graph(elimination_graph *e, const int32_t *ptr,
+                                            const int32_t *ind) {
   const size_t n = (size_t)e->n;
-  e->neighbours = ms_new(e->alloc, n, sizeof *e->neighbours);
-  e->degree = ms_new(e->alloc, n, sizeof *e->degree);
-  e->room = ms_new(e->alloc, n, sizeof *e->room);
-  e->mark = ms_new(e->alloc, n, sizeof *e->mark);
+  e->neighbours = ms_memory_allocate(e->alloc, n, sizeof *e->neighbours);
+  e->degree = ms_memory_allocate(e->alloc, n, sizeof *e->degree);
+  e->room = ms_memory_allocate(e->alloc, n, sizeof *e->room);
+  e->mark = ms_memory_allocate(e->alloc, n, sizeof *e->mark);
   for (e->leaves = 1; e->leaves < e->n;) e->leaves *= 2;
-  e->least = ms_new(e->alloc, 2 * (size_t)e->leaves, sizeof *e->least);
+  e->least = ms_memory_allocate(e->alloc, 2 * (size_t)e->leaves, sizeof *e->least);
   if (!e->neighbours || !e->degree || !e->room || !e->mark || !e->least) return MSIM_ERR_MEMORY;
   for (int32_t i = 0; i < e->n; i++) {
     const int32_t degree = ptr[i + 1] - ptr[i];
-    e->neighbours[i] = ms_new(e->alloc, (size_t)degree, sizeof(int32_t));
+    e->neighbours[i] = ms_memory_allocate(e->alloc, (size_t)degree, sizeof(int32_t));
     if (!e->neighbours[i]) return MSIM_ERR_MEMORY;
     if (degree) memcpy(e->neighbours[i], ind + ptr[i], (size_t)degree * sizeof(int32_t));
     e->degree[i] = e->room[i] = degree;
   }
   for (int32_t i = 0; i < e->leaves; i++) e->least[e->leaves + i] = i < e->n ? i : -1;
-  for (int32_t node = e->leaves - 1; node; node--) choose_least(e, node);
+  for (int32_t node = e->leaves - 1; node; node--) update_tournament(e, node);
   return MSIM_OK;
 }
 
-static void end(elimination *e) {
-  for (int32_t i = 0; i < e->n && e->neighbours; i++) ms_delete(e->alloc, e->neighbours[i]);
-  ms_delete(e->alloc, e->neighbours);
-  ms_delete(e->alloc, e->degree);
-  ms_delete(e->alloc, e->room);
-  ms_delete(e->alloc, e->mark);
-  ms_delete(e->alloc, e->least);
+static void destroy_elimination_graph(elimination_graph *e) {
+  for (int32_t i = 0; i < e->n && e->neighbours; i++) ms_memory_free(e->alloc, e->neighbours[i]);
+  ms_memory_free(e->alloc, e->neighbours);
+  ms_memory_free(e->alloc, e->degree);
+  ms_memory_free(e->alloc, e->room);
+  ms_memory_free(e->alloc, e->mark);
+  ms_memory_free(e->alloc, e->least);
 }
 
 /* Replace k in the neighbours of i by the other neighbours of k. */
-static msim_status connect(elimination *e, int32_t i, int32_t k) {
+static msim_status replace_by_neighbours(elimination_graph *e, int32_t i, int32_t k) {
   msim_error err;
-  const int64_t look = ++e->looks;
+  const int64_t look = ++e->searches;
   int32_t kept = 0;
   for (int32_t a = 0; a < e->degree[i]; a++) {
     const int32_t j = e->neighbours[i][a];
@@ -79,8 +80,8 @@ static msim_status connect(elimination *e, int32_t i, int32_t k) {
   }
   e->mark[i] = look;
   void *array = e->neighbours[i];
-  msim_status status = ms_reserve(e->alloc, &array, sizeof(int32_t), kept, &e->room[i],
-                                  (int64_t)kept + e->degree[k], &err);
+  msim_status status = ms_memory_reserve(e->alloc, &array, sizeof(int32_t), kept, &e->room[i],
+                                         (int64_t)kept + e->degree[k], &err);
   e->neighbours[i] = array;
   if (status) return status;
   for (int32_t a = 0; a < e->degree[k]; a++) {
@@ -92,21 +93,21 @@ static msim_status connect(elimination *e, int32_t i, int32_t k) {
 }
 
 /* Eliminate all rows, always that of least degree next. blocks: number of blocks of L */
-static msim_status eliminate(elimination *e, int32_t *position, int64_t *blocks) {
+static msim_status eliminate_by_degree(elimination_graph *e, int32_t *position, int64_t *blocks) {
   *blocks = e->n;
   for (int32_t step = 0; step < e->n; step++) {
     const int32_t k = take_least(e);
     position[k] = step;
     *blocks += e->degree[k];
     for (int32_t a = 0; a < e->degree[k]; a++) {
-      msim_status status = connect(e, e->neighbours[k][a], k);
+      msim_status status = replace_by_neighbours(e, e->neighbours[k][a], k);
       if (status) return status;
     }
   }
   return MSIM_OK;
 }
 
-static void sort(int32_t *a, int32_t n) {
+static void sort_indices(int32_t *a, int32_t n) {
   for (int32_t i = 1; i < n; i++) {
     const int32_t x = a[i];
     int32_t j = i;
@@ -116,46 +117,47 @@ static void sort(int32_t *a, int32_t n) {
 }
 
 /* The neighbours of a row at its elimination are the pattern of its column of L. */
-static void write_pattern(const elimination *e, ms_block_cholesky *chol) {
+static void write_pattern(const elimination_graph *e, ms_block_cholesky *chol) {
   for (int32_t i = 0; i < e->n; i++) chol->first[chol->position[i] + 1] = e->degree[i] + 1;
   for (int32_t k = 0; k < e->n; k++) chol->first[k + 1] += chol->first[k];
   for (int32_t i = 0; i < e->n; i++) {
     int32_t *column = chol->row + chol->first[chol->position[i]];
     column[0] = chol->position[i];
     for (int32_t a = 0; a < e->degree[i]; a++) column[a + 1] = chol->position[e->neighbours[i][a]];
-    sort(column, e->degree[i] + 1);
+    sort_indices(column, e->degree[i] + 1);
   }
 }
 
-static int allocate(const msim_allocator *alloc, int64_t blocks, ms_block_cholesky *chol) {
+static int allocate_factor(const msim_allocator *alloc, int64_t blocks, ms_block_cholesky *chol) {
   const size_t n = (size_t)chol->n, area = (size_t)chol->block * (size_t)chol->block;
-  chol->first = ms_new(alloc, n + 1, sizeof *chol->first);
-  chol->row = ms_new(alloc, (size_t)blocks, sizeof *chol->row);
-  chol->value = ms_new(alloc, area * (size_t)blocks, sizeof *chol->value);
-  chol->factor = ms_new(alloc, area * (size_t)blocks, sizeof *chol->factor);
-  chol->packed = ms_new(alloc, n * (size_t)chol->block, sizeof *chol->packed);
+  chol->first = ms_memory_allocate(alloc, n + 1, sizeof *chol->first);
+  chol->row = ms_memory_allocate(alloc, (size_t)blocks, sizeof *chol->row);
+  chol->value = ms_memory_allocate(alloc, area * (size_t)blocks, sizeof *chol->value);
+  chol->factor = ms_memory_allocate(alloc, area * (size_t)blocks, sizeof *chol->factor);
+  chol->packed = ms_memory_allocate(alloc, n * (size_t)chol->block, sizeof *chol->packed);
   return chol->first && chol->row && chol->value && chol->factor && chol->packed;
 }
 
 msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int32_t block,
                                      const int32_t *ptr, const int32_t *ind, int isa,
                                      ms_block_cholesky *chol, msim_error *err) {
-  elimination e = {.alloc = alloc, .n = n};
+  elimination_graph e = {.alloc = alloc, .n = n};
   int64_t blocks = 0;
   *chol = (ms_block_cholesky){.n = n, .block = block, .kernels = ms_block_kernels_of[isa]};
-  chol->position = ms_new(alloc, (size_t)n, sizeof *chol->position);
-  msim_status status = chol->position ? begin(&e, ptr, ind) : MSIM_ERR_MEMORY;
-  if (!status) status = eliminate(&e, chol->position, &blocks);
-  if (!status && (blocks > INT32_MAX || !allocate(alloc, blocks, chol))) status = MSIM_ERR_MEMORY;
+  chol->position = ms_memory_allocate(alloc, (size_t)n, sizeof *chol->position);
+  msim_status status = chol->position ? create_elimination_graph(&e, ptr, ind) : MSIM_ERR_MEMORY;
+  if (!status) status = eliminate_by_degree(&e, chol->position, &blocks);
+  if (!status && (blocks > INT32_MAX || !allocate_factor(alloc, blocks, chol)))
+    status = MSIM_ERR_MEMORY;
   if (!status) write_pattern(&e, chol);
-  end(&e);
-  return status ? ms_fail_memory(err, "the coarse factor") : MSIM_OK;
+  destroy_elimination_graph(&e);
+  return status ? ms_error_set_memory(err, "the coarse factor") : MSIM_OK;
 }
 
 void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol) {
   void *arrays[] = {chol->position, chol->first,  chol->row,
                     chol->value,    chol->factor, chol->packed};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
   *chol = (ms_block_cholesky){0};
 }
 
@@ -179,7 +181,7 @@ int32_t ms_block_cholesky_find(const ms_block_cholesky *chol, int32_t i, int32_t
 
 /* Subtract L_ik L_jk^T from A_ij for all rows i >= j of column k. The rows of column k below j are
  * also rows of column j, so that one scan of column j finds them all. */
-static void update(const ms_block_cholesky *chol, int32_t k) {
+static void update_columns(const ms_block_cholesky *chol, int32_t k) {
   const size_t block = (size_t)chol->block, area = block * block;
   const int32_t end = chol->first[k + 1];
   for (int32_t b = chol->first[k] + 1; b < end; b++) {
@@ -197,13 +199,13 @@ msim_status ms_block_cholesky_factor(ms_block_cholesky *chol) {
   const size_t block = (size_t)chol->block, area = block * block;
   for (int32_t k = 0; k < chol->n; k++) {
     const size_t diagonal = area * (size_t)chol->first[k];
-    double inverse[MS_LARGEST_BLOCK * MS_LARGEST_BLOCK];
+    double inverse[MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK];
     if (!chol->kernels->invert_factor(block, chol->value + diagonal, inverse)) return MSIM_NOT_SPD;
     for (size_t i = 0; i < area; i++) chol->factor[diagonal + i] = (float)inverse[i];
     for (int32_t b = chol->first[k] + 1; b < chol->first[k + 1]; b++)
       chol->kernels->times_transpose(block, chol->value + area * (size_t)b, inverse,
                                      chol->factor + area * (size_t)b);
-    update(chol, k);
+    update_columns(chol, k);
   }
   return MSIM_OK;
 }

@@ -10,7 +10,7 @@
 #include "base/memory.h"
 #include "msim/status.h"
 
-enum { MS_LARGEST_BLOCK = 12 };
+enum { MS_BLOCK_CHOLESKY_MAX_BLOCK = 12 };
 
 typedef struct ms_block_cholesky {
   int32_t n, block;  /* block rows; scalars in each, 8 or 12 */

@@ -7,40 +7,41 @@
 #include "linear/residual.h"
 
 msim_status ms_cg_create(const ms_model *model, ms_cg *cg, msim_error *err) {
-  *cg = (ms_cg){.r = ms_rows_vector(model->scene, &model->rows),
-                .z = ms_rows_vector(model->scene, &model->rows),
-                .p = ms_rows_vector(model->scene, &model->rows),
-                .q = ms_rows_vector(model->scene, &model->rows)};
-  return cg->r && cg->z && cg->p && cg->q ? MSIM_OK : ms_fail_memory(err, "conjugate gradients");
+  *cg = (ms_cg){.r = ms_unknowns_new_vector(model->scene, &model->unknowns),
+                .z = ms_unknowns_new_vector(model->scene, &model->unknowns),
+                .p = ms_unknowns_new_vector(model->scene, &model->unknowns),
+                .q = ms_unknowns_new_vector(model->scene, &model->unknowns)};
+  return cg->r && cg->z && cg->p && cg->q ? MSIM_OK
+                                          : ms_error_set_memory(err, "conjugate gradients");
 }
 
 void ms_cg_destroy(const ms_model *model, ms_cg *cg) {
   double *vectors[] = {cg->r, cg->z, cg->p, cg->q};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++)
-    ms_delete(&model->scene->alloc, vectors[i]);
+    ms_memory_free(&model->scene->alloc, vectors[i]);
 }
 
 /* Iterate from the residual r of y, whose norm is given, until that of the recursively updated r
  * is <= goal. */
-static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
-                           void *data, double norm, double goal, int64_t limit, double *y,
-                           int64_t *iterations) {
+static msim_status cg_iterate(const ms_cg *cg, const ms_linear_system *s,
+                              ms_cg_preconditioner *precondition, void *data, double norm,
+                              double goal, int64_t limit, double *y, int64_t *iterations) {
   const ms_shape shape = s->model->shape;
   double rho = 0;
   for (int first = 1; norm > goal; first = 0) {
     if (*iterations >= limit) return MSIM_NOT_CONVERGED;
     const msim_status status = precondition(data, cg->r, cg->z);
     if (status) return status;
-    const double rho_new = ms_dot(shape, cg->r, cg->z);
-    if (first) ms_copy(shape, cg->z, cg->p);
-    else ms_combine(shape, cg->z, rho_new / rho, cg->p, cg->p);
+    const double rho_new = ms_vector_dot(shape, cg->r, cg->z);
+    if (first) ms_vector_copy(shape, cg->z, cg->p);
+    else ms_vector_add_scaled(shape, cg->z, rho_new / rho, cg->p, cg->p);
     rho = rho_new;
     ms_coefficients_apply(s->model, &s->a, cg->p, cg->q);
-    const double curvature = ms_dot(shape, cg->p, cg->q);
+    const double curvature = ms_vector_dot(shape, cg->p, cg->q);
     if (!(curvature > 0)) return MSIM_NOT_SPD;
     const double alpha = rho / curvature;
-    ms_axpy(shape, alpha, cg->p, y);
-    ms_axpy(shape, -alpha, cg->q, cg->r);
+    ms_vector_axpy(shape, alpha, cg->p, y);
+    ms_vector_axpy(shape, -alpha, cg->q, cg->r);
     norm = ms_jacobi_norm(s->model, &s->a, cg->r);
     ++*iterations;
   }
@@ -49,19 +50,20 @@ static msim_status iterate(const ms_cg *cg, const ms_system *s, ms_preconditione
 
 /* The recursively updated residual drifts from the true one. At the goal the iteration restarts
  * from the true residual, until that reaches the goal or is no longer halved. */
-msim_status ms_cg_solve(const ms_cg *cg, const ms_system *s, ms_preconditioner *precondition,
-                        void *data, const ms_target *target, const double *b, double *y,
+msim_status ms_cg_solve(const ms_cg *cg, const ms_linear_system *s,
+                        ms_cg_preconditioner *precondition, void *data,
+                        const ms_linear_target *target, const double *b, double *y,
                         int64_t *iterations, double *residual) {
   const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
   double last = INFINITY;
   int64_t count = 0;
   msim_status status = MSIM_OK;
   *residual = target->size;
-  ms_copy(s->model->shape, b, cg->r);
+  ms_vector_copy(s->model->shape, b, cg->r);
   while (!status && *residual > goal && *residual <= 0.5 * last) {
     last = *residual;
-    status = iterate(cg, s, precondition, data, last, goal, target->max_iterations, y, &count);
-    if (!status) *residual = ms_true_residual(s, b, y, cg->r);
+    status = cg_iterate(cg, s, precondition, data, last, goal, target->max_iterations, y, &count);
+    if (!status) *residual = ms_residual_compute(s, b, y, cg->r);
   }
   *iterations += count;
   return status;

@@ -9,7 +9,7 @@ MS_TABLES(ms_coarse_kernels);
 
 /*------------------------------------- pattern --------------------------------------------------*/
 
-static int ascending(const void *a, const void *b) {
+static int compare_links(const void *a, const void *b) {
   const int32_t *p = a, *q = b;
   if (p[0] != q[0]) return p[0] < q[0] ? -1 : 1;
   return (p[1] > q[1]) - (p[1] < q[1]);
@@ -20,15 +20,15 @@ static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*li
   const ms_springs *s = &model->springs;
   int32_t n = 0, kept = 0;
   for (int32_t e = 0; e < s->n; e++) {
-    if (s->i[e] >= model->rows.nfree || s->j[e] >= model->rows.nfree) continue;
+    if (s->i[e] >= model->unknowns.nfree || s->j[e] >= model->unknowns.nfree) continue;
     const int32_t a = of[s->i[e]], b = of[s->j[e]];
     if (a < 0 || b < 0 || a == b) continue;
     link[n][0] = a, link[n++][1] = b;
     link[n][0] = b, link[n++][1] = a;
   }
-  qsort(link, (size_t)n, sizeof *link, ascending);
+  qsort(link, (size_t)n, sizeof *link, compare_links);
   for (int32_t i = 0; i < n; i++) {
-    if (kept && ascending(link[kept - 1], link[i]) == 0) continue;
+    if (kept && compare_links(link[kept - 1], link[i]) == 0) continue;
     link[kept][0] = link[i][0], link[kept++][1] = link[i][1];
   }
   return kept;
@@ -36,11 +36,12 @@ static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*li
 
 /* Where there are planes, prepare constraints: copy the modes, and allocate `held`. */
 static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_error *err) {
-  const size_t n = MS_MODES * (size_t)model->rows.first_pinned;
-  if (!(model->passes & MSIM_SKIP_PLANES)) return MSIM_OK;
-  coarse->modes = ms_new(&model->scene->alloc, n, sizeof *coarse->modes);
-  coarse->held = ms_new(&model->scene->alloc, (size_t)model->rows.nfree, sizeof *coarse->held);
-  if (!coarse->modes || !coarse->held) return ms_fail_memory(err, "the coarse matrix");
+  const size_t n = MS_MODES * (size_t)model->unknowns.first_pinned;
+  if (!(model->features & MSIM_SKIP_PLANES)) return MSIM_OK;
+  coarse->modes = ms_memory_allocate(&model->scene->alloc, n, sizeof *coarse->modes);
+  coarse->constrained = ms_memory_allocate(&model->scene->alloc, (size_t)model->unknowns.nfree,
+                                           sizeof *coarse->constrained);
+  if (!coarse->modes || !coarse->constrained) return ms_error_set_memory(err, "the coarse matrix");
   memcpy(coarse->modes, coarse->aggregates.weight, n * sizeof *coarse->modes);
   return MSIM_OK;
 }
@@ -48,37 +49,37 @@ static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_err
 static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = coarse->aggregates.n;
-  int32_t(*link)[2] = ms_new(alloc, 2 * (size_t)model->springs.n, sizeof *link);
-  int32_t *ptr = ms_new(alloc, (size_t)n + 1, sizeof *ptr), *ind = NULL;
+  int32_t(*link)[2] = ms_memory_allocate(alloc, 2 * (size_t)model->springs.n, sizeof *link);
+  int32_t *ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof *ptr), *ind = NULL;
   int32_t links = 0;
   if (link && ptr) {
     links = list_links(model, coarse->aggregates.of, link);
-    ind = ms_new(alloc, (size_t)links, sizeof *ind);
+    ind = ms_memory_allocate(alloc, (size_t)links, sizeof *ind);
   }
-  msim_status status = ind ? MSIM_OK : ms_fail_memory(err, "the coarse matrix");
+  msim_status status = ind ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
   if (!status) {
     for (int32_t i = 0; i < links; i++) ptr[link[i][0] + 1]++, ind[i] = link[i][1];
     for (int32_t a = 0; a < n; a++) ptr[a + 1] += ptr[a];
-    status = ms_block_cholesky_create(alloc, n, MS_MODES * model->rows.dims, ptr, ind, model->isa,
-                                      &coarse->chol, err);
+    status = ms_block_cholesky_create(alloc, n, MS_MODES * model->unknowns.dims, ptr, ind,
+                                      model->isa, &coarse->chol, err);
   }
-  ms_delete(alloc, link);
-  ms_delete(alloc, ptr);
-  ms_delete(alloc, ind);
+  ms_memory_free(alloc, link);
+  ms_memory_free(alloc, ptr);
+  ms_memory_free(alloc, ind);
   return status;
 }
 
 /* Of the two half-edges of a spring, that of the aggregate eliminated later contributes to the
  * off-diagonal block. */
 static void find_blocks(const ms_model *model, ms_coarse *coarse) {
-  const ms_halves *halves = &model->halves;
+  const ms_half_edges *halves = &model->half_edges;
   const int32_t *of = coarse->aggregates.of, *position = coarse->chol.position;
-  for (int32_t at = 0; at < MS_GROUP * halves->nslots; at++) coarse->block[at] = -1;
-  for (int32_t r = 0; r < model->rows.nfree; r++) {
-    const ms_span span = ms_halves_of(halves, r);
+  for (int32_t at = 0; at < MS_SLICE * halves->nentries; at++) coarse->block[at] = -1;
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       const int32_t j = halves->neighbour[at];
-      if (halves->spring[at] < 0 || j >= model->rows.nfree) continue;
+      if (halves->spring[at] < 0 || j >= model->unknowns.nfree) continue;
       if (of[r] < 0 || of[j] < 0 || position[of[r]] <= position[of[j]]) continue;
       coarse->block[at] = ms_block_cholesky_find(&coarse->chol, of[r], of[j]);
     }
@@ -95,13 +96,15 @@ msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_c
   if (!status) status = keep_modes(model, coarse, err);
   if (!status) status = analyse(model, coarse, err);
   if (status) return status;
-  const size_t n = (size_t)coarse->aggregates.n * MS_MODES * (size_t)model->rows.dims;
-  coarse->block = ms_new(alloc, MS_GROUP * (size_t)model->halves.nslots, sizeof *coarse->block);
-  coarse->diagonal = ms_new(alloc, (size_t)coarse->aggregates.n, sizeof *coarse->diagonal);
-  coarse->r = ms_new(alloc, n, sizeof *coarse->r);
-  coarse->z = ms_new(alloc, n, sizeof *coarse->z);
+  const size_t n = (size_t)coarse->aggregates.n * MS_MODES * (size_t)model->unknowns.dims;
+  coarse->block = ms_memory_allocate(alloc, MS_SLICE * (size_t)model->half_edges.nentries,
+                                     sizeof *coarse->block);
+  coarse->diagonal =
+      ms_memory_allocate(alloc, (size_t)coarse->aggregates.n, sizeof *coarse->diagonal);
+  coarse->r = ms_memory_allocate(alloc, n, sizeof *coarse->r);
+  coarse->z = ms_memory_allocate(alloc, n, sizeof *coarse->z);
   if (!coarse->block || !coarse->diagonal || !coarse->r || !coarse->z)
-    return ms_fail_memory(err, "the coarse matrix");
+    return ms_error_set_memory(err, "the coarse matrix");
   find_blocks(model, coarse);
   return MSIM_OK;
 }
@@ -112,63 +115,66 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   ms_aggregates_destroy(coarse->model, &coarse->aggregates);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
   void *arrays[] = {coarse->block, coarse->diagonal, coarse->r,
-                    coarse->z,     coarse->modes,    coarse->held};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
+                    coarse->z,     coarse->modes,    coarse->constrained};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
   *coarse = (ms_coarse){0};
 }
 
 /*------------------------------------- values ---------------------------------------------------*/
 
-enum { CHUNK = 8 }; /* aggregates per work item */
+enum { AGGREGATES_PER_ITEM = 8 }; /* aggregates per work item */
 
 /* One loop over all aggregates, by all threads; no two write to the same place. */
-typedef struct job {
+typedef struct coarse_job {
   ms_coarse *coarse;
   const float *coefficients;
   const double *inertia;
   const double *r;
-} job;
+} coarse_job;
 
-static void run(ms_item *work, job *j) {
+static void coarse_run(ms_pool_item *work, coarse_job *j) {
   const int32_t n = j->coarse->aggregates.n;
-  ms_pool_run(j->coarse->model->pool, work, j, (n + CHUNK - 1) / CHUNK);
+  ms_pool_run(j->coarse->model->pool, work, j, (n + AGGREGATES_PER_ITEM - 1) / AGGREGATES_PER_ITEM);
 }
 
-#define EACH_OF(item) \
-  for (int32_t k = CHUNK * (item); k < CHUNK * (item + 1) && k < j->coarse->aggregates.n; k++)
+#define EACH_OF(item)                            \
+  for (int32_t k = AGGREGATES_PER_ITEM * (item); \
+       k < AGGREGATES_PER_ITEM * (item + 1) && k < j->coarse->aggregates.n; k++)
 
 static void assemble_chunk(void *data, int32_t item) {
-  const job *j = data;
+  const coarse_job *j = data;
   EACH_OF(item) j->coarse->kernels->assemble(j->coarse, j->coefficients, j->inertia, k);
 }
 
 static void restrict_chunk(void *data, int32_t item) {
-  const job *j = data;
+  const coarse_job *j = data;
   EACH_OF(item) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
-void ms_coarse_hold(ms_coarse *coarse, const ms_hold *hold, int32_t n) {
+void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *hold, int32_t n) {
   float *weight = coarse->aggregates.weight;
   const size_t size = MS_MODES * sizeof *weight;
-  if (coarse->nheld) memcpy(weight, coarse->modes, size * (size_t)coarse->model->rows.first_pinned);
-  coarse->nheld = n;
+  if (coarse->nconstrained)
+    memcpy(weight, coarse->modes, size * (size_t)coarse->model->unknowns.first_pinned);
+  coarse->nconstrained = n;
   for (int32_t i = 0; i < n; i++) {
-    coarse->held[i] = hold[i].row;
+    coarse->constrained[i] = hold[i].row;
     memset(weight + MS_MODES * hold[i].row, 0, size);
   }
 }
 
-int ms_coarse_holds(const ms_coarse *coarse, const ms_hold *hold, int32_t n) {
-  if (n != coarse->nheld) return 0;
+int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *hold, int32_t n) {
+  if (n != coarse->nconstrained) return 0;
   for (int32_t i = 0; i < n; i++)
-    if (hold[i].row != coarse->held[i]) return 0;
+    if (hold[i].row != coarse->constrained[i]) return 0;
   return 1;
 }
 
 /* Modes of constrained unknowns alone need some inertia, or the coarse matrix would be singular. */
-static void add_held(ms_coarse *coarse, const double *inertia) {
+static void add_constrained_inertia(ms_coarse *coarse, const double *inertia) {
   const size_t n = (size_t)coarse->chol.block, area = n * n;
-  for (const int32_t *row = coarse->held; row < coarse->held + coarse->nheld; row++) {
+  for (const int32_t *row = coarse->constrained; row < coarse->constrained + coarse->nconstrained;
+       row++) {
     const float *w = coarse->modes + MS_MODES * *row;
     const int32_t of = coarse->aggregates.of[*row];
     if (of < 0) continue;
@@ -184,16 +190,17 @@ msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const
                              int braced) {
   ms_block_cholesky *chol = &coarse->chol;
   const size_t area = (size_t)chol->block * (size_t)chol->block;
-  coarse->braced = braced;
+  coarse->drops_negative_t = braced;
   memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
-  run(assemble_chunk, &(job){.coarse = coarse, .coefficients = coefficients, .inertia = inertia});
-  add_held(coarse, inertia);
+  coarse_run(assemble_chunk,
+             &(coarse_job){.coarse = coarse, .coefficients = coefficients, .inertia = inertia});
+  add_constrained_inertia(coarse, inertia);
   return ms_block_cholesky_factor(chol);
 }
 
 double ms_coarse_solve(ms_coarse *coarse, const double *r) {
   const int32_t n = coarse->aggregates.n * coarse->chol.block;
-  run(restrict_chunk, &(job){.coarse = coarse, .r = r});
+  coarse_run(restrict_chunk, &(coarse_job){.coarse = coarse, .r = r});
   memcpy(coarse->z, coarse->r, (size_t)n * sizeof *coarse->z);
   ms_block_cholesky_solve(&coarse->chol, coarse->z);
   double sum = 0;

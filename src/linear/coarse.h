@@ -13,14 +13,14 @@ typedef struct ms_coarse {
   const ms_model *model;
   ms_aggregates aggregates;
   ms_block_cholesky chol;
-  int32_t *block;    /* 8 halves.nslots: the off-diagonal block to which a half-edge contributes;
+  int32_t *block;       /* 8 halves.nslots: the off-diagonal block to which a half-edge contributes;
                      -1: none, or the opposite half-edge contributes to it */
-  int32_t *diagonal; /* aggregates.n: the index of each diagonal block */
-  int braced;        /* 1: in the present matrix t < 0 counts as 0 */
-  double *r, *z;     /* coarse vectors */
-  float *modes;      /* unconstrained aggregates.weight; NULL where there are no planes */
-  int32_t *held;     /* nheld constrained unknowns; NULL where there are no planes */
-  int32_t nheld;
+  int32_t *diagonal;    /* aggregates.n: the index of each diagonal block */
+  int drops_negative_t; /* 1: in the present matrix t < 0 counts as 0 */
+  double *r, *z;        /* coarse vectors */
+  float *modes;         /* unconstrained aggregates.weight; NULL where there are no planes */
+  int32_t *constrained; /* nheld constrained unknowns; NULL where there are no planes */
+  int32_t nconstrained;
   const struct ms_coarse_kernels *kernels;
 } ms_coarse;
 
@@ -30,10 +30,10 @@ void ms_coarse_destroy(ms_coarse *coarse);
 
 /* Set the modes of n constrained unknowns to 0, as these do not move, and restore those of the
  * unknowns constrained before. */
-void ms_coarse_hold(ms_coarse *coarse, const ms_hold *hold, int32_t n);
+void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *hold, int32_t n);
 
 /* 1: exactly these unknowns are constrained, in this order, whatever the directions. */
-int ms_coarse_holds(const ms_coarse *coarse, const ms_hold *hold, int32_t n);
+int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *hold, int32_t n);
 
 /* Factor P^T A P, A given by the coefficients and inertia of ms_pcg (pcg.h). braced: 1 if t < 0
  * counts as 0, so that A is positive definite. MSIM_NOT_SPD: A is not positive definite, up to

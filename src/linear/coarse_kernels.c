@@ -6,13 +6,13 @@
 /* K = t I + w w^T of one half-edge, in the layout of ms_coefficients.diagonal */
 MS_INLINE void spring_block(size_t dims, const float *coefficients, int32_t at, int braced,
                             double K[6]) {
-  const float *a = coefficients + 4 * MS_GROUP * (size_t)(at / MS_GROUP) + at % MS_GROUP;
+  const float *a = coefficients + 4 * MS_SLICE * (size_t)(at / MS_SLICE) + at % MS_SLICE;
   const double t = braced && a[0] < 0 ? 0 : (double)a[0];
   double w[3];
-  for (size_t c = 0; c < dims; c++) w[c] = (double)a[MS_GROUP * (c + 1)];
+  for (size_t c = 0; c < dims; c++) w[c] = (double)a[MS_SLICE * (c + 1)];
   for (size_t c = 0; c < dims; c++)
     for (size_t d = c; d < dims; d++)
-      K[ms_diagonal_entry(dims, c, d)] = w[c] * w[d] + (c == d ? t : 0);
+      K[ms_coefficients_diagonal_element(dims, c, d)] = w[c] * w[d] + (c == d ? t : 0);
 }
 
 /* block += left (x) right, with rows (c, mode) from left and columns (d, mode) from right */
@@ -21,76 +21,80 @@ MS_INLINE void add_outer(size_t dims, double *block, ms_quad left, const ms_quad
     for (size_t mode = 0; mode < MS_MODES; mode++)
       for (size_t c = 0; c < dims; c++) {
         double *to = block + (MS_MODES * d + mode) * MS_MODES * dims + MS_MODES * c;
-        ms_store_quad(to, ms_load_quad(to) + left * right[ms_diagonal_entry(dims, c, d)][mode]);
+        ms_simd_store_quad(to,
+                           ms_simd_load_quad(to) +
+                               left * right[ms_coefficients_diagonal_element(dims, c, d)][mode]);
       }
 }
 
 /* Contributions of unknown i of aggregate a, with modes w_i: to the diagonal block
  * w_i (x) (m_i w_i + sum K_ij (w_i - w_j)), where w_j = 0 outside a; to the block of a and b
  * -w_i (x) K_ij w_j for j in b. */
-MS_INLINE void assemble_row(size_t dims, ms_coarse *coarse, const float *coefficients,
-                            const double *inertia, int32_t row) {
+MS_INLINE void assemble_unknown(size_t dims, ms_coarse *coarse, const float *coefficients,
+                                const double *inertia, int32_t row) {
   const ms_model *model = coarse->model;
   const float *weight = coarse->aggregates.weight;
   const int32_t *of = coarse->aggregates.of;
   const size_t area = MS_MODES * dims * MS_MODES * dims;
-  const ms_quad own = ms_load_float_quad(weight + MS_MODES * row);
+  const ms_quad own = ms_simd_load_float_quad(weight + MS_MODES * row);
   ms_quad sum[6];
   for (size_t q = 0; q < 6; q++) sum[q] = q < dims ? own * inertia[row] : (ms_quad){0};
-  const ms_span span = ms_halves_of(&model->halves, row);
+  const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t j = model->halves.neighbour[at];
-    if (model->halves.spring[at] < 0) continue;
+    const int32_t j = model->half_edges.neighbour[at];
+    if (model->half_edges.spring[at] < 0) continue;
     double K[6];
-    spring_block(dims, coefficients, at, coarse->braced, K);
-    const int same = j < model->rows.nfree && of[j] == of[row];
+    spring_block(dims, coefficients, at, coarse->drops_negative_t, K);
+    const int same = j < model->unknowns.nfree && of[j] == of[row];
     const ms_quad other =
-        ms_load_float_quad(weight + MS_MODES * (same || coarse->block[at] >= 0 ? j : row));
+        ms_simd_load_float_quad(weight + MS_MODES * (same || coarse->block[at] >= 0 ? j : row));
     const ms_quad difference = same ? own - other : own;
-    for (size_t q = 0; q < ms_diagonal_size(dims); q++) sum[q] += difference * K[q];
+    for (size_t q = 0; q < ms_coefficients_diagonal_size(dims); q++) sum[q] += difference * K[q];
     if (coarse->block[at] < 0) continue;
     ms_quad right[6];
-    for (size_t q = 0; q < ms_diagonal_size(dims); q++) right[q] = -other * K[q];
+    for (size_t q = 0; q < ms_coefficients_diagonal_size(dims); q++) right[q] = -other * K[q];
     add_outer(dims, coarse->chol.value + area * (size_t)coarse->block[at], own, right);
   }
   add_outer(dims, coarse->chol.value + area * (size_t)coarse->diagonal[of[row]], own, sum);
 }
 
-static void assemble(ms_coarse *coarse, const float *coefficients, const double *inertia,
-                     int32_t aggregate) {
+static void assemble_aggregate(ms_coarse *coarse, const float *coefficients, const double *inertia,
+                               int32_t aggregate) {
   const ms_aggregates *g = &coarse->aggregates;
   for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
-    if (coarse->model->rows.dims == 3) assemble_row(3, coarse, coefficients, inertia, g->row[i]);
-    else assemble_row(2, coarse, coefficients, inertia, g->row[i]);
+    if (coarse->model->unknowns.dims == 3)
+      assemble_unknown(3, coarse, coefficients, inertia, g->unknown[i]);
+    else assemble_unknown(2, coarse, coefficients, inertia, g->unknown[i]);
   }
 }
 
 /* The unknowns of an aggregate are scattered in memory: prefetch a later one. */
-MS_INLINE void fetch_ahead(size_t dims, const ms_aggregates *g, const double *r, size_t stride,
-                           int32_t i) {
+MS_INLINE void prefetch_unknown(size_t dims, const ms_aggregates *g, const double *r, size_t stride,
+                                int32_t i) {
   enum { AHEAD = 16 };
   if (i + AHEAD >= g->first[g->n]) return;
-  const size_t row = (size_t)g->row[i + AHEAD];
+  const size_t row = (size_t)g->unknown[i + AHEAD];
   __builtin_prefetch(g->weight + MS_MODES * row);
   for (size_t c = 0; c < dims; c++) __builtin_prefetch(r + c * stride + row);
 }
 
-MS_INLINE void restrict_of(size_t dims, ms_coarse *coarse, const double *r, int32_t aggregate) {
+MS_INLINE void restrict_to_aggregate_of(size_t dims, ms_coarse *coarse, const double *r,
+                                        int32_t aggregate) {
   const ms_aggregates *g = &coarse->aggregates;
-  const size_t stride = (size_t)coarse->model->rows.stride;
+  const size_t stride = (size_t)coarse->model->unknowns.stride;
   ms_quad sum[3] = {{0}};
   for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
-    fetch_ahead(dims, g, r, stride, i);
-    const ms_quad w = ms_load_float_quad(g->weight + MS_MODES * g->row[i]);
-    for (size_t c = 0; c < dims; c++) sum[c] += w * r[c * stride + (size_t)g->row[i]];
+    prefetch_unknown(dims, g, r, stride, i);
+    const ms_quad w = ms_simd_load_float_quad(g->weight + MS_MODES * g->unknown[i]);
+    for (size_t c = 0; c < dims; c++) sum[c] += w * r[c * stride + (size_t)g->unknown[i]];
   }
   for (size_t c = 0; c < dims; c++)
-    ms_store_quad(coarse->r + MS_MODES * (dims * (size_t)aggregate + c), sum[c]);
+    ms_simd_store_quad(coarse->r + MS_MODES * (dims * (size_t)aggregate + c), sum[c]);
 }
 
-static void restrict_to(ms_coarse *coarse, const double *r, int32_t aggregate) {
-  if (coarse->model->rows.dims == 3) restrict_of(3, coarse, r, aggregate);
-  else restrict_of(2, coarse, r, aggregate);
+static void restrict_to_aggregate(ms_coarse *coarse, const double *r, int32_t aggregate) {
+  if (coarse->model->unknowns.dims == 3) restrict_to_aggregate_of(3, coarse, r, aggregate);
+  else restrict_to_aggregate_of(2, coarse, r, aggregate);
 }
 
-const ms_coarse_kernels MS_TABLE(ms_coarse_kernels) = {assemble, restrict_to};
+const ms_coarse_kernels MS_TABLE(ms_coarse_kernels) = {assemble_aggregate, restrict_to_aggregate};

@@ -13,18 +13,18 @@
 
 typedef struct ms_compression {
   const ms_model *model;
-  float *left_out; /* 8 halves.nslots: the fraction by which t < 0 is reduced, in [0, 1] */
-  double *largest; /* per chunk of slice ranges: the largest contribution to -p.A p */
+  float *reduction; /* 8 halves.nslots: the fraction by which t < 0 is reduced, in [0, 1] */
+  double *largest;  /* per chunk of slice ranges: the largest contribution to -p.A p */
 } ms_compression;
 
 msim_status ms_compression_create(const ms_model *model, ms_compression *c, msim_error *err);
 void ms_compression_destroy(ms_compression *c);
 
 /* Reset all fractions to 0: for the clamped matrix, which has no t < 0. */
-void ms_compression_forget(ms_compression *c);
+void ms_compression_reset(ms_compression *c);
 
 /* Reduce t < 0 in the coefficients (pcg.h) of a new matrix, by a tenth of the last fractions. */
-void ms_compression_apply(ms_compression *c, float *coefficients);
+void ms_compression_carry_over(ms_compression *c, float *coefficients);
 
 /* Given p.A p <= 0, halve t < 0 in the springs that contribute to that at least a thousandth of the
  * largest contribution. Returns 0 if none contributes. */

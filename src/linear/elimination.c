@@ -4,30 +4,30 @@
 #include <string.h>
 
 msim_status ms_elimination_create(const ms_model *model, ms_elimination *e, msim_error *err) {
-  const size_t n = (size_t)model->rows.dims * (size_t)model->rows.nfree;
-  if (n > MS_MOST_ELIMINATED) return MSIM_OK;
-  ms_graph graph;
-  msim_status status = ms_graph_create(model, &graph, err);
+  const size_t n = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
+  if (n > MS_ELIMINATION_MAX_UNKNOWNS) return MSIM_OK;
+  ms_sparse_graph graph;
+  msim_status status = ms_sparse_matrix_create_graph(model, &graph, err);
   if (!status)
-    status =
-        ms_matrix_create(model, &graph, NULL, MSIM_FORMAT_FULL, model->rows.dims, &e->matrix, err);
-  ms_graph_destroy(model, &graph);
+    status = ms_sparse_matrix_create(model, &graph, NULL, MSIM_FORMAT_FULL, model->unknowns.dims,
+                                     &e->matrix, err);
+  ms_sparse_matrix_destroy_graph(model, &graph);
   if (status) return status;
-  e->a = ms_new(&model->scene->alloc, n * (n + 1), sizeof *e->a);
-  e->packed = ms_new(&model->scene->alloc, n, sizeof *e->packed);
-  return e->a && e->packed ? MSIM_OK : ms_fail_memory(err, "elimination");
+  e->a = ms_memory_allocate(&model->scene->alloc, n * (n + 1), sizeof *e->a);
+  e->packed = ms_memory_allocate(&model->scene->alloc, n, sizeof *e->packed);
+  return e->a && e->packed ? MSIM_OK : ms_error_set_memory(err, "elimination");
 }
 
 void ms_elimination_destroy(const ms_model *model, ms_elimination *e) {
-  ms_delete(&model->scene->alloc, e->packed);
-  ms_delete(&model->scene->alloc, e->a);
-  ms_matrix_destroy(model, &e->matrix);
+  ms_memory_free(&model->scene->alloc, e->packed);
+  ms_memory_free(&model->scene->alloc, e->a);
+  ms_sparse_matrix_destroy(model, &e->matrix);
   *e = (ms_elimination){0};
 }
 
 /* [A | b] */
-static void fill(const ms_elimination *e, size_t n) {
-  const ms_matrix *m = &e->matrix;
+static void fill_augmented_matrix(const ms_elimination *e, size_t n) {
+  const ms_sparse_matrix *m = &e->matrix;
   memset(e->a, 0, n * (n + 1) * sizeof *e->a);
   for (size_t row = 0; row < n; row++) {
     double *to = e->a + row * (n + 1);
@@ -37,7 +37,7 @@ static void fill(const ms_elimination *e, size_t n) {
 }
 
 /* Partial pivoting: the row at or below `top` with the largest entry of that column goes there. */
-static void pivot(double *a, size_t n, size_t top) {
+static void swap_pivot_row(double *a, size_t n, size_t top) {
   size_t best = top;
   for (size_t row = top + 1; row < n; row++)
     if (fabs(a[row * (n + 1) + top]) > fabs(a[best * (n + 1) + top])) best = row;
@@ -50,9 +50,9 @@ static void pivot(double *a, size_t n, size_t top) {
 
 /* [A | b] becomes [U | c], where U y = c, and U has ones on its diagonal, which are not stored.
  * Returns 0 if A is singular. */
-static int eliminate(double *a, size_t n) {
+static int eliminate_columns(double *a, size_t n) {
   for (size_t k = 0; k < n; k++) {
-    pivot(a, n, k);
+    swap_pivot_row(a, n, k);
     double *from = a + k * (n + 1);
     if (from[k] == 0) return 0;
     const double by = 1 / from[k];
@@ -65,20 +65,20 @@ static int eliminate(double *a, size_t n) {
   return 1;
 }
 
-msim_status ms_elimination_solve(ms_elimination *e, const ms_system *system, const double *b,
+msim_status ms_elimination_solve(ms_elimination *e, const ms_linear_system *system, const double *b,
                                  double *y) {
   const ms_model *model = system->model;
-  const size_t n = (size_t)model->rows.dims * (size_t)model->rows.nfree;
-  ms_matrix_expand(model, &system->a, &e->matrix);
-  ms_matrix_add_turning(model, &system->turning, &e->matrix);
-  ms_matrix_pack(model, &e->matrix, b, e->packed);
-  fill(e, n);
-  if (!eliminate(e->a, n)) return MSIM_NOT_CONVERGED;
+  const size_t n = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
+  ms_sparse_matrix_assemble(model, &system->a, &e->matrix);
+  ms_sparse_matrix_add_damping_derivative(model, &system->damping_derivative, &e->matrix);
+  ms_sparse_matrix_pack(model, &e->matrix, b, e->packed);
+  fill_augmented_matrix(e, n);
+  if (!eliminate_columns(e->a, n)) return MSIM_NOT_CONVERGED;
   for (size_t row = n; row-- > 0;) {
     const double *from = e->a + row * (n + 1);
     e->packed[row] = from[n];
     for (size_t c = row + 1; c < n; c++) e->packed[row] -= from[c] * e->packed[c];
   }
-  ms_matrix_unpack(model, &e->matrix, e->packed, y);
+  ms_sparse_matrix_unpack(model, &e->matrix, e->packed, y);
   return MSIM_OK;
 }

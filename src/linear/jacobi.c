@@ -7,21 +7,23 @@
 
 msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi,
                              msim_error *err) {
-  const size_t n = ms_diagonal_size((size_t)a->block) * (size_t)model->rows.first_pinned;
-  *jacobi = (ms_jacobi){a->block, 1, ms_new(&model->scene->alloc, n, sizeof *jacobi->inverse)};
-  return jacobi->inverse ? MSIM_OK : ms_fail_memory(err, "the preconditioner");
+  const size_t n =
+      ms_coefficients_diagonal_size((size_t)a->block) * (size_t)model->unknowns.first_pinned;
+  *jacobi = (ms_jacobi){a->block, 1,
+                        ms_memory_allocate(&model->scene->alloc, n, sizeof *jacobi->inverse)};
+  return jacobi->inverse ? MSIM_OK : ms_error_set_memory(err, "the preconditioner");
 }
 
 void ms_jacobi_destroy(const ms_model *model, ms_jacobi *jacobi) {
-  ms_delete(&model->scene->alloc, jacobi->inverse);
+  ms_memory_free(&model->scene->alloc, jacobi->inverse);
   *jacobi = (ms_jacobi){0};
 }
 
 static double choose_scale(const ms_model *model, const ms_coefficients *a) {
-  const size_t s = (size_t)model->rows.first_pinned;
+  const size_t s = (size_t)model->unknowns.first_pinned;
   double largest = DBL_MIN;
   for (size_t c = 0; c < (size_t)a->block; c++)
-    for (size_t r = 0; r < (size_t)model->rows.nfree; r++)
+    for (size_t r = 0; r < (size_t)model->unknowns.nfree; r++)
       largest = fmax(largest, a->diagonal[c * s + r]);
   int exponent;
   frexp(largest, &exponent);
@@ -30,8 +32,8 @@ static double choose_scale(const ms_model *model, const ms_coefficients *a) {
 
 /* A shift that makes an unknown's diagonal block positive definite: the sum of max(0, -t) over its
  * springs. Each adds t I + g d d^T (force.h), g >= 0, but t = h^2 k s < 0 if it is compressed. */
-static double brace(const ms_model *model, const ms_coefficients *a, int32_t row) {
-  const ms_span span = ms_halves_of(&model->halves, row);
+static double compression_shift(const ms_model *model, const ms_coefficients *a, int32_t row) {
+  const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step) sum += fmax(0, -a->t[at]);
   return sum;
@@ -64,13 +66,13 @@ static int invert1(const double *b, double *out) {
 msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, int32_t kind,
                              ms_jacobi *jacobi) {
   static int (*const invert[])(const double *, double *) = {NULL, invert1, invert2, invert3};
-  const size_t s = (size_t)model->rows.first_pinned, block = (size_t)a->block;
-  const size_t size = ms_diagonal_size(block);
+  const size_t s = (size_t)model->unknowns.first_pinned, block = (size_t)a->block;
+  const size_t size = ms_coefficients_diagonal_size(block);
   jacobi->scale = choose_scale(model, a);
   const double by = 1 / jacobi->scale;
   const int braced = kind != MSIM_FACTOR_SPD;
-  for (int32_t r = 0; r < model->rows.nfree; r++) {
-    const double more = braced ? brace(model, a, r) : 0;
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
+    const double more = braced ? compression_shift(model, a, r) : 0;
     double in[6], out[6];
     for (size_t q = 0; q < size; q++)
       in[q] = by * (a->diagonal[q * s + (size_t)r] + (q < block ? more : 0));
@@ -82,16 +84,16 @@ msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, in
 
 void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t components,
                      const double *r, double *z) {
-  const size_t s = (size_t)model->rows.first_pinned, t = (size_t)model->rows.stride;
-  const size_t dims = (size_t)components, alike = jacobi->block == 1;
+  const size_t s = (size_t)model->unknowns.first_pinned, t = (size_t)model->unknowns.stride;
+  const size_t dims = (size_t)components, is_scalar = jacobi->block == 1;
   const double by = 1 / jacobi->scale;
-  for (size_t i = 0; i < (size_t)model->rows.nfree; i++) {
+  for (size_t i = 0; i < (size_t)model->unknowns.nfree; i++) {
     double in[3];
     for (size_t c = 0; c < dims; c++) in[c] = by * r[c * t + i];
     for (size_t b = 0; b < dims; b++) {
-      double sum = alike ? jacobi->inverse[i] * in[b] : 0;
-      for (size_t c = 0; c < dims && !alike; c++)
-        sum += jacobi->inverse[ms_diagonal_entry(dims, b, c) * s + i] * in[c];
+      double sum = is_scalar ? jacobi->inverse[i] * in[b] : 0;
+      for (size_t c = 0; c < dims && !is_scalar; c++)
+        sum += jacobi->inverse[ms_coefficients_diagonal_element(dims, b, c) * s + i] * in[c];
       z[b * t + i] = sum;
     }
   }
@@ -101,12 +103,12 @@ void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t com
 
 /* B = L L^T, l by rows. Returns 0 at a pivot within the rounding errors of its diagonal entry; with
  * floor = 1 it is raised to that level instead. */
-static int take_root(size_t dims, const double *b, int floor, double l[6]) {
+static int factor_block(size_t dims, const double *b, int floor, double l[6]) {
   for (size_t i = 0, row = 0; i < dims; row += ++i) {
     const double least = DBL_EPSILON * b[i];
     double pivot = b[i];
     for (size_t k = 0, other = 0; k < i; other += ++k) {
-      double entry = b[ms_diagonal_entry(dims, k, i)];
+      double entry = b[ms_coefficients_diagonal_element(dims, k, i)];
       for (size_t q = 0; q < k; q++) entry -= l[row + q] * l[other + q];
       l[row + k] = entry / l[other + k];
       pivot -= l[row + k] * l[row + k];
@@ -118,7 +120,7 @@ static int take_root(size_t dims, const double *b, int floor, double l[6]) {
 }
 
 /* y = L^-1 r */
-static void divide_by_root(size_t dims, const double l[6], const double r[3], double y[3]) {
+static void solve_lower_block(size_t dims, const double l[6], const double r[3], double y[3]) {
   for (size_t i = 0, row = 0; i < dims; row += ++i) {
     y[i] = r[i];
     for (size_t k = 0; k < i; k++) y[i] -= l[row + k] * y[k];
@@ -127,30 +129,32 @@ static void divide_by_root(size_t dims, const double l[6], const double r[3], do
 }
 
 /* A block without a root, because of compressed springs, is shifted as in the preconditioner. */
-static void root_of_row(const ms_model *model, const ms_coefficients *a, int32_t row, double l[6]) {
-  const size_t s = (size_t)model->rows.first_pinned, dims = (size_t)a->block;
+static void factor_block_of_unknown(const ms_model *model, const ms_coefficients *a, int32_t row,
+                                    double l[6]) {
+  const size_t s = (size_t)model->unknowns.first_pinned, dims = (size_t)a->block;
   double block[6];
-  for (size_t q = 0; q < ms_diagonal_size(dims); q++) block[q] = a->diagonal[q * s + (size_t)row];
-  if (take_root(dims, block, 0, l)) return;
-  const double more = brace(model, a, row);
+  for (size_t q = 0; q < ms_coefficients_diagonal_size(dims); q++)
+    block[q] = a->diagonal[q * s + (size_t)row];
+  if (factor_block(dims, block, 0, l)) return;
+  const double more = compression_shift(model, a, row);
   for (size_t c = 0; c < dims; c++) block[c] += more;
-  take_root(dims, block, 1, l);
+  factor_block(dims, block, 1, l);
 }
 
-static double square_of_row(const ms_model *model, const ms_coefficients *a, const double *r,
-                            int32_t row) {
+static double squared_norm_of_unknown(const ms_model *model, const ms_coefficients *a,
+                                      const double *r, int32_t row) {
   double l[6], own[3], y[3], sum = 0;
-  root_of_row(model, a, row, l);
-  for (int32_t first = 0; first < model->rows.dims; first += a->block) {
+  factor_block_of_unknown(model, a, row, l);
+  for (int32_t first = 0; first < model->unknowns.dims; first += a->block) {
     for (int32_t c = 0; c < a->block; c++)
-      own[c] = r[(size_t)(first + c) * (size_t)model->rows.stride + (size_t)row];
-    divide_by_root((size_t)a->block, l, own, y);
+      own[c] = r[(size_t)(first + c) * (size_t)model->unknowns.stride + (size_t)row];
+    solve_lower_block((size_t)a->block, l, own, y);
     for (int32_t c = 0; c < a->block; c++) sum += y[c] * y[c];
   }
   return sum;
 }
 
-/* r.B^-1 r for one unknown per lane, by B = L D L^T. has_root: lanes where take_root succeeds */
+/* r.B^-1 r for one unknown per lane, by B = L D L^T. has_root: lanes where factor_block succeeds */
 MS_INLINE ms_lanes squares_of_rows(size_t dims, const ms_lanes b[6], const ms_lanes r[3],
                                    ms_mask *has_root) {
   ms_lanes l[3][3], y[3], inverse[3], sum = {0};
@@ -159,7 +163,7 @@ MS_INLINE ms_lanes squares_of_rows(size_t dims, const ms_lanes b[6], const ms_la
     ms_lanes pivot = b[i], scaled[3];
     y[i] = r[i];
     for (size_t k = 0; k < i; k++) {
-      scaled[k] = b[ms_diagonal_entry(dims, k, i)];
+      scaled[k] = b[ms_coefficients_diagonal_element(dims, k, i)];
       for (size_t q = 0; q < k; q++) scaled[k] -= scaled[q] * l[k][q];
       l[i][k] = scaled[k] * inverse[k];
       pivot -= scaled[k] * l[i][k];
@@ -182,54 +186,55 @@ MS_INLINE ms_lanes squares_of_scalars(size_t dims, ms_lanes b, const ms_lanes r[
 }
 
 /* Add r.D^-1 r of all whole slices of 8 unknowns to 8 running sums. */
-MS_INLINE void add_squares(size_t block, size_t dims, const ms_model *model,
-                           const ms_coefficients *a, const double *r, double sums[MS_GROUP]) {
-  const size_t s = (size_t)model->rows.first_pinned, t = (size_t)model->rows.stride;
-  const size_t end = (size_t)model->rows.nfree / MS_GROUP * MS_GROUP;
+MS_INLINE void add_squared_norms(size_t block, size_t dims, const ms_model *model,
+                                 const ms_coefficients *a, const double *r, double sums[MS_SLICE]) {
+  const size_t s = (size_t)model->unknowns.first_pinned, t = (size_t)model->unknowns.stride;
+  const size_t end = (size_t)model->unknowns.nfree / MS_SLICE * MS_SLICE;
   for (size_t row = 0; row < end; row += MS_LANES) {
-    double *to = sums + row % MS_GROUP;
+    double *to = sums + row % MS_SLICE;
     ms_lanes b[6], own[3];
     ms_mask has_root;
-    for (size_t q = 0; q < ms_diagonal_size(block); q++) b[q] = ms_load(a->diagonal + q * s + row);
-    for (size_t c = 0; c < dims; c++) own[c] = ms_load(r + c * t + row);
+    for (size_t q = 0; q < ms_coefficients_diagonal_size(block); q++)
+      b[q] = ms_simd_load(a->diagonal + q * s + row);
+    for (size_t c = 0; c < dims; c++) own[c] = ms_simd_load(r + c * t + row);
     const ms_lanes squares = block == 1 ? squares_of_scalars(dims, b[0], own, &has_root)
                                         : squares_of_rows(dims, b, own, &has_root);
-    ms_store(to, ms_load(to) + ms_select(has_root, squares, (ms_lanes){0}));
+    ms_simd_store(to, ms_simd_load(to) + ms_simd_select(has_root, squares, (ms_lanes){0}));
     for (size_t i = 0; i < MS_LANES; i++)
-      if (!has_root[i]) to[i] += square_of_row(model, a, r, (int32_t)(row + i));
+      if (!has_root[i]) to[i] += squared_norm_of_unknown(model, a, r, (int32_t)(row + i));
   }
 }
 
 double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const double *r) {
-  const int32_t nfree = model->rows.nfree;
-  double l[MS_GROUP] = {0};
-  if (a->block == 3) add_squares(3, 3, model, a, r, l);
-  else if (a->block == 2) add_squares(2, 2, model, a, r, l);
-  else if (model->rows.dims == 3) add_squares(1, 3, model, a, r, l);
-  else add_squares(1, 2, model, a, r, l);
-  for (int32_t row = nfree - nfree % MS_GROUP; row < nfree; row++)
-    l[row % MS_GROUP] += square_of_row(model, a, r, row);
+  const int32_t nfree = model->unknowns.nfree;
+  double l[MS_SLICE] = {0};
+  if (a->block == 3) add_squared_norms(3, 3, model, a, r, l);
+  else if (a->block == 2) add_squared_norms(2, 2, model, a, r, l);
+  else if (model->unknowns.dims == 3) add_squared_norms(1, 3, model, a, r, l);
+  else add_squared_norms(1, 2, model, a, r, l);
+  for (int32_t row = nfree - nfree % MS_SLICE; row < nfree; row++)
+    l[row % MS_SLICE] += squared_norm_of_unknown(model, a, r, row);
   return sqrt(((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7])));
 }
 
-void ms_jacobi_roots(const ms_model *model, const ms_coefficients *a, double *roots) {
-  for (int32_t row = 0; row < model->rows.nfree; row++)
-    root_of_row(model, a, row, roots + 6 * (size_t)row);
+void ms_jacobi_factor_blocks(const ms_model *model, const ms_coefficients *a, double *roots) {
+  for (int32_t row = 0; row < model->unknowns.nfree; row++)
+    factor_block_of_unknown(model, a, row, roots + 6 * (size_t)row);
 }
 
-void ms_jacobi_divide(const ms_model *model, const double *roots, double *r) {
-  const size_t t = (size_t)model->rows.stride, dims = (size_t)model->rows.dims;
-  for (size_t row = 0; row < (size_t)model->rows.nfree; row++) {
+void ms_jacobi_solve_lower(const ms_model *model, const double *roots, double *r) {
+  const size_t t = (size_t)model->unknowns.stride, dims = (size_t)model->unknowns.dims;
+  for (size_t row = 0; row < (size_t)model->unknowns.nfree; row++) {
     double own[3], y[3];
     for (size_t c = 0; c < dims; c++) own[c] = r[c * t + row];
-    divide_by_root(dims, roots + 6 * row, own, y);
+    solve_lower_block(dims, roots + 6 * row, own, y);
     for (size_t c = 0; c < dims; c++) r[c * t + row] = y[c];
   }
 }
 
-void ms_jacobi_multiply(const ms_model *model, const double *roots, double *y) {
-  const size_t t = (size_t)model->rows.stride, dims = (size_t)model->rows.dims;
-  for (size_t row = 0; row < (size_t)model->rows.nfree; row++) {
+void ms_jacobi_multiply_lower(const ms_model *model, const double *roots, double *y) {
+  const size_t t = (size_t)model->unknowns.stride, dims = (size_t)model->unknowns.dims;
+  for (size_t row = 0; row < (size_t)model->unknowns.nfree; row++) {
     const double *l = roots + 6 * row;
     for (size_t i = dims; i-- > 0;) {
       double sum = 0;

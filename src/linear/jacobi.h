@@ -32,10 +32,11 @@ void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t com
  * the unknowns, so that light particles count as much as heavy ones. */
 double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const double *r);
 
-/* D = L L^T, for blocks of more than a scalar. roots: L, 6 numbers per unknown. ms_jacobi_divide:
- * r = L^-1 r, the 2-norm of which is the norm above; ms_jacobi_multiply: y = L y. */
-void ms_jacobi_roots(const ms_model *model, const ms_coefficients *a, double *roots);
-void ms_jacobi_divide(const ms_model *model, const double *roots, double *r);
-void ms_jacobi_multiply(const ms_model *model, const double *roots, double *y);
+/* D = L L^T, for blocks of more than a scalar. roots: L, 6 numbers per unknown.
+ * ms_jacobi_solve_lower: r = L^-1 r, the 2-norm of which is the norm above;
+ * ms_jacobi_multiply_lower: y = L y. */
+void ms_jacobi_factor_blocks(const ms_model *model, const ms_coefficients *a, double *roots);
+void ms_jacobi_solve_lower(const ms_model *model, const double *roots, double *r);
+void ms_jacobi_multiply_lower(const ms_model *model, const double *roots, double *y);
 
 #endif

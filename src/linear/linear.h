@@ -2,34 +2,35 @@
 #ifndef MS_LINEAR_H
 #define MS_LINEAR_H
 
-#include "linear/system.h"
+#include "linear/sparse_matrix.h"
 
 /* The matrix A of one step. */
-typedef struct ms_system {
+typedef struct ms_linear_system {
   const ms_model *model;
-  ms_coefficients a;  /* A without the damping derivative: symmetric */
-  ms_turning turning; /* the damping derivative; turning.v NULL: none, and A is symmetric */
-  int clamped;        /* a is that of the clamped matrix: positive definite, up to rounding */
-} ms_system;
+  ms_coefficients a; /* A without the damping derivative: symmetric */
+  ms_damping_derivative
+      damping_derivative; /* the damping derivative; turning.v NULL: none, and A is symmetric */
+  int clamped;            /* a is that of the clamped matrix: positive definite, up to rounding */
+} ms_linear_system;
 
 /* y = A x, with the conventions of ms_coefficients_apply on padding */
-static inline void ms_system_apply(const ms_system *s, const double *x, double *y) {
+static inline void ms_linear_system_apply(const ms_linear_system *s, const double *x, double *y) {
   ms_coefficients_apply(s->model, &s->a, x, y);
-  if (s->turning.v) ms_turning_apply(s->model, &s->turning, x, y);
+  if (s->damping_derivative.v) ms_damping_derivative_apply(s->model, &s->damping_derivative, x, y);
 }
 
 /* Tolerance and limit of a solve: ||b - A y|| <= rtol size */
-typedef struct ms_target {
+typedef struct ms_linear_target {
   double rtol;
   double size; /* ||b|| (jacobi.h), for msim's own iterations */
   int32_t max_iterations;
-} ms_target;
+} ms_linear_target;
 
 /* Tolerance and limit of descend(), either of which ends it */
-typedef struct ms_descent {
+typedef struct ms_descent_target {
   double rtol; /* of the residual sqrt(r.B r), B ~ A^-1 the preconditioner */
   int32_t max_iterations;
-} ms_descent;
+} ms_descent_target;
 
 typedef struct ms_linear ms_linear;
 
@@ -40,14 +41,14 @@ typedef struct ms_linear_ops {
   /* Compute a factorization or a preconditioner. kind: MSIM_FACTOR_.... Nullable. */
   msim_status (*factor)(ms_linear *self, int32_t kind, msim_error *err);
   /* A y = b; y: 0 on input, the solution on output. Adds to *iterations. */
-  msim_status (*solve)(ms_linear *self, const ms_target *target, const double *b, double *y,
+  msim_status (*solve)(ms_linear *self, const ms_linear_target *target, const double *b, double *y,
                        int64_t *iterations, msim_error *err);
   /* A descent direction y, b.y > 0, by conjugate gradients from y = 0, after factor() with
    * MSIM_FACTOR_SYMMETRIC. Where A is not positive definite, the compression of springs is reduced
    * in it (compression.h); later calls restore most of that. Nullable. */
-  void (*descend)(ms_linear *self, const ms_descent *d, const double *b, double *y,
+  void (*descend)(ms_linear *self, const ms_descent_target *d, const double *b, double *y,
                   int64_t *iterations);
-  /* z = B r, B as in ms_descent. Nullable: only solve() preconditions. */
+  /* z = B r, B as in ms_descent_target. Nullable: only solve() preconditions. */
   void (*precondition)(ms_linear *self, const double *r, double *z);
   /* Discard all factors of earlier systems. Nullable. */
   void (*restart)(ms_linear *self);
@@ -56,30 +57,30 @@ typedef struct ms_linear_ops {
 
 struct ms_linear {
   const ms_linear_ops *ops;
-  const ms_system *system;
+  const ms_linear_system *system;
   const char *name;
   int symmetric;      /* solves symmetric systems that are not positive definite */
   int unsymmetric;    /* solves non-symmetric systems */
   int factorises;     /* factor() computes a factorization of A */
   int exact;          /* solutions are exact to rounding: no check */
-  int met;            /* the last solve has verified that its true residual is within the target */
+  int is_verified;    /* the last solve has verified that its true residual is within the target */
   double residual;    /* that residual, ||b - A y|| */
   int64_t analyses;   /* symbolic analyses made */
   int32_t aggregates; /* of the coarse space; 0: no coarse space */
   double fill, flops; /* of one factorization: numbers in the factor, operations */
-  int64_t coarse_factors, kept_coarse_factors; /* since creation: computed; reused */
+  int64_t coarse_factors, reused_coarse_factors; /* since creation: computed; reused */
 };
 
 /* The solver for a diagonal A, where no spring couples unknowns: y_i = b_i / (m_i + h drag). */
-msim_status ms_diagonal_create(const ms_system *system, ms_linear **linear, msim_error *err);
+msim_status ms_diagonal_create(const ms_linear_system *system, ms_linear **linear, msim_error *err);
 
 /* Matrix-free conjugate gradients with block Jacobi and a coarse space of aggregates of about
  * `aggregate` unknowns; 0: block Jacobi alone. */
-msim_status ms_pcg_create(const ms_system *system, const msim_options *opt, int32_t aggregate,
-                          ms_linear **linear, msim_error *err);
+msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *opt,
+                          int32_t aggregate, ms_linear **linear, msim_error *err);
 
 /* A backend of the plugin ABI by its name: one of opt->backends, linked in, or from a plugin. */
-msim_status ms_adapter_create(const ms_system *system, const char *name, const msim_options *opt,
-                              ms_linear **linear, msim_error *err);
+msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
+                              const msim_options *opt, ms_linear **linear, msim_error *err);
 
 #endif

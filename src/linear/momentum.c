@@ -3,7 +3,7 @@
 #include <string.h>
 
 /* The root of an unknown's tree, with path halving (union-find; Tarjan and van Leeuwen 1984) */
-static int32_t find_root(int32_t *parent, int32_t row) {
+static int32_t find_component_root(int32_t *parent, int32_t row) {
   while (parent[row] != row) row = parent[row] = parent[parent[row]];
   return row;
 }
@@ -11,10 +11,11 @@ static int32_t find_root(int32_t *parent, int32_t row) {
 /* The root of each component is its unknown of least index. */
 static void unite_rows(const ms_model *model, int32_t *parent) {
   const ms_springs *s = &model->springs;
-  for (int32_t row = 0; row < model->rows.nfree; row++) parent[row] = row;
+  for (int32_t row = 0; row < model->unknowns.nfree; row++) parent[row] = row;
   for (int32_t e = 0; e < s->n; e++) {
-    if (s->i[e] >= model->rows.nfree || s->j[e] >= model->rows.nfree) continue;
-    const int32_t i = find_root(parent, s->i[e]), j = find_root(parent, s->j[e]);
+    if (s->i[e] >= model->unknowns.nfree || s->j[e] >= model->unknowns.nfree) continue;
+    const int32_t i = find_component_root(parent, s->i[e]),
+                  j = find_component_root(parent, s->j[e]);
     if (i < j) parent[j] = i;
     else parent[i] = j;
   }
@@ -22,10 +23,11 @@ static void unite_rows(const ms_model *model, int32_t *parent) {
 
 /* Replace roots by component numbers. number: by root; -2: none yet, -1: connected to pinned
  * particles */
-static void number_components(const ms_model *model, int32_t *number, ms_free_components *f) {
+static void number_components(const ms_model *model, int32_t *number, ms_momentum_components *f) {
   const ms_springs *s = &model->springs;
-  const int32_t nfree = model->rows.nfree;
-  for (int32_t row = 0; row < nfree; row++) f->of[row] = find_root(f->of, row), number[row] = -2;
+  const int32_t nfree = model->unknowns.nfree;
+  for (int32_t row = 0; row < nfree; row++)
+    f->of[row] = find_component_root(f->of, row), number[row] = -2;
   for (int32_t e = 0; e < s->n; e++) {
     if (s->i[e] < nfree && s->j[e] >= nfree) number[f->of[s->i[e]]] = -1;
     if (s->j[e] < nfree && s->i[e] >= nfree) number[f->of[s->j[e]]] = -1;
@@ -37,33 +39,33 @@ static void number_components(const ms_model *model, int32_t *number, ms_free_co
   }
 }
 
-msim_status ms_free_components_create(const ms_model *model, ms_free_components *f,
-                                      msim_error *err) {
+msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_components *f,
+                                          msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const size_t nfree = (size_t)model->rows.nfree;
-  int32_t *number = ms_new(alloc, nfree, sizeof *number);
-  *f = (ms_free_components){.of = ms_new(alloc, nfree, sizeof *f->of)};
+  const size_t nfree = (size_t)model->unknowns.nfree;
+  int32_t *number = ms_memory_allocate(alloc, nfree, sizeof *number);
+  *f = (ms_momentum_components){.of = ms_memory_allocate(alloc, nfree, sizeof *f->of)};
   if (number && f->of) {
     unite_rows(model, f->of);
     number_components(model, number, f);
-    f->sums = ms_new(alloc, 4 * (size_t)f->n, sizeof *f->sums);
+    f->sums = ms_memory_allocate(alloc, 4 * (size_t)f->n, sizeof *f->sums);
   }
-  ms_delete(alloc, number);
-  return f->sums ? MSIM_OK : ms_fail_memory(err, "the linear solver");
+  ms_memory_free(alloc, number);
+  return f->sums ? MSIM_OK : ms_error_set_memory(err, "the linear solver");
 }
 
-void ms_free_components_destroy(const ms_model *model, ms_free_components *f) {
-  ms_delete(&model->scene->alloc, f->of);
-  ms_delete(&model->scene->alloc, f->sums);
-  *f = (ms_free_components){0};
+void ms_momentum_destroy_components(const ms_model *model, ms_momentum_components *f) {
+  ms_memory_free(&model->scene->alloc, f->of);
+  ms_memory_free(&model->scene->alloc, f->sums);
+  *f = (ms_momentum_components){0};
 }
 
-void ms_balance_momentum(const ms_model *model, const ms_coefficients *a,
-                         const ms_free_components *f, const double *b, double *y) {
-  const size_t stride = (size_t)model->rows.stride, dims = (size_t)model->rows.dims;
+void ms_momentum_balance(const ms_model *model, const ms_coefficients *a,
+                         const ms_momentum_components *f, const double *b, double *y) {
+  const size_t stride = (size_t)model->unknowns.stride, dims = (size_t)model->unknowns.dims;
   if (f->n == 0) return;
   memset(f->sums, 0, 4 * (size_t)f->n * sizeof *f->sums);
-  for (int32_t row = 0; row < model->rows.nfree; row++) {
+  for (int32_t row = 0; row < model->unknowns.nfree; row++) {
     if (f->of[row] < 0) continue;
     double *sum = f->sums + 4 * f->of[row];
     const double inertia = model->mass[row] + a->drag;
@@ -73,9 +75,9 @@ void ms_balance_momentum(const ms_model *model, const ms_coefficients *a,
       sum[c + 1] += b[at] - inertia * y[at];
     }
   }
-  for (int32_t i = 0; i < a->nholds; i++)
-    if (f->of[a->hold[i].row] >= 0) f->sums[4 * f->of[a->hold[i].row]] = 0;
-  for (int32_t row = 0; row < model->rows.nfree; row++) {
+  for (int32_t i = 0; i < a->nconstraints; i++)
+    if (f->of[a->constraint[i].row] >= 0) f->sums[4 * f->of[a->constraint[i].row]] = 0;
+  for (int32_t row = 0; row < model->unknowns.nfree; row++) {
     const double *sum = f->of[row] < 0 ? NULL : f->sums + 4 * f->of[row];
     for (size_t c = 0; c < dims && sum && sum[0] > 0; c++)
       y[c * stride + (size_t)row] += sum[c + 1] / sum[0];

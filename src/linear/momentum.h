@@ -10,18 +10,18 @@
 
 #include "physics/force.h"
 
-typedef struct ms_free_components {
+typedef struct ms_momentum_components {
   int32_t n;
   int32_t *of;  /* nfree: the component of each unknown; -1: it is connected to pinned particles */
   double *sums; /* 4 per component: 1.W 1, then 1.(b - W y) */
-} ms_free_components;
+} ms_momentum_components;
 
-msim_status ms_free_components_create(const ms_model *model, ms_free_components *components,
-                                      msim_error *err);
-void ms_free_components_destroy(const ms_model *model, ms_free_components *components);
+msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_components *components,
+                                          msim_error *err);
+void ms_momentum_destroy_components(const ms_model *model, ms_momentum_components *components);
 
 /* Correct y. Components with constrained unknowns are left unchanged. */
-void ms_balance_momentum(const ms_model *model, const ms_coefficients *a,
-                         const ms_free_components *components, const double *b, double *y);
+void ms_momentum_balance(const ms_model *model, const ms_coefficients *a,
+                         const ms_momentum_components *components, const double *b, double *y);
 
 #endif

@@ -12,84 +12,86 @@ MS_TABLES(ms_pcg_kernels);
 
 /*------------------------------------- sweeps ---------------------------------------------------*/
 
-enum { CHUNK = 128 }; /* slices per work item */
+enum { SLICES_PER_ITEM = 128 }; /* slices per work item */
 
 static int32_t count_chunks(const ms_model *model) {
-  return (model->halves.ngroups + CHUNK - 1) / CHUNK;
+  return (model->half_edges.nslices + SLICES_PER_ITEM - 1) / SLICES_PER_ITEM;
 }
 
 /* Arguments of one sweep over all slices by all threads */
-typedef struct job {
+typedef struct pcg_sweep {
   ms_pcg *s;
   double alpha, beta;
-} job;
+} pcg_sweep;
 
-static int32_t end_of(const ms_pcg *s, int32_t chunk) {
-  const int32_t ngroups = s->base.system->model->halves.ngroups, begin = CHUNK * chunk;
-  return ngroups - begin < CHUNK ? ngroups : begin + CHUNK;
+static int32_t pcg_chunk_end(const ms_pcg *s, int32_t chunk) {
+  const int32_t ngroups = s->base.system->model->half_edges.nslices,
+                begin = SLICES_PER_ITEM * chunk;
+  return ngroups - begin < SLICES_PER_ITEM ? ngroups : begin + SLICES_PER_ITEM;
 }
 
-static void run(ms_item *work, job *j) {
+static void pcg_run(ms_pool_item *work, pcg_sweep *j) {
   const ms_model *model = j->s->base.system->model;
   ms_pool_run(model->pool, work, j, count_chunks(model));
 }
 
 static void pack_chunk(void *data, int32_t k) {
-  ms_pcg *s = ((job *)data)->s;
-  s->kernels->pack(s, CHUNK * k, end_of(s, k));
+  ms_pcg *s = ((pcg_sweep *)data)->s;
+  s->kernels->pack(s, SLICES_PER_ITEM * k, pcg_chunk_end(s, k));
 }
 
-static void apply_chunk(void *data, int32_t k) {
-  const ms_pcg *s = ((job *)data)->s;
-  s->kernels->apply(s, CHUNK * k, end_of(s, k), s->sums + k);
+static void pcg_apply_chunk(void *data, int32_t k) {
+  const ms_pcg *s = ((pcg_sweep *)data)->s;
+  s->kernels->apply(s, SLICES_PER_ITEM * k, pcg_chunk_end(s, k), s->sums + k);
 }
 
 static void reduce_chunk(void *data, int32_t k) {
-  const job *j = data;
-  j->s->kernels->reduce(j->s, j->alpha, CHUNK * k, end_of(j->s, k), j->s->sums + k);
+  const pcg_sweep *j = data;
+  j->s->kernels->reduce(j->s, j->alpha, SLICES_PER_ITEM * k, pcg_chunk_end(j->s, k),
+                        j->s->sums + k);
 }
 
 static void advance_chunk(void *data, int32_t k) {
-  const job *j = data;
-  j->s->kernels->advance(j->s, j->alpha, j->beta, CHUNK * k, end_of(j->s, k));
+  const pcg_sweep *j = data;
+  j->s->kernels->advance(j->s, j->alpha, j->beta, SLICES_PER_ITEM * k, pcg_chunk_end(j->s, k));
 }
 
 /* q = A p. Returns p.q. */
-static double apply(ms_pcg *s) {
+static double pcg_apply(ms_pcg *s) {
   const int32_t n = count_chunks(s->base.system->model);
   double sum;
-  run(apply_chunk, &(job){.s = s});
-  s->kernels->apply_parts(s, &sum);
+  pcg_run(pcg_apply_chunk, &(pcg_sweep){.s = s});
+  s->kernels->apply_split_rows(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
-  const ms_system *system = s->base.system;
-  return sum +
-         ms_coefficients_apply_holds(system->model, &system->a, 1 / s->jacobi.scale, s->p, s->q);
+  const ms_linear_system *system = s->base.system;
+  return sum + ms_coefficients_apply_constraints(system->model, &system->a, 1 / s->jacobi.scale,
+                                                 s->p, s->q);
 }
 
 /* r -= alpha q,  z = D^-1 r. Returns r.z. */
-static double reduce(ms_pcg *s, double alpha) {
+static double pcg_reduce(ms_pcg *s, double alpha) {
   const int32_t n = count_chunks(s->base.system->model);
   double sum = 0;
-  run(reduce_chunk, &(job){.s = s, .alpha = alpha});
+  pcg_run(reduce_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   return sum;
 }
 
-static void advance(ms_pcg *s, double alpha, double beta) {
-  run(advance_chunk, &(job){.s = s, .alpha = alpha, .beta = beta});
+static void pcg_advance(ms_pcg *s, double alpha, double beta) {
+  pcg_run(advance_chunk, &(pcg_sweep){.s = s, .alpha = alpha, .beta = beta});
 }
 
 /*------------------------------------- setup ----------------------------------------------------*/
 
 /* ||p - q|| / ||p||, Frobenius norms, n a multiple of 8 */
-static double distance(const float *p, const float *q, size_t n) {
-  double apart[MS_GROUP] = {0}, size[MS_GROUP] = {0};
-  for (size_t i = 0; i < n; i += MS_GROUP)
-    for (size_t l = 0; l < MS_GROUP; l++) {
+static double relative_distance(const float *p, const float *q, size_t n) {
+  double apart[MS_SLICE] = {0}, size[MS_SLICE] = {0};
+  for (size_t i = 0; i < n; i += MS_SLICE)
+    for (size_t l = 0; l < MS_SLICE; l++) {
       const double d = (double)p[i + l] - (double)q[i + l];
       apart[l] += d * d, size[l] += (double)p[i + l] * (double)p[i + l];
     }
-  for (size_t l = 1; l < MS_GROUP; l++) apart[0] += apart[l], size[0] += size[l];
+  for (size_t l = 1; l < MS_SLICE; l++) apart[0] += apart[l], size[0] += size[l];
   return sqrt(apart[0] / size[0]);
 }
 
@@ -97,67 +99,69 @@ static double distance(const float *p, const float *q, size_t n) {
  * in solids, but not in moving cloth, where the iterations that a lagged factor adds cost more than
  * a new one. Each matrix of Newton's method takes few iterations, so that there a factor serves at
  * least SEVERAL matrices. Changed constraints require a new factor. */
-static int coarse_serves(ms_pcg *s, int32_t kind) {
+static int can_reuse_coarse_factor(ms_pcg *s, int32_t kind) {
   enum { SEVERAL = 8 };
   const double HARDLY = 0.05;
-  const ms_rows *rows = &s->base.system->model->rows;
-  const size_t n = ms_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
-  if (!s->may_keep || !s->coarse_is_ready || s->factored_scale != s->jacobi.scale) return 0;
-  if (!ms_coarse_holds(&s->coarse, s->base.system->a.hold, s->base.system->a.nholds)) return 0;
+  const ms_unknowns *rows = &s->base.system->model->unknowns;
+  const size_t n = ms_coefficients_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
+  if (!s->may_reuse_coarse || !s->coarse_is_ready || s->factored_scale != s->jacobi.scale) return 0;
+  if (!ms_coarse_is_constrained_by(&s->coarse, s->base.system->a.constraint,
+                                   s->base.system->a.nconstraints))
+    return 0;
   if (kind == MSIM_FACTOR_SYMMETRIC && s->coarse_age < SEVERAL) return 1;
-  return distance(s->factored, s->inverse, n) <= HARDLY;
+  return relative_distance(s->factored_inverse, s->inverse, n) <= HARDLY;
 }
 
 static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
-  const ms_system *system = s->base.system;
-  const ms_rows *rows = &system->model->rows;
-  const size_t n = ms_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
+  const ms_linear_system *system = s->base.system;
+  const ms_unknowns *rows = &system->model->unknowns;
+  const size_t n = ms_coefficients_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
   s->coarse_age++;
-  if (coarse_serves(s, kind)) {
-    s->base.kept_coarse_factors++;
+  if (can_reuse_coarse_factor(s, kind)) {
+    s->base.reused_coarse_factors++;
     return MSIM_OK;
   }
-  memcpy(s->factored, s->inverse, n * sizeof *s->factored);
+  memcpy(s->factored_inverse, s->inverse, n * sizeof *s->factored_inverse);
   s->factored_scale = s->jacobi.scale;
   s->coarse_age = 0;
   s->base.coarse_factors++;
-  ms_coarse_hold(&s->coarse, system->a.hold, system->a.nholds);
+  ms_coarse_constrain(&s->coarse, system->a.constraint, system->a.nconstraints);
   s->coarse_is_ready =
       !ms_coarse_factor(&s->coarse, s->coefficients, s->inertia, kind == MSIM_FACTOR_SYMMETRIC);
   return s->coarse_is_ready || system->clamped || kind == MSIM_FACTOR_SYMMETRIC ? MSIM_OK
                                                                                 : MSIM_NOT_SPD;
 }
 
-static msim_status factor(ms_linear *base, int32_t kind, msim_error *err) {
+static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)err;
   ms_pcg *s = (ms_pcg *)base;
   const ms_model *model = base->system->model;
   msim_status status = ms_jacobi_invert(model, &base->system->a, kind, &s->jacobi);
   if (status) return status;
-  run(pack_chunk, &(job){.s = s});
+  pcg_run(pack_chunk, &(pcg_sweep){.s = s});
   return base->aggregates ? factor_coarse(s, kind) : MSIM_OK;
 }
 
 /*------------------------------------- iterations -----------------------------------------------*/
 
 /* Iterate from the residual r of y until the norm of the recursively updated r is <= goal. */
-static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
+static msim_status pcg_iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
   const ms_shape shape = s->base.system->model->shape;
   const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
   double alpha = 0, rho = 0;
   memset(s->q, 0, bytes);
   memset(s->p, 0, bytes);
   for (;; ++*iterations) {
-    double rho_new = reduce(s, alpha);
+    double rho_new = pcg_reduce(s, alpha);
     const int done = rho_new <= goal * goal;
     if (done || *iterations >= limit) {
-      ms_axpy(shape, alpha, s->p, s->y);
+      ms_vector_axpy(shape, alpha, s->p, s->y);
       return done ? MSIM_OK : MSIM_NOT_CONVERGED;
     }
     if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);
-    advance(s, alpha, rho > 0 ? rho_new / rho : 0);
+    pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
     rho = rho_new;
-    const double curvature = apply(s);
+    const double curvature = pcg_apply(s);
     if (!(curvature > 0)) return MSIM_NOT_SPD;
     alpha = rho / curvature;
   }
@@ -166,8 +170,8 @@ static msim_status iterate(ms_pcg *s, double goal, int64_t limit, int64_t *itera
 /* The recursively updated residual drifts from the true one, and its norm uses D^-1 in single
  * precision. At the goal the iteration restarts from the true residual, until that reaches the goal
  * or is no longer halved. */
-static msim_status solve(ms_linear *base, const ms_target *target, const double *b, double *y,
-                         int64_t *iterations, msim_error *err) {
+static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, const double *b,
+                             double *y, int64_t *iterations, msim_error *err) {
   (void)err;
   const double SAFETY = 0.9;
   ms_pcg *s = (ms_pcg *)base;
@@ -178,15 +182,15 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
   msim_status status = MSIM_OK;
   s->y = y;
   base->residual = target->size;
-  ms_copy(shape, b, s->r);
+  ms_vector_copy(shape, b, s->r);
   for (;;) {
-    base->met = base->residual <= goal;
-    if (base->met || base->residual > 0.5 * last) break;
+    base->is_verified = base->residual <= goal;
+    if (base->is_verified || base->residual > 0.5 * last) break;
     last = base->residual;
-    ms_scale(shape, 1 / s->jacobi.scale, s->r);
-    status = iterate(s, SAFETY * goal / sqrt(s->jacobi.scale), target->max_iterations, &count);
+    ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);
+    status = pcg_iterate(s, SAFETY * goal / sqrt(s->jacobi.scale), target->max_iterations, &count);
     if (status) break;
-    base->residual = ms_true_residual(base->system, b, y, s->r);
+    base->residual = ms_residual_compute(base->system, b, y, s->r);
   }
   *iterations += count;
   return status;
@@ -194,90 +198,91 @@ static msim_status solve(ms_linear *base, const ms_target *target, const double 
 
 /* Conjugate gradients from y = 0 until sqrt(r.B r) is rtol times its initial value. Returns 0 at a
  * direction p with p.A p <= 0: y is then the last iterate, or p if there is none. */
-static int descend_once(ms_pcg *s, const ms_descent *d, const double *b, double *y,
+static int descend_once(ms_pcg *s, const ms_descent_target *d, const double *b, double *y,
                         int64_t *iterations) {
   const ms_shape shape = s->base.system->model->shape;
   const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
   double alpha = 0, rho = 0, goal = -1, curvature = 1;
   double *vectors[] = {s->r, s->q, s->p, y};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) memset(vectors[i], 0, bytes);
-  ms_axpy(shape, 1 / s->jacobi.scale, b, s->r);
+  ms_vector_axpy(shape, 1 / s->jacobi.scale, b, s->r);
   for (int32_t i = 0; curvature > 0; i++, ++*iterations) {
-    double rho_new = reduce(s, alpha);
+    double rho_new = pcg_reduce(s, alpha);
     if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);
     if (i == 0) goal = d->rtol * d->rtol * rho_new;
     if (rho_new <= goal || i >= d->max_iterations) break;
-    advance(s, alpha, rho > 0 ? rho_new / rho : 0);
+    pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
     rho = rho_new;
-    curvature = apply(s);
+    curvature = pcg_apply(s);
     alpha = curvature > 0 ? rho / curvature : i == 0;
   }
-  ms_axpy(shape, alpha, s->p, y);
+  ms_vector_axpy(shape, alpha, s->p, y);
   return curvature > 0;
 }
 
 /* Where a direction shows that A is not positive definite, reduce the compression that causes it,
  * and start again from 0, so that b.y > 0. */
-static void descend(ms_linear *base, const ms_descent *d, const double *b, double *y,
-                    int64_t *iterations) {
+static void pcg_descend(ms_linear *base, const ms_descent_target *d, const double *b, double *y,
+                        int64_t *iterations) {
   enum { MOST = 16 };
   ms_pcg *s = (ms_pcg *)base;
   s->y = y;
-  if (base->system->clamped) ms_compression_forget(&s->compression);
-  else ms_compression_apply(&s->compression, s->coefficients);
+  if (base->system->clamped) ms_compression_reset(&s->compression);
+  else ms_compression_carry_over(&s->compression, s->coefficients);
   for (int i = 0; !descend_once(s, d, b, y, iterations) && i < MOST; i++)
     if (!ms_compression_reduce(&s->compression, s->p, s->coefficients)) break;
 }
 
 /* z = B r: one iteration with alpha = beta = 0 */
-static void precondition(ms_linear *base, const double *r, double *z) {
+static void pcg_precondition(ms_linear *base, const double *r, double *z) {
   ms_pcg *s = (ms_pcg *)base;
   const ms_shape shape = base->system->model->shape;
   const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
   memset(s->q, 0, bytes);
   memset(s->p, 0, bytes);
   s->y = s->q; /* y += 0 p */
-  ms_copy(shape, r, s->r);
-  ms_scale(shape, 1 / s->jacobi.scale, s->r);
-  reduce(s, 0);
+  ms_vector_copy(shape, r, s->r);
+  ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);
+  pcg_reduce(s, 0);
   if (s->coarse_is_ready) ms_coarse_solve(&s->coarse, s->r);
-  advance(s, 0, 0);
-  ms_copy(shape, s->p, z);
+  pcg_advance(s, 0, 0);
+  ms_vector_copy(shape, s->p, z);
 }
 
 /*------------------------------------- creation and destruction ---------------------------------*/
 
-static void destroy(ms_linear *base) {
+static void pcg_destroy(ms_linear *base) {
   if (!base) return;
   ms_pcg *s = (ms_pcg *)base;
   const msim_allocator *alloc = &base->system->model->scene->alloc;
   ms_coarse_destroy(&s->coarse);
   ms_jacobi_destroy(base->system->model, &s->jacobi);
   ms_compression_destroy(&s->compression);
-  void *arrays[] = {s->coefficients, s->inverse, s->factored, s->inertia, s->r, s->z, s->p, s->q,
-                    s->sums};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(alloc, arrays[i]);
-  ms_delete(alloc, s);
+  void *arrays[] = {
+      s->coefficients, s->inverse, s->factored_inverse, s->inertia, s->r, s->z, s->p, s->q,
+      s->sums};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
+  ms_memory_free(alloc, s);
 }
 
-static msim_status allocate(ms_pcg *s, msim_error *err) {
+static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
   const ms_model *model = s->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
-  const size_t rows = (size_t)model->rows.first_pinned;
-  const size_t blocks = ms_diagonal_size((size_t)model->rows.dims) * rows;
-  s->coefficients =
-      ms_new(alloc, 4 * MS_GROUP * (size_t)model->halves.nslots, sizeof *s->coefficients);
-  s->inverse = ms_new(alloc, blocks, sizeof *s->inverse);
-  s->factored = ms_new(alloc, blocks, sizeof *s->factored);
-  s->inertia = ms_new(alloc, rows, sizeof *s->inertia);
-  s->sums = ms_new(alloc, (size_t)count_chunks(model), sizeof *s->sums);
+  const size_t rows = (size_t)model->unknowns.first_pinned;
+  const size_t blocks = ms_coefficients_diagonal_size((size_t)model->unknowns.dims) * rows;
+  s->coefficients = ms_memory_allocate(alloc, 4 * MS_SLICE * (size_t)model->half_edges.nentries,
+                                       sizeof *s->coefficients);
+  s->inverse = ms_memory_allocate(alloc, blocks, sizeof *s->inverse);
+  s->factored_inverse = ms_memory_allocate(alloc, blocks, sizeof *s->factored_inverse);
+  s->inertia = ms_memory_allocate(alloc, rows, sizeof *s->inertia);
+  s->sums = ms_memory_allocate(alloc, (size_t)count_chunks(model), sizeof *s->sums);
   double **vectors[] = {&s->r, &s->z, &s->p, &s->q};
-  int failed = !s->coefficients || !s->inverse || !s->factored || !s->inertia || !s->sums;
+  int failed = !s->coefficients || !s->inverse || !s->factored_inverse || !s->inertia || !s->sums;
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
-    *vectors[i] = ms_rows_vector(model->scene, &model->rows);
+    *vectors[i] = ms_unknowns_new_vector(model->scene, &model->unknowns);
     failed |= !*vectors[i];
   }
-  if (failed) return ms_fail_memory(err, "conjugate gradients");
+  if (failed) return ms_error_set_memory(err, "conjugate gradients");
   const msim_status status = ms_compression_create(model, &s->compression, err);
   return status ? status : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
 }
@@ -297,7 +302,7 @@ static msim_status create_coarse(ms_pcg *s, int32_t aggregate, msim_error *err) 
     const ms_block_cholesky *chol = &s->coarse.chol;
     if (status) return status;
     const double factor = (double)chol->first[chol->n] * chol->block * chol->block;
-    const double matrix = 4.0 * MS_GROUP * model->halves.nslots;
+    const double matrix = 4.0 * MS_SLICE * model->half_edges.nentries;
     if (factor <= fmax(0.5 * matrix, LITTLE)) return MSIM_OK;
     ms_coarse_destroy(&s->coarse);
   }
@@ -305,25 +310,25 @@ static msim_status create_coarse(ms_pcg *s, int32_t aggregate, msim_error *err) 
 
 static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }
 
-msim_status ms_pcg_create(const ms_system *system, const msim_options *opt, int32_t aggregate,
-                          ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {.factor = factor,
-                                    .solve = solve,
-                                    .descend = descend,
-                                    .precondition = precondition,
+msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *opt,
+                          int32_t aggregate, ms_linear **linear, msim_error *err) {
+  static const ms_linear_ops ops = {.factor = pcg_factor,
+                                    .solve = pcg_solve,
+                                    .descend = pcg_descend,
+                                    .precondition = pcg_precondition,
                                     .restart = restart,
-                                    .destroy = destroy};
+                                    .destroy = pcg_destroy};
   const ms_model *model = system->model;
   *linear = NULL;
-  ms_pcg *s = ms_new(&model->scene->alloc, 1, sizeof *s);
-  if (!s) return ms_fail_memory(err, "conjugate gradients");
+  ms_pcg *s = ms_memory_allocate(&model->scene->alloc, 1, sizeof *s);
+  if (!s) return ms_error_set_memory(err, "conjugate gradients");
   s->base = (ms_linear){.ops = &ops, .system = system, .name = "pcg"};
   s->kernels = ms_pcg_kernels_of[model->isa];
-  s->may_keep = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
-  msim_status status = allocate(s, err);
+  s->may_reuse_coarse = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
+  msim_status status = pcg_allocate(s, err);
   if (!status && aggregate) status = create_coarse(s, aggregate, err);
   s->base.aggregates = s->coarse.aggregates.n;
-  if (status) destroy(&s->base);
+  if (status) pcg_destroy(&s->base);
   else *linear = &s->base;
   return status;
 }

@@ -30,19 +30,20 @@ typedef struct ms_pcg {
   double *inertia;           /* first_pinned: m + h b */
   double *r, *z, *p, *q, *y; /* y: the caller's */
   ms_coarse coarse;
-  int coarse_is_ready;   /* 1: the coarse matrix is factored */
-  int may_keep;          /* 1: that factor may be lagged, i.e. serve later systems */
-  int32_t coarse_age;    /* calls of factor() since it was computed */
-  float *factored;       /* `inverse` when it was computed */
-  double factored_scale; /* jacobi.scale when it was computed */
-  double *sums;          /* one per chunk of slices */
+  int coarse_is_ready;     /* 1: the coarse matrix is factored */
+  int may_reuse_coarse;    /* 1: that factor may be lagged, i.e. serve later systems */
+  int32_t coarse_age;      /* calls of factor() since it was computed */
+  float *factored_inverse; /* `inverse` when it was computed */
+  double factored_scale;   /* jacobi.scale when it was computed */
+  double *sums;            /* one per chunk of slices */
   const struct ms_pcg_kernels *kernels;
 } ms_pcg;
 
 typedef struct ms_pcg_kernels {
   void (*pack)(ms_pcg *s, int32_t begin, int32_t end);
   void (*apply)(const ms_pcg *s, int32_t begin, int32_t end, double *sum);
-  void (*apply_parts)(const ms_pcg *s, double *sum); /* split rows, after apply() of all slices */
+  void (*apply_split_rows)(const ms_pcg *s,
+                           double *sum); /* split rows, after apply() of all slices */
   void (*reduce)(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double *sum);
   void (*advance)(const ms_pcg *s, double alpha, double beta, int32_t begin, int32_t end);
 } ms_pcg_kernels;

@@ -7,17 +7,17 @@
 #include "linear/pcg.h"
 #include "physics/lanes.h"
 
-/* 8 running sums, one per lane of a slice. total() adds them up as a tree, so that the order of
- * summation is the same on every instruction set. */
+/* 8 running sums, one per lane of a slice. total_lanes() adds them up as a tree, so that the order
+ * of summation is the same on every instruction set. */
 typedef struct lane_sums {
-  double lane[MS_GROUP];
+  double lane[MS_SLICE];
 } lane_sums;
 
-MS_INLINE void add(lane_sums *s, size_t lane, ms_lanes v) {
-  ms_store(s->lane + lane, ms_load(s->lane + lane) + v);
+MS_INLINE void add_lanes(lane_sums *s, size_t lane, ms_lanes v) {
+  ms_simd_store(s->lane + lane, ms_simd_load(s->lane + lane) + v);
 }
 
-static inline double total(const lane_sums *s) {
+static inline double total_lanes(const lane_sums *s) {
   const double *l = s->lane;
   return ((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7]));
 }
@@ -25,227 +25,231 @@ static inline double total(const lane_sums *s) {
 /*------------------------------------- pack -----------------------------------------------------*/
 
 /* t, wx, wy, wz of 8 half-edges, by entry, w = sqrt(g) d; dims = 0: a scalar matrix, w stays 0 */
-MS_INLINE void pack_segment(int dims, ms_pcg *s, int32_t segment) {
+MS_INLINE void pack_slice_range(int dims, ms_pcg *s, int32_t segment) {
   const ms_coefficients *a = &s->base.system->a;
   const ms_model *model = s->base.system->model;
-  const ms_halves *halves = &model->halves;
-  const size_t stride = (size_t)model->rows.stride;
+  const ms_half_edges *halves = &model->half_edges;
+  const size_t stride = (size_t)model->unknowns.stride;
   const double by = 1 / s->jacobi.scale, root = sqrt(by);
-  const ms_place p = ms_place_of(halves, segment, NULL, 0);
+  const ms_slice_range p = ms_slice_range_at(halves, segment, NULL, 0);
   for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++)
-    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-      float *to = s->coefficients + 4 * MS_GROUP * (size_t)slot + lane;
-      const size_t at = MS_GROUP * (size_t)slot + lane;
-      ms_store_floats(to, by * ms_load(a->t + at));
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+      float *to = s->coefficients + 4 * MS_SLICE * (size_t)slot + lane;
+      const size_t at = MS_SLICE * (size_t)slot + lane;
+      ms_simd_store_floats(to, by * ms_simd_load(a->t + at));
       if (dims == 0) continue;
-      const ms_vec xi = ms_load_own(dims, p, lane, a->x, stride);
-      const ms_vec xj = ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
-      const ms_vec d = ms_minus(dims, xj, xi);
-      const ms_lanes length = root * ms_sqrt(ms_load(a->g + at));
+      const ms_lane_vectors xi = ms_load_own(dims, p, lane, a->x, stride);
+      const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
+      const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi);
+      const ms_lanes length = root * ms_simd_sqrt(ms_simd_load(a->g + at));
       for (int c = 0; c < dims; c++)
-        ms_store_floats(to + MS_GROUP * (size_t)(c + 1), length * d.c[c]);
+        ms_simd_store_floats(to + MS_SLICE * (size_t)(c + 1), length * d.c[c]);
     }
 }
 
-MS_INLINE void pack_segments(int dims, ms_pcg *s, int32_t begin, int32_t end) {
-  for (int32_t segment = begin; segment < end; segment++) pack_segment(dims, s, segment);
+MS_INLINE void pack_slice_ranges(int dims, ms_pcg *s, int32_t begin, int32_t end) {
+  for (int32_t segment = begin; segment < end; segment++) pack_slice_range(dims, s, segment);
 }
 
 /* Scale an inverse block that exceeds the range of floats, whereby it stays positive definite. The
  * largest entry of such a block is on its diagonal. */
-static void shrink(ms_pcg *s, size_t block, size_t row) {
-  const size_t stride = (size_t)s->base.system->model->rows.first_pinned;
+static void shrink_to_float_range(ms_pcg *s, size_t block, size_t row) {
+  const size_t stride = (size_t)s->base.system->model->unknowns.first_pinned;
   const double *from = s->jacobi.inverse + row;
   double largest = 0;
   for (size_t c = 0; c < block; c++) largest = fmax(largest, from[c * stride]);
   if (largest <= FLT_MAX) return;
-  for (size_t q = 0; q < ms_diagonal_size(block); q++)
+  for (size_t q = 0; q < ms_coefficients_diagonal_size(block); q++)
     s->inverse[q * stride + row] = (float)(FLT_MAX / largest * from[q * stride]);
 }
 
-static void pack_rows(ms_pcg *s, size_t begin, size_t end) {
+static void pack_unknowns(ms_pcg *s, size_t begin, size_t end) {
   const ms_model *model = s->base.system->model;
-  const size_t dims = (size_t)model->rows.dims, stride = (size_t)model->rows.first_pinned;
+  const size_t dims = (size_t)model->unknowns.dims, stride = (size_t)model->unknowns.first_pinned;
   const size_t block = (size_t)s->jacobi.block;
   const double by = 1 / s->jacobi.scale;
   int beyond = 0;
   for (size_t r = begin; r < end; r++)
     s->inertia[r] = by * (model->mass[r] + s->base.system->a.drag);
-  for (size_t q = 0; q < ms_diagonal_size(block); q++)
+  for (size_t q = 0; q < ms_coefficients_diagonal_size(block); q++)
     for (size_t r = begin; r < end; r++) {
       s->inverse[q * stride + r] = (float)s->jacobi.inverse[q * stride + r];
       beyond |= s->jacobi.inverse[q * stride + r] > FLT_MAX;
     }
-  for (size_t r = begin; r < end && beyond; r++) shrink(s, block, r);
+  for (size_t r = begin; r < end && beyond; r++) shrink_to_float_range(s, block, r);
   for (size_t c = 1; c < dims && block == 1; c++) /* repeat scalars along the diagonal of a block */
     memcpy(s->inverse + c * stride + begin, s->inverse + begin, (end - begin) * sizeof(float));
 }
 
-static void pack(ms_pcg *s, int32_t begin, int32_t end) {
+static void pack_slices(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_model *model = s->base.system->model;
-  const ms_halves *halves = &model->halves;
+  const ms_half_edges *halves = &model->half_edges;
   /* split rows together with the last slices */
-  const int32_t last = end < halves->ngroups ? end : halves->ngroups + halves->nparts;
-  if (s->jacobi.block == 1) pack_segments(0, s, begin, last);
-  else if (model->rows.dims == 3) pack_segments(3, s, begin, last);
-  else pack_segments(2, s, begin, last);
-  pack_rows(s, MS_GROUP * (size_t)begin, MS_GROUP * (size_t)end);
+  const int32_t last = end < halves->nslices ? end : halves->nslices + halves->nparts;
+  if (s->jacobi.block == 1) pack_slice_ranges(0, s, begin, last);
+  else if (model->unknowns.dims == 3) pack_slice_ranges(3, s, begin, last);
+  else pack_slice_ranges(2, s, begin, last);
+  pack_unknowns(s, MS_SLICE * (size_t)begin, MS_SLICE * (size_t)end);
 }
 
 /*------------------------------------- apply ----------------------------------------------------*/
 
 /* q += sum of (t I + w w^T) (p_i - p_j) over the half-edges of a slice range, for one register of
  * lanes; p: of these unknowns */
-MS_INLINE void add_springs(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
-                           const ms_lanes p[3], ms_lanes q[3]) {
-  const ms_halves *halves = &s->base.system->model->halves;
-  const size_t stride = (size_t)s->base.system->model->rows.stride;
+MS_INLINE void add_half_edges(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
+                              const ms_lanes p[3], ms_lanes q[3]) {
+  const ms_half_edges *halves = &s->base.system->model->half_edges;
+  const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
-    const float *a = s->coefficients + 4 * MS_GROUP * (size_t)slot + lane;
-    const ms_lanes t = ms_load_floats(a);
-    const ms_vec other = ms_load_neighbours((int)dims, halves, slot, lane, s->p, stride);
+    const float *a = s->coefficients + 4 * MS_SLICE * (size_t)slot + lane;
+    const ms_lanes t = ms_simd_load_floats(a);
+    const ms_lane_vectors other = ms_load_neighbours((int)dims, halves, slot, lane, s->p, stride);
     ms_lanes w[3], d[3], along = {0};
     for (size_t c = 0; c < dims; c++) {
-      w[c] = ms_load_floats(a + MS_GROUP * (c + 1));
+      w[c] = ms_simd_load_floats(a + MS_SLICE * (c + 1));
       d[c] = p[c] - other.c[c];
-      along = ms_fma(w[c], d[c], along);
+      along = ms_simd_fma(w[c], d[c], along);
     }
-    for (size_t c = 0; c < dims; c++) q[c] = ms_fma(along, w[c], ms_fma(t, d[c], q[c]));
+    for (size_t c = 0; c < dims; c++) q[c] = ms_simd_fma(along, w[c], ms_simd_fma(t, d[c], q[c]));
   }
 }
 
-MS_INLINE void apply_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
-  const size_t stride = (size_t)s->base.system->model->rows.stride;
+MS_INLINE void apply_slices_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end,
+                               double *sum) {
+  const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   lane_sums pq = {{0}};
   for (int32_t g = begin; g < end; g++) {
-    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
-      const size_t row = MS_GROUP * (size_t)g + lane;
-      const ms_lanes inertia = ms_load(s->inertia + row);
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+      const size_t row = MS_SLICE * (size_t)g + lane;
+      const ms_lanes inertia = ms_simd_load(s->inertia + row);
       ms_lanes p[3], q[3], dot = {0};
       for (size_t c = 0; c < dims; c++) {
-        p[c] = ms_load(s->p + c * stride + row);
+        p[c] = ms_simd_load(s->p + c * stride + row);
         q[c] = inertia * p[c];
       }
-      add_springs(dims, s, g, lane, p, q);
+      add_half_edges(dims, s, g, lane, p, q);
       for (size_t c = 0; c < dims; c++) {
-        ms_store(s->q + c * stride + row, q[c]);
+        ms_simd_store(s->q + c * stride + row, q[c]);
         dot += p[c] * q[c];
       }
-      add(&pq, lane, dot);
+      add_lanes(&pq, lane, dot);
     }
   }
-  *sum = total(&pq);
+  *sum = total_lanes(&pq);
 }
 
 /* Add the sums of split rows to q, one part after the other. */
-MS_INLINE void apply_parts_of(size_t dims, const ms_pcg *s, double *sum) {
-  const ms_halves *halves = &s->base.system->model->halves;
-  const size_t stride = (size_t)s->base.system->model->rows.stride;
+MS_INLINE void apply_split_rows_of(size_t dims, const ms_pcg *s, double *sum) {
+  const ms_half_edges *halves = &s->base.system->model->half_edges;
+  const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   *sum = 0;
   for (int32_t part = 0; part < halves->nparts; part++) {
     const size_t row = (size_t)halves->part_row[part];
     lane_sums sums[3];
-    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const ms_lanes zero = {0};
       ms_lanes p[3], q[3] = {zero, zero, zero};
       for (size_t c = 0; c < dims; c++) p[c] = zero + s->p[c * stride + row];
-      add_springs(dims, s, halves->ngroups + part, lane, p, q);
+      add_half_edges(dims, s, halves->nslices + part, lane, p, q);
       /* cppcheck-suppress legacyUninitvar; an address is no read */
-      for (size_t c = 0; c < dims; c++) ms_store(sums[c].lane + lane, q[c]);
+      for (size_t c = 0; c < dims; c++) ms_simd_store(sums[c].lane + lane, q[c]);
     }
     for (size_t c = 0; c < dims; c++) {
-      const double q = total(&sums[c]);
+      const double q = total_lanes(&sums[c]);
       s->q[c * stride + row] += q;
       *sum += s->p[c * stride + row] * q;
     }
   }
 }
 
-static void apply(const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
-  if (s->base.system->model->rows.dims == 3) apply_of(3, s, begin, end, sum);
-  else apply_of(2, s, begin, end, sum);
+static void apply_slices(const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
+  if (s->base.system->model->unknowns.dims == 3) apply_slices_of(3, s, begin, end, sum);
+  else apply_slices_of(2, s, begin, end, sum);
 }
 
-static void apply_parts(const ms_pcg *s, double *sum) {
-  if (s->base.system->model->rows.dims == 3) apply_parts_of(3, s, sum);
-  else apply_parts_of(2, s, sum);
+static void apply_split_rows(const ms_pcg *s, double *sum) {
+  if (s->base.system->model->unknowns.dims == 3) apply_split_rows_of(3, s, sum);
+  else apply_split_rows_of(2, s, sum);
 }
 
 /*------------------------------------- reduce ---------------------------------------------------*/
 
-MS_INLINE void reduce_of(size_t dims, const ms_pcg *s, double alpha, int32_t begin, int32_t end,
-                         double *sum) {
-  const size_t stride = (size_t)s->base.system->model->rows.stride;
-  const size_t sd = (size_t)s->base.system->model->rows.first_pinned;
+MS_INLINE void reduce_slices_of(size_t dims, const ms_pcg *s, double alpha, int32_t begin,
+                                int32_t end, double *sum) {
+  const size_t stride = (size_t)s->base.system->model->unknowns.stride;
+  const size_t sd = (size_t)s->base.system->model->unknowns.first_pinned;
   lane_sums rz = {{0}};
-  for (size_t row = MS_GROUP * (size_t)begin; row < MS_GROUP * (size_t)end; row += MS_LANES) {
+  for (size_t row = MS_SLICE * (size_t)begin; row < MS_SLICE * (size_t)end; row += MS_LANES) {
     ms_lanes r[3], dot = {0};
     for (size_t c = 0; c < dims; c++) {
-      r[c] = ms_load(s->r + c * stride + row) - alpha * ms_load(s->q + c * stride + row);
-      ms_store(s->r + c * stride + row, r[c]);
+      r[c] = ms_simd_load(s->r + c * stride + row) - alpha * ms_simd_load(s->q + c * stride + row);
+      ms_simd_store(s->r + c * stride + row, r[c]);
     }
     for (size_t c = 0; c < dims; c++) {
       ms_lanes z = {0};
       for (size_t d = 0; d < dims; d++)
-        z += ms_load_floats(s->inverse + ms_diagonal_entry(dims, c, d) * sd + row) * r[d];
-      ms_store(s->z + c * stride + row, z);
+        z += ms_simd_load_floats(s->inverse + ms_coefficients_diagonal_element(dims, c, d) * sd +
+                                 row) *
+             r[d];
+      ms_simd_store(s->z + c * stride + row, z);
       dot += r[c] * z;
     }
-    add(&rz, row % MS_GROUP, dot);
+    add_lanes(&rz, row % MS_SLICE, dot);
   }
-  *sum = total(&rz);
+  *sum = total_lanes(&rz);
 }
 
-static void reduce(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double *sum) {
-  if (s->base.system->model->rows.dims == 3) reduce_of(3, s, alpha, begin, end, sum);
-  else reduce_of(2, s, alpha, begin, end, sum);
+static void reduce_slices(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double *sum) {
+  if (s->base.system->model->unknowns.dims == 3) reduce_slices_of(3, s, alpha, begin, end, sum);
+  else reduce_slices_of(2, s, alpha, begin, end, sum);
 }
 
 /*------------------------------------- advance --------------------------------------------------*/
 
 /* P c at the 8 unknowns of a slice */
-MS_INLINE void prolong(size_t dims, const ms_coarse *coarse, size_t row, double out[3][MS_GROUP]) {
+MS_INLINE void prolong(size_t dims, const ms_coarse *coarse, size_t row, double out[3][MS_SLICE]) {
   const ms_aggregates *g = &coarse->aggregates;
-  for (size_t l = 0; l < MS_GROUP; l += 4) {
+  for (size_t l = 0; l < MS_SLICE; l += 4) {
     ms_quad v[3][4];
     for (size_t k = 0; k < 4; k++) {
       const int32_t of = g->of[row + l + k];
-      const ms_quad w = ms_load_float_quad(g->weight + MS_MODES * (row + l + k));
+      const ms_quad w = ms_simd_load_float_quad(g->weight + MS_MODES * (row + l + k));
       const double *z = coarse->z + MS_MODES * dims * (size_t)(of < 0 ? 0 : of);
-      for (size_t c = 0; c < dims; c++) v[c][k] = w * ms_load_quad(z + MS_MODES * c);
+      for (size_t c = 0; c < dims; c++) v[c][k] = w * ms_simd_load_quad(z + MS_MODES * c);
     }
     for (size_t c = 0; c < dims; c++)
-      ms_store_quad(out[c] + l, ms_quad_sums(v[c][0], v[c][1], v[c][2], v[c][3]));
+      ms_simd_store_quad(out[c] + l, ms_simd_quad_sums(v[c][0], v[c][1], v[c][2], v[c][3]));
   }
 }
 
-MS_INLINE void advance_of(size_t dims, int two_level, const ms_pcg *s, double alpha, double beta,
-                          int32_t begin, int32_t end) {
-  const size_t stride = (size_t)s->base.system->model->rows.stride;
-  double coarse[3][MS_GROUP] = {{0}};
-  for (size_t g = MS_GROUP * (size_t)begin; g < MS_GROUP * (size_t)end; g += MS_GROUP) {
+MS_INLINE void advance_slices_of(size_t dims, int two_level, const ms_pcg *s, double alpha,
+                                 double beta, int32_t begin, int32_t end) {
+  const size_t stride = (size_t)s->base.system->model->unknowns.stride;
+  double coarse[3][MS_SLICE] = {{0}};
+  for (size_t g = MS_SLICE * (size_t)begin; g < MS_SLICE * (size_t)end; g += MS_SLICE) {
     if (two_level) prolong(dims, &s->coarse, g, coarse);
-    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       for (size_t c = 0; c < dims; c++) {
         const size_t at = c * stride + g + lane;
-        const ms_lanes p = ms_load(s->p + at);
-        ms_store(s->y + at, ms_load(s->y + at) + alpha * p);
-        const ms_lanes z = ms_load(s->z + at) + ms_load(coarse[c] + lane);
-        ms_store(s->p + at, z + beta * p);
+        const ms_lanes p = ms_simd_load(s->p + at);
+        ms_simd_store(s->y + at, ms_simd_load(s->y + at) + alpha * p);
+        const ms_lanes z = ms_simd_load(s->z + at) + ms_simd_load(coarse[c] + lane);
+        ms_simd_store(s->p + at, z + beta * p);
       }
     }
   }
 }
 
-static void advance(const ms_pcg *s, double alpha, double beta, int32_t begin, int32_t end) {
-  const int dims = s->base.system->model->rows.dims;
+static void advance_slices(const ms_pcg *s, double alpha, double beta, int32_t begin, int32_t end) {
+  const int dims = s->base.system->model->unknowns.dims;
   if (s->coarse_is_ready) {
-    if (dims == 3) advance_of(3, 1, s, alpha, beta, begin, end);
-    else advance_of(2, 1, s, alpha, beta, begin, end);
+    if (dims == 3) advance_slices_of(3, 1, s, alpha, beta, begin, end);
+    else advance_slices_of(2, 1, s, alpha, beta, begin, end);
   } else {
-    if (dims == 3) advance_of(3, 0, s, alpha, beta, begin, end);
-    else advance_of(2, 0, s, alpha, beta, begin, end);
+    if (dims == 3) advance_slices_of(3, 0, s, alpha, beta, begin, end);
+    else advance_slices_of(2, 0, s, alpha, beta, begin, end);
   }
 }
 
-const ms_pcg_kernels MS_TABLE(ms_pcg_kernels) = {pack, apply, apply_parts, reduce, advance};
+const ms_pcg_kernels MS_TABLE(ms_pcg_kernels) = {pack_slices, apply_slices, apply_split_rows,
+                                                 reduce_slices, advance_slices};

@@ -6,20 +6,20 @@
 
 #include "linear/jacobi.h"
 
-void ms_change_right_hand_side(const ms_system *s, const double *b, const double *base,
-                               double *to) {
+void ms_residual_compute_change_rhs(const ms_linear_system *s, const double *b, const double *base,
+                                    double *to) {
   ms_coefficients_apply_massless(s->model, &s->a, base, to);
-  ms_combine(s->model->shape, b, -1, to, to);
+  ms_vector_add_scaled(s->model->shape, b, -1, to, to);
 }
 
-double ms_true_residual(const ms_system *s, const double *b, const double *y, double *r) {
-  ms_system_apply(s, y, r);
-  ms_combine(s->model->shape, b, -1, r, r);
+double ms_residual_compute(const ms_linear_system *s, const double *b, const double *y, double *r) {
+  ms_linear_system_apply(s, y, r);
+  ms_vector_add_scaled(s->model->shape, b, -1, r, r);
   return ms_jacobi_norm(s->model, &s->a, r);
 }
 
-double ms_rounding_level(const ms_system *s, const double *b, const double *y, double *work1,
-                         double *work2) {
+double ms_residual_compute_rounding_level(const ms_linear_system *s, const double *b,
+                                          const double *y, double *work1, double *work2) {
   const ms_shape shape = s->model->shape;
   double sum = 0;
   ms_coefficients_apply_abs(s->model, &s->a, y, work1);

@@ -6,14 +6,15 @@
 
 /* to = b - (A - M) base, without the weights of constraints (physics/force.h). A dv = to is then
  * A (base + dv) = b + M base, and `to` is small where the velocity hardly changes. */
-void ms_change_right_hand_side(const ms_system *s, const double *b, const double *base, double *to);
+void ms_residual_compute_change_rhs(const ms_linear_system *s, const double *b, const double *base,
+                                    double *to);
 
 /* r = b - A y. Returns its norm (jacobi.h). */
-double ms_true_residual(const ms_system *s, const double *b, const double *y, double *r);
+double ms_residual_compute(const ms_linear_system *s, const double *b, const double *y, double *r);
 
 /* The norm of the rounding errors of a residual, 8 eps (|A| |y| + |b|). It is the sum of the norms
  * of single components, because signs are arbitrary, and D^-1 may nearly cancel components. */
-double ms_rounding_level(const ms_system *s, const double *b, const double *y, double *work1,
-                         double *work2);
+double ms_residual_compute_rounding_level(const ms_linear_system *s, const double *b,
+                                          const double *y, double *work1, double *work2);
 
 #endif

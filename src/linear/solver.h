@@ -3,52 +3,52 @@
 #ifndef MS_SOLVER_H
 #define MS_SOLVER_H
 
-#include "base/bytes.h"
+#include "base/archive.h"
 #include "linear/bicgstab.h"
 #include "linear/elimination.h"
-#include "linear/kept.h"
+#include "linear/lagged_factor.h"
 #include "linear/momentum.h"
 
 /* Amortization: cholmod computes a factor once pcg has spent its cost on a matrix that hardly
  * changes. */
-typedef struct ms_savings {
+typedef struct ms_amortization {
   int allowed;
   ms_linear *cholmod; /* NULL: not opened */
   double flops;       /* of pcg since the matrix changed, or since cholmod computed a factor */
-  int64_t steps;      /* solves that took them */
-} ms_savings;
+  int64_t solves;     /* solves that took them */
+} ms_amortization;
 
 /* Linearization point: the data from which a factorization was computed. A resumed run computes it
  * again from them, to the bit. */
-typedef struct ms_origin {
-  double *x;     /* NULL: not recorded, as no factor is lagged, or as A does not depend on x */
-  ms_hold *hold; /* nholds constrained unknowns; NULL where there can be none */
+typedef struct ms_linearization_point {
+  double *x; /* NULL: not recorded, as no factor is lagged, or as A does not depend on x */
+  ms_constraint *constraint; /* nholds constrained unknowns; NULL where there can be none */
   double h;
-  int32_t clamped, kind, nholds;
-} ms_origin;
+  int32_t clamped, kind, nconstraints;
+} ms_linearization_point;
 
 typedef struct ms_solver {
-  ms_system system;
+  ms_linear_system system;
   const msim_options *opt;
   ms_linear *linear;
-  ms_target target;
+  ms_linear_target target;
   int may_switch; /* 1: auto selected pcg, and may still replace it by cholmod */
-  ms_kept kept;
-  ms_savings savings;
-  double made_for;     /* h of the constant matrix that is factored; 0: none */
-  double h;            /* of the present matrix */
-  double planned;      /* h at creation, for which the linear solver was selected */
-  ms_origin by_kept;   /* of the lagged factor */
-  ms_origin by_coarse; /* of the coarse factor of pcg */
+  ms_lagged_factor lagged_factor;
+  ms_amortization amortization;
+  double constant_h;                   /* h of the constant matrix that is factored; 0: none */
+  double h;                            /* of the present matrix */
+  double creation_h;                   /* h at creation, for which the linear solver was selected */
+  ms_linearization_point lagged_point; /* of the lagged factor */
+  ms_linearization_point coarse_point; /* of the coarse factor of pcg */
   msim_stats *stats;
-  ms_free_components components;
+  ms_momentum_components components;
   ms_bicgstab bicgstab;       /* for pcg and auto, with Newton's method and damping; else empty */
   ms_elimination elimination; /* likewise, with few unknowns */
   double *b;                  /* the right-hand side of a spec with a base */
   double *residual, *correction, *magnitude; /* work vectors */
-  double reached;   /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
-  int32_t culprit;  /* the offending unknown of the last status != MSIM_OK; -1: none */
-  char reason[256]; /* why this linear solver: text for `explain` */
+  double relative_residual; /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
+  int32_t offender;         /* the offending unknown of the last status != MSIM_OK; -1: none */
+  char reason[256];         /* why this linear solver: text for `explain` */
 } ms_solver;
 
 /* opt must outlive the solver. h: the step, for solver = auto. nonlinear: 1 for Newton's method,
@@ -59,20 +59,20 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
 void ms_solver_destroy(ms_solver *solver);
 
 /* Linear system spec: which matrix, and how accurate a solution. */
-typedef struct ms_request {
+typedef struct ms_linear_system_spec {
   const double *x; /* positions: A(x, h) */
   double h;
-  const double *v; /* velocities: A(x, v, h), with the damping derivative; NULL: without it */
-  int direct;      /* with v: 1 for elimination in place of BiCGStab, where unknowns are few */
-  ms_hold *hold;   /* nholds constrained unknowns */
-  int32_t nholds;
+  const double *v;     /* velocities: A(x, v, h), with the damping derivative; NULL: without it */
+  int use_elimination; /* with v: 1 for elimination in place of BiCGStab, where unknowns are few */
+  ms_constraint *constraint; /* nholds constrained unknowns */
+  int32_t nconstraints;
   int clamp;          /* 1: the clamped matrix, which is always positive definite */
   int32_t indefinite; /* MSIM_INDEFINITE_...: the treatment of an A that is not positive definite;
                          -1: none, MSIM_NOT_SPD is returned */
   double rtol;        /* of the residual */
   const double *base; /* the solution is a change from this velocity: the right-hand side is
                          b - (A - M) base, with the matrix that is finally used; NULL: b */
-} ms_request;
+} ms_linear_system_spec;
 
 /* v = A(x, h)^-1 b. v: the solution on output, undefined unless MSIM_OK; iterations start from 0.
  *
@@ -91,45 +91,50 @@ typedef struct ms_request {
  *   5. auto replaces pcg by cholmod for good, if cholmod is available.
  *   6. auto computes a factorization by cholmod where pcg has spent its cost on a matrix that
  *      hardly changes; it preconditions as in 1 until it fails.
- * MSIM_NOT_FINITE: b, A or v has NaN or numbers beyond MS_HUGE. */
-msim_status ms_solver_solve(ms_solver *solver, const ms_request *request, const double *b,
-                            double *v, msim_error *err);
+ * MSIM_NOT_FINITE: b, A or v has NaN or numbers beyond MS_LARGEST_VALID. */
+msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *request,
+                            const double *b, double *v, msim_error *err);
 
 /* 1: specs may have a v, because springs are damped and a solver for non-symmetric matrices exists:
  * the one selected, or BiCGStab or elimination beside it. */
-int ms_solver_takes_turning(const ms_solver *solver);
+int ms_solver_supports_damping_derivative(const ms_solver *solver);
 
 /* A descent direction v, b.v > 0, by conjugate gradients on A(x, h) from 0 to the relative residual
- * request->rtol (ms_linear_ops.descend). Not where ms_solver_descends() is 0. */
-int ms_solver_descends(const ms_solver *solver);
-msim_status ms_solver_descend(ms_solver *solver, const ms_request *request, const double *b,
-                              double *v, msim_error *err);
+ * request->rtol (ms_linear_ops.descend). Not where ms_solver_can_descend() is 0. */
+int ms_solver_can_descend(const ms_solver *solver);
+msim_status ms_solver_descend(ms_solver *solver, const ms_linear_system_spec *request,
+                              const double *b, double *v, msim_error *err);
 
 /* Discard lagged factors, so that later solves depend on the state alone. */
-void ms_solver_restart(ms_solver *solver);
+void ms_solver_discard_factors(ms_solver *solver);
 
 /* 1: the linear solver, or its coarse space, was selected by h and the springs at its creation. */
-int ms_solver_is_chosen(const ms_solver *solver);
+int ms_solver_depends_on_springs(const ms_solver *solver);
 
-/* Count, write or read all that later solves take over from earlier ones (history.c). To be read by
- * a solver just created with the same h, and, if ms_solver_is_chosen(), the same springs: it then
- * solves to the same bits. After an error, or with invalid bytes, it must not be used. */
-msim_status ms_solver_history(ms_bytes *bytes, ms_solver *solver, msim_error *err);
+/* Count, write or read all that later solves take over from earlier ones (solver_state.c). To be
+ * read by a solver just created with the same h, and, if ms_solver_depends_on_springs(), the same
+ * springs: it then solves to the same bits. After an error, or with invalid bytes, it must not be
+ * used. */
+msim_status ms_solver_archive(ms_archive *bytes, ms_solver *solver, msim_error *err);
 
-/* For ms_solver_history(): */
+/* For ms_solver_archive(): */
 /* Let `by`, a linear solver of this one, compute its factorization at a linearization point. */
-msim_status ms_solver_make(ms_solver *solver, ms_linear *by, const ms_origin *origin,
-                           msim_error *err);
+msim_status ms_solver_factor_at(ms_solver *solver, ms_linear *by,
+                                const ms_linearization_point *origin, msim_error *err);
 /* 1: specs may have constraints. */
-int ms_solver_may_hold(const ms_solver *solver);
+int ms_solver_may_have_constraints(const ms_solver *solver);
+/* Memory for a linearization point, unless it is there or the matrix is constant */
+msim_status ms_solver_create_linearization_point(ms_solver *solver, ms_linearization_point *point,
+                                                 msim_error *err);
+void ms_solver_destroy_linearization_point(ms_solver *solver, ms_linearization_point *point);
 /* Replace pcg by cholmod for good; open cholmod beside pcg, for factors that precondition; drop
  * these for good. */
-msim_status ms_solver_switch(ms_solver *solver, msim_error *err);
+msim_status ms_solver_switch_to_cholmod(ms_solver *solver, msim_error *err);
 msim_status ms_solver_add_cholmod(ms_solver *solver, msim_error *err);
-void ms_solver_drop_kept(ms_solver *solver);
+void ms_solver_drop_lagged_factor(ms_solver *solver);
 
 /* To be called after a change of the springs, which must leave a scalar matrix scalar, and others
  * not. */
-void ms_solver_renew(ms_solver *solver);
+void ms_solver_update_springs(ms_solver *solver);
 
 #endif

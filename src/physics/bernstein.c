@@ -21,7 +21,7 @@ void ms_bernstein_elevate(ms_bernstein *s) {
 }
 
 /* De Casteljau's algorithm: subdivision at q; the last coefficient of `left` is s(q). */
-static void split(const ms_bernstein *s, double q, ms_bernstein *left, ms_bernstein *right) {
+static void subdivide(const ms_bernstein *s, double q, ms_bernstein *left, ms_bernstein *right) {
   const int n = s->degree;
   *right = *s;
   left->degree = n;
@@ -31,19 +31,19 @@ static void split(const ms_bernstein *s, double q, ms_bernstein *left, ms_bernst
   }
 }
 
-double ms_bernstein_at(const ms_bernstein *s, double q) {
+double ms_bernstein_evaluate(const ms_bernstein *s, double q) {
   ms_bernstein left, right;
-  split(s, q, &left, &right);
+  subdivide(s, q, &left, &right);
   return right.c[0];
 }
 
-double ms_bernstein_least(const ms_bernstein *s) {
+double ms_bernstein_lower_bound(const ms_bernstein *s) {
   double least = s->c[0];
   for (int i = 1; i <= s->degree; i++) least = fmin(least, s->c[i]);
   return least;
 }
 
-static int count_signs(const ms_bernstein *s) {
+static int count_sign_changes(const ms_bernstein *s) {
   int count = 0;
   for (int i = 0; i < s->degree; i++) count += (s->c[i] > 0) != (s->c[i + 1] > 0);
   return count;
@@ -51,14 +51,14 @@ static int count_signs(const ms_bernstein *s) {
 
 /* The only root of an s with s(0) > 0 > s(1): the Illinois method, false position with halved
  * values (Dowell and Jarratt, BIT 11 (1971) 168). */
-static double find_root(const ms_bernstein *s) {
+static double find_single_root(const ms_bernstein *s) {
   enum { MOST = 100 };
   double lo = 0, hi = 1, above = s->c[0], below = s->c[s->degree];
   int side = 0;
   for (int i = 0; i < MOST && hi - lo > DBL_EPSILON * hi; i++) {
     double q = lo + (hi - lo) * above / (above - below);
     if (!(q > lo && q < hi)) q = 0.5 * (lo + hi);
-    const double value = ms_bernstein_at(s, q);
+    const double value = ms_bernstein_evaluate(s, q);
     if (value == 0) return q;
     if (value > 0) {
       lo = q, above = value;
@@ -73,22 +73,22 @@ static double find_root(const ms_bernstein *s) {
 }
 
 /* s covers [from, from + width] of the original polynomial; the result refers to the latter. */
-static double first_fall(const ms_bernstein *s, double noise, double from, double width) {
+static double find_crossing_in(const ms_bernstein *s, double tolerance, double from, double width) {
   const double NARROWEST = 1e-14;
-  if (!(ms_bernstein_least(s) < -noise)) return MS_NOWHERE;
+  if (!(ms_bernstein_lower_bound(s) < -tolerance)) return MS_NOWHERE;
   if (s->c[0] <= 0 || width < NARROWEST) return from;
-  if (s->c[s->degree] < 0 && count_signs(s) == 1) return from + width * find_root(s);
+  if (s->c[s->degree] < 0 && count_sign_changes(s) == 1) return from + width * find_single_root(s);
   ms_bernstein left, right;
-  split(s, 0.5, &left, &right);
-  const double q = first_fall(&left, noise, from, width / 2);
-  return q <= 1 ? q : first_fall(&right, noise, from + width / 2, width / 2);
+  subdivide(s, 0.5, &left, &right);
+  const double q = find_crossing_in(&left, tolerance, from, width / 2);
+  return q <= 1 ? q : find_crossing_in(&right, tolerance, from + width / 2, width / 2);
 }
 
 /* s - s(0) = q r(q) with r_i = n/(i + 1) (s_(i+1) - s_0) */
-double ms_bernstein_first_fall(const ms_bernstein *s, double noise) {
-  if (s->c[0] > noise) return first_fall(s, noise, 0, 1);
+double ms_bernstein_find_crossing(const ms_bernstein *s, double tolerance) {
+  if (s->c[0] > tolerance) return find_crossing_in(s, tolerance, 0, 1);
   const int n = s->degree;
   ms_bernstein r = {.degree = n - 1};
   for (int i = 0; i < n; i++) r.c[i] = (s->c[i + 1] - s->c[0]) * n / (i + 1);
-  return first_fall(&r, noise, 0, 1);
+  return find_crossing_in(&r, tolerance, 0, 1);
 }

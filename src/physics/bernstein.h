@@ -8,11 +8,11 @@
 #ifndef MS_BERNSTEIN_H
 #define MS_BERNSTEIN_H
 
-enum { MS_MAX_DEGREE = 7 };
+enum { MS_BERNSTEIN_MAX_DEGREE = 7 };
 
 typedef struct ms_bernstein {
   int degree;
-  double c[MS_MAX_DEGREE + 1];
+  double c[MS_BERNSTEIN_MAX_DEGREE + 1];
 } ms_bernstein;
 
 /* The cubic Hermite interpolant of values and slopes ds/dq at both ends. */
@@ -22,17 +22,18 @@ ms_bernstein ms_bernstein_cubic(double s0, double slope0, double s1, double slop
 ms_bernstein ms_bernstein_quintic(double s0, double slope0, double bend0, double s1, double slope1,
                                   double bend1);
 
-/* Degree elevation: the same polynomial with one coefficient more, MS_MAX_DEGREE at most. */
+/* Degree elevation: the same polynomial with one coefficient more, MS_BERNSTEIN_MAX_DEGREE at most.
+ * */
 void ms_bernstein_elevate(ms_bernstein *s);
 
-double ms_bernstein_at(const ms_bernstein *s, double q);
+double ms_bernstein_evaluate(const ms_bernstein *s, double q);
 
 /* The least coefficient, a lower bound of the values in [0, 1]. */
-double ms_bernstein_least(const ms_bernstein *s);
+double ms_bernstein_lower_bound(const ms_bernstein *s);
 
 /* The first q where s falls below 0 and goes on below -noise (smaller values may be rounding
  * errors); MS_NOWHERE: none. If s(0) <= noise, the first q where s falls below s(0) again. */
 #define MS_NOWHERE 2.0
-double ms_bernstein_first_fall(const ms_bernstein *s, double noise);
+double ms_bernstein_find_crossing(const ms_bernstein *s, double tolerance);
 
 #endif

@@ -6,7 +6,7 @@
 
 /* Disc of particle i: (1/m_i) (sum w + sum of w to free neighbours + b), 0 if pinned; the largest
  * one bounds all eigenvalues (Gershgorin 1931). disc: nparticles, in: zeros. */
-static double compute_discs(const ms_laplacian *l, double *disc) {
+static double compute_gershgorin_discs(const ms_laplacian *l, double *disc) {
   const ms_scene *s = l->scene;
   double largest = 0;
   for (size_t e = 0; e < (size_t)s->nsprings; e++) {
@@ -28,21 +28,21 @@ static int any_above_zero(int32_t n, const double *values) {
 }
 
 /* The discs are exact if all weights are 0. */
-static msim_status bound_largest(const ms_laplacian *l, int sharp, double *bound, msim_error *err) {
+static msim_status bound_largest(const ms_laplacian *l, int tight, double *bound, msim_error *err) {
   const ms_scene *s = l->scene;
-  double *disc = ms_new(&s->alloc, (size_t)s->nparticles, sizeof *disc), sharper;
-  if (!disc) return ms_fail_memory(err, "the stability bounds");
+  double *disc = ms_memory_allocate(&s->alloc, (size_t)s->nparticles, sizeof *disc), tighter;
+  if (!disc) return ms_error_set_memory(err, "the stability bounds");
   msim_status status = MSIM_OK;
-  *bound = compute_discs(l, disc);
-  if (sharp && *bound > 0 && any_above_zero(s->nsprings, l->weight)) {
-    status = ms_lanczos_bound(l, disc, &sharper, err);
-    if (!status) *bound = fmin(*bound, sharper);
+  *bound = compute_gershgorin_discs(l, disc);
+  if (tight && *bound > 0 && any_above_zero(s->nsprings, l->weight)) {
+    status = ms_lanczos_bound(l, disc, &tighter, err);
+    if (!status) *bound = fmin(*bound, tighter);
   }
-  ms_delete(&s->alloc, disc);
+  ms_memory_free(&s->alloc, disc);
   return status;
 }
 
-static double heaviest(const ms_scene *s) {
+static double find_largest_mass(const ms_scene *s) {
   double most = 0;
   for (int32_t p = 0; p < s->nparticles; p++)
     if (!s->pinned[p]) most = fmax(most, s->mass[p]);
@@ -85,38 +85,38 @@ static int raise_ratios(const ms_scene *s, uncovered *u) {
  * bound. */
 static msim_status bound_ratio(const ms_scene *s, double *bound, msim_error *err) {
   enum { MOST_STEPS = 100 };
-  uncovered *u = ms_new(&s->alloc, (size_t)s->nparticles, sizeof *u);
-  if (!u) return ms_fail_memory(err, "the stability bounds");
+  uncovered *u = ms_memory_allocate(&s->alloc, (size_t)s->nparticles, sizeof *u);
+  if (!u) return ms_error_set_memory(err, "the stability bounds");
   int step = 0;
   while (step < MOST_STEPS && raise_ratios(s, u)) step++;
   *bound = step < MOST_STEPS ? 0 : INFINITY;
   for (int32_t p = 0; p < s->nparticles; p++) *bound = fmax(*bound, u[p].ratio);
-  ms_delete(&s->alloc, u);
+  ms_memory_free(&s->alloc, u);
   return MSIM_OK;
 }
 
-msim_status ms_bounds_compute(const ms_scene *scene, int sharp, ms_bounds *bounds,
+msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bounds,
                               msim_error *err) {
   const ms_laplacian elastic = {scene, scene->k, 0};
   const ms_laplacian damped = {scene, scene->damping, scene->drag};
   double omega2;
-  msim_status status = bound_largest(&elastic, sharp, &omega2, err);
-  if (!status) status = bound_largest(&damped, sharp, &bounds->rate, err);
+  msim_status status = bound_largest(&elastic, tight, &omega2, err);
+  if (!status) status = bound_largest(&damped, tight, &bounds->rate, err);
   if (!status) status = bound_ratio(scene, &bounds->ratio, err);
   if (status) return status;
   bounds->omega = sqrt(omega2);
-  bounds->least_rate = scene->drag > 0 ? scene->drag / heaviest(scene) : 0;
+  bounds->least_rate = scene->drag > 0 ? scene->drag / find_largest_mass(scene) : 0;
   return MSIM_OK;
 }
 
-ms_bounds ms_bounds_of(const ms_model *model) {
-  const ms_halves *halves = &model->halves;
+ms_bounds ms_bounds_compute_island(const ms_model *model) {
+  const ms_half_edges *halves = &model->half_edges;
   double omega2 = 0, rate = 0, heaviest = 0;
-  for (int32_t r = 0; r < model->rows.nfree; r++) {
-    const ms_span span = ms_halves_of(halves, r);
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
     double k = 0, c = 0;
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int ends = halves->neighbour[at] < model->rows.nfree ? 2 : 1;
+      const int ends = halves->neighbour[at] < model->unknowns.nfree ? 2 : 1;
       k += ends * halves->k[at], c += ends * halves->damping[at];
     }
     omega2 = fmax(omega2, k * model->inv_mass[r]);

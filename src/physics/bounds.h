@@ -27,9 +27,9 @@ typedef struct ms_bounds {
 
 /* By Gershgorin discs, in one loop over the springs for each of k and c. sharp: also by Lanczos's
  * method, in 15 to 30 more loops each; never above the discs. */
-msim_status ms_bounds_compute(const ms_scene *scene, int sharp, ms_bounds *bounds, msim_error *err);
+msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bounds, msim_error *err);
 
 /* By Gershgorin discs for one island, with ratio = 0; allocates nothing. */
-ms_bounds ms_bounds_of(const ms_model *model);
+ms_bounds ms_bounds_compute_island(const ms_model *model);
 
 #endif

@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-static void add_particle(const ms_scene *s, int32_t p, const double *x, const double *v,
-                         msim_energy *e) {
+static void add_particle_energy(const ms_scene *s, int32_t p, const double *x, const double *v,
+                                msim_energy *e) {
   double m = s->mass[p];
   x += 3 * (size_t)p;
   v += 3 * (size_t)p;
@@ -16,7 +16,7 @@ static void add_particle(const ms_scene *s, int32_t p, const double *x, const do
   }
 }
 
-static double elastic(const ms_scene *s, int32_t spring, const double *x) {
+static double elastic_energy_of(const ms_scene *s, int32_t spring, const double *x) {
   const double *a = x + 3 * (size_t)s->ij[2 * (size_t)spring];
   const double *b = x + 3 * (size_t)s->ij[2 * (size_t)spring + 1];
   double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
@@ -24,10 +24,11 @@ static double elastic(const ms_scene *s, int32_t spring, const double *x) {
   return 0.5 * s->k[spring] * stretch * stretch;
 }
 
-void ms_energy(const ms_scene *scene, const double *x, const double *v, msim_energy *energy) {
+void ms_energy_compute(const ms_scene *scene, const double *x, const double *v,
+                       msim_energy *energy) {
   msim_energy e = {.size = energy->size};
-  for (int32_t p = 0; p < scene->nparticles; p++) add_particle(scene, p, x, v, &e);
-  for (int32_t i = 0; i < scene->nsprings; i++) e.elastic += elastic(scene, i, x);
+  for (int32_t p = 0; p < scene->nparticles; p++) add_particle_energy(scene, p, x, v, &e);
+  for (int32_t i = 0; i < scene->nsprings; i++) e.elastic += elastic_energy_of(scene, i, x);
   e.total = e.kinetic + e.elastic + e.gravitational;
   *energy = e;
 }

@@ -4,24 +4,24 @@
 
 #include "physics/model.h"
 
-/* The smallest normal double. A spring with l^2 below it has no direction; ms_force computes its
- * force with this l^2. */
-#define MS_ZERO_LENGTH2 2.2250738585072014e-308
+/* The smallest normal double. A spring with l^2 below it has no direction; ms_force_compute
+ * computes its force with this l^2. */
+#define MS_MIN_LENGTH2 2.2250738585072014e-308
 
 /* f = F(x, v) on the unknowns. With d = x_j - x_i, l = |d|, u = d/l, a spring exerts the force
  * (k (l - L) + c u.(v_j - v_i)) u on i and its opposite on j; l = 0: none. Gravity adds m g, drag
- * -b v. v NULL: without the terms in v. Each row adds up its springs in the order of halves.h. The
- * values of f past the unknowns are undefined. */
-void ms_force(const ms_model *model, const double *x, const double *v, double *f);
+ * -b v. v NULL: without the terms in v. Each row adds up its springs in the order of half_edges.h.
+ * The values of f past the unknowns are undefined. */
+void ms_force_compute(const ms_model *model, const double *x, const double *v, double *f);
 
 /* A constraint of a row by planes, as a penalty: it adds sum weight n n^T + drag (I - sum n n^T) to
  * the diagonal block, so that the row hardly moves along the directions n. */
-typedef struct ms_hold {
+typedef struct ms_constraint {
   int32_t row, n;
-  double along[3][3]; /* n unit vectors in space */
-  double weight;      /* kg, set by ms_coefficients_hold */
-  double drag;        /* kg: h times the coefficient of viscous friction across them */
-} ms_hold;
+  double direction[3][3]; /* n unit vectors in space */
+  double weight;          /* kg, set by ms_coefficients_add_constraints */
+  double friction;        /* kg: h times the coefficient of viscous friction across them */
+} ms_constraint;
 
 /* The matrix A = M - h D - h^2 J, stored as two numbers per half-edge, the positions, and the
  * diagonal block of each row.
@@ -35,24 +35,26 @@ typedef struct ms_hold {
  * If all rest lengths and dampings are 0, then g = 0, and t depends on h only: A is constant and
  * identical for each component. It is then stored as a scalar matrix, block = 1. */
 typedef struct ms_coefficients {
-  double drag;         /* h b, kg */
-  int32_t block;       /* rows of a block: dims, or 1 */
-  double *t, *g;       /* 8 halves.nslots each; g: NULL if block = 1; padding: 0 */
-  double *x;           /* positions, a vector; NULL if block = 1 */
-  double *diagonal;    /* ms_diagonal_size(block) first_pinned: the diagonal blocks, element by
-                       element for all rows: xx yy zz xy xz yz, or xx yy xy, or a scalar */
-  const ms_hold *hold; /* nholds, borrowed from the caller */
-  int32_t nholds;
+  double drag;   /* h b, kg */
+  int32_t block; /* rows of a block: dims, or 1 */
+  double *t, *g; /* 8 halves.nslots each; g: NULL if block = 1; padding: 0 */
+  double *x;     /* positions, a vector; NULL if block = 1 */
+  /* ms_coefficients_diagonal_size(block) first_pinned: the diagonal blocks, element by element for
+   * all rows: xx yy zz xy xz yz, or xx yy xy, or a scalar */
+  double *diagonal;
+  const ms_constraint *constraint; /* nholds, borrowed from the caller */
+  int32_t nconstraints;
 } ms_coefficients;
 
 /* The number of elements of a symmetric block, and the index of element (a, b). */
-static inline size_t ms_diagonal_size(size_t dims) { return dims * (dims + 1) / 2; }
-static inline size_t ms_diagonal_entry(size_t dims, size_t a, size_t b) {
+static inline size_t ms_coefficients_diagonal_size(size_t dims) { return dims * (dims + 1) / 2; }
+static inline size_t ms_coefficients_diagonal_element(size_t dims, size_t a, size_t b) {
   return a == b ? a : dims + a + b - 1;
 }
 /* The shape of `diagonal` as a vector with one component per element */
-static inline ms_shape ms_diagonal_shape(const ms_rows *rows, const ms_coefficients *a) {
-  const int32_t size = (int32_t)ms_diagonal_size((size_t)a->block);
+static inline ms_shape ms_coefficients_diagonal_shape(const ms_unknowns *rows,
+                                                      const ms_coefficients *a) {
+  const int32_t size = (int32_t)ms_coefficients_diagonal_size((size_t)a->block);
   return (ms_shape){.n = rows->nfree, .stride = rows->first_pinned, .dims = size};
 }
 
@@ -64,11 +66,12 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
                              ms_coefficients *a);
 
 /* Add constraints to the matrix just computed, and set their weights; not if block = 1. */
-void ms_coefficients_hold(const ms_model *model, ms_hold *hold, int32_t n, ms_coefficients *a);
+void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *hold, int32_t n,
+                                     ms_coefficients *a);
 
 /* q += by H p, H the sum of the constraints' blocks; returns by p.H p */
-double ms_coefficients_apply_holds(const ms_model *model, const ms_coefficients *a, double by,
-                                   const double *p, double *q);
+double ms_coefficients_apply_constraints(const ms_model *model, const ms_coefficients *a, double by,
+                                         const double *p, double *q);
 
 /* y = A x on the unknowns; past them x must be 0, and y becomes 0. Springs act on differences
  * x_i - x_j, so that a common translation gives (M + h b) x without rounding errors of the
@@ -81,8 +84,8 @@ void ms_coefficients_apply_massless(const ms_model *model, const ms_coefficients
                                     const double *x, double *y);
 
 /* y = A x for vectors of one component; block = 1 */
-void ms_coefficients_apply_one(const ms_model *model, const ms_coefficients *a, const double *x,
-                               double *y);
+void ms_coefficients_apply_component(const ms_model *model, const ms_coefficients *a,
+                                     const double *x, double *y);
 
 /* y >= |A| |x| element by element, the scale of rounding errors of A x */
 void ms_coefficients_apply_abs(const ms_model *model, const ms_coefficients *a, const double *x,

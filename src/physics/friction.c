@@ -9,13 +9,13 @@
 #define STILL 1e-12
 
 double ms_friction_stop(const double a[3], double F, const double v[3]) {
-  const double A = ms_norm3(a), speed = ms_norm3(v);
+  const double A = ms_vec3_norm(a), speed = ms_vec3_norm(v);
   if (!(F > A)) return INFINITY;
-  return (F * speed + ms_dot3(a, v)) / ((F - A) * (F + A));
+  return (F * speed + ms_vec3_dot(a, v)) / ((F - A) * (F + A));
 }
 
 /* Advance dx and v by t at the constant acceleration b. */
-static void accelerate(const double b[3], double t, double v[3], double dx[3]) {
+static void advance_uniformly(const double b[3], double t, double v[3], double dx[3]) {
   for (int c = 0; c < 3; c++) {
     dx[c] += t * (v[c] + 0.5 * t * b[c]);
     v[c] += t * b[c];
@@ -24,38 +24,42 @@ static void accelerate(const double b[3], double t, double v[3], double dx[3]) {
 
 /* v and a are parallel: friction has a constant direction until v reaches 0. */
 static void slide_straight(const double a[3], double F, double t, double v[3], double dx[3]) {
-  const double A = ms_norm3(a), speed = ms_norm3(v);
+  const double A = ms_vec3_norm(a), speed = ms_vec3_norm(v);
   double b[3] = {a[0], a[1], a[2]};
-  const double slowed = F - copysign(A, ms_dot3(a, v)); /* -d|v|/dt */
+  const double slowed = F - copysign(A, ms_vec3_dot(a, v)); /* -d|v|/dt */
   double left = t;
   if (speed > STILL * t * A) {
     const double still = slowed > 0 ? speed / slowed : INFINITY;
-    ms_axpy3(-F / speed, v, b);
-    accelerate(b, fmin(t, still), v, dx);
+    ms_vec3_axpy(-F / speed, v, b);
+    advance_uniformly(b, fmin(t, still), v, dx);
     if (t < still) return;
     left = t - still;
   }
   for (int c = 0; c < 3; c++) v[c] = 0, b[c] = A > F ? (1 - F / A) * a[c] : 0;
-  accelerate(b, left, v, dx);
+  advance_uniformly(b, left, v, dx);
 }
 
 /* u0^-p times the integral of u^(p-1) from u0 e^d to u0 */
-static double power(double p, double d) { return fabs(p) > 1e-12 ? -expm1(p * d) / p : -d; }
+static double power_integral(double p, double d) {
+  return fabs(p) > 1e-12 ? -expm1(p * d) / p : -d;
+}
 
-/* d with power(p, d) = value; -INFINITY: there is none */
-static double inverse_power(double p, double value) {
+/* d with power_integral(p, d) = value; -INFINITY: there is none */
+static double invert_power_integral(double p, double value) {
   if (fabs(p) <= 1e-12) return -value;
   return p * value < 1 ? log1p(-p * value) / p : -INFINITY;
 }
 
-/* d = ln(u/u0) <= 0 after the time t: power(k - 1, d) + E power(k + 1, d) = t A (1 + E)/|v| =: time
- * with E = u0^2. Newton's method between bounds; each term alone gives a lower bound. */
-static double find_angle(double k, double E, double time) {
+/* d = ln(u/u0) <= 0 after the time t: power_integral(k - 1, d) + E power_integral(k + 1, d) = t A
+ * (1 + E)/|v| =: time with E = u0^2. Newton's method between bounds; each term alone gives a lower
+ * bound. */
+static double find_log_tangent(double k, double E, double time) {
   enum { MOST = 100 };
-  double high = 0, low = fmax(inverse_power(k - 1, time), inverse_power(k + 1, time / E));
+  double high = 0,
+         low = fmax(invert_power_integral(k - 1, time), invert_power_integral(k + 1, time / E));
   double d = low = fmax(low, -700 / fabs(k - 1)); /* so that exp((k - 1) d) does not overflow */
   for (int i = 0; i < MOST; i++) {
-    const double off = power(k - 1, d) + E * power(k + 1, d) - time;
+    const double off = power_integral(k - 1, d) + E * power_integral(k + 1, d) - time;
     if (off > 0) low = d;
     else high = d;
     double next = d + off / (exp((k - 1) * d) + E * exp((k + 1) * d));
@@ -69,13 +73,15 @@ static double find_angle(double k, double E, double time) {
 /* v and a are not parallel. along: v.a/A; side: v without its component along a; across: |side|. */
 static void slide_curved(double A, double F, double t, double along, const double a[3],
                          double across, const double side[3], double v[3], double dx[3]) {
-  const double speed = ms_norm3(v), k = F / A;
+  const double speed = ms_vec3_norm(v), k = F / A;
   const double u0 = along > 0 ? across / (speed + along) : (speed - along) / across, E = u0 * u0;
   const double stop = ms_friction_stop(a, F, v), q = speed / (1 + E);
-  const double d = t < stop ? find_angle(k, E, t * A / q) : -INFINITY;
+  const double d = t < stop ? find_log_tangent(k, E, t * A / q) : -INFINITY;
   const double u = u0 * exp(d), size = t < stop ? q * exp((k - 1) * d) : 0;
-  const double x = q * q / A * (power(2 * k - 2, d) - E * E * power(2 * k + 2, d));
-  const double y = 2 * q * q * u0 / A * (power(2 * k - 1, d) + E * power(2 * k + 1, d));
+  const double x =
+      q * q / A * (power_integral(2 * k - 2, d) - E * E * power_integral(2 * k + 2, d));
+  const double y =
+      2 * q * q * u0 / A * (power_integral(2 * k - 1, d) + E * power_integral(2 * k + 1, d));
   for (int c = 0; c < 3; c++) {
     dx[c] += x / A * a[c] + y / across * side[c];
     v[c] = size * ((1 - u * u) / A * a[c] + 2 * u / across * side[c]);
@@ -83,13 +89,13 @@ static void slide_curved(double A, double F, double t, double along, const doubl
 }
 
 void ms_friction_slide(const double a[3], double F, double t, double v[3], double dx[3]) {
-  const double A = ms_norm3(a), speed = ms_norm3(v);
+  const double A = ms_vec3_norm(a), speed = ms_vec3_norm(v);
   double side[3] = {v[0], v[1], v[2]}, unused[3], *way = dx ? dx : unused;
-  const double along = A > 0 ? ms_dot3(v, a) / A : 0;
-  if (A > 0) ms_axpy3(-along / A, a, side);
-  const double across = ms_norm3(side);
+  const double along = A > 0 ? ms_vec3_dot(v, a) / A : 0;
+  if (A > 0) ms_vec3_axpy(-along / A, a, side);
+  const double across = ms_vec3_norm(side);
   for (int c = 0; c < 3; c++) way[c] = 0;
-  if (F <= 0) accelerate(a, t, v, way);
+  if (F <= 0) advance_uniformly(a, t, v, way);
   else if (A == 0 || across <= 1e-9 * speed || speed <= STILL * t * A)
     slide_straight(a, F, t, v, way);
   else slide_curved(A, F, t, along, a, across, side, v, way);

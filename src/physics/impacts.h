@@ -10,68 +10,73 @@
 #include "msim/msim.h"
 
 /* At most 3 normals in space are linearly independent; a corner may have more planes. */
-enum { MS_MOST_TOUCHED = 6, MS_MOST_HOLDING = 3 };
+enum { MS_MAX_TOUCHED_PLANES = 6, MS_MAX_INDEPENDENT_PLANES = 3 };
 
 /* A set of planes: those that a particle touches, or some of them. */
-typedef struct ms_touch {
+typedef struct ms_plane_set {
   int n;
-  const msim_plane *plane[MS_MOST_TOUCHED];
-} ms_touch;
+  const msim_plane *plane[MS_MAX_TOUCHED_PLANES];
+} ms_plane_set;
 
-static inline int ms_touch_holds(const ms_touch *touch, const msim_plane *plane) {
+static inline int ms_impacts_contains_plane(const ms_plane_set *touch, const msim_plane *plane) {
   for (int i = 0; i < touch->n; i++)
     if (touch->plane[i] == plane) return 1;
   return 0;
 }
 
 /* s = n.x - d, d the offset: negative behind the plane */
-double ms_distance(const msim_plane *p, const double x[3]);
+double ms_impacts_distance(const msim_plane *p, const double x[3]);
 
-typedef struct ms_walls {
+typedef struct ms_collision_planes {
   int32_t n;
   const msim_plane *plane;
-  double reach; /* m: the size of the scene, a lower bound of |x| in rounding tolerances */
-  double merge; /* m: a particle nearer to a plane touches it */
-} ms_walls;
+  double scene_size; /* m: the size of the scene, a lower bound of |x| in rounding tolerances */
+  double contact_distance; /* m: a particle nearer to a plane touches it */
+} ms_collision_planes;
 
 /* Rounding tolerances of a distance at x, merge included, and of a speed. */
-double ms_distance_noise(const ms_walls *walls, const double x[3]);
-double ms_speed_noise(const double v[3]);
+double ms_impacts_distance_tolerance(const ms_collision_planes *walls, const double x[3]);
+double ms_impacts_speed_tolerance(const double v[3]);
 
-/* The first MS_MOST_TOUCHED planes that x touches or lies behind: s <= ms_distance_noise. */
-ms_touch ms_touched(const ms_walls *walls, const double x[3]);
+/* The first MS_MAX_TOUCHED_PLANES planes that x touches or lies behind: s <=
+ * ms_impacts_distance_tolerance. */
+ms_plane_set ms_impacts_find_touched(const ms_collision_planes *walls, const double x[3]);
 
 /* The planes with n_i.v < limit */
-ms_touch ms_touch_approached(const ms_touch *touch, const double v[3], double limit);
+ms_plane_set ms_impacts_select_approached(const ms_plane_set *touch, const double v[3],
+                                          double limit);
 
 /* The planes with J_i > noise; *pull: their friction limit, sum mu_i J_i. */
-ms_touch ms_touch_pushing(const ms_touch *touch, const double *J, double noise, double *pull);
+ms_plane_set ms_impacts_select_pushing(const ms_plane_set *touch, const double *J, double tolerance,
+                                       double *friction_limit);
 
 /* Project u to the nearest vector with n_i.u >= least_i for all planes: u += sum J_i n_i, J_i >= 0.
  * J: one for each plane, 0 if it does not act. */
-void ms_project(const ms_touch *touch, const double *least, double u[3], double *J);
+void ms_impacts_project(const ms_plane_set *touch, const double *least, double u[3], double *J);
 
 /* Velocity after an impact: n_i.v' >= -e_i n_i.v for the planes that v approaches; the part v_t of
  * v' parallel to those with J_i > 0 is scaled by max(0, 1 - sum mu_i J_i/|v_t|). Repeated until v'
  * approaches no plane. Returns 1 if there was an impact. */
-int ms_bounce(const ms_touch *touch, double v[3]);
+int ms_impacts_bounce(const ms_plane_set *touch, double v[3]);
 
 /* u += sum J_i n_i so that n_i.u = to_i for the first three planes; returns 0, and u stays, if they
  * are linearly dependent. */
-int ms_meet(const ms_touch *touch, const double *to, double u[3], double *J);
+int ms_impacts_set_normal_components(const ms_plane_set *touch, const double *to, double u[3],
+                                     double *J);
 
 /* Move x onto all planes of `touch`, at most 3 independent ones: x += sum c_i n_i. */
-void ms_put_on(const ms_touch *touch, double x[3]);
+void ms_impacts_move_onto(const ms_plane_set *touch, double x[3]);
 /* The same, to these distances from them. */
-void ms_put_at(const ms_touch *touch, const double *distance, double x[3]);
+void ms_impacts_move_to_distance(const ms_plane_set *touch, const double *distance, double x[3]);
 
 /* Remove the components of u along the normals: u += sum J_i n_i so that n_i.u = 0. Returns the
  * friction limit, sum mu_i max(0, J_i). least: the smallest J_i (nullable). At most 3 independent
  * planes. */
-double ms_keep_along(const ms_touch *touch, double u[3], double *least);
+double ms_impacts_remove_normal(const ms_plane_set *touch, double u[3], double *least);
 
 /* Project an acceleration a to n_i.a >= 0 for all planes. Returns the planes with a normal force
  * over mass J_i > noise; *pull: their friction limit over mass, sum mu_i J_i. */
-ms_touch ms_touch_pressed(const ms_touch *touch, double noise, double a[3], double *pull);
+ms_plane_set ms_impacts_remove_pressing(const ms_plane_set *touch, double tolerance, double a[3],
+                                        double *friction_limit);
 
 #endif

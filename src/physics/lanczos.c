@@ -27,7 +27,7 @@ typedef struct lanczos {
 } lanczos;
 
 /* y = B x */
-static void apply(const lanczos *z, const double *x, double *y) {
+static void apply_laplacian(const lanczos *z, const double *x, double *y) {
   const ms_scene *s = z->l->scene;
   const double *root = z->root;
   for (int32_t p = 0; p < s->nparticles; p++) y[p] = z->l->ground * root[p] * root[p] * x[p];
@@ -40,23 +40,23 @@ static void apply(const lanczos *z, const double *x, double *y) {
 }
 
 /* One more row of T: alpha = v.B v, beta v' = B v - alpha v - beta v_before */
-static void step(lanczos *z) {
+static void lanczos_step(lanczos *z) {
   const int n = z->n++;
-  apply(z, z->v, z->next);
-  if (n) ms_axpy(z->shape, -z->beta[n - 1], z->before, z->next);
-  z->alpha[n] = ms_dot(z->shape, z->v, z->next);
-  ms_axpy(z->shape, -z->alpha[n], z->v, z->next);
-  z->beta[n] = sqrt(ms_dot(z->shape, z->next, z->next));
+  apply_laplacian(z, z->v, z->next);
+  if (n) ms_vector_axpy(z->shape, -z->beta[n - 1], z->before, z->next);
+  z->alpha[n] = ms_vector_dot(z->shape, z->v, z->next);
+  ms_vector_axpy(z->shape, -z->alpha[n], z->v, z->next);
+  z->beta[n] = sqrt(ms_vector_dot(z->shape, z->next, z->next));
 }
 
-static void turn(lanczos *z) {
+static void shift_vectors(lanczos *z) {
   double *free = z->before;
   z->before = z->v, z->v = z->next, z->next = free;
-  ms_scale(z->shape, 1 / z->beta[z->n - 1], z->v);
+  ms_vector_scale(z->shape, 1 / z->beta[z->n - 1], z->v);
 }
 
 /* All pivots of theta I - T are positive if and only if theta is above all eigenvalues of T. */
-static int is_above(const lanczos *z, double theta) {
+static int is_above_eigenvalues(const lanczos *z, double theta) {
   double pivot = theta - z->alpha[0];
   for (int i = 1; i < z->n && pivot > 0; i++)
     pivot = theta - z->alpha[i] - z->beta[i - 1] * z->beta[i - 1] / pivot;
@@ -70,7 +70,7 @@ static void find_theta(lanczos *z) {
     high = fmax(high, z->alpha[i] + (i ? z->beta[i - 1] : 0) + (i + 1 < z->n ? z->beta[i] : 0));
   while (high - low > 1e-12 * high) {
     const double middle = low + (high - low) / 2;
-    *(is_above(z, middle) ? &high : &low) = middle;
+    *(is_above_eigenvalues(z, middle) ? &high : &low) = middle;
   }
   z->theta = high;
 }
@@ -88,22 +88,22 @@ static double residual(const lanczos *z) {
 
 /* The first vector has a component of every eigenvector, and is larger where the wanted one may be:
  * one stiff spring among a million is found at once. */
-static void start(lanczos *z, const double *likely) {
+static void init_start_vector(lanczos *z, const double *likely) {
   const ms_scene *s = z->l->scene;
   for (int32_t p = 0; p < s->nparticles; p++) {
     z->root[p] = s->pinned[p] ? 0 : 1 / sqrt(s->mass[p]);
-    z->v[p] = likely[p] * ms_arbitrary((uint32_t)p);
+    z->v[p] = likely[p] * ms_vector_random_entry((uint32_t)p);
   }
-  ms_scale(z->shape, 1 / sqrt(ms_dot(z->shape, z->v, z->v)), z->v);
+  ms_vector_scale(z->shape, 1 / sqrt(ms_vector_dot(z->shape, z->v, z->v)), z->v);
 }
 
-static double iterate(lanczos *z) {
+static double lanczos_iterate(lanczos *z) {
   for (;;) {
-    step(z);
+    lanczos_step(z);
     find_theta(z);
     const double r = residual(z), enough = z->n < LEAST_STEPS ? 1e-12 : 0.02;
     if (!(r > enough * z->theta) || z->n == MOST_STEPS) return z->theta + r + 0.01 * z->theta;
-    turn(z);
+    shift_vectors(z);
   }
 }
 
@@ -111,16 +111,16 @@ msim_status ms_lanczos_bound(const ms_laplacian *l, const double *likely, double
                              msim_error *err) {
   const msim_allocator *alloc = &l->scene->alloc;
   const int32_t n = l->scene->nparticles;
-  double *room = ms_new(alloc, 4 * (size_t)n, sizeof *room);
-  if (!room) return ms_fail_memory(err, "the stability bounds");
+  double *room = ms_memory_allocate(alloc, 4 * (size_t)n, sizeof *room);
+  if (!room) return ms_error_set_memory(err, "the stability bounds");
   lanczos z = {.l = l,
                .shape = {n, n, 1},
                .root = room,
                .v = room + n,
                .before = room + 2 * (size_t)n,
                .next = room + 3 * (size_t)n};
-  start(&z, likely);
-  *bound = iterate(&z);
-  ms_delete(alloc, room);
+  init_start_vector(&z, likely);
+  *bound = lanczos_iterate(&z);
+  ms_memory_free(alloc, room);
   return MSIM_OK;
 }

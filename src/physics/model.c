@@ -3,10 +3,10 @@
 #include <string.h>
 
 #include "base/isa.h"
-#include "layout/flat.h"
+#include "layout/planar.h"
 
 /* A feature is needed if it could change a result. */
-static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
+static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
   unsigned passes = 0;
   if (springs->n) passes |= MSIM_SKIP_SPRINGS;
   for (int32_t e = 0; e < springs->n; e++) {
@@ -21,26 +21,26 @@ static unsigned needed_passes(const ms_scene *s, const ms_springs *springs) {
 
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
                                    unsigned skip_off, ms_model *model, msim_error *err) {
-  *model = (ms_model){.scene = scene, .drag = scene->drag, .isa = ms_isa_best()};
+  *model = (ms_model){.scene = scene, .drag = scene->drag, .isa = ms_isa_choose()};
   memcpy(model->gravity, scene->gravity, sizeof model->gravity);
   msim_status status =
-      ms_layout_create(scene, island, &model->rows, &model->springs, &model->halves, err);
-  if (left_out >= 0) ms_rows_leave_out(&model->rows, left_out);
+      ms_layout_create(scene, island, &model->unknowns, &model->springs, &model->half_edges, err);
+  if (left_out >= 0) ms_unknowns_drop_axis(&model->unknowns, left_out);
   if (status) return status;
-  const ms_rows *rows = &model->rows;
+  const ms_unknowns *rows = &model->unknowns;
   model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims, model->isa};
   size_t count = (size_t)rows->first_pinned;
-  model->mass = ms_new(&scene->alloc, count, sizeof(double));
-  model->inv_mass = ms_new(&scene->alloc, count, sizeof(double));
-  const int parts = model->halves.nparts > 0;
-  if (parts) model->part_force = ms_rows_vector(scene, rows);
-  if (!model->mass || !model->inv_mass || (parts && !model->part_force))
-    return ms_fail_memory(err, "the masses");
+  model->mass = ms_memory_allocate(&scene->alloc, count, sizeof(double));
+  model->inv_mass = ms_memory_allocate(&scene->alloc, count, sizeof(double));
+  const int parts = model->half_edges.nparts > 0;
+  if (parts) model->split_row_force = ms_unknowns_new_vector(scene, rows);
+  if (!model->mass || !model->inv_mass || (parts && !model->split_row_force))
+    return ms_error_set_memory(err, "the masses");
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
     model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* padding rests */
   }
-  model->passes = needed_passes(scene, &model->springs) | skip_off;
+  model->features = find_features(scene, &model->springs) | skip_off;
   return MSIM_OK;
 }
 
@@ -50,57 +50,61 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
   *model = (ms_model){.scene = scene};
   msim_status status = ms_islands_create(scene, 1, &islands, err);
   if (status) return status;
-  const ms_island all = ms_island_at(&islands, 0);
-  status = ms_model_create_island(scene, &all, ms_flat_axis(scene, skip_off), skip_off, model, err);
+  const ms_island all = ms_islands_get(&islands, 0);
+  status = ms_model_create_island(scene, &all, ms_planar_find_axis(scene, skip_off), skip_off,
+                                  model, err);
   ms_islands_destroy(scene, &islands);
   return status;
 }
 
-msim_status ms_model_create_part(const ms_model *whole, const ms_island *springs, unsigned skip_off,
-                                 ms_model *part, msim_error *err) {
+msim_status ms_model_create_subset(const ms_model *whole, const ms_island *springs,
+                                   unsigned skip_off, ms_model *part, msim_error *err) {
   const ms_scene *scene = whole->scene;
   ms_adjacency a = {0};
   *part = *whole;
   part->springs = (ms_springs){0};
-  part->halves = (ms_halves){0};
-  part->part_force = NULL;
-  msim_status status = ms_springs_create(scene, springs, &part->rows, &part->springs, err);
-  if (!status) status = ms_adjacency_create(scene, &part->rows, &part->springs, &a, err);
+  part->half_edges = (ms_half_edges){0};
+  part->split_row_force = NULL;
+  msim_status status = ms_springs_create(scene, springs, &part->unknowns, &part->springs, err);
+  if (!status) status = ms_adjacency_create(scene, &part->unknowns, &part->springs, &a, err);
   if (!status)
-    status = ms_halves_create(scene, &part->rows, &part->springs, &a, &part->halves, err);
+    status =
+        ms_half_edges_create(scene, &part->unknowns, &part->springs, &a, &part->half_edges, err);
   ms_adjacency_destroy(scene, &a);
   if (status) return status;
-  if (part->halves.nparts > 0) part->part_force = ms_rows_vector(scene, &part->rows);
-  if (part->halves.nparts > 0 && !part->part_force) return ms_fail_memory(err, "the springs");
-  part->passes = needed_passes(scene, &part->springs) | skip_off;
+  if (part->half_edges.nparts > 0)
+    part->split_row_force = ms_unknowns_new_vector(scene, &part->unknowns);
+  if (part->half_edges.nparts > 0 && !part->split_row_force)
+    return ms_error_set_memory(err, "the springs");
+  part->features = find_features(scene, &part->springs) | skip_off;
   return MSIM_OK;
 }
 
-void ms_model_destroy_part(ms_model *part) {
+void ms_model_destroy_subset(ms_model *part) {
   if (!part->scene) return;
-  ms_halves_destroy(part->scene, &part->halves);
+  ms_half_edges_destroy(part->scene, &part->half_edges);
   ms_springs_destroy(part->scene, &part->springs);
-  ms_delete(&part->scene->alloc, part->part_force);
+  ms_memory_free(&part->scene->alloc, part->split_row_force);
   *part = (ms_model){0};
 }
 
 void ms_model_keep_springs_only(ms_model *model) {
   memset(model->gravity, 0, sizeof model->gravity);
   model->drag = 0;
-  model->passes &= ~(unsigned)(MSIM_SKIP_GRAVITY | MSIM_SKIP_DRAG | MSIM_SKIP_PLANES);
+  model->features &= ~(unsigned)(MSIM_SKIP_GRAVITY | MSIM_SKIP_DRAG | MSIM_SKIP_PLANES);
 }
 
-void ms_model_update(ms_model *model, unsigned skip_off) {
+void ms_model_update_springs(ms_model *model, unsigned skip_off) {
   ms_springs_update(model->scene, &model->springs);
-  ms_halves_update(&model->springs, &model->halves);
-  model->passes = needed_passes(model->scene, &model->springs) | skip_off;
+  ms_half_edges_update_springs(&model->springs, &model->half_edges);
+  model->features = find_features(model->scene, &model->springs) | skip_off;
 }
 
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
-  ms_layout_destroy(model->scene, &model->rows, &model->springs, &model->halves);
-  ms_delete(&model->scene->alloc, model->mass);
-  ms_delete(&model->scene->alloc, model->inv_mass);
-  ms_delete(&model->scene->alloc, model->part_force);
+  ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
+  ms_memory_free(&model->scene->alloc, model->mass);
+  ms_memory_free(&model->scene->alloc, model->inv_mass);
+  ms_memory_free(&model->scene->alloc, model->split_row_force);
   *model = (ms_model){0};
 }

@@ -9,16 +9,16 @@
 
 typedef struct ms_model {
   const ms_scene *scene;
-  ms_rows rows;
+  ms_unknowns unknowns;
   ms_springs springs;
-  ms_halves halves;        /* the same springs as half-edges */
-  ms_shape shape;          /* of the unknowns */
-  double *mass, *inv_mass; /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
-  double gravity[3], drag; /* the scene's: m/s^2, N s/m */
-  double *part_force;      /* a vector: spring forces on split rows; NULL: no row is split */
-  int isa;                 /* of the kernels: ms_isa_best() */
-  ms_pool *pool;           /* the sim's; NULL: one thread */
-  unsigned passes;         /* MSIM_SKIP_...: the features that are computed */
+  ms_half_edges half_edges; /* the same springs as half-edges */
+  ms_shape shape;           /* of the unknowns */
+  double *mass, *inv_mass;  /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
+  double gravity[3], drag;  /* the scene's: m/s^2, N s/m */
+  double *split_row_force;  /* a vector: spring forces on split rows; NULL: no row is split */
+  int isa;                  /* of the kernels: ms_isa_choose() */
+  ms_pool *pool;            /* the sim's; NULL: one thread */
+  unsigned features;        /* MSIM_SKIP_...: the features that are computed */
 } ms_model;
 
 /* The model of an island. skip_off: features to compute in any case. left_out: the axis without a
@@ -32,15 +32,15 @@ msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *
 
 /* The same particles with some of the springs, those of `springs`, whose `row` is scratch. Shares
  * rows and masses with the whole, which must outlive it. */
-msim_status ms_model_create_part(const ms_model *whole, const ms_island *springs, unsigned skip_off,
-                                 ms_model *part, msim_error *err);
-void ms_model_destroy_part(ms_model *part);
+msim_status ms_model_create_subset(const ms_model *whole, const ms_island *springs,
+                                   unsigned skip_off, ms_model *part, msim_error *err);
+void ms_model_destroy_subset(ms_model *part);
 
 /* Remove gravity, drag and planes. */
 void ms_model_keep_springs_only(ms_model *model);
 
 /* Copy k, rest and damping from the scene again, and find the features anew. */
-void ms_model_update(ms_model *model, unsigned skip_off);
+void ms_model_update_springs(ms_model *model, unsigned skip_off);
 void ms_model_destroy(ms_model *model);
 
 #endif

@@ -6,97 +6,98 @@
 #include "base/vec3.h"
 
 /* Sums and extremes over a body */
-typedef struct ms_gathered {
+typedef struct ms_norm_sums {
   double low[3], high[3]; /* the bounding box */
   double speed2;          /* sum of |v_i|^2 */
   double omega2;          /* by Gershgorin's discs, as in bounds.h */
-} ms_gathered;
+} ms_norm_sums;
 
 /*------------------------------------- bodies ---------------------------------------------------*/
 
-static int32_t find_root(int32_t *of, int32_t r) {
+static int32_t find_body_root(int32_t *of, int32_t r) {
   while (of[r] != r) r = of[r] = of[of[r]];
   return r;
 }
 
 /* of: the body of each unknown. Returns the number of bodies. Union-find (Tarjan 1975). */
-static int32_t find_parts(const ms_model *model, int32_t *of) {
-  const int32_t nfree = model->rows.nfree;
+static int32_t find_bodies(const ms_model *model, int32_t *of) {
+  const int32_t nfree = model->unknowns.nfree;
   const ms_springs *s = &model->springs;
   int32_t parts = 0;
   for (int32_t r = 0; r < nfree; r++) of[r] = r;
   for (int32_t e = 0; e < s->n; e++) {
     if (s->i[e] >= nfree || s->j[e] >= nfree) continue;
-    const int32_t i = find_root(of, s->i[e]), j = find_root(of, s->j[e]);
+    const int32_t i = find_body_root(of, s->i[e]), j = find_body_root(of, s->j[e]);
     if (i < j) of[j] = i;
     else of[i] = j;
   }
-  for (int32_t r = 0; r < nfree; r++) of[r] = find_root(of, r);
+  for (int32_t r = 0; r < nfree; r++) of[r] = find_body_root(of, r);
   for (int32_t r = 0; r < nfree; r++) of[r] = of[r] == r ? parts++ : of[of[r]];
   return parts;
 }
 
 msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const int32_t nfree = model->rows.nfree;
+  const int32_t nfree = model->unknowns.nfree;
   *norm = (ms_norm){0};
-  norm->of = ms_new(alloc, (size_t)nfree + 1, sizeof *norm->of);
-  if (!norm->of) return ms_fail_memory(err, "the norm of errors");
-  norm->n = find_parts(model, norm->of);
-  norm->part = ms_new(alloc, (size_t)norm->n + 1, sizeof *norm->part);
-  norm->gathered = ms_new(alloc, (size_t)norm->n + 1, sizeof *norm->gathered);
-  if (!norm->part || !norm->gathered) return ms_fail_memory(err, "the norm of errors");
-  for (int32_t r = 0; r < nfree; r++) norm->part[norm->of[r]].n++;
+  norm->body_of = ms_memory_allocate(alloc, (size_t)nfree + 1, sizeof *norm->body_of);
+  if (!norm->body_of) return ms_error_set_memory(err, "the norm of errors");
+  norm->n = find_bodies(model, norm->body_of);
+  norm->body = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->body);
+  norm->sums = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->sums);
+  if (!norm->body || !norm->sums) return ms_error_set_memory(err, "the norm of errors");
+  for (int32_t r = 0; r < nfree; r++) norm->body[norm->body_of[r]].n++;
   return MSIM_OK;
 }
 
 void ms_norm_destroy(const ms_model *model, ms_norm *norm) {
   if (!model->scene) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  ms_delete(alloc, norm->of);
-  ms_delete(alloc, norm->part);
-  ms_delete(alloc, norm->gathered);
+  ms_memory_free(alloc, norm->body_of);
+  ms_memory_free(alloc, norm->body);
+  ms_memory_free(alloc, norm->sums);
 }
 
 /*------------------------------------- scales ---------------------------------------------------*/
 
-static void extend(const double x[3], ms_gathered *g) {
+static void extend_box(const double x[3], ms_norm_sums *g) {
   for (int c = 0; c < 3; c++)
     g->low[c] = fmin(g->low[c], x[c]), g->high[c] = fmax(g->high[c], x[c]);
 }
 
 /* |v|^2 of row r if the energy e of a spring to row q becomes kinetic: both ends have momentum of
  * magnitude p, p^2 = 2 e mu, mu the reduced mass (q pinned: m_r). */
-static double speed2_from(const ms_model *model, int32_t r, int32_t q, double energy) {
-  const double there = q < model->rows.nfree ? model->inv_mass[q] : 0, here = model->inv_mass[r];
+static double speed2_from_spring(const ms_model *model, int32_t r, int32_t q, double energy) {
+  const double there = q < model->unknowns.nfree ? model->inv_mass[q] : 0,
+               here = model->inv_mass[r];
   return 2 * energy * here * here / (here + there);
 }
 
-static void gather_row(const ms_model *model, const double *x, const double *v, int32_t r,
-                       ms_gathered *g) {
-  const ms_rows *rows = &model->rows;
-  const ms_halves *halves = &model->halves;
-  const ms_span span = ms_halves_of(halves, r);
+static void add_row_sums(const ms_model *model, const double *x, const double *v, int32_t r,
+                         ms_norm_sums *g) {
+  const ms_unknowns *rows = &model->unknowns;
+  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
   double xr[3], vr[3], xq[3], k = 0;
-  ms_row_get(rows, x, r, xr);
-  ms_row_get(rows, v, r, vr);
-  extend(xr, g);
-  g->speed2 += ms_dot3(vr, vr);
+  ms_unknowns_get(rows, x, r, xr);
+  ms_unknowns_get(rows, v, r, vr);
+  extend_box(xr, g);
+  g->speed2 += ms_vec3_dot(vr, vr);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t q = halves->neighbour[at];
     if (halves->spring[at] < 0) continue;
     const int is_free = q < rows->nfree;
-    ms_row_get(rows, x, q, xq);
-    if (!is_free) extend(xq, g);
+    ms_unknowns_get(rows, x, q, xq);
+    if (!is_free) extend_box(xq, g);
     for (int i = 0; i < 3; i++) xq[i] -= xr[i];
-    const double stretch = ms_norm3(xq) - halves->rest[at];
-    g->speed2 += speed2_from(model, r, q, halves->k[at] * stretch * stretch / 2);
+    const double stretch = ms_vec3_norm(xq) - halves->rest[at];
+    g->speed2 += speed2_from_spring(model, r, q, halves->k[at] * stretch * stretch / 2);
     k += (1 + is_free) * halves->k[at];
   }
   g->omega2 = fmax(g->omega2, k * model->inv_mass[r]);
 }
 
-static void find_scales(const ms_gathered *sum, double gravity, double span, ms_part *p) {
+static void set_body_scales(const ms_norm_sums *sum, double gravity, double span, ms_norm_body *p) {
   const double mean2 = sum->speed2 / p->n;
   double L = 0, farthest = 0;
   for (int c = 0; c < 3; c++) {
@@ -113,49 +114,50 @@ static void find_scales(const ms_gathered *sum, double gravity, double span, ms_
   p->rounding = fmin(rounding, DBL_MAX);
 }
 
-void ms_norm_measure(const ms_model *model, const double *x, const double *v, double span,
-                     ms_norm *norm) {
+void ms_norm_measure_scales(const ms_model *model, const double *x, const double *v, double span,
+                            ms_norm *norm) {
   for (int32_t p = 0; p < norm->n; p++)
-    norm->gathered[p] = (ms_gathered){.low = {INFINITY, INFINITY, INFINITY},
-                                      .high = {-INFINITY, -INFINITY, -INFINITY}};
-  for (int32_t r = 0; r < model->rows.nfree; r++)
-    gather_row(model, x, v, r, &norm->gathered[norm->of[r]]);
+    norm->sums[p] = (ms_norm_sums){.low = {INFINITY, INFINITY, INFINITY},
+                                   .high = {-INFINITY, -INFINITY, -INFINITY}};
+  for (int32_t r = 0; r < model->unknowns.nfree; r++)
+    add_row_sums(model, x, v, r, &norm->sums[norm->body_of[r]]);
   for (int32_t p = 0; p < norm->n; p++)
-    find_scales(&norm->gathered[p], ms_norm3(model->gravity), span, &norm->part[p]);
+    set_body_scales(&norm->sums[p], ms_vec3_norm(model->gravity), span, &norm->body[p]);
 }
 
 /*------------------------------------- norms ----------------------------------------------------*/
 
 /* The rows of bodies are interleaved: sums are formed row by row. */
-static void square_parts(const ms_norm *norm, ms_shape shape, int which, const double *dx,
-                         const double *dv) {
-  for (int32_t p = 0; p < norm->n; p++) norm->part[p].square[which] = 0;
+static void square_bodies(const ms_norm *norm, ms_shape shape, int which, const double *dx,
+                          const double *dv) {
+  for (int32_t p = 0; p < norm->n; p++) norm->body[p].square[which] = 0;
   for (int32_t r = 0; r < shape.n; r++) {
-    ms_part *p = &norm->part[norm->of[r]];
+    ms_norm_body *p = &norm->body[norm->body_of[r]];
     for (int32_t c = 0; c < shape.dims; c++) {
       const size_t at = (size_t)c * (size_t)shape.stride + (size_t)r;
       const double x = dx[at] / p->extent, v = dv[at] / p->speed;
       p->square[which] += x * x + v * v;
     }
   }
-  for (int32_t p = 0; p < norm->n; p++) norm->part[p].square[which] /= 2 * norm->part[p].n;
+  for (int32_t p = 0; p < norm->n; p++) norm->body[p].square[which] /= 2 * norm->body[p].n;
 }
 
-void ms_norm_square(const ms_norm *norm, ms_shape shape, int which, const double *dx,
-                    const double *dv) {
+void ms_norm_square_errors(const ms_norm *norm, ms_shape shape, int which, const double *dx,
+                           const double *dv) {
   if (norm->n != 1) {
-    square_parts(norm, shape, which, dx, dv);
+    square_bodies(norm, shape, which, dx, dv);
     return;
   }
-  ms_part *p = norm->part;
+  ms_norm_body *p = norm->body;
   const double L2 = p->extent * p->extent, U2 = p->speed * p->speed;
-  p->square[which] = (ms_dot(shape, dx, dx) / L2 + ms_dot(shape, dv, dv) / U2) / (2 * p->n);
+  p->square[which] =
+      (ms_vector_dot(shape, dx, dx) / L2 + ms_vector_dot(shape, dv, dv) / U2) / (2 * p->n);
 }
 
-ms_part ms_norm_least(const ms_norm *norm) {
-  if (!norm->n) return (ms_part){0};
-  ms_part least = {.extent = INFINITY, .speed = INFINITY, .rounding = INFINITY};
-  for (const ms_part *p = norm->part; p < norm->part + norm->n; p++) {
+ms_norm_body ms_norm_find_smallest(const ms_norm *norm) {
+  if (!norm->n) return (ms_norm_body){0};
+  ms_norm_body least = {.extent = INFINITY, .speed = INFINITY, .rounding = INFINITY};
+  for (const ms_norm_body *p = norm->body; p < norm->body + norm->n; p++) {
     least.extent = fmin(least.extent, p->extent);
     least.speed = fmin(least.speed, p->speed);
     least.rounding = fmin(least.rounding, p->rounding);

@@ -10,7 +10,7 @@
 
 #include "physics/model.h"
 
-typedef struct ms_part {
+typedef struct ms_norm_body {
   int32_t n;     /* free particles */
   double extent; /* L, m: longest side of the body's bounding box at the start; if 0, U T + g T^2/2,
                     U without g L */
@@ -18,27 +18,27 @@ typedef struct ms_part {
                     spring gave its energy to its ends; if 0, L/T */
   double rounding;  /* rounding error of x and v, in this norm */
   double square[2]; /* E^2 of two estimates: scratch */
-} ms_part;
+} ms_norm_body;
 
 typedef struct ms_norm {
-  int32_t n;                    /* bodies; 0: no particle is free */
-  ms_part *part;                /* n */
-  int32_t *of;                  /* nfree: the body of each unknown */
-  struct ms_gathered *gathered; /* n: scratch */
+  int32_t n;                 /* bodies; 0: no particle is free */
+  ms_norm_body *body;        /* n */
+  int32_t *body_of;          /* nfree: the body of each unknown */
+  struct ms_norm_sums *sums; /* n: scratch */
 } ms_norm;
 
 msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err);
 void ms_norm_destroy(const ms_model *model, ms_norm *norm);
 
 /* The scales of all bodies in the state x, v, for a run of length T = span (s). */
-void ms_norm_measure(const ms_model *model, const double *x, const double *v, double span,
-                     ms_norm *norm);
+void ms_norm_measure_scales(const ms_model *model, const double *x, const double *v, double span,
+                            ms_norm *norm);
 
 /* square[which] of each body = E^2 of the errors dx, dv */
-void ms_norm_square(const ms_norm *norm, ms_shape shape, int which, const double *dx,
-                    const double *dv);
+void ms_norm_square_errors(const ms_norm *norm, ms_shape shape, int which, const double *dx,
+                           const double *dv);
 
 /* The smallest extent, speed and rounding, each over all bodies; 0 if there is none. */
-ms_part ms_norm_least(const ms_norm *norm);
+ms_norm_body ms_norm_find_smallest(const ms_norm *norm);
 
 #endif

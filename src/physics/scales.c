@@ -20,7 +20,7 @@ static double find_extent(int32_t n, const double *x, double *farthest) {
   return extent;
 }
 
-static double free_mass(const ms_scene *scene) {
+static double sum_free_mass(const ms_scene *scene) {
   double mass = 0;
   for (int32_t p = 0; p < scene->nparticles; p++)
     if (!scene->pinned[p]) mass += scene->mass[p];
@@ -36,8 +36,8 @@ msim_status ms_scales_compute(const ms_scene *scene, const double *x, const doub
   msim_energy energy = {.size = sizeof energy};
   msim_status status = ms_bounds_compute(scene, 0, &bounds, err);
   if (status) return status;
-  ms_energy(scene, x, v, &energy);
-  *scales = (ms_scales){.mass = free_mass(scene)};
+  ms_energy_compute(scene, x, v, &energy);
+  *scales = (ms_scales){.mass = sum_free_mass(scene)};
   const double u2 = 2 * (energy.kinetic + energy.elastic) / scales->mass;
   double L = find_extent(scene->nparticles, x, &farthest);
   if (!(L > 0)) L = sqrt(u2) * span + g * span * span / 2;

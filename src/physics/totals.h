@@ -18,10 +18,10 @@ typedef struct ms_totals_copy {
 } ms_totals_copy;
 
 /* The number of partial sums. */
-int32_t ms_totals_parts(const ms_model *model);
+int32_t ms_totals_count_parts(const ms_model *model);
 
 /* Totals of the state x, v, by all threads of the model's pool, bit for bit the same for any number
- * of them. parts: scratch, ms_totals_parts. */
+ * of them. parts: scratch, ms_totals_count_parts. */
 ms_totals ms_totals_compute(const ms_model *model, const double *x, const double *v,
                             const ms_totals_copy *copy, ms_totals *parts);
 
@@ -29,12 +29,12 @@ ms_totals ms_totals_compute(const ms_model *model, const double *x, const double
 void ms_totals_add(const ms_totals *more, ms_totals *to);
 
 /* Identity of ms_totals_add. */
-ms_totals ms_totals_none(void);
+ms_totals ms_totals_identity(void);
 
 /* One table for each instruction set: totals of the slice ranges [begin, end). */
 typedef struct ms_totals_kernels {
-  void (*segments)(const ms_model *model, const double *x, const double *v,
-                   const ms_totals_copy *copy, int32_t begin, int32_t end, ms_totals *totals);
+  void (*slice_ranges)(const ms_model *model, const double *x, const double *v,
+                       const ms_totals_copy *copy, int32_t begin, int32_t end, ms_totals *totals);
 } ms_totals_kernels;
 
 #endif

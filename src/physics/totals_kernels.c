@@ -5,75 +5,79 @@
 
 typedef struct tally {
   ms_lanes kinetic, elastic; /* twice the energies */
-  ms_vec moment, low, high;
+  ms_lane_vectors moment, low, high;
 } tally;
 
 /* Add the rows of one register; padding has inverse mass 0. */
 MS_INLINE void add_rows(int dims, const ms_model *m, size_t row, const double *x, const double *v,
                         const ms_totals_copy *copy, tally *t) {
-  const size_t stride = (size_t)m->rows.stride;
-  const ms_lanes mass = ms_load(m->mass + row);
-  const ms_mask there = ms_load(m->inv_mass + row) > 0;
-  const ms_vec xi = ms_load_vec(dims, x + row, stride), vi = ms_load_vec(dims, v + row, stride);
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_lanes mass = ms_simd_load(m->mass + row);
+  const ms_mask there = ms_simd_load(m->inv_mass + row) > 0;
+  const ms_lane_vectors xi = ms_load_vec(dims, x + row, stride),
+                        vi = ms_load_vec(dims, v + row, stride);
   ms_store_vec(dims, copy->x + row, stride, xi);
   ms_store_vec(dims, copy->v + row, stride, vi);
-  t->kinetic = ms_fma(mass, ms_dot_vec(dims, vi, vi), t->kinetic);
+  t->kinetic = ms_simd_fma(mass, ms_dot_vec(dims, vi, vi), t->kinetic);
   t->moment = ms_fma_vec(dims, mass, xi, t->moment);
   for (int c = 0; c < dims; c++) {
-    t->low.c[c] = ms_select(there & (xi.c[c] < t->low.c[c]), xi.c[c], t->low.c[c]);
-    t->high.c[c] = ms_select(there & (xi.c[c] > t->high.c[c]), xi.c[c], t->high.c[c]);
+    t->low.c[c] = ms_simd_select(there & (xi.c[c] < t->low.c[c]), xi.c[c], t->low.c[c]);
+    t->high.c[c] = ms_simd_select(there & (xi.c[c] > t->high.c[c]), xi.c[c], t->high.c[c]);
   }
 }
 
 /* The lanes that contribute: those whose neighbour is a later row, as all pinned ones are, so that
  * each spring counts once. */
-MS_INLINE ms_mask counted(const ms_halves *halves, int32_t slot, ms_place p, size_t lane) {
-  const int32_t *j = halves->neighbour + MS_GROUP * (size_t)slot + lane;
+MS_INLINE ms_mask contributing_lanes(const ms_half_edges *halves, int32_t slot, ms_slice_range p,
+                                     size_t lane) {
+  const int32_t *j = halves->neighbour + MS_SLICE * (size_t)slot + lane;
   ms_mask other, own;
   for (int l = 0; l < MS_LANES; l++) {
     other[l] = j[l];
-    own[l] = (int64_t)p.row + (p.is_part ? 0 : (int64_t)lane + l);
+    own[l] = (int64_t)p.row + (p.is_split ? 0 : (int64_t)lane + l);
   }
   return other > own;
 }
 
 /* All neighbours are earlier rows: no lane contributes. */
-MS_INLINE int is_behind(const ms_halves *halves, int32_t slot, ms_place p) {
+MS_INLINE int has_earlier_neighbours(const ms_half_edges *halves, int32_t slot, ms_slice_range p) {
   const int32_t start = halves->start[slot];
-  return start >= 0 && !p.is_part && (size_t)start < p.row;
+  return start >= 0 && !p.is_split && (size_t)start < p.row;
 }
 
 /* Sums of k (l - L)^2 over the springs of one register of rows */
-MS_INLINE ms_lanes stored(int dims, const ms_model *m, int32_t segment, ms_place p, size_t lane,
-                          const double *x) {
-  const size_t stride = (size_t)m->rows.stride;
-  const ms_halves *halves = &m->halves;
-  const ms_vec xi = ms_load_own(dims, p, lane, x, stride);
+MS_INLINE ms_lanes sum_elastic(int dims, const ms_model *m, int32_t segment, ms_slice_range p,
+                               size_t lane, const double *x) {
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_half_edges *halves = &m->half_edges;
+  const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
   const ms_lanes zero = {0};
   ms_lanes sum = zero;
   for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
-    if (is_behind(halves, slot, p)) continue;
-    const size_t at = MS_GROUP * (size_t)slot + lane;
-    const ms_mask mine = counted(halves, slot, p, lane);
-    const ms_vec d = ms_minus(dims, ms_load_neighbours(dims, halves, slot, lane, x, stride), xi);
-    const ms_lanes stretch = ms_sqrt(ms_dot_vec(dims, d, d)) - ms_load(halves->rest + at);
-    const ms_lanes k = ms_select(mine, ms_load(halves->k + at), zero);
-    sum = ms_fma(k * stretch, stretch, sum);
+    if (has_earlier_neighbours(halves, slot, p)) continue;
+    const size_t at = MS_SLICE * (size_t)slot + lane;
+    const ms_mask mine = contributing_lanes(halves, slot, p, lane);
+    const ms_lane_vectors d =
+        ms_subtract_vec(dims, ms_load_neighbours(dims, halves, slot, lane, x, stride), xi);
+    const ms_lanes stretch = ms_simd_sqrt(ms_dot_vec(dims, d, d)) - ms_simd_load(halves->rest + at);
+    const ms_lanes k = ms_simd_select(mine, ms_simd_load(halves->k + at), zero);
+    sum = ms_simd_fma(k * stretch, stretch, sum);
   }
   return sum;
 }
 
-static double sum_of(ms_lanes v) {
+static double sum_over_lanes(ms_lanes v) {
   double sum = 0;
   for (int l = 0; l < MS_LANES; l++) sum += v[l];
   return sum;
 }
 
-static void give(int dims, const ms_model *m, const tally *t, ms_totals *totals) {
-  *totals = (ms_totals){.kinetic = sum_of(t->kinetic) / 2, .elastic = sum_of(t->elastic) / 2};
+static void write_totals(int dims, const ms_model *m, const tally *t, ms_totals *totals) {
+  *totals = (ms_totals){.kinetic = sum_over_lanes(t->kinetic) / 2,
+                        .elastic = sum_over_lanes(t->elastic) / 2};
   for (int c = 0; c < dims; c++) {
-    const int32_t axis = m->rows.axis[c];
-    totals->moment[axis] = sum_of(t->moment.c[c]);
+    const int32_t axis = m->unknowns.axis[c];
+    totals->moment[axis] = sum_over_lanes(t->moment.c[c]);
     totals->low[axis] = t->low.c[c][0], totals->high[axis] = t->high.c[c][0];
     for (int l = 1; l < MS_LANES; l++) {
       totals->low[axis] = fmin(totals->low[axis], t->low.c[c][l]);
@@ -82,27 +86,28 @@ static void give(int dims, const ms_model *m, const tally *t, ms_totals *totals)
   }
 }
 
-MS_INLINE void segments_of(int dims, const ms_model *m, const double *x, const double *v,
-                           const ms_totals_copy *copy, int32_t begin, int32_t end,
-                           ms_totals *totals) {
+MS_INLINE void compute_totals_of(int dims, const ms_model *m, const double *x, const double *v,
+                                 const ms_totals_copy *copy, int32_t begin, int32_t end,
+                                 ms_totals *totals) {
   tally t = {0};
   for (int c = 0; c < dims; c++) t.low.c[c] += INFINITY, t.high.c[c] -= INFINITY;
   for (int32_t segment = begin; segment < end; segment++) {
-    const int is_group = segment < m->halves.ngroups;
-    const ms_place p = is_group ? (ms_place){.row = MS_GROUP * (size_t)segment}
-                                : ms_place_of(&m->halves, segment, NULL, 0);
-    for (size_t lane = 0; lane < MS_GROUP; lane += MS_LANES) {
+    const int is_group = segment < m->half_edges.nslices;
+    const ms_slice_range p = is_group ? (ms_slice_range){.row = MS_SLICE * (size_t)segment}
+                                      : ms_slice_range_at(&m->half_edges, segment, NULL, 0);
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       if (is_group) add_rows(dims, m, p.row + lane, x, v, copy, &t);
-      t.elastic += stored(dims, m, segment, p, lane, x);
+      t.elastic += sum_elastic(dims, m, segment, p, lane, x);
     }
   }
-  give(dims, m, &t, totals);
+  write_totals(dims, m, &t, totals);
 }
 
-static void segments(const ms_model *m, const double *x, const double *v,
-                     const ms_totals_copy *copy, int32_t begin, int32_t end, ms_totals *totals) {
-  if (m->rows.dims == 3) segments_of(3, m, x, v, copy, begin, end, totals);
-  else segments_of(2, m, x, v, copy, begin, end, totals);
+static void compute_totals(const ms_model *m, const double *x, const double *v,
+                           const ms_totals_copy *copy, int32_t begin, int32_t end,
+                           ms_totals *totals) {
+  if (m->unknowns.dims == 3) compute_totals_of(3, m, x, v, copy, begin, end, totals);
+  else compute_totals_of(2, m, x, v, copy, begin, end, totals);
 }
 
-const ms_totals_kernels MS_TABLE(ms_totals_kernels) = {segments};
+const ms_totals_kernels MS_TABLE(ms_totals_kernels) = {compute_totals};

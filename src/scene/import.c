@@ -9,45 +9,48 @@
 enum { MOST_LENGTH = 255 }; /* of a path; "objects/0/k/structural" is shorter */
 
 /* The nodes that an importer has added so far. */
-typedef struct import {
-  ms_json reader;
+typedef struct import_state {
+  ms_json_reader reader;
   json_t *root;
   ms_column *columns;
   int32_t n, capacity;
-  msim_status status; /* of the first add() that failed */
-} import;
+  msim_status status; /* of the first add_node() that failed */
+} import_state;
 
-static msim_status no_memory(import *in) { return in->status = ms_json_no_memory(&in->reader); }
+static msim_status fail_memory(import_state *in) {
+  return in->status = ms_json_fail_memory(&in->reader);
+}
 
 /* "planes/0/normal" in the form used in messages: planes[0].normal */
-static ms_path readable(const char *path) {
-  ms_path p = {""};
+static ms_key_path readable_path(const char *path) {
+  ms_key_path p = {""};
   while (*path) {
     char key[MOST_LENGTH + 1], *end;
     snprintf(key, sizeof key, "%.*s", (int)strcspn(path, "/"), path);
     const unsigned long long i = strtoull(key, &end, 10);
     const int is_index = *p.text && *key >= '0' && *key <= '9' && !*end;
-    p = is_index ? ms_json_item(p.text, (size_t)i) : ms_json_path(p.text, key);
+    p = is_index ? ms_json_item_path(p.text, (size_t)i) : ms_json_member_path(p.text, key);
     path += strcspn(path, "/");
     path += *path == '/';
   }
   return p;
 }
 
-static msim_status refuse(import *in, const char *path, const char *why) {
-  return in->status = ms_json_fail(&in->reader, MSIM_ERR_ARG, "%s %s", readable(path).text, why);
+static msim_status refuse_node(import_state *in, const char *path, const char *why) {
+  return in->status =
+             ms_json_fail(&in->reader, MSIM_ERR_ARG, "%s %s", readable_path(path).text, why);
 }
 
 /* Set in->status if the text is not valid UTF-8. */
-static void check_utf8(import *in, const char *path, const char *text) {
-  const int is_utf8 = ms_is_utf8(text);
-  if (is_utf8 < 0) no_memory(in);
-  if (is_utf8 == 0) refuse(in, path, "is text that is not UTF-8");
+static void check_utf8(import_state *in, const char *path, const char *text) {
+  const int is_utf8 = ms_scene_is_utf8(text);
+  if (is_utf8 < 0) fail_memory(in);
+  if (is_utf8 == 0) refuse_node(in, path, "is text that is not UTF-8");
 }
 
 /*------------------------------------- add nodes ------------------------------------------------*/
 
-static int is_sound(const msim_node *node) {
+static int is_valid_node(const msim_node *node) {
   if (!node->path || !*node->path || strlen(node->path) > MOST_LENGTH) return 0;
   if (node->kind == MSIM_NODE_GROUP) return 1;
   if (node->kind < MSIM_NODE_TEXT || node->kind > MSIM_NODE_WHOLE) return 0;
@@ -59,22 +62,22 @@ static int is_sound(const msim_node *node) {
 }
 
 /* Allocate a column for the numbers or text of a node, with a final 0; its index as JSON. */
-static json_t *new_column(import *in, const msim_node *node) {
+static json_t *new_column(import_state *in, const msim_node *node) {
   msim_error inner;
   const size_t size = node->kind == MSIM_NODE_TEXT ? 1 : sizeof(double);
   size_t count = 1;
   for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i]; /* < 2^62 */
-  if (ms_reserve(&in->reader.alloc, (void **)&in->columns, sizeof *in->columns, in->n,
-                 &in->capacity, (int64_t)in->n + 1, &inner))
+  if (ms_memory_reserve(&in->reader.alloc, (void **)&in->columns, sizeof *in->columns, in->n,
+                        &in->capacity, (int64_t)in->n + 1, &inner))
     return NULL;
   ms_column *c = &in->columns[in->n];
   *c = (ms_column){node->kind, node->rank, {node->dims[0], node->dims[1]}, NULL};
-  c->data = ms_new(&in->reader.alloc, count + 1, size);
+  c->data = ms_memory_allocate(&in->reader.alloc, count + 1, size);
   return c->data ? json_integer(in->n++) : NULL;
 }
 
 /* Find the group of the last key of a path, and set *key to that key; NULL: no such group. */
-static json_t *find_group(import *in, const char *path, const char **key) {
+static json_t *find_group(import_state *in, const char *path, const char **key) {
   char group[MOST_LENGTH + 1];
   json_t *at = in->root;
   *key = path;
@@ -85,21 +88,21 @@ static json_t *find_group(import *in, const char *path, const char **key) {
   return at;
 }
 
-static msim_status add(const msim_tree *tree, const msim_node *node, void **room) {
-  import *in = tree->data;
+static msim_status add_node(const msim_tree *tree, const msim_node *node, void **room) {
+  import_state *in = tree->data;
   const char *key;
   *room = NULL;
   if (in->status) return in->status;
-  if (!is_sound(node))
+  if (!is_valid_node(node))
     return in->status = ms_json_fail(&in->reader, MSIM_ERR_ARG,
                                      "it holds a name or an array that no scene has");
   json_t *group = find_group(in, node->path, &key);
-  if (!json_is_object(group)) return refuse(in, node->path, "lies in no group");
-  if (json_object_get(group, key)) return refuse(in, node->path, "is there twice");
+  if (!json_is_object(group)) return refuse_node(in, node->path, "lies in no group");
+  if (json_object_get(group, key)) return refuse_node(in, node->path, "is there twice");
   check_utf8(in, node->path, key);
   if (in->status) return in->status;
   json_t *value = node->kind == MSIM_NODE_GROUP ? json_object() : new_column(in, node);
-  if (!value || json_object_set_new_nocheck(group, key, value)) return no_memory(in);
+  if (!value || json_object_set_new_nocheck(group, key, value)) return fail_memory(in);
   if (node->kind != MSIM_NODE_GROUP) *room = in->columns[in->n - 1].data;
   return MSIM_OK;
 }
@@ -107,7 +110,7 @@ static msim_status add(const msim_tree *tree, const msim_node *node, void **room
 /*------------------------------------- the tree -------------------------------------------------*/
 
 /* A list with the members 0, 1, 2, ... of a group; NULL: these are not its members. */
-static json_t *list_of(json_t *group) {
+static json_t *group_to_list(json_t *group) {
   const size_t n = json_object_size(group);
   json_t *list = n ? json_array() : NULL;
   for (size_t i = 0; i < n && list; i++) {
@@ -120,11 +123,11 @@ static json_t *list_of(json_t *group) {
   return list;
 }
 
-static json_t *settle(import *in, json_t *group);
+static json_t *convert_group(import_state *in, json_t *group);
 
 /* A member in its JSON form: texts as strings, groups with members 0, 1, 2, ... as lists. */
-static json_t *settle_member(import *in, const char *key, json_t *member) {
-  if (json_is_object(member)) return settle(in, json_incref(member));
+static json_t *convert_member(import_state *in, const char *key, json_t *member) {
+  if (json_is_object(member)) return convert_group(in, json_incref(member));
   const ms_column *c = &in->columns[json_integer_value(member)];
   if (c->kind != MSIM_NODE_TEXT) return json_incref(member);
   check_utf8(in, key, c->data);
@@ -133,15 +136,15 @@ static json_t *settle_member(import *in, const char *key, json_t *member) {
 
 /* Convert a group, whose reference it takes. The recursion is limited by MOST_LENGTH / 2 levels of
  * a path. NULL: a text is not valid UTF-8, or memory is exhausted. */
-static json_t *settle(import *in, json_t *group) {
+static json_t *convert_group(import_state *in, json_t *group) {
   const char *key;
   json_t *member;
   json_object_foreach(group, key, member) {
-    if (json_object_set_new(group, key, settle_member(in, key, member)) == 0) continue;
+    if (json_object_set_new(group, key, convert_member(in, key, member)) == 0) continue;
     json_decref(group);
     return NULL;
   }
-  json_t *list = list_of(group);
+  json_t *list = group_to_list(group);
   if (!list) return group;
   json_decref(group);
   return list;
@@ -149,38 +152,38 @@ static json_t *settle(import *in, json_t *group) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-static msim_status load(import *in, const msim_importer *table, const char *path) {
-  ms_host host;
+static msim_status load_tree(import_state *in, const msim_importer *table, const char *path) {
+  ms_plugin_host host;
   msim_error inner;
-  const msim_tree tree = {sizeof tree, add, in};
-  ms_host_init(&host, &in->reader.alloc);
+  const msim_tree tree = {sizeof tree, add_node, in};
+  ms_plugin_init_host(&host, &in->reader.alloc);
   in->root = json_object();
-  if (!in->root) return no_memory(in);
+  if (!in->root) return fail_memory(in);
   msim_status status = table->load(&host.base, path, &tree);
-  if (in->status) return in->status; /* add() has already set the message */
+  if (in->status) return in->status; /* add_node() has already set the message */
   if (status) {
-    ms_host_fail(&host, path, status, &inner);
-    return ms_fail(in->reader.err, status < 0 ? status : MSIM_ERR_PLUGIN, "%s", inner.text);
+    ms_plugin_fail(&host, path, status, &inner);
+    return ms_error_set(in->reader.err, status < 0 ? status : MSIM_ERR_PLUGIN, "%s", inner.text);
   }
-  in->root = settle(in, in->root);
-  if (!in->root) return in->status ? in->status : no_memory(in);
-  return ms_json_build(&in->reader, (ms_value){.json = in->root, .columns = in->columns});
+  in->root = convert_group(in, in->root);
+  if (!in->root) return in->status ? in->status : fail_memory(in);
+  return ms_json_build_scene(&in->reader, (ms_value){.json = in->root, .columns = in->columns});
 }
 
-msim_status ms_scene_import(const msim_allocator *alloc, const char *name, const char *path,
+msim_status ms_import_scene(const msim_allocator *alloc, const char *name, const char *path,
                             msim_scene **scene, msim_error *err) {
-import in = {.reader = {.label = path, .alloc = ms_allocator(alloc), .err = err } };
+  import_state in = {.reader = {.label = path, .alloc = ms_memory_allocator(alloc), .err = err}};
   const msim_importer *table;
   msim_error why;
   ms_text where = {.alloc = &in.reader.alloc};
   msim_status status = ms_importer_find(name, NULL, &table, &where, &why);
-  if (status) ms_fail(err, status, "%s: %s", path, why.text);
-  else status = load(&in, table, path);
+  if (status) ms_error_set(err, status, "%s: %s", path, why.text);
+  else status = load_tree(&in, table, path);
   ms_text_free(&where);
   json_decref(in.root);
-  for (int32_t i = 0; i < in.n; i++) ms_delete(&in.reader.alloc, in.columns[i].data);
-  ms_delete(&in.reader.alloc, in.columns);
+  for (int32_t i = 0; i < in.n; i++) ms_memory_free(&in.reader.alloc, in.columns[i].data);
+  ms_memory_free(&in.reader.alloc, in.columns);
   if (status) return status;
   *scene = in.reader.scene;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }

@@ -21,15 +21,15 @@ static const msim_importer *linked_in(const char *name) {
   return NULL;
 }
 
-const char *ms_importer_for(const char *path) {
+const char *ms_importer_name_for(const char *path) {
   const char *dot = strrchr(path, '.');
   for (int i = 0; i < NKINDS && dot; i++)
     if (strcmp(dot, kinds[i].extension) == 0) return kinds[i].name;
   return NULL;
 }
 
-static msim_status check_table(const char *name, const char *file, const msim_importer *table,
-                               msim_error *err) {
+static msim_status check_importer_table(const char *name, const char *file,
+                                        const msim_importer *table, msim_error *err) {
   msim_status status = ms_plugin_check("importer", name, file, table->abi, MSIM_IMPORTER_ABI,
                                        table->size, MSIM_IMPORTER_SIZE_1, table->name, err);
   if (status) return status;
@@ -47,19 +47,20 @@ msim_status ms_importer_find(const char *name, const char *plugin_path, const ms
   void *symbol;
   msim_error why;
   msim_status status = ms_plugin_open("importer", name, plugin_path, &symbol, where, &why);
-  if (status) return ms_fail(err, status, "importer '%s': %s", name, why.text);
+  if (status) return ms_error_set(err, status, "importer '%s': %s", name, why.text);
   msim_importer_entry_fn *entry;
   memcpy(&entry, &symbol, sizeof entry); /* ISO C has no cast from void * to a function */
   *table = entry();
-  if (!*table) return ms_fail(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
-  return check_table(name, where->data, *table, err);
+  if (!*table)
+    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
+  return check_importer_table(name, where->data, *table, err);
 }
 
 int32_t msim_importer_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                            msim_error *err) {
   if (i < 0 || i >= NKINDS) return 0;
-  ms_ok(err);
-  const msim_allocator alloc = ms_allocator(NULL);
+  ms_error_clear(err);
+  const msim_allocator alloc = ms_memory_allocator(NULL);
   ms_text where = {.alloc = &alloc};
   const msim_importer *table;
   const int found = ms_importer_find(kinds[i].name, plugin_path, &table, &where, err) == MSIM_OK;
@@ -68,7 +69,7 @@ int32_t msim_importer_info(int32_t i, const char *plugin_path, msim_plugin_entry
                                .license = found ? table->license : "",
                                .available = found,
                                .note = ""};
-  if (found) ms_fail(err, MSIM_OK, "%s", where.length ? where.data : "linked in");
+  if (found) ms_error_set(err, MSIM_OK, "%s", where.length ? where.data : "linked in");
   if (err) entry->note = err->text;
   ms_text_free(&where);
   return 1;

@@ -12,7 +12,7 @@ typedef struct excerpt {
 } excerpt;
 
 /* The first characters of a text, without splitting a UTF-8 sequence. */
-static excerpt shorten(const char *text) {
+static excerpt make_excerpt(const char *text) {
   excerpt e;
   size_t n = strlen(text);
   const int whole = n < sizeof e.text;
@@ -25,67 +25,68 @@ static excerpt shorten(const char *text) {
 }
 
 /* A number as JSON; "%g" for values that JSON does not have, from an importer. */
-static excerpt found_number(ms_value value) {
+static excerpt describe_number(ms_value value) {
   excerpt e;
   const double number = ms_value_number(value);
   json_t *json = ms_value_is_whole(value) ? json_integer(ms_value_whole(value)) : json_real(number);
   char *text = json_dumps(json, JSON_ENCODE_ANY | JSON_REAL_PRECISION(15));
-  if (text) e = shorten(text);
+  if (text) e = make_excerpt(text);
   else snprintf(e.text, sizeof e.text, "%g", number);
   free(text);
   json_decref(json);
   return e;
 }
 
-static excerpt found(ms_value value) {
+static excerpt describe_value(ms_value value) {
   excerpt e;
   if (ms_value_is_array(value)) {
     snprintf(e.text, sizeof e.text, "an array of %zu", ms_value_size(value));
     return e;
   }
-  if (json_is_object(value.json)) return shorten("an object");
-  if (ms_value_is_number(value)) return found_number(value);
+  if (json_is_object(value.json)) return make_excerpt("an object");
+  if (ms_value_is_number(value)) return describe_number(value);
   char *text = json_dumps(value.json, JSON_ENCODE_ANY);
-  e = shorten(text ? text : "a value");
+  e = make_excerpt(text ? text : "a value");
   free(text);
   return e;
 }
 
-ms_path ms_json_path(const char *path, const char *key) {
-  ms_path p;
-  snprintf(p.text, sizeof p.text, "%s%s%s", path, *path ? "." : "", shorten(key).text);
+ms_key_path ms_json_member_path(const char *path, const char *key) {
+  ms_key_path p;
+  snprintf(p.text, sizeof p.text, "%s%s%s", path, *path ? "." : "", make_excerpt(key).text);
   return p;
 }
 
-ms_path ms_json_item(const char *path, size_t i) {
-  ms_path p;
+ms_key_path ms_json_item_path(const char *path, size_t i) {
+  ms_key_path p;
   snprintf(p.text, sizeof p.text, "%s[%zu]", path, i);
   return p;
 }
 
-msim_status ms_json_fail(const ms_json *r, msim_status status, const char *format, ...) {
+msim_status ms_json_fail(const ms_json_reader *r, msim_status status, const char *format, ...) {
   msim_error inner;
   va_list args;
   va_start(args, format);
-  ms_vfail(&inner, status, format, args);
+  ms_error_vset(&inner, status, format, args);
   va_end(args);
-  return ms_fail(r->err, status, "%s: %s", r->label, inner.text);
+  return ms_error_set(r->err, status, "%s: %s", r->label, inner.text);
 }
 
-msim_status ms_json_refuse(const ms_json *r, ms_place at, ms_value value, const char *must) {
+msim_status ms_json_refuse(const ms_json_reader *r, ms_json_location at, ms_value value,
+                           const char *must) {
   char index[48] = "";
   if (at.j >= 0) snprintf(index, sizeof index, "[%lld][%lld]", (long long)at.i, (long long)at.j);
   else if (at.i >= 0) snprintf(index, sizeof index, "[%lld]", (long long)at.i);
   return ms_json_fail(r, MSIM_ERR_ARG, "%s%s is %s; it must be %s", *at.key ? at.key : "the scene",
-                      index, found(value).text, must);
+                      index, describe_value(value).text, must);
 }
 
-msim_status ms_json_no_memory(const ms_json *r) {
+msim_status ms_json_fail_memory(const ms_json_reader *r) {
   return ms_json_fail(r, MSIM_ERR_MEMORY, "out of memory for the scene");
 }
 
-msim_status ms_json_pass(const ms_json *r, const char *path, msim_status status,
-                         const msim_error *inner) {
+msim_status ms_json_forward_error(const ms_json_reader *r, const char *path, msim_status status,
+                                  const msim_error *inner) {
   if (status == MSIM_OK) return MSIM_OK;
   return ms_json_fail(r, status, "%s%s", status == MSIM_ERR_ARG ? path : "", inner->text);
 }
@@ -94,19 +95,20 @@ msim_status ms_json_pass(const ms_json *r, const char *path, msim_status status,
 
 static const char *key_at(int32_t i, const void *keys) { return ((const char *const *)keys)[i]; }
 
-static msim_status refuse_key(const ms_json *r, const char *path, const char *key,
+static msim_status refuse_key(const ms_json_reader *r, const char *path, const char *key,
                               const char *const *keys) {
   char known[256] = "";
   size_t n = 0;
   for (int32_t i = 0; keys[i] && n < sizeof known; i++)
     n += (size_t)snprintf(known + n, sizeof known - n, "%s%s", i ? ", " : "", keys[i]);
   return ms_json_fail(r, MSIM_ERR_ARG, "%s is not a known key%s; known are %s",
-                      ms_json_path(path, key).text, ms_did_you_mean(key, key_at, keys).text, known);
+                      ms_json_member_path(path, key).text, ms_text_suggest(key, key_at, keys).text,
+                      known);
 }
 
-msim_status ms_json_keys(const ms_json *r, const char *path, ms_value value,
-                         const char *const *keys) {
-  if (!json_is_object(value.json)) return ms_json_refuse(r, ms_at(path), value, "an object");
+msim_status ms_json_check_keys(const ms_json_reader *r, const char *path, ms_value value,
+                               const char *const *keys) {
+  if (!json_is_object(value.json)) return ms_json_refuse(r, ms_json_at(path), value, "an object");
   const char *key;
   json_t *member;
   json_object_foreach(value.json, key, member) {
@@ -117,34 +119,36 @@ msim_status ms_json_keys(const ms_json *r, const char *path, ms_value value,
   return MSIM_OK;
 }
 
-msim_status ms_json_need(const ms_json *r, const char *path, ms_value object, const char *key,
-                         const char *must, ms_value *value) {
+msim_status ms_json_require(const ms_json_reader *r, const char *path, ms_value object,
+                            const char *key, const char *must, ms_value *value) {
   *value = ms_value_member(object, key);
   if (value->json) return MSIM_OK;
-  return ms_json_fail(r, MSIM_ERR_ARG, "%s is missing; it must be %s", ms_json_path(path, key).text,
-                      must);
+  return ms_json_fail(r, MSIM_ERR_ARG, "%s is missing; it must be %s",
+                      ms_json_member_path(path, key).text, must);
 }
 
 /*------------------------------------- values ---------------------------------------------------*/
 
-msim_status ms_json_array(const ms_json *r, const char *key, ms_value value, int32_t *n) {
-  if (!ms_value_is_array(value)) return ms_json_refuse(r, ms_at(key), value, "an array");
+msim_status ms_json_read_array_size(const ms_json_reader *r, const char *key, ms_value value,
+                                    int32_t *n) {
+  if (!ms_value_is_array(value)) return ms_json_refuse(r, ms_json_at(key), value, "an array");
   const size_t size = ms_value_size(value);
-  if (size > INT32_MAX / 3) return ms_json_refuse(r, ms_at(key), value, "shorter");
+  if (size > INT32_MAX / 3) return ms_json_refuse(r, ms_json_at(key), value, "shorter");
   *n = (int32_t)size;
   return MSIM_OK;
 }
 
-msim_status ms_json_number(const ms_json *r, ms_place at, ms_value value, ms_range range,
-                           double *number) {
+msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms_value value,
+                                ms_range range, double *number) {
   *number = ms_value_number(value);
-  const int kind = range == MS_COUNT ? ms_value_is_whole(value) : ms_value_is_number(value);
-  if (kind && ms_in_range(range, *number)) return MSIM_OK;
-  return ms_json_refuse(r, at, value, ms_range_text(range));
+  const int kind =
+      range == MS_POSITIVE_INTEGER ? ms_value_is_whole(value) : ms_value_is_number(value);
+  if (kind && ms_objects_in_range(range, *number)) return MSIM_OK;
+  return ms_json_refuse(r, at, value, ms_objects_range_text(range));
 }
 
-static msim_status refuse_length(const ms_json *r, ms_place at, ms_value value, const char *before,
-                                 int32_t n) {
+static msim_status refuse_length(const ms_json_reader *r, ms_json_location at, ms_value value,
+                                 const char *before, int32_t n) {
   char must[96];
   snprintf(must, sizeof must, "%san array of %d", before, n);
   return ms_json_refuse(r, at, value, must);
@@ -154,42 +158,44 @@ static int has_length(ms_value value, int32_t n) {
   return ms_value_is_array(value) && ms_value_size(value) == (size_t)n;
 }
 
-msim_status ms_json_row(const ms_json *r, ms_place at, ms_value value, ms_range range, int32_t n,
-                        double *numbers) {
+msim_status ms_json_read_row(const ms_json_reader *r, ms_json_location at, ms_value value,
+                             ms_range range, int32_t n, double *numbers) {
   if (!has_length(value, n)) return refuse_length(r, at, value, "", n);
   msim_status status = MSIM_OK;
   for (int32_t c = 0; c < n && !status; c++) {
-    ms_place item = at.i < 0 ? (ms_place){at.key, c, -1} : (ms_place){at.key, at.i, c};
-    status = ms_json_number(r, item, ms_value_item(value, (size_t)c), range, numbers + c);
+    ms_json_location item =
+        at.i < 0 ? (ms_json_location){at.key, c, -1} : (ms_json_location){at.key, at.i, c};
+    status = ms_json_read_number(r, item, ms_value_item(value, (size_t)c), range, numbers + c);
   }
   return status;
 }
 
-msim_status ms_json_rows(const ms_json *r, const char *key, ms_value value, int32_t n,
-                         double *numbers) {
-  if (!has_length(value, n)) return refuse_length(r, ms_at(key), value, "", n);
+msim_status ms_json_read_rows(const ms_json_reader *r, const char *key, ms_value value, int32_t n,
+                              double *numbers) {
+  if (!has_length(value, n)) return refuse_length(r, ms_json_at(key), value, "", n);
   msim_status status = MSIM_OK;
   for (size_t i = 0; i < (size_t)n && !status; i++)
-    status = ms_json_row(r, ms_item(key, i), ms_value_item(value, i), MS_ANY, 3, numbers + 3 * i);
+    status = ms_json_read_row(r, ms_json_at_item(key, i), ms_value_item(value, i), MS_ANY, 3,
+                              numbers + 3 * i);
   return status;
 }
 
-msim_status ms_json_each(const ms_json *r, const char *key, ms_value value, ms_range range,
-                         int32_t n, double *numbers) {
-  if (has_length(value, n)) return ms_json_row(r, ms_at(key), value, range, n, numbers);
+msim_status ms_json_read_each(const ms_json_reader *r, const char *key, ms_value value,
+                              ms_range range, int32_t n, double *numbers) {
+  if (has_length(value, n)) return ms_json_read_row(r, ms_json_at(key), value, range, n, numbers);
   if (!ms_value_is_number(value)) {
     char before[64];
-    snprintf(before, sizeof before, "%s for all, or ", ms_range_text(range));
-    return refuse_length(r, ms_at(key), value, before, n);
+    snprintf(before, sizeof before, "%s for all, or ", ms_objects_range_text(range));
+    return refuse_length(r, ms_json_at(key), value, before, n);
   }
   double number;
-  msim_status status = ms_json_number(r, ms_at(key), value, range, &number);
+  msim_status status = ms_json_read_number(r, ms_json_at(key), value, range, &number);
   for (int32_t i = 0; i < n && !status; i++) numbers[i] = number;
   return status;
 }
 
-msim_status ms_json_index(const ms_json *r, ms_place at, ms_value value, int32_t n,
-                          int32_t *index) {
+msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_value value,
+                               int32_t n, int32_t *index) {
   const int64_t number = ms_value_whole(value);
   *index = (int32_t)number;
   if (ms_value_is_whole(value) && number >= 0 && number < n) return MSIM_OK;

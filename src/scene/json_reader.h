@@ -6,69 +6,74 @@
 #include "scene/objects.h"
 #include "scene/value.h"
 
-typedef struct ms_json {
+typedef struct ms_json_reader {
   const char *label; /* name of the file in messages */
   msim_allocator alloc;
   msim_scene *scene; /* scene under construction */
   msim_error *err;
   ms_grid *grids; /* of `objects`; their springs are added after all particles */
   int32_t ngrids;
-} ms_json;
+} ms_json_reader;
 
 /* A key path and, if they are >= 0, one or two indices: "springs.ij[3][1]". */
-typedef struct ms_place {
+typedef struct ms_json_location {
   const char *key;
   int64_t i, j;
-} ms_place;
+} ms_json_location;
 
 /* Path of a member, "objects[0].k"; the root has the path "". */
-typedef struct ms_path {
+typedef struct ms_key_path {
   char text[96];
-} ms_path;
-ms_path ms_json_path(const char *path, const char *key);
-ms_path ms_json_item(const char *path, size_t i); /* "planes[1]" */
+} ms_key_path;
+ms_key_path ms_json_member_path(const char *path, const char *key);
+ms_key_path ms_json_item_path(const char *path, size_t i); /* "planes[1]" */
 
-static inline ms_place ms_at(const char *key) { return (ms_place){key, -1, -1}; }
-static inline ms_place ms_item(const char *key, size_t i) {
-  return (ms_place){key, (int64_t)i, -1};
+static inline ms_json_location ms_json_at(const char *key) {
+  return (ms_json_location){key, -1, -1};
+}
+static inline ms_json_location ms_json_at_item(const char *key, size_t i) {
+  return (ms_json_location){key, (int64_t)i, -1};
 }
 
 /* These set r->err and return its status. */
-msim_status ms_json_fail(const ms_json *r, msim_status status, const char *format, ...)
+msim_status ms_json_fail(const ms_json_reader *r, msim_status status, const char *format, ...)
     MS_PRINTF(3, 4);
-msim_status ms_json_refuse(const ms_json *r, ms_place at, ms_value value, const char *must);
-msim_status ms_json_no_memory(const ms_json *r);
+msim_status ms_json_refuse(const ms_json_reader *r, ms_json_location at, ms_value value,
+                           const char *must);
+msim_status ms_json_fail_memory(const ms_json_reader *r);
 /* Pass on the status and message of another part of the library; MSIM_ERR_ARG with `path` in
  * front. */
-msim_status ms_json_pass(const ms_json *r, const char *path, msim_status status,
-                         const msim_error *inner);
+msim_status ms_json_forward_error(const ms_json_reader *r, const char *path, msim_status status,
+                                  const msim_error *inner);
 
 /* Check that `value` is an object with these keys only; `keys` ends with NULL. */
-msim_status ms_json_keys(const ms_json *r, const char *path, ms_value value,
-                         const char *const *keys);
-msim_status ms_json_need(const ms_json *r, const char *path, ms_value object, const char *key,
-                         const char *must, ms_value *value);
-msim_status ms_json_array(const ms_json *r, const char *key, ms_value value, int32_t *n);
+msim_status ms_json_check_keys(const ms_json_reader *r, const char *path, ms_value value,
+                               const char *const *keys);
+msim_status ms_json_require(const ms_json_reader *r, const char *path, ms_value object,
+                            const char *key, const char *must, ms_value *value);
+msim_status ms_json_read_array_size(const ms_json_reader *r, const char *key, ms_value value,
+                                    int32_t *n);
 
-msim_status ms_json_number(const ms_json *r, ms_place at, ms_value value, ms_range range,
-                           double *number);
+msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms_value value,
+                                ms_range range, double *number);
 /* An array of exactly n numbers. */
-msim_status ms_json_row(const ms_json *r, ms_place at, ms_value value, ms_range range, int32_t n,
-                        double *numbers);
+msim_status ms_json_read_row(const ms_json_reader *r, ms_json_location at, ms_value value,
+                             ms_range range, int32_t n, double *numbers);
 /* An array of n rows of three numbers. */
-msim_status ms_json_rows(const ms_json *r, const char *key, ms_value value, int32_t n,
-                         double *numbers /* 3n */);
+msim_status ms_json_read_rows(const ms_json_reader *r, const char *key, ms_value value, int32_t n,
+                              double *numbers /* 3n */);
 /* One number for all, or an array of n numbers. */
-msim_status ms_json_each(const ms_json *r, const char *key, ms_value value, ms_range range,
-                         int32_t n, double *numbers);
+msim_status ms_json_read_each(const ms_json_reader *r, const char *key, ms_value value,
+                              ms_range range, int32_t n, double *numbers);
 /* An integer from 0 to n - 1. */
-msim_status ms_json_index(const ms_json *r, ms_place at, ms_value value, int32_t n, int32_t *index);
+msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_value value,
+                               int32_t n, int32_t *index);
 
 /* In scene_json.c: build the scene that a tree describes, in r->scene. */
-msim_status ms_json_build(ms_json *r, ms_value root);
+msim_status ms_json_build_scene(ms_json_reader *r, ms_value root);
 
 /* In scene_json_objects.c: add the particles of `objects`, and later their springs. */
-msim_status ms_json_objects(ms_json *r, const char *path, ms_value objects);
-msim_status ms_json_object_springs(const ms_json *r);
+msim_status ms_json_add_objects(ms_json_reader *r, const char *path, ms_value objects);
+msim_status ms_json_add_object_springs(const ms_json_reader *r);
 
 #endif

@@ -10,15 +10,15 @@ typedef enum ms_range {
   MS_ANY,
   MS_NOT_NEGATIVE,
   MS_POSITIVE,
-  MS_FRACTION, /* [0, 1] */
-  MS_COUNT     /* integer, 1 to INT32_MAX */
+  MS_FRACTION,        /* [0, 1] */
+  MS_POSITIVE_INTEGER /* integer, 1 to INT32_MAX */
 } ms_range;
 
-int ms_in_range(ms_range range, double value);
-const char *ms_range_text(ms_range range); /* "a number > 0" */
+int ms_objects_in_range(ms_range range, double value);
+const char *ms_objects_range_text(ms_range range); /* "a number > 0" */
 
 /* A key of an object in a scene file and the members of its struct that it sets. */
-typedef struct ms_member {
+typedef struct ms_object_member {
   const char *key;
   const char *names[3]; /* of members of the struct; a single one is followed by an index */
   const char *parts[3]; /* keys of a JSON object that may replace the single number */
@@ -26,13 +26,13 @@ typedef struct ms_member {
   int32_t count;
   size_t offset;
   int optional;
-} ms_member;
+} ms_object_member;
 
 /* Offset in the grid from one end of a spring to the other. */
-typedef struct ms_tie {
-  int8_t step[3];
-  int8_t law; /* index of the stiffness in the grid's k */
-} ms_tie;
+typedef struct ms_grid_spring {
+  int8_t offset[3];
+  int8_t stiffness; /* index of the stiffness in the grid's k */
+} ms_grid_spring;
 
 /* Particle (a n[1] + b) n[2] + c is at origin + a/(n[0]-1) edge[0] + b/(n[1]-1) edge[1] +
  * c/(n[2]-1) edge[2]. */
@@ -41,8 +41,8 @@ typedef struct ms_grid {
   double origin[3], edge[3][3];
   const double *last; /* exact position of the last particle, borrowed; NULL: computed as above */
   double mass, k[3], damping;
-  const ms_tie *ties;
-  int32_t nties, npinned;
+  const ms_grid_spring *springs;
+  int32_t nsprings, npinned;
   const int32_t *pinned;
   int32_t first; /* index of its first particle in the scene */
 } ms_grid;
@@ -50,12 +50,12 @@ typedef struct ms_grid {
 typedef struct ms_object_type {
   const char *name;
   size_t size; /* of the struct; its first member must have this value */
-  const ms_member *members;
+  const ms_object_member *members;
   int32_t nmembers;
   void (*make)(const void *object, ms_grid *grid);
 } ms_object_type;
 
-enum { MS_MOST_MEMBERS = 8 };
+enum { MS_MAX_MEMBERS = 8 };
 
 /* Large enough for any type of object. */
 typedef union ms_object {
@@ -66,18 +66,18 @@ typedef union ms_object {
 } ms_object;
 
 /* Get the i-th type, NULL past the end. */
-const ms_object_type *ms_object_type_info(int32_t i);
+const ms_object_type *ms_objects_get_type(int32_t i);
 
 /* Build a grid from the struct `object` and check it. `subject` is its name in messages: "cloth",
  * "objects[3]". The array of pinned particles is borrowed. */
-msim_status ms_grid_make(const ms_object_type *type, const void *object, const char *subject,
-                         ms_grid *grid, msim_error *err);
-int32_t ms_grid_size(const ms_grid *grid);
+msim_status ms_objects_make_grid(const ms_object_type *type, const void *object,
+                                 const char *subject, ms_grid *grid, msim_error *err);
+int32_t ms_objects_grid_size(const ms_grid *grid);
 
 /* Call these in this order; the borrowed arrays are needed by the first only. After a failure,
  * particles may remain in the scene, which the caller must remove. */
-msim_status ms_grid_add_particles(msim_scene *scene, ms_grid *grid, const char *subject,
-                                  msim_error *err);
-msim_status ms_grid_add_springs(msim_scene *scene, const ms_grid *grid, msim_error *err);
+msim_status ms_objects_add_particles(msim_scene *scene, ms_grid *grid, const char *subject,
+                                     msim_error *err);
+msim_status ms_objects_add_springs(msim_scene *scene, const ms_grid *grid, msim_error *err);
 
 #endif

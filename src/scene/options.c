@@ -174,7 +174,7 @@ static int is_number(const option *o) {
   return o->type == REAL || o->type == INT32 || o->type == INT64;
 }
 
-const msim_option_entry *ms_option_find(const char *name, int *number) {
+const msim_option_entry *ms_options_find(const char *name, int *number) {
   const option *o = find_option(name);
   *number = o && is_number(o);
   return o ? &o->entry : NULL;
@@ -182,10 +182,10 @@ const msim_option_entry *ms_option_find(const char *name, int *number) {
 
 /*------------------------------------- one member -----------------------------------------------*/
 
-static void *member_of(msim_options *opt, const option *o) { return (char *)opt + o->member; }
+static void *option_member(msim_options *opt, const option *o) { return (char *)opt + o->member; }
 
 /* Index of the word in "a | b | c"; -1: not in it. */
-static int32_t choice_of(const char *values, const char *word) {
+static int32_t find_choice(const char *values, const char *word) {
   size_t length = strlen(word);
   int32_t i = 0;
   for (const char *v = values; v; i++) {
@@ -197,36 +197,37 @@ static int32_t choice_of(const char *values, const char *word) {
   return -1;
 }
 
-int ms_option_is_word(const msim_option_entry *entry, const char *value) {
-  return choice_of(entry->values, value) > 0;
+int ms_options_accepts_word(const msim_option_entry *entry, const char *value) {
+  return find_choice(entry->values, value) > 0;
 }
 
 static int in_range(const option *o, double value) {
   return isfinite(value) && (o->open ? value > o->least : value >= o->least);
 }
 
-static msim_status refuse(const option *o, const char *found, msim_error *err) {
-  return ms_fail(err, MSIM_ERR_ARG, "%s is '%s'; it must be %s%s", o->entry.name, found,
-                 o->type == CHOICE || o->type == SKIP ? "one of " : "a ", o->entry.values);
+static msim_status refuse_value(const option *o, const char *found, msim_error *err) {
+  return ms_error_set(err, MSIM_ERR_ARG, "%s is '%s'; it must be %s%s", o->entry.name, found,
+                      o->type == CHOICE || o->type == SKIP ? "one of " : "a ", o->entry.values);
 }
 
 static msim_status set_number(msim_options *opt, const option *o, const char *value,
                               msim_error *err) {
   double real = 0;
   int64_t whole = 0;
-  if (o->type == REAL && ms_option_is_word(&o->entry, value)) {
-    *(double *)member_of(opt, o) = o->unset;
+  if (o->type == REAL && ms_options_accepts_word(&o->entry, value)) {
+    *(double *)option_member(opt, o) = o->unset;
     return MSIM_OK;
   }
-  int parsed = o->type == REAL ? ms_parse_double(value, &real) : ms_parse_int64(value, &whole);
+  int parsed =
+      o->type == REAL ? ms_text_parse_double(value, &real) : ms_text_parse_int64(value, &whole);
   if (o->type != REAL) real = (double)whole;
-  if (!parsed || !in_range(o, real)) return refuse(o, value, err);
+  if (!parsed || !in_range(o, real)) return refuse_value(o, value, err);
   if (o->type == INT32 && whole > INT32_MAX)
-    return ms_fail(err, MSIM_ERR_ARG, "%s is '%s'; it must be at most %d", o->entry.name, value,
-                   INT32_MAX);
-  if (o->type == REAL) *(double *)member_of(opt, o) = real;
-  else if (o->type == INT64) *(int64_t *)member_of(opt, o) = whole;
-  else *(int32_t *)member_of(opt, o) = (int32_t)whole;
+    return ms_error_set(err, MSIM_ERR_ARG, "%s is '%s'; it must be at most %d", o->entry.name,
+                        value, INT32_MAX);
+  if (o->type == REAL) *(double *)option_member(opt, o) = real;
+  else if (o->type == INT64) *(int64_t *)option_member(opt, o) = whole;
+  else *(int32_t *)option_member(opt, o) = (int32_t)whole;
   return MSIM_OK;
 }
 
@@ -234,13 +235,13 @@ static msim_status set_option(msim_options *opt, const option *o, const char *va
                               msim_error *err) {
   if (is_number(o)) return set_number(opt, o, value, err);
   if (o->type == WORD) {
-    if (!*value) return refuse(o, value, err);
-    *(const char **)member_of(opt, o) = value;
+    if (!*value) return refuse_value(o, value, err);
+    *(const char **)option_member(opt, o) = value;
     return MSIM_OK;
   }
-  int32_t pick = choice_of(o->entry.values, value);
-  if (pick < 0) return refuse(o, value, err);
-  if (o->type == CHOICE) *(int32_t *)member_of(opt, o) = pick;
+  int32_t pick = find_choice(o->entry.values, value);
+  if (pick < 0) return refuse_value(o, value, err);
+  if (o->type == CHOICE) *(int32_t *)option_member(opt, o) = pick;
   else if (pick == 1) opt->skip_off |= o->bit;
   else opt->skip_off &= ~o->bit;
   return MSIM_OK;
@@ -249,23 +250,24 @@ static msim_status set_option(msim_options *opt, const option *o, const char *va
 /*------------------------------------- values as text -------------------------------------------*/
 
 /* The word with index `pick` in "a | b | c". */
-static void put_word(const char *values, int32_t pick, ms_number *word) {
+static void format_choice(const char *values, int32_t pick, ms_number_text_buffer *word) {
   for (; pick > 0; pick--) values = strstr(values, " | ") + 3;
   const char *bar = strstr(values, " | ");
   const size_t length = bar ? (size_t)(bar - values) : strlen(values);
   snprintf(word->text, sizeof word->text, "%.*s", (int)length, values);
 }
 
-static void put_number(const option *o, const void *member, ms_number *number) {
+static void format_number(const option *o, const void *member, ms_number_text_buffer *number) {
   double value = 0;
   if (o->type == REAL) value = *(const double *)member;
   else if (o->type == INT64) value = (double)*(const int64_t *)member;
   else value = *(const int32_t *)member;
-  if (value != o->unset) *number = ms_number_text(value);
-  else if (strstr(o->entry.values, " | ")) put_word(o->entry.values, 1, number);
+  if (value != o->unset) *number = ms_text_format_double(value);
+  else if (strstr(o->entry.values, " | ")) format_choice(o->entry.values, 1, number);
 }
 
-const char *ms_option_value(const msim_options *opt, int32_t i, ms_number *number) {
+const char *ms_options_format_value(const msim_options *opt, int32_t i,
+                                    ms_number_text_buffer *number) {
   const option *o = &table[i];
   const void *member = (const char *)opt + o->member;
   number->text[0] = 0;
@@ -273,9 +275,9 @@ const char *ms_option_value(const msim_options *opt, int32_t i, ms_number *numbe
     const char *word = *(const char *const *)member;
     return word ? word : number->text;
   }
-  if (o->type == CHOICE) put_word(o->entry.values, *(const int32_t *)member, number);
-  else if (o->type == SKIP) put_word(o->entry.values, (opt->skip_off & o->bit) != 0, number);
-  else put_number(o, member, number);
+  if (o->type == CHOICE) format_choice(o->entry.values, *(const int32_t *)member, number);
+  else if (o->type == SKIP) format_choice(o->entry.values, (opt->skip_off & o->bit) != 0, number);
+  else format_number(o, member, number);
   return number->text;
 }
 
@@ -286,49 +288,49 @@ void msim_options_init(msim_options *opt, size_t size) {
   for (int i = 0; i < NOPTIONS; i++) {
     const option *o = &table[i];
     if (*o->entry.preset) set_option(&full, o, o->entry.preset, NULL);
-    else if (o->type == INT32) *(int32_t *)member_of(&full, o) = (int32_t)o->unset;
-    else if (o->type == INT64) *(int64_t *)member_of(&full, o) = (int64_t)o->unset;
-    else if (o->type == REAL) *(double *)member_of(&full, o) = o->unset;
+    else if (o->type == INT32) *(int32_t *)option_member(&full, o) = (int32_t)o->unset;
+    else if (o->type == INT64) *(int64_t *)option_member(&full, o) = (int64_t)o->unset;
+    else if (o->type == REAL) *(double *)option_member(&full, o) = o->unset;
   }
   memcpy(opt, &full, size < sizeof full ? size : sizeof full);
 }
 
 msim_status msim_options_set(msim_options *opt, const char *name, const char *value,
                              msim_error *err) {
-  if (!opt || !name || !value) return ms_fail(err, MSIM_ERR_ARG, "opt, name or value is NULL");
+  if (!opt || !name || !value) return ms_error_set(err, MSIM_ERR_ARG, "opt, name or value is NULL");
   const option *o = find_option(name);
   if (!o)
-    return ms_fail(err, MSIM_ERR_ARG, "there is no option '%s'%s", name,
-                   ms_did_you_mean(name, option_name, NULL).text);
+    return ms_error_set(err, MSIM_ERR_ARG, "there is no option '%s'%s", name,
+                        ms_text_suggest(name, option_name, NULL).text);
   msim_options full;
   msim_status status = ms_options_copy(opt, &full, err);
   if (!status) status = set_option(&full, o, value, err);
   if (status) return status;
   memcpy(opt, &full, opt->size < sizeof full ? opt->size : sizeof full);
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 msim_status msim_options_from_scene(msim_options *opt, const msim_scene *scene, msim_error *err) {
-  if (!opt || !scene) return ms_fail(err, MSIM_ERR_ARG, "opt or scene is NULL");
+  if (!opt || !scene) return ms_error_set(err, MSIM_ERR_ARG, "opt or scene is NULL");
   for (int32_t i = 0; i < scene->data->nrun; i++) {
-    const ms_run_entry *entry = &scene->data->run[i];
+    const ms_run_option *entry = &scene->data->run[i];
     msim_status status = msim_options_set(opt, entry->name, entry->value, err);
     if (status) return status;
   }
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 msim_status ms_options_copy(const msim_options *from, msim_options *to, msim_error *err) {
   if (from->size < offsetof(msim_options, integrator) + sizeof from->integrator)
-    return ms_fail(err, MSIM_ERR_ARG, "options.size is %zu: call msim_options_init first",
-                   from->size);
+    return ms_error_set(err, MSIM_ERR_ARG, "options.size is %zu: call msim_options_init first",
+                        from->size);
   msim_options_init(to, sizeof *to);
   memcpy(to, from, from->size < sizeof *to ? from->size : sizeof *to);
   to->size = from->size;
   return MSIM_OK;
 }
 
-static msim_status check_member(const msim_options *opt, const option *o, msim_error *err) {
+static msim_status check_option(const msim_options *opt, const option *o, msim_error *err) {
   const void *member = (const char *)opt + o->member;
   double value = 0;
   if (o->type == REAL) value = *(const double *)member;
@@ -345,12 +347,12 @@ static msim_status check_member(const msim_options *opt, const option *o, msim_e
   if (good) return MSIM_OK;
   char found[32];
   snprintf(found, sizeof found, "%g", value);
-  return refuse(o, found, err);
+  return refuse_value(o, found, err);
 }
 
 msim_status ms_options_check(const msim_options *opt, msim_error *err) {
   for (int i = 0; i < NOPTIONS; i++) {
-    msim_status status = check_member(opt, &table[i], err);
+    msim_status status = check_option(opt, &table[i], err);
     if (status) return status;
   }
   return MSIM_OK;

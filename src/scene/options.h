@@ -5,14 +5,15 @@
 #include "base/text.h"
 
 /* Get the option of this name; NULL: none. *number: whether its values are numbers. */
-const msim_option_entry *ms_option_find(const char *name, int *number);
+const msim_option_entry *ms_options_find(const char *name, int *number);
 
 /* Whether this option, whose values are numbers, also accepts the word `value`: "auto". */
-int ms_option_is_word(const msim_option_entry *entry, const char *value);
+int ms_options_accepts_word(const msim_option_entry *entry, const char *value);
 
 /* Value of the i-th option in the form that msim_options_set takes; "" if it is not set. The text
  * is in *number or borrowed from opt. */
-const char *ms_option_value(const msim_options *opt, int32_t i, ms_number *number);
+const char *ms_options_format_value(const msim_options *opt, int32_t i,
+                                    ms_number_text_buffer *number);
 
 /* Check all members by the table. What depends on the scene or a registry is checked later. */
 msim_status ms_options_check(const msim_options *opt, msim_error *err);

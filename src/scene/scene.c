@@ -7,61 +7,61 @@
 
 static void free_run(ms_scene *s) {
   for (int32_t i = 0; i < s->nrun; i++) {
-    ms_delete(&s->alloc, s->run[i].name);
-    ms_delete(&s->alloc, s->run[i].value);
+    ms_memory_free(&s->alloc, s->run[i].name);
+    ms_memory_free(&s->alloc, s->run[i].value);
   }
-  ms_delete(&s->alloc, s->run);
+  ms_memory_free(&s->alloc, s->run);
 }
 
-static void free_data(ms_scene *s) {
+static void free_scene_data(ms_scene *s) {
   void *arrays[] = {s->name, s->source, s->x,    s->v,       s->mass,  s->pinned,
                     s->ij,   s->k,      s->rest, s->damping, s->planes};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_delete(&s->alloc, arrays[i]);
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(&s->alloc, arrays[i]);
   free_run(s);
   msim_allocator alloc = s->alloc;
-  ms_delete(&alloc, s);
+  ms_memory_free(&alloc, s);
 }
 
-ms_scene *ms_scene_share(ms_scene *scene) {
+ms_scene *ms_scene_retain(ms_scene *scene) {
   atomic_fetch_add(&scene->references, 1);
   return scene;
 }
 
 void ms_scene_release(ms_scene *scene) {
-  if (scene && atomic_fetch_sub(&scene->references, 1) == 1) free_data(scene);
+  if (scene && atomic_fetch_sub(&scene->references, 1) == 1) free_scene_data(scene);
 }
 
-static ms_scene *new_data(const msim_allocator *alloc) {
-  ms_scene *s = ms_new(alloc, 1, sizeof *s);
+static ms_scene *new_scene_data(const msim_allocator *alloc) {
+  ms_scene *s = ms_memory_allocate(alloc, 1, sizeof *s);
   if (!s) return NULL;
   s->alloc = *alloc;
   atomic_init(&s->references, 1);
-  s->name = ms_strdup(alloc, "");
+  s->name = ms_memory_copy_string(alloc, "");
   if (s->name) return s;
-  free_data(s);
+  free_scene_data(s);
   return NULL;
 }
 
 msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene, msim_error *err) {
-  if (!scene) return ms_fail(err, MSIM_ERR_ARG, "scene is NULL");
+  if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");
   *scene = NULL;
-  msim_allocator a = ms_allocator(alloc);
-  msim_scene *handle = ms_new(&a, 1, sizeof *handle);
-  ms_scene *data = handle ? new_data(&a) : NULL;
+  msim_allocator a = ms_memory_allocator(alloc);
+  msim_scene *handle = ms_memory_allocate(&a, 1, sizeof *handle);
+  ms_scene *data = handle ? new_scene_data(&a) : NULL;
   if (!data) {
-    ms_delete(&a, handle);
-    return ms_fail_memory(err, "a scene");
+    ms_memory_free(&a, handle);
+    return ms_error_set_memory(err, "a scene");
   }
   handle->data = data;
   *scene = handle;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 void msim_scene_destroy(msim_scene *scene) {
   if (!scene) return;
   msim_allocator alloc = scene->data->alloc;
   ms_scene_release(scene->data);
-  ms_delete(&alloc, scene);
+  ms_memory_free(&alloc, scene);
 }
 
 /*------------------------------------- copy on write --------------------------------------------*/
@@ -77,8 +77,8 @@ static int reserve_particles(ms_scene *s, int64_t needed, msim_error *err) {
   int32_t capacity = s->particle_capacity;
   for (int i = 0; i < 4; i++) {
     capacity = s->particle_capacity;
-    if (ms_reserve(&s->alloc, arrays[i].array, arrays[i].size, s->nparticles, &capacity, needed,
-                   err))
+    if (ms_memory_reserve(&s->alloc, arrays[i].array, arrays[i].size, s->nparticles, &capacity,
+                          needed, err))
       return 0;
   }
   s->particle_capacity = capacity;
@@ -96,7 +96,8 @@ static int reserve_springs(ms_scene *s, int64_t needed, msim_error *err) {
   int32_t capacity = s->spring_capacity;
   for (int i = 0; i < 4; i++) {
     capacity = s->spring_capacity;
-    if (ms_reserve(&s->alloc, arrays[i].array, arrays[i].size, s->nsprings, &capacity, needed, err))
+    if (ms_memory_reserve(&s->alloc, arrays[i].array, arrays[i].size, s->nsprings, &capacity,
+                          needed, err))
       return 0;
   }
   s->spring_capacity = capacity;
@@ -115,7 +116,7 @@ static void append_particles(ms_scene *s, int32_t n, const double *x, const doub
   s->nparticles += n;
 }
 
-static double distance(const double *a, const double *b) {
+static double particle_distance(const double *a, const double *b) {
   double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
   return sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
 }
@@ -127,29 +128,29 @@ static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const doub
   memcpy(s->k + at, k, count * sizeof *k);
   for (size_t e = 0; e < count; e++) {
     const double *a = s->x + 3 * (size_t)ij[2 * e], *b = s->x + 3 * (size_t)ij[2 * e + 1];
-    s->rest[at + e] = rest ? rest[e] : distance(a, b);
+    s->rest[at + e] = rest ? rest[e] : particle_distance(a, b);
     s->damping[at + e] = damping ? damping[e] : 0.0;
   }
   s->nsprings += n;
 }
 
-static ms_scene *clone(const ms_scene *s, msim_error *err) {
-  ms_scene *c = new_data(&s->alloc);
+static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
+  ms_scene *c = new_scene_data(&s->alloc);
   if (!c) {
-    ms_fail_memory(err, "a copy of the scene");
+    ms_error_set_memory(err, "a copy of the scene");
     return NULL;
   }
-  ms_delete(&c->alloc, c->name);
-  c->name = ms_strdup(&c->alloc, s->name);
-  int ok =
-      c->name && reserve_particles(c, s->nparticles, err) && reserve_springs(c, s->nsprings, err) &&
-      ms_reserve(&c->alloc, (void **)&c->planes, sizeof *c->planes, 0, &c->plane_capacity,
-                 s->nplanes, err) == MSIM_OK &&
-      ms_reserve(&c->alloc, (void **)&c->run, sizeof *c->run, 0, &c->run_capacity, s->nrun, err) ==
-          MSIM_OK;
+  ms_memory_free(&c->alloc, c->name);
+  c->name = ms_memory_copy_string(&c->alloc, s->name);
+  int ok = c->name && reserve_particles(c, s->nparticles, err) &&
+           reserve_springs(c, s->nsprings, err) &&
+           ms_memory_reserve(&c->alloc, (void **)&c->planes, sizeof *c->planes, 0,
+                             &c->plane_capacity, s->nplanes, err) == MSIM_OK &&
+           ms_memory_reserve(&c->alloc, (void **)&c->run, sizeof *c->run, 0, &c->run_capacity,
+                             s->nrun, err) == MSIM_OK;
   if (!ok) {
     ms_scene_release(c);
-    ms_fail_memory(err, "a copy of the scene");
+    ms_error_set_memory(err, "a copy of the scene");
     return NULL;
   }
   if (s->nparticles) append_particles(c, s->nparticles, s->x, s->v, s->mass, s->pinned);
@@ -159,26 +160,26 @@ static ms_scene *clone(const ms_scene *s, msim_error *err) {
   memcpy(c->gravity, s->gravity, sizeof s->gravity);
   c->drag = s->drag;
   for (; c->nrun < s->nrun; c->nrun++) {
-    ms_run_entry *to = &c->run[c->nrun];
-    to->name = ms_strdup(&c->alloc, s->run[c->nrun].name);
-    to->value = ms_strdup(&c->alloc, s->run[c->nrun].value);
+    ms_run_option *to = &c->run[c->nrun];
+    to->name = ms_memory_copy_string(&c->alloc, s->run[c->nrun].name);
+    to->value = ms_memory_copy_string(&c->alloc, s->run[c->nrun].value);
     if (to->name && to->value) continue;
     c->nrun++;
     ms_scene_release(c);
-    ms_fail_memory(err, "a copy of the scene");
+    ms_error_set_memory(err, "a copy of the scene");
     return NULL;
   }
   return c;
 }
 
-ms_scene *ms_scene_writable(msim_scene *scene, msim_error *err) {
+ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err) {
   if (atomic_load(&scene->data->references) > 1) {
-    ms_scene *own = clone(scene->data, err);
+    ms_scene *own = clone_scene(scene->data, err);
     if (!own) return NULL;
     ms_scene_release(scene->data);
     scene->data = own;
   }
-  ms_delete(&scene->data->alloc, scene->data->source);
+  ms_memory_free(&scene->data->alloc, scene->data->source);
   scene->data->source = NULL;
   return scene->data;
 }
@@ -188,8 +189,8 @@ ms_scene *ms_scene_writable(msim_scene *scene, msim_error *err) {
 static msim_status check_number(const char *what, int64_t i, double value, int positive,
                                 msim_error *err) {
   if (isfinite(value) && (positive ? value > 0 : value >= 0)) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_ARG, "%s[%lld] is %g; it must be a finite number %s", what,
-                 (long long)i, value, positive ? "> 0" : ">= 0");
+  return ms_error_set(err, MSIM_ERR_ARG, "%s[%lld] is %g; it must be a finite number %s", what,
+                      (long long)i, value, positive ? "> 0" : ">= 0");
 }
 
 /* Indices in messages are those of groups of `width` numbers. */
@@ -197,96 +198,97 @@ static msim_status check_finite(const char *what, int64_t n, int width, const do
                                 msim_error *err) {
   for (int64_t i = 0; i < n; i++)
     if (!isfinite(values[i]))
-      return ms_fail(err, MSIM_ERR_ARG, "%s[%lld] is %g; it must be finite", what,
-                     (long long)(i / width), values[i]);
+      return ms_error_set(err, MSIM_ERR_ARG, "%s[%lld] is %g; it must be finite", what,
+                          (long long)(i / width), values[i]);
   return MSIM_OK;
 }
 
 static msim_status check_count(int64_t n, const char *what, msim_error *err) {
   if (n >= 0) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_ARG, "the number of %s is %lld; it must be >= 0", what,
-                 (long long)n);
+  return ms_error_set(err, MSIM_ERR_ARG, "the number of %s is %lld; it must be >= 0", what,
+                      (long long)n);
 }
 
 static msim_status check_particle_limit(const ms_scene *s, int32_t n, msim_error *err) {
   int64_t total = (int64_t)s->nparticles + n;
   /* indices of 3n arrays are int32_t */
   if (total <= INT32_MAX / 3) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_ARG, "%lld particles are more than the limit of %d",
-                 (long long)total, INT32_MAX / 3);
+  return ms_error_set(err, MSIM_ERR_ARG, "%lld particles are more than the limit of %d",
+                      (long long)total, INT32_MAX / 3);
 }
 
 static msim_status check_spring(const ms_scene *s, int64_t e, const int32_t *ij, msim_error *err) {
   for (int end = 0; end < 2; end++)
     if (ij[end] < 0 || ij[end] >= s->nparticles)
-      return ms_fail(err, MSIM_ERR_ARG,
-                     "springs.ij[%lld] names particle %d; there are %d, counted from 0",
-                     (long long)e, ij[end], s->nparticles);
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "springs.ij[%lld] names particle %d; there are %d, counted from 0",
+                          (long long)e, ij[end], s->nparticles);
   if (ij[0] == ij[1])
-    return ms_fail(err, MSIM_ERR_ARG, "springs.ij[%lld] ties particle %d to itself", (long long)e,
-                   ij[0]);
+    return ms_error_set(err, MSIM_ERR_ARG, "springs.ij[%lld] ties particle %d to itself",
+                        (long long)e, ij[0]);
   return MSIM_OK;
 }
 
 static msim_status check_length(const ms_scene *s, int64_t e, const int32_t *ij, msim_error *err) {
-  double length = distance(s->x + 3 * (size_t)ij[0], s->x + 3 * (size_t)ij[1]);
+  double length = particle_distance(s->x + 3 * (size_t)ij[0], s->x + 3 * (size_t)ij[1]);
   if (isfinite(length)) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_ARG, "springs.ij[%lld] is longer than a double can say",
-                 (long long)e);
+  return ms_error_set(err, MSIM_ERR_ARG, "springs.ij[%lld] is longer than a double can say",
+                      (long long)e);
 }
 
 /*------------------------------------- setters --------------------------------------------------*/
 
 msim_status msim_scene_set_name(msim_scene *scene, const char *name, msim_error *err) {
-  if (!scene || !name) return ms_fail(err, MSIM_ERR_ARG, "scene or name is NULL");
-  ms_scene *s = ms_scene_writable(scene, err);
+  if (!scene || !name) return ms_error_set(err, MSIM_ERR_ARG, "scene or name is NULL");
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  char *copy = ms_strdup(&s->alloc, name);
-  if (!copy) return ms_fail_memory(err, "a name");
-  ms_delete(&s->alloc, s->name);
+  char *copy = ms_memory_copy_string(&s->alloc, name);
+  if (!copy) return ms_error_set_memory(err, "a name");
+  ms_memory_free(&s->alloc, s->name);
   s->name = copy;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 msim_status msim_scene_set_gravity(msim_scene *scene, const double gravity[3], msim_error *err) {
-  if (!scene || !gravity) return ms_fail(err, MSIM_ERR_ARG, "scene or gravity is NULL");
+  if (!scene || !gravity) return ms_error_set(err, MSIM_ERR_ARG, "scene or gravity is NULL");
   if (check_finite("gravity", 3, 1, gravity, err)) return MSIM_ERR_ARG;
-  ms_scene *s = ms_scene_writable(scene, err);
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   memcpy(s->gravity, gravity, sizeof s->gravity);
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 msim_status msim_scene_set_drag(msim_scene *scene, double drag, msim_error *err) {
-  if (!scene) return ms_fail(err, MSIM_ERR_ARG, "scene is NULL");
+  if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");
   if (!isfinite(drag) || drag < 0)
-    return ms_fail(err, MSIM_ERR_ARG, "drag is %g; it must be a finite number >= 0", drag);
-  ms_scene *s = ms_scene_writable(scene, err);
+    return ms_error_set(err, MSIM_ERR_ARG, "drag is %g; it must be a finite number >= 0", drag);
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   s->drag = drag;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 msim_status msim_scene_add_particles(msim_scene *scene, int32_t n, const double *x, const double *v,
                                      const double *mass, msim_error *err) {
   if (!scene || (n > 0 && (!x || !mass)))
-    return ms_fail(err, MSIM_ERR_ARG, "scene, x or mass is NULL");
+    return ms_error_set(err, MSIM_ERR_ARG, "scene, x or mass is NULL");
   msim_status status = check_count(n, "particles", err);
   if (!status) status = check_particle_limit(scene->data, n, err);
   if (!status) status = check_finite("particles.x", 3 * (int64_t)n, 3, x, err);
   if (!status && v) status = check_finite("particles.v", 3 * (int64_t)n, 3, v, err);
   for (int32_t i = 0; i < n && !status; i++)
     status = check_number("particles.mass", i, mass[i], 1, err);
-  if (status || n == 0) return status ? status : ms_ok(err);
-  ms_scene *s = ms_scene_writable(scene, err);
+  if (status || n == 0) return status ? status : ms_error_clear(err);
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s || !reserve_particles(s, (int64_t)s->nparticles + n, err)) return MSIM_ERR_MEMORY;
   append_particles(s, n, x, v, mass, NULL);
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 msim_status msim_scene_add_springs(msim_scene *scene, int32_t n, const int32_t *ij, const double *k,
                                    const double *rest, const double *damping, msim_error *err) {
-  if (!scene || (n > 0 && (!ij || !k))) return ms_fail(err, MSIM_ERR_ARG, "scene, ij or k is NULL");
+  if (!scene || (n > 0 && (!ij || !k)))
+    return ms_error_set(err, MSIM_ERR_ARG, "scene, ij or k is NULL");
   msim_status status = check_count(n, "springs", err);
   for (int32_t e = 0; e < n && !status; e++) {
     status = check_spring(scene->data, e, ij + 2 * (size_t)e, err);
@@ -295,20 +297,20 @@ msim_status msim_scene_add_springs(msim_scene *scene, int32_t n, const int32_t *
     if (!status && !rest) status = check_length(scene->data, e, ij + 2 * (size_t)e, err);
     if (!status && damping) status = check_number("springs.damping", e, damping[e], 0, err);
   }
-  if (status || n == 0) return status ? status : ms_ok(err);
-  ms_scene *s = ms_scene_writable(scene, err);
+  if (status || n == 0) return status ? status : ms_error_clear(err);
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   int64_t total = (int64_t)s->nsprings + n;
   if (total > INT32_MAX)
-    return ms_fail(err, MSIM_ERR_ARG, "%lld springs are more than the limit of %d",
-                   (long long)total, INT32_MAX);
+    return ms_error_set(err, MSIM_ERR_ARG, "%lld springs are more than the limit of %d",
+                        (long long)total, INT32_MAX);
   if (!reserve_springs(s, total, err)) return MSIM_ERR_MEMORY;
   append_springs(s, n, ij, k, rest, damping);
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 /* A normal whose length is 1 up to rounding stays bitwise the same. */
-static void normalise(msim_plane *p) {
+static void normalize_plane(msim_plane *p) {
   double largest = fmax(fmax(fabs(p->normal[0]), fabs(p->normal[1])), fabs(p->normal[2]));
   double n[3] = {p->normal[0] / largest, p->normal[1] / largest, p->normal[2] / largest};
   double length = largest * sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -318,35 +320,36 @@ static void normalise(msim_plane *p) {
 }
 
 msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane, msim_error *err) {
-  if (!scene || !plane) return ms_fail(err, MSIM_ERR_ARG, "scene or plane is NULL");
+  if (!scene || !plane) return ms_error_set(err, MSIM_ERR_ARG, "scene or plane is NULL");
   msim_plane p = *plane;
   msim_status status = check_finite("normal", 3, 1, p.normal, err);
   if (status) return status;
   if (!isfinite(p.offset))
-    return ms_fail(err, MSIM_ERR_ARG, "offset is %g; it must be finite", p.offset);
+    return ms_error_set(err, MSIM_ERR_ARG, "offset is %g; it must be finite", p.offset);
   if (p.normal[0] == 0 && p.normal[1] == 0 && p.normal[2] == 0)
-    return ms_fail(err, MSIM_ERR_ARG, "normal is zero; it must have a direction");
+    return ms_error_set(err, MSIM_ERR_ARG, "normal is zero; it must have a direction");
   if (!(p.restitution >= 0 && p.restitution <= 1))
-    return ms_fail(err, MSIM_ERR_ARG, "restitution is %g; it must lie in [0, 1]", p.restitution);
+    return ms_error_set(err, MSIM_ERR_ARG, "restitution is %g; it must lie in [0, 1]",
+                        p.restitution);
   if (!(p.friction >= 0) || !isfinite(p.friction))
-    return ms_fail(err, MSIM_ERR_ARG, "friction is %g; it must be a finite number >= 0",
-                   p.friction);
-  normalise(&p);
+    return ms_error_set(err, MSIM_ERR_ARG, "friction is %g; it must be a finite number >= 0",
+                        p.friction);
+  normalize_plane(&p);
   if (!isfinite(p.offset))
-    return ms_fail(err, MSIM_ERR_ARG, "offset is out of range once the normal is scaled to 1");
-  ms_scene *s = ms_scene_writable(scene, err);
+    return ms_error_set(err, MSIM_ERR_ARG, "offset is out of range once the normal is scaled to 1");
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  status = ms_reserve(&s->alloc, (void **)&s->planes, sizeof p, s->nplanes, &s->plane_capacity,
-                      (int64_t)s->nplanes + 1, err);
+  status = ms_memory_reserve(&s->alloc, (void **)&s->planes, sizeof p, s->nplanes,
+                             &s->plane_capacity, (int64_t)s->nplanes + 1, err);
   if (status) return status;
   s->planes[s->nplanes++] = p;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
 msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particles,
                            msim_error *err) {
   if (!scene || (n > 0 && !particles))
-    return ms_fail(err, MSIM_ERR_ARG, "scene or particles is NULL");
+    return ms_error_set(err, MSIM_ERR_ARG, "scene or particles is NULL");
   msim_status status = check_count(n, "pinned particles", err);
   const ms_scene *now = scene->data;
   for (int32_t i = 0; i < n && !status; i++) {
@@ -354,34 +357,36 @@ msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particle
     const int there = p >= 0 && p < now->nparticles;
     const double *v = there ? now->v + 3 * (size_t)p : NULL;
     if (!there)
-      status =
-          ms_fail(err, MSIM_ERR_ARG, "pinned[%d] is %d; there are %d particles, counted from 0", i,
-                  p, now->nparticles);
+      status = ms_error_set(err, MSIM_ERR_ARG,
+                            "pinned[%d] is %d; there are %d particles, counted from 0", i, p,
+                            now->nparticles);
     else if (v[0] != 0 || v[1] != 0 || v[2] != 0)
-      status = ms_fail(err, MSIM_ERR_ARG,
+      status =
+          ms_error_set(err, MSIM_ERR_ARG,
                        "pinned[%d] is particle %d, whose velocity is not 0; pinned particles never "
                        "move",
                        i, p);
   }
-  if (status || n == 0) return status ? status : ms_ok(err);
-  ms_scene *s = ms_scene_writable(scene, err);
+  if (status || n == 0) return status ? status : ms_error_clear(err);
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   for (int32_t i = 0; i < n; i++) s->pinned[particles[i]] = 1;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }
 
-msim_status ms_scene_add_run(msim_scene *scene, const char *name, const char *value,
-                             msim_error *err) {
-  ms_scene *s = ms_scene_writable(scene, err);
+msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const char *value,
+                                    msim_error *err) {
+  ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  msim_status status = ms_reserve(&s->alloc, (void **)&s->run, sizeof *s->run, s->nrun,
-                                  &s->run_capacity, (int64_t)s->nrun + 1, err);
+  msim_status status = ms_memory_reserve(&s->alloc, (void **)&s->run, sizeof *s->run, s->nrun,
+                                         &s->run_capacity, (int64_t)s->nrun + 1, err);
   if (status) return status;
-  ms_run_entry entry = {ms_strdup(&s->alloc, name), ms_strdup(&s->alloc, value)};
+  ms_run_option entry = {ms_memory_copy_string(&s->alloc, name),
+                         ms_memory_copy_string(&s->alloc, value)};
   if (!entry.name || !entry.value) {
-    ms_delete(&s->alloc, entry.name);
-    ms_delete(&s->alloc, entry.value);
-    return ms_fail_memory(err, "the scene's options");
+    ms_memory_free(&s->alloc, entry.name);
+    ms_memory_free(&s->alloc, entry.value);
+    return ms_error_set_memory(err, "the scene's options");
   }
   s->run[s->nrun++] = entry;
   return MSIM_OK;

@@ -11,9 +11,9 @@
 
 #include "base/text.h"
 
-typedef struct ms_run_entry {
+typedef struct ms_run_option {
   char *name, *value; /* in the form that msim_options_set takes */
-} ms_run_entry;
+} ms_run_option;
 
 typedef struct ms_scene {
   msim_allocator alloc;
@@ -33,7 +33,7 @@ typedef struct ms_scene {
   msim_plane *planes;
 
   int32_t nrun, run_capacity;
-  ms_run_entry *run;
+  ms_run_option *run;
 
   double gravity[3], drag;
 } ms_scene;
@@ -42,29 +42,29 @@ struct msim_scene {
   ms_scene *data;
 };
 
-ms_scene *ms_scene_share(ms_scene *scene); /* increments the number of references */
-void ms_scene_release(ms_scene *scene);    /* decrements it, frees the data at 0; accepts NULL */
+ms_scene *ms_scene_retain(ms_scene *scene); /* increments the number of references */
+void ms_scene_release(ms_scene *scene);     /* decrements it, frees the data at 0; accepts NULL */
 
 /* Get the handle's data for writing: copies them if they are shared, and discards `source`. NULL:
  * out of memory. */
-ms_scene *ms_scene_writable(msim_scene *scene, msim_error *err);
+ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
 
 /* Append an option of the scene file's `run`; the caller has checked it by msim_options_set. */
-msim_status ms_scene_add_run(msim_scene *scene, const char *name, const char *value,
-                             msim_error *err);
+msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const char *value,
+                                    msim_error *err);
 
 /* Write the scene as JSON: the text it was read from, if it has not changed since. */
-msim_status ms_scene_to_json(const ms_scene *scene, ms_text *text, msim_error *err);
+msim_status ms_scene_write_json(const ms_scene *scene, ms_text *text, msim_error *err);
 
 /* 1: valid UTF-8, 0: not, -1: out of memory. */
-int ms_is_utf8(const char *text);
+int ms_scene_is_utf8(const char *text);
 
 /* Refuse a scene that a scene file cannot represent: without particles, or with an invalid name. */
-msim_status ms_scene_check_file(const ms_scene *scene, msim_error *err);
+msim_status ms_scene_check_savable(const ms_scene *scene, msim_error *err);
 
 /* Conditions under which a scene file stores one number for all, or none. Comparisons are bitwise,
  * so -0 is not 0. */
-int ms_all_equal(int64_t count, const double *numbers);
-int ms_all_zero(int64_t count, const double *numbers);
+int ms_scene_all_equal(int64_t count, const double *numbers);
+int ms_scene_all_zero(int64_t count, const double *numbers);
 
 #endif

@@ -7,22 +7,23 @@
 
 /* "path: cannot be read: Permission denied" */
 static msim_status fail_io(msim_error *err, const char *path, const char *what, int number) {
-  return ms_fail(err, ms_status_of(number), "%s: cannot be %s: %s", path, what, strerror(number));
+  return ms_error_set(err, ms_error_io_status(number), "%s: cannot be %s: %s", path, what,
+                      strerror(number));
 }
 
 /*------------------------------------- load -----------------------------------------------------*/
 
 /* Read a file, which may be a pipe, to its end. The caller deletes *text, also after an error. */
-static msim_status read_all(const msim_allocator *alloc, FILE *file, const char *path, char **text,
-                            size_t *length, msim_error *err) {
+static msim_status read_whole_file(const msim_allocator *alloc, FILE *file, const char *path,
+                                   char **text, size_t *length, msim_error *err) {
   size_t room = 0, got = 1;
   for (*length = 0; got > 0; *length += got) {
     if (*length == room) {
       room = 2 * room + (1 << 16);
-      char *larger = ms_new(alloc, room, 1);
-      if (!larger) return ms_fail_memory(err, path);
+      char *larger = ms_memory_allocate(alloc, room, 1);
+      if (!larger) return ms_error_set_memory(err, path);
       if (*text) memcpy(larger, *text, *length);
-      ms_delete(alloc, *text);
+      ms_memory_free(alloc, *text);
       *text = larger;
     }
     errno = 0;
@@ -34,28 +35,28 @@ static msim_status read_all(const msim_allocator *alloc, FILE *file, const char 
 msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_scene **scene,
                             msim_error *err) {
   if (scene) *scene = NULL;
-  if (!scene || !path) return ms_fail(err, MSIM_ERR_ARG, "scene or path is NULL");
+  if (!scene || !path) return ms_error_set(err, MSIM_ERR_ARG, "scene or path is NULL");
   FILE *file = fopen(path, "rb");
   if (!file) return fail_io(err, path, "read", errno);
-  const char *importer = ms_importer_for(path);
+  const char *importer = ms_importer_name_for(path);
   if (importer) {
     fclose(file);
-    return ms_scene_import(alloc, importer, path, scene, err);
+    return ms_import_scene(alloc, importer, path, scene, err);
   }
-  const msim_allocator a = ms_allocator(alloc);
+  const msim_allocator a = ms_memory_allocator(alloc);
   char *text = NULL;
   size_t length;
-  msim_status status = read_all(&a, file, path, &text, &length, err);
+  msim_status status = read_whole_file(&a, file, path, &text, &length, err);
   fclose(file);
   if (!status) status = msim_scene_parse(alloc, path, text, length, scene, err);
-  ms_delete(&a, text);
+  ms_memory_free(&a, text);
   return status;
 }
 
 /*------------------------------------- save -----------------------------------------------------*/
 
 /* Returns errno, or 0. */
-static int write_file(const char *path, const ms_text *text) {
+static int write_text_file(const char *path, const ms_text *text) {
   FILE *file = fopen(path, "wb");
   if (!file) return errno;
   errno = 0;
@@ -69,17 +70,17 @@ static int write_file(const char *path, const ms_text *text) {
 static msim_status write_json(const ms_scene *scene, const char *part, const char *path,
                               msim_error *err) {
   ms_text text = {.alloc = &scene->alloc};
-  msim_status status = ms_scene_to_json(scene, &text, err);
-  const int fault = status ? 0 : write_file(part, &text);
+  msim_status status = ms_scene_write_json(scene, &text, err);
+  const int fault = status ? 0 : write_text_file(part, &text);
   ms_text_free(&text);
   return fault ? fail_io(err, path, "written", fault) : status;
 }
 
 /* Write to the file `part`, then rename it: a file named `path` is always complete. */
-static msim_status write_part(const ms_scene *scene, const char *part, const char *path,
-                              msim_error *err) {
-  const char *importer = ms_importer_for(path);
-  msim_status status = importer ? ms_scene_export(scene, importer, part, path, err)
+static msim_status save_to_part(const ms_scene *scene, const char *part, const char *path,
+                                msim_error *err) {
+  const char *importer = ms_importer_name_for(path);
+  msim_status status = importer ? ms_export_scene(scene, importer, part, path, err)
                                 : write_json(scene, part, path, err);
   if (!status && rename(part, path)) status = fail_io(err, path, "written", errno);
   if (status) remove(part);
@@ -87,12 +88,12 @@ static msim_status write_part(const ms_scene *scene, const char *part, const cha
 }
 
 msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err) {
-  if (!scene || !path) return ms_fail(err, MSIM_ERR_ARG, "scene or path is NULL");
+  if (!scene || !path) return ms_error_set(err, MSIM_ERR_ARG, "scene or path is NULL");
   const msim_allocator alloc = scene->data->alloc;
   ms_text part = {.alloc = &alloc};
-  ms_print(&part, "%s.part", path);
-  msim_status status = part.failed ? ms_fail_memory(err, "a file name")
-                                   : write_part(scene->data, part.data, path, err);
+  ms_text_append(&part, "%s.part", path);
+  msim_status status = part.failed ? ms_error_set_memory(err, "a file name")
+                                   : save_to_part(scene->data, part.data, path, err);
   ms_text_free(&part);
-  return status ? status : ms_ok(err);
+  return status ? status : ms_error_clear(err);
 }

@@ -9,143 +9,147 @@ enum { FORMAT_VERSION = 1 };
 
 /*------------------------------------- small sections -------------------------------------------*/
 
-static msim_status read_version(ms_json *r, const char *path, ms_value value) {
+static msim_status read_version(ms_json_reader *r, const char *path, ms_value value) {
   if (ms_value_is_whole(value) && ms_value_whole(value) == FORMAT_VERSION) return MSIM_OK;
-  return ms_json_refuse(r, ms_at(path), value, "1, the version of the format");
+  return ms_json_refuse(r, ms_json_at(path), value, "1, the version of the format");
 }
 
-static msim_status read_name(ms_json *r, const char *path, ms_value value) {
+static msim_status read_name(ms_json_reader *r, const char *path, ms_value value) {
   msim_error inner;
-  if (!ms_value_text(value)) return ms_json_refuse(r, ms_at(path), value, "a string");
-  return ms_json_pass(r, "", msim_scene_set_name(r->scene, ms_value_text(value), &inner), &inner);
+  if (!ms_value_text(value)) return ms_json_refuse(r, ms_json_at(path), value, "a string");
+  return ms_json_forward_error(r, "", msim_scene_set_name(r->scene, ms_value_text(value), &inner),
+                               &inner);
 }
 
-static msim_status read_gravity(ms_json *r, const char *path, ms_value value) {
+static msim_status read_gravity(ms_json_reader *r, const char *path, ms_value value) {
   msim_error inner;
   double gravity[3];
-  msim_status status = ms_json_row(r, ms_at(path), value, MS_ANY, 3, gravity);
+  msim_status status = ms_json_read_row(r, ms_json_at(path), value, MS_ANY, 3, gravity);
   if (status) return status;
-  return ms_json_pass(r, "", msim_scene_set_gravity(r->scene, gravity, &inner), &inner);
+  return ms_json_forward_error(r, "", msim_scene_set_gravity(r->scene, gravity, &inner), &inner);
 }
 
-static msim_status read_drag(ms_json *r, const char *path, ms_value value) {
+static msim_status read_drag(ms_json_reader *r, const char *path, ms_value value) {
   msim_error inner;
   double drag;
-  msim_status status = ms_json_number(r, ms_at(path), value, MS_NOT_NEGATIVE, &drag);
+  msim_status status = ms_json_read_number(r, ms_json_at(path), value, MS_NOT_NEGATIVE, &drag);
   if (status) return status;
-  return ms_json_pass(r, "", msim_scene_set_drag(r->scene, drag, &inner), &inner);
+  return ms_json_forward_error(r, "", msim_scene_set_drag(r->scene, drag, &inner), &inner);
 }
 
 /*------------------------------------- particles ------------------------------------------------*/
 
 /* A list of particle indices; the caller deletes *list, also after an error. */
-static msim_status read_indices(const ms_json *r, const char *key, ms_value value, int32_t limit,
-                                int32_t *n, int32_t **list) {
-  msim_status status = ms_json_array(r, key, value, n);
+static msim_status read_indices(const ms_json_reader *r, const char *key, ms_value value,
+                                int32_t limit, int32_t *n, int32_t **list) {
+  msim_status status = ms_json_read_array_size(r, key, value, n);
   if (status) return status;
-  *list = ms_new(&r->alloc, (size_t)*n, sizeof **list);
-  if (!*list) return ms_json_no_memory(r);
+  *list = ms_memory_allocate(&r->alloc, (size_t)*n, sizeof **list);
+  if (!*list) return ms_json_fail_memory(r);
   for (size_t i = 0; i < (size_t)*n && !status; i++)
-    status = ms_json_index(r, ms_item(key, i), ms_value_item(value, i), limit, *list + i);
+    status =
+        ms_json_read_index(r, ms_json_at_item(key, i), ms_value_item(value, i), limit, *list + i);
   return status;
 }
 
-static msim_status read_pinned(const ms_json *r, ms_value value, int32_t limit) {
+static msim_status read_pinned_particles(const ms_json_reader *r, ms_value value, int32_t limit) {
   msim_error inner;
   int32_t n, *list = NULL;
   msim_status status = read_indices(r, "particles.pinned", value, limit, &n, &list);
   if (!status)
-    status = ms_json_pass(r, "particles.", msim_scene_pin(r->scene, n, list, &inner), &inner);
-  ms_delete(&r->alloc, list);
+    status =
+        ms_json_forward_error(r, "particles.", msim_scene_pin(r->scene, n, list, &inner), &inner);
+  ms_memory_free(&r->alloc, list);
   return status;
 }
 
-static msim_status add_particles(const ms_json *r, ms_value section, ms_value x, ms_value mass,
-                                 int32_t n, double *room /* 7n */) {
+static msim_status add_listed_particles(const ms_json_reader *r, ms_value section, ms_value x,
+                                        ms_value mass, int32_t n, double *room /* 7n */) {
   msim_error inner;
   double *at_v = room + 3 * (size_t)n, *at_mass = at_v + 3 * (size_t)n;
   const ms_value v = ms_value_member(section, "v"), pinned = ms_value_member(section, "pinned");
-  msim_status status = ms_json_rows(r, "particles.x", x, n, room);
-  if (!status && v.json) status = ms_json_rows(r, "particles.v", v, n, at_v);
-  if (!status) status = ms_json_each(r, "particles.mass", mass, MS_POSITIVE, n, at_mass);
+  msim_status status = ms_json_read_rows(r, "particles.x", x, n, room);
+  if (!status && v.json) status = ms_json_read_rows(r, "particles.v", v, n, at_v);
+  if (!status) status = ms_json_read_each(r, "particles.mass", mass, MS_POSITIVE, n, at_mass);
   if (status) return status;
   status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, &inner);
-  if (status || !pinned.json) return ms_json_pass(r, "", status, &inner);
-  return read_pinned(r, pinned, n);
+  if (status || !pinned.json) return ms_json_forward_error(r, "", status, &inner);
+  return read_pinned_particles(r, pinned, n);
 }
 
-static msim_status read_particles(ms_json *r, const char *path, ms_value section) {
+static msim_status read_particles(ms_json_reader *r, const char *path, ms_value section) {
   static const char *const keys[] = {"x", "v", "mass", "pinned", NULL};
   ms_value x = {NULL}, mass = {NULL};
   int32_t n = 0;
-  msim_status status = ms_json_keys(r, path, section, keys);
-  if (!status) status = ms_json_need(r, path, section, "x", "an array of [x, y, z]", &x);
+  msim_status status = ms_json_check_keys(r, path, section, keys);
+  if (!status) status = ms_json_require(r, path, section, "x", "an array of [x, y, z]", &x);
   if (!status)
-    status = ms_json_need(r, path, section, "mass", "one number for all, or an array", &mass);
-  if (!status) status = ms_json_array(r, "particles.x", x, &n);
+    status = ms_json_require(r, path, section, "mass", "one number for all, or an array", &mass);
+  if (!status) status = ms_json_read_array_size(r, "particles.x", x, &n);
   if (status) return status;
-  double *room = ms_new(&r->alloc, (size_t)n, 7 * sizeof *room);
-  if (!room) return ms_json_no_memory(r);
-  status = add_particles(r, section, x, mass, n, room);
-  ms_delete(&r->alloc, room);
+  double *room = ms_memory_allocate(&r->alloc, (size_t)n, 7 * sizeof *room);
+  if (!room) return ms_json_fail_memory(r);
+  status = add_listed_particles(r, section, x, mass, n, room);
+  ms_memory_free(&r->alloc, room);
   return status;
 }
 
 /*------------------------------------- springs --------------------------------------------------*/
 
-static msim_status read_pairs(const ms_json *r, ms_value pairs, int32_t n, int32_t *ij) {
+static msim_status read_pairs(const ms_json_reader *r, ms_value pairs, int32_t n, int32_t *ij) {
   const int32_t limit = r->scene->data->nparticles;
   msim_status status = MSIM_OK;
   for (size_t e = 0; e < (size_t)n && !status; e++) {
     ms_value pair = ms_value_item(pairs, e);
     if (!ms_value_is_array(pair) || ms_value_size(pair) != 2)
-      return ms_json_refuse(r, ms_item("springs.ij", e), pair, "an array of 2");
+      return ms_json_refuse(r, ms_json_at_item("springs.ij", e), pair, "an array of 2");
     for (size_t end = 0; end < 2 && !status; end++) {
-      const ms_place at = {"springs.ij", (int64_t)e, (int64_t)end};
-      status = ms_json_index(r, at, ms_value_item(pair, end), limit, ij + 2 * e + end);
+      const ms_json_location at = {"springs.ij", (int64_t)e, (int64_t)end};
+      status = ms_json_read_index(r, at, ms_value_item(pair, end), limit, ij + 2 * e + end);
     }
   }
   return status;
 }
 
-static msim_status add_springs(const ms_json *r, ms_value section, ms_value pairs, ms_value k,
-                               int32_t n, double *room /* 4n */) {
+static msim_status add_listed_springs(const ms_json_reader *r, ms_value section, ms_value pairs,
+                                      ms_value k, int32_t n, double *room /* 4n */) {
   msim_error inner;
   double *at_rest = room + n, *at_damping = at_rest + n;
   int32_t *ij = (int32_t *)(at_damping + n);
   ms_value rest = ms_value_member(section, "rest");
   ms_value damping = ms_value_member(section, "damping");
   msim_status status = read_pairs(r, pairs, n, ij);
-  if (!status) status = ms_json_each(r, "springs.k", k, MS_NOT_NEGATIVE, n, room);
+  if (!status) status = ms_json_read_each(r, "springs.k", k, MS_NOT_NEGATIVE, n, room);
   if (!status && rest.json)
-    status = ms_json_each(r, "springs.rest", rest, MS_NOT_NEGATIVE, n, at_rest);
+    status = ms_json_read_each(r, "springs.rest", rest, MS_NOT_NEGATIVE, n, at_rest);
   if (!status && damping.json)
-    status = ms_json_each(r, "springs.damping", damping, MS_NOT_NEGATIVE, n, at_damping);
+    status = ms_json_read_each(r, "springs.damping", damping, MS_NOT_NEGATIVE, n, at_damping);
   if (status) return status;
   status =
       msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, &inner);
-  return ms_json_pass(r, "", status, &inner);
+  return ms_json_forward_error(r, "", status, &inner);
 }
 
-static msim_status read_springs(ms_json *r, const char *path, ms_value section) {
+static msim_status read_springs(ms_json_reader *r, const char *path, ms_value section) {
   static const char *const keys[] = {"ij", "k", "rest", "damping", NULL};
   ms_value pairs = {NULL}, k = {NULL};
   int32_t n = 0;
-  msim_status status = ms_json_keys(r, path, section, keys);
-  if (!status) status = ms_json_need(r, path, section, "ij", "an array of [i, j]", &pairs);
-  if (!status) status = ms_json_need(r, path, section, "k", "one number for all, or an array", &k);
-  if (!status) status = ms_json_array(r, "springs.ij", pairs, &n);
+  msim_status status = ms_json_check_keys(r, path, section, keys);
+  if (!status) status = ms_json_require(r, path, section, "ij", "an array of [i, j]", &pairs);
+  if (!status)
+    status = ms_json_require(r, path, section, "k", "one number for all, or an array", &k);
+  if (!status) status = ms_json_read_array_size(r, "springs.ij", pairs, &n);
   if (status) return status;
-  double *room = ms_new(&r->alloc, (size_t)n, 4 * sizeof *room);
-  if (!room) return ms_json_no_memory(r);
-  status = add_springs(r, section, pairs, k, n, room);
-  ms_delete(&r->alloc, room);
+  double *room = ms_memory_allocate(&r->alloc, (size_t)n, 4 * sizeof *room);
+  if (!room) return ms_json_fail_memory(r);
+  status = add_listed_springs(r, section, pairs, k, n, room);
+  ms_memory_free(&r->alloc, room);
   return status;
 }
 
 /*------------------------------------- planes ---------------------------------------------------*/
 
-static msim_status read_plane(const ms_json *r, const char *path, ms_value value) {
+static msim_status read_plane(const ms_json_reader *r, const char *path, ms_value value) {
   static const char *const keys[] = {"normal", "offset", "restitution", "friction", NULL};
   msim_error inner;
   msim_plane p = {.restitution = 1};
@@ -158,78 +162,81 @@ static msim_status read_plane(const ms_json *r, const char *path, ms_value value
                  {MS_ANY, 1, &p.offset, "a number"},
                  {MS_FRACTION, 1, &p.restitution, NULL},
                  {MS_NOT_NEGATIVE, 1, &p.friction, NULL}};
-  msim_status status = ms_json_keys(r, path, value, keys);
+  msim_status status = ms_json_check_keys(r, path, value, keys);
   for (int i = 0; i < 4 && !status; i++) {
-    const ms_path at = ms_json_path(path, keys[i]);
+    const ms_key_path at = ms_json_member_path(path, keys[i]);
     ms_value member = ms_value_member(value, keys[i]);
     if (!member.json && !members[i].must) continue;
-    status = ms_json_need(r, path, value, keys[i], members[i].must, &member);
+    status = ms_json_require(r, path, value, keys[i], members[i].must, &member);
     if (status) return status;
     if (members[i].n == 1)
-      status = ms_json_number(r, ms_at(at.text), member, members[i].range, members[i].to);
-    else status = ms_json_row(r, ms_at(at.text), member, members[i].range, 3, members[i].to);
+      status = ms_json_read_number(r, ms_json_at(at.text), member, members[i].range, members[i].to);
+    else
+      status = ms_json_read_row(r, ms_json_at(at.text), member, members[i].range, 3, members[i].to);
   }
   if (status) return status;
   status = msim_scene_add_plane(r->scene, &p, &inner);
-  return ms_json_pass(r, ms_json_path(path, "").text, status, &inner);
+  return ms_json_forward_error(r, ms_json_member_path(path, "").text, status, &inner);
 }
 
-static msim_status read_planes(ms_json *r, const char *path, ms_value planes) {
+static msim_status read_planes(ms_json_reader *r, const char *path, ms_value planes) {
   int32_t n;
-  msim_status status = ms_json_array(r, path, planes, &n);
+  msim_status status = ms_json_read_array_size(r, path, planes, &n);
   for (size_t i = 0; i < ms_value_size(planes) && !status; i++)
-    status = read_plane(r, ms_json_item(path, i).text, ms_value_item(planes, i));
+    status = read_plane(r, ms_json_item_path(path, i).text, ms_value_item(planes, i));
   return status;
 }
 
 /*------------------------------------- run ------------------------------------------------------*/
 
 /* The value in the form that msim_options_set takes; a number is written to *number. */
-static const char *option_text(ms_value value, ms_number *number) {
+static const char *option_text(ms_value value, ms_number_text_buffer *number) {
   if (ms_value_text(value)) return ms_value_text(value);
   if (ms_value_is_whole(value))
     snprintf(number->text, sizeof number->text, "%lld", (long long)ms_value_whole(value));
-  else *number = ms_number_text(ms_value_number(value));
+  else *number = ms_text_format_double(ms_value_number(value));
   return number->text;
 }
 
-static msim_status check_option_type(const ms_json *r, const char *path, ms_value value,
+static msim_status check_option_type(const ms_json_reader *r, const char *path, ms_value value,
                                      const msim_option_entry *option, int is_number) {
   const char *word = ms_value_text(value);
-  if (is_number ? ms_value_is_number(value) || (word && ms_option_is_word(option, word)) : !!word)
+  if (is_number ? ms_value_is_number(value) || (word && ms_options_accepts_word(option, word))
+                : !!word)
     return MSIM_OK;
   char must[96];
   snprintf(must, sizeof must, is_number ? "a %s" : "a string: %s", option->values);
-  return ms_json_refuse(r, ms_at(path), value, must);
+  return ms_json_refuse(r, ms_json_at(path), value, must);
 }
 
-static msim_status read_option(const ms_json *r, const char *path, const char *name,
+static msim_status read_option(const ms_json_reader *r, const char *path, const char *name,
                                ms_value value) {
   if (strcmp(name, "plugin_path") == 0)
     return ms_json_fail(r, MSIM_ERR_ARG,
                         "%s is not for scenes: no file may say where code is loaded from", path);
   msim_error inner;
   msim_options scratch;
-  ms_number number;
+  ms_number_text_buffer number;
   int is_number;
-  const msim_option_entry *option = ms_option_find(name, &is_number);
+  const msim_option_entry *option = ms_options_find(name, &is_number);
   msim_status status = option ? check_option_type(r, path, value, option, is_number) : MSIM_OK;
   if (status) return status;
   const char *text = option_text(value, &number);
   msim_options_init(&scratch, sizeof scratch);
   status = msim_options_set(&scratch, name, text, &inner);
   if (status && !option) return ms_json_fail(r, status, "%s: %s", path, inner.text);
-  if (status) return ms_json_pass(r, "run.", status, &inner);
-  return ms_json_pass(r, "", ms_scene_add_run(r->scene, name, text, &inner), &inner);
+  if (status) return ms_json_forward_error(r, "run.", status, &inner);
+  return ms_json_forward_error(r, "", ms_scene_add_run_option(r->scene, name, text, &inner),
+                               &inner);
 }
 
-static msim_status read_run(ms_json *r, const char *path, ms_value run) {
-  if (!json_is_object(run.json)) return ms_json_refuse(r, ms_at(path), run, "an object");
+static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
+  if (!json_is_object(run.json)) return ms_json_refuse(r, ms_json_at(path), run, "an object");
   const char *name;
   json_t *member;
   json_object_foreach(run.json, name, member) {
     const ms_value value = {member, run.columns, 0, 0};
-    msim_status status = read_option(r, ms_json_path(path, name).text, name, value);
+    msim_status status = read_option(r, ms_json_member_path(path, name).text, name, value);
     if (status) return status;
   }
   return MSIM_OK;
@@ -240,28 +247,28 @@ static msim_status read_run(ms_json *r, const char *path, ms_value run) {
 /* In the order in which they are read: springs may connect particles of objects. */
 static const struct section {
   const char *key;
-  msim_status (*read)(ms_json *r, const char *path, ms_value value);
+  msim_status (*read)(ms_json_reader *r, const char *path, ms_value value);
 } sections[] = {
     {"msim", read_version},    {"name", read_name},           {"gravity", read_gravity},
-    {"drag", read_drag},       {"particles", read_particles}, {"objects", ms_json_objects},
+    {"drag", read_drag},       {"particles", read_particles}, {"objects", ms_json_add_objects},
     {"springs", read_springs}, {"planes", read_planes},       {"run", read_run}};
 enum { NSECTIONS = sizeof sections / sizeof *sections };
 
-static msim_status read_root(ms_json *r, ms_value root) {
+static msim_status read_root(ms_json_reader *r, ms_value root) {
   const char *keys[NSECTIONS + 1] = {NULL};
   ms_value version;
   for (int i = 0; i < NSECTIONS; i++) keys[i] = sections[i].key;
-  if (!json_is_object(root.json)) return ms_json_refuse(r, ms_at(""), root, "an object");
+  if (!json_is_object(root.json)) return ms_json_refuse(r, ms_json_at(""), root, "an object");
   /* check the version first: another version may have other keys */
   msim_status status =
-      ms_json_need(r, "", root, sections[0].key, "1, the version of the format", &version);
+      ms_json_require(r, "", root, sections[0].key, "1, the version of the format", &version);
   if (!status) status = read_version(r, sections[0].key, version);
-  if (!status) status = ms_json_keys(r, "", root, keys);
+  if (!status) status = ms_json_check_keys(r, "", root, keys);
   for (int i = 1; i < NSECTIONS && !status; i++) {
     ms_value value = ms_value_member(root, sections[i].key);
     if (value.json) status = sections[i].read(r, sections[i].key, value);
   }
-  if (!status) status = ms_json_object_springs(r);
+  if (!status) status = ms_json_add_object_springs(r);
   if (!status && r->scene->data->nparticles == 0)
     status = ms_json_fail(r, MSIM_ERR_ARG,
                           "it holds no particles; there must be some in particles or objects");
@@ -269,51 +276,53 @@ static msim_status read_root(ms_json *r, ms_value root) {
 }
 
 /* Store the text from which the new scene was read. */
-static msim_status keep_source(ms_json *r, const char *text, size_t length) {
+static msim_status store_source(ms_json_reader *r, const char *text, size_t length) {
   ms_scene *s = r->scene->data;
-  s->source = ms_new(&s->alloc, length + 1, 1);
-  if (!s->source) return ms_json_no_memory(r);
+  s->source = ms_memory_allocate(&s->alloc, length + 1, 1);
+  if (!s->source) return ms_json_fail_memory(r);
   memcpy(s->source, text, length);
   return MSIM_OK;
 }
 
-msim_status ms_json_build(ms_json *r, ms_value root) {
+msim_status ms_json_build_scene(ms_json_reader *r, ms_value root) {
   msim_error inner;
-  msim_status status = ms_json_pass(r, "", msim_scene_create(&r->alloc, &r->scene, &inner), &inner);
+  msim_status status =
+      ms_json_forward_error(r, "", msim_scene_create(&r->alloc, &r->scene, &inner), &inner);
   if (status) return status;
   status = read_root(r, root);
-  ms_delete(&r->alloc, r->grids);
+  ms_memory_free(&r->alloc, r->grids);
   if (!status) return MSIM_OK;
   msim_scene_destroy(r->scene);
   r->scene = NULL;
   return status;
 }
 
-static msim_status refuse_syntax(const ms_json *r, const json_error_t *error) {
-  if (errno == ENOMEM) return ms_json_no_memory(r); /* jansson may call it a syntax error */
+static msim_status refuse_syntax(const ms_json_reader *r, const json_error_t *error) {
+  if (errno == ENOMEM) return ms_json_fail_memory(r); /* jansson may call it a syntax error */
   char label[600];
   snprintf(label, sizeof label, "%s:%d:%d", r->label, error->line, error->column);
-  const ms_json there = {.label = label, .err = r->err};
+  const ms_json_reader there = {.label = label, .err = r->err};
   return ms_json_fail(&there, MSIM_ERR_ARG, "%s", error->text);
 }
 
 msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, const char *text,
                              size_t length, msim_scene **scene, msim_error *err) {
   if (scene) *scene = NULL;
-  if (!scene || !label || !text) return ms_fail(err, MSIM_ERR_ARG, "scene, label or text is NULL");
-  ms_json r = {.label = label, .alloc = ms_allocator(alloc), .err = err};
+  if (!scene || !label || !text)
+    return ms_error_set(err, MSIM_ERR_ARG, "scene, label or text is NULL");
+  ms_json_reader r = {.label = label, .alloc = ms_memory_allocator(alloc), .err = err};
   if (length == 0) return ms_json_fail(&r, MSIM_ERR_ARG, "it is empty; it must hold a JSON object");
   json_error_t error;
   errno = 0;
   json_t *root = json_loadb(text, length, JSON_REJECT_DUPLICATES, &error);
   if (!root) return refuse_syntax(&r, &error);
-  msim_status status = ms_json_build(&r, (ms_value){.json = root});
+  msim_status status = ms_json_build_scene(&r, (ms_value){.json = root});
   json_decref(root);
-  if (!status) status = keep_source(&r, text, length);
+  if (!status) status = store_source(&r, text, length);
   if (status) {
     msim_scene_destroy(r.scene);
     return status;
   }
   *scene = r.scene;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }

@@ -7,79 +7,81 @@
 
 static const char *type_name(int32_t i, const void *data) {
   (void)data;
-  const ms_object_type *type = ms_object_type_info(i);
+  const ms_object_type *type = ms_objects_get_type(i);
   return type ? type->name : NULL;
 }
 
-static msim_status read_type(const ms_json *r, const char *path, ms_value object,
+static msim_status read_type(const ms_json_reader *r, const char *path, ms_value object,
                              const ms_object_type **type) {
-  if (!json_is_object(object.json)) return ms_json_refuse(r, ms_at(path), object, "an object");
+  if (!json_is_object(object.json)) return ms_json_refuse(r, ms_json_at(path), object, "an object");
   static const char *const must = "\"rope\", \"cloth\" or \"lattice\"";
   ms_value value;
-  msim_status status = ms_json_need(r, path, object, "type", must, &value);
+  msim_status status = ms_json_require(r, path, object, "type", must, &value);
   if (status) return status;
-  const ms_path at = ms_json_path(path, "type");
+  const ms_key_path at = ms_json_member_path(path, "type");
   const char *name = ms_value_text(value);
-  if (!name) return ms_json_refuse(r, ms_at(at.text), value, must);
-  for (int32_t i = 0; (*type = ms_object_type_info(i)) != NULL; i++)
+  if (!name) return ms_json_refuse(r, ms_json_at(at.text), value, must);
+  for (int32_t i = 0; (*type = ms_objects_get_type(i)) != NULL; i++)
     if (strcmp((*type)->name, name) == 0) return MSIM_OK;
   if (strcmp(name, "mesh") == 0)
     return ms_json_fail(r, MSIM_ERR_UNSUPPORTED,
                         "%s is \"mesh\"; meshes are not part of this version yet", at.text);
   char hinted[160];
-  snprintf(hinted, sizeof hinted, "%s%s", must, ms_did_you_mean(name, type_name, NULL).text);
-  return ms_json_refuse(r, ms_at(at.text), value, hinted);
+  snprintf(hinted, sizeof hinted, "%s%s", must, ms_text_suggest(name, type_name, NULL).text);
+  return ms_json_refuse(r, ms_json_at(at.text), value, hinted);
 }
 
-static msim_status check_keys(const ms_json *r, const char *path, ms_value object,
+static msim_status check_keys(const ms_json_reader *r, const char *path, ms_value object,
                               const ms_object_type *type) {
-  const char *keys[MS_MOST_MEMBERS + 3] = {"type"};
+  const char *keys[MS_MAX_MEMBERS + 3] = {"type"};
   int32_t n = 1;
   for (int32_t i = 0; i < type->nmembers; i++) keys[n++] = type->members[i].key;
   keys[n] = "pinned";
-  return ms_json_keys(r, path, object, keys);
+  return ms_json_check_keys(r, path, object, keys);
 }
 
 /*------------------------------------- members --------------------------------------------------*/
 
 /* "k": {"shear": 10}; missing parts are 0. */
-static msim_status read_parts(const ms_json *r, const char *path, ms_value value,
-                              const ms_member *m, double *numbers) {
+static msim_status read_parts(const ms_json_reader *r, const char *path, ms_value value,
+                              const ms_object_member *m, double *numbers) {
   const char *keys[4] = {m->parts[0], m->parts[1], m->parts[2]};
-  msim_status status = ms_json_keys(r, path, value, keys);
+  msim_status status = ms_json_check_keys(r, path, value, keys);
   for (int32_t i = 0; i < m->count && !status; i++) {
     ms_value part = ms_value_member(value, keys[i]);
-    const ms_path at = ms_json_path(path, keys[i]);
-    if (part.json) status = ms_json_number(r, ms_at(at.text), part, m->range, numbers + i);
+    const ms_key_path at = ms_json_member_path(path, keys[i]);
+    if (part.json)
+      status = ms_json_read_number(r, ms_json_at(at.text), part, m->range, numbers + i);
   }
   return status;
 }
 
-static msim_status read_numbers(const ms_json *r, const char *path, ms_value value,
-                                const ms_member *m, double *numbers) {
+static msim_status read_member_numbers(const ms_json_reader *r, const char *path, ms_value value,
+                                       const ms_object_member *m, double *numbers) {
   if (m->parts[0] && json_is_object(value.json)) return read_parts(r, path, value, m, numbers);
   if (m->parts[0] || m->count == 1) {
-    msim_status status = ms_json_number(r, ms_at(path), value, m->range, numbers);
+    msim_status status = ms_json_read_number(r, ms_json_at(path), value, m->range, numbers);
     for (int32_t i = 1; i < m->count; i++) numbers[i] = numbers[0];
     return status;
   }
-  return ms_json_row(r, ms_at(path), value, m->range, m->count, numbers);
+  return ms_json_read_row(r, ms_json_at(path), value, m->range, m->count, numbers);
 }
 
-static msim_status read_member(const ms_json *r, const char *path, ms_value object,
-                               const ms_member *m, ms_object *to) {
-  const ms_path at = ms_json_path(path, m->key);
+static msim_status read_object_member(const ms_json_reader *r, const char *path, ms_value object,
+                                      const ms_object_member *m, ms_object *to) {
+  const ms_key_path at = ms_json_member_path(path, m->key);
   ms_value value = ms_value_member(object, m->key);
   if (!value.json && m->optional) return MSIM_OK;
   char must[64];
-  if (m->count == 1 || m->parts[0]) snprintf(must, sizeof must, "%s", ms_range_text(m->range));
+  if (m->count == 1 || m->parts[0])
+    snprintf(must, sizeof must, "%s", ms_objects_range_text(m->range));
   else snprintf(must, sizeof must, "an array of %d", m->count);
-  msim_status status = ms_json_need(r, path, object, m->key, must, &value);
+  msim_status status = ms_json_require(r, path, object, m->key, must, &value);
   double numbers[3] = {0, 0, 0};
-  if (!status) status = read_numbers(r, at.text, value, m, numbers);
+  if (!status) status = read_member_numbers(r, at.text, value, m, numbers);
   if (status) return status;
   void *member = (char *)to + m->offset;
-  if (m->range == MS_COUNT)
+  if (m->range == MS_POSITIVE_INTEGER)
     for (int32_t i = 0; i < m->count; i++) ((int32_t *)member)[i] = (int32_t)numbers[i];
   else memcpy(member, numbers, (size_t)m->count * sizeof *numbers);
   return MSIM_OK;
@@ -106,13 +108,13 @@ static const named_particles *find_name(const ms_object_type *type, ms_value val
 }
 
 static void mark_named(const named_particles *named, const ms_grid *grid, int32_t *marks) {
-  const int32_t columns = grid->n[1], last_row = ms_grid_size(grid) - columns;
+  const int32_t columns = grid->n[1], last_row = ms_objects_grid_size(grid) - columns;
   for (int32_t r = 0; r < named->rows; r++)
     for (int32_t c = 0; c < (named->whole ? columns : 2); c++)
       marks[r * last_row + (named->whole ? c : c * (columns - 1))] = 1;
 }
 
-static msim_status mark_item(const ms_json *r, ms_place at, ms_value value,
+static msim_status mark_item(const ms_json_reader *r, ms_json_location at, ms_value value,
                              const ms_object_type *type, const ms_grid *grid, int32_t *marks) {
   const named_particles *named = find_name(type, value);
   if (named) {
@@ -123,22 +125,23 @@ static msim_status mark_item(const ms_json *r, ms_place at, ms_value value,
     return ms_json_refuse(r, at, value,
                           "an index, \"corners\", \"first_row\" or \"first_corners\"");
   int32_t p;
-  msim_status status = ms_json_index(r, at, value, ms_grid_size(grid), &p);
+  msim_status status = ms_json_read_index(r, at, value, ms_objects_grid_size(grid), &p);
   if (!status) marks[p] = 1;
   return status;
 }
 
 /* An array of indices and names, or one name. `marks` has a flag per particle, and becomes the list
  * of the indices of those that are set. */
-static msim_status read_pinned(const ms_json *r, const char *path, ms_value value,
-                               const ms_object_type *type, ms_grid *grid, int32_t *marks) {
+static msim_status read_pinned_of_object(const ms_json_reader *r, const char *path, ms_value value,
+                                         const ms_object_type *type, ms_grid *grid,
+                                         int32_t *marks) {
   msim_status status = MSIM_OK;
   int32_t n;
-  if (ms_value_text(value)) status = mark_item(r, ms_at(path), value, type, grid, marks);
-  else status = ms_json_array(r, path, value, &n);
+  if (ms_value_text(value)) status = mark_item(r, ms_json_at(path), value, type, grid, marks);
+  else status = ms_json_read_array_size(r, path, value, &n);
   for (size_t i = 0; i < ms_value_size(value) && !status; i++)
-    status = mark_item(r, ms_item(path, i), ms_value_item(value, i), type, grid, marks);
-  for (int32_t p = 0; p < ms_grid_size(grid); p++)
+    status = mark_item(r, ms_json_at_item(path, i), ms_value_item(value, i), type, grid, marks);
+  for (int32_t p = 0; p < ms_objects_grid_size(grid); p++)
     if (marks[p]) marks[grid->npinned++] = p;
   grid->pinned = marks;
   return status;
@@ -146,21 +149,25 @@ static msim_status read_pinned(const ms_json *r, const char *path, ms_value valu
 
 /*------------------------------------- objects --------------------------------------------------*/
 
-static msim_status add_particles(const ms_json *r, const char *path, ms_value object,
-                                 const ms_object_type *type, ms_grid *grid) {
+static msim_status add_object_particles(const ms_json_reader *r, const char *path, ms_value object,
+                                        const ms_object_type *type, ms_grid *grid) {
   msim_error inner;
-  const ms_path at = ms_json_path(path, "pinned");
+  const ms_key_path at = ms_json_member_path(path, "pinned");
   ms_value pinned = ms_value_member(object, "pinned");
-  int32_t *marks = ms_new(&r->alloc, pinned.json ? (size_t)ms_grid_size(grid) : 0, sizeof *marks);
-  if (!marks) return ms_json_no_memory(r);
-  msim_status status = pinned.json ? read_pinned(r, at.text, pinned, type, grid, marks) : MSIM_OK;
+  int32_t *marks = ms_memory_allocate(
+      &r->alloc, pinned.json ? (size_t)ms_objects_grid_size(grid) : 0, sizeof *marks);
+  if (!marks) return ms_json_fail_memory(r);
+  msim_status status =
+      pinned.json ? read_pinned_of_object(r, at.text, pinned, type, grid, marks) : MSIM_OK;
   if (!status)
-    status = ms_json_pass(r, "", ms_grid_add_particles(r->scene, grid, path, &inner), &inner);
-  ms_delete(&r->alloc, marks);
+    status = ms_json_forward_error(r, "", ms_objects_add_particles(r->scene, grid, path, &inner),
+                                   &inner);
+  ms_memory_free(&r->alloc, marks);
   return status;
 }
 
-static msim_status read_object(const ms_json *r, const char *path, ms_value value, ms_grid *grid) {
+static msim_status read_json_object(const ms_json_reader *r, const char *path, ms_value value,
+                                    ms_grid *grid) {
   msim_error inner;
   const ms_object_type *type;
   msim_status status = read_type(r, path, value, &type);
@@ -169,26 +176,28 @@ static msim_status read_object(const ms_json *r, const char *path, ms_value valu
   ms_object object = {0};
   object.size = type->size;
   for (int32_t i = 0; i < type->nmembers && !status; i++)
-    status = read_member(r, path, value, &type->members[i], &object);
+    status = read_object_member(r, path, value, &type->members[i], &object);
   if (status) return status;
-  status = ms_json_pass(r, "", ms_grid_make(type, &object, path, grid, &inner), &inner);
-  return status ? status : add_particles(r, path, value, type, grid);
+  status =
+      ms_json_forward_error(r, "", ms_objects_make_grid(type, &object, path, grid, &inner), &inner);
+  return status ? status : add_object_particles(r, path, value, type, grid);
 }
 
-msim_status ms_json_objects(ms_json *r, const char *path, ms_value objects) {
-  msim_status status = ms_json_array(r, path, objects, &r->ngrids);
+msim_status ms_json_add_objects(ms_json_reader *r, const char *path, ms_value objects) {
+  msim_status status = ms_json_read_array_size(r, path, objects, &r->ngrids);
   if (status) return status;
-  r->grids = ms_new(&r->alloc, (size_t)r->ngrids, sizeof *r->grids);
-  if (!r->grids) return ms_json_no_memory(r);
+  r->grids = ms_memory_allocate(&r->alloc, (size_t)r->ngrids, sizeof *r->grids);
+  if (!r->grids) return ms_json_fail_memory(r);
   for (size_t i = 0; i < (size_t)r->ngrids && !status; i++)
-    status = read_object(r, ms_json_item(path, i).text, ms_value_item(objects, i), &r->grids[i]);
+    status = read_json_object(r, ms_json_item_path(path, i).text, ms_value_item(objects, i),
+                              &r->grids[i]);
   return status;
 }
 
-msim_status ms_json_object_springs(const ms_json *r) {
+msim_status ms_json_add_object_springs(const ms_json_reader *r) {
   msim_error inner;
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < r->ngrids && !status; i++)
-    status = ms_grid_add_springs(r->scene, &r->grids[i], &inner);
-  return ms_json_pass(r, "", status, &inner);
+    status = ms_objects_add_springs(r->scene, &r->grids[i], &inner);
+  return ms_json_forward_error(r, "", status, &inner);
 }

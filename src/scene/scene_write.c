@@ -9,21 +9,21 @@
 /*------------------------------------- values ---------------------------------------------------*/
 
 static void write_number(ms_text *text, double value) {
-  ms_print(text, "%s", ms_number_text(value).text);
+  ms_text_append(text, "%s", ms_text_format_double(value).text);
 }
 
 /* An array of `count` numbers; if width > 1, an array of rows of `width` numbers. */
 static void write_numbers(ms_text *text, int64_t count, int width, const double *numbers) {
-  ms_print(text, "[");
+  ms_text_append(text, "[");
   for (int64_t i = 0; i < count; i++) {
     const int first = i % width == 0, last = i % width == width - 1;
-    ms_print(text, "%s%s%s%s", i ? "," : "", width > 1 && first ? "[" : "",
-             ms_number_text(numbers[i]).text, width > 1 && last ? "]" : "");
+    ms_text_append(text, "%s%s%s%s", i ? "," : "", width > 1 && first ? "[" : "",
+                   ms_text_format_double(numbers[i]).text, width > 1 && last ? "]" : "");
   }
-  ms_print(text, "]");
+  ms_text_append(text, "]");
 }
 
-int ms_all_equal(int64_t count, const double *numbers) {
+int ms_scene_all_equal(int64_t count, const double *numbers) {
   int64_t i = 1;
   while (i < count && memcmp(numbers + i, numbers, sizeof *numbers) == 0) i++;
   return i >= count;
@@ -31,93 +31,96 @@ int ms_all_equal(int64_t count, const double *numbers) {
 
 /* ,"key": one number if all have the same bits, else an array */
 static void write_each(ms_text *text, const char *key, int64_t count, const double *numbers) {
-  ms_print(text, ",\n    \"%s\": ", key);
-  if (count > 0 && ms_all_equal(count, numbers)) write_number(text, numbers[0]);
+  ms_text_append(text, ",\n    \"%s\": ", key);
+  if (count > 0 && ms_scene_all_equal(count, numbers)) write_number(text, numbers[0]);
   else write_numbers(text, count, 1, numbers);
 }
 
 static msim_status write_string(ms_text *text, const char *string, msim_error *err) {
   json_t *value = json_string(string);
   char *quoted = value ? json_dumps(value, JSON_ENCODE_ANY) : NULL;
-  if (quoted) ms_print(text, "%s", quoted);
+  if (quoted) ms_text_append(text, "%s", quoted);
   free(quoted);
   json_decref(value);
-  return quoted ? MSIM_OK : ms_fail_memory(err, "a scene file");
+  return quoted ? MSIM_OK : ms_error_set_memory(err, "a scene file");
 }
 
 /*------------------------------------- sections -------------------------------------------------*/
 
-int ms_all_zero(int64_t count, const double *numbers) {
+int ms_scene_all_zero(int64_t count, const double *numbers) {
   const double zero = 0;
-  return count == 0 || (memcmp(numbers, &zero, sizeof zero) == 0 && ms_all_equal(count, numbers));
+  return count == 0 ||
+         (memcmp(numbers, &zero, sizeof zero) == 0 && ms_scene_all_equal(count, numbers));
 }
 
 static void write_pinned(ms_text *text, const ms_scene *s) {
   int32_t count = 0;
   for (int32_t i = 0; i < s->nparticles; i++)
-    if (s->pinned[i]) ms_print(text, "%s%d", count++ ? "," : ",\n    \"pinned\": [", i);
-  if (count) ms_print(text, "]");
+    if (s->pinned[i]) ms_text_append(text, "%s%d", count++ ? "," : ",\n    \"pinned\": [", i);
+  if (count) ms_text_append(text, "]");
 }
 
-static void write_particles(ms_text *text, const ms_scene *s) {
+static void write_json_particles(ms_text *text, const ms_scene *s) {
   const int64_t n = s->nparticles;
-  ms_print(text, ",\n  \"particles\": {\n    \"x\": ");
+  ms_text_append(text, ",\n  \"particles\": {\n    \"x\": ");
   write_numbers(text, 3 * n, 3, s->x);
-  if (!ms_all_zero(3 * n, s->v)) {
-    ms_print(text, ",\n    \"v\": ");
+  if (!ms_scene_all_zero(3 * n, s->v)) {
+    ms_text_append(text, ",\n    \"v\": ");
     write_numbers(text, 3 * n, 3, s->v);
   }
   write_each(text, "mass", n, s->mass);
   write_pinned(text, s);
-  ms_print(text, "\n  }");
+  ms_text_append(text, "\n  }");
 }
 
-static void write_springs(ms_text *text, const ms_scene *s) {
+static void write_json_springs(ms_text *text, const ms_scene *s) {
   if (s->nsprings == 0) return;
-  ms_print(text, ",\n  \"springs\": {\n    \"ij\": [");
+  ms_text_append(text, ",\n  \"springs\": {\n    \"ij\": [");
   for (size_t e = 0; e < (size_t)s->nsprings; e++)
-    ms_print(text, "%s[%d,%d]", e ? "," : "", s->ij[2 * e], s->ij[2 * e + 1]);
-  ms_print(text, "]");
+    ms_text_append(text, "%s[%d,%d]", e ? "," : "", s->ij[2 * e], s->ij[2 * e + 1]);
+  ms_text_append(text, "]");
   write_each(text, "k", s->nsprings, s->k);
   write_each(text, "rest", s->nsprings, s->rest);
-  if (!ms_all_zero(s->nsprings, s->damping)) write_each(text, "damping", s->nsprings, s->damping);
-  ms_print(text, "\n  }");
+  if (!ms_scene_all_zero(s->nsprings, s->damping))
+    write_each(text, "damping", s->nsprings, s->damping);
+  ms_text_append(text, "\n  }");
 }
 
-static void write_planes(ms_text *text, const ms_scene *s) {
+static void write_json_planes(ms_text *text, const ms_scene *s) {
   if (s->nplanes == 0) return;
-  ms_print(text, ",\n  \"planes\": [");
+  ms_text_append(text, ",\n  \"planes\": [");
   for (int32_t i = 0; i < s->nplanes; i++) {
     const msim_plane *p = &s->planes[i];
-    ms_print(text, "%s\n    {\"normal\": ", i ? "," : "");
+    ms_text_append(text, "%s\n    {\"normal\": ", i ? "," : "");
     write_numbers(text, 3, 1, p->normal);
-    ms_print(text, ", \"offset\": %s", ms_number_text(p->offset).text);
-    ms_print(text, ", \"restitution\": %s", ms_number_text(p->restitution).text);
-    ms_print(text, ", \"friction\": %s}", ms_number_text(p->friction).text);
+    ms_text_append(text, ", \"offset\": %s", ms_text_format_double(p->offset).text);
+    ms_text_append(text, ", \"restitution\": %s", ms_text_format_double(p->restitution).text);
+    ms_text_append(text, ", \"friction\": %s}", ms_text_format_double(p->friction).text);
   }
-  ms_print(text, "\n  ]");
+  ms_text_append(text, "\n  ]");
 }
 
-static msim_status write_run(ms_text *text, const ms_scene *s, msim_error *err) {
+static msim_status write_json_run(ms_text *text, const ms_scene *s, msim_error *err) {
   if (s->nrun == 0) return MSIM_OK;
-  ms_print(text, ",\n  \"run\": {");
+  ms_text_append(text, ",\n  \"run\": {");
   for (int32_t i = 0; i < s->nrun; i++) {
-    const ms_run_entry *entry = &s->run[i];
+    const ms_run_option *entry = &s->run[i];
     int number;
-    const msim_option_entry *option = ms_option_find(entry->name, &number);
-    ms_print(text, "%s\n    \"%s\": ", i ? "," : "", entry->name);
+    const msim_option_entry *option = ms_options_find(entry->name, &number);
+    ms_text_append(text, "%s\n    \"%s\": ", i ? "," : "", entry->name);
     msim_status status = MSIM_OK;
-    if (number && !ms_option_is_word(option, entry->value)) ms_print(text, "%s", entry->value);
+    if (number && !ms_options_accepts_word(option, entry->value))
+      ms_text_append(text, "%s", entry->value);
     else status = write_string(text, entry->value, err);
     if (status) return status;
   }
-  ms_print(text, "\n  }");
+  ms_text_append(text, "\n  }");
   return MSIM_OK;
 }
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-int ms_is_utf8(const char *text) {
+int ms_scene_is_utf8(const char *text) {
   errno = 0; /* errno distinguishes the two reasons for which json_string() fails */
   json_t *value = json_string(text);
   const int result = value ? 1 : errno == ENOMEM ? -1 : 0;
@@ -125,37 +128,38 @@ int ms_is_utf8(const char *text) {
   return result;
 }
 
-msim_status ms_scene_check_file(const ms_scene *scene, msim_error *err) {
+msim_status ms_scene_check_savable(const ms_scene *scene, msim_error *err) {
   if (scene->nparticles == 0)
-    return ms_fail(err, MSIM_ERR_ARG, "the scene holds no particles; a scene file must hold some");
-  const int is_utf8 = ms_is_utf8(scene->name);
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "the scene holds no particles; a scene file must hold some");
+  const int is_utf8 = ms_scene_is_utf8(scene->name);
   if (is_utf8 > 0) return MSIM_OK;
-  if (is_utf8 < 0) return ms_fail_memory(err, "a scene file");
-  return ms_fail(err, MSIM_ERR_ARG,
-                 "the scene's name is not valid UTF-8; a scene file cannot hold it");
+  if (is_utf8 < 0) return ms_error_set_memory(err, "a scene file");
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "the scene's name is not valid UTF-8; a scene file cannot hold it");
 }
 
-static msim_status write_scene(ms_text *text, const ms_scene *s, msim_error *err) {
-  msim_status status = ms_scene_check_file(s, err);
+static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error *err) {
+  msim_status status = ms_scene_check_savable(s, err);
   if (status) return status;
-  ms_print(text, "{\n  \"msim\": 1,\n  \"name\": ");
+  ms_text_append(text, "{\n  \"msim\": 1,\n  \"name\": ");
   status = write_string(text, s->name, err);
   if (status) return status;
-  ms_print(text, ",\n  \"gravity\": ");
+  ms_text_append(text, ",\n  \"gravity\": ");
   write_numbers(text, 3, 1, s->gravity);
-  ms_print(text, ",\n  \"drag\": %s", ms_number_text(s->drag).text);
-  write_particles(text, s);
-  write_springs(text, s);
-  write_planes(text, s);
-  status = write_run(text, s, err);
-  ms_print(text, "\n}\n");
+  ms_text_append(text, ",\n  \"drag\": %s", ms_text_format_double(s->drag).text);
+  write_json_particles(text, s);
+  write_json_springs(text, s);
+  write_json_planes(text, s);
+  status = write_json_run(text, s, err);
+  ms_text_append(text, "\n}\n");
   return status;
 }
 
-msim_status ms_scene_to_json(const ms_scene *scene, ms_text *text, msim_error *err) {
+msim_status ms_scene_write_json(const ms_scene *scene, ms_text *text, msim_error *err) {
   msim_status status = MSIM_OK;
-  if (scene->source) ms_print(text, "%s", scene->source);
-  else status = write_scene(text, scene, err);
+  if (scene->source) ms_text_append(text, "%s", scene->source);
+  else status = write_json_scene(text, scene, err);
   if (status) return status;
-  return text->failed ? ms_fail_memory(err, "a scene file") : ms_ok(err);
+  return text->failed ? ms_error_set_memory(err, "a scene file") : ms_error_clear(err);
 }

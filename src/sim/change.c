@@ -4,26 +4,26 @@
 #include <string.h>
 
 #include "integrate/interpolate.h"
-#include "sim/drive.h"
+#include "sim/step_driver.h"
 
 /* options.steps is reduced by the steps already made. */
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (!sim || !(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
-    return ms_fail(err, MSIM_ERR_ARG,
-                   "sim is NULL, or h is neither a finite number > 0 nor MSIM_H_AUTO");
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "sim is NULL, or h is neither a finite number > 0 nor MSIM_H_AUTO");
   if (ms_sim_selects(sim) && h != MSIM_H_AUTO)
-    return ms_fail(err, MSIM_ERR_ARG,
-                   "integrator 'auto' chooses its steps: name a method to set them");
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator 'auto' chooses its steps: name a method to set them");
   if (ms_sim_has_control(sim) || ms_sim_selects(sim)) {
-    if (h == MSIM_H_AUTO) return ms_ok(err); /* h is automatic already */
+    if (h == MSIM_H_AUTO) return ms_error_clear(err); /* h is automatic already */
     sim->opt.h = h;
-    ms_drive_use_step(sim, h);
-    return ms_ok(err);
+    ms_step_driver_set_step(sim, h);
+    return ms_error_clear(err);
   }
   const msim_options before = sim->opt;
-  const int chosen = sim->advice.chosen;
+  const int chosen = sim->step_limit.from_auto;
   const int64_t spent = sim->spent;
-  msim_status status = ms_sim_settle_step(sim, &h, err);
+  msim_status status = ms_step_limit_resolve_auto(sim, &h, err);
   if (status) return status;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
@@ -32,7 +32,7 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (sim->opt.steps >= 0) sim->spent += now.step - sim->step0;
   if (sim->opt.steps >= 0) sim->opt.steps -= now.step - sim->step0;
   status = msim_sim_set_state(sim, &now, err);
-  if (status) sim->opt = before, sim->advice.chosen = chosen, sim->spent = spent;
+  if (status) sim->opt = before, sim->step_limit.from_auto = chosen, sim->spent = spent;
   return status;
 }
 
@@ -40,24 +40,24 @@ static msim_status check_values(const char *what, int32_t n, const double *value
                                 msim_error *err) {
   for (int32_t e = 0; values && e < n; e++)
     if (!(isfinite(values[e]) && values[e] >= 0))
-      return ms_fail(err, MSIM_ERR_ARG, "%s[%d] is %g; it must be a finite number >= 0", what, e,
-                     values[e]);
+      return ms_error_set(err, MSIM_ERR_ARG, "%s[%d] is %g; it must be a finite number >= 0", what,
+                          e, values[e]);
   return MSIM_OK;
 }
 
-void ms_sim_use_scene(msim_sim *sim, ms_scene *scene) {
+void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {
   sim->scene = scene;
-  sim->is_marked = 0;
+  sim->scene_is_hashed = 0;
   for (int32_t i = 0; i < sim->nislands; i++) {
-    sim->motion[i].model.scene = scene;
-    ms_model_update(&sim->motion[i].model, sim->opt.skip_off);
+    sim->islands[i].model.scene = scene;
+    ms_model_update_springs(&sim->islands[i].model, sim->opt.skip_off);
   }
 }
 
 /* 1: these springs turn the island's matrix into a scalar one (identical for each component) or
  * back. */
-static int changes_kind(const msim_sim *sim, const ms_motion *m, const double *rest,
-                        const double *damping) {
+static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, const double *rest,
+                               const double *damping) {
   const ms_springs *s = &m->model.springs;
   const ms_solver *solver = m->stepper.solver;
   int alike = !(sim->opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH);
@@ -70,124 +70,126 @@ static int changes_kind(const msim_sim *sim, const ms_motion *m, const double *r
 }
 
 /* Write the springs to a copy of the scene that belongs to this sim alone. */
-static msim_status write_springs(msim_sim *sim, const double *k, const double *rest,
-                                 const double *damping, msim_error *err) {
+static msim_status replace_spring_values(msim_sim *sim, const double *k, const double *rest,
+                                         const double *damping, msim_error *err) {
   msim_scene handle = {sim->scene};
-  ms_scene *scene = ms_scene_writable(&handle, err);
+  ms_scene *scene = ms_scene_make_writable(&handle, err);
   if (!scene) return MSIM_ERR_MEMORY;
   const size_t bytes = (size_t)scene->nsprings * sizeof(double);
   if (k) memcpy(scene->k, k, bytes);
   if (rest) memcpy(scene->rest, rest, bytes);
   if (damping) memcpy(scene->damping, damping, bytes);
-  ms_sim_use_scene(sim, scene);
+  ms_sim_replace_scene(sim, scene);
   return MSIM_OK;
 }
 
 /* Replace the solvers of all islands; on failure all old ones stay. */
 static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
-  ms_solver **fresh = ms_new(&sim->alloc, (size_t)sim->nislands, sizeof *fresh);
-  if (!fresh) return ms_fail_memory(err, "the linear solvers");
+  ms_solver **fresh = ms_memory_allocate(&sim->alloc, (size_t)sim->nislands, sizeof *fresh);
+  if (!fresh) return ms_error_set_memory(err, "the linear solvers");
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
-    const ms_motion *m = &sim->motion[i];
-    const double h = m->stepper.solver->planned;
+    const ms_island_sim *m = &sim->islands[i];
+    const double h = m->stepper.solver->creation_h;
     status = ms_solver_create(&m->model, &sim->opt, h, sim->integrator->nonlinear, &sim->stats,
                               &fresh[i], err);
   }
   for (int32_t i = 0; i < sim->nislands; i++) {
-    ms_solver **used = &sim->motion[i].stepper.solver;
+    ms_solver **used = &sim->islands[i].stepper.solver;
     ms_solver_destroy(status ? fresh[i] : *used);
     if (!status) *used = fresh[i];
   }
-  ms_delete(&sim->alloc, fresh);
-  if (!status) ms_sim_choose_for(sim, NULL);
+  ms_memory_free(&sim->alloc, fresh);
+  if (!status) ms_sim_set_solver_scene(sim, NULL);
   return status;
 }
 
-static void put_back(msim_sim *sim, ms_scene *before) {
+static void restore_scene(msim_sim *sim, ms_scene *before) {
   ms_scene_release(sim->scene);
-  ms_sim_use_scene(sim, before);
+  ms_sim_replace_scene(sim, before);
 }
 
 /* Compute the dense output of the last step, with its springs: frames may lie inside it. */
-static void keep_last_step(msim_sim *sim) {
+static void prepare_dense_output(msim_sim *sim) {
   if (!ms_plan_has_times(&sim->opt) || sim->step == sim->step0) return;
   for (int32_t i = 0; i < sim->nislands; i++) {
-    ms_stepper *s = &sim->motion[i].stepper;
+    ms_stepper *s = &sim->islands[i].stepper;
     ms_interpolate(sim->integrator, s, 1, s->x_spare[0], s->v_spare[0]);
   }
 }
 
 /* Invalidate what depends on the springs: accelerations, matrices, rest, the history of errors. */
-static void renew(msim_sim *sim) {
+static void invalidate_spring_data(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
-    ms_motion *m = &sim->motion[i];
-    if (m->stepper.solver) ms_solver_renew(m->stepper.solver);
-    ms_bound_stages(sim->integrator, &m->stepper);
-    m->stepper.warm = 0;
+    ms_island_sim *m = &sim->islands[i];
+    if (m->stepper.solver) ms_solver_update_springs(m->stepper.solver);
+    ms_stepper_set_bounds(sim->integrator, &m->stepper);
+    m->stepper.cached_stage = 0;
     m->at_rest = 0;
   }
-  if (ms_sim_has_control(sim)) ms_control_forget(&sim->control);
-  sim->flat_is_current = 0;
+  if (ms_sim_has_control(sim)) ms_control_reset(&sim->control);
+  sim->state_is_current = 0;
 }
 
 /* Start a new run with these springs in the present state: auto chooses its method anew, and
  * methods that carry other variables than x and v compute these anew. */
-static msim_status start_anew(msim_sim *sim, const double *k, const double *rest,
-                              const double *damping, msim_error *err) {
-  ms_scene *before = ms_scene_share(sim->scene);
+static msim_status restart_with_springs(msim_sim *sim, const double *k, const double *rest,
+                                        const double *damping, msim_error *err) {
+  ms_scene *before = ms_scene_retain(sim->scene);
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
-  ms_sim_drop_matrix(sim); /* its model refers to the old scene */
-  msim_status status = write_springs(sim, k, rest, damping, err);
+  ms_sim_free_matrix(sim); /* its model refers to the old scene */
+  msim_status status = replace_spring_values(sim, k, rest, damping, err);
   if (!status) status = msim_sim_set_state(sim, &now, err);
-  if (status) put_back(sim, before);
+  if (status) restore_scene(sim, before);
   else ms_scene_release(before);
   return status;
 }
 
 /* 1: solvers stay that were chosen for springs which only the present scene has. */
-static int has_choices(const msim_sim *sim) {
-  const ms_solver *solver = sim->motion->stepper.solver;
-  return !sim->chosen_for && solver && ms_solver_is_chosen(solver);
+static int must_keep_scene(const msim_sim *sim) {
+  const ms_solver *solver = sim->islands->stepper.solver;
+  return !sim->chosen_for && solver && ms_solver_depends_on_springs(solver);
 }
 
 /* Continue the present run with these springs. */
-static msim_status go_on(msim_sim *sim, const double *k, const double *rest, const double *damping,
-                         msim_error *err) {
-  int other = sim->integrator->splits; /* 1: the split into stiff and soft springs may change */
+static msim_status continue_with_springs(msim_sim *sim, const double *k, const double *rest,
+                                         const double *damping, msim_error *err) {
+  int other =
+      sim->integrator->is_multirate; /* 1: the split into stiff and soft springs may change */
   for (int32_t i = 0; i < sim->nislands && !other; i++)
-    other = changes_kind(sim, &sim->motion[i], rest, damping);
-  keep_last_step(sim);
-  const int remembers = !other && has_choices(sim);
-  ms_scene *before = other || remembers ? ms_scene_share(sim->scene) : NULL;
-  ms_sim_drop_matrix(sim); /* its model refers to the old scene */
-  msim_status status = write_springs(sim, k, rest, damping, err);
+    other = changes_matrix_kind(sim, &sim->islands[i], rest, damping);
+  prepare_dense_output(sim);
+  const int remembers = !other && must_keep_scene(sim);
+  ms_scene *before = other || remembers ? ms_scene_retain(sim->scene) : NULL;
+  ms_sim_free_matrix(sim); /* its model refers to the old scene */
+  msim_status status = replace_spring_values(sim, k, rest, damping, err);
   if (!status && other)
-    status = sim->integrator->splits ? ms_sim_rebuild(sim, err) : replace_solvers(sim, err);
-  if (status && other) put_back(sim, before);
-  else if (!status && remembers) ms_sim_choose_for(sim, before);
+    status = sim->integrator->is_multirate ? ms_sim_rebuild_islands(sim, err)
+                                           : replace_solvers(sim, err);
+  if (status && other) restore_scene(sim, before);
+  else if (!status && remembers) ms_sim_set_solver_scene(sim, before);
   else ms_scene_release(before);
   if (status) return status;
-  renew(sim);
+  invalidate_spring_data(sim);
   return MSIM_OK;
 }
 
 msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *rest,
                                  const double *damping, msim_error *err) {
-  if (!sim) return ms_fail(err, MSIM_ERR_ARG, "sim is NULL");
+  if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
   const int32_t n = sim->scene->nsprings;
   msim_status status = check_values("k", n, k, err);
   if (!status) status = check_values("rest", n, rest, err);
   if (!status) status = check_values("damping", n, damping, err);
-  if (!status && ms_sim_selects(sim)) return start_anew(sim, k, rest, damping, err);
-  if (!status && damping) status = ms_sim_check_forces(sim, damping, err);
+  if (!status && ms_sim_selects(sim)) return restart_with_springs(sim, k, rest, damping, err);
+  if (!status && damping) status = ms_sim_check_method_forces(sim, damping, err);
   if (!status)
-    status = sim->integrator->show ? start_anew(sim, k, rest, damping, err)
-                                   : go_on(sim, k, rest, damping, err);
+    status = sim->integrator->convert_state ? restart_with_springs(sim, k, rest, damping, err)
+                                            : continue_with_springs(sim, k, rest, damping, err);
   if (status) return status;
-  sim->advice.known = sim->advice.chosen = 0;
-  ms_watch_start(sim);
-  ms_sim_watch_step(sim);
-  return ms_ok(err);
+  sim->step_limit.tightness = sim->step_limit.from_auto = 0;
+  ms_energy_monitor_start(sim);
+  ms_step_limit_warn(sim);
+  return ms_error_clear(err);
 }

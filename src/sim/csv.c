@@ -31,15 +31,15 @@ typedef struct recorder {
   char name[]; /* of the file, for messages */
 } recorder;
 
-static msim_status report(const recorder *r) {
+static msim_status report_csv_error(const recorder *r) {
   if (!r->error) return MSIM_OK;
   r->host->fail(r->host, "%s: cannot write the file: %s%s", r->name, strerror(r->error),
                 r->torn ? "; its last frame is incomplete" : "");
-  return ms_status_of(r->error);
+  return ms_error_io_status(r->error);
 }
 
 /* Uses write(), as stdio might still write the rest of a frame after an error. */
-static void flush(recorder *r) {
+static void flush_buffer(recorder *r) {
   size_t done = 0;
   while (done < r->used && !r->error) {
     ssize_t count = write(r->fd, r->buffer + done, r->used - done);
@@ -52,23 +52,23 @@ static void flush(recorder *r) {
 
 /* After an error the file is truncated to its complete frames. */
 static msim_status end_frame(recorder *r) {
-  flush(r);
+  flush_buffer(r);
   if (!r->error && r->sync && fdatasync(r->fd) != 0) r->error = errno;
   if (!r->error) r->complete = r->length;
   if (r->length > r->complete && ftruncate(r->fd, r->complete) != 0) r->torn = 1;
   else r->length = r->complete;
-  return report(r);
+  return report_csv_error(r);
 }
 
 static void put_particle(recorder *r, const msim_frame *frame, int32_t i) {
   const double *x = frame->x + 3 * (size_t)i, *v = frame->v + 3 * (size_t)i;
-  if (r->used + LONGEST_LINE > BUFFER) flush(r);
+  if (r->used + LONGEST_LINE > BUFFER) flush_buffer(r);
   r->used += (size_t)snprintf(r->buffer + r->used, LONGEST_LINE,
                               "%" PRId64 ",%.17g,%" PRId32 ",%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n",
                               frame->step, frame->t, i, x[0], x[1], x[2], v[0], v[1], v[2]);
 }
 
-static msim_status write_frame(void *self, const msim_frame *frame) {
+static msim_status write_csv_frame(void *self, const msim_frame *frame) {
   recorder *r = self;
   locale_t before = uselocale(r->c);
   for (int32_t i = 0; i < r->n && !r->error; i++) put_particle(r, frame, i);
@@ -76,16 +76,16 @@ static msim_status write_frame(void *self, const msim_frame *frame) {
   return end_frame(r);
 }
 
-static msim_status close_file(void *self) {
+static msim_status close_csv(void *self) {
   recorder *r = self;
   if (r->fd >= 0 && close(r->fd) != 0 && !r->error) r->error = errno;
   if (r->c) freelocale(r->c);
-  msim_status status = report(r);
+  msim_status status = report_csv_error(r);
   r->host->free(r->host, r);
   return status;
 }
 
-static msim_status open_file(const msim_host *host, const msim_recording *what, void **self) {
+static msim_status open_csv(const msim_host *host, const msim_recording *what, void **self) {
   const char *name = what->name ? what->name : what->path;
   const size_t bytes = strlen(name) + 1;
   recorder *r = host->alloc(host, sizeof *r + bytes);
@@ -103,12 +103,12 @@ static msim_status open_file(const msim_host *host, const msim_recording *what, 
   r->fd = r->c ? open(what->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666) : -1;
   if (r->fd < 0) r->error = errno;
   r->used = (size_t)snprintf(r->buffer, LONGEST_LINE, "%s", title);
-  if (end_frame(r) != MSIM_OK) return close_file(r);
+  if (end_frame(r) != MSIM_OK) return close_csv(r);
   *self = r;
   return MSIM_OK;
 }
 
-static int32_t recognize(const msim_host *host, const char *path) {
+static int32_t recognize_csv(const msim_host *host, const char *path) {
   char first[sizeof title] = "";
   (void)host;
   int fd = open(path, O_RDONLY | O_CLOEXEC);
@@ -118,7 +118,7 @@ static int32_t recognize(const msim_host *host, const char *path) {
   return count > 0 && strcmp(first, title) == 0;
 }
 
-const msim_recorder_type *ms_recorder_csv(void) {
+const msim_recorder_type *ms_csv_recorder_type(void) {
   static const msim_recorder_type type = {
       .abi = MSIM_RECORDER_ABI,
       .size = sizeof type,
@@ -126,10 +126,10 @@ const msim_recorder_type *ms_recorder_csv(void) {
       .extension = ".csv",
       .library = "msim",
       .license = "MIT",
-      .open = open_file,
-      .write = write_frame,
-      .close = close_file,
-      .recognize = recognize,
+      .open = open_csv,
+      .write = write_csv_frame,
+      .close = close_csv,
+      .recognize = recognize_csv,
   };
   return &type;
 }

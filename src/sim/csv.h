@@ -8,6 +8,6 @@
 
 #include "msim/recorder.h"
 
-const msim_recorder_type *ms_recorder_csv(void);
+const msim_recorder_type *ms_csv_recorder_type(void);
 
 #endif

@@ -3,37 +3,40 @@
 #include <string.h>
 
 #include "integrate/methods.h"
-#include "integrate/split.h"
+#include "integrate/multirate.h"
 #include "linear/aggregates.h"
 #include "sim/sim.h"
 
 /* 1: an island has this feature. */
-static int has(const msim_sim *sim, unsigned pass) {
+static int has_feature(const msim_sim *sim, unsigned pass) {
   unsigned passes = 0;
-  for (int32_t i = 0; i < sim->nislands; i++) passes |= sim->motion[i].model.passes;
+  for (int32_t i = 0; i < sim->nislands; i++) passes |= sim->islands[i].model.features;
   return (passes & pass) != 0;
 }
 
-static int32_t count_free(const msim_sim *sim) {
+static int32_t count_all_free(const msim_sim *sim) {
   int32_t count = 0;
-  for (int32_t i = 0; i < sim->nislands; i++) count += sim->motion[i].model.rows.nfree;
+  for (int32_t i = 0; i < sim->nislands; i++) count += sim->islands[i].model.unknowns.nfree;
   return count;
 }
 
 static void explain_scene(const msim_sim *sim, ms_text *out) {
   const ms_scene *s = sim->scene;
-  ms_print(out, "scene         %s\n", *s->name ? s->name : "(no name)");
-  ms_print(out, "              particles %d, of them pinned %d; springs %d; planes %d\n",
-           s->nparticles, s->nparticles - count_free(sim), s->nsprings, s->nplanes);
+  ms_text_append(out, "scene         %s\n", *s->name ? s->name : "(no name)");
+  ms_text_append(out, "              particles %d, of them pinned %d; springs %d; planes %d\n",
+                 s->nparticles, s->nparticles - count_all_free(sim), s->nsprings, s->nplanes);
 }
 
-static const char *solver_of(const ms_motion *m) { return m->stepper.solver->linear->name; }
+static const char *island_solver_name(const ms_island_sim *m) {
+  return m->stepper.solver->linear->name;
+}
 
 /* The number of islands that have the same solver as island i; 0: an earlier island has it, too. */
 static int32_t count_solvers(const msim_sim *sim, int32_t i) {
   int32_t count = 0;
   for (int32_t k = 0; k < sim->nislands; k++) {
-    const int same = strcmp(solver_of(&sim->motion[k]), solver_of(&sim->motion[i])) == 0;
+    const int same =
+        strcmp(island_solver_name(&sim->islands[k]), island_solver_name(&sim->islands[i])) == 0;
     if (same && k < i) return 0;
     count += same;
   }
@@ -41,13 +44,13 @@ static int32_t count_solvers(const msim_sim *sim, int32_t i) {
 }
 
 static void explain_sizes(const msim_sim *sim, ms_text *out) {
-  const int32_t most = ms_sim_largest(sim)->model.rows.nfree;
+  const int32_t most = ms_sim_largest_island(sim)->model.unknowns.nfree;
   int32_t least = most;
   for (int32_t i = 0; i < sim->nislands; i++)
-    if (sim->motion[i].model.rows.nfree < least) least = sim->motion[i].model.rows.nfree;
-  ms_print(out, "islands       %d that no spring connects, of ", sim->nislands);
-  if (least < most) ms_print(out, "%d to ", least);
-  ms_print(out, "%d free particles\n", most);
+    if (sim->islands[i].model.unknowns.nfree < least) least = sim->islands[i].model.unknowns.nfree;
+  ms_text_append(out, "islands       %d that no spring connects, of ", sim->nislands);
+  if (least < most) ms_text_append(out, "%d to ", least);
+  ms_text_append(out, "%d free particles\n", most);
 }
 
 static void explain_islands(const msim_sim *sim, ms_text *out) {
@@ -57,38 +60,39 @@ static void explain_islands(const msim_sim *sim, ms_text *out) {
   for (int32_t i = 0; i < sim->nislands && sim->integrator->entry.implicit; i++) {
     const int32_t count = count_solvers(sim, i);
     if (!count) continue;
-    ms_print(out, "%s%d %s", separator, count, solver_of(&sim->motion[i]));
+    ms_text_append(out, "%s%d %s", separator, count, island_solver_name(&sim->islands[i]));
     separator = ", ";
   }
-  if (sim->integrator->entry.implicit) ms_print(out, "; below, that of the largest\n");
+  if (sim->integrator->entry.implicit) ms_text_append(out, "; below, that of the largest\n");
 }
 
-static void explain_rows(const ms_rows *rows, ms_text *out) {
+static void explain_unknowns(const ms_unknowns *rows, ms_text *out) {
   const char *label = "rows";
-  if (rows->narrowed > 0) {
-    ms_print(out,
-             "%-13s renumbered breadth first: neighbours lie %.3g times nearer than in the scene\n",
-             label, rows->narrowed);
+  if (rows->distance_reduction > 0) {
+    ms_text_append(
+        out, "%-13s renumbered breadth first: neighbours lie %.3g times nearer than in the scene\n",
+        label, rows->distance_reduction);
     label = "";
   }
-  if (rows->sorted)
-    ms_print(out, "%-13s sorted by number of springs, 64 at a time: that fills 8 lanes better\n",
-             label);
+  if (rows->sorted_by_degree)
+    ms_text_append(
+        out, "%-13s sorted by number of springs, 64 at a time: that fills 8 lanes better\n", label);
 }
 
 /* Error scales of the connected component, or of the smallest and the largest ones */
 static void explain_scales(const msim_sim *sim, ms_text *out) {
   double least[2] = {INFINITY, INFINITY}, most[2] = {0, 0};
   int32_t parts = 0;
-  for (const ms_motion *m = sim->motion; m < sim->motion + sim->nislands; m++)
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     for (int32_t i = 0; i < m->norm.n; i++, parts++) {
-      const double scale[2] = {m->norm.part[i].extent, m->norm.part[i].speed};
+      const double scale[2] = {m->norm.body[i].extent, m->norm.body[i].speed};
       for (int k = 0; k < 2; k++)
         least[k] = fmin(least[k], scale[k]), most[k] = fmax(most[k], scale[k]);
     }
-  if (parts == 1) ms_print(out, "              %.4g m and the speed %.4g m/s\n", most[0], most[1]);
+  if (parts == 1)
+    ms_text_append(out, "              %.4g m and the speed %.4g m/s\n", most[0], most[1]);
   if (parts > 1)
-    ms_print(
+    ms_text_append(
         out,
         "              %.4g to %.4g m and the speed %.4g to %.4g m/s of each of %d parts that\n"
         "              no spring connects; the largest error decides\n",
@@ -96,162 +100,171 @@ static void explain_scales(const msim_sim *sim, ms_text *out) {
 }
 
 static void explain_control(const msim_sim *sim, ms_text *out) {
-  ms_print(out, "step          by error control: h = %.3g s is tried first\n", sim->plan.h);
-  ms_print(
+  ms_text_append(out, "step          by error control: h = %.3g s is tried first\n", sim->plan.h);
+  ms_text_append(
       out,
       "              each may add its share of tol = %g to the error, relative to the extent\n",
       sim->opt.tol);
   explain_scales(sim, out);
-  ms_sensitivity_explain(sim, out);
+  ms_error_growth_explain(sim, out);
   if (sim->plan.t_end < 0)
-    ms_print(out, "              tol is that of one second, as the run has no t_end\n");
+    ms_text_append(out, "              tol is that of one second, as the run has no t_end\n");
   else if (ms_plan_has_times(&sim->opt))
-    ms_print(out, "              to t = %.10g s; %lld frames where it is recorded\n",
-             sim->plan.t_end,
-             (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES));
+    ms_text_append(out, "              to t = %.10g s; %lld frames where it is recorded\n",
+                   sim->plan.t_end,
+                   (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MAX_FRAMES));
   else
-    ms_print(out, "              to t = %.10g s; a frame every %lld steps where it is recorded\n",
-             sim->plan.t_end, (long long)sim->opt.every);
+    ms_text_append(out,
+                   "              to t = %.10g s; a frame every %lld steps where it is recorded\n",
+                   sim->plan.t_end, (long long)sim->opt.every);
 }
 
 static void explain_method(const msim_sim *sim, ms_text *out) {
-  ms_print(out, "integrator    %s, order %d\n              %s\n", sim->integrator->entry.name,
-           sim->integrator->entry.order, sim->integrator->entry.doc);
-  if (ms_sim_selects(sim)) ms_selection_explain(&sim->selection, out);
+  ms_text_append(out, "integrator    %s, order %d\n              %s\n", sim->integrator->entry.name,
+                 sim->integrator->entry.order, sim->integrator->entry.doc);
+  if (ms_sim_selects(sim)) ms_method_choice_explain(&sim->choice, out);
   if (ms_sim_has_control(sim)) {
     explain_control(sim, out);
     return;
   }
-  ms_print(out, "step          h = %.10g s", sim->plan.h);
-  if (sim->advice.chosen) ms_print(out, ", by the limit of stability below");
+  ms_text_append(out, "step          h = %.10g s", sim->plan.h);
+  if (sim->step_limit.from_auto) ms_text_append(out, ", by the limit of stability below");
   if (sim->plan.h != sim->plan.h_asked)
-    ms_print(out, ", lowered from %.10g s so that the run ends at t_end", sim->plan.h_asked);
-  ms_print(out, "\n");
+    ms_text_append(out, ", lowered from %.10g s so that the run ends at t_end", sim->plan.h_asked);
+  ms_text_append(out, "\n");
   if (sim->plan.steps >= 0)
-    ms_print(out, "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
-             (long long)sim->plan.steps, sim->t0 + (double)sim->plan.steps * sim->plan.h,
-             (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES));
+    ms_text_append(out,
+                   "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
+                   (long long)sim->plan.steps, sim->t0 + (double)sim->plan.steps * sim->plan.h,
+                   (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MAX_FRAMES));
 }
 
 /* h over the longest stable step of velocity Verlet */
-static double reach_of(const msim_sim *sim, const ms_model *model) {
-  const ms_bounds bounds = ms_bounds_of(model);
+static double step_over_limit(const msim_sim *sim, const ms_model *model) {
+  const ms_bounds bounds = ms_bounds_compute_island(model);
   return sim->plan.h / ms_verlet_limit(&bounds);
 }
 
 static void explain_split(const msim_sim *sim, ms_text *out) {
-  const ms_motion *m = ms_sim_largest(sim);
-  const ms_split *split = m->stepper.split;
+  const ms_island_sim *m = ms_sim_largest_island(sim);
+  const ms_multirate *split = m->stepper.split;
   const int32_t n = m->model.springs.n;
-  if (!sim->integrator->splits) return;
+  if (!sim->integrator->is_multirate) return;
   if (!split) {
-    ms_print(out, "springs       all take one step, as by velocity-verlet: %s\n",
-             reach_of(sim, &m->model) < 1
-                 ? "h is short enough for each"
-                 : "no few are so much stiffer that steps of their own pay");
+    ms_text_append(out, "springs       all take one step, as by velocity-verlet: %s\n",
+                   step_over_limit(sim, &m->model) < 1
+                       ? "h is short enough for each"
+                       : "no few are so much stiffer that steps of their own pay");
     return;
   }
   const int32_t stiff = split->stiff.springs.n;
-  ms_print(out, "springs       %d of %d, the stiffest, take %d steps in one of the others\n", stiff,
-           n, split->inner);
-  ms_print(out, "              a step costs %.2g of those of velocity-verlet at its limit\n",
-           ((double)n + (double)split->inner * stiff) / (n * ceil(reach_of(sim, &m->model))));
-  ms_print(out,
-           "              resonates where h Omega of a stiff mode is n pi; h Omega <= %.3g pi\n",
-           sim->plan.h * ms_bounds_of(&split->stiff).omega / 3.141592653589793);
+  ms_text_append(out, "springs       %d of %d, the stiffest, take %d steps in one of the others\n",
+                 stiff, n, split->inner);
+  ms_text_append(
+      out, "              a step costs %.2g of those of velocity-verlet at its limit\n",
+      ((double)n + (double)split->inner * stiff) / (n * ceil(step_over_limit(sim, &m->model))));
+  ms_text_append(
+      out, "              resonates where h Omega of a stiff mode is n pi; h Omega <= %.3g pi\n",
+      sim->plan.h * ms_bounds_compute_island(&split->stiff).omega / 3.141592653589793);
 }
 
 static void explain_collisions(const msim_sim *sim, ms_text *out) {
-  if (!has(sim, MSIM_SKIP_PLANES) || !sim->scene->nplanes) return;
+  if (!has_feature(sim, MSIM_SKIP_PLANES) || !sim->scene->nplanes) return;
   if (sim->opt.collision == MSIM_COLLISION_EVENT)
-    ms_print(out, "collisions    event: impacts are located inside the step, rest is exact\n");
-  else ms_print(out, "collisions    reflect: the state after the step; order 1 at each impact\n");
+    ms_text_append(out,
+                   "collisions    event: impacts are located inside the step, rest is exact\n");
+  else
+    ms_text_append(out,
+                   "collisions    reflect: the state after the step; order 1 at each impact\n");
 }
 
 static void explain_threads(const msim_sim *sim, ms_text *out) {
-  const int32_t threads = ms_pool_threads(sim->pool), planned = sim->threads_planned;
-  ms_print(out, "threads       %d: ", threads);
-  if (threads < planned) ms_print(out, "of %d planned, no more could be started\n", planned);
-  else if (sim->opt.threads) ms_print(out, "as asked for\n");
-  else if (ms_usable_cores() == 1) ms_print(out, "there is one core\n");
-  else if (threads == 1) ms_print(out, "with so few springs, a second one saves nothing\n");
-  else ms_print(out, "by size, on %d cores\n", ms_usable_cores());
+  const int32_t threads = ms_pool_thread_count(sim->pool), planned = sim->threads_planned;
+  ms_text_append(out, "threads       %d: ", threads);
+  if (threads < planned) ms_text_append(out, "of %d planned, no more could be started\n", planned);
+  else if (sim->opt.threads) ms_text_append(out, "as asked for\n");
+  else if (ms_pool_usable_cores() == 1) ms_text_append(out, "there is one core\n");
+  else if (threads == 1) ms_text_append(out, "with so few springs, a second one saves nothing\n");
+  else ms_text_append(out, "by size, on %d cores\n", ms_pool_usable_cores());
 }
 
 static void explain_solver(const msim_sim *sim, ms_text *out) {
-  const ms_motion *m = ms_sim_largest(sim);
+  const ms_island_sim *m = ms_sim_largest_island(sim);
   const ms_solver *solver = m->stepper.solver;
   if (!solver) {
-    ms_print(out, "solver        none: the method is explicit\n");
+    ms_text_append(out, "solver        none: the method is explicit\n");
     return;
   }
   const ms_linear *linear = solver->linear;
-  ms_print(out, "solver        %s (%s)\n", linear->name, solver->reason);
-  ms_print(out, "              relative residual %.3g, checked after every solve\n",
-           sim->opt.solver_rtol);
-  const ms_rows *rows = &m->model.rows;
+  ms_text_append(out, "solver        %s (%s)\n", linear->name, solver->reason);
+  ms_text_append(out, "              relative residual %.3g, checked after every solve\n",
+                 sim->opt.solver_rtol);
+  const ms_unknowns *rows = &m->model.unknowns;
   const int alike = solver->system.a.block == 1;
   if (alike)
-    ms_print(out, "matrix        %d unknowns: one for each free particle, %d right sides\n",
-             rows->nfree, rows->dims);
+    ms_text_append(out, "matrix        %d unknowns: one for each free particle, %d right sides\n",
+                   rows->nfree, rows->dims);
   else
-    ms_print(out, "matrix        %d unknowns: %d for each free particle\n",
-             rows->dims * rows->nfree, rows->dims);
+    ms_text_append(out, "matrix        %d unknowns: %d for each free particle\n",
+                   rows->dims * rows->nfree, rows->dims);
   if (linear->aggregates)
-    ms_print(out, "              coarse space of %d aggregates, %d unknowns in each\n",
-             linear->aggregates, MS_MODES * rows->dims);
+    ms_text_append(out, "              coarse space of %d aggregates, %d unknowns in each\n",
+                   linear->aggregates, MS_MODES * rows->dims);
   if (linear->fill > 0)
-    ms_print(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
-             linear->flops);
-  if (solver->savings.allowed)
-    ms_print(out,
-             "              once pcg has spent the price of a factor on a matrix that hardly "
-             "changes,\n              cholmod makes one, if it is there, to precondition\n");
+    ms_text_append(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
+                   linear->flops);
+  if (solver->amortization.allowed)
+    ms_text_append(out,
+                   "              once pcg has spent the price of a factor on a matrix that hardly "
+                   "changes,\n              cholmod makes one, if it is there, to precondition\n");
   static const char *const answer[] = {"that step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run stops"};
   if (sim->integrator->nonlinear)
-    ms_print(out, "newton        to %.3g of the velocity%s\n", sim->opt.newton_rtol,
-             alike ? "; the matrix is the same in every step"
-             : ms_solver_takes_turning(solver)
-                 ? "; clamped matrix until the residual has dropped, then\n"
-                   "              the whole one, which damping makes unsymmetric"
-                 : "; clamped matrix until the residual has dropped");
-  else if (alike) ms_print(out, "              positive definite, and the same in every step\n");
+    ms_text_append(out, "newton        to %.3g of the velocity%s\n", sim->opt.newton_rtol,
+                   alike ? "; the matrix is the same in every step"
+                   : ms_solver_supports_damping_derivative(solver)
+                       ? "; clamped matrix until the residual has dropped, then\n"
+                         "              the whole one, which damping makes unsymmetric"
+                       : "; clamped matrix until the residual has dropped");
+  else if (alike)
+    ms_text_append(out, "              positive definite, and the same in every step\n");
   else if (sim->opt.jacobian == MSIM_JACOBIAN_CLAMP)
-    ms_print(out, "              clamped: positive definite always\n");
+    ms_text_append(out, "              clamped: positive definite always\n");
   else
-    ms_print(out, "              where it is not positive definite, %s\n",
-             answer[sim->opt.indefinite]);
+    ms_text_append(out, "              where it is not positive definite, %s\n",
+                   answer[sim->opt.indefinite]);
 }
 
 static const char *axis_name(const msim_sim *sim) {
   static const char *const names[] = {"component x", "component y", "component z"};
-  const int32_t axis = sim->motion->model.rows.left_out;
+  const int32_t axis = sim->islands->model.unknowns.dropped_axis;
   return names[axis < 0 ? 0 : axis];
 }
 
 static void explain_skips(const msim_sim *sim, ms_text *out) {
-  const ms_motion *m = ms_sim_largest(sim);
+  const ms_island_sim *m = ms_sim_largest_island(sim);
   const ms_solver *solver = m->stepper.solver;
   const struct {
     int skipped;
     const char *what, *why;
   } skips[] = {
       {!solver, "assembly, factorisation, solver libraries", "the method needs no solver"},
-      {solver && solver->kept.by, "factorisation",
+      {solver && solver->lagged_factor.factorizer, "factorisation",
        "in steps that the last factor still serves, as preconditioner"},
       {solver && solver->linear->aggregates && !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
        "coarse factorisation", "in steps whose matrix has hardly changed since the last one"},
-      {!has(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
-      {has(sim, MSIM_SKIP_SPRINGS) && !has(sim, MSIM_SKIP_ZERO_REST_LENGTH), "direction of springs",
+      {!has_feature(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
+      {has_feature(sim, MSIM_SKIP_SPRINGS) && !has_feature(sim, MSIM_SKIP_ZERO_REST_LENGTH),
+       "direction of springs",
        "all rest lengths and dampings are 0, so forces are linear and the matrix is constant"},
-      {!has(sim, MSIM_SKIP_DAMPING), "damping of springs", "no spring is damped"},
-      {!has(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},
-      {!has(sim, MSIM_SKIP_DRAG), "drag", "it is 0"},
-      {!has(sim, MSIM_SKIP_PLANES), "contact pass",
-       sim->selection.verification.away ? "no plane is close yet" : "there are no planes"},
-      {m->model.rows.left_out >= 0, axis_name(sim), "nothing moves along it, or pulls that way"},
-      {count_free(sim) < sim->scene->nparticles, "pinned particles",
+      {!has_feature(sim, MSIM_SKIP_DAMPING), "damping of springs", "no spring is damped"},
+      {!has_feature(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},
+      {!has_feature(sim, MSIM_SKIP_DRAG), "drag", "it is 0"},
+      {!has_feature(sim, MSIM_SKIP_PLANES), "contact pass",
+       sim->choice.verification.planes_far ? "no plane is close yet" : "there are no planes"},
+      {m->model.unknowns.dropped_axis >= 0, axis_name(sim),
+       "nothing moves along it, or pulls that way"},
+      {count_all_free(sim) < sim->scene->nparticles, "pinned particles",
        "they are no unknowns: no row, no column"},
       {sim->nislands > 1, "one system of all",
        "no spring connects the islands: each has one of its own, and rests alone"},
@@ -261,55 +274,58 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
   const char *label = "skipped";
   for (size_t i = 0; i < sizeof skips / sizeof *skips; i++) {
     if (!skips[i].skipped) continue;
-    ms_print(out, "%-13s %s: %s\n", label, skips[i].what, skips[i].why);
+    ms_text_append(out, "%-13s %s: %s\n", label, skips[i].what, skips[i].why);
     label = "";
   }
 }
 
 /* Bounds by Gershgorin's discs alone, which steps use, too: of all springs, or, for a multirate
  * method, of the soft ones, which take the longest steps. */
-static ms_bounds bound_roughly(const msim_sim *sim) {
+static ms_bounds find_rough_bounds(const msim_sim *sim) {
   ms_bounds most = {0};
   for (int32_t i = 0; i < sim->nislands; i++) {
-    const ms_motion *m = &sim->motion[i];
-    const ms_bounds b = ms_bounds_of(m->stepper.split ? &m->stepper.split->soft : &m->model);
+    const ms_island_sim *m = &sim->islands[i];
+    const ms_bounds b =
+        ms_bounds_compute_island(m->stepper.split ? &m->stepper.split->soft : &m->model);
     most.omega = fmax(most.omega, b.omega), most.rate = fmax(most.rate, b.rate);
   }
   return most;
 }
 
 static void explain_limits(const msim_sim *sim, ms_text *out) {
-  const int splits = sim->integrator->splits;
-  const ms_bounds bounds = splits ? bound_roughly(sim) : sim->advice.bounds, *b = &bounds;
-  const double limit = splits ? ms_verlet_limit(b) : sim->advice.limit, h = sim->plan.h;
+  const int splits = sim->integrator->is_multirate;
+  const ms_bounds bounds = splits ? find_rough_bounds(sim) : sim->step_limit.bounds, *b = &bounds;
+  const double limit = splits ? ms_verlet_limit(b) : sim->step_limit.limit, h = sim->plan.h;
   const char *name = sim->integrator->entry.name;
-  ms_print(out, "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",
-           b->omega, b->rate, splits ? ", by the longest steps" : "");
+  ms_text_append(out,
+                 "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",
+                 b->omega, b->rate, splits ? ", by the longest steps" : "");
   if (sim->integrator->stages)
-    ms_print(out, "              %d stages a step, for that rate\n",
-             sim->integrator->stages(h, bound_roughly(sim)));
+    ms_text_append(out, "              %d stages a step, for that rate\n",
+                   sim->integrator->stages(h, find_rough_bounds(sim)));
   if (sim->integrator->entry.implicit)
-    ms_print(out, "              stable for every h where the system is linear\n");
-  else if (isinf(limit)) ms_print(out, "              stable for every h: nothing vibrates\n");
+    ms_text_append(out, "              stable for every h where the system is linear\n");
+  else if (isinf(limit))
+    ms_text_append(out, "              stable for every h: nothing vibrates\n");
   else if (limit == 0)
-    ms_print(out, "              %s: undamped vibrations gain energy at any h\n", name);
+    ms_text_append(out, "              %s: undamped vibrations gain energy at any h\n", name);
   else if (ms_sim_has_control(sim))
-    ms_print(out, "              %s is stable for h < %.6g s; error control finds that out\n", name,
-             limit);
+    ms_text_append(out, "              %s is stable for h < %.6g s; error control finds that out\n",
+                   name, limit);
   else
-    ms_print(out, "              %s is stable for h < %.6g s; h is %.3g of that%s\n", name, limit,
-             h / limit, h < limit ? "" : ": it may blow up");
+    ms_text_append(out, "              %s is stable for h < %.6g s; h is %.3g of that%s\n", name,
+                   limit, h / limit, h < limit ? "" : ": it may blow up");
 }
 
 msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) {
-  if (!sim || !text) return ms_fail(err, MSIM_ERR_ARG, "sim or text is NULL");
-  msim_status status = ms_sim_advise(sim, err);
+  if (!sim || !text) return ms_error_set(err, MSIM_ERR_ARG, "sim or text is NULL");
+  msim_status status = ms_step_limit_compute(sim, err);
   if (status) return status;
   ms_text *out = &sim->explanation;
   ms_text_free(out);
   explain_scene(sim, out);
   explain_islands(sim, out);
-  explain_rows(&ms_sim_largest(sim)->model.rows, out);
+  explain_unknowns(&ms_sim_largest_island(sim)->model.unknowns, out);
   explain_method(sim, out);
   explain_split(sim, out);
   explain_collisions(sim, out);
@@ -317,7 +333,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   explain_solver(sim, out);
   explain_skips(sim, out);
   explain_limits(sim, out);
-  if (out->failed) return ms_fail_memory(err, "the explanation");
+  if (out->failed) return ms_error_set_memory(err, "the explanation");
   *text = out->data;
-  return ms_ok(err);
+  return ms_error_clear(err);
 }

@@ -11,23 +11,23 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
   const double span = opt->t_end - t0;
   *plan = (ms_plan){.h = opt->h, .h_asked = opt->h, .steps = -1, .t0 = t0, .t_end = -1};
   if ((double)opt->steps > MOST_STEPS)
-    return ms_fail(err, MSIM_ERR_ARG, "steps is %lld; the limit is %g", (long long)opt->steps,
-                   MOST_STEPS);
+    return ms_error_set(err, MSIM_ERR_ARG, "steps is %lld; the limit is %g", (long long)opt->steps,
+                        MOST_STEPS);
   if (opt->steps >= 0) {
     plan->steps = opt->steps;
   } else if (opt->t_end >= 0) {
     double ratio = span / opt->h;
     if (!(span >= 0))
-      return ms_fail(err, MSIM_ERR_ARG, "t_end is %g s, but the state is already at t = %g s",
-                     opt->t_end, t0);
+      return ms_error_set(err, MSIM_ERR_ARG, "t_end is %g s, but the state is already at t = %g s",
+                          opt->t_end, t0);
     plan->t_end = opt->t_end;
-    if (ms_plan_has_times(opt) && span * opt->fps > MS_MOST_FRAMES)
-      return ms_fail(err, MSIM_ERR_ARG, "fps = %g makes %g frames; the limit is %d", opt->fps,
-                     span * opt->fps, MS_MOST_FRAMES);
+    if (ms_plan_has_times(opt) && span * opt->fps > MS_MAX_FRAMES)
+      return ms_error_set(err, MSIM_ERR_ARG, "fps = %g makes %g frames; the limit is %d", opt->fps,
+                          span * opt->fps, MS_MAX_FRAMES);
     if (opt->tol > 0) return MSIM_OK;
     if (ratio > MOST_STEPS)
-      return ms_fail(err, MSIM_ERR_ARG, "t_end / h is %g steps; the limit is %g", ratio,
-                     MOST_STEPS);
+      return ms_error_set(err, MSIM_ERR_ARG, "t_end / h is %g steps; the limit is %g", ratio,
+                          MOST_STEPS);
     double nearest = round(ratio);
     int whole = fabs(ratio - nearest) <= 1e-9 * ratio;
     plan->steps = (int64_t)(whole ? nearest : ceil(ratio));
@@ -35,8 +35,8 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
   }
   if (plan->steps >= 0) plan->t_end = t0 + (double)plan->steps * plan->h;
   if (isfinite(plan->t_end)) return MSIM_OK;
-  return ms_fail(err, MSIM_ERR_ARG, "%lld steps of %g s end later than a double can say",
-                 (long long)plan->steps, plan->h);
+  return ms_error_set(err, MSIM_ERR_ARG, "%lld steps of %g s end later than a double can say",
+                      (long long)plan->steps, plan->h);
 }
 
 double ms_plan_span(const ms_plan *plan) {
@@ -46,12 +46,12 @@ double ms_plan_span(const ms_plan *plan) {
 
 /* The least number of half-edge entries per thread, some 15 us of work: with fewer, one more thread
  * saves less than it costs to wake it and to wait for it. */
-enum { LEAST_SLOTS = 1500 };
+enum { LEAST_ENTRIES = 1500 };
 
-int32_t ms_plan_threads(const msim_options *opt, int64_t slots) {
-  if (opt->threads > 0) return opt->threads < MS_MOST_THREADS ? opt->threads : MS_MOST_THREADS;
-  const int64_t worthwhile = slots / LEAST_SLOTS;
-  const int32_t cores = ms_usable_cores();
+int32_t ms_plan_count_threads(const msim_options *opt, int64_t slots) {
+  if (opt->threads > 0) return opt->threads < MS_MAX_THREADS ? opt->threads : MS_MAX_THREADS;
+  const int64_t worthwhile = slots / LEAST_ENTRIES;
+  const int32_t cores = ms_pool_usable_cores();
   const int32_t threads = worthwhile < cores ? (int32_t)worthwhile : cores;
   return threads > 1 ? threads : 1;
 }
@@ -108,14 +108,15 @@ int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double
 }
 
 /* The number of frames that have times of their own */
-static int64_t count_times(const ms_plan *plan, const msim_options *opt, int64_t most) {
+static int64_t count_timed_frames(const ms_plan *plan, const msim_options *opt, int64_t most) {
   const double count = ceil(ms_plan_span(plan) / frame_interval(plan, opt) - 1e-9) + 1;
   return count < (double)most ? (int64_t)count : most;
 }
 
 int64_t ms_plan_count_frames(const ms_plan *plan, const msim_options *opt, int64_t most) {
   int64_t frames = 1;
-  if (ms_plan_has_times(opt)) return plan->t_end > plan->t0 ? count_times(plan, opt, most) : 1;
+  if (ms_plan_has_times(opt))
+    return plan->t_end > plan->t0 ? count_timed_frames(plan, opt, most) : 1;
   if (opt->tol > 0) return -1;
   for (int64_t step = 0; step < plan->steps && frames < most; frames++)
     step = ms_plan_next_frame(plan, opt, step);

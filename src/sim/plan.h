@@ -18,7 +18,7 @@ double ms_plan_span(const ms_plan *plan);
 
 /* The number of threads for so many entries of half-edges: options.threads, or else as many as are
  * cost-effective, at most one per core. */
-int32_t ms_plan_threads(const msim_options *opt, int64_t slots);
+int32_t ms_plan_count_threads(const msim_options *opt, int64_t slots);
 
 /* Plan the steps from t0 to the end. options.steps: that many. options.t_end: (t_end - t0)/h steps,
  * if that is a whole number to a relative 1e-9, else h is lowered to make it one. MSIM_ERR_ARG:
@@ -38,7 +38,7 @@ double ms_plan_frame_time(const ms_plan *plan, const msim_options *opt, int64_t 
 /* The first such frame after t; behind the frame of t_end, the number of one that is never due. */
 int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double t);
 
-#define MS_MOST_FRAMES 10000000
+#define MS_MAX_FRAMES 10000000
 
 /* The number of frames of a run, with the first and the last state; at most `most`. -1: unknown,
  * under error control with `every`. */

@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "base/plugin.h"
 #include "sim/csv.h"
-#include "sim/place.h"
+#include "sim/output_file.h"
 #include "sim/recorders.h"
 #include "sim/sim.h"
 
@@ -13,8 +13,8 @@ struct msim_recorder {
   msim_sim *sim;
   const msim_recorder_type *type;
   void *self; /* NULL: closed */
-  ms_host host;
-  ms_place place;
+  ms_plugin_host host;
+  ms_slice_range place;
   void *checkpoint; /* buffer; NULL: the recorder cannot resume files */
   size_t capacity;
   int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
@@ -25,7 +25,7 @@ struct msim_recorder {
 
 /* The planned times of all frames */
 static double *plan_times(const msim_sim *sim, int64_t nframes) {
-  double *times = ms_new(&sim->alloc, (size_t)nframes, sizeof *times);
+  double *times = ms_memory_allocate(&sim->alloc, (size_t)nframes, sizeof *times);
   const int has_times = ms_plan_has_times(&sim->opt);
   int64_t step = 0;
   for (int64_t i = 0; times && i < nframes; i++) {
@@ -39,41 +39,42 @@ static double *plan_times(const msim_sim *sim, int64_t nframes) {
 static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_error *err) {
   const msim_sim *sim = r->sim;
   const char *path = r->place.path;
-  const int64_t planned = ms_plan_count_frames(&sim->plan, &sim->opt, MS_MOST_FRAMES + 1);
+  const int64_t planned = ms_plan_count_frames(&sim->plan, &sim->opt, MS_MAX_FRAMES + 1);
   *nframes = planned < 0 ? 1 : planned; /* csv does not need their number */
-  if (planned < 0 && r->type != ms_recorder_csv())
-    return ms_fail(
+  if (planned < 0 && r->type != ms_csv_recorder_type())
+    return ms_error_set(
         err, MSIM_ERR_ARG,
         "%s wants to know how many frames come, but under error control nobody knows how "
         "many steps; give fps in place of every",
         path);
-  if (planned > MS_MOST_FRAMES)
-    return ms_fail(err, MSIM_ERR_ARG, "%s would get more than %d frames; raise every or lower fps",
-                   path, MS_MOST_FRAMES);
+  if (planned > MS_MAX_FRAMES)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "%s would get more than %d frames; raise every or lower fps", path,
+                        MS_MAX_FRAMES);
   return MSIM_OK;
 }
 
 /* Arguments of a plugin's open() and resume() */
-typedef struct announcement {
+typedef struct recording_plan {
   msim_recording what;
   double *times;
   ms_text scene;
-} announcement;
+} recording_plan;
 
-static void withdraw(const msim_recorder *r, announcement *a) {
-  ms_delete(&r->sim->alloc, a->times);
+static void free_recording_plan(const msim_recorder *r, recording_plan *a) {
+  ms_memory_free(&r->sim->alloc, a->times);
   ms_text_free(&a->scene);
 }
 
-static msim_status announce(const msim_recorder *r, announcement *a, msim_error *err) {
+static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a, msim_error *err) {
   const ms_scene *scene = r->sim->scene;
   int64_t nframes;
-  *a = (announcement){.scene = {.alloc = &r->sim->alloc}};
+  *a = (recording_plan){.scene = {.alloc = &r->sim->alloc}};
   msim_status status = count_frames(r, &nframes, err);
   if (status) return status;
   a->times = plan_times(r->sim, nframes);
-  status = a->times ? ms_scene_to_json(scene, &a->scene, err)
-                    : ms_fail_memory(err, "the plan of frames");
+  status = a->times ? ms_scene_write_json(scene, &a->scene, err)
+                    : ms_error_set_memory(err, "the plan of frames");
   a->what = (msim_recording){.size = sizeof a->what,
                              .path = r->place.path,
                              .name = r->place.path,
@@ -89,115 +90,122 @@ static msim_status announce(const msim_recorder *r, announcement *a, msim_error 
                              .scene_length = a->scene.length,
                              .checkpoint_capacity = r->capacity,
                              .sync = r->sim->opt.sync};
-  if (status) withdraw(r, a);
+  if (status) free_recording_plan(r, a);
   return status;
 }
 
 /*------------------------------------- opening --------------------------------------------------*/
 
-static int is_ours(const msim_recorder *r, const char *path) {
-  return MS_RECORDER_HAS(r->type, recognize) && r->type->recognize(&r->host.base, path);
+static int is_msim_trajectory(const msim_recorder *r, const char *path) {
+  return MS_RECORDERS_HAS(r->type, recognize) && r->type->recognize(&r->host.base, path);
 }
 
 /* The file gets its final name once its metadata are written: an incomplete file never has it. */
-static msim_status create(msim_recorder *r, announcement *a, msim_error *err) {
-  msim_status status = ms_place_begin(&r->place, err);
+static msim_status create_trajectory(msim_recorder *r, recording_plan *a, msim_error *err) {
+  msim_status status = ms_output_file_create(&r->place, err);
   if (status) return status;
-  a->what.path = r->place.part.data;
+  a->what.path = r->place.temporary_name.data;
   status = r->type->open(&r->host.base, &a->what, &r->self);
-  if (status) return ms_host_fail(&r->host, r->type->name, status, err);
-  return ms_place_fill(&r->place, a->what.sync, err);
+  if (status) return ms_plugin_fail(&r->host, r->type->name, status, err);
+  return ms_output_file_commit(&r->place, a->what.sync, err);
 }
 
 /* Open a new file, in place of an older trajectory of msim, or with `force` of any file. */
-static msim_status open_new(msim_recorder *r, const char *path, int force, msim_error *err) {
-  announcement a;
+static msim_status open_new_trajectory(msim_recorder *r, const char *path, int force,
+                                       msim_error *err) {
+  recording_plan a;
   int taken;
-  msim_status status = ms_place_claim(&r->place, &r->sim->alloc, path, &taken, err);
-  if (!status && taken && !force && !is_ours(r, path))
-    status = ms_fail(err, MSIM_ERR_IO,
+  msim_status status = ms_output_file_lock(&r->place, &r->sim->alloc, path, &taken, err);
+  if (!status && taken && !force && !is_msim_trajectory(r, path))
+    status =
+        ms_error_set(err, MSIM_ERR_IO,
                      "%s is there already, and no trajectory of msim: it is not replaced unless "
                      "that is asked for",
                      path);
-  if (!status) status = announce(r, &a, err);
+  if (!status) status = make_recording_plan(r, &a, err);
   if (status) return status;
-  status = create(r, &a, err);
-  withdraw(r, &a);
+  status = create_trajectory(r, &a, err);
+  free_recording_plan(r, &a);
   return status;
 }
 
 /* Resume a file, and set the sim to its last checkpoint. A file without a frame is begun anew. */
-static msim_status go_on(msim_recorder *r, announcement *a, msim_error *err) {
+static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_error *err) {
   msim_error why;
   msim_resumption from = {.size = sizeof from};
   msim_status status = r->type->resume(&r->host.base, &a->what, &from, &r->self);
-  if (status) return ms_host_fail(&r->host, r->type->name, status, err);
+  if (status) return ms_plugin_fail(&r->host, r->type->name, status, err);
   if (from.frames == 0) {
     r->type->close(r->self);
     r->self = NULL;
-    return create(r, a, err);
+    return create_trajectory(r, a, err);
   }
   status = msim_sim_load(r->sim, from.checkpoint, from.checkpoint_length, &why);
-  if (status) return ms_fail(err, status, "%s cannot be gone on with: %s", r->place.path, why.text);
+  if (status)
+    return ms_error_set(err, status, "%s cannot be gone on with: %s", r->place.path, why.text);
   r->step_kept = r->sim->step;
   r->t_kept = ms_sim_time(r->sim);
   return MSIM_OK;
 }
 
-static msim_status open_old(msim_recorder *r, const char *path, msim_error *err) {
-  announcement a;
+static msim_status open_for_resume(msim_recorder *r, const char *path, msim_error *err) {
+  recording_plan a;
   int taken = 0;
-  if (!MS_RECORDER_HAS(r->type, resume))
-    return ms_fail(err, MSIM_ERR_UNSUPPORTED,
-                   "%s: nothing goes on with such a file, as it holds no checkpoints; a .vtkhdf "
-                   "file does",
-                   path);
-  msim_status status = ms_place_claim(&r->place, &r->sim->alloc, path, &taken, err);
+  if (!MS_RECORDERS_HAS(r->type, resume))
+    return ms_error_set(
+        err, MSIM_ERR_UNSUPPORTED,
+        "%s: nothing goes on with such a file, as it holds no checkpoints; a .vtkhdf "
+        "file does",
+        path);
+  msim_status status = ms_output_file_lock(&r->place, &r->sim->alloc, path, &taken, err);
   if (!status && !taken)
-    status = ms_fail(err, MSIM_ERR_IO, "%s is not there, so there is nothing to go on with", path);
-  if (!status) status = announce(r, &a, err);
+    status =
+        ms_error_set(err, MSIM_ERR_IO, "%s is not there, so there is nothing to go on with", path);
+  if (!status) status = make_recording_plan(r, &a, err);
   if (status) return status;
-  status = go_on(r, &a, err);
-  withdraw(r, &a);
+  status = resume_trajectory(r, &a, err);
+  free_recording_plan(r, &a);
   return status;
 }
 
-static msim_status check_target(const msim_sim *sim, const char *path, const char **kind,
-                                msim_error *err) {
-  *kind = ms_recorder_kind(path);
+static msim_status check_recording(const msim_sim *sim, const char *path, const char **kind,
+                                   msim_error *err) {
+  *kind = ms_recorders_find_name(path);
   if (!*kind)
-    return ms_fail(err, MSIM_ERR_NAME, "%s: a trajectory's name ends in .vtkhdf or .csv", path);
+    return ms_error_set(err, MSIM_ERR_NAME, "%s: a trajectory's name ends in .vtkhdf or .csv",
+                        path);
   if (sim->plan.t_end < 0)
-    return ms_fail(err, MSIM_ERR_ARG, "%s: recording needs an end: set steps or t_end", path);
+    return ms_error_set(err, MSIM_ERR_ARG, "%s: recording needs an end: set steps or t_end", path);
   return MSIM_OK;
 }
 
 /* Make a recorder that has no file yet. */
-static msim_status make(msim_sim *sim, const char *path, msim_recorder **recorder,
-                        msim_error *err) {
+static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorder **recorder,
+                                   msim_error *err) {
   const char *kind;
   ms_text where = {.alloc = &sim->alloc};
-  msim_status status = check_target(sim, path, &kind, err);
+  msim_status status = check_recording(sim, path, &kind, err);
   if (status) return status;
-  msim_recorder *r = *recorder = ms_new(&sim->alloc, 1, sizeof *r);
-  if (!r) return ms_fail_memory(err, "a recorder");
+  msim_recorder *r = *recorder = ms_memory_allocate(&sim->alloc, 1, sizeof *r);
+  if (!r) return ms_error_set_memory(err, "a recorder");
   r->sim = sim;
   r->step_kept = -1;
-  r->place = (ms_place){.path = path, .part.alloc = &sim->alloc, .fd = -1, .before = -1};
-  ms_host_init(&r->host, &sim->alloc);
-  status = ms_recorder_find(kind, sim->opt.plugin_path, &r->type, &where, err);
+  r->place = (ms_slice_range){
+      .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
+  ms_plugin_init_host(&r->host, &sim->alloc);
+  status = ms_recorders_find(kind, sim->opt.plugin_path, &r->type, &where, err);
   ms_text_free(&where);
-  if (status || !MS_RECORDER_HAS(r->type, resume)) return status;
+  if (status || !MS_RECORDERS_HAS(r->type, resume)) return status;
   r->capacity = msim_sim_save_size(sim);
-  r->checkpoint = ms_new(&sim->alloc, r->capacity, 1);
-  return r->checkpoint ? MSIM_OK : ms_fail_memory(err, "a checkpoint");
+  r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
+  return r->checkpoint ? MSIM_OK : ms_error_set_memory(err, "a checkpoint");
 }
 
-static void destroy(msim_recorder *r) {
+static void destroy_recorder(msim_recorder *r) {
   if (!r) return;
-  ms_place_leave(&r->place);
-  ms_delete(&r->sim->alloc, r->checkpoint);
-  ms_delete(&r->sim->alloc, r);
+  ms_output_file_release(&r->place);
+  ms_memory_free(&r->sim->alloc, r->checkpoint);
+  ms_memory_free(&r->sim->alloc, r);
 }
 
 enum { NEW, REPLACE, RESUME };
@@ -205,20 +213,21 @@ enum { NEW, REPLACE, RESUME };
 static msim_status open_at(msim_sim *sim, const char *path, int how, msim_recorder **recorder,
                            msim_error *err) {
   if (!sim || !path || !recorder)
-    return ms_fail(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
-  const double start = ms_clock();
+    return ms_error_set(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
+  const double start = ms_clock_now();
   *recorder = NULL;
   msim_recorder *r = NULL;
-  msim_status status = make(sim, path, &r, err);
+  msim_status status = create_recorder(sim, path, &r, err);
   if (!status)
-    status = how == RESUME ? open_old(r, path, err) : open_new(r, path, how == REPLACE, err);
-  ms_sim_count_output(sim, ms_clock() - start);
+    status = how == RESUME ? open_for_resume(r, path, err)
+                           : open_new_trajectory(r, path, how == REPLACE, err);
+  ms_sim_count_output(sim, ms_clock_now() - start);
   if (!status) {
     *recorder = r;
-    return ms_ok(err);
+    return ms_error_clear(err);
   }
   if (r && r->self) r->type->close(r->self);
-  destroy(r);
+  destroy_recorder(r);
   return status;
 }
 
@@ -246,7 +255,7 @@ static void add_checkpoint(msim_recorder *r, msim_frame *frame) {
     frame->checkpoint = r->checkpoint;
 }
 
-static msim_status write_state(msim_recorder *r, const msim_state *state, msim_error *err) {
+static msim_status record_state(msim_recorder *r, const msim_state *state, msim_error *err) {
   msim_energy energy = {.size = sizeof energy};
   msim_sim_energy(r->sim, &energy);
   msim_frame frame = {.size = sizeof frame,
@@ -257,33 +266,33 @@ static msim_status write_state(msim_recorder *r, const msim_state *state, msim_e
                       .kinetic = energy.kinetic,
                       .potential = energy.elastic + energy.gravitational};
   if (!isfinite(energy.total))
-    return ms_fail(err, MSIM_NOT_FINITE, "step %lld, t = %g s: energy is beyond all numbers",
-                   (long long)state->step, state->t);
+    return ms_error_set(err, MSIM_NOT_FINITE, "step %lld, t = %g s: energy is beyond all numbers",
+                        (long long)state->step, state->t);
   add_checkpoint(r, &frame);
   const msim_status status = r->type->write(r->self, &frame);
-  return status ? ms_host_fail(&r->host, r->type->name, status, err) : ms_ok(err);
+  return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : ms_error_clear(err);
 }
 
 msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
-  if (!recorder) return ms_fail(err, MSIM_ERR_ARG, "recorder is NULL");
-  msim_status status = ms_watch_check(recorder->sim, err);
+  if (!recorder) return ms_error_set(err, MSIM_ERR_ARG, "recorder is NULL");
+  msim_status status = ms_energy_monitor_check(recorder->sim, err);
   if (status) return status;
-  const double start = ms_clock();
+  const double start = ms_clock_now();
   msim_state state = {.size = sizeof state};
   msim_sim_state(recorder->sim, &state);
-  if (state.step == recorder->step_kept && state.t == recorder->t_kept) return ms_ok(err);
-  status = write_state(recorder, &state, err);
-  ms_sim_count_output(recorder->sim, ms_clock() - start);
+  if (state.step == recorder->step_kept && state.t == recorder->t_kept) return ms_error_clear(err);
+  status = record_state(recorder, &state, err);
+  ms_sim_count_output(recorder->sim, ms_clock_now() - start);
   return status;
 }
 
 msim_status msim_recorder_close(msim_recorder *recorder, msim_error *err) {
-  if (!recorder) return ms_ok(err);
-  double start = ms_clock();
+  if (!recorder) return ms_error_clear(err);
+  double start = ms_clock_now();
   msim_status status = recorder->type->close(recorder->self);
-  ms_sim_count_output(recorder->sim, ms_clock() - start);
-  if (status) ms_host_fail(&recorder->host, recorder->type->name, status, err);
-  else ms_ok(err);
-  destroy(recorder);
+  ms_sim_count_output(recorder->sim, ms_clock_now() - start);
+  if (status) ms_plugin_fail(&recorder->host, recorder->type->name, status, err);
+  else ms_error_clear(err);
+  destroy_recorder(recorder);
   return status;
 }

@@ -8,28 +8,28 @@
 
 #include "integrate/control.h"
 #include "scene/options.h"
-#include "sim/advice.h"
-#include "sim/marks.h"
+#include "sim/step_limit.h"
+#include "sim/fingerprint.h"
 #include "sim/plan.h"
-#include "sim/select.h"
-#include "sim/sensitivity.h"
-#include "sim/watch.h"
+#include "sim/method_choice.h"
+#include "sim/error_growth.h"
+#include "sim/energy_monitor.h"
 
 /* The simulation of one island: particles that no spring connects with other islands. */
-typedef struct ms_motion {
+typedef struct ms_island_sim {
   ms_model model;
   ms_stepper stepper; /* stepper.solver: NULL where the method needs none */
   int at_rest;        /* exact rest: steps would change no bit, and are skipped */
   int at_rest_next;   /* at_rest after the step that is being made */
-  int by_one;         /* one thread steps this island while others step other islands */
-  msim_stats stats;   /* by_one: counts of this island, until they are added to the sim's */
-  msim_status status; /* by_one: result of the step that is being made */
+  int single_thread;  /* one thread steps this island while others step other islands */
+  msim_stats stats;   /* single_thread: counts of this island, until they are added to the sim's */
+  msim_status status; /* single_thread: result of the step that is being made */
   ms_norm norm;       /* scales of errors, with a tol */
   double error;       /* of the step that is being made, over what is allowed */
-  ms_guard guard;
-  ms_check check;
+  ms_last_good_state last_good;
+  ms_island_verification verification;
   ms_disturbance disturbance;
-} ms_motion;
+} ms_island_sim;
 
 struct msim_sim {
   msim_allocator alloc;
@@ -38,8 +38,8 @@ struct msim_sim {
   msim_options opt;           /* its strings belong to the sim, or are static */
   char *solver, *plugin_path; /* what opt.solver and opt.plugin_path point to; nullable */
   ms_plan plan;
-  ms_advice advice;
-  ms_selection selection;  /* result of integrator = auto */
+  ms_step_limit step_limit;
+  ms_method_choice choice; /* result of integrator = auto */
   ms_pool *pool;           /* NULL: one thread */
   int32_t threads_planned; /* exceeds the threads of the pool if some could not be started */
   const ms_integrator *integrator;
@@ -49,81 +49,81 @@ struct msim_sim {
   int64_t step, step0; /* t = t0 + (step - step0) h; under error control instead: */
   double t0;
   ms_control control;
-  double t, t_lost; /* s: the sum of all steps, and its rounding error */
-  double t_shown;   /* s: time of the state that msim_sim_state returns, <= t */
-  int64_t frame;    /* frame that msim_sim_run shows next, if frames have times of their own */
-  int64_t spent;    /* steps that msim_sim_set_step has subtracted from opt.steps */
+  double t, t_rounding; /* s: the sum of all steps, and its rounding error */
+  double t_shown;       /* s: time of the state that msim_sim_state returns, <= t */
+  int64_t frame;        /* frame that msim_sim_run shows next, if frames have times of their own */
+  int64_t spent;        /* steps that msim_sim_set_step has subtracted from opt.steps */
 
-  int32_t nislands;  /* at least 1 */
-  ms_motion *motion; /* nislands; built anew when the components of space change */
-  int any_by_one;    /* 1: threads step several islands at the same time */
+  int32_t nislands;       /* at least 1 */
+  ms_island_sim *islands; /* nislands; built anew when the components of space change */
+  int any_single_thread;  /* 1: threads step several islands at the same time */
 
-  uint64_t marks[MS_SCENE_MARKS]; /* hashes of the scene's arrays, see marks.h */
-  int is_marked;
+  uint64_t scene_hashes[MS_SCENE_HASHES]; /* hashes of the scene's arrays, see fingerprint.h */
+  int scene_is_hashed;
 
-  double *flat_x, *flat_v, *flat_v_half; /* 3n, particle order: the state as last requested */
-  int flat_is_current;
+  double *state_x, *state_v, *state_v_half; /* 3n, particle order: the state as last requested */
+  int state_is_current;
 
-  ms_watch watch;
-  ms_sensitivity sensitivity;
+  ms_energy_monitor monitor;
+  ms_error_growth error_growth;
 
   ms_text explanation;
-  struct ms_whole *whole; /* for msim_sim_matrix; NULL: not requested */
+  struct ms_matrix_export *matrix_export; /* for msim_sim_matrix; NULL: not requested */
 };
 
 /* Copy the struct `full` to the caller's, as far as the caller's size goes. */
-#define MS_GIVE(to, full) \
+#define MS_COPY_SIZED(to, full) \
   memcpy(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
 
 /* 1: error control chooses the length of each step. */
 static inline int ms_sim_has_control(const msim_sim *sim) { return sim->opt.tol > 0; }
 
 /* 1: the integrator is `auto`. */
-static inline int ms_sim_selects(const msim_sim *sim) { return sim->selection.tol > 0; }
+static inline int ms_sim_selects(const msim_sim *sim) { return sim->choice.tol > 0; }
 
 /* The time of the state that msim_sim_state returns, s. */
 double ms_sim_time(const msim_sim *sim);
 
 /* Build all islands, without components along the axis left_out (-1: with all three); on failure
  * the old ones stay. The caller then has to set the state. */
-msim_status ms_sim_build(msim_sim *sim, int32_t left_out, msim_error *err);
+msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *err);
 
-/* The islands that ms_sim_put_aside takes out of a sim */
-typedef struct ms_motions {
+/* The islands that ms_sim_detach_islands takes out of a sim */
+typedef struct ms_island_sims {
   int32_t n;
-  ms_motion *motion;
+  ms_island_sim *islands;
   int any_by_one;
-} ms_motions;
+} ms_island_sims;
 
-/* The parts of ms_sim_build: put the old islands aside and make new ones. Then either drop the old
- * ones, or put them back, which destroys the new ones, partly built or not. */
-ms_motions ms_sim_put_aside(msim_sim *sim);
-msim_status ms_sim_make_motions(msim_sim *sim, int32_t left_out, msim_error *err);
-void ms_sim_drop(msim_sim *sim, const ms_motions *old);
-void ms_sim_put_back(msim_sim *sim, const ms_motions *old);
+/* The parts of ms_sim_build_islands: put the old islands aside and make new ones. Then either drop
+ * the old ones, or put them back, which destroys the new ones, partly built or not. */
+ms_island_sims ms_sim_detach_islands(msim_sim *sim);
+msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *err);
+void ms_sim_destroy_detached(msim_sim *sim, const ms_island_sims *old);
+void ms_sim_restore_islands(msim_sim *sim, const ms_island_sims *old);
 
 /* Record that the present solvers were chosen for the springs of that scene, and take over the
  * caller's reference to it; NULL: for the springs of the sim's scene. */
-void ms_sim_choose_for(msim_sim *sim, ms_scene *scene);
+void ms_sim_set_solver_scene(msim_sim *sim, ms_scene *scene);
 
 /* Replace the sim's scene, and update the springs of all models; no reference count changes. */
-void ms_sim_use_scene(msim_sim *sim, ms_scene *scene);
+void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene);
 
 /* Build all islands anew, with the same components, and start them in the present state. */
-msim_status ms_sim_rebuild(msim_sim *sim, msim_error *err);
+msim_status ms_sim_rebuild_islands(msim_sim *sim, msim_error *err);
 
 /* MSIM_ERR_ARG where the method cannot handle these dampings, or the scene's drag or planes.
  * damping: one value per spring. */
-msim_status ms_sim_check_forces(const msim_sim *sim, const double *damping, msim_error *err);
+msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *damping, msim_error *err);
 
 /* Destroy all islands, also partly built ones. */
-void ms_sim_take_down(msim_sim *sim);
+void ms_sim_destroy_islands(msim_sim *sim);
 
 /* The island with the most free particles, the first of several: reports describe this one. */
-const ms_motion *ms_sim_largest(const msim_sim *sim);
+const ms_island_sim *ms_sim_largest_island(const msim_sim *sim);
 
 /* Free the matrix of msim_sim_matrix. */
-void ms_sim_drop_matrix(msim_sim *sim);
+void ms_sim_free_matrix(msim_sim *sim);
 
 /* Pass a note to options.warn, if that is set. */
 void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
@@ -134,9 +134,9 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
 /* Start all islands in this state, with the planned step. */
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state);
 
-/* From here on planes count (verify.h): choose a method for impacts in the present state, with
- * steps that divide the planned ones. Under error control the method stays. */
-msim_status ms_sim_meet_planes(msim_sim *sim, msim_error *err);
+/* From here on planes count (step_verification.h): choose a method for impacts in the present
+ * state, with steps that divide the planned ones. Under error control the method stays. */
+msim_status ms_sim_enable_planes(msim_sim *sim, msim_error *err);
 
 /* Plan the run from t0 and x, v (3n, in particle order); on failure the old plan stays. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,

@@ -13,16 +13,16 @@ extern int iterative, symmetric, unsymmetric; /* nonzero: its flags MSIM_BACKEND
 enum { LIMIT = 5000 };
 
 /* The groups of tests; each returns the number of failures. */
-int run_answers(void);
+int run_solutions(void);
 int run_definiteness(void);
 int run_iterations(void);
 int run_refusals(void);
-int run_manners(void);
-int run_scarcity(void);
+int run_side_effects(void);
+int run_out_of_memory(void);
 
 /* A test that fails at its end if the host or the backend has broken the contract. */
-#define conformance_test(f) cmocka_unit_test_teardown(f, no_breach)
-int no_breach(void **state);
+#define conformance_test(f) cmocka_unit_test_teardown(f, check_no_breach)
+int check_no_breach(void **state);
 
 /* A kind of problem whose values are multiplied by `factor`. */
 typedef struct kind {
@@ -50,11 +50,11 @@ typedef struct outcome {
 outcome solve_with(const msim_backend *table, const problem *p, int32_t ask, const double *b);
 
 /* 1 if the status reports a failure, or if y is a solution. */
-int is_honest(const problem *p, const double *b, msim_status status, const double *y);
+int is_valid_outcome(const problem *p, const double *b, msim_status status, const double *y);
 
 /* 1 if y is accurate enough: of an iteration, a residual of at most rtol or rounding error; of a
  * factorization, a small backward error. */
-int is_answer(const problem *p, const double *b, const double *y, double rtol, double error);
+int is_solution(const problem *p, const double *b, const double *y, double rtol, double error);
 
 /* Two vectors must agree bit for bit, such as the solutions of two instances. */
 void assert_same(const char *label, const double *y, const double *z, int32_t n);

@@ -23,14 +23,14 @@ static void check_spd(const char *label, const problem *p) {
   double *b = solvable(p);
   outcome o = solve_with(backend, p, MSIM_FACTOR_SPD, b);
   const int seen = o.status == MSIM_NOT_SPD;
-  if (!(iterative ? is_honest(p, b, o.status, o.y) : seen))
+  if (!(iterative ? is_valid_outcome(p, b, o.status, o.y) : seen))
     fail_msg("%s: %s gave status %d, residual %.3g", label, o.call, (int)o.status,
              residual(p, b, o.y));
   if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: told to be positive definite", label);
   free(b), free(o.y);
 }
 
-static void factor_spd_sees_what_is_not(void **state) {
+static void factor_spd_detects_indefinite_matrices(void **state) {
   (void)state;
   for_each(indefinite, sizes, check_spd);
   for_each(singular, sizes, check_spd);
@@ -40,13 +40,13 @@ static void check_symmetric(const char *label, const problem *p) {
   double *b = solvable(p);
   outcome o = solve_with(backend, p, MSIM_FACTOR_SYMMETRIC, b);
   if (o.status) fail_msg("%s: %s gave status %d", label, o.call, (int)o.status);
-  if (!is_answer(p, b, o.y, RTOL, 1e-9))
+  if (!is_solution(p, b, o.y, RTOL, 1e-9))
     fail_msg("%s: backward error %.3g", label, backward_error(p, b, o.y));
   if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: told to be positive definite", label);
   free(b), free(o.y);
 }
 
-static void factor_symmetric_solves_what_is_not(void **state) {
+static void factor_symmetric_solves_indefinite_matrices(void **state) {
   (void)state;
   if (!symmetric) skip();
   for_each(indefinite, sizes, check_symmetric);
@@ -55,14 +55,14 @@ static void factor_symmetric_solves_what_is_not(void **state) {
 static void check_symmetric_spd(const char *label, const problem *p) {
   double *b = random_vector(unknowns(p), 3);
   outcome o = solve_with(backend, p, MSIM_FACTOR_SYMMETRIC, b);
-  if (o.status || !is_answer(p, b, o.y, RTOL, 1e-12))
+  if (o.status || !is_solution(p, b, o.y, RTOL, 1e-12))
     fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
              backward_error(p, b, o.y));
   if (o.definite == MSIM_DEFINITE_NOT) fail_msg("%s: told to be indefinite", label);
   free(b), free(o.y);
 }
 
-static void factor_symmetric_solves_what_is(void **state) {
+static void factor_symmetric_solves_definite_matrices(void **state) {
   (void)state;
   if (!symmetric) skip();
   for_each((const kind[]){{"springs", spring_net, 1}, {0}}, sizes, check_symmetric_spd);
@@ -71,7 +71,7 @@ static void factor_symmetric_solves_what_is(void **state) {
 static void check_singular(const char *label, const problem *p) {
   double *b = solvable(p);
   outcome o = solve_with(backend, p, MSIM_FACTOR_SYMMETRIC, b);
-  if (!is_honest(p, b, o.status, o.y))
+  if (!is_valid_outcome(p, b, o.status, o.y))
     fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
              backward_error(p, b, o.y));
   if (strstr(label, "row of zeros") && o.definite == MSIM_DEFINITE_POSITIVE)
@@ -79,7 +79,7 @@ static void check_singular(const char *label, const problem *p) {
   free(b), free(o.y);
 }
 
-static void factor_symmetric_does_not_make_up_answers(void **state) {
+static void factor_symmetric_reports_singular_matrices(void **state) {
   (void)state;
   if (!symmetric) skip();
   for_each(singular, sizes, check_singular);
@@ -87,17 +87,17 @@ static void factor_symmetric_does_not_make_up_answers(void **state) {
 
 /* The matrix as the host stores it, row by row, and not its transpose. */
 static void check_unsymmetric(const char *label, const problem *p) {
-  problem *q = skewed(random_dominant(p->n, p->block, 7), 11);
+  problem *q = add_skew_part(random_dominant(p->n, p->block, 7), 11);
   double *b = random_vector(unknowns(q), 3);
   outcome o = solve_with(backend, q, MSIM_FACTOR_UNSYMMETRIC, b);
-  if (o.status || !is_answer(q, b, o.y, RTOL, 1e-12))
+  if (o.status || !is_solution(q, b, o.y, RTOL, 1e-12))
     fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
              backward_error(q, b, o.y));
   if (o.definite) fail_msg("%s: told whether it is positive definite", label);
   free(b), free(o.y), problem_free(q);
 }
 
-static void factor_unsymmetric_solves_what_is(void **state) {
+static void factor_unsymmetric_solves_unsymmetric_matrices(void **state) {
   (void)state;
   if (!unsymmetric) skip();
   for_each((const kind[]){{"skewed", random_dominant, 1}, {0}}, sizes, check_unsymmetric);
@@ -148,7 +148,7 @@ static void pivots_follow_the_values(void **state) {
   rig r;
   assert_int_equal(rig_open(&r, backend, p), MSIM_OK);
   for (int k = 0; k < 3; k++) {
-    rig_set(&r, with_diagonal(p, diagonals[k]));
+    rig_set(&r, set_diagonal(p, diagonals[k]));
     assert_int_equal(rig_factor(&r, MSIM_FACTOR_SYMMETRIC), MSIM_OK);
     assert_int_equal(rig_solve(&r, RTOL, LIMIT, 1, b, y), MSIM_OK);
     assert_close(backward_error(p, b, y), 0, 1e-12);
@@ -158,12 +158,13 @@ static void pivots_follow_the_values(void **state) {
 }
 
 int run_definiteness(void) {
-  const struct CMUnitTest tests[] = {conformance_test(factor_spd_sees_what_is_not),
-                                     conformance_test(factor_symmetric_solves_what_is_not),
-                                     conformance_test(factor_symmetric_solves_what_is),
-                                     conformance_test(factor_symmetric_does_not_make_up_answers),
-                                     conformance_test(factor_unsymmetric_solves_what_is),
-                                     conformance_test(a_failure_leaves_nothing_behind),
-                                     conformance_test(pivots_follow_the_values)};
+  const struct CMUnitTest tests[] = {
+      conformance_test(factor_spd_detects_indefinite_matrices),
+      conformance_test(factor_symmetric_solves_indefinite_matrices),
+      conformance_test(factor_symmetric_solves_definite_matrices),
+      conformance_test(factor_symmetric_reports_singular_matrices),
+      conformance_test(factor_unsymmetric_solves_unsymmetric_matrices),
+      conformance_test(a_failure_leaves_nothing_behind),
+      conformance_test(pivots_follow_the_values)};
   return cmocka_run_group_tests_name("definiteness", tests, NULL, NULL);
 }

@@ -129,7 +129,7 @@ problem *strong_coupling(int32_t n, int32_t block, uint64_t seed) {
 }
 
 problem *negative_definite(int32_t n, int32_t block, uint64_t seed) {
-  return times(spring_net(n, block, seed), -1);
+  return scale_values(spring_net(n, block, seed), -1);
 }
 
 problem *free_chain(int32_t n, int32_t block, uint64_t seed) {
@@ -167,20 +167,20 @@ problem *small_pivots(int32_t n, int32_t block, uint64_t seed) {
   return p;
 }
 
-problem *with_diagonal(problem *p, double value) {
+problem *set_diagonal(problem *p, double value) {
   for (int32_t e = 0; e < p->count; e++)
     if (p->entries[e].row == p->entries[e].column) p->entries[e].value = value;
   return p;
 }
 
-problem *skewed(problem *p, uint64_t seed) {
+problem *add_skew_part(problem *p, uint64_t seed) {
   for (int32_t e = 0; e < p->count; e++)
     if (p->entries[e].row != p->entries[e].column)
       p->entries[e].skew = 0.5 * draw(&seed) * p->entries[e].value;
   return p;
 }
 
-problem *times(problem *p, double factor) {
+problem *scale_values(problem *p, double factor) {
   for (int32_t e = 0; e < p->count; e++) p->entries[e].value *= factor;
   return p;
 }

@@ -51,13 +51,13 @@ problem *unequal_masses(int32_t n, int32_t block, uint64_t seed);
 problem *small_pivots(int32_t n, int32_t block, uint64_t seed);
 
 /* p with every scalar on the diagonal set to `value`. */
-problem *with_diagonal(problem *p, double value);
+problem *set_diagonal(problem *p, double value);
 
 /* A + S with S^T = -S random, off the diagonal half as large as A. */
-problem *skewed(problem *p, uint64_t seed);
+problem *add_skew_part(problem *p, uint64_t seed);
 
 /* A = factor A */
-problem *times(problem *p, double factor);
+problem *scale_values(problem *p, double factor);
 
 void problem_free(problem *p);
 

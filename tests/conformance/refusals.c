@@ -57,7 +57,7 @@ static void no_right_sides_are_refused(void **state) {
     assert_true(r.host.sentence[0]);
   }
   assert_int_equal(rig_solve(&r, RTOL, LIMIT, 1, b, y), MSIM_OK);
-  assert_true(is_answer(p, b, y, RTOL, 1e-13));
+  assert_true(is_solution(p, b, y, RTOL, 1e-13));
   rig_close(&r);
   free(b), problem_free(p);
 }
@@ -93,12 +93,12 @@ static void memory_that_ends_is_reported(void **state) {
   for (int allocations = 1; ended; allocations++) {
     rig r;
     rig_init(&r, backend, p);
-    r.host.until_empty = allocations;
+    r.host.fail_at = allocations;
     msim_status status = rig_create(&r);
     if (!status) status = rig_analyze(&r);
     if (!status) status = rig_factor(&r, MSIM_FACTOR_SPD);
     if (!status) status = rig_solve(&r, RTOL, LIMIT, 1, b, y);
-    ended = r.host.empty;
+    ended = r.host.fails;
     if (status && status != MSIM_ERR_MEMORY)
       fail_msg("allocation %d failed: status %d, \"%s\"", allocations, (int)status,
                r.host.sentence);
@@ -112,7 +112,7 @@ static void memory_that_ends_is_reported(void **state) {
 
 /* The host promises finite numbers. If it breaks that promise, the call must return, and later
  * calls with finite numbers must not be affected. */
-static void after_nan_and_inf_life_goes_on(void **state) {
+static void nan_and_inf_do_not_affect_later_calls(void **state) {
   (void)state;
   enum { SIZE = 3 * 20 };
   problem *good = spring_net(20, 3, 1);
@@ -145,6 +145,6 @@ int run_refusals(void) {
                                      conformance_test(no_right_sides_are_refused),
                                      conformance_test(destroy_may_follow_any_call),
                                      conformance_test(memory_that_ends_is_reported),
-                                     conformance_test(after_nan_and_inf_life_goes_on)};
+                                     conformance_test(nan_and_inf_do_not_affect_later_calls)};
   return cmocka_run_group_tests_name("refusals", tests, NULL, NULL);
 }

@@ -101,12 +101,12 @@ static void precondition(const msim_system *A, const double *x, double *z) {
 static void begin(rig *r) {
   r->host.sentence[0] = '\0';
   r->info = (msim_solve_info){.size = sizeof r->info};
-  if (r->around) r->around(1);
+  if (r->on_call) r->on_call(1);
 }
 
 /* Checks that apply to every call. */
 static msim_status end(rig *r, const char *call, msim_status status) {
-  if (r->around) r->around(0);
+  if (r->on_call) r->on_call(0);
   if (status < 0 && status != MSIM_ERR_MEMORY && !r->host.sentence[0])
     fail_msg("%s: status %d without a sentence", call, (int)status);
   r->fill = fmax(r->fill, r->info.fill);

@@ -18,10 +18,10 @@ typedef struct rig {
   int32_t *order; /* order[k]: the block row at position k */
   int32_t *graphptr, *graphind, *rowptr, *colind;
   double *val;
-  double *inverse;            /* MSIM_FORMAT_NONE: of the diagonal blocks, else the identity */
-  void (*around)(int inside); /* called with 1 before and with 0 after each call; nullable */
-  msim_solve_info info;       /* of the last call */
-  double fill, flops;         /* the largest that any call has returned */
+  double *inverse;             /* MSIM_FORMAT_NONE: of the diagonal blocks, else the identity */
+  void (*on_call)(int inside); /* called with 1 before and with 0 after each call; nullable */
+  msim_solve_info info;        /* of the last call */
+  double fill, flops;          /* the largest that any call has returned */
 } rig;
 
 void rig_init(rig *r, const msim_backend *table, const problem *p);

@@ -11,7 +11,7 @@
 const msim_backend *backend, *bare;
 int iterative, symmetric, unsymmetric;
 
-int no_breach(void **state) {
+int check_no_breach(void **state) {
   (void)state;
   const char *report = checking_report();
   if (report[0]) print_error("promises were broken:\n%s", report);
@@ -23,7 +23,7 @@ void for_each(const kind *kinds, const int32_t *sizes, visitor *visit) {
     for (const int32_t *n = sizes; *n; n++)
       for (int32_t block = 1; block <= 3; block++) {
         char label[128];
-        problem *p = times(kinds->make(*n, block, 7), kinds->factor);
+        problem *p = scale_values(kinds->make(*n, block, 7), kinds->factor);
         snprintf(label, sizeof label, "%s, %d blocks of %d, times %g", kinds->name, *n, block,
                  kinds->factor);
         visit(label, p);
@@ -50,13 +50,13 @@ outcome solve_with(const msim_backend *table, const problem *p, int32_t ask, con
   return o;
 }
 
-int is_answer(const problem *p, const double *b, const double *y, double rtol, double error) {
+int is_solution(const problem *p, const double *b, const double *y, double rtol, double error) {
   if (!iterative) return backward_error(p, b, y) <= error;
   return residual(p, b, y) <= rtol * (1 + 1e-9) || backward_error(p, b, y) <= 8 * DBL_EPSILON;
 }
 
-int is_honest(const problem *p, const double *b, msim_status status, const double *y) {
-  if (status == MSIM_OK) return is_answer(p, b, y, RTOL, 1e-9);
+int is_valid_outcome(const problem *p, const double *b, msim_status status, const double *y) {
+  if (status == MSIM_OK) return is_solution(p, b, y, RTOL, 1e-9);
   return status == MSIM_NOT_SPD || (status == MSIM_NOT_CONVERGED && iterative);
 }
 
@@ -78,7 +78,7 @@ int main(int argc, char **argv) {
   iterative = (bare->flags & MSIM_BACKEND_ITERATIVE) != 0;
   symmetric = (bare->flags & MSIM_BACKEND_SYMMETRIC) != 0;
   unsymmetric = (bare->flags & MSIM_BACKEND_UNSYMMETRIC) != 0;
-  const int failed = run_answers() + run_definiteness() + run_iterations() + run_refusals() +
-                     run_manners() + run_scarcity();
+  const int failed = run_solutions() + run_definiteness() + run_iterations() + run_refusals() +
+                     run_side_effects() + run_out_of_memory();
   return failed != 0;
 }

@@ -10,22 +10,22 @@ typedef struct hostile {
   const msim_host *host;
 } hostile;
 
-static msim_status create(const msim_host *host, void **self) {
+static msim_status hostile_create(const msim_host *host, void **self) {
   hostile *h = host->alloc(host, sizeof *h);
   *self = h;
   if (h) h->host = host;
-  return h ? input_answer(host) : MSIM_ERR_MEMORY;
+  return h ? input_status(host) : MSIM_ERR_MEMORY;
 }
 
-static msim_status order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
-                         int32_t *perm) {
+static msim_status hostile_order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
+                                 int32_t *perm) {
   (void)ptr, (void)ind;
   const int honest = input_next() & 1;
   for (int32_t i = 0; i < n; i++) perm[i] = honest ? n - 1 - i : (int32_t)input_next() - 4;
-  return input_answer(((hostile *)self)->host);
+  return input_status(((hostile *)self)->host);
 }
 
-static void tell(msim_solve_info *info) {
+static void fill_info(msim_solve_info *info) {
   const unsigned what = input_next();
   if (what & 1) info->iterations = (int64_t)input_next() - 9;
   if (what & 2) info->residual = input_number();
@@ -33,30 +33,31 @@ static void tell(msim_solve_info *info) {
   if (what & 8) info->flops = input_number();
 }
 
-static msim_status analyze(void *self, const msim_system *A, msim_solve_info *info) {
+static msim_status hostile_analyze(void *self, const msim_system *A, msim_solve_info *info) {
   (void)A;
-  tell(info);
-  return input_answer(((hostile *)self)->host);
+  fill_info(info);
+  return input_status(((hostile *)self)->host);
 }
 
-static msim_status factor(void *self, const msim_system *A, int32_t kind, msim_solve_info *info) {
+static msim_status hostile_factor(void *self, const msim_system *A, int32_t kind,
+                                  msim_solve_info *info) {
   (void)A, (void)kind;
-  tell(info);
-  return input_answer(((hostile *)self)->host);
+  fill_info(info);
+  return input_status(((hostile *)self)->host);
 }
 
-static msim_status solve(void *self, const msim_system *A, const msim_solve_params *params,
-                         int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
+static msim_status hostile_solve(void *self, const msim_system *A, const msim_solve_params *params,
+                                 int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   const size_t length =
       (size_t)A->block * (size_t)(A->format == MSIM_FORMAT_NONE ? A->stride : A->n);
   (void)params;
   for (size_t i = 0; i < (size_t)nrhs * length; i++)
     y[i] = input_next() & 1 ? input_number() : b[i];
-  tell(info);
-  return input_answer(((hostile *)self)->host);
+  fill_info(info);
+  return input_status(((hostile *)self)->host);
 }
 
-static void destroy(void *self) {
+static void hostile_destroy(void *self) {
   hostile *h = self;
   if (h) h->host->free(h->host, h);
 }
@@ -65,7 +66,7 @@ static void destroy(void *self) {
 
 static void make_table(msim_backend *table) {
   static const char *const names[] = {"hostile", NULL, "", "pcg", "hostile "};
-  const unsigned spoilt = input_spoilt();
+  const unsigned spoilt = input_fault_bits();
   *table = (msim_backend){.abi = MSIM_BACKEND_ABI,
                           .size = sizeof *table,
                           .name = "hostile",
@@ -73,12 +74,12 @@ static void make_table(msim_backend *table) {
                           .license = spoilt & 2 ? NULL : "MIT",
                           .flags = input_next(),
                           .format = (int32_t)(input_next() % 3),
-                          .create = spoilt & 4 ? NULL : create,
-                          .order = spoilt & 8 ? NULL : order,
-                          .analyze = spoilt & 16 ? NULL : analyze,
-                          .factor = spoilt & 32 ? NULL : factor,
-                          .solve = spoilt & 64 ? NULL : solve,
-                          .destroy = spoilt & 128 ? NULL : destroy};
+                          .create = spoilt & 4 ? NULL : hostile_create,
+                          .order = spoilt & 8 ? NULL : hostile_order,
+                          .analyze = spoilt & 16 ? NULL : hostile_analyze,
+                          .factor = spoilt & 32 ? NULL : hostile_factor,
+                          .solve = spoilt & 64 ? NULL : hostile_solve,
+                          .destroy = spoilt & 128 ? NULL : hostile_destroy};
   if (spoilt & 256) table->abi = input_next();
   if (spoilt & 512) table->size = input_next();
   if (spoilt & 1024) table->format = (int32_t)input_next() - 128;

@@ -5,10 +5,10 @@
 
 #include "fuzz.h"
 #include "input.h"
-#include "saved.h"
+#include "checkpoint_layout.h"
 
 /* At least one variant for each kind of method state and solver state in a checkpoint:
- * integrate/history.c, linear/history.c, select.c. */
+ * integrate/method_state.c, linear/solver_state.c, method_choice.c. */
 static const struct {
   const char *integrator;
   double tol;
@@ -161,9 +161,9 @@ static uint8_t *make_bytes(const origin *o, size_t *length) {
   memcpy(bytes, how & 1 ? rest : o->saved, *length);
   if (how & 1) return bytes;
   if (how & 8) *length -= input_next() % *length;
-  const size_t run = how & 4 ? 8 : saved_run(bytes);
-  input_spoil(bytes + run, run < *length ? *length - run : 0);
-  if (!(how & 2)) saved_mend(bytes, *length);
+  const size_t run = how & 4 ? 8 : checkpoint_layout_run(bytes);
+  input_corrupt(bytes + run, run < *length ? *length - run : 0);
+  if (!(how & 2)) checkpoint_layout_rehash(bytes, *length);
   return bytes;
 }
 

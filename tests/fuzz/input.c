@@ -23,19 +23,19 @@ double input_number(void) {
   return pick < sizeof all / sizeof *all ? all[pick] : (double)pick / 100 - 1;
 }
 
-int64_t input_whole(void) {
+int64_t input_integer(void) {
   static const int64_t all[] = {INT64_MAX, INT64_MIN, INT64_MAX / 2 - 1, INT64_MIN / 2 + 1,
                                 INT32_MAX, INT32_MIN, UINT32_MAX,        INT64_C(1) << 53};
   const unsigned pick = input_next(), n = sizeof all / sizeof *all;
   return pick < n ? all[pick] : (int64_t)pick - 20;
 }
 
-unsigned input_spoilt(void) {
+unsigned input_fault_bits(void) {
   const unsigned spoilt = input_next();
   return spoilt & 1 ? spoilt >> 1 | input_next() << 7 : 0;
 }
 
-msim_status input_answer(const msim_host *host) {
+msim_status input_status(const msim_host *host) {
   static const msim_status all[] = {
       MSIM_OK,         MSIM_NOT_CONVERGED, MSIM_NOT_FINITE,  MSIM_STOPPED, MSIM_ERR_ARG,
       MSIM_ERR_MEMORY, MSIM_ERR_NAME,      MSIM_ERR_BACKEND, -99,          77,
@@ -56,7 +56,7 @@ typedef union word {
   uint8_t bytes[8];
 } word;
 
-void input_spoil(uint8_t *at, size_t size) {
+void input_corrupt(uint8_t *at, size_t size) {
   enum { NUMBER, WHOLE, BIT, BYTES, NKINDS };
   while (left > 0 && size > 0) {
     const unsigned what = input_next(), low = input_next(), high = input_next();
@@ -64,7 +64,7 @@ void input_spoil(uint8_t *at, size_t size) {
     size_t n = sizeof(word);
     word w = {.whole = 0};
     if (what % NKINDS == NUMBER) w.number = input_number();
-    if (what % NKINDS == WHOLE) w.whole = input_whole();
+    if (what % NKINDS == WHOLE) w.whole = input_integer();
     if (what % NKINDS == BYTES) {
       n = 1 + (what >> 2) % sizeof(word);
       for (size_t i = 0; i < sizeof w.bytes; i++) w.bytes[i] = (uint8_t)input_next();

@@ -40,7 +40,7 @@ static msim_status open_file(const msim_host *host, const msim_recording *what, 
   read_all(what->ij, 2 * (size_t)what->nsprings * sizeof *what->ij);
   read_all(what->scene, what->scene_length + 1);
   *self = input_next() % 8 ? host->alloc(host, 1) : NULL;
-  return input_answer(host);
+  return input_status(host);
 }
 
 static msim_status write_frame(void *self, const msim_frame *frame) {
@@ -48,11 +48,11 @@ static msim_status write_frame(void *self, const msim_frame *frame) {
   read_doubles(frame->x, 3 * n);
   read_doubles(frame->v, 3 * n);
   if (frame->checkpoint) read_all(frame->checkpoint, frame->checkpoint_length);
-  return input_answer(lender);
+  return input_status(lender);
 }
 
 static msim_status close_file(void *self) {
-  const msim_status status = input_answer(lender);
+  const msim_status status = input_status(lender);
   lender->free(lender, self);
   return status;
 }
@@ -60,8 +60,8 @@ static msim_status close_file(void *self) {
 static msim_status resume(const msim_host *host, const msim_recording *what, msim_resumption *from,
                           void **self) {
   const unsigned how = input_next();
-  from->frames = how & 1 ? input_whole() : 2;
-  from->step = how & 2 ? input_whole() : 2;
+  from->frames = how & 1 ? input_integer() : 2;
+  from->step = how & 2 ? input_integer() : 2;
   from->checkpoint = how & 4 ? NULL : saved;
   from->checkpoint_length = how & 8 ? input_next() : saved_length;
   return open_file(host, what, self);
@@ -69,7 +69,7 @@ static msim_status resume(const msim_host *host, const msim_recording *what, msi
 
 static int32_t recognize(const msim_host *host, const char *path) {
   (void)host, (void)path;
-  return (int32_t)input_whole();
+  return (int32_t)input_integer();
 }
 
 /* The members that all tables have. */
@@ -82,7 +82,7 @@ static void spoil_head(unsigned spoilt, uint32_t *abi, uint32_t *size, const cha
 
 const msim_recorder_type *fuzz_recorder(void) {
   static msim_recorder_type table;
-  const unsigned spoilt = input_spoilt();
+  const unsigned spoilt = input_fault_bits();
   table = (msim_recorder_type){.abi = MSIM_RECORDER_ABI,
                                .size = sizeof table,
                                .name = "hdf5",
@@ -147,10 +147,10 @@ static void pick_shape(msim_node *node) {
   node->rank = (int32_t)(shape / 4 % 4);
   for (int i = 0; i < MSIM_NODE_MOST_DIMS; i++) {
     const unsigned dim = input_next();
-    node->dims[i] = dim < 16 ? (int64_t)dim : dim < 32 ? input_whole() : 3;
+    node->dims[i] = dim < 16 ? (int64_t)dim : dim < 32 ? input_integer() : 3;
   }
-  if (shape & 128) node->kind = (int32_t)input_whole();
-  if (shape & 64) node->rank = (int32_t)input_whole();
+  if (shape & 128) node->kind = (int32_t)input_integer();
+  if (shape & 64) node->rank = (int32_t)input_integer();
 }
 
 static void fill(const msim_node *node, void *room) {
@@ -159,7 +159,7 @@ static void fill(const msim_node *node, void *room) {
   for (int64_t i = 0; i < count; i++) {
     if (node->kind == MSIM_NODE_TEXT) ((char *)room)[i] = (char)input_next();
     else if (node->kind == MSIM_NODE_REAL) ((double *)room)[i] = input_number();
-    else ((int64_t *)room)[i] = input_whole();
+    else ((int64_t *)room)[i] = input_integer();
   }
 }
 
@@ -174,7 +174,7 @@ static msim_status load(const msim_host *host, const char *path, const msim_tree
     if (status && input_next() % 4) return status;
     if (!status && room) fill(&node, room);
   }
-  return input_answer(host);
+  return input_status(host);
 }
 
 static msim_status save(const msim_host *host, const char *path, int32_t count,
@@ -186,12 +186,12 @@ static msim_status save(const msim_host *host, const char *path, int32_t count,
     read_all(nodes[i].data, size);
   }
   if (input_next() % 4) fclose(fopen(path, "wb"));
-  return input_answer(host);
+  return input_status(host);
 }
 
 const msim_importer *fuzz_importer(void) {
   static msim_importer table;
-  const unsigned spoilt = input_spoilt();
+  const unsigned spoilt = input_fault_bits();
   table = (msim_importer){.abi = MSIM_IMPORTER_ABI,
                           .size = sizeof table,
                           .name = "hdf5",

@@ -16,11 +16,11 @@ static void check_round_trip(msim_scene *scene, const msim_allocator *alloc) {
   double gravity[3];
   memcpy(gravity, scene->data->gravity, sizeof gravity);
   if (msim_scene_set_gravity(scene, gravity, &err) == MSIM_OK &&
-      ms_scene_to_json(scene->data, &first, &err) == MSIM_OK) {
+      ms_scene_write_json(scene->data, &first, &err) == MSIM_OK) {
     msim_status status = msim_scene_parse(alloc, "again", first.data, first.length, &again, &err);
     fuzz_check(status == MSIM_OK || status == MSIM_ERR_MEMORY, "what was written can be read");
     if (!status && msim_scene_set_gravity(again, gravity, &err) == MSIM_OK &&
-        ms_scene_to_json(again->data, &second, &err) == MSIM_OK)
+        ms_scene_write_json(again->data, &second, &err) == MSIM_OK)
       fuzz_check(strcmp(first.data, second.data) == 0, "what was read is what was written");
     msim_scene_destroy(again);
   }

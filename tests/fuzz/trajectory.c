@@ -8,7 +8,7 @@
 #include "../../backends/hdf5/layout.h"
 #include "fuzz.h"
 #include "input.h"
-#include "saved.h"
+#include "checkpoint_layout.h"
 
 enum { MOST_BYTES = 4 << 20, NX = 9 };
 
@@ -50,16 +50,16 @@ static void record(msim_sim *sim, msim_recorder *recorder, int frames) {
 /*------------------------------------- the file -------------------------------------------------*/
 
 /* The file of an interrupted run, and the positions of its checkpoint slots. */
-typedef struct sample {
+typedef struct sample_trajectory {
   uint8_t *file;
   size_t size, slot[NSLOTS], slot_size;
   double x[NX];
-} sample;
+} sample_trajectory;
 
 static uint64_t *word(uint8_t *slot, int i) { return (uint64_t *)(void *)(slot + 8 * i); }
 
 /* A slot is found by the name at the start of a checkpoint; a header precedes it. */
-static void find_slots(sample *s) {
+static void find_slots(sample_trajectory *s) {
   int found = 0;
   for (size_t i = 8 * SLOT_BYTES; i + 8 <= s->size && found < NSLOTS; i += 8)
     if (memcmp(s->file + i, "msimsave", 8) == 0) s->slot[found++] = i - 8 * SLOT_BYTES;
@@ -68,8 +68,8 @@ static void find_slots(sample *s) {
 }
 
 /* Created on first use, and never freed. */
-static const sample *find_sample(const char *path) {
-  static sample s;
+static const sample_trajectory *find_sample(const char *path) {
+  static sample_trajectory s;
   msim_error err;
   msim_recorder *recorder;
   if (s.file) return &s;
@@ -88,12 +88,12 @@ static const sample *find_sample(const char *path) {
 }
 
 /* Recompute the hashes. */
-static void mend(const sample *s, uint8_t *file) {
+static void mend(const sample_trajectory *s, uint8_t *file) {
   for (int i = 0; i < NSLOTS; i++) {
     uint8_t *slot = file + s->slot[i];
     const uint64_t length = *word(slot, SLOT_LENGTH);
     if (length > s->slot_size - 8 * SLOT_BYTES) continue;
-    saved_mend(slot + 8 * SLOT_BYTES, length);
+    checkpoint_layout_rehash(slot + 8 * SLOT_BYTES, length);
     *word(slot, SLOT_HASH) = h5_slot_hash(word(slot, 0));
   }
 }
@@ -101,7 +101,7 @@ static void mend(const sample *s, uint8_t *file) {
 /* The first byte selects what is forged. Bit 0: the input is the file. Otherwise bit 1: the slots,
  * with their hashes recomputed; else bit 2: the first kilobytes, which hold the groups; else
  * anything. */
-static uint8_t *make_file(const sample *s, size_t *size) {
+static uint8_t *make_file(const sample_trajectory *s, size_t *size) {
   enum { GROUPS = 8192 };
   const unsigned how = input_next();
   const uint8_t *rest = input_rest(size);
@@ -111,9 +111,9 @@ static uint8_t *make_file(const sample *s, size_t *size) {
   memcpy(file, how & 1 ? rest : s->file, *size);
   if (how & 1) return file;
   if (how & 2) {
-    input_spoil(file + s->slot[0], s->slot[1] + s->slot_size - s->slot[0]);
+    input_corrupt(file + s->slot[0], s->slot[1] + s->slot_size - s->slot[0]);
     mend(s, file);
-  } else input_spoil(file, how & 4 ? GROUPS : s->size);
+  } else input_corrupt(file, how & 4 ? GROUPS : s->size);
   return file;
 }
 
@@ -128,7 +128,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   fuzz_budget budget;
   const msim_allocator alloc = fuzz_allocator(&budget, MOST_BYTES);
   const char *path = fuzz_path("run.vtkhdf");
-  const sample *s = find_sample(path);
+  const sample_trajectory *s = find_sample(path);
   msim_error err;
   msim_recorder *recorder;
   double x[NX];

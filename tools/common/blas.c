@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 /* 1: an AMD processor has all instructions that OpenBLAS' SkylakeX kernels are compiled for. */
-static int is_misjudged(void) {
+static int needs_skylakex_kernels(void) {
 #if defined(__GNUC__) && defined(__x86_64__)
   __builtin_cpu_init();
   return __builtin_cpu_is("amd") && __builtin_cpu_supports("avx512f") &&
@@ -15,6 +15,6 @@ static int is_misjudged(void) {
 #endif
 }
 
-void choose_blas_kernels(void) {
-  if (is_misjudged()) setenv("OPENBLAS_CORETYPE", "SkylakeX", 0);
+void blas_choose_kernels(void) {
+  if (needs_skylakex_kernels()) setenv("OPENBLAS_CORETYPE", "SkylakeX", 0);
 }

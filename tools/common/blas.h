@@ -9,6 +9,6 @@
  *
  * The kernels determine the order in which CHOLMOD's supernodal factor sums, and so its last bits:
  * a program that sets the same variable gets the bits of msim's programs. */
-void choose_blas_kernels(void);
+void blas_choose_kernels(void);
 
 #endif

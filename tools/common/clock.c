@@ -3,7 +3,7 @@
 
 #include <time.h>
 
-double wall_seconds(void) {
+double clock_seconds(void) {
   struct timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
   return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;

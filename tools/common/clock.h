@@ -2,6 +2,6 @@
 #ifndef TOOLS_CLOCK_H
 #define TOOLS_CLOCK_H
 
-double wall_seconds(void);
+double clock_seconds(void);
 
 #endif

@@ -35,7 +35,7 @@ int same_file(const char *a, const char *b) {
          ia.info.st_ino == ib.info.st_ino && strcmp(ia.name, ib.name) == 0;
 }
 
-const char *not_a_file(const char *path) {
+const char *special_file_kind(const char *path) {
   struct stat info;
   if (!path || stat(path, &info) != 0 || S_ISREG(info.st_mode)) return NULL;
   return S_ISDIR(info.st_mode) ? "a folder" : "a device or a pipe";

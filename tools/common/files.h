@@ -6,7 +6,7 @@
 int same_file(const char *a, const char *b);
 
 /* "a folder" or "a device or a pipe" if the name is that of one, else NULL. Nullable: path. */
-const char *not_a_file(const char *path);
+const char *special_file_kind(const char *path);
 
 /* 1: a file, a folder or anything else has this name. */
 int file_exists(const char *path);

@@ -14,7 +14,8 @@ void clean_text(char *text) {
 }
 
 /* A single call of fprintf, so that lines of several programs do not mix */
-static void complain_va(const char *ending, const char *command, const char *format, va_list args) {
+static void report_error_va(const char *ending, const char *command, const char *format,
+                            va_list args) {
   char text[MESSAGE_SIZE];
   vsnprintf(text, sizeof text, format, args);
   clean_text(text);
@@ -23,23 +24,23 @@ static void complain_va(const char *ending, const char *command, const char *for
   else fprintf(stderr, "%s: %s\n", program_name, text);
 }
 
-int complain(const char *format, ...) {
+int report_error(const char *format, ...) {
   va_list args;
   va_start(args, format);
-  complain_va("", "", format, args);
+  report_error_va("", "", format, args);
   va_end(args);
   return EXIT_ERROR;
 }
 
-int complain_usage(const char *command, const char *format, ...) {
+int report_usage_error(const char *command, const char *format, ...) {
   va_list args;
   va_start(args, format);
-  complain_va(*command ? " --help" : "--help", command, format, args);
+  report_error_va(*command ? " --help" : "--help", command, format, args);
   va_end(args);
   return EXIT_ERROR;
 }
 
-static void fill(size_t from, size_t to) { printf("%*s", (int)(to - from), ""); }
+static void print_blanks(size_t from, size_t to) { printf("%*s", (int)(to - from), ""); }
 
 void print_wrapped(size_t column, const char *text) {
   size_t at = column;
@@ -47,7 +48,7 @@ void print_wrapped(size_t column, const char *text) {
     size_t word = strcspn(text, " ");
     if (at > column && at + 1 + word > LINE_WIDTH) {
       putchar('\n');
-      fill(0, column);
+      print_blanks(0, column);
       at = column;
     } else if (at > column) {
       putchar(' ');
@@ -67,5 +68,5 @@ void print_column(size_t column, const char *text) {
     putchar('\n');
     at = 0;
   }
-  fill(at, column);
+  print_blanks(at, column);
 }

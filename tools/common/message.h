@@ -16,10 +16,10 @@ extern const char program_name[];
 enum { EXIT_OK = 0, EXIT_ERROR = 1, EXIT_EVENT = 2 };
 
 /* Print "PROGRAM: ..." to stderr, control characters as blanks. Returns EXIT_ERROR. */
-int complain(const char *format, ...) TOOLS_PRINTF(1, 2);
+int report_error(const char *format, ...) TOOLS_PRINTF(1, 2);
 
 /* The same for a faulty command line; refers to the help of `command`, "": of the program. */
-int complain_usage(const char *command, const char *format, ...) TOOLS_PRINTF(2, 3);
+int report_usage_error(const char *command, const char *format, ...) TOOLS_PRINTF(2, 3);
 
 /* Replace control characters by blanks: text from files cannot move the cursor. */
 void clean_text(char *text);

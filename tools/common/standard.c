@@ -27,6 +27,7 @@ int standard_end(int status) {
   int failed = ferror(stdout);
   errno = 0;
   if (fclose(stdout) == 0 && !failed) return status;
-  complain("cannot write to standard output%s%s", errno ? ": " : "", errno ? strerror(errno) : "");
+  report_error("cannot write to standard output%s%s", errno ? ": " : "",
+               errno ? strerror(errno) : "");
   return status ? status : EXIT_ERROR;
 }

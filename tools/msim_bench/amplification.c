@@ -5,7 +5,7 @@
 /*------------------------------------- Runge and Kutta ------------------------------------------*/
 
 /* to = (shift + z L) y,  L = (0, 1; -1, -2 zeta) */
-static void apply(double zeta, double shift, double z, const double y[2], double to[2]) {
+static void apply_oscillator(double zeta, double shift, double z, const double y[2], double to[2]) {
   const double x = y[0], v = y[1];
   to[0] = shift * x + z * v;
   to[1] = shift * v - z * (x + 2 * zeta * v);
@@ -30,7 +30,7 @@ void amplify_dop853(double zeta, double z, double y[2]) {
   const double start[2] = {y[0], y[1]};
   for (int c = 0; c < 2; c++) y[c] *= r[12];
   for (int k = 11; k >= 0; k--) {
-    apply(zeta, 0, z, y, y);
+    apply_oscillator(zeta, 0, z, y, y);
     for (int c = 0; c < 2; c++) y[c] += r[k] * start[c];
   }
 }
@@ -46,9 +46,9 @@ void amplify_rkc(double zeta, double z, double y[2]) {
   const double T2 = (s * s * T - w0 * T1) / (w0 * w0 - 1);
   const double w1 = T1 / T2, b = T2 / (T1 * T1);
   double before[2] = {y[0], y[1]}, now[2], next[2];
-  apply(zeta, w0, w1 * z, before, now);
+  apply_oscillator(zeta, w0, w1 * z, before, now);
   for (int j = 2; j <= (int)s; j++) {
-    apply(zeta, w0, w1 * z, now, next);
+    apply_oscillator(zeta, w0, w1 * z, now, next);
     for (int c = 0; c < 2; c++)
       next[c] = 2 * next[c] - before[c], before[c] = now[c], now[c] = next[c];
   }
@@ -95,7 +95,7 @@ void amplify_rkn6(double zeta, double z, double y[2]) {
   for (int i = 4; i >= 0; i--) y[0] += z * a[i] * y[1], y[1] -= z * b[i] * y[0];
 }
 
-static void leapfrog(double z, double k, double y[2]) {
+static void leapfrog_step(double z, double k, double y[2]) {
   y[1] -= z / 2 * k * y[0], y[0] += z * y[1], y[1] -= z / 2 * k * y[0];
 }
 
@@ -108,17 +108,17 @@ void amplify_respa(double zeta, double z, double y[2]) {
   const int n = (int)ceil(sqrt(2) * z);
   (void)zeta;
   if (z * z * (1 + soft) < 2) {
-    leapfrog(z, 1 + soft, y);
+    leapfrog_step(z, 1 + soft, y);
     return;
   }
   y[1] -= z / 2 * soft * y[0];
-  for (int i = 0; i < n; i++) leapfrog(z / n, 1, y);
+  for (int i = 0; i < n; i++) leapfrog_step(z / n, 1, y);
   y[1] -= z / 2 * soft * y[0];
 }
 
 /*------------------------------------- growth ---------------------------------------------------*/
 
-double amplification_rate(amplification *step, double zeta, double z) {
+double amplification_rate(amplification_step *step, double zeta, double z) {
   double p[2] = {1, 0}, q[2] = {0, 1};
   step(zeta, z, p);
   step(zeta, z, q);

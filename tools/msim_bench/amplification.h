@@ -7,16 +7,16 @@
 #define BENCH_AMPLIFICATION_H
 
 /* Advances y = (x, v/w) in place. */
-typedef void amplification(double zeta, double z, double y[2]);
+typedef void amplification_step(double zeta, double z, double y[2]);
 
-amplification amplify_rkc, amplify_dop853;
+amplification_step amplify_rkc, amplify_dop853;
 /* undamped: zeta is ignored */
-amplification amplify_takahashi_imada, amplify_force_gradient, amplify_rkn6, amplify_respa;
+amplification_step amplify_takahashi_imada, amplify_force_gradient, amplify_rkn6, amplify_respa;
 
 /* Stiffness of the soft spring in amplify_respa over that of the stiff one */
 #define SOFT_STIFFNESS 0.09
 
 /* ln of the spectral radius of a step: the growth rate of the amplitude. */
-double amplification_rate(amplification *step, double zeta, double z);
+double amplification_rate(amplification_step *step, double zeta, double z);
 
 #endif

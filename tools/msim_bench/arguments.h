@@ -6,7 +6,7 @@
 
 typedef struct arguments {
   const bench_entry *bench; /* NULL if help or version is requested */
-  bench_wishes wishes;
+  bench_options options;
   const char *json, *csv, *svg; /* NULL: not given */
   int help, version;
 } arguments;
@@ -17,7 +17,7 @@ typedef struct bench_flag {
   const char *doc;
   /* Stores the value, NULL if the flag takes none. Prints an error and returns EXIT_ERROR if it is
    * invalid. */
-  int (*take)(arguments *args, const char *value);
+  int (*store)(arguments *args, const char *value);
 } bench_flag;
 
 /* The i-th flag; NULL past the end. */

@@ -30,7 +30,7 @@ static void put_field(FILE *out, const char *text) {
   putc('"', out);
 }
 
-static void put_value(FILE *out, const json_t *value) {
+static void put_csv_value(FILE *out, const json_t *value) {
   if (json_is_string(value)) put_field(out, json_string_value(value));
   else if (json_is_integer(value)) fprintf(out, "%" JSON_INTEGER_FORMAT, json_integer_value(value));
   else if (json_is_real(value)) fprintf(out, "%.9g", json_real_value(value));
@@ -44,7 +44,7 @@ static void put_line(FILE *out, json_t *columns, const json_t *row) {
   json_object_foreach(columns, key, unused) {
     fputs(comma, out);
     comma = ",";
-    if (row) put_value(out, json_object_get(row, key));
+    if (row) put_csv_value(out, json_object_get(row, key));
     else put_field(out, key);
   }
   putc('\n', out);

@@ -6,7 +6,7 @@
 
 static volatile sig_atomic_t interrupted;
 
-static void on_signal(int number) {
+static void note_interrupt(int number) {
   (void)number;
   signal(SIGINT, SIG_DFL);
   signal(SIGTERM, SIG_DFL);
@@ -16,7 +16,7 @@ static void on_signal(int number) {
 /* Signals that are ignored at the start, as under `nohup` or `&`, stay ignored. */
 void catch_interrupts(void) {
   static const int numbers[] = {SIGINT, SIGTERM};
-  struct sigaction action = {.sa_handler = on_signal}, before;
+  struct sigaction action = {.sa_handler = note_interrupt}, before;
   sigemptyset(&action.sa_mask);
   for (int i = 0; i < 2; i++)
     if (sigaction(numbers[i], NULL, &before) == 0 && before.sa_handler != SIG_IGN)

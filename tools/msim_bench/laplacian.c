@@ -8,19 +8,21 @@
 
 enum { LINE = 64 }; /* bytes, alignment of vectors */
 
-static void *allocate(size_t bytes) { return aligned_alloc(LINE, (bytes / LINE + 1) * LINE); }
-
-static void *host_alloc(const msim_host *host, size_t bytes) {
-  (void)host;
-  return allocate(bytes);
+static void *allocate_aligned(size_t bytes) {
+  return aligned_alloc(LINE, (bytes / LINE + 1) * LINE);
 }
 
-static void host_free(const msim_host *host, void *block) {
+static void *laplacian_host_alloc(const msim_host *host, size_t bytes) {
+  (void)host;
+  return allocate_aligned(bytes);
+}
+
+static void laplacian_host_free(const msim_host *host, void *block) {
   (void)host;
   free(block);
 }
 
-static void host_fail(const msim_host *host, const char *format, ...) {
+static void laplacian_host_fail(const msim_host *host, const char *format, ...) {
   msim_error *err = host->data;
   va_list args;
   va_start(args, format);
@@ -44,12 +46,13 @@ static void graph_free(graph *g) {
   free(g->total);
 }
 
-static int is_free(const msim_scene_view *s, int32_t spring) {
+static int has_free_ends(const msim_scene_view *s, int32_t spring) {
   return !s->pinned[s->ij[2 * spring]] && !s->pinned[s->ij[2 * spring + 1]];
 }
 
 /* Inserts column j into the sorted row that begins at `first` and ends before `at`. */
-static void insert(int32_t *ind, double *k, int32_t first, int32_t at, int32_t j, double value) {
+static void insert_entry(int32_t *ind, double *k, int32_t first, int32_t at, int32_t j,
+                         double value) {
   for (; at > first && ind[at - 1] > j; at--) ind[at] = ind[at - 1], k[at] = k[at - 1];
   ind[at] = j, k[at] = value;
 }
@@ -65,13 +68,13 @@ static int graph_make(const msim_scene_view *s, graph *g) {
   for (int32_t e = 0; made && e < 2 * s->nsprings; e++) {
     const int32_t p = s->ij[e];
     g->total[p] += s->pinned[p] ? 0 : s->k[e / 2];
-    g->ptr[p + 1] += is_free(s, e / 2);
+    g->ptr[p + 1] += has_free_ends(s, e / 2);
   }
   for (size_t p = 0; made && p < n; p++) g->ptr[p + 1] += g->ptr[p];
   for (int32_t e = 0; made && e < 2 * s->nsprings; e++) {
-    if (!is_free(s, e / 2)) continue;
+    if (!has_free_ends(s, e / 2)) continue;
     const int32_t p = s->ij[e], first = g->ptr[p];
-    insert(g->ind, g->k, first, first + filled[p]++, s->ij[e ^ 1], s->k[e / 2]);
+    insert_entry(g->ind, g->k, first, first + filled[p]++, s->ij[e ^ 1], s->k[e / 2]);
   }
   free(filled);
   return made;
@@ -80,11 +83,11 @@ static int graph_make(const msim_scene_view *s, graph *g) {
 /*------------------------------------- the matrix -----------------------------------------------*/
 
 /* Fills the upper triangle in the order of the factorization. */
-static int fill_matrix(const moving *m, double h, const graph *g, laplacian *L) {
+static int fill_matrix(const moving_scene *m, double h, const graph *g, laplacian *L) {
   const size_t n = (size_t)L->n, entries = n + (size_t)g->ptr[n] / 2;
-  int32_t *rowptr = allocate((n + 1) * sizeof *rowptr),
-          *colind = allocate(entries * sizeof *colind);
-  double *val = allocate(entries * sizeof *val);
+  int32_t *rowptr = allocate_aligned((n + 1) * sizeof *rowptr),
+          *colind = allocate_aligned(entries * sizeof *colind);
+  double *val = allocate_aligned(entries * sizeof *val);
   L->matrix = (msim_system){.size = sizeof L->matrix,
                             .n = L->n,
                             .block = 1,
@@ -99,32 +102,33 @@ static int fill_matrix(const moving *m, double h, const graph *g, laplacian *L) 
   for (int32_t i = 0; i < L->n; i++) {
     const int32_t p = L->particle[i], first = rowptr[i];
     int32_t at = first;
-    insert(colind, val, first, at++, i, m->view.mass[p] + h * h * g->total[p]);
+    insert_entry(colind, val, first, at++, i, m->view.mass[p] + h * h * g->total[p]);
     for (int32_t e = g->ptr[p]; e < g->ptr[p + 1]; e++)
       if (L->place[g->ind[e]] > i)
-        insert(colind, val, first, at++, L->place[g->ind[e]], -h * h * g->k[e]);
+        insert_entry(colind, val, first, at++, L->place[g->ind[e]], -h * h * g->k[e]);
     rowptr[i + 1] = at;
   }
   return 1;
 }
 
-static msim_status order_and_factor(const moving *m, double h, const graph *g, laplacian *L) {
+static msim_status order_and_factor(const moving_scene *m, double h, const graph *g, laplacian *L) {
   msim_solve_info info = {.size = sizeof info};
-  msim_status status = L->by->create(&L->host, &L->self);
-  if (!status) status = L->by->order(L->self, L->n, g->ptr, g->ind, L->particle);
+  msim_status status = L->backend->create(&L->host, &L->self);
+  if (!status) status = L->backend->order(L->self, L->n, g->ptr, g->ind, L->particle);
   if (status) return status;
   for (int32_t i = 0; i < L->n; i++) L->place[L->particle[i]] = i;
   if (!fill_matrix(m, h, g, L)) return MSIM_ERR_MEMORY;
-  status = L->by->analyze(L->self, &L->matrix, &info);
-  if (!status) status = L->by->factor(L->self, &L->matrix, MSIM_FACTOR_SPD, &info);
+  status = L->backend->analyze(L->self, &L->matrix, &info);
+  if (!status) status = L->backend->factor(L->self, &L->matrix, MSIM_FACTOR_SPD, &info);
   return status;
 }
 
-int laplacian_make(const moving *m, double h, laplacian *L) {
+int laplacian_make(const moving_scene *m, double h, laplacian *L) {
   const size_t n = (size_t)m->view.nparticles;
   *L = (laplacian){.n = m->view.nparticles};
-  if (msim_solver_backend("cholmod", NULL, &L->by, &L->err) != MSIM_OK) return 0;
-  L->host = (msim_host){sizeof L->host, host_alloc, host_free, host_fail, &L->err};
+  if (msim_solver_backend("cholmod", NULL, &L->backend, &L->err) != MSIM_OK) return 0;
+  L->host = (msim_host){sizeof L->host, laplacian_host_alloc, laplacian_host_free,
+                        laplacian_host_fail, &L->err};
   L->particle = malloc(n * sizeof *L->particle);
   L->place = malloc(n * sizeof *L->place);
   snprintf(L->err.text, sizeof L->err.text, "out of memory for the prefactored matrix");
@@ -136,7 +140,7 @@ int laplacian_make(const moving *m, double h, laplacian *L) {
 }
 
 void laplacian_free(laplacian *L) {
-  if (L->by) L->by->destroy(L->self);
+  if (L->backend) L->backend->destroy(L->self);
   free((void *)L->matrix.rowptr);
   free((void *)L->matrix.colind);
   free((void *)L->matrix.val);
@@ -148,5 +152,5 @@ void laplacian_free(laplacian *L) {
 msim_status laplacian_solve(const laplacian *L, const double *b, double *y) {
   const msim_solve_params params = {.size = sizeof params, .rtol = 1e-12};
   msim_solve_info info = {.size = sizeof info};
-  return L->by->solve(L->self, &L->matrix, &params, 3, b, y, &info);
+  return L->backend->solve(L->self, &L->matrix, &params, 3, b, y, &info);
 }

@@ -4,7 +4,7 @@
 #define BENCH_LAPLACIAN_H
 
 #include "msim/backend.h"
-#include "scenes.h"
+#include "bench_scenes.h"
 
 /* A vector has one number per particle, in the order of the factorization, or three such blocks.
  * Pinned particles are included, without off-diagonal entries. */
@@ -12,7 +12,7 @@ typedef struct laplacian {
   int32_t n;         /* particles */
   int32_t *particle; /* n: the particle at each position of this order */
   int32_t *place;    /* n: the position of each particle */
-  const msim_backend *by;
+  const msim_backend *backend;
   void *self; /* state of the backend */
   msim_host host;
   msim_system matrix; /* owns its arrays */
@@ -21,7 +21,7 @@ typedef struct laplacian {
 
 /* Assembles and factorizes the matrix by CHOLMOD with msim's settings. Returns 0 on failure and
  * sets L->err. Call laplacian_free in any case. */
-int laplacian_make(const moving *m, double h, laplacian *L);
+int laplacian_make(const moving_scene *m, double h, laplacian *L);
 void laplacian_free(laplacian *L);
 
 /* Solves (M + h^2 Lap_k) y = b for three components, 3n; y must not overlap b. */

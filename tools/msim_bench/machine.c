@@ -8,7 +8,7 @@
 #include <sys/utsname.h>
 
 #include "msim/msim.h"
-#include "spinner.h"
+#include "background_load.h"
 
 /* Returns the text after `separator` in the first line that begins with `key`, to be freed; NULL:
  * no such file or line. */
@@ -29,7 +29,7 @@ static char *look_up(const char *path, const char *key, char separator) {
 }
 
 /* Frees text; NULL adds nothing. */
-static void put(json_t *object, const char *key, char *text) {
+static void put_owned_text(json_t *object, const char *key, char *text) {
   if (text) json_object_set_new(object, key, json_string(text));
   free(text);
 }
@@ -52,10 +52,10 @@ static json_t *list_isa(void) {
 json_t *machine_describe(void) {
   json_t *machine = json_object();
   struct utsname system;
-  put(machine, "cpu", look_up("/proc/cpuinfo", "model name", ':'));
+  put_owned_text(machine, "cpu", look_up("/proc/cpuinfo", "model name", ':'));
   json_object_set_new(machine, "cores", json_integer(usable_cores()));
   json_object_set_new(machine, "isa", list_isa());
-  put(machine, "os", look_up("/etc/os-release", "PRETTY_NAME", '='));
+  put_owned_text(machine, "os", look_up("/etc/os-release", "PRETTY_NAME", '='));
   if (uname(&system) == 0)
     json_object_set_new(machine, "kernel", json_pack("s++", system.sysname, " ", system.release));
 #ifdef __VERSION__
@@ -65,7 +65,7 @@ json_t *machine_describe(void) {
   return machine;
 }
 
-static char *ask(void *library, const char *symbol) {
+static char *call_text_function(void *library, const char *symbol) {
   char *(*question)(void);
   void *address = dlsym(library, symbol);
   memcpy(&question, &address, sizeof question); /* ISO C has no cast from void * to a function */
@@ -75,8 +75,8 @@ static char *ask(void *library, const char *symbol) {
 void machine_add_blas(json_t *machine) {
   void *library = dlopen("libopenblas.so.0", RTLD_LAZY | RTLD_NOLOAD);
   if (!library) return;
-  const char *config = ask(library, "openblas_get_config");
-  const char *kernels = ask(library, "openblas_get_corename");
+  const char *config = call_text_function(library, "openblas_get_config");
+  const char *kernels = call_text_function(library, "openblas_get_corename");
   json_object_set_new(machine, "blas", json_pack("{ss*ss*}", "config", config, "kernels", kernels));
   dlclose(library);
 }

@@ -51,8 +51,8 @@ typedef struct files {
 } files;
 
 /* Opens output files before the measurement, so that an unwritable path is reported at once. */
-static int open_files(const arguments *args, files *f) {
-  if (args->svg && !gnuplot_is_there()) return EXIT_ERROR;
+static int open_output_files(const arguments *args, files *f) {
+  if (args->svg && !gnuplot_is_available()) return EXIT_ERROR;
   if (args->json && output_open(&f->json, args->json)) return EXIT_ERROR;
   if (args->csv && output_open(&f->csv, args->csv)) return EXIT_ERROR;
   return args->svg ? output_open(&f->svg, args->svg) : EXIT_OK;
@@ -62,19 +62,19 @@ static int write_files(const arguments *args, const report *r, files *f) {
   int status = EXIT_OK;
   if (args->json) status = report_write(r, &f->json);
   if (!status && args->csv) status = csv_write(r, &f->csv);
-  if (!status && args->svg) status = picture_write(args->bench->picture, r, &f->svg);
+  if (!status && args->svg) status = plot_write(args->bench->picture, r, &f->svg);
   return status;
 }
 
-static int measure(const arguments *args, files *f) {
+static int run_bench(const arguments *args, files *f) {
   report r;
-  if (open_files(args, f)) return EXIT_ERROR;
+  if (open_output_files(args, f)) return EXIT_ERROR;
   catch_interrupts();
-  report_begin(&r, args->bench->name, args->wishes.quick);
-  int status = args->bench->run(&args->wishes, &r);
+  report_begin(&r, args->bench->name, args->options.quick);
+  int status = args->bench->run(&args->options, &r);
   if (is_interrupted()) {
     const int any = args->json || args->csv || args->svg;
-    complain("stopped before the end%s", any ? "; no file was written" : "");
+    report_error("stopped before the end%s", any ? "; no file was written" : "");
     status = EXIT_EVENT;
   }
   if (!status) report_print_summary(&r);
@@ -83,14 +83,14 @@ static int measure(const arguments *args, files *f) {
   return status;
 }
 
-static int dispatch(int argc, char **argv) {
+static int execute_command(int argc, char **argv) {
   arguments args;
   files f = {.json = {.path = NULL}};
   if (arguments_parse(argc, argv, &args)) return EXIT_ERROR;
   if (args.help) print_help();
   else if (args.version) printf("msim_bench %s\n", msim_version());
   else {
-    int status = measure(&args, &f);
+    int status = run_bench(&args, &f);
     output_discard(&f.json);
     output_discard(&f.csv);
     output_discard(&f.svg);
@@ -101,6 +101,6 @@ static int dispatch(int argc, char **argv) {
 
 int main(int argc, char **argv) {
   standard_begin();
-  choose_blas_kernels();
-  return standard_end(dispatch(argc, argv));
+  blas_choose_kernels();
+  return standard_end(execute_command(argc, argv));
 }

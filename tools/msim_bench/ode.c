@@ -4,13 +4,13 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#include "reference.h"
+#include "reference_program.h"
 
 /* The module is never unloaded. */
 const ode_methods *ode_load(char reason[static 256]) {
   static const char name[] = "msim_bench_ode_sundials.so";
   char path[4096];
-  if (!reference_path(name, R_OK, path, sizeof path)) {
+  if (!reference_program_path(name, R_OK, path, sizeof path)) {
     snprintf(reason, 256, "%s was not built", name);
     return NULL;
   }

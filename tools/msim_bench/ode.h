@@ -28,8 +28,8 @@ typedef struct ode_problem {
 
 typedef struct ode_method {
   const char *name;
-  int splits;  /* the SPLIT_* of which it needs one; 0: it uses ALL_FORCES */
-  int by_step; /* 1: its setting is the step length, s; 0: tol */
+  int split_mask; /* the SPLIT_* of which it needs one; 0: it uses ALL_FORCES */
+  int by_step;    /* 1: its setting is the step length, s; 0: tol */
 } ode_method;
 
 typedef struct ode_methods {

@@ -5,7 +5,7 @@
 #include <string.h>
 
 static int by_ends(const void *a, const void *b) {
-  const struct link *s = a, *t = b;
+  const struct placed_spring *s = a, *t = b;
   return s->i != t->i ? (s->i > t->i) - (s->i < t->i) : (s->j > t->j) - (s->j < t->j);
 }
 
@@ -15,13 +15,14 @@ static void fill_springs(potential *p) {
   const double h = p->step->h;
   for (int32_t e = 0; e < s->nsprings; e++) {
     const int32_t a = p->matrix->place[s->ij[2 * e]], b = p->matrix->place[s->ij[2 * e + 1]];
-    p->springs[e] = (struct link){a < b ? a : b, a < b ? b : a, h * h * s->k[e], s->rest[e]};
+    p->springs[e] =
+        (struct placed_spring){a < b ? a : b, a < b ? b : a, h * h * s->k[e], s->rest[e]};
   }
   qsort(p->springs, (size_t)p->nsprings, sizeof *p->springs, by_ends);
 }
 
 static void fill_particles(potential *p) {
-  const moving *m = p->step->moving;
+  const moving_scene *m = p->step->moving;
   const double h = p->step->h;
   for (int32_t i = 0; i < p->n; i++) {
     const int32_t particle = p->matrix->particle[i], pinned = m->view.pinned[particle];
@@ -76,7 +77,7 @@ static double elasticity(const potential *p, const double *restrict x, double *r
   const double *y = x + p->n, *z = y + p->n;
   double *restrict gy = gx + p->n, *restrict gz = gy + p->n;
   double sum = 0;
-  for (const struct link *s = p->springs; s < p->springs + p->nsprings; s++) {
+  for (const struct placed_spring *s = p->springs; s < p->springs + p->nsprings; s++) {
     const int32_t i = s->i, j = s->j;
     const double dx = x[j] - x[i], dy = y[j] - y[i], dz = z[j] - z[i];
     const double l = sqrt(dx * dx + dy * dy + dz * dz), stretch = l - s->rest;
@@ -96,7 +97,7 @@ double potential_at(const potential *p, const double *x, double *gradient) {
 }
 
 const double *potential_velocity(const potential *p, const double *x) {
-  const moving *m = p->step->moving;
+  const moving_scene *m = p->step->moving;
   for (int32_t i = 0; i < p->n; i++)
     for (int c = 0; c < 3; c++) {
       const int32_t at = 3 * p->matrix->particle[i] + c;

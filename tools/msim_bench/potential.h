@@ -6,7 +6,7 @@
 #define BENCH_POTENTIAL_H
 
 #include "laplacian.h"
-#include "nonlinear.h"
+#include "nonlinear_step.h"
 
 typedef struct potential {
   const nonlinear_step *step;
@@ -14,7 +14,7 @@ typedef struct potential {
   int32_t n, nsprings, npinned;
   double *mass, *y; /* n; 3n: the inertial position */
   int32_t *pinned;  /* positions in the order of the matrix */
-  struct link {
+  struct placed_spring {
     int32_t i, j;
     double k, rest; /* k: multiplied by h^2 */
   } * springs;

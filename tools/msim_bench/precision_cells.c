@@ -15,11 +15,11 @@ static double over_sundials(const cell *here, double seconds) {
 
 /*------------------------------------- the cells of a scene -------------------------------------*/
 
-static void print_name(const entrant *method) {
+static void print_method_name(const precision_method *method) {
   printf(" %-24.24s", method ? method->name : "no result");
 }
 
-static void print_number(double value) {
+static void print_cell_number(double value) {
   if (isnan(value)) printf(" %9s", "-");
   else printf(" %9.4g", value);
 }
@@ -29,23 +29,24 @@ static void print_titles(void) {
          "auto/best", "best of SUNDIALS", "ms", "best/SUN.", "auto/SUN.");
 }
 
-static void print_cell(const cell *here, const entrant *best, const entrant *sundials) {
+static void print_cell(const cell *here, const precision_method *best,
+                       const precision_method *sundials) {
   printf(" %-6.0e", levels[here->level]);
-  print_name(best);
-  print_number(1e3 * here->best);
-  print_number(1e3 * here->chosen);
-  print_number(ratio_of_results(here->chosen, here->best));
-  print_name(sundials);
-  print_number(1e3 * here->sundials);
-  print_number(over_sundials(here, here->best));
-  print_number(over_sundials(here, here->chosen));
+  print_method_name(best);
+  print_cell_number(1e3 * here->best);
+  print_cell_number(1e3 * here->chosen);
+  print_cell_number(ratio_of_results(here->chosen, here->best));
+  print_method_name(sundials);
+  print_cell_number(1e3 * here->sundials);
+  print_cell_number(over_sundials(here, here->best));
+  print_cell_number(over_sundials(here, here->chosen));
   putchar('\n');
 }
 
 /* A NAN has no key in the row, an infinite number is null. */
-static void report_cell(report *out, const cell *here, const entrant *best,
-                        const entrant *sundials) {
-  json_t *row = report_row(out, "cell");
+static void report_cell(report *out, const cell *here, const precision_method *best,
+                        const precision_method *sundials) {
+  json_t *row = report_add_row(out, "cell");
   put_text(row, "scene", here->scene->name);
   put_real(row, "error", levels[here->level]);
   if (best) put_text(row, "best", best->name);
@@ -58,20 +59,21 @@ static void report_cell(report *out, const cell *here, const entrant *best,
   put_real(row, "auto_over_sundials", over_sundials(here, here->chosen));
 }
 
-void cells_add(const climb *c, report *out, cells *list) {
-  const truth *t = c->arena.truth;
-  const entrant *chosen = entrants_find(&c->entrants, AUTO_BY_TOL);
+void cells_add(const setting_sweep *c, report *out, cells *list) {
+  const reference_solution *t = c->arena.truth;
+  const precision_method *chosen = precision_methods_find(&c->entrants, AUTO_BY_TOL);
   print_titles();
-  for (int l = 0; l < LEVELS && list->count < MOST_CELLS; l++) {
-    if (!truth_allows(t, levels[l])) continue;
-    const entrant *best = cheapest(c, 1, levels[l]), *sundials = cheapest(c, 0, levels[l]);
+  for (int l = 0; l < ERROR_LEVELS && list->count < MAX_CELLS; l++) {
+    if (!reference_solution_supports(t, levels[l])) continue;
+    const precision_method *best = fastest_method(c, 1, levels[l]),
+                           *sundials = fastest_method(c, 0, levels[l]);
     cell *here = &list->all[list->count++];
     *here = (cell){.scene = t->kind,
                    .level = l,
                    .compared = c->arena.ode && !t->kind->impacts,
-                   .best = cost_of(c, best, levels[l]).seconds,
-                   .chosen = cost_of(c, chosen, levels[l]).seconds,
-                   .sundials = cost_of(c, sundials, levels[l]).seconds};
+                   .best = cost_at_error(c, best, levels[l]).seconds,
+                   .chosen = cost_at_error(c, chosen, levels[l]).seconds,
+                   .sundials = cost_at_error(c, sundials, levels[l]).seconds};
     print_cell(here, best, sundials);
     report_cell(out, here, best, sundials);
   }
@@ -82,7 +84,7 @@ void cells_add(const climb *c, report *out, cells *list) {
 
 /* `auto` over the best method of msim, over all cells. */
 static void report_auto_over_best(const cells *list, report *out) {
-  double ratios[MOST_CELLS];
+  double ratios[MAX_CELLS];
   int count = 0, missing = 0, empty = 0;
   for (const cell *here = list->all; here < list->all + list->count; here++) {
     const double ratio = ratio_of_results(here->chosen, here->best);
@@ -105,7 +107,7 @@ static void report_auto_over_best(const cells *list, report *out) {
  * the best method. */
 static void report_over_sundials(const cells *list, int level, int damped, int of_auto,
                                  report *out) {
-  static const char *const names[LEVELS] = {NULL, "1e4", "1e6", "1e8", NULL};
+  static const char *const names[ERROR_LEVELS] = {NULL, "1e4", "1e6", "1e8", NULL};
   const cell *worst = NULL;
   double most = NAN;
   int scenes = 0, missing = 0;
@@ -122,7 +124,7 @@ static void report_over_sundials(const cells *list, int level, int damped, int o
   }
   snprintf(key, sizeof key, "%s_over_sundials_%s%s", of_auto ? "auto" : "best",
            damped ? "damped_" : "", names[level]);
-  json_t *row = report_row(out, "worst");
+  json_t *row = report_add_row(out, "worst");
   put_text(row, "name", key);
   put_integer(row, "scenes", scenes);
   put_integer(row, "without_sundials", missing);
@@ -138,5 +140,5 @@ void report_cell_keys(const cells *list, int with_sundials, report *out) {
   report_auto_over_best(list, out);
   for (int damped = 0; damped < 2 && with_sundials; damped++)
     for (int of_auto = 0; of_auto < 2; of_auto++)
-      for (int l = 0; l < LEVELS; l++) report_over_sundials(list, l, damped, of_auto, out);
+      for (int l = 0; l < ERROR_LEVELS; l++) report_over_sundials(list, l, damped, of_auto, out);
 }

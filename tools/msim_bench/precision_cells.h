@@ -3,10 +3,10 @@
 #ifndef BENCH_PRECISION_CELLS_H
 #define BENCH_PRECISION_CELLS_H
 
-#include "envelope.h"
+#include "work_precision.h"
 #include "report.h"
 
-enum { MOST_CELLS = 16 * LEVELS };
+enum { MAX_CELLS = 16 * ERROR_LEVELS };
 
 /* s, NAN: no result */
 typedef struct cell {
@@ -18,7 +18,7 @@ typedef struct cell {
 
 typedef struct cells {
   int count;
-  cell all[MOST_CELLS];
+  cell all[MAX_CELLS];
 } cells;
 
 /* a / b; a missing result counts as infinitely slow: INFINITY if only a is missing, 0 if only b is,
@@ -26,7 +26,7 @@ typedef struct cells {
 double ratio_of_results(double a, double b);
 
 /* Appends the cells of a scene, prints them and writes a row for each. */
-void cells_add(const climb *c, report *out, cells *list);
+void cells_add(const setting_sweep *c, report *out, cells *list);
 
 /* Writes the keys over all cells. with_sundials: whether the library was found. */
 void report_cell_keys(const cells *list, int with_sundials, report *out);

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "parts.h"
-#include "scenes.h"
+#include "scene_arrays.h"
+#include "bench_scenes.h"
 
 static const double down[3] = {0, 0, -9.81}; /* m/s^2 */
 static const double pi = 3.14159265358979323846;
@@ -13,20 +13,22 @@ static const double pi = 3.14159265358979323846;
 
 /* Copies the arrays of a cloth. */
 static msim_status take_cloth(int32_t side, double k, double k_bend, double damping,
-                              const int32_t *pinned, int32_t npinned, parts *p, msim_error *err) {
+                              const int32_t *pinned, int32_t npinned, scene_arrays *p,
+                              msim_error *err) {
   msim_cloth cloth = bench_cloth(side, k, npinned, pinned);
   cloth.k_bend = k_bend;
   cloth.damping = damping;
   msim_scene *recipe = NULL;
   msim_status status = msim_scene_create(NULL, &recipe, err);
   if (!status) status = msim_scene_add_cloth(recipe, &cloth, err);
-  const msim_status taken = parts_take(recipe, p);
+  const msim_status taken = scene_arrays_take(recipe, p);
   return status ? status : taken;
 }
 
 /* Builds a scene from the arrays and the pins of the recipe. */
-static msim_status make(const parts *p, const double *gravity, msim_scene *scene, msim_error *err) {
-  msim_status status = parts_add(p, 1, scene, err);
+static msim_status build_scene_from_arrays(const scene_arrays *p, const double *gravity,
+                                           msim_scene *scene, msim_error *err) {
+  msim_status status = scene_arrays_add(p, 1, scene, err);
   for (int32_t i = 0; i < p->view.nparticles && !status; i++)
     if (p->view.pinned[i]) status = msim_scene_pin(scene, 1, &i, err);
   if (!status && gravity) status = msim_scene_set_gravity(scene, gravity, err);
@@ -37,10 +39,10 @@ static msim_status make(const parts *p, const double *gravity, msim_scene *scene
 static msim_status hang_cloth(int32_t side, double k, double damping, msim_scene *scene,
                               msim_error *err) {
   const int32_t corners[2] = {0, side - 1};
-  parts p;
+  scene_arrays p;
   msim_status status = take_cloth(side, k, k, damping, corners, 2, &p, err);
-  if (!status) status = make(&p, down, scene, err);
-  parts_free(&p);
+  if (!status) status = build_scene_from_arrays(&p, down, scene, err);
+  scene_arrays_free(&p);
   return status;
 }
 
@@ -67,7 +69,7 @@ static int is_edge(int32_t i, int32_t side) {
  * v_z = 0.2 sin(pi x) sin(pi y) m/s. */
 static msim_status trampoline(int32_t side, msim_scene *scene, msim_error *err) {
   int32_t *edge = malloc((size_t)side * (size_t)side * sizeof *edge), count = 0;
-  parts p;
+  scene_arrays p;
   if (!edge) return MSIM_ERR_MEMORY;
   for (int32_t i = 0; i < side * side; i++)
     if (is_edge(i, side)) edge[count++] = i;
@@ -77,22 +79,22 @@ static msim_status trampoline(int32_t side, msim_scene *scene, msim_error *err) 
   for (int32_t i = 0; i < p.view.nparticles && !status; i++)
     if (!p.view.pinned[i])
       p.v[3 * i + 2] = 0.2 * sin(pi * p.view.x[3 * i]) * sin(pi * p.view.x[3 * i + 1]);
-  if (!status) status = make(&p, NULL, scene, err);
-  parts_free(&p);
+  if (!status) status = build_scene_from_arrays(&p, NULL, scene, err);
+  scene_arrays_free(&p);
   return status;
 }
 
 /* A soft net pinned at its corners, with a cord of k = 1e6 N/m along its middle row. */
 static msim_status cord(int32_t side, msim_scene *scene, msim_error *err) {
   const int32_t corners[4] = {0, side - 1, side * (side - 1), side * side - 1};
-  parts p;
+  scene_arrays p;
   msim_status status = take_cloth(side, 100, 0, 0, corners, 4, &p, err);
   for (int32_t s = 0; s < p.view.nsprings && !status; s++) {
     const int32_t i = p.view.ij[2 * s], j = p.view.ij[2 * s + 1];
     if (i / side == side / 2 && j / side == side / 2) p.k[s] = 1e6;
   }
-  if (!status) status = make(&p, down, scene, err);
-  parts_free(&p);
+  if (!status) status = build_scene_from_arrays(&p, down, scene, err);
+  scene_arrays_free(&p);
   return status;
 }
 
@@ -145,7 +147,7 @@ static msim_status dumbbells(int32_t side, msim_scene *scene, msim_error *err) {
 }
 
 /* A block of 1 kg that slides down a slope of 20 degrees, decelerates and stops. */
-static msim_status slide(int32_t side, msim_scene *scene, msim_error *err) {
+static msim_status make_sliding_block(int32_t side, msim_scene *scene, msim_error *err) {
   const double angle = pi / 9, g[3] = {9.81 * sin(angle), 0, -9.81 * cos(angle)};
   const msim_plane slope = {.normal = {0, 0, 1}, .friction = 0.6};
   const msim_lattice block = {.size = sizeof block,
@@ -157,12 +159,12 @@ static msim_status slide(int32_t side, msim_scene *scene, msim_error *err) {
   msim_scene *recipe = NULL;
   msim_status status = msim_scene_create(NULL, &recipe, err);
   if (!status) status = msim_scene_add_lattice(recipe, &block, err);
-  parts p;
-  const msim_status taken = parts_take(recipe, &p);
+  scene_arrays p;
+  const msim_status taken = scene_arrays_take(recipe, &p);
   if (!status) status = taken;
   for (int32_t i = 0; i < p.view.nparticles && !status; i++) p.v[3 * i] = 0.4;
-  if (!status) status = make(&p, g, scene, err);
-  parts_free(&p);
+  if (!status) status = build_scene_from_arrays(&p, g, scene, err);
+  scene_arrays_free(&p);
   return status ? status : msim_scene_add_plane(scene, &slope, err);
 }
 
@@ -191,7 +193,14 @@ const precision_scene *precision_scene_info(int i) {
       {"jelly", "block that bounces on a plane", {8, 5}, {0.2, 0.1}, 0, 1, 0, jelly},
       {"chain", "rope of stiff springs, swinging", {32, 16}, {0.5, 0.2}, 0, 0, 0, chain},
       {"dumbbells", "pairs that bounce and turn", {8, 3}, {0.6, 0.4}, 1, 1, 0, dumbbells},
-      {"slide", "block that slides to rest on a slope", {4, 3}, {0.5, 0.4}, 1, 1, 0, slide},
+      {"slide",
+       "block that slides to rest on a slope",
+       {4, 3},
+       {0.5, 0.4},
+       1,
+       1,
+       0,
+       make_sliding_block},
       {"cord", "cord of k = 1e6 N/m in a net of 100", {16, 12}, {0.2, 0.1}, 0, 0, 1e6, cord},
   };
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;

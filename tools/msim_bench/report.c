@@ -20,7 +20,7 @@ void report_free(report *r) {
   json_decref(r->summary);
 }
 
-json_t *report_row(report *r, const char *measure) {
+json_t *report_add_row(report *r, const char *measure) {
   json_t *row = json_object();
   put_text(row, "measure", measure);
   json_array_append_new(r->rows, row);

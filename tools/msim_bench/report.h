@@ -17,7 +17,7 @@ void report_begin(report *r, const char *bench, int quick);
 void report_free(report *r);
 
 /* Appends a row, which the report owns; the functions below set its keys. */
-json_t *report_row(report *r, const char *measure);
+json_t *report_add_row(report *r, const char *measure);
 
 /* NAN (not measured) adds no key; an infinite value becomes null. */
 void put_real(json_t *object, const char *key, double value);

@@ -9,9 +9,9 @@
 #include "../common/message.h"
 #include "benches.h"
 #include "interrupt.h"
-#include "rows.h"
-#include "step_race.h"
-#include "step_rows.h"
+#include "linear_report.h"
+#include "step_comparison.h"
+#include "step_report.h"
 
 typedef struct bench_plan {
   double seconds; /* s, limit for all scenes */
@@ -25,7 +25,7 @@ static const bench_plan plan_full = {
     .each = {.solution = 60,
              .ladder = 30,
              .descent = 10,
-             .turns = {.budget = 15, .rounds = 3, .most = 30}},
+             .turns = {.budget = 15, .min_rounds = 3, .max_rounds = 30}},
 };
 static const bench_plan plan_quick = {
     .seconds = 45,
@@ -34,7 +34,7 @@ static const bench_plan plan_quick = {
              .ladder = 4,
              .is_quick = 1,
              .descent = 0.5,
-             .turns = {.budget = 1.2, .rounds = 2, .most = 9}},
+             .turns = {.budget = 1.2, .min_rounds = 2, .max_rounds = 9}},
 };
 
 enum { SOFT = 1000, STIFF = 100000 }; /* N/m */
@@ -42,7 +42,7 @@ enum { SOFT = 1000, STIFF = 100000 }; /* N/m */
 #define SHORT (1.0 / 240)
 
 /* Scenes that the keys need come first, expensive ones last. */
-static const struct subject {
+static const struct step_case {
   const char *scene;
   double k, steps[2];
 } subjects[] = {
@@ -56,10 +56,10 @@ static const struct subject {
 enum { SUBJECTS = sizeof subjects / sizeof *subjects };
 
 typedef struct step_bench {
-  const bench_wishes *wishes;
+  const bench_options *options;
   const bench_plan *plan;
   report *report;
-  double until; /* on wall_seconds' clock */
+  double until; /* on clock_seconds' clock */
   double soft;  /* s, of cloth64 with SOFT springs to SUMMARY_ACCURACY; NAN: unknown */
   struct {
     double worst;                /* NAN: no case; INFINITY: Newton's method failed in one */
@@ -73,44 +73,45 @@ enum { SUMMARY_ACCURACY = 1, LAST = ACCURACIES - 1 };
 
 /* Time of Newton's method with pcg over that of another method; an upper bound if the other one was
  * cut off. */
-static step_ratio over_method(const step_race *r, int method) {
-  const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
-  const contestant *other = r->arrived[method][SUMMARY_ACCURACY];
-  const pursuit *p = r->pursuits[method];
+static step_ratio over_method(const step_comparison *r, int method) {
+  const timing_candidate *ours = r->reached[BY_PCG][SUMMARY_ACCURACY];
+  const timing_candidate *other = r->reached[method][SUMMARY_ACCURACY];
+  const accuracy_record *p = r->records[method];
   if (ours && other)
     return (step_ratio){median_ratio(ours, whole_seconds, other, whole_seconds), NULL};
-  if (ours && p->end == CUT_OFF) return (step_ratio){median_of(ours, whole_seconds) / p->lasted, p};
+  if (ours && p->end == END_CUT_OFF)
+    return (step_ratio){median_of(ours, whole_seconds) / p->seconds_unreached, p};
   return (step_ratio){NAN, NULL};
 }
 
 /* Ratio to a prefactored method; one that failed or found another minimum counts with all of its
  * time. */
-static step_ratio over_descent(const step_race *r, int method) {
-  const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
-  const pursuit *p = r->pursuits[method];
+static step_ratio over_descent(const step_comparison *r, int method) {
+  const timing_candidate *ours = r->reached[BY_PCG][SUMMARY_ACCURACY];
+  const accuracy_record *p = r->records[method];
   const step_ratio ratio = over_method(r, method);
-  if (!ours || isfinite(ratio.value) || p->end == LEFT_OUT) return ratio;
+  if (!ours || isfinite(ratio.value) || p->end == END_SKIPPED) return ratio;
   return (step_ratio){median_of(ours, whole_seconds) / r->descent_limit, p};
 }
 
 /* Ratio to the faster prefactored method; INFINITY if Newton's method failed. */
-static step_ratio over_prefactored(const step_race *r) {
-  const int is_left_out = r->pursuits[BY_PCG]->end == LEFT_OUT;
-  if (!r->arrived[BY_PCG][SUMMARY_ACCURACY])
+static step_ratio over_prefactored(const step_comparison *r) {
+  const int is_left_out = r->records[BY_PCG]->end == END_SKIPPED;
+  if (!r->reached[BY_PCG][SUMMARY_ACCURACY])
     return (step_ratio){is_left_out ? NAN : INFINITY, NULL};
   const step_ratio a = over_descent(r, BY_PROJECTIVE_DYNAMICS), b = over_descent(r, BY_LBFGS);
   return isnan(b.value) || a.value > b.value ? a : b;
 }
 
-static step_ratio over_factor(const step_race *r) {
-  const contestant *ours = r->arrived[BY_PCG][LAST];
+static step_ratio over_factor(const step_comparison *r) {
+  const timing_candidate *ours = r->reached[BY_PCG][LAST];
   if (!ours || !r->factor) return (step_ratio){NAN, NULL};
   return (step_ratio){median_ratio(ours, whole_seconds, r->factor, factor_seconds), NULL};
 }
 
 /*------------------------------------- keys -----------------------------------------------------*/
 
-static const struct key {
+static const struct step_key {
   const char *ratio, *scene;
   double h;
   const char *key;
@@ -122,22 +123,23 @@ static const struct key {
     {"newton_over_newton_cholmod", "cloth100", LONG, "newton_over_newton_cholmod_cloth100"},
 };
 
-static void report_key_of(report *out, const char *ratio, const moving *m, double h, double value) {
-  for (const struct key *k = keys; k < keys + sizeof keys / sizeof *keys; k++)
+static void report_step_key(report *out, const char *ratio, const moving_scene *m, double h,
+                            double value) {
+  for (const struct step_key *k = keys; k < keys + sizeof keys / sizeof *keys; k++)
     if ((!ratio || strcmp(k->ratio, ratio) == 0) && strcmp(k->scene, m->kind->name) == 0 &&
         m->k == SOFT && k->h == h)
       report_key(out, k->key, value);
 }
 
-static void report_ratio(step_bench *b, const step_race *r, const char *name, int accuracy,
-                         step_ratio found) {
+static void report_ratio_and_key(step_bench *b, const step_comparison *r, const char *name,
+                                 int accuracy, step_ratio found) {
   if (isnan(found.value)) return;
   report_step_ratio(b->report, r, name, accuracy, found);
-  report_key_of(b->report, name, r->step.moving, r->step.h, found.value);
+  report_step_key(b->report, name, r->step.moving, r->step.h, found.value);
 }
 
 /* Adds a case of newton_over_prefactored, if it is a cloth. */
-static void count_case(step_bench *b, const moving *m, step_ratio found) {
+static void count_case(step_bench *b, const moving_scene *m, step_ratio found) {
   if (m->kind->solid || isnan(found.value)) return;
   b->prefactored.cases++;
   b->prefactored.bounds += found.bound != NULL;
@@ -145,31 +147,32 @@ static void count_case(step_bench *b, const moving *m, step_ratio found) {
   b->prefactored.worst = fmax(b->prefactored.worst, found.value);
 }
 
-static int is_of_stiffness(const moving *m, double h) {
+static int is_of_stiffness(const moving_scene *m, double h) {
   return strcmp(m->kind->name, "cloth64") == 0 && h == LONG;
 }
 
-static void measure_stiffness(step_bench *b, const step_race *r) {
-  const moving *m = r->step.moving;
-  const contestant *ours = r->arrived[BY_PCG][SUMMARY_ACCURACY];
+static void measure_stiffness(step_bench *b, const step_comparison *r) {
+  const moving_scene *m = r->step.moving;
+  const timing_candidate *ours = r->reached[BY_PCG][SUMMARY_ACCURACY];
   if (!ours || !is_of_stiffness(m, r->step.h)) return;
   const double seconds = median_of(ours, whole_seconds);
   if (m->k == SOFT) b->soft = seconds;
   else report_key(b->report, "stiff_over_soft_cloth64", seconds / b->soft);
 }
 
-static void report_keys(step_bench *b, const step_race *r) {
+static void report_keys(step_bench *b, const step_comparison *r) {
   const step_ratio prefactored = over_prefactored(r);
-  report_ratio(b, r, "newton_over_tuned_factor", LAST, over_factor(r));
-  report_ratio(b, r, "newton_over_newton_cholmod", SUMMARY_ACCURACY, over_method(r, BY_CHOLMOD));
-  report_ratio(b, r, "newton_over_prefactored", SUMMARY_ACCURACY, prefactored);
+  report_ratio_and_key(b, r, "newton_over_tuned_factor", LAST, over_factor(r));
+  report_ratio_and_key(b, r, "newton_over_newton_cholmod", SUMMARY_ACCURACY,
+                       over_method(r, BY_CHOLMOD));
+  report_ratio_and_key(b, r, "newton_over_prefactored", SUMMARY_ACCURACY, prefactored);
   count_case(b, r->step.moving, prefactored);
   measure_stiffness(b, r);
 }
 
 /* Initializes the keys of a scene to "no result". */
-static void announce_keys(step_bench *b, const moving *m, double h) {
-  report_key_of(b->report, NULL, m, h, NAN);
+static void init_step_keys(step_bench *b, const moving_scene *m, double h) {
+  report_step_key(b->report, NULL, m, h, NAN);
   if (is_of_stiffness(m, h)) report_key(b->report, "stiff_over_soft_cloth64", NAN);
 }
 
@@ -182,58 +185,58 @@ static void report_prefactored(const step_bench *b) {
 
 /*------------------------------------- all scenes -----------------------------------------------*/
 
-static void measure(step_bench *b, const moving *m, double h) {
+static void measure_step(step_bench *b, const moving_scene *m, double h) {
   msim_error err;
-  step_race *r = NULL;
-  if (wall_seconds() < b->until) r = step_race_run(m, h, &b->plan->each, b->until, &err);
+  step_comparison *r = NULL;
+  if (clock_seconds() < b->until) r = step_comparison_run(m, h, &b->plan->each, b->until, &err);
   if (r && !is_interrupted()) {
-    report_step_race(b->report, r);
+    report_step_comparison(b->report, r);
     report_keys(b, r);
-  } else if (wall_seconds() > b->until) {
+  } else if (clock_seconds() > b->until) {
     report_left_out(b->report, "solution", m, h, "all", "there was no time left");
   } else if (!is_interrupted()) {
     report_unsolved(b->report, m, h, err.text);
     count_case(b, m, (step_ratio){INFINITY, NULL});
   }
-  step_race_free(r);
+  step_comparison_free(r);
 }
 
-static void measure_subject(step_bench *b, const struct subject *subject) {
-  moving m;
+static void measure_subject(step_bench *b, const struct step_case *subject) {
+  moving_scene m;
   const int made =
-      moving_make(scene_named(subject->scene), subject->k, 1, b->plan->fall, b->until, &m);
+      moving_scene_create(scene_named(subject->scene), subject->k, 1, b->plan->fall, b->until, &m);
   for (int i = 0; i < 2 && subject->steps[i] > 0 && !is_interrupted(); i++) {
     print_heading(&m, subject->steps[i]);
-    announce_keys(b, &m, subject->steps[i]);
-    if (made) nonlinear_settle(&m, subject->steps[i]);
-    if (made) measure(b, &m, subject->steps[i]);
+    init_step_keys(b, &m, subject->steps[i]);
+    if (made) nonlinear_step_settle(&m, subject->steps[i]);
+    if (made) measure_step(b, &m, subject->steps[i]);
     else report_left_out(b->report, "solution", &m, subject->steps[i], "all", m.err.text);
   }
-  moving_free(&m);
+  moving_scene_free(&m);
 }
 
-static int is_subject(const bench_scene *scene) {
+static int is_step_scene(const bench_scene *scene) {
   for (int i = 0; i < SUBJECTS; i++)
     if (strcmp(subjects[i].scene, scene->name) == 0) return 1;
   return 0;
 }
 
-int bench_step(const bench_wishes *wishes, report *r) {
+int bench_step(const bench_options *wishes, report *r) {
   const bench_plan *plan = wishes->quick ? &plan_quick : &plan_full;
-  step_bench b = {.wishes = wishes,
+  step_bench b = {.options = wishes,
                   .plan = plan,
                   .report = r,
-                  .until = wall_seconds() + plan->seconds,
+                  .until = clock_seconds() + plan->seconds,
                   .soft = NAN,
                   .prefactored = {.worst = NAN}};
   if (wishes->threads)
-    return complain_usage("", "--threads means nothing to the bench 'step', which runs on one");
+    return report_usage_error("", "--threads means nothing to the bench 'step', which runs on one");
   for (int i = 0; i < wishes->nscenes; i++)
-    if (!is_subject(wishes->scenes[i]))
-      return complain_usage("", "scene '%s' is not one of the bench 'step'",
-                            wishes->scenes[i]->name);
+    if (!is_step_scene(wishes->scenes[i]))
+      return report_usage_error("", "scene '%s' is not one of the bench 'step'",
+                                wishes->scenes[i]->name);
   for (int i = 0; i < SUBJECTS && !is_interrupted(); i++)
-    if (is_wanted(wishes, subjects[i].scene)) measure_subject(&b, &subjects[i]);
+    if (is_scene_selected(wishes, subjects[i].scene)) measure_subject(&b, &subjects[i]);
   report_prefactored(&b);
   return 0;
 }

@@ -32,7 +32,7 @@ typedef enum stress_outcome {
   SILENT,
   CRASHED,
   HUNG,
-  REFUSED, /* no sim was made, as the method does not support the forces; not counted as a cell */
+  UNSUPPORTED, /* no sim was made, as the method does not support the forces; not a cell */
   STRESS_OUTCOMES
 } stress_outcome;
 
@@ -40,7 +40,7 @@ extern const char *const stress_words[STRESS_OUTCOMES];
 
 typedef struct stress_result {
   stress_outcome outcome;
-  int64_t late; /* steps from exceeding the bound to the report; -1: not exceeded */
+  int64_t detection_steps; /* steps from exceeding the bound to the report; -1: not exceeded */
   char text[256];
 } stress_result;
 

@@ -29,36 +29,36 @@ const char *const stress_words[STRESS_OUTCOMES] = {"stable", "bounded", "dissipa
  * largest so far, and lets NAN exceed all bounds. A state that is returned with a report is checked
  * as well, by the largest S so far. */
 
-typedef struct look {
-  double motion; /* kinetic and elastic energy, J */
-  double work;   /* sum m g.x, J */
-  double extent; /* of the free particles, m; INFINITY: not a number */
-} look;
+typedef struct motion_sums {
+  double motion;       /* kinetic and elastic energy, J */
+  double gravity_work; /* sum m g.x, J */
+  double extent;       /* of the free particles, m; INFINITY: not a number */
+} motion_sums;
 
-typedef struct judge {
+typedef struct run_bounds {
   msim_scene_view view;
-  look first;
+  motion_sums first;
   double supply, extent, least; /* S without the work of gravity, J; L0, m; m_least, kg */
   double most;                  /* the largest (K + E)/S */
   double most_supply;           /* the largest S, J */
-} judge;
+} run_bounds;
 
-static double dot(const double a[3], const double b[3]) {
+static double dot3(const double a[3], const double b[3]) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 static double stretch_of(const msim_scene_view *s, int32_t e, const double *x) {
   const double *a = x + 3 * s->ij[2 * e], *b = x + 3 * s->ij[2 * e + 1];
   const double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-  return sqrt(dot(d, d)) - s->rest[e];
+  return sqrt(dot3(d, d)) - s->rest[e];
 }
 
-static look look_at(const msim_scene_view *s, const double *x, const double *v) {
-  look l = {0};
+static motion_sums sum_motion(const msim_scene_view *s, const double *x, const double *v) {
+  motion_sums l = {0};
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (s->pinned[p]) continue;
-    l.motion += s->mass[p] * dot(v + 3 * p, v + 3 * p) / 2;
-    l.work += s->mass[p] * dot(s->gravity, x + 3 * p);
+    l.motion += s->mass[p] * dot3(v + 3 * p, v + 3 * p) / 2;
+    l.gravity_work += s->mass[p] * dot3(s->gravity, x + 3 * p);
     for (int32_t q = 0; q < p; q++)
       for (int c = 0; c < 3 && !s->pinned[q]; c++) {
         const double apart = fabs(x[3 * p + c] - x[3 * q + c]);
@@ -73,14 +73,14 @@ static look look_at(const msim_scene_view *s, const double *x, const double *v) 
  * step; d = sqrt(eps) max |x| + 2 depth: springs stretched by rounding, or by a plane that moves
  * particles behind it to the other side. */
 static double least_supply(const msim_scene_view *s, double extent, double h) {
-  const double g = sqrt(dot(s->gravity, s->gravity));
+  const double g = sqrt(dot3(s->gravity, s->gravity));
   double mass = 0, k = 0, far = 0, fall = extent, depth = 0;
   for (int32_t e = 0; e < s->nsprings; e++) k += s->k[e];
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (!s->pinned[p]) mass += s->mass[p];
     for (int c = 0; c < 3; c++) far = fmax(far, fabs(s->x[3 * p + c]));
     for (int32_t i = 0; i < s->nplanes; i++) {
-      const double above = dot(s->planes[i].normal, s->x + 3 * p) - s->planes[i].offset;
+      const double above = dot3(s->planes[i].normal, s->x + 3 * p) - s->planes[i].offset;
       fall = fmax(fall, above), depth = fmax(depth, -above);
     }
   }
@@ -88,11 +88,11 @@ static double least_supply(const msim_scene_view *s, double extent, double h) {
   return mass * g * (fall + g * h * h) + k * d * d / 2;
 }
 
-static judge begin(const msim_scene *scene, double h) {
-  judge j = {.view = {.size = sizeof j.view}, .least = INFINITY};
+static run_bounds make_run_bounds(const msim_scene *scene, double h) {
+  run_bounds j = {.view = {.size = sizeof j.view}, .least = INFINITY};
   msim_scene_get(scene, &j.view);
   const msim_scene_view *s = &j.view;
-  j.first = look_at(s, s->x, s->v);
+  j.first = sum_motion(s, s->x, s->v);
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (!s->pinned[p]) j.least = fmin(j.least, s->mass[p]);
     for (int32_t q = 0; q < p; q++)
@@ -103,11 +103,11 @@ static judge begin(const msim_scene *scene, double h) {
   return j;
 }
 
-static double supply_at(const judge *j, const look *now) {
-  return j->supply + fmax(0, now->work - j->first.work);
+static double supply_at(const run_bounds *j, const motion_sums *now) {
+  return j->supply + fmax(0, now->gravity_work - j->first.gravity_work);
 }
 
-static int is_beyond(const judge *j, const look *now, double t, double supply) {
+static int is_beyond(const run_bounds *j, const motion_sums *now, double t, double supply) {
   const double reach = j->extent + 2 * t * sqrt(2 * supply / j->least);
   return !(now->motion <= ALLOWED * supply && now->extent <= ALLOWED * reach);
 }
@@ -117,30 +117,31 @@ static int is_beyond(const judge *j, const look *now, double t, double supply) {
 /* REPORTED: the run ended with a status that names the step, and a state within the bounds.
  * Without a status, and if the bounds held: DISSIPATED if K + E - sum m g.x fell by more than a
  * tenth of the initial S, BOUNDED if K + E exceeded 1.1 S, else STABLE. */
-static stress_result judge_run(msim_sim *sim, judge *j, int64_t steps) {
-  stress_result r = {.outcome = STABLE, .late = -1};
+static stress_result judge_run(msim_sim *sim, run_bounds *j, int64_t steps) {
+  stress_result r = {.outcome = STABLE, .detection_steps = -1};
   msim_state state = {.size = sizeof state};
   msim_error err;
   msim_status status = MSIM_OK;
-  look last = j->first;
+  motion_sums last = j->first;
   int64_t step = 0, passed = -1; /* the first step beyond the bounds; -1: none */
   int beyond = 0;
   while (step < steps && !status) {
     status = msim_sim_step(sim, 1, &err);
     step++;
     msim_sim_state(sim, &state);
-    last = look_at(&j->view, state.x, state.v);
+    last = sum_motion(&j->view, state.x, state.v);
     const double supply = supply_at(j, &last);
     j->most = fmax(j->most, last.motion / supply);
     j->most_supply = fmax(j->most_supply, supply);
     beyond = is_beyond(j, &last, state.t, status ? j->most_supply : supply);
     if (beyond && passed < 0 && !status) passed = state.step;
   }
-  const double before = j->first.motion - j->first.work, after = last.motion - last.work;
+  const double before = j->first.motion - j->first.gravity_work,
+               after = last.motion - last.gravity_work;
   if (status) {
     r.outcome = strstr(err.text, "step ") && !beyond ? REPORTED : SILENT;
     snprintf(r.text, sizeof r.text, "%.200s", err.text);
-    if (passed >= 0) r.late = step - passed;
+    if (passed >= 0) r.detection_steps = step - passed;
   } else if (passed >= 0) {
     r.outcome = SILENT;
     snprintf(r.text, sizeof r.text, "beyond at step %lld", (long long)passed);
@@ -151,7 +152,7 @@ static stress_result judge_run(msim_sim *sim, judge *j, int64_t steps) {
 
 static stress_result make_and_run(const stress_scene *s, const char *method, double h,
                                   int64_t steps, int watch) {
-  stress_result r = {.outcome = REFUSED, .late = -1};
+  stress_result r = {.outcome = UNSUPPORTED, .detection_steps = -1};
   msim_scene *scene = NULL;
   msim_sim *sim = NULL;
   msim_error err;
@@ -160,7 +161,7 @@ static stress_result make_and_run(const stress_scene *s, const char *method, dou
   opt.integrator = method, opt.h = h, opt.steps = steps, opt.threads = 1, opt.watch = watch;
   if (stress_make(s, &scene, &err) == MSIM_OK &&
       msim_sim_create(scene, &opt, &sim, &err) == MSIM_OK) {
-    judge j = begin(scene, h);
+    run_bounds j = make_run_bounds(scene, h);
     r = judge_run(sim, &j, steps);
   } else snprintf(r.text, sizeof r.text, "%.200s", err.text);
   msim_sim_destroy(sim);
@@ -170,7 +171,7 @@ static stress_result make_and_run(const stress_scene *s, const char *method, dou
 
 stress_result stress_run(const stress_scene *s, const char *method, double h, int64_t steps,
                          int watch, unsigned seconds) {
-  stress_result r = {.outcome = CRASHED, .late = -1};
+  stress_result r = {.outcome = CRASHED, .detection_steps = -1};
   int ends[2], state = 0;
   fflush(NULL);
   if (pipe(ends) != 0) return r;

@@ -3,7 +3,7 @@
 
 #include "stress.h"
 
-static void flat(double (*x)[3], double (*v)[3]) {
+static void place_undeformed(double (*x)[3], double (*v)[3]) {
   for (int p = 0; p < STRESS_N; p++) {
     x[p][0] = 0.5 * (p % 3), x[p][1] = 0.5 * (p / 3), x[p][2] = 0;
     v[p][0] = v[p][1] = v[p][2] = 0;
@@ -11,39 +11,39 @@ static void flat(double (*x)[3], double (*v)[3]) {
 }
 
 static void coincident(double (*x)[3], double (*v)[3]) {
-  flat(x, v);
+  place_undeformed(x, v);
   for (int p = 3; p < 6; p++)
     for (int c = 0; c < 3; c++) x[p][c] = x[p - 3][c];
 }
 
 static void inverted(double (*x)[3], double (*v)[3]) {
-  flat(x, v);
+  place_undeformed(x, v);
   for (int c = 0; c < 2; c++) x[4][c] = 1.5 + 0.1 * c;
 }
 
 static void crumpled(double (*x)[3], double (*v)[3]) {
-  flat(x, v);
+  place_undeformed(x, v);
   for (int p = 0; p < STRESS_N; p++)
     for (int c = 0; c < 3; c++) x[p][c] = 0.3 * sin(37 * p + 11 * c + 1);
 }
 
 static void buckling(double (*x)[3], double (*v)[3]) {
-  flat(x, v);
+  place_undeformed(x, v);
   for (int p = 0; p < STRESS_N; p++) x[p][0] *= 0.9, x[p][1] *= 0.9, x[p][2] = 1e-6 * (p % 2);
 }
 
 static void folded(double (*x)[3], double (*v)[3]) {
-  flat(x, v);
+  place_undeformed(x, v);
   for (int p = 6; p < STRESS_N; p++) x[p][1] = 0;
 }
 
 static void turning(double (*x)[3], double (*v)[3]) {
-  flat(x, v);
+  place_undeformed(x, v);
   for (int p = 0; p < STRESS_N; p++) v[p][0] = -5 * (x[p][1] - 0.5), v[p][1] = 5 * (x[p][0] - 0.5);
 }
 
 static void upright(double (*x)[3], double (*v)[3]) {
-  flat(x, v);
+  place_undeformed(x, v);
   for (int p = 0; p < STRESS_N; p++) x[p][2] = x[p][1], x[p][1] = 0.01 * (p % 2);
 }
 
@@ -53,12 +53,27 @@ static void raised(double (*x)[3], double (*v)[3]) {
 }
 
 static const stress_scene scenes[] = {
-    {.name = "soft", .k = 1e2, .g = 9.81, .place = flat, .pinned = 1},
-    {.name = "stiff", .k = 1e5, .g = 9.81, .place = flat, .pinned = 1},
-    {.name = "very stiff", .k = 1e9, .g = 9.81, .place = flat, .pinned = 1},
-    {.name = "masses 1:1e4", .k = 1e3, .ratio = 1e4, .g = 9.81, .place = flat, .pinned = 1},
-    {.name = "masses 1:1e9", .k = 1e3, .ratio = 1e9, .g = 9.81, .place = flat, .pinned = 1},
-    {.name = "rest length 0", .k = 1e3, .g = 9.81, .place = flat, .rest = -1, .pinned = 1},
+    {.name = "soft", .k = 1e2, .g = 9.81, .place = place_undeformed, .pinned = 1},
+    {.name = "stiff", .k = 1e5, .g = 9.81, .place = place_undeformed, .pinned = 1},
+    {.name = "very stiff", .k = 1e9, .g = 9.81, .place = place_undeformed, .pinned = 1},
+    {.name = "masses 1:1e4",
+     .k = 1e3,
+     .ratio = 1e4,
+     .g = 9.81,
+     .place = place_undeformed,
+     .pinned = 1},
+    {.name = "masses 1:1e9",
+     .k = 1e3,
+     .ratio = 1e9,
+     .g = 9.81,
+     .place = place_undeformed,
+     .pinned = 1},
+    {.name = "rest length 0",
+     .k = 1e3,
+     .g = 9.81,
+     .place = place_undeformed,
+     .rest = -1,
+     .pinned = 1},
     {.name = "coincident", .k = 1e3, .place = coincident},
     {.name = "inverted", .k = 1e4, .place = inverted},
     {.name = "crumpled", .k = 1e4, .place = crumpled},
@@ -73,10 +88,15 @@ static const stress_scene scenes[] = {
      .g = 9.81,
      .planes = 1,
      .restitution = 0.5,
-     .place = flat,
+     .place = place_undeformed,
      .steps = 1000000},
-    {.name = "damped", .k = 1e3, .damping = 10, .g = 9.81, .place = flat, .pinned = 1},
-    {.name = "overdamped", .k = 1e3, .damping = 1e5, .g = 9.81, .place = flat, .pinned = 1},
+    {.name = "damped", .k = 1e3, .damping = 10, .g = 9.81, .place = place_undeformed, .pinned = 1},
+    {.name = "overdamped",
+     .k = 1e3,
+     .damping = 1e5,
+     .g = 9.81,
+     .place = place_undeformed,
+     .pinned = 1},
     {.name = "thick air", .k = 1e3, .drag = 1e4, .g = 9.81, .place = raised},
     {.name = "falling", .k = 1e3, .g = 9.81, .place = crumpled}};
 
@@ -88,7 +108,7 @@ const stress_scene *stress_info(int i) {
 static msim_status add_springs(const stress_scene *s, msim_scene *scene, msim_error *err) {
   double x[STRESS_N][3], v[STRESS_N][3];
   msim_status status = MSIM_OK;
-  flat(x, v);
+  place_undeformed(x, v);
   for (int32_t i = 0; i < STRESS_N; i++)
     for (int32_t j = i + 1; j < STRESS_N && !status && s->k > 0; j++) {
       const double l = hypot(x[i][0] - x[j][0], x[i][1] - x[j][1]);

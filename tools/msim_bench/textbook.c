@@ -5,10 +5,10 @@
 
 MS_TABLES(textbook_kernels);
 
-int textbook_make(const moving *m, textbook *t) {
+int textbook_make(const moving_scene *m, textbook *t) {
   const msim_scene_view *s = &m->view;
   const size_t n = (size_t)s->nparticles;
-  *t = (textbook){.kernels = textbook_kernels_of[ms_isa_best()],
+  *t = (textbook){.kernels = textbook_kernels_of[ms_isa_choose()],
                   .nparticles = s->nparticles,
                   .nsprings = s->nsprings,
                   .ij = s->ij,

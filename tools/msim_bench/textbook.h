@@ -4,7 +4,7 @@
 #define BENCH_TEXTBOOK_H
 
 #include "base/isa.h"
-#include "scenes.h"
+#include "bench_scenes.h"
 
 typedef struct textbook textbook;
 
@@ -23,7 +23,7 @@ struct textbook {
 };
 
 /* Copies the state of m, which must outlive t. Returns 0 if out of memory. */
-int textbook_make(const moving *m, textbook *t);
+int textbook_make(const moving_scene *m, textbook *t);
 void textbook_free(textbook *t);
 
 #endif

@@ -4,7 +4,7 @@
 #include "textbook.h"
 
 /* F = m g + sum of k (l - L) d/l */
-static void forces(const textbook *t) {
+static void textbook_forces(const textbook *t) {
   const double *restrict x = t->x;
   double *restrict f = t->f;
   for (int32_t i = 0; i < t->nparticles; i++)
@@ -20,8 +20,8 @@ static void forces(const textbook *t) {
 }
 
 /* v' = v + h F/m, x' = x + h v' */
-static void step(textbook *t, double h) {
-  forces(t);
+static void textbook_step(textbook *t, double h) {
+  textbook_forces(t);
   double *restrict x = t->x, *restrict v = t->v;
   const double *restrict f = t->f;
   for (int32_t i = 0; i < t->nparticles; i++)
@@ -33,4 +33,4 @@ static void step(textbook *t, double h) {
 
 #define TEXT_(word) #word
 #define TEXT(word)  TEXT_(word)
-const textbook_kernels MS_TABLE(textbook_kernels) = {TEXT(MS_ISA), step};
+const textbook_kernels MS_TABLE(textbook_kernels) = {TEXT(MS_ISA), textbook_step};

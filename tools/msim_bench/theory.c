@@ -4,7 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
-const double zetas[ZETAS] = {0, 0.1, 1};
+const double zetas[DAMPING_RATIOS] = {0, 0.1, 1};
 
 /*------------------------------------- the table ------------------------------------------------*/
 
@@ -56,7 +56,7 @@ const theory *theory_at(int i) {
   return i >= 0 && i < (int)(sizeof table / sizeof *table) ? &table[i] : NULL;
 }
 
-const theory *theory_of(const char *method) {
+const theory *theory_find(const char *method) {
   const theory *t;
   for (int i = 0; (t = theory_at(i)) != NULL; i++)
     if (strcmp(t->method, method) == 0 && t->soft == 0) return t;
@@ -70,20 +70,20 @@ double theory_rate(const theory *t, double z) {
 }
 
 /* Rounding alone lets a double root grow by 1e-8 per step. */
-static int grows(const theory *t, double zeta, double z) {
+static int step_amplifies(const theory *t, double zeta, double z) {
   return amplification_rate(t->step, zeta, z) > 1e-6;
 }
 
 /* dz is below the narrowest unstable range, that of rkn6, 9e-4. */
-static double find_limit(const theory *t, double zeta) {
+static double scan_stability_limit(const theory *t, double zeta) {
   const double furthest = 10, dz = 1e-4;
   double z = dz;
-  if (grows(t, zeta, 0.1)) return 0;
-  while (z < furthest && !grows(t, zeta, z)) z += dz;
+  if (step_amplifies(t, zeta, 0.1)) return 0;
+  while (z < furthest && !step_amplifies(t, zeta, z)) z += dz;
   return z < furthest ? z - dz / 2 : INFINITY;
 }
 
-static double find_peak(const theory *t, double zeta, double limit) {
+static double find_growth_peak(const theory *t, double zeta, double limit) {
   const double dz = 1e-4;
   double z = limit + dz;
   while (z < 1.5 * limit &&
@@ -93,8 +93,8 @@ static double find_peak(const theory *t, double zeta, double limit) {
 }
 
 double theory_limit(const theory *t, int zeta, double *peak) {
-  const double limit = t->step ? find_limit(t, zetas[zeta]) : t->limit[zeta];
+  const double limit = t->step ? scan_stability_limit(t, zetas[zeta]) : t->limit[zeta];
   const int has_peak = t->step && limit > 0 && isfinite(limit);
-  *peak = has_peak ? find_peak(t, zetas[zeta], limit) : 1.5 * limit;
+  *peak = has_peak ? find_growth_peak(t, zetas[zeta], limit) : 1.5 * limit;
   return limit;
 }

@@ -5,21 +5,21 @@
 
 #include "amplification.h"
 
-enum { ZETAS = 3 };
-extern const double zetas[ZETAS]; /* damping ratios 0, 0.1, 1 */
+enum { DAMPING_RATIOS = 3 };
+extern const double zetas[DAMPING_RATIOS]; /* damping ratios 0, 0.1, 1 */
 
 typedef struct theory {
   const char *method;
-  double limit[ZETAS];      /* of z = h w at each damping ratio; INFINITY: none */
-  double (*rate)(double z); /* growth rate: ln of the amplification per step, undamped */
-  amplification *step;      /* replaces limit and rate */
-  int undamped;             /* valid without damping only */
-  double soft;              /* soft springs beside the one of 1 N/m, N/m in total */
+  double limit[DAMPING_RATIOS]; /* of z = h w at each damping ratio; INFINITY: none */
+  double (*rate)(double z);     /* growth rate: ln of the amplification per step, undamped */
+  amplification_step *step;     /* replaces limit and rate */
+  int undamped;                 /* valid without damping only */
+  double soft;                  /* soft springs beside the one of 1 N/m, N/m in total */
 } theory;
 
 /* The i-th entry; NULL past the end. The entry of a method on a single spring; NULL: none. */
 const theory *theory_at(int i);
-const theory *theory_of(const char *method);
+const theory *theory_find(const char *method);
 
 double theory_rate(const theory *t, double z);
 

@@ -7,77 +7,78 @@
 #include "msim/msim.h"
 
 /* Sleeps, so that threads that wait by spinning (OpenBLAS, OpenMP) go to sleep. */
-void rest_seconds(double seconds);
+void sleep_seconds(double seconds);
 
 /* Result of one run: seconds in total and by phase; means if the run is a series of steps. */
-typedef struct sample {
+typedef struct timing_sample {
   double whole, force, assemble, factor, solve;
   double median;  /* s, over the steps of a series */
   double kinetic; /* J, the smallest after a step of a series, to show motion */
   int64_t iterations;
-} sample;
+} timing_sample;
 
 /* Selects one value of a sample. */
-typedef double sample_value(const sample *s);
-double whole_seconds(const sample *s);
-double median_seconds(const sample *s);
-double kinetic_energy(const sample *s);
-double force_seconds(const sample *s);
-double assemble_seconds(const sample *s);
-double factor_seconds(const sample *s);
-double solve_seconds(const sample *s);
-double linear_seconds(const sample *s);      /* factor and solve */
-double solve_per_iteration(const sample *s); /* NAN without iterations */
+typedef double sample_value(const timing_sample *s);
+double whole_seconds(const timing_sample *s);
+double median_seconds(const timing_sample *s);
+double kinetic_energy(const timing_sample *s);
+double force_seconds(const timing_sample *s);
+double assemble_seconds(const timing_sample *s);
+double factor_seconds(const timing_sample *s);
+double solve_seconds(const timing_sample *s);
+double linear_seconds(const timing_sample *s);      /* factor and solve */
+double solve_per_iteration(const timing_sample *s); /* NAN without iterations */
 
-enum { MOST_ROUNDS = 60 };
+enum { MAX_ROUNDS = 60 };
 
-typedef struct contestant {
+typedef struct timing_candidate {
   char name[32];
   const char *family;  /* only its fastest is compared with others; usually `name` */
   const char *measure; /* such as "step" */
   /* Runs once. Returns 0 on failure and sets reason; it is then not run again. */
-  int (*run)(struct contestant *c, sample *s);
+  int (*run)(struct timing_candidate *c, timing_sample *s);
   void *data;      /* for run */
   double residual; /* ||b - A dv|| / ||b|| of its solution; NAN: unknown */
   int failed;
   char reason[1024];
-  int n;        /* samples; the first warms up and counts only if it is the only one */
-  double spent; /* s, total wall time of its runs */
-  sample samples[MOST_ROUNDS];
-} contestant;
+  int nsamples;         /* samples; the first warms up and counts only if it is the only one */
+  double total_seconds; /* s, total wall time of its runs */
+  timing_sample samples[MAX_ROUNDS];
+} timing_candidate;
 
-typedef struct patience {
-  int most;      /* rounds after the first, at most MOST_ROUNDS - 1 */
-  double budget; /* s, shared equally; a candidate stops when it has used its share */
-  int rounds;    /* at least so many after the first, unless they take half of the budget */
-  double until;  /* on wall_seconds' clock: no run starts after it */
-} patience;
+typedef struct timing_limits {
+  int max_rounds; /* rounds after the first, at most MAX_ROUNDS - 1 */
+  double budget;  /* s, shared equally; a candidate stops when it has used its share */
+  int min_rounds; /* at least so many after the first, unless they take half of the budget */
+  double until;   /* on wall_seconds' clock: no run starts after it */
+} timing_limits;
 
-/* Times at most MOST_SERIES steps of a sim: mean, median, smallest kinetic energy. Returns 0 if a
+/* Times at most MAX_SERIES steps of a sim: mean, median, smallest kinetic energy. Returns 0 if a
  * step fails or the time is up before the last one, and sets err. */
-enum { MOST_SERIES = 64 };
-int time_series(msim_sim *sim, int steps, double until, sample *s, msim_error *err);
+enum { MAX_SERIES = 64 };
+int time_series(msim_sim *sim, int steps, double until, timing_sample *s, msim_error *err);
 
 /* Runs all candidates in turn; every other round is in reverse order. */
-void contest(contestant *all, int count, const patience *p);
+void time_in_turn(timing_candidate *all, int count, const timing_limits *p);
 
 /* The quantile q of n values, by linear interpolation; sorts v. */
 double quantile(int n, double *v, double q);
 
 /* Median and relative interquartile range of a candidate. */
-double median_of(const contestant *c, sample_value *value);
-double spread_of(const contestant *c, sample_value *value);
+double median_of(const timing_candidate *c, sample_value *value);
+double spread_of(const timing_candidate *c, sample_value *value);
 
 /* Median over the rounds of the ratio a / b; NAN: there is none. */
-double median_ratio(const contestant *a, sample_value *of_a, const contestant *b,
+double median_ratio(const timing_candidate *a, sample_value *of_a, const timing_candidate *b,
                     sample_value *of_b);
 
 /* Paired timing: runs two candidates alone, in turn and repeatedly, because the speed of a machine
  * drifts by more than they differ. Returns their median_ratio. a may be b; pair: their samples. */
-double duel(const contestant *a, sample_value *of_a, const contestant *b, sample_value *of_b,
-            const patience *p, contestant pair[2]);
+double time_pair(const timing_candidate *a, sample_value *of_a, const timing_candidate *b,
+                 sample_value *of_b, const timing_limits *p, timing_candidate pair[2]);
 
 /* The fastest candidate of a family that did not fail; NULL: none. */
-const contestant *fastest(const contestant *all, int count, const char *family);
+const timing_candidate *fastest_candidate(const timing_candidate *all, int count,
+                                          const char *family);
 
 #endif

@@ -26,23 +26,23 @@ void triad_free(triad *t) {
   *t = (triad){0};
 }
 
-static void pass(const triad *t, size_t begin, size_t end, double s) {
+static void triad_pass(const triad *t, size_t begin, size_t end, double s) {
   double *restrict a = t->a;
   const double *restrict b = t->b, *restrict c = t->c;
   for (size_t i = begin; i < end; i++) a[i] = b[i] + s * c[i];
 }
 
-typedef struct half {
+typedef struct triad_share {
   const triad *triad;
   size_t begin, end;
   int passes;
   pthread_barrier_t *ready;
-} half;
+} triad_share;
 
 static void *run_half(void *data) {
-  const half *h = data;
+  const triad_share *h = data;
   if (h->ready) pthread_barrier_wait(h->ready);
-  for (int i = 0; i < h->passes; i++) pass(h->triad, h->begin, h->end, i + 1);
+  for (int i = 0; i < h->passes; i++) triad_pass(h->triad, h->begin, h->end, i + 1);
   return NULL;
 }
 
@@ -50,14 +50,14 @@ static double run_two(const triad *t, int passes) {
   pthread_barrier_t ready;
   pthread_t other;
   pthread_barrier_init(&ready, NULL, 2);
-  half mine = {t, 0, t->n / 2, passes, NULL}, theirs = {t, t->n / 2, t->n, passes, &ready};
+  triad_share mine = {t, 0, t->n / 2, passes, NULL}, theirs = {t, t->n / 2, t->n, passes, &ready};
   double seconds = NAN;
   if (pthread_create(&other, NULL, run_half, &theirs) == 0) {
     pthread_barrier_wait(&ready);
-    const double start = wall_seconds();
+    const double start = clock_seconds();
     run_half(&mine);
     pthread_join(other, NULL);
-    seconds = wall_seconds() - start;
+    seconds = clock_seconds() - start;
   }
   pthread_barrier_destroy(&ready);
   return seconds / passes;
@@ -65,8 +65,8 @@ static double run_two(const triad *t, int passes) {
 
 double triad_seconds(const triad *t, int threads, int passes) {
   if (threads == 2) return run_two(t, passes);
-  half all = {t, 0, t->n, passes, NULL};
-  const double start = wall_seconds();
+  triad_share all = {t, 0, t->n, passes, NULL};
+  const double start = clock_seconds();
   run_half(&all);
-  return (wall_seconds() - start) / passes;
+  return (clock_seconds() - start) / passes;
 }

@@ -96,7 +96,7 @@ static size_t edit_distance(const char *a, size_t na, const char *b) {
 }
 
 /* The flag that was probably meant: one that begins like the word, else the nearest; NULL: none */
-static const char *nearest(const struct option *all, const char *word, size_t length) {
+static const char *nearest_flag(const struct option *all, const char *word, size_t length) {
   const char *best = NULL;
   size_t least = length / 3 + 2;
   for (const struct option *o = all; o->name; o++) {
@@ -109,14 +109,14 @@ static const char *nearest(const struct option *all, const char *word, size_t le
   return best;
 }
 
-static int complain_unknown(const arguments *args, const struct option *all, const char *given) {
+static int report_unknown_flag(const arguments *args, const struct option *all, const char *given) {
   const char *command = command_name(args->which);
   int length = (int)strcspn(given, "=");
-  const char *meant = length > 2 ? nearest(all, given + 2, (size_t)length - 2) : NULL;
+  const char *meant = length > 2 ? nearest_flag(all, given + 2, (size_t)length - 2) : NULL;
   if (meant)
-    return complain_usage(command, "there is no option '%.*s' (did you mean '--%s'?)", length,
-                          given, meant);
-  return complain_usage(command, "there is no option '%.*s'", length, given);
+    return report_usage_error(command, "there is no option '%.*s' (did you mean '--%s'?)", length,
+                              given, meant);
+  return report_usage_error(command, "there is no option '%.*s'", length, given);
 }
 
 /*------------------------------------- parsing --------------------------------------------------*/
@@ -124,10 +124,10 @@ static int complain_unknown(const arguments *args, const struct option *all, con
 static int take_operand(arguments *args, const char *text) {
   const char *command = command_name(args->which);
   if (args->which == COMMAND_LIST)
-    return complain_usage(command, "list takes no file, but '%s' is given", text);
+    return report_usage_error(command, "list takes no file, but '%s' is given", text);
   if (args->scene)
-    return complain_usage(command, "%s takes one scene, but '%s' and '%s' are given", command,
-                          args->scene, text);
+    return report_usage_error(command, "%s takes one scene, but '%s' and '%s' are given", command,
+                              args->scene, text);
   args->scene = text;
   return EXIT_OK;
 }
@@ -139,7 +139,8 @@ static int take_flag(arguments *args, const cli_flag *flag, const char *value) {
     return EXIT_OK;
   }
   if (!*value)
-    return complain_usage(command_name(args->which), "--%s needs the name of a file", flag->name);
+    return report_usage_error(command_name(args->which), "--%s needs the name of a file",
+                              flag->name);
   *(const char **)member = value;
   return EXIT_OK;
 }
@@ -147,28 +148,29 @@ static int take_flag(arguments *args, const cli_flag *flag, const char *value) {
 static int take_option(arguments *args, const char *name, const char *value) {
   msim_error err;
   if (msim_options_set(&args->options, name, value, &err) != MSIM_OK)
-    return complain_usage(command_name(args->which), "on the command line, %s", err.text);
+    return report_usage_error(command_name(args->which), "on the command line, %s", err.text);
   args->settings[args->nsettings++] = (setting){name, value};
   return EXIT_OK;
 }
 
 /* Report an error of getopt_long; which: '?' or ':', optopt: the flag. */
-static int complain_getopt(const arguments *args, const struct option *all, int which,
-                           const char *given) {
+static int report_getopt_error(const arguments *args, const struct option *all, int which,
+                               const char *given) {
   const char *command = command_name(args->which);
-  if (which == ':') return complain_usage(command, "%s needs a value", given);
+  if (which == ':') return report_usage_error(command, "%s needs a value", given);
   if (optopt >= FIRST_FLAG)
-    return complain_usage(command, "%.*s takes no value", (int)strcspn(given, "="), given);
-  if (optopt) return complain_usage(command, "there is no option '-%c'", optopt);
-  return complain_unknown(args, all, given);
+    return report_usage_error(command, "%.*s takes no value", (int)strcspn(given, "="), given);
+  if (optopt) return report_usage_error(command, "there is no option '-%c'", optopt);
+  return report_unknown_flag(args, all, given);
 }
 
 /* Take a flag that getopt_long returned. Abbreviations, which it accepts, are errors: a new option
  * must not change what an old script means. */
-static int take_long(arguments *args, const struct option *all, int value, const char *given) {
+static int take_long_option(arguments *args, const struct option *all, int value,
+                            const char *given) {
   const msim_option_entry *option = msim_option_info(value - FIRST_OPTION);
   const char *name = option ? option->name : flags[value - FIRST_FLAG].name;
-  if (strcspn(given, "=") != strlen(name) + 2) return complain_unknown(args, all, given);
+  if (strcspn(given, "=") != strlen(name) + 2) return report_unknown_flag(args, all, given);
   if (option) return take_option(args, name, optarg);
   return take_flag(args, &flags[value - FIRST_FLAG], optarg);
 }
@@ -181,25 +183,25 @@ static int parse_all(arguments *args, int argc, char **argv, const struct option
   while (!status && (value = getopt_long(argc, argv, "-:", all, NULL)) != -1) {
     const char *given = argv[optind - 1];
     if (value == 1) status = take_operand(args, optarg);
-    else if (value == '?' || value == ':') status = complain_getopt(args, all, value, given);
-    else status = take_long(args, all, value, optarg == given ? argv[optind - 2] : given);
+    else if (value == '?' || value == ':') status = report_getopt_error(args, all, value, given);
+    else status = take_long_option(args, all, value, optarg == given ? argv[optind - 2] : given);
     if (args->help) return EXIT_OK;
   }
   while (!status && optind < argc) status = take_operand(args, argv[optind++]);
   return status;
 }
 
-static int check_whole(const arguments *args) {
+static int check_combination(const arguments *args) {
   const char *command = command_name(args->which);
   if (args->help) return EXIT_OK;
   if (args->resume && !args->out)
-    return complain_usage(command, "--resume needs --out, the file to go on with");
+    return report_usage_error(command, "--resume needs --out, the file to go on with");
   if (args->resume && args->force)
-    return complain_usage(command, "--resume and --force exclude each other");
+    return report_usage_error(command, "--resume and --force exclude each other");
   if (args->options.every > 0 && args->options.fps > 0)
-    return complain_usage(command, "--every and --fps exclude each other");
+    return report_usage_error(command, "--every and --fps exclude each other");
   if (!args->scene && args->which != COMMAND_LIST)
-    return complain_usage(command, "%s needs a scene file", command);
+    return report_usage_error(command, "%s needs a scene file", command);
   return EXIT_OK;
 }
 
@@ -209,9 +211,9 @@ int arguments_parse(command_id which, int argc, char **argv, arguments *args) {
   args->settings = calloc((size_t)argc, sizeof *args->settings);
   struct option *all = long_options(which);
   int status = all && args->settings ? parse_all(args, argc, argv, all)
-                                     : complain("out of memory for the command line");
+                                     : report_error("out of memory for the command line");
   free(all);
-  return status ? status : check_whole(args);
+  return status ? status : check_combination(args);
 }
 
 void arguments_free(arguments *args) { free(args->settings); }
@@ -219,7 +221,7 @@ void arguments_free(arguments *args) { free(args->settings); }
 /*------------------------------------- options of a run -----------------------------------------*/
 
 /* Some options replace one another: one on the command line unsets the other one of the scene. */
-static void unset_others(const msim_options *given, msim_options *options) {
+static void unset_replaced(const msim_options *given, msim_options *options) {
   if (given->t_end >= 0) options->steps = -1;
   if (given->steps >= 0) options->tol = 0;
   if (given->every > 0) options->fps = 0;
@@ -230,8 +232,8 @@ int arguments_options(const arguments *args, const msim_scene *scene, msim_optio
   msim_error err;
   msim_options_init(options, sizeof *options);
   msim_status status = msim_options_from_scene(options, scene, &err);
-  unset_others(&args->options, options);
+  unset_replaced(&args->options, options);
   for (int i = 0; i < args->nsettings && !status; i++)
     status = msim_options_set(options, args->settings[i].name, args->settings[i].value, &err);
-  return status ? complain("%s", err.text) : EXIT_OK;
+  return status ? report_error("%s", err.text) : EXIT_OK;
 }

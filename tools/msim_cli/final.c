@@ -97,7 +97,7 @@ static int all_finite(size_t n, const double *x) {
 }
 
 /* The key of a number that is not finite, which JSON cannot represent; NULL: all are finite. */
-static const char *find_culprit(const content *c) {
+static const char *find_not_finite(const content *c) {
   const msim_state *s = &c->state;
   const msim_energy *e = &c->energy;
   size_t n = 3 * (size_t)s->n;
@@ -119,94 +119,95 @@ int final_write(output_file *file, msim_sim *sim, msim_status status) {
   msim_sim_state(sim, &c.state);
   msim_sim_energy(sim, &c.energy);
   msim_sim_stats(sim, &c.stats);
-  const char *culprit = find_culprit(&c);
+  const char *culprit = find_not_finite(&c);
   if (culprit)
-    return complain("'%s' is not written: its '%s' would not be finite", file->path, culprit);
+    return report_error("'%s' is not written: its '%s' would not be finite", file->path, culprit);
   errno = 0;
   return output_close(file, put_content(file->stream, &c));
 }
 
 /*------------------------------------- reading --------------------------------------------------*/
 
-typedef struct init {
+typedef struct initial_state {
   const char *path;
   json_t *root;
   msim_state state;
   double *x, *v, *v_half; /* 3n: what state points to */
-} init;
+} initial_state;
 
-static int take_triple(const init *in, const char *key, int32_t i, double *to) {
+static int take_triple(const initial_state *in, const char *key, int32_t i, double *to) {
   const json_t *row = json_array_get(json_object_get(in->root, key), (size_t)i);
   if (json_array_size(row) != 3)
-    return complain("%s: %s[%d] must be three numbers", in->path, key, (int)i);
+    return report_error("%s: %s[%d] must be three numbers", in->path, key, (int)i);
   for (size_t k = 0; k < 3; k++) {
     const json_t *number = json_array_get(row, k);
     if (!json_is_number(number))
-      return complain("%s: %s[%d][%d] must be a number", in->path, key, (int)i, (int)k);
+      return report_error("%s: %s[%d][%d] must be a number", in->path, key, (int)i, (int)k);
     to[k] = json_number_value(number);
   }
   return EXIT_OK;
 }
 
 /* Read an array of n triples, to be freed by the caller; *to stays NULL without such a key. */
-static int take_triples(const init *in, const char *key, double **to) {
+static int take_triples(const initial_state *in, const char *key, double **to) {
   const json_t *rows = json_object_get(in->root, key);
   int32_t n = in->state.n;
   if (!rows) return EXIT_OK;
   if (!json_is_array(rows) || json_array_size(rows) != (size_t)n)
-    return complain("%s: %s must be %d triples, one for each particle of the scene, but %s%zu",
-                    in->path, key, (int)n,
-                    json_is_array(rows) ? "there are " : "is none: ", json_array_size(rows));
+    return report_error("%s: %s must be %d triples, one for each particle of the scene, but %s%zu",
+                        in->path, key, (int)n,
+                        json_is_array(rows) ? "there are " : "is none: ", json_array_size(rows));
   *to = malloc(((size_t)n + 1) * 3 * sizeof **to);
-  if (!*to) return complain("out of memory for %s of '%s'", key, in->path);
+  if (!*to) return report_error("out of memory for %s of '%s'", key, in->path);
   for (int32_t i = 0; i < n; i++)
     if (take_triple(in, key, i, *to + 3 * (size_t)i)) return EXIT_ERROR;
   return EXIT_OK;
 }
 
-static int take_time(init *in) {
+static int take_time(initial_state *in) {
   const json_t *step = json_object_get(in->root, "step"), *t = json_object_get(in->root, "t");
   const json_t *h = json_object_get(in->root, "h");
   if (step && (!json_is_integer(step) || json_integer_value(step) < 0))
-    return complain("%s: step must be a whole number >= 0", in->path);
-  if (t && !json_is_number(t)) return complain("%s: t must be a number", in->path);
-  if (h && !json_is_number(h)) return complain("%s: h must be a number", in->path);
+    return report_error("%s: step must be a whole number >= 0", in->path);
+  if (t && !json_is_number(t)) return report_error("%s: t must be a number", in->path);
+  if (h && !json_is_number(h)) return report_error("%s: h must be a number", in->path);
   in->state.h = json_number_value(h); /* 0 if it is missing: v_half then belongs to no h */
   if (step) in->state.step = json_integer_value(step);
   if (t) in->state.t = json_number_value(t);
   return EXIT_OK;
 }
 
-static int take_state(init *in) {
+static int take_state(initial_state *in) {
   const json_t *version = json_object_get(in->root, "msim");
   if (!json_is_object(in->root) || !version)
-    return complain("%s is not a final state: it has no key 'msim'", in->path);
+    return report_error("%s is not a final state: it has no key 'msim'", in->path);
   if (!json_is_integer(version) || json_integer_value(version) != 1)
-    return complain("%s: msim must be 1, the version of the format", in->path);
+    return report_error("%s: msim must be 1, the version of the format", in->path);
   if (take_time(in) || take_triples(in, "x", &in->x) || take_triples(in, "v", &in->v) ||
       take_triples(in, "v_half", &in->v_half))
     return EXIT_ERROR;
   if (!in->x || !in->v)
-    return complain("%s is not a final state: it has no key '%s'", in->path, in->x ? "v" : "x");
+    return report_error("%s is not a final state: it has no key '%s'", in->path, in->x ? "v" : "x");
   in->state.x = in->x;
   in->state.v = in->v;
   in->state.v_half = in->v_half;
   return EXIT_OK;
 }
 
-int init_read(const char *path, msim_sim *sim) {
+int final_read(const char *path, msim_sim *sim) {
   json_error_t error;
   msim_error err;
-  init in = {.path = path, .state = {.size = sizeof in.state}};
+  initial_state in = {.path = path, .state = {.size = sizeof in.state}};
   int status = EXIT_OK;
   msim_sim_state(sim, &in.state);
   in.root = json_load_file(path, JSON_REJECT_DUPLICATES, &error);
   if (!in.root)
-    status = error.line > 0 ? complain("%s:%d:%d: %s", path, error.line, error.column, error.text)
-                            : complain("%s", error.text);
+    status = error.line > 0
+                 ? report_error("%s:%d:%d: %s", path, error.line, error.column, error.text)
+                 : report_error("%s", error.text);
   else status = take_state(&in);
   if (!status && msim_sim_set_state(sim, &in.state, &err) != MSIM_OK)
-    status = complain("%s: %s", path, err.text);
+    status = report_error("%s: %s", path, err.text);
   json_decref(in.root);
   free(in.x);
   free(in.v);

@@ -9,6 +9,6 @@
 int final_write(output_file *file, msim_sim *sim, msim_status status);
 
 /* Set the sim to the state in a file that final_write wrote. Prints errors. */
-int init_read(const char *path, msim_sim *sim);
+int final_read(const char *path, msim_sim *sim);
 
 #endif

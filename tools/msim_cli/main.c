@@ -18,11 +18,11 @@ static int explain_command(const arguments *args) {
   msim_sim *sim = NULL;
   msim_error err;
   const char *text;
-  int status = setup_make(args, &made);
+  int status = setup_load(args, &made);
   if (!status) {
     msim_status made_sim = msim_sim_create(made.scene, &made.options, &sim, &err);
     if (!made_sim) made_sim = msim_sim_explain(sim, &text, &err);
-    if (made_sim) status = setup_failed(made_sim, &err);
+    if (made_sim) status = setup_report_error(made_sim, &err);
     else fputs(text, stdout);
   }
   msim_sim_destroy(sim);
@@ -30,7 +30,7 @@ static int explain_command(const arguments *args) {
   return status;
 }
 
-static int run_one(command_id which, int argc, char **argv) {
+static int run_named_command(command_id which, int argc, char **argv) {
   static int (*const commands[NCOMMANDS])(const arguments *) = {run_command, explain_command,
                                                                 report_list};
   arguments args;
@@ -42,20 +42,20 @@ static int run_one(command_id which, int argc, char **argv) {
 }
 
 static int dispatch(int argc, char **argv) {
-  if (argc < 2) return complain_usage("", "a command is missing: run, explain or list");
+  if (argc < 2) return report_usage_error("", "a command is missing: run, explain or list");
   if (strcmp(argv[1], "--help") == 0) help_program();
   else if (strcmp(argv[1], "--version") == 0) help_version();
   else {
     for (int i = 0; i < NCOMMANDS; i++)
       if (strcmp(argv[1], command_name((command_id)i)) == 0)
-        return run_one((command_id)i, argc - 1, argv + 1);
-    return complain_usage("", "there is no command '%s', only run, explain and list", argv[1]);
+        return run_named_command((command_id)i, argc - 1, argv + 1);
+    return report_usage_error("", "there is no command '%s', only run, explain and list", argv[1]);
   }
   return EXIT_OK;
 }
 
 int main(int argc, char **argv) {
   standard_begin();
-  choose_blas_kernels();
+  blas_choose_kernels();
   return standard_end(dispatch(argc, argv));
 }

@@ -25,7 +25,7 @@ static int terminal_columns(void) {
 }
 
 /* Append a part if all of it fits in the line; the most important parts come first. */
-static void append(char *line, int columns, const char *part) {
+static void append_part(char *line, int columns, const char *part) {
   size_t used = strlen(line), length = strlen(part);
   if (used + length <= (size_t)columns) memcpy(line + used, part, length + 1);
 }
@@ -35,7 +35,7 @@ static void append_left(char *line, int columns, double left) {
   long s = left < 1e9 ? (long)(left + 0.5) : 999999999L;
   if (s < 3600) snprintf(part, sizeof part, "  %ld:%02ld left", s / 60, s % 60);
   else snprintf(part, sizeof part, "  %ld:%02ld:%02ld left", s / 3600, s / 60 % 60, s % 60);
-  append(line, columns, part);
+  append_part(line, columns, part);
 }
 
 static void append_speed(char *line, int columns, double speed) {
@@ -44,7 +44,7 @@ static void append_speed(char *line, int columns, double speed) {
   else if (speed < 1e4) snprintf(part, sizeof part, "  %.0f steps/s", speed);
   else if (speed < 1e7) snprintf(part, sizeof part, "  %.0fk steps/s", speed / 1e3);
   else snprintf(part, sizeof part, "  %.0fM steps/s", speed / 1e6);
-  append(line, columns, part);
+  append_part(line, columns, part);
 }
 
 /* "[####----] 50%" */
@@ -58,11 +58,11 @@ static void append_bar(char *line, int columns, double done) {
     *to++ = ']';
   }
   snprintf(to, 16, "%4d%%", (int)(100 * done));
-  append(line, columns, part);
+  append_part(line, columns, part);
 }
 
-static void describe(const progress *bar, char *line, int columns, double now, int64_t step,
-                     double t, double t_end) {
+static void compose_line(const progress *bar, char *line, int columns, double now, int64_t step,
+                         double t, double t_end) {
   char part[80];
   int64_t made = step - bar->first, all = bar->end - bar->first;
   double elapsed = now - bar->started, speed = (double)made / elapsed;
@@ -72,9 +72,9 @@ static void describe(const progress *bar, char *line, int columns, double now, i
   int digits = snprintf(part, sizeof part, "%" PRId64, bar->end);
   if (all > 0) snprintf(part, sizeof part, "  step %*" PRId64 "/%" PRId64, digits, step, bar->end);
   else snprintf(part, sizeof part, "  step %" PRId64, step);
-  append(line, columns, part);
+  append_part(line, columns, part);
   snprintf(part, sizeof part, "  t %#.4g/%.4g s", t, t_end);
-  append(line, columns, part);
+  append_part(line, columns, part);
   append_speed(line, columns, speed);
 }
 
@@ -87,7 +87,7 @@ static void print_line(progress *bar, const char *line, const char *ending) {
 }
 
 void progress_start(progress *bar, int quiet, int64_t first, int64_t end, double t_first) {
-  double now = wall_seconds();
+  double now = clock_seconds();
   *bar = (progress){.wanted = !quiet && end != first && isatty(STDERR_FILENO),
                     .first = first,
                     .end = end,
@@ -100,7 +100,7 @@ void progress_update(progress *bar, double now, int64_t step, double t, double t
   char line[WIDEST] = "";
   if (!bar->wanted || now - bar->started < 0.5 || now - bar->drawn < 0.1) return;
   bar->drawn = now;
-  describe(bar, line, terminal_columns(), now, step, t, t_end);
+  compose_line(bar, line, terminal_columns(), now, step, t, t_end);
   print_line(bar, line, "");
 }
 

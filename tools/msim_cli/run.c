@@ -62,23 +62,24 @@ static void catch_signals(msim_sim *sim) {
 static void print_note(const char *text, void *user) {
   run *r = user;
   progress_hide(&r->bar);
-  complain("note: %s", text);
+  report_error("note: %s", text);
   r->report.notes++;
 }
 
 /* Files are renamed when they are written, which would replace a device or a pipe. */
 static int check_target(const char *flag, const char *path) {
-  const char *kind = not_a_file(path);
-  return kind ? complain_usage("run", "%s '%s' is %s, not a file", flag, path, kind) : EXIT_OK;
+  const char *kind = special_file_kind(path);
+  return kind ? report_usage_error("run", "%s '%s' is %s, not a file", flag, path, kind) : EXIT_OK;
 }
 
 static int check_files(const arguments *args) {
   if (same_file(args->out, args->scene) || same_file(args->final, args->scene))
-    return complain_usage("run", "'%s' is the scene; a run does not write over it", args->scene);
+    return report_usage_error("run", "'%s' is the scene; a run does not write over it",
+                              args->scene);
   if (same_file(args->out, args->init))
-    return complain_usage("run", "'%s' cannot be both --init and --out", args->out);
+    return report_usage_error("run", "'%s' cannot be both --init and --out", args->out);
   if (same_file(args->out, args->final))
-    return complain_usage("run", "'%s' cannot be both --out and --final", args->out);
+    return report_usage_error("run", "'%s' cannot be both --out and --final", args->out);
   if (check_target("--out", args->out)) return EXIT_ERROR;
   return check_target("--final", args->final);
 }
@@ -100,25 +101,25 @@ static int make_sim(run *r) {
   const arguments *args = r->args;
   msim_options *options = &r->made.options;
   msim_error err;
-  if (setup_make(args, &r->made)) return EXIT_ERROR;
+  if (setup_load(args, &r->made)) return EXIT_ERROR;
   if (options->steps < 0 && options->t_end < 0)
-    return complain_usage("run",
-                          "neither the command line nor the scene's run says when to end: add "
-                          "--steps N or --t_end SECONDS");
+    return report_usage_error("run",
+                              "neither the command line nor the scene's run says when to end: add "
+                              "--steps N or --t_end SECONDS");
   if (check_files(args)) return EXIT_ERROR;
   if (!args->quiet) {
     options->warn = print_note;
     options->warn_user = r;
   }
   msim_status status = msim_sim_create(r->made.scene, options, &r->sim, &err);
-  if (status) return setup_failed(status, &err);
-  if (args->init && init_read(args->init, r->sim)) return EXIT_ERROR;
+  if (status) return setup_report_error(status, &err);
+  if (args->init && final_read(args->init, r->sim)) return EXIT_ERROR;
   find_end(r);
   return EXIT_OK;
 }
 
 /* Resume the file; the sim is then in the state of its last frame. */
-static msim_status resume(run *r, msim_error *err) {
+static msim_status resume_run(run *r, msim_error *err) {
   msim_status status = msim_recorder_resume(r->sim, r->args->out, &r->recorder, err);
   msim_sim_state(r->sim, &r->from);
   r->report.goes_on = r->from.step > r->first.step || r->from.t > r->first.t;
@@ -130,7 +131,7 @@ static msim_status open_recorder(run *r, msim_error *err) {
   const arguments *args = r->args;
   if (args->force) return msim_recorder_replace(r->sim, args->out, &r->recorder, err);
   if (!args->resume) return msim_recorder_open(r->sim, args->out, &r->recorder, err);
-  if (file_exists(args->out)) return resume(r, err);
+  if (file_exists(args->out)) return resume_run(r, err);
   if (!args->quiet) print_note("there is no file of --out yet: the run begins", r);
   return msim_recorder_open(r->sim, args->out, &r->recorder, err);
 }
@@ -140,15 +141,15 @@ static int open_files(run *r) {
   msim_error err;
   r->from = r->first;
   if (args->final && output_open(&r->final, args->final)) return EXIT_ERROR;
-  if (args->out && open_recorder(r, &err) != MSIM_OK) return complain("%s", err.text);
+  if (args->out && open_recorder(r, &err) != MSIM_OK) return report_error("%s", err.text);
   return EXIT_OK;
 }
 
 /*------------------------------------- the run --------------------------------------------------*/
 
-static int64_t least(int64_t a, int64_t b) { return a < b ? a : b; }
+static int64_t least_step(int64_t a, int64_t b) { return a < b ? a : b; }
 
-static msim_status record(run *r, double t, msim_error *err) {
+static msim_status record_frame_at(run *r, double t, msim_error *err) {
   if (t == r->t_recorded) return MSIM_OK;
   msim_status status = msim_recorder_write(r->recorder, err);
   if (status) return status;
@@ -165,28 +166,28 @@ static int64_t next_pace(int64_t pace, double seconds) {
   return slower > 1 ? slower : 1;
 }
 
-static double time_of(const run *r, int64_t step) {
+static double step_time(const run *r, int64_t step) {
   return r->first.t + (double)(step - r->first.step) * r->h;
 }
 
 /* Simulate to the end in pieces: to the next frame, or until the clock has to be read. */
 static msim_status simulate(run *r, msim_error *err) {
   int64_t step = r->from.step, pace = 1, left = pace;
-  double before = wall_seconds();
-  msim_status status = r->recorder ? record(r, time_of(r, step), err) : MSIM_OK;
+  double before = clock_seconds();
+  msim_status status = r->recorder ? record_frame_at(r, step_time(r, step), err) : MSIM_OK;
   while (!status && step < r->end && !stop_asked) {
-    int64_t frame = r->recorder ? least(msim_sim_next_frame(r->sim), r->end) : r->end;
-    int64_t n = least(frame - step, left);
+    int64_t frame = r->recorder ? least_step(msim_sim_next_frame(r->sim), r->end) : r->end;
+    int64_t n = least_step(frame - step, left);
     status = msim_sim_step(r->sim, n, err);
     if (status) break;
     step += n;
     left -= n;
-    if (r->recorder && step == frame) status = record(r, time_of(r, step), err);
+    if (r->recorder && step == frame) status = record_frame_at(r, step_time(r, step), err);
     if (left > 0) continue;
-    double now = wall_seconds();
+    double now = clock_seconds();
     left = pace = next_pace(pace, now - before);
     before = now;
-    progress_update(&r->bar, now, step, time_of(r, step), r->t_end);
+    progress_update(&r->bar, now, step, step_time(r, step), r->t_end);
   }
   return !status && step < r->end ? MSIM_STOPPED : status;
 }
@@ -195,8 +196,8 @@ static int at_frame(msim_sim *sim, void *user) {
   run *r = user;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
-  if (r->recorder) r->failed = record(r, now.t, &r->why);
-  progress_update(&r->bar, wall_seconds(), now.step, now.t, r->t_end);
+  if (r->recorder) r->failed = record_frame_at(r, now.t, &r->why);
+  progress_update(&r->bar, clock_seconds(), now.step, now.t, r->t_end);
   return r->failed != MSIM_OK;
 }
 
@@ -221,11 +222,11 @@ static msim_status end_recording(run *r, msim_status status, msim_state *last, m
   msim_error second = {MSIM_OK, ""};
   msim_status failed = MSIM_OK;
   if (!r->recorder) return status;
-  if (status >= 0) failed = record(r, last->t, &second);
+  if (status >= 0) failed = record_frame_at(r, last->t, &second);
   if (failed > 0) { /* the last state was not good, and the sim has returned to the last good one */
     status = failed, *err = second;
     msim_sim_state(r->sim, last);
-    failed = record(r, last->t, &second);
+    failed = record_frame_at(r, last->t, &second);
   }
   if (!failed) failed = close_recorder(r, &second);
   if (!failed || status < 0) return status;
@@ -233,11 +234,11 @@ static msim_status end_recording(run *r, msim_status status, msim_state *last, m
   return failed;
 }
 
-static void tell_end(msim_status status, const msim_state *last, const msim_error *err) {
+static void print_end(msim_status status, const msim_state *last, const msim_error *err) {
   if (status == MSIM_STOPPED)
-    complain("stopped at step %" PRId64 ", t = %g s; what was computed until then is kept",
-             last->step, last->t);
-  else if (status) complain("%s", err->text);
+    report_error("stopped at step %" PRId64 ", t = %g s; what was computed until then is kept",
+                 last->step, last->t);
+  else if (status) report_error("%s", err->text);
 }
 
 static int finish(run *r, msim_status status, msim_error *err) {
@@ -246,8 +247,8 @@ static int finish(run *r, msim_status status, msim_error *err) {
   if (status == MSIM_STOPPED && last.t >= r->t_end) status = MSIM_OK;
   status = end_recording(r, status, &last, err);
   progress_hide(&r->bar);
-  r->report.wall_s = wall_seconds() - r->bar.started;
-  tell_end(status, &last, err);
+  r->report.wall_s = clock_seconds() - r->bar.started;
+  print_end(status, &last, err);
   if (status < 0) return EXIT_ERROR;
   if (r->args->final && final_write(&r->final, r->sim, status)) return EXIT_ERROR;
   if (!r->args->quiet) report_run(&r->report, r->args, r->sim);
@@ -263,7 +264,7 @@ static void start_report(run *r) {
   if (!r->args->quiet) msim_sim_energy(r->sim, &r->report.start);
 }
 
-static int execute(run *r) {
+static int run_simulation(run *r) {
   msim_error err;
   catch_signals(r->sim);
   if (open_files(r)) return EXIT_ERROR;
@@ -276,7 +277,7 @@ static int execute(run *r) {
 int run_command(const arguments *args) {
   run r = {.args = args, .t_recorded = NAN};
   int status = make_sim(&r);
-  if (!status) status = execute(&r);
+  if (!status) status = run_simulation(&r);
   running = NULL;
   if (r.recorder) msim_recorder_close(r.recorder, NULL);
   output_discard(&r.final);

@@ -1,24 +1,24 @@
 #include "setup.h"
 
 #include "../common/message.h"
-#include "guard.h"
+#include "scene_precheck.h"
 
-int setup_failed(msim_status status, const msim_error *err) {
-  complain("%s", err->text);
+int setup_report_error(msim_status status, const msim_error *err) {
+  report_error("%s", err->text);
   return status > 0 ? EXIT_EVENT : EXIT_ERROR;
 }
 
-int setup_make(const arguments *args, setup *made) {
+int setup_load(const arguments *args, setup *made) {
   msim_error err;
   *made = (setup){.scene = NULL};
-  if (guard_scene(args->scene)) return EXIT_ERROR;
+  if (precheck_scene(args->scene)) return EXIT_ERROR;
   if (msim_scene_load(NULL, args->scene, &made->scene, &err) != MSIM_OK)
-    return complain("%s", err.text);
+    return report_error("%s", err.text);
   if (arguments_options(args, made->scene, &made->options)) return EXIT_ERROR;
   if (made->options.integrator) return EXIT_OK;
-  return complain_usage(command_name(args->which),
-                        "neither the command line nor the scene's run names an integrator: add "
-                        "--integrator NAME, as 'msim_cli list' shows them");
+  return report_usage_error(command_name(args->which),
+                            "neither the command line nor the scene's run names an integrator: add "
+                            "--integrator NAME, as 'msim_cli list' shows them");
 }
 
 void setup_free(setup *made) { msim_scene_destroy(made->scene); }

@@ -11,10 +11,10 @@ typedef struct setup {
 
 /* Load the scene and find its options, which have to name an integrator. Prints errors. Call
  * setup_free always. */
-int setup_make(const arguments *args, setup *made);
+int setup_load(const arguments *args, setup *made);
 void setup_free(setup *made);
 
 /* Print the library's error, and return the exit status for it. */
-int setup_failed(msim_status status, const msim_error *err);
+int setup_report_error(msim_status status, const msim_error *err);
 
 #endif

@@ -24,7 +24,7 @@
 
 enum { CVODE, EXPLICIT, IMPLICIT, IMEX, MULTIRATE };
 
-static const struct method {
+static const struct sundials_method {
   ode_method info;
   int kind;
   int order; /* of CVODE: CV_ADAMS or CV_BDF, with variable order */
@@ -47,7 +47,7 @@ static const struct method {
 };
 enum { METHODS = sizeof methods / sizeof *methods };
 
-typedef struct run {
+typedef struct sundials_run {
   const ode_problem *problem;
   double setting; /* tol, or the length of slow steps, s */
   SUNContext context;
@@ -56,12 +56,12 @@ typedef struct run {
   SUNLinearSolver gmres;
   void *integrator, *fast;     /* fast: integrator of the fast steps */
   MRIStepInnerStepper stepper; /* adapter of `fast` for MRIStep */
-} run;
+} sundials_run;
 
 /*------------------------------------- what the methods call ------------------------------------*/
 
 /* moves: 1 if x' = v belongs to this part, else x' = 0 */
-static int derive(const run *r, int part, int moves, N_Vector y, N_Vector to) {
+static int derive(const sundials_run *r, int part, int moves, N_Vector y, N_Vector to) {
   const ode_problem *p = r->problem;
   const double *x = value_of(y), *v = x + p->n;
   double *dx = value_of(to), *dv = dx + p->n;
@@ -78,19 +78,19 @@ static int derivative(double t, N_Vector y, N_Vector to, void *data) {
 }
 
 static int stiff_part(double t, N_Vector y, N_Vector to, void *data) {
-  const run *r = data;
+  const sundials_run *r = data;
   (void)t;
   return derive(r, STIFF_FORCES, r->problem->split == SPLIT_SPRINGS, y, to);
 }
 
 static int other_part(double t, N_Vector y, N_Vector to, void *data) {
-  const run *r = data;
+  const sundials_run *r = data;
   (void)t;
   return derive(r, OTHER_FORCES, r->problem->split != SPLIT_SPRINGS, y, to);
 }
 
 static int weigh(N_Vector y, N_Vector weights, void *data) {
-  const run *r = data;
+  const sundials_run *r = data;
   const size_t n = r->problem->n;
   for (int part = 0; part < 2; part++) {
     const double weight = 1 / (r->setting * r->problem->scales[part]);
@@ -102,11 +102,12 @@ static int weigh(N_Vector y, N_Vector weights, void *data) {
 }
 
 #if SUNDIALS_VERSION_MAJOR < 7
-static void say_nothing(int code, const char *module, const char *function, char *text,
-                        void *data) {
+static void ignore_error_message(int code, const char *module, const char *function, char *text,
+                                 void *data) {
   (void)code, (void)module, (void)function, (void)text, (void)data;
 }
-#  define SILENCE(Prefix, integrator) Prefix##SetErrHandlerFn(integrator, say_nothing, NULL)
+#  define SILENCE(Prefix, integrator) \
+    Prefix##SetErrHandlerFn(integrator, ignore_error_message, NULL)
 #else
 #  define SILENCE(Prefix, integrator) 0
 #endif
@@ -120,13 +121,13 @@ static void say_nothing(int code, const char *module, const char *function, char
 #define PREPARE_TO_END(Prefix, r) \
   (PREPARE(Prefix, (r)->integrator, r) || Prefix##SetStopTime((r)->integrator, (r)->problem->t_end))
 
-static int make_gmres(run *r) {
+static int make_gmres(sundials_run *r) {
   enum { LONGEST = 30 }; /* iterations; more than any of these systems needs */
   r->gmres = SUNLinSol_SPGMR(r->y, SUN_PREC_NONE, LONGEST, r->context);
   return r->gmres ? 0 : -1;
 }
 
-static int run_cvode(run *r, const struct method *m) {
+static int run_cvode(sundials_run *r, const struct sundials_method *m) {
   double t;
   r->integrator = CVodeCreate(m->order, r->context);
   if (!r->integrator || CVodeInit(r->integrator, derivative, 0, r->y) || PREPARE_TO_END(CVode, r))
@@ -140,7 +141,7 @@ static int run_cvode(run *r, const struct method *m) {
   return CVode(r->integrator, r->problem->t_end, r->y, &t, CV_NORMAL);
 }
 
-static int run_explicit(run *r, const struct method *m) {
+static int run_explicit(sundials_run *r, const struct sundials_method *m) {
   double t;
   r->integrator = ERKStepCreate(derivative, 0, r->y, r->context);
   if (!r->integrator || PREPARE_TO_END(ERKStep, r)) return -1;
@@ -150,7 +151,7 @@ static int run_explicit(run *r, const struct method *m) {
   return ERKStepEvolve(r->integrator, r->problem->t_end, r->y, &t, ARK_NORMAL);
 }
 
-static int run_implicit(run *r, const struct method *m) {
+static int run_implicit(sundials_run *r, const struct sundials_method *m) {
   const int is_split = m->kind == IMEX;
   double t;
   r->integrator = ARKStepCreate(is_split ? other_part : NULL, is_split ? stiff_part : derivative, 0,
@@ -162,7 +163,7 @@ static int run_implicit(run *r, const struct method *m) {
   return ARKStepEvolve(r->integrator, r->problem->t_end, r->y, &t, ARK_NORMAL);
 }
 
-static int make_fast(run *r, const struct method *m, double h) {
+static int make_fast(sundials_run *r, const struct sundials_method *m, double h) {
   r->fast = ARKStepCreate(stiff_part, NULL, 0, r->y, r->context);
   if (!r->fast || PREPARE(ARKStep, r->fast, r) ||
       ARKStepSetTableNum(r->fast, ARKODE_DIRK_NONE, (ARKODE_ERKTableID)m->table) ||
@@ -171,7 +172,7 @@ static int make_fast(run *r, const struct method *m, double h) {
   return ARKStepCreateMRIStepInnerStepper(r->fast, &r->stepper);
 }
 
-static int run_multirate(run *r, const struct method *m) {
+static int run_multirate(sundials_run *r, const struct sundials_method *m) {
   const double end = r->problem->t_end, h = end / ceil(end / r->setting * (1 - 1e-12));
   double t;
   if (make_fast(r, m, h / m->fast)) return -1;
@@ -182,7 +183,7 @@ static int run_multirate(run *r, const struct method *m) {
   return MRIStepEvolve(r->integrator, end, r->y, &t, ARK_NORMAL);
 }
 
-static void release(run *r, int kind) {
+static void free_sundials_run(sundials_run *r, int kind) {
   if (r->integrator && kind == CVODE) CVodeFree(&r->integrator);
   if (r->integrator && kind == EXPLICIT) ERKStepFree(&r->integrator);
   if (r->integrator && (kind == IMPLICIT || kind == IMEX)) ARKStepFree(&r->integrator);
@@ -195,14 +196,15 @@ static void release(run *r, int kind) {
   if (r->context) SUNContext_Free(&r->context);
 }
 
-static int solve(int i, const ode_problem *p, double setting, double *x, double *v) {
-  static int (*const runs[])(run *, const struct method *) = {[CVODE] = run_cvode,
-                                                              [EXPLICIT] = run_explicit,
-                                                              [IMPLICIT] = run_implicit,
-                                                              [IMEX] = run_implicit,
-                                                              [MULTIRATE] = run_multirate};
+static int solve_with_sundials(int i, const ode_problem *p, double setting, double *x, double *v) {
+  static int (*const runs[])(sundials_run *, const struct sundials_method *) = {
+      [CVODE] = run_cvode,
+      [EXPLICIT] = run_explicit,
+      [IMPLICIT] = run_implicit,
+      [IMEX] = run_implicit,
+      [MULTIRATE] = run_multirate};
   const size_t bytes = p->n * sizeof(double);
-  run r = {.problem = p, .setting = setting};
+  sundials_run r = {.problem = p, .setting = setting};
   int status = SUNContext_Create(SUN_COMM_NULL, &r.context);
   if (!status) r.y = fast_vector(2 * p->n, r.context);
   if (r.y) {
@@ -214,11 +216,11 @@ static int solve(int i, const ode_problem *p, double setting, double *x, double 
   } else {
     status = -1;
   }
-  release(&r, methods[i].kind);
+  free_sundials_run(&r, methods[i].kind);
   return status > 0 ? 0 : status; /* > 0: stopped at t_end, as requested */
 }
 
 static const ode_method *info(int i) { return i >= 0 && i < METHODS ? &methods[i].info : NULL; }
 
 __attribute__((visibility("default"))) const ode_methods msim_bench_ode = {
-    .library = "SUNDIALS " SUNDIALS_VERSION, .info = info, .solve = solve};
+    .library = "SUNDIALS " SUNDIALS_VERSION, .info = info, .solve = solve_with_sundials};

@@ -15,7 +15,7 @@ static cholmod_sparse *matrix;
 static cholmod_factor *factor;
 static cholmod_dense *right;
 
-static void release(void) {
+static void free_cholmod_objects(void) {
   cholmod_free_sparse(&matrix, &common);
   cholmod_free_factor(&factor, &common);
   cholmod_free_dense(&right, &common);
@@ -43,23 +43,23 @@ static int copy_upper(const csr_system *s) {
   return 1;
 }
 
-static int prepare(const csr_system *system) {
+static int cholmod_reference_prepare(const csr_system *system) {
   static int started;
   if (!started) started = cholmod_start(&common);
-  release();
+  free_cholmod_objects();
   if (!copy_upper(system)) return 0;
   factor = cholmod_analyze(matrix, &common);
   return factor != NULL;
 }
 
-static int solve(int variant, double *x, reference_reply *reply) {
+static int cholmod_reference_solve(int variant, double *x, reference_reply *reply) {
   (void)variant;
-  double start = wall_seconds();
+  double start = clock_seconds();
   cholmod_factorize(matrix, factor, &common);
-  double factored = wall_seconds();
+  double factored = clock_seconds();
   cholmod_dense *solution = cholmod_solve(CHOLMOD_A, factor, right, &common);
   reply->factor_s = factored - start;
-  reply->solve_s = wall_seconds() - factored;
+  reply->solve_s = clock_seconds() - factored;
   int good = solution && common.status == CHOLMOD_OK;
   if (good) memcpy(x, solution->x, matrix->nrow * sizeof *x);
   else snprintf(reply->reason, sizeof reply->reason, "CHOLMOD's status is %d", common.status);
@@ -73,5 +73,5 @@ const reference_solver solver = {
               .nvariants = 1,
               .variants = {"default cholmod"},
               .rest_s = 0.05},
-    .prepare = prepare,
-    .solve = solve};
+    .prepare = cholmod_reference_prepare,
+    .solve = cholmod_reference_solve};

@@ -39,7 +39,7 @@ static int read_system(const reference_request *request, csr_system *s) {
 }
 
 /* ||b - A x|| / ||b|| */
-static double residual(const csr_system *s, const double *x) {
+static double relative_residual(const csr_system *s, const double *x) {
   double rr = 0, bb = 0;
   for (int32_t i = 0; i < s->n; i++) {
     double r = s->b[i];
@@ -49,10 +49,10 @@ static double residual(const csr_system *s, const double *x) {
   return sqrt(rr / bb);
 }
 
-static void solve(const csr_system *s, int variant, reference_reply *reply) {
+static void answer_solve(const csr_system *s, int variant, reference_reply *reply) {
   double *x = s->n > 0 ? malloc((size_t)s->n * sizeof *x) : NULL;
   reply->failed = !x || !solver.solve(variant, x, reply);
-  if (!reply->failed) reply->residual = residual(s, x);
+  if (!reply->failed) reply->residual = relative_residual(s, x);
   free(x);
 }
 
@@ -67,7 +67,7 @@ int main(void) {
       reply.failed = !solver.prepare(&system);
       if (reply.failed) snprintf(reply.reason, sizeof reply.reason, "the analysis failed");
     } else {
-      solve(&system, request.variant, &reply);
+      answer_solve(&system, request.variant, &reply);
     }
     alive = pipe_write(STDOUT_FILENO, &reply, sizeof reply);
   }

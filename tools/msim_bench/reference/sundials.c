@@ -71,7 +71,7 @@ static void copy_blocks(const csr_system *s) {
 /*------------------------------------- preconditioner -------------------------------------------*/
 
 /* Inverts a 3 x 3 matrix by cofactors. */
-static void invert(const double m[9], double to[9]) {
+static void invert_3x3(const double m[9], double to[9]) {
   const double c0 = m[4] * m[8] - m[5] * m[7], c1 = m[5] * m[6] - m[3] * m[8],
                c2 = m[3] * m[7] - m[4] * m[6];
   const double d = 1 / (m[0] * c0 + m[1] * c1 + m[2] * c2);
@@ -88,10 +88,11 @@ static void invert_diagonal(const csr_system *s) {
   const double *a = blocks;
   for (int32_t i = 0; i < s->n; i += 3)
     for (int32_t e = s->rowptr[i]; e < s->rowptr[i + 1]; e += 3, a += 9)
-      if (s->colind[e] == i) invert(a, inverse + 3 * (size_t)i);
+      if (s->colind[e] == i) invert_3x3(a, inverse + 3 * (size_t)i);
 }
 
-static int precondition(void *data, N_Vector residual, N_Vector to, sunrealtype goal, int side) {
+static int apply_block_jacobi(void *data, N_Vector residual, N_Vector to, sunrealtype goal,
+                              int side) {
   (void)goal, (void)side;
   const csr_system *s = data;
   const double *r = N_VGetArrayPointer(residual), *d = inverse;
@@ -106,7 +107,7 @@ static int precondition(void *data, N_Vector residual, N_Vector to, sunrealtype 
 
 /*------------------------------------- the solver -----------------------------------------------*/
 
-static void release(void) {
+static void free_sundials_objects(void) {
   if (pcg) SUNLinSolFree(pcg);
   if (x) N_VDestroy(x);
   if (b) N_VDestroy(b);
@@ -115,14 +116,14 @@ static void release(void) {
   pcg = NULL, x = b = NULL, blocks = inverse = NULL;
 }
 
-static double norm(int32_t n, const double *v) {
+static double euclidean_norm(int32_t n, const double *v) {
   double sum = 0;
   for (int32_t i = 0; i < n; i++) sum += v[i] * v[i];
   return sqrt(sum);
 }
 
-static int prepare(const csr_system *system) {
-  release();
+static int sundials_reference_prepare(const csr_system *system) {
+  free_sundials_objects();
   given = system;
   if (!context && SUNContext_Create(SUN_COMM_NULL, &context) != 0) return 0;
   const size_t n = (size_t)system->n;
@@ -133,27 +134,27 @@ static int prepare(const csr_system *system) {
   if (!blocks || !inverse || !x || !b) return 0;
   memcpy(N_VGetArrayPointer(b), system->b, n * sizeof(double));
   copy_blocks(system);
-  tolerance = system->rtol * norm(system->n, system->b); /* it takes an absolute one */
+  tolerance = system->rtol * euclidean_norm(system->n, system->b); /* it takes an absolute one */
   pcg = SUNLinSol_PCG(x, SUN_PREC_LEFT, system->max_iterations, context);
   return pcg && SUNLinSolSetATimes(pcg, (void *)system, multiply_rows) == 0 &&
-         SUNLinSolSetPreconditioner(pcg, (void *)system, NULL, precondition) == 0 &&
+         SUNLinSolSetPreconditioner(pcg, (void *)system, NULL, apply_block_jacobi) == 0 &&
          SUNLinSolInitialize(pcg) == 0;
 }
 
-static int solve(int variant, double *solution, reference_reply *reply) {
+static int sundials_reference_solve(int variant, double *solution, reference_reply *reply) {
   const size_t bytes = (size_t)given->n * sizeof(double);
   const int zero = variant == CSR_ZERO || variant == BLOCKS_ZERO;
   const int by_rows = variant == CSR_ZERO || variant == CSR_GUESS;
   SUNLinSolSetATimes(pcg, (void *)given, by_rows ? multiply_rows : multiply_blocks);
   if (zero) memset(N_VGetArrayPointer(x), 0, bytes);
   else memcpy(N_VGetArrayPointer(x), given->guess, bytes);
-  double start = wall_seconds();
+  double start = clock_seconds();
   invert_diagonal(given);
   SUNLinSolSetup(pcg, NULL);
-  double ready = wall_seconds();
+  double ready = clock_seconds();
   SUNLinSolSetZeroGuess(pcg, zero);
   int status = SUNLinSolSolve(pcg, NULL, x, b, tolerance);
-  reply->solve_s = wall_seconds() - ready;
+  reply->solve_s = clock_seconds() - ready;
   reply->factor_s = ready - start;
   reply->iterations = SUNLinSolNumIters(pcg);
   memcpy(solution, N_VGetArrayPointer(x), bytes);
@@ -165,5 +166,5 @@ const reference_solver solver = {.hello = {.library = "SUNDIALS " SUNDIALS_VERSI
                                            .nvariants = REFERENCE_VARIANTS,
                                            .variants = {"stock 3x3, from v", "stock csr, from v",
                                                         "stock 3x3, from 0", "stock csr, from 0"}},
-                                 .prepare = prepare,
-                                 .solve = solve};
+                                 .prepare = sundials_reference_prepare,
+                                 .solve = sundials_reference_solve};

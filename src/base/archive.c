@@ -1,0 +1,50 @@
+#include "base/archive.h"
+
+#include <string.h>
+
+void ms_archive_transfer(ms_archive *b, void *data, size_t size) {
+  if (b->direction != MS_ARCHIVE_COUNT && b->position <= b->size && size <= b->size - b->position) {
+    unsigned char *at = b->data + b->position;
+    if (b->direction == MS_ARCHIVE_WRITE) memcpy(at, data, size);
+    else memcpy(data, at, size);
+  }
+  b->position += size;
+}
+
+void ms_archive_transfer_count(ms_archive *b, int64_t *count) {
+  MS_ARCHIVE_TRANSFER(b, *count);
+  ms_archive_check(b, *count >= 0 && *count < INT64_MAX / 2, "a count");
+}
+
+void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, double *x) {
+  for (int32_t c = 0; c < shape.dims; c++) {
+    double *component = x ? x + (size_t)c * (size_t)shape.stride : NULL;
+    ms_archive_transfer(b, component, (size_t)shape.n * sizeof *x);
+  }
+  if (b->direction == MS_ARCHIVE_READ)
+    ms_archive_check(b, ms_vector_find_invalid(shape, x) < 0, "a vector");
+}
+
+void ms_archive_check(ms_archive *b, int is_so, const char *what) {
+  if (b->direction == MS_ARCHIVE_READ && !is_so && !b->invalid_item) b->invalid_item = what;
+}
+
+/* For a fixed word this is a bijection of the hash, for a fixed hash one of the word: data that
+ * differ in one word only have different hashes. The shift carries high bits down, which the
+ * product does not; the factor is that of SplitMix (Steele, Lea and Flood 2014). */
+static uint64_t mix_word(uint64_t hash, uint64_t word) {
+  hash = (hash ^ word) * 0xbf58476d1ce4e5b9u;
+  return hash ^ hash >> 31;
+}
+
+uint64_t ms_archive_hash(uint64_t before, const void *data, size_t size) {
+  const unsigned char *at = data;
+  uint64_t hash = mix_word(before, size), word;
+  for (; size >= sizeof word; size -= sizeof word, at += sizeof word) {
+    memcpy(&word, at, sizeof word);
+    hash = mix_word(hash, word);
+  }
+  word = 0;
+  if (size) memcpy(&word, at, size);
+  return mix_word(hash, word);
+}

@@ -1,0 +1,388 @@
+#include "integrate/contact_set.h"
+
+#include <float.h>
+#include <string.h>
+
+#include "base/vec3.h"
+#include "physics/friction.h"
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+/* The reach (impacts.h) of the scene, not of the state at creation: so which particles touch planes
+ * depends on the present state alone. */
+static double find_reach(const ms_model *model) {
+  const ms_scene *scene = model->scene;
+  double reach = 0;
+  for (int32_t r = 0; r < model->unknowns.stride; r++)
+    if (model->unknowns.particle[r] >= 0)
+      reach = fmax(reach, ms_vec3_norm(scene->x + 3 * (size_t)model->unknowns.particle[r]));
+  for (int32_t p = 0; p < scene->nplanes; p++) reach = fmax(reach, fabs(scene->planes[p].offset));
+  return reach;
+}
+
+msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events, msim_error *err) {
+  const ms_scene *scene = model->scene;
+  ms_contact_set *e = *events = ms_memory_allocate(&scene->alloc, 1, sizeof *e);
+  if (!e) return ms_error_set_memory(err, "the impacts");
+  e->reach = find_reach(model);
+  double **vectors[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
+                        &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
+  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
+    *vectors[i] = ms_unknowns_new_vector(scene, &model->unknowns);
+    if (!*vectors[i]) return ms_error_set_memory(err, "the impacts");
+  }
+  e->contact = ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->contact);
+  e->hold = ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->hold);
+  e->parts =
+      ms_memory_allocate(&scene->alloc, (size_t)ms_totals_count_parts(model), sizeof *e->parts);
+  e->followed =
+      ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->followed);
+  const int there = e->contact && e->hold && e->followed && e->parts;
+  return there ? MSIM_OK : ms_error_set_memory(err, "the impacts");
+}
+
+ms_collision_planes ms_contact_set_planes(const ms_stepper *s) {
+  const ms_scene *scene = s->model->scene;
+  return (ms_collision_planes){scene->nplanes, scene->planes, s->events->reach, s->events->merge};
+}
+
+ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, const double *b0,
+                                          const double *b1) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  ms_particle_path p = {.planes = ms_contact_set_planes(s), .h = s->h};
+  ms_unknowns_get(rows, s->x, row, p.x);
+  ms_unknowns_get(rows, s->v, row, p.v);
+  ms_unknowns_get(rows, b0, row, p.b0);
+  ms_unknowns_get(rows, b1, row, p.b1);
+  memcpy(p.a, p.b0, sizeof p.a);
+  memcpy(p.w, p.v, sizeof p.w);
+  return p;
+}
+
+void ms_contact_set_destroy(const ms_model *model, ms_contact_set *e) {
+  if (!e) return;
+  const msim_allocator *alloc = &model->scene->alloc;
+  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->hold, e->followed, e->parts};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
+  for (int i = 0; i < 2; i++)
+    ms_memory_free(alloc, e->stage[i]), ms_memory_free(alloc, e->begin[i]);
+  ms_memory_free(alloc, e);
+}
+
+void ms_contact_set_save_start(ms_contact_set *e, ms_shape shape) {
+  if (!e->moved) return;
+  ms_vector_copy(shape, e->x, e->begin[0]);
+  ms_vector_copy(shape, e->v, e->begin[1]);
+}
+
+void ms_contact_set_shift_acceleration(ms_contact_set *e) {
+  ms_stepper_swap(&e->a, &e->a_end);
+  e->a_is_known = 1;
+}
+
+void ms_contact_set_record(ms_stepper *s) {
+  /* not under error control (one_substep): results must not depend on rejected steps */
+  if (!s->events->ncontacts || s->one_substep) return;
+  s->events->contact_hash_next = ms_contact_set_hash(s);
+  s->cached_stage_next |= MS_CONTACTS_CACHED;
+}
+
+void ms_contact_set_accept_step(ms_stepper *s) {
+  ms_contact_set *e = s->events;
+  s->cached_stage = s->cached_stage_next;
+  if (!e || !(s->cached_stage & MS_CONTACTS_CACHED)) return;
+  ms_contact_set_shift_acceleration(e);
+  e->contact_hash = e->contact_hash_next;
+}
+
+void ms_contact_set_make_writable(ms_stepper *s) {
+  ms_contact_set *e = s->events;
+  const ms_unknowns *rows = &s->model->unknowns;
+  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x;
+  e->a_is_known = 0;
+  if (s->x == e->x) return;
+  memcpy(e->x, s->x, bytes); /* pinned particles too */
+  memcpy(e->v, s->v, bytes);
+  s->x = e->x, s->v = e->v;
+}
+
+/*------------------------------------- the contact set ------------------------------------------*/
+
+/* Lets a particle that moves into planes bounce, and puts one that lies outside on them. */
+static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *walls, ms_contact *c) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  double x[3], v[3];
+  ms_unknowns_get(rows, s->x, c->row, x);
+  ms_unknowns_get(rows, s->v, c->row, v);
+  int outside = 0;
+  const double noise = ms_impacts_distance_tolerance(walls, x);
+  for (int i = 0; i < c->on.n; i++) outside |= ms_impacts_distance(c->on.plane[i], x) < -noise;
+  const int bounced = ms_impacts_bounce(&c->on, v);
+  s->stats->contacts += bounced;
+  if (!bounced && !outside) return;
+  ms_contact_set_make_writable(s);
+  ms_impacts_move_onto(&c->on, x);
+  ms_unknowns_set(rows, x, c->row, s->x);
+  ms_unknowns_set(rows, v, c->row, s->v);
+}
+
+/* The planes that a particle presses on, of those that it touches and does not separate from */
+static ms_plane_set find_holding(const ms_stepper *s, const ms_plane_set *on, const double v[3],
+                                 const double a[3]) {
+  const double size = ms_vec3_norm(a), noise = 1e-14 * (ms_vec3_norm(v) + s->h * size);
+  double left[3] = {a[0], a[1], a[2]}, unused;
+  const ms_plane_set stays = ms_impacts_select_approached(on, v, noise);
+  return ms_impacts_remove_pressing(&stays, MS_REACTION_TOLERANCE * size, left, &unused);
+}
+
+static void scale_to_one(double u[3]) {
+  const double size = ms_vec3_norm(u);
+  for (int c = 0; c < 3; c++) u[c] = size > 0 ? u[c] / size : 0;
+}
+
+/* Friction force over mass for pull = sum of mu N/m. v NULL: in the direction at the start, or 0 if
+ * the matrix contains it (is_prescribed). It keeps its direction if it turns too fast for the
+ * stages of an explicit method, and is constant if it might stop v in the step of an implicit one.
+ * */
+static void friction_of(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
+                        double f[3]) {
+  const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
+  double way[3] = {c->sliding_direction[0], c->sliding_direction[1], c->sliding_direction[2]},
+         now[3] = {0};
+  if (v) memcpy(now, v, sizeof now);
+  ms_impacts_remove_normal(&c->on, now, NULL);
+  memset(f, 0, 3 * sizeof *f);
+  if (c->is_prescribed) {
+    if (c->friction > 0) ms_vec3_axpy(-c->friction / c->friction_speed, now, f);
+  } else if (implicit && turns) {
+    memcpy(f, c->friction_force, sizeof c->friction_force);
+  } else {
+    /* a stage after the stop goes on in a straight line, by which the stop is found */
+    if (!turns && ms_vec3_dot(now, c->sliding_direction) > 0) memcpy(way, now, sizeof way);
+    scale_to_one(way);
+    ms_vec3_axpy(-pull, way, f);
+  }
+}
+
+double ms_contact_set_reaction(const ms_contact *c, const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]}, least;
+  ms_impacts_remove_normal(&c->on, along, &least);
+  return least;
+}
+
+/* Whether the particle sticks, and the sliding direction. Without friction it sticks only if no
+ * force acts along the planes. */
+static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]};
+  const double pull = ms_impacts_remove_normal(&c->on, along, NULL), size = ms_vec3_norm(a);
+  const double grip = pull > 0 ? pull - MS_REACTION_TOLERANCE * size : 16 * DBL_EPSILON * size;
+  const int still = ms_vec3_norm(v) == 0;
+  c->sticks = c->fixed || (still && ms_vec3_norm(along) <= grip);
+  if (!c->sticks) memcpy(c->sliding_direction, still ? along : v, sizeof c->sliding_direction);
+  scale_to_one(c->sliding_direction);
+  const double friction = c->sticks ? 0 : pull;
+  for (int i = 0; i < 3; i++) c->friction_force[i] = -friction * c->sliding_direction[i];
+  c->stop = friction > 0 ? ms_vec3_norm(v) / friction : INFINITY;
+}
+
+void ms_contact_set_classify(ms_contact *c, int32_t dims) {
+  c->fixed = c->on.n >= dims;
+  c->has_friction = 0;
+  for (int i = 0; i < c->on.n; i++) c->has_friction |= c->on.plane[i]->friction > 0;
+}
+
+/* Reduces c->on to the planes that act, and v to motion along them; 0: the particle is free. */
+static int settle_contact(ms_stepper *s, ms_contact *c) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  double v[3], before[3], a[3];
+  ms_unknowns_get(rows, s->v, c->row, v);
+  ms_unknowns_get(rows, s->events->a, c->row, a);
+  const ms_plane_set touched = c->on;
+  c->on = find_holding(s, &touched, v, a);
+  const double left = s->events->bounce_time;
+  if (!c->on.n && left > 0 && touched.n == 1 &&
+      ms_particle_path_sums_bounces(touched.plane[0], v, a, left, s->events->bounce_reach)) {
+    c->on = touched;
+    c->bounces = 1;
+    c->rebound = ms_vec3_dot(touched.plane[0]->normal, v);
+  }
+  if (!c->on.n) return 0;
+  ms_contact_set_classify(c, rows->dims);
+  const double noise = ms_impacts_speed_tolerance(v);
+  memcpy(before, v, sizeof v);
+  ms_impacts_remove_normal(&c->on, v, NULL);
+  if (c->fixed || ms_vec3_norm(v) <= noise) memset(v, 0, sizeof v);
+  ms_vec3_axpy(-1, v, before);
+  if (ms_vec3_norm(before) > noise || (ms_vec3_norm(v) == 0 && ms_vec3_norm(before) > 0)) {
+    ms_contact_set_make_writable(s);
+    ms_unknowns_set(rows, v, c->row, s->v);
+  }
+  find_slide(c, v, a);
+  return 1;
+}
+
+void ms_contact_set_free_acceleration(ms_stepper *s, const double *x, const double *v, double *a) {
+  const int32_t n = s->events->ncontacts;
+  s->events->ncontacts = 0;
+  ms_stepper_acceleration(s, x, v, a);
+  s->events->ncontacts = n;
+}
+
+void ms_contact_set_update(ms_stepper *s) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  const ms_collision_planes walls = ms_contact_set_planes(s);
+  ms_contact_set *e = s->events;
+  int32_t touching = 0;
+  e->ncontacts = 0;
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    double x[3];
+    ms_unknowns_get(rows, s->x, r, x);
+    const ms_plane_set on = ms_impacts_find_touched(&walls, x);
+    if (!on.n) continue;
+    e->contact[touching] = (ms_contact){.row = r, .on = on};
+    bounce_off_planes(s, &walls, &e->contact[touching++]);
+  }
+  if (!touching) return;
+  if (!e->a_is_known) ms_contact_set_free_acceleration(s, s->x, s->v, e->a);
+  e->a_is_known = 1;
+  int32_t resting = 0;
+  for (int32_t i = 0; i < touching; i++) {
+    ms_contact c = e->contact[i];
+    if (settle_contact(s, &c)) e->contact[resting++] = c;
+  }
+  e->ncontacts = resting;
+}
+
+void ms_contact_set_make_constraints(ms_stepper *s, double ah) {
+  ms_contact_set *e = s->events;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    const ms_contact *c = &e->contact[i];
+    const int all = c->sticks || c->on.n > 2;
+    ms_constraint *hold = &e->hold[i];
+    *hold = (ms_constraint){.row = c->row, .n = all ? 3 : c->on.n};
+    for (int k = 0; k < hold->n; k++)
+      if (all) hold->direction[k][k] = 1;
+      else memcpy(hold->direction[k], c->on.plane[k]->normal, sizeof hold->direction[k]);
+    if (c->is_prescribed && !c->sticks && c->friction > 0)
+      hold->friction = s->model->mass[c->row] * ah * c->friction / c->friction_speed;
+  }
+}
+
+/*------------------------------------- contact changes ------------------------------------------*/
+
+/* 1 if v turns by more than 45 degrees in h, or if its direction is stiff: velocity across v decays
+ * at the rate F/|v|, F the friction over mass. Straight motion has none. v: at both ends; a: at the
+ * second */
+static int turns_sharply(const ms_contact *c, double h, double v[2][3], const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]};
+  if (!c->has_friction || c->sticks || c->fixed || c->bounces) return 0;
+  ms_impacts_remove_normal(&c->on, along, NULL);
+  const double ahead = ms_vec3_dot(c->sliding_direction, along),
+               across2 = ms_vec3_dot(along, along) - ahead * ahead;
+  const int is_straight = across2 <= 1e-12 * ahead * ahead;
+  return (c->stop < h && !is_straight) ||
+         ms_vec3_dot(v[0], v[1]) < sqrt(0.5) * ms_vec3_norm(v[0]) * ms_vec3_norm(v[1]);
+}
+
+/* Friction margin (m/s^2): how much larger |a_t| may become before a sticking particle slips */
+static double friction_margin(const ms_contact *c, const double a[3]) {
+  double along[3] = {a[0], a[1], a[2]};
+  const double pull = ms_impacts_remove_normal(&c->on, along, NULL);
+  return pull - ms_vec3_norm(along);
+}
+
+/* The share of the substep after which g, linear in time, falls below 0 */
+static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
+
+/* ms_contact.change, but for turns. v: at the start; a0, a1: free accelerations at both ends.
+ * Sliding stops as with constant a0. */
+static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
+                          const double a1[3]) {
+  if (c->bounces) return MS_NOWHERE;
+  const double noise = MS_REACTION_TOLERANCE * ms_vec3_norm(a1),
+               push = ms_contact_set_reaction(c, a1);
+  if (push < -noise) return crossing(ms_contact_set_reaction(c, a0), push);
+  if (c->fixed || (c->sticks && friction_margin(c, a1) >= -noise)) return MS_NOWHERE;
+  if (c->sticks) return crossing(friction_margin(c, a0), friction_margin(c, a1));
+  if (!c->has_friction) return MS_NOWHERE;
+  const double friction = ms_impacts_remove_normal(&c->on, a0, NULL);
+  const double stop = ms_friction_stop(a0, friction, v) / h;
+  return stop <= 1 ? stop : MS_NOWHERE;
+}
+
+/* Sets `change` by the substep just made, with free accelerations a and a_end. */
+static void update_change(const ms_stepper *s, ms_contact *c) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  double v[2][3], a[2][3];
+  ms_unknowns_get(rows, s->v, c->row, v[0]);
+  ms_unknowns_get(rows, s->v_next, c->row, v[1]);
+  ms_unknowns_get(rows, s->events->a, c->row, a[0]);
+  ms_unknowns_get(rows, s->events->a_end, c->row, a[1]);
+  c->change = turns_sharply(c, s->h, v, a[1]) ? 0.5 : MS_NOWHERE;
+  c->change = fmin(c->change, find_change(c, s->h, v[0], a[0], a[1]));
+}
+
+/*------------------------------------- reactions ------------------------------------------------*/
+
+/* One step of the FNV-1a hash (Fowler, Noll and Vo), by words in place of bytes */
+static uint64_t hash_number(uint64_t sign, uint64_t number) {
+  return (sign ^ number) * 1099511628211u;
+}
+
+uint64_t ms_contact_set_hash(const ms_stepper *s) {
+  const ms_contact_set *e = s->events;
+  uint64_t sign = e->ncontacts ? 14695981039346656037u : 0;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    const ms_contact *c = &e->contact[i];
+    sign = hash_number(hash_number(sign, (uint64_t)c->row), (uint64_t)c->sticks);
+    for (int k = 0; k < c->on.n; k++)
+      sign = hash_number(sign, (uint64_t)(c->on.plane[k] - s->model->scene->planes));
+  }
+  return sign;
+}
+
+static void add_to_unknown(const ms_unknowns *rows, double h, const double u[3], int32_t r,
+                           double *vec) {
+  double sum[3];
+  ms_unknowns_get(rows, vec, r, sum);
+  ms_vec3_axpy(h, u, sum);
+  ms_unknowns_set(rows, sum, r, vec);
+}
+
+/* Reactions cancel all of a if the particle sticks, else its normal part, and friction is added. */
+void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *pass) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  const int follows = !pass->along || pass->along == pass->v_to; /* x_to moves with v_to */
+  for (int32_t i = 0; i < s->events->ncontacts; i++) {
+    const ms_contact *c = &s->events->contact[i];
+    double a[3], along[3], v[3], f[3] = {0}, push[3];
+    ms_unknowns_get(rows, pass->a, c->row, a);
+    memcpy(along, a, sizeof along);
+    if (pass->v) ms_unknowns_get(rows, pass->v, c->row, v);
+    const double pull = ms_impacts_remove_normal(&c->on, along, NULL);
+    if (c->has_friction && !c->sticks) friction_of(s, c, pass->v ? v : NULL, pull, f);
+    for (int k = 0; k < 3; k++) push[k] = c->sticks ? -a[k] : along[k] + f[k] - a[k];
+    add_to_unknown(rows, 1, push, c->row, pass->a);
+    if (pass->v_to) add_to_unknown(rows, pass->h, push, c->row, pass->v_to);
+    if (pass->x_to && follows)
+      add_to_unknown(rows, pass->drift * pass->h, push, c->row, pass->x_to);
+  }
+}
+
+void ms_contact_set_finish_substep(ms_stepper *s) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  const ms_contact_set *e = s->events;
+  if (!e->ncontacts) return;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    const ms_contact *c = &e->contact[i];
+    double x[3], v[3] = {0}, J[MS_MAX_INDEPENDENT_PLANES];
+    ms_unknowns_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
+    if (!c->sticks) ms_unknowns_get(rows, s->v_next, c->row, v);
+    if (!c->sticks || c->enters) ms_impacts_move_to_distance(&c->on, c->end, x);
+    ms_impacts_set_normal_components(&c->on, c->leave, v, J);
+    ms_unknowns_set(rows, x, c->row, s->x_next);
+    ms_unknowns_set(rows, v, c->row, s->v_next);
+  }
+  ms_contact_set_free_acceleration(s, s->x_next, s->v_next, e->a_end);
+  for (int32_t i = 0; i < e->ncontacts; i++) update_change(s, &e->contact[i]);
+}

@@ -1,0 +1,134 @@
+/* contact_set - the contact set: particles that rest on planes or slide along them (collision =
+ * event)
+ *
+ * A particle is in contact if it touches a plane, does not separate from it and is pressed against
+ * it: then n.v = 0, and the reaction of the plane keeps n.a = 0. The contact set follows from x, v
+ * and the forces alone, so that steps need not carry it. Friction: while v = 0 the planes cancel
+ * all of a if |a_t| <= mu N/m (the particle sticks); otherwise mu N acts against the motion. */
+#ifndef MS_CONTACT_SET_H
+#define MS_CONTACT_SET_H
+
+#include "integrate/integrator.h"
+#include "physics/particle_path.h"
+#include "physics/totals.h"
+
+/* Flag in `warm`, beside the method's cached-stage tag: `held` and `a` of ms_contact_set belong to
+ * the present state. warm = 0 discards both. */
+enum { MS_CONTACTS_CACHED = 1 << 16 };
+
+/* Rounding tolerance of a reaction per mass, relative to |a| */
+#define MS_REACTION_TOLERANCE 1e-12
+
+typedef struct ms_contact {
+  int32_t row;      /* the unknown (particle) */
+  int sticks;       /* v = 0, and the planes keep it so */
+  int fixed;        /* at least as many planes as components: it cannot slide */
+  int has_friction; /* a plane has friction */
+  int bounces;      /* its bounces are so short that the particle path sums them */
+  double rebound;   /* m/s: n.v at the start of the substep, if it bounces */
+  ms_plane_set on;  /* its planes, which are independent */
+  double sliding_direction
+      [3]; /* sliding direction at the start of the substep: of v, or of a if v = 0 */
+  double friction_force[3]; /* friction force over mass at the start of the substep, if it slides */
+  double stop;              /* s: friction alone would stop v in this time; v may turn as fast */
+  double change; /* share of the substep after which it is lifted, slips or stops; at most 1/2 if
+                      it turns; or MS_NOWHERE */
+
+  /* of prescribed normal velocities and friction (implicit_contact.h), else 0: */
+  int is_prescribed; /* they are prescribed */
+  int enters;        /* at the start it was not in contact, or not with all of its planes */
+  double end[MS_MAX_TOUCHED_PLANES];   /* m: distances from its planes at the end of the step */
+  double leave[MS_MAX_TOUCHED_PLANES]; /* m/s: velocities at which it then separates from them */
+  int slipped;                         /* it stuck in an earlier solve, and slips now */
+  double friction;                     /* m/s^2: sum of mu N/m, those of impulses (jump) included */
+  double friction_speed;               /* m/s: the friction force over mass is -friction v/lag */
+  /* m/s^2: sum of mu J/(m h) of the impulses J that change its normal velocity */
+  double impulse_friction;
+  double least_jump; /* m/s^2: the smallest J/(m h) */
+} ms_contact;
+
+/* State of a stepper under collision = event. The substep being made starts from s->x and s->v;
+ * these point to x and v here once impacts or contacts have changed them. */
+typedef struct ms_contact_set {
+  double reach, merge; /* those of ms_collision_planes (impacts.h) */
+  double *x, *v;
+  double *a, *a_end; /* F/m without reactions, at the start and at the end of the substep */
+  double *stage[2];  /* x and v of a stage of the dense output; scratch */
+  double *begin[2];  /* if `moved`: x and v at the start of the last step without substeps */
+  int moved;         /* impacts or contacts changed the state at the start of that step */
+  int method_handles_contact; /* velocity Verlet follows particle paths itself (verlet_contact.h) */
+  ms_totals *parts;           /* scratch for energies */
+  int a_is_known;             /* a is that of s->x, s->v */
+  double
+      bounce_time; /* s: bounces that end within this time are summed (particle_path.h); 0: none */
+  double bounce_reach; /* m: ... if they reach no farther than this */
+  int implicit;        /* the method solves equations, by a matrix without friction */
+  ms_contact *contact; /* ncontacts, with ascending rows */
+  ms_constraint *hold; /* the same contacts as constraints of the matrix */
+  int32_t ncontacts;
+  int32_t *followed; /* nfollowed unknowns that followed paths of their own in the last substep */
+  int32_t nfollowed;
+  /* ms_contact_set_hash() at the end of the last step; 0: unknown, or no contact */
+  uint64_t contact_hash;
+  uint64_t contact_hash_next; /* the same of the step just made */
+} ms_contact_set;
+
+/* The contact of an unknown, or NULL. Call it with ascending rows and one *next, 0 at first. */
+static inline ms_contact *ms_contact_set_lookup(const ms_contact_set *e, int32_t row,
+                                                int32_t *next) {
+  return *next < e->ncontacts && e->contact[*next].row == row ? &e->contact[(*next)++] : NULL;
+}
+
+/* Sets c->fixed and c->rubs by the planes of the contact; dims: components of a vector. */
+void ms_contact_set_classify(ms_contact *c, int32_t dims);
+
+/* The path (particle_path.h) of an unknown from s->x, s->v over s->h, with a = b0 */
+ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, const double *b0,
+                                          const double *b1);
+
+/* The scene's planes, which a sim may change between steps */
+ms_collision_planes ms_contact_set_planes(const ms_stepper *s);
+
+/* After MSIM_ERR_MEMORY *events, or some of its members, are NULL, which destroy accepts. */
+msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events, msim_error *err);
+void ms_contact_set_destroy(const ms_model *model, ms_contact_set *events);
+
+/* If e->moved, stores the state at the start of the step just made. */
+void ms_contact_set_save_start(ms_contact_set *e, ms_shape shape);
+
+/* Records that the present contact set is also that of the end of the step. */
+void ms_contact_set_record(ms_stepper *s);
+
+/* The next substep starts where the last one ended: a = a_end. */
+void ms_contact_set_shift_acceleration(ms_contact_set *e);
+
+/* Accepts the step just made: s->warm = s->warm_next, with the `held` and `a` that belong to it. */
+void ms_contact_set_accept_step(ms_stepper *s);
+
+/* Lets s->x, s->v point to copies in e->x, e->v, to be overwritten; `a` becomes unknown. */
+void ms_contact_set_make_writable(ms_stepper *s);
+
+/* Finds the contact set at s->x, s->v. First it puts particles outside on their planes, and lets
+ * particles that move into planes bounce. */
+void ms_contact_set_update(ms_stepper *s);
+
+/* Sets e->hold, the constraints of the matrix, for a stage of coefficient ah (newton.h). */
+void ms_contact_set_make_constraints(ms_stepper *s, double ah);
+
+/* The free acceleration a = F(x, v)/m, without reactions of planes */
+void ms_contact_set_free_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
+
+/* A hash of the contacts: their particles and planes, and which of them stick; 0: no contact */
+uint64_t ms_contact_set_hash(const ms_stepper *s);
+
+/* Adds reactions and friction of the planes to the results of a force sweep, which include a. */
+void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *pass);
+
+/* Puts particles in contact on their planes, to the last bit, in x_next and v_next, computes a_end,
+ * and sets `change` of each contact. Without contacts it does nothing. */
+void ms_contact_set_finish_substep(ms_stepper *s);
+
+/* The smallest reaction per mass to the free acceleration a; < 0: a plane would have to pull */
+double ms_contact_set_reaction(const ms_contact *c, const double a[3]);
+
+#endif

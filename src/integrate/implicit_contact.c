@@ -1,0 +1,257 @@
+#include "integrate/implicit_contact.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/vec3.h"
+#include "integrate/methods.h"
+
+/* Velocities along the normals: particles that are fast enough bounce; all particles reach the
+ * plane; all particles keep their distances from it */
+typedef enum impact_law { ELASTIC, INELASTIC, KEEP_DISTANCE } impact_law;
+
+typedef struct contact_solve {
+  const ms_integrator *method;
+  const ms_integrator *solve_method; /* makes the steps with prescribed velocities */
+  ms_stepper *s;
+  ms_contact_set *e;
+  const double *v_start; /* at the start of the step, before any bounce */
+  impact_law law;
+  int bounces; /* a particle has bounced */
+} contact_solve;
+
+/*------------------------------------- normal velocities ----------------------------------------*/
+
+/* The speed at which a particle with velocity v before the step bounces off a plane; 0: it does
+ * not bounce. */
+static double find_rebound(const contact_solve *j, const msim_plane *p, const double v[3]) {
+  const double slow = 2 * j->s->h * ms_vec3_norm(j->s->model->gravity);
+  const double back = -p->restitution * ms_vec3_dot(p->normal, v);
+  return j->law == ELASTIC && back > slow ? back : 0;
+}
+
+/* Replaces the normal velocities at the start by the prescribed ones; a particle that sticks has no
+ * other. The impulses J per mass, over h, add to the normal forces per mass. */
+static void prescribe_velocity(contact_solve *j, ms_contact *c) {
+  const ms_stepper *s = j->s;
+  const ms_unknowns *rows = &s->model->unknowns;
+  double x[3], v[3], to[MS_MAX_TOUCHED_PLANES], J[MS_MAX_INDEPENDENT_PLANES] = {0};
+  ms_unknowns_get(rows, s->x, c->row, x);
+  ms_unknowns_get(rows, j->v_start, c->row, v);
+  for (int i = 0; i < c->on.n; i++) {
+    const double gap = fmax(0, ms_impacts_distance(c->on.plane[i], x));
+    const double back = find_rebound(j, c->on.plane[i], v);
+    const int reaches = back == 0 && j->law != KEEP_DISTANCE;
+    to[i] = reaches ? -gap / s->h : back;
+    c->end[i] = reaches ? 0 : gap + s->h * back;
+    c->leave[i] = back;
+    j->bounces |= back > 0;
+  }
+  ms_impacts_set_normal_components(&c->on, to, v, J);
+  c->impulse_friction = 0, c->least_jump = INFINITY;
+  for (int i = 0; i < c->on.n && i < MS_MAX_INDEPENDENT_PLANES; i++) {
+    c->impulse_friction += c->on.plane[i]->friction * J[i] / s->h;
+    c->least_jump = fmin(c->least_jump, J[i] / s->h);
+  }
+  if (c->sticks) {
+    memset(v, 0, sizeof v);
+    ms_impacts_set_normal_components(&c->on, to, v, J);
+  }
+  ms_unknowns_set(rows, v, c->row, s->v);
+}
+
+static void prescribe_velocities(contact_solve *j) {
+  ms_contact_set_make_writable(j->s);
+  ms_vector_copy(j->s->model->shape, j->v_start, j->s->v);
+  for (int32_t i = 0; i < j->e->ncontacts; i++) prescribe_velocity(j, &j->e->contact[i]);
+}
+
+/*------------------------------------- contact changes ------------------------------------------*/
+
+/* The planes of an unknown: those of its contact c (nullable), and those that it is behind at the
+ * end of the step. */
+static ms_plane_set find_planes(const contact_solve *j, int32_t row, const ms_contact *c) {
+  const ms_collision_planes walls = ms_contact_set_planes(j->s);
+  double x[3];
+  ms_plane_set on = c ? c->on : (ms_plane_set){0};
+  ms_unknowns_get(&j->s->model->unknowns, j->s->x_next, row, x);
+  const double noise = ms_impacts_distance_tolerance(&walls, x);
+  for (const msim_plane *p = walls.plane; p < walls.plane + walls.n; p++)
+    if (on.n < MS_MAX_INDEPENDENT_PLANES && !ms_impacts_contains_plane(&on, p) &&
+        ms_impacts_distance(p, x) < -noise)
+      on.plane[on.n++] = p;
+  return on;
+}
+
+static int compare_rows(const void *a, const void *b) {
+  const ms_contact *first = a, *second = b;
+  return (first->row > second->row) - (first->row < second->row);
+}
+
+/* Adds particles that end behind planes to the contact set, sorted by row; returns the number of
+ * contacts that are new or have new planes. */
+static int32_t add_penetrating(contact_solve *j) {
+  ms_contact_set *e = j->e;
+  int32_t nnew = 0, changed = 0, next = 0;
+  for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
+    ms_contact *c = ms_contact_set_lookup(e, r, &next);
+    const ms_plane_set on = find_planes(j, r, c);
+    if (on.n == (c ? c->on.n : 0)) continue;
+    changed++;
+    if (c) c->on = on, c->enters = 1;
+    else
+      e->contact[e->ncontacts + nnew++] =
+          (ms_contact){.row = r, .on = on, .is_prescribed = 1, .enters = 1};
+  }
+  e->ncontacts += nnew;
+  qsort(e->contact, (size_t)e->ncontacts, sizeof *e->contact, compare_rows);
+  j->s->stats->contacts += nnew;
+  return changed;
+}
+
+/* Removes contacts with one plane if this plane would have to pull. Returns their number. */
+static int32_t remove_pulled(contact_solve *j) {
+  ms_contact_set *e = j->e;
+  int32_t kept = 0;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    ms_contact c = e->contact[i];
+    double a[3];
+    ms_unknowns_get(&j->s->model->unknowns, e->a_end, c.row, a);
+    const double push = ms_contact_set_reaction(&c, a) + c.least_jump;
+    if (push < -MS_REACTION_TOLERANCE * ms_vec3_norm(a) && c.on.n == 1) continue;
+    e->contact[kept++] = c;
+  }
+  const int32_t gone = e->ncontacts - kept;
+  e->ncontacts = kept;
+  return gone;
+}
+
+/* Friction from the normal force of the last solve, and whether the particle sticks or slips;
+ * returns 1 if either has changed. */
+static int update_friction(contact_solve *j, ms_contact *c) {
+  const ms_unknowns *rows = &j->s->model->unknowns;
+  const double NEARLY = 0.1, STOPS = 0.3, h = j->s->h;
+  const ms_contact before = *c;
+  double a[3], v[3], start[3];
+  ms_unknowns_get(rows, j->e->a_end, c->row, a);
+  ms_unknowns_get(rows, j->s->v_next, c->row, v);
+  ms_unknowns_get(rows, j->v_start, c->row, start);
+  ms_contact_set_classify(c, rows->dims);
+  c->friction = fmax(0, ms_impacts_remove_normal(&c->on, a, NULL) + c->impulse_friction);
+  ms_impacts_remove_normal(&c->on, v, NULL);
+  ms_impacts_remove_normal(&c->on, start, NULL);
+  ms_vec3_axpy(1 / h, start, a);
+  const double speed = ms_vec3_norm(v), pull = ms_vec3_norm(a), slow = 1e-3 * h * c->friction;
+  if (before.sticks) {
+    c->sticks = c->fixed || pull <= c->friction;
+    c->slipped = !c->sticks;
+    c->friction_speed = fmax(h * (pull - c->friction), slow);
+  } else {
+    const double stop = before.friction > 0 && !c->slipped ? STOPS * c->friction_speed : 0;
+    c->sticks = c->fixed || (c->has_friction && speed <= fmax(slow, stop));
+    c->friction_speed = fmax(speed, slow);
+  }
+  return before.sticks != c->sticks ||
+         fabs(c->friction - before.friction) > NEARLY * fmax(before.friction, c->friction) ||
+         (c->friction > 0 && !c->sticks &&
+          fabs(c->friction_speed - before.friction_speed) > NEARLY * c->friction_speed);
+}
+
+/* Solves before these numbers may remove contacts, and change friction; then particles only join,
+ * so that the iteration ends. */
+enum { REMOVAL_SOLVES = 2, FRICTION_SOLVES = 3 };
+
+/* Updates the contact set by the step just made; returns 1 if it has changed. */
+static int update_contacts(contact_solve *j, int pass) {
+  int32_t changed = pass < REMOVAL_SOLVES ? remove_pulled(j) : 0;
+  for (int32_t i = 0; i < j->e->ncontacts && pass < FRICTION_SOLVES; i++)
+    changed += update_friction(j, &j->e->contact[i]);
+  changed += add_penetrating(j);
+  return changed > 0;
+}
+
+/*------------------------------------- the step -------------------------------------------------*/
+
+/* Kinetic, elastic and gravitational energy (J); *rounding: its rounding tolerance */
+static double find_total_energy(const ms_stepper *s, const double *x, const double *v,
+                                double *rounding) {
+  const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
+  const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
+  const double *g = s->model->gravity;
+  double mass = 0;
+  for (int32_t r = 0; r < s->model->unknowns.nfree; r++) mass += s->model->mass[r];
+  *rounding = 1e-12 * (t.kinetic + t.elastic + mass * ms_vec3_norm(g) * s->events->reach);
+  return t.kinetic + t.elastic - ms_vec3_dot(g, t.moment);
+}
+
+/* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the
+ * contacts and friction found before, particles can only join. */
+static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
+  for (int pass = j->law == KEEP_DISTANCE ? FRICTION_SOLVES : 0;; pass++) {
+    prescribe_velocities(j);
+    j->s->cached_stage = 0;
+    j->s->dense_output = 0;
+    const msim_status status = j->solve_method->step(j->s, err);
+    if (status) return status;
+    ms_contact_set_finish_substep(j->s);
+    if (!update_contacts(j, pass)) return MSIM_OK;
+  }
+}
+
+/* 1 if the method's own step changes no contact */
+static int is_settled(contact_solve *j) {
+  int32_t next = 0;
+  for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
+    const ms_contact *c = ms_contact_set_lookup(j->e, r, &next);
+    if (find_planes(j, r, c).n > (c ? c->on.n : 0) || (c && c->change <= 1)) return 0;
+  }
+  return 1;
+}
+
+/* Uses the first law under which the solve converges and the energy does not grow. Under the last
+ * one planes do no work, so that only the error of implicit Euler remains. */
+static msim_status remake_step(contact_solve *j, msim_error *err) {
+  const ms_stepper *s = j->s;
+  double rounding, unused;
+  const double before = find_total_energy(s, s->x, j->v_start, &rounding);
+  j->solve_method = j->method->nonlinear ? &ms_implicit_euler : j->method;
+  for (;;) {
+    const msim_status status = solve_contact_step(j, err);
+    if (j->law == KEEP_DISTANCE || (status && status != MSIM_NOT_CONVERGED)) return status;
+    if (!status && find_total_energy(s, s->x_next, s->v_next, &unused) <= before + rounding)
+      return status;
+    j->law = j->law == ELASTIC && j->bounces ? INELASTIC : KEEP_DISTANCE;
+    j->solve_method = &ms_implicit_euler;
+  }
+}
+
+msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
+  ms_contact_set *e = s->events;
+  contact_solve j = {.method = method, .s = s, .e = e, .v_start = s->v};
+  const int64_t impacts = s->stats->contacts;
+  const int carried = s->cached_stage;
+  ms_contact_set_update(s);
+  int made = 0;
+  if (s->stats->contacts == impacts) {
+    s->cached_stage = s->x != e->x && ms_contact_set_hash(s) == e->contact_hash ? carried : 0;
+    const msim_status status = method->step(s, err);
+    if (status && status != MSIM_NOT_CONVERGED) return status;
+    made = !status;
+    if (made) ms_contact_set_finish_substep(s);
+    if (made && is_settled(&j)) {
+      ms_contact_set_record(s);
+      return MSIM_OK;
+    }
+  }
+  s->stats->contacts = impacts;
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    ms_contact *c = &e->contact[i];
+    c->is_prescribed = 1;
+    c->friction_speed = INFINITY;
+  }
+  if (made) update_contacts(&j, 0);
+  const msim_status status = remake_step(&j, err);
+  s->cached_stage_next = 0;
+  return status;
+}

@@ -1,0 +1,267 @@
+#include "layout/half_edges.h"
+
+/*------------------------------------- split rows -----------------------------------------------*/
+
+/* Cost of the sums of a part, in entries. */
+enum { COST_OF_SUMS = 2 };
+
+static int32_t entries_for_degree(int32_t degree) { return (degree + MS_SLICE - 1) / MS_SLICE; }
+
+/* Rows of a slice, by descending number of springs. Returns their number. */
+static int32_t sort_rows_by_degree(const ms_adjacency *a, int32_t nfree, int32_t group,
+                                   int32_t row[MS_SLICE]) {
+  int32_t n = 0;
+  for (int32_t r = group * MS_SLICE; n < MS_SLICE && r < nfree; r++, n++) {
+    int32_t to = n;
+    for (; to > 0 && ms_adjacency_degree(a, row[to - 1]) < ms_adjacency_degree(a, r); to--)
+      row[to] = row[to - 1];
+    row[to] = r;
+  }
+  return n;
+}
+
+/* How many of the first rows to split: this minimizes the entries and sums of split rows plus the
+ * entries of the longest other row. */
+static int32_t count_split_rows(const ms_adjacency *a, const int32_t row[MS_SLICE], int32_t n) {
+  int32_t best = 0, nsplit = 0, spent = 0;
+  for (int32_t k = 0; k <= n; k++) {
+    const int32_t degree = k < n ? ms_adjacency_degree(a, row[k]) : 0;
+    if (k == 0 || spent + degree < best) best = spent + degree, nsplit = k;
+    spent += entries_for_degree(degree) + COST_OF_SUMS;
+  }
+  return nsplit;
+}
+
+/* Marks split rows by part = 0 and counts their parts. */
+static void find_split_rows(const ms_adjacency *a, int32_t nfree, ms_half_edges *out) {
+  for (int32_t g = 0; g < out->nslices; g++) {
+    int32_t row[MS_SLICE];
+    const int32_t nsplit = count_split_rows(a, row, sort_rows_by_degree(a, nfree, g, row));
+    for (int32_t r = g * MS_SLICE; r < (g + 1) * MS_SLICE; r++) out->first_part[r] = -1;
+    for (int32_t i = 0; i < nsplit; i++) {
+      out->first_part[row[i]] = 0;
+      out->nparts += (entries_for_degree(ms_adjacency_degree(a, row[i])) + MS_PART_ENTRIES - 1) /
+                     MS_PART_ENTRIES;
+    }
+  }
+}
+
+static void number_parts(const ms_adjacency *a, ms_half_edges *out) {
+  int32_t p = 0;
+  for (int32_t r = 0; r < out->nslices * MS_SLICE; r++) {
+    if (out->first_part[r] < 0) continue;
+    out->first_part[r] = p;
+    for (int32_t slots = entries_for_degree(ms_adjacency_degree(a, r)); slots > 0;
+         slots -= MS_PART_ENTRIES)
+      out->part_row[p++] = r;
+  }
+}
+
+/*------------------------------------- one slice ------------------------------------------------*/
+
+/* The half-edges of each lane of a slice that are still to be placed. */
+typedef struct lane_cursors {
+  const ms_half_edge *next[MS_SLICE], *end[MS_SLICE];
+  int32_t row; /* of lane 0 */
+} lane_cursors;
+
+static lane_cursors begin_slice(const ms_adjacency *a, const ms_half_edges *halves, int32_t nfree,
+                                int32_t group) {
+  lane_cursors h = {.row = group * MS_SLICE};
+  for (int32_t lane = 0; lane < MS_SLICE && h.row + lane < nfree; lane++) {
+    if (halves->first_part[h.row + lane] >= 0) continue;
+    h.next[lane] = a->half_edges + a->first[h.row + lane];
+    h.end[lane] = a->half_edges + a->first[h.row + lane + 1];
+  }
+  return h;
+}
+
+/* The least offset, neighbour - row, of the lanes' next half-edges; 0: all are placed. */
+static int32_t find_least_offset(const lane_cursors *h) {
+  int32_t least = INT32_MAX, any = 0;
+  for (int32_t lane = 0; lane < MS_SLICE; lane++) {
+    if (h->next[lane] == h->end[lane]) continue;
+    const int32_t offset = h->next[lane]->neighbour - (h->row + lane);
+    if (offset < least) least = offset;
+    any = 1;
+  }
+  return any ? least : 0;
+}
+
+/* Entries of equal offset leave lanes empty where the mesh is irregular. Returns 1 if they are at
+ * most 1.5 times as many as the longest row needs. */
+static int is_offset_order_worthwhile(lane_cursors h) {
+  ptrdiff_t longest = 0, slots = 0;
+  for (int32_t lane = 0; lane < MS_SLICE; lane++)
+    if (h.end[lane] - h.next[lane] > longest) longest = h.end[lane] - h.next[lane];
+  for (int32_t offset; (offset = find_least_offset(&h)) != 0; slots++)
+    for (int32_t lane = 0; lane < MS_SLICE; lane++)
+      if (h.next[lane] != h.end[lane] && h.next[lane]->neighbour == h.row + lane + offset)
+        h.next[lane]++;
+  return 2 * slots <= 3 * longest;
+}
+
+/* Take the half-edges of the next entry from h; NULL in empty lanes. */
+static void take_entry(lane_cursors *h, int aligned, const ms_half_edge *slot[MS_SLICE]) {
+  const int32_t offset = find_least_offset(h);
+  for (int32_t lane = 0; lane < MS_SLICE; lane++) {
+    const int takes = h->next[lane] != h->end[lane] &&
+                      (!aligned || h->next[lane]->neighbour == h->row + lane + offset);
+    slot[lane] = takes ? h->next[lane]++ : NULL;
+  }
+}
+
+/*------------------------------------- all slice ranges -----------------------------------------*/
+
+static int32_t count_slice_entries(lane_cursors h) {
+  const int aligned = is_offset_order_worthwhile(h);
+  const ms_half_edge *slot[MS_SLICE];
+  int32_t n = 0;
+  for (; find_least_offset(&h) != 0; n++) take_entry(&h, aligned, slot);
+  return n;
+}
+
+/* The row at lane 0 if the neighbours are consecutive rows, empty lanes included; else -1. */
+static int32_t find_run_start(const ms_unknowns *rows, const ms_half_edge *const slot[MS_SLICE]) {
+  int32_t start = -1;
+  for (int32_t lane = 0; lane < MS_SLICE; lane++) {
+    if (!slot[lane]) continue;
+    const int32_t here = slot[lane]->neighbour - lane;
+    if (here < 0 || here + MS_SLICE > rows->stride || (start >= 0 && here != start)) return -1;
+    start = here;
+  }
+  return start;
+}
+
+/* Padding refers to an existing row: the one that continues the run, or else `row`. */
+static void write_lanes(const ms_unknowns *rows, int32_t row,
+                        const ms_half_edge *const slot[MS_SLICE], int32_t s, ms_half_edges *out) {
+  out->start[s] = find_run_start(rows, slot);
+  for (int32_t lane = 0; lane < MS_SLICE; lane++) {
+    const int32_t any = out->start[s] >= 0 ? out->start[s] + lane : row;
+    out->neighbour[MS_SLICE * s + lane] = slot[lane] ? slot[lane]->neighbour : any;
+    out->spring[MS_SLICE * s + lane] = slot[lane] ? slot[lane]->spring : -1;
+  }
+}
+
+static void fill_slice(const ms_adjacency *a, const ms_unknowns *rows, int32_t group,
+                       ms_half_edges *out) {
+  lane_cursors h = begin_slice(a, out, rows->nfree, group);
+  const int aligned = is_offset_order_worthwhile(h);
+  const ms_half_edge *slot[MS_SLICE];
+  for (int32_t s = out->first[group]; s < out->first[group + 1]; s++) {
+    take_entry(&h, aligned, slot);
+    write_lanes(rows, h.row, slot, s, out);
+  }
+}
+
+static void fill_split_row(const ms_adjacency *a, const ms_unknowns *rows, int32_t row,
+                           ms_half_edges *out) {
+  const ms_half_edge *slot[MS_SLICE];
+  int32_t s = out->first[out->nslices + out->first_part[row]];
+  for (int32_t e = a->first[row]; e < a->first[row + 1]; e += MS_SLICE) {
+    for (int32_t lane = 0; lane < MS_SLICE; lane++)
+      slot[lane] = e + lane < a->first[row + 1] ? a->half_edges + e + lane : NULL;
+    write_lanes(rows, row, slot, s++, out);
+  }
+}
+
+/* Number the entries of each slice range. Returns their number; beyond the limit of INT32_MAX / 8,
+ * a number above it. */
+static int64_t number_entries(const ms_adjacency *a, const ms_unknowns *rows, ms_half_edges *out) {
+  const int64_t most = INT32_MAX / MS_SLICE;
+  int64_t slots = 0;
+  int32_t *end = out->first + 1;
+  for (int32_t g = 0; g < out->nslices && slots <= most; g++) {
+    slots += count_slice_entries(begin_slice(a, out, rows->nfree, g));
+    *end++ = (int32_t)slots;
+  }
+  for (int32_t p = 0; p < out->nparts && slots <= most; p++) {
+    const int32_t row = out->part_row[p];
+    const int32_t left = entries_for_degree(ms_adjacency_degree(a, row)) -
+                         MS_PART_ENTRIES * (p - out->first_part[row]);
+    slots += left < MS_PART_ENTRIES ? left : MS_PART_ENTRIES;
+    *end++ = (int32_t)slots;
+  }
+  return slots;
+}
+
+static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *rows,
+                                     const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  out->first_part = ms_memory_allocate(alloc, (size_t)rows->first_pinned, sizeof(int32_t));
+  if (!out->first_part) return ms_error_set_memory(err, "the springs of each row");
+  find_split_rows(a, rows->nfree, out);
+  const size_t nparts = (size_t)out->nparts;
+  out->part_row = ms_memory_allocate(alloc, nparts, sizeof(int32_t));
+  out->part_sums = ms_memory_allocate(alloc, 6 * MS_SLICE * nparts, sizeof(double));
+  out->first = ms_memory_allocate(alloc, (size_t)out->nslices + nparts + 1, sizeof(int32_t));
+  if (!out->part_row || !out->part_sums || !out->first)
+    return ms_error_set_memory(err, "the springs of each row");
+  number_parts(a, out);
+  const int64_t slots = number_entries(a, rows, out);
+  if (slots > INT32_MAX / MS_SLICE)
+    return ms_error_set(err, MSIM_ERR_ARG, "the springs need more than %d slots of %d lanes",
+                        INT32_MAX / MS_SLICE, MS_SLICE);
+  out->nentries = (int32_t)slots;
+  return MSIM_OK;
+}
+
+static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
+                                const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  const size_t slots = (size_t)out->nentries, lanes = MS_SLICE * slots;
+  out->start = ms_memory_allocate(alloc, slots, sizeof(int32_t));
+  out->neighbour = ms_memory_allocate(alloc, lanes, sizeof(int32_t));
+  out->spring = ms_memory_allocate(alloc, lanes, sizeof(int32_t));
+  out->k = ms_memory_allocate(alloc, lanes, sizeof(double));
+  out->rest = ms_memory_allocate(alloc, lanes, sizeof(double));
+  out->damping = ms_memory_allocate(alloc, lanes, sizeof(double));
+  if (!out->start || !out->neighbour || !out->spring || !out->k || !out->rest || !out->damping)
+    return ms_error_set_memory(err, "the springs of each row");
+  for (int32_t g = 0; g < out->nslices; g++) fill_slice(a, rows, g, out);
+  for (int32_t r = 0; r < rows->nfree; r++)
+    if (out->first_part[r] >= 0) fill_split_row(a, rows, r, out);
+  return MSIM_OK;
+}
+
+void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *halves) {
+  for (int32_t at = 0; at < MS_SLICE * halves->nentries; at++) {
+    const int32_t e = halves->spring[at];
+    if (e < 0) continue;
+    halves->k[at] = springs->k[e];
+    halves->rest[at] = springs->rest[e];
+    halves->damping[at] = springs->damping[e];
+  }
+}
+
+msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
+                                 const ms_springs *springs, const ms_adjacency *a,
+                                 ms_half_edges *halves, msim_error *err) {
+  *halves = (ms_half_edges){.nslices = rows->first_pinned / MS_SLICE};
+  msim_status status = make_slice_ranges(scene, rows, a, halves, err);
+  if (!status) status = make_entries(scene, rows, a, halves, err);
+  if (!status) ms_half_edges_update_springs(springs, halves);
+  return status;
+}
+
+void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *halves) {
+  void *arrays[] = {halves->first, halves->first_part, halves->part_row, halves->part_sums,
+                    halves->start, halves->neighbour,  halves->spring,   halves->k,
+                    halves->rest,  halves->damping};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+    ms_memory_free(&scene->alloc, arrays[i]);
+  *halves = (ms_half_edges){0};
+}
+
+void ms_half_edges_add_part_sums(const ms_half_edges *halves, int32_t components, size_t stride,
+                                 double *vec) {
+  for (int32_t p = 0; p < halves->nparts; p++) {
+    for (int32_t c = 0; c < components; c++) {
+      const double *s =
+          halves->part_sums + MS_SLICE * ((size_t)c * (size_t)halves->nparts + (size_t)p);
+      vec[(size_t)c * stride + (size_t)halves->part_row[p]] +=
+          ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]));
+    }
+  }
+}

@@ -1,0 +1,18 @@
+#include "layout/planar.h"
+
+int ms_planar_is_in_plane(const ms_scene *scene, int32_t axis, const double *x, const double *v) {
+  const double level = scene->x[axis];
+  for (size_t p = 0; p < (size_t)scene->nparticles; p++)
+    if (x[3 * p + (size_t)axis] != level || (v && v[3 * p + (size_t)axis] != 0)) return 0;
+  return 1;
+}
+
+int32_t ms_planar_find_axis(const ms_scene *scene, unsigned skip_off) {
+  if (skip_off & MSIM_SKIP_TWO_D) return -1;
+  for (int32_t axis = 2; axis >= 0; axis--) {
+    int pushed = scene->gravity[axis] != 0;
+    for (int32_t p = 0; p < scene->nplanes; p++) pushed |= scene->planes[p].normal[axis] != 0;
+    if (!pushed && ms_planar_is_in_plane(scene, axis, scene->x, scene->v)) return axis;
+  }
+  return -1;
+}

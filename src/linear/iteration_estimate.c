@@ -1,0 +1,38 @@
+#include "linear/iteration_estimate.h"
+
+#include <math.h>
+
+/* The bound of kappa(A), estimated by the largest ratio of stiffness to mass in a spring and the
+ * mean number of springs per unknown */
+static double estimate_condition(const ms_model *model, double h) {
+  const ms_springs *s = &model->springs;
+  double worst = 0;
+  for (int32_t e = 0; e < s->n; e++) {
+    const double stiffness = h * h * s->k[e] + h * s->damping[e];
+    double mass = INFINITY;
+    if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);
+    if (s->j[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->j[e]]);
+    worst = fmax(worst, stiffness / mass);
+  }
+  return 1 + 4.0 * s->n / fmax(1, model->unknowns.nfree) * worst;
+}
+
+/* Small aggregates save iterations, but the cost of the coarse factor grows faster than the number
+ * of unknowns. With MANY iterations per factor they are smaller. */
+static int32_t choose_aggregate_size(int32_t rows, double iterations) {
+  const double MANY = 75;
+  const int32_t size = rows < 12000 ? 64 : rows < 60000 ? 128 : rows < 500000 ? 192 : 256;
+  return iterations > MANY ? size * 3 / 4 : size;
+}
+
+ms_iteration_estimate ms_iteration_estimate_compute(const ms_model *model, double h, double rtol) {
+  /* the costs of an iteration with a coarse space and of its setup, in iterations without one */
+  const double ITERATION_COST = 2, SETUP_COST = 15;
+  const double kappa = estimate_condition(model, h), digits = log(2 / rtol);
+  ms_iteration_estimate p = {.kappa = kappa,
+                             .one_level = 0.08 * sqrt(kappa) * digits,
+                             .two_level = 0.8 * pow(kappa, 0.125) * digits};
+  if (p.one_level > ITERATION_COST * p.two_level + SETUP_COST)
+    p.aggregate_size = choose_aggregate_size(model->unknowns.nfree, p.two_level);
+  return p;
+}

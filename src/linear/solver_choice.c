@@ -1,0 +1,86 @@
+#include "linear/solver_choice.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "linear/lagged_factor.h"
+#include "linear/iteration_estimate.h"
+
+/* Up to so many iterations cholmod is not opened to estimate the cost of its factor. */
+#define FEW_ITERATIONS 150.0
+
+static msim_status choose_pcg(const ms_linear_system *system, const msim_options *opt,
+                              const ms_iteration_estimate *p, const char *but,
+                              ms_solver_choice *choice, msim_error *err) {
+  msim_status status = ms_pcg_create(system, opt, p->aggregate_size, &choice->linear, err);
+  if (status) return status;
+  const char *by = strcmp(opt->solver, "auto") == 0 ? "auto" : "asked for";
+  if (choice->linear->aggregates)
+    snprintf(choice->reason, sizeof choice->reason,
+             "%s: about %.0f iterations with a coarse space, %.0f without%s", by, p->two_level,
+             p->one_level, but);
+  else
+    snprintf(choice->reason, sizeof choice->reason,
+             "%s: about %.0f iterations, no coarse space would pay%s", by, p->one_level, but);
+  return MSIM_OK;
+}
+
+/* The cost of a step by a direct solver, in flops of a factorization. A scalar matrix is factored
+ * once for all steps. */
+static double cost_of_step(const ms_linear *linear) {
+  const ms_linear_system *s = linear->system;
+  return s->a.block == 1 ? MS_SOLVE_FLOPS_PER_NONZERO * linear->fill * s->model->unknowns.dims
+                         : linear->flops;
+}
+
+/* solver = auto: cholmod where A need not be positive definite (an error if it is not available),
+ * or where its factor costs fewer flops than the estimated iterations; else pcg. */
+static msim_status choose_by_cost(const ms_linear_system *system, const msim_options *opt,
+                                  const ms_iteration_estimate *p, ms_solver_choice *choice,
+                                  msim_error *err) {
+  const double iterations = p->aggregate_size ? p->two_level : p->one_level;
+  const int constant = system->a.block == 1;
+  const int may_fail = opt->indefinite == MSIM_INDEFINITE_SOLVE && !constant;
+  if (iterations <= FEW_ITERATIONS && !may_fail && !constant)
+    return choose_pcg(system, opt, p, "", choice, err);
+  msim_error why;
+  msim_status status = ms_adapter_create(system, "cholmod", opt, &choice->linear, &why);
+  if (status == MSIM_ERR_MEMORY) return ms_error_set(err, status, "%s", why.text);
+  if (status && may_fail)
+    return ms_error_set(err, status, "indefinite = solve needs a solver that can: %s", why.text);
+  if (status) return choose_pcg(system, opt, p, "; cholmod is not there", choice, err);
+  const double spared = iterations * MS_PCG_FLOPS_PER_HALF_EDGE * 2 * system->model->springs.n;
+  if (may_fail || cost_of_step(choice->linear) <= spared) {
+    snprintf(choice->reason, sizeof choice->reason,
+             "auto: a factor of %.2g flops against about %.0f iterations", choice->linear->flops,
+             iterations);
+    return MSIM_OK;
+  }
+  choice->linear->ops->destroy(choice->linear);
+  choice->linear = NULL;
+  return choose_pcg(system, opt, p, "; a factor costs more", choice, err);
+}
+
+msim_status ms_solver_choice_make(const ms_linear_system *system, const msim_options *opt, double h,
+                                  ms_solver_choice *choice, msim_error *err) {
+  const ms_model *model = system->model;
+  *choice = (ms_solver_choice){0};
+  if (!(model->features & MSIM_SKIP_SPRINGS) || model->unknowns.nfree == 0) {
+    snprintf(choice->reason, sizeof choice->reason,
+             "no spring couples two unknowns: A is diagonal");
+    return ms_diagonal_create(system, &choice->linear, err);
+  }
+  const ms_iteration_estimate p = ms_iteration_estimate_compute(model, h, opt->solver_rtol);
+  if (strcmp(opt->solver, "auto") == 0) return choose_by_cost(system, opt, &p, choice, err);
+  snprintf(choice->reason, sizeof choice->reason, "asked for");
+  msim_status status = strcmp(opt->solver, "pcg") == 0
+                           ? choose_pcg(system, opt, &p, "", choice, err)
+                           : ms_adapter_create(system, opt->solver, opt, &choice->linear, err);
+  if (status || opt->indefinite != MSIM_INDEFINITE_SOLVE || choice->linear->symmetric)
+    return status;
+  return ms_error_set(
+      err, MSIM_ERR_ARG,
+      "solver '%s' cannot solve systems that are not positive definite, as indefinite = "
+      "solve asks; take cholmod, or indefinite = clamp or stop",
+      opt->solver);
+}

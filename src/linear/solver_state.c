@@ -1,0 +1,177 @@
+/* solver_state - serializes the state of a solver that affects later solves, for checkpoints:
+ *
+ *   linear solver         auto may have replaced pcg by cholmod for good
+ *   lagged factor         its linearization point; its age and cost, which decide on its use
+ *   coarse factor         of pcg, likewise
+ *   constant matrix       its h, as a scalar matrix is factored once for a whole run
+ *   amortization          flops of pcg so far; whether cholmod was opened for a factor, or given up
+ *
+ * All else is computed anew in each solve. The caller creates the solver for the same h and springs
+ * before its state is read. Instead of factors their linearization points are stored, which are
+ * hundreds of times smaller and reproduce the factors to the bit. */
+#include <math.h>
+#include <string.h>
+
+#include "linear/pcg.h"
+#include "linear/solver.h"
+
+msim_status ms_solver_create_linearization_point(ms_solver *s, ms_linearization_point *origin,
+                                                 msim_error *err) {
+  const ms_model *model = s->system.model;
+  if (s->system.a.block == 1 || origin->x) return MSIM_OK;
+  const int holds = ms_solver_may_have_constraints(s);
+  origin->x = ms_unknowns_new_vector(model->scene, &model->unknowns);
+  if (holds)
+    origin->constraint = ms_memory_allocate(&model->scene->alloc, (size_t)model->unknowns.nfree,
+                                            sizeof *origin->constraint);
+  if (origin->x && (origin->constraint || !holds)) return MSIM_OK;
+  return ms_error_set_memory(err, "the linear solver");
+}
+
+void ms_solver_destroy_linearization_point(ms_solver *s, ms_linearization_point *origin) {
+  ms_memory_free(&s->system.model->scene->alloc, origin->x);
+  ms_memory_free(&s->system.model->scene->alloc, origin->constraint);
+  *origin = (ms_linearization_point){0};
+}
+
+static ms_pcg *pcg_of(const ms_solver *s) {
+  return strcmp(s->linear->name, "pcg") == 0 ? (ms_pcg *)s->linear : NULL;
+}
+
+static int is_auto(const ms_solver *s) { return strcmp(s->opt->solver, "auto") == 0; }
+
+int ms_solver_depends_on_springs(const ms_solver *s) {
+  return is_auto(s) || strcmp(s->opt->solver, "pcg") == 0;
+}
+
+/* Decisions that are stored as flags */
+typedef struct decisions {
+  int32_t pcg, may_switch, aggregates;
+  int32_t saves, has_cholmod; /* beside pcg */
+} decisions;
+
+static decisions decisions_of(const ms_solver *s) {
+  return (decisions){.pcg = pcg_of(s) != NULL,
+                     .may_switch = s->may_switch,
+                     .aggregates = s->linear->aggregates,
+                     .saves = s->amortization.allowed,
+                     .has_cholmod = s->amortization.cholmod != NULL};
+}
+
+static void archive_decisions(ms_archive *b, decisions *d) {
+  int32_t *flags[] = {&d->pcg, &d->may_switch, &d->aggregates, &d->saves, &d->has_cholmod};
+  for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_ARCHIVE_TRANSFER(b, *flags[i]);
+}
+
+/* Apply stored decisions to a solver just created. */
+static msim_status apply_decisions(ms_solver *s, const decisions *d, msim_error *err) {
+  msim_status status = MSIM_OK;
+  if (pcg_of(s) && !d->pcg && s->may_switch) status = ms_solver_switch_to_cholmod(s, err);
+  if (status) return status;
+  if (!pcg_of(s) != !d->pcg || d->aggregates != s->linear->aggregates)
+    return ms_error_set(
+        err, MSIM_ERR_ARG,
+        "the linear solver cannot be as it was: it is pcg here and cholmod there, or has "
+        "another coarse space");
+  s->may_switch = s->may_switch && d->may_switch;
+  if (!d->saves && s->amortization.allowed) ms_solver_drop_lagged_factor(s);
+  if (s->amortization.allowed && d->has_cholmod) status = ms_solver_add_cholmod(s, err);
+  return status;
+}
+
+/* Constrained unknowns, ascending */
+static void archive_constraints(ms_archive *b, const ms_unknowns *rows,
+                                ms_linearization_point *origin) {
+  MS_ARCHIVE_TRANSFER(b, origin->nconstraints);
+  ms_archive_check(b, origin->nconstraints >= 0 && origin->nconstraints <= rows->nfree,
+                   "rows that are held");
+  if (ms_archive_failed(b)) return;
+  const int32_t n = b->direction == MS_ARCHIVE_COUNT ? rows->nfree : origin->nconstraints;
+  ms_archive_transfer(b, origin->constraint, (size_t)n * sizeof *origin->constraint);
+  for (int32_t i = 0, next = 0; i < n && b->direction == MS_ARCHIVE_READ; i++) {
+    const ms_constraint *g = &origin->constraint[i];
+    ms_archive_check(b, g->row >= next && g->row < rows->nfree, "a row that is held");
+    ms_archive_check(b, g->n >= 0 && g->n <= 3, "a row that is held");
+    for (int k = 0; k < 9; k++)
+      ms_archive_check(b, isfinite(g->direction[k / 3][k % 3]), "a row that is held");
+    next = g->row + 1;
+  }
+}
+
+static void archive_linearization_point(ms_archive *b, const ms_solver *s,
+                                        ms_linearization_point *origin) {
+  const ms_model *model = s->system.model;
+  MS_ARCHIVE_TRANSFER(b, origin->h);
+  MS_ARCHIVE_TRANSFER(b, origin->clamped);
+  MS_ARCHIVE_TRANSFER(b, origin->kind);
+  ms_archive_check(b, isfinite(origin->h) && origin->h > 0, "the h of a matrix");
+  ms_archive_check(b, (origin->kind | 1) == 1, "the kind of a factor");
+  if (s->system.a.block == 1) return;
+  if (b->direction == MS_ARCHIVE_READ)
+    ms_unknowns_gather(&model->unknowns, model->scene->x, origin->x);
+  ms_archive_transfer_vector(b, model->shape, origin->x); /* pinned particles: from the scene */
+  if (ms_solver_may_have_constraints(s)) archive_constraints(b, &model->unknowns, origin);
+}
+
+static void archive_counts(ms_archive *b, ms_lagged_factor *kept, ms_amortization *savings) {
+  int64_t *counts[] = {&kept->age, &kept->iterations, &kept->skip_length, &savings->solves};
+  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
+    ms_archive_transfer_count(b, counts[i]);
+  MS_ARCHIVE_TRANSFER(b, kept->skips_left); /* may be negative */
+  ms_archive_check(b, kept->skips_left > INT64_MIN / 2, "a count");
+  MS_ARCHIVE_TRANSFER(b, kept->limit);
+  MS_ARCHIVE_TRANSFER(b, kept->rtol);
+  MS_ARCHIVE_TRANSFER(b, savings->flops);
+  ms_archive_check(b, kept->limit >= 0 && kept->rtol >= 0 && savings->flops >= 0, "the solver");
+  ms_archive_check(b, kept->factorizer || kept->age == 0, "a kept factor");
+}
+
+/* The age of the coarse factor, if there is one that may be lagged; else -1 */
+static int32_t coarse_age(const ms_solver *s) {
+  const ms_pcg *pcg = pcg_of(s);
+  const int serves = pcg && pcg->base.aggregates && pcg->coarse_is_ready && pcg->may_reuse_coarse;
+  return serves ? pcg->coarse_age : -1;
+}
+
+/* Recompute all factors. As that resets their counts, these are restored. */
+static msim_status recompute_factors(ms_solver *s, int32_t age,
+                                     const ms_linearization_point *constant, msim_error *err) {
+  const ms_lagged_factor kept = s->lagged_factor;
+  msim_status status = MSIM_OK;
+  if (age >= 0) status = ms_solver_factor_at(s, s->linear, &s->coarse_point, err);
+  if (!status && kept.age > 0)
+    status = ms_solver_factor_at(s, kept.factorizer, &s->lagged_point, err);
+  if (!status && constant->h > 0) status = ms_solver_factor_at(s, s->linear, constant, err);
+  s->lagged_factor = kept;
+  if (age >= 0) pcg_of(s)->coarse_age = age;
+  s->constant_h = constant->h;
+  return status;
+}
+
+msim_status ms_solver_archive(ms_archive *b, ms_solver *s, msim_error *err) {
+  decisions d = decisions_of(s);
+  int32_t age = coarse_age(s);
+  ms_linearization_point constant = {.h = s->constant_h,
+                                     .clamped = s->constant_h > 0 && s->system.clamped};
+  archive_decisions(b, &d);
+  msim_status status = b->direction == MS_ARCHIVE_READ ? apply_decisions(s, &d, err) : MSIM_OK;
+  if (status) return status;
+  archive_counts(b, &s->lagged_factor, &s->amortization);
+  MS_ARCHIVE_TRANSFER(b, constant.h);
+  MS_ARCHIVE_TRANSFER(b, constant.clamped);
+  ms_archive_check(b, isfinite(constant.h) && (constant.h == 0 || s->system.a.block == 1),
+                   "the h of a matrix");
+  MS_ARCHIVE_TRANSFER(b, age);
+  ms_archive_check(b,
+                   age == -1 || (age >= 0 && age < INT32_MAX / 2 && pcg_of(s) &&
+                                 pcg_of(s)->may_reuse_coarse && d.aggregates),
+                   "a coarse factor");
+  if (ms_archive_failed(b)) return MSIM_OK;
+  const int counts = b->direction == MS_ARCHIVE_COUNT; /* count what may exist later, too */
+  if (counts ? is_auto(s) || pcg_of(s) : age >= 0)
+    archive_linearization_point(b, s, &s->coarse_point);
+  if (counts ? is_auto(s) : s->lagged_factor.age > 0)
+    archive_linearization_point(b, s, &s->lagged_point);
+  if (b->direction != MS_ARCHIVE_READ || ms_archive_failed(b)) return MSIM_OK;
+  return recompute_factors(s, age, &constant, err);
+}

@@ -1,0 +1,293 @@
+#include "linear/sparse_matrix.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/simd.h"
+
+/*------------------------------------- graph ----------------------------------------------------*/
+
+static int compare_indices(const void *a, const void *b) {
+  int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+  return (x > y) - (x < y);
+}
+
+/* List each spring between two unknowns at both ends, then sort each row of the graph and remove
+ * duplicates. */
+static void fill_graph(const ms_model *model, ms_sparse_graph *g, int32_t *next) {
+  const ms_springs *s = &model->springs;
+  memcpy(next, g->ptr, (size_t)g->n * sizeof *next);
+  for (int32_t e = 0; e < s->n; e++) {
+    if (s->i[e] >= g->n || s->j[e] >= g->n) continue;
+    g->ind[next[s->i[e]]++] = s->j[e];
+    g->ind[next[s->j[e]]++] = s->i[e];
+  }
+  int32_t to = 0, from = 0;
+  for (int32_t r = 0; r < g->n; r++) {
+    int32_t end = g->ptr[r + 1], first = to;
+    qsort(g->ind + from, (size_t)(end - from), sizeof *g->ind, compare_indices);
+    for (; from < end; from++)
+      if (to == first || g->ind[to - 1] != g->ind[from]) g->ind[to++] = g->ind[from];
+    g->ptr[r] = first;
+  }
+  g->ptr[g->n] = to;
+}
+
+msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph *graph,
+                                          msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const ms_springs *s = &model->springs;
+  int32_t n = model->unknowns.nfree;
+  *graph =
+      (ms_sparse_graph){.n = n, .ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof(int32_t))};
+  int32_t *next = ms_memory_allocate(alloc, (size_t)n, sizeof *next);
+  int64_t total = 0;
+  for (int32_t e = 0; e < s->n && graph->ptr; e++) {
+    if (s->i[e] >= n || s->j[e] >= n) continue;
+    graph->ptr[s->i[e] + 1]++, graph->ptr[s->j[e] + 1]++;
+    total += 2;
+  }
+  if (total <= INT32_MAX) graph->ind = ms_memory_allocate(alloc, (size_t)total, sizeof *graph->ind);
+  if (!graph->ptr || !graph->ind || !next) {
+    ms_memory_free(alloc, next);
+    return ms_error_set_memory(err, "the graph of the springs");
+  }
+  for (int32_t r = 0; r < n; r++) graph->ptr[r + 1] += graph->ptr[r];
+  fill_graph(model, graph, next);
+  ms_memory_free(alloc, next);
+  return MSIM_OK;
+}
+
+void ms_sparse_matrix_destroy_graph(const ms_model *model, ms_sparse_graph *graph) {
+  ms_memory_free(&model->scene->alloc, graph->ptr);
+  ms_memory_free(&model->scene->alloc, graph->ind);
+  *graph = (ms_sparse_graph){0};
+}
+
+/*------------------------------------- pattern --------------------------------------------------*/
+
+/* List the block columns of block row k, in the order of the matrix: the diagonal, and neighbours
+ * that the format stores. */
+static int32_t list_block_row(const ms_sparse_graph *g, const int32_t *order,
+                              const int32_t *position, int32_t format, int32_t k,
+                              int32_t *columns) {
+  int32_t count = 0, row = order[k];
+  columns[count++] = k;
+  for (int32_t e = g->ptr[row]; e < g->ptr[row + 1]; e++) {
+    int32_t column = position[g->ind[e]];
+    if (format == MSIM_FORMAT_FULL || column > k) columns[count++] = column;
+  }
+  qsort(columns, (size_t)count, sizeof *columns, compare_indices);
+  return count;
+}
+
+static void write_scalar_pattern(ms_sparse_matrix *m) {
+  const int32_t size = m->block;
+  for (int32_t k = 0; k < m->n; k++) {
+    int32_t first = m->graphptr[k], blocks = m->graphptr[k + 1] - first;
+    for (int32_t q = 0; q < size; q++) {
+      int32_t at = size * (size * first + blocks * q);
+      m->rowptr[size * k + q] = at;
+      for (int32_t b = 0; b < blocks; b++)
+        for (int32_t c = 0; c < size; c++) m->colind[at++] = size * m->graphind[first + b] + c;
+    }
+  }
+  m->rowptr[size * m->n] = size * size * m->graphptr[m->n];
+}
+
+/* Offset in val of the block at (row, column), which must be in the pattern. */
+static int32_t find_block_offset(const ms_sparse_matrix *m, int32_t row, int32_t column) {
+  int32_t low = m->graphptr[row], high = m->graphptr[row + 1] - 1;
+  while (low < high) {
+    int32_t middle = low + (high - low) / 2;
+    if (m->graphind[middle] < column) low = middle + 1;
+    else high = middle;
+  }
+  return m->block * (m->block * m->graphptr[row] + low - m->graphptr[row]);
+}
+
+/* 1 if the block of this half-edge is stored. UPPER stores that of the end that comes first. */
+static int is_stored(const ms_model *model, const int32_t *position, const ms_sparse_matrix *m,
+                     int32_t r, int32_t at) {
+  const int32_t j = model->half_edges.neighbour[at];
+  return model->half_edges.spring[at] >= 0 && j < m->n &&
+         (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
+}
+
+/* Offsets in val of the diagonal block of each unknown, and of the blocks of its half-edges */
+static void find_block_offsets(const ms_model *model, const int32_t *position,
+                               ms_sparse_matrix *m) {
+  for (int32_t r = 0; r < m->n; r++) {
+    m->diagonal_offset[r] = find_block_offset(m, position[r], position[r]);
+    m->row_step[r] = m->block * (m->graphptr[position[r] + 1] - m->graphptr[position[r]]);
+    m->first[r + 1] = m->first[r];
+    const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, r);
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      if (!is_stored(model, position, m, r, at)) continue;
+      const int32_t column = position[model->half_edges.neighbour[at]];
+      m->entry[m->first[r + 1]++] =
+          (struct ms_sparse_entry){at, find_block_offset(m, position[r], column)};
+    }
+  }
+}
+
+static msim_status count_blocks(const ms_sparse_graph *g, const ms_sparse_matrix *m,
+                                int64_t *blocks, msim_error *err) {
+  const int32_t off_diagonal = g->ptr[g->n], limit = INT32_MAX / (m->block * m->block);
+  *blocks = (int64_t)g->n + (m->format == MSIM_FORMAT_FULL ? off_diagonal : off_diagonal / 2);
+  if (*blocks <= limit) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG, "the matrix has %lld blocks of %d x %d; the limit is %d",
+                      (long long)*blocks, m->block, m->block, limit);
+}
+
+static int allocate_matrix(const ms_model *model, size_t blocks, ms_sparse_matrix *m) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const size_t n = (size_t)m->n, size = (size_t)m->block;
+  const size_t halves = m->format == MSIM_FORMAT_FULL ? 2 : 1; /* half-edges per spring */
+  m->order = ms_memory_allocate(alloc, n, sizeof(int32_t));
+  m->graphptr = ms_memory_allocate(alloc, n + 1, sizeof(int32_t));
+  m->graphind = ms_memory_allocate(alloc, blocks, sizeof(int32_t));
+  m->rowptr = ms_memory_allocate(alloc, size * n + 1, sizeof(int32_t));
+  m->colind = ms_memory_allocate(alloc, size * size * blocks, sizeof(int32_t));
+  m->val = ms_memory_allocate(alloc, size * size * blocks, sizeof(double));
+  m->diagonal_offset = ms_memory_allocate(alloc, n, sizeof(int32_t));
+  m->row_step = ms_memory_allocate(alloc, n, sizeof(int32_t));
+  m->first = ms_memory_allocate(alloc, n + 1, sizeof(int32_t));
+  m->entry = ms_memory_allocate(alloc, halves * (size_t)model->springs.n, sizeof *m->entry);
+  return m->order && m->graphptr && m->graphind && m->rowptr && m->colind && m->val &&
+         m->diagonal_offset && m->row_step && m->first && m->entry;
+}
+
+msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph *graph,
+                                    const int32_t *order, int32_t format, int32_t block,
+                                    ms_sparse_matrix *matrix, msim_error *err) {
+  int64_t blocks;
+  *matrix = (ms_sparse_matrix){.n = graph->n, .format = format, .block = block};
+  msim_status status = count_blocks(graph, matrix, &blocks, err);
+  if (status) return status;
+  int32_t *position = ms_memory_allocate(&model->scene->alloc, (size_t)graph->n, sizeof *position);
+  if (!position || !allocate_matrix(model, (size_t)blocks, matrix)) {
+    ms_memory_free(&model->scene->alloc, position);
+    return ms_error_set_memory(err, "the matrix");
+  }
+  for (int32_t k = 0; k < graph->n; k++) {
+    matrix->order[k] = order ? order[k] : k;
+    position[matrix->order[k]] = k;
+  }
+  for (int32_t k = 0; k < graph->n; k++)
+    matrix->graphptr[k + 1] =
+        matrix->graphptr[k] + list_block_row(graph, matrix->order, position, format, k,
+                                             matrix->graphind + matrix->graphptr[k]);
+  write_scalar_pattern(matrix);
+  find_block_offsets(model, position, matrix);
+  ms_memory_free(&model->scene->alloc, position);
+  return MSIM_OK;
+}
+
+void ms_sparse_matrix_destroy(const ms_model *model, ms_sparse_matrix *m) {
+  if (!model->scene) return; /* the creation of the sim failed before that of the model */
+  void *arrays[] = {m->order, m->graphptr,        m->graphind, m->rowptr, m->colind,
+                    m->val,   m->diagonal_offset, m->row_step, m->first,  m->entry};
+  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+    ms_memory_free(&model->scene->alloc, arrays[i]);
+  *m = (ms_sparse_matrix){0};
+}
+
+/*------------------------------------- values ---------------------------------------------------*/
+
+MS_INLINE void write_diagonal(const ms_model *model, const ms_coefficients *a, int32_t r,
+                              ms_sparse_matrix *m, int32_t size) {
+  const size_t stride = (size_t)model->unknowns.first_pinned, dims = (size_t)size;
+  double *row = m->val + m->diagonal_offset[r];
+  for (size_t b = 0; b < dims; b++, row += m->row_step[r])
+    for (size_t c = 0; c < dims; c++)
+      row[c] = a->diagonal[ms_coefficients_diagonal_element(dims, b, c) * stride + (size_t)r];
+}
+
+/* block = -(t I + g d d^T); shared: subtracted from the block, which several springs share */
+MS_INLINE void write_block(double *at, int32_t step, double t, double g, const double d[3],
+                           int shared, int32_t size) {
+  for (int r = 0; r < size; r++, at += step) {
+    for (int c = 0; c < size; c++) at[c] = (shared ? at[c] : 0) - g * (d[r] * d[c]);
+    at[r] -= t;
+  }
+}
+
+/* Consecutive unknowns may lie far apart in val: prefetch the block row of a later one. */
+static void prefetch_block_row(const ms_sparse_matrix *m, int32_t r) {
+  enum { AHEAD = 16, LINE = 8 };
+  if (r + AHEAD >= m->n) return;
+  const double *from = m->val + m->diagonal_offset[r + AHEAD];
+  for (int32_t i = 0; i < m->block * m->row_step[r + AHEAD]; i += LINE)
+    __builtin_prefetch(from + i, 1);
+}
+
+/* Each block of the pattern belongs to a spring: all values are written, and val is not cleared
+ * first. Springs that share a block are consecutive, as half-edges are sorted by neighbour. */
+MS_INLINE void assemble_values(const ms_model *model, const ms_coefficients *a, ms_sparse_matrix *m,
+                               int32_t size) {
+  const size_t stride = (size_t)model->unknowns.stride;
+  for (int32_t r = 0; r < m->n; r++) {
+    int32_t last = -1;
+    prefetch_block_row(m, r);
+    write_diagonal(model, a, r, m, size);
+    for (int32_t e = m->first[r]; e < m->first[r + 1]; e++) {
+      const struct ms_sparse_entry entry = m->entry[e];
+      const size_t j = (size_t)model->half_edges.neighbour[entry.half_edge];
+      double d[3] = {0};
+      for (size_t c = 0; c < (size_t)size && size > 1; c++)
+        d[c] = a->x[c * stride + j] - a->x[c * stride + (size_t)r];
+      write_block(m->val + entry.offset, m->row_step[r], a->t[entry.half_edge],
+                  size > 1 ? a->g[entry.half_edge] : 0, d, entry.offset == last, size);
+      last = entry.offset;
+    }
+  }
+}
+
+void ms_sparse_matrix_assemble(const ms_model *model, const ms_coefficients *a,
+                               ms_sparse_matrix *m) {
+  if (m->block == 3) assemble_values(model, a, m, 3);
+  else if (m->block == 2) assemble_values(model, a, m, 2);
+  else assemble_values(model, a, m, 1);
+}
+
+static void add_block(double *at, int32_t step, double sign, int32_t size, double block[3][3]) {
+  for (int32_t r = 0; r < size; r++, at += step)
+    for (int32_t c = 0; c < size; c++) at[c] += sign * block[r][c];
+}
+
+void ms_sparse_matrix_add_damping_derivative(const ms_model *model, const ms_damping_derivative *t,
+                                             ms_sparse_matrix *m) {
+  for (int32_t r = 0; r < m->n; r++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, r);
+    const int32_t step = m->row_step[r];
+    int32_t e = m->first[r];
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int is_stored = e < m->first[r + 1] && m->entry[e].half_edge == at;
+      double block[3][3];
+      if (ms_damping_derivative_block(model, t, r, at, block)) {
+        add_block(m->val + m->diagonal_offset[r], step, 1, m->block, block);
+        if (is_stored) add_block(m->val + m->entry[e].offset, step, -1, m->block, block);
+      }
+      e += is_stored;
+    }
+  }
+}
+
+void ms_sparse_matrix_pack(const ms_model *model, const ms_sparse_matrix *matrix, const double *vec,
+                           double *packed) {
+  const size_t stride = (size_t)model->unknowns.stride, block = (size_t)matrix->block;
+  const size_t n = (size_t)matrix->n, apart = block == 1 ? n : 1;
+  for (size_t c = 0; c < (size_t)model->unknowns.dims; c++)
+    for (size_t k = 0; k < n; k++)
+      packed[block * k + c * apart] = vec[c * stride + (size_t)matrix->order[k]];
+}
+
+void ms_sparse_matrix_unpack(const ms_model *model, const ms_sparse_matrix *matrix,
+                             const double *packed, double *vec) {
+  const size_t stride = (size_t)model->unknowns.stride, block = (size_t)matrix->block;
+  const size_t n = (size_t)matrix->n, apart = block == 1 ? n : 1;
+  for (size_t c = 0; c < (size_t)model->unknowns.dims; c++)
+    for (size_t k = 0; k < n; k++)
+      vec[c * stride + (size_t)matrix->order[k]] = packed[block * k + c * apart];
+}

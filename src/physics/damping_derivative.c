@@ -1,0 +1,69 @@
+#include "physics/damping_derivative.h"
+
+/* z_j - z_i */
+static void subtract_rows(const ms_model *model, const double *z, int32_t i, int32_t j,
+                          double d[3]) {
+  const size_t stride = (size_t)model->unknowns.stride;
+  for (int32_t c = 0; c < model->unknowns.dims; c++)
+    d[c] = z[(size_t)c * stride + (size_t)j] - z[(size_t)c * stride + (size_t)i];
+}
+
+static double dot_dims(int32_t dims, const double a[3], const double b[3]) {
+  double sum = 0;
+  for (int32_t c = 0; c < dims; c++) sum += a[c] * b[c];
+  return sum;
+}
+
+int ms_damping_derivative_block(const ms_model *model, const ms_damping_derivative *t, int32_t i,
+                                int32_t half, double block[3][3]) {
+  const int32_t dims = model->unknowns.dims, j = model->half_edges.neighbour[half];
+  double d[3], w[3];
+  if (model->half_edges.damping[half] == 0) return 0;
+  subtract_rows(model, t->x, i, j, d);
+  subtract_rows(model, t->v, i, j, w);
+  const double l2 = dot_dims(dims, d, d);
+  if (l2 <= MS_MIN_LENGTH2) return 0;
+  const double by = t->h * t->h * model->half_edges.damping[half] / l2, rate = dot_dims(dims, d, w);
+  for (int32_t r = 0; r < dims; r++) {
+    for (int32_t c = 0; c < dims; c++) block[r][c] = by * d[r] * (w[c] - 2 * rate / l2 * d[c]);
+    block[r][r] += by * rate;
+  }
+  return 1;
+}
+
+/* y_i -= sum over half-edges of h^2 K (z_j - z_i) */
+static void apply_damping_row(const ms_model *model, const ms_damping_derivative *t, int32_t i,
+                              const double *z, double *y) {
+  const int32_t dims = model->unknowns.dims;
+  const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, i);
+  for (int32_t at = span.begin; at < span.end; at += span.step) {
+    double block[3][3], along[3];
+    if (!ms_damping_derivative_block(model, t, i, at, block)) continue;
+    subtract_rows(model, z, i, model->half_edges.neighbour[at], along);
+    for (int32_t r = 0; r < dims; r++)
+      y[(size_t)r * (size_t)model->unknowns.stride + (size_t)i] -= dot_dims(dims, block[r], along);
+  }
+}
+
+typedef struct damping_job {
+  const ms_model *model;
+  const ms_damping_derivative *t;
+  const double *z;
+  double *y;
+} damping_job;
+
+/* Rows in an item of work: some 20 us. */
+enum { CHUNK = 64 };
+
+static void apply_damping_chunk(void *data, int32_t item) {
+  const damping_job *j = data;
+  const int32_t n = j->model->unknowns.nfree, begin = CHUNK * item;
+  const int32_t end = n - begin < CHUNK ? n : begin + CHUNK;
+  for (int32_t i = begin; i < end; i++) apply_damping_row(j->model, j->t, i, j->z, j->y);
+}
+
+void ms_damping_derivative_apply(const ms_model *model, const ms_damping_derivative *t,
+                                 const double *z, double *y) {
+  damping_job j = {.model = model, .t = t, .z = z, .y = y};
+  ms_pool_run(model->pool, apply_damping_chunk, &j, (model->unknowns.nfree + CHUNK - 1) / CHUNK);
+}

@@ -1,0 +1,147 @@
+/* Kernels for forces and the update of the state, compiled once for each instruction set MS_ISA. */
+#include "physics/force.h"
+#include "physics/lanes.h"
+#include "physics/fused_step.h"
+
+/*------------------------------------- forces ---------------------------------------------------*/
+
+/* k (l - L)/l + c (d.dv)/l^2, which times d is the force of a spring. l^2 is at least
+ * MS_MIN_LENGTH2, so that d = 0 has force 0. l is rounded as the rest lengths of the scene are (no
+ * fused multiply-add): the force of a spring at rest length is exactly 0. */
+MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
+                                       const ms_half_edges *halves, size_t at) {
+  ms_lanes l2 = d.c[0] * d.c[0], inverse;
+  for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
+  const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_MIN_LENGTH2), &inverse);
+  const ms_lanes scale =
+      ms_simd_load(halves->k + at) * ((l - ms_simd_load(halves->rest + at)) * inverse);
+  if (!damped) return scale;
+  for (int c = 0; c < dims; c++) d.c[c] *= inverse;
+  return ms_simd_fma(ms_simd_load(halves->damping + at) * ms_dot_vec(dims, d, dv), inverse, scale);
+}
+
+/* m g - b v */
+MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row, const double *v) {
+  const ms_lanes mass = ms_simd_load(m->mass + row);
+  ms_lane_vectors f = {{{0}}};
+  for (int c = 0; c < dims; c++) f.c[c] = mass * m->gravity[m->unknowns.axis[c]];
+  if (!v || m->drag == 0) return f;
+  return ms_fma_vec(dims, (ms_lanes){0} - m->drag,
+                    ms_load_vec(dims, v + row, (size_t)m->unknowns.stride), f);
+}
+
+/* LINEAR: neither rest length nor damping, the force is k d */
+typedef enum spring_kind { LINEAR, UNDAMPED, DAMPED } spring_kind;
+
+/* sum + the forces of a slice range's springs on its own rows */
+MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms_model *m,
+                                            int32_t segment, ms_slice_range p, size_t lane,
+                                            const double *x, const double *v, ms_lane_vectors sum) {
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_half_edges *halves = &m->half_edges;
+  const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
+  const ms_lane_vectors vi = kind == DAMPED ? ms_load_own(dims, p, lane, v, stride) : xi;
+  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
+    const size_t at = MS_SLICE * (size_t)slot + lane;
+    const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+    const ms_lane_vectors vj =
+        kind == DAMPED ? ms_load_neighbours(dims, halves, slot, lane, v, stride) : vi;
+    const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi), dv = ms_subtract_vec(dims, vj, vi);
+    const ms_lanes scale = kind == LINEAR
+                               ? ms_simd_load(halves->k + at)
+                               : spring_force_factor(dims, kind == DAMPED, d, dv, halves, at);
+    sum = ms_fma_vec(dims, scale, d, sum);
+  }
+  return sum;
+}
+
+/*------------------------------------- update ---------------------------------------------------*/
+
+/* Compute the results for one register of rows. Returns |x|^2 + |v|^2 of those that
+ * ms_fused_step_run checks. */
+MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vectors f,
+                          const ms_fused_step *p) {
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_lanes zero = {0};
+  ms_lane_vectors a = f, v = f;
+  ms_lanes size = zero;
+  for (int c = 0; c < dims; c++) a.c[c] *= ms_simd_load(m->inv_mass + row);
+  if (p->f) ms_store_vec(dims, p->f + row, stride, f);
+  if (p->a) ms_store_vec(dims, p->a + row, stride, a);
+  if (p->v_to) {
+    v = ms_load_vec(dims, p->v_from + row, stride);
+    if (p->a_before)
+      v = ms_fma_vec(dims, zero + p->h_before, ms_load_vec(dims, p->a_before + row, stride), v);
+    v = ms_fma_vec(dims, zero + p->h, a, v);
+    ms_store_vec(dims, p->v_to + row, stride, v);
+    size += ms_dot_vec(dims, v, v);
+  }
+  if (p->x_to) {
+    const ms_lane_vectors along = p->along ? ms_load_vec(dims, p->along + row, stride) : v;
+    const ms_lane_vectors x =
+        ms_fma_vec(dims, zero + p->drift, along, ms_load_vec(dims, p->x_from + row, stride));
+    ms_store_vec(dims, p->x_to + row, stride, x);
+    size += ms_dot_vec(dims, x, x);
+  } else if (p->v_to) {
+    const ms_lane_vectors x = ms_load_vec(dims, p->x + row, stride);
+    size += ms_dot_vec(dims, x, x);
+  }
+  return size;
+}
+
+/*------------------------------------- slices and parts -----------------------------------------*/
+
+MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
+                             int32_t begin, int32_t end) {
+  const size_t stride = (size_t)m->unknowns.stride;
+  ms_mask bad = {0};
+  for (int32_t group = begin; group < end; group++) {
+    const ms_slice_range place = {.row = MS_SLICE * (size_t)group};
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+      const size_t row = place.row + lane;
+      ms_lane_vectors f = external_force(dims, m, row, p->v);
+      if (m->split_row_force)
+        f = ms_add_vec(dims, f, ms_load_vec(dims, m->split_row_force + row, stride));
+      f = add_spring_forces(dims, kind, m, group, place, lane, p->x, p->v, f);
+      bad |= ~(update(dims, m, row, f, p) <= MS_LARGEST_VALID * MS_LARGEST_VALID);
+    }
+  }
+  int any = 0;
+  for (int l = 0; l < MS_LANES; l++) any |= bad[l] != 0;
+  return !any;
+}
+
+MS_INLINE void sum_part_of(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
+                           int32_t part) {
+  const int32_t segment = m->half_edges.nslices + part;
+  const ms_slice_range place = ms_slice_range_at(&m->half_edges, segment, NULL, 0);
+  for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+    ms_lane_vectors sum = {{{0}}};
+    sum = add_spring_forces(dims, kind, m, segment, place, lane, p->x, p->v, sum);
+    ms_store_vec(dims, place.sums + lane, place.stride, sum);
+  }
+}
+
+static spring_kind find_spring_kind(const ms_model *m, const ms_fused_step *p) {
+  if (!(m->features & MSIM_SKIP_ZERO_REST_LENGTH)) return LINEAR;
+  return p->v && (m->features & MSIM_SKIP_DAMPING) ? DAMPED : UNDAMPED;
+}
+
+static int step_slices(const ms_model *m, const ms_fused_step *p, int32_t begin, int32_t end) {
+  const spring_kind kind = find_spring_kind(m, p);
+  if (m->unknowns.dims == 2) {
+    if (kind == LINEAR) return step_slices_of(2, LINEAR, m, p, begin, end);
+    if (kind == UNDAMPED) return step_slices_of(2, UNDAMPED, m, p, begin, end);
+    return step_slices_of(2, DAMPED, m, p, begin, end);
+  }
+  if (kind == LINEAR) return step_slices_of(3, LINEAR, m, p, begin, end);
+  if (kind == UNDAMPED) return step_slices_of(3, UNDAMPED, m, p, begin, end);
+  return step_slices_of(3, DAMPED, m, p, begin, end);
+}
+
+/* Few scenes have split rows: one function serves all dims and kinds. */
+static void sum_part(const ms_model *m, const ms_fused_step *p, int32_t k) {
+  sum_part_of(m->unknowns.dims, find_spring_kind(m, p), m, p, k);
+}
+
+const ms_force_kernels MS_TABLE(ms_force_kernels) = {step_slices, sum_part};

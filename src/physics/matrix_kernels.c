@@ -1,0 +1,233 @@
+/* Compiled once for each instruction set MS_ISA; every loop is built for 2 and for 3 components. */
+#include "physics/matrix_kernels.h"
+
+#include <math.h>
+
+#include "physics/lanes.h"
+
+/*------------------------------------- matrix ---------------------------------------------------*/
+
+/* Lanes with l2 = |d|^2 > MS_MIN_LENGTH2. NaN counts, so that it propagates to the result. */
+MS_INLINE ms_mask has_direction(ms_lanes l2) { return (l2 > MS_MIN_LENGTH2) | (l2 != l2); }
+
+/* 1/|d|; 0 where d has no direction */
+MS_INLINE ms_lanes inverse_length(int dims, ms_lane_vectors d) {
+  const ms_lanes zero = {0}, l2 = ms_dot_vec(dims, d, d);
+  const ms_mask there = has_direction(l2);
+  ms_lanes inverse;
+  ms_simd_sqrt_and_inverse(ms_simd_select(there, l2, zero + 1), &inverse);
+  return ms_simd_select(there, inverse, zero);
+}
+
+/* t and g of force.h */
+MS_INLINE void half_edge_coefficients(int damped, ms_lanes inverse, const ms_half_edges *halves,
+                                      double h, double largest_ratio, size_t at, ms_lanes *t,
+                                      ms_lanes *g) {
+  const ms_lanes largest = (ms_lanes){0} + largest_ratio;
+  const ms_lanes hhk = h * h * ms_simd_load(halves->k + at);
+  const ms_lanes full = ms_simd_load(halves->rest + at) * inverse;
+  const ms_lanes ratio = ms_simd_select(full > largest, largest, full);
+  ms_lanes gl2 = hhk * ratio;
+  if (damped) gl2 += h * ms_simd_load(halves->damping + at);
+  *t = hhk * (1 - ratio);
+  *g = gl2 * inverse * inverse;
+}
+
+/* sum += t I + g d d^T, in the order of ms_coefficients_diagonal_element */
+MS_INLINE void add_diagonal_block(int dims, ms_lanes t, ms_lanes g, ms_lane_vectors d,
+                                  ms_lanes sum[6]) {
+  for (int b = 0; b < dims; b++) {
+    const ms_lanes gd = g * d.c[b];
+    sum[b] += ms_simd_fma(gd, d.c[b], t);
+    for (int c = b + 1; c < dims; c++) {
+      const size_t e = ms_coefficients_diagonal_element((size_t)dims, (size_t)b, (size_t)c);
+      sum[e] = ms_simd_fma(gd, d.c[c], sum[e]);
+    }
+  }
+}
+
+/* Entries whose roots are computed ahead of what depends on them, to keep the divider busy */
+enum { ENTRIES_AHEAD = 16 };
+
+MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_model *model, const double *x,
+                                       double h, int clamp, ms_coefficients *a, int32_t begin,
+                                       int32_t end) {
+  const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
+  const ms_half_edges local = model->half_edges, *halves = &local; /* stores cannot change it */
+  double *to_t = a->t, *to_g = a->g;
+  const double largest_ratio = clamp ? 1 : INFINITY;
+  for (int32_t s = begin; s < end; s++) {
+    const ms_slice_range p = ms_slice_range_at(halves, s, a->diagonal, sd);
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+      const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
+      const ms_lanes zero = {0};
+      const ms_lanes own = p.is_split ? zero : ms_simd_load(model->mass + p.row + lane) + a->drag;
+      ms_lanes sum[6];
+      for (int c = 0; c < 6; c++) sum[c] = c < dims ? own : zero;
+      for (int32_t first = halves->first[s], next; first < halves->first[s + 1]; first = next) {
+        ms_lanes inverse[ENTRIES_AHEAD];
+        next = halves->first[s + 1] - first < ENTRIES_AHEAD ? halves->first[s + 1]
+                                                            : first + ENTRIES_AHEAD;
+        for (int32_t slot = first; slot < next; slot++) {
+          const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+          inverse[slot - first] = inverse_length(dims, ms_subtract_vec(dims, xj, xi));
+        }
+        for (int32_t slot = first; slot < next; slot++) {
+          const size_t at = MS_SLICE * (size_t)slot + lane;
+          const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+          const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi);
+          ms_lanes t, g;
+          half_edge_coefficients(damped, inverse[slot - first], halves, h, largest_ratio, at, &t,
+                                 &g);
+          ms_simd_store(to_t + at, t);
+          ms_simd_store(to_g + at, g);
+          add_diagonal_block(dims, t, g, d, sum);
+        }
+      }
+      for (size_t e = 0; e < ms_coefficients_diagonal_size((size_t)dims); e++)
+        ms_simd_store(p.sums + lane + e * p.stride, sum[e]);
+    }
+  }
+}
+
+static void compute_coefficients(const ms_model *model, const double *x, double h, int clamp,
+                                 ms_coefficients *a, int32_t begin, int32_t end) {
+  const int damped = (model->features & MSIM_SKIP_DAMPING) != 0;
+  if (model->unknowns.dims == 3) {
+    if (damped) compute_coefficients_of(3, 1, model, x, h, clamp, a, begin, end);
+    else compute_coefficients_of(3, 0, model, x, h, clamp, a, begin, end);
+  } else {
+    if (damped) compute_coefficients_of(2, 1, model, x, h, clamp, a, begin, end);
+    else compute_coefficients_of(2, 0, model, x, h, clamp, a, begin, end);
+  }
+}
+
+/*------------------------------------- products -------------------------------------------------*/
+
+/* y_i = (share m_i + h b) x_i + sum over half-edges of (t I + g d d^T)(x_i - x_j): for a common
+ * translation the sum is exactly 0. */
+MS_INLINE void multiply_matrix_of(int dims, const ms_model *model, const ms_coefficients *a,
+                                  double share, const double *x, double *y, int32_t begin,
+                                  int32_t end) {
+  const size_t stride = (size_t)model->unknowns.stride;
+  const ms_half_edges *halves = &model->half_edges;
+  for (int32_t s = begin; s < end; s++) {
+    const ms_slice_range p = ms_slice_range_at(halves, s, y, stride);
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+      const ms_lane_vectors place = ms_load_own(dims, p, lane, a->x, stride);
+      const ms_lane_vectors own = ms_load_own(dims, p, lane, x, stride);
+      ms_lane_vectors sum = {{{0}}};
+      if (!p.is_split)
+        sum =
+            ms_fma_vec(dims, share * ms_simd_load(model->mass + p.row + lane) + a->drag, own, sum);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+        const size_t at = MS_SLICE * (size_t)slot + lane;
+        const ms_lane_vectors other = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+        const ms_lane_vectors end_place =
+            ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
+        const ms_lane_vectors e = ms_subtract_vec(dims, own, other),
+                              d = ms_subtract_vec(dims, end_place, place);
+        sum = ms_fma_vec(dims, ms_simd_load(a->t + at), e, sum);
+        sum = ms_fma_vec(dims, ms_simd_load(a->g + at) * ms_dot_vec(dims, d, e), d, sum);
+      }
+      ms_store_vec(dims, p.sums + lane, p.stride, sum);
+    }
+  }
+}
+
+static void multiply_matrix(const ms_model *model, const ms_coefficients *a, double share,
+                            const double *x, double *y, int32_t begin, int32_t end) {
+  if (model->unknowns.dims == 3) multiply_matrix_of(3, model, a, share, x, y, begin, end);
+  else multiply_matrix_of(2, model, a, share, x, y, begin, end);
+}
+
+/* y_i = (share m_i + h b) x_i + sum of t (x_i - x_j), for each component */
+MS_INLINE void multiply_scalar_matrix_of(int dims, const ms_model *model, const ms_coefficients *a,
+                                         double share, const double *x, double *y, int32_t begin,
+                                         int32_t end) {
+  const size_t stride = (size_t)model->unknowns.stride;
+  const ms_half_edges *halves = &model->half_edges;
+  for (int32_t s = begin; s < end; s++) {
+    const ms_slice_range p = ms_slice_range_at(halves, s, y, stride);
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+      const ms_lane_vectors own = ms_load_own(dims, p, lane, x, stride);
+      ms_lane_vectors sum = {{{0}}};
+      if (!p.is_split)
+        sum =
+            ms_fma_vec(dims, share * ms_simd_load(model->mass + p.row + lane) + a->drag, own, sum);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+        const ms_lanes t = ms_simd_load(a->t + MS_SLICE * (size_t)slot + lane);
+        const ms_lane_vectors other = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+        sum = ms_fma_vec(dims, t, ms_subtract_vec(dims, own, other), sum);
+      }
+      ms_store_vec(dims, p.sums + lane, p.stride, sum);
+    }
+  }
+}
+
+static void multiply_scalar_matrix(const ms_model *model, const ms_coefficients *a, double share,
+                                   int32_t components, const double *x, double *y, int32_t begin,
+                                   int32_t end) {
+  if (components == 3) multiply_scalar_matrix_of(3, model, a, share, x, y, begin, end);
+  else if (components == 2) multiply_scalar_matrix_of(2, model, a, share, x, y, begin, end);
+  else multiply_scalar_matrix_of(1, model, a, share, x, y, begin, end);
+}
+
+/*------------------------------------- energy ---------------------------------------------------*/
+
+/* One register of half-edges. With e = x_j - x_i, l = |e|, q = lambda h (d_j - d_i), a = q.e/l and
+ * |e + q| = l + a + more, a spring contributes
+ *   k ((a + more)^2/2 + (l - L) more),
+ * in which no terms cancel if q is small. */
+MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *halves, size_t at,
+                                          ms_lane_vectors e, ms_lane_vectors q) {
+  const ms_lanes zero = {0}, inverse = inverse_length(dims, e);
+  const ms_lanes l = inverse * ms_dot_vec(dims, e, e), a = inverse * ms_dot_vec(dims, e, q);
+  const ms_lanes across = ms_dot_vec(dims, q, q) - a * a, sum = l + a;
+  const ms_lanes p2 = ms_simd_select(across > zero, across, zero);
+  const ms_lanes next = ms_simd_sqrt(ms_simd_fma(sum, sum, p2));
+  const ms_mask ahead = sum > zero;
+  const ms_lanes more =
+      ms_simd_select(ahead, p2 / ms_simd_select(ahead, next + sum, zero + 1), next - sum);
+  const ms_lanes k = ms_simd_load(halves->k + at), rest = ms_simd_load(halves->rest + at);
+  return k * (0.5 * (a + more) * (a + more) + (l - rest) * more);
+}
+
+MS_INLINE double sum_nonlinearity_of(int dims, const ms_model *model, const double *x, double h,
+                                     const double *d, double lambda, int32_t begin, int32_t end) {
+  const size_t stride = (size_t)model->unknowns.stride;
+  const ms_half_edges *halves = &model->half_edges;
+  double sums[MS_SLICE] = {0};
+  for (int32_t s = begin; s < end; s++) {
+    const ms_slice_range p = ms_slice_range_at(halves, s, NULL, 0);
+    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+      const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
+      const ms_lane_vectors di = ms_load_own(dims, p, lane, d, stride);
+      ms_lanes sum = ms_simd_load(sums + lane);
+      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+        const size_t at = MS_SLICE * (size_t)slot + lane;
+        const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+        ms_lane_vectors q =
+            ms_subtract_vec(dims, ms_load_neighbours(dims, halves, slot, lane, d, stride), di);
+        for (int c = 0; c < dims; c++) q.c[c] *= lambda * h;
+        double share[MS_LANES];
+        for (size_t i = 0; i < MS_LANES; i++)
+          share[i] = halves->neighbour[at + i] < model->unknowns.first_pinned ? 0.5 : 1;
+        sum = ms_simd_fma(
+            ms_simd_load(share),
+            half_edge_nonlinearity(dims, halves, at, ms_subtract_vec(dims, xj, xi), q), sum);
+      }
+      ms_simd_store(sums + lane, sum);
+    }
+  }
+  return ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]));
+}
+
+static double sum_nonlinearity(const ms_model *model, const double *x, double h, const double *d,
+                               double lambda, int32_t begin, int32_t end) {
+  return model->unknowns.dims == 3 ? sum_nonlinearity_of(3, model, x, h, d, lambda, begin, end)
+                                   : sum_nonlinearity_of(2, model, x, h, d, lambda, begin, end);
+}
+
+const ms_matrix_kernels MS_TABLE(ms_matrix_kernels) = {compute_coefficients, multiply_matrix,
+                                                       multiply_scalar_matrix, sum_nonlinearity};

@@ -1,0 +1,40 @@
+/* particle_path - computes the path of one particle in a step, in closed form: flight, impacts,
+ * rest and sliding on planes
+ *
+ * The position, and the times of impacts, follow from a constant acceleration a:
+ *   flight   x(t) is a parabola, the next impact the first root of a quadratic;
+ *   bounces  of decreasing or very short duration are summed: after a bounce at the speed u against
+ *            n.a = -g, m bounces take 2 u/g (1 - e^m)/(1 - e), all of them 2 u/(g (1 - e)), and the
+ *            mean normal force over mass is g (1 + e)/2, which causes friction;
+ *   contact  a particle that a presses on planes stays there and slides with friction (friction.h).
+ *
+ * The velocity w undergoes the same impacts at the same times with the acceleration b(t) = b0 +
+ * (b1 - b0) t/h instead: dw = dt (b(t) + b(t + dt))/2 in flight, and two half kicks with friction
+ * in contact. A step of velocity Verlet computes the path with a = b0 = b1 = a(x) to find x', and
+ * once more with b1 = a(x') to find v'. */
+#ifndef MS_PARTICLE_PARTICLE_PATH_H
+#define MS_PARTICLE_PARTICLE_PATH_H
+
+#include "physics/impacts.h"
+
+typedef struct ms_particle_path {
+  ms_collision_planes planes;
+  double h;          /* s: the length of the step */
+  double x[3], v[3]; /* in: at its start; out: at its end, by a */
+  double a[3];       /* m/s^2 */
+  double w[3];       /* in: velocity at the start; out: at the end, by b */
+  double b0[3], b1[3];
+  int64_t impacts; /* out */
+} ms_particle_path;
+
+void ms_particle_path_compute(ms_particle_path *p);
+
+/* Returns 1 if the bounces of a particle that leaves the plane with v under a are summed in a step
+ * of h, and their height and the displacement by their friction are at most `jump` (m). */
+int ms_particle_path_sums_bounces(const msim_plane *plane, const double v[3], const double a[3],
+                                  double h, double jump);
+
+/* Returns 1 if the parabola from x with v and a may touch a plane within h. */
+int ms_particle_path_may_touch(const ms_particle_path *p);
+
+#endif

@@ -1,0 +1,11 @@
+/* reference - reference implementation of the forces: particle by particle, without half-edges */
+#ifndef MS_REFERENCE_H
+#define MS_REFERENCE_H
+
+#include "scene/scene.h"
+
+/* f = F(x, v) of force.h on every particle, 0 on pinned ones. Serves states with 3 components in
+ * sims with 2. x, v, f: n x 3. */
+void ms_reference_compute_force(const ms_scene *scene, const double *x, const double *v, double *f);
+
+#endif

@@ -1,0 +1,297 @@
+#include "sim/energy_monitor.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/vec3.h"
+#include "integrate/method_state.h"
+#include "sim/sim.h"
+
+/* The multiple of the bounds that is allowed, and the number of explicit steps between checks */
+enum { ALLOWED = 100, INTERVAL = 160 };
+
+static int monitor_is_on(const msim_sim *sim) { return sim->opt.watch == MSIM_WATCH_ON; }
+
+msim_status ms_energy_monitor_create(const msim_sim *sim, const ms_model *model,
+                                     ms_last_good_state *guard, msim_error *err) {
+  if (!monitor_is_on(sim)) return MSIM_OK;
+  double **vectors[] = {&guard->kept.x, &guard->kept.v, &guard->measured.x, &guard->measured.v};
+  int there = 1;
+  for (int i = 0; i < 4; i++)
+    there &= (*vectors[i] = ms_unknowns_new_vector(sim->scene, &model->unknowns)) != NULL;
+  guard->parts =
+      ms_memory_allocate(&sim->alloc, (size_t)ms_totals_count_parts(model), sizeof *guard->parts);
+  return there && guard->parts ? MSIM_OK : ms_error_set_memory(err, "the state to keep");
+}
+
+void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *guard) {
+  if (!model->scene) return;
+  void *arrays[] = {guard->kept.x, guard->kept.v, guard->measured.x, guard->measured.v,
+                    guard->parts};
+  for (int i = 0; i < 5; i++) ms_memory_free(&model->scene->alloc, arrays[i]);
+}
+
+/*------------------------------------- measuring ------------------------------------------------*/
+
+static double time_of(const msim_sim *sim) {
+  return ms_sim_has_control(sim) ? sim->t : ms_sim_time(sim);
+}
+
+/* Sum over all free particles in the present state. Islands that stay at rest have not changed. */
+static ms_totals measure_totals(msim_sim *sim) {
+  ms_totals sum = ms_totals_identity();
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    ms_last_good_state *g = &m->last_good;
+    if (!(m->at_rest && g->at_rest))
+      g->totals = ms_totals_compute(&m->model, m->stepper.x, m->stepper.v, &g->measured, g->parts);
+    ms_totals_add(&g->totals, &sum);
+  }
+  return sum;
+}
+
+static double extent_of(const ms_totals *t) {
+  double extent = 0;
+  for (int c = 0; c < 3; c++) extent = fmax(extent, t->high[c] - t->low[c]);
+  return extent;
+}
+
+/* The bounds in the present state; `most` is kept if that state is good. */
+typedef struct energy_bounds {
+  double supply, extent;
+  double most; /* the largest energy bound so far */
+} energy_bounds;
+
+static energy_bounds compute_energy_bounds(const msim_sim *sim, const ms_totals *now) {
+  const ms_energy_monitor *w = &sim->monitor;
+  const double work = ms_vec3_dot(sim->scene->gravity, now->moment) - w->start_moment_work;
+  const double supply = w->start_bound + fmax(0, work), most = fmax(w->energy_bound, supply);
+  const double speed = w->least_mass > 0 ? sqrt(2 * most / w->least_mass) : 0;
+  return (energy_bounds){supply, w->extent + 2 * (time_of(sim) - w->t0) * speed, most};
+}
+
+static int is_within_bounds(const ms_totals *now, const energy_bounds *b) {
+  return now->kinetic + now->elastic <= ALLOWED * b->supply &&
+         !(extent_of(now) > ALLOWED * b->extent);
+}
+
+int ms_energy_monitor_is_due(const msim_sim *sim) {
+  if (!monitor_is_on(sim)) return 0;
+  if (sim->integrator->entry.implicit || sim->step % INTERVAL == 0) return 1;
+  if (ms_sim_has_control(sim)) return sim->t == sim->plan.t_end;
+  return sim->step - sim->step0 == sim->plan.steps;
+}
+
+/*------------------------------------- starting -------------------------------------------------*/
+
+/* Properties of a scene in a state */
+typedef struct scene_facts {
+  double mass, least; /* of all free particles and of the lightest one, kg */
+  double farthest;    /* the largest |coordinate|, m */
+  double height;      /* of the particle highest above a plane, m */
+  double depth;       /* of the particle farthest behind a plane, m */
+  double stiffness;   /* the sum of all k, N/m */
+} scene_facts;
+
+/* Take a particle into account; of a pinned one only the position counts. */
+static void add_particle_facts(const ms_scene *s, int32_t p, const double x[3], scene_facts *f) {
+  for (int c = 0; c < 3; c++) f->farthest = fmax(f->farthest, fabs(x[c]));
+  if (s->pinned[p]) return;
+  f->mass += s->mass[p];
+  f->least = f->least > 0 ? fmin(f->least, s->mass[p]) : s->mass[p];
+  for (int32_t i = 0; i < s->nplanes; i++) {
+    const double above = ms_vec3_dot(s->planes[i].normal, x) - s->planes[i].offset;
+    f->height = fmax(f->height, above), f->depth = fmax(f->depth, -above);
+  }
+}
+
+/* box: that of the free particles; on return it contains pinned ones, too */
+static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
+  const ms_scene *s = sim->scene;
+  scene_facts f = {0};
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
+      double x[3];
+      ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
+      add_particle_facts(s, m->model.unknowns.particle[r], x, &f);
+    }
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    const double *x = s->x + 3 * (size_t)p;
+    ms_totals one = {.low = {x[0], x[1], x[2]}, .high = {x[0], x[1], x[2]}};
+    if (!s->pinned[p]) continue;
+    add_particle_facts(s, p, x, &f);
+    ms_totals_add(&one, box);
+  }
+  for (int32_t e = 0; e < s->nsprings; e++) f.stiffness += s->k[e];
+  return f;
+}
+
+/* 1: the tag `warm` may be restored with a kept state. Methods with other variables than x and v
+ * set it only in the state that a run started from, for work vectors that no step overwrites. Tags
+ * of other methods refer to vectors that steps overwrite. */
+static int tag_is_restorable(const msim_sim *sim) {
+  return sim->integrator->convert_state || sim->integrator->sync;
+}
+
+static int restorable_tag(const msim_sim *sim, const ms_stepper *s) {
+  return tag_is_restorable(sim) ? s->cached_stage : 0;
+}
+
+static void keep_good_state(msim_sim *sim) {
+  ms_energy_monitor *w = &sim->monitor;
+  w->step = sim->step;
+  w->t = sim->t, w->t_lost = sim->t_rounding, w->control = sim->control;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    ms_last_good_state *g = &m->last_good;
+    if (m->at_rest && g->at_rest) continue;
+    const ms_totals_copy between = g->kept;
+    g->kept = g->measured, g->measured = between;
+    g->h_before = m->stepper.h_before;
+    g->tag = restorable_tag(sim, &m->stepper);
+    g->at_rest = m->at_rest;
+  }
+}
+
+void ms_energy_monitor_start(msim_sim *sim) {
+  if (!monitor_is_on(sim)) return;
+  ms_energy_monitor *w = &sim->monitor;
+  const double *g3 = sim->scene->gravity, g = ms_vec3_norm(g3), h = sim->plan.h;
+  for (int32_t i = 0; i < sim->nislands; i++) sim->islands[i].last_good.at_rest = 0;
+  ms_totals now = measure_totals(sim);
+  const scene_facts f = collect_facts(sim, &now);
+  const double d = sqrt(DBL_EPSILON) * f.farthest + 2 * f.depth;
+  w->extent = extent_of(&now);
+  w->least_mass = f.least;
+  w->t0 = time_of(sim);
+  w->start_moment_work = ms_vec3_dot(g3, now.moment);
+  w->start_bound = now.kinetic + now.elastic +
+                   f.mass * g * (fmax(w->extent, f.height) + g * h * h) + f.stiffness * d * d / 2;
+  w->energy_bound = w->start_bound;
+  keep_good_state(sim);
+}
+
+/*------------------------------------- returning ------------------------------------------------*/
+
+static void restore_good_state(msim_sim *sim) {
+  const ms_energy_monitor *w = &sim->monitor;
+  sim->step = w->step;
+  sim->t = sim->t_shown = w->t, sim->t_rounding = w->t_lost;
+  if (ms_sim_has_control(sim)) sim->control = w->control, sim->plan.h = w->control.h;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    ms_vector_copy(m->model.shape, m->last_good.kept.x, m->stepper.x);
+    ms_vector_copy(m->model.shape, m->last_good.kept.v, m->stepper.v);
+    m->stepper.h_before = m->last_good.h_before;
+    m->stepper.cached_stage = m->last_good.tag;
+    if (m->stepper.solver) ms_solver_discard_factors(m->stepper.solver);
+    m->at_rest = m->last_good.at_rest;
+  }
+  sim->state_is_current = 0;
+}
+
+/* The free particle farthest from `from`, or, with `fastest` and from = 0, the fastest one; *most:
+ * its distance or speed. */
+static int32_t find_extreme_particle(const msim_sim *sim, int fastest, const double from[3],
+                                     double *most) {
+  int32_t first = -1;
+  *most = -1;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    const double *of = fastest ? m->stepper.v : m->stepper.x;
+    for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
+      double d[3];
+      ms_unknowns_get(&m->model.unknowns, of, r, d);
+      for (int c = 0; c < 3; c++) d[c] -= from[c];
+      const double size = hypot(hypot(d[0], d[1]), d[2]);
+      if (size > *most) *most = size, first = m->model.unknowns.particle[r];
+    }
+  }
+  return first;
+}
+
+static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
+                                   const energy_bounds *b, msim_error *err) {
+  const double energy = now->kinetic + now->elastic;
+  const int fast = !(energy <= ALLOWED * b->supply);
+  double from[3] = {0}, size;
+  for (int c = 0; c < 3 && !fast; c++) from[c] = 0.5 * (now->low[c] + now->high[c]);
+  const int32_t particle = find_extreme_particle(sim, fast, from, &size);
+  const long long step = sim->step, kept = sim->monitor.step;
+  if (fast)
+    return ms_error_set(
+        err, MSIM_UNSTABLE,
+        "step %lld, t = %g s, particle %d: it is the fastest, at %.3g m/s, as kinetic "
+        "and elastic energy are %.3g J, more than %d times the %.3g J that the start "
+        "and gravity can supply; the state is that of step %lld again",
+        step, time_of(sim), particle, size, energy, ALLOWED, b->supply, kept);
+  return ms_error_set(
+      err, MSIM_UNSTABLE,
+      "step %lld, t = %g s, particle %d: it is the farthest out, as the scene is %.3g m "
+      "long, more than %d times the %.3g m that its speed allows; the state is that of "
+      "step %lld again",
+      step, time_of(sim), particle, extent_of(now), ALLOWED, b->extent, kept);
+}
+
+msim_status ms_energy_monitor_check(msim_sim *sim, msim_error *err) {
+  if (!monitor_is_on(sim) || sim->monitor.step == sim->step) return MSIM_OK;
+  const ms_totals now = measure_totals(sim);
+  const energy_bounds b = compute_energy_bounds(sim, &now);
+  if (is_within_bounds(&now, &b)) {
+    sim->monitor.energy_bound = b.most;
+    keep_good_state(sim);
+    return MSIM_OK;
+  }
+  const msim_status status = report_unstable(sim, &now, &b, err);
+  restore_good_state(sim);
+  return status;
+}
+
+void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
+  if (!monitor_is_on(sim) || sim->monitor.step == sim->step) return;
+  const ms_totals now = measure_totals(sim);
+  const energy_bounds b = compute_energy_bounds(sim, &now);
+  if (is_within_bounds(&now, &b)) return;
+  restore_good_state(sim);
+  if (!err) return;
+  const size_t used = strlen(err->text);
+  snprintf(err->text + used, sizeof err->text - used,
+           "; the motion had grown beyond what energy allows: the state is that of step %lld again",
+           (long long)sim->step);
+}
+
+/*------------------------------------- checkpoints ----------------------------------------------*/
+
+void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, ms_energy_monitor *w) {
+  double *numbers[] = {&w->energy_bound,
+                       &w->start_bound,
+                       &w->start_moment_work,
+                       &w->extent,
+                       &w->least_mass,
+                       &w->t0,
+                       &w->t,
+                       &w->t_lost};
+  if (!monitor_is_on(sim)) return;
+  ms_archive_transfer_count(b, &w->step);
+  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) MS_ARCHIVE_TRANSFER(b, *numbers[i]);
+  ms_archive_check(b, isfinite(w->t) && isfinite(w->t_lost), "the time of the last good state");
+  ms_control_archive(b, &w->control);
+}
+
+/* After implicit steps the last good state is the present one, as all are checked. */
+void ms_energy_monitor_archive_island(ms_archive *b, const msim_sim *sim, int is_present,
+                                      const ms_stepper *s, ms_last_good_state *g) {
+  const ms_shape shape = s->model->shape;
+  if (!monitor_is_on(sim)) return;
+  MS_ARCHIVE_TRANSFER(b, g->h_before);
+  MS_ARCHIVE_TRANSFER(b, g->at_rest);
+  ms_archive_check(b, isfinite(g->h_before) && (g->at_rest | 1) == 1, "the last good state");
+  if (b->direction == MS_ARCHIVE_READ) {
+    g->totals = ms_totals_compute(s->model, s->x, s->v, &g->kept, g->parts);
+    g->tag = restorable_tag(sim, s);
+  }
+  if (b->direction == MS_ARCHIVE_COUNT ? sim->integrator->entry.implicit : is_present) return;
+  ms_archive_transfer_vector(b, shape, g->kept.x);
+  ms_archive_transfer_vector(b, shape, g->kept.v);
+  if (!tag_is_restorable(sim)) return;
+  MS_ARCHIVE_TRANSFER(b, g->tag);
+  ms_method_state_archive_carried(b, sim->integrator, s, g->tag);
+}

@@ -1,0 +1,264 @@
+#include "sim/error_growth.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/vec3.h"
+#include "integrate/interpolate.h"
+#include "integrate/methods.h"
+#include "sim/sim.h"
+
+enum { FEW_SPRINGS = 128 };
+static const double LENGTH = 1e-7; /* the length that d is scaled to */
+
+msim_status ms_error_growth_create(const msim_sim *sim, const ms_model *model, ms_disturbance *d,
+                                   msim_error *err) {
+  const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
+  if (sim->opt.watch != MSIM_WATCH_ON || !has_tol) return MSIM_OK;
+  if (model->springs.n > FEW_SPRINGS && !sim->scene->nplanes) return MSIM_OK;
+  double **vectors[] = {&d->dx, &d->dv, &d->x, &d->v, &d->a, &d->f};
+  for (int i = 0; i < 6; i++)
+    if (!(*vectors[i] = ms_unknowns_new_vector(sim->scene, &model->unknowns)))
+      return ms_error_set_memory(err, "the growth of errors");
+  return MSIM_OK;
+}
+
+void ms_error_growth_destroy(const ms_model *model, ms_disturbance *d) {
+  if (!model->scene) return;
+  double *vectors[] = {d->dx, d->dv, d->x, d->v, d->a, d->f};
+  for (int i = 0; i < 6; i++) ms_memory_free(&model->scene->alloc, vectors[i]);
+}
+
+/* Scale d to LENGTH. Returns |d|/LENGTH, where |d| is the largest of any connected component. */
+static double normalize(ms_island_sim *m) {
+  const ms_disturbance *d = &m->disturbance;
+  const ms_shape shape = m->model.shape;
+  double largest = 0;
+  ms_norm_square_errors(&m->norm, shape, 0, d->dx, d->dv);
+  for (int32_t i = 0; i < m->norm.n; i++) largest = fmax(largest, m->norm.body[i].square[0]);
+  const double length = sqrt(largest) / LENGTH, by = length > 0 ? 1 / length : 1;
+  ms_vector_scale(shape, by, d->dx);
+  ms_vector_scale(shape, by, d->dv);
+  ms_vector_scale(shape, by, d->a);
+  return length;
+}
+
+void ms_error_growth_start(msim_sim *sim) {
+  sim->error_growth = (ms_error_growth){.evaluations0 = sim->stats.force_evaluations,
+                                        .contacts0 = sim->stats.contacts};
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    if (m->disturbance.dx && m->model.springs.n > FEW_SPRINGS)
+      sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
+}
+
+static void clear_disturbance(const ms_unknowns *rows, ms_disturbance *d) {
+  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *d->dx;
+  memset(d->dx, 0, bytes), memset(d->dv, 0, bytes), memset(d->a, 0, bytes);
+  d->time = d->error = 0;
+}
+
+static void copy_step_start(ms_island_sim *m) {
+  ms_vector_copy(m->model.shape, m->stepper.x, m->disturbance.x);
+  ms_vector_copy(m->model.shape, m->stepper.v, m->disturbance.v);
+}
+
+/* Velocities are disturbed at first: stiff springs amplify disturbed positions. */
+void ms_error_growth_start_island(ms_island_sim *m) {
+  const double SHARE = m->model.scene->nplanes ? 0.45 : 0.9; /* of the longest stable stride */
+  const ms_unknowns *rows = &m->model.unknowns;
+  ms_disturbance *d = &m->disturbance;
+  const size_t stride = (size_t)rows->stride;
+  if (!d->dx) return;
+  const ms_bounds bounds = ms_bounds_compute_island(&m->model);
+  clear_disturbance(rows, d);
+  for (size_t c = 0; c < (size_t)rows->dims; c++)
+    for (size_t r = 0; r < (size_t)rows->nfree; r++)
+      d->dv[c * stride + r] = ms_vector_random_entry((uint32_t)(c * (size_t)rows->nfree + r));
+  normalize(m);
+  copy_step_start(m);
+  d->stride = SHARE * ms_symplectic_euler.limit(&bounds);
+}
+
+/* Make a stride that ends at x, which is overwritten. Returns |d'|/|d|, INFINITY if d overflows, as
+ * only one from a corrupted checkpoint can. */
+static double advance_disturbance(ms_island_sim *m, double *x) {
+  const ms_model *model = &m->model;
+  ms_disturbance *d = &m->disturbance;
+  double *f = m->stepper.scratch;
+  const double H = d->stride;
+  ms_vector_axpy(model->shape, H, d->dv, d->dx);
+  ms_vector_axpy(model->shape, H * H / 2, d->a, d->dx);
+  ms_vector_axpy(model->shape, H / 2, d->a, d->dv);
+  ms_force_compute(model, x, NULL, f);
+  ms_vector_axpy(model->shape, 1, d->dx, x);
+  ms_force_compute(model, x, d->dv, d->f);
+  ms_vector_axpy(model->shape, -1, f, d->f);
+  ms_vector_scale_rows(model->shape, model->inv_mass, d->f, d->a);
+  ms_vector_axpy(model->shape, H / 2, d->a, d->dv);
+  const double growth = normalize(m);
+  return growth <= DBL_MAX ? growth : INFINITY;
+}
+
+static void report_growth(msim_sim *sim, double growth) {
+  const double tol = ms_sim_selects(sim) ? sim->choice.tol : sim->opt.tol;
+  sim->error_growth.state = MS_ERROR_GROWTH_REPORTED;
+  ms_sim_warn(sim,
+              "step %lld, t = %g s: the motion is sensitive to small errors: those of earlier "
+              "steps have grown %.2g-fold on average, so that the error may exceed tol = %g, which "
+              "bounds what steps add to it",
+              (long long)sim->step, ms_sim_time(sim), growth, tol);
+}
+
+static int is_too_expensive(const msim_sim *sim) {
+  const double FREE = 64, MOST = 0.2;
+  const ms_error_growth *s = &sim->error_growth;
+  const int64_t others = sim->stats.force_evaluations - s->evaluations0;
+  return (double)s->evaluations > FREE + MOST * (double)others;
+}
+
+/* The effect of an impact on d along the normal: dx' = x dx, dv' = v dv + mixed dx. */
+typedef struct impact_effect {
+  double x, v, mixed;
+} impact_effect;
+
+/* M^-1 F of the whole island at the end of the step */
+static const double *accelerations(msim_sim *sim, ms_island_sim *m) {
+  const ms_stepper *s = &m->stepper;
+  ms_force_compute(&m->model, s->x, s->v, s->scratch);
+  ms_vector_scale_rows(m->model.shape, m->model.inv_mass, s->scratch, s->scratch);
+  sim->error_growth.evaluations++;
+  return s->scratch;
+}
+
+/* 1: a particle met the plane in the last step, of h, as *met says. *a: NULL until it is needed. */
+static int find_impact_effect(msim_sim *sim, ms_island_sim *m, int32_t row, const msim_plane *plane,
+                              double h, const double **a, impact_effect *met) {
+  const double REST = 1e-9, SHARE = 0.3, e = plane->restitution, *n = plane->normal;
+  const ms_unknowns *rows = &m->model.unknowns;
+  const ms_norm_body *part = &m->norm.body[m->norm.body_of[row]];
+  double at[3];
+  ms_unknowns_get(rows, m->stepper.x, row, at);
+  const double gap = ms_vec3_dot(n, at) - plane->offset;
+  ms_unknowns_get(rows, m->disturbance.v, row, at);
+  const double from = ms_vec3_dot(n, at);
+  ms_unknowns_get(rows, m->stepper.v, row, at);
+  const double to = ms_vec3_dot(n, at);
+  *met = (impact_effect){0};
+  if (gap <= REST * part->extent && fabs(to) <= REST * part->speed) return 1;
+  if (!(from < 0 && to > 0 && gap <= 2 * h * fmax(-from, to))) return 0;
+  if (!*a) *a = accelerations(sim, m);
+  ms_unknowns_get(rows, *a, row, at);
+  const double pull = ms_vec3_dot(n, at), impulse = to - from - h * pull;
+  if (impulse < SHARE * (1 + e) * -from) return 0;                /* forces turned it back */
+  if (e < 1 && 2 * from > pull * m->disturbance.stride) return 1; /* on the way to rest */
+  *met = (impact_effect){.x = -e, .v = -e, .mixed = (1 + e) * pull / from};
+  return 1;
+}
+
+/* x += t v + t^2/2 a, v += t a */
+static void move_disturbance(double t, const double a[3], double x[3], double v[3]) {
+  ms_vec3_axpy(t, v, x);
+  ms_vec3_axpy(t * t / 2, a, x);
+  ms_vec3_axpy(t, a, v);
+}
+
+/* Apply the impacts of the last step, of h: d, of the end of the last stride, is moved to the end
+ * of the step and back. */
+static void apply_impacts(msim_sim *sim, ms_island_sim *m, double h) {
+  const ms_unknowns *rows = &m->model.unknowns;
+  ms_disturbance *d = &m->disturbance;
+  const double *a = NULL;
+  for (int32_t row = 0; row < rows->nfree; row++)
+    for (int32_t p = 0; p < sim->scene->nplanes; p++) {
+      const double *n = sim->scene->planes[p].normal;
+      double dx[3], dv[3], da[3];
+      impact_effect met;
+      if (!find_impact_effect(sim, m, row, &sim->scene->planes[p], h, &a, &met)) continue;
+      ms_unknowns_get(rows, d->dx, row, dx);
+      ms_unknowns_get(rows, d->dv, row, dv);
+      ms_unknowns_get(rows, d->a, row, da);
+      move_disturbance(d->time, da, dx, dv);
+      const double x = ms_vec3_dot(n, dx), v = ms_vec3_dot(n, dv);
+      ms_vec3_axpy(met.x * x - x, n, dx);
+      ms_vec3_axpy(met.v * v + met.mixed * x - v, n, dv);
+      move_disturbance(-d->time, da, dx, dv);
+      ms_unknowns_set(rows, dx, row, d->dx);
+      ms_unknowns_set(rows, dv, row, d->dv);
+    }
+  d->error *= normalize(m);
+}
+
+static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
+  const double LIMIT = 30, span = ms_plan_span(&sim->plan), run = ms_sim_time(sim) - sim->plan.t0;
+  const ms_stepper *s = &m->stepper;
+  ms_disturbance *d = &m->disturbance;
+  for (d->time += h; d->time >= d->stride && !is_too_expensive(sim); d->time -= d->stride) {
+    const double theta = 1 - (d->time - d->stride) / h;
+    ms_interpolate_hermite(s->model->shape, h, theta, d->x, d->v, s->x, s->v, s->x_spare[0]);
+    d->error = (d->error + d->stride / span) * advance_disturbance(m, s->x_spare[0]);
+    sim->error_growth.evaluations += 2;
+  }
+  if (sim->error_growth.has_contact) apply_impacts(sim, m, h);
+  if (d->error > LIMIT * fmax(1, run / span)) {
+    report_growth(sim, d->error * span / run);
+    clear_disturbance(&m->model.unknowns, d);
+  } else if (is_too_expensive(sim)) sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
+  copy_step_start(m);
+}
+
+/* Start measuring at the first contact, even if it was too expensive before. */
+static void start_at_contact(msim_sim *sim) {
+  ms_error_growth *s = &sim->error_growth;
+  s->has_contact = 1;
+  if (s->state != MS_ERROR_GROWTH_TOO_EXPENSIVE) return;
+  *s = (ms_error_growth){.evaluations0 = sim->stats.force_evaluations, .has_contact = 1};
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    ms_error_growth_start_island(m);
+    m->disturbance.error = (ms_sim_time(sim) - sim->plan.t0) / ms_plan_span(&sim->plan);
+  }
+}
+
+void ms_error_growth_follow(msim_sim *sim, double h) {
+  ms_error_growth *s = &sim->error_growth;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    if (m->disturbance.dx && m->disturbance.stride < INFINITY && !m->at_rest &&
+        s->state == MS_ERROR_GROWTH_MEASURED)
+      follow_island(sim, m, h);
+  if (!s->has_contact && sim->stats.contacts > s->contacts0) start_at_contact(sim);
+}
+
+void ms_error_growth_explain(const msim_sim *sim, ms_text *out) {
+  static const char *const states[] = {
+      [MS_ERROR_GROWTH_MEASURED] = "measured, and reported where it is large",
+      [MS_ERROR_GROWTH_TOO_EXPENSIVE] =
+          "not measured: that would take more than a fifth of the evaluations",
+      [MS_ERROR_GROWTH_REPORTED] = "large, as was reported"};
+  int is_any = 0;
+  for (int32_t i = 0; i < sim->nislands; i++) is_any |= sim->islands[i].disturbance.dx != NULL;
+  if (is_any)
+    ms_text_append(out, "              growth of errors: %s\n", states[sim->error_growth.state]);
+}
+
+void ms_error_growth_archive(ms_archive *b, ms_error_growth *s) {
+  int64_t *counts[] = {&s->evaluations0, &s->contacts0, &s->evaluations};
+  for (int i = 0; i < 3; i++) ms_archive_transfer_count(b, counts[i]);
+  MS_ARCHIVE_TRANSFER(b, s->state);
+  MS_ARCHIVE_TRANSFER(b, s->has_contact);
+  ms_archive_check(b, s->state >= 0 && s->state <= MS_ERROR_GROWTH_REPORTED,
+                   "the growth of errors");
+  ms_archive_check(b, s->has_contact == 0 || s->has_contact == 1, "the growth of errors");
+}
+
+void ms_error_growth_archive_island(ms_archive *b, ms_island_sim *m) {
+  ms_disturbance *d = &m->disturbance;
+  if (!d->dx) return;
+  double *numbers[] = {&d->stride, &d->time, &d->error};
+  double *vectors[] = {d->dx, d->dv, d->a};
+  for (int i = 0; i < 3; i++) ms_archive_transfer_vector(b, m->model.shape, vectors[i]);
+  for (int i = 0; i < 3; i++) {
+    MS_ARCHIVE_TRANSFER(b, *numbers[i]);
+    ms_archive_check(b, *numbers[i] >= 0, "the growth of errors");
+  }
+  if (b->direction == MS_ARCHIVE_READ) copy_step_start(m);
+}

@@ -1,0 +1,157 @@
+#include "sim/fingerprint.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "base/isa.h"
+#include "sim/sim.h"
+
+/*------------------------------------- the scene ------------------------------------------------*/
+
+typedef struct array {
+  const char *name;
+  const void *data;
+  size_t bytes;
+} array;
+
+static void list_arrays(const ms_scene *s, array arrays[MS_SCENE_HASHES]) {
+  const size_t n = (size_t)s->nparticles, m = (size_t)s->nsprings, real = sizeof(double);
+  const array list[MS_SCENE_HASHES] = {
+      {"particles.x", s->x, 3 * n * real},          {"particles.v", s->v, 3 * n * real},
+      {"particles.mass", s->mass, n * real},        {"particles.pinned", s->pinned, n},
+      {"springs.ij", s->ij, 2 * m * sizeof *s->ij}, {"springs.k", s->k, m * real},
+      {"springs.rest", s->rest, m * real},          {"springs.damping", s->damping, m * real}};
+  memcpy(arrays, list, sizeof list);
+}
+
+void ms_fingerprint_hash_scene(msim_sim *sim) {
+  array arrays[MS_SCENE_HASHES];
+  if (sim->scene_is_hashed) return;
+  list_arrays(sim->scene, arrays);
+  for (int i = 0; i < MS_SCENE_HASHES; i++)
+    sim->scene_hashes[i] = ms_archive_hash(0, arrays[i].data, arrays[i].bytes);
+  sim->scene_is_hashed = 1;
+}
+
+static void list_hash(ms_fingerprint_visitor *mark, void *data, const char *name, uint64_t hash) {
+  char text[24];
+  snprintf(text, sizeof text, "#%016llx", (unsigned long long)hash);
+  mark(data, name, text, 1);
+}
+
+static void list_numbers(ms_fingerprint_visitor *mark, void *data, const char *name, int n,
+                         const double *value) {
+  char text[128] = "";
+  size_t used = 0;
+  for (int i = 0; i < n; i++)
+    used += (size_t)snprintf(text + used, sizeof text - used, "%s%s", i ? " " : "",
+                             ms_text_format_double(value[i]).text);
+  mark(data, name, text, 0);
+}
+
+static void list_count(ms_fingerprint_visitor *mark, void *data, const char *name, int32_t count) {
+  list_numbers(mark, data, name, 1, &(double){count});
+}
+
+static void list_planes(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  for (int32_t i = 0; i < s->nplanes; i++) {
+    const msim_plane *p = &s->planes[i];
+    const double numbers[] = {p->normal[0], p->normal[1],   p->normal[2],
+                              p->offset,    p->restitution, p->friction};
+    char name[32];
+    snprintf(name, sizeof name, "planes[%d]", i);
+    list_hash(mark, data, name, ms_archive_hash(0, numbers, sizeof numbers));
+  }
+}
+
+static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
+  const ms_scene *s = sim->scene;
+  array arrays[MS_SCENE_HASHES];
+  list_arrays(s, arrays);
+  list_count(mark, data, "the number of particles", s->nparticles);
+  list_count(mark, data, "the number of springs", s->nsprings);
+  list_count(mark, data, "the number of planes", s->nplanes);
+  for (int i = 0; i < MS_SCENE_HASHES; i++)
+    list_hash(mark, data, arrays[i].name, sim->scene_hashes[i]);
+  list_planes(s, mark, data);
+  list_numbers(mark, data, "gravity", 3, s->gravity);
+  list_numbers(mark, data, "drag", 1, &s->drag);
+}
+
+/*------------------------------------- options --------------------------------------------------*/
+
+/* 1: the option may differ between the parts of a run: no bit of a state depends on it. */
+static int is_ignored(const char *name) {
+  static const char *const names[] = {"steps",   "t_end",       "every", "fps",
+                                      "threads", "plugin_path", "sync"};
+  for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+    if (strcmp(names[i], name) == 0) return 1;
+  return 0;
+}
+
+/* The options as the caller gave them, where `auto` has replaced some. */
+static msim_options requested_options(const msim_sim *sim) {
+  msim_options opt = sim->opt;
+  if (ms_sim_selects(sim)) {
+    opt.integrator = MS_AUTO, opt.tol = sim->choice.tol, opt.h = MSIM_H_AUTO;
+    opt.collision = sim->choice.collision;
+  }
+  return opt;
+}
+
+static void list_options(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
+  const msim_options opt = requested_options(sim);
+  const msim_option_entry *entry;
+  for (int32_t i = 0; (entry = msim_option_info(i)) != NULL; i++) {
+    ms_number_text_buffer number;
+    if (!is_ignored(entry->name))
+      mark(data, entry->name, ms_options_format_value(&opt, i, &number), 0);
+  }
+}
+
+void ms_fingerprint_list(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
+  static const char *const kernels[] = {"baseline", "avx2", "avx512"};
+  mark(data, "msim", msim_version(), 0);
+  mark(data, "MSIM_ISA", kernels[sim->islands->model.isa], 0);
+  list_scene(sim, mark, data);
+  list_options(sim, mark, data);
+}
+
+/*------------------------------------- comparison -----------------------------------------------*/
+
+/* The sim's fingerprint, compared with that of the checkpoint */
+typedef struct comparison {
+  const char *next, *end; /* lines not compared yet */
+  msim_status status;
+  msim_error *err;
+} comparison;
+
+/* Up to the first difference both have the same names in the same order. */
+static void compare_entry(void *data, const char *name, const char *value, int is_hash) {
+  comparison *c = data;
+  if (c->status) return;
+  const size_t length = strlen(name);
+  const char *line = c->next, *end = memchr(line, '\n', (size_t)(c->end - line));
+  if (!end || (size_t)(end - line) <= length || memcmp(line, name, length) != 0 ||
+      line[length] != '=') {
+    c->status = ms_error_set(c->err, MSIM_ERR_ARG, "the checkpoint says nothing of %s", name);
+    return;
+  }
+  const char *there = line + length + 1;
+  const size_t size = (size_t)(end - there);
+  c->next = end + 1;
+  if (size == strlen(value) && memcmp(there, value, size) == 0) return;
+  if (is_hash)
+    c->status = ms_error_set(c->err, MSIM_ERR_ARG, "%s differs from that in the checkpoint", name);
+  else
+    c->status = ms_error_set(c->err, MSIM_ERR_ARG, "%s is %s here and %.*s in the checkpoint", name,
+                             *value ? value : "not given",
+                             size ? (int)(size < 100 ? size : 100) : 9, size ? there : "not given");
+}
+
+msim_status ms_fingerprint_compare(const msim_sim *sim, const char *there, size_t size,
+                                   msim_error *err) {
+  comparison c = {.next = there, .end = there + size, .err = err};
+  ms_fingerprint_list(sim, compare_entry, &c);
+  return c.status;
+}

@@ -1,0 +1,27 @@
+/* fingerprint - fingerprint of everything that affects the bits of a run: scene, options, version
+ * of msim and instruction set, as pairs of name and value. The value of an array is a hash. */
+#ifndef MS_FINGERPRINT_H
+#define MS_FINGERPRINT_H
+
+#include <stdint.h>
+
+#include "msim/msim.h"
+
+enum { MS_SCENE_HASHES = 8 }; /* hashed arrays of a scene */
+
+/* Called for each entry. is_hash: the value is a hash, for comparison only. */
+typedef void ms_fingerprint_visitor(void *data, const char *name, const char *value, int is_hash);
+
+/* Hash the arrays of the scene, unless that is done; changed springs need new hashes. */
+void ms_fingerprint_hash_scene(msim_sim *sim);
+
+/* Pass all entries to `mark`. Call ms_fingerprint_hash_scene() before: these hashes are listed,
+ * too. */
+void ms_fingerprint_list(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data);
+
+/* Compare the sim's fingerprint with the one of a checkpoint, `size` bytes of lines "name=value".
+ * MSIM_ERR_ARG names the first entry that differs. */
+msim_status ms_fingerprint_compare(const msim_sim *sim, const char *there, size_t size,
+                                   msim_error *err);
+
+#endif

@@ -1,0 +1,476 @@
+#include "sim/method_choice.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "integrate/stiffness_partition.h"
+#include "integrate/impact_location.h"
+#include "integrate/methods.h"
+#include "linear/iteration_estimate.h"
+#include "sim/step_driver.h"
+#include "sim/pilot_run.h"
+#include "sim/rejection_reasons.h"
+
+/* The impacts of so many particles are few enough to be located one by one. */
+enum { FEW = 4 };
+
+enum {
+  LEAPFROG_METHOD,
+  LOCATED_IMPACTS,
+  TAKAHASHI_IMADA,
+  FOURTH,
+  STABILISED,
+  SIXTH,
+  EIGHTH,
+  ERROR_CONTROLLED,
+  MULTIRATE,
+  IMPLICIT
+};
+
+/* The candidates: methods and their evaluations per step, [0] if no force depends on velocities,
+ * else [1]; 0: measured. first: evaluations at the first state, if there are many. The leapfrog
+ * stands for all explicit methods of order 2. Evaluations of dop853 count 19/12-fold, as it forms
+ * so many sums; those of rkc follow from h. tr-bdf2 damps what long steps cannot resolve; implicit
+ * methods that do not damp it have to resolve it, and take no longer steps than explicit ones. */
+static const struct {
+  const ms_integrator *method[2];
+  double evaluations[2];
+  double first;
+} candidate_list[MS_CANDIDATES] = {
+    [LEAPFROG_METHOD] = {{&ms_verlet, &ms_velocity_verlet}, {1, 2}},
+    [LOCATED_IMPACTS] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
+    [TAKAHASHI_IMADA] = {{&ms_takahashi_imada, &ms_takahashi_imada}, {2, 2}, 51},
+    [FOURTH] = {{&ms_force_gradient, &ms_rk4}, {5, 4}},
+    [STABILISED] = {{&ms_rkc, &ms_rkc}, {2, 2}},
+    [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
+    [EIGHTH] = {{&ms_dop853, &ms_dop853}, {19, 19}},
+    [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853}, {19, 19}},
+    [MULTIRATE] = {{&ms_respa, &ms_respa}, {0}},
+    [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}}};
+
+/*------------------------------------- explicit ones --------------------------------------------*/
+
+/* verlet carries v(t - h/2), so that no step can be halved: velocity-verlet takes its place where
+ * steps are verified or divided. */
+static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
+  return candidate_list[i].method[p->damped || (i == LEAPFROG_METHOD && (p->mid_run || !p->many))];
+}
+
+static int find_rejection(const ms_pilot_run *p, int i) {
+  const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
+  if (i == LEAPFROG_METHOD && planes && few) return MS_REASON_FEW_IMPACTS;
+  if (i == LEAPFROG_METHOD && planes && p->sim->choice.collision == MSIM_COLLISION_EVENT)
+    return MS_REASON_TO_BE_LOCATED;
+  if (i == LEAPFROG_METHOD && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;
+  if (i == LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
+  if (i == TAKAHASHI_IMADA && planes) return MS_REASON_NO_PLANES;
+  if ((i == TAKAHASHI_IMADA || i == SIXTH) && p->damped) return MS_REASON_DAMPED;
+  if (i == STABILISED && !p->damped) return MS_REASON_UNDAMPED;
+  if (i == STABILISED && ms_pilot_run_stable_step(p, &ms_rkc) == 0) return MS_REASON_NEVER_STABLE;
+  if (!p->many && !planes && !ms_control_is_supported(candidate_method(p, i)))
+    return MS_REASON_UNVERIFIED;
+  if (i == ERROR_CONTROLLED && p->mid_run) return MS_REASON_ON_GRID;
+  if (i != ERROR_CONTROLLED && p->few) return MS_REASON_FEW_PARTICLES;
+  return MS_REASON_NONE;
+}
+
+static double longest_trial_step(const ms_pilot_run *p, const ms_integrator *method) {
+  return fmin(ms_pilot_run_stable_step(p, method), p->span / 10);
+}
+
+/* Located impacts are of order 2 in longer steps, which trials of shorter steps do not show. */
+static double longest_to_locate(const ms_pilot_run *p, const ms_integrator *method) {
+  const double limit = ms_impact_location_longest_step(method, p->bounds.omega);
+  return limit > 0 ? fmin(longest_trial_step(p, method), limit) : longest_trial_step(p, method);
+}
+
+/* Set the evaluations of steps of c->h, and their cost. */
+static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
+  if (c->method->stages)
+    c->step_cost = c->method->stages(c->h, ms_bounds_compute_island(ms_pilot_run_model(p)));
+  c->cost_rate = c->step_cost / c->h + candidate_list[i].first / p->span;
+}
+
+/* The cost, and for an untried method 4 times that of its trial, which consists of m steps, 2 m
+ * half steps and two starts: most savings turn out smaller than they seem. */
+static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c) {
+  const double WORTH = 4;
+  if (c->tried || i == ERROR_CONTROLLED) return c->cost_rate;
+  const double trial =
+      3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) + 2 * candidate_list[i].first;
+  return c->cost_rate + WORTH * trial / p->span;
+}
+
+static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
+  const int controlled = i == IMPLICIT || i == ERROR_CONTROLLED;
+  const int located =
+      controlled ? p->sim->scene->nplanes > 0 : p->planes_count && i != LEAPFROG_METHOD;
+  *c = (ms_candidate){.method = candidate_method(p, i),
+                      .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
+                      .error_control = controlled,
+                      .step_cost = candidate_list[i].evaluations[p->damped],
+                      .cost_rate = INFINITY,
+                      .rejection = find_rejection(p, i)};
+  if (c->step_cost == 0 || c->rejection) return;
+  c->h =
+      located && !controlled ? longest_to_locate(p, c->method) : longest_trial_step(p, c->method);
+  set_cost(p, i, c);
+}
+
+/* verlet has the positions of velocity Verlet. Reflection at the ends of steps is of order 1. */
+static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
+  const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->planes_count;
+  return (ms_trial){.method = c->method == &ms_verlet ? &ms_velocity_verlet : c->method,
+                    .collision = c->collision,
+                    .order = reflects ? 1 : c->method->entry.order};
+}
+
+/* Errors of takahashi-imada depend more on fast modes than those of other methods, and fast modes
+ * come later in a run: its error counts fourfold. */
+static msim_status measure_error(ms_pilot_run *p, ms_candidate *c, msim_error *err) {
+  const double ROUGHER = 4;
+  const ms_trial trial = make_trial(p, c);
+  double price;
+  msim_status status = ms_pilot_run_try_method(p, &trial, c->h, &c->error, &price, err);
+  if (c->method == &ms_takahashi_imada) c->error *= ROUGHER;
+  if (c->collision == MSIM_COLLISION_EVENT) c->step_cost = fmax(c->step_cost, price);
+  return status;
+}
+
+/* Find the step whose error is tol: errors go like h^k once they are small (ROUGH). A step that is
+ * more than twice as long or as short as the one tried has to be tried itself. The error of a trial
+ * of m steps cannot be smaller than their rounding, which adds up like sqrt(m). */
+static msim_status try_candidate_step(ms_pilot_run *p, int i, ms_candidate *c, double *most,
+                                      msim_error *err) {
+  const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01;
+  const double k = make_trial(p, c).order, h = c->h;
+  msim_status status = measure_error(p, c, err);
+  if (status) return status;
+  const double rounding = p->scales.rounding * p->span / (h * sqrt(ms_pilot_run_trial_steps(p, h)));
+  const double allowed = fmax(p->tol, rounding);
+  const double change = fmin(FARTHEST, SAFETY * pow(allowed / c->error, 1 / k));
+  if (c->error > allowed) *most = SAFETY * h;
+  c->h = fmin(*most, h * (c->error > ROUGH ? fmax(1 / FARTHEST, change) : change));
+  if (c->error <= allowed && c->h < h) c->h = h;
+  c->tried = c->h > h / 2 && c->h < 2 * h;
+  c->error *= pow(c->h / h, k);
+  set_cost(p, i, c);
+  return MSIM_OK;
+}
+
+static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
+                                    double h, msim_sim **sim, msim_error *err) {
+  msim_scene scene = {p->sim->scene};
+  msim_options opt = p->sim->opt;
+  opt.size = sizeof opt;
+  opt.integrator = method->entry.name;
+  opt.collision = MSIM_COLLISION_REFLECT;
+  opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
+  opt.watch = MSIM_WATCH_OFF;
+  return msim_sim_create(&scene, &opt, sim, err);
+}
+
+/* Run `trial` under error control from its present state to t, or until it has spent `most`
+ * evaluations. tol and scales are those of the whole run. */
+static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double most,
+                             ms_candidate *c, int *arrived, msim_error *err) {
+  msim_status status = MSIM_OK;
+  ms_step_driver_measure_scales(trial, p->span);
+  trial->control = ms_control_make(trial->integrator, p->tol, p->span);
+  ms_step_driver_set_step(trial, trial->opt.h);
+  while (!status && trial->t < t && ms_pilot_run_count_work(trial) < most)
+    status = msim_sim_step(trial, 1, err);
+  p->cost += ms_pilot_run_count_work(trial);
+  *arrived = trial->t >= t;
+  if (status < 0 || trial->step == 0) return status < 0 ? status : MSIM_OK;
+  c->h = trial->t / (double)trial->step;
+  c->step_cost = ms_pilot_run_count_work(trial) / (double)trial->step;
+  return MSIM_OK;
+}
+
+/* dop853 under error control over the third quarter of the pilot run, or as long as it costs less
+ * than the best candidate so far would there. Its evaluations count more, as in `list`. */
+static msim_status try_controlled(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
+  const double SUMS = 19. / 12, t = fmax(p->duration, p->span / 16) / 4;
+  msim_sim *trial;
+  int arrived = 0;
+  msim_status status = create_trial_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
+  if (status) return status;
+  status = ms_pilot_run_set_middle(p, trial, err);
+  if (!status) status = run_trial(p, trial, t, least * t / SUMS, c, &arrived, err);
+  msim_sim_destroy(trial);
+  c->step_cost *= SUMS;
+  c->cost_rate = arrived ? c->step_cost / c->h : INFINITY;
+  if (!arrived) c->rejection = MS_REASON_COSTS_MORE;
+  c->tried = 1;
+  return status;
+}
+
+static int most_promising(const ms_pilot_run *p, const ms_candidate *c) {
+  int best = 0;
+  for (int i = 1; i < MS_CANDIDATES; i++)
+    if (expected_cost(p, i, &c[i]) < expected_cost(p, best, &c[best])) best = i;
+  return best;
+}
+
+static double least_tried_cost(const ms_candidate *c) {
+  double least = INFINITY;
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (c[i].tried) least = fmin(least, c[i].cost_rate);
+  return least;
+}
+
+static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
+  enum { PATIENCE = 6 };
+  ms_candidate *c = s->candidates;
+  double most[MS_CANDIDATES];
+  int tries[MS_CANDIDATES] = {0};
+  msim_status status = MSIM_OK;
+  for (int i = 0; i < MS_CANDIDATES; i++) {
+    init_candidate(p, i, &c[i]);
+    most[i] = c[i].h;
+  }
+  for (s->best = most_promising(p, c); !status && !c[s->best].tried;
+       s->best = most_promising(p, c)) {
+    const int i = s->best;
+    status = i == ERROR_CONTROLLED ? try_controlled(p, least_tried_cost(c), &c[i], err)
+                                   : try_candidate_step(p, i, &c[i], &most[i], err);
+    c[i].tried |= ++tries[i] == PATIENCE;
+  }
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (c[i].cost_rate < c[s->best].cost_rate) c[i].rejection = MS_REASON_TRIAL_TOO_EXPENSIVE;
+  return status;
+}
+
+/*------------------------------------- where stability sets the steps ---------------------------*/
+
+static int is_limited_by_stability(const ms_pilot_run *p, const ms_candidate *c) {
+  const double reach = ms_pilot_run_stable_step(p, c->method);
+  return c->error_control ? c->h > reach / 2 : c->h == reach;
+}
+
+/* *n: steps of respa for half of the pilot run, with the fewest evaluations among 1/4, 1/8, ... of
+ * the number that velocity Verlet needs; *cost: evaluations per simulated second. */
+static msim_status find_multirate_step(const ms_pilot_run *p, int64_t *n, double *cost,
+                                       msim_error *err) {
+  const ms_model *model = ms_pilot_run_model(p);
+  const double springs = model->springs.n;
+  int *octave = ms_memory_allocate(&p->sim->alloc, (size_t)model->springs.n, sizeof *octave);
+  msim_status status = octave ? MSIM_OK : ms_error_set_memory(err, "the choice of a method");
+  *cost = INFINITY;
+  for (int64_t m = (int64_t)(p->duration / longest_trial_step(p, &ms_velocity_verlet)) / 8;
+       m > 0 && !status; m /= 2) {
+    const double h = p->duration / (double)(2 * m);
+    ms_stiffness_partition cut;
+    status = ms_stiffness_partition_choose(model, h, octave, &cut, err);
+    const double price = (springs + cut.inner * cut.nstiff) / springs;
+    if (status || cut.nstiff == 0) break;
+    if (price / h < *cost) *n = m, *cost = price / h;
+  }
+  ms_memory_free(&p->sim->alloc, octave);
+  return status;
+}
+
+/* Repeat the pilot run in 2 n steps; that had much shorter ones, whose error is negligible. */
+static msim_status try_multirate(ms_pilot_run *p, int64_t n, ms_candidate *c, msim_error *err) {
+  msim_sim *sim;
+  c->h = p->duration / (double)(2 * n);
+  msim_status status = create_trial_sim(p, c->method, 0, c->h, &sim, err);
+  if (status) return status;
+  status = ms_pilot_run_repeat(p, sim, n, &c->error, err);
+  c->step_cost = ms_pilot_run_count_work(sim) / (double)(2 * n);
+  msim_sim_destroy(sim);
+  return status;
+}
+
+/* respa costs more than its evaluations, and may resonate: it has to save three quarters. */
+static msim_status consider_multirate(ms_pilot_run *p, const ms_candidate *best, ms_candidate *c,
+                                      msim_error *err) {
+  const double WORTH = 0.25;
+  double cost;
+  int64_t n = 0;
+  c->rejection = MS_REASON_STIFF_SPRINGS_NOT_FEW;
+  if (p->planes_count || !p->many || !is_limited_by_stability(p, best)) return MSIM_OK;
+  msim_status status = find_multirate_step(p, &n, &cost, err);
+  for (int tries = 0; tries < 3 && !status && cost < WORTH * best->cost_rate; tries++) {
+    status = try_multirate(p, n, c, err);
+    c->rejection = c->error <= p->tol ? MS_REASON_NONE : MS_REASON_ERROR_TOO_LARGE;
+    cost = c->step_cost / c->h;
+    if (!c->rejection) c->cost_rate = cost;
+    if (!c->rejection) break;
+    n *= 2, cost *= 2;
+  }
+  return status;
+}
+
+/* Evaluations of a step of tr-bdf2, which is made whole and in two halves, of two stages each,
+ * while Newton's method converges quickly; iterations by linear/iteration_estimate.h. Conjugate
+ * gradients need no more iterations than there are unknowns. */
+static double predict_step_cost(const ms_model *model, double h) {
+  const double CORRECTIONS = 2, RTOL = 0.01;
+  const ms_iteration_estimate p = ms_iteration_estimate_compute(model, h, RTOL);
+  const double unknowns = (double)model->unknowns.dims * model->unknowns.nfree;
+  const double iterations = fmin(unknowns, fmin(p.one_level, 2 * p.two_level));
+  return 3 * 2 * CORRECTIONS * (2 + MS_EVALUATIONS_PER_ITERATION * iterations);
+}
+
+/* No single step shows how long the steps of an implicit method may be: they become short once the
+ * motion is rough, and cost up to 20 times what the first states predict. So tr-bdf2 has to make
+ * the whole run for a fifth of the best cost. It is tried only where stability limits explicit
+ * methods, and ten of its steps, as predicted, cost less than that. */
+static msim_status consider_implicit(ms_pilot_run *p, const ms_candidate *best, ms_candidate *c,
+                                     msim_error *err) {
+  const double most = best->cost_rate * p->span / 5;
+  msim_sim *trial;
+  c->rejection = MS_REASON_ACCURACY_DECIDES;
+  if (p->planes_count || !is_limited_by_stability(p, best)) return MSIM_OK;
+  c->rejection = MS_REASON_TOO_EXPENSIVE;
+  if (10 * predict_step_cost(ms_pilot_run_model(p), p->span / 10) >= most) return MSIM_OK;
+  msim_status status = create_trial_sim(p, c->method, p->tol, p->span / 100, &trial, err);
+  if (status) return status;
+  int arrived = 0;
+  status = ms_pilot_run_set_start(p, trial, err);
+  if (!status) status = run_trial(p, trial, p->span, most, c, &arrived, err);
+  if (arrived) c->cost_rate = c->step_cost / c->h;
+  c->rejection = arrived ? MS_REASON_NONE : MS_REASON_RUN_NOT_FINISHED;
+  msim_sim_destroy(trial);
+  return status;
+}
+
+/*------------------------------------- the choice -----------------------------------------------*/
+
+/* The largest error of a step without an event; if there is none, the least error */
+static double usual_error(const ms_step_measurement *s, int n, double event) {
+  double largest = 0, least = INFINITY;
+  for (int i = 0; i < n; i++) {
+    least = fmin(least, s[i].error);
+    if (s[i].error <= event) largest = fmax(largest, s[i].error);
+  }
+  return largest > 0 ? largest : least;
+}
+
+/* Set the difference from their halves that verified steps may have (step_verification.h): 50 e
+ * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
+ * and no plane is near. e: that of a step at the choice; E: the error foreseen without the growth
+ * to come. A measured step may contain an event, whose error and indicators are not typical: so
+ * several are measured, but only one of many particles, where all steps are alike. */
+static msim_status set_verification(ms_pilot_run *p, const ms_candidate *c, ms_step_verification *v,
+                                    msim_error *err) {
+  const double CARE = 50, SOME = 4, event = p->tol / 4;
+  const int n = p->many ? 1 : MS_MEASURED_STEPS;
+  ms_step_measurement s[MS_MEASURED_STEPS];
+  v->scales = p->scales;
+  v->planes_far = p->sim->scene->nplanes > 0 && !p->planes_count;
+  const int reflects = c->collision == MSIM_COLLISION_REFLECT; /* reflection is of order 1 */
+  if (c->error_control || !ms_control_is_supported(c->method)) return MSIM_OK;
+  if (p->planes_count && reflects) return MSIM_OK;
+  v->only_events = p->planes_count && p->many;
+  if (v->only_events) v->allowed = p->tol / MS_EVENTS_PER_RUN;
+  if (v->only_events) return MSIM_OK;
+  const ms_trial trial = make_trial(p, c);
+  msim_status status = ms_pilot_run_measure_steps(p, &trial, c->h, n, s, err);
+  if (status) return status;
+  const double share = p->tol * c->h / p->span;
+  const double foreseen = fmax(c->error / p->error_growth, DBL_MIN);
+  const double even = usual_error(s, n, event) * p->tol / foreseen;
+  const double most = p->planes_count || !p->many ? event : fmax(event, SOME * even);
+  v->allowed = fmin(most, fmax(share, CARE * even));
+  for (int i = 0; i < n; i++)
+    for (int k = 0; k < 2 && s[i].error <= v->allowed; k++)
+      v->indicator[k] = fmax(v->indicator[k], s[i].indicator[k]);
+  return MSIM_OK;
+}
+
+static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
+  ms_candidate *c = s->candidates;
+  msim_status status = choose_explicit(p, s, err);
+  if (!status) status = consider_multirate(p, &c[s->best], &c[MULTIRATE], err);
+  if (c[MULTIRATE].cost_rate < c[s->best].cost_rate) s->best = MULTIRATE;
+  if (!status) status = consider_implicit(p, &c[s->best], &c[IMPLICIT], err);
+  if (c[IMPLICIT].cost_rate < c[s->best].cost_rate) s->best = IMPLICIT;
+  if (!status) status = set_verification(p, &c[s->best], &s->verification, err);
+  s->pilot_time = p->duration, s->total_cost = p->cost, s->damped = p->damped;
+  return status;
+}
+
+/* Rounding may be larger than tol, and the number of trials is limited. */
+static void warn_of_error(const msim_sim *sim, const ms_candidate *c, double tol) {
+  const double MUCH = 10;
+  if (c->error_control || !(c->error > MUCH * tol)) return;
+  ms_sim_warn(
+      sim,
+      "integrator 'auto': no method that was tried keeps tol = %g here; the error of the one "
+      "chosen, %s, may reach %.2g",
+      tol, c->method->entry.name, c->error);
+}
+
+/* Set method and options as if they had been requested. The first step is a stable one. */
+static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_choice *s) {
+  const ms_candidate *c = &s->candidates[s->best];
+  const double reach = ms_pilot_run_stable_step(p, c->method);
+  warn_of_error(sim, c, s->tol);
+  sim->choice = *s;
+  sim->choice.out_of_date = 1;
+  sim->integrator = c->method;
+  sim->opt.integrator = c->method->entry.name;
+  sim->opt.tol = c->error_control ? s->tol : 0;
+  sim->opt.h = fmin(c->h, reach);
+  sim->opt.collision = c->collision;
+  sim->step_limit = (ms_step_limit){.bounds = p->bounds,
+                                    .limit = reach / MS_STABLE_FRACTION,
+                                    .tightness = 2,
+                                    .from_auto = c->h == reach,
+                                    .warned = sim->step_limit.warned};
+}
+
+msim_status ms_method_choice_make(msim_sim *sim, int late, double t0, const double *x,
+                                  const double *v, msim_error *err) {
+  ms_method_choice s = {.tol = sim->choice.tol, .collision = sim->choice.collision, .substeps = 1};
+  ms_pilot_run p;
+  msim_status status = ms_pilot_run_begin(sim, s.tol, late, t0, x, v, &p, err);
+  if (!status) status = choose_method(&p, &s, err);
+  if (!status) use_choice(sim, &p, &s);
+  ms_pilot_run_end(&p);
+  return status;
+}
+
+static void archive_candidate(ms_archive *b, int i, ms_candidate *c) {
+  int32_t which = c->method == candidate_list[i].method[1];
+  MS_ARCHIVE_TRANSFER(b, which);
+  c->method = candidate_list[i].method[which != 0];
+  double *numbers[] = {&c->step_cost, &c->cost_rate, &c->h, &c->error};
+  int *flags[] = {&c->error_control, &c->tried, &c->rejection};
+  for (int k = 0; k < 4; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
+  for (int k = 0; k < 3; k++) MS_ARCHIVE_TRANSFER(b, *flags[k]);
+  MS_ARCHIVE_TRANSFER(b, c->collision);
+  ms_archive_check(b,
+                   c->rejection >= 0 && c->rejection < MS_REASON_COUNT &&
+                       c->error_control == (i == IMPLICIT || i == ERROR_CONTROLLED),
+                   "the choice of a method");
+  ms_archive_check(b,
+                   c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT,
+                   "the choice of a method");
+}
+
+/* Impacts can be located by methods that have v and all forces at the same time. */
+static int may_be_best(const ms_candidate *c) {
+  const int locates = !c->method->sync && !c->method->is_multirate;
+  return c->rejection == MS_REASON_NONE && (locates || c->collision == MSIM_COLLISION_REFLECT);
+}
+
+void ms_method_choice_archive(ms_archive *b, ms_method_choice *s) {
+  double *numbers[] = {&s->tol, &s->pilot_time, &s->total_cost};
+  for (int k = 0; k < 3; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
+  MS_ARCHIVE_TRANSFER(b, s->best);
+  MS_ARCHIVE_TRANSFER(b, s->collision);
+  MS_ARCHIVE_TRANSFER(b, s->damped);
+  s->damped = s->damped != 0;
+  ms_archive_transfer_count(b, &s->substeps);
+  ms_step_verification_archive(b, &s->verification);
+  ms_archive_check(b, s->substeps > 0, "the choice of a method");
+  for (int i = 0; i < MS_CANDIDATES; i++) archive_candidate(b, i, &s->candidates[i]);
+  ms_archive_check(b,
+                   s->best >= 0 && s->best < MS_CANDIDATES && may_be_best(&s->candidates[s->best]),
+                   "the choice of a method");
+}

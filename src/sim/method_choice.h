@@ -1,0 +1,65 @@
+/* method_choice - integrator = auto: of a few methods choose the least expensive one that keeps tol
+ *
+ * Costs are counted, never timed, in force evaluations per simulated second: the evaluations of a
+ * step over its length, which is as long as stability and accuracy allow. The cost that follows
+ * from stability is a lower bound. The least expensive method is tried (pilot_run.h), which mostly
+ * raises its cost, until the least expensive one has been tried: methods that cannot win are never
+ * tried. An untried method also costs four times its trial, as few turn out as inexpensive as their
+ * bound: a run of a hundred steps gets a method that is easily found.
+ *
+ * tr-bdf2 and dop853 run under error control, too: dop853 over a part of the pilot run, which
+ * yields its cost, and as the only candidate where particles are few, as one event determines the
+ * error there. The others take fixed steps: step doubling costs half as much again, and control
+ * adds up errors that cancel, up to a hundredfold, in methods that keep energy within bounds. Fixed
+ * steps are verified (step_verification.h). LSODA (Petzold, SIAM J. Sci. Stat. Comput. 4 (1983)
+ * 136) likewise compares the steps that each method could take.
+ *
+ * Until a plane is close the choice is as without planes; then it is made anew.
+ *
+ * Where stability limits the step, respa is tried if few springs cause that, and tr-bdf2 makes the
+ * whole run: it is rejected unless that takes at most a fifth of the lowest cost so far. */
+#ifndef MS_METHOD_CHOICE_H
+#define MS_METHOD_CHOICE_H
+
+#include "base/archive.h"
+#include "sim/step_verification.h"
+
+enum { MS_CANDIDATES = 10 };
+
+typedef struct ms_candidate {
+  const ms_integrator *method;
+  int32_t collision; /* MSIM_COLLISION_...: how impacts are treated */
+  int error_control; /* 1: error control chooses its steps; 0: they are fixed */
+  double step_cost;  /* evaluations per step */
+  double cost_rate;  /* evaluations per simulated second, or a lower bound; INFINITY: rejected */
+  double h;          /* s: its step */
+  double error;      /* at the end of the run; 0: it was not tried */
+  int tried;         /* 1: a trial has confirmed h */
+  int rejection;     /* MS_REASON_...: why it was rejected; 0: it was not */
+} ms_candidate;
+
+typedef struct ms_method_choice {
+  double tol;        /* as requested; 0: the method was named */
+  int32_t collision; /* as requested */
+  double pilot_time; /* s: length of the pilot run */
+  double total_cost; /* cost of the whole choice, in evaluations */
+  int32_t best;      /* index of the candidate that was chosen */
+  int damped;        /* 1: forces depend on velocities, and candidates are methods for that */
+  int64_t substeps;  /* substeps: steps of the method in each step of the sim */
+  int out_of_date;   /* 1: the islands were built for another method, or for other springs */
+  ms_step_verification verification;
+  ms_candidate candidates[MS_CANDIDATES];
+} ms_method_choice;
+
+/* Choose a method for the run from x, v (3n, in particle order) at t0: a pure function of scene,
+ * options and that state. late: the run has begun before, and planes count. Sets the method, and
+ * tol or h, as if they had been requested; on failure nothing changes. */
+msim_status ms_method_choice_make(msim_sim *sim, int late, double t0, const double *x,
+                                  const double *v, msim_error *err);
+
+/* Write all of it to a checkpoint, or read it. */
+void ms_method_choice_archive(ms_archive *bytes, ms_method_choice *selection);
+
+void ms_method_choice_explain(const ms_method_choice *selection, ms_text *out);
+
+#endif

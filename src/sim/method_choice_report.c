@@ -1,0 +1,42 @@
+/* method_choice_report - the part of msim_sim_explain that says which methods integrator = auto
+ * considered, at which steps and costs, and why it chose one of them */
+#include <stdio.h>
+
+#include "sim/method_choice.h"
+#include "sim/rejection_reasons.h"
+
+static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
+  char name[32];
+  snprintf(name, sizeof name, "%s%s", c->method->entry.name, c->error_control ? ", tol" : "");
+  ms_text_append(out, "              %-17s ", name);
+  if (c->rejection) {
+    ms_text_append(out, "passed over: %s\n", ms_rejection_reasons_text(c->rejection));
+    return;
+  }
+  ms_text_append(out, "h = %-8.3g %5.4g evaluations a step, %s%8.4g a second%s%s\n", c->h,
+                 c->step_cost, c->tried || c->error > 0 ? "" : "at least ", c->cost_rate,
+                 c->collision == MSIM_COLLISION_EVENT ? ", impacts located" : "",
+                 !is_best           ? ""
+                 : c->error_control ? ": chosen, under error control"
+                                    : ": chosen, in fixed steps");
+}
+
+void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
+  const ms_step_verification *v = &s->verification;
+  ms_text_append(
+      out,
+      "auto          chosen for tol = %g by the first %.3g s of the run and steps tried from "
+      "there,\n              for the price of %.0f evaluations\n",
+      s->tol, s->pilot_time, s->total_cost);
+  for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
+  if (v->allowed > 0)
+    ms_text_append(
+        out,
+        "              steps are verified: their halves may differ from them by %.2g of the "
+        "scales\n",
+        v->allowed);
+  if (v->planes_far) ms_text_append(out, "              chosen anew once a plane is close\n");
+  if (s->substeps > 1)
+    ms_text_append(out, "              in %lld parts a step, as a plane was close\n",
+                   (long long)s->substeps);
+}

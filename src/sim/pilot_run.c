@@ -1,0 +1,359 @@
+#include "sim/pilot_run.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "integrate/methods.h"
+#include "linear/lagged_factor.h"
+#include "sim/step_driver.h"
+#include "sim/step_verification.h"
+
+/* Work in evaluations, per island
+ *   W = evaluations + assemblies + 1.5 c iterations + (flops factorizations + 16 fill solves)/f,
+ * c = 2 with a coarse space, else 1; f = 2 32/1.5 flops for each spring, as in lagged_factor.h. */
+double ms_pilot_run_count_work(const msim_sim *sim) {
+  const ms_island_sim *m = ms_sim_largest_island(sim);
+  const msim_stats *s = &sim->stats;
+  const double springs = sim->scene->nsprings,
+               flops = 2 * MS_PCG_FLOPS_PER_HALF_EDGE / MS_EVALUATIONS_PER_ITERATION;
+  double work = (double)s->force_evaluations / sim->nislands;
+  if (springs > 0) work = (double)s->spring_evaluations / springs;
+  if (!m->stepper.solver) return work;
+  const ms_linear *linear = m->stepper.solver->linear;
+  const double solver =
+      (double)s->assemblies +
+      (double)s->iterations * MS_EVALUATIONS_PER_ITERATION * (linear->aggregates ? 2 : 1) +
+      ((double)s->factorizations * linear->flops +
+       (double)s->solves * MS_SOLVE_FLOPS_PER_NONZERO * linear->fill) /
+          (flops * fmax(1, m->model.springs.n));
+  return work + solver / sim->nislands;
+}
+
+double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *method) {
+  return MS_STABLE_FRACTION * (method->limit ? method->limit(&p->bounds) : INFINITY);
+}
+
+/*------------------------------------- states ---------------------------------------------------*/
+
+static size_t component_count(const ms_pilot_run *p) {
+  return 3 * (size_t)p->sim->scene->nparticles;
+}
+
+static msim_status set_state(const ms_pilot_run *p, msim_sim *sim, const double *x, const double *v,
+                             msim_error *err) {
+  const msim_state state = {.size = sizeof state, .n = p->sim->scene->nparticles, .x = x, .v = v};
+  return msim_sim_set_state(sim, &state, err);
+}
+
+msim_status ms_pilot_run_set_start(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
+  return set_state(p, sim, p->x0, p->v0, err);
+}
+
+msim_status ms_pilot_run_set_middle(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
+  return set_state(p, sim, p->x_half, p->v_half, err);
+}
+
+static void copy_state(const ms_pilot_run *p, msim_sim *sim, double *x, double *v) {
+  msim_state now = {.size = sizeof now};
+  msim_sim_state(sim, &now);
+  memcpy(x, now.x, component_count(p) * sizeof *x);
+  memcpy(v, now.v, component_count(p) * sizeof *v);
+}
+
+/* E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2), as in integrate/control.h, but weighted by
+ * masses. With planes only dx counts, as a small delay of an impact changes v much. */
+static double error_distance(const ms_pilot_run *p, msim_sim *sim, const double *x,
+                             const double *v) {
+  const ms_scales *s = &p->scales;
+  const double weight = p->planes_count ? 0 : 1 / s->speed;
+  msim_state now = {.size = sizeof now};
+  double sum = 0;
+  msim_sim_state(sim, &now);
+  for (size_t i = 0; i < component_count(p); i++) {
+    const double dx = (now.x[i] - x[i]) / s->extent, dv = (now.v[i] - v[i]) * weight;
+    if (!p->sim->scene->pinned[i / 3]) sum += p->sim->scene->mass[i / 3] * (dx * dx + dv * dv);
+  }
+  return sqrt(sum / (2 * s->mass));
+}
+
+/*------------------------------------- one sim for all methods ----------------------------------*/
+
+/* The method with the most work vectors: the sim is built for it. */
+static const ms_integrator *const widest = &ms_dop853;
+
+static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, msim_error *err) {
+  msim_scene scene = {p->sim->scene};
+  msim_options opt = p->sim->opt;
+  *sim = p->sims[collision];
+  if (*sim) return MSIM_OK;
+  opt.size = sizeof opt;
+  opt.integrator = widest->entry.name;
+  opt.collision = collision;
+  opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
+  opt.watch = MSIM_WATCH_OFF;
+  opt.newton_retries = 2; /* for memory of half steps */
+  msim_status status = msim_sim_create(&scene, &opt, sim, err);
+  if (!status) p->sims[collision] = *sim;
+  return status;
+}
+
+/* Set the sim to that state, and let it continue by another method. */
+static msim_status start_method(ms_pilot_run *p, const ms_trial *of, double h, const double *x,
+                                const double *v, msim_sim **sim, msim_error *err) {
+  msim_status status = get_sim(p, of->collision, sim, err);
+  if (status) return status;
+  (*sim)->integrator = widest;
+  status = set_state(p, *sim, x, v, err);
+  if (status) return status;
+  (*sim)->integrator = of->method;
+  (*sim)->plan.h = h;
+  for (int32_t i = 0; i < (*sim)->nislands; i++) {
+    ms_stepper *s = &(*sim)->islands[i].stepper;
+    s->h = h;
+    ms_stepper_set_bounds(of->method, s);
+    if (of->method->start) of->method->start(s);
+  }
+  return MSIM_OK;
+}
+
+const ms_model *ms_pilot_run_model(const ms_pilot_run *p) {
+  return &ms_sim_largest_island(p->sims[MSIM_COLLISION_REFLECT])->model;
+}
+
+/*------------------------------------- errors ---------------------------------------------------*/
+
+/* Estimate the error of m steps of h from x, v by 2 m steps of h/2: 2^p/(2^p - 1) times the
+ * distance of their ends, p the order. INFINITY if the steps fail. */
+static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, double h, int64_t m,
+                                      const double *x, const double *v, double *error,
+                                      msim_error *err) {
+  const double halving = ldexp(1, of->order);
+  double *x_end = p->states, *v_end = x_end + component_count(p);
+  msim_sim *sim;
+  *error = INFINITY;
+  for (int halved = 0; halved < 2; halved++) {
+    msim_status status = start_method(p, of, halved ? h / 2 : h, x, v, &sim, err);
+    if (status) return status;
+    const double before = ms_pilot_run_count_work(sim);
+    status = msim_sim_step(sim, halved ? 2 * m : m, err);
+    p->cost += ms_pilot_run_count_work(sim) - before;
+    if (status) return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
+    if (!halved) copy_state(p, sim, x_end, v_end);
+  }
+  *error = halving / (halving - 1) * error_distance(p, sim, x_end, v_end);
+  return MSIM_OK;
+}
+
+/* 1/60 of the run: a trial costs three times that. With planes 1/14, to pass the first impact. */
+double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
+  const double SHARE = p->planes_count ? 1. / 14 : 1. / 60;
+  return fmax(1, round(SHARE * p->span / h));
+}
+
+msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double h, double *error,
+                                    double *price, msim_error *err) {
+  const double before = p->cost;
+  const int64_t m = (int64_t)ms_pilot_run_trial_steps(p, h);
+  msim_status status = compare_half_steps(p, of, h, m, p->x, p->v, error, err);
+  *error *= p->error_growth * p->remaining / ((double)m * h);
+  if (!(*error < INFINITY)) *error = INFINITY;
+  *price = (p->cost - before) / (3 * (double)m);
+  return status;
+}
+
+msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, double h, int n,
+                                       ms_step_measurement *steps, msim_error *err) {
+  const double *const x[MS_MEASURED_STEPS] = {p->x, p->x_half, p->x0};
+  const double *const v[MS_MEASURED_STEPS] = {p->v, p->v_half, p->v0};
+  for (int i = 0; i < n; i++) {
+    msim_sim *sim;
+    msim_status status = start_method(p, of, h, x[i], v[i], &sim, err);
+    if (status) return status;
+    const double before = ms_pilot_run_count_work(sim);
+    status = ms_step_verification_measure(sim, &p->scales, &steps[i], err);
+    p->cost += ms_pilot_run_count_work(sim) - before;
+    if (status == MSIM_ERR_MEMORY) return status;
+    if (status) steps[i].error = INFINITY;
+  }
+  return MSIM_OK;
+}
+
+static msim_status repeat_halves(ms_pilot_run *p, msim_sim *other, int64_t n, double *half,
+                                 double *whole, msim_error *err) {
+  *half = *whole = INFINITY;
+  msim_status status = ms_pilot_run_set_start(p, other, err);
+  if (!status) status = msim_sim_step(other, n, err);
+  if (status) return status;
+  *half = error_distance(p, other, p->x_half, p->v_half);
+  status = msim_sim_step(other, n, err);
+  if (!status) *whole = error_distance(p, other, p->x, p->v);
+  return status;
+}
+
+/* E(T) = E(t) (T/t)^p, p = log2(E(t)/E(t/2)) >= 1; t: length of the pilot run, T: of the run */
+msim_status ms_pilot_run_repeat(ms_pilot_run *p, msim_sim *other, int64_t n, double *error,
+                                msim_error *err) {
+  double half, whole;
+  const msim_status status = repeat_halves(p, other, n, &half, &whole, err);
+  p->cost += ms_pilot_run_count_work(other);
+  const double power = fmax(1, log2(whole / fmax(half, p->scales.rounding)));
+  *error = status ? INFINITY : whole * pow(p->span / p->duration, power);
+  return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
+}
+
+/*------------------------------------- the pilot run --------------------------------------------*/
+
+static const ms_trial pilot = {&ms_velocity_verlet, MSIM_COLLISION_REFLECT, 2};
+
+/* Make `steps` steps of the pilot run; x, v: the state where they end, or before the one that
+ * failed */
+static msim_status make_pilot_steps(ms_pilot_run *p, msim_sim *sim, int64_t steps, double *x,
+                                    double *v, msim_error *err) {
+  const int64_t before = sim->stats.contacts;
+  const msim_status status = msim_sim_step(sim, steps, err);
+  p->duration = ms_sim_time(sim);
+  p->met_plane = sim->stats.contacts > before;
+  copy_state(p, sim, x, v);
+  return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
+}
+
+/* Make the pilot run in parts of 1/64 of the run until an impact, for 3/4 of the run at most.
+ * Trials start where the last part began: free flight before that is not typical. */
+static msim_status run_to_impact(ms_pilot_run *p, msim_sim *sim, double h, msim_error *err) {
+  const int64_t part = (int64_t)fmax(1, round(p->span / h / 64));
+  msim_status status = MSIM_OK;
+  while (!status && !p->met_plane && p->duration < 0.75 * p->span) {
+    copy_state(p, sim, p->x, p->v);
+    p->remaining = p->span - p->duration;
+    status = make_pilot_steps(p, sim, part, p->x_half, p->v_half, err);
+  }
+  return status;
+}
+
+/* Continue to 1/3 of the run, as long as a plane could be met there. To choose anew at a late
+ * impact costs less than fixed steps for impacts until then, but one choice costs less than two. */
+static msim_status extend_pilot_run(ms_pilot_run *p, msim_sim *sim, int64_t part, msim_error *err) {
+  const double flown = p->duration, end = p->span / 3;
+  msim_status status = MSIM_OK;
+  while (!status && !p->met_plane && p->duration < end &&
+         ms_step_verification_is_plane_close(sim, (end - p->duration) / 2))
+    status = make_pilot_steps(p, sim, part, p->states, p->states + component_count(p), err);
+  p->duration = flown;
+  return status;
+}
+
+/* The pilot run; if it meets a plane, a second one as far as an impact */
+static msim_status make_pilot_run(ms_pilot_run *p, double h, msim_error *err) {
+  const int64_t part = (int64_t)fmax(1, round(p->span / h / 16));
+  msim_sim *sim;
+  msim_status status = start_method(p, &pilot, h, p->x0, p->v0, &sim, err);
+  if (status) return status;
+  p->remaining = p->span;
+  p->planes_count |= ms_step_verification_is_plane_close(sim, h);
+  if (!p->planes_count) status = make_pilot_steps(p, sim, part, p->x_half, p->v_half, err);
+  if (!p->planes_count && !status) status = make_pilot_steps(p, sim, part, p->x, p->v, err);
+  if (!p->planes_count && !status) status = extend_pilot_run(p, sim, part, err);
+  p->planes_count |= p->met_plane;
+  if (!p->planes_count || status) {
+    p->cost += ms_pilot_run_count_work(sim);
+    return status;
+  }
+  p->duration = 0, p->met_plane = 0;
+  status = start_method(p, &pilot, h, p->x0, p->v0, &sim, err);
+  if (!status) status = run_to_impact(p, sim, h, err);
+  p->cost += ms_pilot_run_count_work(sim);
+  return status;
+}
+
+/* Set p->growth: with planes 4, as later impacts may have larger errors; else g = (error of a step
+ * at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 if nothing is damped. */
+static msim_status find_growth(ms_pilot_run *p, double h, msim_error *err) {
+  double now, before;
+  p->error_growth = p->planes_count ? 4 : 1;
+  if (p->planes_count) return MSIM_OK;
+  msim_status status = compare_half_steps(p, &pilot, h, 1, p->x_half, p->v_half, &before, err);
+  if (!status) status = compare_half_steps(p, &pilot, h, 1, p->x, p->v, &now, err);
+  if (status) return status;
+  const double ratio = now / fmax(before, p->scales.rounding);
+  if (ratio > 1) p->error_growth = pow(fmin(ratio, 4), p->damped ? 1 : 2);
+  return MSIM_OK;
+}
+
+/*------------------------------------- life -----------------------------------------------------*/
+
+static int is_damped(const ms_scene *scene) {
+  for (int32_t e = 0; e < scene->nsprings; e++)
+    if (scene->damping[e] > 0) return 1;
+  return scene->drag > 0;
+}
+
+static int32_t count_free_in_scene(const ms_scene *scene) {
+  int32_t count = 0;
+  for (int32_t i = 0; i < scene->nparticles; i++) count += !scene->pinned[i];
+  return count;
+}
+
+/* *n: the number of free particles in the largest connected component */
+static msim_status find_largest_component(const msim_sim *sim, int32_t *n, msim_error *err) {
+  msim_status status = MSIM_OK;
+  *n = 0;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands && !status; m++) {
+    ms_norm norm;
+    status = ms_norm_create(&m->model, &norm, err);
+    for (int32_t i = 0; i < norm.n && !status; i++)
+      if (norm.body[i].n > *n) *n = norm.body[i].n;
+    ms_norm_destroy(&m->model, &norm);
+  }
+  return status;
+}
+
+/* With planes the particles of a connected component count, as each has its own impacts. Many
+ * particles have too many impacts for steps that end at each one. */
+static msim_status classify_count(ms_pilot_run *p, msim_error *err) {
+  enum { FEW = 12, MANY = 64 };
+  const int32_t free = count_free_in_scene(p->sim->scene);
+  int32_t part = free;
+  p->many = free >= MANY;
+  msim_status status = MSIM_OK;
+  if (p->planes_count && !p->many)
+    status = find_largest_component(p->sims[MSIM_COLLISION_REFLECT], &part, err);
+  p->few = part < FEW;
+  return status;
+}
+
+static msim_status prepare_pilot_run(ms_pilot_run *p, double t0, msim_error *err) {
+  const ms_scene *scene = p->sim->scene;
+  msim_options opt = p->sim->opt;
+  ms_plan plan;
+  opt.tol = p->tol;
+  msim_status status = ms_plan_create(&opt, t0, &plan, err);
+  if (status) return status;
+  p->span = ms_plan_span(&plan);
+  p->damped = is_damped(scene);
+  status = ms_scales_compute(scene, p->x0, p->v0, p->span, &p->scales, err);
+  if (!status) status = ms_bounds_compute(scene, 1, &p->bounds, err);
+  if (status) return status;
+  p->states = ms_memory_allocate(&p->sim->alloc, 6 * component_count(p), sizeof *p->states);
+  return p->states ? MSIM_OK : ms_error_set_memory(err, "the choice of a method");
+}
+
+msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, double t0,
+                               const double *x, const double *v, ms_pilot_run *p, msim_error *err) {
+  const double FEWEST = 100; /* steps in the run, at least */
+  *p = (ms_pilot_run){
+      .sim = sim, .tol = tol, .mid_run = late, .planes_count = late, .x0 = x, .v0 = v};
+  msim_status status = prepare_pilot_run(p, t0, err);
+  if (status) return status;
+  const double h = fmin(ms_pilot_run_stable_step(p, pilot.method), p->span / FEWEST);
+  const size_t n = component_count(p);
+  p->x = p->states + 2 * n, p->v = p->x + n;
+  p->x_half = p->v + n, p->v_half = p->x_half + n;
+  status = make_pilot_run(p, h, err);
+  if (!status) status = classify_count(p, err);
+  return status ? status : find_growth(p, h, err);
+}
+
+void ms_pilot_run_end(ms_pilot_run *p) {
+  for (int i = 0; i < 2; i++) msim_sim_destroy(p->sims[i]);
+  ms_memory_free(&p->sim->alloc, p->states);
+}

@@ -1,0 +1,85 @@
+/* pilot_run - pilot run: simulate the beginning of a run, and try methods there, for integrator =
+ * auto
+ *
+ * Velocity Verlet makes the pilot run, the first eighth of the run. If it meets no plane, planes do
+ * not count until one is close (step_verification.h). Otherwise it is repeated up to the first
+ * impact, in parts of 1/64 of the run, and trials start from the part of that impact. Methods are
+ * tried from the end of the pilot run: steps of h and twice as many of h/2 give the error of h by
+ * Richardson extrapolation; it is assumed to grow linearly over the run. A start at rest is not
+ * typical: the growth of errors in the second half of the pilot run is assumed to occur once more,
+ * and twice if nothing is damped. Verification detects larger growth. */
+#ifndef MS_PILOT_RUN_H
+#define MS_PILOT_RUN_H
+
+#include "sim/sim.h"
+
+/* A method in fixed steps, to be tried */
+typedef struct ms_trial {
+  const ms_integrator *method;
+  int32_t collision;
+  int order; /* of its error at the end of a run */
+} ms_trial;
+
+typedef struct ms_pilot_run {
+  const msim_sim *sim;
+  double tol, span;
+  ms_scales scales;
+  ms_bounds bounds;
+  int damped;                      /* forces depend on velocities */
+  const double *x0, *v0;           /* 3n, particle order: the start of the run */
+  double *states;                  /* memory of the states below, and of one more */
+  double *x, *v, *x_half, *v_half; /* end of the pilot run, its middle; or before and after an
+                                      impact */
+  double duration, error_growth;   /* s: length of the pilot run; factor by which errors may grow,
+                                      >= 1 */
+  int met_plane;                   /* the pilot run has met a plane */
+  int planes_count;                /* planes count: the pilot run met one, or one is close */
+  int mid_run;                     /* the run has begun before: new steps must divide its own */
+  int few, many;                   /* one event determines the error, or none does */
+  double remaining;                /* s: the run from shortly before the first impact on, or all of
+                                      it */
+  double cost;                     /* cost of everything tried, in evaluations of all springs */
+  msim_sim *sims[2];               /* by `collision`; created when needed */
+} ms_pilot_run;
+
+/* Make the pilot run from x, v at t0. late: the run has begun before, and planes count. Call
+ * ms_pilot_run_end always. */
+msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, double t0,
+                               const double *x, const double *v, ms_pilot_run *p, msim_error *err);
+void ms_pilot_run_end(ms_pilot_run *p);
+
+/* 0.9 of the longest stable step, s; INFINITY: any is stable. */
+double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *method);
+
+/* The number of steps of h in a trial */
+double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h);
+
+/* The error at the end of the run with fixed steps of h, in the norm of pilot_run.c; INFINITY: such
+ * steps fail. price: the cost of a step, in evaluations. */
+msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double h, double *error,
+                                    double *price, msim_error *err);
+
+/* Measure a step of h from n states, as verification does: the end, the middle and the start of the
+ * pilot run. */
+enum { MS_MEASURED_STEPS = 3 };
+msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, double h, int n,
+                                       ms_step_measurement *steps /* n */, msim_error *err);
+
+/* Repeat the pilot run in 2 n steps of another sim: its error at the end of the run. Without
+ * planes. */
+msim_status ms_pilot_run_repeat(ms_pilot_run *p, msim_sim *other, int64_t n, double *error,
+                                msim_error *err);
+
+/* Work of a sim so far, in evaluations of all springs; iterations and factorizations are
+ * converted. */
+#define MS_EVALUATIONS_PER_ITERATION 1.5
+double ms_pilot_run_count_work(const msim_sim *sim);
+
+/* The model of the largest island, to predict iterations. */
+const ms_model *ms_pilot_run_model(const ms_pilot_run *p);
+
+/* Set a sim to the start of the pilot run, or to its middle. */
+msim_status ms_pilot_run_set_start(const ms_pilot_run *p, msim_sim *sim, msim_error *err);
+msim_status ms_pilot_run_set_middle(const ms_pilot_run *p, msim_sim *sim, msim_error *err);
+
+#endif

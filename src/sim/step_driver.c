@@ -1,0 +1,420 @@
+#include "sim/step_driver.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "integrate/contact_set.h"
+#include "integrate/events.h"
+#include "physics/offender.h"
+
+/*------------------------------------- one island -----------------------------------------------*/
+
+/* Make one step of s->h by the method; all steps go through here. MSIM_NOT_FINITE: x or v is NaN or
+ * huge. */
+static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  s->offender = -1;
+  s->finite = 0;
+  msim_status status = ms_events_step(sim->integrator, s, err);
+  if (status || s->finite) return status;
+  s->offender = ms_vector_find_invalid(s->model->shape, s->x_next);
+  if (s->offender < 0) s->offender = ms_vector_find_invalid(s->model->shape, s->v_next);
+  return s->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+}
+
+/* Continue from the state between two substeps: x_next becomes x. The state at the start of the
+ * step stays where it is: x_next takes the first spare pair in place of its memory. */
+static void begin_next_substep(ms_stepper *s, const ms_stepper *start) {
+  ms_stepper_swap(&s->x, &s->x_next);
+  ms_stepper_swap(&s->v, &s->v_next);
+  if (s->x_next == start->x)
+    ms_stepper_swap(&s->x_next, &s->x_spare[0]), ms_stepper_swap(&s->v_next, &s->v_spare[0]);
+  ms_contact_set_accept_step(s);
+  s->h_before = s->h;
+}
+
+/* Make the state at the start the present one again; its cached stages may be overwritten. */
+static void restore_step_start(ms_stepper *s, const ms_stepper *start) {
+  s->h = start->h;
+  s->h_before = start->h_before;
+  if (s->x == start->x) return;
+  ms_stepper_swap(&s->x, &s->x_spare[0]), ms_stepper_swap(&s->v, &s->v_spare[0]);
+  s->cached_stage = 0;
+}
+
+msim_status ms_step_driver_make_substeps(const msim_sim *sim, ms_stepper *s, int64_t n,
+                                         msim_error *err) {
+  const ms_stepper start = *s;
+  msim_status status = MSIM_OK;
+  s->parts = n;
+  s->h = start.h / (double)n;
+  double impact = MS_NOWHERE;
+  for (int64_t i = 0; i < n && !status; i++) {
+    if (i > 0) begin_next_substep(s, &start);
+    status = step_checked(sim, s, err);
+    if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
+  }
+  s->impact = impact;
+  restore_step_start(s, &start);
+  return status;
+}
+
+int ms_step_driver_may_retry(msim_status status) {
+  return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
+}
+
+/* 0 if the method carries variables that depend on h. */
+int32_t ms_step_driver_count_retries(const msim_sim *sim) {
+  enum { USUAL = 6 };
+  if (sim->integrator->convert_state) return 0;
+  if (sim->opt.newton_retries >= 0) return sim->opt.newton_retries;
+  return sim->integrator->nonlinear ? USUAL : 0;
+}
+
+/* The step as it is planned, or else in 2, 4, ... times as many substeps. */
+static msim_status make_fixed_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  enum { MOST = 40 };
+  const int32_t retries = ms_step_driver_count_retries(sim);
+  const int64_t parts = ms_sim_selects(sim) ? sim->choice.substeps : 1;
+  msim_status status = ms_step_driver_make_substeps(sim, s, parts, err);
+  for (int i = 1; i <= retries && i <= MOST && ms_step_driver_may_retry(status); i++) {
+    s->stats->rejected_steps++;
+    status = ms_step_driver_make_substeps(sim, s, parts << i, err);
+  }
+  return status;
+}
+
+/* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. */
+static msim_status make_doubled_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  const int64_t contacts = s->stats->contacts;
+  msim_status status = ms_step_driver_make_substeps(sim, s, 1, err);
+  if (status) return status;
+  s->stats->contacts = contacts;
+  if (s->events) ms_contact_set_save_start(s->events, s->model->shape);
+  const int moved = s->events && s->events->moved;
+  ms_stepper_swap(&s->x_next, &s->x_spare[1]);
+  ms_stepper_swap(&s->v_next, &s->v_spare[1]);
+  status = ms_step_driver_make_substeps(sim, s, 2, err);
+  if (s->events) s->events->moved = moved;
+  return status;
+}
+
+/* One step, whose error the method estimates by itself; keeps the state that it started from. */
+static msim_status make_estimated_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  const msim_status status = ms_step_driver_make_substeps(sim, s, 1, err);
+  if (!status && s->events) ms_contact_set_save_start(s->events, s->model->shape);
+  return status;
+}
+
+/* e sqrt(n_p/(2 n))/v_tolerance, which is proportional to h^3: the largest error e of n_p paths, as
+ * a root mean square over the n particles of the connected component */
+double ms_step_driver_find_path_error(const ms_island_sim *m) {
+  const ms_stepper *s = &m->stepper;
+  if (s->npaths == 0) return 0;
+  const ms_norm_body *part = &m->norm.body[m->norm.body_of[s->path_row]];
+  const double share = sqrt(fmin(1, s->npaths / (2. * part->n)));
+  return share * s->path_error / s->v_tolerance;
+}
+
+/* The controller expects errors proportional to h^k: those of paths, ~ h^3, enter with the power
+ * k/3. Step doubling measures errors of paths, too. */
+msim_status ms_step_driver_make_controlled(const msim_sim *sim, ms_island_sim *m,
+                                           const ms_control *c, msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  double *x = s->x, *v = s->v;
+  const double allowed = ms_control_allowed_error(c, s->h);
+  s->one_substep = 1;
+  s->impact = MS_NOWHERE;
+  const msim_status status =
+      sim->integrator->estimate ? make_estimated_step(sim, s, err) : make_doubled_step(sim, s, err);
+  s->one_substep = 0;
+  if (status) return status;
+  if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
+  m->error = ms_control_error(sim->integrator, s, &m->norm, allowed);
+  s->x = x, s->v = v;
+  if (sim->integrator->estimate)
+    m->error = fmax(m->error, pow(ms_step_driver_find_path_error(m), c->order / 3));
+  return MSIM_OK;
+}
+
+/* 1: the step started at rest, stays there and meets no plane. As x and v = 0 are unchanged all
+ * accelerations are 0, and the next step has the same result; the vectors that the method carries
+ * follow from x and v then. The comparison ends at the first unknown that differs. */
+static int stays_at_rest(const msim_sim *sim, const ms_island_sim *m, int64_t contacts) {
+  const ms_stepper *s = &m->stepper;
+  const ms_shape shape = m->model.shape;
+  return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
+         ms_vector_is_zero(shape, s->v_next) && ms_vector_is_zero(shape, s->v) &&
+         ms_vector_is_equal(shape, s->x, s->x_next);
+}
+
+/* Compute the next state of one island; the present one is kept. */
+static msim_status step_island(const msim_sim *sim, ms_island_sim *m, msim_error *err) {
+  const int64_t contacts = m->stepper.stats->contacts;
+  const int verified = sim->choice.verification.allowed > 0;
+  const msim_status status = ms_sim_has_control(sim)
+                                 ? ms_step_driver_make_controlled(sim, m, &sim->control, err)
+                             : verified ? ms_step_verification_make_step(sim, m, err)
+                                        : make_fixed_step(sim, &m->stepper, err);
+  m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
+  return status;
+}
+
+/*------------------------------------- all islands ----------------------------------------------*/
+
+static void step_single_thread_island(void *data, int32_t i) {
+  msim_sim *sim = data;
+  ms_island_sim *m = &sim->islands[i];
+  if (m->single_thread && !m->at_rest) m->status = step_island(sim, m, NULL);
+}
+
+/* Add the island's stats to the sim's. All threads spent its seconds at once. */
+static msim_status collect_island_result(msim_sim *sim, ms_island_sim *m) {
+  const double threads = ms_pool_thread_count(sim->pool);
+  sim->stats.force_evaluations += m->stats.force_evaluations;
+  sim->stats.spring_evaluations += m->stats.spring_evaluations;
+  sim->stats.contacts += m->stats.contacts;
+  sim->stats.rejected_steps += m->stats.rejected_steps;
+  sim->stats.force_s += m->stats.force_s / threads;
+  sim->stats.collide_s += m->stats.collide_s / threads;
+  m->stats = (msim_stats){0};
+  return m->status;
+}
+
+/* Result of a step: of the first island that failed; m NULL: none did */
+typedef struct step_outcome {
+  msim_status status;
+  ms_island_sim *m;
+  const msim_error *why; /* in the caller's memory */
+} step_outcome;
+
+/* Set the tolerances of a step. Solves may leave 1/20 of the error that the step may add.
+ * Tolerances of events assume some tens of events in a run, whose errors add up at random. */
+static void set_tolerances(const msim_sim *sim, ms_island_sim *m, double h, double allowed) {
+  const double tol = ms_sim_selects(sim) ? sim->choice.tol : sim->opt.tol;
+  const ms_norm_body least = tol > 0 ? ms_norm_find_smallest(&m->norm) : (ms_norm_body){0};
+  ms_stepper *s = &m->stepper;
+  s->h = h;
+  s->solve_tolerance = allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least.rounding)) : 0;
+  s->x_tolerance = 0.1 * tol * least.extent;
+  s->v_tolerance = 0.03 * tol * least.speed;
+  s->dense_output = 0;
+}
+
+/* Compute a step of h by all islands that are not at rest; none is accepted yet. allowed: the error
+ * that it may add; 0: there is no error control. */
+static step_outcome try_all_islands(msim_sim *sim, double h, double allowed, msim_error *why) {
+  step_outcome result = {.why = why};
+  why->text[0] = 0;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    set_tolerances(sim, m, h, allowed);
+  if (sim->any_single_thread) ms_pool_run(sim->pool, step_single_thread_island, sim, sim->nislands);
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands && !result.m; m++) {
+    if (m->at_rest) continue;
+    result.status = m->single_thread ? collect_island_result(sim, m) : step_island(sim, m, why);
+    if (result.status) result.m = m;
+  }
+  return result;
+}
+
+static void accept_island(ms_island_sim *m) {
+  ms_stepper *s = &m->stepper;
+  if (s->events && s->events->moved) { /* for the dense output */
+    ms_vector_copy(m->model.shape, s->events->begin[0], s->x);
+    ms_vector_copy(m->model.shape, s->events->begin[1], s->v);
+    s->events->moved = 0;
+  }
+  ms_stepper_swap(&s->x, &s->x_next);
+  ms_stepper_swap(&s->v, &s->v_next);
+  ms_contact_set_accept_step(s);
+  s->h_before = s->h / (double)s->parts;
+  m->at_rest = m->at_rest_next;
+}
+
+static void accept_step(msim_sim *sim) {
+  int32_t resting = 0;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    resting += m->at_rest;
+    if (!m->at_rest) accept_island(m);
+  }
+  sim->step++;
+  sim->stats.steps++;
+  sim->stats.islands_at_rest += resting;
+  sim->stats.steps_at_rest += resting == sim->nislands;
+  if (resting < sim->nislands) sim->state_is_current = 0;
+}
+
+/* Report step, time, particle and spring of the failure; t: the time at the end of the step. */
+static msim_status report_failed_step(const msim_sim *sim, const ms_island_sim *m, double t,
+                                      msim_status status, const char *why, msim_error *err) {
+  char particle[32] = "", spring[32] = "";
+  const ms_stepper *s = &m->stepper;
+  const int32_t row = s->offender;
+  const int32_t pull = row >= 0 && status == MSIM_NOT_FINITE
+                           ? ms_offender_find_spring(&m->model, s->x, s->v, row)
+                           : -1;
+  if (row >= 0)
+    snprintf(particle, sizeof particle, ", particle %d", m->model.unknowns.particle[row]);
+  if (pull >= 0) snprintf(spring, sizeof spring, ", spring %d", pull);
+  return ms_error_set(err, status, "step %lld, t = %g s%s%s: %s", (long long)(sim->step + 1), t,
+                      particle, spring, *why ? why : msim_status_text(status));
+}
+
+static msim_status make_fixed_sim_step(msim_sim *sim, msim_error *err) {
+  msim_error why;
+  const step_outcome o = try_all_islands(sim, sim->plan.h, 0, &why);
+  if (o.m)
+    return report_failed_step(sim, o.m, ms_sim_time(sim) + sim->plan.h, o.status, o.why->text, err);
+  accept_step(sim);
+  return MSIM_OK;
+}
+
+/*------------------------------------- error control --------------------------------------------*/
+
+static double time_left(const msim_sim *sim) {
+  const double left = (sim->plan.t_end - sim->t) + sim->t_rounding;
+  return sim->plan.t_end < 0 || left <= 0 ? INFINITY : left;
+}
+
+/* t += h by compensated summation: t_rounding carries the rounding error to the next sum (Kahan,
+ * Commun. ACM 8 (1965) 40). */
+static void advance_time(msim_sim *sim, double h, double left) {
+  const double add = h - sim->t_rounding, t = sim->t + add;
+  sim->t_rounding = (t - sim->t) - add;
+  sim->t = t;
+  if (h == left) sim->t = sim->plan.t_end, sim->t_rounding = 0;
+  sim->t_shown = sim->t;
+}
+
+/* The first impact of all islands, as a fraction of the step */
+static double first_impact(const msim_sim *sim) {
+  double first = MS_NOWHERE;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    if (!m->at_rest) first = fmin(first, m->stepper.impact);
+  return first;
+}
+
+/* The largest error of all islands that are not at rest; *worst: the island that has it. */
+static double largest_error(const msim_sim *sim, ms_island_sim **worst) {
+  *worst = NULL;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    if (m->at_rest) continue;
+    if (!*worst || !(m->error <= (*worst)->error)) *worst = m;
+    if (isnan(m->error)) break;
+  }
+  return *worst ? (*worst)->error : 0;
+}
+
+/* Report that the shortest step failed; in t a shorter one is lost by rounding. */
+static msim_status report_shortest_step(msim_sim *sim, const step_outcome *o, ms_island_sim *worst,
+                                        double h, msim_error *err) {
+  char why[256];
+  if (o->m) {
+    snprintf(why, sizeof why, "not even a step of %.3g s can be made: %.180s", h,
+             *o->why->text ? o->why->text : msim_status_text(o->status));
+    return report_failed_step(sim, o->m, sim->t + h, o->status, why, err);
+  }
+  worst->stepper.offender = ms_control_find_offender(sim->integrator, &worst->stepper);
+  snprintf(why, sizeof why, "even a step of %.3g s has a larger error than tol = %g allows", h,
+           sim->opt.tol);
+  return report_failed_step(sim, worst, sim->t + h, MSIM_NOT_CONVERGED, why, err);
+}
+
+/* On failure the step controller keeps its state, too. */
+static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
+  const ms_control before = sim->control;
+  const int64_t contacts = sim->stats.contacts;
+  const double left = time_left(sim);
+  ms_attempt a = ms_control_begin_attempt(&sim->control, sim->t, left);
+  msim_error why;
+  for (;;) {
+    const double h = a.h;
+    ms_island_sim *worst = NULL;
+    const step_outcome o =
+        try_all_islands(sim, h, ms_control_allowed_error(&sim->control, h), &why);
+    const double error = o.m ? 0 : largest_error(sim, &worst);
+    const ms_verdict verdict =
+        ms_control_judge_attempt(&sim->control, &a, o.status, error, first_impact(sim));
+    if (verdict == MS_ACCEPTED) {
+      accept_step(sim);
+      advance_time(sim, h, left);
+      sim->plan.h = sim->control.h;
+      return MSIM_OK;
+    }
+    sim->stats.rejected_steps++;
+    sim->stats.contacts = contacts;
+    const int may_help = !o.m || ms_step_driver_may_retry(o.status);
+    if (may_help && verdict == MS_TRY_AGAIN) continue;
+    sim->control = before;
+    return may_help ? report_shortest_step(sim, &o, worst, h, err)
+                    : report_failed_step(sim, o.m, sim->t + h, o.status, o.why->text, err);
+  }
+}
+
+static void list_controlled_methods(size_t size, char *names) {
+  const ms_integrator *method;
+  names[0] = 0;
+  for (int32_t i = 0; (method = ms_integrator_at(i)) != NULL; i++) {
+    const size_t used = strlen(names);
+    if (ms_control_is_supported(method))
+      snprintf(names + used, size - used, "%s%s", used ? ", " : "", method->entry.name);
+  }
+}
+
+/* dop853 has error control by default; `steps` switches it off. */
+msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err) {
+  msim_options *opt = &sim->opt;
+  char names[512];
+  if (opt->tol == 0 && opt->steps < 0 && sim->integrator->chooses_steps) opt->tol = MS_DEFAULT_TOL;
+  if (opt->tol == 0) return MSIM_OK;
+  if (opt->steps >= 0)
+    return ms_error_set(
+        err, MSIM_ERR_ARG,
+        "tol and steps exclude each other: tol lets the error say how many steps there "
+        "are; give t_end");
+  if (ms_control_is_supported(sim->integrator)) return MSIM_OK;
+  list_controlled_methods(sizeof names, names);
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "integrator '%s' has no error control, so it takes no tol; %s have",
+                      opt->integrator, names);
+}
+
+void ms_step_driver_start_control(msim_sim *sim) {
+  sim->control = ms_control_make(sim->integrator, sim->opt.tol, ms_plan_span(&sim->plan));
+  ms_step_driver_set_step(sim, sim->plan.h);
+  sim->t = sim->t_shown = sim->plan.t0;
+  sim->t_rounding = 0;
+  sim->frame = 1;
+}
+
+void ms_step_driver_measure_scales(msim_sim *sim, double span) {
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    ms_norm_measure_scales(&m->model, m->stepper.x, m->stepper.v, span, &m->norm);
+}
+
+void ms_step_driver_set_step(msim_sim *sim, double h) {
+  sim->control.h = sim->plan.h = h;
+  ms_control_reset(&sim->control);
+}
+
+void ms_step_driver_show_time(msim_sim *sim, double t) {
+  if (t == sim->t_shown) return;
+  sim->t_shown = t;
+  sim->state_is_current = 0;
+}
+
+msim_status ms_step_driver_make_step(msim_sim *sim, msim_error *err) {
+  const int has_control = ms_sim_has_control(sim);
+  if (has_control)
+    ms_step_driver_show_time(sim, sim->t); /* the dense output of the last step is lost now */
+  msim_status status =
+      ms_step_verification_planes_due(sim) ? ms_sim_enable_planes(sim, err) : MSIM_OK;
+  if (!status)
+    status = has_control ? make_controlled_sim_step(sim, err) : make_fixed_sim_step(sim, err);
+  if (status) return status;
+  ms_step_verification_check_energy(sim);
+  ms_error_growth_follow(sim, has_control ? sim->islands->stepper.h : sim->plan.h);
+  return MSIM_OK;
+}

@@ -1,0 +1,48 @@
+/* step_driver - make one step of a sim: with the planned length; in substeps if it fails as a
+ * whole; or, under error control, with the length that keeps its error small enough */
+#ifndef MS_STEP_DRIVER_H
+#define MS_STEP_DRIVER_H
+
+#include "sim/sim.h"
+
+#define MS_DEFAULT_TOL 1e-6
+
+/* Choose between fixed steps and error control, from the options and the method. MSIM_ERR_ARG: tol
+ * together with `steps`, or with a method that has no error control. */
+msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err);
+
+/* How many times the number of substeps is doubled if a step fails. */
+int32_t ms_step_driver_count_retries(const msim_sim *sim);
+
+/* Make one step with all islands that are not at rest. If one of them fails the state stays. */
+msim_status ms_step_driver_make_step(msim_sim *sim, msim_error *err);
+
+/* n substeps of h/n by one island, one after the other, from x to x_next. */
+msim_status ms_step_driver_make_substeps(const msim_sim *sim, ms_stepper *s, int64_t n,
+                                         msim_error *err);
+
+/* A step of s->h by one island as error control makes it: it does not end at its first impact, but
+ * returns that in s->impact. m->error: its error, over what c allows. */
+msim_status ms_step_driver_make_controlled(const msim_sim *sim, struct ms_island_sim *m,
+                                           const ms_control *c, msim_error *err);
+
+/* The error of particles on paths of their own (impact_location.h) in the step, over what an event
+ * may add. */
+double ms_step_driver_find_path_error(const struct ms_island_sim *m);
+
+/* 1: shorter steps may succeed after a failure with this status. */
+int ms_step_driver_may_retry(msim_status status);
+
+/* Begin a run under error control, as it is planned. */
+void ms_step_driver_start_control(msim_sim *sim);
+
+/* Let msim_sim_state return the state at t, the end of the last step or a time inside it. */
+void ms_step_driver_show_time(msim_sim *sim, double t);
+
+/* Take the error scales from the present state, for a run of `span` (s). */
+void ms_step_driver_measure_scales(msim_sim *sim, double span);
+
+/* Set the length of the next step to try (s). */
+void ms_step_driver_set_step(msim_sim *sim, double h);
+
+#endif

@@ -1,0 +1,393 @@
+#include "sim/step_verification.h"
+
+#include <math.h>
+
+#include "base/vec3.h"
+#include "integrate/contact_set.h"
+#include "sim/step_driver.h"
+
+/* Steps between two checks of energy */
+enum { ENERGY_INTERVAL = 512 };
+
+/* Indicators */
+enum { DEFECT, TURN };
+
+msim_status ms_step_verification_create(const msim_sim *sim, const ms_model *model,
+                                        ms_island_verification *check, msim_error *err) {
+  if (!ms_sim_selects(sim) || ms_sim_has_control(sim)) return MSIM_OK;
+  check->x = ms_unknowns_new_vector(sim->scene, &model->unknowns);
+  check->v = ms_unknowns_new_vector(sim->scene, &model->unknowns);
+  return check->x && check->v ? MSIM_OK : ms_error_set_memory(err, "the start of a step");
+}
+
+void ms_step_verification_destroy(const ms_model *model, ms_island_verification *check) {
+  if (!model->scene) return;
+  ms_memory_free(&model->scene->alloc, check->x);
+  ms_memory_free(&model->scene->alloc, check->v);
+}
+
+/*------------------------------------- indicators -----------------------------------------------*/
+
+/* sqrt(d.M d/(2 m))/scale, m the mass of the scene's free particles */
+static double mass_norm(ms_stepper *s, const double *d, double scale, const ms_scales *scales) {
+  const ms_shape shape = s->model->shape;
+  ms_vector_scale_rows(shape, s->model->mass, d, s->scratch);
+  return sqrt(ms_vector_dot(shape, d, s->scratch) / (2 * scales->mass)) / scale;
+}
+
+/* |D| of the step from x to x_next, not yet accepted; 0 if the method does not carry a */
+static double find_defect_norm(const ms_integrator *method, ms_stepper *s,
+                               const ms_scales *scales) {
+  const ms_shape shape = s->model->shape;
+  const double h = s->h, w[] = {-1, -h / 2, -h / 2, -h * h / 12, h * h / 12};
+  if (!ms_control_is_supported(method) || method->carried != 1) return 0;
+  const double *a = s->work[s->cached_stage == 2], *a_next = s->work[s->cached_stage != 2];
+  const double *const x[] = {s->x, s->v, s->v_next, a, a_next};
+  ms_vector_linear_combination(shape, s->x_next, 5, w, x, s->x_spare[0]);
+  return mass_norm(s, s->x_spare[0], scales->extent, scales);
+}
+
+/* 1 - cos of the largest angle by which a spring turned, among those whose direction matters. The
+ * least cos |cos| is found first, as that needs a single root. */
+static double find_turn(const ms_stepper *s) {
+  const ms_springs *springs = &s->model->springs;
+  const size_t stride = (size_t)s->model->unknowns.stride, dims = (size_t)s->model->unknowns.dims;
+  double least = 1;
+  for (int32_t e = 0; e < springs->n; e++) {
+    const size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
+    double before = 0, after = 0, both = 0;
+    if (springs->rest[e] == 0 && springs->damping[e] == 0) continue;
+    for (size_t at = 0; at < dims * stride; at += stride) {
+      const double from = s->x[at + j] - s->x[at + i], to = s->x_next[at + j] - s->x_next[at + i];
+      before += from * from, after += to * to, both += from * to;
+    }
+    const double size = before * after, product = both * fabs(both);
+    if (product < least * size) least = product / size;
+  }
+  return 1 - copysign(sqrt(fabs(least)), least);
+}
+
+/*------------------------------------- errors ---------------------------------------------------*/
+
+/* Make the step again in two half steps, which replace it. Their impacts replace the step's, too:
+ * `contacts` is the count before the step. *error: the squared norm of the difference. */
+static msim_status repeat_in_halves(const msim_sim *sim, ms_stepper *s, const ms_scales *scales,
+                                    int64_t contacts, double *error, msim_error *err) {
+  const ms_shape shape = s->model->shape;
+  s->stats->contacts = contacts;
+  ms_stepper_swap(&s->x_next, &s->x_spare[1]);
+  ms_stepper_swap(&s->v_next, &s->v_spare[1]);
+  msim_status status = ms_step_driver_make_substeps(sim, s, 2, err);
+  if (status) return status;
+  ms_vector_add_scaled(shape, s->x_next, -1, s->x_spare[1], s->x_spare[0]);
+  ms_vector_add_scaled(shape, s->v_next, -1, s->v_spare[1], s->v_spare[0]);
+  const double x = mass_norm(s, s->x_spare[0], scales->extent, scales);
+  const double v = mass_norm(s, s->v_spare[0], scales->speed, scales);
+  *error = x * x + v * v;
+  return MSIM_OK;
+}
+
+msim_status ms_step_verification_measure(msim_sim *sim, const ms_scales *scales,
+                                         ms_step_measurement *step, msim_error *err) {
+  double sum = 0;
+  *step = (ms_step_measurement){0};
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    double error;
+    const int64_t contacts = m->stepper.stats->contacts;
+    msim_status status = ms_step_driver_make_substeps(sim, &m->stepper, 1, err);
+    if (status) return status;
+    step->indicator[DEFECT] =
+        fmax(step->indicator[DEFECT], find_defect_norm(sim->integrator, &m->stepper, scales));
+    step->indicator[TURN] = fmax(step->indicator[TURN], find_turn(&m->stepper));
+    status = repeat_in_halves(sim, &m->stepper, scales, contacts, &error, err);
+    if (status) return status;
+    sum += error;
+  }
+  step->error = sqrt(sum);
+  return MSIM_OK;
+}
+
+/*------------------------------------- steps ----------------------------------------------------*/
+
+enum { LARGE = 64 }; /* particles: in a larger island a single event adds little to the error */
+
+/* 1: the events of the step just made require verification: many particles bounced, or the error of
+ * individual paths may be too large. */
+static int has_events(const ms_island_sim *m, int64_t contacts) {
+  const ms_stepper *s = &m->stepper;
+  if (!s->events) return 0;
+  return (s->stats->contacts - contacts) * LARGE >= m->model.shape.n ||
+         ms_step_driver_find_path_error(m) > 1;
+}
+
+/* 1: the step just made has to be verified, because it is its turn or by its indicators, sign[]. In
+ * a large island D costs a quarter of an evaluation, the angles three: they are found only if it is
+ * the step's turn. In a small one both cost about one, and are found once in some 8 evaluations. */
+static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign[2]) {
+  enum { WORTH = 8 }; /* evaluations */
+  const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
+               NOISE = 100 * sim->choice.verification.scales.rounding;
+  const int64_t step = sim->step + 1 - sim->step0;
+  const int is_large = m->model.shape.n >= LARGE;
+  const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
+  const double *seen = m->verification.indicator;
+  const double price = sim->choice.candidates[sim->choice.best].step_cost;
+  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, price));
+  const int computes_indicators = is_scheduled || step % every == 0;
+  sign[DEFECT] = sign[TURN] = 0;
+  if (computes_indicators)
+    sign[DEFECT] = find_defect_norm(sim->integrator, &m->stepper, &sim->choice.verification.scales);
+  if (computes_indicators && (!is_large || is_scheduled)) sign[TURN] = find_turn(&m->stepper);
+  return is_scheduled || sign[DEFECT] > fmax(NOISE, MORE * seen[DEFECT]) ||
+         sign[TURN] > fmin(TURNED, fmax(LITTLE, MORE * seen[TURN]));
+}
+
+static void swap_to_next(ms_stepper *s) {
+  ms_stepper_swap(&s->x, &s->x_next);
+  ms_stepper_swap(&s->v, &s->v_next);
+  ms_contact_set_accept_step(s);
+}
+
+static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m, ms_control *c,
+                                           double *left, msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  const int64_t contacts = s->stats->contacts;
+  ms_attempt a = ms_control_begin_attempt(c, ms_sim_time(sim), *left);
+  for (;;) {
+    const double h = s->h = a.h;
+    const msim_status status = ms_step_driver_make_controlled(sim, m, c, err);
+    if (status && !ms_step_driver_may_retry(status)) return status;
+    const ms_verdict verdict = ms_control_judge_attempt(c, &a, status, m->error, s->impact);
+    if (verdict == MS_ACCEPTED) {
+      if (h < a.planned) c->h = fmax(c->h, a.planned); /* the end of the step, or an impact */
+      *left = h == *left ? 0 : *left - h;
+      swap_to_next(s);
+      return MSIM_OK;
+    }
+    s->stats->contacts = contacts;
+    s->stats->rejected_steps++;
+    if (verdict == MS_TOO_SHORT)
+      return ms_error_set(err, MSIM_NOT_CONVERGED, "even a step of %.3g s has too large an error",
+                          h);
+  }
+}
+
+/* Copy the state at the start of the step, as substeps move s->x. *moved: 1, once that is done */
+static void save_step_start(ms_island_sim *m, int *moved) {
+  if (*moved) return;
+  ms_vector_copy(m->model.shape, m->stepper.x, m->verification.x);
+  ms_vector_copy(m->model.shape, m->stepper.v, m->verification.v);
+  *moved = 1;
+}
+
+static void restore_saved_start(ms_island_sim *m) {
+  ms_stepper *s = &m->stepper;
+  ms_vector_copy(m->model.shape, m->verification.x, s->x);
+  ms_vector_copy(m->model.shape, m->verification.v, s->v);
+  if (s->events) s->events->moved = 0;
+  s->cached_stage = 0;
+}
+
+/* The controller of substeps. Substeps use all of the error that they may add, while steps mostly
+ * add far less than allowed: so substeps may add 1/16 of that, but no less than under tol. */
+static ms_control substep_control(const msim_sim *sim, double step, double h) {
+  const double LESS = 1. / 16, tol = sim->choice.tol, span = ms_plan_span(&sim->plan);
+  const double most = LESS * sim->choice.verification.allowed * span / step;
+  ms_control c = ms_control_make(sim->integrator, fmax(tol, most), span);
+  c.h = h;
+  return c;
+}
+
+/* Make the step in substeps under error control, check->h at first; the next step continues with
+ * them if they are still shorter. A method of order 2 does not continue: its errors mostly cancel,
+ * and it would need very many substeps to keep each of them small. */
+static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, int *moved,
+                                         msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  const double h = s->h;
+  double left = h;
+  ms_control c = substep_control(sim, h, m->verification.substep);
+  msim_status status = MSIM_OK;
+  save_step_start(m, moved);
+  s->cached_stage = 0;
+  while (!status && left > 0) status = make_controlled_substep(sim, m, &c, &left, err);
+  ms_stepper_swap(&s->x, &s->x_next);
+  ms_stepper_swap(&s->v, &s->v_next);
+  s->cached_stage_next =
+      0; /* error control treats contacts differently from methods that replay impacts */
+  m->verification.substep = c.h < h && sim->integrator->entry.order > 2 ? c.h : 0;
+  return status;
+}
+
+/* The length of substeps that are accurate enough in place of a step with this error */
+static double substep_length(const msim_sim *sim, double h, double error) {
+  ms_control c = substep_control(sim, h, h);
+  ms_control_update(&c, h, error / ms_control_allowed_error(&c, h));
+  return c.h;
+}
+
+/* Make one step, verified. *moved: the start of the whole step is saved, and s->x has moved */
+static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int *moved,
+                                      msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  ms_island_verification *check = &m->verification;
+  const int64_t contacts = s->stats->contacts;
+  const double usual = sim->choice.verification.allowed;
+  double error = INFINITY, sign[2] = {0};
+  if (check->substep > 0) return make_step_in_substeps(sim, m, moved, err);
+  msim_status status = ms_step_driver_make_substeps(sim, s, 1, err);
+  if (status && !ms_step_driver_may_retry(status)) return status;
+  const int has_event = !status && has_events(m, contacts);
+  const double allowed = has_event ? fmax(usual, sim->choice.tol / MS_EVENTS_PER_RUN) : usual;
+  const double better = has_event ? 1 : ldexp(1, sim->integrator->entry.order) - 1;
+  const int only_events = sim->choice.verification.only_events;
+  if (!status && !has_event && (only_events || !needs_verification(sim, m, sign))) return MSIM_OK;
+  if (!status)
+    status = repeat_in_halves(sim, s, &sim->choice.verification.scales, contacts, &error, err);
+  error = status ? INFINITY : sqrt(error);
+  const double enough = fmax(allowed, fmin(better * allowed, sim->choice.tol / 4));
+  check->verify_next = !(error <= allowed);
+  if (!(error <= enough)) {
+    s->stats->contacts = contacts;
+    s->stats->rejected_steps++;
+    check->substep = substep_length(sim, s->h, error);
+    return make_step_in_substeps(sim, m, moved, err);
+  }
+  for (int i = 0; i < 2; i++) check->indicator[i] = fmax(check->indicator[i], sign[i]);
+  return MSIM_OK;
+}
+
+msim_status ms_step_verification_make_step(const msim_sim *sim, ms_island_sim *m, msim_error *err) {
+  const int64_t n = sim->choice.substeps;
+  ms_stepper *s = &m->stepper;
+  const double h = s->h;
+  int moved = 0;
+  msim_status status = MSIM_OK;
+  for (int64_t i = 0; i < n && !status; i++) {
+    if (i > 0) save_step_start(m, &moved);
+    if (i > 0) swap_to_next(s);
+    s->h = h / (double)n;
+    status = make_verified_step(sim, m, &moved, err);
+  }
+  s->h = h, s->parts = n;
+  if (moved) restore_saved_start(m);
+  return status;
+}
+
+/*------------------------------------- planes ---------------------------------------------------*/
+
+/* The distance of the particle nearest to a plane, m; *speed: that of the fastest one, m/s */
+static double find_plane_distance(const msim_sim *sim, double *speed) {
+  const ms_scene *scene = sim->scene;
+  double gap = INFINITY, fastest = 0;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
+      double x[3], v[3];
+      ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
+      ms_unknowns_get(&m->model.unknowns, m->stepper.v, r, v);
+      fastest = fmax(fastest, ms_vec3_dot(v, v));
+      for (int32_t p = 0; p < scene->nplanes; p++)
+        gap = fmin(gap, ms_vec3_dot(scene->planes[p].normal, x) - scene->planes[p].offset);
+    }
+  *speed = sqrt(fastest);
+  return gap;
+}
+
+/* The number of steps of h before a plane can be met: gap/(2 h (v + g h)); speeds may double */
+static double count_steps_to_plane(const msim_sim *sim, double h) {
+  double speed;
+  const double gap = find_plane_distance(sim, &speed), g = ms_vec3_norm(sim->scene->gravity);
+  return gap / (2 * h * (fmax(speed, sim->choice.verification.scales.speed) + g * h));
+}
+
+int ms_step_verification_is_plane_close(const msim_sim *sim, double h) {
+  return sim->scene->nplanes > 0 && !(count_steps_to_plane(sim, h) >= 1);
+}
+
+int ms_step_verification_planes_due(msim_sim *sim) {
+  enum { FARTHEST = 16 };
+  ms_step_verification *v = &sim->choice.verification;
+  if (!v->planes_far || sim->step < v->next_plane_check) return 0;
+  const double steps = count_steps_to_plane(sim, sim->plan.h);
+  const int at_once = ms_sim_has_control(sim) || !(steps >= 4);
+  v->next_plane_check = sim->step + (at_once ? 1 : (int64_t)fmin(FARTHEST, steps / 2));
+  return !(steps >= 1);
+}
+
+/*------------------------------------- energy ---------------------------------------------------*/
+
+/* 1: energy is conserved. Planes that do not count yet (verification.away) are left aside. */
+static int is_conserved(const msim_sim *sim) {
+  if (sim->scene->nplanes && !sim->choice.verification.planes_far) return 0;
+  return !sim->choice.damped;
+}
+
+static double total_energy(msim_sim *sim) {
+  msim_energy e = {.size = sizeof e};
+  msim_sim_energy(sim, &e);
+  return e.total;
+}
+
+void ms_step_verification_start(msim_sim *sim) {
+  ms_step_verification *v = &sim->choice.verification;
+  if (!ms_sim_selects(sim)) return;
+  v->next_plane_check = sim->step;
+  v->energy = is_conserved(sim) ? total_energy(sim) : 0;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    m->verification.verify_next = 0, m->verification.substep = 0;
+    for (int i = 0; i < 2; i++) m->verification.indicator[i] = v->indicator[i];
+  }
+}
+
+static int is_last_step(const msim_sim *sim) {
+  return ms_sim_has_control(sim) ? sim->t == sim->plan.t_end
+                                 : sim->step - sim->step0 == sim->plan.steps;
+}
+
+void ms_step_verification_check_energy(msim_sim *sim) {
+  const double TOO_MUCH = 10;
+  const ms_scales *s = &sim->choice.verification.scales;
+  ms_step_verification *v = &sim->choice.verification;
+  if (!ms_sim_selects(sim) || v->warned || !is_conserved(sim)) return;
+  if (sim->step % ENERGY_INTERVAL != 0 && !is_last_step(sim)) return;
+  const double off = fabs(total_energy(sim) - v->energy) / (s->mass * s->speed * s->speed);
+  if (!(off > TOO_MUCH * fmax(sim->choice.tol, s->rounding))) return;
+  v->warned = 1;
+  ms_sim_warn(
+      sim,
+      "step %lld, t = %g s: energy is off by %.2g of its scale, so that the error is larger "
+      "than tol = %g, by which %s was chosen",
+      (long long)sim->step, ms_sim_time(sim), off, sim->choice.tol, sim->integrator->entry.name);
+}
+
+/*------------------------------------- checkpoints ----------------------------------------------*/
+
+void ms_step_verification_archive(ms_archive *b, ms_step_verification *v) {
+  ms_scales *s = &v->scales;
+  double *numbers[] = {&v->allowed, &v->indicator[0], &v->indicator[1], &v->energy, &s->extent,
+                       &s->speed,   &s->mass,         &s->rounding,     &s->time};
+  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+    MS_ARCHIVE_TRANSFER(b, *numbers[i]);
+    ms_archive_check(b, isfinite(*numbers[i]), "the verification of steps");
+  }
+  MS_ARCHIVE_TRANSFER(b, v->warned);
+  MS_ARCHIVE_TRANSFER(b, v->only_events);
+  MS_ARCHIVE_TRANSFER(b, v->planes_far);
+  ms_archive_transfer_count(b, &v->next_plane_check);
+  ms_archive_check(b,
+                   v->allowed >= 0 && (v->planes_far | 1) == 1 && (v->warned | 1) == 1 &&
+                       (v->only_events | 1) == 1,
+                   "the verification of steps");
+}
+
+void ms_step_verification_archive_island(ms_archive *b, ms_island_verification *check) {
+  MS_ARCHIVE_TRANSFER(b, check->indicator[0]);
+  MS_ARCHIVE_TRANSFER(b, check->indicator[1]);
+  MS_ARCHIVE_TRANSFER(b, check->verify_next);
+  MS_ARCHIVE_TRANSFER(b, check->substep);
+  ms_archive_check(b,
+                   isfinite(check->indicator[0]) && isfinite(check->indicator[1]) &&
+                       (check->verify_next | 1) == 1 && isfinite(check->substep) &&
+                       check->substep >= 0,
+                   "the verification of steps");
+}

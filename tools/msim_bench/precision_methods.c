@@ -1,0 +1,154 @@
+#include "precision_methods.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../common/clock.h"
+#include "interrupt.h"
+
+/*------------------------------------- who ------------------------------------------------------*/
+
+static precision_method *add_method_entry(precision_methods *list, const char *name,
+                                          const char *suffix) {
+  if (list->count == MAX_PRECISION_METHODS) return NULL;
+  precision_method *who = &list->all[list->count++];
+  *who = (precision_method){.ode = -1, .collision = MSIM_COLLISION_REFLECT};
+  snprintf(who->name, sizeof who->name, "%s%s", name, suffix);
+  return who;
+}
+
+static void set_tol_settings(precision_method *who) {
+  who->by_tol = 1;
+  who->first = who->ratio = 0.1;
+}
+
+static void set_step_settings(const reference_solution *t, precision_method *who) {
+  const int multirate = !who->integrator || strcmp(who->integrator, "respa") == 0;
+  const double own = multirate ? INFINITY : longest_step(t->scene, who->integrator, NULL);
+  const int limited = isfinite(own);
+  who->first = limited ? own : 64 * t->limit;
+  who->ratio = 0.5;
+}
+
+/* Methods that are also run under error control, by step doubling or by an embedded estimate. */
+static int is_worth_control(const char *integrator) {
+  static const char *const names[] = {"velocity-verlet", "force-gradient",    "rk4",    "rkn6",
+                                      "dop853",          "implicit-midpoint", "sdirk2", "auto"};
+  for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+    if (strcmp(names[i], integrator) == 0) return 1;
+  return 0;
+}
+
+static void add_method(const reference_solution *t, const char *integrator, int32_t collision,
+                       const char *suffix, precision_methods *list) {
+  char controlled[24];
+  snprintf(controlled, sizeof controlled, "%s, tol", suffix);
+  for (int control = 0; control < 2; control++) {
+    if (control ? !is_worth_control(integrator) : strcmp(integrator, "auto") == 0) continue;
+    if (control && collision == MSIM_COLLISION_EVENT)
+      continue; /* error control always locates impacts, so a second run would be the same */
+    precision_method *who = add_method_entry(list, integrator, control ? controlled : suffix);
+    if (!who) return;
+    who->integrator = integrator;
+    who->collision = collision;
+    if (control) set_tol_settings(who);
+    else set_step_settings(t, who);
+  }
+}
+
+void precision_methods_collect(const reference_solution *t, int split_by, const ode_methods *ode,
+                               precision_methods *list) {
+  const msim_integrator_entry *entry;
+  const ode_method *method;
+  list->count = 0;
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
+    add_method(t, entry->name, MSIM_COLLISION_REFLECT, "", list);
+    if (t->kind->impacts) add_method(t, entry->name, MSIM_COLLISION_EVENT, ", event", list);
+  }
+  for (int i = 0; ode && !t->kind->impacts && (method = ode->info(i)) != NULL; i++) {
+    if (method->split_mask && !(method->split_mask & split_by)) continue;
+    precision_method *who = add_method_entry(list, method->name, "");
+    if (!who) return;
+    who->ode = i;
+    if (method->by_step) set_step_settings(t, who);
+    else set_tol_settings(who);
+  }
+}
+
+const precision_method *precision_methods_find(const precision_methods *list, const char *name) {
+  for (const precision_method *who = list->all; who < list->all + list->count; who++)
+    if (strcmp(who->name, name) == 0) return who;
+  return NULL;
+}
+
+/*------------------------------------- runs -----------------------------------------------------*/
+
+/* Data of the force callback. */
+typedef struct force_call {
+  const ode_forces *kernel;
+  double until;
+  int64_t evaluations; /* each part of split forces counts as one */
+  int stopped;
+} force_call;
+
+static int call_force(void *data, int part, const double *x, const double *v, double *f) {
+  force_call *c = data;
+  c->evaluations++;
+  c->stopped = is_interrupted() || clock_seconds() > c->until;
+  if (!c->stopped) ode_forces_evaluate(c->kernel, part, x, v, f);
+  return !c->stopped;
+}
+
+/* Times the library only: its input arrays are prepared beforehand. x, v: the final state. */
+static void time_ode(const run_context *a, const precision_method *who, double setting,
+                     double until, double *x, double *v, run_result *e) {
+  const reference_solution *t = a->truth;
+  force_call c = {.kernel = a->kernel, .until = until};
+  const ode_problem problem = {.n = 3 * (size_t)t->view.nparticles,
+                               .x = a->kernel->x,
+                               .v = a->kernel->v,
+                               .inverse = a->kernel->inverse,
+                               .t_end = t->t_end,
+                               .scales = {t->motion, t->speed},
+                               .split = a->kernel->split.by,
+                               .force = call_force,
+                               .data = &c};
+  const double start = clock_seconds();
+  const int status = a->ode->solve(who->ode, &problem, setting, x, v);
+  e->seconds = clock_seconds() - start;
+  e->evaluations = c.evaluations;
+  e->reason[0] = '\0';
+  if (c.stopped) snprintf(e->reason, sizeof e->reason, "cut off after %.3g s", e->seconds);
+  else if (status) snprintf(e->reason, sizeof e->reason, "SUNDIALS' status is %d", status);
+}
+
+static int run_ode(const run_context *a, const precision_method *who, double setting, double until,
+                   run_result *e) {
+  const size_t n = 3 * (size_t)a->truth->view.nparticles;
+  double *x = malloc(2 * n * sizeof *x);
+  snprintf(e->reason, sizeof e->reason, "out of memory");
+  e->refused = x == NULL;
+  if (!x) return 0;
+  time_ode(a, who, setting, until, x, x + n, e);
+  ode_forces_interleave(a->kernel, x, e->x);
+  ode_forces_interleave(a->kernel, x + n, e->v);
+  free(x);
+  return e->reason[0] == '\0';
+}
+
+int precision_method_run(const run_context *a, const precision_method *who, double setting,
+                         double until, run_result *e) {
+  const reference_solution *t = a->truth;
+  if (!who->integrator) return run_ode(a, who, setting, until, e);
+  scene_run run = {.scene = t->scene,
+                   .integrator = who->integrator,
+                   .t_end = t->t_end,
+                   .threads = a->threads,
+                   .collision = who->collision,
+                   .until = until};
+  if (who->by_tol) run.tol = setting;
+  else run.steps = (int64_t)fmax(1, ceil(t->t_end / setting * (1 - 1e-12)));
+  return scene_run_execute(&run, e);
+}

@@ -1,0 +1,32 @@
+/* reference_program - a child process that solves the same systems with a library in default
+ * settings */
+#ifndef BENCH_REFERENCE_PROGRAM_H
+#define BENCH_REFERENCE_PROGRAM_H
+
+#include <sys/types.h>
+
+#include "reference/protocol.h"
+#include "linear_system.h"
+
+typedef struct reference_program {
+  pid_t pid; /* 0: not running */
+  int to, from;
+  reference_hello hello;
+  char reason[256]; /* why it is not running */
+} reference_program;
+
+/* Path of a file beside the reference programs; mode: as for access(). Returns 0 if that fails. */
+int reference_program_path(const char *name, int mode, char *path, size_t size);
+
+/* Starts msim_bench_reference_NAME, without environment variables that set threads or kernels of
+ * libraries. On failure, sets r->reason. Call reference_program_stop in any case. */
+void reference_program_start(reference_program *r, const char *name);
+void reference_program_stop(reference_program *r);
+
+/* Sends the next system. Returns 0 on failure and sets r->reason. */
+int reference_program_send_system(reference_program *r, const linear_system *s);
+
+/* Solves once, then waits until its threads sleep. Returns 0 on failure and sets reply->reason. */
+int reference_program_solve(reference_program *r, int variant, reference_reply *reply);
+
+#endif

@@ -1,0 +1,41 @@
+/* setting_sweep - runs every method of `precision` over its settings, from large to small errors,
+ * as far as its share of the time allows; then repeats all these runs in turn while time remains */
+#ifndef BENCH_SETTING_SWEEP_H
+#define BENCH_SETTING_SWEEP_H
+
+#include "precision_methods.h"
+#include "timing.h"
+
+typedef struct sweep_limits {
+  double repeat_seconds; /* s, for the repeated runs */
+  double until;          /* on wall_seconds' clock */
+} sweep_limits;
+
+/* POINT_UNRESOLVED: the error is too close to that of the reference solution to be measured. */
+enum { POINT_MEASURED, POINT_UNRESOLVED, POINT_FAILED };
+
+typedef struct sweep_point {
+  const precision_method *method;
+  const run_context *arena;
+  double setting;
+  int status;
+  solution_errors verdict;
+  int64_t evaluations;
+  double until; /* on wall_seconds' clock: when a run is aborted */
+  run_result *result;
+} sweep_point;
+
+typedef struct setting_sweep {
+  run_context arena;
+  precision_methods entrants;
+  int count;
+  sweep_point *rungs;    /* grouped by method, in the order of the settings */
+  timing_candidate *all; /* timed runs: all[i] belongs to rungs[i] */
+  run_result result;
+} setting_sweep;
+
+/* Returns 0 if out of memory. Call setting_sweep_free in any case. */
+int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sweep *c);
+void setting_sweep_free(setting_sweep *c);
+
+#endif

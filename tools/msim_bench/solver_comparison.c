@@ -1,0 +1,180 @@
+#include "solver_comparison.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../common/clock.h"
+
+solver_comparison *solver_comparison_create(const moving_scene *m, double h, double rtol,
+                                            int with_system, msim_error *err) {
+  solver_comparison *r = calloc(1, sizeof *r);
+  if (!r) {
+    snprintf(err->text, sizeof err->text, "out of memory for a race");
+    return NULL;
+  }
+  r->moving = m;
+  r->until = INFINITY;
+  r->system = (linear_system){.h = h, .rtol = rtol};
+  if (!with_system || linear_system_create(m, h, rtol, &r->system, err)) return r;
+  solver_comparison_free(r);
+  return NULL;
+}
+
+void solver_comparison_free(solver_comparison *r) {
+  if (!r) return;
+  for (int i = 0; i < r->nsteps; i++) {
+    msim_sim_destroy(r->steps[i].sim);
+    backend_proxy_free(&r->steps[i].probe);
+  }
+  linear_system_free(&r->system);
+  free(r);
+}
+
+static timing_candidate *add_candidate(solver_comparison *r, const char *name, const char *family,
+                                       const char *measure,
+                                       int (*run)(timing_candidate *, timing_sample *),
+                                       void *data) {
+  timing_candidate *c = &r->all[r->count++];
+  *c = (timing_candidate){.family = family, .measure = measure, .run = run, .data = data};
+  c->residual = NAN;
+  snprintf(c->name, sizeof c->name, "%s", name);
+  return c;
+}
+
+static int fail_candidate(timing_candidate *c, const char *why) {
+  snprintf(c->reason, sizeof c->reason, "%s", why);
+  return 0;
+}
+
+/*------------------------------------- whole steps ----------------------------------------------*/
+
+/* Stores the mean change of the statistics over `steps`. */
+static void take_phases(const msim_stats *before, const msim_stats *after, int steps,
+                        timing_sample *s) {
+  s->force = (after->force_s - before->force_s) / steps;
+  s->assemble = (after->assemble_s - before->assemble_s) / steps;
+  s->factor = (after->factor_s - before->factor_s) / steps;
+  s->solve = (after->solve_s - before->solve_s) / steps;
+  s->iterations = (after->iterations - before->iterations) / steps;
+}
+
+/* Makes a step from the state of `moving`. */
+static msim_status run_one_step(struct timed_step *step, timing_sample *s, msim_error *err) {
+  msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
+  msim_status status = msim_sim_set_state(step->sim, &step->race->moving->state, err);
+  if (status) return status;
+  msim_sim_stats(step->sim, &before);
+  const double start = clock_seconds();
+  status = msim_sim_step(step->sim, 1, err);
+  s->whole = clock_seconds() - start;
+  msim_sim_stats(step->sim, &after);
+  if (!status) take_phases(&before, &after, 1, s);
+  return status;
+}
+
+static int run_whole_step(timing_candidate *c, timing_sample *s) {
+  struct timed_step *step = c->data;
+  const solver_comparison *r = step->race;
+  msim_state end = {.size = sizeof end};
+  msim_error err;
+  step->probe.copy_next = c->nsamples == 0;
+  const double start = clock_seconds();
+  do
+    if (run_one_step(step, s, &err) != MSIM_OK) return fail_candidate(c, err.text);
+  while (clock_seconds() - start < r->warm);
+  if (c->nsamples > 0 || r->system.n == 0) return 1;
+  msim_sim_state(step->sim, &end);
+  c->residual = linear_system_residual(&r->system, end.v);
+  return 1;
+}
+
+/* Makes a series of steps from the state of `moving`. Setting it discards lagged factorizations, so
+ * that each sample includes making them. */
+static int run_step_series(timing_candidate *c, timing_sample *s) {
+  const struct timed_step *step = c->data;
+  msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
+  msim_error err;
+  if (msim_sim_set_state(step->sim, &step->race->moving->state, &err))
+    return fail_candidate(c, err.text);
+  msim_sim_stats(step->sim, &before);
+  if (!time_series(step->sim, step->race->series, step->race->until, s, &err))
+    return fail_candidate(c, err.text);
+  msim_sim_stats(step->sim, &after);
+  take_phases(&before, &after, step->race->series, s);
+  return 1;
+}
+
+/* Only `auto` may select another solver. */
+static void check_solver(timing_candidate *c, const char *solver, const msim_sim *sim) {
+  msim_plan plan = {.size = sizeof plan};
+  msim_sim_plan(sim, &plan);
+  c->failed = strcmp(solver, "auto") != 0 && strcmp(solver, plan.solver) != 0;
+  if (c->failed) snprintf(c->reason, sizeof c->reason, "%s would run in its place", plan.solver);
+}
+
+timing_candidate *solver_comparison_add_step(solver_comparison *r, const char *solver,
+                                             const msim_backend *table, int32_t threads) {
+  struct timed_step *step = &r->steps[r->nsteps++];
+  timing_candidate *c =
+      add_candidate(r, solver, solver, "step", r->series ? run_step_series : run_whole_step, step);
+  msim_options options = implicit_options(r->system.h, r->system.rtol, solver, threads);
+  msim_error err;
+  step->race = r;
+  if (table) {
+    backend_proxy_init(&step->probe, table);
+    step->backends[0] = &step->probe.table;
+    options.backends = step->backends;
+  }
+  c->failed = msim_sim_create(r->moving->scene, &options, &step->sim, &err) != MSIM_OK;
+  if (c->failed) fail_candidate(c, err.text);
+  else check_solver(c, solver, step->sim);
+  return c;
+}
+
+const struct timed_step *solver_comparison_step(const timing_candidate *c) {
+  return c->run == run_whole_step || c->run == run_step_series ? c->data : NULL;
+}
+
+/*------------------------------------- backends alone -------------------------------------------*/
+
+static int run_backend(timing_candidate *c, timing_sample *s) {
+  struct timed_step *step = c->data;
+  const msim_status status = backend_proxy_repeat(&step->probe, &s->factor, &s->solve);
+  s->whole = s->factor + s->solve;
+  return status ? fail_candidate(c, msim_status_text(status)) : 1;
+}
+
+timing_candidate *solver_comparison_add_backend(solver_comparison *r) {
+  struct timed_step *step = &r->steps[r->nsteps - 1];
+  char name[sizeof r->all[0].name];
+  snprintf(name, sizeof name, "%s, bare", step->probe.table.name);
+  timing_candidate *c = add_candidate(r, name, NULL, "bare", run_backend, step);
+  c->family = c->name;
+  c->failed = !step->sim;
+  if (c->failed) fail_candidate(c, "the sim that it is a part of was not made");
+  return c;
+}
+
+/*------------------------------------- references -----------------------------------------------*/
+
+static int run_reference(timing_candidate *c, timing_sample *s) {
+  const struct timed_reference *entered = c->data;
+  reference_reply reply;
+  if (!reference_program_solve(entered->child, entered->variant, &reply))
+    return fail_candidate(c, reply.reason);
+  s->factor = reply.factor_s;
+  s->solve = reply.solve_s;
+  s->whole = s->factor + s->solve;
+  s->iterations = reply.iterations;
+  c->residual = reply.residual;
+  return 1;
+}
+
+timing_candidate *solver_comparison_add_reference(solver_comparison *r, const char *measure,
+                                                  reference_program *child, int variant) {
+  struct timed_reference *entered = &r->references[r->nreferences++];
+  *entered = (struct timed_reference){child, variant};
+  return add_candidate(r, child->hello.variants[variant], measure, measure, run_reference, entered);
+}

@@ -1,0 +1,162 @@
+#include "step_comparison.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+/*------------------------------------- one factorisation ----------------------------------------*/
+
+/* Times the factorization alone, by CHOLMOD, on the matrix of the linearly implicit step from the
+ * same state, after such a step. */
+static int add_factorization(step_comparison *r, const moving_scene *m, double h, double until) {
+  const timing_limits once = {.until = until};
+  const msim_backend *table;
+  if (msim_solver_backend("cholmod", NULL, &table, &r->no_factor) != MSIM_OK) return 0;
+  r->linear = solver_comparison_create(m, h, 1e-6, 0, &r->no_factor);
+  if (!r->linear) return 0;
+  timing_candidate *step = solver_comparison_add_step(r->linear, "cholmod", table, 1);
+  timing_candidate *bare = solver_comparison_add_backend(r->linear);
+  time_in_turn(step, 1, &once);
+  time_in_turn(bare, 1, &once);
+  const timing_candidate *culprit = step->nsamples == 0 ? step : bare;
+  snprintf(r->no_factor.text, sizeof r->no_factor.text, "%.*s", (int)sizeof r->no_factor.text - 1,
+           culprit->failed ? culprit->reason : "there was no time left");
+  if (bare->nsamples == 0) return 0;
+  r->factor = &r->all[r->count++];
+  *r->factor = *bare;
+  return 1;
+}
+
+/*------------------------------------- each on its own ------------------------------------------*/
+
+/* One decade above the newton.rtol that reached the first accuracy: a method that converges equally
+ * begins there. */
+static int rtol_above(const accuracy_record *p) {
+  const int found = isfinite(p->reached[0].seconds) ? p->reached[0].rung : 0;
+  return found > 2 ? found - 2 : 0;
+}
+
+static void run_newton_sweeps(step_comparison *r, const step_plan *plan,
+                              const method_limits allowed[2]) {
+  static const char *const solvers[] = {"pcg", "cholmod"};
+  static const char *const names[] = {"Newton, pcg", "Newton, cholmod"};
+  newton_sweep_plan limits = {.stride = plan->is_quick ? 2 : 1};
+  for (int i = 0; i < 2; i++) {
+    limits.allowed = allowed[i];
+    limits.allowed.seconds = plan->ladder;
+    if (i == BY_CHOLMOD && plan->is_quick) limits.first = rtol_above(&r->ladders[BY_PCG].pursuit);
+    newton_sweep_run(&r->step, names[i], solvers[i], &limits, &r->ladders[i]);
+    r->records[i] = &r->ladders[i].pursuit;
+  }
+}
+
+/* Time to the smallest error that was reached; NAN: none. */
+static double seconds_to_best(const accuracy_record *p) {
+  double seconds = NAN;
+  for (int a = 0; a < ACCURACIES; a++)
+    if (isfinite(p->reached[a].seconds)) seconds = p->reached[a].seconds;
+  return seconds;
+}
+
+/* The limit is reached least 4 times the time of Newton's method, enough to show that they are
+ * slower. */
+static void run_descents(step_comparison *r, const step_plan *plan, double until) {
+  static const descent_method *const methods[] = {&projective_dynamics, &lbfgs};
+  const double ours = seconds_to_best(r->records[BY_PCG]);
+  const method_limits allowed = {.seconds = fmax(plan->descent, 4 * ours), .until = until};
+  r->descent_limit = allowed.seconds;
+  const int made = laplacian_make(r->step.moving, r->step.h, &r->matrix) &&
+                   potential_make(&r->step, &r->matrix, &r->potential);
+  for (int i = 0; i < 2; i++) {
+    descent *d = &r->descents[i];
+    r->records[BY_PROJECTIVE_DYNAMICS + i] = &d->pursuit;
+    if (made && descent_make(methods[i], &r->potential, d)) {
+      descent_run(d, &allowed);
+    } else {
+      accuracy_record_begin(&d->pursuit, methods[i]->name);
+      accuracy_record_end(&d->pursuit, END_SKIPPED, r->matrix.err.text);
+    }
+  }
+}
+
+/*------------------------------------- in turn --------------------------------------------------*/
+
+static int repeat_step_run(timing_candidate *c, timing_sample *s) {
+  const struct step_run *run = c->data;
+  step_comparison *r = run->race;
+  const iterate_record *at = &r->records[run->method]->reached[run->accuracy];
+  msim_error err;
+  if (run->method >= BY_PROJECTIVE_DYNAMICS) {
+    s->whole = descent_repeat(&r->descents[run->method - BY_PROJECTIVE_DYNAMICS], at->iterations);
+    return 1;
+  }
+  const msim_status status = newton_sweep_step(&r->ladders[run->method], at->rung, &s->whole, &err);
+  if (status) snprintf(c->reason, sizeof c->reason, "%s", err.text);
+  return !status;
+}
+
+/* A run that reached several accuracies at once is repeated once for all. */
+static timing_candidate *find_same_run(const step_comparison *r, int method, int accuracy) {
+  const iterate_record *at = r->records[method]->reached;
+  for (int a = 0; a < accuracy; a++)
+    if (at[a].rung == at[accuracy].rung && at[a].iterations == at[accuracy].iterations)
+      return r->reached[method][a];
+  return NULL;
+}
+
+/* The run that found it is the warm-up. */
+static void add_reached_accuracy(step_comparison *r, int method, int accuracy) {
+  const accuracy_record *p = r->records[method];
+  const iterate_record *at = &p->reached[accuracy];
+  struct step_run *run = &r->runs[method * ACCURACIES + accuracy];
+  if (!isfinite(at->seconds)) return;
+  r->reached[method][accuracy] = find_same_run(r, method, accuracy);
+  if (r->reached[method][accuracy]) return;
+  timing_candidate *c = &r->all[r->count++];
+  *run = (struct step_run){r, method, accuracy};
+  *c = (timing_candidate){
+      .family = p->name, .measure = "step", .run = repeat_step_run, .data = run, .nsamples = 1};
+  snprintf(c->name, sizeof c->name, "%.31s", p->name);
+  c->residual = NAN;
+  c->samples[0].whole = c->total_seconds = at->seconds;
+  r->reached[method][accuracy] = c;
+}
+
+step_comparison *step_comparison_run(const moving_scene *m, double h, const step_plan *plan,
+                                     double until, msim_error *err) {
+  step_comparison *r = calloc(1, sizeof *r);
+  snprintf(err->text, sizeof err->text, "out of memory for a race");
+  if (!r) return NULL;
+  const int factors = add_factorization(r, m, h, until);
+  const method_limits allowed[2] = {
+      {.seconds = plan->solution, .until = until},
+      {.seconds = plan->solution,
+       .until = until,
+       .iteration = factors ? median_of(r->factor, factor_seconds) : 0},
+  };
+  if (!nonlinear_step_solve(m, h, allowed, &r->step, err)) {
+    step_comparison_free(r);
+    return NULL;
+  }
+  run_newton_sweeps(r, plan, allowed);
+  run_descents(r, plan, until);
+  for (int method = 0; method < METHODS; method++)
+    for (int a = 0; a < ACCURACIES; a++) add_reached_accuracy(r, method, a);
+  timing_limits turns = plan->turns;
+  turns.until = until;
+  time_in_turn(r->all, r->count, &turns);
+  return r;
+}
+
+void step_comparison_free(step_comparison *r) {
+  if (!r) return;
+  for (int i = 0; i < 2; i++) {
+    newton_sweep_free(&r->ladders[i]);
+    descent_free(&r->descents[i]);
+  }
+  potential_free(&r->potential);
+  laplacian_free(&r->matrix);
+  solver_comparison_free(r->linear);
+  nonlinear_step_free(&r->step);
+  free(r);
+}

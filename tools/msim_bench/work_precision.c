@@ -1,0 +1,61 @@
+#include "work_precision.h"
+
+#include <math.h>
+#include <string.h>
+
+const double levels[ERROR_LEVELS] = {1e-2, 1e-4, 1e-6, 1e-8, 1e-10};
+
+/* The cost of a run, and its error as far as it is measurable. */
+typedef struct cost_point {
+  double error;
+  cost cost;
+} cost_point;
+
+static cost_point point_of(const setting_sweep *c, int i) {
+  const sweep_point *r = &c->rungs[i];
+  const double told = fmax(r->verdict.error, 10 * c->arena.truth->error);
+  return (cost_point){.error = r->status == POINT_FAILED ? INFINITY : told,
+                      .cost = {median_of(&c->all[i], whole_seconds), (double)r->evaluations}};
+}
+
+static double interpolate_log(double a, double b, double share) { return a * pow(b / a, share); }
+
+/* The cost at an error between those of two settings. */
+static cost interpolate_cost(const cost_point *above, const cost_point *below, double error) {
+  const double share = log(above->error / error) / log(above->error / below->error);
+  return (cost){interpolate_log(above->cost.seconds, below->cost.seconds, share),
+                interpolate_log(above->cost.evaluations, below->cost.evaluations, share)};
+}
+
+cost cost_at_error(const setting_sweep *c, const precision_method *who, double error) {
+  cost best = {NAN, NAN};
+  cost_point before = {.error = INFINITY};
+  if (!reference_solution_supports(c->arena.truth, error)) return best;
+  for (int i = 0; i < c->count; i++) {
+    if (c->rungs[i].method != who) continue;
+    const cost_point here = point_of(c, i);
+    if (here.error <= error) {
+      const int bracketed = before.error > error && isfinite(before.error);
+      const cost found = bracketed ? interpolate_cost(&before, &here, error) : here.cost;
+      if (!(best.seconds <= found.seconds)) best = found;
+    }
+    before = here;
+  }
+  return best;
+}
+
+static int is_in_group(const precision_method *who, int of_msim) {
+  if (!who->integrator) return !of_msim;
+  return of_msim && strcmp(who->integrator, "auto") != 0;
+}
+
+const precision_method *fastest_method(const setting_sweep *c, int of_msim, double error) {
+  const precision_method *best = NULL;
+  double least = INFINITY;
+  for (const precision_method *who = c->entrants.all; who < c->entrants.all + c->entrants.count;
+       who++) {
+    const double seconds = is_in_group(who, of_msim) ? cost_at_error(c, who, error).seconds : NAN;
+    if (seconds < least) best = who, least = seconds;
+  }
+  return best;
+}

@@ -1,0 +1,26 @@
+/* work_precision - the cost of an error with each method, at its least expensive setting
+ *
+ * Time and evaluations are interpolated in log-log scale between two successive settings whose
+ * errors bracket the given one. A setting whose predecessor failed (or had an error above the whole
+ * motion) counts with its own cost. The minimum is the result. */
+#ifndef BENCH_WORK_PRECISION_H
+#define BENCH_WORK_PRECISION_H
+
+#include "setting_sweep.h"
+
+enum { ERROR_LEVELS = 5 };
+extern const double levels[ERROR_LEVELS]; /* 1e-2, 1e-4, 1e-6, 1e-8, 1e-10 */
+
+/* Time in s and number of evaluations; NAN: the error was not reached, the method does not take
+ * part, or the reference solution is not accurate enough. */
+typedef struct cost {
+  double seconds, evaluations;
+} cost;
+
+/* who: may be NULL */
+cost cost_at_error(const setting_sweep *c, const precision_method *who, double error);
+
+/* The fastest method of msim other than `auto`, or of the other library; NULL: none. */
+const precision_method *fastest_method(const setting_sweep *c, int of_msim, double error);
+
+#endif
