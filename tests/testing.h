@@ -46,7 +46,7 @@ static inline void require(int there, const char *what) {
 
 /* 1 under AddressSanitizer, about ten times slower: tests then leave out their large sizes. */
 #if defined(__SANITIZE_ADDRESS__)
-enum { IS_CHECKED = 1 };
+enum { HAS_ADDRESS_SANITIZER = 1 };
 #else
 enum { HAS_ADDRESS_SANITIZER = 0 };
 #endif

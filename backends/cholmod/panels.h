@@ -343,7 +343,7 @@ static int panels_are_faster(void) {
 }
 #else
 #  define FUSED
-static int panels_pay(void) { return 1; }
+static int panels_are_faster(void) { return 1; }
 #endif
 
 /* Pack a new factor. 0: it is out of the range of single precision. */

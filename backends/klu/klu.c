@@ -58,7 +58,7 @@ static msim_status lu_create(const msim_host *host, void **result) {
   memset(self, 0, sizeof *self);
   self->host = host;
 #if SUNDIALS_VERSION_MAJOR >= 7
-  if (SUNContext_Create(SUN_COMM_NULL, &self->context)) return out_of_memory(self);
+  if (SUNContext_Create(SUN_COMM_NULL, &self->context)) return lu_out_of_memory(self);
   SUNContext_ClearErrHandlers(self->context); /* they print */
 #else
   if (SUNContext_Create(NULL, &self->context)) return lu_out_of_memory(self);
