@@ -28,7 +28,7 @@ typedef struct accuracy_record {
 /* Time limits of a method. */
 typedef struct method_limits {
   double seconds;
-  double until;     /* on wall_seconds' clock */
+  double until;     /* on the clock of clock_seconds */
   double iteration; /* s, lower bound for a Newton iteration; 0: unknown */
 } method_limits;
 

@@ -42,8 +42,8 @@ typedef struct moving_scene {
 int moving_scene_create_perturbed(const bench_scene *kind, double k, moving_scene *m);
 
 /* Makes the scene and advances it by 0.5 s, or less if that takes more than `seconds` of wall time;
- * m->state.t is the time reached. until: when to give up, on wall_seconds' clock. Returns 0 on
- * failure and sets m->err. Call moving_scene_free in any case. */
+ * m->state.t is the time reached. until: when to give up, on the clock of clock_seconds. Returns 0
+ * on failure and sets m->err. Call moving_scene_free in any case. */
 int moving_scene_create(const bench_scene *kind, double k, int32_t threads, double seconds,
                         double until, moving_scene *m);
 void moving_scene_free(moving_scene *m);

@@ -11,7 +11,7 @@ typedef struct linear_bench {
   const bench_options *options;
   report *report;
   const struct linear_plan *plan;
-  double until; /* on wall_seconds' clock */
+  double until; /* on the clock of clock_seconds */
   int nsolvers;
   struct bench_solver {
     char name[32];

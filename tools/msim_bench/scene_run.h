@@ -11,7 +11,7 @@ typedef struct scene_run {
   int64_t steps;              /* number of steps of equal length */
   double tol;                 /* > 0: error control with this tolerance instead of steps */
   int32_t threads, collision; /* options */
-  double until;               /* on wall_seconds' clock: when to give up */
+  double until;               /* on the clock of clock_seconds: when to give up */
   /* May be NULL. start: another x and v; see: called at the start and about 64 times in the run. */
   const msim_state *start;
   void (*on_frame)(msim_sim *sim, void *data);

@@ -8,7 +8,7 @@
 
 typedef struct sweep_limits {
   double repeat_seconds; /* s, for the repeated runs */
-  double until;          /* on wall_seconds' clock */
+  double until;          /* on the clock of clock_seconds */
 } sweep_limits;
 
 /* POINT_UNRESOLVED: the error is too close to that of the reference solution to be measured. */
@@ -21,7 +21,7 @@ typedef struct sweep_point {
   int status;
   solution_errors verdict;
   int64_t evaluations;
-  double until; /* on wall_seconds' clock: when a run is aborted */
+  double until; /* on the clock of clock_seconds: when a run is aborted */
   run_result *result;
 } sweep_point;
 

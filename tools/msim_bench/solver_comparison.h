@@ -26,7 +26,7 @@ typedef struct solver_comparison {
   } references[REFERENCE_VARIANTS + 1];
   int series;   /* consecutive steps from the state of `moving` on, in each sample; 0: one; to be
                    set before solver_comparison_add_step */
-  double until; /* on wall_seconds' clock: when a series is aborted */
+  double until; /* on the clock of clock_seconds: when a series is aborted */
   int nsteps, nreferences, count;
   timing_candidate all[MAX_CANDIDATES];
 } solver_comparison;

@@ -18,9 +18,9 @@ static int add_factorization(step_comparison *r, const moving_scene *m, double h
   timing_candidate *bare = solver_comparison_add_backend(r->linear);
   time_in_turn(step, 1, &once);
   time_in_turn(bare, 1, &once);
-  const timing_candidate *culprit = step->nsamples == 0 ? step : bare;
+  const timing_candidate *without_result = step->nsamples == 0 ? step : bare;
   snprintf(r->no_factor.text, sizeof r->no_factor.text, "%.*s", (int)sizeof r->no_factor.text - 1,
-           culprit->failed ? culprit->reason : "there was no time left");
+           without_result->failed ? without_result->reason : "there was no time left");
   if (bare->nsamples == 0) return 0;
   r->factor = &r->all[r->count++];
   *r->factor = *bare;

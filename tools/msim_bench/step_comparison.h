@@ -38,8 +38,8 @@ typedef struct step_comparison {
   msim_error no_factor; /* why there is none */
 } step_comparison;
 
-/* Runs the comparison from a scene's state; until: on wall_seconds' clock. Returns NULL if no
- * converged solution was found and sets err. */
+/* Runs the comparison from a scene's state; until: on the clock of clock_seconds. Returns NULL if
+ * no converged solution was found and sets err. */
 step_comparison *step_comparison_run(const moving_scene *m, double h, const step_plan *plan,
                                      double until, msim_error *err);
 void step_comparison_free(step_comparison *r);

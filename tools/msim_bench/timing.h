@@ -50,7 +50,7 @@ typedef struct timing_limits {
   int max_rounds; /* rounds after the first, at most MAX_ROUNDS - 1 */
   double budget;  /* s, shared equally; a candidate stops when it has used its share */
   int min_rounds; /* at least so many after the first, unless they take half of the budget */
-  double until;   /* on wall_seconds' clock: no run starts after it */
+  double until;   /* on the clock of clock_seconds: no run starts after it */
 } timing_limits;
 
 /* Times at most MAX_SERIES steps of a sim: mean, median, smallest kinetic energy. Returns 0 if a

@@ -119,9 +119,9 @@ int final_write(output_file *file, msim_sim *sim, msim_status status) {
   msim_sim_state(sim, &c.state);
   msim_sim_energy(sim, &c.energy);
   msim_sim_stats(sim, &c.stats);
-  const char *culprit = find_not_finite(&c);
-  if (culprit)
-    return report_error("'%s' is not written: its '%s' would not be finite", file->path, culprit);
+  const char *offender = find_not_finite(&c);
+  if (offender)
+    return report_error("'%s' is not written: its '%s' would not be finite", file->path, offender);
   errno = 0;
   return output_close(file, put_content(file->stream, &c));
 }
