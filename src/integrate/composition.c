@@ -4,7 +4,7 @@ enum { STAGE = 2 };
 
 void ms_composition_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[STAGE]); }
 
-/* warm: 1 + the index of the work vector that holds a(x) */
+/* cached_stage: 1 + the index of the work vector that holds a(x) */
 void ms_composition_step(ms_stepper *s, const ms_composition *m) {
   const ms_shape shape = s->model->shape;
   const int now = s->cached_stage == 2;

@@ -109,14 +109,14 @@ void ms_contact_set_make_writable(ms_stepper *s) {
 /*------------------------------------- the contact set ------------------------------------------*/
 
 /* Lets a particle that moves into planes bounce, and puts one that lies outside on them. */
-static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *walls, ms_contact *c) {
+static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *planes, ms_contact *c) {
   const ms_unknowns *rows = &s->model->unknowns;
   double x[3], v[3];
   ms_unknowns_get(rows, s->x, c->row, x);
   ms_unknowns_get(rows, s->v, c->row, v);
   int outside = 0;
-  const double noise = ms_impacts_distance_tolerance(walls, x);
-  for (int i = 0; i < c->on.n; i++) outside |= ms_impacts_distance(c->on.plane[i], x) < -noise;
+  const double tolerance = ms_impacts_distance_tolerance(planes, x);
+  for (int i = 0; i < c->on.n; i++) outside |= ms_impacts_distance(c->on.plane[i], x) < -tolerance;
   const int bounced = ms_impacts_bounce(&c->on, v);
   s->stats->contacts += bounced;
   if (!bounced && !outside) return;
@@ -129,9 +129,9 @@ static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *walls, m
 /* The planes that a particle presses on, of those that it touches and does not separate from */
 static ms_plane_set find_holding(const ms_stepper *s, const ms_plane_set *on, const double v[3],
                                  const double a[3]) {
-  const double size = ms_vec3_norm(a), noise = 1e-14 * (ms_vec3_norm(v) + s->h * size);
+  const double size = ms_vec3_norm(a), tolerance = 1e-14 * (ms_vec3_norm(v) + s->h * size);
   double left[3] = {a[0], a[1], a[2]}, unused;
-  const ms_plane_set stays = ms_impacts_select_approached(on, v, noise);
+  const ms_plane_set stays = ms_impacts_select_approached(on, v, tolerance);
   return ms_impacts_remove_pressing(&stays, MS_REACTION_TOLERANCE * size, left, &unused);
 }
 
@@ -208,12 +208,12 @@ static int settle_contact(ms_stepper *s, ms_contact *c) {
   }
   if (!c->on.n) return 0;
   ms_contact_set_classify(c, rows->dims);
-  const double noise = ms_impacts_speed_tolerance(v);
+  const double tolerance = ms_impacts_speed_tolerance(v);
   memcpy(before, v, sizeof v);
   ms_impacts_remove_normal(&c->on, v, NULL);
-  if (c->fixed || ms_vec3_norm(v) <= noise) memset(v, 0, sizeof v);
+  if (c->fixed || ms_vec3_norm(v) <= tolerance) memset(v, 0, sizeof v);
   ms_vec3_axpy(-1, v, before);
-  if (ms_vec3_norm(before) > noise || (ms_vec3_norm(v) == 0 && ms_vec3_norm(before) > 0)) {
+  if (ms_vec3_norm(before) > tolerance || (ms_vec3_norm(v) == 0 && ms_vec3_norm(before) > 0)) {
     ms_contact_set_make_writable(s);
     ms_unknowns_set(rows, v, c->row, s->v);
   }
@@ -230,17 +230,17 @@ void ms_contact_set_free_acceleration(ms_stepper *s, const double *x, const doub
 
 void ms_contact_set_update(ms_stepper *s) {
   const ms_unknowns *rows = &s->model->unknowns;
-  const ms_collision_planes walls = ms_contact_set_planes(s);
+  const ms_collision_planes planes = ms_contact_set_planes(s);
   ms_contact_set *e = s->events;
   int32_t touching = 0;
   e->ncontacts = 0;
   for (int32_t r = 0; r < rows->nfree; r++) {
     double x[3];
     ms_unknowns_get(rows, s->x, r, x);
-    const ms_plane_set on = ms_impacts_find_touched(&walls, x);
+    const ms_plane_set on = ms_impacts_find_touched(&planes, x);
     if (!on.n) continue;
     e->contact[touching] = (ms_contact){.row = r, .on = on};
-    bounce_off_planes(s, &walls, &e->contact[touching++]);
+    bounce_off_planes(s, &planes, &e->contact[touching++]);
   }
   if (!touching) return;
   if (!e->a_is_known) ms_contact_set_free_acceleration(s, s->x, s->v, e->a);
@@ -299,10 +299,10 @@ static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 
 static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
                           const double a1[3]) {
   if (c->bounces) return MS_NOWHERE;
-  const double noise = MS_REACTION_TOLERANCE * ms_vec3_norm(a1),
+  const double tolerance = MS_REACTION_TOLERANCE * ms_vec3_norm(a1),
                push = ms_contact_set_reaction(c, a1);
-  if (push < -noise) return crossing(ms_contact_set_reaction(c, a0), push);
-  if (c->fixed || (c->sticks && friction_margin(c, a1) >= -noise)) return MS_NOWHERE;
+  if (push < -tolerance) return crossing(ms_contact_set_reaction(c, a0), push);
+  if (c->fixed || (c->sticks && friction_margin(c, a1) >= -tolerance)) return MS_NOWHERE;
   if (c->sticks) return crossing(friction_margin(c, a0), friction_margin(c, a1));
   if (!c->has_friction) return MS_NOWHERE;
   const double friction = ms_impacts_remove_normal(&c->on, a0, NULL);

@@ -12,8 +12,8 @@
 #include "physics/particle_path.h"
 #include "physics/totals.h"
 
-/* Flag in `warm`, beside the method's cached-stage tag: `held` and `a` of ms_contact_set belong to
- * the present state. warm = 0 discards both. */
+/* Flag in `cached_stage`, beside the method's cached-stage tag: `contact_hash` and `a` of
+ * ms_contact_set belong to the present state. cached_stage = 0 discards both. */
 enum { MS_CONTACTS_CACHED = 1 << 16 };
 
 /* Rounding tolerance of a reaction per mass, relative to |a| */
@@ -79,7 +79,7 @@ static inline ms_contact *ms_contact_set_lookup(const ms_contact_set *e, int32_t
   return *next < e->ncontacts && e->contact[*next].row == row ? &e->contact[(*next)++] : NULL;
 }
 
-/* Sets c->fixed and c->rubs by the planes of the contact; dims: components of a vector. */
+/* Sets c->fixed and c->has_friction by the planes of the contact; dims: components of a vector. */
 void ms_contact_set_classify(ms_contact *c, int32_t dims);
 
 /* The path (particle_path.h) of an unknown from s->x, s->v over s->h, with a = b0 */
@@ -102,7 +102,8 @@ void ms_contact_set_record(ms_stepper *s);
 /* The next substep starts where the last one ended: a = a_end. */
 void ms_contact_set_shift_acceleration(ms_contact_set *e);
 
-/* Accepts the step just made: s->warm = s->warm_next, with the `held` and `a` that belong to it. */
+/* Accepts the step just made: s->cached_stage = s->cached_stage_next, with the `contact_hash` and
+ * `a` that belong to it. */
 void ms_contact_set_accept_step(ms_stepper *s);
 
 /* Lets s->x, s->v point to copies in e->x, e->v, to be overwritten; `a` becomes unknown. */

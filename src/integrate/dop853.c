@@ -13,8 +13,8 @@
  *   X_i = x + C_i h v + h^2 sum_j AA_ij k_j
  * The state after the step is stage RESULT, and its k is the first one of the next step.
  *
- * Work vectors: the k of both ends, alternating; of the other stages; of the dense output. warm:
- * 1 + the index of the work vector that holds k of the present state. */
+ * Work vectors: the k of both ends, alternating; of the other stages; of the dense output.
+ * cached_stage: 1 + the index of the work vector that holds k of the present state. */
 enum { DENSE_STAGES_AT = 2 };
 
 static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
@@ -74,13 +74,13 @@ static void dop853_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   add_slopes(s, NULL, 0, NULL, s->h, E[which], k, dv);
 }
 
-/* Computes the stages of the dense output of the step from x, v. warm: the tag at its end. looked:
- * DENSE_STAGES_AT + the index of the work vector that holds k of its end */
-static void evaluate_dense_stages(ms_stepper *s, int warm, const double *x, const double *v,
+/* Computes the stages of the dense output of the step from x, v. tag: that of the cached stages at
+ * its end. dense_output: DENSE_STAGES_AT + the index of the work vector that holds k of its end */
+static void evaluate_dense_stages(ms_stepper *s, int tag, const double *x, const double *v,
                                   double *X, double *V) {
   double *k[STAGES];
-  s->dense_output = DENSE_STAGES_AT + (warm == 2);
-  find_slopes(s, warm != 2, k);
+  s->dense_output = DENSE_STAGES_AT + (tag == 2);
+  find_slopes(s, tag != 2, k);
   for (int i = RESULT + 1; i < STAGES; i++) evaluate_stage(s, x, v, i, k, X, V);
 }
 

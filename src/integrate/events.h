@@ -10,7 +10,7 @@
 #include "integrate/integrator.h"
 
 /* One step of the method, as its own step(), for any option `collision`. A step made in substeps
- * leaves s->warm = 0, also if it failed, as cached stages are overwritten. */
+ * leaves s->cached_stage = 0, also if it failed, as cached stages are overwritten. */
 msim_status ms_events_step(const ms_integrator *method, ms_stepper *s, msim_error *err);
 
 #endif

@@ -53,8 +53,8 @@ static void estimate_path_error(const substeps *j, int32_t row, const ms_particl
 /* 1: the particle follows its own path in the substep: its bounces are summed, its contact changes,
  * or friction acts, and the method allows no force that depends on v. */
 static int needs_path(const substeps *j, const ms_contact *c) {
-  const int rubs = c->has_friction && !c->sticks && j->method->separable;
-  return c->bounces || rubs || c->change <= 1;
+  const int slides_with_friction = c->has_friction && !c->sticks && j->method->separable;
+  return c->bounces || slides_with_friction || c->change <= 1;
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
@@ -118,16 +118,16 @@ static ms_bernstein find_distance_polynomial(substeps *j, int32_t row, const msi
  * the particle touches the plane and does not separate from it, the share is at least LEAST. */
 static double locate_impact(substeps *j, int32_t row, const msim_plane *p, double *depth) {
   const double LEAST = 1. / 16;
-  const ms_collision_planes walls = ms_contact_set_planes(j->s);
+  const ms_collision_planes planes = ms_contact_set_planes(j->s);
   double x[3];
   if (!may_reach_plane(j, row, p)) return MS_NOWHERE;
   ms_unknowns_get(&j->s->model->unknowns, j->s->x, row, x);
   const ms_bernstein path = find_distance_polynomial(j, row, p);
-  const double noise = ms_impacts_distance_tolerance(&walls, x),
-               q = ms_bernstein_find_crossing(&path, noise);
-  const int leaves = path.c[1] - path.c[0] > noise;
+  const double tolerance = ms_impacts_distance_tolerance(&planes, x),
+               q = ms_bernstein_find_crossing(&path, tolerance);
+  const int leaves = path.c[1] - path.c[0] > tolerance;
   *depth = -ms_bernstein_lower_bound(&path);
-  return q <= 1 && path.c[0] <= noise && !leaves ? fmax(q, LEAST) : q;
+  return q <= 1 && path.c[0] <= tolerance && !leaves ? fmax(q, LEAST) : q;
 }
 
 /* Updates *first by the impacts of one particle: the earliest, and the largest depth. */

@@ -113,7 +113,7 @@ static msim_status step_trapezoidal(ms_stepper *s, msim_error *err) {
 }
 
 /* beta = 1/4, gamma = 1/2: the trapezoidal rule with a carried from step to step, not computed
- * anew. warm: 1 + the index, from OWN_WORK on, of the work vector that holds a. */
+ * anew. cached_stage: 1 + the index, from OWN_WORK on, of the work vector that holds a. */
 static msim_status step_newmark(ms_stepper *s, msim_error *err) {
   const int at = s->cached_stage == 2;
   double *a = s->work[OWN_WORK + at], *next = s->work[OWN_WORK + 1 - at];
@@ -156,8 +156,8 @@ static msim_status restart_bdf2(ms_stepper *s, double **start, double *last_a, m
   return solve_stages(s, &tr_bdf2, &(stage_inputs){.a = start[2]}, start, err);
 }
 
-/* warm: 1 + the index of the set of work vectors with x and v at the start of the last step, and a
- * at its end. */
+/* cached_stage: 1 + the index of the set of work vectors with x and v at the start of the last
+ * step, and a at its end. */
 static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
   const int at = s->cached_stage == 2;

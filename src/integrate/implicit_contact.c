@@ -72,14 +72,14 @@ static void prescribe_velocities(contact_solve *j) {
 /* The planes of an unknown: those of its contact c (nullable), and those that it is behind at the
  * end of the step. */
 static ms_plane_set find_planes(const contact_solve *j, int32_t row, const ms_contact *c) {
-  const ms_collision_planes walls = ms_contact_set_planes(j->s);
+  const ms_collision_planes planes = ms_contact_set_planes(j->s);
   double x[3];
   ms_plane_set on = c ? c->on : (ms_plane_set){0};
   ms_unknowns_get(&j->s->model->unknowns, j->s->x_next, row, x);
-  const double noise = ms_impacts_distance_tolerance(&walls, x);
-  for (const msim_plane *p = walls.plane; p < walls.plane + walls.n; p++)
+  const double tolerance = ms_impacts_distance_tolerance(&planes, x);
+  for (const msim_plane *p = planes.plane; p < planes.plane + planes.n; p++)
     if (on.n < MS_MAX_INDEPENDENT_PLANES && !ms_impacts_contains_plane(&on, p) &&
-        ms_impacts_distance(p, x) < -noise)
+        ms_impacts_distance(p, x) < -tolerance)
       on.plane[on.n++] = p;
   return on;
 }

@@ -23,14 +23,14 @@ typedef struct ms_stepper {
   double *x_next, *v_next;
   double *work[MS_MAX_WORK]; /* nwork vectors */
   double *scratch;           /* holds nothing between calls */
-  int cached_stage,
-      cached_stage_next; /* cached-stage tag: which work vectors hold results for the present
-                                state; 0: none. A step reads warm and writes cached_stage_next */
-  double h;              /* of the step to be made, or, for dense output, of the last one */
-  double h_before;       /* of the step that led to the present state, or its last substep */
-  int64_t parts;         /* substeps of equal length in the step being made */
-  ms_bounds bounds;      /* of the island, if the method has stages() */
-  double *x_spare[2];    /* for the driver, under error control or if steps may be retried */
+  /* cached-stage tag: which work vectors hold results for the present state; 0: none. A step reads
+   * cached_stage and writes cached_stage_next */
+  int cached_stage, cached_stage_next;
+  double h;           /* of the step to be made, or, for dense output, of the last one */
+  double h_before;    /* of the step that led to the present state, or its last substep */
+  int64_t parts;      /* substeps of equal length in the step being made */
+  ms_bounds bounds;   /* of the island, if the method has stages() */
+  double *x_spare[2]; /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];
   int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
   double impact;          /* the share of the step before its first impact; > 1: no impact */
@@ -56,10 +56,11 @@ typedef struct ms_integrator {
   int handles_contact; /* impacts and contact, under collision = event (verlet_contact.h) */
   int one_step;        /* a step depends on x and v alone: step doubling estimates its error */
   int32_t nwork;
-  int32_t carried, carried_at; /* work vectors that later steps read: with warm = 1 + k, `carried`
-                                  of them from number carried_at + k carried on. carried 0: none */
-  /* Replaces x, v at t by the variables that the method carries; called with warm = 0 at the start
-   * and after a state was set. Nullable. */
+  /* work vectors that later steps read: with cached_stage = 1 + k, `carried` of them from number
+   * carried_at + k carried on. carried 0: none */
+  int32_t carried, carried_at;
+  /* Replaces x, v at t by the variables that the method carries; called with cached_stage = 0 at
+   * the start and after a state was set. Nullable. */
   void (*start)(ms_stepper *s);
   /* One step of s->h. Explicit methods return MSIM_OK, others the status of a solve that failed. */
   msim_status (*step)(ms_stepper *s, msim_error *err);

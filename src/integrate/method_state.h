@@ -1,7 +1,7 @@
 /* method_state - reads and writes the state of a method that later steps depend on, for checkpoints
  *
  *   x, v, h
- *   warm       the cached-stage tag, and the work vectors it refers to (integrator.h, `carried`)
+ *   tag        the cached-stage tag, and the work vectors it refers to (integrator.h, `carried`)
  *   h_before   for two-step methods, and for the a that Newmark's method carries
  *   held, a    of ms_contact_set, under collision = event; the contact set follows from x, v
  *   the last step, for dense output: its start, h and the slopes known so far

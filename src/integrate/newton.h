@@ -37,10 +37,11 @@ typedef struct ms_newton_stage {
 } ms_newton_stage;
 
 /* Iterates until the error of v, in the norm of M, is below newton.rtol times the change of v from
- * the present state, or that of free fall if larger (s->noise may require less). The estimate of
- * the error after an iteration with lambda = 1, |d| theta/(1 - theta), must be below a tenth of
- * that; theta: the ratio of the last two |d|, or the tolerance of the solve if larger. A correction
- * at rounding level ends the iteration, too. MSIM_NOT_CONVERGED after newton.max_iterations. */
+ * the present state, or that of free fall if larger (s->solve_tolerance may require less). The
+ * estimate of the error after an iteration with lambda = 1, |d| theta/(1 - theta), must be below a
+ * tenth of that; theta: the ratio of the last two |d|, or the tolerance of the solve if larger. A
+ * correction at rounding level ends the iteration, too. MSIM_NOT_CONVERGED after
+ * newton.max_iterations. */
 msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_error *err);
 
 #endif

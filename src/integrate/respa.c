@@ -66,7 +66,8 @@ static msim_status respa_step(ms_stepper *s, msim_error *err) {
   if (!s->split) return ms_velocity_verlet.step(s, err);
   const ms_shape shape = s->model->shape;
   const ms_model *soft = &s->split->soft;
-  const int at = s->cached_stage == 2, next = 1 - at; /* warm: 1 + the work vector that holds a */
+  /* cached_stage: 1 + the work vector that holds a */
+  const int at = s->cached_stage == 2, next = 1 - at;
   double *a = s->work[at], *a_next = s->work[next], *v_predicted = s->work[2];
   const int separable = !(soft->features & (MSIM_SKIP_DAMPING | MSIM_SKIP_DRAG));
   if (!s->cached_stage)

@@ -16,21 +16,21 @@ static double inverse_mass(const ms_model *model, int32_t row) {
   return row < model->unknowns.nfree ? model->inv_mass[row] : 0;
 }
 
-static void find_stiffness_classes(const ms_model *model, int *octave) {
+static void find_stiffness_classes(const ms_model *model, int *class_of) {
   const ms_springs *s = &model->springs;
   for (int32_t e = 0; e < s->n; e++)
-    octave[e] = ilogb(s->k[e] * (inverse_mass(model, s->i[e]) + inverse_mass(model, s->j[e])));
+    class_of[e] = ilogb(s->k[e] * (inverse_mass(model, s->i[e]) + inverse_mass(model, s->j[e])));
 }
 
 /* The bounds of bounds.h for the springs of classes [from, to] alone. sums: 2 nfree, scratch */
-static ms_bounds bounds_between(const ms_model *model, const int *octave, int from, int to,
+static ms_bounds bounds_between(const ms_model *model, const int *class_of, int from, int to,
                                 double drag, double *sums) {
   const ms_springs *s = &model->springs;
   const int32_t n = model->unknowns.nfree;
   double *k = sums, *c = sums + n, omega2 = 0, rate = 0;
   memset(sums, 0, 2 * (size_t)n * sizeof *sums);
   for (int32_t e = 0; e < s->n; e++) {
-    if (octave[e] < from || octave[e] > to) continue;
+    if (class_of[e] < from || class_of[e] > to) continue;
     if (s->i[e] < n) k[s->i[e]] += s->k[e], c[s->i[e]] += s->damping[e];
     if (s->j[e] < n) k[s->j[e]] += s->k[e], c[s->j[e]] += s->damping[e];
   }
@@ -42,35 +42,35 @@ static ms_bounds bounds_between(const ms_model *model, const int *octave, int fr
 }
 
 /* The highest class below this one, and the number of springs of that class or above */
-static int next_stiffness_class(const ms_springs *s, const int *octave, int below,
+static int next_stiffness_class(const ms_springs *s, const int *class_of, int below,
                                 int32_t *nstiff) {
   int next = INT_MIN;
   *nstiff = 0;
   for (int32_t e = 0; e < s->n; e++)
-    if (octave[e] < below && octave[e] > next) next = octave[e];
-  for (int32_t e = 0; e < s->n; e++) *nstiff += octave[e] >= next;
+    if (class_of[e] < below && class_of[e] > next) next = class_of[e];
+  for (int32_t e = 0; e < s->n; e++) *nstiff += class_of[e] >= next;
   return next;
 }
 
-msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *octave,
+msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *class_of,
                                           ms_stiffness_partition *cut, msim_error *err) {
   const int32_t n = model->springs.n;
   double *sums =
       ms_memory_allocate(&model->scene->alloc, 2 * (size_t)model->unknowns.nfree, sizeof *sums);
   *cut = (ms_stiffness_partition){0};
   if (!sums) return ms_error_set_memory(err, "the choice of stiff springs");
-  find_stiffness_classes(model, octave);
+  find_stiffness_classes(model, class_of);
   const double whole =
-      stability_ratio(h, bounds_between(model, octave, INT_MIN, INT_MAX, model->drag, sums));
+      stability_ratio(h, bounds_between(model, class_of, INT_MIN, INT_MAX, model->drag, sums));
   double least = whole < 1 ? 0 : n * ceil(whole);
   for (ms_stiffness_partition at = {.stiffness_class = INT_MAX}; least > 0;) {
     at.stiffness_class =
-        next_stiffness_class(&model->springs, octave, at.stiffness_class, &at.nstiff);
+        next_stiffness_class(&model->springs, class_of, at.stiffness_class, &at.nstiff);
     if (at.nstiff == n) break;
     const double stiff =
-        stability_ratio(h, bounds_between(model, octave, at.stiffness_class, INT_MAX, 0, sums));
+        stability_ratio(h, bounds_between(model, class_of, at.stiffness_class, INT_MAX, 0, sums));
     const double soft = stability_ratio(
-        h, bounds_between(model, octave, INT_MIN, at.stiffness_class - 1, model->drag, sums));
+        h, bounds_between(model, class_of, INT_MIN, at.stiffness_class - 1, model->drag, sums));
     const double inner = ceil(2 * stiff), cost = n + inner * at.nstiff;
     if (!(soft < 1 && inner < MAX_INNER_STEPS && cost < least)) continue;
     least = cost;

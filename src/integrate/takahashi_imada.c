@@ -113,8 +113,8 @@ static int invert_conversion(ms_stepper *s) {
   return off[ROUNDS - 1] <= off[0] + 1e-24 * ms_vector_dot(s->model->shape, x0, x0);
 }
 
-/* warm = 1: the state is that at the start of the run. Far beyond the longest stable step the
- * conversion has no inverse: x and v stay as they are. */
+/* cached_stage = 1: the state is that at the start of the run. Far beyond the longest stable step
+ * the conversion has no inverse: x and v stay as they are. */
 static void takahashi_imada_start(ms_stepper *s) {
   const size_t bytes =
       (size_t)s->model->unknowns.dims * (size_t)s->model->unknowns.stride * sizeof *s->x;

@@ -13,7 +13,7 @@ static msim_status velocity_verlet_step(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->shape;
   const double h = s->h;
   const int at = s->cached_stage == 2,
-            next = 1 - at; /* warm: 1 + index of the work vector with a(x) */
+            next = 1 - at; /* cached_stage: 1 + index of the work vector with a(x) */
   double *a = s->work[at], *a_next = s->work[next], *v_predicted = s->work[2];
   const int separable = ms_stepper_is_separable(s);
   if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, a);

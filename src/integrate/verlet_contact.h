@@ -10,7 +10,7 @@
 #include "integrate/contact_set.h"
 
 /* Corrects x_next = x + h v + h^2/2 a and v_predicted = v + h a of particles near planes. Does
- * nothing unless e->replays is set. */
+ * nothing unless e->method_handles_contact is set. */
 void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double *v_predicted);
 
 /* Corrects v_next = v + h/2 (a + a_next) of the same particles. */

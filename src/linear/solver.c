@@ -200,7 +200,8 @@ static msim_status form_right_hand_side(ms_solver *s, const ms_linear_system_spe
   return MSIM_OK;
 }
 
-/* 1 if v is accurate enough, or accurate to rounding. left: ||b - A v||; NAN: to be computed. */
+/* 1 if v is accurate enough, or accurate to rounding. residual_norm: ||b - A v||; NAN: to be
+ * computed. */
 static int is_accurate(ms_solver *s, const double *b, const double *v, double residual_norm) {
   const ms_linear_system *system = &s->system;
   const double size = s->target.size;

@@ -31,8 +31,8 @@ double ms_bernstein_evaluate(const ms_bernstein *s, double q);
 /* The least coefficient, a lower bound of the values in [0, 1]. */
 double ms_bernstein_lower_bound(const ms_bernstein *s);
 
-/* The first q where s falls below 0 and goes on below -noise (smaller values may be rounding
- * errors); MS_NOWHERE: none. If s(0) <= noise, the first q where s falls below s(0) again. */
+/* The first q where s falls below 0 and goes on below -tolerance (smaller values may be rounding
+ * errors); MS_NOWHERE: none. If s(0) <= tolerance, the first q where s falls below s(0) again. */
 #define MS_NOWHERE 2.0
 double ms_bernstein_find_crossing(const ms_bernstein *s, double tolerance);
 

@@ -25,7 +25,7 @@ typedef struct ms_bounds {
   double ratio;      /* >= w^2/g of any mode along springs, 1/s */
 } ms_bounds;
 
-/* By Gershgorin discs, in one loop over the springs for each of k and c. sharp: also by Lanczos's
+/* By Gershgorin discs, in one loop over the springs for each of k and c. tight: also by Lanczos's
  * method, in 15 to 30 more loops each; never above the discs. */
 msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bounds, msim_error *err);
 

@@ -12,16 +12,16 @@ double ms_impacts_distance(const msim_plane *p, const double x[3]) {
   return ms_vec3_dot(p->normal, x) - p->offset;
 }
 
-double ms_impacts_distance_tolerance(const ms_collision_planes *walls, const double x[3]) {
-  return 8 * DBL_EPSILON * fmax(walls->scene_size, ms_vec3_norm(x)) + walls->contact_distance;
+double ms_impacts_distance_tolerance(const ms_collision_planes *planes, const double x[3]) {
+  return 8 * DBL_EPSILON * fmax(planes->scene_size, ms_vec3_norm(x)) + planes->contact_distance;
 }
 
 double ms_impacts_speed_tolerance(const double v[3]) { return 16 * DBL_EPSILON * ms_vec3_norm(v); }
 
-ms_plane_set ms_impacts_find_touched(const ms_collision_planes *walls, const double x[3]) {
-  const double tolerance = ms_impacts_distance_tolerance(walls, x);
+ms_plane_set ms_impacts_find_touched(const ms_collision_planes *planes, const double x[3]) {
+  const double tolerance = ms_impacts_distance_tolerance(planes, x);
   ms_plane_set touch = {0};
-  for (const msim_plane *p = walls->plane; p < walls->plane + walls->n; p++)
+  for (const msim_plane *p = planes->plane; p < planes->plane + planes->n; p++)
     if (ms_impacts_distance(p, x) <= tolerance && touch.n < MS_MAX_TOUCHED_PLANES)
       touch.plane[touch.n++] = p;
   return touch;

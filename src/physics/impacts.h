@@ -35,18 +35,18 @@ typedef struct ms_collision_planes {
 } ms_collision_planes;
 
 /* Rounding tolerances of a distance at x, merge included, and of a speed. */
-double ms_impacts_distance_tolerance(const ms_collision_planes *walls, const double x[3]);
+double ms_impacts_distance_tolerance(const ms_collision_planes *planes, const double x[3]);
 double ms_impacts_speed_tolerance(const double v[3]);
 
 /* The first MS_MAX_TOUCHED_PLANES planes that x touches or lies behind: s <=
  * ms_impacts_distance_tolerance. */
-ms_plane_set ms_impacts_find_touched(const ms_collision_planes *walls, const double x[3]);
+ms_plane_set ms_impacts_find_touched(const ms_collision_planes *planes, const double x[3]);
 
 /* The planes with n_i.v < limit */
 ms_plane_set ms_impacts_select_approached(const ms_plane_set *touch, const double v[3],
                                           double limit);
 
-/* The planes with J_i > noise; *pull: their friction limit, sum mu_i J_i. */
+/* The planes with J_i > tolerance; *friction_limit: their friction limit, sum mu_i J_i. */
 ms_plane_set ms_impacts_select_pushing(const ms_plane_set *touch, const double *J, double tolerance,
                                        double *friction_limit);
 
@@ -75,7 +75,7 @@ void ms_impacts_move_to_distance(const ms_plane_set *touch, const double *distan
 double ms_impacts_remove_normal(const ms_plane_set *touch, double u[3], double *least);
 
 /* Project an acceleration a to n_i.a >= 0 for all planes. Returns the planes with a normal force
- * over mass J_i > noise; *pull: their friction limit over mass, sum mu_i J_i. */
+ * over mass J_i > tolerance; *friction_limit: their friction limit over mass, sum mu_i J_i. */
 ms_plane_set ms_impacts_remove_pressing(const ms_plane_set *touch, double tolerance, double a[3],
                                         double *friction_limit);
 

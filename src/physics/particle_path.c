@@ -11,7 +11,7 @@ typedef struct path_progress {
   ms_particle_path *p;
   double t;
   ms_plane_set contact; /* the planes that it rests on or slides along */
-  double noise;         /* rounding tolerance of a velocity */
+  double tolerance;     /* rounding tolerance of a velocity */
   int stalled;          /* consecutive impacts at most 1e-6 h apart */
 } path_progress;
 
@@ -56,15 +56,15 @@ static double time_to_plane(double s, double u, double g, int touches, double to
 /* The first plane that the parabola from x with v and a meets within `left`; NULL: none. */
 static const msim_plane *find_impact(const path_progress *k, const double v[3], const double a[3],
                                      double left, double *when) {
-  const ms_collision_planes *walls = &k->p->planes;
-  const double tolerance = ms_impacts_distance_tolerance(walls, k->p->x);
+  const ms_collision_planes *planes = &k->p->planes;
+  const double tolerance = ms_impacts_distance_tolerance(planes, k->p->x);
   const msim_plane *first = NULL;
   *when = left;
-  for (const msim_plane *q = walls->plane; q < walls->plane + walls->n; q++) {
+  for (const msim_plane *q = planes->plane; q < planes->plane + planes->n; q++) {
     if (ms_impacts_contains_plane(&k->contact, q)) continue;
     const double s = ms_impacts_distance(q, k->p->x), *n = q->normal;
     const double t =
-        time_to_plane(s, ms_vec3_dot(n, v), ms_vec3_dot(n, a), s <= tolerance, k->noise);
+        time_to_plane(s, ms_vec3_dot(n, v), ms_vec3_dot(n, a), s <= tolerance, k->tolerance);
     if (t < *when) *when = t, first = q;
   }
   return first;
@@ -208,14 +208,14 @@ static void handle_impact(path_progress *k, const msim_plane *hit) {
     double unused;
     ms_impacts_remove_pressing(&touched, 0, p->v, &unused);
     ms_impacts_remove_pressing(&touched, 0, p->w, &unused);
-    find_resting_planes(k, &touched, 1e4 * k->noise);
+    find_resting_planes(k, &touched, 1e4 * k->tolerance);
     k->stalled = 0;
     return;
   }
-  find_resting_planes(k, &touched, k->noise);
+  find_resting_planes(k, &touched, k->tolerance);
   if (touched.n == 1 && !k->contact.n) {
     sum_following_bounces(k, touched.plane[0]);
-    find_resting_planes(k, &touched, k->noise);
+    find_resting_planes(k, &touched, k->tolerance);
   }
 }
 
@@ -235,7 +235,7 @@ static void start_path(path_progress *k) {
 
 void ms_particle_path_compute(ms_particle_path *p) {
   enum { MOST = 1000 };
-  path_progress k = {.p = p, .noise = 1e-14 * (ms_vec3_norm(p->v) + p->h * ms_vec3_norm(p->a))};
+  path_progress k = {.p = p, .tolerance = 1e-14 * (ms_vec3_norm(p->v) + p->h * ms_vec3_norm(p->a))};
   p->impacts = 0;
   start_path(&k);
   for (int i = 0; i < MOST && k.t < p->h; i++) {

@@ -127,9 +127,9 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
   return f;
 }
 
-/* 1: the tag `warm` may be restored with a kept state. Methods with other variables than x and v
- * set it only in the state that a run started from, for work vectors that no step overwrites. Tags
- * of other methods refer to vectors that steps overwrite. */
+/* 1: the tag `cached_stage` may be restored with a kept state. Methods with other variables than x
+ * and v set it only in the state that a run started from, for work vectors that no step overwrites.
+ * Tags of other methods refer to vectors that steps overwrite. */
 static int tag_is_restorable(const msim_sim *sim) {
   return sim->integrator->convert_state || sim->integrator->sync;
 }

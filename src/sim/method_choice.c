@@ -256,19 +256,19 @@ static msim_status find_multirate_step(const ms_pilot_run *p, int64_t *n, double
                                        msim_error *err) {
   const ms_model *model = ms_pilot_run_model(p);
   const double springs = model->springs.n;
-  int *octave = ms_memory_allocate(&p->sim->alloc, (size_t)model->springs.n, sizeof *octave);
-  msim_status status = octave ? MSIM_OK : ms_error_set_memory(err, "the choice of a method");
+  int *class_of = ms_memory_allocate(&p->sim->alloc, (size_t)model->springs.n, sizeof *class_of);
+  msim_status status = class_of ? MSIM_OK : ms_error_set_memory(err, "the choice of a method");
   *cost = INFINITY;
   for (int64_t m = (int64_t)(p->duration / longest_trial_step(p, &ms_velocity_verlet)) / 8;
        m > 0 && !status; m /= 2) {
     const double h = p->duration / (double)(2 * m);
     ms_stiffness_partition cut;
-    status = ms_stiffness_partition_choose(model, h, octave, &cut, err);
+    status = ms_stiffness_partition_choose(model, h, class_of, &cut, err);
     const double price = (springs + cut.inner * cut.nstiff) / springs;
     if (status || cut.nstiff == 0) break;
     if (price / h < *cost) *n = m, *cost = price / h;
   }
-  ms_memory_free(&p->sim->alloc, octave);
+  ms_memory_free(&p->sim->alloc, class_of);
   return status;
 }
 

@@ -5,13 +5,13 @@
 #include "sim/sim.h"
 
 /* Computed once, rough and tight each, until the springs change. */
-static msim_status compute_bounds(msim_sim *sim, int sharp, msim_error *err) {
+static msim_status compute_bounds(msim_sim *sim, int tight, msim_error *err) {
   ms_step_limit *a = &sim->step_limit;
-  if (a->tightness > sharp) return MSIM_OK;
-  msim_status status = ms_bounds_compute(sim->scene, sharp, &a->bounds, err);
+  if (a->tightness > tight) return MSIM_OK;
+  msim_status status = ms_bounds_compute(sim->scene, tight, &a->bounds, err);
   if (status) return status;
   a->limit = sim->integrator->limit ? sim->integrator->limit(&a->bounds) : INFINITY;
-  a->tightness = 1 + sharp;
+  a->tightness = 1 + tight;
   return MSIM_OK;
 }
 
