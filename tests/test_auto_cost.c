@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "auto_scenes.h"
-#include "sim/pilot_run.h"
+#include "choose/pilot_run.h"
 
 /*------------------------------------- error and work -------------------------------------------*/
 

@@ -4,8 +4,8 @@
 
 #include "auto_scenes.h"
 #include "msim/backend.h"
-#include "sim/pilot_run.h"
-#include "sim/rejection_reasons.h"
+#include "choose/pilot_run.h"
+#include "choose/rejection_reasons.h"
 
 enum { IMPLICIT = MS_CANDIDATES - 1 };
 

@@ -2,7 +2,7 @@
  * error control such steps have order 2; fixed ones are those of implicit Euler. And of its error
  * estimate. */
 #include "error_control.h"
-#include "sim/step_driver.h"
+#include "sim/island_step.h"
 
 /* A mass of 1 kg on a spring of rest length 0, 1 m from its pin: x = cos(10 t) + sin(10 t) */
 static msim_scene *oscillator(void) {
@@ -67,7 +67,7 @@ static void the_estimate_of_a_step_is_its_error(void **state) {
     before[0][0] = x_at(0), before[1][0] = v_at(0), before[2][0] = -100 * x_at(h);
     s->x[0] = x_at(h), s->v[0] = v_at(h);
     s->h = ratio[i] * h, s->h_before = h;
-    assert_ok(ms_step_driver_make_substeps(sim, s, 1, err));
+    assert_ok(ms_island_step_make_substeps(sim, s, 1, err));
     double *dx = s->x_spare[1], *dv = s->v_spare[1];
     sim->integrator->estimate(s, 0, dx, dv);
     assert_close(dx[0] / (s->x_next[0] - x_at(h + s->h)), 1, 0.03);

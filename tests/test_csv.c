@@ -9,7 +9,7 @@
 
 #include "testing.h"
 #include "sample_recording.h"
-#include "sim/csv.h"
+#include "record/csv.h"
 
 static counting_host host;
 

@@ -9,7 +9,7 @@
 #include <pthread.h>
 
 #include "trajectory.h"
-#include "sim/csv.h"
+#include "record/csv.h"
 
 static counting_host host;
 

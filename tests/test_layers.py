@@ -5,7 +5,8 @@ from pathlib import Path
 
 import support
 
-LEVELS = {"base": 0, "scene": 1, "layout": 2, "physics": 3, "linear": 4, "integrate": 5, "sim": 6}
+LEVELS = {"base": 0, "scene": 1, "layout": 2, "physics": 3, "linear": 4, "integrate": 5, "sim": 6,
+          "choose": 7, "checkpoint": 8, "record": 9, "report": 9, "api": 10}
 # The modules and headers that a module may include besides its own headers and those of C11;
 # layout, physics, linear and integrate only compute.
 C11 = {name + ".h" for name in
@@ -13,7 +14,7 @@ C11 = {name + ".h" for name in
        stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath time
        wchar wctype""".split()}
 SYSTEM = {"base": {"dlfcn.h", "immintrin.h", "pthread.h", "sched.h", "unistd.h"},
-          "scene": {"jansson.h"}, "sim": {"fcntl.h", "sys/stat.h", "unistd.h"}}
+          "scene": {"jansson.h"}, "record": {"fcntl.h", "sys/stat.h", "unistd.h"}}
 LONGEST_FILE, LONGEST_FUNCTION, LONGEST_LINE = 500, 80, 100
 
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:"([^"]+)"|<([^>]+)>)', re.M)
@@ -77,6 +78,34 @@ def functions(text):
             start = at + 1
 
 
+def definitions(text):
+    """Names of the functions with external linkage that a file defines; text: without comments."""
+    return re.findall(r"^(?!static)[A-Za-z_][\w \*]*?\b(msi?m?_\w+)\([^;{]*\)\s*\{", text, re.M)
+
+
+def circles(uses):
+    """The files that use each other, in groups; uses: {file: files whose functions it names}."""
+    def reach(start):
+        seen, todo = set(), [start]
+        while todo:
+            for other in uses[todo.pop()] - seen:
+                seen.add(other)
+                todo.append(other)
+        return seen
+
+    reached = {file: reach(file) for file in uses}
+    return sorted({tuple(sorted(other for other in reached[file] if file in reached[other]))
+                   for file in uses if file in reached[file]})
+
+
+def uses_of(texts):
+    """{file: the other files whose functions it names}; texts: {file: its text}."""
+    code = {file: COMMENT_OR_STRING.sub(blank, text) for file, text in texts.items()}
+    home = {function: file for file, text in code.items() for function in definitions(text)}
+    return {file: {home[word] for word in re.findall(r"\b\w+\b", text) if word in home} - {file}
+            for file, text in code.items()}
+
+
 class Layers(unittest.TestCase):
     def check(self, path, include, allowed, why):
         self.assertTrue(allowed, f"{name(path)} includes {include}: {why}")
@@ -95,6 +124,15 @@ class Layers(unittest.TestCase):
             for include in system_includes(path):
                 self.check(path, include, include in C11 | SYSTEM.get(own, set()),
                            f"{own} needs no such header")
+
+    def test_files_do_not_call_in_circles(self):
+        texts = {name(path): path.read_text() for path in files("src", pattern="*.c")}
+        self.assertEqual(circles(uses_of(texts)), [])
+
+    def test_the_search_for_circles_itself(self):
+        texts = {"a.c": "int ms_a(void) { return ms_b(); }", "b.c": "int ms_b(void) { ms_c(); }",
+                 "c.c": "void ms_c(void) {\n  ms_b();\n}", "d.c": "static int ms_d(void) { ms_a(); }"}
+        self.assertEqual(circles(uses_of(texts)), [("b.c", "c.c")])
 
     def test_backends_see_their_table_only(self):
         for path in files("backends"):

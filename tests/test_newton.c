@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "scenes.h"
-#include "sim/step_driver.h"
+#include "sim/island_step.h"
 
 static const char *const methods[] = {
     "implicit-euler", "implicit-midpoint", "trapezoidal", "newmark", "bdf2", "tr-bdf2", "sdirk2"};
@@ -169,7 +169,7 @@ static void a_part_that_fails_leaves_nothing(void **state) {
     memcpy(x, state_of(sim).x, sizeof x), memcpy(v, state_of(sim).v, sizeof v);
     make_part_fail(sim, &method, 2);
     ms_stepper *s = &sim->islands->stepper;
-    assert_int_equal(ms_step_driver_make_substeps(sim, s, 2, NULL), MSIM_NOT_CONVERGED);
+    assert_int_equal(ms_island_step_make_substeps(sim, s, 2, NULL), MSIM_NOT_CONVERGED);
     assert_memory_equal(state_of(sim).x, x, sizeof x);
     const msim_state start = {sizeof start, 4, state_of(sim).t, N, x, v, NULL, 0};
     assert_ok(msim_sim_set_state(fresh, &start, err));

@@ -6,7 +6,7 @@
 
 #include "testing.h"
 #include "sample_recording.h"
-#include "sim/recorders.h"
+#include "record/recorders.h"
 
 /* The recorder hdf5, loaded or linked in; NULL: missing. */
 static inline const msim_recorder_type *find_hdf5_recorder(void) {

@@ -222,10 +222,7 @@ static int settle_contact(ms_stepper *s, ms_contact *c) {
 }
 
 void ms_contact_set_free_acceleration(ms_stepper *s, const double *x, const double *v, double *a) {
-  const int32_t n = s->events->ncontacts;
-  s->events->ncontacts = 0;
-  ms_stepper_acceleration(s, x, v, a);
-  s->events->ncontacts = n;
+  ms_stepper_evaluate_model(s, s->model, &(ms_fused_step){.x = x, .v = v, .a = a});
 }
 
 void ms_contact_set_update(ms_stepper *s) {

@@ -24,15 +24,6 @@ void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *request) {
   request->nconstraints = s->events->ncontacts;
 }
 
-void ms_stepper_evaluate_model(ms_stepper *s, const ms_model *model, const ms_fused_step *pass) {
-  double start = ms_clock_now();
-  const int good = ms_fused_step_run(model, pass);
-  s->finite = good && pass->v_to && (pass->x_to || pass->x == s->x_next);
-  s->stats->force_evaluations++;
-  s->stats->spring_evaluations += model->springs.n;
-  s->stats->force_s += ms_clock_now() - start;
-}
-
 /* The same with particles in contact. The acceleration at s->x, s->v may be known. */
 static void evaluate_at_planes(ms_stepper *s, const ms_fused_step *pass) {
   const ms_contact_set *e = s->events;

@@ -13,7 +13,7 @@
 /*------------------------------------- creation and destruction ---------------------------------*/
 
 static int may_lag_factor(const ms_solver *s) {
-  return strcmp(s->opt->solver, "auto") == 0 && s->system.a.block > 1 &&
+  return ms_solver_choice_is_auto(s->opt) && s->system.a.block > 1 &&
          !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
 }
 
@@ -21,8 +21,16 @@ int ms_solver_may_have_constraints(const ms_solver *s) {
   return s->opt->collision == MSIM_COLLISION_EVENT && s->system.model->features & MSIM_SKIP_PLANES;
 }
 
+/* None is needed if the matrix is constant. */
+static msim_status create_linearization_point(ms_solver *s, ms_linearization_point *point,
+                                              msim_error *err) {
+  if (s->system.a.block == 1 || point->x) return MSIM_OK;
+  return ms_linearization_point_create(s->system.model, ms_solver_may_have_constraints(s), point,
+                                       err);
+}
+
 static msim_status start_lagging(ms_solver *s, ms_linear *by, msim_error *err) {
-  const msim_status status = ms_solver_create_linearization_point(s, &s->lagged_point, err);
+  const msim_status status = create_linearization_point(s, &s->lagged_point, err);
   return status ? status : ms_lagged_factor_create(&s->system, by, &s->lagged_factor, err);
 }
 
@@ -32,7 +40,7 @@ static msim_status take_choice(ms_solver *s, const ms_solver_choice *choice, msi
   snprintf(s->reason, sizeof s->reason, "%s", choice->reason);
   s->amortization.allowed = may_lag_factor(s) && s->linear->aggregates > 0;
   if (s->linear->aggregates && !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR)) {
-    const msim_status status = ms_solver_create_linearization_point(s, &s->coarse_point, err);
+    const msim_status status = create_linearization_point(s, &s->coarse_point, err);
     if (status) return status;
   }
   if (!may_lag_factor(s) || !s->linear->factorises || !(s->linear->fill > 0)) return MSIM_OK;
@@ -42,7 +50,7 @@ static msim_status take_choice(ms_solver *s, const ms_solver_choice *choice, msi
 void ms_solver_drop_lagged_factor(ms_solver *s) {
   if (s->amortization.cholmod) s->amortization.cholmod->ops->destroy(s->amortization.cholmod);
   ms_lagged_factor_destroy(&s->system, &s->lagged_factor);
-  ms_solver_destroy_linearization_point(s, &s->lagged_point);
+  ms_linearization_point_destroy(s->system.model, &s->lagged_point);
   s->amortization = (ms_amortization){0};
 }
 
@@ -67,7 +75,7 @@ static msim_status solver_set_up(ms_solver *s, double h, msim_error *err) {
 /* With solver = auto or pcg: solvers for the damping derivative, unless that selected takes it. */
 static msim_status create_unsymmetric_solvers(ms_solver *s, msim_error *err) {
   const ms_model *model = s->system.model;
-  if (!ms_solver_depends_on_springs(s) || s->linear->exact || s->linear->unsymmetric)
+  if (!ms_solver_choice_depends_on_springs(s->opt) || s->linear->exact || s->linear->unsymmetric)
     return MSIM_OK;
   if (s->system.a.block == 1 || !(model->features & MSIM_SKIP_DAMPING)) return MSIM_OK;
   const msim_status status = ms_elimination_create(model, &s->elimination, err);
@@ -96,7 +104,7 @@ void ms_solver_destroy(ms_solver *s) {
   const ms_model *model = s->system.model;
   if (s->linear) s->linear->ops->destroy(s->linear);
   ms_solver_drop_lagged_factor(s);
-  ms_solver_destroy_linearization_point(s, &s->coarse_point);
+  ms_linearization_point_destroy(s->system.model, &s->coarse_point);
   ms_coefficients_destroy(model, &s->system.a);
   ms_momentum_destroy_components(model, &s->components);
   ms_elimination_destroy(model, &s->elimination);

@@ -7,6 +7,7 @@
 #include "linear/bicgstab.h"
 #include "linear/elimination.h"
 #include "linear/lagged_factor.h"
+#include "linear/linearization_point.h"
 #include "linear/momentum.h"
 
 /* Amortization: cholmod computes a factor once pcg has spent its cost on a matrix that hardly
@@ -17,15 +18,6 @@ typedef struct ms_amortization {
   double flops;       /* of pcg since the matrix changed, or since cholmod computed a factor */
   int64_t solves;     /* solves that took them */
 } ms_amortization;
-
-/* Linearization point: the data from which a factorization was computed. A resumed run computes it
- * again from them, to the bit. */
-typedef struct ms_linearization_point {
-  double *x; /* NULL: not recorded, as no factor is lagged, or as A does not depend on x */
-  ms_constraint *constraint; /* nholds constrained unknowns; NULL where there can be none */
-  double h;
-  int32_t clamped, kind, nconstraints;
-} ms_linearization_point;
 
 typedef struct ms_solver {
   ms_linear_system system;
@@ -108,25 +100,12 @@ msim_status ms_solver_descend(ms_solver *solver, const ms_linear_system_spec *re
 /* Discard lagged factors, so that later solves depend on the state alone. */
 void ms_solver_discard_factors(ms_solver *solver);
 
-/* 1: the linear solver, or its coarse space, was selected by h and the springs at its creation. */
-int ms_solver_depends_on_springs(const ms_solver *solver);
-
-/* Count, write or read all that later solves take over from earlier ones (solver_state.c). To be
- * read by a solver just created with the same h, and, if ms_solver_depends_on_springs(), the same
- * springs: it then solves to the same bits. After an error, or with invalid bytes, it must not be
- * used. */
-msim_status ms_solver_archive(ms_archive *bytes, ms_solver *solver, msim_error *err);
-
-/* For ms_solver_archive(): */
+/* For solver_state.c: */
 /* Let `by`, a linear solver of this one, compute its factorization at a linearization point. */
 msim_status ms_solver_factor_at(ms_solver *solver, ms_linear *by,
                                 const ms_linearization_point *origin, msim_error *err);
 /* 1: specs may have constraints. */
 int ms_solver_may_have_constraints(const ms_solver *solver);
-/* Memory for a linearization point, unless it is there or the matrix is constant */
-msim_status ms_solver_create_linearization_point(ms_solver *solver, ms_linearization_point *point,
-                                                 msim_error *err);
-void ms_solver_destroy_linearization_point(ms_solver *solver, ms_linearization_point *point);
 /* Replace pcg by cholmod for good; open cholmod beside pcg, for factors that precondition; drop
  * these for good. */
 msim_status ms_solver_switch_to_cholmod(ms_solver *solver, msim_error *err);

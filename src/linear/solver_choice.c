@@ -84,3 +84,9 @@ msim_status ms_solver_choice_make(const ms_linear_system *system, const msim_opt
       "solve asks; take cholmod, or indefinite = clamp or stop",
       opt->solver);
 }
+
+int ms_solver_choice_is_auto(const msim_options *opt) { return strcmp(opt->solver, "auto") == 0; }
+
+int ms_solver_choice_depends_on_springs(const msim_options *opt) {
+  return ms_solver_choice_is_auto(opt) || strcmp(opt->solver, "pcg") == 0;
+}

@@ -1,5 +1,4 @@
-/* solver_choice - selects the linear solver: the one named, or for solver = auto by estimated cost
- * */
+/* solver_choice - selects the linear solver: the one named, or by estimated cost (solver = auto) */
 #ifndef MS_SOLVER_CHOICE_H
 #define MS_SOLVER_CHOICE_H
 
@@ -14,5 +13,9 @@ typedef struct ms_solver_choice {
  * MSIM_ERR_ARG: the solver named is not capable of indefinite = solve. */
 msim_status ms_solver_choice_make(const ms_linear_system *system, const msim_options *opt, double h,
                                   ms_solver_choice *choice, msim_error *err);
+
+int ms_solver_choice_is_auto(const msim_options *opt);
+/* 1: the linear solver, or its coarse space, is selected by h and the springs at its creation. */
+int ms_solver_choice_depends_on_springs(const msim_options *opt);
 
 #endif

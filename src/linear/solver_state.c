@@ -1,47 +1,12 @@
-/* solver_state - serializes the state of a solver that affects later solves, for checkpoints:
- *
- *   linear solver         auto may have replaced pcg by cholmod for good
- *   lagged factor         its linearization point; its age and cost, which decide on its use
- *   coarse factor         of pcg, likewise
- *   constant matrix       its h, as a scalar matrix is factored once for a whole run
- *   amortization          flops of pcg so far; whether cholmod was opened for a factor, or given up
- *
- * All else is computed anew in each solve. The caller creates the solver for the same h and springs
- * before its state is read. Instead of factors their linearization points are stored, which are
- * hundreds of times smaller and reproduce the factors to the bit. */
 #include <math.h>
 #include <string.h>
 
 #include "linear/pcg.h"
-#include "linear/solver.h"
-
-msim_status ms_solver_create_linearization_point(ms_solver *s, ms_linearization_point *origin,
-                                                 msim_error *err) {
-  const ms_model *model = s->system.model;
-  if (s->system.a.block == 1 || origin->x) return MSIM_OK;
-  const int holds = ms_solver_may_have_constraints(s);
-  origin->x = ms_unknowns_new_vector(model->scene, &model->unknowns);
-  if (holds)
-    origin->constraint = ms_memory_allocate(&model->scene->alloc, (size_t)model->unknowns.nfree,
-                                            sizeof *origin->constraint);
-  if (origin->x && (origin->constraint || !holds)) return MSIM_OK;
-  return ms_error_set_memory(err, "the linear solver");
-}
-
-void ms_solver_destroy_linearization_point(ms_solver *s, ms_linearization_point *origin) {
-  ms_memory_free(&s->system.model->scene->alloc, origin->x);
-  ms_memory_free(&s->system.model->scene->alloc, origin->constraint);
-  *origin = (ms_linearization_point){0};
-}
+#include "linear/solver_choice.h"
+#include "linear/solver_state.h"
 
 static ms_pcg *pcg_of(const ms_solver *s) {
   return strcmp(s->linear->name, "pcg") == 0 ? (ms_pcg *)s->linear : NULL;
-}
-
-static int is_auto(const ms_solver *s) { return strcmp(s->opt->solver, "auto") == 0; }
-
-int ms_solver_depends_on_springs(const ms_solver *s) {
-  return is_auto(s) || strcmp(s->opt->solver, "pcg") == 0;
 }
 
 /* Decisions that are stored as flags */
@@ -148,7 +113,7 @@ static msim_status recompute_factors(ms_solver *s, int32_t age,
   return status;
 }
 
-msim_status ms_solver_archive(ms_archive *b, ms_solver *s, msim_error *err) {
+msim_status ms_solver_state_archive(ms_archive *b, ms_solver *s, msim_error *err) {
   decisions d = decisions_of(s);
   int32_t age = coarse_age(s);
   ms_linearization_point constant = {.h = s->constant_h,
@@ -168,9 +133,9 @@ msim_status ms_solver_archive(ms_archive *b, ms_solver *s, msim_error *err) {
                    "a coarse factor");
   if (ms_archive_failed(b)) return MSIM_OK;
   const int counts = b->direction == MS_ARCHIVE_COUNT; /* count what may exist later, too */
-  if (counts ? is_auto(s) || pcg_of(s) : age >= 0)
+  if (counts ? ms_solver_choice_is_auto(s->opt) || pcg_of(s) : age >= 0)
     archive_linearization_point(b, s, &s->coarse_point);
-  if (counts ? is_auto(s) : s->lagged_factor.age > 0)
+  if (counts ? ms_solver_choice_is_auto(s->opt) : s->lagged_factor.age > 0)
     archive_linearization_point(b, s, &s->lagged_point);
   if (b->direction != MS_ARCHIVE_READ || ms_archive_failed(b)) return MSIM_OK;
   return recompute_factors(s, age, &constant, err);

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "scene/json_reader.h"
+#include "scene/scene_json.h"
 
 enum { MOST_LENGTH = 255 }; /* of a path; "objects/0/k/structural" is shorter */
 

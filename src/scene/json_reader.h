@@ -69,11 +69,4 @@ msim_status ms_json_read_each(const ms_json_reader *r, const char *key, ms_value
 msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_value value,
                                int32_t n, int32_t *index);
 
-/* In scene_json.c: build the scene that a tree describes, in r->scene. */
-msim_status ms_json_build_scene(ms_json_reader *r, ms_value root);
-
-/* In scene_json_objects.c: add the particles of `objects`, and later their springs. */
-msim_status ms_json_add_objects(ms_json_reader *r, const char *path, ms_value objects);
-msim_status ms_json_add_object_springs(const ms_json_reader *r);
-
 #endif

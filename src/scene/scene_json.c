@@ -2,8 +2,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "scene/json_reader.h"
 #include "scene/options.h"
+#include "scene/scene_json.h"
+#include "scene/scene_json_objects.h"
 
 enum { FORMAT_VERSION = 1 };
 

@@ -1,7 +1,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "scene/json_reader.h"
+#include "scene/scene_json_objects.h"
 
 /*------------------------------------- types ----------------------------------------------------*/
 

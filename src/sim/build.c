@@ -1,6 +1,7 @@
 /* build - create the model, the solver and the vectors of each island */
 #include "integrate/implicit_contact.h"
 #include "integrate/multirate.h"
+#include "sim/island_step.h"
 #include "sim/step_driver.h"
 
 static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error *err) {
@@ -12,8 +13,8 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   const int nwork = events && sim->integrator->entry.implicit ? MS_IMPLICIT_CONTACT_WORK : 0;
   for (int i = 0; i < sim->integrator->nwork || i < nwork; i++) vectors[count++] = &s->work[i];
   const int halves =
-      ms_sim_has_control(sim) || ms_sim_selects(sim) || ms_step_driver_count_retries(sim) > 1;
-  const int spare = halves ? 2 : ms_step_driver_count_retries(sim) > 0;
+      ms_sim_has_control(sim) || ms_sim_selects(sim) || ms_island_step_count_retries(sim) > 1;
+  const int spare = halves ? 2 : ms_island_step_count_retries(sim) > 0;
   for (int i = 0; i < spare; i++)
     vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
   for (int i = 0; i < count; i++) {
@@ -162,10 +163,11 @@ msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *er
   return MSIM_OK;
 }
 
-const ms_island_sim *ms_sim_largest_island(const msim_sim *sim) {
-  const ms_island_sim *largest = sim->islands;
-  for (int32_t i = 1; i < sim->nislands; i++)
-    if (sim->islands[i].model.unknowns.nfree > largest->model.unknowns.nfree)
-      largest = &sim->islands[i];
-  return largest;
+void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {
+  sim->scene = scene;
+  sim->scene_is_hashed = 0;
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    sim->islands[i].model.scene = scene;
+    ms_model_update_springs(&sim->islands[i].model, sim->opt.skip_off);
+  }
 }

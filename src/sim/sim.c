@@ -23,15 +23,6 @@ static msim_status set_method(msim_sim *sim, msim_error *err) {
   return ms_step_driver_choose_control(sim, err);
 }
 
-void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
-  msim_error note;
-  va_list args;
-  va_start(args, format);
-  ms_error_vset(&note, MSIM_OK, format, args);
-  va_end(args);
-  if (sim->opt.warn) sim->opt.warn(note.text, sim->opt.warn_user);
-}
-
 /* ms_method_choice_make chooses the method later, when all other options are known. */
 static msim_status set_auto(msim_sim *sim, msim_error *err) {
   msim_options usual;
@@ -85,35 +76,6 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
   return set_collision(sim, err);
 }
 
-/* Warn that the plan has lowered the given h, once for each h. */
-static void warn_lowered_step(const msim_sim *sim, const ms_plan *plan) {
-  if (sim->step_limit.from_auto || ms_sim_selects(sim)) return;
-  if (plan->h == plan->h_asked || plan->h == sim->plan.h) return;
-  ms_sim_warn(sim, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
-              plan->h_asked, plan->h, (long long)plan->steps, sim->opt.t_end);
-}
-
-static msim_status find_first_step(const msim_sim *sim, const double *x, const double *v,
-                                   ms_plan *plan, msim_error *err) {
-  const ms_control control = ms_control_make(sim->integrator, sim->opt.tol, ms_plan_span(plan));
-  ms_scales scales;
-  if (plan->h > 0) return MSIM_OK;
-  const msim_status status = ms_scales_compute(sim->scene, x, v, control.span, &scales, err);
-  if (!status) plan->h = plan->h_asked = ms_control_first_step(&control, &scales);
-  return status;
-}
-
-msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,
-                             msim_error *err) {
-  ms_plan plan;
-  msim_status status = ms_plan_create(&sim->opt, t0, &plan, err);
-  if (!status && ms_sim_has_control(sim)) status = find_first_step(sim, x, v, &plan, err);
-  if (status) return status;
-  warn_lowered_step(sim, &plan);
-  sim->plan = plan;
-  return MSIM_OK;
-}
-
 msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *damping,
                                        msim_error *err) {
   const ms_scene *scene = sim->scene;
@@ -146,11 +108,11 @@ static msim_status allocate_state(msim_sim *sim, msim_error *err) {
   return ms_error_set_memory(err, "the state");
 }
 
-static msim_status init_sim(msim_sim *sim, const msim_options *opt, msim_error *err) {
+static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choose *choose,
+                            msim_error *err) {
   msim_status status = set_options(sim, opt, err);
   if (!status) status = ms_planes_check(sim->scene, err);
-  if (!status && ms_sim_selects(sim))
-    status = ms_method_choice_make(sim, 0, 0, sim->scene->x, sim->scene->v, err);
+  if (!status && ms_sim_selects(sim)) status = choose(sim, 0, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim))
     status = ms_step_limit_resolve_auto(sim, &sim->opt.h, err);
@@ -164,9 +126,8 @@ static msim_status init_sim(msim_sim *sim, const msim_options *opt, msim_error *
   return ms_sim_start(sim, &start, err);
 }
 
-msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, msim_sim **sim,
-                            msim_error *err) {
-  if (!scene || !opt || !sim) return ms_error_set(err, MSIM_ERR_ARG, "scene, opt or sim is NULL");
+msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
+                          msim_sim **sim, msim_error *err) {
   *sim = NULL;
   ms_scene *data = scene->data;
   if (data->nparticles == 0) return ms_error_set(err, MSIM_ERR_ARG, "the scene holds no particles");
@@ -176,7 +137,7 @@ msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, ms
   s->scene = ms_scene_retain(data);
   s->explanation.alloc = &s->alloc;
   atomic_init(&s->stop, 0);
-  msim_status status = init_sim(s, opt, err);
+  msim_status status = init_sim(s, opt, choose, err);
   if (status) {
     msim_sim_destroy(s);
     return status;
@@ -202,12 +163,7 @@ void msim_sim_destroy(msim_sim *sim) {
 
 /*------------------------------------- stepping -------------------------------------------------*/
 
-double ms_sim_time(const msim_sim *sim) {
-  if (ms_sim_has_control(sim)) return sim->t_shown;
-  return sim->t0 + (double)(sim->step - sim->step0) * sim->plan.h;
-}
-
-static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
+msim_status ms_sim_make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   double start = ms_clock_now();
   msim_status status = MSIM_OK;
   for (int64_t i = 0; i < n && !status; i++) {
@@ -222,77 +178,6 @@ static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   }
   sim->stats.total_s += ms_clock_now() - start;
   return status;
-}
-
-/* A later msim_sim_run does not show frames that these steps have passed. */
-msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
-  if (!sim || n < 0) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL, or n is negative");
-  msim_status status = make_steps(sim, n, err);
-  if (ms_plan_has_times(&sim->opt)) sim->frame = ms_plan_frame_after(&sim->plan, &sim->opt, sim->t);
-  return status ? status : ms_error_clear(err);
-}
-
-void msim_sim_stop(msim_sim *sim) { atomic_store(&sim->stop, 1); }
-
-int64_t msim_sim_next_frame(const msim_sim *sim) {
-  if (ms_plan_has_times(&sim->opt)) return sim->step + 1;
-  return sim->step0 + ms_plan_next_frame(&sim->plan, &sim->opt, sim->step - sim->step0);
-}
-
-static int is_at_end(const msim_sim *sim) {
-  if (!ms_sim_has_control(sim)) return sim->step - sim->step0 >= sim->plan.steps;
-  if (!ms_plan_has_times(&sim->opt)) return sim->t >= sim->plan.t_end;
-  return ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame - 1) >= sim->plan.t_end;
-}
-
-static msim_status run_to_step(msim_sim *sim, int64_t due, msim_error *err) {
-  msim_status status = MSIM_OK;
-  if (!ms_sim_has_control(sim)) return make_steps(sim, due - sim->step, err);
-  while (!status && sim->step < due && !is_at_end(sim)) status = make_steps(sim, 1, err);
-  return status;
-}
-
-/* The frame may lie inside the last step. */
-static msim_status run_to_time(msim_sim *sim, double due, msim_error *err) {
-  msim_status status = MSIM_OK;
-  while (!status && sim->t < due) status = make_steps(sim, 1, err);
-  return status;
-}
-
-/* Run to the next frame. shown: an observer will get it, so that its state is checked first.
- * *is_there: the frame is reached, also where a request to stop takes effect exactly there; after
- * such a request the next run shows a frame that has a time of its own. */
-static msim_status run_to_frame(msim_sim *sim, int shown, int *is_there, msim_error *err) {
-  const int has_times = ms_plan_has_times(&sim->opt);
-  const int64_t next = msim_sim_next_frame(sim);
-  const double due = has_times ? ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame) : 0;
-  msim_status status = has_times ? run_to_time(sim, due, err) : run_to_step(sim, next, err);
-  if (!status && shown) status = ms_energy_monitor_check(sim, err);
-  const int stopped_there = status == MSIM_STOPPED && (sim->step == next || is_at_end(sim));
-  *is_there = !status || (stopped_there && !has_times);
-  if (status || !has_times) return status;
-  ms_step_driver_show_time(sim, due);
-  sim->frame++;
-  return MSIM_OK;
-}
-
-msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msim_error *err) {
-  if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
-  if (sim->plan.t_end < 0)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "the run has no end: set options.steps or options.t_end");
-  if (observer && sim->step == sim->step0 && observer(sim, user))
-    return ms_error_set(err, MSIM_STOPPED, "stopped by the observer at the start");
-  while (!is_at_end(sim)) {
-    int is_there;
-    const msim_status status = run_to_frame(sim, observer != NULL, &is_there, err);
-    const int enough = is_there && observer && observer(sim, user);
-    if (status) return status;
-    if (enough)
-      return ms_error_set(err, MSIM_STOPPED, "stopped by the observer after step %lld, t = %g s",
-                          (long long)sim->step, ms_sim_time(sim));
-  }
-  return ms_error_clear(err);
 }
 
 void ms_sim_count_output(msim_sim *sim, double seconds) {

@@ -9,9 +9,8 @@
 #include "integrate/control.h"
 #include "scene/options.h"
 #include "sim/step_limit.h"
-#include "sim/fingerprint.h"
 #include "sim/plan.h"
-#include "sim/method_choice.h"
+#include "sim/choice.h"
 #include "sim/error_growth.h"
 #include "sim/energy_monitor.h"
 
@@ -30,6 +29,8 @@ typedef struct ms_island_sim {
   ms_island_verification verification;
   ms_disturbance disturbance;
 } ms_island_sim;
+
+enum { MS_SCENE_HASHES = 8 }; /* hashed arrays of a scene (checkpoint/fingerprint.h) */
 
 struct msim_sim {
   msim_allocator alloc;
@@ -82,7 +83,10 @@ static inline int ms_sim_has_control(const msim_sim *sim) { return sim->opt.tol 
 static inline int ms_sim_selects(const msim_sim *sim) { return sim->choice.tol > 0; }
 
 /* The time of the state that msim_sim_state returns, s. */
-double ms_sim_time(const msim_sim *sim);
+static inline double ms_sim_time(const msim_sim *sim) {
+  if (ms_sim_has_control(sim)) return sim->t_shown;
+  return sim->t0 + (double)(sim->step - sim->step0) * sim->plan.h;
+}
 
 /* Build all islands, without components along the axis left_out (-1: with all three); on failure
  * the old ones stay. The caller then has to set the state. */
@@ -128,15 +132,30 @@ void ms_sim_free_matrix(msim_sim *sim);
 /* Pass a note to options.warn, if that is set. */
 void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
 
+/* Choose a method for integrator = auto from the state x, v (3n, in particle order) at t0. late: a
+ * run that has begun (method_choice.h) */
+typedef msim_status ms_sim_choose(msim_sim *sim, int late, double t0, const double *x,
+                                  const double *v, msim_error *err);
+
+/* As msim_sim_create(), without a check of the arguments. choose: for integrator = auto; else NULL
+ * */
+msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
+                          msim_sim **sim, msim_error *err);
+
+/* Make n steps, or fewer if one fails or the sim is asked to stop. The method stays. */
+msim_status ms_sim_make_steps(msim_sim *sim, int64_t n, msim_error *err);
+
+/* MSIM_ERR_ARG if the state does not fit the scene or is not finite. */
+msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msim_error *err);
+
+/* Check the state and start a run from it by the present method. */
+msim_status ms_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err);
+
 /* Start a run from this state, which the caller has checked. */
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err);
 
 /* Start all islands in this state, with the planned step. */
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state);
-
-/* From here on planes count (step_verification.h): choose a method for impacts in the present
- * state, with steps that divide the planned ones. Under error control the method stays. */
-msim_status ms_sim_enable_planes(msim_sim *sim, msim_error *err);
 
 /* Plan the run from t0 and x, v (3n, in particle order); on failure the old plan stays. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,

@@ -11,27 +11,8 @@
  * together with `steps`, or with a method that has no error control. */
 msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err);
 
-/* How many times the number of substeps is doubled if a step fails. */
-int32_t ms_step_driver_count_retries(const msim_sim *sim);
-
 /* Make one step with all islands that are not at rest. If one of them fails the state stays. */
 msim_status ms_step_driver_make_step(msim_sim *sim, msim_error *err);
-
-/* n substeps of h/n by one island, one after the other, from x to x_next. */
-msim_status ms_step_driver_make_substeps(const msim_sim *sim, ms_stepper *s, int64_t n,
-                                         msim_error *err);
-
-/* A step of s->h by one island as error control makes it: it does not end at its first impact, but
- * returns that in s->impact. m->error: its error, over what c allows. */
-msim_status ms_step_driver_make_controlled(const msim_sim *sim, struct ms_island_sim *m,
-                                           const ms_control *c, msim_error *err);
-
-/* The error of particles on paths of their own (impact_location.h) in the step, over what an event
- * may add. */
-double ms_step_driver_find_path_error(const struct ms_island_sim *m);
-
-/* 1: shorter steps may succeed after a failure with this status. */
-int ms_step_driver_may_retry(msim_status status);
 
 /* Begin a run under error control, as it is planned. */
 void ms_step_driver_start_control(msim_sim *sim);

@@ -4,6 +4,7 @@
 
 #include "base/vec3.h"
 #include "integrate/contact_set.h"
+#include "sim/island_step.h"
 #include "sim/step_driver.h"
 
 /* Steps between two checks of energy */
@@ -77,7 +78,7 @@ static msim_status repeat_in_halves(const msim_sim *sim, ms_stepper *s, const ms
   s->stats->contacts = contacts;
   ms_stepper_swap(&s->x_next, &s->x_spare[1]);
   ms_stepper_swap(&s->v_next, &s->v_spare[1]);
-  msim_status status = ms_step_driver_make_substeps(sim, s, 2, err);
+  msim_status status = ms_island_step_make_substeps(sim, s, 2, err);
   if (status) return status;
   ms_vector_add_scaled(shape, s->x_next, -1, s->x_spare[1], s->x_spare[0]);
   ms_vector_add_scaled(shape, s->v_next, -1, s->v_spare[1], s->v_spare[0]);
@@ -94,7 +95,7 @@ msim_status ms_step_verification_measure(msim_sim *sim, const ms_scales *scales,
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     double error;
     const int64_t contacts = m->stepper.stats->contacts;
-    msim_status status = ms_step_driver_make_substeps(sim, &m->stepper, 1, err);
+    msim_status status = ms_island_step_make_substeps(sim, &m->stepper, 1, err);
     if (status) return status;
     step->indicator[DEFECT] =
         fmax(step->indicator[DEFECT], find_defect_norm(sim->integrator, &m->stepper, scales));
@@ -117,7 +118,7 @@ static int has_events(const ms_island_sim *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   if (!s->events) return 0;
   return (s->stats->contacts - contacts) * LARGE >= m->model.shape.n ||
-         ms_step_driver_find_path_error(m) > 1;
+         ms_island_step_find_path_error(m) > 1;
 }
 
 /* 1: the step just made has to be verified, because it is its turn or by its indicators, sign[]. In
@@ -155,8 +156,8 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
   ms_attempt a = ms_control_begin_attempt(c, ms_sim_time(sim), *left);
   for (;;) {
     const double h = s->h = a.h;
-    const msim_status status = ms_step_driver_make_controlled(sim, m, c, err);
-    if (status && !ms_step_driver_may_retry(status)) return status;
+    const msim_status status = ms_island_step_make_controlled(sim, m, c, err);
+    if (status && !ms_island_step_may_retry(status)) return status;
     const ms_verdict verdict = ms_control_judge_attempt(c, &a, status, m->error, s->impact);
     if (verdict == MS_ACCEPTED) {
       if (h < a.planned) c->h = fmax(c->h, a.planned); /* the end of the step, or an impact */
@@ -235,8 +236,8 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   const double usual = sim->choice.verification.allowed;
   double error = INFINITY, sign[2] = {0};
   if (check->substep > 0) return make_step_in_substeps(sim, m, moved, err);
-  msim_status status = ms_step_driver_make_substeps(sim, s, 1, err);
-  if (status && !ms_step_driver_may_retry(status)) return status;
+  msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
+  if (status && !ms_island_step_may_retry(status)) return status;
   const int has_event = !status && has_events(m, contacts);
   const double allowed = has_event ? fmax(usual, sim->choice.tol / MS_EVENTS_PER_RUN) : usual;
   const double better = has_event ? 1 : ldexp(1, sim->integrator->entry.order) - 1;

@@ -1,5 +1,5 @@
-/* checkpoint_layout - access to the parts of a checkpoint (src/sim/checkpoint.c), to forge them and
- * recompute the hash */
+/* checkpoint_layout - access to the parts of a checkpoint (checkpoint/checkpoint.c), to forge them
+ * and recompute the hash */
 #ifndef FUZZ_CHECKPOINT_LAYOUT_H
 #define FUZZ_CHECKPOINT_LAYOUT_H
 

@@ -1,4 +1,4 @@
-#include "sim/method_choice.h"
+#include "choose/method_choice.h"
 
 #include <float.h>
 #include <math.h>
@@ -9,8 +9,8 @@
 #include "integrate/methods.h"
 #include "linear/iteration_estimate.h"
 #include "sim/step_driver.h"
-#include "sim/pilot_run.h"
-#include "sim/rejection_reasons.h"
+#include "choose/pilot_run.h"
+#include "choose/rejection_reasons.h"
 
 /* The impacts of so many particles are few enough to be located one by one. */
 enum { FEW = 4 };
@@ -168,7 +168,7 @@ static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *
   opt.collision = MSIM_COLLISION_REFLECT;
   opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
   opt.watch = MSIM_WATCH_OFF;
-  return msim_sim_create(&scene, &opt, sim, err);
+  return ms_sim_create(&scene, &opt, NULL, sim, err);
 }
 
 /* Run `trial` under error control from its present state to t, or until it has spent `most`
@@ -180,7 +180,7 @@ static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double 
   trial->control = ms_control_make(trial->integrator, p->tol, p->span);
   ms_step_driver_set_step(trial, trial->opt.h);
   while (!status && trial->t < t && ms_pilot_run_count_work(trial) < most)
-    status = msim_sim_step(trial, 1, err);
+    status = ms_sim_make_steps(trial, 1, err);
   p->cost += ms_pilot_run_count_work(trial);
   *arrived = trial->t >= t;
   if (status < 0 || trial->step == 0) return status < 0 ? status : MSIM_OK;

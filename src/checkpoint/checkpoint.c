@@ -18,6 +18,9 @@
 
 #include "integrate/method_state.h"
 #include "layout/planar.h"
+#include "linear/solver_state.h"
+#include "checkpoint/fingerprint.h"
+#include "choose/method_choice.h"
 #include "sim/step_driver.h"
 
 #define MAGIC   "msimsave"
@@ -192,7 +195,7 @@ static msim_status archive_islands(ms_archive *b, msim_sim *sim, const saved_run
     ms_method_state_archive(b, sim->integrator, &m->stepper, r->saves_last_step);
     archive_scales(b, &m->norm);
     if (m->stepper.solver && !ms_archive_failed(b))
-      status = ms_solver_archive(b, m->stepper.solver, err);
+      status = ms_solver_state_archive(b, m->stepper.solver, err);
     if (!status && !ms_archive_failed(b))
       ms_energy_monitor_archive_island(b, sim, r->watch.step == r->step, &m->stepper,
                                        &m->last_good);

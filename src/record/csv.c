@@ -1,5 +1,5 @@
 #define _POSIX_C_SOURCE 200809L /* newlocale, open */
-#include "sim/csv.h"
+#include "record/csv.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -1,4 +1,4 @@
-#include "sim/pilot_run.h"
+#include "choose/pilot_run.h"
 
 #include <math.h>
 #include <string.h>
@@ -42,7 +42,7 @@ static size_t component_count(const ms_pilot_run *p) {
 static msim_status set_state(const ms_pilot_run *p, msim_sim *sim, const double *x, const double *v,
                              msim_error *err) {
   const msim_state state = {.size = sizeof state, .n = p->sim->scene->nparticles, .x = x, .v = v};
-  return msim_sim_set_state(sim, &state, err);
+  return ms_sim_set_state(sim, &state, err);
 }
 
 msim_status ms_pilot_run_set_start(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
@@ -92,7 +92,7 @@ static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, m
   opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
   opt.watch = MSIM_WATCH_OFF;
   opt.newton_retries = 2; /* for memory of half steps */
-  msim_status status = msim_sim_create(&scene, &opt, sim, err);
+  msim_status status = ms_sim_create(&scene, &opt, NULL, sim, err);
   if (!status) p->sims[collision] = *sim;
   return status;
 }
@@ -135,7 +135,7 @@ static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, doubl
     msim_status status = start_method(p, of, halved ? h / 2 : h, x, v, &sim, err);
     if (status) return status;
     const double before = ms_pilot_run_count_work(sim);
-    status = msim_sim_step(sim, halved ? 2 * m : m, err);
+    status = ms_sim_make_steps(sim, halved ? 2 * m : m, err);
     p->cost += ms_pilot_run_count_work(sim) - before;
     if (status) return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
     if (!halved) copy_state(p, sim, x_end, v_end);
@@ -182,10 +182,10 @@ static msim_status repeat_halves(ms_pilot_run *p, msim_sim *other, int64_t n, do
                                  double *whole, msim_error *err) {
   *half = *whole = INFINITY;
   msim_status status = ms_pilot_run_set_start(p, other, err);
-  if (!status) status = msim_sim_step(other, n, err);
+  if (!status) status = ms_sim_make_steps(other, n, err);
   if (status) return status;
   *half = error_distance(p, other, p->x_half, p->v_half);
-  status = msim_sim_step(other, n, err);
+  status = ms_sim_make_steps(other, n, err);
   if (!status) *whole = error_distance(p, other, p->x, p->v);
   return status;
 }
@@ -210,7 +210,7 @@ static const ms_trial pilot = {&ms_velocity_verlet, MSIM_COLLISION_REFLECT, 2};
 static msim_status make_pilot_steps(ms_pilot_run *p, msim_sim *sim, int64_t steps, double *x,
                                     double *v, msim_error *err) {
   const int64_t before = sim->stats.contacts;
-  const msim_status status = msim_sim_step(sim, steps, err);
+  const msim_status status = ms_sim_make_steps(sim, steps, err);
   p->duration = ms_sim_time(sim);
   p->met_plane = sim->stats.contacts > before;
   copy_state(p, sim, x, v);

@@ -1,5 +1,5 @@
 #define _GNU_SOURCE /* F_OFD_SETLK */
-#include "sim/output_file.h"
+#include "record/output_file.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -2,8 +2,8 @@
  * considered, at which steps and costs, and why it chose one of them */
 #include <stdio.h>
 
-#include "sim/method_choice.h"
-#include "sim/rejection_reasons.h"
+#include "choose/method_choice.h"
+#include "choose/rejection_reasons.h"
 
 static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
   char name[32];

@@ -1,4 +1,4 @@
-#include "sim/fingerprint.h"
+#include "checkpoint/fingerprint.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -4,9 +4,9 @@
 
 #include "base/clock.h"
 #include "base/plugin.h"
-#include "sim/csv.h"
-#include "sim/output_file.h"
-#include "sim/recorders.h"
+#include "record/csv.h"
+#include "record/output_file.h"
+#include "record/recorders.h"
 #include "sim/sim.h"
 
 struct msim_recorder {

@@ -7,8 +7,6 @@
 
 #include "msim/msim.h"
 
-enum { MS_SCENE_HASHES = 8 }; /* hashed arrays of a scene */
-
 /* Called for each entry. is_hash: the value is a hash, for comparison only. */
 typedef void ms_fingerprint_visitor(void *data, const char *name, const char *value, int is_hash);
 

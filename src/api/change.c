@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "integrate/interpolate.h"
+#include "linear/solver_choice.h"
 #include "sim/step_driver.h"
 
 /* options.steps is reduced by the steps already made. */
@@ -43,15 +44,6 @@ static msim_status check_values(const char *what, int32_t n, const double *value
       return ms_error_set(err, MSIM_ERR_ARG, "%s[%d] is %g; it must be a finite number >= 0", what,
                           e, values[e]);
   return MSIM_OK;
-}
-
-void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {
-  sim->scene = scene;
-  sim->scene_is_hashed = 0;
-  for (int32_t i = 0; i < sim->nislands; i++) {
-    sim->islands[i].model.scene = scene;
-    ms_model_update_springs(&sim->islands[i].model, sim->opt.skip_off);
-  }
 }
 
 /* 1: these springs turn the island's matrix into a scalar one (identical for each component) or
@@ -149,7 +141,7 @@ static msim_status restart_with_springs(msim_sim *sim, const double *k, const do
 /* 1: solvers stay that were chosen for springs which only the present scene has. */
 static int must_keep_scene(const msim_sim *sim) {
   const ms_solver *solver = sim->islands->stepper.solver;
-  return !sim->chosen_for && solver && ms_solver_depends_on_springs(solver);
+  return !sim->chosen_for && solver && ms_solver_choice_depends_on_springs(&sim->opt);
 }
 
 /* Continue the present run with these springs. */

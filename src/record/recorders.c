@@ -1,9 +1,9 @@
-#include "sim/recorders.h"
+#include "record/recorders.h"
 
 #include <string.h>
 
 #include "base/plugin.h"
-#include "sim/csv.h"
+#include "record/csv.h"
 
 static const struct {
   const char *name, *extension;

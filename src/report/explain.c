@@ -5,6 +5,7 @@
 #include "integrate/methods.h"
 #include "integrate/multirate.h"
 #include "linear/aggregates.h"
+#include "choose/method_choice.h"
 #include "sim/sim.h"
 
 /* 1: an island has this feature. */

@@ -1,4 +1,4 @@
-#include "sim/rejection_reasons.h"
+#include "choose/rejection_reasons.h"
 
 const char *ms_rejection_reasons_text(int why) {
   static const char *const reasons[MS_REASON_COUNT] = {

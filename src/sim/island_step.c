@@ -1,0 +1,120 @@
+#include "sim/island_step.h"
+
+#include <math.h>
+
+#include "integrate/contact_set.h"
+#include "integrate/events.h"
+
+/* Make one step of s->h by the method; all steps go through here. MSIM_NOT_FINITE: x or v is NaN or
+ * huge. */
+static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  s->offender = -1;
+  s->finite = 0;
+  msim_status status = ms_events_step(sim->integrator, s, err);
+  if (status || s->finite) return status;
+  s->offender = ms_vector_find_invalid(s->model->shape, s->x_next);
+  if (s->offender < 0) s->offender = ms_vector_find_invalid(s->model->shape, s->v_next);
+  return s->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+}
+
+/* Continue from the state between two substeps: x_next becomes x. The state at the start of the
+ * step stays where it is: x_next takes the first spare pair in place of its memory. */
+static void begin_next_substep(ms_stepper *s, const ms_stepper *start) {
+  ms_stepper_swap(&s->x, &s->x_next);
+  ms_stepper_swap(&s->v, &s->v_next);
+  if (s->x_next == start->x)
+    ms_stepper_swap(&s->x_next, &s->x_spare[0]), ms_stepper_swap(&s->v_next, &s->v_spare[0]);
+  ms_contact_set_accept_step(s);
+  s->h_before = s->h;
+}
+
+/* Make the state at the start the present one again; its cached stages may be overwritten. */
+static void restore_step_start(ms_stepper *s, const ms_stepper *start) {
+  s->h = start->h;
+  s->h_before = start->h_before;
+  if (s->x == start->x) return;
+  ms_stepper_swap(&s->x, &s->x_spare[0]), ms_stepper_swap(&s->v, &s->v_spare[0]);
+  s->cached_stage = 0;
+}
+
+msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int64_t n,
+                                         msim_error *err) {
+  const ms_stepper start = *s;
+  msim_status status = MSIM_OK;
+  s->parts = n;
+  s->h = start.h / (double)n;
+  double impact = MS_NOWHERE;
+  for (int64_t i = 0; i < n && !status; i++) {
+    if (i > 0) begin_next_substep(s, &start);
+    status = step_checked(sim, s, err);
+    if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
+  }
+  s->impact = impact;
+  restore_step_start(s, &start);
+  return status;
+}
+
+int ms_island_step_may_retry(msim_status status) {
+  return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
+}
+
+/* 0 if the method carries variables that depend on h. */
+int32_t ms_island_step_count_retries(const msim_sim *sim) {
+  enum { USUAL = 6 };
+  if (sim->integrator->convert_state) return 0;
+  if (sim->opt.newton_retries >= 0) return sim->opt.newton_retries;
+  return sim->integrator->nonlinear ? USUAL : 0;
+}
+
+/* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. */
+static msim_status make_doubled_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  const int64_t contacts = s->stats->contacts;
+  msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
+  if (status) return status;
+  s->stats->contacts = contacts;
+  if (s->events) ms_contact_set_save_start(s->events, s->model->shape);
+  const int moved = s->events && s->events->moved;
+  ms_stepper_swap(&s->x_next, &s->x_spare[1]);
+  ms_stepper_swap(&s->v_next, &s->v_spare[1]);
+  status = ms_island_step_make_substeps(sim, s, 2, err);
+  if (s->events) s->events->moved = moved;
+  return status;
+}
+
+/* One step, whose error the method estimates by itself; keeps the state that it started from. */
+static msim_status make_estimated_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+  const msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
+  if (!status && s->events) ms_contact_set_save_start(s->events, s->model->shape);
+  return status;
+}
+
+/* e sqrt(n_p/(2 n))/v_tolerance, which is proportional to h^3: the largest error e of n_p paths, as
+ * a root mean square over the n particles of the connected component */
+double ms_island_step_find_path_error(const ms_island_sim *m) {
+  const ms_stepper *s = &m->stepper;
+  if (s->npaths == 0) return 0;
+  const ms_norm_body *part = &m->norm.body[m->norm.body_of[s->path_row]];
+  const double share = sqrt(fmin(1, s->npaths / (2. * part->n)));
+  return share * s->path_error / s->v_tolerance;
+}
+
+/* The controller expects errors proportional to h^k: those of paths, ~ h^3, enter with the power
+ * k/3. Step doubling measures errors of paths, too. */
+msim_status ms_island_step_make_controlled(const msim_sim *sim, ms_island_sim *m,
+                                           const ms_control *c, msim_error *err) {
+  ms_stepper *s = &m->stepper;
+  double *x = s->x, *v = s->v;
+  const double allowed = ms_control_allowed_error(c, s->h);
+  s->one_substep = 1;
+  s->impact = MS_NOWHERE;
+  const msim_status status =
+      sim->integrator->estimate ? make_estimated_step(sim, s, err) : make_doubled_step(sim, s, err);
+  s->one_substep = 0;
+  if (status) return status;
+  if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
+  m->error = ms_control_error(sim->integrator, s, &m->norm, allowed);
+  s->x = x, s->v = v;
+  if (sim->integrator->estimate)
+    m->error = fmax(m->error, pow(ms_island_step_find_path_error(m), c->order / 3));
+  return MSIM_OK;
+}

@@ -1,0 +1,124 @@
+/* observe - read a sim: state, energies, forces, statistics and plan (msim.h) */
+#include <string.h>
+
+#include "integrate/interpolate.h"
+#include "layout/planar.h"
+#include "physics/energy.h"
+#include "physics/reference.h"
+#include "sim/sim.h"
+
+const ms_island_sim *ms_sim_largest_island(const msim_sim *sim) {
+  const ms_island_sim *largest = sim->islands;
+  for (int32_t i = 1; i < sim->nislands; i++)
+    if (sim->islands[i].model.unknowns.nfree > largest->model.unknowns.nfree)
+      largest = &sim->islands[i];
+  return largest;
+}
+
+/* Interpolate inside the last step, in an island that is not at rest. */
+static void interpolate_island(msim_sim *sim, ms_island_sim *m) {
+  ms_stepper *s = &m->stepper;
+  const double theta = 1 - (sim->t - sim->t_shown) / s->h;
+  ms_interpolate(sim->integrator, s, theta, s->x_spare[0], s->v_spare[0]);
+  ms_unknowns_scatter(&m->model.unknowns, s->x_spare[0], sim->state_x);
+  ms_unknowns_scatter(&m->model.unknowns, s->v_spare[0], sim->state_v);
+}
+
+static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
+  const ms_stepper *s = &m->stepper;
+  const ms_unknowns *rows = &m->model.unknowns;
+  if (ms_sim_has_control(sim) && sim->t_shown != sim->t && !m->at_rest) {
+    interpolate_island(sim, m);
+    return;
+  }
+  if (sim->integrator->convert_state) {
+    sim->integrator->convert_state(s, s->x_next, s->v_next); /* free between steps */
+    ms_unknowns_scatter(rows, s->x_next, sim->state_x);
+    ms_unknowns_scatter(rows, s->v_next, sim->state_v);
+    return;
+  }
+  ms_unknowns_scatter(rows, s->x, sim->state_x);
+  if (sim->integrator->sync) {
+    ms_unknowns_scatter(rows, s->v, sim->state_v_half);
+    double *v = s->v_next; /* free between steps */
+    sim->integrator->sync(s, v, s->scratch);
+    ms_unknowns_scatter(rows, v, sim->state_v);
+  } else {
+    ms_unknowns_scatter(rows, s->v, sim->state_v);
+  }
+}
+
+/* Copy the state to the arrays in particle order, at most once per step, and only on demand. */
+static void update_state_arrays(msim_sim *sim) {
+  for (int32_t i = 0; i < sim->nislands && !sim->state_is_current; i++)
+    copy_island_state(sim, &sim->islands[i]);
+  sim->state_is_current = 1;
+}
+
+void msim_sim_state(msim_sim *sim, msim_state *state) {
+  update_state_arrays(sim);
+  msim_state full = {.size = state->size,
+                     .step = sim->step,
+                     .t = ms_sim_time(sim),
+                     .n = sim->scene->nparticles,
+                     .x = sim->state_x,
+                     .v = sim->state_v,
+                     .v_half = sim->integrator->sync ? sim->state_v_half : NULL,
+                     .h = sim->plan.h};
+  MS_COPY_SIZED(state, full);
+}
+
+void msim_sim_energy(msim_sim *sim, msim_energy *energy) {
+  update_state_arrays(sim);
+  msim_energy full = {.size = energy->size};
+  ms_energy_compute(sim->scene, sim->state_x, sim->state_v, &full);
+  MS_COPY_SIZED(energy, full);
+}
+
+void msim_sim_stats(const msim_sim *sim, msim_stats *stats) {
+  msim_stats full = sim->stats;
+  full.size = stats->size;
+  MS_COPY_SIZED(stats, full);
+}
+
+void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
+  const ms_solver *linear = ms_sim_largest_island(sim)->stepper.solver;
+  msim_plan full = {.size = plan->size,
+                    .h = sim->plan.h,
+                    .steps = sim->plan.steps,
+                    .integrator = sim->integrator->entry.name,
+                    .solver = linear ? linear->linear->name : "none",
+                    .threads = ms_pool_thread_count(sim->pool),
+                    .tol = sim->opt.tol,
+                    .t_end = sim->plan.t_end};
+  MS_COPY_SIZED(plan, full);
+}
+
+static void add_island_force(const ms_island_sim *m, const double *x, const double *v,
+                             double *force) {
+  const ms_stepper *s = &m->stepper;
+  const ms_unknowns *rows = &m->model.unknowns;
+  double *x_there = s->x_spare[0] ? s->x_spare[0] : s->x_next; /* dense output needs x_next */
+  double *v_there = s->v_spare[0] ? s->v_spare[0] : s->v_next;
+  ms_unknowns_gather(rows, x, x_there);
+  ms_unknowns_gather(rows, v, v_there);
+  ms_force_compute(&m->model, x_there, v_there, s->scratch);
+  ms_unknowns_scatter(rows, s->scratch, force);
+  /* restore the pinned particles, as steps expect them */
+  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *x;
+  memcpy(x_there, s->x, bytes);
+  memset(v_there, 0, bytes);
+}
+
+void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
+  const ms_scene *scene = sim->scene;
+  const int32_t left_out = sim->islands->model.unknowns.dropped_axis;
+  if (left_out >= 0 && !ms_planar_is_in_plane(scene, left_out, x, v)) {
+    ms_reference_compute_force(scene, x, v, force);
+    return;
+  }
+  memset(force, 0, 3 * (size_t)scene->nparticles * sizeof *force);
+  for (int32_t i = 0; i < sim->nislands; i++) add_island_force(&sim->islands[i], x, v, force);
+  for (int32_t p = 0; p < scene->nparticles; p++)
+    if (scene->pinned[p]) memset(force + 3 * (size_t)p, 0, 3 * sizeof *force);
+}

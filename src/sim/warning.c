@@ -1,0 +1,13 @@
+/* warning - passes warnings to the callback of the options */
+#include <stdarg.h>
+
+#include "sim/sim.h"
+
+void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
+  msim_error note;
+  va_list args;
+  va_start(args, format);
+  ms_error_vset(&note, MSIM_OK, format, args);
+  va_end(args);
+  if (sim->opt.warn) sim->opt.warn(note.text, sim->opt.warn_user);
+}
