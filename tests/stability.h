@@ -3,7 +3,7 @@
 #ifndef TEST_STABILITY_H
 #define TEST_STABILITY_H
 
-#include "integrate/integrator.h"
+#include "methods/methods.h"
 #include "scenes.h"
 
 enum { RING = 8 };
@@ -37,13 +37,13 @@ static inline ms_bounds bounds_of(const msim_scene *scene, int sharp) {
 /* 1 if the method has a stability limit and a fixed number of stages. */
 static inline int has_limit(const char *method) {
   const ms_integrator *integrator;
-  assert_ok(ms_integrator_find(method, &integrator, err));
+  assert_ok(ms_methods_find(method, &integrator, err));
   return integrator->limit && !integrator->stages;
 }
 
 static inline double limit_of(const char *method, ms_bounds b) {
   const ms_integrator *integrator;
-  assert_ok(ms_integrator_find(method, &integrator, err));
+  assert_ok(ms_methods_find(method, &integrator, err));
   assert_non_null(integrator->limit);
   return integrator->limit(&b);
 }

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "methods/methods.h"
 #include "error_control.h"
 #include "sim/sim.h"
 
@@ -415,7 +416,7 @@ static void unconnected_particles_do_not_affect_the_error(void **state) {
   const double x[3] = {0.4055658451379508, 0, -0.8138252767103161};
   msim_scene *alone = light_pendulum(0), *beside = light_pendulum(1);
   for (int32_t m = 0; method_at(m); m++) {
-    const ms_integrator *method = ms_integrator_at(m);
+    const ms_integrator *method = ms_methods_at(m);
     const double tol = method->entry.order > 2 ? 1e-6 : 1e-3;
     if (!takes_tol(method_at(m)) || method->entry.order == 1) continue;
     msim_options opt = control_options(method_at(m), tol, 4);

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "integrate/rkc.h"
+#include "methods/rkc.h"
 #include "scenes.h"
 
 enum { SIDE = 5, N = SIDE * SIDE };

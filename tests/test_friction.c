@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
-#include "physics/friction.h"
+#include "contact/friction.h"
 #include "testing.h"
 
 static void rate(const double a[3], double F, const double v[3], double to[3]) {

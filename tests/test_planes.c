@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "physics/impacts.h"
+#include "contact/impacts.h"
 #include "scenes.h"
 
 /* One step of free flight into a plane: the reflected state in closed form, for every method.

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "../tools/msim_bench/theory.h"
-#include "integrate/rkc.h"
+#include "methods/rkc.h"
 #include "stability.h"
 
 enum { N = 30, NS = 80 };
@@ -222,7 +222,7 @@ static void limits_are_within_theory(void **state) {
     const theory *t = theory_find(method_at(i));
     const ms_integrator *integrator;
     if (!t) fail_msg("no theory of '%s' is in the bench's table", method_at(i));
-    assert_ok(ms_integrator_find(method_at(i), &integrator, err));
+    assert_ok(ms_methods_find(method_at(i), &integrator, err));
     for (int z = 0; z < (t->undamped ? 1 : DAMPING_RATIOS) && integrator->limit; z++) {
       double peak;
       const double g = 2 * zetas[z], known = theory_limit(t, z, &peak);

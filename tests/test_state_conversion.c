@@ -2,6 +2,7 @@
  * that reads cost one conversion per step. */
 #include <string.h>
 
+#include "methods/methods.h"
 #include "scenes.h"
 #include "sim/sim.h"
 
@@ -31,13 +32,13 @@ static int stop_at_30(msim_sim *sim, void *user) {
 
 static void unread_states_are_not_converted(void **state) {
   (void)state;
-  for (int32_t i = 0; ms_integrator_at(i); i++) {
+  for (int32_t i = 0; ms_methods_at(i); i++) {
     msim_scene *scene = hanging_cloth(SIDE, 100, 0);
-    ms_integrator spy = *ms_integrator_at(i);
+    ms_integrator spy = *ms_methods_at(i);
     msim_options opt = options(spy.entry.name, 1e-3);
     opt.solver = "pcg", opt.steps = 40, opt.every = 10;
     msim_sim *sim = make_sim(scene, &opt);
-    watched = ms_integrator_at(i), syncs = 0;
+    watched = ms_methods_at(i), syncs = 0;
     if (spy.sync) spy.sync = counting_sync;
     sim->integrator = &spy;
     mark(sim);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/isa.h"
+#include "methods/methods.h"
 #include "sim/sim.h"
 
 /*------------------------------------- the scene ------------------------------------------------*/

@@ -5,8 +5,8 @@
 #include <stdio.h>
 
 #include "integrate/stiffness_partition.h"
-#include "integrate/impact_location.h"
-#include "integrate/methods.h"
+#include "contact/impact_location.h"
+#include "methods/methods.h"
 #include "linear/iteration_estimate.h"
 #include "sim/step_driver.h"
 #include "choose/pilot_run.h"

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 #include "linear/lagged_factor.h"
 #include "sim/step_driver.h"
 #include "sim/step_verification.h"

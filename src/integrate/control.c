@@ -3,7 +3,7 @@
 #include <float.h>
 #include <math.h>
 
-#include "integrate/contact_set.h"
+#include "contact/contact_set.h"
 
 int ms_control_is_supported(const ms_integrator *integrator) {
   return integrator->estimate || integrator->one_step;

@@ -124,13 +124,4 @@ void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *request);
 /* 1: no force depends on velocities. */
 int ms_stepper_is_separable(const ms_stepper *s);
 
-/* The i-th method of this version; NULL past the end. */
-const ms_integrator *ms_integrator_at(int32_t i);
-
-/* The value of option `integrator` for which the sim chooses the method */
-#define MS_AUTO "auto"
-
-/* The method of this name; MSIM_ERR_NAME: there is none. */
-msim_status ms_integrator_find(const char *name, const ms_integrator **integrator, msim_error *err);
-
 #endif

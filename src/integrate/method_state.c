@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "integrate/contact_set.h"
+#include "contact/contact_set.h"
 
 /* 1 if `note` is a cached-stage tag of the method */
 static int is_cached_tag(const ms_integrator *method, int note) {

@@ -2,8 +2,8 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "integrate/contact_set.h"
-#include "physics/planes.h"
+#include "contact/contact_set.h"
+#include "contact/planes.h"
 
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
   if (method->stages) s->bounds = ms_bounds_compute_island(s->model);

@@ -4,13 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "integrate/methods.h"
-
 /* A scene that needs more is faulty. */
 #define MAX_INNER_STEPS 1e6
 
 /* h over the longest stable step of velocity Verlet */
-static double stability_ratio(double h, ms_bounds b) { return h / ms_verlet_limit(&b); }
+static double stability_ratio(double h, ms_bounds b) { return h / ms_bounds_verlet_limit(&b); }
 
 static double inverse_mass(const ms_model *model, int32_t row) {
   return row < model->unknowns.nfree ? model->inv_mass[row] : 0;

@@ -127,3 +127,7 @@ ms_bounds ms_bounds_compute_island(const ms_model *model) {
                      .rate = rate,
                      .least_rate = model->drag > 0 ? model->drag / heaviest : 0};
 }
+
+double ms_bounds_verlet_limit(const ms_bounds *b) {
+  return 4 / (b->rate + hypot(b->rate, 2 * b->omega));
+}

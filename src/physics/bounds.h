@@ -32,4 +32,8 @@ msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bound
 /* By Gershgorin discs for one island, with ratio = 0; allocates nothing. */
 ms_bounds ms_bounds_compute_island(const ms_model *model);
 
+/* The stability limit (s) of symplectic Euler and Verlet: the largest h with
+ * h^2 omega^2 + 2 h rate <= 4 */
+double ms_bounds_verlet_limit(const ms_bounds *b);
+
 #endif

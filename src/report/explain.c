@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 #include "integrate/multirate.h"
 #include "linear/aggregates.h"
 #include "choose/method_choice.h"
@@ -143,7 +143,7 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
 /* h over the longest stable step of velocity Verlet */
 static double step_over_limit(const msim_sim *sim, const ms_model *model) {
   const ms_bounds bounds = ms_bounds_compute_island(model);
-  return sim->plan.h / ms_verlet_limit(&bounds);
+  return sim->plan.h / ms_bounds_verlet_limit(&bounds);
 }
 
 static void explain_split(const msim_sim *sim, ms_text *out) {
@@ -296,7 +296,7 @@ static ms_bounds find_rough_bounds(const msim_sim *sim) {
 static void explain_limits(const msim_sim *sim, ms_text *out) {
   const int splits = sim->integrator->is_multirate;
   const ms_bounds bounds = splits ? find_rough_bounds(sim) : sim->step_limit.bounds, *b = &bounds;
-  const double limit = splits ? ms_verlet_limit(b) : sim->step_limit.limit, h = sim->plan.h;
+  const double limit = splits ? ms_bounds_verlet_limit(b) : sim->step_limit.limit, h = sim->plan.h;
   const char *name = sim->integrator->entry.name;
   ms_text_append(out,
                  "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",

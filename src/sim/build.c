@@ -1,5 +1,5 @@
 /* build - create the model, the solver and the vectors of each island */
-#include "integrate/implicit_contact.h"
+#include "contact/implicit_contact.h"
 #include "integrate/multirate.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"

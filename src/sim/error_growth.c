@@ -6,7 +6,7 @@
 
 #include "base/vec3.h"
 #include "integrate/interpolate.h"
-#include "integrate/methods.h"
+#include "methods/methods.h"
 #include "sim/sim.h"
 
 enum { FEW_SPRINGS = 128 };

@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#include "integrate/contact_set.h"
-#include "integrate/events.h"
+#include "contact/contact_set.h"
+#include "contact/events.h"
 
 /* Make one step of s->h by the method; all steps go through here. MSIM_NOT_FINITE: x or v is NaN or
  * huge. */

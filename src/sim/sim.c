@@ -4,7 +4,8 @@
 
 #include "base/clock.h"
 #include "layout/planar.h"
-#include "physics/planes.h"
+#include "methods/methods.h"
+#include "contact/planes.h"
 #include "sim/step_driver.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -17,7 +18,7 @@ static msim_status own_string(msim_sim *sim, const char **member, char **own, ms
 }
 
 static msim_status set_method(msim_sim *sim, msim_error *err) {
-  msim_status status = ms_integrator_find(sim->opt.integrator, &sim->integrator, err);
+  msim_status status = ms_methods_find(sim->opt.integrator, &sim->integrator, err);
   if (status) return status;
   sim->opt.integrator = sim->integrator->entry.name;
   return ms_step_driver_choose_control(sim, err);

@@ -1,4 +1,3 @@
-#include "sim/island_step.h"
 #include "sim/step_driver.h"
 
 #include <float.h>
@@ -7,9 +6,11 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "integrate/contact_set.h"
-#include "integrate/events.h"
+#include "contact/contact_set.h"
+#include "contact/events.h"
+#include "methods/methods.h"
 #include "physics/offender.h"
+#include "sim/island_step.h"
 
 /*------------------------------------- one island -----------------------------------------------*/
 
@@ -243,7 +244,7 @@ static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
 static void list_controlled_methods(size_t size, char *names) {
   const ms_integrator *method;
   names[0] = 0;
-  for (int32_t i = 0; (method = ms_integrator_at(i)) != NULL; i++) {
+  for (int32_t i = 0; (method = ms_methods_at(i)) != NULL; i++) {
     const size_t used = strlen(names);
     if (ms_control_is_supported(method))
       snprintf(names + used, size - used, "%s%s", used ? ", " : "", method->entry.name);

@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
-#include "integrate/contact_set.h"
+#include "contact/contact_set.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
 

@@ -4,7 +4,7 @@
  *   Y = known + a h f(Y),   y = (x, v), f = (v, a(x, v)),
  * where the known part combines the present y, h f(y), the y of the step before, and the first
  * stage. */
-#include "integrate/methods.h"
+#include "methods/methods.h"
 #include "integrate/newton.h"
 
 typedef struct stage_coefficients {

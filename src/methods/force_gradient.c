@@ -13,8 +13,8 @@
  * nonlinear forces their error is close to the least possible, and at equal cost about 1/20 of that
  * of Chin's method 4A (1997). The method of Takahashi and Imada (takahashi_imada.c) is of order 4
  * in other variables than x and v, and is less expensive if errors may be larger. */
-#include "integrate/methods.h"
-#include "integrate/composition.h"
+#include "methods/methods.h"
+#include "methods/composition.h"
 
 enum { DRIFTS = 4 };
 

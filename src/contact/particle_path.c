@@ -1,10 +1,10 @@
-#include "physics/particle_path.h"
+#include "contact/particle_path.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "base/vec3.h"
-#include "physics/friction.h"
+#include "contact/friction.h"
 
 /* Progress of the particle in the step. */
 typedef struct path_progress {

@@ -1,11 +1,11 @@
-#include "integrate/implicit_contact.h"
+#include "contact/implicit_contact.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/vec3.h"
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* Velocities along the normals: particles that are fast enough bounce; all particles reach the
  * plane; all particles keep their distances from it */

@@ -23,7 +23,7 @@
  * of the latter is more accurate than necessary; from 1e-9 on it costs more. */
 #include <string.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 #define C (1.0 / 12)
 

@@ -15,7 +15,7 @@
 #ifndef MS_PARTICLE_PARTICLE_PATH_H
 #define MS_PARTICLE_PARTICLE_PATH_H
 
-#include "physics/impacts.h"
+#include "contact/impacts.h"
 
 typedef struct ms_particle_path {
   ms_collision_planes planes;

@@ -1,4 +1,4 @@
-#include "physics/friction.h"
+#include "contact/friction.h"
 
 #include <float.h>
 #include <math.h>

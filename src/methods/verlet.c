@@ -1,7 +1,7 @@
 /* verlet - Verlet's method with half-step velocities (leapfrog) */
 #include <math.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* The method of Teschner's exercises, where v is v(t - h/2):
  *   x' = x + h v + h^2 a,  v' = (x' - x)/h,  then both are reflected.
@@ -44,9 +44,6 @@ static void verlet_sync(const ms_stepper *s, double *v, double *scratch) {
   ms_vector_add_scaled(s->model->shape, s->v, s->h / 2, a, v);
 }
 
-/* h^2 w^2 + 2 h g < 4, with the largest w and g */
-double ms_verlet_limit(const ms_bounds *b) { return 4 / (b->rate + hypot(b->rate, 2 * b->omega)); }
-
 const ms_integrator ms_verlet = {
     .entry = {.name = "verlet",
               .doc = "x' = x + h v + h^2 a, v' = (x' - x)/h, v being that of t - h/2 (Teschner)",
@@ -55,5 +52,5 @@ const ms_integrator ms_verlet = {
     .carried = 1,
     .start = verlet_begin,
     .step = verlet_step,
-    .limit = ms_verlet_limit,
+    .limit = ms_bounds_verlet_limit,
     .sync = verlet_sync};

@@ -1,4 +1,4 @@
-#include "physics/impacts.h"
+#include "contact/impacts.h"
 
 #include <float.h>
 #include <math.h>

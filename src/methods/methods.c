@@ -1,7 +1,6 @@
-/* method_table - the table of all methods, and their lookup by name */
-#include <string.h>
+#include "methods/methods.h"
 
-#include "integrate/methods.h"
+#include <string.h>
 
 #define ADDRESS(table) &table,
 static const ms_integrator *const methods[] = {MS_INTEGRATORS(ADDRESS)};
@@ -13,9 +12,7 @@ static const msim_integrator_entry auto_entry = {
     MS_AUTO, "the cheapest of the others that keeps tol in the scene; explain tells which and why",
     0, 0};
 
-const ms_integrator *ms_integrator_at(int32_t i) {
-  return i >= 0 && i < NMETHODS ? methods[i] : NULL;
-}
+const ms_integrator *ms_methods_at(int32_t i) { return i >= 0 && i < NMETHODS ? methods[i] : NULL; }
 
 const msim_integrator_entry *msim_integrator_info(int32_t i) {
   if (i == NMETHODS) return &auto_entry;
@@ -28,8 +25,7 @@ static const char *name_at(int32_t i, const void *data) {
   return entry ? entry->name : NULL;
 }
 
-msim_status ms_integrator_find(const char *name, const ms_integrator **integrator,
-                               msim_error *err) {
+msim_status ms_methods_find(const char *name, const ms_integrator **integrator, msim_error *err) {
   for (int i = 0; i < NMETHODS; i++) {
     *integrator = methods[i];
     if (strcmp(name, methods[i]->entry.name) == 0) return MSIM_OK;

@@ -1,11 +1,11 @@
 /* dop853 - the explicit Runge-Kutta method of order 8 of Dormand and Prince, with dense output */
-#include "integrate/dop853_table.h"
+#include "methods/dop853_table.h"
 
 #include <math.h>
 
-#include "integrate/contact_set.h"
+#include "contact/contact_set.h"
 #include "integrate/interpolate.h"
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* The method for y' = f(y), with y = (x, v), f = (v, a), written for accelerations alone (Nystroem
  * form):

@@ -13,7 +13,7 @@
  * Without a cost-effective partition of the springs (stiffness_partition.h) this is velocity
  * Verlet. */
 #include "base/clock.h"
-#include "integrate/methods.h"
+#include "methods/methods.h"
 #include "integrate/multirate.h"
 
 /* n steps of velocity Verlet, for all forces */

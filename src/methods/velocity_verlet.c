@@ -1,8 +1,8 @@
 /* velocity_verlet - the velocity Verlet method */
 #include <math.h>
 
-#include "integrate/methods.h"
-#include "integrate/verlet_contact.h"
+#include "methods/methods.h"
+#include "contact/verlet_contact.h"
 
 /* x' = x + h v + h^2/2 a,  v' = v + h/2 (a + a(x', v + h a))
  *

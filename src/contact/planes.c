@@ -1,9 +1,9 @@
-#include "physics/planes.h"
+#include "contact/planes.h"
 
 #include <float.h>
 
 #include "base/vec3.h"
-#include "physics/impacts.h"
+#include "contact/impacts.h"
 
 static void reflect_velocity(const msim_plane *p, double v[3]) {
   const double vn = ms_vec3_dot(p->normal, v), impulse = -(1 + p->restitution) * vn;

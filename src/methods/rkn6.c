@@ -3,8 +3,8 @@
  * v += h b_i a(x),  x += h a_i v,  alternating: b_1 a_1 b_2 a_2 ... a_11 b_12, symmetric.
  * Coefficients: Blanes and Moan, J. Comput. Appl. Math. 142 (2002) 313, method SRKN_11^6, with 11
  * evaluations a step. */
-#include "integrate/methods.h"
-#include "integrate/composition.h"
+#include "methods/methods.h"
+#include "methods/composition.h"
 
 enum { DRIFTS = 11, KICKS = 12 };
 

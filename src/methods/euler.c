@@ -1,7 +1,7 @@
 /* euler - the explicit and the symplectic Euler method */
 #include <math.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* x' = x + h v,  v' = v + h a(x, v) */
 static msim_status explicit_euler_step(ms_stepper *s, msim_error *err) {
@@ -43,4 +43,4 @@ const ms_integrator ms_symplectic_euler = {
               .order = 1},
     .one_step = 1,
     .step = symplectic_step,
-    .limit = ms_verlet_limit};
+    .limit = ms_bounds_verlet_limit};

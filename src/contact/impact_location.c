@@ -1,4 +1,4 @@
-#include "integrate/impact_location.h"
+#include "contact/impact_location.h"
 
 #include <float.h>
 #include <math.h>

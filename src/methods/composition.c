@@ -1,4 +1,4 @@
-#include "integrate/composition.h"
+#include "methods/composition.h"
 
 enum { STAGE = 2 };
 

@@ -27,7 +27,7 @@
 #ifndef MS_IMPLICIT_CONTACT_H
 #define MS_IMPLICIT_CONTACT_H
 
-#include "integrate/contact_set.h"
+#include "contact/contact_set.h"
 
 /* Number of work vectors that ms_implicit_contact_step() needs: those of implicit Euler */
 enum { MS_IMPLICIT_CONTACT_WORK = 6 };

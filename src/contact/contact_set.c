@@ -1,10 +1,10 @@
-#include "integrate/contact_set.h"
+#include "contact/contact_set.h"
 
 #include <float.h>
 #include <string.h>
 
 #include "base/vec3.h"
-#include "physics/friction.h"
+#include "contact/friction.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 

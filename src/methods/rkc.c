@@ -1,8 +1,8 @@
-#include "integrate/rkc.h"
+#include "methods/rkc.h"
 
 #include <math.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* The method with s stages for y' = f(y), y = (x, v), f = (v, a) (Sommeijer, Shampine and Verwer,
  * J. Comput. Appl. Math. 88 (1998) 315):

@@ -1,7 +1,7 @@
 /* linearly_implicit_euler - implicit Euler with one Newton iteration: one linear system a step */
 #include <math.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* The step without springs, by independent equations, with the drag b:
  *   (m + h b) v' = m v + h m g,  x' = x + h v' */

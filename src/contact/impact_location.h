@@ -14,7 +14,7 @@
 #ifndef MS_IMPACT_LOCATION_H
 #define MS_IMPACT_LOCATION_H
 
-#include "integrate/contact_set.h"
+#include "contact/contact_set.h"
 
 enum { MS_MAX_CHANGE_SUBSTEPS = 8, MS_MAX_IMPACT_SUBSTEPS = 64 };
 

@@ -1,7 +1,7 @@
-#include "integrate/events.h"
+#include "contact/events.h"
 
-#include "integrate/implicit_contact.h"
-#include "integrate/impact_location.h"
+#include "contact/implicit_contact.h"
+#include "contact/impact_location.h"
 
 static void begin_event_step(const ms_integrator *method, ms_stepper *s) {
   ms_contact_set *e = s->events;

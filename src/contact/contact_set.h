@@ -9,7 +9,7 @@
 #define MS_CONTACT_SET_H
 
 #include "integrate/integrator.h"
-#include "physics/particle_path.h"
+#include "contact/particle_path.h"
 #include "physics/totals.h"
 
 /* Flag in `cached_stage`, beside the method's cached-stage tag: `contact_hash` and `a` of

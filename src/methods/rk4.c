@@ -1,7 +1,7 @@
 /* rk4 - the classical Runge-Kutta method of order 4 */
 #include <math.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* k1 = f(y), k2 = f(y + h/2 k1), k3 = f(y + h/2 k2), k4 = f(y + h k3),
  * y' = y + h/6 (k1 + 2 k2 + 2 k3 + k4), with y = (x, v), f = (v, a) */

@@ -1,7 +1,7 @@
 /* heun - Heun's method of order 2 */
 #include <math.h>
 
-#include "integrate/methods.h"
+#include "methods/methods.h"
 
 /* x* = x + h v, v* = v + h a;  a* = a(x*, v*);
  * x' = x + h/2 (v + v*),  v' = v + h/2 (a + a*)

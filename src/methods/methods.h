@@ -30,7 +30,13 @@
 MS_INTEGRATORS(MS_DECLARE)
 #undef MS_DECLARE
 
-/* The stability limit (s) of symplectic Euler and Verlet */
-double ms_verlet_limit(const ms_bounds *b);
+/* The i-th method of this version; NULL past the end. */
+const ms_integrator *ms_methods_at(int32_t i);
+
+/* The value of option `integrator` for which the sim chooses the method */
+#define MS_AUTO "auto"
+
+/* The method of this name; MSIM_ERR_NAME: there is none. */
+msim_status ms_methods_find(const char *name, const ms_integrator **integrator, msim_error *err);
 
 #endif

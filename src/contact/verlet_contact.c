@@ -1,4 +1,4 @@
-#include "integrate/verlet_contact.h"
+#include "contact/verlet_contact.h"
 
 void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double *v_predicted) {
   ms_contact_set *e = s->events;
