@@ -156,16 +156,16 @@ static void coarse_matrix_is_the_triple_product(void **state) {
 /* Sum of (t + |w|^2) |dv| over the springs of an unknown, w = sqrt(g) d: the scale of the error
  * from rounding t and w once. */
 static double spring_sizes(const msim_sim *sim, const double *v, int32_t r) {
-  const ms_half_edges *halves = &sim->islands->model.half_edges;
+  const ms_half_edges *half_edges = &sim->islands->model.half_edges;
   const ms_coefficients *a = &sim->islands->stepper.solver->system.a;
   const int32_t stride = sim->islands->model.unknowns.stride;
-  const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
+  const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     double dd = 0, ww = 0;
     for (int32_t c = 0; c < sim->islands->model.unknowns.dims; c++) {
-      dd += pow(v[c * stride + r] - v[c * stride + halves->neighbour[at]], 2);
-      ww += a->g[at] * pow(a->x[c * stride + r] - a->x[c * stride + halves->neighbour[at]], 2);
+      dd += pow(v[c * stride + r] - v[c * stride + half_edges->neighbour[at]], 2);
+      ww += a->g[at] * pow(a->x[c * stride + r] - a->x[c * stride + half_edges->neighbour[at]], 2);
     }
     sum += (a->t[at] + ww) * sqrt(dd);
   }

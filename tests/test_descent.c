@@ -111,15 +111,15 @@ static void half_edges_agree(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);
   const problem p = pose(scene, 16);
-  const ms_half_edges *halves = &p.sim->islands->stepper.model->half_edges;
+  const ms_half_edges *half_edges = &p.sim->islands->stepper.model->half_edges;
   const ms_pcg *pcg = pcg_of(p.sim);
   float *first = calloc((size_t)p.sim->islands->stepper.model->springs.n, sizeof *first);
   int64_t differ = 0, partial = 0;
   descend(&p, 1, 1e-7);
   descend(&p, 0, 1e-7);
   for (int twin = 0; twin < 2; twin++)
-    for (int32_t at = 0; at < MS_SLICE * halves->nentries; at++) {
-      const int32_t spring = halves->spring[at];
+    for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++) {
+      const int32_t spring = half_edges->spring[at];
       if (spring < 0) continue;
       const float left_out = pcg->compression.reduction[at];
       if (!twin) first[spring] = left_out;
@@ -127,7 +127,7 @@ static void half_edges_agree(void **state) {
       partial += left_out > 0.2f;
     }
   assert_int_equal(differ, 0);
-  assert_true(partial > 0 && partial < MS_SLICE * halves->nentries);
+  assert_true(partial > 0 && partial < MS_SLICE * half_edges->nentries);
   free(first);
   msim_sim_destroy(p.sim);
   msim_scene_destroy(scene);

@@ -8,7 +8,7 @@
 typedef struct layout {
   ms_unknowns rows;
   ms_springs springs;
-  ms_half_edges halves;
+  ms_half_edges half_edges;
 } layout;
 
 static layout make(const msim_scene *scene) {
@@ -16,19 +16,19 @@ static layout make(const msim_scene *scene) {
   ms_islands islands;
   assert_ok(ms_islands_create(scene->data, 1, &islands, err));
   const ms_island all = ms_islands_get(&islands, 0);
-  assert_ok(ms_layout_create(scene->data, &all, &l.rows, &l.springs, &l.halves, err));
+  assert_ok(ms_layout_create(scene->data, &all, &l.rows, &l.springs, &l.half_edges, err));
   ms_islands_destroy(scene->data, &islands);
   return l;
 }
 
 static void destroy(const msim_scene *scene, layout *l) {
-  ms_layout_destroy(scene->data, &l->rows, &l->springs, &l->halves);
+  ms_layout_destroy(scene->data, &l->rows, &l->springs, &l->half_edges);
 }
 
 /* The half-edges of one unknown have the right neighbours, in ascending order. Returns their
  * number. */
 static int32_t check_row(const layout *l, int32_t row, int *seen) {
-  const ms_half_edges *h = &l->halves;
+  const ms_half_edges *h = &l->half_edges;
   const ms_half_edge_span span = ms_half_edges_of_row(h, row);
   int32_t count = 0, last = -1;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
@@ -48,7 +48,7 @@ static int32_t check_row(const layout *l, int32_t row, int *seen) {
 /* The invariants of entries: consecutive ones are marked as such, split rows have consecutive
  * parts, padding exerts no force. Returns the number of half-edges. */
 static int32_t check_entries(const layout *l) {
-  const ms_half_edges *h = &l->halves;
+  const ms_half_edges *h = &l->half_edges;
   int32_t count = 0;
   assert_int_equal(h->first[0], 0);
   assert_int_equal(h->first[h->nslices + h->nparts], h->nentries);
@@ -90,10 +90,11 @@ static void check(const msim_scene *scene, const layout *l) {
   check_unknowns(scene->data, &l->rows);
   int *seen = calloc(2 * (size_t)l->springs.n + 1, sizeof *seen);
   int32_t count = 0;
-  assert_int_equal(l->halves.nslices * MS_SLICE, l->rows.first_pinned);
+  assert_int_equal(l->half_edges.nslices * MS_SLICE, l->rows.first_pinned);
   for (int32_t r = 0; r < l->rows.nfree; r++) count += check_row(l, r, seen);
   assert_int_equal(check_entries(l), count);
-  assert_in_range(2 * MS_SLICE * l->halves.nentries, 2 * count, 5 * count + 64 * l->halves.nslices);
+  assert_in_range(2 * MS_SLICE * l->half_edges.nentries, 2 * count,
+                  5 * count + 64 * l->half_edges.nslices);
   for (int32_t e = 0; e < l->springs.n; e++) {
     assert_int_equal(seen[2 * e], l->springs.i[e] < l->rows.nfree);
     assert_int_equal(seen[2 * e + 1], l->springs.j[e] < l->rows.nfree);
@@ -131,12 +132,12 @@ static void every_half_edge_occurs_once(void **state) {
 
 static double share_of_consecutive(const layout *l) {
   int32_t runs = 0;
-  for (int32_t s = 0; s < l->halves.nentries; s++) runs += l->halves.start[s] >= 0;
-  return (double)runs / l->halves.nentries;
+  for (int32_t s = 0; s < l->half_edges.nentries; s++) runs += l->half_edges.start[s] >= 0;
+  return (double)runs / l->half_edges.nentries;
 }
 
 static double lanes_per_half_edge(const layout *l) {
-  return (double)MS_SLICE * l->halves.nentries / (2.0 * l->springs.n);
+  return (double)MS_SLICE * l->half_edges.nentries / (2.0 * l->springs.n);
 }
 
 static void grids_have_consecutive_neighbours(void **state) {
@@ -258,7 +259,7 @@ static void hubs_are_not_padded(void **state) {
     msim_scene *scene = star_of_stars(shapes[i][0], shapes[i][1]);
     layout l = make(scene);
     check(scene, &l);
-    assert_in_range(MS_SLICE * l.halves.nentries, 0, 5 * l.springs.n + 24);
+    assert_in_range(MS_SLICE * l.half_edges.nentries, 0, 5 * l.springs.n + 24);
     destroy(scene, &l);
     msim_scene_destroy(scene);
   }

@@ -47,11 +47,11 @@ enum { MSIM_VERLET_TAYLOR, MSIM_VERLET_PLAIN };
 /* Features that are skipped in scenes that do not need them, unless set in
  * msim_options.skip_off. */
 enum {
-  MSIM_SKIP_SPRINGS = 1u << 0,
-  MSIM_SKIP_DAMPING = 1u << 1,
-  MSIM_SKIP_GRAVITY = 1u << 2,
-  MSIM_SKIP_DRAG = 1u << 3,
-  MSIM_SKIP_PLANES = 1u << 4,
+  MSIM_SKIP_SPRINGS = 1u << 0,          /* off: loops over springs even if there are none */
+  MSIM_SKIP_DAMPING = 1u << 1,          /* off: dashpots are computed even if all are 0 */
+  MSIM_SKIP_GRAVITY = 1u << 2,          /* no effect: gravity is always added, at no cost */
+  MSIM_SKIP_DRAG = 1u << 3,             /* off: drag is computed even if it is 0 */
+  MSIM_SKIP_PLANES = 1u << 4,           /* off: contact is looked for even without planes */
   MSIM_SKIP_KEPT_FACTOR = 1u << 5,      /* off: every step factors anew */
   MSIM_SKIP_TWO_D = 1u << 6,            /* off: planar scenes are computed in 3 components, too */
   MSIM_SKIP_ZERO_REST_LENGTH = 1u << 7, /* off: no special treatment of springs of rest length 0 */

@@ -262,10 +262,10 @@ static msim_status find_multirate_step(const ms_pilot_run *p, int64_t *n, double
   for (int64_t m = (int64_t)(p->duration / longest_trial_step(p, &ms_velocity_verlet)) / 8;
        m > 0 && !status; m /= 2) {
     const double h = p->duration / (double)(2 * m);
-    ms_stiffness_partition cut;
-    status = ms_stiffness_partition_choose(model, h, class_of, &cut, err);
-    const double price = (springs + cut.inner * cut.nstiff) / springs;
-    if (status || cut.nstiff == 0) break;
+    ms_stiffness_partition partition;
+    status = ms_stiffness_partition_choose(model, h, class_of, &partition, err);
+    const double price = (springs + partition.inner * partition.nstiff) / springs;
+    if (status || partition.nstiff == 0) break;
     if (price / h < *cost) *n = m, *cost = price / h;
   }
   ms_memory_free(&p->sim->alloc, class_of);

@@ -32,12 +32,13 @@ msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events
     if (!*vectors[i]) return ms_error_set_memory(err, "the impacts");
   }
   e->contact = ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->contact);
-  e->hold = ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->hold);
+  e->constraint =
+      ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->constraint);
   e->parts =
       ms_memory_allocate(&scene->alloc, (size_t)ms_totals_count_parts(model), sizeof *e->parts);
   e->followed =
       ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->followed);
-  const int there = e->contact && e->hold && e->followed && e->parts;
+  const int there = e->contact && e->constraint && e->followed && e->parts;
   return there ? MSIM_OK : ms_error_set_memory(err, "the impacts");
 }
 
@@ -62,7 +63,7 @@ ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, cons
 void ms_contact_set_destroy(const ms_model *model, ms_contact_set *e) {
   if (!e) return;
   const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->hold, e->followed, e->parts};
+  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->constraint, e->followed, e->parts};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
   for (int i = 0; i < 2; i++)
     ms_memory_free(alloc, e->stage[i]), ms_memory_free(alloc, e->begin[i]);
@@ -255,13 +256,14 @@ void ms_contact_set_make_constraints(ms_stepper *s, double ah) {
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
     const int all = c->sticks || c->on.n > 2;
-    ms_constraint *hold = &e->hold[i];
-    *hold = (ms_constraint){.row = c->row, .n = all ? 3 : c->on.n};
-    for (int k = 0; k < hold->n; k++)
-      if (all) hold->direction[k][k] = 1;
-      else memcpy(hold->direction[k], c->on.plane[k]->normal, sizeof hold->direction[k]);
+    ms_constraint *constraint = &e->constraint[i];
+    *constraint = (ms_constraint){.row = c->row, .n = all ? 3 : c->on.n};
+    for (int k = 0; k < constraint->n; k++)
+      if (all) constraint->direction[k][k] = 1;
+      else
+        memcpy(constraint->direction[k], c->on.plane[k]->normal, sizeof constraint->direction[k]);
     if (c->is_prescribed && !c->sticks && c->friction > 0)
-      hold->friction = s->model->mass[c->row] * ah * c->friction / c->friction_speed;
+      constraint->friction = s->model->mass[c->row] * ah * c->friction / c->friction_speed;
   }
 }
 
@@ -347,22 +349,22 @@ static void add_to_unknown(const ms_unknowns *rows, double h, const double u[3],
 }
 
 /* Reactions cancel all of a if the particle sticks, else its normal part, and friction is added. */
-void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *pass) {
+void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *sweep) {
   const ms_unknowns *rows = &s->model->unknowns;
-  const int follows = !pass->along || pass->along == pass->v_to; /* x_to moves with v_to */
+  const int follows = !sweep->along || sweep->along == sweep->v_to; /* x_to moves with v_to */
   for (int32_t i = 0; i < s->events->ncontacts; i++) {
     const ms_contact *c = &s->events->contact[i];
     double a[3], along[3], v[3], f[3] = {0}, push[3];
-    ms_unknowns_get(rows, pass->a, c->row, a);
+    ms_unknowns_get(rows, sweep->a, c->row, a);
     memcpy(along, a, sizeof along);
-    if (pass->v) ms_unknowns_get(rows, pass->v, c->row, v);
+    if (sweep->v) ms_unknowns_get(rows, sweep->v, c->row, v);
     const double pull = ms_impacts_remove_normal(&c->on, along, NULL);
-    if (c->has_friction && !c->sticks) friction_of(s, c, pass->v ? v : NULL, pull, f);
+    if (c->has_friction && !c->sticks) friction_of(s, c, sweep->v ? v : NULL, pull, f);
     for (int k = 0; k < 3; k++) push[k] = c->sticks ? -a[k] : along[k] + f[k] - a[k];
-    add_to_unknown(rows, 1, push, c->row, pass->a);
-    if (pass->v_to) add_to_unknown(rows, pass->h, push, c->row, pass->v_to);
-    if (pass->x_to && follows)
-      add_to_unknown(rows, pass->drift * pass->h, push, c->row, pass->x_to);
+    add_to_unknown(rows, 1, push, c->row, sweep->a);
+    if (sweep->v_to) add_to_unknown(rows, sweep->h, push, c->row, sweep->v_to);
+    if (sweep->x_to && follows)
+      add_to_unknown(rows, sweep->drift * sweep->h, push, c->row, sweep->x_to);
   }
 }
 

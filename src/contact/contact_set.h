@@ -61,10 +61,10 @@ typedef struct ms_contact_set {
   int a_is_known;             /* a is that of s->x, s->v */
   double
       bounce_time; /* s: bounces that end within this time are summed (particle_path.h); 0: none */
-  double bounce_reach; /* m: ... if they reach no farther than this */
-  int implicit;        /* the method solves equations, by a matrix without friction */
-  ms_contact *contact; /* ncontacts, with ascending rows */
-  ms_constraint *hold; /* the same contacts as constraints of the matrix */
+  double bounce_reach;       /* m: ... if they reach no farther than this */
+  int implicit;              /* the method solves equations, by a matrix without friction */
+  ms_contact *contact;       /* ncontacts, with ascending rows */
+  ms_constraint *constraint; /* the same contacts as constraints of the matrix */
   int32_t ncontacts;
   int32_t *followed; /* nfollowed unknowns that followed paths of their own in the last substep */
   int32_t nfollowed;
@@ -113,7 +113,7 @@ void ms_contact_set_make_writable(ms_stepper *s);
  * particles that move into planes bounce. */
 void ms_contact_set_update(ms_stepper *s);
 
-/* Sets e->hold, the constraints of the matrix, for a stage of coefficient ah (newton.h). */
+/* Sets e->constraint, the constraints of the matrix, for a stage of coefficient ah (newton.h). */
 void ms_contact_set_make_constraints(ms_stepper *s, double ah);
 
 /* The free acceleration a = F(x, v)/m, without reactions of planes */
@@ -123,7 +123,7 @@ void ms_contact_set_free_acceleration(ms_stepper *s, const double *x, const doub
 uint64_t ms_contact_set_hash(const ms_stepper *s);
 
 /* Adds reactions and friction of the planes to the results of a force sweep, which include a. */
-void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *pass);
+void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *sweep);
 
 /* Puts particles in contact on their planes, to the last bit, in x_next and v_next, computes a_end,
  * and sets `change` of each contact. Without contacts it does nothing. */

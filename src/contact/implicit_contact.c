@@ -163,9 +163,9 @@ static int update_friction(contact_solve *j, ms_contact *c) {
 enum { REMOVAL_SOLVES = 2, FRICTION_SOLVES = 3 };
 
 /* Updates the contact set by the step just made; returns 1 if it has changed. */
-static int update_contacts(contact_solve *j, int pass) {
-  int32_t changed = pass < REMOVAL_SOLVES ? remove_pulled(j) : 0;
-  for (int32_t i = 0; i < j->e->ncontacts && pass < FRICTION_SOLVES; i++)
+static int update_contacts(contact_solve *j, int solves) {
+  int32_t changed = solves < REMOVAL_SOLVES ? remove_pulled(j) : 0;
+  for (int32_t i = 0; i < j->e->ncontacts && solves < FRICTION_SOLVES; i++)
     changed += update_friction(j, &j->e->contact[i]);
   changed += add_penetrating(j);
   return changed > 0;
@@ -188,14 +188,14 @@ static double find_total_energy(const ms_stepper *s, const double *x, const doub
 /* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the
  * contacts and friction found before, particles can only join. */
 static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
-  for (int pass = j->law == KEEP_DISTANCE ? FRICTION_SOLVES : 0;; pass++) {
+  for (int solves = j->law == KEEP_DISTANCE ? FRICTION_SOLVES : 0;; solves++) {
     prescribe_velocities(j);
     j->s->cached_stage = 0;
     j->s->dense_output = 0;
     const msim_status status = j->solve_method->step(j->s, err);
     if (status) return status;
     ms_contact_set_finish_substep(j->s);
-    if (!update_contacts(j, pass)) return MSIM_OK;
+    if (!update_contacts(j, solves)) return MSIM_OK;
   }
 }
 

@@ -100,11 +100,11 @@ void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 /* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */
 void ms_stepper_init_stage(const ms_stepper *s, double *stage);
 
-/* A force sweep with the updates of `pass` and the reactions of planes, counted and timed */
-void ms_stepper_evaluate(ms_stepper *s, const ms_fused_step *pass);
+/* A force sweep with the updates of `sweep` and the reactions of planes, counted and timed */
+void ms_stepper_evaluate(ms_stepper *s, const ms_fused_step *sweep);
 
 /* A force sweep of `model`, which has some of the springs, without reactions */
-void ms_stepper_evaluate_model(ms_stepper *s, const ms_model *model, const ms_fused_step *pass);
+void ms_stepper_evaluate_model(ms_stepper *s, const ms_model *model, const ms_fused_step *sweep);
 
 /* The force sweep v_next = v + h a(x, v),  x_next = x + h v_next */
 ms_fused_step ms_stepper_kick_drift(const ms_stepper *s);
@@ -119,7 +119,7 @@ int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v);
 /* 1: particles are in contact with planes (contact_set.h); forces then depend on v. */
 int ms_stepper_has_contacts(const ms_stepper *s);
 /* Adds the constraints of these contacts to a linear system. */
-void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *request);
+void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec);
 
 /* 1: no force depends on velocities. */
 int ms_stepper_is_separable(const ms_stepper *s);

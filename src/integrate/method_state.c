@@ -4,19 +4,19 @@
 
 #include "contact/contact_set.h"
 
-/* 1 if `note` is a cached-stage tag of the method */
-static int is_cached_tag(const ms_integrator *method, int note) {
-  if (note < 1 || note > 2) return note == 0;
-  return method->carried && method->carried_at + note * method->carried <= method->nwork;
+/* 1 if `tag` is a cached-stage tag of the method */
+static int is_cached_tag(const ms_integrator *method, int tag) {
+  if (tag < 1 || tag > 2) return tag == 0;
+  return method->carried && method->carried_at + tag * method->carried <= method->nwork;
 }
 
 void ms_method_state_archive_carried(ms_archive *b, const ms_integrator *method,
-                                     const ms_stepper *s, int note) {
-  ms_archive_check(b, is_cached_tag(method, note), "what the method carries");
+                                     const ms_stepper *s, int tag) {
+  ms_archive_check(b, is_cached_tag(method, tag), "what the method carries");
   if (ms_archive_failed(b)) return;
-  const int first = method->carried_at + (note - 1) * method->carried;
-  for (int i = 0; i < method->carried && MS_ARCHIVE_OPTIONAL(b, note > 0); i++)
-    ms_archive_transfer_vector(b, s->model->shape, s->work[note > 0 ? first + i : 0]);
+  const int first = method->carried_at + (tag - 1) * method->carried;
+  for (int i = 0; i < method->carried && MS_ARCHIVE_OPTIONAL(b, tag > 0); i++)
+    ms_archive_transfer_vector(b, s->model->shape, s->work[tag > 0 ? first + i : 0]);
 }
 
 static void archive_contacts(ms_archive *b, ms_stepper *s) {

@@ -20,6 +20,6 @@ void ms_method_state_archive(ms_archive *bytes, const ms_integrator *method, ms_
 
 /* Passes the work vectors that a cached-stage tag of the method refers to; 0: none. */
 void ms_method_state_archive_carried(ms_archive *bytes, const ms_integrator *method,
-                                     const ms_stepper *s, int note);
+                                     const ms_stepper *s, int tag);
 
 #endif

@@ -32,13 +32,13 @@ static void lists_destroy(const ms_model *model, creation_lists *l) {
     ms_memory_free(&model->scene->alloc, arrays[i]);
 }
 
-static void classify_springs(const ms_model *model, const ms_stiffness_partition *cut,
+static void classify_springs(const ms_model *model, const ms_stiffness_partition *partition,
                              creation_lists *l) {
   const ms_scene *scene = model->scene;
   const ms_springs *s = &model->springs;
   for (int32_t e = 0; e < s->n; e++) {
     const int32_t spring = s->spring[e], *ends = scene->ij + 2 * (size_t)spring;
-    if (l->stiffness_class[e] < cut->stiffness_class) {
+    if (l->stiffness_class[e] < partition->stiffness_class) {
       l->soft[l->nsoft++] = spring;
       continue;
     }
@@ -118,13 +118,13 @@ void ms_multirate_scatter(const ms_multirate *split, ms_shape shape, const doubl
 
 static msim_status build_multirate(const ms_model *model, const msim_options *opt, double h,
                                    creation_lists *l, ms_multirate **split, msim_error *err) {
-  ms_stiffness_partition cut;
-  msim_status status = ms_stiffness_partition_choose(model, h, l->stiffness_class, &cut, err);
-  if (status || cut.nstiff == 0) return status;
+  ms_stiffness_partition partition;
+  msim_status status = ms_stiffness_partition_choose(model, h, l->stiffness_class, &partition, err);
+  if (status || partition.nstiff == 0) return status;
   *split = ms_memory_allocate(&model->scene->alloc, 1, sizeof **split);
   if (!*split) return ms_error_set_memory(err, "the stiff springs");
-  (*split)->inner = cut.inner;
-  classify_springs(model, &cut, l);
+  (*split)->inner = partition.inner;
+  classify_springs(model, &partition, l);
   status = make_multirate_models(model, opt->skip_off, l, *split, err);
   return status ? status : make_inner_stepper(opt, h, *split, err);
 }

@@ -73,17 +73,17 @@ static double velocity_tolerance(const newton *n) {
   return fmin(asked, n->s->solve_tolerance * fmax(size, newton_norm(n, n->stage->v)));
 }
 
-static msim_status solve_newton_system(newton *n, const ms_linear_system_spec *request,
+static msim_status solve_newton_system(newton *n, const ms_linear_system_spec *spec,
                                        msim_error *err) {
-  return ms_solver_solve(n->s->solver, request, n->b, n->d, err);
+  return ms_solver_solve(n->s->solver, spec, n->b, n->d, err);
 }
 
 /* d = A^-1 R, truncated at the trust radius; A is clamped if it is not positive definite. */
-static msim_status solve_within(newton *n, ms_linear_system_spec *request, msim_error *err) {
-  msim_status status = solve_newton_system(n, request, err);
-  if (status == MSIM_NOT_SPD && !request->clamp) {
-    request->clamp = 1;
-    status = solve_newton_system(n, request, err);
+static msim_status solve_within(newton *n, ms_linear_system_spec *spec, msim_error *err) {
+  msim_status status = solve_newton_system(n, spec, err);
+  if (status == MSIM_NOT_SPD && !spec->clamp) {
+    spec->clamp = 1;
+    status = solve_newton_system(n, spec, err);
   }
   if (status) return status;
   const double drop = ms_vector_dot(n->shape, n->b, n->d), part = n->radius / sqrt(drop);
@@ -95,10 +95,10 @@ static msim_status solve_within(newton *n, ms_linear_system_spec *request, msim_
 }
 
 /* d = A^-1 R with the full matrix: a descent direction of the residual norm, not of the energy */
-static msim_status solve_full(newton *n, ms_linear_system_spec *request, msim_error *err) {
-  request->v = n->stage->v;
-  const msim_status status = solve_newton_system(n, request, err);
-  request->v = NULL;
+static msim_status solve_full(newton *n, ms_linear_system_spec *spec, msim_error *err) {
+  spec->v = n->stage->v;
+  const msim_status status = solve_newton_system(n, spec, err);
+  spec->v = NULL;
   n->is_truncated = 0;
   return status;
 }
@@ -107,13 +107,13 @@ static msim_status solve_full(newton *n, ms_linear_system_spec *request, msim_er
  * convergence quadratic although terms along strong dampers are 1e6 times those across. The line
  * search REDUCE_RESIDUAL uses BiCGStab: it fails if the matrix is nearly singular, and the
  * symmetric matrix follows (damping 10, h 0.1: 13 iterations a step; 41 by elimination). */
-static msim_status solve_exact_full(newton *n, ms_linear_system_spec *request, msim_error *err) {
+static msim_status solve_exact_full(newton *n, ms_linear_system_spec *spec, msim_error *err) {
   const double FINE = 1e-3;
-  request->clamp = 0, request->use_elimination = 1;
-  request->rtol = fmin(n->eta, FINE);
-  const msim_status status = solve_full(n, request, err);
+  spec->clamp = 0, spec->use_elimination = 1;
+  spec->rtol = fmin(n->eta, FINE);
+  const msim_status status = solve_full(n, spec, err);
   if (status) n->failures++;
-  else n->eta = request->rtol;
+  else n->eta = spec->rtol;
   return status;
 }
 
@@ -129,24 +129,24 @@ static int may_solve_exactly(const newton *n) {
  * exact full matrix, the full matrix, the symmetric one. Sets n->search. */
 static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_solver *solver = n->s->solver;
-  ms_linear_system_spec request = {
+  ms_linear_system_spec spec = {
       .x = n->stage->x, .h = n->stage->ah, .clamp = clamp, .indefinite = -1, .rtol = n->eta};
-  ms_stepper_add_constraints(n->s, &request);
+  ms_stepper_add_constraints(n->s, &spec);
   const int descends = ms_solver_can_descend(solver);
   const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (n->dampers || !descends));
   n->search = LIMIT_ROTATION;
-  if (may_solve_exactly(n) && !solve_exact_full(n, &request, err)) return MSIM_OK;
-  request.clamp = clamp, request.use_elimination = 0, request.rtol = n->eta;
+  if (may_solve_exactly(n) && !solve_exact_full(n, &spec, err)) return MSIM_OK;
+  spec.clamp = clamp, spec.use_elimination = 0, spec.rtol = n->eta;
   n->search = REDUCE_RESIDUAL;
   if (whole && ms_solver_supports_damping_derivative(solver)) {
-    request.clamp = n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP;
-    if (!solve_full(n, &request, err)) return MSIM_OK;
-    request.clamp = clamp;
+    spec.clamp = n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP;
+    if (!solve_full(n, &spec, err)) return MSIM_OK;
+    spec.clamp = clamp;
     n->failures++;
   }
   n->search = REDUCE_POTENTIAL;
-  if (!descends) return solve_within(n, &request, err);
-  return ms_solver_descend(solver, &request, n->b, n->d, err);
+  if (!descends) return solve_within(n, &spec, err);
+  return ms_solver_descend(solver, &spec, n->b, n->d, err);
 }
 
 /* Updates the trust radius by the ratio of the reduction of E to the predicted one. */
@@ -199,7 +199,7 @@ static double search_energy(newton *n, int full) {
   const double NEAR = 0.1, CLOSE = 0.2, FAR = 4;
   const ms_model *m = n->s->model;
   const double slope = ms_vector_dot(n->shape, n->b, n->d), size = newton_norm(n, n->d);
-  const double drag = m->features & MSIM_SKIP_DRAG ? n->stage->ah * m->scene->drag : 0;
+  const double drag = m->features & MS_HAS_DRAG ? n->stage->ah * m->scene->drag : 0;
   const double square = size * size + drag * ms_vector_dot(n->shape, n->d, n->d);
   sample best = {1, reduction(n, 1, slope, square)}, other = {0};
   int left = ms_solver_can_descend(n->s->solver) ? BETTER : 0;
@@ -367,7 +367,7 @@ static int must_clamp(newton *n, double first) {
 
 static double line_search(newton *n, int full) {
   const int has_potential =
-      !(n->s->model->features & MSIM_SKIP_DAMPING) && !ms_stepper_has_contacts(n->s);
+      !(n->s->model->features & MS_HAS_DAMPING) && !ms_stepper_has_contacts(n->s);
   if (n->search == LIMIT_ROTATION) return limit_rotation(n, full);
   if (n->search == REDUCE_RESIDUAL) return search_residual(n, full);
   return has_potential ? search_energy(n, full) : search_slope(n, full);
@@ -389,7 +389,7 @@ static int has_strong_dampers(const newton *n, double share) {
   const double ah = n->stage->ah;
   const ms_model *model = n->s->model;
   const ms_springs *s = &model->springs;
-  if (!(model->features & MSIM_SKIP_DAMPING)) return 0;
+  if (!(model->features & MS_HAS_DAMPING)) return 0;
   for (int32_t e = 0; e < s->n; e++) {
     double mass = INFINITY;
     if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);

@@ -17,17 +17,17 @@ void ms_stepper_init_stage(const ms_stepper *s, double *stage) {
 int ms_stepper_has_contacts(const ms_stepper *s) { return s->events && s->events->ncontacts; }
 
 /* Without springs the matrix is a scalar for each particle, and takes no constraints. */
-void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *request) {
-  if (!ms_stepper_has_contacts(s) || !(s->model->features & MSIM_SKIP_SPRINGS)) return;
-  ms_contact_set_make_constraints(s, request->h);
-  request->constraint = s->events->hold;
-  request->nconstraints = s->events->ncontacts;
+void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec) {
+  if (!ms_stepper_has_contacts(s) || !(s->model->features & MS_HAS_SPRINGS)) return;
+  ms_contact_set_make_constraints(s, spec->h);
+  spec->constraint = s->events->constraint;
+  spec->nconstraints = s->events->ncontacts;
 }
 
 /* The same with particles in contact. The acceleration at s->x, s->v may be known. */
-static void evaluate_at_planes(ms_stepper *s, const ms_fused_step *pass) {
+static void evaluate_at_planes(ms_stepper *s, const ms_fused_step *sweep) {
   const ms_contact_set *e = s->events;
-  ms_fused_step all = *pass;
+  ms_fused_step all = *sweep;
   if (!all.a) all.a = e->a_end;
   const int alone = !all.f && !all.v_to && !all.x_to;
   if (e->a_is_known && alone && all.x == s->x && all.v == s->v)
@@ -36,9 +36,9 @@ static void evaluate_at_planes(ms_stepper *s, const ms_fused_step *pass) {
   ms_contact_set_add_reactions(s, &all);
 }
 
-void ms_stepper_evaluate(ms_stepper *s, const ms_fused_step *pass) {
-  if (ms_stepper_has_contacts(s)) evaluate_at_planes(s, pass);
-  else ms_stepper_evaluate_model(s, s->model, pass);
+void ms_stepper_evaluate(ms_stepper *s, const ms_fused_step *sweep) {
+  if (ms_stepper_has_contacts(s)) evaluate_at_planes(s, sweep);
+  else ms_stepper_evaluate_model(s, s->model, sweep);
 }
 
 ms_fused_step ms_stepper_kick_drift(const ms_stepper *s) {
@@ -57,12 +57,11 @@ void ms_stepper_acceleration(ms_stepper *s, const double *x, const double *v, do
 }
 
 int ms_stepper_is_separable(const ms_stepper *s) {
-  return !(s->model->features & (MSIM_SKIP_DAMPING | MSIM_SKIP_DRAG)) &&
-         !ms_stepper_has_contacts(s);
+  return !(s->model->features & (MS_HAS_DAMPING | MS_HAS_DRAG)) && !ms_stepper_has_contacts(s);
 }
 
 int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v) {
-  if (!(s->model->features & MSIM_SKIP_PLANES) || s->events) return 0;
+  if (!(s->model->features & MS_HAS_PLANES) || s->events) return 0;
   double start = ms_clock_now();
   int64_t reflected = ms_planes_reflect(s->model, x, v);
   s->stats->contacts += reflected;

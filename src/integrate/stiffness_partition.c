@@ -51,11 +51,11 @@ static int next_stiffness_class(const ms_springs *s, const int *class_of, int be
 }
 
 msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *class_of,
-                                          ms_stiffness_partition *cut, msim_error *err) {
+                                          ms_stiffness_partition *partition, msim_error *err) {
   const int32_t n = model->springs.n;
   double *sums =
       ms_memory_allocate(&model->scene->alloc, 2 * (size_t)model->unknowns.nfree, sizeof *sums);
-  *cut = (ms_stiffness_partition){0};
+  *partition = (ms_stiffness_partition){0};
   if (!sums) return ms_error_set_memory(err, "the choice of stiff springs");
   find_stiffness_classes(model, class_of);
   const double whole =
@@ -73,7 +73,7 @@ msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *
     if (!(soft < 1 && inner < MAX_INNER_STEPS && cost < least)) continue;
     least = cost;
     at.inner = (int32_t)inner;
-    *cut = at;
+    *partition = at;
   }
   ms_memory_free(&model->scene->alloc, sums);
   return MSIM_OK;

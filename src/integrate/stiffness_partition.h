@@ -18,6 +18,6 @@ typedef struct ms_stiffness_partition {
  * half the limit of Verlet, by the bounds of bounds.h. None if all springs are stable with h, or if
  * velocity Verlet at its limit evaluates fewer. class_of: springs.n, out: the classes. */
 msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *class_of,
-                                          ms_stiffness_partition *cut, msim_error *err);
+                                          ms_stiffness_partition *partition, msim_error *err);
 
 #endif

@@ -3,21 +3,21 @@
 #include <string.h>
 
 /* Half-edges of each row in the order of the springs. next: the next position of each row. */
-static void list_by_spring(const ms_springs *springs, int32_t *next, ms_half_edge *halves) {
+static void list_by_spring(const ms_springs *springs, int32_t *next, ms_half_edge *half_edges) {
   for (int32_t e = 0; e < springs->n; e++) {
     const int32_t i = springs->i[e], j = springs->j[e];
-    halves[next[i]++] = (ms_half_edge){j, e};
-    halves[next[j]++] = (ms_half_edge){i, e};
+    half_edges[next[i]++] = (ms_half_edge){j, e};
+    half_edges[next[j]++] = (ms_half_edge){i, e};
   }
 }
 
 /* The transpose of `from`: rows in ascending order are appended to those of their neighbours, so
  * that each row lists its neighbours in ascending order. */
 static void transpose_half_edges(const int32_t *first, int32_t nrows, const ms_half_edge *from,
-                                 int32_t *next, ms_half_edge *halves) {
+                                 int32_t *next, ms_half_edge *half_edges) {
   for (int32_t r = 0; r < nrows; r++)
     for (int32_t e = first[r]; e < first[r + 1]; e++)
-      halves[next[from[e].neighbour]++] = (ms_half_edge){r, from[e].spring};
+      half_edges[next[from[e].neighbour]++] = (ms_half_edge){r, from[e].spring};
 }
 
 msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,

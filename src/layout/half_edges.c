@@ -8,10 +8,10 @@ enum { COST_OF_SUMS = 2 };
 static int32_t entries_for_degree(int32_t degree) { return (degree + MS_SLICE - 1) / MS_SLICE; }
 
 /* Rows of a slice, by descending number of springs. Returns their number. */
-static int32_t sort_rows_by_degree(const ms_adjacency *a, int32_t nfree, int32_t group,
+static int32_t sort_rows_by_degree(const ms_adjacency *a, int32_t nfree, int32_t slice,
                                    int32_t row[MS_SLICE]) {
   int32_t n = 0;
-  for (int32_t r = group * MS_SLICE; n < MS_SLICE && r < nfree; r++, n++) {
+  for (int32_t r = slice * MS_SLICE; n < MS_SLICE && r < nfree; r++, n++) {
     int32_t to = n;
     for (; to > 0 && ms_adjacency_degree(a, row[to - 1]) < ms_adjacency_degree(a, r); to--)
       row[to] = row[to - 1];
@@ -51,8 +51,8 @@ static void number_parts(const ms_adjacency *a, ms_half_edges *out) {
   for (int32_t r = 0; r < out->nslices * MS_SLICE; r++) {
     if (out->first_part[r] < 0) continue;
     out->first_part[r] = p;
-    for (int32_t slots = entries_for_degree(ms_adjacency_degree(a, r)); slots > 0;
-         slots -= MS_PART_ENTRIES)
+    for (int32_t entries = entries_for_degree(ms_adjacency_degree(a, r)); entries > 0;
+         entries -= MS_PART_ENTRIES)
       out->part_row[p++] = r;
   }
 }
@@ -65,11 +65,11 @@ typedef struct lane_cursors {
   int32_t row; /* of lane 0 */
 } lane_cursors;
 
-static lane_cursors begin_slice(const ms_adjacency *a, const ms_half_edges *halves, int32_t nfree,
-                                int32_t group) {
-  lane_cursors h = {.row = group * MS_SLICE};
+static lane_cursors begin_slice(const ms_adjacency *a, const ms_half_edges *half_edges,
+                                int32_t nfree, int32_t slice) {
+  lane_cursors h = {.row = slice * MS_SLICE};
   for (int32_t lane = 0; lane < MS_SLICE && h.row + lane < nfree; lane++) {
-    if (halves->first_part[h.row + lane] >= 0) continue;
+    if (half_edges->first_part[h.row + lane] >= 0) continue;
     h.next[lane] = a->half_edges + a->first[h.row + lane];
     h.end[lane] = a->half_edges + a->first[h.row + lane + 1];
   }
@@ -91,23 +91,23 @@ static int32_t find_least_offset(const lane_cursors *h) {
 /* Entries of equal offset leave lanes empty where the mesh is irregular. Returns 1 if they are at
  * most 1.5 times as many as the longest row needs. */
 static int is_offset_order_worthwhile(lane_cursors h) {
-  ptrdiff_t longest = 0, slots = 0;
+  ptrdiff_t longest = 0, entries = 0;
   for (int32_t lane = 0; lane < MS_SLICE; lane++)
     if (h.end[lane] - h.next[lane] > longest) longest = h.end[lane] - h.next[lane];
-  for (int32_t offset; (offset = find_least_offset(&h)) != 0; slots++)
+  for (int32_t offset; (offset = find_least_offset(&h)) != 0; entries++)
     for (int32_t lane = 0; lane < MS_SLICE; lane++)
       if (h.next[lane] != h.end[lane] && h.next[lane]->neighbour == h.row + lane + offset)
         h.next[lane]++;
-  return 2 * slots <= 3 * longest;
+  return 2 * entries <= 3 * longest;
 }
 
 /* Take the half-edges of the next entry from h; NULL in empty lanes. */
-static void take_entry(lane_cursors *h, int aligned, const ms_half_edge *slot[MS_SLICE]) {
+static void take_entry(lane_cursors *h, int aligned, const ms_half_edge *entry[MS_SLICE]) {
   const int32_t offset = find_least_offset(h);
   for (int32_t lane = 0; lane < MS_SLICE; lane++) {
     const int takes = h->next[lane] != h->end[lane] &&
                       (!aligned || h->next[lane]->neighbour == h->row + lane + offset);
-    slot[lane] = takes ? h->next[lane]++ : NULL;
+    entry[lane] = takes ? h->next[lane]++ : NULL;
   }
 }
 
@@ -115,18 +115,18 @@ static void take_entry(lane_cursors *h, int aligned, const ms_half_edge *slot[MS
 
 static int32_t count_slice_entries(lane_cursors h) {
   const int aligned = is_offset_order_worthwhile(h);
-  const ms_half_edge *slot[MS_SLICE];
+  const ms_half_edge *entry[MS_SLICE];
   int32_t n = 0;
-  for (; find_least_offset(&h) != 0; n++) take_entry(&h, aligned, slot);
+  for (; find_least_offset(&h) != 0; n++) take_entry(&h, aligned, entry);
   return n;
 }
 
 /* The row at lane 0 if the neighbours are consecutive rows, empty lanes included; else -1. */
-static int32_t find_run_start(const ms_unknowns *rows, const ms_half_edge *const slot[MS_SLICE]) {
+static int32_t find_run_start(const ms_unknowns *rows, const ms_half_edge *const entry[MS_SLICE]) {
   int32_t start = -1;
   for (int32_t lane = 0; lane < MS_SLICE; lane++) {
-    if (!slot[lane]) continue;
-    const int32_t here = slot[lane]->neighbour - lane;
+    if (!entry[lane]) continue;
+    const int32_t here = entry[lane]->neighbour - lane;
     if (here < 0 || here + MS_SLICE > rows->stride || (start >= 0 && here != start)) return -1;
     start = here;
   }
@@ -135,34 +135,34 @@ static int32_t find_run_start(const ms_unknowns *rows, const ms_half_edge *const
 
 /* Padding refers to an existing row: the one that continues the run, or else `row`. */
 static void write_lanes(const ms_unknowns *rows, int32_t row,
-                        const ms_half_edge *const slot[MS_SLICE], int32_t s, ms_half_edges *out) {
-  out->start[s] = find_run_start(rows, slot);
+                        const ms_half_edge *const entry[MS_SLICE], int32_t s, ms_half_edges *out) {
+  out->start[s] = find_run_start(rows, entry);
   for (int32_t lane = 0; lane < MS_SLICE; lane++) {
     const int32_t any = out->start[s] >= 0 ? out->start[s] + lane : row;
-    out->neighbour[MS_SLICE * s + lane] = slot[lane] ? slot[lane]->neighbour : any;
-    out->spring[MS_SLICE * s + lane] = slot[lane] ? slot[lane]->spring : -1;
+    out->neighbour[MS_SLICE * s + lane] = entry[lane] ? entry[lane]->neighbour : any;
+    out->spring[MS_SLICE * s + lane] = entry[lane] ? entry[lane]->spring : -1;
   }
 }
 
-static void fill_slice(const ms_adjacency *a, const ms_unknowns *rows, int32_t group,
+static void fill_slice(const ms_adjacency *a, const ms_unknowns *rows, int32_t slice,
                        ms_half_edges *out) {
-  lane_cursors h = begin_slice(a, out, rows->nfree, group);
+  lane_cursors h = begin_slice(a, out, rows->nfree, slice);
   const int aligned = is_offset_order_worthwhile(h);
-  const ms_half_edge *slot[MS_SLICE];
-  for (int32_t s = out->first[group]; s < out->first[group + 1]; s++) {
-    take_entry(&h, aligned, slot);
-    write_lanes(rows, h.row, slot, s, out);
+  const ms_half_edge *entry[MS_SLICE];
+  for (int32_t s = out->first[slice]; s < out->first[slice + 1]; s++) {
+    take_entry(&h, aligned, entry);
+    write_lanes(rows, h.row, entry, s, out);
   }
 }
 
 static void fill_split_row(const ms_adjacency *a, const ms_unknowns *rows, int32_t row,
                            ms_half_edges *out) {
-  const ms_half_edge *slot[MS_SLICE];
+  const ms_half_edge *entry[MS_SLICE];
   int32_t s = out->first[out->nslices + out->first_part[row]];
   for (int32_t e = a->first[row]; e < a->first[row + 1]; e += MS_SLICE) {
     for (int32_t lane = 0; lane < MS_SLICE; lane++)
-      slot[lane] = e + lane < a->first[row + 1] ? a->half_edges + e + lane : NULL;
-    write_lanes(rows, row, slot, s++, out);
+      entry[lane] = e + lane < a->first[row + 1] ? a->half_edges + e + lane : NULL;
+    write_lanes(rows, row, entry, s++, out);
   }
 }
 
@@ -170,20 +170,20 @@ static void fill_split_row(const ms_adjacency *a, const ms_unknowns *rows, int32
  * a number above it. */
 static int64_t number_entries(const ms_adjacency *a, const ms_unknowns *rows, ms_half_edges *out) {
   const int64_t most = INT32_MAX / MS_SLICE;
-  int64_t slots = 0;
+  int64_t entries = 0;
   int32_t *end = out->first + 1;
-  for (int32_t g = 0; g < out->nslices && slots <= most; g++) {
-    slots += count_slice_entries(begin_slice(a, out, rows->nfree, g));
-    *end++ = (int32_t)slots;
+  for (int32_t g = 0; g < out->nslices && entries <= most; g++) {
+    entries += count_slice_entries(begin_slice(a, out, rows->nfree, g));
+    *end++ = (int32_t)entries;
   }
-  for (int32_t p = 0; p < out->nparts && slots <= most; p++) {
+  for (int32_t p = 0; p < out->nparts && entries <= most; p++) {
     const int32_t row = out->part_row[p];
     const int32_t left = entries_for_degree(ms_adjacency_degree(a, row)) -
                          MS_PART_ENTRIES * (p - out->first_part[row]);
-    slots += left < MS_PART_ENTRIES ? left : MS_PART_ENTRIES;
-    *end++ = (int32_t)slots;
+    entries += left < MS_PART_ENTRIES ? left : MS_PART_ENTRIES;
+    *end++ = (int32_t)entries;
   }
-  return slots;
+  return entries;
 }
 
 static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *rows,
@@ -199,19 +199,19 @@ static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *r
   if (!out->part_row || !out->part_sums || !out->first)
     return ms_error_set_memory(err, "the springs of each row");
   number_parts(a, out);
-  const int64_t slots = number_entries(a, rows, out);
-  if (slots > INT32_MAX / MS_SLICE)
+  const int64_t entries = number_entries(a, rows, out);
+  if (entries > INT32_MAX / MS_SLICE)
     return ms_error_set(err, MSIM_ERR_ARG, "the springs need more than %d slots of %d lanes",
                         INT32_MAX / MS_SLICE, MS_SLICE);
-  out->nentries = (int32_t)slots;
+  out->nentries = (int32_t)entries;
   return MSIM_OK;
 }
 
 static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
                                 const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
-  const size_t slots = (size_t)out->nentries, lanes = MS_SLICE * slots;
-  out->start = ms_memory_allocate(alloc, slots, sizeof(int32_t));
+  const size_t entries = (size_t)out->nentries, lanes = MS_SLICE * entries;
+  out->start = ms_memory_allocate(alloc, entries, sizeof(int32_t));
   out->neighbour = ms_memory_allocate(alloc, lanes, sizeof(int32_t));
   out->spring = ms_memory_allocate(alloc, lanes, sizeof(int32_t));
   out->k = ms_memory_allocate(alloc, lanes, sizeof(double));
@@ -225,42 +225,43 @@ static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
   return MSIM_OK;
 }
 
-void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *halves) {
-  for (int32_t at = 0; at < MS_SLICE * halves->nentries; at++) {
-    const int32_t e = halves->spring[at];
+void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *half_edges) {
+  for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++) {
+    const int32_t e = half_edges->spring[at];
     if (e < 0) continue;
-    halves->k[at] = springs->k[e];
-    halves->rest[at] = springs->rest[e];
-    halves->damping[at] = springs->damping[e];
+    half_edges->k[at] = springs->k[e];
+    half_edges->rest[at] = springs->rest[e];
+    half_edges->damping[at] = springs->damping[e];
   }
 }
 
 msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
                                  const ms_springs *springs, const ms_adjacency *a,
-                                 ms_half_edges *halves, msim_error *err) {
-  *halves = (ms_half_edges){.nslices = rows->first_pinned / MS_SLICE};
-  msim_status status = make_slice_ranges(scene, rows, a, halves, err);
-  if (!status) status = make_entries(scene, rows, a, halves, err);
-  if (!status) ms_half_edges_update_springs(springs, halves);
+                                 ms_half_edges *half_edges, msim_error *err) {
+  *half_edges = (ms_half_edges){.nslices = rows->first_pinned / MS_SLICE};
+  msim_status status = make_slice_ranges(scene, rows, a, half_edges, err);
+  if (!status) status = make_entries(scene, rows, a, half_edges, err);
+  if (!status) ms_half_edges_update_springs(springs, half_edges);
   return status;
 }
 
-void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *halves) {
-  void *arrays[] = {halves->first, halves->first_part, halves->part_row, halves->part_sums,
-                    halves->start, halves->neighbour,  halves->spring,   halves->k,
-                    halves->rest,  halves->damping};
+void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges) {
+  void *arrays[] = {half_edges->first,     half_edges->first_part, half_edges->part_row,
+                    half_edges->part_sums, half_edges->start,      half_edges->neighbour,
+                    half_edges->spring,    half_edges->k,          half_edges->rest,
+                    half_edges->damping};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     ms_memory_free(&scene->alloc, arrays[i]);
-  *halves = (ms_half_edges){0};
+  *half_edges = (ms_half_edges){0};
 }
 
-void ms_half_edges_add_part_sums(const ms_half_edges *halves, int32_t components, size_t stride,
+void ms_half_edges_add_part_sums(const ms_half_edges *half_edges, int32_t components, size_t stride,
                                  double *vec) {
-  for (int32_t p = 0; p < halves->nparts; p++) {
+  for (int32_t p = 0; p < half_edges->nparts; p++) {
     for (int32_t c = 0; c < components; c++) {
       const double *s =
-          halves->part_sums + MS_SLICE * ((size_t)c * (size_t)halves->nparts + (size_t)p);
-      vec[(size_t)c * stride + (size_t)halves->part_row[p]] +=
+          half_edges->part_sums + MS_SLICE * ((size_t)c * (size_t)half_edges->nparts + (size_t)p);
+      vec[(size_t)c * stride + (size_t)half_edges->part_row[p]] +=
           ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]));
     }
   }

@@ -24,26 +24,26 @@ typedef struct ms_half_edges {
   int32_t nslices;     /* slices of unknowns: first_pinned / 8 */
   int32_t nparts;      /* of split rows */
   int32_t nentries;    /* entries of 8 half-edges each */
-  int32_t *first;      /* ngroups + nparts + 1: the first entry of each slice range */
+  int32_t *first;      /* nslices + nparts + 1: the first entry of each slice range */
   int32_t *first_part; /* first_pinned: the first part of a split row; -1: the row is not split */
   int32_t *part_row;   /* nparts: the row of each part */
   double *part_sums;   /* 6 x 8 nparts: up to 6 sums per lane, component by component; scratch */
-  int32_t *start;      /* nslots: the neighbour of lane l is row start + l; -1: see neighbour */
-  int32_t *neighbour;  /* 8 nslots: the row at the other end; padding: any row */
-  int32_t *spring;     /* 8 nslots: index in ms_springs; padding: -1 */
-  double *k, *rest, *damping; /* 8 nslots; padding: 0 */
+  int32_t *start;      /* nentries: the neighbour of lane l is row start + l; -1: see neighbour */
+  int32_t *neighbour;  /* 8 nentries: the row at the other end; padding: any row */
+  int32_t *spring;     /* 8 nentries: index in ms_springs; padding: -1 */
+  double *k, *rest, *damping; /* 8 nentries; padding: 0 */
 } ms_half_edges;
 
 msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
                                  const ms_springs *springs, const ms_adjacency *a,
-                                 ms_half_edges *halves, msim_error *err);
+                                 ms_half_edges *half_edges, msim_error *err);
 
 /* Copy k, rest and damping from the springs again. */
-void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *halves);
-void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *halves);
+void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *half_edges);
+void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges);
 
 /* Add the sums that the kernels left in part_sums to the split rows of a vector, part by part. */
-void ms_half_edges_add_part_sums(const ms_half_edges *halves, int32_t components, size_t stride,
+void ms_half_edges_add_part_sums(const ms_half_edges *half_edges, int32_t components, size_t stride,
                                  double *vec);
 
 /* Positions of a row's half-edges: begin, begin + step, ... below end, neighbours ascending, with

@@ -34,9 +34,9 @@ enum { NONE = -1, QUEUED = -2 };
 /* Hubs (unknowns with very many springs) are excluded from the breadth-first search: through them
  * all rows would be close to each other. */
 typedef struct node {
-  int32_t degree; /* number of springs; NONE: excluded */
-  int32_t place;  /* in the new order; QUEUED: reached, but not placed yet */
-  int32_t second; /* the place of the second neighbour to be placed */
+  int32_t degree;   /* number of springs; NONE: excluded */
+  int32_t position; /* in the new order; QUEUED: reached, but not placed yet */
+  int32_t second;   /* the place of the second neighbour to be placed */
 } node;
 
 typedef struct search {
@@ -57,7 +57,7 @@ static void init_nodes(search *s, int32_t stride, int64_t most) {
 /* Place a row, and record this in neighbours for which it is the second. */
 static void place_row(search *s, int32_t row, int32_t at) {
   s->order[at] = row;
-  s->node[row].place = at;
+  s->node[row].position = at;
   for (int32_t e = s->a->first[row]; e < s->a->first[row + 1]; e++) {
     int32_t *second = &s->node[s->a->half_edges[e].neighbour].second;
     if (*second == NONE) *second = INT32_MAX;
@@ -78,8 +78,8 @@ static int32_t place_neighbours(search *s, int32_t row, int32_t begin) {
   int32_t end = begin;
   for (int32_t e = s->a->first[row]; e < s->a->first[row + 1]; e++) {
     const int32_t j = s->a->half_edges[e].neighbour;
-    if (s->node[j].degree == NONE || s->node[j].place != NONE) continue;
-    s->node[j].place = QUEUED;
+    if (s->node[j].degree == NONE || s->node[j].position != NONE) continue;
+    s->node[j].position = QUEUED;
     s->order[end++] = j;
   }
   for (int32_t at = begin; at < end; at++) {
@@ -104,7 +104,7 @@ static int32_t place_component(search *s, int32_t start, int32_t begin) {
 static void clear_places(search *s, int32_t begin, int32_t end) {
   for (int32_t at = begin; at < end; at++) {
     node *p = &s->node[s->order[at]];
-    p->place = p->second = NONE;
+    p->position = p->second = NONE;
   }
 }
 
@@ -113,7 +113,7 @@ static void clear_places(search *s, int32_t begin, int32_t end) {
 static void order_breadth_first(search *s) {
   int32_t end = 0;
   for (int32_t r = 0; r < s->nfree; r++) {
-    if (s->node[r].degree == NONE || s->node[r].place != NONE) continue;
+    if (s->node[r].degree == NONE || s->node[r].position != NONE) continue;
     const int32_t begin = end;
     end = place_component(s, r, begin);
     const int32_t far = s->order[end - 1];
@@ -127,14 +127,14 @@ static void order_breadth_first(search *s) {
 /* Sums of |row - neighbour| in the present and in the new order. */
 static void sum_distances(const search *s, double *before, double *after) {
   *before = *after = 0;
-  for (int32_t place = 0; place < s->nfree; place++) {
-    const int32_t r = s->order[place];
+  for (int32_t position = 0; position < s->nfree; position++) {
+    const int32_t r = s->order[position];
     if (s->node[r].degree == NONE) continue;
     for (int32_t e = s->a->first[r]; e < s->a->first[r + 1]; e++) {
       const int32_t j = s->a->half_edges[e].neighbour;
       if (s->node[j].degree == NONE) continue;
       *before += abs(r - j);
-      *after += abs(place - s->node[j].place);
+      *after += abs(position - s->node[j].position);
     }
   }
 }

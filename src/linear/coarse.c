@@ -37,7 +37,7 @@ static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*li
 /* Where there are planes, prepare constraints: copy the modes, and allocate `held`. */
 static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const size_t n = MS_MODES * (size_t)model->unknowns.first_pinned;
-  if (!(model->features & MSIM_SKIP_PLANES)) return MSIM_OK;
+  if (!(model->features & MS_HAS_PLANES)) return MSIM_OK;
   coarse->modes = ms_memory_allocate(&model->scene->alloc, n, sizeof *coarse->modes);
   coarse->constrained = ms_memory_allocate(&model->scene->alloc, (size_t)model->unknowns.nfree,
                                            sizeof *coarse->constrained);
@@ -72,14 +72,14 @@ static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error 
 /* Of the two half-edges of a spring, that of the aggregate eliminated later contributes to the
  * off-diagonal block. */
 static void find_blocks(const ms_model *model, ms_coarse *coarse) {
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   const int32_t *of = coarse->aggregates.of, *position = coarse->chol.position;
-  for (int32_t at = 0; at < MS_SLICE * halves->nentries; at++) coarse->block[at] = -1;
+  for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++) coarse->block[at] = -1;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
+    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t j = halves->neighbour[at];
-      if (halves->spring[at] < 0 || j >= model->unknowns.nfree) continue;
+      const int32_t j = half_edges->neighbour[at];
+      if (half_edges->spring[at] < 0 || j >= model->unknowns.nfree) continue;
       if (of[r] < 0 || of[j] < 0 || position[of[r]] <= position[of[j]]) continue;
       coarse->block[at] = ms_block_cholesky_find(&coarse->chol, of[r], of[j]);
     }
@@ -151,22 +151,23 @@ static void restrict_chunk(void *data, int32_t item) {
   EACH_OF(item) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
-void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *hold, int32_t n) {
+void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *constraint, int32_t n) {
   float *weight = coarse->aggregates.weight;
   const size_t size = MS_MODES * sizeof *weight;
   if (coarse->nconstrained)
     memcpy(weight, coarse->modes, size * (size_t)coarse->model->unknowns.first_pinned);
   coarse->nconstrained = n;
   for (int32_t i = 0; i < n; i++) {
-    coarse->constrained[i] = hold[i].row;
-    memset(weight + MS_MODES * hold[i].row, 0, size);
+    coarse->constrained[i] = constraint[i].row;
+    memset(weight + MS_MODES * constraint[i].row, 0, size);
   }
 }
 
-int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *hold, int32_t n) {
+int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *constraint,
+                                int32_t n) {
   if (n != coarse->nconstrained) return 0;
   for (int32_t i = 0; i < n; i++)
-    if (hold[i].row != coarse->constrained[i]) return 0;
+    if (constraint[i].row != coarse->constrained[i]) return 0;
   return 1;
 }
 

@@ -30,10 +30,11 @@ void ms_coarse_destroy(ms_coarse *coarse);
 
 /* Set the modes of n constrained unknowns to 0, as these do not move, and restore those of the
  * unknowns constrained before. */
-void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *hold, int32_t n);
+void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *constraint, int32_t n);
 
 /* 1: exactly these unknowns are constrained, in this order, whatever the directions. */
-int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *hold, int32_t n);
+int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *constraint,
+                                int32_t n);
 
 /* Factor P^T A P, A given by the coefficients and inertia of ms_pcg (pcg.h). braced: 1 if t < 0
  * counts as 0, so that A is positive definite. MSIM_NOT_SPD: A is not positive definite, up to

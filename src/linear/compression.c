@@ -45,12 +45,13 @@ void ms_compression_reset(ms_compression *c) {
 static void carry_over_chunk(void *data, int32_t item) {
   const float CARRIED = 0.1f;
   const compression_job *j = data;
-  const ms_half_edges *halves = &j->c->model->half_edges;
-  const int32_t begin = halves->first[SLICE_RANGES_PER_ITEM * item];
-  const int32_t end = halves->first[ms_half_edges_chunk_end(halves, SLICE_RANGES_PER_ITEM, item)];
-  for (int32_t slot = begin; slot < end; slot++) {
-    float *t = j->coefficients + 4 * MS_SLICE * (size_t)slot;
-    float *left_out = j->c->reduction + MS_SLICE * (size_t)slot;
+  const ms_half_edges *half_edges = &j->c->model->half_edges;
+  const int32_t begin = half_edges->first[SLICE_RANGES_PER_ITEM * item];
+  const int32_t end =
+      half_edges->first[ms_half_edges_chunk_end(half_edges, SLICE_RANGES_PER_ITEM, item)];
+  for (int32_t entry = begin; entry < end; entry++) {
+    float *t = j->coefficients + 4 * MS_SLICE * (size_t)entry;
+    float *left_out = j->c->reduction + MS_SLICE * (size_t)entry;
     for (size_t lane = 0; lane < MS_SLICE; lane++) {
       left_out[lane] *= CARRIED;
       t[lane] *= t[lane] < 0 ? 1 - left_out[lane] : 1;
@@ -65,17 +66,17 @@ void ms_compression_carry_over(ms_compression *c, float *coefficients) {
 /*------------------------------------- springs that buckle --------------------------------------*/
 
 /* -t |p_i - p_j|^2, the contribution of t to -p.A p, for the 8 half-edges of an entry */
-static void find_contributions(const compression_job *j, int32_t segment, int32_t slot,
+static void find_contributions(const compression_job *j, int32_t range, int32_t entry,
                                double part[MS_SLICE]) {
   const ms_model *model = j->c->model;
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   const size_t stride = (size_t)model->unknowns.stride;
-  const float *t = j->coefficients + 4 * MS_SLICE * (size_t)slot;
-  const int32_t long_part = segment - halves->nslices;
+  const float *t = j->coefficients + 4 * MS_SLICE * (size_t)entry;
+  const int32_t long_part = range - half_edges->nslices;
   for (size_t lane = 0; lane < MS_SLICE; lane++) {
     const size_t row =
-        long_part < 0 ? MS_SLICE * (size_t)segment + lane : (size_t)halves->part_row[long_part];
-    const size_t other = (size_t)halves->neighbour[MS_SLICE * (size_t)slot + lane];
+        long_part < 0 ? MS_SLICE * (size_t)range + lane : (size_t)half_edges->part_row[long_part];
+    const size_t other = (size_t)half_edges->neighbour[MS_SLICE * (size_t)entry + lane];
     double sum = 0;
     for (size_t c = 0; c < (size_t)model->unknowns.dims; c++) {
       const double d = j->p[c * stride + row] - j->p[c * stride + other];
@@ -87,13 +88,13 @@ static void find_contributions(const compression_job *j, int32_t segment, int32_
 
 static void find_largest_chunk(void *data, int32_t item) {
   const compression_job *j = data;
-  const ms_half_edges *halves = &j->c->model->half_edges;
+  const ms_half_edges *half_edges = &j->c->model->half_edges;
   double largest = 0;
   for (int32_t s = SLICE_RANGES_PER_ITEM * item;
-       s < ms_half_edges_chunk_end(halves, SLICE_RANGES_PER_ITEM, item); s++)
-    for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
+       s < ms_half_edges_chunk_end(half_edges, SLICE_RANGES_PER_ITEM, item); s++)
+    for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++) {
       double part[MS_SLICE];
-      find_contributions(j, s, slot, part);
+      find_contributions(j, s, entry, part);
       for (size_t lane = 0; lane < MS_SLICE; lane++) largest = fmax(largest, part[lane]);
     }
   j->c->largest[item] = largest;
@@ -101,14 +102,14 @@ static void find_largest_chunk(void *data, int32_t item) {
 
 static void halve_chunk(void *data, int32_t item) {
   const compression_job *j = data;
-  const ms_half_edges *halves = &j->c->model->half_edges;
+  const ms_half_edges *half_edges = &j->c->model->half_edges;
   for (int32_t s = SLICE_RANGES_PER_ITEM * item;
-       s < ms_half_edges_chunk_end(halves, SLICE_RANGES_PER_ITEM, item); s++)
-    for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
-      float *t = j->coefficients + 4 * MS_SLICE * (size_t)slot;
-      float *left_out = j->c->reduction + MS_SLICE * (size_t)slot;
+       s < ms_half_edges_chunk_end(half_edges, SLICE_RANGES_PER_ITEM, item); s++)
+    for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++) {
+      float *t = j->coefficients + 4 * MS_SLICE * (size_t)entry;
+      float *left_out = j->c->reduction + MS_SLICE * (size_t)entry;
       double part[MS_SLICE];
-      find_contributions(j, s, slot, part);
+      find_contributions(j, s, entry, part);
       for (size_t lane = 0; lane < MS_SLICE; lane++)
         if (part[lane] >= j->threshold) {
           t[lane] *= 0.5f;

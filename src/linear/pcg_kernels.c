@@ -25,21 +25,21 @@ static inline double total_lanes(const lane_sums *s) {
 /*------------------------------------- pack -----------------------------------------------------*/
 
 /* t, wx, wy, wz of 8 half-edges, by entry, w = sqrt(g) d; dims = 0: a scalar matrix, w stays 0 */
-MS_INLINE void pack_slice_range(int dims, ms_pcg *s, int32_t segment) {
+MS_INLINE void pack_slice_range(int dims, ms_pcg *s, int32_t range) {
   const ms_coefficients *a = &s->base.system->a;
   const ms_model *model = s->base.system->model;
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   const size_t stride = (size_t)model->unknowns.stride;
   const double by = 1 / s->jacobi.scale, root = sqrt(by);
-  const ms_slice_range p = ms_slice_range_at(halves, segment, NULL, 0);
-  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++)
+  const ms_slice_range p = ms_slice_range_at(half_edges, range, NULL, 0);
+  for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++)
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      float *to = s->coefficients + 4 * MS_SLICE * (size_t)slot + lane;
-      const size_t at = MS_SLICE * (size_t)slot + lane;
+      float *to = s->coefficients + 4 * MS_SLICE * (size_t)entry + lane;
+      const size_t at = MS_SLICE * (size_t)entry + lane;
       ms_simd_store_floats(to, by * ms_simd_load(a->t + at));
       if (dims == 0) continue;
       const ms_lane_vectors xi = ms_load_own(dims, p, lane, a->x, stride);
-      const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
+      const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, a->x, stride);
       const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi);
       const ms_lanes length = root * ms_simd_sqrt(ms_simd_load(a->g + at));
       for (int c = 0; c < dims; c++)
@@ -48,7 +48,7 @@ MS_INLINE void pack_slice_range(int dims, ms_pcg *s, int32_t segment) {
 }
 
 MS_INLINE void pack_slice_ranges(int dims, ms_pcg *s, int32_t begin, int32_t end) {
-  for (int32_t segment = begin; segment < end; segment++) pack_slice_range(dims, s, segment);
+  for (int32_t range = begin; range < end; range++) pack_slice_range(dims, s, range);
 }
 
 /* Scale an inverse block that exceeds the range of floats, whereby it stays positive definite. The
@@ -83,9 +83,9 @@ static void pack_unknowns(ms_pcg *s, size_t begin, size_t end) {
 
 static void pack_slices(ms_pcg *s, int32_t begin, int32_t end) {
   const ms_model *model = s->base.system->model;
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   /* split rows together with the last slices */
-  const int32_t last = end < halves->nslices ? end : halves->nslices + halves->nparts;
+  const int32_t last = end < half_edges->nslices ? end : half_edges->nslices + half_edges->nparts;
   if (s->jacobi.block == 1) pack_slice_ranges(0, s, begin, last);
   else if (model->unknowns.dims == 3) pack_slice_ranges(3, s, begin, last);
   else pack_slice_ranges(2, s, begin, last);
@@ -96,14 +96,15 @@ static void pack_slices(ms_pcg *s, int32_t begin, int32_t end) {
 
 /* q += sum of (t I + w w^T) (p_i - p_j) over the half-edges of a slice range, for one register of
  * lanes; p: of these unknowns */
-MS_INLINE void add_half_edges(size_t dims, const ms_pcg *s, int32_t segment, size_t lane,
+MS_INLINE void add_half_edges(size_t dims, const ms_pcg *s, int32_t range, size_t lane,
                               const ms_lanes p[3], ms_lanes q[3]) {
-  const ms_half_edges *halves = &s->base.system->model->half_edges;
+  const ms_half_edges *half_edges = &s->base.system->model->half_edges;
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
-  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
-    const float *a = s->coefficients + 4 * MS_SLICE * (size_t)slot + lane;
+  for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
+    const float *a = s->coefficients + 4 * MS_SLICE * (size_t)entry + lane;
     const ms_lanes t = ms_simd_load_floats(a);
-    const ms_lane_vectors other = ms_load_neighbours((int)dims, halves, slot, lane, s->p, stride);
+    const ms_lane_vectors other =
+        ms_load_neighbours((int)dims, half_edges, entry, lane, s->p, stride);
     ms_lanes w[3], d[3], along = {0};
     for (size_t c = 0; c < dims; c++) {
       w[c] = ms_simd_load_floats(a + MS_SLICE * (c + 1));
@@ -140,17 +141,17 @@ MS_INLINE void apply_slices_of(size_t dims, const ms_pcg *s, int32_t begin, int3
 
 /* Add the sums of split rows to q, one part after the other. */
 MS_INLINE void apply_split_rows_of(size_t dims, const ms_pcg *s, double *sum) {
-  const ms_half_edges *halves = &s->base.system->model->half_edges;
+  const ms_half_edges *half_edges = &s->base.system->model->half_edges;
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   *sum = 0;
-  for (int32_t part = 0; part < halves->nparts; part++) {
-    const size_t row = (size_t)halves->part_row[part];
+  for (int32_t part = 0; part < half_edges->nparts; part++) {
+    const size_t row = (size_t)half_edges->part_row[part];
     lane_sums sums[3];
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const ms_lanes zero = {0};
       ms_lanes p[3], q[3] = {zero, zero, zero};
       for (size_t c = 0; c < dims; c++) p[c] = zero + s->p[c * stride + row];
-      add_half_edges(dims, s, halves->nslices + part, lane, p, q);
+      add_half_edges(dims, s, half_edges->nslices + part, lane, p, q);
       /* cppcheck-suppress legacyUninitvar; an address is no read */
       for (size_t c = 0; c < dims; c++) ms_simd_store(sums[c].lane + lane, q[c]);
     }

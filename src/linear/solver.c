@@ -18,7 +18,7 @@ static int may_lag_factor(const ms_solver *s) {
 }
 
 int ms_solver_may_have_constraints(const ms_solver *s) {
-  return s->opt->collision == MSIM_COLLISION_EVENT && s->system.model->features & MSIM_SKIP_PLANES;
+  return s->opt->collision == MSIM_COLLISION_EVENT && s->system.model->features & MS_HAS_PLANES;
 }
 
 /* None is needed if the matrix is constant. */
@@ -77,7 +77,7 @@ static msim_status create_unsymmetric_solvers(ms_solver *s, msim_error *err) {
   const ms_model *model = s->system.model;
   if (!ms_solver_choice_depends_on_springs(s->opt) || s->linear->exact || s->linear->unsymmetric)
     return MSIM_OK;
-  if (s->system.a.block == 1 || !(model->features & MSIM_SKIP_DAMPING)) return MSIM_OK;
+  if (s->system.a.block == 1 || !(model->features & MS_HAS_DAMPING)) return MSIM_OK;
   const msim_status status = ms_elimination_create(model, &s->elimination, err);
   return status ? status : ms_bicgstab_create(model, &s->bicgstab, err);
 }
@@ -186,11 +186,11 @@ static msim_status solver_factor(ms_solver *s, ms_linear *linear, int32_t kind, 
 
 msim_status ms_solver_factor_at(ms_solver *s, ms_linear *by, const ms_linearization_point *origin,
                                 msim_error *err) {
-  const ms_linear_system_spec request = {.x = origin->x,
-                                         .h = origin->h,
-                                         .constraint = origin->constraint,
-                                         .nconstraints = origin->nconstraints};
-  const msim_status status = solver_assemble(s, &request, origin->clamped);
+  const ms_linear_system_spec spec = {.x = origin->x,
+                                      .h = origin->h,
+                                      .constraint = origin->constraint,
+                                      .nconstraints = origin->nconstraints};
+  const msim_status status = solver_assemble(s, &spec, origin->clamped);
   if (status) return status;
   return solver_factor(s, by, origin->kind, err);
 }
@@ -450,22 +450,22 @@ static msim_status solve_once(ms_solver *s, const ms_linear_system_spec *r, cons
   return status;
 }
 
-msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *request,
-                            const double *b, double *v, msim_error *err) {
+msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
+                            double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
   solver->offender = ms_vector_find_invalid(shape, b); /* -1: none */
   if (solver->offender >= 0) return MSIM_NOT_FINITE;
-  solver->target = (ms_linear_target){.rtol = request->rtol,
-                                      .max_iterations = solver->opt->solver_max_iterations};
+  solver->target =
+      (ms_linear_target){.rtol = spec->rtol, .max_iterations = solver->opt->solver_max_iterations};
   solver->stats->solves++;
-  msim_status status = solve_once(solver, request, b, v, err);
-  if (status == MSIM_NOT_CONVERGED && !request->v && solver->may_switch &&
+  msim_status status = solve_once(solver, spec, b, v, err);
+  if (status == MSIM_NOT_CONVERGED && !spec->v && solver->may_switch &&
       !ms_solver_switch_to_cholmod(solver, NULL))
-    status = solve_once(solver, request, b, v, err);
+    status = solve_once(solver, spec, b, v, err);
   if (status) return status;
   if (!solver->linear->exact)
     ms_momentum_balance(solver->system.model, &solver->system.a, &solver->components,
-                        request->base ? solver->b : b, v);
+                        spec->base ? solver->b : b, v);
   solver->offender = ms_vector_find_invalid(shape, v);
   return solver->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
@@ -474,7 +474,7 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *requ
 
 int ms_solver_supports_damping_derivative(const ms_solver *s) {
   return (s->linear->unsymmetric || s->bicgstab.roots) && s->system.a.block > 1 &&
-         s->system.model->features & MSIM_SKIP_DAMPING;
+         s->system.model->features & MS_HAS_DAMPING;
 }
 
 int ms_solver_can_descend(const ms_solver *s) {

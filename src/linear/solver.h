@@ -84,8 +84,8 @@ typedef struct ms_linear_system_spec {
  *   6. auto computes a factorization by cholmod where pcg has spent its cost on a matrix that
  *      hardly changes; it preconditions as in 1 until it fails.
  * MSIM_NOT_FINITE: b, A or v has NaN or numbers beyond MS_LARGEST_VALID. */
-msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *request,
-                            const double *b, double *v, msim_error *err);
+msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
+                            double *v, msim_error *err);
 
 /* 1: specs may have a v, because springs are damped and a solver for non-symmetric matrices exists:
  * the one selected, or BiCGStab or elimination beside it. */
@@ -94,8 +94,8 @@ int ms_solver_supports_damping_derivative(const ms_solver *solver);
 /* A descent direction v, b.v > 0, by conjugate gradients on A(x, h) from 0 to the relative residual
  * request->rtol (ms_linear_ops.descend). Not where ms_solver_can_descend() is 0. */
 int ms_solver_can_descend(const ms_solver *solver);
-msim_status ms_solver_descend(ms_solver *solver, const ms_linear_system_spec *request,
-                              const double *b, double *v, msim_error *err);
+msim_status ms_solver_descend(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
+                              double *v, msim_error *err);
 
 /* Discard lagged factors, so that later solves depend on the state alone. */
 void ms_solver_discard_factors(ms_solver *solver);

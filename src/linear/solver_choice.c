@@ -65,7 +65,7 @@ msim_status ms_solver_choice_make(const ms_linear_system *system, const msim_opt
                                   ms_solver_choice *choice, msim_error *err) {
   const ms_model *model = system->model;
   *choice = (ms_solver_choice){0};
-  if (!(model->features & MSIM_SKIP_SPRINGS) || model->unknowns.nfree == 0) {
+  if (!(model->features & MS_HAS_SPRINGS) || model->unknowns.nfree == 0) {
     snprintf(choice->reason, sizeof choice->reason,
              "no spring couples two unknowns: A is diagonal");
     return ms_diagonal_create(system, &choice->linear, err);

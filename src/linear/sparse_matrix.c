@@ -143,7 +143,7 @@ static msim_status count_blocks(const ms_sparse_graph *g, const ms_sparse_matrix
 static int allocate_matrix(const ms_model *model, size_t blocks, ms_sparse_matrix *m) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)m->n, size = (size_t)m->block;
-  const size_t halves = m->format == MSIM_FORMAT_FULL ? 2 : 1; /* half-edges per spring */
+  const size_t half_edges = m->format == MSIM_FORMAT_FULL ? 2 : 1; /* half-edges per spring */
   m->order = ms_memory_allocate(alloc, n, sizeof(int32_t));
   m->graphptr = ms_memory_allocate(alloc, n + 1, sizeof(int32_t));
   m->graphind = ms_memory_allocate(alloc, blocks, sizeof(int32_t));
@@ -153,7 +153,7 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_sparse_matri
   m->diagonal_offset = ms_memory_allocate(alloc, n, sizeof(int32_t));
   m->row_step = ms_memory_allocate(alloc, n, sizeof(int32_t));
   m->first = ms_memory_allocate(alloc, n + 1, sizeof(int32_t));
-  m->entry = ms_memory_allocate(alloc, halves * (size_t)model->springs.n, sizeof *m->entry);
+  m->entry = ms_memory_allocate(alloc, half_edges * (size_t)model->springs.n, sizeof *m->entry);
   return m->order && m->graphptr && m->graphind && m->rowptr && m->colind && m->val &&
          m->diagonal_offset && m->row_step && m->first && m->entry;
 }

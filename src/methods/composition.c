@@ -14,20 +14,20 @@ void ms_composition_step(ms_stepper *s, const ms_composition *m) {
   ms_vector_add_scaled(shape, s->v, s->h * m->kick[0], a, v);
   ms_vector_add_scaled(shape, s->x, s->h * m->drift[0], v, x);
   for (int i = 1; i < m->drifts; i++) {
-    ms_fused_step pass = {.x = x,
-                          .v_to = v,
-                          .v_from = v,
-                          .h = s->h * m->kick[i],
-                          .x_to = other,
-                          .x_from = x,
-                          .drift = s->h * m->drift[i]};
+    ms_fused_step sweep = {.x = x,
+                           .v_to = v,
+                           .v_from = v,
+                           .h = s->h * m->kick[i],
+                           .x_to = other,
+                           .x_from = x,
+                           .drift = s->h * m->drift[i]};
     if (m->gradient > 0 && 2 * i == m->drifts) {
       ms_stepper_acceleration(s, x, NULL, a_next);
       ms_vector_add_scaled(shape, x, m->gradient * s->h * s->h, a_next, other);
-      pass.x = other, pass.x_to = x;
+      sweep.x = other, sweep.x_to = x;
     }
-    ms_stepper_evaluate(s, &pass);
-    if (pass.x_to == other) other = x, x = pass.x_to;
+    ms_stepper_evaluate(s, &sweep);
+    if (sweep.x_to == other) other = x, x = sweep.x_to;
   }
   ms_stepper_evaluate(
       s, &(ms_fused_step){

@@ -6,9 +6,9 @@
 /* x' = x + h v,  v' = v + h a(x, v) */
 static msim_status explicit_euler_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  ms_fused_step pass = ms_stepper_kick_drift(s);
-  pass.along = s->v;
-  ms_stepper_evaluate(s, &pass);
+  ms_fused_step sweep = ms_stepper_kick_drift(s);
+  sweep.along = s->v;
+  ms_stepper_evaluate(s, &sweep);
   ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }
@@ -23,8 +23,8 @@ static double explicit_limit(const ms_bounds *b) {
 /* v' = v + h a(x, v),  x' = x + h v' */
 static msim_status symplectic_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_fused_step pass = ms_stepper_kick_drift(s);
-  ms_stepper_evaluate(s, &pass);
+  const ms_fused_step sweep = ms_stepper_kick_drift(s);
+  ms_stepper_evaluate(s, &sweep);
   ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
 }

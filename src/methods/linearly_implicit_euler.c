@@ -8,7 +8,7 @@
 static void step_without_springs(ms_stepper *s) {
   const ms_unknowns *rows = &s->model->unknowns;
   const double *mass = s->model->mass, *g = s->model->scene->gravity, h = s->h;
-  const double drag = s->model->features & MSIM_SKIP_DRAG ? h * s->model->scene->drag : 0;
+  const double drag = s->model->features & MS_HAS_DRAG ? h * s->model->scene->drag : 0;
   for (size_t c = 0; c < (size_t)rows->dims; c++) {
     const size_t at = c * (size_t)rows->stride;
     const double *restrict x = s->x + at, *restrict v = s->v + at, kick = h * g[rows->axis[c]];
@@ -27,7 +27,7 @@ static void step_without_springs(ms_stepper *s) {
  * the change of v (Baraff and Witkin 1998, eq. 6): so the tolerance of the solver is relative to
  * the change in the step, for any common velocity of the particles. */
 static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) {
-  if (!(s->model->features & MSIM_SKIP_SPRINGS) && !ms_stepper_has_contacts(s)) {
+  if (!(s->model->features & MS_HAS_SPRINGS) && !ms_stepper_has_contacts(s)) {
     step_without_springs(s);
     return MSIM_OK;
   }
@@ -36,16 +36,16 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
   ms_stepper_acceleration(s, s->x, NULL, dv);
   ms_vector_scale_rows(shape, s->model->mass, dv, b);
   ms_vector_scale(shape, s->h, b);
-  ms_linear_system_spec request = {.x = s->x,
-                                   .h = s->h,
-                                   .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
-                                   .indefinite = s->opt->indefinite,
-                                   .rtol = s->solve_tolerance > 0
-                                               ? fmin(s->opt->solver_rtol, s->solve_tolerance)
-                                               : s->opt->solver_rtol,
-                                   .base = s->v};
-  ms_stepper_add_constraints(s, &request);
-  msim_status status = ms_solver_solve(s->solver, &request, b, dv, err);
+  ms_linear_system_spec spec = {.x = s->x,
+                                .h = s->h,
+                                .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
+                                .indefinite = s->opt->indefinite,
+                                .rtol = s->solve_tolerance > 0
+                                            ? fmin(s->opt->solver_rtol, s->solve_tolerance)
+                                            : s->opt->solver_rtol,
+                                .base = s->v};
+  ms_stepper_add_constraints(s, &spec);
+  msim_status status = ms_solver_solve(s->solver, &spec, b, dv, err);
   s->offender = s->solver->offender;
   if (status) return status;
   ms_vector_add_scaled(shape, s->v, 1, dv, s->v_next);

@@ -34,9 +34,9 @@ static void undamped_steps(ms_stepper *s, int32_t n) {
   const double start = ms_clock_now();
   for (int32_t i = 0; i <= n; i++) {
     const double part = i == 0 || i == n ? 0.5 : 1;
-    ms_fused_step pass = {.x = s->x, .v_to = s->v, .v_from = s->v, .h = part * s->h};
-    if (i < n) pass.x_to = s->x_next, pass.x_from = s->x, pass.drift = s->h;
-    ms_fused_step_run(s->model, &pass);
+    ms_fused_step sweep = {.x = s->x, .v_to = s->v, .v_from = s->v, .h = part * s->h};
+    if (i < n) sweep.x_to = s->x_next, sweep.x_from = s->x, sweep.drift = s->h;
+    ms_fused_step_run(s->model, &sweep);
     if (i < n) ms_stepper_swap(&s->x, &s->x_next);
   }
   s->stats->force_evaluations += n + 1;
@@ -69,7 +69,7 @@ static msim_status respa_step(ms_stepper *s, msim_error *err) {
   /* cached_stage: 1 + the work vector that holds a */
   const int at = s->cached_stage == 2, next = 1 - at;
   double *a = s->work[at], *a_next = s->work[next], *v_predicted = s->work[2];
-  const int separable = !(soft->features & (MSIM_SKIP_DAMPING | MSIM_SKIP_DRAG));
+  const int separable = !(soft->features & (MS_HAS_DAMPING | MS_HAS_DRAG));
   if (!s->cached_stage)
     ms_stepper_evaluate_model(s, soft, &(ms_fused_step){.x = s->x, .v = s->v, .a = a});
   ms_vector_add_scaled(shape, s->v, s->h / 2, a, s->v_next);

@@ -28,9 +28,9 @@ static void first_step(ms_stepper *s) {
 
 static msim_status verlet_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_fused_step pass = ms_stepper_kick_drift(s);
+  const ms_fused_step sweep = ms_stepper_kick_drift(s);
   if (s->cached_stage) first_step(s);
-  else ms_stepper_evaluate(s, &pass);
+  else ms_stepper_evaluate(s, &sweep);
   s->cached_stage_next = 0;
   ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;

@@ -110,14 +110,14 @@ msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bound
 }
 
 ms_bounds ms_bounds_compute_island(const ms_model *model) {
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   double omega2 = 0, rate = 0, heaviest = 0;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
+    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
     double k = 0, c = 0;
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int ends = halves->neighbour[at] < model->unknowns.nfree ? 2 : 1;
-      k += ends * halves->k[at], c += ends * halves->damping[at];
+      const int ends = half_edges->neighbour[at] < model->unknowns.nfree ? 2 : 1;
+      k += ends * half_edges->k[at], c += ends * half_edges->damping[at];
     }
     omega2 = fmax(omega2, k * model->inv_mass[r]);
     rate = fmax(rate, (c + model->drag) * model->inv_mass[r]);

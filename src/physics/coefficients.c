@@ -10,7 +10,7 @@ MS_TABLES(ms_matrix_kernels);
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = MS_SLICE * (size_t)model->half_edges.nentries;
-  const int is_scalar = !(model->features & MSIM_SKIP_ZERO_REST_LENGTH);
+  const int is_scalar = !(model->features & MS_HAS_DIRECTIONS);
   const size_t block = is_scalar ? 1 : (size_t)model->unknowns.dims;
   const size_t diagonal =
       ms_coefficients_diagonal_size(block) * (size_t)model->unknowns.first_pinned;
@@ -32,10 +32,11 @@ void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
 
 /* t = h^2 k; diagonal: m + h b + sum of t */
 static void compute_scalar(const ms_model *model, double h, ms_coefficients *a) {
-  const ms_half_edges *halves = &model->half_edges;
-  for (int32_t at = 0; at < MS_SLICE * halves->nentries; at++) a->t[at] = h * h * halves->k[at];
+  const ms_half_edges *half_edges = &model->half_edges;
+  for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++)
+    a->t[at] = h * h * half_edges->k[at];
   for (int32_t r = 0; r < model->unknowns.first_pinned; r++) {
-    const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
+    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
     a->diagonal[r] = model->mass[r] + a->drag;
     for (int32_t at = span.begin; at < span.end; at += span.step) a->diagonal[r] += a->t[at];
   }
@@ -75,8 +76,8 @@ static void apply_coefficients_chunk(void *data, int32_t item) {
 
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a) {
-  const ms_half_edges *halves = &model->half_edges;
-  a->drag = model->features & MSIM_SKIP_DRAG ? h * model->scene->drag : 0;
+  const ms_half_edges *half_edges = &model->half_edges;
+  a->drag = model->features & MS_HAS_DRAG ? h * model->scene->drag : 0;
   if (a->block == 1) {
     compute_scalar(model, h, a);
     return;
@@ -84,8 +85,8 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
   memcpy(a->x, x, (size_t)model->unknowns.dims * (size_t)model->unknowns.stride * sizeof *x);
   coefficients_job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
   ms_pool_run(model->pool, compute_coefficients_chunk, &j,
-              ms_half_edges_count_chunks(halves, SLICE_RANGES_PER_JOB_ITEM));
-  ms_half_edges_add_part_sums(halves, (int32_t)ms_coefficients_diagonal_size((size_t)a->block),
+              ms_half_edges_count_chunks(half_edges, SLICE_RANGES_PER_JOB_ITEM));
+  ms_half_edges_add_part_sums(half_edges, (int32_t)ms_coefficients_diagonal_size((size_t)a->block),
                               (size_t)model->unknowns.first_pinned, a->diagonal);
 }
 
@@ -93,12 +94,12 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
  * take the row as fixed, small enough for single precision. */
 #define HEAVY 1e4
 
-void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *hold, int32_t n,
+void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *constraint, int32_t n,
                                      ms_coefficients *a) {
   const size_t sd = (size_t)model->unknowns.first_pinned, dims = (size_t)a->block;
-  a->constraint = hold, a->nconstraints = n;
+  a->constraint = constraint, a->nconstraints = n;
   for (int32_t i = 0; i < n; i++) {
-    ms_constraint *g = &hold[i];
+    ms_constraint *g = &constraint[i];
     double *own = a->diagonal + g->row, largest = model->mass[g->row];
     for (size_t c = 0; c < dims; c++) largest = fmax(largest, own[c * sd]);
     g->weight = HEAVY * largest;

@@ -37,7 +37,7 @@ typedef struct ms_constraint {
 typedef struct ms_coefficients {
   double drag;   /* h b, kg */
   int32_t block; /* rows of a block: dims, or 1 */
-  double *t, *g; /* 8 halves.nslots each; g: NULL if block = 1; padding: 0 */
+  double *t, *g; /* 8 half_edges.nentries each; g: NULL if block = 1; padding: 0 */
   double *x;     /* positions, a vector; NULL if block = 1 */
   /* ms_coefficients_diagonal_size(block) first_pinned: the diagonal blocks, element by element for
    * all rows: xx yy zz xy xz yz, or xx yy xy, or a scalar */
@@ -66,7 +66,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
                              ms_coefficients *a);
 
 /* Add constraints to the matrix just computed, and set their weights; not if block = 1. */
-void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *hold, int32_t n,
+void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *constraint, int32_t n,
                                      ms_coefficients *a);
 
 /* q += by H p, H the sum of the constraints' blocks; returns by p.H p */

@@ -9,15 +9,16 @@
  * MS_MIN_LENGTH2, so that d = 0 has force 0. l is rounded as the rest lengths of the scene are (no
  * fused multiply-add): the force of a spring at rest length is exactly 0. */
 MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
-                                       const ms_half_edges *halves, size_t at) {
+                                       const ms_half_edges *half_edges, size_t at) {
   ms_lanes l2 = d.c[0] * d.c[0], inverse;
   for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
   const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_MIN_LENGTH2), &inverse);
   const ms_lanes scale =
-      ms_simd_load(halves->k + at) * ((l - ms_simd_load(halves->rest + at)) * inverse);
+      ms_simd_load(half_edges->k + at) * ((l - ms_simd_load(half_edges->rest + at)) * inverse);
   if (!damped) return scale;
   for (int c = 0; c < dims; c++) d.c[c] *= inverse;
-  return ms_simd_fma(ms_simd_load(halves->damping + at) * ms_dot_vec(dims, d, dv), inverse, scale);
+  return ms_simd_fma(ms_simd_load(half_edges->damping + at) * ms_dot_vec(dims, d, dv), inverse,
+                     scale);
 }
 
 /* m g - b v */
@@ -35,21 +36,21 @@ typedef enum spring_kind { LINEAR, UNDAMPED, DAMPED } spring_kind;
 
 /* sum + the forces of a slice range's springs on its own rows */
 MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms_model *m,
-                                            int32_t segment, ms_slice_range p, size_t lane,
+                                            int32_t range, ms_slice_range p, size_t lane,
                                             const double *x, const double *v, ms_lane_vectors sum) {
   const size_t stride = (size_t)m->unknowns.stride;
-  const ms_half_edges *halves = &m->half_edges;
+  const ms_half_edges *half_edges = &m->half_edges;
   const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
   const ms_lane_vectors vi = kind == DAMPED ? ms_load_own(dims, p, lane, v, stride) : xi;
-  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
-    const size_t at = MS_SLICE * (size_t)slot + lane;
-    const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+  for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
+    const size_t at = MS_SLICE * (size_t)entry + lane;
+    const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
     const ms_lane_vectors vj =
-        kind == DAMPED ? ms_load_neighbours(dims, halves, slot, lane, v, stride) : vi;
+        kind == DAMPED ? ms_load_neighbours(dims, half_edges, entry, lane, v, stride) : vi;
     const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi), dv = ms_subtract_vec(dims, vj, vi);
     const ms_lanes scale = kind == LINEAR
-                               ? ms_simd_load(halves->k + at)
-                               : spring_force_factor(dims, kind == DAMPED, d, dv, halves, at);
+                               ? ms_simd_load(half_edges->k + at)
+                               : spring_force_factor(dims, kind == DAMPED, d, dv, half_edges, at);
     sum = ms_fma_vec(dims, scale, d, sum);
   }
   return sum;
@@ -95,14 +96,14 @@ MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, cons
                              int32_t begin, int32_t end) {
   const size_t stride = (size_t)m->unknowns.stride;
   ms_mask bad = {0};
-  for (int32_t group = begin; group < end; group++) {
-    const ms_slice_range place = {.row = MS_SLICE * (size_t)group};
+  for (int32_t slice = begin; slice < end; slice++) {
+    const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      const size_t row = place.row + lane;
+      const size_t row = own.row + lane;
       ms_lane_vectors f = external_force(dims, m, row, p->v);
       if (m->split_row_force)
         f = ms_add_vec(dims, f, ms_load_vec(dims, m->split_row_force + row, stride));
-      f = add_spring_forces(dims, kind, m, group, place, lane, p->x, p->v, f);
+      f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
       bad |= ~(update(dims, m, row, f, p) <= MS_LARGEST_VALID * MS_LARGEST_VALID);
     }
   }
@@ -113,18 +114,18 @@ MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, cons
 
 MS_INLINE void sum_part_of(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
                            int32_t part) {
-  const int32_t segment = m->half_edges.nslices + part;
-  const ms_slice_range place = ms_slice_range_at(&m->half_edges, segment, NULL, 0);
+  const int32_t range = m->half_edges.nslices + part;
+  const ms_slice_range own = ms_slice_range_at(&m->half_edges, range, NULL, 0);
   for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
     ms_lane_vectors sum = {{{0}}};
-    sum = add_spring_forces(dims, kind, m, segment, place, lane, p->x, p->v, sum);
-    ms_store_vec(dims, place.sums + lane, place.stride, sum);
+    sum = add_spring_forces(dims, kind, m, range, own, lane, p->x, p->v, sum);
+    ms_store_vec(dims, own.sums + lane, own.stride, sum);
   }
 }
 
 static spring_kind find_spring_kind(const ms_model *m, const ms_fused_step *p) {
-  if (!(m->features & MSIM_SKIP_ZERO_REST_LENGTH)) return LINEAR;
-  return p->v && (m->features & MSIM_SKIP_DAMPING) ? DAMPED : UNDAMPED;
+  if (!(m->features & MS_HAS_DIRECTIONS)) return LINEAR;
+  return p->v && (m->features & MS_HAS_DAMPING) ? DAMPED : UNDAMPED;
 }
 
 static int step_slices(const ms_model *m, const ms_fused_step *p, int32_t begin, int32_t end) {

@@ -9,36 +9,36 @@ enum { CHUNK = 64 };
 
 typedef struct fused_step_job {
   const ms_model *model;
-  const ms_fused_step *pass;
+  const ms_fused_step *sweep;
   atomic_int may_be_bad;
 } fused_step_job;
 
 static void do_split_row_part(void *data, int32_t item) {
   const fused_step_job *j = data;
-  ms_force_kernels_of[j->model->isa]->part(j->model, j->pass, item);
+  ms_force_kernels_of[j->model->isa]->part(j->model, j->sweep, item);
 }
 
 static void do_slices_chunk(void *data, int32_t item) {
   fused_step_job *j = data;
-  const int32_t ngroups = j->model->half_edges.nslices, begin = CHUNK * item;
-  const int32_t end = ngroups - begin < CHUNK ? ngroups : begin + CHUNK;
-  if (!ms_force_kernels_of[j->model->isa]->slices(j->model, j->pass, begin, end))
+  const int32_t nslices = j->model->half_edges.nslices, begin = CHUNK * item;
+  const int32_t end = nslices - begin < CHUNK ? nslices : begin + CHUNK;
+  if (!ms_force_kernels_of[j->model->isa]->slices(j->model, j->sweep, begin, end))
     atomic_store_explicit(&j->may_be_bad, 1, memory_order_relaxed);
 }
 
 /* split_row_force = spring forces on split rows */
 static void sum_split_rows(const ms_model *model, fused_step_job *j) {
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   const size_t stride = (size_t)model->unknowns.stride;
-  ms_pool_run(model->pool, do_split_row_part, j, halves->nparts);
-  for (int32_t k = 0; k < halves->nparts; k++)
+  ms_pool_run(model->pool, do_split_row_part, j, half_edges->nparts);
+  for (int32_t k = 0; k < half_edges->nparts; k++)
     for (size_t c = 0; c < (size_t)model->unknowns.dims; c++)
-      model->split_row_force[c * stride + (size_t)halves->part_row[k]] = 0;
-  ms_half_edges_add_part_sums(halves, model->unknowns.dims, stride, model->split_row_force);
+      model->split_row_force[c * stride + (size_t)half_edges->part_row[k]] = 0;
+  ms_half_edges_add_part_sums(half_edges, model->unknowns.dims, stride, model->split_row_force);
 }
 
-int ms_fused_step_run(const ms_model *model, const ms_fused_step *pass) {
-  fused_step_job j = {.model = model, .pass = pass};
+int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
+  fused_step_job j = {.model = model, .sweep = sweep};
   if (model->split_row_force) sum_split_rows(model, &j);
   ms_pool_run(model->pool, do_slices_chunk, &j, (model->half_edges.nslices + CHUNK - 1) / CHUNK);
   return !atomic_load(&j.may_be_bad);

@@ -27,14 +27,14 @@ typedef struct ms_fused_step {
 /* Runs on all threads of the model's pool; bits do not depend on their number. Returns 1 if no
  * number of v_to and x_to is NaN or beyond MS_LARGEST_VALID, 0 if some may be. If x_to is NULL, it
  * checks x with v_to. */
-int ms_fused_step_run(const ms_model *model, const ms_fused_step *pass);
+int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep);
 
 /* One table for each instruction set. */
 typedef struct ms_force_kernels {
   /* slices [begin, end), after the parts of split rows; returns as ms_fused_step_run does */
-  int (*slices)(const ms_model *model, const ms_fused_step *pass, int32_t begin, int32_t end);
-  /* one part of a split row, to halves.part_sums */
-  void (*part)(const ms_model *model, const ms_fused_step *pass, int32_t part);
+  int (*slices)(const ms_model *model, const ms_fused_step *sweep, int32_t begin, int32_t end);
+  /* one part of a split row, to half_edges.part_sums */
+  void (*part)(const ms_model *model, const ms_fused_step *sweep, int32_t part);
 } ms_force_kernels;
 
 #endif

@@ -43,11 +43,12 @@ MS_INLINE ms_lanes ms_dot_vec(int dims, ms_lane_vectors a, ms_lane_vectors b) {
 }
 
 /* x of the neighbours in an entry: one load if they are consecutive rows, else a gather */
-MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *halves, int32_t slot,
-                                             size_t lane, const double *x, size_t stride) {
-  const int32_t start = halves->start[slot];
+MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *half_edges,
+                                             int32_t entry, size_t lane, const double *x,
+                                             size_t stride) {
+  const int32_t start = half_edges->start[entry];
   if (start >= 0) return ms_load_vec(dims, x + (size_t)start + lane, stride);
-  const int32_t *j = halves->neighbour + MS_SLICE * (size_t)slot + lane;
+  const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;
   ms_lane_vectors v = {{{0}}};
   for (int c = 0; c < dims; c++) v.c[c] = ms_simd_gather(x + (size_t)c * stride, j);
   return v;
@@ -62,14 +63,14 @@ typedef struct ms_slice_range {
 } ms_slice_range;
 
 /* to: the sums of slices; NULL: not needed. */
-MS_INLINE ms_slice_range ms_slice_range_at(const ms_half_edges *halves, int32_t segment, double *to,
-                                           size_t stride) {
-  const int32_t part = segment - halves->nslices;
-  const size_t row = MS_SLICE * (size_t)segment;
+MS_INLINE ms_slice_range ms_slice_range_at(const ms_half_edges *half_edges, int32_t range,
+                                           double *to, size_t stride) {
+  const int32_t part = range - half_edges->nslices;
+  const size_t row = MS_SLICE * (size_t)range;
   if (part < 0) return (ms_slice_range){row, 0, to ? to + row : NULL, stride};
-  return (ms_slice_range){(size_t)halves->part_row[part], 1,
-                          halves->part_sums + MS_SLICE * (size_t)part,
-                          MS_SLICE * (size_t)halves->nparts};
+  return (ms_slice_range){(size_t)half_edges->part_row[part], 1,
+                          half_edges->part_sums + MS_SLICE * (size_t)part,
+                          MS_SLICE * (size_t)half_edges->nparts};
 }
 
 /* x of the slice range's own rows */

@@ -20,15 +20,15 @@ MS_INLINE ms_lanes inverse_length(int dims, ms_lane_vectors d) {
 }
 
 /* t and g of force.h */
-MS_INLINE void half_edge_coefficients(int damped, ms_lanes inverse, const ms_half_edges *halves,
+MS_INLINE void half_edge_coefficients(int damped, ms_lanes inverse, const ms_half_edges *half_edges,
                                       double h, double largest_ratio, size_t at, ms_lanes *t,
                                       ms_lanes *g) {
   const ms_lanes largest = (ms_lanes){0} + largest_ratio;
-  const ms_lanes hhk = h * h * ms_simd_load(halves->k + at);
-  const ms_lanes full = ms_simd_load(halves->rest + at) * inverse;
+  const ms_lanes hhk = h * h * ms_simd_load(half_edges->k + at);
+  const ms_lanes full = ms_simd_load(half_edges->rest + at) * inverse;
   const ms_lanes ratio = ms_simd_select(full > largest, largest, full);
   ms_lanes gl2 = hhk * ratio;
-  if (damped) gl2 += h * ms_simd_load(halves->damping + at);
+  if (damped) gl2 += h * ms_simd_load(half_edges->damping + at);
   *t = hhk * (1 - ratio);
   *g = gl2 * inverse * inverse;
 }
@@ -53,32 +53,33 @@ MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_model *mod
                                        double h, int clamp, ms_coefficients *a, int32_t begin,
                                        int32_t end) {
   const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
-  const ms_half_edges local = model->half_edges, *halves = &local; /* stores cannot change it */
+  const ms_half_edges local = model->half_edges, *half_edges = &local; /* stores cannot change it */
   double *to_t = a->t, *to_g = a->g;
   const double largest_ratio = clamp ? 1 : INFINITY;
   for (int32_t s = begin; s < end; s++) {
-    const ms_slice_range p = ms_slice_range_at(halves, s, a->diagonal, sd);
+    const ms_slice_range p = ms_slice_range_at(half_edges, s, a->diagonal, sd);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
       const ms_lanes zero = {0};
       const ms_lanes own = p.is_split ? zero : ms_simd_load(model->mass + p.row + lane) + a->drag;
       ms_lanes sum[6];
       for (int c = 0; c < 6; c++) sum[c] = c < dims ? own : zero;
-      for (int32_t first = halves->first[s], next; first < halves->first[s + 1]; first = next) {
+      for (int32_t first = half_edges->first[s], next; first < half_edges->first[s + 1];
+           first = next) {
         ms_lanes inverse[ENTRIES_AHEAD];
-        next = halves->first[s + 1] - first < ENTRIES_AHEAD ? halves->first[s + 1]
-                                                            : first + ENTRIES_AHEAD;
-        for (int32_t slot = first; slot < next; slot++) {
-          const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
-          inverse[slot - first] = inverse_length(dims, ms_subtract_vec(dims, xj, xi));
+        next = half_edges->first[s + 1] - first < ENTRIES_AHEAD ? half_edges->first[s + 1]
+                                                                : first + ENTRIES_AHEAD;
+        for (int32_t entry = first; entry < next; entry++) {
+          const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
+          inverse[entry - first] = inverse_length(dims, ms_subtract_vec(dims, xj, xi));
         }
-        for (int32_t slot = first; slot < next; slot++) {
-          const size_t at = MS_SLICE * (size_t)slot + lane;
-          const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+        for (int32_t entry = first; entry < next; entry++) {
+          const size_t at = MS_SLICE * (size_t)entry + lane;
+          const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
           const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi);
           ms_lanes t, g;
-          half_edge_coefficients(damped, inverse[slot - first], halves, h, largest_ratio, at, &t,
-                                 &g);
+          half_edge_coefficients(damped, inverse[entry - first], half_edges, h, largest_ratio, at,
+                                 &t, &g);
           ms_simd_store(to_t + at, t);
           ms_simd_store(to_g + at, g);
           add_diagonal_block(dims, t, g, d, sum);
@@ -92,7 +93,7 @@ MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_model *mod
 
 static void compute_coefficients(const ms_model *model, const double *x, double h, int clamp,
                                  ms_coefficients *a, int32_t begin, int32_t end) {
-  const int damped = (model->features & MSIM_SKIP_DAMPING) != 0;
+  const int damped = (model->features & MS_HAS_DAMPING) != 0;
   if (model->unknowns.dims == 3) {
     if (damped) compute_coefficients_of(3, 1, model, x, h, clamp, a, begin, end);
     else compute_coefficients_of(3, 0, model, x, h, clamp, a, begin, end);
@@ -110,23 +111,22 @@ MS_INLINE void multiply_matrix_of(int dims, const ms_model *model, const ms_coef
                                   double share, const double *x, double *y, int32_t begin,
                                   int32_t end) {
   const size_t stride = (size_t)model->unknowns.stride;
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   for (int32_t s = begin; s < end; s++) {
-    const ms_slice_range p = ms_slice_range_at(halves, s, y, stride);
+    const ms_slice_range p = ms_slice_range_at(half_edges, s, y, stride);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      const ms_lane_vectors place = ms_load_own(dims, p, lane, a->x, stride);
+      const ms_lane_vectors xi = ms_load_own(dims, p, lane, a->x, stride);
       const ms_lane_vectors own = ms_load_own(dims, p, lane, x, stride);
       ms_lane_vectors sum = {{{0}}};
       if (!p.is_split)
         sum =
             ms_fma_vec(dims, share * ms_simd_load(model->mass + p.row + lane) + a->drag, own, sum);
-      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
-        const size_t at = MS_SLICE * (size_t)slot + lane;
-        const ms_lane_vectors other = ms_load_neighbours(dims, halves, slot, lane, x, stride);
-        const ms_lane_vectors end_place =
-            ms_load_neighbours(dims, halves, slot, lane, a->x, stride);
+      for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++) {
+        const size_t at = MS_SLICE * (size_t)entry + lane;
+        const ms_lane_vectors other = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
+        const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, a->x, stride);
         const ms_lane_vectors e = ms_subtract_vec(dims, own, other),
-                              d = ms_subtract_vec(dims, end_place, place);
+                              d = ms_subtract_vec(dims, xj, xi);
         sum = ms_fma_vec(dims, ms_simd_load(a->t + at), e, sum);
         sum = ms_fma_vec(dims, ms_simd_load(a->g + at) * ms_dot_vec(dims, d, e), d, sum);
       }
@@ -146,18 +146,18 @@ MS_INLINE void multiply_scalar_matrix_of(int dims, const ms_model *model, const 
                                          double share, const double *x, double *y, int32_t begin,
                                          int32_t end) {
   const size_t stride = (size_t)model->unknowns.stride;
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   for (int32_t s = begin; s < end; s++) {
-    const ms_slice_range p = ms_slice_range_at(halves, s, y, stride);
+    const ms_slice_range p = ms_slice_range_at(half_edges, s, y, stride);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const ms_lane_vectors own = ms_load_own(dims, p, lane, x, stride);
       ms_lane_vectors sum = {{{0}}};
       if (!p.is_split)
         sum =
             ms_fma_vec(dims, share * ms_simd_load(model->mass + p.row + lane) + a->drag, own, sum);
-      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
-        const ms_lanes t = ms_simd_load(a->t + MS_SLICE * (size_t)slot + lane);
-        const ms_lane_vectors other = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+      for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++) {
+        const ms_lanes t = ms_simd_load(a->t + MS_SLICE * (size_t)entry + lane);
+        const ms_lane_vectors other = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
         sum = ms_fma_vec(dims, t, ms_subtract_vec(dims, own, other), sum);
       }
       ms_store_vec(dims, p.sums + lane, p.stride, sum);
@@ -179,7 +179,7 @@ static void multiply_scalar_matrix(const ms_model *model, const ms_coefficients 
  * |e + q| = l + a + more, a spring contributes
  *   k ((a + more)^2/2 + (l - L) more),
  * in which no terms cancel if q is small. */
-MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *halves, size_t at,
+MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *half_edges, size_t at,
                                           ms_lane_vectors e, ms_lane_vectors q) {
   const ms_lanes zero = {0}, inverse = inverse_length(dims, e);
   const ms_lanes l = inverse * ms_dot_vec(dims, e, e), a = inverse * ms_dot_vec(dims, e, q);
@@ -189,33 +189,33 @@ MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *halves,
   const ms_mask ahead = sum > zero;
   const ms_lanes more =
       ms_simd_select(ahead, p2 / ms_simd_select(ahead, next + sum, zero + 1), next - sum);
-  const ms_lanes k = ms_simd_load(halves->k + at), rest = ms_simd_load(halves->rest + at);
+  const ms_lanes k = ms_simd_load(half_edges->k + at), rest = ms_simd_load(half_edges->rest + at);
   return k * (0.5 * (a + more) * (a + more) + (l - rest) * more);
 }
 
 MS_INLINE double sum_nonlinearity_of(int dims, const ms_model *model, const double *x, double h,
                                      const double *d, double lambda, int32_t begin, int32_t end) {
   const size_t stride = (size_t)model->unknowns.stride;
-  const ms_half_edges *halves = &model->half_edges;
+  const ms_half_edges *half_edges = &model->half_edges;
   double sums[MS_SLICE] = {0};
   for (int32_t s = begin; s < end; s++) {
-    const ms_slice_range p = ms_slice_range_at(halves, s, NULL, 0);
+    const ms_slice_range p = ms_slice_range_at(half_edges, s, NULL, 0);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
       const ms_lane_vectors di = ms_load_own(dims, p, lane, d, stride);
       ms_lanes sum = ms_simd_load(sums + lane);
-      for (int32_t slot = halves->first[s]; slot < halves->first[s + 1]; slot++) {
-        const size_t at = MS_SLICE * (size_t)slot + lane;
-        const ms_lane_vectors xj = ms_load_neighbours(dims, halves, slot, lane, x, stride);
+      for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++) {
+        const size_t at = MS_SLICE * (size_t)entry + lane;
+        const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
         ms_lane_vectors q =
-            ms_subtract_vec(dims, ms_load_neighbours(dims, halves, slot, lane, d, stride), di);
+            ms_subtract_vec(dims, ms_load_neighbours(dims, half_edges, entry, lane, d, stride), di);
         for (int c = 0; c < dims; c++) q.c[c] *= lambda * h;
         double share[MS_LANES];
         for (size_t i = 0; i < MS_LANES; i++)
-          share[i] = halves->neighbour[at + i] < model->unknowns.first_pinned ? 0.5 : 1;
+          share[i] = half_edges->neighbour[at + i] < model->unknowns.first_pinned ? 0.5 : 1;
         sum = ms_simd_fma(
             ms_simd_load(share),
-            half_edge_nonlinearity(dims, halves, at, ms_subtract_vec(dims, xj, xi), q), sum);
+            half_edge_nonlinearity(dims, half_edges, at, ms_subtract_vec(dims, xj, xi), q), sum);
       }
       ms_simd_store(sums + lane, sum);
     }

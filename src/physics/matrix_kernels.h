@@ -2,11 +2,11 @@
  * table for each instruction set
  *
  * Each kernel processes the slice ranges [begin, end) (half_edges.h): it writes the rows of slices
- * to the result, and the sums of split rows to halves.part_sums. It uses fused multiply-add if the
- * instruction set has it: last bits depend on the instruction set, but not on the number of
+ * to the result, and the sums of split rows to half_edges.part_sums. It uses fused multiply-add if
+ * the instruction set has it: last bits depend on the instruction set, but not on the number of
  * threads. */
-#ifndef MS_MATRIX_MATRIX_KERNELS_H
-#define MS_MATRIX_MATRIX_KERNELS_H
+#ifndef MS_MATRIX_KERNELS_H
+#define MS_MATRIX_KERNELS_H
 
 #include "base/isa.h"
 #include "physics/force.h"

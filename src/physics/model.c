@@ -5,18 +5,16 @@
 #include "base/isa.h"
 #include "layout/planar.h"
 
-/* A feature is needed if it could change a result. */
 static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
-  unsigned passes = 0;
-  if (springs->n) passes |= MSIM_SKIP_SPRINGS;
+  unsigned features = 0;
+  if (springs->n) features |= MS_HAS_SPRINGS;
   for (int32_t e = 0; e < springs->n; e++) {
-    if (springs->damping[e] > 0) passes |= MSIM_SKIP_DAMPING;
-    if (springs->rest[e] > 0 || springs->damping[e] > 0) passes |= MSIM_SKIP_ZERO_REST_LENGTH;
+    if (springs->damping[e] > 0) features |= MS_HAS_DAMPING;
+    if (springs->rest[e] > 0 || springs->damping[e] > 0) features |= MS_HAS_DIRECTIONS;
   }
-  if (s->gravity[0] != 0 || s->gravity[1] != 0 || s->gravity[2] != 0) passes |= MSIM_SKIP_GRAVITY;
-  if (s->drag > 0) passes |= MSIM_SKIP_DRAG;
-  if (s->nplanes) passes |= MSIM_SKIP_PLANES;
-  return passes;
+  if (s->drag > 0) features |= MS_HAS_DRAG;
+  if (s->nplanes) features |= MS_HAS_PLANES;
+  return features;
 }
 
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
@@ -91,7 +89,7 @@ void ms_model_destroy_subset(ms_model *part) {
 void ms_model_keep_springs_only(ms_model *model) {
   memset(model->gravity, 0, sizeof model->gravity);
   model->drag = 0;
-  model->features &= ~(unsigned)(MSIM_SKIP_GRAVITY | MSIM_SKIP_DRAG | MSIM_SKIP_PLANES);
+  model->features &= ~(unsigned)(MS_HAS_DRAG | MS_HAS_PLANES);
 }
 
 void ms_model_update_springs(ms_model *model, unsigned skip_off) {

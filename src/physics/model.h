@@ -7,6 +7,16 @@
 #include "base/vector.h"
 #include "layout/layout.h"
 
+/* The features that a model has to compute: those that could change a result, and those for which
+ * the option skip_off has the bit of the same value. */
+enum {
+  MS_HAS_SPRINGS = MSIM_SKIP_SPRINGS,
+  MS_HAS_DAMPING = MSIM_SKIP_DAMPING,
+  MS_HAS_DRAG = MSIM_SKIP_DRAG,
+  MS_HAS_PLANES = MSIM_SKIP_PLANES,
+  MS_HAS_DIRECTIONS = MSIM_SKIP_ZERO_REST_LENGTH /* forces depend on the directions of springs */
+};
+
 typedef struct ms_model {
   const ms_scene *scene;
   ms_unknowns unknowns;
@@ -18,7 +28,7 @@ typedef struct ms_model {
   double *split_row_force;  /* a vector: spring forces on split rows; NULL: no row is split */
   int isa;                  /* of the kernels: ms_isa_choose() */
   ms_pool *pool;            /* the sim's; NULL: one thread */
-  unsigned features;        /* MSIM_SKIP_...: the features that are computed */
+  unsigned features;        /* MS_HAS_... */
 } ms_model;
 
 /* The model of an island. skip_off: features to compute in any case. left_out: the axis without a

@@ -76,23 +76,23 @@ static double speed2_from_spring(const ms_model *model, int32_t r, int32_t q, do
 static void add_row_sums(const ms_model *model, const double *x, const double *v, int32_t r,
                          ms_norm_sums *g) {
   const ms_unknowns *rows = &model->unknowns;
-  const ms_half_edges *halves = &model->half_edges;
-  const ms_half_edge_span span = ms_half_edges_of_row(halves, r);
+  const ms_half_edges *half_edges = &model->half_edges;
+  const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
   double xr[3], vr[3], xq[3], k = 0;
   ms_unknowns_get(rows, x, r, xr);
   ms_unknowns_get(rows, v, r, vr);
   extend_box(xr, g);
   g->speed2 += ms_vec3_dot(vr, vr);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t q = halves->neighbour[at];
-    if (halves->spring[at] < 0) continue;
+    const int32_t q = half_edges->neighbour[at];
+    if (half_edges->spring[at] < 0) continue;
     const int is_free = q < rows->nfree;
     ms_unknowns_get(rows, x, q, xq);
     if (!is_free) extend_box(xq, g);
     for (int i = 0; i < 3; i++) xq[i] -= xr[i];
-    const double stretch = ms_vec3_norm(xq) - halves->rest[at];
-    g->speed2 += speed2_from_spring(model, r, q, halves->k[at] * stretch * stretch / 2);
-    k += (1 + is_free) * halves->k[at];
+    const double stretch = ms_vec3_norm(xq) - half_edges->rest[at];
+    g->speed2 += speed2_from_spring(model, r, q, half_edges->k[at] * stretch * stretch / 2);
+    k += (1 + is_free) * half_edges->k[at];
   }
   g->omega2 = fmax(g->omega2, k * model->inv_mass[r]);
 }

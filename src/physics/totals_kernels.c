@@ -28,9 +28,9 @@ MS_INLINE void add_rows(int dims, const ms_model *m, size_t row, const double *x
 
 /* The lanes that contribute: those whose neighbour is a later row, as all pinned ones are, so that
  * each spring counts once. */
-MS_INLINE ms_mask contributing_lanes(const ms_half_edges *halves, int32_t slot, ms_slice_range p,
-                                     size_t lane) {
-  const int32_t *j = halves->neighbour + MS_SLICE * (size_t)slot + lane;
+MS_INLINE ms_mask contributing_lanes(const ms_half_edges *half_edges, int32_t entry,
+                                     ms_slice_range p, size_t lane) {
+  const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;
   ms_mask other, own;
   for (int l = 0; l < MS_LANES; l++) {
     other[l] = j[l];
@@ -40,27 +40,29 @@ MS_INLINE ms_mask contributing_lanes(const ms_half_edges *halves, int32_t slot, 
 }
 
 /* All neighbours are earlier rows: no lane contributes. */
-MS_INLINE int has_earlier_neighbours(const ms_half_edges *halves, int32_t slot, ms_slice_range p) {
-  const int32_t start = halves->start[slot];
+MS_INLINE int has_earlier_neighbours(const ms_half_edges *half_edges, int32_t entry,
+                                     ms_slice_range p) {
+  const int32_t start = half_edges->start[entry];
   return start >= 0 && !p.is_split && (size_t)start < p.row;
 }
 
 /* Sums of k (l - L)^2 over the springs of one register of rows */
-MS_INLINE ms_lanes sum_elastic(int dims, const ms_model *m, int32_t segment, ms_slice_range p,
+MS_INLINE ms_lanes sum_elastic(int dims, const ms_model *m, int32_t range, ms_slice_range p,
                                size_t lane, const double *x) {
   const size_t stride = (size_t)m->unknowns.stride;
-  const ms_half_edges *halves = &m->half_edges;
+  const ms_half_edges *half_edges = &m->half_edges;
   const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
   const ms_lanes zero = {0};
   ms_lanes sum = zero;
-  for (int32_t slot = halves->first[segment]; slot < halves->first[segment + 1]; slot++) {
-    if (has_earlier_neighbours(halves, slot, p)) continue;
-    const size_t at = MS_SLICE * (size_t)slot + lane;
-    const ms_mask mine = contributing_lanes(halves, slot, p, lane);
+  for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
+    if (has_earlier_neighbours(half_edges, entry, p)) continue;
+    const size_t at = MS_SLICE * (size_t)entry + lane;
+    const ms_mask mine = contributing_lanes(half_edges, entry, p, lane);
     const ms_lane_vectors d =
-        ms_subtract_vec(dims, ms_load_neighbours(dims, halves, slot, lane, x, stride), xi);
-    const ms_lanes stretch = ms_simd_sqrt(ms_dot_vec(dims, d, d)) - ms_simd_load(halves->rest + at);
-    const ms_lanes k = ms_simd_select(mine, ms_simd_load(halves->k + at), zero);
+        ms_subtract_vec(dims, ms_load_neighbours(dims, half_edges, entry, lane, x, stride), xi);
+    const ms_lanes stretch =
+        ms_simd_sqrt(ms_dot_vec(dims, d, d)) - ms_simd_load(half_edges->rest + at);
+    const ms_lanes k = ms_simd_select(mine, ms_simd_load(half_edges->k + at), zero);
     sum = ms_simd_fma(k * stretch, stretch, sum);
   }
   return sum;
@@ -91,13 +93,13 @@ MS_INLINE void compute_totals_of(int dims, const ms_model *m, const double *x, c
                                  ms_totals *totals) {
   tally t = {0};
   for (int c = 0; c < dims; c++) t.low.c[c] += INFINITY, t.high.c[c] -= INFINITY;
-  for (int32_t segment = begin; segment < end; segment++) {
-    const int is_group = segment < m->half_edges.nslices;
-    const ms_slice_range p = is_group ? (ms_slice_range){.row = MS_SLICE * (size_t)segment}
-                                      : ms_slice_range_at(&m->half_edges, segment, NULL, 0);
+  for (int32_t range = begin; range < end; range++) {
+    const int is_group = range < m->half_edges.nslices;
+    const ms_slice_range p = is_group ? (ms_slice_range){.row = MS_SLICE * (size_t)range}
+                                      : ms_slice_range_at(&m->half_edges, range, NULL, 0);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       if (is_group) add_rows(dims, m, p.row + lane, x, v, copy, &t);
-      t.elastic += sum_elastic(dims, m, segment, p, lane, x);
+      t.elastic += sum_elastic(dims, m, range, p, lane, x);
     }
   }
   write_totals(dims, m, &t, totals);

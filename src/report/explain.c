@@ -9,10 +9,10 @@
 #include "sim/sim.h"
 
 /* 1: an island has this feature. */
-static int has_feature(const msim_sim *sim, unsigned pass) {
-  unsigned passes = 0;
-  for (int32_t i = 0; i < sim->nislands; i++) passes |= sim->islands[i].model.features;
-  return (passes & pass) != 0;
+static int has_feature(const msim_sim *sim, unsigned feature) {
+  unsigned features = 0;
+  for (int32_t i = 0; i < sim->nislands; i++) features |= sim->islands[i].model.features;
+  return (features & feature) != 0;
 }
 
 static int32_t count_all_free(const msim_sim *sim) {
@@ -170,7 +170,7 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
 }
 
 static void explain_collisions(const msim_sim *sim, ms_text *out) {
-  if (!has_feature(sim, MSIM_SKIP_PLANES) || !sim->scene->nplanes) return;
+  if (!has_feature(sim, MS_HAS_PLANES) || !sim->scene->nplanes) return;
   if (sim->opt.collision == MSIM_COLLISION_EVENT)
     ms_text_append(out,
                    "collisions    event: impacts are located inside the step, rest is exact\n");
@@ -254,14 +254,13 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
        "in steps that the last factor still serves, as preconditioner"},
       {solver && solver->linear->aggregates && !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
        "coarse factorisation", "in steps whose matrix has hardly changed since the last one"},
-      {!has_feature(sim, MSIM_SKIP_SPRINGS), "spring pass", "no spring pulls a free particle"},
-      {has_feature(sim, MSIM_SKIP_SPRINGS) && !has_feature(sim, MSIM_SKIP_ZERO_REST_LENGTH),
+      {!has_feature(sim, MS_HAS_SPRINGS), "spring forces", "no spring pulls a free particle"},
+      {has_feature(sim, MS_HAS_SPRINGS) && !has_feature(sim, MS_HAS_DIRECTIONS),
        "direction of springs",
        "all rest lengths and dampings are 0, so forces are linear and the matrix is constant"},
-      {!has_feature(sim, MSIM_SKIP_DAMPING), "damping of springs", "no spring is damped"},
-      {!has_feature(sim, MSIM_SKIP_GRAVITY), "gravity", "it is 0"},
-      {!has_feature(sim, MSIM_SKIP_DRAG), "drag", "it is 0"},
-      {!has_feature(sim, MSIM_SKIP_PLANES), "contact pass",
+      {!has_feature(sim, MS_HAS_DAMPING), "damping of springs", "no spring is damped"},
+      {!has_feature(sim, MS_HAS_DRAG), "drag", "it is 0"},
+      {!has_feature(sim, MS_HAS_PLANES), "collision detection",
        sim->choice.verification.planes_far ? "no plane is close yet" : "there are no planes"},
       {m->model.unknowns.dropped_axis >= 0, axis_name(sim),
        "nothing moves along it, or pulls that way"},

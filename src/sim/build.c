@@ -9,12 +9,12 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   double **vectors[9 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
   const int events =
-      sim->opt.collision == MSIM_COLLISION_EVENT && m->model.features & MSIM_SKIP_PLANES;
+      sim->opt.collision == MSIM_COLLISION_EVENT && m->model.features & MS_HAS_PLANES;
   const int nwork = events && sim->integrator->entry.implicit ? MS_IMPLICIT_CONTACT_WORK : 0;
   for (int i = 0; i < sim->integrator->nwork || i < nwork; i++) vectors[count++] = &s->work[i];
-  const int halves =
+  const int half_edges =
       ms_sim_has_control(sim) || ms_sim_selects(sim) || ms_island_step_count_retries(sim) > 1;
-  const int spare = halves ? 2 : ms_island_step_count_retries(sim) > 0;
+  const int spare = half_edges ? 2 : ms_island_step_count_retries(sim) > 0;
   for (int i = 0; i < spare; i++)
     vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
   for (int i = 0; i < count; i++) {
@@ -43,7 +43,7 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
     status = ms_model_create_island(sim->scene, &island, left_out, sim->opt.skip_off,
                                     &sim->islands[i].model, err);
     if (sim->choice.verification.planes_far)
-      sim->islands[i].model.features &= ~(unsigned)MSIM_SKIP_PLANES;
+      sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
   return status;

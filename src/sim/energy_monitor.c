@@ -15,21 +15,20 @@ enum { ALLOWED = 100, INTERVAL = 160 };
 static int monitor_is_on(const msim_sim *sim) { return sim->opt.watch == MSIM_WATCH_ON; }
 
 msim_status ms_energy_monitor_create(const msim_sim *sim, const ms_model *model,
-                                     ms_last_good_state *guard, msim_error *err) {
+                                     ms_last_good_state *good, msim_error *err) {
   if (!monitor_is_on(sim)) return MSIM_OK;
-  double **vectors[] = {&guard->kept.x, &guard->kept.v, &guard->measured.x, &guard->measured.v};
+  double **vectors[] = {&good->kept.x, &good->kept.v, &good->measured.x, &good->measured.v};
   int there = 1;
   for (int i = 0; i < 4; i++)
     there &= (*vectors[i] = ms_unknowns_new_vector(sim->scene, &model->unknowns)) != NULL;
-  guard->parts =
-      ms_memory_allocate(&sim->alloc, (size_t)ms_totals_count_parts(model), sizeof *guard->parts);
-  return there && guard->parts ? MSIM_OK : ms_error_set_memory(err, "the state to keep");
+  good->parts =
+      ms_memory_allocate(&sim->alloc, (size_t)ms_totals_count_parts(model), sizeof *good->parts);
+  return there && good->parts ? MSIM_OK : ms_error_set_memory(err, "the state to keep");
 }
 
-void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *guard) {
+void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *good) {
   if (!model->scene) return;
-  void *arrays[] = {guard->kept.x, guard->kept.v, guard->measured.x, guard->measured.v,
-                    guard->parts};
+  void *arrays[] = {good->kept.x, good->kept.v, good->measured.x, good->measured.v, good->parts};
   for (int i = 0; i < 5; i++) ms_memory_free(&model->scene->alloc, arrays[i]);
 }
 
@@ -59,20 +58,20 @@ static double extent_of(const ms_totals *t) {
 
 /* The bounds in the present state; `most` is kept if that state is good. */
 typedef struct energy_bounds {
-  double supply, extent;
+  double bound, extent;
   double most; /* the largest energy bound so far */
 } energy_bounds;
 
 static energy_bounds compute_energy_bounds(const msim_sim *sim, const ms_totals *now) {
   const ms_energy_monitor *w = &sim->monitor;
   const double work = ms_vec3_dot(sim->scene->gravity, now->moment) - w->start_moment_work;
-  const double supply = w->start_bound + fmax(0, work), most = fmax(w->energy_bound, supply);
+  const double bound = w->start_bound + fmax(0, work), most = fmax(w->energy_bound, bound);
   const double speed = w->least_mass > 0 ? sqrt(2 * most / w->least_mass) : 0;
-  return (energy_bounds){supply, w->extent + 2 * (time_of(sim) - w->t0) * speed, most};
+  return (energy_bounds){bound, w->extent + 2 * (time_of(sim) - w->t0) * speed, most};
 }
 
 static int is_within_bounds(const ms_totals *now, const energy_bounds *b) {
-  return now->kinetic + now->elastic <= ALLOWED * b->supply &&
+  return now->kinetic + now->elastic <= ALLOWED * b->bound &&
          !(extent_of(now) > ALLOWED * b->extent);
 }
 
@@ -211,7 +210,7 @@ static int32_t find_extreme_particle(const msim_sim *sim, int fastest, const dou
 static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
                                    const energy_bounds *b, msim_error *err) {
   const double energy = now->kinetic + now->elastic;
-  const int fast = !(energy <= ALLOWED * b->supply);
+  const int fast = !(energy <= ALLOWED * b->bound);
   double from[3] = {0}, size;
   for (int c = 0; c < 3 && !fast; c++) from[c] = 0.5 * (now->low[c] + now->high[c]);
   const int32_t particle = find_extreme_particle(sim, fast, from, &size);
@@ -222,7 +221,7 @@ static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
         "step %lld, t = %g s, particle %d: it is the fastest, at %.3g m/s, as kinetic "
         "and elastic energy are %.3g J, more than %d times the %.3g J that the start "
         "and gravity can supply; the state is that of step %lld again",
-        step, time_of(sim), particle, size, energy, ALLOWED, b->supply, kept);
+        step, time_of(sim), particle, size, energy, ALLOWED, b->bound, kept);
   return ms_error_set(
       err, MSIM_UNSTABLE,
       "step %lld, t = %g s, particle %d: it is the farthest out, as the scene is %.3g m "

@@ -53,8 +53,8 @@ typedef struct ms_energy_monitor {
 
 /* Allocate the memory for an island, if options.watch is on. MSIM_ERR_MEMORY. */
 msim_status ms_energy_monitor_create(const msim_sim *sim, const ms_model *model,
-                                     ms_last_good_state *guard, msim_error *err);
-void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *guard);
+                                     ms_last_good_state *good, msim_error *err);
+void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *good);
 
 /* Start monitoring in the present state. */
 void ms_energy_monitor_start(msim_sim *sim);
@@ -70,7 +70,7 @@ msim_status ms_energy_monitor_check(msim_sim *sim, msim_error *err);
  * are read before. is_present: the present state is the last good one. */
 void ms_energy_monitor_archive(ms_archive *bytes, const msim_sim *sim, ms_energy_monitor *w);
 void ms_energy_monitor_archive_island(ms_archive *bytes, const msim_sim *sim, int is_present,
-                                      const ms_stepper *s, ms_last_good_state *guard);
+                                      const ms_stepper *s, ms_last_good_state *good);
 
 /* After a step that failed: if the state before it is beyond the bounds, return to the last good
  * state, and append that to err. */
