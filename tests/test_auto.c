@@ -15,8 +15,9 @@ static const char *name_of(const msim_sim *sim) {
 
 static void same_choice(const msim_sim *a, const msim_sim *b) {
   assert_string_equal(name_of(a), name_of(b));
-  assert_memory_equal(a->choice.candidates, b->choice.candidates, sizeof a->choice.candidates);
-  assert_true(a->opt.tol == b->opt.tol && a->opt.h == b->opt.h);
+  assert_memory_equal(a->config.choice.candidates, b->config.choice.candidates,
+                      sizeof a->config.choice.candidates);
+  assert_true(a->config.opt.tol == b->config.opt.tol && a->config.opt.h == b->config.opt.h);
 }
 
 static void same_state(msim_sim *a, msim_sim *b) {
@@ -73,7 +74,7 @@ static void it_is_always_the_same(void **state) {
     same_state(sim, other);
     assert_ok(msim_sim_explain(sim, &text, err));
     for (int k = 0; k < MS_CANDIDATES; k++)
-      assert_non_null(strstr(text, sim->choice.candidates[k].method->entry.name));
+      assert_non_null(strstr(text, sim->config.choice.candidates[k].method->entry.name));
     line = strstr(text, ": chosen, ");
     assert_non_null(line);
     assert_null(strstr(line + 1, ": chosen, "));
@@ -168,7 +169,7 @@ static void it_chooses_the_steps(void **state) {
   opt.h = 0.1;
   sim = make_sim(scene, &opt);
   assert_non_null(strstr(said, "h is not used"));
-  assert_true(sim->plan.h < 1e-3);
+  assert_true(sim->run.h < 1e-3);
   assert_int_equal(msim_sim_set_step(sim, 1e-5, &why), MSIM_ERR_ARG);
   assert_non_null(strstr(why.text, "integrator 'auto' chooses its steps"));
   assert_ok(msim_sim_set_step(sim, MSIM_H_AUTO, err));
@@ -191,7 +192,7 @@ static void impacts_are_located_where_asked(void **state) {
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_explain(sim, &text, err));
     assert_true(!strstr(text, "impacts are to be located") == !located);
-    assert_true(!located || sim->opt.collision == MSIM_COLLISION_EVENT);
+    assert_true(!located || sim->config.opt.collision == MSIM_COLLISION_EVENT);
     msim_sim_destroy(sim);
   }
   msim_scene_destroy(scene);

@@ -87,7 +87,7 @@ static double first_step(const target *t, msim_options opt, int fixed) {
   }
   if (status) return 0;
   const ms_solver *solver = ms_sim_largest_island(sim)->stepper.solver;
-  const double h = solver && solver->elimination.a ? 0 : sim->plan.h;
+  const double h = solver && solver->elimination.a ? 0 : sim->run.h;
   msim_sim_destroy(sim);
   return h;
 }
@@ -147,9 +147,9 @@ static void choose(const target *t, double tol, result *r, const ms_candidate **
                    ms_method_choice *s) {
   const msim_options opt = options_of("auto", tol, t->of->t_end);
   msim_sim *sim = make_sim(t->scene, &opt);
-  *s = sim->choice;
+  *s = sim->config.choice;
   *c = &s->candidates[s->best];
-  assert_string_equal(sim->integrator->entry.name, (*c)->method->entry.name);
+  assert_string_equal(sim->config.integrator->entry.name, (*c)->method->entry.name);
   msim_sim_destroy(sim);
   assert_true(run(t->scene, &opt, INFINITY, r));
 }

@@ -31,8 +31,9 @@ static double implicit_cost(const msim_scene *scene, double tol) {
 /* The least cost of the explicit methods for the same run */
 static double explicit_cost(const msim_sim *sim) {
   double least = INFINITY;
-  for (int i = 0; i < IMPLICIT; i++) least = fmin(least, sim->choice.candidates[i].cost_rate);
-  return least * sim->plan.t_end;
+  for (int i = 0; i < IMPLICIT; i++)
+    least = fmin(least, sim->config.choice.candidates[i].cost_rate);
+  return least * sim->config.plan.t_end;
 }
 
 static void a_fifth_of_the_cost_decides(void **state) {
@@ -44,11 +45,11 @@ static void a_fifth_of_the_cost_decides(void **state) {
   for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
     msim_scene *scene = wire(row[i].k);
     msim_sim *sim = planned(scene, "auto", row[i].tol);
-    const ms_candidate *implicit = &sim->choice.candidates[IMPLICIT];
+    const ms_candidate *implicit = &sim->config.choice.candidates[IMPLICIT];
     const double share = implicit_cost(scene, row[i].tol) / explicit_cost(sim);
     print_message("  k = %g, tol = %g: %.3f of the cost\n", row[i].k, row[i].tol, share);
     assert_true(row[i].is_chosen ? share < 0.19 : share > 0.25 && share < 0.5);
-    assert_int_equal(sim->choice.best == IMPLICIT, row[i].is_chosen);
+    assert_int_equal(sim->config.choice.best == IMPLICIT, row[i].is_chosen);
     assert_int_equal(implicit->rejection,
                      row[i].is_chosen ? MS_REASON_NONE : MS_REASON_RUN_NOT_FINISHED);
     msim_sim_destroy(sim);

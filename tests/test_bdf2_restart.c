@@ -63,13 +63,13 @@ static void the_estimate_of_a_step_is_its_error(void **state) {
     ms_stepper *s = &sim->islands->stepper;
     assert_ok(msim_sim_set_step(sim, h, err));
     assert_ok(msim_sim_step(sim, 1, err));
-    double **before = s->work + sim->integrator->carried_at + 3 * (s->cached_stage == 2);
+    double **before = s->work + sim->config.integrator->carried_at + 3 * (s->cached_stage == 2);
     before[0][0] = x_at(0), before[1][0] = v_at(0), before[2][0] = -100 * x_at(h);
     s->x[0] = x_at(h), s->v[0] = v_at(h);
     s->h = ratio[i] * h, s->h_before = h;
     assert_ok(ms_island_step_make_substeps(sim, s, 1, err));
     double *dx = s->x_spare[1], *dv = s->v_spare[1];
-    sim->integrator->estimate(s, 0, dx, dv);
+    sim->config.integrator->estimate(s, 0, dx, dv);
     assert_close(dx[0] / (s->x_next[0] - x_at(h + s->h)), 1, 0.03);
     assert_close(dv[0] / (s->v_next[0] - v_at(h + s->h)), 1, 0.03);
     msim_sim_destroy(sim);

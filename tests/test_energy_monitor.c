@@ -182,8 +182,8 @@ static msim_status jumping_step(ms_stepper *s, msim_error *err) {
 }
 
 static ms_integrator make_jump(msim_sim *sim, int64_t at, double by) {
-  ms_integrator method = *sim->integrator;
-  jump.real = sim->integrator, jump.at = at, jump.by = by, jump.steps = 0;
+  ms_integrator method = *sim->config.integrator;
+  jump.real = sim->config.integrator, jump.at = at, jump.by = by, jump.steps = 0;
   method.step = jumping_step;
   return method;
 }
@@ -207,7 +207,7 @@ static void a_jump_without_energy_is_found(void **state) {
     assert_ok(msim_sim_set_state(sim, &from, err));
     const ms_integrator method = make_jump(sim, 2, is_far ? 901 : 899);
     msim_error why = {0};
-    sim->integrator = &method;
+    sim->config.integrator = &method;
     assert_int_equal(msim_sim_step(sim, 4, &why), is_far ? MSIM_UNSTABLE : MSIM_OK);
     if (is_far) assert_non_null(strstr(why.text, "particle 0: it is the farthest out, as the "));
     if (is_far) assert_memory_equal(state_of(sim).x, x, sizeof x);
@@ -227,7 +227,7 @@ static void an_implicit_run_goes_on_from_there(void **state) {
     opt.solver = "pcg";
     msim_sim *sim = make_sim(scene, &opt), *fresh = make_sim(scene, &opt);
     const ms_integrator method = make_jump(sim, 5, 1e6);
-    sim->integrator = &method;
+    sim->config.integrator = &method;
     assert_int_equal(msim_sim_step(sim, 10, NULL), MSIM_UNSTABLE);
     msim_state s = state_of(sim);
     assert_int_equal(s.step, 4);

@@ -168,8 +168,8 @@ static msim_status limited_step(ms_stepper *s, msim_error *err) {
 }
 
 static ms_integrator install_limited_method(msim_sim *sim, double longest, double noise) {
-  ms_integrator spy = *sim->integrator;
-  limited_method.real = sim->integrator, limited_method.longest = longest,
+  ms_integrator spy = *sim->config.integrator;
+  limited_method.real = sim->config.integrator, limited_method.longest = longest,
   limited_method.noise = noise, limited_method.calls = 0;
   spy.step = limited_step;
   return spy;
@@ -187,7 +187,7 @@ static void no_step_is_short_enough(void **state) {
     const ms_integrator spy = install_limited_method(sim, longest[i], 0.1);
     msim_error why;
     char particle[32];
-    sim->integrator = &spy;
+    sim->config.integrator = &spy;
     assert_int_equal(msim_sim_step(sim, 1, &why), MSIM_NOT_CONVERGED);
     assert_non_null(strstr(why.text, words[i]));
     assert_non_null(strstr(why.text, "step 1, t = "));
@@ -211,7 +211,7 @@ static void steps_that_fail_are_shortened(void **state) {
   const msim_options opt = control_options("dop853", 1e-3, 1);
   msim_sim *sim = make_sim(scene, &opt);
   const ms_integrator spy = install_limited_method(sim, 1e-3, 0);
-  sim->integrator = &spy;
+  sim->config.integrator = &spy;
   assert_ok(msim_sim_run(sim, NULL, NULL, err));
   assert_true(state_of(sim).t == 1);
   assert_true(stats_of(sim).steps >= 1000 && stats_of(sim).rejected_steps > 0);
@@ -232,7 +232,7 @@ static void fixed_steps_are_made_in_parts(void **state) {
     opt.h = 1e-3, opt.newton_retries = 0;
     msim_sim *fine = make_sim(scene, &opt);
     const ms_integrator spy = install_limited_method(sim, 1.5e-3, 0);
-    sim->integrator = &spy;
+    sim->config.integrator = &spy;
     assert_ok(msim_sim_step(sim, 5, err));
     assert_ok(msim_sim_step(fine, 20, err));
     assert_int_equal(state_of(sim).step, 5);
@@ -257,9 +257,9 @@ static void nonlinear_steps_are_retried_by_default(void **state) {
   for (int32_t m = 0; method_at(m); m++) {
     const msim_options opt = options(method_at(m), h);
     msim_sim *sim = make_sim(scene, &opt);
-    const int nonlinear = sim->integrator->nonlinear;
+    const int nonlinear = sim->config.integrator->nonlinear;
     const ms_integrator spy = install_limited_method(sim, 1.01 * h / 64, 0);
-    sim->integrator = &spy;
+    sim->config.integrator = &spy;
     assert_int_equal(msim_sim_step(sim, 1, NULL), nonlinear ? MSIM_OK : MSIM_NOT_CONVERGED);
     assert_int_equal(stats_of(sim).rejected_steps, nonlinear ? 6 : 0);
     limited_method.longest = 0.99 * h / 64;
@@ -275,7 +275,7 @@ static double bdf2_by_turns(const msim_scene *scene, int steps, const double *x)
   opt.solver = "pcg", opt.newton_retries = 1;
   msim_sim *sim = make_sim(scene, &opt);
   const ms_integrator spy = install_limited_method(sim, INFINITY, 0);
-  sim->integrator = &spy;
+  sim->config.integrator = &spy;
   for (int i = 0; i < steps; i++) {
     limited_method.longest = i % 2 ? 0.6 * opt.h : INFINITY;
     assert_ok(msim_sim_step(sim, 1, err));

@@ -418,7 +418,7 @@ static void small_islands_are_shared_out(void **state) {
       assert_string_equal(why[t].text, why[0].text);
       assert_int_equal(stats_of(sims[t]).force_evaluations, stats_of(sims[0]).force_evaluations);
       assert_int_equal(stats_of(sims[t]).rejected_steps,
-                       sims[t]->integrator->convert_state ? 0 : 2);
+                       sims[t]->config.integrator->convert_state ? 0 : 2);
       assert_memory_equal(state_of(sims[t]).x, state_of(sims[0]).x, 3 * MANY * N * sizeof(double));
     }
     for (int t = 0; t < 3; t++) msim_sim_destroy(sims[t]);

@@ -87,7 +87,7 @@ static void a_useless_factorization_is_tried_rarely(void **state) {
   require(is_solver_available("cholmod"), "the solver cholmod");
   ms_solver *solver;
   msim_sim *sim = factored(&solver);
-  sim->opt.solver_rtol = 1e-300; /* out of reach: the maximum of iterations is made */
+  sim->config.opt.solver_rtol = 1e-300; /* out of reach: the maximum of iterations is made */
   for (int n = 1, next = 2, wait = 1; n <= 200; n++) {
     const int64_t iterations = step(sim);
     assert_true((iterations > 0) == (n == next));

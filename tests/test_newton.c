@@ -148,10 +148,10 @@ static msim_status failing_step(ms_stepper *s, msim_error *err) {
 }
 
 static void make_part_fail(msim_sim *sim, ms_integrator *method, int fails_at) {
-  *method = *(failing.real = sim->integrator);
+  *method = *(failing.real = sim->config.integrator);
   method->step = failing_step;
   failing.calls = 0, failing.fails_at = fails_at;
-  sim->integrator = method;
+  sim->config.integrator = method;
 }
 
 /* The second half of a step fails, and with it the step. The method state of the step before was

@@ -134,8 +134,8 @@ static void the_partition_depends_on_the_step(void **state) {
 static void run_partitioned(const msim_scene *scene, double h, int halvings, double *x, double *v) {
   msim_sim *sim = sim_of(scene, "respa", h);
   assert_non_null(sim->islands->stepper.split);
-  sim->plan.h = ldexp(h, -halvings);
-  assert_ok(msim_sim_step(sim, (int64_t)round(0.05 / sim->plan.h), err));
+  sim->run.h = ldexp(h, -halvings);
+  assert_ok(msim_sim_step(sim, (int64_t)round(0.05 / sim->run.h), err));
   const msim_state now = state_of(sim);
   memcpy(x, now.x, 3 * N * sizeof *x);
   memcpy(v, now.v, 3 * N * sizeof *v);
@@ -317,7 +317,7 @@ static void auto_chooses_respa_for_a_stiff_cord(void **state) {
   msim_options opt = options("auto", 1e-3);
   opt.tol = 1e-2, opt.t_end = T_END;
   msim_sim *sim = make_sim(scene, &opt);
-  assert_string_equal(sim->integrator->entry.name, "respa");
+  assert_string_equal(sim->config.integrator->entry.name, "respa");
   assert_ok(msim_sim_run(sim, NULL, NULL, err));
   assert_true(distance(state_of(sim).x, exact) < opt.tol * distance(exact, view.x));
   assert_true(4 * stats_of(sim).spring_evaluations < verlet);

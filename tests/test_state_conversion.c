@@ -27,7 +27,7 @@ static int stop_at_30(msim_sim *sim, void *user) {
   msim_plan plan = {.size = sizeof plan};
   (void)user;
   msim_sim_plan(sim, &plan); /* does not read the state */
-  return sim->step == 30;
+  return sim->run.step == 30;
 }
 
 static void unread_states_are_not_converted(void **state) {
@@ -40,7 +40,7 @@ static void unread_states_are_not_converted(void **state) {
     msim_sim *sim = make_sim(scene, &opt);
     watched = ms_methods_at(i), syncs = 0;
     if (spy.sync) spy.sync = counting_sync;
-    sim->integrator = &spy;
+    sim->config.integrator = &spy;
     mark(sim);
     assert_ok(msim_sim_step(sim, 20, err));
     assert_int_equal(msim_sim_run(sim, stop_at_30, NULL, NULL), MSIM_STOPPED);

@@ -132,7 +132,8 @@ static double error_of(const msim_scene *scene, double tol, double t_end) {
   double most = 0;
   for (int32_t i = 0; i < 3 * s.n; i++) most = fmax(most, fabs(s.x[i] - t.x[i]));
   print_message("  tol %.0e  %-15s error/tol %.2g, %lld evaluations, %lld steps refused\n", tol,
-                sim->integrator->entry.name, most / tol, (long long)stats_of(sim).force_evaluations,
+                sim->config.integrator->entry.name, most / tol,
+                (long long)stats_of(sim).force_evaluations,
                 (long long)stats_of(sim).rejected_steps);
   msim_sim_destroy(sim), msim_sim_destroy(other);
   return most / tol;
@@ -186,7 +187,7 @@ static msim_sim *resume_faster(const msim_scene *scene, const msim_options *opt,
                                const checkpoint *c, double faster) {
   msim_sim *sim = resume(scene, opt, c);
   ms_island_sim *m = sim->islands;
-  assert_string_equal(sim->integrator->entry.name, "rkn6");
+  assert_string_equal(sim->config.integrator->entry.name, "rkn6");
   for (int32_t i = 0; i < m->model.unknowns.dims * m->model.unknowns.stride; i++)
     m->stepper.v[i] *= faster;
   return sim;
@@ -216,7 +217,8 @@ static void indicators_select_verified_steps(void **state) {
   for (double faster = 0.1; faster < 10; faster *= 1.2) {
     ms_step_measurement next;
     msim_sim *same = resume_faster(scene, &opt, &c, faster);
-    assert_ok(ms_step_verification_measure(same, &same->choice.verification.scales, &next, err));
+    assert_ok(
+        ms_step_verification_measure(same, &same->config.choice.verification.scales, &next, err));
     msim_sim_destroy(same);
     const double defect = next.indicator[0], turn = next.indicator[1];
     if (turn < 0.28) {
@@ -246,9 +248,9 @@ static void what_steps_may_add_goes_like_tol(void **state) {
     const double tol = i ? 1e-4 : 1e-2;
     const msim_options opt = options_of("auto", tol, 0.2);
     msim_sim *sim = make_sim(scene, &opt);
-    assert_string_equal(sim->integrator->entry.name, "velocity-verlet");
-    share[i] = sim->choice.verification.allowed / tol;
-    assert_in_range(share[i] * 1e6, sim->plan.h / 0.2 * 1e6, 0.1e6);
+    assert_string_equal(sim->config.integrator->entry.name, "velocity-verlet");
+    share[i] = sim->config.choice.verification.allowed / tol;
+    assert_in_range(share[i] * 1e6, sim->run.h / 0.2 * 1e6, 0.1e6);
     msim_sim_destroy(sim);
   }
   assert_close(share[0], share[1], 1e-9);
@@ -277,9 +279,10 @@ static void choosing_costs_little(void **state) {
       const msim_options opt = options_of("auto", tol, 0.15);
       msim_sim *sim = make_sim(scene, &opt);
       assert_ok(msim_sim_run(sim, NULL, NULL, err));
-      const double price = sim->choice.total_cost, work = (double)stats_of(sim).force_evaluations;
+      const double price = sim->config.choice.total_cost,
+                   work = (double)stats_of(sim).force_evaluations;
       print_message("  tol %.0e  %-15s %3.0f evaluations, for a run of %.0f\n", tol,
-                    sim->integrator->entry.name, price, work);
+                    sim->config.integrator->entry.name, price, work);
       assert_true(price <= 0.3 * work);
       msim_sim_destroy(sim);
     }
@@ -345,7 +348,7 @@ static void a_plane_is_close_within_a_step(void **state) {
     msim_sim *sim = make_sim(scene, &opt);
     const ms_island_sim *m = sim->islands;
     if (is_fast) ms_unknowns_set(&m->model.unknowns, fast, 0, m->stepper.v);
-    const double U = is_fast ? 50 : sim->choice.verification.scales.speed;
+    const double U = is_fast ? 50 : sim->config.choice.verification.scales.speed;
     const double h = (sqrt(U * U + 2 * g * 0.75) - U) / (2 * g);
     assert_true(U >= 3);
     assert_false(ms_step_verification_is_plane_close(sim, 0.999 * h));
@@ -374,11 +377,11 @@ static void near_planes_count(void **state) {
   plane(scene, 0, 0, 1, 0, 0.5, 0);
   const msim_options opt = options_of("auto", 1e-6, t_end);
   msim_sim *sim = make_sim(scene, &opt);
-  const int64_t planned = ms_plan_count_frames(&sim->plan, &sim->opt, 300);
+  const int64_t planned = ms_plan_count_frames(&sim->config.plan, &sim->config.opt, 300);
   frames here = {0};
-  assert_true(sim->choice.verification.planes_far);
+  assert_true(sim->config.choice.verification.planes_far);
   assert_ok(msim_sim_run(sim, note, &here, err));
-  assert_false(sim->choice.verification.planes_far);
+  assert_false(sim->config.choice.verification.planes_far);
   assert_int_equal(stats_of(sim).contacts, 1);
   const double left = t_end - fall;
   assert_close(state_of(sim).x[2], left * (g * fall / 2 - g / 2 * left), 1e-6);

@@ -29,7 +29,7 @@ static inline msim_sim *make_two_level_sim(const msim_scene *scene, const msim_o
   assert_string_equal(solver->linear->name, "pcg");
   solver->linear->ops->destroy(solver->linear);
   solver->linear = NULL;
-  assert_ok(ms_pcg_create(&solver->system, &sim->opt, aggregate, &solver->linear, err));
+  assert_ok(ms_pcg_create(&solver->system, &sim->config.opt, aggregate, &solver->linear, err));
   return sim;
 }
 

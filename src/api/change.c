@@ -17,23 +17,22 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
                         "integrator 'auto' chooses its steps: name a method to set them");
   if (ms_sim_has_control(sim) || ms_sim_selects(sim)) {
     if (h == MSIM_H_AUTO) return ms_error_clear(err); /* h is automatic already */
-    sim->opt.h = h;
+    sim->config.opt.h = h;
     ms_step_driver_set_step(sim, h);
     return ms_error_clear(err);
   }
-  const msim_options before = sim->opt;
-  const int chosen = sim->step_limit.from_auto;
-  const int64_t spent = sim->spent;
+  const ms_config config = sim->config;
+  const ms_run_state run = sim->run;
   msim_status status = ms_step_limit_resolve_auto(sim, &h, err);
   if (status) return status;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   now.v_half = NULL; /* v(t - h/2) with the old h */
-  sim->opt.h = h;
-  if (sim->opt.steps >= 0) sim->spent += now.step - sim->step0;
-  if (sim->opt.steps >= 0) sim->opt.steps -= now.step - sim->step0;
+  sim->config.opt.h = h;
+  if (sim->config.opt.steps >= 0) sim->run.spent += now.step - sim->run.step0;
+  if (sim->config.opt.steps >= 0) sim->config.opt.steps -= now.step - sim->run.step0;
   status = msim_sim_set_state(sim, &now, err);
-  if (status) sim->opt = before, sim->step_limit.from_auto = chosen, sim->spent = spent;
+  if (status) sim->config = config, sim->run = run;
   return status;
 }
 
@@ -52,7 +51,7 @@ static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, cons
                                const double *damping) {
   const ms_springs *s = &m->model.springs;
   const ms_solver *solver = m->stepper.solver;
-  int alike = !(sim->opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH);
+  int alike = !(sim->config.opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH);
   for (int32_t i = 0; i < s->n; i++) {
     const int32_t e = s->spring[i];
     alike &= (rest ? rest : sim->scene->rest)[e] == 0;
@@ -83,8 +82,8 @@ static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     const ms_island_sim *m = &sim->islands[i];
     const double h = m->stepper.solver->creation_h;
-    status = ms_solver_create(&m->model, &sim->opt, h, sim->integrator->nonlinear, &sim->stats,
-                              &fresh[i], err);
+    status = ms_solver_create(&m->model, &sim->config.opt, h, sim->config.integrator->nonlinear,
+                              &sim->stats, &fresh[i], err);
   }
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_solver **used = &sim->islands[i].stepper.solver;
@@ -103,10 +102,10 @@ static void restore_scene(msim_sim *sim, ms_scene *before) {
 
 /* Compute the dense output of the last step, with its springs: frames may lie inside it. */
 static void prepare_dense_output(msim_sim *sim) {
-  if (!ms_plan_has_times(&sim->opt) || sim->step == sim->step0) return;
+  if (!ms_plan_has_times(&sim->config.opt) || sim->run.step == sim->run.step0) return;
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_stepper *s = &sim->islands[i].stepper;
-    ms_interpolate(sim->integrator, s, 1, s->x_spare[0], s->v_spare[0]);
+    ms_interpolate(sim->config.integrator, s, 1, s->x_spare[0], s->v_spare[0]);
   }
 }
 
@@ -115,11 +114,11 @@ static void invalidate_spring_data(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_island_sim *m = &sim->islands[i];
     if (m->stepper.solver) ms_solver_update_springs(m->stepper.solver);
-    ms_stepper_set_bounds(sim->integrator, &m->stepper);
+    ms_stepper_set_bounds(sim->config.integrator, &m->stepper);
     m->stepper.cached_stage = 0;
     m->at_rest = 0;
   }
-  if (ms_sim_has_control(sim)) ms_control_reset(&sim->control);
+  if (ms_sim_has_control(sim)) ms_control_reset(&sim->run.control);
   sim->state_is_current = 0;
 }
 
@@ -141,14 +140,14 @@ static msim_status restart_with_springs(msim_sim *sim, const double *k, const do
 /* 1: solvers stay that were chosen for springs which only the present scene has. */
 static int must_keep_scene(const msim_sim *sim) {
   const ms_solver *solver = sim->islands->stepper.solver;
-  return !sim->chosen_for && solver && ms_solver_choice_depends_on_springs(&sim->opt);
+  return !sim->chosen_for && solver && ms_solver_choice_depends_on_springs(&sim->config.opt);
 }
 
 /* Continue the present run with these springs. */
 static msim_status continue_with_springs(msim_sim *sim, const double *k, const double *rest,
                                          const double *damping, msim_error *err) {
-  int other =
-      sim->integrator->is_multirate; /* 1: the split into stiff and soft springs may change */
+  int other = sim->config.integrator
+                  ->is_multirate; /* 1: the split into stiff and soft springs may change */
   for (int32_t i = 0; i < sim->nislands && !other; i++)
     other = changes_matrix_kind(sim, &sim->islands[i], rest, damping);
   prepare_dense_output(sim);
@@ -157,8 +156,8 @@ static msim_status continue_with_springs(msim_sim *sim, const double *k, const d
   ms_sim_free_matrix(sim); /* its model refers to the old scene */
   msim_status status = replace_spring_values(sim, k, rest, damping, err);
   if (!status && other)
-    status = sim->integrator->is_multirate ? ms_sim_rebuild_islands(sim, err)
-                                           : replace_solvers(sim, err);
+    status = sim->config.integrator->is_multirate ? ms_sim_rebuild_islands(sim, err)
+                                                  : replace_solvers(sim, err);
   if (status && other) restore_scene(sim, before);
   else if (!status && remembers) ms_sim_set_solver_scene(sim, before);
   else ms_scene_release(before);
@@ -177,10 +176,11 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   if (!status && ms_sim_selects(sim)) return restart_with_springs(sim, k, rest, damping, err);
   if (!status && damping) status = ms_sim_check_method_forces(sim, damping, err);
   if (!status)
-    status = sim->integrator->convert_state ? restart_with_springs(sim, k, rest, damping, err)
-                                            : continue_with_springs(sim, k, rest, damping, err);
+    status = sim->config.integrator->convert_state
+                 ? restart_with_springs(sim, k, rest, damping, err)
+                 : continue_with_springs(sim, k, rest, damping, err);
   if (status) return status;
-  sim->step_limit.tightness = sim->step_limit.from_auto = 0;
+  sim->config.step_limit.tightness = sim->config.step_limit.from_auto = 0;
   ms_energy_monitor_start(sim);
   ms_step_limit_warn(sim);
   return ms_error_clear(err);

@@ -16,14 +16,10 @@ msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, ms
 
 /* Start a run by a method chosen for that state; on failure the old method stays. */
 static msim_status restart_with_choice(msim_sim *sim, const msim_state *state, msim_error *err) {
-  const ms_method_choice selection = sim->choice;
-  const ms_step_limit advice = sim->step_limit;
-  const ms_integrator *integrator = sim->integrator;
-  const msim_options opt = sim->opt;
+  const ms_config before = sim->config;
   msim_status status = ms_method_choice_make(sim, 0, state->t, state->x, state->v, err);
   if (!status) status = ms_sim_start(sim, state, err);
-  if (!status) return MSIM_OK;
-  sim->choice = selection, sim->step_limit = advice, sim->integrator = integrator, sim->opt = opt;
+  if (status) sim->config = before;
   return status;
 }
 
@@ -40,23 +36,20 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
 static msim_status choose_for_planes(msim_sim *sim, const msim_state *now, msim_error *err) {
   msim_status status = ms_method_choice_make(sim, 1, now->t, now->x, now->v, err);
   if (status) return status;
-  sim->choice.substeps = (int64_t)fmax(1, ceil(sim->plan.h / sim->opt.h - 1e-9));
-  sim->opt.h = sim->plan.h;
+  sim->config.choice.substeps = (int64_t)fmax(1, ceil(sim->run.h / sim->config.opt.h - 1e-9));
+  sim->config.opt.h = sim->run.h;
   return MSIM_OK;
 }
 
 /* From here on planes count: choose a method for impacts in the present state, with steps that
  * divide the planned ones. Under error control the method stays. */
 static msim_status enable_planes(msim_sim *sim, msim_error *err) {
-  const ms_method_choice selection = sim->choice;
-  const ms_step_limit advice = sim->step_limit;
-  const ms_integrator *integrator = sim->integrator;
-  const msim_options opt = sim->opt;
+  const ms_config before = sim->config;
   msim_state now = {.size = sizeof now};
   msim_status status = MSIM_OK;
   msim_sim_state(sim, &now);
-  sim->choice.verification.planes_far = 0;
-  if (ms_sim_has_control(sim)) ms_control_reset(&sim->control);
+  sim->config.choice.verification.planes_far = 0;
+  if (ms_sim_has_control(sim)) ms_control_reset(&sim->run.control);
   else status = choose_for_planes(sim, &now, err);
   if (!status) status = ms_sim_build_islands(sim, sim->islands->model.unknowns.dropped_axis, err);
   if (!status) {
@@ -65,15 +58,15 @@ static msim_status enable_planes(msim_sim *sim, msim_error *err) {
     ms_energy_monitor_start(sim);
     return MSIM_OK;
   }
-  sim->choice = selection, sim->step_limit = advice, sim->integrator = integrator, sim->opt = opt;
+  sim->config = before;
   return status;
 }
 
 /* As ms_sim_make_steps(), until a plane is close; from there on planes count (step_verification.h).
  * */
 static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
-  for (; n > 0 && sim->choice.verification.planes_far; n--) {
-    if (ms_sim_has_control(sim)) ms_step_driver_show_time(sim, sim->t);
+  for (; n > 0 && sim->config.choice.verification.planes_far; n--) {
+    if (ms_sim_has_control(sim)) ms_step_driver_show_time(sim, sim->run.t);
     msim_status status = MSIM_OK;
     if (ms_step_verification_planes_due(sim)) status = enable_planes(sim, err);
     if (!status) status = ms_sim_make_steps(sim, 1, err);
@@ -86,34 +79,37 @@ static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
 msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
   if (!sim || n < 0) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL, or n is negative");
   msim_status status = make_steps(sim, n, err);
-  if (ms_plan_has_times(&sim->opt)) sim->frame = ms_plan_frame_after(&sim->plan, &sim->opt, sim->t);
+  if (ms_plan_has_times(&sim->config.opt))
+    sim->run.frame = ms_plan_frame_after(&sim->config.plan, &sim->config.opt, sim->run.t);
   return status ? status : ms_error_clear(err);
 }
 
 void msim_sim_stop(msim_sim *sim) { atomic_store(&sim->stop, 1); }
 
 int64_t msim_sim_next_frame(const msim_sim *sim) {
-  if (ms_plan_has_times(&sim->opt)) return sim->step + 1;
-  return sim->step0 + ms_plan_next_frame(&sim->plan, &sim->opt, sim->step - sim->step0);
+  if (ms_plan_has_times(&sim->config.opt)) return sim->run.step + 1;
+  return sim->run.step0 +
+         ms_plan_next_frame(&sim->config.plan, &sim->config.opt, sim->run.step - sim->run.step0);
 }
 
 static int is_at_end(const msim_sim *sim) {
-  if (!ms_sim_has_control(sim)) return sim->step - sim->step0 >= sim->plan.steps;
-  if (!ms_plan_has_times(&sim->opt)) return sim->t >= sim->plan.t_end;
-  return ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame - 1) >= sim->plan.t_end;
+  if (!ms_sim_has_control(sim)) return sim->run.step - sim->run.step0 >= sim->config.plan.steps;
+  if (!ms_plan_has_times(&sim->config.opt)) return sim->run.t >= sim->config.plan.t_end;
+  return ms_plan_frame_time(&sim->config.plan, &sim->config.opt, sim->run.frame - 1) >=
+         sim->config.plan.t_end;
 }
 
 static msim_status run_to_step(msim_sim *sim, int64_t due, msim_error *err) {
   msim_status status = MSIM_OK;
-  if (!ms_sim_has_control(sim)) return make_steps(sim, due - sim->step, err);
-  while (!status && sim->step < due && !is_at_end(sim)) status = make_steps(sim, 1, err);
+  if (!ms_sim_has_control(sim)) return make_steps(sim, due - sim->run.step, err);
+  while (!status && sim->run.step < due && !is_at_end(sim)) status = make_steps(sim, 1, err);
   return status;
 }
 
 /* The frame may lie inside the last step. */
 static msim_status run_to_time(msim_sim *sim, double due, msim_error *err) {
   msim_status status = MSIM_OK;
-  while (!status && sim->t < due) status = make_steps(sim, 1, err);
+  while (!status && sim->run.t < due) status = make_steps(sim, 1, err);
   return status;
 }
 
@@ -121,25 +117,26 @@ static msim_status run_to_time(msim_sim *sim, double due, msim_error *err) {
  * *is_there: the frame is reached, also where a request to stop takes effect exactly there; after
  * such a request the next run shows a frame that has a time of its own. */
 static msim_status run_to_frame(msim_sim *sim, int shown, int *is_there, msim_error *err) {
-  const int has_times = ms_plan_has_times(&sim->opt);
+  const int has_times = ms_plan_has_times(&sim->config.opt);
   const int64_t next = msim_sim_next_frame(sim);
-  const double due = has_times ? ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame) : 0;
+  const double due =
+      has_times ? ms_plan_frame_time(&sim->config.plan, &sim->config.opt, sim->run.frame) : 0;
   msim_status status = has_times ? run_to_time(sim, due, err) : run_to_step(sim, next, err);
   if (!status && shown) status = ms_energy_monitor_check(sim, err);
-  const int stopped_there = status == MSIM_STOPPED && (sim->step == next || is_at_end(sim));
+  const int stopped_there = status == MSIM_STOPPED && (sim->run.step == next || is_at_end(sim));
   *is_there = !status || (stopped_there && !has_times);
   if (status || !has_times) return status;
   ms_step_driver_show_time(sim, due);
-  sim->frame++;
+  sim->run.frame++;
   return MSIM_OK;
 }
 
 msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
-  if (sim->plan.t_end < 0)
+  if (sim->config.plan.t_end < 0)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "the run has no end: set options.steps or options.t_end");
-  if (observer && sim->step == sim->step0 && observer(sim, user))
+  if (observer && sim->run.step == sim->run.step0 && observer(sim, user))
     return ms_error_set(err, MSIM_STOPPED, "stopped by the observer at the start");
   while (!is_at_end(sim)) {
     int is_there;
@@ -148,7 +145,7 @@ msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msi
     if (status) return status;
     if (enough)
       return ms_error_set(err, MSIM_STOPPED, "stopped by the observer after step %lld, t = %g s",
-                          (long long)sim->step, ms_sim_time(sim));
+                          (long long)sim->run.step, ms_sim_time(sim));
   }
   return ms_error_clear(err);
 }

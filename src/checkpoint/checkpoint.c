@@ -31,7 +31,7 @@ typedef struct header {
   char magic[8];
   uint32_t order, version;
   uint64_t length, hash; /* hash: of all bytes, with 0 in its place */
-  uint64_t marks;        /* bytes of the fingerprint */
+  uint64_t fingerprint;  /* bytes of the fingerprint */
 } header;
 
 /* The hash of all bytes, where h replaces the header. */
@@ -59,55 +59,47 @@ static void write_entry(void *data, const char *name, const char *value, int is_
 /*------------------------------------- the run --------------------------------------------------*/
 
 typedef struct saved_run {
-  int64_t step, step0, spent, frame;
-  double t0, h, t, t_lost, t_shown;
-  ms_control control;
+  ms_run_state run;
+  double t0;
   double fps, t_end; /* with `every`: these number the frames */
   int64_t every;
   double solver_h; /* s: solvers were chosen for this h; 0: no solver */
   int32_t left_out;
   int32_t saves_last_step; /* 1: a frame lies inside the last step, which is saved, too */
-  int32_t chosen;          /* 1: h was chosen from the stability limit */
+  int32_t h_from_auto;     /* 1: h was chosen from the stability limit */
   int32_t other_springs;   /* 1: solvers were chosen for other springs */
   double tol, first_h;
-  ms_method_choice selection;
+  ms_method_choice choice;
   msim_stats stats;
-  ms_energy_monitor watch;
-  ms_error_growth sensitivity;
+  ms_energy_monitor monitor;
+  ms_error_growth error_growth;
 } saved_run;
 
 /* 1: the frame shown last, or the next one, lies inside the last step. */
 static int has_frame_inside_step(const msim_sim *sim) {
-  if (!ms_plan_has_times(&sim->opt) || sim->step == sim->step0) return 0;
-  return sim->t_shown < sim->t || ms_plan_frame_time(&sim->plan, &sim->opt, sim->frame) < sim->t;
+  if (!ms_plan_has_times(&sim->config.opt) || sim->run.step == sim->run.step0) return 0;
+  return sim->run.t_shown < sim->run.t ||
+         ms_plan_frame_time(&sim->config.plan, &sim->config.opt, sim->run.frame) < sim->run.t;
 }
 
 static saved_run collect_run(const msim_sim *sim) {
   const ms_solver *solver = sim->islands->stepper.solver;
-  return (saved_run){.step = sim->step,
-                     .step0 = sim->step0,
-                     .spent = sim->spent,
-                     .frame = sim->frame,
-                     .t0 = sim->t0,
-                     .h = sim->plan.h,
-                     .t = sim->t,
-                     .t_lost = sim->t_rounding,
-                     .t_shown = sim->t_shown,
-                     .control = sim->control,
-                     .fps = sim->opt.fps,
-                     .t_end = sim->plan.t_end,
-                     .every = sim->opt.every,
+  return (saved_run){.run = sim->run,
+                     .t0 = sim->config.plan.t0,
+                     .fps = sim->config.opt.fps,
+                     .t_end = sim->config.plan.t_end,
+                     .every = sim->config.opt.every,
                      .solver_h = solver ? solver->creation_h : 0,
                      .left_out = sim->islands->model.unknowns.dropped_axis,
                      .saves_last_step = has_frame_inside_step(sim),
-                     .chosen = sim->step_limit.from_auto,
+                     .h_from_auto = sim->config.step_limit.from_auto,
                      .other_springs = sim->chosen_for != NULL,
-                     .tol = sim->opt.tol,
-                     .first_h = sim->opt.h,
-                     .selection = sim->choice,
+                     .tol = sim->config.opt.tol,
+                     .first_h = sim->config.opt.h,
+                     .choice = sim->config.choice,
                      .stats = sim->stats,
-                     .watch = sim->monitor,
-                     .sensitivity = sim->error_growth};
+                     .monitor = sim->monitor,
+                     .error_growth = sim->error_growth};
 }
 
 /* All counts. Seconds are left out, so that identical runs have identical checkpoints. */
@@ -139,10 +131,11 @@ static void archive_stats(ms_archive *b, msim_stats *s) {
 }
 
 static void archive_run(ms_archive *b, const msim_sim *sim, saved_run *r) {
-  int64_t *counts[] = {&r->step, &r->step0, &r->spent, &r->frame, &r->every};
-  double *numbers[] = {&r->t0,  &r->h,     &r->t,        &r->t_lost, &r->t_shown,
-                       &r->fps, &r->t_end, &r->solver_h, &r->tol,    &r->first_h};
-  int32_t *flags[] = {&r->left_out, &r->saves_last_step, &r->chosen, &r->other_springs};
+  int64_t *counts[] = {&r->run.step, &r->run.step0, &r->run.spent, &r->run.frame, &r->every};
+  double *numbers[] = {&r->t0,          &r->run.h,  &r->run.t, &r->run.t_rounding,
+                       &r->run.t_shown, &r->fps,    &r->t_end, &r->solver_h,
+                       &r->tol,         &r->first_h};
+  int32_t *flags[] = {&r->left_out, &r->saves_last_step, &r->h_from_auto, &r->other_springs};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
     ms_archive_transfer_count(b, counts[i]);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
@@ -150,12 +143,13 @@ static void archive_run(ms_archive *b, const msim_sim *sim, saved_run *r) {
     ms_archive_check(b, isfinite(*numbers[i]), "a time");
   }
   for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_ARCHIVE_TRANSFER(b, *flags[i]);
-  ms_control_archive(b, &r->control);
+  ms_control_archive(b, &r->run.control);
   archive_stats(b, &r->stats);
-  if (ms_sim_selects(sim)) ms_method_choice_archive(b, &r->selection);
-  ms_energy_monitor_archive(b, sim, &r->watch);
-  ms_error_growth_archive(b, &r->sensitivity);
-  ms_archive_check(b, r->step >= r->step0 && r->h > 0 && r->solver_h >= 0, "the step");
+  if (ms_sim_selects(sim)) ms_method_choice_archive(b, &r->choice);
+  ms_energy_monitor_archive(b, sim, &r->run, &r->monitor);
+  if (r->tol > 0) r->monitor.good.h = r->monitor.good.control.h;
+  ms_error_growth_archive(b, &r->error_growth);
+  ms_archive_check(b, r->run.step >= r->run.step0 && r->run.h > 0 && r->solver_h >= 0, "the step");
 }
 
 static void archive_springs(ms_archive *b, ms_scene *s) {
@@ -192,12 +186,12 @@ static msim_status archive_islands(ms_archive *b, msim_sim *sim, const saved_run
     MS_ARCHIVE_TRANSFER(b, m->at_rest);
     ms_archive_check(b, order == here, "the order of particles");
     ms_archive_check(b, (m->at_rest | 1) == 1, "what is at rest");
-    ms_method_state_archive(b, sim->integrator, &m->stepper, r->saves_last_step);
+    ms_method_state_archive(b, sim->config.integrator, &m->stepper, r->saves_last_step);
     archive_scales(b, &m->norm);
     if (m->stepper.solver && !ms_archive_failed(b))
       status = ms_solver_state_archive(b, m->stepper.solver, err);
     if (!status && !ms_archive_failed(b))
-      ms_energy_monitor_archive_island(b, sim, r->watch.step == r->step, &m->stepper,
+      ms_energy_monitor_archive_island(b, sim, r->monitor.good.step == r->run.step, &m->stepper,
                                        &m->last_good);
     if (ms_sim_selects(sim)) ms_step_verification_archive_island(b, &m->verification);
     ms_error_growth_archive_island(b, m);
@@ -225,10 +219,10 @@ static size_t reserve_for_impacts(const msim_sim *sim) {
 size_t msim_sim_save_size(const msim_sim *sim) {
   ms_archive b = {.direction = MS_ARCHIVE_COUNT, .position = sizeof(header)};
   saved_run r = collect_run(sim);
-  r.saves_last_step = ms_plan_has_times(&sim->opt);
+  r.saves_last_step = ms_plan_has_times(&sim->config.opt);
   ms_fingerprint_list(sim, write_entry, &b);
   write_sim(&b, (msim_sim *)(uintptr_t)sim, &r);
-  if (sim->choice.verification.planes_far) b.position += reserve_for_impacts(sim);
+  if (sim->config.choice.verification.planes_far) b.position += reserve_for_impacts(sim);
   return b.position;
 }
 
@@ -241,7 +235,7 @@ msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *leng
   MS_ARCHIVE_TRANSFER(&b, h);
   ms_fingerprint_hash_scene(sim);
   ms_fingerprint_list(sim, write_entry, &b);
-  h.marks = b.position - sizeof h;
+  h.fingerprint = b.position - sizeof h;
   write_sim(&b, sim, &r);
   if (b.position > capacity)
     return ms_error_set(err, MSIM_ERR_ARG, "the checkpoint takes %zu bytes; there is room for %zu",
@@ -269,7 +263,7 @@ static msim_status check_bytes(const void *from, size_t length, header *h, msim_
   if (h->length != length)
     return ms_error_set(err, MSIM_ERR_ARG, "the checkpoint has %llu bytes, and %zu are there",
                         (unsigned long long)h->length, length);
-  if (h->marks > length - sizeof *h || hash_of(h, from) != h->hash)
+  if (h->fingerprint > length - sizeof *h || hash_of(h, from) != h->hash)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "the checkpoint is damaged: its bytes are not those that were written");
   return MSIM_OK;
@@ -284,27 +278,27 @@ static msim_status refuse_bytes(const ms_archive *b, msim_error *err) {
  * lie before it; with fixed steps h must be the same. */
 static msim_status check_end(const msim_sim *sim, const saved_run *r, const ms_plan *plan,
                              msim_error *err) {
-  const int64_t steps = r->step - r->step0;
+  const int64_t steps = r->run.step - r->run.step0;
   const int is_other = plan->t_end != r->t_end;
-  if (is_other && sim->opt.tol > 0 && plan->t_end >= 0 && r->t > plan->t_end)
+  if (is_other && sim->config.opt.tol > 0 && plan->t_end >= 0 && r->run.t > plan->t_end)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "the run ends at t = %g s, but the checkpoint is of t = %g s", plan->t_end,
-                        r->t);
+                        r->run.t);
   if (is_other && plan->steps >= 0 && steps > plan->steps)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "the run ends after %lld steps, but the checkpoint is of step %lld",
                         (long long)plan->steps, (long long)steps);
-  if (sim->opt.tol == 0 && plan->h != r->h)
+  if (sim->config.opt.tol == 0 && plan->h != r->run.h)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "to end at t_end = %g s, h is %.17g s here and %.17g s in the checkpoint",
-                        plan->t_end, plan->h, r->h);
+                        plan->t_end, plan->h, r->run.h);
   return MSIM_OK;
 }
 
 /* The choice of auto must be for the same tol and collision here, and the run must follow from
  * it. */
-static void check_selection(ms_archive *b, const msim_sim *sim, const saved_run *r) {
-  const ms_method_choice *here = &sim->choice, *there = &r->selection;
+static void check_choice(ms_archive *b, const msim_sim *sim, const saved_run *r) {
+  const ms_method_choice *here = &sim->config.choice, *there = &r->choice;
   ms_archive_check(b, there->tol == here->tol && there->collision == here->collision,
                    "what the choice of a method is by");
   if (ms_archive_failed(b)) return;
@@ -314,7 +308,7 @@ static void check_selection(ms_archive *b, const msim_sim *sim, const saved_run 
 }
 
 static const ms_integrator *saved_method(const msim_sim *sim, const saved_run *r) {
-  return ms_sim_selects(sim) ? r->selection.candidates[r->selection.best].method : sim->integrator;
+  return ms_sim_selects(sim) ? r->choice.candidates[r->choice.best].method : sim->config.integrator;
 }
 
 static void check_control(ms_archive *b, const ms_integrator *method, double tol,
@@ -328,41 +322,43 @@ static void check_control(ms_archive *b, const ms_integrator *method, double tol
 
 /* Check the values that no other function checks. */
 static void check_run(ms_archive *b, const msim_sim *sim, const saved_run *r) {
-  const int32_t flat = ms_planar_find_axis(sim->scene, sim->opt.skip_off);
-  ms_archive_check(b, r->left_out == -1 || r->left_out == flat, "the axis left out");
-  if (ms_sim_selects(sim)) check_selection(b, sim, r);
-  else ms_archive_check(b, r->tol == sim->opt.tol, "tol");
-  ms_archive_check(b, r->watch.step >= r->step0 && r->watch.step <= r->step, "the last good step");
-  ms_archive_check(b, r->saves_last_step ? r->tol > 0 : !(r->tol > 0) || r->t_shown == r->t,
+  const int32_t axis = ms_planar_find_axis(sim->scene, sim->config.opt.skip_off);
+  ms_archive_check(b, r->left_out == -1 || r->left_out == axis, "the axis left out");
+  if (ms_sim_selects(sim)) check_choice(b, sim, r);
+  else ms_archive_check(b, r->tol == sim->config.opt.tol, "tol");
+  ms_archive_check(b, r->monitor.good.step >= r->run.step0 && r->monitor.good.step <= r->run.step,
+                   "the last good step");
+  ms_archive_check(b, r->saves_last_step ? r->tol > 0 : !(r->tol > 0) || r->run.t_shown == r->run.t,
                    "the last step");
   if (ms_archive_failed(b) || r->tol == 0) return;
-  check_control(b, saved_method(sim, r), r->tol, &r->control);
-  check_control(b, saved_method(sim, r), r->tol, &r->watch.control);
+  check_control(b, saved_method(sim, r), r->tol, &r->run.control);
+  check_control(b, saved_method(sim, r), r->tol, &r->monitor.good.control);
 }
 
 static msim_status plan_run(msim_sim *sim, const saved_run *r, msim_error *err) {
   if (ms_sim_selects(sim)) {
-    sim->choice = r->selection;
-    sim->integrator = saved_method(sim, r);
-    sim->opt.collision = r->selection.candidates[r->selection.best].collision;
-    sim->opt.integrator = sim->integrator->entry.name;
-    sim->opt.tol = r->tol, sim->opt.h = r->first_h;
-    sim->step_limit = (ms_step_limit){.from_auto = r->chosen, .warned = sim->step_limit.warned};
+    sim->config.choice = r->choice;
+    sim->config.integrator = saved_method(sim, r);
+    sim->config.opt.collision = r->choice.candidates[r->choice.best].collision;
+    sim->config.opt.integrator = sim->config.integrator->entry.name;
+    sim->config.opt.tol = r->tol, sim->config.opt.h = r->first_h;
+    sim->config.step_limit =
+        (ms_step_limit){.from_auto = r->h_from_auto, .warned = sim->config.step_limit.warned};
   }
-  if (sim->opt.steps >= 0) {
-    sim->opt.steps += sim->spent - r->spent;
-    if (sim->opt.steps < 0)
+  if (sim->config.opt.steps >= 0) {
+    sim->config.opt.steps += sim->run.spent - r->run.spent;
+    if (sim->config.opt.steps < 0)
       return ms_error_set(err, MSIM_ERR_ARG, "the run ends before the checkpoint does");
   }
   ms_plan plan;
-  msim_options opt = sim->opt;
-  if (ms_sim_selects(sim) && r->tol == 0) opt.h = r->h; /* h stays, also if the end differs */
+  msim_options opt = sim->config.opt;
+  if (ms_sim_selects(sim) && r->tol == 0) opt.h = r->run.h; /* h stays, also if the end differs */
   msim_status status = ms_plan_create(&opt, r->t0, &plan, err);
-  plan.h_asked = sim->opt.h;
+  plan.h_asked = sim->config.opt.h;
   if (!status) status = check_end(sim, r, &plan, err);
   if (status) return status;
-  plan.h = r->h;
-  sim->plan = plan;
+  plan.h = r->run.h;
+  sim->config.plan = plan;
   return MSIM_OK;
 }
 
@@ -389,10 +385,10 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const saved_run *r
   ms_scene *scene = sim->scene;
   const msim_state start = {
       .size = sizeof start, .n = scene->nparticles, .x = scene->x, .v = scene->v};
-  if (r->solver_h > 0) sim->plan.h = r->solver_h;
+  if (r->solver_h > 0) sim->run.h = r->solver_h;
   if (there) sim->scene = there;
   msim_status status = ms_sim_create_islands(sim, r->left_out, err);
-  sim->plan.h = r->h, sim->scene = scene;
+  sim->run.h = r->run.h, sim->scene = scene;
   if (status) return status;
   if (there) ms_sim_replace_scene(sim, scene);
   ms_sim_start_islands(sim, &start);
@@ -403,37 +399,34 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const saved_run *r
 
 /* If frames have the same times their count goes on, else it starts at the time shown last. */
 static void set_next_frame(msim_sim *sim, const saved_run *r) {
-  const msim_options *opt = &sim->opt;
+  const msim_options *opt = &sim->config.opt;
   if (!ms_plan_has_times(opt)) return;
-  const int same = r->fps == opt->fps && r->every == opt->every && r->t_end == sim->plan.t_end;
-  sim->frame = same ? r->frame : ms_plan_frame_after(&sim->plan, opt, r->t_shown);
+  const int same =
+      r->fps == opt->fps && r->every == opt->every && r->t_end == sim->config.plan.t_end;
+  sim->run.frame =
+      same ? r->run.frame : ms_plan_frame_after(&sim->config.plan, opt, r->run.t_shown);
 }
 
 /* Copy the run into the sim; this cannot fail. */
 static void set_run(msim_sim *sim, const saved_run *r) {
   const ms_scene *scene = sim->scene;
-  const size_t flat = 3 * (size_t)scene->nparticles * sizeof(double);
-  sim->step = r->step, sim->step0 = r->step0, sim->spent = r->spent;
-  sim->t0 = r->t0, sim->t = r->t, sim->t_rounding = r->t_lost, sim->t_shown = r->t_shown;
-  sim->control = r->control;
+  const size_t bytes = 3 * (size_t)scene->nparticles * sizeof(double);
+  sim->run = r->run;
   sim->stats = r->stats;
-  sim->monitor = r->watch;
-  sim->error_growth = r->sensitivity;
+  sim->monitor = r->monitor;
+  sim->error_growth = r->error_growth;
   set_next_frame(sim, r);
   /* what no vector holds: particles that belong to no island, and the axis left out */
-  memcpy(sim->state_x, scene->x, flat);
-  memcpy(sim->state_v, scene->v, flat);
-  if (sim->state_v_half) memcpy(sim->state_v_half, scene->v, flat);
+  memcpy(sim->state_x, scene->x, bytes);
+  memcpy(sim->state_v, scene->v, bytes);
+  if (sim->state_v_half) memcpy(sim->state_v_half, scene->v, bytes);
   sim->state_is_current = 0;
 }
 
 /* Load the run; on failure the sim stays as it was. */
 static msim_status load_run(msim_sim *sim, ms_archive *b, msim_error *err) {
-  const ms_plan plan = sim->plan;
-  const ms_method_choice selection = sim->choice;
-  const ms_step_limit advice = sim->step_limit;
-  const ms_integrator *integrator = sim->integrator;
-  const msim_options opt = sim->opt;
+  const ms_config config = sim->config;
+  const ms_run_state run = sim->run;
   const msim_stats stats = sim->stats;
   saved_run r = collect_run(sim);
   archive_run(b, sim, &r);
@@ -452,8 +445,7 @@ static msim_status load_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   }
   ms_sim_restore_islands(sim, &old);
   ms_scene_release(there);
-  sim->plan = plan, sim->choice = selection, sim->step_limit = advice;
-  sim->integrator = integrator, sim->opt = opt, sim->stats = stats;
+  sim->config = config, sim->run = run, sim->stats = stats;
   return status;
 }
 
@@ -463,12 +455,12 @@ msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_e
   msim_status status = check_bytes(from, length, &h, err);
   if (status) return status;
   ms_fingerprint_hash_scene(sim);
-  status = ms_fingerprint_compare(sim, (const char *)from + sizeof h, (size_t)h.marks, err);
+  status = ms_fingerprint_compare(sim, (const char *)from + sizeof h, (size_t)h.fingerprint, err);
   if (status) return status;
   ms_archive b = {.direction = MS_ARCHIVE_READ,
                   .data = (unsigned char *)(uintptr_t)from,
                   .size = length,
-                  .position = sizeof h + (size_t)h.marks};
+                  .position = sizeof h + (size_t)h.fingerprint};
   status = load_run(sim, &b, err);
   if (status) return status;
   ms_step_limit_warn(sim);

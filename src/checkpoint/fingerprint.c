@@ -92,10 +92,10 @@ static int is_ignored(const char *name) {
 
 /* The options as the caller gave them, where `auto` has replaced some. */
 static msim_options requested_options(const msim_sim *sim) {
-  msim_options opt = sim->opt;
+  msim_options opt = sim->config.opt;
   if (ms_sim_selects(sim)) {
-    opt.integrator = MS_AUTO, opt.tol = sim->choice.tol, opt.h = MSIM_H_AUTO;
-    opt.collision = sim->choice.collision;
+    opt.integrator = MS_AUTO, opt.tol = sim->config.choice.tol, opt.h = MSIM_H_AUTO;
+    opt.collision = sim->config.choice.collision;
   }
   return opt;
 }

@@ -60,7 +60,7 @@ static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
 static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
   if (i == LEAPFROG_METHOD && planes && few) return MS_REASON_FEW_IMPACTS;
-  if (i == LEAPFROG_METHOD && planes && p->sim->choice.collision == MSIM_COLLISION_EVENT)
+  if (i == LEAPFROG_METHOD && planes && p->sim->config.choice.collision == MSIM_COLLISION_EVENT)
     return MS_REASON_TO_BE_LOCATED;
   if (i == LEAPFROG_METHOD && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;
   if (i == LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
@@ -162,7 +162,7 @@ static msim_status try_candidate_step(ms_pilot_run *p, int i, ms_candidate *c, d
 static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
                                     double h, msim_sim **sim, msim_error *err) {
   msim_scene scene = {p->sim->scene};
-  msim_options opt = p->sim->opt;
+  msim_options opt = p->sim->config.opt;
   opt.size = sizeof opt;
   opt.integrator = method->entry.name;
   opt.collision = MSIM_COLLISION_REFLECT;
@@ -176,16 +176,14 @@ static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *
 static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double most,
                              ms_candidate *c, int *arrived, msim_error *err) {
   msim_status status = MSIM_OK;
-  ms_step_driver_measure_scales(trial, p->span);
-  trial->control = ms_control_make(trial->integrator, p->tol, p->span);
-  ms_step_driver_set_step(trial, trial->opt.h);
-  while (!status && trial->t < t && ms_pilot_run_count_work(trial) < most)
+  ms_step_driver_set_span(trial, p->span);
+  while (!status && trial->run.t < t && ms_pilot_run_count_work(trial) < most)
     status = ms_sim_make_steps(trial, 1, err);
   p->cost += ms_pilot_run_count_work(trial);
-  *arrived = trial->t >= t;
-  if (status < 0 || trial->step == 0) return status < 0 ? status : MSIM_OK;
-  c->h = trial->t / (double)trial->step;
-  c->step_cost = ms_pilot_run_count_work(trial) / (double)trial->step;
+  *arrived = trial->run.t >= t;
+  if (status < 0 || trial->run.step == 0) return status < 0 ? status : MSIM_OK;
+  c->h = trial->run.t / (double)trial->run.step;
+  c->step_cost = ms_pilot_run_count_work(trial) / (double)trial->run.step;
   return MSIM_OK;
 }
 
@@ -410,23 +408,24 @@ static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_cho
   const ms_candidate *c = &s->candidates[s->best];
   const double reach = ms_pilot_run_stable_step(p, c->method);
   warn_of_error(sim, c, s->tol);
-  sim->choice = *s;
-  sim->choice.out_of_date = 1;
-  sim->integrator = c->method;
-  sim->opt.integrator = c->method->entry.name;
-  sim->opt.tol = c->error_control ? s->tol : 0;
-  sim->opt.h = fmin(c->h, reach);
-  sim->opt.collision = c->collision;
-  sim->step_limit = (ms_step_limit){.bounds = p->bounds,
-                                    .limit = reach / MS_STABLE_FRACTION,
-                                    .tightness = 2,
-                                    .from_auto = c->h == reach,
-                                    .warned = sim->step_limit.warned};
+  sim->config.choice = *s;
+  sim->config.choice.out_of_date = 1;
+  sim->config.integrator = c->method;
+  sim->config.opt.integrator = c->method->entry.name;
+  sim->config.opt.tol = c->error_control ? s->tol : 0;
+  sim->config.opt.h = fmin(c->h, reach);
+  sim->config.opt.collision = c->collision;
+  sim->config.step_limit = (ms_step_limit){.bounds = p->bounds,
+                                           .limit = reach / MS_STABLE_FRACTION,
+                                           .tightness = 2,
+                                           .from_auto = c->h == reach,
+                                           .warned = sim->config.step_limit.warned};
 }
 
 msim_status ms_method_choice_make(msim_sim *sim, int late, double t0, const double *x,
                                   const double *v, msim_error *err) {
-  ms_method_choice s = {.tol = sim->choice.tol, .collision = sim->choice.collision, .substeps = 1};
+  ms_method_choice s = {
+      .tol = sim->config.choice.tol, .collision = sim->config.choice.collision, .substeps = 1};
   ms_pilot_run p;
   msim_status status = ms_pilot_run_begin(sim, s.tol, late, t0, x, v, &p, err);
   if (!status) status = choose_method(&p, &s, err);

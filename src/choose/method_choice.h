@@ -30,8 +30,8 @@ msim_status ms_method_choice_make(msim_sim *sim, int late, double t0, const doub
                                   const double *v, msim_error *err);
 
 /* Write all of it to a checkpoint, or read it. */
-void ms_method_choice_archive(ms_archive *bytes, ms_method_choice *selection);
+void ms_method_choice_archive(ms_archive *bytes, ms_method_choice *choice);
 
-void ms_method_choice_explain(const ms_method_choice *selection, ms_text *out);
+void ms_method_choice_explain(const ms_method_choice *choice, ms_text *out);
 
 #endif

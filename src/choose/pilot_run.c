@@ -83,7 +83,7 @@ static const ms_integrator *const widest = &ms_dop853;
 
 static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, msim_error *err) {
   msim_scene scene = {p->sim->scene};
-  msim_options opt = p->sim->opt;
+  msim_options opt = p->sim->config.opt;
   *sim = p->sims[collision];
   if (*sim) return MSIM_OK;
   opt.size = sizeof opt;
@@ -102,18 +102,10 @@ static msim_status start_method(ms_pilot_run *p, const ms_trial *of, double h, c
                                 const double *v, msim_sim **sim, msim_error *err) {
   msim_status status = get_sim(p, of->collision, sim, err);
   if (status) return status;
-  (*sim)->integrator = widest;
+  ms_sim_switch_method(*sim, widest, h);
   status = set_state(p, *sim, x, v, err);
-  if (status) return status;
-  (*sim)->integrator = of->method;
-  (*sim)->plan.h = h;
-  for (int32_t i = 0; i < (*sim)->nislands; i++) {
-    ms_stepper *s = &(*sim)->islands[i].stepper;
-    s->h = h;
-    ms_stepper_set_bounds(of->method, s);
-    if (of->method->start) of->method->start(s);
-  }
-  return MSIM_OK;
+  if (!status) ms_sim_switch_method(*sim, of->method, h);
+  return status;
 }
 
 const ms_model *ms_pilot_run_model(const ms_pilot_run *p) {
@@ -323,7 +315,7 @@ static msim_status classify_count(ms_pilot_run *p, msim_error *err) {
 
 static msim_status prepare_pilot_run(ms_pilot_run *p, double t0, msim_error *err) {
   const ms_scene *scene = p->sim->scene;
-  msim_options opt = p->sim->opt;
+  msim_options opt = p->sim->config.opt;
   ms_plan plan;
   opt.tol = p->tol;
   msim_status status = ms_plan_create(&opt, t0, &plan, err);

@@ -26,12 +26,12 @@ struct msim_recorder {
 /* The planned times of all frames */
 static double *plan_times(const msim_sim *sim, int64_t nframes) {
   double *times = ms_memory_allocate(&sim->alloc, (size_t)nframes, sizeof *times);
-  const int has_times = ms_plan_has_times(&sim->opt);
+  const int has_times = ms_plan_has_times(&sim->config.opt);
   int64_t step = 0;
   for (int64_t i = 0; times && i < nframes; i++) {
-    times[i] = has_times ? ms_plan_frame_time(&sim->plan, &sim->opt, i)
-                         : sim->t0 + (double)step * sim->plan.h;
-    if (!has_times) step = ms_plan_next_frame(&sim->plan, &sim->opt, step);
+    times[i] = has_times ? ms_plan_frame_time(&sim->config.plan, &sim->config.opt, i)
+                         : sim->config.plan.t0 + (double)step * sim->run.h;
+    if (!has_times) step = ms_plan_next_frame(&sim->config.plan, &sim->config.opt, step);
   }
   return times;
 }
@@ -39,7 +39,8 @@ static double *plan_times(const msim_sim *sim, int64_t nframes) {
 static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_error *err) {
   const msim_sim *sim = r->sim;
   const char *path = r->place.path;
-  const int64_t planned = ms_plan_count_frames(&sim->plan, &sim->opt, MS_MAX_FRAMES + 1);
+  const int64_t planned =
+      ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES + 1);
   *nframes = planned < 0 ? 1 : planned; /* csv does not need their number */
   if (planned < 0 && r->type != ms_csv_recorder_type())
     return ms_error_set(
@@ -89,7 +90,7 @@ static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a
                              .scene = a->scene.data,
                              .scene_length = a->scene.length,
                              .checkpoint_capacity = r->capacity,
-                             .sync = r->sim->opt.sync};
+                             .sync = r->sim->config.opt.sync};
   if (status) free_recording_plan(r, a);
   return status;
 }
@@ -143,7 +144,7 @@ static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_e
   status = msim_sim_load(r->sim, from.checkpoint, from.checkpoint_length, &why);
   if (status)
     return ms_error_set(err, status, "%s cannot be gone on with: %s", r->place.path, why.text);
-  r->step_kept = r->sim->step;
+  r->step_kept = r->sim->run.step;
   r->t_kept = ms_sim_time(r->sim);
   return MSIM_OK;
 }
@@ -174,7 +175,7 @@ static msim_status check_recording(const msim_sim *sim, const char *path, const 
   if (!*kind)
     return ms_error_set(err, MSIM_ERR_NAME, "%s: a trajectory's name ends in .vtkhdf or .csv",
                         path);
-  if (sim->plan.t_end < 0)
+  if (sim->config.plan.t_end < 0)
     return ms_error_set(err, MSIM_ERR_ARG, "%s: recording needs an end: set steps or t_end", path);
   return MSIM_OK;
 }
@@ -193,7 +194,7 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   r->place = (ms_slice_range){
       .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
   ms_plugin_init_host(&r->host, &sim->alloc);
-  status = ms_recorders_find(kind, sim->opt.plugin_path, &r->type, &where, err);
+  status = ms_recorders_find(kind, sim->config.opt.plugin_path, &r->type, &where, err);
   ms_text_free(&where);
   if (status || !MS_RECORDERS_HAS(r->type, resume)) return status;
   r->capacity = msim_sim_save_size(sim);

@@ -58,13 +58,13 @@ static void explain_islands(const msim_sim *sim, ms_text *out) {
   if (sim->nislands == 1) return;
   explain_sizes(sim, out);
   const char *separator = "              solvers: ";
-  for (int32_t i = 0; i < sim->nislands && sim->integrator->entry.implicit; i++) {
+  for (int32_t i = 0; i < sim->nislands && sim->config.integrator->entry.implicit; i++) {
     const int32_t count = count_solvers(sim, i);
     if (!count) continue;
     ms_text_append(out, "%s%d %s", separator, count, island_solver_name(&sim->islands[i]));
     separator = ", ";
   }
-  if (sim->integrator->entry.implicit) ms_text_append(out, "; below, that of the largest\n");
+  if (sim->config.integrator->entry.implicit) ms_text_append(out, "; below, that of the largest\n");
 }
 
 static void explain_unknowns(const ms_unknowns *rows, ms_text *out) {
@@ -101,56 +101,60 @@ static void explain_scales(const msim_sim *sim, ms_text *out) {
 }
 
 static void explain_control(const msim_sim *sim, ms_text *out) {
-  ms_text_append(out, "step          by error control: h = %.3g s is tried first\n", sim->plan.h);
+  ms_text_append(out, "step          by error control: h = %.3g s is tried first\n", sim->run.h);
   ms_text_append(
       out,
       "              each may add its share of tol = %g to the error, relative to the extent\n",
-      sim->opt.tol);
+      sim->config.opt.tol);
   explain_scales(sim, out);
   ms_error_growth_explain(sim, out);
-  if (sim->plan.t_end < 0)
+  if (sim->config.plan.t_end < 0)
     ms_text_append(out, "              tol is that of one second, as the run has no t_end\n");
-  else if (ms_plan_has_times(&sim->opt))
-    ms_text_append(out, "              to t = %.10g s; %lld frames where it is recorded\n",
-                   sim->plan.t_end,
-                   (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MAX_FRAMES));
+  else if (ms_plan_has_times(&sim->config.opt))
+    ms_text_append(
+        out, "              to t = %.10g s; %lld frames where it is recorded\n",
+        sim->config.plan.t_end,
+        (long long)ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES));
   else
     ms_text_append(out,
                    "              to t = %.10g s; a frame every %lld steps where it is recorded\n",
-                   sim->plan.t_end, (long long)sim->opt.every);
+                   sim->config.plan.t_end, (long long)sim->config.opt.every);
 }
 
 static void explain_method(const msim_sim *sim, ms_text *out) {
-  ms_text_append(out, "integrator    %s, order %d\n              %s\n", sim->integrator->entry.name,
-                 sim->integrator->entry.order, sim->integrator->entry.doc);
-  if (ms_sim_selects(sim)) ms_method_choice_explain(&sim->choice, out);
+  ms_text_append(out, "integrator    %s, order %d\n              %s\n",
+                 sim->config.integrator->entry.name, sim->config.integrator->entry.order,
+                 sim->config.integrator->entry.doc);
+  if (ms_sim_selects(sim)) ms_method_choice_explain(&sim->config.choice, out);
   if (ms_sim_has_control(sim)) {
     explain_control(sim, out);
     return;
   }
-  ms_text_append(out, "step          h = %.10g s", sim->plan.h);
-  if (sim->step_limit.from_auto) ms_text_append(out, ", by the limit of stability below");
-  if (sim->plan.h != sim->plan.h_asked)
-    ms_text_append(out, ", lowered from %.10g s so that the run ends at t_end", sim->plan.h_asked);
+  ms_text_append(out, "step          h = %.10g s", sim->run.h);
+  if (sim->config.step_limit.from_auto) ms_text_append(out, ", by the limit of stability below");
+  if (sim->run.h != sim->config.plan.h_asked)
+    ms_text_append(out, ", lowered from %.10g s so that the run ends at t_end",
+                   sim->config.plan.h_asked);
   ms_text_append(out, "\n");
-  if (sim->plan.steps >= 0)
-    ms_text_append(out,
-                   "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
-                   (long long)sim->plan.steps, sim->t0 + (double)sim->plan.steps * sim->plan.h,
-                   (long long)ms_plan_count_frames(&sim->plan, &sim->opt, MS_MAX_FRAMES));
+  if (sim->config.plan.steps >= 0)
+    ms_text_append(
+        out, "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
+        (long long)sim->config.plan.steps,
+        sim->config.plan.t0 + (double)sim->config.plan.steps * sim->run.h,
+        (long long)ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES));
 }
 
 /* h over the longest stable step of velocity Verlet */
 static double step_over_limit(const msim_sim *sim, const ms_model *model) {
   const ms_bounds bounds = ms_bounds_compute_island(model);
-  return sim->plan.h / ms_bounds_verlet_limit(&bounds);
+  return sim->run.h / ms_bounds_verlet_limit(&bounds);
 }
 
 static void explain_split(const msim_sim *sim, ms_text *out) {
   const ms_island_sim *m = ms_sim_largest_island(sim);
   const ms_multirate *split = m->stepper.split;
   const int32_t n = m->model.springs.n;
-  if (!sim->integrator->is_multirate) return;
+  if (!sim->config.integrator->is_multirate) return;
   if (!split) {
     ms_text_append(out, "springs       all take one step, as by velocity-verlet: %s\n",
                    step_over_limit(sim, &m->model) < 1
@@ -166,12 +170,12 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
       ((double)n + (double)split->inner * stiff) / (n * ceil(step_over_limit(sim, &m->model))));
   ms_text_append(
       out, "              resonates where h Omega of a stiff mode is n pi; h Omega <= %.3g pi\n",
-      sim->plan.h * ms_bounds_compute_island(&split->stiff).omega / 3.141592653589793);
+      sim->run.h * ms_bounds_compute_island(&split->stiff).omega / 3.141592653589793);
 }
 
 static void explain_collisions(const msim_sim *sim, ms_text *out) {
   if (!has_feature(sim, MS_HAS_PLANES) || !sim->scene->nplanes) return;
-  if (sim->opt.collision == MSIM_COLLISION_EVENT)
+  if (sim->config.opt.collision == MSIM_COLLISION_EVENT)
     ms_text_append(out,
                    "collisions    event: impacts are located inside the step, rest is exact\n");
   else
@@ -183,7 +187,7 @@ static void explain_threads(const msim_sim *sim, ms_text *out) {
   const int32_t threads = ms_pool_thread_count(sim->pool), planned = sim->threads_planned;
   ms_text_append(out, "threads       %d: ", threads);
   if (threads < planned) ms_text_append(out, "of %d planned, no more could be started\n", planned);
-  else if (sim->opt.threads) ms_text_append(out, "as asked for\n");
+  else if (sim->config.opt.threads) ms_text_append(out, "as asked for\n");
   else if (ms_pool_usable_cores() == 1) ms_text_append(out, "there is one core\n");
   else if (threads == 1) ms_text_append(out, "with so few springs, a second one saves nothing\n");
   else ms_text_append(out, "by size, on %d cores\n", ms_pool_usable_cores());
@@ -199,7 +203,7 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   const ms_linear *linear = solver->linear;
   ms_text_append(out, "solver        %s (%s)\n", linear->name, solver->reason);
   ms_text_append(out, "              relative residual %.3g, checked after every solve\n",
-                 sim->opt.solver_rtol);
+                 sim->config.opt.solver_rtol);
   const ms_unknowns *rows = &m->model.unknowns;
   const int alike = solver->system.a.block == 1;
   if (alike)
@@ -220,8 +224,8 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
                    "changes,\n              cholmod makes one, if it is there, to precondition\n");
   static const char *const answer[] = {"that step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run stops"};
-  if (sim->integrator->nonlinear)
-    ms_text_append(out, "newton        to %.3g of the velocity%s\n", sim->opt.newton_rtol,
+  if (sim->config.integrator->nonlinear)
+    ms_text_append(out, "newton        to %.3g of the velocity%s\n", sim->config.opt.newton_rtol,
                    alike ? "; the matrix is the same in every step"
                    : ms_solver_supports_damping_derivative(solver)
                        ? "; clamped matrix until the residual has dropped, then\n"
@@ -229,11 +233,11 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
                        : "; clamped matrix until the residual has dropped");
   else if (alike)
     ms_text_append(out, "              positive definite, and the same in every step\n");
-  else if (sim->opt.jacobian == MSIM_JACOBIAN_CLAMP)
+  else if (sim->config.opt.jacobian == MSIM_JACOBIAN_CLAMP)
     ms_text_append(out, "              clamped: positive definite always\n");
   else
     ms_text_append(out, "              where it is not positive definite, %s\n",
-                   answer[sim->opt.indefinite]);
+                   answer[sim->config.opt.indefinite]);
 }
 
 static const char *axis_name(const msim_sim *sim) {
@@ -252,7 +256,7 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
       {!solver, "assembly, factorisation, solver libraries", "the method needs no solver"},
       {solver && solver->lagged_factor.factorizer, "factorisation",
        "in steps that the last factor still serves, as preconditioner"},
-      {solver && solver->linear->aggregates && !(sim->opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
+      {solver && solver->linear->aggregates && !(sim->config.opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
        "coarse factorisation", "in steps whose matrix has hardly changed since the last one"},
       {!has_feature(sim, MS_HAS_SPRINGS), "spring forces", "no spring pulls a free particle"},
       {has_feature(sim, MS_HAS_SPRINGS) && !has_feature(sim, MS_HAS_DIRECTIONS),
@@ -261,14 +265,15 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
       {!has_feature(sim, MS_HAS_DAMPING), "damping of springs", "no spring is damped"},
       {!has_feature(sim, MS_HAS_DRAG), "drag", "it is 0"},
       {!has_feature(sim, MS_HAS_PLANES), "collision detection",
-       sim->choice.verification.planes_far ? "no plane is close yet" : "there are no planes"},
+       sim->config.choice.verification.planes_far ? "no plane is close yet"
+                                                  : "there are no planes"},
       {m->model.unknowns.dropped_axis >= 0, axis_name(sim),
        "nothing moves along it, or pulls that way"},
       {count_all_free(sim) < sim->scene->nparticles, "pinned particles",
        "they are no unknowns: no row, no column"},
       {sim->nislands > 1, "one system of all",
        "no spring connects the islands: each has one of its own, and rests alone"},
-      {!(sim->opt.skip_off & MSIM_SKIP_AT_REST), "steps at exact rest",
+      {!(sim->config.opt.skip_off & MSIM_SKIP_AT_REST), "steps at exact rest",
        "once nothing moves and nothing pulls they change no bit"},
       {1, "conversion to flat arrays, energies", "made only when somebody looks"}};
   const char *label = "skipped";
@@ -293,17 +298,19 @@ static ms_bounds find_rough_bounds(const msim_sim *sim) {
 }
 
 static void explain_limits(const msim_sim *sim, ms_text *out) {
-  const int splits = sim->integrator->is_multirate;
-  const ms_bounds bounds = splits ? find_rough_bounds(sim) : sim->step_limit.bounds, *b = &bounds;
-  const double limit = splits ? ms_bounds_verlet_limit(b) : sim->step_limit.limit, h = sim->plan.h;
-  const char *name = sim->integrator->entry.name;
+  const int splits = sim->config.integrator->is_multirate;
+  const ms_bounds bounds = splits ? find_rough_bounds(sim) : sim->config.step_limit.bounds,
+                  *b = &bounds;
+  const double limit = splits ? ms_bounds_verlet_limit(b) : sim->config.step_limit.limit,
+               h = sim->run.h;
+  const char *name = sim->config.integrator->entry.name;
   ms_text_append(out,
                  "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",
                  b->omega, b->rate, splits ? ", by the longest steps" : "");
-  if (sim->integrator->stages)
+  if (sim->config.integrator->stages)
     ms_text_append(out, "              %d stages a step, for that rate\n",
-                   sim->integrator->stages(h, find_rough_bounds(sim)));
-  if (sim->integrator->entry.implicit)
+                   sim->config.integrator->stages(h, find_rough_bounds(sim)));
+  if (sim->config.integrator->entry.implicit)
     ms_text_append(out, "              stable for every h where the system is linear\n");
   else if (isinf(limit))
     ms_text_append(out, "              stable for every h: nothing vibrates\n");

@@ -9,9 +9,10 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   double **vectors[9 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
   const int events =
-      sim->opt.collision == MSIM_COLLISION_EVENT && m->model.features & MS_HAS_PLANES;
-  const int nwork = events && sim->integrator->entry.implicit ? MS_IMPLICIT_CONTACT_WORK : 0;
-  for (int i = 0; i < sim->integrator->nwork || i < nwork; i++) vectors[count++] = &s->work[i];
+      sim->config.opt.collision == MSIM_COLLISION_EVENT && m->model.features & MS_HAS_PLANES;
+  const int nwork = events && sim->config.integrator->entry.implicit ? MS_IMPLICIT_CONTACT_WORK : 0;
+  for (int i = 0; i < sim->config.integrator->nwork || i < nwork; i++)
+    vectors[count++] = &s->work[i];
   const int half_edges =
       ms_sim_has_control(sim) || ms_sim_selects(sim) || ms_island_step_count_retries(sim) > 1;
   const int spare = half_edges ? 2 : ms_island_step_count_retries(sim) > 0;
@@ -32,7 +33,7 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
 
 static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
   ms_islands islands;
-  const int whole = (sim->opt.skip_off & MSIM_SKIP_ISLANDS) != 0;
+  const int whole = (sim->config.opt.skip_off & MSIM_SKIP_ISLANDS) != 0;
   msim_status status = ms_islands_create(sim->scene, whole, &islands, err);
   if (status) return status;
   sim->islands = ms_memory_allocate(&sim->alloc, (size_t)islands.n, sizeof *sim->islands);
@@ -40,9 +41,9 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
   else status = ms_error_set_memory(err, "the islands");
   for (int32_t i = 0; i < islands.n && !status; i++) {
     const ms_island island = ms_islands_get(&islands, i);
-    status = ms_model_create_island(sim->scene, &island, left_out, sim->opt.skip_off,
+    status = ms_model_create_island(sim->scene, &island, left_out, sim->config.opt.skip_off,
                                     &sim->islands[i].model, err);
-    if (sim->choice.verification.planes_far)
+    if (sim->config.choice.verification.planes_far)
       sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
@@ -54,7 +55,7 @@ static void start_threads(msim_sim *sim) {
   int64_t slots = 0;
   if (sim->threads_planned) return;
   for (int32_t i = 0; i < sim->nislands; i++) slots += sim->islands[i].model.half_edges.nentries;
-  sim->threads_planned = ms_plan_count_threads(&sim->opt, slots);
+  sim->threads_planned = ms_plan_count_threads(&sim->config.opt, slots);
   sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
 }
 
@@ -67,7 +68,7 @@ static void assign_threads(msim_sim *sim) {
   start_threads(sim);
   for (int32_t i = 0; i < sim->nislands; i++)
     nsmall += sim->islands[i].model.half_edges.nslices < SMALL;
-  sim->any_single_thread = sim->pool && !sim->integrator->entry.implicit &&
+  sim->any_single_thread = sim->pool && !sim->config.integrator->entry.implicit &&
                            nsmall >= 2 * ms_pool_thread_count(sim->pool);
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_island_sim *m = &sim->islands[i];
@@ -79,23 +80,23 @@ static void assign_threads(msim_sim *sim) {
 static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
   s->model = &m->model;
-  s->opt = &sim->opt;
+  s->opt = &sim->config.opt;
   s->stats = m->single_thread ? &m->stats : &sim->stats;
-  s->h = sim->plan.h;
-  ms_stepper_set_bounds(sim->integrator, s);
+  s->h = sim->run.h;
+  ms_stepper_set_bounds(sim->config.integrator, s);
   msim_status status = allocate_vectors(sim, m, err);
-  if (!status && sim->integrator->is_multirate)
-    status = ms_multirate_create(&m->model, &sim->opt, s->h, &s->split, err);
-  if (status || !sim->integrator->entry.implicit) return status;
-  return ms_solver_create(&m->model, &sim->opt, sim->plan.h, sim->integrator->nonlinear,
-                          &sim->stats, &s->solver, err);
+  if (!status && sim->config.integrator->is_multirate)
+    status = ms_multirate_create(&m->model, &sim->config.opt, s->h, &s->split, err);
+  if (status || !sim->config.integrator->entry.implicit) return status;
+  return ms_solver_create(&m->model, &sim->config.opt, sim->run.h,
+                          sim->config.integrator->nonlinear, &sim->stats, &s->solver, err);
 }
 
 /* Constraints act on blocks: the matrix must not become scalar, identical for each component. */
 static void require_block_matrix(msim_sim *sim) {
-  if (sim->opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes &&
-      sim->integrator->entry.implicit)
-    sim->opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;
+  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes &&
+      sim->config.integrator->entry.implicit)
+    sim->config.opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;
 }
 
 msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *err) {
@@ -159,7 +160,7 @@ msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *er
   }
   ms_sim_destroy_detached(sim, &old);
   ms_sim_set_solver_scene(sim, NULL);
-  sim->choice.out_of_date = 0;
+  sim->config.choice.out_of_date = 0;
   return MSIM_OK;
 }
 
@@ -168,6 +169,6 @@ void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {
   sim->scene_is_hashed = 0;
   for (int32_t i = 0; i < sim->nislands; i++) {
     sim->islands[i].model.scene = scene;
-    ms_model_update_springs(&sim->islands[i].model, sim->opt.skip_off);
+    ms_model_update_springs(&sim->islands[i].model, sim->config.opt.skip_off);
   }
 }

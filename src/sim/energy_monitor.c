@@ -12,7 +12,7 @@
 /* The multiple of the bounds that is allowed, and the number of explicit steps between checks */
 enum { ALLOWED = 100, INTERVAL = 160 };
 
-static int monitor_is_on(const msim_sim *sim) { return sim->opt.watch == MSIM_WATCH_ON; }
+static int monitor_is_on(const msim_sim *sim) { return sim->config.opt.watch == MSIM_WATCH_ON; }
 
 msim_status ms_energy_monitor_create(const msim_sim *sim, const ms_model *model,
                                      ms_last_good_state *good, msim_error *err) {
@@ -35,7 +35,7 @@ void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *good) 
 /*------------------------------------- measuring ------------------------------------------------*/
 
 static double time_of(const msim_sim *sim) {
-  return ms_sim_has_control(sim) ? sim->t : ms_sim_time(sim);
+  return ms_sim_has_control(sim) ? sim->run.t : ms_sim_time(sim);
 }
 
 /* Sum over all free particles in the present state. Islands that stay at rest have not changed. */
@@ -77,9 +77,9 @@ static int is_within_bounds(const ms_totals *now, const energy_bounds *b) {
 
 int ms_energy_monitor_is_due(const msim_sim *sim) {
   if (!monitor_is_on(sim)) return 0;
-  if (sim->integrator->entry.implicit || sim->step % INTERVAL == 0) return 1;
-  if (ms_sim_has_control(sim)) return sim->t == sim->plan.t_end;
-  return sim->step - sim->step0 == sim->plan.steps;
+  if (sim->config.integrator->entry.implicit || sim->run.step % INTERVAL == 0) return 1;
+  if (ms_sim_has_control(sim)) return sim->run.t == sim->config.plan.t_end;
+  return sim->run.step - sim->run.step0 == sim->config.plan.steps;
 }
 
 /*------------------------------------- starting -------------------------------------------------*/
@@ -130,7 +130,7 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
  * and v set it only in the state that a run started from, for work vectors that no step overwrites.
  * Tags of other methods refer to vectors that steps overwrite. */
 static int tag_is_restorable(const msim_sim *sim) {
-  return sim->integrator->convert_state || sim->integrator->sync;
+  return sim->config.integrator->convert_state || sim->config.integrator->sync;
 }
 
 static int restorable_tag(const msim_sim *sim, const ms_stepper *s) {
@@ -139,8 +139,7 @@ static int restorable_tag(const msim_sim *sim, const ms_stepper *s) {
 
 static void keep_good_state(msim_sim *sim) {
   ms_energy_monitor *w = &sim->monitor;
-  w->step = sim->step;
-  w->t = sim->t, w->t_lost = sim->t_rounding, w->control = sim->control;
+  w->good = sim->run;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_last_good_state *g = &m->last_good;
     if (m->at_rest && g->at_rest) continue;
@@ -155,7 +154,7 @@ static void keep_good_state(msim_sim *sim) {
 void ms_energy_monitor_start(msim_sim *sim) {
   if (!monitor_is_on(sim)) return;
   ms_energy_monitor *w = &sim->monitor;
-  const double *g3 = sim->scene->gravity, g = ms_vec3_norm(g3), h = sim->plan.h;
+  const double *g3 = sim->scene->gravity, g = ms_vec3_norm(g3), h = sim->run.h;
   for (int32_t i = 0; i < sim->nislands; i++) sim->islands[i].last_good.at_rest = 0;
   ms_totals now = measure_totals(sim);
   const scene_facts f = collect_facts(sim, &now);
@@ -173,10 +172,9 @@ void ms_energy_monitor_start(msim_sim *sim) {
 /*------------------------------------- returning ------------------------------------------------*/
 
 static void restore_good_state(msim_sim *sim) {
-  const ms_energy_monitor *w = &sim->monitor;
-  sim->step = w->step;
-  sim->t = sim->t_shown = w->t, sim->t_rounding = w->t_lost;
-  if (ms_sim_has_control(sim)) sim->control = w->control, sim->plan.h = w->control.h;
+  const int64_t frame = sim->run.frame; /* frames that were shown are not shown again */
+  sim->run = sim->monitor.good;
+  sim->run.t_shown = sim->run.t, sim->run.frame = frame;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_vector_copy(m->model.shape, m->last_good.kept.x, m->stepper.x);
     ms_vector_copy(m->model.shape, m->last_good.kept.v, m->stepper.v);
@@ -214,7 +212,7 @@ static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
   double from[3] = {0}, size;
   for (int c = 0; c < 3 && !fast; c++) from[c] = 0.5 * (now->low[c] + now->high[c]);
   const int32_t particle = find_extreme_particle(sim, fast, from, &size);
-  const long long step = sim->step, kept = sim->monitor.step;
+  const long long step = sim->run.step, kept = sim->monitor.good.step;
   if (fast)
     return ms_error_set(
         err, MSIM_UNSTABLE,
@@ -231,7 +229,7 @@ static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
 }
 
 msim_status ms_energy_monitor_check(msim_sim *sim, msim_error *err) {
-  if (!monitor_is_on(sim) || sim->monitor.step == sim->step) return MSIM_OK;
+  if (!monitor_is_on(sim) || sim->monitor.good.step == sim->run.step) return MSIM_OK;
   const ms_totals now = measure_totals(sim);
   const energy_bounds b = compute_energy_bounds(sim, &now);
   if (is_within_bounds(&now, &b)) {
@@ -245,7 +243,7 @@ msim_status ms_energy_monitor_check(msim_sim *sim, msim_error *err) {
 }
 
 void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
-  if (!monitor_is_on(sim) || sim->monitor.step == sim->step) return;
+  if (!monitor_is_on(sim) || sim->monitor.good.step == sim->run.step) return;
   const ms_totals now = measure_totals(sim);
   const energy_bounds b = compute_energy_bounds(sim, &now);
   if (is_within_bounds(&now, &b)) return;
@@ -254,25 +252,23 @@ void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
   const size_t used = strlen(err->text);
   snprintf(err->text + used, sizeof err->text - used,
            "; the motion had grown beyond what energy allows: the state is that of step %lld again",
-           (long long)sim->step);
+           (long long)sim->run.step);
 }
 
 /*------------------------------------- checkpoints ----------------------------------------------*/
 
-void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, ms_energy_monitor *w) {
-  double *numbers[] = {&w->energy_bound,
-                       &w->start_bound,
-                       &w->start_moment_work,
-                       &w->extent,
-                       &w->least_mass,
-                       &w->t0,
-                       &w->t,
-                       &w->t_lost};
+void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, const ms_run_state *run,
+                               ms_energy_monitor *w) {
+  double *numbers[] = {&w->energy_bound, &w->start_bound,    &w->start_moment_work,
+                       &w->extent,       &w->least_mass,     &w->t0,
+                       &w->good.t,       &w->good.t_rounding};
   if (!monitor_is_on(sim)) return;
-  ms_archive_transfer_count(b, &w->step);
+  if (b->direction == MS_ARCHIVE_READ) w->good = *run;
+  ms_archive_transfer_count(b, &w->good.step);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) MS_ARCHIVE_TRANSFER(b, *numbers[i]);
-  ms_archive_check(b, isfinite(w->t) && isfinite(w->t_lost), "the time of the last good state");
-  ms_control_archive(b, &w->control);
+  ms_archive_check(b, isfinite(w->good.t) && isfinite(w->good.t_rounding),
+                   "the time of the last good state");
+  ms_control_archive(b, &w->good.control);
 }
 
 /* After implicit steps the last good state is the present one, as all are checked. */
@@ -287,10 +283,11 @@ void ms_energy_monitor_archive_island(ms_archive *b, const msim_sim *sim, int is
     g->totals = ms_totals_compute(s->model, s->x, s->v, &g->kept, g->parts);
     g->tag = restorable_tag(sim, s);
   }
-  if (b->direction == MS_ARCHIVE_COUNT ? sim->integrator->entry.implicit : is_present) return;
+  if (b->direction == MS_ARCHIVE_COUNT ? sim->config.integrator->entry.implicit : is_present)
+    return;
   ms_archive_transfer_vector(b, shape, g->kept.x);
   ms_archive_transfer_vector(b, shape, g->kept.v);
   if (!tag_is_restorable(sim)) return;
   MS_ARCHIVE_TRANSFER(b, g->tag);
-  ms_method_state_archive_carried(b, sim->integrator, s, g->tag);
+  ms_method_state_archive_carried(b, sim->config.integrator, s, g->tag);
 }

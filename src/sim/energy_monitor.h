@@ -24,8 +24,8 @@
 #ifndef MS_ENERGY_MONITOR_H
 #define MS_ENERGY_MONITOR_H
 
-#include "integrate/control.h"
 #include "physics/totals.h"
+#include "sim/run_state.h"
 
 /* The last good state of one island */
 typedef struct ms_last_good_state {
@@ -46,9 +46,7 @@ typedef struct ms_energy_monitor {
   double extent;            /* L0, m */
   double least_mass;        /* m_least, kg; 0: no particle is free */
   double t0;                /* time of the start, s */
-  int64_t step; /* step of the last good state; t, t_lost and control are msim_sim's there */
-  double t, t_lost;
-  ms_control control;
+  ms_run_state good;        /* that of the last good state */
 } ms_energy_monitor;
 
 /* Allocate the memory for an island, if options.watch is on. MSIM_ERR_MEMORY. */
@@ -67,8 +65,10 @@ int ms_energy_monitor_is_due(const msim_sim *sim);
 msim_status ms_energy_monitor_check(msim_sim *sim, msim_error *err);
 
 /* Write the monitor to a checkpoint, or read it: w of the sim; and that of an island, whose x and v
- * are read before. is_present: the present state is the last good one. */
-void ms_energy_monitor_archive(ms_archive *bytes, const msim_sim *sim, ms_energy_monitor *w);
+ * are read before. run: that of the present state, read before; is_present: it is the last good
+ * one. */
+void ms_energy_monitor_archive(ms_archive *bytes, const msim_sim *sim, const ms_run_state *run,
+                               ms_energy_monitor *w);
 void ms_energy_monitor_archive_island(ms_archive *bytes, const msim_sim *sim, int is_present,
                                       const ms_stepper *s, ms_last_good_state *good);
 

@@ -15,7 +15,7 @@ static const double LENGTH = 1e-7; /* the length that d is scaled to */
 msim_status ms_error_growth_create(const msim_sim *sim, const ms_model *model, ms_disturbance *d,
                                    msim_error *err) {
   const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
-  if (sim->opt.watch != MSIM_WATCH_ON || !has_tol) return MSIM_OK;
+  if (sim->config.opt.watch != MSIM_WATCH_ON || !has_tol) return MSIM_OK;
   if (model->springs.n > FEW_SPRINGS && !sim->scene->nplanes) return MSIM_OK;
   double **vectors[] = {&d->dx, &d->dv, &d->x, &d->v, &d->a, &d->f};
   for (int i = 0; i < 6; i++)
@@ -101,13 +101,13 @@ static double advance_disturbance(ms_island_sim *m, double *x) {
 }
 
 static void report_growth(msim_sim *sim, double growth) {
-  const double tol = ms_sim_selects(sim) ? sim->choice.tol : sim->opt.tol;
+  const double tol = ms_sim_selects(sim) ? sim->config.choice.tol : sim->config.opt.tol;
   sim->error_growth.state = MS_ERROR_GROWTH_REPORTED;
   ms_sim_warn(sim,
               "step %lld, t = %g s: the motion is sensitive to small errors: those of earlier "
               "steps have grown %.2g-fold on average, so that the error may exceed tol = %g, which "
               "bounds what steps add to it",
-              (long long)sim->step, ms_sim_time(sim), growth, tol);
+              (long long)sim->run.step, ms_sim_time(sim), growth, tol);
 }
 
 static int is_too_expensive(const msim_sim *sim) {
@@ -190,7 +190,8 @@ static void apply_impacts(msim_sim *sim, ms_island_sim *m, double h) {
 }
 
 static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
-  const double LIMIT = 30, span = ms_plan_span(&sim->plan), run = ms_sim_time(sim) - sim->plan.t0;
+  const double LIMIT = 30, span = ms_plan_span(&sim->config.plan),
+               run = ms_sim_time(sim) - sim->config.plan.t0;
   const ms_stepper *s = &m->stepper;
   ms_disturbance *d = &m->disturbance;
   for (d->time += h; d->time >= d->stride && !is_too_expensive(sim); d->time -= d->stride) {
@@ -215,7 +216,8 @@ static void start_at_contact(msim_sim *sim) {
   *s = (ms_error_growth){.evaluations0 = sim->stats.force_evaluations, .has_contact = 1};
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_error_growth_start_island(m);
-    m->disturbance.error = (ms_sim_time(sim) - sim->plan.t0) / ms_plan_span(&sim->plan);
+    m->disturbance.error =
+        (ms_sim_time(sim) - sim->config.plan.t0) / ms_plan_span(&sim->config.plan);
   }
 }
 

@@ -10,7 +10,7 @@
 static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   s->offender = -1;
   s->finite = 0;
-  msim_status status = ms_events_step(sim->integrator, s, err);
+  msim_status status = ms_events_step(sim->config.integrator, s, err);
   if (status || s->finite) return status;
   s->offender = ms_vector_find_invalid(s->model->shape, s->x_next);
   if (s->offender < 0) s->offender = ms_vector_find_invalid(s->model->shape, s->v_next);
@@ -61,9 +61,9 @@ int ms_island_step_may_retry(msim_status status) {
 /* 0 if the method carries variables that depend on h. */
 int32_t ms_island_step_count_retries(const msim_sim *sim) {
   enum { USUAL = 6 };
-  if (sim->integrator->convert_state) return 0;
-  if (sim->opt.newton_retries >= 0) return sim->opt.newton_retries;
-  return sim->integrator->nonlinear ? USUAL : 0;
+  if (sim->config.integrator->convert_state) return 0;
+  if (sim->config.opt.newton_retries >= 0) return sim->config.opt.newton_retries;
+  return sim->config.integrator->nonlinear ? USUAL : 0;
 }
 
 /* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. */
@@ -107,14 +107,14 @@ msim_status ms_island_step_make_controlled(const msim_sim *sim, ms_island_sim *m
   const double allowed = ms_control_allowed_error(c, s->h);
   s->one_substep = 1;
   s->impact = MS_NOWHERE;
-  const msim_status status =
-      sim->integrator->estimate ? make_estimated_step(sim, s, err) : make_doubled_step(sim, s, err);
+  const msim_status status = sim->config.integrator->estimate ? make_estimated_step(sim, s, err)
+                                                              : make_doubled_step(sim, s, err);
   s->one_substep = 0;
   if (status) return status;
   if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
-  m->error = ms_control_error(sim->integrator, s, &m->norm, allowed);
+  m->error = ms_control_error(sim->config.integrator, s, &m->norm, allowed);
   s->x = x, s->v = v;
-  if (sim->integrator->estimate)
+  if (sim->config.integrator->estimate)
     m->error = fmax(m->error, pow(ms_island_step_find_path_error(m), c->order / 3));
   return MSIM_OK;
 }

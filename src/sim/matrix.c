@@ -50,7 +50,8 @@ static msim_status create_export_pattern(msim_sim *sim, ms_matrix_export *w, msi
 static msim_status create_export(msim_sim *sim, msim_error *err) {
   ms_matrix_export *w = sim->matrix_export = ms_memory_allocate(&sim->alloc, 1, sizeof *w);
   if (!w) return ms_error_set_memory(err, "the matrix");
-  msim_status status = ms_model_create(sim->scene, sim->opt.skip_off | WHOLE, &w->model, err);
+  msim_status status =
+      ms_model_create(sim->scene, sim->config.opt.skip_off | WHOLE, &w->model, err);
   if (!status) status = ms_coefficients_create(&w->model, &w->a, err);
   if (!status && !(w->x = ms_unknowns_new_vector(sim->scene, &w->model.unknowns)))
     status = ms_error_set_memory(err, "the matrix");
@@ -61,17 +62,17 @@ static msim_status create_export(msim_sim *sim, msim_error *err) {
 
 msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   if (!sim || !A) return ms_error_set(err, MSIM_ERR_ARG, "sim or A is NULL");
-  if (!sim->integrator->entry.implicit)
+  if (!sim->config.integrator->entry.implicit)
     return ms_error_set(err, MSIM_ERR_ARG, "integrator '%s' needs no matrix",
-                        sim->integrator->entry.name);
+                        sim->config.integrator->entry.name);
   msim_status status = sim->matrix_export ? MSIM_OK : create_export(sim, err);
   if (status) return status;
   ms_matrix_export *w = sim->matrix_export;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   ms_unknowns_gather(&w->model.unknowns, now.x, w->x);
-  ms_coefficients_compute(&w->model, w->x, sim->plan.h, sim->opt.jacobian == MSIM_JACOBIAN_CLAMP,
-                          &w->a);
+  ms_coefficients_compute(&w->model, w->x, sim->run.h,
+                          sim->config.opt.jacobian == MSIM_JACOBIAN_CLAMP, &w->a);
   ms_sparse_matrix_assemble(&w->model, &w->a, &w->matrix);
   msim_csr full = {.size = A->size,
                    .n = 3 * w->matrix.n,

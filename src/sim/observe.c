@@ -18,8 +18,8 @@ const ms_island_sim *ms_sim_largest_island(const msim_sim *sim) {
 /* Interpolate inside the last step, in an island that is not at rest. */
 static void interpolate_island(msim_sim *sim, ms_island_sim *m) {
   ms_stepper *s = &m->stepper;
-  const double theta = 1 - (sim->t - sim->t_shown) / s->h;
-  ms_interpolate(sim->integrator, s, theta, s->x_spare[0], s->v_spare[0]);
+  const double theta = 1 - (sim->run.t - sim->run.t_shown) / s->h;
+  ms_interpolate(sim->config.integrator, s, theta, s->x_spare[0], s->v_spare[0]);
   ms_unknowns_scatter(&m->model.unknowns, s->x_spare[0], sim->state_x);
   ms_unknowns_scatter(&m->model.unknowns, s->v_spare[0], sim->state_v);
 }
@@ -27,21 +27,21 @@ static void interpolate_island(msim_sim *sim, ms_island_sim *m) {
 static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
   const ms_stepper *s = &m->stepper;
   const ms_unknowns *rows = &m->model.unknowns;
-  if (ms_sim_has_control(sim) && sim->t_shown != sim->t && !m->at_rest) {
+  if (ms_sim_has_control(sim) && sim->run.t_shown != sim->run.t && !m->at_rest) {
     interpolate_island(sim, m);
     return;
   }
-  if (sim->integrator->convert_state) {
-    sim->integrator->convert_state(s, s->x_next, s->v_next); /* free between steps */
+  if (sim->config.integrator->convert_state) {
+    sim->config.integrator->convert_state(s, s->x_next, s->v_next); /* free between steps */
     ms_unknowns_scatter(rows, s->x_next, sim->state_x);
     ms_unknowns_scatter(rows, s->v_next, sim->state_v);
     return;
   }
   ms_unknowns_scatter(rows, s->x, sim->state_x);
-  if (sim->integrator->sync) {
+  if (sim->config.integrator->sync) {
     ms_unknowns_scatter(rows, s->v, sim->state_v_half);
     double *v = s->v_next; /* free between steps */
-    sim->integrator->sync(s, v, s->scratch);
+    sim->config.integrator->sync(s, v, s->scratch);
     ms_unknowns_scatter(rows, v, sim->state_v);
   } else {
     ms_unknowns_scatter(rows, s->v, sim->state_v);
@@ -58,13 +58,13 @@ static void update_state_arrays(msim_sim *sim) {
 void msim_sim_state(msim_sim *sim, msim_state *state) {
   update_state_arrays(sim);
   msim_state full = {.size = state->size,
-                     .step = sim->step,
+                     .step = sim->run.step,
                      .t = ms_sim_time(sim),
                      .n = sim->scene->nparticles,
                      .x = sim->state_x,
                      .v = sim->state_v,
-                     .v_half = sim->integrator->sync ? sim->state_v_half : NULL,
-                     .h = sim->plan.h};
+                     .v_half = sim->config.integrator->sync ? sim->state_v_half : NULL,
+                     .h = sim->run.h};
   MS_COPY_SIZED(state, full);
 }
 
@@ -84,13 +84,13 @@ void msim_sim_stats(const msim_sim *sim, msim_stats *stats) {
 void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
   const ms_solver *linear = ms_sim_largest_island(sim)->stepper.solver;
   msim_plan full = {.size = plan->size,
-                    .h = sim->plan.h,
-                    .steps = sim->plan.steps,
-                    .integrator = sim->integrator->entry.name,
+                    .h = sim->run.h,
+                    .steps = sim->config.plan.steps,
+                    .integrator = sim->config.integrator->entry.name,
                     .solver = linear ? linear->linear->name : "none",
                     .threads = ms_pool_thread_count(sim->pool),
-                    .tol = sim->opt.tol,
-                    .t_end = sim->plan.t_end};
+                    .tol = sim->config.opt.tol,
+                    .t_end = sim->config.plan.t_end};
   MS_COPY_SIZED(plan, full);
 }
 

@@ -18,9 +18,9 @@ static msim_status own_string(msim_sim *sim, const char **member, char **own, ms
 }
 
 static msim_status set_method(msim_sim *sim, msim_error *err) {
-  msim_status status = ms_methods_find(sim->opt.integrator, &sim->integrator, err);
+  msim_status status = ms_methods_find(sim->config.opt.integrator, &sim->config.integrator, err);
   if (status) return status;
-  sim->opt.integrator = sim->integrator->entry.name;
+  sim->config.opt.integrator = sim->config.integrator->entry.name;
   return ms_step_driver_choose_control(sim, err);
 }
 
@@ -28,16 +28,16 @@ static msim_status set_method(msim_sim *sim, msim_error *err) {
 static msim_status set_auto(msim_sim *sim, msim_error *err) {
   msim_options usual;
   msim_options_init(&usual, sizeof usual);
-  if (sim->opt.steps >= 0)
+  if (sim->config.opt.steps >= 0)
     return ms_error_set(
         err, MSIM_ERR_ARG,
         "integrator 'auto' and steps exclude each other: tol says how many steps there "
         "are; give t_end");
-  if (sim->opt.h != usual.h && sim->opt.h != MSIM_H_AUTO)
+  if (sim->config.opt.h != usual.h && sim->config.opt.h != MSIM_H_AUTO)
     ms_sim_warn(sim, "h is not used: integrator 'auto' chooses its steps, by tol");
-  if (sim->opt.tol == 0) sim->opt.tol = MS_DEFAULT_TOL;
-  sim->choice.tol = sim->opt.tol;
-  sim->choice.collision = sim->opt.collision;
+  if (sim->config.opt.tol == 0) sim->config.opt.tol = MS_DEFAULT_TOL;
+  sim->config.choice.tol = sim->config.opt.tol;
+  sim->config.choice.collision = sim->config.opt.collision;
   return MSIM_OK;
 }
 
@@ -45,28 +45,28 @@ static msim_status set_auto(msim_sim *sim, msim_error *err) {
  * tol. */
 static msim_status set_collision(msim_sim *sim, msim_error *err) {
   if (!ms_sim_selects(sim) && ms_sim_has_control(sim) && sim->scene->nplanes > 0)
-    sim->opt.collision = MSIM_COLLISION_EVENT;
-  if (sim->opt.collision != MSIM_COLLISION_EVENT || ms_sim_selects(sim)) return MSIM_OK;
-  if (sim->integrator->sync)
+    sim->config.opt.collision = MSIM_COLLISION_EVENT;
+  if (sim->config.opt.collision != MSIM_COLLISION_EVENT || ms_sim_selects(sim)) return MSIM_OK;
+  if (sim->config.integrator->sync)
     return ms_error_set(
         err, MSIM_ERR_ARG,
         "integrator '%s' carries v(t - h/2), which no impact at another time can change: "
         "with collision = event take velocity-verlet, the same method with v(t)",
-        sim->opt.integrator);
-  if (sim->integrator->is_multirate)
+        sim->config.opt.integrator);
+  if (sim->config.integrator->is_multirate)
     return ms_error_set(
         err, MSIM_ERR_ARG,
         "integrator '%s' never has all forces at once, which collision = event needs "
         "where particles rest: take velocity-verlet",
-        sim->opt.integrator);
+        sim->config.opt.integrator);
   return MSIM_OK;
 }
 
 static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
-  msim_status status = ms_options_copy(opt, &sim->opt, err);
-  if (!status) status = ms_options_check(&sim->opt, err);
-  if (!status) status = own_string(sim, &sim->opt.solver, &sim->solver, err);
-  if (!status) status = own_string(sim, &sim->opt.plugin_path, &sim->plugin_path, err);
+  msim_status status = ms_options_copy(opt, &sim->config.opt, err);
+  if (!status) status = ms_options_check(&sim->config.opt, err);
+  if (!status) status = own_string(sim, &sim->config.opt.solver, &sim->solver, err);
+  if (!status) status = own_string(sim, &sim->config.opt.plugin_path, &sim->plugin_path, err);
   if (status) return status;
   if (!opt->integrator)
     return ms_error_set(err, MSIM_ERR_ARG,
@@ -80,13 +80,14 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
 msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *damping,
                                        msim_error *err) {
   const ms_scene *scene = sim->scene;
-  const char *name = sim->integrator->entry.name;
-  if (sim->integrator->convert_state && scene->nplanes > 0 && !sim->choice.verification.planes_far)
+  const char *name = sim->config.integrator->entry.name;
+  if (sim->config.integrator->convert_state && scene->nplanes > 0 &&
+      !sim->config.choice.verification.planes_far)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "integrator '%s' carries other variables than x and v, which planes cannot "
                         "reflect: take force-gradient",
                         name);
-  if (!sim->integrator->separable) return MSIM_OK;
+  if (!sim->config.integrator->separable) return MSIM_OK;
   if (scene->drag > 0)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "integrator '%s' takes forces of positions alone: no drag", name);
@@ -100,7 +101,8 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
 
 static msim_status allocate_state(msim_sim *sim, msim_error *err) {
   const size_t n = 3 * (size_t)sim->scene->nparticles;
-  const int sync = sim->integrator->sync || ms_sim_selects(sim); /* auto may choose such a method
+  const int sync =
+      sim->config.integrator->sync || ms_sim_selects(sim); /* auto may choose such a method
                                                                     later */
   sim->state_x = ms_memory_allocate(&sim->alloc, n, sizeof(double));
   sim->state_v = ms_memory_allocate(&sim->alloc, n, sizeof(double));
@@ -116,11 +118,12 @@ static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choos
   if (!status && ms_sim_selects(sim)) status = choose(sim, 0, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim))
-    status = ms_step_limit_resolve_auto(sim, &sim->opt.h, err);
+    status = ms_step_limit_resolve_auto(sim, &sim->config.opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
   if (!status) status = allocate_state(sim, err);
   if (!status)
-    status = ms_sim_build_islands(sim, ms_planar_find_axis(sim->scene, sim->opt.skip_off), err);
+    status =
+        ms_sim_build_islands(sim, ms_planar_find_axis(sim->scene, sim->config.opt.skip_off), err);
   if (status) return status;
   const msim_state start = {
       .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
@@ -175,7 +178,7 @@ msim_status ms_sim_make_steps(msim_sim *sim, int64_t n, msim_error *err) {
       status = ms_energy_monitor_check(sim, err);
     if (!status && stopped)
       status = ms_error_set(err, MSIM_STOPPED, "stopped on request after step %lld, t = %g s",
-                            (long long)sim->step, ms_sim_time(sim));
+                            (long long)sim->run.step, ms_sim_time(sim));
   }
   sim->stats.total_s += ms_clock_now() - start;
   return status;

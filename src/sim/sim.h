@@ -6,13 +6,9 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "integrate/control.h"
-#include "scene/options.h"
-#include "sim/step_limit.h"
-#include "sim/plan.h"
-#include "sim/choice.h"
-#include "sim/error_growth.h"
 #include "sim/energy_monitor.h"
+#include "sim/error_growth.h"
+#include "sim/run_state.h"
 
 /* The simulation of one island: particles that no spring connects with other islands. */
 typedef struct ms_island_sim {
@@ -34,26 +30,15 @@ enum { MS_SCENE_HASHES = 8 }; /* hashed arrays of a scene (checkpoint/fingerprin
 
 struct msim_sim {
   msim_allocator alloc;
-  ms_scene *scene;            /* reference counted */
-  ms_scene *chosen_for;       /* solvers were chosen for its springs; NULL: for those of `scene` */
-  msim_options opt;           /* its strings belong to the sim, or are static */
-  char *solver, *plugin_path; /* what opt.solver and opt.plugin_path point to; nullable */
-  ms_plan plan;
-  ms_step_limit step_limit;
-  ms_method_choice choice; /* result of integrator = auto */
-  ms_pool *pool;           /* NULL: one thread */
-  int32_t threads_planned; /* exceeds the threads of the pool if some could not be started */
-  const ms_integrator *integrator;
+  ms_scene *scene;      /* reference counted */
+  ms_scene *chosen_for; /* solvers were chosen for its springs; NULL: for those of `scene` */
+  ms_config config;
+  ms_run_state run;
+  char *solver, *plugin_path; /* what options.solver and plugin_path point to; nullable */
+  ms_pool *pool;              /* NULL: one thread */
+  int32_t threads_planned;    /* exceeds the threads of the pool if some could not be started */
   msim_stats stats;
   atomic_int stop;
-
-  int64_t step, step0; /* t = t0 + (step - step0) h; under error control instead: */
-  double t0;
-  ms_control control;
-  double t, t_rounding; /* s: the sum of all steps, and its rounding error */
-  double t_shown;       /* s: time of the state that msim_sim_state returns, <= t */
-  int64_t frame;        /* frame that msim_sim_run shows next, if frames have times of their own */
-  int64_t spent;        /* steps that msim_sim_set_step has subtracted from opt.steps */
 
   int32_t nislands;       /* at least 1 */
   ms_island_sim *islands; /* nislands; built anew when the components of space change */
@@ -77,15 +62,15 @@ struct msim_sim {
   memcpy(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
 
 /* 1: error control chooses the length of each step. */
-static inline int ms_sim_has_control(const msim_sim *sim) { return sim->opt.tol > 0; }
+static inline int ms_sim_has_control(const msim_sim *sim) { return sim->config.opt.tol > 0; }
 
 /* 1: the integrator is `auto`. */
-static inline int ms_sim_selects(const msim_sim *sim) { return sim->choice.tol > 0; }
+static inline int ms_sim_selects(const msim_sim *sim) { return sim->config.choice.tol > 0; }
 
 /* The time of the state that msim_sim_state returns, s. */
 static inline double ms_sim_time(const msim_sim *sim) {
-  if (ms_sim_has_control(sim)) return sim->t_shown;
-  return sim->t0 + (double)(sim->step - sim->step0) * sim->plan.h;
+  if (ms_sim_has_control(sim)) return sim->run.t_shown;
+  return sim->config.plan.t0 + (double)(sim->run.step - sim->run.step0) * sim->run.h;
 }
 
 /* Build all islands, without components along the axis left_out (-1: with all three); on failure
@@ -153,6 +138,10 @@ msim_status ms_sim_set_state(msim_sim *sim, const msim_state *state, msim_error 
 
 /* Start a run from this state, which the caller has checked. */
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err);
+
+/* Continue from the present state by another method, with steps of h. The sim was built for an
+ * explicit method with at least as many work vectors. */
+void ms_sim_switch_method(msim_sim *sim, const ms_integrator *method, double h);
 
 /* Start all islands in this state, with the planned step. */
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state);

@@ -28,15 +28,16 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
 /* A state outside the scene's plane needs three components. A split of the springs belongs to h. */
 static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_scene *scene = sim->scene;
-  int32_t flat = ms_planar_find_axis(scene, sim->opt.skip_off);
-  if (flat >= 0 &&
-      !(ms_planar_is_in_plane(scene, flat, state->x, state->v) &&
-        (!state->v_half || ms_planar_is_in_plane(scene, flat, state->x, state->v_half))))
-    flat = -1;
-  const int split_fits = !sim->integrator->is_multirate || sim->islands->stepper.h == sim->plan.h;
-  const int fits = split_fits && !sim->choice.out_of_date;
-  if (flat == sim->islands->model.unknowns.dropped_axis && fits) return MSIM_OK;
-  return ms_sim_build_islands(sim, flat, err);
+  int32_t axis = ms_planar_find_axis(scene, sim->config.opt.skip_off);
+  if (axis >= 0 &&
+      !(ms_planar_is_in_plane(scene, axis, state->x, state->v) &&
+        (!state->v_half || ms_planar_is_in_plane(scene, axis, state->x, state->v_half))))
+    axis = -1;
+  const int split_fits =
+      !sim->config.integrator->is_multirate || sim->islands->stepper.h == sim->run.h;
+  const int fits = split_fits && !sim->config.choice.out_of_date;
+  if (axis == sim->islands->model.unknowns.dropped_axis && fits) return MSIM_OK;
+  return ms_sim_build_islands(sim, axis, err);
 }
 
 static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *state) {
@@ -49,13 +50,13 @@ static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *stat
   ms_unknowns_gather(rows, state->v, s->v);
   m->at_rest = 0;
   if (ms_sim_has_control(sim) || ms_sim_selects(sim))
-    ms_norm_measure_scales(&m->model, s->x, s->v, ms_plan_span(&sim->plan), &m->norm);
+    ms_norm_measure_scales(&m->model, s->x, s->v, ms_plan_span(&sim->config.plan), &m->norm);
   ms_error_growth_start_island(m);
-  s->h = sim->plan.h;
+  s->h = sim->run.h;
   s->cached_stage = 0;
   if (s->solver) ms_solver_discard_factors(s->solver);
-  if (sim->integrator->start) sim->integrator->start(s);
-  if (sim->integrator->sync && state->v_half && state->h == sim->plan.h) {
+  if (sim->config.integrator->start) sim->config.integrator->start(s);
+  if (sim->config.integrator->sync && state->v_half && state->h == sim->run.h) {
     ms_unknowns_gather(rows, state->v_half, s->v);
     s->cached_stage = 0;
   }
@@ -63,6 +64,17 @@ static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *stat
 
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state) {
   for (int32_t i = 0; i < sim->nislands; i++) start_island(sim, &sim->islands[i], state);
+}
+
+void ms_sim_switch_method(msim_sim *sim, const ms_integrator *method, double h) {
+  sim->config.integrator = method;
+  sim->run.h = h;
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    ms_stepper *s = &sim->islands[i].stepper;
+    s->h = h;
+    ms_stepper_set_bounds(method, s);
+    if (method->start) method->start(s);
+  }
 }
 
 msim_status ms_sim_rebuild_islands(msim_sim *sim, msim_error *err) {
@@ -75,15 +87,16 @@ msim_status ms_sim_rebuild_islands(msim_sim *sim, msim_error *err) {
 
 /* Warn that the plan has lowered the given h, once for each h. */
 static void warn_lowered_step(const msim_sim *sim, const ms_plan *plan) {
-  if (sim->step_limit.from_auto || ms_sim_selects(sim)) return;
-  if (plan->h == plan->h_asked || plan->h == sim->plan.h) return;
+  if (sim->config.step_limit.from_auto || ms_sim_selects(sim)) return;
+  if (plan->h == plan->h_asked || plan->h == sim->config.plan.h) return;
   ms_sim_warn(sim, "h is lowered from %g to %.17g s, so that %lld steps end at t_end = %g",
-              plan->h_asked, plan->h, (long long)plan->steps, sim->opt.t_end);
+              plan->h_asked, plan->h, (long long)plan->steps, sim->config.opt.t_end);
 }
 
 static msim_status find_first_step(const msim_sim *sim, const double *x, const double *v,
                                    ms_plan *plan, msim_error *err) {
-  const ms_control control = ms_control_make(sim->integrator, sim->opt.tol, ms_plan_span(plan));
+  const ms_control control =
+      ms_control_make(sim->config.integrator, sim->config.opt.tol, ms_plan_span(plan));
   ms_scales scales;
   if (plan->h > 0) return MSIM_OK;
   const msim_status status = ms_scales_compute(sim->scene, x, v, control.span, &scales, err);
@@ -94,31 +107,32 @@ static msim_status find_first_step(const msim_sim *sim, const double *x, const d
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,
                              msim_error *err) {
   ms_plan plan;
-  msim_status status = ms_plan_create(&sim->opt, t0, &plan, err);
+  msim_status status = ms_plan_create(&sim->config.opt, t0, &plan, err);
   if (!status && ms_sim_has_control(sim)) status = find_first_step(sim, x, v, &plan, err);
   if (status) return status;
   warn_lowered_step(sim, &plan);
-  sim->plan = plan;
+  sim->config.plan = plan;
+  sim->run.h = plan.h;
   return MSIM_OK;
 }
 
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err) {
-  const ms_plan before = sim->plan;
+  const ms_plan plan = sim->config.plan;
+  const ms_run_state run = sim->run;
   msim_status status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
   if (!status) status = fit_components(sim, state, err);
   if (status) {
-    sim->plan = before;
+    sim->config.plan = plan, sim->run = run;
     return status;
   }
-  const size_t flat = 3 * (size_t)state->n * sizeof(double);
-  sim->step = sim->step0 = state->step;
-  sim->t0 = state->t;
+  const size_t bytes = 3 * (size_t)state->n * sizeof(double);
+  sim->run.step = sim->run.step0 = state->step;
   if (ms_sim_has_control(sim)) ms_step_driver_start_control(sim);
-  memmove(sim->state_x, state->x, flat);
-  memmove(sim->state_v, state->v, flat);
+  memmove(sim->state_x, state->x, bytes);
+  memmove(sim->state_v, state->v, bytes);
   ms_sim_start_islands(sim, state);
-  if (sim->integrator->sync) {
-    memcpy(sim->state_v_half, sim->state_v, flat); /* 0 along an axis left out */
+  if (sim->config.integrator->sync) {
+    memcpy(sim->state_v_half, sim->state_v, bytes); /* 0 along an axis left out */
     for (int32_t i = 0; i < sim->nislands; i++)
       ms_unknowns_scatter(&sim->islands[i].model.unknowns, sim->islands[i].stepper.v,
                           sim->state_v_half);

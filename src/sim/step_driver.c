@@ -18,7 +18,7 @@
 static msim_status make_fixed_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   enum { MOST = 40 };
   const int32_t retries = ms_island_step_count_retries(sim);
-  const int64_t parts = ms_sim_selects(sim) ? sim->choice.substeps : 1;
+  const int64_t parts = ms_sim_selects(sim) ? sim->config.choice.substeps : 1;
   msim_status status = ms_island_step_make_substeps(sim, s, parts, err);
   for (int i = 1; i <= retries && i <= MOST && ms_island_step_may_retry(status); i++) {
     s->stats->rejected_steps++;
@@ -33,7 +33,7 @@ static msim_status make_fixed_step(const msim_sim *sim, ms_stepper *s, msim_erro
 static int stays_at_rest(const msim_sim *sim, const ms_island_sim *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   const ms_shape shape = m->model.shape;
-  return !(sim->opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
+  return !(sim->config.opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
          ms_vector_is_zero(shape, s->v_next) && ms_vector_is_zero(shape, s->v) &&
          ms_vector_is_equal(shape, s->x, s->x_next);
 }
@@ -41,9 +41,9 @@ static int stays_at_rest(const msim_sim *sim, const ms_island_sim *m, int64_t co
 /* Compute the next state of one island; the present one is kept. */
 static msim_status step_island(const msim_sim *sim, ms_island_sim *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
-  const int verified = sim->choice.verification.allowed > 0;
+  const int verified = sim->config.choice.verification.allowed > 0;
   const msim_status status = ms_sim_has_control(sim)
-                                 ? ms_island_step_make_controlled(sim, m, &sim->control, err)
+                                 ? ms_island_step_make_controlled(sim, m, &sim->run.control, err)
                              : verified ? ms_step_verification_make_step(sim, m, err)
                                         : make_fixed_step(sim, &m->stepper, err);
   m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
@@ -81,7 +81,7 @@ typedef struct step_outcome {
 /* Set the tolerances of a step. Solves may leave 1/20 of the error that the step may add.
  * Tolerances of events assume some tens of events in a run, whose errors add up at random. */
 static void set_tolerances(const msim_sim *sim, ms_island_sim *m, double h, double allowed) {
-  const double tol = ms_sim_selects(sim) ? sim->choice.tol : sim->opt.tol;
+  const double tol = ms_sim_selects(sim) ? sim->config.choice.tol : sim->config.opt.tol;
   const ms_norm_body least = tol > 0 ? ms_norm_find_smallest(&m->norm) : (ms_norm_body){0};
   ms_stepper *s = &m->stepper;
   s->h = h;
@@ -127,7 +127,7 @@ static void accept_step(msim_sim *sim) {
     resting += m->at_rest;
     if (!m->at_rest) accept_island(m);
   }
-  sim->step++;
+  sim->run.step++;
   sim->stats.steps++;
   sim->stats.islands_at_rest += resting;
   sim->stats.steps_at_rest += resting == sim->nislands;
@@ -146,15 +146,15 @@ static msim_status report_failed_step(const msim_sim *sim, const ms_island_sim *
   if (row >= 0)
     snprintf(particle, sizeof particle, ", particle %d", m->model.unknowns.particle[row]);
   if (pull >= 0) snprintf(spring, sizeof spring, ", spring %d", pull);
-  return ms_error_set(err, status, "step %lld, t = %g s%s%s: %s", (long long)(sim->step + 1), t,
+  return ms_error_set(err, status, "step %lld, t = %g s%s%s: %s", (long long)(sim->run.step + 1), t,
                       particle, spring, *why ? why : msim_status_text(status));
 }
 
 static msim_status make_fixed_sim_step(msim_sim *sim, msim_error *err) {
   msim_error why;
-  const step_outcome o = try_all_islands(sim, sim->plan.h, 0, &why);
+  const step_outcome o = try_all_islands(sim, sim->run.h, 0, &why);
   if (o.m)
-    return report_failed_step(sim, o.m, ms_sim_time(sim) + sim->plan.h, o.status, o.why->text, err);
+    return report_failed_step(sim, o.m, ms_sim_time(sim) + sim->run.h, o.status, o.why->text, err);
   accept_step(sim);
   return MSIM_OK;
 }
@@ -162,18 +162,18 @@ static msim_status make_fixed_sim_step(msim_sim *sim, msim_error *err) {
 /*------------------------------------- error control --------------------------------------------*/
 
 static double time_left(const msim_sim *sim) {
-  const double left = (sim->plan.t_end - sim->t) + sim->t_rounding;
-  return sim->plan.t_end < 0 || left <= 0 ? INFINITY : left;
+  const double left = (sim->config.plan.t_end - sim->run.t) + sim->run.t_rounding;
+  return sim->config.plan.t_end < 0 || left <= 0 ? INFINITY : left;
 }
 
 /* t += h by compensated summation: t_rounding carries the rounding error to the next sum (Kahan,
  * Commun. ACM 8 (1965) 40). */
 static void advance_time(msim_sim *sim, double h, double left) {
-  const double add = h - sim->t_rounding, t = sim->t + add;
-  sim->t_rounding = (t - sim->t) - add;
-  sim->t = t;
-  if (h == left) sim->t = sim->plan.t_end, sim->t_rounding = 0;
-  sim->t_shown = sim->t;
+  const double add = h - sim->run.t_rounding, t = sim->run.t + add;
+  sim->run.t_rounding = (t - sim->run.t) - add;
+  sim->run.t = t;
+  if (h == left) sim->run.t = sim->config.plan.t_end, sim->run.t_rounding = 0;
+  sim->run.t_shown = sim->run.t;
 }
 
 /* The first impact of all islands, as a fraction of the step */
@@ -202,42 +202,42 @@ static msim_status report_shortest_step(msim_sim *sim, const step_outcome *o, ms
   if (o->m) {
     snprintf(why, sizeof why, "not even a step of %.3g s can be made: %.180s", h,
              *o->why->text ? o->why->text : msim_status_text(o->status));
-    return report_failed_step(sim, o->m, sim->t + h, o->status, why, err);
+    return report_failed_step(sim, o->m, sim->run.t + h, o->status, why, err);
   }
-  worst->stepper.offender = ms_control_find_offender(sim->integrator, &worst->stepper);
+  worst->stepper.offender = ms_control_find_offender(sim->config.integrator, &worst->stepper);
   snprintf(why, sizeof why, "even a step of %.3g s has a larger error than tol = %g allows", h,
-           sim->opt.tol);
-  return report_failed_step(sim, worst, sim->t + h, MSIM_NOT_CONVERGED, why, err);
+           sim->config.opt.tol);
+  return report_failed_step(sim, worst, sim->run.t + h, MSIM_NOT_CONVERGED, why, err);
 }
 
 /* On failure the step controller keeps its state, too. */
 static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
-  const ms_control before = sim->control;
+  const ms_control before = sim->run.control;
   const int64_t contacts = sim->stats.contacts;
   const double left = time_left(sim);
-  ms_attempt a = ms_control_begin_attempt(&sim->control, sim->t, left);
+  ms_attempt a = ms_control_begin_attempt(&sim->run.control, sim->run.t, left);
   msim_error why;
   for (;;) {
     const double h = a.h;
     ms_island_sim *worst = NULL;
     const step_outcome o =
-        try_all_islands(sim, h, ms_control_allowed_error(&sim->control, h), &why);
+        try_all_islands(sim, h, ms_control_allowed_error(&sim->run.control, h), &why);
     const double error = o.m ? 0 : largest_error(sim, &worst);
     const ms_verdict verdict =
-        ms_control_judge_attempt(&sim->control, &a, o.status, error, first_impact(sim));
+        ms_control_judge_attempt(&sim->run.control, &a, o.status, error, first_impact(sim));
     if (verdict == MS_ACCEPTED) {
       accept_step(sim);
       advance_time(sim, h, left);
-      sim->plan.h = sim->control.h;
+      sim->run.h = sim->run.control.h;
       return MSIM_OK;
     }
     sim->stats.rejected_steps++;
     sim->stats.contacts = contacts;
     const int may_help = !o.m || ms_island_step_may_retry(o.status);
     if (may_help && verdict == MS_TRY_AGAIN) continue;
-    sim->control = before;
+    sim->run.control = before;
     return may_help ? report_shortest_step(sim, &o, worst, h, err)
-                    : report_failed_step(sim, o.m, sim->t + h, o.status, o.why->text, err);
+                    : report_failed_step(sim, o.m, sim->run.t + h, o.status, o.why->text, err);
   }
 }
 
@@ -253,16 +253,17 @@ static void list_controlled_methods(size_t size, char *names) {
 
 /* dop853 has error control by default; `steps` switches it off. */
 msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err) {
-  msim_options *opt = &sim->opt;
+  msim_options *opt = &sim->config.opt;
   char names[512];
-  if (opt->tol == 0 && opt->steps < 0 && sim->integrator->chooses_steps) opt->tol = MS_DEFAULT_TOL;
+  if (opt->tol == 0 && opt->steps < 0 && sim->config.integrator->chooses_steps)
+    opt->tol = MS_DEFAULT_TOL;
   if (opt->tol == 0) return MSIM_OK;
   if (opt->steps >= 0)
     return ms_error_set(
         err, MSIM_ERR_ARG,
         "tol and steps exclude each other: tol lets the error say how many steps there "
         "are; give t_end");
-  if (ms_control_is_supported(sim->integrator)) return MSIM_OK;
+  if (ms_control_is_supported(sim->config.integrator)) return MSIM_OK;
   list_controlled_methods(sizeof names, names);
   return ms_error_set(err, MSIM_ERR_ARG,
                       "integrator '%s' has no error control, so it takes no tol; %s have",
@@ -270,37 +271,40 @@ msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err) {
 }
 
 void ms_step_driver_start_control(msim_sim *sim) {
-  sim->control = ms_control_make(sim->integrator, sim->opt.tol, ms_plan_span(&sim->plan));
-  ms_step_driver_set_step(sim, sim->plan.h);
-  sim->t = sim->t_shown = sim->plan.t0;
-  sim->t_rounding = 0;
-  sim->frame = 1;
+  sim->run.control =
+      ms_control_make(sim->config.integrator, sim->config.opt.tol, ms_plan_span(&sim->config.plan));
+  ms_step_driver_set_step(sim, sim->run.h);
+  sim->run.t = sim->run.t_shown = sim->config.plan.t0;
+  sim->run.t_rounding = 0;
+  sim->run.frame = 1;
 }
 
-void ms_step_driver_measure_scales(msim_sim *sim, double span) {
+void ms_step_driver_set_span(msim_sim *sim, double span) {
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     ms_norm_measure_scales(&m->model, m->stepper.x, m->stepper.v, span, &m->norm);
+  sim->run.control = ms_control_make(sim->config.integrator, sim->config.opt.tol, span);
+  ms_step_driver_set_step(sim, sim->config.opt.h);
 }
 
 void ms_step_driver_set_step(msim_sim *sim, double h) {
-  sim->control.h = sim->plan.h = h;
-  ms_control_reset(&sim->control);
+  sim->run.control.h = sim->run.h = h;
+  ms_control_reset(&sim->run.control);
 }
 
 void ms_step_driver_show_time(msim_sim *sim, double t) {
-  if (t == sim->t_shown) return;
-  sim->t_shown = t;
+  if (t == sim->run.t_shown) return;
+  sim->run.t_shown = t;
   sim->state_is_current = 0;
 }
 
 msim_status ms_step_driver_make_step(msim_sim *sim, msim_error *err) {
   const int has_control = ms_sim_has_control(sim);
   if (has_control)
-    ms_step_driver_show_time(sim, sim->t); /* the dense output of the last step is lost now */
+    ms_step_driver_show_time(sim, sim->run.t); /* the dense output of the last step is lost now */
   const msim_status status =
       has_control ? make_controlled_sim_step(sim, err) : make_fixed_sim_step(sim, err);
   if (status) return status;
   ms_step_verification_check_energy(sim);
-  ms_error_growth_follow(sim, has_control ? sim->islands->stepper.h : sim->plan.h);
+  ms_error_growth_follow(sim, has_control ? sim->islands->stepper.h : sim->run.h);
   return MSIM_OK;
 }

@@ -6,11 +6,11 @@
 
 /* Computed once, rough and tight each, until the springs change. */
 static msim_status compute_bounds(msim_sim *sim, int tight, msim_error *err) {
-  ms_step_limit *a = &sim->step_limit;
+  ms_step_limit *a = &sim->config.step_limit;
   if (a->tightness > tight) return MSIM_OK;
   msim_status status = ms_bounds_compute(sim->scene, tight, &a->bounds, err);
   if (status) return status;
-  a->limit = sim->integrator->limit ? sim->integrator->limit(&a->bounds) : INFINITY;
+  a->limit = sim->config.integrator->limit ? sim->config.integrator->limit(&a->bounds) : INFINITY;
   a->tightness = 1 + tight;
   return MSIM_OK;
 }
@@ -20,15 +20,15 @@ msim_status ms_step_limit_compute(msim_sim *sim, msim_error *err) {
 }
 
 static msim_status resolve_auto_h(msim_sim *sim, double *h, msim_error *err) {
-  const char *name = sim->integrator->entry.name;
-  if (!sim->integrator->limit)
+  const char *name = sim->config.integrator->entry.name;
+  if (!sim->config.integrator->limit)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "h is 'auto', but %s has no limit of stability to take it from: give h, as "
                         "accuracy demands",
                         name);
   msim_status status = compute_bounds(sim, 1, err);
   if (status) return status;
-  const double limit = sim->step_limit.limit;
+  const double limit = sim->config.step_limit.limit;
   if (limit == 0)
     return ms_error_set(
         err, MSIM_ERR_ARG,
@@ -45,13 +45,13 @@ static msim_status resolve_auto_h(msim_sim *sim, double *h, msim_error *err) {
 msim_status ms_step_limit_resolve_auto(msim_sim *sim, double *h, msim_error *err) {
   const int chosen = *h == MSIM_H_AUTO;
   msim_status status = chosen ? resolve_auto_h(sim, h, err) : MSIM_OK;
-  if (!status) sim->step_limit.from_auto = chosen;
+  if (!status) sim->config.step_limit.from_auto = chosen;
   return status;
 }
 
 static void warn_long_step(const msim_sim *sim) {
-  const char *name = sim->integrator->entry.name;
-  const double h = sim->plan.h, limit = sim->step_limit.limit;
+  const char *name = sim->config.integrator->entry.name;
+  const double h = sim->run.h, limit = sim->config.step_limit.limit;
   if (limit > 0)
     ms_sim_warn(sim, "h is %.6g s, but %s is sure to be stable up to %.6g s only: it may blow up",
                 h, name, limit);
@@ -62,11 +62,11 @@ static void warn_long_step(const msim_sim *sim) {
 
 /* Rough bounds are mostly sufficient. Error control shortens steps that are too long by itself. */
 void ms_step_limit_warn(msim_sim *sim) {
-  ms_step_limit *a = &sim->step_limit;
-  if (!sim->opt.warn || ms_sim_has_control(sim)) return;
-  if (!sim->integrator->limit || compute_bounds(sim, 0, NULL)) return;
-  if (a->limit > 0 && sim->plan.h > a->limit && compute_bounds(sim, 1, NULL)) return;
-  const int too_long = sim->plan.h > a->limit;
+  ms_step_limit *a = &sim->config.step_limit;
+  if (!sim->config.opt.warn || ms_sim_has_control(sim)) return;
+  if (!sim->config.integrator->limit || compute_bounds(sim, 0, NULL)) return;
+  if (a->limit > 0 && sim->run.h > a->limit && compute_bounds(sim, 1, NULL)) return;
+  const int too_long = sim->run.h > a->limit;
   if (too_long && !a->warned) warn_long_step(sim);
   a->warned = too_long;
 }

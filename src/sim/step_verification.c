@@ -97,8 +97,8 @@ msim_status ms_step_verification_measure(msim_sim *sim, const ms_scales *scales,
     const int64_t contacts = m->stepper.stats->contacts;
     msim_status status = ms_island_step_make_substeps(sim, &m->stepper, 1, err);
     if (status) return status;
-    step->indicator[DEFECT] =
-        fmax(step->indicator[DEFECT], find_defect_norm(sim->integrator, &m->stepper, scales));
+    step->indicator[DEFECT] = fmax(step->indicator[DEFECT],
+                                   find_defect_norm(sim->config.integrator, &m->stepper, scales));
     step->indicator[TURN] = fmax(step->indicator[TURN], find_turn(&m->stepper));
     status = repeat_in_halves(sim, &m->stepper, scales, contacts, &error, err);
     if (status) return status;
@@ -127,17 +127,18 @@ static int has_events(const ms_island_sim *m, int64_t contacts) {
 static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign[2]) {
   enum { WORTH = 8 }; /* evaluations */
   const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
-               NOISE = 100 * sim->choice.verification.scales.rounding;
-  const int64_t step = sim->step + 1 - sim->step0;
+               NOISE = 100 * sim->config.choice.verification.scales.rounding;
+  const int64_t step = sim->run.step + 1 - sim->run.step0;
   const int is_large = m->model.shape.n >= LARGE;
   const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
   const double *seen = m->verification.indicator;
-  const double price = sim->choice.candidates[sim->choice.best].step_cost;
+  const double price = sim->config.choice.candidates[sim->config.choice.best].step_cost;
   const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, price));
   const int computes_indicators = is_scheduled || step % every == 0;
   sign[DEFECT] = sign[TURN] = 0;
   if (computes_indicators)
-    sign[DEFECT] = find_defect_norm(sim->integrator, &m->stepper, &sim->choice.verification.scales);
+    sign[DEFECT] = find_defect_norm(sim->config.integrator, &m->stepper,
+                                    &sim->config.choice.verification.scales);
   if (computes_indicators && (!is_large || is_scheduled)) sign[TURN] = find_turn(&m->stepper);
   return is_scheduled || sign[DEFECT] > fmax(NOISE, MORE * seen[DEFECT]) ||
          sign[TURN] > fmin(TURNED, fmax(LITTLE, MORE * seen[TURN]));
@@ -192,9 +193,9 @@ static void restore_saved_start(ms_island_sim *m) {
 /* The controller of substeps. Substeps use all of the error that they may add, while steps mostly
  * add far less than allowed: so substeps may add 1/16 of that, but no less than under tol. */
 static ms_control substep_control(const msim_sim *sim, double step, double h) {
-  const double LESS = 1. / 16, tol = sim->choice.tol, span = ms_plan_span(&sim->plan);
-  const double most = LESS * sim->choice.verification.allowed * span / step;
-  ms_control c = ms_control_make(sim->integrator, fmax(tol, most), span);
+  const double LESS = 1. / 16, tol = sim->config.choice.tol, span = ms_plan_span(&sim->config.plan);
+  const double most = LESS * sim->config.choice.verification.allowed * span / step;
+  ms_control c = ms_control_make(sim->config.integrator, fmax(tol, most), span);
   c.h = h;
   return c;
 }
@@ -216,7 +217,7 @@ static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, 
   ms_stepper_swap(&s->v, &s->v_next);
   s->cached_stage_next =
       0; /* error control treats contacts differently from methods that replay impacts */
-  m->verification.substep = c.h < h && sim->integrator->entry.order > 2 ? c.h : 0;
+  m->verification.substep = c.h < h && sim->config.integrator->entry.order > 2 ? c.h : 0;
   return status;
 }
 
@@ -233,20 +234,22 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   ms_stepper *s = &m->stepper;
   ms_island_verification *check = &m->verification;
   const int64_t contacts = s->stats->contacts;
-  const double usual = sim->choice.verification.allowed;
+  const double usual = sim->config.choice.verification.allowed;
   double error = INFINITY, sign[2] = {0};
   if (check->substep > 0) return make_step_in_substeps(sim, m, moved, err);
   msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
   if (status && !ms_island_step_may_retry(status)) return status;
   const int has_event = !status && has_events(m, contacts);
-  const double allowed = has_event ? fmax(usual, sim->choice.tol / MS_EVENTS_PER_RUN) : usual;
-  const double better = has_event ? 1 : ldexp(1, sim->integrator->entry.order) - 1;
-  const int only_events = sim->choice.verification.only_events;
+  const double allowed =
+      has_event ? fmax(usual, sim->config.choice.tol / MS_EVENTS_PER_RUN) : usual;
+  const double better = has_event ? 1 : ldexp(1, sim->config.integrator->entry.order) - 1;
+  const int only_events = sim->config.choice.verification.only_events;
   if (!status && !has_event && (only_events || !needs_verification(sim, m, sign))) return MSIM_OK;
   if (!status)
-    status = repeat_in_halves(sim, s, &sim->choice.verification.scales, contacts, &error, err);
+    status =
+        repeat_in_halves(sim, s, &sim->config.choice.verification.scales, contacts, &error, err);
   error = status ? INFINITY : sqrt(error);
-  const double enough = fmax(allowed, fmin(better * allowed, sim->choice.tol / 4));
+  const double enough = fmax(allowed, fmin(better * allowed, sim->config.choice.tol / 4));
   check->verify_next = !(error <= allowed);
   if (!(error <= enough)) {
     s->stats->contacts = contacts;
@@ -259,7 +262,7 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
 }
 
 msim_status ms_step_verification_make_step(const msim_sim *sim, ms_island_sim *m, msim_error *err) {
-  const int64_t n = sim->choice.substeps;
+  const int64_t n = sim->config.choice.substeps;
   ms_stepper *s = &m->stepper;
   const double h = s->h;
   int moved = 0;
@@ -298,7 +301,7 @@ static double find_plane_distance(const msim_sim *sim, double *speed) {
 static double count_steps_to_plane(const msim_sim *sim, double h) {
   double speed;
   const double gap = find_plane_distance(sim, &speed), g = ms_vec3_norm(sim->scene->gravity);
-  return gap / (2 * h * (fmax(speed, sim->choice.verification.scales.speed) + g * h));
+  return gap / (2 * h * (fmax(speed, sim->config.choice.verification.scales.speed) + g * h));
 }
 
 int ms_step_verification_is_plane_close(const msim_sim *sim, double h) {
@@ -307,11 +310,11 @@ int ms_step_verification_is_plane_close(const msim_sim *sim, double h) {
 
 int ms_step_verification_planes_due(msim_sim *sim) {
   enum { FARTHEST = 16 };
-  ms_step_verification *v = &sim->choice.verification;
-  if (!v->planes_far || sim->step < v->next_plane_check) return 0;
-  const double steps = count_steps_to_plane(sim, sim->plan.h);
+  ms_step_verification *v = &sim->config.choice.verification;
+  if (!v->planes_far || sim->run.step < v->next_plane_check) return 0;
+  const double steps = count_steps_to_plane(sim, sim->run.h);
   const int at_once = ms_sim_has_control(sim) || !(steps >= 4);
-  v->next_plane_check = sim->step + (at_once ? 1 : (int64_t)fmin(FARTHEST, steps / 2));
+  v->next_plane_check = sim->run.step + (at_once ? 1 : (int64_t)fmin(FARTHEST, steps / 2));
   return !(steps >= 1);
 }
 
@@ -319,8 +322,8 @@ int ms_step_verification_planes_due(msim_sim *sim) {
 
 /* 1: energy is conserved. Planes that do not count yet (verification.away) are left aside. */
 static int is_conserved(const msim_sim *sim) {
-  if (sim->scene->nplanes && !sim->choice.verification.planes_far) return 0;
-  return !sim->choice.damped;
+  if (sim->scene->nplanes && !sim->config.choice.verification.planes_far) return 0;
+  return !sim->config.choice.damped;
 }
 
 static double total_energy(msim_sim *sim) {
@@ -330,9 +333,9 @@ static double total_energy(msim_sim *sim) {
 }
 
 void ms_step_verification_start(msim_sim *sim) {
-  ms_step_verification *v = &sim->choice.verification;
+  ms_step_verification *v = &sim->config.choice.verification;
   if (!ms_sim_selects(sim)) return;
-  v->next_plane_check = sim->step;
+  v->next_plane_check = sim->run.step;
   v->energy = is_conserved(sim) ? total_energy(sim) : 0;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     m->verification.verify_next = 0, m->verification.substep = 0;
@@ -341,24 +344,25 @@ void ms_step_verification_start(msim_sim *sim) {
 }
 
 static int is_last_step(const msim_sim *sim) {
-  return ms_sim_has_control(sim) ? sim->t == sim->plan.t_end
-                                 : sim->step - sim->step0 == sim->plan.steps;
+  return ms_sim_has_control(sim) ? sim->run.t == sim->config.plan.t_end
+                                 : sim->run.step - sim->run.step0 == sim->config.plan.steps;
 }
 
 void ms_step_verification_check_energy(msim_sim *sim) {
   const double TOO_MUCH = 10;
-  const ms_scales *s = &sim->choice.verification.scales;
-  ms_step_verification *v = &sim->choice.verification;
+  const ms_scales *s = &sim->config.choice.verification.scales;
+  ms_step_verification *v = &sim->config.choice.verification;
   if (!ms_sim_selects(sim) || v->warned || !is_conserved(sim)) return;
-  if (sim->step % ENERGY_INTERVAL != 0 && !is_last_step(sim)) return;
+  if (sim->run.step % ENERGY_INTERVAL != 0 && !is_last_step(sim)) return;
   const double off = fabs(total_energy(sim) - v->energy) / (s->mass * s->speed * s->speed);
-  if (!(off > TOO_MUCH * fmax(sim->choice.tol, s->rounding))) return;
+  if (!(off > TOO_MUCH * fmax(sim->config.choice.tol, s->rounding))) return;
   v->warned = 1;
   ms_sim_warn(
       sim,
       "step %lld, t = %g s: energy is off by %.2g of its scale, so that the error is larger "
       "than tol = %g, by which %s was chosen",
-      (long long)sim->step, ms_sim_time(sim), off, sim->choice.tol, sim->integrator->entry.name);
+      (long long)sim->run.step, ms_sim_time(sim), off, sim->config.choice.tol,
+      sim->config.integrator->entry.name);
 }
 
 /*------------------------------------- checkpoints ----------------------------------------------*/

@@ -9,5 +9,5 @@ void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
   va_start(args, format);
   ms_error_vset(&note, MSIM_OK, format, args);
   va_end(args);
-  if (sim->opt.warn) sim->opt.warn(note.text, sim->opt.warn_user);
+  if (sim->config.opt.warn) sim->config.opt.warn(note.text, sim->config.opt.warn_user);
 }
