@@ -95,8 +95,8 @@ static double difference(const shape *s, int32_t e, const double *x, double d[3]
 static void plain_force(const shape *s, const ms_scene *scene, total *f) {
   memset(f, 0, sizeof *f);
   for (int32_t i = 0; i < s->n; i++) {
-    add(f, i, scene->gravity, s->mass[i]);
-    add(f, i, s->v + 3 * i, -scene->drag);
+    add(f, i, scene->external.gravity, s->mass[i]);
+    add(f, i, s->v + 3 * i, -scene->external.drag);
   }
   for (int32_t e = 0; e < s->springs; e++) {
     double d[3], dv[3], rate = 0;
@@ -114,7 +114,7 @@ static void plain_force(const shape *s, const ms_scene *scene, total *f) {
 static void plain_product(const shape *s, const ms_scene *scene, total *y) {
   const double h = 1.0 / H_INVERSE;
   memset(y, 0, sizeof *y);
-  for (int32_t i = 0; i < s->n; i++) add(y, i, s->v + 3 * i, s->mass[i] + h * scene->drag);
+  for (int32_t i = 0; i < s->n; i++) add(y, i, s->v + 3 * i, s->mass[i] + h * scene->external.drag);
   for (int32_t e = 0; e < s->springs; e++) {
     double d[3], dv[3], along = 0;
     const double l = difference(s, e, s->x, d), hhk = h * h * s->k[e], ratio = s->rest[e] / l;

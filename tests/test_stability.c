@@ -84,9 +84,9 @@ static void check_bounds(msim_scene *scene) {
   assert_true(sharp.omega <= rough.omega && sharp.rate <= rough.rate);
   assert_true(is_above(s, s->k, 0, omega2));
   assert_false(is_above(s, s->k, 0, omega2 / 1.1));
-  if (rate > 0) assert_true(is_above(s, s->damping, s->drag, rate));
-  assert_false(is_above(s, s->damping, s->drag, rate / 1.1));
-  if (s->drag == 0) assert_true(sharp.least_rate == 0);
+  if (rate > 0) assert_true(is_above(s, s->damping, s->external.drag, rate));
+  assert_false(is_above(s, s->damping, s->external.drag, rate / 1.1));
+  if (s->external.drag == 0) assert_true(sharp.least_rate == 0);
   msim_scene_destroy(scene);
 }
 

@@ -51,13 +51,13 @@ static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, cons
                                const double *damping) {
   const ms_springs *s = &m->model.springs;
   const ms_solver *solver = m->stepper.solver;
-  int alike = !(sim->config.opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH);
+  int is_scalar = !(sim->config.opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH);
   for (int32_t i = 0; i < s->n; i++) {
     const int32_t e = s->spring[i];
-    alike &= (rest ? rest : sim->scene->rest)[e] == 0;
-    alike &= (damping ? damping : sim->scene->damping)[e] == 0;
+    is_scalar &= ms_spring_is_linear((rest ? rest : sim->scene->rest)[e],
+                                     (damping ? damping : sim->scene->damping)[e]);
   }
-  return solver && alike != (solver->system.a.block == 1);
+  return solver && is_scalar != (solver->system.a.block == 1);
 }
 
 /* Write the springs to a copy of the scene that belongs to this sim alone. */

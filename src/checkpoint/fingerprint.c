@@ -75,8 +75,10 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   for (int i = 0; i < MS_SCENE_HASHES; i++)
     list_hash(mark, data, arrays[i].name, sim->scene_hashes[i]);
   list_planes(s, mark, data);
-  list_numbers(mark, data, "gravity", 3, s->gravity);
-  list_numbers(mark, data, "drag", 1, &s->drag);
+  for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
+    const ms_scene_parameter *p = &ms_scene_parameters[i];
+    list_numbers(mark, data, p->key, p->n, ms_scene_get_parameter(s, p));
+  }
 }
 
 /*------------------------------------- options --------------------------------------------------*/

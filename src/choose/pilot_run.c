@@ -7,6 +7,7 @@
 #include "linear/lagged_factor.h"
 #include "sim/step_driver.h"
 #include "sim/step_verification.h"
+#include "physics/external_force.h"
 
 /* Work in evaluations, per island
  *   W = evaluations + assemblies + 1.5 c iterations + (flops factorizations + 16 fill solves)/f,
@@ -276,7 +277,7 @@ static msim_status find_growth(ms_pilot_run *p, double h, msim_error *err) {
 static int is_damped(const ms_scene *scene) {
   for (int32_t e = 0; e < scene->nsprings; e++)
     if (scene->damping[e] > 0) return 1;
-  return scene->drag > 0;
+  return ms_external_has_velocity(&scene->external);
 }
 
 static int32_t count_free_in_scene(const ms_scene *scene) {

@@ -6,6 +6,7 @@
 
 #include "base/vec3.h"
 #include "methods/methods.h"
+#include "physics/external_force.h"
 
 /* Velocities along the normals: particles that are fast enough bounce; all particles reach the
  * plane; all particles keep their distances from it */
@@ -26,7 +27,7 @@ typedef struct contact_solve {
 /* The speed at which a particle with velocity v before the step bounces off a plane; 0: it does
  * not bounce. */
 static double find_rebound(const contact_solve *j, const msim_plane *p, const double v[3]) {
-  const double slow = 2 * j->s->h * ms_vec3_norm(j->s->model->gravity);
+  const double slow = 2 * j->s->h * ms_external_acceleration(&j->s->model->external);
   const double back = -p->restitution * ms_vec3_dot(p->normal, v);
   return j->law == ELASTIC && back > slow ? back : 0;
 }
@@ -178,11 +179,12 @@ static double find_total_energy(const ms_stepper *s, const double *x, const doub
                                 double *rounding) {
   const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
   const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
-  const double *g = s->model->gravity;
+  const ms_external *forces = &s->model->external;
   double mass = 0;
   for (int32_t r = 0; r < s->model->unknowns.nfree; r++) mass += s->model->mass[r];
-  *rounding = 1e-12 * (t.kinetic + t.elastic + mass * ms_vec3_norm(g) * s->events->reach);
-  return t.kinetic + t.elastic - ms_vec3_dot(g, t.moment);
+  *rounding =
+      1e-12 * (t.kinetic + t.elastic + mass * ms_external_acceleration(forces) * s->events->reach);
+  return t.kinetic + t.elastic - ms_external_work(forces, t.moment);
 }
 
 /* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the

@@ -5,6 +5,7 @@
 
 #include "linear/jacobi.h"
 #include "physics/nonlinearity.h"
+#include "physics/external_force.h"
 
 /* The matrix of d, and the line search */
 typedef enum search {
@@ -58,12 +59,12 @@ static void evaluate_residual(newton *n) {
  * larger, as forces may be nearly balanced. A common velocity has no effect on it. */
 static double velocity_change(const newton *n) {
   const ms_model *model = n->s->model;
-  const double *g = model->gravity, *m = model->mass;
+  const double *m = model->mass;
   double mass = 0;
   for (int32_t row = 0; row < n->shape.n; row++) mass += m[row];
   ms_vector_add_scaled(n->shape, n->stage->v, -1, n->s->v, n->from);
   return fmax(newton_norm(n, n->from),
-              n->stage->ah * sqrt(mass * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2])));
+              n->stage->ah * sqrt(mass) * ms_external_acceleration(&model->external));
 }
 
 /* The error of v allowed. Error control may require less than newton.rtol, relative to v itself. */
@@ -199,7 +200,7 @@ static double search_energy(newton *n, int full) {
   const double NEAR = 0.1, CLOSE = 0.2, FAR = 4;
   const ms_model *m = n->s->model;
   const double slope = ms_vector_dot(n->shape, n->b, n->d), size = newton_norm(n, n->d);
-  const double drag = m->features & MS_HAS_DRAG ? n->stage->ah * m->scene->drag : 0;
+  const double drag = ms_external_matrix(&m->external, n->stage->ah);
   const double square = size * size + drag * ms_vector_dot(n->shape, n->d, n->d);
   sample best = {1, reduction(n, 1, slope, square)}, other = {0};
   int left = ms_solver_can_descend(n->s->solver) ? BETTER : 0;

@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "physics/external_force.h"
+
 /* A scene that needs more is faulty. */
 #define MAX_INNER_STEPS 1e6
 
@@ -59,7 +61,8 @@ msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *
   if (!sums) return ms_error_set_memory(err, "the choice of stiff springs");
   find_stiffness_classes(model, class_of);
   const double whole =
-      stability_ratio(h, bounds_between(model, class_of, INT_MIN, INT_MAX, model->drag, sums));
+      stability_ratio(h, bounds_between(model, class_of, INT_MIN, INT_MAX,
+                                        ms_external_damping(&model->external), sums));
   double least = whole < 1 ? 0 : n * ceil(whole);
   for (ms_stiffness_partition at = {.stiffness_class = INT_MAX}; least > 0;) {
     at.stiffness_class =
@@ -67,8 +70,9 @@ msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *
     if (at.nstiff == n) break;
     const double stiff =
         stability_ratio(h, bounds_between(model, class_of, at.stiffness_class, INT_MAX, 0, sums));
-    const double soft = stability_ratio(
-        h, bounds_between(model, class_of, INT_MIN, at.stiffness_class - 1, model->drag, sums));
+    const double soft =
+        stability_ratio(h, bounds_between(model, class_of, INT_MIN, at.stiffness_class - 1,
+                                          ms_external_damping(&model->external), sums));
     const double inner = ceil(2 * stiff), cost = n + inner * at.nstiff;
     if (!(soft < 1 && inner < MAX_INNER_STEPS && cost < least)) continue;
     least = cost;

@@ -2,16 +2,18 @@
 #include <math.h>
 
 #include "methods/methods.h"
+#include "physics/external_force.h"
 
 /* The step without springs, by independent equations, with the drag b:
  *   (m + h b) v' = m v + h m g,  x' = x + h v' */
 static void step_without_springs(ms_stepper *s) {
   const ms_unknowns *rows = &s->model->unknowns;
-  const double *mass = s->model->mass, *g = s->model->scene->gravity, h = s->h;
-  const double drag = s->model->features & MS_HAS_DRAG ? h * s->model->scene->drag : 0;
+  const double *mass = s->model->mass, h = s->h;
+  const double drag = ms_external_matrix(&s->model->external, h);
   for (size_t c = 0; c < (size_t)rows->dims; c++) {
     const size_t at = c * (size_t)rows->stride;
-    const double *restrict x = s->x + at, *restrict v = s->v + at, kick = h * g[rows->axis[c]];
+    const double *restrict x = s->x + at, *restrict v = s->v + at,
+                           kick = h * s->model->external.gravity[rows->axis[c]];
     double *restrict x_next = s->x_next + at, *restrict v_next = s->v_next + at;
     for (int32_t r = 0; r < rows->nfree; r++) {
       v_next[r] = drag > 0 ? mass[r] * (v[r] + kick) / (mass[r] + drag) : v[r] + kick;

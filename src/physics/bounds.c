@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "physics/external_force.h"
 #include "physics/lanczos.h"
 
 /* Disc of particle i: (1/m_i) (sum w + sum of w to free neighbours + b), 0 if pinned; the largest
@@ -73,7 +74,7 @@ static int raise_ratios(const ms_scene *s, uncovered *u) {
   }
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (u[p].k == 0) continue;
-    const double ratio = u[p].k / (u[p].damping + s->drag);
+    const double ratio = u[p].k / (u[p].damping + ms_external_damping(&s->external));
     if (!(ratio > u[p].ratio)) continue;
     u[p].ratio = ratio;
     grown = 1;
@@ -98,19 +99,21 @@ static msim_status bound_ratio(const ms_scene *s, double *bound, msim_error *err
 msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bounds,
                               msim_error *err) {
   const ms_laplacian elastic = {scene, scene->k, 0};
-  const ms_laplacian damped = {scene, scene->damping, scene->drag};
+  const ms_laplacian damped = {scene, scene->damping, ms_external_damping(&scene->external)};
   double omega2;
   msim_status status = bound_largest(&elastic, tight, &omega2, err);
   if (!status) status = bound_largest(&damped, tight, &bounds->rate, err);
   if (!status) status = bound_ratio(scene, &bounds->ratio, err);
   if (status) return status;
   bounds->omega = sqrt(omega2);
-  bounds->least_rate = scene->drag > 0 ? scene->drag / find_largest_mass(scene) : 0;
+  const double b = damped.ground;
+  bounds->least_rate = b > 0 ? b / find_largest_mass(scene) : 0;
   return MSIM_OK;
 }
 
 ms_bounds ms_bounds_compute_island(const ms_model *model) {
   const ms_half_edges *half_edges = &model->half_edges;
+  const double b = ms_external_damping(&model->external);
   double omega2 = 0, rate = 0, heaviest = 0;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
@@ -120,12 +123,10 @@ ms_bounds ms_bounds_compute_island(const ms_model *model) {
       k += ends * half_edges->k[at], c += ends * half_edges->damping[at];
     }
     omega2 = fmax(omega2, k * model->inv_mass[r]);
-    rate = fmax(rate, (c + model->drag) * model->inv_mass[r]);
+    rate = fmax(rate, (c + b) * model->inv_mass[r]);
     heaviest = fmax(heaviest, model->mass[r]);
   }
-  return (ms_bounds){.omega = sqrt(omega2),
-                     .rate = rate,
-                     .least_rate = model->drag > 0 ? model->drag / heaviest : 0};
+  return (ms_bounds){.omega = sqrt(omega2), .rate = rate, .least_rate = b > 0 ? b / heaviest : 0};
 }
 
 double ms_bounds_verlet_limit(const ms_bounds *b) {

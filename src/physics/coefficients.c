@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "physics/external_force.h"
 #include "physics/matrix_kernels.h"
 
 MS_TABLES(ms_matrix_kernels);
@@ -77,7 +78,7 @@ static void apply_coefficients_chunk(void *data, int32_t item) {
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a) {
   const ms_half_edges *half_edges = &model->half_edges;
-  a->drag = model->features & MS_HAS_DRAG ? h * model->scene->drag : 0;
+  a->drag = ms_external_matrix(&model->external, h);
   if (a->block == 1) {
     compute_scalar(model, h, a);
     return;

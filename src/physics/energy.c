@@ -1,6 +1,7 @@
 #include "physics/energy.h"
 
-#include <math.h>
+#include "physics/external_force.h"
+#include "physics/spring_law.h"
 
 static void add_particle_energy(const ms_scene *s, int32_t p, const double *x, const double *v,
                                 msim_energy *e) {
@@ -8,7 +9,7 @@ static void add_particle_energy(const ms_scene *s, int32_t p, const double *x, c
   x += 3 * (size_t)p;
   v += 3 * (size_t)p;
   e->kinetic += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-  e->gravitational -= m * (s->gravity[0] * x[0] + s->gravity[1] * x[1] + s->gravity[2] * x[2]);
+  e->gravitational -= m * ms_external_work(&s->external, x);
   for (int c = 0; c < 3; c++) {
     int a = (c + 1) % 3, b = (c + 2) % 3;
     e->momentum[c] += m * v[c];
@@ -20,8 +21,7 @@ static double elastic_energy_of(const ms_scene *s, int32_t spring, const double 
   const double *a = x + 3 * (size_t)s->ij[2 * (size_t)spring];
   const double *b = x + 3 * (size_t)s->ij[2 * (size_t)spring + 1];
   double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-  double stretch = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) - s->rest[spring];
-  return 0.5 * s->k[spring] * stretch * stretch;
+  return MS_SPRING_ENERGY(s->k[spring], s->rest[spring], ms_vec3_norm(d));
 }
 
 void ms_energy_compute(const ms_scene *scene, const double *x, const double *v,

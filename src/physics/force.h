@@ -3,15 +3,12 @@
 #define MS_FORCE_H
 
 #include "physics/model.h"
+#include "physics/spring_law.h"
 
-/* The smallest normal double. A spring with l^2 below it has no direction; ms_force_compute
- * computes its force with this l^2. */
-#define MS_MIN_LENGTH2 2.2250738585072014e-308
-
-/* f = F(x, v) on the unknowns. With d = x_j - x_i, l = |d|, u = d/l, a spring exerts the force
- * (k (l - L) + c u.(v_j - v_i)) u on i and its opposite on j; l = 0: none. Gravity adds m g, drag
- * -b v. v NULL: without the terms in v. Each row adds up its springs in the order of half_edges.h.
- * The values of f past the unknowns are undefined. */
+/* f = F(x, v) on the unknowns, by spring_law.h and external_force.h; a spring with l = 0 exerts no
+ * force, one with l^2 < MS_MIN_LENGTH2 that of this l^2. v NULL: without the terms in v. Each row
+ * adds up its springs in the order of half_edges.h. The values of f past the unknowns are
+ * undefined. */
 void ms_force_compute(const ms_model *model, const double *x, const double *v, double *f);
 
 /* A constraint of a row by planes, as a penalty: it adds sum weight n n^T + drag (I - sum n n^T) to
@@ -35,7 +32,7 @@ typedef struct ms_constraint {
  * If all rest lengths and dampings are 0, then g = 0, and t depends on h only: A is constant and
  * identical for each component. It is then stored as a scalar matrix, block = 1. */
 typedef struct ms_coefficients {
-  double drag;   /* h b, kg */
+  double drag;   /* that of external forces on the diagonal, kg */
   int32_t block; /* rows of a block: dims, or 1 */
   double *t, *g; /* 8 half_edges.nentries each; g: NULL if block = 1; padding: 0 */
   double *x;     /* positions, a vector; NULL if block = 1 */

@@ -1,11 +1,13 @@
 /* Kernels for forces and the update of the state, compiled once for each instruction set MS_ISA. */
+#include "physics/external_force.h"
 #include "physics/force.h"
-#include "physics/lanes.h"
 #include "physics/fused_step.h"
+#include "physics/lanes.h"
+#include "physics/spring_law.h"
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-/* k (l - L)/l + c (d.dv)/l^2, which times d is the force of a spring. l^2 is at least
+/* What times d is the force of a spring (spring_law.h). l^2 is at least
  * MS_MIN_LENGTH2, so that d = 0 has force 0. l is rounded as the rest lengths of the scene are (no
  * fused multiply-add): the force of a spring at rest length is exactly 0. */
 MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
@@ -13,22 +15,27 @@ MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, 
   ms_lanes l2 = d.c[0] * d.c[0], inverse;
   for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
   const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_MIN_LENGTH2), &inverse);
-  const ms_lanes scale =
-      ms_simd_load(half_edges->k + at) * ((l - ms_simd_load(half_edges->rest + at)) * inverse);
+  const ms_lanes scale = MS_SPRING_FORCE_OVER_LENGTH(
+      ms_simd_load(half_edges->k + at), ms_simd_load(half_edges->rest + at), l, inverse);
   if (!damped) return scale;
   for (int c = 0; c < dims; c++) d.c[c] *= inverse;
   return ms_simd_fma(ms_simd_load(half_edges->damping + at) * ms_dot_vec(dims, d, dv), inverse,
                      scale);
 }
 
-/* m g - b v */
-MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row, const double *v) {
+MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row, const double *x,
+                                         const double *v) {
   const ms_lanes mass = ms_simd_load(m->mass + row);
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_lane_vectors xi = ms_load_vec(dims, x + row, stride);
   ms_lane_vectors f = {{{0}}};
-  for (int c = 0; c < dims; c++) f.c[c] = mass * m->gravity[m->unknowns.axis[c]];
-  if (!v || m->drag == 0) return f;
-  return ms_fma_vec(dims, (ms_lanes){0} - m->drag,
-                    ms_load_vec(dims, v + row, (size_t)m->unknowns.stride), f);
+  for (int c = 0; c < dims; c++)
+    f.c[c] = ms_external_position_force(&m->external, m->unknowns.axis[c], mass, xi.c[c]);
+  if (!v || !ms_external_has_velocity(&m->external)) return f;
+  const ms_lane_vectors vi = ms_load_vec(dims, v + row, stride);
+  for (int c = 0; c < dims; c++)
+    f.c[c] = ms_external_add_velocity_force(&m->external, vi.c[c], f.c[c]);
+  return f;
 }
 
 /* LINEAR: neither rest length nor damping, the force is k d */
@@ -100,7 +107,7 @@ MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, cons
     const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const size_t row = own.row + lane;
-      ms_lane_vectors f = external_force(dims, m, row, p->v);
+      ms_lane_vectors f = external_force(dims, m, row, p->x, p->v);
       if (m->split_row_force)
         f = ms_add_vec(dims, f, ms_load_vec(dims, m->split_row_force + row, stride));
       f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);

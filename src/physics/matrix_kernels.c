@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "physics/lanes.h"
+#include "physics/spring_law.h"
 
 /*------------------------------------- matrix ---------------------------------------------------*/
 
@@ -27,9 +28,9 @@ MS_INLINE void half_edge_coefficients(int damped, ms_lanes inverse, const ms_hal
   const ms_lanes hhk = h * h * ms_simd_load(half_edges->k + at);
   const ms_lanes full = ms_simd_load(half_edges->rest + at) * inverse;
   const ms_lanes ratio = ms_simd_select(full > largest, largest, full);
-  ms_lanes gl2 = hhk * ratio;
+  ms_lanes gl2 = MS_SPRING_STIFFNESS_DIFFERENCE(hhk, ratio);
   if (damped) gl2 += h * ms_simd_load(half_edges->damping + at);
-  *t = hhk * (1 - ratio);
+  *t = MS_SPRING_STIFFNESS_ACROSS(hhk, ratio);
   *g = gl2 * inverse * inverse;
 }
 
@@ -177,8 +178,7 @@ static void multiply_scalar_matrix(const ms_model *model, const ms_coefficients 
 
 /* One register of half-edges. With e = x_j - x_i, l = |e|, q = lambda h (d_j - d_i), a = q.e/l and
  * |e + q| = l + a + more, a spring contributes
- *   k ((a + more)^2/2 + (l - L) more),
- * in which no terms cancel if q is small. */
+ * E(l + a + more) - E(l) - f(l) a. */
 MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *half_edges, size_t at,
                                           ms_lane_vectors e, ms_lane_vectors q) {
   const ms_lanes zero = {0}, inverse = inverse_length(dims, e);
@@ -190,7 +190,7 @@ MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *half_ed
   const ms_lanes more =
       ms_simd_select(ahead, p2 / ms_simd_select(ahead, next + sum, zero + 1), next - sum);
   const ms_lanes k = ms_simd_load(half_edges->k + at), rest = ms_simd_load(half_edges->rest + at);
-  return k * (0.5 * (a + more) * (a + more) + (l - rest) * more);
+  return MS_SPRING_ENERGY_BEYOND(k, rest, l, a, more);
 }
 
 MS_INLINE double sum_nonlinearity_of(int dims, const ms_model *model, const double *x, double h,

@@ -4,23 +4,24 @@
 
 #include "base/isa.h"
 #include "layout/planar.h"
+#include "physics/external_force.h"
+#include "physics/spring_law.h"
 
 static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
   unsigned features = 0;
   if (springs->n) features |= MS_HAS_SPRINGS;
   for (int32_t e = 0; e < springs->n; e++) {
     if (springs->damping[e] > 0) features |= MS_HAS_DAMPING;
-    if (springs->rest[e] > 0 || springs->damping[e] > 0) features |= MS_HAS_DIRECTIONS;
+    if (!ms_spring_is_linear(springs->rest[e], springs->damping[e])) features |= MS_HAS_DIRECTIONS;
   }
-  if (s->drag > 0) features |= MS_HAS_DRAG;
+  if (ms_external_has_velocity(&s->external)) features |= MS_HAS_DRAG;
   if (s->nplanes) features |= MS_HAS_PLANES;
   return features;
 }
 
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
                                    unsigned skip_off, ms_model *model, msim_error *err) {
-  *model = (ms_model){.scene = scene, .drag = scene->drag, .isa = ms_isa_choose()};
-  memcpy(model->gravity, scene->gravity, sizeof model->gravity);
+  *model = (ms_model){.scene = scene, .external = scene->external, .isa = ms_isa_choose()};
   msim_status status =
       ms_layout_create(scene, island, &model->unknowns, &model->springs, &model->half_edges, err);
   if (left_out >= 0) ms_unknowns_drop_axis(&model->unknowns, left_out);
@@ -87,8 +88,7 @@ void ms_model_destroy_subset(ms_model *part) {
 }
 
 void ms_model_keep_springs_only(ms_model *model) {
-  memset(model->gravity, 0, sizeof model->gravity);
-  model->drag = 0;
+  model->external = (ms_external){0};
   model->features &= ~(unsigned)(MS_HAS_DRAG | MS_HAS_PLANES);
 }
 

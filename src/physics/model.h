@@ -24,7 +24,7 @@ typedef struct ms_model {
   ms_half_edges half_edges; /* the same springs as half-edges */
   ms_shape shape;           /* of the unknowns */
   double *mass, *inv_mass;  /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
-  double gravity[3], drag;  /* the scene's: m/s^2, N s/m */
+  ms_external external;     /* the scene's */
   double *split_row_force;  /* a vector: spring forces on split rows; NULL: no row is split */
   int isa;                  /* of the kernels: ms_isa_choose() */
   ms_pool *pool;            /* the sim's; NULL: one thread */

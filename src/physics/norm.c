@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "physics/external_force.h"
 
 /* Sums and extremes over a body */
 typedef struct ms_norm_sums {
@@ -122,7 +123,8 @@ void ms_norm_measure_scales(const ms_model *model, const double *x, const double
   for (int32_t r = 0; r < model->unknowns.nfree; r++)
     add_row_sums(model, x, v, r, &norm->sums[norm->body_of[r]]);
   for (int32_t p = 0; p < norm->n; p++)
-    set_body_scales(&norm->sums[p], ms_vec3_norm(model->gravity), span, &norm->body[p]);
+    set_body_scales(&norm->sums[p], ms_external_acceleration(&model->external), span,
+                    &norm->body[p]);
 }
 
 /*------------------------------------- norms ----------------------------------------------------*/

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "physics/spring_law.h"
 
 /* |k (l - L)| + c |v_j - v_i| >= the magnitude of the force */
 static double bound_force(const ms_model *m, int32_t e, const double *x, const double *v) {
@@ -11,8 +12,8 @@ static double bound_force(const ms_model *m, int32_t e, const double *x, const d
   ms_unknowns_get(&m->unknowns, x, s->i[e], xi), ms_unknowns_get(&m->unknowns, x, s->j[e], xj);
   ms_unknowns_get(&m->unknowns, v, s->i[e], vi), ms_unknowns_get(&m->unknowns, v, s->j[e], vj);
   for (int c = 0; c < 3; c++) d[c] = xj[c] - xi[c], dv[c] = vj[c] - vi[c];
-  const double elastic = fabs(s->k[e] * (ms_vec3_norm(d) - s->rest[e]));
-  return s->damping[e] > 0 ? elastic + s->damping[e] * ms_vec3_norm(dv) : elastic;
+  const double elastic = fabs(MS_SPRING_FORCE(s->k[e], s->rest[e], ms_vec3_norm(d)));
+  return s->damping[e] > 0 ? elastic + MS_DASHPOT_FORCE(s->damping[e], ms_vec3_norm(dv)) : elastic;
 }
 
 int32_t ms_offender_find_spring(const ms_model *model, const double *x, const double *v,

@@ -2,8 +2,8 @@
 
 #include <string.h>
 
-#include "base/vec3.h"
-#include "physics/force.h"
+#include "physics/external_force.h"
+#include "physics/spring_law.h"
 
 /* (k (l - L) + c u.(v_j - v_i)) u on i, the opposite on j */
 static void add_spring_force(const ms_scene *s, size_t e, const double *x, const double *v,
@@ -13,7 +13,9 @@ static void add_spring_force(const ms_scene *s, size_t e, const double *x, const
   for (size_t c = 0; c < 3; c++) d[c] = x[j + c] - x[i + c], dv[c] = v[j + c] - v[i + c];
   const double l2 = ms_vec3_dot(d, d), l = sqrt(l2);
   if (l2 <= MS_MIN_LENGTH2) return;
-  const double pull = (s->k[e] * (l - s->rest[e]) + s->damping[e] * ms_vec3_dot(d, dv) / l) / l;
+  const double pull = (MS_SPRING_FORCE(s->k[e], s->rest[e], l) +
+                       MS_DASHPOT_FORCE(s->damping[e], ms_vec3_dot(d, dv)) / l) /
+                      l;
   for (size_t c = 0; c < 3; c++) f[i + c] += pull * d[c], f[j + c] -= pull * d[c];
 }
 
@@ -21,7 +23,7 @@ void ms_reference_compute_force(const ms_scene *scene, const double *x, const do
                                 double *f) {
   const size_t n = (size_t)scene->nparticles;
   for (size_t i = 0; i < 3 * n; i++)
-    f[i] = scene->mass[i / 3] * scene->gravity[i % 3] - scene->drag * v[i];
+    f[i] = ms_external_force(&scene->external, (int32_t)(i % 3), scene->mass[i / 3], x[i], v[i]);
   for (size_t e = 0; e < (size_t)scene->nsprings; e++) add_spring_force(scene, e, x, v, f);
   for (size_t p = 0; p < n; p++)
     if (scene->pinned[p]) memset(f + 3 * p, 0, 3 * sizeof *f);

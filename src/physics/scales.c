@@ -5,6 +5,7 @@
 
 #include "physics/bounds.h"
 #include "physics/energy.h"
+#include "physics/external_force.h"
 
 /* Longest side of the bounding box; *farthest: the largest magnitude of a coordinate. */
 static double find_extent(int32_t n, const double *x, double *farthest) {
@@ -29,8 +30,7 @@ static double sum_free_mass(const ms_scene *scene) {
 
 msim_status ms_scales_compute(const ms_scene *scene, const double *x, const double *v, double span,
                               ms_scales *scales, msim_error *err) {
-  const double *g3 = scene->gravity;
-  const double g = sqrt(g3[0] * g3[0] + g3[1] * g3[1] + g3[2] * g3[2]);
+  const double g = ms_external_acceleration(&scene->external);
   double farthest;
   ms_bounds bounds;
   msim_energy energy = {.size = sizeof energy};

@@ -1,10 +1,12 @@
 /* Kernels for energy, mass moment and bounding box, compiled once for each instruction set MS_ISA.
  */
 #include "physics/lanes.h"
+#include "physics/spring_law.h"
 #include "physics/totals.h"
 
 typedef struct tally {
-  ms_lanes kinetic, elastic; /* twice the energies */
+  ms_lanes kinetic; /* twice the energy */
+  ms_lanes elastic;
   ms_lane_vectors moment, low, high;
 } tally;
 
@@ -46,7 +48,7 @@ MS_INLINE int has_earlier_neighbours(const ms_half_edges *half_edges, int32_t en
   return start >= 0 && !p.is_split && (size_t)start < p.row;
 }
 
-/* Sums of k (l - L)^2 over the springs of one register of rows */
+/* Sums of the elastic energy of the springs of one register of rows */
 MS_INLINE ms_lanes sum_elastic(int dims, const ms_model *m, int32_t range, ms_slice_range p,
                                size_t lane, const double *x) {
   const size_t stride = (size_t)m->unknowns.stride;
@@ -60,10 +62,9 @@ MS_INLINE ms_lanes sum_elastic(int dims, const ms_model *m, int32_t range, ms_sl
     const ms_mask mine = contributing_lanes(half_edges, entry, p, lane);
     const ms_lane_vectors d =
         ms_subtract_vec(dims, ms_load_neighbours(dims, half_edges, entry, lane, x, stride), xi);
-    const ms_lanes stretch =
-        ms_simd_sqrt(ms_dot_vec(dims, d, d)) - ms_simd_load(half_edges->rest + at);
+    const ms_lanes l = ms_simd_sqrt(ms_dot_vec(dims, d, d));
     const ms_lanes k = ms_simd_select(mine, ms_simd_load(half_edges->k + at), zero);
-    sum = ms_simd_fma(k * stretch, stretch, sum);
+    sum += MS_SPRING_ENERGY(k, ms_simd_load(half_edges->rest + at), l);
   }
   return sum;
 }
@@ -75,8 +76,8 @@ static double sum_over_lanes(ms_lanes v) {
 }
 
 static void write_totals(int dims, const ms_model *m, const tally *t, ms_totals *totals) {
-  *totals = (ms_totals){.kinetic = sum_over_lanes(t->kinetic) / 2,
-                        .elastic = sum_over_lanes(t->elastic) / 2};
+  *totals =
+      (ms_totals){.kinetic = sum_over_lanes(t->kinetic) / 2, .elastic = sum_over_lanes(t->elastic)};
   for (int c = 0; c < dims; c++) {
     const int32_t axis = m->unknowns.axis[c];
     totals->moment[axis] = sum_over_lanes(t->moment.c[c]);

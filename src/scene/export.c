@@ -121,8 +121,12 @@ static void export_all(export_state *e) {
   version->whole = 1;
   append_node(e, MSIM_NODE_WHOLE, 0, &version->whole, "msim");
   append_text(e, e->scene->name, "name");
-  append_array(e, MSIM_NODE_REAL, 3, 1, e->scene->gravity, "gravity");
-  append_node(e, MSIM_NODE_REAL, 0, &e->scene->drag, "drag");
+  for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
+    const ms_scene_parameter *p = &ms_scene_parameters[i];
+    const double *numbers = ms_scene_get_parameter(e->scene, p);
+    if (p->n == 1) append_node(e, MSIM_NODE_REAL, 0, numbers, "%s", p->key);
+    else append_array(e, MSIM_NODE_REAL, p->n, 1, numbers, p->key);
+  }
   export_particles(e);
   export_springs(e);
   export_planes(e);

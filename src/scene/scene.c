@@ -157,8 +157,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   if (s->nsprings) append_springs(c, s->nsprings, s->ij, s->k, s->rest, s->damping);
   if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
   c->nplanes = s->nplanes;
-  memcpy(c->gravity, s->gravity, sizeof s->gravity);
-  c->drag = s->drag;
+  c->external = s->external;
   for (; c->nrun < s->nrun; c->nrun++) {
     ms_run_option *to = &c->run[c->nrun];
     to->name = ms_memory_copy_string(&c->alloc, s->run[c->nrun].name);
@@ -254,7 +253,7 @@ msim_status msim_scene_set_gravity(msim_scene *scene, const double gravity[3], m
   if (check_finite("gravity", 3, 1, gravity, err)) return MSIM_ERR_ARG;
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  memcpy(s->gravity, gravity, sizeof s->gravity);
+  memcpy(s->external.gravity, gravity, sizeof s->external.gravity);
   return ms_error_clear(err);
 }
 
@@ -264,8 +263,20 @@ msim_status msim_scene_set_drag(msim_scene *scene, double drag, msim_error *err)
     return ms_error_set(err, MSIM_ERR_ARG, "drag is %g; it must be a finite number >= 0", drag);
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  s->drag = drag;
+  s->external.drag = drag;
   return ms_error_clear(err);
+}
+
+static msim_status set_drag(msim_scene *scene, const double *drag, msim_error *err) {
+  return msim_scene_set_drag(scene, *drag, err);
+}
+
+const ms_scene_parameter ms_scene_parameters[MS_SCENE_PARAMETERS] = {
+    {"gravity", 3, offsetof(ms_external, gravity), msim_scene_set_gravity},
+    {"drag", 1, offsetof(ms_external, drag), set_drag}};
+
+const double *ms_scene_get_parameter(const ms_scene *scene, const ms_scene_parameter *parameter) {
+  return (const double *)(const void *)((const char *)&scene->external + parameter->offset);
 }
 
 msim_status msim_scene_add_particles(msim_scene *scene, int32_t n, const double *x, const double *v,
@@ -396,21 +407,22 @@ msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const c
 
 void msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
   const ms_scene *s = scene->data;
-  msim_scene_view full = {.size = view->size,
-                          .name = s->name,
-                          .nparticles = s->nparticles,
-                          .nsprings = s->nsprings,
-                          .nplanes = s->nplanes,
-                          .x = s->x,
-                          .v = s->v,
-                          .mass = s->mass,
-                          .pinned = s->pinned,
-                          .ij = s->ij,
-                          .k = s->k,
-                          .rest = s->rest,
-                          .damping = s->damping,
-                          .planes = s->planes,
-                          .gravity = {s->gravity[0], s->gravity[1], s->gravity[2]},
-                          .drag = s->drag};
+  msim_scene_view full = {
+      .size = view->size,
+      .name = s->name,
+      .nparticles = s->nparticles,
+      .nsprings = s->nsprings,
+      .nplanes = s->nplanes,
+      .x = s->x,
+      .v = s->v,
+      .mass = s->mass,
+      .pinned = s->pinned,
+      .ij = s->ij,
+      .k = s->k,
+      .rest = s->rest,
+      .damping = s->damping,
+      .planes = s->planes,
+      .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
+      .drag = s->external.drag};
   memcpy(view, &full, full.size < sizeof full ? full.size : sizeof full);
 }

@@ -15,6 +15,12 @@ typedef struct ms_run_option {
   char *name, *value; /* in the form that msim_options_set takes */
 } ms_run_option;
 
+/* The parameters of forces on particles (physics/external_force.h) */
+typedef struct ms_external {
+  double gravity[3]; /* m/s^2 */
+  double drag;       /* N s/m */
+} ms_external;
+
 typedef struct ms_scene {
   msim_allocator alloc;
   atomic_int references;
@@ -35,7 +41,7 @@ typedef struct ms_scene {
   int32_t nrun, run_capacity;
   ms_run_option *run;
 
-  double gravity[3], drag;
+  ms_external external;
 } ms_scene;
 
 struct msim_scene {
@@ -44,6 +50,20 @@ struct msim_scene {
 
 ms_scene *ms_scene_retain(ms_scene *scene); /* increments the number of references */
 void ms_scene_release(ms_scene *scene);     /* decrements it, frees the data at 0; accepts NULL */
+
+/* A parameter of ms_external: its key in scene files, and its numbers. */
+typedef struct ms_scene_parameter {
+  const char *key;
+  int32_t n; /* 1 or 3 */
+  size_t offset;
+  msim_status (*set)(msim_scene *scene, const double *numbers, msim_error *err);
+} ms_scene_parameter;
+
+enum { MS_SCENE_PARAMETERS = 2 };
+extern const ms_scene_parameter ms_scene_parameters[MS_SCENE_PARAMETERS];
+
+/* The numbers of a parameter in a scene */
+const double *ms_scene_get_parameter(const ms_scene *scene, const ms_scene_parameter *parameter);
 
 /* Get the handle's data for writing: copies them if they are shared, and discards `source`. NULL:
  * out of memory. */

@@ -22,20 +22,15 @@ static msim_status read_name(ms_json_reader *r, const char *path, ms_value value
                                &inner);
 }
 
-static msim_status read_gravity(ms_json_reader *r, const char *path, ms_value value) {
+static msim_status read_parameter(ms_json_reader *r, const char *path, ms_value value) {
   msim_error inner;
-  double gravity[3];
-  msim_status status = ms_json_read_row(r, ms_json_at(path), value, MS_ANY, 3, gravity);
-  if (status) return status;
-  return ms_json_forward_error(r, "", msim_scene_set_gravity(r->scene, gravity, &inner), &inner);
-}
-
-static msim_status read_drag(ms_json_reader *r, const char *path, ms_value value) {
-  msim_error inner;
-  double drag;
-  msim_status status = ms_json_read_number(r, ms_json_at(path), value, MS_NOT_NEGATIVE, &drag);
-  if (status) return status;
-  return ms_json_forward_error(r, "", msim_scene_set_drag(r->scene, drag, &inner), &inner);
+  double numbers[3];
+  const ms_scene_parameter *p = ms_scene_parameters;
+  while (strcmp(p->key, path) != 0) p++;
+  msim_status status = p->n == 1
+                           ? ms_json_read_number(r, ms_json_at(path), value, MS_ANY, numbers)
+                           : ms_json_read_row(r, ms_json_at(path), value, MS_ANY, p->n, numbers);
+  return status ? status : ms_json_forward_error(r, "", p->set(r->scene, numbers, &inner), &inner);
 }
 
 /*------------------------------------- particles ------------------------------------------------*/
@@ -250,8 +245,8 @@ static const struct section {
   const char *key;
   msim_status (*read)(ms_json_reader *r, const char *path, ms_value value);
 } sections[] = {
-    {"msim", read_version},    {"name", read_name},           {"gravity", read_gravity},
-    {"drag", read_drag},       {"particles", read_particles}, {"objects", ms_json_add_objects},
+    {"msim", read_version},    {"name", read_name},           {"gravity", read_parameter},
+    {"drag", read_parameter},  {"particles", read_particles}, {"objects", ms_json_add_objects},
     {"springs", read_springs}, {"planes", read_planes},       {"run", read_run}};
 enum { NSECTIONS = sizeof sections / sizeof *sections };
 

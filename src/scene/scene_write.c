@@ -145,9 +145,13 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   ms_text_append(text, "{\n  \"msim\": 1,\n  \"name\": ");
   status = write_string(text, s->name, err);
   if (status) return status;
-  ms_text_append(text, ",\n  \"gravity\": ");
-  write_numbers(text, 3, 1, s->gravity);
-  ms_text_append(text, ",\n  \"drag\": %s", ms_text_format_double(s->drag).text);
+  for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
+    const ms_scene_parameter *p = &ms_scene_parameters[i];
+    const double *numbers = ms_scene_get_parameter(s, p);
+    ms_text_append(text, ",\n  \"%s\": ", p->key);
+    if (p->n == 1) ms_text_append(text, "%s", ms_text_format_double(*numbers).text);
+    else write_numbers(text, p->n, 1, numbers);
+  }
   write_json_particles(text, s);
   write_json_springs(text, s);
   write_json_planes(text, s);

@@ -8,6 +8,7 @@
 #include "base/vec3.h"
 #include "integrate/method_state.h"
 #include "sim/sim.h"
+#include "physics/external_force.h"
 
 /* The multiple of the bounds that is allowed, and the number of explicit steps between checks */
 enum { ALLOWED = 100, INTERVAL = 160 };
@@ -64,7 +65,7 @@ typedef struct energy_bounds {
 
 static energy_bounds compute_energy_bounds(const msim_sim *sim, const ms_totals *now) {
   const ms_energy_monitor *w = &sim->monitor;
-  const double work = ms_vec3_dot(sim->scene->gravity, now->moment) - w->start_moment_work;
+  const double work = ms_external_work(&sim->scene->external, now->moment) - w->start_moment_work;
   const double bound = w->start_bound + fmax(0, work), most = fmax(w->energy_bound, bound);
   const double speed = w->least_mass > 0 ? sqrt(2 * most / w->least_mass) : 0;
   return (energy_bounds){bound, w->extent + 2 * (time_of(sim) - w->t0) * speed, most};
@@ -154,7 +155,8 @@ static void keep_good_state(msim_sim *sim) {
 void ms_energy_monitor_start(msim_sim *sim) {
   if (!monitor_is_on(sim)) return;
   ms_energy_monitor *w = &sim->monitor;
-  const double *g3 = sim->scene->gravity, g = ms_vec3_norm(g3), h = sim->run.h;
+  const ms_external *forces = &sim->scene->external;
+  const double g = ms_external_acceleration(forces), h = sim->run.h;
   for (int32_t i = 0; i < sim->nislands; i++) sim->islands[i].last_good.at_rest = 0;
   ms_totals now = measure_totals(sim);
   const scene_facts f = collect_facts(sim, &now);
@@ -162,7 +164,7 @@ void ms_energy_monitor_start(msim_sim *sim) {
   w->extent = extent_of(&now);
   w->least_mass = f.least;
   w->t0 = time_of(sim);
-  w->start_moment_work = ms_vec3_dot(g3, now.moment);
+  w->start_moment_work = ms_external_work(forces, now.moment);
   w->start_bound = now.kinetic + now.elastic +
                    f.mass * g * (fmax(w->extent, f.height) + g * h * h) + f.stiffness * d * d / 2;
   w->energy_bound = w->start_bound;

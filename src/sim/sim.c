@@ -7,6 +7,7 @@
 #include "methods/methods.h"
 #include "contact/planes.h"
 #include "sim/step_driver.h"
+#include "physics/external_force.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -88,7 +89,7 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
                         "reflect: take force-gradient",
                         name);
   if (!sim->config.integrator->separable) return MSIM_OK;
-  if (scene->drag > 0)
+  if (ms_external_has_velocity(&scene->external))
     return ms_error_set(err, MSIM_ERR_ARG,
                         "integrator '%s' takes forces of positions alone: no drag", name);
   for (int32_t e = 0; e < scene->nsprings; e++)

@@ -6,6 +6,7 @@
 #include "contact/contact_set.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
+#include "physics/external_force.h"
 
 /* Steps between two checks of energy */
 enum { ENERGY_INTERVAL = 512 };
@@ -57,7 +58,7 @@ static double find_turn(const ms_stepper *s) {
   for (int32_t e = 0; e < springs->n; e++) {
     const size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
     double before = 0, after = 0, both = 0;
-    if (springs->rest[e] == 0 && springs->damping[e] == 0) continue;
+    if (ms_spring_is_linear(springs->rest[e], springs->damping[e])) continue;
     for (size_t at = 0; at < dims * stride; at += stride) {
       const double from = s->x[at + j] - s->x[at + i], to = s->x_next[at + j] - s->x_next[at + i];
       before += from * from, after += to * to, both += from * to;
@@ -300,7 +301,8 @@ static double find_plane_distance(const msim_sim *sim, double *speed) {
 /* The number of steps of h before a plane can be met: gap/(2 h (v + g h)); speeds may double */
 static double count_steps_to_plane(const msim_sim *sim, double h) {
   double speed;
-  const double gap = find_plane_distance(sim, &speed), g = ms_vec3_norm(sim->scene->gravity);
+  const double gap = find_plane_distance(sim, &speed),
+               g = ms_external_acceleration(&sim->scene->external);
   return gap / (2 * h * (fmax(speed, sim->config.choice.verification.scales.speed) + g * h));
 }
 

@@ -14,7 +14,7 @@ static void check_round_trip(msim_scene *scene, const msim_allocator *alloc) {
   msim_scene *again;
   ms_text first = {.alloc = alloc}, second = {.alloc = alloc};
   double gravity[3];
-  memcpy(gravity, scene->data->gravity, sizeof gravity);
+  memcpy(gravity, scene->data->external.gravity, sizeof gravity);
   if (msim_scene_set_gravity(scene, gravity, &err) == MSIM_OK &&
       ms_scene_write_json(scene->data, &first, &err) == MSIM_OK) {
     msim_status status = msim_scene_parse(alloc, "again", first.data, first.length, &again, &err);
