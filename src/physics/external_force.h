@@ -37,6 +37,11 @@ static inline double ms_external_damping(const ms_external *e) { return e->drag;
 /* What a diagonal element of A = M - h D - h^2 J contains beside m and springs, kg */
 static inline double ms_external_matrix(const ms_external *e, double h) { return h * e->drag; }
 
+/* The potential energy of a particle, J */
+static inline double ms_external_energy(const ms_external *e, double mass, const double x[3]) {
+  return -(mass * ms_vec3_dot(e->gravity, x));
+}
+
 /* The sum of m g.x (J) over particles with sum m x = moment: minus their potential energy */
 static inline double ms_external_work(const ms_external *e, const double moment[3]) {
   return ms_vec3_dot(e->gravity, moment);

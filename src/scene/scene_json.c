@@ -22,11 +22,12 @@ static msim_status read_name(ms_json_reader *r, const char *path, ms_value value
                                &inner);
 }
 
-static msim_status read_parameter(ms_json_reader *r, const char *path, ms_value value) {
+static msim_status read_parameter(ms_json_reader *r, const ms_scene_parameter *p, ms_value root) {
   msim_error inner;
   double numbers[3];
-  const ms_scene_parameter *p = ms_scene_parameters;
-  while (strcmp(p->key, path) != 0) p++;
+  const char *path = p->key;
+  const ms_value value = ms_value_member(root, path);
+  if (!value.json) return MSIM_OK;
   msim_status status = p->n == 1
                            ? ms_json_read_number(r, ms_json_at(path), value, MS_ANY, numbers)
                            : ms_json_read_row(r, ms_json_at(path), value, MS_ANY, p->n, numbers);
@@ -244,22 +245,28 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 static const struct section {
   const char *key;
   msim_status (*read)(ms_json_reader *r, const char *path, ms_value value);
-} sections[] = {
-    {"msim", read_version},    {"name", read_name},           {"gravity", read_parameter},
-    {"drag", read_parameter},  {"particles", read_particles}, {"objects", ms_json_add_objects},
-    {"springs", read_springs}, {"planes", read_planes},       {"run", read_run}};
+} sections[] = {{"msim", read_version},
+                {"name", read_name},
+                {"particles", read_particles},
+                {"objects", ms_json_add_objects},
+                {"springs", read_springs},
+                {"planes", read_planes},
+                {"run", read_run}};
 enum { NSECTIONS = sizeof sections / sizeof *sections };
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {
-  const char *keys[NSECTIONS + 1] = {NULL};
+  const char *keys[NSECTIONS + MS_SCENE_PARAMETERS + 1] = {NULL};
   ms_value version;
   for (int i = 0; i < NSECTIONS; i++) keys[i] = sections[i].key;
+  for (int i = 0; i < MS_SCENE_PARAMETERS; i++) keys[NSECTIONS + i] = ms_scene_parameters[i].key;
   if (!json_is_object(root.json)) return ms_json_refuse(r, ms_json_at(""), root, "an object");
   /* check the version first: another version may have other keys */
   msim_status status =
       ms_json_require(r, "", root, sections[0].key, "1, the version of the format", &version);
   if (!status) status = read_version(r, sections[0].key, version);
   if (!status) status = ms_json_check_keys(r, "", root, keys);
+  for (int i = 0; i < MS_SCENE_PARAMETERS && !status; i++)
+    status = read_parameter(r, &ms_scene_parameters[i], root);
   for (int i = 1; i < NSECTIONS && !status; i++) {
     ms_value value = ms_value_member(root, sections[i].key);
     if (value.json) status = sections[i].read(r, sections[i].key, value);
