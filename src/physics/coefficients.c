@@ -43,36 +43,24 @@ static void compute_scalar(const ms_model *model, double h, ms_coefficients *a) 
   }
 }
 
-/* One call of a kernel for all slice ranges, by all threads. */
-typedef struct coefficients_job {
-  const ms_model *model;
-  ms_coefficients *a;
-  const double *x;
-  double *y;
-  double h, share; /* share: factor of the masses, 1 or 0 */
-  int clamp;
-  int32_t components;
-} coefficients_job;
-
 /* Slice ranges in an item of work: some 10 us. */
 enum { SLICE_RANGES_PER_JOB_ITEM = 64 };
 
 static void compute_coefficients_chunk(void *data, int32_t item) {
-  const coefficients_job *j = data;
+  const ms_coefficients_job *j = data;
   ms_matrix_kernels_of[j->model->isa]->coefficients(
-      j->model, j->x, j->h, j->clamp, j->a, SLICE_RANGES_PER_JOB_ITEM * item,
+      j, SLICE_RANGES_PER_JOB_ITEM * item,
       ms_half_edges_chunk_end(&j->model->half_edges, SLICE_RANGES_PER_JOB_ITEM, item));
 }
 
 static void apply_coefficients_chunk(void *data, int32_t item) {
-  const coefficients_job *j = data;
+  const ms_product_job *j = data;
   const ms_matrix_kernels *kernels = ms_matrix_kernels_of[j->model->isa];
-  const int32_t begin = SLICE_RANGES_PER_JOB_ITEM * item,
-                end =
-                    ms_half_edges_chunk_end(&j->model->half_edges, SLICE_RANGES_PER_JOB_ITEM, item);
-  if (j->a->block == 1)
-    kernels->apply_scalar(j->model, j->a, j->share, j->components, j->x, j->y, begin, end);
-  else kernels->apply(j->model, j->a, j->share, j->x, j->y, begin, end);
+  const int32_t begin = SLICE_RANGES_PER_JOB_ITEM * item;
+  const int32_t end =
+      ms_half_edges_chunk_end(&j->model->half_edges, SLICE_RANGES_PER_JOB_ITEM, item);
+  if (j->a->block == 1) kernels->apply_scalar(j, begin, end);
+  else kernels->apply(j, begin, end);
 }
 
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
@@ -84,7 +72,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
     return;
   }
   memcpy(a->x, x, (size_t)model->unknowns.dims * (size_t)model->unknowns.stride * sizeof *x);
-  coefficients_job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
+  ms_coefficients_job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
   ms_pool_run(model->pool, compute_coefficients_chunk, &j,
               ms_half_edges_count_chunks(half_edges, SLICE_RANGES_PER_JOB_ITEM));
   ms_half_edges_add_part_sums(half_edges, (int32_t)ms_coefficients_diagonal_size((size_t)a->block),
@@ -144,12 +132,8 @@ double ms_coefficients_apply_constraints(const ms_model *model, const ms_coeffic
 static void apply_coefficients(const ms_model *model, const ms_coefficients *a, double share,
                                int32_t components, const double *x, double *y) {
   const size_t stride = (size_t)model->unknowns.stride, end = (size_t)model->unknowns.first_pinned;
-  coefficients_job j = {.model = model,
-                        .a = (ms_coefficients *)a,
-                        .x = x,
-                        .y = y,
-                        .share = share,
-                        .components = components};
+  ms_product_job j = {
+      .model = model, .a = a, .x = x, .y = y, .share = share, .components = components};
   ms_pool_run(model->pool, apply_coefficients_chunk, &j,
               ms_half_edges_count_chunks(&model->half_edges, SLICE_RANGES_PER_JOB_ITEM));
   ms_half_edges_add_part_sums(&model->half_edges, components, stride, y);

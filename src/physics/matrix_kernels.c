@@ -50,13 +50,15 @@ MS_INLINE void add_diagonal_block(int dims, ms_lanes t, ms_lanes g, ms_lane_vect
 /* Entries whose roots are computed ahead of what depends on them, to keep the divider busy */
 enum { ENTRIES_AHEAD = 16 };
 
-MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_model *model, const double *x,
-                                       double h, int clamp, ms_coefficients *a, int32_t begin,
-                                       int32_t end) {
+MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_coefficients_job *j,
+                                       int32_t begin, int32_t end) {
+  const ms_model *model = j->model;
+  const ms_coefficients *a = j->a;
+  const double *x = j->x, h = j->h;
   const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
   const ms_half_edges local = model->half_edges, *half_edges = &local; /* stores cannot change it */
   double *to_t = a->t, *to_g = a->g;
-  const double largest_ratio = clamp ? 1 : INFINITY;
+  const double largest_ratio = j->clamp ? 1 : INFINITY;
   for (int32_t s = begin; s < end; s++) {
     const ms_slice_range p = ms_slice_range_at(half_edges, s, a->diagonal, sd);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
@@ -92,15 +94,14 @@ MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_model *mod
   }
 }
 
-static void compute_coefficients(const ms_model *model, const double *x, double h, int clamp,
-                                 ms_coefficients *a, int32_t begin, int32_t end) {
-  const int damped = (model->features & MS_HAS_DAMPING) != 0;
-  if (model->unknowns.dims == 3) {
-    if (damped) compute_coefficients_of(3, 1, model, x, h, clamp, a, begin, end);
-    else compute_coefficients_of(3, 0, model, x, h, clamp, a, begin, end);
+static void compute_coefficients(const ms_coefficients_job *j, int32_t begin, int32_t end) {
+  const int damped = (j->model->features & MS_HAS_DAMPING) != 0;
+  if (j->model->unknowns.dims == 3) {
+    if (damped) compute_coefficients_of(3, 1, j, begin, end);
+    else compute_coefficients_of(3, 0, j, begin, end);
   } else {
-    if (damped) compute_coefficients_of(2, 1, model, x, h, clamp, a, begin, end);
-    else compute_coefficients_of(2, 0, model, x, h, clamp, a, begin, end);
+    if (damped) compute_coefficients_of(2, 1, j, begin, end);
+    else compute_coefficients_of(2, 0, j, begin, end);
   }
 }
 
@@ -108,9 +109,11 @@ static void compute_coefficients(const ms_model *model, const double *x, double 
 
 /* y_i = (share m_i + h b) x_i + sum over half-edges of (t I + g d d^T)(x_i - x_j): for a common
  * translation the sum is exactly 0. */
-MS_INLINE void multiply_matrix_of(int dims, const ms_model *model, const ms_coefficients *a,
-                                  double share, const double *x, double *y, int32_t begin,
-                                  int32_t end) {
+MS_INLINE void multiply_matrix_of(int dims, const ms_product_job *j, int32_t begin, int32_t end) {
+  const ms_model *model = j->model;
+  const ms_coefficients *a = j->a;
+  const double share = j->share, *x = j->x;
+  double *y = j->y;
   const size_t stride = (size_t)model->unknowns.stride;
   const ms_half_edges *half_edges = &model->half_edges;
   for (int32_t s = begin; s < end; s++) {
@@ -136,16 +139,18 @@ MS_INLINE void multiply_matrix_of(int dims, const ms_model *model, const ms_coef
   }
 }
 
-static void multiply_matrix(const ms_model *model, const ms_coefficients *a, double share,
-                            const double *x, double *y, int32_t begin, int32_t end) {
-  if (model->unknowns.dims == 3) multiply_matrix_of(3, model, a, share, x, y, begin, end);
-  else multiply_matrix_of(2, model, a, share, x, y, begin, end);
+static void multiply_matrix(const ms_product_job *j, int32_t begin, int32_t end) {
+  if (j->model->unknowns.dims == 3) multiply_matrix_of(3, j, begin, end);
+  else multiply_matrix_of(2, j, begin, end);
 }
 
 /* y_i = (share m_i + h b) x_i + sum of t (x_i - x_j), for each component */
-MS_INLINE void multiply_scalar_matrix_of(int dims, const ms_model *model, const ms_coefficients *a,
-                                         double share, const double *x, double *y, int32_t begin,
+MS_INLINE void multiply_scalar_matrix_of(int dims, const ms_product_job *j, int32_t begin,
                                          int32_t end) {
+  const ms_model *model = j->model;
+  const ms_coefficients *a = j->a;
+  const double share = j->share, *x = j->x;
+  double *y = j->y;
   const size_t stride = (size_t)model->unknowns.stride;
   const ms_half_edges *half_edges = &model->half_edges;
   for (int32_t s = begin; s < end; s++) {
@@ -166,12 +171,10 @@ MS_INLINE void multiply_scalar_matrix_of(int dims, const ms_model *model, const 
   }
 }
 
-static void multiply_scalar_matrix(const ms_model *model, const ms_coefficients *a, double share,
-                                   int32_t components, const double *x, double *y, int32_t begin,
-                                   int32_t end) {
-  if (components == 3) multiply_scalar_matrix_of(3, model, a, share, x, y, begin, end);
-  else if (components == 2) multiply_scalar_matrix_of(2, model, a, share, x, y, begin, end);
-  else multiply_scalar_matrix_of(1, model, a, share, x, y, begin, end);
+static void multiply_scalar_matrix(const ms_product_job *j, int32_t begin, int32_t end) {
+  if (j->components == 3) multiply_scalar_matrix_of(3, j, begin, end);
+  else if (j->components == 2) multiply_scalar_matrix_of(2, j, begin, end);
+  else multiply_scalar_matrix_of(1, j, begin, end);
 }
 
 /*------------------------------------- energy ---------------------------------------------------*/
@@ -193,8 +196,10 @@ MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *half_ed
   return MS_SPRING_ENERGY_BEYOND(k, rest, l, a, more);
 }
 
-MS_INLINE double sum_nonlinearity_of(int dims, const ms_model *model, const double *x, double h,
-                                     const double *d, double lambda, int32_t begin, int32_t end) {
+MS_INLINE double sum_nonlinearity_of(int dims, const ms_nonlinearity_job *j, int32_t begin,
+                                     int32_t end) {
+  const ms_model *model = j->model;
+  const double *x = j->x, *d = j->d;
   const size_t stride = (size_t)model->unknowns.stride;
   const ms_half_edges *half_edges = &model->half_edges;
   double sums[MS_SLICE] = {0};
@@ -209,7 +214,7 @@ MS_INLINE double sum_nonlinearity_of(int dims, const ms_model *model, const doub
         const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
         ms_lane_vectors q =
             ms_subtract_vec(dims, ms_load_neighbours(dims, half_edges, entry, lane, d, stride), di);
-        for (int c = 0; c < dims; c++) q.c[c] *= lambda * h;
+        for (int c = 0; c < dims; c++) q.c[c] *= j->lambda * j->h;
         double share[MS_LANES];
         for (size_t i = 0; i < MS_LANES; i++)
           share[i] = half_edges->neighbour[at + i] < model->unknowns.first_pinned ? 0.5 : 1;
@@ -223,10 +228,9 @@ MS_INLINE double sum_nonlinearity_of(int dims, const ms_model *model, const doub
   return ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]));
 }
 
-static double sum_nonlinearity(const ms_model *model, const double *x, double h, const double *d,
-                               double lambda, int32_t begin, int32_t end) {
-  return model->unknowns.dims == 3 ? sum_nonlinearity_of(3, model, x, h, d, lambda, begin, end)
-                                   : sum_nonlinearity_of(2, model, x, h, d, lambda, begin, end);
+static double sum_nonlinearity(const ms_nonlinearity_job *j, int32_t begin, int32_t end) {
+  return j->model->unknowns.dims == 3 ? sum_nonlinearity_of(3, j, begin, end)
+                                      : sum_nonlinearity_of(2, j, begin, end);
 }
 
 const ms_matrix_kernels MS_TABLE(ms_matrix_kernels) = {compute_coefficients, multiply_matrix,

@@ -4,25 +4,23 @@
 
 MS_TABLES(ms_matrix_kernels);
 
-typedef struct nonlinearity_job {
-  const ms_model *model;
-  const double *x, *d;
-  double h, lambda;
+typedef struct sums_job {
+  ms_nonlinearity_job of;
   int32_t chunk; /* slice ranges in an item of work */
   double *sums;  /* one per item */
-} nonlinearity_job;
+} sums_job;
 
 static void sum_nonlinearity_chunk(void *data, int32_t item) {
-  const nonlinearity_job *j = data;
-  j->sums[item] = ms_matrix_kernels_of[j->model->isa]->nonlinearity(
-      j->model, j->x, j->h, j->d, j->lambda, j->chunk * item,
-      ms_half_edges_chunk_end(&j->model->half_edges, j->chunk, item));
+  const sums_job *j = data;
+  const ms_model *model = j->of.model;
+  j->sums[item] = ms_matrix_kernels_of[model->isa]->nonlinearity(
+      &j->of, j->chunk * item, ms_half_edges_chunk_end(&model->half_edges, j->chunk, item));
 }
 
 double ms_nonlinearity_compute(const ms_model *model, const double *x, double h, const double *d,
                                double lambda, double *work) {
   enum { CHUNK = 64 };
-  nonlinearity_job j = {model, x, d, h, lambda, CHUNK, work};
+  sums_job j = {{model, x, d, h, lambda}, CHUNK, work};
   double sum = 0;
   while (ms_half_edges_count_chunks(&model->half_edges, j.chunk) > model->unknowns.stride)
     j.chunk *= 2;

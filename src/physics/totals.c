@@ -7,19 +7,10 @@ MS_TABLES(ms_totals_kernels);
 /* Slice ranges in an item of work. */
 enum { CHUNK = 64 };
 
-typedef struct totals_job {
-  const ms_model *model;
-  const double *x, *v;
-  const ms_totals_copy *copy;
-  ms_totals *parts;
-} totals_job;
-
 static void compute_totals_chunk(void *data, int32_t item) {
-  const totals_job *j = data;
-  const ms_totals_kernels *kernels = ms_totals_kernels_of[j->model->isa];
-  kernels->slice_ranges(j->model, j->x, j->v, j->copy, CHUNK * item,
-                        ms_half_edges_chunk_end(&j->model->half_edges, CHUNK, item),
-                        &j->parts[item]);
+  const ms_totals_job *j = data;
+  j->parts[item] = ms_totals_kernels_of[j->model->isa]->slice_ranges(
+      j, CHUNK * item, ms_half_edges_chunk_end(&j->model->half_edges, CHUNK, item));
 }
 
 int32_t ms_totals_count_parts(const ms_model *model) {
@@ -43,7 +34,7 @@ void ms_totals_add(const ms_totals *more, ms_totals *to) {
 
 ms_totals ms_totals_compute(const ms_model *model, const double *x, const double *v,
                             const ms_totals_copy *copy, ms_totals *parts) {
-  totals_job j = {.model = model, .x = x, .v = v, .copy = copy, .parts = parts};
+  ms_totals_job j = {.model = model, .x = x, .v = v, .copy = copy, .parts = parts};
   ms_totals sum = ms_totals_identity();
   ms_pool_run(model->pool, compute_totals_chunk, &j, ms_totals_count_parts(model));
   for (int32_t i = 0; i < ms_totals_count_parts(model); i++) ms_totals_add(&parts[i], &sum);

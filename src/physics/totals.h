@@ -31,10 +31,16 @@ void ms_totals_add(const ms_totals *more, ms_totals *to);
 /* Identity of ms_totals_add. */
 ms_totals ms_totals_identity(void);
 
+typedef struct ms_totals_job {
+  const ms_model *model;
+  const double *x, *v;
+  const ms_totals_copy *copy;
+  ms_totals *parts;
+} ms_totals_job;
+
 /* One table for each instruction set: totals of the slice ranges [begin, end). */
 typedef struct ms_totals_kernels {
-  void (*slice_ranges)(const ms_model *model, const double *x, const double *v,
-                       const ms_totals_copy *copy, int32_t begin, int32_t end, ms_totals *totals);
+  ms_totals (*slice_ranges)(const ms_totals_job *job, int32_t begin, int32_t end);
 } ms_totals_kernels;
 
 #endif

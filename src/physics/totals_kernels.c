@@ -11,15 +11,15 @@ typedef struct tally {
 } tally;
 
 /* Add the rows of one register; padding has inverse mass 0. */
-MS_INLINE void add_rows(int dims, const ms_model *m, size_t row, const double *x, const double *v,
-                        const ms_totals_copy *copy, tally *t) {
+MS_INLINE void add_rows(int dims, const ms_totals_job *j, size_t row, tally *t) {
+  const ms_model *m = j->model;
   const size_t stride = (size_t)m->unknowns.stride;
   const ms_lanes mass = ms_simd_load(m->mass + row);
   const ms_mask there = ms_simd_load(m->inv_mass + row) > 0;
-  const ms_lane_vectors xi = ms_load_vec(dims, x + row, stride),
-                        vi = ms_load_vec(dims, v + row, stride);
-  ms_store_vec(dims, copy->x + row, stride, xi);
-  ms_store_vec(dims, copy->v + row, stride, vi);
+  const ms_lane_vectors xi = ms_load_vec(dims, j->x + row, stride),
+                        vi = ms_load_vec(dims, j->v + row, stride);
+  ms_store_vec(dims, j->copy->x + row, stride, xi);
+  ms_store_vec(dims, j->copy->v + row, stride, vi);
   t->kinetic = ms_simd_fma(mass, ms_dot_vec(dims, vi, vi), t->kinetic);
   t->moment = ms_fma_vec(dims, mass, xi, t->moment);
   for (int c = 0; c < dims; c++) {
@@ -75,42 +75,41 @@ static double sum_over_lanes(ms_lanes v) {
   return sum;
 }
 
-static void write_totals(int dims, const ms_model *m, const tally *t, ms_totals *totals) {
-  *totals =
-      (ms_totals){.kinetic = sum_over_lanes(t->kinetic) / 2, .elastic = sum_over_lanes(t->elastic)};
+static ms_totals sum_tally(int dims, const ms_model *m, const tally *t) {
+  ms_totals totals = {.kinetic = sum_over_lanes(t->kinetic) / 2,
+                      .elastic = sum_over_lanes(t->elastic)};
   for (int c = 0; c < dims; c++) {
     const int32_t axis = m->unknowns.axis[c];
-    totals->moment[axis] = sum_over_lanes(t->moment.c[c]);
-    totals->low[axis] = t->low.c[c][0], totals->high[axis] = t->high.c[c][0];
+    totals.moment[axis] = sum_over_lanes(t->moment.c[c]);
+    totals.low[axis] = t->low.c[c][0], totals.high[axis] = t->high.c[c][0];
     for (int l = 1; l < MS_LANES; l++) {
-      totals->low[axis] = fmin(totals->low[axis], t->low.c[c][l]);
-      totals->high[axis] = fmax(totals->high[axis], t->high.c[c][l]);
+      totals.low[axis] = fmin(totals.low[axis], t->low.c[c][l]);
+      totals.high[axis] = fmax(totals.high[axis], t->high.c[c][l]);
     }
   }
+  return totals;
 }
 
-MS_INLINE void compute_totals_of(int dims, const ms_model *m, const double *x, const double *v,
-                                 const ms_totals_copy *copy, int32_t begin, int32_t end,
-                                 ms_totals *totals) {
+MS_INLINE ms_totals compute_totals_of(int dims, const ms_totals_job *j, int32_t begin,
+                                      int32_t end) {
+  const ms_model *m = j->model;
   tally t = {0};
   for (int c = 0; c < dims; c++) t.low.c[c] += INFINITY, t.high.c[c] -= INFINITY;
   for (int32_t range = begin; range < end; range++) {
-    const int is_group = range < m->half_edges.nslices;
-    const ms_slice_range p = is_group ? (ms_slice_range){.row = MS_SLICE * (size_t)range}
+    const int is_slice = range < m->half_edges.nslices;
+    const ms_slice_range p = is_slice ? (ms_slice_range){.row = MS_SLICE * (size_t)range}
                                       : ms_slice_range_at(&m->half_edges, range, NULL, 0);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      if (is_group) add_rows(dims, m, p.row + lane, x, v, copy, &t);
-      t.elastic += sum_elastic(dims, m, range, p, lane, x);
+      if (is_slice) add_rows(dims, j, p.row + lane, &t);
+      t.elastic += sum_elastic(dims, m, range, p, lane, j->x);
     }
   }
-  write_totals(dims, m, &t, totals);
+  return sum_tally(dims, m, &t);
 }
 
-static void compute_totals(const ms_model *m, const double *x, const double *v,
-                           const ms_totals_copy *copy, int32_t begin, int32_t end,
-                           ms_totals *totals) {
-  if (m->unknowns.dims == 3) compute_totals_of(3, m, x, v, copy, begin, end, totals);
-  else compute_totals_of(2, m, x, v, copy, begin, end, totals);
+static ms_totals compute_totals(const ms_totals_job *j, int32_t begin, int32_t end) {
+  return j->model->unknowns.dims == 3 ? compute_totals_of(3, j, begin, end)
+                                      : compute_totals_of(2, j, begin, end);
 }
 
 const ms_totals_kernels MS_TABLE(ms_totals_kernels) = {compute_totals};
