@@ -17,7 +17,7 @@ msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, ms
 /* Start a run by a method chosen for that state; on failure the old method stays. */
 static msim_status restart_with_choice(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_config before = sim->config;
-  msim_status status = ms_method_choice_make(sim, 0, state->t, state->x, state->v, err);
+  msim_status status = ms_method_choice_make(sim, 0, state, err);
   if (!status) status = ms_sim_start(sim, state, err);
   if (status) sim->config = before;
   return status;
@@ -34,7 +34,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
 
 /* Choose a method for impacts. The grid of steps and frames stays: its step is divided. */
 static msim_status choose_for_planes(msim_sim *sim, const msim_state *now, msim_error *err) {
-  msim_status status = ms_method_choice_make(sim, 1, now->t, now->x, now->v, err);
+  msim_status status = ms_method_choice_make(sim, 1, now, err);
   if (status) return status;
   sim->config.choice.substeps = (int64_t)fmax(1, ceil(sim->run.h / sim->config.opt.h - 1e-9));
   sim->config.opt.h = sim->run.h;

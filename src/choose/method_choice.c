@@ -123,7 +123,8 @@ static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
   const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->planes_count;
   return (ms_trial){.method = c->method == &ms_verlet ? &ms_velocity_verlet : c->method,
                     .collision = c->collision,
-                    .order = reflects ? 1 : c->method->entry.order};
+                    .order = reflects ? 1 : c->method->entry.order,
+                    .h = c->h};
 }
 
 /* Errors of takahashi-imada depend more on fast modes than those of other methods, and fast modes
@@ -132,7 +133,7 @@ static msim_status measure_error(ms_pilot_run *p, ms_candidate *c, msim_error *e
   const double ROUGHER = 4;
   const ms_trial trial = make_trial(p, c);
   double price;
-  msim_status status = ms_pilot_run_try_method(p, &trial, c->h, &c->error, &price, err);
+  msim_status status = ms_pilot_run_try_method(p, &trial, &c->error, &price, err);
   if (c->method == &ms_takahashi_imada) c->error *= ROUGHER;
   if (c->collision == MSIM_COLLISION_EVENT) c->step_cost = fmax(c->step_cost, price);
   return status;
@@ -367,7 +368,7 @@ static msim_status set_verification(ms_pilot_run *p, const ms_candidate *c, ms_s
   if (v->only_events) v->allowed = p->tol / MS_EVENTS_PER_RUN;
   if (v->only_events) return MSIM_OK;
   const ms_trial trial = make_trial(p, c);
-  msim_status status = ms_pilot_run_measure_steps(p, &trial, c->h, n, s, err);
+  msim_status status = ms_pilot_run_measure_steps(p, &trial, n, s, err);
   if (status) return status;
   const double share = p->tol * c->h / p->span;
   const double foreseen = fmax(c->error / p->error_growth, DBL_MIN);
@@ -422,12 +423,12 @@ static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_cho
                                            .warned = sim->config.step_limit.warned};
 }
 
-msim_status ms_method_choice_make(msim_sim *sim, int late, double t0, const double *x,
-                                  const double *v, msim_error *err) {
+msim_status ms_method_choice_make(msim_sim *sim, int late, const msim_state *start,
+                                  msim_error *err) {
   ms_method_choice s = {
       .tol = sim->config.choice.tol, .collision = sim->config.choice.collision, .substeps = 1};
   ms_pilot_run p;
-  msim_status status = ms_pilot_run_begin(sim, s.tol, late, t0, x, v, &p, err);
+  msim_status status = ms_pilot_run_begin(sim, s.tol, late, start, &p, err);
   if (!status) status = choose_method(&p, &s, err);
   if (!status) use_choice(sim, &p, &s);
   ms_pilot_run_end(&p);

@@ -23,11 +23,11 @@
 
 #include "sim/sim.h"
 
-/* Choose a method for the run from x, v (3n, in particle order) at t0: a pure function of scene,
- * options and that state. late: the run has begun before, and planes count. Sets the method, and
- * tol or h, as if they had been requested; on failure nothing changes. */
-msim_status ms_method_choice_make(msim_sim *sim, int late, double t0, const double *x,
-                                  const double *v, msim_error *err);
+/* Choose a method for the run from `start` on: a pure function of scene, options and that state.
+ * late: the run has begun before, and planes count. Sets the method, and tol or h, as if they had
+ * been requested; on failure nothing changes. */
+msim_status ms_method_choice_make(msim_sim *sim, int late, const msim_state *start,
+                                  msim_error *err);
 
 /* Write all of it to a checkpoint, or read it. */
 void ms_method_choice_archive(ms_archive *bytes, ms_method_choice *choice);

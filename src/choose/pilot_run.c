@@ -40,38 +40,37 @@ static size_t component_count(const ms_pilot_run *p) {
   return 3 * (size_t)p->sim->scene->nparticles;
 }
 
-static msim_status set_state(const ms_pilot_run *p, msim_sim *sim, const double *x, const double *v,
-                             msim_error *err) {
-  const msim_state state = {.size = sizeof state, .n = p->sim->scene->nparticles, .x = x, .v = v};
-  return ms_sim_set_state(sim, &state, err);
+msim_status ms_pilot_run_set_start(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
+  return ms_sim_set_state(sim, &p->start, err);
 }
 
-msim_status ms_pilot_run_set_start(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
-  return set_state(p, sim, p->x0, p->v0, err);
+static msim_state state_of(const ms_pilot_run *p, const ms_pilot_state *s) {
+  return (msim_state){
+      .size = sizeof(msim_state), .n = p->sim->scene->nparticles, .x = s->x, .v = s->v};
 }
 
 msim_status ms_pilot_run_set_middle(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
-  return set_state(p, sim, p->x_half, p->v_half, err);
+  const msim_state middle = state_of(p, &p->middle);
+  return ms_sim_set_state(sim, &middle, err);
 }
 
-static void copy_state(const ms_pilot_run *p, msim_sim *sim, double *x, double *v) {
+static void copy_state(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *to) {
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
-  memcpy(x, now.x, component_count(p) * sizeof *x);
-  memcpy(v, now.v, component_count(p) * sizeof *v);
+  memcpy(to->x, now.x, component_count(p) * sizeof *to->x);
+  memcpy(to->v, now.v, component_count(p) * sizeof *to->v);
 }
 
 /* E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2), as in integrate/control.h, but weighted by
  * masses. With planes only dx counts, as a small delay of an impact changes v much. */
-static double error_distance(const ms_pilot_run *p, msim_sim *sim, const double *x,
-                             const double *v) {
+static double error_distance(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *from) {
   const ms_scales *s = &p->scales;
   const double weight = p->planes_count ? 0 : 1 / s->speed;
   msim_state now = {.size = sizeof now};
   double sum = 0;
   msim_sim_state(sim, &now);
   for (size_t i = 0; i < component_count(p); i++) {
-    const double dx = (now.x[i] - x[i]) / s->extent, dv = (now.v[i] - v[i]) * weight;
+    const double dx = (now.x[i] - from->x[i]) / s->extent, dv = (now.v[i] - from->v[i]) * weight;
     if (!p->sim->scene->pinned[i / 3]) sum += p->sim->scene->mass[i / 3] * (dx * dx + dv * dv);
   }
   return sqrt(sum / (2 * s->mass));
@@ -99,13 +98,13 @@ static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, m
 }
 
 /* Set the sim to that state, and let it continue by another method. */
-static msim_status start_method(ms_pilot_run *p, const ms_trial *of, double h, const double *x,
-                                const double *v, msim_sim **sim, msim_error *err) {
+static msim_status start_method(ms_pilot_run *p, const ms_trial *of, const msim_state *state,
+                                msim_sim **sim, msim_error *err) {
   msim_status status = get_sim(p, of->collision, sim, err);
   if (status) return status;
-  ms_sim_switch_method(*sim, widest, h);
-  status = set_state(p, *sim, x, v, err);
-  if (!status) ms_sim_switch_method(*sim, of->method, h);
+  ms_sim_switch_method(*sim, widest, of->h);
+  status = ms_sim_set_state(*sim, state, err);
+  if (!status) ms_sim_switch_method(*sim, of->method, of->h);
   return status;
 }
 
@@ -115,25 +114,26 @@ const ms_model *ms_pilot_run_model(const ms_pilot_run *p) {
 
 /*------------------------------------- errors ---------------------------------------------------*/
 
-/* Estimate the error of m steps of h from x, v by 2 m steps of h/2: 2^p/(2^p - 1) times the
- * distance of their ends, p the order. INFINITY if the steps fail. */
-static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, double h, int64_t m,
-                                      const double *x, const double *v, double *error,
-                                      msim_error *err) {
+/* Estimate the error of m steps of h by 2 m steps of h/2: 2^p/(2^p - 1) times the distance of their
+ * ends, p the order. INFINITY if the steps fail. */
+static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, int64_t m,
+                                      const ms_pilot_state *from, double *error, msim_error *err) {
   const double halving = ldexp(1, of->order);
-  double *x_end = p->states, *v_end = x_end + component_count(p);
+  const msim_state state = state_of(p, from);
   msim_sim *sim;
   *error = INFINITY;
   for (int halved = 0; halved < 2; halved++) {
-    msim_status status = start_method(p, of, halved ? h / 2 : h, x, v, &sim, err);
+    ms_trial steps = *of;
+    if (halved) steps.h /= 2;
+    msim_status status = start_method(p, &steps, &state, &sim, err);
     if (status) return status;
     const double before = ms_pilot_run_count_work(sim);
     status = ms_sim_make_steps(sim, halved ? 2 * m : m, err);
     p->cost += ms_pilot_run_count_work(sim) - before;
     if (status) return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
-    if (!halved) copy_state(p, sim, x_end, v_end);
+    if (!halved) copy_state(p, sim, &p->scratch);
   }
-  *error = halving / (halving - 1) * error_distance(p, sim, x_end, v_end);
+  *error = halving / (halving - 1) * error_distance(p, sim, &p->scratch);
   return MSIM_OK;
 }
 
@@ -143,24 +143,24 @@ double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
   return fmax(1, round(SHARE * p->span / h));
 }
 
-msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double h, double *error,
+msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
                                     double *price, msim_error *err) {
   const double before = p->cost;
-  const int64_t m = (int64_t)ms_pilot_run_trial_steps(p, h);
-  msim_status status = compare_half_steps(p, of, h, m, p->x, p->v, error, err);
-  *error *= p->error_growth * p->remaining / ((double)m * h);
+  const int64_t m = (int64_t)ms_pilot_run_trial_steps(p, of->h);
+  msim_status status = compare_half_steps(p, of, m, &p->end, error, err);
+  *error *= p->error_growth * p->remaining / ((double)m * of->h);
   if (!(*error < INFINITY)) *error = INFINITY;
   *price = (p->cost - before) / (3 * (double)m);
   return status;
 }
 
-msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, double h, int n,
+msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, int n,
                                        ms_step_measurement *steps, msim_error *err) {
-  const double *const x[MS_MEASURED_STEPS] = {p->x, p->x_half, p->x0};
-  const double *const v[MS_MEASURED_STEPS] = {p->v, p->v_half, p->v0};
+  const msim_state from[MS_MEASURED_STEPS] = {state_of(p, &p->end), state_of(p, &p->middle),
+                                              p->start};
   for (int i = 0; i < n; i++) {
     msim_sim *sim;
-    msim_status status = start_method(p, of, h, x[i], v[i], &sim, err);
+    msim_status status = start_method(p, of, &from[i], &sim, err);
     if (status) return status;
     const double before = ms_pilot_run_count_work(sim);
     status = ms_step_verification_measure(sim, &p->scales, &steps[i], err);
@@ -177,9 +177,9 @@ static msim_status repeat_halves(ms_pilot_run *p, msim_sim *other, int64_t n, do
   msim_status status = ms_pilot_run_set_start(p, other, err);
   if (!status) status = ms_sim_make_steps(other, n, err);
   if (status) return status;
-  *half = error_distance(p, other, p->x_half, p->v_half);
+  *half = error_distance(p, other, &p->middle);
   status = ms_sim_make_steps(other, n, err);
-  if (!status) *whole = error_distance(p, other, p->x, p->v);
+  if (!status) *whole = error_distance(p, other, &p->end);
   return status;
 }
 
@@ -196,17 +196,15 @@ msim_status ms_pilot_run_repeat(ms_pilot_run *p, msim_sim *other, int64_t n, dou
 
 /*------------------------------------- the pilot run --------------------------------------------*/
 
-static const ms_trial pilot = {&ms_velocity_verlet, MSIM_COLLISION_REFLECT, 2};
-
-/* Make `steps` steps of the pilot run; x, v: the state where they end, or before the one that
+/* Make `steps` steps of the pilot run; end: the state where they end, or before the one that
  * failed */
-static msim_status make_pilot_steps(ms_pilot_run *p, msim_sim *sim, int64_t steps, double *x,
-                                    double *v, msim_error *err) {
+static msim_status make_pilot_steps(ms_pilot_run *p, msim_sim *sim, int64_t steps,
+                                    const ms_pilot_state *end, msim_error *err) {
   const int64_t before = sim->stats.contacts;
   const msim_status status = ms_sim_make_steps(sim, steps, err);
   p->duration = ms_sim_time(sim);
   p->met_plane = sim->stats.contacts > before;
-  copy_state(p, sim, x, v);
+  copy_state(p, sim, end);
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
@@ -216,9 +214,9 @@ static msim_status run_to_impact(ms_pilot_run *p, msim_sim *sim, double h, msim_
   const int64_t part = (int64_t)fmax(1, round(p->span / h / 64));
   msim_status status = MSIM_OK;
   while (!status && !p->met_plane && p->duration < 0.75 * p->span) {
-    copy_state(p, sim, p->x, p->v);
+    copy_state(p, sim, &p->end);
     p->remaining = p->span - p->duration;
-    status = make_pilot_steps(p, sim, part, p->x_half, p->v_half, err);
+    status = make_pilot_steps(p, sim, part, &p->middle, err);
   }
   return status;
 }
@@ -230,21 +228,22 @@ static msim_status extend_pilot_run(ms_pilot_run *p, msim_sim *sim, int64_t part
   msim_status status = MSIM_OK;
   while (!status && !p->met_plane && p->duration < end &&
          ms_step_verification_is_plane_close(sim, (end - p->duration) / 2))
-    status = make_pilot_steps(p, sim, part, p->states, p->states + component_count(p), err);
+    status = make_pilot_steps(p, sim, part, &p->scratch, err);
   p->duration = flown;
   return status;
 }
 
 /* The pilot run; if it meets a plane, a second one as far as an impact */
-static msim_status make_pilot_run(ms_pilot_run *p, double h, msim_error *err) {
+static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_error *err) {
+  const double h = pilot->h;
   const int64_t part = (int64_t)fmax(1, round(p->span / h / 16));
   msim_sim *sim;
-  msim_status status = start_method(p, &pilot, h, p->x0, p->v0, &sim, err);
+  msim_status status = start_method(p, pilot, &p->start, &sim, err);
   if (status) return status;
   p->remaining = p->span;
   p->planes_count |= ms_step_verification_is_plane_close(sim, h);
-  if (!p->planes_count) status = make_pilot_steps(p, sim, part, p->x_half, p->v_half, err);
-  if (!p->planes_count && !status) status = make_pilot_steps(p, sim, part, p->x, p->v, err);
+  if (!p->planes_count) status = make_pilot_steps(p, sim, part, &p->middle, err);
+  if (!p->planes_count && !status) status = make_pilot_steps(p, sim, part, &p->end, err);
   if (!p->planes_count && !status) status = extend_pilot_run(p, sim, part, err);
   p->planes_count |= p->met_plane;
   if (!p->planes_count || status) {
@@ -252,7 +251,7 @@ static msim_status make_pilot_run(ms_pilot_run *p, double h, msim_error *err) {
     return status;
   }
   p->duration = 0, p->met_plane = 0;
-  status = start_method(p, &pilot, h, p->x0, p->v0, &sim, err);
+  status = start_method(p, pilot, &p->start, &sim, err);
   if (!status) status = run_to_impact(p, sim, h, err);
   p->cost += ms_pilot_run_count_work(sim);
   return status;
@@ -260,12 +259,12 @@ static msim_status make_pilot_run(ms_pilot_run *p, double h, msim_error *err) {
 
 /* Set p->growth: with planes 4, as later impacts may have larger errors; else g = (error of a step
  * at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 if nothing is damped. */
-static msim_status find_growth(ms_pilot_run *p, double h, msim_error *err) {
+static msim_status find_growth(ms_pilot_run *p, const ms_trial *pilot, msim_error *err) {
   double now, before;
   p->error_growth = p->planes_count ? 4 : 1;
   if (p->planes_count) return MSIM_OK;
-  msim_status status = compare_half_steps(p, &pilot, h, 1, p->x_half, p->v_half, &before, err);
-  if (!status) status = compare_half_steps(p, &pilot, h, 1, p->x, p->v, &now, err);
+  msim_status status = compare_half_steps(p, pilot, 1, &p->middle, &before, err);
+  if (!status) status = compare_half_steps(p, pilot, 1, &p->end, &now, err);
   if (status) return status;
   const double ratio = now / fmax(before, p->scales.rounding);
   if (ratio > 1) p->error_growth = pow(fmin(ratio, 4), p->damped ? 1 : 2);
@@ -323,27 +322,34 @@ static msim_status prepare_pilot_run(ms_pilot_run *p, double t0, msim_error *err
   if (status) return status;
   p->span = ms_plan_span(&plan);
   p->damped = is_damped(scene);
-  status = ms_scales_compute(scene, p->x0, p->v0, p->span, &p->scales, err);
+  status = ms_scales_compute(scene, p->start.x, p->start.v, p->span, &p->scales, err);
   if (!status) status = ms_bounds_compute(scene, 1, &p->bounds, err);
   if (status) return status;
-  p->states = ms_memory_allocate(&p->sim->alloc, 6 * component_count(p), sizeof *p->states);
-  return p->states ? MSIM_OK : ms_error_set_memory(err, "the choice of a method");
+  const size_t n = component_count(p);
+  p->states = ms_memory_allocate(&p->sim->alloc, 6 * n, sizeof *p->states);
+  if (!p->states) return ms_error_set_memory(err, "the choice of a method");
+  ms_pilot_state *of[] = {&p->scratch, &p->end, &p->middle};
+  for (size_t i = 0; i < 3; i++)
+    *of[i] = (ms_pilot_state){p->states + 2 * i * n, p->states + (2 * i + 1) * n};
+  return MSIM_OK;
 }
 
-msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, double t0,
-                               const double *x, const double *v, ms_pilot_run *p, msim_error *err) {
+msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const msim_state *start,
+                               ms_pilot_run *p, msim_error *err) {
   const double FEWEST = 100; /* steps in the run, at least */
   *p = (ms_pilot_run){
-      .sim = sim, .tol = tol, .mid_run = late, .planes_count = late, .x0 = x, .v0 = v};
-  msim_status status = prepare_pilot_run(p, t0, err);
+      .sim = sim,
+      .tol = tol,
+      .mid_run = late,
+      .planes_count = late,
+      .start = {.size = sizeof p->start, .n = start->n, .x = start->x, .v = start->v}};
+  msim_status status = prepare_pilot_run(p, start->t, err);
   if (status) return status;
-  const double h = fmin(ms_pilot_run_stable_step(p, pilot.method), p->span / FEWEST);
-  const size_t n = component_count(p);
-  p->x = p->states + 2 * n, p->v = p->x + n;
-  p->x_half = p->v + n, p->v_half = p->x_half + n;
-  status = make_pilot_run(p, h, err);
+  ms_trial pilot = {&ms_velocity_verlet, MSIM_COLLISION_REFLECT, 2, 0};
+  pilot.h = fmin(ms_pilot_run_stable_step(p, pilot.method), p->span / FEWEST);
+  status = make_pilot_run(p, &pilot, err);
   if (!status) status = classify_count(p, err);
-  return status ? status : find_growth(p, h, err);
+  return status ? status : find_growth(p, &pilot, err);
 }
 
 void ms_pilot_run_end(ms_pilot_run *p) {

@@ -18,34 +18,40 @@ typedef struct ms_trial {
   const ms_integrator *method;
   int32_t collision;
   int order; /* of its error at the end of a run */
+  double h;  /* s */
 } ms_trial;
+
+/* A state, 3n each, in particle order */
+typedef struct ms_pilot_state {
+  double *x, *v;
+} ms_pilot_state;
 
 typedef struct ms_pilot_run {
   const msim_sim *sim;
   double tol, span;
   ms_scales scales;
   ms_bounds bounds;
-  int damped;                      /* forces depend on velocities */
-  const double *x0, *v0;           /* 3n, particle order: the start of the run */
-  double *states;                  /* memory of the states below, and of one more */
-  double *x, *v, *x_half, *v_half; /* end of the pilot run, its middle; or before and after an
-                                      impact */
-  double duration, error_growth;   /* s: length of the pilot run; factor by which errors may grow,
+  int damped;                          /* forces depend on velocities */
+  msim_state start;                    /* the start of the run */
+  double *states;                      /* memory of the states below */
+  ms_pilot_state scratch, end, middle; /* end and middle of the pilot run; or the state before and
+                                          that after an impact */
+  double duration, error_growth; /* s: length of the pilot run; factor by which errors may grow,
                                       >= 1 */
-  int met_plane;                   /* the pilot run has met a plane */
-  int planes_count;                /* planes count: the pilot run met one, or one is close */
-  int mid_run;                     /* the run has begun before: new steps must divide its own */
-  int few, many;                   /* one event determines the error, or none does */
-  double remaining;                /* s: the run from shortly before the first impact on, or all of
+  int met_plane;                 /* the pilot run has met a plane */
+  int planes_count;              /* planes count: the pilot run met one, or one is close */
+  int mid_run;                   /* the run has begun before: new steps must divide its own */
+  int few, many;                 /* one event determines the error, or none does */
+  double remaining;              /* s: the run from shortly before the first impact on, or all of
                                       it */
-  double cost;                     /* cost of everything tried, in evaluations of all springs */
-  msim_sim *sims[2];               /* by `collision`; created when needed */
+  double cost;                   /* cost of everything tried, in evaluations of all springs */
+  msim_sim *sims[2];             /* by `collision`; created when needed */
 } ms_pilot_run;
 
-/* Make the pilot run from x, v at t0. late: the run has begun before, and planes count. Call
+/* Make the pilot run from `start`. late: the run has begun before, and planes count. Call
  * ms_pilot_run_end always. */
-msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, double t0,
-                               const double *x, const double *v, ms_pilot_run *p, msim_error *err);
+msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const msim_state *start,
+                               ms_pilot_run *p, msim_error *err);
 void ms_pilot_run_end(ms_pilot_run *p);
 
 /* 0.9 of the longest stable step, s; INFINITY: any is stable. */
@@ -54,15 +60,15 @@ double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *meth
 /* The number of steps of h in a trial */
 double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h);
 
-/* The error at the end of the run with fixed steps of h, in the norm of pilot_run.c; INFINITY: such
- * steps fail. price: the cost of a step, in evaluations. */
-msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double h, double *error,
+/* The error at the end of the run with these fixed steps, in the norm of pilot_run.c; INFINITY:
+ * such steps fail. price: the cost of a step, in evaluations. */
+msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
                                     double *price, msim_error *err);
 
-/* Measure a step of h from n states, as verification does: the end, the middle and the start of the
+/* Measure a step from n states, as verification does: the end, the middle and the start of the
  * pilot run. */
 enum { MS_MEASURED_STEPS = 3 };
-msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, double h, int n,
+msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, int n,
                                        ms_step_measurement *steps /* n */, msim_error *err);
 
 /* Repeat the pilot run in 2 n steps of another sim: its error at the end of the run. Without

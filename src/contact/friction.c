@@ -70,9 +70,16 @@ static double find_log_tangent(double k, double E, double time) {
   return d;
 }
 
-/* v and a are not parallel. along: v.a/A; side: v without its component along a; across: |side|. */
-static void slide_curved(double A, double F, double t, double along, const double a[3],
-                         double across, const double side[3], double v[3], double dx[3]) {
+/* The components of v along a and across it */
+typedef struct components {
+  double A, along, across; /* |a|, v.a/A, |side| */
+  double side[3];
+} components;
+
+/* v and a are not parallel. */
+static void slide_curved(const double a[3], double F, double t, const components *of, double v[3],
+                         double dx[3]) {
+  const double A = of->A, along = of->along, across = of->across, *side = of->side;
   const double speed = ms_vec3_norm(v), k = F / A;
   const double u0 = along > 0 ? across / (speed + along) : (speed - along) / across, E = u0 * u0;
   const double stop = ms_friction_stop(a, F, v), q = speed / (1 + E);
@@ -90,13 +97,13 @@ static void slide_curved(double A, double F, double t, double along, const doubl
 
 void ms_friction_slide(const double a[3], double F, double t, double v[3], double dx[3]) {
   const double A = ms_vec3_norm(a), speed = ms_vec3_norm(v);
-  double side[3] = {v[0], v[1], v[2]}, unused[3], *way = dx ? dx : unused;
-  const double along = A > 0 ? ms_vec3_dot(v, a) / A : 0;
-  if (A > 0) ms_vec3_axpy(-along / A, a, side);
-  const double across = ms_vec3_norm(side);
+  double unused[3], *way = dx ? dx : unused;
+  components of = {.A = A, .along = A > 0 ? ms_vec3_dot(v, a) / A : 0, .side = {v[0], v[1], v[2]}};
+  if (A > 0) ms_vec3_axpy(-of.along / A, a, of.side);
+  of.across = ms_vec3_norm(of.side);
   for (int c = 0; c < 3; c++) way[c] = 0;
   if (F <= 0) advance_uniformly(a, t, v, way);
-  else if (A == 0 || across <= 1e-9 * speed || speed <= STILL * t * A)
+  else if (A == 0 || of.across <= 1e-9 * speed || speed <= STILL * t * A)
     slide_straight(a, F, t, v, way);
-  else slide_curved(A, F, t, along, a, across, side, v, way);
+  else slide_curved(a, F, t, &of, v, way);
 }

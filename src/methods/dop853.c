@@ -36,31 +36,39 @@ static void add_slopes(const ms_stepper *s, const double *base, double drift, co
   ms_vector_linear_combination(s->model->shape, base, n, w, y, z);
 }
 
-/* X and V (nullable) of stage i of a step from x, v */
-static void put_stage(const ms_stepper *s, const double *x, const double *v, int i,
-                      double *const k[STAGES], double *X, double *V) {
-  add_slopes(s, x, C[i] * s->h, v, s->h * s->h, AA[i], k, X);
-  if (V) add_slopes(s, v, 0, v, s->h, A[i], k, V);
+/* A step from x, v: its stages are X and V, V NULL where no force depends on velocities; k: their
+ * accelerations */
+typedef struct stages {
+  const double *x, *v;
+  double *X, *V, *k[STAGES];
+} stages;
+
+/* X and V of stage i */
+static void put_stage(const ms_stepper *s, const stages *of, int i) {
+  add_slopes(s, of->x, C[i] * s->h, of->v, s->h * s->h, AA[i], of->k, of->X);
+  if (of->V) add_slopes(s, of->v, 0, of->v, s->h, A[i], of->k, of->V);
 }
 
-/* k of stage i; X and V: scratch, with pinned positions in X */
-static void evaluate_stage(ms_stepper *s, const double *x, const double *v, int i,
-                           double *const k[STAGES], double *X, double *V) {
-  if (ms_stepper_is_separable(s)) V = NULL;
-  put_stage(s, x, v, i, k, X, V);
-  ms_stepper_acceleration(s, X, V, k[i]);
+/* k of the stages from..to - 1; of->X and of->V: scratch, with pinned positions in X */
+static void evaluate_stages(ms_stepper *s, const stages *of, int from, int to) {
+  stages with = *of;
+  if (ms_stepper_is_separable(s)) with.V = NULL;
+  for (int i = from; i < to; i++) {
+    put_stage(s, &with, i);
+    ms_stepper_acceleration(s, with.X, with.V, with.k[i]);
+  }
 }
 
 static msim_status dop853_step(ms_stepper *s, msim_error *err) {
   (void)err;
   const int now = s->cached_stage == 2;
-  double *k[STAGES];
-  find_slopes(s, now, k);
-  if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, k[0]);
-  for (int i = 1; i < RESULT; i++) evaluate_stage(s, s->x, s->v, i, k, s->x_next, s->v_next);
-  put_stage(s, s->x, s->v, RESULT, k, s->x_next, s->v_next);
+  stages of = {.x = s->x, .v = s->v, .X = s->x_next, .V = s->v_next};
+  find_slopes(s, now, of.k);
+  if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, of.k[0]);
+  evaluate_stages(s, &of, 1, RESULT);
+  put_stage(s, &of, RESULT);
   const int64_t reflected = ms_stepper_reflect(s, s->x_next, s->v_next);
-  if (!reflected) ms_stepper_acceleration(s, s->x_next, s->v_next, k[RESULT]);
+  if (!reflected) ms_stepper_acceleration(s, s->x_next, s->v_next, of.k[RESULT]);
   s->cached_stage_next = reflected ? 0 : 2 - now;
   return MSIM_OK;
 }
@@ -78,10 +86,10 @@ static void dop853_estimate(ms_stepper *s, int which, double *dx, double *dv) {
  * its end. dense_output: DENSE_STAGES_AT + the index of the work vector that holds k of its end */
 static void evaluate_dense_stages(ms_stepper *s, int tag, const double *x, const double *v,
                                   double *X, double *V) {
-  double *k[STAGES];
+  stages of = {.x = x, .v = v, .X = X, .V = V};
   s->dense_output = DENSE_STAGES_AT + (tag == 2);
-  find_slopes(s, tag != 2, k);
-  for (int i = RESULT + 1; i < STAGES; i++) evaluate_stage(s, x, v, i, k, X, V);
+  find_slopes(s, tag != 2, of.k);
+  evaluate_stages(s, &of, RESULT + 1, STAGES);
 }
 
 /* v: the cubic interpolant + h sum_j d_j k_j,  x: the cubic interpolant + h^2 sum_j dd_j k_j,

@@ -177,9 +177,11 @@ static msim_status step_bdf2(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* error = share (y' - p),  share = (1 + r)/(2 + 3 r),  p = y + (1 + r) h f + r^2 (y_before - y) */
-static void compare_extrapolation(const ms_stepper *s, double r, const double *y, const double *f,
+/* error = share (y' - p),  share = (1 + r)/(2 + 3 r),  p = y + (1 + r) h f + r^2 (y_before - y),
+ * r = h/h_before */
+static void compare_extrapolation(const ms_stepper *s, const double *y, const double *f,
                                   const double *before, const double *y_next, double *error) {
+  const double r = s->h / s->h_before;
   const ms_shape shape = s->model->shape;
   ms_vector_add_scaled(shape, y_next, -1, y, error);
   ms_vector_axpy(shape, -(1 + r) * s->h, f, error);
@@ -212,9 +214,8 @@ static void estimate_bdf2(ms_stepper *s, int which, double *dx, double *dv) {
     estimate_tr_bdf2(s, before, s->work[OWN_WORK + 5], dx, dv);
     return;
   }
-  const double r = s->h / s->h_before;
-  compare_extrapolation(s, r, s->x, s->v, before[0], s->x_next, dx);
-  compare_extrapolation(s, r, s->v, before[2], before[1], s->v_next, dv);
+  compare_extrapolation(s, s->x, s->v, before[0], s->x_next, dx);
+  compare_extrapolation(s, s->v, before[2], before[1], s->v_next, dv);
 }
 
 /*------------------------------------- two stages -----------------------------------------------*/

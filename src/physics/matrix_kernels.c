@@ -21,10 +21,11 @@ MS_INLINE ms_lanes inverse_length(int dims, ms_lane_vectors d) {
 }
 
 /* t and g of force.h */
-MS_INLINE void half_edge_coefficients(int damped, ms_lanes inverse, const ms_half_edges *half_edges,
-                                      double h, double largest_ratio, size_t at, ms_lanes *t,
-                                      ms_lanes *g) {
-  const ms_lanes largest = (ms_lanes){0} + largest_ratio;
+MS_INLINE void half_edge_coefficients(int damped, const ms_coefficients_job *j, ms_lanes inverse,
+                                      size_t at, ms_lanes *t, ms_lanes *g) {
+  const ms_half_edges *half_edges = &j->model->half_edges;
+  const double h = j->h;
+  const ms_lanes largest = (ms_lanes){0} + (j->clamp ? 1 : INFINITY);
   const ms_lanes hhk = h * h * ms_simd_load(half_edges->k + at);
   const ms_lanes full = ms_simd_load(half_edges->rest + at) * inverse;
   const ms_lanes ratio = ms_simd_select(full > largest, largest, full);
@@ -52,13 +53,13 @@ enum { ENTRIES_AHEAD = 16 };
 
 MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_coefficients_job *j,
                                        int32_t begin, int32_t end) {
-  const ms_model *model = j->model;
+  const ms_model local = *j->model, *model = &local; /* stores cannot change it */
+  const ms_coefficients_job job = {model, j->x, j->h, j->clamp, j->a};
   const ms_coefficients *a = j->a;
-  const double *x = j->x, h = j->h;
+  const double *x = j->x;
   const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
-  const ms_half_edges local = model->half_edges, *half_edges = &local; /* stores cannot change it */
+  const ms_half_edges *half_edges = &model->half_edges;
   double *to_t = a->t, *to_g = a->g;
-  const double largest_ratio = j->clamp ? 1 : INFINITY;
   for (int32_t s = begin; s < end; s++) {
     const ms_slice_range p = ms_slice_range_at(half_edges, s, a->diagonal, sd);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
@@ -81,8 +82,7 @@ MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_coefficien
           const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
           const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi);
           ms_lanes t, g;
-          half_edge_coefficients(damped, inverse[entry - first], half_edges, h, largest_ratio, at,
-                                 &t, &g);
+          half_edge_coefficients(damped, &job, inverse[entry - first], at, &t, &g);
           ms_simd_store(to_t + at, t);
           ms_simd_store(to_g + at, g);
           add_diagonal_block(dims, t, g, d, sum);

@@ -131,9 +131,14 @@ static const double *accelerations(msim_sim *sim, ms_island_sim *m) {
   return s->scratch;
 }
 
-/* 1: a particle met the plane in the last step, of h, as *met says. *a: NULL until it is needed. */
+typedef struct last_step {
+  double h;
+  const double *a; /* accelerations at its end; NULL until they are needed */
+} last_step;
+
+/* 1: a particle met the plane in the last step, of h, as *met says. */
 static int find_impact_effect(msim_sim *sim, ms_island_sim *m, int32_t row, const msim_plane *plane,
-                              double h, const double **a, impact_effect *met) {
+                              last_step *step, impact_effect *met) {
   const double REST = 1e-9, SHARE = 0.3, e = plane->restitution, *n = plane->normal;
   const ms_unknowns *rows = &m->model.unknowns;
   const ms_norm_body *part = &m->norm.body[m->norm.body_of[row]];
@@ -146,10 +151,10 @@ static int find_impact_effect(msim_sim *sim, ms_island_sim *m, int32_t row, cons
   const double to = ms_vec3_dot(n, at);
   *met = (impact_effect){0};
   if (gap <= REST * part->extent && fabs(to) <= REST * part->speed) return 1;
-  if (!(from < 0 && to > 0 && gap <= 2 * h * fmax(-from, to))) return 0;
-  if (!*a) *a = accelerations(sim, m);
-  ms_unknowns_get(rows, *a, row, at);
-  const double pull = ms_vec3_dot(n, at), impulse = to - from - h * pull;
+  if (!(from < 0 && to > 0 && gap <= 2 * step->h * fmax(-from, to))) return 0;
+  if (!step->a) step->a = accelerations(sim, m);
+  ms_unknowns_get(rows, step->a, row, at);
+  const double pull = ms_vec3_dot(n, at), impulse = to - from - step->h * pull;
   if (impulse < SHARE * (1 + e) * -from) return 0;                /* forces turned it back */
   if (e < 1 && 2 * from > pull * m->disturbance.stride) return 1; /* on the way to rest */
   *met = (impact_effect){.x = -e, .v = -e, .mixed = (1 + e) * pull / from};
@@ -168,13 +173,13 @@ static void move_disturbance(double t, const double a[3], double x[3], double v[
 static void apply_impacts(msim_sim *sim, ms_island_sim *m, double h) {
   const ms_unknowns *rows = &m->model.unknowns;
   ms_disturbance *d = &m->disturbance;
-  const double *a = NULL;
+  last_step step = {.h = h};
   for (int32_t row = 0; row < rows->nfree; row++)
     for (int32_t p = 0; p < sim->scene->nplanes; p++) {
       const double *n = sim->scene->planes[p].normal;
       double dx[3], dv[3], da[3];
       impact_effect met;
-      if (!find_impact_effect(sim, m, row, &sim->scene->planes[p], h, &a, &met)) continue;
+      if (!find_impact_effect(sim, m, row, &sim->scene->planes[p], &step, &met)) continue;
       ms_unknowns_get(rows, d->dx, row, dx);
       ms_unknowns_get(rows, d->dv, row, dv);
       ms_unknowns_get(rows, d->a, row, da);

@@ -114,9 +114,11 @@ static msim_status allocate_state(msim_sim *sim, msim_error *err) {
 
 static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choose *choose,
                             msim_error *err) {
+  const msim_state start = {
+      .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
   msim_status status = set_options(sim, opt, err);
   if (!status) status = ms_planes_check(sim->scene, err);
-  if (!status && ms_sim_selects(sim)) status = choose(sim, 0, 0, sim->scene->x, sim->scene->v, err);
+  if (!status && ms_sim_selects(sim)) status = choose(sim, 0, &start, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim))
     status = ms_step_limit_resolve_auto(sim, &sim->config.opt.h, err);
@@ -126,8 +128,6 @@ static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choos
     status =
         ms_sim_build_islands(sim, ms_planar_find_axis(sim->scene, sim->config.opt.skip_off), err);
   if (status) return status;
-  const msim_state start = {
-      .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
   return ms_sim_start(sim, &start, err);
 }
 

@@ -117,10 +117,10 @@ void ms_sim_free_matrix(msim_sim *sim);
 /* Pass a note to options.warn, if that is set. */
 void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
 
-/* Choose a method for integrator = auto from the state x, v (3n, in particle order) at t0. late: a
- * run that has begun (method_choice.h) */
-typedef msim_status ms_sim_choose(msim_sim *sim, int late, double t0, const double *x,
-                                  const double *v, msim_error *err);
+/* Choose a method for integrator = auto for a run that starts in this state. late: a run that has
+ * begun (method_choice.h) */
+typedef msim_status ms_sim_choose(msim_sim *sim, int late, const msim_state *start,
+                                  msim_error *err);
 
 /* As msim_sim_create(), without a check of the arguments. choose: for integrator = auto; else NULL
  * */
