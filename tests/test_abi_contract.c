@@ -90,7 +90,7 @@ static void solved_where_it_is_indefinite(void **state) {
   const run r = simulate_watched(MSIM_INDEFINITE_SOLVE);
   if (!(bare->flags & MSIM_BACKEND_SYMMETRIC)) {
     assert_int_equal(r.status, MSIM_ERR_ARG);
-    assert_non_null(strstr(r.text, "cannot solve systems that are not positive definite"));
+    assert_non_null(strstr(r.text, "cannot solve indefinite systems"));
     return;
   }
   if (r.status) fail_msg("status %d, \"%s\"", (int)r.status, r.text);
@@ -265,7 +265,7 @@ static void assert_refused_or_refined(const run *r) {
     return;
   }
   assert_int_equal(r->status, MSIM_NOT_CONVERGED);
-  assert_non_null(strstr(r->text, "left a residual of"));
+  assert_non_null(strstr(r->text, "reached a relative residual of"));
   assert_int_equal(r->stats.steps, 0);
 }
 

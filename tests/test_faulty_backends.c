@@ -10,7 +10,9 @@ static void failures_are_passed_on(void **state) {
       {"order_fails", MSIM_ERR_BACKEND, "order_fails: no order in here"},
       {"fails", MSIM_ERR_BACKEND, "fails: the moon is in the wrong house"},
       {"silent", MSIM_ERR_BACKEND, "silent: the library behind a plugin failed"},
-      {"no_self", MSIM_ERR_BACKEND, "no_self: create() gave no instance"},
+      {"no_self", MSIM_ERR_BACKEND,
+       "solver 'no_self': create() returned MSIM_OK but no instance; report this to the author of "
+       "the plugin"},
   };
   EXPECT_PLUGINS(lies);
 }
@@ -19,11 +21,14 @@ static void orders_are_checked(void **state) {
   (void)state;
   const plugin_case lies[] = {
       {"row_too_large", MSIM_ERR_BACKEND,
-       "row_too_large: the order it asks for is no permutation of 7 rows"},
+       "solver 'row_too_large': order() did not return a permutation of the 7 block rows; report "
+       "this to the author of the plugin"},
       {"row_negative", MSIM_ERR_BACKEND,
-       "row_negative: the order it asks for is no permutation of 7 rows"},
+       "solver 'row_negative': order() did not return a permutation of the 7 block rows; report "
+       "this to the author of the plugin"},
       {"row_twice", MSIM_ERR_BACKEND,
-       "row_twice: the order it asks for is no permutation of 7 rows"},
+       "solver 'row_twice': order() did not return a permutation of the 7 block rows; report this "
+       "to the author of the plugin"},
   };
   EXPECT_PLUGINS(lies);
 }
@@ -32,11 +37,14 @@ static void statuses_are_checked(void **state) {
   (void)state;
   const plugin_case lies[] = {
       {"stops", MSIM_ERR_BACKEND,
-       "step 1, t = 0.01 s: stops: it returned 4, which is no status of a backend"},
+       "step 1, t = 0.01 s: stops: returned status 4, which is not one that a backend may return "
+       "(see msim/backend.h)"},
       {"invents_a_status", MSIM_ERR_BACKEND,
-       "step 1, t = 0.01 s: invents_a_status: it returned 77, which is no status of a backend"},
+       "step 1, t = 0.01 s: invents_a_status: returned status 77, which is not one that a backend "
+       "may return (see msim/backend.h)"},
       {"invents_an_error", MSIM_ERR_BACKEND,
-       "step 1, t = 0.01 s: invents_an_error: it returned -99, which is no status of a backend"},
+       "step 1, t = 0.01 s: invents_an_error: returned status -99, which is not one that a backend "
+       "may return (see msim/backend.h)"},
   };
   EXPECT_PLUGINS(lies);
 }
@@ -45,14 +53,12 @@ static void solutions_are_checked(void **state) {
   (void)state;
   const plugin_case lies[] = {
       {"liar", MSIM_NOT_CONVERGED,
-       "step 1, t = 0.01 s, particle 1: solver liar left a residual of 64.9 of the right side; "
-       "solver.rtol asks for 1e-10"},
+       "step 1, t = 0.01 s, particle 1: solver liar reached a relative residual of 64.9, not "
+       "1e-10; raise solver.rtol"},
       {"nan_answer", MSIM_NOT_CONVERGED,
-       "step 1, t = 0.01 s, particle 5: solver nan_answer gave an answer that is not "
-       "finite"},
+       "step 1, t = 0.01 s, particle 5: the solution of solver nan_answer is not finite"},
       {"inf_answer", MSIM_NOT_CONVERGED,
-       "step 1, t = 0.01 s, particle 5: solver inf_answer gave an answer that is not "
-       "finite"},
+       "step 1, t = 0.01 s, particle 5: the solution of solver inf_answer is not finite"},
   };
   EXPECT_PLUGINS(lies);
 }

@@ -126,7 +126,7 @@ static void what_is_built_in_has_no_backend(void **state) {
   msim_error why;
   for (int i = 0; i < 2; i++) {
     assert_int_equal(msim_solver_backend(names[i], NULL, &backend, &why), MSIM_ERR_NAME);
-    assert_says(&why, "is built in and has no backend");
+    assert_says(&why, "is built into msim and has no function table");
     assert_says(&why, names[i]);
   }
 }

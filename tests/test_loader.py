@@ -40,17 +40,17 @@ class Loader(CliTest):
         self.assertEqual(self.attempt("good", "/nowhere", FAKES), (0, ""))
         status, err = self.attempt("good", "/nowhere")
         self.assertEqual(status, 1)
-        self.assert_sentence(err, "msim_cli: there is no solver 'good': not built in, and no "
-                                  "msim_backend_good.so in /nowhere, ")
+        self.assert_sentence(err, "msim_cli: unknown solver 'good': msim_backend_good.so was not "
+                                  "found in /nowhere, ")
 
     def test_exit_status_and_one_line(self):
         for name, status, sentence in (
-                ("wrong_abi", 1, "was built for backend ABI 99; this is msim "),
+                ("wrong_abi", 1, "was built for backend ABI 99, but msim "),
                 ("fails", 1, "fails: the moon is in the wrong house"),
-                ("invents_a_status", 1, "it returned 77, which is no status of a backend"),
+                ("invents_a_status", 1, "returned status 77, which is not one that a backend may return"),
                 ("never_spd", 2, "step 1, t = 0.01 s: never_spd: the system matrix is not "
                                  "positive definite"),
-                ("liar", 2, "solver liar left a residual of ")):
+                ("liar", 2, "solver liar reached a relative residual of ")):
             with self.subTest(name):
                 self.put(name)
                 code, err = self.attempt(name, self.folder)
@@ -62,7 +62,7 @@ class Loader(CliTest):
             with self.subTest(name):
                 code, err = self.attempt(name, FAKES)
                 self.assertEqual(code, 1)
-                self.assert_sentence(err, "is no backend's name: names are made of a-z, 0-9, '_' "
+                self.assert_sentence(err, "is not a valid name of a backend; names consist of a-z, 0-9, '_' "
                                           "and '-'")
 
     def test_library_behind_a_plugin_is_missing(self):
@@ -76,7 +76,7 @@ class Loader(CliTest):
         (self.folder / "libgone.so").unlink()
         code, err = self.attempt("orphan", self.folder)
         self.assertEqual(code, 1)
-        self.assert_sentence(err, f"solver 'orphan': {self.folder}/msim_backend_orphan.so could not "
+        self.assert_sentence(err, f"solver 'orphan': {self.folder}/msim_backend_orphan.so cannot "
                                   "be loaded: libgone.so: ")
 
     def as_nobody(self, program):
@@ -99,8 +99,8 @@ class Loader(CliTest):
         if "shared librar" in err:
             self.skipTest("nobody may not read the build folder")
         self.assertEqual(code, 1)
-        self.assert_sentence(err, "there is no solver 'good': not built in, and no "
-                                  "msim_backend_good.so in ")
+        self.assert_sentence(err, "unknown solver 'good': msim_backend_good.so was not found in "
+                                  "")
         self.assertNotIn(str(FAKES), err)
         program.chmod(0o755)  # the same program without the set-user-ID bit
         self.assertEqual(self.attempt("good", FAKES, program=program), (0, ""))

@@ -54,26 +54,38 @@ static void tables_are_checked(void **state) {
       {"long_table", MSIM_OK, ""}, /* of a later msim: the new members are not used */
       {"no_order", MSIM_OK, ""},
       {"wrong_abi", MSIM_ERR_ABI,
-       "@/msim_backend_wrong_abi.so was built for backend ABI 99; this is msim " VERSION
-       " with ABI 1"},
+       "@/msim_backend_wrong_abi.so was built for backend ABI 99, but msim " VERSION
+       " has ABI 1; rebuild it"},
       {"short_table", MSIM_ERR_ABI,
-       "@/msim_backend_short_table.so has a table of 16 bytes; the least is " LEAST},
-      {"shorter_by_one", MSIM_ERR_ABI, "@/msim_backend_shorter_by_one.so has a table of ..."},
-      {"no_name", MSIM_ERR_PLUGIN, "@/msim_backend_no_name.so calls itself '', not 'no_name'"},
+       "@/msim_backend_short_table.so has a function table of 16 bytes, but at least " LEAST
+       " are required; rebuild it"},
+      {"shorter_by_one", MSIM_ERR_ABI,
+       "@/msim_backend_shorter_by_one.so has a function table of ..."},
+      {"no_name", MSIM_ERR_PLUGIN,
+       "@/msim_backend_no_name.so contains plugin '', not 'no_name'; ..."},
       {"other_name", MSIM_ERR_PLUGIN,
-       "@/msim_backend_other_name.so calls itself 'somebody-else', not 'other_name'"},
-      {"no_library", MSIM_ERR_PLUGIN, "@/msim_backend_no_library.so has a table without `library`"},
-      {"no_license", MSIM_ERR_PLUGIN, "@/msim_backend_no_license.so has a table without `license`"},
-      {"no_create", MSIM_ERR_PLUGIN, "@/msim_backend_no_create.so has a table without `create`"},
-      {"no_analyze", MSIM_ERR_PLUGIN, "@/msim_backend_no_analyze.so has a table without `analyze`"},
-      {"no_factor", MSIM_ERR_PLUGIN, "@/msim_backend_no_factor.so has a table without `factor`"},
-      {"no_solve", MSIM_ERR_PLUGIN, "@/msim_backend_no_solve.so has a table without `solve`"},
-      {"no_destroy", MSIM_ERR_PLUGIN, "@/msim_backend_no_destroy.so has a table without `destroy`"},
+       "@/msim_backend_other_name.so contains plugin 'somebody-else', not 'other_name'; ..."},
+      {"no_library", MSIM_ERR_PLUGIN,
+       "the function table of @/msim_backend_no_library.so lacks `library`"},
+      {"no_license", MSIM_ERR_PLUGIN,
+       "the function table of @/msim_backend_no_license.so lacks `license`"},
+      {"no_create", MSIM_ERR_PLUGIN,
+       "the function table of @/msim_backend_no_create.so lacks `create`"},
+      {"no_analyze", MSIM_ERR_PLUGIN,
+       "the function table of @/msim_backend_no_analyze.so lacks `analyze`"},
+      {"no_factor", MSIM_ERR_PLUGIN,
+       "the function table of @/msim_backend_no_factor.so lacks `factor`"},
+      {"no_solve", MSIM_ERR_PLUGIN,
+       "the function table of @/msim_backend_no_solve.so lacks `solve`"},
+      {"no_destroy", MSIM_ERR_PLUGIN,
+       "the function table of @/msim_backend_no_destroy.so lacks `destroy`"},
       {"format_3", MSIM_ERR_PLUGIN,
-       "@/msim_backend_format_3.so asks for matrix format 3, which there is not"},
+       "@/msim_backend_format_3.so requests the unknown matrix format 3; rebuild it for this "
+       "version of msim"},
       {"format_minus_1", MSIM_ERR_PLUGIN,
-       "@/msim_backend_format_minus_1.so asks for matrix format -1, which there is not"},
-      {"no_table", MSIM_ERR_PLUGIN, "@/msim_backend_no_table.so gave no table of functions"},
+       "@/msim_backend_format_minus_1.so requests the unknown matrix format -1; ..."},
+      {"no_table", MSIM_ERR_PLUGIN,
+       "@/msim_backend_no_table.so: msim_backend_entry() returned NULL; ..."},
   };
   EXPECT_PLUGINS(attempts);
 }
@@ -96,16 +108,16 @@ static void files_that_are_no_plugins(void **state) {
   assert_int_equal(symlink(FAKES "/msim_backend_no_entry.so", plugin_file("no_entry")), 0);
   const plugin_case attempts[] = {
       {"garbage", MSIM_ERR_PLUGIN,
-       "solver 'garbage': @/msim_backend_garbage.so could not be loaded: ..."},
+       "solver 'garbage': @/msim_backend_garbage.so cannot be loaded: ..."},
       {"nothing", MSIM_ERR_PLUGIN,
-       "solver 'nothing': @/msim_backend_nothing.so could not be loaded: ..."},
+       "solver 'nothing': @/msim_backend_nothing.so cannot be loaded: ..."},
       {"folder", MSIM_ERR_PLUGIN,
-       "solver 'folder': @/msim_backend_folder.so could not be loaded: ..."},
+       "solver 'folder': @/msim_backend_folder.so cannot be loaded: ..."},
       {"dangling", MSIM_ERR_NAME,
-       "there is no solver 'dangling': not built in, and no msim_backend_dangling.so in @, ..."},
+       "unknown solver 'dangling': msim_backend_dangling.so was not found in @, ..."},
       {"no_entry", MSIM_ERR_PLUGIN,
-       "solver 'no_entry': @/msim_backend_no_entry.so is no msim plugin: it has no "
-       "msim_backend_entry"},
+       "solver 'no_entry': @/msim_backend_no_entry.so is not a plugin of this kind for msim: it "
+       "does not export msim_backend_entry"},
   };
   for (size_t i = 0; i < sizeof attempts / sizeof *attempts; i++)
     expect_message(attempts[i].name, plugin_folder, attempts[i].status, attempts[i].sentence);
@@ -117,7 +129,7 @@ static void unreadable_files(void **state) {
   copy_plugin("secret");
   assert_int_equal(chmod(plugin_file("secret"), 0), 0);
   expect_message("secret", plugin_folder, MSIM_ERR_PLUGIN,
-                 "solver 'secret': @/msim_backend_secret.so could not be loaded: ...");
+                 "solver 'secret': @/msim_backend_secret.so cannot be loaded: ...");
 }
 
 /*------------------------------------- names and folders ----------------------------------------*/
@@ -130,8 +142,8 @@ static void names_are_checked(void **state) {
   char sentence[1024];
   for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
     snprintf(sentence, sizeof sentence,
-             "there is no solver '%s': not built in, and '%s' is no backend's name: names are made "
-             "of a-z, 0-9, '_' and '-'",
+             "unknown solver '%s': '%s' is not a valid name of a backend; names consist of a-z, "
+             "0-9, '_' and '-'",
              names[i], names[i]);
     for (char *c = sentence; *c; c++)
       if (*c == '\n') *c = ' '; /* messages contain no line breaks */
@@ -143,7 +155,7 @@ static void long_names_fit_in_no_folder(void **state) {
   (void)state;
   static char name[8192];
   memset(name, 'a', sizeof name - 1);
-  expect_message(name, FAKES, MSIM_ERR_NAME, "there is no solver 'aaaaaaaa...");
+  expect_message(name, FAKES, MSIM_ERR_NAME, "unknown solver 'aaaaaaaa...");
 }
 
 static void folders_are_searched_in_order(void **state) {
@@ -154,19 +166,18 @@ static void folders_are_searched_in_order(void **state) {
   expect_message("good", path, MSIM_OK, "");
   snprintf(path, sizeof path, "%s:" FAKES, plugin_folder); /* the search ends at a broken plugin */
   expect_message("good", path, MSIM_ERR_PLUGIN,
-                 "solver 'good': @/msim_backend_good.so could not be loaded: ...");
+                 "solver 'good': @/msim_backend_good.so cannot be loaded: ...");
   setenv("MSIM_PLUGIN_PATH", FAKES, 1);
   expect_message("good", NULL, MSIM_OK, "");
   expect_message("good", "/nowhere", MSIM_OK, "");
   expect_message("good", plugin_folder, MSIM_ERR_PLUGIN,
-                 "solver 'good': @/msim_backend_good.so could not be loaded: ...");
+                 "solver 'good': @/msim_backend_good.so cannot be loaded: ...");
   setenv("MSIM_PLUGIN_PATH", plugin_folder, 1);
   expect_message("good", FAKES, MSIM_OK, "");
   unsetenv("MSIM_PLUGIN_PATH");
-  expect_message(
-      "goood", "/nowhere:" FAKES, MSIM_ERR_NAME,
-      "there is no solver 'goood': not built in, and no msim_backend_goood.so in /nowhere, " FAKES
-      ", ...");
+  expect_message("goood", "/nowhere:" FAKES, MSIM_ERR_NAME,
+                 "unknown solver 'goood': msim_backend_goood.so was not found in /nowhere, " FAKES
+                 ", ...");
 }
 
 /* A folder may be relative to the working directory, but an empty one does not mean that. */
@@ -182,10 +193,10 @@ static void relative_and_empty_folders(void **state) {
   static const char *const empty[] = {"", ":", "::", "/nowhere::"};
   for (size_t i = 0; i < sizeof empty / sizeof *empty; i++) {
     expect_message("good", empty[i], MSIM_ERR_NAME,
-                   "there is no solver 'good': not built in, and no msim_backend_good.so in ...");
+                   "unknown solver 'good': msim_backend_good.so was not found in ...");
     setenv("MSIM_PLUGIN_PATH", empty[i], 1);
     expect_message("good", NULL, MSIM_ERR_NAME,
-                   "there is no solver 'good': not built in, and no msim_backend_good.so in ...");
+                   "unknown solver 'good': msim_backend_good.so was not found in ...");
     unsetenv("MSIM_PLUGIN_PATH");
   }
   assert_int_equal(chdir(before), 0);

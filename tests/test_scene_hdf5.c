@@ -432,7 +432,8 @@ static void without_the_plugin_it_is_named(void **state) {
     return;
   }
   assert_int_equal(status, MSIM_ERR_NAME);
-  assert_non_null(strstr(err.text, "a.h5: importer 'hdf5': no msim_importer_hdf5.so in /nowhere"));
+  assert_non_null(
+      strstr(err.text, "a.h5: importer 'hdf5': msim_importer_hdf5.so was not found in /nowhere"));
 }
 
 int main(void) {

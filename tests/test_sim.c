@@ -293,10 +293,10 @@ static void unknown_solvers_say_where_they_looked(void **state) {
   const struct {
     const char *solver, *sentence;
   } cases[] = {{"cholmood",
-                "'cholmood' (did you mean 'cholmod'?): not built in, and no "
-                "msim_backend_cholmood.so in /nowhere, "},
-               {"../evil", "'../evil' is no backend's name"},
-               {"", "'' is no backend's name"}};
+                "'cholmood' (did you mean 'cholmod'?): msim_backend_cholmood.so was not found in "
+                "/nowhere, "},
+               {"../evil", "'../evil' is not a valid name of a backend"},
+               {"", "'' is not a valid name of a backend"}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     msim_options opt = options("linearly-implicit-euler", 0.1);
     msim_sim *sim;

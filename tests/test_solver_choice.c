@@ -115,6 +115,26 @@ static void a_set_state_discards_the_factor(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Costs are compared only where pcg could solve the systems, too. */
+static void the_reason_for_cholmod_is_explained(void **state) {
+  (void)state;
+  require(is_solver_available("cholmod"), "the solver cholmod");
+  msim_scene *scene = stiff_block();
+  msim_options opt = automatic(1e-2);
+  const char *const reasons[] = {
+      [MSIM_INDEFINITE_CLAMP] = "cholmod (auto: a factorization of ",
+      [MSIM_INDEFINITE_SOLVE] = "cholmod (auto: indefinite = solve requires a direct solver)"};
+  for (opt.indefinite = MSIM_INDEFINITE_CLAMP; opt.indefinite <= MSIM_INDEFINITE_SOLVE;
+       opt.indefinite++) {
+    const char *text;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_explain(sim, &text, err));
+    assert_non_null(strstr(text, reasons[opt.indefinite]));
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
 /* Without cholmod auto uses pcg, and explains that cholmod is missing. */
 static void without_cholmod(void **state) {
   (void)state;
@@ -131,7 +151,7 @@ static void without_cholmod(void **state) {
     sim = make_sim(scene, &opt);
     assert_ok(msim_sim_explain(sim, &text, err));
     assert_non_null(strstr(text, "pcg (auto: "));
-    assert_non_null(strstr(text, "; cholmod is not there)"));
+    assert_non_null(strstr(text, "; cholmod is not available)"));
     assert_non_null(strstr(text, "cholmod makes one, if it is there"));
     assert_ok(msim_sim_step(sim, 20, err)); /* now it has searched for cholmod, in vain */
     assert_ok(msim_sim_explain(sim, &text, err));
@@ -139,7 +159,8 @@ static void without_cholmod(void **state) {
     msim_sim_destroy(sim);
     opt.indefinite = MSIM_INDEFINITE_SOLVE;
     assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_NAME);
-    assert_non_null(strstr(why.text, "indefinite = solve needs a solver that can: the plugin is"));
+    assert_non_null(
+        strstr(why.text, "indefinite = solve requires cholmod, which is not available"));
   }
   setenv("MSIM_PLUGIN_PATH", folder, 1);
   free(folder);
@@ -270,6 +291,7 @@ int main(void) {
       cmocka_unit_test(pcg_is_replaced_by_a_factorization_that_costs_less),
       cmocka_unit_test(a_useless_lagged_factor_is_rarely_tried),
       cmocka_unit_test(a_set_state_discards_the_factor),
+      cmocka_unit_test(the_reason_for_cholmod_is_explained),
       cmocka_unit_test(without_cholmod),
       cmocka_unit_test(pcg_that_does_not_converge_is_replaced),
       cmocka_unit_test(a_new_step_needs_no_analysis),

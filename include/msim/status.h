@@ -12,21 +12,21 @@ extern "C" {
 /* 0: success. < 0: error, nothing was changed. > 0: numerical event. */
 typedef int32_t msim_status;
 
-#define MSIM_STATUS_LIST(X)                                                 \
-  X(MSIM_OK, 0, "success")                                                  \
-  X(MSIM_NOT_SPD, 1, "the system matrix is not positive definite")          \
-  X(MSIM_NOT_CONVERGED, 2, "the linear solver did not reach its tolerance") \
-  X(MSIM_NOT_FINITE, 3, "the state is no longer finite")                    \
-  X(MSIM_STOPPED, 4, "stopped on request")                                  \
-  X(MSIM_UNSTABLE, 5, "the motion grows beyond what energy allows")         \
-  X(MSIM_ERR_ARG, -1, "invalid argument")                                   \
-  X(MSIM_ERR_MEMORY, -2, "out of memory")                                   \
-  X(MSIM_ERR_NAME, -3, "no such integrator, solver or recorder")            \
-  X(MSIM_ERR_PLUGIN, -4, "the plugin could not be loaded")                  \
-  X(MSIM_ERR_ABI, -5, "the plugin was built for another msim")              \
-  X(MSIM_ERR_BACKEND, -6, "the library behind a plugin failed")             \
-  X(MSIM_ERR_IO, -7, "a file could not be read or written")                 \
-  X(MSIM_ERR_UNSUPPORTED, -8, "known, but not part of this version")
+#define MSIM_STATUS_LIST(X)                                                           \
+  X(MSIM_OK, 0, "success")                                                            \
+  X(MSIM_NOT_SPD, 1, "the system matrix is not positive definite")                    \
+  X(MSIM_NOT_CONVERGED, 2, "the linear solver did not reach its tolerance")           \
+  X(MSIM_NOT_FINITE, 3, "the state contains NaN or numbers that are too large")       \
+  X(MSIM_STOPPED, 4, "stopped on request")                                            \
+  X(MSIM_UNSTABLE, 5, "energy or extent exceed their bounds: the motion is unstable") \
+  X(MSIM_ERR_ARG, -1, "invalid argument")                                             \
+  X(MSIM_ERR_MEMORY, -2, "out of memory")                                             \
+  X(MSIM_ERR_NAME, -3, "unknown integrator, solver, recorder or importer")            \
+  X(MSIM_ERR_PLUGIN, -4, "the plugin cannot be loaded")                               \
+  X(MSIM_ERR_ABI, -5, "the plugin was built for another version of msim")             \
+  X(MSIM_ERR_BACKEND, -6, "the library behind a plugin failed")                       \
+  X(MSIM_ERR_IO, -7, "a file could not be read or written")                           \
+  X(MSIM_ERR_UNSUPPORTED, -8, "not supported by this version")
 
 #define MSIM_STATUS_ENUM(name, value, text) name = value,
 enum { MSIM_STATUS_LIST(MSIM_STATUS_ENUM) MSIM_STATUS_END_ = 99 };

@@ -13,7 +13,7 @@ void ms_archive_transfer(ms_archive *b, void *data, size_t size) {
 
 void ms_archive_transfer_count(ms_archive *b, int64_t *count) {
   MS_ARCHIVE_TRANSFER(b, *count);
-  ms_archive_check(b, *count >= 0 && *count < INT64_MAX / 2, "a count");
+  ms_archive_check(b, *count >= 0 && *count < INT64_MAX / 2, "a counter");
 }
 
 void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, double *x) {
@@ -22,7 +22,7 @@ void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, double *x) {
     ms_archive_transfer(b, component, (size_t)shape.n * sizeof *x);
   }
   if (b->direction == MS_ARCHIVE_READ)
-    ms_archive_check(b, ms_vector_find_invalid(shape, x) < 0, "a vector");
+    ms_archive_check(b, ms_vector_find_invalid(shape, x) < 0, "a vector of the state");
 }
 
 void ms_archive_check(ms_archive *b, int is_so, const char *what) {

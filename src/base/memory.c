@@ -41,13 +41,13 @@ msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t 
                               int32_t *capacity, int64_t needed, msim_error *err) {
   if (needed <= *capacity) return MSIM_OK;
   if (needed > INT32_MAX)
-    return ms_error_set(err, MSIM_ERR_ARG, "%lld elements are more than the limit of %d",
+    return ms_error_set(err, MSIM_ERR_ARG, "%lld elements exceed the limit of %d",
                         (long long)needed, INT32_MAX);
   int64_t doubled = 2 * (int64_t)*capacity;
   if (doubled > INT32_MAX) doubled = INT32_MAX;
   int64_t room = needed > doubled ? needed : doubled;
   void *larger = ms_memory_allocate(alloc, (size_t)room, size);
-  if (!larger) return ms_error_set_memory(err, "a scene's arrays");
+  if (!larger) return ms_error_set_memory(err, "the arrays of the scene");
   if (used) memcpy(larger, *array, (size_t)used * size);
   ms_memory_free(alloc, *array);
   *array = larger;

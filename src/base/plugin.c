@@ -33,13 +33,15 @@ static msim_status load_plugin(const char *kind, const char *file, void **entry,
   void *handle = dlopen(file, RTLD_NOW | RTLD_LOCAL);
   if (!handle) {
     const char *why = dlerror();
-    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s could not be loaded: %s", file, why ? why : "?");
+    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s cannot be loaded: %s", file, why ? why : "?");
   }
   char symbol[64];
   snprintf(symbol, sizeof symbol, "msim_%s_entry", kind);
   *entry = dlsym(handle, symbol);
   if (*entry) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_PLUGIN, "%s is no msim plugin: it has no %s", file, symbol);
+  return ms_error_set(err, MSIM_ERR_PLUGIN,
+                      "%s is not a plugin of this kind for msim: it does not export %s", file,
+                      symbol);
 }
 
 /* Open the first file that exists: a defective one is reported, not skipped. */
@@ -59,8 +61,10 @@ static msim_status search_folders(const char *kind, const char *name, const char
     if (length) ms_text_append(where, "%s%.*s", where->length ? ", " : "", (int)length, folder);
     folder += length + (folder[length] == ':');
   }
-  return ms_error_set(err, MSIM_ERR_NAME, "no msim_%s_%s.so in %s", kind, name,
-                      where->length ? where->data : "any folder");
+  return ms_error_set(
+      err, MSIM_ERR_NAME,
+      "msim_%s_%s.so was not found in %s; add its folder to MSIM_PLUGIN_PATH or plugin_path", kind,
+      name, where->length ? where->data : "any folder");
 }
 
 msim_status ms_plugin_open(const char *kind, const char *name, const char *plugin_path,
@@ -68,8 +72,8 @@ msim_status ms_plugin_open(const char *kind, const char *name, const char *plugi
   *entry = NULL;
   if (!is_name(name))
     return ms_error_set(err, MSIM_ERR_NAME,
-                        "'%s' is no %s's name: names are made of a-z, 0-9, '_' and '-'", name,
-                        kind);
+                        "'%s' is not a valid name of a %s; names consist of a-z, 0-9, '_' and '-'",
+                        name, kind);
   ms_text folders = {.alloc = where->alloc};
   list_folders(plugin_path, &folders);
   msim_status status = folders.failed ? ms_error_set_memory(err, "the list of plugin folders")
@@ -83,21 +87,25 @@ msim_status ms_plugin_check(const char *kind, const char *name, const char *file
                             const char *table_name, msim_error *err) {
   if (abi != host_abi)
     return ms_error_set(err, MSIM_ERR_ABI,
-                        "%s was built for %s ABI %u; this is msim %s with ABI %u", file, kind, abi,
-                        msim_version(), host_abi);
+                        "%s was built for %s ABI %u, but msim %s has ABI %u; rebuild it", file,
+                        kind, abi, msim_version(), host_abi);
   if (size < least)
-    return ms_error_set(err, MSIM_ERR_ABI, "%s has a table of %u bytes; the least is %u", file,
-                        size, least);
+    return ms_error_set(
+        err, MSIM_ERR_ABI,
+        "%s has a function table of %u bytes, but at least %u are required; rebuild it", file, size,
+        least);
   if (table_name && strcmp(table_name, name) == 0) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_PLUGIN, "%s calls itself '%s', not '%s'", file,
-                      table_name ? table_name : "", name);
+  return ms_error_set(
+      err, MSIM_ERR_PLUGIN,
+      "%s contains plugin '%s', not '%s'; the name in its function table must be that of the file",
+      file, table_name ? table_name : "", name);
 }
 
 msim_status ms_plugin_check_members(const char *file, const ms_plugin_member *members, size_t n,
                                     msim_error *err) {
   for (size_t i = 0; i < n; i++)
     if (members[i].missing)
-      return ms_error_set(err, MSIM_ERR_PLUGIN, "%s has a table without `%s`", file,
+      return ms_error_set(err, MSIM_ERR_PLUGIN, "the function table of %s lacks `%s`", file,
                           members[i].name);
   return MSIM_OK;
 }

@@ -29,8 +29,10 @@ static msim_status convert_backend_status(adapter *self, msim_status status, msi
     case MSIM_ERR_BACKEND:
       return ms_plugin_fail(&self->host, self->table->name, status, err);
     default:
-      self->host.base.fail(&self->host.base, "it returned %d, which is no status of a backend",
-                           (int)status);
+      self->host.base.fail(
+          &self->host.base,
+          "returned status %d, which is not one that a backend may return (see msim/backend.h)",
+          (int)status);
       return ms_plugin_fail(&self->host, self->table->name, MSIM_ERR_BACKEND, err);
   }
 }
@@ -75,7 +77,8 @@ static msim_status get_backend_order(adapter *self, const ms_sparse_graph *graph
         self, self->table->order(self->backend, graph->n, graph->ptr, graph->ind, *order), err);
   if (!status && !is_permutation(graph->n, *order, seen))
     status = ms_error_set(err, MSIM_ERR_BACKEND,
-                          "%s: the order it asks for is no permutation of %d rows",
+                          "solver '%s': order() did not return a permutation of the %d block rows; "
+                          "report this to the author of the plugin",
                           self->table->name, graph->n);
   ms_memory_free(alloc, seen);
   return status;
@@ -188,8 +191,10 @@ static msim_status adapter_set_up(adapter *self, msim_error *err) {
   msim_status status =
       convert_backend_status(self, self->table->create(&self->host.base, &self->backend), err);
   if (!status && !self->backend)
-    status =
-        ms_error_set(err, MSIM_ERR_BACKEND, "%s: create() gave no instance", self->table->name);
+    status = ms_error_set(err, MSIM_ERR_BACKEND,
+                          "solver '%s': create() returned MSIM_OK but no instance; report this to "
+                          "the author of the plugin",
+                          self->table->name);
   if (!status && self->table->format != MSIM_FORMAT_NONE) {
     status = build_matrix(self, err);
     const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;

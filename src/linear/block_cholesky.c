@@ -151,7 +151,7 @@ msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int
     status = MSIM_ERR_MEMORY;
   if (!status) write_pattern(&e, chol);
   destroy_elimination_graph(&e);
-  return status ? ms_error_set_memory(err, "the coarse factor") : MSIM_OK;
+  return status ? ms_error_set_memory(err, "the coarse factorization") : MSIM_OK;
 }
 
 void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol) {

@@ -15,7 +15,7 @@ msim_status ms_elimination_create(const ms_model *model, ms_elimination *e, msim
   if (status) return status;
   e->a = ms_memory_allocate(&model->scene->alloc, n * (n + 1), sizeof *e->a);
   e->packed = ms_memory_allocate(&model->scene->alloc, n, sizeof *e->packed);
-  return e->a && e->packed ? MSIM_OK : ms_error_set_memory(err, "elimination");
+  return e->a && e->packed ? MSIM_OK : ms_error_set_memory(err, "Gaussian elimination");
 }
 
 void ms_elimination_destroy(const ms_model *model, ms_elimination *e) {

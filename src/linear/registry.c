@@ -56,17 +56,18 @@ static msim_status load_backend(const char *name, const char *plugin_path,
   void *symbol;
   msim_error why;
   msim_status status = ms_plugin_open("backend", name, plugin_path, &symbol, where, &why);
-  if (status == MSIM_ERR_NAME)
-    return ms_error_set(
-        err, status, "%s solver '%s'%s: not built in, and %s",
-        is_known(name) ? "the plugin is missing for" : "there is no", name,
-        is_known(name) ? "" : ms_text_suggest(name, ms_registry_solver_name, NULL).text, why.text);
+  if (status == MSIM_ERR_NAME && !is_known(name))
+    return ms_error_set(err, status, "unknown solver '%s'%s: %s", name,
+                        ms_text_suggest(name, ms_registry_solver_name, NULL).text, why.text);
   if (status) return ms_error_set(err, status, "solver '%s': %s", name, why.text);
   msim_backend_entry_fn *entry;
   memcpy(&entry, &symbol, sizeof entry); /* ISO C has no cast from void * to a function */
   *table = entry();
   if (*table) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
+  return ms_error_set(
+      err, MSIM_ERR_PLUGIN,
+      "%s: msim_backend_entry() returned NULL; report this to the author of the plugin",
+      where->data);
 }
 
 /*------------------------------------- validity of a table --------------------------------------*/
@@ -83,8 +84,10 @@ static msim_status check_backend_table(const char *name, const char *file,
   status = ms_plugin_check_members(file, members, sizeof members / sizeof *members, err);
   if (status) return status;
   if (table->format >= MSIM_FORMAT_NONE && table->format <= MSIM_FORMAT_FULL) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_PLUGIN, "%s asks for matrix format %d, which there is not",
-                      file, table->format);
+  return ms_error_set(
+      err, MSIM_ERR_PLUGIN,
+      "%s requests the unknown matrix format %d; rebuild it for this version of msim", file,
+      table->format);
 }
 
 msim_status ms_registry_find_backend(const char *name, const msim_backend *const *backends,
@@ -95,7 +98,8 @@ msim_status ms_registry_find_backend(const char *name, const msim_backend *const
   if (!*table) *table = linked_in(name);
   if (!*table) status = load_backend(name, plugin_path, table, where, err);
   if (!status)
-    status = check_backend_table(name, where->length ? where->data : "the program", *table, err);
+    status = check_backend_table(name, where->length ? where->data : "the backend in this program",
+                                 *table, err);
   return status;
 }
 
@@ -103,7 +107,8 @@ msim_status msim_solver_backend(const char *name, const char *plugin_path,
                                 const msim_backend **backend, msim_error *err) {
   if (!name || !backend) return ms_error_set(err, MSIM_ERR_ARG, "name or backend is NULL");
   if (is_built_in(name))
-    return ms_error_set(err, MSIM_ERR_NAME, "solver '%s' is built in and has no backend", name);
+    return ms_error_set(err, MSIM_ERR_NAME,
+                        "solver '%s' is built into msim and has no function table", name);
   const msim_allocator alloc = ms_memory_allocator(NULL);
   ms_text where = {.alloc = &alloc};
   msim_status status = ms_registry_find_backend(name, NULL, plugin_path, backend, &where, err);

@@ -244,13 +244,14 @@ static msim_status check_and_refine(ms_solver *s, const double *b, double *v, ms
     s->offender = isfinite(s->relative_residual) ? ms_vector_find_largest(shape, s->residual)
                                                  : ms_vector_find_invalid(shape, v);
     if (!isfinite(s->relative_residual))
-      return ms_error_set(err, MSIM_NOT_CONVERGED, "solver %s gave an answer that is not finite",
+      return ms_error_set(err, MSIM_NOT_CONVERGED, "the solution of solver %s is not finite",
                           s->linear->name);
     if (round == REFINEMENTS || !s->linear->factorises)
       return ms_error_set(
           err, MSIM_NOT_CONVERGED,
-          "solver %s left a residual of %.3g of the right side; solver.rtol asks for %.3g",
-          s->linear->name, s->relative_residual, s->target.rtol);
+          "solver %s reached a relative residual of %.3g, not %.3g; raise solver.rtol%s",
+          s->linear->name, s->relative_residual, s->target.rtol,
+          s->linear->factorises ? "" : " or solver.max_iterations, or use solver = cholmod");
     clear_solution(s, s->correction);
     int64_t iterations = 0;
     msim_status status =
@@ -364,16 +365,15 @@ static msim_status handle_indefinite(ms_solver *s, const ms_linear_system_spec *
       return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
     default:
       s->offender = ms_offender_find_compressed(s->system.model, &s->system.a);
-      return ms_error_set(
-          err, MSIM_NOT_SPD,
-          "the matrix M - h D - h^2 J is not positive definite (h = %g s is too long for "
-          "the compressed springs; indefinite = clamp goes on)",
-          r->h);
+      return ms_error_set(err, MSIM_NOT_SPD,
+                          "the matrix M - h D - h^2 J is not positive definite: h = %g s is too "
+                          "long for the compressed springs; use a shorter h, or indefinite = clamp",
+                          r->h);
   }
 }
 
 msim_status ms_solver_switch_to_cholmod(ms_solver *s, msim_error *err) {
-  ms_solver_choice choice = {.reason = "auto: pcg did not converge"};
+  ms_solver_choice choice = {.reason = "auto: replaced pcg, which did not converge"};
   s->may_switch = 0;
   msim_status status = ms_adapter_create(&s->system, "cholmod", s->opt, &choice.linear, err);
   if (status) return status;

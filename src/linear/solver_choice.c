@@ -14,14 +14,15 @@ static msim_status choose_pcg(const ms_linear_system *system, const msim_options
                               ms_solver_choice *choice, msim_error *err) {
   msim_status status = ms_pcg_create(system, opt, p->aggregate_size, &choice->linear, err);
   if (status) return status;
-  const char *by = strcmp(opt->solver, "auto") == 0 ? "auto" : "asked for";
+  const char *by = strcmp(opt->solver, "auto") == 0 ? "auto" : "selected by option solver";
   if (choice->linear->aggregates)
     snprintf(choice->reason, sizeof choice->reason,
              "%s: about %.0f iterations with a coarse space, %.0f without%s", by, p->two_level,
              p->one_level, but);
   else
     snprintf(choice->reason, sizeof choice->reason,
-             "%s: about %.0f iterations, no coarse space would pay%s", by, p->one_level, but);
+             "%s: about %.0f iterations; a coarse space would not be cost-effective%s", by,
+             p->one_level, but);
   return MSIM_OK;
 }
 
@@ -47,18 +48,27 @@ static msim_status choose_by_cost(const ms_linear_system *system, const msim_opt
   msim_status status = ms_adapter_create(system, "cholmod", opt, &choice->linear, &why);
   if (status == MSIM_ERR_MEMORY) return ms_error_set(err, status, "%s", why.text);
   if (status && may_fail)
-    return ms_error_set(err, status, "indefinite = solve needs a solver that can: %s", why.text);
-  if (status) return choose_pcg(system, opt, p, "; cholmod is not there", choice, err);
+    return ms_error_set(err, status,
+                        "indefinite = solve requires cholmod, which is not available (%s); install "
+                        "it, or use indefinite = clamp or stop",
+                        why.text);
+  if (status) return choose_pcg(system, opt, p, "; cholmod is not available", choice, err);
   const double spared = iterations * MS_PCG_FLOPS_PER_HALF_EDGE * 2 * system->model->springs.n;
-  if (may_fail || cost_of_step(choice->linear) <= spared) {
+  if (may_fail) {
     snprintf(choice->reason, sizeof choice->reason,
-             "auto: a factor of %.2g flops against about %.0f iterations", choice->linear->flops,
-             iterations);
+             "auto: indefinite = solve requires a direct solver");
+    return MSIM_OK;
+  }
+  if (cost_of_step(choice->linear) <= spared) {
+    snprintf(
+        choice->reason, sizeof choice->reason,
+        "auto: a factorization of %.2g flops is estimated to cost less than %.0f iterations of pcg",
+        choice->linear->flops, iterations);
     return MSIM_OK;
   }
   choice->linear->ops->destroy(choice->linear);
   choice->linear = NULL;
-  return choose_pcg(system, opt, p, "; a factor costs more", choice, err);
+  return choose_pcg(system, opt, p, "; a factorization would cost more", choice, err);
 }
 
 msim_status ms_solver_choice_make(const ms_linear_system *system, const msim_options *opt, double h,
@@ -67,22 +77,21 @@ msim_status ms_solver_choice_make(const ms_linear_system *system, const msim_opt
   *choice = (ms_solver_choice){0};
   if (!(model->features & MS_HAS_SPRINGS) || model->unknowns.nfree == 0) {
     snprintf(choice->reason, sizeof choice->reason,
-             "no spring couples two unknowns: A is diagonal");
+             "no springs or no free particles: the matrix is diagonal");
     return ms_diagonal_create(system, &choice->linear, err);
   }
   const ms_iteration_estimate p = ms_iteration_estimate_compute(model, h, opt->solver_rtol);
   if (strcmp(opt->solver, "auto") == 0) return choose_by_cost(system, opt, &p, choice, err);
-  snprintf(choice->reason, sizeof choice->reason, "asked for");
+  snprintf(choice->reason, sizeof choice->reason, "selected by option solver");
   msim_status status = strcmp(opt->solver, "pcg") == 0
                            ? choose_pcg(system, opt, &p, "", choice, err)
                            : ms_adapter_create(system, opt->solver, opt, &choice->linear, err);
   if (status || opt->indefinite != MSIM_INDEFINITE_SOLVE || choice->linear->symmetric)
     return status;
-  return ms_error_set(
-      err, MSIM_ERR_ARG,
-      "solver '%s' cannot solve systems that are not positive definite, as indefinite = "
-      "solve asks; take cholmod, or indefinite = clamp or stop",
-      opt->solver);
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "solver '%s' cannot solve indefinite systems, which indefinite = solve "
+                      "requires; use solver = cholmod, or indefinite = clamp or stop",
+                      opt->solver);
 }
 
 int ms_solver_choice_is_auto(const msim_options *opt) { return strcmp(opt->solver, "auto") == 0; }

@@ -34,10 +34,10 @@ static msim_status apply_decisions(ms_solver *s, const decisions *d, msim_error 
   if (pcg_of(s) && !d->pcg && s->may_switch) status = ms_solver_switch_to_cholmod(s, err);
   if (status) return status;
   if (!pcg_of(s) != !d->pcg || d->aggregates != s->linear->aggregates)
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "the linear solver cannot be as it was: it is pcg here and cholmod there, or has "
-        "another coarse space");
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "the linear solver of the checkpoint cannot be restored: here it is "
+                        "another one (pcg or cholmod) or has another coarse space; resume with the "
+                        "msim, plugins and options of the original run");
   s->may_switch = s->may_switch && d->may_switch;
   if (!d->saves && s->amortization.allowed) ms_solver_drop_lagged_factor(s);
   if (s->amortization.allowed && d->has_cholmod) status = ms_solver_add_cholmod(s, err);
@@ -49,16 +49,16 @@ static void archive_constraints(ms_archive *b, const ms_unknowns *rows,
                                 ms_linearization_point *origin) {
   MS_ARCHIVE_TRANSFER(b, origin->nconstraints);
   ms_archive_check(b, origin->nconstraints >= 0 && origin->nconstraints <= rows->nfree,
-                   "rows that are held");
+                   "the number of constrained particles");
   if (ms_archive_failed(b)) return;
   const int32_t n = b->direction == MS_ARCHIVE_COUNT ? rows->nfree : origin->nconstraints;
   ms_archive_transfer(b, origin->constraint, (size_t)n * sizeof *origin->constraint);
   for (int32_t i = 0, next = 0; i < n && b->direction == MS_ARCHIVE_READ; i++) {
     const ms_constraint *g = &origin->constraint[i];
-    ms_archive_check(b, g->row >= next && g->row < rows->nfree, "a row that is held");
-    ms_archive_check(b, g->n >= 0 && g->n <= 3, "a row that is held");
+    ms_archive_check(b, g->row >= next && g->row < rows->nfree, "a constrained particle");
+    ms_archive_check(b, g->n >= 0 && g->n <= 3, "a constrained particle");
     for (int k = 0; k < 9; k++)
-      ms_archive_check(b, isfinite(g->direction[k / 3][k % 3]), "a row that is held");
+      ms_archive_check(b, isfinite(g->direction[k / 3][k % 3]), "a constrained particle");
     next = g->row + 1;
   }
 }
@@ -69,8 +69,8 @@ static void archive_linearization_point(ms_archive *b, const ms_solver *s,
   MS_ARCHIVE_TRANSFER(b, origin->h);
   MS_ARCHIVE_TRANSFER(b, origin->clamped);
   MS_ARCHIVE_TRANSFER(b, origin->kind);
-  ms_archive_check(b, isfinite(origin->h) && origin->h > 0, "the h of a matrix");
-  ms_archive_check(b, (origin->kind | 1) == 1, "the kind of a factor");
+  ms_archive_check(b, isfinite(origin->h) && origin->h > 0, "the step size of a factored matrix");
+  ms_archive_check(b, (origin->kind | 1) == 1, "the kind of a factorization");
   if (s->system.a.block == 1) return;
   if (b->direction == MS_ARCHIVE_READ)
     ms_unknowns_gather(&model->unknowns, model->scene->x, origin->x);
@@ -83,12 +83,13 @@ static void archive_counts(ms_archive *b, ms_lagged_factor *kept, ms_amortizatio
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
     ms_archive_transfer_count(b, counts[i]);
   MS_ARCHIVE_TRANSFER(b, kept->skips_left); /* may be negative */
-  ms_archive_check(b, kept->skips_left > INT64_MIN / 2, "a count");
+  ms_archive_check(b, kept->skips_left > INT64_MIN / 2, "a counter of the linear solver");
   MS_ARCHIVE_TRANSFER(b, kept->limit);
   MS_ARCHIVE_TRANSFER(b, kept->rtol);
   MS_ARCHIVE_TRANSFER(b, savings->flops);
-  ms_archive_check(b, kept->limit >= 0 && kept->rtol >= 0 && savings->flops >= 0, "the solver");
-  ms_archive_check(b, kept->factorizer || kept->age == 0, "a kept factor");
+  ms_archive_check(b, kept->limit >= 0 && kept->rtol >= 0 && savings->flops >= 0,
+                   "a limit of the linear solver");
+  ms_archive_check(b, kept->factorizer || kept->age == 0, "the age of the lagged factorization");
 }
 
 /* The age of the coarse factor, if there is one that may be lagged; else -1 */
@@ -125,12 +126,12 @@ msim_status ms_solver_state_archive(ms_archive *b, ms_solver *s, msim_error *err
   MS_ARCHIVE_TRANSFER(b, constant.h);
   MS_ARCHIVE_TRANSFER(b, constant.clamped);
   ms_archive_check(b, isfinite(constant.h) && (constant.h == 0 || s->system.a.block == 1),
-                   "the h of a matrix");
+                   "the step size of a factored matrix");
   MS_ARCHIVE_TRANSFER(b, age);
   ms_archive_check(b,
                    age == -1 || (age >= 0 && age < INT32_MAX / 2 && pcg_of(s) &&
                                  pcg_of(s)->may_reuse_coarse && d.aggregates),
-                   "a coarse factor");
+                   "the age of the coarse factorization");
   if (ms_archive_failed(b)) return MSIM_OK;
   const int counts = b->direction == MS_ARCHIVE_COUNT; /* count what may exist later, too */
   if (counts ? ms_solver_choice_is_auto(s->opt) || pcg_of(s) : age >= 0)

@@ -136,8 +136,10 @@ static msim_status count_blocks(const ms_sparse_graph *g, const ms_sparse_matrix
   const int32_t off_diagonal = g->ptr[g->n], limit = INT32_MAX / (m->block * m->block);
   *blocks = (int64_t)g->n + (m->format == MSIM_FORMAT_FULL ? off_diagonal : off_diagonal / 2);
   if (*blocks <= limit) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_ARG, "the matrix has %lld blocks of %d x %d; the limit is %d",
-                      (long long)*blocks, m->block, m->block, limit);
+  return ms_error_set(
+      err, MSIM_ERR_ARG,
+      "the matrix has %lld blocks of %d x %d scalars, more than the limit of %d; use solver = pcg",
+      (long long)*blocks, m->block, m->block, limit);
 }
 
 static int allocate_matrix(const ms_model *model, size_t blocks, ms_sparse_matrix *m) {
