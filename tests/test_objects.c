@@ -225,11 +225,11 @@ static void bad_objects_are_refused(void **state) {
   msim_scene *s = started();
   REFUSE(rope, a_rope(4), size, 8, "rope.size is 8; it must be sizeof(msim_rope)");
   REFUSE(rope, a_rope(4), n, 0, "rope.n is 0; it must be a whole number from 1");
-  REFUSE(rope, a_rope(4), n, 1000000000, "rope.n makes 1000000000 particles; the limit is");
+  REFUSE(rope, a_rope(4), n, 1000000000, "rope.n gives 1000000000 particles; the limit is");
   REFUSE(rope, a_rope(4), from[1], NAN, "rope.from[1] is nan; it must be a finite number");
   REFUSE(rope, a_rope(4), to[2], INFINITY, "rope.to[2] is inf");
   REFUSE(rope, a_rope(4), mass, 0, "rope.mass is 0; it must be a finite number > 0");
-  REFUSE(rope, a_rope(4), mass, 5e-324, "each of 4 particles must get more than 0");
+  REFUSE(rope, a_rope(4), mass, 5e-324, "which is 0 for each of 4 particles; it must be larger");
   REFUSE(rope, a_rope(4), k, -1, "rope.k is -1; it must be a finite number >= 0");
   REFUSE(rope, a_rope(4), damping, -1, "rope.damping is -1");
   REFUSE(rope, a_rope(4), npinned, -1, "rope.npinned is -1");
@@ -237,13 +237,13 @@ static void bad_objects_are_refused(void **state) {
   REFUSE(cloth, a_cloth(2, 3), size, 0, "cloth.size is 0");
   REFUSE(cloth, a_cloth(2, 3), rows, -2, "cloth.rows is -2");
   REFUSE(cloth, a_cloth(2, 3), columns, 0, "cloth.columns is 0");
-  REFUSE(cloth, a_cloth(2, 1 << 30), rows, 1 << 30, "makes 1152921504606846976 particles");
+  REFUSE(cloth, a_cloth(2, 1 << 30), rows, 1 << 30, "gives 1152921504606846976 particles");
   REFUSE(cloth, a_cloth(2, 3), column[0], INFINITY, "cloth.column[0] is inf");
   REFUSE(cloth, a_cloth(2, 3), k_structural, NAN, "cloth.k_structural is nan");
   REFUSE(cloth, a_cloth(2, 3), k_bend, -1, "cloth.k_bend is -1");
   REFUSE(lattice, a_lattice(2, 2, 2), n[2], 0, "lattice.n[2] is 0");
   REFUSE(lattice, a_lattice(600, 600, 1), n[2], 600,
-         "lattice.n makes 2798290796 springs; the limit is");
+         "lattice.n gives 2798290796 springs; the limit is");
   REFUSE(lattice, a_lattice(2, 2, 2), extent[1], -1, "lattice.extent[1] is -1");
   REFUSE(lattice, a_lattice(2, 2, 2), origin[0], -INFINITY, "lattice.origin[0] is -inf");
   assert_refused(s, msim_scene_add_cloth(s, NULL, err), "cloth is NULL");
@@ -283,7 +283,7 @@ static void limits_hold_for_the_whole_scene(void **state) {
   msim_scene_destroy(s);
   s = started();
   assert_refused(s, msim_scene_add_rope(s, &rope, err),
-                 "rope.n makes 715827882 particles more than 1; the limit is 715827882");
+                 "rope.n adds 715827882 particles to 1; the limit is 715827882");
   msim_scene_destroy(s);
 }
 

@@ -116,10 +116,10 @@ static void bad_particles_are_refused(void **state) {
   assert_refused(s, msim_scene_add_particles(s, 2, x3, NULL, negative, err), "mass[0] is -1");
   assert_refused(s, msim_scene_add_particles(s, 2, x3, NULL, endless, err), "mass[1] is inf");
   assert_refused(s, msim_scene_add_particles(s, INT32_MAX, x3, NULL, mass3, err),
-                 "2147483650 particles are more than the limit of 715827882");
+                 "2147483650 particles exceed the limit of 715827882");
   const int32_t room = INT32_MAX / 3 - 3; /* values are checked only if the count is allowed */
   assert_refused(s, msim_scene_add_particles(s, room + 1, endless, NULL, mass3, err),
-                 "715827883 particles are more than the limit of 715827882");
+                 "715827883 particles exceed the limit of 715827882");
   assert_refused(s, msim_scene_add_particles(s, room, endless + 1, NULL, mass3, err),
                  "particles.x[0] is inf");
   msim_scene_destroy(s);
@@ -134,9 +134,9 @@ static void bad_springs_are_refused(void **state) {
   assert_refused(s, msim_scene_add_springs(s, 1, NULL, &k, NULL, NULL, err), "NULL");
   assert_refused(s, msim_scene_add_springs(s, 1, good, NULL, NULL, NULL, err), "NULL");
   assert_refused(s, msim_scene_add_springs(s, 2, far, two, NULL, NULL, err),
-                 "springs.ij[1] names particle 3; there are 3");
+                 "springs.ij[1] refers to particle 3; there are 3 particles");
   assert_refused(s, msim_scene_add_springs(s, 1, below, &k, NULL, NULL, err), "particle -1");
-  assert_refused(s, msim_scene_add_springs(s, 1, self, &k, NULL, NULL, err), "ties particle 2");
+  assert_refused(s, msim_scene_add_springs(s, 1, self, &k, NULL, NULL, err), "connects particle 2");
   assert_refused(s, msim_scene_add_springs(s, 1, good, &minus, NULL, NULL, err), "springs.k[0]");
   assert_refused(s, msim_scene_add_springs(s, 1, good, &nan, NULL, NULL, err), "springs.k[0]");
   assert_refused(s, msim_scene_add_springs(s, 1, good, &k, &minus, NULL, err), "springs.rest[0]");
@@ -150,10 +150,10 @@ static void bad_planes_are_refused(void **state) {
   const struct {
     msim_plane plane;
     const char *words;
-  } bad[] = {{{{0, 0, 0}, 0, 1, 0}, "normal is zero"},
+  } bad[] = {{{{0, 0, 0}, 0, 1, 0}, "normal is 0; it must be a nonzero vector"},
              {{{0, NAN, 1}, 0, 1, 0}, "normal[1] is nan"},
              {{{0, 0, 1}, INFINITY, 1, 0}, "offset is inf"},
-             {{{0, 0, 1e-300}, 1e300, 1, 0}, "offset is out of range"},
+             {{{0, 0, 1e-300}, 1e300, 1, 0}, "offset / |normal| is not finite"},
              {{{0, 0, 1}, 0, 1.5, 0}, "restitution is 1.5"},
              {{{0, 0, 1}, 0, NAN, 0}, "restitution is nan"},
              {{{0, 0, 1}, 0, 1, -1}, "friction is -1"},

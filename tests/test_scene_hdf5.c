@@ -306,7 +306,7 @@ static const struct {
   const char *words;
 } cases[] = {
     {no_version, "a.h5: msim is missing; it must be 1"},
-    {unknown_key, "gravitiy is not a known key (did you mean 'gravity'?); known are msim, name"},
+    {unknown_key, "gravitiy is an unknown key (did you mean 'gravity'?); the keys are msim, name"},
     {infinite, "particles.x[1][0] is inf; it must be a finite number"},
     {bad_mass, "particles.mass[1] is -0.5; it must be a finite number > 0"},
     {no_list_of_rows, "particles.x[0] is 0.0; it must be an array of 3"},
@@ -316,8 +316,8 @@ static const struct {
     {scalar_list, "particles.x is 1.0; it must be an array"},
     {text_for_number, "springs.k is \"stiff\"; it must be a finite number >= 0"},
     {gap_in_list, "planes is an object; it must be an array"},
-    {not_utf8, "name is text that is not UTF-8"},
-    {plugin_path, "run.plugin_path is not for scenes"},
+    {not_utf8, "name is not valid UTF-8"},
+    {plugin_path, "run.plugin_path is not allowed in scene files"},
     {bad_option, "run.h is '-1'; it must be"},
     {soft_link, "particles/v is a soft link"},
     {soft_cycle, "objects is a soft link"},

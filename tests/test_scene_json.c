@@ -291,7 +291,7 @@ static void some_scenes_cannot_be_written(void **state) {
   msim_error err;
   assert_int_equal(msim_scene_create(NULL, &scene, &err), MSIM_OK);
   assert_int_equal(msim_scene_save(scene, "nothing.json", &err), MSIM_ERR_ARG);
-  assert_non_null(strstr(err.text, "holds no particles"));
+  assert_non_null(strstr(err.text, "the scene has no particles"));
   msim_scene_destroy(scene);
   scene = parse(NULL, full);
   assert_int_equal(msim_scene_set_name(scene, "\xff", &err), MSIM_OK);

@@ -45,7 +45,7 @@ static msim_status refuse_node(import_state *in, const char *path, const char *w
 static void check_utf8(import_state *in, const char *path, const char *text) {
   const int is_utf8 = ms_scene_is_utf8(text);
   if (is_utf8 < 0) fail_memory(in);
-  if (is_utf8 == 0) refuse_node(in, path, "is text that is not UTF-8");
+  if (is_utf8 == 0) refuse_node(in, path, "is not valid UTF-8");
 }
 
 /*------------------------------------- add nodes ------------------------------------------------*/
@@ -95,10 +95,10 @@ static msim_status add_node(const msim_tree *tree, const msim_node *node, void *
   if (in->status) return in->status;
   if (!is_valid_node(node))
     return in->status = ms_json_fail(&in->reader, MSIM_ERR_ARG,
-                                     "it holds a name or an array that no scene has");
+                                     "it contains a node with an invalid path, type or size");
   json_t *group = find_group(in, node->path, &key);
-  if (!json_is_object(group)) return refuse_node(in, node->path, "lies in no group");
-  if (json_object_get(group, key)) return refuse_node(in, node->path, "is there twice");
+  if (!json_is_object(group)) return refuse_node(in, node->path, "belongs to no group of the file");
+  if (json_object_get(group, key)) return refuse_node(in, node->path, "occurs twice");
   check_utf8(in, node->path, key);
   if (in->status) return in->status;
   json_t *value = node->kind == MSIM_NODE_GROUP ? json_object() : new_column(in, node);

@@ -52,7 +52,10 @@ msim_status ms_importer_find(const char *name, const char *plugin_path, const ms
   memcpy(&entry, &symbol, sizeof entry); /* ISO C has no cast from void * to a function */
   *table = entry();
   if (!*table)
-    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
+    return ms_error_set(
+        err, MSIM_ERR_PLUGIN,
+        "%s: msim_importer_entry() returned NULL; report this to the author of the plugin",
+        where->data);
   return check_importer_table(name, where->data, *table, err);
 }
 

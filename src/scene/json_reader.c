@@ -101,7 +101,7 @@ static msim_status refuse_key(const ms_json_reader *r, const char *path, const c
   size_t n = 0;
   for (int32_t i = 0; keys[i] && n < sizeof known; i++)
     n += (size_t)snprintf(known + n, sizeof known - n, "%s%s", i ? ", " : "", keys[i]);
-  return ms_json_fail(r, MSIM_ERR_ARG, "%s is not a known key%s; known are %s",
+  return ms_json_fail(r, MSIM_ERR_ARG, "%s is an unknown key%s; the keys are %s",
                       ms_json_member_path(path, key).text, ms_text_suggest(key, key_at, keys).text,
                       known);
 }
@@ -133,7 +133,8 @@ msim_status ms_json_read_array_size(const ms_json_reader *r, const char *key, ms
                                     int32_t *n) {
   if (!ms_value_is_array(value)) return ms_json_refuse(r, ms_json_at(key), value, "an array");
   const size_t size = ms_value_size(value);
-  if (size > INT32_MAX / 3) return ms_json_refuse(r, ms_json_at(key), value, "shorter");
+  if (size > INT32_MAX / 3)
+    return ms_json_refuse(r, ms_json_at(key), value, "an array of at most 715827882");
   *n = (int32_t)size;
   return MSIM_OK;
 }
@@ -185,7 +186,8 @@ msim_status ms_json_read_each(const ms_json_reader *r, const char *key, ms_value
   if (has_length(value, n)) return ms_json_read_row(r, ms_json_at(key), value, range, n, numbers);
   if (!ms_value_is_number(value)) {
     char before[64];
-    snprintf(before, sizeof before, "%s for all, or ", ms_objects_range_text(range));
+    snprintf(before, sizeof before, "%s for all %.*s, or ", ms_objects_range_text(range),
+             (int)strcspn(key, "."), key);
     return refuse_length(r, ms_json_at(key), value, before, n);
   }
   double number;
@@ -199,7 +201,7 @@ msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_
   const int64_t number = ms_value_whole(value);
   *index = (int32_t)number;
   if (ms_value_is_whole(value) && number >= 0 && number < n) return MSIM_OK;
-  char must[64] = "left out, as there are no particles";
+  char must[64] = "removed, because there are no particles";
   if (n) snprintf(must, sizeof must, "a whole number from 0 to %d", n - 1);
   return ms_json_refuse(r, at, value, must);
 }

@@ -175,20 +175,22 @@ static int64_t count_springs(const ms_grid *grid) {
 static msim_status check_size(const ms_grid *grid, const char *subject, msim_error *err) {
   double size = (double)grid->n[0] * grid->n[1] * grid->n[2];
   if (size > INT32_MAX / 3)
-    return ms_error_set(err, MSIM_ERR_ARG, "%s.n makes %.0f particles; the limit is %d", subject,
+    return ms_error_set(err, MSIM_ERR_ARG, "%s.n gives %.0f particles; the limit is %d", subject,
                         size, INT32_MAX / 3);
   if (count_springs(grid) > INT32_MAX)
-    return ms_error_set(err, MSIM_ERR_ARG, "%s.n makes %lld springs; the limit is %d", subject,
+    return ms_error_set(err, MSIM_ERR_ARG, "%s.n gives %lld springs; the limit is %d", subject,
                         (long long)count_springs(grid), INT32_MAX);
   if (!(grid->mass / size > 0))
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "%s.mass is %g; each of %.0f particles must get more than 0", subject,
-                        grid->mass, size);
+                        "%s.mass is %g, which is 0 for each of %.0f particles; it must be larger",
+                        subject, grid->mass, size);
   for (int c = 0; c < 3; c++) {
     double reach = fabs(grid->origin[c]);
     for (int e = 0; e < 3; e++) reach += fabs(grid->edge[e][c]);
     if (!isfinite(reach))
-      return ms_error_set(err, MSIM_ERR_ARG, "%s reaches farther than a double can say", subject);
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "%s extends beyond the range of double; use smaller coordinates",
+                          subject);
   }
   return MSIM_OK;
 }
@@ -257,8 +259,8 @@ msim_status ms_objects_add_particles(msim_scene *scene, ms_grid *grid, const cha
   const msim_allocator alloc = scene->data->alloc;
   const int32_t n = ms_objects_grid_size(grid);
   if ((int64_t)scene->data->nparticles + n > INT32_MAX / 3)
-    return ms_error_set(err, MSIM_ERR_ARG, "%s.n makes %d particles more than %d; the limit is %d",
-                        subject, n, scene->data->nparticles, INT32_MAX / 3);
+    return ms_error_set(err, MSIM_ERR_ARG, "%s.n adds %d particles to %d; the limit is %d", subject,
+                        n, scene->data->nparticles, INT32_MAX / 3);
   double *x = ms_memory_allocate(&alloc, (size_t)n, 4 * sizeof *x);
   if (!x) return ms_error_set_memory(err, "an object");
   double *mass = x + 3 * (size_t)n;

@@ -29,21 +29,20 @@ typedef struct option {
 #define ABOVE_0(name, preset, doc, m) \
   { {name, "number > 0", preset, doc}, REAL, AT(m), 0, 1, NAN, 0 }
 #define FLAG(name, what, bit) \
-  { {"skip." name, "on | off", "on", "leave out " what}, SKIP, AT(skip_off), 0, 0, NAN, bit }
+  { {"skip." name, "on | off", "on", "skip " what}, SKIP, AT(skip_off), 0, 0, NAN, bit }
 
 static const option table[] = {
-    TEXT("integrator", "name", "", "time integration method, as msim_cli list names them",
-         integrator),
+    TEXT("integrator", "name", "", "time integration method; msim_cli list shows them", integrator),
     {{"h", "number > 0 | auto", "1e-3",
-      "time step in s, under error control the first one to try; auto: 0.9 of the longest stable "
-      "one, or by the scene"},
+      "step size in s, or the first one to try under error control; auto: 0.9 of the stability "
+      "limit, or chosen for the scene"},
      REAL,
      AT(h),
      0,
      1,
      MSIM_H_AUTO,
      0},
-    {{"steps", "whole number >= 0", "", "number of steps, exactly; wins over t_end"},
+    {{"steps", "whole number >= 0", "", "exact number of steps; overrides t_end"},
      INT64,
      AT(steps),
      0,
@@ -51,12 +50,13 @@ static const option table[] = {
      -1,
      0},
     {{"t_end", "number >= 0", "", "end time in s"}, REAL, AT(t_end), 0, 0, -1, 0},
-    TEXT("solver", "name", "auto", "linear solver, as msim_cli list names them", solver),
+    TEXT("solver", "name", "auto", "linear solver; msim_cli list shows them", solver),
     ABOVE_0("solver.rtol", "1e-8",
-            "true residual over right-hand side, weighed by the inverse of the diagonal blocks: "
-            "relative to a step's change of velocity",
+            "tolerance of the true residual relative to the right-hand side, in the norm of the "
+            "inverse diagonal blocks",
             solver_rtol),
-    {{"solver.max_iterations", "whole number >= 1", "2000", "limit of an iterative solver"},
+    {{"solver.max_iterations", "whole number >= 1", "2000",
+      "maximum number of iterations of an iterative solver"},
      INT32,
      AT(solver_max_iterations),
      1,
@@ -64,15 +64,18 @@ static const option table[] = {
      NAN,
      0},
     PICK("jacobian", "exact | clamp", "exact",
-         "exact, or with the transverse term of compressed springs set to 0", jacobian),
+         "derivative of spring forces: exact, or with the transverse term of compressed springs "
+         "set to 0",
+         jacobian),
     PICK("indefinite", "clamp | solve | stop", "clamp",
-         "where the exact matrix is not positive definite: that step again clamped, solve it as it "
-         "is, or stop",
+         "if the exact matrix is not positive definite: repeat the step with the clamped matrix, "
+         "solve the indefinite system, or stop",
          indefinite),
     ABOVE_0("newton.rtol", "1e-8",
-            "wanted error of the velocity of a nonlinear step, relative to its change in the step",
+            "tolerance of the velocity of a nonlinear step, relative to its change in the step",
             newton_rtol),
-    {{"newton.max_iterations", "whole number >= 1", "1000", "limit of Newton's method in a step"},
+    {{"newton.max_iterations", "whole number >= 1", "1000",
+      "maximum number of Newton iterations in a step"},
      INT32,
      AT(newton_max_iterations),
      1,
@@ -80,9 +83,9 @@ static const option table[] = {
      NAN,
      0},
     {{"newton.retries", "whole number >= 0", "",
-      "times that a step that does not converge or is not finite is divided by two; default: 6 "
-      "with "
-      "nonlinear methods, else 0; error control shortens steps anyway"},
+      "maximum number of bisections of a step that does not converge or is not finite; default: 6 "
+      "with nonlinear methods, else 0; unused under error control, which shortens such steps "
+      "itself"},
      INT32,
      AT(newton_retries),
      0,
@@ -90,12 +93,12 @@ static const option table[] = {
      -1,
      0},
     PICK("collision", "reflect | event", "reflect",
-         "reflect the state after the step, or locate the impact inside it", collision),
+         "reflect: mirror the state at the end of the step; event: locate impacts inside the step",
+         collision),
     {{"tol", "number > 0", "",
-      "choose the steps so that each adds at most its share of this error, relative to the size "
-      "and speed of each part that springs connect; default: fixed steps of h; dop853 where no "
-      "steps are given, and auto, "
-      "take 1e-6"},
+      "tolerance of the sum of the local errors of a run, relative to extent and speed of each "
+      "connected part; chooses the step sizes; default: fixed steps of h, but 1e-6 for auto and "
+      "for dop853 without steps"},
      REAL,
      AT(tol),
      0,
@@ -103,8 +106,7 @@ static const option table[] = {
      0,
      0},
     {{"threads", "whole number >= 0", "0",
-      "at most so many threads; 0: by size; the bits of the "
-      "result do not depend on it"},
+      "maximum number of threads; 0: by the size of the scene; results do not depend on it"},
      INT32,
      AT(threads),
      0,
@@ -112,15 +114,16 @@ static const option table[] = {
      NAN,
      0},
     PICK("heun.collision", "final | standard | literal", "final",
-         "where heun reflects: stage and result, result only, or, as printed, stage only",
+         "reflection by heun: of stage and result (final), of the result only (standard), of the "
+         "stage only (literal)",
          heun_collision),
     PICK("verlet.start", "taylor | plain", "taylor", "velocity at -h/2: v0 - h/2 a0, or v0 itself",
          verlet_start),
     PICK("watch", "on | off", "on",
-         "end a run whose energy or extent grows beyond what its start and gravity can supply; "
-         "under tol, report motion in which errors grow",
+         "energy monitor: end a run whose energy or extent exceeds what its initial state and "
+         "gravity can supply; with tol, warn of chaotic motion, in which errors grow",
          watch),
-    {{"every", "whole number >= 1", "", "a frame every so many steps"},
+    {{"every", "whole number >= 1", "", "number of steps between frames"},
      INT64,
      AT(every),
      1,
@@ -135,23 +138,27 @@ static const option table[] = {
      0,
      0},
     PICK("sync", "off | on", "off",
-         "on: each frame is on the disk before the run goes on, and outlives a power cut", sync),
+         "on: flush each frame to the disk before the run continues, so that it survives a power "
+         "failure",
+         sync),
     FLAG("springs", "spring forces if there are no springs", MSIM_SKIP_SPRINGS),
     FLAG("damping", "damping forces if no spring is damped", MSIM_SKIP_DAMPING),
-    FLAG("gravity", "nothing: gravity is always added, at no cost", MSIM_SKIP_GRAVITY),
+    FLAG("gravity", "nothing, because gravity is always added, at no cost", MSIM_SKIP_GRAVITY),
     FLAG("drag", "drag if it is 0", MSIM_SKIP_DRAG),
     FLAG("planes", "collision detection if there are no planes", MSIM_SKIP_PLANES),
-    FLAG("kept_factor", "a new factor where solver = auto finds that the last one still serves",
+    FLAG("kept_factor",
+         "a new factorization if the lagged one is a sufficient preconditioner (solver = auto)",
          MSIM_SKIP_KEPT_FACTOR),
-    FLAG("zero_rest_length", "the direction of springs where all rest lengths and dampings are 0",
+    FLAG("zero_rest_length", "the directions of springs if all rest lengths and dampings are 0",
          MSIM_SKIP_ZERO_REST_LENGTH),
-    FLAG("two_d", "the third component of a flat scene", MSIM_SKIP_TWO_D),
-    FLAG("at_rest", "steps once nothing moves and nothing pulls, to the last bit",
-         MSIM_SKIP_AT_REST),
-    FLAG("islands", "one system of all where springs leave parts of the scene unconnected",
+    FLAG("two_d", "the third component of a planar scene", MSIM_SKIP_TWO_D),
+    FLAG("at_rest", "steps of scenes at exact rest", MSIM_SKIP_AT_REST),
+    FLAG("islands",
+         "the common system of all particles if the scene has parts that no spring connects "
+         "(islands)",
          MSIM_SKIP_ISLANDS),
-    TEXT("plugin_path", "folders", "", "folders searched for plugins first, ':' between them",
-         plugin_path),
+    TEXT("plugin_path", "list of folders", "",
+         "folders searched first for plugins, separated by ':'", plugin_path),
 };
 enum { NOPTIONS = sizeof table / sizeof *table };
 
@@ -201,13 +208,24 @@ int ms_options_accepts_word(const msim_option_entry *entry, const char *value) {
   return find_choice(entry->values, value) > 0;
 }
 
+void ms_options_describe_values(const msim_option_entry *entry, size_t size, char *text) {
+  const char *word = entry->values, *bar;
+  size_t n = 0;
+  for (; (bar = strstr(word, " | ")) != NULL; word = bar + 3)
+    n += (size_t)snprintf(text + n, size - n, "%.*s%s", (int)(bar - word), word,
+                          strstr(bar + 3, " | ") ? ", " : " or ");
+  snprintf(text + n, size - n, "%s", word);
+}
+
 static int in_range(const option *o, double value) {
   return isfinite(value) && (o->open ? value > o->least : value >= o->least);
 }
 
 static msim_status refuse_value(const option *o, const char *found, msim_error *err) {
+  char values[64];
+  ms_options_describe_values(&o->entry, sizeof values, values);
   return ms_error_set(err, MSIM_ERR_ARG, "%s is '%s'; it must be %s%s", o->entry.name, found,
-                      o->type == CHOICE || o->type == SKIP ? "one of " : "a ", o->entry.values);
+                      o->type == CHOICE || o->type == SKIP ? "" : "a ", values);
 }
 
 static msim_status set_number(msim_options *opt, const option *o, const char *value,

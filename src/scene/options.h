@@ -7,6 +7,9 @@
 /* Get the option of this name; NULL: none. *number: whether its values are numbers. */
 const msim_option_entry *ms_options_find(const char *name, int *number);
 
+/* The accepted values as text for messages: "a | b | c" becomes "a, b or c". */
+void ms_options_describe_values(const msim_option_entry *entry, size_t size, char *text);
+
 /* Whether this option, whose values are numbers, also accepts the word `value`: "auto". */
 int ms_options_accepts_word(const msim_option_entry *entry, const char *value);
 

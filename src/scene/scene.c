@@ -212,18 +212,20 @@ static msim_status check_particle_limit(const ms_scene *s, int32_t n, msim_error
   int64_t total = (int64_t)s->nparticles + n;
   /* indices of 3n arrays are int32_t */
   if (total <= INT32_MAX / 3) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_ARG, "%lld particles are more than the limit of %d",
-                      (long long)total, INT32_MAX / 3);
+  return ms_error_set(err, MSIM_ERR_ARG, "%lld particles exceed the limit of %d", (long long)total,
+                      INT32_MAX / 3);
 }
 
 static msim_status check_spring(const ms_scene *s, int64_t e, const int32_t *ij, msim_error *err) {
   for (int end = 0; end < 2; end++)
     if (ij[end] < 0 || ij[end] >= s->nparticles)
-      return ms_error_set(err, MSIM_ERR_ARG,
-                          "springs.ij[%lld] names particle %d; there are %d, counted from 0",
-                          (long long)e, ij[end], s->nparticles);
+      return ms_error_set(
+          err, MSIM_ERR_ARG,
+          "springs.ij[%lld] refers to particle %d; there are %d particles, counted from 0",
+          (long long)e, ij[end], s->nparticles);
   if (ij[0] == ij[1])
-    return ms_error_set(err, MSIM_ERR_ARG, "springs.ij[%lld] ties particle %d to itself",
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "springs.ij[%lld] connects particle %d to itself; remove this spring",
                         (long long)e, ij[0]);
   return MSIM_OK;
 }
@@ -231,7 +233,9 @@ static msim_status check_spring(const ms_scene *s, int64_t e, const int32_t *ij,
 static msim_status check_length(const ms_scene *s, int64_t e, const int32_t *ij, msim_error *err) {
   double length = particle_distance(s->x + 3 * (size_t)ij[0], s->x + 3 * (size_t)ij[1]);
   if (isfinite(length)) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_ARG, "springs.ij[%lld] is longer than a double can say",
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "the length of springs.ij[%lld] is beyond the range of double; specify "
+                      "springs.rest or use smaller coordinates",
                       (long long)e);
 }
 
@@ -313,8 +317,8 @@ msim_status msim_scene_add_springs(msim_scene *scene, int32_t n, const int32_t *
   if (!s) return MSIM_ERR_MEMORY;
   int64_t total = (int64_t)s->nsprings + n;
   if (total > INT32_MAX)
-    return ms_error_set(err, MSIM_ERR_ARG, "%lld springs are more than the limit of %d",
-                        (long long)total, INT32_MAX);
+    return ms_error_set(err, MSIM_ERR_ARG, "%lld springs exceed the limit of %d", (long long)total,
+                        INT32_MAX);
   if (!reserve_springs(s, total, err)) return MSIM_ERR_MEMORY;
   append_springs(s, n, ij, k, rest, damping);
   return ms_error_clear(err);
@@ -338,7 +342,8 @@ msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane, msi
   if (!isfinite(p.offset))
     return ms_error_set(err, MSIM_ERR_ARG, "offset is %g; it must be finite", p.offset);
   if (p.normal[0] == 0 && p.normal[1] == 0 && p.normal[2] == 0)
-    return ms_error_set(err, MSIM_ERR_ARG, "normal is zero; it must have a direction");
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "normal is 0; it must be a nonzero vector, of any length");
   if (!(p.restitution >= 0 && p.restitution <= 1))
     return ms_error_set(err, MSIM_ERR_ARG, "restitution is %g; it must lie in [0, 1]",
                         p.restitution);
@@ -347,7 +352,8 @@ msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane, msi
                         p.friction);
   normalize_plane(&p);
   if (!isfinite(p.offset))
-    return ms_error_set(err, MSIM_ERR_ARG, "offset is out of range once the normal is scaled to 1");
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "offset / |normal| is not finite; use a longer normal or a smaller offset");
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   status = ms_memory_reserve(&s->alloc, (void **)&s->planes, sizeof p, s->nplanes,
@@ -372,11 +378,10 @@ msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particle
                             "pinned[%d] is %d; there are %d particles, counted from 0", i, p,
                             now->nparticles);
     else if (v[0] != 0 || v[1] != 0 || v[2] != 0)
-      status =
-          ms_error_set(err, MSIM_ERR_ARG,
-                       "pinned[%d] is particle %d, whose velocity is not 0; pinned particles never "
-                       "move",
-                       i, p);
+      status = ms_error_set(err, MSIM_ERR_ARG,
+                            "pinned[%d] is particle %d, whose velocity is not 0; set it to 0 or do "
+                            "not pin the particle",
+                            i, p);
   }
   if (status || n == 0) return status ? status : ms_error_clear(err);
   ms_scene *s = ms_scene_make_writable(scene, err);
@@ -397,7 +402,7 @@ msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const c
   if (!entry.name || !entry.value) {
     ms_memory_free(&s->alloc, entry.name);
     ms_memory_free(&s->alloc, entry.value);
-    return ms_error_set_memory(err, "the scene's options");
+    return ms_error_set_memory(err, "the options of the scene");
   }
   s->run[s->nrun++] = entry;
   return MSIM_OK;

@@ -81,7 +81,8 @@ static msim_status read_particles(ms_json_reader *r, const char *path, ms_value 
   msim_status status = ms_json_check_keys(r, path, section, keys);
   if (!status) status = ms_json_require(r, path, section, "x", "an array of [x, y, z]", &x);
   if (!status)
-    status = ms_json_require(r, path, section, "mass", "one number for all, or an array", &mass);
+    status = ms_json_require(r, path, section, "mass", "one number for all particles, or an array",
+                             &mass);
   if (!status) status = ms_json_read_array_size(r, "particles.x", x, &n);
   if (status) return status;
   double *room = ms_memory_allocate(&r->alloc, (size_t)n, 7 * sizeof *room);
@@ -134,7 +135,7 @@ static msim_status read_springs(ms_json_reader *r, const char *path, ms_value se
   msim_status status = ms_json_check_keys(r, path, section, keys);
   if (!status) status = ms_json_require(r, path, section, "ij", "an array of [i, j]", &pairs);
   if (!status)
-    status = ms_json_require(r, path, section, "k", "one number for all, or an array", &k);
+    status = ms_json_require(r, path, section, "k", "one number for all springs, or an array", &k);
   if (!status) status = ms_json_read_array_size(r, "springs.ij", pairs, &n);
   if (status) return status;
   double *room = ms_memory_allocate(&r->alloc, (size_t)n, 4 * sizeof *room);
@@ -201,8 +202,9 @@ static msim_status check_option_type(const ms_json_reader *r, const char *path, 
   if (is_number ? ms_value_is_number(value) || (word && ms_options_accepts_word(option, word))
                 : !!word)
     return MSIM_OK;
-  char must[96];
-  snprintf(must, sizeof must, is_number ? "a %s" : "a string: %s", option->values);
+  char values[64], must[96];
+  ms_options_describe_values(option, sizeof values, values);
+  snprintf(must, sizeof must, is_number ? "a %s" : "a string: %s", values);
   return ms_json_refuse(r, ms_json_at(path), value, must);
 }
 
@@ -210,7 +212,9 @@ static msim_status read_option(const ms_json_reader *r, const char *path, const 
                                ms_value value) {
   if (strcmp(name, "plugin_path") == 0)
     return ms_json_fail(r, MSIM_ERR_ARG,
-                        "%s is not for scenes: no file may say where code is loaded from", path);
+                        "%s is not allowed in scene files, which must not load code; use "
+                        "--plugin_path or MSIM_PLUGIN_PATH",
+                        path);
   msim_error inner;
   msim_options scratch;
   ms_number_text_buffer number;
@@ -274,7 +278,7 @@ static msim_status read_root(ms_json_reader *r, ms_value root) {
   if (!status) status = ms_json_add_object_springs(r);
   if (!status && r->scene->data->nparticles == 0)
     status = ms_json_fail(r, MSIM_ERR_ARG,
-                          "it holds no particles; there must be some in particles or objects");
+                          "it contains no particles; add some by `particles` or `objects`");
   return status;
 }
 
@@ -314,7 +318,8 @@ msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, con
   if (!scene || !label || !text)
     return ms_error_set(err, MSIM_ERR_ARG, "scene, label or text is NULL");
   ms_json_reader r = {.label = label, .alloc = ms_memory_allocator(alloc), .err = err};
-  if (length == 0) return ms_json_fail(&r, MSIM_ERR_ARG, "it is empty; it must hold a JSON object");
+  if (length == 0)
+    return ms_json_fail(&r, MSIM_ERR_ARG, "it is empty; it must contain a JSON object");
   json_error_t error;
   errno = 0;
   json_t *root = json_loadb(text, length, JSON_REJECT_DUPLICATES, &error);

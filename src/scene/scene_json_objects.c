@@ -25,7 +25,7 @@ static msim_status read_type(const ms_json_reader *r, const char *path, ms_value
     if (strcmp((*type)->name, name) == 0) return MSIM_OK;
   if (strcmp(name, "mesh") == 0)
     return ms_json_fail(r, MSIM_ERR_UNSUPPORTED,
-                        "%s is \"mesh\"; meshes are not part of this version yet", at.text);
+                        "%s is \"mesh\", which this version does not support", at.text);
   char hinted[160];
   snprintf(hinted, sizeof hinted, "%s%s", must, ms_text_suggest(name, type_name, NULL).text);
   return ms_json_refuse(r, ms_json_at(at.text), value, hinted);

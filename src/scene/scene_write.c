@@ -131,12 +131,12 @@ int ms_scene_is_utf8(const char *text) {
 msim_status ms_scene_check_savable(const ms_scene *scene, msim_error *err) {
   if (scene->nparticles == 0)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "the scene holds no particles; a scene file must hold some");
+                        "the scene has no particles; a scene file needs at least one");
   const int is_utf8 = ms_scene_is_utf8(scene->name);
   if (is_utf8 > 0) return MSIM_OK;
   if (is_utf8 < 0) return ms_error_set_memory(err, "a scene file");
   return ms_error_set(err, MSIM_ERR_ARG,
-                      "the scene's name is not valid UTF-8; a scene file cannot hold it");
+                      "the name of the scene is not valid UTF-8; change it to save the scene");
 }
 
 static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error *err) {
