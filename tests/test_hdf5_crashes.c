@@ -195,7 +195,7 @@ static void check_refused(const image *state, const char *what, int at) {
   static image after;
   load(&after, "state.vtkhdf");
   const char *line_end = strchr(host.sentence, '\n');
-  if (at >= created || !strstr(host.sentence, "state.vtkhdf: cannot go on with the file: ") ||
+  if (at >= created || !strstr(host.sentence, "state.vtkhdf: cannot resume the file: ") ||
       line_end || after.length != state->length ||
       memcmp(after.bytes, state->bytes, state->length) != 0)
     fail_msg("%s at operation %d: refused by '%s'", what, at, host.sentence);

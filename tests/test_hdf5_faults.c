@@ -31,7 +31,7 @@ static void more_frames_than_planned(void **state) {
     msim_frame frame = sample_frame(&s, i);
     assert_int_equal(hdf5->write(self, &frame), i < 2 ? MSIM_OK : MSIM_ERR_ARG);
   }
-  assert_string_equal(host.sentence, "g.vtkhdf: all 2 planned frames are written");
+  assert_string_equal(host.sentence, "g.vtkhdf: all 2 planned frames have been written already");
   assert_int_equal(hdf5->close(self), MSIM_OK);
   assert_int_equal(host.live, 0);
   assert_trajectory_valid("g.vtkhdf", 2, 2);
@@ -59,9 +59,11 @@ static void refusals_say_why(void **state) {
   assert_refused("missing/a.vtkhdf", 2, MSIM_ERR_IO,
                  "final.vtkhdf: cannot create the file: No such file or directory");
   assert_refused("/", 2, MSIM_ERR_IO, "final.vtkhdf: cannot create the file: Is a directory");
-  assert_refused("h.vtkhdf", 0, MSIM_ERR_ARG,
-                 "final.vtkhdf: cannot create the file: too few or too many frames");
-  assert_refused("h.vtkhdf", INT64_MAX / 2, MSIM_ERR_ARG, "too few or too many frames");
+  assert_refused(
+      "h.vtkhdf", 0, MSIM_ERR_ARG,
+      "final.vtkhdf: cannot create the file: there are 0 frames; there must be at least 1");
+  assert_refused("h.vtkhdf", INT64_MAX / 2, MSIM_ERR_ARG,
+                 "frames; there must be at least 1, and at most 2^62 bytes");
   assert_refused("h.vtkhdf", 2, MSIM_ERR_MEMORY, "memory");
 }
 

@@ -61,7 +61,7 @@ static void refuse(msim_status want, const char *sentence) {
   host_init(&host);
   assert_int_equal(find_hdf5_recorder()->resume(&host.host, &s.what, &from, &self), want);
   if (!strstr(host.sentence, sentence)) fail_msg("'%s' lacks '%s'", host.sentence, sentence);
-  assert_non_null(strstr(host.sentence, "a.vtkhdf: cannot go on with the file: "));
+  assert_non_null(strstr(host.sentence, "a.vtkhdf: cannot resume the file: "));
   assert_int_equal(host.live, 0);
   char *now = read_file("a.vtkhdf", &after);
   assert_int_equal(after, length);
@@ -109,7 +109,7 @@ static void resume_before_damaged_frames(void **state) {
   begin(5); /* a power cut may lose one commit and keep the next */
   change_word("/VTKHDF/Steps/PartOffsets", 3, 1);
   change_word("/msim/checkpoint/1", 1, 3 ^ 1);
-  refuse(MSIM_ERR_ARG, "of its 3 frames none has both a whole checkpoint");
+  refuse(MSIM_ERR_ARG, "none of its 3 frames has an intact checkpoint");
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -209,17 +209,17 @@ static void another_run_is_refused(void **state) {
   (void)state;
   begin(5);
   s.what.n = N - 1;
-  refuse(MSIM_ERR_ARG, "it has 20 particles, the scene 19");
+  refuse(MSIM_ERR_ARG, "it has 20 particles, but the scene has 19");
   s.what.n = N, s.what.nsprings = NSPRINGS - 1;
-  refuse(MSIM_ERR_ARG, "it has 30 springs, the scene 29");
+  refuse(MSIM_ERR_ARG, "it has 30 springs, but the scene has 29");
   s.what.nsprings = NSPRINGS, s.what.nframes = PLANNED + 1;
-  refuse(MSIM_ERR_ARG, "it was planned for 12 frames and never grows, but this run has 13; end");
+  refuse(MSIM_ERR_ARG, "it was created for 12 frames, but this run has 13; reduce");
   s.what.nframes = 4;
-  refuse(MSIM_ERR_ARG, "it holds 5 frames already, and this run has 4");
+  refuse(MSIM_ERR_ARG, "it already contains 5 frames, but this run has only 4");
   s.what.nframes = PLANNED, s.times[9] += 0.01;
-  refuse(MSIM_ERR_ARG, "its frame 9 is planned at t = 0.9");
+  refuse(MSIM_ERR_ARG, "its frame 9 was planned at t = 0.9");
   s.times[3] = 0.31, s.times[4] = 0.41;
-  refuse(MSIM_ERR_ARG, "its frame 3 is planned at t = 0.3");
+  refuse(MSIM_ERR_ARG, "its frame 3 was planned at t = 0.3");
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -236,7 +236,7 @@ static void damage_is_refused(void **state) {
     change_word(statics[i], 1, 1);
   }
   for (int i = 0; i < 2; i++) change_word(i ? "/msim/checkpoint/1" : "/msim/checkpoint/0", 0, 1);
-  refuse(MSIM_ERR_ARG, "none has both a whole checkpoint");
+  refuse(MSIM_ERR_ARG, "none of its 5 frames has an intact checkpoint");
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -253,7 +253,7 @@ static void rows_that_are_not_stored_are_refused(void **state) {
       H5Dcreate2(file, "/msim/scene", H5T_STD_U8LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
   assert_true(scene >= 0);
   H5Dclose(scene), H5Sclose(space), H5Fclose(file);
-  refuse(MSIM_ERR_ARG, "its dataset /msim/scene is not as msim makes it");
+  refuse(MSIM_ERR_ARG, "its dataset /msim/scene was not created by msim");
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -265,11 +265,11 @@ static void what_is_not_ours_is_refused(void **state) {
   hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
   H5Ldelete(file, "/msim/checkpoint", H5P_DEFAULT);
   H5Fclose(file);
-  refuse(MSIM_ERR_ARG, "it was made without checkpoints");
+  refuse(MSIM_ERR_ARG, "it contains no checkpoints");
   file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
   H5Ldelete(file, "/msim", H5P_DEFAULT);
   H5Fclose(file);
-  refuse(MSIM_ERR_ARG, "it is no trajectory of msim's");
+  refuse(MSIM_ERR_ARG, "it is not a trajectory written by msim");
   assert_int_equal(find_hdf5_recorder()->recognize(&host.host, "a.vtkhdf"), 0);
   FILE *text = fopen("a.vtkhdf", "w");
   fputs("a diary\n", text);
@@ -322,7 +322,7 @@ static void a_checkpoint_that_is_too_long(void **state) {
   msim_frame frame = sample_frame(&s, 0);
   frame.checkpoint_length = SAMPLE_CHECKPOINT + 1;
   assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_ERR_ARG);
-  assert_non_null(strstr(host.sentence, "1004 bytes are more than the 1003 planned"));
+  assert_non_null(strstr(host.sentence, "a checkpoint of 1004 bytes exceeds the 1003 planned"));
   assert_int_equal(find_hdf5_recorder()->close(self), MSIM_ERR_ARG);
   sample_free(&s);
   remove("a.vtkhdf");

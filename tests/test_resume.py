@@ -136,8 +136,8 @@ class Ends(Resume):
             self.good(*self.command(options + t_end, "out.vtkhdf", "--resume"))
         self.good(*self.command(options + "1", "whole.vtkhdf"))
         self.assertEqual(self.read("out.vtkhdf"), self.read("whole.vtkhdf"))
-        self.refuse(options + "1.1", "out.vtkhdf", "planned for 501 frames and never grows", "551")
-        self.refuse(options + "0.8", "out.vtkhdf", "it holds 501 frames already", "401")
+        self.refuse(options + "1.1", "out.vtkhdf", "created for 501 frames", "551")
+        self.refuse(options + "0.8", "out.vtkhdf", "it already contains 501 frames", "401")
 
     def test_what_differs_is_named(self):
         self.good(*self.command(self.OPTIONS + "0.5", "out.vtkhdf"))

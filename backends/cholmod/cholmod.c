@@ -94,14 +94,14 @@ static msim_status cholesky_status(cholesky *self, const char *what) {
     case CHOLMOD_NOT_POSDEF:
       return MSIM_NOT_SPD;
     case CHOLMOD_OUT_OF_MEMORY:
-      self->host->fail(self->host, "CHOLMOD ran out of memory to %s", what);
+      self->host->fail(self->host, "CHOLMOD failed to %s: out of memory", what);
       return MSIM_ERR_MEMORY;
     case CHOLMOD_TOO_LARGE:
-      self->host->fail(self->host, "the factor is too large for CHOLMOD's 32-bit indices");
+      self->host->fail(self->host,
+                       "the factor is too large for CHOLMOD's 32-bit indices; use solver = pcg");
       return MSIM_ERR_BACKEND;
     default:
-      self->host->fail(self->host, "CHOLMOD failed to %s with its status %d", what,
-                       self->common.status);
+      self->host->fail(self->host, "CHOLMOD failed to %s: status %d", what, self->common.status);
       return MSIM_ERR_BACKEND;
   }
 }
@@ -208,7 +208,8 @@ static msim_status allocate_panels(cholesky *self, int single) {
 static msim_status cholesky_analyze(void *data, const msim_system *A, msim_solve_info *info) {
   cholesky *self = data;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_UPPER)
-    return cholesky_refuse(self, "A must be UPPER, with blocks of 1 to 3 and a row at least");
+    return cholesky_refuse(
+        self, "A must have MSIM_FORMAT_UPPER and at least one block row, of 1 to 3 scalars");
   const size_t n = (size_t)A->block * (size_t)A->n;
   self->matrix = (cholmod_sparse){.nrow = n,
                                   .ncol = n,

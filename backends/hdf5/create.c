@@ -154,7 +154,9 @@ void h5_create(recorder *r, const msim_recording *what) {
   hsize_t size = 0;
   h5_doing(r, "create", "the file");
   if (what->nframes < 1 || count_data_bytes(what) > 0x1p62)
-    h5_fail(r, MSIM_ERR_ARG, "too few or too many frames");
+    h5_fail(r, MSIM_ERR_ARG,
+            "there are %lld frames; there must be at least 1, and at most 2^62 bytes of data",
+            (long long)what->nframes);
   h5_open_file(r, what->path, CREATE);
   h5_reserve(r, count_data_bytes(what));
   create_columns(r, what->times);

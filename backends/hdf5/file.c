@@ -55,7 +55,7 @@ void h5_allocate_slot(recorder *r, size_t capacity) {
   if (r->fault.status != MSIM_OK) return;
   r->capacity = capacity;
   r->words = r->host->alloc(r->host, h5_slot_words(capacity) * sizeof *r->words);
-  if (!r->words) h5_fail(r, MSIM_ERR_MEMORY, "no memory for a checkpoint");
+  if (!r->words) h5_fail(r, MSIM_ERR_MEMORY, "out of memory for a checkpoint");
 }
 
 /*------------------------------------- the file -------------------------------------------------*/
@@ -64,7 +64,7 @@ void h5_allocate_slot(recorder *r, size_t capacity) {
  * file while it is written. No chunk cache and no sieve buffer: a failing write is reported by the
  * call that made it, and leaves nothing for libhdf5 to write when it closes the file. */
 void h5_open_file(recorder *r, const char *path, int how) {
-  if (!library_fits()) h5_fail(r, MSIM_ERR_PLUGIN, "built for another release of " H5_VERS_INFO);
+  if (!library_fits()) h5_fail(r, MSIM_ERR_PLUGIN, "%s", OTHER_RELEASE);
   if (r->fault.status != MSIM_OK) return;
   hid_t access = h5_id(r, H5Pcreate(H5P_FILE_ACCESS));
   h5_ok(r, H5Pset_fapl_sec2(access));

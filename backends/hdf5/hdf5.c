@@ -18,7 +18,8 @@ static void write_checkpoint(recorder *r, const msim_frame *frame) {
   const int which = (int)(r->written % NSLOTS);
   if (!frame->checkpoint || !h5_doing(r, "write", h5_slots[which])) return;
   if (bytes > r->capacity) {
-    h5_fail(r, MSIM_ERR_ARG, "%zu bytes are more than the %zu planned", bytes, r->capacity);
+    h5_fail(r, MSIM_ERR_ARG, "a checkpoint of %zu bytes exceeds the %zu planned", bytes,
+            r->capacity);
     return;
   }
   r->words[words - 1] = 0;
@@ -76,7 +77,7 @@ static msim_status start_recorder(const msim_host *host, const msim_recording *g
   recorder *r = host->alloc(host, sizeof *r + strlen(name) + 1);
   *self = NULL;
   if (!r) {
-    host->fail(host, "%s: no memory for a recorder", name);
+    host->fail(host, "%s: out of memory for a recorder", name);
     return MSIM_ERR_MEMORY;
   }
   *r = (recorder){host, .file = H5I_INVALID_HID, .n = what.n, .nframes = what.nframes,
@@ -111,7 +112,7 @@ static int32_t recognize_file(const msim_host *host, const char *path) {
 static msim_status write_frame(void *self, const msim_frame *frame) {
   recorder *r = self;
   if (r->written == r->nframes) {
-    r->host->fail(r->host, "%s: all %lld planned frames are written", r->name,
+    r->host->fail(r->host, "%s: all %lld planned frames have been written already", r->name,
                   (long long)r->nframes);
     return MSIM_ERR_ARG;
   }

@@ -41,7 +41,7 @@ static inline herr_t fault_explain(unsigned depth, const H5E_error2_t *record, v
 static inline int check_result(fault *f, int64_t result) {
   if (result < 0 && f->status == MSIM_OK) {
     (void)H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, fault_explain, f);
-    fault_set(f, MSIM_ERR_BACKEND, "libhdf5 does not say why");
+    fault_set(f, MSIM_ERR_BACKEND, "libhdf5 gave no reason");
   }
   return result >= 0;
 }
@@ -53,6 +53,10 @@ static inline hid_t check_id(fault *f, hid_t result) {
 static inline void close_object(fault *f, herr_t (*close)(hid_t), hid_t object) {
   if (object >= 0) check_result(f, close(object));
 }
+
+#define OTHER_RELEASE                                                                              \
+  "another release of HDF5 is installed than the one that the plugin was built for (" H5_VERS_INFO \
+  "); rebuild the plugin"
 
 /* libhdf5 aborts the process if it is not the release of the headers used here. */
 static inline int library_fits(void) {

@@ -43,7 +43,7 @@ static hid_t open_dataset(recorder *r, const char *path, shape s, hsize_t *rows)
                    H5Tequal(type, h5_file_type(s)) > 0 && H5Pget_nfilters(create) == 0 &&
                    H5Pget_external_count(create) == 0 && has_all_data(r, dataset, type, s, dims[0]);
   if (!fits && r->fault.status == MSIM_OK)
-    h5_fail(r, MSIM_ERR_ARG, "its dataset %s is not as msim makes it", path);
+    h5_fail(r, MSIM_ERR_ARG, "its dataset %s was not created by msim, or is damaged", path);
   h5_drop(r, H5Pclose, create);
   h5_drop(r, H5Tclose, type);
   h5_drop(r, H5Sclose, space);
@@ -75,22 +75,24 @@ static int is_msim_file(const recorder *r) {
 
 static void check_counts(recorder *r, const msim_recording *what) {
   if (r->fault.status == MSIM_OK && !is_msim_file(r))
-    h5_fail(r, MSIM_ERR_ARG, "it is no trajectory of msim's");
+    h5_fail(r, MSIM_ERR_ARG, "it is not a trajectory written by msim");
   const int64_t format = get_attribute(r, "/msim", "format");
   const int64_t n = get_count(r, "/VTKHDF/NumberOfPoints");
   const int64_t nsprings = get_count(r, "/VTKHDF/Lines/NumberOfCells");
   r->nframes = get_attribute(r, "/VTKHDF/Steps", "NSteps");
   if (r->fault.status != MSIM_OK) return;
   if (format != 1)
-    h5_fail(r, MSIM_ERR_ARG, "it is of format %" PRId64 ", which this msim does not know", format);
+    h5_fail(r, MSIM_ERR_ARG,
+            "it has format %" PRId64 ", which this version of msim does not support", format);
   else if (n != what->n)
-    h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " particles, the scene %d", n, what->n);
+    h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " particles, but the scene has %d", n, what->n);
   else if (nsprings != what->nsprings)
-    h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " springs, the scene %d", nsprings, what->nsprings);
+    h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " springs, but the scene has %d", nsprings,
+            what->nsprings);
   else if (what->nframes > r->nframes)
     h5_fail(r, MSIM_ERR_ARG,
-            "it was planned for %" PRId64 " frames and never grows, but this run has %" PRId64
-            "; end the run with the file, and go on from its last state in another one",
+            "it was created for %" PRId64 " frames, but this run has %" PRId64
+            "; reduce t_end or steps, or start another file from the last state",
             r->nframes, what->nframes);
 }
 
@@ -102,7 +104,7 @@ static hsize_t open_columns(recorder *r) {
     r->column[i] = open_rows(r, c->path, c->shape, (hsize_t)r->nframes * h5_rows(c->shape, r->n));
   }
   if (r->fault.status == MSIM_OK && H5Lexists(r->file, "/msim/checkpoint", H5P_DEFAULT) <= 0)
-    h5_fail(r, MSIM_ERR_ARG, "it was made without checkpoints");
+    h5_fail(r, MSIM_ERR_ARG, "it contains no checkpoints, so it cannot be resumed");
   for (int i = 0; i < NSLOTS; i++) r->slot[i] = open_dataset(r, h5_slots[i], WHOLE, &words[i]);
   if (r->fault.status == MSIM_OK && (words[0] != words[1] || words[0] < SLOT_BYTES))
     h5_fail(r, MSIM_ERR_ARG, "its checkpoints are damaged");
@@ -141,7 +143,7 @@ static void check_constants(recorder *r, const msim_recording *what) {
   hash_rows(r, &h, scene, WHOLE, 0, (int64_t)length); /* one byte per word */
   h5_drop(r, H5Dclose, scene);
   if (h.sum != (uint64_t)get_attribute(r, "/msim", "static_hash") && r->fault.status == MSIM_OK)
-    h5_fail(r, MSIM_ERR_ARG, "its mesh, parameters or scene are damaged: their hash is another");
+    h5_fail(r, MSIM_ERR_ARG, "its mesh, parameters or scene are damaged: wrong hash");
 }
 
 static uint64_t get_word(recorder *r, int i, int64_t frame) {
@@ -219,8 +221,10 @@ static void check_times(recorder *r, const msim_recording *what) {
       const int differs = j <= last ? !free && there != here : j == last + 1 && there <= here;
       if (differs)
         h5_fail(r, MSIM_ERR_ARG,
-                "its frame %" PRId64 " is planned at t = %.17g s, that of this run at %.17g s", j,
-                there, here);
+                "its frame %" PRId64
+                " was planned at t = %.17g s, but at %.17g s in this run; use the same fps, every "
+                "and h",
+                j, there, here);
     }
   }
 }
@@ -228,15 +232,16 @@ static void check_times(recorder *r, const msim_recording *what) {
 static void find_resume_point(recorder *r, const msim_recording *what) {
   const int64_t committed = count_committed(r, &r->committed);
   if (r->fault.status == MSIM_OK && r->committed > what->nframes)
-    h5_fail(r, MSIM_ERR_ARG, "it holds %" PRId64 " frames already, and this run has %" PRId64,
-            r->committed, what->nframes);
+    h5_fail(r, MSIM_ERR_ARG,
+            "it already contains %" PRId64 " frames, but this run has only %" PRId64, r->committed,
+            what->nframes);
   if (r->fault.status != MSIM_OK) return;
   find_checkpoint(r, committed, what->times);
   if (r->committed > r->written) r->planned_t = what->times[r->committed - 1];
   check_times(r, what);
   if (r->written == 0 && committed > 0 && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG,
-            "of its %" PRId64 " frames none has both a whole checkpoint and a time of this run",
+            "none of its %" PRId64 " frames has an intact checkpoint and belongs to this run",
             committed);
 }
 
@@ -250,7 +255,7 @@ static void reopen_for_writing(recorder *r, const char *path) {
 }
 
 void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
-  h5_doing(r, "go on with", "the file");
+  h5_doing(r, "resume", "the file");
   h5_open_file(r, what->path, LOOK);
   check_counts(r, what);
   h5_allocate_slot(r, (size_t)(open_columns(r) - SLOT_BYTES) * 8);

@@ -69,13 +69,14 @@ static int is_standard_number(hid_t type) {
 static void check_type(hdf5_reader *r, const dataset_shape *s) {
   const H5T_class_t class = H5Tget_class(s->type);
   if (class == H5T_STRING && H5Tis_variable_str(s->type) != 0)
-    refuse_hdf5(r, "is a text of variable length; it must be one of fixed length (numpy.bytes_)");
+    refuse_hdf5(r, "is a string of variable length; it must have a fixed length (numpy.bytes_)");
   else if (class == H5T_STRING && (s->extent != H5S_SCALAR || H5Tget_size(s->type) > MOST_TEXT))
-    refuse_hdf5(r, "is an array of texts, or a very long one; it must be one text");
-  else if (class != H5T_STRING && !is_standard_number(s->type))
     refuse_hdf5(r,
-                "is of a type that no scene has; it must be integers, IEEE floats of 32 or 64 bits "
-                "or a text");
+                "is an array of strings, or longer than 4096 bytes; it must be one shorter string");
+  else if (class != H5T_STRING && !is_standard_number(s->type))
+    refuse_hdf5(
+        r,
+        "has an unsupported type; it must be integers, IEEE floats of 32 or 64 bits, or a string");
 }
 
 static void check_filters(hdf5_reader *r, hid_t plan) {
@@ -86,7 +87,7 @@ static void check_filters(hdf5_reader *r, hid_t plan) {
     const H5Z_filter_t filter =
         H5Pget_filter2(plan, (unsigned)i, &flags, &none, NULL, 0, NULL, &config);
     if (filter != H5Z_FILTER_DEFLATE && filter != H5Z_FILTER_SHUFFLE)
-      refuse_hdf5(r, "goes through a filter; only shuffle and deflate (gzip) are read");
+      refuse_hdf5(r, "uses an unsupported filter; use shuffle and deflate (gzip) only");
   }
 }
 
@@ -104,18 +105,19 @@ static void check_storage(hdf5_reader *r, hid_t dataset, const dataset_shape *s)
   const H5D_layout_t layout = H5Pget_layout(s->creation);
   const int filters = H5Pget_nfilters(s->creation);
   if (layout != H5D_COMPACT && layout != H5D_CONTIGUOUS && layout != H5D_CHUNKED)
-    refuse_hdf5(r, "is a virtual dataset; its data must be its own");
+    refuse_hdf5(r, "is a virtual dataset; it must contain its data");
   else if (H5Pget_external_count(s->creation) != 0)
-    refuse_hdf5(r, "keeps its data in another file; it must be in this one");
+    refuse_hdf5(r, "has its data in another file; store them in this file");
   check_filters(r, s->creation);
   if (!is_reading(r)) return;
   const double stored = (double)H5Dget_storage_size(dataset);
   const double least = count_numbers(s) * (double)H5Tget_size(s->type);
   if (stored < (filters > 0 ? least / 2000 : least)) /* deflate compresses at most 1032:1 */
-    refuse_hdf5(r, "claims more data than there is in the file");
+    refuse_hdf5(r, "has more data than the file contains: it is damaged");
   r->bytes -= memory_needed(s, layout);
   if (is_reading(r) && r->bytes < 0)
-    refuse_hdf5(r, "claims more data than a file of this size should hold");
+    refuse_hdf5(r,
+                "needs more memory than the limit of 64 MiB plus 100 times the size of the file");
 }
 
 static void read_data(hdf5_reader *r, hid_t dataset, const dataset_shape *s,
@@ -144,7 +146,7 @@ static void read_shape(hdf5_reader *r, hid_t dataset, dataset_shape *s) {
   *s = (dataset_shape){.extent = H5Sget_simple_extent_type(space), .type = -1, .creation = -1};
   s->rank = H5Sget_simple_extent_ndims(space);
   if (s->extent != H5S_SCALAR && s->extent != H5S_SIMPLE)
-    refuse_hdf5(r, "is empty; it must hold data");
+    refuse_hdf5(r, "is empty; it must contain data");
   if (s->rank < 0 || s->rank > MSIM_NODE_MOST_DIMS) refuse_hdf5(r, "has more than two dimensions");
   if (is_reading(r)) {
     check_result(&r->fault, H5Sget_simple_extent_dims(space, s->dims, NULL));
@@ -178,7 +180,7 @@ static void read_dataset(hdf5_reader *r, hid_t dataset) {
 static herr_t read_hdf5_member(hid_t group, const char *name, const H5L_info_t *link, void *data);
 
 static void read_members(hdf5_reader *r, hid_t group) {
-  if (++r->depth > MOST_DEPTH) refuse_hdf5(r, "lies deeper than anything in a scene");
+  if (++r->depth > MOST_DEPTH) refuse_hdf5(r, "is nested too deeply");
   hsize_t at = 0;
   if (is_reading(r))
     check_result(&r->fault,
@@ -208,12 +210,13 @@ static herr_t read_hdf5_member(hid_t group, const char *name, const H5L_info_t *
   hdf5_reader *r = data;
   const size_t length = strlen(r->path), room = sizeof r->path - length;
   if ((size_t)snprintf(r->path + length, room, "%s%s", length ? "/" : "", name) >= room)
-    refuse_hdf5(r, "... is a longer name than any in a scene");
+    refuse_hdf5(r, "... is too long a path");
   else if (link->type != H5L_TYPE_HARD)
     refuse_hdf5(r, link->type == H5L_TYPE_SOFT
-                       ? "is a soft link; it must be here itself"
-                       : "is a link to another file; it must be here itself");
-  else if (--r->members < 0) refuse_hdf5(r, "is one member more than a file of this size can have");
+                       ? "is a soft link; replace it by the group or dataset"
+                       : "is a link to another file; replace it by the group or dataset");
+  else if (--r->members < 0)
+    refuse_hdf5(r, "exceeds the number of members possible in a file of this size: it is damaged");
   else read_hdf5_object(r, group, name);
   if (is_reading(r)) r->path[length] = '\0';
   return is_reading(r) ? 0 : -1;
@@ -223,7 +226,7 @@ static herr_t read_hdf5_member(hid_t group, const char *name, const H5L_info_t *
 
 static void read_scene_file(hdf5_reader *r, const char *path) {
   hsize_t size = 0;
-  if (!library_fits()) fault_set(&r->fault, MSIM_ERR_PLUGIN, "built for another " H5_VERS_INFO);
+  if (!library_fits()) fault_set(&r->fault, MSIM_ERR_PLUGIN, OTHER_RELEASE);
   hid_t access = is_reading(r) ? check_id(&r->fault, H5Pcreate(H5P_FILE_ACCESS)) : -1;
   if (is_reading(r)) check_result(&r->fault, H5Pset_file_locking(access, 0, 1));
   if (is_reading(r)) check_result(&r->fault, H5Pset_fclose_degree(access, H5F_CLOSE_STRONG));
@@ -298,7 +301,7 @@ static double estimate_size(int32_t n, const msim_node *nodes) {
 }
 
 static void write_scene_file(fault *f, const char *path, int32_t n, const msim_node *nodes) {
-  if (!library_fits()) fault_set(f, MSIM_ERR_PLUGIN, "built for another " H5_VERS_INFO);
+  if (!library_fits()) fault_set(f, MSIM_ERR_PLUGIN, OTHER_RELEASE);
   if (f->status != MSIM_OK) return;
   hid_t access = check_id(f, H5Pcreate(H5P_FILE_ACCESS));
   check_result(f, H5Pset_file_locking(access, 0, 1));

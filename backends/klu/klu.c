@@ -67,10 +67,10 @@ static msim_status lu_create(const msim_host *host, void **result) {
 }
 
 static msim_status lu_check_system(lu_solver *self, const msim_system *A) {
-  if (A->format != MSIM_FORMAT_FULL) return lu_refuse(self, "A must have both triangles");
+  if (A->format != MSIM_FORMAT_FULL) return lu_refuse(self, "A must have MSIM_FORMAT_FULL");
   if (A->n < 1 || A->block < 1 || A->block > 3)
-    return lu_refuse(self, "A must have a block row or more, of 1 to 3 scalars");
-  if (A->n >= INT32_MAX / A->block) return lu_refuse(self, "A has too many rows");
+    return lu_refuse(self, "A must have at least one block row, of 1 to 3 scalars");
+  if (A->n >= INT32_MAX / A->block) return lu_refuse(self, "A must have fewer than 2^31 - 1 rows");
   return MSIM_OK;
 }
 
@@ -148,7 +148,7 @@ static msim_status lu_status(lu_solver *self, SUNLinearSolver solver, int flag) 
   if (!flag) return MSIM_OK;
   if (common->status == KLU_SINGULAR) return MSIM_NOT_SPD;
   if (common->status == KLU_OUT_OF_MEMORY) return lu_out_of_memory(self);
-  self->host->fail(self->host, "KLU failed with its status %d, and SUNDIALS with %d",
+  self->host->fail(self->host, "KLU failed with status %d, SUNDIALS with status %d",
                    (int)common->status, flag);
   return MSIM_ERR_BACKEND;
 }
@@ -171,7 +171,7 @@ static msim_status lu_factor(void *data, const msim_system *A, int32_t kind,
   (void)A;
   lu_solver *self = data;
   if (kind < MSIM_FACTOR_SPD || kind > MSIM_FACTOR_UNSYMMETRIC)
-    return lu_refuse(self, "there is no such kind of factor");
+    return lu_refuse(self, "unknown kind of factorization");
   SUNLinearSolver *solver = &self->solver[kind];
   const int is_old = *solver != NULL;
   if (!is_old) *solver = make_solver(self, kind);
@@ -195,7 +195,7 @@ static msim_status lu_solve(void *data, const msim_system *A, const msim_solve_p
   (void)params, (void)info;
   lu_solver *self = data;
   const size_t n = (size_t)A->n * (size_t)A->block;
-  if (nrhs < 1) return lu_refuse(self, "there must be a right side or more");
+  if (nrhs < 1) return lu_refuse(self, "nrhs must be at least 1");
   int flag = 0;
   for (size_t at = 0; !flag && at < n * (size_t)nrhs; at += n) {
     N_VSetArrayPointer((double *)(uintptr_t)(b + at), self->b);

@@ -390,10 +390,9 @@ static int max_call_iterations(const msim_system *A) {
 static msim_status krylov_analyze(void *data, const msim_system *A, msim_solve_info *info) {
   (void)info;
   krylov *self = data;
-  if (A->format != MSIM_FORMAT_NONE)
-    return krylov_refuse(self, "A must be a function, not a matrix");
+  if (A->format != MSIM_FORMAT_NONE) return krylov_refuse(self, "A must have MSIM_FORMAT_NONE");
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->stride < A->n)
-    return krylov_refuse(self, "A must have a block row or more, of 1 to 3 scalars");
+    return krylov_refuse(self, "A must have at least one block row, of 1 to 3 scalars");
   self->call_iterations = max_call_iterations(A);
   self->length = (size_t)A->block * (size_t)A->stride;
   self->r = vector_create(self);
@@ -420,7 +419,7 @@ static msim_status krylov_factor(void *data, const msim_system *A, int32_t kind,
   krylov *self = data;
   if (kind != MSIM_FACTOR_SPD &&
       !(SYMMETRIC && (kind == MSIM_FACTOR_SYMMETRIC || kind == MSIM_FACTOR_UNSYMMETRIC)))
-    return krylov_refuse(self, "it cannot solve that kind of system");
+    return krylov_refuse(self, "this solver supports symmetric positive definite systems only");
   self->kind = kind;
   compute_scale(self, A);
   return MSIM_OK;
@@ -429,7 +428,7 @@ static msim_status krylov_factor(void *data, const msim_system *A, int32_t kind,
 static msim_status krylov_solve(void *data, const msim_system *A, const msim_solve_params *params,
                                 int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   krylov *self = data;
-  if (nrhs < 1) return krylov_refuse(self, "there must be a right side or more");
+  if (nrhs < 1) return krylov_refuse(self, "nrhs must be at least 1");
   self->A = A;
   self->indefinite = 0;
   msim_status worst = MSIM_OK;
