@@ -56,7 +56,7 @@ class Help(CliTest):
             self.assertRegex(out, rf"(?m)^  {name} ")
         self.assertRegex(out, r"(?m)^  verlet +2 +explicit ")
         self.assertRegex(out, r"(?m)^  linearly-implicit-euler +1 +implicit ")
-        self.assertRegex(out, r"(?m)^  auto +- +- +the cheapest")
+        self.assertRegex(out, r"(?m)^  auto +- +- +chooses the least expensive")
         self.assertRegex(out, r"(?m)^  pcg +yes ")
 
 

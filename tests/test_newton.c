@@ -70,7 +70,7 @@ static void what_does_not_converge_is_said(void **state) {
     msim_error why;
     assert_int_equal(msim_sim_step(sim, 1, &why), MSIM_NOT_CONVERGED);
     assert_non_null(strstr(why.text, "step 1, t = 0.05 s, particle "));
-    assert_non_null(strstr(why.text, "newton.rtol asks for 1e-08"));
+    assert_non_null(strstr(why.text, "newton.rtol requires 1e-08"));
     assert_memory_equal(state_of(sim).x, x, sizeof x);
     assert_memory_equal(state_of(sim).v, v, sizeof v);
     assert_int_equal(state_of(sim).step, 0);

@@ -23,13 +23,13 @@ static double find_reach(const ms_model *model) {
 msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events, msim_error *err) {
   const ms_scene *scene = model->scene;
   ms_contact_set *e = *events = ms_memory_allocate(&scene->alloc, 1, sizeof *e);
-  if (!e) return ms_error_set_memory(err, "the impacts");
+  if (!e) return ms_error_set_memory(err, "the contact set");
   e->reach = find_reach(model);
   double **vectors[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
                         &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
     *vectors[i] = ms_unknowns_new_vector(scene, &model->unknowns);
-    if (!*vectors[i]) return ms_error_set_memory(err, "the impacts");
+    if (!*vectors[i]) return ms_error_set_memory(err, "the contact set");
   }
   e->contact = ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->contact);
   e->constraint =
@@ -39,7 +39,7 @@ msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events
   e->followed =
       ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->followed);
   const int there = e->contact && e->constraint && e->followed && e->parts;
-  return there ? MSIM_OK : ms_error_set_memory(err, "the impacts");
+  return there ? MSIM_OK : ms_error_set_memory(err, "the contact set");
 }
 
 ms_collision_planes ms_contact_set_planes(const ms_stepper *s) {

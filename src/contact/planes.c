@@ -107,7 +107,8 @@ msim_status ms_planes_check(const ms_scene *scene, msim_error *err) {
     if (-ms_impacts_distance(p, x) >
         ROOM * (fabs(p->offset) + ms_vec3_norm(x) + ms_vec3_norm(from)))
       return ms_error_set(err, MSIM_ERR_ARG,
-                          "the planes leave no room: every point is behind one of them");
+                          "the planes leave no room: each point of space is behind at least one of "
+                          "them; move or remove a plane, or reverse its normal");
   }
   return MSIM_OK;
 }

@@ -93,7 +93,8 @@ void ms_control_archive(ms_archive *b, ms_control *c) {
   double *numbers[] = {&c->tol, &c->span, &c->order, &c->h, &c->growth, &c->safety, &c->previous};
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
     MS_ARCHIVE_TRANSFER(b, *numbers[i]);
-    ms_archive_check(b, isfinite(*numbers[i]) && *numbers[i] >= 0, "error control");
+    ms_archive_check(b, isfinite(*numbers[i]) && *numbers[i] >= 0,
+                     "the state of the step-size controller");
   }
   MS_ARCHIVE_TRANSFER(b, c->shrunk);
 }

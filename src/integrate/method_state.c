@@ -12,7 +12,7 @@ static int is_cached_tag(const ms_integrator *method, int tag) {
 
 void ms_method_state_archive_carried(ms_archive *b, const ms_integrator *method,
                                      const ms_stepper *s, int tag) {
-  ms_archive_check(b, is_cached_tag(method, tag), "what the method carries");
+  ms_archive_check(b, is_cached_tag(method, tag), "the tag of cached stages");
   if (ms_archive_failed(b)) return;
   const int first = method->carried_at + (tag - 1) * method->carried;
   for (int i = 0; i < method->carried && MS_ARCHIVE_OPTIONAL(b, tag > 0); i++)
@@ -20,7 +20,7 @@ void ms_method_state_archive_carried(ms_archive *b, const ms_integrator *method,
 }
 
 static void archive_contacts(ms_archive *b, ms_stepper *s) {
-  ms_archive_check(b, s->events || !(s->cached_stage & MS_CONTACTS_CACHED), "a contact");
+  ms_archive_check(b, s->events || !(s->cached_stage & MS_CONTACTS_CACHED), "the contact set");
   if (!s->events || !MS_ARCHIVE_OPTIONAL(b, s->cached_stage & MS_CONTACTS_CACHED)) return;
   ms_archive_transfer_vector(b, s->model->shape, s->events->a);
   MS_ARCHIVE_TRANSFER(b, s->events->contact_hash);
@@ -33,7 +33,7 @@ static void archive_last_step(ms_archive *b, const ms_integrator *method, ms_ste
   ms_archive_transfer_vector(b, shape, s->v_next);
   MS_ARCHIVE_TRANSFER(b, s->dense_output);
   ms_archive_check(b, s->dense_output >= 0 && s->dense_output <= (method->interpolate ? 3 : 1),
-                   "a look inside");
+                   "the dense output of the last step");
   if (MS_ARCHIVE_OPTIONAL(b, s->dense_output == 1)) {
     ms_archive_transfer_vector(b, shape, s->x_spare[1]);
     ms_archive_transfer_vector(b, shape, s->v_spare[1]);
@@ -50,7 +50,8 @@ void ms_method_state_archive(ms_archive *b, const ms_integrator *method, ms_step
   MS_ARCHIVE_TRANSFER(b, s->h);
   MS_ARCHIVE_TRANSFER(b, s->h_before);
   MS_ARCHIVE_TRANSFER(b, s->cached_stage);
-  ms_archive_check(b, isfinite(s->h) && s->h > 0 && isfinite(s->h_before), "the last step");
+  ms_archive_check(b, isfinite(s->h) && s->h > 0 && isfinite(s->h_before),
+                   "the length of the last step");
   if (ms_archive_failed(b)) return;
   ms_method_state_archive_carried(b, method, s, s->cached_stage & ~MS_CONTACTS_CACHED);
   archive_contacts(b, s);

@@ -23,7 +23,7 @@ static msim_status lists_create(const ms_model *model, creation_lists *l, msim_e
                         .pinned = ms_memory_allocate(alloc, particles, sizeof *l->pinned),
                         .row = ms_memory_allocate(alloc, particles, sizeof *l->row)};
   const int whole = l->stiffness_class && l->soft && l->stiff && l->free && l->pinned && l->row;
-  return whole ? MSIM_OK : ms_error_set_memory(err, "the stiff springs");
+  return whole ? MSIM_OK : ms_error_set_memory(err, "the multirate split");
 }
 
 static void lists_destroy(const ms_model *model, creation_lists *l) {
@@ -71,7 +71,7 @@ static msim_status make_multirate_models(const ms_model *model, uint32_t skip_of
   split->stiff.pool = model->pool;
   const ms_unknowns *rows = &split->stiff.unknowns;
   split->row = ms_memory_allocate(&model->scene->alloc, (size_t)rows->nfree, sizeof *split->row);
-  if (!split->row) return ms_error_set_memory(err, "the stiff springs");
+  if (!split->row) return ms_error_set_memory(err, "the multirate split");
   ms_unknowns_find_rows(&model->unknowns, l->row);
   for (int32_t r = 0; r < rows->nfree; r++) split->row[r] = l->row[rows->particle[r]];
   return MSIM_OK;
@@ -89,7 +89,7 @@ static msim_status make_inner_stepper(const msim_options *opt, double h, ms_mult
   *s = (ms_stepper){.model = &split->stiff, .opt = opt, .h = h / split->inner};
   for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
     *vectors[i] = ms_unknowns_new_vector(scene, &split->stiff.unknowns);
-    if (!*vectors[i]) return ms_error_set_memory(err, "the stiff springs");
+    if (!*vectors[i]) return ms_error_set_memory(err, "the multirate split");
   }
   ms_unknowns_gather(&split->stiff.unknowns, scene->x, s->x);
   ms_unknowns_gather(&split->stiff.unknowns, scene->x, s->x_next);
@@ -122,7 +122,7 @@ static msim_status build_multirate(const ms_model *model, const msim_options *op
   msim_status status = ms_stiffness_partition_choose(model, h, l->stiffness_class, &partition, err);
   if (status || partition.nstiff == 0) return status;
   *split = ms_memory_allocate(&model->scene->alloc, 1, sizeof **split);
-  if (!*split) return ms_error_set_memory(err, "the stiff springs");
+  if (!*split) return ms_error_set_memory(err, "the multirate split");
   (*split)->inner = partition.inner;
   classify_springs(model, &partition, l);
   status = make_multirate_models(model, opt->skip_off, l, *split, err);

@@ -378,8 +378,9 @@ static msim_status fail_not_converged(newton *n, msim_error *err) {
   const double size = velocity_change(n), wanted = velocity_tolerance(n) / size;
   n->s->offender = ms_vector_find_largest(n->shape, n->rho);
   return ms_error_set(err, MSIM_NOT_CONVERGED,
-                      "Newton's method made %d iterations, and the last correction was %.3g of the "
-                      "step's change of v; %s asks for %.3g",
+                      "Newton's method did not converge in %d iterations: the last correction is "
+                      "%.3g of the change of velocity in the step, but %s requires %.3g; use a "
+                      "smaller h or raise newton.max_iterations",
                       n->s->opt->newton_max_iterations, n->moved / size,
                       wanted < n->s->opt->newton_rtol ? "tol" : "newton.rtol", wanted);
 }

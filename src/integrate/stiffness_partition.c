@@ -58,7 +58,7 @@ msim_status ms_stiffness_partition_choose(const ms_model *model, double h, int *
   double *sums =
       ms_memory_allocate(&model->scene->alloc, 2 * (size_t)model->unknowns.nfree, sizeof *sums);
   *partition = (ms_stiffness_partition){0};
-  if (!sums) return ms_error_set_memory(err, "the choice of stiff springs");
+  if (!sums) return ms_error_set_memory(err, "the partition of springs by stiffness");
   find_stiffness_classes(model, class_of);
   const double whole =
       stability_ratio(h, bounds_between(model, class_of, INT_MIN, INT_MAX,

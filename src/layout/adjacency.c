@@ -26,8 +26,9 @@ msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
   const size_t nrows = (size_t)rows->stride, nhalves = 2 * (size_t)springs->n;
   *a = (ms_adjacency){0};
   if (nhalves > INT32_MAX)
-    return ms_error_set(err, MSIM_ERR_ARG, "%d springs are more than the limit of %d", springs->n,
-                        INT32_MAX / 2);
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "%d connected springs exceed the limit of %d; reduce the number of springs",
+                        springs->n, INT32_MAX / 2);
   int32_t *next = ms_memory_allocate(alloc, nrows, sizeof *next);
   ms_half_edge *unsorted = ms_memory_allocate(alloc, nhalves, sizeof *unsorted);
   a->first = ms_memory_allocate(alloc, nrows + 1, sizeof *a->first);
@@ -44,7 +45,7 @@ msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
   }
   ms_memory_free(alloc, next);
   ms_memory_free(alloc, unsorted);
-  return fits ? MSIM_OK : ms_error_set_memory(err, "the springs of each row");
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the half-edges of the springs");
 }
 
 msim_status ms_adjacency_renumber(const ms_scene *scene, int32_t nrows, const int32_t *new_row,
@@ -71,7 +72,7 @@ msim_status ms_adjacency_renumber(const ms_scene *scene, int32_t nrows, const in
   }
   ms_memory_free(alloc, old);
   ms_memory_free(alloc, next);
-  return fits ? MSIM_OK : ms_error_set_memory(err, "the springs of each row");
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the half-edges of the springs");
 }
 
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a) {

@@ -190,18 +190,20 @@ static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *r
                                      const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   out->first_part = ms_memory_allocate(alloc, (size_t)rows->first_pinned, sizeof(int32_t));
-  if (!out->first_part) return ms_error_set_memory(err, "the springs of each row");
+  if (!out->first_part) return ms_error_set_memory(err, "the half-edges of the springs");
   find_split_rows(a, rows->nfree, out);
   const size_t nparts = (size_t)out->nparts;
   out->part_row = ms_memory_allocate(alloc, nparts, sizeof(int32_t));
   out->part_sums = ms_memory_allocate(alloc, 6 * MS_SLICE * nparts, sizeof(double));
   out->first = ms_memory_allocate(alloc, (size_t)out->nslices + nparts + 1, sizeof(int32_t));
   if (!out->part_row || !out->part_sums || !out->first)
-    return ms_error_set_memory(err, "the springs of each row");
+    return ms_error_set_memory(err, "the half-edges of the springs");
   number_parts(a, out);
   const int64_t entries = number_entries(a, rows, out);
   if (entries > INT32_MAX / MS_SLICE)
-    return ms_error_set(err, MSIM_ERR_ARG, "the springs need more than %d slots of %d lanes",
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "the springs need more than %d entries of %d half-edges, the limit of "
+                        "32-bit indices; reduce the number of springs",
                         INT32_MAX / MS_SLICE, MS_SLICE);
   out->nentries = (int32_t)entries;
   return MSIM_OK;
@@ -218,7 +220,7 @@ static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
   out->rest = ms_memory_allocate(alloc, lanes, sizeof(double));
   out->damping = ms_memory_allocate(alloc, lanes, sizeof(double));
   if (!out->start || !out->neighbour || !out->spring || !out->k || !out->rest || !out->damping)
-    return ms_error_set_memory(err, "the springs of each row");
+    return ms_error_set_memory(err, "the half-edges of the springs");
   for (int32_t g = 0; g < out->nslices; g++) fill_slice(a, rows, g, out);
   for (int32_t r = 0; r < rows->nfree; r++)
     if (out->first_part[r] >= 0) fill_split_row(a, rows, r, out);

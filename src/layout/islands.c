@@ -79,7 +79,7 @@ static msim_status sort_into_buckets(const msim_allocator *alloc, int32_t n, con
                                      int32_t nbuckets, ms_islands_buckets *b, msim_error *err) {
   b->first = ms_memory_allocate(alloc, (size_t)nbuckets + 2, sizeof *b->first);
   b->item = ms_memory_allocate(alloc, (size_t)n, sizeof *b->item);
-  if (!b->first || !b->item) return ms_error_set_memory(err, "the islands");
+  if (!b->first || !b->item) return ms_error_set_memory(err, "the islands of the scene");
   int32_t *next = b->first + 1;
   for (int32_t k = 0; k < n; k++)
     if (to[k] != NONE) next[to[k] + 1]++;
@@ -141,8 +141,9 @@ msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *isla
   int32_t *of = ms_memory_allocate(alloc, n, sizeof *of),
           *size = ms_memory_allocate(alloc, n + 1, sizeof *size);
   int32_t *to = ms_memory_allocate(alloc, springs, sizeof *to);
-  msim_status status =
-      islands->row_scratch && of && size && to ? MSIM_OK : ms_error_set_memory(err, "the islands");
+  msim_status status = islands->row_scratch && of && size && to
+                           ? MSIM_OK
+                           : ms_error_set_memory(err, "the islands of the scene");
   if (!status && whole) {
     for (size_t p = 0; p < n; p++) of[p] = scene->pinned[p] ? NONE : 0;
   } else if (!status) {

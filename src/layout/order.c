@@ -192,7 +192,7 @@ static msim_status apply_order(const ms_scene *scene, const int32_t *order, ms_u
   if (!new_row || !particle) {
     ms_memory_free(&scene->alloc, new_row);
     ms_memory_free(&scene->alloc, particle);
-    return ms_error_set_memory(err, "the order of rows");
+    return ms_error_set_memory(err, "the numbering of the particles");
   }
   for (int32_t k = 0; k < rows->first_pinned; k++) new_row[k < rows->nfree ? order[k] : k] = k;
   number_pinned_rows(rows, a, order, new_row);
@@ -232,8 +232,9 @@ msim_status ms_order_unknowns(const ms_scene *scene, ms_unknowns *rows, ms_sprin
               .nfree = rows->nfree,
               .order = ms_memory_allocate(&scene->alloc, (size_t)rows->nfree, sizeof *s.order),
               .node = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *s.node)};
-  msim_status status = s.order && s.node ? find_order(scene, &s, rows, springs, a, err)
-                                         : ms_error_set_memory(err, "the order of rows");
+  msim_status status = s.order && s.node
+                           ? find_order(scene, &s, rows, springs, a, err)
+                           : ms_error_set_memory(err, "the numbering of the particles");
   ms_memory_free(&scene->alloc, s.order);
   ms_memory_free(&scene->alloc, s.node);
   return status;

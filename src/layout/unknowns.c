@@ -12,7 +12,7 @@ msim_status ms_unknowns_create(const ms_scene *scene, const ms_island *island, m
                         .first_pinned = round_up_to_slices(island->nfree)};
   rows->stride = rows->first_pinned + round_up_to_slices(island->npinned);
   rows->particle = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *rows->particle);
-  if (!rows->particle) return ms_error_set_memory(err, "the order of rows");
+  if (!rows->particle) return ms_error_set_memory(err, "the numbering of the particles");
   for (int32_t r = 0; r < rows->stride; r++) rows->particle[r] = -1;
   for (int32_t k = 0; k < island->nfree; k++) rows->particle[k] = island->free[k];
   for (int32_t k = 0; k < island->npinned; k++)
@@ -74,7 +74,7 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
                           .spring = ms_memory_allocate(alloc, count, sizeof(int32_t))};
   if (!springs->i || !springs->j || !springs->k || !springs->rest || !springs->damping ||
       !springs->spring)
-    return ms_error_set_memory(err, "the springs");
+    return ms_error_set_memory(err, "a copy of the springs");
   ms_unknowns_find_rows(rows, island->row_scratch);
   for (size_t to = 0; to < count; to++) {
     const int32_t e = springs->spring[to] = island->spring[to];

@@ -142,10 +142,12 @@ static void dop853_dense_entry(ms_stepper *s, size_t at, ms_bernstein *to) {
 static double dop853_limit(const ms_bounds *b) { return fmin(5.96 / b->omega, 6.39 / b->rate); }
 
 const ms_integrator ms_dop853 = {
-    .entry = {.name = "dop853",
-              .doc = "12 stages, chooses its steps by tol unless steps says how many; stable below "
-                     "h omega = 5.96 (Dormand and Prince; Hairer, Norsett and Wanner 1993)",
-              .order = 8},
+    .entry =
+        {.name = "dop853",
+         .doc =
+             "Runge-Kutta with 12 stages; controls its step size by tol unless `steps` is given; "
+             "stable below h omega = 5.96 (Dormand and Prince; Hairer, Norsett and Wanner 1993)",
+         .order = 8},
     .nwork = STAGES,
     .carried = 1,
     .step = dop853_step,

@@ -31,7 +31,7 @@ static msim_status symplectic_step(ms_stepper *s, msim_error *err) {
 
 const ms_integrator ms_explicit_euler = {
     .entry = {.name = "explicit-euler",
-              .doc = "x' = x + h v, v' = v + h a; grows without damping (Teschner)",
+              .doc = "x' = x + h v, v' = v + h a; undamped motion gains energy (Teschner)",
               .order = 1},
     .one_step = 1,
     .step = explicit_euler_step,

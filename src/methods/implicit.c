@@ -250,26 +250,30 @@ static msim_status step_sdirk2(ms_stepper *s, msim_error *err) {
                                  .step = step_##id}
 
 METHOD(implicit_euler, "implicit-euler",
-       "v' = v + h a(x', v'), x' = x + h v'; damps, for robustness at long steps", 1, 0, 0);
+       "v' = v + h a(x', v'), x' = x + h v'; robust at long steps; damps all vibrations", 1, 0, 0);
 METHOD(implicit_midpoint, "implicit-midpoint",
-       "one stage at t + h/2, symplectic; keeps angular momentum", 2, 0, 0);
+       "one stage at t + h/2, symplectic; conserves angular momentum", 2, 0, 0);
 METHOD(trapezoidal, "trapezoidal", "v' = v + h/2 (a + a'), x' = x + h/2 (v + v')", 2, 1, 0);
 METHOD(newmark, "newmark",
-       "beta 1/4, gamma 1/2: the trapezoidal rule with a carried on (Newmark 1959)", 2, 2, 1);
-const ms_integrator ms_bdf2 = {.entry = {.name = "bdf2",
-                                         .doc = "backward differences over two steps; damps",
-                                         .order = 2,
-                                         .implicit = 1},
-                               .nonlinear = 1,
-                               .nwork = OWN_WORK + 6,
-                               .carried = 3,
-                               .carried_at = OWN_WORK,
-                               .step = step_bdf2,
-                               .estimate = estimate_bdf2,
-                               .growth = 2,
-                               .safety = 0.95};
+       "beta 1/4, gamma 1/2: the trapezoidal rule, with the acceleration kept from step to step "
+       "(Newmark 1959)",
+       2, 2, 1);
+const ms_integrator ms_bdf2 = {
+    .entry = {.name = "bdf2",
+              .doc = "backward differentiation formula over two steps; damps stiff vibrations",
+              .order = 2,
+              .implicit = 1},
+    .nonlinear = 1,
+    .nwork = OWN_WORK + 6,
+    .carried = 3,
+    .carried_at = OWN_WORK,
+    .step = step_bdf2,
+    .estimate = estimate_bdf2,
+    .growth = 2,
+    .safety = 0.95};
 METHOD(tr_bdf2, "tr-bdf2",
-       "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps what is stiff (Bank 1985)", 2, 3,
-       0);
+       "trapezoidal rule to t + (2 - sqrt 2) h, then BDF2; damps stiff vibrations (Bank 1985)", 2,
+       3, 0);
 METHOD(sdirk2, "sdirk2",
-       "two implicit stages, gamma = 1 - 1/sqrt 2; damps what is stiff (Alexander 1977)", 2, 2, 0);
+       "two implicit stages, gamma = 1 - 1/sqrt 2; damps stiff vibrations (Alexander 1977)", 2, 2,
+       0);

@@ -57,12 +57,11 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
 }
 
 const ms_integrator ms_linearly_implicit_euler = {
-    .entry =
-        {.name = "linearly-implicit-euler",
-         .doc =
-             "(M - h D - h^2 J) v' = M v + h F, x' = x + h v'; damps, takes long steps (Teschner)",
-         .order = 1,
-         .implicit = 1},
+    .entry = {.name = "linearly-implicit-euler",
+              .doc = "(M - h D - h^2 J) v' = M v + h F, x' = x + h v'; one linear system a step; "
+                     "damps vibrations, stable at long steps (Teschner)",
+              .order = 1,
+              .implicit = 1},
     .one_step = 1,
     .nwork = 2,
     .step = linearly_implicit_euler_step};

@@ -9,7 +9,9 @@ enum { NMETHODS = sizeof methods / sizeof *methods };
 
 /* Not a method: a sim chooses one of the others for it. */
 static const msim_integrator_entry auto_entry = {
-    MS_AUTO, "the cheapest of the others that keeps tol in the scene; explain tells which and why",
+    MS_AUTO,
+    "chooses the least expensive of these methods that attains tol in the scene; `explain` prints "
+    "the choice and the reasons",
     0, 0};
 
 const ms_integrator *ms_methods_at(int32_t i) { return i >= 0 && i < NMETHODS ? methods[i] : NULL; }
@@ -31,6 +33,7 @@ msim_status ms_methods_find(const char *name, const ms_integrator **integrator, 
     if (strcmp(name, methods[i]->entry.name) == 0) return MSIM_OK;
   }
   *integrator = NULL;
-  return ms_error_set(err, MSIM_ERR_NAME, "there is no integrator '%s'%s", name,
+  return ms_error_set(err, MSIM_ERR_NAME,
+                      "unknown integrator '%s'%s; `msim_cli list` shows all of them", name,
                       ms_text_suggest(name, name_at, NULL).text);
 }

@@ -90,10 +90,12 @@ static msim_status respa_step(ms_stepper *s, msim_error *err) {
 }
 
 const ms_integrator ms_respa = {
-    .entry = {.name = "respa",
-              .doc = "velocity Verlet with short steps for stiff springs inside long ones for the "
-                     "rest; resonates where h Omega of a stiff mode is near n pi (Tuckerman 1992)",
-              .order = 2},
+    .entry =
+        {.name = "respa",
+         .doc =
+             "multirate velocity Verlet: short steps for stiff springs within long steps for all "
+             "other forces; resonates if h Omega of a stiff mode is near k pi (Tuckerman 1992)",
+         .order = 2},
     .is_multirate = 1,
     .nwork = 3,
     .carried = 1,

@@ -136,8 +136,8 @@ static double rkc_limit(const ms_bounds *b) {
 
 const ms_integrator ms_rkc = {
     .entry = {.name = "rkc",
-              .doc = "Runge-Kutta-Chebyshev, in as many stages as damping needs, which grow as the "
-                     "root of h; undamped motion gains energy (Sommeijer, Shampine, Verwer 1998)",
+              .doc = "Runge-Kutta-Chebyshev; the number of stages follows the damping and grows as "
+                     "sqrt(h); undamped motion gains energy (Sommeijer, Shampine, Verwer 1998)",
               .order = 2},
     .nwork = 3,
     .start = rkc_start,

@@ -162,9 +162,9 @@ static double takahashi_imada_limit(const ms_bounds *b) { return 3.4641016151377
 
 const ms_integrator ms_takahashi_imada = {
     .entry = {.name = "takahashi-imada",
-              .doc =
-                  "leapfrog with a(x + h^2/12 a(x)), in variables of its own; for forces that do "
-                  "not depend on velocities, without planes; stable below h omega = 3.46",
+              .doc = "leapfrog with a(x + h^2/12 a(x)), in transformed variables; for forces that "
+                     "do not depend on velocities, and scenes without planes; stable below h omega "
+                     "= 3.46 (Takahashi and Imada 1984)",
               .order = 4},
     .separable = 1,
     .nwork = 4,

@@ -45,9 +45,11 @@ static void verlet_sync(const ms_stepper *s, double *v, double *scratch) {
 }
 
 const ms_integrator ms_verlet = {
-    .entry = {.name = "verlet",
-              .doc = "x' = x + h v + h^2 a, v' = (x' - x)/h, v being that of t - h/2 (Teschner)",
-              .order = 2},
+    .entry =
+        {.name = "verlet",
+         .doc =
+             "x' = x + h v + h^2 a, v' = (x' - x)/h, where v is the velocity at t - h/2 (Teschner)",
+         .order = 2},
     .nwork = 1,
     .carried = 1,
     .start = verlet_begin,

@@ -74,7 +74,7 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
   if (part->half_edges.nparts > 0)
     part->split_row_force = ms_unknowns_new_vector(scene, &part->unknowns);
   if (part->half_edges.nparts > 0 && !part->split_row_force)
-    return ms_error_set_memory(err, "the springs");
+    return ms_error_set_memory(err, "a copy of the springs");
   part->features = find_features(scene, &part->springs) | skip_off;
   return MSIM_OK;
 }

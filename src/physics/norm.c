@@ -42,11 +42,12 @@ msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err
   const int32_t nfree = model->unknowns.nfree;
   *norm = (ms_norm){0};
   norm->body_of = ms_memory_allocate(alloc, (size_t)nfree + 1, sizeof *norm->body_of);
-  if (!norm->body_of) return ms_error_set_memory(err, "the norm of errors");
+  if (!norm->body_of) return ms_error_set_memory(err, "the error norm of step-size control");
   norm->n = find_bodies(model, norm->body_of);
   norm->body = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->body);
   norm->sums = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->sums);
-  if (!norm->body || !norm->sums) return ms_error_set_memory(err, "the norm of errors");
+  if (!norm->body || !norm->sums)
+    return ms_error_set_memory(err, "the error norm of step-size control");
   for (int32_t r = 0; r < nfree; r++) norm->body[norm->body_of[r]].n++;
   return MSIM_OK;
 }
