@@ -167,19 +167,19 @@ static void what_is_wrong_is_told(void **state) {
   size_t length;
   char wanted[100];
   assert_int_equal(msim_sim_load(sim, "no", 2, &why), MSIM_ERR_ARG);
-  assert_string_equal(why.text, "the 2 bytes are no checkpoint of msim");
+  assert_string_equal(why.text, "the 2 bytes are not a checkpoint of msim");
   assert_int_equal(msim_sim_load(sim, bytes, c.length - 1, &why), MSIM_ERR_ARG);
-  snprintf(wanted, sizeof wanted, "the checkpoint has %zu bytes, and %zu are there", c.length,
-           c.length - 1);
+  snprintf(wanted, sizeof wanted,
+           "the checkpoint has %zu bytes, but %zu were given; give exactly those that were saved",
+           c.length, c.length - 1);
   assert_string_equal(why.text, wanted);
   bytes[c.length / 2] ^= 1;
   assert_int_equal(msim_sim_load(sim, bytes, c.length, &why), MSIM_ERR_ARG);
-  assert_string_equal(why.text,
-                      "the checkpoint is damaged: its bytes are not those that were written");
+  assert_string_equal(why.text, "the checkpoint is damaged: its hash does not match its content");
   assert_int_equal(msim_sim_load(NULL, bytes, c.length, &why), MSIM_ERR_ARG);
   assert_int_equal(msim_sim_save(sim, bytes, c.length, NULL, &why), MSIM_ERR_ARG);
   assert_int_equal(msim_sim_save(sim, bytes, 100, &length, &why), MSIM_ERR_ARG);
-  assert_non_null(strstr(why.text, "there is room for 100"));
+  assert_non_null(strstr(why.text, "capacity is 100"));
   free(c.bytes);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
@@ -310,5 +310,5 @@ int main(void) {
                                      cmocka_unit_test(forged_bytes_do_no_harm),
                                      cmocka_unit_test(the_size_is_known_before),
                                      cmocka_unit_test(a_load_without_memory_changes_nothing)};
-  return cmocka_run_group_tests_name("checkpoint_bytes", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("checkpoint_refusals", tests, NULL, NULL);
 }

@@ -68,7 +68,7 @@ static void expect_same_frames(const msim_scene *scene, const msim_options *opt,
     if (parts.n != whole.n) fail_msg("%s: %d frames of %d", label, parts.n, whole.n);
     for (int i = 0; i < parts.n; i++)
       if (memcmp(&parts.frames[i], &whole.frames[i], sizeof *parts.frames))
-        fail_msg("%s, stopped after %d frames: frame %d is another", label, stop, i);
+        fail_msg("%s, stopped after %d frames: frame %d differs", label, stop, i);
     expect_same(sim, second, label);
     expect_same_save(sim, second, label);
     free(c.bytes);
@@ -184,13 +184,15 @@ static void runs_may_end_elsewhere(void **state) {
   opt.t_end = 0.0305;
   longer = make_sim(scene, &opt);
   assert_int_equal(load(longer, &c, &why), MSIM_ERR_ARG);
-  assert_non_null(strstr(why.text, "to end at t_end = 0.0305 s, h is 0.00098387"));
+  assert_non_null(strstr(why.text, "t_end = 0.0305 s requires h = 0.00098387"));
   for (int steps = 0; steps <= 10; steps += 10) {
     char text[100];
     opt.t_end = steps * 1e-3;
     msim_sim *shorter = make_sim(scene, &opt);
     assert_int_equal(load(shorter, &c, &why), MSIM_ERR_ARG);
-    snprintf(text, sizeof text, "the run ends after %d steps, but the checkpoint is of step 20",
+    snprintf(text, sizeof text,
+             "the run has %d steps, but the checkpoint was saved after 20; use more steps or a "
+             "later t_end",
              steps);
     assert_string_equal(why.text, text);
     msim_sim_destroy(shorter);
@@ -222,7 +224,7 @@ static void controlled_runs_may_end_elsewhere(void **state) {
   opt.t_end = 0.05;
   msim_sim *shorter = make_sim(scene, &opt);
   assert_int_equal(load(shorter, &c, &why), MSIM_ERR_ARG);
-  assert_non_null(strstr(why.text, "the run ends at t = 0.05 s, but the checkpoint is of t = 0.1"));
+  assert_non_null(strstr(why.text, "t_end = 0.05 s lies before the checkpoint at t = 0.1"));
   free(c.bytes);
   msim_sim_destroy(sim), msim_sim_destroy(longer), msim_sim_destroy(shorter);
   msim_scene_destroy(scene);

@@ -115,7 +115,7 @@ class Refusals(CliTest):
             (["run", "bare.json", "--integrator", "rk4", *out], "--steps", "--t_end"),
             (["run", "scene.json", "--integrator", "velocity-verlett", *out], "velocity-verlet'"),
             (["run", "scene.json", "--integrator", "auto", "--steps", "3", *out],
-             "auto", "give t_end"),
+             "auto", "use t_end"),
             (["run", "scene.json", "--integrator", "linearly-implicit-euler", "--solver", "pgc",
               *out], "pgc", "'pcg'"),
             (["explain", "bare.json"], "--integrator"),
@@ -295,7 +295,7 @@ class Control(CliTest):
         self.assertIn("tol = 1e-06", out)
         self.assertIn("to t = 0.3 s; 201 frames", out)
         out = self.good("run", "scene.json", "--tol", "1e-3", "--t_end", "0.3")
-        self.assertRegex(out, r"steps +\d+, as long as tol = 0.001 lets them be; \d+ more")
+        self.assertRegex(out, r"steps +\d+, accepted with tol = 0.001; \d+ more were rejected")
         self.assert_refused(["run", "scene.json", "--tol", "1e-3", "--steps", "3"], "exclude")
         self.assert_refused(["run", "scene.json", "--tol", "1e-3", "--t_end", "1", "--integrator",
                              "respa"], "'respa' has no error control")

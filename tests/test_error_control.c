@@ -178,8 +178,8 @@ static ms_integrator install_limited_method(msim_sim *sim, double longest, doubl
 static void no_step_is_short_enough(void **state) {
   (void)state;
   static const double longest[] = {INFINITY, 0};
-  static const char *const words[] = {"larger error than tol = 0.001 allows",
-                                      "can be made: too long for the test"};
+  static const char *const words[] = {"the error exceeds tol = 0.001 even with h = ",
+                                      "s: too long for the test"};
   for (int i = 0; i < 2; i++) {
     msim_scene *scene = hanging_cloth(SIDE, 30, 0);
     const msim_options opt = control_options("velocity-verlet", 1e-3, 1);
@@ -356,14 +356,14 @@ static void expect_explained(msim_options opt, const char *sentence) {
 static void explain_tells_what_tol_is_of(void **state) {
   (void)state;
   msim_options opt = control_options("rk4", 1e-6, -1);
-  expect_explained(opt, "tol is that of one second, as the run has no t_end");
+  expect_explained(opt, "tol refers to one second, as the run has no t_end");
   opt.t_end = 0.5, opt.fps = 50;
-  expect_explained(opt, "to t = 0.5 s; 26 frames where it is recorded");
-  expect_explained(opt, "relative to the extent\n              1 m and the speed 3.132 m/s");
+  expect_explained(opt, "to t = 0.5 s; 26 frames if the run is recorded");
+  expect_explained(opt, "relative to the extent, 1 m, and the speed, 3.132 m/s");
   opt.every = 7;
-  expect_explained(opt, "to t = 0.5 s; a frame every 7 steps where it is recorded");
+  expect_explained(opt, "to t = 0.5 s; one frame per 7 steps if the run is recorded");
   opt.h = 1e-5;
-  expect_explained(opt, "h = 1e-05 s is tried first");
+  expect_explained(opt, "the first h to try is 1e-05 s");
 }
 
 /* The first step that msim chooses is not rejected, and is too short by no more than three steps
@@ -460,7 +460,7 @@ static void what_cannot_be_is_refused(void **state) {
   msim_options opt = control_options("rk4", 1e-6, 1);
   opt.steps = 5;
   refused(opt, "tol and steps exclude each other");
-  refused(control_options("verlet", 1e-3, 1), "'verlet' has no error control, so it takes no tol");
+  refused(control_options("verlet", 1e-3, 1), "'verlet' has no error control; remove tol");
   refused(control_options("respa", 1e-3, 1),
           "velocity-verlet, rk4, rkc, force-gradient, rkn6, dop853");
   refused(control_options("rk4", -1, 1), "tol is '-1'");
@@ -494,5 +494,5 @@ int main(void) {
       cmocka_unit_test(unconnected_particles_do_not_affect_the_error),
       cmocka_unit_test(light_particles_count),
       cmocka_unit_test(what_cannot_be_is_refused)};
-  return cmocka_run_group_tests_name("control", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("error_control", tests, NULL, NULL);
 }

@@ -13,7 +13,7 @@ typedef struct reports {
 static void log_report(const char *text, void *user) {
   reports *r = user;
   const char *time = strstr(text, "t = ");
-  if (!strstr(text, "sensitive to small errors")) return;
+  if (!strstr(text, "the motion amplifies small errors")) return;
   assert_non_null(time);
   r->t = strtod(time + 4, NULL);
   r->n++;

@@ -37,156 +37,152 @@ static void a_fixed_step_that_fits_the_end(void **state) {
   (void)state;
   msim_options opt = options("velocity-verlet", 0.3);
   opt.t_end = 1;
-  expect(
-      pendulum, &opt,
-      "scene         a pair\n"
-      "              particles 2, of them pinned 1; springs 1; planes 0\n"
-      "rows          sorted by number of springs, 64 at a time: that fills 8 lanes better\n"
-      "integrator    velocity-verlet, order 2\n",
-      "step          h = 0.25 s, lowered from 0.3 s so that the run ends at t_end\n"
-      "              4 steps, to t = 1 s; 5 frames where it is recorded\n"
-      "threads       1: as asked for\n"
-      "solver        none: the method is explicit\n"
-      "skipped       assembly, factorisation, solver libraries: the method needs no solver\n"
-      "              damping of springs: no spring is damped\n"
-      "              drag: it is 0\n"
-      "              collision detection: there are no planes\n"
-      "              component y: nothing moves along it, or pulls that way\n"
-      "              pinned particles: they are no unknowns: no row, no column\n"
-      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
-      "              conversion to flat arrays, energies: made only when somebody looks\n"
-      "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
-      "              velocity-verlet is stable for h < 1 s; h is 0.25 of that\n");
+  expect(pendulum, &opt,
+         "scene         a pair\n"
+         "              particles 2, of them pinned 1; springs 1; planes 0\n"
+         "unknowns      sorted by number of springs in windows of 64, to fill SIMD lanes\n"
+         "integrator    velocity-verlet, order 2\n",
+         "step          h = 0.25 s, lowered from 0.3 s so that the run ends at t_end\n"
+         "              4 steps, to t = 1 s; 5 frames if the run is recorded\n"
+         "threads       1: as requested\n"
+         "solver        none: the method is explicit\n"
+         "skipped       assembly, factorization, solver libraries: the method needs no solver\n"
+         "              damping of springs: no spring is damped\n"
+         "              drag: it is 0\n"
+         "              collision detection: there are no planes\n"
+         "              component y: no velocity and no force has this component\n"
+         "              pinned particles: they are not unknowns\n"
+         "              steps at exact rest: without velocities and forces they change nothing\n"
+         "              conversion to particle order, energies: computed only on request\n"
+         "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
+         "              velocity-verlet is stable for h < 1 s; h is 0.25 times that\n");
 }
 
 static void newtons_method(void **state) {
   (void)state;
   msim_options opt = options("implicit-euler", 0.25);
   opt.steps = 8;
-  expect(
-      pendulum, &opt,
-      "scene         a pair\n"
-      "              particles 2, of them pinned 1; springs 1; planes 0\n"
-      "rows          sorted by number of springs, 64 at a time: that fills 8 lanes better\n"
-      "integrator    implicit-euler, order 1\n",
-      "step          h = 0.25 s\n"
-      "              8 steps, to t = 2 s; 9 frames where it is recorded\n"
-      "threads       1: as asked for\n"
-      "solver        pcg (selected by option solver: about 2 iterations; a coarse space would not "
-      "be cost-effective)\n"
-      "              relative residual 1e-08, checked after every solve\n"
-      "matrix        2 unknowns: 2 for each free particle\n"
-      "newton        to 1e-08 of the velocity; clamped matrix until the residual has dropped\n"
-      "skipped       damping of springs: no spring is damped\n"
-      "              drag: it is 0\n"
-      "              collision detection: there are no planes\n"
-      "              component y: nothing moves along it, or pulls that way\n"
-      "              pinned particles: they are no unknowns: no row, no column\n"
-      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
-      "              conversion to flat arrays, energies: made only when somebody looks\n"
-      "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
-      "              stable for every h where the system is linear\n");
+  expect(pendulum, &opt,
+         "scene         a pair\n"
+         "              particles 2, of them pinned 1; springs 1; planes 0\n"
+         "unknowns      sorted by number of springs in windows of 64, to fill SIMD lanes\n"
+         "integrator    implicit-euler, order 1\n",
+         "step          h = 0.25 s\n"
+         "              8 steps, to t = 2 s; 9 frames if the run is recorded\n"
+         "threads       1: as requested\n"
+         "solver        pcg (selected by option solver: about 2 iterations; a coarse space would not be cost-effective)\n"
+         "              relative residual 1e-08, checked after every solve\n"
+         "matrix        2 unknowns, 2 per free particle\n"
+         "newton        to a relative tolerance of 1e-08 in the velocity; the matrix is clamped\n"
+         "              until the residual has dropped\n"
+         "skipped       damping of springs: no spring is damped\n"
+         "              drag: it is 0\n"
+         "              collision detection: there are no planes\n"
+         "              component y: no velocity and no force has this component\n"
+         "              pinned particles: they are not unknowns\n"
+         "              steps at exact rest: without velocities and forces they change nothing\n"
+         "              conversion to particle order, energies: computed only on request\n"
+         "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
+         "              stable for every h if the system is linear\n");
 }
 
 static void error_control(void **state) {
   (void)state;
   msim_options opt = options("dop853", 0.125);
   opt.steps = -1, opt.t_end = 1, opt.tol = 1e-4;
-  expect(
-      two_over_a_plane, &opt,
-      "scene         (no name)\n"
-      "              particles 4, of them pinned 2; springs 2; planes 1\n"
-      "integrator    dop853, order 8\n",
-      "step          by error control: h = 0.125 s is tried first\n"
-      "              each may add its share of tol = 0.0001 to the error, relative to the extent\n"
-      "              1 to 2 m and the speed 2.828 to 4 m/s of each of 2 parts that\n"
-      "              no spring connects; the largest error decides\n"
-      "              growth of errors: measured, and reported where it is large\n"
-      "              to t = 1 s; 201 frames where it is recorded\n"
-      "collisions    event: impacts are located inside the step, rest is exact\n"
-      "threads       1: as asked for\n"
-      "solver        none: the method is explicit\n"
-      "skipped       assembly, factorisation, solver libraries: the method needs no solver\n"
-      "              pinned particles: they are no unknowns: no row, no column\n"
-      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
-      "              conversion to flat arrays, energies: made only when somebody looks\n"
-      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
-      "              dop853 is stable for h < 1.82571 s; error control finds that out\n");
+  expect(two_over_a_plane, &opt,
+         "scene         (no name)\n"
+         "              particles 4, of them pinned 2; springs 2; planes 1\n"
+         "integrator    dop853, order 8\n",
+         "step          chosen by error control; the first h to try is 0.125 s\n"
+         "              each step may add tol = 0.0001 times h/T to the relative error, T the "
+         "length of the run\n"
+         "              errors are relative to the extent, 1 to 2 m, and the speed, 2.828 to 4 "
+         "m/s, of each of\n"
+         "              2 connected components; the largest error determines the step\n"
+         "              growth of errors: measured, and reported if it is large\n"
+         "              to t = 1 s; 201 frames if the run is recorded\n"
+         "collisions    event: impacts are located inside the step, and resting contact is exact\n"
+         "threads       1: as requested\n"
+         "solver        none: the method is explicit\n"
+         "skipped       assembly, factorization, solver libraries: the method needs no solver\n"
+         "              pinned particles: they are not unknowns\n"
+         "              steps at exact rest: without velocities and forces they change nothing\n"
+         "              conversion to particle order, energies: computed only on request\n"
+         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "              dop853 is stable for h < 1.82571 s; error control keeps h short enough\n");
 }
 
 static void unsymmetric_matrices(void **state) {
   (void)state;
   msim_options opt = options("bdf2", 0.5);
   opt.steps = 2, opt.collision = MSIM_COLLISION_EVENT;
-  expect(
-      two_over_a_plane, &opt,
-      "scene         (no name)\n"
-      "              particles 4, of them pinned 2; springs 2; planes 1\n"
-      "integrator    bdf2, order 2\n",
-      "step          h = 0.5 s\n"
-      "              2 steps, to t = 1 s; 3 frames where it is recorded\n"
-      "collisions    event: impacts are located inside the step, rest is exact\n"
-      "threads       1: as asked for\n"
-      "solver        pcg (selected by option solver: about 6 iterations; a coarse space would not "
-      "be cost-effective)\n"
-      "              relative residual 1e-08, checked after every solve\n"
-      "matrix        6 unknowns: 3 for each free particle\n"
-      "newton        to 1e-08 of the velocity; clamped matrix until the residual has dropped, "
-      "then\n"
-      "              the whole one, which damping makes unsymmetric\n"
-      "skipped       pinned particles: they are no unknowns: no row, no column\n"
-      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
-      "              conversion to flat arrays, energies: made only when somebody looks\n"
-      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
-      "              stable for every h where the system is linear\n");
+  expect(two_over_a_plane, &opt,
+         "scene         (no name)\n"
+         "              particles 4, of them pinned 2; springs 2; planes 1\n"
+         "integrator    bdf2, order 2\n",
+         "step          h = 0.5 s\n"
+         "              2 steps, to t = 1 s; 3 frames if the run is recorded\n"
+         "collisions    event: impacts are located inside the step, and resting contact is exact\n"
+         "threads       1: as requested\n"
+         "solver        pcg (selected by option solver: about 6 iterations; a coarse space would not be cost-effective)\n"
+         "              relative residual 1e-08, checked after every solve\n"
+         "matrix        6 unknowns, 3 per free particle\n"
+         "newton        to a relative tolerance of 1e-08 in the velocity; the matrix is clamped\n"
+         "              until the residual has dropped, and then complete, with the non-symmetric "
+         "damping term\n"
+         "skipped       pinned particles: they are not unknowns\n"
+         "              steps at exact rest: without velocities and forces they change nothing\n"
+         "              conversion to particle order, energies: computed only on request\n"
+         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "              stable for every h if the system is linear\n");
 }
 
 static void a_step_too_long(void **state) {
   (void)state;
   msim_options opt = options("velocity-verlet", 0.75);
   opt.steps = 4;
-  expect(
-      two_over_a_plane, &opt,
-      "scene         (no name)\n"
-      "              particles 4, of them pinned 2; springs 2; planes 1\n"
-      "integrator    velocity-verlet, order 2\n",
-      "step          h = 0.75 s\n"
-      "              4 steps, to t = 3 s; 5 frames where it is recorded\n"
-      "collisions    reflect: the state after the step; order 1 at each impact\n"
-      "threads       1: as asked for\n"
-      "solver        none: the method is explicit\n"
-      "skipped       assembly, factorisation, solver libraries: the method needs no solver\n"
-      "              pinned particles: they are no unknowns: no row, no column\n"
-      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
-      "              conversion to flat arrays, energies: made only when somebody looks\n"
-      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
-      "              velocity-verlet is stable for h < 0.571429 s; h is 1.31 of that: it may blow "
-      "up\n");
+  expect(two_over_a_plane, &opt,
+         "scene         (no name)\n"
+         "              particles 4, of them pinned 2; springs 2; planes 1\n"
+         "integrator    velocity-verlet, order 2\n",
+         "step          h = 0.75 s\n"
+         "              4 steps, to t = 3 s; 5 frames if the run is recorded\n"
+         "collisions    reflect: particles are reflected at the end of a step, of order 1 at each "
+         "impact\n"
+         "threads       1: as requested\n"
+         "solver        none: the method is explicit\n"
+         "skipped       assembly, factorization, solver libraries: the method needs no solver\n"
+         "              pinned particles: they are not unknowns\n"
+         "              steps at exact rest: without velocities and forces they change nothing\n"
+         "              conversion to particle order, energies: computed only on request\n"
+         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "              velocity-verlet is stable for h < 0.571429 s; h is 1.31 times that: the "
+         "run may become unstable\n");
 }
 
 static void a_clamped_matrix(void **state) {
   (void)state;
   msim_options opt = options("linearly-implicit-euler", 0.25);
   opt.steps = 8, opt.jacobian = MSIM_JACOBIAN_CLAMP;
-  expect(
-      two_over_a_plane, &opt,
-      "scene         (no name)\n"
-      "              particles 4, of them pinned 2; springs 2; planes 1\n"
-      "integrator    linearly-implicit-euler, order 1\n",
-      "step          h = 0.25 s\n"
-      "              8 steps, to t = 2 s; 9 frames where it is recorded\n"
-      "collisions    reflect: the state after the step; order 1 at each impact\n"
-      "threads       1: as asked for\n"
-      "solver        pcg (selected by option solver: about 4 iterations; a coarse space would not "
-      "be cost-effective)\n"
-      "              relative residual 1e-08, checked after every solve\n"
-      "matrix        6 unknowns: 3 for each free particle\n"
-      "              clamped: positive definite always\n"
-      "skipped       pinned particles: they are no unknowns: no row, no column\n"
-      "              steps at exact rest: once nothing moves and nothing pulls they change no bit\n"
-      "              conversion to flat arrays, energies: made only when somebody looks\n"
-      "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
-      "              stable for every h where the system is linear\n");
+  expect(two_over_a_plane, &opt,
+         "scene         (no name)\n"
+         "              particles 4, of them pinned 2; springs 2; planes 1\n"
+         "integrator    linearly-implicit-euler, order 1\n",
+         "step          h = 0.25 s\n"
+         "              8 steps, to t = 2 s; 9 frames if the run is recorded\n"
+         "collisions    reflect: particles are reflected at the end of a step, of order 1 at each "
+         "impact\n"
+         "threads       1: as requested\n"
+         "solver        pcg (selected by option solver: about 4 iterations; a coarse space would not be cost-effective)\n"
+         "              relative residual 1e-08, checked after every solve\n"
+         "matrix        6 unknowns, 3 per free particle\n"
+         "              clamped, and so always positive definite\n"
+         "skipped       pinned particles: they are not unknowns\n"
+         "              steps at exact rest: without velocities and forces they change nothing\n"
+         "              conversion to particle order, energies: computed only on request\n"
+         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "              stable for every h if the system is linear\n");
 }
 
 int main(void) {

@@ -374,7 +374,8 @@ static void before_the_first_frame(void **state) {
   msim_recorder *recorder;
   msim_error why;
   assert_int_equal(msim_recorder_resume(sim, "a.vtkhdf", &recorder, &why), MSIM_ERR_IO);
-  assert_non_null(strstr(why.text, "a.vtkhdf is not there, so there is nothing to go on with"));
+  assert_non_null(
+      strstr(why.text, "a.vtkhdf does not exist, so that no run can be resumed from it"));
   assert_null(recorder);
   assert_int_equal(access("a.vtkhdf", F_OK), -1);
   assert_ok(msim_recorder_open(sim, "a.vtkhdf", &recorder, err));

@@ -28,15 +28,17 @@ static void states_that_cannot_be(void **state) {
   static const struct {
     void (*spoil)(msim_state *);
     const char *sentence;
-  } cases[] = {{want_no_particle, "the state has 2 particles, the scene 3"},
+  } cases[] = {{want_no_particle, "the state has 2 particles, but the scene has 3"},
                {want_no_x, "the state has no x or no v"},
                {want_no_v, "the state has no x or no v"},
                {want_no_time, "the state's t must be finite and its step >= 0"},
                {want_an_early_step, "the state's t must be finite and its step >= 0"},
-               {want_nan, "particle 1 of the state is not finite"},
-               {want_infinity, "particle 2 of the state is not finite"},
-               {want_moved_pins, "particle 0 is pinned: it must stay in its place, at rest"},
-               {want_moving_pins, "particle 0 is pinned: it must stay in its place, at rest"}};
+               {want_nan, "x, v or v_half of particle 1 is not finite, or too large"},
+               {want_infinity, "x, v or v_half of particle 2 is not finite, or too large"},
+               {want_moved_pins,
+                "particle 0 is pinned: its x must be that of the scene, and its v must be 0"},
+               {want_moving_pins,
+                "particle 0 is pinned: its x must be that of the scene, and its v must be 0"}};
   const double x[3 * N] = {0, 0, 0, 1, 0, 0, 2, 0, 0}, mass[N] = {1, 1, 1}, k[N - 1] = {9, 9};
   const int32_t ij[2 * (N - 1)] = {0, 1, 1, 2}, pinned = 0;
   msim_scene *scene;
@@ -83,13 +85,17 @@ static void ends_that_no_run_reaches(void **state) {
   (void)state;
   msim_options opt = options("velocity-verlet", 0.01);
   opt.steps = INT64_MAX;
-  refuse(&opt, "steps is 9223372036854775807; the limit is 4.5036e+15");
+  refuse(&opt, "steps = 9223372036854775807 exceeds the limit 4.5036e+15");
   opt.steps = 1000000000, opt.h = 1e300;
-  refuse(&opt, "1000000000 steps of 1e+300 s end later than a double can say");
+  refuse(&opt,
+         "1000000000 steps of 1e+300 s: the end time is not a finite number; use fewer steps or a "
+         "smaller h");
   opt.steps = -1, opt.t_end = 1, opt.h = 1e-20;
-  refuse(&opt, "t_end / h is 1e+20 steps; the limit is 4.5036e+15");
+  refuse(
+      &opt,
+      "t_end / h = 1e+20 steps exceeds the limit 4.5036e+15; use a larger h or an earlier t_end");
   opt.h = 0.01, opt.tol = 1e-6, opt.fps = 1e9;
-  refuse(&opt, "fps = 1e+09 makes 1e+09 frames; the limit is 10000000");
+  refuse(&opt, "fps = 1e+09 requires 1e+09 frames, and the limit is 10000000; use a lower fps");
 }
 
 /* A program that does not call msim_options_init has no size, and no defaults. */

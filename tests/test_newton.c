@@ -298,8 +298,8 @@ static void rkn6_refuses_velocity_dependent_forces(void **state) {
   msim_error why;
   assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
   assert_string_equal(why.text,
-                      "integrator 'rkn6' takes forces of positions alone, but spring 0 "
-                      "is damped");
+                      "integrator 'rkn6' requires forces that depend on positions only, but spring "
+                      "0 is damped; use dop853, rk4 or velocity-verlet");
   sim = make_sim(good, &opt);
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(scene, &view);
@@ -311,7 +311,9 @@ static void rkn6_refuses_velocity_dependent_forces(void **state) {
   assert_ok(msim_scene_set_drag(good, 0.1, err));
   msim_sim_destroy(sim);
   assert_int_equal(msim_sim_create(good, &opt, &sim, &why), MSIM_ERR_ARG);
-  assert_string_equal(why.text, "integrator 'rkn6' takes forces of positions alone: no drag");
+  assert_string_equal(why.text,
+                      "integrator 'rkn6' requires forces that depend on positions only, but drag "
+                      "is set; use dop853, rk4 or velocity-verlet");
   msim_scene_destroy(scene), msim_scene_destroy(good);
 }
 

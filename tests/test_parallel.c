@@ -119,9 +119,9 @@ static void expect_threads(msim_scene *scene, int32_t asked, int32_t want, const
 static void plans_tell_how_many(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(12, 200, 0);
-  expect_threads(scene, 0, 1, "one"); /* reason: one core, or a second thread saves nothing */
-  expect_threads(scene, 1, 1, "asked");
-  expect_threads(scene, 3, 3, "asked");
+  expect_threads(scene, 0, 1, "one"); /* reason: one core, or a second one is not cost-effective */
+  expect_threads(scene, 1, 1, "requested");
+  expect_threads(scene, 3, 3, "requested");
   msim_scene_destroy(scene);
 }
 

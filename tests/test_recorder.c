@@ -103,16 +103,17 @@ static void what_cannot_be_written_is_refused(void **state) {
   (void)state;
   msim_sim *sim = flight(10, 1, MSIM_SYNC_OFF), *endless = flight(-1, 1, MSIM_SYNC_OFF);
   msim_sim *many = flight(20000000, 1, MSIM_SYNC_OFF);
-  refuse(sim, "a.txt", MSIM_ERR_NAME, "a.txt: a trajectory's name ends in .vtkhdf or .csv");
-  refuse(sim, "a", MSIM_ERR_NAME, "ends in .vtkhdf or .csv");
+  refuse(sim, "a.txt", MSIM_ERR_NAME,
+         "a.txt: the file name of a trajectory must end in .vtkhdf or .csv");
+  refuse(sim, "a", MSIM_ERR_NAME, "end in .vtkhdf or .csv");
   refuse(sim, "nowhere/a.csv", MSIM_ERR_IO, "No such file or directory");
-  refuse(endless, "a.csv", MSIM_ERR_ARG, "recording needs an end");
-  refuse(many, "a.csv", MSIM_ERR_ARG, "would get more than 10000000 frames");
+  refuse(endless, "a.csv", MSIM_ERR_ARG, "the run has no end");
+  refuse(many, "a.csv", MSIM_ERR_ARG, "would have more than 10000000 frames");
   assert_int_equal(mkdir(in_folder("folder.csv"), 0700), 0);
-  refuse(sim, "folder.csv", MSIM_ERR_IO, "is there already, and it is not a file");
+  refuse(sim, "folder.csv", MSIM_ERR_IO, "exists and is not a regular file");
   rmdir(in_folder("folder.csv"));
   assert_int_equal(mkfifo(in_folder("pipe.csv"), 0600), 0);
-  refuse(sim, "pipe.csv", MSIM_ERR_IO, "is there already, and it is not a file");
+  refuse(sim, "pipe.csv", MSIM_ERR_IO, "exists and is not a regular file");
   unlink(in_folder("pipe.csv"));
   msim_sim_destroy(sim), msim_sim_destroy(endless), msim_sim_destroy(many);
 }
@@ -129,7 +130,9 @@ static void energies_are_numbers(void **state) {
   msim_error why;
   assert_ok(msim_recorder_open(sim, in_folder("a.csv"), &recorder, err));
   assert_int_equal(msim_recorder_write(recorder, &why), MSIM_NOT_FINITE);
-  assert_string_equal(why.text, "step 0, t = 0 s: energy is beyond all numbers");
+  assert_string_equal(
+      why.text,
+      "step 0, t = 0 s: the energy is not a finite number; use a smaller h or another integrator");
   assert_ok(msim_recorder_close(recorder, err));
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
@@ -146,7 +149,7 @@ static void only_one_writes_a_file(void **state) {
   (void)state;
   msim_sim *sim = flight(10, 1, MSIM_SYNC_OFF);
   msim_recorder *first = opened(sim, "a.csv"), *second = NULL;
-  refuse(sim, "a.csv", MSIM_ERR_IO, "is being written by another recorder");
+  refuse(sim, "a.csv", MSIM_ERR_IO, "is in use by another recorder");
   assert_int_equal(msim_recorder_replace(sim, in_folder("a.csv"), &second, NULL), MSIM_ERR_IO);
   assert_null(second);
   assert_ok(msim_recorder_write(first, err));
@@ -193,7 +196,7 @@ static void what_is_not_ours_stays(void **state) {
   msim_recorder *recorder;
   for (int i = 0; i < 3; i++) {
     put_text("a.csv", others[i]);
-    refuse(sim, "a.csv", MSIM_ERR_IO, "is there already, and no trajectory of msim");
+    refuse(sim, "a.csv", MSIM_ERR_IO, "exists and is not a trajectory of msim");
     char text[32] = "";
     FILE *file = fopen(in_folder("a.csv"), "r");
     assert_non_null(fgets(text, sizeof text, file));
@@ -215,7 +218,7 @@ static void csv_files_cannot_be_resumed(void **state) {
   msim_error why;
   assert_int_equal(msim_recorder_resume(sim, in_folder("a.csv"), &recorder, &why),
                    MSIM_ERR_UNSUPPORTED);
-  assert_non_null(strstr(why.text, "a.csv: nothing goes on with such a file"));
+  assert_non_null(strstr(why.text, "a.csv cannot be resumed"));
   assert_null(recorder);
   msim_sim_destroy(sim);
 }

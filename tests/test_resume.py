@@ -151,7 +151,7 @@ class Ends(Resume):
         """The same command starts a run and resumes it."""
         args = self.command(self.OPTIONS + "0.1", "out.vtkhdf", "--resume")[:-2] + ["--resume"]
         _, _, err = self.cli(*args)
-        self.assert_sentence(err, "note: there is no file of --out yet: the run begins")
+        self.assert_sentence(err, "note: the file of --out does not exist: the run starts")
         self.good(*self.command(self.OPTIONS + "0.1", "whole.vtkhdf"))
         self.assertEqual(self.read("out.vtkhdf"), self.read("whole.vtkhdf"))
 
@@ -159,7 +159,7 @@ class Ends(Resume):
         self.write("scene.json", pendulum(integrator="verlet", steps=3))
         for name in "out.vtkhdf", "out.csv":
             self.write(name, "a diary\n")
-            self.assert_refused(["run", "scene.json", "--out", name], name, "not replaced")
+            self.assert_refused(["run", "scene.json", "--out", name], name, "--force")
             self.assertEqual(self.read(name), b"a diary\n")
             self.assert_refused(["run", "scene.json", "--out", name, "--resume"], name)
             self.good("run", "scene.json", "--out", name, "--force", "--quiet")
@@ -176,7 +176,7 @@ class Limits(Resume):
             for more in [], ["--resume"], ["--force"]:
                 status, _, err = self.cli(*self.command(self.OPTIONS, "out.vtkhdf", *more))
                 self.assertEqual(status, 1)
-                self.assert_sentence(err, "out.vtkhdf", "is being written by another recorder")
+                self.assert_sentence(err, "out.vtkhdf", "is in use by another recorder")
             process.kill()
         self.good(*self.command(self.OPTIONS, "out.vtkhdf", "--resume"))  # the lock is released
 

@@ -265,10 +265,10 @@ static void refused(const char *integrator, const char *option, const char *valu
 
 static void bad_options_are_refused(void **state) {
   (void)state;
-  refused(NULL, NULL, NULL, "no integrator was chosen");
+  refused(NULL, NULL, NULL, "no integrator is given");
   refused("verlett", NULL, NULL, "'verlett' (did you mean 'verlet'?)");
   refused("auto", "steps", "10", "integrator 'auto' and steps exclude each other");
-  refused("verlet", "collision", "event", "take velocity-verlet");
+  refused("verlet", "collision", "event", "use velocity-verlet");
   refused("verlet", "h", "0", "h is '0'; it must be a number > 0 or auto");
   refused("verlet", "h", "nan", "h is 'nan'");
   refused("verlet", "h", "1e999", "h is '1e999'");
@@ -285,7 +285,7 @@ static void bad_options_are_refused(void **state) {
   msim_options opt = pcg("verlet", -1);
   assert_ok(msim_scene_create(NULL, &scene, err));
   assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
-  assert_string_equal(why.text, "the scene holds no particles");
+  assert_string_equal(why.text, "the scene has no particles");
   msim_scene_destroy(scene);
 }
 
@@ -463,7 +463,7 @@ static void explain_says_what_is_skipped(void **state) {
   assert_non_null(strstr(text, "there are no planes"));
   assert_non_null(strstr(text, "the method needs no solver"));
   assert_non_null(strstr(text, "is stable for h < "));
-  assert_null(strstr(text, "no spring pulls"));
+  assert_null(strstr(text, "no spring acts on"));
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }

@@ -14,7 +14,7 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
                         "sim is NULL, or h is neither a finite number > 0 nor MSIM_H_AUTO");
   if (ms_sim_selects(sim) && h != MSIM_H_AUTO)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "integrator 'auto' chooses its steps: name a method to set them");
+                        "integrator 'auto' chooses h itself; name an integrator to set h");
   if (ms_sim_has_control(sim) || ms_sim_selects(sim)) {
     if (h == MSIM_H_AUTO) return ms_error_clear(err); /* h is automatic already */
     sim->config.opt.h = h;

@@ -185,7 +185,7 @@ static msim_status archive_islands(ms_archive *b, msim_sim *sim, const saved_run
     MS_ARCHIVE_TRANSFER(b, order);
     MS_ARCHIVE_TRANSFER(b, m->at_rest);
     ms_archive_check(b, order == here, "the order of particles");
-    ms_archive_check(b, (m->at_rest | 1) == 1, "what is at rest");
+    ms_archive_check(b, (m->at_rest | 1) == 1, "the flag of rest");
     ms_method_state_archive(b, sim->config.integrator, &m->stepper, r->saves_last_step);
     archive_scales(b, &m->norm);
     if (m->stepper.solver && !ms_archive_failed(b))
@@ -238,8 +238,10 @@ msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *leng
   h.fingerprint = b.position - sizeof h;
   write_sim(&b, sim, &r);
   if (b.position > capacity)
-    return ms_error_set(err, MSIM_ERR_ARG, "the checkpoint takes %zu bytes; there is room for %zu",
-                        b.position, capacity);
+    return ms_error_set(
+        err, MSIM_ERR_ARG,
+        "the checkpoint needs %zu bytes, but capacity is %zu; use msim_sim_save_size", b.position,
+        capacity);
   h.length = *length = b.position;
   h.hash = hash_of(&h, to);
   memcpy(to, &h, sizeof h);
@@ -251,26 +253,30 @@ msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *leng
 /* Check that the bytes are a complete, undamaged checkpoint of this version. */
 static msim_status check_bytes(const void *from, size_t length, header *h, msim_error *err) {
   if (length < sizeof *h || memcmp(from, MAGIC, sizeof h->magic) != 0)
-    return ms_error_set(err, MSIM_ERR_ARG, "the %zu bytes are no checkpoint of msim", length);
+    return ms_error_set(err, MSIM_ERR_ARG, "the %zu bytes are not a checkpoint of msim", length);
   memcpy(h, from, sizeof *h);
   if (h->order != ORDER)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "the checkpoint is of a machine with another byte order");
+    return ms_error_set(
+        err, MSIM_ERR_ARG,
+        "the checkpoint was saved on a machine with another byte order; load it on such a machine");
   if (h->version != VERSION)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "the checkpoint is of version %u; msim %s reads version %u", h->version,
-                        msim_version(), VERSION);
+                        "the checkpoint has format version %u, but msim %s reads version %u; use "
+                        "the msim that saved it",
+                        h->version, msim_version(), VERSION);
   if (h->length != length)
-    return ms_error_set(err, MSIM_ERR_ARG, "the checkpoint has %llu bytes, and %zu are there",
-                        (unsigned long long)h->length, length);
+    return ms_error_set(
+        err, MSIM_ERR_ARG,
+        "the checkpoint has %llu bytes, but %zu were given; give exactly those that were saved",
+        (unsigned long long)h->length, length);
   if (h->fingerprint > length - sizeof *h || hash_of(h, from) != h->hash)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "the checkpoint is damaged: its bytes are not those that were written");
+                        "the checkpoint is damaged: its hash does not match its content");
   return MSIM_OK;
 }
 
 static msim_status refuse_bytes(const ms_archive *b, msim_error *err) {
-  return ms_error_set(err, MSIM_ERR_ARG, "the checkpoint cannot be: %s is not as it was written",
+  return ms_error_set(err, MSIM_ERR_ARG, "the checkpoint is invalid: %s has an impossible value",
                       b->invalid_item ? b->invalid_item : "its length");
 }
 
@@ -282,15 +288,17 @@ static msim_status check_end(const msim_sim *sim, const saved_run *r, const ms_p
   const int is_other = plan->t_end != r->t_end;
   if (is_other && sim->config.opt.tol > 0 && plan->t_end >= 0 && r->run.t > plan->t_end)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "the run ends at t = %g s, but the checkpoint is of t = %g s", plan->t_end,
-                        r->run.t);
+                        "t_end = %g s lies before the checkpoint at t = %g s; use a later t_end",
+                        plan->t_end, r->run.t);
   if (is_other && plan->steps >= 0 && steps > plan->steps)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "the run ends after %lld steps, but the checkpoint is of step %lld",
+                        "the run has %lld steps, but the checkpoint was saved after %lld; use more "
+                        "steps or a later t_end",
                         (long long)plan->steps, (long long)steps);
   if (sim->config.opt.tol == 0 && plan->h != r->run.h)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "to end at t_end = %g s, h is %.17g s here and %.17g s in the checkpoint",
+                        "t_end = %g s requires h = %.17g s, but the checkpoint has h = %.17g s; "
+                        "use a t_end that is a whole number of its steps away",
                         plan->t_end, plan->h, r->run.h);
   return MSIM_OK;
 }
@@ -300,7 +308,7 @@ static msim_status check_end(const msim_sim *sim, const saved_run *r, const ms_p
 static void check_choice(ms_archive *b, const msim_sim *sim, const saved_run *r) {
   const ms_method_choice *here = &sim->config.choice, *there = &r->choice;
   ms_archive_check(b, there->tol == here->tol && there->collision == here->collision,
-                   "what the choice of a method is by");
+                   "tol or collision of the choice of a method");
   if (ms_archive_failed(b)) return;
   const int controlled = there->candidates[there->best].error_control;
   ms_archive_check(b, r->tol == (controlled ? there->tol : 0), "tol");
@@ -323,7 +331,7 @@ static void check_control(ms_archive *b, const ms_integrator *method, double tol
 /* Check the values that no other function checks. */
 static void check_run(ms_archive *b, const msim_sim *sim, const saved_run *r) {
   const int32_t axis = ms_planar_find_axis(sim->scene, sim->config.opt.skip_off);
-  ms_archive_check(b, r->left_out == -1 || r->left_out == axis, "the axis left out");
+  ms_archive_check(b, r->left_out == -1 || r->left_out == axis, "the omitted axis");
   if (ms_sim_selects(sim)) check_choice(b, sim, r);
   else ms_archive_check(b, r->tol == sim->config.opt.tol, "tol");
   ms_archive_check(b, r->monitor.good.step >= r->run.step0 && r->monitor.good.step <= r->run.step,
@@ -348,7 +356,8 @@ static msim_status plan_run(msim_sim *sim, const saved_run *r, msim_error *err) 
   if (sim->config.opt.steps >= 0) {
     sim->config.opt.steps += sim->run.spent - r->run.spent;
     if (sim->config.opt.steps < 0)
-      return ms_error_set(err, MSIM_ERR_ARG, "the run ends before the checkpoint does");
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "the run has fewer steps than the checkpoint has made; use more steps");
   }
   ms_plan plan;
   msim_options opt = sim->config.opt;
@@ -394,7 +403,10 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const saved_run *r
   ms_sim_start_islands(sim, &start);
   status = archive_islands(b, sim, r, err);
   if (!status && (ms_archive_failed(b) || b->position != b->size)) return refuse_bytes(b, err);
-  return status <= 0 ? status : ms_error_set(err, MSIM_ERR_ARG, "a factor cannot be made again");
+  return status <= 0
+             ? status
+             : ms_error_set(err, MSIM_ERR_ARG,
+                            "the checkpoint's matrix factorization could not be recomputed");
 }
 
 /* If frames have the same times their count goes on, else it starts at the time shown last. */

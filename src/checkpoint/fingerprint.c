@@ -137,7 +137,10 @@ static void compare_entry(void *data, const char *name, const char *value, int i
   const char *line = c->next, *end = memchr(line, '\n', (size_t)(c->end - line));
   if (!end || (size_t)(end - line) <= length || memcmp(line, name, length) != 0 ||
       line[length] != '=') {
-    c->status = ms_error_set(c->err, MSIM_ERR_ARG, "the checkpoint says nothing of %s", name);
+    c->status = ms_error_set(c->err, MSIM_ERR_ARG,
+                             "the checkpoint has no entry for %s: it was made by another version "
+                             "of msim or from another scene",
+                             name);
     return;
   }
   const char *there = line + length + 1;

@@ -397,11 +397,10 @@ static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_erro
 static void warn_of_error(const msim_sim *sim, const ms_candidate *c, double tol) {
   const double MUCH = 10;
   if (c->error_control || !(c->error > MUCH * tol)) return;
-  ms_sim_warn(
-      sim,
-      "integrator 'auto': no method that was tried keeps tol = %g here; the error of the one "
-      "chosen, %s, may reach %.2g",
-      tol, c->method->entry.name, c->error);
+  ms_sim_warn(sim,
+              "integrator 'auto': none of the methods tried keeps tol = %g in this scene; the "
+              "error of the chosen one, %s, may reach %.2g; use a larger tol",
+              tol, c->method->entry.name, c->error);
 }
 
 /* Set method and options as if they had been requested. The first step is a stable one. */

@@ -91,7 +91,7 @@ static msim_status open_csv(const msim_host *host, const msim_recording *what, v
   recorder *r = host->alloc(host, sizeof *r + bytes);
   *self = NULL;
   if (!r) {
-    host->fail(host, "%s: no memory for a recorder", name);
+    host->fail(host, "%s: out of memory for the csv recorder", name);
     return MSIM_ERR_MEMORY;
   }
   memset(r, 0, offsetof(recorder, buffer));

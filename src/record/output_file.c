@@ -45,7 +45,9 @@ static void close_fd(int *fd) {
 static msim_status refuse_output_file(const char *path, int why, msim_error *err) {
   if (why == EBUSY)
     return ms_error_set(err, MSIM_ERR_IO,
-                        "%s is being written by another recorder, maybe of another process", path);
+                        "%s is in use by another recorder, possibly in another process; close it "
+                        "or use another file",
+                        path);
   return ms_error_set(err, MSIM_ERR_IO, "%s could not be opened for writing: %s", path,
                       strerror(why));
 }
@@ -54,7 +56,8 @@ static msim_status refuse_output_file(const char *path, int why, msim_error *err
 
 static msim_status check_regular_file(const char *path, struct stat *there, msim_error *err) {
   if (stat(path, there) != 0 || S_ISREG(there->st_mode)) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_IO, "%s is there already, and it is not a file", path);
+  return ms_error_set(err, MSIM_ERR_IO, "%s exists and is not a regular file; use another name",
+                      path);
 }
 
 msim_status ms_output_file_lock(ms_slice_range *place, const msim_allocator *alloc,

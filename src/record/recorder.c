@@ -43,15 +43,14 @@ static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_e
       ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES + 1);
   *nframes = planned < 0 ? 1 : planned; /* csv does not need their number */
   if (planned < 0 && r->type != ms_csv_recorder_type())
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "%s wants to know how many frames come, but under error control nobody knows how "
-        "many steps; give fps in place of every",
-        path);
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "%s requires the number of frames in advance, but under error control the "
+                        "number of steps is unknown; use fps in place of every",
+                        path);
   if (planned > MS_MAX_FRAMES)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "%s would get more than %d frames; raise every or lower fps", path,
-                        MS_MAX_FRAMES);
+                        "%s would have more than %d frames; use a larger every or a lower fps",
+                        path, MS_MAX_FRAMES);
   return MSIM_OK;
 }
 
@@ -75,7 +74,7 @@ static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a
   if (status) return status;
   a->times = plan_times(r->sim, nframes);
   status = a->times ? ms_scene_write_json(scene, &a->scene, err)
-                    : ms_error_set_memory(err, "the plan of frames");
+                    : ms_error_set_memory(err, "the times of the frames");
   a->what = (msim_recording){.size = sizeof a->what,
                              .path = r->place.path,
                              .name = r->place.path,
@@ -118,11 +117,10 @@ static msim_status open_new_trajectory(msim_recorder *r, const char *path, int f
   int taken;
   msim_status status = ms_output_file_lock(&r->place, &r->sim->alloc, path, &taken, err);
   if (!status && taken && !force && !is_msim_trajectory(r, path))
-    status =
-        ms_error_set(err, MSIM_ERR_IO,
-                     "%s is there already, and no trajectory of msim: it is not replaced unless "
-                     "that is asked for",
-                     path);
+    status = ms_error_set(err, MSIM_ERR_IO,
+                          "%s exists and is not a trajectory of msim; use another name, or --force "
+                          "(msim_recorder_replace) to replace it",
+                          path);
   if (!status) status = make_recording_plan(r, &a, err);
   if (status) return status;
   status = create_trajectory(r, &a, err);
@@ -142,8 +140,7 @@ static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_e
     return create_trajectory(r, a, err);
   }
   status = msim_sim_load(r->sim, from.checkpoint, from.checkpoint_length, &why);
-  if (status)
-    return ms_error_set(err, status, "%s cannot be gone on with: %s", r->place.path, why.text);
+  if (status) return ms_error_set(err, status, "%s cannot be resumed: %s", r->place.path, why.text);
   r->step_kept = r->sim->run.step;
   r->t_kept = ms_sim_time(r->sim);
   return MSIM_OK;
@@ -155,13 +152,11 @@ static msim_status open_for_resume(msim_recorder *r, const char *path, msim_erro
   if (!MS_RECORDERS_HAS(r->type, resume))
     return ms_error_set(
         err, MSIM_ERR_UNSUPPORTED,
-        "%s: nothing goes on with such a file, as it holds no checkpoints; a .vtkhdf "
-        "file does",
-        path);
+        "%s cannot be resumed, because this format has no checkpoints; use a .vtkhdf file", path);
   msim_status status = ms_output_file_lock(&r->place, &r->sim->alloc, path, &taken, err);
   if (!status && !taken)
-    status =
-        ms_error_set(err, MSIM_ERR_IO, "%s is not there, so there is nothing to go on with", path);
+    status = ms_error_set(err, MSIM_ERR_IO,
+                          "%s does not exist, so that no run can be resumed from it", path);
   if (!status) status = make_recording_plan(r, &a, err);
   if (status) return status;
   status = resume_trajectory(r, &a, err);
@@ -173,10 +168,12 @@ static msim_status check_recording(const msim_sim *sim, const char *path, const 
                                    msim_error *err) {
   *kind = ms_recorders_find_name(path);
   if (!*kind)
-    return ms_error_set(err, MSIM_ERR_NAME, "%s: a trajectory's name ends in .vtkhdf or .csv",
-                        path);
+    return ms_error_set(err, MSIM_ERR_NAME,
+                        "%s: the file name of a trajectory must end in .vtkhdf or .csv", path);
   if (sim->config.plan.t_end < 0)
-    return ms_error_set(err, MSIM_ERR_ARG, "%s: recording needs an end: set steps or t_end", path);
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "%s: the run has no end, which recording requires; set steps or t_end",
+                        path);
   return MSIM_OK;
 }
 
@@ -267,7 +264,9 @@ static msim_status record_state(msim_recorder *r, const msim_state *state, msim_
                       .kinetic = energy.kinetic,
                       .potential = energy.elastic + energy.gravitational};
   if (!isfinite(energy.total))
-    return ms_error_set(err, MSIM_NOT_FINITE, "step %lld, t = %g s: energy is beyond all numbers",
+    return ms_error_set(err, MSIM_NOT_FINITE,
+                        "step %lld, t = %g s: the energy is not a finite number; use a smaller h "
+                        "or another integrator",
                         (long long)state->step, state->t);
   add_checkpoint(r, &frame);
   const msim_status status = r->type->write(r->self, &frame);

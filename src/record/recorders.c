@@ -35,7 +35,10 @@ msim_status ms_recorders_find(const char *name, const char *plugin_path,
   memcpy(&entry, &symbol, sizeof entry); /* ISO C has no cast from void * to a function */
   *type = entry();
   if (!*type)
-    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s gave no table of functions", where->data);
+    return ms_error_set(
+        err, MSIM_ERR_PLUGIN,
+        "%s: msim_recorder_entry() returned NULL; report this to the author of the plugin",
+        where->data);
   status = ms_plugin_check("recorder", name, where->data, (*type)->abi, MSIM_RECORDER_ABI,
                            (*type)->size, MSIM_RECORDER_SIZE_1, (*type)->name, err);
   if (status) return status;

@@ -49,7 +49,7 @@ static void explain_sizes(const msim_sim *sim, ms_text *out) {
   int32_t least = most;
   for (int32_t i = 0; i < sim->nislands; i++)
     if (sim->islands[i].model.unknowns.nfree < least) least = sim->islands[i].model.unknowns.nfree;
-  ms_text_append(out, "islands       %d that no spring connects, of ", sim->nislands);
+  ms_text_append(out, "islands       %d, not connected by springs, with ", sim->nislands);
   if (least < most) ms_text_append(out, "%d to ", least);
   ms_text_append(out, "%d free particles\n", most);
 }
@@ -64,20 +64,21 @@ static void explain_islands(const msim_sim *sim, ms_text *out) {
     ms_text_append(out, "%s%d %s", separator, count, island_solver_name(&sim->islands[i]));
     separator = ", ";
   }
-  if (sim->config.integrator->entry.implicit) ms_text_append(out, "; below, that of the largest\n");
+  if (sim->config.integrator->entry.implicit)
+    ms_text_append(out, "; below, the solver of the largest island\n");
 }
 
 static void explain_unknowns(const ms_unknowns *rows, ms_text *out) {
-  const char *label = "rows";
+  const char *label = "unknowns";
   if (rows->distance_reduction > 0) {
-    ms_text_append(
-        out, "%-13s renumbered breadth first: neighbours lie %.3g times nearer than in the scene\n",
-        label, rows->distance_reduction);
+    ms_text_append(out,
+                   "%-13s renumbered breadth first: neighbours are %.3g times closer in memory\n",
+                   label, rows->distance_reduction);
     label = "";
   }
   if (rows->sorted_by_degree)
-    ms_text_append(
-        out, "%-13s sorted by number of springs, 64 at a time: that fills 8 lanes better\n", label);
+    ms_text_append(out, "%-13s sorted by number of springs in windows of 64, to fill SIMD lanes\n",
+                   label);
 }
 
 /* Error scales of the connected component, or of the smallest and the largest ones */
@@ -91,34 +92,37 @@ static void explain_scales(const msim_sim *sim, ms_text *out) {
         least[k] = fmin(least[k], scale[k]), most[k] = fmax(most[k], scale[k]);
     }
   if (parts == 1)
-    ms_text_append(out, "              %.4g m and the speed %.4g m/s\n", most[0], most[1]);
-  if (parts > 1)
     ms_text_append(
-        out,
-        "              %.4g to %.4g m and the speed %.4g to %.4g m/s of each of %d parts that\n"
-        "              no spring connects; the largest error decides\n",
-        least[0], most[0], least[1], most[1], parts);
+        out, "              errors are relative to the extent, %.4g m, and the speed, %.4g m/s\n",
+        most[0], most[1]);
+  if (parts > 1)
+    ms_text_append(out,
+                   "              errors are relative to the extent, %.4g to %.4g m, and the "
+                   "speed, %.4g to %.4g m/s, of each of\n"
+                   "              %d connected components; the largest error determines the step\n",
+                   least[0], most[0], least[1], most[1], parts);
 }
 
 static void explain_control(const msim_sim *sim, ms_text *out) {
-  ms_text_append(out, "step          by error control: h = %.3g s is tried first\n", sim->run.h);
-  ms_text_append(
-      out,
-      "              each may add its share of tol = %g to the error, relative to the extent\n",
-      sim->config.opt.tol);
+  ms_text_append(out, "step          chosen by error control; the first h to try is %.3g s\n",
+                 sim->run.h);
+  ms_text_append(out,
+                 "              each step may add tol = %g times h/T to the relative error, T the "
+                 "length of the run\n",
+                 sim->config.opt.tol);
   explain_scales(sim, out);
   ms_error_growth_explain(sim, out);
   if (sim->config.plan.t_end < 0)
-    ms_text_append(out, "              tol is that of one second, as the run has no t_end\n");
+    ms_text_append(out, "              tol refers to one second, as the run has no t_end\n");
   else if (ms_plan_has_times(&sim->config.opt))
     ms_text_append(
-        out, "              to t = %.10g s; %lld frames where it is recorded\n",
+        out, "              to t = %.10g s; %lld frames if the run is recorded\n",
         sim->config.plan.t_end,
         (long long)ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES));
   else
-    ms_text_append(out,
-                   "              to t = %.10g s; a frame every %lld steps where it is recorded\n",
-                   sim->config.plan.t_end, (long long)sim->config.opt.every);
+    ms_text_append(
+        out, "              to t = %.10g s; one frame per %lld steps if the run is recorded\n",
+        sim->config.plan.t_end, (long long)sim->config.opt.every);
 }
 
 static void explain_method(const msim_sim *sim, ms_text *out) {
@@ -131,14 +135,14 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
     return;
   }
   ms_text_append(out, "step          h = %.10g s", sim->run.h);
-  if (sim->config.step_limit.from_auto) ms_text_append(out, ", by the limit of stability below");
+  if (sim->config.step_limit.from_auto) ms_text_append(out, ", 0.9 of the stability limit below");
   if (sim->run.h != sim->config.plan.h_asked)
     ms_text_append(out, ", lowered from %.10g s so that the run ends at t_end",
                    sim->config.plan.h_asked);
   ms_text_append(out, "\n");
   if (sim->config.plan.steps >= 0)
     ms_text_append(
-        out, "              %lld steps, to t = %.10g s; %lld frames where it is recorded\n",
+        out, "              %lld steps, to t = %.10g s; %lld frames if the run is recorded\n",
         (long long)sim->config.plan.steps,
         sim->config.plan.t0 + (double)sim->config.plan.steps * sim->run.h,
         (long long)ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES));
@@ -156,40 +160,51 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
   const int32_t n = m->model.springs.n;
   if (!sim->config.integrator->is_multirate) return;
   if (!split) {
-    ms_text_append(out, "springs       all take one step, as by velocity-verlet: %s\n",
-                   step_over_limit(sim, &m->model) < 1
-                       ? "h is short enough for each"
-                       : "no few are so much stiffer that steps of their own pay");
+    ms_text_append(
+        out, "springs       all take the same step, as with velocity-verlet: %s\n",
+        step_over_limit(sim, &m->model) < 1
+            ? "h is short enough for all"
+            : "there is no small group\n"
+              "              of much stiffer ones for which separate steps are cost-effective");
     return;
   }
   const int32_t stiff = split->stiff.springs.n;
-  ms_text_append(out, "springs       %d of %d, the stiffest, take %d steps in one of the others\n",
-                 stiff, n, split->inner);
   ms_text_append(
-      out, "              a step costs %.2g of those of velocity-verlet at its limit\n",
+      out, "springs       the %d stiffest of %d take %d substeps in each step of the others\n",
+      stiff, n, split->inner);
+  ms_text_append(
+      out,
+      "              a step costs %.2g times as much as the steps of velocity-verlet that it "
+      "replaces\n",
       ((double)n + (double)split->inner * stiff) / (n * ceil(step_over_limit(sim, &m->model))));
   ms_text_append(
-      out, "              resonates where h Omega of a stiff mode is n pi; h Omega <= %.3g pi\n",
+      out,
+      "              resonance occurs where h Omega of a stiff mode is a multiple of pi; here\n"
+      "              h Omega <= %.3g pi\n",
       sim->run.h * ms_bounds_compute_island(&split->stiff).omega / 3.141592653589793);
 }
 
 static void explain_collisions(const msim_sim *sim, ms_text *out) {
   if (!has_feature(sim, MS_HAS_PLANES) || !sim->scene->nplanes) return;
   if (sim->config.opt.collision == MSIM_COLLISION_EVENT)
-    ms_text_append(out,
-                   "collisions    event: impacts are located inside the step, rest is exact\n");
+    ms_text_append(
+        out,
+        "collisions    event: impacts are located inside the step, and resting contact is exact\n");
   else
     ms_text_append(out,
-                   "collisions    reflect: the state after the step; order 1 at each impact\n");
+                   "collisions    reflect: particles are reflected at the end of a step, of order "
+                   "1 at each impact\n");
 }
 
 static void explain_threads(const msim_sim *sim, ms_text *out) {
   const int32_t threads = ms_pool_thread_count(sim->pool), planned = sim->threads_planned;
   ms_text_append(out, "threads       %d: ", threads);
-  if (threads < planned) ms_text_append(out, "of %d planned, no more could be started\n", planned);
-  else if (sim->config.opt.threads) ms_text_append(out, "as asked for\n");
+  if (threads < planned)
+    ms_text_append(out, "%d were planned, but no more could be started\n", planned);
+  else if (sim->config.opt.threads) ms_text_append(out, "as requested\n");
   else if (ms_pool_usable_cores() == 1) ms_text_append(out, "there is one core\n");
-  else if (threads == 1) ms_text_append(out, "with so few springs, a second one saves nothing\n");
+  else if (threads == 1)
+    ms_text_append(out, "a second one is not cost-effective with so few springs\n");
   else ms_text_append(out, "by size, on %d cores\n", ms_pool_usable_cores());
 }
 
@@ -207,36 +222,41 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
   const ms_unknowns *rows = &m->model.unknowns;
   const int alike = solver->system.a.block == 1;
   if (alike)
-    ms_text_append(out, "matrix        %d unknowns: one for each free particle, %d right sides\n",
+    ms_text_append(out,
+                   "matrix        %d unknowns, one per free particle, and %d right-hand sides\n",
                    rows->nfree, rows->dims);
   else
-    ms_text_append(out, "matrix        %d unknowns: %d for each free particle\n",
+    ms_text_append(out, "matrix        %d unknowns, %d per free particle\n",
                    rows->dims * rows->nfree, rows->dims);
   if (linear->aggregates)
-    ms_text_append(out, "              coarse space of %d aggregates, %d unknowns in each\n",
+    ms_text_append(out, "              coarse space of %d aggregates with %d unknowns each\n",
                    linear->aggregates, MS_MODES * rows->dims);
   if (linear->fill > 0)
-    ms_text_append(out, "              factor of %.3g numbers, %.3g flops\n", linear->fill,
+    ms_text_append(out, "              factor with %.3g nonzeros, %.3g flops\n", linear->fill,
                    linear->flops);
   if (solver->amortization.allowed)
     ms_text_append(out,
-                   "              once pcg has spent the price of a factor on a matrix that hardly "
-                   "changes,\n              cholmod makes one, if it is there, to precondition\n");
-  static const char *const answer[] = {"that step is repeated with the clamped matrix",
-                                       "it is solved as it is", "the run stops"};
+                   "              once pcg has spent the cost of a factorization on a matrix that "
+                   "hardly changes,\n"
+                   "              cholmod (if available) factors it as a preconditioner\n");
+  static const char *const answer[] = {"the step is repeated with the clamped matrix",
+                                       "it is solved as it is", "the run ends"};
   if (sim->config.integrator->nonlinear)
-    ms_text_append(out, "newton        to %.3g of the velocity%s\n", sim->config.opt.newton_rtol,
+    ms_text_append(out, "newton        to a relative tolerance of %.3g in the velocity%s\n",
+                   sim->config.opt.newton_rtol,
                    alike ? "; the matrix is the same in every step"
                    : ms_solver_supports_damping_derivative(solver)
-                       ? "; clamped matrix until the residual has dropped, then\n"
-                         "              the whole one, which damping makes unsymmetric"
-                       : "; clamped matrix until the residual has dropped");
+                       ? "; the matrix is clamped\n"
+                         "              until the residual has dropped, and then complete, with "
+                         "the non-symmetric damping term"
+                       : "; the matrix is clamped\n"
+                         "              until the residual has dropped");
   else if (alike)
     ms_text_append(out, "              positive definite, and the same in every step\n");
   else if (sim->config.opt.jacobian == MSIM_JACOBIAN_CLAMP)
-    ms_text_append(out, "              clamped: positive definite always\n");
+    ms_text_append(out, "              clamped, and so always positive definite\n");
   else
-    ms_text_append(out, "              where it is not positive definite, %s\n",
+    ms_text_append(out, "              if it is not positive definite, %s\n",
                    answer[sim->config.opt.indefinite]);
 }
 
@@ -253,12 +273,12 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
     int skipped;
     const char *what, *why;
   } skips[] = {
-      {!solver, "assembly, factorisation, solver libraries", "the method needs no solver"},
+      {!solver, "assembly, factorization, solver libraries", "the method needs no solver"},
       {solver && solver->lagged_factor.factorizer, "factorisation",
-       "in steps that the last factor still serves, as preconditioner"},
+       "in steps for which the last one is a good preconditioner"},
       {solver && solver->linear->aggregates && !(sim->config.opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
-       "coarse factorisation", "in steps whose matrix has hardly changed since the last one"},
-      {!has_feature(sim, MS_HAS_SPRINGS), "spring forces", "no spring pulls a free particle"},
+       "coarse factorization", "in steps whose matrix has hardly changed since the last one"},
+      {!has_feature(sim, MS_HAS_SPRINGS), "spring forces", "no spring acts on a free particle"},
       {has_feature(sim, MS_HAS_SPRINGS) && !has_feature(sim, MS_HAS_DIRECTIONS),
        "direction of springs",
        "all rest lengths and dampings are 0, so forces are linear and the matrix is constant"},
@@ -268,14 +288,13 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
        sim->config.choice.verification.planes_far ? "no plane is close yet"
                                                   : "there are no planes"},
       {m->model.unknowns.dropped_axis >= 0, axis_name(sim),
-       "nothing moves along it, or pulls that way"},
-      {count_all_free(sim) < sim->scene->nparticles, "pinned particles",
-       "they are no unknowns: no row, no column"},
-      {sim->nislands > 1, "one system of all",
-       "no spring connects the islands: each has one of its own, and rests alone"},
+       "no velocity and no force has this component"},
+      {count_all_free(sim) < sim->scene->nparticles, "pinned particles", "they are not unknowns"},
+      {sim->nislands > 1, "a common system",
+       "each island has its own, and is skipped while at rest"},
       {!(sim->config.opt.skip_off & MSIM_SKIP_AT_REST), "steps at exact rest",
-       "once nothing moves and nothing pulls they change no bit"},
-      {1, "conversion to flat arrays, energies", "made only when somebody looks"}};
+       "without velocities and forces they change nothing"},
+      {1, "conversion to particle order, energies", "computed only on request"}};
   const char *label = "skipped";
   for (size_t i = 0; i < sizeof skips / sizeof *skips; i++) {
     if (!skips[i].skipped) continue;
@@ -306,22 +325,23 @@ static void explain_limits(const msim_sim *sim, ms_text *out) {
   const char *name = sim->config.integrator->entry.name;
   ms_text_append(out,
                  "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",
-                 b->omega, b->rate, splits ? ", by the longest steps" : "");
+                 b->omega, b->rate, splits ? ", for springs with long steps" : "");
   if (sim->config.integrator->stages)
-    ms_text_append(out, "              %d stages a step, for that rate\n",
+    ms_text_append(out, "              %d stages per step, chosen for that damping rate\n",
                    sim->config.integrator->stages(h, find_rough_bounds(sim)));
   if (sim->config.integrator->entry.implicit)
-    ms_text_append(out, "              stable for every h where the system is linear\n");
+    ms_text_append(out, "              stable for every h if the system is linear\n");
   else if (isinf(limit))
     ms_text_append(out, "              stable for every h: nothing vibrates\n");
   else if (limit == 0)
-    ms_text_append(out, "              %s: undamped vibrations gain energy at any h\n", name);
+    ms_text_append(out, "              with %s undamped vibrations grow at any h\n", name);
   else if (ms_sim_has_control(sim))
-    ms_text_append(out, "              %s is stable for h < %.6g s; error control finds that out\n",
-                   name, limit);
+    ms_text_append(
+        out, "              %s is stable for h < %.6g s; error control keeps h short enough\n",
+        name, limit);
   else
-    ms_text_append(out, "              %s is stable for h < %.6g s; h is %.3g of that%s\n", name,
-                   limit, h / limit, h < limit ? "" : ": it may blow up");
+    ms_text_append(out, "              %s is stable for h < %.6g s; h is %.3g times that%s\n", name,
+                   limit, h / limit, h < limit ? "" : ": the run may become unstable");
 }
 
 msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) {

@@ -10,33 +10,33 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
   snprintf(name, sizeof name, "%s%s", c->method->entry.name, c->error_control ? ", tol" : "");
   ms_text_append(out, "              %-17s ", name);
   if (c->rejection) {
-    ms_text_append(out, "passed over: %s\n", ms_rejection_reasons_text(c->rejection));
+    ms_text_append(out, "rejected: %s\n", ms_rejection_reasons_text(c->rejection));
     return;
   }
-  ms_text_append(out, "h = %-8.3g %5.4g evaluations a step, %s%8.4g a second%s%s\n", c->h,
-                 c->step_cost, c->tried || c->error > 0 ? "" : "at least ", c->cost_rate,
+  ms_text_append(out, "h = %-8.3g %5.4g evaluations per step, %s%8.4g per simulated second%s%s\n",
+                 c->h, c->step_cost, c->tried || c->error > 0 ? "" : "at least ", c->cost_rate,
                  c->collision == MSIM_COLLISION_EVENT ? ", impacts located" : "",
                  !is_best           ? ""
-                 : c->error_control ? ": chosen, under error control"
-                                    : ": chosen, in fixed steps");
+                 : c->error_control ? ": chosen, with error control"
+                                    : ": chosen, with fixed steps");
 }
 
 void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
   const ms_step_verification *v = &s->verification;
   ms_text_append(
       out,
-      "auto          chosen for tol = %g by the first %.3g s of the run and steps tried from "
-      "there,\n              for the price of %.0f evaluations\n",
+      "auto          chosen for tol = %g by a pilot run of %.3g s and trials from its end,\n"
+      "              at the cost of %.0f evaluations of the forces\n",
       s->tol, s->pilot_time, s->total_cost);
   for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
   if (v->allowed > 0)
-    ms_text_append(
-        out,
-        "              steps are verified: their halves may differ from them by %.2g of the "
-        "scales\n",
-        v->allowed);
-  if (v->planes_far) ms_text_append(out, "              chosen anew once a plane is close\n");
+    ms_text_append(out,
+                   "              steps are verified: a step and two half steps may differ by %.2g "
+                   "of the scales\n",
+                   v->allowed);
+  if (v->planes_far)
+    ms_text_append(out, "              the choice will be repeated when a plane is close\n");
   if (s->substeps > 1)
-    ms_text_append(out, "              in %lld parts a step, as a plane was close\n",
+    ms_text_append(out, "              %lld substeps per step, since a plane came close\n",
                    (long long)s->substeps);
 }

@@ -24,7 +24,7 @@ msim_status ms_energy_monitor_create(const msim_sim *sim, const ms_model *model,
     there &= (*vectors[i] = ms_unknowns_new_vector(sim->scene, &model->unknowns)) != NULL;
   good->parts =
       ms_memory_allocate(&sim->alloc, (size_t)ms_totals_count_parts(model), sizeof *good->parts);
-  return there && good->parts ? MSIM_OK : ms_error_set_memory(err, "the state to keep");
+  return there && good->parts ? MSIM_OK : ms_error_set_memory(err, "the last good state");
 }
 
 void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *good) {
@@ -218,15 +218,16 @@ static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
   if (fast)
     return ms_error_set(
         err, MSIM_UNSTABLE,
-        "step %lld, t = %g s, particle %d: it is the fastest, at %.3g m/s, as kinetic "
-        "and elastic energy are %.3g J, more than %d times the %.3g J that the start "
-        "and gravity can supply; the state is that of step %lld again",
-        step, time_of(sim), particle, size, energy, ALLOWED, b->bound, kept);
+        "step %lld, t = %g s, particle %d: the run is unstable: kinetic and elastic energy are "
+        "%.3g J, more than %d times the bound of %.3g J from initial energy and gravity, and this "
+        "particle is the fastest, with %.3g m/s; the state of step %lld was restored; use a "
+        "smaller h or tol, or another integrator",
+        step, time_of(sim), particle, energy, ALLOWED, b->bound, size, kept);
   return ms_error_set(
       err, MSIM_UNSTABLE,
-      "step %lld, t = %g s, particle %d: it is the farthest out, as the scene is %.3g m "
-      "long, more than %d times the %.3g m that its speed allows; the state is that of "
-      "step %lld again",
+      "step %lld, t = %g s, particle %d: the run is unstable: the extent of the scene is %.3g m, "
+      "more than %d times the bound of %.3g m from its speed, and this particle is farthest out; "
+      "the state of step %lld was restored; use a smaller h or tol, or another integrator",
       step, time_of(sim), particle, extent_of(now), ALLOWED, b->extent, kept);
 }
 
@@ -253,7 +254,7 @@ void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
   if (!err) return;
   const size_t used = strlen(err->text);
   snprintf(err->text + used, sizeof err->text - used,
-           "; the motion had grown beyond what energy allows: the state is that of step %lld again",
+           "; the motion had exceeded the energy bound before: the state of step %lld was restored",
            (long long)sim->run.step);
 }
 

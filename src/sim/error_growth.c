@@ -104,9 +104,9 @@ static void report_growth(msim_sim *sim, double growth) {
   const double tol = ms_sim_selects(sim) ? sim->config.choice.tol : sim->config.opt.tol;
   sim->error_growth.state = MS_ERROR_GROWTH_REPORTED;
   ms_sim_warn(sim,
-              "step %lld, t = %g s: the motion is sensitive to small errors: those of earlier "
-              "steps have grown %.2g-fold on average, so that the error may exceed tol = %g, which "
-              "bounds what steps add to it",
+              "step %lld, t = %g s: the motion amplifies small errors: those of earlier steps have "
+              "grown %.2g-fold on average, so that the error may exceed tol = %g, which bounds the "
+              "error of single steps only; use a smaller tol or a shorter run",
               (long long)sim->run.step, ms_sim_time(sim), growth, tol);
 }
 
@@ -237,10 +237,10 @@ void ms_error_growth_follow(msim_sim *sim, double h) {
 
 void ms_error_growth_explain(const msim_sim *sim, ms_text *out) {
   static const char *const states[] = {
-      [MS_ERROR_GROWTH_MEASURED] = "measured, and reported where it is large",
+      [MS_ERROR_GROWTH_MEASURED] = "measured, and reported if it is large",
       [MS_ERROR_GROWTH_TOO_EXPENSIVE] =
-          "not measured: that would take more than a fifth of the evaluations",
-      [MS_ERROR_GROWTH_REPORTED] = "large, as was reported"};
+          "not measured: that would cost more than a fifth of the evaluations",
+      [MS_ERROR_GROWTH_REPORTED] = "large; a note has reported it"};
   int is_any = 0;
   for (int32_t i = 0; i < sim->nislands; i++) is_any |= sim->islands[i].disturbance.dx != NULL;
   if (is_any)

@@ -11,23 +11,28 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
   const double span = opt->t_end - t0;
   *plan = (ms_plan){.h = opt->h, .h_asked = opt->h, .steps = -1, .t0 = t0, .t_end = -1};
   if ((double)opt->steps > MOST_STEPS)
-    return ms_error_set(err, MSIM_ERR_ARG, "steps is %lld; the limit is %g", (long long)opt->steps,
-                        MOST_STEPS);
+    return ms_error_set(err, MSIM_ERR_ARG, "steps = %lld exceeds the limit %g",
+                        (long long)opt->steps, MOST_STEPS);
   if (opt->steps >= 0) {
     plan->steps = opt->steps;
   } else if (opt->t_end >= 0) {
     double ratio = span / opt->h;
     if (!(span >= 0))
-      return ms_error_set(err, MSIM_ERR_ARG, "t_end is %g s, but the state is already at t = %g s",
-                          opt->t_end, t0);
+      return ms_error_set(
+          err, MSIM_ERR_ARG,
+          "t_end = %g s lies before the time of the state, t = %g s; use a later t_end", opt->t_end,
+          t0);
     plan->t_end = opt->t_end;
     if (ms_plan_has_times(opt) && span * opt->fps > MS_MAX_FRAMES)
-      return ms_error_set(err, MSIM_ERR_ARG, "fps = %g makes %g frames; the limit is %d", opt->fps,
-                          span * opt->fps, MS_MAX_FRAMES);
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "fps = %g requires %g frames, and the limit is %d; use a lower fps",
+                          opt->fps, span * opt->fps, MS_MAX_FRAMES);
     if (opt->tol > 0) return MSIM_OK;
     if (ratio > MOST_STEPS)
-      return ms_error_set(err, MSIM_ERR_ARG, "t_end / h is %g steps; the limit is %g", ratio,
-                          MOST_STEPS);
+      return ms_error_set(
+          err, MSIM_ERR_ARG,
+          "t_end / h = %g steps exceeds the limit %g; use a larger h or an earlier t_end", ratio,
+          MOST_STEPS);
     double nearest = round(ratio);
     int whole = fabs(ratio - nearest) <= 1e-9 * ratio;
     plan->steps = (int64_t)(whole ? nearest : ceil(ratio));
@@ -35,8 +40,10 @@ msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, ms
   }
   if (plan->steps >= 0) plan->t_end = t0 + (double)plan->steps * plan->h;
   if (isfinite(plan->t_end)) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_ARG, "%lld steps of %g s end later than a double can say",
-                      (long long)plan->steps, plan->h);
+  return ms_error_set(
+      err, MSIM_ERR_ARG,
+      "%lld steps of %g s: the end time is not a finite number; use fewer steps or a smaller h",
+      (long long)plan->steps, plan->h);
 }
 
 double ms_plan_span(const ms_plan *plan) {

@@ -30,12 +30,12 @@ static msim_status set_auto(msim_sim *sim, msim_error *err) {
   msim_options usual;
   msim_options_init(&usual, sizeof usual);
   if (sim->config.opt.steps >= 0)
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "integrator 'auto' and steps exclude each other: tol says how many steps there "
-        "are; give t_end");
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator 'auto' and steps exclude each other, because tol determines "
+                        "the number of steps; use t_end in place of steps");
   if (sim->config.opt.h != usual.h && sim->config.opt.h != MSIM_H_AUTO)
-    ms_sim_warn(sim, "h is not used: integrator 'auto' chooses its steps, by tol");
+    ms_sim_warn(
+        sim, "h is ignored: integrator 'auto' chooses h by tol; remove h, or name an integrator");
   if (sim->config.opt.tol == 0) sim->config.opt.tol = MS_DEFAULT_TOL;
   sim->config.choice.tol = sim->config.opt.tol;
   sim->config.choice.collision = sim->config.opt.collision;
@@ -51,15 +51,14 @@ static msim_status set_collision(msim_sim *sim, msim_error *err) {
   if (sim->config.integrator->sync)
     return ms_error_set(
         err, MSIM_ERR_ARG,
-        "integrator '%s' carries v(t - h/2), which no impact at another time can change: "
-        "with collision = event take velocity-verlet, the same method with v(t)",
+        "integrator '%s' stores v(t - h/2) and cannot apply an impact at another time; with "
+        "collision = event use velocity-verlet, the same method with v(t)",
         sim->config.opt.integrator);
   if (sim->config.integrator->is_multirate)
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "integrator '%s' never has all forces at once, which collision = event needs "
-        "where particles rest: take velocity-verlet",
-        sim->config.opt.integrator);
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator '%s' never evaluates all forces at the same time, which "
+                        "collision = event requires for resting particles; use velocity-verlet",
+                        sim->config.opt.integrator);
   return MSIM_OK;
 }
 
@@ -71,8 +70,8 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
   if (status) return status;
   if (!opt->integrator)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "no integrator was chosen; explicit-euler, heun, verlet, "
-                        "linearly-implicit-euler and others are there");
+                        "no integrator is given; set options.integrator, for example to "
+                        "velocity-verlet, linearly-implicit-euler or auto");
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? set_auto(sim, err) : set_method(sim, err);
   if (status) return status;
   return set_collision(sim, err);
@@ -84,19 +83,21 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
   const char *name = sim->config.integrator->entry.name;
   if (sim->config.integrator->convert_state && scene->nplanes > 0 &&
       !sim->config.choice.verification.planes_far)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "integrator '%s' carries other variables than x and v, which planes cannot "
-                        "reflect: take force-gradient",
-                        name);
+    return ms_error_set(
+        err, MSIM_ERR_ARG,
+        "integrator '%s' does not support planes; use force-gradient, or remove the planes", name);
   if (!sim->config.integrator->separable) return MSIM_OK;
   if (ms_external_has_velocity(&scene->external))
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "integrator '%s' takes forces of positions alone: no drag", name);
+                        "integrator '%s' requires forces that depend on positions only, but drag "
+                        "is set; use dop853, rk4 or velocity-verlet",
+                        name);
   for (int32_t e = 0; e < scene->nsprings; e++)
     if (damping[e] > 0)
-      return ms_error_set(
-          err, MSIM_ERR_ARG,
-          "integrator '%s' takes forces of positions alone, but spring %d is damped", name, e);
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "integrator '%s' requires forces that depend on positions only, but "
+                          "spring %d is damped; use dop853, rk4 or velocity-verlet",
+                          name, e);
   return MSIM_OK;
 }
 
@@ -135,7 +136,7 @@ msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_s
                           msim_sim **sim, msim_error *err) {
   *sim = NULL;
   ms_scene *data = scene->data;
-  if (data->nparticles == 0) return ms_error_set(err, MSIM_ERR_ARG, "the scene holds no particles");
+  if (data->nparticles == 0) return ms_error_set(err, MSIM_ERR_ARG, "the scene has no particles");
   msim_sim *s = ms_memory_allocate(&data->alloc, 1, sizeof *s);
   if (!s) return ms_error_set_memory(err, "a sim");
   s->alloc = data->alloc;

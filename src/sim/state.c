@@ -8,8 +8,8 @@
 msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_scene *scene = sim->scene;
   if (state->n != scene->nparticles)
-    return ms_error_set(err, MSIM_ERR_ARG, "the state has %d particles, the scene %d", state->n,
-                        scene->nparticles);
+    return ms_error_set(err, MSIM_ERR_ARG, "the state has %d particles, but the scene has %d",
+                        state->n, scene->nparticles);
   if (!state->x || !state->v) return ms_error_set(err, MSIM_ERR_ARG, "the state has no x or no v");
   if (!isfinite(state->t) || state->step < 0)
     return ms_error_set(err, MSIM_ERR_ARG, "the state's t must be finite and its step >= 0");
@@ -17,10 +17,12 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
     int pinned = scene->pinned[i / 3];
     if (!(fabs(state->x[i]) <= MS_LARGEST_VALID && fabs(state->v[i]) <= MS_LARGEST_VALID) ||
         (state->v_half && !(fabs(state->v_half[i]) <= MS_LARGEST_VALID)))
-      return ms_error_set(err, MSIM_ERR_ARG, "particle %zu of the state is not finite", i / 3);
-    if (pinned && (state->x[i] != scene->x[i] || state->v[i] != 0))
       return ms_error_set(err, MSIM_ERR_ARG,
-                          "particle %zu is pinned: it must stay in its place, at rest", i / 3);
+                          "x, v or v_half of particle %zu is not finite, or too large", i / 3);
+    if (pinned && (state->x[i] != scene->x[i] || state->v[i] != 0))
+      return ms_error_set(
+          err, MSIM_ERR_ARG,
+          "particle %zu is pinned: its x must be that of the scene, and its v must be 0", i / 3);
   }
   return MSIM_OK;
 }

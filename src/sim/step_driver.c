@@ -200,13 +200,15 @@ static msim_status report_shortest_step(msim_sim *sim, const step_outcome *o, ms
                                         double h, msim_error *err) {
   char why[256];
   if (o->m) {
-    snprintf(why, sizeof why, "not even a step of %.3g s can be made: %.180s", h,
+    snprintf(why, sizeof why, "the step failed even with h = %.3g s: %.180s", h,
              *o->why->text ? o->why->text : msim_status_text(o->status));
     return report_failed_step(sim, o->m, sim->run.t + h, o->status, why, err);
   }
   worst->stepper.offender = ms_control_find_offender(sim->config.integrator, &worst->stepper);
-  snprintf(why, sizeof why, "even a step of %.3g s has a larger error than tol = %g allows", h,
-           sim->config.opt.tol);
+  snprintf(
+      why, sizeof why,
+      "the error exceeds tol = %g even with h = %.3g s; use a larger tol or another integrator",
+      sim->config.opt.tol, h);
   return report_failed_step(sim, worst, sim->run.t + h, MSIM_NOT_CONVERGED, why, err);
 }
 
@@ -259,14 +261,13 @@ msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err) {
     opt->tol = MS_DEFAULT_TOL;
   if (opt->tol == 0) return MSIM_OK;
   if (opt->steps >= 0)
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "tol and steps exclude each other: tol lets the error say how many steps there "
-        "are; give t_end");
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "tol and steps exclude each other, because with tol error control "
+                        "determines the number of steps; use t_end in place of steps");
   if (ms_control_is_supported(sim->config.integrator)) return MSIM_OK;
   list_controlled_methods(sizeof names, names);
   return ms_error_set(err, MSIM_ERR_ARG,
-                      "integrator '%s' has no error control, so it takes no tol; %s have",
+                      "integrator '%s' has no error control; remove tol, or use one of %s",
                       opt->integrator, names);
 }
 

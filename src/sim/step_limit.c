@@ -23,21 +23,21 @@ static msim_status resolve_auto_h(msim_sim *sim, double *h, msim_error *err) {
   const char *name = sim->config.integrator->entry.name;
   if (!sim->config.integrator->limit)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "h is 'auto', but %s has no limit of stability to take it from: give h, as "
-                        "accuracy demands",
+                        "h is 'auto', but %s has no stability limit that h could follow from; set "
+                        "h, as short as accuracy requires",
                         name);
   msim_status status = compute_bounds(sim, 1, err);
   if (status) return status;
   const double limit = sim->config.step_limit.limit;
   if (limit == 0)
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "h is 'auto', but %s is stable for no h above 0, as vibrations may be undamped: "
-        "give h, or take another method",
-        name);
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "h is 'auto', but undamped vibrations grow with %s at any h; use "
+                        "velocity-verlet or an implicit integrator",
+                        name);
   if (isinf(limit))
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "h is 'auto', but nothing vibrates in this scene: give h");
+                        "h is 'auto', but nothing vibrates in this scene, so that no stability "
+                        "limit exists; set h");
   *h = MS_STABLE_FRACTION * limit;
   return MSIM_OK;
 }
@@ -53,11 +53,15 @@ static void warn_long_step(const msim_sim *sim) {
   const char *name = sim->config.integrator->entry.name;
   const double h = sim->run.h, limit = sim->config.step_limit.limit;
   if (limit > 0)
-    ms_sim_warn(sim, "h is %.6g s, but %s is sure to be stable up to %.6g s only: it may blow up",
-                h, name, limit);
+    ms_sim_warn(sim,
+                "h = %.6g s exceeds the stability limit of %s in this scene, %.6g s: the run may "
+                "become unstable; use h = %.3g or an implicit integrator",
+                h, name, limit, MS_STABLE_FRACTION * limit);
   else
-    ms_sim_warn(sim, "h is %.6g s, but %s is stable for no h above 0: undamped vibrations grow", h,
-                name);
+    ms_sim_warn(sim,
+                "h = %.6g s: with %s undamped vibrations grow at any h; use velocity-verlet or an "
+                "implicit integrator",
+                h, name);
 }
 
 /* Rough bounds are mostly sufficient. Error control shortens steps that are too long by itself. */

@@ -170,8 +170,8 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
     if (verdict == MS_TOO_SHORT)
-      return ms_error_set(err, MSIM_NOT_CONVERGED, "even a step of %.3g s has too large an error",
-                          h);
+      return ms_error_set(err, MSIM_NOT_CONVERGED,
+                          "the error is too large even with h = %.3g s; use a larger tol", h);
   }
 }
 
@@ -359,12 +359,11 @@ void ms_step_verification_check_energy(msim_sim *sim) {
   const double off = fabs(total_energy(sim) - v->energy) / (s->mass * s->speed * s->speed);
   if (!(off > TOO_MUCH * fmax(sim->config.choice.tol, s->rounding))) return;
   v->warned = 1;
-  ms_sim_warn(
-      sim,
-      "step %lld, t = %g s: energy is off by %.2g of its scale, so that the error is larger "
-      "than tol = %g, by which %s was chosen",
-      (long long)sim->run.step, ms_sim_time(sim), off, sim->config.choice.tol,
-      sim->config.integrator->entry.name);
+  ms_sim_warn(sim,
+              "step %lld, t = %g s: the relative energy error is %.2g, so that the error exceeds "
+              "tol = %g, for which %s was chosen; use a smaller tol",
+              (long long)sim->run.step, ms_sim_time(sim), off, sim->config.choice.tol,
+              sim->config.integrator->entry.name);
 }
 
 /*------------------------------------- checkpoints ----------------------------------------------*/

@@ -13,16 +13,15 @@
 #define AT(member) offsetof(arguments, member)
 
 static const cli_flag flags[] = {
-    {"out", "FILE", "write the motion: .vtkhdf for ParaView, .csv for table programs", FOR_RUN,
-     AT(out)},
-    {"final", "FILE.json", "write the last state, its energies and the work done", FOR_RUN,
-     AT(final)},
+    {"out", "FILE", "write the motion: .vtkhdf for ParaView, .csv for spreadsheets and scripts",
+     FOR_RUN, AT(out)},
+    {"final", "FILE.json", "write the last state, its energies and statistics", FOR_RUN, AT(final)},
     {"init", "FINAL.json", "start from a state that --final wrote", FOR_RUN, AT(init)},
     {"resume", NULL,
-     "go on with the run whose frames are in the .vtkhdf file of --out, however it ended; begin it "
-     "where there is no such file",
+     "resume the run of the .vtkhdf file of --out after its last frame; start it if there is no "
+     "such file",
      FOR_RUN, AT(resume)},
-    {"force", NULL, "replace the file of --out although it is no trajectory of msim", FOR_RUN,
+    {"force", NULL, "replace the file of --out even if it is not a trajectory of msim", FOR_RUN,
      AT(force)},
     {"stats", NULL, "print all counters and the seconds of each phase", FOR_RUN, AT(stats)},
     {"quiet", NULL, "print nothing but errors", FOR_RUN, AT(quiet)},
@@ -139,8 +138,7 @@ static int take_flag(arguments *args, const cli_flag *flag, const char *value) {
     return EXIT_OK;
   }
   if (!*value)
-    return report_usage_error(command_name(args->which), "--%s needs the name of a file",
-                              flag->name);
+    return report_usage_error(command_name(args->which), "--%s needs a file name", flag->name);
   *(const char **)member = value;
   return EXIT_OK;
 }
@@ -195,7 +193,7 @@ static int check_combination(const arguments *args) {
   const char *command = command_name(args->which);
   if (args->help) return EXIT_OK;
   if (args->resume && !args->out)
-    return report_usage_error(command, "--resume needs --out, the file to go on with");
+    return report_usage_error(command, "--resume needs --out FILE, the trajectory to resume");
   if (args->resume && args->force)
     return report_usage_error(command, "--resume and --force exclude each other");
   if (args->options.every > 0 && args->options.fps > 0)

@@ -121,7 +121,8 @@ int final_write(output_file *file, msim_sim *sim, msim_status status) {
   msim_sim_stats(sim, &c.stats);
   const char *offender = find_not_finite(&c);
   if (offender)
-    return report_error("'%s' is not written: its '%s' would not be finite", file->path, offender);
+    return report_error("'%s' is not written, because '%s' of the state is not finite", file->path,
+                        offender);
   errno = 0;
   return output_close(file, put_content(file->stream, &c));
 }
@@ -153,10 +154,13 @@ static int take_triples(const initial_state *in, const char *key, double **to) {
   const json_t *rows = json_object_get(in->root, key);
   int32_t n = in->state.n;
   if (!rows) return EXIT_OK;
-  if (!json_is_array(rows) || json_array_size(rows) != (size_t)n)
-    return report_error("%s: %s must be %d triples, one for each particle of the scene, but %s%zu",
-                        in->path, key, (int)n,
-                        json_is_array(rows) ? "there are " : "is none: ", json_array_size(rows));
+  if (!json_is_array(rows))
+    return report_error("%s: %s must be an array of %d triples, one per particle of the scene",
+                        in->path, key, (int)n);
+  if (json_array_size(rows) != (size_t)n)
+    return report_error(
+        "%s: %s must be an array of %d triples, one per particle of the scene, but it has %zu",
+        in->path, key, (int)n, json_array_size(rows));
   *to = malloc(((size_t)n + 1) * 3 * sizeof **to);
   if (!*to) return report_error("out of memory for %s of '%s'", key, in->path);
   for (int32_t i = 0; i < n; i++)

@@ -7,8 +7,8 @@
 enum { DOC_COLUMN = 27 };
 
 static const char example[] =
-    "Try it: the first command makes a scene, a rope held at one end; the second one\n"
-    "lets it swing.\n"
+    "Example: the first command creates a scene, a rope pinned at one end; the second\n"
+    "one simulates it.\n"
     "  echo '{\"msim\": 1, \"gravity\": [0, 0, -9.81], \"objects\": [{\"type\": \"rope\",\n"
     "    \"n\": 20, \"from\": [0, 0, 0], \"to\": [1, 0, 0], \"mass\": 1, \"k\": 1000,\n"
     "    \"pinned\": [0]}]}' >rope.json\n"
@@ -18,11 +18,11 @@ static const char usage_run[] =
     "Usage: msim_cli run SCENE [--OPTION VALUE]... [--out FILE]\n"
     "                          [--every N | --fps F] [--final FILE.json]\n"
     "                          [--init FINAL.json] [--resume] [--stats] [--quiet]\n"
-    "Simulate a scene, a file in JSON.\n";
+    "Simulate a scene file, in JSON or HDF5 (*.h5).\n";
 
 static const char usage_explain[] =
     "Usage: msim_cli explain SCENE [--OPTION VALUE]...\n"
-    "Tell what a run would do: what is skipped and why, stability limits, size of\n"
+    "Describe what a run would do: what is skipped and why, stability limits, size of\n"
     "the matrix.\n"
     "\n"
     "Example:\n"
@@ -34,13 +34,13 @@ static const char usage_list[] =
     "recorders.\n";
 
 static const char precedence[] =
-    "Every option may also stand in the scene's \"run\", as in \"run\": {\"h\": 1e-3};\n"
+    "Every option may also be given in the scene's \"run\", as in \"run\": {\"h\": 1e-3};\n"
     "the command line wins. A run needs --integrator, and --steps or --t_end.\n";
 
 static const char exit_status[] =
     "\n"
-    "Exit status: 0; 1 for an error; 2 where a numerical event or Ctrl-C ended the\n"
-    "run early: what was computed until then is kept.\n";
+    "Exit status: 0: success; 1: error; 2: a numerical event or Ctrl-C ended the run\n"
+    "early, and all results up to then are kept.\n";
 
 static void print_flags(command_id which) {
   const cli_flag *flag;
@@ -89,16 +89,16 @@ void help_program(void) {
   print_column(DOC_COLUMN, "run SCENE");
   print_wrapped(DOC_COLUMN, "simulate a scene");
   print_column(DOC_COLUMN, "explain SCENE");
-  print_wrapped(DOC_COLUMN, "tell what a run would do, and why");
+  print_wrapped(DOC_COLUMN, "describe what a run would do, and why");
   print_column(DOC_COLUMN, "list");
   print_wrapped(DOC_COLUMN, "list integrators, linear solvers and recorders");
   puts("\nEnvironment:");
   print_column(DOC_COLUMN, "MSIM_PLUGIN_PATH");
-  print_wrapped(DOC_COLUMN, "folders searched for plugins, ':' between");
+  print_wrapped(DOC_COLUMN, "folders to search for plugins, separated by ':'");
   print_column(DOC_COLUMN, "OPENBLAS_CORETYPE");
   print_wrapped(DOC_COLUMN,
-                "the kernels of OpenBLAS, behind cholmod; where it is not set, SkylakeX is taken "
-                "for AMD processors with AVX-512, which OpenBLAS takes for others");
+                "kernels of OpenBLAS, which cholmod uses; default on AMD processors with AVX-512: "
+                "SkylakeX, because OpenBLAS does not recognize them");
   puts("\n'msim_cli COMMAND --help' describes a command and its options.");
 }
 

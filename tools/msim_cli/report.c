@@ -19,8 +19,8 @@ static void print_method(const msim_plan *plan, const msim_stats *stats) {
          direct ? "" : plan->solver);
   print_column(VALUE_COLUMN, "steps");
   if (plan->tol > 0)
-    printf("%" PRId64 ", as long as tol = %g lets them be; %" PRId64 " more were too long",
-           stats->steps, plan->tol, stats->rejected_steps);
+    printf("%" PRId64 ", accepted with tol = %g; %" PRId64 " more were rejected", stats->steps,
+           plan->tol, stats->rejected_steps);
   else printf("%" PRId64 " of h = %g s", stats->steps, plan->h);
   if (stats->steps < plan->steps) printf("; %" PRId64 " were planned", plan->steps);
   putchar('\n');
@@ -33,7 +33,7 @@ static void print_time(const report *r, const msim_state *state) {
   print_column(VALUE_COLUMN, "took");
   printf("%.3g s", r->wall_s);
   double speed = r->wall_s > 0 ? (double)steps / r->wall_s : 0;
-  if (speed > 0) printf(speed < 100 ? ", %.3g steps a second" : ", %.0f steps a second", speed);
+  if (speed > 0) printf(speed < 100 ? ", %.3g steps per second" : ", %.0f steps per second", speed);
   putchar('\n');
 }
 
@@ -56,16 +56,16 @@ static void print_energies(const msim_energy *start, const msim_energy *end) {
 static void print_events(const report *r, const msim_stats *stats) {
   if (stats->contacts) {
     print_column(VALUE_COLUMN, "contacts");
-    printf("%" PRId64 "; particles reflected, each once a pass\n", stats->contacts);
+    printf("%" PRId64 " impacts or reflections of particles at planes\n", stats->contacts);
   }
   if (stats->indefinite_steps) {
     print_column(VALUE_COLUMN, "indefinite");
-    printf("%" PRId64 "; steps whose exact matrix was not positive definite\n",
+    printf("%" PRId64 " steps whose exact matrix was not positive definite\n",
            stats->indefinite_steps);
   }
   if (r->notes) {
     print_column(VALUE_COLUMN, "notes");
-    printf("%d; on standard error\n", r->notes);
+    printf("%d, printed to standard error\n", r->notes);
   }
 }
 
@@ -74,8 +74,8 @@ static void print_out(const report *r, const char *path) {
   printf("%s; frames: %" PRId64 "%s\n", path, r->frames, r->goes_on ? " more" : "");
   print_column(VALUE_COLUMN, "");
   if (has_extension(path, ".vtkhdf"))
-    puts("ParaView 5.12 or later shows it: open it, press Apply, press play");
-  else puts("any table program opens it");
+    puts("to view it: open it in ParaView 5.12 or later, press Apply, then Play");
+  else puts("a text file for spreadsheets and scripts");
 }
 
 static void print_files(const report *r, const arguments *args) {
@@ -86,7 +86,7 @@ static void print_files(const report *r, const arguments *args) {
   }
   if (!args->out && !args->final) {
     print_column(VALUE_COLUMN, "kept");
-    puts("nothing; --out FILE keeps the motion, --final FILE.json the last state");
+    puts("nothing; use --out FILE for the motion, --final FILE.json for the last state");
   }
 }
 
@@ -180,9 +180,13 @@ int report_list(const arguments *args) {
   list_integrators();
   puts("\nLinear solvers");
   list_plugins(msim_solver_info, args->options.plugin_path);
-  puts("\nRecorders, chosen by the name of the --out file");
+  puts(
+      "\n"
+      "Recorders, chosen by the extension of the --out file");
   list_plugins(msim_recorder_info, args->options.plugin_path);
-  puts("\nImporters, chosen by the name of the scene, *.h5");
+  puts(
+      "\n"
+      "Importers, chosen by the extension of the scene file, *.h5");
   list_plugins(msim_importer_info, NULL); /* scenes are read before there are options */
   return EXIT_OK;
 }

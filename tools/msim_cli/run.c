@@ -74,12 +74,14 @@ static int check_target(const char *flag, const char *path) {
 
 static int check_files(const arguments *args) {
   if (same_file(args->out, args->scene) || same_file(args->final, args->scene))
-    return report_usage_error("run", "'%s' is the scene; a run does not write over it",
-                              args->scene);
+    return report_usage_error(
+        "run", "'%s' is the scene file and must not be overwritten; use another name", args->scene);
   if (same_file(args->out, args->init))
-    return report_usage_error("run", "'%s' cannot be both --init and --out", args->out);
+    return report_usage_error("run", "'%s' cannot be both --init and --out; use another name",
+                              args->out);
   if (same_file(args->out, args->final))
-    return report_usage_error("run", "'%s' cannot be both --out and --final", args->out);
+    return report_usage_error("run", "'%s' cannot be both --out and --final; use another name",
+                              args->out);
   if (check_target("--out", args->out)) return EXIT_ERROR;
   return check_target("--final", args->final);
 }
@@ -104,8 +106,8 @@ static int make_sim(run *r) {
   if (setup_load(args, &r->made)) return EXIT_ERROR;
   if (options->steps < 0 && options->t_end < 0)
     return report_usage_error("run",
-                              "neither the command line nor the scene's run says when to end: add "
-                              "--steps N or --t_end SECONDS");
+                              "the run has no end, neither on the command line nor in the scene's "
+                              "run; use --steps N or --t_end SECONDS");
   if (check_files(args)) return EXIT_ERROR;
   if (!args->quiet) {
     options->warn = print_note;
@@ -132,7 +134,8 @@ static msim_status open_recorder(run *r, msim_error *err) {
   if (args->force) return msim_recorder_replace(r->sim, args->out, &r->recorder, err);
   if (!args->resume) return msim_recorder_open(r->sim, args->out, &r->recorder, err);
   if (file_exists(args->out)) return resume_run(r, err);
-  if (!args->quiet) print_note("there is no file of --out yet: the run begins", r);
+  if (!args->quiet)
+    print_note("the file of --out does not exist: the run starts from the beginning", r);
   return msim_recorder_open(r->sim, args->out, &r->recorder, err);
 }
 
@@ -236,7 +239,7 @@ static msim_status end_recording(run *r, msim_status status, msim_state *last, m
 
 static void print_end(msim_status status, const msim_state *last, const msim_error *err) {
   if (status == MSIM_STOPPED)
-    report_error("stopped at step %" PRId64 ", t = %g s; what was computed until then is kept",
+    report_error("stopped at step %" PRId64 ", t = %g s; all results up to then are kept",
                  last->step, last->t);
   else if (status) report_error("%s", err->text);
 }

@@ -19,6 +19,6 @@ int precheck_scene(const char *path) {
   }
   int how = 0;
   if (child < 0 || waitpid(child, &how, 0) != child || !WIFSIGNALED(how)) return EXIT_OK;
-  return report_error("%s: libhdf5 crashed on it (%s); it is damaged, or made to do harm", path,
-                      strsignal(WTERMSIG(how)));
+  return report_error("%s: libhdf5 crashed while reading it (%s): the file is damaged or malicious",
+                      path, strsignal(WTERMSIG(how)));
 }

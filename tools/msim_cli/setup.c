@@ -17,8 +17,8 @@ int setup_load(const arguments *args, setup *made) {
   if (arguments_options(args, made->scene, &made->options)) return EXIT_ERROR;
   if (made->options.integrator) return EXIT_OK;
   return report_usage_error(command_name(args->which),
-                            "neither the command line nor the scene's run names an integrator: add "
-                            "--integrator NAME, as 'msim_cli list' shows them");
+                            "no integrator is given, neither on the command line nor in the "
+                            "scene's run; use --integrator NAME ('msim_cli list' lists them)");
 }
 
 void setup_free(setup *made) { msim_scene_destroy(made->scene); }
