@@ -80,9 +80,9 @@ packages() {
     step "installing packages (${#absent[@]})" apt_install "${absent[@]}" || true
     mapfile -t absent < <(missing "$@")
   else
-    note "packages cannot be installed from here; these names are Debian's and Ubuntu's"
+    note "packages cannot be installed here; the names below are those of Debian and Ubuntu"
   fi
   needed=$(missing build | xargs)
   [[ -z $needed ]] || fail "msim cannot be built without $needed"
-  if ((${#absent[@]} > 0)); then note "going on without ${absent[*]}"; fi
+  if ((${#absent[@]} > 0)); then note "continuing without ${absent[*]}"; fi
 }
