@@ -110,10 +110,10 @@ static void end_call(checked_instance *w, const char *call, msim_status status) 
                                MSIM_ERR_ARG, MSIM_ERR_MEMORY, MSIM_ERR_BACKEND};
   int found = 0;
   for (size_t i = 0; i < sizeof known / sizeof *known; i++) found |= status == known[i];
-  expect_backend(found, call, "returned what is no status of a backend");
+  expect_backend(found, call, "returned an invalid status");
   /* if memory runs out the host supplies the message itself */
   expect_backend(status >= 0 || status == MSIM_ERR_MEMORY || w->said, call,
-                 "failed without a sentence");
+                 "failed without an error message");
   atomic_fetch_sub(&w->inside, 1);
 }
 
@@ -132,17 +132,21 @@ static int all_finite(const double *x, size_t n) {
 
 static void check_info(const char *call, const msim_solve_info *info) {
   expect_backend(info->size == sizeof *info, call, "changed info->size");
-  expect_backend(info->iterations >= 0, call, "tells of iterations < 0");
-  expect_backend(info->residual >= 0, call, "tells of a residual that is none");
-  expect_backend(info->fill >= 0 && isfinite(info->fill), call, "tells of a fill that is none");
-  expect_backend(info->flops >= 0 && isfinite(info->flops), call, "tells of flops that are none");
-  expect_backend(info->definite >= -1 && info->definite <= 1, call, "tells of no definiteness");
+  expect_backend(info->iterations >= 0, call, "reports a negative number of iterations");
+  expect_backend(info->residual >= 0, call, "reports a residual that is negative or NaN");
+  expect_backend(info->fill >= 0 && isfinite(info->fill), call,
+                 "reports a fill that is negative or not finite");
+  expect_backend(info->flops >= 0 && isfinite(info->flops), call,
+                 "reports flops that are negative or not finite");
+  expect_backend(info->definite >= -1 && info->definite <= 1, call,
+                 "reports an invalid definiteness");
 }
 
 /* Every member except size is 0. */
 static void check_blank(const char *call, const msim_solve_info *info) {
   const msim_solve_info blank = {.size = sizeof blank};
-  expect_host(info && memcmp(info, &blank, sizeof blank) == 0, call, "got an info not zeroed");
+  expect_host(info && memcmp(info, &blank, sizeof blank) == 0, call,
+              "was given an info that is not zero");
 }
 
 /*------------------------------------- graphs and matrices --------------------------------------*/
@@ -231,35 +235,39 @@ static uint64_t hash_values(const msim_system *A) {
 
 static void check_matrix(const msim_system *A) {
   const int there = A->graphptr && A->graphind && A->rowptr && A->colind && A->val;
-  expect_host(there, "analyze", "got a matrix that is not all there");
+  expect_host(there, "analyze", "was given an incomplete matrix");
   if (!there) return;
-  expect_host((uintptr_t)A->val % 64 == 0, "analyze", "got values that are not aligned");
-  expect_host(ascending(A->n, A->graphptr, A->graphind), "analyze", "got rows not ascending");
-  expect_host(has_diagonal(A->n, A->graphptr, A->graphind), "analyze", "got no full diagonal");
-  expect_host(is_expanded(A), "analyze", "got two patterns that differ");
+  expect_host((uintptr_t)A->val % 64 == 0, "analyze", "was given values not aligned to 64 bytes");
+  expect_host(ascending(A->n, A->graphptr, A->graphind), "analyze",
+              "was given rows whose columns do not ascend");
+  expect_host(has_diagonal(A->n, A->graphptr, A->graphind), "analyze",
+              "was given an incomplete diagonal");
+  expect_host(is_expanded(A), "analyze", "was given patterns of blocks and scalars that differ");
   if (A->format == MSIM_FORMAT_FULL)
-    expect_host(has_both_triangles(A->n, A->graphptr, A->graphind), "analyze", "got a triangle");
+    expect_host(has_both_triangles(A->n, A->graphptr, A->graphind), "analyze",
+                "was given one triangle instead of both");
   for (int32_t r = 0; A->format == MSIM_FORMAT_UPPER && r < A->n; r++)
-    expect_host(A->graphind[A->graphptr[r]] == r, "analyze", "got a lower triangle");
+    expect_host(A->graphind[A->graphptr[r]] == r, "analyze", "was given a lower triangle");
 }
 
 static void check_system(const msim_system *A) {
-  expect_host(A->size >= sizeof *A, "analyze", "got a short msim_system");
-  expect_host(A->n >= 1 && A->block >= 1 && A->block <= 3, "analyze", "got an impossible size");
-  expect_host(A->format == inner->format, "analyze", "got another format");
+  expect_host(A->size >= sizeof *A, "analyze", "was given a short msim_system");
+  expect_host(A->n >= 1 && A->block >= 1 && A->block <= 3, "analyze", "was given an invalid size");
+  expect_host(A->format == inner->format, "analyze", "was given another format");
   if (A->format != MSIM_FORMAT_NONE) {
     check_matrix(A);
     return;
   }
   expect_host(!A->graphptr && !A->graphind && !A->rowptr && !A->colind && !A->val, "analyze",
-              "got a matrix that it did not ask for");
-  expect_host(A->stride >= A->n && A->apply && A->precondition, "analyze", "lacks callbacks");
+              "was given a matrix with format NONE");
+  expect_host(A->stride >= A->n && A->apply && A->precondition, "analyze",
+              "was given no apply() or precondition(), or a stride < n");
 }
 
 /* The same system at the same addresses as in checked_analyze(). */
 static void check_unmoved(const checked_instance *w, const char *call, const msim_system *A) {
-  expect_host(memcmp(A, &w->system, sizeof *A) == 0, call, "got another system than analyze");
-  expect_host(hash_pattern(A) == w->pattern, call, "got another pattern than analyze");
+  expect_host(memcmp(A, &w->system, sizeof *A) == 0, call, "was given another system than analyze");
+  expect_host(hash_pattern(A) == w->pattern, call, "was given another pattern than analyze");
 }
 
 /*------------------------------------- solutions ------------------------------------------------*/
@@ -327,9 +335,9 @@ static void check_answer(const checked_instance *w, const msim_solve_params *par
   const double rtol = iterative ? params->rtol * (1 + 1e-9) : 0;
   const double direct = params->rtol >= 1e-4 ? 1e-5 : 1e-8;
   const double slack = !iterative ? direct : w->factored ? 8 * DBL_EPSILON : 1e-13;
-  expect_backend(is_padded(&w->system, y), "solve", "left padding that is not zero");
+  expect_backend(is_padded(&w->system, y), "solve", "returned padding that is not zero");
   expect_backend(all_finite(y, length(&w->system)) && is_solved(w, rtol, slack, b, y), "solve",
-                 "claims an answer that does not solve the system");
+                 "returned a solution with too large a residual");
 }
 
 /*------------------------------------- the table ------------------------------------------------*/
@@ -347,7 +355,7 @@ static msim_status checked_create(const msim_host *host, void **self) {
   pthread_mutex_unlock(&report_mutex);
   const msim_status status = inner->create(&w->lent, &w->self);
   w->stage = status ? BROKEN : CREATED;
-  expect_backend(status || w->self, "create", "succeeded without a self");
+  expect_backend(status || w->self, "create", "succeeded without an instance");
   end_call(w, "create", status);
   return status;
 }
@@ -356,15 +364,15 @@ static msim_status checked_order(void *self, int32_t n, const int32_t *ptr, cons
                                  int32_t *perm) {
   checked_instance *w = self;
   if (!begin_call(w, "order", CREATED, CREATED)) return MSIM_ERR_ARG;
-  expect_host(n >= 1 && ptr && ind && perm, "order", "got a graph that is not all there");
-  expect_host(ascending(n, ptr, ind), "order", "got rows that are not ascending");
-  expect_host(has_both_triangles(n, ptr, ind), "order", "got a graph that is not symmetric");
+  expect_host(n >= 1 && ptr && ind && perm, "order", "was given an incomplete graph");
+  expect_host(ascending(n, ptr, ind), "order", "was given rows whose columns do not ascend");
+  expect_host(has_both_triangles(n, ptr, ind), "order", "was given a graph that is not symmetric");
   for (int32_t r = 0; r < n; r++)
-    expect_host(find_entry(ptr, ind, r, r) < 0, "order", "got a graph with a diagonal");
+    expect_host(find_entry(ptr, ind, r, r) < 0, "order", "was given a graph with a diagonal");
   const uint64_t before = hash_graph(n, ptr, ind);
   const msim_status status = inner->order(w->self, n, ptr, ind, perm);
   expect_backend(hash_graph(n, ptr, ind) == before, "order", "wrote to the graph");
-  expect_backend(status || is_permutation(n, perm), "order", "gave no permutation");
+  expect_backend(status || is_permutation(n, perm), "order", "returned no permutation");
   if (status) w->stage = BROKEN;
   end_call(w, "order", status);
   return status;
@@ -395,11 +403,11 @@ static msim_status checked_factor(void *self, const msim_system *A, int32_t kind
   expect_host(kind == MSIM_FACTOR_SPD ||
                   (kind == MSIM_FACTOR_SYMMETRIC && inner->flags & MSIM_BACKEND_SYMMETRIC) ||
                   (kind == MSIM_FACTOR_UNSYMMETRIC && inner->flags & MSIM_BACKEND_UNSYMMETRIC),
-              "factor", "asks for what the flags do not offer");
+              "factor", "was given a kind that the flags do not offer");
   if (A->val) {
-    expect_host(all_finite(A->val, entries(A)), "factor", "got values that are not finite");
+    expect_host(all_finite(A->val, entries(A)), "factor", "was given values that are not finite");
     expect_host(kind == MSIM_FACTOR_UNSYMMETRIC || is_symmetric(A), "factor",
-                "got a matrix that is not symmetric");
+                "was given a matrix that is not symmetric");
     if (w->factored) memcpy(w->factored, A->val, entries(A) * sizeof *w->factored);
   }
   const uint64_t before = hash_values(A);
@@ -420,17 +428,18 @@ static msim_status checked_solve(void *self, const msim_system *A, const msim_so
   check_unmoved(w, "solve", A);
   check_blank("solve", info);
   expect_host(params->size >= sizeof *params && params->rtol >= 0 && params->max_iterations >= 1,
-              "solve", "got impossible parameters");
-  expect_host(nrhs >= 1 && b && y && b != y, "solve", "got vectors that are not all there");
-  expect_host(all_finite(b, all), "solve", "got a right side that is not finite");
+              "solve", "was given invalid parameters");
+  expect_host(nrhs >= 1 && b && y && b != y, "solve", "was given missing or aliased vectors");
+  expect_host(all_finite(b, all), "solve", "was given a right-hand side that is not finite");
   for (int32_t k = 0; k < nrhs; k++)
     expect_host(is_padded(A, b + (size_t)k * n) && is_padded(A, y + (size_t)k * n), "solve",
-                "got padding that is not zero");
+                "was given padding that is not zero");
   const uint64_t values = hash_values(A), right = hash_bytes(1, b, all * sizeof *b);
   const msim_status status = inner->solve(w->self, A, params, nrhs, b, y, info);
   expect_backend(hash_pattern(A) == w->pattern, "solve", "wrote to the pattern");
   expect_backend(hash_values(A) == values, "solve", "wrote to the values");
-  expect_backend(hash_bytes(1, b, all * sizeof *b) == right, "solve", "wrote to the right side");
+  expect_backend(hash_bytes(1, b, all * sizeof *b) == right, "solve",
+                 "wrote to the right-hand side");
   for (int32_t k = 0; !status && k < nrhs; k++)
     check_answer(w, params, b + (size_t)k * n, y + (size_t)k * n);
   check_info("solve", info);
@@ -445,7 +454,7 @@ static void checked_destroy(void *self) {
   if (!begin_call(w, "destroy", CREATED, FACTORED)) return;
   inner->destroy(w->self);
   w->stage = DESTROYED;
-  expect_backend(w->live == 0, "destroy", "left memory of the host behind");
+  expect_backend(w->live == 0, "destroy", "did not free memory of the host");
   end_call(w, "destroy", MSIM_OK);
 }
 

@@ -32,7 +32,7 @@ static inline void expect_same(msim_sim *a, msim_sim *b, const char *label) {
   if (s.step != t.step || s.t != t.t || s.h != t.h)
     fail_msg("%s: step %lld, t = %.17g, h = %.17g and %lld, %.17g, %.17g", label, (long long)s.step,
              s.t, s.h, (long long)t.step, t.t, t.h);
-  if (memcmp(s.x, t.x, size) || memcmp(s.v, t.v, size)) fail_msg("%s: other bits", label);
+  if (memcmp(s.x, t.x, size) || memcmp(s.v, t.v, size)) fail_msg("%s: the states differ", label);
   msim_stats p = stats_of(a), q = stats_of(b);
   double *seconds[] = {&p.total_s, &p.force_s,   &p.assemble_s, &p.factor_s,
                        &p.solve_s, &p.collide_s, &p.output_s};
@@ -51,7 +51,7 @@ static inline void expect_same(msim_sim *a, msim_sim *b, const char *label) {
 static inline void expect_same_save(msim_sim *a, msim_sim *b, const char *label) {
   const checkpoint c = save(a), d = save(b);
   if (c.length != d.length || memcmp(c.bytes, d.bytes, c.length) != 0)
-    fail_msg("%s: the next checkpoint has other bytes", label);
+    fail_msg("%s: the next checkpoints differ", label);
   free(c.bytes), free(d.bytes);
 }
 

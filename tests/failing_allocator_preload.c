@@ -1,5 +1,5 @@
 /* failing_allocator_preload - a library to preload into a program: makes its allocation number
- * SCARCE_AT fail, or with SCARCE_LATER all from it on, and writes to the pipe SCARCE_PIPE at exit
+ * FAIL_AT fail, or with FAIL_LATER all from it on, and writes to the pipe FAIL_PIPE at exit
  * whether one failed */
 #define _POSIX_C_SOURCE 200809L /* write */
 #include <stdlib.h>
@@ -8,12 +8,12 @@
 #include "failing_allocator.h"
 
 __attribute__((constructor)) static void begin(void) {
-  const char *at = getenv("SCARCE_AT");
+  const char *at = getenv("FAIL_AT");
   failing_allocator_count(FAILING_BY_MALLOC);
-  failing_allocator_arm(at ? atoll(at) : -1, getenv("SCARCE_LATER") != NULL);
+  failing_allocator_arm(at ? atoll(at) : -1, getenv("FAIL_LATER") != NULL);
 }
 
 __attribute__((destructor)) static void end(void) {
-  const char *tube = getenv("SCARCE_PIPE");
+  const char *tube = getenv("FAIL_PIPE");
   if (tube && failing_allocator_has_failed() && write(atoi(tube), "!", 1) != 1) _exit(99);
 }

@@ -30,12 +30,12 @@ static msim_status report_error(const dense *d, msim_status status, const char *
 
 static msim_status fake_create(const msim_host *host, void **self) {
   *self = NULL;
-  if (has_fault("no_self")) return MSIM_OK;
+  if (has_fault("no_instance")) return MSIM_OK;
   dense *d = host->alloc(host, sizeof *d);
   *self = d;
   if (!d) return MSIM_ERR_MEMORY;
   *d = (dense){.host = host};
-  return has_fault("create_fails") ? report_error(d, MSIM_ERR_BACKEND, "nobody is at home")
+  return has_fault("create_fails") ? report_error(d, MSIM_ERR_BACKEND, "create failed on request")
                                    : MSIM_OK;
 }
 
@@ -46,7 +46,7 @@ static msim_status fake_order(void *self, int32_t n, const int32_t *ptr, const i
   if (has_fault("row_too_large")) perm[1] = n;
   if (has_fault("row_negative")) perm[n - 1] = -1;
   if (has_fault("row_twice")) perm[0] = perm[n - 1];
-  return has_fault("order_fails") ? report_error(self, MSIM_ERR_BACKEND, "no order in here")
+  return has_fault("order_fails") ? report_error(self, MSIM_ERR_BACKEND, "order failed on request")
                                   : MSIM_OK;
 }
 
@@ -54,14 +54,14 @@ static msim_status fake_analyze(void *self, const msim_system *A, msim_solve_inf
   dense *d = self;
   if (!d || has_fault("silent")) return MSIM_ERR_BACKEND;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_FULL)
-    return report_error(d, MSIM_ERR_ARG, "a full matrix of small blocks, please");
+    return report_error(d, MSIM_ERR_ARG, "needs a FULL matrix of blocks of 1 to 3");
   const size_t n = (size_t)(A->block * A->n);
   d->a = d->host->alloc(d->host, n * n * sizeof *d->a);
   if (!d->a) return MSIM_ERR_MEMORY;
   info->fill = has_fault("nan_in_info") ? NAN : (double)n * (double)n;
   info->flops = has_fault("nan_in_info") ? NAN : 2.0 / 3 * (double)n * (double)n * (double)n;
   if (has_fault("writes_pattern")) ++*(int32_t *)(uintptr_t)&A->colind[1];
-  return has_fault("fails") ? report_error(d, MSIM_ERR_BACKEND, "the moon is in the wrong house")
+  return has_fault("fails") ? report_error(d, MSIM_ERR_BACKEND, "analyze failed on request")
                             : MSIM_OK;
 }
 
@@ -106,15 +106,15 @@ static msim_status fake_solve(void *self, const msim_system *A, const msim_solve
   dense *d = self;
   const int32_t n = A->block * A->n;
   (void)params;
-  if (nrhs < 1) return report_error(d, MSIM_ERR_ARG, "a right side, please");
+  if (nrhs < 1) return report_error(d, MSIM_ERR_ARG, "needs at least one right-hand side");
   for (int32_t k = 0; k < nrhs; k++) solve_one(d, n, b + n * k, y + n * k);
   if (has_fault("nan_answer")) y[n / 2] = NAN;
   if (has_fault("inf_answer")) y[n / 2] = INFINITY;
   for (int32_t r = 0; has_fault("liar") && r < n; r++) y[r] = 1;
-  if (has_fault("writes_right_side")) overwrite_const(&b[0]);
+  if (has_fault("writes_rhs")) overwrite_const(&b[0]);
   if (has_fault("counts_backwards")) info->iterations = -1000;
   if (has_fault("nan_in_info")) info->residual = NAN;
-  return has_fault("never_there") ? MSIM_NOT_CONVERGED : MSIM_OK;
+  return has_fault("never_converges") ? MSIM_NOT_CONVERGED : MSIM_OK;
 }
 
 static void fake_destroy(void *self) {

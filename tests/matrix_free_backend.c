@@ -29,9 +29,9 @@ static msim_status cg_analyze(void *self, const msim_system *A, msim_solve_info 
   cg_solver *g = self;
   (void)info;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_NONE)
-    return cg_fail(g, MSIM_ERR_ARG, "no matrix of 1 to 3 components, please");
+    return cg_fail(g, MSIM_ERR_ARG, "needs format NONE and blocks of 1 to 3");
   if (A->val || A->rowptr || A->graphptr || A->stride < A->n)
-    return cg_fail(g, MSIM_ERR_BACKEND, "a matrix where none was asked for");
+    return cg_fail(g, MSIM_ERR_BACKEND, "received a matrix with format NONE");
   double **work[] = {&g->r, &g->z, &g->p, &g->q};
   for (size_t i = 0; i < 4; i++) {
     *work[i] = g->host->alloc(g->host, length(A) * sizeof(double));
@@ -72,7 +72,7 @@ static msim_status cg_iterate(cg_solver *g, const msim_system *A, double *rho, d
   for (size_t i = 0; i < n; i++) g->p[i] = g->z[i] + (*rho > 0 ? beta * g->p[i] : 0);
   A->apply(A, g->p, g->q);
   if (!is_padding_zero(A, g->z) || !is_padding_zero(A, g->q))
-    return cg_fail(g, MSIM_ERR_BACKEND, "padding that is not zero");
+    return cg_fail(g, MSIM_ERR_BACKEND, "padding is not zero");
   const double curvature = dot(n, g->p, g->q);
   if (!(curvature > 0)) return MSIM_NOT_SPD;
   for (size_t i = 0; i < n; i++) y[i] += next / curvature * g->p[i];
@@ -105,10 +105,10 @@ static msim_status cg_solve(void *self, const msim_system *A, const msim_solve_p
                             int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   cg_solver *g = self;
   msim_status status = MSIM_OK;
-  if (nrhs < 1) return cg_fail(g, MSIM_ERR_ARG, "a right side, please");
+  if (nrhs < 1) return cg_fail(g, MSIM_ERR_ARG, "needs at least one right-hand side");
   for (; nrhs > 0 && !status; nrhs--, b += length(A), y += length(A)) {
     if (!is_padding_zero(A, b) || !is_padding_zero(A, y))
-      return cg_fail(g, MSIM_ERR_BACKEND, "padding that is not zero");
+      return cg_fail(g, MSIM_ERR_BACKEND, "padding is not zero");
     status = solve_one(g, A, params, b, y, info);
   }
   return status;

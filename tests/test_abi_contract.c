@@ -62,7 +62,11 @@ static run simulate(const msim_allocator *alloc, const msim_backend *table, int3
 
 static void assert_no_breach(void) {
   const char *report = checking_report();
-  if (report[0]) fail_msg("promises were broken:\n%s", report);
+  if (report[0])
+    fail_msg(
+        "breaches of backend.h:\n"
+        "%s",
+        report);
 }
 
 /* With checking_backend and without: the same end, bit by bit. */
@@ -316,5 +320,5 @@ int main(int argc, char **argv) {
                                      cmocka_unit_test(tolerance_and_limit_are_passed_on),
                                      cmocka_unit_test(solutions_beyond_rtol_are_not_accepted),
                                      cmocka_unit_test(residuals_are_measured_in_the_block_norm)};
-  return cmocka_run_group_tests_name("promises", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("abi_contract", tests, NULL, NULL);
 }

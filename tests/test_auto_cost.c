@@ -195,8 +195,8 @@ static void as_good_as_the_best(void **state) {
       const double at_tol = find_best(curves, n, tols[k], &best);
       const double error = error_of(&t, &r[k]), least = find_best(curves, n, error, &best);
       print_message(
-          "  %-14s tol %.0e  %-15s %-10s  error %.1e  evaluations %6.0f + %4.0f, "
-          "%4.2f of %s%s, %4.2f of enough\n",
+          "  %-14s tol %.0e  %-15s %-10s  error %.1e  evaluations %6.0f + %4.0f, %4.2f of %s%s, "
+          "%4.2f of the best at tol\n",
           t.of->name, tols[k], c[k]->method->entry.name,
           c[k]->error_control ? "controlled" : "fixed", error, r[k].work, s[k].total_cost,
           r[k].work / least, best->method, best->fixed ? ", fixed" : "", r[k].work / at_tol);
@@ -207,9 +207,9 @@ static void as_good_as_the_best(void **state) {
     }
     msim_scene_destroy(t.scene);
   }
-  assert_summary("run over the best one as good", &as_good, 3.3, 1.92);
-  assert_summary("run over the best one that keeps tol", &enough, 5.2, 2.55);
-  assert_summary("choice over run", &choice, 0.83, 0.255);
+  assert_summary("cost over that of the best method at the same error", &as_good, 3.3, 1.92);
+  assert_summary("cost over that of the best method at tol", &enough, 5.2, 2.55);
+  assert_summary("cost of the choice over that of the run", &choice, 0.83, 0.255);
 }
 
 /*------------------------------------- tr-bdf2 --------------------------------------------------*/
@@ -232,7 +232,7 @@ static void implicit_where_it_costs_less(void **state) {
   for (int i = 0; i < MS_CANDIDATES; i++)
     if (!s.candidates[i].method->entry.implicit)
       by_explicit = fmin(by_explicit, s.candidates[i].cost_rate);
-  print_message("  %s error %.1e, evaluations a second %.0f, foreseen %.0f, explicit %.0f\n",
+  print_message("  %s error %.1e, evaluations per second %.0f, estimated %.0f, explicit %.0f\n",
                 c->method->entry.name, error, r.work / t.of->t_end, c->cost_rate, by_explicit);
   assert_string_equal(c->method->entry.name, "tr-bdf2");
   assert_true(error < tol);

@@ -158,5 +158,5 @@ int main(void) {
                                      cmocka_unit_test(the_estimate_of_a_step_is_its_error),
                                      cmocka_unit_test(impacts_leave_steps_long),
                                      cmocka_unit_test(impacts_are_met)};
-  return cmocka_run_group_tests_name("restart", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("bdf2_restart", tests, NULL, NULL);
 }

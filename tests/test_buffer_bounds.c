@@ -166,5 +166,5 @@ static void solvers_keep_to_their_memory(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(methods_keep_to_their_memory),
                                      cmocka_unit_test(solvers_keep_to_their_memory)};
-  return cmocka_run_group_tests_name("bounds", tests, enter_folder, leave_folder);
+  return cmocka_run_group_tests_name("buffer_bounds", tests, enter_folder, leave_folder);
 }

@@ -148,7 +148,7 @@ static const char *play(const char *script) {
 static void expect(const char *script, const char *found) {
   const char *report = play(script);
   if (found[0] ? !strstr(report, found) : report[0] != '\0')
-    fail_msg("script \"%s\", defect %d: found \"%s\", wanted \"%s\"", script, (int)defect, report,
+    fail_msg("script \"%s\", defect %d: found \"%s\", expected \"%s\"", script, (int)defect, report,
              found);
 }
 
@@ -170,15 +170,15 @@ static void breaches_by_hosts_are_found(void **state) {
       {"caad", "host: analyze was called too late"},
       {"cdd", "host: destroy was called after destroy"},
       {"cafsds", "host: solve was called after destroy"},
-      {"camfd", "host: factor got another system than analyze"},
-      {"cafmsd", "host: solve got another system than analyze"},
-      {"capfd", "host: factor got another pattern than analyze"},
-      {"cpad", "host: analyze got rows not ascending"},
-      {"canfd", "host: factor got values that are not finite"},
-      {"caufd", "host: factor got a matrix that is not symmetric"},
-      {"cafbsd", "host: solve got a right side that is not finite"},
-      {"caifd", "host: factor got an info not zeroed"},
-      {"catfd", "host: factor asks for what the flags do not offer"},
+      {"camfd", "host: factor was given another system than analyze"},
+      {"cafmsd", "host: solve was given another system than analyze"},
+      {"capfd", "host: factor was given another pattern than analyze"},
+      {"cpad", "host: analyze was given rows whose columns do not ascend"},
+      {"canfd", "host: factor was given values that are not finite"},
+      {"caufd", "host: factor was given a matrix that is not symmetric"},
+      {"cafbsd", "host: solve was given a right-hand side that is not finite"},
+      {"caifd", "host: factor was given an info that is not zero"},
+      {"catfd", "host: factor was given a kind that the flags do not offer"},
   };
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) expect(cases[i].script, cases[i].found);
 }
@@ -189,18 +189,18 @@ static void breaches_by_backends_are_found(void **state) {
     enum defect vice;
     const char *script, *found;
   } cases[] = {
-      {GIVES_NO_SELF, "cd", "backend: create succeeded without a self"},
-      {FREES_ELSEWHERE, "cd", "backend: destroy left memory of the host behind"},
-      {REPEATS_A_ROW, "cod", "backend: order gave no permutation"},
+      {GIVES_NO_SELF, "cd", "backend: create succeeded without an instance"},
+      {FREES_ELSEWHERE, "cd", "backend: destroy did not free memory of the host"},
+      {REPEATS_A_ROW, "cod", "backend: order returned no permutation"},
       {WRITES_TO_GRAPH, "cod", "backend: order wrote to the graph"},
       {WRITES_TO_PATTERN, "cad", "backend: analyze wrote to the pattern"},
       {WRITES_TO_VALUES, "cafsd", "backend: solve wrote to the values"},
-      {WRITES_TO_RIGHT_SIDE, "cafsd", "backend: solve wrote to the right side"},
-      {LIES, "cafsd", "backend: solve claims an answer that does not solve the system"},
-      {GIVES_NAN, "cafsd", "backend: solve claims an answer that does not solve the system"},
-      {COUNTS_BACKWARDS, "cafd", "backend: factor tells of iterations < 0"},
-      {STOPS, "cafd", "backend: factor returned what is no status of a backend"},
-      {IS_SILENT, "cazfd", "backend: factor failed without a sentence"},
+      {WRITES_TO_RIGHT_SIDE, "cafsd", "backend: solve wrote to the right-hand side"},
+      {LIES, "cafsd", "backend: solve returned a solution with too large a residual"},
+      {GIVES_NAN, "cafsd", "backend: solve returned a solution with too large a residual"},
+      {COUNTS_BACKWARDS, "cafd", "backend: factor reports a negative number of iterations"},
+      {STOPS, "cafd", "backend: factor returned an invalid status"},
+      {IS_SILENT, "cazfd", "backend: factor failed without an error message"},
       {CALLS_BACK, "cafsd", "host: destroy overlaps another call"},
   };
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -215,5 +215,5 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(no_breach_is_reported_without_one),
                                      cmocka_unit_test(breaches_by_hosts_are_found),
                                      cmocka_unit_test(breaches_by_backends_are_found)};
-  return cmocka_run_group_tests_name("checking", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("checking_backend", tests, NULL, NULL);
 }

@@ -153,5 +153,5 @@ int main(void) {
                                      cmocka_unit_test(what_is_at_rest_counts),
                                      cmocka_unit_test(a_restored_state_is_the_same),
                                      cmocka_unit_test(error_control_is_restored_too)};
-  return cmocka_run_group_tests_name("checkpoint_watch", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("checkpoint_energy_monitor", tests, NULL, NULL);
 }

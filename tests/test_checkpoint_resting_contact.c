@@ -60,5 +60,5 @@ static void lagged_factors(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_factors),
                                      cmocka_unit_test(lagged_factors)};
-  return cmocka_run_group_tests_name("checkpoint_rest", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("checkpoint_resting_contact", tests, NULL, NULL);
 }

@@ -314,5 +314,5 @@ int main(void) {
       cmocka_unit_test(newton_is_quadratic_where_damping_is_strong),
       cmocka_unit_test(strong_dampers_are_solved_by_default),
       cmocka_unit_test(the_damping_derivative_is_used_where_possible)};
-  return cmocka_run_group_tests_name("turning", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("damping_derivative", tests, NULL, NULL);
 }

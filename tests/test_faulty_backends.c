@@ -6,12 +6,12 @@
 static void failures_are_passed_on(void **state) {
   (void)state;
   const plugin_case lies[] = {
-      {"create_fails", MSIM_ERR_BACKEND, "create_fails: nobody is at home"},
-      {"order_fails", MSIM_ERR_BACKEND, "order_fails: no order in here"},
-      {"fails", MSIM_ERR_BACKEND, "fails: the moon is in the wrong house"},
+      {"create_fails", MSIM_ERR_BACKEND, "create_fails: create failed on request"},
+      {"order_fails", MSIM_ERR_BACKEND, "order_fails: order failed on request"},
+      {"fails", MSIM_ERR_BACKEND, "fails: analyze failed on request"},
       {"silent", MSIM_ERR_BACKEND, "silent: the library behind a plugin failed"},
-      {"no_self", MSIM_ERR_BACKEND,
-       "solver 'no_self': create() returned MSIM_OK but no instance; report this to the author of "
+      {"no_instance", MSIM_ERR_BACKEND,
+       "solver 'no_instance': create() returned MSIM_OK but no instance; report this to the author of "
        "the plugin"},
   };
   EXPECT_PLUGINS(lies);
@@ -80,9 +80,9 @@ static void a_false_not_spd_is_reported(void **state) {
 static void overwritten_arguments_do_not_matter(void **state) {
   (void)state;
   const plugin_case lies[] = {
-      {"writes_values", MSIM_OK, ""},     {"writes_pattern", MSIM_OK, ""},
-      {"writes_right_side", MSIM_OK, ""}, {"nan_in_info", MSIM_OK, ""},
-      {"counts_backwards", MSIM_OK, ""},  {"never_there", MSIM_OK, ""},
+      {"writes_values", MSIM_OK, ""},    {"writes_pattern", MSIM_OK, ""},
+      {"writes_rhs", MSIM_OK, ""},       {"nan_in_info", MSIM_OK, ""},
+      {"counts_backwards", MSIM_OK, ""}, {"never_converges", MSIM_OK, ""},
   };
   EXPECT_PLUGINS(lies);
 }
@@ -107,5 +107,5 @@ int main(void) {
       cmocka_unit_test(overwritten_arguments_do_not_matter),
       cmocka_unit_test(counts_never_fall),
   };
-  return cmocka_run_group_tests_name("liars", tests, make_folder, remove_folder);
+  return cmocka_run_group_tests_name("faulty_backends", tests, make_folder, remove_folder);
 }

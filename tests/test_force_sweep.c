@@ -245,5 +245,5 @@ int main(void) {
       cmocka_unit_test(forces_of_all_lengths), cmocka_unit_test(springs_at_rest_exert_no_force),
       cmocka_unit_test(results_are_the_formulas), cmocka_unit_test(bad_numbers_are_detected),
       cmocka_unit_test(threads_agree_to_the_bit)};
-  return cmocka_run_group_tests_name("pass", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("force_sweep", tests, NULL, NULL);
 }

@@ -215,7 +215,7 @@ static void check_resumed(int frames, const char *what, int at) {
   load(&end, "state.vtkhdf");
   if (kept < frames || end.length != whole.length ||
       memcmp(end.bytes, whole.bytes, whole.length) != 0)
-    fail_msg("%s at operation %d: %" PRId64 " frames kept, another end", what, at, kept);
+    fail_msg("%s at operation %d: %" PRId64 " frames kept, another final file", what, at, kept);
 }
 
 /* 1: the file can be resumed, with the checkpoint of the last frame that it keeps. */

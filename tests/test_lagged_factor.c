@@ -144,5 +144,5 @@ int main(void) {
       cmocka_unit_test(a_useless_factorization_is_tried_rarely),
       cmocka_unit_test(solutions_by_lagged_factors_are_checked),
       cmocka_unit_test(a_useless_factorization_is_given_up)};
-  return cmocka_run_group_tests_name("kept", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("lagged_factor", tests, NULL, NULL);
 }

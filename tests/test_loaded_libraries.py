@@ -29,7 +29,7 @@ class Loads(unittest.TestCase):
         text = "".join(log.read_text() for log in self.folder.glob("linker.*"))
         opened = set(re.findall(r"file=(\S+) \[\d+\];  generating link map", text))
         if not any("libmsim" in name for name in opened):
-            self.skipTest("this dynamic linker does not tell what it opens")
+            self.skipTest("this dynamic linker does not support LD_DEBUG")
         return opened, json.loads(final.read_text())
 
     def assert_none(self, opened, pattern):

@@ -73,7 +73,7 @@ struct scenario {
   const scene_features *parts;
   msim_options opt;
   call *call;
-  int by; /* SCARCE_BY_... */
+  int by; /* FAILING_BY_... */
   msim_scene *scene;
   msim_sim *sim;
   msim_recorder *recorder;
@@ -160,11 +160,11 @@ static void sweep(scenario *l, int all_later) {
     const outcome o = run_scenario(l, which, all_later);
     const char *why = NULL;
     if (o.status && o.status != MSIM_ERR_MEMORY) why = "another status";
-    else if (o.status && !o.err.text[0]) why = "no sentence";
-    else if (o.left) why = "blocks are left";
+    else if (o.status && !o.err.text[0]) why = "no error message";
+    else if (o.left) why = "blocks are not freed";
     else if (o.changed) why = "the state has changed";
-    else if (o.after) why = "it does not go on";
-    else if (o.end != whole.end) why = "another end";
+    else if (o.after) why = "later calls fail";
+    else if (o.end != whole.end) why = "another final state";
     if (why)
       fail_msg("%s, by %d, allocation %lld%s: %s: status %d, %lld blocks, after %d: %s", label,
                l->by, (long long)which, all_later ? " and later" : "", why, (int)o.status,

@@ -30,7 +30,7 @@ VARIES = re.compile(r'^  (took|notes) .*\n|^  seconds\n(    .*\n)+|"seconds": \{
 class Memory(CliTest):
     def setUp(self):
         if support.setting("SANITIZE"):
-            self.skipTest("sanitizers take malloc over themselves")
+            self.skipTest("sanitizers replace malloc themselves")
         super().setUp()
         self.scene(SCENE)
 
@@ -39,10 +39,10 @@ class Memory(CliTest):
         for name in RESULTS:
             (self.folder / name).unlink(missing_ok=True)
         there, here = os.pipe()
-        environment = {**os.environ, "LD_PRELOAD": support.setting("SCARCE"),
-                       "SCARCE_AT": str(at), "SCARCE_PIPE": str(here)}
+        environment = {**os.environ, "LD_PRELOAD": support.setting("FAILING_ALLOCATOR"),
+                       "FAIL_AT": str(at), "FAIL_PIPE": str(here)}
         if later:
-            environment["SCARCE_LATER"] = "1"
+            environment["FAIL_LATER"] = "1"
         try:
             result = self.cli(*command, env=environment, pass_fds=[here])
         finally:

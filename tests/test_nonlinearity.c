@@ -77,5 +77,5 @@ static void nonlinearity_agrees_with_the_energies(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(nonlinearity_agrees_with_the_energies)};
-  return cmocka_run_group_tests_name("excess", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("nonlinearity", tests, NULL, NULL);
 }

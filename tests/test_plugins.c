@@ -40,10 +40,10 @@ static void third_party_plugins_solve(void **state) {
  * destroyed. */
 static void plugins_stay_loaded(void **state) {
   (void)state;
-  copy_plugin("stays");
-  assert_null(dlopen(plugin_file("stays"), RTLD_NOW | RTLD_NOLOAD));
-  expect_message("stays", plugin_folder, MSIM_OK, "");
-  assert_non_null(dlopen(plugin_file("stays"), RTLD_NOW | RTLD_NOLOAD));
+  copy_plugin("stays_loaded");
+  assert_null(dlopen(plugin_file("stays_loaded"), RTLD_NOW | RTLD_NOLOAD));
+  expect_message("stays_loaded", plugin_folder, MSIM_OK, "");
+  assert_non_null(dlopen(plugin_file("stays_loaded"), RTLD_NOW | RTLD_NOLOAD));
 }
 
 /*------------------------------------- tables ---------------------------------------------------*/

@@ -198,5 +198,5 @@ int main(void) {
                                      cmocka_unit_test(a_coarse_factor_belongs_to_a_constraint_set),
                                      cmocka_unit_test(slipping_obeys_coulombs_law),
                                      cmocka_unit_test(a_mass_that_stops_in_a_step_sticks)};
-  return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("resting_contact", tests, NULL, NULL);
 }

@@ -331,5 +331,5 @@ int main(void) {
                                      cmocka_unit_test(few_unknowns),
                                      cmocka_unit_test(random_graphs),
                                      cmocka_unit_test(the_scene_names_particles)};
-  return cmocka_run_group_tests_name("shapes", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("spring_graphs", tests, NULL, NULL);
 }

@@ -221,7 +221,7 @@ static void limits_are_within_theory(void **state) {
   for (int32_t i = 0; method_at(i); i++) {
     const theory *t = theory_find(method_at(i));
     const ms_integrator *integrator;
-    if (!t) fail_msg("no theory of '%s' is in the bench's table", method_at(i));
+    if (!t) fail_msg("the table of the benchmark has no theory of '%s'", method_at(i));
     assert_ok(ms_methods_find(method_at(i), &integrator, err));
     for (int z = 0; z < (t->undamped ? 1 : DAMPING_RATIOS) && integrator->limit; z++) {
       double peak;

@@ -61,5 +61,5 @@ static void unread_states_are_not_converted(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(unread_states_are_not_converted)};
-  return cmocka_run_group_tests_name("unwatched", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("state_conversion", tests, NULL, NULL);
 }

@@ -131,7 +131,7 @@ static double error_of(const msim_scene *scene, double tol, double t_end) {
   const msim_state s = state_of(sim), t = state_of(other);
   double most = 0;
   for (int32_t i = 0; i < 3 * s.n; i++) most = fmax(most, fabs(s.x[i] - t.x[i]));
-  print_message("  tol %.0e  %-15s error/tol %.2g, %lld evaluations, %lld steps refused\n", tol,
+  print_message("  tol %.0e  %-15s error/tol %.2g, %lld evaluations, %lld steps rejected\n", tol,
                 sim->config.integrator->entry.name, most / tol,
                 (long long)stats_of(sim).force_evaluations,
                 (long long)stats_of(sim).rejected_steps);
@@ -294,7 +294,7 @@ static void costs_what_control_costs(const msim_scene *scene, const char *name, 
                                      double t_end, double most) {
   const int64_t chosen = evaluations_of(scene, "auto", tol, t_end);
   const int64_t controlled = evaluations_of(scene, "dop853", tol, t_end);
-  print_message("  %s, tol %.0e: %lld evaluations, %lld under control\n", name, tol,
+  print_message("  %s, tol %.0e: %lld evaluations, %lld with error control\n", name, tol,
                 (long long)chosen, (long long)controlled);
   assert_true((double)chosen <= most * (double)controlled);
 }

@@ -81,5 +81,5 @@ static void standing_still_is_not_rest(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(rest_is_not_stepped),
                                      cmocka_unit_test(standing_still_is_not_rest)};
-  return cmocka_run_group_tests_name("rest", tests, NULL, NULL);
+  return cmocka_run_group_tests_name("steps_at_rest", tests, NULL, NULL);
 }

@@ -26,7 +26,7 @@ static void check_spd(const char *label, const problem *p) {
   if (!(iterative ? is_valid_outcome(p, b, o.status, o.y) : seen))
     fail_msg("%s: %s gave status %d, residual %.3g", label, o.call, (int)o.status,
              residual(p, b, o.y));
-  if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: told to be positive definite", label);
+  if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: reported as positive definite", label);
   free(b), free(o.y);
 }
 
@@ -42,7 +42,7 @@ static void check_symmetric(const char *label, const problem *p) {
   if (o.status) fail_msg("%s: %s gave status %d", label, o.call, (int)o.status);
   if (!is_solution(p, b, o.y, RTOL, 1e-9))
     fail_msg("%s: backward error %.3g", label, backward_error(p, b, o.y));
-  if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: told to be positive definite", label);
+  if (o.definite == MSIM_DEFINITE_POSITIVE) fail_msg("%s: reported as positive definite", label);
   free(b), free(o.y);
 }
 
@@ -58,7 +58,7 @@ static void check_symmetric_spd(const char *label, const problem *p) {
   if (o.status || !is_solution(p, b, o.y, RTOL, 1e-12))
     fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
              backward_error(p, b, o.y));
-  if (o.definite == MSIM_DEFINITE_NOT) fail_msg("%s: told to be indefinite", label);
+  if (o.definite == MSIM_DEFINITE_NOT) fail_msg("%s: reported as indefinite", label);
   free(b), free(o.y);
 }
 
@@ -75,7 +75,7 @@ static void check_singular(const char *label, const problem *p) {
     fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
              backward_error(p, b, o.y));
   if (strstr(label, "row of zeros") && o.definite == MSIM_DEFINITE_POSITIVE)
-    fail_msg("%s: told to be positive definite", label);
+    fail_msg("%s: reported as positive definite", label);
   free(b), free(o.y);
 }
 
@@ -93,7 +93,7 @@ static void check_unsymmetric(const char *label, const problem *p) {
   if (o.status || !is_solution(q, b, o.y, RTOL, 1e-12))
     fail_msg("%s: %s gave status %d, backward error %.3g", label, o.call, (int)o.status,
              backward_error(q, b, o.y));
-  if (o.definite) fail_msg("%s: told whether it is positive definite", label);
+  if (o.definite) fail_msg("%s: definiteness reported for an unsymmetric factorization", label);
   free(b), free(o.y), problem_free(q);
 }
 

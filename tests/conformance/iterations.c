@@ -72,7 +72,7 @@ static void a_good_guess_saves_iterations(void **state) {
     for (int32_t i = 0; i < unknowns(t.p); i++) t.y[i] *= 1 + 1e-5 * (i % 3 - 1);
     const int64_t warm = solve(&t, 1e-8, LIMIT);
     if (!(warm > 0 && warm < cold))
-      fail_msg("%lld iterations from near the answer, %lld from zero", (long long)warm,
+      fail_msg("%lld iterations from near the solution, %lld from zero", (long long)warm,
                (long long)cold);
     tear_down(&t);
   }

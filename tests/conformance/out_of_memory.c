@@ -31,7 +31,7 @@ static void run_with_failure(int64_t which, int all_later, const problem *p, con
     fail_msg("allocation %lld failed: status %d, \"%s\"", (long long)which, (int)status,
              r.host.sentence);
   if (!status && !is_solution(p, b, y, RTOL, 1e-9))
-    fail_msg("allocation %lld failed: a wrong answer with MSIM_OK", (long long)which);
+    fail_msg("allocation %lld failed: a wrong solution with MSIM_OK", (long long)which);
   if (live)
     fail_msg("allocation %lld failed: %lld blocks are left", (long long)which, (long long)live);
 }
@@ -39,7 +39,7 @@ static void run_with_failure(int64_t which, int all_later, const problem *p, con
 static void allocations_fail_in_turn(void **state) {
   (void)state;
   if (strstr(bare->library, "SUNDIALS")) {
-    print_message("  SUNDIALS does not look at what malloc gives it\n");
+    print_message("  skipped: SUNDIALS does not check for NULL from malloc\n");
     skip();
   }
   const int32_t n = 10, block = 3; /* small: threads of OpenBLAS would also end the process */

@@ -108,7 +108,7 @@ static void begin(rig *r) {
 static msim_status end(rig *r, const char *call, msim_status status) {
   if (r->on_call) r->on_call(0);
   if (status < 0 && status != MSIM_ERR_MEMORY && !r->host.sentence[0])
-    fail_msg("%s: status %d without a sentence", call, (int)status);
+    fail_msg("%s: status %d without an error message", call, (int)status);
   r->fill = fmax(r->fill, r->info.fill);
   r->flops = fmax(r->flops, r->info.flops);
   return status;
@@ -130,7 +130,8 @@ static msim_status ask_order(rig *r, const uint8_t *coupled) {
   for (int32_t k = 0; k < n; k++) position[k] = -1;
   for (int32_t k = 0; k < n; k++) {
     const int32_t row = r->order[k];
-    if (row < 0 || row >= n || position[row] >= 0) fail_msg("order[%d] = %d twice or not", k, row);
+    if (row < 0 || row >= n || position[row] >= 0)
+      fail_msg("order[%d] = %d is out of range or repeated", k, row);
     position[row] = k;
   }
   return MSIM_OK;
@@ -182,7 +183,7 @@ void rig_close(rig *r) {
   end(r, "destroy", MSIM_OK);
   void *arrays[] = {r->order, r->graphptr, r->graphind, r->rowptr, r->colind, r->val, r->inverse};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
-  if (r->host.live != 0) fail_msg("%d blocks of memory were left behind", r->host.live);
+  if (r->host.live != 0) fail_msg("%d blocks of memory were not freed", r->host.live);
 }
 
 /*------------------------------------- calls ----------------------------------------------------*/

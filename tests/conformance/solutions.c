@@ -17,10 +17,10 @@ static void check_answer(const char *label, const problem *p) {
   if (!is_solution(p, b, o.y, RTOL, 1e-13))
     fail_msg("%s: residual %.3g, backward error %.3g", label, residual(p, b, o.y),
              backward_error(p, b, o.y));
-  if (o.definite == MSIM_DEFINITE_NOT) fail_msg("%s: told to be indefinite", label);
-  if (iterative && o.iterations < 1) fail_msg("%s: no iterations told of", label);
+  if (o.definite == MSIM_DEFINITE_NOT) fail_msg("%s: reported as indefinite", label);
+  if (iterative && o.iterations < 1) fail_msg("%s: reports no iterations", label);
   if (!iterative && !(o.fill > 0 && (o.flops > 0 || unknowns(p) == 1)))
-    fail_msg("%s: no fill or no flops told of", label);
+    fail_msg("%s: reports no fill or no flops", label);
   free(b), free(o.y);
 }
 
@@ -110,7 +110,7 @@ static void check_many(const char *label, const problem *p) {
   assert_int_equal(rig_solve(&r, RTOL, LIMIT, MANY, b, together), MSIM_OK);
   for (int32_t k = 0; k < MANY; k++)
     if (!is_solution(p, b + k * n, together + k * n, RTOL, 1e-13))
-      fail_msg("%s: right side %d of several: residual %.3g", label, k,
+      fail_msg("%s: right-hand side %d of several: residual %.3g", label, k,
                residual(p, b + k * n, together + k * n));
   rig_close(&r);
   free(b), free(together);

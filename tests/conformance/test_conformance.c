@@ -14,7 +14,11 @@ int iterative, symmetric, unsymmetric;
 int check_no_breach(void **state) {
   (void)state;
   const char *report = checking_report();
-  if (report[0]) print_error("promises were broken:\n%s", report);
+  if (report[0])
+    print_error(
+        "breaches of backend.h:\n"
+        "%s",
+        report);
   return report[0] != '\0';
 }
 

@@ -180,7 +180,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   fuzz_check_error(status, &err);
   if (status) {
     make_steps(sim, AFTER);
-    fuzz_check(memcmp(x_of(sim), o->x, sizeof o->x) == 0, "a sim that refuses is as it was");
+    fuzz_check(memcmp(x_of(sim), o->x, sizeof o->x) == 0,
+               "a refused checkpoint leaves the sim unchanged");
   } else go_on(sim, o);
   msim_sim_destroy(sim);
   free(bytes);

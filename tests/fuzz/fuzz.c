@@ -30,9 +30,9 @@ void fuzz_check(int kept, const char *promise) {
 
 void fuzz_check_error(msim_status status, const msim_error *err) {
   fuzz_check(err->status == status, "the error has the status that was returned");
-  fuzz_check(!*err->text == !status, "a sentence where it fails, and none where it does not");
+  fuzz_check(!*err->text == !status, "a message if and only if the call fails");
   for (const char *c = err->text; *c; c++)
-    fuzz_check((unsigned char)*c >= ' ' && *c != 0x7f, "a sentence stays on its line");
+    fuzz_check((unsigned char)*c >= ' ' && *c != 0x7f, "a message is one line");
 }
 
 void fuzz_check_state(msim_sim *sim) {

@@ -224,7 +224,7 @@ static void record(msim_sim *sim, const char *path) {
   else remove(path);
   const msim_status status = ways[way % 4 % 3](sim, path, &recorder, &err);
   fuzz_check_error(status, &err);
-  fuzz_check(!status == !!recorder, "a recorder, or a sentence");
+  fuzz_check(!status == !!recorder, "a recorder or an error");
   if (status) return;
   fuzz_check_error(msim_sim_run(sim, write_state, recorder, &err), &err);
   fuzz_check_error(msim_recorder_close(recorder, &err), &err);

@@ -63,7 +63,7 @@ static void find_slots(sample_trajectory *s) {
   int found = 0;
   for (size_t i = 8 * SLOT_BYTES; i + 8 <= s->size && found < NSLOTS; i += 8)
     if (memcmp(s->file + i, "msimsave", 8) == 0) s->slot[found++] = i - 8 * SLOT_BYTES;
-  fuzz_check(found == NSLOTS, "the file has its slots");
+  fuzz_check(found == NSLOTS, "the file has its checkpoint slots");
   s->slot_size = 8 * h5_slot_words(*word(s->file + s->slot[0], SLOT_LENGTH));
 }
 
@@ -120,7 +120,7 @@ static uint8_t *make_file(const sample_trajectory *s, size_t *size) {
 static void check_unchanged(const uint8_t *file, size_t size) {
   size_t now;
   uint8_t *there = fuzz_read(&now);
-  fuzz_check(now == size && memcmp(there, file, size) == 0, "a file that is refused stays");
+  fuzz_check(now == size && memcmp(there, file, size) == 0, "a refused file is unchanged");
   free(there);
 }
 
@@ -143,7 +143,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   if (status) {
     check_unchanged(file, size);
     follow(sim, x);
-    fuzz_check(memcmp(x, s->x, sizeof x) == 0, "a sim that refuses is as it was");
+    fuzz_check(memcmp(x, s->x, sizeof x) == 0, "a refused checkpoint leaves the sim unchanged");
   } else record(sim, recorder, 8);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);

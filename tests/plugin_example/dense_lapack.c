@@ -36,8 +36,8 @@ static msim_status create(const msim_host *host, void **result) {
 static msim_status analyze(void *data, const msim_system *A, msim_solve_info *info) {
   dense *self = data;
   if (A->n < 1 || A->block < 1 || A->block > 3 || A->format != MSIM_FORMAT_UPPER)
-    return refuse(self, "wants an UPPER matrix of 1 x 1, 2 x 2 or 3 x 3 blocks");
-  if (A->n > 10000) return refuse(self, "is dense: 10000 block rows are the limit");
+    return refuse(self, "needs an UPPER matrix of 1 x 1, 2 x 2 or 3 x 3 blocks");
+  if (A->n > 10000) return refuse(self, "has a dense matrix: the limit is 10000 block rows");
   self->n = A->block * A->n;
   const size_t n = (size_t)self->n;
   self->a = self->host->alloc(self->host, n * n * sizeof *self->a);
@@ -69,7 +69,7 @@ static msim_status solve(void *data, const msim_system *A, const msim_solve_para
   dense *self = data;
   int bad;
   (void)A, (void)params, (void)info; /* a direct solver needs no tolerance */
-  if (nrhs < 1) return refuse(self, "wants one right side at least");
+  if (nrhs < 1) return refuse(self, "needs at least one right-hand side");
   memcpy(y, b, (size_t)nrhs * (size_t)self->n * sizeof *y);
   dpotrs_("L", &self->n, &nrhs, self->a, &self->n, y, &self->n, &bad, 1);
   return MSIM_OK;
