@@ -11,7 +11,8 @@ static void failures_are_passed_on(void **state) {
       {"fails", MSIM_ERR_BACKEND, "fails: analyze failed on request"},
       {"silent", MSIM_ERR_BACKEND, "silent: the library behind a plugin failed"},
       {"no_instance", MSIM_ERR_BACKEND,
-       "solver 'no_instance': create() returned MSIM_OK but no instance; report this to the author of "
+       "solver 'no_instance': create() returned MSIM_OK but no instance; report this to the author "
+       "of "
        "the plugin"},
   };
   EXPECT_PLUGINS(lies);
