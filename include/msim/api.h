@@ -8,13 +8,7 @@
 #define MSIM_VERSION_MINOR 1
 #define MSIM_VERSION_PATCH 0
 
-#if defined(_WIN32) && !defined(MSIM_STATIC)
-#  ifdef MSIM_BUILDING
-#    define MSIM_API __declspec(dllexport)
-#  else
-#    define MSIM_API __declspec(dllimport)
-#  endif
-#elif defined(__GNUC__)
+#if defined(__GNUC__)
 #  define MSIM_API __attribute__((visibility("default")))
 #else
 #  define MSIM_API
