@@ -47,7 +47,7 @@ static void release(void *ptr, void *user) {
 }
 
 const msim_allocator *failing_allocator_get(void) {
-  static const msim_allocator a = {alloc, release, NULL};
+  static const msim_allocator a = {sizeof a, alloc, release, NULL};
   return &a;
 }
 

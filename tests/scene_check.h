@@ -31,7 +31,8 @@ static inline void limited_allocator_free(void *block, void *user) {
 
 static inline msim_allocator make_limited_allocator(limited_allocator *s) {
   *s = (limited_allocator){0, -1};
-  return (msim_allocator){limited_allocator_alloc, limited_allocator_free, s};
+  return (msim_allocator){sizeof(msim_allocator), limited_allocator_alloc, limited_allocator_free,
+                          s};
 }
 
 /*------------------------------------- content --------------------------------------------------*/

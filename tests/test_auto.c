@@ -202,7 +202,8 @@ static void impacts_are_located_where_asked(void **state) {
 static void lack_of_memory_changes_nothing(void **state) {
   (void)state;
   counting_allocator b = {.fail_at = -1};
-  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &b};
   const double x[6] = {0, 0, 0, 1, 0.2, 0}, far[6] = {0, 0, 0, 3, 0, 0.5}, v[6] = {0},
                mass[2] = {1, 1}, k = 100, rest = 1;
   const int32_t ij[2] = {0, 1};

@@ -44,7 +44,7 @@ static void guarded_free(void *block, void *user) {
   munmap(all.first, all.bytes);
 }
 
-static const msim_allocator guarded = {guarded_alloc, guarded_free, NULL};
+static const msim_allocator guarded = {sizeof guarded, guarded_alloc, guarded_free, NULL};
 
 /*------------------------------------- scenes ---------------------------------------------------*/
 

@@ -280,7 +280,8 @@ static void memory_may_end(void **state) {
   static const char *const methods[] = {"dop853", "velocity-verlet", "implicit-midpoint"};
   for (int m = 0; m < 3; m++) {
     counting_allocator b = {.fail_at = -1};
-    const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+    const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                  &b};
     for (int status = MSIM_ERR_MEMORY; status; b.fail_at++) {
       msim_error why;
       b.calls = 0;

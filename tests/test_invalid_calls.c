@@ -71,11 +71,11 @@ static msim_scene *flight(double v) {
   return make_single_particle((double[]){0, 0, 1}, (double[]){v, 0, 0}, 9.81);
 }
 
-static void refuse(const msim_options *opt, const char *sentence) {
+static void refuse(const msim_options *opt, msim_status status, const char *sentence) {
   msim_scene *scene = flight(0);
   msim_sim *sim = (msim_sim *)&scene;
   msim_error why;
-  assert_int_equal(msim_sim_create(scene, opt, &sim, &why), MSIM_ERR_ARG);
+  assert_int_equal(msim_sim_create(scene, opt, &sim, &why), status);
   assert_null(sim);
   assert_says(&why, sentence);
   msim_scene_destroy(scene);
@@ -85,23 +85,24 @@ static void ends_that_no_run_reaches(void **state) {
   (void)state;
   msim_options opt = options("velocity-verlet", 0.01);
   opt.steps = INT64_MAX;
-  refuse(&opt, "steps = 9223372036854775807 exceeds the limit 4.5036e+15");
+  refuse(&opt, MSIM_ERR_ARG, "steps = 9223372036854775807 exceeds the limit 4.5036e+15");
   opt.steps = 1000000000, opt.h = 1e300;
-  refuse(&opt,
+  refuse(&opt, MSIM_ERR_ARG,
          "1000000000 steps of 1e+300 s: the end time is not a finite number; use fewer steps or a "
          "smaller h");
   opt.steps = -1, opt.t_end = 1, opt.h = 1e-20;
-  refuse(
-      &opt,
-      "t_end / h = 1e+20 steps exceeds the limit 4.5036e+15; use a larger h or an earlier t_end");
+  refuse(&opt, MSIM_ERR_ARG,
+         "t_end / h = 1e+20 steps exceeds the limit 4.5036e+15; use a larger h or an earlier "
+         "t_end");
   opt.h = 0.01, opt.tol = 1e-6, opt.fps = 1e9;
-  refuse(&opt, "fps = 1e+09 requires 1e+09 frames, and the limit is 10000000; use a lower fps");
+  refuse(&opt, MSIM_ERR_ARG,
+         "fps = 1e+09 requires 1e+09 frames, and the limit is 10000000; use a lower fps");
 }
 
 /* A program that does not call msim_options_init has no size, and no defaults. */
 static void options_of_no_size(void **state) {
   (void)state;
-  refuse(&(msim_options){.integrator = "verlet"},
+  refuse(&(msim_options){.integrator = "verlet"}, MSIM_ERR_SIZE,
          "options.size is 0: call msim_options_init first");
 }
 

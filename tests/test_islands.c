@@ -434,7 +434,8 @@ static void every_allocation_may_fail(void **state) {
   static body a;
   a = cloth(100, 1, 0, 1);
   counting_allocator b = {.fail_at = -1};
-  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &b};
   msim_scene *scene = join(&alloc, INTERLEAVED, (const body *const[2]){&a, &a}, down);
   const int64_t live = b.live;
   msim_options opt = lean("linearly-implicit-euler");
@@ -460,7 +461,8 @@ static void a_change_that_fails_changes_nothing(void **state) {
   static body a;
   a = cloth(100, 1, 0, 1);
   counting_allocator b = {.fail_at = -1};
-  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &b};
   msim_scene *scene = join(&alloc, INTERLEAVED, (const body *const[2]){&a, &a}, down);
   msim_options opt = lean("linearly-implicit-euler");
   opt.solver = "pcg";

@@ -220,10 +220,23 @@ static void a_lattice_ties_all_neighbours(void **state) {
     assert_refused(s, msim_scene_add_##kind(s, &object, err), words); \
   } while (0)
 
+static void objects_without_size_are_refused(void **state) {
+  (void)state;
+  msim_scene *s = started();
+  msim_error why;
+  msim_rope rope = a_rope(4);
+  msim_cloth cloth = a_cloth(2, 3);
+  rope.size = 8, cloth.size = 0;
+  assert_int_equal(msim_scene_add_rope(s, &rope, &why), MSIM_ERR_SIZE);
+  assert_non_null(strstr(why.text, "rope.size is 8; it must be sizeof(msim_rope)"));
+  assert_int_equal(msim_scene_add_cloth(s, &cloth, &why), MSIM_ERR_SIZE);
+  assert_non_null(strstr(why.text, "cloth.size is 0"));
+  msim_scene_destroy(s);
+}
+
 static void bad_objects_are_refused(void **state) {
   (void)state;
   msim_scene *s = started();
-  REFUSE(rope, a_rope(4), size, 8, "rope.size is 8; it must be sizeof(msim_rope)");
   REFUSE(rope, a_rope(4), n, 0, "rope.n is 0; it must be a whole number from 1");
   REFUSE(rope, a_rope(4), n, 1000000000, "rope.n gives 1000000000 particles; the limit is");
   REFUSE(rope, a_rope(4), from[1], NAN, "rope.from[1] is nan; it must be a finite number");
@@ -234,7 +247,6 @@ static void bad_objects_are_refused(void **state) {
   REFUSE(rope, a_rope(4), damping, -1, "rope.damping is -1");
   REFUSE(rope, a_rope(4), npinned, -1, "rope.npinned is -1");
   REFUSE(rope, a_rope(4), npinned, 1, "rope.pinned is NULL");
-  REFUSE(cloth, a_cloth(2, 3), size, 0, "cloth.size is 0");
   REFUSE(cloth, a_cloth(2, 3), rows, -2, "cloth.rows is -2");
   REFUSE(cloth, a_cloth(2, 3), columns, 0, "cloth.columns is 0");
   REFUSE(cloth, a_cloth(2, 1 << 30), rows, 1 << 30, "gives 1152921504606846976 particles");
@@ -275,7 +287,7 @@ static void release(void *block, void *user) {
  * scene may reach it. */
 static void limits_hold_for_the_whole_scene(void **state) {
   (void)state;
-  const msim_allocator alloc = {little, release, NULL};
+  const msim_allocator alloc = {sizeof alloc, little, release, NULL};
   msim_scene *s;
   msim_rope rope = a_rope(INT32_MAX / 3);
   assert_ok(msim_scene_create(&alloc, &s, err));
@@ -295,6 +307,7 @@ int main(void) {
                                      cmocka_unit_test(k_0_leaves_springs_out),
                                      cmocka_unit_test(a_cell_is_tied_in_all_directions),
                                      cmocka_unit_test(a_lattice_ties_all_neighbours),
+                                     cmocka_unit_test(objects_without_size_are_refused),
                                      cmocka_unit_test(bad_objects_are_refused),
                                      cmocka_unit_test(bad_pins_of_objects_are_refused),
                                      cmocka_unit_test(limits_hold_for_the_whole_scene)};

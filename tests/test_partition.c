@@ -145,7 +145,8 @@ static void components_stay_whole(void **state) {
 /* Bytes that a linearly implicit sim of n pairs allocates, and the number of its islands. */
 static size_t bytes_of_pairs(int32_t n, int springs, int32_t *islands) {
   counting_allocator b = {.fail_at = -1};
-  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &b};
   double *x = calloc(6 * (size_t)n, sizeof *x), *ones = malloc(2 * (size_t)n * sizeof *ones);
   int32_t *ij = malloc(2 * (size_t)n * sizeof *ij);
   for (int32_t p = 0; p < 2 * n; p++) x[3 * p] = p, ones[p] = 1, ij[p] = p;

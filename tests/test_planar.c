@@ -243,7 +243,8 @@ static void v_half_counts(void **state) {
 static void a_state_that_fails_changes_nothing(void **state) {
   (void)state;
   counting_allocator b = {.fail_at = -1};
-  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &b};
   msim_scene *scene = swing(&alloc, 2);
   msim_sim *sim = sim_with(scene, "linearly-implicit-euler", "pcg", DROPPED);
   msim_sim *other = sim_with(scene, "linearly-implicit-euler", "pcg", DROPPED);
@@ -306,7 +307,8 @@ static void less_is_allocated(void **state) {
   size_t bytes[2];
   for (int third = 0; third < 2; third++) {
     counting_allocator b = {.fail_at = -1};
-    const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+    const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                  &b};
     msim_scene *scene = swing(&alloc, 2);
     const size_t before = b.bytes;
     msim_sim *sim = sim_with(scene, "linearly-implicit-euler", "pcg", third);

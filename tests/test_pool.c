@@ -137,7 +137,7 @@ static void one_thread_without_memory(void **state) {
   (void)state;
   for (int blocks = 0; blocks < 3; blocks++) {
     int left = blocks;
-    const msim_allocator scarce = {no_memory, give, &left};
+    const msim_allocator scarce = {sizeof scarce, no_memory, give, &left};
     assert_null(ms_pool_create(&scarce, 4));
   }
 }

@@ -347,7 +347,8 @@ static msim_status run_with_allocator(const msim_scene *scene, msim_error *why) 
 static void every_allocation_may_fail(void **state) {
   (void)state;
   counting_allocator b = {.fail_at = -1};
-  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &b};
   msim_scene *scene = net(&alloc, CORD, 0);
   const int64_t kept = b.live;
   msim_error why;

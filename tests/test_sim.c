@@ -352,7 +352,8 @@ static void every_allocation_may_fail(void **state) {
   for (size_t m = 0; m < sizeof pairs / sizeof *pairs; m++) {
     if (!is_solver_available(pairs[m][1])) continue;
     counting_allocator b = {.fail_at = -1};
-    const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+    const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                  &b};
     msim_error why;
     assert_int_equal(build_and_step(&alloc, pairs[m][0], pairs[m][1], &why), MSIM_OK);
     assert_int_equal(b.live, 0);
@@ -373,7 +374,8 @@ static void a_step_allocates_nothing(void **state) {
   (void)state;
   for (int32_t m = 0; method_at(m); m++) {
     counting_allocator b = {.fail_at = -1};
-    const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+    const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                  &b};
     const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0.1, 0}, mass[3] = {1, 1, 1}, k[2] = {10, 10};
     const int32_t ij[4] = {0, 1, 1, 2};
     msim_scene *scene;

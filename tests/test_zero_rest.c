@@ -163,7 +163,8 @@ static void a_change_that_fails_changes_nothing(void **state) {
   double rest[MOST];
   for (int e = 0; e < MOST; e++) rest[e] = 0.1;
   counting_allocator b = {.fail_at = -1};
-  const msim_allocator alloc = {counting_allocator_alloc, counting_allocator_free, &b};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &b};
   msim_scene *scene = zero_rest_cloth(&alloc, 0);
   msim_sim *sim = implicit(scene, "pcg", 0), *other = implicit(scene, "pcg", 0);
   const int64_t live = b.live;

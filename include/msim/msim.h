@@ -176,7 +176,7 @@ MSIM_API void msim_sim_stop(msim_sim *sim);
 MSIM_API int64_t msim_sim_next_frame(const msim_sim *sim);
 
 /* Get the present state; set state->size first. The arrays are valid until the next call. */
-MSIM_API void msim_sim_state(msim_sim *sim, msim_state *state);
+MSIM_API msim_status msim_sim_state(msim_sim *sim, msim_state *state);
 
 /* Continue from another state; number of steps and t_end are planned anew. Pinned particles must
  * keep their positions. If the method carries v_half and it is given together with the same h, it
@@ -215,9 +215,9 @@ MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, siz
  * per second must stay the same, too. */
 MSIM_API msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err);
 
-MSIM_API void msim_sim_energy(msim_sim *sim, msim_energy *energy);
-MSIM_API void msim_sim_stats(const msim_sim *sim, msim_stats *stats);
-MSIM_API void msim_sim_plan(const msim_sim *sim, msim_plan *plan);
+MSIM_API msim_status msim_sim_energy(msim_sim *sim, msim_energy *energy);
+MSIM_API msim_status msim_sim_stats(const msim_sim *sim, msim_stats *stats);
+MSIM_API msim_status msim_sim_plan(const msim_sim *sim, msim_plan *plan);
 
 /* Compute the forces on all particles in the state x, v; 0 for pinned particles. */
 MSIM_API void msim_sim_force(msim_sim *sim, const double *x /* 3n */, const double *v /* 3n */,

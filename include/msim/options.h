@@ -101,7 +101,7 @@ typedef struct msim_options {
   int32_t sync;  /* MSIM_SYNC_... [OFF] */
 } msim_options;
 
-MSIM_API void msim_options_init(msim_options *opt, size_t size);
+MSIM_API msim_status msim_options_init(msim_options *opt, size_t size);
 
 /* Set one option by its name on the command line and in scene files, as in "solver.rtol", "1e-10".
  * The value is borrowed if the option is a string. MSIM_ERR_ARG: unknown name or invalid value. */

@@ -14,8 +14,11 @@ typedef struct msim_scene msim_scene;
  * reflected (Teschner): x -= (1 + e) s n, and if n.v < 0, with the impulse per unit mass J = -(1 +
  * e) n.v, v += J n, and the tangential velocity v_t is scaled by max(0, 1 - mu J/|v_t|). This is
  * repeated while the particle is outside any plane. Planes whose half spaces have no common point
- * are refused. With option collision = event the velocity changes in the same way, at the position
- * and time of the impact. */
+ * are refused by msim_sim_create. With option collision = event the velocity changes in the same
+ * way, at the position and time of the impact.
+ *
+ * This struct is fixed, as msim_scene_view.planes is an array of it: colliders of other shapes or
+ * with other properties will get structs of their own. */
 typedef struct msim_plane {
   double normal[3];   /* of any length but 0; normal and offset are divided by it */
   double offset;      /* m */
@@ -80,8 +83,9 @@ MSIM_API msim_status msim_scene_create(const msim_allocator *alloc, msim_scene *
                                        msim_error *err);
 
 /* Read a scene file: JSON, or *.h5 (if the HDF5 plugin is available) with the same tree as the JSON
- * form. Errors name the file and the line or key: MSIM_ERR_IO, MSIM_ERR_ARG. Nullable:
- * alloc. */
+ * form. Errors name the file and the line or key: MSIM_ERR_IO (cannot be read), MSIM_ERR_ARG
+ * (cannot be a scene), MSIM_ERR_UNSUPPORTED (an object of type mesh); plugin statuses. *scene is
+ * NULL then. Nullable: alloc. */
 MSIM_API msim_status msim_scene_load(const msim_allocator *alloc, const char *path,
                                      msim_scene **scene, msim_error *err);
 
@@ -90,10 +94,13 @@ MSIM_API msim_status msim_scene_parse(const msim_allocator *alloc, const char *l
                                       const char *text, size_t length, msim_scene **scene,
                                       msim_error *err);
 
-/* Write the scene to a scene file in the format given by the extension, as above: objects are
- * expanded into particles and springs, every number is exact. MSIM_ERR_IO: cannot be written. */
+/* Write the scene to a scene file in the format given by the extension, as above. Every number is
+ * exact. JSON that was read and not changed since is written as it was; else objects are expanded
+ * into particles and springs. MSIM_ERR_IO: cannot be written, and an older file of that name is as
+ * it was; plugin statuses. */
 MSIM_API msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err);
 
+/* Sims made from the scene are not affected. Nullable: scene. */
 MSIM_API void msim_scene_destroy(msim_scene *scene);
 
 MSIM_API msim_status msim_scene_set_name(msim_scene *scene, const char *name, msim_error *err);
@@ -128,8 +135,9 @@ MSIM_API msim_status msim_scene_add_cloth(msim_scene *scene, const msim_cloth *c
 MSIM_API msim_status msim_scene_add_lattice(msim_scene *scene, const msim_lattice *lattice,
                                             msim_error *err);
 
-/* Get the complete content of the scene; set view->size first. Valid until the scene is changed. */
-MSIM_API void msim_scene_get(const msim_scene *scene, msim_scene_view *view);
+/* Get the complete content of the scene; set view->size first. Valid until the next call that
+ * changes the scene, or fails to. */
+MSIM_API msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view);
 
 #ifdef __cplusplus
 }

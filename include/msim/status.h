@@ -9,7 +9,7 @@
 extern "C" {
 #endif
 
-/* 0: success. < 0: error, nothing was changed. > 0: numerical event. */
+/* 0: success. < 0: error. > 0: numerical event. What holds after each: msim.h */
 typedef int32_t msim_status;
 
 #define MSIM_STATUS_LIST(X)                                                           \
@@ -26,7 +26,8 @@ typedef int32_t msim_status;
   X(MSIM_ERR_ABI, -5, "the plugin was built for another version of msim")             \
   X(MSIM_ERR_BACKEND, -6, "the library behind a plugin failed")                       \
   X(MSIM_ERR_IO, -7, "a file could not be read or written")                           \
-  X(MSIM_ERR_UNSUPPORTED, -8, "not supported by this version")
+  X(MSIM_ERR_UNSUPPORTED, -8, "not supported by this version")                        \
+  X(MSIM_ERR_SIZE, -9, "the member `size` of a struct was not set to its sizeof")
 
 #define MSIM_STATUS_ENUM(name, value, text) name = value,
 enum { MSIM_STATUS_LIST(MSIM_STATUS_ENUM) MSIM_STATUS_END_ = 99 };

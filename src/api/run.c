@@ -2,6 +2,7 @@
  * = auto they choose the method, and choose anew where a plane is close. */
 #include <math.h>
 
+#include "base/sized.h"
 #include "choose/method_choice.h"
 #include "sim/sim.h"
 #include "sim/step_driver.h"
@@ -25,9 +26,14 @@ static msim_status restart_with_choice(msim_sim *sim, const msim_state *state, m
 
 msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err) {
   if (!sim || !state) return ms_error_set(err, MSIM_ERR_ARG, "sim or state is NULL");
-  msim_status status = ms_sim_check_state(sim, state, err);
+  msim_state full;
+  msim_status status =
+      ms_sized_check(state, sizeof full, MS_SIZE_THROUGH(msim_state, v), "state", "state", err);
   if (status) return status;
-  return ms_sim_selects(sim) ? restart_with_choice(sim, state, err) : ms_sim_start(sim, state, err);
+  ms_sized_read(&full, sizeof full, state);
+  status = ms_sim_check_state(sim, &full, err);
+  if (status) return status;
+  return ms_sim_selects(sim) ? restart_with_choice(sim, &full, err) : ms_sim_start(sim, &full, err);
 }
 
 /*------------------------------------- steps ----------------------------------------------------*/

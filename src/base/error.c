@@ -1,7 +1,9 @@
 #include "base/error.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <stdio.h>
+#include <string.h>
 
 /* Replace control characters: text of files and plugins must not break the line of a message. */
 static void replace_control_characters(char *text) {
@@ -9,11 +11,19 @@ static void replace_control_characters(char *text) {
     if ((unsigned char)*text < ' ' || *text == 0x7f) *text = ' ';
 }
 
+static_assert(sizeof(msim_error) == 1024, "msim_error is fixed (api.h)");
+
+/* Later versions may take these bytes for members. */
+static void clear_reserved_bytes(msim_error *err) {
+  memset(err->text + MS_ERROR_LENGTH, 0, sizeof err->text - MS_ERROR_LENGTH);
+}
+
 msim_status ms_error_vset(msim_error *err, msim_status status, const char *format, va_list args) {
   if (err) {
     err->status = status;
-    vsnprintf(err->text, sizeof err->text, format, args);
+    vsnprintf(err->text, MS_ERROR_LENGTH, format, args);
     replace_control_characters(err->text);
+    clear_reserved_bytes(err);
   }
   return status;
 }
@@ -38,6 +48,7 @@ msim_status ms_error_clear(msim_error *err) {
   if (err) {
     err->status = MSIM_OK;
     err->text[0] = '\0';
+    clear_reserved_bytes(err);
   }
   return MSIM_OK;
 }

@@ -12,6 +12,9 @@
 #  define MS_PRINTF(string, first)
 #endif
 
+/* Length of messages, with the terminating zero: the rest of msim_error.text is reserved. */
+enum { MS_ERROR_LENGTH = 988 };
+
 /* Set err and return status. Nullable: err. */
 msim_status ms_error_set(msim_error *err, msim_status status, const char *format, ...)
     MS_PRINTF(3, 4);

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/sized.h"
+
 static void *libc_alloc(size_t bytes, void *user) {
   (void)user;
   return malloc(bytes);
@@ -14,7 +16,18 @@ static void libc_free(void *ptr, void *user) {
 }
 
 msim_allocator ms_memory_allocator(const msim_allocator *alloc) {
-  return alloc ? *alloc : (msim_allocator){libc_alloc, libc_free, NULL};
+  msim_allocator own = {.alloc = libc_alloc, .free = libc_free};
+  if (alloc) own = *alloc;
+  own.size = sizeof own; /* the caller's may be larger than what was copied */
+  return own;
+}
+
+msim_status ms_memory_check_allocator(const msim_allocator *alloc, msim_error *err) {
+  if (!alloc) return MSIM_OK;
+  msim_status status =
+      ms_sized_check(alloc, sizeof *alloc, sizeof *alloc, "allocator", "alloc", err);
+  if (status || (alloc->alloc && alloc->free)) return status;
+  return ms_error_set(err, MSIM_ERR_ARG, "alloc.alloc or alloc.free is NULL");
 }
 
 /* The pointer returned by the allocator is stored just before the aligned block. */

@@ -10,6 +10,9 @@ enum { MS_ALIGNMENT = 64 };
 /* *alloc, or malloc and free if alloc is NULL. */
 msim_allocator ms_memory_allocator(const msim_allocator *alloc);
 
+/* Refuse an allocator of the caller without size or functions. Nullable: alloc. */
+msim_status ms_memory_check_allocator(const msim_allocator *alloc, msim_error *err);
+
 /* Allocate count elements of `size` bytes, all zero; NULL if memory is exhausted or the product
  * overflows. count may be 0. */
 void *ms_memory_allocate(const msim_allocator *alloc, size_t count, size_t size);

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/sized.h"
+
 /*------------------------------------- ranges ---------------------------------------------------*/
 
 int ms_objects_in_range(ms_range range, double value) {
@@ -212,17 +214,12 @@ static msim_status check_pinned(const ms_grid *grid, const char *subject, msim_e
 
 msim_status ms_objects_make_grid(const ms_object_type *type, const void *object,
                                  const char *subject, ms_grid *grid, msim_error *err) {
-  size_t size = *(const size_t *)object;
-  if (size != type->size)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "%s.size is %zu; it must be sizeof(msim_%s), which is %zu", subject, size,
-                        type->name, type->size);
-  for (int32_t i = 0; i < type->nmembers; i++) {
-    msim_status status = check_object_member(&type->members[i], object, subject, err);
-    if (status) return status;
-  }
+  msim_status status = ms_sized_check(object, type->size, type->size, type->name, subject, err);
+  for (int32_t i = 0; i < type->nmembers && !status; i++)
+    status = check_object_member(&type->members[i], object, subject, err);
+  if (status) return status;
   type->make(object, grid);
-  msim_status status = check_size(grid, subject, err);
+  status = check_size(grid, subject, err);
   return status ? status : check_pinned(grid, subject, err);
 }
 

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/sized.h"
 #include "scene/scene.h"
 
 /*------------------------------------- the table ------------------------------------------------*/
@@ -301,7 +302,12 @@ const char *ms_options_format_value(const msim_options *opt, int32_t i,
 
 /*------------------------------------- public ---------------------------------------------------*/
 
-void msim_options_init(msim_options *opt, size_t size) {
+/* Sizes of structs that hold one member at least. */
+static int has_member(size_t size) { return size >= MS_SIZE_THROUGH(msim_options, integrator); }
+
+msim_status msim_options_init(msim_options *opt, size_t size) {
+  if (!opt) return MSIM_ERR_ARG;
+  if (!has_member(size)) return MSIM_ERR_SIZE;
   msim_options full = {.size = size};
   for (int i = 0; i < NOPTIONS; i++) {
     const option *o = &table[i];
@@ -310,7 +316,14 @@ void msim_options_init(msim_options *opt, size_t size) {
     else if (o->type == INT64) *(int64_t *)option_member(&full, o) = (int64_t)o->unset;
     else if (o->type == REAL) *(double *)option_member(&full, o) = o->unset;
   }
+  memset(opt, 0, size); /* members of a newer msim, too */
   memcpy(opt, &full, size < sizeof full ? size : sizeof full);
+  return MSIM_OK;
+}
+
+/* Write to the caller's options, as far as their size goes. */
+static void write_options(const msim_options *full, msim_options *opt) {
+  (void)ms_sized_write(opt, full, sizeof *full); /* ms_options_copy has checked the size */
 }
 
 msim_status msim_options_set(msim_options *opt, const char *name, const char *value,
@@ -324,24 +337,28 @@ msim_status msim_options_set(msim_options *opt, const char *name, const char *va
   msim_status status = ms_options_copy(opt, &full, err);
   if (!status) status = set_option(&full, o, value, err);
   if (status) return status;
-  memcpy(opt, &full, opt->size < sizeof full ? opt->size : sizeof full);
+  write_options(&full, opt);
   return ms_error_clear(err);
 }
 
 msim_status msim_options_from_scene(msim_options *opt, const msim_scene *scene, msim_error *err) {
   if (!opt || !scene) return ms_error_set(err, MSIM_ERR_ARG, "opt or scene is NULL");
-  for (int32_t i = 0; i < scene->data->nrun; i++) {
-    const ms_run_option *entry = &scene->data->run[i];
-    msim_status status = msim_options_set(opt, entry->name, entry->value, err);
-    if (status) return status;
-  }
+  msim_options full;
+  msim_status status = ms_options_copy(opt, &full, err);
+  full.size = sizeof full;
+  for (int32_t i = 0; i < scene->data->nrun && !status; i++)
+    status = msim_options_set(&full, scene->data->run[i].name, scene->data->run[i].value, err);
+  if (status) return status;
+  write_options(&full, opt);
   return ms_error_clear(err);
 }
 
 msim_status ms_options_copy(const msim_options *from, msim_options *to, msim_error *err) {
-  if (from->size < offsetof(msim_options, integrator) + sizeof from->integrator)
-    return ms_error_set(err, MSIM_ERR_ARG, "options.size is %zu: call msim_options_init first",
+  if (!has_member(from->size))
+    return ms_error_set(err, MSIM_ERR_SIZE, "options.size is %zu: call msim_options_init first",
                         from->size);
+  const msim_status status = ms_sized_check(from, sizeof *from, 0, "options", "options", err);
+  if (status) return status;
   msim_options_init(to, sizeof *to);
   memcpy(to, from, from->size < sizeof *to ? from->size : sizeof *to);
   to->size = from->size;

@@ -1,7 +1,14 @@
 #include "scene/scene.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
+
+#include "base/sized.h"
+
+/* Planes are elements of the array of msim_scene_view: with another size programs that were built
+ * before would read wrong ones. */
+static_assert(sizeof(msim_plane) == 48, "msim_plane is fixed (scene.h)");
 
 /*------------------------------------- life -----------------------------------------------------*/
 
@@ -45,6 +52,8 @@ static ms_scene *new_scene_data(const msim_allocator *alloc) {
 msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene, msim_error *err) {
   if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");
   *scene = NULL;
+  const msim_status status = ms_memory_check_allocator(alloc, err);
+  if (status) return status;
   msim_allocator a = ms_memory_allocator(alloc);
   msim_scene *handle = ms_memory_allocate(&a, 1, sizeof *handle);
   ms_scene *data = handle ? new_scene_data(&a) : NULL;
@@ -410,10 +419,10 @@ msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const c
 
 /*------------------------------------- getter ---------------------------------------------------*/
 
-void msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
+msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
+  if (!scene || !view) return MSIM_ERR_ARG;
   const ms_scene *s = scene->data;
   msim_scene_view full = {
-      .size = view->size,
       .name = s->name,
       .nparticles = s->nparticles,
       .nsprings = s->nsprings,
@@ -429,5 +438,5 @@ void msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .planes = s->planes,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
-  memcpy(view, &full, full.size < sizeof full ? full.size : sizeof full);
+  return ms_sized_write(view, &full, sizeof full);
 }

@@ -36,6 +36,8 @@ msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_
                             msim_error *err) {
   if (scene) *scene = NULL;
   if (!scene || !path) return ms_error_set(err, MSIM_ERR_ARG, "scene or path is NULL");
+  msim_status status = ms_memory_check_allocator(alloc, err);
+  if (status) return status;
   FILE *file = fopen(path, "rb");
   if (!file) return fail_io(err, path, "read", errno);
   const char *importer = ms_importer_name_for(path);
@@ -46,7 +48,7 @@ msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_
   const msim_allocator a = ms_memory_allocator(alloc);
   char *text = NULL;
   size_t length;
-  msim_status status = read_whole_file(&a, file, path, &text, &length, err);
+  status = read_whole_file(&a, file, path, &text, &length, err);
   fclose(file);
   if (!status) status = msim_scene_parse(alloc, path, text, length, scene, err);
   ms_memory_free(&a, text);

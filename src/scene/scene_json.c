@@ -317,6 +317,8 @@ msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, con
   if (scene) *scene = NULL;
   if (!scene || !label || !text)
     return ms_error_set(err, MSIM_ERR_ARG, "scene, label or text is NULL");
+  msim_status status = ms_memory_check_allocator(alloc, err);
+  if (status) return status;
   ms_json_reader r = {.label = label, .alloc = ms_memory_allocator(alloc), .err = err};
   if (length == 0)
     return ms_json_fail(&r, MSIM_ERR_ARG, "it is empty; it must contain a JSON object");
@@ -324,7 +326,7 @@ msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, con
   errno = 0;
   json_t *root = json_loadb(text, length, JSON_REJECT_DUPLICATES, &error);
   if (!root) return refuse_syntax(&r, &error);
-  msim_status status = ms_json_build_scene(&r, (ms_value){.json = root});
+  status = ms_json_build_scene(&r, (ms_value){.json = root});
   json_decref(root);
   if (!status) status = store_source(&r, text, length);
   if (status) {

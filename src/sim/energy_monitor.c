@@ -253,7 +253,7 @@ void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
   restore_good_state(sim);
   if (!err) return;
   const size_t used = strlen(err->text);
-  snprintf(err->text + used, sizeof err->text - used,
+  snprintf(err->text + used, MS_ERROR_LENGTH - used,
            "; the motion had exceeded the energy bound before: the state of step %lld was restored",
            (long long)sim->run.step);
 }

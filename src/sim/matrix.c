@@ -2,6 +2,7 @@
  *
  * It has three components per particle, the scene's order of particles, and all islands, which the
  * sim's own matrices may not have. So it has a model of its own, built at the first request. */
+#include "base/sized.h"
 #include "sim/sim.h"
 
 #define WHOLE (MSIM_SKIP_TWO_D | MSIM_SKIP_ZERO_REST_LENGTH)
@@ -74,12 +75,13 @@ msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   ms_coefficients_compute(&w->model, w->x, sim->run.h,
                           sim->config.opt.jacobian == MSIM_JACOBIAN_CLAMP, &w->a);
   ms_sparse_matrix_assemble(&w->model, &w->a, &w->matrix);
-  msim_csr full = {.size = A->size,
-                   .n = 3 * w->matrix.n,
+  msim_csr full = {.n = 3 * w->matrix.n,
                    .rowptr = w->matrix.rowptr,
                    .colind = w->matrix.colind,
                    .val = w->matrix.val,
                    .particle = w->particle};
-  MS_COPY_SIZED(A, full);
+  if (ms_sized_write(A, &full, sizeof full))
+    return ms_error_set(err, MSIM_ERR_SIZE, "A.size is %zu; it must be sizeof(msim_csr), %zu",
+                        A->size, sizeof full);
   return ms_error_clear(err);
 }

@@ -1,6 +1,7 @@
 /* observe - read a sim: state, energies, forces, statistics and plan (msim.h) */
 #include <string.h>
 
+#include "base/sized.h"
 #include "integrate/interpolate.h"
 #include "layout/planar.h"
 #include "physics/energy.h"
@@ -55,43 +56,43 @@ static void update_state_arrays(msim_sim *sim) {
   sim->state_is_current = 1;
 }
 
-void msim_sim_state(msim_sim *sim, msim_state *state) {
+msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
+  if (!sim || !state) return MSIM_ERR_ARG;
   update_state_arrays(sim);
-  msim_state full = {.size = state->size,
-                     .step = sim->run.step,
+  msim_state full = {.step = sim->run.step,
                      .t = ms_sim_time(sim),
                      .n = sim->scene->nparticles,
                      .x = sim->state_x,
                      .v = sim->state_v,
                      .v_half = sim->config.integrator->sync ? sim->state_v_half : NULL,
                      .h = sim->run.h};
-  MS_COPY_SIZED(state, full);
+  return ms_sized_write(state, &full, sizeof full);
 }
 
-void msim_sim_energy(msim_sim *sim, msim_energy *energy) {
+msim_status msim_sim_energy(msim_sim *sim, msim_energy *energy) {
+  if (!sim || !energy) return MSIM_ERR_ARG;
   update_state_arrays(sim);
-  msim_energy full = {.size = energy->size};
+  msim_energy full = {0};
   ms_energy_compute(sim->scene, sim->state_x, sim->state_v, &full);
-  MS_COPY_SIZED(energy, full);
+  return ms_sized_write(energy, &full, sizeof full);
 }
 
-void msim_sim_stats(const msim_sim *sim, msim_stats *stats) {
-  msim_stats full = sim->stats;
-  full.size = stats->size;
-  MS_COPY_SIZED(stats, full);
+msim_status msim_sim_stats(const msim_sim *sim, msim_stats *stats) {
+  if (!sim || !stats) return MSIM_ERR_ARG;
+  return ms_sized_write(stats, &sim->stats, sizeof sim->stats);
 }
 
-void msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
+msim_status msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
+  if (!sim || !plan) return MSIM_ERR_ARG;
   const ms_solver *linear = ms_sim_largest_island(sim)->stepper.solver;
-  msim_plan full = {.size = plan->size,
-                    .h = sim->run.h,
+  msim_plan full = {.h = sim->run.h,
                     .steps = sim->config.plan.steps,
                     .integrator = sim->config.integrator->entry.name,
                     .solver = linear ? linear->linear->name : "none",
                     .threads = ms_pool_thread_count(sim->pool),
                     .tol = sim->config.opt.tol,
                     .t_end = sim->config.plan.t_end};
-  MS_COPY_SIZED(plan, full);
+  return ms_sized_write(plan, &full, sizeof full);
 }
 
 static void add_island_force(const ms_island_sim *m, const double *x, const double *v,

@@ -57,10 +57,6 @@ struct msim_sim {
   struct ms_matrix_export *matrix_export; /* for msim_sim_matrix; NULL: not requested */
 };
 
-/* Copy the struct `full` to the caller's, as far as the caller's size goes. */
-#define MS_COPY_SIZED(to, full) \
-  memcpy(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
-
 /* 1: error control chooses the length of each step. */
 static inline int ms_sim_has_control(const msim_sim *sim) { return sim->config.opt.tol > 0; }
 

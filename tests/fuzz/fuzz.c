@@ -19,7 +19,7 @@ static void give_back(void *ptr, void *user) {
 
 msim_allocator fuzz_allocator(fuzz_budget *budget, size_t bytes) {
   budget->left = bytes;
-  return (msim_allocator){spend, give_back, budget};
+  return (msim_allocator){sizeof(msim_allocator), spend, give_back, budget};
 }
 
 void fuzz_check(int kept, const char *promise) {
