@@ -81,10 +81,22 @@ static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   return ms_sim_make_steps(sim, n, err);
 }
 
+/* The driver of a run must not be entered a second time. */
+static msim_status refuse_in_observer(const msim_sim *sim, const char *function, msim_error *err) {
+  if (!sim->in_observer) return MSIM_OK;
+  return ms_error_set(
+      err, MSIM_ERR_ARG,
+      "%s must not be called in an observer of the same sim: the run continues when "
+      "the observer has returned",
+      function);
+}
+
 /* A later msim_sim_run does not show frames that these steps have passed. */
 msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
   if (!sim || n < 0) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL, or n is negative");
-  msim_status status = make_steps(sim, n, err);
+  msim_status status = refuse_in_observer(sim, "msim_sim_step", err);
+  if (status) return status;
+  status = make_steps(sim, n, err);
   if (ms_plan_has_times(&sim->config.opt))
     sim->run.frame = ms_plan_frame_after(&sim->config.plan, &sim->config.opt, sim->run.t);
   return status ? status : ms_error_clear(err);
@@ -137,17 +149,28 @@ static msim_status run_to_frame(msim_sim *sim, int shown, int *is_there, msim_er
   return MSIM_OK;
 }
 
+/* 1: the observer asks to stop. */
+static int observe(msim_sim *sim, msim_observer *observer, void *user) {
+  if (!observer) return 0;
+  sim->in_observer = 1;
+  const int enough = observer(sim, user) != 0;
+  sim->in_observer = 0;
+  return enough;
+}
+
 msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
+  const msim_status refused = refuse_in_observer(sim, "msim_sim_run", err);
+  if (refused) return refused;
   if (sim->config.plan.t_end < 0)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "the run has no end: set options.steps or options.t_end");
-  if (observer && sim->run.step == sim->run.step0 && observer(sim, user))
+  if (sim->run.step == sim->run.step0 && observe(sim, observer, user))
     return ms_error_set(err, MSIM_STOPPED, "stopped by the observer at the start");
   while (!is_at_end(sim)) {
     int is_there;
     const msim_status status = run_to_frame(sim, observer != NULL, &is_there, err);
-    const int enough = is_there && observer && observer(sim, user);
+    const int enough = is_there && observe(sim, observer, user);
     if (status) return status;
     if (enough)
       return ms_error_set(err, MSIM_STOPPED, "stopped by the observer after step %lld, t = %g s",

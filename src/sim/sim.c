@@ -154,6 +154,10 @@ msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_s
 
 void msim_sim_destroy(msim_sim *sim) {
   if (!sim) return;
+  if (sim->in_observer) {
+    ms_sim_warn(sim, "the sim is not destroyed: its observer must not do that");
+    return;
+  }
   ms_sim_free_matrix(sim);
   ms_sim_destroy_islands(sim);
   ms_pool_destroy(sim->pool);
