@@ -105,9 +105,37 @@ static void steps_by_cholmod_are_seen_to_allocate(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A step that fails leaves the state after the last complete one, and the sim goes on from there to
+ * the same bits. */
+static void a_step_without_memory_can_be_repeated(void **state) {
+  (void)state;
+  if (!FAILING_MALLOC) skip();
+  require(is_solver_available("cholmod"), "the solver cholmod");
+  msim_scene *scene = falling_cloth("linearly-implicit-euler");
+  msim_options opt = options("linearly-implicit-euler", 1e-3);
+  opt.solver = "cholmod", opt.threads = 1;
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+  msim_status status;
+  assert_ok(msim_sim_step(other, 3, err));
+  assert_ok(msim_sim_step(sim, 3, err));
+  assert_true(steps_allocate(sim, 2, &status));
+  assert_int_equal(status, MSIM_ERR_MEMORY);
+  for (int i = 0; i < 2; i++) {
+    const msim_state s = state_of(sim), t = state_of(other);
+    assert_true(s.step == t.step && s.t == t.t);
+    assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
+    assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
+    assert_ok(msim_sim_step(sim, 5, err));
+    assert_ok(msim_sim_step(other, 5, err));
+  }
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(no_step_by_pcg_allocates),
                                      cmocka_unit_test(no_step_by_sundials_allocates),
-                                     cmocka_unit_test(steps_by_cholmod_are_seen_to_allocate)};
+                                     cmocka_unit_test(steps_by_cholmod_are_seen_to_allocate),
+                                     cmocka_unit_test(a_step_without_memory_can_be_repeated)};
   return cmocka_run_group_tests_name("allocations", tests, NULL, NULL);
 }

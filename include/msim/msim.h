@@ -24,21 +24,33 @@
  *
  * Conventions of all functions:
  *  - The object comes first, inputs next, outputs after them, the error last (nullable).
- *  - Functions that can fail return msim_status: 0 success; < 0 error, nothing was changed; > 0
- *    numerical event. After MSIM_NOT_SPD, MSIM_NOT_CONVERGED and MSIM_NOT_FINITE the state is that
- *    before the failed step, or, if its energy or extent exceeds the bounds of the energy monitor
- *    (MSIM_WATCH_ON), as after MSIM_UNSTABLE, the last good state. After MSIM_STOPPED it is that
- *    after the step. Functions that destroy an object return void and accept NULL.
- *    Invalid arguments are MSIM_ERR_ARG, failed allocations MSIM_ERR_MEMORY. Plugins: MSIM_ERR_NAME
- *    if not found, MSIM_ERR_PLUGIN or MSIM_ERR_ABI if unusable, MSIM_ERR_BACKEND if their library
- *    fails. Other errors are listed at each function.
+ *  - Functions that can fail return msim_status: 0 success; < 0 error; > 0 numerical event. Any of
+ *    them may return MSIM_ERR_ARG (an argument is invalid) and MSIM_ERR_MEMORY (an allocation
+ *    failed), those with a struct that has a size MSIM_ERR_SIZE (it was not set, or members are set
+ *    that this msim does not have). "Plugin statuses" are MSIM_ERR_NAME (not found),
+ *    MSIM_ERR_PLUGIN and MSIM_ERR_ABI (unusable), MSIM_ERR_BACKEND (its library failed). All others
+ *    are listed at each function. Getters have no error argument: their status says all.
+ *  - After an error nothing is changed but counts and times in msim_stats; pointers that were
+ *    borrowed may be invalid. Only msim_sim_step, msim_sim_run and msim_recorder_write may have
+ *    done a part: see there.
+ *  - Functions that destroy an object accept NULL.
  *  - Positions, velocities and forces are contiguous arrays of 3n doubles: x0 y0 z0 x1 y1 z1 ...
  *    Units are SI: m, kg, s, N. Indices are int32_t and count from 0.
  *  - Arguments are copied; they must not point into memory borrowed from the same object. Returned
  *    pointers are borrowed: valid until their owner is destroyed or changed, or called again.
- *  - Structs that may grow begin with their size: set it (or call their _init) before use.
- *  - The library never prints, aborts or exits, and has no global state. Different sims may run in
- *    different threads, also if they were created from the same scene.
+ *  - Structs that the caller allocates begin with their size, as later versions may add members at
+ *    the end: set it to sizeof before use, as above, or call msim_options_init; all other members
+ *    that are not set must be 0. Members beyond the size count as 0, and are not written.
+ *    msim_error and msim_plane have no size, as they never grow. Structs that functions return a
+ *    pointer to belong to the library and may grow, too: do not copy them by sizeof, nor index them
+ *    as arrays.
+ *  - The library never prints, aborts or exits, and keeps no state but the plugins that it has
+ *    loaded. Different sims may run in different threads, also if they were created from the same
+ *    scene; one scene or sim must not be used by two threads at once, except by msim_sim_stop.
+ *  - In an observer (msim_sim_run) every function may be called for the sim that it observes,
+ *    except msim_sim_step and msim_sim_run, which then return MSIM_ERR_ARG, and msim_sim_destroy,
+ *    which then only warns. Functions that change the sim act as between two calls of msim_sim_run.
+ *    Functions in msim_options and msim_allocator must not use the scene or sim that calls them.
  */
 #ifndef MSIM_MSIM_H
 #define MSIM_MSIM_H
@@ -53,7 +65,8 @@ extern "C" {
 
 typedef struct msim_sim msim_sim;
 
-/* State at the time t = t0 + (step - step0) h; under error control t is the sum of all steps. */
+/* State at the time t = t0 + (step - step0) h; under error control t is the sum of all steps, or
+ * the time of a frame. */
 typedef struct msim_state {
   size_t size;
   int64_t step;
@@ -117,8 +130,12 @@ typedef struct msim_csr {
 } msim_csr;
 
 /* Create a sim from a scene. The sim shares the data of the scene until either is changed; the
- * scene may be destroyed at once. Steps allocate no memory, except when `auto` chooses anew, and in
- * CHOLMOD and KLU, which call malloc in every step.
+ * scene may be destroyed at once. Returns also MSIM_ERR_NAME (no such integrator) and plugin
+ * statuses.
+ *
+ * Steps allocate no memory, except: the plugins cholmod and klu in every step; solver = "auto" when
+ * it opens cholmod; integrator = "auto" when it chooses a method for planes; and qsort of glibc,
+ * which works without memory, too, with implicit methods where many particles rest on planes.
  *
  * Islands are parts of the scene that no spring connects: each is a system with a solver of its
  * own, and is not stepped while at exact rest. Pinned particles connect nothing; islands of less
@@ -145,56 +162,67 @@ typedef struct msim_csr {
  * `steps` is refused.
  *
  * A scene is planar if along some axis all particles have the same coordinate and no velocity, and
- * gravity and all plane normals have no component. Its motion is computed in two components:
- * equal to that in three, up to rounding, and exactly planar. A matrix that is indefinite only for
+ * gravity and all plane normals have no component. Its motion is computed in two components: equal
+ * to that in three, up to rounding, and exactly planar. A matrix that is indefinite only for
  * displacements out of the plane is then positive definite. */
 MSIM_API msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt,
                                      msim_sim **sim, msim_error *err);
+
+/* Close the recorders of the sim before. In an observer of the sim: only warns. Nullable: sim. */
 MSIM_API void msim_sim_destroy(msim_sim *sim);
 
-/* Make n steps. Stops early, with a status > 0, at a numerical event or after msim_sim_stop:
- * MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_NOT_FINITE, MSIM_UNSTABLE, MSIM_STOPPED. */
+/* Make n >= 0 steps. Stops early, with a status > 0, at a numerical event or after msim_sim_stop:
+ * MSIM_NOT_SPD, MSIM_NOT_CONVERGED and MSIM_NOT_FINITE leave the state before the failed step, or,
+ * if its energy or extent exceeds the bounds of the energy monitor (MSIM_WATCH_ON), the last state
+ * within them; MSIM_UNSTABLE leaves that state; MSIM_STOPPED the state after the step. An error,
+ * MSIM_ERR_MEMORY or one of the plugin statuses, leaves the state after the last complete step. The
+ * sim may go on from there. Not in an observer: MSIM_ERR_ARG. */
 MSIM_API msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err);
 
-/* Called at the first state and at each frame (options every, fps); non-zero stops the run. */
+/* Called at the first state and at each frame (options every, fps); non-zero stops the run, which
+ * then returns MSIM_STOPPED. */
 typedef int msim_observer(msim_sim *sim, void *user);
 
 /* Make steps to the end given by options.steps or options.t_end, and call the observer at each
  * frame, including the initial and the final state. Running in several pieces gives the same bits.
  * Under error control frames of `fps`, and those of the default, are at their exact times: the
- * state passed to the observer is interpolated inside the last step, which it does not change. */
+ * state passed to the observer is interpolated inside the last step, which it does not change.
+ * Statuses and the state that they leave: as msim_sim_step. MSIM_ERR_ARG: no end is given. Not in
+ * an observer: MSIM_ERR_ARG. Nullable: observer. */
 MSIM_API msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user,
                                   msim_error *err);
 
 /* Ask a running msim_sim_step or msim_sim_run to return MSIM_STOPPED after the present step; if
- * that step is a frame, the observer is called first. May be called from another thread and from a
- * signal handler. */
+ * that step is a frame, the observer is called first. If none is running, the next one stops after
+ * one step. May be called from another thread and from a signal handler. */
 MSIM_API void msim_sim_stop(msim_sim *sim);
 
 /* The number of the next step that is a frame; at most the last step of the run. Under error
  * control with frames in time, which msim_sim_run interpolates: the next step. */
 MSIM_API int64_t msim_sim_next_frame(const msim_sim *sim);
 
-/* Get the present state; set state->size first. The arrays are valid until the next call. */
+/* Get the present state; set state->size first. The arrays are valid until the next call with this
+ * sim. */
 MSIM_API msim_status msim_sim_state(msim_sim *sim, msim_state *state);
 
 /* Continue from another state; number of steps and t_end are planned anew. Pinned particles must
  * keep their positions. If the method carries v_half and it is given together with the same h, it
  * is used unchanged, else it is computed from v. Nullable: v_half. If a planar scene gets a state
  * out of its plane it is computed in three components from then on, and in two again after a state
- * within the plane: these changes allocate and analyze everything anew. */
+ * within the plane: these changes allocate and analyze everything anew, and may return plugin
+ * statuses. */
 MSIM_API msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_error *err);
 
 /* Continue from the present state with another step size h: s, > 0, or MSIM_H_AUTO. The end stays:
  * t_end, or the number of steps left of options.steps. Matrices get new values, nothing is analyzed
- * anew. An open recorder keeps its planned frames. Under error control h is the next step to try;
- * refused with integrator = auto. */
+ * anew, except with respa, which splits the springs anew. An open recorder keeps its planned
+ * frames. Under error control h is the next step to try; refused with integrator = auto. */
 MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err);
 
 /* Change the springs of this sim, not of its scene. Matrices get new values; they are analyzed anew
  * only if all rest lengths and dampings were 0 or become 0. The step size stays, even if
  * MSIM_H_AUTO chose it for the old springs; but integrator = auto starts a new run from the present
- * state. Nullable: k, rest, damping (unchanged). */
+ * state. New solvers may return plugin statuses. Nullable: k, rest, damping (unchanged). */
 MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nsprings */,
                                           const double *rest /* nsprings */,
                                           const double *damping /* nsprings */, msim_error *err);
@@ -203,7 +231,8 @@ MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nspr
  * the same bits, with any method, solver and error control, and with the same counts in stats
  * (except for times). The caller provides the memory. The data include a format identifier and a
  * hash of all bytes. Saving changes nothing, also inside the observer of msim_sim_run.
- * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set. */
+ * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set.
+ * MSIM_ERR_ARG: capacity is too small. */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
 MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                                    msim_error *err);
@@ -212,9 +241,10 @@ MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, siz
  * the same calls of msim_sim_set_step; the springs must be those set last. Errors name the
  * difference, also of the version of msim or of MSIM_ISA. These may differ: threads, frames (every,
  * fps), plugin_path, sync and the end (steps, t_end), if h stays the same; under error control tol
- * per second must stay the same, too. */
+ * per second must stay the same, too. May return plugin statuses. */
 MSIM_API msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err);
 
+/* Get energies of the present state, work done since creation, and decisions; set size first. */
 MSIM_API msim_status msim_sim_energy(msim_sim *sim, msim_energy *energy);
 MSIM_API msim_status msim_sim_stats(const msim_sim *sim, msim_stats *stats);
 MSIM_API msim_status msim_sim_plan(const msim_sim *sim, msim_plan *plan);
@@ -231,7 +261,8 @@ MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_err
 
 /*------------------------------------- recording ------------------------------------------------*/
 
-/* Writer of a trajectory, .csv (built in) or .vtkhdf (plugin hdf5) by the extension of the file. */
+/* Writer of a trajectory, .csv (built in) or .vtkhdf (plugin hdf5) by the extension of the file.
+ * Its functions also return plugin statuses. It must be closed before its sim is destroyed. */
 typedef struct msim_recorder msim_recorder;
 
 /* Open a file for the frames that the options of the sim define. The file appears under its name as
@@ -254,10 +285,13 @@ MSIM_API msim_status msim_recorder_replace(msim_sim *sim, const char *path,
 MSIM_API msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder **recorder,
                                           msim_error *err);
 
-/* Write the present state of the sim as the next frame. */
+/* Write the present state of the sim as the next frame. MSIM_UNSTABLE: the energy monitor refuses
+ * the state, and the sim is in the last good one again; MSIM_NOT_FINITE: its energy is infinite; in
+ * both cases nothing is written. MSIM_ERR_IO: the frame may be missing, those before are intact. */
 MSIM_API msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err);
 
-/* Finish the file and free the recorder, also after errors. Nullable: recorder. */
+/* Finish the file and free the recorder, also after errors. MSIM_ERR_IO: a write that was buffered
+ * has failed. Nullable: recorder. */
 MSIM_API msim_status msim_recorder_close(msim_recorder *recorder, msim_error *err);
 
 #ifdef __cplusplus

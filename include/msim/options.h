@@ -8,37 +8,59 @@
 extern "C" {
 #endif
 
-/* CLAMP: the transverse term of compressed springs is set to 0. */
-enum { MSIM_JACOBIAN_EXACT, MSIM_JACOBIAN_CLAMP };
+/* The matrix J = df/dx of implicit methods. */
+enum {
+  MSIM_JACOBIAN_EXACT = 0, /* the derivative of the spring forces */
+  MSIM_JACOBIAN_CLAMP = 1  /* with the transverse term of compressed springs set to 0 */
+};
 
-/* If the exact matrix of a step is not positive definite, CLAMP: repeat the step with the clamped
- * matrix; SOLVE: solve the indefinite system; STOP: end with MSIM_NOT_SPD. */
-enum { MSIM_INDEFINITE_CLAMP, MSIM_INDEFINITE_SOLVE, MSIM_INDEFINITE_STOP };
+/* What happens if the exact matrix of a step is not positive definite. */
+enum {
+  MSIM_INDEFINITE_CLAMP = 0, /* the step is repeated with the clamped matrix */
+  MSIM_INDEFINITE_SOLVE = 1, /* the indefinite system is solved, by a solver that can */
+  MSIM_INDEFINITE_STOP = 2   /* the run ends with MSIM_NOT_SPD */
+};
 
-/* REFLECT: particles that are behind a plane at the end of a step are reflected; of order 1 with
- * any method. EVENT: impacts are located inside the step, so that methods keep their order, with
- * exact rest, sliding and sticking on planes; simultaneous impacts on several planes are solved
- * together. Not for `verlet` and `respa`. With tol impacts are located in any case. */
-enum { MSIM_COLLISION_REFLECT, MSIM_COLLISION_EVENT };
+/* How impacts on planes are treated. With tol they are located in any case. */
+enum {
+  /* Particles that are behind a plane at the end of a step are reflected; of order 1 with any
+   * method. */
+  MSIM_COLLISION_REFLECT = 0,
+  /* Impacts are located inside the step, so that methods keep their order, with exact rest, sliding
+   * and sticking on planes; simultaneous impacts on several planes are solved together. Not for
+   * `verlet` and `respa`. */
+  MSIM_COLLISION_EVENT = 1
+};
 
-/* ON: the motion is checked after every 160th explicit step, after every implicit step, before each
- * frame and at the end of a run. If kinetic plus elastic energy, or the extent of the scene,
- * exceeds 100 times what the initial state and gravity can supply, the run ends with MSIM_UNSTABLE.
- * With tol, a warning reports motion in which the errors of steps grow (chaos). Results do not
- * depend on it. */
-enum { MSIM_WATCH_ON, MSIM_WATCH_OFF };
+/* The energy monitor. Results do not depend on it. */
+enum {
+  /* The motion is checked after every 160th explicit step, after every implicit step, before each
+   * frame and at the end of a run. If kinetic plus elastic energy, or the extent of the scene,
+   * exceeds 100 times what the initial state and gravity can supply, the run ends with
+   * MSIM_UNSTABLE. With tol, a warning reports motion in which the errors of steps grow (chaos). */
+  MSIM_WATCH_ON = 0,
+  MSIM_WATCH_OFF = 1 /* nothing is checked but that the state is finite */
+};
 
-/* Durability of trajectories. OFF: each frame is passed to the operating system and survives the
- * end of this process, however it ends. ON: each frame is flushed to the disk and survives power
- * failure. */
-enum { MSIM_SYNC_OFF, MSIM_SYNC_ON };
+/* Durability of trajectories. */
+enum {
+  MSIM_SYNC_OFF = 0, /* each frame is passed to the operating system and survives the end of this
+                        process, however it ends */
+  MSIM_SYNC_ON = 1   /* each frame is flushed to the disk and survives power failure */
+};
 
-/* What `heun` reflects. FINAL: the stage, for its acceleration only, and the result; STANDARD: the
- * result; LITERAL: the stage, not the result, so that particles never bounce. */
-enum { MSIM_HEUN_FINAL, MSIM_HEUN_STANDARD, MSIM_HEUN_LITERAL };
+/* What `heun` reflects at planes. */
+enum {
+  MSIM_HEUN_FINAL = 0,    /* the stage, for its acceleration only, and the result */
+  MSIM_HEUN_STANDARD = 1, /* the result */
+  MSIM_HEUN_LITERAL = 2   /* the stage, not the result, so that particles never bounce */
+};
 
-/* Initial v(-h/2) of `verlet`. TAYLOR: v0 - h/2 a0; PLAIN: v0. */
-enum { MSIM_VERLET_TAYLOR, MSIM_VERLET_PLAIN };
+/* Initial v(-h/2) of `verlet`. */
+enum {
+  MSIM_VERLET_TAYLOR = 0, /* v0 - h/2 a0 */
+  MSIM_VERLET_PLAIN = 1   /* v0 */
+};
 
 /* Value of the step size: 0.9 of the largest one for which an explicit method is stable in every
  * state of the scene; this says nothing about accuracy. Refused if there is no limit or it is 0. */
@@ -61,7 +83,8 @@ enum {
 
 typedef struct msim_backend msim_backend; /* a linear solver, see msim/backend.h */
 
-/* msim_option_info describes each member; strings are borrowed. Defaults are in brackets. */
+/* msim_option_info describes each member. Strings are borrowed until msim_sim_create has copied
+ * them. Defaults are in brackets. */
 typedef struct msim_options {
   size_t size;            /* sizeof(msim_options); set by msim_options_init */
   const char *integrator; /* required; see msim_integrator_info */
@@ -91,7 +114,7 @@ typedef struct msim_options {
   void (*warn)(const char *text, void *user);
   void *warn_user;
   /* Solvers provided by the program: option `solver` finds them by name, before all others. A list
-   * that ends with NULL; its tables must outlive the sims. Nullable. */
+   * that ends with NULL; it and its tables must outlive the sims. Nullable. */
   const msim_backend *const *backends;
   /* A fixed step that does not converge, or is not finite, is repeated in 2, 4, ... substeps: the
    * maximum number of these bisections. Output times stay; stats.rejected_steps counts the
@@ -101,6 +124,8 @@ typedef struct msim_options {
   int32_t sync;  /* MSIM_SYNC_... [OFF] */
 } msim_options;
 
+/* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for
+ * any member, and nothing is written. */
 MSIM_API msim_status msim_options_init(msim_options *opt, size_t size);
 
 /* Set one option by its name on the command line and in scene files, as in "solver.rtol", "1e-10".
@@ -108,10 +133,12 @@ MSIM_API msim_status msim_options_init(msim_options *opt, size_t size);
 MSIM_API msim_status msim_options_set(msim_options *opt, const char *name, const char *value,
                                       msim_error *err);
 
-/* Set the options in `run` of the scene file; strings are borrowed from the scene. */
+/* Set the options in `run` of the scene file: all, or none after an error, as of msim_options_set.
+ * Strings are borrowed from the scene. */
 MSIM_API msim_status msim_options_from_scene(msim_options *opt, const msim_scene *scene,
                                              msim_error *err);
 
+/* Owned by the library */
 typedef struct msim_option_entry {
   const char *name;   /* "solver.rtol" */
   const char *values; /* accepted values: "number > 0", "exact | clamp" */
@@ -124,6 +151,7 @@ MSIM_API const msim_option_entry *msim_option_info(int32_t i);
 
 /*------------------------------------- lists ----------------------------------------------------*/
 
+/* Owned by the library */
 typedef struct msim_integrator_entry {
   const char *name;
   const char *doc;  /* the formula, in one sentence */
@@ -152,7 +180,8 @@ MSIM_API int32_t msim_importer_info(int32_t i, const char *plugin_path, msim_plu
                                     msim_error *err);
 
 /* Get the function table of the solver that option `solver` = name selects, and load its plugin,
- * for good; MSIM_ERR_NAME for the built-in solvers, which have none. Nullable: plugin_path. */
+ * for good. Plugin statuses; MSIM_ERR_NAME also for the built-in solvers, which have none.
+ * Nullable: plugin_path. */
 MSIM_API msim_status msim_solver_backend(const char *name, const char *plugin_path,
                                          const msim_backend **backend, msim_error *err);
 
