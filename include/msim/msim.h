@@ -33,7 +33,7 @@
  *  - After an error nothing is changed but counts and times in msim_stats; pointers that were
  *    borrowed may be invalid. Only msim_sim_step, msim_sim_run and msim_recorder_write may have
  *    done a part: see there.
- *  - Functions that destroy an object accept NULL.
+ *  - Functions that destroy an object accept NULL; others that return no status need all arguments.
  *  - Positions, velocities and forces are contiguous arrays of 3n doubles: x0 y0 z0 x1 y1 z1 ...
  *    Units are SI: m, kg, s, N. Indices are int32_t and count from 0.
  *  - Arguments are copied; they must not point into memory borrowed from the same object. Returned
@@ -287,7 +287,8 @@ MSIM_API msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_
 
 /* Write the present state of the sim as the next frame. MSIM_UNSTABLE: the energy monitor refuses
  * the state, and the sim is in the last good one again; MSIM_NOT_FINITE: its energy is infinite; in
- * both cases nothing is written. MSIM_ERR_IO: the frame may be missing, those before are intact. */
+ * both cases nothing is written. MSIM_ERR_IO: the frame is missing, or incomplete if the message
+ * says so; those before are intact. */
 MSIM_API msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err);
 
 /* Finish the file and free the recorder, also after errors. MSIM_ERR_IO: a write that was buffered
