@@ -7,54 +7,26 @@
 
 /*------------------------------------- graph ----------------------------------------------------*/
 
-static int compare_indices(const void *a, const void *b) {
-  int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
-  return (x > y) - (x < y);
-}
-
-/* List each spring between two unknowns at both ends, then sort each row of the graph and remove
- * duplicates. */
-static void fill_graph(const ms_model *model, ms_sparse_graph *g, int32_t *next) {
-  const ms_springs *s = &model->springs;
-  memcpy(next, g->ptr, (size_t)g->n * sizeof *next);
-  for (int32_t e = 0; e < s->n; e++) {
-    if (s->i[e] >= g->n || s->j[e] >= g->n) continue;
-    g->ind[next[s->i[e]]++] = s->j[e];
-    g->ind[next[s->j[e]]++] = s->i[e];
-  }
-  int32_t to = 0, from = 0;
-  for (int32_t r = 0; r < g->n; r++) {
-    int32_t end = g->ptr[r + 1], first = to;
-    qsort(g->ind + from, (size_t)(end - from), sizeof *g->ind, compare_indices);
-    for (; from < end; from++)
-      if (to == first || g->ind[to - 1] != g->ind[from]) g->ind[to++] = g->ind[from];
-    g->ptr[r] = first;
-  }
-  g->ptr[g->n] = to;
-}
-
 msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph *graph,
                                           msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const ms_springs *s = &model->springs;
-  int32_t n = model->unknowns.nfree;
-  *graph =
-      (ms_sparse_graph){.n = n, .ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof(int32_t))};
-  int32_t *next = ms_memory_allocate(alloc, (size_t)n, sizeof *next);
-  int64_t total = 0;
-  for (int32_t e = 0; e < s->n && graph->ptr; e++) {
-    if (s->i[e] >= n || s->j[e] >= n) continue;
-    graph->ptr[s->i[e] + 1]++, graph->ptr[s->j[e] + 1]++;
-    total += 2;
+  const ms_half_edges *half_edges = &model->half_edges;
+  const int32_t n = model->unknowns.nfree;
+  *graph = (ms_sparse_graph){
+      .n = n,
+      .ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof(int32_t)),
+      .ind = ms_memory_allocate(alloc, 2 * (size_t)model->springs.n, sizeof(int32_t))};
+  if (!graph->ptr || !graph->ind) return ms_error_set_memory(err, "the graph of the springs");
+  for (int32_t r = 0; r < n; r++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
+    int32_t to = graph->ptr[r], last = -1;
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int32_t j = half_edges->neighbour[at];
+      if (half_edges->spring[at] < 0 || j >= n || j == last) continue;
+      graph->ind[to++] = last = j;
+    }
+    graph->ptr[r + 1] = to;
   }
-  if (total <= INT32_MAX) graph->ind = ms_memory_allocate(alloc, (size_t)total, sizeof *graph->ind);
-  if (!graph->ptr || !graph->ind || !next) {
-    ms_memory_free(alloc, next);
-    return ms_error_set_memory(err, "the graph of the springs");
-  }
-  for (int32_t r = 0; r < n; r++) graph->ptr[r + 1] += graph->ptr[r];
-  fill_graph(model, graph, next);
-  ms_memory_free(alloc, next);
   return MSIM_OK;
 }
 
@@ -65,6 +37,11 @@ void ms_sparse_matrix_destroy_graph(const ms_model *model, ms_sparse_graph *grap
 }
 
 /*------------------------------------- pattern --------------------------------------------------*/
+
+static int compare_indices(const void *a, const void *b) {
+  int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+  return (x > y) - (x < y);
+}
 
 /* List the block columns of block row k, in the order of the matrix: the diagonal, and neighbours
  * that the format stores. */
