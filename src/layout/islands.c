@@ -1,21 +1,10 @@
 #include "layout/islands.h"
 
+#include "layout/components.h"
+
 enum { NONE = -1 };
 
 /*------------------------------------- connected components -------------------------------------*/
-
-/* Union-find (Tarjan 1975). to[p]: a particle of p's component with a lower number; p itself if it
- * is the first one. */
-static int32_t find_first_of_component(int32_t *to, int32_t p) {
-  while (to[p] != p) p = to[p] = to[to[p]];
-  return p;
-}
-
-static void join_components(int32_t *to, int32_t p, int32_t q) {
-  p = find_first_of_component(to, p), q = find_first_of_component(to, q);
-  if (p < q) to[q] = p;
-  else to[p] = q;
-}
 
 /* The free end of a spring, the first one if both are free; NONE: both are pinned. */
 static int32_t free_end(const ms_scene *s, int32_t e) {
@@ -37,12 +26,12 @@ static void find_components(const ms_scene *s, int32_t *of) {
     const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
     if (!s->pinned[i] && of[i] == NONE) of[i] = i;
     if (!s->pinned[j] && of[j] == NONE) of[j] = j;
-    if (!s->pinned[i] && !s->pinned[j]) join_components(of, i, j);
+    if (!s->pinned[i] && !s->pinned[j]) ms_components_join(of, i, j);
   }
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (s->pinned[p]) continue;
     if (of[p] == NONE && first_loose == NONE) first_loose = p;
-    of[p] = of[p] == NONE ? first_loose : find_first_of_component(of, p);
+    of[p] = of[p] == NONE ? first_loose : ms_components_find_root(of, p);
   }
 }
 

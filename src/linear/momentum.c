@@ -2,41 +2,20 @@
 
 #include <string.h>
 
-/* The root of an unknown's tree, with path halving (union-find; Tarjan and van Leeuwen 1984) */
-static int32_t find_component_root(int32_t *parent, int32_t row) {
-  while (parent[row] != row) row = parent[row] = parent[parent[row]];
-  return row;
-}
+#include "layout/components.h"
 
-/* The root of each component is its unknown of least index. */
-static void unite_rows(const ms_model *model, int32_t *parent) {
-  const ms_springs *s = &model->springs;
-  for (int32_t row = 0; row < model->unknowns.nfree; row++) parent[row] = row;
-  for (int32_t e = 0; e < s->n; e++) {
-    if (s->i[e] >= model->unknowns.nfree || s->j[e] >= model->unknowns.nfree) continue;
-    const int32_t i = find_component_root(parent, s->i[e]),
-                  j = find_component_root(parent, s->j[e]);
-    if (i < j) parent[j] = i;
-    else parent[i] = j;
-  }
-}
-
-/* Replace roots by component numbers. number: by root; -2: none yet, -1: connected to pinned
- * particles */
+/* Number the components without pinned particles. number: scratch, nfree zeros */
 static void number_components(const ms_model *model, int32_t *number, ms_momentum_components *f) {
   const ms_springs *s = &model->springs;
   const int32_t nfree = model->unknowns.nfree;
-  for (int32_t row = 0; row < nfree; row++)
-    f->of[row] = find_component_root(f->of, row), number[row] = -2;
+  const int32_t components = ms_components_number(&model->unknowns, s, f->of);
   for (int32_t e = 0; e < s->n; e++) {
     if (s->i[e] < nfree && s->j[e] >= nfree) number[f->of[s->i[e]]] = -1;
     if (s->j[e] < nfree && s->i[e] >= nfree) number[f->of[s->j[e]]] = -1;
   }
-  for (int32_t row = 0; row < nfree; row++) {
-    int32_t *of_root = &number[f->of[row]];
-    if (*of_root == -2) *of_root = f->n++;
-    f->of[row] = *of_root;
-  }
+  for (int32_t k = 0; k < components; k++)
+    if (number[k] == 0) number[k] = f->n++;
+  for (int32_t row = 0; row < nfree; row++) f->of[row] = number[f->of[row]];
 }
 
 msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_components *f,
@@ -46,7 +25,6 @@ msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_com
   int32_t *number = ms_memory_allocate(alloc, nfree, sizeof *number);
   *f = (ms_momentum_components){.of = ms_memory_allocate(alloc, nfree, sizeof *f->of)};
   if (number && f->of) {
-    unite_rows(model, f->of);
     number_components(model, number, f);
     f->sums = ms_memory_allocate(alloc, 4 * (size_t)f->n, sizeof *f->sums);
   }

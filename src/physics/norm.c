@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "layout/components.h"
 #include "physics/external_force.h"
 
 /* Sums and extremes over a body */
@@ -15,35 +16,13 @@ typedef struct ms_norm_sums {
 
 /*------------------------------------- bodies ---------------------------------------------------*/
 
-static int32_t find_body_root(int32_t *of, int32_t r) {
-  while (of[r] != r) r = of[r] = of[of[r]];
-  return r;
-}
-
-/* of: the body of each unknown. Returns the number of bodies. Union-find (Tarjan 1975). */
-static int32_t find_bodies(const ms_model *model, int32_t *of) {
-  const int32_t nfree = model->unknowns.nfree;
-  const ms_springs *s = &model->springs;
-  int32_t parts = 0;
-  for (int32_t r = 0; r < nfree; r++) of[r] = r;
-  for (int32_t e = 0; e < s->n; e++) {
-    if (s->i[e] >= nfree || s->j[e] >= nfree) continue;
-    const int32_t i = find_body_root(of, s->i[e]), j = find_body_root(of, s->j[e]);
-    if (i < j) of[j] = i;
-    else of[i] = j;
-  }
-  for (int32_t r = 0; r < nfree; r++) of[r] = find_body_root(of, r);
-  for (int32_t r = 0; r < nfree; r++) of[r] = of[r] == r ? parts++ : of[of[r]];
-  return parts;
-}
-
 msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t nfree = model->unknowns.nfree;
   *norm = (ms_norm){0};
   norm->body_of = ms_memory_allocate(alloc, (size_t)nfree + 1, sizeof *norm->body_of);
   if (!norm->body_of) return ms_error_set_memory(err, "the error norm of step-size control");
-  norm->n = find_bodies(model, norm->body_of);
+  norm->n = ms_components_number(&model->unknowns, &model->springs, norm->body_of);
   norm->body = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->body);
   norm->sums = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->sums);
   if (!norm->body || !norm->sums)
