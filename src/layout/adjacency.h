@@ -17,9 +17,6 @@ typedef struct ms_adjacency {
 msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
                                 const ms_springs *springs, ms_adjacency *a, msim_error *err);
 
-/* Row r becomes row new_row[r], a permutation. */
-msim_status ms_adjacency_renumber(const ms_scene *scene, int32_t nrows, const int32_t *new_row,
-                                  ms_adjacency *a, msim_error *err);
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a);
 
 static inline int32_t ms_adjacency_degree(const ms_adjacency *a, int32_t row) {

@@ -63,35 +63,15 @@ static int32_t number_islands(int32_t n, int32_t *of, int32_t *size) {
 
 /*------------------------------------- contents of islands --------------------------------------*/
 
-/* Put the items 0 to n - 1 into buckets, in their order; to: the bucket of each, NONE: none. */
-static msim_status sort_into_buckets(const msim_allocator *alloc, int32_t n, const int32_t *to,
-                                     int32_t nbuckets, ms_islands_buckets *b, msim_error *err) {
-  b->first = ms_memory_allocate(alloc, (size_t)nbuckets + 2, sizeof *b->first);
-  b->item = ms_memory_allocate(alloc, (size_t)n, sizeof *b->item);
-  if (!b->first || !b->item) return ms_error_set_memory(err, "the islands of the scene");
-  int32_t *next = b->first + 1;
-  for (int32_t k = 0; k < n; k++)
-    if (to[k] != NONE) next[to[k] + 1]++;
-  for (int32_t i = 1; i <= nbuckets; i++) next[i] += next[i - 1];
-  for (int32_t k = 0; k < n; k++)
-    if (to[k] != NONE) b->item[next[to[k]]++] = k;
-  return MSIM_OK;
-}
-
-static void destroy_buckets(const msim_allocator *alloc, ms_islands_buckets *b) {
-  ms_memory_free(alloc, b->first);
-  ms_memory_free(alloc, b->item);
-}
-
 /* The springs are sorted by their pinned end first: so each island gets its pinned particles in
  * ascending order, and duplicates, which are dropped, follow each other. last: scratch, one for
  * each island. */
-static msim_status sort_pinned_particles(const ms_scene *s, const int32_t *of, int32_t *to,
-                                         int32_t *last, ms_islands *out, msim_error *err) {
-  ms_islands_buckets held = {0};
+static int sort_pinned_particles(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
+                                 ms_islands *out) {
+  ms_buckets held;
   for (int32_t e = 0; e < s->nsprings; e++) to[e] = pinned_end(s, e);
-  msim_status status = sort_into_buckets(&s->alloc, s->nsprings, to, s->nparticles, &held, err);
-  if (!status) {
+  int fits = ms_buckets_create(&s->alloc, s->nsprings, to, s->nparticles, &held);
+  if (fits) {
     const int32_t n = held.first[s->nparticles];
     for (int32_t i = 0; i < out->n; i++) last[i] = NONE;
     for (int32_t k = 0; k < n; k++) {
@@ -100,23 +80,23 @@ static msim_status sort_pinned_particles(const ms_scene *s, const int32_t *of, i
       to[k] = last[island] == held.item[k] ? NONE : island;
       last[island] = held.item[k];
     }
-    status = sort_into_buckets(&s->alloc, n, to, out->n, &out->pinned, err);
-    for (int32_t k = 0; !status && k < out->pinned.first[out->n]; k++)
+    fits = ms_buckets_create(&s->alloc, n, to, out->n, &out->pinned);
+    for (int32_t k = 0; fits && k < out->pinned.first[out->n]; k++)
       out->pinned.item[k] = held.item[out->pinned.item[k]];
   }
-  destroy_buckets(&s->alloc, &held);
-  return status;
+  ms_buckets_destroy(&s->alloc, &held);
+  return fits;
 }
 
-static msim_status sort_contents(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
-                                 ms_islands *out, msim_error *err) {
-  msim_status status = sort_into_buckets(&s->alloc, s->nparticles, of, out->n, &out->free, err);
+static int sort_contents(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
+                         ms_islands *out) {
   for (int32_t e = 0; e < s->nsprings; e++) {
     const int32_t p = free_end(s, e);
     to[e] = p == NONE ? NONE : of[p];
   }
-  if (!status) status = sort_into_buckets(&s->alloc, s->nsprings, to, out->n, &out->springs, err);
-  return status ? status : sort_pinned_particles(s, of, to, last, out, err);
+  return ms_buckets_create(&s->alloc, s->nparticles, of, out->n, &out->free) &&
+         ms_buckets_create(&s->alloc, s->nsprings, to, out->n, &out->springs) &&
+         sort_pinned_particles(s, of, to, last, out);
 }
 
 /*------------------------------------- create and destroy ---------------------------------------*/
@@ -130,28 +110,27 @@ msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *isla
   int32_t *of = ms_memory_allocate(alloc, n, sizeof *of),
           *size = ms_memory_allocate(alloc, n + 1, sizeof *size);
   int32_t *to = ms_memory_allocate(alloc, springs, sizeof *to);
-  msim_status status = islands->row_scratch && of && size && to
-                           ? MSIM_OK
-                           : ms_error_set_memory(err, "the islands of the scene");
-  if (!status && whole) {
+  int fits = islands->row_scratch && of && size && to;
+  if (fits && whole) {
     for (size_t p = 0; p < n; p++) of[p] = scene->pinned[p] ? NONE : 0;
-  } else if (!status) {
+  } else if (fits) {
     find_components(scene, of);
     islands->n = number_islands(scene->nparticles, of, size);
     if (islands->n == 0) islands->n = 1; /* all particles are pinned */
   }
-  if (!status) status = sort_contents(scene, of, to, size, islands, err);
+  fits = fits && sort_contents(scene, of, to, size, islands);
   ms_memory_free(alloc, of);
   ms_memory_free(alloc, size);
   ms_memory_free(alloc, to);
-  if (status) ms_islands_destroy(scene, islands);
-  return status;
+  if (fits) return MSIM_OK;
+  ms_islands_destroy(scene, islands);
+  return ms_error_set_memory(err, "the islands");
 }
 
 void ms_islands_destroy(const ms_scene *scene, ms_islands *islands) {
-  destroy_buckets(&scene->alloc, &islands->free);
-  destroy_buckets(&scene->alloc, &islands->pinned);
-  destroy_buckets(&scene->alloc, &islands->springs);
+  ms_buckets_destroy(&scene->alloc, &islands->free);
+  ms_buckets_destroy(&scene->alloc, &islands->pinned);
+  ms_buckets_destroy(&scene->alloc, &islands->springs);
   ms_memory_free(&scene->alloc, islands->row_scratch);
   *islands = (ms_islands){0};
 }

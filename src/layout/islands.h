@@ -10,6 +10,7 @@
 #ifndef MS_ISLANDS_H
 #define MS_ISLANDS_H
 
+#include "base/buckets.h"
 #include "scene/scene.h"
 
 enum { MS_MIN_ISLAND = 512 };
@@ -22,14 +23,9 @@ typedef struct ms_island {
   int32_t *row_scratch;         /* for each particle of the scene: scratch of ms_springs_create */
 } ms_island;
 
-/* Bucket b holds item[first[b]] ... item[first[b + 1] - 1]. */
-typedef struct ms_islands_buckets {
-  int32_t *first, *item;
-} ms_islands_buckets;
-
 typedef struct ms_islands {
   int32_t n; /* >= 1; a scene without free particles has one, which is empty */
-  ms_islands_buckets free, pinned, springs;
+  ms_buckets free, pinned, springs;
   int32_t *row_scratch; /* nparticles */
 } ms_islands;
 

@@ -203,9 +203,9 @@ static msim_status apply_order(const ms_scene *scene, const int32_t *order, ms_u
     springs->i[e] = new_row[springs->i[e]];
     springs->j[e] = new_row[springs->j[e]];
   }
-  msim_status status = ms_adjacency_renumber(scene, rows->stride, new_row, a, err);
   ms_memory_free(&scene->alloc, new_row);
-  return status;
+  ms_adjacency_destroy(scene, a);
+  return ms_adjacency_create(scene, rows, springs, a, err);
 }
 
 static msim_status find_order(const ms_scene *scene, search *s, ms_unknowns *rows,

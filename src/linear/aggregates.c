@@ -6,7 +6,7 @@
 
 /* State of the growth of clusters, one after the other */
 typedef struct growth {
-  const ms_modes_graph *graph;
+  const ms_incidence *graph;
   int32_t size;                      /* of a complete cluster */
   int32_t *of;                       /* n: the cluster of each unknown; -1: none yet */
   int32_t *seeds, next_seed, nseeds; /* unknowns at borders, oldest first */
@@ -18,6 +18,11 @@ typedef struct growth {
 
 /* Bounds the cost at a hub, an unknown with very many springs. */
 enum { MOST_CANDIDATES = 1024 };
+
+/* The unknown at the other end of the e-th half-edge */
+static int32_t neighbour(const growth *g, int32_t e) {
+  return g->graph->row[g->graph->of.item[e] ^ 1];
+}
 
 static void add_candidate(growth *g, int32_t cluster, int32_t row, int32_t distance) {
   if (g->of[row] >= 0) return;
@@ -51,8 +56,8 @@ static void grow(growth *g, int32_t cluster, int32_t seed) {
   for (int32_t members = 0; members < g->size && g->ncandidates; members++) {
     const int32_t row = take_best(g);
     g->of[row] = cluster;
-    for (int32_t e = g->graph->first[row]; e < g->graph->first[row + 1]; e++)
-      add_candidate(g, cluster, g->graph->neighbour[e], g->distance[row] + 1);
+    for (int32_t e = g->graph->of.first[row]; e < g->graph->of.first[row + 1]; e++)
+      add_candidate(g, cluster, neighbour(g, e), g->distance[row] + 1);
   }
 }
 
@@ -60,7 +65,7 @@ static void grow(growth *g, int32_t cluster, int32_t seed) {
 static int32_t grow_clusters(growth *g, int32_t n) {
   int32_t clusters = 0;
   for (int32_t r = 0; r < n; r++) {
-    if (g->of[r] >= 0 || g->graph->first[r] == g->graph->first[r + 1]) continue;
+    if (g->of[r] >= 0 || g->graph->of.first[r] == g->graph->of.first[r + 1]) continue;
     grow(g, clusters++, r);
     for (; g->next_seed < g->nseeds; g->next_seed++)
       if (g->of[g->seeds[g->next_seed]] < 0) grow(g, clusters++, g->seeds[g->next_seed]);
@@ -78,8 +83,8 @@ static void merge_small_clusters(const growth *g, int32_t n, int32_t *members, i
   for (int32_t r = 0; r < n; r++) {
     const int32_t own = g->of[r];
     if (own < 0 || members[own] > g->size / 4 || into[own] != own) continue;
-    for (int32_t e = g->graph->first[r]; e < g->graph->first[r + 1]; e++) {
-      const int32_t other = into[g->of[g->graph->neighbour[e]]];
+    for (int32_t e = g->graph->of.first[r]; e < g->graph->of.first[r + 1]; e++) {
+      const int32_t other = into[g->of[neighbour(g, e)]];
       if (members[other] <= g->size / 4 || members[other] + members[own] > 2 * g->size) continue;
       into[own] = other;
       members[other] += members[own];
@@ -92,25 +97,23 @@ static void merge_small_clusters(const growth *g, int32_t n, int32_t *members, i
   }
 }
 
-/* Number the remaining clusters by their first unknowns, and list the unknowns of each. */
-static void list_rows(ms_aggregates *a, int32_t n, int32_t *number) {
+/* Number the remaining clusters by their first unknowns, and list the unknowns of each. Returns 0
+ * if memory is exhausted. */
+static int list_rows(const msim_allocator *alloc, ms_aggregates *a, int32_t n, int32_t *number) {
+  ms_buckets rows;
   for (int32_t r = 0; r < n; r++) {
     if (a->of[r] < 0) continue;
     if (number[a->of[r]] == 0) number[a->of[r]] = ++a->n;
     a->of[r] = number[a->of[r]] - 1;
   }
-  for (int32_t r = 0; r < n; r++)
-    if (a->of[r] >= 0) a->first[a->of[r] + 1]++;
-  for (int32_t k = 0; k < a->n; k++) a->first[k + 1] += a->first[k];
-  int32_t *next = number;
-  for (int32_t k = 0; k < a->n; k++) next[k] = a->first[k];
-  for (int32_t r = 0; r < n; r++)
-    if (a->of[r] >= 0) a->unknown[next[a->of[r]]++] = r;
+  const int fits = ms_buckets_create(alloc, n, a->of, a->n, &rows);
+  a->first = rows.first, a->unknown = rows.item;
+  return fits;
 }
 
 /*------------------------------------- creation and destruction ---------------------------------*/
 
-static msim_status build_clusters(const ms_model *model, const ms_modes_graph *graph, int32_t size,
+static msim_status build_clusters(const ms_model *model, const ms_incidence *graph, int32_t size,
                                   ms_aggregates *a, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = model->unknowns.nfree;
@@ -130,7 +133,7 @@ static msim_status build_clusters(const ms_model *model, const ms_modes_graph *g
     for (int32_t r = 0; r < n; r++)
       if (g.of[r] >= 0) members[g.of[r]]++;
     merge_small_clusters(&g, n, members, members + count);
-    list_rows(a, n, members + 2 * count);
+    failed = !list_rows(alloc, a, n, members + 2 * count);
   } else {
     failed = 1;
   }
@@ -144,18 +147,17 @@ msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggrega
                                  msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)model->unknowns.first_pinned;
-  ms_modes_graph graph;
+  ms_incidence graph = {0};
   *a = (ms_aggregates){.of = ms_memory_allocate(alloc, n, sizeof *a->of),
-                       .first = ms_memory_allocate(alloc, n + 1, sizeof *a->first),
-                       .unknown = ms_memory_allocate(alloc, n, sizeof *a->unknown),
                        .weight = ms_memory_allocate(alloc, MS_MODES * n, sizeof *a->weight)};
-  if (!a->of || !a->first || !a->unknown || !a->weight)
-    return ms_error_set_memory(err, "the aggregates");
-  msim_status status = ms_modes_create_graph(model, &graph, err);
-  if (!status) status = build_clusters(model, &graph, size, a, err);
-  for (int32_t r = model->unknowns.nfree; r < model->unknowns.first_pinned; r++) a->of[r] = -1;
+  const int fits = a->of && a->weight &&
+                   ms_incidence_create(alloc, &model->springs, model->unknowns.nfree, &graph);
+  msim_status status = fits ? build_clusters(model, &graph, size, a, err)
+                            : ms_error_set_memory(err, "the aggregates");
+  for (int32_t r = model->unknowns.nfree; !status && r < model->unknowns.first_pinned; r++)
+    a->of[r] = -1;
   if (!status) status = ms_modes_compute(model, &graph, a, err);
-  ms_modes_destroy_graph(model, &graph);
+  ms_incidence_destroy(alloc, &graph);
   return status;
 }
 

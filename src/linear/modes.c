@@ -2,56 +2,26 @@
 
 #include <math.h>
 
-/*------------------------------------- graph ----------------------------------------------------*/
-
-msim_status ms_modes_create_graph(const ms_model *model, ms_modes_graph *graph, msim_error *err) {
-  const msim_allocator *alloc = &model->scene->alloc;
-  const ms_springs *s = &model->springs;
-  const int32_t n = model->unknowns.nfree;
-  /* n + 2: during filling first[r + 1] is the next free place of row r */
-  *graph =
-      (ms_modes_graph){.first = ms_memory_allocate(alloc, (size_t)n + 2, sizeof(int32_t)),
-                       .neighbour = ms_memory_allocate(alloc, 2 * (size_t)s->n, sizeof(int32_t)),
-                       .k = ms_memory_allocate(alloc, 2 * (size_t)s->n, sizeof(double))};
-  if (!graph->first || !graph->neighbour || !graph->k)
-    return ms_error_set_memory(err, "the graph of the springs");
-  for (int32_t e = 0; e < s->n; e++)
-    if (s->i[e] < n && s->j[e] < n) graph->first[s->i[e] + 2]++, graph->first[s->j[e] + 2]++;
-  for (int32_t r = 0; r < n; r++) graph->first[r + 2] += graph->first[r + 1];
-  for (int32_t e = 0; e < s->n; e++) {
-    if (s->i[e] >= n || s->j[e] >= n) continue;
-    for (int end = 0; end < 2; end++) {
-      const int32_t at = graph->first[(end ? s->j : s->i)[e] + 1]++;
-      graph->neighbour[at] = (end ? s->i : s->j)[e];
-      graph->k[at] = s->k[e];
-    }
-  }
-  return MSIM_OK;
-}
-
-void ms_modes_destroy_graph(const ms_model *model, ms_modes_graph *graph) {
-  ms_memory_free(&model->scene->alloc, graph->first);
-  ms_memory_free(&model->scene->alloc, graph->neighbour);
-  ms_memory_free(&model->scene->alloc, graph->k);
-  *graph = (ms_modes_graph){0};
-}
-
 /*------------------------------------- one aggregate --------------------------------------------*/
 
 /* l = the dense Laplacian of the aggregate rows[0..n), in units of its stiffest spring. Returns the
  * mean of its diagonal. local: the index in `rows` of each unknown. */
-static double assemble_laplacian(const ms_modes_graph *graph, const int32_t *rows, int32_t n,
-                                 const int32_t *local, const int32_t *of, double *l) {
+static double assemble_laplacian(const ms_incidence *graph, const double *stiffness,
+                                 const int32_t *rows, int32_t n, const int32_t *local,
+                                 const int32_t *of, double *l) {
+  const int32_t *first = graph->of.first, *half_edge = graph->of.item;
   double largest = 0, sum = 0;
   for (int32_t i = 0; i < n; i++)
-    for (int32_t e = graph->first[rows[i]]; e < graph->first[rows[i] + 1]; e++)
-      if (of[graph->neighbour[e]] == of[rows[i]]) largest = fmax(largest, graph->k[e]);
+    for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++)
+      if (of[graph->row[half_edge[e] ^ 1]] == of[rows[i]])
+        largest = fmax(largest, stiffness[half_edge[e] / 2]);
   for (int32_t i = 0; i < n * n; i++) l[i] = 0;
   for (int32_t i = 0; i < n && largest > 0; i++) {
-    for (int32_t e = graph->first[rows[i]]; e < graph->first[rows[i] + 1]; e++) {
-      if (of[graph->neighbour[e]] != of[rows[i]]) continue;
-      const double k = graph->k[e] / largest;
-      l[i * n + local[graph->neighbour[e]]] -= k;
+    for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++) {
+      const int32_t other = graph->row[half_edge[e] ^ 1];
+      if (of[other] != of[rows[i]]) continue;
+      const double k = stiffness[half_edge[e] / 2] / largest;
+      l[i * n + local[other]] -= k;
       l[i * n + i] += k;
       sum += k;
     }
@@ -104,12 +74,13 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
 }
 
 /* v = the modes of one aggregate of n unknowns. l: n^2 doubles, scratch */
-static void compute_modes(const ms_modes_graph *graph, const ms_aggregates *a, int32_t cluster,
-                          const int32_t *local, double *l, double (*v)[MS_MODES]) {
+static void compute_modes(const ms_incidence *graph, const double *stiffness,
+                          const ms_aggregates *a, int32_t cluster, const int32_t *local, double *l,
+                          double (*v)[MS_MODES]) {
   enum { ITERATIONS = 6 };
   const int32_t *rows = a->unknown + a->first[cluster];
   const int32_t n = a->first[cluster + 1] - a->first[cluster];
-  factor_laplacian(n, assemble_laplacian(graph, rows, n, local, a->of, l), l);
+  factor_laplacian(n, assemble_laplacian(graph, stiffness, rows, n, local, a->of, l), l);
   for (int32_t i = 0; i < n; i++) {
     v[i][0] = 1;
     for (int m = 1; m < MS_MODES; m++)
@@ -122,7 +93,7 @@ static void compute_modes(const ms_modes_graph *graph, const ms_aggregates *a, i
   }
 }
 
-msim_status ms_modes_compute(const ms_model *model, const ms_modes_graph *graph, ms_aggregates *a,
+msim_status ms_modes_compute(const ms_model *model, const ms_incidence *graph, ms_aggregates *a,
                              msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   int32_t largest = 0;
@@ -137,7 +108,7 @@ msim_status ms_modes_compute(const ms_model *model, const ms_modes_graph *graph,
   for (int32_t k = 0; k < a->n && !failed; k++) {
     const int32_t first = a->first[k], n = a->first[k + 1] - first;
     for (int32_t i = 0; i < n; i++) local[a->unknown[first + i]] = i;
-    compute_modes(graph, a, k, local, l, v);
+    compute_modes(graph, model->springs.k, a, k, local, l, v);
     for (int32_t i = 0; i < n; i++)
       for (int m = 0; m < MS_MODES; m++)
         a->weight[MS_MODES * a->unknown[first + i] + m] = (float)v[i][m];
