@@ -1,6 +1,5 @@
 #include "linear/coarse.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "linear/coarse_kernels.h"
@@ -9,29 +8,22 @@ MS_TABLES(ms_coarse_kernels);
 
 /*------------------------------------- pattern --------------------------------------------------*/
 
-static int compare_links(const void *a, const void *b) {
-  const int32_t *p = a, *q = b;
-  if (p[0] != q[0]) return p[0] < q[0] ? -1 : 1;
-  return (p[1] > q[1]) - (p[1] < q[1]);
-}
-
-/* List the pairs of aggregates that springs connect, both ways, sorted, without duplicates. */
-static int32_t list_links(const ms_model *model, const int32_t *of, int32_t (*link)[2]) {
-  const ms_springs *s = &model->springs;
-  int32_t n = 0, kept = 0;
-  for (int32_t e = 0; e < s->n; e++) {
-    if (s->i[e] >= model->unknowns.nfree || s->j[e] >= model->unknowns.nfree) continue;
-    const int32_t a = of[s->i[e]], b = of[s->j[e]];
-    if (a < 0 || b < 0 || a == b) continue;
-    link[n][0] = a, link[n++][1] = b;
-    link[n][0] = b, link[n++][1] = a;
+/* List the aggregates that springs connect with aggregate k, from `next` on. Returns the end of the
+ * list. mark: of each aggregate, the last k in whose list it is. */
+static int32_t *list_links(const ms_model *model, const ms_aggregates *a, int32_t k, int32_t *mark,
+                           int32_t *next) {
+  const ms_half_edges *half_edges = &model->half_edges;
+  mark[k] = k;
+  for (int32_t i = a->first[k]; i < a->first[k + 1]; i++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, a->unknown[i]);
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int32_t j = half_edges->neighbour[at];
+      if (half_edges->spring[at] < 0 || j >= model->unknowns.nfree) continue;
+      const int32_t other = a->of[j];
+      if (other >= 0 && mark[other] != k) mark[other] = k, *next++ = other;
+    }
   }
-  qsort(link, (size_t)n, sizeof *link, compare_links);
-  for (int32_t i = 0; i < n; i++) {
-    if (kept && compare_links(link[kept - 1], link[i]) == 0) continue;
-    link[kept][0] = link[i][0], link[kept++][1] = link[i][1];
-  }
-  return kept;
+  return next;
 }
 
 /* Where there are planes, prepare constraints: copy the modes, and allocate `held`. */
@@ -49,23 +41,21 @@ static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_err
 static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = coarse->aggregates.n;
-  int32_t(*link)[2] = ms_memory_allocate(alloc, 2 * (size_t)model->springs.n, sizeof *link);
-  int32_t *ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof *ptr), *ind = NULL;
-  int32_t links = 0;
-  if (link && ptr) {
-    links = list_links(model, coarse->aggregates.of, link);
-    ind = ms_memory_allocate(alloc, (size_t)links, sizeof *ind);
+  int32_t *ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof *ptr),
+          *ind = ms_memory_allocate(alloc, 2 * (size_t)model->springs.n, sizeof *ind),
+          *mark = ms_memory_allocate(alloc, (size_t)n, sizeof *mark), *next = ind;
+  msim_status status = ptr && ind && mark ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
+  for (int32_t k = 0; !status && k < n; k++) mark[k] = -1;
+  for (int32_t k = 0; !status && k < n; k++) {
+    next = list_links(model, &coarse->aggregates, k, mark, next);
+    ptr[k + 1] = (int32_t)(next - ind);
   }
-  msim_status status = ind ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
-  if (!status) {
-    for (int32_t i = 0; i < links; i++) ptr[link[i][0] + 1]++, ind[i] = link[i][1];
-    for (int32_t a = 0; a < n; a++) ptr[a + 1] += ptr[a];
+  if (!status)
     status = ms_block_cholesky_create(alloc, n, MS_MODES * model->unknowns.dims, ptr, ind,
                                       model->isa, &coarse->chol, err);
-  }
-  ms_memory_free(alloc, link);
   ms_memory_free(alloc, ptr);
   ms_memory_free(alloc, ind);
+  ms_memory_free(alloc, mark);
   return status;
 }
 
