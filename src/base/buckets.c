@@ -2,9 +2,8 @@
 
 int ms_buckets_create(const msim_allocator *alloc, int32_t n, const int32_t *to, int32_t nbuckets,
                       ms_buckets *b) {
-  *b = (ms_buckets){ms_memory_allocate(alloc, (size_t)nbuckets + 2, sizeof *b->first),
-                    ms_memory_allocate(alloc, (size_t)n, sizeof *b->item)};
-  if (!b->first || !b->item) return 0;
+  *b = (ms_buckets){0};
+  if (!MS_NEW(alloc, b->first, (size_t)nbuckets + 2) || !MS_NEW(alloc, b->item, n)) return 0;
   int32_t *next = b->first + 1; /* the next place of each bucket; in the end, that of its end */
   for (int32_t k = 0; k < n; k++)
     if (to[k] >= 0) next[to[k] + 1]++;
@@ -15,7 +14,6 @@ int ms_buckets_create(const msim_allocator *alloc, int32_t n, const int32_t *to,
 }
 
 void ms_buckets_destroy(const msim_allocator *alloc, ms_buckets *b) {
-  ms_memory_free(alloc, b->first);
-  ms_memory_free(alloc, b->item);
+  MS_FREE(alloc, b->first, b->item);
   *b = (ms_buckets){0};
 }

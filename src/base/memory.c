@@ -50,6 +50,10 @@ void ms_memory_free(const msim_allocator *alloc, void *ptr) {
   alloc->free(raw, alloc->user);
 }
 
+void ms_memory_free_all(const msim_allocator *alloc, size_t n, void *const blocks[]) {
+  for (size_t i = 0; i < n; i++) ms_memory_free(alloc, blocks[i]);
+}
+
 msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
                               int32_t *capacity, int64_t needed, msim_error *err) {
   if (needed <= *capacity) return MSIM_OK;

@@ -17,6 +17,15 @@ msim_status ms_memory_check_allocator(const msim_allocator *alloc, msim_error *e
  * overflows. count may be 0. */
 void *ms_memory_allocate(const msim_allocator *alloc, size_t count, size_t size);
 void ms_memory_free(const msim_allocator *alloc, void *ptr);
+void ms_memory_free_all(const msim_allocator *alloc, size_t n, void *const blocks[]);
+
+/* Allocate `count` elements for the pointer p. Its value is p. */
+#define MS_NEW(alloc, p, count) ((p) = ms_memory_allocate(alloc, (size_t)(count), sizeof *(p)))
+
+/* Free all these blocks. */
+#define MS_FREE(alloc, ...)                                                   \
+  ms_memory_free_all(alloc, sizeof((void *[]){__VA_ARGS__}) / sizeof(void *), \
+                     (void *[]){__VA_ARGS__})
 
 /* Enlarge *array to `needed` elements, at least doubling it; the first `used` are kept. */
 msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,

@@ -25,21 +25,14 @@ msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events
   ms_contact_set *e = *events = ms_memory_allocate(&scene->alloc, 1, sizeof *e);
   if (!e) return ms_error_set_memory(err, "the contact set");
   e->reach = find_reach(model);
-  double **vectors[] = {&e->x,        &e->v,        &e->a,        &e->a_end,
-                        &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]};
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
-    *vectors[i] = ms_unknowns_new_vector(scene, &model->unknowns);
-    if (!*vectors[i]) return ms_error_set_memory(err, "the contact set");
-  }
-  e->contact = ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->contact);
-  e->constraint =
-      ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->constraint);
-  e->parts =
-      ms_memory_allocate(&scene->alloc, (size_t)ms_totals_count_parts(model), sizeof *e->parts);
-  e->followed =
-      ms_memory_allocate(&scene->alloc, (size_t)model->unknowns.nfree, sizeof *e->followed);
-  const int there = e->contact && e->constraint && e->followed && e->parts;
-  return there ? MSIM_OK : ms_error_set_memory(err, "the contact set");
+  const int32_t n = model->unknowns.nfree;
+  const int fits = MS_NEW_VECTORS(scene, &model->unknowns, &e->x, &e->v, &e->a, &e->a_end,
+                                  &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]) &&
+                   MS_NEW(&scene->alloc, e->contact, n) &&
+                   MS_NEW(&scene->alloc, e->constraint, n) &&
+                   MS_NEW(&scene->alloc, e->followed, n) &&
+                   MS_NEW(&scene->alloc, e->parts, ms_totals_count_parts(model));
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the contact set");
 }
 
 ms_collision_planes ms_contact_set_planes(const ms_stepper *s) {
@@ -62,12 +55,8 @@ ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, cons
 
 void ms_contact_set_destroy(const ms_model *model, ms_contact_set *e) {
   if (!e) return;
-  const msim_allocator *alloc = &model->scene->alloc;
-  void *arrays[] = {e->x, e->v, e->a, e->a_end, e->contact, e->constraint, e->followed, e->parts};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
-  for (int i = 0; i < 2; i++)
-    ms_memory_free(alloc, e->stage[i]), ms_memory_free(alloc, e->begin[i]);
-  ms_memory_free(alloc, e);
+  MS_FREE(&model->scene->alloc, e->x, e->v, e->a, e->a_end, e->stage[0], e->stage[1], e->begin[0],
+          e->begin[1], e->contact, e->constraint, e->followed, e->parts, e);
 }
 
 void ms_contact_set_save_start(ms_contact_set *e, ms_shape shape) {

@@ -16,20 +16,15 @@ typedef struct creation_lists {
 static msim_status lists_create(const ms_model *model, creation_lists *l, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)model->springs.n, particles = (size_t)model->scene->nparticles;
-  *l = (creation_lists){.stiffness_class = ms_memory_allocate(alloc, n, sizeof *l->stiffness_class),
-                        .soft = ms_memory_allocate(alloc, n, sizeof *l->soft),
-                        .stiff = ms_memory_allocate(alloc, n, sizeof *l->stiff),
-                        .free = ms_memory_allocate(alloc, particles, sizeof *l->free),
-                        .pinned = ms_memory_allocate(alloc, particles, sizeof *l->pinned),
-                        .row = ms_memory_allocate(alloc, particles, sizeof *l->row)};
-  const int whole = l->stiffness_class && l->soft && l->stiff && l->free && l->pinned && l->row;
-  return whole ? MSIM_OK : ms_error_set_memory(err, "the multirate split");
+  *l = (creation_lists){0};
+  const int fits = MS_NEW(alloc, l->stiffness_class, n) && MS_NEW(alloc, l->soft, n) &&
+                   MS_NEW(alloc, l->stiff, n) && MS_NEW(alloc, l->free, particles) &&
+                   MS_NEW(alloc, l->pinned, particles) && MS_NEW(alloc, l->row, particles);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the multirate split");
 }
 
 static void lists_destroy(const ms_model *model, creation_lists *l) {
-  void *arrays[] = {l->stiffness_class, l->soft, l->stiff, l->free, l->pinned, l->row};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_memory_free(&model->scene->alloc, arrays[i]);
+  MS_FREE(&model->scene->alloc, l->stiffness_class, l->soft, l->stiff, l->free, l->pinned, l->row);
 }
 
 static void classify_springs(const ms_model *model, const ms_stiffness_partition *partition,
@@ -70,8 +65,8 @@ static msim_status make_multirate_models(const ms_model *model, uint32_t skip_of
   ms_model_keep_springs_only(&split->stiff);
   split->stiff.pool = model->pool;
   const ms_unknowns *rows = &split->stiff.unknowns;
-  split->row = ms_memory_allocate(&model->scene->alloc, (size_t)rows->nfree, sizeof *split->row);
-  if (!split->row) return ms_error_set_memory(err, "the multirate split");
+  if (!MS_NEW(&model->scene->alloc, split->row, rows->nfree))
+    return ms_error_set_memory(err, "the multirate split");
   ms_unknowns_find_rows(&model->unknowns, l->row);
   for (int32_t r = 0; r < rows->nfree; r++) split->row[r] = l->row[rows->particle[r]];
   return MSIM_OK;
@@ -84,13 +79,10 @@ static msim_status make_inner_stepper(const msim_options *opt, double h, ms_mult
                                       msim_error *err) {
   ms_stepper *s = &split->stepper;
   const ms_scene *scene = split->stiff.scene;
-  double **vectors[] = {&s->x,       &s->x_next,  &s->v,      &s->v_next,
-                        &s->work[0], &s->work[1], &s->work[2]};
   *s = (ms_stepper){.model = &split->stiff, .opt = opt, .h = h / split->inner};
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
-    *vectors[i] = ms_unknowns_new_vector(scene, &split->stiff.unknowns);
-    if (!*vectors[i]) return ms_error_set_memory(err, "the multirate split");
-  }
+  if (!MS_NEW_VECTORS(scene, &split->stiff.unknowns, &s->x, &s->x_next, &s->v, &s->v_next,
+                      &s->work[0], &s->work[1], &s->work[2]))
+    return ms_error_set_memory(err, "the multirate split");
   ms_unknowns_gather(&split->stiff.unknowns, scene->x, s->x);
   ms_unknowns_gather(&split->stiff.unknowns, scene->x, s->x_next);
   return MSIM_OK;
@@ -121,8 +113,8 @@ static msim_status build_multirate(const ms_model *model, const msim_options *op
   ms_stiffness_partition partition;
   msim_status status = ms_stiffness_partition_choose(model, h, l->stiffness_class, &partition, err);
   if (status || partition.nstiff == 0) return status;
-  *split = ms_memory_allocate(&model->scene->alloc, 1, sizeof **split);
-  if (!*split) return ms_error_set_memory(err, "the multirate split");
+  if (!MS_NEW(&model->scene->alloc, *split, 1))
+    return ms_error_set_memory(err, "the multirate split");
   (*split)->inner = partition.inner;
   classify_springs(model, &partition, l);
   status = make_multirate_models(model, opt->skip_off, l, *split, err);
@@ -144,12 +136,9 @@ msim_status ms_multirate_create(const ms_model *model, const msim_options *opt, 
 
 void ms_multirate_destroy(const ms_model *model, ms_multirate *split) {
   if (!split) return;
-  const msim_allocator *alloc = &model->scene->alloc;
-  ms_stepper *s = &split->stepper;
-  void *arrays[] = {s->x,       s->x_next,  s->v,       s->v_next,
-                    s->work[0], s->work[1], s->work[2], split->row};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
+  const ms_stepper *s = &split->stepper;
   ms_model_destroy_subset(&split->soft);
   ms_model_destroy(&split->stiff);
-  ms_memory_free(alloc, split);
+  MS_FREE(&model->scene->alloc, s->x, s->x_next, s->v, s->v_next, s->work[0], s->work[1],
+          s->work[2], split->row, split);
 }

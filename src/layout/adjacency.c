@@ -25,10 +25,9 @@ msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
                         "%d connected springs exceed the limit of %d; reduce the number of springs",
                         springs->n, INT32_MAX / 2);
   ms_incidence by_spring;
-  int32_t *next = ms_memory_allocate(alloc, nrows, sizeof *next);
-  a->half_edges = ms_memory_allocate(alloc, nhalves, sizeof *a->half_edges);
-  const int fits =
-      ms_incidence_create(alloc, springs, rows->stride, &by_spring) && next && a->half_edges;
+  int32_t *next = NULL;
+  const int fits = ms_incidence_create(alloc, springs, rows->stride, &by_spring) &&
+                   MS_NEW(alloc, next, nrows) && MS_NEW(alloc, a->half_edges, nhalves);
   if (fits) {
     memcpy(next, by_spring.of.first, nrows * sizeof *next);
     list_neighbours(&by_spring, rows->stride, next, a->half_edges);
@@ -41,7 +40,6 @@ msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
 }
 
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a) {
-  ms_memory_free(&scene->alloc, a->first);
-  ms_memory_free(&scene->alloc, a->half_edges);
+  MS_FREE(&scene->alloc, a->first, a->half_edges);
   *a = (ms_adjacency){0};
 }

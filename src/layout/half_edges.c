@@ -189,14 +189,13 @@ static int64_t number_entries(const ms_adjacency *a, const ms_unknowns *rows, ms
 static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *rows,
                                      const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
-  out->first_part = ms_memory_allocate(alloc, (size_t)rows->first_pinned, sizeof(int32_t));
-  if (!out->first_part) return ms_error_set_memory(err, "the half-edges of the springs");
+  if (!MS_NEW(alloc, out->first_part, rows->first_pinned))
+    return ms_error_set_memory(err, "the half-edges of the springs");
   find_split_rows(a, rows->nfree, out);
   const size_t nparts = (size_t)out->nparts;
-  out->part_row = ms_memory_allocate(alloc, nparts, sizeof(int32_t));
-  out->part_sums = ms_memory_allocate(alloc, 6 * MS_SLICE * nparts, sizeof(double));
-  out->first = ms_memory_allocate(alloc, (size_t)out->nslices + nparts + 1, sizeof(int32_t));
-  if (!out->part_row || !out->part_sums || !out->first)
+  if (!MS_NEW(alloc, out->part_row, nparts) ||
+      !MS_NEW(alloc, out->part_sums, 6 * MS_SLICE * nparts) ||
+      !MS_NEW(alloc, out->first, (size_t)out->nslices + nparts + 1))
     return ms_error_set_memory(err, "the half-edges of the springs");
   number_parts(a, out);
   const int64_t entries = number_entries(a, rows, out);
@@ -213,13 +212,9 @@ static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
                                 const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   const size_t entries = (size_t)out->nentries, lanes = MS_SLICE * entries;
-  out->start = ms_memory_allocate(alloc, entries, sizeof(int32_t));
-  out->neighbour = ms_memory_allocate(alloc, lanes, sizeof(int32_t));
-  out->spring = ms_memory_allocate(alloc, lanes, sizeof(int32_t));
-  out->k = ms_memory_allocate(alloc, lanes, sizeof(double));
-  out->rest = ms_memory_allocate(alloc, lanes, sizeof(double));
-  out->damping = ms_memory_allocate(alloc, lanes, sizeof(double));
-  if (!out->start || !out->neighbour || !out->spring || !out->k || !out->rest || !out->damping)
+  if (!MS_NEW(alloc, out->start, entries) || !MS_NEW(alloc, out->neighbour, lanes) ||
+      !MS_NEW(alloc, out->spring, lanes) || !MS_NEW(alloc, out->k, lanes) ||
+      !MS_NEW(alloc, out->rest, lanes) || !MS_NEW(alloc, out->damping, lanes))
     return ms_error_set_memory(err, "the half-edges of the springs");
   for (int32_t g = 0; g < out->nslices; g++) fill_slice(a, rows, g, out);
   for (int32_t r = 0; r < rows->nfree; r++)
@@ -248,12 +243,9 @@ msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
 }
 
 void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges) {
-  void *arrays[] = {half_edges->first,     half_edges->first_part, half_edges->part_row,
-                    half_edges->part_sums, half_edges->start,      half_edges->neighbour,
-                    half_edges->spring,    half_edges->k,          half_edges->rest,
-                    half_edges->damping};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_memory_free(&scene->alloc, arrays[i]);
+  MS_FREE(&scene->alloc, half_edges->first, half_edges->first_part, half_edges->part_row,
+          half_edges->part_sums, half_edges->start, half_edges->neighbour, half_edges->spring,
+          half_edges->k, half_edges->rest, half_edges->damping);
   *half_edges = (ms_half_edges){0};
 }
 

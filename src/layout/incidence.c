@@ -2,8 +2,8 @@
 
 int ms_incidence_create(const msim_allocator *alloc, const ms_springs *springs, int32_t nrows,
                         ms_incidence *a) {
-  *a = (ms_incidence){.row = ms_memory_allocate(alloc, 2 * (size_t)springs->n, sizeof *a->row)};
-  if (!a->row) return 0;
+  *a = (ms_incidence){0};
+  if (!MS_NEW(alloc, a->row, 2 * (size_t)springs->n)) return 0;
   for (int32_t e = 0; e < springs->n; e++) {
     const int32_t i = springs->i[e], j = springs->j[e];
     const int listed = i < nrows && j < nrows;

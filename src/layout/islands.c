@@ -104,13 +104,11 @@ static int sort_contents(const ms_scene *s, const int32_t *of, int32_t *to, int3
 msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *islands,
                               msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
-  const size_t n = (size_t)scene->nparticles, springs = (size_t)scene->nsprings;
-  *islands = (ms_islands){
-      .n = 1, .row_scratch = ms_memory_allocate(alloc, n, sizeof *islands->row_scratch)};
-  int32_t *of = ms_memory_allocate(alloc, n, sizeof *of),
-          *size = ms_memory_allocate(alloc, n + 1, sizeof *size);
-  int32_t *to = ms_memory_allocate(alloc, springs, sizeof *to);
-  int fits = islands->row_scratch && of && size && to;
+  const size_t n = (size_t)scene->nparticles;
+  int32_t *of = NULL, *size = NULL, *to = NULL;
+  *islands = (ms_islands){.n = 1};
+  int fits = MS_NEW(alloc, islands->row_scratch, n) && MS_NEW(alloc, of, n) &&
+             MS_NEW(alloc, size, n + 1) && MS_NEW(alloc, to, scene->nsprings);
   if (fits && whole) {
     for (size_t p = 0; p < n; p++) of[p] = scene->pinned[p] ? NONE : 0;
   } else if (fits) {
@@ -119,9 +117,7 @@ msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *isla
     if (islands->n == 0) islands->n = 1; /* all particles are pinned */
   }
   fits = fits && sort_contents(scene, of, to, size, islands);
-  ms_memory_free(alloc, of);
-  ms_memory_free(alloc, size);
-  ms_memory_free(alloc, to);
+  MS_FREE(alloc, of, size, to);
   if (fits) return MSIM_OK;
   ms_islands_destroy(scene, islands);
   return ms_error_set_memory(err, "the islands");

@@ -187,11 +187,10 @@ static void number_pinned_rows(const ms_unknowns *rows, const ms_adjacency *a, c
 
 static msim_status apply_order(const ms_scene *scene, const int32_t *order, ms_unknowns *rows,
                                ms_springs *springs, ms_adjacency *a, msim_error *err) {
-  int32_t *new_row = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *new_row);
-  int32_t *particle = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *particle);
-  if (!new_row || !particle) {
+  int32_t *new_row = NULL, *particle = NULL;
+  if (!MS_NEW(&scene->alloc, new_row, rows->stride) ||
+      !MS_NEW(&scene->alloc, particle, rows->stride)) {
     ms_memory_free(&scene->alloc, new_row);
-    ms_memory_free(&scene->alloc, particle);
     return ms_error_set_memory(err, "the numbering of the particles");
   }
   for (int32_t k = 0; k < rows->first_pinned; k++) new_row[k < rows->nfree ? order[k] : k] = k;
@@ -228,14 +227,11 @@ static msim_status find_order(const ms_scene *scene, search *s, ms_unknowns *row
 msim_status ms_order_unknowns(const ms_scene *scene, ms_unknowns *rows, ms_springs *springs,
                               ms_adjacency *a, msim_error *err) {
   if (is_contiguous(a, rows->nfree)) return MSIM_OK;
-  search s = {.a = a,
-              .nfree = rows->nfree,
-              .order = ms_memory_allocate(&scene->alloc, (size_t)rows->nfree, sizeof *s.order),
-              .node = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *s.node)};
-  msim_status status = s.order && s.node
-                           ? find_order(scene, &s, rows, springs, a, err)
-                           : ms_error_set_memory(err, "the numbering of the particles");
-  ms_memory_free(&scene->alloc, s.order);
-  ms_memory_free(&scene->alloc, s.node);
+  search s = {.a = a, .nfree = rows->nfree};
+  const int fits =
+      MS_NEW(&scene->alloc, s.order, rows->nfree) && MS_NEW(&scene->alloc, s.node, rows->stride);
+  msim_status status = fits ? find_order(scene, &s, rows, springs, a, err)
+                            : ms_error_set_memory(err, "the numbering of the particles");
+  MS_FREE(&scene->alloc, s.order, s.node);
   return status;
 }

@@ -11,8 +11,8 @@ msim_status ms_unknowns_create(const ms_scene *scene, const ms_island *island, m
                         .nfree = island->nfree,
                         .first_pinned = round_up_to_slices(island->nfree)};
   rows->stride = rows->first_pinned + round_up_to_slices(island->npinned);
-  rows->particle = ms_memory_allocate(&scene->alloc, (size_t)rows->stride, sizeof *rows->particle);
-  if (!rows->particle) return ms_error_set_memory(err, "the numbering of the particles");
+  if (!MS_NEW(&scene->alloc, rows->particle, rows->stride))
+    return ms_error_set_memory(err, "the numbering of the particles");
   for (int32_t r = 0; r < rows->stride; r++) rows->particle[r] = -1;
   for (int32_t k = 0; k < island->nfree; k++) rows->particle[k] = island->free[k];
   for (int32_t k = 0; k < island->npinned; k++)
@@ -34,6 +34,13 @@ void ms_unknowns_destroy(const ms_scene *scene, ms_unknowns *rows) {
 double *ms_unknowns_new_vector(const ms_scene *scene, const ms_unknowns *rows) {
   return ms_memory_allocate(&scene->alloc, (size_t)rows->dims * (size_t)rows->stride,
                             sizeof(double));
+}
+
+int ms_unknowns_new_vectors(const ms_scene *scene, const ms_unknowns *rows, size_t n,
+                            double **const vectors[]) {
+  for (size_t i = 0; i < n; i++)
+    if (!(*vectors[i] = ms_unknowns_new_vector(scene, rows))) return 0;
+  return 1;
 }
 
 void ms_unknowns_find_rows(const ms_unknowns *rows, int32_t *row) {
@@ -65,15 +72,10 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
                               const ms_unknowns *rows, ms_springs *springs, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   const size_t count = (size_t)island->nsprings;
-  *springs = (ms_springs){.n = island->nsprings,
-                          .i = ms_memory_allocate(alloc, count, sizeof(int32_t)),
-                          .j = ms_memory_allocate(alloc, count, sizeof(int32_t)),
-                          .k = ms_memory_allocate(alloc, count, sizeof(double)),
-                          .rest = ms_memory_allocate(alloc, count, sizeof(double)),
-                          .damping = ms_memory_allocate(alloc, count, sizeof(double)),
-                          .spring = ms_memory_allocate(alloc, count, sizeof(int32_t))};
-  if (!springs->i || !springs->j || !springs->k || !springs->rest || !springs->damping ||
-      !springs->spring)
+  *springs = (ms_springs){.n = island->nsprings};
+  if (!MS_NEW(alloc, springs->i, count) || !MS_NEW(alloc, springs->j, count) ||
+      !MS_NEW(alloc, springs->k, count) || !MS_NEW(alloc, springs->rest, count) ||
+      !MS_NEW(alloc, springs->damping, count) || !MS_NEW(alloc, springs->spring, count))
     return ms_error_set_memory(err, "a copy of the springs");
   ms_unknowns_find_rows(rows, island->row_scratch);
   for (size_t to = 0; to < count; to++) {
@@ -95,9 +97,7 @@ void ms_springs_update(const ms_scene *scene, ms_springs *springs) {
 }
 
 void ms_springs_destroy(const ms_scene *scene, ms_springs *springs) {
-  void *arrays[] = {springs->i,    springs->j,       springs->k,
-                    springs->rest, springs->damping, springs->spring};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_memory_free(&scene->alloc, arrays[i]);
+  MS_FREE(&scene->alloc, springs->i, springs->j, springs->k, springs->rest, springs->damping,
+          springs->spring);
   *springs = (ms_springs){0};
 }

@@ -40,6 +40,13 @@ void ms_unknowns_find_rows(const ms_unknowns *rows, int32_t *row);
 /* A zero vector of dims stride doubles; NULL: out of memory. */
 double *ms_unknowns_new_vector(const ms_scene *scene, const ms_unknowns *rows);
 
+/* A new vector for each of these addresses of pointers. 0: memory is exhausted. */
+#define MS_NEW_VECTORS(scene, rows, ...)                                                       \
+  ms_unknowns_new_vectors(scene, rows, sizeof((double **[]){__VA_ARGS__}) / sizeof(double **), \
+                          (double **[]){__VA_ARGS__})
+int ms_unknowns_new_vectors(const ms_scene *scene, const ms_unknowns *rows, size_t n,
+                            double **const vectors[]);
+
 /* From arrays of the scene, n x 3, to vectors, and back. Padding, particles of other islands and
  * the axis left out are not written. */
 void ms_unknowns_gather(const ms_unknowns *rows, const double *array, double *vec);

@@ -68,10 +68,10 @@ static msim_status get_backend_order(adapter *self, const ms_sparse_graph *graph
   *order = NULL;
   if (!self->table->order) return MSIM_OK;
   const size_t n = (size_t)graph->n;
-  uint8_t *seen = ms_memory_allocate(alloc, n, 1);
-  *order = ms_memory_allocate(alloc, n, sizeof **order);
-  msim_status status =
-      *order && seen ? MSIM_OK : ms_error_set_memory(err, "the order of the matrix");
+  uint8_t *seen = NULL;
+  msim_status status = MS_NEW(alloc, *order, n) && MS_NEW(alloc, seen, n)
+                           ? MSIM_OK
+                           : ms_error_set_memory(err, "the order of the matrix");
   if (!status)
     status = convert_backend_status(
         self, self->table->order(self->backend, graph->n, graph->ptr, graph->ind, *order), err);
@@ -179,10 +179,8 @@ static void adapter_destroy(ms_linear *base) {
   const ms_model *model = base->system->model;
   if (self->backend) self->table->destroy(self->backend);
   ms_sparse_matrix_destroy(model, &self->matrix);
-  ms_memory_free(&model->scene->alloc, self->b);
-  ms_memory_free(&model->scene->alloc, self->y);
   ms_jacobi_destroy(model, &self->jacobi);
-  ms_memory_free(&model->scene->alloc, self);
+  MS_FREE(&model->scene->alloc, self->b, self->y, self);
 }
 
 static msim_status adapter_set_up(adapter *self, msim_error *err) {
@@ -198,9 +196,8 @@ static msim_status adapter_set_up(adapter *self, msim_error *err) {
   if (!status && self->table->format != MSIM_FORMAT_NONE) {
     status = build_matrix(self, err);
     const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
-    self->b = ms_memory_allocate(alloc, length, sizeof(double));
-    self->y = ms_memory_allocate(alloc, length, sizeof(double));
-    if (!status && (!self->b || !self->y)) status = ms_error_set_memory(err, "the linear solver");
+    if (!status && !(MS_NEW(alloc, self->b, length) && MS_NEW(alloc, self->y, length)))
+      status = ms_error_set_memory(err, "the linear solver");
   }
   if (!status && self->table->format == MSIM_FORMAT_NONE)
     status = ms_jacobi_create(model, &self->base.system->a, &self->jacobi, err);

@@ -119,28 +119,21 @@ static msim_status build_clusters(const ms_model *model, const ms_incidence *gra
   const int32_t n = model->unknowns.nfree;
   const size_t count = (size_t)n;
   growth g = {.graph = graph, .size = size, .of = a->of};
-  int32_t **arrays[] = {&g.seeds, &g.distance, &g.links, &g.mark, &g.candidate};
-  int failed = 0;
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) {
-    *arrays[i] = ms_memory_allocate(alloc, i < 4 ? count : MOST_CANDIDATES, sizeof(int32_t));
-    failed |= !*arrays[i];
-  }
-  g.is_seed = ms_memory_allocate(alloc, count, 1);
-  int32_t *members = ms_memory_allocate(alloc, 3 * count, sizeof *members);
-  if (!failed && g.is_seed && members) {
+  int32_t *members = NULL;
+  int fits = MS_NEW(alloc, g.seeds, n) && MS_NEW(alloc, g.distance, n) &&
+             MS_NEW(alloc, g.links, n) && MS_NEW(alloc, g.mark, n) &&
+             MS_NEW(alloc, g.candidate, MOST_CANDIDATES) && MS_NEW(alloc, g.is_seed, n) &&
+             MS_NEW(alloc, members, 3 * count);
+  if (fits) {
     for (int32_t r = 0; r < n; r++) g.of[r] = g.mark[r] = -1;
     grow_clusters(&g, n);
     for (int32_t r = 0; r < n; r++)
       if (g.of[r] >= 0) members[g.of[r]]++;
     merge_small_clusters(&g, n, members, members + count);
-    failed = !list_rows(alloc, a, n, members + 2 * count);
-  } else {
-    failed = 1;
+    fits = list_rows(alloc, a, n, members + 2 * count);
   }
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, *arrays[i]);
-  ms_memory_free(alloc, g.is_seed);
-  ms_memory_free(alloc, members);
-  return failed ? ms_error_set_memory(err, "the aggregates") : MSIM_OK;
+  MS_FREE(alloc, g.seeds, g.distance, g.links, g.mark, g.candidate, g.is_seed, members);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the aggregates");
 }
 
 msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggregates *a,
@@ -148,9 +141,8 @@ msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggrega
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)model->unknowns.first_pinned;
   ms_incidence graph = {0};
-  *a = (ms_aggregates){.of = ms_memory_allocate(alloc, n, sizeof *a->of),
-                       .weight = ms_memory_allocate(alloc, MS_MODES * n, sizeof *a->weight)};
-  const int fits = a->of && a->weight &&
+  *a = (ms_aggregates){0};
+  const int fits = MS_NEW(alloc, a->of, n) && MS_NEW(alloc, a->weight, MS_MODES * n) &&
                    ms_incidence_create(alloc, &model->springs, model->unknowns.nfree, &graph);
   msim_status status = fits ? build_clusters(model, &graph, size, a, err)
                             : ms_error_set_memory(err, "the aggregates");
@@ -162,8 +154,6 @@ msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggrega
 }
 
 void ms_aggregates_destroy(const ms_model *model, ms_aggregates *a) {
-  void *arrays[] = {a->of, a->first, a->unknown, a->weight};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_memory_free(&model->scene->alloc, arrays[i]);
+  MS_FREE(&model->scene->alloc, a->of, a->first, a->unknown, a->weight);
   *a = (ms_aggregates){0};
 }

@@ -17,14 +17,9 @@ static void list_vectors(ms_bicgstab *s, double **vectors[VECTORS]) {
 msim_status ms_bicgstab_create(const ms_model *model, ms_bicgstab *s, msim_error *err) {
   double **vectors[VECTORS];
   list_vectors(s, vectors);
-  s->roots =
-      ms_memory_allocate(&model->scene->alloc, 6 * (size_t)model->unknowns.nfree, sizeof *s->roots);
-  int failed = !s->roots;
-  for (int k = 0; k < VECTORS; k++) {
-    *vectors[k] = ms_unknowns_new_vector(model->scene, &model->unknowns);
-    failed |= !*vectors[k];
-  }
-  return failed ? ms_error_set_memory(err, "BiCGStab") : MSIM_OK;
+  const int fits = MS_NEW(&model->scene->alloc, s->roots, 6 * (size_t)model->unknowns.nfree) &&
+                   ms_unknowns_new_vectors(model->scene, &model->unknowns, VECTORS, vectors);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "BiCGStab");
 }
 
 void ms_bicgstab_destroy(const ms_model *model, ms_bicgstab *s) {

@@ -41,17 +41,14 @@ static int32_t take_least(elimination_graph *e) {
 static msim_status create_elimination_graph(elimination_graph *e, const int32_t *ptr,
                                             const int32_t *ind) {
   const size_t n = (size_t)e->n;
-  e->neighbours = ms_memory_allocate(e->alloc, n, sizeof *e->neighbours);
-  e->degree = ms_memory_allocate(e->alloc, n, sizeof *e->degree);
-  e->room = ms_memory_allocate(e->alloc, n, sizeof *e->room);
-  e->mark = ms_memory_allocate(e->alloc, n, sizeof *e->mark);
   for (e->leaves = 1; e->leaves < e->n;) e->leaves *= 2;
-  e->least = ms_memory_allocate(e->alloc, 2 * (size_t)e->leaves, sizeof *e->least);
-  if (!e->neighbours || !e->degree || !e->room || !e->mark || !e->least) return MSIM_ERR_MEMORY;
+  if (!MS_NEW(e->alloc, e->neighbours, n) || !MS_NEW(e->alloc, e->degree, n) ||
+      !MS_NEW(e->alloc, e->room, n) || !MS_NEW(e->alloc, e->mark, n) ||
+      !MS_NEW(e->alloc, e->least, 2 * (size_t)e->leaves))
+    return MSIM_ERR_MEMORY;
   for (int32_t i = 0; i < e->n; i++) {
     const int32_t degree = ptr[i + 1] - ptr[i];
-    e->neighbours[i] = ms_memory_allocate(e->alloc, (size_t)degree, sizeof(int32_t));
-    if (!e->neighbours[i]) return MSIM_ERR_MEMORY;
+    if (!MS_NEW(e->alloc, e->neighbours[i], degree)) return MSIM_ERR_MEMORY;
     if (degree) memcpy(e->neighbours[i], ind + ptr[i], (size_t)degree * sizeof(int32_t));
     e->degree[i] = e->room[i] = degree;
   }
@@ -62,11 +59,7 @@ static msim_status create_elimination_graph(elimination_graph *e, const int32_t 
 
 static void destroy_elimination_graph(elimination_graph *e) {
   for (int32_t i = 0; i < e->n && e->neighbours; i++) ms_memory_free(e->alloc, e->neighbours[i]);
-  ms_memory_free(e->alloc, e->neighbours);
-  ms_memory_free(e->alloc, e->degree);
-  ms_memory_free(e->alloc, e->room);
-  ms_memory_free(e->alloc, e->mark);
-  ms_memory_free(e->alloc, e->least);
+  MS_FREE(e->alloc, e->neighbours, e->degree, e->room, e->mark, e->least);
 }
 
 /* Replace k in the neighbours of i by the other neighbours of k. */
@@ -130,12 +123,10 @@ static void write_pattern(const elimination_graph *e, ms_block_cholesky *chol) {
 
 static int allocate_factor(const msim_allocator *alloc, int64_t blocks, ms_block_cholesky *chol) {
   const size_t n = (size_t)chol->n, area = (size_t)chol->block * (size_t)chol->block;
-  chol->first = ms_memory_allocate(alloc, n + 1, sizeof *chol->first);
-  chol->row = ms_memory_allocate(alloc, (size_t)blocks, sizeof *chol->row);
-  chol->value = ms_memory_allocate(alloc, area * (size_t)blocks, sizeof *chol->value);
-  chol->factor = ms_memory_allocate(alloc, area * (size_t)blocks, sizeof *chol->factor);
-  chol->packed = ms_memory_allocate(alloc, n * (size_t)chol->block, sizeof *chol->packed);
-  return chol->first && chol->row && chol->value && chol->factor && chol->packed;
+  return MS_NEW(alloc, chol->first, n + 1) && MS_NEW(alloc, chol->row, blocks) &&
+         MS_NEW(alloc, chol->value, area * (size_t)blocks) &&
+         MS_NEW(alloc, chol->factor, area * (size_t)blocks) &&
+         MS_NEW(alloc, chol->packed, n * (size_t)chol->block);
 }
 
 msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int32_t block,
@@ -144,8 +135,8 @@ msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int
   elimination_graph e = {.alloc = alloc, .n = n};
   int64_t blocks = 0;
   *chol = (ms_block_cholesky){.n = n, .block = block, .kernels = ms_block_kernels_of[isa]};
-  chol->position = ms_memory_allocate(alloc, (size_t)n, sizeof *chol->position);
-  msim_status status = chol->position ? create_elimination_graph(&e, ptr, ind) : MSIM_ERR_MEMORY;
+  msim_status status =
+      MS_NEW(alloc, chol->position, n) ? create_elimination_graph(&e, ptr, ind) : MSIM_ERR_MEMORY;
   if (!status) status = eliminate_by_degree(&e, chol->position, &blocks);
   if (!status && (blocks > INT32_MAX || !allocate_factor(alloc, blocks, chol)))
     status = MSIM_ERR_MEMORY;
@@ -155,9 +146,7 @@ msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int
 }
 
 void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol) {
-  void *arrays[] = {chol->position, chol->first,  chol->row,
-                    chol->value,    chol->factor, chol->packed};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
+  MS_FREE(alloc, chol->position, chol->first, chol->row, chol->value, chol->factor, chol->packed);
   *chol = (ms_block_cholesky){0};
 }
 

@@ -7,18 +7,14 @@
 #include "linear/residual.h"
 
 msim_status ms_cg_create(const ms_model *model, ms_cg *cg, msim_error *err) {
-  *cg = (ms_cg){.r = ms_unknowns_new_vector(model->scene, &model->unknowns),
-                .z = ms_unknowns_new_vector(model->scene, &model->unknowns),
-                .p = ms_unknowns_new_vector(model->scene, &model->unknowns),
-                .q = ms_unknowns_new_vector(model->scene, &model->unknowns)};
-  return cg->r && cg->z && cg->p && cg->q ? MSIM_OK
-                                          : ms_error_set_memory(err, "conjugate gradients");
+  *cg = (ms_cg){0};
+  if (MS_NEW_VECTORS(model->scene, &model->unknowns, &cg->r, &cg->z, &cg->p, &cg->q))
+    return MSIM_OK;
+  return ms_error_set_memory(err, "conjugate gradients");
 }
 
 void ms_cg_destroy(const ms_model *model, ms_cg *cg) {
-  double *vectors[] = {cg->r, cg->z, cg->p, cg->q};
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++)
-    ms_memory_free(&model->scene->alloc, vectors[i]);
+  MS_FREE(&model->scene->alloc, cg->r, cg->z, cg->p, cg->q);
 }
 
 /* Iterate from the residual r of y, whose norm is given, until that of the recursively updated r

@@ -28,12 +28,12 @@ static int32_t *list_links(const ms_model *model, const ms_aggregates *a, int32_
 
 /* Where there are planes, prepare constraints: copy the modes, and allocate `held`. */
 static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = MS_MODES * (size_t)model->unknowns.first_pinned;
   if (!(model->features & MS_HAS_PLANES)) return MSIM_OK;
-  coarse->modes = ms_memory_allocate(&model->scene->alloc, n, sizeof *coarse->modes);
-  coarse->constrained = ms_memory_allocate(&model->scene->alloc, (size_t)model->unknowns.nfree,
-                                           sizeof *coarse->constrained);
-  if (!coarse->modes || !coarse->constrained) return ms_error_set_memory(err, "the coarse matrix");
+  if (!MS_NEW(alloc, coarse->modes, n) ||
+      !MS_NEW(alloc, coarse->constrained, model->unknowns.nfree))
+    return ms_error_set_memory(err, "the coarse matrix");
   memcpy(coarse->modes, coarse->aggregates.weight, n * sizeof *coarse->modes);
   return MSIM_OK;
 }
@@ -41,10 +41,11 @@ static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_err
 static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = coarse->aggregates.n;
-  int32_t *ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof *ptr),
-          *ind = ms_memory_allocate(alloc, 2 * (size_t)model->springs.n, sizeof *ind),
-          *mark = ms_memory_allocate(alloc, (size_t)n, sizeof *mark), *next = ind;
-  msim_status status = ptr && ind && mark ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
+  int32_t *ptr = NULL, *ind = NULL, *mark = NULL;
+  const int fits = MS_NEW(alloc, ptr, (size_t)n + 1) && MS_NEW(alloc, mark, n) &&
+                   MS_NEW(alloc, ind, 2 * (size_t)model->springs.n);
+  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
+  int32_t *next = ind;
   for (int32_t k = 0; !status && k < n; k++) mark[k] = -1;
   for (int32_t k = 0; !status && k < n; k++) {
     next = list_links(model, &coarse->aggregates, k, mark, next);
@@ -53,9 +54,7 @@ static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error 
   if (!status)
     status = ms_block_cholesky_create(alloc, n, MS_MODES * model->unknowns.dims, ptr, ind,
                                       model->isa, &coarse->chol, err);
-  ms_memory_free(alloc, ptr);
-  ms_memory_free(alloc, ind);
-  ms_memory_free(alloc, mark);
+  MS_FREE(alloc, ptr, ind, mark);
   return status;
 }
 
@@ -87,13 +86,9 @@ msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_c
   if (!status) status = analyse(model, coarse, err);
   if (status) return status;
   const size_t n = (size_t)coarse->aggregates.n * MS_MODES * (size_t)model->unknowns.dims;
-  coarse->block = ms_memory_allocate(alloc, MS_SLICE * (size_t)model->half_edges.nentries,
-                                     sizeof *coarse->block);
-  coarse->diagonal =
-      ms_memory_allocate(alloc, (size_t)coarse->aggregates.n, sizeof *coarse->diagonal);
-  coarse->r = ms_memory_allocate(alloc, n, sizeof *coarse->r);
-  coarse->z = ms_memory_allocate(alloc, n, sizeof *coarse->z);
-  if (!coarse->block || !coarse->diagonal || !coarse->r || !coarse->z)
+  if (!MS_NEW(alloc, coarse->block, MS_SLICE * (size_t)model->half_edges.nentries) ||
+      !MS_NEW(alloc, coarse->diagonal, coarse->aggregates.n) || !MS_NEW(alloc, coarse->r, n) ||
+      !MS_NEW(alloc, coarse->z, n))
     return ms_error_set_memory(err, "the coarse matrix");
   find_blocks(model, coarse);
   return MSIM_OK;
@@ -104,9 +99,8 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   const msim_allocator *alloc = &coarse->model->scene->alloc;
   ms_aggregates_destroy(coarse->model, &coarse->aggregates);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
-  void *arrays[] = {coarse->block, coarse->diagonal, coarse->r,
-                    coarse->z,     coarse->modes,    coarse->constrained};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
+  MS_FREE(alloc, coarse->block, coarse->diagonal, coarse->r, coarse->z, coarse->modes,
+          coarse->constrained);
   *coarse = (ms_coarse){0};
 }
 

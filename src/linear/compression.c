@@ -7,20 +7,17 @@ enum { SLICE_RANGES_PER_ITEM = 128 }; /* slice ranges per work item */
 
 msim_status ms_compression_create(const ms_model *model, ms_compression *c, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  *c = (ms_compression){
-      .model = model,
-      .reduction = ms_memory_allocate(alloc, MS_SLICE * (size_t)model->half_edges.nentries,
-                                      sizeof *c->reduction),
-      .largest = ms_memory_allocate(
-          alloc, (size_t)ms_half_edges_count_chunks(&model->half_edges, SLICE_RANGES_PER_ITEM) + 1,
-          sizeof *c->largest)};
-  return c->reduction && c->largest ? MSIM_OK : ms_error_set_memory(err, "conjugate gradients");
+  const ms_half_edges *half_edges = &model->half_edges;
+  const size_t chunks = (size_t)ms_half_edges_count_chunks(half_edges, SLICE_RANGES_PER_ITEM);
+  *c = (ms_compression){.model = model};
+  const int fits = MS_NEW(alloc, c->reduction, MS_SLICE * (size_t)half_edges->nentries) &&
+                   MS_NEW(alloc, c->largest, chunks + 1);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "conjugate gradients");
 }
 
 void ms_compression_destroy(ms_compression *c) {
   if (!c->model) return;
-  ms_memory_free(&c->model->scene->alloc, c->reduction);
-  ms_memory_free(&c->model->scene->alloc, c->largest);
+  MS_FREE(&c->model->scene->alloc, c->reduction, c->largest);
 }
 
 typedef struct compression_job {

@@ -13,14 +13,13 @@ msim_status ms_elimination_create(const ms_model *model, ms_elimination *e, msim
                                      &e->matrix, err);
   ms_sparse_matrix_destroy_graph(model, &graph);
   if (status) return status;
-  e->a = ms_memory_allocate(&model->scene->alloc, n * (n + 1), sizeof *e->a);
-  e->packed = ms_memory_allocate(&model->scene->alloc, n, sizeof *e->packed);
-  return e->a && e->packed ? MSIM_OK : ms_error_set_memory(err, "Gaussian elimination");
+  const int fits =
+      MS_NEW(&model->scene->alloc, e->a, n * (n + 1)) && MS_NEW(&model->scene->alloc, e->packed, n);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "Gaussian elimination");
 }
 
 void ms_elimination_destroy(const ms_model *model, ms_elimination *e) {
-  ms_memory_free(&model->scene->alloc, e->packed);
-  ms_memory_free(&model->scene->alloc, e->a);
+  MS_FREE(&model->scene->alloc, e->packed, e->a);
   ms_sparse_matrix_destroy(model, &e->matrix);
   *e = (ms_elimination){0};
 }

@@ -9,9 +9,9 @@ msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms
                              msim_error *err) {
   const size_t n =
       ms_coefficients_diagonal_size((size_t)a->block) * (size_t)model->unknowns.first_pinned;
-  *jacobi = (ms_jacobi){a->block, 1,
-                        ms_memory_allocate(&model->scene->alloc, n, sizeof *jacobi->inverse)};
-  return jacobi->inverse ? MSIM_OK : ms_error_set_memory(err, "the preconditioner");
+  *jacobi = (ms_jacobi){.block = a->block, .scale = 1};
+  if (MS_NEW(&model->scene->alloc, jacobi->inverse, n)) return MSIM_OK;
+  return ms_error_set_memory(err, "the preconditioner");
 }
 
 void ms_jacobi_destroy(const ms_model *model, ms_jacobi *jacobi) {

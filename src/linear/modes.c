@@ -101,11 +101,11 @@ msim_status ms_modes_compute(const ms_model *model, const ms_incidence *graph, m
     const int32_t n = a->first[k + 1] - a->first[k];
     if (n > largest) largest = n;
   }
-  int32_t *local = ms_memory_allocate(alloc, (size_t)model->unknowns.nfree, sizeof *local);
-  double *l = ms_memory_allocate(alloc, (size_t)largest * (size_t)largest, sizeof *l);
-  double(*v)[MS_MODES] = ms_memory_allocate(alloc, (size_t)largest, sizeof *v);
-  const int failed = !local || !l || !v;
-  for (int32_t k = 0; k < a->n && !failed; k++) {
+  int32_t *local = NULL;
+  double *l = NULL, (*v)[MS_MODES] = NULL;
+  const int fits = MS_NEW(alloc, local, model->unknowns.nfree) &&
+                   MS_NEW(alloc, l, (size_t)largest * (size_t)largest) && MS_NEW(alloc, v, largest);
+  for (int32_t k = 0; k < a->n && fits; k++) {
     const int32_t first = a->first[k], n = a->first[k + 1] - first;
     for (int32_t i = 0; i < n; i++) local[a->unknown[first + i]] = i;
     compute_modes(graph, model->springs.k, a, k, local, l, v);
@@ -113,8 +113,6 @@ msim_status ms_modes_compute(const ms_model *model, const ms_incidence *graph, m
       for (int m = 0; m < MS_MODES; m++)
         a->weight[MS_MODES * a->unknown[first + i] + m] = (float)v[i][m];
   }
-  ms_memory_free(alloc, local);
-  ms_memory_free(alloc, l);
-  ms_memory_free(alloc, v);
-  return failed ? ms_error_set_memory(err, "the modes of the aggregates") : MSIM_OK;
+  MS_FREE(alloc, local, l, v);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the modes of the aggregates");
 }

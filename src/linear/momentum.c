@@ -21,20 +21,18 @@ static void number_components(const ms_model *model, int32_t *number, ms_momentu
 msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_components *f,
                                           msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const size_t nfree = (size_t)model->unknowns.nfree;
-  int32_t *number = ms_memory_allocate(alloc, nfree, sizeof *number);
-  *f = (ms_momentum_components){.of = ms_memory_allocate(alloc, nfree, sizeof *f->of)};
-  if (number && f->of) {
-    number_components(model, number, f);
-    f->sums = ms_memory_allocate(alloc, 4 * (size_t)f->n, sizeof *f->sums);
-  }
+  const int32_t nfree = model->unknowns.nfree;
+  int32_t *number = NULL;
+  *f = (ms_momentum_components){0};
+  int fits = MS_NEW(alloc, number, nfree) && MS_NEW(alloc, f->of, nfree);
+  if (fits) number_components(model, number, f);
+  fits = fits && MS_NEW(alloc, f->sums, 4 * (size_t)f->n);
   ms_memory_free(alloc, number);
-  return f->sums ? MSIM_OK : ms_error_set_memory(err, "the linear solver");
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the linear solver");
 }
 
 void ms_momentum_destroy_components(const ms_model *model, ms_momentum_components *f) {
-  ms_memory_free(&model->scene->alloc, f->of);
-  ms_memory_free(&model->scene->alloc, f->sums);
+  MS_FREE(&model->scene->alloc, f->of, f->sums);
   *f = (ms_momentum_components){0};
 }
 

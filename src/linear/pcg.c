@@ -258,10 +258,8 @@ static void pcg_destroy(ms_linear *base) {
   ms_coarse_destroy(&s->coarse);
   ms_jacobi_destroy(base->system->model, &s->jacobi);
   ms_compression_destroy(&s->compression);
-  void *arrays[] = {
-      s->coefficients, s->inverse, s->factored_inverse, s->inertia, s->r, s->z, s->p, s->q,
-      s->sums};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(alloc, arrays[i]);
+  MS_FREE(alloc, s->coefficients, s->inverse, s->factored_inverse, s->inertia, s->r, s->z, s->p,
+          s->q, s->sums);
   ms_memory_free(alloc, s);
 }
 
@@ -270,19 +268,13 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t rows = (size_t)model->unknowns.first_pinned;
   const size_t blocks = ms_coefficients_diagonal_size((size_t)model->unknowns.dims) * rows;
-  s->coefficients = ms_memory_allocate(alloc, 4 * MS_SLICE * (size_t)model->half_edges.nentries,
-                                       sizeof *s->coefficients);
-  s->inverse = ms_memory_allocate(alloc, blocks, sizeof *s->inverse);
-  s->factored_inverse = ms_memory_allocate(alloc, blocks, sizeof *s->factored_inverse);
-  s->inertia = ms_memory_allocate(alloc, rows, sizeof *s->inertia);
-  s->sums = ms_memory_allocate(alloc, (size_t)count_chunks(model), sizeof *s->sums);
-  double **vectors[] = {&s->r, &s->z, &s->p, &s->q};
-  int failed = !s->coefficients || !s->inverse || !s->factored_inverse || !s->inertia || !s->sums;
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) {
-    *vectors[i] = ms_unknowns_new_vector(model->scene, &model->unknowns);
-    failed |= !*vectors[i];
-  }
-  if (failed) return ms_error_set_memory(err, "conjugate gradients");
+  const size_t entries = (size_t)model->half_edges.nentries;
+  const int fits = MS_NEW(alloc, s->coefficients, 4 * MS_SLICE * entries) &&
+                   MS_NEW(alloc, s->inverse, blocks) &&
+                   MS_NEW(alloc, s->factored_inverse, blocks) && MS_NEW(alloc, s->inertia, rows) &&
+                   MS_NEW(alloc, s->sums, count_chunks(model)) &&
+                   MS_NEW_VECTORS(model->scene, &model->unknowns, &s->r, &s->z, &s->p, &s->q);
+  if (!fits) return ms_error_set_memory(err, "conjugate gradients");
   const msim_status status = ms_compression_create(model, &s->compression, err);
   return status ? status : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
 }

@@ -59,11 +59,9 @@ static msim_status solver_set_up(ms_solver *s, double h, msim_error *err) {
   msim_status status = ms_coefficients_create(model, &s->system.a, err);
   if (!status) status = ms_momentum_create_components(model, &s->components, err);
   if (status) return status;
-  double **work[] = {&s->b, &s->residual, &s->correction, &s->magnitude};
-  for (size_t i = 0; i < sizeof work / sizeof *work; i++) {
-    *work[i] = ms_unknowns_new_vector(model->scene, &model->unknowns);
-    if (!*work[i]) return ms_error_set_memory(err, "the linear solver");
-  }
+  if (!MS_NEW_VECTORS(model->scene, &model->unknowns, &s->b, &s->residual, &s->correction,
+                      &s->magnitude))
+    return ms_error_set_memory(err, "the linear solver");
   ms_solver_choice choice;
   status = ms_solver_choice_make(&s->system, s->opt, h, &choice, err);
   s->linear = choice.linear;

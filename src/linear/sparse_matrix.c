@@ -12,11 +12,10 @@ msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph
   const msim_allocator *alloc = &model->scene->alloc;
   const ms_half_edges *half_edges = &model->half_edges;
   const int32_t n = model->unknowns.nfree;
-  *graph = (ms_sparse_graph){
-      .n = n,
-      .ptr = ms_memory_allocate(alloc, (size_t)n + 1, sizeof(int32_t)),
-      .ind = ms_memory_allocate(alloc, 2 * (size_t)model->springs.n, sizeof(int32_t))};
-  if (!graph->ptr || !graph->ind) return ms_error_set_memory(err, "the graph of the springs");
+  *graph = (ms_sparse_graph){.n = n};
+  if (!MS_NEW(alloc, graph->ptr, (size_t)n + 1) ||
+      !MS_NEW(alloc, graph->ind, 2 * (size_t)model->springs.n))
+    return ms_error_set_memory(err, "the graph of the springs");
   for (int32_t r = 0; r < n; r++) {
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
     int32_t to = graph->ptr[r], last = -1;
@@ -31,8 +30,7 @@ msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph
 }
 
 void ms_sparse_matrix_destroy_graph(const ms_model *model, ms_sparse_graph *graph) {
-  ms_memory_free(&model->scene->alloc, graph->ptr);
-  ms_memory_free(&model->scene->alloc, graph->ind);
+  MS_FREE(&model->scene->alloc, graph->ptr, graph->ind);
   *graph = (ms_sparse_graph){0};
 }
 
@@ -123,18 +121,12 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_sparse_matri
   const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)m->n, size = (size_t)m->block;
   const size_t half_edges = m->format == MSIM_FORMAT_FULL ? 2 : 1; /* half-edges per spring */
-  m->order = ms_memory_allocate(alloc, n, sizeof(int32_t));
-  m->graphptr = ms_memory_allocate(alloc, n + 1, sizeof(int32_t));
-  m->graphind = ms_memory_allocate(alloc, blocks, sizeof(int32_t));
-  m->rowptr = ms_memory_allocate(alloc, size * n + 1, sizeof(int32_t));
-  m->colind = ms_memory_allocate(alloc, size * size * blocks, sizeof(int32_t));
-  m->val = ms_memory_allocate(alloc, size * size * blocks, sizeof(double));
-  m->diagonal_offset = ms_memory_allocate(alloc, n, sizeof(int32_t));
-  m->row_step = ms_memory_allocate(alloc, n, sizeof(int32_t));
-  m->first = ms_memory_allocate(alloc, n + 1, sizeof(int32_t));
-  m->entry = ms_memory_allocate(alloc, half_edges * (size_t)model->springs.n, sizeof *m->entry);
-  return m->order && m->graphptr && m->graphind && m->rowptr && m->colind && m->val &&
-         m->diagonal_offset && m->row_step && m->first && m->entry;
+  return MS_NEW(alloc, m->order, n) && MS_NEW(alloc, m->graphptr, n + 1) &&
+         MS_NEW(alloc, m->graphind, blocks) && MS_NEW(alloc, m->rowptr, size * n + 1) &&
+         MS_NEW(alloc, m->colind, size * size * blocks) &&
+         MS_NEW(alloc, m->val, size * size * blocks) && MS_NEW(alloc, m->diagonal_offset, n) &&
+         MS_NEW(alloc, m->row_step, n) && MS_NEW(alloc, m->first, n + 1) &&
+         MS_NEW(alloc, m->entry, half_edges * (size_t)model->springs.n);
 }
 
 msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph *graph,
@@ -165,10 +157,8 @@ msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph
 
 void ms_sparse_matrix_destroy(const ms_model *model, ms_sparse_matrix *m) {
   if (!model->scene) return; /* the creation of the sim failed before that of the model */
-  void *arrays[] = {m->order, m->graphptr,        m->graphind, m->rowptr, m->colind,
-                    m->val,   m->diagonal_offset, m->row_step, m->first,  m->entry};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_memory_free(&model->scene->alloc, arrays[i]);
+  MS_FREE(&model->scene->alloc, m->order, m->graphptr, m->graphind, m->rowptr, m->colind, m->val,
+          m->diagonal_offset, m->row_step, m->first, m->entry);
   *m = (ms_sparse_matrix){0};
 }
 

@@ -15,19 +15,15 @@ msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, ms
   const size_t block = is_scalar ? 1 : (size_t)model->unknowns.dims;
   const size_t diagonal =
       ms_coefficients_diagonal_size(block) * (size_t)model->unknowns.first_pinned;
-  *a = (ms_coefficients){.block = (int32_t)block,
-                         .t = ms_memory_allocate(alloc, n, sizeof(double)),
-                         .diagonal = ms_memory_allocate(alloc, diagonal, sizeof(double))};
-  if (!is_scalar) a->g = ms_memory_allocate(alloc, n, sizeof(double));
-  if (!is_scalar) a->x = ms_unknowns_new_vector(model->scene, &model->unknowns);
-  const int whole = a->t && a->diagonal && (is_scalar || (a->g && a->x));
-  return whole ? MSIM_OK : ms_error_set_memory(err, "the matrix coefficients");
+  *a = (ms_coefficients){.block = (int32_t)block};
+  const int fits = MS_NEW(alloc, a->t, n) && MS_NEW(alloc, a->diagonal, diagonal) &&
+                   (is_scalar || (MS_NEW(alloc, a->g, n) &&
+                                  MS_NEW_VECTORS(model->scene, &model->unknowns, &a->x)));
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the matrix coefficients");
 }
 
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
-  double *arrays[] = {a->t, a->g, a->x, a->diagonal};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_memory_free(&model->scene->alloc, arrays[i]);
+  MS_FREE(&model->scene->alloc, a->t, a->g, a->x, a->diagonal);
   *a = (ms_coefficients){0};
 }
 

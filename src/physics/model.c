@@ -19,6 +19,10 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
   return features;
 }
 
+static int allocate_split_rows(ms_model *m) {
+  return m->half_edges.nparts == 0 || MS_NEW_VECTORS(m->scene, &m->unknowns, &m->split_row_force);
+}
+
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
                                    unsigned skip_off, ms_model *model, msim_error *err) {
   *model = (ms_model){.scene = scene, .external = scene->external, .isa = ms_isa_choose()};
@@ -29,11 +33,8 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   const ms_unknowns *rows = &model->unknowns;
   model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims, model->isa};
   size_t count = (size_t)rows->first_pinned;
-  model->mass = ms_memory_allocate(&scene->alloc, count, sizeof(double));
-  model->inv_mass = ms_memory_allocate(&scene->alloc, count, sizeof(double));
-  const int parts = model->half_edges.nparts > 0;
-  if (parts) model->split_row_force = ms_unknowns_new_vector(scene, rows);
-  if (!model->mass || !model->inv_mass || (parts && !model->split_row_force))
+  if (!MS_NEW(&scene->alloc, model->mass, count) ||
+      !MS_NEW(&scene->alloc, model->inv_mass, count) || !allocate_split_rows(model))
     return ms_error_set_memory(err, "the masses");
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
@@ -71,10 +72,7 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
         ms_half_edges_create(scene, &part->unknowns, &part->springs, &a, &part->half_edges, err);
   ms_adjacency_destroy(scene, &a);
   if (status) return status;
-  if (part->half_edges.nparts > 0)
-    part->split_row_force = ms_unknowns_new_vector(scene, &part->unknowns);
-  if (part->half_edges.nparts > 0 && !part->split_row_force)
-    return ms_error_set_memory(err, "a copy of the springs");
+  if (!allocate_split_rows(part)) return ms_error_set_memory(err, "a copy of the springs");
   part->features = find_features(scene, &part->springs) | skip_off;
   return MSIM_OK;
 }
@@ -101,8 +99,6 @@ void ms_model_update_springs(ms_model *model, unsigned skip_off) {
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
-  ms_memory_free(&model->scene->alloc, model->mass);
-  ms_memory_free(&model->scene->alloc, model->inv_mass);
-  ms_memory_free(&model->scene->alloc, model->split_row_force);
+  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->split_row_force);
   *model = (ms_model){0};
 }

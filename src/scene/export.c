@@ -109,11 +109,9 @@ static void export_run(export_state *e) {
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
   const size_t most = 16 + 4 * (size_t)s->nplanes + (size_t)s->nrun;
-  e->nodes = ms_memory_allocate(&s->alloc, most, sizeof *e->nodes);
-  e->entries = ms_memory_allocate(&s->alloc, most, sizeof *e->entries);
-  e->pinned = ms_memory_allocate(&s->alloc, (size_t)s->nparticles, sizeof *e->pinned);
-  e->ij = ms_memory_allocate(&s->alloc, (size_t)s->nsprings, 2 * sizeof *e->ij);
-  return e->nodes && e->entries && e->pinned && e->ij;
+  return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
+         MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
+         MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings);
 }
 
 static void export_all(export_state *e) {
@@ -155,7 +153,6 @@ msim_status ms_export_scene(const ms_scene *scene, const char *name, const char 
   ms_text_free(&where);
   if (status) return ms_error_set(err, status, "%s: %s", label, why.text);
   status = save_tree(&e, table, path, label, err);
-  void *rooms[] = {e.nodes, e.entries, e.pinned, e.ij};
-  for (int i = 0; i < 4; i++) ms_memory_free(&scene->alloc, rooms[i]);
+  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij);
   return status;
 }

@@ -14,16 +14,14 @@ static_assert(sizeof(msim_plane) == 48, "msim_plane is fixed (scene.h)");
 
 static void free_run(ms_scene *s) {
   for (int32_t i = 0; i < s->nrun; i++) {
-    ms_memory_free(&s->alloc, s->run[i].name);
-    ms_memory_free(&s->alloc, s->run[i].value);
+    MS_FREE(&s->alloc, s->run[i].name, s->run[i].value);
   }
   ms_memory_free(&s->alloc, s->run);
 }
 
 static void free_scene_data(ms_scene *s) {
-  void *arrays[] = {s->name, s->source, s->x,    s->v,       s->mass,  s->pinned,
-                    s->ij,   s->k,      s->rest, s->damping, s->planes};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) ms_memory_free(&s->alloc, arrays[i]);
+  MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->ij, s->k, s->rest,
+          s->damping, s->planes);
   free_run(s);
   msim_allocator alloc = s->alloc;
   ms_memory_free(&alloc, s);
@@ -409,8 +407,7 @@ msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const c
   ms_run_option entry = {ms_memory_copy_string(&s->alloc, name),
                          ms_memory_copy_string(&s->alloc, value)};
   if (!entry.name || !entry.value) {
-    ms_memory_free(&s->alloc, entry.name);
-    ms_memory_free(&s->alloc, entry.value);
+    MS_FREE(&s->alloc, entry.name, entry.value);
     return ms_error_set_memory(err, "the options of the scene");
   }
   s->run[s->nrun++] = entry;

@@ -18,19 +18,16 @@ static int monitor_is_on(const msim_sim *sim) { return sim->config.opt.watch == 
 msim_status ms_energy_monitor_create(const msim_sim *sim, const ms_model *model,
                                      ms_last_good_state *good, msim_error *err) {
   if (!monitor_is_on(sim)) return MSIM_OK;
-  double **vectors[] = {&good->kept.x, &good->kept.v, &good->measured.x, &good->measured.v};
-  int there = 1;
-  for (int i = 0; i < 4; i++)
-    there &= (*vectors[i] = ms_unknowns_new_vector(sim->scene, &model->unknowns)) != NULL;
-  good->parts =
-      ms_memory_allocate(&sim->alloc, (size_t)ms_totals_count_parts(model), sizeof *good->parts);
-  return there && good->parts ? MSIM_OK : ms_error_set_memory(err, "the last good state");
+  const int fits = MS_NEW_VECTORS(sim->scene, &model->unknowns, &good->kept.x, &good->kept.v,
+                                  &good->measured.x, &good->measured.v) &&
+                   MS_NEW(&sim->alloc, good->parts, ms_totals_count_parts(model));
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the last good state");
 }
 
 void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *good) {
   if (!model->scene) return;
-  void *arrays[] = {good->kept.x, good->kept.v, good->measured.x, good->measured.v, good->parts};
-  for (int i = 0; i < 5; i++) ms_memory_free(&model->scene->alloc, arrays[i]);
+  MS_FREE(&model->scene->alloc, good->kept.x, good->kept.v, good->measured.x, good->measured.v,
+          good->parts);
 }
 
 /*------------------------------------- measuring ------------------------------------------------*/

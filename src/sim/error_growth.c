@@ -17,17 +17,14 @@ msim_status ms_error_growth_create(const msim_sim *sim, const ms_model *model, m
   const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
   if (sim->config.opt.watch != MSIM_WATCH_ON || !has_tol) return MSIM_OK;
   if (model->springs.n > FEW_SPRINGS && !sim->scene->nplanes) return MSIM_OK;
-  double **vectors[] = {&d->dx, &d->dv, &d->x, &d->v, &d->a, &d->f};
-  for (int i = 0; i < 6; i++)
-    if (!(*vectors[i] = ms_unknowns_new_vector(sim->scene, &model->unknowns)))
-      return ms_error_set_memory(err, "the growth of errors");
-  return MSIM_OK;
+  if (MS_NEW_VECTORS(sim->scene, &model->unknowns, &d->dx, &d->dv, &d->x, &d->v, &d->a, &d->f))
+    return MSIM_OK;
+  return ms_error_set_memory(err, "the growth of errors");
 }
 
 void ms_error_growth_destroy(const ms_model *model, ms_disturbance *d) {
   if (!model->scene) return;
-  double *vectors[] = {d->dx, d->dv, d->x, d->v, d->a, d->f};
-  for (int i = 0; i < 6; i++) ms_memory_free(&model->scene->alloc, vectors[i]);
+  MS_FREE(&model->scene->alloc, d->dx, d->dv, d->x, d->v, d->a, d->f);
 }
 
 /* Scale d to LENGTH. Returns |d|/LENGTH, where |d| is the largest of any connected component. */

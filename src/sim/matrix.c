@@ -21,9 +21,7 @@ void ms_sim_free_matrix(msim_sim *sim) {
   ms_coefficients_destroy(&w->model, &w->a);
   ms_sparse_matrix_destroy(&w->model, &w->matrix);
   ms_model_destroy(&w->model);
-  ms_memory_free(&sim->alloc, w->x);
-  ms_memory_free(&sim->alloc, w->particle);
-  ms_memory_free(&sim->alloc, w);
+  MS_FREE(&sim->alloc, w->x, w->particle, w);
   sim->matrix_export = NULL;
 }
 
@@ -54,7 +52,7 @@ static msim_status create_export(msim_sim *sim, msim_error *err) {
   msim_status status =
       ms_model_create(sim->scene, sim->config.opt.skip_off | WHOLE, &w->model, err);
   if (!status) status = ms_coefficients_create(&w->model, &w->a, err);
-  if (!status && !(w->x = ms_unknowns_new_vector(sim->scene, &w->model.unknowns)))
+  if (!status && !MS_NEW_VECTORS(sim->scene, &w->model.unknowns, &w->x))
     status = ms_error_set_memory(err, "the matrix");
   if (!status) status = create_export_pattern(sim, w, err);
   if (status) ms_sim_free_matrix(sim);

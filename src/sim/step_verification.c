@@ -17,15 +17,13 @@ enum { DEFECT, TURN };
 msim_status ms_step_verification_create(const msim_sim *sim, const ms_model *model,
                                         ms_island_verification *check, msim_error *err) {
   if (!ms_sim_selects(sim) || ms_sim_has_control(sim)) return MSIM_OK;
-  check->x = ms_unknowns_new_vector(sim->scene, &model->unknowns);
-  check->v = ms_unknowns_new_vector(sim->scene, &model->unknowns);
-  return check->x && check->v ? MSIM_OK : ms_error_set_memory(err, "the start of a step");
+  if (MS_NEW_VECTORS(sim->scene, &model->unknowns, &check->x, &check->v)) return MSIM_OK;
+  return ms_error_set_memory(err, "the start of a step");
 }
 
 void ms_step_verification_destroy(const ms_model *model, ms_island_verification *check) {
   if (!model->scene) return;
-  ms_memory_free(&model->scene->alloc, check->x);
-  ms_memory_free(&model->scene->alloc, check->v);
+  MS_FREE(&model->scene->alloc, check->x, check->v);
 }
 
 /*------------------------------------- indicators -----------------------------------------------*/
