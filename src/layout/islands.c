@@ -120,7 +120,7 @@ msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *isla
   MS_FREE(alloc, of, size, to);
   if (fits) return MSIM_OK;
   ms_islands_destroy(scene, islands);
-  return ms_error_set_memory(err, "the islands");
+  return ms_error_set_memory(err, "the islands of the scene");
 }
 
 void ms_islands_destroy(const ms_scene *scene, ms_islands *islands) {

@@ -31,8 +31,9 @@ static int any_above_zero(int32_t n, const double *values) {
 /* The discs are exact if all weights are 0. */
 static msim_status bound_largest(const ms_laplacian *l, int tight, double *bound, msim_error *err) {
   const ms_scene *s = l->scene;
-  double *disc = ms_memory_allocate(&s->alloc, (size_t)s->nparticles, sizeof *disc), tighter;
-  if (!disc) return ms_error_set_memory(err, "the stability bounds");
+  double *disc, tighter;
+  if (!MS_NEW(&s->alloc, disc, s->nparticles))
+    return ms_error_set_memory(err, "the stability bounds");
   msim_status status = MSIM_OK;
   *bound = compute_gershgorin_discs(l, disc);
   if (tight && *bound > 0 && any_above_zero(s->nsprings, l->weight)) {
@@ -86,8 +87,8 @@ static int raise_ratios(const ms_scene *s, uncovered *u) {
  * bound. */
 static msim_status bound_ratio(const ms_scene *s, double *bound, msim_error *err) {
   enum { MOST_STEPS = 100 };
-  uncovered *u = ms_memory_allocate(&s->alloc, (size_t)s->nparticles, sizeof *u);
-  if (!u) return ms_error_set_memory(err, "the stability bounds");
+  uncovered *u;
+  if (!MS_NEW(&s->alloc, u, s->nparticles)) return ms_error_set_memory(err, "the stability bounds");
   int step = 0;
   while (step < MOST_STEPS && raise_ratios(s, u)) step++;
   *bound = step < MOST_STEPS ? 0 : INFINITY;
@@ -111,17 +112,20 @@ msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bound
   return MSIM_OK;
 }
 
+double ms_bounds_sum_row(const ms_model *model, const double *weight, int32_t row) {
+  const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
+  double sum = 0;
+  for (int32_t at = span.begin; at < span.end; at += span.step)
+    sum += (model->half_edges.neighbour[at] < model->unknowns.nfree ? 2 : 1) * weight[at];
+  return sum;
+}
+
 ms_bounds ms_bounds_compute_island(const ms_model *model) {
-  const ms_half_edges *half_edges = &model->half_edges;
   const double b = ms_external_damping(&model->external);
   double omega2 = 0, rate = 0, heaviest = 0;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
-    double k = 0, c = 0;
-    for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int ends = half_edges->neighbour[at] < model->unknowns.nfree ? 2 : 1;
-      k += ends * half_edges->k[at], c += ends * half_edges->damping[at];
-    }
+    const double k = ms_bounds_sum_row(model, model->half_edges.k, r),
+                 c = ms_bounds_sum_row(model, model->half_edges.damping, r);
     omega2 = fmax(omega2, k * model->inv_mass[r]);
     rate = fmax(rate, (c + b) * model->inv_mass[r]);
     heaviest = fmax(heaviest, model->mass[r]);

@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 #include "layout/components.h"
+#include "physics/bounds.h"
 #include "physics/external_force.h"
 
 /* Sums and extremes over a body */
@@ -20,12 +21,10 @@ msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t nfree = model->unknowns.nfree;
   *norm = (ms_norm){0};
-  norm->body_of = ms_memory_allocate(alloc, (size_t)nfree + 1, sizeof *norm->body_of);
-  if (!norm->body_of) return ms_error_set_memory(err, "the error norm of step-size control");
+  if (!MS_NEW(alloc, norm->body_of, nfree + 1))
+    return ms_error_set_memory(err, "the error norm of step-size control");
   norm->n = ms_components_number(&model->unknowns, &model->springs, norm->body_of);
-  norm->body = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->body);
-  norm->sums = ms_memory_allocate(alloc, (size_t)norm->n + 1, sizeof *norm->sums);
-  if (!norm->body || !norm->sums)
+  if (!MS_NEW(alloc, norm->body, norm->n + 1) || !MS_NEW(alloc, norm->sums, norm->n + 1))
     return ms_error_set_memory(err, "the error norm of step-size control");
   for (int32_t r = 0; r < nfree; r++) norm->body[norm->body_of[r]].n++;
   return MSIM_OK;
@@ -33,10 +32,7 @@ msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err
 
 void ms_norm_destroy(const ms_model *model, ms_norm *norm) {
   if (!model->scene) return;
-  const msim_allocator *alloc = &model->scene->alloc;
-  ms_memory_free(alloc, norm->body_of);
-  ms_memory_free(alloc, norm->body);
-  ms_memory_free(alloc, norm->sums);
+  MS_FREE(&model->scene->alloc, norm->body_of, norm->body, norm->sums);
 }
 
 /*------------------------------------- scales ---------------------------------------------------*/
@@ -59,7 +55,7 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
   const ms_unknowns *rows = &model->unknowns;
   const ms_half_edges *half_edges = &model->half_edges;
   const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
-  double xr[3], vr[3], xq[3], k = 0;
+  double xr[3], vr[3], xq[3];
   ms_unknowns_get(rows, x, r, xr);
   ms_unknowns_get(rows, v, r, vr);
   extend_box(xr, g);
@@ -67,15 +63,13 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t q = half_edges->neighbour[at];
     if (half_edges->spring[at] < 0) continue;
-    const int is_free = q < rows->nfree;
     ms_unknowns_get(rows, x, q, xq);
-    if (!is_free) extend_box(xq, g);
+    if (q >= rows->nfree) extend_box(xq, g);
     for (int i = 0; i < 3; i++) xq[i] -= xr[i];
     const double stretch = ms_vec3_norm(xq) - half_edges->rest[at];
     g->speed2 += speed2_from_spring(model, r, q, half_edges->k[at] * stretch * stretch / 2);
-    k += (1 + is_free) * half_edges->k[at];
   }
-  g->omega2 = fmax(g->omega2, k * model->inv_mass[r]);
+  g->omega2 = fmax(g->omega2, ms_bounds_sum_row(model, half_edges->k, r) * model->inv_mass[r]);
 }
 
 static void set_body_scales(const ms_norm_sums *sum, double gravity, double span, ms_norm_body *p) {
