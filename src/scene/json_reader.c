@@ -85,10 +85,9 @@ msim_status ms_json_fail_memory(const ms_json_reader *r) {
   return ms_json_fail(r, MSIM_ERR_MEMORY, "out of memory for the scene");
 }
 
-msim_status ms_json_forward_error(const ms_json_reader *r, const char *path, msim_status status,
-                                  const msim_error *inner) {
-  if (status == MSIM_OK) return MSIM_OK;
-  return ms_json_fail(r, status, "%s%s", status == MSIM_ERR_ARG ? path : "", inner->text);
+msim_status ms_json_forward_error(const ms_json_reader *r, const char *path, msim_status status) {
+  if (status == MSIM_OK || !r->err) return status;
+  return ms_json_fail(r, status, "%s%s", status == MSIM_ERR_ARG ? path : "", r->err->text);
 }
 
 /*------------------------------------- keys -----------------------------------------------------*/

@@ -41,10 +41,9 @@ msim_status ms_json_fail(const ms_json_reader *r, msim_status status, const char
 msim_status ms_json_refuse(const ms_json_reader *r, ms_json_location at, ms_value value,
                            const char *must);
 msim_status ms_json_fail_memory(const ms_json_reader *r);
-/* Pass on the status and message of another part of the library; MSIM_ERR_ARG with `path` in
- * front. */
-msim_status ms_json_forward_error(const ms_json_reader *r, const char *path, msim_status status,
-                                  const msim_error *inner);
+/* Pass on the status and message, in r->err, of another part of the library; MSIM_ERR_ARG with
+ * `path` in front. */
+msim_status ms_json_forward_error(const ms_json_reader *r, const char *path, msim_status status);
 
 /* Check that `value` is an object with these keys only; `keys` ends with NULL. */
 msim_status ms_json_check_keys(const ms_json_reader *r, const char *path, ms_value value,

@@ -16,14 +16,11 @@ static msim_status read_version(ms_json_reader *r, const char *path, ms_value va
 }
 
 static msim_status read_name(ms_json_reader *r, const char *path, ms_value value) {
-  msim_error inner;
   if (!ms_value_text(value)) return ms_json_refuse(r, ms_json_at(path), value, "a string");
-  return ms_json_forward_error(r, "", msim_scene_set_name(r->scene, ms_value_text(value), &inner),
-                               &inner);
+  return ms_json_forward_error(r, "", msim_scene_set_name(r->scene, ms_value_text(value), r->err));
 }
 
 static msim_status read_parameter(ms_json_reader *r, const ms_scene_parameter *p, ms_value root) {
-  msim_error inner;
   double numbers[3];
   const char *path = p->key;
   const ms_value value = ms_value_member(root, path);
@@ -31,7 +28,7 @@ static msim_status read_parameter(ms_json_reader *r, const ms_scene_parameter *p
   msim_status status = p->n == 1
                            ? ms_json_read_number(r, ms_json_at(path), value, MS_ANY, numbers)
                            : ms_json_read_row(r, ms_json_at(path), value, MS_ANY, p->n, numbers);
-  return status ? status : ms_json_forward_error(r, "", p->set(r->scene, numbers, &inner), &inner);
+  return status ? status : ms_json_forward_error(r, "", p->set(r->scene, numbers, r->err));
 }
 
 /*------------------------------------- particles ------------------------------------------------*/
@@ -50,27 +47,24 @@ static msim_status read_indices(const ms_json_reader *r, const char *key, ms_val
 }
 
 static msim_status read_pinned_particles(const ms_json_reader *r, ms_value value, int32_t limit) {
-  msim_error inner;
   int32_t n, *list = NULL;
   msim_status status = read_indices(r, "particles.pinned", value, limit, &n, &list);
   if (!status)
-    status =
-        ms_json_forward_error(r, "particles.", msim_scene_pin(r->scene, n, list, &inner), &inner);
+    status = ms_json_forward_error(r, "particles.", msim_scene_pin(r->scene, n, list, r->err));
   ms_memory_free(&r->alloc, list);
   return status;
 }
 
 static msim_status add_listed_particles(const ms_json_reader *r, ms_value section, ms_value x,
                                         ms_value mass, int32_t n, double *room /* 7n */) {
-  msim_error inner;
   double *at_v = room + 3 * (size_t)n, *at_mass = at_v + 3 * (size_t)n;
   const ms_value v = ms_value_member(section, "v"), pinned = ms_value_member(section, "pinned");
   msim_status status = ms_json_read_rows(r, "particles.x", x, n, room);
   if (!status && v.json) status = ms_json_read_rows(r, "particles.v", v, n, at_v);
   if (!status) status = ms_json_read_each(r, "particles.mass", mass, MS_POSITIVE, n, at_mass);
   if (status) return status;
-  status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, &inner);
-  if (status || !pinned.json) return ms_json_forward_error(r, "", status, &inner);
+  status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, r->err);
+  if (status || !pinned.json) return ms_json_forward_error(r, "", status);
   return read_pinned_particles(r, pinned, n);
 }
 
@@ -111,7 +105,6 @@ static msim_status read_pairs(const ms_json_reader *r, ms_value pairs, int32_t n
 
 static msim_status add_listed_springs(const ms_json_reader *r, ms_value section, ms_value pairs,
                                       ms_value k, int32_t n, double *room /* 4n */) {
-  msim_error inner;
   double *at_rest = room + n, *at_damping = at_rest + n;
   int32_t *ij = (int32_t *)(at_damping + n);
   ms_value rest = ms_value_member(section, "rest");
@@ -124,8 +117,8 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
     status = ms_json_read_each(r, "springs.damping", damping, MS_NOT_NEGATIVE, n, at_damping);
   if (status) return status;
   status =
-      msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, &inner);
-  return ms_json_forward_error(r, "", status, &inner);
+      msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, r->err);
+  return ms_json_forward_error(r, "", status);
 }
 
 static msim_status read_springs(ms_json_reader *r, const char *path, ms_value section) {
@@ -149,7 +142,6 @@ static msim_status read_springs(ms_json_reader *r, const char *path, ms_value se
 
 static msim_status read_plane(const ms_json_reader *r, const char *path, ms_value value) {
   static const char *const keys[] = {"normal", "offset", "restitution", "friction", NULL};
-  msim_error inner;
   msim_plane p = {.restitution = 1};
   const struct {
     ms_range range;
@@ -173,8 +165,8 @@ static msim_status read_plane(const ms_json_reader *r, const char *path, ms_valu
       status = ms_json_read_row(r, ms_json_at(at.text), member, members[i].range, 3, members[i].to);
   }
   if (status) return status;
-  status = msim_scene_add_plane(r->scene, &p, &inner);
-  return ms_json_forward_error(r, ms_json_member_path(path, "").text, status, &inner);
+  status = msim_scene_add_plane(r->scene, &p, r->err);
+  return ms_json_forward_error(r, ms_json_member_path(path, "").text, status);
 }
 
 static msim_status read_planes(ms_json_reader *r, const char *path, ms_value planes) {
@@ -225,10 +217,10 @@ static msim_status read_option(const ms_json_reader *r, const char *path, const 
   const char *text = option_text(value, &number);
   msim_options_init(&scratch, sizeof scratch);
   status = msim_options_set(&scratch, name, text, &inner);
-  if (status && !option) return ms_json_fail(r, status, "%s: %s", path, inner.text);
-  if (status) return ms_json_forward_error(r, "run.", status, &inner);
-  return ms_json_forward_error(r, "", ms_scene_add_run_option(r->scene, name, text, &inner),
-                               &inner);
+  if (status)
+    return ms_json_fail(r, status, "%s%s%s", option ? "run." : path, option ? "" : ": ",
+                        inner.text);
+  return ms_json_forward_error(r, "", ms_scene_add_run_option(r->scene, name, text, r->err));
 }
 
 static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
@@ -292,9 +284,8 @@ static msim_status store_source(ms_json_reader *r, const char *text, size_t leng
 }
 
 msim_status ms_json_build_scene(ms_json_reader *r, ms_value root) {
-  msim_error inner;
   msim_status status =
-      ms_json_forward_error(r, "", msim_scene_create(&r->alloc, &r->scene, &inner), &inner);
+      ms_json_forward_error(r, "", msim_scene_create(&r->alloc, &r->scene, r->err));
   if (status) return status;
   status = read_root(r, root);
   ms_memory_free(&r->alloc, r->grids);

@@ -151,7 +151,6 @@ static msim_status read_pinned_of_object(const ms_json_reader *r, const char *pa
 
 static msim_status add_object_particles(const ms_json_reader *r, const char *path, ms_value object,
                                         const ms_object_type *type, ms_grid *grid) {
-  msim_error inner;
   const ms_key_path at = ms_json_member_path(path, "pinned");
   ms_value pinned = ms_value_member(object, "pinned");
   int32_t *marks = ms_memory_allocate(
@@ -160,15 +159,13 @@ static msim_status add_object_particles(const ms_json_reader *r, const char *pat
   msim_status status =
       pinned.json ? read_pinned_of_object(r, at.text, pinned, type, grid, marks) : MSIM_OK;
   if (!status)
-    status = ms_json_forward_error(r, "", ms_objects_add_particles(r->scene, grid, path, &inner),
-                                   &inner);
+    status = ms_json_forward_error(r, "", ms_objects_add_particles(r->scene, grid, path, r->err));
   ms_memory_free(&r->alloc, marks);
   return status;
 }
 
 static msim_status read_json_object(const ms_json_reader *r, const char *path, ms_value value,
                                     ms_grid *grid) {
-  msim_error inner;
   const ms_object_type *type;
   msim_status status = read_type(r, path, value, &type);
   if (!status) status = check_keys(r, path, value, type);
@@ -178,8 +175,7 @@ static msim_status read_json_object(const ms_json_reader *r, const char *path, m
   for (int32_t i = 0; i < type->nmembers && !status; i++)
     status = read_object_member(r, path, value, &type->members[i], &object);
   if (status) return status;
-  status =
-      ms_json_forward_error(r, "", ms_objects_make_grid(type, &object, path, grid, &inner), &inner);
+  status = ms_json_forward_error(r, "", ms_objects_make_grid(type, &object, path, grid, r->err));
   return status ? status : add_object_particles(r, path, value, type, grid);
 }
 
@@ -195,9 +191,8 @@ msim_status ms_json_add_objects(ms_json_reader *r, const char *path, ms_value ob
 }
 
 msim_status ms_json_add_object_springs(const ms_json_reader *r) {
-  msim_error inner;
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < r->ngrids && !status; i++)
-    status = ms_objects_add_springs(r->scene, &r->grids[i], &inner);
-  return ms_json_forward_error(r, "", status, &inner);
+    status = ms_objects_add_springs(r->scene, &r->grids[i], r->err);
+  return ms_json_forward_error(r, "", status);
 }
