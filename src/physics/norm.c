@@ -7,6 +7,7 @@
 #include "layout/components.h"
 #include "physics/bounds.h"
 #include "physics/external_force.h"
+#include "physics/scales.h"
 
 /* Sums and extremes over a body */
 typedef struct ms_norm_sums {
@@ -73,20 +74,15 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
 }
 
 static void set_body_scales(const ms_norm_sums *sum, double gravity, double span, ms_norm_body *p) {
-  const double mean2 = sum->speed2 / p->n;
-  double L = 0, farthest = 0;
+  double extent = 0, farthest = 0;
   for (int c = 0; c < 3; c++) {
-    L = fmax(L, sum->high[c] - sum->low[c]);
+    extent = fmax(extent, sum->high[c] - sum->low[c]);
     farthest = fmax(farthest, fmax(fabs(sum->low[c]), fabs(sum->high[c])));
   }
-  if (!(L > 0)) L = sqrt(mean2) * span + gravity * span * span / 2;
-  if (!(L > 0)) L = 1; /* nothing ever moves */
-  double U = sqrt(mean2 + gravity * L);
-  if (!(U > 0)) U = L / span;
-  p->extent = L;
-  p->speed = U;
-  const double rounding = 4 * DBL_EPSILON * fmax(L, farthest) * (1 / L + sqrt(sum->omega2) / U);
-  p->rounding = fmin(rounding, DBL_MAX);
+  ms_scales scales;
+  ms_scales_set(extent, farthest, sum->speed2 / p->n, gravity, sqrt(sum->omega2), span, &scales);
+  p->extent = scales.extent, p->speed = scales.speed;
+  p->rounding = fmin(scales.rounding, DBL_MAX);
 }
 
 void ms_norm_measure_scales(const ms_model *model, const double *x, const double *v, double span,

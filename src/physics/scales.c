@@ -3,6 +3,7 @@
 #include <float.h>
 #include <math.h>
 
+#include "base/vec3.h"
 #include "physics/bounds.h"
 #include "physics/energy.h"
 #include "physics/external_force.h"
@@ -28,6 +29,18 @@ static double sum_free_mass(const ms_scene *scene) {
   return mass > 0 ? mass : 1;
 }
 
+void ms_scales_set(double extent, double farthest, double speed2, double gravity, double omega,
+                   double span, ms_scales *scales) {
+  double L = extent;
+  if (!(L > 0)) L = sqrt(speed2) * span + gravity * span * span / 2;
+  if (!(L > 0)) L = 1; /* nothing ever moves */
+  double U = sqrt(speed2 + gravity * L);
+  if (!(U > 0)) U = L / span;
+  scales->extent = L;
+  scales->speed = U;
+  scales->rounding = 4 * DBL_EPSILON * fmax(L, farthest) * (1 / L + omega / U);
+}
+
 msim_status ms_scales_compute(const ms_scene *scene, const double *x, const double *v, double span,
                               ms_scales *scales, msim_error *err) {
   const double g = ms_external_acceleration(&scene->external);
@@ -39,14 +52,9 @@ msim_status ms_scales_compute(const ms_scene *scene, const double *x, const doub
   ms_energy_compute(scene, x, v, &energy);
   *scales = (ms_scales){.mass = sum_free_mass(scene)};
   const double u2 = 2 * (energy.kinetic + energy.elastic) / scales->mass;
-  double L = find_extent(scene->nparticles, x, &farthest);
-  if (!(L > 0)) L = sqrt(u2) * span + g * span * span / 2;
-  if (!(L > 0)) L = 1; /* nothing ever moves */
-  double U = sqrt(u2 + g * L);
-  if (!(U > 0)) U = L / span;
-  scales->extent = L;
-  scales->speed = U;
-  scales->rounding = 4 * DBL_EPSILON * fmax(L, farthest) * (1 / L + bounds.omega / U);
-  scales->time = 1 / (bounds.omega + bounds.rate + g / U + U / L);
+  const double extent = find_extent(scene->nparticles, x, &farthest);
+  ms_scales_set(extent, farthest, u2, g, bounds.omega, span, scales);
+  scales->time =
+      1 / (bounds.omega + bounds.rate + g / scales->speed + scales->speed / scales->extent);
   return MSIM_OK;
 }

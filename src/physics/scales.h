@@ -14,6 +14,11 @@ typedef struct ms_scales {
   double time;     /* s: the shortest time in which the motion may change much */
 } ms_scales;
 
+/* extent, speed and rounding. extent: of the bounding box; speed2: the square of the speed without
+ * g L; farthest: the largest magnitude of a coordinate; omega: a bound of the frequencies */
+void ms_scales_set(double extent, double farthest, double speed2, double gravity, double omega,
+                   double span, ms_scales *scales);
+
 /* Scales of the state x, v (n x 3), for a run of length T = span (s). */
 msim_status ms_scales_compute(const ms_scene *scene, const double *x, const double *v, double span,
                               ms_scales *scales, msim_error *err);
