@@ -29,8 +29,8 @@ typedef struct ms_bounds {
  * method, in 15 to 30 more loops each; never above the discs. */
 msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bounds, msim_error *err);
 
-/* Gershgorin's disc of a row times its mass: the sum over its half-edges of e w, e = 2, or 1 towards
- * a pinned particle; weight: w of each half-edge, as half_edges.k */
+/* Gershgorin's disc of a row times its mass: the sum over its half-edges of e w, e = 2, or 1 if the
+ * other end is pinned; weight: w of each half-edge, as half_edges.k */
 double ms_bounds_sum_row(const ms_model *model, const double *weight, int32_t row);
 
 /* By Gershgorin discs for one island, with ratio = 0; allocates nothing. */
