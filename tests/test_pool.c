@@ -49,6 +49,11 @@ static int run_items(ms_pool *pool, int32_t n, int runs) {
   return all_are(n, runs);
 }
 
+static void do_chunk(void *data, int32_t begin, int32_t end) {
+  const int32_t size = *(int32_t *)data;
+  for (int32_t i = begin; i < end; i++) done[i] += begin % size == 0 && end - begin <= size;
+}
+
 static void pause_ms(int ms) { nanosleep(&(struct timespec){.tv_nsec = 1000000L * ms}, NULL); }
 
 /*------------------------------------- tests ----------------------------------------------------*/
@@ -64,6 +69,20 @@ static void every_item_is_done_once(void **state) {
       assert_true(run_items(pool, items[i], 200));
     ms_pool_destroy(pool);
   }
+}
+
+static void chunks_cover_every_element_once(void **state) {
+  (void)state;
+  static const int32_t counts[] = {0, 1, 6, 7, 8, MOST_ITEMS};
+  ms_pool *pool = ms_pool_create(libc(), 3);
+  for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+    int32_t size = 7;
+    memset(done, 0, sizeof done);
+    assert_int_equal(ms_pool_run_chunks(pool, do_chunk, &size, counts[i], size),
+                     (counts[i] + 6) / 7);
+    assert_true(all_are(counts[i], 1));
+  }
+  ms_pool_destroy(pool);
 }
 
 /* Long pauses: threads that have gone to sleep wake up. */
@@ -197,6 +216,7 @@ static void a_delayed_owner_works_alone_for_a_while(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(every_item_is_done_once),
+                                     cmocka_unit_test(chunks_cover_every_element_once),
                                      cmocka_unit_test(sleeping_threads_wake_up),
                                      cmocka_unit_test(items_run_side_by_side),
                                      cmocka_unit_test(idle_threads_use_no_cpu_time),

@@ -173,6 +173,25 @@ void ms_pool_run(ms_pool *pool, ms_pool_item *work, void *data, int32_t n) {
   wait_for_workers(pool);
 }
 
+typedef struct chunks_job {
+  ms_pool_chunk *work;
+  void *data;
+  int32_t n, size;
+} chunks_job;
+
+static void do_chunk(void *data, int32_t item) {
+  const chunks_job *j = data;
+  const int32_t begin = j->size * item, left = j->n - begin;
+  j->work(j->data, begin, left < j->size ? j->n : begin + j->size);
+}
+
+int32_t ms_pool_run_chunks(ms_pool *pool, ms_pool_chunk *work, void *data, int32_t n,
+                           int32_t size) {
+  chunks_job j = {work, data, n, size};
+  ms_pool_run(pool, do_chunk, &j, ms_pool_count_chunks(n, size));
+  return ms_pool_count_chunks(n, size);
+}
+
 /*------------------------------------- life -----------------------------------------------------*/
 
 /* Workers block all signals: these are for the threads of the host program. */

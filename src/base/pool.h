@@ -28,6 +28,17 @@ typedef void ms_pool_item(void *data, int32_t item);
  * the calling thread and in order if pool is NULL, or in a child process, which has no threads. */
 void ms_pool_run(ms_pool *pool, ms_pool_item *work, void *data, int32_t n);
 
+/* Executes the elements [begin, end) of a chunk. */
+typedef void ms_pool_chunk(void *data, int32_t begin, int32_t end);
+
+/* The same for n elements in chunks of `size`, the last one shorter. Returns the number of chunks;
+ * that of an element is its index / size. */
+int32_t ms_pool_run_chunks(ms_pool *pool, ms_pool_chunk *work, void *data, int32_t n, int32_t size);
+
+static inline int32_t ms_pool_count_chunks(int32_t n, int32_t size) {
+  return (n + size - 1) / size;
+}
+
 /* Number of cores that this thread may run on. */
 int32_t ms_pool_usable_cores(void);
 

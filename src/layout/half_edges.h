@@ -62,15 +62,8 @@ static inline ms_half_edge_span ms_half_edges_of_row(const ms_half_edges *h, int
                              MS_SLICE * h->first[h->nslices + last], 1};
 }
 
-/* Threads share the slice ranges in chunks of `size`: the number of chunks, and the end of chunk k.
- */
-static inline int32_t ms_half_edges_count_chunks(const ms_half_edges *h, int32_t size) {
-  return (h->nslices + h->nparts + size - 1) / size;
-}
-
-static inline int32_t ms_half_edges_chunk_end(const ms_half_edges *h, int32_t size, int32_t k) {
-  const int32_t n = h->nslices + h->nparts;
-  return n - size * k < size ? n : size * (k + 1);
+static inline int32_t ms_half_edges_count_ranges(const ms_half_edges *h) {
+  return h->nslices + h->nparts;
 }
 
 #endif

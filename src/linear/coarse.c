@@ -106,8 +106,6 @@ void ms_coarse_destroy(ms_coarse *coarse) {
 
 /*------------------------------------- values ---------------------------------------------------*/
 
-enum { AGGREGATES_PER_ITEM = 8 }; /* aggregates per work item */
-
 /* One loop over all aggregates, by all threads; no two write to the same place. */
 typedef struct coarse_job {
   ms_coarse *coarse;
@@ -116,23 +114,20 @@ typedef struct coarse_job {
   const double *r;
 } coarse_job;
 
-static void coarse_run(ms_pool_item *work, coarse_job *j) {
-  const int32_t n = j->coarse->aggregates.n;
-  ms_pool_run(j->coarse->model->pool, work, j, (n + AGGREGATES_PER_ITEM - 1) / AGGREGATES_PER_ITEM);
+static void coarse_run(ms_pool_chunk *work, coarse_job *j) {
+  enum { CHUNK = 8 }; /* aggregates in a chunk of work */
+  ms_pool_run_chunks(j->coarse->model->pool, work, j, j->coarse->aggregates.n, CHUNK);
 }
 
-#define EACH_OF(item)                            \
-  for (int32_t k = AGGREGATES_PER_ITEM * (item); \
-       k < AGGREGATES_PER_ITEM * (item + 1) && k < j->coarse->aggregates.n; k++)
-
-static void assemble_chunk(void *data, int32_t item) {
+static void assemble_chunk(void *data, int32_t begin, int32_t end) {
   const coarse_job *j = data;
-  EACH_OF(item) j->coarse->kernels->assemble(j->coarse, j->coefficients, j->inertia, k);
+  for (int32_t k = begin; k < end; k++)
+    j->coarse->kernels->assemble(j->coarse, j->coefficients, j->inertia, k);
 }
 
-static void restrict_chunk(void *data, int32_t item) {
+static void restrict_chunk(void *data, int32_t begin, int32_t end) {
   const coarse_job *j = data;
-  EACH_OF(item) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
+  for (int32_t k = begin; k < end; k++) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
 void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *constraint, int32_t n) {

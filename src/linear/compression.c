@@ -3,15 +3,15 @@
 #include <math.h>
 #include <string.h>
 
-enum { SLICE_RANGES_PER_ITEM = 128 }; /* slice ranges per work item */
+enum { CHUNK = 128 }; /* slice ranges in a chunk of work */
 
 msim_status ms_compression_create(const ms_model *model, ms_compression *c, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const ms_half_edges *half_edges = &model->half_edges;
-  const size_t chunks = (size_t)ms_half_edges_count_chunks(half_edges, SLICE_RANGES_PER_ITEM);
+  const int32_t ranges = ms_half_edges_count_ranges(half_edges);
   *c = (ms_compression){.model = model};
   const int fits = MS_NEW(alloc, c->reduction, MS_SLICE * (size_t)half_edges->nentries) &&
-                   MS_NEW(alloc, c->largest, chunks + 1);
+                   MS_NEW(alloc, c->largest, ms_pool_count_chunks(ranges, CHUNK) + 1);
   return fits ? MSIM_OK : ms_error_set_memory(err, "conjugate gradients");
 }
 
@@ -27,10 +27,10 @@ typedef struct compression_job {
   double threshold;
 } compression_job;
 
-static void compression_run(ms_pool_item *work, compression_job *j) {
+static int32_t compression_run(ms_pool_chunk *work, compression_job *j) {
   const ms_model *model = j->c->model;
-  ms_pool_run(model->pool, work, j,
-              ms_half_edges_count_chunks(&model->half_edges, SLICE_RANGES_PER_ITEM));
+  return ms_pool_run_chunks(model->pool, work, j, ms_half_edges_count_ranges(&model->half_edges),
+                            CHUNK);
 }
 
 /*------------------------------------- all springs ----------------------------------------------*/
@@ -39,14 +39,11 @@ void ms_compression_reset(ms_compression *c) {
   memset(c->reduction, 0, MS_SLICE * (size_t)c->model->half_edges.nentries * sizeof *c->reduction);
 }
 
-static void carry_over_chunk(void *data, int32_t item) {
+static void carry_over_chunk(void *data, int32_t begin, int32_t end) {
   const float CARRIED = 0.1f;
   const compression_job *j = data;
-  const ms_half_edges *half_edges = &j->c->model->half_edges;
-  const int32_t begin = half_edges->first[SLICE_RANGES_PER_ITEM * item];
-  const int32_t end =
-      half_edges->first[ms_half_edges_chunk_end(half_edges, SLICE_RANGES_PER_ITEM, item)];
-  for (int32_t entry = begin; entry < end; entry++) {
+  const int32_t *first = j->c->model->half_edges.first;
+  for (int32_t entry = first[begin]; entry < first[end]; entry++) {
     float *t = j->coefficients + 4 * MS_SLICE * (size_t)entry;
     float *left_out = j->c->reduction + MS_SLICE * (size_t)entry;
     for (size_t lane = 0; lane < MS_SLICE; lane++) {
@@ -83,25 +80,23 @@ static void find_contributions(const compression_job *j, int32_t range, int32_t 
   }
 }
 
-static void find_largest_chunk(void *data, int32_t item) {
+static void find_largest_chunk(void *data, int32_t begin, int32_t end) {
   const compression_job *j = data;
   const ms_half_edges *half_edges = &j->c->model->half_edges;
   double largest = 0;
-  for (int32_t s = SLICE_RANGES_PER_ITEM * item;
-       s < ms_half_edges_chunk_end(half_edges, SLICE_RANGES_PER_ITEM, item); s++)
+  for (int32_t s = begin; s < end; s++)
     for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++) {
       double part[MS_SLICE];
       find_contributions(j, s, entry, part);
       for (size_t lane = 0; lane < MS_SLICE; lane++) largest = fmax(largest, part[lane]);
     }
-  j->c->largest[item] = largest;
+  j->c->largest[begin / CHUNK] = largest;
 }
 
-static void halve_chunk(void *data, int32_t item) {
+static void halve_chunk(void *data, int32_t begin, int32_t end) {
   const compression_job *j = data;
   const ms_half_edges *half_edges = &j->c->model->half_edges;
-  for (int32_t s = SLICE_RANGES_PER_ITEM * item;
-       s < ms_half_edges_chunk_end(half_edges, SLICE_RANGES_PER_ITEM, item); s++)
+  for (int32_t s = begin; s < end; s++)
     for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++) {
       float *t = j->coefficients + 4 * MS_SLICE * (size_t)entry;
       float *left_out = j->c->reduction + MS_SLICE * (size_t)entry;
@@ -119,10 +114,8 @@ int ms_compression_reduce(ms_compression *c, const double *p, float *coefficient
   const double LITTLE = 0.001;
   compression_job j = {.c = c, .coefficients = coefficients, .p = p};
   double largest = 0;
-  compression_run(find_largest_chunk, &j);
-  for (int32_t i = 0; i < ms_half_edges_count_chunks(&c->model->half_edges, SLICE_RANGES_PER_ITEM);
-       i++)
-    largest = fmax(largest, c->largest[i]);
+  const int32_t chunks = compression_run(find_largest_chunk, &j);
+  for (int32_t i = 0; i < chunks; i++) largest = fmax(largest, c->largest[i]);
   if (!(largest > 0)) return 0;
   j.threshold = LITTLE * largest;
   compression_run(halve_chunk, &j);

@@ -12,11 +12,7 @@ MS_TABLES(ms_pcg_kernels);
 
 /*------------------------------------- sweeps ---------------------------------------------------*/
 
-enum { SLICES_PER_ITEM = 128 }; /* slices per work item */
-
-static int32_t count_chunks(const ms_model *model) {
-  return (model->half_edges.nslices + SLICES_PER_ITEM - 1) / SLICES_PER_ITEM;
-}
+enum { CHUNK = 128 }; /* slices in a chunk of work */
 
 /* Arguments of one sweep over all slices by all threads */
 typedef struct pcg_sweep {
@@ -24,55 +20,46 @@ typedef struct pcg_sweep {
   double alpha, beta;
 } pcg_sweep;
 
-static int32_t pcg_chunk_end(const ms_pcg *s, int32_t chunk) {
-  const int32_t ngroups = s->base.system->model->half_edges.nslices,
-                begin = SLICES_PER_ITEM * chunk;
-  return ngroups - begin < SLICES_PER_ITEM ? ngroups : begin + SLICES_PER_ITEM;
-}
-
-static void pcg_run(ms_pool_item *work, pcg_sweep *j) {
+static int32_t pcg_run(ms_pool_chunk *work, pcg_sweep *j) {
   const ms_model *model = j->s->base.system->model;
-  ms_pool_run(model->pool, work, j, count_chunks(model));
+  return ms_pool_run_chunks(model->pool, work, j, model->half_edges.nslices, CHUNK);
 }
 
-static void pack_chunk(void *data, int32_t k) {
+static void pack_chunk(void *data, int32_t begin, int32_t end) {
   ms_pcg *s = ((pcg_sweep *)data)->s;
-  s->kernels->pack(s, SLICES_PER_ITEM * k, pcg_chunk_end(s, k));
+  s->kernels->pack(s, begin, end);
 }
 
-static void pcg_apply_chunk(void *data, int32_t k) {
+static void pcg_apply_chunk(void *data, int32_t begin, int32_t end) {
   const ms_pcg *s = ((pcg_sweep *)data)->s;
-  s->kernels->apply(s, SLICES_PER_ITEM * k, pcg_chunk_end(s, k), s->sums + k);
+  s->kernels->apply(s, begin, end, s->sums + begin / CHUNK);
 }
 
-static void reduce_chunk(void *data, int32_t k) {
+static void reduce_chunk(void *data, int32_t begin, int32_t end) {
   const pcg_sweep *j = data;
-  j->s->kernels->reduce(j->s, j->alpha, SLICES_PER_ITEM * k, pcg_chunk_end(j->s, k),
-                        j->s->sums + k);
+  j->s->kernels->reduce(j->s, j->alpha, begin, end, j->s->sums + begin / CHUNK);
 }
 
-static void advance_chunk(void *data, int32_t k) {
+static void advance_chunk(void *data, int32_t begin, int32_t end) {
   const pcg_sweep *j = data;
-  j->s->kernels->advance(j->s, j->alpha, j->beta, SLICES_PER_ITEM * k, pcg_chunk_end(j->s, k));
+  j->s->kernels->advance(j->s, j->alpha, j->beta, begin, end);
 }
 
 /* q = A p. Returns p.q. */
 static double pcg_apply(ms_pcg *s) {
-  const int32_t n = count_chunks(s->base.system->model);
   double sum;
-  pcg_run(pcg_apply_chunk, &(pcg_sweep){.s = s});
+  const int32_t n = pcg_run(pcg_apply_chunk, &(pcg_sweep){.s = s});
   s->kernels->apply_split_rows(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   const ms_linear_system *system = s->base.system;
-  return sum + ms_coefficients_apply_constraints(system->model, &system->a, 1 / s->jacobi.scale,
+  return sum + ms_coefficients_apply_constraints(system->model, &system->a, 1, 1 / s->jacobi.scale,
                                                  s->p, s->q);
 }
 
 /* r -= alpha q,  z = D^-1 r. Returns r.z. */
 static double pcg_reduce(ms_pcg *s, double alpha) {
-  const int32_t n = count_chunks(s->base.system->model);
   double sum = 0;
-  pcg_run(reduce_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
+  const int32_t n = pcg_run(reduce_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   return sum;
 }
@@ -272,7 +259,7 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
   const int fits = MS_NEW(alloc, s->coefficients, 4 * MS_SLICE * entries) &&
                    MS_NEW(alloc, s->inverse, blocks) &&
                    MS_NEW(alloc, s->factored_inverse, blocks) && MS_NEW(alloc, s->inertia, rows) &&
-                   MS_NEW(alloc, s->sums, count_chunks(model)) &&
+                   MS_NEW(alloc, s->sums, ms_pool_count_chunks(model->half_edges.nslices, CHUNK)) &&
                    MS_NEW_VECTORS(model->scene, &model->unknowns, &s->r, &s->z, &s->p, &s->q);
   if (!fits) return ms_error_set_memory(err, "conjugate gradients");
   const msim_status status = ms_compression_create(model, &s->compression, err);

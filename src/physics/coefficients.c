@@ -39,22 +39,17 @@ static void compute_scalar(const ms_model *model, double h, ms_coefficients *a) 
   }
 }
 
-/* Slice ranges in an item of work: some 10 us. */
-enum { SLICE_RANGES_PER_JOB_ITEM = 64 };
+/* Slice ranges in a chunk of work: some 10 us. */
+enum { CHUNK = 64 };
 
-static void compute_coefficients_chunk(void *data, int32_t item) {
+static void compute_coefficients_chunk(void *data, int32_t begin, int32_t end) {
   const ms_coefficients_job *j = data;
-  ms_matrix_kernels_of[j->model->isa]->coefficients(
-      j, SLICE_RANGES_PER_JOB_ITEM * item,
-      ms_half_edges_chunk_end(&j->model->half_edges, SLICE_RANGES_PER_JOB_ITEM, item));
+  ms_matrix_kernels_of[j->model->isa]->coefficients(j, begin, end);
 }
 
-static void apply_coefficients_chunk(void *data, int32_t item) {
+static void apply_coefficients_chunk(void *data, int32_t begin, int32_t end) {
   const ms_product_job *j = data;
   const ms_matrix_kernels *kernels = ms_matrix_kernels_of[j->model->isa];
-  const int32_t begin = SLICE_RANGES_PER_JOB_ITEM * item;
-  const int32_t end =
-      ms_half_edges_chunk_end(&j->model->half_edges, SLICE_RANGES_PER_JOB_ITEM, item);
   if (j->a->block == 1) kernels->apply_scalar(j, begin, end);
   else kernels->apply(j, begin, end);
 }
@@ -69,8 +64,8 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
   }
   memcpy(a->x, x, (size_t)model->unknowns.dims * (size_t)model->unknowns.stride * sizeof *x);
   ms_coefficients_job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
-  ms_pool_run(model->pool, compute_coefficients_chunk, &j,
-              ms_half_edges_count_chunks(half_edges, SLICE_RANGES_PER_JOB_ITEM));
+  ms_pool_run_chunks(model->pool, compute_coefficients_chunk, &j,
+                     ms_half_edges_count_ranges(half_edges), CHUNK);
   ms_half_edges_add_part_sums(half_edges, (int32_t)ms_coefficients_diagonal_size((size_t)a->block),
                               (size_t)model->unknowns.first_pinned, a->diagonal);
 }
@@ -100,8 +95,8 @@ void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *const
 
 /* q += by (share weight n n^T + drag (I - n n^T)) p for each constraint, n n^T summed over its
  * directions. Returns p.(q - q before). */
-static double apply_constraints(const ms_model *model, const ms_coefficients *a, double share,
-                                double by, const double *p, double *q) {
+double ms_coefficients_apply_constraints(const ms_model *model, const ms_coefficients *a,
+                                         double share, double by, const double *p, double *q) {
   double sum = 0;
   for (int32_t i = 0; i < a->nconstraints; i++) {
     const ms_constraint *g = &a->constraint[i];
@@ -120,20 +115,15 @@ static double apply_constraints(const ms_model *model, const ms_coefficients *a,
   return sum;
 }
 
-double ms_coefficients_apply_constraints(const ms_model *model, const ms_coefficients *a, double by,
-                                         const double *p, double *q) {
-  return apply_constraints(model, a, 1, by, p, q);
-}
-
 static void apply_coefficients(const ms_model *model, const ms_coefficients *a, double share,
                                int32_t components, const double *x, double *y) {
   const size_t stride = (size_t)model->unknowns.stride, end = (size_t)model->unknowns.first_pinned;
   ms_product_job j = {
       .model = model, .a = a, .x = x, .y = y, .share = share, .components = components};
-  ms_pool_run(model->pool, apply_coefficients_chunk, &j,
-              ms_half_edges_count_chunks(&model->half_edges, SLICE_RANGES_PER_JOB_ITEM));
+  ms_pool_run_chunks(model->pool, apply_coefficients_chunk, &j,
+                     ms_half_edges_count_ranges(&model->half_edges), CHUNK);
   ms_half_edges_add_part_sums(&model->half_edges, components, stride, y);
-  apply_constraints(model, a, share, 1, x, y);
+  ms_coefficients_apply_constraints(model, a, share, 1, x, y);
   for (size_t c = 0; c < (size_t)components; c++)
     memset(y + c * stride + end, 0, (stride - end) * sizeof *y);
 }

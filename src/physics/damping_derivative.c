@@ -52,18 +52,16 @@ typedef struct damping_job {
   double *y;
 } damping_job;
 
-/* Rows in an item of work: some 20 us. */
+/* Rows in a chunk of work: some 20 us. */
 enum { CHUNK = 64 };
 
-static void apply_damping_chunk(void *data, int32_t item) {
+static void apply_damping_chunk(void *data, int32_t begin, int32_t end) {
   const damping_job *j = data;
-  const int32_t n = j->model->unknowns.nfree, begin = CHUNK * item;
-  const int32_t end = n - begin < CHUNK ? n : begin + CHUNK;
   for (int32_t i = begin; i < end; i++) apply_damping_row(j->model, j->t, i, j->z, j->y);
 }
 
 void ms_damping_derivative_apply(const ms_model *model, const ms_damping_derivative *t,
                                  const double *z, double *y) {
   damping_job j = {.model = model, .t = t, .z = z, .y = y};
-  ms_pool_run(model->pool, apply_damping_chunk, &j, (model->unknowns.nfree + CHUNK - 1) / CHUNK);
+  ms_pool_run_chunks(model->pool, apply_damping_chunk, &j, model->unknowns.nfree, CHUNK);
 }

@@ -4,7 +4,7 @@
 
 MS_TABLES(ms_force_kernels);
 
-/* Slices in an item of work: some 5 us. */
+/* Slices in a chunk of work: some 5 us. */
 enum { CHUNK = 64 };
 
 typedef struct fused_step_job {
@@ -18,10 +18,8 @@ static void do_split_row_part(void *data, int32_t item) {
   ms_force_kernels_of[j->model->isa]->part(j->model, j->sweep, item);
 }
 
-static void do_slices_chunk(void *data, int32_t item) {
+static void do_slices_chunk(void *data, int32_t begin, int32_t end) {
   fused_step_job *j = data;
-  const int32_t nslices = j->model->half_edges.nslices, begin = CHUNK * item;
-  const int32_t end = nslices - begin < CHUNK ? nslices : begin + CHUNK;
   if (!ms_force_kernels_of[j->model->isa]->slices(j->model, j->sweep, begin, end))
     atomic_store_explicit(&j->may_be_bad, 1, memory_order_relaxed);
 }
@@ -40,6 +38,6 @@ static void sum_split_rows(const ms_model *model, fused_step_job *j) {
 int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
   fused_step_job j = {.model = model, .sweep = sweep};
   if (model->split_row_force) sum_split_rows(model, &j);
-  ms_pool_run(model->pool, do_slices_chunk, &j, (model->half_edges.nslices + CHUNK - 1) / CHUNK);
+  ms_pool_run_chunks(model->pool, do_slices_chunk, &j, model->half_edges.nslices, CHUNK);
   return !atomic_load(&j.may_be_bad);
 }

@@ -6,15 +6,14 @@ MS_TABLES(ms_matrix_kernels);
 
 typedef struct sums_job {
   ms_nonlinearity_job of;
-  int32_t chunk; /* slice ranges in an item of work */
-  double *sums;  /* one per item */
+  int32_t chunk; /* slice ranges in a chunk */
+  double *sums;  /* one per chunk */
 } sums_job;
 
-static void sum_nonlinearity_chunk(void *data, int32_t item) {
+static void sum_nonlinearity_chunk(void *data, int32_t begin, int32_t end) {
   const sums_job *j = data;
-  const ms_model *model = j->of.model;
-  j->sums[item] = ms_matrix_kernels_of[model->isa]->nonlinearity(
-      &j->of, j->chunk * item, ms_half_edges_chunk_end(&model->half_edges, j->chunk, item));
+  j->sums[begin / j->chunk] =
+      ms_matrix_kernels_of[j->of.model->isa]->nonlinearity(&j->of, begin, end);
 }
 
 double ms_nonlinearity_compute(const ms_model *model, const double *x, double h, const double *d,
@@ -22,10 +21,9 @@ double ms_nonlinearity_compute(const ms_model *model, const double *x, double h,
   enum { CHUNK = 64 };
   sums_job j = {{model, x, d, h, lambda}, CHUNK, work};
   double sum = 0;
-  while (ms_half_edges_count_chunks(&model->half_edges, j.chunk) > model->unknowns.stride)
-    j.chunk *= 2;
-  const int32_t items = ms_half_edges_count_chunks(&model->half_edges, j.chunk);
-  ms_pool_run(model->pool, sum_nonlinearity_chunk, &j, items);
-  for (int32_t i = 0; i < items; i++) sum += work[i];
+  const int32_t n = ms_half_edges_count_ranges(&model->half_edges);
+  while (ms_pool_count_chunks(n, j.chunk) > model->unknowns.stride) j.chunk *= 2;
+  const int32_t chunks = ms_pool_run_chunks(model->pool, sum_nonlinearity_chunk, &j, n, j.chunk);
+  for (int32_t i = 0; i < chunks; i++) sum += work[i];
   return sum;
 }

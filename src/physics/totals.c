@@ -4,17 +4,16 @@
 
 MS_TABLES(ms_totals_kernels);
 
-/* Slice ranges in an item of work. */
+/* Slice ranges in a chunk of work. */
 enum { CHUNK = 64 };
 
-static void compute_totals_chunk(void *data, int32_t item) {
+static void compute_totals_chunk(void *data, int32_t begin, int32_t end) {
   const ms_totals_job *j = data;
-  j->parts[item] = ms_totals_kernels_of[j->model->isa]->slice_ranges(
-      j, CHUNK * item, ms_half_edges_chunk_end(&j->model->half_edges, CHUNK, item));
+  j->parts[begin / CHUNK] = ms_totals_kernels_of[j->model->isa]->slice_ranges(j, begin, end);
 }
 
 int32_t ms_totals_count_parts(const ms_model *model) {
-  return ms_half_edges_count_chunks(&model->half_edges, CHUNK);
+  return ms_pool_count_chunks(ms_half_edges_count_ranges(&model->half_edges), CHUNK);
 }
 
 ms_totals ms_totals_identity(void) {
@@ -36,7 +35,8 @@ ms_totals ms_totals_compute(const ms_model *model, const double *x, const double
                             const ms_totals_copy *copy, ms_totals *parts) {
   ms_totals_job j = {.model = model, .x = x, .v = v, .copy = copy, .parts = parts};
   ms_totals sum = ms_totals_identity();
-  ms_pool_run(model->pool, compute_totals_chunk, &j, ms_totals_count_parts(model));
-  for (int32_t i = 0; i < ms_totals_count_parts(model); i++) ms_totals_add(&parts[i], &sum);
+  const int32_t n = ms_pool_run_chunks(model->pool, compute_totals_chunk, &j,
+                                       ms_half_edges_count_ranges(&model->half_edges), CHUNK);
+  for (int32_t i = 0; i < n; i++) ms_totals_add(&parts[i], &sum);
   return sum;
 }
