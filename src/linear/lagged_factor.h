@@ -1,5 +1,5 @@
 /* lagged_factor - lagged factorization: conjugate gradients preconditioned by the factor of an
- * earlier matrix, while that is cost-effective
+ * earlier matrix, while that is cost-effective (Hestenes and Stiefel 1952)
  *
  * Costs are in flops of a factorization, whose dense kernels run about 4 times as fast as the two
  * triangular solves, which read the factor twice. So a solve costs 16 per number of the factor; an
@@ -7,14 +7,14 @@
 #ifndef MS_LAGGED_FACTOR_H
 #define MS_LAGGED_FACTOR_H
 
-#include "linear/cg.h"
+#include "linear/linear.h"
 
 #define MS_SOLVE_FLOPS_PER_NONZERO 16.0
 #define MS_PCG_FLOPS_PER_HALF_EDGE 32.0
 
 typedef struct ms_lagged_factor {
   ms_linear *factorizer; /* the solver that factors; NULL: no factor is lagged */
-  ms_cg cg;
+  double *r, *z, *p, *q; /* residual, preconditioned residual, direction, A p */
   double rtol;        /* for solves with the factor: >= 1e-4 permits single precision (backend.h) */
   int64_t age;        /* solves with the factor, including the one it was computed for; 0: none */
   int64_t iterations; /* made in these solves */
@@ -36,7 +36,9 @@ void ms_lagged_factor_discard(ms_lagged_factor *kept);
  * its second solve, 1 solve passes without a try; after further ones in a row 3, 7, ... 63. */
 int ms_lagged_factor_begin_solve(ms_lagged_factor *kept);
 
-/* A v = b as by ms_cg_solve, within the limit of iterations; residual: ||b - A v||. */
+/* A v = b, within the limit of iterations; v: 0 on input, the solution on output. MSIM_OK: the true
+ * residual ||b - A v|| has reached the target or stagnates, which the caller must check.
+ * MSIM_NOT_SPD: a search direction has p.A p <= 0. */
 msim_status ms_lagged_factor_solve(ms_lagged_factor *kept, const ms_linear_system *system,
                                    const ms_linear_target *target, const double *b, double *v,
                                    int64_t *iterations, double *residual);
