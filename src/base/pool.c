@@ -210,9 +210,7 @@ static void start_workers(ms_pool *pool, int32_t threads) {
 
 static void free_pool(ms_pool *pool) {
   msim_allocator alloc = pool->alloc;
-  ms_memory_free(&alloc, pool->workers);
-  ms_memory_free(&alloc, pool->shares);
-  ms_memory_free(&alloc, pool);
+  MS_FREE(&alloc, pool->workers, pool->shares, pool);
 }
 
 ms_pool *ms_pool_create(const msim_allocator *alloc, int32_t threads) {
@@ -225,9 +223,7 @@ ms_pool *ms_pool_create(const msim_allocator *alloc, int32_t threads) {
   pool->alloc = *alloc;
   pool->forks = atomic_load(&forks);
   pool->threads = 1;
-  pool->workers = ms_memory_allocate(alloc, (size_t)threads, sizeof *pool->workers);
-  pool->shares = ms_memory_allocate(alloc, (size_t)threads, sizeof *pool->shares);
-  if (!pool->workers || !pool->shares) {
+  if (!MS_NEW(alloc, pool->workers, threads) || !MS_NEW(alloc, pool->shares, threads)) {
     free_pool(pool);
     return NULL;
   }

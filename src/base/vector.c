@@ -18,6 +18,14 @@ void ms_vector_copy(ms_shape s, const double *x, double *y) {
   EACH_COMPONENT(s) memcpy(y + at, x + at, (size_t)s.n * sizeof *x);
 }
 
+void ms_vector_copy_all(ms_shape s, const double *x, double *y) {
+  memcpy(y, x, (size_t)s.dims * (size_t)s.stride * sizeof *x);
+}
+
+void ms_vector_clear_all(ms_shape s, double *x) {
+  memset(x, 0, (size_t)s.dims * (size_t)s.stride * sizeof *x);
+}
+
 void ms_vector_scale(ms_shape s, double a, double *x) {
   EACH_COMPONENT(s) EACH_ROW(s) x[at + (size_t)r] *= a;
 }
@@ -72,14 +80,13 @@ void ms_vector_scale_rows(ms_shape s, const double *d, const double *f, double *
 
 enum { LANES = 8, CHUNK = 1024 };
 
-/* 8 partial sums, then a binary tree: an order that SIMD registers of any width can follow. */
 static double dot_chunk(const double *x, const double *y, int32_t n) {
   double sum[LANES] = {0};
   int32_t r = 0;
   for (; r + LANES <= n; r += LANES)
     for (int lane = 0; lane < LANES; lane++) sum[lane] += x[r + lane] * y[r + lane];
   for (int lane = 0; r < n; r++, lane++) sum[lane] += x[r] * y[r];
-  return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
+  return ms_vector_sum_lanes(sum);
 }
 
 double ms_vector_dot(ms_shape s, const double *x, const double *y) {

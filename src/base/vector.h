@@ -1,7 +1,8 @@
 /* vector - arithmetic of vectors of `dims` components with n rows each, `stride` doubles apart.
  *
  * Sums run over fixed chunks in 8 fixed lanes, so that their bits depend on neither the number of
- * threads nor the instruction set. Rows from n to stride are neither read nor written. */
+ * threads nor the instruction set. Rows from n to stride are neither read nor written, but for
+ * ms_vector_..._all. */
 #ifndef MS_VECTOR_H
 #define MS_VECTOR_H
 
@@ -16,6 +17,11 @@ typedef struct ms_shape {
 } ms_shape;
 
 void ms_vector_copy(ms_shape s, const double *x, double *y);
+
+/* y = x and x = 0 in all rows up to `stride`: pinned particles and padding too */
+void ms_vector_copy_all(ms_shape s, const double *x, double *y);
+void ms_vector_clear_all(ms_shape s, double *x);
+
 void ms_vector_scale(ms_shape s, double a, double *x);                 /* x = a x */
 void ms_vector_axpy(ms_shape s, double a, const double *x, double *y); /* y += a x */
 void ms_vector_add_scaled(ms_shape s, const double *x, double a, const double *y,
@@ -30,6 +36,11 @@ void ms_vector_three_term(ms_shape s, const double *y0, double a, const double *
 void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w /* n */,
                                   const double *const *y /* n */, double *z);
 double ms_vector_dot(ms_shape s, const double *x, const double *y);
+
+/* The sum of 8 partial sums, as a binary tree: an order that SIMD registers of any width follow. */
+static inline double ms_vector_sum_lanes(const double l[8]) {
+  return ((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7]));
+}
 
 /* a = D f with the diagonal matrix D, one entry per row. */
 void ms_vector_scale_rows(ms_shape s, const double *d /* n */, const double *f, double *a);

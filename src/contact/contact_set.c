@@ -87,12 +87,10 @@ void ms_contact_set_accept_step(ms_stepper *s) {
 
 void ms_contact_set_make_writable(ms_stepper *s) {
   ms_contact_set *e = s->events;
-  const ms_unknowns *rows = &s->model->unknowns;
-  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *s->x;
   e->a_is_known = 0;
   if (s->x == e->x) return;
-  memcpy(e->x, s->x, bytes); /* pinned particles too */
-  memcpy(e->v, s->v, bytes);
+  ms_vector_copy_all(s->model->shape, s->x, e->x);
+  ms_vector_copy_all(s->model->shape, s->v, e->v);
   s->x = e->x, s->v = e->v;
 }
 

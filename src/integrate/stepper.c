@@ -1,6 +1,4 @@
 /* stepper - force evaluations and reflections of a step, for all methods (integrator.h) */
-#include <string.h>
-
 #include "base/clock.h"
 #include "contact/contact_set.h"
 #include "contact/planes.h"
@@ -10,8 +8,7 @@ void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
 }
 
 void ms_stepper_init_stage(const ms_stepper *s, double *stage) {
-  const ms_unknowns *rows = &s->model->unknowns;
-  memcpy(stage, s->x, (size_t)rows->dims * (size_t)rows->stride * sizeof *stage);
+  ms_vector_copy_all(s->model->shape, s->x, stage);
 }
 
 int ms_stepper_has_contacts(const ms_stepper *s) { return s->events && s->events->ncontacts; }

@@ -1,5 +1,7 @@
 #include "layout/half_edges.h"
 
+#include "base/vector.h"
+
 /*------------------------------------- split rows -----------------------------------------------*/
 
 /* Cost of the sums of a part, in entries. */
@@ -255,8 +257,7 @@ void ms_half_edges_add_part_sums(const ms_half_edges *half_edges, int32_t compon
     for (int32_t c = 0; c < components; c++) {
       const double *s =
           half_edges->part_sums + MS_SLICE * ((size_t)c * (size_t)half_edges->nparts + (size_t)p);
-      vec[(size_t)c * stride + (size_t)half_edges->part_row[p]] +=
-          ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]));
+      vec[(size_t)c * stride + (size_t)half_edges->part_row[p]] += ms_vector_sum_lanes(s);
     }
   }
 }

@@ -37,15 +37,20 @@ static msim_status convert_backend_status(adapter *self, msim_status status, msi
   }
 }
 
+/* Set padding and pinned particles to 0. */
+static void clear_padding(const ms_unknowns *rows, int32_t components, double *y) {
+  const size_t n = (size_t)rows->nfree, stride = (size_t)rows->stride;
+  for (size_t c = 0; c < (size_t)components; c++)
+    memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
+}
+
 /* msim_system.apply. Padding is zero on input and on output. */
 static void adapter_apply(const msim_system *view, const double *x, double *y) {
   const adapter *self = view->data;
   const ms_linear_system *s = self->base.system;
-  const size_t stride = (size_t)s->model->unknowns.stride, n = (size_t)s->model->unknowns.nfree;
   if (view->block == 1) ms_coefficients_apply_component(s->model, &s->a, x, y);
   else ms_linear_system_apply(s, x, y);
-  for (size_t c = 0; c < (size_t)view->block; c++)
-    memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
+  clear_padding(&s->model->unknowns, view->block, y);
 }
 
 static void adapter_precondition(const msim_system *view, const double *r, double *z) {
@@ -146,13 +151,6 @@ static msim_status adapter_factor(ms_linear *base, int32_t kind, msim_error *err
   return convert_backend_status(self, status, err);
 }
 
-/* Backends of MSIM_FORMAT_NONE can write to padding and pinned particles: these become 0 again. */
-static void clear_padding(const ms_unknowns *rows, double *y) {
-  const size_t n = (size_t)rows->nfree, stride = (size_t)rows->stride;
-  for (size_t c = 0; c < (size_t)rows->dims; c++)
-    memset(y + c * stride + n, 0, (stride - n) * sizeof *y);
-}
-
 static msim_status adapter_solve(ms_linear *base, const ms_linear_target *target, const double *b,
                                  double *y, int64_t *iterations, msim_error *err) {
   adapter *self = (adapter *)base;
@@ -166,7 +164,8 @@ static msim_status adapter_solve(ms_linear *base, const ms_linear_target *target
   msim_status status = self->table->solve(self->backend, &self->view, &params,
                                           model->unknowns.dims / self->view.block,
                                           self->b ? self->b : b, self->b ? self->y : y, &info);
-  if (!self->b) clear_padding(&model->unknowns, y);
+  /* backends of MSIM_FORMAT_NONE can write there */
+  if (!self->b) clear_padding(&model->unknowns, model->unknowns.dims, y);
   else if (status == MSIM_OK || status == MSIM_NOT_CONVERGED)
     ms_sparse_matrix_unpack(model, &self->matrix, self->y, y);
   if (info.iterations > 0) *iterations += info.iterations;

@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "linear/jacobi.h"
 
@@ -107,10 +106,9 @@ static msim_status minimise_residual(bicgstab_run *q) {
  * until a breakdown; then add the accumulated solution to y. */
 static msim_status bicgstab_iterate(bicgstab_run *q, double goal, double *y) {
   const ms_bicgstab *s = q->s;
-  const size_t bytes = (size_t)q->shape.dims * (size_t)q->shape.stride * sizeof(double);
   msim_status status = MSIM_OK;
-  memset(s->x, 0, bytes);
-  memset(s->u[0], 0, bytes);
+  ms_vector_clear_all(q->shape, s->x);
+  ms_vector_clear_all(q->shape, s->u[0]);
   ms_vector_copy(q->shape, s->r[0], s->shadow);
   q->rho = 1, q->alpha = 0, q->omega = 1;
   while (!status && sqrt(bicgstab_dot(q, s->r[0], s->r[0])) > goal && *q->iterations < q->limit) {

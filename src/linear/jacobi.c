@@ -214,7 +214,7 @@ double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const dou
   else add_squared_norms(1, 2, model, a, r, l);
   for (int32_t row = nfree - nfree % MS_SLICE; row < nfree; row++)
     l[row % MS_SLICE] += squared_norm_of_unknown(model, a, r, row);
-  return sqrt(((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7])));
+  return sqrt(ms_vector_sum_lanes(l));
 }
 
 void ms_jacobi_factor_blocks(const ms_model *model, const ms_coefficients *a, double *roots) {

@@ -134,10 +134,9 @@ static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
 /* Iterate from the residual r of y until the norm of the recursively updated r is <= goal. */
 static msim_status pcg_iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
   const ms_shape shape = s->base.system->model->shape;
-  const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
   double alpha = 0, rho = 0;
-  memset(s->q, 0, bytes);
-  memset(s->p, 0, bytes);
+  ms_vector_clear_all(shape, s->q);
+  ms_vector_clear_all(shape, s->p);
   for (;; ++*iterations) {
     double rho_new = pcg_reduce(s, alpha);
     const int done = rho_new <= goal * goal;
@@ -188,10 +187,10 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
 static int descend_once(ms_pcg *s, const ms_descent_target *d, const double *b, double *y,
                         int64_t *iterations) {
   const ms_shape shape = s->base.system->model->shape;
-  const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
   double alpha = 0, rho = 0, goal = -1, curvature = 1;
   double *vectors[] = {s->r, s->q, s->p, y};
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++) memset(vectors[i], 0, bytes);
+  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++)
+    ms_vector_clear_all(shape, vectors[i]);
   ms_vector_axpy(shape, 1 / s->jacobi.scale, b, s->r);
   for (int32_t i = 0; curvature > 0; i++, ++*iterations) {
     double rho_new = pcg_reduce(s, alpha);
@@ -224,9 +223,8 @@ static void pcg_descend(ms_linear *base, const ms_descent_target *d, const doubl
 static void pcg_precondition(ms_linear *base, const double *r, double *z) {
   ms_pcg *s = (ms_pcg *)base;
   const ms_shape shape = base->system->model->shape;
-  const size_t bytes = (size_t)shape.dims * (size_t)shape.stride * sizeof(double);
-  memset(s->q, 0, bytes);
-  memset(s->p, 0, bytes);
+  ms_vector_clear_all(shape, s->q);
+  ms_vector_clear_all(shape, s->p);
   s->y = s->q; /* y += 0 p */
   ms_vector_copy(shape, r, s->r);
   ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);

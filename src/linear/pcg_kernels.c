@@ -17,10 +17,7 @@ MS_INLINE void add_lanes(lane_sums *s, size_t lane, ms_lanes v) {
   ms_simd_store(s->lane + lane, ms_simd_load(s->lane + lane) + v);
 }
 
-static inline double total_lanes(const lane_sums *s) {
-  const double *l = s->lane;
-  return ((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7]));
-}
+static inline double total_lanes(const lane_sums *s) { return ms_vector_sum_lanes(s->lane); }
 
 /*------------------------------------- pack -----------------------------------------------------*/
 

@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "linear/jacobi.h"
 
@@ -25,7 +24,7 @@ double ms_residual_compute_rounding_level(const ms_linear_system *s, const doubl
   ms_coefficients_apply_abs(s->model, &s->a, y, work1);
   for (int32_t c = 0; c < shape.dims; c++) {
     const size_t at = (size_t)c * (size_t)shape.stride;
-    memset(work2, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *work2);
+    ms_vector_clear_all(shape, work2);
     for (size_t i = at; i < at + (size_t)shape.n; i++) work2[i] = work1[i] + fabs(b[i]);
     sum += ms_jacobi_norm(s->model, &s->a, work2);
   }

@@ -21,7 +21,6 @@
  * (1999) 711; a~ by a displaced point: Wisdom, Holman and Touma (1996).
  * On a cloth it costs a third of `force-gradient` at errors of 1e-6, where the longest stable step
  * of the latter is more accurate than necessary; from 1e-9 on it costs more. */
-#include <string.h>
 
 #include "methods/methods.h"
 
@@ -116,14 +115,13 @@ static int invert_conversion(ms_stepper *s) {
 /* cached_stage = 1: the state is that at the start of the run. Far beyond the longest stable step
  * the conversion has no inverse: x and v stay as they are. */
 static void takahashi_imada_start(ms_stepper *s) {
-  const size_t bytes =
-      (size_t)s->model->unknowns.dims * (size_t)s->model->unknowns.stride * sizeof *s->x;
-  memcpy(s->work[X0], s->x, bytes);
-  memcpy(s->work[V0], s->v, bytes);
+  const ms_shape shape = s->model->shape;
+  ms_vector_copy_all(shape, s->x, s->work[X0]);
+  ms_vector_copy_all(shape, s->v, s->work[V0]);
   ms_stepper_init_stage(s, s->work[STAGE]);
   if (!invert_conversion(s)) {
-    memcpy(s->x, s->work[X0], bytes);
-    memcpy(s->v, s->work[V0], bytes);
+    ms_vector_copy_all(shape, s->work[X0], s->x);
+    ms_vector_copy_all(shape, s->work[V0], s->v);
   }
   takahashi_imada_kick(s, s->v, -s->h / 2, s->v);
   s->cached_stage = 1;
@@ -145,11 +143,10 @@ static msim_status takahashi_imada_step(ms_stepper *s, msim_error *err) {
 }
 
 static void takahashi_imada_show(const ms_stepper *s, double *x, double *v) {
-  const size_t bytes =
-      (size_t)s->model->unknowns.dims * (size_t)s->model->unknowns.stride * sizeof *s->x;
+  const ms_shape shape = s->model->shape;
   if (s->cached_stage) {
-    memcpy(x, s->work[X0], bytes);
-    memcpy(v, s->work[V0], bytes);
+    ms_vector_copy_all(shape, s->work[X0], x);
+    ms_vector_copy_all(shape, s->work[V0], v);
     return;
   }
   takahashi_imada_kick(s, s->v, s->h / 2, v);

@@ -62,7 +62,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
     compute_scalar(model, h, a);
     return;
   }
-  memcpy(a->x, x, (size_t)model->unknowns.dims * (size_t)model->unknowns.stride * sizeof *x);
+  ms_vector_copy_all(model->shape, x, a->x);
   ms_coefficients_job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
   ms_pool_run_chunks(model->pool, compute_coefficients_chunk, &j,
                      ms_half_edges_count_ranges(half_edges), CHUNK);

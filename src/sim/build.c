@@ -18,10 +18,8 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   const int spare = half_edges ? 2 : ms_island_step_count_retries(sim) > 0;
   for (int i = 0; i < spare; i++)
     vectors[count++] = &s->x_spare[i], vectors[count++] = &s->v_spare[i];
-  for (int i = 0; i < count; i++) {
-    *vectors[i] = ms_unknowns_new_vector(sim->scene, &m->model.unknowns);
-    if (!*vectors[i]) return ms_error_set_memory(err, "the state");
-  }
+  if (!ms_unknowns_new_vectors(sim->scene, &m->model.unknowns, (size_t)count, vectors))
+    return ms_error_set_memory(err, "the state");
   msim_status status = ms_energy_monitor_create(sim, &m->model, &m->last_good, err);
   if (!status && (ms_sim_has_control(sim) || ms_sim_selects(sim)))
     status = ms_norm_create(&m->model, &m->norm, err);
@@ -119,9 +117,8 @@ static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, 
     ms_error_growth_destroy(&motion[i].model, &motion[i].disturbance);
     ms_step_verification_destroy(&motion[i].model, &motion[i].verification);
     ms_model_destroy(&motion[i].model);
-    double *vectors[] = {s->x,          s->v,          s->x_next,     s->v_next,    s->scratch,
-                         s->x_spare[0], s->x_spare[1], s->v_spare[0], s->v_spare[1]};
-    for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) ms_memory_free(alloc, vectors[k]);
+    MS_FREE(alloc, s->x, s->v, s->x_next, s->v_next, s->scratch, s->x_spare[0], s->x_spare[1],
+            s->v_spare[0], s->v_spare[1]);
     for (int k = 0; k < MS_MAX_WORK; k++) ms_memory_free(alloc, s->work[k]);
   }
   ms_memory_free(alloc, motion);

@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "base/vec3.h"
 #include "integrate/interpolate.h"
@@ -49,9 +48,10 @@ void ms_error_growth_start(msim_sim *sim) {
       sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
 }
 
-static void clear_disturbance(const ms_unknowns *rows, ms_disturbance *d) {
-  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *d->dx;
-  memset(d->dx, 0, bytes), memset(d->dv, 0, bytes), memset(d->a, 0, bytes);
+static void clear_disturbance(ms_shape shape, ms_disturbance *d) {
+  ms_vector_clear_all(shape, d->dx);
+  ms_vector_clear_all(shape, d->dv);
+  ms_vector_clear_all(shape, d->a);
   d->time = d->error = 0;
 }
 
@@ -68,7 +68,7 @@ void ms_error_growth_start_island(ms_island_sim *m) {
   const size_t stride = (size_t)rows->stride;
   if (!d->dx) return;
   const ms_bounds bounds = ms_bounds_compute_island(&m->model);
-  clear_disturbance(rows, d);
+  clear_disturbance(m->model.shape, d);
   for (size_t c = 0; c < (size_t)rows->dims; c++)
     for (size_t r = 0; r < (size_t)rows->nfree; r++)
       d->dv[c * stride + r] = ms_vector_random_entry((uint32_t)(c * (size_t)rows->nfree + r));
@@ -205,7 +205,7 @@ static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
   if (sim->error_growth.has_contact) apply_impacts(sim, m, h);
   if (d->error > LIMIT * fmax(1, run / span)) {
     report_growth(sim, d->error * span / run);
-    clear_disturbance(&m->model.unknowns, d);
+    clear_disturbance(m->model.shape, d);
   } else if (is_too_expensive(sim)) sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
   copy_step_start(m);
 }

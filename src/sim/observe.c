@@ -106,9 +106,8 @@ static void add_island_force(const ms_island_sim *m, const double *x, const doub
   ms_force_compute(&m->model, x_there, v_there, s->scratch);
   ms_unknowns_scatter(rows, s->scratch, force);
   /* restore the pinned particles, as steps expect them */
-  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof *x;
-  memcpy(x_there, s->x, bytes);
-  memset(v_there, 0, bytes);
+  ms_vector_copy_all(m->model.shape, s->x, x_there);
+  ms_vector_clear_all(m->model.shape, v_there);
 }
 
 void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
