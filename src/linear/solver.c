@@ -21,12 +21,21 @@ int ms_solver_may_have_constraints(const ms_solver *s) {
   return s->opt->collision == MSIM_COLLISION_EVENT && s->system.model->features & MS_HAS_PLANES;
 }
 
-/* None is needed if the matrix is constant. */
+/* Memory for a point, unless the matrix is constant. */
 static msim_status create_linearization_point(ms_solver *s, ms_linearization_point *point,
                                               msim_error *err) {
+  const ms_model *model = s->system.model;
   if (s->system.a.block == 1 || point->x) return MSIM_OK;
-  return ms_linearization_point_create(s->system.model, ms_solver_may_have_constraints(s), point,
-                                       err);
+  if (MS_NEW_VECTORS(model->scene, &model->unknowns, &point->x) &&
+      (!ms_solver_may_have_constraints(s) ||
+       MS_NEW(&model->scene->alloc, point->constraint, model->unknowns.nfree)))
+    return MSIM_OK;
+  return ms_error_set_memory(err, "the linear solver");
+}
+
+static void destroy_linearization_point(const ms_solver *s, ms_linearization_point *point) {
+  MS_FREE(&s->system.model->scene->alloc, point->x, point->constraint);
+  *point = (ms_linearization_point){0};
 }
 
 static msim_status start_lagging(ms_solver *s, ms_linear *by, msim_error *err) {
@@ -50,7 +59,7 @@ static msim_status take_choice(ms_solver *s, const ms_solver_choice *choice, msi
 void ms_solver_drop_lagged_factor(ms_solver *s) {
   if (s->amortization.cholmod) s->amortization.cholmod->ops->destroy(s->amortization.cholmod);
   ms_lagged_factor_destroy(&s->system, &s->lagged_factor);
-  ms_linearization_point_destroy(s->system.model, &s->lagged_point);
+  destroy_linearization_point(s, &s->lagged_point);
   s->amortization = (ms_amortization){0};
 }
 
@@ -102,15 +111,12 @@ void ms_solver_destroy(ms_solver *s) {
   const ms_model *model = s->system.model;
   if (s->linear) s->linear->ops->destroy(s->linear);
   ms_solver_drop_lagged_factor(s);
-  ms_linearization_point_destroy(s->system.model, &s->coarse_point);
+  destroy_linearization_point(s, &s->coarse_point);
   ms_coefficients_destroy(model, &s->system.a);
   ms_momentum_destroy_components(model, &s->components);
   ms_elimination_destroy(model, &s->elimination);
   ms_bicgstab_destroy(model, &s->bicgstab);
-  double *work[] = {s->b, s->residual, s->correction, s->magnitude};
-  for (size_t i = 0; i < sizeof work / sizeof *work; i++)
-    ms_memory_free(&model->scene->alloc, work[i]);
-  ms_memory_free(&model->scene->alloc, s);
+  MS_FREE(&model->scene->alloc, s->b, s->residual, s->correction, s->magnitude, s);
 }
 
 void ms_solver_discard_factors(ms_solver *s) {
@@ -157,11 +163,9 @@ static void solver_expand(ms_solver *s, ms_linear *linear) {
 /* Record the linearization point of the present matrix. */
 static void record_linearization_point(const ms_solver *s, int32_t kind,
                                        ms_linearization_point *origin) {
-  const ms_unknowns *rows = &s->system.model->unknowns;
   const ms_coefficients *a = &s->system.a;
-  const size_t bytes = (size_t)rows->dims * (size_t)rows->stride * sizeof(double);
   origin->h = s->h, origin->clamped = s->system.clamped, origin->kind = kind;
-  if (origin->x) memcpy(origin->x, a->x, bytes);
+  if (origin->x) ms_vector_copy_all(s->system.model->shape, a->x, origin->x);
   origin->nconstraints = a->nconstraints;
   for (int32_t i = 0; i < a->nconstraints; i++) origin->constraint[i] = a->constraint[i];
 }
@@ -227,11 +231,6 @@ static ms_linear_target factor_target(const ms_solver *s) {
   return target;
 }
 
-static void clear_solution(const ms_solver *s, double *v) {
-  const ms_shape shape = s->system.model->shape;
-  memset(v, 0, (size_t)shape.dims * (size_t)shape.stride * sizeof *v);
-}
-
 /* Accept v, or refine it iteratively with the present factor. */
 static msim_status check_and_refine(ms_solver *s, const double *b, double *v, msim_error *err) {
   enum { REFINEMENTS = 3 };
@@ -250,7 +249,7 @@ static msim_status check_and_refine(ms_solver *s, const double *b, double *v, ms
           "solver %s reached a relative residual of %.3g, not %.3g; raise solver.rtol%s",
           s->linear->name, s->relative_residual, s->target.rtol,
           s->linear->factorises ? "" : " or solver.max_iterations, or use solver = cholmod");
-    clear_solution(s, s->correction);
+    ms_vector_clear_all(shape, s->correction);
     int64_t iterations = 0;
     msim_status status =
         s->linear->ops->solve(s->linear, &target, s->residual, s->correction, &iterations, err);
@@ -264,7 +263,7 @@ static msim_status check_and_refine(ms_solver *s, const double *b, double *v, ms
 
 static msim_status solve_and_check(ms_solver *s, const double *b, double *v, msim_error *err) {
   double start = ms_clock_now();
-  clear_solution(s, v);
+  ms_vector_clear_all(s->system.model->shape, v);
   const ms_linear_target target = factor_target(s);
   msim_status status = s->linear->ops->solve(s->linear, &target, b, v, &s->stats->iterations, err);
   /* after max_iterations the residual may still be at rounding level */
@@ -290,7 +289,7 @@ static msim_status try_lagged_factor(ms_solver *s, const double *b, double *v) {
   const double start = ms_clock_now();
   int64_t iterations = 0;
   double residual_norm = NAN;
-  clear_solution(s, v);
+  ms_vector_clear_all(s->system.model->shape, v);
   msim_status status = ms_lagged_factor_solve(&s->lagged_factor, &s->system, &s->target, b, v,
                                               &iterations, &residual_norm);
   if (!status && !is_accurate(s, b, v, residual_norm)) status = MSIM_NOT_CONVERGED;
@@ -417,7 +416,7 @@ static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, 
   if (status) return status;
   const double start = ms_clock_now();
   int64_t *count = &s->stats->iterations;
-  clear_solution(s, v);
+  ms_vector_clear_all(s->system.model->shape, v);
   if (eliminates) status = ms_elimination_solve(&s->elimination, &s->system, b, v);
   else status = ms_bicgstab_solve(&s->bicgstab, s->linear, &s->target, b, v, count);
   if (!status && !is_accurate(s, b, v, NAN)) status = MSIM_NOT_CONVERGED;

@@ -7,7 +7,6 @@
 #include "linear/bicgstab.h"
 #include "linear/elimination.h"
 #include "linear/lagged_factor.h"
-#include "linear/linearization_point.h"
 #include "linear/momentum.h"
 
 /* Amortization: cholmod computes a factor once pcg has spent its cost on a matrix that hardly
@@ -18,6 +17,15 @@ typedef struct ms_amortization {
   double flops;       /* of pcg since the matrix changed, or since cholmod computed a factor */
   int64_t solves;     /* solves that took them */
 } ms_amortization;
+
+/* The data from which a factorization was computed. A resumed run computes it again from them, to
+ * the bit. */
+typedef struct ms_linearization_point {
+  double *x; /* NULL: not recorded, as no factor is lagged, or as A does not depend on x */
+  ms_constraint *constraint; /* nconstraints constrained unknowns; NULL where there can be none */
+  double h;
+  int32_t clamped, kind, nconstraints;
+} ms_linearization_point;
 
 typedef struct ms_solver {
   ms_linear_system system;
