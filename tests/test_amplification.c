@@ -3,7 +3,7 @@
  * satisfy its order conditions. */
 #include <math.h>
 
-#include "../tools/msim_bench/amplification.h"
+#include "../tools/bench_reference/amplification.h"
 #include "testing.h"
 
 /* The exact solution of x'' = -2 zeta w x' - w^2 x over z = w t for zeta < 1; y = (x, v/w) */

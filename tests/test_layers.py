@@ -144,7 +144,7 @@ class Layers(unittest.TestCase):
 
     def test_tools_see_public_headers_only(self):
         # the reference loop is compiled for the instruction set that the library uses
-        shared = {("tools/msim_bench/textbook.h", "base/isa.h")}
+        shared = {("tools/bench_reference/textbook.h", "base/isa.h")}
         for path in files("tools"):
             for include in includes(path):
                 public = include.startswith("msim/") and (support.SOURCE / "include" / include)

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../tools/msim_bench/theory.h"
+#include "../tools/bench_reference/theory.h"
 #include "methods/rkc.h"
 #include "stability.h"
 

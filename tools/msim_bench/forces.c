@@ -10,9 +10,9 @@
 #include "benches.h"
 #include "interrupt.h"
 #include "background_load.h"
-#include "textbook.h"
+#include "../bench_reference/textbook.h"
 #include "timing.h"
-#include "triad.h"
+#include "../bench_reference/triad.h"
 
 enum { STIFFNESS = 1000, MOST_ARMS = 5 };
 #define STEP 1e-6 /* s: stable in all scenes */
@@ -106,8 +106,9 @@ static int make_arena(const bench_scene *scene, double seconds, forces_context *
   }
   a->bytes = bytes_of_step(&a->m);
   a->steps = 1 + (int)(seconds / 8e-9 / a->m.view.nsprings);
-  return textbook_make(&a->m, &a->book) && triad_make(&a->memory, (size_t)a->bytes) &&
-         make_forces_sim(a, 1, err) && make_forces_sim(a, 2, err);
+  return textbook_make(&a->m.view, a->m.x, a->m.v, &a->book) &&
+         triad_make(&a->memory, (size_t)a->bytes) && make_forces_sim(a, 1, err) &&
+         make_forces_sim(a, 2, err);
 }
 
 static void free_arena(forces_context *a) {

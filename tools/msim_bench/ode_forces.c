@@ -6,7 +6,7 @@
 
 #include "../common/clock.h"
 #include "interrupt.h"
-#include "ode.h"
+#include "../bench_reference/ode.h"
 
 enum { TIMES = 5, CALLS = 200 };
 
@@ -121,6 +121,12 @@ static void time_sim(ode_forces *k) {
   msim_sim_destroy(sim);
 }
 
+static int split_of(const precision_scene *kind) {
+  if (kind->impacts) return 0;
+  if (kind->stiff > 0) return SPLIT_SPRINGS;
+  return kind->damped ? SPLIT_DAMPING : 0;
+}
+
 int ode_forces_create(const reference_solution *t, ode_forces *k) {
   const size_t bytes = 3 * (size_t)t->view.nparticles * sizeof(double);
   *k = (ode_forces){.truth = t,
@@ -134,8 +140,8 @@ int ode_forces_create(const reference_solution *t, ode_forces *k) {
                     .split_difference = NAN};
   double *f = malloc(2 * bytes);
   const int made = spring_runs_create(&t->view, &k->runs) &&
-                   force_split_create(t->kind, &t->view, &k->split) && k->x && k->v && k->inverse &&
-                   f;
+                   force_split_create(&t->view, split_of(t->kind), t->kind->stiff, &k->split) &&
+                   k->x && k->v && k->inverse && f;
   if (made) {
     choose_implementation(k, f);
     if (k->split.by) check_split(k, f);

@@ -4,7 +4,7 @@
 #ifndef BENCH_ODE_FORCES_H
 #define BENCH_ODE_FORCES_H
 
-#include "force_split.h"
+#include "../bench_reference/force_split.h"
 #include "reference_solution.h"
 
 typedef struct ode_forces {

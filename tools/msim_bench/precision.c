@@ -10,6 +10,7 @@
 #include "interrupt.h"
 #include "precision_cells.h"
 #include "precision_report.h"
+#include "reference_program.h"
 
 /* Time limits for one scene, s. */
 typedef struct scene_plan {

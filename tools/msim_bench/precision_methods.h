@@ -7,7 +7,7 @@
 #define BENCH_PRECISION_METHODS_H
 
 #include "ode_forces.h"
-#include "ode.h"
+#include "../bench_reference/ode.h"
 
 enum { MAX_PRECISION_METHODS = 64, MAX_SWEEP_POINTS = 24 };
 

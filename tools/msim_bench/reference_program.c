@@ -1,6 +1,7 @@
 #define _POSIX_C_SOURCE 200809L /* readlink, kill */
 #include "reference_program.h"
 
+#include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -17,8 +18,9 @@ extern char **environ;
 
 /*------------------------------------- starting -------------------------------------------------*/
 
-/* REFERENCE_FOLDER is relative to this program's folder, so that an installation can be moved. */
-int reference_program_path(const char *name, int mode, char *path, size_t size) {
+/* REFERENCE_FOLDER is relative to this program's folder, so that an installation can be moved.
+ * mode: as for access(). Returns 0 if there is no such file. */
+static int reference_program_path(const char *name, int mode, char *path, size_t size) {
   char own[2048];
   const ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
   if (length <= 0) return 0;
@@ -88,7 +90,8 @@ void reference_program_start(reference_program *r, const char *name) {
   *r = (reference_program){0};
   snprintf(program, sizeof program, "msim_bench_reference_%s", name);
   if (!reference_program_path(program, X_OK, path, sizeof path)) {
-    snprintf(r->reason, sizeof r->reason, "msim_bench_reference_%s was not built", name);
+    snprintf(r->reason, sizeof r->reason,
+             "msim_bench_reference_%s was not found; build with its library installed", name);
     return;
   }
   const int failed = spawn(r, path);
@@ -96,7 +99,7 @@ void reference_program_start(reference_program *r, const char *name) {
     snprintf(r->reason, sizeof r->reason, "msim_bench_reference_%s: %s", name, strerror(failed));
   } else if (!pipe_read(r->from, &r->hello, sizeof r->hello)) {
     reference_program_stop(r);
-    snprintf(r->reason, sizeof r->reason, "msim_bench_reference_%s does not run", name);
+    snprintf(r->reason, sizeof r->reason, "msim_bench_reference_%s ended without an answer", name);
   }
 }
 
@@ -114,7 +117,7 @@ void reference_program_stop(reference_program *r) {
 /* Stops a program that does not answer. */
 static int stop_unresponsive(reference_program *r) {
   reference_program_stop(r);
-  snprintf(r->reason, sizeof r->reason, "the reference program ended before its time");
+  snprintf(r->reason, sizeof r->reason, "the reference program ended unexpectedly");
   return 0;
 }
 
@@ -146,4 +149,22 @@ int reference_program_solve(reference_program *r, int variant, reference_reply *
   if (r->pid != 0) stop_unresponsive(r);
   snprintf(reply->reason, sizeof reply->reason, "%.*s", 127, r->reason);
   return 0;
+}
+
+/*------------------------------------- the module -----------------------------------------------*/
+
+const ode_methods *ode_load(char reason[static 256]) {
+  static const char name[] = "msim_bench_ode_sundials.so";
+  char path[4096];
+  if (!reference_program_path(name, R_OK, path, sizeof path)) {
+    snprintf(reason, 256,
+             "%s was not found beside the reference programs; build with SUNDIALS "
+             "(libsundials-dev)",
+             name);
+    return NULL;
+  }
+  void *module = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+  const ode_methods *methods = module ? dlsym(module, ODE_SYMBOL) : NULL;
+  if (!methods) snprintf(reason, 256, "%s", dlerror());
+  return methods;
 }

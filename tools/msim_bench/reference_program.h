@@ -5,7 +5,8 @@
 
 #include <sys/types.h>
 
-#include "reference/protocol.h"
+#include "../bench_reference/ode.h"
+#include "../bench_reference/protocol.h"
 #include "linear_system.h"
 
 typedef struct reference_program {
@@ -14,9 +15,6 @@ typedef struct reference_program {
   reference_hello hello;
   char reason[256]; /* why it is not running */
 } reference_program;
-
-/* Path of a file beside the reference programs; mode: as for access(). Returns 0 if that fails. */
-int reference_program_path(const char *name, int mode, char *path, size_t size);
 
 /* Starts msim_bench_reference_NAME, without environment variables that set threads or kernels of
  * libraries. On failure, sets r->reason. Call reference_program_stop in any case. */
@@ -28,5 +26,8 @@ int reference_program_send_system(reference_program *r, const linear_system *s);
 
 /* Solves once, then waits until its threads sleep. Returns 0 on failure and sets reply->reason. */
 int reference_program_solve(reference_program *r, int variant, reference_reply *reply);
+
+/* Loads the module of ode.h, which is never unloaded. Returns NULL on failure and sets reason. */
+const ode_methods *ode_load(char reason[static 256]);
 
 #endif

@@ -11,7 +11,7 @@
 #include "stability_limits.h"
 #include "watch_overhead.h"
 #include "stress.h"
-#include "theory.h"
+#include "../bench_reference/theory.h"
 
 enum { MOST_METHODS = 32 };
 

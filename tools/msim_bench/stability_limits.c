@@ -8,7 +8,7 @@
 
 #include "interrupt.h"
 #include "msim/msim.h"
-#include "theory.h"
+#include "../bench_reference/theory.h"
 
 /* A particle of 1 kg at 1 m, on a spring of 1 N/m to a pinned one at the origin. The soft stiffness
  * is divided among 8 springs, so that short steps for the stiff one alone are cost-effective. */

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "../common/clock.h"
+
 /*------------------------------------- one factorisation ----------------------------------------*/
 
 /* Times the factorization alone, by CHOLMOD, on the matrix of the linearly implicit step from the
@@ -58,24 +60,63 @@ static double seconds_to_best(const accuracy_record *p) {
   return seconds;
 }
 
-/* The limit is reached least 4 times the time of Newton's method, enough to show that they are
+/* Records the error of the iterate, outside the time of the method. Returns whether to continue. */
+static int record_iterate(const nonlinear_step *step, const descent *d, double seconds,
+                          int64_t iterations, accuracy_record *p) {
+  enum { NOW_AND_THEN = 16 };
+  const double *v = potential_velocity(d->p, d->x);
+  const iterate_record here = {
+      .seconds = seconds, .error = nonlinear_step_error(step, v), .iterations = iterations};
+  if (accuracy_record_add(p, &here)) return 0;
+  if (iterations % NOW_AND_THEN != 0 || !is_another_minimum(step, v)) return 1;
+  accuracy_record_end(p, END_OTHER_MINIMUM, "it converged to another minimum");
+  return 0;
+}
+
+/* Iterates until all accuracies are reached or the time is up. The time of the method itself
+ * counts, not that of evaluating its error. */
+static void run_descent(const nonlinear_step *step, const method_limits *allowed, descent *d,
+                        accuracy_record *p) {
+  double start = clock_seconds();
+  d->method->begin(d);
+  double spent = clock_seconds() - start;
+  for (int64_t i = 0; record_iterate(step, d, spent, i, p) &&
+                      accuracy_record_may_continue(p, allowed, spent, spent);) {
+    start = clock_seconds();
+    const int found = d->method->iterate(d);
+    spent += clock_seconds() - start;
+    i++;
+    if (found) continue;
+    accuracy_record_end(p, END_FAILED, "the line search found no decrease");
+    return;
+  }
+}
+
+/* Repeats this number of iterations from the start. Returns the time in s. */
+static double repeat_descent(descent *d, int64_t iterations) {
+  const double start = clock_seconds();
+  d->method->begin(d);
+  for (int64_t i = 0; i < iterations; i++) d->method->iterate(d);
+  return clock_seconds() - start;
+}
+
+/* The limit is at 4 times the time of Newton's method, enough to show that they are
  * slower. */
 static void run_descents(step_comparison *r, const step_plan *plan, double until) {
   static const descent_method *const methods[] = {&projective_dynamics, &lbfgs};
   const double ours = seconds_to_best(r->records[BY_PCG]);
   const method_limits allowed = {.seconds = fmax(plan->descent, 4 * ours), .until = until};
   r->descent_limit = allowed.seconds;
-  const int made = laplacian_make(r->step.moving, r->step.h, &r->matrix) &&
-                   potential_make(&r->step, &r->matrix, &r->potential);
+  const moving_scene *m = r->step.moving;
+  const int made = laplacian_make(&m->view, r->step.h, &r->matrix) &&
+                   potential_make(&m->view, m->x, m->v, r->step.h, &r->matrix, &r->potential);
   for (int i = 0; i < 2; i++) {
-    descent *d = &r->descents[i];
-    r->records[BY_PROJECTIVE_DYNAMICS + i] = &d->pursuit;
-    if (made && descent_make(methods[i], &r->potential, d)) {
-      descent_run(d, &allowed);
-    } else {
-      accuracy_record_begin(&d->pursuit, methods[i]->name);
-      accuracy_record_end(&d->pursuit, END_SKIPPED, r->matrix.err.text);
-    }
+    accuracy_record *p = &r->descent_records[i];
+    r->records[BY_PROJECTIVE_DYNAMICS + i] = p;
+    accuracy_record_begin(p, methods[i]->name);
+    if (made && descent_make(methods[i], &r->potential, &r->descents[i]))
+      run_descent(&r->step, &allowed, &r->descents[i], p);
+    else accuracy_record_end(p, END_SKIPPED, r->matrix.err.text);
   }
 }
 
@@ -87,7 +128,7 @@ static int repeat_step_run(timing_candidate *c, timing_sample *s) {
   const iterate_record *at = &r->records[run->method]->reached[run->accuracy];
   msim_error err;
   if (run->method >= BY_PROJECTIVE_DYNAMICS) {
-    s->whole = descent_repeat(&r->descents[run->method - BY_PROJECTIVE_DYNAMICS], at->iterations);
+    s->whole = repeat_descent(&r->descents[run->method - BY_PROJECTIVE_DYNAMICS], at->iterations);
     return 1;
   }
   const msim_status status = newton_sweep_step(&r->ladders[run->method], at->rung, &s->whole, &err);

@@ -3,7 +3,7 @@
 #ifndef BENCH_STEP_COMPARISON_H
 #define BENCH_STEP_COMPARISON_H
 
-#include "prefactored_descent.h"
+#include "../bench_reference/prefactored_descent.h"
 #include "newton_sweep.h"
 #include "solver_comparison.h"
 
@@ -22,6 +22,7 @@ typedef struct step_comparison {
   laplacian matrix;
   potential potential;
   descent descents[2];
+  accuracy_record descent_records[2];
   double descent_limit; /* s, limit for each prefactored method */
   const accuracy_record *records[METHODS];
   solver_comparison *linear; /* runs the factorization */

@@ -32,23 +32,22 @@ static void part_add(const msim_scene_view *view, int32_t spring, double k, doub
 
 /* Collects the springs of one part: the stiff ones, or the damping of all springs; or the others.
  * Gravity and drag belong to the others. */
-static void select_springs(const precision_scene *kind, const msim_scene_view *view, int by,
-                           int stiff, spring_list *p) {
+static void select_springs(const msim_scene_view *view, int by, double limit, int stiff,
+                           spring_list *p) {
   for (int32_t s = 0; s < view->nsprings; s++) {
-    const int is_stiff = view->k[s] >= kind->stiff;
+    const int is_stiff = view->k[s] >= limit;
     if (by == SPLIT_DAMPING)
       part_add(view, s, stiff ? 0 : view->k[s], stiff ? view->damping[s] : 0, p);
     else if (is_stiff == stiff) part_add(view, s, view->k[s], view->damping[s], p);
   }
 }
 
-static int make_runs(const precision_scene *kind, const msim_scene_view *view, int by, int stiff,
-                     spring_runs *r) {
+static int make_runs(const msim_scene_view *view, int by, double limit, int stiff, spring_runs *r) {
   msim_scene_view own = *view;
   spring_list p;
   int made = part_make(view->nsprings, &p);
   if (made) {
-    select_springs(kind, view, by, stiff, &p);
+    select_springs(view, by, limit, stiff, &p);
     own.nsprings = p.nsprings;
     own.ij = p.ij, own.k = p.k, own.rest = p.rest, own.damping = p.damping;
     if (stiff) own.drag = 0, memset(own.gravity, 0, sizeof own.gravity);
@@ -58,16 +57,10 @@ static int make_runs(const precision_scene *kind, const msim_scene_view *view, i
   return made;
 }
 
-static int split_of(const precision_scene *kind) {
-  if (kind->impacts) return 0;
-  if (kind->stiff > 0) return SPLIT_SPRINGS;
-  return kind->damped ? SPLIT_DAMPING : 0;
-}
-
-int force_split_create(const precision_scene *kind, const msim_scene_view *view, force_split *s) {
-  *s = (force_split){.by = split_of(kind)};
-  return !s->by || (make_runs(kind, view, s->by, 1, &s->stiff) &&
-                    make_runs(kind, view, s->by, 0, &s->others));
+int force_split_create(const msim_scene_view *view, int by, double stiff, force_split *s) {
+  *s = (force_split){.by = by};
+  return !by ||
+         (make_runs(view, by, stiff, 1, &s->stiff) && make_runs(view, by, stiff, 0, &s->others));
 }
 
 void force_split_free(force_split *s) {

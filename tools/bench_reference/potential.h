@@ -6,10 +6,11 @@
 #define BENCH_POTENTIAL_H
 
 #include "laplacian.h"
-#include "nonlinear_step.h"
 
 typedef struct potential {
-  const nonlinear_step *step;
+  const msim_scene_view *scene;
+  const double *x; /* at the start of the step, in the order of the scene */
+  double h;
   const laplacian *matrix;
   int32_t n, nsprings, npinned;
   double *mass, *y; /* n; 3n: the inertial position */
@@ -21,8 +22,10 @@ typedef struct potential {
   double *v; /* 3n: result of potential_velocity */
 } potential;
 
-/* Returns 0 if out of memory. Call potential_free in any case. */
-int potential_make(const nonlinear_step *s, const laplacian *L, potential *p);
+/* The step of length h from x, v, which must outlive p. Returns 0 if out of memory. Call
+ * potential_free in any case. */
+int potential_make(const msim_scene_view *s, const double *x, const double *v, double h,
+                   const laplacian *L, potential *p);
 void potential_free(potential *p);
 
 /* Computes P and its gradient, in one loop over the springs. */

@@ -4,7 +4,6 @@
 #define BENCH_PREFACTORED_DESCENT_H
 
 #include "potential.h"
-#include "accuracy_record.h"
 
 enum { PAIRS = 8 }; /* pairs (s, y) that L-BFGS stores */
 
@@ -31,18 +30,10 @@ struct descent {
   double curvature[PAIRS + 1];         /* y.s */
   int64_t pairs;                       /* so far */
   double *all;                         /* memory of all vectors */
-  accuracy_record pursuit;
 };
 
 /* Returns 0 if out of memory. Call descent_free in any case. */
 int descent_make(const descent_method *method, const potential *p, descent *d);
 void descent_free(descent *d);
-
-/* Iterates until all accuracies are reached or the time is up. The time of the method itself
- * counts, not that of evaluating its error. */
-void descent_run(descent *d, const method_limits *allowed);
-
-/* Repeats this number of iterations from the start. Returns the time in s. */
-double descent_repeat(descent *d, int64_t iterations);
 
 #endif

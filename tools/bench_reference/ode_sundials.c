@@ -15,7 +15,7 @@
 #include <sunlinsol/sunlinsol_spgmr.h>
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
 
-#include "../ode.h"
+#include "ode.h"
 #include "vectors.h"
 
 #if SUNDIALS_VERSION_MAJOR < 7

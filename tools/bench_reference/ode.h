@@ -44,7 +44,4 @@ typedef struct ode_methods {
 #define ODE_SYMBOL "msim_bench_ode"
 extern const ode_methods msim_bench_ode;
 
-/* Loads the module. Returns NULL on failure and sets reason. */
-const ode_methods *ode_load(char reason[static 256]);
-
 #endif

@@ -3,7 +3,6 @@
 #ifndef BENCH_FORCE_SPLIT_H
 #define BENCH_FORCE_SPLIT_H
 
-#include "precision_scenes.h"
 #include "spring_runs.h"
 
 typedef struct force_split {
@@ -11,8 +10,9 @@ typedef struct force_split {
   spring_runs stiff, others;
 } force_split;
 
-/* Returns 0 if out of memory. Call force_split_free in any case. */
-int force_split_create(const precision_scene *kind, const msim_scene_view *view, force_split *s);
+/* by: SPLIT_SPRINGS, of which those of at least `stiff` N/m are stiff, SPLIT_DAMPING, or 0. Returns
+ * 0 if out of memory. Call force_split_free in any case. */
+int force_split_create(const msim_scene_view *view, int by, double stiff, force_split *s);
 void force_split_free(force_split *s);
 
 #endif

@@ -4,7 +4,7 @@
 #include <nvector/nvector_serial.h>
 #include <string.h>
 
-#include "../target_clones.h"
+#include "target_clones.h"
 
 double *value_of(N_Vector v) { return NV_DATA_S(v); }
 

@@ -4,7 +4,7 @@
 #define BENCH_TEXTBOOK_H
 
 #include "base/isa.h"
-#include "bench_scenes.h"
+#include "msim/msim.h"
 
 typedef struct textbook textbook;
 
@@ -22,8 +22,8 @@ struct textbook {
   double *x, *v, *f, *inverse_mass; /* 1/m, 0 for pinned particles */
 };
 
-/* Copies the state of m, which must outlive t. Returns 0 if out of memory. */
-int textbook_make(const moving_scene *m, textbook *t);
+/* Copies x and v; the arrays of s must outlive t. Returns 0 if out of memory. */
+int textbook_make(const msim_scene_view *s, const double *x, const double *v, textbook *t);
 void textbook_free(textbook *t);
 
 #endif

@@ -11,8 +11,8 @@ static int by_ends(const void *a, const void *b) {
 
 /* Sorts the springs by their ends, for memory locality. */
 static void fill_springs(potential *p) {
-  const msim_scene_view *s = &p->step->moving->view;
-  const double h = p->step->h;
+  const msim_scene_view *s = p->scene;
+  const double h = p->h;
   for (int32_t e = 0; e < s->nsprings; e++) {
     const int32_t a = p->matrix->place[s->ij[2 * e]], b = p->matrix->place[s->ij[2 * e + 1]];
     p->springs[e] =
@@ -21,27 +21,30 @@ static void fill_springs(potential *p) {
   qsort(p->springs, (size_t)p->nsprings, sizeof *p->springs, by_ends);
 }
 
-static void fill_particles(potential *p) {
-  const moving_scene *m = p->step->moving;
-  const double h = p->step->h;
+static void fill_particles(const double *v, potential *p) {
+  const msim_scene_view *s = p->scene;
+  const double h = p->h;
   for (int32_t i = 0; i < p->n; i++) {
-    const int32_t particle = p->matrix->particle[i], pinned = m->view.pinned[particle];
-    p->mass[i] = m->view.mass[particle];
+    const int32_t particle = p->matrix->particle[i], pinned = s->pinned[particle];
+    p->mass[i] = s->mass[particle];
     if (pinned) p->pinned[p->npinned++] = i;
     for (int c = 0; c < 3; c++) {
       const int32_t at = 3 * particle + c;
-      const double flight = h * m->v[at] + h * h * m->view.gravity[c];
-      p->y[c * p->n + i] = m->x[at] + (pinned ? 0 : flight);
+      const double flight = h * v[at] + h * h * s->gravity[c];
+      p->y[c * p->n + i] = p->x[at] + (pinned ? 0 : flight);
     }
   }
 }
 
-int potential_make(const nonlinear_step *s, const laplacian *L, potential *p) {
-  const size_t n = (size_t)L->n, springs = (size_t)s->moving->view.nsprings;
-  *p = (potential){.step = s,
+int potential_make(const msim_scene_view *s, const double *x, const double *v, double h,
+                   const laplacian *L, potential *p) {
+  const size_t n = (size_t)L->n, springs = (size_t)s->nsprings;
+  *p = (potential){.scene = s,
+                   .x = x,
+                   .h = h,
                    .matrix = L,
                    .n = L->n,
-                   .nsprings = s->moving->view.nsprings,
+                   .nsprings = s->nsprings,
                    .mass = malloc(n * sizeof *p->mass),
                    .y = malloc(3 * n * sizeof *p->y),
                    .pinned = malloc(n * sizeof *p->pinned),
@@ -49,7 +52,7 @@ int potential_make(const nonlinear_step *s, const laplacian *L, potential *p) {
                    .v = malloc(3 * n * sizeof *p->v)};
   if (!p->mass || !p->y || !p->pinned || !p->springs || !p->v) return 0;
   fill_springs(p);
-  fill_particles(p);
+  fill_particles(v, p);
   return 1;
 }
 
@@ -97,11 +100,10 @@ double potential_at(const potential *p, const double *x, double *gradient) {
 }
 
 const double *potential_velocity(const potential *p, const double *x) {
-  const moving_scene *m = p->step->moving;
   for (int32_t i = 0; i < p->n; i++)
     for (int c = 0; c < 3; c++) {
       const int32_t at = 3 * p->matrix->particle[i] + c;
-      p->v[at] = (x[c * p->n + i] - m->x[at]) / p->step->h;
+      p->v[at] = (x[c * p->n + i] - p->x[at]) / p->h;
     }
   return p->v;
 }

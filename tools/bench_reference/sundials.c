@@ -11,7 +11,7 @@
 #include <sundials/sundials_config.h>
 #include <sunlinsol/sunlinsol_pcg.h>
 
-#include "../../common/clock.h"
+#include "../common/clock.h"
 #include "solver.h"
 
 #if SUNDIALS_VERSION_MAJOR < 7
@@ -158,13 +158,15 @@ static int sundials_reference_solve(int variant, double *solution, reference_rep
   reply->factor_s = ready - start;
   reply->iterations = SUNLinSolNumIters(pcg);
   memcpy(solution, N_VGetArrayPointer(x), bytes);
-  if (status) snprintf(reply->reason, sizeof reply->reason, "SUNDIALS' status is %d", status);
+  if (status)
+    snprintf(reply->reason, sizeof reply->reason, "SUNDIALS failed with status %d", status);
   return status == 0;
 }
 
-const reference_solver solver = {.hello = {.library = "SUNDIALS " SUNDIALS_VERSION,
-                                           .nvariants = REFERENCE_VARIANTS,
-                                           .variants = {"stock 3x3, from v", "stock csr, from v",
-                                                        "stock 3x3, from 0", "stock csr, from 0"}},
-                                 .prepare = sundials_reference_prepare,
-                                 .solve = sundials_reference_solve};
+const reference_solver solver = {
+    .hello = {.library = "SUNDIALS " SUNDIALS_VERSION,
+              .nvariants = REFERENCE_VARIANTS,
+              .variants = {"stock 3x3, from guess", "stock csr, from guess", "stock 3x3, from 0",
+                           "stock csr, from 0"}},
+    .prepare = sundials_reference_prepare,
+    .solve = sundials_reference_solve};

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "../../common/clock.h"
+#include "../common/clock.h"
 #include "solver.h"
 
 #define STRING_(x) #x
@@ -62,7 +62,8 @@ static int cholmod_reference_solve(int variant, double *x, reference_reply *repl
   reply->solve_s = clock_seconds() - factored;
   int good = solution && common.status == CHOLMOD_OK;
   if (good) memcpy(x, solution->x, matrix->nrow * sizeof *x);
-  else snprintf(reply->reason, sizeof reply->reason, "CHOLMOD's status is %d", common.status);
+  else
+    snprintf(reply->reason, sizeof reply->reason, "CHOLMOD failed with status %d", common.status);
   cholmod_free_dense(&solution, &common);
   return good;
 }

@@ -4,7 +4,7 @@
 #define BENCH_LAPLACIAN_H
 
 #include "msim/backend.h"
-#include "bench_scenes.h"
+#include "msim/msim.h"
 
 /* A vector has one number per particle, in the order of the factorization, or three such blocks.
  * Pinned particles are included, without off-diagonal entries. */
@@ -21,7 +21,7 @@ typedef struct laplacian {
 
 /* Assembles and factorizes the matrix by CHOLMOD with msim's settings. Returns 0 on failure and
  * sets L->err. Call laplacian_free in any case. */
-int laplacian_make(const moving_scene *m, double h, laplacian *L);
+int laplacian_make(const msim_scene_view *s, double h, laplacian *L);
 void laplacian_free(laplacian *L);
 
 /* Solves (M + h^2 Lap_k) y = b for three components, 3n; y must not overlap b. */

@@ -5,8 +5,7 @@
 
 MS_TABLES(textbook_kernels);
 
-int textbook_make(const moving_scene *m, textbook *t) {
-  const msim_scene_view *s = &m->view;
+int textbook_make(const msim_scene_view *s, const double *x, const double *v, textbook *t) {
   const size_t n = (size_t)s->nparticles;
   *t = (textbook){.kernels = textbook_kernels_of[ms_isa_choose()],
                   .nparticles = s->nparticles,
@@ -21,8 +20,8 @@ int textbook_make(const moving_scene *m, textbook *t) {
                   .inverse_mass = malloc(n * sizeof(double))};
   if (!t->x || !t->v || !t->f || !t->inverse_mass) return 0;
   memcpy(t->gravity, s->gravity, sizeof t->gravity);
-  memcpy(t->x, m->x, 3 * n * sizeof(double));
-  memcpy(t->v, m->v, 3 * n * sizeof(double));
+  memcpy(t->x, x, 3 * n * sizeof(double));
+  memcpy(t->v, v, 3 * n * sizeof(double));
   for (size_t i = 0; i < n; i++) t->inverse_mass[i] = s->pinned[i] ? 0 : 1 / s->mass[i];
   return 1;
 }

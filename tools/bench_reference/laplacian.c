@@ -83,7 +83,7 @@ static int graph_make(const msim_scene_view *s, graph *g) {
 /*------------------------------------- the matrix -----------------------------------------------*/
 
 /* Fills the upper triangle in the order of the factorization. */
-static int fill_matrix(const moving_scene *m, double h, const graph *g, laplacian *L) {
+static int fill_matrix(const msim_scene_view *s, double h, const graph *g, laplacian *L) {
   const size_t n = (size_t)L->n, entries = n + (size_t)g->ptr[n] / 2;
   int32_t *rowptr = allocate_aligned((n + 1) * sizeof *rowptr),
           *colind = allocate_aligned(entries * sizeof *colind);
@@ -102,7 +102,7 @@ static int fill_matrix(const moving_scene *m, double h, const graph *g, laplacia
   for (int32_t i = 0; i < L->n; i++) {
     const int32_t p = L->particle[i], first = rowptr[i];
     int32_t at = first;
-    insert_entry(colind, val, first, at++, i, m->view.mass[p] + h * h * g->total[p]);
+    insert_entry(colind, val, first, at++, i, s->mass[p] + h * h * g->total[p]);
     for (int32_t e = g->ptr[p]; e < g->ptr[p + 1]; e++)
       if (L->place[g->ind[e]] > i)
         insert_entry(colind, val, first, at++, L->place[g->ind[e]], -h * h * g->k[e]);
@@ -111,21 +111,22 @@ static int fill_matrix(const moving_scene *m, double h, const graph *g, laplacia
   return 1;
 }
 
-static msim_status order_and_factor(const moving_scene *m, double h, const graph *g, laplacian *L) {
+static msim_status order_and_factor(const msim_scene_view *s, double h, const graph *g,
+                                    laplacian *L) {
   msim_solve_info info = {.size = sizeof info};
   msim_status status = L->backend->create(&L->host, &L->self);
   if (!status) status = L->backend->order(L->self, L->n, g->ptr, g->ind, L->particle);
   if (status) return status;
   for (int32_t i = 0; i < L->n; i++) L->place[L->particle[i]] = i;
-  if (!fill_matrix(m, h, g, L)) return MSIM_ERR_MEMORY;
+  if (!fill_matrix(s, h, g, L)) return MSIM_ERR_MEMORY;
   status = L->backend->analyze(L->self, &L->matrix, &info);
   if (!status) status = L->backend->factor(L->self, &L->matrix, MSIM_FACTOR_SPD, &info);
   return status;
 }
 
-int laplacian_make(const moving_scene *m, double h, laplacian *L) {
-  const size_t n = (size_t)m->view.nparticles;
-  *L = (laplacian){.n = m->view.nparticles};
+int laplacian_make(const msim_scene_view *s, double h, laplacian *L) {
+  const size_t n = (size_t)s->nparticles;
+  *L = (laplacian){.n = s->nparticles};
   if (msim_solver_backend("cholmod", NULL, &L->backend, &L->err) != MSIM_OK) return 0;
   L->host = (msim_host){sizeof L->host, laplacian_host_alloc, laplacian_host_free,
                         laplacian_host_fail, &L->err};
@@ -133,8 +134,8 @@ int laplacian_make(const moving_scene *m, double h, laplacian *L) {
   L->place = malloc(n * sizeof *L->place);
   snprintf(L->err.text, sizeof L->err.text, "out of memory for the prefactored matrix");
   graph g;
-  const int made = graph_make(&m->view, &g) && L->particle && L->place &&
-                   order_and_factor(m, h, &g, L) == MSIM_OK;
+  const int made =
+      graph_make(s, &g) && L->particle && L->place && order_and_factor(s, h, &g, L) == MSIM_OK;
   graph_free(&g);
   return made;
 }
