@@ -30,7 +30,7 @@ class Refusals(BenchTest):
             ([], "name of a bench", "linear", "'msim_bench --help'"),
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
-            (["--scene", "cloth32", "stability"], "'stability'", "scenes of its own"),
+            (["--scene", "cloth32", "stability"], "'stability'", "its own scenes"),
             (["linear", "--svg="], "--svg"),
             (["linear", "--svg", "a", "--json", "./a"], "--svg", "--json", "same file"),
             (["linear", "--svg", "a", "--csv", "./a"], "--svg", "--csv", "same file"),
@@ -70,7 +70,7 @@ class Stopping(Children):
                     process.send_signal(number)
                     _, err = process.communicate(timeout=20)
                 self.assertEqual(process.returncode, 2)
-                self.assert_sentence(err, "stopped", "no file")
+                self.assert_sentence(err, "interrupted", "no file")
                 self.assertEqual([child for child in children if self.alive(child)], [])
                 self.assertEqual(self.files(), ["out.json"])
                 self.assertEqual((self.folder / "out.json").read_text(), "old")
@@ -82,7 +82,7 @@ class Stopping(Children):
             process.send_signal(signal.SIGINT)
             _, err = process.communicate(timeout=20)
         self.assertEqual(process.returncode, 2)
-        self.assert_sentence(err, "stopped", "no file")
+        self.assert_sentence(err, "interrupted", "no file")
         self.assertEqual(self.files(), [])
 
     def test_children_do_not_outlive_a_kill(self):

@@ -10,7 +10,7 @@
 #include "solver.h"
 
 static void free_system(csr_system *s) {
-  void *arrays[] = {s->rowptr, s->colind, s->val, s->b, s->guess};
+  void *arrays[] = {s->rowptr, s->colind, s->val, s->b};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
   *s = (csr_system){0};
 }
@@ -34,8 +34,7 @@ static int read_system(const reference_request *request, csr_system *s) {
   s->colind = read_array(entries, sizeof(int32_t));
   s->val = s->colind ? read_array(entries, sizeof(double)) : NULL;
   s->b = s->val ? read_array(n, sizeof(double)) : NULL;
-  s->guess = s->b ? read_array(n, sizeof(double)) : NULL;
-  return s->guess != NULL;
+  return s->b != NULL;
 }
 
 /* ||b - A x|| / ||b|| */

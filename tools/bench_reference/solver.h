@@ -8,7 +8,7 @@
 typedef struct csr_system {
   int32_t n, max_iterations;
   int32_t *rowptr, *colind; /* n + 1; rowptr[n] */
-  double *val, *b, *guess;  /* rowptr[n]; n; n */
+  double *val, *b;          /* rowptr[n]; n */
   double rtol;
 } csr_system;
 

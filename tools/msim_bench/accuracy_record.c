@@ -5,6 +5,7 @@
 
 #include "../common/clock.h"
 #include "interrupt.h"
+#include "timing.h"
 
 const double accuracies[ACCURACIES] = {1e-2, 1e-4, 1e-6};
 
@@ -33,15 +34,14 @@ void accuracy_record_end(accuracy_record *p, int end, const char *reason) {
 
 void accuracy_record_cut_off(accuracy_record *p, double lasted) {
   char reason[80];
-  snprintf(reason, sizeof reason, "cut off after %.3g s", lasted);
+  snprintf(reason, sizeof reason, "aborted after %.3g s (time limit)", lasted);
   accuracy_record_end(p, END_CUT_OFF, reason);
   p->seconds_unreached = lasted;
 }
 
 int accuracy_record_may_continue(accuracy_record *p, const method_limits *a, double spent,
                                  double lasted) {
-  if (is_interrupted() || clock_seconds() > a->until)
-    accuracy_record_end(p, END_SKIPPED, "there was no time left");
+  if (is_interrupted() || clock_seconds() > a->until) accuracy_record_end(p, END_SKIPPED, NO_TIME);
   else if (spent > a->seconds) accuracy_record_cut_off(p, lasted);
   return p->end == END_REACHED;
 }

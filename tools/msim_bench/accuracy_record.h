@@ -11,7 +11,7 @@ typedef struct iterate_record {
   double seconds; /* NAN: the accuracy was not reached */
   double error;   /* of this iterate */
   int64_t iterations;
-  int rung; /* index of newton.rtol, for Newton's method */
+  int setting; /* index of newton.rtol, for Newton's method */
 } iterate_record;
 
 /* Why the run ended. END_CUT_OFF: the time was up; how much more the method needs is unknown. */

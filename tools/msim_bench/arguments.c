@@ -8,43 +8,30 @@
 
 /*------------------------------------- flags ----------------------------------------------------*/
 
-static int take_quick(arguments *args, const char *value) {
-  (void)value;
-  args->options.quick = 1;
-  return EXIT_OK;
-}
+enum { QUICK, JSON, CSV, SCENE, THREADS, SVG, HELP, VERSION, NFLAGS };
 
-static int take_help(arguments *args, const char *value) {
-  (void)value;
-  args->help = 1;
-  return EXIT_OK;
-}
+static const bench_flag flags[NFLAGS] = {
+    [QUICK] = {"quick", NULL, "finish within a minute, with fewer scenes and fewer runs"},
+    [JSON] = {"json", "FILE", "write all rows and the summary as JSON"},
+    [CSV] = {"csv", "FILE", "write all rows as CSV"},
+    [SCENE] = {"scene", "NAME,...", "run these scenes only"},
+    [THREADS] = {"threads", "N",
+                 "number of threads of msim; reference programs keep their defaults"},
+    [SVG] = {"svg", "FILE", "plot the results with gnuplot"},
+    [HELP] = {"help", NULL, "show this text"},
+    [VERSION] = {"version", NULL, "show the version"},
+};
 
-static int take_version(arguments *args, const char *value) {
-  (void)value;
-  args->version = 1;
-  return EXIT_OK;
-}
+const bench_flag *flag_info(int i) { return i >= 0 && i < NFLAGS ? &flags[i] : NULL; }
 
 /* Output goes to a temporary file that is then renamed, which would replace a device or a pipe. */
 static int take_file(const char *flag, const char *value, const char **path) {
   const char *kind = special_file_kind(value);
-  if (!*value) return report_usage_error("", "--%s needs the name of a file", flag);
+  if (!*value)
+    return report_usage_error("", "--%s needs the name of a file; give --%s FILE", flag, flag);
   if (kind) return report_usage_error("", "--%s '%s' is %s, not a file", flag, value, kind);
   *path = value;
   return EXIT_OK;
-}
-
-static int take_json(arguments *args, const char *value) {
-  return take_file("json", value, &args->json);
-}
-
-static int take_csv(arguments *args, const char *value) {
-  return take_file("csv", value, &args->csv);
-}
-
-static int take_svg(arguments *args, const char *value) {
-  return take_file("svg", value, &args->svg);
 }
 
 static int take_threads(arguments *args, const char *value) {
@@ -52,7 +39,7 @@ static int take_threads(arguments *args, const char *value) {
   msim_error err;
   msim_options_init(&options, sizeof options);
   if (msim_options_set(&options, "threads", value, &err) != MSIM_OK)
-    return report_usage_error("", "on the command line, %s", err.text);
+    return report_usage_error("", "--threads: %s", err.text);
   args->options.threads = options.threads;
   return EXIT_OK;
 }
@@ -64,7 +51,7 @@ static int complain_scene(const char *name, size_t length) {
     const size_t used = strlen(known);
     snprintf(known + used, sizeof known - used, "%s%s", i ? ", " : "", scene->name);
   }
-  return report_usage_error("", "there is no scene '%.*s', only %s", (int)length, name, known);
+  return report_usage_error("", "unknown scene '%.*s'; known scenes: %s", (int)length, name, known);
 }
 
 /* value: scene names separated by commas */
@@ -75,56 +62,64 @@ static int take_scene(arguments *args, const char *value) {
     const bench_scene *scene = scene_find(name, (size_t)(end - name));
     if (!scene) return complain_scene(name, (size_t)(end - name));
     if (w->nscenes == MAX_SCENES)
-      return report_usage_error("", "--scene takes %d scenes at most", MAX_SCENES);
+      return report_usage_error("", "--scene takes at most %d scenes", MAX_SCENES);
     w->scenes[w->nscenes++] = scene;
   }
   return EXIT_OK;
 }
 
-static const bench_flag flags[] = {
-    {"quick", NULL, "end within a minute: fewer scenes, fewer runs", take_quick},
-    {"json", "FILE", "write all rows and the summary too", take_json},
-    {"csv", "FILE", "write all rows as a table", take_csv},
-    {"scene", "NAME,...", "these scenes only", take_scene},
-    {"threads", "N", "threads of msim itself; the libraries out of the box keep their own",
-     take_threads},
-    {"svg", "FILE", "draw a picture of it, by gnuplot", take_svg},
-    {"help", NULL, "show this text", take_help},
-    {"version", NULL, "show the version", take_version},
-};
-enum { NFLAGS = sizeof flags / sizeof *flags };
-
-const bench_flag *flag_info(int i) { return i >= 0 && i < NFLAGS ? &flags[i] : NULL; }
+static int take_flag(arguments *args, int flag, const char *value) {
+  switch (flag) {
+    case JSON:
+      return take_file("json", value, &args->json);
+    case CSV:
+      return take_file("csv", value, &args->csv);
+    case SVG:
+      return take_file("svg", value, &args->svg);
+    case SCENE:
+      return take_scene(args, value);
+    case THREADS:
+      return take_threads(args, value);
+    case QUICK:
+      args->options.quick = 1;
+      break;
+    case HELP:
+      args->help = 1;
+      break;
+    default:
+      args->version = 1;
+  }
+  return EXIT_OK;
+}
 
 /*------------------------------------- parsing --------------------------------------------------*/
 
 static int parse_bench_name(arguments *args, const char *name) {
   const bench_entry *bench;
   if (args->bench)
-    return report_usage_error("", "one bench at a time, but '%s' and '%s' are given",
+    return report_usage_error("", "only one bench can run at a time; '%s' and '%s' were given",
                               args->bench->name, name);
-  for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
-    if (strcmp(bench->name, name) != 0) continue;
-    args->bench = bench;
-    return EXIT_OK;
-  }
-  return report_usage_error("", "there is no bench '%s'", name);
+  for (int i = 0; (bench = bench_info(i)) != NULL; i++)
+    if (strcmp(bench->name, name) == 0) args->bench = bench;
+  return args->bench ? EXIT_OK : report_usage_error("", "unknown bench '%s'", name);
 }
 
 /* Parses "--NAME", "--NAME VALUE" or "--NAME=VALUE" at argv[*i]; moves *i to the last word used. */
 static int parse_flag(arguments *args, int argc, char **argv, int *i) {
   const char *given = argv[*i] + 2, *value = strchr(given, '=');
   const size_t length = strcspn(given, "=");
-  for (const bench_flag *flag = flags; flag < flags + NFLAGS; flag++) {
+  for (int k = 0; k < NFLAGS; k++) {
+    const bench_flag *flag = &flags[k];
     if (strlen(flag->name) != length || memcmp(flag->name, given, length) != 0) continue;
     if (!flag->value && value) return report_usage_error("", "--%s takes no value", flag->name);
-    if (!flag->value) return flag->store(args, NULL);
-    if (value) return flag->store(args, value + 1);
+    if (value || !flag->value) return take_flag(args, k, value ? value + 1 : NULL);
     if (++*i == argc) return report_usage_error("", "--%s needs a value", flag->name);
-    return flag->store(args, argv[*i]);
+    return take_flag(args, k, argv[*i]);
   }
-  return report_usage_error("", "there is no option '--%.*s'", (int)length, given);
+  return report_usage_error("", "unknown option '--%.*s'", (int)length, given);
 }
+
+/*------------------------------------- what fits together ---------------------------------------*/
 
 static int check_output_files(const arguments *args) {
   const struct {
@@ -138,19 +133,40 @@ static int check_output_files(const arguments *args) {
   return EXIT_OK;
 }
 
+static int check_bench(const bench_entry *bench, const bench_options *w) {
+  if (w->threads && bench->threads)
+    return report_usage_error("", "the bench '%s' runs with %s; omit --threads", bench->name,
+                              bench->threads);
+  if (w->nscenes && bench->scenes && !*bench->scenes)
+    return report_usage_error("", "the bench '%s' has its own scenes; omit --scene", bench->name);
+  for (int i = 0; i < w->nscenes && bench->scenes; i++)
+    if (!strstr(bench->scenes, w->scenes[i]->name)) /* no name is part of another one */
+      return report_usage_error("", "scene '%s' is not part of the bench '%s', which has: %s",
+                                w->scenes[i]->name, bench->name, bench->scenes);
+  return EXIT_OK;
+}
+
+static int complain_no_bench(void) {
+  char known[128] = "";
+  const bench_entry *bench;
+  for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
+    const size_t used = strlen(known);
+    const char *separator = !i ? "" : bench_info(i + 1) ? ", " : " or ";
+    snprintf(known + used, sizeof known - used, "%s%s", separator, bench->name);
+  }
+  return report_usage_error("", "the name of a bench is missing: %s", known);
+}
+
 int arguments_parse(int argc, char **argv, arguments *args) {
   *args = (arguments){.bench = NULL};
   int status = EXIT_OK;
   for (int i = 1; i < argc && !status; i++) {
     if (strncmp(argv[i], "--", 2) == 0 && argv[i][2]) status = parse_flag(args, argc, argv, &i);
-    else if (argv[i][0] == '-') status = report_usage_error("", "there is no option '%s'", argv[i]);
+    else if (argv[i][0] == '-') status = report_usage_error("", "unknown option '%s'", argv[i]);
     else status = parse_bench_name(args, argv[i]);
     if (args->help || args->version) return EXIT_OK;
   }
   if (!status) status = check_output_files(args);
-  if (status || args->bench) return status;
-  return report_usage_error(
-      "",
-      "the name of a bench is missing: linear, forces, scaling, skip, step or "
-      "precision");
+  if (status) return status;
+  return args->bench ? check_bench(args->bench, &args->options) : complain_no_bench();
 }

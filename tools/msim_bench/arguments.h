@@ -15,9 +15,6 @@ typedef struct bench_flag {
   const char *name;
   const char *value; /* placeholder of its argument, such as "FILE"; NULL: the flag takes none */
   const char *doc;
-  /* Stores the value, NULL if the flag takes none. Prints an error and returns EXIT_ERROR if it is
-   * invalid. */
-  int (*store)(arguments *args, const char *value);
 } bench_flag;
 
 /* The i-th flag; NULL past the end. */

@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include "../common/clock.h"
-#include "timing.h"
 
 int usable_cores(void) {
   cpu_set_t set;
@@ -74,5 +73,5 @@ void background_load_stop(background_load *s) {
 void background_load_toggle(const background_load *s) {
   for (int i = 0; i < s->count; i++)
     if (write(s->processes[i].control, "", 1) != 1) return; /* it was killed: no load */
-  sleep_seconds(0.03);
+  clock_sleep(0.03);
 }

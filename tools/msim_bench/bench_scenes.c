@@ -116,7 +116,8 @@ static int advance_scene(msim_sim *sim, double seconds, double until, msim_error
   const double enough = clock_seconds() + seconds;
   for (int i = 0; i < STEPS && clock_seconds() < enough; i++) {
     if (is_interrupted() || clock_seconds() > until) {
-      snprintf(err->text, sizeof err->text, "there was no time to let it fall");
+      snprintf(err->text, sizeof err->text,
+               "the time limit was reached before the scene was in motion");
       return 0;
     }
     if (msim_sim_step(sim, 1, err) != MSIM_OK) return 0;

@@ -1,10 +1,10 @@
-/* benches - the table of all benchmarks of msim_bench */
+/* benches - the table of all benchmarks of msim_bench, and what they share */
 #ifndef BENCH_BENCHES_H
 #define BENCH_BENCHES_H
 
+#include "bench_scenes.h"
 #include "plot.h"
 #include "report.h"
-#include "bench_scenes.h"
 
 enum { MAX_SCENES = 13 };
 
@@ -16,12 +16,22 @@ typedef struct bench_options {
   const bench_scene *scenes[MAX_SCENES]; /* nscenes */
 } bench_options;
 
+/* A run of a benchmark. */
+typedef struct bench_run {
+  const bench_options *options;
+  report *report;
+  double until; /* no measurement begins after it, on the clock of clock_seconds */
+  double fall;  /* s, limit for advancing a scene */
+} bench_run;
+
 typedef struct bench_entry {
-  const char *name;
-  const char *doc;
-  /* Measures and prints. Returns the exit status. */
-  int (*run)(const bench_options *wishes, report *r);
-  const plot *picture; /* how gnuplot draws the results */
+  const char *name, *doc;
+  /* s, limits for all scenes and for advancing one of them: in a full run, with --quick */
+  double seconds[2], fall[2];
+  const char *scenes;  /* those it has; NULL: all; "": scenes of its own, without --scene */
+  const char *threads; /* how many it runs with, where --threads is not for it; NULL: as told */
+  int (*run)(bench_run *b); /* measures and prints; returns the exit status */
+  plot picture;             /* how gnuplot draws the results */
 } bench_entry;
 
 /* The i-th benchmark; NULL past the end. */
@@ -30,12 +40,12 @@ const bench_entry *bench_info(int i);
 /* Whether a scene is selected; without a selection, all are. */
 int is_scene_selected(const bench_options *wishes, const char *scene);
 
-int bench_linear(const bench_options *wishes, report *r);
-int bench_skip(const bench_options *wishes, report *r);
-int bench_forces(const bench_options *wishes, report *r);
-int bench_scaling(const bench_options *wishes, report *r);
-int bench_step(const bench_options *wishes, report *r);
-int bench_precision(const bench_options *wishes, report *r);
-int bench_stability(const bench_options *wishes, report *r);
+int bench_linear(bench_run *b);
+int bench_skip(bench_run *b);
+int bench_forces(bench_run *b);
+int bench_scaling(bench_run *b);
+int bench_step(bench_run *b);
+int bench_precision(bench_run *b);
+int bench_stability(bench_run *b);
 
 #endif

@@ -6,70 +6,47 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "../common/clock.h"
 #include "interrupt.h"
 #include "machine.h"
-#include "linear_report.h"
 
 typedef struct linear_plan {
-  const char *const *scenes;         /* in this order */
-  int everything;                    /* 0: time the main case only (MAIN_K and MAIN_H) */
-  double seconds;                    /* s, limit for all scenes */
-  double fall;                       /* s, limit for advancing a scene */
-  int largest_compared;              /* largest side of a cloth in which solvers are compared */
-  timing_limits first, others, busy; /* first: of the main case */
-  timing_limits duel;                /* of the paired timing for a summary key */
-  int variants;                      /* of a reference program */
-  cost_limits limits, stock,
-      compare; /* limits for timed solvers, SUNDIALS' own PCG, compared solvers */
+  const char *scenes[6]; /* in this order */
+  int everything;        /* 0: time the main case only (SOFT and MAIN_STEP) */
+  int largest_compared;  /* largest side of a cloth in which solvers are compared */
+  timing_limits first, others, busy, pairs; /* first: of the main case; pairs: of summary keys */
+  int variants;                             /* of a reference program */
+  cost_limits limits, stock, compare; /* for timed solvers, SUNDIALS' own PCG, compared solvers */
 } linear_plan;
 
-/* expensive scenes last */
-static const char *const all_scenes[] = {"cloth32", "cloth64",  "cloth100",
-                                         "jelly16", "cloth200", NULL};
-/* the scene that most keys need first */
-static const char *const quick_scenes[] = {"cloth100", "cloth32", "cloth64", NULL};
-
-static const linear_plan plan_full = {
-    .scenes = all_scenes,
-    .everything = 1,
-    .seconds = 840,
-    .fall = 60,
-    .largest_compared = 64,
-    .first = {.budget = 30, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
-    .others = {.budget = 10, .min_rounds = 3, .max_rounds = MAX_ROUNDS - 1},
-    .busy = {.budget = 20, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
-    .duel = {.budget = 16, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
-    .variants = REFERENCE_VARIANTS,
-    .limits = {.flops = 2e9, .products = 40000, .restarted = 1000},
-    .stock = {.products = 6000},
-    .compare = {.flops = 2e9, .products = 100000, .restarted = 2000},
+static const linear_plan plans[] = {
+    {.scenes = {"cloth32", "cloth64", "cloth100", "jelly16", "cloth200"}, /* expensive ones last */
+     .everything = 1,
+     .largest_compared = 64,
+     .first = {.budget = 30, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
+     .others = {.budget = 10, .min_rounds = 3, .max_rounds = MAX_ROUNDS - 1},
+     .busy = {.budget = 20, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
+     .pairs = {.budget = 16, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
+     .variants = REFERENCE_VARIANTS,
+     .limits = {.flops = 2e9, .products = 40000, .restarted = 1000},
+     .stock = {.products = 6000},
+     .compare = {.flops = 2e9, .products = 100000, .restarted = 2000}},
+    {.scenes = {"cloth100", "cloth32", "cloth64"}, /* the one that most keys need first */
+     .largest_compared = 32,
+     .first = {.budget = 1, .min_rounds = 1, .max_rounds = 20},
+     .pairs = {.budget = 1.5, .min_rounds = 3, .max_rounds = 20},
+     .busy = {.budget = 3, .min_rounds = 2, .max_rounds = 10},
+     .variants = 1,
+     .limits = {.flops = 5e8, .products = 4000, .restarted = 400},
+     .stock = {.products = 4000},
+     .compare = {.flops = 5e8, .products = 100000, .restarted = 1000}},
 };
-static const linear_plan plan_quick = {
-    .scenes = quick_scenes,
-    .seconds = 54,
-    .fall = 3,
-    .largest_compared = 32,
-    .first = {.budget = 1, .min_rounds = 1, .max_rounds = 20},
-    .duel = {.budget = 1.5, .min_rounds = 3, .max_rounds = 20},
-    .busy = {.budget = 3, .min_rounds = 2, .max_rounds = 10},
-    .variants = 1,
-    .limits = {.flops = 5e8, .products = 4000, .restarted = 400},
-    .stock = {.products = 4000},
-    .compare = {.flops = 5e8, .products = 100000, .restarted = 1000},
-};
-
-static const double stiffnesses[] = {1000, 100000}, steps[] = {1.0 / 60, 1.0 / 240};
-enum { MAIN_K, STIFF_K, NK, MAIN_H = 0, NH = 2 }; /* the summary uses MAIN_K, MAIN_H */
 
 /*------------------------------------- what there is --------------------------------------------*/
 
 static void report_missing(report *r, const char *solver, const char *why) {
-  json_t *row = report_add_row(r, "step");
-  put_text(row, "solver", solver);
-  put_text(row, "status", "left out");
-  put_text(row, "reason", why);
-  printf("%s is left out: %s\n", solver, why);
+  report_add_row(r, "step",
+                 FIELDS(TEXT("solver", solver), TEXT("status", "left out"), TEXT("reason", why)));
+  printf("%s is skipped: %s\n", solver, why);
 }
 
 static void find_solvers(linear_bench *b) {
@@ -85,7 +62,7 @@ static void find_solvers(linear_bench *b) {
     }
     *solver = (struct bench_solver){.table = NULL};
     snprintf(solver->name, sizeof solver->name, "%s", entry.name);
-    put_text(libraries, entry.name, entry.library);
+    put_fields(libraries, FIELDS(TEXT(solver->name, entry.library)));
     msim_solver_backend(solver->name, NULL, &solver->table, &err); /* NULL: built in */
     b->nsolvers++;
   }
@@ -93,19 +70,17 @@ static void find_solvers(linear_bench *b) {
   machine_add_blas(b->report->machine);
 }
 
+static void start_reference(linear_bench *b, const char *library, const char *name,
+                            reference_program *child, json_t *libraries) {
+  reference_program_start(child, library);
+  if (child->pid != 0) put_fields(libraries, FIELDS(TEXT(name, child->hello.library)));
+  else report_missing(b->report, name, child->reason);
+}
+
 static void find_references(linear_bench *b) {
   json_t *libraries = json_object();
-  reference_program_start(&b->cholmod, "cholmod");
-  reference_program_start(&b->sundials, "sundials");
-  const struct {
-    const char *name;
-    const reference_program *reference;
-  } all[] = {{"default cholmod", &b->cholmod}, {"stock sundials", &b->sundials}};
-  for (int i = 0; i < 2; i++) {
-    if (all[i].reference->pid != 0)
-      put_text(libraries, all[i].name, all[i].reference->hello.library);
-    else report_missing(b->report, all[i].name, all[i].reference->reason);
-  }
+  start_reference(b, "cholmod", "default cholmod", &b->cholmod, libraries);
+  start_reference(b, "sundials", "stock sundials", &b->sundials, libraries);
   json_object_set_new(b->report->machine, "references", libraries);
 }
 
@@ -131,14 +106,14 @@ void add_solvers(const linear_bench *b, solver_comparison *r, const cost_limits 
 
 /* Sends the system to a child. One that did not start was reported before. */
 static int send_system(linear_bench *b, const solver_comparison *r, reference_program *child) {
-  if (reference_program_send_system(child, &r->system)) return 1;
+  if (solver_comparison_send(r, child)) return 1;
   if (!*child->hello.library) return 0;
   report_left_out(b->report, "reference", r->moving, r->system.h, child->hello.library,
                   child->reason);
   return 0;
 }
 
-static void enter_references(linear_bench *b, solver_comparison *r) {
+static void add_references(linear_bench *b, solver_comparison *r) {
   char text[128];
   if (send_system(b, r, &b->cholmod)) solver_comparison_add_reference(r, "default", &b->cholmod, 0);
   if (reason_to_skip("stock", r->moving, r->system.h, r->system.rtol, &b->plan->stock, text))
@@ -148,7 +123,7 @@ static void enter_references(linear_bench *b, solver_comparison *r) {
     solver_comparison_add_reference(r, "stock", &b->sundials, i);
 }
 
-/* Ratios of medians of pairs; NAME_SCENE is a summary key if is_key lists it. */
+/* Ratios of medians of pairs, of the fastest candidate of each family. */
 static const struct ratio {
   const char *name, *over;
   sample_value *of_over;
@@ -162,44 +137,24 @@ static const struct ratio {
      solve_per_iteration},
 };
 
-static int is_key(const char *name) {
-  static const char *const keys[] = {
-      "cholmod_step_over_bare_cloth100",   "cholmod_step_over_default_cloth32",
-      "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100",
-      "sundials_pcg_over_stock_cloth100",  "sundials_pcg_over_builtin_per_iteration_cloth100"};
-  for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
-    if (strcmp(keys[i], name) == 0) return 1;
-  return 0;
-}
-
-/* Limits that end with the time for the whole benchmark. */
-static timing_limits until_linear_end(const linear_bench *b, timing_limits p) {
-  p.until = b->until;
-  return p;
-}
-
+/* A ratio that is in the summary is timed once more, in pairs. */
 static void report_linear_ratio(const linear_bench *b, const solver_comparison *r,
-                                const struct ratio *ratio, int is_main) {
-  report *out = b->report;
+                                const struct ratio *ratio) {
   const timing_candidate *over = fastest_candidate(r->all, r->count, ratio->over);
   const timing_candidate *under = fastest_candidate(r->all, r->count, ratio->under);
-  if (!over || !under) return;
-  char key[80];
-  snprintf(key, sizeof key, "%s_%s", ratio->name, r->moving->kind->name);
-  const int is_reported = is_main && is_key(key);
-  const timing_limits p = until_linear_end(b, b->plan->duel);
+  const char *key =
+      case_key(b->report, ratio->name, r->moving->kind->name, r->moving->k, r->system.h);
   timing_candidate pair[2];
-  const double value = is_reported
-                           ? time_pair(over, ratio->of_over, under, ratio->of_under, &p, pair)
-                           : median_ratio(over, ratio->of_over, under, ratio->of_under);
+  if (!over || !under) return;
+  const double value =
+      key ? time_pair(over, ratio->of_over, under, ratio->of_under, &b->pair_limits, pair)
+          : median_ratio(over, ratio->of_over, under, ratio->of_under);
   if (!isfinite(value)) return;
-  json_t *row = add_step_row(out, "ratio", r->moving, r->system.h);
-  put_text(row, "name", ratio->name);
-  put_text(row, "over", over->name);
-  put_text(row, "under", under->name);
-  put_real(row, "ratio", value);
+  add_step_row(b->report, "ratio", r->moving, r->system.h,
+               FIELDS(TEXT("name", ratio->name), TEXT("over", over->name),
+                      TEXT("under", under->name), REAL("ratio", value)));
   printf(" %s %.3g (to %s)\n", ratio->name, value, under->name);
-  if (is_reported) report_key(out, key, value);
+  if (key) report_key(b->report, key, value);
 }
 
 static void time_solvers(linear_bench *b, const moving_scene *m, double h, int is_main) {
@@ -209,110 +164,67 @@ static void time_solvers(linear_bench *b, const moving_scene *m, double h, int i
     report_left_out(b->report, "step", m, h, "all", err.text);
     return;
   }
-  const timing_limits p = until_linear_end(b, is_main ? b->plan->first : b->plan->others);
+  const timing_limits p = limits_until(is_main ? b->plan->first : b->plan->others, b->run->until);
   add_solvers(b, r, &b->plan->limits, "step");
-  enter_references(b, r);
+  add_references(b, r);
   time_in_turn(r->all, r->count, &p);
   if (!is_interrupted()) {
-    print_columns();
-    report_comparison(b->report, r);
+    solver_comparison_report(b->report, r, NULL);
     for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++)
-      report_linear_ratio(b, r, &ratios[i], is_main);
+      report_linear_ratio(b, r, &ratios[i]);
   }
   solver_comparison_free(r);
 }
 
 /*------------------------------------- all scenes -----------------------------------------------*/
 
-/* The largest disagreement for each k; missed: some were not measured. */
-typedef struct disagreement_summary {
-  double largest[NK];
-  int missed[NK], compared[NK]; /* some scenes were to be compared */
-} disagreement_summary;
-
 static int is_compared(const linear_bench *b, const bench_scene *scene) {
   return scene->side <= (scene->solid ? 16 : b->plan->largest_compared);
 }
 
-static void record_disagreement(linear_bench *b, const moving_scene *m, int k, double h,
-                                disagreement_summary *w) {
-  const double found = compare_solvers(b, m, h, &b->plan->compare);
-  w->missed[k] |= isnan(found);
-  w->largest[k] = fmax(w->largest[k], found);
-}
-
-/* Whether steps of this scene are also timed with the other cores busy. */
-static int is_slowed_down(const linear_bench *b, const bench_scene *scene) {
-  return strcmp(scene->name, "cloth64") == 0 && b->spinner.count > 0;
-}
-
-static void measure_moving(linear_bench *b, const moving_scene *m, int k, disagreement_summary *w) {
-  for (int i = 0; i < NH && !is_interrupted(); i++) {
-    const int is_main = k == MAIN_K && i == MAIN_H;
-    const int timed = b->plan->everything || is_main, compared = is_compared(b, m->kind);
-    if (timed || compared) print_heading(m, steps[i]);
-    if (timed) time_solvers(b, m, steps[i], is_main);
-    if (compared && !is_interrupted()) record_disagreement(b, m, k, steps[i], w);
+static void measure_linear_case(void *bench, moving_scene *m, double h) {
+  linear_bench *b = bench;
+  const int is_main = m->k == SOFT && h == MAIN_STEP;
+  if (b->plan->everything || is_main) time_solvers(b, m, h, is_main);
+  if (is_compared(b, m->kind) && !is_interrupted()) {
+    struct disagreement_summary *d = &b->disagreement[m->k == STIFF];
+    const double found = compare_solvers(b, m, h, &b->plan->compare);
+    d->measured += !isnan(found);
+    d->largest = fmax(d->largest, found);
   }
-  if (k != MAIN_K || !is_slowed_down(b, m->kind) || is_interrupted()) return;
-  const timing_limits p = until_linear_end(b, b->plan->busy);
-  measure_slowdown(b, m, steps[MAIN_H], &p);
+  const timing_limits busy = limits_until(b->plan->busy, b->run->until);
+  if (is_main && strcmp(m->kind->name, "cloth64") == 0 && !is_interrupted())
+    measure_slowdown(b, m, h, &busy);
 }
 
-/* Initializes the keys of a scene to "no result". */
-static void init_linear_keys(const linear_bench *b, const bench_scene *scene,
-                             disagreement_summary *w) {
-  report *r = b->report;
-  char key[80];
-  for (int k = 0; k < NK; k++) w->compared[k] |= is_compared(b, scene);
-  if (is_slowed_down(b, scene)) init_slowdown_keys(r, scene);
-  for (size_t i = 0; i < sizeof ratios / sizeof *ratios; i++) {
-    snprintf(key, sizeof key, "%s_%s", ratios[i].name, scene->name);
-    if (is_key(key)) report_key(r, key, NAN);
-  }
+/* With --quick, only what is compared has other cases than the main one. */
+static void measure_linear_scene(linear_bench *b, const bench_scene *scene) {
+  const int compared = is_compared(b, scene), all = b->plan->everything || compared;
+  const double other = all ? 1.0 / 240 : 0;
+  const bench_case cases[] = {{scene->name, SOFT, {MAIN_STEP, other}},
+                              {scene->name, STIFF, {MAIN_STEP, other}}};
+  for (int k = 0; k < 2; k++) b->disagreement[k].expected += 2 * compared;
+  measure_cases(b->run, 1 + all, cases, b->run->options->threads, "step", measure_linear_case, b);
 }
 
-static void measure_linear_scene(linear_bench *b, const bench_scene *scene,
-                                 disagreement_summary *w) {
-  init_linear_keys(b, scene, w);
-  for (int k = 0; k < NK && !is_interrupted(); k++) {
-    moving_scene m;
-    if (!b->plan->everything && k != MAIN_K && !is_compared(b, scene)) continue;
-    if (moving_scene_create(scene, stiffnesses[k], b->options->threads, b->plan->fall, b->until,
-                            &m)) {
-      measure_moving(b, &m, k, w);
-    } else if (!is_interrupted()) {
-      w->missed[k] |= is_compared(b, scene);
-      print_heading(&m, steps[MAIN_H]);
-      report_left_out(b->report, "step", &m, steps[MAIN_H], "all", m.err.text);
-    }
-    moving_scene_free(&m);
-  }
-}
-
-static void measure_all(linear_bench *b) {
-  static const char *const keys[NK] = {"max_disagreement", "max_disagreement_stiff"};
-  const bench_options *wishes = b->options;
-  disagreement_summary w = {{0}, {0}, {0}};
-  for (int i = 0; i < wishes->nscenes; i++) measure_linear_scene(b, wishes->scenes[i], &w);
-  for (int i = 0; !wishes->nscenes && b->plan->scenes[i]; i++)
-    measure_linear_scene(b, scene_named(b->plan->scenes[i]), &w);
-  for (int k = 0; k < NK; k++)
-    if (w.compared[k]) report_key(b->report, keys[k], w.missed[k] ? NAN : w.largest[k]);
-}
-
-int bench_linear(const bench_options *wishes, report *r) {
-  linear_bench b = {
-      .options = wishes, .report = r, .plan = wishes->quick ? &plan_quick : &plan_full};
-  b.until = clock_seconds() + b.plan->seconds;
-  background_load_start(&b.spinner);
+int bench_linear(bench_run *run) {
+  static const char *const keys[] = {"max_disagreement", "max_disagreement_stiff"};
+  const bench_options *wishes = run->options;
+  linear_bench b = {.run = run, .report = run->report, .plan = &plans[wishes->quick]};
+  b.pair_limits = limits_until(b.plan->pairs, run->until);
+  background_load_start(&b.load);
   find_references(&b);
   find_solvers(&b);
-  const timing_limits p = until_linear_end(&b, b.plan->duel);
-  measure_paired_keys(&b, b.plan->fall, &p);
-  measure_all(&b);
+  measure_paired_keys(&b);
+  for (int i = 0; i < wishes->nscenes; i++) measure_linear_scene(&b, wishes->scenes[i]);
+  for (int i = 0; !wishes->nscenes && b.plan->scenes[i]; i++)
+    measure_linear_scene(&b, scene_named(b.plan->scenes[i]));
+  for (int k = 0; k < 2; k++) {
+    const struct disagreement_summary *d = &b.disagreement[k];
+    if (d->expected) report_key(run->report, keys[k], d->measured < d->expected ? NAN : d->largest);
+  }
   reference_program_stop(&b.cholmod);
   reference_program_stop(&b.sundials);
-  background_load_stop(&b.spinner);
+  background_load_stop(&b.load);
   return 0;
 }

@@ -2,23 +2,28 @@
 #ifndef BENCH_LINEAR_H
 #define BENCH_LINEAR_H
 
-#include "benches.h"
-#include "solver_comparison.h"
-#include "cost_limits.h"
 #include "background_load.h"
+#include "cost_limits.h"
+#include "solver_comparison.h"
 
 typedef struct linear_bench {
-  const bench_options *options;
-  report *report;
+  const bench_run *run;
+  report *report; /* of the run */
   const struct linear_plan *plan;
-  double until; /* on the clock of clock_seconds */
   int nsolvers;
   struct bench_solver {
     char name[32];
     const msim_backend *table; /* NULL: built in */
   } solvers[MOST_STEPS];
   reference_program cholmod, sundials;
-  background_load spinner;
+  background_load load;
+  timing_limits pair_limits;
+  /* For soft and for stiff springs: the largest difference of a velocity in m/s, how many were to
+   * be measured, how many were. */
+  struct disagreement_summary {
+    double largest;
+    int expected, measured;
+  } disagreement[2];
 } linear_bench;
 
 /* Adds the steps of all solvers that are affordable; the others become rows of this measure. `auto`
@@ -35,11 +40,7 @@ double compare_solvers(const linear_bench *b, const moving_scene *m, double h,
  * cores are busy: rows, and keys of the first two. */
 void measure_slowdown(linear_bench *b, const moving_scene *m, double h, const timing_limits *p);
 
-/* Sets these keys to "no result". */
-void init_slowdown_keys(report *out, const bench_scene *scene);
-
-/* Paired timings: the keys that compare `auto` with CHOLMOD, and assembly with forces. seconds:
- * limit for advancing each scene. */
-void measure_paired_keys(linear_bench *b, double seconds, const timing_limits *p);
+/* Paired timings: the keys that compare `auto` with CHOLMOD, and assembly with forces. */
+void measure_paired_keys(linear_bench *b);
 
 #endif

@@ -5,24 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void *copy_bytes(const void *from, size_t bytes) {
-  void *to = malloc(bytes);
-  if (to) memcpy(to, from, bytes);
-  return to;
-}
-
-/* Copies the matrix, which the sim owns and frees. */
-static int copy_matrix(const msim_csr *from, msim_csr *to) {
-  const size_t n = (size_t)from->n, entries = (size_t)from->rowptr[n];
-  *to = (msim_csr){.size = sizeof *to,
-                   .n = from->n,
-                   .rowptr = copy_bytes(from->rowptr, (n + 1) * sizeof(int32_t)),
-                   .colind = copy_bytes(from->colind, entries * sizeof(int32_t)),
-                   .val = copy_bytes(from->val, entries * sizeof(double)),
-                   .particle = copy_bytes(from->particle, n / 3 * sizeof(int32_t))};
-  return to->rowptr && to->colind && to->val && to->particle;
-}
-
 /* Row i of A times the velocities y of all particles */
 static double row_product(const linear_system *s, int32_t i, const double *y) {
   const msim_csr *A = &s->A;
@@ -66,27 +48,24 @@ static void fill_vectors(const moving_scene *m, const double *force, linear_syst
   for (int32_t i = 0; i < s->n; i++) {
     const int32_t particle = s->A.particle[i / 3], at = 3 * particle + i % 3;
     s->v[i] = m->v[at];
-    s->guess[i] = 0;
     s->b[i] = m->view.mass[particle] * m->v[at] + s->h * force[at] - row_product(s, i, m->v);
   }
   s->size = block_jacobi_norm(&s->A, s->b);
 }
 
-static int build_system(const moving_scene *m, msim_sim *sim, linear_system *s, msim_error *err) {
-  msim_csr A = {.size = sizeof A};
-  if (msim_sim_set_state(sim, &m->state, err) != MSIM_OK) return 0;
-  if (msim_sim_matrix(sim, &A, err) != MSIM_OK) return 0;
-  s->n = A.n, s->particles = m->view.nparticles;
-  s->b = malloc((size_t)A.n * sizeof *s->b);
-  s->guess = malloc((size_t)A.n * sizeof *s->guess);
-  s->v = malloc((size_t)A.n * sizeof *s->v);
-  double *force = malloc(3 * (size_t)m->view.nparticles * sizeof *force);
-  const int made = copy_matrix(&A, &s->A) && s->b && s->guess && s->v && force;
+static int build_system(const moving_scene *m, linear_system *s, msim_error *err) {
+  if (msim_sim_set_state(s->sim, &m->state, err) != MSIM_OK) return 0;
+  if (msim_sim_matrix(s->sim, &s->A, err) != MSIM_OK) return 0;
+  s->n = s->A.n, s->particles = m->view.nparticles;
+  s->b = malloc((size_t)s->n * sizeof *s->b);
+  s->v = malloc((size_t)s->n * sizeof *s->v);
+  double *force = malloc(3 * (size_t)s->particles * sizeof *force);
+  const int made = s->b && s->v && force;
   if (made) {
-    msim_sim_force(sim, m->x, m->zeros, force);
+    msim_sim_force(s->sim, m->x, m->zeros, force);
     fill_vectors(m, force, s);
   } else {
-    snprintf(err->text, sizeof err->text, "out of memory for the matrix");
+    snprintf(err->text, sizeof err->text, "out of memory for the right-hand side");
   }
   free(force);
   return made;
@@ -95,21 +74,13 @@ static int build_system(const moving_scene *m, msim_sim *sim, linear_system *s, 
 int linear_system_create(const moving_scene *m, double h, double rtol, linear_system *s,
                          msim_error *err) {
   const msim_options options = implicit_options(h, rtol, "pcg", m->threads);
-  msim_sim *sim = NULL;
-  *s = (linear_system){.h = h, .rtol = rtol};
-  const int made =
-      msim_sim_create(m->scene, &options, &sim, err) == MSIM_OK && build_system(m, sim, s, err);
-  msim_sim_destroy(sim);
-  return made;
+  *s = (linear_system){.h = h, .rtol = rtol, .A = {.size = sizeof s->A}};
+  return msim_sim_create(m->scene, &options, &s->sim, err) == MSIM_OK && build_system(m, s, err);
 }
 
 void linear_system_free(linear_system *s) {
-  free((void *)s->A.rowptr);
-  free((void *)s->A.colind);
-  free((void *)s->A.val);
-  free((void *)s->A.particle);
+  msim_sim_destroy(s->sim);
   free(s->b);
-  free(s->guess);
   free(s->v);
   *s = (linear_system){0};
 }

@@ -7,9 +7,10 @@
 typedef struct linear_system {
   int32_t n, particles; /* n: number of unknowns */
   double h, rtol;
-  msim_csr A;            /* owns its arrays */
-  double *b, *guess, *v; /* n: M v + h F(x, 0) - A v; 0; the velocity before the step */
-  double size;           /* ||b||, in the norm of solver.rtol */
+  msim_sim *sim; /* owns the arrays of A */
+  msim_csr A;
+  double *b, *v; /* n: M v + h F(x, 0) - A v; the velocity before the step */
+  double size;   /* ||b||, in the norm of solver.rtol */
 } linear_system;
 
 /* The system of the step of length h from a scene's state. Returns 0 on failure and sets err. Call

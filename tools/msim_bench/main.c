@@ -1,13 +1,14 @@
 /* msim_bench - measures the speed and accuracy of msim on this machine, next to other libraries */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "../common/blas.h"
+#include "../common/clock.h"
 #include "../common/message.h"
 #include "../common/output.h"
 #include "../common/standard.h"
 #include "arguments.h"
-#include "csv.h"
 #include "interrupt.h"
 
 const char program_name[] = "msim_bench";
@@ -21,7 +22,7 @@ static void print_help(void) {
   puts(
       "Usage: msim_bench NAME [--quick] [--json FILE] [--csv FILE] [--svg FILE]\n"
       "                  [--scene NAME,...] [--threads N]\n"
-      "Measure msim on this machine, side by side with what it is compared with.\n\n"
+      "Measure the speed and accuracy of msim on this machine, next to other libraries.\n\n"
       "Benches:");
   for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
     print_column(DOC_COLUMN, bench->name);
@@ -42,8 +43,8 @@ static void print_help(void) {
   print_column(DOC_COLUMN, "scenes");
   print_wrapped(DOC_COLUMN, scenes);
   puts(
-      "\nExit status: 0; 1 for an error; 2 where Ctrl-C ended it. A solver that fails\n"
-      "is a result like any other: its row says why.");
+      "\nExit status: 0: success; 1: error; 2: stopped by Ctrl-C. A solver that fails is\n"
+      "reported as a result: its row has the reason.");
 }
 
 typedef struct files {
@@ -61,20 +62,27 @@ static int open_output_files(const arguments *args, files *f) {
 static int write_files(const arguments *args, const report *r, files *f) {
   int status = EXIT_OK;
   if (args->json) status = report_write(r, &f->json);
-  if (!status && args->csv) status = csv_write(r, &f->csv);
-  if (!status && args->svg) status = plot_write(args->bench->picture, r, &f->svg);
+  if (!status && args->csv) status = report_write_csv(r, &f->csv);
+  if (!status && args->svg) status = plot_write(&args->bench->picture, r, &f->svg);
   return status;
 }
 
 static int run_bench(const arguments *args, files *f) {
+  const bench_entry *bench = args->bench;
+  const int quick = args->options.quick;
+  const double seconds = bench->seconds[quick];
   report r;
   if (open_output_files(args, f)) return EXIT_ERROR;
   catch_interrupts();
-  report_begin(&r, args->bench->name, args->options.quick);
-  int status = args->bench->run(&args->options, &r);
+  report_begin(&r, bench->name, quick);
+  bench_run b = {.options = &args->options,
+                 .report = &r,
+                 .until = seconds > 0 ? clock_seconds() + seconds : INFINITY,
+                 .fall = bench->fall[quick]};
+  int status = bench->run(&b);
   if (is_interrupted()) {
     const int any = args->json || args->csv || args->svg;
-    report_error("stopped before the end%s", any ? "; no file was written" : "");
+    report_error("interrupted%s", any ? "; no file was written" : "");
     status = EXIT_EVENT;
   }
   if (!status) report_print_summary(&r);

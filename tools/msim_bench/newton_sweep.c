@@ -5,12 +5,13 @@
 
 #include "../common/clock.h"
 
-double newton_sweep_rtol(int rung) { return (rung % 2 ? 0.3 : 1) * pow(10, -(rung / 2)); }
+double newton_sweep_rtol(int setting) { return (setting % 2 ? 0.3 : 1) * pow(10, -(setting / 2)); }
 
-/*------------------------------------- one rung -------------------------------------------------*/
+/*------------------------------------- one tolerance --------------------------------------------*/
 
-msim_status newton_sweep_step(const newton_sweep *l, int rung, double *seconds, msim_error *err) {
-  msim_sim *sim = l->sims[rung];
+msim_status newton_sweep_step(const newton_sweep *l, int setting, double *seconds,
+                              msim_error *err) {
+  msim_sim *sim = l->sims[setting];
   msim_status status = msim_sim_set_state(sim, &l->step->moving->state, err);
   if (status) return status;
   const double start = clock_seconds();
@@ -20,17 +21,17 @@ msim_status newton_sweep_step(const newton_sweep *l, int rung, double *seconds, 
 }
 
 /* Runs a short step twice: in the first run caches are cold. */
-static msim_status time_rtol(const newton_sweep *l, int rung, iterate_record *here,
+static msim_status time_rtol(const newton_sweep *l, int setting, iterate_record *here,
                              msim_error *err) {
   const double SHORT = 0.05;
   msim_stats stats = {.size = sizeof stats};
   double again = INFINITY;
-  *here = (iterate_record){.rung = rung};
-  msim_status status = newton_sweep_step(l, rung, &here->seconds, err);
-  msim_sim_stats(l->sims[rung], &stats);
+  *here = (iterate_record){.setting = setting};
+  msim_status status = newton_sweep_step(l, setting, &here->seconds, err);
+  msim_sim_stats(l->sims[setting], &stats);
   here->iterations = stats.newton_iterations;
   if (!status && here->seconds < SHORT) {
-    status = newton_sweep_step(l, rung, &again, err);
+    status = newton_sweep_step(l, setting, &again, err);
     here->seconds = fmin(here->seconds, again);
   }
   return status;
@@ -38,10 +39,10 @@ static msim_status time_rtol(const newton_sweep *l, int rung, iterate_record *he
 
 /*------------------------------------- all of them ----------------------------------------------*/
 
-static void free_slower_sims(newton_sweep *l) {
+static void free_slower_sims(newton_sweep *l, const accuracy_record *p) {
   int kept[NEWTON_RTOLS] = {0};
   for (int a = 0; a < ACCURACIES; a++)
-    if (isfinite(l->pursuit.reached[a].seconds)) kept[l->pursuit.reached[a].rung] = 1;
+    if (isfinite(p->reached[a].seconds)) kept[p->reached[a].setting] = 1;
   for (int i = 0; i < NEWTON_RTOLS; i++) {
     if (kept[i]) continue;
     msim_sim_destroy(l->sims[i]);
@@ -50,26 +51,26 @@ static void free_slower_sims(newton_sweep *l) {
 }
 
 /* Returns whether to continue. */
-static int run_rtol(newton_sweep *l, const char *solver, int rung, const newton_sweep_plan *plan) {
-  msim_options options = newton_options(l->step->h, newton_sweep_rtol(rung), solver);
+static int run_rtol(newton_sweep *l, const char *solver, int setting, const newton_sweep_plan *plan,
+                    accuracy_record *p) {
+  msim_options options = newton_options(l->step->h, newton_sweep_rtol(setting), solver);
   const int32_t most = affordable_iterations(&plan->allowed, options.newton_max_iterations);
   const int is_limited = most < options.newton_max_iterations;
   msim_state end = {.size = sizeof end};
-  accuracy_record *p = &l->pursuit;
   iterate_record here;
   msim_error err;
   options.newton_max_iterations = most;
-  msim_status status = msim_sim_create(l->step->moving->scene, &options, &l->sims[rung], &err);
+  msim_status status = msim_sim_create(l->step->moving->scene, &options, &l->sims[setting], &err);
   if (status) accuracy_record_end(p, END_SKIPPED, err.text);
   if (status) return 0;
-  status = time_rtol(l, rung, &here, &err);
+  status = time_rtol(l, setting, &here, &err);
   if (status == MSIM_NOT_CONVERGED && is_limited) accuracy_record_cut_off(p, here.seconds);
   else if (status) accuracy_record_end(p, END_FAILED, err.text);
   if (status) return 0;
-  msim_sim_state(l->sims[rung], &end);
+  msim_sim_state(l->sims[setting], &end);
   here.error = nonlinear_step_error(l->step, end.v);
   if (is_another_minimum(l->step, end.v)) {
-    accuracy_record_end(p, END_OTHER_MINIMUM, "it came to another minimum");
+    accuracy_record_end(p, END_OTHER_MINIMUM, "it converged to another minimum");
     return 0;
   }
   if (accuracy_record_add(p, &here)) return 0;
@@ -77,21 +78,20 @@ static int run_rtol(newton_sweep *l, const char *solver, int rung, const newton_
   return 1;
 }
 
-void newton_sweep_run(const nonlinear_step *s, const char *name, const char *solver,
-                      const newton_sweep_plan *plan, newton_sweep *l) {
+void newton_sweep_run(const nonlinear_step *s, const char *solver, const newton_sweep_plan *plan,
+                      newton_sweep *l, accuracy_record *p) {
   const double start = clock_seconds();
   *l = (newton_sweep){.step = s};
-  accuracy_record *p = &l->pursuit;
-  accuracy_record_begin(p, name);
-  for (int rung = plan->first; rung < NEWTON_RTOLS; rung += plan->stride) {
+  for (int i = plan->first; i < NEWTON_RTOLS; i += plan->stride) {
     if (!accuracy_record_may_continue(p, &plan->allowed, clock_seconds() - start,
                                       p->seconds_unreached))
       return;
-    const int goes_on = run_rtol(l, solver, rung, plan);
-    free_slower_sims(l);
+    const int goes_on = run_rtol(l, solver, i, plan, p);
+    free_slower_sims(l, p);
     if (!goes_on) return;
   }
-  accuracy_record_end(p, END_FAILED, "the error stays above at the smallest newton.rtol");
+  accuracy_record_end(p, END_FAILED,
+                      "the error at the smallest newton.rtol exceeds the last accuracy");
 }
 
 void newton_sweep_free(newton_sweep *l) {

@@ -15,19 +15,18 @@ typedef struct newton_sweep_plan {
 
 typedef struct newton_sweep {
   const nonlinear_step *step;
-  accuracy_record pursuit;
   msim_sim *sims[NEWTON_RTOLS]; /* those that are the fastest to some accuracy */
 } newton_sweep;
 
-double newton_sweep_rtol(int rung);
+double newton_sweep_rtol(int setting);
 
 /* Decreases newton.rtol until all accuracies are reached, the time is up, or a step fails or finds
  * another minimum. Call newton_sweep_free at the end. */
-void newton_sweep_run(const nonlinear_step *s, const char *name, const char *solver,
-                      const newton_sweep_plan *plan, newton_sweep *l);
+void newton_sweep_run(const nonlinear_step *s, const char *solver, const newton_sweep_plan *plan,
+                      newton_sweep *l, accuracy_record *p);
 void newton_sweep_free(newton_sweep *l);
 
 /* Repeats the step with a newton.rtol whose sim was kept. */
-msim_status newton_sweep_step(const newton_sweep *l, int rung, double *seconds, msim_error *err);
+msim_status newton_sweep_step(const newton_sweep *l, int setting, double *seconds, msim_error *err);
 
 #endif

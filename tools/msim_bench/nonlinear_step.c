@@ -117,7 +117,7 @@ static int solve_by(const char *solver, const method_limits *a, nonlinear_step *
   s->start = step_residual(s, m->v);
   s->residual = nonlinear_step_residual(s, s->v);
   if (s->residual < SOLVED_RESIDUAL) return 1;
-  snprintf(err->text, sizeof err->text, "its residual is %.2g of that at v' = v", s->residual);
+  snprintf(err->text, sizeof err->text, "the relative residual is %.2g, above 1e-9", s->residual);
   return 0;
 }
 
@@ -132,8 +132,9 @@ int nonlinear_step_solve(const moving_scene *m, double h, const method_limits al
   if (!s->v || !s->x || !s->force) return 0;
   for (int i = 0; i < 2; i++)
     if (is_interrupted() || solve_by(solvers[i], &allowed[i], s, &why[i])) return !is_interrupted();
-  snprintf(err->text, sizeof err->text, "no converged solution; pcg: %.400s; cholmod: %.400s",
-           why[0].text, why[1].text);
+  snprintf(err->text, sizeof err->text,
+           "Newton's method did not converge; with pcg: %.400s; with cholmod: %.400s", why[0].text,
+           why[1].text);
   return 0;
 }
 

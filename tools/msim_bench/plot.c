@@ -16,7 +16,7 @@ extern char **environ;
 
 enum { MOST_NAMES = 64 };
 
-#define BARS 0.8 /* total width at one place, over the distance of places */
+#define BAR_WIDTH 0.8 /* of all bars at one place, over the distance of places */
 
 /* Names in the order of their first appearance. */
 typedef struct names {
@@ -60,8 +60,8 @@ int gnuplot_is_available(void) {
   if (null >= 0) close(null);
   if (status == 0) return 1;
   report_error(
-      "--svg needs the program gnuplot, which cannot be run here (Debian's and Ubuntu's package "
-      "is gnuplot-nox); --json writes the numbers");
+      "--svg needs gnuplot, which was not found; install gnuplot-nox (Debian, Ubuntu) or use "
+      "--json");
   return 0;
 }
 
@@ -77,64 +77,98 @@ static void print_quoted(FILE *out, const char *text) {
   putc('\'', out);
 }
 
+/*------------------------------------- points ---------------------------------------------------*/
+
+/* A row as a point or a bar: the numbers of its names, and its coordinates. */
+typedef struct plot_point {
+  int series, place;
+  double x, y;
+} plot_point;
+
+typedef struct points {
+  names series, places;
+  int count;
+  plot_point *all;
+} points;
+
+static int is_plotted(const plot *p, const json_t *row) {
+  int found = 0;
+  for (int i = 0; i < MOST_MEASURES && p->measures[i]; i++)
+    found |= strcmp(row_text(row, "measure"), p->measures[i]) == 0;
+  if (p->condition && !json_is_true(json_object_get(row, p->condition))) return 0;
+  return found && (!p->main_step ||
+                   (row_number(row, "k") == 1000 && fabs(row_number(row, "h") * 60 - 1) < 1e-6));
+}
+
+/* An outcome is its index, where a larger one is worse. */
+static double coordinate(const json_t *row, const char *key) {
+  static const char *const words[] = {"stable", "bounded", "dissipated", "reported",
+                                      "silent", "crash",   "hang"};
+  for (int i = 0; i < 7; i++)
+    if (strcmp(row_text(row, key), words[i]) == 0) return i;
+  return row_number(row, key);
+}
+
+static int collect_points(const plot *p, const report *r, points *s) {
+  size_t i;
+  json_t *row;
+  *s = (points){.all = calloc(json_array_size(r->rows) + 1, sizeof *s->all)};
+  json_array_foreach(r->rows, i, row) {
+    if (!s->all || !is_plotted(p, row)) continue;
+    plot_point here = {.x = p->x ? coordinate(row, p->x) : 0,
+                       .y = coordinate(row, p->y) * (p->y_scale > 0 ? p->y_scale : 1)};
+    if (!isfinite(here.x) || !isfinite(here.y)) continue;
+    here.series = name_index(&s->series, row_text(row, p->series));
+    here.place = name_index(&s->places, p->place ? row_text(row, p->place) : "");
+    if (here.series >= 0 && here.place >= 0) s->all[s->count++] = here;
+  }
+  return s->all != NULL;
+}
+
 /* Whether two places belong to one curve, as cloth32 and cloth64 do. */
 static int are_family(const char *a, const char *b) {
   const size_t n = strcspn(a, "0123456789");
   return n == strcspn(b, "0123456789") && memcmp(a, b, n) == 0;
 }
 
-static int is_point(const plot *p, const json_t *row, plot_point *point) {
-  return p->point(row, point) && isfinite(point->y) && (p->bars || isfinite(point->x));
+/*------------------------------------- curves and bars ------------------------------------------*/
+
+/* Shifts each bar from its place. */
+static void print_bars(FILE *out, const points *s, int series) {
+  const double offset = BAR_WIDTH * ((series + 0.5) / s->series.count - 0.5);
+  for (const plot_point *q = s->all; q < s->all + s->count; q++)
+    if (q->series == series) fprintf(out, "%.9g %.9g\n", q->place + offset, q->y);
 }
 
-static void collect_names(const plot *p, const report *r, names *series, names *places) {
-  plot_point point;
-  size_t i;
-  json_t *row;
-  json_array_foreach(r->rows, i, row) {
-    if (!is_point(p, row, &point)) continue;
-    name_index(series, point.series);
-    name_index(places, point.place);
+/* Order by family, then by x, then as in the report. */
+static int compare_points(const points *s, const plot_point *p, const plot_point *q) {
+  const char *a = s->places.all[p->place], *b = s->places.all[q->place];
+  if (!are_family(a, b)) return strcmp(a, b);
+  return p->x != q->x ? (p->x > q->x) - (p->x < q->x) : (p > q) - (p < q);
+}
+
+/* The point of a series at a place (-1: all) that comes next after `last` (NULL: none) in the order
+ * of families, then of x; NULL: none. */
+static const plot_point *next_point(const points *s, int series, int place,
+                                    const plot_point *last) {
+  const plot_point *best = NULL;
+  for (const plot_point *q = s->all; q < s->all + s->count; q++) {
+    if (q->series != series || (place >= 0 && q->place != place)) continue;
+    if (last && compare_points(s, q, last) <= 0) continue;
+    if (!best || compare_points(s, q, best) < 0) best = q;
   }
-}
-
-/* Order by family, then by x. */
-static int compare_points(const void *a, const void *b) {
-  const plot_point *p = a, *q = b;
-  if (are_family(p->place, q->place)) return (p->x > q->x) - (p->x < q->x);
-  return strcmp(p->place, q->place);
+  return best;
 }
 
 /* A data line for each point: x, y, place; an empty line between families. */
-static void print_curve(FILE *out, plot_point *points, int n) {
-  qsort(points, (size_t)n, sizeof *points, compare_points);
-  for (int i = 0; i < n; i++) {
-    if (i > 0 && !are_family(points[i - 1].place, points[i].place)) putc('\n', out);
-    fprintf(out, "%.9g %.9g \"%s\"\n", points[i].x, points[i].y, points[i].place);
+static void print_curve(FILE *out, const points *s, int series, int place) {
+  const char *before = NULL;
+  for (const plot_point *q = NULL; (q = next_point(s, series, place, q)) != NULL;) {
+    const char *here = s->places.all[q->place];
+    if (before && !are_family(before, here)) putc('\n', out);
+    fprintf(out, "%.9g %.9g \"%s\"\n", q->x, q->y, here);
+    before = here;
   }
-}
-
-/* A data line for each bar, shifted by `offset` from its place. */
-static void print_bars(FILE *out, const plot_point *points, int n, double offset, names *places) {
-  for (int i = 0; i < n; i++)
-    fprintf(out, "%.9g %.9g\n", name_index(places, points[i].place) + offset, points[i].y);
-}
-
-/* One series as a data block. points: scratch for all rows; place NULL: all. */
-static void print_data(FILE *out, const plot *p, const report *r, int number, names *series,
-                       names *places, const char *place, plot_point *points) {
-  size_t i;
-  json_t *row;
-  int n = 0;
-  json_array_foreach(r->rows, i, row) {
-    if (is_point(p, row, &points[n]) && (!place || strcmp(points[n].place, place) == 0) &&
-        name_index(series, points[n].series) == number)
-      n++;
-  }
-  fprintf(out, "$data%d << END\n", number);
-  if (p->bars) print_bars(out, points, n, BARS * ((number + 0.5) / series->count - 0.5), places);
-  else print_curve(out, points, n);
-  fputs("END\n", out);
 }
 
 /* gnuplot defines eight colours. */
@@ -142,139 +176,108 @@ static const char more_colours[] =
     "set linetype 9 lc '#808080'\nset linetype 10 lc '#a0522d'\nset linetype 11 lc '#ff69b4'\n"
     "set linetype 12 lc '#556b2f'\n";
 
-static void print_title(FILE *out, const plot *p, const report *r) {
-  const char *cpu = json_string_value(json_object_get(r->machine, "cpu"));
-  char title[256];
-  snprintf(title, sizeof title, "%s%s%s", p->title, cpu ? "; " : "", cpu ? cpu : "");
-  fputs("set title ", out);
-  print_quoted(out, title);
-  putc('\n', out);
+/* Names at x = first, first + distance, ... */
+static void print_tics(FILE *out, const char *set, const names *n, int first, int distance) {
+  fprintf(out, "set %s (", set);
+  for (int i = 0; i < n->count; i++) {
+    fputs(i ? ", " : "", out);
+    print_quoted(out, n->all[i]);
+    fprintf(out, " %d", first + i * distance);
+  }
+  fputs(")\n", out);
 }
 
-enum { WIDTH = 1000, HEIGHT = 600 };
-
-static void print_axes(FILE *out, const plot *p, const names *places) {
-  const int panels = p->panels && places->count > 1 ? places->count : 1;
-  fprintf(out, "set terminal svg size %d,%d noenhanced background '#ffffff'\n", WIDTH,
-          HEIGHT * panels);
-  fprintf(out, "%s", more_colours);
+static void print_axes(FILE *out, const plot *p, const points *s) {
+  enum { WIDTH = 1000, HEIGHT = 600 };
+  const int panels = p->style == PANELS && s->places.count > 1 ? s->places.count : 1;
+  fprintf(out, "set terminal svg size %d,%d noenhanced background '#ffffff'\n%s", WIDTH,
+          HEIGHT * panels, more_colours);
   fprintf(out, "set ylabel '%s'\nset logscale y\nset grid ytics\nset key outside right top\n",
           p->y_label ? p->y_label : "");
-  if (!p->bars) {
+  if (p->style != BARS) {
     fprintf(out, "set xlabel '%s'\nset logscale x\nset format x '%s'\n", p->x_label,
             p->x_format ? p->x_format : "%.0s%c");
     return;
   }
-  fputs("set style fill solid\nset xtics rotate by -30 (", out);
-  for (int i = 0; i < places->count; i++) {
-    fputs(i ? ", " : "", out);
-    print_quoted(out, places->all[i]);
-    fprintf(out, " %d", i);
-  }
-  fprintf(out, ")\nset xrange [-0.6:%d - 0.4]\n", places->count);
+  print_tics(out, "style fill solid\nset xtics rotate by -30", &s->places, 0, 1);
+  fprintf(out, "set xrange [-0.6:%d - 0.4]\n", s->places.count);
 }
 
-/* Labels places at the first curve only, as x is the same in all; a panel has one place. all:
- * determines the colours. */
-static void print_plot(FILE *out, const plot *p, const names *series, names *all) {
-  fputs(series->count ? "plot " : "set yrange [1:10]\nplot 1 notitle", out);
-  for (int i = 0; i < series->count; i++) {
-    fprintf(out, "%s$data%d using 1:2 with %s linetype %d title ", i ? ", " : "", i,
-            p->bars ? "boxes" : "linespoints linewidth 2", 1 + name_index(all, series->all[i]));
-    print_quoted(out, series->all[i]);
-    if (!p->bars && !p->panels && i == 0)
-      fputs(", $data0 using 1:2:3 with labels offset 0,1 notitle", out);
+/* Plots the series that have points at a place (-1: all). Places are labelled at the first curve
+ * only, as x is the same in all; a panel has one place. */
+static void print_plot(FILE *out, const plot *p, const points *s, const char *title, int place) {
+  int used[MOST_NAMES] = {0}, count = 0;
+  for (const plot_point *q = s->all; q < s->all + s->count; q++)
+    if (place < 0 || q->place == place) used[q->series] = 1;
+  for (int i = 0; i < s->series.count; i++) {
+    if (!used[i]) continue;
+    fprintf(out, "$data%d << END\n", i);
+    if (p->style == BARS) print_bars(out, s, i);
+    else print_curve(out, s, i, place);
+    fputs("END\n", out);
   }
-  putc('\n', out);
-}
-
-/* Prints one place, with the series that have points there. */
-static void print_panel(FILE *out, const plot *p, const report *r, names *all, names *places,
-                        const char *place, plot_point *points) {
-  names series = {.count = 0};
-  plot_point point;
-  size_t i;
-  json_t *row;
-  json_array_foreach(r->rows, i, row) {
-    if (is_point(p, row, &point) && strcmp(point.place, place) == 0)
-      name_index(&series, point.series);
-  }
-  for (int s = 0; s < series.count; s++) print_data(out, p, r, s, &series, places, place, points);
   fputs("set title ", out);
-  print_quoted(out, place);
+  print_quoted(out, title);
+  fprintf(out, "\nset boxwidth %g\n%s", BAR_WIDTH / (s->series.count ? s->series.count : 1),
+          s->count ? "plot " : "set yrange [1:10]\nplot 1 notitle");
+  for (int i = 0; i < s->series.count; i++) {
+    if (!used[i]) continue;
+    fprintf(out, "%s$data%d using 1:2 with %s linetype %d title ", count++ ? ", " : "", i,
+            p->style == BARS ? "boxes" : "linespoints linewidth 2", 1 + i);
+    print_quoted(out, s->series.all[i]);
+    if (p->style == CURVES && count == 1)
+      fprintf(out, ", $data%d using 1:2:3 with labels offset 0,1 notitle", i);
+  }
   putc('\n', out);
-  print_plot(out, p, &series, all);
 }
 
-static void print_panels(FILE *out, const plot *p, const report *r, names *all, names *places,
-                         plot_point *points) {
-  fprintf(out, "set multiplot layout %d,1\n", places->count);
-  for (int i = 0; i < places->count; i++)
-    print_panel(out, p, r, all, places, places->all[i], points);
-  fputs("unset multiplot\n", out);
-}
+/*------------------------------------- heat maps ------------------------------------------------*/
 
-/* Decades of x from the smallest on, side by side within a place. */
-enum { DECADES = 8 };
-
-/* A heat map: a row for each series, a column for each place and decade of x. */
-static void print_heat(FILE *out, const plot *p, const report *r, names *series, names *places) {
-  plot_point point;
-  size_t i;
-  json_t *row;
+/* A row for each series, a column for each place and decade of x from the smallest on. */
+static void print_heat(FILE *out, const points *s) {
+  enum { DECADES = 8 };
   double least = INFINITY;
-  json_array_foreach(r->rows, i, row) if (is_point(p, row, &point)) least = fmin(least, point.x);
+  for (int i = 0; i < s->count; i++) least = fmin(least, s->all[i].x);
   fputs(
       "unset logscale\nset format x\nunset grid\nset key off\nset ylabel ''\n"
       "set palette maxcolors 7 defined (0 '#1a9850', 1 '#a6d96a', 2 '#d9ef8b', 3 '#fdae61', "
       "4 '#d73027', 5 '#7f0000', 6 '#000000')\nset cbrange [-0.5:6.5]\n"
       "set cbtics ('stable' 0, 'bounded' 1, 'dissipated' 2, 'reported' 3, 'silent' 4, 'crash' 5, "
-      "'hang' 6)\nset xtics rotate by -40 (",
+      "'hang' 6)\n",
       out);
-  for (int k = 0; k < places->count; k++) {
-    fputs(k ? ", " : "", out);
-    print_quoted(out, places->all[k]);
-    fprintf(out, " %d", k * DECADES + DECADES / 2 - 1);
-  }
-  fputs(")\nset ytics (", out);
-  for (int k = 0; k < series->count; k++) {
-    fputs(k ? ", " : "", out);
-    print_quoted(out, series->all[k]);
-    fprintf(out, " %d", k);
-  }
-  fprintf(out, ")\nset xrange [-1:%d]\nset yrange [-0.6:%d - 0.4] reverse\n$cells << END\n",
-          places->count * DECADES, series->count);
-  json_array_foreach(r->rows, i, row) {
-    if (is_point(p, row, &point))
-      fprintf(out, "%g %d %g\n",
-              name_index(places, point.place) * DECADES + round(log10(point.x / least)),
-              name_index(series, point.series), point.y);
-  }
+  print_tics(out, "xtics rotate by -40", &s->places, DECADES / 2 - 1, DECADES);
+  print_tics(out, "ytics", &s->series, 0, 1);
+  fprintf(out, "set xrange [-1:%d]\nset yrange [-0.6:%d - 0.4] reverse\n$cells << END\n",
+          s->places.count * DECADES, s->series.count);
+  for (const plot_point *q = s->all; q < s->all + s->count; q++)
+    fprintf(out, "%g %d %g\n", q->place * DECADES + round(log10(q->x / least)), q->series, q->y);
   fputs(
       "END\nplot $cells using 1:2:(0.5):(0.5):3 with boxxyerror fillcolor palette "
       "fillstyle solid noborder notitle\n",
       out);
 }
 
+/*------------------------------------- all of it ------------------------------------------------*/
+
 static int print_script(FILE *out, const plot *p, const report *r) {
-  plot_point *points = calloc(json_array_size(r->rows) + 1, sizeof *points);
-  names series = {.count = 0}, places = {.count = 0};
-  if (!points) return 0;
-  collect_names(p, r, &series, &places);
-  print_axes(out, p, &places);
-  if (p->panels && places.count > 0) {
-    print_panels(out, p, r, &series, &places, points);
-  } else {
-    print_title(out, p, r);
+  const char *cpu = row_text(r->machine, "cpu");
+  const int panels = p->style == PANELS;
+  char title[256];
+  points s;
+  snprintf(title, sizeof title, "%s%s%s", p->title, *cpu ? "; " : "", cpu);
+  if (!collect_points(p, r, &s)) return 0;
+  print_axes(out, p, &s);
+  if (panels && s.count) fprintf(out, "set multiplot layout %d,1\n", s.places.count);
+  for (int i = 0; panels && i < s.places.count; i++) print_plot(out, p, &s, s.places.all[i], i);
+  if (p->style == HEAT) {
+    fputs("set title ", out);
+    print_quoted(out, title);
+    putc('\n', out);
+    print_heat(out, &s);
+  } else if (!panels || !s.count) {
+    print_plot(out, p, &s, title, -1);
   }
-  if (p->heat) {
-    print_heat(out, p, r, &series, &places);
-  } else if (!(p->panels && places.count > 0)) {
-    for (int i = 0; i < series.count; i++) print_data(out, p, r, i, &series, &places, NULL, points);
-    fprintf(out, "set boxwidth %g\n", BARS / (series.count ? series.count : 1));
-    print_plot(out, p, &series, &series);
-  }
-  free(points);
+  free(s.all);
   return fflush(out) == 0;
 }
 
@@ -287,6 +290,6 @@ int plot_write(const plot *p, const report *r, output_file *file) {
       status = run_gnuplot(standard_input, fileno(script), fileno(file->stream));
     fclose(script);
   }
-  if (status > 0) return report_error("gnuplot failed with exit status %d on its script", status);
+  if (status > 0) return report_error("gnuplot failed with exit status %d", status);
   return output_close(file, status == 0);
 }

@@ -4,26 +4,26 @@
 
 #include "report.h"
 
-/* A row of the report as a point or a bar. */
-typedef struct plot_point {
-  const char *series; /* with its own colour */
-  const char *place;  /* name of the scene, or label below the bars */
-  double x, y;        /* x is unused for bars */
-} plot_point;
+/* CURVES: each through the places of one family, whose names begin with the same letters. BARS:
+ * side by side at each place. PANELS: curves, a panel for each place, one below the other. HEAT: a
+ * map, places x by series, with decades of x within a place; coloured by the outcome y. */
+enum { CURVES, BARS, PANELS, HEAT };
 
-/* How the rows of a benchmark are plotted. */
+enum { MOST_MEASURES = 3 };
+
+/* How the rows of a benchmark are plotted: by which of their keys. */
 typedef struct plot {
   const char *title, *x_label, *y_label;
   const char *x_format; /* of gnuplot; NULL: "10k" for 10 000 */
-  int bars;   /* 1: bars, side by side at each place; 0: curves, each through the places of one
-               family, whose names begin with the same letters */
-  int panels; /* curves: a panel for each place, one below the other */
-  int heat;   /* 1: a heat map: places x by series, with x within a place; coloured by y */
-  int (*point)(const json_t *row, plot_point *p); /* returns 0 if the row is not plotted */
+  int style;
+  const char *measures[MOST_MEASURES]; /* of the rows that are plotted */
+  const char *condition;               /* a key that is true in them; NULL: none */
+  int main_step;      /* 1: only rows with k = 1000 N/m and h = 1/60 s, as in the summary */
+  const char *series; /* key of the name with its own colour */
+  const char *place;  /* of the scene, or the label below the bars; NULL: none */
+  const char *x, *y;  /* of the coordinates; x: NULL for bars */
+  double y_scale;     /* 0: 1 */
 } plot;
-
-extern const plot linear_picture, skip_picture, forces_picture, scaling_picture, step_picture,
-    precision_picture, stability_picture;
 
 /* Whether gnuplot can be run; prints an error if not. */
 int gnuplot_is_available(void);

@@ -15,54 +15,35 @@ static double over_sundials(const cell *here, double seconds) {
 
 /*------------------------------------- the cells of a scene -------------------------------------*/
 
-static void print_method_name(const precision_method *method) {
-  printf(" %-24.24s", method ? method->name : "no result");
-}
+static const column columns[] = {{"error", "error", -6, "%.0e", 0},
+                                 {"best of msim", "best", -24, NULL, 0},
+                                 {"ms", "best_ms", 9, "%.4g", 0},
+                                 {"auto, ms", "auto_ms", 9, "%.4g", 0},
+                                 {"auto/best", "auto_over_best", 9, "%.4g", 0},
+                                 {"best of SUNDIALS", "sundials", -24, NULL, 0},
+                                 {"ms", "sundials_ms", 9, "%.4g", 0},
+                                 {"best/SUN.", "best_over_sundials", 9, "%.4g", 0},
+                                 {"auto/SUN.", "auto_over_sundials", 9, "%.4g", 0},
+                                 {.key = NULL}};
 
-static void print_cell_number(double value) {
-  if (isnan(value)) printf(" %9s", "-");
-  else printf(" %9.4g", value);
-}
-
-static void print_titles(void) {
-  printf(" %-6s %-24s %9s %9s %9s %-24s %9s %9s %9s\n", "error", "best of msim", "ms", "auto, ms",
-         "auto/best", "best of SUNDIALS", "ms", "best/SUN.", "auto/SUN.");
-}
-
-static void print_cell(const cell *here, const precision_method *best,
-                       const precision_method *sundials) {
-  printf(" %-6.0e", levels[here->level]);
-  print_method_name(best);
-  print_cell_number(1e3 * here->best);
-  print_cell_number(1e3 * here->chosen);
-  print_cell_number(ratio_of_results(here->chosen, here->best));
-  print_method_name(sundials);
-  print_cell_number(1e3 * here->sundials);
-  print_cell_number(over_sundials(here, here->best));
-  print_cell_number(over_sundials(here, here->chosen));
-  putchar('\n');
-}
-
-/* A NAN has no key in the row, an infinite number is null. */
 static void report_cell(report *out, const cell *here, const precision_method *best,
                         const precision_method *sundials) {
-  json_t *row = report_add_row(out, "cell");
-  put_text(row, "scene", here->scene->name);
-  put_real(row, "error", levels[here->level]);
-  if (best) put_text(row, "best", best->name);
-  if (sundials) put_text(row, "sundials", sundials->name);
-  put_real(row, "best_ms", 1e3 * here->best);
-  put_real(row, "auto_ms", 1e3 * here->chosen);
-  put_real(row, "sundials_ms", 1e3 * here->sundials);
-  put_real(row, "auto_over_best", ratio_of_results(here->chosen, here->best));
-  put_real(row, "best_over_sundials", over_sundials(here, here->best));
-  put_real(row, "auto_over_sundials", over_sundials(here, here->chosen));
+  const json_t *row = report_add_row(
+      out, "cell",
+      FIELDS(TEXT("scene", here->scene->name), REAL("error", levels[here->level]),
+             TEXT("best", best ? best->name : NULL),
+             TEXT("sundials", sundials ? sundials->name : NULL), REAL("best_ms", 1e3 * here->best),
+             REAL("auto_ms", 1e3 * here->chosen), REAL("sundials_ms", 1e3 * here->sundials),
+             REAL("auto_over_best", ratio_of_results(here->chosen, here->best)),
+             REAL("best_over_sundials", over_sundials(here, here->best)),
+             REAL("auto_over_sundials", over_sundials(here, here->chosen))));
+  print_row(columns, row);
 }
 
 void cells_add(const setting_sweep *c, report *out, cells *list) {
-  const reference_solution *t = c->arena.truth;
-  const precision_method *chosen = precision_methods_find(&c->entrants, AUTO_BY_TOL);
-  print_titles();
+  const reference_solution *t = c->context.truth;
+  const precision_method *chosen = precision_methods_find(&c->methods, AUTO_BY_TOL);
+  print_titles(columns);
   for (int l = 0; l < ERROR_LEVELS && list->count < MAX_CELLS; l++) {
     if (!reference_solution_supports(t, levels[l])) continue;
     const precision_method *best = fastest_method(c, 1, levels[l]),
@@ -70,14 +51,14 @@ void cells_add(const setting_sweep *c, report *out, cells *list) {
     cell *here = &list->all[list->count++];
     *here = (cell){.scene = t->kind,
                    .level = l,
-                   .compared = c->arena.ode && !t->kind->impacts,
+                   .compared = c->context.ode && !t->kind->impacts,
                    .best = cost_at_error(c, best, levels[l]).seconds,
                    .chosen = cost_at_error(c, chosen, levels[l]).seconds,
                    .sundials = cost_at_error(c, sundials, levels[l]).seconds};
-    print_cell(here, best, sundials);
     report_cell(out, here, best, sundials);
   }
-  if (t->kind->impacts) puts(" SUNDIALS takes no part: it reflects nothing");
+  if (t->kind->impacts)
+    puts(" SUNDIALS is not compared in this scene: it has no impacts with planes");
 }
 
 /*------------------------------------- keys -----------------------------------------------------*/
@@ -93,8 +74,8 @@ static void report_auto_over_best(const cells *list, report *out) {
     if (!isnan(ratio)) ratios[count++] = ratio;
   }
   printf(
-      "auto over the best of msim: %d cells, in %d of them only the others have a result; in %d "
-      "more there is no result at all\n",
+      "time of auto over the best method of msim: %d cells; auto has no result in %d of them; %d "
+      "more cells have no result at all\n",
       count, missing, empty);
   report_key(out, "auto_over_best_cells", count);
   report_key(out, "auto_over_best_missing", missing);
@@ -124,14 +105,12 @@ static void report_over_sundials(const cells *list, int level, int damped, int o
   }
   snprintf(key, sizeof key, "%s_over_sundials_%s%s", of_auto ? "auto" : "best",
            damped ? "damped_" : "", names[level]);
-  json_t *row = report_add_row(out, "worst");
-  put_text(row, "name", key);
-  put_integer(row, "scenes", scenes);
-  put_integer(row, "without_sundials", missing);
-  if (worst) put_text(row, "scene", worst->scene->name);
-  put_real(row, "ratio", most);
-  printf("%-30s %9.3g  worst of %d scenes, %d of them without a result of SUNDIALS: %s\n", key,
-         most, scenes, missing, worst ? worst->scene->name : "none");
+  report_add_row(
+      out, "worst",
+      FIELDS(TEXT("name", key), INTEGER("scenes", scenes), INTEGER("without_sundials", missing),
+             TEXT("scene", worst ? worst->scene->name : NULL), REAL("ratio", most)));
+  printf("%-30s %9.3g  maximum over %d scenes (SUNDIALS has no result in %d), in: %s\n", key, most,
+         scenes, missing, worst ? worst->scene->name : "none");
   report_key(out, key, most);
 }
 

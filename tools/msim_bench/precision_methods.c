@@ -8,28 +8,28 @@
 #include "../common/clock.h"
 #include "interrupt.h"
 
-/*------------------------------------- who ------------------------------------------------------*/
+/*------------------------------------- methods --------------------------------------------------*/
 
 static precision_method *add_method_entry(precision_methods *list, const char *name,
                                           const char *suffix) {
   if (list->count == MAX_PRECISION_METHODS) return NULL;
-  precision_method *who = &list->all[list->count++];
-  *who = (precision_method){.ode = -1, .collision = MSIM_COLLISION_REFLECT};
-  snprintf(who->name, sizeof who->name, "%s%s", name, suffix);
-  return who;
+  precision_method *m = &list->all[list->count++];
+  *m = (precision_method){.ode = -1, .collision = MSIM_COLLISION_REFLECT};
+  snprintf(m->name, sizeof m->name, "%s%s", name, suffix);
+  return m;
 }
 
-static void set_tol_settings(precision_method *who) {
-  who->by_tol = 1;
-  who->first = who->ratio = 0.1;
+static void set_tol_settings(precision_method *m) {
+  m->by_tol = 1;
+  m->first = m->ratio = 0.1;
 }
 
-static void set_step_settings(const reference_solution *t, precision_method *who) {
-  const int multirate = !who->integrator || strcmp(who->integrator, "respa") == 0;
-  const double own = multirate ? INFINITY : longest_step(t->scene, who->integrator, NULL);
+static void set_step_settings(const reference_solution *t, precision_method *m) {
+  const int multirate = !m->integrator || strcmp(m->integrator, "respa") == 0;
+  const double own = multirate ? INFINITY : longest_step(t->scene, m->integrator, NULL);
   const int limited = isfinite(own);
-  who->first = limited ? own : 64 * t->limit;
-  who->ratio = 0.5;
+  m->first = limited ? own : 64 * t->limit;
+  m->ratio = 0.5;
 }
 
 /* Methods that are also run under error control, by step doubling or by an embedded estimate. */
@@ -49,12 +49,12 @@ static void add_method(const reference_solution *t, const char *integrator, int3
     if (control ? !is_worth_control(integrator) : strcmp(integrator, "auto") == 0) continue;
     if (control && collision == MSIM_COLLISION_EVENT)
       continue; /* error control always locates impacts, so a second run would be the same */
-    precision_method *who = add_method_entry(list, integrator, control ? controlled : suffix);
-    if (!who) return;
-    who->integrator = integrator;
-    who->collision = collision;
-    if (control) set_tol_settings(who);
-    else set_step_settings(t, who);
+    precision_method *m = add_method_entry(list, integrator, control ? controlled : suffix);
+    if (!m) return;
+    m->integrator = integrator;
+    m->collision = collision;
+    if (control) set_tol_settings(m);
+    else set_step_settings(t, m);
   }
 }
 
@@ -69,17 +69,17 @@ void precision_methods_collect(const reference_solution *t, int split_by, const 
   }
   for (int i = 0; ode && !t->kind->impacts && (method = ode->info(i)) != NULL; i++) {
     if (method->split_mask && !(method->split_mask & split_by)) continue;
-    precision_method *who = add_method_entry(list, method->name, "");
-    if (!who) return;
-    who->ode = i;
-    if (method->by_step) set_step_settings(t, who);
-    else set_tol_settings(who);
+    precision_method *m = add_method_entry(list, method->name, "");
+    if (!m) return;
+    m->ode = i;
+    if (method->by_step) set_step_settings(t, m);
+    else set_tol_settings(m);
   }
 }
 
 const precision_method *precision_methods_find(const precision_methods *list, const char *name) {
-  for (const precision_method *who = list->all; who < list->all + list->count; who++)
-    if (strcmp(who->name, name) == 0) return who;
+  for (const precision_method *m = list->all; m < list->all + list->count; m++)
+    if (strcmp(m->name, name) == 0) return m;
   return NULL;
 }
 
@@ -102,8 +102,8 @@ static int call_force(void *data, int part, const double *x, const double *v, do
 }
 
 /* Times the library only: its input arrays are prepared beforehand. x, v: the final state. */
-static void time_ode(const run_context *a, const precision_method *who, double setting,
-                     double until, double *x, double *v, run_result *e) {
+static void time_ode(const run_context *a, const precision_method *m, double setting, double until,
+                     double *x, double *v, run_result *e) {
   const reference_solution *t = a->truth;
   force_call c = {.kernel = a->kernel, .until = until};
   const ode_problem problem = {.n = 3 * (size_t)t->view.nparticles,
@@ -116,39 +116,40 @@ static void time_ode(const run_context *a, const precision_method *who, double s
                                .force = call_force,
                                .data = &c};
   const double start = clock_seconds();
-  const int status = a->ode->solve(who->ode, &problem, setting, x, v);
+  const int status = a->ode->solve(m->ode, &problem, setting, x, v);
   e->seconds = clock_seconds() - start;
   e->evaluations = c.evaluations;
   e->reason[0] = '\0';
-  if (c.stopped) snprintf(e->reason, sizeof e->reason, "cut off after %.3g s", e->seconds);
-  else if (status) snprintf(e->reason, sizeof e->reason, "SUNDIALS' status is %d", status);
+  if (c.stopped)
+    snprintf(e->reason, sizeof e->reason, "aborted after %.3g s (time limit)", e->seconds);
+  else if (status) snprintf(e->reason, sizeof e->reason, "SUNDIALS failed with status %d", status);
 }
 
-static int run_ode(const run_context *a, const precision_method *who, double setting, double until,
+static int run_ode(const run_context *a, const precision_method *m, double setting, double until,
                    run_result *e) {
   const size_t n = 3 * (size_t)a->truth->view.nparticles;
   double *x = malloc(2 * n * sizeof *x);
   snprintf(e->reason, sizeof e->reason, "out of memory");
   e->refused = x == NULL;
   if (!x) return 0;
-  time_ode(a, who, setting, until, x, x + n, e);
+  time_ode(a, m, setting, until, x, x + n, e);
   ode_forces_interleave(a->kernel, x, e->x);
   ode_forces_interleave(a->kernel, x + n, e->v);
   free(x);
   return e->reason[0] == '\0';
 }
 
-int precision_method_run(const run_context *a, const precision_method *who, double setting,
+int precision_method_run(const run_context *a, const precision_method *m, double setting,
                          double until, run_result *e) {
   const reference_solution *t = a->truth;
-  if (!who->integrator) return run_ode(a, who, setting, until, e);
+  if (!m->integrator) return run_ode(a, m, setting, until, e);
   scene_run run = {.scene = t->scene,
-                   .integrator = who->integrator,
+                   .integrator = m->integrator,
                    .t_end = t->t_end,
                    .threads = a->threads,
-                   .collision = who->collision,
+                   .collision = m->collision,
                    .until = until};
-  if (who->by_tol) run.tol = setting;
+  if (m->by_tol) run.tol = setting;
   else run.steps = (int64_t)fmax(1, ceil(t->t_end / setting * (1 - 1e-12)));
   return scene_run_execute(&run, e);
 }

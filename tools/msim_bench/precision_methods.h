@@ -6,8 +6,9 @@
 #ifndef BENCH_PRECISION_METHODS_H
 #define BENCH_PRECISION_METHODS_H
 
-#include "ode_forces.h"
 #include "../bench_reference/ode.h"
+#include "../bench_reference/ode_forces.h"
+#include "reference_solution.h"
 
 enum { MAX_PRECISION_METHODS = 64, MAX_SWEEP_POINTS = 24 };
 
@@ -42,7 +43,7 @@ typedef struct run_context {
   int32_t threads;
 } run_context;
 
-int precision_method_run(const run_context *a, const precision_method *who, double setting,
+int precision_method_run(const run_context *a, const precision_method *m, double setting,
                          double until, run_result *e);
 
 #endif

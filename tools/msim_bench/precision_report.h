@@ -3,15 +3,13 @@
 #ifndef BENCH_PRECISION_REPORT_H
 #define BENCH_PRECISION_REPORT_H
 
-#include "work_precision.h"
 #include "report.h"
-
-void print_scene(const precision_scene *kind);
+#include "work_precision.h"
 
 /* Writes a row for a scene without a reference solution. */
 void report_no_truth(report *out, const precision_scene *kind, const char *why);
 
 /* Writes the properties of the scene, every run, and the cost of each error by each method. */
-void report_climb(report *out, const setting_sweep *c);
+void report_sweep(report *out, const setting_sweep *c);
 
 #endif

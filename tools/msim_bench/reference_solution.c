@@ -199,14 +199,6 @@ static int measure_disturbance_growth(reference_solution *t, int32_t threads, do
 
 /*------------------------------------- all of it ------------------------------------------------*/
 
-static void fill_masses(reference_solution *t) {
-  const int32_t n = t->view.nparticles;
-  t->inverse = calloc(3 * (size_t)n, sizeof *t->inverse);
-  for (int32_t i = 0; i < n; i++) t->mass += t->view.mass[i];
-  for (int32_t i = 0; i < 3 * n && t->inverse; i++)
-    if (!t->view.pinned[i / 3]) t->inverse[i] = 1 / t->view.mass[i / 3];
-}
-
 static double bounding_box_side(const msim_scene_view *view) {
   double extent = 0;
   for (int c = 0; c < 3; c++) {
@@ -231,10 +223,10 @@ static int build_reference_scene(reference_solution *t, int quick) {
       msim_sim_create(t->scene, &options, &t->sim, &t->err))
     return 0;
   msim_scene_get(t->scene, &t->view);
-  fill_masses(t);
+  for (int32_t i = 0; i < t->view.nparticles; i++) t->mass += t->view.mass[i];
   t->extent = bounding_box_side(&t->view);
   t->limit = longest_step(t->scene, "velocity-verlet", &t->err);
-  return isfinite(t->limit) && ((t->inverse && run_result_create(t->view.nparticles, &t->end)) ||
+  return isfinite(t->limit) && (run_result_create(t->view.nparticles, &t->end) ||
                                 fail_reference_solution(t, "out of memory"));
 }
 
@@ -253,7 +245,6 @@ int reference_solution_compute(const precision_scene *kind, int quick, int32_t t
 
 void reference_solution_free(reference_solution *t) {
   run_result_free(&t->end);
-  free(t->inverse);
   msim_sim_destroy(t->sim);
   msim_scene_destroy(t->scene);
 }

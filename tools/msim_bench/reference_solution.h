@@ -22,7 +22,7 @@ typedef struct reference_solution {
   double motion, speed;          /* D, m; maximum over the run of the root mean square of v, m/s */
   double extent;                 /* m: longest side of the bounding box at the start */
   double kinetic;                /* maximum over the run, J */
-  double mass, *inverse;         /* total, kg; 1/m of 3n coordinates, 0 for pinned particles */
+  double mass;                   /* total, kg */
   run_result end;                /* x* */
   msim_energy energy;            /* of the final state */
   const char *comparison_method; /* the method that x* is compared with */

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <string.h>
 
 #include "../common/message.h"
 #include "machine.h"
@@ -20,31 +21,72 @@ void report_free(report *r) {
   json_decref(r->summary);
 }
 
-json_t *report_add_row(report *r, const char *measure) {
+/*------------------------------------- rows -----------------------------------------------------*/
+
+static json_t *real_or_null(double value) {
+  return isfinite(value) ? json_real(value) : json_null();
+}
+
+/* NULL: there is nothing to write. */
+static json_t *value_of(const field *f) {
+  if (f->type == JSON_STRING) return f->text ? json_string(f->text) : NULL;
+  if (f->type == JSON_REAL) return isnan(f->real) ? NULL : real_or_null(f->real);
+  return f->type == JSON_INTEGER ? json_integer(f->integer) : json_boolean(f->integer);
+}
+
+void put_fields(json_t *row, const field *fields) {
+  for (const field *f = fields; f->key; f++) {
+    json_t *value = value_of(f);
+    if (value) json_object_set_new(row, f->key, value);
+  }
+}
+
+json_t *report_add_row(report *r, const char *measure, const field *fields) {
   json_t *row = json_object();
-  put_text(row, "measure", measure);
+  put_fields(row, FIELDS(TEXT("measure", measure)));
+  put_fields(row, fields);
   json_array_append_new(r->rows, row);
   return row;
 }
 
-static void put_real_or_null(json_t *object, const char *key, double value) {
-  json_object_set_new(object, key, isfinite(value) ? json_real(value) : json_null());
+const char *row_text(const json_t *row, const char *key) {
+  const char *text = json_string_value(json_object_get(row, key));
+  return text ? text : "";
 }
 
-void put_real(json_t *object, const char *key, double value) {
-  if (!isnan(value)) put_real_or_null(object, key, value);
+double row_number(const json_t *row, const char *key) {
+  const json_t *value = json_object_get(row, key);
+  return json_is_number(value) ? json_number_value(value) : NAN;
 }
 
-void put_text(json_t *object, const char *key, const char *text) {
-  json_object_set_new(object, key, json_string(text));
+/*------------------------------------- tables ---------------------------------------------------*/
+
+void print_titles(const column *columns) {
+  for (const column *c = columns; c->key; c++) printf(" %*s", c->width, c->title);
+  putchar('\n');
 }
 
-void put_integer(json_t *object, const char *key, int64_t value) {
-  json_object_set_new(object, key, json_integer(value));
+void print_value(const column *c, const json_t *row) {
+  const json_t *value = json_object_get(row, c->key);
+  char text[64] = "-";
+  if (json_is_string(value)) snprintf(text, sizeof text, "%s", json_string_value(value));
+  else if (json_is_null(value)) snprintf(text, sizeof text, "inf");
+  else if (value)
+    snprintf(text, sizeof text, c->format, json_number_value(value) * (c->scale ? c->scale : 1));
+  printf(" %*s", c->width, text);
 }
+
+void print_row(const column *columns, const json_t *row) {
+  const char *reason = row_text(row, "reason");
+  for (const column *c = columns; c->key && (c == columns || !*reason); c++) print_value(c, row);
+  if (*reason) printf(" %s: %s", row_text(row, "status"), reason);
+  putchar('\n');
+}
+
+/*------------------------------------- summary --------------------------------------------------*/
 
 void report_key(report *r, const char *key, double value) {
-  put_real_or_null(r->summary, key, value);
+  json_object_set_new(r->summary, key, real_or_null(value));
 }
 
 void report_print_summary(const report *r) {
@@ -55,8 +97,10 @@ void report_print_summary(const report *r) {
     if (json_is_null(value)) printf("  %-50s no result\n", key);
     else printf("  %-50s %.4g\n", key, json_real_value(value));
   }
-  if (json_object_size(r->summary) == 0) puts("  nothing that has a key was measured");
+  if (json_object_size(r->summary) == 0) puts("  no key was measured");
 }
+
+/*------------------------------------- JSON -----------------------------------------------------*/
 
 int report_write(const report *r, output_file *file) {
   json_t *whole = json_pack("{sssbsOsOsO}", "bench", r->bench, "quick", r->quick, "machine",
@@ -67,4 +111,59 @@ int report_write(const report *r, output_file *file) {
       fputc('\n', file->stream) != EOF;
   json_decref(whole);
   return output_close(file, written);
+}
+
+/*------------------------------------- CSV ------------------------------------------------------*/
+
+/* Returns an object with the keys of all rows, in the order of their first appearance. */
+static json_t *collect_columns(const report *r) {
+  json_t *columns = json_object(), *row;
+  size_t i;
+  json_array_foreach(r->rows, i, row) json_object_update_missing(columns, row);
+  return columns;
+}
+
+/* Quotes the text if RFC 4180 requires it. */
+static void put_field(FILE *out, const char *text) {
+  if (!strpbrk(text, ",\"\n\r")) {
+    fputs(text, out);
+    return;
+  }
+  putc('"', out);
+  for (; *text; text++) {
+    if (*text == '"') putc('"', out);
+    putc(*text, out);
+  }
+  putc('"', out);
+}
+
+static void put_csv_value(FILE *out, const json_t *value) {
+  if (json_is_string(value)) put_field(out, json_string_value(value));
+  else if (json_is_integer(value)) fprintf(out, "%" JSON_INTEGER_FORMAT, json_integer_value(value));
+  else if (json_is_real(value)) fprintf(out, "%.9g", json_real_value(value));
+  else if (json_is_boolean(value)) fputs(json_is_true(value) ? "1" : "0", out);
+}
+
+/* row NULL: writes the header */
+static void put_line(FILE *out, json_t *columns, const json_t *row) {
+  const char *key, *comma = "";
+  json_t *unused;
+  json_object_foreach(columns, key, unused) {
+    fputs(comma, out);
+    comma = ",";
+    if (row) put_csv_value(out, json_object_get(row, key));
+    else put_field(out, key);
+  }
+  putc('\n', out);
+}
+
+/* Keys that a row lacks are empty fields. */
+int report_write_csv(const report *r, output_file *file) {
+  json_t *columns = collect_columns(r), *row;
+  size_t i;
+  errno = 0;
+  put_line(file->stream, columns, NULL);
+  json_array_foreach(r->rows, i, row) put_line(file->stream, columns, row);
+  json_decref(columns);
+  return output_close(file, columns != NULL && !ferror(file->stream));
 }

@@ -16,13 +16,36 @@ typedef struct report {
 void report_begin(report *r, const char *bench, int quick);
 void report_free(report *r);
 
-/* Appends a row, which the report owns; the functions below set its keys. */
-json_t *report_add_row(report *r, const char *measure);
+/* A member of a row: FIELDS(TEXT("solver", name), REAL("ms", 1e3 * seconds)) is a list of them. A
+ * text that is NULL and a real that is NAN (not measured) add no key; an infinite one is null. */
+typedef struct field {
+  const char *key;
+  json_type type;
+  const char *text;
+  double real;
+  int64_t integer;
+} field;
 
-/* NAN (not measured) adds no key; an infinite value becomes null. */
-void put_real(json_t *object, const char *key, double value);
-void put_text(json_t *object, const char *key, const char *text);
-void put_integer(json_t *object, const char *key, int64_t value);
+#define TEXT(name_, value) \
+  { .key = name_, .type = JSON_STRING, .text = value }
+#define REAL(name_, value) \
+  { .key = name_, .type = JSON_REAL, .real = value }
+#define INTEGER(name_, value) \
+  { .key = name_, .type = JSON_INTEGER, .integer = value }
+#define BOOLEAN(name_, value) \
+  { .key = name_, .type = JSON_TRUE, .integer = value }
+#define FIELDS(...)              \
+  (const field[]) {              \
+    __VA_ARGS__, { .key = NULL } \
+  }
+
+/* Appends a row, which the report owns. */
+json_t *report_add_row(report *r, const char *measure, const field *fields);
+void put_fields(json_t *row, const field *fields);
+
+/* A text of a row, "" if there is none; a number, NAN if there is none. */
+const char *row_text(const json_t *row, const char *key);
+double row_number(const json_t *row, const char *key);
 
 /* Sets a key of the summary; NAN and infinity become null, printed as "no result", so that a key
  * which could not be measured stays visible. */
@@ -31,7 +54,22 @@ void report_key(report *r, const char *key, double value);
 /* Prints to stdout. */
 void report_print_summary(const report *r);
 
-/* Writes JSON to an open file; prints an error if that fails. */
+/* Write all as JSON, and the rows as CSV, to an open file; print an error if that fails. */
 int report_write(const report *r, output_file *file);
+int report_write_csv(const report *r, output_file *file);
+
+/* A column of a printed table: the value of a row's key, times `scale` if that is not 0. */
+typedef struct column {
+  const char *title, *key;
+  int width;          /* negative: flush left */
+  const char *format; /* of a number */
+  double scale;
+} column;
+
+/* Print the titles, a row, one value of it; columns end with a key that is NULL. A row that has a
+ * reason instead of a result is printed as that. An absent value is "-", null is "inf". */
+void print_titles(const column *columns);
+void print_row(const column *columns, const json_t *row);
+void print_value(const column *c, const json_t *row);
 
 #endif

@@ -73,7 +73,7 @@ int scene_run_execute(const scene_run *t, run_result *e) {
   e->refused = status < 0;
   if (status) snprintf(e->reason, sizeof e->reason, "%s", err.text);
   if (status == MSIM_STOPPED)
-    snprintf(e->reason, sizeof e->reason, "cut off after %.3g s", e->seconds);
+    snprintf(e->reason, sizeof e->reason, "aborted after %.3g s (time limit)", e->seconds);
   msim_sim_destroy(sim);
   return status == MSIM_OK;
 }

@@ -8,27 +8,27 @@
 #include "../common/clock.h"
 #include "interrupt.h"
 
-/*------------------------------------- one rung -------------------------------------------------*/
+/*------------------------------------- one setting ----------------------------------------------*/
 
 static int run_point(timing_candidate *c, timing_sample *s) {
   sweep_point *r = c->data;
-  if (!precision_method_run(r->arena, r->method, r->setting, r->until, r->result)) {
-    snprintf(c->reason, sizeof c->reason, "%s", r->result->reason);
-    return 0;
-  }
+  if (!precision_method_run(r->context, r->method, r->setting, r->until, r->result))
+    return candidate_fail(c, r->result->reason);
   s->whole = r->result->seconds;
   r->evaluations = r->result->evaluations;
   return 1;
 }
 
-static timing_candidate *add_point(setting_sweep *c, const precision_method *who, double setting,
+static timing_candidate *add_point(setting_sweep *c, const precision_method *m, double setting,
                                    double until) {
-  sweep_point *r = &c->rungs[c->count];
+  sweep_point *r = &c->points[c->count];
   timing_candidate *run = &c->all[c->count++];
-  *r = (sweep_point){
-      .method = who, .arena = &c->arena, .setting = setting, .until = until, .result = &c->result};
-  *run = (timing_candidate){.family = who->name, .measure = "rung", .run = run_point, .data = r};
-  snprintf(run->name, sizeof run->name, "%.31s", who->name);
+  *r = (sweep_point){.method = m,
+                     .context = &c->context,
+                     .setting = setting,
+                     .until = until,
+                     .result = &c->result};
+  candidate_init(run, m->name, "rung", run_point, r);
   return run;
 }
 
@@ -39,65 +39,65 @@ static void measure_point(const reference_solution *t, timing_candidate *run) {
   run->failed = !run_point(run, &s);
   r->status = POINT_FAILED;
   if (run->failed) return;
-  r->verdict = reference_solution_errors(t, r->result->x, r->result->v);
-  run->failed = !(r->verdict.error < 1);
+  r->errors = reference_solution_errors(t, r->result->x, r->result->v);
+  run->failed = !(r->errors.error < 1);
   if (run->failed) {
-    snprintf(run->reason, sizeof run->reason, "off by %.1g of the whole motion", r->verdict.error);
+    snprintf(run->reason, sizeof run->reason, "relative error %.1g: above the whole motion",
+             r->errors.error);
     return;
   }
-  r->status = reference_solution_resolves(t, r->verdict.error) ? POINT_MEASURED : POINT_UNRESOLVED;
+  r->status = reference_solution_resolves(t, r->errors.error) ? POINT_MEASURED : POINT_UNRESOLVED;
   run->samples[run->nsamples++] = s;
   run->total_seconds = s.whole;
 }
 
-/*------------------------------------- ladders --------------------------------------------------*/
+/*------------------------------------- sweeps ---------------------------------------------------*/
 
 /* Expected time of the next run. Halving h doubles the number of steps; dividing tol by 10 at most
  * doubles it for most methods. */
-static double next_seconds(const precision_method *who, double seconds) {
-  return seconds / (who->by_tol ? 0.5 : who->ratio);
+static double next_seconds(const precision_method *m, double seconds) {
+  return seconds / (m->by_tol ? 0.5 : m->ratio);
 }
 
 /* Where stability limits the step, a tolerance above the error already reached changes nothing.
  * msim's tolerances are relative to the extent, those of SUNDIALS and all errors to the motion. */
-static int may_change_nothing(const reference_solution *t, const precision_method *who,
+static int may_change_nothing(const reference_solution *t, const precision_method *m,
                               double setting, double error) {
-  const double unit = who->integrator ? t->extent / t->motion : 1;
-  return who->by_tol && setting * unit > error;
+  const double unit = m->integrator ? t->extent / t->motion : 1;
+  return m->by_tol && setting * unit > error;
 }
 
 /* Stops when a run is as accurate as the reference solution, when the next one would exceed the
  * share of the time, or when PATIENCE smaller settings have not reduced the error. */
-static void sweep_settings(setting_sweep *c, const precision_method *who, double share) {
+static void sweep_settings(setting_sweep *c, const precision_method *m, double share) {
   enum { PATIENCE = 3 };
-  const reference_solution *t = c->arena.truth;
+  const reference_solution *t = c->context.truth;
   const double until = clock_seconds() + share;
-  double setting = who->first, best = 1;
-  for (int i = 0, worse = 0; i < MAX_SWEEP_POINTS && worse < PATIENCE; i++, setting *= who->ratio) {
+  double setting = m->first, best = 1;
+  for (int i = 0, worse = 0; i < MAX_SWEEP_POINTS && worse < PATIENCE; i++, setting *= m->ratio) {
     const double start = clock_seconds();
     if (is_interrupted() || start > until) return;
-    timing_candidate *run = add_point(c, who, setting, until);
+    timing_candidate *run = add_point(c, m, setting, until);
     const sweep_point *r = run->data;
     measure_point(t, run);
-    if (r->status == POINT_MEASURED && r->verdict.error < best) best = r->verdict.error, worse = 0;
-    else worse += best < 1 && !may_change_nothing(t, who, setting, best);
+    if (r->status == POINT_MEASURED && r->errors.error < best) best = r->errors.error, worse = 0;
+    else worse += best < 1 && !may_change_nothing(t, m, setting, best);
     if (r->status == POINT_FAILED && c->result.refused) return;
     const double seconds = clock_seconds() - start;
-    if (r->status == POINT_UNRESOLVED || next_seconds(who, seconds) > until - clock_seconds())
-      return;
+    if (r->status == POINT_UNRESOLVED || next_seconds(m, seconds) > until - clock_seconds()) return;
   }
 }
 
 enum { CHOSEN_BY_AUTO, LIBRARY_METHODS, NAMED_METHODS, GROUPS };
 
-static int group_of(const precision_method *who) {
-  if (!who->integrator) return LIBRARY_METHODS;
-  return strcmp(who->name, AUTO_BY_TOL) == 0 ? CHOSEN_BY_AUTO : NAMED_METHODS;
+static int group_of(const precision_method *m) {
+  if (!m->integrator) return LIBRARY_METHODS;
+  return strcmp(m->name, AUTO_BY_TOL) == 0 ? CHOSEN_BY_AUTO : NAMED_METHODS;
 }
 
 /* Divides the time that one method leaves unused among the following ones. */
 static void sweep_group(setting_sweep *c, int group, double until) {
-  const precision_methods *list = &c->entrants;
+  const precision_methods *list = &c->methods;
   int left = 0;
   for (int i = 0; i < list->count; i++) left += group_of(&list->all[i]) == group;
   for (int i = 0; i < list->count; i++)
@@ -115,14 +115,14 @@ static void sweep_all_groups(setting_sweep *c, double until) {
 
 int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sweep *c) {
   const reference_solution *t = a->truth;
-  *c = (setting_sweep){.arena = *a};
-  precision_methods_collect(t, a->kernel->split.by, a->ode, &c->entrants);
-  const size_t most = (size_t)c->entrants.count * MAX_SWEEP_POINTS;
-  c->rungs = malloc(most * sizeof *c->rungs);
+  *c = (setting_sweep){.context = *a};
+  precision_methods_collect(t, a->kernel->split.by, a->ode, &c->methods);
+  const size_t most = (size_t)c->methods.count * MAX_SWEEP_POINTS;
+  c->points = malloc(most * sizeof *c->points);
   c->all = malloc(most * sizeof *c->all);
-  if (!c->rungs || !c->all || !run_result_create(t->view.nparticles, &c->result)) return 0;
+  if (!c->points || !c->all || !run_result_create(t->view.nparticles, &c->result)) return 0;
   sweep_all_groups(c, plan->until - plan->repeat_seconds);
-  for (int i = 0; i < c->count; i++) c->rungs[i].until = plan->until;
+  for (int i = 0; i < c->count; i++) c->points[i].until = plan->until;
   const timing_limits turns = {.max_rounds = 9,
                                .budget = plan->repeat_seconds,
                                .until = fmin(plan->until, clock_seconds() + plan->repeat_seconds)};
@@ -131,7 +131,7 @@ int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sw
 }
 
 void setting_sweep_free(setting_sweep *c) {
-  free(c->rungs);
+  free(c->points);
   free(c->all);
   run_result_free(&c->result);
 }

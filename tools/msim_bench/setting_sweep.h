@@ -16,21 +16,21 @@ enum { POINT_MEASURED, POINT_UNRESOLVED, POINT_FAILED };
 
 typedef struct sweep_point {
   const precision_method *method;
-  const run_context *arena;
+  const run_context *context;
   double setting;
   int status;
-  solution_errors verdict;
+  solution_errors errors;
   int64_t evaluations;
   double until; /* on the clock of clock_seconds: when a run is aborted */
   run_result *result;
 } sweep_point;
 
 typedef struct setting_sweep {
-  run_context arena;
-  precision_methods entrants;
+  run_context context;
+  precision_methods methods;
   int count;
-  sweep_point *rungs;    /* grouped by method, in the order of the settings */
-  timing_candidate *all; /* timed runs: all[i] belongs to rungs[i] */
+  sweep_point *points;   /* grouped by method, in the order of the settings */
+  timing_candidate *all; /* timed runs: all[i] belongs to points[i] */
   run_result result;
 } setting_sweep;
 

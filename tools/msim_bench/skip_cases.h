@@ -13,13 +13,16 @@ typedef struct skip_case {
   const char *integrator;
   double h;
   const char *off[MOST_OFF]; /* options that disable the skip */
-  /* Builds the scene; without: such that the feature must be computed. */
-  msim_status (*build)(int without, msim_scene *scene, msim_error *err);
-  int series; /* steps in a sample, from the scene's state; 0: samples continue from each other, as
+  int series;  /* steps in a sample, from the scene's state; 0: samples continue from each other, as
                  is possible for scenes at rest and explicit steps */
+  unsigned is; /* properties of the scene, see the .c file */
+  double gravity[3]; /* m/s^2 */
 } skip_case;
 
 /* The i-th case; NULL past the end. */
 const skip_case *skip_case_info(int i);
+
+/* Builds the scene. without: such that the feature must be computed. */
+msim_status skip_case_build(const skip_case *what, int without, msim_scene *scene, msim_error *err);
 
 #endif

@@ -4,7 +4,6 @@
 
 #include "interrupt.h"
 #include "linear.h"
-#include "linear_report.h"
 
 /* max |a_i - b_i| */
 static double largest_difference(size_t n, const double *a, const double *b) {
@@ -44,16 +43,14 @@ static disagreement find_disagreement(const solver_comparison *r) {
 }
 
 static void report_disagreement(report *out, const solver_comparison *r, const disagreement *d) {
-  json_t *row = add_step_row(out, "disagreement", r->moving, r->system.h);
-  put_integer(row, "unknowns", r->moving->unknowns);
-  put_real(row, "rtol", r->system.rtol);
-  put_integer(row, "solvers", d->solvers);
+  json_t *row =
+      add_step_row(out, "disagreement", r->moving, r->system.h,
+                   FIELDS(INTEGER("unknowns", r->moving->unknowns), REAL("rtol", r->system.rtol),
+                          INTEGER("solvers", d->solvers), REAL("largest", d->largest)));
   if (!d->pair[0]) return;
-  put_text(row, "first", d->pair[0]->name);
-  put_text(row, "second", d->pair[1]->name);
-  put_real(row, "largest", d->largest);
-  printf(" to %g: velocities of %d solvers differ by %.2g m/s at most (%s, %s)\n", r->system.rtol,
-         d->solvers, d->largest, d->pair[0]->name, d->pair[1]->name);
+  put_fields(row, FIELDS(TEXT("first", d->pair[0]->name), TEXT("second", d->pair[1]->name)));
+  printf(" solver.rtol %g: velocities of %d solvers differ by at most %.2g m/s (%s, %s)\n",
+         r->system.rtol, d->solvers, d->largest, d->pair[0]->name, d->pair[1]->name);
   fflush(stdout);
 }
 
@@ -65,19 +62,19 @@ static int all_have_samples(const solver_comparison *r) {
 
 double compare_solvers(const linear_bench *b, const moving_scene *m, double h,
                        const cost_limits *t) {
-  const timing_limits once = {.until = b->until};
+  const timing_limits once = {.until = b->run->until};
   msim_error err;
   solver_comparison *r = solver_comparison_create(m, h, 1e-12, 0, &err);
   if (!r) {
     report_left_out(b->report, "disagreement", m, h, "all", err.text);
     return NAN;
   }
-  printf(" all solvers once more, to %g\n", r->system.rtol);
+  printf(" all solvers again, with solver.rtol %g\n", r->system.rtol);
   add_solvers(b, r, t, "disagreement");
   time_in_turn(r->all, r->count, &once);
   disagreement d = {.largest = NAN};
   if (!is_interrupted()) {
-    report_failures(b->report, r, "disagreement");
+    solver_comparison_report(b->report, r, "disagreement");
     d = find_disagreement(r);
     report_disagreement(b->report, r, &d);
     if (!all_have_samples(r)) d.largest = NAN;

@@ -4,7 +4,8 @@
 #define BENCH_SOLVER_COMPARISON_H
 
 #include "backend_proxy.h"
-#include "reference_program.h"
+#include "cases.h"
+#include "../bench_reference/reference_program.h"
 #include "linear_system.h"
 #include "timing.h"
 
@@ -51,8 +52,15 @@ const struct timed_step *solver_comparison_step(const timing_candidate *c);
 /* Adds factor and solve of the step that was added last, repeated. */
 timing_candidate *solver_comparison_add_backend(solver_comparison *r);
 
+/* Sends r->system to a reference program; as reference_program_send_system. */
+int solver_comparison_send(const solver_comparison *r, reference_program *child);
+
 /* Adds a reference program, to which r->system was sent. */
 timing_candidate *solver_comparison_add_reference(solver_comparison *r, const char *measure,
                                                   reference_program *child, int variant);
+
+/* Prints the results of all candidates and writes a row for each. failures: writes those without a
+ * result only, as rows of this measure; NULL: all, as rows of their own. */
+void solver_comparison_report(report *out, const solver_comparison *r, const char *failures);
 
 #endif

@@ -13,79 +13,77 @@
 #include "stress.h"
 #include "../bench_reference/theory.h"
 
-enum { MOST_METHODS = 32 };
-
+/* Numbers of outcomes of a method, or of all. */
 typedef struct outcome_counts {
-  int64_t cells, by[STRESS_OUTCOMES], late;
+  int64_t cells, by[STRESS_OUTCOMES], detection_steps;
 } outcome_counts;
 
-static void record_cell(const stress_scene *s, const char *method, double h, const stress_result *c,
-                        report *r, outcome_counts *t) {
-  json_t *row = report_add_row(r, "cell");
-  put_text(row, "scene", s->name);
-  put_text(row, "method", method);
-  put_real(row, "h", h);
-  put_text(row, "outcome", stress_words[c->outcome]);
-  if (*c->text) put_text(row, "reason", c->text);
-  if (c->detection_steps >= 0) put_integer(row, "late", c->detection_steps);
+static void count_outcome(const stress_result *c, outcome_counts *t) {
   t->cells += c->outcome != UNSUPPORTED;
   t->by[c->outcome]++;
-  if (c->detection_steps > t->late) t->late = c->detection_steps;
+  if (c->detection_steps > t->detection_steps) t->detection_steps = c->detection_steps;
+}
+
+static void report_outcome(const stress_scene *s, const char *method, double h,
+                           const stress_result *c, report *r) {
+  json_t *row = report_add_row(
+      r, "cell",
+      FIELDS(TEXT("scene", s->name), TEXT("method", method), REAL("h", h),
+             TEXT("outcome", stress_words[c->outcome]), TEXT("reason", *c->text ? c->text : NULL)));
+  if (c->detection_steps >= 0) put_fields(row, FIELDS(INTEGER("late", c->detection_steps)));
   if (c->outcome >= SILENT && c->outcome != UNSUPPORTED)
     printf(" %s, %s, h = %g s: %s %s\n", s->name, method, h, stress_words[c->outcome], c->text);
 }
 
 /* Runs all scenes and steps with one method. */
-static void measure_method(const char *method, const bench_options *wishes, report *r,
-                           outcome_counts *t) {
-  static const double all[] = {1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1}, few[] = {1e-3, 0.1};
-  const double *h = wishes->quick ? few : all;
-  const int n = wishes->quick ? 2 : 7;
+static void measure_method(const char *method, const bench_run *b, outcome_counts *one,
+                           outcome_counts *all) {
+  static const double steps[] = {1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1}, few[] = {1e-3, 0.1};
+  const int quick = b->options->quick, n = quick ? 2 : 7;
+  const double *h = quick ? few : steps;
+  const int64_t usual = quick ? 300 : 1000;
   const stress_scene *s;
   for (int i = 0; (s = stress_info(i)) != NULL; i++)
     for (int k = 0; k < n && !is_interrupted(); k++) {
-      const int64_t usual = wishes->quick ? 300 : 1000;
-      const int64_t steps = s->steps > 0 && h[k] == 1e-3 && !wishes->quick ? s->steps : usual;
-      const stress_result c = stress_run(s, method, h[k], steps, MSIM_WATCH_ON, 60);
-      record_cell(s, method, h[k], &c, r, t);
+      const int64_t count = s->steps > 0 && h[k] == 1e-3 && !quick ? s->steps : usual;
+      const stress_result c = stress_run(s, method, h[k], count, MSIM_WATCH_ON, 60);
+      report_outcome(s, method, h[k], &c, b->report);
+      count_outcome(&c, one);
+      count_outcome(&c, all);
     }
 }
 
-static void add_counts(const outcome_counts *more, outcome_counts *to) {
-  to->cells += more->cells;
-  for (int o = 0; o < STRESS_OUTCOMES; o++) to->by[o] += more->by[o];
-  if (more->late > to->late) to->late = more->late;
+static void report_method(const char *method, const outcome_counts *t, report *r) {
+  const double good = (double)(t->by[STABLE] + t->by[BOUNDED] + t->by[DISSIPATED]);
+  const double share = t->cells ? good / (double)t->cells : NAN;
+  json_t *row = report_add_row(r, "method", FIELDS(TEXT("method", method), REAL("share", share)));
+  printf(" %-24s", method);
+  for (int o = 0; o < STRESS_OUTCOMES; o++) {
+    put_fields(row, FIELDS(INTEGER(stress_words[o], t->by[o])));
+    printf(" %10lld", (long long)t->by[o]);
+  }
+  printf(" %7.1f%%\n", 100 * share);
+  fflush(stdout);
 }
 
-static void measure_cells(const bench_options *wishes, report *r) {
+static void measure_cells(const bench_run *b) {
   const msim_integrator_entry *entry;
   outcome_counts sum = {0};
-  printf("\nstress\n %-24s", "method");
+  printf("\nnumber of runs by outcome\n %-24s", "method");
   for (int o = 0; o < STRESS_OUTCOMES; o++) printf(" %10s", stress_words[o]);
   printf(" %8s\n", "share");
   for (int32_t m = 0; (entry = msim_integrator_info(m)) != NULL && !is_interrupted(); m++) {
     outcome_counts t = {0};
     if (entry->order == 0) continue;
-    measure_method(entry->name, wishes, r, &t);
-    const double good = (double)(t.by[STABLE] + t.by[BOUNDED] + t.by[DISSIPATED]);
-    json_t *row = report_add_row(r, "method");
-    put_text(row, "method", entry->name);
-    printf(" %-24s", entry->name);
-    for (int o = 0; o < STRESS_OUTCOMES; o++) {
-      put_integer(row, stress_words[o], t.by[o]);
-      printf(" %10lld", (long long)t.by[o]);
-    }
-    put_real(row, "share", t.cells ? good / (double)t.cells : NAN);
-    printf(" %7.1f%%\n", t.cells ? 100 * good / (double)t.cells : 0);
-    fflush(stdout);
-    add_counts(&t, &sum);
+    measure_method(entry->name, b, &t, &sum);
+    report_method(entry->name, &t, b->report);
   }
-  report_key(r, "cells", (double)sum.cells);
-  report_key(r, "refused", (double)sum.by[UNSUPPORTED]);
-  report_key(r, "silent", (double)sum.by[SILENT]);
-  report_key(r, "crashes", (double)sum.by[CRASHED]);
-  report_key(r, "hangs", (double)sum.by[HUNG]);
-  report_key(r, "detection_steps", (double)sum.late);
+  report_key(b->report, "cells", (double)sum.cells);
+  report_key(b->report, "refused", (double)sum.by[UNSUPPORTED]);
+  report_key(b->report, "silent", (double)sum.by[SILENT]);
+  report_key(b->report, "crashes", (double)sum.by[CRASHED]);
+  report_key(b->report, "hangs", (double)sum.by[HUNG]);
+  report_key(b->report, "detection_steps", (double)sum.detection_steps);
 }
 
 /* Checks that theory.c lists every integrator. */
@@ -94,7 +92,7 @@ static int has_theory_of_all(void) {
   int all = 1;
   for (int32_t m = 0; (entry = msim_integrator_info(m)) != NULL; m++) {
     if (entry->order == 0 || theory_find(entry->name)) continue;
-    report_error("no theory of the integrator '%s' is known", entry->name);
+    report_error("integrator '%s' is missing in theory.c; add its stability limits", entry->name);
     all = 0;
   }
   return all;
@@ -106,19 +104,18 @@ static int detects_instability(void) {
   const stress_result r =
       stress_run(stress_info(0), "velocity-verlet", 0.1, 20, MSIM_WATCH_OFF, 60);
   if (r.outcome == SILENT) return 1;
-  report_error("the judge takes a run that blows up for one that is %s", stress_words[r.outcome]);
+  report_error("self-test failed: an unstable run was classified as %s instead of silent",
+               stress_words[r.outcome]);
   return 0;
 }
 
-int bench_stability(const bench_options *wishes, report *r) {
-  if (wishes->nscenes)
-    return report_usage_error(
-        "", "--scene is not for the bench 'stability', which has scenes of its own");
+int bench_stability(bench_run *b) {
+  const int quick = b->options->quick;
   if (!has_theory_of_all() || !detects_instability()) return EXIT_ERROR;
-  const double error = measure_limits(wishes->quick, r);
-  if (!is_interrupted()) report_key(r, "limit_error", error);
-  if (!is_interrupted()) measure_drift(wishes->quick, r);
-  if (!is_interrupted()) measure_cells(wishes, r);
-  if (!is_interrupted() && !wishes->quick) report_key(r, "watch_overhead", watch_overhead());
+  const double error = measure_limits(quick, b->report);
+  if (!is_interrupted()) report_key(b->report, "limit_error", error);
+  if (!is_interrupted()) measure_drift(quick, b->report);
+  if (!is_interrupted()) measure_cells(b);
+  if (!is_interrupted() && !quick) report_key(b->report, "watch_overhead", watch_overhead());
   return 0;
 }

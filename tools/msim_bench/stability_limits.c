@@ -80,7 +80,11 @@ static double bisect_stability_limit(const theory *t, double zeta, double known,
   return (low + high) / 2;
 }
 
-static const char *springs_of(const theory *t) { return t->soft > 0 ? "stiff and soft" : "one"; }
+static const column limit_columns[] = {
+    {"method", "method", -24, NULL, 0},  {"springs", "springs", -14, NULL, 0},
+    {"zeta", "zeta", 4, "%g", 0},        {"", "kind", -7, NULL, 0},
+    {"theory", "theory", 12, "%.7g", 0}, {"found", "found", 12, "%.7g", 0},
+    {"error", "error", 9, "%.2g", 0},    {.key = NULL}};
 
 /* A decayed amplitude counts as 0; NAN stays NAN. */
 static double decayed(double size) { return size < 0 ? 0 : size; }
@@ -96,24 +100,20 @@ static double check_limit(const theory *t, int i, int quick, report *r) {
   const double off = fabs(found - expected) / (expected > 0 ? expected : 1);
   const double error = isnan(off) ? INFINITY : off;
   const char *kind = is_rate ? "growth" : has_none ? "none" : "limit";
-  json_t *row = report_add_row(r, "limit");
-  put_text(row, "method", t->method);
-  put_text(row, "springs", springs_of(t));
-  put_real(row, "zeta", zetas[i]);
-  put_text(row, "kind", kind);
-  put_real(row, "theory", expected);
-  put_real(row, "found", found);
-  put_real(row, "error", error);
-  printf(" %-24s %-14s %4g  %-7s %12.7g %12.7g %9.2g\n", t->method, springs_of(t), zetas[i], kind,
-         expected, found, error);
+  const json_t *row = report_add_row(
+      r, "limit",
+      FIELDS(TEXT("method", t->method), TEXT("springs", t->soft > 0 ? "stiff and soft" : "one"),
+             REAL("zeta", zetas[i]), TEXT("kind", kind), REAL("theory", expected),
+             REAL("found", found), REAL("error", error)));
+  print_row(limit_columns, row);
   return error;
 }
 
 double measure_limits(int quick, report *r) {
   const theory *t;
   double worst = 0;
-  printf("\nlongest stable h w\n %-24s %-14s zeta           %12s %12s %9s\n", "method", "springs",
-         "theory", "found", "error");
+  puts("\nlongest stable h w");
+  print_titles(limit_columns);
   for (int m = 0; (t = theory_at(m)) != NULL; m++)
     for (int i = 0; i < (t->undamped ? 1 : DAMPING_RATIOS) && !is_interrupted(); i++)
       worst = fmax(worst, check_limit(t, i, quick, r));
@@ -152,27 +152,30 @@ static void measure_momentum_drift(const char *method, int64_t steps, double *li
   msim_scene_destroy(scene);
 }
 
+static const column drift_columns[] = {{"method", "method", -24, NULL, 0},
+                                       {"theory", "theory", 12, "%.6g", 0},
+                                       {"found", "found", 12, "%.6g", 0},
+                                       {"linear", "momentum", 10, "%.2g", 0},
+                                       {"angular", "angular_momentum", 10, "%.2g", 0},
+                                       {.key = NULL}};
+
 void measure_drift(int quick, report *r) {
   const int64_t steps = quick ? 10000 : 100000;
   const double z = 0.01;
   const theory *t;
-  printf(
-      "\nafter %lld steps: ln of the energy over that of the start at h w = %g; what two "
-      "bodies lose of momentum\n %-24s %12s %12s %10s %10s\n",
-      (long long)steps, z, "method", "theory", "found", "linear", "angular");
+  printf("\nafter %lld steps: ln(E/E0) at h w = %g; relative change of momentum of two bodies\n",
+         (long long)steps, z);
+  print_titles(drift_columns);
   for (int m = 0; (t = theory_at(m)) != NULL && !is_interrupted(); m++) {
-    if (t->soft > 0) continue;
-    const double expected = 2 * (double)steps * theory_rate(t, z);
-    const double found = 2 * amplitude_after(t, 0, z, steps);
     double linear, angular;
+    if (t->soft > 0) continue;
     measure_momentum_drift(t->method, steps, &linear, &angular);
-    json_t *row = report_add_row(r, "drift");
-    put_text(row, "method", t->method);
-    put_integer(row, "steps", steps);
-    put_real(row, "theory", expected);
-    put_real(row, "found", found);
-    put_real(row, "momentum", linear);
-    put_real(row, "angular_momentum", angular);
-    printf(" %-24s %12.6g %12.6g %10.2g %10.2g\n", t->method, expected, found, linear, angular);
+    const json_t *row =
+        report_add_row(r, "drift",
+                       FIELDS(TEXT("method", t->method), INTEGER("steps", steps),
+                              REAL("theory", 2 * (double)steps * theory_rate(t, z)),
+                              REAL("found", 2 * amplitude_after(t, 0, z, steps)),
+                              REAL("momentum", linear), REAL("angular_momentum", angular)));
+    print_row(drift_columns, row);
   }
 }

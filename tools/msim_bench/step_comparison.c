@@ -22,7 +22,7 @@ static int add_factorization(step_comparison *r, const moving_scene *m, double h
   time_in_turn(bare, 1, &once);
   const timing_candidate *without_result = step->nsamples == 0 ? step : bare;
   snprintf(r->no_factor.text, sizeof r->no_factor.text, "%.*s", (int)sizeof r->no_factor.text - 1,
-           without_result->failed ? without_result->reason : "there was no time left");
+           without_result->failed ? without_result->reason : NO_TIME);
   if (bare->nsamples == 0) return 0;
   r->factor = &r->all[r->count++];
   *r->factor = *bare;
@@ -34,7 +34,7 @@ static int add_factorization(step_comparison *r, const moving_scene *m, double h
 /* One decade above the newton.rtol that reached the first accuracy: a method that converges equally
  * begins there. */
 static int rtol_above(const accuracy_record *p) {
-  const int found = isfinite(p->reached[0].seconds) ? p->reached[0].rung : 0;
+  const int found = isfinite(p->reached[0].seconds) ? p->reached[0].setting : 0;
   return found > 2 ? found - 2 : 0;
 }
 
@@ -45,10 +45,10 @@ static void run_newton_sweeps(step_comparison *r, const step_plan *plan,
   newton_sweep_plan limits = {.stride = plan->is_quick ? 2 : 1};
   for (int i = 0; i < 2; i++) {
     limits.allowed = allowed[i];
-    limits.allowed.seconds = plan->ladder;
-    if (i == BY_CHOLMOD && plan->is_quick) limits.first = rtol_above(&r->ladders[BY_PCG].pursuit);
-    newton_sweep_run(&r->step, names[i], solvers[i], &limits, &r->ladders[i]);
-    r->records[i] = &r->ladders[i].pursuit;
+    limits.allowed.seconds = plan->newton;
+    if (i == BY_CHOLMOD && plan->is_quick) limits.first = rtol_above(&r->records[BY_PCG]);
+    accuracy_record_begin(&r->records[i], names[i]);
+    newton_sweep_run(&r->step, solvers[i], &limits, &r->newton[i], &r->records[i]);
   }
 }
 
@@ -104,15 +104,14 @@ static double repeat_descent(descent *d, int64_t iterations) {
  * slower. */
 static void run_descents(step_comparison *r, const step_plan *plan, double until) {
   static const descent_method *const methods[] = {&projective_dynamics, &lbfgs};
-  const double ours = seconds_to_best(r->records[BY_PCG]);
+  const double ours = seconds_to_best(&r->records[BY_PCG]);
   const method_limits allowed = {.seconds = fmax(plan->descent, 4 * ours), .until = until};
   r->descent_limit = allowed.seconds;
   const moving_scene *m = r->step.moving;
   const int made = laplacian_make(&m->view, r->step.h, &r->matrix) &&
                    potential_make(&m->view, m->x, m->v, r->step.h, &r->matrix, &r->potential);
   for (int i = 0; i < 2; i++) {
-    accuracy_record *p = &r->descent_records[i];
-    r->records[BY_PROJECTIVE_DYNAMICS + i] = p;
+    accuracy_record *p = &r->records[BY_PROJECTIVE_DYNAMICS + i];
     accuracy_record_begin(p, methods[i]->name);
     if (made && descent_make(methods[i], &r->potential, &r->descents[i]))
       run_descent(&r->step, &allowed, &r->descents[i], p);
@@ -124,30 +123,30 @@ static void run_descents(step_comparison *r, const step_plan *plan, double until
 
 static int repeat_step_run(timing_candidate *c, timing_sample *s) {
   const struct step_run *run = c->data;
-  step_comparison *r = run->race;
-  const iterate_record *at = &r->records[run->method]->reached[run->accuracy];
+  step_comparison *r = run->comparison;
+  const iterate_record *at = &r->records[run->method].reached[run->accuracy];
   msim_error err;
   if (run->method >= BY_PROJECTIVE_DYNAMICS) {
     s->whole = repeat_descent(&r->descents[run->method - BY_PROJECTIVE_DYNAMICS], at->iterations);
     return 1;
   }
-  const msim_status status = newton_sweep_step(&r->ladders[run->method], at->rung, &s->whole, &err);
-  if (status) snprintf(c->reason, sizeof c->reason, "%s", err.text);
-  return !status;
+  const msim_status status =
+      newton_sweep_step(&r->newton[run->method], at->setting, &s->whole, &err);
+  return status ? candidate_fail(c, err.text) : 1;
 }
 
 /* A run that reached several accuracies at once is repeated once for all. */
 static timing_candidate *find_same_run(const step_comparison *r, int method, int accuracy) {
-  const iterate_record *at = r->records[method]->reached;
+  const iterate_record *at = r->records[method].reached;
   for (int a = 0; a < accuracy; a++)
-    if (at[a].rung == at[accuracy].rung && at[a].iterations == at[accuracy].iterations)
+    if (at[a].setting == at[accuracy].setting && at[a].iterations == at[accuracy].iterations)
       return r->reached[method][a];
   return NULL;
 }
 
 /* The run that found it is the warm-up. */
 static void add_reached_accuracy(step_comparison *r, int method, int accuracy) {
-  const accuracy_record *p = r->records[method];
+  const accuracy_record *p = &r->records[method];
   const iterate_record *at = &p->reached[accuracy];
   struct step_run *run = &r->runs[method * ACCURACIES + accuracy];
   if (!isfinite(at->seconds)) return;
@@ -155,10 +154,8 @@ static void add_reached_accuracy(step_comparison *r, int method, int accuracy) {
   if (r->reached[method][accuracy]) return;
   timing_candidate *c = &r->all[r->count++];
   *run = (struct step_run){r, method, accuracy};
-  *c = (timing_candidate){
-      .family = p->name, .measure = "step", .run = repeat_step_run, .data = run, .nsamples = 1};
-  snprintf(c->name, sizeof c->name, "%.31s", p->name);
-  c->residual = NAN;
+  candidate_init(c, p->name, "step", repeat_step_run, run);
+  c->nsamples = 1;
   c->samples[0].whole = c->total_seconds = at->seconds;
   r->reached[method][accuracy] = c;
 }
@@ -166,7 +163,7 @@ static void add_reached_accuracy(step_comparison *r, int method, int accuracy) {
 step_comparison *step_comparison_run(const moving_scene *m, double h, const step_plan *plan,
                                      double until, msim_error *err) {
   step_comparison *r = calloc(1, sizeof *r);
-  snprintf(err->text, sizeof err->text, "out of memory for a race");
+  snprintf(err->text, sizeof err->text, "out of memory for the comparison");
   if (!r) return NULL;
   const int factors = add_factorization(r, m, h, until);
   const method_limits allowed[2] = {
@@ -183,8 +180,7 @@ step_comparison *step_comparison_run(const moving_scene *m, double h, const step
   run_descents(r, plan, until);
   for (int method = 0; method < METHODS; method++)
     for (int a = 0; a < ACCURACIES; a++) add_reached_accuracy(r, method, a);
-  timing_limits turns = plan->turns;
-  turns.until = until;
+  const timing_limits turns = limits_until(plan->turns, until);
   time_in_turn(r->all, r->count, &turns);
   return r;
 }
@@ -192,7 +188,7 @@ step_comparison *step_comparison_run(const moving_scene *m, double h, const step
 void step_comparison_free(step_comparison *r) {
   if (!r) return;
   for (int i = 0; i < 2; i++) {
-    newton_sweep_free(&r->ladders[i]);
+    newton_sweep_free(&r->newton[i]);
     descent_free(&r->descents[i]);
   }
   potential_free(&r->potential);

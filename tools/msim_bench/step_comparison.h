@@ -11,29 +11,27 @@ enum { BY_PCG, BY_CHOLMOD, BY_PROJECTIVE_DYNAMICS, BY_LBFGS, METHODS };
 
 typedef struct step_plan {
   double solution;        /* s, limit for the converged solution */
-  double ladder, descent; /* s, limits for each Newton run and each descent */
+  double newton, descent; /* s, limits for each Newton run and each descent */
   int is_quick;           /* use every other newton.rtol */
   timing_limits turns;
 } step_plan;
 
 typedef struct step_comparison {
   nonlinear_step step;
-  newton_sweep ladders[2];
+  newton_sweep newton[2];
   laplacian matrix;
   potential potential;
   descent descents[2];
-  accuracy_record descent_records[2];
   double descent_limit; /* s, limit for each prefactored method */
-  const accuracy_record *records[METHODS];
+  accuracy_record records[METHODS];
   solver_comparison *linear; /* runs the factorization */
   int count;
   timing_candidate all[METHODS * ACCURACIES + 1];
   timing_candidate *reached[METHODS][ACCURACIES]; /* NULL: not reached */
-  timing_candidate
-      *factor; /* factor_seconds of the linearly implicit step's matrix, by CHOLMOD; NULL:
-                         none */
+  timing_candidate *factor; /* factor_seconds of the linearly implicit step's matrix, by CHOLMOD;
+                               NULL: none */
   struct step_run {
-    struct step_comparison *race;
+    struct step_comparison *comparison;
     int method, accuracy;
   } runs[METHODS * ACCURACIES];
   msim_error no_factor; /* why there is none */

@@ -2,19 +2,15 @@
 #ifndef BENCH_STEP_REPORT_H
 #define BENCH_STEP_REPORT_H
 
-#include "report.h"
 #include "step_comparison.h"
 
 void report_step_comparison(report *out, const step_comparison *r);
 
-/* Writes a row for a step without a converged solution. */
-void report_unsolved(report *out, const moving_scene *m, double h, const char *why);
-
 /* Ratio of the times of two methods to an accuracy. */
 typedef struct step_ratio {
-  double value; /* NAN: not measured; INFINITY: msim's Newton method failed */
-  const accuracy_record
-      *bound; /* other method, which failed: `value` is an upper bound; NULL: exact */
+  double value;                 /* NAN: not measured; INFINITY: msim's Newton method failed */
+  const accuracy_record *bound; /* of the other method, which failed, so that `value` is an upper
+                                   bound; NULL: exact */
 } step_ratio;
 
 void report_step_ratio(report *out, const step_comparison *r, const char *name, int accuracy,

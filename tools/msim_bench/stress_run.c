@@ -144,7 +144,8 @@ static stress_result judge_run(msim_sim *sim, run_bounds *j, int64_t steps) {
     if (passed >= 0) r.detection_steps = step - passed;
   } else if (passed >= 0) {
     r.outcome = SILENT;
-    snprintf(r.text, sizeof r.text, "beyond at step %lld", (long long)passed);
+    snprintf(r.text, sizeof r.text, "bounds exceeded at step %lld without a report",
+             (long long)passed);
   } else if (after < before - 0.1 * j->supply) r.outcome = DISSIPATED;
   else if (j->most > 1.1) r.outcome = BOUNDED;
   return r;

@@ -1,4 +1,3 @@
-#define _POSIX_C_SOURCE 200809L /* nanosleep */
 #include "timing.h"
 
 #include <math.h>
@@ -6,16 +5,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "../common/clock.h"
 #include "interrupt.h"
-
-void sleep_seconds(double seconds) {
-  struct timespec left = {.tv_sec = (time_t)seconds,
-                          .tv_nsec = (long)(1e9 * (seconds - floor(seconds)))};
-  nanosleep(&left, NULL);
-}
 
 /*------------------------------------- values ---------------------------------------------------*/
 
@@ -32,7 +24,41 @@ double solve_per_iteration(const timing_sample *s) {
   return s->iterations > 0 ? s->solve / (double)s->iterations : NAN;
 }
 
+/*------------------------------------- candidates -----------------------------------------------*/
+
+void candidate_init(timing_candidate *c, const char *name, const char *measure,
+                    int (*run)(timing_candidate *c, timing_sample *s), void *data) {
+  *c = (timing_candidate){
+      .family = c->name, .measure = measure, .run = run, .data = data, .residual = NAN};
+  snprintf(c->name, sizeof c->name, "%s", name);
+}
+
+int candidate_fail(timing_candidate *c, const char *why) {
+  snprintf(c->reason, sizeof c->reason, "%s", why);
+  return 0;
+}
+
+int has_result(const timing_candidate *c) { return !c->failed && c->nsamples > 0; }
+
+void put_result(json_t *row, const timing_candidate *c, sample_value *value, const char *unit,
+                double per_second) {
+  const char *status = c->failed ? "failed" : "left out";
+  if (!has_result(c)) {
+    put_fields(row,
+               FIELDS(TEXT("status", status), TEXT("reason", c->failed ? c->reason : NO_TIME)));
+    return;
+  }
+  put_fields(row, FIELDS(TEXT("status", "ok"), REAL(unit, per_second * median_of(c, value)),
+                         REAL("spread", spread_of(c, value)),
+                         INTEGER("repeats", c->nsamples > 1 ? c->nsamples - 1 : 1)));
+}
+
 /*------------------------------------- running --------------------------------------------------*/
+
+timing_limits limits_until(timing_limits p, double until) {
+  p.until = until;
+  return p;
+}
 
 static int may_run_again(const timing_candidate *c, int count, const timing_limits *p) {
   if (c->failed || c->nsamples > p->max_rounds || is_interrupted() || clock_seconds() > p->until)
@@ -65,7 +91,7 @@ int time_series(msim_sim *sim, int steps, double until, timing_sample *s, msim_e
     msim_energy energy = {.size = sizeof energy};
     const double start = clock_seconds();
     if (start > until || is_interrupted()) {
-      snprintf(err->text, sizeof err->text, "there was no time left");
+      snprintf(err->text, sizeof err->text, NO_TIME);
       return 0;
     }
     if (msim_sim_step(sim, 1, err) != MSIM_OK) return 0;

@@ -5,9 +5,9 @@
 #include <stdint.h>
 
 #include "msim/msim.h"
+#include "report.h"
 
-/* Sleeps, so that threads that wait by spinning (OpenBLAS, OpenMP) go to sleep. */
-void sleep_seconds(double seconds);
+#define NO_TIME "the time limit of the benchmark was reached"
 
 /* Result of one run: seconds in total and by phase; means if the run is a series of steps. */
 typedef struct timing_sample {
@@ -33,7 +33,7 @@ enum { MAX_ROUNDS = 60 };
 
 typedef struct timing_candidate {
   char name[32];
-  const char *family;  /* only its fastest is compared with others; usually `name` */
+  const char *family;  /* only its fastest is compared with others */
   const char *measure; /* such as "step" */
   /* Runs once. Returns 0 on failure and sets reason; it is then not run again. */
   int (*run)(struct timing_candidate *c, timing_sample *s);
@@ -46,12 +46,29 @@ typedef struct timing_candidate {
   timing_sample samples[MAX_ROUNDS];
 } timing_candidate;
 
+/* Sets what all candidates have; the name is copied, `family` is the copy. */
+void candidate_init(timing_candidate *c, const char *name, const char *measure,
+                    int (*run)(timing_candidate *c, timing_sample *s), void *data);
+
+/* Sets the reason of a failure. Returns 0. */
+int candidate_fail(timing_candidate *c, const char *why);
+
+int has_result(const timing_candidate *c);
+
+/* Adds to a row the status of a candidate, and the reason or its median time in `unit`, of which
+ * there are so many in a second, spread and repeats. */
+void put_result(json_t *row, const timing_candidate *c, sample_value *value, const char *unit,
+                double per_second);
+
 typedef struct timing_limits {
   int max_rounds; /* rounds after the first, at most MAX_ROUNDS - 1 */
   double budget;  /* s, shared equally; a candidate stops when it has used its share */
   int min_rounds; /* at least so many after the first, unless they take half of the budget */
   double until;   /* on the clock of clock_seconds: no run starts after it */
 } timing_limits;
+
+/* The same limits with this end. */
+timing_limits limits_until(timing_limits p, double until);
 
 /* Times at most MAX_SERIES steps of a sim: mean, median, smallest kinetic energy. Returns 0 if a
  * step fails or the time is up before the last one, and sets err. */

@@ -12,8 +12,8 @@ typedef struct cost_point {
 } cost_point;
 
 static cost_point point_of(const setting_sweep *c, int i) {
-  const sweep_point *r = &c->rungs[i];
-  const double told = fmax(r->verdict.error, 10 * c->arena.truth->error);
+  const sweep_point *r = &c->points[i];
+  const double told = fmax(r->errors.error, 10 * c->context.truth->error);
   return (cost_point){.error = r->status == POINT_FAILED ? INFINITY : told,
                       .cost = {median_of(&c->all[i], whole_seconds), (double)r->evaluations}};
 }
@@ -27,12 +27,12 @@ static cost interpolate_cost(const cost_point *above, const cost_point *below, d
                 interpolate_log(above->cost.evaluations, below->cost.evaluations, share)};
 }
 
-cost cost_at_error(const setting_sweep *c, const precision_method *who, double error) {
+cost cost_at_error(const setting_sweep *c, const precision_method *m, double error) {
   cost best = {NAN, NAN};
   cost_point before = {.error = INFINITY};
-  if (!reference_solution_supports(c->arena.truth, error)) return best;
+  if (!reference_solution_supports(c->context.truth, error)) return best;
   for (int i = 0; i < c->count; i++) {
-    if (c->rungs[i].method != who) continue;
+    if (c->points[i].method != m) continue;
     const cost_point here = point_of(c, i);
     if (here.error <= error) {
       const int bracketed = before.error > error && isfinite(before.error);
@@ -44,18 +44,17 @@ cost cost_at_error(const setting_sweep *c, const precision_method *who, double e
   return best;
 }
 
-static int is_in_group(const precision_method *who, int of_msim) {
-  if (!who->integrator) return !of_msim;
-  return of_msim && strcmp(who->integrator, "auto") != 0;
+static int is_in_group(const precision_method *m, int of_msim) {
+  if (!m->integrator) return !of_msim;
+  return of_msim && strcmp(m->integrator, "auto") != 0;
 }
 
 const precision_method *fastest_method(const setting_sweep *c, int of_msim, double error) {
   const precision_method *best = NULL;
   double least = INFINITY;
-  for (const precision_method *who = c->entrants.all; who < c->entrants.all + c->entrants.count;
-       who++) {
-    const double seconds = is_in_group(who, of_msim) ? cost_at_error(c, who, error).seconds : NAN;
-    if (seconds < least) best = who, least = seconds;
+  for (const precision_method *m = c->methods.all; m < c->methods.all + c->methods.count; m++) {
+    const double seconds = is_in_group(m, of_msim) ? cost_at_error(c, m, error).seconds : NAN;
+    if (seconds < least) best = m, least = seconds;
   }
   return best;
 }

@@ -17,8 +17,8 @@ typedef struct cost {
   double seconds, evaluations;
 } cost;
 
-/* who: may be NULL */
-cost cost_at_error(const setting_sweep *c, const precision_method *who, double error);
+/* m: may be NULL */
+cost cost_at_error(const setting_sweep *c, const precision_method *m, double error);
 
 /* The fastest method of msim other than `auto`, or of the other library; NULL: none. */
 const precision_method *fastest_method(const setting_sweep *c, int of_msim, double error);

@@ -5,8 +5,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
-#include "../bench_reference/ode.h"
+#include "ode.h"
 
 enum { TIMES = 5, CALLS = 200 };
 
@@ -14,25 +13,28 @@ enum { TIMES = 5, CALLS = 200 };
 
 /* Converts from x0 y0 z0 x1 ... to arrays by components. */
 static void split_components(const ode_forces *k, const double *from, double *to) {
-  const int32_t n = k->truth->view.nparticles;
+  const int32_t n = k->view.nparticles;
   for (int32_t i = 0; i < n; i++)
     for (int c = 0; c < 3; c++) to[c * n + i] = from[3 * i + c];
 }
 
 void ode_forces_interleave(const ode_forces *k, const double *from, double *to) {
-  const int32_t n = k->truth->view.nparticles;
+  const int32_t n = k->view.nparticles;
   for (int32_t i = 0; i < n; i++)
     for (int c = 0; c < 3; c++) to[3 * i + c] = k->by_runs ? from[c * n + i] : from[3 * i + c];
 }
 
 static void store_initial_state(ode_forces *k) {
-  const reference_solution *t = k->truth;
-  const double *const from[] = {t->view.x, t->view.v, t->inverse};
-  double *const to[] = {k->x, k->v, k->inverse};
-  for (int i = 0; i < 3; i++) {
+  const int32_t n = k->view.nparticles;
+  const double *const from[] = {k->view.x, k->view.v};
+  double *const to[] = {k->x, k->v};
+  for (int i = 0; i < 2; i++) {
     if (k->by_runs) split_components(k, from[i], to[i]);
-    else memcpy(to[i], from[i], 3 * (size_t)t->view.nparticles * sizeof(double));
+    else memcpy(to[i], from[i], 3 * (size_t)n * sizeof(double));
   }
+  for (int32_t i = 0; i < n; i++)
+    for (int c = 0; c < 3; c++)
+      k->inverse[k->by_runs ? c * n + i : 3 * i + c] = k->view.pinned[i] ? 0 : 1 / k->view.mass[i];
 }
 
 /*------------------------------------- forces ---------------------------------------------------*/
@@ -42,13 +44,13 @@ void ode_forces_evaluate(const ode_forces *k, int part, const double *x, const d
   if (part == STIFF_FORCES) spring_runs_force(&k->split.stiff, x, v, f);
   else if (part == OTHER_FORCES) spring_runs_force(&k->split.others, x, v, f);
   else if (k->by_runs) spring_runs_force(&k->runs, x, v, f);
-  else msim_sim_force(k->truth->sim, x, v, f);
+  else msim_sim_force(k->sim, x, v, f);
 }
 
 static double time_forces(const ode_forces *k, int part, const double *x, const double *v,
                           double *f) {
   double best = INFINITY;
-  for (int i = 0; i < TIMES && !is_interrupted(); i++) {
+  for (int i = 0; i < TIMES; i++) {
     const double start = clock_seconds();
     for (int call = 0; call < CALLS; call++) ode_forces_evaluate(k, part, x, v, f);
     best = fmin(best, (clock_seconds() - start) / CALLS);
@@ -59,25 +61,23 @@ static double time_forces(const ode_forces *k, int part, const double *x, const 
 /* max |f - flat| / max |flat| over free particles; spring_runs_force sets forces on pinned ones,
  * too. */
 static double compare_forces(const ode_forces *k, const double *f, const double *flat) {
-  const int32_t n = k->truth->view.nparticles;
+  const int32_t n = k->view.nparticles;
   double apart = 0, largest = 0;
   for (int32_t i = 0; i < n; i++)
-    for (int c = 0; c < 3 && !k->truth->view.pinned[i]; c++) {
+    for (int c = 0; c < 3 && !k->view.pinned[i]; c++) {
       apart = fmax(apart, fabs(f[c * n + i] - flat[3 * i + c]));
       largest = fmax(largest, fabs(flat[3 * i + c]));
     }
   return apart / largest;
 }
 
-/* Times and compares both implementations at the end of the run, where springs are strained. f:
- * scratch, 6n. */
-static void choose_implementation(ode_forces *k, double *f) {
-  const reference_solution *t = k->truth;
-  double *flat = f + 3 * (size_t)t->view.nparticles;
-  k->flat_s = time_forces(k, ALL_FORCES, t->end.x, t->end.v, flat);
+/* Times and compares both implementations. f: scratch, 6n. */
+static void choose_implementation(ode_forces *k, const double *x, const double *v, double *f) {
+  double *flat = f + 3 * (size_t)k->view.nparticles;
+  k->flat_s = time_forces(k, ALL_FORCES, x, v, flat);
   k->by_runs = 1;
-  split_components(k, t->end.x, k->x);
-  split_components(k, t->end.v, k->v);
+  split_components(k, x, k->x);
+  split_components(k, v, k->v);
   k->runs_s = time_forces(k, ALL_FORCES, k->x, k->v, f);
   k->difference = compare_forces(k, f, flat);
   k->by_runs = (k->runs_s < k->flat_s || k->split.by) && k->difference < 1e-9;
@@ -85,7 +85,7 @@ static void choose_implementation(ode_forces *k, double *f) {
 
 /* Times the parts of split forces and compares their sum with the whole. */
 static void check_split(ode_forces *k, double *f) {
-  const size_t n = 3 * (size_t)k->truth->view.nparticles;
+  const size_t n = 3 * (size_t)k->view.nparticles;
   double *other = f + n, apart = 0, largest = 0;
   k->stiff_s = time_forces(k, STIFF_FORCES, k->x, k->v, f);
   k->others_s = time_forces(k, OTHER_FORCES, k->x, k->v, other);
@@ -101,19 +101,18 @@ static void check_split(ode_forces *k, double *f) {
 
 /*------------------------------------- a sim ----------------------------------------------------*/
 
-static void time_sim(ode_forces *k) {
-  const reference_solution *t = k->truth;
+static void time_sim(const msim_scene *scene, double h, ode_forces *k) {
   msim_options options;
   msim_sim *sim = NULL;
   msim_options_init(&options, sizeof options);
   options.integrator = "velocity-verlet";
   options.threads = 1;
-  options.h = t->limit / 4;
+  options.h = h;
   options.steps = TIMES * CALLS;
   const double start = clock_seconds();
-  if (msim_sim_create(t->scene, &options, &sim, NULL) != MSIM_OK) return;
+  if (msim_sim_create(scene, &options, &sim, NULL) != MSIM_OK) return;
   k->create_s = fmin(k->create_s, clock_seconds() - start);
-  for (int i = 0; i < TIMES && !is_interrupted(); i++) {
+  for (int i = 0; i < TIMES; i++) {
     const double begun = clock_seconds();
     if (msim_sim_step(sim, CALLS, NULL) != MSIM_OK) break;
     k->step_s = fmin(k->step_s, (clock_seconds() - begun) / CALLS);
@@ -121,15 +120,13 @@ static void time_sim(ode_forces *k) {
   msim_sim_destroy(sim);
 }
 
-static int split_of(const precision_scene *kind) {
-  if (kind->impacts) return 0;
-  if (kind->stiff > 0) return SPLIT_SPRINGS;
-  return kind->damped ? SPLIT_DAMPING : 0;
-}
-
-int ode_forces_create(const reference_solution *t, ode_forces *k) {
-  const size_t bytes = 3 * (size_t)t->view.nparticles * sizeof(double);
-  *k = (ode_forces){.truth = t,
+int ode_forces_create(const msim_scene *scene, msim_sim *sim, int split_by, double stiff,
+                      const double *x, const double *v, double h, ode_forces *k) {
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  const size_t bytes = 3 * (size_t)view.nparticles * sizeof(double);
+  *k = (ode_forces){.view = view,
+                    .sim = sim,
                     .x = malloc(bytes),
                     .v = malloc(bytes),
                     .inverse = malloc(bytes),
@@ -139,14 +136,14 @@ int ode_forces_create(const reference_solution *t, ode_forces *k) {
                     .others_s = NAN,
                     .split_difference = NAN};
   double *f = malloc(2 * bytes);
-  const int made = spring_runs_create(&t->view, &k->runs) &&
-                   force_split_create(&t->view, split_of(t->kind), t->kind->stiff, &k->split) &&
-                   k->x && k->v && k->inverse && f;
+  const int made = spring_runs_create(&view, &k->runs) &&
+                   force_split_create(&view, split_by, stiff, &k->split) && k->x && k->v &&
+                   k->inverse && f;
   if (made) {
-    choose_implementation(k, f);
+    choose_implementation(k, x, v, f);
     if (k->split.by) check_split(k, f);
     store_initial_state(k);
-    for (int i = 0; i < TIMES && !is_interrupted(); i++) time_sim(k);
+    for (int i = 0; i < TIMES; i++) time_sim(scene, h, k);
   }
   free(f);
   return made;

@@ -5,9 +5,9 @@
 
 #include <sys/types.h>
 
-#include "../bench_reference/ode.h"
-#include "../bench_reference/protocol.h"
-#include "linear_system.h"
+#include "msim/msim.h"
+#include "ode.h"
+#include "protocol.h"
 
 typedef struct reference_program {
   pid_t pid; /* 0: not running */
@@ -21,8 +21,10 @@ typedef struct reference_program {
 void reference_program_start(reference_program *r, const char *name);
 void reference_program_stop(reference_program *r);
 
-/* Sends the next system. Returns 0 on failure and sets r->reason. */
-int reference_program_send_system(reference_program *r, const linear_system *s);
+/* Sends the next system A y = b, to be solved to ||b - A y|| <= rtol ||b||. Returns 0 on failure
+ * and sets r->reason. */
+int reference_program_send_system(reference_program *r, const msim_csr *A, const double *b,
+                                  double rtol, int32_t max_iterations);
 
 /* Solves once, then waits until its threads sleep. Returns 0 on failure and sets reply->reason. */
 int reference_program_solve(reference_program *r, int variant, reference_reply *reply);

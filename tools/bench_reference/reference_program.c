@@ -12,7 +12,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "timing.h"
+#include "../common/clock.h"
 
 extern char **environ;
 
@@ -121,18 +121,18 @@ static int stop_unresponsive(reference_program *r) {
   return 0;
 }
 
-int reference_program_send_system(reference_program *r, const linear_system *s) {
-  const size_t n = (size_t)s->n, entries = (size_t)s->A.rowptr[n];
+int reference_program_send_system(reference_program *r, const msim_csr *A, const double *b,
+                                  double rtol, int32_t max_iterations) {
+  const size_t n = (size_t)A->n, entries = (size_t)A->rowptr[n];
   const reference_request request = {
-      .what = REFERENCE_SYSTEM, .n = s->n, .max_iterations = MAX_ITERATIONS, .rtol = s->rtol};
+      .what = REFERENCE_SYSTEM, .n = A->n, .max_iterations = max_iterations, .rtol = rtol};
   reference_reply reply;
   if (r->pid == 0) return 0;
   if (!pipe_write(r->to, &request, sizeof request) ||
-      !pipe_write(r->to, s->A.rowptr, (n + 1) * sizeof(int32_t)) ||
-      !pipe_write(r->to, s->A.colind, entries * sizeof(int32_t)) ||
-      !pipe_write(r->to, s->A.val, entries * sizeof(double)) ||
-      !pipe_write(r->to, s->b, n * sizeof(double)) ||
-      !pipe_write(r->to, s->guess, n * sizeof(double)) || !pipe_read(r->from, &reply, sizeof reply))
+      !pipe_write(r->to, A->rowptr, (n + 1) * sizeof(int32_t)) ||
+      !pipe_write(r->to, A->colind, entries * sizeof(int32_t)) ||
+      !pipe_write(r->to, A->val, entries * sizeof(double)) ||
+      !pipe_write(r->to, b, n * sizeof(double)) || !pipe_read(r->from, &reply, sizeof reply))
     return stop_unresponsive(r);
   if (reply.failed) snprintf(r->reason, sizeof r->reason, "%.*s", 127, reply.reason);
   return !reply.failed;
@@ -143,7 +143,7 @@ int reference_program_solve(reference_program *r, int variant, reference_reply *
   *reply = (reference_reply){.failed = 1};
   if (r->pid != 0 && pipe_write(r->to, &request, sizeof request) &&
       pipe_read(r->from, reply, sizeof *reply)) {
-    sleep_seconds(r->hello.rest_s);
+    clock_sleep(r->hello.rest_s);
     return !reply->failed;
   }
   if (r->pid != 0) stop_unresponsive(r);

@@ -4,11 +4,11 @@
 #ifndef BENCH_ODE_FORCES_H
 #define BENCH_ODE_FORCES_H
 
-#include "../bench_reference/force_split.h"
-#include "reference_solution.h"
+#include "force_split.h"
 
 typedef struct ode_forces {
-  const reference_solution *truth;
+  msim_scene_view view;
+  msim_sim *sim; /* computes forces */
   spring_runs runs;
   force_split split;       /* arrays by components */
   int by_runs;             /* 1: the loop; always so if the forces are split */
@@ -21,8 +21,11 @@ typedef struct ode_forces {
   double split_difference;  /* of the forces and the sum of their parts, likewise */
 } ode_forces;
 
-/* Returns 0 if out of memory. Call ode_forces_free in any case. */
-int ode_forces_create(const reference_solution *t, ode_forces *k);
+/* The implementations are timed and compared in the state x, v, where springs are strained.
+ * split_by, stiff: as for force_split_create; h: a stable step. Returns 0 if out of memory. Call
+ * ode_forces_free in any case. */
+int ode_forces_create(const msim_scene *scene, msim_sim *sim, int split_by, double stiff,
+                      const double *x, const double *v, double h, ode_forces *k);
 void ode_forces_free(ode_forces *k);
 
 /* part: ALL_FORCES, STIFF_FORCES or OTHER_FORCES */
