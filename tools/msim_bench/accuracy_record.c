@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 #include "timing.h"
 
 const double accuracies[ACCURACIES] = {1e-2, 1e-4, 1e-6};

@@ -44,13 +44,15 @@ static int take_threads(arguments *args, const char *value) {
   return EXIT_OK;
 }
 
+/* Appends a name to a list, behind a separator unless it is the first. */
+static void append_name(char *list, size_t size, const char *separator, const char *name) {
+  const size_t used = strlen(list);
+  snprintf(list + used, size - used, "%s%s", used ? separator : "", name);
+}
+
 static int complain_scene(const char *name, size_t length) {
   char known[256] = "";
-  const bench_scene *scene;
-  for (int i = 0; (scene = scene_info(i)) != NULL; i++) {
-    const size_t used = strlen(known);
-    snprintf(known + used, sizeof known - used, "%s%s", i ? ", " : "", scene->name);
-  }
+  for (int i = 0; scene_info(i); i++) append_name(known, sizeof known, ", ", scene_info(i)->name);
   return report_usage_error("", "unknown scene '%.*s'; known scenes: %s", (int)length, name, known);
 }
 
@@ -148,12 +150,8 @@ static int check_bench(const bench_entry *bench, const bench_options *w) {
 
 static int complain_no_bench(void) {
   char known[128] = "";
-  const bench_entry *bench;
-  for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
-    const size_t used = strlen(known);
-    const char *separator = !i ? "" : bench_info(i + 1) ? ", " : " or ";
-    snprintf(known + used, sizeof known - used, "%s%s", separator, bench->name);
-  }
+  for (int i = 0; bench_info(i); i++)
+    append_name(known, sizeof known, bench_info(i + 1) ? ", " : " or ", bench_info(i)->name);
   return report_usage_error("", "the name of a bench is missing: %s", known);
 }
 

@@ -5,7 +5,7 @@
 
 #include "../common/clock.h"
 
-/* The probe of the next proxy_create(), which has no argument to identify it. */
+/* The proxy of the next proxy_create(), which has no argument to identify it. */
 static backend_proxy *next;
 
 /*------------------------------------- forwarding -----------------------------------------------*/

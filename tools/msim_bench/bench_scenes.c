@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 #include "random_mesh.h"
 
 const bench_scene *scene_info(int i) {

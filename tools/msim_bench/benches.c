@@ -112,8 +112,8 @@ const bench_entry *bench_info(int i) {
   return i >= 0 && i < (int)(sizeof benches / sizeof *benches) ? &benches[i] : NULL;
 }
 
-int is_scene_selected(const bench_options *wishes, const char *scene) {
-  for (int i = 0; i < wishes->nscenes; i++)
-    if (strcmp(wishes->scenes[i]->name, scene) == 0) return 1;
-  return wishes->nscenes == 0;
+int is_scene_selected(const bench_options *options, const char *scene) {
+  for (int i = 0; i < options->nscenes; i++)
+    if (strcmp(options->scenes[i]->name, scene) == 0) return 1;
+  return options->nscenes == 0;
 }

@@ -38,7 +38,7 @@ typedef struct bench_entry {
 const bench_entry *bench_info(int i);
 
 /* Whether a scene is selected; without a selection, all are. */
-int is_scene_selected(const bench_options *wishes, const char *scene);
+int is_scene_selected(const bench_options *options, const char *scene);
 
 int bench_linear(bench_run *b);
 int bench_skip(bench_run *b);

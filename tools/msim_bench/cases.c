@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../common/interrupt.h"
 #include "background_load.h"
-#include "interrupt.h"
 
 /*------------------------------------- keys -----------------------------------------------------*/
 

@@ -8,9 +8,9 @@
 #include "../bench_reference/textbook.h"
 #include "../bench_reference/triad.h"
 #include "../common/clock.h"
+#include "../common/interrupt.h"
 #include "background_load.h"
 #include "cases.h"
-#include "interrupt.h"
 
 enum { MOST_CANDIDATES = 5 };
 #define STEP 1e-6 /* s: stable in all scenes */
@@ -218,9 +218,9 @@ static void measure_forces_scene(const bench_run *b, const bench_scene *scene) {
 int bench_forces(bench_run *b) {
   static const char *const names[] = {"cloth32", "cloth100", "cloth500", "jelly16",
                                       "jelly46", "mesh100",  "mesh500"};
-  const bench_options *wishes = b->options;
-  const int count = wishes->nscenes ? wishes->nscenes : (int)(sizeof names / sizeof *names);
+  const bench_options *options = b->options;
+  const int count = options->nscenes ? options->nscenes : (int)(sizeof names / sizeof *names);
   for (int i = 0; i < count && !is_interrupted(); i++)
-    measure_forces_scene(b, wishes->nscenes ? wishes->scenes[i] : scene_named(names[i]));
+    measure_forces_scene(b, options->nscenes ? options->scenes[i] : scene_named(names[i]));
   return 0;
 }

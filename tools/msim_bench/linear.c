@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "interrupt.h"
+#include "../common/interrupt.h"
 #include "machine.h"
 
 typedef struct linear_plan {
@@ -209,15 +209,15 @@ static void measure_linear_scene(linear_bench *b, const bench_scene *scene) {
 
 int bench_linear(bench_run *run) {
   static const char *const keys[] = {"max_disagreement", "max_disagreement_stiff"};
-  const bench_options *wishes = run->options;
-  linear_bench b = {.run = run, .report = run->report, .plan = &plans[wishes->quick]};
+  const bench_options *options = run->options;
+  linear_bench b = {.run = run, .report = run->report, .plan = &plans[options->quick]};
   b.pair_limits = limits_until(b.plan->pairs, run->until);
   background_load_start(&b.load);
   find_references(&b);
   find_solvers(&b);
   measure_paired_keys(&b);
-  for (int i = 0; i < wishes->nscenes; i++) measure_linear_scene(&b, wishes->scenes[i]);
-  for (int i = 0; !wishes->nscenes && b.plan->scenes[i]; i++)
+  for (int i = 0; i < options->nscenes; i++) measure_linear_scene(&b, options->scenes[i]);
+  for (int i = 0; !options->nscenes && b.plan->scenes[i]; i++)
     measure_linear_scene(&b, scene_named(b.plan->scenes[i]));
   for (int k = 0; k < 2; k++) {
     const struct disagreement_summary *d = &b.disagreement[k];

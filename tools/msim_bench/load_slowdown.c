@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 #include "linear.h"
 
 enum { CANDIDATES = 3 };

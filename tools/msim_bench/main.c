@@ -5,11 +5,11 @@
 
 #include "../common/blas.h"
 #include "../common/clock.h"
+#include "../common/interrupt.h"
 #include "../common/message.h"
 #include "../common/output.h"
 #include "../common/standard.h"
 #include "arguments.h"
-#include "interrupt.h"
 
 const char program_name[] = "msim_bench";
 

@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "../common/clock.h"
+#include "timing.h"
 
 double newton_sweep_rtol(int setting) { return (setting % 2 ? 0.3 : 1) * pow(10, -(setting / 2)); }
 
@@ -11,12 +12,10 @@ double newton_sweep_rtol(int setting) { return (setting % 2 ? 0.3 : 1) * pow(10,
 
 msim_status newton_sweep_step(const newton_sweep *l, int setting, double *seconds,
                               msim_error *err) {
-  msim_sim *sim = l->sims[setting];
-  msim_status status = msim_sim_set_state(sim, &l->step->moving->state, err);
-  if (status) return status;
-  const double start = clock_seconds();
-  status = msim_sim_step(sim, 1, err);
-  *seconds = clock_seconds() - start;
+  timing_sample s;
+  const msim_status status =
+      time_steps(l->sims[setting], &l->step->moving->state, 1, INFINITY, &s, err);
+  *seconds = s.whole;
   return status;
 }
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 
 msim_options newton_options(double h, double rtol, const char *solver) {
   msim_options options;

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "interrupt.h"
+#include "../common/interrupt.h"
 #include "linear.h"
 
 #define REFERENCE_NAME "default cholmod"

@@ -5,16 +5,17 @@
 #include <string.h>
 
 #include "../common/clock.h"
+#include "../common/interrupt.h"
 #include "benches.h"
-#include "interrupt.h"
 #include "precision_cells.h"
 #include "precision_report.h"
 #include "../bench_reference/reference_program.h"
 
 /* Time limits for one scene, s; in a full run, with --quick. */
 static const struct scene_plan {
-  double truth, turns, whole;
-} plans[] = {{.truth = 20, .turns = 20, .whole = 98}, {.truth = 1.2, .turns = 1, .whole = 6}};
+  double reference, turns, whole;
+} plans[] = {{.reference = 20, .turns = 20, .whole = 98},
+             {.reference = 1.2, .turns = 1, .whole = 6}};
 
 /*------------------------------------- keys of one scene ----------------------------------------*/
 
@@ -22,7 +23,7 @@ static const struct scene_plan {
  * measurable and well above rounding, in scenes that are not chaotic. */
 static void report_error_over_tol(const setting_sweep *c, double *over_tol) {
   const double LEAST = 0.9e-8, CHAOTIC = 100;
-  const reference_solution *t = c->context.truth;
+  const reference_solution *t = c->context.reference;
   const double scale = t->motion / t->extent;
   const sweep_point *worst = NULL;
   for (const sweep_point *r = c->points; r < c->points + c->count; r++) {
@@ -38,7 +39,7 @@ static void report_error_over_tol(const setting_sweep *c, double *over_tol) {
 }
 
 static void report_respa_key(const setting_sweep *c, report *out) {
-  if (strcmp(c->context.truth->kind->name, "cord") != 0) return;
+  if (strcmp(c->context.kind->name, "cord") != 0) return;
   const cost respa = cost_at_error(c, precision_methods_find(&c->methods, "respa"), 1e-2);
   const cost verlet =
       cost_at_error(c, precision_methods_find(&c->methods, "velocity-verlet"), 1e-2);
@@ -65,18 +66,22 @@ static void measure_precision_scene(const bench_run *b, const precision_scene *k
   const struct scene_plan *plan = &plans[quick];
   const double until = clock_seconds() + plan->whole;
   const sweep_limits limits = {.repeat_seconds = plan->turns, .until = until};
-  reference_solution t;
+  msim_scene *scene = NULL;
+  reference_solution t = {.scene = NULL};
   ode_forces k = {.by_runs = 0};
   setting_sweep c = {.count = 0};
-  const run_context a = {.truth = &t, .kernel = &k, .ode = ode, .threads = threads};
+  const run_context a = {
+      .kind = kind, .reference = &t, .kernel = &k, .ode = ode, .threads = threads};
   printf("\n%s: %s\n", kind->name, kind->doc);
   fflush(stdout);
-  if (!reference_solution_compute(kind, quick, threads, plan->truth, until, &t)) {
-    if (!is_interrupted()) report_no_truth(b->report, kind, t.err.text);
-  } else if (!ode_forces_create(t.scene, t.sim, split_of(kind), kind->stiff, t.end.x, t.end.v,
+  if (msim_scene_create(NULL, &scene, &t.err) || kind->build(kind->sides[quick], scene, &t.err) ||
+      !reference_solution_compute(scene, kind->ends[quick], kind->impacts, kind->damped, threads,
+                                  plan->reference, until, &t)) {
+    if (!is_interrupted()) report_no_reference(b->report, kind, t.err.text);
+  } else if (!ode_forces_create(scene, t.sim, split_of(kind), kind->stiff, t.end.x, t.end.v,
                                 t.limit / 4, &k) ||
              !setting_sweep_run(&a, &limits, &c)) {
-    report_no_truth(b->report, kind, "out of memory");
+    report_no_reference(b->report, kind, "out of memory");
   } else if (!is_interrupted()) {
     report_sweep(b->report, &c);
     cells_add(&c, b->report, &f->cells);
@@ -86,6 +91,7 @@ static void measure_precision_scene(const bench_run *b, const precision_scene *k
   setting_sweep_free(&c);
   ode_forces_free(&k);
   reference_solution_free(&t);
+  msim_scene_destroy(scene);
 }
 
 int bench_precision(bench_run *b) {

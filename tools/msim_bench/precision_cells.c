@@ -41,7 +41,7 @@ static void report_cell(report *out, const cell *here, const precision_method *b
 }
 
 void cells_add(const setting_sweep *c, report *out, cells *list) {
-  const reference_solution *t = c->context.truth;
+  const reference_solution *t = c->context.reference;
   const precision_method *chosen = precision_methods_find(&c->methods, AUTO_BY_TOL);
   print_titles(columns);
   for (int l = 0; l < ERROR_LEVELS && list->count < MAX_CELLS; l++) {
@@ -49,16 +49,15 @@ void cells_add(const setting_sweep *c, report *out, cells *list) {
     const precision_method *best = fastest_method(c, 1, levels[l]),
                            *sundials = fastest_method(c, 0, levels[l]);
     cell *here = &list->all[list->count++];
-    *here = (cell){.scene = t->kind,
+    *here = (cell){.scene = c->context.kind,
                    .level = l,
-                   .compared = c->context.ode && !t->kind->impacts,
+                   .compared = c->context.ode && !t->impacts,
                    .best = cost_at_error(c, best, levels[l]).seconds,
                    .chosen = cost_at_error(c, chosen, levels[l]).seconds,
                    .sundials = cost_at_error(c, sundials, levels[l]).seconds};
     report_cell(out, here, best, sundials);
   }
-  if (t->kind->impacts)
-    puts(" SUNDIALS is not compared in this scene: it has no impacts with planes");
+  if (t->impacts) puts(" SUNDIALS is not compared in this scene: it has no impacts with planes");
 }
 
 /*------------------------------------- keys -----------------------------------------------------*/

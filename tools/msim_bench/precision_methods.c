@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 
 /*------------------------------------- methods --------------------------------------------------*/
 
@@ -65,9 +65,9 @@ void precision_methods_collect(const reference_solution *t, int split_by, const 
   list->count = 0;
   for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
     add_method(t, entry->name, MSIM_COLLISION_REFLECT, "", list);
-    if (t->kind->impacts) add_method(t, entry->name, MSIM_COLLISION_EVENT, ", event", list);
+    if (t->impacts) add_method(t, entry->name, MSIM_COLLISION_EVENT, ", event", list);
   }
-  for (int i = 0; ode && !t->kind->impacts && (method = ode->info(i)) != NULL; i++) {
+  for (int i = 0; ode && !t->impacts && (method = ode->info(i)) != NULL; i++) {
     if (method->split_mask && !(method->split_mask & split_by)) continue;
     precision_method *m = add_method_entry(list, method->name, "");
     if (!m) return;
@@ -104,7 +104,7 @@ static int call_force(void *data, int part, const double *x, const double *v, do
 /* Times the library only: its input arrays are prepared beforehand. x, v: the final state. */
 static void time_ode(const run_context *a, const precision_method *m, double setting, double until,
                      double *x, double *v, run_result *e) {
-  const reference_solution *t = a->truth;
+  const reference_solution *t = a->reference;
   force_call c = {.kernel = a->kernel, .until = until};
   const ode_problem problem = {.n = 3 * (size_t)t->view.nparticles,
                                .x = a->kernel->x,
@@ -127,7 +127,7 @@ static void time_ode(const run_context *a, const precision_method *m, double set
 
 static int run_ode(const run_context *a, const precision_method *m, double setting, double until,
                    run_result *e) {
-  const size_t n = 3 * (size_t)a->truth->view.nparticles;
+  const size_t n = 3 * (size_t)a->reference->view.nparticles;
   double *x = malloc(2 * n * sizeof *x);
   snprintf(e->reason, sizeof e->reason, "out of memory");
   e->refused = x == NULL;
@@ -141,7 +141,7 @@ static int run_ode(const run_context *a, const precision_method *m, double setti
 
 int precision_method_run(const run_context *a, const precision_method *m, double setting,
                          double until, run_result *e) {
-  const reference_solution *t = a->truth;
+  const reference_solution *t = a->reference;
   if (!m->integrator) return run_ode(a, m, setting, until, e);
   scene_run run = {.scene = t->scene,
                    .integrator = m->integrator,

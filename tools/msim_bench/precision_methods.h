@@ -8,7 +8,8 @@
 
 #include "../bench_reference/ode.h"
 #include "../bench_reference/ode_forces.h"
-#include "reference_solution.h"
+#include "../bench_reference/reference_solution.h"
+#include "precision_scenes.h"
 
 enum { MAX_PRECISION_METHODS = 64, MAX_SWEEP_POINTS = 24 };
 
@@ -37,7 +38,8 @@ const precision_method *precision_methods_find(const precision_methods *list, co
 
 /* One run with one setting. Returns 0 on failure and sets e->reason. */
 typedef struct run_context {
-  const reference_solution *truth;
+  const precision_scene *kind;
+  const reference_solution *reference;
   const ode_forces *kernel; /* forces for the other library */
   const ode_methods *ode;   /* may be NULL */
   int32_t threads;

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 
-void report_no_truth(report *out, const precision_scene *kind, const char *why) {
+void report_no_reference(report *out, const precision_scene *kind, const char *why) {
   report_add_row(out, "truth",
                  FIELDS(TEXT("scene", kind->name), TEXT("status", "failed"), TEXT("reason", why)));
   printf(" failed: %s\n", why);
@@ -12,15 +12,14 @@ void report_no_truth(report *out, const precision_scene *kind, const char *why) 
 
 /*------------------------------------- the scene ------------------------------------------------*/
 
-static void report_truth(report *out, const reference_solution *t) {
+static void report_reference(report *out, const char *scene, const reference_solution *t) {
   report_add_row(
       out, "truth",
-      FIELDS(TEXT("scene", t->kind->name), TEXT("status", "ok"),
-             INTEGER("particles", t->view.nparticles), INTEGER("springs", t->view.nsprings),
-             REAL("t_end", t->t_end), REAL("verlet_limit", t->limit), REAL("extent", t->extent),
-             REAL("motion", t->motion), REAL("speed", t->speed),
-             TEXT("beside", t->comparison_method), INTEGER("steps", t->steps),
-             REAL("error", t->error), REAL("growth", t->growth)));
+      FIELDS(TEXT("scene", scene), TEXT("status", "ok"), INTEGER("particles", t->view.nparticles),
+             INTEGER("springs", t->view.nsprings), REAL("t_end", t->t_end),
+             REAL("verlet_limit", t->limit), REAL("extent", t->extent), REAL("motion", t->motion),
+             REAL("speed", t->speed), TEXT("beside", t->comparison_method),
+             INTEGER("steps", t->steps), REAL("error", t->error), REAL("growth", t->growth)));
   printf(
       " %d particles, %d springs, t_end = %g s; motion %.2g m, stability limit of Verlet %.2g s\n",
       (int)t->view.nparticles, (int)t->view.nsprings, t->t_end, t->motion, t->limit);
@@ -74,7 +73,7 @@ static void report_point(report *out, const setting_sweep *c, int i) {
   const sweep_point *r = &c->points[i];
   json_t *row = report_add_row(
       out, "rung",
-      FIELDS(TEXT("scene", c->context.truth->kind->name), TEXT("method", r->method->name),
+      FIELDS(TEXT("scene", c->context.kind->name), TEXT("method", r->method->name),
              TEXT("of", library_of(r->method)), REAL(r->method->by_tol ? "tol" : "h", r->setting)));
   put_result(row, &c->all[i], whole_seconds, "ms", 1e3);
   if (r->status == POINT_FAILED) return;
@@ -128,7 +127,7 @@ static void report_method(report *out, const setting_sweep *c, const precision_m
     if (isfinite(found.seconds))
       report_add_row(
           out, "level",
-          FIELDS(TEXT("scene", c->context.truth->kind->name), TEXT("method", m->name),
+          FIELDS(TEXT("scene", c->context.kind->name), TEXT("method", m->name),
                  TEXT("of", library_of(m)), REAL("error", levels[l]),
                  REAL("ms", 1e3 * found.seconds), REAL("evaluations", found.evaluations)));
   }
@@ -141,8 +140,8 @@ static void report_method(report *out, const setting_sweep *c, const precision_m
 }
 
 void report_sweep(report *out, const setting_sweep *c) {
-  report_truth(out, c->context.truth);
-  report_forces(out, c->context.truth->kind->name, c->context.kernel);
+  report_reference(out, c->context.kind->name, c->context.reference);
+  report_forces(out, c->context.kind->name, c->context.kernel);
   for (int i = 0; i < c->count; i++) report_point(out, c, i);
   printf(" %-28s", "milliseconds to error");
   for (int l = 0; l < ERROR_LEVELS; l++) printf(" %8.0e", levels[l]);

@@ -7,7 +7,7 @@
 #include "work_precision.h"
 
 /* Writes a row for a scene without a reference solution. */
-void report_no_truth(report *out, const precision_scene *kind, const char *why);
+void report_no_reference(report *out, const precision_scene *kind, const char *why);
 
 /* Writes the properties of the scene, every run, and the cost of each error by each method. */
 void report_sweep(report *out, const setting_sweep *c);

@@ -147,7 +147,7 @@ static msim_status dumbbells(int32_t side, msim_scene *scene, msim_error *err) {
 }
 
 /* A block of 1 kg that slides down a slope of 20 degrees, decelerates and stops. */
-static msim_status make_sliding_block(int32_t side, msim_scene *scene, msim_error *err) {
+static msim_status sliding(int32_t side, msim_scene *scene, msim_error *err) {
   const double angle = pi / 9, g[3] = {9.81 * sin(angle), 0, -9.81 * cos(angle)};
   const msim_plane slope = {.normal = {0, 0, 1}, .friction = 0.6};
   const msim_lattice block = {.size = sizeof block,
@@ -170,38 +170,27 @@ static msim_status make_sliding_block(int32_t side, msim_scene *scene, msim_erro
 
 /*------------------------------------- the table ------------------------------------------------*/
 
+/* sides and ends in a full run and with --quick; damped, impacts, stiff */
+#define SCENE(side, quick_side, end, quick_end, damped, impacts, stiff) \
+  {side, quick_side}, {end, quick_end}, damped, impacts, stiff
+#define PLAIN(side, quick_side, end, quick_end) SCENE(side, quick_side, end, quick_end, 0, 0, 0)
+
+static const precision_scene scenes[] = {
+    {"trampoline",
+     "stretched cloth pinned at all edges, with a small initial velocity; smooth motion",
+     PLAIN(24, 16, 0.1, 0.05), trampoline},
+    {"folding", "cloth pinned at two corners, falling", PLAIN(24, 16, 0.5, 0.2), folding},
+    {"stiff", "the same, k = 1e5 N/m", PLAIN(16, 12, 0.2, 0.03), stiff},
+    {"damped",
+     "cloth pinned at two corners, with damping of 1/2 (24 x 24) or 1/4 (12 x 12) of critical",
+     SCENE(24, 12, 0.5, 0.1, 1, 0, 0), damped},
+    {"jelly", "block that bounces on a plane", SCENE(8, 5, 0.2, 0.1, 0, 1, 0), jelly},
+    {"chain", "rope of stiff springs, swinging", PLAIN(32, 16, 0.5, 0.2), chain},
+    {"dumbbells", "pairs that bounce and turn", SCENE(8, 3, 0.6, 0.4, 1, 1, 0), dumbbells},
+    {"slide", "block that slides to rest on a slope", SCENE(4, 3, 0.5, 0.4, 1, 1, 0), sliding},
+    {"cord", "cord of k = 1e6 N/m in a net of 100", SCENE(16, 12, 0.2, 0.1, 0, 0, 1e6), cord},
+};
+
 const precision_scene *precision_scene_info(int i) {
-  static const precision_scene scenes[] = {
-      {"trampoline",
-       "stretched cloth pinned at all edges, with a small initial velocity; smooth motion",
-       {24, 16},
-       {0.1, 0.05},
-       0,
-       0,
-       0,
-       trampoline},
-      {"folding", "cloth pinned at two corners, falling", {24, 16}, {0.5, 0.2}, 0, 0, 0, folding},
-      {"stiff", "the same, k = 1e5 N/m", {16, 12}, {0.2, 0.03}, 0, 0, 0, stiff},
-      {"damped",
-       "cloth pinned at two corners, with damping of 1/2 (24 x 24) or 1/4 (12 x 12) of critical",
-       {24, 12},
-       {0.5, 0.1},
-       1,
-       0,
-       0,
-       damped},
-      {"jelly", "block that bounces on a plane", {8, 5}, {0.2, 0.1}, 0, 1, 0, jelly},
-      {"chain", "rope of stiff springs, swinging", {32, 16}, {0.5, 0.2}, 0, 0, 0, chain},
-      {"dumbbells", "pairs that bounce and turn", {8, 3}, {0.6, 0.4}, 1, 1, 0, dumbbells},
-      {"slide",
-       "block that slides to rest on a slope",
-       {4, 3},
-       {0.5, 0.4},
-       1,
-       1,
-       0,
-       make_sliding_block},
-      {"cord", "cord of k = 1e6 N/m in a net of 100", {16, 12}, {0.2, 0.1}, 0, 0, 1e6, cord},
-  };
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
 }

@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../common/interrupt.h"
 #include "cost_limits.h"
-#include "interrupt.h"
 #include "solver_comparison.h"
 
 typedef struct scaling_plan {

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 
 /*------------------------------------- one setting ----------------------------------------------*/
 
@@ -71,7 +71,7 @@ static int may_change_nothing(const reference_solution *t, const precision_metho
  * share of the time, or when PATIENCE smaller settings have not reduced the error. */
 static void sweep_settings(setting_sweep *c, const precision_method *m, double share) {
   enum { PATIENCE = 3 };
-  const reference_solution *t = c->context.truth;
+  const reference_solution *t = c->context.reference;
   const double until = clock_seconds() + share;
   double setting = m->first, best = 1;
   for (int i = 0, worse = 0; i < MAX_SWEEP_POINTS && worse < PATIENCE; i++, setting *= m->ratio) {
@@ -114,7 +114,7 @@ static void sweep_all_groups(setting_sweep *c, double until) {
 }
 
 int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sweep *c) {
-  const reference_solution *t = a->truth;
+  const reference_solution *t = a->reference;
   *c = (setting_sweep){.context = *a};
   precision_methods_collect(t, a->kernel->split.by, a->ode, &c->methods);
   const size_t most = (size_t)c->methods.count * MAX_SWEEP_POINTS;

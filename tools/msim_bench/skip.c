@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "../common/clock.h"
+#include "../common/interrupt.h"
 #include "benches.h"
-#include "interrupt.h"
 #include "skip_cases.h"
 #include "timing.h"
 
@@ -21,8 +21,6 @@ typedef struct skip_run {
   msim_sim *sim;
 } skip_run;
 
-/* Makes the same steps in each sample. Setting the state discards lagged factorizations, so that
- * each sample includes making them. */
 static int run_skip_series(timing_candidate *c, timing_sample *s) {
   const skip_run *r = c->data;
   msim_scene_view view = {.size = sizeof view};
@@ -30,8 +28,8 @@ static int run_skip_series(timing_candidate *c, timing_sample *s) {
   msim_scene_get(r->scene, &view);
   const msim_state start = {
       .size = sizeof start, .n = view.nparticles, .x = view.x, .v = view.v, .h = r->what->h};
-  if (msim_sim_set_state(r->sim, &start, &err)) return candidate_fail(c, err.text);
-  return time_series(r->sim, r->what->series, INFINITY, s, &err) ? 1 : candidate_fail(c, err.text);
+  const msim_status status = time_steps(r->sim, &start, r->what->series, INFINITY, s, &err);
+  return status ? candidate_fail(c, err.text) : 1;
 }
 
 /* Makes steps for SECONDS; the next sample continues from there. */
@@ -50,27 +48,27 @@ static int run_continued_steps(timing_candidate *c, timing_sample *s) {
   return 1;
 }
 
-static msim_status make_skip_sim(const bench_options *wishes, int way, skip_run *r,
-                                 msim_error *err) {
+static msim_status make_skip_sim(int32_t threads, int way, skip_run *r, msim_error *err) {
   const skip_case *what = r->what;
   msim_options options =
-      implicit_options(what->h, 1e-6, way == DIRECT ? "cholmod" : "auto", wishes->threads);
+      implicit_options(what->h, 1e-6, way == DIRECT ? "cholmod" : "auto", threads);
   options.integrator = what->integrator;
+  const char *const off[] = {what->off, what->also_off};
   msim_status status = MSIM_OK;
-  for (int i = 0; i < MOST_OFF && what->off[i] && way != ON && !status; i++)
-    status = msim_options_set(&options, what->off[i], "off", err);
+  for (int i = 0; i < 2 && off[i] && way != ON && !status; i++)
+    status = msim_options_set(&options, off[i], "off", err);
   if (!status) status = msim_scene_create(NULL, &r->scene, err);
   if (!status) status = skip_case_build(what, way != ON, r->scene, err);
   if (!status) status = msim_sim_create(r->scene, &options, &r->sim, err);
   return status;
 }
 
-static void add_skip_run(const bench_options *wishes, const skip_case *what, int way, skip_run *r,
+static void add_skip_run(int32_t threads, const skip_case *what, int way, skip_run *r,
                          timing_candidate *c) {
   msim_error err = {0, "out of memory for the scene"};
   *r = (skip_run){.what = what};
   candidate_init(c, ways[way], "step", what->series ? run_skip_series : run_continued_steps, r);
-  c->failed = make_skip_sim(wishes, way, r, &err) != MSIM_OK;
+  c->failed = make_skip_sim(threads, way, r, &err) != MSIM_OK;
   if (c->failed) candidate_fail(c, err.text);
 }
 
@@ -130,7 +128,8 @@ static void measure_skip_case(const bench_run *b, const skip_case *what, const t
   const int count = is_implicit(what) ? WAYS : DIRECT;
   printf("\n%s: %s, %s, h = %g s\n", what->name, what->scene, what->integrator, what->h);
   fflush(stdout);
-  for (int way = 0; way < count; way++) add_skip_run(b->options, what, way, &runs[way], &all[way]);
+  for (int way = 0; way < count; way++)
+    add_skip_run(b->options->threads, what, way, &runs[way], &all[way]);
   time_in_turn(all, count, p);
   if (!is_interrupted()) {
     print_titles(columns);

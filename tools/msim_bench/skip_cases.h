@@ -4,19 +4,17 @@
 
 #include "msim/msim.h"
 
-enum { MOST_OFF = 2 };
-
 typedef struct skip_case {
   const char *name;  /* in the rows */
   const char *key;   /* in the summary; NULL: none */
   const char *scene; /* description to print */
   const char *integrator;
   double h;
-  const char *off[MOST_OFF]; /* options that disable the skip */
   int series;  /* steps in a sample, from the scene's state; 0: samples continue from each other, as
                  is possible for scenes at rest and explicit steps */
   unsigned is; /* properties of the scene, see the .c file */
-  double gravity[3]; /* m/s^2 */
+  double gravity;             /* along z, m/s^2 */
+  const char *off, *also_off; /* options that disable the skip; NULL: none */
 } skip_case;
 
 /* The i-th case; NULL past the end. */

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "interrupt.h"
+#include "../common/interrupt.h"
 #include "linear.h"
 
 /* max |a_i - b_i| */

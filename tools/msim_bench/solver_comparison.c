@@ -15,6 +15,7 @@ solver_comparison *solver_comparison_create(const moving_scene *m, double h, dou
     return NULL;
   }
   r->moving = m;
+  r->series = 1;
   r->until = INFINITY;
   r->system = (linear_system){.h = h, .rtol = rtol};
   if (!with_system || linear_system_create(m, h, rtol, &r->system, err)) return r;
@@ -26,7 +27,7 @@ void solver_comparison_free(solver_comparison *r) {
   if (!r) return;
   for (int i = 0; i < r->nsteps; i++) {
     msim_sim_destroy(r->steps[i].sim);
-    backend_proxy_free(&r->steps[i].probe);
+    backend_proxy_free(&r->steps[i].proxy);
   }
   linear_system_free(&r->system);
   free(r);
@@ -42,59 +43,21 @@ static timing_candidate *add_candidate(solver_comparison *r, const char *name, c
 
 /*------------------------------------- whole steps ----------------------------------------------*/
 
-/* Stores the mean change of the statistics over `steps`. */
-static void take_phases(const msim_stats *before, const msim_stats *after, int steps,
-                        timing_sample *s) {
-  s->force = (after->force_s - before->force_s) / steps;
-  s->assemble = (after->assemble_s - before->assemble_s) / steps;
-  s->factor = (after->factor_s - before->factor_s) / steps;
-  s->solve = (after->solve_s - before->solve_s) / steps;
-  s->iterations = (after->iterations - before->iterations) / steps;
-}
-
-/* Makes a step from the state of `moving`. */
-static msim_status run_one_step(struct timed_step *step, timing_sample *s, msim_error *err) {
-  msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
-  msim_status status = msim_sim_set_state(step->sim, &step->race->moving->state, err);
-  if (status) return status;
-  msim_sim_stats(step->sim, &before);
-  const double start = clock_seconds();
-  status = msim_sim_step(step->sim, 1, err);
-  s->whole = clock_seconds() - start;
-  msim_sim_stats(step->sim, &after);
-  if (!status) take_phases(&before, &after, 1, s);
-  return status;
-}
-
-static int run_whole_step(timing_candidate *c, timing_sample *s) {
+static int run_steps(timing_candidate *c, timing_sample *s) {
   struct timed_step *step = c->data;
-  const solver_comparison *r = step->race;
+  const solver_comparison *r = step->comparison;
+  const int is_first = c->nsamples == 0;
   msim_state end = {.size = sizeof end};
   msim_error err;
-  step->probe.copy_next = c->nsamples == 0;
+  step->proxy.copy_next = is_first;
   const double start = clock_seconds();
   do
-    if (run_one_step(step, s, &err) != MSIM_OK) return candidate_fail(c, err.text);
+    if (time_steps(step->sim, &r->moving->state, r->series, r->until, s, &err))
+      return candidate_fail(c, err.text);
   while (clock_seconds() - start < r->warm);
-  if (c->nsamples > 0 || r->system.n == 0) return 1;
+  if (!is_first || r->series > 1 || r->system.n == 0) return 1;
   msim_sim_state(step->sim, &end);
   c->residual = linear_system_residual(&r->system, end.v);
-  return 1;
-}
-
-/* Makes a series of steps from the state of `moving`. Setting it discards lagged factorizations, so
- * that each sample includes making them. */
-static int run_step_series(timing_candidate *c, timing_sample *s) {
-  const struct timed_step *step = c->data;
-  msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
-  msim_error err;
-  if (msim_sim_set_state(step->sim, &step->race->moving->state, &err))
-    return candidate_fail(c, err.text);
-  msim_sim_stats(step->sim, &before);
-  if (!time_series(step->sim, step->race->series, step->race->until, s, &err))
-    return candidate_fail(c, err.text);
-  msim_sim_stats(step->sim, &after);
-  take_phases(&before, &after, step->race->series, s);
   return 1;
 }
 
@@ -109,14 +72,13 @@ static void check_solver(timing_candidate *c, const char *solver, const msim_sim
 timing_candidate *solver_comparison_add_step(solver_comparison *r, const char *solver,
                                              const msim_backend *table, int32_t threads) {
   struct timed_step *step = &r->steps[r->nsteps++];
-  timing_candidate *c =
-      add_candidate(r, solver, "step", r->series ? run_step_series : run_whole_step, step);
+  timing_candidate *c = add_candidate(r, solver, "step", run_steps, step);
   msim_options options = implicit_options(r->system.h, r->system.rtol, solver, threads);
   msim_error err;
-  step->race = r;
+  step->comparison = r;
   if (table) {
-    backend_proxy_init(&step->probe, table);
-    step->backends[0] = &step->probe.table;
+    backend_proxy_init(&step->proxy, table);
+    step->backends[0] = &step->proxy.table;
     options.backends = step->backends;
   }
   c->failed = msim_sim_create(r->moving->scene, &options, &step->sim, &err) != MSIM_OK;
@@ -126,14 +88,14 @@ timing_candidate *solver_comparison_add_step(solver_comparison *r, const char *s
 }
 
 const struct timed_step *solver_comparison_step(const timing_candidate *c) {
-  return c->run == run_whole_step || c->run == run_step_series ? c->data : NULL;
+  return c->run == run_steps ? c->data : NULL;
 }
 
 /*------------------------------------- backends alone -------------------------------------------*/
 
 static int run_backend(timing_candidate *c, timing_sample *s) {
   struct timed_step *step = c->data;
-  const msim_status status = backend_proxy_repeat(&step->probe, &s->factor, &s->solve);
+  const msim_status status = backend_proxy_repeat(&step->proxy, &s->factor, &s->solve);
   s->whole = s->factor + s->solve;
   return status ? candidate_fail(c, msim_status_text(status)) : 1;
 }
@@ -141,7 +103,7 @@ static int run_backend(timing_candidate *c, timing_sample *s) {
 timing_candidate *solver_comparison_add_backend(solver_comparison *r) {
   struct timed_step *step = &r->steps[r->nsteps - 1];
   char name[sizeof r->all[0].name];
-  snprintf(name, sizeof name, "%s, bare", step->probe.table.name);
+  snprintf(name, sizeof name, "%s, bare", step->proxy.table.name);
   timing_candidate *c = add_candidate(r, name, "bare", run_backend, step);
   c->failed = !step->sim;
   if (c->failed) candidate_fail(c, "its sim could not be created");
@@ -151,9 +113,9 @@ timing_candidate *solver_comparison_add_backend(solver_comparison *r) {
 /*------------------------------------- references -----------------------------------------------*/
 
 static int run_reference(timing_candidate *c, timing_sample *s) {
-  const struct timed_reference *entered = c->data;
+  const struct timed_reference *entry = c->data;
   reference_reply reply;
-  if (!reference_program_solve(entered->child, entered->variant, &reply))
+  if (!reference_program_solve(entry->child, entry->variant, &reply))
     return candidate_fail(c, reply.reason);
   s->factor = reply.factor_s;
   s->solve = reply.solve_s;
@@ -170,10 +132,10 @@ int solver_comparison_send(const solver_comparison *r, reference_program *child)
 
 timing_candidate *solver_comparison_add_reference(solver_comparison *r, const char *measure,
                                                   reference_program *child, int variant) {
-  struct timed_reference *entered = &r->references[r->nreferences++];
-  *entered = (struct timed_reference){child, variant};
+  struct timed_reference *entry = &r->references[r->nreferences++];
+  *entry = (struct timed_reference){child, variant};
   timing_candidate *c =
-      add_candidate(r, child->hello.variants[variant], measure, run_reference, entered);
+      add_candidate(r, child->hello.variants[variant], measure, run_reference, entry);
   c->family = measure;
   return c;
 }

@@ -16,17 +16,16 @@ typedef struct solver_comparison {
   linear_system system; /* n = 0: only h and rtol are set */
   double warm;          /* s of untimed steps before each timed one */
   struct timed_step {
-    const struct solver_comparison *race;
-    backend_proxy probe;
-    const msim_backend *backends[2]; /* the probe's table, NULL */
+    const struct solver_comparison *comparison;
+    backend_proxy proxy;
+    const msim_backend *backends[2]; /* the proxy's table, NULL */
     msim_sim *sim;
   } steps[MOST_STEPS];
   struct timed_reference {
     reference_program *child;
     int variant;
   } references[REFERENCE_VARIANTS + 1];
-  int series;   /* consecutive steps from the state of `moving` on, in each sample; 0: one; to be
-                   set before solver_comparison_add_step */
+  int series;   /* consecutive steps from the state of `moving` on, in each sample */
   double until; /* on the clock of clock_seconds: when a series is aborted */
   int nsteps, nreferences, count;
   timing_candidate all[MAX_CANDIDATES];
@@ -41,8 +40,8 @@ void solver_comparison_free(solver_comparison *r);
 
 /* Each function adds a candidate; its `failed` is set if it cannot run. */
 
-/* Adds a whole step with option `solver`. table: its backend, which a probe then forwards to for
- * solver_comparison_add_backend; NULL: no probe. */
+/* Adds a whole step with option `solver`. table: its backend, which a proxy then forwards to for
+ * solver_comparison_add_backend; NULL: no proxy. */
 timing_candidate *solver_comparison_add_step(solver_comparison *r, const char *solver,
                                              const msim_backend *table, int32_t threads);
 

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "../common/clock.h"
+#include "../common/interrupt.h"
 #include "../common/message.h"
 #include "benches.h"
-#include "interrupt.h"
 #include "stability_limits.h"
 #include "watch_overhead.h"
 #include "stress.h"

@@ -6,33 +6,41 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "interrupt.h"
+#include "../common/interrupt.h"
 #include "msim/msim.h"
 #include "../bench_reference/theory.h"
+
+enum { MOST_SPRINGS = 9 };
+
+/* Two particles with springs between them; pinned: the first one is. NULL: it cannot be made. */
+static msim_sim *make_pair(const double x[6], const double v[6], const double mass[2], int springs,
+                           const double *k, const double *rest, const double *damping, int pinned,
+                           const msim_options *opt) {
+  const int32_t first = 0;
+  int32_t ij[2 * MOST_SPRINGS];
+  msim_scene *scene = NULL;
+  msim_sim *sim = NULL;
+  for (int e = 0; e < springs; e++) ij[2 * e] = 0, ij[2 * e + 1] = 1;
+  if (!msim_scene_create(NULL, &scene, NULL) &&
+      !msim_scene_add_particles(scene, 2, x, v, mass, NULL) &&
+      !msim_scene_add_springs(scene, springs, ij, k, rest, damping, NULL) &&
+      (!pinned || !msim_scene_pin(scene, 1, &first, NULL)))
+    msim_sim_create(scene, opt, &sim, NULL);
+  msim_scene_destroy(scene);
+  return sim;
+}
 
 /* A particle of 1 kg at 1 m, on a spring of 1 N/m to a pinned one at the origin. The soft stiffness
  * is divided among 8 springs, so that short steps for the stiff one alone are cost-effective. */
 static msim_sim *make_oscillator(const theory *t, double zeta, double z) {
-  enum { SPRINGS = 9 };
-  const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {1, 1}, rest[SPRINGS] = {0};
-  const int32_t pinned = 0, springs = t->soft > 0 ? SPRINGS : 1;
-  double k[SPRINGS] = {1}, damping[SPRINGS] = {2 * zeta};
-  int32_t ij[2 * SPRINGS];
-  msim_scene *scene = NULL;
-  msim_sim *sim = NULL;
+  const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {1, 1}, rest[MOST_SPRINGS] = {0};
+  double k[MOST_SPRINGS] = {1}, damping[MOST_SPRINGS] = {2 * zeta};
   msim_options opt;
-  for (int e = 0; e < SPRINGS; e++) ij[2 * e] = 0, ij[2 * e + 1] = 1;
-  for (int e = 1; e < SPRINGS; e++) k[e] = t->soft / (SPRINGS - 1);
+  for (int e = 1; e < MOST_SPRINGS; e++) k[e] = t->soft / (MOST_SPRINGS - 1);
   msim_options_init(&opt, sizeof opt);
   opt.integrator = t->method, opt.h = z, opt.steps = 1000000000, opt.watch = MSIM_WATCH_OFF;
   opt.threads = 1, opt.solver_rtol = opt.newton_rtol = 1e-13;
-  if (!msim_scene_create(NULL, &scene, NULL) &&
-      !msim_scene_add_particles(scene, 2, x, NULL, mass, NULL) &&
-      !msim_scene_add_springs(scene, springs, ij, k, rest, damping, NULL) &&
-      !msim_scene_pin(scene, 1, &pinned, NULL))
-    msim_sim_create(scene, &opt, &sim, NULL);
-  msim_scene_destroy(scene);
-  return sim;
+  return make_pair(x, NULL, mass, t->soft > 0 ? MOST_SPRINGS : 1, k, rest, damping, 1, &opt);
 }
 
 /* Advances by `steps`. Returns ln of the largest amplitude over the last `period` steps; INFINITY
@@ -127,29 +135,20 @@ double measure_limits(int quick, report *r) {
 static void measure_momentum_drift(const char *method, int64_t steps, double *linear,
                                    double *angular) {
   const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {1, 0, 0.5, 1, 3, 0.5}, mass[2] = {1, 2}, k = 100;
-  const int32_t ij[2] = {0, 1};
   msim_energy before = {.size = sizeof before}, after = {.size = sizeof after};
-  msim_scene *scene = NULL;
-  msim_sim *sim = NULL;
   msim_options opt;
   msim_options_init(&opt, sizeof opt);
   opt.integrator = method, opt.h = 0.001, opt.steps = steps, opt.newton_rtol = 1e-13;
+  msim_sim *sim = make_pair(x, v, mass, 1, &k, NULL, NULL, 0, &opt);
   *linear = *angular = -1;
-  if (!msim_scene_create(NULL, &scene, NULL) &&
-      !msim_scene_add_particles(scene, 2, x, v, mass, NULL) &&
-      !msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, NULL) &&
-      !msim_sim_create(scene, &opt, &sim, NULL)) {
-    msim_sim_energy(sim, &before);
-    if (msim_sim_step(sim, steps, NULL) == MSIM_OK) {
-      msim_sim_energy(sim, &after);
-      *linear = fabs(after.momentum[1] / before.momentum[1] - 1);
-      const double *a = before.angular_momentum, *b = after.angular_momentum;
-      *angular =
-          hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]) / hypot(hypot(a[0], a[1]), a[2]);
-    }
+  if (sim) msim_sim_energy(sim, &before);
+  if (sim && msim_sim_step(sim, steps, NULL) == MSIM_OK) {
+    const double *a = before.angular_momentum, *b = after.angular_momentum;
+    msim_sim_energy(sim, &after);
+    *linear = fabs(after.momentum[1] / before.momentum[1] - 1);
+    *angular = hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]) / hypot(hypot(a[0], a[1]), a[2]);
   }
   msim_sim_destroy(sim);
-  msim_scene_destroy(scene);
 }
 
 static const column drift_columns[] = {{"method", "method", -24, NULL, 0},

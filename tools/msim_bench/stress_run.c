@@ -15,7 +15,7 @@ enum { ALLOWED = 100 };
 const char *const stress_words[STRESS_OUTCOMES] = {"stable", "bounded", "dissipated", "reported",
                                                    "silent", "crash",   "hang",       "refused"};
 
-/*------------------------------------- the judge ------------------------------------------------*/
+/*------------------------------------- bounds ---------------------------------------------------*/
 
 /* A run is SILENT if its status is ok although its energy or its extent exceeded 100 times these
  * bounds at some step, which hold because no motion is prescribed:
@@ -117,7 +117,7 @@ static int is_beyond(const run_bounds *j, const motion_sums *now, double t, doub
 /* REPORTED: the run ended with a status that names the step, and a state within the bounds.
  * Without a status, and if the bounds held: DISSIPATED if K + E - sum m g.x fell by more than a
  * tenth of the initial S, BOUNDED if K + E exceeded 1.1 S, else STABLE. */
-static stress_result judge_run(msim_sim *sim, run_bounds *j, int64_t steps) {
+static stress_result classify_run(msim_sim *sim, run_bounds *j, int64_t steps) {
   stress_result r = {.outcome = STABLE, .detection_steps = -1};
   msim_state state = {.size = sizeof state};
   msim_error err;
@@ -163,7 +163,7 @@ static stress_result make_and_run(const stress_scene *s, const char *method, dou
   if (stress_make(s, &scene, &err) == MSIM_OK &&
       msim_sim_create(scene, &opt, &sim, &err) == MSIM_OK) {
     run_bounds j = make_run_bounds(scene, h);
-    r = judge_run(sim, &j, steps);
+    r = classify_run(sim, &j, steps);
   } else snprintf(r.text, sizeof r.text, "%.200s", err.text);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);

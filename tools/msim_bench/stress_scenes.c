@@ -52,28 +52,15 @@ static void raised(double (*x)[3], double (*v)[3]) {
   for (int p = 0; p < STRESS_N; p++) x[p][2] += 1, x[p][0] += 0.3;
 }
 
+#define HANGING .g = 9.81, .place = place_undeformed, .pinned = 1
+
 static const stress_scene scenes[] = {
-    {.name = "soft", .k = 1e2, .g = 9.81, .place = place_undeformed, .pinned = 1},
-    {.name = "stiff", .k = 1e5, .g = 9.81, .place = place_undeformed, .pinned = 1},
-    {.name = "very stiff", .k = 1e9, .g = 9.81, .place = place_undeformed, .pinned = 1},
-    {.name = "masses 1:1e4",
-     .k = 1e3,
-     .ratio = 1e4,
-     .g = 9.81,
-     .place = place_undeformed,
-     .pinned = 1},
-    {.name = "masses 1:1e9",
-     .k = 1e3,
-     .ratio = 1e9,
-     .g = 9.81,
-     .place = place_undeformed,
-     .pinned = 1},
-    {.name = "rest length 0",
-     .k = 1e3,
-     .g = 9.81,
-     .place = place_undeformed,
-     .rest = -1,
-     .pinned = 1},
+    {.name = "soft", .k = 1e2, HANGING},
+    {.name = "stiff", .k = 1e5, HANGING},
+    {.name = "very stiff", .k = 1e9, HANGING},
+    {.name = "masses 1:1e4", .k = 1e3, .ratio = 1e4, HANGING},
+    {.name = "masses 1:1e9", .k = 1e3, .ratio = 1e9, HANGING},
+    {.name = "rest length 0", .k = 1e3, .rest = -1, HANGING},
     {.name = "coincident", .k = 1e3, .place = coincident},
     {.name = "inverted", .k = 1e4, .place = inverted},
     {.name = "crumpled", .k = 1e4, .place = crumpled},
@@ -90,13 +77,8 @@ static const stress_scene scenes[] = {
      .restitution = 0.5,
      .place = place_undeformed,
      .steps = 1000000},
-    {.name = "damped", .k = 1e3, .damping = 10, .g = 9.81, .place = place_undeformed, .pinned = 1},
-    {.name = "overdamped",
-     .k = 1e3,
-     .damping = 1e5,
-     .g = 9.81,
-     .place = place_undeformed,
-     .pinned = 1},
+    {.name = "damped", .k = 1e3, .damping = 10, HANGING},
+    {.name = "overdamped", .k = 1e3, .damping = 1e5, HANGING},
     {.name = "thick air", .k = 1e3, .drag = 1e4, .g = 9.81, .place = raised},
     {.name = "falling", .k = 1e3, .g = 9.81, .place = crumpled}};
 

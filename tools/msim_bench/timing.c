@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 
 /*------------------------------------- values ---------------------------------------------------*/
 
@@ -84,28 +84,45 @@ void time_in_turn(timing_candidate *all, int count, const timing_limits *p) {
   }
 }
 
-int time_series(msim_sim *sim, int steps, double until, timing_sample *s, msim_error *err) {
-  double seconds[MAX_SERIES], sum = 0;
-  s->kinetic = INFINITY;
-  for (int i = 0; i < steps; i++) {
-    msim_energy energy = {.size = sizeof energy};
-    const double start = clock_seconds();
-    if (start > until || is_interrupted()) {
-      snprintf(err->text, sizeof err->text, NO_TIME);
-      return 0;
-    }
-    if (msim_sim_step(sim, 1, err) != MSIM_OK) return 0;
-    seconds[i] = clock_seconds() - start;
-    msim_sim_energy(sim, &energy);
-    s->kinetic = fmin(s->kinetic, energy.kinetic);
-    sum += seconds[i];
-  }
-  s->whole = sum / steps;
-  s->median = quantile(steps, seconds, 0.5);
-  return 1;
+/*------------------------------------- steps ----------------------------------------------------*/
+
+/* Stores the mean change of the statistics over `steps`. */
+static void take_phases(const msim_stats *before, const msim_stats *after, int steps,
+                        timing_sample *s) {
+  s->force = (after->force_s - before->force_s) / steps;
+  s->assemble = (after->assemble_s - before->assemble_s) / steps;
+  s->factor = (after->factor_s - before->factor_s) / steps;
+  s->solve = (after->solve_s - before->solve_s) / steps;
+  s->iterations = (after->iterations - before->iterations) / steps;
 }
 
-/*------------------------------------- looking --------------------------------------------------*/
+msim_status time_steps(msim_sim *sim, const msim_state *start, int steps, double until,
+                       timing_sample *s, msim_error *err) {
+  msim_stats before = {.size = sizeof before}, after = {.size = sizeof after};
+  double seconds[MAX_SERIES], sum = 0;
+  msim_status status = msim_sim_set_state(sim, start, err);
+  msim_sim_stats(sim, &before);
+  s->kinetic = INFINITY;
+  for (int i = 0; i < steps && !status; i++) {
+    msim_energy energy = {.size = sizeof energy};
+    const double begin = clock_seconds();
+    if (begin > until || is_interrupted()) {
+      snprintf(err->text, sizeof err->text, NO_TIME);
+      return MSIM_STOPPED;
+    }
+    status = msim_sim_step(sim, 1, err);
+    sum += seconds[i] = clock_seconds() - begin;
+    if (!status) msim_sim_energy(sim, &energy);
+    s->kinetic = fmin(s->kinetic, energy.kinetic);
+  }
+  msim_sim_stats(sim, &after);
+  take_phases(&before, &after, steps, s);
+  s->whole = sum / steps;
+  if (!status) s->median = quantile(steps, seconds, 0.5);
+  return status;
+}
+
+/*------------------------------------- results --------------------------------------------------*/
 
 static int compare_doubles(const void *a, const void *b) {
   const double x = *(const double *)a, y = *(const double *)b;

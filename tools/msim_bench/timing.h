@@ -70,10 +70,12 @@ typedef struct timing_limits {
 /* The same limits with this end. */
 timing_limits limits_until(timing_limits p, double until);
 
-/* Times at most MAX_SERIES steps of a sim: mean, median, smallest kinetic energy. Returns 0 if a
- * step fails or the time is up before the last one, and sets err. */
+/* Times at most MAX_SERIES steps of a sim from a state: mean, median and phases of a step, smallest
+ * kinetic energy. Setting the state discards lagged factorizations, so that making them counts.
+ * Fails with MSIM_STOPPED if the time is up before the last step. */
 enum { MAX_SERIES = 64 };
-int time_series(msim_sim *sim, int steps, double until, timing_sample *s, msim_error *err);
+msim_status time_steps(msim_sim *sim, const msim_state *start, int steps, double until,
+                       timing_sample *s, msim_error *err);
 
 /* Runs all candidates in turn; every other round is in reverse order. */
 void time_in_turn(timing_candidate *all, int count, const timing_limits *p);

@@ -13,8 +13,8 @@ typedef struct cost_point {
 
 static cost_point point_of(const setting_sweep *c, int i) {
   const sweep_point *r = &c->points[i];
-  const double told = fmax(r->errors.error, 10 * c->context.truth->error);
-  return (cost_point){.error = r->status == POINT_FAILED ? INFINITY : told,
+  const double error = fmax(r->errors.error, 10 * c->context.reference->error);
+  return (cost_point){.error = r->status == POINT_FAILED ? INFINITY : error,
                       .cost = {median_of(&c->all[i], whole_seconds), (double)r->evaluations}};
 }
 
@@ -30,7 +30,7 @@ static cost interpolate_cost(const cost_point *above, const cost_point *below, d
 cost cost_at_error(const setting_sweep *c, const precision_method *m, double error) {
   cost best = {NAN, NAN};
   cost_point before = {.error = INFINITY};
-  if (!reference_solution_supports(c->context.truth, error)) return best;
+  if (!reference_solution_supports(c->context.reference, error)) return best;
   for (int i = 0; i < c->count; i++) {
     if (c->points[i].method != m) continue;
     const cost_point here = point_of(c, i);

@@ -1,6 +1,6 @@
 /* interrupt - handles Ctrl-C */
-#ifndef BENCH_INTERRUPT_H
-#define BENCH_INTERRUPT_H
+#ifndef TOOLS_INTERRUPT_H
+#define TOOLS_INTERRUPT_H
 
 /* After this call, the first SIGINT or SIGTERM sets a flag and interrupts a read from a pipe; the
  * second one terminates the program. */

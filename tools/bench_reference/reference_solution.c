@@ -3,10 +3,8 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
 
 /*------------------------------------- distances ------------------------------------------------*/
 
@@ -70,7 +68,7 @@ static scene_run make_scene_run(const reference_solution *t, const char *integra
                      .t_end = t->t_end,
                      .steps = steps,
                      .threads = threads,
-                     .collision = t->kind->impacts ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
+                     .collision = t->impacts ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
                      .until = until};
 }
 
@@ -92,75 +90,39 @@ static int measure_motion(reference_solution *t, double until) {
   return t->motion > 0 || fail_reference_solution(t, "nothing moves");
 }
 
-/*------------------------------------- the truth ------------------------------------------------*/
+/*------------------------------------- solution -------------------------------------------------*/
 
-enum { MAIN_METHOD, OTHER_METHOD, FAMILIES };
-
-/* Final states of both methods, with the present and the previous step. */
-typedef struct halving_search {
-  reference_solution *t;
-  run_result now[FAMILIES], before[FAMILIES];
-} halving_search;
-
-static int run_both(halving_search *s, int64_t steps, int32_t threads, double until) {
-  const char *const integrators[FAMILIES] = {"dop853", s->t->comparison_method};
-  for (int i = 0; i < FAMILIES; i++) {
-    const run_result spare = s->before[i];
-    s->before[i] = s->now[i];
-    s->now[i] = spare;
-    const scene_run run = make_scene_run(s->t, integrators[i], steps, threads, until);
-    if (!scene_run_execute(&run, &s->now[i]))
-      return fail_reference_solution(s->t, s->now[i].reason);
-  }
-  return 1;
-}
-
-static void set_solution(reference_solution *t, const run_result *e) {
-  const size_t bytes = 3 * (size_t)t->view.nparticles * sizeof *e->x;
-  memcpy(t->end.x, e->x, bytes);
-  memcpy(t->end.v, e->v, bytes);
+static int run_reference(reference_solution *t, const char *integrator, int64_t steps,
+                         int32_t threads, double until, run_result *e) {
+  const scene_run run = make_scene_run(t, integrator, steps, threads, until);
+  return scene_run_execute(&run, e) || fail_reference_solution(t, e->reason);
 }
 
 /* Halves until the error is at rounding level or stops decreasing, or the next halving would take
- * too long. */
-static int halve_steps(halving_search *s, int32_t threads, double seconds, double until) {
+ * too long. work: two results. */
+static int halve_steps(reference_solution *t, int32_t threads, double seconds, double until,
+                       run_result work[2]) {
   const double start = clock_seconds();
-  reference_solution *t = s->t;
   int64_t steps = first_steps(t);
-  if (!run_both(s, steps, threads, until)) return 0;
   t->error = INFINITY;
-  for (double spent = 0; t->error > 1e-13;) {
+  if (!run_reference(t, "dop853", steps, threads, until, &t->end)) return 0;
+  while (t->error > 1e-13) {
     const double before = clock_seconds();
-    if (!run_both(s, steps *= 2, threads, until)) return isfinite(t->error);
-    const double apart =
-        weighted_rms_distance(t, s->now[MAIN_METHOD].x, s->now[OTHER_METHOD].x) / t->motion;
-    const double change =
-        weighted_rms_distance(t, s->now[MAIN_METHOD].x, s->before[MAIN_METHOD].x) / t->motion;
+    steps *= 2;
+    if (!run_reference(t, "dop853", steps, threads, until, &work[0]) ||
+        !run_reference(t, t->comparison_method, steps, threads, until, &work[1]))
+      return isfinite(t->error);
+    const double apart = weighted_rms_distance(t, work[0].x, work[1].x) / t->motion;
+    const double change = weighted_rms_distance(t, work[0].x, t->end.x) / t->motion;
     const double error = fmax(apart, change);
     if (error > t->error) break;
-    set_solution(t, &s->now[MAIN_METHOD]);
+    const run_result old = t->end;
+    t->end = work[0], work[0] = old;
     t->steps = steps;
     t->error = error;
-    spent = clock_seconds() - before;
-    if (clock_seconds() - start + 2 * spent > seconds) break;
+    if (clock_seconds() - start + 2 * (clock_seconds() - before) > seconds) break;
   }
   return 1;
-}
-
-static int find_by_halving(reference_solution *t, int32_t threads, double seconds, double until) {
-  halving_search s = {.t = t};
-  int made = 1;
-  for (int i = 0; i < FAMILIES; i++) {
-    made &= run_result_create(t->view.nparticles, &s.now[i]);
-    made &= run_result_create(t->view.nparticles, &s.before[i]);
-  }
-  made =
-      made ? halve_steps(&s, threads, seconds, until) : fail_reference_solution(t, "out of memory");
-  for (int i = 0; i < FAMILIES; i++) {
-    run_result_free(&s.now[i]);
-    run_result_free(&s.before[i]);
-  }
-  return made;
 }
 
 /*------------------------------------- growth ---------------------------------------------------*/
@@ -179,20 +141,18 @@ static void disturb(const reference_solution *t, double *x) {
 }
 
 /* Compares two runs with the same steps, so that errors of rounding and of the method cancel. */
-static int measure_disturbance_growth(reference_solution *t, int32_t threads, double until) {
-  run_result ends[2] = {{.x = NULL}, {.x = NULL}};
+static int measure_disturbance_growth(reference_solution *t, int32_t threads, double until,
+                                      run_result work[2]) {
   scene_run run = make_scene_run(t, "dop853", first_steps(t), threads, until);
   double *x = malloc(3 * (size_t)t->view.nparticles * sizeof *x);
-  msim_state start = {.size = sizeof start, .n = t->view.nparticles, .x = x, .v = t->view.v};
-  int ok = x && run_result_create(start.n, &ends[0]) && run_result_create(start.n, &ends[1]);
-  if (ok) disturb(t, x);
-  ok = ok && scene_run_execute(&run, &ends[0]);
+  const msim_state start = {.size = sizeof start, .n = t->view.nparticles, .x = x, .v = t->view.v};
+  if (x) disturb(t, x);
+  int ok = x && scene_run_execute(&run, &work[0]);
   run.start = &start;
-  ok = ok && scene_run_execute(&run, &ends[1]);
+  ok = ok && scene_run_execute(&run, &work[1]);
   if (ok)
     t->growth =
-        weighted_rms_distance(t, ends[1].x, ends[0].x) / weighted_rms_distance(t, x, t->view.x);
-  for (int i = 0; i < 2; i++) run_result_free(&ends[i]);
+        weighted_rms_distance(t, work[1].x, work[0].x) / weighted_rms_distance(t, x, t->view.x);
   free(x);
   return ok || fail_reference_solution(t, "a disturbed run failed");
 }
@@ -212,16 +172,13 @@ static double bounding_box_side(const msim_scene_view *view) {
   return extent;
 }
 
-static int build_reference_scene(reference_solution *t, int quick) {
+static int measure_scene(reference_solution *t) {
   msim_options options;
   msim_options_init(&options, sizeof options);
   options.integrator = "velocity-verlet";
   options.steps = 1;
   options.threads = 1;
-  if (msim_scene_create(NULL, &t->scene, &t->err) ||
-      t->kind->build(t->kind->sides[quick], t->scene, &t->err) ||
-      msim_sim_create(t->scene, &options, &t->sim, &t->err))
-    return 0;
+  if (msim_sim_create(t->scene, &options, &t->sim, &t->err)) return 0;
   msim_scene_get(t->scene, &t->view);
   for (int32_t i = 0; i < t->view.nparticles; i++) t->mass += t->view.mass[i];
   t->extent = bounding_box_side(&t->view);
@@ -230,21 +187,27 @@ static int build_reference_scene(reference_solution *t, int quick) {
                                 fail_reference_solution(t, "out of memory"));
 }
 
-int reference_solution_compute(const precision_scene *kind, int quick, int32_t threads,
-                               double seconds, double until, reference_solution *t) {
-  *t = (reference_solution){.kind = kind,
+int reference_solution_compute(const msim_scene *scene, double t_end, int impacts, int damped,
+                               int32_t threads, double seconds, double until,
+                               reference_solution *t) {
+  *t = (reference_solution){.scene = scene,
                             .view = {.size = sizeof t->view},
-                            .t_end = kind->ends[quick],
-                            .comparison_method = kind->damped ? "rk4" : "rkn6"};
-  if (!build_reference_scene(t, quick) || !measure_motion(t, until) ||
-      !find_by_halving(t, threads, seconds, until))
-    return 0;
-  t->energy = measure_energy(t, t->end.x, t->end.v);
-  return measure_disturbance_growth(t, threads, until);
+                            .impacts = impacts,
+                            .t_end = t_end,
+                            .comparison_method = damped ? "rk4" : "rkn6"};
+  run_result work[2] = {{.x = NULL}, {.x = NULL}};
+  int made = measure_scene(t);
+  for (int i = 0; i < 2 && made; i++)
+    made = run_result_create(t->view.nparticles, &work[i]) ||
+           fail_reference_solution(t, "out of memory");
+  made = made && measure_motion(t, until) && halve_steps(t, threads, seconds, until, work);
+  if (made) t->energy = measure_energy(t, t->end.x, t->end.v);
+  made = made && measure_disturbance_growth(t, threads, until, work);
+  for (int i = 0; i < 2; i++) run_result_free(&work[i]);
+  return made;
 }
 
 void reference_solution_free(reference_solution *t) {
   run_result_free(&t->end);
   msim_sim_destroy(t->sim);
-  msim_scene_destroy(t->scene);
 }

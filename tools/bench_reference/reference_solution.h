@@ -10,14 +10,13 @@
 #ifndef BENCH_REFERENCE_SOLUTION_H
 #define BENCH_REFERENCE_SOLUTION_H
 
-#include "precision_scenes.h"
 #include "scene_run.h"
 
 typedef struct reference_solution {
-  const precision_scene *kind;
-  msim_scene *scene;
+  const msim_scene *scene;
   msim_scene_view view;
   msim_sim *sim;                 /* computes energies and forces */
+  int impacts;                   /* particles hit planes */
   double t_end, limit;           /* s; limit: longest stable step of velocity Verlet */
   double motion, speed;          /* D, m; maximum over the run of the root mean square of v, m/s */
   double extent;                 /* m: longest side of the bounding box at the start */
@@ -32,10 +31,12 @@ typedef struct reference_solution {
   msim_error err;
 } reference_solution;
 
-/* seconds: time limit. Returns 0 on failure and sets t->err. Call reference_solution_free in any
+/* Of a scene that outlives t. impacts: particles hit planes; damped: forces depend on velocities;
+ * seconds: time limit. Returns 0 on failure and sets t->err. Call reference_solution_free in any
  * case. */
-int reference_solution_compute(const precision_scene *kind, int quick, int32_t threads,
-                               double seconds, double until, reference_solution *t);
+int reference_solution_compute(const msim_scene *scene, double t_end, int impacts, int damped,
+                               int32_t threads, double seconds, double until,
+                               reference_solution *t);
 void reference_solution_free(reference_solution *t);
 
 /* Errors of a final state: of the positions; of the energy, relative to the largest kinetic energy;

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "../common/clock.h"
-#include "interrupt.h"
+#include "../common/interrupt.h"
 
 enum { RUN_FRAMES = 64 }; /* frames in a run, at which `see` is called and limits are checked */
 
