@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 static int by_ends(const void *a, const void *b) {
   const struct placed_spring *s = a, *t = b;

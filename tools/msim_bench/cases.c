@@ -92,16 +92,11 @@ json_t *add_step_row(report *out, const char *measure, const moving_scene *m, do
   return row;
 }
 
-void report_without(report *out, const char *measure, const moving_scene *m, double h,
-                    const char *solver, const char *status, const char *reason) {
-  add_step_row(out, measure, m, h,
-               FIELDS(TEXT("solver", solver), TEXT("status", status), TEXT("reason", reason)));
-  printf(" %-19s %s: %s\n", solver, status, reason);
-}
-
 void report_left_out(report *out, const char *measure, const moving_scene *m, double h,
                      const char *solver, const char *why) {
-  report_without(out, measure, m, h, solver, "left out", why);
+  add_step_row(out, measure, m, h,
+               FIELDS(TEXT("solver", solver), TEXT("status", "left out"), TEXT("reason", why)));
+  printf(" %-19s left out: %s\n", solver, why);
 }
 
 /*------------------------------------- cases ----------------------------------------------------*/

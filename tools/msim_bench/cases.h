@@ -26,9 +26,7 @@ void measure_cases(const bench_run *b, int count, const bench_case *cases, int32
 json_t *add_step_row(report *out, const char *measure, const moving_scene *m, double h,
                      const field *fields);
 
-/* Writes and prints a row for a solver that was not run, or failed. */
-void report_without(report *out, const char *measure, const moving_scene *m, double h,
-                    const char *solver, const char *status, const char *reason);
+/* Writes and prints a row for a solver that was not run. */
 void report_left_out(report *out, const char *measure, const moving_scene *m, double h,
                      const char *solver, const char *why);
 

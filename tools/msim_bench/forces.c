@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "../bench_reference/textbook.h"
 #include "../bench_reference/triad.h"
@@ -143,7 +142,7 @@ static void report_candidate(report *out, const forces_context *a, const timing_
       FIELDS(TEXT("scene", a->m.kind->name), TEXT("name", f->name), TEXT("contestant", c->name),
              TEXT("isa", c->run == run_textbook ? a->book.kernels->isa : NULL),
              INTEGER("threads", f->threads), INTEGER("springs", a->m.view.nsprings)));
-  put_result(row, c, whole_seconds, "us", 1e6);
+  put_result(row, c, "us", 1e6);
   put_fields(
       row, FIELDS(REAL("gb_per_s", 1e-9 * a->bytes / seconds),
                   REAL("springs_per_s", c->run == run_triad ? NAN : a->m.view.nsprings / seconds)));

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Row i of A times the velocities y of all particles */
 static double row_product(const linear_system *s, int32_t i, const double *y) {

@@ -1,7 +1,6 @@
 #include "newton_sweep.h"
 
 #include <math.h>
-#include <stdio.h>
 
 #include "../common/clock.h"
 #include "timing.h"

@@ -63,13 +63,13 @@ double nonlinear_step_error(const nonlinear_step *s, const double *v) {
   return mass_weighted_distance(s->moving, v, s->v) / s->change;
 }
 
-double nonlinear_step_residual(const nonlinear_step *s, const double *v) {
+/* The residual at v, relative to that at v = v(t) */
+static double relative_residual(const nonlinear_step *s, const double *v) {
   return step_residual(s, v) / s->start;
 }
 
 int is_another_minimum(const nonlinear_step *s, const double *v) {
-  return nonlinear_step_error(s, v) > accuracies[0] &&
-         nonlinear_step_residual(s, v) < SOLVED_RESIDUAL;
+  return nonlinear_step_error(s, v) > accuracies[0] && relative_residual(s, v) < SOLVED_RESIDUAL;
 }
 
 /*------------------------------------- solution -------------------------------------------------*/
@@ -115,7 +115,7 @@ static int solve_by(const char *solver, const method_limits *a, nonlinear_step *
   s->iterations = stats.newton_iterations;
   s->change = mass_weighted_distance(m, s->v, m->v);
   s->start = step_residual(s, m->v);
-  s->residual = nonlinear_step_residual(s, s->v);
+  s->residual = relative_residual(s, s->v);
   if (s->residual < SOLVED_RESIDUAL) return 1;
   snprintf(err->text, sizeof err->text, "the relative residual is %.2g, above 1e-9", s->residual);
   return 0;

@@ -41,9 +41,6 @@ void nonlinear_step_free(nonlinear_step *s);
 /* |v - v'| / |v' - v(t)|, where v' is the solution */
 double nonlinear_step_error(const nonlinear_step *s, const double *v);
 
-/* |v - v(t) - h M^-1 F(x + h v)|, relative to its value at v = v(t) */
-double nonlinear_step_residual(const nonlinear_step *s, const double *v);
-
 /* Whether v solves the equation but is another solution: folded cloth can buckle in several
  * ways. */
 int is_another_minimum(const nonlinear_step *s, const double *v);

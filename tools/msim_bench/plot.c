@@ -79,9 +79,10 @@ static void print_quoted(FILE *out, const char *text) {
 
 /*------------------------------------- points ---------------------------------------------------*/
 
-/* A row as a point or a bar: the numbers of its names, and its coordinates. */
+/* A row as a point or a bar: its coordinates, the numbers of its names, and that of its place. */
 typedef struct plot_point {
   int series, place;
+  const char *name;
   double x, y;
 } plot_point;
 
@@ -109,6 +110,19 @@ static double coordinate(const json_t *row, const char *key) {
   return row_number(row, key);
 }
 
+/* Whether two places belong to one curve, as cloth32 and cloth64 do. */
+static int are_family(const char *a, const char *b) {
+  const size_t n = strcspn(a, "0123456789");
+  return n == strcspn(b, "0123456789") && memcmp(a, b, n) == 0;
+}
+
+/* Order by family, then by x. */
+static int compare_points(const void *a, const void *b) {
+  const plot_point *p = a, *q = b;
+  if (are_family(p->name, q->name)) return (p->x > q->x) - (p->x < q->x);
+  return strcmp(p->name, q->name);
+}
+
 static int collect_points(const plot *p, const report *r, points *s) {
   size_t i;
   json_t *row;
@@ -119,16 +133,12 @@ static int collect_points(const plot *p, const report *r, points *s) {
                        .y = coordinate(row, p->y) * (p->y_scale > 0 ? p->y_scale : 1)};
     if (!isfinite(here.x) || !isfinite(here.y)) continue;
     here.series = name_index(&s->series, row_text(row, p->series));
-    here.place = name_index(&s->places, p->place ? row_text(row, p->place) : "");
+    here.name = p->place ? row_text(row, p->place) : "";
+    here.place = name_index(&s->places, here.name);
     if (here.series >= 0 && here.place >= 0) s->all[s->count++] = here;
   }
+  if (s->all) qsort(s->all, (size_t)s->count, sizeof *s->all, compare_points);
   return s->all != NULL;
-}
-
-/* Whether two places belong to one curve, as cloth32 and cloth64 do. */
-static int are_family(const char *a, const char *b) {
-  const size_t n = strcspn(a, "0123456789");
-  return n == strcspn(b, "0123456789") && memcmp(a, b, n) == 0;
 }
 
 /*------------------------------------- curves and bars ------------------------------------------*/
@@ -140,34 +150,14 @@ static void print_bars(FILE *out, const points *s, int series) {
     if (q->series == series) fprintf(out, "%.9g %.9g\n", q->place + offset, q->y);
 }
 
-/* Order by family, then by x, then as in the report. */
-static int compare_points(const points *s, const plot_point *p, const plot_point *q) {
-  const char *a = s->places.all[p->place], *b = s->places.all[q->place];
-  if (!are_family(a, b)) return strcmp(a, b);
-  return p->x != q->x ? (p->x > q->x) - (p->x < q->x) : (p > q) - (p < q);
-}
-
-/* The point of a series at a place (-1: all) that comes next after `last` (NULL: none) in the order
- * of families, then of x; NULL: none. */
-static const plot_point *next_point(const points *s, int series, int place,
-                                    const plot_point *last) {
-  const plot_point *best = NULL;
-  for (const plot_point *q = s->all; q < s->all + s->count; q++) {
-    if (q->series != series || (place >= 0 && q->place != place)) continue;
-    if (last && compare_points(s, q, last) <= 0) continue;
-    if (!best || compare_points(s, q, best) < 0) best = q;
-  }
-  return best;
-}
-
-/* A data line for each point: x, y, place; an empty line between families. */
+/* A data line for each point at a place (-1: all): x, y, place; an empty line between families. */
 static void print_curve(FILE *out, const points *s, int series, int place) {
   const char *before = NULL;
-  for (const plot_point *q = NULL; (q = next_point(s, series, place, q)) != NULL;) {
-    const char *here = s->places.all[q->place];
-    if (before && !are_family(before, here)) putc('\n', out);
-    fprintf(out, "%.9g %.9g \"%s\"\n", q->x, q->y, here);
-    before = here;
+  for (const plot_point *q = s->all; q < s->all + s->count; q++) {
+    if (q->series != series || (place >= 0 && q->place != place)) continue;
+    if (before && !are_family(before, q->name)) putc('\n', out);
+    fprintf(out, "%.9g %.9g \"%s\"\n", q->x, q->y, q->name);
+    before = q->name;
   }
 }
 

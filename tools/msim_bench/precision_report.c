@@ -75,14 +75,13 @@ static void report_point(report *out, const setting_sweep *c, int i) {
       out, "rung",
       FIELDS(TEXT("scene", c->context.kind->name), TEXT("method", r->method->name),
              TEXT("of", library_of(r->method)), REAL(r->method->by_tol ? "tol" : "h", r->setting)));
-  put_result(row, &c->all[i], whole_seconds, "ms", 1e3);
+  const char *unresolved = "the error is too close to that of the reference solution";
+  const char *const reasons[] = {
+      [POINT_UNRESOLVED] = unresolved, [POINT_FAILED] = c->all[i].reason, [POINT_MEASURED] = NULL};
+  put_fields(row, FIELDS(TEXT("status", statuses[r->status]), TEXT("reason", reasons[r->status])));
   if (r->status == POINT_FAILED) return;
-  put_fields(row, FIELDS(TEXT("status", statuses[r->status]),
-                         TEXT("reason", r->status == POINT_UNRESOLVED
-                                            ? "the error is too close to that of the reference "
-                                              "solution"
-                                            : NULL),
-                         BOOLEAN("near_best", is_near_best(c, r->method)),
+  put_times(row, &c->all[i], whole_seconds, "ms", 1e3);
+  put_fields(row, FIELDS(BOOLEAN("near_best", is_near_best(c, r->method)),
                          INTEGER("evaluations", r->evaluations), REAL("error", r->errors.error),
                          REAL("energy_drift", r->errors.energy),
                          REAL("momentum_drift", r->errors.momentum)));

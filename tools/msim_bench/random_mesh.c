@@ -1,6 +1,5 @@
 #include "random_mesh.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 

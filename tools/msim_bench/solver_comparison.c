@@ -179,7 +179,7 @@ void solver_comparison_report(report *out, const solver_comparison *r, const cha
     if (failures && has_result(c)) continue;
     json_t *row = add_step_row(out, failures ? failures : c->measure, r->moving, r->system.h,
                                FIELDS(TEXT("solver", c->name)));
-    put_result(row, c, whole_seconds, "ms", 1e3);
+    put_result(row, c, "ms", 1e3);
     if (has_result(c)) put_phases(row, r, c);
     print_row(columns, row);
   }

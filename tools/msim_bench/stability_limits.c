@@ -4,7 +4,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "../common/interrupt.h"
 #include "msim/msim.h"

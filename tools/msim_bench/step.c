@@ -63,7 +63,8 @@ static void report_factorization(report *out, const step_comparison *r) {
                              FIELDS(TEXT("method", "cholmod, bare")));
   printf(" %-21s", "one factorisation");
   if (r->factor) {
-    put_result(row, r->factor, factor_seconds, "ms", 1e3);
+    put_fields(row, FIELDS(TEXT("status", "ok")));
+    put_times(row, r->factor, factor_seconds, "ms", 1e3);
     print_times(row);
   } else {
     put_fields(row, FIELDS(TEXT("status", "left out"), TEXT("reason", r->no_factor.text)));
@@ -86,8 +87,9 @@ static void report_accuracy(report *out, const step_comparison *r, int method, i
                              FIELDS(TEXT("method", p->name), TEXT("curve", curve),
                                     REAL("accuracy", accuracies[accuracy])));
   if (c) {
-    put_result(row, c, whole_seconds, "ms", 1e3);
-    put_fields(row, FIELDS(INTEGER("iterations", at->iterations), REAL("error", at->error),
+    put_times(row, c, whole_seconds, "ms", 1e3);
+    put_fields(row, FIELDS(TEXT("status", "ok"), INTEGER("iterations", at->iterations),
+                           REAL("error", at->error),
                            REAL("newton_rtol",
                                 method <= BY_CHOLMOD ? newton_sweep_rtol(at->setting) : NAN)));
   } else {

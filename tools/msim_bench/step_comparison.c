@@ -100,8 +100,7 @@ static double repeat_descent(descent *d, int64_t iterations) {
   return clock_seconds() - start;
 }
 
-/* The limit is at 4 times the time of Newton's method, enough to show that they are
- * slower. */
+/* The limit is at least 4 times the time of Newton's method: enough to show them slower. */
 static void run_descents(step_comparison *r, const step_plan *plan, double until) {
   static const descent_method *const methods[] = {&projective_dynamics, &lbfgs};
   const double ours = seconds_to_best(&r->records[BY_PCG]);

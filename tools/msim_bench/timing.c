@@ -40,17 +40,22 @@ int candidate_fail(timing_candidate *c, const char *why) {
 
 int has_result(const timing_candidate *c) { return !c->failed && c->nsamples > 0; }
 
-void put_result(json_t *row, const timing_candidate *c, sample_value *value, const char *unit,
-                double per_second) {
-  const char *status = c->failed ? "failed" : "left out";
-  if (!has_result(c)) {
-    put_fields(row,
-               FIELDS(TEXT("status", status), TEXT("reason", c->failed ? c->reason : NO_TIME)));
-    return;
-  }
-  put_fields(row, FIELDS(TEXT("status", "ok"), REAL(unit, per_second * median_of(c, value)),
-                         REAL("spread", spread_of(c, value)),
-                         INTEGER("repeats", c->nsamples > 1 ? c->nsamples - 1 : 1)));
+void put_times(json_t *row, const timing_candidate *c, sample_value *value, const char *unit,
+               double per_second) {
+  put_fields(
+      row, FIELDS(REAL(unit, per_second * median_of(c, value)), REAL("spread", spread_of(c, value)),
+                  INTEGER("repeats", c->nsamples > 1 ? c->nsamples - 1 : 1)));
+}
+
+void put_result(json_t *row, const timing_candidate *c, const char *unit, double per_second) {
+  const int ran = has_result(c);
+  put_fields(row, FIELDS(TEXT("status", ran         ? "ok"
+                                        : c->failed ? "failed"
+                                                    : "left out"),
+                         TEXT("reason", ran         ? NULL
+                                        : c->failed ? c->reason
+                                                    : NO_TIME)));
+  if (ran) put_times(row, c, whole_seconds, unit, per_second);
 }
 
 /*------------------------------------- running --------------------------------------------------*/

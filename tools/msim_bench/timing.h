@@ -55,10 +55,11 @@ int candidate_fail(timing_candidate *c, const char *why);
 
 int has_result(const timing_candidate *c);
 
-/* Adds to a row the status of a candidate, and the reason or its median time in `unit`, of which
- * there are so many in a second, spread and repeats. */
-void put_result(json_t *row, const timing_candidate *c, sample_value *value, const char *unit,
-                double per_second);
+/* Add to a row: the median time of a candidate in `unit`, of which there are so many in a second,
+ * spread and repeats; its status, and the reason or these. */
+void put_times(json_t *row, const timing_candidate *c, sample_value *value, const char *unit,
+               double per_second);
+void put_result(json_t *row, const timing_candidate *c, const char *unit, double per_second);
 
 typedef struct timing_limits {
   int max_rounds; /* rounds after the first, at most MAX_ROUNDS - 1 */
