@@ -27,7 +27,7 @@ class Refusals(BenchTest):
         (self.folder / "folder").mkdir()
         os.mkfifo(self.folder / "pipe")
         for args, *words in [
-            ([], "name of a bench", "linear", "'msim_bench --help'"),
+            ([], "name of a bench", "linear", "or stability", "'msim_bench --help'"),
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
             (["--scene", "cloth32", "stability"], "'stability'", "its own scenes"),
@@ -45,7 +45,7 @@ class Refusals(BenchTest):
             (["linear", "--scene", "cloth32,cloth33"], "'cloth33'", "cloth32, cloth64"),
             (["linear", "--scene", ""], "''"),
             (["skip", "--scene", "cloth32"], "--scene", "'skip'"),
-            (["scaling", "--scene", "cloth32,mesh100"], "'mesh100'", "'scaling'"),
+            (["scaling", "--scene", "cloth32,mesh100"], "'mesh100'", "'scaling'", "jelly8"),
             (["step", "--scene", "cloth32,cloth316"], "'cloth316'", "'step'"),
             (["precision", "--scene", "cloth32"], "--scene", "'precision'"),
             (["step", "--threads", "2"], "--threads", "'step'"),

@@ -5,55 +5,29 @@
 
 #include "ode.h"
 
-/* The springs of one part. */
-typedef struct spring_list {
-  int32_t nsprings;
-  int32_t *ij;
-  double *k, *rest, *damping;
-} spring_list;
-
-static int part_make(int32_t most, spring_list *p) {
-  const size_t n = (size_t)most + 1;
-  *p = (spring_list){.ij = malloc(2 * n * sizeof *p->ij),
-                     .k = malloc(n * sizeof *p->k),
-                     .rest = malloc(n * sizeof *p->rest),
-                     .damping = malloc(n * sizeof *p->damping)};
-  return p->ij && p->k && p->rest && p->damping;
+/* The part of a spring's stiffness or damping: stiff springs, or the damping of all springs, belong
+ * to the stiff part. */
+static double share(const msim_scene_view *view, int by, double limit, int stiff, int32_t spring,
+                    int is_damping) {
+  const double value = is_damping ? view->damping[spring] : view->k[spring];
+  const int is_stiff = by == SPLIT_DAMPING ? is_damping : view->k[spring] >= limit;
+  return is_stiff == stiff ? value : 0;
 }
 
-static void part_free(spring_list *p) { free(p->ij), free(p->k), free(p->rest), free(p->damping); }
-
-static void part_add(const msim_scene_view *view, int32_t spring, double k, double damping,
-                     spring_list *p) {
-  const int32_t s = p->nsprings++;
-  memcpy(p->ij + 2 * s, view->ij + 2 * spring, 2 * sizeof *p->ij);
-  p->k[s] = k, p->rest[s] = view->rest[spring], p->damping[s] = damping;
-}
-
-/* Collects the springs of one part: the stiff ones, or the damping of all springs; or the others.
- * Gravity and drag belong to the others. */
-static void select_springs(const msim_scene_view *view, int by, double limit, int stiff,
-                           spring_list *p) {
-  for (int32_t s = 0; s < view->nsprings; s++) {
-    const int is_stiff = view->k[s] >= limit;
-    if (by == SPLIT_DAMPING)
-      part_add(view, s, stiff ? 0 : view->k[s], stiff ? view->damping[s] : 0, p);
-    else if (is_stiff == stiff) part_add(view, s, view->k[s], view->damping[s], p);
-  }
-}
-
+/* Gravity and drag belong to the others. */
 static int make_runs(const msim_scene_view *view, int by, double limit, int stiff, spring_runs *r) {
+  const size_t n = (size_t)view->nsprings;
+  double *k = malloc((2 * n + 1) * sizeof *k), *damping = k + n;
   msim_scene_view own = *view;
-  spring_list p;
-  int made = part_make(view->nsprings, &p);
-  if (made) {
-    select_springs(view, by, limit, stiff, &p);
-    own.nsprings = p.nsprings;
-    own.ij = p.ij, own.k = p.k, own.rest = p.rest, own.damping = p.damping;
-    if (stiff) own.drag = 0, memset(own.gravity, 0, sizeof own.gravity);
-    made = spring_runs_create(&own, r);
+  if (!k) return 0;
+  for (int32_t s = 0; s < view->nsprings; s++) {
+    k[s] = share(view, by, limit, stiff, s, 0);
+    damping[s] = share(view, by, limit, stiff, s, 1);
   }
-  part_free(&p);
+  own.k = k, own.damping = damping;
+  if (stiff) own.drag = 0, memset(own.gravity, 0, sizeof own.gravity);
+  const int made = spring_runs_create(&own, r);
+  free(k);
   return made;
 }
 

@@ -44,14 +44,16 @@ static void append_spring(const msim_scene_view *view, const ordered_spring *s, 
 }
 
 static void fill_runs(const msim_scene_view *view, ordered_spring *links, spring_runs *r) {
+  size_t count = 0;
   for (int32_t s = 0; s < view->nsprings; s++) {
     const int32_t i = view->ij[2 * s], j = view->ij[2 * s + 1];
-    links[s] = (ordered_spring){i < j ? i : j, i < j ? j : i, s};
+    if (view->k[s] > 0 || view->damping[s] > 0)
+      links[count++] = (ordered_spring){i < j ? i : j, i < j ? j : i, s};
     r->elastic |= view->k[s] > 0;
     r->damped |= view->damping[s] > 0;
   }
-  qsort(links, (size_t)view->nsprings, sizeof *links, compare_springs);
-  for (int32_t s = 0; s < view->nsprings; s++) append_spring(view, &links[s], r);
+  qsort(links, count, sizeof *links, compare_springs);
+  for (size_t s = 0; s < count; s++) append_spring(view, &links[s], r);
   for (int c = 0; c < 3; c++)
     for (int32_t i = 0; i < view->nparticles; i++)
       r->weight[c * view->nparticles + i] = view->pinned[i] ? 0 : view->mass[i] * view->gravity[c];

@@ -18,7 +18,8 @@ typedef struct spring_runs {
   double drag;
 } spring_runs;
 
-/* Returns 0 if out of memory. Call spring_runs_free in any case. */
+/* Springs without stiffness and damping are left out. Returns 0 if out of memory. Call
+ * spring_runs_free in any case. */
 int spring_runs_create(const msim_scene_view *view, spring_runs *r);
 void spring_runs_free(spring_runs *r);
 
