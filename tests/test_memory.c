@@ -372,7 +372,9 @@ static void matrices_too_large_are_refused(void **state) {
   assert_int_equal(
       ms_sparse_matrix_create(&model, &graph, NULL, MSIM_FORMAT_UPPER, 3, &matrix, &why),
       MSIM_ERR_ARG);
-  assert_string_equal(why.text, "the matrix has 250000002 blocks of 3 x 3; the limit is 238609294");
+  assert_string_equal(why.text,
+                      "the matrix has 250000002 blocks of 3 x 3 scalars, more than the limit of "
+                      "238609294; use solver = pcg");
 }
 
 int main(void) {

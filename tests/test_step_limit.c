@@ -144,8 +144,8 @@ static void h_auto_is_refused_without_a_limit(void **state) {
   refused(scene, "heun", MSIM_H_AUTO, "undamped vibrations grow with heun at any h");
   refused(free_ring, "rkc", MSIM_H_AUTO, "undamped vibrations grow with rkc at any h");
   refused(still, "verlet", MSIM_H_AUTO, "nothing vibrates");
-  refused(scene, "verlet", 0, "h is '0'; it must be a number > 0 | auto");
-  refused(scene, "verlet", -2, "h is '-2'; it must be a number > 0 | auto");
+  refused(scene, "verlet", 0, "h is '0'; it must be a number > 0 or auto");
+  refused(scene, "verlet", -2, "h is '-2'; it must be a number > 0 or auto");
   msim_sim *sim = watched(still, "verlet", 0.5);
   assert_int_equal(msim_sim_set_step(sim, MSIM_H_AUTO, &why), MSIM_ERR_ARG);
   assert_int_equal(msim_sim_set_step(sim, 0, &why), MSIM_ERR_ARG);
