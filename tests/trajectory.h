@@ -11,11 +11,9 @@
 /* The recorder hdf5, loaded or linked in; NULL: missing. */
 static inline const msim_recorder_type *find_hdf5_recorder(void) {
   const msim_allocator alloc = ms_memory_allocator(NULL);
-  ms_text where = {.alloc = &alloc};
+  const msim_options opt = {.plugin_path = NULL};
   const msim_recorder_type *type;
-  const msim_status status = ms_recorders_find("hdf5", NULL, &type, &where, NULL);
-  ms_text_free(&where);
-  return status ? NULL : type;
+  return ms_recorders_find("a.vtkhdf", &opt, &alloc, &type, NULL) ? NULL : type;
 }
 
 static inline hid_t open_trajectory(const char *path) {

@@ -2,7 +2,16 @@
  *
  * An importer plugin is one file, msim_importer_NAME.so, that exports msim_importer_entry; linked
  * into the host, the symbol is msim_importer_NAME. MSIM_IMPORTER_ENTRY defines either. The rules of
- * change are those of backend.h. Programs load scenes by msim_scene_load (msim.h).
+ * change are those of backend.h. Programs load and save scenes by msim_scene_load and
+ * msim_scene_save (scene.h).
+ *
+ * The extension of a file selects its importer. A plugin for files *.net has the name net and the
+ * extension .net, so that it is found without opening any other:
+ *
+ *     cc -shared -fPIC -DMSIM_PLUGIN $(pkg-config --cflags msim) net.c -o msim_importer_net.so
+ *     MSIM_PLUGIN_PATH=$PWD msim_cli run scene.net
+ *
+ * Only the plugins of msim itself have other names: hdf5 reads *.h5. Files *.json are always JSON.
  *
  * In every format a scene file is a tree. The path of a node is the sequence of its keys in the
  * JSON form, with '/' between them: "particles/x"; the i-th element of a list of objects has the
@@ -51,7 +60,7 @@ typedef struct msim_importer {
   uint32_t abi;          /* MSIM_IMPORTER_ABI */
   uint32_t size;         /* sizeof(msim_importer) */
   const char *name;      /* [a-z0-9_-]+ */
-  const char *extension; /* of its files, with the dot */
+  const char *extension; /* of its files, with the dot: "." and the name */
   const char *library;   /* the library behind it, with its version */
   const char *license;   /* of that library, SPDX */
 

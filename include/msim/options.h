@@ -81,7 +81,8 @@ enum {
   MSIM_SKIP_ISLANDS = 1u << 9           /* off: one system for all particles, connected or not */
 };
 
-typedef struct msim_backend msim_backend; /* a linear solver, see msim/backend.h */
+typedef struct msim_backend msim_backend;             /* a linear solver, see msim/backend.h */
+typedef struct msim_recorder_type msim_recorder_type; /* writes trajectories, see msim/recorder.h */
 
 /* msim_option_info describes each member. Strings are borrowed until msim_sim_create has copied
  * them. Defaults are in brackets. */
@@ -122,6 +123,9 @@ typedef struct msim_options {
   int32_t newton_retries;
   int32_t watch; /* MSIM_WATCH_... [ON] */
   int32_t sync;  /* MSIM_SYNC_... [OFF] */
+  /* Recorders provided by the program: a file's extension finds them before all others. A list that
+   * ends with NULL; its tables must outlive the sims. Nullable. */
+  const msim_recorder_type *const *recorders;
 } msim_options;
 
 /* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for

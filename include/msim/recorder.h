@@ -1,8 +1,17 @@
 /* recorder.h - the ABI of plugins that write trajectories.
  *
  * A recorder plugin is one file, msim_recorder_NAME.so, that exports msim_recorder_entry; linked
- * into the host, the symbol is msim_recorder_NAME. MSIM_RECORDER_ENTRY defines either. The rules of
- * change are those of backend.h. Programs record trajectories by msim_recorder_open (msim.h).
+ * into a program, the symbol is msim_recorder_NAME, and msim_options.recorders takes the table it
+ * returns. MSIM_RECORDER_ENTRY defines either. The rules of change are those of backend.h. Programs
+ * record trajectories by msim_recorder_open (msim.h).
+ *
+ * The extension of a file selects its recorder. A plugin for files *.xyz has the name xyz and the
+ * extension .xyz, so that it is found without opening any other:
+ *
+ *     cc -shared -fPIC -DMSIM_PLUGIN $(pkg-config --cflags msim) xyz.c -o msim_recorder_xyz.so
+ *     MSIM_PLUGIN_PATH=$PWD msim_cli run scene.json --out motion.xyz
+ *
+ * Only the plugins of msim itself have other names: hdf5 writes *.vtkhdf.
  */
 #ifndef MSIM_RECORDER_H
 #define MSIM_RECORDER_H
@@ -56,11 +65,14 @@ typedef struct msim_resumption {
   size_t checkpoint_length;
 } msim_resumption;
 
-typedef struct msim_recorder_type {
+/* Also declared by msim.h. */
+typedef struct msim_recorder_type msim_recorder_type;
+
+struct msim_recorder_type {
   uint32_t abi;          /* MSIM_RECORDER_ABI */
   uint32_t size;         /* sizeof(msim_recorder_type) */
   const char *name;      /* [a-z0-9_-]+ */
-  const char *extension; /* of the files it writes, with the dot */
+  const char *extension; /* of the files it writes, with the dot: "." and the name */
   const char *library;   /* the library behind it, with its version */
   const char *license;   /* of that library, SPDX */
 
@@ -78,7 +90,10 @@ typedef struct msim_recorder_type {
                         void **self);
   /* 1: open() created this file, so a new recording may replace it. */
   int32_t (*recognize)(const msim_host *host, const char *path);
-} msim_recorder_type;
+  /* 1: nframes and times are not read, so that frames may be recorded whose number is not known, as
+   * that of all steps under error control. */
+  int32_t open_ended;
+};
 
 #define MSIM_RECORDER_SIZE_1 (offsetof(msim_recorder_type, close) + sizeof(void (*)(void *)))
 

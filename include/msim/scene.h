@@ -82,10 +82,11 @@ typedef struct msim_scene_view {
 MSIM_API msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene,
                                        msim_error *err);
 
-/* Read a scene file: JSON, or *.h5 (if the HDF5 plugin is available) with the same tree as the JSON
- * form. Errors name the file and the line or key: MSIM_ERR_IO (cannot be read), MSIM_ERR_ARG
- * (cannot be a scene), MSIM_ERR_UNSUPPORTED (an object of type mesh); plugin statuses. *scene is
- * NULL then. Nullable: alloc. */
+/* Read a scene file. The extension selects the importer: .h5 (plugin hdf5), or the plugin with the
+ * name of the extension, see importer.h, in the folders of MSIM_PLUGIN_PATH or of msim. All other
+ * files are JSON. Errors name the file and the line or key: MSIM_ERR_IO (cannot be read),
+ * MSIM_ERR_ARG (cannot be a scene), MSIM_ERR_UNSUPPORTED (an object of type mesh); plugin statuses.
+ * *scene is NULL then. Nullable: alloc. */
 MSIM_API msim_status msim_scene_load(const msim_allocator *alloc, const char *path,
                                      msim_scene **scene, msim_error *err);
 

@@ -82,34 +82,6 @@ msim_status ms_plugin_open(const char *kind, const char *name, const char *plugi
   return status;
 }
 
-msim_status ms_plugin_check(const char *kind, const char *name, const char *file, uint32_t abi,
-                            uint32_t host_abi, uint32_t size, uint32_t least,
-                            const char *table_name, msim_error *err) {
-  if (abi != host_abi)
-    return ms_error_set(err, MSIM_ERR_ABI,
-                        "%s was built for %s ABI %u, but msim %s has ABI %u; rebuild it", file,
-                        kind, abi, msim_version(), host_abi);
-  if (size < least)
-    return ms_error_set(
-        err, MSIM_ERR_ABI,
-        "%s has a function table of %u bytes, but at least %u are required; rebuild it", file, size,
-        least);
-  if (table_name && strcmp(table_name, name) == 0) return MSIM_OK;
-  return ms_error_set(
-      err, MSIM_ERR_PLUGIN,
-      "%s contains plugin '%s', not '%s'; the name in its function table must be that of the file",
-      file, table_name ? table_name : "", name);
-}
-
-msim_status ms_plugin_check_members(const char *file, const ms_plugin_member *members, size_t n,
-                                    msim_error *err) {
-  for (size_t i = 0; i < n; i++)
-    if (members[i].missing)
-      return ms_error_set(err, MSIM_ERR_PLUGIN, "the function table of %s lacks `%s`", file,
-                          members[i].name);
-  return MSIM_OK;
-}
-
 /*------------------------------------- host -----------------------------------------------------*/
 
 static void *host_alloc(const msim_host *host, size_t bytes) {

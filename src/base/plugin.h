@@ -1,4 +1,4 @@
-/* plugin - finding, loading and checking plugins; each is loaded at first use and never unloaded */
+/* plugin - finding and loading plugins, each at first use and for good, and services for them */
 #ifndef MS_PLUGIN_H
 #define MS_PLUGIN_H
 
@@ -11,19 +11,6 @@
  * OpenMP may still run in them. Nullable: plugin_path. where: the file, or the list of folders. */
 msim_status ms_plugin_open(const char *kind, const char *name, const char *plugin_path,
                            void **entry, ms_text *where, msim_error *err);
-
-/* Refuse a table with another ABI, a size below `least`, or another name. */
-msim_status ms_plugin_check(const char *kind, const char *name, const char *file, uint32_t abi,
-                            uint32_t host_abi, uint32_t size, uint32_t least,
-                            const char *table_name, msim_error *err);
-
-/* Refuse a table in which one of these members is missing. */
-typedef struct ms_plugin_member {
-  const char *name;
-  int missing;
-} ms_plugin_member;
-msim_status ms_plugin_check_members(const char *file, const ms_plugin_member *members, size_t n,
-                                    msim_error *err);
 
 /* Services for a plugin: memory of the scene's allocator, and a buffer for its last message. */
 typedef struct ms_plugin_host {

@@ -3,7 +3,7 @@
 
 #include "linear/jacobi.h"
 #include "linear/linear.h"
-#include "linear/registry.h"
+#include "linear/backends.h"
 
 typedef struct adapter {
   ms_linear base;
@@ -211,11 +211,8 @@ msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
                                     .destroy = adapter_destroy};
   const msim_allocator *alloc = &system->model->scene->alloc;
   const msim_backend *table;
-  ms_text where = {.alloc = alloc};
   *linear = NULL;
-  msim_status status =
-      ms_registry_find_backend(name, opt->backends, opt->plugin_path, &table, &where, err);
-  ms_text_free(&where);
+  msim_status status = ms_backends_find(name, opt, alloc, &table, err);
   if (status) return status;
   adapter *self = ms_memory_allocate(alloc, 1, sizeof *self);
   if (!self) return ms_error_set_memory(err, "the linear solver");

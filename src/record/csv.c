@@ -130,6 +130,7 @@ const msim_recorder_type *ms_csv_recorder_type(void) {
       .write = write_csv_frame,
       .close = close_csv,
       .recognize = recognize_csv,
+      .open_ended = 1,
   };
   return &type;
 }

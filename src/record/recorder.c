@@ -4,7 +4,6 @@
 
 #include "base/clock.h"
 #include "base/plugin.h"
-#include "record/csv.h"
 #include "record/output_file.h"
 #include "record/recorders.h"
 #include "sim/sim.h"
@@ -41,8 +40,8 @@ static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_e
   const char *path = r->place.path;
   const int64_t planned =
       ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES + 1);
-  *nframes = planned < 0 ? 1 : planned; /* csv does not need their number */
-  if (planned < 0 && r->type != ms_csv_recorder_type())
+  *nframes = planned < 0 ? 1 : planned; /* an open-ended recorder does not read it */
+  if (planned < 0 && !(MS_RECORDERS_HAS(r->type, open_ended)))
     return ms_error_set(err, MSIM_ERR_ARG,
                         "%s requires the number of frames in advance, but under error control the "
                         "number of steps is unknown; use fps in place of every",
@@ -164,12 +163,10 @@ static msim_status open_for_resume(msim_recorder *r, const char *path, msim_erro
   return status;
 }
 
-static msim_status check_recording(const msim_sim *sim, const char *path, const char **kind,
-                                   msim_error *err) {
-  *kind = ms_recorders_find_name(path);
-  if (!*kind)
-    return ms_error_set(err, MSIM_ERR_NAME,
-                        "%s: the file name of a trajectory must end in .vtkhdf or .csv", path);
+static msim_status find_recorder(const msim_sim *sim, const char *path,
+                                 const msim_recorder_type **type, msim_error *err) {
+  const msim_status status = ms_recorders_find(path, &sim->config.opt, &sim->alloc, type, err);
+  if (status) return status;
   if (sim->config.plan.t_end < 0)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "%s: the run has no end, which recording requires; set steps or t_end",
@@ -180,20 +177,18 @@ static msim_status check_recording(const msim_sim *sim, const char *path, const 
 /* Make a recorder that has no file yet. */
 static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorder **recorder,
                                    msim_error *err) {
-  const char *kind;
-  ms_text where = {.alloc = &sim->alloc};
-  msim_status status = check_recording(sim, path, &kind, err);
+  const msim_recorder_type *type;
+  const msim_status status = find_recorder(sim, path, &type, err);
   if (status) return status;
   msim_recorder *r = *recorder = ms_memory_allocate(&sim->alloc, 1, sizeof *r);
   if (!r) return ms_error_set_memory(err, "a recorder");
   r->sim = sim;
+  r->type = type;
   r->step_kept = -1;
   r->place = (ms_slice_range){
       .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
   ms_plugin_init_host(&r->host, &sim->alloc);
-  status = ms_recorders_find(kind, sim->config.opt.plugin_path, &r->type, &where, err);
-  ms_text_free(&where);
-  if (status || !MS_RECORDERS_HAS(r->type, resume)) return status;
+  if (!MS_RECORDERS_HAS(type, resume)) return MSIM_OK;
   r->capacity = msim_sim_save_size(sim);
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
   return r->checkpoint ? MSIM_OK : ms_error_set_memory(err, "a checkpoint");

@@ -143,16 +143,10 @@ static msim_status save_tree(export_state *e, const msim_importer *table, const 
   return status ? ms_plugin_fail(&host, label, status, err) : ms_error_clear(err);
 }
 
-msim_status ms_export_scene(const ms_scene *scene, const char *name, const char *path,
+msim_status ms_export_scene(const ms_scene *scene, const msim_importer *table, const char *path,
                             const char *label, msim_error *err) {
   export_state e = {.scene = scene};
-  const msim_importer *table;
-  msim_error why;
-  ms_text where = {.alloc = &scene->alloc};
-  msim_status status = ms_importer_find(name, NULL, &table, &where, &why);
-  ms_text_free(&where);
-  if (status) return ms_error_set(err, status, "%s: %s", label, why.text);
-  status = save_tree(&e, table, path, label, err);
+  const msim_status status = save_tree(&e, table, path, label, err);
   MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij);
   return status;
 }

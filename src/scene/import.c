@@ -170,16 +170,10 @@ static msim_status load_tree(import_state *in, const msim_importer *table, const
   return ms_json_build_scene(&in->reader, (ms_value){.json = in->root, .columns = in->columns});
 }
 
-msim_status ms_import_scene(const msim_allocator *alloc, const char *name, const char *path,
-                            msim_scene **scene, msim_error *err) {
+msim_status ms_import_scene(const msim_allocator *alloc, const msim_importer *table,
+                            const char *path, msim_scene **scene, msim_error *err) {
   import_state in = {.reader = {.label = path, .alloc = ms_memory_allocator(alloc), .err = err}};
-  const msim_importer *table;
-  msim_error why;
-  ms_text where = {.alloc = &in.reader.alloc};
-  msim_status status = ms_importer_find(name, NULL, &table, &where, &why);
-  if (status) ms_error_set(err, status, "%s: %s", path, why.text);
-  else status = load_tree(&in, table, path);
-  ms_text_free(&where);
+  const msim_status status = load_tree(&in, table, path);
   json_decref(in.root);
   for (int32_t i = 0; i < in.n; i++) ms_memory_free(&in.reader.alloc, in.columns[i].data);
   ms_memory_free(&in.reader.alloc, in.columns);

@@ -32,6 +32,26 @@ static msim_status read_whole_file(const msim_allocator *alloc, FILE *file, cons
   return ferror(file) ? fail_io(err, path, "read", errno) : MSIM_OK;
 }
 
+static int begins_as_json(const char *text, size_t length) {
+  size_t i = 0;
+  while (i < length && strchr(" \t\r\n", text[i])) i++;
+  return i == length || text[i] == '{';
+}
+
+/* no_importer: why no importer takes the file; "" if none was looked for. */
+static msim_status load_json(const msim_allocator *alloc, FILE *file, const char *path,
+                             const char *no_importer, msim_scene **scene, msim_error *err) {
+  const msim_allocator a = ms_memory_allocator(alloc);
+  char *text = NULL;
+  size_t length;
+  msim_status status = read_whole_file(&a, file, path, &text, &length, err);
+  if (!status && *no_importer && !begins_as_json(text, length))
+    status = ms_error_set(err, MSIM_ERR_ARG, "%s is not a JSON scene, and %s", path, no_importer);
+  if (!status) status = msim_scene_parse(alloc, path, text, length, scene, err);
+  ms_memory_free(&a, text);
+  return status;
+}
+
 msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_scene **scene,
                             msim_error *err) {
   if (scene) *scene = NULL;
@@ -40,18 +60,14 @@ msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_
   if (status) return status;
   FILE *file = fopen(path, "rb");
   if (!file) return fail_io(err, path, "read", errno);
-  const char *importer = ms_importer_name_for(path);
-  if (importer) {
-    fclose(file);
-    return ms_import_scene(alloc, importer, path, scene, err);
-  }
   const msim_allocator a = ms_memory_allocator(alloc);
-  char *text = NULL;
-  size_t length;
-  status = read_whole_file(&a, file, path, &text, &length, err);
+  const msim_importer *importer;
+  msim_error why;
+  status = ms_importers_find(path, &a, &importer, &why);
+  if (status) ms_error_set(err, status, "%s: %s", path, why.text);
+  else if (importer) status = ms_import_scene(alloc, importer, path, scene, err);
+  else status = load_json(alloc, file, path, why.text, scene, err);
   fclose(file);
-  if (!status) status = msim_scene_parse(alloc, path, text, length, scene, err);
-  ms_memory_free(&a, text);
   return status;
 }
 
@@ -81,9 +97,12 @@ static msim_status write_json(const ms_scene *scene, const char *part, const cha
 /* Write to the file `part`, then rename it: a file named `path` is always complete. */
 static msim_status save_to_part(const ms_scene *scene, const char *part, const char *path,
                                 msim_error *err) {
-  const char *importer = ms_importer_name_for(path);
-  msim_status status = importer ? ms_export_scene(scene, importer, part, path, err)
-                                : write_json(scene, part, path, err);
+  const msim_importer *importer;
+  msim_error why;
+  msim_status status = ms_importers_find(path, &scene->alloc, &importer, &why);
+  if (status) return ms_error_set(err, status, "%s: %s", path, why.text);
+  status = importer ? ms_export_scene(scene, importer, part, path, err)
+                    : write_json(scene, part, path, err);
   if (!status && rename(part, path)) status = fail_io(err, path, "written", errno);
   if (status) remove(part);
   return status;

@@ -1,0 +1,160 @@
+#include "base/registry.h"
+
+#include <string.h>
+
+/*------------------------------------- tables ---------------------------------------------------*/
+
+/* The members at the beginning of every table. */
+typedef struct table_head {
+  uint32_t abi, size;
+  const char *name;
+} table_head;
+
+/* The pointer at an offset of a table or a list; a function's address is never NULL either. */
+static const void *pointer_at(const void *base, size_t offset) {
+  const void *pointer;
+  memcpy(&pointer, (const char *)base + offset, sizeof pointer);
+  return pointer;
+}
+
+static int has_text(const void *table, size_t offset, const char *text) {
+  const char *own = pointer_at(table, offset);
+  return own && strcmp(own, text) == 0;
+}
+
+/* Nullable: name, extension: any. */
+static msim_status check_table(const ms_registry *r, const char *name, const char *extension,
+                               const void *table, const char *file, msim_error *err) {
+  table_head head;
+  memcpy(&head, table, sizeof head);
+  if (head.abi != r->abi)
+    return ms_error_set(err, MSIM_ERR_ABI,
+                        "%s was built for %s ABI %u, but msim %s has ABI %u; rebuild it", file, r->kind,
+                        head.abi, msim_version(), r->abi);
+  if (head.size < r->least_size)
+    return ms_error_set(
+        err, MSIM_ERR_ABI,
+        "%s has a function table of %u bytes, but at least %zu are required; rebuild it", file,
+        head.size, r->least_size);
+  if (name && strcmp(head.name ? head.name : "", name) != 0)
+    return ms_error_set(err, MSIM_ERR_PLUGIN,
+                        "%s contains plugin '%s', not '%s'; the name in its function table must be "
+                        "that of the file",
+                        file, head.name ? head.name : "", name);
+  for (const ms_registry_member *m = r->required; m->name; m++)
+    if (!pointer_at(table, m->offset))
+      return ms_error_set(err, MSIM_ERR_PLUGIN, "the function table of %s lacks `%s`", file, m->name);
+  if (extension && !has_text(table, r->extension, extension))
+    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s is for files with the extension '%s', not '%s'",
+                        file, (const char *)pointer_at(table, r->extension), extension);
+  return r->check ? r->check(table, file, err) : MSIM_OK;
+}
+
+/*------------------------------------- search ---------------------------------------------------*/
+
+static const char *known_name(int32_t i, const void *registry) {
+  return ((const ms_registry *)registry)->known[i].name;
+}
+
+/* The known plugin with this text at the offset; NULL: none. */
+static const ms_registry_plugin *find_known(const ms_registry *r, size_t offset, const char *text) {
+  for (const ms_registry_plugin *known = r->known; known->name; known++)
+    if (has_text(known, offset, text)) return known;
+  return NULL;
+}
+
+/* The first table with this text at the offset, of the program or linked in; NULL: none. */
+static const void *search_tables(const ms_registry *r, const void *own, size_t offset,
+                                 const char *text) {
+  const void *table;
+  for (size_t i = 0; own && (table = pointer_at(own, i * sizeof table)) != NULL; i++)
+    if (has_text(table, offset, text)) return table;
+  for (int32_t i = 0; (table = r->linked(i)) != NULL; i++)
+    if (has_text(table, offset, text)) return table;
+  return NULL;
+}
+
+static msim_status load_table(const ms_registry *r, const char *name, const char *plugin_path,
+                              const void **table, ms_text *where, msim_error *err) {
+  void *symbol;
+  msim_error why;
+  const msim_status status = ms_plugin_open(r->kind, name, plugin_path, &symbol, where, &why);
+  if (status == MSIM_ERR_NAME && !find_known(r, offsetof(ms_registry_plugin, name), name))
+    return ms_error_set(err, status, "unknown %s '%s'%s: %s", r->noun, name,
+                        ms_text_suggest(name, known_name, r).text, why.text);
+  if (status) return ms_error_set(err, status, "%s '%s': %s", r->noun, name, why.text);
+  *table = r->enter(symbol);
+  if (*table) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_PLUGIN,
+                      "%s: msim_%s_entry() returned NULL; report this to the author of the plugin",
+                      where->data, r->kind);
+}
+
+/* By the extension, or by name if that is NULL. where: the plugin's file, empty if the table is not
+ * from a plugin. */
+static msim_status find_table(const ms_registry *r, const char *name, const char *extension,
+                              const ms_registry_sources *sources, const void **table,
+                              ms_text *where, msim_error *err) {
+  *table = extension ? search_tables(r, sources->own, r->extension, extension)
+                     : search_tables(r, sources->own, offsetof(table_head, name), name);
+  if (*table) return check_table(r, NULL, extension, *table, "the table in this program", err);
+  const msim_status status = load_table(r, name, sources->plugin_path, table, where, err);
+  return status ? status : check_table(r, name, extension, *table, where->data, err);
+}
+
+/* With the dot; NULL: the last part of the path has none. */
+static const char *extension_of(const char *path) {
+  const char *dot = strrchr(path, '.');
+  return dot && !strchr(dot, '/') ? dot : NULL;
+}
+
+static const ms_registry_plugin *find_known_for(const ms_registry *r, const char *extension) {
+  return extension ? find_known(r, offsetof(ms_registry_plugin, extension), extension) : NULL;
+}
+
+int ms_registry_knows(const ms_registry *r, const char *path) {
+  return find_known_for(r, extension_of(path)) != NULL;
+}
+
+msim_status ms_registry_find(const ms_registry *r, const char *key,
+                             const ms_registry_sources *sources, const void **table,
+                             msim_error *err) {
+  const char *extension = r->extension ? extension_of(key) : NULL;
+  const ms_registry_plugin *known = find_known_for(r, extension);
+  const char *name = known ? known->name : extension ? extension + 1 : key;
+  ms_text where = {.alloc = sources->alloc};
+  *table = NULL;
+  if (r->extension && !extension)
+    return ms_error_set(err, MSIM_ERR_NAME, "the name has no extension");
+  const msim_status status = find_table(r, name, extension, sources, table, &where, err);
+  ms_text_free(&where);
+  return status;
+}
+
+/*------------------------------------- list -----------------------------------------------------*/
+
+static void describe_table(const ms_registry *r, const char *plugin_path, msim_plugin_entry *entry,
+                           msim_error *err) {
+  const msim_allocator alloc = ms_memory_allocator(NULL);
+  const ms_registry_sources sources = {NULL, plugin_path, &alloc};
+  const void *table;
+  ms_text where = {.alloc = &alloc};
+  entry->available = find_table(r, entry->name, NULL, &sources, &table, &where, err) == MSIM_OK;
+  entry->library = entry->available ? pointer_at(table, r->library) : "";
+  entry->license = entry->available ? pointer_at(table, r->license) : "";
+  if (entry->available) ms_error_set(err, MSIM_OK, "%s", where.length ? where.data : "linked in");
+  if (err) entry->note = err->text;
+  ms_text_free(&where);
+}
+
+int32_t ms_registry_info(const ms_registry *r, int32_t i, const char *plugin_path,
+                         msim_plugin_entry *entry, msim_error *err) {
+  if (i < 0) return 0;
+  for (int32_t k = 0; k <= i; k++)
+    if (!r->known[k].name) return 0;
+  ms_error_clear(err);
+  *entry = (msim_plugin_entry){
+      .name = r->known[i].name, .library = "msim", .license = "MIT", .note = "", .available = 1};
+  if (!r->known[i].has_no_table) describe_table(r, plugin_path, entry, err);
+  return 1;
+}

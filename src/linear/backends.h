@@ -1,0 +1,12 @@
+/* backends - finds linear solvers by name: those of the program, linked in, or from plugins */
+#ifndef MS_BACKENDS_H
+#define MS_BACKENDS_H
+
+#include "base/registry.h"
+#include "msim/backend.h"
+
+/* The table of the backend that opt->solver may name, see ms_registry_find. */
+msim_status ms_backends_find(const char *name, const msim_options *opt, const msim_allocator *alloc,
+                             const msim_backend **table, msim_error *err);
+
+#endif
