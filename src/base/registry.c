@@ -22,15 +22,15 @@ static int has_text(const void *table, size_t offset, const char *text) {
   return own && strcmp(own, text) == 0;
 }
 
-/* Nullable: name, extension: any. */
-static msim_status check_table(const ms_registry *r, const char *name, const char *extension,
-                               const void *table, const char *file, msim_error *err) {
+/* Nullable: name. */
+static msim_status check_table(const ms_registry *r, const char *name, const void *table,
+                               const char *file, msim_error *err) {
   table_head head;
   memcpy(&head, table, sizeof head);
   if (head.abi != r->abi)
     return ms_error_set(err, MSIM_ERR_ABI,
-                        "%s was built for %s ABI %u, but msim %s has ABI %u; rebuild it", file, r->kind,
-                        head.abi, msim_version(), r->abi);
+                        "%s was built for %s ABI %u, but msim %s has ABI %u; rebuild it", file,
+                        r->kind, head.abi, msim_version(), r->abi);
   if (head.size < r->least_size)
     return ms_error_set(
         err, MSIM_ERR_ABI,
@@ -43,10 +43,8 @@ static msim_status check_table(const ms_registry *r, const char *name, const cha
                         file, head.name ? head.name : "", name);
   for (const ms_registry_member *m = r->required; m->name; m++)
     if (!pointer_at(table, m->offset))
-      return ms_error_set(err, MSIM_ERR_PLUGIN, "the function table of %s lacks `%s`", file, m->name);
-  if (extension && !has_text(table, r->extension, extension))
-    return ms_error_set(err, MSIM_ERR_PLUGIN, "%s is for files with the extension '%s', not '%s'",
-                        file, (const char *)pointer_at(table, r->extension), extension);
+      return ms_error_set(err, MSIM_ERR_PLUGIN, "the function table of %s lacks `%s`", file,
+                          m->name);
   return r->check ? r->check(table, file, err) : MSIM_OK;
 }
 
@@ -97,9 +95,9 @@ static msim_status find_table(const ms_registry *r, const char *name, const char
                               ms_text *where, msim_error *err) {
   *table = extension ? search_tables(r, sources->own, r->extension, extension)
                      : search_tables(r, sources->own, offsetof(table_head, name), name);
-  if (*table) return check_table(r, NULL, extension, *table, "the table in this program", err);
+  if (*table) return check_table(r, NULL, *table, "the table in this program", err);
   const msim_status status = load_table(r, name, sources->plugin_path, table, where, err);
-  return status ? status : check_table(r, name, extension, *table, where->data, err);
+  return status ? status : check_table(r, name, *table, where->data, err);
 }
 
 /* With the dot; NULL: the last part of the path has none. */
@@ -142,7 +140,7 @@ static void describe_table(const ms_registry *r, const char *plugin_path, msim_p
   entry->available = find_table(r, entry->name, NULL, &sources, &table, &where, err) == MSIM_OK;
   entry->library = entry->available ? pointer_at(table, r->library) : "";
   entry->license = entry->available ? pointer_at(table, r->license) : "";
-  if (entry->available) ms_error_set(err, MSIM_OK, "%s", where.length ? where.data : "linked in");
+  if (entry->available) ms_error_set(err, MSIM_OK, "%s", where.length ? where.data : "built in");
   if (err) entry->note = err->text;
   ms_text_free(&where);
 }

@@ -13,6 +13,7 @@ import support
 
 HERE = Path(__file__).resolve().parent
 EXAMPLE = HERE.parent / "plugin_example"
+RECORDER, IMPORTER = HERE.parent / "recorder_example", HERE.parent / "importer_example"
 
 
 class Install(unittest.TestCase):
@@ -91,6 +92,42 @@ class Install(unittest.TestCase):
                         "-o", self.folder / "probe.so")
         except AssertionError:
             support.require(False, "LAPACK")
+
+    def record_net(self, *plugins):
+        """The frames of a scene *.net as *.xyz, by the plugins of these folders."""
+        scene, out = self.folder / "scene.net", self.folder / "motion.xyz"
+        scene.write_text("particle 0 0 2 1\nparticle 0.5 0 2 0.2\npinned 0\n"
+                         "spring 0 1 500 0.5\ngravity 0 0 -9.81\n")
+        support.run(self.prefix / "bin/msim_cli", "run", scene, "--integrator", "velocity-verlet",
+                    "--h", "1e-3", "--steps", 20, "--every", 10, "--out", out, "--quiet",
+                    env=dict(os.environ, MSIM_PLUGIN_PATH=":".join(map(str, plugins))))
+        return out.read_text()
+
+    def try_formats(self, *plugins):
+        lines = self.record_net(*plugins).splitlines()
+        self.assertEqual(len(lines), 3 * 4)
+        self.assertEqual(lines[:4], ["2", "msim step 0, t = 0 s", "P 0 0 2", "P 0.5 0 2"])
+        self.assertLess(float(lines[11].split()[3]), 1.999)  # it has fallen
+
+    def test_recorder_and_importer_by_cmake(self):
+        recorder, importer = self.cmake(RECORDER), self.cmake(IMPORTER)
+        self.try_formats(recorder, importer)
+        with self.assertRaisesRegex(AssertionError, "scene.net: it is no JSON scene, and there is "
+                                    "no importer 'net': not built in, and no msim_importer_net.so"):
+            self.record_net(recorder)
+        with self.assertRaisesRegex(AssertionError, "there is no recorder 'xyz': not built in, and "
+                                    "no msim_recorder_xyz.so"):
+            self.record_net(importer)
+
+    def test_recorder_and_importer_by_the_lines_in_the_headers(self):
+        folder = self.folder / "formats"
+        folder.mkdir()
+        for source in (RECORDER / "xyz.c", IMPORTER / "net.c"):
+            kind = source.parent.name.split("_")[0]
+            support.run(support.setting("CC"), "-shared", "-fPIC", "-DMSIM_PLUGIN",
+                        *self.pkg_config("--cflags"), source,
+                        "-o", folder / f"msim_{kind}_{source.stem}.so")
+        self.try_formats(folder)
 
     def test_plugin_by_cmake(self):
         self.need_lapack()

@@ -13,7 +13,10 @@
 #define AT(member) offsetof(arguments, member)
 
 static const cli_flag flags[] = {
-    {"out", "FILE", "write the motion: .vtkhdf for ParaView, .csv for spreadsheets and scripts",
+    {"out", "FILE",
+     "write the motion: .vtkhdf for ParaView, .csv for spreadsheets and scripts, .EXT by the "
+     "plugin "
+     "msim_recorder_EXT.so",
      FOR_RUN, AT(out)},
     {"final", "FILE.json", "write the last state, its energies and statistics", FOR_RUN, AT(final)},
     {"init", "FINAL.json", "start from a state that --final wrote", FOR_RUN, AT(init)},

@@ -72,10 +72,13 @@ static void print_events(const report *r, const msim_stats *stats) {
 static void print_out(const report *r, const char *path) {
   print_column(VALUE_COLUMN, "motion");
   printf("%s; frames: %" PRId64 "%s\n", path, r->frames, r->goes_on ? " more" : "");
+  const char *hint = has_extension(path, ".vtkhdf")
+                         ? "to view it: open it in ParaView 5.12 or later, press Apply, then Play"
+                     : has_extension(path, ".csv") ? "a text file for spreadsheets and scripts"
+                                                   : NULL;
+  if (!hint) return;
   print_column(VALUE_COLUMN, "");
-  if (has_extension(path, ".vtkhdf"))
-    puts("to view it: open it in ParaView 5.12 or later, press Apply, then Play");
-  else puts("a text file for spreadsheets and scripts");
+  puts(hint);
 }
 
 static void print_files(const report *r, const arguments *args) {
