@@ -345,7 +345,13 @@ static void check_answer(const checked_instance *w, const msim_solve_params *par
 static msim_status checked_create(const msim_host *host, void **self) {
   checked_instance *w = calloc(1, sizeof *w);
   if (!w) return MSIM_ERR_MEMORY;
-  *w = (checked_instance){.lent = {sizeof w->lent, wrapped_alloc, wrapped_free, wrapped_fail, w},
+  *w = (checked_instance){.lent = {.size = sizeof w->lent,
+                                   .alloc = wrapped_alloc,
+                                   .free = wrapped_free,
+                                   .fail = wrapped_fail,
+                                   .data = w,
+                                   .lock = host->lock,
+                                   .unlock = host->unlock},
                           .outer = host};
   atomic_init(&w->inside, 1);
   *self = w;

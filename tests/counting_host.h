@@ -3,6 +3,7 @@
 #ifndef COUNTING_HOST_H
 #define COUNTING_HOST_H
 
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,9 +43,26 @@ static inline void counting_fail(const msim_host *host, const char *format, ...)
   va_end(args);
 }
 
+static pthread_mutex_t counting_mutex = PTHREAD_MUTEX_INITIALIZER;
+
+static inline void counting_lock(const msim_host *host) {
+  (void)host;
+  pthread_mutex_lock(&counting_mutex);
+}
+
+static inline void counting_unlock(const msim_host *host) {
+  (void)host;
+  pthread_mutex_unlock(&counting_mutex);
+}
+
 static inline void host_init(counting_host *self) {
-  *self = (counting_host){
-      .host = {sizeof self->host, counting_alloc, counting_free, counting_fail, self}};
+  *self = (counting_host){.host = {.size = sizeof self->host,
+                                   .alloc = counting_alloc,
+                                   .free = counting_free,
+                                   .fail = counting_fail,
+                                   .data = self,
+                                   .lock = counting_lock,
+                                   .unlock = counting_unlock}};
 }
 
 #endif

@@ -57,7 +57,7 @@ static msim_status close_recorder(void *self) {
   recorder *r = self;
   const msim_host *host = r->host;
   h5_doing(r, "close", "the file");
-  WITH_LIBRARY(h5_drop(r, H5Fclose, r->file));
+  WITH_LIBRARY(host, h5_drop(r, H5Fclose, r->file));
   const msim_status status = h5_report(r);
   host->free(host, r->words);
   host->free(host, r);
@@ -83,8 +83,8 @@ static msim_status start_recorder(const msim_host *host, const msim_recording *g
   *r = (recorder){host, .file = H5I_INVALID_HID, .n = what.n, .nframes = what.nframes,
                   .sync = what.sync};
   memcpy(r->name, name, strlen(name) + 1);
-  if (from) WITH_LIBRARY(h5_resume(r, &what, from));
-  else WITH_LIBRARY(h5_create(r, &what));
+  if (from) WITH_LIBRARY(host, h5_resume(r, &what, from));
+  else WITH_LIBRARY(host, h5_create(r, &what));
   if (r->fault.status != MSIM_OK) return close_recorder(r);
   *self = r;
   return MSIM_OK;
@@ -105,7 +105,7 @@ static msim_status resume_recorder(const msim_host *host, const msim_recording *
 static int32_t recognize_file(const msim_host *host, const char *path) {
   int ours;
   recorder r = {host, .file = H5I_INVALID_HID};
-  WITH_LIBRARY(ours = h5_recognize(&r, path));
+  WITH_LIBRARY(host, ours = h5_recognize(&r, path));
   return ours;
 }
 
@@ -119,7 +119,7 @@ static msim_status write_frame(void *self, const msim_frame *frame) {
   entry e = {.part = 0};
   COPY_KNOWN_MEMBERS(e.frame, frame);
   e.hash = h5_frame_hash(r->n, frame);
-  WITH_LIBRARY(write_frame_entry(r, &e));
+  WITH_LIBRARY(r->host, write_frame_entry(r, &e));
   if (r->fault.status == MSIM_OK) r->committed = ++r->written;
   return h5_report(r);
 }

@@ -7,7 +7,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <hdf5.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -75,22 +74,16 @@ static inline void reserve_disk(fault *f, hid_t file, double bytes) {
   if (error && error != EOPNOTSUPP && error != EINVAL) fault_set(f, MSIM_ERR_IO, strerror(error));
 }
 
-/* libhdf5 has one state per process and is often built without thread safety, hence the mutex. It
- * must not print while it is used here. At exit it would repeat writes that a full disk refused,
- * and crash; H5dont_atexit prevents that if it is the first call, else it has no effect. Only one
- * file of a plugin may use WITH_LIBRARY, since each file has a mutex of its own. */
-static inline pthread_mutex_t *library_mutex(void) {
-  static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
-  return &mutex;
-}
-
-#define WITH_LIBRARY(work)                 \
-  do {                                     \
-    pthread_mutex_lock(library_mutex());   \
-    (void)H5dont_atexit();                 \
-    H5E_BEGIN_TRY { work; }                \
-    H5E_END_TRY                            \
-    pthread_mutex_unlock(library_mutex()); \
+/* libhdf5 has one state per process and is often built without thread safety, hence the host's lock:
+ * recorder and importer are two plugins. It must not print while it is used here. At exit it would
+ * repeat writes that a full disk refused, and crash; H5dont_atexit prevents that if it is the first
+ * call, else it has no effect. */
+#define WITH_LIBRARY(host, work)     \
+  do {                               \
+    (host)->lock(host);              \
+    (void)H5dont_atexit();           \
+    H5E_BEGIN_TRY { work; }          \
+    H5E_END_TRY(host)->unlock(host); \
   } while (0)
 
 #endif

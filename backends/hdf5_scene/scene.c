@@ -244,7 +244,7 @@ static void read_scene_file(hdf5_reader *r, const char *path) {
 
 static msim_status load_hdf5_scene(const msim_host *host, const char *path, const msim_tree *tree) {
   hdf5_reader r = {.host = host, .tree = tree};
-  WITH_LIBRARY(read_scene_file(&r, path));
+  WITH_LIBRARY(host, read_scene_file(&r, path));
   if (r.fault.status != MSIM_OK && !r.reported)
     host->fail(host, "cannot read %s: %s", *r.path ? r.path : "it as HDF5", r.fault.reason);
   return r.fault.status;
@@ -323,7 +323,7 @@ static void write_scene_file(fault *f, const char *path, int32_t n, const msim_n
 static msim_status save_hdf5_scene(const msim_host *host, const char *path, int32_t n,
                                    const msim_node *nodes) {
   fault f = {MSIM_OK, ""};
-  WITH_LIBRARY(write_scene_file(&f, path, n, nodes));
+  WITH_LIBRARY(host, write_scene_file(&f, path, n, nodes));
   if (f.status != MSIM_OK) host->fail(host, "cannot be written: %s", f.reason);
   return f.status;
 }

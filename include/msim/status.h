@@ -41,6 +41,10 @@ typedef struct msim_host {
   /* Set the message that the user reads when the plugin returns an error; printf-like. */
   void (*fail)(const struct msim_host *host, const char *format, ...);
   void *data; /* private to the host */
+  /* Around calls of a library that is not thread-safe and that other plugins may use as well, as
+   * libhdf5: one thread of the process at a time gets past lock(). Not recursive. */
+  void (*lock)(const struct msim_host *host);
+  void (*unlock)(const struct msim_host *host);
 } msim_host;
 
 #ifdef __cplusplus

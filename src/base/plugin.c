@@ -2,6 +2,7 @@
 #include "base/plugin.h"
 
 #include <dlfcn.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -99,9 +100,28 @@ static void host_fail(const msim_host *host, const char *format, ...) {
   va_end(args);
 }
 
+/* One for all plugins, as each has a copy of its own static variables. */
+static pthread_mutex_t library_mutex = PTHREAD_MUTEX_INITIALIZER;
+
+static void host_lock(const msim_host *host) {
+  (void)host;
+  pthread_mutex_lock(&library_mutex);
+}
+
+static void host_unlock(const msim_host *host) {
+  (void)host;
+  pthread_mutex_unlock(&library_mutex);
+}
+
 void ms_plugin_init_host(ms_plugin_host *host, const msim_allocator *alloc) {
-  *host = (ms_plugin_host){
-      {sizeof(msim_host), host_alloc, host_free, host_fail, host->text}, alloc, ""};
+  *host = (ms_plugin_host){.base = {.size = sizeof host->base,
+                                    .alloc = host_alloc,
+                                    .free = host_free,
+                                    .fail = host_fail,
+                                    .data = host->text,
+                                    .lock = host_lock,
+                                    .unlock = host_unlock},
+                           .alloc = alloc};
 }
 
 msim_status ms_plugin_fail(const ms_plugin_host *host, const char *name, msim_status status,

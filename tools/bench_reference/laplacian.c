@@ -30,6 +30,9 @@ static void laplacian_host_fail(const msim_host *host, const char *format, ...) 
   va_end(args);
 }
 
+/* This host uses its plugin in one thread. */
+static void laplacian_host_lock(const msim_host *host) { (void)host; }
+
 /*------------------------------------- the graph ------------------------------------------------*/
 
 /* Springs between free particles, in both directions. Assumes at most one spring per pair, as in
@@ -128,8 +131,13 @@ int laplacian_make(const msim_scene_view *s, double h, laplacian *L) {
   const size_t n = (size_t)s->nparticles;
   *L = (laplacian){.n = s->nparticles};
   if (msim_solver_backend("cholmod", NULL, &L->backend, &L->err) != MSIM_OK) return 0;
-  L->host = (msim_host){sizeof L->host, laplacian_host_alloc, laplacian_host_free,
-                        laplacian_host_fail, &L->err};
+  L->host = (msim_host){.size = sizeof L->host,
+                        .alloc = laplacian_host_alloc,
+                        .free = laplacian_host_free,
+                        .fail = laplacian_host_fail,
+                        .data = &L->err,
+                        .lock = laplacian_host_lock,
+                        .unlock = laplacian_host_lock};
   L->particle = malloc(n * sizeof *L->particle);
   L->place = malloc(n * sizeof *L->place);
   snprintf(L->err.text, sizeof L->err.text, "out of memory for the prefactored matrix");
