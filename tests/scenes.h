@@ -152,7 +152,7 @@ static inline int refuses_planes(const char *method) {
 
 /* 1 if the solver is available. */
 static inline int is_solver_available(const char *name) {
-  msim_plugin_entry entry;
+  msim_plugin_entry entry = {.size = sizeof entry};
   msim_error err;
   for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++)
     if (strcmp(entry.name, name) == 0) return entry.available;

@@ -262,7 +262,7 @@ static msim_status load(scenario *l, msim_error *err) {
 }
 
 static int has_hdf5(void) {
-  msim_plugin_entry entry;
+  msim_plugin_entry entry = {.size = sizeof entry};
   for (int32_t i = 0; msim_recorder_info(i, NULL, &entry, NULL); i++)
     if (strcmp(entry.name, "hdf5") == 0) return entry.available;
   return 0;

@@ -157,6 +157,35 @@ static void what_was_looked_for_is_told(void **state) {
   }
 }
 
+/*------------------------------------- lists ----------------------------------------------------*/
+
+/* What lies beyond the size that the caller gives is not touched. */
+static void lists_fill_as_much_as_the_caller_has(void **state) {
+  (void)state;
+  int32_t (*const lists[])(int32_t, const char *, msim_plugin_entry *, msim_error *) = {
+      msim_solver_info, msim_recorder_info, msim_importer_info};
+  static const char *const first[] = {"auto", "csv", "hdf5"};
+  static const int32_t lengths[] = {9, 2, 1};
+  for (int i = 0; i < 3; i++) {
+    msim_error why;
+    msim_plugin_entry entry = {.available = -5};
+    assert_int_equal(lists[i](0, NULL, &entry, &why), 0);
+    assert_int_equal(why.status, MSIM_ERR_ARG);
+    assert_string_equal(why.text, "entry->size is 0; set it to sizeof(msim_plugin_entry)");
+    assert_int_equal(lists[i](0, NULL, &entry, NULL), 0);
+    entry.size = offsetof(msim_plugin_entry, available);
+    assert_int_equal(lists[i](0, NULL, &entry, &why), 1);
+    assert_string_equal(entry.name, first[i]);
+    assert_int_equal(entry.available, -5);
+    entry.size = sizeof entry;
+    assert_int_equal(lists[i](lengths[i] - 1, NULL, &entry, &why), 1);
+    assert_in_range(entry.available, 0, 1);
+    assert_int_equal(lists[i](lengths[i], NULL, &entry, &why), 0);
+    assert_int_equal(why.status, MSIM_OK);
+    assert_int_equal(lists[i](-1, NULL, &entry, &why), 0);
+  }
+}
+
 /*------------------------------------- importers ------------------------------------------------*/
 
 static msim_status load_text(const char *name, const char *text, msim_error *why) {
@@ -206,6 +235,7 @@ int main(void) {
       cmocka_unit_test(an_open_ended_recorder_takes_all_steps_of_error_control),
       cmocka_unit_test(tables_are_checked),
       cmocka_unit_test(what_was_looked_for_is_told),
+      cmocka_unit_test(lists_fill_as_much_as_the_caller_has),
       cmocka_unit_test(scenes_are_json_by_default),
   };
   return cmocka_run_group_tests_name("registry", tests, make_folder, remove_folder);

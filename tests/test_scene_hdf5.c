@@ -414,7 +414,7 @@ static void without_the_plugin_it_is_named(void **state) {
   (void)state;
   msim_error err;
   msim_scene *scene;
-  msim_plugin_entry entry;
+  msim_plugin_entry entry = {.size = sizeof entry};
   assert_int_equal(msim_importer_info(0, NULL, &entry, &err), 1);
   assert_string_equal(entry.name, "hdf5");
   assert_true(entry.available);

@@ -74,8 +74,8 @@ static inline void reserve_disk(fault *f, hid_t file, double bytes) {
   if (error && error != EOPNOTSUPP && error != EINVAL) fault_set(f, MSIM_ERR_IO, strerror(error));
 }
 
-/* libhdf5 has one state per process and is often built without thread safety, hence the host's lock:
- * recorder and importer are two plugins. It must not print while it is used here. At exit it would
+/* libhdf5 has one state per process and is often built without thread safety; recorder and importer
+ * are two plugins, hence the host's lock. It must not print while it is used here. At exit it would
  * repeat writes that a full disk refused, and crash; H5dont_atexit prevents that if it is the first
  * call, else it has no effect. */
 #define WITH_LIBRARY(host, work)     \

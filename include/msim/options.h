@@ -167,6 +167,7 @@ typedef struct msim_integrator_entry {
 MSIM_API const msim_integrator_entry *msim_integrator_info(int32_t i);
 
 typedef struct msim_plugin_entry {
+  size_t size; /* sizeof(msim_plugin_entry), set by the caller */
   const char *name;
   const char *library; /* the library behind it, with its version */
   const char *license; /* license of that library, SPDX */
@@ -175,7 +176,8 @@ typedef struct msim_plugin_entry {
 } msim_plugin_entry;
 
 /* Describe the i-th solver, recorder or importer (of scene files other than JSON), built in or
- * known by name; 0 past the end, else 1. This loads the plugin. Nullable: plugin_path. */
+ * known by name; 0 past the end, or if entry->size is 0 (then err says so), else 1. This loads the
+ * plugin. Nullable: plugin_path. */
 MSIM_API int32_t msim_solver_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                                   msim_error *err);
 MSIM_API int32_t msim_recorder_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,

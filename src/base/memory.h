@@ -31,6 +31,10 @@ void ms_memory_free_all(const msim_allocator *alloc, size_t n, void *const block
 msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
                               int32_t *capacity, int64_t needed, msim_error *err);
 
+/* Copy the struct `full` to the caller's, as far as the caller's size goes. */
+#define MS_COPY_SIZED(to, full) \
+  memcpy(to, &(full), (full).size < sizeof(full) ? (full).size : sizeof(full))
+
 /* Copy a string; NULL if memory is exhausted. */
 char *ms_memory_copy_string(const msim_allocator *alloc, const char *text);
 

@@ -147,12 +147,19 @@ static void describe_table(const ms_registry *r, const char *plugin_path, msim_p
 
 int32_t ms_registry_info(const ms_registry *r, int32_t i, const char *plugin_path,
                          msim_plugin_entry *entry, msim_error *err) {
-  if (i < 0) return 0;
+  ms_error_clear(err);
+  if (entry->size == 0)
+    ms_error_set(err, MSIM_ERR_ARG, "entry->size is 0; set it to sizeof(msim_plugin_entry)");
+  if (entry->size == 0 || i < 0) return 0;
   for (int32_t k = 0; k <= i; k++)
     if (!r->known[k].name) return 0;
-  ms_error_clear(err);
-  *entry = (msim_plugin_entry){
-      .name = r->known[i].name, .library = "msim", .license = "MIT", .note = "", .available = 1};
-  if (!r->known[i].has_no_table) describe_table(r, plugin_path, entry, err);
+  msim_plugin_entry full = {.size = entry->size,
+                            .name = r->known[i].name,
+                            .library = "msim",
+                            .license = "MIT",
+                            .note = "",
+                            .available = 1};
+  if (!r->known[i].has_no_table) describe_table(r, plugin_path, &full, err);
+  MS_COPY_SIZED(entry, full);
   return 1;
 }

@@ -50,7 +50,7 @@ static void report_missing(report *r, const char *solver, const char *why) {
 }
 
 static void find_solvers(linear_bench *b) {
-  msim_plugin_entry entry;
+  msim_plugin_entry entry = {.size = sizeof entry};
   msim_error err;
   json_t *libraries = json_object();
   for (int32_t i = 0; msim_solver_info(i, NULL, &entry, &err); i++) {

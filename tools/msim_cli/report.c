@@ -169,7 +169,7 @@ static void list_plugin(int width, const msim_plugin_entry *entry) {
 }
 
 static void list_plugins(plugin_info *info, const char *path) {
-  msim_plugin_entry entry;
+  msim_plugin_entry entry = {.size = sizeof entry};
   msim_error err;
   int width = 0;
   for (int32_t i = 0; info(i, path, &entry, &err); i++)
