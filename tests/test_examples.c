@@ -105,7 +105,7 @@ static void a_renamed_plugin_is_refused(void **state) {
   setenv("MSIM_PLUGIN_PATH", folder, 1);
   assert_int_equal(msim_recorder_open(sim, "a.abc", &recorder, &why), MSIM_ERR_PLUGIN);
   setenv("MSIM_PLUGIN_PATH", FAKES, 1);
-  assert_non_null(strstr(why.text, "/msim_recorder_abc.so calls itself 'xyz', not 'abc'"));
+  assert_non_null(strstr(why.text, "/msim_recorder_abc.so contains plugin 'xyz', not 'abc'"));
   msim_sim_destroy(sim);
 }
 
@@ -166,7 +166,7 @@ static void defects_are_named(void **state) {
       {"particle 0 0 0 0\n", "a.net: particles.mass[0] is 0"}, /* the host's check */
       {"particle 0 0 0 nan\n", "a.net: particles.mass[0] is nan"},
       {"particle 0 0 0 1\nspring 0 7 1 1\n", "a.net: springs.ij[0][1] is 7"},
-      {"pinned 0\n", "a.net: particles.pinned lies in no group"}};
+      {"pinned 0\n", "a.net: particles.pinned belongs to no group"}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     msim_error why;
     msim_scene *scene;

@@ -106,7 +106,7 @@ static void an_open_ended_recorder_takes_all_steps_of_error_control(void **state
   assert_true(frames > 1);
   own.open_ended = 0;
   assert_int_equal(record_flight(&own, "a.frames", 1e-6, &why), MSIM_ERR_ARG);
-  assert_non_null(strstr(why.text, "give fps in place of every"));
+  assert_non_null(strstr(why.text, "use fps in place of every"));
   own.open_ended = 1, own.size = offsetof(msim_recorder_type, open_ended);
   assert_int_equal(record_flight(&own, "a.frames", 1e-6, &why), MSIM_ERR_ARG);
 }
@@ -128,27 +128,29 @@ static void tables_are_checked(void **state) {
   bad[2].name = bad[3].library = bad[4].license = NULL;
   bad[5].open = NULL, bad[6].write = NULL, bad[7].close = NULL, bad[8].extension = NULL;
   refuse(bad[0], MSIM_ERR_ABI,
-         "a.frames: the program was built for recorder ABI 99; this is msim ");
-  refuse(bad[1], MSIM_ERR_ABI, "the program has a table of 16 bytes; the least is ");
+         "a.frames: the recorder in this program was built for recorder ABI 99, but msim ");
+  refuse(bad[1], MSIM_ERR_ABI,
+         "the recorder in this program has a function table of 16 bytes, but at least ");
   static const char *const names[] = {"name", "library", "license", "open", "write", "close"};
   for (int i = 0; i < 6; i++) {
     char sentence[64];
-    snprintf(sentence, sizeof sentence, "the program has a table without `%s`", names[i]);
+    snprintf(sentence, sizeof sentence,
+             "the function table of the recorder in this program lacks `%s`", names[i]);
     refuse(bad[2 + i], MSIM_ERR_PLUGIN, sentence);
   }
-  refuse(bad[8], MSIM_ERR_NAME, "there is no recorder 'frames'");
+  refuse(bad[8], MSIM_ERR_NAME, "unknown recorder 'frames'");
 }
 
 static void what_was_looked_for_is_told(void **state) {
   (void)state;
   static const char *const cases[][2] = {
       {"a.txt",
-       "/a.txt: a trajectory's name ends in .vtkhdf or .csv, or in the extension of a "
-       "plugin: there is no recorder 'txt': not built in, and no msim_recorder_txt.so in "
-       "/nowhere, "},
-      {"a.csw", "there is no recorder 'csw' (did you mean 'csv'?): not built in, and no "},
-      {"a.TXT", "'TXT' is no recorder's name: names are made of a-z, 0-9, '_' and '-'"},
-      {"txt", "or in the extension of a plugin: the name has no extension"}};
+       "/a.txt: the file name of a trajectory must end in .vtkhdf, .csv or the extension of a "
+       "plugin: unknown recorder 'txt': msim_recorder_txt.so was not found in /nowhere, "},
+      {"a.csw",
+       "unknown recorder 'csw' (did you mean 'csv'?): msim_recorder_csw.so was not found in "},
+      {"a.TXT", "'TXT' is not a valid name of a recorder; names consist of a-z, 0-9, '_' and '-'"},
+      {"txt", "or the extension of a plugin: the name has no extension"}};
   for (int i = 0; i < 4; i++) {
     msim_error why;
     const msim_recorder_type own = counter(".frames");
@@ -170,7 +172,7 @@ static void lists_fill_as_much_as_the_caller_has(void **state) {
     msim_error why;
     msim_plugin_entry entry = {.available = -5};
     assert_int_equal(lists[i](0, NULL, &entry, &why), 0);
-    assert_int_equal(why.status, MSIM_ERR_ARG);
+    assert_int_equal(why.status, MSIM_ERR_SIZE);
     assert_string_equal(why.text, "entry->size is 0; set it to sizeof(msim_plugin_entry)");
     assert_int_equal(lists[i](0, NULL, &entry, NULL), 0);
     entry.size = offsetof(msim_plugin_entry, available);
@@ -211,8 +213,8 @@ static void scenes_are_json_by_default(void **state) {
   msim_error why;
   assert_int_equal(load_text("a.net", "point 0 0 0\n", &why), MSIM_ERR_ARG);
   assert_non_null(strstr(why.text,
-                         "/a.net: it is no JSON scene, and there is no importer 'net': not "
-                         "built in, and no msim_importer_net.so in "));
+                         "/a.net is not a JSON scene; unknown importer 'net': "
+                         "msim_importer_net.so was not found in "));
   assert_int_equal(load_text("a.json", "point 0 0 0\n", &why), MSIM_ERR_ARG);
   assert_null(strstr(why.text, "importer"));
   assert_int_equal(load_text("a.net", "{\"msim\": 2}", &why), MSIM_ERR_ARG);

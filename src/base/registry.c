@@ -1,5 +1,6 @@
 #include "base/registry.h"
 
+#include <stdio.h>
 #include <string.h>
 
 /*------------------------------------- tables ---------------------------------------------------*/
@@ -95,7 +96,9 @@ static msim_status find_table(const ms_registry *r, const char *name, const char
                               ms_text *where, msim_error *err) {
   *table = extension ? search_tables(r, sources->own, r->extension, extension)
                      : search_tables(r, sources->own, offsetof(table_head, name), name);
-  if (*table) return check_table(r, NULL, *table, "the table in this program", err);
+  char label[64];
+  snprintf(label, sizeof label, "the %s in this program", r->kind);
+  if (*table) return check_table(r, NULL, *table, label, err);
   const msim_status status = load_table(r, name, sources->plugin_path, table, where, err);
   return status ? status : check_table(r, name, *table, where->data, err);
 }
@@ -149,7 +152,7 @@ int32_t ms_registry_info(const ms_registry *r, int32_t i, const char *plugin_pat
                          msim_plugin_entry *entry, msim_error *err) {
   ms_error_clear(err);
   if (entry->size == 0)
-    ms_error_set(err, MSIM_ERR_ARG, "entry->size is 0; set it to sizeof(msim_plugin_entry)");
+    ms_error_set(err, MSIM_ERR_SIZE, "entry->size is 0; set it to sizeof(msim_plugin_entry)");
   if (entry->size == 0 || i < 0) return 0;
   for (int32_t k = 0; k <= i; k++)
     if (!r->known[k].name) return 0;

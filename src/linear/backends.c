@@ -62,7 +62,8 @@ msim_status msim_solver_backend(const char *name, const char *plugin_path,
                                 const msim_backend **backend, msim_error *err) {
   if (!name || !backend) return ms_error_set(err, MSIM_ERR_ARG, "name or backend is NULL");
   if (strcmp(name, "auto") == 0 || strcmp(name, "pcg") == 0)
-    return ms_error_set(err, MSIM_ERR_NAME, "solver '%s' is built into msim and has no function table", name);
+    return ms_error_set(err, MSIM_ERR_NAME,
+                        "solver '%s' is built into msim and has no function table", name);
   const msim_allocator alloc = ms_memory_allocator(NULL);
   const msim_options opt = {.plugin_path = plugin_path};
   const msim_status status = ms_backends_find(name, &opt, &alloc, backend, err);

@@ -7,10 +7,9 @@
 /* The matrix A of one step. */
 typedef struct ms_linear_system {
   const ms_model *model;
-  ms_coefficients a; /* A without the damping derivative: symmetric */
-  ms_damping_derivative
-      damping_derivative; /* the damping derivative; turning.v NULL: none, and A is symmetric */
-  int clamped;            /* a is that of the clamped matrix: positive definite, up to rounding */
+  ms_coefficients a;                        /* A without the damping derivative: symmetric */
+  ms_damping_derivative damping_derivative; /* v NULL: none, and A is symmetric */
+  int clamped; /* a is that of the clamped matrix: positive definite, up to rounding */
 } ms_linear_system;
 
 /* y = A x, with the conventions of ms_coefficients_apply on padding */

@@ -60,23 +60,23 @@ static msim_status check_regular_file(const char *path, struct stat *there, msim
                       path);
 }
 
-msim_status ms_output_file_lock(ms_slice_range *place, const msim_allocator *alloc,
-                                const char *path, int *taken, msim_error *err) {
+msim_status ms_output_file_lock(ms_output_file *file, const msim_allocator *alloc, const char *path,
+                                int *taken, msim_error *err) {
   struct stat there = {.st_size = 0};
-  *place = (ms_slice_range){
+  *file = (ms_output_file){
       .path = path, .temporary_name = {.alloc = alloc}, .fd = -1, .replaced_fd = -1};
   msim_status status = check_regular_file(path, &there, err);
   if (status) return status;
   *taken = there.st_size > 0;
-  int why = open_locked(path, 0, &place->replaced_fd);
+  int why = open_locked(path, 0, &file->replaced_fd);
   return why == 0 || why == ENOENT ? MSIM_OK : refuse_output_file(path, why, err);
 }
 
-msim_status ms_output_file_create(ms_slice_range *place, msim_error *err) {
-  ms_text_append(&place->temporary_name, "%s.part", place->path);
-  if (place->temporary_name.failed) return ms_error_set_memory(err, "the name of a file");
-  int why = open_locked(place->temporary_name.data, O_CREAT, &place->fd);
-  return why ? refuse_output_file(place->path, why, err) : MSIM_OK;
+msim_status ms_output_file_create(ms_output_file *file, msim_error *err) {
+  ms_text_append(&file->temporary_name, "%s.part", file->path);
+  if (file->temporary_name.failed) return ms_error_set_memory(err, "the name of a file");
+  int why = open_locked(file->temporary_name.data, O_CREAT, &file->fd);
+  return why ? refuse_output_file(file->path, why, err) : MSIM_OK;
 }
 
 /* Flush the folder that holds the file's name. Overwrites the text. 0, or an errno. */
@@ -89,20 +89,20 @@ static int sync_folder(char *path) {
   return why == EINVAL ? 0 : why; /* the file system cannot do that */
 }
 
-msim_status ms_output_file_commit(ms_slice_range *place, int sync, msim_error *err) {
-  int why = rename(place->temporary_name.data, place->path) == 0 ? 0 : errno;
+msim_status ms_output_file_commit(ms_output_file *file, int sync, msim_error *err) {
+  int why = rename(file->temporary_name.data, file->path) == 0 ? 0 : errno;
   if (!why) {
-    if (sync) why = sync_folder(place->temporary_name.data);
-    ms_text_free(&place->temporary_name);
-    close_fd(&place->replaced_fd);
+    if (sync) why = sync_folder(file->temporary_name.data);
+    ms_text_free(&file->temporary_name);
+    close_fd(&file->replaced_fd);
   }
   if (!why) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_IO, "%s could not be created: %s", place->path, strerror(why));
+  return ms_error_set(err, MSIM_ERR_IO, "%s could not be created: %s", file->path, strerror(why));
 }
 
-void ms_output_file_release(ms_slice_range *place) {
-  if (place->fd >= 0 && place->temporary_name.data) remove(place->temporary_name.data);
-  close_fd(&place->fd);
-  close_fd(&place->replaced_fd);
-  ms_text_free(&place->temporary_name);
+void ms_output_file_release(ms_output_file *file) {
+  if (file->fd >= 0 && file->temporary_name.data) remove(file->temporary_name.data);
+  close_fd(&file->fd);
+  close_fd(&file->replaced_fd);
+  ms_text_free(&file->temporary_name);
 }

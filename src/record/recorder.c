@@ -13,7 +13,7 @@ struct msim_recorder {
   const msim_recorder_type *type;
   void *self; /* NULL: closed */
   ms_plugin_host host;
-  ms_slice_range place;
+  ms_output_file file;
   void *checkpoint; /* buffer; NULL: the recorder cannot resume files */
   size_t capacity;
   int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
@@ -37,7 +37,7 @@ static double *plan_times(const msim_sim *sim, int64_t nframes) {
 
 static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_error *err) {
   const msim_sim *sim = r->sim;
-  const char *path = r->place.path;
+  const char *path = r->file.path;
   const int64_t planned =
       ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES + 1);
   *nframes = planned < 0 ? 1 : planned; /* an open-ended recorder does not read it */
@@ -75,8 +75,8 @@ static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a
   status = a->times ? ms_scene_write_json(scene, &a->scene, err)
                     : ms_error_set_memory(err, "the times of the frames");
   a->what = (msim_recording){.size = sizeof a->what,
-                             .path = r->place.path,
-                             .name = r->place.path,
+                             .path = r->file.path,
+                             .name = r->file.path,
                              .n = scene->nparticles,
                              .nsprings = scene->nsprings,
                              .ij = scene->ij,
@@ -101,12 +101,12 @@ static int is_msim_trajectory(const msim_recorder *r, const char *path) {
 
 /* The file gets its final name once its metadata are written: an incomplete file never has it. */
 static msim_status create_trajectory(msim_recorder *r, recording_plan *a, msim_error *err) {
-  msim_status status = ms_output_file_create(&r->place, err);
+  msim_status status = ms_output_file_create(&r->file, err);
   if (status) return status;
-  a->what.path = r->place.temporary_name.data;
+  a->what.path = r->file.temporary_name.data;
   status = r->type->open(&r->host.base, &a->what, &r->self);
   if (status) return ms_plugin_fail(&r->host, r->type->name, status, err);
-  return ms_output_file_commit(&r->place, a->what.sync, err);
+  return ms_output_file_commit(&r->file, a->what.sync, err);
 }
 
 /* Open a new file, in place of an older trajectory of msim, or with `force` of any file. */
@@ -114,7 +114,7 @@ static msim_status open_new_trajectory(msim_recorder *r, const char *path, int f
                                        msim_error *err) {
   recording_plan a;
   int taken;
-  msim_status status = ms_output_file_lock(&r->place, &r->sim->alloc, path, &taken, err);
+  msim_status status = ms_output_file_lock(&r->file, &r->sim->alloc, path, &taken, err);
   if (!status && taken && !force && !is_msim_trajectory(r, path))
     status = ms_error_set(err, MSIM_ERR_IO,
                           "%s exists and is not a trajectory of msim; use another name, or --force "
@@ -139,7 +139,7 @@ static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_e
     return create_trajectory(r, a, err);
   }
   status = msim_sim_load(r->sim, from.checkpoint, from.checkpoint_length, &why);
-  if (status) return ms_error_set(err, status, "%s cannot be resumed: %s", r->place.path, why.text);
+  if (status) return ms_error_set(err, status, "%s cannot be resumed: %s", r->file.path, why.text);
   r->step_kept = r->sim->run.step;
   r->t_kept = ms_sim_time(r->sim);
   return MSIM_OK;
@@ -152,7 +152,7 @@ static msim_status open_for_resume(msim_recorder *r, const char *path, msim_erro
     return ms_error_set(
         err, MSIM_ERR_UNSUPPORTED,
         "%s cannot be resumed, because this format has no checkpoints; use a .vtkhdf file", path);
-  msim_status status = ms_output_file_lock(&r->place, &r->sim->alloc, path, &taken, err);
+  msim_status status = ms_output_file_lock(&r->file, &r->sim->alloc, path, &taken, err);
   if (!status && !taken)
     status = ms_error_set(err, MSIM_ERR_IO,
                           "%s does not exist, so that no run can be resumed from it", path);
@@ -185,7 +185,7 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   r->sim = sim;
   r->type = type;
   r->step_kept = -1;
-  r->place = (ms_slice_range){
+  r->file = (ms_output_file){
       .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
   ms_plugin_init_host(&r->host, &sim->alloc);
   if (!MS_RECORDERS_HAS(type, resume)) return MSIM_OK;
@@ -196,7 +196,7 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
 
 static void destroy_recorder(msim_recorder *r) {
   if (!r) return;
-  ms_output_file_release(&r->place);
+  ms_output_file_release(&r->file);
   ms_memory_free(&r->sim->alloc, r->checkpoint);
   ms_memory_free(&r->sim->alloc, r);
 }

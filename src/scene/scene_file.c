@@ -46,7 +46,7 @@ static msim_status load_json(const msim_allocator *alloc, FILE *file, const char
   size_t length;
   msim_status status = read_whole_file(&a, file, path, &text, &length, err);
   if (!status && *no_importer && !begins_as_json(text, length))
-    status = ms_error_set(err, MSIM_ERR_ARG, "%s is not a JSON scene, and %s", path, no_importer);
+    status = ms_error_set(err, MSIM_ERR_ARG, "%s is not a JSON scene; %s", path, no_importer);
   if (!status) status = msim_scene_parse(alloc, path, text, length, scene, err);
   ms_memory_free(&a, text);
   return status;

@@ -112,11 +112,11 @@ class Install(unittest.TestCase):
     def test_recorder_and_importer_by_cmake(self):
         recorder, importer = self.cmake(RECORDER), self.cmake(IMPORTER)
         self.try_formats(recorder, importer)
-        with self.assertRaisesRegex(AssertionError, "scene.net: it is no JSON scene, and there is "
-                                    "no importer 'net': not built in, and no msim_importer_net.so"):
+        with self.assertRaisesRegex(AssertionError, "scene.net is not a JSON scene; unknown importer "
+                                    "'net': msim_importer_net.so was not found"):
             self.record_net(recorder)
-        with self.assertRaisesRegex(AssertionError, "there is no recorder 'xyz': not built in, and "
-                                    "no msim_recorder_xyz.so"):
+        with self.assertRaisesRegex(AssertionError, "unknown recorder 'xyz': "
+                                    "msim_recorder_xyz.so was not found"):
             self.record_net(importer)
 
     def test_recorder_and_importer_by_the_lines_in_the_headers(self):
