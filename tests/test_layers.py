@@ -15,7 +15,7 @@ C11 = {name + ".h" for name in
        wchar wctype""".split()}
 SYSTEM = {"base": {"dlfcn.h", "immintrin.h", "pthread.h", "sched.h", "unistd.h"},
           "scene": {"jansson.h"}, "record": {"fcntl.h", "sys/stat.h", "unistd.h"}}
-LONGEST_FILE, LONGEST_FUNCTION, LONGEST_LINE = 500, 80, 100
+LONGEST_FILE, LONGEST_FUNCTION, LONGEST_LINE = 500, 50, 100
 
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:"([^"]+)"|<([^>]+)>)', re.M)
 COMMENT_OR_STRING = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|'

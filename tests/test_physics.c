@@ -206,6 +206,16 @@ static void three_particles_entry_by_entry(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* The matrix, n by n, of what is stored: of all entries, or of those on and above the diagonal */
+static void make_dense(const ms_sparse_matrix *a, int32_t n, int is_upper, double *dense) {
+  for (int32_t r = 0; r < n; r++)
+    for (int32_t e = a->rowptr[r]; e < a->rowptr[r + 1]; e++) {
+      if (e > a->rowptr[r]) assert_true(a->colind[e - 1] < a->colind[e]);
+      dense[n * r + a->colind[e]] = a->val[e];
+      if (is_upper) dense[n * a->colind[e] + r] = a->val[e];
+    }
+}
+
 /* Both triangles, the upper one in another order, and A x without a matrix agree. */
 static void formats_agree(void **state) {
   (void)state;
@@ -231,14 +241,8 @@ static void formats_agree(void **state) {
   ms_coefficients_compute(&model, x, 0.07, 0, &a);
   ms_sparse_matrix_assemble(&model, &a, &full);
   ms_sparse_matrix_assemble(&model, &a, &upper);
-  for (int32_t r = 0; r < n; r++) {
-    for (int32_t e = full.rowptr[r] + 1; e < full.rowptr[r + 1]; e++)
-      assert_true(full.colind[e - 1] < full.colind[e]);
-    for (int32_t e = full.rowptr[r]; e < full.rowptr[r + 1]; e++)
-      dense[0][n * r + full.colind[e]] = full.val[e];
-    for (int32_t e = upper.rowptr[r]; e < upper.rowptr[r + 1]; e++)
-      dense[1][n * r + upper.colind[e]] = dense[1][n * upper.colind[e] + r] = upper.val[e];
-  }
+  make_dense(&full, n, 0, dense[0]);
+  make_dense(&upper, n, 1, dense[1]);
   assert_memory_equal(dense[0], dense[1], sizeof dense[0]);
   ms_unknowns_gather(&model.unknowns, s.v, x);
   for (int32_t r = model.unknowns.first_pinned; r < model.unknowns.stride; r++)

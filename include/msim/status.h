@@ -15,7 +15,7 @@ typedef int32_t msim_status;
 #define MSIM_STATUS_LIST(X)                                                           \
   X(MSIM_OK, 0, "success")                                                            \
   X(MSIM_NOT_SPD, 1, "the system matrix is not positive definite")                    \
-  X(MSIM_NOT_CONVERGED, 2, "the linear solver did not reach its tolerance")           \
+  X(MSIM_NOT_CONVERGED, 2, "an iterative solver did not reach its tolerance")         \
   X(MSIM_NOT_FINITE, 3, "the state contains NaN or numbers that are too large")       \
   X(MSIM_STOPPED, 4, "stopped on request")                                            \
   X(MSIM_UNSTABLE, 5, "energy or extent exceed their bounds: the motion is unstable") \

@@ -208,20 +208,9 @@ static void explain_threads(const msim_sim *sim, ms_text *out) {
   else ms_text_append(out, "by size, on %d cores\n", ms_pool_usable_cores());
 }
 
-static void explain_solver(const msim_sim *sim, ms_text *out) {
-  const ms_island_sim *m = ms_sim_largest_island(sim);
-  const ms_solver *solver = m->stepper.solver;
-  if (!solver) {
-    ms_text_append(out, "solver        none: the method is explicit\n");
-    return;
-  }
+static void explain_matrix(const ms_solver *solver, const ms_unknowns *rows, ms_text *out) {
   const ms_linear *linear = solver->linear;
-  ms_text_append(out, "solver        %s (%s)\n", linear->name, solver->reason);
-  ms_text_append(out, "              relative residual %.3g, checked after every solve\n",
-                 sim->config.opt.solver_rtol);
-  const ms_unknowns *rows = &m->model.unknowns;
-  const int alike = solver->system.a.block == 1;
-  if (alike)
+  if (solver->system.a.block == 1)
     ms_text_append(out,
                    "matrix        %d unknowns, one per free particle, and %d right-hand sides\n",
                    rows->nfree, rows->dims);
@@ -239,25 +228,44 @@ static void explain_solver(const msim_sim *sim, ms_text *out) {
                    "              once pcg has spent the cost of a factorization on a matrix that "
                    "hardly changes,\n"
                    "              cholmod (if available) factors it as a preconditioner\n");
+}
+
+/* Whether the matrix is constant or positive definite, and what happens where it is neither */
+static void explain_definiteness(const msim_sim *sim, const ms_solver *solver, ms_text *out) {
   static const char *const answer[] = {"the step is repeated with the clamped matrix",
                                        "it is solved as it is", "the run ends"};
+  const int is_constant = solver->system.a.block == 1;
   if (sim->config.integrator->nonlinear)
     ms_text_append(out, "newton        to a relative tolerance of %.3g in the velocity%s\n",
                    sim->config.opt.newton_rtol,
-                   alike ? "; the matrix is the same in every step"
+                   is_constant ? "; the matrix is the same in every step"
                    : ms_solver_supports_damping_derivative(solver)
                        ? "; the matrix is clamped\n"
                          "              until the residual has dropped, and then complete, with "
                          "the non-symmetric damping term"
                        : "; the matrix is clamped\n"
                          "              until the residual has dropped");
-  else if (alike)
+  else if (is_constant)
     ms_text_append(out, "              positive definite, and the same in every step\n");
   else if (sim->config.opt.jacobian == MSIM_JACOBIAN_CLAMP)
     ms_text_append(out, "              clamped, and so always positive definite\n");
   else
     ms_text_append(out, "              if it is not positive definite, %s\n",
                    answer[sim->config.opt.indefinite]);
+}
+
+static void explain_solver(const msim_sim *sim, ms_text *out) {
+  const ms_island_sim *m = ms_sim_largest_island(sim);
+  const ms_solver *solver = m->stepper.solver;
+  if (!solver) {
+    ms_text_append(out, "solver        none: the method is explicit\n");
+    return;
+  }
+  ms_text_append(out, "solver        %s (%s)\n", solver->linear->name, solver->reason);
+  ms_text_append(out, "              relative residual %.3g, checked after every solve\n",
+                 sim->config.opt.solver_rtol);
+  explain_matrix(solver, &m->model.unknowns, out);
+  explain_definiteness(sim, solver, out);
 }
 
 static const char *axis_name(const msim_sim *sim) {

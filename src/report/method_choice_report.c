@@ -8,14 +8,15 @@
 static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
   char name[32];
   snprintf(name, sizeof name, "%s%s", c->method->entry.name, c->error_control ? ", tol" : "");
+  const char *located = c->collision == MSIM_COLLISION_EVENT ? ", impacts located" : "";
   ms_text_append(out, "              %-17s ", name);
   if (c->rejection) {
-    ms_text_append(out, "rejected: %s\n", ms_rejection_reasons_text(c->rejection));
+    ms_text_append(out, "rejected%s: %s\n", located, ms_rejection_reasons_text(c->rejection));
     return;
   }
   ms_text_append(out, "h = %-8.3g %5.4g evaluations per step, %s%8.4g per simulated second%s%s\n",
                  c->h, c->step_cost, c->tried || c->error > 0 ? "" : "at least ", c->cost_rate,
-                 c->collision == MSIM_COLLISION_EVENT ? ", impacts located" : "",
+                 located,
                  !is_best           ? ""
                  : c->error_control ? ": chosen, with error control"
                                     : ": chosen, with fixed steps");
