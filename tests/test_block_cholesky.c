@@ -84,8 +84,8 @@ static void free_matrix(matrix *m) { free(m->linked), free(m->ptr), free(m->ind)
 
 static ms_block_cholesky analyse(const matrix *m, int isa) {
   ms_block_cholesky chol;
-  assert_ok(
-      ms_block_cholesky_create(libc_memory(), m->n, m->block, m->ptr, m->ind, isa, &chol, err));
+  const ms_sparse_graph graph = {m->n, m->ptr, m->ind};
+  assert_ok(ms_block_cholesky_create(libc_memory(), &graph, m->block, isa, &chol, err));
   return chol;
 }
 
@@ -261,7 +261,8 @@ static double seconds_for_pairs(int32_t n) {
   ms_block_cholesky chol;
   for (int32_t i = 0; i < n; i++) ptr[i + 1] = i + 1, ind[i] = i ^ 1;
   const clock_t start = clock();
-  assert_ok(ms_block_cholesky_create(libc_memory(), n, 8, ptr, ind, ms_isa_choose(), &chol, err));
+  const ms_sparse_graph graph = {n, ptr, ind};
+  assert_ok(ms_block_cholesky_create(libc_memory(), &graph, 8, ms_isa_choose(), &chol, err));
   const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
   assert_int_equal(chol.first[n], n + n / 2);
   ms_block_cholesky_destroy(libc_memory(), &chol);
@@ -360,10 +361,10 @@ static void memory_that_ends_is_reported(void **state) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
     ms_block_cholesky chol;
+    const ms_sparse_graph graph = {m.n, m.ptr, m.ind};
     msim_error why = {0, ""};
     memory.remaining = meals;
-    status =
-        ms_block_cholesky_create(&alloc, m.n, m.block, m.ptr, m.ind, ms_isa_choose(), &chol, &why);
+    status = ms_block_cholesky_create(&alloc, &graph, m.block, ms_isa_choose(), &chol, &why);
     if (status)
       assert_int_equal(status, MSIM_ERR_MEMORY), assert_non_null(strstr(why.text, "coarse"));
     ms_block_cholesky_destroy(&alloc, &chol);

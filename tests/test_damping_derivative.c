@@ -53,8 +53,8 @@ static problem pose(const msim_scene *scene, int32_t left_out) {
   assert_int_equal(p.model.unknowns.dropped_axis, left_out);
   assert_ok(ms_coefficients_create(&p.model, &p.system.a, err));
   assert_ok(ms_sparse_matrix_create_graph(&p.model, &p.graph, err));
-  assert_ok(ms_sparse_matrix_create(&p.model, &p.graph, NULL, MSIM_FORMAT_FULL,
-                                    p.model.unknowns.dims, &p.matrix, err));
+  const ms_sparse_layout layout = {MSIM_FORMAT_FULL, p.model.unknowns.dims, NULL};
+  assert_ok(ms_sparse_matrix_create(&p.model, &p.graph, layout, &p.matrix, err));
   p.system.model = &p.model;
   p.x0 = vector(&p), p.v = vector(&p), p.x = vector(&p), p.f = vector(&p);
   ms_unknowns_gather(&p.model.unknowns, scene->data->x, p.x0);

@@ -368,10 +368,9 @@ static void matrices_too_large_are_refused(void **state) {
   const ms_sparse_graph graph = {.n = 2, .ptr = ptr};
   const ms_model model = {0};
   ms_sparse_matrix matrix;
+  const ms_sparse_layout layout = {MSIM_FORMAT_UPPER, 3, NULL};
   msim_error why;
-  assert_int_equal(
-      ms_sparse_matrix_create(&model, &graph, NULL, MSIM_FORMAT_UPPER, 3, &matrix, &why),
-      MSIM_ERR_ARG);
+  assert_int_equal(ms_sparse_matrix_create(&model, &graph, layout, &matrix, &why), MSIM_ERR_ARG);
   assert_string_equal(why.text,
                       "the matrix has 250000002 blocks of 3 x 3 scalars, more than the limit of "
                       "238609294; use solver = pcg");

@@ -7,7 +7,7 @@ from pathlib import Path
 import support
 
 sys.path.insert(0, str(support.SOURCE / "tools"))
-from mutations import OPERATORS, describe, mutations_of  # noqa: E402
+from mutations import OPERATORS, accepted_mutations, describe, mutations_of  # noqa: E402
 
 CODE = """\
 #define LIMIT 3
@@ -37,6 +37,16 @@ EXPECTED = {
                 (8, "if (n * s == 1) fsync(s);")],
     "logic": [(6, ADDED.replace("&&", "||"))],
 }
+
+
+class Accepted(unittest.TestCase):
+    def test_each_can_be_made(self):
+        for file, before, after in accepted_mutations(support.SOURCE / "tests/mutations_accepted.txt"):
+            with self.subTest(file, before=before):
+                path = support.SOURCE / file
+                made = [describe(m)[1:] for operator in OPERATORS
+                        for m in mutations_of(path, operator)]
+                self.assertIn((before, after), made)
 
 
 class Operators(unittest.TestCase):

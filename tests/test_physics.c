@@ -231,8 +231,9 @@ static void formats_agree(void **state) {
   assert_ok(ms_coefficients_create(&model, &a, err));
   assert_ok(ms_sparse_matrix_create_graph(&model, &graph, err));
   const int32_t order[N - 3] = {8, 0, 7, 1, 6, 2, 5, 3, 4}, n = 3 * (N - 3);
-  assert_ok(ms_sparse_matrix_create(&model, &graph, order, MSIM_FORMAT_FULL, 3, &full, err));
-  assert_ok(ms_sparse_matrix_create(&model, &graph, order, MSIM_FORMAT_UPPER, 3, &upper, err));
+  const ms_sparse_layout layouts[] = {{MSIM_FORMAT_FULL, 3, order}, {MSIM_FORMAT_UPPER, 3, order}};
+  assert_ok(ms_sparse_matrix_create(&model, &graph, layouts[0], &full, err));
+  assert_ok(ms_sparse_matrix_create(&model, &graph, layouts[1], &upper, err));
   double *x = ms_unknowns_new_vector(scene->data, &model.unknowns),
          *y = ms_unknowns_new_vector(scene->data, &model.unknowns);
   double *magnitude = ms_unknowns_new_vector(scene->data, &model.unknowns);

@@ -144,7 +144,8 @@ static void multiply(const ms_model *model, const ms_coefficients *a, const doub
   ms_sparse_matrix m;
   static double from[3 * MOST], to[3 * MOST];
   assert_ok(ms_sparse_matrix_create_graph(model, &graph, err));
-  assert_ok(ms_sparse_matrix_create(model, &graph, NULL, MSIM_FORMAT_FULL, 3, &m, err));
+  const ms_sparse_layout layout = {MSIM_FORMAT_FULL, 3, NULL};
+  assert_ok(ms_sparse_matrix_create(model, &graph, layout, &m, err));
   ms_sparse_matrix_assemble(model, a, &m);
   ms_sparse_matrix_pack(model, &m, v, from);
   for (int32_t r = 0; r < 3 * m.n; r++) {

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "checkpoints.h"
+#include "sim/frames.h"
 #include "sim/sim.h"
 
 static msim_options options_of(const char *method, double tol, double t_end) {
@@ -377,7 +378,7 @@ static void near_planes_count(void **state) {
   plane(scene, 0, 0, 1, 0, 0.5, 0);
   const msim_options opt = options_of("auto", 1e-6, t_end);
   msim_sim *sim = make_sim(scene, &opt);
-  const int64_t planned = ms_plan_count_frames(&sim->config.plan, &sim->config.opt, 300);
+  const int64_t planned = ms_frames_count(&sim->config.plan, &sim->config.opt, 300);
   frames here = {0};
   assert_true(sim->config.choice.verification.planes_far);
   assert_ok(msim_sim_run(sim, note, &here, err));

@@ -94,3 +94,17 @@ def describe(m):
     before = text[first:last]
     after = before[:m.start - first] + m.after + before[m.end - first:]
     return text.count("\n", 0, m.start) + 1, *(" ".join(t.split()) for t in (before, after))
+
+
+def accepted_mutations(path):
+    """{(file, before, after)} from blocks `FILE: reason`, `- before`, `+ after`."""
+    found = set()
+    file = before = None
+    for line in path.read_text().splitlines() if path.is_file() else ():
+        if line.startswith("- "):
+            before = line[2:]
+        elif line.startswith("+ "):
+            found.add((file, before, line[2:]))
+        elif line and line[0] not in "# ":
+            file = line.split(":")[0]
+    return found

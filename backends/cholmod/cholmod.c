@@ -291,13 +291,13 @@ static void solve_supernodal(cholesky *self, size_t n, int32_t nrhs, const doubl
   const int packed = use_panels(self, rtol);
   const int32_t most = packed && self->panels.single ? 1 : MAX_SIDES;
   for (int32_t done = 0; done < nrhs; done += most, b += (size_t)most * n, y += (size_t)most * n) {
-    const int32_t sides = nrhs - done < most ? nrhs - done : most;
+    const int32_t count = nrhs - done < most ? nrhs - done : most;
     if (packed) {
-      panels_solve(&self->panels, b, y, sides);
+      panels_solve(&self->panels, b, y, count);
       continue;
     }
-    memcpy(y, b, n * (size_t)sides * sizeof *y);
-    triangular_solve(self->supernodal, y, sides, self->work);
+    memcpy(y, b, n * (size_t)count * sizeof *y);
+    triangular_solve(self->supernodal, y, count, self->work);
   }
 }
 

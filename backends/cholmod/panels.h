@@ -61,15 +61,19 @@ static size_t panels_work_size(const cholmod_factor *L) {
 
 /*------------------------------------- packing --------------------------------------------------*/
 
-/* V = L_JJ^-1:  V_kk = 1/L_kk,  V_ik = - (sum over k <= m < i of L_im V_mk) / L_ii
- * L points to the first number of the panel; its columns are `rows` apart. */
-static void invert_diagonal_block(const double *L, size_t rows, size_t columns,
-                                  double V[LANES][LANES]) {
-  for (size_t k = 0; k < columns; k++)
-    for (size_t i = 0; i < columns; i++) {
+/* Columns J of L from row J on: column m begins at L + m apart and has `rows` rows */
+typedef struct group {
+  const double *L;
+  size_t apart, rows, columns;
+} group;
+
+/* V = L_JJ^-1:  V_kk = 1/L_kk,  V_ik = - (sum over k <= m < i of L_im V_mk) / L_ii */
+static void invert_diagonal_block(const group *J, double V[LANES][LANES]) {
+  for (size_t k = 0; k < J->columns; k++)
+    for (size_t i = 0; i < J->columns; i++) {
       double sum = i == k;
-      for (size_t m = k; m < i; m++) sum -= L[m * rows + i] * V[m][k];
-      V[i][k] = i < k ? 0 : sum / L[i * rows + i];
+      for (size_t m = k; m < i; m++) sum -= J->L[m * J->apart + i] * V[m][k];
+      V[i][k] = i < k ? 0 : sum / J->L[i * J->apart + i];
     }
 }
 
@@ -97,14 +101,14 @@ INLINE void store_values(void *P, size_t at, int single, quad v) {
 }
 
 /* Rows first to first + 3 of -L_RJ V, column k; rows of J and rows past the end are arbitrary. */
-INLINE quad compute_panel_rows(const double *L, size_t rows, size_t columns, size_t first,
-                               size_t end, double V[LANES][LANES], size_t k) {
+INLINE quad compute_panel_rows(const group *J, size_t first, double V[LANES][LANES], size_t k) {
   quad sum = {0};
-  for (size_t m = k; m < columns; m++) {
+  for (size_t m = k; m < J->columns; m++) {
+    const double *column = J->L + m * J->apart;
     quad l = {0};
-    if (first + LANES <= end) l = load_quad(L + m * rows + first);
+    if (first + LANES <= J->rows) l = load_quad(column + first);
     else
-      for (size_t i = first; i < end; i++) l[i - first] = L[m * rows + i];
+      for (size_t i = first; i < J->rows; i++) l[i - first] = column[i];
     sum -= l * V[m][k];
   }
   return sum;
@@ -112,16 +116,15 @@ INLINE quad compute_panel_rows(const double *L, size_t rows, size_t columns, siz
 
 /* Returns 0 if a float cannot represent the panel: V_kk must be normal, all others finite. */
 INLINE int pack_panel(const supernode *s, int32_t j, int single, void *P, size_t at) {
-  const size_t rows = (size_t)s->rows, end = rows - (size_t)j;
-  const size_t columns = (size_t)min_int32(LANES, s->width - j);
-  const double *L = s->value + (size_t)j * rows + j;
+  const size_t apart = (size_t)s->rows, columns = (size_t)min_int32(LANES, s->width - j);
+  const group J = {s->value + (size_t)j * apart + j, apart, apart - (size_t)j, columns};
   double V[LANES][LANES], least_V = INFINITY;
   quad sum = {0}; /* sum of 0 times each value: 0, or NaN */
-  invert_diagonal_block(L, rows, columns, V);
+  invert_diagonal_block(&J, V);
   for (size_t k = 0; k < columns; k++) least_V = V[k][k] < least_V ? V[k][k] : least_V;
-  for (size_t first = 0; first < end; first += LANES)
+  for (size_t first = 0; first < J.rows; first += LANES)
     for (size_t k = 0; k < columns; k++, at += LANES) {
-      quad v = compute_panel_rows(L, rows, columns, first, end, V, k);
+      quad v = compute_panel_rows(&J, first, V, k);
       for (size_t i = 0; i < columns && first == 0; i++) v[i] = V[i][k];
       store_values(P, at, single, v);
       if (single) sum += 0 * load_values(P, at, single);
@@ -157,61 +160,64 @@ INLINE void transpose(quad v[LANES]) {
   v[2] = PICK(a, c, 2, 3, 6, 7), v[3] = PICK(b, d, 2, 3, 6, 7);
 }
 
-/* w = P w_J: replace the first `columns` numbers of w, add to the others. P begins at index `at`;
- * the right-hand sides in w are `apart` numbers apart. */
-INLINE void multiply(const panels *p, int single, size_t at, size_t quads, int columns, double *w,
-                     size_t apart, int sides) {
+/* A panel P, from index `at` of the values on; `single` and `columns` are constants after
+ * inlining. */
+typedef struct panel {
+  const void *value;
+  int single, columns;
+  size_t at, quads;
+} panel;
+
+/* w = P w_J: replace the first numbers of w, one per column, add to the others. */
+INLINE void multiply(panel P, sides w) {
   quad x[LANES][MAX_SIDES] = {{{0}}};
-  for (int c = 0; c < sides; c++) {
-    quad corner = load_quad(w + (size_t)c * apart);
-    for (int j = 0; j < columns; j++) {
+  for (int c = 0; c < w.count; c++) {
+    quad corner = load_quad(side(w, c));
+    for (int j = 0; j < P.columns; j++) {
       x[j][c] = (quad){corner[j], corner[j], corner[j], corner[j]};
       corner[j] = 0;
     }
-    *quad_at(w + (size_t)c * apart) = corner;
+    *quad_at(side(w, c)) = corner;
   }
-  for (size_t q = 0; q < quads; q++, w += LANES) {
+  for (size_t q = 0; q < P.quads; q++, w.at += LANES) {
     quad sum[MAX_SIDES];
-    for (int c = 0; c < sides; c++) sum[c] = load_quad(w + (size_t)c * apart);
-    for (int j = 0; j < columns; j++, at += LANES)
-      for (int c = 0; c < sides; c++) sum[c] += load_values(p->value, at, single) * x[j][c];
-    for (int c = 0; c < sides; c++) *quad_at(w + (size_t)c * apart) = sum[c];
+    for (int c = 0; c < w.count; c++) sum[c] = load_quad(side(w, c));
+    for (int j = 0; j < P.columns; j++, P.at += LANES)
+      for (int c = 0; c < w.count; c++) sum[c] += load_values(P.value, P.at, P.single) * x[j][c];
+    for (int c = 0; c < w.count; c++) *quad_at(side(w, c)) = sum[c];
   }
 }
 
 /* w_J = P' w. Panels are read from last to first, which the hardware does not prefetch. */
-INLINE void multiply_transposed(const panels *p, int single, size_t at, size_t quads, int columns,
-                                double *w, size_t apart, int sides) {
+INLINE void multiply_transposed(panel P, sides w) {
   enum { LINE = 64, AHEAD = 8192 };
-  const size_t bytes = single ? sizeof(float) : sizeof(double);
+  const size_t bytes = P.single ? sizeof(float) : sizeof(double);
   quad sum[MAX_SIDES][LANES] = {{{0}}};
-  for (size_t q = 0; q < quads; q++) {
-    const uintptr_t here = (uintptr_t)p->value + at * bytes;
-    for (size_t b = 0; b < LANES * (size_t)columns * bytes; b += LINE)
+  for (size_t q = 0; q < P.quads; q++) {
+    const uintptr_t here = (uintptr_t)P.value + P.at * bytes;
+    for (size_t b = 0; b < LANES * (size_t)P.columns * bytes; b += LINE)
       __builtin_prefetch((const void *)(here + b - AHEAD));
-    for (int j = 0; j < columns; j++, at += LANES)
-      for (int c = 0; c < sides; c++)
-        sum[c][j] +=
-            load_values(p->value, at, single) * load_quad(w + (size_t)c * apart + LANES * q);
+    for (int j = 0; j < P.columns; j++, P.at += LANES)
+      for (int c = 0; c < w.count; c++)
+        sum[c][j] += load_values(P.value, P.at, P.single) * load_quad(side(w, c) + LANES * q);
   }
-  for (int c = 0; c < sides; c++) {
+  for (int c = 0; c < w.count; c++) {
     transpose(sum[c]);
     const quad total = (sum[c][0] + sum[c][1]) + (sum[c][2] + sum[c][3]);
-    quad corner = load_quad(w + (size_t)c * apart);
-    for (int j = 0; j < columns; j++) corner[j] = total[j];
-    *quad_at(w + (size_t)c * apart) = corner;
+    quad corner = load_quad(side(w, c));
+    for (int j = 0; j < P.columns; j++) corner[j] = total[j];
+    *quad_at(side(w, c)) = corner;
   }
 }
 
-/* One of the two products with the panel of column j, with a constant number of columns. */
-INLINE void multiply_by_panel(const panels *p, int single, const supernode *s, int32_t j, size_t at,
-                              int transposed, double *w, size_t apart, int sides) {
-  const size_t quads = quads_from(s, j);
-  switch (min_int32(LANES, s->width - j)) {
-#define CASE(columns)                                                                        \
-  case columns:                                                                              \
-    if (transposed) multiply_transposed(p, single, at, quads, columns, w + j, apart, sides); \
-    else multiply(p, single, at, quads, columns, w + j, apart, sides);                       \
+/* One of the two products, with a constant number of columns */
+INLINE void multiply_by_panel(panel P, int transposed, sides w) {
+  switch (P.columns) {
+#define CASE(number)                           \
+  case number:                                 \
+    P.columns = number;                        \
+    if (transposed) multiply_transposed(P, w); \
+    else multiply(P, w);                       \
     return
     CASE(1);
     CASE(2);
@@ -234,100 +240,104 @@ INLINE void store_rows(const int32_t *row, int32_t count, const quad v[LANES], d
     if (l < count) *quad_at(y + LANES * (size_t)row[l]) = v[l];
 }
 
-INLINE void gather_quad(const int32_t *row, int32_t count, const double *y, double *w, size_t apart,
-                        int sides) {
+INLINE void gather_quad(const int32_t *row, int32_t count, const double *y, sides w) {
   quad v[LANES];
   load_rows(row, count, y, v);
   transpose(v);
-  for (int c = 0; c < sides; c++) *quad_at(w + (size_t)c * apart) = v[c];
+  for (int c = 0; c < w.count; c++) *quad_at(side(w, c)) = v[c];
 }
 
-INLINE void scatter_quad(const int32_t *row, int32_t count, const double *w, size_t apart,
-                         double *y, int sides) {
+INLINE void scatter_quad(const int32_t *row, int32_t count, sides w, double *y) {
   quad v[LANES] = {{0}};
-  for (int c = 0; c < sides; c++) v[c] = load_quad(w + (size_t)c * apart);
+  for (int c = 0; c < w.count; c++) v[c] = load_quad(side(w, c));
   transpose(v);
   store_rows(row, count, v, y);
 }
 
 /* w = the rows of y of the supernode, and zeros up to a whole quad */
-INLINE void gather_rows(const supernode *s, const double *y, double *w, size_t apart, int sides) {
+INLINE void gather_rows(const supernode *s, const double *y, sides w) {
   int32_t i = 0;
-  for (; i < (int32_t)apart && sides == 1; i++) w[i] = i < s->rows ? y[s->row[i]] : 0;
-  for (; i + LANES <= s->rows; i += LANES) gather_quad(s->row + i, LANES, y, w + i, apart, sides);
-  if (i < s->rows) gather_quad(s->row + i, s->rows - i, y, w + i, apart, sides);
+  for (; i < (int32_t)w.apart && w.count == 1; i++) w.at[i] = i < s->rows ? y[s->row[i]] : 0;
+  for (; i + LANES <= s->rows; i += LANES)
+    gather_quad(s->row + i, LANES, y, sides_from(w, (size_t)i));
+  if (i < s->rows) gather_quad(s->row + i, s->rows - i, y, sides_from(w, (size_t)i));
 }
 
 /* store w to the first `count` rows of the supernode in y */
-INLINE void scatter_rows(const supernode *s, int32_t count, const double *w, size_t apart,
-                         double *y, int sides) {
+INLINE void scatter_rows(const supernode *s, int32_t count, sides w, double *y) {
   int32_t i = 0;
-  for (; i < count && sides == 1; i++) y[s->row[i]] = w[i];
-  for (; i + LANES <= count; i += LANES) scatter_quad(s->row + i, LANES, w + i, apart, y, sides);
-  if (i < count) scatter_quad(s->row + i, count - i, w + i, apart, y, sides);
+  for (; i < count && w.count == 1; i++) y[s->row[i]] = w.at[i];
+  for (; i + LANES <= count; i += LANES)
+    scatter_quad(s->row + i, LANES, sides_from(w, (size_t)i), y);
+  if (i < count) scatter_quad(s->row + i, count - i, sides_from(w, (size_t)i), y);
+}
+
+/* The panel of column j */
+INLINE panel panel_of(const panels *p, int single, const supernode *s, int32_t j, size_t at) {
+  return (panel){p->value, single, min_int32(LANES, s->width - j), at, quads_from(s, j)};
 }
 
 /* L y' = y */
-INLINE void panels_forward(const panels *p, int single, int sides) {
+INLINE void panels_forward(const panels *p, int single, int count) {
   size_t at = 0;
   for (size_t k = 0; k < p->factor->nsuper; k++) {
     const supernode s = supernode_at(p->factor, k);
-    const size_t apart = LANES * quads_from(&s, 0);
-    gather_rows(&s, p->y, p->w, apart, sides);
+    const sides w = {p->w, LANES * quads_from(&s, 0), count};
+    gather_rows(&s, p->y, w);
     for (int32_t j = 0; j < s.width; at += panel_size(&s, j), j += LANES)
-      multiply_by_panel(p, single, &s, j, at, 0, p->w, apart, sides);
-    scatter_rows(&s, s.rows, p->w, apart, p->y, sides);
+      multiply_by_panel(panel_of(p, single, &s, j, at), 0, sides_from(w, (size_t)j));
+    scatter_rows(&s, s.rows, w, p->y);
   }
 }
 
 /* L' y' = y */
-INLINE void panels_backward(const panels *p, int single, int sides) {
+INLINE void panels_backward(const panels *p, int single, int count) {
   size_t at = panels_value_count(p->factor);
   for (size_t k = p->factor->nsuper; k-- > 0;) {
     const supernode s = supernode_at(p->factor, k);
-    const size_t apart = LANES * quads_from(&s, 0);
-    gather_rows(&s, p->y, p->w, apart, sides);
+    const sides w = {p->w, LANES * quads_from(&s, 0), count};
+    gather_rows(&s, p->y, w);
     for (int32_t j = (s.width - 1) / LANES * LANES; j >= 0; j -= LANES) {
       at -= panel_size(&s, j);
-      multiply_by_panel(p, single, &s, j, at, 1, p->w, apart, sides);
+      multiply_by_panel(panel_of(p, single, &s, j, at), 1, sides_from(w, (size_t)j));
     }
-    scatter_rows(&s, s.width, p->w, apart, p->y, sides);
+    scatter_rows(&s, s.width, w, p->y);
   }
 }
 
 /* y = b, from right-hand sides n apart to interleaved ones */
-INLINE void interleave_sides(size_t n, const double *b, double *y, int sides) {
+INLINE void interleave_sides(size_t n, const double *b, double *y, int count) {
   size_t i = 0;
-  for (; i + LANES <= n && sides > 1; i += LANES) {
+  for (; i + LANES <= n && count > 1; i += LANES) {
     quad v[LANES] = {{0}};
-    for (int c = 0; c < sides; c++) v[c] = load_quad(b + (size_t)c * n + i);
+    for (int c = 0; c < count; c++) v[c] = load_quad(b + (size_t)c * n + i);
     transpose(v);
     for (size_t l = 0; l < LANES; l++) *quad_at(y + LANES * (i + l)) = v[l];
   }
   for (; i < n; i++)
-    for (int c = 0; c < sides; c++)
-      y[(sides > 1 ? LANES : 1) * i + (size_t)c] = b[(size_t)c * n + i];
+    for (int c = 0; c < count; c++)
+      y[(count > 1 ? LANES : 1) * i + (size_t)c] = b[(size_t)c * n + i];
 }
 
-INLINE void separate_sides(size_t n, const double *y, double *x, int sides) {
+INLINE void separate_sides(size_t n, const double *y, double *x, int count) {
   size_t i = 0;
-  for (; i + LANES <= n && sides > 1; i += LANES) {
+  for (; i + LANES <= n && count > 1; i += LANES) {
     quad v[LANES];
     for (size_t l = 0; l < LANES; l++) v[l] = load_quad(y + LANES * (i + l));
     transpose(v);
-    for (int c = 0; c < sides; c++) *quad_at(x + (size_t)c * n + i) = v[c];
+    for (int c = 0; c < count; c++) *quad_at(x + (size_t)c * n + i) = v[c];
   }
   for (; i < n; i++)
-    for (int c = 0; c < sides; c++)
-      x[(size_t)c * n + i] = y[(sides > 1 ? LANES : 1) * i + (size_t)c];
+    for (int c = 0; c < count; c++)
+      x[(size_t)c * n + i] = y[(count > 1 ? LANES : 1) * i + (size_t)c];
 }
 
 /* L L' x = b */
-INLINE void solve_by_panels(const panels *p, int single, const double *b, double *x, int sides) {
-  interleave_sides(p->factor->n, b, p->y, sides);
-  panels_forward(p, single, sides);
-  panels_backward(p, single, sides);
-  separate_sides(p->factor->n, p->y, x, sides);
+INLINE void solve_by_panels(const panels *p, int single, const double *b, double *x, int count) {
+  interleave_sides(p->factor->n, b, p->y, count);
+  panels_forward(p, single, count);
+  panels_backward(p, single, count);
+  separate_sides(p->factor->n, p->y, x, count);
 }
 
 /* Compiled with fused multiply-add. With registers of 2 doubles panels are slower than
@@ -352,10 +362,10 @@ FUSED static int panels_pack(const panels *p) {
 }
 
 /* x = (L L')^-1 b for 1 to 3 right-hand sides, n apart. */
-FUSED static void panels_solve(const panels *p, const double *b, double *x, int sides) {
-  if (p->single && sides == 1) solve_by_panels(p, 1, b, x, 1);
-  else if (sides == 1) solve_by_panels(p, 0, b, x, 1);
-  else if (sides == 2) solve_by_panels(p, 0, b, x, 2);
+FUSED static void panels_solve(const panels *p, const double *b, double *x, int count) {
+  if (p->single && count == 1) solve_by_panels(p, 1, b, x, 1);
+  else if (count == 1) solve_by_panels(p, 0, b, x, 1);
+  else if (count == 2) solve_by_panels(p, 0, b, x, 2);
   else solve_by_panels(p, 0, b, x, 3);
 }
 

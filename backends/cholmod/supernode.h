@@ -12,6 +12,18 @@ enum { LANES = 4, MAX_SIDES = 3 }; /* doubles read at once; right-hand sides sol
 
 #define INLINE static inline __attribute__((always_inline))
 
+/* Right-hand sides: `count` vectors, each `apart` numbers after the one before */
+typedef struct sides {
+  double *at;
+  size_t apart;
+  int count;
+} sides;
+
+INLINE double *side(sides w, int c) { return w.at + (size_t)c * w.apart; }
+
+/* The same vectors without their first i numbers */
+INLINE sides sides_from(sides w, size_t i) { return (sides){w.at + i, w.apart, w.count}; }
+
 /* Consecutive columns of L with the same pattern: a lower triangle and full rows below it. Column j
  * starts at value + j rows. Lanes past the end of a column read the next column: the results are
  * ignored, but the memory must exist, so the last supernodes round `end` down. */

@@ -23,20 +23,19 @@ typedef double lanes __attribute__((vector_size(8 * LANES)));
 INLINE void load_lanes(lanes *to, const double *from) { memcpy(to, from, sizeof *to); }
 
 /* w_i -= sum over the `columns` columns j, j + 1 of L_ij w_j, for the rows i below them */
-INLINE void subtract_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
-                             int sides) {
+INLINE void subtract_columns(const supernode *s, int32_t j, int columns, sides w) {
   const int32_t rows = s->rows;
   const double *L = s->value + (size_t)j * (size_t)rows;
   double solved[2][MAX_SIDES];
   for (int q = 0; q < columns; q++)
-    for (int c = 0; c < sides; c++) solved[q][c] = w[(size_t)c * apart + (size_t)(j + q)];
+    for (int c = 0; c < w.count; c++) solved[q][c] = side(w, c)[j + q];
   int32_t i = j + columns;
   for (; i < s->end; i += LANES) {
     lanes first, second, rest;
     load_lanes(&first, L + i);
     if (columns == 2) load_lanes(&second, L + rows + i);
-    for (int c = 0; c < sides; c++) {
-      double *wi = w + (size_t)c * apart + i;
+    for (int c = 0; c < w.count; c++) {
+      double *wi = side(w, c) + i;
       load_lanes(&rest, wi);
       rest -= first * solved[0][c];
       if (columns == 2) rest -= second * solved[1][c];
@@ -44,27 +43,24 @@ INLINE void subtract_columns(const supernode *s, int32_t j, int columns, double 
     }
   }
   for (; i < rows; i++)
-    for (int c = 0; c < sides; c++)
-      for (int q = 0; q < columns; q++)
-        w[(size_t)c * apart + (size_t)i] -= L[q * rows + i] * solved[q][c];
+    for (int c = 0; c < w.count; c++)
+      for (int q = 0; q < columns; q++) side(w, c)[i] -= L[q * rows + i] * solved[q][c];
 }
 
 /* forward substitution, L w' = w, for column j and, if columns = 2, column j + 1 */
-INLINE void forward_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
-                            int sides) {
+INLINE void forward_columns(const supernode *s, int32_t j, int columns, sides w) {
   const int32_t rows = s->rows;
   const double *L = s->value + (size_t)j * (size_t)rows;
-  for (int c = 0; c < sides; c++) {
-    double *wc = w + (size_t)c * apart;
+  for (int c = 0; c < w.count; c++) {
+    double *wc = side(w, c);
     wc[j] /= L[j];
     if (columns == 2) wc[j + 1] = (wc[j + 1] - L[j + 1] * wc[j]) / L[rows + j + 1];
   }
-  subtract_columns(s, j, columns, w, apart, sides);
+  subtract_columns(s, j, columns, w);
 }
 
 /* backward substitution, L' w' = w, for the same columns */
-INLINE void backward_columns(const supernode *s, int32_t j, int columns, double *w, size_t apart,
-                             int sides) {
+INLINE void backward_columns(const supernode *s, int32_t j, int columns, sides w) {
   const int32_t rows = s->rows;
   const double *L = s->value + (size_t)j * (size_t)rows;
   lanes sum[2][MAX_SIDES] = {{{0}}};
@@ -73,14 +69,14 @@ INLINE void backward_columns(const supernode *s, int32_t j, int columns, double 
     lanes first, second, x;
     load_lanes(&first, L + i);
     if (columns == 2) load_lanes(&second, L + rows + i);
-    for (int c = 0; c < sides; c++) {
-      load_lanes(&x, w + (size_t)c * apart + i);
+    for (int c = 0; c < w.count; c++) {
+      load_lanes(&x, side(w, c) + i);
       sum[0][c] += first * x;
       if (columns == 2) sum[1][c] += second * x;
     }
   }
-  for (int c = 0; c < sides; c++) {
-    double *wc = w + (size_t)c * apart;
+  for (int c = 0; c < w.count; c++) {
+    double *wc = side(w, c);
     for (int q = columns - 1; q >= 0; q--) {
       const lanes part = sum[q][c];
       const double *column = L + q * rows;
@@ -92,48 +88,47 @@ INLINE void backward_columns(const supernode *s, int32_t j, int columns, double 
   }
 }
 
-INLINE void gather_sides(const supernode *s, const double *y, size_t n, double *w, size_t apart,
-                         int sides) {
-  for (int c = 0; c < sides; c++) {
-    double *wc = w + (size_t)c * apart;
-    for (int32_t i = 0; i < s->rows; i++) wc[i] = y[(size_t)c * n + (size_t)s->row[i]];
+/* w = the rows of y of the supernode, and zeros for the last lanes */
+INLINE void gather_sides(const supernode *s, sides y, sides w) {
+  for (int c = 0; c < w.count; c++) {
+    double *wc = side(w, c);
+    for (int32_t i = 0; i < s->rows; i++) wc[i] = side(y, c)[s->row[i]];
     for (int32_t i = s->rows; i < s->rows + LANES; i++) wc[i] = 0;
   }
 }
 
-INLINE void scatter_sides(const supernode *s, const double *w, size_t apart, int32_t count,
-                          double *y, size_t n, int sides) {
-  for (int c = 0; c < sides; c++)
-    for (int32_t i = 0; i < count; i++)
-      y[(size_t)c * n + (size_t)s->row[i]] = w[(size_t)c * apart + (size_t)i];
+/* The first `count` rows of the supernode in y = w */
+INLINE void scatter_sides(const supernode *s, int32_t count, sides w, sides y) {
+  for (int c = 0; c < w.count; c++)
+    for (int32_t i = 0; i < count; i++) side(y, c)[s->row[i]] = side(w, c)[i];
 }
 
 /* If the width is odd, the first column is processed alone. */
-INLINE void solve_sides(const cholmod_factor *L, double *y, double *w, int sides) {
+INLINE void solve_sides(const cholmod_factor *L, sides y, double *work) {
   for (size_t k = 0; k < L->nsuper; k++) {
     const supernode s = supernode_at(L, k);
-    const size_t apart = (size_t)s.rows + LANES;
-    gather_sides(&s, y, L->n, w, apart, sides);
-    if (s.width % 2) forward_columns(&s, 0, 1, w, apart, sides);
-    for (int32_t j = s.width % 2; j < s.width; j += 2) forward_columns(&s, j, 2, w, apart, sides);
-    scatter_sides(&s, w, apart, s.rows, y, L->n, sides);
+    const sides w = {work, (size_t)s.rows + LANES, y.count};
+    gather_sides(&s, y, w);
+    if (s.width % 2) forward_columns(&s, 0, 1, w);
+    for (int32_t j = s.width % 2; j < s.width; j += 2) forward_columns(&s, j, 2, w);
+    scatter_sides(&s, s.rows, w, y);
   }
   for (size_t k = L->nsuper; k-- > 0;) {
     const supernode s = supernode_at(L, k);
-    const size_t apart = (size_t)s.rows + LANES;
-    gather_sides(&s, y, L->n, w, apart, sides);
-    for (int32_t j = s.width - 2; j >= 0; j -= 2) backward_columns(&s, j, 2, w, apart, sides);
-    if (s.width % 2) backward_columns(&s, 0, 1, w, apart, sides);
-    scatter_sides(&s, w, apart, s.width, y, L->n, sides);
+    const sides w = {work, (size_t)s.rows + LANES, y.count};
+    gather_sides(&s, y, w);
+    for (int32_t j = s.width - 2; j >= 0; j -= 2) backward_columns(&s, j, 2, w);
+    if (s.width % 2) backward_columns(&s, 0, 1, w);
+    scatter_sides(&s, s.width, w, y);
   }
 }
 
 /* y = (L L')^-1 y for 1 to 3 right-hand sides, n apart. work: triangular_work_size(L) doubles. */
-FOR_EACH_CPU static void triangular_solve(const cholmod_factor *L, double *y, int sides,
+FOR_EACH_CPU static void triangular_solve(const cholmod_factor *L, double *y, int count,
                                           double *work) {
-  if (sides == 1) solve_sides(L, y, work, 1);
-  else if (sides == 2) solve_sides(L, y, work, 2);
-  else solve_sides(L, y, work, 3);
+  if (count == 1) solve_sides(L, (sides){y, L->n, 1}, work);
+  else if (count == 2) solve_sides(L, (sides){y, L->n, 2}, work);
+  else solve_sides(L, (sides){y, L->n, 3}, work);
 }
 
 static size_t triangular_work_size(const cholmod_factor *L) {

@@ -82,8 +82,7 @@ static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     const ms_island_sim *m = &sim->islands[i];
     const double h = m->stepper.solver->creation_h;
-    status = ms_solver_create(&m->model, &sim->config.opt, h, sim->config.integrator->nonlinear,
-                              &sim->stats, &fresh[i], err);
+    status = ms_sim_create_solver(sim, m, h, &fresh[i], err);
   }
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_solver **used = &sim->islands[i].stepper.solver;
@@ -102,7 +101,7 @@ static void restore_scene(msim_sim *sim, ms_scene *before) {
 
 /* Compute the dense output of the last step, with its springs: frames may lie inside it. */
 static void prepare_dense_output(msim_sim *sim) {
-  if (!ms_plan_has_times(&sim->config.opt) || sim->run.step == sim->run.step0) return;
+  if (!ms_options_have_frame_times(&sim->config.opt) || sim->run.step == sim->run.step0) return;
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_stepper *s = &sim->islands[i].stepper;
     ms_interpolate(sim->config.integrator, s, 1, s->x_spare[0], s->v_spare[0]);

@@ -4,6 +4,7 @@
 
 #include "base/sized.h"
 #include "choose/method_choice.h"
+#include "sim/frames.h"
 #include "sim/sim.h"
 #include "sim/step_driver.h"
 
@@ -97,23 +98,23 @@ msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err) {
   msim_status status = refuse_in_observer(sim, "msim_sim_step", err);
   if (status) return status;
   status = make_steps(sim, n, err);
-  if (ms_plan_has_times(&sim->config.opt))
-    sim->run.frame = ms_plan_frame_after(&sim->config.plan, &sim->config.opt, sim->run.t);
+  if (ms_options_have_frame_times(&sim->config.opt))
+    sim->run.frame = ms_frames_after(&sim->config.plan, &sim->config.opt, sim->run.t);
   return status ? status : ms_error_clear(err);
 }
 
 void msim_sim_stop(msim_sim *sim) { atomic_store(&sim->stop, 1); }
 
 int64_t msim_sim_next_frame(const msim_sim *sim) {
-  if (ms_plan_has_times(&sim->config.opt)) return sim->run.step + 1;
+  if (ms_options_have_frame_times(&sim->config.opt)) return sim->run.step + 1;
   return sim->run.step0 +
-         ms_plan_next_frame(&sim->config.plan, &sim->config.opt, sim->run.step - sim->run.step0);
+         ms_frames_next_step(&sim->config.plan, &sim->config.opt, sim->run.step - sim->run.step0);
 }
 
 static int is_at_end(const msim_sim *sim) {
   if (!ms_sim_has_control(sim)) return sim->run.step - sim->run.step0 >= sim->config.plan.steps;
-  if (!ms_plan_has_times(&sim->config.opt)) return sim->run.t >= sim->config.plan.t_end;
-  return ms_plan_frame_time(&sim->config.plan, &sim->config.opt, sim->run.frame - 1) >=
+  if (!ms_options_have_frame_times(&sim->config.opt)) return sim->run.t >= sim->config.plan.t_end;
+  return ms_frames_time(&sim->config.plan, &sim->config.opt, sim->run.frame - 1) >=
          sim->config.plan.t_end;
 }
 
@@ -135,10 +136,10 @@ static msim_status run_to_time(msim_sim *sim, double due, msim_error *err) {
  * *is_there: the frame is reached, also where a request to stop takes effect exactly there; after
  * such a request the next run shows a frame that has a time of its own. */
 static msim_status run_to_frame(msim_sim *sim, int shown, int *is_there, msim_error *err) {
-  const int has_times = ms_plan_has_times(&sim->config.opt);
+  const int has_times = ms_options_have_frame_times(&sim->config.opt);
   const int64_t next = msim_sim_next_frame(sim);
   const double due =
-      has_times ? ms_plan_frame_time(&sim->config.plan, &sim->config.opt, sim->run.frame) : 0;
+      has_times ? ms_frames_time(&sim->config.plan, &sim->config.opt, sim->run.frame) : 0;
   msim_status status = has_times ? run_to_time(sim, due, err) : run_to_step(sim, next, err);
   if (!status && shown) status = ms_energy_monitor_check(sim, err);
   const int stopped_there = status == MSIM_STOPPED && (sim->run.step == next || is_at_end(sim));

@@ -54,7 +54,7 @@ void ms_memory_free_all(const msim_allocator *alloc, size_t n, void *const block
   for (size_t i = 0; i < n; i++) ms_memory_free(alloc, blocks[i]);
 }
 
-msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
+msim_status ms_memory_reserve(const msim_allocator *alloc, ms_array array, int32_t used,
                               int32_t *capacity, int64_t needed, msim_error *err) {
   if (needed <= *capacity) return MSIM_OK;
   if (needed > INT32_MAX)
@@ -63,11 +63,13 @@ msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t 
   int64_t doubled = 2 * (int64_t)*capacity;
   if (doubled > INT32_MAX) doubled = INT32_MAX;
   int64_t room = needed > doubled ? needed : doubled;
-  void *larger = ms_memory_allocate(alloc, (size_t)room, size);
+  void *larger = ms_memory_allocate(alloc, (size_t)room, array.size);
   if (!larger) return ms_error_set_memory(err, "the arrays of the scene");
-  if (used) memcpy(larger, *array, (size_t)used * size);
-  ms_memory_free(alloc, *array);
-  *array = larger;
+  void *old;
+  memcpy(&old, array.pointer, sizeof old);
+  if (used) memcpy(larger, old, (size_t)used * array.size);
+  ms_memory_free(alloc, old);
+  memcpy(array.pointer, &larger, sizeof larger);
   *capacity = (int32_t)room;
   return MSIM_OK;
 }

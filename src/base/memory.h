@@ -27,8 +27,16 @@ void ms_memory_free_all(const msim_allocator *alloc, size_t n, void *const block
   ms_memory_free_all(alloc, sizeof((void *[]){__VA_ARGS__}) / sizeof(void *), \
                      (void *[]){__VA_ARGS__})
 
-/* Enlarge *array to `needed` elements, at least doubling it; the first `used` are kept. */
-msim_status ms_memory_reserve(const msim_allocator *alloc, void **array, size_t size, int32_t used,
+/* An array that can be enlarged: the address of the pointer to it, and the size of an element. */
+typedef struct ms_array {
+  void *pointer;
+  size_t size;
+} ms_array;
+
+#define MS_ARRAY(p) ((ms_array){&(p), sizeof *(p)})
+
+/* Enlarge an array to `needed` elements, at least doubling it; the first `used` are kept. */
+msim_status ms_memory_reserve(const msim_allocator *alloc, ms_array array, int32_t used,
                               int32_t *capacity, int64_t needed, msim_error *err);
 
 /* Copy the struct `full` to the caller's, as far as the caller's size goes. */

@@ -89,18 +89,22 @@ static msim_status load_table(const ms_registry *r, const char *name, const char
                       where->data, r->kind);
 }
 
+typedef struct table_key {
+  const char *name, *extension; /* extension NULL: any */
+} table_key;
+
 /* By the extension, or by name if that is NULL. where: the plugin's file, empty if the table is not
  * from a plugin. */
-static msim_status find_table(const ms_registry *r, const char *name, const char *extension,
+static msim_status find_table(const ms_registry *r, table_key key,
                               const ms_registry_sources *sources, const void **table,
                               ms_text *where, msim_error *err) {
-  *table = extension ? search_tables(r, sources->own, r->extension, extension)
-                     : search_tables(r, sources->own, offsetof(table_head, name), name);
+  *table = key.extension ? search_tables(r, sources->own, r->extension, key.extension)
+                         : search_tables(r, sources->own, offsetof(table_head, name), key.name);
   char label[64];
   snprintf(label, sizeof label, "the %s in this program", r->kind);
   if (*table) return check_table(r, NULL, *table, label, err);
-  const msim_status status = load_table(r, name, sources->plugin_path, table, where, err);
-  return status ? status : check_table(r, name, *table, where->data, err);
+  const msim_status status = load_table(r, key.name, sources->plugin_path, table, where, err);
+  return status ? status : check_table(r, key.name, *table, where->data, err);
 }
 
 /* With the dot; NULL: the last part of the path has none. */
@@ -117,17 +121,17 @@ int ms_registry_knows(const ms_registry *r, const char *path) {
   return find_known_for(r, extension_of(path)) != NULL;
 }
 
-msim_status ms_registry_find(const ms_registry *r, const char *key,
+msim_status ms_registry_find(const ms_registry *r, const char *name,
                              const ms_registry_sources *sources, const void **table,
                              msim_error *err) {
-  const char *extension = r->extension ? extension_of(key) : NULL;
+  const char *extension = r->extension ? extension_of(name) : NULL;
   const ms_registry_plugin *known = find_known_for(r, extension);
-  const char *name = known ? known->name : extension ? extension + 1 : key;
+  const table_key key = {known ? known->name : extension ? extension + 1 : name, extension};
   ms_text where = {.alloc = sources->alloc};
   *table = NULL;
   if (r->extension && !extension)
     return ms_error_set(err, MSIM_ERR_NAME, "the name has no extension");
-  const msim_status status = find_table(r, name, extension, sources, table, &where, err);
+  const msim_status status = find_table(r, key, sources, table, &where, err);
   ms_text_free(&where);
   return status;
 }
@@ -140,7 +144,8 @@ static void describe_table(const ms_registry *r, const char *plugin_path, msim_p
   const ms_registry_sources sources = {NULL, plugin_path, &alloc};
   const void *table;
   ms_text where = {.alloc = &alloc};
-  entry->available = find_table(r, entry->name, NULL, &sources, &table, &where, err) == MSIM_OK;
+  entry->available =
+      find_table(r, (table_key){entry->name, NULL}, &sources, &table, &where, err) == MSIM_OK;
   entry->library = entry->available ? pointer_at(table, r->library) : "";
   entry->license = entry->available ? pointer_at(table, r->license) : "";
   if (entry->available) ms_error_set(err, MSIM_OK, "%s", where.length ? where.data : "built in");

@@ -55,11 +55,11 @@ typedef struct ms_registry_sources {
   const msim_allocator *alloc;
 } ms_registry_sources;
 
-/* The table of the program, linked in, or from a plugin, in this order. key: its name, or if tables
- * have extensions the path of a file: an extension .EXT that no table and no known plugin has is
- * that of the plugin EXT. MSIM_ERR_NAME: not found; MSIM_ERR_PLUGIN, MSIM_ERR_ABI: not loadable, or
- * an invalid table. */
-msim_status ms_registry_find(const ms_registry *r, const char *key,
+/* The table of the program, linked in, or from a plugin, in this order. name: that of the table,
+ * or if tables have extensions the path of a file: an extension .EXT that no table and no known
+ * plugin has is that of the plugin EXT. MSIM_ERR_NAME: not found; MSIM_ERR_PLUGIN, MSIM_ERR_ABI:
+ * not loadable, or an invalid table. */
+msim_status ms_registry_find(const ms_registry *r, const char *name,
                              const ms_registry_sources *sources, const void **table,
                              msim_error *err);
 

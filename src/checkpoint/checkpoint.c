@@ -21,6 +21,7 @@
 #include "linear/solver_state.h"
 #include "checkpoint/fingerprint.h"
 #include "choose/method_choice.h"
+#include "sim/frames.h"
 #include "sim/step_driver.h"
 
 #define MAGIC   "msimsave"
@@ -77,9 +78,9 @@ typedef struct saved_run {
 
 /* 1: the frame shown last, or the next one, lies inside the last step. */
 static int has_frame_inside_step(const msim_sim *sim) {
-  if (!ms_plan_has_times(&sim->config.opt) || sim->run.step == sim->run.step0) return 0;
+  if (!ms_options_have_frame_times(&sim->config.opt) || sim->run.step == sim->run.step0) return 0;
   return sim->run.t_shown < sim->run.t ||
-         ms_plan_frame_time(&sim->config.plan, &sim->config.opt, sim->run.frame) < sim->run.t;
+         ms_frames_time(&sim->config.plan, &sim->config.opt, sim->run.frame) < sim->run.t;
 }
 
 static saved_run collect_run(const msim_sim *sim) {
@@ -219,7 +220,7 @@ static size_t reserve_for_impacts(const msim_sim *sim) {
 size_t msim_sim_save_size(const msim_sim *sim) {
   ms_archive b = {.direction = MS_ARCHIVE_COUNT, .position = sizeof(header)};
   saved_run r = collect_run(sim);
-  r.saves_last_step = ms_plan_has_times(&sim->config.opt);
+  r.saves_last_step = ms_options_have_frame_times(&sim->config.opt);
   ms_fingerprint_list(sim, write_entry, &b);
   write_sim(&b, (msim_sim *)(uintptr_t)sim, &r);
   if (sim->config.choice.verification.planes_far) b.position += reserve_for_impacts(sim);
@@ -412,11 +413,10 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const saved_run *r
 /* If frames have the same times their count goes on, else it starts at the time shown last. */
 static void set_next_frame(msim_sim *sim, const saved_run *r) {
   const msim_options *opt = &sim->config.opt;
-  if (!ms_plan_has_times(opt)) return;
+  if (!ms_options_have_frame_times(opt)) return;
   const int same =
       r->fps == opt->fps && r->every == opt->every && r->t_end == sim->config.plan.t_end;
-  sim->run.frame =
-      same ? r->run.frame : ms_plan_frame_after(&sim->config.plan, opt, r->run.t_shown);
+  sim->run.frame = same ? r->run.frame : ms_frames_after(&sim->config.plan, opt, r->run.t_shown);
 }
 
 /* Copy the run into the sim; this cannot fail. */

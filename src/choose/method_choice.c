@@ -175,13 +175,12 @@ static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *
 /* Run `trial` under error control from its present state to t, or until it has spent `most`
  * evaluations. tol and scales are those of the whole run. */
 static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double most,
-                             ms_candidate *c, int *arrived, msim_error *err) {
+                             ms_candidate *c, msim_error *err) {
   msim_status status = MSIM_OK;
   ms_step_driver_set_span(trial, p->span);
   while (!status && trial->run.t < t && ms_pilot_run_count_work(trial) < most)
     status = ms_sim_make_steps(trial, 1, err);
   p->cost += ms_pilot_run_count_work(trial);
-  *arrived = trial->run.t >= t;
   if (status < 0 || trial->run.step == 0) return status < 0 ? status : MSIM_OK;
   c->h = trial->run.t / (double)trial->run.step;
   c->step_cost = ms_pilot_run_count_work(trial) / (double)trial->run.step;
@@ -193,11 +192,11 @@ static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double 
 static msim_status try_controlled(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
   const double SUMS = 19. / 12, t = fmax(p->duration, p->span / 16) / 4;
   msim_sim *trial;
-  int arrived = 0;
   msim_status status = create_trial_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
   if (status) return status;
   status = ms_pilot_run_set_middle(p, trial, err);
-  if (!status) status = run_trial(p, trial, t, least * t / SUMS, c, &arrived, err);
+  if (!status) status = run_trial(p, trial, t, least * t / SUMS, c, err);
+  const int arrived = trial->run.t >= t;
   msim_sim_destroy(trial);
   c->step_cost *= SUMS;
   c->cost_rate = arrived ? c->step_cost / c->h : INFINITY;
@@ -328,9 +327,9 @@ static msim_status consider_implicit(ms_pilot_run *p, const ms_candidate *best, 
   if (10 * predict_step_cost(ms_pilot_run_model(p), p->span / 10) >= most) return MSIM_OK;
   msim_status status = create_trial_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
-  int arrived = 0;
   status = ms_pilot_run_set_start(p, trial, err);
-  if (!status) status = run_trial(p, trial, p->span, most, c, &arrived, err);
+  if (!status) status = run_trial(p, trial, p->span, most, c, err);
+  const int arrived = trial->run.t >= p->span;
   if (arrived) c->cost_rate = c->step_cost / c->h;
   c->rejection = arrived ? MS_REASON_NONE : MS_REASON_RUN_NOT_FINISHED;
   msim_sim_destroy(trial);

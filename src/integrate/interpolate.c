@@ -1,11 +1,10 @@
 #include "integrate/interpolate.h"
 
-void ms_interpolate_hermite(ms_shape shape, double h, double theta, const double *y0,
-                            const double *f0, const double *y1, const double *f1, double *y) {
+void ms_interpolate_hermite(ms_shape shape, double h, double theta, const double *const ends[4],
+                            double *y) {
   const double t = theta, rise = t * t * (3 - 2 * t);
   const double w[] = {-rise, rise, h * t * (1 - t) * (1 - t), h * t * t * (t - 1)};
-  const double *const of[] = {y0, y1, f0, f1};
-  ms_vector_linear_combination(shape, y0, 4, w, of, y);
+  ms_vector_linear_combination(shape, ends[0], 4, w, ends, y);
 }
 
 /* The accelerations at both ends are computed by the first call, and stay in the second spare
@@ -18,8 +17,10 @@ void ms_interpolate_cubic(ms_stepper *s, double theta, double *x, double *v) {
     ms_stepper_acceleration(s, s->x, s->v, a1);
     s->dense_output = 1;
   }
-  ms_interpolate_hermite(shape, s->h, theta, s->x_next, s->v_next, s->x, s->v, x);
-  ms_interpolate_hermite(shape, s->h, theta, s->v_next, a0, s->v, a1, v);
+  const double *const x_ends[] = {s->x_next, s->x, s->v_next, s->v};
+  const double *const v_ends[] = {s->v_next, s->v, a0, a1};
+  ms_interpolate_hermite(shape, s->h, theta, x_ends, x);
+  ms_interpolate_hermite(shape, s->h, theta, v_ends, v);
 }
 
 void ms_interpolate(const ms_integrator *integrator, ms_stepper *s, double theta, double *x,

@@ -96,9 +96,8 @@ static msim_status build_matrix(adapter *self, msim_error *err) {
   int32_t *order = NULL;
   msim_status status = ms_sparse_matrix_create_graph(model, &graph, err);
   if (!status) status = get_backend_order(self, &graph, &order, err);
-  if (!status)
-    status = ms_sparse_matrix_create(model, &graph, order, self->table->format,
-                                     self->base.system->a.block, &self->matrix, err);
+  const ms_sparse_layout layout = {self->table->format, self->base.system->a.block, order};
+  if (!status) status = ms_sparse_matrix_create(model, &graph, layout, &self->matrix, err);
   ms_memory_free(alloc, order);
   ms_sparse_matrix_destroy_graph(model, &graph);
   return status;

@@ -38,8 +38,7 @@ static int32_t take_least(elimination_graph *e) {
   return i;
 }
 
-static msim_status create_elimination_graph(elimination_graph *e, const int32_t *ptr,
-                                            const int32_t *ind) {
+static msim_status create_elimination_graph(elimination_graph *e, const ms_sparse_graph *graph) {
   const size_t n = (size_t)e->n;
   for (e->leaves = 1; e->leaves < e->n;) e->leaves *= 2;
   if (!MS_NEW(e->alloc, e->neighbours, n) || !MS_NEW(e->alloc, e->degree, n) ||
@@ -47,9 +46,9 @@ static msim_status create_elimination_graph(elimination_graph *e, const int32_t 
       !MS_NEW(e->alloc, e->least, 2 * (size_t)e->leaves))
     return MSIM_ERR_MEMORY;
   for (int32_t i = 0; i < e->n; i++) {
-    const int32_t degree = ptr[i + 1] - ptr[i];
+    const int32_t first = graph->ptr[i], degree = graph->ptr[i + 1] - first;
     if (!MS_NEW(e->alloc, e->neighbours[i], degree)) return MSIM_ERR_MEMORY;
-    if (degree) memcpy(e->neighbours[i], ind + ptr[i], (size_t)degree * sizeof(int32_t));
+    if (degree) memcpy(e->neighbours[i], graph->ind + first, (size_t)degree * sizeof(int32_t));
     e->degree[i] = e->room[i] = degree;
   }
   for (int32_t i = 0; i < e->leaves; i++) e->least[e->leaves + i] = i < e->n ? i : -1;
@@ -72,10 +71,8 @@ static msim_status replace_by_neighbours(elimination_graph *e, int32_t i, int32_
     if (j != k) e->neighbours[i][kept++] = j, e->mark[j] = look;
   }
   e->mark[i] = look;
-  void *array = e->neighbours[i];
-  msim_status status = ms_memory_reserve(e->alloc, &array, sizeof(int32_t), kept, &e->room[i],
-                                         (int64_t)kept + e->degree[k], &err);
-  e->neighbours[i] = array;
+  const msim_status status = ms_memory_reserve(e->alloc, MS_ARRAY(e->neighbours[i]), kept,
+                                               &e->room[i], (int64_t)kept + e->degree[k], &err);
   if (status) return status;
   for (int32_t a = 0; a < e->degree[k]; a++) {
     const int32_t j = e->neighbours[k][a];
@@ -129,14 +126,15 @@ static int allocate_factor(const msim_allocator *alloc, int64_t blocks, ms_block
          MS_NEW(alloc, chol->packed, n * (size_t)chol->block);
 }
 
-msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int32_t block,
-                                     const int32_t *ptr, const int32_t *ind, int isa,
-                                     ms_block_cholesky *chol, msim_error *err) {
+msim_status ms_block_cholesky_create(const msim_allocator *alloc, const ms_sparse_graph *graph,
+                                     int32_t block, int isa, ms_block_cholesky *chol,
+                                     msim_error *err) {
+  const int32_t n = graph->n;
   elimination_graph e = {.alloc = alloc, .n = n};
   int64_t blocks = 0;
   *chol = (ms_block_cholesky){.n = n, .block = block, .kernels = ms_block_kernels_of[isa]};
   msim_status status =
-      MS_NEW(alloc, chol->position, n) ? create_elimination_graph(&e, ptr, ind) : MSIM_ERR_MEMORY;
+      MS_NEW(alloc, chol->position, n) ? create_elimination_graph(&e, graph) : MSIM_ERR_MEMORY;
   if (!status) status = eliminate_by_degree(&e, chol->position, &blocks);
   if (!status && (blocks > INT32_MAX || !allocate_factor(alloc, blocks, chol)))
     status = MSIM_ERR_MEMORY;

@@ -7,8 +7,7 @@
 #ifndef MS_BLOCK_CHOLESKY_H
 #define MS_BLOCK_CHOLESKY_H
 
-#include "base/memory.h"
-#include "msim/status.h"
+#include "linear/sparse_matrix.h"
 
 enum { MS_BLOCK_CHOLESKY_MAX_BLOCK = 12 };
 
@@ -23,10 +22,10 @@ typedef struct ms_block_cholesky {
   const struct ms_block_kernels *kernels;
 } ms_block_cholesky;
 
-/* ptr: n + 1, ind: both triangles, without the diagonal, without duplicates. */
-msim_status ms_block_cholesky_create(const msim_allocator *alloc, int32_t n, int32_t block,
-                                     const int32_t *ptr, const int32_t *ind, int isa,
-                                     ms_block_cholesky *chol, msim_error *err);
+/* block: scalars in each block row, 8 or 12; isa: base/isa.h */
+msim_status ms_block_cholesky_create(const msim_allocator *alloc, const ms_sparse_graph *graph,
+                                     int32_t block, int isa, ms_block_cholesky *chol,
+                                     msim_error *err);
 void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol);
 
 /* The index of block (i, j) in `value`, i and j in the caller's order; it is A_ij where

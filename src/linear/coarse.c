@@ -41,20 +41,21 @@ static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_err
 static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = coarse->aggregates.n;
-  int32_t *ptr = NULL, *ind = NULL, *mark = NULL;
-  const int fits = MS_NEW(alloc, ptr, (size_t)n + 1) && MS_NEW(alloc, mark, n) &&
-                   MS_NEW(alloc, ind, 2 * (size_t)model->springs.n);
+  ms_sparse_graph graph = {.n = n};
+  int32_t *mark = NULL;
+  const int fits = MS_NEW(alloc, graph.ptr, (size_t)n + 1) && MS_NEW(alloc, mark, n) &&
+                   MS_NEW(alloc, graph.ind, 2 * (size_t)model->springs.n);
   msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
-  int32_t *next = ind;
+  int32_t *next = graph.ind;
   for (int32_t k = 0; !status && k < n; k++) mark[k] = -1;
   for (int32_t k = 0; !status && k < n; k++) {
     next = list_links(model, &coarse->aggregates, k, mark, next);
-    ptr[k + 1] = (int32_t)(next - ind);
+    graph.ptr[k + 1] = (int32_t)(next - graph.ind);
   }
   if (!status)
-    status = ms_block_cholesky_create(alloc, n, MS_MODES * model->unknowns.dims, ptr, ind,
-                                      model->isa, &coarse->chol, err);
-  MS_FREE(alloc, ptr, ind, mark);
+    status = ms_block_cholesky_create(alloc, &graph, MS_MODES * model->unknowns.dims, model->isa,
+                                      &coarse->chol, err);
+  MS_FREE(alloc, graph.ptr, graph.ind, mark);
   return status;
 }
 

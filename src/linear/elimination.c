@@ -9,8 +9,9 @@ msim_status ms_elimination_create(const ms_model *model, ms_elimination *e, msim
   ms_sparse_graph graph;
   msim_status status = ms_sparse_matrix_create_graph(model, &graph, err);
   if (!status)
-    status = ms_sparse_matrix_create(model, &graph, NULL, MSIM_FORMAT_FULL, model->unknowns.dims,
-                                     &e->matrix, err);
+    status = ms_sparse_matrix_create(
+        model, &graph, (ms_sparse_layout){MSIM_FORMAT_FULL, model->unknowns.dims, NULL}, &e->matrix,
+        err);
   ms_sparse_matrix_destroy_graph(model, &graph);
   if (status) return status;
   const int fits =

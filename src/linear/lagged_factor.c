@@ -8,15 +8,15 @@
 
 msim_status ms_lagged_factor_create(const ms_linear_system *system, ms_linear *by,
                                     ms_lagged_factor *kept, msim_error *err) {
-  *kept = (ms_lagged_factor){.factorizer = by};
+  *kept = (ms_lagged_factor){.system = system, .factorizer = by};
   if (MS_NEW_VECTORS(system->model->scene, &system->model->unknowns, &kept->r, &kept->z, &kept->p,
                      &kept->q))
     return MSIM_OK;
   return ms_error_set_memory(err, "conjugate gradients");
 }
 
-void ms_lagged_factor_destroy(const ms_linear_system *system, ms_lagged_factor *kept) {
-  MS_FREE(&system->model->scene->alloc, kept->r, kept->z, kept->p, kept->q);
+void ms_lagged_factor_destroy(ms_lagged_factor *kept) {
+  if (kept->system) MS_FREE(&kept->system->model->scene->alloc, kept->r, kept->z, kept->p, kept->q);
   *kept = (ms_lagged_factor){0};
 }
 
@@ -34,10 +34,10 @@ static double condition_bound(const ms_linear_system *s) {
 
 /* In single precision the factor has errors of FLT_EPSILON/2 times the condition number: if LITTLE,
  * conjugate gradients correct them in an iteration or two. */
-void ms_lagged_factor_renew(ms_lagged_factor *kept, const ms_linear_system *system, double limit) {
+void ms_lagged_factor_renew(ms_lagged_factor *kept, double limit) {
   const double ROUGH = 1e-3, LITTLE = 0.1;
   kept->age = 1, kept->iterations = 0, kept->limit = limit;
-  kept->rtol = FLT_EPSILON / 2 * condition_bound(system) < LITTLE ? ROUGH : DBL_EPSILON;
+  kept->rtol = FLT_EPSILON / 2 * condition_bound(kept->system) < LITTLE ? ROUGH : DBL_EPSILON;
 }
 
 void ms_lagged_factor_discard(ms_lagged_factor *kept) {
@@ -60,13 +60,14 @@ static double iteration_limit(const ms_lagged_factor *kept) {
 }
 
 /* Iterate from the residual r of y, whose norm is given, until that of the recursively updated r
- * is <= goal. */
-static msim_status cg_iterate(const ms_lagged_factor *kept, const ms_linear_system *s, double norm,
-                              double goal, int64_t limit, double *y, int64_t *iterations) {
+ * reaches the target. */
+static msim_status cg_iterate(const ms_lagged_factor *kept, const ms_linear_target *target,
+                              double norm, double *y, int64_t *iterations) {
+  const ms_linear_system *s = kept->system;
   const ms_shape shape = s->model->shape;
   double rho = 0;
-  for (int first = 1; norm > goal; first = 0) {
-    if (*iterations >= limit) return MSIM_NOT_CONVERGED;
+  for (int first = 1; norm > target->rtol * target->size; first = 0) {
+    if (*iterations >= target->max_iterations) return MSIM_NOT_CONVERGED;
     const msim_status status = precondition_by_factor(kept, kept->r, kept->z);
     if (status) return status;
     const double rho_new = ms_vector_dot(shape, kept->r, kept->z);
@@ -91,20 +92,21 @@ int ms_lagged_factor_begin_solve(ms_lagged_factor *kept) {
 
 /* The recursively updated residual drifts from the true one. At the goal the iteration restarts
  * from the true residual, until that reaches the goal or is no longer halved. */
-msim_status ms_lagged_factor_solve(ms_lagged_factor *kept, const ms_linear_system *system,
-                                   const ms_linear_target *target, const double *b, double *v,
-                                   int64_t *iterations, double *residual) {
-  const int32_t limit = (int32_t)fmin(fmax(1, iteration_limit(kept)), target->max_iterations);
-  const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
+msim_status ms_lagged_factor_solve(ms_lagged_factor *kept, const ms_linear_target *target,
+                                   const double *b, double *v, int64_t *iterations,
+                                   double *residual) {
+  ms_linear_target goal = *target;
+  goal.rtol = fmax(target->rtol, DBL_EPSILON / 4);
+  goal.max_iterations = (int32_t)fmin(fmax(1, iteration_limit(kept)), target->max_iterations);
   double last = INFINITY;
   int64_t count = 0;
   msim_status status = MSIM_OK;
   *residual = target->size;
-  ms_vector_copy(system->model->shape, b, kept->r);
-  while (!status && *residual > goal && *residual <= 0.5 * last) {
+  ms_vector_copy(kept->system->model->shape, b, kept->r);
+  while (!status && *residual > goal.rtol * goal.size && *residual <= 0.5 * last) {
     last = *residual;
-    status = cg_iterate(kept, system, last, goal, limit, v, &count);
-    if (!status) *residual = ms_residual_compute(system, b, v, kept->r);
+    status = cg_iterate(kept, &goal, last, v, &count);
+    if (!status) *residual = ms_residual_compute(kept->system, b, v, kept->r);
   }
   *iterations += count;
   return status;

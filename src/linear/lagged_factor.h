@@ -13,6 +13,7 @@
 #define MS_PCG_FLOPS_PER_HALF_EDGE 32.0
 
 typedef struct ms_lagged_factor {
+  const ms_linear_system *system;
   ms_linear *factorizer; /* the solver that factors; NULL: no factor is lagged */
   double *r, *z, *p, *q; /* residual, preconditioned residual, direction, A p */
   double rtol;        /* for solves with the factor: >= 1e-4 permits single precision (backend.h) */
@@ -26,10 +27,10 @@ typedef struct ms_lagged_factor {
 
 msim_status ms_lagged_factor_create(const ms_linear_system *system, ms_linear *by,
                                     ms_lagged_factor *kept, msim_error *err);
-void ms_lagged_factor_destroy(const ms_linear_system *system, ms_lagged_factor *kept);
+void ms_lagged_factor_destroy(ms_lagged_factor *kept);
 
-/* To be called when `by` has factored this system. limit: as above. */
-void ms_lagged_factor_renew(ms_lagged_factor *kept, const ms_linear_system *system, double limit);
+/* To be called when `by` has factored the system. limit: as above. */
+void ms_lagged_factor_renew(ms_lagged_factor *kept, double limit);
 void ms_lagged_factor_discard(ms_lagged_factor *kept);
 
 /* To be called once per solve: 1 if it should try the lagged factor. After a factor that failed in
@@ -39,9 +40,9 @@ int ms_lagged_factor_begin_solve(ms_lagged_factor *kept);
 /* A v = b, within the limit of iterations; v: 0 on input, the solution on output. MSIM_OK: the true
  * residual ||b - A v|| has reached the target or stagnates, which the caller must check.
  * MSIM_NOT_SPD: a search direction has p.A p <= 0. */
-msim_status ms_lagged_factor_solve(ms_lagged_factor *kept, const ms_linear_system *system,
-                                   const ms_linear_target *target, const double *b, double *v,
-                                   int64_t *iterations, double *residual);
+msim_status ms_lagged_factor_solve(ms_lagged_factor *kept, const ms_linear_target *target,
+                                   const double *b, double *v, int64_t *iterations,
+                                   double *residual);
 
 /* Record the outcome of ms_lagged_factor_solve. served: 1 if its solution was accepted. */
 void ms_lagged_factor_record(ms_lagged_factor *kept, int served, int64_t iterations);

@@ -4,24 +4,32 @@
 
 /*------------------------------------- one aggregate --------------------------------------------*/
 
+typedef struct workspace {
+  const ms_incidence *graph;
+  const double *stiffness; /* of each spring */
+  const int32_t *of;       /* the aggregate of each unknown */
+  int32_t *local;          /* the index in its aggregate of each unknown */
+  double *l;               /* a dense matrix of the size of the largest aggregate */
+  double (*v)[MS_MODES];   /* the modes of one aggregate */
+} workspace;
+
 /* l = the dense Laplacian of the aggregate rows[0..n), in units of its stiffest spring. Returns the
- * mean of its diagonal. local: the index in `rows` of each unknown. */
-static double assemble_laplacian(const ms_incidence *graph, const double *stiffness,
-                                 const int32_t *rows, int32_t n, const int32_t *local,
-                                 const int32_t *of, double *l) {
-  const int32_t *first = graph->of.first, *half_edge = graph->of.item;
-  double largest = 0, sum = 0;
+ * mean of its diagonal. */
+static double assemble_laplacian(const workspace *w, const int32_t *rows, int32_t n) {
+  const ms_incidence *graph = w->graph;
+  const int32_t *first = graph->of.first, *half_edge = graph->of.item, *of = w->of;
+  double largest = 0, sum = 0, *l = w->l;
   for (int32_t i = 0; i < n; i++)
     for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++)
       if (of[graph->row[half_edge[e] ^ 1]] == of[rows[i]])
-        largest = fmax(largest, stiffness[half_edge[e] / 2]);
+        largest = fmax(largest, w->stiffness[half_edge[e] / 2]);
   for (int32_t i = 0; i < n * n; i++) l[i] = 0;
   for (int32_t i = 0; i < n && largest > 0; i++) {
     for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++) {
       const int32_t other = graph->row[half_edge[e] ^ 1];
       if (of[other] != of[rows[i]]) continue;
-      const double k = stiffness[half_edge[e] / 2] / largest;
-      l[i * n + local[other]] -= k;
+      const double k = w->stiffness[half_edge[e] / 2] / largest;
+      l[i * n + w->local[other]] -= k;
       l[i * n + i] += k;
       sum += k;
     }
@@ -73,14 +81,11 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
   }
 }
 
-/* v = the modes of one aggregate of n unknowns. l: n^2 doubles, scratch */
-static void compute_modes(const ms_incidence *graph, const double *stiffness,
-                          const ms_aggregates *a, int32_t cluster, const int32_t *local, double *l,
-                          double (*v)[MS_MODES]) {
+/* v = the modes of the aggregate rows[0..n) */
+static void compute_modes(const workspace *w, const int32_t *rows, int32_t n) {
   enum { ITERATIONS = 6 };
-  const int32_t *rows = a->unknown + a->first[cluster];
-  const int32_t n = a->first[cluster + 1] - a->first[cluster];
-  factor_laplacian(n, assemble_laplacian(graph, stiffness, rows, n, local, a->of, l), l);
+  double(*v)[MS_MODES] = w->v;
+  factor_laplacian(n, assemble_laplacian(w, rows, n), w->l);
   for (int32_t i = 0; i < n; i++) {
     v[i][0] = 1;
     for (int m = 1; m < MS_MODES; m++)
@@ -88,7 +93,7 @@ static void compute_modes(const ms_incidence *graph, const double *stiffness,
   }
   orthonormalise(n, v);
   for (int round = 0; round < ITERATIONS; round++) {
-    solve_laplacian(l, n, v);
+    solve_laplacian(w->l, n, v);
     orthonormalise(n, v);
   }
 }
@@ -101,18 +106,17 @@ msim_status ms_modes_compute(const ms_model *model, const ms_incidence *graph, m
     const int32_t n = a->first[k + 1] - a->first[k];
     if (n > largest) largest = n;
   }
-  int32_t *local = NULL;
-  double *l = NULL, (*v)[MS_MODES] = NULL;
-  const int fits = MS_NEW(alloc, local, model->unknowns.nfree) &&
-                   MS_NEW(alloc, l, (size_t)largest * (size_t)largest) && MS_NEW(alloc, v, largest);
+  workspace w = {.graph = graph, .stiffness = model->springs.k, .of = a->of};
+  const int fits = MS_NEW(alloc, w.local, model->unknowns.nfree) &&
+                   MS_NEW(alloc, w.l, (size_t)largest * (size_t)largest) &&
+                   MS_NEW(alloc, w.v, largest);
   for (int32_t k = 0; k < a->n && fits; k++) {
-    const int32_t first = a->first[k], n = a->first[k + 1] - first;
-    for (int32_t i = 0; i < n; i++) local[a->unknown[first + i]] = i;
-    compute_modes(graph, model->springs.k, a, k, local, l, v);
+    const int32_t *rows = a->unknown + a->first[k], n = a->first[k + 1] - a->first[k];
+    for (int32_t i = 0; i < n; i++) w.local[rows[i]] = i;
+    compute_modes(&w, rows, n);
     for (int32_t i = 0; i < n; i++)
-      for (int m = 0; m < MS_MODES; m++)
-        a->weight[MS_MODES * a->unknown[first + i] + m] = (float)v[i][m];
+      for (int m = 0; m < MS_MODES; m++) a->weight[MS_MODES * rows[i] + m] = (float)w.v[i][m];
   }
-  MS_FREE(alloc, local, l, v);
+  MS_FREE(alloc, w.local, w.l, w.v);
   return fits ? MSIM_OK : ms_error_set_memory(err, "the modes of the aggregates");
 }

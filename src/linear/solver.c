@@ -58,7 +58,7 @@ static msim_status take_choice(ms_solver *s, const ms_solver_choice *choice, msi
 
 void ms_solver_drop_lagged_factor(ms_solver *s) {
   if (s->amortization.cholmod) s->amortization.cholmod->ops->destroy(s->amortization.cholmod);
-  ms_lagged_factor_destroy(&s->system, &s->lagged_factor);
+  ms_lagged_factor_destroy(&s->lagged_factor);
   destroy_linearization_point(s, &s->lagged_point);
   s->amortization = (ms_amortization){0};
 }
@@ -79,8 +79,7 @@ static msim_status solver_set_up(ms_solver *s, double h, msim_error *err) {
   return take_choice(s, &choice, err);
 }
 
-/* With solver = auto or pcg: solvers for the damping derivative, unless that selected takes it. */
-static msim_status create_unsymmetric_solvers(ms_solver *s, msim_error *err) {
+msim_status ms_solver_create_unsymmetric(ms_solver *s, msim_error *err) {
   const ms_model *model = s->system.model;
   if (!ms_solver_choice_depends_on_springs(s->opt) || s->linear->exact || s->linear->unsymmetric)
     return MSIM_OK;
@@ -90,8 +89,7 @@ static msim_status create_unsymmetric_solvers(ms_solver *s, msim_error *err) {
 }
 
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
-                             int nonlinear, msim_stats *stats, ms_solver **solver,
-                             msim_error *err) {
+                             msim_stats *stats, ms_solver **solver, msim_error *err) {
   ms_solver *s = ms_memory_allocate(&model->scene->alloc, 1, sizeof *s);
   *solver = NULL;
   if (!s) return ms_error_set_memory(err, "the linear solver");
@@ -99,8 +97,7 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
   s->opt = opt;
   s->stats = stats;
   s->creation_h = h;
-  msim_status status = solver_set_up(s, h, err);
-  if (!status && nonlinear) status = create_unsymmetric_solvers(s, err);
+  const msim_status status = solver_set_up(s, h, err);
   if (status) ms_solver_destroy(s);
   else *solver = s;
   return status;
@@ -278,7 +275,7 @@ static msim_status factor_and_solve(ms_solver *s, int32_t kind, const double *b,
   msim_status status = solver_factor(s, s->linear, kind, err);
   if (!status) status = solve_and_check(s, b, v, err);
   if (!status && kind == MSIM_FACTOR_SPD && s->lagged_factor.factorizer == s->linear)
-    ms_lagged_factor_renew(&s->lagged_factor, &s->system, 0);
+    ms_lagged_factor_renew(&s->lagged_factor, 0);
   return status;
 }
 
@@ -290,8 +287,8 @@ static msim_status try_lagged_factor(ms_solver *s, const double *b, double *v) {
   int64_t iterations = 0;
   double residual_norm = NAN;
   ms_vector_clear_all(s->system.model->shape, v);
-  msim_status status = ms_lagged_factor_solve(&s->lagged_factor, &s->system, &s->target, b, v,
-                                              &iterations, &residual_norm);
+  msim_status status =
+      ms_lagged_factor_solve(&s->lagged_factor, &s->target, b, v, &iterations, &residual_norm);
   if (!status && !is_accurate(s, b, v, residual_norm)) status = MSIM_NOT_CONVERGED;
   ms_lagged_factor_record(&s->lagged_factor, !status, iterations);
   if (status && s->lagged_factor.factorizer != s->linear)
@@ -342,7 +339,7 @@ static void amortize_factor(ms_solver *s, int64_t iterations, int changed) {
   if (++savings->solves < ENOUGH_TO_LOOK || !open_cholmod(s)) return;
   if (savings->flops < savings->cholmod->flops) return;
   if (!solver_factor(s, savings->cholmod, MSIM_FACTOR_SPD, NULL))
-    ms_lagged_factor_renew(&s->lagged_factor, &s->system, pcg_cost_in_iterations(savings));
+    ms_lagged_factor_renew(&s->lagged_factor, pcg_cost_in_iterations(savings));
   savings->flops = 0, savings->solves = 0;
 }
 

@@ -51,12 +51,16 @@ typedef struct ms_solver {
   char reason[256];         /* why this linear solver: text for `explain` */
 } ms_solver;
 
-/* opt must outlive the solver. h: the step, for solver = auto. nonlinear: 1 for Newton's method,
- * whose specs may have a v. stats receives the counts. Later calls allocate nothing, except within
- * CHOLMOD and KLU, and where auto opens cholmod (5 and 6 below). */
+/* opt must outlive the solver. h: the step, for solver = auto. stats receives the counts. Later
+ * calls allocate nothing, except within CHOLMOD and KLU, and where auto opens cholmod (5 and 6
+ * below). */
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
-                             int nonlinear, msim_stats *stats, ms_solver **solver, msim_error *err);
+                             msim_stats *stats, ms_solver **solver, msim_error *err);
 void ms_solver_destroy(ms_solver *solver);
+
+/* For Newton's method, whose specs may have a v: with solver = auto or pcg, also create solvers for
+ * the damping derivative, unless the one selected takes it. */
+msim_status ms_solver_create_unsymmetric(ms_solver *solver, msim_error *err);
 
 /* Linear system spec: which matrix, and how accurate a solution. */
 typedef struct ms_linear_system_spec {

@@ -130,10 +130,10 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_sparse_matri
 }
 
 msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph *graph,
-                                    const int32_t *order, int32_t format, int32_t block,
-                                    ms_sparse_matrix *matrix, msim_error *err) {
+                                    ms_sparse_layout layout, ms_sparse_matrix *matrix,
+                                    msim_error *err) {
   int64_t blocks;
-  *matrix = (ms_sparse_matrix){.n = graph->n, .format = format, .block = block};
+  *matrix = (ms_sparse_matrix){.n = graph->n, .format = layout.format, .block = layout.block};
   msim_status status = count_blocks(graph, matrix, &blocks, err);
   if (status) return status;
   int32_t *position = ms_memory_allocate(&model->scene->alloc, (size_t)graph->n, sizeof *position);
@@ -142,12 +142,12 @@ msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph
     return ms_error_set_memory(err, "the matrix");
   }
   for (int32_t k = 0; k < graph->n; k++) {
-    matrix->order[k] = order ? order[k] : k;
+    matrix->order[k] = layout.order ? layout.order[k] : k;
     position[matrix->order[k]] = k;
   }
   for (int32_t k = 0; k < graph->n; k++)
     matrix->graphptr[k + 1] =
-        matrix->graphptr[k] + list_block_row(graph, matrix->order, position, format, k,
+        matrix->graphptr[k] + list_block_row(graph, matrix->order, position, layout.format, k,
                                              matrix->graphind + matrix->graphptr[k]);
   write_scalar_pattern(matrix);
   find_block_offsets(model, position, matrix);
@@ -173,12 +173,17 @@ MS_INLINE void write_diagonal(const ms_model *model, const ms_coefficients *a, i
       row[c] = a->diagonal[ms_coefficients_diagonal_element(dims, b, c) * stride + (size_t)r];
 }
 
+/* The derivative of a spring's force, t I + g d d^T */
+typedef struct spring_block {
+  double t, g, d[3];
+} spring_block;
+
 /* block = -(t I + g d d^T); shared: subtracted from the block, which several springs share */
-MS_INLINE void write_block(double *at, int32_t step, double t, double g, const double d[3],
-                           int shared, int32_t size) {
+MS_INLINE void write_block(double *at, int32_t step, const spring_block *s, int shared,
+                           int32_t size) {
   for (int r = 0; r < size; r++, at += step) {
-    for (int c = 0; c < size; c++) at[c] = (shared ? at[c] : 0) - g * (d[r] * d[c]);
-    at[r] -= t;
+    for (int c = 0; c < size; c++) at[c] = (shared ? at[c] : 0) - s->g * (s->d[r] * s->d[c]);
+    at[r] -= s->t;
   }
 }
 
@@ -203,11 +208,10 @@ MS_INLINE void assemble_values(const ms_model *model, const ms_coefficients *a, 
     for (int32_t e = m->first[r]; e < m->first[r + 1]; e++) {
       const struct ms_sparse_entry entry = m->entry[e];
       const size_t j = (size_t)model->half_edges.neighbour[entry.half_edge];
-      double d[3] = {0};
+      spring_block s = {.t = a->t[entry.half_edge], .g = size > 1 ? a->g[entry.half_edge] : 0};
       for (size_t c = 0; c < (size_t)size && size > 1; c++)
-        d[c] = a->x[c * stride + j] - a->x[c * stride + (size_t)r];
-      write_block(m->val + entry.offset, m->row_step[r], a->t[entry.half_edge],
-                  size > 1 ? a->g[entry.half_edge] : 0, d, entry.offset == last, size);
+        s.d[c] = a->x[c * stride + j] - a->x[c * stride + (size_t)r];
+      write_block(m->val + entry.offset, m->row_step[r], &s, entry.offset == last, size);
       last = entry.offset;
     }
   }

@@ -35,11 +35,16 @@ typedef struct ms_sparse_matrix {
   } * entry;
 } ms_sparse_matrix;
 
-/* block: scalars in a block of the coefficients. Nullable: order (that of the unknowns).
- * MSIM_ERR_ARG: more numbers than 32-bit indices can address. */
+/* How a matrix is stored */
+typedef struct ms_sparse_layout {
+  int32_t format, block; /* MSIM_FORMAT_...; scalars in a block of the coefficients */
+  const int32_t *order;  /* n: the unknown of each block row; NULL: the order of the unknowns */
+} ms_sparse_layout;
+
+/* MSIM_ERR_ARG: more numbers than 32-bit indices can address. */
 msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph *graph,
-                                    const int32_t *order, int32_t format, int32_t block,
-                                    ms_sparse_matrix *matrix, msim_error *err);
+                                    ms_sparse_layout layout, ms_sparse_matrix *matrix,
+                                    msim_error *err);
 void ms_sparse_matrix_destroy(const ms_model *model, ms_sparse_matrix *matrix);
 
 /* val = A */

@@ -24,16 +24,22 @@ static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
   k[RESULT] = s->work[1 - at];
 }
 
-/* z = base + drift v + scale sum_j row_j k_j; base NULL: 0 */
-static void add_slopes(const ms_stepper *s, const double *base, double drift, const double *v,
-                       double scale, const double row[STAGES], double *const k[STAGES], double *z) {
+/* The point at + time slope; at NULL: 0 */
+typedef struct line {
+  const double *at, *slope;
+  double time;
+} line;
+
+/* z = the point of a line + scale sum_j row_j k_j */
+static void add_slopes(ms_shape shape, line from, double scale, const double row[STAGES],
+                       double *const k[STAGES], double *z) {
   const double *y[STAGES + 1];
   double w[STAGES + 1];
   int n = 0;
-  if (drift != 0) w[n] = drift, y[n++] = v;
+  if (from.time != 0) w[n] = from.time, y[n++] = from.slope;
   for (int j = 0; j < STAGES; j++)
     if (row[j] != 0) w[n] = scale * row[j], y[n++] = k[j];
-  ms_vector_linear_combination(s->model->shape, base, n, w, y, z);
+  ms_vector_linear_combination(shape, from.at, n, w, y, z);
 }
 
 /* A step from x, v: its stages are X and V, V NULL where no force depends on velocities; k: their
@@ -45,8 +51,10 @@ typedef struct stages {
 
 /* X and V of stage i */
 static void put_stage(const ms_stepper *s, const stages *of, int i) {
-  add_slopes(s, of->x, C[i] * s->h, of->v, s->h * s->h, AA[i], of->k, of->X);
-  if (of->V) add_slopes(s, of->v, 0, of->v, s->h, A[i], of->k, of->V);
+  const ms_shape shape = s->model->shape;
+  const line x = {of->x, of->v, C[i] * s->h}, v = {.at = of->v};
+  add_slopes(shape, x, s->h * s->h, AA[i], of->k, of->X);
+  if (of->V) add_slopes(shape, v, s->h, A[i], of->k, of->V);
 }
 
 /* k of the stages from..to - 1; of->X and of->V: scratch, with pinned positions in X */
@@ -78,8 +86,9 @@ static msim_status dop853_step(ms_stepper *s, msim_error *err) {
 static void dop853_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   double *k[STAGES];
   find_slopes(s, s->cached_stage == 2, k);
-  add_slopes(s, NULL, 0, NULL, s->h * s->h, EE[which], k, dx);
-  add_slopes(s, NULL, 0, NULL, s->h, E[which], k, dv);
+  const line zero = {0};
+  add_slopes(s->model->shape, zero, s->h * s->h, EE[which], k, dx);
+  add_slopes(s->model->shape, zero, s->h, E[which], k, dv);
 }
 
 /* Computes the stages of the dense output of the step from x, v. tag: that of the cached stages at
@@ -110,10 +119,12 @@ static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v
   find_slopes(s, s->dense_output == DENSE_STAGES_AT, k);
   for (int j = 0; j < STAGES; j++)
     for (int n = 0; n < 4; n++) row[j] += w[n] * D[n][j], row2[j] += w[n] * DD[n][j];
-  ms_interpolate_hermite(shape, s->h, theta, s->x_next, s->v_next, s->x, s->v, x);
-  ms_interpolate_hermite(shape, s->h, theta, s->v_next, k[0], s->v, k[RESULT], v);
-  add_slopes(s, x, 0, NULL, s->h * s->h, row2, k, x);
-  add_slopes(s, v, 0, NULL, s->h, row, k, v);
+  const double *const x_ends[] = {s->x_next, s->x, s->v_next, s->v};
+  const double *const v_ends[] = {s->v_next, s->v, k[0], k[RESULT]};
+  ms_interpolate_hermite(shape, s->h, theta, x_ends, x);
+  ms_interpolate_hermite(shape, s->h, theta, v_ends, v);
+  add_slopes(shape, (line){.at = x}, s->h * s->h, row2, k, x);
+  add_slopes(shape, (line){.at = v}, s->h, row, k, v);
 }
 
 /* t^2 u^2, t^3 u^2, t^3 u^3 and t^4 u^3 are multiples of one Bernstein polynomial each, of degrees

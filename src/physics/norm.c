@@ -74,13 +74,14 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
 }
 
 static void set_body_scales(const ms_norm_sums *sum, double gravity, double span, ms_norm_body *p) {
-  double extent = 0, farthest = 0;
+  ms_scale_sources from = {
+      .speed2 = sum->speed2 / p->n, .gravity = gravity, .omega = sqrt(sum->omega2), .span = span};
   for (int c = 0; c < 3; c++) {
-    extent = fmax(extent, sum->high[c] - sum->low[c]);
-    farthest = fmax(farthest, fmax(fabs(sum->low[c]), fabs(sum->high[c])));
+    from.extent = fmax(from.extent, sum->high[c] - sum->low[c]);
+    from.farthest = fmax(from.farthest, fmax(fabs(sum->low[c]), fabs(sum->high[c])));
   }
   ms_scales scales;
-  ms_scales_set(extent, farthest, sum->speed2 / p->n, gravity, sqrt(sum->omega2), span, &scales);
+  ms_scales_set(&from, &scales);
   p->extent = scales.extent, p->speed = scales.speed;
   p->rounding = fmin(scales.rounding, DBL_MAX);
 }

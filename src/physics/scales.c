@@ -29,31 +29,33 @@ static double sum_free_mass(const ms_scene *scene) {
   return mass > 0 ? mass : 1;
 }
 
-void ms_scales_set(double extent, double farthest, double speed2, double gravity, double omega,
-                   double span, ms_scales *scales) {
-  double L = extent;
-  if (!(L > 0)) L = sqrt(speed2) * span + gravity * span * span / 2;
+void ms_scales_set(const ms_scale_sources *from, ms_scales *scales) {
+  const double g = from->gravity, T = from->span;
+  double L = from->extent;
+  if (!(L > 0)) L = sqrt(from->speed2) * T + g * T * T / 2;
   if (!(L > 0)) L = 1; /* nothing ever moves */
-  double U = sqrt(speed2 + gravity * L);
-  if (!(U > 0)) U = L / span;
+  double U = sqrt(from->speed2 + g * L);
+  if (!(U > 0)) U = L / T;
   scales->extent = L;
   scales->speed = U;
-  scales->rounding = 4 * DBL_EPSILON * fmax(L, farthest) * (1 / L + omega / U);
+  scales->rounding = 4 * DBL_EPSILON * fmax(L, from->farthest) * (1 / L + from->omega / U);
 }
 
 msim_status ms_scales_compute(const ms_scene *scene, const double *x, const double *v, double span,
                               ms_scales *scales, msim_error *err) {
   const double g = ms_external_acceleration(&scene->external);
-  double farthest;
   ms_bounds bounds;
   msim_energy energy = {.size = sizeof energy};
   msim_status status = ms_bounds_compute(scene, 0, &bounds, err);
   if (status) return status;
   ms_energy_compute(scene, x, v, &energy);
   *scales = (ms_scales){.mass = sum_free_mass(scene)};
-  const double u2 = 2 * (energy.kinetic + energy.elastic) / scales->mass;
-  const double extent = find_extent(scene->nparticles, x, &farthest);
-  ms_scales_set(extent, farthest, u2, g, bounds.omega, span, scales);
+  ms_scale_sources from = {.speed2 = 2 * (energy.kinetic + energy.elastic) / scales->mass,
+                           .gravity = g,
+                           .omega = bounds.omega,
+                           .span = span};
+  from.extent = find_extent(scene->nparticles, x, &from.farthest);
+  ms_scales_set(&from, scales);
   scales->time =
       1 / (bounds.omega + bounds.rate + g / scales->speed + scales->speed / scales->extent);
   return MSIM_OK;

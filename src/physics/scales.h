@@ -14,10 +14,17 @@ typedef struct ms_scales {
   double time;     /* s: the shortest time in which the motion may change much */
 } ms_scales;
 
-/* extent, speed and rounding. extent: of the bounding box; speed2: the square of the speed without
- * g L; farthest: the largest magnitude of a coordinate; omega: a bound of the frequencies */
-void ms_scales_set(double extent, double farthest, double speed2, double gravity, double omega,
-                   double span, ms_scales *scales);
+/* What the scales of a body follow from */
+typedef struct ms_scale_sources {
+  double extent, farthest; /* m: of the bounding box; largest magnitude of a coordinate */
+  double speed2;           /* m^2/s^2: the square of the speed without g L */
+  double gravity;          /* m/s^2 */
+  double omega;            /* 1/s: a bound of the frequencies */
+  double span;             /* s: the length of the run */
+} ms_scale_sources;
+
+/* extent, speed and rounding */
+void ms_scales_set(const ms_scale_sources *from, ms_scales *scales);
 
 /* Scales of the state x, v (n x 3), for a run of length T = span (s). */
 msim_status ms_scales_compute(const ms_scene *scene, const double *x, const double *v, double span,

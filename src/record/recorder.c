@@ -6,6 +6,7 @@
 #include "base/plugin.h"
 #include "record/output_file.h"
 #include "record/recorders.h"
+#include "sim/frames.h"
 #include "sim/sim.h"
 
 struct msim_recorder {
@@ -25,12 +26,12 @@ struct msim_recorder {
 /* The planned times of all frames */
 static double *plan_times(const msim_sim *sim, int64_t nframes) {
   double *times = ms_memory_allocate(&sim->alloc, (size_t)nframes, sizeof *times);
-  const int has_times = ms_plan_has_times(&sim->config.opt);
+  const int has_times = ms_options_have_frame_times(&sim->config.opt);
   int64_t step = 0;
   for (int64_t i = 0; times && i < nframes; i++) {
-    times[i] = has_times ? ms_plan_frame_time(&sim->config.plan, &sim->config.opt, i)
+    times[i] = has_times ? ms_frames_time(&sim->config.plan, &sim->config.opt, i)
                          : sim->config.plan.t0 + (double)step * sim->run.h;
-    if (!has_times) step = ms_plan_next_frame(&sim->config.plan, &sim->config.opt, step);
+    if (!has_times) step = ms_frames_next_step(&sim->config.plan, &sim->config.opt, step);
   }
   return times;
 }
@@ -38,18 +39,17 @@ static double *plan_times(const msim_sim *sim, int64_t nframes) {
 static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_error *err) {
   const msim_sim *sim = r->sim;
   const char *path = r->file.path;
-  const int64_t planned =
-      ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES + 1);
+  const int64_t planned = ms_frames_count(&sim->config.plan, &sim->config.opt, MS_FRAMES_MAX + 1);
   *nframes = planned < 0 ? 1 : planned; /* an open-ended recorder does not read it */
   if (planned < 0 && !(MS_RECORDERS_HAS(r->type, open_ended)))
     return ms_error_set(err, MSIM_ERR_ARG,
                         "%s requires the number of frames in advance, but under error control the "
                         "number of steps is unknown; use fps in place of every",
                         path);
-  if (planned > MS_MAX_FRAMES)
+  if (planned > MS_FRAMES_MAX)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "%s would have more than %d frames; use a larger every or a lower fps",
-                        path, MS_MAX_FRAMES);
+                        path, MS_FRAMES_MAX);
   return MSIM_OK;
 }
 

@@ -6,6 +6,7 @@
 #include "integrate/multirate.h"
 #include "linear/aggregates.h"
 #include "choose/method_choice.h"
+#include "sim/frames.h"
 #include "sim/sim.h"
 
 /* 1: an island has this feature. */
@@ -114,11 +115,10 @@ static void explain_control(const msim_sim *sim, ms_text *out) {
   ms_error_growth_explain(sim, out);
   if (sim->config.plan.t_end < 0)
     ms_text_append(out, "              tol refers to one second, as the run has no t_end\n");
-  else if (ms_plan_has_times(&sim->config.opt))
-    ms_text_append(
-        out, "              to t = %.10g s; %lld frames if the run is recorded\n",
-        sim->config.plan.t_end,
-        (long long)ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES));
+  else if (ms_options_have_frame_times(&sim->config.opt))
+    ms_text_append(out, "              to t = %.10g s; %lld frames if the run is recorded\n",
+                   sim->config.plan.t_end,
+                   (long long)ms_frames_count(&sim->config.plan, &sim->config.opt, MS_FRAMES_MAX));
   else
     ms_text_append(
         out, "              to t = %.10g s; one frame per %lld steps if the run is recorded\n",
@@ -141,11 +141,11 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
                    sim->config.plan.h_asked);
   ms_text_append(out, "\n");
   if (sim->config.plan.steps >= 0)
-    ms_text_append(
-        out, "              %lld steps, to t = %.10g s; %lld frames if the run is recorded\n",
-        (long long)sim->config.plan.steps,
-        sim->config.plan.t0 + (double)sim->config.plan.steps * sim->run.h,
-        (long long)ms_plan_count_frames(&sim->config.plan, &sim->config.opt, MS_MAX_FRAMES));
+    ms_text_append(out,
+                   "              %lld steps, to t = %.10g s; %lld frames if the run is recorded\n",
+                   (long long)sim->config.plan.steps,
+                   sim->config.plan.t0 + (double)sim->config.plan.steps * sim->run.h,
+                   (long long)ms_frames_count(&sim->config.plan, &sim->config.opt, MS_FRAMES_MAX));
 }
 
 /* h over the longest stable step of velocity Verlet */

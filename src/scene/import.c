@@ -67,8 +67,8 @@ static json_t *new_column(import_state *in, const msim_node *node) {
   const size_t size = node->kind == MSIM_NODE_TEXT ? 1 : sizeof(double);
   size_t count = 1;
   for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i]; /* < 2^62 */
-  if (ms_memory_reserve(&in->reader.alloc, (void **)&in->columns, sizeof *in->columns, in->n,
-                        &in->capacity, (int64_t)in->n + 1, &inner))
+  if (ms_memory_reserve(&in->reader.alloc, MS_ARRAY(in->columns), in->n, &in->capacity,
+                        (int64_t)in->n + 1, &inner))
     return NULL;
   ms_column *c = &in->columns[in->n];
   *c = (ms_column){node->kind, node->rank, {node->dims[0], node->dims[1]}, NULL};

@@ -305,6 +305,8 @@ const char *ms_options_format_value(const msim_options *opt, int32_t i,
 /* Sizes of structs that hold one member at least. */
 static int has_member(size_t size) { return size >= MS_SIZE_THROUGH(msim_options, integrator); }
 
+int ms_options_have_frame_times(const msim_options *opt) { return opt->tol > 0 && opt->every <= 0; }
+
 msim_status msim_options_init(msim_options *opt, size_t size) {
   if (!opt) return MSIM_ERR_ARG;
   if (!has_member(size)) return MSIM_ERR_SIZE;

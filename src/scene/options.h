@@ -18,6 +18,9 @@ int ms_options_accepts_word(const msim_option_entry *entry, const char *value);
 const char *ms_options_format_value(const msim_options *opt, int32_t i,
                                     ms_number_text_buffer *number);
 
+/* 1: frames have times of their own, between steps: with error control and without `every`. */
+int ms_options_have_frame_times(const msim_options *opt);
+
 /* Check all members by the table. What depends on the scene or a registry is checked later. */
 msim_status ms_options_check(const msim_options *opt, msim_error *err);
 

@@ -74,38 +74,24 @@ void msim_scene_destroy(msim_scene *scene) {
 /*------------------------------------- copy on write --------------------------------------------*/
 
 static int reserve_particles(ms_scene *s, int64_t needed, msim_error *err) {
-  struct {
-    void **array;
-    size_t size;
-  } arrays[] = {{(void **)&s->x, 3 * sizeof(double)},
-                {(void **)&s->v, 3 * sizeof(double)},
-                {(void **)&s->mass, sizeof(double)},
-                {(void **)&s->pinned, sizeof(uint8_t)}};
+  const ms_array arrays[] = {
+      {&s->x, 3 * sizeof *s->x}, {&s->v, 3 * sizeof *s->v}, MS_ARRAY(s->mass), MS_ARRAY(s->pinned)};
   int32_t capacity = s->particle_capacity;
   for (int i = 0; i < 4; i++) {
     capacity = s->particle_capacity;
-    if (ms_memory_reserve(&s->alloc, arrays[i].array, arrays[i].size, s->nparticles, &capacity,
-                          needed, err))
-      return 0;
+    if (ms_memory_reserve(&s->alloc, arrays[i], s->nparticles, &capacity, needed, err)) return 0;
   }
   s->particle_capacity = capacity;
   return 1;
 }
 
 static int reserve_springs(ms_scene *s, int64_t needed, msim_error *err) {
-  struct {
-    void **array;
-    size_t size;
-  } arrays[] = {{(void **)&s->ij, 2 * sizeof(int32_t)},
-                {(void **)&s->k, sizeof(double)},
-                {(void **)&s->rest, sizeof(double)},
-                {(void **)&s->damping, sizeof(double)}};
+  const ms_array arrays[] = {
+      {&s->ij, 2 * sizeof *s->ij}, MS_ARRAY(s->k), MS_ARRAY(s->rest), MS_ARRAY(s->damping)};
   int32_t capacity = s->spring_capacity;
   for (int i = 0; i < 4; i++) {
     capacity = s->spring_capacity;
-    if (ms_memory_reserve(&s->alloc, arrays[i].array, arrays[i].size, s->nsprings, &capacity,
-                          needed, err))
-      return 0;
+    if (ms_memory_reserve(&s->alloc, arrays[i], s->nsprings, &capacity, needed, err)) return 0;
   }
   s->spring_capacity = capacity;
   return 1;
@@ -149,12 +135,11 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   }
   ms_memory_free(&c->alloc, c->name);
   c->name = ms_memory_copy_string(&c->alloc, s->name);
-  int ok = c->name && reserve_particles(c, s->nparticles, err) &&
-           reserve_springs(c, s->nsprings, err) &&
-           ms_memory_reserve(&c->alloc, (void **)&c->planes, sizeof *c->planes, 0,
-                             &c->plane_capacity, s->nplanes, err) == MSIM_OK &&
-           ms_memory_reserve(&c->alloc, (void **)&c->run, sizeof *c->run, 0, &c->run_capacity,
-                             s->nrun, err) == MSIM_OK;
+  int ok =
+      c->name && reserve_particles(c, s->nparticles, err) && reserve_springs(c, s->nsprings, err) &&
+      ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
+          MSIM_OK &&
+      ms_memory_reserve(&c->alloc, MS_ARRAY(c->run), 0, &c->run_capacity, s->nrun, err) == MSIM_OK;
   if (!ok) {
     ms_scene_release(c);
     ms_error_set_memory(err, "a copy of the scene");
@@ -363,8 +348,8 @@ msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane, msi
                         "offset / |normal| is not finite; use a longer normal or a smaller offset");
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  status = ms_memory_reserve(&s->alloc, (void **)&s->planes, sizeof p, s->nplanes,
-                             &s->plane_capacity, (int64_t)s->nplanes + 1, err);
+  status = ms_memory_reserve(&s->alloc, MS_ARRAY(s->planes), s->nplanes, &s->plane_capacity,
+                             (int64_t)s->nplanes + 1, err);
   if (status) return status;
   s->planes[s->nplanes++] = p;
   return ms_error_clear(err);
@@ -401,8 +386,8 @@ msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const c
                                     msim_error *err) {
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  msim_status status = ms_memory_reserve(&s->alloc, (void **)&s->run, sizeof *s->run, s->nrun,
-                                         &s->run_capacity, (int64_t)s->nrun + 1, err);
+  msim_status status = ms_memory_reserve(&s->alloc, MS_ARRAY(s->run), s->nrun, &s->run_capacity,
+                                         (int64_t)s->nrun + 1, err);
   if (status) return status;
   ms_run_option entry = {ms_memory_copy_string(&s->alloc, name),
                          ms_memory_copy_string(&s->alloc, value)};

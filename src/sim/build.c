@@ -75,6 +75,14 @@ static void assign_threads(msim_sim *sim) {
   }
 }
 
+msim_status ms_sim_create_solver(msim_sim *sim, const ms_island_sim *m, double h,
+                                 ms_solver **solver, msim_error *err) {
+  msim_status status = ms_solver_create(&m->model, &sim->config.opt, h, &sim->stats, solver, err);
+  if (!status && sim->config.integrator->nonlinear)
+    status = ms_solver_create_unsymmetric(*solver, err);
+  return status;
+}
+
 static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
   s->model = &m->model;
@@ -86,8 +94,7 @@ static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_e
   if (!status && sim->config.integrator->is_multirate)
     status = ms_multirate_create(&m->model, &sim->config.opt, s->h, &s->split, err);
   if (status || !sim->config.integrator->entry.implicit) return status;
-  return ms_solver_create(&m->model, &sim->config.opt, sim->run.h,
-                          sim->config.integrator->nonlinear, &sim->stats, &s->solver, err);
+  return ms_sim_create_solver(sim, m, sim->run.h, &s->solver, err);
 }
 
 /* Constraints act on blocks: the matrix must not become scalar, identical for each component. */

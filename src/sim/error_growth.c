@@ -198,7 +198,8 @@ static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
   ms_disturbance *d = &m->disturbance;
   for (d->time += h; d->time >= d->stride && !is_too_expensive(sim); d->time -= d->stride) {
     const double theta = 1 - (d->time - d->stride) / h;
-    ms_interpolate_hermite(s->model->shape, h, theta, d->x, d->v, s->x, s->v, s->x_spare[0]);
+    const double *const ends[] = {d->x, s->x, d->v, s->v};
+    ms_interpolate_hermite(s->model->shape, h, theta, ends, s->x_spare[0]);
     d->error = (d->error + d->stride / span) * advance_disturbance(m, s->x_spare[0]);
     sim->error_growth.evaluations += 2;
   }

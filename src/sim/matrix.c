@@ -40,7 +40,8 @@ static msim_status create_export_pattern(msim_sim *sim, ms_matrix_export *w, msi
     w->particle[k++] = p;
   }
   if (!status)
-    status = ms_sparse_matrix_create(&w->model, &graph, row, MSIM_FORMAT_FULL, 3, &w->matrix, err);
+    status = ms_sparse_matrix_create(&w->model, &graph,
+                                     (ms_sparse_layout){MSIM_FORMAT_FULL, 3, row}, &w->matrix, err);
   ms_sparse_matrix_destroy_graph(&w->model, &graph);
   ms_memory_free(&sim->alloc, row);
   return status;

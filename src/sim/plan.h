@@ -1,9 +1,12 @@
-/* plan - length and number of steps, times of frames and number of threads, decided once, from
- * scene, options and initial state only (never from timings, so that runs are reproducible) */
+/* plan - length and number of steps and number of threads, decided once, from scene, options and
+ * initial state only (never from timings, so that runs are reproducible) */
 #ifndef MS_PLAN_H
 #define MS_PLAN_H
 
 #include "scene/options.h"
+
+/* 2^52: numbers of steps up to here are exact as doubles. */
+#define MS_PLAN_MAX_STEPS 4503599627370496.0
 
 typedef struct ms_plan {
   double h;       /* s: the step; under error control the next one to try */
@@ -24,24 +27,5 @@ int32_t ms_plan_count_threads(const msim_options *opt, int64_t slots);
  * if that is a whole number to a relative 1e-9, else h is lowered to make it one. MSIM_ERR_ARG:
  * t_end is before t0, or there are too many steps or frames. */
 msim_status ms_plan_create(const msim_options *opt, double t0, ms_plan *plan, msim_error *err);
-
-/* The step at which the first frame after `step` is due, at the latest the end of the run: the
- * first step at or after the frame's time. Steps are counted from the start of the run. */
-int64_t ms_plan_next_frame(const ms_plan *plan, const msim_options *opt, int64_t step);
-
-/* 1: frames have times of their own, between steps: with error control and without `every`. */
-int ms_plan_has_times(const msim_options *opt);
-
-/* The time of frame k if frames have times of their own, s; t_end at the latest. */
-double ms_plan_frame_time(const ms_plan *plan, const msim_options *opt, int64_t k);
-
-/* The first such frame after t; behind the frame of t_end, the number of one that is never due. */
-int64_t ms_plan_frame_after(const ms_plan *plan, const msim_options *opt, double t);
-
-#define MS_MAX_FRAMES 10000000
-
-/* The number of frames of a run, with the first and the last state; at most `most`. -1: unknown,
- * under error control with `every`. */
-int64_t ms_plan_count_frames(const ms_plan *plan, const msim_options *opt, int64_t most);
 
 #endif

@@ -74,6 +74,11 @@ static inline double ms_sim_time(const msim_sim *sim) {
  * the old ones stay. The caller then has to set the state. */
 msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *err);
 
+/* The linear solver of an island for steps of h; on failure it may be there, and must be destroyed.
+ */
+msim_status ms_sim_create_solver(msim_sim *sim, const ms_island_sim *m, double h,
+                                 ms_solver **solver, msim_error *err);
+
 /* The islands that ms_sim_detach_islands takes out of a sim */
 typedef struct ms_island_sims {
   int32_t n;
