@@ -1,7 +1,7 @@
 /* stepper - force evaluations and reflections of a step, for all methods (integrator.h) */
 #include "base/clock.h"
 #include "contact/contact_set.h"
-#include "contact/planes.h"
+#include "contact/reflection.h"
 
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
   if (method->stages) s->bounds = ms_bounds_compute_island(s->model);
@@ -60,7 +60,7 @@ int ms_stepper_is_separable(const ms_stepper *s) {
 int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v) {
   if (!(s->model->features & MS_HAS_PLANES) || s->events) return 0;
   double start = ms_clock_now();
-  int64_t reflected = ms_planes_reflect(s->model, x, v);
+  int64_t reflected = ms_reflection_apply(s->model, x, v);
   s->stats->contacts += reflected;
   s->finite = 0;
   s->stats->collide_s += ms_clock_now() - start;

@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "layout/planar.h"
 #include "methods/methods.h"
-#include "contact/planes.h"
+#include "contact/reflection.h"
 #include "sim/step_driver.h"
 #include "physics/external_force.h"
 
@@ -118,7 +118,7 @@ static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choos
   const msim_state start = {
       .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
   msim_status status = set_options(sim, opt, err);
-  if (!status) status = ms_planes_check(sim->scene, err);
+  if (!status) status = ms_reflection_check(sim->scene, err);
   if (!status && ms_sim_selects(sim)) status = choose(sim, 0, &start, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim))

@@ -1,6 +1,6 @@
-/* planes - reflects particles that a step has left behind planes (collision = reflect) */
-#ifndef MS_PLANES_H
-#define MS_PLANES_H
+/* reflection - reflects particles that a step has left behind planes (collision = reflect) */
+#ifndef MS_REFLECTION_H
+#define MS_REFLECTION_H
 
 #include "physics/model.h"
 
@@ -12,9 +12,9 @@
  * a corner, this is repeated, up to 64 times in all; then it is moved to the nearest point in front
  * of all planes, with an impact there.
  * Returns the number of particles reflected. */
-int64_t ms_planes_reflect(const ms_model *model, double *x, double *v);
+int64_t ms_reflection_apply(const ms_model *model, double *x, double *v);
 
 /* MSIM_ERR_ARG if each point of space is behind some plane. */
-msim_status ms_planes_check(const ms_scene *scene, msim_error *err);
+msim_status ms_reflection_check(const ms_scene *scene, msim_error *err);
 
 #endif

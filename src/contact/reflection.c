@@ -1,4 +1,4 @@
-#include "contact/planes.h"
+#include "contact/reflection.h"
 
 #include <float.h>
 
@@ -96,7 +96,7 @@ static void reflect_repeatedly(const ms_scene *scene, double x[3], double v[3]) 
   ms_impacts_bounce(&on, v);
 }
 
-msim_status ms_planes_check(const ms_scene *scene, msim_error *err) {
+msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
   const double ROOM = 1e-9; /* relative tolerance, for planes that coincide */
   const double *from = scene->x;
   double x[3] = {from[0], from[1], from[2]};
@@ -113,7 +113,7 @@ msim_status ms_planes_check(const ms_scene *scene, msim_error *err) {
   return MSIM_OK;
 }
 
-int64_t ms_planes_reflect(const ms_model *model, double *x, double *v) {
+int64_t ms_reflection_apply(const ms_model *model, double *x, double *v) {
   const ms_scene *scene = model->scene;
   const ms_unknowns *rows = &model->unknowns;
   int64_t reflected = 0;
