@@ -95,6 +95,8 @@ static void assert_same_bits(const msim_scene *one, const msim_scene *other) {
   if (s) assert_memory_equal(a.k, b.k, s * sizeof *a.k);
   if (s) assert_memory_equal(a.rest, b.rest, s * sizeof *a.rest);
   if (s) assert_memory_equal(a.damping, b.damping, s * sizeof *a.damping);
+  assert_int_equal(a.nfaces, b.nfaces);
+  if (a.nfaces) assert_memory_equal(a.faces, b.faces, 3 * (size_t)a.nfaces * sizeof *a.faces);
   if (a.nplanes) assert_memory_equal(a.planes, b.planes, (size_t)a.nplanes * sizeof *a.planes);
   assert_memory_equal(a.gravity, b.gravity, sizeof a.gravity);
   assert_memory_equal(&a.drag, &b.drag, sizeof a.drag);

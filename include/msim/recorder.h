@@ -16,7 +16,7 @@
 #ifndef MSIM_RECORDER_H
 #define MSIM_RECORDER_H
 
-#include "msim/status.h"
+#include "msim/scene.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -41,6 +41,13 @@ typedef struct msim_recording {
   const char *name;           /* file name for messages: the final one; NULL: path */
   size_t checkpoint_capacity; /* maximum size of a frame's checkpoint, bytes; 0: none */
   int32_t sync;               /* 1: what write() has accepted survives a power failure */
+  /* Later additions: present if `size` includes them. */
+  const uint8_t *pinned; /* n: 1 where pinned */
+  const double *damping; /* nsprings, N s/m */
+  int32_t nfaces;
+  const int32_t *faces; /* 3 nfaces: triangles of particles */
+  int32_t nplanes;
+  const msim_plane *planes; /* nplanes, with unit normals */
 } msim_recording;
 
 /* One state. Valid during write() only. */
@@ -54,6 +61,8 @@ typedef struct msim_frame {
   double potential;       /* J: elastic and gravitational */
   const void *checkpoint; /* opaque data for resuming the run here; NULL: none */
   size_t checkpoint_length;
+  /* Later additions: present if `size` includes them. */
+  double elastic, gravitational; /* J: the parts of `potential` */
 } msim_frame;
 
 /* The point at which a file is resumed. Borrowed until the next call with the recorder. */

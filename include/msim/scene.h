@@ -76,6 +76,9 @@ typedef struct msim_scene_view {
   const msim_plane *planes;         /* nplanes, with unit normals */
   double gravity[3];                /* m/s^2 */
   double drag;                      /* N s/m: the force -drag v acts on every particle */
+  /* Later additions: written if `size` includes them. */
+  int32_t nfaces;
+  const int32_t *faces; /* 3 nfaces */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -122,6 +125,12 @@ MSIM_API msim_status msim_scene_add_springs(msim_scene *scene, int32_t n,
                                             const int32_t *ij /* 2n */, const double *k /* n */,
                                             const double *rest /* n */,
                                             const double *damping /* n */, msim_error *err);
+
+/* Append n faces, triangles of particles, which viewers draw: they have no mass and exert no force.
+ * Seen from outside, the corners of a closed surface are in counterclockwise order. Cloths and
+ * lattices bring their own: two for each cell of a cloth and of each side of a lattice. */
+MSIM_API msim_status msim_scene_add_faces(msim_scene *scene, int32_t n,
+                                          const int32_t *corners /* 3n */, msim_error *err);
 
 MSIM_API msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane,
                                           msim_error *err);

@@ -88,7 +88,13 @@ static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a
                              .scene = a->scene.data,
                              .scene_length = a->scene.length,
                              .checkpoint_capacity = r->capacity,
-                             .sync = r->sim->config.opt.sync};
+                             .sync = r->sim->config.opt.sync,
+                             .pinned = scene->pinned,
+                             .damping = scene->damping,
+                             .nfaces = scene->nfaces,
+                             .faces = scene->faces,
+                             .nplanes = scene->nplanes,
+                             .planes = scene->planes};
   if (status) free_recording_plan(r, a);
   return status;
 }
@@ -257,7 +263,9 @@ static msim_status record_state(msim_recorder *r, const msim_state *state, msim_
                       .x = state->x,
                       .v = state->v,
                       .kinetic = energy.kinetic,
-                      .potential = energy.elastic + energy.gravitational};
+                      .potential = energy.elastic + energy.gravitational,
+                      .elastic = energy.elastic,
+                      .gravitational = energy.gravitational};
   if (!isfinite(energy.total))
     return ms_error_set(err, MSIM_NOT_FINITE,
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "

@@ -18,7 +18,7 @@ typedef struct export_state {
   msim_node *nodes;
   node_storage *entries;
   int32_t n;
-  int64_t *pinned, *ij;
+  int64_t *pinned, *ij, *faces;
 } export_state;
 
 /*------------------------------------- nodes ----------------------------------------------------*/
@@ -78,6 +78,13 @@ static void export_springs(export_state *e) {
   if (!ms_scene_all_zero(n, s->damping)) append_repeated(e, n, s->damping, "springs/damping");
 }
 
+static void export_faces(export_state *e) {
+  const int64_t n = e->scene->nfaces;
+  if (n == 0) return;
+  for (size_t i = 0; i < 3 * (size_t)n; i++) e->faces[i] = e->scene->faces[i];
+  append_array(e, MSIM_NODE_WHOLE, n, 3, e->faces, "faces");
+}
+
 static void export_planes(export_state *e) {
   for (int32_t i = 0; i < e->scene->nplanes; i++) {
     const msim_plane *p = &e->scene->planes[i];
@@ -111,7 +118,8 @@ static int allocate_nodes(export_state *e) {
   const size_t most = 16 + 4 * (size_t)s->nplanes + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
-         MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings);
+         MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings) &&
+         MS_NEW(&s->alloc, e->faces, 3 * (size_t)s->nfaces);
 }
 
 static void export_all(export_state *e) {
@@ -127,6 +135,7 @@ static void export_all(export_state *e) {
   }
   export_particles(e);
   export_springs(e);
+  export_faces(e);
   export_planes(e);
   export_run(e);
 }
@@ -147,6 +156,6 @@ msim_status ms_export_scene(const ms_scene *scene, const msim_importer *table, c
                             const char *label, msim_error *err) {
   export_state e = {.scene = scene};
   const msim_status status = save_tree(&e, table, path, label, err);
-  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij);
+  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.faces);
   return status;
 }

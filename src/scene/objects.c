@@ -269,6 +269,64 @@ msim_status ms_objects_add_particles(msim_scene *scene, ms_grid *grid, const cha
   return status || !grid->npinned ? status : pin_particles(scene, grid, err);
 }
 
+/*------------------------------------- faces ----------------------------------------------------*/
+
+/* A layer of cells, which the axes u and v span, at one index of the third axis, w. */
+typedef struct grid_side {
+  int u, v, w;
+  int32_t at;
+  int is_flipped; /* 1: its normal is against u x v */
+} grid_side;
+
+/* The sides of the grid whose faces are its surface: at both ends of each axis, or one if the grid
+ * has one layer. Returns their number. */
+static int list_sides(const ms_grid *grid, grid_side sides[6]) {
+  int count = 0;
+  for (int w = 0; w < 3; w++) {
+    const int u = (w + 1) % 3, v = (w + 2) % 3;
+    if (grid->n[u] < 2 || grid->n[v] < 2) continue;
+    if (grid->n[w] > 1) sides[count++] = (grid_side){u, v, w, 0, 1};
+    sides[count++] = (grid_side){u, v, w, grid->n[w] - 1, 0};
+  }
+  return count;
+}
+
+static int64_t count_side_faces(const ms_grid *grid, const grid_side *s) {
+  return 2 * ((int64_t)grid->n[s->u] - 1) * (grid->n[s->v] - 1);
+}
+
+/* Two triangles for each cell. Returns the end of their corners. */
+static int32_t *list_side_faces(const ms_grid *grid, const grid_side *s, int32_t *corner) {
+  const int32_t stride[3] = {grid->n[1] * grid->n[2], grid->n[2], 1};
+  const int32_t along = stride[s->is_flipped ? s->v : s->u],
+                across = stride[s->is_flipped ? s->u : s->v];
+  for (int32_t i = 0; i < grid->n[s->u] - 1; i++)
+    for (int32_t j = 0; j < grid->n[s->v] - 1; j++) {
+      const int32_t p = grid->first + s->at * stride[s->w] + i * stride[s->u] + j * stride[s->v];
+      const int32_t cell[] = {p, p + along, p + along + across, p, p + along + across, p + across};
+      memcpy(corner, cell, sizeof cell);
+      corner += 6;
+    }
+  return corner;
+}
+
+msim_status ms_objects_add_faces(msim_scene *scene, const ms_grid *grid, msim_error *err) {
+  const msim_allocator alloc = scene->data->alloc;
+  grid_side sides[6];
+  const int nsides = list_sides(grid, sides);
+  int64_t count = 0;
+  for (int i = 0; i < nsides; i++) count += count_side_faces(grid, &sides[i]);
+  if (scene->data->nfaces + count > INT32_MAX)
+    return ms_error_set(err, MSIM_ERR_ARG, "%lld faces exceed the limit of %d",
+                        (long long)(scene->data->nfaces + count), INT32_MAX);
+  int32_t *corners = ms_memory_allocate(&alloc, (size_t)count, 3 * sizeof *corners), *end = corners;
+  if (!corners) return ms_error_set_memory(err, "an object");
+  for (int i = 0; i < nsides; i++) end = list_side_faces(grid, &sides[i], end);
+  const msim_status status = msim_scene_add_faces(scene, (int32_t)count, corners, err);
+  ms_memory_free(&alloc, corners);
+  return status;
+}
+
 /*------------------------------------- springs --------------------------------------------------*/
 
 /* The particle at the other end of a spring from particle (a, b, c) = at; -1: outside the grid. */
@@ -318,11 +376,13 @@ static msim_status add_object(msim_scene *scene, const ms_object_type *type, con
   ms_grid grid;
   msim_status status = ms_objects_make_grid(type, object, type->name, &grid, err);
   if (status) return status;
-  const int32_t before = scene->data->nparticles;
+  const int32_t nparticles = scene->data->nparticles, nfaces = scene->data->nfaces;
   status = ms_objects_add_particles(scene, &grid, type->name, err);
+  if (!status) status = ms_objects_add_faces(scene, &grid, err);
   if (!status) status = ms_objects_add_springs(scene, &grid, err);
-  /* data that are shared have the old number already, and must not be written to */
-  if (status && scene->data->nparticles > before) scene->data->nparticles = before;
+  /* data that are shared have the old numbers already, and must not be written to */
+  if (status && scene->data->nparticles > nparticles)
+    scene->data->nparticles = nparticles, scene->data->nfaces = nfaces;
   return status;
 }
 

@@ -78,6 +78,7 @@ int32_t ms_objects_grid_size(const ms_grid *grid);
  * particles may remain in the scene, which the caller must remove. */
 msim_status ms_objects_add_particles(msim_scene *scene, ms_grid *grid, const char *subject,
                                      msim_error *err);
+msim_status ms_objects_add_faces(msim_scene *scene, const ms_grid *grid, msim_error *err);
 msim_status ms_objects_add_springs(msim_scene *scene, const ms_grid *grid, msim_error *err);
 
 #endif

@@ -21,7 +21,7 @@ static void free_run(ms_scene *s) {
 
 static void free_scene_data(ms_scene *s) {
   MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->ij, s->k, s->rest,
-          s->damping, s->planes);
+          s->damping, s->faces, s->planes);
   free_run(s);
   msim_allocator alloc = s->alloc;
   ms_memory_free(&alloc, s);
@@ -135,8 +135,10 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   }
   ms_memory_free(&c->alloc, c->name);
   c->name = ms_memory_copy_string(&c->alloc, s->name);
+  const ms_array faces = {&c->faces, 3 * sizeof *c->faces};
   int ok =
       c->name && reserve_particles(c, s->nparticles, err) && reserve_springs(c, s->nsprings, err) &&
+      ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
           MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->run), 0, &c->run_capacity, s->nrun, err) == MSIM_OK;
@@ -147,6 +149,8 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   }
   if (s->nparticles) append_particles(c, s->nparticles, s->x, s->v, s->mass, s->pinned);
   if (s->nsprings) append_springs(c, s->nsprings, s->ij, s->k, s->rest, s->damping);
+  if (s->nfaces) memcpy(c->faces, s->faces, 3 * (size_t)s->nfaces * sizeof *s->faces);
+  c->nfaces = s->nfaces;
   if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
   c->nplanes = s->nplanes;
   c->external = s->external;
@@ -194,7 +198,7 @@ static msim_status check_finite(const char *what, int64_t n, int width, const do
   return MSIM_OK;
 }
 
-static msim_status check_count(int64_t n, const char *what, msim_error *err) {
+msim_status ms_scene_check_count(int64_t n, const char *what, msim_error *err) {
   if (n >= 0) return MSIM_OK;
   return ms_error_set(err, MSIM_ERR_ARG, "the number of %s is %lld; it must be >= 0", what,
                       (long long)n);
@@ -279,7 +283,7 @@ msim_status msim_scene_add_particles(msim_scene *scene, int32_t n, const double 
                                      const double *mass, msim_error *err) {
   if (!scene || (n > 0 && (!x || !mass)))
     return ms_error_set(err, MSIM_ERR_ARG, "scene, x or mass is NULL");
-  msim_status status = check_count(n, "particles", err);
+  msim_status status = ms_scene_check_count(n, "particles", err);
   if (!status) status = check_particle_limit(scene->data, n, err);
   if (!status) status = check_finite("particles.x", 3 * (int64_t)n, 3, x, err);
   if (!status && v) status = check_finite("particles.v", 3 * (int64_t)n, 3, v, err);
@@ -296,7 +300,7 @@ msim_status msim_scene_add_springs(msim_scene *scene, int32_t n, const int32_t *
                                    const double *rest, const double *damping, msim_error *err) {
   if (!scene || (n > 0 && (!ij || !k)))
     return ms_error_set(err, MSIM_ERR_ARG, "scene, ij or k is NULL");
-  msim_status status = check_count(n, "springs", err);
+  msim_status status = ms_scene_check_count(n, "springs", err);
   for (int32_t e = 0; e < n && !status; e++) {
     status = check_spring(scene->data, e, ij + 2 * (size_t)e, err);
     if (!status) status = check_number("springs.k", e, k[e], 0, err);
@@ -359,7 +363,7 @@ msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particle
                            msim_error *err) {
   if (!scene || (n > 0 && !particles))
     return ms_error_set(err, MSIM_ERR_ARG, "scene or particles is NULL");
-  msim_status status = check_count(n, "pinned particles", err);
+  msim_status status = ms_scene_check_count(n, "pinned particles", err);
   const ms_scene *now = scene->data;
   for (int32_t i = 0; i < n && !status; i++) {
     const int32_t p = particles[i];
@@ -418,6 +422,8 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .rest = s->rest,
       .damping = s->damping,
       .planes = s->planes,
+      .nfaces = s->nfaces,
+      .faces = s->faces,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
   return ms_sized_write(view, &full, sizeof full);

@@ -35,6 +35,9 @@ typedef struct ms_scene {
   int32_t *ij; /* 2 nsprings */
   double *k, *rest, *damping;
 
+  int32_t nfaces, face_capacity;
+  int32_t *faces; /* 3 nfaces: triangles of particles, for viewers */
+
   int32_t nplanes, plane_capacity;
   msim_plane *planes;
 
@@ -68,6 +71,9 @@ const double *ms_scene_get_parameter(const ms_scene *scene, const ms_scene_param
 /* Get the handle's data for writing: copies them if they are shared, and discards `source`. NULL:
  * out of memory. */
 ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
+
+/* Refuse a negative number of `what`. */
+msim_status ms_scene_check_count(int64_t n, const char *what, msim_error *err);
 
 /* Append an option of the scene file's `run`; the caller has checked it by msim_options_set. */
 msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const char *value,

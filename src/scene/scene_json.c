@@ -88,16 +88,19 @@ static msim_status read_particles(ms_json_reader *r, const char *path, ms_value 
 
 /*------------------------------------- springs --------------------------------------------------*/
 
-static msim_status read_pairs(const ms_json_reader *r, ms_value pairs, int32_t n, int32_t *ij) {
+/* n rows of `width` particle indices */
+static msim_status read_index_rows(const ms_json_reader *r, const char *key, ms_value rows,
+                                   int32_t width, int32_t n, int32_t *to) {
   const int32_t limit = r->scene->data->nparticles;
   msim_status status = MSIM_OK;
   for (size_t e = 0; e < (size_t)n && !status; e++) {
-    ms_value pair = ms_value_item(pairs, e);
-    if (!ms_value_is_array(pair) || ms_value_size(pair) != 2)
-      return ms_json_refuse(r, ms_json_at_item("springs.ij", e), pair, "an array of 2");
-    for (size_t end = 0; end < 2 && !status; end++) {
-      const ms_json_location at = {"springs.ij", (int64_t)e, (int64_t)end};
-      status = ms_json_read_index(r, at, ms_value_item(pair, end), limit, ij + 2 * e + end);
+    const ms_value row = ms_value_item(rows, e);
+    if (!ms_value_is_array(row) || ms_value_size(row) != (size_t)width)
+      return ms_json_refuse(r, ms_json_at_item(key, e), row,
+                            width == 2 ? "an array of 2" : "an array of 3");
+    for (size_t c = 0; c < (size_t)width && !status; c++) {
+      const ms_json_location at = {key, (int64_t)e, (int64_t)c};
+      status = ms_json_read_index(r, at, ms_value_item(row, c), limit, to++);
     }
   }
   return status;
@@ -109,7 +112,7 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
   int32_t *ij = (int32_t *)(at_damping + n);
   ms_value rest = ms_value_member(section, "rest");
   ms_value damping = ms_value_member(section, "damping");
-  msim_status status = read_pairs(r, pairs, n, ij);
+  msim_status status = read_index_rows(r, "springs.ij", pairs, 2, n, ij);
   if (!status) status = ms_json_read_each(r, "springs.k", k, MS_NOT_NEGATIVE, n, room);
   if (!status && rest.json)
     status = ms_json_read_each(r, "springs.rest", rest, MS_NOT_NEGATIVE, n, at_rest);
@@ -135,6 +138,21 @@ static msim_status read_springs(ms_json_reader *r, const char *path, ms_value se
   if (!room) return ms_json_fail_memory(r);
   status = add_listed_springs(r, section, pairs, k, n, room);
   ms_memory_free(&r->alloc, room);
+  return status;
+}
+
+/*------------------------------------- faces ----------------------------------------------------*/
+
+static msim_status read_faces(ms_json_reader *r, const char *path, ms_value faces) {
+  int32_t n;
+  msim_status status = ms_json_read_array_size(r, path, faces, &n);
+  if (status) return status;
+  int32_t *corners = ms_memory_allocate(&r->alloc, (size_t)n, 3 * sizeof *corners);
+  if (!corners) return ms_json_fail_memory(r);
+  status = read_index_rows(r, path, faces, 3, n, corners);
+  if (!status)
+    status = ms_json_forward_error(r, "", msim_scene_add_faces(r->scene, n, corners, r->err));
+  ms_memory_free(&r->alloc, corners);
   return status;
 }
 
@@ -241,13 +259,10 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 static const struct section {
   const char *key;
   msim_status (*read)(ms_json_reader *r, const char *path, ms_value value);
-} sections[] = {{"msim", read_version},
-                {"name", read_name},
-                {"particles", read_particles},
-                {"objects", ms_json_add_objects},
-                {"springs", read_springs},
-                {"planes", read_planes},
-                {"run", read_run}};
+} sections[] = {{"msim", read_version},        {"name", read_name},
+                {"particles", read_particles}, {"objects", ms_json_add_objects},
+                {"springs", read_springs},     {"faces", read_faces},
+                {"planes", read_planes},       {"run", read_run}};
 enum { NSECTIONS = sizeof sections / sizeof *sections };
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {

@@ -192,7 +192,9 @@ msim_status ms_json_add_objects(ms_json_reader *r, const char *path, ms_value ob
 
 msim_status ms_json_add_object_springs(const ms_json_reader *r) {
   msim_status status = MSIM_OK;
-  for (int32_t i = 0; i < r->ngrids && !status; i++)
-    status = ms_objects_add_springs(r->scene, &r->grids[i], r->err);
+  for (int32_t i = 0; i < r->ngrids && !status; i++) {
+    status = ms_objects_add_faces(r->scene, &r->grids[i], r->err);
+    if (!status) status = ms_objects_add_springs(r->scene, &r->grids[i], r->err);
+  }
   return ms_json_forward_error(r, "", status);
 }

@@ -73,17 +73,31 @@ static void write_json_particles(ms_text *text, const ms_scene *s) {
   ms_text_append(text, "\n  }");
 }
 
+/* An array of rows of `width` indices */
+static void write_index_rows(ms_text *text, int32_t count, int width, const int32_t *index) {
+  const size_t n = (size_t)count * (size_t)width, last = (size_t)width - 1;
+  ms_text_append(text, "[");
+  for (size_t i = 0; i < n; i++)
+    ms_text_append(text, "%s%s%d%s", i ? "," : "", i % (size_t)width ? "" : "[", index[i],
+                   i % (size_t)width == last ? "]" : "");
+  ms_text_append(text, "]");
+}
+
 static void write_json_springs(ms_text *text, const ms_scene *s) {
   if (s->nsprings == 0) return;
-  ms_text_append(text, ",\n  \"springs\": {\n    \"ij\": [");
-  for (size_t e = 0; e < (size_t)s->nsprings; e++)
-    ms_text_append(text, "%s[%d,%d]", e ? "," : "", s->ij[2 * e], s->ij[2 * e + 1]);
-  ms_text_append(text, "]");
+  ms_text_append(text, ",\n  \"springs\": {\n    \"ij\": ");
+  write_index_rows(text, s->nsprings, 2, s->ij);
   write_each(text, "k", s->nsprings, s->k);
   write_each(text, "rest", s->nsprings, s->rest);
   if (!ms_scene_all_zero(s->nsprings, s->damping))
     write_each(text, "damping", s->nsprings, s->damping);
   ms_text_append(text, "\n  }");
+}
+
+static void write_json_faces(ms_text *text, const ms_scene *s) {
+  if (s->nfaces == 0) return;
+  ms_text_append(text, ",\n  \"faces\": ");
+  write_index_rows(text, s->nfaces, 3, s->faces);
 }
 
 static void write_json_planes(ms_text *text, const ms_scene *s) {
@@ -154,6 +168,7 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   }
   write_json_particles(text, s);
   write_json_springs(text, s);
+  write_json_faces(text, s);
   write_json_planes(text, s);
   status = write_json_run(text, s, err);
   ms_text_append(text, "\n}\n");

@@ -1,0 +1,39 @@
+/* faces - appends triangles of particles, which viewers draw, to a scene */
+#include <string.h>
+
+#include "scene/scene.h"
+
+static msim_status check_face(const ms_scene *s, int64_t i, const int32_t *corner,
+                              msim_error *err) {
+  for (int c = 0; c < 3; c++) {
+    if (corner[c] < 0 || corner[c] >= s->nparticles)
+      return ms_error_set(
+          err, MSIM_ERR_ARG,
+          "faces[%lld] refers to particle %d; there are %d particles, counted from 0", (long long)i,
+          corner[c], s->nparticles);
+    if (corner[c] == corner[(c + 1) % 3])
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "faces[%lld] has particle %d twice; it must have three different ones",
+                          (long long)i, corner[c]);
+  }
+  return MSIM_OK;
+}
+
+msim_status msim_scene_add_faces(msim_scene *scene, int32_t n, const int32_t *corners,
+                                 msim_error *err) {
+  if (!scene || (n > 0 && !corners))
+    return ms_error_set(err, MSIM_ERR_ARG, "scene or corners is NULL");
+  msim_status status = ms_scene_check_count(n, "faces", err);
+  for (int32_t i = 0; i < n && !status; i++)
+    status = check_face(scene->data, i, corners + 3 * (size_t)i, err);
+  if (status || n == 0) return status ? status : ms_error_clear(err);
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  const ms_array faces = {&s->faces, 3 * sizeof *s->faces};
+  status = ms_memory_reserve(&s->alloc, faces, s->nfaces, &s->face_capacity, (int64_t)s->nfaces + n,
+                             err);
+  if (status) return status;
+  memcpy(s->faces + 3 * (size_t)s->nfaces, corners, 3 * (size_t)n * sizeof *corners);
+  s->nfaces += n;
+  return ms_error_clear(err);
+}
