@@ -1,5 +1,5 @@
-/* Tests of the checkpoint sizes that README states: bytes per particle, and per spring that was
- * set. */
+/* Tests of the checkpoint sizes that docs/reliability.md states: bytes per particle, and per spring
+ * that was set. */
 #include <stdlib.h>
 
 #include "scenes.h"

@@ -3,7 +3,8 @@
 # takes one of them but the last, which depends on chance, and --full all. tools/packages has what
 # each needs, under its name.
 slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
-  thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing mutations)
+  thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing
+  documentation mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.
@@ -18,6 +19,9 @@ slice_of_commit() {
 
 # 500 runs killed at random moments and resumed
 kills() { tests release -R '^resume_kills$'; }
+
+# Every snippet is run in the default part; this builds the site.
+documentation() { check "documentation" tools/docs; }
 
 quick_benches() { tests release -R '^bench_quick$'; }
 

@@ -130,11 +130,12 @@ static double value(const msim_node *node, int64_t i) {
                                        : ((const double *)node->data)[i];
 }
 
-/* 1: the motion depends on this node, and the format has no line for it. The name is left out. */
+/* 1: the motion depends on this node, and the format has no line for it. Name and faces are left
+ * out. */
 static int is_lost(const msim_node *node) {
   static const char *const kept[] = {
-      "msim",       "name",      "gravity",          "particles/x", "particles/mass",
-      "springs/ij", "springs/k", "particles/pinned", "springs/rest"};
+      "msim",       "name",      "gravity",          "particles/x",  "particles/mass",
+      "springs/ij", "springs/k", "particles/pinned", "springs/rest", "faces"};
   if (strcmp(node->path, "drag") == 0) return value(node, 0) != 0;
   for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
     if (strcmp(node->path, kept[i]) == 0) return 0;

@@ -165,11 +165,11 @@ class Install(unittest.TestCase):
                     self.assertTrue(folder.startswith("$ORIGIN"), f"{path}: {folder}")
 
 
-class Readme(unittest.TestCase):
+class Documentation(unittest.TestCase):
     def test_its_program_is_the_one_tried_here(self):
         program = (HERE / "pendulum.c").read_text()
-        readme = (support.SOURCE / "README.md").read_text()
-        self.assertTrue(f"```c\n{program}```\n" in readme, "README.md shows another pendulum.c")
+        page = (support.SOURCE / "docs" / "c_program.md").read_text()
+        self.assertTrue(f"```c\n{program}```\n" in page, "c_program.md shows another pendulum.c")
 
 
 if __name__ == "__main__":

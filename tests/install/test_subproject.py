@@ -1,5 +1,5 @@
-"""Tests that the program of README builds with msim as a subproject, by FetchContent and by
-add_subdirectory."""
+"""Tests that the program of docs/c_program.md builds with msim as a subproject, by FetchContent and
+by add_subdirectory."""
 import tempfile
 import unittest
 from pathlib import Path

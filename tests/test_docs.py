@@ -1,0 +1,75 @@
+"""Tests that README.md and docs say what works: each snippet is run, each link leads somewhere.
+
+A block of code is fenced with its language and, if it is a file, the file's name:
+  ```json NAME    a scene, written to that file and loaded
+  ```c NAME       a program, written to that file, compiled and run
+  ```sh           commands, each of which must succeed, in a folder with the files of the page
+Other blocks show something and are not run."""
+import os
+import re
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+import support
+
+PAGES = [support.SOURCE / "README.md", *sorted((support.SOURCE / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.S | re.M)
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+
+
+class Snippets(unittest.TestCase):
+    def run_in(self, folder, *command):
+        environment = {**os.environ, "PATH": f"{self.cli.parent}:{os.environ['PATH']}"}
+        done = subprocess.run(command, cwd=folder, env=environment, text=True, timeout=300,
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, check=False)
+        self.assertEqual(done.returncode, 0, f"{command}\n{done.stdout}")
+        return done.stdout
+
+    def compile(self, folder, file):
+        library = support.shared_library()
+        self.run_in(folder, support.setting("CC"), "-std=c11", "-Wall", "-Wextra", "-Werror",
+                    f"-I{support.SOURCE / 'include'}", file, str(library),
+                    f"-Wl,-rpath,{library.parent}", "-o", Path(file).stem)
+        self.run_in(folder, f"./{Path(file).stem}")
+
+    def try_page(self, page, folder):
+        for language, name, code in BLOCK.findall(page.read_text()):
+            if name:
+                Path(folder, name).write_text(code)
+            if language == "json" and name:
+                self.run_in(folder, self.cli, "explain", name)
+            elif language == "sh":
+                self.run_in(folder, "bash", "-e", "-c", code)
+            elif language == "c" and name:
+                self.compile(folder, name)
+
+    def test_each_runs(self):
+        self.cli = Path(support.setting("CLI"))
+        for page in PAGES:
+            with self.subTest(page.name), tempfile.TemporaryDirectory() as folder:
+                self.try_page(page, folder)
+
+
+class Links(unittest.TestCase):
+    def test_each_leads_somewhere(self):
+        for page in PAGES:
+            for target in LINK.findall(page.read_text()):
+                if not re.match(r"\w+:", target):
+                    self.assertTrue((page.parent / target).exists(), f"{page.name}: {target}")
+
+
+class Readme(unittest.TestCase):
+    def test_it_is_short(self):
+        text = (support.SOURCE / "README.md").read_text()
+        self.assertLessEqual(text.count("\n"), 150)
+        prose = re.sub(r"^(```.*?^```|\|.*?)$", "", text, flags=re.S | re.M)
+        lengths = sorted(len(sentence.split()) for sentence in re.split(r"[.:]\s|\n\n|\n- ", prose)
+                         if sentence.strip())
+        self.assertLessEqual(lengths[int(0.9 * len(lengths))], 25)
+
+
+if __name__ == "__main__":
+    support.main()
