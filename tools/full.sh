@@ -4,7 +4,7 @@
 # each needs, under its name.
 slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
   thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing
-  documentation mutations)
+  documentation debian mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.
@@ -22,6 +22,11 @@ kills() { tests release -R '^resume_kills$'; }
 
 # Every snippet is run in the default part; this builds the site.
 documentation() { check "documentation" tools/docs; }
+
+debian_packages() { tools/deb && python3 tests/install/test_debian.py; }
+
+# The packages, installed and removed in a bare Debian
+debian() { check "Debian packages" debian_packages; }
 
 quick_benches() { tests release -R '^bench_quick$'; }
 

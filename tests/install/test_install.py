@@ -60,6 +60,19 @@ class Install(unittest.TestCase):
         return shlex.split(support.run("pkg-config", *what, "msim",
                                        env=dict(os.environ, PKG_CONFIG_PATH=str(folder))))
 
+    def test_uninstall(self):
+        other, manifest = self.folder / "other", self.folder / "manifest.txt"
+        shutil.copytree(self.prefix, other / "msim")
+        (other / "mine").write_text("mine")
+        manifest.write_text("".join(f"{path}\n" for path in other.rglob("*")
+                                    if "msim/" in str(path) and not path.is_dir()))
+        script = support.SOURCE / "tools/cmake/uninstall.cmake"
+        support.run(support.setting("CMAKE"), "-D", f"MANIFEST={manifest}", "-P", script)
+        left = [path for path in other.rglob("*") if not path.is_dir()]
+        self.assertEqual(left, [other / "mine"])
+        self.assertFalse(list(other.rglob("msim")))
+        self.assertFalse(manifest.exists())
+
     def test_cmake(self):
         self.try_pendulum(self.cmake(HERE) / "pendulum")
 

@@ -1,20 +1,22 @@
-# What is installed: the library, its plugins (backends/CMakeLists.txt), the headers, the
-# programs, the scenes, and two ways to find them. All paths are relative to one another: a moved install works.
+# What is installed: the library, its plugins (backends/CMakeLists.txt), the headers, the programs, the
+# scenes, and two ways to find them. All paths are relative to one another: a moved install works.
+# Components are the packages of packages.cmake; what names none belongs to dev.
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
 include(CMakePackageConfigHelpers)
 
 get_property(msim_linked GLOBAL PROPERTY msim_linked)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/msim)
 install(TARGETS msim EXPORT msim-targets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
-  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT lib NAMELINK_COMPONENT dev
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(DIRECTORY include/msim DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT lib)
 if(TARGET msim_cli)
   file(RELATIVE_PATH library_folder ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_LIBDIR})
   set_target_properties(msim_cli msim_bench PROPERTIES INSTALL_RPATH $ORIGIN/${library_folder})
-  install(TARGETS msim_cli msim_bench RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-  install(DIRECTORY tools/scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/msim)
+  install(TARGETS msim_cli msim_bench RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools)
+  install(DIRECTORY tools/scenes DESTINATION ${CMAKE_INSTALL_DATADIR}/msim COMPONENT tools)
 endif()
 
 # ---- find_package(msim) -------------------------------------------------------------------------
@@ -34,7 +36,9 @@ string(REGEX REPLACE "/$" "" pc_to_prefix ${pc_to_prefix})
 file(RELATIVE_PATH pc_libdir ${CMAKE_INSTALL_PREFIX} ${CMAKE_INSTALL_FULL_LIBDIR})
 file(RELATIVE_PATH pc_includedir ${CMAKE_INSTALL_PREFIX} ${CMAKE_INSTALL_FULL_INCLUDEDIR})
 set(pc_libraries "")
+set(pc_requires "") # pkg-config refuses even --cflags where a private requirement is not installed
 if(NOT BUILD_SHARED_LIBS)
+  set(pc_requires "Requires.private: jansson")
   # no .pc file on Debian 12: CHOLMOD, KLU, SUNDIALS; one that means what it says: HDF5
   set(pc_targets "")
   foreach(name IN LISTS msim_linked)
@@ -55,3 +59,10 @@ if(NOT BUILD_SHARED_LIBS)
 endif()
 configure_file(tools/cmake/msim.pc.in msim.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/msim.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
+# ---- cmake --build BUILD --target uninstall --------------------------------------------------------
+add_custom_target(uninstall COMMENT "removing what was installed"
+  COMMAND ${CMAKE_COMMAND} -D MANIFEST=${PROJECT_BINARY_DIR}/install_manifest.txt
+          -P ${PROJECT_SOURCE_DIR}/tools/cmake/uninstall.cmake)
+
+include(tools/cmake/packages.cmake)
