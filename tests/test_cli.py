@@ -37,6 +37,11 @@ class Help(CliTest):
         for args in (["--help"], ["run", "--help"], ["explain", "--help"], ["list", "--help"]):
             self.assertLessEqual(max(map(len, self.good(*args).splitlines())), 80)
 
+    def test_short_flags(self):
+        self.assertEqual(self.good("-h"), self.good("--help"))
+        self.assertEqual(self.good("-V"), self.good("--version"))
+        self.assertEqual(self.good("run", "-h"), self.good("run", "--help"))
+
     def test_help_wins_over_what_else_is_missing(self):
         self.assertIn("Usage", self.good("run", "--h", "1", "--help"))
 
@@ -80,6 +85,9 @@ class Refusals(CliTest):
             ([*run, "--finl", "x"], "did you mean '--final'?"),
             ([*run, "--step", "4"], "did you mean '--steps'?"),
             ([*run, "--solver.rtool=1"], "'--solver.rtool'", "did you mean '--solver.rtol'?"),
+            ([*run, "--dt", "1e-3"], "did you mean '--h'?"),
+            ([*run, "--t-end=3"], "did you mean '--t_end'?"),
+            ([*run, "--output", "x.csv"], "did you mean '--out'?"),
             ([*run, "--qqqqqqqq"], "there is no option '--qqqqqqqq'; see"),
             ([*run, "-x"], "'-x'"),
             (["explain", "scene.json", "--out", "x.csv"], "--out"),

@@ -153,6 +153,10 @@ typedef struct msim_option_entry {
 /* Get the i-th option, NULL past the end. */
 MSIM_API const msim_option_entry *msim_option_info(int32_t i);
 
+/* The name that was probably meant by `word`: that for which other systems say `word` ("dt": "h"),
+ * else one that begins with it, else the most similar one. NULL: none. `names` ends with NULL. */
+MSIM_API const char *msim_nearest_name(const char *word, const char *const *names);
+
 /*------------------------------------- lists ----------------------------------------------------*/
 
 /* Owned by the library */

@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/suggest.h"
+
 /*------------------------------------- tables ---------------------------------------------------*/
 
 /* The members at the beginning of every table. */
@@ -80,7 +82,7 @@ static msim_status load_table(const ms_registry *r, const char *name, const char
   const msim_status status = ms_plugin_open(r->kind, name, plugin_path, &symbol, where, &why);
   if (status == MSIM_ERR_NAME && !find_known(r, offsetof(ms_registry_plugin, name), name))
     return ms_error_set(err, status, "unknown %s '%s'%s: %s", r->noun, name,
-                        ms_text_suggest(name, known_name, r).text, why.text);
+                        ms_suggest_hint(name, known_name, r).text, why.text);
   if (status) return ms_error_set(err, status, "%s '%s': %s", r->noun, name, why.text);
   *table = r->enter(symbol);
   if (*table) return MSIM_OK;

@@ -2,7 +2,6 @@
 #include "base/text.h"
 
 #include <errno.h>
-#include <limits.h>
 #include <locale.h>
 #include <math.h>
 #include <stdio.h>
@@ -42,45 +41,6 @@ ms_number_text_buffer ms_text_format_double(double value) {
   /* JSON reads "-0" as an integer, which has no sign */
   if (value == 0 && signbit(value)) memcpy(number.text + n, ".0", 3);
   return number;
-}
-
-static int min3(int a, int b, int c) {
-  int m = a < b ? a : b;
-  return m < c ? m : c;
-}
-
-/* Levenshtein distance; INT_MAX for words longer than the table. */
-static int edit_distance(const char *a, const char *b) {
-  enum { LONGEST = 47 };
-  int row[LONGEST + 1];
-  int na = (int)strlen(a), nb = (int)strlen(b);
-  if (na > LONGEST || nb > LONGEST) return INT_MAX;
-  for (int j = 0; j <= nb; j++) row[j] = j;
-  for (int i = 1; i <= na; i++) {
-    int diagonal = row[0];
-    row[0] = i;
-    for (int j = 1; j <= nb; j++) {
-      int above = row[j];
-      row[j] = min3(above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1]));
-      diagonal = above;
-    }
-  }
-  return row[nb];
-}
-
-ms_hint ms_text_suggest(const char *word, ms_word_list *words, const void *data) {
-  const char *best = NULL, *name;
-  int least = (int)strlen(word) / 3 + 1; /* one error per three letters, plus one */
-  for (int32_t i = 0; (name = words(i, data)) != NULL; i++) {
-    int distance = edit_distance(word, name);
-    if (distance > 0 && distance <= least && (!best || distance < least)) {
-      best = name;
-      least = distance;
-    }
-  }
-  ms_hint hint = {""};
-  if (best) snprintf(hint.text, sizeof hint.text, " (did you mean '%s'?)", best);
-  return hint;
 }
 
 static int reserve_text(ms_text *text, size_t more) {

@@ -14,15 +14,6 @@ typedef struct ms_number_text_buffer {
 } ms_number_text_buffer;
 ms_number_text_buffer ms_text_format_double(double value);
 
-/* List of words: the i-th one, NULL past the end. */
-typedef const char *ms_word_list(int32_t i, const void *data);
-
-/* " (did you mean 'cholmod'?)" if one of the words is similar to `word`, else "". */
-typedef struct ms_hint {
-  char text[96];
-} ms_hint;
-ms_hint ms_text_suggest(const char *word, ms_word_list *words, const void *data);
-
 /* A growing string. After a failed allocation `failed` is set and nothing more is appended. */
 typedef struct ms_text {
   const msim_allocator *alloc;

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "base/suggest.h"
+
 #define ADDRESS(table) &table,
 static const ms_integrator *const methods[] = {MS_INTEGRATORS(ADDRESS)};
 #undef ADDRESS
@@ -35,5 +37,5 @@ msim_status ms_methods_find(const char *name, const ms_integrator **integrator, 
   *integrator = NULL;
   return ms_error_set(err, MSIM_ERR_NAME,
                       "unknown integrator '%s'%s; `msim_cli list` shows all of them", name,
-                      ms_text_suggest(name, name_at, NULL).text);
+                      ms_suggest_hint(name, name_at, NULL).text);
 }

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/suggest.h"
+
 /*------------------------------------- messages -------------------------------------------------*/
 
 /* A value of the file, shortened for a message. */
@@ -101,7 +103,7 @@ static msim_status refuse_key(const ms_json_reader *r, const char *path, const c
   for (int32_t i = 0; keys[i] && n < sizeof known; i++)
     n += (size_t)snprintf(known + n, sizeof known - n, "%s%s", i ? ", " : "", keys[i]);
   return ms_json_fail(r, MSIM_ERR_ARG, "%s is an unknown key%s; the keys are %s",
-                      ms_json_member_path(path, key).text, ms_text_suggest(key, key_at, keys).text,
+                      ms_json_member_path(path, key).text, ms_suggest_hint(key, key_at, keys).text,
                       known);
 }
 

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/sized.h"
+#include "base/suggest.h"
 #include "scene/scene.h"
 
 /*------------------------------------- the table ------------------------------------------------*/
@@ -334,7 +335,7 @@ msim_status msim_options_set(msim_options *opt, const char *name, const char *va
   const option *o = find_option(name);
   if (!o)
     return ms_error_set(err, MSIM_ERR_ARG, "there is no option '%s'%s", name,
-                        ms_text_suggest(name, option_name, NULL).text);
+                        ms_suggest_hint(name, option_name, NULL).text);
   msim_options full;
   msim_status status = ms_options_copy(opt, &full, err);
   if (!status) status = set_option(&full, o, value, err);

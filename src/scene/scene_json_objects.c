@@ -1,6 +1,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/suggest.h"
 #include "scene/scene_json_objects.h"
 
 /*------------------------------------- types ----------------------------------------------------*/
@@ -27,7 +28,7 @@ static msim_status read_type(const ms_json_reader *r, const char *path, ms_value
     return ms_json_fail(r, MSIM_ERR_UNSUPPORTED,
                         "%s is \"mesh\", which this version does not support", at.text);
   char hinted[160];
-  snprintf(hinted, sizeof hinted, "%s%s", must, ms_text_suggest(name, type_name, NULL).text);
+  snprintf(hinted, sizeof hinted, "%s%s", must, ms_suggest_hint(name, type_name, NULL).text);
   return ms_json_refuse(r, ms_json_at(at.text), value, hinted);
 }
 

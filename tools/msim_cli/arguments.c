@@ -1,3 +1,4 @@
+#define _POSIX_C_SOURCE 200809L /* strndup */
 #include "arguments.h"
 
 #include <getopt.h>
@@ -28,7 +29,7 @@ static const cli_flag flags[] = {
      AT(force)},
     {"stats", NULL, "print all counters and the seconds of each phase", FOR_RUN, AT(stats)},
     {"quiet", NULL, "print nothing but errors", FOR_RUN, AT(quiet)},
-    {"help", NULL, "show this text", FOR_ALL, AT(help)},
+    {"help", NULL, "show this text, as -h does", FOR_ALL, AT(help)},
 };
 enum { NFLAGS = sizeof flags / sizeof *flags };
 
@@ -74,41 +75,17 @@ static struct option *long_options(command_id which) {
 
 /*------------------------------------- unknown options ------------------------------------------*/
 
-static size_t least3(size_t a, size_t b, size_t c) {
-  size_t least = a < b ? a : b;
-  return least < c ? least : c;
-}
-
-/* Levenshtein's distance of two words; LONGEST, the longest name, if one of them is longer. */
-static size_t edit_distance(const char *a, size_t na, const char *b) {
-  enum { LONGEST = 47 };
-  size_t row[LONGEST + 1], nb = strlen(b);
-  if (na > LONGEST || nb > LONGEST) return LONGEST;
-  for (size_t j = 0; j <= nb; j++) row[j] = j;
-  for (size_t i = 1; i <= na; i++) {
-    size_t diagonal = row[0];
-    row[0] = i;
-    for (size_t j = 1; j <= nb; j++) {
-      size_t above = row[j];
-      row[j] = least3(above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1]));
-      diagonal = above;
-    }
-  }
-  return row[nb];
-}
-
-/* The flag that was probably meant: one that begins like the word, else the nearest; NULL: none */
-static const char *nearest_flag(const struct option *all, const char *word, size_t length) {
-  const char *best = NULL;
-  size_t least = length / 3 + 2;
-  for (const struct option *o = all; o->name; o++) {
-    int begins = length > 1 && strncmp(o->name, word, length) == 0;
-    size_t distance = begins ? 0 : edit_distance(word, length, o->name);
-    if (distance >= least || distance >= length) continue;
-    best = o->name;
-    least = distance;
-  }
-  return best;
+/* The flag of the command that was probably meant by the first `length` characters; NULL: none */
+static const char *nearest_flag(const struct option *all, const char *given, size_t length) {
+  size_t n = 0;
+  while (all[n].name) n++;
+  const char **names = calloc(n + 1, sizeof *names);
+  char *word = strndup(given, length);
+  for (size_t i = 0; names && i < n; i++) names[i] = all[i].name;
+  const char *meant = names && word ? msim_nearest_name(word, names) : NULL;
+  free(names);
+  free(word);
+  return meant;
 }
 
 static int report_unknown_flag(const arguments *args, const struct option *all, const char *given) {
@@ -176,14 +153,15 @@ static int take_long_option(arguments *args, const struct option *all, int value
   return take_flag(args, &flags[value - FIRST_FLAG], optarg);
 }
 
-/* "-:": getopt_long returns operands in their order with the value 1, and different values for a
+/* "-:h": getopt_long returns operands in their order with the value 1, and different values for a
  * missing value and for an unknown flag. */
 static int parse_all(arguments *args, int argc, char **argv, const struct option *all) {
   int value, status = EXIT_OK;
   opterr = 0;
-  while (!status && (value = getopt_long(argc, argv, "-:", all, NULL)) != -1) {
+  while (!status && (value = getopt_long(argc, argv, "-:h", all, NULL)) != -1) {
     const char *given = argv[optind - 1];
     if (value == 1) status = take_operand(args, optarg);
+    else if (value == 'h') args->help = 1;
     else if (value == '?' || value == ':') status = report_getopt_error(args, all, value, given);
     else status = take_long_option(args, all, value, optarg == given ? argv[optind - 2] : given);
     if (args->help) return EXIT_OK;

@@ -41,10 +41,14 @@ static int run_named_command(command_id which, int argc, char **argv) {
   return status;
 }
 
+static int is_one_of(const char *word, const char *a, const char *b) {
+  return strcmp(word, a) == 0 || strcmp(word, b) == 0;
+}
+
 static int dispatch(int argc, char **argv) {
   if (argc < 2) return report_usage_error("", "a command is missing: run, explain or list");
-  if (strcmp(argv[1], "--help") == 0) help_program();
-  else if (strcmp(argv[1], "--version") == 0) help_version();
+  if (is_one_of(argv[1], "-h", "--help")) help_program();
+  else if (is_one_of(argv[1], "-V", "--version")) help_version();
   else {
     for (int i = 0; i < NCOMMANDS; i++)
       if (strcmp(argv[1], command_name((command_id)i)) == 0)
