@@ -149,6 +149,11 @@ MSIM_API msim_status msim_scene_add_lattice(msim_scene *scene, const msim_lattic
  * changes the scene, or fails to. */
 MSIM_API msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view);
 
+/* Describe scene files by a JSON schema (draft 2020-12), with "unit" and "values" (in words) of
+ * each key: at most `capacity` bytes of it, a zero included. Returns its length without the zero.
+ * Nullable if capacity is 0: to. */
+MSIM_API size_t msim_scene_schema(char *to, size_t capacity);
+
 #ifdef __cplusplus
 }
 #endif

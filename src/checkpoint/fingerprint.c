@@ -77,7 +77,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_planes(s, mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
-    list_numbers(mark, data, p->key, p->n, ms_scene_get_parameter(s, p));
+    list_numbers(mark, data, p->key.key, p->key.count, ms_scene_get_parameter(s, p));
   }
 }
 

@@ -130,8 +130,8 @@ static void export_all(export_state *e) {
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     const double *numbers = ms_scene_get_parameter(e->scene, p);
-    if (p->n == 1) append_node(e, MSIM_NODE_REAL, 0, numbers, "%s", p->key);
-    else append_array(e, MSIM_NODE_REAL, p->n, 1, numbers, p->key);
+    if (p->key.count == 1) append_node(e, MSIM_NODE_REAL, 0, numbers, "%s", p->key.key);
+    else append_array(e, MSIM_NODE_REAL, p->key.count, 1, numbers, p->key.key);
   }
   export_particles(e);
   export_springs(e);

@@ -128,6 +128,27 @@ msim_status ms_json_require(const ms_json_reader *r, const char *path, ms_value 
                       ms_json_member_path(path, key).text, must);
 }
 
+msim_status ms_json_check_table(const ms_json_reader *r, const char *path, ms_value value,
+                                const ms_scene_key *keys, int32_t n) {
+  enum { MOST = 8 };
+  const char *names[MOST + 1] = {NULL};
+  for (int32_t i = 0; i < n && i < MOST; i++) names[i] = keys[i].key;
+  return ms_json_check_keys(r, path, value, names);
+}
+
+msim_status ms_json_require_key(const ms_json_reader *r, const char *path, ms_value object,
+                                const ms_scene_key *key, ms_value *value) {
+  char must[96];
+  if (key->form == MS_ROWS || key->form == MS_INDEX_ROWS)
+    snprintf(must, sizeof must, "an array of arrays of %d", key->count);
+  else if (key->form == MS_NUMBER_EACH)
+    snprintf(must, sizeof must, "%s for all %s, or an array", ms_range_text(key->range), path);
+  else if (key->form == MS_NUMBERS && key->count > 1)
+    snprintf(must, sizeof must, "an array of %d", key->count);
+  else snprintf(must, sizeof must, "%s", ms_range_text(key->range));
+  return ms_json_require(r, path, object, key->key, must, value);
+}
+
 /*------------------------------------- values ---------------------------------------------------*/
 
 msim_status ms_json_read_array_size(const ms_json_reader *r, const char *key, ms_value value,
@@ -145,8 +166,8 @@ msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms
   *number = ms_value_number(value);
   const int kind =
       range == MS_POSITIVE_INTEGER ? ms_value_is_whole(value) : ms_value_is_number(value);
-  if (kind && ms_objects_in_range(range, *number)) return MSIM_OK;
-  return ms_json_refuse(r, at, value, ms_objects_range_text(range));
+  if (kind && ms_range_contains(range, *number)) return MSIM_OK;
+  return ms_json_refuse(r, at, value, ms_range_text(range));
 }
 
 static msim_status refuse_length(const ms_json_reader *r, ms_json_location at, ms_value value,
@@ -172,6 +193,18 @@ msim_status ms_json_read_row(const ms_json_reader *r, ms_json_location at, ms_va
   return status;
 }
 
+msim_status ms_json_read_numbers(const ms_json_reader *r, const char *path, ms_value object,
+                                 const ms_scene_key *key, double *numbers) {
+  ms_value value = ms_value_member(object, key->key);
+  if (!value.json && key->preset) return MSIM_OK;
+  const msim_status status = ms_json_require_key(r, path, object, key, &value);
+  if (status) return status;
+  const ms_key_path at = ms_json_member_path(path, key->key);
+  return key->count == 1
+             ? ms_json_read_number(r, ms_json_at(at.text), value, key->range, numbers)
+             : ms_json_read_row(r, ms_json_at(at.text), value, key->range, key->count, numbers);
+}
+
 msim_status ms_json_read_rows(const ms_json_reader *r, const char *key, ms_value value, int32_t n,
                               double *numbers) {
   if (!has_length(value, n)) return refuse_length(r, ms_json_at(key), value, "", n);
@@ -187,7 +220,7 @@ msim_status ms_json_read_each(const ms_json_reader *r, const char *key, ms_value
   if (has_length(value, n)) return ms_json_read_row(r, ms_json_at(key), value, range, n, numbers);
   if (!ms_value_is_number(value)) {
     char before[64];
-    snprintf(before, sizeof before, "%s for all %.*s, or ", ms_objects_range_text(range),
+    snprintf(before, sizeof before, "%s for all %.*s, or ", ms_range_text(range),
              (int)strcspn(key, "."), key);
     return refuse_length(r, ms_json_at(key), value, before, n);
   }

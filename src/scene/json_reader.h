@@ -48,8 +48,16 @@ msim_status ms_json_forward_error(const ms_json_reader *r, const char *path, msi
 /* Check that `value` is an object with these keys only; `keys` ends with NULL. */
 msim_status ms_json_check_keys(const ms_json_reader *r, const char *path, ms_value value,
                                const char *const *keys);
+/* The same for the keys of a table. */
+msim_status ms_json_check_table(const ms_json_reader *r, const char *path, ms_value value,
+                                const ms_scene_key *keys, int32_t n);
+
+/* Get a member, which must be there. `must`: what it must be. */
 msim_status ms_json_require(const ms_json_reader *r, const char *path, ms_value object,
                             const char *key, const char *must, ms_value *value);
+/* The same, with a text made from the key. */
+msim_status ms_json_require_key(const ms_json_reader *r, const char *path, ms_value object,
+                                const ms_scene_key *key, ms_value *value);
 msim_status ms_json_read_array_size(const ms_json_reader *r, const char *key, ms_value value,
                                     int32_t *n);
 
@@ -58,6 +66,9 @@ msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms
 /* An array of exactly n numbers. */
 msim_status ms_json_read_row(const ms_json_reader *r, ms_json_location at, ms_value value,
                              ms_range range, int32_t n, double *numbers);
+/* The numbers of a key of the form MS_NUMBERS; they stay if it is missing and may be. */
+msim_status ms_json_read_numbers(const ms_json_reader *r, const char *path, ms_value object,
+                                 const ms_scene_key *key, double *numbers);
 /* An array of n rows of three numbers. */
 msim_status ms_json_read_rows(const ms_json_reader *r, const char *key, ms_value value, int32_t n,
                               double *numbers /* 3n */);

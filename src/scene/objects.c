@@ -6,35 +6,6 @@
 
 #include "base/sized.h"
 
-/*------------------------------------- ranges ---------------------------------------------------*/
-
-int ms_objects_in_range(ms_range range, double value) {
-  if (!isfinite(value)) return 0;
-  switch (range) {
-    case MS_NOT_NEGATIVE:
-      return value >= 0;
-    case MS_POSITIVE:
-      return value > 0;
-    case MS_FRACTION:
-      return value >= 0 && value <= 1;
-    case MS_POSITIVE_INTEGER:
-      return value >= 1 && value <= INT32_MAX && value == floor(value);
-    case MS_ANY:
-    default:
-      return 1;
-  }
-}
-
-const char *ms_objects_range_text(ms_range range) {
-  static const char *const texts[] = {
-      [MS_ANY] = "a finite number",
-      [MS_NOT_NEGATIVE] = "a finite number >= 0",
-      [MS_POSITIVE] = "a finite number > 0",
-      [MS_FRACTION] = "a number in [0, 1]",
-      [MS_POSITIVE_INTEGER] = "a whole number from 1 to 2147483647"};
-  return texts[range];
-}
-
 /*------------------------------------- types ----------------------------------------------------*/
 
 static const ms_grid_spring rope_springs[] = {{{1, 0, 0}, 0}};
@@ -92,48 +63,78 @@ static void make_lattice(const void *object, ms_grid *grid) {
   SET_SPRINGS(grid, lattice_springs);
 }
 
-#define MEMBER(type, key, name, range, count) \
-  { key, {#name}, {NULL}, range, count, offsetof(type, name), 0 }
-#define DAMPING(type) \
-  { "damping", {"damping"}, {NULL}, MS_NOT_NEGATIVE, 1, offsetof(type, damping), 1 }
+/* A row of numbers in one member of the struct, for which all types use the same words */
+#define ROW(type, key, member, range, count, preset, unit, doc, example)            \
+  {                                                                                 \
+    {key, MS_NUMBERS, range, count, preset, unit, doc, example}, {#member}, {NULL}, \
+        offsetof(type, member)                                                      \
+  }
+#define MASS(type)                                    \
+  ROW(type, "mass", mass, MS_POSITIVE, 1, NULL, "kg", \
+      "total mass, of which each particle has an equal share", "0.5")
+#define STIFFNESS(type)                                                                        \
+  ROW(type, "k", k, MS_NOT_NEGATIVE, 1, NULL, "N/m", "constant of each spring; 0: no springs", \
+      "1000")
+#define DAMPING(type)                                             \
+  ROW(type, "damping", damping, MS_NOT_NEGATIVE, 1, "0", "N s/m", \
+      "damping constant of each spring", "0.1")
 
-static const ms_object_member rope_members[] = {MEMBER(msim_rope, "n", n, MS_POSITIVE_INTEGER, 1),
-                                                MEMBER(msim_rope, "from", from, MS_ANY, 3),
-                                                MEMBER(msim_rope, "to", to, MS_ANY, 3),
-                                                MEMBER(msim_rope, "mass", mass, MS_POSITIVE, 1),
-                                                MEMBER(msim_rope, "k", k, MS_NOT_NEGATIVE, 1),
-                                                DAMPING(msim_rope)};
+static const ms_object_member rope_members[] = {
+    ROW(msim_rope, "n", n, MS_POSITIVE_INTEGER, 1, NULL, "", "number of particles", "20"),
+    ROW(msim_rope, "from", from, MS_ANY, 3, NULL, "m", "position of the first particle",
+        "[0, 0, 1]"),
+    ROW(msim_rope, "to", to, MS_ANY, 3, NULL, "m", "position of the last particle", "[1, 0, 1]"),
+    MASS(msim_rope),
+    STIFFNESS(msim_rope),
+    DAMPING(msim_rope)};
 
 static const ms_object_member cloth_members[] = {
-    {"n", {"rows", "columns"}, {NULL}, MS_POSITIVE_INTEGER, 2, offsetof(msim_cloth, rows), 0},
-    MEMBER(msim_cloth, "origin", origin, MS_ANY, 3),
-    MEMBER(msim_cloth, "row", row, MS_ANY, 3),
-    MEMBER(msim_cloth, "column", column, MS_ANY, 3),
-    MEMBER(msim_cloth, "mass", mass, MS_POSITIVE, 1),
-    {"k",
+    {{"n", MS_NUMBERS, MS_POSITIVE_INTEGER, 2, NULL, "", "numbers of rows and columns of particles",
+      "[16, 16]"},
+     {"rows", "columns"},
+     {NULL},
+     offsetof(msim_cloth, rows)},
+    ROW(msim_cloth, "origin", origin, MS_ANY, 3, NULL, "m", "position of the first particle",
+        "[0, 0, 1]"),
+    ROW(msim_cloth, "row", row, MS_ANY, 3, NULL, "m", "vector from the first row to the last one",
+        "[0, 1, 0]"),
+    ROW(msim_cloth, "column", column, MS_ANY, 3, NULL, "m",
+        "vector from the first column to the last one", "[1, 0, 0]"),
+    MASS(msim_cloth),
+    {{"k", MS_NUMBER_OR_PARTS, MS_NOT_NEGATIVE, 3, NULL, "N/m",
+      "spring constants: along rows and columns (structural), across the diagonals (shear), and "
+      "between every other particle (bend); 0: no such springs",
+      "{\"structural\": 500, \"shear\": 250, \"bend\": 50}"},
      {"k_structural", "k_shear", "k_bend"},
      {"structural", "shear", "bend"},
-     MS_NOT_NEGATIVE,
-     3,
-     offsetof(msim_cloth, k_structural),
-     0},
+     offsetof(msim_cloth, k_structural)},
     DAMPING(msim_cloth)};
 
 static const ms_object_member lattice_members[] = {
-    MEMBER(msim_lattice, "n", n, MS_POSITIVE_INTEGER, 3),
-    MEMBER(msim_lattice, "origin", origin, MS_ANY, 3),
-    MEMBER(msim_lattice, "size", extent, MS_NOT_NEGATIVE, 3),
-    MEMBER(msim_lattice, "mass", mass, MS_POSITIVE, 1),
-    MEMBER(msim_lattice, "k", k, MS_NOT_NEGATIVE, 1),
+    ROW(msim_lattice, "n", n, MS_POSITIVE_INTEGER, 3, NULL, "",
+        "numbers of particles along x, y and z", "[4, 4, 4]"),
+    ROW(msim_lattice, "origin", origin, MS_ANY, 3, NULL, "m", "position of the first particle",
+        "[0, 0, 1]"),
+    ROW(msim_lattice, "size", extent, MS_NOT_NEGATIVE, 3, NULL, "m", "lengths along x, y and z",
+        "[0.3, 0.3, 0.3]"),
+    MASS(msim_lattice),
+    STIFFNESS(msim_lattice),
     DAMPING(msim_lattice)};
 
-#define TYPE(word)                                                                  \
-  {                                                                                 \
-    .name = #word, .size = sizeof(msim_##word), .members = word##_members,          \
-    .nmembers = sizeof word##_members / sizeof *word##_members, .make = make_##word \
+#define TYPE(word, pinned_key, description)                                          \
+  {                                                                                  \
+    .name = #word, .size = sizeof(msim_##word), .members = word##_members,           \
+    .nmembers = sizeof word##_members / sizeof *word##_members, .make = make_##word, \
+    .pinned = &pinned_key, .doc = description                                        \
   }
 
-static const ms_object_type types[] = {TYPE(rope), TYPE(cloth), TYPE(lattice)};
+static const ms_object_type types[] = {
+    TYPE(rope, ms_pinned_key, "n particles on a line and n - 1 springs"),
+    TYPE(cloth, ms_cloth_pinned_key,
+         "rows of particles; springs to the next and to the second particle of the row and of the "
+         "column, and across the diagonals"),
+    TYPE(lattice, ms_pinned_key,
+         "a box of particles; springs along the axes and all diagonals of its cells")};
 enum { ROPE, CLOTH, LATTICE, NTYPES };
 
 const ms_object_type *ms_objects_get_type(int32_t i) {
@@ -145,14 +146,14 @@ const ms_object_type *ms_objects_get_type(int32_t i) {
 static msim_status check_object_member(const ms_object_member *m, const void *object,
                                        const char *subject, msim_error *err) {
   const void *at = (const char *)object + m->offset;
-  for (int32_t i = 0; i < m->count; i++) {
+  for (int32_t i = 0; i < m->key.count; i++) {
     double value =
-        m->range == MS_POSITIVE_INTEGER ? ((const int32_t *)at)[i] : ((const double *)at)[i];
-    if (ms_objects_in_range(m->range, value)) continue;
+        m->key.range == MS_POSITIVE_INTEGER ? ((const int32_t *)at)[i] : ((const double *)at)[i];
+    if (ms_range_contains(m->key.range, value)) continue;
     char index[16] = "";
-    if (m->count > 1 && !m->names[1]) snprintf(index, sizeof index, "[%d]", i);
+    if (m->key.count > 1 && !m->names[1]) snprintf(index, sizeof index, "[%d]", i);
     return ms_error_set(err, MSIM_ERR_ARG, "%s.%s%s is %g; it must be %s", subject,
-                        m->names[*index ? 0 : i], index, value, ms_objects_range_text(m->range));
+                        m->names[*index ? 0 : i], index, value, ms_range_text(m->key.range));
   }
   return MSIM_OK;
 }

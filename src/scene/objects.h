@@ -5,27 +5,12 @@
 
 #include "scene/scene.h"
 
-/* Valid ranges of numbers; all must be finite. */
-typedef enum ms_range {
-  MS_ANY,
-  MS_NOT_NEGATIVE,
-  MS_POSITIVE,
-  MS_FRACTION,        /* [0, 1] */
-  MS_POSITIVE_INTEGER /* integer, 1 to INT32_MAX */
-} ms_range;
-
-int ms_objects_in_range(ms_range range, double value);
-const char *ms_objects_range_text(ms_range range); /* "a number > 0" */
-
 /* A key of an object in a scene file and the members of its struct that it sets. */
 typedef struct ms_object_member {
-  const char *key;
+  ms_scene_key key;
   const char *names[3]; /* of members of the struct; a single one is followed by an index */
-  const char *parts[3]; /* keys of a JSON object that may replace the single number */
-  ms_range range;
-  int32_t count;
+  const char *parts[3]; /* keys of the JSON object that may replace a single number, or NULL */
   size_t offset;
-  int optional;
 } ms_object_member;
 
 /* Offset in the grid from one end of a spring to the other. */
@@ -52,6 +37,8 @@ typedef struct ms_object_type {
   size_t size; /* of the struct; its first member must have this value */
   const ms_object_member *members;
   int32_t nmembers;
+  const ms_scene_key *pinned;
+  const char *doc;
   void (*make)(const void *object, ms_grid *grid);
 } ms_object_type;
 

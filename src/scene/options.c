@@ -21,20 +21,22 @@ typedef struct option {
   double unset;  /* numbers: the value below `least` that means "not set", or the word that `values`
                     lists; NAN: none */
   uint32_t bit;  /* SKIP: the flag in skip_off */
+  const char *example; /* a value as JSON; NULL: the default */
 } option;
 
 #define AT(m) offsetof(msim_options, m)
-#define TEXT(name, values, preset, doc, m) \
-  { {name, values, preset, doc}, WORD, AT(m), 0, 0, NAN, 0 }
+#define TEXT(name, values, preset, doc, m, example) \
+  { {name, values, preset, doc}, WORD, AT(m), 0, 0, NAN, 0, example }
 #define PICK(name, values, preset, doc, m) \
-  { {name, values, preset, doc}, CHOICE, AT(m), 0, 0, NAN, 0 }
+  { {name, values, preset, doc}, CHOICE, AT(m), 0, 0, NAN, 0, NULL }
 #define ABOVE_0(name, preset, doc, m) \
-  { {name, "number > 0", preset, doc}, REAL, AT(m), 0, 1, NAN, 0 }
+  { {name, "number > 0", preset, doc}, REAL, AT(m), 0, 1, NAN, 0, NULL }
 #define FLAG(name, what, bit) \
-  { {"skip." name, "on | off", "on", "skip " what}, SKIP, AT(skip_off), 0, 0, NAN, bit }
+  { {"skip." name, "on | off", "on", "skip " what}, SKIP, AT(skip_off), 0, 0, NAN, bit, NULL }
 
 static const option table[] = {
-    TEXT("integrator", "name", "", "time integration method; msim_cli list shows them", integrator),
+    TEXT("integrator", "name", "", "time integration method; msim_cli list shows them", integrator,
+         "\"velocity-verlet\""),
     {{"h", "number > 0 | auto", "1e-3",
       "step size in s, or the first one to try under error control; auto: 0.9 of the stability "
       "limit, or chosen for the scene"},
@@ -43,16 +45,18 @@ static const option table[] = {
      0,
      1,
      MSIM_H_AUTO,
-     0},
+     0,
+     NULL},
     {{"steps", "whole number >= 0", "", "exact number of steps; overrides t_end"},
      INT64,
      AT(steps),
      0,
      0,
      -1,
-     0},
-    {{"t_end", "number >= 0", "", "end time in s"}, REAL, AT(t_end), 0, 0, -1, 0},
-    TEXT("solver", "name", "auto", "linear solver; msim_cli list shows them", solver),
+     0,
+     "1000"},
+    {{"t_end", "number >= 0", "", "end time in s"}, REAL, AT(t_end), 0, 0, -1, 0, "2"},
+    TEXT("solver", "name", "auto", "linear solver; msim_cli list shows them", solver, NULL),
     ABOVE_0("solver.rtol", "1e-8",
             "tolerance of the true residual relative to the right-hand side, in the norm of the "
             "inverse diagonal blocks",
@@ -64,7 +68,8 @@ static const option table[] = {
      1,
      0,
      NAN,
-     0},
+     0,
+     NULL},
     PICK("jacobian", "exact | clamp", "exact",
          "derivative of spring forces: exact, or with the transverse term of compressed springs "
          "set to 0",
@@ -83,7 +88,8 @@ static const option table[] = {
      1,
      0,
      NAN,
-     0},
+     0,
+     NULL},
     {{"newton.retries", "whole number >= 0", "",
       "maximum number of bisections of a step that does not converge or is not finite; default: 6 "
       "with nonlinear methods, else 0; unused under error control, which shortens such steps "
@@ -93,7 +99,8 @@ static const option table[] = {
      0,
      0,
      -1,
-     0},
+     0,
+     "6"},
     PICK("collision", "reflect | event", "reflect",
          "reflect: mirror the state at the end of the step; event: locate impacts inside the step",
          collision),
@@ -106,7 +113,8 @@ static const option table[] = {
      0,
      1,
      0,
-     0},
+     0,
+     "1e-6"},
     {{"threads", "whole number >= 0", "0",
       "maximum number of threads; 0: by the size of the scene; results do not depend on it"},
      INT32,
@@ -114,7 +122,8 @@ static const option table[] = {
      0,
      0,
      NAN,
-     0},
+     0,
+     NULL},
     PICK("heun.collision", "final | standard | literal", "final",
          "reflection by heun: of stage and result (final), of the result only (standard), of the "
          "stage only (literal)",
@@ -131,14 +140,16 @@ static const option table[] = {
      1,
      0,
      0,
-     0},
+     0,
+     "10"},
     {{"fps", "number > 0", "", "frames per simulated second; default: about 200 in the run"},
      REAL,
      AT(fps),
      0,
      1,
      0,
-     0},
+     0,
+     "60"},
     PICK("sync", "off | on", "off",
          "on: flush each frame to the disk before the run continues, so that it survives a power "
          "failure",
@@ -160,7 +171,7 @@ static const option table[] = {
          "(islands)",
          MSIM_SKIP_ISLANDS),
     TEXT("plugin_path", "list of folders", "",
-         "folders searched first for plugins, separated by ':'", plugin_path),
+         "folders searched first for plugins, separated by ':'", plugin_path, NULL),
 };
 enum { NOPTIONS = sizeof table / sizeof *table };
 
@@ -187,6 +198,16 @@ const msim_option_entry *ms_options_find(const char *name, int *number) {
   const option *o = find_option(name);
   *number = o && is_number(o);
   return o ? &o->entry : NULL;
+}
+
+void ms_options_get_values(int32_t i, ms_option_values *values) {
+  const option *o = &table[i];
+  *values = (ms_option_values){.is_number = is_number(o),
+                               .is_whole = o->type == INT32 || o->type == INT64,
+                               .is_choice = o->type == CHOICE || o->type == SKIP,
+                               .least = o->least,
+                               .open = o->open,
+                               .example = o->example};
 }
 
 /*------------------------------------- one member -----------------------------------------------*/

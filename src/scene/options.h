@@ -7,6 +7,16 @@
 /* Get the option of this name; NULL: none. *number: whether its values are numbers. */
 const msim_option_entry *ms_options_find(const char *name, int *number);
 
+/* What the values of the i-th option are; neither a number nor one of the words of its entry's
+ * `values`: any text. Numbers may also be one of these words. */
+typedef struct ms_option_values {
+  int is_number, is_whole, is_choice;
+  double least;        /* of numbers, */
+  int open;            /* which is excluded */
+  const char *example; /* as JSON; NULL: the default */
+} ms_option_values;
+void ms_options_get_values(int32_t i, ms_option_values *values);
+
 /* The accepted values as text for messages: "a | b | c" becomes "a, b or c". */
 void ms_options_describe_values(const msim_option_entry *entry, size_t size, char *text);
 

@@ -272,8 +272,14 @@ static msim_status set_drag(msim_scene *scene, const double *drag, msim_error *e
 }
 
 const ms_scene_parameter ms_scene_parameters[MS_SCENE_PARAMETERS] = {
-    {"gravity", 3, offsetof(ms_external, gravity), msim_scene_set_gravity},
-    {"drag", 1, offsetof(ms_external, drag), set_drag}};
+    {{"gravity", MS_NUMBERS, MS_ANY, 3, "[0, 0, 0]", "m/s^2", "acceleration of all particles",
+      "[0, 0, -9.81]"},
+     offsetof(ms_external, gravity),
+     msim_scene_set_gravity},
+    {{"drag", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "0", "N s/m", "b in the force -b v on each particle",
+      "0.01"},
+     offsetof(ms_external, drag),
+     set_drag}};
 
 const double *ms_scene_get_parameter(const ms_scene *scene, const ms_scene_parameter *parameter) {
   return (const double *)(const void *)((const char *)&scene->external + parameter->offset);

@@ -10,6 +10,7 @@
 #include <stdatomic.h>
 
 #include "base/text.h"
+#include "scene/scene_keys.h"
 
 typedef struct ms_run_option {
   char *name, *value; /* in the form that msim_options_set takes */
@@ -56,8 +57,7 @@ void ms_scene_release(ms_scene *scene);     /* decrements it, frees the data at 
 
 /* A parameter of ms_external: its key in scene files, and its numbers. */
 typedef struct ms_scene_parameter {
-  const char *key;
-  int32_t n; /* 1 or 3 */
+  ms_scene_key key;
   size_t offset;
   msim_status (*set)(msim_scene *scene, const double *numbers, msim_error *err);
 } ms_scene_parameter;

@@ -22,12 +22,8 @@ static msim_status read_name(ms_json_reader *r, const char *path, ms_value value
 
 static msim_status read_parameter(ms_json_reader *r, const ms_scene_parameter *p, ms_value root) {
   double numbers[3];
-  const char *path = p->key;
-  const ms_value value = ms_value_member(root, path);
-  if (!value.json) return MSIM_OK;
-  msim_status status = p->n == 1
-                           ? ms_json_read_number(r, ms_json_at(path), value, MS_ANY, numbers)
-                           : ms_json_read_row(r, ms_json_at(path), value, MS_ANY, p->n, numbers);
+  if (!ms_value_member(root, p->key.key).json) return MSIM_OK;
+  const msim_status status = ms_json_read_numbers(r, "", root, &p->key, numbers);
   return status ? status : ms_json_forward_error(r, "", p->set(r->scene, numbers, r->err));
 }
 
@@ -58,10 +54,13 @@ static msim_status read_pinned_particles(const ms_json_reader *r, ms_value value
 static msim_status add_listed_particles(const ms_json_reader *r, ms_value section, ms_value x,
                                         ms_value mass, int32_t n, double *room /* 7n */) {
   double *at_v = room + 3 * (size_t)n, *at_mass = at_v + 3 * (size_t)n;
-  const ms_value v = ms_value_member(section, "v"), pinned = ms_value_member(section, "pinned");
+  const ms_scene_key *keys = ms_particle_keys;
+  const ms_value v = ms_value_member(section, keys[MS_KEY_V].key),
+                 pinned = ms_value_member(section, keys[MS_KEY_PINNED].key);
   msim_status status = ms_json_read_rows(r, "particles.x", x, n, room);
   if (!status && v.json) status = ms_json_read_rows(r, "particles.v", v, n, at_v);
-  if (!status) status = ms_json_read_each(r, "particles.mass", mass, MS_POSITIVE, n, at_mass);
+  if (!status)
+    status = ms_json_read_each(r, "particles.mass", mass, keys[MS_KEY_MASS].range, n, at_mass);
   if (status) return status;
   status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, r->err);
   if (status || !pinned.json) return ms_json_forward_error(r, "", status);
@@ -69,14 +68,12 @@ static msim_status add_listed_particles(const ms_json_reader *r, ms_value sectio
 }
 
 static msim_status read_particles(ms_json_reader *r, const char *path, ms_value section) {
-  static const char *const keys[] = {"x", "v", "mass", "pinned", NULL};
   ms_value x = {NULL}, mass = {NULL};
   int32_t n = 0;
-  msim_status status = ms_json_check_keys(r, path, section, keys);
-  if (!status) status = ms_json_require(r, path, section, "x", "an array of [x, y, z]", &x);
+  msim_status status = ms_json_check_table(r, path, section, ms_particle_keys, MS_PARTICLE_KEYS);
+  if (!status) status = ms_json_require_key(r, path, section, &ms_particle_keys[MS_KEY_X], &x);
   if (!status)
-    status = ms_json_require(r, path, section, "mass", "one number for all particles, or an array",
-                             &mass);
+    status = ms_json_require_key(r, path, section, &ms_particle_keys[MS_KEY_MASS], &mass);
   if (!status) status = ms_json_read_array_size(r, "particles.x", x, &n);
   if (status) return status;
   double *room = ms_memory_allocate(&r->alloc, (size_t)n, 7 * sizeof *room);
@@ -110,14 +107,16 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
                                       ms_value k, int32_t n, double *room /* 4n */) {
   double *at_rest = room + n, *at_damping = at_rest + n;
   int32_t *ij = (int32_t *)(at_damping + n);
-  ms_value rest = ms_value_member(section, "rest");
-  ms_value damping = ms_value_member(section, "damping");
-  msim_status status = read_index_rows(r, "springs.ij", pairs, 2, n, ij);
-  if (!status) status = ms_json_read_each(r, "springs.k", k, MS_NOT_NEGATIVE, n, room);
+  const ms_scene_key *keys = ms_spring_keys;
+  ms_value rest = ms_value_member(section, keys[MS_KEY_REST].key);
+  ms_value damping = ms_value_member(section, keys[MS_KEY_DAMPING].key);
+  msim_status status = read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, ij);
+  if (!status) status = ms_json_read_each(r, "springs.k", k, keys[MS_KEY_K].range, n, room);
   if (!status && rest.json)
-    status = ms_json_read_each(r, "springs.rest", rest, MS_NOT_NEGATIVE, n, at_rest);
+    status = ms_json_read_each(r, "springs.rest", rest, keys[MS_KEY_REST].range, n, at_rest);
   if (!status && damping.json)
-    status = ms_json_read_each(r, "springs.damping", damping, MS_NOT_NEGATIVE, n, at_damping);
+    status =
+        ms_json_read_each(r, "springs.damping", damping, keys[MS_KEY_DAMPING].range, n, at_damping);
   if (status) return status;
   status =
       msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, r->err);
@@ -125,13 +124,11 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
 }
 
 static msim_status read_springs(ms_json_reader *r, const char *path, ms_value section) {
-  static const char *const keys[] = {"ij", "k", "rest", "damping", NULL};
   ms_value pairs = {NULL}, k = {NULL};
   int32_t n = 0;
-  msim_status status = ms_json_check_keys(r, path, section, keys);
-  if (!status) status = ms_json_require(r, path, section, "ij", "an array of [i, j]", &pairs);
-  if (!status)
-    status = ms_json_require(r, path, section, "k", "one number for all springs, or an array", &k);
+  msim_status status = ms_json_check_table(r, path, section, ms_spring_keys, MS_SPRING_KEYS);
+  if (!status) status = ms_json_require_key(r, path, section, &ms_spring_keys[MS_KEY_IJ], &pairs);
+  if (!status) status = ms_json_require_key(r, path, section, &ms_spring_keys[MS_KEY_K], &k);
   if (!status) status = ms_json_read_array_size(r, "springs.ij", pairs, &n);
   if (status) return status;
   double *room = ms_memory_allocate(&r->alloc, (size_t)n, 4 * sizeof *room);
@@ -159,29 +156,11 @@ static msim_status read_faces(ms_json_reader *r, const char *path, ms_value face
 /*------------------------------------- planes ---------------------------------------------------*/
 
 static msim_status read_plane(const ms_json_reader *r, const char *path, ms_value value) {
-  static const char *const keys[] = {"normal", "offset", "restitution", "friction", NULL};
   msim_plane p = {.restitution = 1};
-  const struct {
-    ms_range range;
-    int32_t n;
-    double *to;
-    const char *must; /* NULL: optional */
-  } members[] = {{MS_ANY, 3, p.normal, "an array of 3"},
-                 {MS_ANY, 1, &p.offset, "a number"},
-                 {MS_FRACTION, 1, &p.restitution, NULL},
-                 {MS_NOT_NEGATIVE, 1, &p.friction, NULL}};
-  msim_status status = ms_json_check_keys(r, path, value, keys);
-  for (int i = 0; i < 4 && !status; i++) {
-    const ms_key_path at = ms_json_member_path(path, keys[i]);
-    ms_value member = ms_value_member(value, keys[i]);
-    if (!member.json && !members[i].must) continue;
-    status = ms_json_require(r, path, value, keys[i], members[i].must, &member);
-    if (status) return status;
-    if (members[i].n == 1)
-      status = ms_json_read_number(r, ms_json_at(at.text), member, members[i].range, members[i].to);
-    else
-      status = ms_json_read_row(r, ms_json_at(at.text), member, members[i].range, 3, members[i].to);
-  }
+  double *const to[MS_PLANE_KEYS] = {p.normal, &p.offset, &p.restitution, &p.friction};
+  msim_status status = ms_json_check_table(r, path, value, ms_plane_keys, MS_PLANE_KEYS);
+  for (int i = 0; i < MS_PLANE_KEYS && !status; i++)
+    status = ms_json_read_numbers(r, path, value, &ms_plane_keys[i], to[i]);
   if (status) return status;
   status = msim_scene_add_plane(r->scene, &p, r->err);
   return ms_json_forward_error(r, ms_json_member_path(path, "").text, status);
@@ -255,32 +234,30 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-/* In the order in which they are read: springs may connect particles of objects. */
-static const struct section {
-  const char *key;
-  msim_status (*read)(ms_json_reader *r, const char *path, ms_value value);
-} sections[] = {{"msim", read_version},        {"name", read_name},
-                {"particles", read_particles}, {"objects", ms_json_add_objects},
-                {"springs", read_springs},     {"faces", read_faces},
-                {"planes", read_planes},       {"run", read_run}};
-enum { NSECTIONS = sizeof sections / sizeof *sections };
+/* Of the sections, in their order */
+static msim_status (*const readers[MS_SECTIONS])(ms_json_reader *r, const char *path,
+                                                 ms_value value) = {
+    read_version, read_name,  read_particles, ms_json_add_objects,
+    read_springs, read_faces, read_planes,    read_run};
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {
-  const char *keys[NSECTIONS + MS_SCENE_PARAMETERS + 1] = {NULL};
+  const ms_scene_key *sections = ms_section_keys;
+  const char *keys[MS_SECTIONS + MS_SCENE_PARAMETERS + 1] = {NULL};
   ms_value version;
-  for (int i = 0; i < NSECTIONS; i++) keys[i] = sections[i].key;
-  for (int i = 0; i < MS_SCENE_PARAMETERS; i++) keys[NSECTIONS + i] = ms_scene_parameters[i].key;
+  for (int i = 0; i < MS_SECTIONS; i++) keys[i] = sections[i].key;
+  for (int i = 0; i < MS_SCENE_PARAMETERS; i++)
+    keys[MS_SECTIONS + i] = ms_scene_parameters[i].key.key;
   if (!json_is_object(root.json)) return ms_json_refuse(r, ms_json_at(""), root, "an object");
   /* check the version first: another version may have other keys */
-  msim_status status =
-      ms_json_require(r, "", root, sections[0].key, "1, the version of the format", &version);
-  if (!status) status = read_version(r, sections[0].key, version);
+  msim_status status = ms_json_require(r, "", root, sections[MS_KEY_MSIM].key,
+                                       "1, the version of the format", &version);
+  if (!status) status = read_version(r, sections[MS_KEY_MSIM].key, version);
   if (!status) status = ms_json_check_keys(r, "", root, keys);
   for (int i = 0; i < MS_SCENE_PARAMETERS && !status; i++)
     status = read_parameter(r, &ms_scene_parameters[i], root);
-  for (int i = 1; i < NSECTIONS && !status; i++) {
+  for (int i = MS_KEY_NAME; i < MS_SECTIONS && !status; i++) {
     ms_value value = ms_value_member(root, sections[i].key);
-    if (value.json) status = sections[i].read(r, sections[i].key, value);
+    if (value.json) status = readers[i](r, sections[i].key, value);
   }
   if (!status) status = ms_json_add_object_springs(r);
   if (!status && r->scene->data->nparticles == 0)

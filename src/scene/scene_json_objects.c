@@ -17,9 +17,9 @@ static msim_status read_type(const ms_json_reader *r, const char *path, ms_value
   if (!json_is_object(object.json)) return ms_json_refuse(r, ms_json_at(path), object, "an object");
   static const char *const must = "\"rope\", \"cloth\" or \"lattice\"";
   ms_value value;
-  msim_status status = ms_json_require(r, path, object, "type", must, &value);
+  msim_status status = ms_json_require(r, path, object, ms_type_key.key, must, &value);
   if (status) return status;
-  const ms_key_path at = ms_json_member_path(path, "type");
+  const ms_key_path at = ms_json_member_path(path, ms_type_key.key);
   const char *name = ms_value_text(value);
   if (!name) return ms_json_refuse(r, ms_json_at(at.text), value, must);
   for (int32_t i = 0; (*type = ms_objects_get_type(i)) != NULL; i++)
@@ -34,10 +34,10 @@ static msim_status read_type(const ms_json_reader *r, const char *path, ms_value
 
 static msim_status check_keys(const ms_json_reader *r, const char *path, ms_value object,
                               const ms_object_type *type) {
-  const char *keys[MS_MAX_MEMBERS + 3] = {"type"};
+  const char *keys[MS_MAX_MEMBERS + 3] = {ms_type_key.key};
   int32_t n = 1;
-  for (int32_t i = 0; i < type->nmembers; i++) keys[n++] = type->members[i].key;
-  keys[n] = "pinned";
+  for (int32_t i = 0; i < type->nmembers; i++) keys[n++] = type->members[i].key.key;
+  keys[n] = type->pinned->key;
   return ms_json_check_keys(r, path, object, keys);
 }
 
@@ -48,43 +48,39 @@ static msim_status read_parts(const ms_json_reader *r, const char *path, ms_valu
                               const ms_object_member *m, double *numbers) {
   const char *keys[4] = {m->parts[0], m->parts[1], m->parts[2]};
   msim_status status = ms_json_check_keys(r, path, value, keys);
-  for (int32_t i = 0; i < m->count && !status; i++) {
+  for (int32_t i = 0; i < m->key.count && !status; i++) {
     ms_value part = ms_value_member(value, keys[i]);
     const ms_key_path at = ms_json_member_path(path, keys[i]);
     if (part.json)
-      status = ms_json_read_number(r, ms_json_at(at.text), part, m->range, numbers + i);
+      status = ms_json_read_number(r, ms_json_at(at.text), part, m->key.range, numbers + i);
   }
   return status;
 }
 
-static msim_status read_member_numbers(const ms_json_reader *r, const char *path, ms_value value,
-                                       const ms_object_member *m, double *numbers) {
-  if (m->parts[0] && json_is_object(value.json)) return read_parts(r, path, value, m, numbers);
-  if (m->parts[0] || m->count == 1) {
-    msim_status status = ms_json_read_number(r, ms_json_at(path), value, m->range, numbers);
-    for (int32_t i = 1; i < m->count; i++) numbers[i] = numbers[0];
-    return status;
-  }
-  return ms_json_read_row(r, ms_json_at(path), value, m->range, m->count, numbers);
+/* One number for all parts, or an object */
+static msim_status read_number_or_parts(const ms_json_reader *r, const char *path, ms_value object,
+                                        const ms_object_member *m, double *numbers) {
+  ms_value value;
+  msim_status status = ms_json_require_key(r, path, object, &m->key, &value);
+  if (status) return status;
+  const ms_key_path at = ms_json_member_path(path, m->key.key);
+  if (json_is_object(value.json)) return read_parts(r, at.text, value, m, numbers);
+  status = ms_json_read_number(r, ms_json_at(at.text), value, m->key.range, numbers);
+  for (int32_t i = 1; i < m->key.count; i++) numbers[i] = numbers[0];
+  return status;
 }
 
 static msim_status read_object_member(const ms_json_reader *r, const char *path, ms_value object,
                                       const ms_object_member *m, ms_object *to) {
-  const ms_key_path at = ms_json_member_path(path, m->key);
-  ms_value value = ms_value_member(object, m->key);
-  if (!value.json && m->optional) return MSIM_OK;
-  char must[64];
-  if (m->count == 1 || m->parts[0])
-    snprintf(must, sizeof must, "%s", ms_objects_range_text(m->range));
-  else snprintf(must, sizeof must, "an array of %d", m->count);
-  msim_status status = ms_json_require(r, path, object, m->key, must, &value);
   double numbers[3] = {0, 0, 0};
-  if (!status) status = read_member_numbers(r, at.text, value, m, numbers);
+  const msim_status status = m->key.form == MS_NUMBER_OR_PARTS
+                                 ? read_number_or_parts(r, path, object, m, numbers)
+                                 : ms_json_read_numbers(r, path, object, &m->key, numbers);
   if (status) return status;
   void *member = (char *)to + m->offset;
-  if (m->range == MS_POSITIVE_INTEGER)
-    for (int32_t i = 0; i < m->count; i++) ((int32_t *)member)[i] = (int32_t)numbers[i];
-  else memcpy(member, numbers, (size_t)m->count * sizeof *numbers);
+  if (m->key.range == MS_POSITIVE_INTEGER)
+    for (int32_t i = 0; i < m->key.count; i++) ((int32_t *)member)[i] = (int32_t)numbers[i];
+  else memcpy(member, numbers, (size_t)m->key.count * sizeof *numbers);
   return MSIM_OK;
 }
 
@@ -101,8 +97,12 @@ typedef struct named_particles {
 static const named_particles names[] = {
     {"corners", 2, 0}, {"first_row", 1, 1}, {"first_corners", 1, 0}};
 
+const char *ms_json_objects_particle_name(int32_t i) {
+  return i < (int32_t)(sizeof names / sizeof *names) ? names[i].name : NULL;
+}
+
 static const named_particles *find_name(const ms_object_type *type, ms_value value) {
-  if (strcmp(type->name, "cloth") != 0 || !ms_value_text(value)) return NULL;
+  if (type->pinned->form != MS_NAMED_INDICES || !ms_value_text(value)) return NULL;
   for (size_t i = 0; i < sizeof names / sizeof *names; i++)
     if (strcmp(names[i].name, ms_value_text(value)) == 0) return &names[i];
   return NULL;
@@ -122,7 +122,7 @@ static msim_status mark_item(const ms_json_reader *r, ms_json_location at, ms_va
     mark_named(named, grid, marks);
     return MSIM_OK;
   }
-  if (ms_value_text(value) && strcmp(type->name, "cloth") == 0)
+  if (ms_value_text(value) && type->pinned->form == MS_NAMED_INDICES)
     return ms_json_refuse(r, at, value,
                           "an index, \"corners\", \"first_row\" or \"first_corners\"");
   int32_t p;
@@ -152,8 +152,8 @@ static msim_status read_pinned_of_object(const ms_json_reader *r, const char *pa
 
 static msim_status add_object_particles(const ms_json_reader *r, const char *path, ms_value object,
                                         const ms_object_type *type, ms_grid *grid) {
-  const ms_key_path at = ms_json_member_path(path, "pinned");
-  ms_value pinned = ms_value_member(object, "pinned");
+  const ms_key_path at = ms_json_member_path(path, type->pinned->key);
+  ms_value pinned = ms_value_member(object, type->pinned->key);
   int32_t *marks = ms_memory_allocate(
       &r->alloc, pinned.json ? (size_t)ms_objects_grid_size(grid) : 0, sizeof *marks);
   if (!marks) return ms_json_fail_memory(r);

@@ -8,4 +8,7 @@
 msim_status ms_json_add_objects(ms_json_reader *r, const char *path, ms_value objects);
 msim_status ms_json_add_object_springs(const ms_json_reader *r);
 
+/* The i-th name of a group of particles of a cloth, for `pinned`; NULL past the end. */
+const char *ms_json_objects_particle_name(int32_t i);
+
 #endif

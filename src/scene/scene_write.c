@@ -162,9 +162,9 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     const double *numbers = ms_scene_get_parameter(s, p);
-    ms_text_append(text, ",\n  \"%s\": ", p->key);
-    if (p->n == 1) ms_text_append(text, "%s", ms_text_format_double(*numbers).text);
-    else write_numbers(text, p->n, 1, numbers);
+    ms_text_append(text, ",\n  \"%s\": ", p->key.key);
+    if (p->key.count == 1) ms_text_append(text, "%s", ms_text_format_double(*numbers).text);
+    else write_numbers(text, p->key.count, 1, numbers);
   }
   write_json_particles(text, s);
   write_json_springs(text, s);

@@ -76,6 +76,17 @@ class Install(unittest.TestCase):
     def test_cmake(self):
         self.try_pendulum(self.cmake(HERE) / "pendulum")
 
+    def test_documents(self):
+        """The manual page, completions and the schema, as the installed program prints them."""
+        if not (self.prefix / "bin/msim_cli").exists():
+            self.skipTest("a build without programs")
+        for file, command in (("man/man1/msim_cli.1", ("help", "man")),
+                              ("msim/scene.schema.json", ("help", "scene", "--json")),
+                              ("bash-completion/completions/msim_cli", ("completion", "bash")),
+                              ("zsh/site-functions/_msim_cli", ("completion", "zsh"))):
+            self.assertEqual((self.prefix / "share" / file).read_text(),
+                             support.run(self.prefix / "bin/msim_cli", *command))
+
     def test_pkg_config(self):
         flags = self.pkg_config("--cflags", "--libs",
                                 *([] if support.setting("SHARED") == "1" else ["--static"]))
@@ -169,7 +180,8 @@ class Install(unittest.TestCase):
     def test_nothing_remembers_where_it_was_built(self):
         places = [str(self.first), support.setting("BUILD"), str(support.SOURCE)]
         for path in self.prefix.rglob("*"):
-            if path.suffix in (".cmake", ".pc", ".h"):
+            is_text = path.is_file() and path.is_relative_to(self.prefix / "share")
+            if is_text or path.suffix in (".cmake", ".pc", ".h"):
                 for place in places:
                     self.assertNotIn(place, path.read_text(), path)
             elif path.name.startswith(("msim_cli", "msim_bench")) or ".so" in path.suffixes:

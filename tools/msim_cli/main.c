@@ -6,6 +6,7 @@
 #include "../common/message.h"
 #include "../common/standard.h"
 #include "arguments.h"
+#include "completion.h"
 #include "help.h"
 #include "report.h"
 #include "run.h"
@@ -47,15 +48,15 @@ static int is_one_of(const char *word, const char *a, const char *b) {
 
 static int dispatch(int argc, char **argv) {
   if (argc < 2) return report_usage_error("", "a command is missing: run, explain or list");
-  if (is_one_of(argv[1], "-h", "--help")) help_program();
-  else if (is_one_of(argv[1], "-V", "--version")) help_version();
-  else {
-    for (int i = 0; i < NCOMMANDS; i++)
-      if (strcmp(argv[1], command_name((command_id)i)) == 0)
-        return run_named_command((command_id)i, argc - 1, argv + 1);
-    return report_usage_error("", "there is no command '%s', only run, explain and list", argv[1]);
-  }
-  return EXIT_OK;
+  const char *name = argv[1];
+  if (is_one_of(name, "-h", "--help")) return help_program(), EXIT_OK;
+  if (is_one_of(name, "-V", "--version")) return help_version(), EXIT_OK;
+  if (strcmp(name, "help") == 0) return help_topic(argc - 1, argv + 1);
+  if (strcmp(name, "completion") == 0) return completion_command(argc - 1, argv + 1);
+  for (int i = 0; i < NCOMMANDS; i++)
+    if (strcmp(name, command_name((command_id)i)) == 0)
+      return run_named_command((command_id)i, argc - 1, argv + 1);
+  return help_refuse_command(name);
 }
 
 int main(int argc, char **argv) {

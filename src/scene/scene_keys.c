@@ -1,0 +1,107 @@
+#include "scene/scene_keys.h"
+
+#include <math.h>
+#include <stddef.h>
+
+int ms_range_contains(ms_range range, double value) {
+  if (!isfinite(value)) return 0;
+  switch (range) {
+    case MS_NOT_NEGATIVE:
+      return value >= 0;
+    case MS_POSITIVE:
+      return value > 0;
+    case MS_FRACTION:
+      return value >= 0 && value <= 1;
+    case MS_POSITIVE_INTEGER:
+      return value >= 1 && value <= INT32_MAX && value == floor(value);
+    case MS_ANY:
+    default:
+      return 1;
+  }
+}
+
+const char *ms_range_text(ms_range range) {
+  static const char *const texts[] = {
+      [MS_ANY] = "a finite number",
+      [MS_NOT_NEGATIVE] = "a finite number >= 0",
+      [MS_POSITIVE] = "a finite number > 0",
+      [MS_FRACTION] = "a number in [0, 1]",
+      [MS_POSITIVE_INTEGER] = "a whole number from 1 to 2147483647"};
+  return texts[range];
+}
+
+const ms_scene_key ms_section_keys[MS_SECTIONS] = {
+    {"msim", MS_VERSION, MS_ANY, 1, NULL, "", "version of this format", "1"},
+    {"name", MS_TEXT, MS_ANY, 1, "\"\"", "", "name of the scene, for reports", "\"a pendulum\""},
+    {"particles", MS_SECTION, MS_ANY, 1, "", "", "particles, listed one by one",
+     "{\"x\": [[0, 0, 2], [0.5, 0, 2]], \"mass\": 1}"},
+    {"objects", MS_LIST, MS_ANY, 1, "", "",
+     "ropes, cloths and lattices, whose particles and springs follow those that are listed",
+     "[{\"type\": \"rope\", \"n\": 3, \"from\": [0, 0, 0], \"to\": [1, 0, 0], \"mass\": 1, \"k\": "
+     "100}]"},
+    {"springs", MS_SECTION, MS_ANY, 1, "", "",
+     "springs, listed one by one; with d = x_j - x_i, l = |d| and u = d/l the force on particle i "
+     "is k (l - rest) u + damping (u . (v_j - v_i)) u, and the opposite on particle j",
+     "{\"ij\": [[0, 1]], \"k\": 500}"},
+    {"faces", MS_INDEX_ROWS, MS_ANY, 3, "[]", "",
+     "triangles of particles [i, j, k] that viewers draw, besides those of cloths and lattices; "
+     "they do not affect the motion",
+     "[[0, 1, 2]]"},
+    {"planes", MS_LIST, MS_ANY, 1, "[]", "",
+     "half spaces normal . x >= offset, inside which all particles stay",
+     "[{\"normal\": [0, 0, 1], \"offset\": 0}]"},
+    {"run", MS_SECTION, MS_ANY, 1, "{}", "",
+     "options of the run, which those on the command line replace",
+     "{\"integrator\": \"velocity-verlet\", \"h\": 1e-3, \"t_end\": 2}"}};
+
+const ms_scene_key ms_particle_keys[MS_PARTICLE_KEYS] = {
+    {"x", MS_ROWS, MS_ANY, 3, NULL, "m", "positions at the start", "[[0, 0, 2], [0.5, 0, 2]]"},
+    {"v", MS_ROWS, MS_ANY, 3, "", "m/s", "velocities at the start; default: 0",
+     "[[0, 0, 0], [1, 0, 0]]"},
+    {"mass", MS_NUMBER_EACH, MS_POSITIVE, 1, NULL, "kg", "masses", "0.5"},
+    {"pinned", MS_INDICES, MS_ANY, 1, "[]", "",
+     "indices, from 0, of the particles that never move; their velocities must be 0", "[0]"}};
+
+const ms_scene_key ms_spring_keys[MS_SPRING_KEYS] = {
+    {"ij", MS_INDEX_ROWS, MS_ANY, 2, NULL, "",
+     "pairs [i, j] of particles that springs connect; particles of objects count, too",
+     "[[0, 1], [1, 2]]"},
+    {"k", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, NULL, "N/m", "spring constants", "500"},
+    {"rest", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "", "m",
+     "rest lengths; default: the lengths at the start", "0.4"},
+    {"damping", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "0", "N s/m", "damping constants", "0.1"}};
+
+const ms_scene_key ms_plane_keys[MS_PLANE_KEYS] = {
+    {"normal", MS_NUMBERS, MS_ANY, 3, NULL, "",
+     "vector that points to the side of the particles; its length, not 0, divides normal and "
+     "offset",
+     "[0, 0, 1]"},
+    {"offset", MS_NUMBERS, MS_ANY, 1, NULL, "m",
+     "distance of the plane from the origin, along the normal", "-0.5"},
+    {"restitution", MS_NUMBERS, MS_FRACTION, 1, "1", "",
+     "ratio of the normal speeds after and before an impact; 1: elastic", "0.5"},
+    {"friction", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "0", "", "coefficient of Coulomb friction",
+     "0.3"}};
+
+const ms_scene_key ms_type_key = {"type", MS_TYPE, MS_ANY,           1,
+                                  NULL,   "",      "type of object", "\"rope\""};
+
+const ms_scene_key ms_pinned_key = {
+    "pinned",
+    MS_INDICES,
+    MS_ANY,
+    1,
+    "[]",
+    "",
+    "indices within the object, from 0, of the particles that never move",
+    "[0]"};
+
+const ms_scene_key ms_cloth_pinned_key = {
+    "pinned",
+    MS_NAMED_INDICES,
+    MS_ANY,
+    1,
+    "[]",
+    "",
+    "particles that never move: indices within the object, from 0, or names of groups",
+    "\"corners\""};
