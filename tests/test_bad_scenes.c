@@ -10,7 +10,9 @@
 static const struct {
   const char *file, *words;
 } cases[] = {
-    {"syntax_missing_comma", "syntax_missing_comma.json:3:8: "},
+    {"syntax_missing_comma",
+     "syntax_missing_comma.json:3:8: '}' expected near '\"name\"'; is a comma missing at line 2, "
+     "column 12, "},
     {"syntax_truncated", ":1:38: "},
     {"syntax_trailing_text", ":5:3: end of file expected"},
     {"syntax_duplicate_key", "duplicate object key near"},
@@ -66,6 +68,12 @@ static const struct {
     {"pinned_out_of_range", "particles.pinned[1] is 3; it must be a whole number from 0 to 2"},
     {"pinned_negative", "particles.pinned[0] is -1; it must be"},
     {"pinned_real", "particles.pinned[0] is 1.5; it must be a whole number"},
+    {"pinned_flags",
+     "particles.pinned[0] is true; it must be a whole number from 0 to 2: list the indices of "
+     "particles, not a flag for each"},
+    {"syntax_decimal_comma",
+     ":3:45: string or '}' expected near '0'; decimals are written with a point, 0.001"},
+    {"syntax_last_comma", "; remove the comma before it, at line 3, column 56"},
     {"pinned_moving", "particles.pinned[1] is particle 1, whose velocity is not 0"},
     {"springs_array", "springs is an array of 1; it must be an object"},
     {"springs_unknown_key",

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import pty
+import re
 import resource
 import select
 import signal
@@ -218,7 +219,10 @@ class Report(CliTest):
         self.scene()
         out = self.good("run", "scene.json", "--stats")
         for name in COUNTERS | SECONDS:
-            self.assertRegex(out, rf"(?m)^    {name} +[0-9.]+$")
+            self.assertRegex(out, rf"(?m)^    {name} +[0-9.]+  [a-z].*$")
+        titles = re.findall(r"(?m)^  (\w+)$", out)
+        self.assertEqual(titles, ["steps", "forces", "matrices", "solutions", "contact", "seconds"])
+        self.assertLessEqual(max(map(len, out[out.index("\n  steps\n"):].splitlines())), 80)
 
     def test_contacts(self):
         self.scene({"msim": 1, "gravity": [0, 0, -9.81], "planes": [{"normal": [0, 0, 1],

@@ -80,10 +80,16 @@ static msim_status load_table(const ms_registry *r, const char *name, const char
   void *symbol;
   msim_error why;
   const msim_status status = ms_plugin_open(r->kind, name, plugin_path, &symbol, where, &why);
-  if (status == MSIM_ERR_NAME && !find_known(r, offsetof(ms_registry_plugin, name), name))
+  const ms_registry_plugin *known = find_known(r, offsetof(ms_registry_plugin, name), name);
+  if (status == MSIM_ERR_NAME && !known)
     return ms_error_set(err, status, "unknown %s '%s'%s: %s", r->noun, name,
                         ms_suggest_hint(name, known_name, r).text, why.text);
-  if (status) return ms_error_set(err, status, "%s '%s': %s", r->noun, name, why.text);
+  const int has_package = known && known->package;
+  if (status)
+    return ms_error_set(err, status, "%s '%s': %s%s%s%s", r->noun, name, why.text,
+                        has_package ? "; msim builds it if " : "",
+                        has_package ? known->package : "",
+                        has_package ? " (Debian, Ubuntu) is installed" : "");
   *table = r->enter(symbol);
   if (*table) return MSIM_OK;
   return ms_error_set(err, MSIM_ERR_PLUGIN,

@@ -10,6 +10,7 @@
 /* A plugin that msim documents: it is listed, and files with its extension are its own. */
 typedef struct ms_registry_plugin {
   const char *name, *extension; /* extension: with the dot; NULL: it is found by name only */
+  const char *package;          /* of Debian, from which it is built; NULL: none */
   int has_no_table;             /* 1: part of msim, and not found here */
 } ms_registry_plugin;
 

@@ -20,16 +20,17 @@ static msim_status check_format(const void *table, const char *file, msim_error 
       format);
 }
 
-static const ms_registry_plugin known[] = {{.name = "auto", .has_no_table = 1},
-                                           {.name = "pcg", .has_no_table = 1},
-                                           {.name = "cholmod"},
-                                           {.name = "klu"},
-                                           {.name = "sundials-pcg"},
-                                           {.name = "sundials-spgmr"},
-                                           {.name = "sundials-spfgmr"},
-                                           {.name = "sundials-spbcgs"},
-                                           {.name = "sundials-sptfqmr"},
-                                           {NULL}};
+static const ms_registry_plugin known[] = {
+    {.name = "auto", .has_no_table = 1},
+    {.name = "pcg", .has_no_table = 1},
+    {.name = "cholmod", .package = "libsuitesparse-dev"},
+    {.name = "klu", .package = "libsuitesparse-dev"},
+    {.name = "sundials-pcg", .package = "libsundials-dev"},
+    {.name = "sundials-spgmr", .package = "libsundials-dev"},
+    {.name = "sundials-spfgmr", .package = "libsundials-dev"},
+    {.name = "sundials-spbcgs", .package = "libsundials-dev"},
+    {.name = "sundials-sptfqmr", .package = "libsundials-dev"},
+    {NULL}};
 
 #define MEMBER(member) \
   { #member, offsetof(msim_backend, member) }

@@ -94,7 +94,8 @@ const ms_integrator ms_respa = {
         {.name = "respa",
          .doc =
              "multirate velocity Verlet: short steps for stiff springs within long steps for all "
-             "other forces; resonates if h Omega of a stiff mode is near k pi (Tuckerman 1992)",
+             "other forces; inaccurate if h is near a multiple of half the period of a stiff "
+             "vibration (Tuckerman 1992)",
          .order = 2},
     .is_multirate = 1,
     .nwork = 3,

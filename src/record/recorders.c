@@ -12,7 +12,9 @@ MS_REGISTRY_ENTRIES(msim_recorder_entry_fn, ms_csv_recorder_type, MSIM_LINKED_RE
 #undef X
 
 static const ms_registry_plugin known[] = {
-    {.name = "csv", .extension = ".csv"}, {.name = "hdf5", .extension = ".vtkhdf"}, {NULL}};
+    {.name = "csv", .extension = ".csv"},
+    {.name = "hdf5", .extension = ".vtkhdf", .package = "libhdf5-dev"},
+    {NULL}};
 
 #define MEMBER(member) \
   { #member, offsetof(msim_recorder_type, member) }

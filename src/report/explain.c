@@ -177,11 +177,11 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
       "              a step costs %.2g times as much as the steps of velocity-verlet that it "
       "replaces\n",
       ((double)n + (double)split->inner * stiff) / (n * ceil(step_over_limit(sim, &m->model))));
-  ms_text_append(
-      out,
-      "              resonance occurs where h Omega of a stiff mode is a multiple of pi; here\n"
-      "              h Omega <= %.3g pi\n",
-      sim->run.h * ms_bounds_compute_island(&split->stiff).omega / 3.141592653589793);
+  ms_text_append(out,
+                 "              resonance occurs where h is a multiple of half the period of a "
+                 "stiff vibration;\n"
+                 "              here h is at most %.3g times the shortest half period\n",
+                 sim->run.h * ms_bounds_compute_island(&split->stiff).omega / 3.141592653589793);
 }
 
 static void explain_collisions(const msim_sim *sim, ms_text *out) {
@@ -282,7 +282,7 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
     const char *what, *why;
   } skips[] = {
       {!solver, "assembly, factorization, solver libraries", "the method needs no solver"},
-      {solver && solver->lagged_factor.factorizer, "factorisation",
+      {solver && solver->lagged_factor.factorizer, "factorization",
        "in steps for which the last one is a good preconditioner"},
       {solver && solver->linear->aggregates && !(sim->config.opt.skip_off & MSIM_SKIP_KEPT_FACTOR),
        "coarse factorization", "in steps whose matrix has hardly changed since the last one"},

@@ -13,7 +13,8 @@ MSIM_LINKED_IMPORTERS
 MS_REGISTRY_ENTRIES(msim_importer_entry_fn, MSIM_LINKED_IMPORTERS)
 #undef X
 
-static const ms_registry_plugin known[] = {{.name = "hdf5", .extension = ".h5"}, {NULL}};
+static const ms_registry_plugin known[] = {
+    {.name = "hdf5", .extension = ".h5", .package = "libhdf5-dev"}, {NULL}};
 
 #define MEMBER(member) \
   { #member, offsetof(msim_importer, member) }

@@ -235,7 +235,10 @@ msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_
   const int64_t number = ms_value_whole(value);
   *index = (int32_t)number;
   if (ms_value_is_whole(value) && number >= 0 && number < n) return MSIM_OK;
-  char must[64] = "removed, because there are no particles";
-  if (n) snprintf(must, sizeof must, "a whole number from 0 to %d", n - 1);
+  char must[128] = "removed, because there are no particles";
+  if (n)
+    snprintf(
+        must, sizeof must, "a whole number from 0 to %d%s", n - 1,
+        json_is_boolean(value.json) ? ": list the indices of particles, not a flag for each" : "");
   return ms_json_refuse(r, at, value, must);
 }

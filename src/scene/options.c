@@ -247,8 +247,9 @@ static int in_range(const option *o, double value) {
 static msim_status refuse_value(const option *o, const char *found, msim_error *err) {
   char values[64];
   ms_options_describe_values(&o->entry, sizeof values, values);
-  return ms_error_set(err, MSIM_ERR_ARG, "%s is '%s'; it must be %s%s", o->entry.name, found,
-                      o->type == CHOICE || o->type == SKIP ? "" : "a ", values);
+  return ms_error_set(err, MSIM_ERR_ARG, "%s is '%s'; it must be %s%s%s", o->entry.name, found,
+                      o->type == CHOICE || o->type == SKIP ? "" : "a ", values,
+                      o->type == REAL && strchr(found, ',') ? ", with a decimal point" : "");
 }
 
 static msim_status set_number(msim_options *opt, const option *o, const char *value,

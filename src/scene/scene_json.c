@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "scene/options.h"
+#include "scene/json_syntax.h"
 #include "scene/scene_json.h"
 #include "scene/scene_json_objects.h"
 
@@ -287,14 +288,6 @@ msim_status ms_json_build_scene(ms_json_reader *r, ms_value root) {
   return status;
 }
 
-static msim_status refuse_syntax(const ms_json_reader *r, const json_error_t *error) {
-  if (errno == ENOMEM) return ms_json_fail_memory(r); /* jansson may call it a syntax error */
-  char label[600];
-  snprintf(label, sizeof label, "%s:%d:%d", r->label, error->line, error->column);
-  const ms_json_reader there = {.label = label, .err = r->err};
-  return ms_json_fail(&there, MSIM_ERR_ARG, "%s", error->text);
-}
-
 msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, const char *text,
                              size_t length, msim_scene **scene, msim_error *err) {
   if (scene) *scene = NULL;
@@ -308,7 +301,9 @@ msim_status msim_scene_parse(const msim_allocator *alloc, const char *label, con
   json_error_t error;
   errno = 0;
   json_t *root = json_loadb(text, length, JSON_REJECT_DUPLICATES, &error);
-  if (!root) return refuse_syntax(&r, &error);
+  if (!root && errno == ENOMEM)
+    return ms_json_fail_memory(&r); /* jansson may call it a syntax error */
+  if (!root) return ms_json_syntax_refuse(&r, text, length, &error);
   status = ms_json_build_scene(&r, (ms_value){.json = root});
   json_decref(root);
   if (!status) status = store_source(&r, text, length);

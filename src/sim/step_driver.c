@@ -243,12 +243,13 @@ static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
   }
 }
 
-static void list_controlled_methods(size_t size, char *names) {
+/* They are fewer than those with error control. */
+static void list_uncontrolled_methods(size_t size, char *names) {
   const ms_integrator *method;
   names[0] = 0;
   for (int32_t i = 0; (method = ms_methods_at(i)) != NULL; i++) {
     const size_t used = strlen(names);
-    if (ms_control_is_supported(method))
+    if (!ms_control_is_supported(method))
       snprintf(names + used, size - used, "%s%s", used ? ", " : "", method->entry.name);
   }
 }
@@ -256,7 +257,7 @@ static void list_controlled_methods(size_t size, char *names) {
 /* dop853 has error control by default; `steps` switches it off. */
 msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err) {
   msim_options *opt = &sim->config.opt;
-  char names[512];
+  char names[128];
   if (opt->tol == 0 && opt->steps < 0 && sim->config.integrator->chooses_steps)
     opt->tol = MS_DEFAULT_TOL;
   if (opt->tol == 0) return MSIM_OK;
@@ -265,9 +266,10 @@ msim_status ms_step_driver_choose_control(msim_sim *sim, msim_error *err) {
                         "tol and steps exclude each other, because with tol error control "
                         "determines the number of steps; use t_end in place of steps");
   if (ms_control_is_supported(sim->config.integrator)) return MSIM_OK;
-  list_controlled_methods(sizeof names, names);
+  list_uncontrolled_methods(sizeof names, names);
   return ms_error_set(err, MSIM_ERR_ARG,
-                      "integrator '%s' has no error control; remove tol, or use one of %s",
+                      "integrator '%s' has no error control; remove tol, or use another integrator "
+                      "(not %s), for example dop853",
                       opt->integrator, names);
 }
 

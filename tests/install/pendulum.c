@@ -9,7 +9,7 @@ int main(int argc, char **argv) {
   msim_scene *scene = NULL;
   msim_sim *sim = NULL;
   msim_options options;
-  msim_state state = {.size = sizeof state};
+  msim_state state;
   msim_error error;
 
   msim_options_init(&options, sizeof options);
@@ -27,6 +27,7 @@ int main(int argc, char **argv) {
   if (failed) {
     fprintf(stderr, "pendulum: %s\n", error.text);
   } else {
+    state.size = sizeof state;
     msim_sim_state(sim, &state);
     printf("t = %g s, x = %g %g %g m\n", state.t, state.x[3], state.x[4], state.x[5]);
   }

@@ -95,6 +95,17 @@ class Install(unittest.TestCase):
                     "-o", program, *flags, f"-Wl,-rpath,{self.library.parent}")
         self.try_pendulum(program)
 
+    def test_cpp(self):
+        """The program of README is also one of C++17."""
+        support.require(shutil.which("c++"), "c++")
+        flags = self.pkg_config("--cflags", "--libs",
+                                *([] if support.setting("SHARED") == "1" else ["--static"]))
+        program = self.folder / "pendulum_cpp"
+        support.run("c++", "-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror",
+                    *self.sanitize, "-x", "c++", HERE / "pendulum.c", "-x", "none", "-o", program,
+                    *flags, f"-Wl,-rpath,{self.library.parent}")
+        self.try_pendulum(program)
+
     def rope(self, solver, plugins):
         """The positions of the rope after 50 implicit steps."""
         final = self.folder / f"{solver}.json"

@@ -93,18 +93,6 @@ static void print_files(const report *r, const arguments *args) {
   }
 }
 
-static void print_stats(const msim_stats *stats) {
-  const char *name;
-  int64_t count;
-  double s;
-  puts("\n  work");
-  for (int i = 0; (name = stats_counter(stats, i, &count)) != NULL; i++)
-    printf("    %-20s %14" PRId64 "\n", name, count);
-  puts("\n  seconds");
-  for (int i = 0; (name = stats_phase(stats, i, &s)) != NULL; i++)
-    printf("    %-20s %14.6f\n", name, s);
-}
-
 static void print_name(const report *r, const arguments *args) {
   char text[256];
   snprintf(text, sizeof text, "%s", *r->name ? r->name : args->scene);
@@ -127,7 +115,7 @@ void report_run(const report *r, const arguments *args, msim_sim *sim) {
   print_energies(&r->start, &end);
   print_events(r, &stats);
   print_files(r, args);
-  if (args->stats) print_stats(&stats);
+  if (args->stats) stats_print(&stats);
 }
 
 /*------------------------------------- list -----------------------------------------------------*/

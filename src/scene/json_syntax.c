@@ -1,0 +1,94 @@
+#include "scene/json_syntax.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+
+/* The bytes of a token of JSON: a string, a bracket, ',' or ':', or what stands between these */
+typedef struct token {
+  size_t from, to;
+} token;
+
+static int is_one_of(char c, const char *characters) { return c && strchr(characters, c) != NULL; }
+
+static size_t string_end(const char *text, size_t length, size_t at) {
+  for (at++; at < length && text[at] != '"'; at++)
+    if (text[at] == '\\') at++;
+  return at < length ? at + 1 : length;
+}
+
+/* The first token from `at` on; an empty one at the end */
+static token next_token(const char *text, size_t length, size_t at) {
+  while (at < length && is_one_of(text[at], " \t\r\n")) at++;
+  token t = {at, at};
+  if (at == length) return t;
+  if (text[at] == '"') t.to = string_end(text, length, at);
+  else if (is_one_of(text[at], "{}[],:")) t.to++;
+  else
+    while (t.to < length && !is_one_of(text[t.to], " \t\r\n{}[],:\"")) t.to++;
+  return t;
+}
+
+/* The token that ends at `position` or contains it, and the two before it */
+static void find_tokens(const char *text, size_t length, size_t position, token last[3]) {
+  memset(last, 0, 3 * sizeof *last);
+  do {
+    last[2] = last[1];
+    last[1] = last[0];
+    last[0] = next_token(text, length, last[1].to);
+  } while (last[0].to < position && last[0].to > last[0].from);
+}
+
+/* "line 2, column 18": of the character at a byte, both from 1 */
+typedef struct place {
+  char text[64];
+} place;
+static place describe_place(const char *text, size_t at) {
+  place p;
+  size_t line = 1, column = 1;
+  for (size_t i = 0; i < at; i++) {
+    const int starts = ((unsigned char)text[i] & 0xC0) != 0x80; /* a character of UTF-8 */
+    column += (size_t)starts;
+    if (text[i] == '\n') line++, column = 1;
+  }
+  snprintf(p.text, sizeof p.text, "line %zu, column %zu", line, column);
+  return p;
+}
+
+/* 1: "0,5", a number, a comma and a number without blanks */
+static int is_decimal_comma(const char *text, const token last[3]) {
+  return text[last[1].from] == ',' && last[2].to == last[1].from && last[1].to == last[0].from &&
+         isdigit((unsigned char)text[last[2].to - 1]) && isdigit((unsigned char)text[last[0].from]);
+}
+
+/* A hint for an error at the token last[0]; "" if there is none */
+static void find_remedy(const char *text, const json_error_t *error, const token last[3],
+                        size_t size, char *hint) {
+  *hint = '\0';
+  if (last[0].to == last[0].from || last[1].to == 0) return;
+  const char found = text[last[0].from];
+  if (last[2].to > 0 && is_decimal_comma(text, last))
+    snprintf(hint, size, "; decimals are written with a point, %.*s.%.*s",
+             (int)(last[2].to - last[2].from > 20 ? 20 : last[2].to - last[2].from),
+             text + last[2].from,
+             (int)(last[0].to - last[0].from > 20 ? 20 : last[0].to - last[0].from),
+             text + last[0].from);
+  else if (text[last[1].from] == ',' && is_one_of(found, "}]"))
+    snprintf(hint, size, "; remove the comma before it, at %s",
+             describe_place(text, last[1].from).text);
+  else if (is_one_of(*error->text, "'") && strstr(error->text, "expected") &&
+           !is_one_of(text[last[1].from], ",:{[") && !is_one_of(found, "}],:"))
+    snprintf(hint, size, "; is a comma missing at %s, where the value before it ends?",
+             describe_place(text, last[1].to).text);
+}
+
+msim_status ms_json_syntax_refuse(const ms_json_reader *r, const char *text, size_t length,
+                                  const json_error_t *error) {
+  char label[600], hint[160];
+  token last[3];
+  find_tokens(text, length, (size_t)error->position, last);
+  find_remedy(text, error, last, sizeof hint, hint);
+  snprintf(label, sizeof label, "%s:%d:%d", r->label, error->line, error->column);
+  const ms_json_reader there = {.label = label, .err = r->err};
+  return ms_json_fail(&there, MSIM_ERR_ARG, "%s%s", error->text, hint);
+}
