@@ -1,6 +1,7 @@
 #define _POSIX_C_SOURCE 200809L /* strdup, stat */
 #include "files.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -44,6 +45,15 @@ const char *special_file_kind(const char *path) {
 int file_exists(const char *path) {
   struct stat info;
   return stat(path, &info) == 0;
+}
+
+int file_is_foreign(const char *path, const char *text) {
+  struct stat info;
+  if (stat(path, &info) != 0 || info.st_size == 0) return 0;
+  FILE *stream = fopen(path, "r");
+  while (stream && *text && fgetc(stream) == *text) text++;
+  if (stream) fclose(stream);
+  return *text != '\0';
 }
 
 int has_extension(const char *path, const char *extension) {

@@ -11,6 +11,10 @@ const char *special_file_kind(const char *path);
 /* 1: a file, a folder or anything else has this name. */
 int file_exists(const char *path);
 
+/* 1: a file has this name that is not empty, and that does not begin with `text`, as those of the
+ * program do, or cannot be read. */
+int file_is_foreign(const char *path, const char *text);
+
 /* 1: the name ends in this extension, such as ".csv". */
 int has_extension(const char *path, const char *extension);
 

@@ -25,8 +25,8 @@ static const cli_flag flags[] = {
      "resume the run of the .vtkhdf file of --out after its last frame; start it if there is no "
      "such file",
      FOR_RUN, AT(resume)},
-    {"force", NULL, "replace the file of --out even if it is not a trajectory of msim", FOR_RUN,
-     AT(force)},
+    {"force", NULL, "replace the files of --out and --final even if msim did not write them",
+     FOR_RUN, AT(force)},
     {"stats", NULL, "print all counters and the seconds of each phase", FOR_RUN, AT(stats)},
     {"quiet", NULL, "print nothing but errors", FOR_RUN, AT(quiet)},
     {"help", NULL, "show this text, as -h does", FOR_ALL, AT(help)},

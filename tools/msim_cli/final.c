@@ -8,6 +8,8 @@
 #include "../common/message.h"
 #include "stats.h"
 
+const char final_beginning[] = "{\"msim\": 1, \"status\": \"";
+
 /*------------------------------------- writing --------------------------------------------------*/
 
 /* Write and free the value; 17 digits, which give the same bits when read. Returns 0 on failure. */
@@ -79,7 +81,7 @@ typedef struct content {
 
 static int put_content(FILE *stream, const content *c) {
   const msim_state *s = &c->state;
-  return fprintf(stream, "{\"msim\": 1, \"status\": \"%s\"", status_word(c->status)) > 0 &&
+  return fprintf(stream, "%s%s\"", final_beginning, status_word(c->status)) > 0 &&
          put_key(stream, "step", json_integer(s->step)) && put_key(stream, "t", json_real(s->t)) &&
          put_key(stream, "h", json_real(s->h)) && put_triples(stream, "x", s->n, s->x) &&
          put_triples(stream, "v", s->n, s->v) &&

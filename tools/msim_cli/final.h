@@ -5,6 +5,9 @@
 #include "../common/output.h"
 #include "msim/msim.h"
 
+/* The beginning of every file that final_write writes, by which it is recognized. */
+extern const char final_beginning[];
+
 /* Write the present state of a run that ended with `status`, and close the file. Prints errors. */
 int final_write(output_file *file, msim_sim *sim, msim_status status);
 

@@ -72,6 +72,14 @@ static int check_target(const char *flag, const char *path) {
   return kind ? report_usage_error("run", "%s '%s' is %s, not a file", flag, path, kind) : EXIT_OK;
 }
 
+/* Files of others are replaced with --force only. Nullable: path. */
+static int check_owner(const arguments *args, const char *path, const char *beginning,
+                       const char *what) {
+  if (!path || args->force || !file_is_foreign(path, beginning)) return EXIT_OK;
+  return report_error("%s exists and is not %s of msim; use another name, or --force to replace it",
+                      path, what);
+}
+
 static int check_files(const arguments *args) {
   if (same_file(args->out, args->scene) || same_file(args->final, args->scene))
     return report_usage_error(
@@ -82,8 +90,8 @@ static int check_files(const arguments *args) {
   if (same_file(args->out, args->final))
     return report_usage_error("run", "'%s' cannot be both --out and --final; use another name",
                               args->out);
-  if (check_target("--out", args->out)) return EXIT_ERROR;
-  return check_target("--final", args->final);
+  if (check_target("--out", args->out) || check_target("--final", args->final)) return EXIT_ERROR;
+  return check_owner(args, args->final, final_beginning, "a final state");
 }
 
 /* Find the last step; the plan counts from the first state. */
