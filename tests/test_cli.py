@@ -8,8 +8,8 @@ import unittest
 from pathlib import Path
 
 import support
-from cli_support import (CLI, FOR_EVER, INTEGRATORS, OPTIONS, COUNTERS, SECONDS, PENDULUM, SCENES,
-                         pendulum, CliTest)
+from cli_support import (CLI, INTEGRATORS, OPTIONS, COUNTERS, SECONDS, PENDULUM, SCENES, pendulum,
+                         CliTest)
 
 
 class Help(CliTest):
@@ -29,7 +29,8 @@ class Help(CliTest):
         out = self.good("run", "--help")
         self.assertIn("default 1e-3", out)
         self.assertIn("exact | clamp", " ".join(out.split()))
-        for flag in ("--out FILE", "--final FILE.json", "--init FINAL.json", "--quiet", "--stats"):
+        for flag in ("--out FILE", "--final FILE.json", "--energies FILE.csv", "--init FINAL.json",
+                     "--quiet", "--stats"):
             self.assertIn(flag, out)
         self.assertNotIn("--final", self.good("explain", "--help"))
 
@@ -348,24 +349,6 @@ class Final(CliTest):
         old = self.run_final("--steps", "3")
         self.assert_refused(["run", "scene.json", "--final", "final.json", "--out", "no/o.csv"])
         self.assertEqual(self.final(), old)
-        self.assertEqual(self.run_final()["step"], 100)
-
-    def test_a_file_of_others_is_replaced_by_force_only(self):
-        """It is refused before the run, which here would never end."""
-        self.scene()
-        for content in ("old", PENDULUM, {"status": "ok"}, '{"msim": 1, "stat'):
-            with self.subTest(content):
-                path = self.folder / self.write("thesis.json", content)
-                before = path.read_bytes()
-                args = ["run", "scene.json", "--final", "thesis.json"]
-                self.assert_refused([*args, *FOR_EVER], "thesis.json exists and is not", "--force")
-                self.assertEqual(path.read_bytes(), before)
-                self.good(*args, "--force", "--quiet")
-                self.assertEqual(self.final("thesis.json")["step"], 100)
-
-    def test_an_empty_file_is_filled(self):
-        self.scene()
-        self.write("final.json", "")
         self.assertEqual(self.run_final()["step"], 100)
 
 

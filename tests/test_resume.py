@@ -88,10 +88,11 @@ class Kills(Resume):
     def end_of(self, options, kills, chance):
         """Kill and resume a run until it ends; returns the number of kills. No frame is lost."""
         begun = time.monotonic()
-        self.good(*self.command(options, "whole.vtkhdf"))
+        self.good(*self.command(options, "whole.vtkhdf", "--energies", "whole.csv"))
         length = time.monotonic() - begun
         (self.folder / "out.vtkhdf").unlink(missing_ok=True)
-        command, killed, frames = self.command(options, "out.vtkhdf", "--resume"), 0, -1
+        command = self.command(options, "out.vtkhdf", "--resume", "--energies", "out.csv")
+        killed, frames = 0, -1
         while killed < kills and self.kill_once(command, chance.uniform(0, 0.8 * length)):
             killed += 1
             now = self.good_frames("out.vtkhdf")
@@ -100,6 +101,7 @@ class Kills(Resume):
             frames = now
         self.good(*command)
         self.assertEqual(self.read("out.vtkhdf"), self.read("whole.vtkhdf"))
+        self.assertEqual(self.read("out.csv"), self.read("whole.csv"))
         return killed
 
     def test_kills(self):

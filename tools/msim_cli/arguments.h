@@ -14,8 +14,8 @@ typedef struct setting {
 
 typedef struct arguments {
   command_id which;
-  const char *scene;              /* NULL for list */
-  const char *out, *final, *init; /* NULL: not given */
+  const char *scene;                         /* NULL for list */
+  const char *out, *final, *init, *energies; /* NULL: not given */
   int resume, force, stats, quiet, help;
   int nsettings;
   setting *settings;    /* nsettings, in the order given */

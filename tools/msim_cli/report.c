@@ -87,7 +87,11 @@ static void print_files(const report *r, const arguments *args) {
     print_column(VALUE_COLUMN, "last state");
     puts(args->final);
   }
-  if (!args->out && !args->final) {
+  if (args->energies) {
+    print_column(VALUE_COLUMN, "energies");
+    puts(args->energies);
+  }
+  if (!args->out && !args->final && !args->energies) {
     print_column(VALUE_COLUMN, "kept");
     puts("nothing; use --out FILE for the motion, --final FILE.json for the last state");
   }

@@ -9,10 +9,12 @@
 #include "../common/clock.h"
 #include "../common/files.h"
 #include "../common/message.h"
+#include "energies.h"
 #include "final.h"
 #include "progress.h"
 #include "report.h"
 #include "setup.h"
+#include "targets.h"
 
 typedef struct run {
   const arguments *args;
@@ -20,6 +22,7 @@ typedef struct run {
   msim_sim *sim;
   msim_recorder *recorder; /* NULL: no --out */
   output_file final;
+  energies energies; /* table of --energies */
   progress bar;
   report report;
   msim_state first;   /* first state; its arrays are not used */
@@ -66,34 +69,6 @@ static void print_note(const char *text, void *user) {
   r->report.notes++;
 }
 
-/* Files are renamed when they are written, which would replace a device or a pipe. */
-static int check_target(const char *flag, const char *path) {
-  const char *kind = special_file_kind(path);
-  return kind ? report_usage_error("run", "%s '%s' is %s, not a file", flag, path, kind) : EXIT_OK;
-}
-
-/* Files of others are replaced with --force only. Nullable: path. */
-static int check_owner(const arguments *args, const char *path, const char *beginning,
-                       const char *what) {
-  if (!path || args->force || !file_is_foreign(path, beginning)) return EXIT_OK;
-  return report_error("%s exists and is not %s of msim; use another name, or --force to replace it",
-                      path, what);
-}
-
-static int check_files(const arguments *args) {
-  if (same_file(args->out, args->scene) || same_file(args->final, args->scene))
-    return report_usage_error(
-        "run", "'%s' is the scene file and must not be overwritten; use another name", args->scene);
-  if (same_file(args->out, args->init))
-    return report_usage_error("run", "'%s' cannot be both --init and --out; use another name",
-                              args->out);
-  if (same_file(args->out, args->final))
-    return report_usage_error("run", "'%s' cannot be both --out and --final; use another name",
-                              args->out);
-  if (check_target("--out", args->out) || check_target("--final", args->final)) return EXIT_ERROR;
-  return check_owner(args, args->final, final_beginning, "a final state");
-}
-
 /* Find the last step; the plan counts from the first state. */
 static void find_end(run *r) {
   msim_plan plan = {.size = sizeof plan};
@@ -116,7 +91,7 @@ static int make_sim(run *r) {
     return report_usage_error("run",
                               "the run has no end, neither on the command line nor in the scene's "
                               "run; use --steps N or --t_end SECONDS");
-  if (check_files(args)) return EXIT_ERROR;
+  if (check_targets(args)) return EXIT_ERROR;
   if (!args->quiet) {
     options->warn = print_note;
     options->warn_user = r;
@@ -152,17 +127,22 @@ static int open_files(run *r) {
   msim_error err;
   r->from = r->first;
   if (args->final && output_open(&r->final, args->final)) return EXIT_ERROR;
+  if (args->energies && energies_open(&r->energies, args->energies)) return EXIT_ERROR;
   if (args->out && open_recorder(r, &err) != MSIM_OK) return report_error("%s", err.text);
-  return EXIT_OK;
+  if (!args->energies) return EXIT_OK;
+  return energies_start(&r->energies, r->sim, r->report.goes_on);
 }
 
 /*------------------------------------- the run --------------------------------------------------*/
 
 static int64_t least_step(int64_t a, int64_t b) { return a < b ? a : b; }
 
+static int has_frames(const run *r) { return r->recorder || r->energies.stream; }
+
 static msim_status record_frame_at(run *r, double t, msim_error *err) {
   if (t == r->t_recorded) return MSIM_OK;
-  msim_status status = msim_recorder_write(r->recorder, err);
+  msim_status status = r->recorder ? msim_recorder_write(r->recorder, err) : MSIM_OK;
+  if (!status) status = energies_write(&r->energies, r->sim, err);
   if (status) return status;
   r->t_recorded = t;
   r->report.frames++;
@@ -185,15 +165,15 @@ static double step_time(const run *r, int64_t step) {
 static msim_status simulate(run *r, msim_error *err) {
   int64_t step = r->from.step, pace = 1, left = pace;
   double before = clock_seconds();
-  msim_status status = r->recorder ? record_frame_at(r, step_time(r, step), err) : MSIM_OK;
+  msim_status status = has_frames(r) ? record_frame_at(r, step_time(r, step), err) : MSIM_OK;
   while (!status && step < r->end && !stop_asked) {
-    int64_t frame = r->recorder ? least_step(msim_sim_next_frame(r->sim), r->end) : r->end;
+    int64_t frame = has_frames(r) ? least_step(msim_sim_next_frame(r->sim), r->end) : r->end;
     int64_t n = least_step(frame - step, left);
     status = msim_sim_step(r->sim, n, err);
     if (status) break;
     step += n;
     left -= n;
-    if (r->recorder && step == frame) status = record_frame_at(r, step_time(r, step), err);
+    if (has_frames(r) && step == frame) status = record_frame_at(r, step_time(r, step), err);
     if (left > 0) continue;
     double now = clock_seconds();
     left = pace = next_pace(pace, now - before);
@@ -207,14 +187,14 @@ static int at_frame(msim_sim *sim, void *user) {
   run *r = user;
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
-  if (r->recorder) r->failed = record_frame_at(r, now.t, &r->why);
+  if (has_frames(r)) r->failed = record_frame_at(r, now.t, &r->why);
   progress_update(&r->bar, clock_seconds(), now.step, now.t, r->t_end);
   return r->failed != MSIM_OK;
 }
 
 /* Under error control the library shows each frame at its time, inside the step that passes it. */
 static msim_status simulate_by_error(run *r, msim_error *err) {
-  int looks = r->recorder || r->bar.wanted;
+  int looks = has_frames(r) || r->bar.wanted;
   msim_status status = msim_sim_run(r->sim, looks ? at_frame : NULL, r, err);
   if (r->failed) *err = r->why;
   return r->failed ? r->failed : status;
@@ -222,7 +202,7 @@ static msim_status simulate_by_error(run *r, msim_error *err) {
 
 /*------------------------------------- after the run --------------------------------------------*/
 
-static int close_recorder(run *r, msim_error *err) {
+static msim_status close_recorder(run *r, msim_error *err) {
   msim_recorder *recorder = r->recorder;
   r->recorder = NULL;
   return msim_recorder_close(recorder, err);
@@ -232,7 +212,7 @@ static int close_recorder(run *r, msim_error *err) {
 static msim_status end_recording(run *r, msim_status status, msim_state *last, msim_error *err) {
   msim_error second = {MSIM_OK, ""};
   msim_status failed = MSIM_OK;
-  if (!r->recorder) return status;
+  if (!has_frames(r)) return status;
   if (status >= 0) failed = record_frame_at(r, last->t, &second);
   if (failed > 0) { /* the last state was not good, and the sim has returned to the last good one */
     status = failed, *err = second;
@@ -292,6 +272,7 @@ int run_command(const arguments *args) {
   running = NULL;
   if (r.recorder) msim_recorder_close(r.recorder, NULL);
   output_discard(&r.final);
+  energies_close(&r.energies);
   msim_sim_destroy(r.sim);
   setup_free(&r.made);
   return status;
