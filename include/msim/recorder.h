@@ -63,6 +63,9 @@ typedef struct msim_frame {
   size_t checkpoint_length;
   /* Later additions: present if `size` includes them. */
   double elastic, gravitational; /* J: the parts of `potential` */
+  /* nsprings + nfaces: (l - rest) / rest, 0 where rest = 0, and k (l - rest) in N of each spring of
+   * length l, then of each face: the mean of the springs among its edges, 0 without any */
+  const float *strain, *tension;
 } msim_frame;
 
 /* The point at which a file is resumed. Borrowed until the next call with the recorder. */

@@ -6,6 +6,7 @@
 #include "base/plugin.h"
 #include "record/output_file.h"
 #include "record/recorders.h"
+#include "record/strain.h"
 #include "sim/frames.h"
 #include "sim/sim.h"
 
@@ -17,6 +18,7 @@ struct msim_recorder {
   ms_output_file file;
   void *checkpoint; /* buffer; NULL: the recorder cannot resume files */
   size_t capacity;
+  ms_strain strain;
   int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
   double t_kept;
 };
@@ -184,7 +186,7 @@ static msim_status find_recorder(const msim_sim *sim, const char *path,
 static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorder **recorder,
                                    msim_error *err) {
   const msim_recorder_type *type;
-  const msim_status status = find_recorder(sim, path, &type, err);
+  msim_status status = find_recorder(sim, path, &type, err);
   if (status) return status;
   msim_recorder *r = *recorder = ms_memory_allocate(&sim->alloc, 1, sizeof *r);
   if (!r) return ms_error_set_memory(err, "a recorder");
@@ -194,6 +196,8 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   r->file = (ms_output_file){
       .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
   ms_plugin_init_host(&r->host, &sim->alloc);
+  status = ms_strain_init(&r->strain, sim->scene, &sim->alloc, err);
+  if (status) return status;
   if (!MS_RECORDERS_HAS(type, resume)) return MSIM_OK;
   r->capacity = msim_sim_save_size(sim);
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
@@ -204,6 +208,7 @@ static void destroy_recorder(msim_recorder *r) {
   if (!r) return;
   ms_output_file_release(&r->file);
   ms_memory_free(&r->sim->alloc, r->checkpoint);
+  ms_strain_free(&r->strain, &r->sim->alloc);
   ms_memory_free(&r->sim->alloc, r);
 }
 
@@ -257,6 +262,7 @@ static void add_checkpoint(msim_recorder *r, msim_frame *frame) {
 static msim_status record_state(msim_recorder *r, const msim_state *state, msim_error *err) {
   msim_energy energy = {.size = sizeof energy};
   msim_sim_energy(r->sim, &energy);
+  ms_strain_compute(&r->strain, r->sim->scene, state->x);
   msim_frame frame = {.size = sizeof frame,
                       .step = state->step,
                       .t = state->t,
@@ -265,7 +271,9 @@ static msim_status record_state(msim_recorder *r, const msim_state *state, msim_
                       .kinetic = energy.kinetic,
                       .potential = energy.elastic + energy.gravitational,
                       .elastic = energy.elastic,
-                      .gravitational = energy.gravitational};
+                      .gravitational = energy.gravitational,
+                      .strain = r->strain.strain,
+                      .tension = r->strain.tension};
   if (!isfinite(energy.total))
     return ms_error_set(err, MSIM_NOT_FINITE,
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "

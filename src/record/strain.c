@@ -1,0 +1,97 @@
+#include "record/strain.h"
+
+#include <float.h>
+#include <math.h>
+
+#include "base/vec3.h"
+
+/*------------------------------------- springs of the faces -------------------------------------*/
+
+/* Hash table of springs by their ends; slots hold the number of a spring + 1, or 0. */
+typedef struct spring_table {
+  const int32_t *ij;
+  int32_t *slot;
+  size_t mask; /* number of slots - 1, which is a power of 2 less 1 */
+} spring_table;
+
+/* The slot of a spring between two particles, or the empty one where it belongs */
+static int32_t *find_slot(const spring_table *t, int32_t a, int32_t b) {
+  const uint32_t low = (uint32_t)(a < b ? a : b), high = (uint32_t)(a < b ? b : a);
+  size_t i = (size_t)((((uint64_t)high << 32 | low) * 0x9e3779b97f4a7c15u) >> 20) & t->mask;
+  for (; t->slot[i]; i = (i + 1) & t->mask) {
+    const int32_t *ends = t->ij + 2 * (size_t)(t->slot[i] - 1);
+    if ((ends[0] == a && ends[1] == b) || (ends[0] == b && ends[1] == a)) break;
+  }
+  return &t->slot[i];
+}
+
+/* The first one counts where several springs have the same ends. */
+static int fill_table(spring_table *t, int32_t nsprings, const msim_allocator *alloc) {
+  size_t size = 1;
+  while (size < 2 * (size_t)nsprings + 1) size *= 2;
+  t->mask = size - 1;
+  if (!MS_NEW(alloc, t->slot, size)) return 0;
+  for (int32_t k = 0; k < nsprings; k++) {
+    int32_t *slot = find_slot(t, t->ij[2 * (size_t)k], t->ij[2 * (size_t)k + 1]);
+    if (!*slot) *slot = k + 1;
+  }
+  return 1;
+}
+
+static void find_edges(ms_strain *s, const ms_scene *scene, const spring_table *t) {
+  for (size_t i = 0; i < (size_t)scene->nfaces; i++) {
+    const int32_t *corner = scene->faces + 3 * i;
+    for (int c = 0; c < 3; c++)
+      s->edge[3 * i + (size_t)c] = *find_slot(t, corner[c], corner[(c + 1) % 3]) - 1;
+  }
+}
+
+msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_allocator *alloc,
+                           msim_error *err) {
+  const size_t cells = (size_t)scene->nsprings + (size_t)scene->nfaces;
+  spring_table table = {.ij = scene->ij};
+  *s = (ms_strain){NULL};
+  if (!MS_NEW(alloc, s->edge, 3 * (size_t)scene->nfaces) || !MS_NEW(alloc, s->strain, cells) ||
+      !MS_NEW(alloc, s->tension, cells) ||
+      (scene->nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
+    return ms_error_set_memory(err, "the strain of a frame");
+  find_edges(s, scene, &table);
+  ms_memory_free(alloc, table.slot);
+  return MSIM_OK;
+}
+
+void ms_strain_free(ms_strain *s, const msim_allocator *alloc) {
+  MS_FREE(alloc, s->edge, s->strain, s->tension);
+  *s = (ms_strain){NULL};
+}
+
+/*------------------------------------- a frame --------------------------------------------------*/
+
+static float to_float(double value) { return (float)fmax(fmin(value, FLT_MAX), -FLT_MAX); }
+
+static float mean(const float *values, const int32_t edge[3]) {
+  double sum = 0;
+  int count = 0;
+  for (int c = 0; c < 3; c++) {
+    if (edge[c] < 0) continue;
+    sum += (double)values[edge[c]];
+    count++;
+  }
+  return count ? (float)(sum / count) : 0;
+}
+
+void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x) {
+  for (int32_t k = 0; k < scene->nsprings; k++) {
+    const double *a = x + 3 * (size_t)scene->ij[2 * (size_t)k];
+    const double *b = x + 3 * (size_t)scene->ij[2 * (size_t)k + 1];
+    const double rest = scene->rest[k];
+    const double length = ms_vec3_norm((double[]){b[0] - a[0], b[1] - a[1], b[2] - a[2]});
+    s->strain[k] = rest > 0 ? to_float((length - rest) / rest) : 0;
+    s->tension[k] = to_float(scene->k[k] * (length - rest));
+  }
+  for (int32_t i = 0; i < scene->nfaces; i++) {
+    const int32_t *edge = s->edge + 3 * (size_t)i;
+    s->strain[scene->nsprings + i] = mean(s->strain, edge);
+    s->tension[scene->nsprings + i] = mean(s->tension, edge);
+  }
+}
