@@ -15,14 +15,16 @@
 /*------------------------------------- trajectory -----------------------------------------------*/
 
 /* n particles and springs i/2 -- i/2 + 1 + i%2: a chain, and a spring between next-nearest
- * neighbours. */
+ * neighbours. A face between each particle of even number and the next two. */
 enum { SAMPLE_CHECKPOINT = 1003 };
 
 typedef struct sample_trajectory {
   msim_recording what;
   char checkpoint[SAMPLE_CHECKPOINT];
-  int32_t *ij;
-  double *mass, *k, *rest, *times, *x, *v;
+  int32_t *ij, *faces;
+  uint8_t *pinned;
+  double *mass, *k, *rest, *damping, *times, *x, *v;
+  float *strain, *tension;
 } sample_trajectory;
 
 static inline double *doubles(int64_t count) { return calloc((size_t)count + 1, sizeof(double)); }
@@ -30,7 +32,15 @@ static inline double *doubles(int64_t count) { return calloc((size_t)count + 1, 
 static inline void sample_init(sample_trajectory *s, const char *path, int32_t n, int32_t nsprings,
                                int64_t nframes) {
   static const char scene[] = "{\"msim\": 1, \"name\": \"made up\"}";
+  static const msim_plane planes[] = {{{0, 0, 1}, -0.5, 0.25, 0.125}, {{1, 0, 0}, 3, 1, 0}};
+  const int32_t nfaces = n > 2 ? (n - 1) / 2 : 0;
+  const size_t ncells = (size_t)(nsprings + nfaces);
   *s = (sample_trajectory){.ij = calloc(2 * (size_t)nsprings + 1, sizeof(int32_t)),
+                           .faces = calloc(3 * (size_t)nfaces + 1, sizeof(int32_t)),
+                           .pinned = calloc((size_t)n + 1, 1),
+                           .damping = doubles(nsprings),
+                           .strain = calloc(ncells + 1, sizeof(float)),
+                           .tension = calloc(ncells + 1, sizeof(float)),
                            .mass = doubles(n),
                            .k = doubles(nsprings),
                            .rest = doubles(nsprings),
@@ -38,11 +48,14 @@ static inline void sample_init(sample_trajectory *s, const char *path, int32_t n
                            .x = doubles(3 * (int64_t)n),
                            .v = doubles(3 * (int64_t)n)};
   for (int32_t i = 0; i < n; i++) s->mass[i] = 1 + sin(i);
+  for (int32_t i = 0; i < n; i++) s->pinned[i] = i % 5 == 0;
+  for (int32_t i = 0; i < 3 * nfaces; i++) s->faces[i] = i / 3 * 2 + i % 3;
   for (int32_t i = 0; i < nsprings; i++) {
     s->ij[2 * i] = i / 2;
     s->ij[2 * i + 1] = i / 2 + 1 + i % 2;
     s->k[i] = 100 / (1.0 + i);
     s->rest[i] = sqrt(i);
+    s->damping[i] = 0.5 * i;
   }
   for (int64_t i = 0; i < nframes; i++) s->times[i] = (double)i * 0.1;
   s->what = (msim_recording){.size = sizeof s->what,
@@ -57,11 +70,18 @@ static inline void sample_init(sample_trajectory *s, const char *path, int32_t n
                              .times = s->times,
                              .scene = scene,
                              .scene_length = sizeof scene - 1,
-                             .checkpoint_capacity = SAMPLE_CHECKPOINT};
+                             .checkpoint_capacity = SAMPLE_CHECKPOINT,
+                             .pinned = s->pinned,
+                             .damping = s->damping,
+                             .nfaces = nfaces,
+                             .faces = s->faces,
+                             .nplanes = 2,
+                             .planes = planes};
 }
 
 static inline void sample_free(sample_trajectory *s) {
-  void *arrays[] = {s->ij, s->mass, s->k, s->rest, s->times, s->x, s->v};
+  void *arrays[] = {s->ij,      s->faces, s->pinned, s->mass, s->k,      s->rest,
+                    s->damping, s->times, s->x,      s->v,    s->strain, s->tension};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
 }
 
@@ -78,6 +98,10 @@ static inline msim_frame sample_frame(sample_trajectory *s, int64_t i) {
     const double odd[] = {-0.0, 5e-324, -1.7976931348623157e308, 1.0 / 3, 1e16 + 2, -1e-310};
     memcpy(s->x, odd, sizeof odd);
   }
+  for (int32_t c = 0; c < s->what.nsprings + s->what.nfaces; c++) {
+    s->strain[c] = (float)(0.25 * c + (double)i);
+    s->tension[c] = (float)sin(c + (double)i);
+  }
   for (int b = 0; b < SAMPLE_CHECKPOINT; b++) s->checkpoint[b] = (char)(7 * i + b * (i + 1));
   return (msim_frame){.size = sizeof(msim_frame),
                       .step = 10 * i,
@@ -87,7 +111,11 @@ static inline msim_frame sample_frame(sample_trajectory *s, int64_t i) {
                       .kinetic = 1 + sin((double)i),
                       .potential = -cos((double)i),
                       .checkpoint = s->checkpoint,
-                      .checkpoint_length = SAMPLE_CHECKPOINT - (size_t)i % 9};
+                      .checkpoint_length = SAMPLE_CHECKPOINT - (size_t)i % 9,
+                      .elastic = 0.5 * (double)i,
+                      .gravitational = -cos((double)i) - 0.5 * (double)i,
+                      .strain = s->strain,
+                      .tension = s->tension};
 }
 
 static inline msim_status record_rest(const msim_recorder_type *type, void *self,

@@ -71,15 +71,21 @@ static const struct {
   int rank;
   hsize_t dims[2];
 } layout[] = {
-    /* 20 particles, 30 springs, 12 frames */
+    /* 20 particles, 30 springs, 9 faces, 12 frames */
     {"/VTKHDF/NumberOfPoints", 1, {2, 0}},
     {"/VTKHDF/Points", 2, {240, 3}},
     {"/VTKHDF/PointData/Velocity", 2, {240, 3}},
     {"/VTKHDF/PointData/Mass", 1, {20, 0}},
-    {"/VTKHDF/CellData/Stiffness", 1, {30, 0}},
-    {"/VTKHDF/CellData/RestLength", 1, {30, 0}},
+    {"/VTKHDF/PointData/Pinned", 1, {20, 0}},
+    {"/VTKHDF/CellData/Stiffness", 1, {39, 0}},
+    {"/VTKHDF/CellData/RestLength", 1, {39, 0}},
+    {"/VTKHDF/CellData/Damping", 1, {39, 0}},
+    {"/VTKHDF/CellData/Strain", 1, {468, 0}},
+    {"/VTKHDF/CellData/Tension", 1, {468, 0}},
     {"/VTKHDF/FieldData/KineticEnergy", 1, {12, 0}},
     {"/VTKHDF/FieldData/PotentialEnergy", 1, {12, 0}},
+    {"/VTKHDF/FieldData/ElasticEnergy", 1, {12, 0}},
+    {"/VTKHDF/FieldData/GravitationalEnergy", 1, {12, 0}},
     {"/VTKHDF/Lines/NumberOfCells", 1, {2, 0}},
     {"/VTKHDF/Lines/NumberOfConnectivityIds", 1, {2, 0}},
     {"/VTKHDF/Lines/Connectivity", 1, {60, 0}},
@@ -88,7 +94,10 @@ static const struct {
     {"/VTKHDF/Vertices/NumberOfConnectivityIds", 1, {2, 0}},
     {"/VTKHDF/Vertices/Connectivity", 1, {0, 0}},
     {"/VTKHDF/Vertices/Offsets", 1, {2, 0}},
-    {"/VTKHDF/Polygons/Offsets", 1, {2, 0}},
+    {"/VTKHDF/Polygons/NumberOfCells", 1, {2, 0}},
+    {"/VTKHDF/Polygons/NumberOfConnectivityIds", 1, {2, 0}},
+    {"/VTKHDF/Polygons/Connectivity", 1, {27, 0}},
+    {"/VTKHDF/Polygons/Offsets", 1, {11, 0}},
     {"/VTKHDF/Strips/Offsets", 1, {2, 0}},
     {"/VTKHDF/Steps/Values", 1, {12, 0}},
     {"/VTKHDF/Steps/PartOffsets", 1, {12, 0}},
@@ -98,14 +107,22 @@ static const struct {
     {"/VTKHDF/Steps/ConnectivityIdOffsets", 2, {12, 4}},
     {"/VTKHDF/Steps/PointDataOffsets/Velocity", 1, {12, 0}},
     {"/VTKHDF/Steps/PointDataOffsets/Mass", 1, {12, 0}},
+    {"/VTKHDF/Steps/PointDataOffsets/Pinned", 1, {12, 0}},
     {"/VTKHDF/Steps/CellDataOffsets/Stiffness", 1, {12, 0}},
     {"/VTKHDF/Steps/CellDataOffsets/RestLength", 1, {12, 0}},
+    {"/VTKHDF/Steps/CellDataOffsets/Damping", 1, {12, 0}},
+    {"/VTKHDF/Steps/CellDataOffsets/Strain", 1, {12, 0}},
+    {"/VTKHDF/Steps/CellDataOffsets/Tension", 1, {12, 0}},
     {"/VTKHDF/Steps/FieldDataOffsets/KineticEnergy", 1, {12, 0}},
     {"/VTKHDF/Steps/FieldDataOffsets/PotentialEnergy", 1, {12, 0}},
+    {"/VTKHDF/Steps/FieldDataOffsets/ElasticEnergy", 1, {12, 0}},
+    {"/VTKHDF/Steps/FieldDataOffsets/GravitationalEnergy", 1, {12, 0}},
     {"/msim/frames/time", 1, {12, 0}},
     {"/msim/frames/step", 1, {12, 0}},
     {"/msim/frames/hash", 1, {12, 0}},
+    {"/msim/frames/NCommitted", 1, {1, 0}},
     {"/msim/scene", 1, {30, 0}},
+    {"/msim/planes", 2, {2, 6}},
     {"/msim/checkpoint/0", 1, {130, 0}}, /* 4 words, and 1003 bytes */
     {"/msim/checkpoint/1", 1, {130, 0}},
 };
@@ -140,7 +157,7 @@ static void the_layout_is_that_of_vtkhdf(void **state) {
   assert_text(file, "/VTKHDF", "Type", "PolyData");
   assert_text(file, "/msim", "creator", creator);
   assert_int_equal(read_attribute(file, "/VTKHDF", "Version"), 2);
-  assert_int_equal(read_attribute(file, "/msim", "format"), 1);
+  assert_int_equal(read_attribute(file, "/msim", "format"), 2);
   H5F_info2_t info;
   assert_true(H5Fget_info2(file, &info) >= 0);
   assert_int_equal(info.super.version, 0); /* no mark "open for writing" remains */
@@ -164,6 +181,28 @@ static void assert_doubles(hid_t file, const char *path, const double *expected)
   free(words);
 }
 
+/* The first values of each frame of columns that have one row per frame or cell */
+static void assert_values(hid_t file, const char *path, int64_t row, double expected) {
+  int64_t count;
+  double *found = (double *)read_rows(file, path, row, 1, &count);
+  assert_non_null(found);
+  assert_true(*found == expected);
+  free(found);
+}
+
+static void assert_frame_data(hid_t file, sample_trajectory *s, int64_t frames) {
+  const int64_t cells = s->what.nsprings + s->what.nfaces;
+  for (int64_t i = 0; i < frames; i++) {
+    const msim_frame frame = sample_frame(s, i);
+    assert_values(file, "/VTKHDF/FieldData/ElasticEnergy", i, frame.elastic);
+    assert_values(file, "/VTKHDF/FieldData/GravitationalEnergy", i, frame.gravitational);
+    for (int64_t c = 0; c < cells; c++) {
+      assert_values(file, "/VTKHDF/CellData/Strain", i * cells + c, (double)frame.strain[c]);
+      assert_values(file, "/VTKHDF/CellData/Tension", i * cells + c, (double)frame.tension[c]);
+    }
+  }
+}
+
 static void columns_hold_what_was_given(void **state) {
   (void)state;
   write_file("c.vtkhdf", 4, 3, 600, 2);
@@ -172,8 +211,18 @@ static void columns_hold_what_was_given(void **state) {
   hid_t file = open_trajectory("c.vtkhdf");
   assert_doubles(file, "/VTKHDF/Steps/Values", s.times);
   assert_doubles(file, "/VTKHDF/PointData/Mass", s.mass);
-  assert_doubles(file, "/VTKHDF/CellData/Stiffness", s.k);
-  assert_doubles(file, "/VTKHDF/CellData/RestLength", s.rest);
+  const double k[] = {s.k[0], s.k[1], s.k[2], 0}, rest[] = {s.rest[0], s.rest[1], s.rest[2], 0};
+  const double damping[] = {s.damping[0], s.damping[1], s.damping[2], 0};
+  assert_doubles(file, "/VTKHDF/CellData/Stiffness", k); /* 0 for the face */
+  assert_doubles(file, "/VTKHDF/CellData/RestLength", rest);
+  assert_doubles(file, "/VTKHDF/CellData/Damping", damping);
+  assert_doubles(file, "/msim/planes", (const double *)s.what.planes);
+  assert_column(file, "/VTKHDF/Polygons/Connectivity", 0, 1);
+  assert_column(file, "/VTKHDF/Steps/CellDataOffsets/Strain", 0, 4);
+  assert_column(file, "/VTKHDF/Steps/CellDataOffsets/Tension", 0, 4);
+  assert_column(file, "/VTKHDF/Steps/FieldDataOffsets/ElasticEnergy", 0, 1);
+  assert_column(file, "/msim/frames/NCommitted", 2, 0);
+  assert_frame_data(file, &s, 2);
   assert_column(file, "/VTKHDF/Steps/NumberOfParts", 1, 0);
   assert_column(file, "/VTKHDF/Steps/PointOffsets", 0, 4);
   assert_column(file, "/VTKHDF/Steps/PointDataOffsets/Velocity", 0, 4);
@@ -270,25 +319,29 @@ static int write_json(const char *path, sample_trajectory *s, int64_t frames) {
   FILE *out = fopen(path, "w");
   if (!out) return report_error("cannot write the JSON file");
   double *kinetic = doubles(frames), *potential = doubles(frames),
-         *ij = doubles(2 * s->what.nsprings);
+         *ij = doubles(2 * s->what.nsprings), *faces = doubles(3 * s->what.nfaces);
   for (int64_t i = 0; i < frames; i++) {
     msim_frame frame = sample_frame(s, i);
     kinetic[i] = frame.kinetic;
     potential[i] = frame.potential;
   }
   for (int32_t i = 0; i < 2 * s->what.nsprings; i++) ij[i] = s->ij[i];
+  for (int32_t i = 0; i < 3 * s->what.nfaces; i++) faces[i] = s->faces[i];
   fprintf(out, "{\"frames\": %" PRId64, frames);
   write_list(out, "times", s->times, s->what.nframes);
   write_list(out, "mass", s->mass, s->what.n);
   write_list(out, "k", s->k, s->what.nsprings);
   write_list(out, "rest", s->rest, s->what.nsprings);
   write_list(out, "ij", ij, 2 * s->what.nsprings);
+  write_list(out, "damping", s->damping, s->what.nsprings);
+  write_list(out, "faces", faces, 3 * s->what.nfaces);
   write_list(out, "kinetic", kinetic, frames);
   write_list(out, "potential", potential, frames);
   fprintf(out, "}\n");
   free(kinetic);
   free(potential);
   free(ij);
+  free(faces);
   return fclose(out) == 0 ? 0 : report_error("cannot write the JSON file");
 }
 

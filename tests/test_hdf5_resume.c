@@ -161,7 +161,7 @@ static int64_t frames_at_sync(int i) {
  * lose any writes since the last sync, and the committed frames are still the first ones. */
 static void frames_are_withdrawn_one_by_one(void **state) {
   (void)state;
-  static const int64_t expected[] = {4, 3, 3, 4};
+  static const int64_t expected[] = {5, 4, 3, 3, 4}; /* NCommitted is lowered first */
   void *self;
   msim_resumption from = {.size = sizeof from};
   begin(3);
@@ -179,8 +179,8 @@ static void frames_are_withdrawn_one_by_one(void **state) {
   const msim_frame frame = sample_frame(&s, 3);
   nsyncs = 0;
   assert_int_equal(find_hdf5_recorder()->write(self, &frame), MSIM_OK);
-  assert_int_equal(nsyncs, 4);
-  for (int i = 0; i < 4; i++) {
+  assert_int_equal(nsyncs, 5);
+  for (int i = 0; i < 5; i++) {
     assert_int_equal(frames_at_sync(i), expected[i]);
     free(synced[i].bytes);
   }
@@ -203,6 +203,71 @@ static void to_an_earlier_end(void **state) {
   go_on(8);
 }
 
+/*------------------------------------- formats --------------------------------------------------*/
+
+static void set_format(int64_t format) {
+  hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
+  hid_t group = H5Gopen2(file, "/msim", H5P_DEFAULT);
+  hid_t attribute = H5Aopen(group, "format", H5P_DEFAULT);
+  assert_true(H5Awrite(attribute, H5T_NATIVE_INT64, &format) >= 0);
+  H5Aclose(attribute), H5Gclose(group), H5Fclose(file);
+}
+
+/* Make a file without faces one of format 1. */
+static void remove_format_2(void) {
+  static const char *const added[] = {"/VTKHDF/CellData/Strain",
+                                      "/VTKHDF/CellData/Tension",
+                                      "/VTKHDF/CellData/Damping",
+                                      "/VTKHDF/PointData/Pinned",
+                                      "/VTKHDF/FieldData/ElasticEnergy",
+                                      "/VTKHDF/FieldData/GravitationalEnergy",
+                                      "/VTKHDF/Steps/CellDataOffsets/Strain",
+                                      "/VTKHDF/Steps/CellDataOffsets/Tension",
+                                      "/VTKHDF/Steps/CellDataOffsets/Damping",
+                                      "/VTKHDF/Steps/PointDataOffsets/Pinned",
+                                      "/VTKHDF/Steps/FieldDataOffsets/ElasticEnergy",
+                                      "/VTKHDF/Steps/FieldDataOffsets/GravitationalEnergy",
+                                      "/msim/frames/NCommitted",
+                                      "/msim/planes"};
+  hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
+  for (size_t i = 0; i < sizeof added / sizeof *added; i++)
+    assert_true(H5Ldelete(file, added[i], H5P_DEFAULT) >= 0);
+  H5Fclose(file);
+  set_format(1);
+}
+
+/* A file of format 1 has no faces, whatever the scene has, and goes on without what came later. */
+static void format_1_is_resumed_as_it_is(void **state) {
+  (void)state;
+  int64_t kept;
+  begin(0);
+  const int32_t nfaces = s.what.nfaces;
+  s.what.nfaces = 0;
+  assert_int_equal(record(find_hdf5_recorder(), &host.host, &s, 5), MSIM_OK);
+  remove_format_2();
+  s.what.nfaces = nfaces;
+  if (record_resumed(find_hdf5_recorder(), &host.host, &s, PLANNED, &kept) != MSIM_OK)
+    fail_msg("%s", host.sentence);
+  assert_int_equal(kept, 5);
+  assert_trajectory_valid("a.vtkhdf", PLANNED, PLANNED);
+  hid_t file = open_trajectory("a.vtkhdf");
+  assert_int_equal(read_attribute(file, "/msim", "format"), 1);
+  assert_int_equal(committed_count(file), -1);
+  H5Fclose(file);
+  assert_int_equal(host.live, 0);
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
+static void a_later_format_is_refused(void **state) {
+  (void)state;
+  begin(5);
+  set_format(3);
+  refuse(MSIM_ERR_ARG, "it has format 3, which this version of msim does not support");
+  sample_free(&s);
+  remove("a.vtkhdf");
+}
+
 /*------------------------------------- refusals -------------------------------------------------*/
 
 static void another_run_is_refused(void **state) {
@@ -212,7 +277,9 @@ static void another_run_is_refused(void **state) {
   refuse(MSIM_ERR_ARG, "it has 20 particles, but the scene has 19");
   s.what.n = N, s.what.nsprings = NSPRINGS - 1;
   refuse(MSIM_ERR_ARG, "it has 30 springs, but the scene has 29");
-  s.what.nsprings = NSPRINGS, s.what.nframes = PLANNED + 1;
+  s.what.nsprings = NSPRINGS, s.what.nfaces--;
+  refuse(MSIM_ERR_ARG, "it has 9 faces, but the scene has 8");
+  s.what.nfaces++, s.what.nframes = PLANNED + 1;
   refuse(MSIM_ERR_ARG, "it was created for 12 frames, but this run has 13; reduce");
   s.what.nframes = 4;
   refuse(MSIM_ERR_ARG, "it already contains 5 frames, but this run has only 4");
@@ -226,11 +293,14 @@ static void another_run_is_refused(void **state) {
 
 static void damage_is_refused(void **state) {
   (void)state;
-  static const char *const statics[] = {"/VTKHDF/PointData/Mass", "/VTKHDF/CellData/Stiffness",
-                                        "/VTKHDF/CellData/RestLength", "/VTKHDF/Lines/Connectivity",
-                                        "/msim/scene"};
+  static const char *const statics[] = {"/VTKHDF/PointData/Mass",
+                                        "/VTKHDF/CellData/Stiffness",
+                                        "/VTKHDF/CellData/RestLength",
+                                        "/VTKHDF/Lines/Connectivity",
+                                        "/msim/scene",
+                                        "/VTKHDF/Polygons/Connectivity"};
   begin(5);
-  for (int i = 0; i < 5; i++) {
+  for (int i = 0; i < 6; i++) {
     change_word(statics[i], 1, 1);
     refuse(MSIM_ERR_ARG, "its mesh, parameters or scene are damaged");
     change_word(statics[i], 1, 1);
@@ -401,6 +471,8 @@ int main(void) {
       cmocka_unit_test(resume_over_an_unplanned_frame),
       cmocka_unit_test(frames_are_withdrawn_one_by_one),
       cmocka_unit_test(to_an_earlier_end),
+      cmocka_unit_test(format_1_is_resumed_as_it_is),
+      cmocka_unit_test(a_later_format_is_refused),
       cmocka_unit_test(another_run_is_refused),
       cmocka_unit_test(damage_is_refused),
       cmocka_unit_test(rows_that_are_not_stored_are_refused),

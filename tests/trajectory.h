@@ -107,17 +107,19 @@ static inline int is_frame_valid(hid_t file, int64_t i, int64_t n) {
 
 static inline int are_statics_valid(hid_t file, int64_t n) {
   trajectory_hash h = {0, 0};
-  hsize_t springs[2], scene[2];
-  dataset_extent(file, "/VTKHDF/CellData/Stiffness", springs);
+  hsize_t ends[2], scene[2];
+  dataset_extent(file, "/VTKHDF/Lines/Connectivity", ends);
   dataset_extent(file, "/msim/scene", scene);
+  const int64_t springs = (int64_t)ends[0] / 2;
   hash_word(&h, (uint64_t)n);
-  hash_word(&h, springs[0]);
+  hash_word(&h, (uint64_t)springs);
   int good = hash_rows(&h, file, "/VTKHDF/Lines/Connectivity", 0, -1) &&
              hash_rows(&h, file, "/VTKHDF/PointData/Mass", 0, -1) &&
-             hash_rows(&h, file, "/VTKHDF/CellData/Stiffness", 0, -1) &&
-             hash_rows(&h, file, "/VTKHDF/CellData/RestLength", 0, -1);
+             hash_rows(&h, file, "/VTKHDF/CellData/Stiffness", 0, springs) &&
+             hash_rows(&h, file, "/VTKHDF/CellData/RestLength", 0, springs);
   hash_word(&h, scene[0]);
-  good = good && hash_rows(&h, file, "/msim/scene", 0, -1);
+  good = good && hash_rows(&h, file, "/msim/scene", 0, -1) &&
+         hash_rows(&h, file, "/VTKHDF/Polygons/Connectivity", 0, -1);
   return good && h.sum == (uint64_t)read_attribute(file, "/msim", "static_hash");
 }
 
@@ -135,6 +137,15 @@ static inline int64_t count_committed(hid_t file, int64_t planned) {
   return zeros == committed && count == planned ? committed : -1;
 }
 
+/* NCommitted, which may be too small after a crash; -1 if it is missing */
+static inline int64_t committed_count(hid_t file) {
+  int64_t rows, count;
+  uint64_t *word = read_rows(file, "/msim/frames/NCommitted", 0, 1, &rows);
+  count = word ? (int64_t)*word : -1;
+  free(word);
+  return count;
+}
+
 /* Check all committed frames; returns their number, < 0 where anything is wrong. */
 static inline int64_t verify_trajectory(const char *path, int64_t *planned) {
   hid_t file = open_trajectory(path);
@@ -149,6 +160,7 @@ static inline int64_t verify_trajectory(const char *path, int64_t *planned) {
     good = count_committed(file, *planned);
   for (int64_t i = 0; i < good; i++)
     if (!is_frame_valid(file, i, (int64_t)*n)) good = -3;
+  if (good >= 0 && committed_count(file) > good) good = -4;
   free(n);
   H5Fclose(file);
   return good;

@@ -75,11 +75,24 @@ def open_file(path):
 
 def check_mesh(data, expected):
     equal("Mass", array(data.GetPointData(), "Mass"), expected["mass"])
-    equal("Stiffness", array(data.GetCellData(), "Stiffness"), expected["k"])
-    equal("RestLength", array(data.GetCellData(), "RestLength"), expected["rest"])
+    none = len(expected["faces"]) // 3 * [0]
+    for name, key in (("Stiffness", "k"), ("RestLength", "rest"), ("Damping", "damping")):
+        equal(name, array(data.GetCellData(), name), expected[key] + none)
+    equal("Pinned", array(data.GetPointData(), "Pinned"),
+          [i % 5 == 0 for i in range(len(expected["mass"]))])
+    equal("polygons", vtk_to_numpy(data.GetPolys().GetConnectivityArray()), expected["faces"])
+    equal("offsets of polygons", vtk_to_numpy(data.GetPolys().GetOffsetsArray()),
+          np.arange(0, len(expected["faces"]) + 1, 3))
     equal("lines", vtk_to_numpy(data.GetLines().GetConnectivityArray()), expected["ij"])
     equal("offsets of lines", vtk_to_numpy(data.GetLines().GetOffsetsArray()),
           np.arange(0, len(expected["ij"]) + 1, 2))
+
+
+def check_cells(data, i):
+    """The values that sample_recording.h gives springs and faces in frame i"""
+    cells = np.arange(data.GetNumberOfLines() + data.GetNumberOfPolys())
+    equal("Strain", array(data.GetCellData(), "Strain"), np.float32(0.25 * cells + i))
+    equal("Tension", array(data.GetCellData(), "Tension"), np.float32(np.sin(cells + i)))
 
 
 def check_energy(data, name, value):
@@ -132,6 +145,9 @@ def main(base):
         equal(f"x of frame {i}", vtk_to_numpy(data.GetPoints().GetData()), x[i])
         equal(f"v of frame {i}", array(data.GetPointData(), "Velocity"), v[i])
         check_mesh(data, expected)
+        check_cells(data, i)
+        check_energy(data, "ElasticEnergy", 0.5 * i)
+        check_energy(data, "GravitationalEnergy", expected["potential"][i] - 0.5 * i)
         check_energy(data, "KineticEnergy", expected["kinetic"][i])
         check_energy(data, "PotentialEnergy", expected["potential"][i])
     print(f"VTK {vtkVersion.GetVTKVersion()}: {written} frames of {len(steps)} are equal")

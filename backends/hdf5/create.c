@@ -21,11 +21,14 @@ static void fill_rows(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t
   }
 }
 
-/* Rows of a chunk: 256, and for vectors a frame divided into equal pieces of at most 1 MiB. */
-static hsize_t chunk_rows(shape s, int64_t n, hsize_t rows) {
-  const hsize_t most = (1 << 20) / (3 * sizeof(double)), frame = h5_rows(s, n);
+static size_t value_bytes(shape s) { return s == SINGLE ? sizeof(float) : sizeof(double); }
+
+/* Rows of a chunk: 256, and for particles and cells a frame divided into equal pieces of at most
+ * 1 MiB. */
+static hsize_t chunk_rows(const recorder *r, shape s, hsize_t rows) {
+  const hsize_t most = (1 << 20) / (h5_width[s] * value_bytes(s)), frame = h5_frame_rows(r, s);
   const hsize_t pieces = frame / most + 1;
-  const hsize_t chunk = s == VECTOR ? (frame + pieces - 1) / pieces : 256;
+  const hsize_t chunk = s == VECTOR || s == SINGLE ? (frame + pieces - 1) / pieces : 256;
   return chunk < rows ? chunk : rows;
 }
 
@@ -53,11 +56,12 @@ static hid_t create_dataset(recorder *r, const char *path, shape s, hsize_t rows
 static void create_columns(recorder *r, const double *times) {
   for (int i = 0; i < NCOLUMNS; i++) {
     const column *c = &h5_columns[i];
-    const hsize_t rows = (hsize_t)r->nframes * h5_rows(c->shape, r->n);
-    const int64_t stride = c->plan == FRAME ? 1 : c->plan == FIRST_ROW ? r->n : 0;
-    hid_t dataset = create_dataset(r, c->path, c->shape, rows, chunk_rows(c->shape, r->n, rows));
+    const hsize_t rows = (hsize_t)r->nframes * h5_frame_rows(r, c->shape);
+    const int64_t strides[] = {[FRAME] = 1, [FIRST_ROW] = r->n, [FIRST_CELL] = r->ncells};
+    hid_t dataset = create_dataset(r, c->path, c->shape, rows, chunk_rows(r, c->shape, rows));
     if (c->plan == TIMES) h5_put(r, dataset, c->shape, 0, rows, times);
-    else if (c->plan != NOTHING) fill_rows(r, dataset, c->shape, rows, c->plan == ONE, stride);
+    else if (c->plan != NOTHING)
+      fill_rows(r, dataset, c->shape, rows, c->plan == ONE, strides[c->plan]);
     if (i < NWRITTEN) r->column[i] = dataset;
     else h5_drop(r, H5Dclose, dataset);
   }
@@ -66,34 +70,49 @@ static void create_columns(recorder *r, const double *times) {
 static void create_constant(recorder *r, const char *path, shape s, int64_t rows,
                             const void *data) {
   hid_t dataset = create_dataset(r, path, s, (hsize_t)rows, 0);
-  h5_put(r, dataset, s, 0, (hsize_t)rows, data);
+  if (data) h5_put(r, dataset, s, 0, (hsize_t)rows, data);
   h5_drop(r, H5Dclose, dataset);
 }
 
-/* VTK requires all four kinds of cells, with one list of offsets per part. */
-static void create_cells(recorder *r, const char *kind, int64_t cells, const int32_t *ij) {
+/* Zeros follow the values of the springs. */
+static void create_cell_data(recorder *r, const char *path, int32_t nsprings,
+                             const double *values) {
+  hid_t dataset = create_dataset(r, path, REAL, (hsize_t)r->ncells, 0);
+  fill_rows(r, dataset, REAL, (hsize_t)r->ncells, 0, 0);
+  if (values) h5_put(r, dataset, REAL, 0, (hsize_t)nsprings, values);
+  h5_drop(r, H5Dclose, dataset);
+}
+
+/* VTK requires all four kinds of cells, with one list of offsets per part. corners: of a cell */
+static void create_cells(recorder *r, const char *kind, int64_t cells, int64_t corners,
+                         const int32_t *points) {
   const char *name[] = {"Connectivity", "NumberOfCells", "NumberOfConnectivityIds", "Offsets"};
   char path[4][64];
   for (int i = 0; i < 4; i++) snprintf(path[i], sizeof path[i], "/VTKHDF/%s/%s", kind, name[i]);
-  create_constant(r, path[0], INDEX, 2 * cells, ij);
+  create_constant(r, path[0], INDEX, corners * cells, points);
   create_constant(r, path[1], WHOLE, 2, (int64_t[]){cells, 0});
-  create_constant(r, path[2], WHOLE, 2, (int64_t[]){2 * cells, 0});
+  create_constant(r, path[2], WHOLE, 2, (int64_t[]){corners * cells, 0});
   hid_t offsets = create_dataset(r, path[3], WHOLE, (hsize_t)cells + 2, 0);
-  fill_rows(r, offsets, WHOLE, (hsize_t)cells + 1, 0, 2);
+  fill_rows(r, offsets, WHOLE, (hsize_t)cells + 1, 0, corners);
   h5_put(r, offsets, WHOLE, (hsize_t)cells + 1, 1, &(int64_t){0});
   h5_drop(r, H5Dclose, offsets);
 }
 
 static void create_constants(recorder *r, const msim_recording *what) {
   create_constant(r, "/VTKHDF/NumberOfPoints", WHOLE, 2, (int64_t[]){what->n, 0});
-  create_cells(r, "Vertices", 0, NULL);
-  create_cells(r, "Lines", what->nsprings, what->ij);
-  create_cells(r, "Polygons", 0, NULL);
-  create_cells(r, "Strips", 0, NULL);
+  create_cells(r, "Vertices", 0, 1, NULL);
+  create_cells(r, "Lines", what->nsprings, 2, what->ij);
+  create_cells(r, "Polygons", what->nfaces, 3, what->faces);
+  create_cells(r, "Strips", 0, 1, NULL);
   create_constant(r, "/VTKHDF/PointData/Mass", REAL, what->n, what->mass);
-  create_constant(r, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings, what->k);
-  create_constant(r, "/VTKHDF/CellData/RestLength", REAL, what->nsprings, what->rest);
+  create_constant(r, "/VTKHDF/PointData/Pinned", BYTE, what->n, what->pinned);
+  create_cell_data(r, "/VTKHDF/CellData/Stiffness", what->nsprings, what->k);
+  create_cell_data(r, "/VTKHDF/CellData/RestLength", what->nsprings, what->rest);
+  create_cell_data(r, "/VTKHDF/CellData/Damping", what->nsprings, what->damping);
   create_constant(r, "/msim/scene", BYTE, (int64_t)what->scene_length, what->scene);
+  create_constant(r, "/msim/planes", PLANE, what->nplanes, what->planes);
+  r->count = create_dataset(r, "/msim/frames/NCommitted", WHOLE, 1, 0);
+  h5_put(r, r->count, WHOLE, 0, 1, &(int64_t){0});
 }
 
 /* A slot of zeros is invalid, because its hash is not 0. */
@@ -131,7 +150,7 @@ static void create_attributes(recorder *r, const msim_recording *what) {
   create_attribute(r, "/VTKHDF", "Version", H5T_NATIVE_INT64, 2, (int64_t[]){2, 0});
   create_text(r, "/VTKHDF", "Type", "PolyData");
   create_attribute(r, "/VTKHDF/Steps", "NSteps", H5T_NATIVE_INT64, 0, &r->nframes);
-  create_attribute(r, "/msim", "format", H5T_NATIVE_INT64, 0, &(int64_t){1});
+  create_attribute(r, "/msim", "format", H5T_NATIVE_INT64, 0, &(int64_t){FORMAT});
   create_text(r, "/msim", "creator", "msim 0.1.0");
   create_attribute(r, "/msim", "static_hash", H5T_NATIVE_INT64, 0,
                    &(uint64_t){h5_static_hash(what)});
@@ -140,12 +159,12 @@ static void create_attributes(recorder *r, const msim_recording *what) {
 /*------------------------------------- the whole ------------------------------------------------*/
 
 /* Bytes of all data, without the metadata of libhdf5. */
-static double count_data_bytes(const msim_recording *what) {
+static double count_data_bytes(const recorder *r, const msim_recording *what) {
   double frame = 0;
   for (const column *c = h5_columns; c < h5_columns + NCOLUMNS; c++)
-    frame += 8.0 * (double)(h5_width[c->shape] * h5_rows(c->shape, what->n));
-  return (double)what->nframes * frame + 8.0 * what->n + 40.0 * what->nsprings +
-         2.0 * (double)what->checkpoint_capacity;
+    frame += (double)(value_bytes(c->shape) * h5_width[c->shape] * h5_frame_rows(r, c->shape));
+  return (double)what->nframes * frame + 9.0 * what->n + 24.0 * (double)r->ncells +
+         24.0 * what->nsprings + 32.0 * what->nfaces + 2.0 * (double)what->checkpoint_capacity;
 }
 
 /* Space is allocated twice: when the amount of data is known, and before libhdf5 writes its cached
@@ -153,12 +172,12 @@ static double count_data_bytes(const msim_recording *what) {
 void h5_create(recorder *r, const msim_recording *what) {
   hsize_t size = 0;
   h5_doing(r, "create", "the file");
-  if (what->nframes < 1 || count_data_bytes(what) > 0x1p62)
+  if (what->nframes < 1 || count_data_bytes(r, what) > 0x1p62)
     h5_fail(r, MSIM_ERR_ARG,
             "there are %lld frames; there must be at least 1, and at most 2^62 bytes of data",
             (long long)what->nframes);
   h5_open_file(r, what->path, CREATE);
-  h5_reserve(r, count_data_bytes(what));
+  h5_reserve(r, count_data_bytes(r, what));
   create_columns(r, what->times);
   create_constants(r, what);
   create_slots(r, what->checkpoint_capacity);

@@ -9,8 +9,10 @@
 
 typedef struct recorder {
   const msim_host *host;
-  hid_t file, column[NWRITTEN], slot[NSLOTS];
-  int64_t n, nframes, written;
+  hid_t file, column[NWRITTEN], slot[NSLOTS], count; /* invalid: what the file's format lacks */
+  int format;
+  int64_t n, ncells, nframes, written;
+  int64_t complete;  /* frames committed without a gap, for NCommitted */
   int64_t committed; /* index after the last frame marked as committed; those from `written` on are
                         to be uncommitted */
   double planned_t;  /* planned time of the last of them, s */
@@ -41,6 +43,11 @@ msim_status h5_report(const recorder *r);
 
 void h5_put(recorder *r, hid_t to, shape s, hsize_t first, hsize_t rows, const void *data);
 void h5_get(recorder *r, hid_t from, shape s, hsize_t first, hsize_t rows, void *data);
+
+/* Number of rows of a shape per frame */
+static inline hsize_t h5_frame_rows(const recorder *r, shape s) {
+  return h5_rows(s, r->n, r->ncells);
+}
 
 /* Allocate the buffer for slots with checkpoints of `capacity` bytes. */
 void h5_allocate_slot(recorder *r, size_t capacity);

@@ -40,5 +40,7 @@ uint64_t h5_static_hash(const msim_recording *what) {
   h5_hash_words(&h, nsprings, what->rest);
   h5_hash_words(&h, 1, &(uint64_t){what->scene_length});
   for (size_t i = 0; i < what->scene_length; i++) h5_hash_words(&h, 1, &(uint64_t){scene[i]});
+  for (size_t i = 0; i < 3 * (size_t)what->nfaces; i++)
+    h5_hash_words(&h, 1, &(int64_t){what->faces[i]});
   return h.sum;
 }

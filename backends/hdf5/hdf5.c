@@ -4,11 +4,14 @@
 #include "hash.h"
 #include "resume.h"
 
+/* Hosts of older versions give no strain: the file has zeros. */
 static void write_column(recorder *r, int i, const entry *e) {
   const shape s = h5_columns[i].shape;
-  const hsize_t rows = h5_rows(s, r->n);
+  const hsize_t rows = h5_frame_rows(r, s);
   const void *data = (const char *)e + h5_columns[i].source;
   if (s == VECTOR) data = *(const double *const *)data;
+  if (s == SINGLE) data = *(const float *const *)data;
+  if (!data || h5_columns[i].format > r->format) return;
   h5_doing(r, "write", h5_columns[i].path);
   h5_put(r, r->column[i], s, (hsize_t)r->written * rows, rows, data);
 }
@@ -31,11 +34,18 @@ static void write_checkpoint(recorder *r, const msim_frame *frame) {
   h5_put(r, r->slot[which], WHOLE, 0, words, r->words);
 }
 
+static void write_count(recorder *r, int64_t frames) {
+  r->complete = frames;
+  if (r->count >= 0) h5_put(r, r->count, WHOLE, 0, 1, &frames);
+}
+
 /* Uncommit frames from `written` on, last first, so that there is never a gap. */
 static void uncommit_frames(recorder *r) {
   const hid_t values = r->column[TIME_SHOWN], commit = r->column[COMMIT];
-  if (r->committed > r->written)
-    h5_put(r, values, REAL, (hsize_t)r->committed - 1, 1, &r->planned_t);
+  if (r->committed == r->written) return;
+  write_count(r, r->written);
+  h5_flush(r);
+  h5_put(r, values, REAL, (hsize_t)r->committed - 1, 1, &r->planned_t);
   for (; r->committed > r->written; h5_flush(r))
     h5_put(r, commit, WHOLE, (hsize_t)--r->committed, 1, &(int64_t){1});
 }
@@ -47,6 +57,7 @@ static void write_frame_entry(recorder *r, const entry *e) {
   h5_flush(r);
   write_column(r, COMMIT, e);
   h5_flush(r);
+  write_count(r, r->written + 1);
 }
 
 /*------------------------------------- the recorder ---------------------------------------------*/
@@ -57,7 +68,7 @@ static msim_status close_recorder(void *self) {
   recorder *r = self;
   const msim_host *host = r->host;
   h5_doing(r, "close", "the file");
-  WITH_LIBRARY(host, h5_drop(r, H5Fclose, r->file));
+  WITH_LIBRARY(host, write_count(r, r->complete); h5_drop(r, H5Fclose, r->file));
   const msim_status status = h5_report(r);
   host->free(host, r->words);
   host->free(host, r);
@@ -80,7 +91,13 @@ static msim_status start_recorder(const msim_host *host, const msim_recording *g
     host->fail(host, "%s: out of memory for a recorder", name);
     return MSIM_ERR_MEMORY;
   }
-  *r = (recorder){host, .file = H5I_INVALID_HID, .n = what.n, .nframes = what.nframes,
+  *r = (recorder){host,
+                  .file = H5I_INVALID_HID,
+                  .count = H5I_INVALID_HID,
+                  .format = FORMAT,
+                  .n = what.n,
+                  .ncells = (int64_t)what.nsprings + what.nfaces,
+                  .nframes = what.nframes,
                   .sync = what.sync};
   memcpy(r->name, name, strlen(name) + 1);
   if (from) WITH_LIBRARY(host, h5_resume(r, &what, from));

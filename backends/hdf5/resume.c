@@ -79,9 +79,12 @@ static void check_counts(recorder *r, const msim_recording *what) {
   const int64_t format = get_attribute(r, "/msim", "format");
   const int64_t n = get_count(r, "/VTKHDF/NumberOfPoints");
   const int64_t nsprings = get_count(r, "/VTKHDF/Lines/NumberOfCells");
+  const int64_t nfaces = get_count(r, "/VTKHDF/Polygons/NumberOfCells");
   r->nframes = get_attribute(r, "/VTKHDF/Steps", "NSteps");
   if (r->fault.status != MSIM_OK) return;
-  if (format != 1)
+  r->format = (int)format;
+  r->ncells = (int64_t)what->nsprings + (format > 1 ? what->nfaces : 0);
+  if (format < 1 || format > FORMAT)
     h5_fail(r, MSIM_ERR_ARG,
             "it has format %" PRId64 ", which this version of msim does not support", format);
   else if (n != what->n)
@@ -89,6 +92,9 @@ static void check_counts(recorder *r, const msim_recording *what) {
   else if (nsprings != what->nsprings)
     h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " springs, but the scene has %d", nsprings,
             what->nsprings);
+  else if (format > 1 && nfaces != what->nfaces)
+    h5_fail(r, MSIM_ERR_ARG, "it has %" PRId64 " faces, but the scene has %d", nfaces,
+            what->nfaces);
   else if (what->nframes > r->nframes)
     h5_fail(r, MSIM_ERR_ARG,
             "it was created for %" PRId64 " frames, but this run has %" PRId64
@@ -101,8 +107,11 @@ static hsize_t open_columns(recorder *r) {
   hsize_t words[NSLOTS] = {0};
   for (int i = 0; i < NWRITTEN; i++) {
     const column *c = &h5_columns[i];
-    r->column[i] = open_rows(r, c->path, c->shape, (hsize_t)r->nframes * h5_rows(c->shape, r->n));
+    if (c->format > r->format) continue;
+    r->column[i] =
+        open_rows(r, c->path, c->shape, (hsize_t)r->nframes * h5_frame_rows(r, c->shape));
   }
+  if (r->format > 1) r->count = open_rows(r, "/msim/frames/NCommitted", WHOLE, 1);
   if (r->fault.status == MSIM_OK && H5Lexists(r->file, "/msim/checkpoint", H5P_DEFAULT) <= 0)
     h5_fail(r, MSIM_ERR_ARG, "it contains no checkpoints, so it cannot be resumed");
   for (int i = 0; i < NSLOTS; i++) r->slot[i] = open_dataset(r, h5_slots[i], WHOLE, &words[i]);
@@ -124,8 +133,10 @@ static void hash_rows(recorder *r, hash *h, hid_t dataset, shape s, int64_t firs
   }
 }
 
-static void hash_dataset(recorder *r, hash *h, const char *path, shape s, int64_t rows) {
-  hid_t dataset = open_rows(r, path, s, (hsize_t)rows);
+/* Hash the first of `all` rows of a dataset. */
+static void hash_dataset(recorder *r, hash *h, const char *path, shape s, int64_t rows,
+                         int64_t all) {
+  hid_t dataset = open_rows(r, path, s, (hsize_t)all);
   hash_rows(r, h, dataset, s, 0, rows);
   h5_drop(r, H5Dclose, dataset);
 }
@@ -133,15 +144,17 @@ static void hash_dataset(recorder *r, hash *h, const char *path, shape s, int64_
 static void check_constants(recorder *r, const msim_recording *what) {
   hash h = {0, 0};
   hsize_t length = 0;
+  const int64_t ends = 2 * (int64_t)what->nsprings, corners = 3 * (r->ncells - what->nsprings);
   h5_hash_words(&h, 2, (int64_t[]){what->n, what->nsprings});
-  hash_dataset(r, &h, "/VTKHDF/Lines/Connectivity", WHOLE, 2 * (int64_t)what->nsprings);
-  hash_dataset(r, &h, "/VTKHDF/PointData/Mass", REAL, what->n);
-  hash_dataset(r, &h, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings);
-  hash_dataset(r, &h, "/VTKHDF/CellData/RestLength", REAL, what->nsprings);
+  hash_dataset(r, &h, "/VTKHDF/Lines/Connectivity", WHOLE, ends, ends);
+  hash_dataset(r, &h, "/VTKHDF/PointData/Mass", REAL, what->n, what->n);
+  hash_dataset(r, &h, "/VTKHDF/CellData/Stiffness", REAL, what->nsprings, r->ncells);
+  hash_dataset(r, &h, "/VTKHDF/CellData/RestLength", REAL, what->nsprings, r->ncells);
   hid_t scene = open_dataset(r, "/msim/scene", BYTE, &length);
   h5_hash_words(&h, 1, &length);
   hash_rows(r, &h, scene, WHOLE, 0, (int64_t)length); /* one byte per word */
   h5_drop(r, H5Dclose, scene);
+  hash_dataset(r, &h, "/VTKHDF/Polygons/Connectivity", WHOLE, corners, corners);
   if (h.sum != (uint64_t)get_attribute(r, "/msim", "static_hash") && r->fault.status == MSIM_OK)
     h5_fail(r, MSIM_ERR_ARG, "its mesh, parameters or scene are damaged: wrong hash");
 }
@@ -230,7 +243,7 @@ static void check_times(recorder *r, const msim_recording *what) {
 }
 
 static void find_resume_point(recorder *r, const msim_recording *what) {
-  const int64_t committed = count_committed(r, &r->committed);
+  const int64_t committed = r->complete = count_committed(r, &r->committed);
   if (r->fault.status == MSIM_OK && r->committed > what->nframes)
     h5_fail(r, MSIM_ERR_ARG,
             "it already contains %" PRId64 " frames, but this run has only %" PRId64, r->committed,
