@@ -14,7 +14,7 @@ C11 = {name + ".h" for name in
        stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath time
        wchar wctype""".split()}
 SYSTEM = {"base": {"dlfcn.h", "immintrin.h", "pthread.h", "sched.h", "unistd.h"},
-          "scene": {"jansson.h"}, "record": {"fcntl.h", "sys/stat.h", "unistd.h"}}
+          "scene": {"jansson.h"}, "record": {"dirent.h", "fcntl.h", "sys/stat.h", "unistd.h"}}
 LONGEST_FILE, LONGEST_FUNCTION, LONGEST_LINE = 500, 50, 100
 
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+(?:"([^"]+)"|<([^>]+)>)', re.M)

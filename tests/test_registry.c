@@ -145,7 +145,8 @@ static void what_was_looked_for_is_told(void **state) {
   (void)state;
   static const char *const cases[][2] = {
       {"a.txt",
-       "/a.txt: the file name of a trajectory must end in .vtkhdf, .csv or the extension of a "
+       "/a.txt: the file name of a trajectory must end in .vtkhdf, .pvd, .csv or the extension of "
+       "a "
        "plugin: unknown recorder 'txt': msim_recorder_txt.so was not found in /nowhere, "},
       {"a.csw",
        "unknown recorder 'csw' (did you mean 'csv'?): msim_recorder_csw.so was not found in "},
@@ -167,7 +168,7 @@ static void lists_fill_as_much_as_the_caller_has(void **state) {
   int32_t (*const lists[])(int32_t, const char *, msim_plugin_entry *, msim_error *) = {
       msim_solver_info, msim_recorder_info, msim_importer_info};
   static const char *const first[] = {"auto", "csv", "hdf5"};
-  static const int32_t lengths[] = {9, 2, 1};
+  static const int32_t lengths[] = {9, 3, 1};
   for (int i = 0; i < 3; i++) {
     msim_error why;
     msim_plugin_entry entry = {.available = -5};

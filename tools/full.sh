@@ -4,7 +4,7 @@
 # each needs, under its name.
 slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
   thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing
-  documentation debian mutations)
+  documentation debian paraview mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.
@@ -29,6 +29,9 @@ debian_packages() { tools/deb && python3 tests/install/test_debian.py; }
 debian() { check "Debian packages" debian_packages; }
 
 quick_benches() { tests release -R '^bench_quick$'; }
+
+# The distribution's ParaView opens what it can open of the trajectories.
+paraview() { tests release -R '^paraview$'; }
 
 # Every allocation of a run fails in turn.
 failing_allocations() { MSIM_LONG_TESTS=1 tests release -L long; }

@@ -1,6 +1,7 @@
 #include "record/recorders.h"
 
 #include "record/csv.h"
+#include "record/pvd.h"
 
 /* Static builds define the list of recorders that are linked in: X(hdf5) ... */
 #define X(name) const msim_recorder_type *msim_recorder_##name(void);
@@ -8,11 +9,13 @@ MSIM_LINKED_RECORDERS
 #undef X
 
 #define X(name) msim_recorder_##name,
-MS_REGISTRY_ENTRIES(msim_recorder_entry_fn, ms_csv_recorder_type, MSIM_LINKED_RECORDERS)
+MS_REGISTRY_ENTRIES(msim_recorder_entry_fn, ms_csv_recorder_type, ms_pvd_recorder_type,
+                    MSIM_LINKED_RECORDERS)
 #undef X
 
 static const ms_registry_plugin known[] = {
     {.name = "csv", .extension = ".csv"},
+    {.name = "pvd", .extension = ".pvd"},
     {.name = "hdf5", .extension = ".vtkhdf", .package = "libhdf5-dev"},
     {NULL}};
 
@@ -45,9 +48,10 @@ msim_status ms_recorders_find(const char *path, const msim_options *opt,
   if (!status) return MSIM_OK;
   const int is_unknown = status == MSIM_ERR_NAME && !ms_registry_knows(&recorders, path);
   return ms_error_set(err, status, "%s: %s%s", path,
-                      is_unknown ? "the file name of a trajectory must end in .vtkhdf, .csv or "
-                                   "the extension of a plugin: "
-                                 : "",
+                      is_unknown
+                          ? "the file name of a trajectory must end in .vtkhdf, .pvd, .csv or "
+                            "the extension of a plugin: "
+                          : "",
                       why.text);
 }
 

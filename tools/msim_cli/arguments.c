@@ -15,7 +15,8 @@
 
 static const cli_flag flags[] = {
     {"out", "FILE",
-     "write the motion: .vtkhdf for ParaView, .csv for spreadsheets and scripts, .EXT by the "
+     "write the motion: .vtkhdf for ParaView, .pvd for ParaView before 5.12, .csv for spreadsheets "
+     "and scripts, .EXT by the "
      "plugin "
      "msim_recorder_EXT.so",
      FOR_RUN, AT(out)},

@@ -74,6 +74,8 @@ static void print_out(const report *r, const char *path) {
   printf("%s; frames: %" PRId64 "%s\n", path, r->frames, r->goes_on ? " more" : "");
   const char *hint = has_extension(path, ".vtkhdf")
                          ? "to view it: open it in ParaView 5.12 or later, press Apply, then Play"
+                     : has_extension(path, ".pvd")
+                         ? "to view it: open it in ParaView, press Apply, then Play"
                      : has_extension(path, ".csv") ? "a text file for spreadsheets and scripts"
                                                    : NULL;
   if (!hint) return;
