@@ -119,7 +119,8 @@ static int run_all_calls(int i, const msim_options *opt) {
     msim_sim *other = resume(scene, opt, &c);
     step(other);
     change(other);
-    record_frame(other, "a.csv"), record_frame(other, "a.vtkhdf");
+    record_frame(other, "a.csv"), record_frame(other, "a.html");
+    record_frame(other, "a.vtkhdf");
     msim_sim_destroy(other);
     free(c.bytes);
     msim_sim_destroy(sim);

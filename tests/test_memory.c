@@ -232,6 +232,10 @@ static msim_status record_one(scenario *l, const char *path, msim_error *err) {
 
 static msim_status record_csv(scenario *l, msim_error *err) { return record_one(l, "a.csv", err); }
 
+static msim_status record_html(scenario *l, msim_error *err) {
+  return record_one(l, "a.html", err);
+}
+
 static msim_status record_hdf5(scenario *l, msim_error *err) {
   return record_one(l, "a.vtkhdf", err);
 }
@@ -338,11 +342,12 @@ static void sims_are_recorded(void **state) {
   for (int i = 0; i < ISLANDS; i++) {
     scenario l = make_scenario(i, "velocity-verlet");
     SWEEP(l, record_csv);
+    SWEEP(l, record_html);
     l.call = record_hdf5, l.name = "record_hdf5";
     l.by = FAILING_BY_ALLOCATOR; /* libhdf5 crashes if malloc fails */
     for (int all_later = 0; all_later < 2 && has_hdf5(); all_later++) sweep(&l, all_later);
   }
-  remove("a.csv"), remove("a.vtkhdf"), remove("a.json");
+  remove("a.csv"), remove("a.html"), remove("a.vtkhdf"), remove("a.json");
 }
 
 /* Systems large enough for islands, threads, a coarse space, a factorization. */

@@ -103,11 +103,10 @@ static void what_cannot_be_written_is_refused(void **state) {
   (void)state;
   msim_sim *sim = flight(10, 1, MSIM_SYNC_OFF), *endless = flight(-1, 1, MSIM_SYNC_OFF);
   msim_sim *many = flight(20000000, 1, MSIM_SYNC_OFF);
-  refuse(
-      sim, "a.txt", MSIM_ERR_NAME,
-      "a.txt: the file name of a trajectory must end in .vtkhdf, .pvd, .csv or the extension of a "
-      "plugin");
-  refuse(sim, "a", MSIM_ERR_NAME, "end in .vtkhdf, .pvd, .csv or ");
+  refuse(sim, "a.txt", MSIM_ERR_NAME,
+         "a.txt: the file name of a trajectory must end in .html, .vtkhdf, .pvd, .csv or the "
+         "extension of a plugin");
+  refuse(sim, "a", MSIM_ERR_NAME, "end in .html, .vtkhdf, .pvd, .csv or ");
   refuse(sim, "nowhere/a.csv", MSIM_ERR_IO, "No such file or directory");
   refuse(endless, "a.csv", MSIM_ERR_ARG, "the run has no end");
   refuse(many, "a.csv", MSIM_ERR_ARG, "would have more than 10000000 frames");

@@ -82,8 +82,8 @@ static msim_status record_flight(const msim_recorder_type *own, const char *name
 
 static void a_program_brings_recorders(void **state) {
   (void)state;
-  static const char *const extensions[] = {".frames", ".csv", ".vtkhdf", ".Q&A"};
-  for (int i = 0; i < 4; i++) {
+  static const char *const extensions[] = {".frames", ".csv", ".html", ".vtkhdf", ".Q&A"};
+  for (int i = 0; i < 5; i++) {
     char name[32];
     const msim_recorder_type own = counter(extensions[i]);
     snprintf(name, sizeof name, "a.b%s", extensions[i]);
@@ -145,7 +145,9 @@ static void what_was_looked_for_is_told(void **state) {
   (void)state;
   static const char *const cases[][2] = {
       {"a.txt",
-       "/a.txt: the file name of a trajectory must end in .vtkhdf, .pvd, .csv or the extension of "
+       "/a.txt: the file name of a trajectory must end in .html, .vtkhdf, .pvd, .csv or the "
+       "extension "
+       "of "
        "a "
        "plugin: unknown recorder 'txt': msim_recorder_txt.so was not found in /nowhere, "},
       {"a.csw",

@@ -262,9 +262,9 @@ MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_err
 /*------------------------------------- recording ------------------------------------------------*/
 
 /* Writer of a trajectory. The extension of the file selects the recorder: one of
- * msim_options.recorders, .csv (built in), .vtkhdf (plugin hdf5), or the plugin with that name, see
- * recorder.h. Its functions also return plugin statuses. It must be closed before its sim is
- * destroyed. */
+ * msim_options.recorders, .csv and .html (built in), .vtkhdf (plugin hdf5), or the plugin with that
+ * name, see recorder.h. Its functions also return plugin statuses. It must be closed before its sim
+ * is destroyed. */
 typedef struct msim_recorder msim_recorder;
 
 /* Open a file for the frames that the options of the sim define. The file appears under its name as
@@ -283,8 +283,8 @@ MSIM_API msim_status msim_recorder_replace(msim_sim *sim, const char *path,
  * last frame, which is then the state of the sim, is not written again. The run may have another
  * end within the frames planned in the file, which never grows. A file without frames starts from
  * the beginning. Refused, and nothing is changed, if the file was planned for other times or
- * msim_sim_load refuses. MSIM_ERR_IO: there is no such file; MSIM_ERR_UNSUPPORTED: .csv, and others
- * whose recorders cannot. */
+ * msim_sim_load refuses. MSIM_ERR_IO: there is no such file; MSIM_ERR_UNSUPPORTED: .csv, .html, and
+ * others whose recorders cannot. */
 MSIM_API msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder **recorder,
                                           msim_error *err);
 

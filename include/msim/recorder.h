@@ -48,6 +48,8 @@ typedef struct msim_recording {
   const int32_t *faces; /* 3 nfaces: triangles of particles */
   int32_t nplanes;
   const msim_plane *planes; /* nplanes, with unit normals */
+  const char *title;        /* the name of the scene, UTF-8 */
+  double gravity[3];        /* m/s^2 */
 } msim_recording;
 
 /* One state. Valid during write() only. */

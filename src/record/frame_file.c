@@ -27,7 +27,7 @@ static void flush_buffer(ms_frame_file *file) {
     if (count >= 0) done += (size_t)count;
     else if (errno != EINTR) file->error = errno;
   }
-  file->length += (off_t)done;
+  file->length += (int64_t)done;
   file->used = 0;
 }
 

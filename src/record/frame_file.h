@@ -5,8 +5,6 @@
 #ifndef MS_FRAME_FILE_H
 #define MS_FRAME_FILE_H
 
-#include <sys/types.h>
-
 #include "base/error.h"
 #include "msim/recorder.h"
 
@@ -16,12 +14,12 @@ typedef struct ms_frame_file {
   const msim_host *host;
   const char *name; /* for messages; borrowed */
   int fd;
-  int sync;       /* 1: complete frames survive a power failure */
-  int error;      /* errno of the first failure */
-  int torn;       /* 1: the file ends inside an incomplete frame */
-  off_t length;   /* of the file, bytes */
-  off_t complete; /* bytes up to the end of the last complete frame */
-  size_t used;    /* of the buffer */
+  int sync;         /* 1: complete frames survive a power failure */
+  int error;        /* errno of the first failure */
+  int torn;         /* 1: the file ends inside an incomplete frame */
+  int64_t length;   /* of the file, bytes */
+  int64_t complete; /* bytes up to the end of the last complete frame */
+  size_t used;      /* of the buffer */
   char buffer[MS_FRAME_FILE_BUFFER];
 } ms_frame_file;
 

@@ -96,7 +96,9 @@ static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a
                              .nfaces = scene->nfaces,
                              .faces = scene->faces,
                              .nplanes = scene->nplanes,
-                             .planes = scene->planes};
+                             .planes = scene->planes,
+                             .title = scene->name};
+  memcpy(a->what.gravity, scene->external.gravity, sizeof a->what.gravity);
   if (status) free_recording_plan(r, a);
   return status;
 }

@@ -1,6 +1,7 @@
 #include "record/recorders.h"
 
 #include "record/csv.h"
+#include "record/html.h"
 #include "record/pvd.h"
 
 /* Static builds define the list of recorders that are linked in: X(hdf5) ... */
@@ -10,11 +11,12 @@ MSIM_LINKED_RECORDERS
 
 #define X(name) msim_recorder_##name,
 MS_REGISTRY_ENTRIES(msim_recorder_entry_fn, ms_csv_recorder_type, ms_pvd_recorder_type,
-                    MSIM_LINKED_RECORDERS)
+                    ms_html_recorder_type, MSIM_LINKED_RECORDERS)
 #undef X
 
 static const ms_registry_plugin known[] = {
     {.name = "csv", .extension = ".csv"},
+    {.name = "html", .extension = ".html"},
     {.name = "pvd", .extension = ".pvd"},
     {.name = "hdf5", .extension = ".vtkhdf", .package = "libhdf5-dev"},
     {NULL}};
@@ -47,12 +49,12 @@ msim_status ms_recorders_find(const char *path, const msim_options *opt,
   *type = table;
   if (!status) return MSIM_OK;
   const int is_unknown = status == MSIM_ERR_NAME && !ms_registry_knows(&recorders, path);
-  return ms_error_set(err, status, "%s: %s%s", path,
-                      is_unknown
-                          ? "the file name of a trajectory must end in .vtkhdf, .pvd, .csv or "
-                            "the extension of a plugin: "
-                          : "",
-                      why.text);
+  return ms_error_set(
+      err, status, "%s: %s%s", path,
+      is_unknown ? "the file name of a trajectory must end in .html, .vtkhdf, .pvd, .csv or "
+                   "the extension of a plugin: "
+                 : "",
+      why.text);
 }
 
 int32_t msim_recorder_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,

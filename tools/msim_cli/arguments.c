@@ -15,10 +15,8 @@
 
 static const cli_flag flags[] = {
     {"out", "FILE",
-     "write the motion: .vtkhdf for ParaView, .pvd for ParaView before 5.12, .csv for spreadsheets "
-     "and scripts, .EXT by the "
-     "plugin "
-     "msim_recorder_EXT.so",
+     "write the motion: .html for a browser, .vtkhdf for ParaView, .pvd for ParaView before 5.12, "
+     ".csv for spreadsheets and scripts, .EXT by the plugin msim_recorder_EXT.so",
      FOR_RUN, AT(out)},
     {"final", "FILE.json", "write the last state, its energies and statistics", FOR_RUN, AT(final)},
     {"energies", "FILE.csv", "write the energies of each frame", FOR_RUN, AT(energies)},

@@ -76,8 +76,9 @@ static void print_out(const report *r, const char *path) {
                          ? "to view it: open it in ParaView 5.12 or later, press Apply, then Play"
                      : has_extension(path, ".pvd")
                          ? "to view it: open it in ParaView, press Apply, then Play"
-                     : has_extension(path, ".csv") ? "a text file for spreadsheets and scripts"
-                                                   : NULL;
+                     : has_extension(path, ".html") ? "to view it: open it in a browser"
+                     : has_extension(path, ".csv")  ? "a text file for spreadsheets and scripts"
+                                                    : NULL;
   if (!hint) return;
   print_column(VALUE_COLUMN, "");
   puts(hint);
