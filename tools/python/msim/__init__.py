@@ -1,0 +1,31 @@
+"""msim simulates mass-spring systems.
+
+    import msim
+    scene = msim.Scene(gravity=(0, 0, -9.81))
+    scene.add_cloth((20, 20), origin=(0, 0, 1), row=(0, 1, 0), column=(1, 0, 0), mass=0.2, k=200,
+                    damping=0.02, pinned="first_corners")
+    result = msim.Sim(scene, integrator="implicit-midpoint", h=0.005, t_end=1).run()
+    print(result)
+"""
+from ._core import version as _version
+from ._errors import (ArgumentError, BusyError, Error, FileError, NameNotFoundError, NotConvergedError,
+                      NotFiniteError, NotPositiveDefiniteError, NumericalError, OptionError,
+                      OutOfMemoryError, PluginError, Status, StoppedError, UnstableError,
+                      UnsupportedError)
+from ._options import (Integrator, Option, Plugin, importers, integrators, options, recorders,
+                       solvers)
+from ._result import Energies, Energy, Frame, Plan, Result
+from ._scene import Plane, Scene
+from ._sim import Recorder, Sim, run
+from ._trajectory import Trajectory
+from ._view import view
+
+__version__ = _version()
+__all__ = [
+    "ArgumentError", "BusyError", "Energies", "Energy", "Error", "FileError", "Frame", "Integrator",
+    "NameNotFoundError", "NotConvergedError", "NotFiniteError", "NotPositiveDefiniteError",
+    "NumericalError", "Option", "OptionError", "OutOfMemoryError", "Plan", "Plane", "Plugin",
+    "PluginError", "Recorder", "Result", "Scene", "Sim", "Status", "StoppedError", "Trajectory",
+    "UnstableError", "UnsupportedError", "importers", "integrators", "options", "recorders", "run",
+    "solvers", "view", "__version__",
+]

@@ -1,0 +1,111 @@
+"""Exceptions by status: each is an msim.Error and, where one fits, a built-in exception."""
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """Return codes of libmsim: < 0 errors, > 0 numerical events."""
+
+    OK = 0
+    NOT_SPD = 1
+    NOT_CONVERGED = 2
+    NOT_FINITE = 3
+    STOPPED = 4
+    UNSTABLE = 5
+    ERR_ARG = -1
+    ERR_MEMORY = -2
+    ERR_NAME = -3
+    ERR_PLUGIN = -4
+    ERR_ABI = -5
+    ERR_BACKEND = -6
+    ERR_IO = -7
+    ERR_UNSUPPORTED = -8
+    ERR_SIZE = -9
+
+
+class Error(Exception):
+    """Base of all exceptions of msim; `status` says what failed."""
+
+    status: Status = Status.ERR_ARG
+
+
+class ArgumentError(Error, ValueError):
+    """An argument, a scene or an option is invalid."""
+
+
+class OptionError(ArgumentError, TypeError):
+    """There is no option of that name."""
+
+
+class NameNotFoundError(ArgumentError):
+    """There is no integrator, solver, recorder or importer of that name."""
+
+
+class OutOfMemoryError(Error, MemoryError):
+    """An allocation failed."""
+
+
+class FileError(Error, OSError):
+    """A file could not be read or written."""
+
+
+class PluginError(Error, RuntimeError):
+    """A plugin, or the library behind it, is unusable or failed."""
+
+
+class UnsupportedError(Error, NotImplementedError):
+    """This version of msim does not support it."""
+
+
+class BusyError(Error, RuntimeError):
+    """Another thread is using the sim."""
+
+
+class StoppedError(Error, RuntimeError):
+    """Sim.stop was called."""
+
+
+class NumericalError(Error, ArithmeticError):
+    """A numerical event ended the run; the sim is in the last good state."""
+
+
+class NotPositiveDefiniteError(NumericalError):
+    """The matrix of a step is not positive definite, and indefinite="stop"."""
+
+
+class NotConvergedError(NumericalError):
+    """An iterative solver, or Newton's method, did not reach its tolerance."""
+
+
+class NotFiniteError(NumericalError):
+    """The state contains NaN or numbers that are too large."""
+
+
+class UnstableError(NumericalError):
+    """Energy or extent exceed their bounds: the step is too large."""
+
+
+CLASSES: dict[Status, type[Error]] = {
+    Status.NOT_SPD: NotPositiveDefiniteError,
+    Status.NOT_CONVERGED: NotConvergedError,
+    Status.NOT_FINITE: NotFiniteError,
+    Status.STOPPED: StoppedError,
+    Status.UNSTABLE: UnstableError,
+    Status.ERR_ARG: ArgumentError,
+    Status.ERR_MEMORY: OutOfMemoryError,
+    Status.ERR_NAME: NameNotFoundError,
+    Status.ERR_PLUGIN: PluginError,
+    Status.ERR_ABI: PluginError,
+    Status.ERR_BACKEND: PluginError,
+    Status.ERR_IO: FileError,
+    Status.ERR_UNSUPPORTED: UnsupportedError,
+    Status.ERR_SIZE: ArgumentError,
+}
+
+
+def from_status(status: int, text: str) -> Error:
+    """The exception for a status; the binding raises it."""
+    error = CLASSES[Status(status)](text)
+    error.status = Status(status)
+    return error

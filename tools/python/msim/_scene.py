@@ -1,0 +1,290 @@
+"""Scenes: particles, springs, planes, gravity and drag."""
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _core
+from ._arrays import Doubles, Ints
+from ._errors import ArgumentError
+
+Path = str | os.PathLike[str]
+Pinned = str | Sequence[int] | NDArray[np.integer[Any]]
+
+
+class Plane(NamedTuple):
+    """The half space normal . x >= offset."""
+
+    normal: tuple[float, float, float]
+    offset: float
+    restitution: float
+    friction: float
+
+
+def _jsonable(value: object) -> object:
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise ArgumentError(f"a scene cannot hold a {type(value).__name__}")
+
+
+def _count(name: str, value: object) -> int:
+    if isinstance(value, (int, np.integer)) and 0 <= value <= np.iinfo(np.int32).max:
+        return int(value)
+    raise ArgumentError(f"{name} must be a whole number >= 0; found {value!r}")
+
+
+class Scene:
+    """A mechanical model. Build it here, or read it: Scene.load("scene.json").
+
+    Methods that add particles return their indices as a range. Units are SI: m, kg, s, N.
+    """
+
+    def __init__(self, *, name: str = "", gravity: ArrayLike = (0, 0, 0), drag: float = 0) -> None:
+        self._core = _core.Scene()
+        self.name = name
+        self.gravity = gravity
+        self.drag = drag
+
+    # -- reading and writing ----------------------------------------------------------------------
+
+    @classmethod
+    def _wrap(cls, core: _core.Scene) -> Scene:
+        scene = cls.__new__(cls)
+        scene._core = core
+        return scene
+
+    @classmethod
+    def load(cls, path: Path) -> Scene:
+        """Read a scene file: JSON, or what the extension says (.h5)."""
+        return cls._wrap(_core.Scene(os.fspath(path)))
+
+    @classmethod
+    def loads(cls, text: str | bytes, label: str = "scene") -> Scene:
+        """Read a scene from JSON text; `label` stands for the file in messages."""
+        return cls._wrap(_core.Scene(label, text.encode() if isinstance(text, str) else text))
+
+    @classmethod
+    def from_dict(cls, tree: Mapping[str, object]) -> Scene:
+        """A scene from the tree of a scene file; arrays may be NumPy's. "msim": 1 is implied."""
+        return cls.loads(json.dumps({"msim": 1, **tree}, default=_jsonable), "dict")
+
+    def save(self, path: Path) -> None:
+        """Write a scene file: JSON, or what the extension says (.h5). Numbers stay exact."""
+        self._core.save(os.fspath(path))
+
+    def dumps(self) -> str:
+        """The scene as JSON text."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "scene.json")
+            self._core.save(path)
+            with open(path, encoding="utf-8") as file:
+                return file.read()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self).loads, (self.dumps(),)
+
+    # -- building ---------------------------------------------------------------------------------
+
+    def add_particles(self, x: ArrayLike, mass: ArrayLike, v: ArrayLike | None = None) -> range:
+        """Add particles at x, (n, 3), with one mass each, or one for all; v: at rest."""
+        at = _arrays.rows("x", x)
+        speed = None if v is None else _arrays.rows("v", v, len(at))
+        masses = _arrays.each("mass", mass, len(at), "particles")
+        first = len(self)
+        self._core.add_particles(at, speed, masses)
+        return range(first, len(self))
+
+    def add_springs(self, ij: ArrayLike, k: ArrayLike, rest: ArrayLike | None = None,
+                    damping: ArrayLike | None = None) -> range:
+        """Add springs between the pairs ij, (n, 2); rest: the present length; damping: 0."""
+        pairs = _arrays.indices("ij", ij, 2)
+        n, first = len(pairs), self.nsprings
+        optional = [None if values is None else _arrays.each(name, values, n, "springs")
+                    for name, values in (("rest", rest), ("damping", damping))]
+        self._core.add_springs(pairs, _arrays.each("k", k, n, "springs"), *optional)
+        return range(first, self.nsprings)
+
+    def add_faces(self, corners: ArrayLike) -> None:
+        """Add triangles of particles, (n, 3), which viewers draw; they have no mass or force."""
+        self._core.add_faces(_arrays.indices("corners", corners, 3))
+
+    def add_plane(self, normal: ArrayLike, offset: float = 0, *, restitution: float = 1,
+                  friction: float = 0) -> None:
+        """Add the half space normal . x >= offset, which particles bounce off."""
+        self._core.add_plane(_arrays.vector("normal", normal), offset, restitution, friction)
+
+    def pin(self, particles: ArrayLike) -> None:
+        """Hold particles where they are; an index, or several."""
+        self._core.pin(_arrays.indices("particles", np.atleast_1d(np.asarray(particles))))
+
+    def add_rope(self, n: int, start: ArrayLike, end: ArrayLike, *, mass: float, k: float,
+                 damping: float = 0, pinned: Pinned = ()) -> range:
+        """Add n particles from start to end, with springs between neighbours. mass: of the rope."""
+        first = len(self)
+        self._core.add_rope(_count("n", n), _arrays.vector("start", start),
+                            _arrays.vector("end", end), mass, k, damping,
+                            _arrays.indices("pinned", _no_names(pinned)))
+        return range(first, len(self))
+
+    def add_cloth(self, n: tuple[int, int], origin: ArrayLike, row: ArrayLike, column: ArrayLike,
+                  *, mass: float, k: float | Mapping[str, float], damping: float = 0,
+                  pinned: Pinned = ()) -> range:
+        """Add n = (rows, columns) particles in a parallelogram with the edge vectors row, column.
+
+        mass: of the cloth. k: one for all springs, or {"structural": .., "shear": .., "bend": ..}.
+        pinned: indices within the cloth, "corners", "first_row" or "first_corners".
+        """
+        rows, columns = _sizes(n, 2)
+        kinds = ("structural", "shear", "bend")
+        if isinstance(k, Mapping):
+            unknown = set(k) - set(kinds)
+            if unknown:
+                raise ArgumentError(f"k has no key {sorted(unknown)[0]!r}; it may have "
+                                    f"{', '.join(kinds)}")
+            stiffness = [k.get(kind, 0) for kind in kinds]
+        else:
+            stiffness = [k] * 3
+        first = len(self)
+        self._core.add_cloth(rows, columns, _arrays.vector("origin", origin),
+                             _arrays.vector("row", row), _arrays.vector("column", column), mass,
+                             _arrays.doubles("k", stiffness), damping,
+                             _arrays.indices("pinned", _pinned_of_cloth(pinned, rows, columns)))
+        return range(first, len(self))
+
+    def add_lattice(self, n: tuple[int, int, int], origin: ArrayLike, size: ArrayLike, *,
+                    mass: float, k: float, damping: float = 0, pinned: Pinned = ()) -> range:
+        """Add a box of n = (nx, ny, nz) particles. mass: of the lattice."""
+        first = len(self)
+        self._core.add_lattice(np.array(_sizes(n, 3), np.int32), _arrays.vector("origin", origin),
+                               _arrays.vector("size", size), mass, k, damping,
+                               _arrays.indices("pinned", _no_names(pinned)))
+        return range(first, len(self))
+
+    # -- properties -------------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        return self._core.name()
+
+    @name.setter
+    def name(self, name: str) -> None:
+        self._core.set_name(name)
+
+    @property
+    def gravity(self) -> Doubles:
+        """Acceleration of all particles, m/s^2; assign three numbers."""
+        return _frozen(np.array(self._core.gravity()))
+
+    @gravity.setter
+    def gravity(self, value: ArrayLike) -> None:
+        self._core.set_gravity(_arrays.vector("gravity", value))
+
+    @property
+    def drag(self) -> float:
+        """b in the force -b v on every particle, N s/m."""
+        return self._core.drag()
+
+    @drag.setter
+    def drag(self, value: float) -> None:
+        self._core.set_drag(value)
+
+    @property
+    def planes(self) -> list[Plane]:
+        return [Plane(*plane) for plane in self._core.planes()]
+
+    @property
+    def x(self) -> Doubles:
+        """Initial positions, (n, 3); this and the following are read-only copies."""
+        return self._array("x")
+
+    @property
+    def v(self) -> Doubles:
+        """Initial velocities, (n, 3)."""
+        return self._array("v")
+
+    @property
+    def mass(self) -> Doubles:
+        return self._array("mass")
+
+    @property
+    def pinned(self) -> NDArray[np.bool_]:
+        """True where a particle is pinned."""
+        return self._array("pinned").astype(bool)
+
+    @property
+    def ij(self) -> Ints:
+        """The two particles of each spring, (nsprings, 2)."""
+        return self._array("ij")
+
+    @property
+    def k(self) -> Doubles:
+        return self._array("k")
+
+    @property
+    def rest(self) -> Doubles:
+        return self._array("rest")
+
+    @property
+    def damping(self) -> Doubles:
+        return self._array("damping")
+
+    @property
+    def faces(self) -> Ints:
+        """Triangles of particles, (nfaces, 3)."""
+        return self._array("faces")
+
+    @property
+    def nsprings(self) -> int:
+        return self._core.counts()[1]
+
+    def __len__(self) -> int:
+        """The number of particles."""
+        return self._core.counts()[0]
+
+    def __bool__(self) -> bool:
+        return True
+
+    def __repr__(self) -> str:
+        particles, springs, planes, faces = self._core.counts()
+        name = f" {self.name!r}" if self.name else ""
+        return (f"<msim.Scene{name}: {particles} particles, {springs} springs, {planes} planes, "
+                f"{faces} faces>")
+
+    def _array(self, name: str) -> NDArray[Any]:
+        return _frozen(self._core.array(name))
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
+
+
+def _sizes(n: tuple[int, ...], count: int) -> list[int]:
+    sizes = [_count("n", value) for value in n] if isinstance(n, Sequence) else []
+    if len(sizes) != count:
+        raise ArgumentError(f"n must be {count} whole numbers; found {n!r}")
+    return sizes
+
+
+def _no_names(pinned: Pinned) -> ArrayLike:
+    if isinstance(pinned, str):
+        raise ArgumentError(f"pinned must be indices; {pinned!r} is a name for cloths only")
+    return pinned
+
+
+def _pinned_of_cloth(pinned: Pinned, rows: int, columns: int) -> ArrayLike:
+    if not isinstance(pinned, str):
+        return pinned
+    last = (rows - 1) * columns
+    names = {"corners": sorted({0, columns - 1, last, last + columns - 1}),
+             "first_row": list(range(columns)), "first_corners": sorted({0, columns - 1})}
+    if pinned not in names:
+        raise ArgumentError(f"pinned is {pinned!r}; it must be indices or one of "
+                            f"{', '.join(names)}")
+    return names[pinned]

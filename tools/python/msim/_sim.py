@@ -1,0 +1,294 @@
+"""Sims: scenes in motion."""
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from . import _arrays, _core, _options
+from ._arrays import Doubles
+from ._errors import ArgumentError, NumericalError, Status
+from ._result import Energy, Frame, Plan, Result
+from ._scene import Path, Scene
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Observer = Callable[["Sim"], object]
+
+
+class Sim(_core.Sim):
+    """A scene in motion: Sim(scene, integrator="velocity-verlet", h=1e-3, t_end=2).
+
+    Options have the names of scene files and C, with "_" for ".", as solver_rtol; msim.options()
+    lists them. Those in the scene's `run` are the defaults. A sim is used by one thread at a time.
+    """
+
+    def __init__(self, scene: Scene, **options: object) -> None:
+        if not isinstance(scene, Scene):
+            raise ArgumentError(f"scene must be an msim.Scene; found {type(scene).__name__}")
+        super().__init__(scene._core, _options.as_text(options))
+        self._counts = scene._core.counts()
+
+    # -- state ------------------------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        """The number of particles."""
+        return self._counts[0]
+
+    def __bool__(self) -> bool:
+        return True
+
+    @property
+    def energy(self) -> Energy:
+        """Energies and momenta of the present state."""
+        return Energy(*self._energy())
+
+    @property
+    def stats(self) -> dict[str, float]:
+        """Work done and time spent since creation."""
+        return self._stats()
+
+    @property
+    def plan(self) -> Plan:
+        """Decisions made at creation: method, solver, step size, end."""
+        return Plan(*self._plan())
+
+    @property
+    def h(self) -> float:
+        """Step size, s; under error control the next to try. Assign another one, or "auto"."""
+        return self.plan.h
+
+    @h.setter
+    def h(self, h: float | str) -> None:
+        self._set_step(-1.0 if h == "auto" else float(h))
+
+    @property
+    def frame(self) -> Frame:
+        """The present state, copied."""
+        return Frame(self.nsteps, self.t, self.x.copy(), self.v.copy())
+
+    def set_state(self, x: ArrayLike | None = None, v: ArrayLike | None = None, *,
+                  t: float | None = None, step: int | None = None,
+                  v_half: ArrayLike | None = None) -> None:
+        """Continue from another state; what is None stays. The end is planned anew."""
+        n = len(self)
+        self._set_state(_arrays.rows("x", self.x if x is None else x, n),
+                        _arrays.rows("v", self.v if v is None else v, n),
+                        None if v_half is None else _arrays.rows("v_half", v_half, n),
+                        self.t if t is None else t, self.nsteps if step is None else step)
+
+    def set_springs(self, k: ArrayLike | None = None, rest: ArrayLike | None = None,
+                    damping: ArrayLike | None = None) -> None:
+        """Change the springs of this sim: one value each, or one for all; what is None stays."""
+        values = [None if given is None else _arrays.each(name, given, self._counts[1], "springs")
+                  for name, given in (("k", k), ("rest", rest), ("damping", damping))]
+        self._set_springs(*values)
+
+    def force(self, x: ArrayLike | None = None, v: ArrayLike | None = None) -> Doubles:
+        """Forces on all particles, (n, 3), N, at x and v: the present ones; 0 where pinned."""
+        n = len(self)
+        return self._force(_arrays.rows("x", self.x if x is None else x, n),
+                           _arrays.rows("v", self.v if v is None else v, n))
+
+    def matrix(self) -> csr_array[Any, tuple[int, int]]:
+        """A = M - h D - h^2 J of the next implicit step, without rows of pinned particles."""
+        from scipy.sparse import csr_array
+        values, columns, rows = self._matrix()
+        return csr_array((values, columns, rows), shape=(len(rows) - 1,) * 2)
+
+    # -- checkpoints ------------------------------------------------------------------------------
+
+    def save(self, path: Path) -> None:
+        """Write a checkpoint to a file."""
+        with open(path, "wb") as file:
+            file.write(self.dumps())
+
+    def load(self, path: Path) -> None:
+        """Continue from a checkpoint, in a sim of the same scene and options, bit by bit."""
+        with open(path, "rb") as file:
+            self.loads(file.read())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("a Sim cannot be pickled or copied: pickle its Scene and the checkpoint "
+                        "Sim.dumps(), and give the latter to Sim.loads()")
+
+    # -- runs -------------------------------------------------------------------------------------
+
+    def frames(self, *, every: int | None = None, fps: float | None = None,
+               t_end: float | None = None, progress: bool = False) -> Iterator[Frame]:
+        """Run to the end and yield the first state and each frame; the loop may break.
+
+        The options of the sim say when frames are due and when the run ends. With fixed steps
+        `every`, `fps` and `t_end` may say so instead; without any end, `every` and `fps` go on for
+        ever. progress: a bar (tqdm, where it is installed).
+        """
+        plan = self.plan
+        if every is None and fps is None and t_end is None:
+            frames = self._frames_of_options(plan)
+        else:
+            frames = self._frames_by_steps(plan, every, fps, t_end)
+        return _with_progress(frames, self, plan, t_end) if progress else frames
+
+    def _frames_of_options(self, plan: Plan) -> Iterator[Frame]:
+        if plan.t_end < 0:
+            raise ArgumentError("the run has no end: give Sim the option t_end or steps, or frames "
+                                "and run the argument t_end, every or fps")
+        return self._native_frames()
+
+    def _native_frames(self) -> Iterator[Frame]:
+        self._forget_frame()
+        while self._next_frame():
+            yield self.frame
+
+    def _frames_by_steps(self, plan: Plan, every: int | None, fps: float | None,
+                         t_end: float | None) -> Iterator[Frame]:
+        if plan.tol > 0:
+            raise ArgumentError("under error control the times of frames and the end belong to the "
+                                "sim: give every, fps and t_end to Sim")
+        if every is not None and fps is not None:
+            raise ArgumentError("give every or fps, not both")
+        if every is not None and every < 1 or fps is not None and not fps > 0:
+            raise ArgumentError("every must be a whole number >= 1, and fps a number > 0")
+        left = _steps_left(self, plan, t_end)
+        if every is None and fps is None and left is not None:
+            every = max(1, -(-left // 200))
+        per_frame = float(every) if every is not None else 1 / ((fps or 0) * plan.h)
+        return self._step_frames(max(1.0, per_frame), left)
+
+    def _step_frames(self, per_frame: float, left: int | None) -> Iterator[Frame]:
+        """Frame k at the first step >= k per_frame from here on, with a tolerance for rounding."""
+        yield self.frame
+        done = k = 0
+        while left is None or done < left:
+            k += 1
+            due = -int(-(k * per_frame * (1 - 1e-9)) // 1)
+            due = due if left is None else min(due, left)
+            self.step(due - done)
+            done = due
+            yield self.frame
+
+    def run(self, *, every: int | None = None, fps: float | None = None,
+            t_end: float | None = None, observer: Observer | None = None, out: Path | None = None,
+            replace: bool = False, progress: bool = False) -> Result:
+        """Run to the end, and return the frames, as solve_ivp of SciPy does.
+
+        every, fps, t_end, progress: as of `frames`. observer(sim): called at each frame; what is
+        true ends the run. out: also record a trajectory (.csv, .vtkhdf, ...); replace: any file.
+        A numerical event ends the run: see `success`, `status` and `message` of the result.
+        """
+        if out is not None and (every, fps, t_end) != (None, None, None):
+            raise ArgumentError("a recording is planned by the options of the sim: give every, fps "
+                                "and t_end to Sim")
+        frames: list[Frame] = []
+        energies: list[Energy] = []
+        status, message = Status.OK, "the run reached its end"
+        with _recording(self, out, replace) as write:
+            try:
+                for frame in self.frames(every=every, fps=fps, t_end=t_end, progress=progress):
+                    frames.append(frame)
+                    energies.append(self.energy)
+                    write()
+                    if observer is not None and self._observe(observer):
+                        status, message = Status.STOPPED, "the observer ended the run"
+                        break
+                else:
+                    if not self._is_at_end(t_end):
+                        status, message = Status.STOPPED, "stopped on request"
+            except NumericalError as event:
+                status, message = event.status, str(event)
+        return Result(frames, energies, len(self), status, message, self.stats)
+
+    def _observe(self, observer: Observer) -> bool:
+        self._set_in_observer(True)
+        try:
+            return bool(observer(self))
+        finally:
+            self._set_in_observer(False)
+
+    def _is_at_end(self, t_end: float | None) -> bool:
+        end = self.plan.t_end if t_end is None else t_end
+        return self.t >= end * (1 - 1e-9)
+
+    def recorder(self, path: Path, *, replace: bool = False, resume: bool = False) -> Recorder:
+        """Open a trajectory file for the frames of this sim: `with sim.recorder(path) as r:`."""
+        return Recorder(self, path, replace=replace, resume=resume)
+
+    def show(self, *, height: int = 520) -> object:
+        """Run to the end and display the run in a notebook, as a page of its own."""
+        from ._view import show
+        return show(self, height)
+
+    # -- texts ------------------------------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        plan = self.plan
+        steps = f"tol = {plan.tol:g}" if plan.tol > 0 else f"h = {plan.h:g} s"
+        solver = "" if plan.solver == "none" else f", solver {plan.solver}"
+        return (f"<msim.Sim: {len(self)} particles, {plan.integrator}, {steps}{solver}, "
+                f"t = {self.t:g} s, step {self.nsteps}>")
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"
+
+
+class Recorder(_core.Recorder):
+    """A trajectory file; write() adds the present state of the sim."""
+
+    def __init__(self, sim: Sim, path: Path, *, replace: bool = False, resume: bool = False) -> None:
+        mode = "resume" if resume else "replace" if replace else "new"
+        super().__init__(sim, os.fspath(path), mode)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
+
+
+def run(scene: Scene, *, observer: Observer | None = None, out: Path | None = None,
+        progress: bool = False, **options: object) -> Result:
+    """Run a scene to its end: Sim(scene, **options).run(...)."""
+    return Sim(scene, **options).run(observer=observer, out=out, progress=progress)
+
+
+@contextmanager
+def _recording(sim: Sim, out: Path | None, replace: bool) -> Iterator[Callable[[], None]]:
+    if out is None:
+        yield lambda: None
+    else:
+        with sim.recorder(out, replace=replace) as recorder:
+            yield recorder.write
+
+
+def _steps_left(sim: Sim, plan: Plan, t_end: float | None) -> int | None:
+    """Steps to t_end, or to the end of the plan; None: there is none."""
+    if t_end is None and plan.t_end < 0:
+        return None
+    end = plan.t_end if t_end is None else t_end
+    steps = (end - sim.t) / plan.h
+    if not steps > -1e-9:
+        raise ArgumentError(f"t_end = {end:g} s lies before the present time {sim.t:g} s")
+    return -int(-(steps - 1e-9 * max(1.0, steps)) // 1)
+
+
+def _with_progress(frames: Iterator[Frame], sim: Sim, plan: Plan,
+                   t_end: float | None) -> Iterator[Frame]:
+    try:
+        from tqdm.auto import tqdm
+    except ImportError as error:
+        raise ImportError("a progress bar needs tqdm: pip install tqdm") from error
+    end = plan.t_end if t_end is None else t_end
+    total = round(end - sim.t, 9) if end >= 0 else None
+    start = sim.t
+    with tqdm(total=total, unit="s", bar_format="{l_bar}{bar}| {n:.3g}/{total} s simulated "
+              "[{elapsed}<{remaining}]") as bar:
+        for frame in frames:
+            bar.update(frame.t - start - bar.n)
+            yield frame

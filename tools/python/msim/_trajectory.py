@@ -1,0 +1,206 @@
+"""Trajectories of msim: files .vtkhdf (with h5py) and .csv, read frame by frame."""
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from types import TracebackType
+from typing import Any, Protocol
+
+import numpy as np
+
+from ._arrays import Doubles, Ints
+from ._errors import ArgumentError, FileError, UnsupportedError
+from ._result import Energies, Frame
+from ._scene import Path, Scene
+
+
+class _Reader(Protocol):
+    times: Doubles
+    steps: np.ndarray[Any, np.dtype[np.int64]]
+    n: int
+
+    def x(self, frame: int) -> Doubles: ...
+    def v(self, frame: int) -> Doubles: ...
+    def scene(self) -> Scene | None: ...
+    def close(self) -> None: ...
+
+
+class _Csv:
+    """step,t,particle,x,y,z,vx,vy,vz: n lines a frame, of which the last may be incomplete."""
+
+    TITLE = "step,t,particle,x,y,z,vx,vy,vz"
+
+    def __init__(self, path: str) -> None:
+        try:
+            with open(path, encoding="ascii") as file:
+                title = file.readline().rstrip("\n")
+                lines = file.readlines()
+        except UnicodeDecodeError as error:
+            raise ArgumentError(f"{path}: this is no trajectory of msim") from error
+        if title != self.TITLE:
+            raise ArgumentError(f"{path}: this is no trajectory of msim: its first line must be "
+                                f"'{self.TITLE}'")
+        if lines and not lines[-1].endswith("\n"):
+            lines.pop()
+        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, 9))
+        self.n = int(table[:, 2].max()) + 1 if len(table) else 0
+        count = len(table) // self.n if self.n else 0
+        self._table = table[:count * self.n].reshape(count, self.n, 9)
+        self.times: Doubles = self._table[:, 0, 1] if count else np.zeros(0)
+        self.steps = (self._table[:, 0, 0] if count else np.zeros(0)).astype(np.int64)
+
+    def x(self, frame: int) -> Doubles:
+        return self._table[frame, :, 3:6].copy()
+
+    def v(self, frame: int) -> Doubles:
+        return self._table[frame, :, 6:9].copy()
+
+    def scene(self) -> Scene | None:
+        return None
+
+    def close(self) -> None:
+        pass
+
+
+class _Vtkhdf:
+    """The layout is described in backends/hdf5/layout.h. Frames beyond the last are planned only."""
+
+    def __init__(self, path: str) -> None:
+        try:
+            import h5py
+        except ImportError as error:
+            raise ImportError("reading .vtkhdf files needs h5py: pip install h5py") from error
+        try:
+            self._file = h5py.File(path, "r", locking=False)
+            self._root = self._file["VTKHDF"]
+            self._frames = self._file["msim/frames"]
+        except KeyError as error:
+            raise ArgumentError(f"{path}: this is no trajectory of msim") from error
+        committed = np.asarray(self._root["Steps/PartOffsets"]) == 0
+        count = len(committed) if committed.all() else int(committed.argmin())
+        self.times: Doubles = self._frames["time"][:count]
+        self.steps = self._frames["step"][:count]
+        self._offsets = self._root["Steps/PointOffsets"][:count]
+        self.n = int(self._root["NumberOfPoints"][0])
+
+    def _rows(self, name: str, frame: int) -> Doubles:
+        first = int(self._offsets[frame])
+        rows: Doubles = self._root[name][first:first + self.n]
+        return rows
+
+    def x(self, frame: int) -> Doubles:
+        return self._rows("Points", frame)
+
+    def v(self, frame: int) -> Doubles:
+        return self._rows("PointData/Velocity", frame)
+
+    def scene(self) -> Scene | None:
+        return Scene.loads(np.asarray(self._file["msim/scene"]).tobytes())
+
+    def close(self) -> None:
+        self._file.close()
+
+
+_READERS: dict[str, Callable[[str], _Reader]] = {".csv": _Csv, ".vtkhdf": _Vtkhdf}
+
+
+class Trajectory:
+    """A recorded run: Trajectory("run.vtkhdf"); len(), indexing and iteration give its frames.
+
+    Positions and velocities of .vtkhdf files are read when they are asked for.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = os.fspath(path)
+        extension = os.path.splitext(self.path)[1]
+        if extension not in _READERS:
+            raise UnsupportedError(f"{self.path}: a trajectory that can be read ends in "
+                                   f"{' or '.join(_READERS)}")
+        try:
+            self._reader = _READERS[extension](self.path)
+        except OSError as error:
+            raise FileError(f"{self.path}: {error}") from error
+
+    @property
+    def times(self) -> Doubles:
+        """Times of the frames, s."""
+        return self._reader.times
+
+    @property
+    def steps(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Numbers of the steps of the frames."""
+        return self._reader.steps
+
+    @property
+    def n(self) -> int:
+        """The number of particles."""
+        return self._reader.n
+
+    def x(self, frame: int) -> Doubles:
+        """Positions of a frame, (n, 3), m."""
+        return self._reader.x(self._index(frame))
+
+    def v(self, frame: int) -> Doubles:
+        """Velocities of a frame, (n, 3), m/s."""
+        return self._reader.v(self._index(frame))
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene of the run."""
+        scene = self._reader.scene()
+        if scene is None:
+            raise UnsupportedError(f"{self.path}: a .csv file holds no scene; record .vtkhdf")
+        return scene
+
+    @cached_property
+    def energies(self) -> Energies:
+        """Energies of all frames, J, computed from the scene."""
+        from ._sim import Sim
+        tree = json.loads(self.scene.dumps())
+        tree.pop("run", None)
+        parts = []
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore") # the step may be unstable: none is made
+            sim = Sim(Scene.from_dict(tree), integrator="symplectic-euler", watch="off")
+            for frame in self:
+                sim.set_state(frame.x, frame.v)
+                parts.append(sim.energy[:4])
+        return Energies(*np.array(parts).reshape(len(self), 4).T)
+
+    @property
+    def ij(self) -> Ints:
+        """The two particles of each spring."""
+        return self.scene.ij
+
+    def close(self) -> None:
+        self._reader.close()
+
+    def _index(self, frame: int) -> int:
+        index = int(frame)
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"{self.path} has {len(self)} frames; there is no frame {frame}")
+        return index % len(self)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __getitem__(self, frame: int) -> Frame:
+        i = self._index(frame)
+        return Frame(int(self.steps[i]), float(self.times[i]), self.x(i), self.v(i))
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[i] for i in range(len(self)))
+
+    def __enter__(self) -> Trajectory:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        span = f", t = {self.times[0]:g} to {self.times[-1]:g} s" if len(self) else ""
+        return f"<msim.Trajectory {self.path!r}: {len(self)} frames of {self.n} particles{span}>"

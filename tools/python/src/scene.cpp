@@ -1,0 +1,183 @@
+// scene.cpp - msim._core.Scene. Python has checked the shapes of all arrays.
+#include "common.hpp"
+
+static void create(Scene *self) {
+  msim_error err;
+  new (self) Scene();
+  check(msim_scene_create(nullptr, &self->p, &err), err);
+}
+
+static void load(Scene *self, const char *path) {
+  msim_error err;
+  new (self) Scene();
+  check(msim_scene_load(nullptr, path, &self->p, &err), err);
+}
+
+static void parse(Scene *self, const char *label, nb::bytes text) {
+  msim_error err;
+  new (self) Scene();
+  check(msim_scene_parse(nullptr, label, text.c_str(), text.size(), &self->p, &err), err);
+}
+
+static void add_particles(Scene &s, Doubles x, nb::object v, Doubles mass) {
+  msim_error err;
+  check(msim_scene_add_particles(s.p, static_cast<int32_t>(mass.size()), x.data(), data_or_null(v),
+                                 mass.data(), &err),
+        err);
+}
+
+static void add_springs(Scene &s, Ints ij, Doubles k, nb::object rest, nb::object damping) {
+  msim_error err;
+  check(msim_scene_add_springs(s.p, static_cast<int32_t>(k.size()), ij.data(), k.data(),
+                               data_or_null(rest), data_or_null(damping), &err),
+        err);
+}
+
+static void add_faces(Scene &s, Ints corners) {
+  msim_error err;
+  check(msim_scene_add_faces(s.p, static_cast<int32_t>(corners.size() / 3), corners.data(), &err),
+        err);
+}
+
+static void pin(Scene &s, Ints particles) {
+  msim_error err;
+  check(msim_scene_pin(s.p, static_cast<int32_t>(particles.size()), particles.data(), &err), err);
+}
+
+static void copy_vector(const Doubles &from, double (&to)[3]) {
+  for (size_t c = 0; c < 3; c++) to[c] = from.data()[c];
+}
+
+static void add_plane(Scene &s, Doubles normal, double offset, double restitution,
+                      double friction) {
+  msim_error err;
+  msim_plane plane{};
+  copy_vector(normal, plane.normal);
+  plane.offset = offset, plane.restitution = restitution, plane.friction = friction;
+  check(msim_scene_add_plane(s.p, &plane, &err), err);
+}
+
+static void add_rope(Scene &s, int32_t n, Doubles from, Doubles to, double mass, double k,
+                     double damping, Ints pinned) {
+  msim_error err;
+  msim_rope rope{};
+  rope.size = sizeof rope;
+  rope.n = n, rope.mass = mass, rope.k = k, rope.damping = damping;
+  copy_vector(from, rope.from), copy_vector(to, rope.to);
+  rope.npinned = static_cast<int32_t>(pinned.size()), rope.pinned = pinned.data();
+  check(msim_scene_add_rope(s.p, &rope, &err), err);
+}
+
+// k: structural, shear, bend
+static void add_cloth(Scene &s, int32_t rows, int32_t columns, Doubles origin, Doubles row,
+                      Doubles column, double mass, Doubles k, double damping, Ints pinned) {
+  msim_error err;
+  msim_cloth cloth{};
+  cloth.size = sizeof cloth;
+  cloth.rows = rows, cloth.columns = columns, cloth.mass = mass, cloth.damping = damping;
+  copy_vector(origin, cloth.origin), copy_vector(row, cloth.row);
+  copy_vector(column, cloth.column);
+  cloth.k_structural = k.data()[0], cloth.k_shear = k.data()[1], cloth.k_bend = k.data()[2];
+  cloth.npinned = static_cast<int32_t>(pinned.size()), cloth.pinned = pinned.data();
+  check(msim_scene_add_cloth(s.p, &cloth, &err), err);
+}
+
+static void add_lattice(Scene &s, Ints n, Doubles origin, Doubles extent, double mass, double k,
+                        double damping, Ints pinned) {
+  msim_error err;
+  msim_lattice lattice{};
+  lattice.size = sizeof lattice;
+  for (size_t c = 0; c < 3; c++) lattice.n[c] = n.data()[c];
+  copy_vector(origin, lattice.origin), copy_vector(extent, lattice.extent);
+  lattice.mass = mass, lattice.k = k, lattice.damping = damping;
+  lattice.npinned = static_cast<int32_t>(pinned.size()), lattice.pinned = pinned.data();
+  check(msim_scene_add_lattice(s.p, &lattice, &err), err);
+}
+
+static msim_scene_view get(const Scene &s) {
+  msim_scene_view w{};
+  w.size = sizeof w;
+  if (msim_scene_get(s.p, &w) != MSIM_OK) throw Failure{MSIM_ERR_ARG, "the scene is unusable"};
+  return w;
+}
+
+static nb::tuple counts(const Scene &s) {
+  const msim_scene_view w = get(s);
+  return nb::make_tuple(w.nparticles, w.nsprings, w.nplanes, w.nfaces);
+}
+
+// A copy of one array of the scene
+static nb::object array(const Scene &s, const std::string &name) {
+  const msim_scene_view w = get(s);
+  const size_t n = static_cast<size_t>(w.nparticles), m = static_cast<size_t>(w.nsprings);
+  if (name == "x") return copy(w.x, {n, 3});
+  if (name == "v") return copy(w.v, {n, 3});
+  if (name == "mass") return copy(w.mass, {n});
+  if (name == "pinned") return copy(w.pinned, {n});
+  if (name == "ij") return copy(w.ij, {m, 2});
+  if (name == "k") return copy(w.k, {m});
+  if (name == "rest") return copy(w.rest, {m});
+  if (name == "damping") return copy(w.damping, {m});
+  return copy(w.faces, {static_cast<size_t>(w.nfaces), 3});
+}
+
+static nb::list planes(const Scene &s) {
+  const msim_scene_view w = get(s);
+  nb::list all;
+  for (int32_t i = 0; i < w.nplanes; i++) {
+    const msim_plane &p = w.planes[i];
+    all.append(nb::make_tuple(nb::make_tuple(p.normal[0], p.normal[1], p.normal[2]), p.offset,
+                              p.restitution, p.friction));
+  }
+  return all;
+}
+
+static nb::tuple gravity(const Scene &s) {
+  const msim_scene_view w = get(s);
+  return nb::make_tuple(w.gravity[0], w.gravity[1], w.gravity[2]);
+}
+
+static void set_gravity(Scene &s, Doubles g) {
+  msim_error err;
+  check(msim_scene_set_gravity(s.p, g.data(), &err), err);
+}
+
+static void set_drag(Scene &s, double drag) {
+  msim_error err;
+  check(msim_scene_set_drag(s.p, drag, &err), err);
+}
+
+static void set_name(Scene &s, const char *name) {
+  msim_error err;
+  check(msim_scene_set_name(s.p, name, &err), err);
+}
+
+static void save(const Scene &s, const char *path) {
+  msim_error err;
+  check(msim_scene_save(s.p, path, &err), err);
+}
+
+void bind_scene(nb::module_ &m) {
+  nb::class_<Scene>(m, "Scene")
+      .def("__init__", create)
+      .def("__init__", load)
+      .def("__init__", parse)
+      .def("add_particles", add_particles, nb::arg(), nb::arg().none(), nb::arg())
+      .def("add_springs", add_springs, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none())
+      .def("add_faces", add_faces)
+      .def("add_plane", add_plane)
+      .def("add_rope", add_rope)
+      .def("add_cloth", add_cloth)
+      .def("add_lattice", add_lattice)
+      .def("pin", pin)
+      .def("save", save)
+      .def("counts", counts)
+      .def("array", [](const Scene &s, const char *name) { return array(s, name); })
+      .def("planes", planes)
+      .def("gravity", gravity)
+      .def("set_gravity", set_gravity)
+      .def("drag", [](const Scene &s) { return get(s).drag; })
+      .def("set_drag", set_drag)
+      .def("name", [](const Scene &s) { return nb::str(get(s).name); })
+      .def("set_name", set_name);
+}

@@ -1,0 +1,401 @@
+// sim.cpp - msim._core.Sim and Recorder: steps without the GIL, live views, signals.
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+
+#include "common.hpp"
+
+using Clock = std::chrono::steady_clock;
+static constexpr auto between_signals = std::chrono::milliseconds(50);
+
+struct Sim {
+  std::shared_ptr<Handle> h = std::make_shared<Handle>();
+  nb::object x, v, v_half; // views, made once
+  int64_t shown_step = -1; // the frame that next_frame has returned last
+  double shown_t = 0;
+};
+
+/*------------------------------------- one user at a time ---------------------------------------*/
+
+static void refuse_other_threads(const Handle &h) {
+  if ((h.busy || h.in_observer) && h.owner != std::this_thread::get_id()) {
+    nb::object busy = nb::module_::import_("msim._errors").attr("BusyError");
+    PyErr_SetString(busy.ptr(), "another thread is using this sim; give each thread its own one");
+    throw nb::python_error();
+  }
+}
+
+// The sim for reading, and for changes between steps
+static msim_sim *idle(const Sim &s) {
+  refuse_other_threads(*s.h);
+  return s.h->p;
+}
+
+// The sim for steps, which release the GIL: until the end of the scope other threads are refused.
+class Stepping {
+  Handle &h;
+
+ public:
+  explicit Stepping(Handle &handle) : h(handle) {
+    refuse_other_threads(h);
+    if (h.busy || h.in_observer)
+      throw Failure{MSIM_ERR_ARG,
+                    "an observer must not step the sim that it observes: the run "
+                    "goes on when the observer has returned"};
+    h.owner = std::this_thread::get_id();
+    h.busy = true;
+  }
+  ~Stepping() { h.busy = false; }
+};
+
+/*------------------------------------- warnings, signals, stops ---------------------------------*/
+
+static void keep_warning(const char *text, void *user) {
+  static_cast<Handle *>(user)->warnings.emplace_back(text);
+}
+
+// Python's warnings, where the call that caused them is in `level`
+static void show_warnings(Handle &h, int level) {
+  if (h.warnings.empty()) return;
+  const std::vector<std::string> texts = std::exchange(h.warnings, {});
+  for (const std::string &text : texts)
+    if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), level)) throw nb::python_error();
+}
+
+static void check_signals() {
+  if (PyErr_CheckSignals()) throw nb::python_error();
+}
+
+// Asks a run to stop every 50 ms, so that its caller can look for signals and run on.
+class Alarm {
+  std::mutex mutex;
+  std::condition_variable ends;
+  bool ended = false;
+  std::thread thread;
+
+  void watch(Handle &h) {
+    std::unique_lock<std::mutex> lock(mutex);
+    while (!ends.wait_for(lock, between_signals, [this] { return ended; })) {
+      h.stop_is_pending = true;
+      msim_sim_stop(h.p);
+    }
+  }
+
+ public:
+  explicit Alarm(Handle &h) : thread([this, &h] { watch(h); }) {}
+  ~Alarm() {
+    {
+      std::lock_guard<std::mutex> lock(mutex);
+      ended = true;
+    }
+    ends.notify_one();
+    thread.join();
+  }
+};
+
+// 1: a request to stop came from stop(), and counts as served now.
+static bool take_stop(Handle &h) { return h.stopped.exchange(false); }
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+static void set_options(const Scene &scene, const nb::list &options, msim_options &opt) {
+  msim_error err;
+  msim_options_init(&opt, sizeof opt);
+  check(msim_options_from_scene(&opt, scene.p, &err), err);
+  for (nb::handle pair : options)
+    check(msim_options_set(&opt, nb::cast<const char *>(pair[0]), nb::cast<const char *>(pair[1]),
+                           &err),
+          err);
+}
+
+// options: pairs of names and values as text
+static void create(Sim *self, const Scene &scene, const nb::list &options) {
+  Sim sim;
+  msim_error err;
+  msim_options opt;
+  set_options(scene, options, opt);
+  opt.warn = keep_warning;
+  opt.warn_user = sim.h.get();
+  const msim_status status = msim_sim_create(scene.p, &opt, &sim.h->p, &err);
+  show_warnings(*sim.h, 2);
+  check(status, err);
+  new (self) Sim(std::move(sim));
+}
+
+/*------------------------------------- steps ----------------------------------------------------*/
+
+static msim_status make_steps(Handle &h, int64_t n, msim_error *err) {
+  nb::gil_scoped_release release;
+  return msim_sim_step(h.p, n, err);
+}
+
+// Chunks of steps that take about 25 to 50 ms. One step only while a request to stop may be left.
+static void step(Sim &s, int64_t n) {
+  const std::shared_ptr<Handle> h = s.h;
+  if (n < 0) throw Failure{MSIM_ERR_ARG, "n must be >= 0"};
+  Stepping now(*h);
+  for (int64_t chunk = 1; n > 0;) {
+    msim_error err;
+    const bool pending = h->stop_is_pending.exchange(false);
+    const int64_t count = pending ? 1 : std::min(n, chunk);
+    const auto start = n > 1 ? Clock::now() : Clock::time_point();
+    const msim_status status = make_steps(*h, count, &err);
+    n -= count;
+    show_warnings(*h, 1);
+    if (status != MSIM_STOPPED || take_stop(*h)) check(status, err);
+    check_signals();
+    if (n == 0) return;
+    const auto taken = Clock::now() - start;
+    chunk = taken < between_signals / 2 ? 2 * count : std::max<int64_t>(1, count / 2);
+  }
+}
+
+static int stop_at_frame(msim_sim *p, void *user) {
+  Sim &s = *static_cast<Sim *>(user);
+  msim_state state{};
+  state.size = sizeof state;
+  msim_sim_state(p, &state);
+  if (state.step == s.shown_step && state.t == s.shown_t) return 0;
+  s.shown_step = state.step, s.shown_t = state.t;
+  return 1;
+}
+
+static msim_status run(Sim &s, Handle &h, msim_error *err) {
+  nb::gil_scoped_release release;
+  Alarm alarm(h);
+  return msim_sim_run(h.p, stop_at_frame, &s, err);
+}
+
+// Run to the next frame of the options. False: there is none, or stop() was called.
+static bool next_frame(Sim &s) {
+  const std::shared_ptr<Handle> h = s.h;
+  Stepping now(*h);
+  while (!take_stop(*h)) {
+    msim_error err;
+    const int64_t step_before = s.shown_step;
+    const double t_before = s.shown_t;
+    const msim_status status = run(s, *h, &err);
+    show_warnings(*h, 2);
+    check_signals();
+    if (s.shown_step != step_before || s.shown_t != t_before) return true;
+    if (status == MSIM_OK) return false;
+    if (status != MSIM_STOPPED) check(status, err);
+  }
+  return false;
+}
+
+// The next run shows its first frame even if a former one has shown it.
+static void forget_frame(Sim &s) { s.shown_step = -1; }
+
+static void stop(Sim &s) {
+  s.h->stopped = s.h->stop_is_pending = true;
+  msim_sim_stop(s.h->p);
+}
+
+static void set_in_observer(Sim &s, bool is_in) {
+  idle(s);
+  s.h->owner = std::this_thread::get_id();
+  s.h->in_observer = is_in;
+}
+
+/*------------------------------------- state ----------------------------------------------------*/
+
+static msim_state state_of(const Sim &s) {
+  msim_state state{};
+  state.size = sizeof state;
+  msim_sim_state(idle(s), &state);
+  return state;
+}
+
+// The view of one array of the state, which has kept its address since the view was made
+static nb::object show(Sim &s, nb::object &shown, const double *data, int32_t n) {
+  if (!shown.is_valid()) {
+    nb::capsule owner(new std::shared_ptr<Handle>(s.h),
+                      [](void *p) noexcept { delete static_cast<std::shared_ptr<Handle> *>(p); });
+    shown = view(data, {static_cast<size_t>(n), 3}, owner);
+  }
+  return shown;
+}
+
+static nb::object get_x(Sim &s) {
+  const msim_state state = state_of(s);
+  return show(s, s.x, state.x, state.n);
+}
+
+static nb::object get_v(Sim &s) {
+  const msim_state state = state_of(s);
+  return show(s, s.v, state.v, state.n);
+}
+
+static nb::object get_v_half(Sim &s) {
+  const msim_state state = state_of(s);
+  return state.v_half ? show(s, s.v_half, state.v_half, state.n) : nb::none();
+}
+
+static void set_state(Sim &s, Doubles x, Doubles v, nb::object v_half, double t, int64_t at) {
+  msim_error err;
+  msim_state state = state_of(s);
+  state.x = x.data(), state.v = v.data(), state.v_half = data_or_null(v_half);
+  state.t = t, state.step = at;
+  const msim_status status = msim_sim_set_state(s.h->p, &state, &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+  forget_frame(s);
+}
+
+static void set_step(Sim &s, double h) {
+  msim_error err;
+  const msim_status status = msim_sim_set_step(idle(s), h, &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
+static void set_springs(Sim &s, nb::object k, nb::object rest, nb::object damping) {
+  msim_error err;
+  const msim_status status = msim_sim_set_springs(idle(s), data_or_null(k), data_or_null(rest),
+                                                  data_or_null(damping), &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
+static nb::bytes save(Sim &s) {
+  msim_error err;
+  std::vector<char> data(msim_sim_save_size(idle(s)));
+  size_t length = 0;
+  check(msim_sim_save(s.h->p, data.data(), data.size(), &length, &err), err);
+  return nb::bytes(data.data(), length);
+}
+
+static void load(Sim &s, nb::bytes data) {
+  msim_error err;
+  check(msim_sim_load(idle(s), data.c_str(), data.size(), &err), err);
+  forget_frame(s);
+}
+
+/*------------------------------------- what can be read -----------------------------------------*/
+
+static nb::tuple energy(const Sim &s) {
+  msim_energy e{};
+  e.size = sizeof e;
+  msim_sim_energy(idle(s), &e);
+  return nb::make_tuple(e.kinetic, e.elastic, e.gravitational, e.total, copy(e.momentum, {3}),
+                        copy(e.angular_momentum, {3}));
+}
+
+static nb::dict stats(const Sim &s) {
+  msim_stats t{};
+  t.size = sizeof t;
+  msim_sim_stats(idle(s), &t);
+  nb::dict d;
+#define ADD(name) d[#name] = t.name;
+  ADD(steps)
+  ADD(force_evaluations)
+  ADD(assemblies) ADD(analyses) ADD(factorizations) ADD(solves) ADD(iterations)
+      ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps) ADD(coarse_factors)
+          ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s) ADD(force_s)
+              ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s)
+                  ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations)
+                      ADD(rejected_steps)
+#undef ADD
+                          return d;
+}
+
+static nb::tuple plan(const Sim &s) {
+  msim_plan p{};
+  p.size = sizeof p;
+  msim_sim_plan(idle(s), &p);
+  return nb::make_tuple(p.h, p.steps, p.integrator, p.solver, p.threads, p.tol, p.t_end);
+}
+
+static nb::object force(Sim &s, Doubles x, Doubles v) {
+  const msim_state state = state_of(s);
+  std::vector<double> f(3 * static_cast<size_t>(state.n));
+  msim_sim_force(s.h->p, x.data(), v.data(), f.data());
+  return copy(f.data(), {static_cast<size_t>(state.n), 3});
+}
+
+// The arrays of scipy.sparse.csr_array
+static nb::tuple matrix(const Sim &s) {
+  msim_error err;
+  msim_csr a{};
+  a.size = sizeof a;
+  check(msim_sim_matrix(idle(s), &a, &err), err);
+  const size_t n = static_cast<size_t>(a.n), entries = static_cast<size_t>(a.rowptr[n]);
+  return nb::make_tuple(copy(a.val, {entries}), copy(a.colind, {entries}), copy(a.rowptr, {n + 1}));
+}
+
+static nb::str explain(const Sim &s) {
+  msim_error err;
+  const char *text;
+  check(msim_sim_explain(idle(s), &text, &err), err);
+  return nb::str(text);
+}
+
+/*------------------------------------- recorders ------------------------------------------------*/
+
+struct Recorder {
+  std::shared_ptr<Handle> h;
+  msim_recorder *p = nullptr;
+  Recorder() = default;
+  Recorder(const Recorder &) = delete;
+  Recorder &operator=(const Recorder &) = delete;
+  ~Recorder() { msim_recorder_close(p, nullptr); }
+};
+
+using Open = msim_status(msim_sim *, const char *, msim_recorder **, msim_error *);
+
+// mode: "new", "replace" or "resume"
+static void open_recorder(Recorder *self, const Sim &s, const char *path, const std::string &mode) {
+  msim_error err;
+  Open *open = mode == "resume"    ? msim_recorder_resume
+               : mode == "replace" ? msim_recorder_replace
+                                   : msim_recorder_open;
+  msim_recorder *p = nullptr;
+  check(open(idle(s), path, &p, &err), err);
+  new (self) Recorder();
+  self->h = s.h, self->p = p;
+}
+
+static void write_frame(Recorder &r) {
+  msim_error err;
+  if (!r.p) throw Failure{MSIM_ERR_ARG, "the recorder is closed"};
+  refuse_other_threads(*r.h);
+  check(msim_recorder_write(r.p, &err), err);
+}
+
+static void close_recorder(Recorder &r) {
+  msim_error err;
+  refuse_other_threads(*r.h);
+  check(msim_recorder_close(std::exchange(r.p, nullptr), &err), err);
+}
+
+void bind_sim(nb::module_ &m) {
+  nb::class_<Sim>(m, "Sim")
+      .def("__init__", create)
+      .def("step", step, nb::arg("n") = 1)
+      .def("stop", stop)
+      .def("_next_frame", next_frame)
+      .def("_forget_frame", forget_frame)
+      .def("_set_in_observer", set_in_observer)
+      .def_prop_ro("x", get_x)
+      .def_prop_ro("v", get_v)
+      .def_prop_ro("v_half", get_v_half)
+      .def_prop_ro("t", [](const Sim &s) { return state_of(s).t; })
+      .def_prop_ro("nsteps", [](const Sim &s) { return state_of(s).step; })
+      .def("_set_state", set_state, nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg())
+      .def("_set_step", set_step)
+      .def("_set_springs", set_springs, nb::arg().none(), nb::arg().none(), nb::arg().none())
+      .def("dumps", save)
+      .def("loads", load, nb::arg("data"))
+      .def("_energy", energy)
+      .def("_stats", stats)
+      .def("_plan", plan)
+      .def("_force", force)
+      .def("_matrix", matrix)
+      .def("explain", explain);
+  nb::class_<Recorder>(m, "Recorder")
+      .def("__init__", open_recorder)
+      .def("write", write_frame)
+      .def("close", close_recorder);
+}

@@ -1,0 +1,162 @@
+"""Scenes: building them, what is refused, files, dicts, pickles."""
+import copy
+import json
+import pickle
+
+import msim
+import numpy as np
+import pytest
+
+
+def test_particles_and_springs():
+    scene = msim.Scene(name="two", gravity=(0, 0, -1), drag=0.5)
+    assert scene.add_particles([[0, 0, 0], [1, 0, 0]], mass=2) == range(0, 2)
+    assert scene.add_particles([[0, 1, 0]], mass=[3], v=[[1, 2, 3]]) == range(2, 3)
+    assert scene.add_springs([[0, 1], [1, 2]], k=[10, 20], damping=0.1) == range(0, 2)
+    scene.pin(0)
+    assert len(scene) == 3 and scene.nsprings == 2 and scene
+    assert scene.name == "two" and scene.drag == 0.5
+    np.testing.assert_array_equal(scene.gravity, [0, 0, -1])
+    np.testing.assert_array_equal(scene.mass, [2, 2, 3])
+    np.testing.assert_array_equal(scene.v[2], [1, 2, 3])
+    np.testing.assert_array_equal(scene.pinned, [True, False, False])
+    np.testing.assert_array_equal(scene.ij, [[0, 1], [1, 2]])
+    np.testing.assert_array_equal(scene.rest, [1, np.sqrt(2)])
+    np.testing.assert_array_equal(scene.damping, [0.1, 0.1])
+    assert repr(scene) == "<msim.Scene 'two': 3 particles, 2 springs, 0 planes, 0 faces>"
+
+
+def test_an_empty_scene_is_true_and_empty():
+    assert msim.Scene() and len(msim.Scene()) == 0
+
+
+def test_objects():
+    scene = msim.Scene()
+    rope = scene.add_rope(5, (0, 0, 0), (1, 0, 0), mass=1, k=10, pinned=[0])
+    cloth = scene.add_cloth((3, 4), (0, 0, 0), (0, 1, 0), (1, 0, 0), mass=1, k={"structural": 5})
+    box = scene.add_lattice((2, 2, 2), (0, 0, 0), (1, 1, 1), mass=1, k=10)
+    assert (rope, cloth, box) == (range(0, 5), range(5, 17), range(17, 25))
+    assert scene.nsprings == 4 + 17 + 28 and len(scene.faces) == 12 + 12
+    np.testing.assert_array_equal(scene.x[:5, 0], [0, 0.25, 0.5, 0.75, 1])
+    scene.pin(rope)
+    assert scene.pinned.sum() == 5
+
+
+@pytest.mark.parametrize("name", ["corners", "first_row", "first_corners"])
+def test_names_of_pinned_particles_are_those_of_scene_files(name):
+    keys = {"origin": (0, 0, 0), "row": (0, 1, 0), "column": (1, 0, 0), "mass": 1, "k": 10,
+            "pinned": name}
+    scene = msim.Scene()
+    scene.add_cloth((3, 4), **keys)
+    tree = {"objects": [{"type": "cloth", "n": [3, 4], **keys}]}
+    np.testing.assert_array_equal(scene.pinned, msim.Scene.from_dict(tree).pinned)
+
+
+def test_planes_and_faces():
+    scene = msim.Scene()
+    scene.add_particles(np.eye(3), mass=1)
+    scene.add_faces([[0, 1, 2]])
+    scene.add_plane((0, 0, 2), -1, restitution=0.5, friction=0.1)
+    assert scene.planes == [msim.Plane((0, 0, 1), -0.5, 0.5, 0.1)]
+    np.testing.assert_array_equal(scene.faces, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("x", [np.zeros((2, 3), np.float32), np.zeros((2, 3), int),
+                               np.zeros((4, 6))[::2, ::2], np.asfortranarray(np.zeros((2, 3))),
+                               np.zeros((2, 3), ">f8"), [[0, 0, 0], (0, 0, 0)]])
+def test_any_real_array_is_taken(x):
+    x = np.asarray(x)
+    x.flags.writeable = False
+    scene = msim.Scene()
+    assert scene.add_particles(x, mass=1) == range(2)
+
+
+@pytest.mark.parametrize("x", [np.zeros(3), np.zeros((2, 2)), np.zeros((1, 2, 3)), "text", None,
+                               [[1j, 0, 0]], [[0, 0, np.nan]], [[0, 0, np.inf]],
+                               [["a", "b", "c"]], [[object()] * 3]])
+def test_positions_that_are_refused(x):
+    scene = msim.Scene()
+    with pytest.raises(ValueError) as refused:
+        scene.add_particles(x, mass=1)
+    assert isinstance(refused.value, msim.ArgumentError) and len(scene) == 0
+
+
+@pytest.mark.parametrize("ij", [[[0, 2]], [[0, -1]], [[0, 0]], [[0.0, 1.0]], [0, 1], [[0, 1, 1]],
+                                [[0, 2**31]], [[True, "x"]]])
+def test_springs_that_are_refused(pair, ij):
+    with pytest.raises(msim.ArgumentError):
+        pair.add_springs(ij, k=1)
+    assert pair.nsprings == 1
+
+
+@pytest.mark.parametrize("keys", [{"k": [1, 2]}, {"k": -1}, {"k": np.nan}, {"k": 1, "rest": -1},
+                                  {"k": 1, "damping": [[1]]}, {"k": "stiff"}])
+def test_values_of_springs_that_are_refused(pair, keys):
+    with pytest.raises(msim.ArgumentError):
+        pair.add_springs([[0, 1]], **keys)
+    assert pair.nsprings == 1
+
+
+def test_no_springs_and_no_pins_are_fine(pair):
+    assert pair.add_springs([], k=1) == range(1, 1)
+    pair.pin([])
+
+
+@pytest.mark.parametrize("call", [
+    lambda s: s.pin(-1), lambda s: s.pin(2), lambda s: s.pin(0.5), lambda s: s.pin([[0]]),
+    lambda s: s.add_plane((0, 0, 0)), lambda s: s.add_plane((0, 1)),
+    lambda s: s.add_plane((0, 0, 1), restitution=2), lambda s: s.add_faces([[0, 1, 2]]),
+    lambda s: s.add_rope(0, (0, 0, 0), (1, 0, 0), mass=1, k=1),
+    lambda s: s.add_rope(-3, (0, 0, 0), (1, 0, 0), mass=1, k=1),
+    lambda s: s.add_rope(2, (0, 0, 0), (1, 0, 0), mass=1, k=1, pinned="corners"),
+    lambda s: s.add_cloth((2,), (0, 0, 0), (1, 0, 0), (0, 1, 0), mass=1, k=1),
+    lambda s: s.add_cloth(4, (0, 0, 0), (1, 0, 0), (0, 1, 0), mass=1, k=1),
+    lambda s: s.add_cloth((2, 2), (0, 0, 0), (1, 0, 0), (0, 1, 0), mass=1, k={"sheer": 1}),
+    lambda s: s.add_cloth((2, 2), (0, 0, 0), (1, 0, 0), (0, 1, 0), mass=1, k=1, pinned="edge"),
+    lambda s: s.add_lattice((2, 2, 2.5), (0, 0, 0), (1, 1, 1), mass=1, k=1),
+    lambda s: setattr(s, "gravity", 9.81), lambda s: setattr(s, "gravity", (0, 0, np.nan)),
+    lambda s: setattr(s, "drag", -1)])
+def test_calls_that_are_refused(pair, call):
+    before = pair.dumps()
+    with pytest.raises(msim.ArgumentError):
+        call(pair)
+    assert pair.dumps() == before
+
+
+def test_dicts_with_arrays():
+    tree = {"gravity": np.array([0, 0, -9.81]),
+            "particles": {"x": np.zeros((2, 3)) + [[0], [1]], "mass": np.float64(2)},
+            "springs": {"ij": np.array([[0, 1]]), "k": 10}, "run": {"h": 0.01, "integrator": "rk4"}}
+    scene = msim.Scene.from_dict(tree)
+    assert len(scene) == 2 and msim.Sim(scene).plan.integrator == "rk4"
+    with pytest.raises(msim.ArgumentError, match="springs.ij"):
+        msim.Scene.from_dict({**tree, "springs": {"ij": [[0, 5]], "k": 1}})
+    with pytest.raises(msim.ArgumentError, match="complex"):
+        msim.Scene.from_dict({"gravity": 1j})
+
+
+def test_files_and_text_keep_every_bit(tmp_path, cloth):
+    path = tmp_path / "cloth.json"
+    cloth.save(path)
+    for other in (msim.Scene.load(path), msim.Scene.load(str(path)),
+                  msim.Scene.loads(cloth.dumps()), msim.Scene.loads(cloth.dumps().encode()),
+                  pickle.loads(pickle.dumps(cloth)), copy.deepcopy(cloth)):
+        for name in ("x", "v", "mass", "pinned", "ij", "k", "rest", "damping", "faces", "gravity"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(cloth, name))
+    assert json.loads(cloth.dumps())["msim"] == 1
+
+
+def test_files_that_are_refused(tmp_path, pair):
+    with pytest.raises(OSError, match="no_such") as error:
+        msim.Scene.load(tmp_path / "no_such.json")
+    assert error.value.status == msim.Status.ERR_IO
+    with pytest.raises(ValueError, match="my scene"):
+        msim.Scene.loads('{"msim": 1,', "my scene")
+    with pytest.raises(OSError):
+        pair.save(tmp_path / "no folder" / "scene.json")
+
+
+def test_arrays_of_a_scene_are_copies(pair):
+    x = pair.x
+    pair.add_particles([[0, 0, 5]], mass=1)
+    assert x.shape == (2, 3) and pair.x.shape == (3, 3) and not x.flags.writeable
