@@ -1,5 +1,5 @@
 // common.hpp - what the files of the binding share: errors, handles, arrays without copies.
-// Conversions, defaults and messages about them are Python's part, in msim/*.py.
+// Conversions, defaults and messages about them are Python's part, in src/msim.
 #ifndef MSIM_PYTHON_COMMON_HPP
 #define MSIM_PYTHON_COMMON_HPP
 
@@ -20,7 +20,7 @@ namespace nb = nanobind;
 using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Ints = nb::ndarray<const int32_t, nb::c_contig, nb::device::cpu>;
 
-// Becomes the exception class of its status (msim/_errors.py).
+// Becomes the exception class of its status (src/msim/_errors.py).
 struct Failure {
   msim_status status;
   std::string text;

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import html
+import importlib.util
 import os
 import tempfile
 from typing import TYPE_CHECKING, Any
@@ -31,15 +32,23 @@ def page(sim: Sim) -> str:
             return file.read()
 
 
-def show(sim: Sim, height: int) -> object:
-    try:
-        from IPython.display import HTML
-    except ImportError as error:
-        raise ImportError("show() needs a notebook (pip install notebook); elsewhere record the "
-                          "run: sim.run(out=\"run.html\")") from error
-    display: Any = HTML  # untyped
-    return display(f'<iframe srcdoc="{html.escape(page(sim))}" width="100%" height="{height}" '
-                   'style="border:0" sandbox="allow-scripts"></iframe>')
+class Page:
+    """What a notebook displays in a frame of its own, in which the page's scripts may run."""
+
+    def __init__(self, text: str, height: int) -> None:
+        self.text = text
+        self.height = height
+
+    def _repr_html_(self) -> str:
+        return (f'<iframe srcdoc="{html.escape(self.text)}" width="100%" height="{self.height}" '
+                'style="border:0" sandbox="allow-scripts"></iframe>')
+
+
+def show(sim: Sim, height: int) -> Page:
+    if importlib.util.find_spec("IPython") is None:
+        raise ImportError("show() needs a notebook: pip install notebook; elsewhere record the "
+                          "run: sim.run(out=\"run.html\")")
+    return Page(page(sim), height)
 
 
 def view(trajectory: Trajectory | Path, *, frame: int = -1, **options: Any) -> Any:

@@ -19,6 +19,8 @@ from ._scene import Path, Scene
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+    from ._view import Page
+
 Observer = Callable[["Sim"], object]
 
 
@@ -219,7 +221,7 @@ class Sim(_core.Sim):
         """Open a trajectory file for the frames of this sim: `with sim.recorder(path) as r:`."""
         return Recorder(self, path, replace=replace, resume=resume)
 
-    def show(self, *, height: int = 520) -> object:
+    def show(self, *, height: int = 520) -> Page:
         """Run to the end and display the run in a notebook, as a page of its own."""
         from ._view import show
         return show(self, height)
