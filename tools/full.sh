@@ -4,7 +4,7 @@
 # each needs, under its name.
 slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
   thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing
-  documentation debian paraview mutations)
+  documentation debian paraview python mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.
@@ -138,4 +138,27 @@ fuzzing() {
   for target in hdf5 trajectory; do
     check "fuzzing: $target" fuzzed "$target" -fork=1 -ignore_crashes=1 -malloc_limit_mb=1000000
   done
+}
+
+python_tools() {
+  python3 -m venv build/python &&
+    build/python/bin/pip install --quiet pytest scipy h5py tqdm mypy build ipython pyvista
+}
+
+# Built once; what they are made from does not change.
+wheel_libraries() {
+  [[ -f build/wheel_libraries/lib/libhdf5.a ]] ||
+    tools/python/wheel_libraries.sh "$top/build/wheel_libraries"
+}
+
+python_tests() {
+  MSIM_WHEEL_LIBRARIES=$top/build/wheel_libraries build/python/bin/pytest -q -rs tools/python/tests
+}
+
+# The package for Python, from source, from an archive and as a wheel, in environments of their own
+python() {
+  check "Python packages of the tests" python_tools
+  check "static libraries of the wheel" wheel_libraries
+  check "pip install tools/python" build/python/bin/pip install --quiet ./tools/python
+  check "tools/python/tests" python_tests
 }

@@ -5,7 +5,8 @@
 # The sources are those of Debian 12, by their hashes. CHOLMOD is left out: its supernodal part is
 # under the GPL, which a wheel that holds it would be as well.
 set -eu
-prefix=$1
+mkdir -p "$1"
+prefix=$(cd "$1" && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 pool=http://deb.debian.org/debian/pool/main
@@ -18,15 +19,16 @@ unpack() {
   tar -xf "$work/$1.tar" -C "$work/$1" --strip-components 1
 }
 
-# build NAME CACHE_ENTRIES...: by CMake
+# build NAME CACHE_ENTRIES...: by CMake, which HDF5 expects to run in the build folder
 build() {
-  name=$1
+  mkdir "$work/$1/msim"
+  cd "$work/$1/msim"
   shift
-  cmake -S "$work/$name" -B "$work/$name/build" -DCMAKE_BUILD_TYPE=Release \
+  cmake .. -DCMAKE_BUILD_TYPE=Release \
     -DCMAKE_INSTALL_PREFIX="$prefix" -DCMAKE_INSTALL_LIBDIR=lib -DCMAKE_PREFIX_PATH="$prefix" \
     -DCMAKE_POSITION_INDEPENDENT_CODE=ON -DCMAKE_C_VISIBILITY_PRESET=hidden \
     -DBUILD_SHARED_LIBS=OFF -DBUILD_TESTING=OFF "$@"
-  cmake --build "$work/$name/build" -j2 --target install
+  cmake --build . -j2 --target install
 }
 
 unpack jansson c739578bf6b764aa0752db9a2fdadcfe921c78f1228c7ec0bb47fa804c55d17b \
@@ -40,7 +42,7 @@ for part in SuiteSparse_config AMD BTF COLAMD KLU; do
   folder=$work/suitesparse/$part
   libraries=$folder
   if [ -d "$folder/Lib" ]; then libraries=$folder/Lib; fi
-  make -C "$libraries" -j2 static AUTOCC=no CC=cc CFLAGS="-O2 -fPIC -fvisibility=hidden" CHOLMOD_CONFIG=
+  make -C "$libraries" -j2 static AUTOCC=no CC=cc CFOPENMP= CFLAGS="-O2 -fPIC" CHOLMOD_CONFIG=
   cp "$libraries"/*.a "$prefix/lib"
   find "$folder" -name '*.h' -path "*$part/Include/*" -exec cp {} "$prefix/include/suitesparse" \;
 done
