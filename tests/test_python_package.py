@@ -16,7 +16,9 @@ class PythonPackage(unittest.TestCase):
     def test_version(self):
         parts = [re.search(rf"MSIM_VERSION_{part} (\d+)", text("include/msim/api.h"))[1]
                  for part in ("MAJOR", "MINOR", "PATCH")]
-        self.assertIn(f'\nversion = "{".".join(parts)}"\n', text("tools/python/pyproject.toml"))
+        version = f'\nversion = "{".".join(parts)}"\n'
+        self.assertIn(version, text("tools/python/pyproject.toml"))
+        self.assertIn(version, text("tools/python/cholmod/pyproject.toml"))
 
     def test_statuses(self):
         in_c = dict(re.findall(r"X\(MSIM_(\w+), (-?\d+),", text("include/msim/status.h")))

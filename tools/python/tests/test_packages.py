@@ -30,6 +30,15 @@ for frame in sim.frames(every=2):
 assert_type(msim.Trajectory("a.csv").times, NDArray[np.float64])
 """
 
+CHOLMOD = """
+import msim
+scene = msim.Scene(gravity=(0, 0, -1))
+scene.add_cloth((9, 9), (0, 0, 0), (1, 0, 0), (0, 1, 0), mass=1, k=100, pinned="corners")
+sim = msim.Sim(scene, integrator="implicit-euler", h=0.01, solver="cholmod")
+sim.step(5)
+assert sim.plan.solver == "cholmod" and sim.stats["factorizations"] > 0
+"""
+
 
 def run(*command, **options):
     done = subprocess.run([str(word) for word in command], text=True, capture_output=True, **options)
@@ -138,3 +147,7 @@ def test_wheel_needs_nothing_of_its_machine(tmp_path):
     shown = smoke(python, tmp_path)
     assert "name='klu', available=True" in shown and "name='hdf5', available=True" in shown
     assert "name='cholmod', available=True" not in shown
+    if Path("/usr/include/suitesparse/cholmod.h").is_file():
+        run(python, "-m", "pip", "install", "--quiet", HERE / "cholmod", cwd=tmp_path)
+        assert "name='cholmod', available=True" in smoke(python, tmp_path)
+        run(python, "-c", CHOLMOD, cwd=tmp_path)

@@ -52,6 +52,12 @@ def test_names_of_pinned_particles_are_those_of_scene_files(name):
     np.testing.assert_array_equal(scene.pinned, msim.Scene.from_dict(tree).pinned)
 
 
+def test_numbers_of_numpy():
+    scene = msim.Scene(drag=np.float32(0.5))
+    scene.add_rope(np.int64(3), np.zeros(3), np.ones(3), mass=np.float32(1), k=np.int32(7))
+    msim.Sim(scene, integrator="rk4", h=np.float64(1e-3)).step(np.int64(2))
+
+
 def test_planes_and_faces():
     scene = msim.Scene()
     scene.add_particles(np.eye(3), mass=1)
@@ -106,6 +112,8 @@ def test_no_springs_and_no_pins_are_fine(pair):
     lambda s: s.pin(-1), lambda s: s.pin(2), lambda s: s.pin(0.5), lambda s: s.pin([[0]]),
     lambda s: s.add_plane((0, 0, 0)), lambda s: s.add_plane((0, 1)),
     lambda s: s.add_plane((0, 0, 1), restitution=2), lambda s: s.add_faces([[0, 1, 2]]),
+    lambda s: s.add_rope(2, (0, 0, 0), (1, 0, 0), mass="heavy", k=1),
+    lambda s: s.add_cloth((2, 2), (0, 0, 0), (1, 0, 0), (0, 1, 0), mass=1, k=[1, 2, 3]),
     lambda s: s.add_rope(0, (0, 0, 0), (1, 0, 0), mass=1, k=1),
     lambda s: s.add_rope(-3, (0, 0, 0), (1, 0, 0), mass=1, k=1),
     lambda s: s.add_rope(2, (0, 0, 0), (1, 0, 0), mass=1, k=1, pinned="corners"),

@@ -22,6 +22,12 @@ def doubles(name: str, values: ArrayLike) -> Doubles:
     return np.array(_as_array(name, values), dtype=np.float64, order="C")
 
 
+def number(name: str, value: object) -> float:
+    if isinstance(value, (int, float, np.integer, np.floating)):
+        return float(value)
+    raise ArgumentError(f"{name} must be a number; found {value!r}")
+
+
 def rows(name: str, values: ArrayLike, n: int | None = None) -> Doubles:
     """n rows of x, y, z."""
     array = doubles(name, values)

@@ -117,7 +117,9 @@ class Scene:
     def add_plane(self, normal: ArrayLike, offset: float = 0, *, restitution: float = 1,
                   friction: float = 0) -> None:
         """Add the half space normal . x >= offset, which particles bounce off."""
-        self._core.add_plane(_arrays.vector("normal", normal), offset, restitution, friction)
+        self._core.add_plane(_arrays.vector("normal", normal), _arrays.number("offset", offset),
+                             _arrays.number("restitution", restitution),
+                             _arrays.number("friction", friction))
 
     def pin(self, particles: ArrayLike) -> None:
         """Hold particles where they are; an index, or several."""
@@ -128,7 +130,7 @@ class Scene:
         """Add n particles from start to end, with springs between neighbours. mass: of the rope."""
         first = len(self)
         self._core.add_rope(_count("n", n), _arrays.vector("start", start),
-                            _arrays.vector("end", end), mass, k, damping,
+                            _arrays.vector("end", end), *_material(mass, k, damping),
                             _arrays.indices("pinned", _no_names(pinned)))
         return range(first, len(self))
 
@@ -147,13 +149,14 @@ class Scene:
             if unknown:
                 raise ArgumentError(f"k has no key {sorted(unknown)[0]!r}; it may have "
                                     f"{', '.join(kinds)}")
-            stiffness = [k.get(kind, 0) for kind in kinds]
+            stiffness = [_arrays.number(f"k[{kind!r}]", k.get(kind, 0)) for kind in kinds]
         else:
-            stiffness = [k] * 3
+            stiffness = [_arrays.number("k", k)] * 3
         first = len(self)
         self._core.add_cloth(rows, columns, _arrays.vector("origin", origin),
-                             _arrays.vector("row", row), _arrays.vector("column", column), mass,
-                             _arrays.doubles("k", stiffness), damping,
+                             _arrays.vector("row", row), _arrays.vector("column", column),
+                             _arrays.number("mass", mass), _arrays.doubles("k", stiffness),
+                             _arrays.number("damping", damping),
                              _arrays.indices("pinned", _pinned_of_cloth(pinned, rows, columns)))
         return range(first, len(self))
 
@@ -162,7 +165,7 @@ class Scene:
         """Add a box of n = (nx, ny, nz) particles. mass: of the lattice."""
         first = len(self)
         self._core.add_lattice(np.array(_sizes(n, 3), np.int32), _arrays.vector("origin", origin),
-                               _arrays.vector("size", size), mass, k, damping,
+                               _arrays.vector("size", size), *_material(mass, k, damping),
                                _arrays.indices("pinned", _no_names(pinned)))
         return range(first, len(self))
 
@@ -192,7 +195,7 @@ class Scene:
 
     @drag.setter
     def drag(self, value: float) -> None:
-        self._core.set_drag(value)
+        self._core.set_drag(_arrays.number("drag", value))
 
     @property
     def planes(self) -> list[Plane]:
@@ -263,6 +266,11 @@ class Scene:
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     array.flags.writeable = False
     return array
+
+
+def _material(mass: float, k: float, damping: float) -> tuple[float, float, float]:
+    return (_arrays.number("mass", mass), _arrays.number("k", k),
+            _arrays.number("damping", damping))
 
 
 def _sizes(n: tuple[int, ...], count: int) -> list[int]:

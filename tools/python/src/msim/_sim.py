@@ -68,7 +68,7 @@ class Sim(_core.Sim):
 
     @h.setter
     def h(self, h: float | str) -> None:
-        self._set_step(-1.0 if h == "auto" else float(h))
+        self._set_step(-1.0 if h == "auto" else _arrays.number("h", h))
 
     @property
     def frame(self) -> Frame:
@@ -83,7 +83,7 @@ class Sim(_core.Sim):
         self._set_state(_arrays.rows("x", self.x if x is None else x, n),
                         _arrays.rows("v", self.v if v is None else v, n),
                         None if v_half is None else _arrays.rows("v_half", v_half, n),
-                        self.t if t is None else t, self.nsteps if step is None else step)
+                        self.t if t is None else _arrays.number("t", t), self.nsteps if step is None else step)
 
     def set_springs(self, k: ArrayLike | None = None, rest: ArrayLike | None = None,
                     damping: ArrayLike | None = None) -> None:
