@@ -121,11 +121,14 @@ class Text(CliTest):
         self.assertIn("run.t_end ", out)
         self.assertEqual(self.good("help", "--t_end"), out)
         self.assertIn("--out FILE ", self.good("help", "out"))
+        self.assertIn("completion SHELL ", self.good("help", "completion"))
+        self.assertIn("Runge-Kutta with 12 stages", self.good("help", "dop853"))
         self.assertIn("objects[cloth].pinned", self.good("help", "pinned"))
         self.assertNotIn("objects", self.good("help", "particles.mass"))
 
     def test_refusals(self):
         for args, *words in ((["help", "masss"], "did you mean 'mass'?"),
+                             (["help", "leapfrog"], "did you mean 'velocity-verlet'?"),
                              (["help", "zzzzzz"], "there is no topic 'zzzzzz'"),
                              (["help", "run", "scene"], "one topic"),
                              (["help", "man", "--json"], "after scene only"),

@@ -54,7 +54,7 @@ static void a_fixed_step_that_fits_the_end(void **state) {
          "              pinned particles: they are not unknowns\n"
          "              steps at exact rest: without velocities and forces they change nothing\n"
          "              conversion to particle order, energies: computed only on request\n"
-         "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
+         "stability     angular frequencies <= 2 rad/s, damping rates <= 0 1/s in every state\n"
          "              velocity-verlet is stable for h < 1 s; h is 0.25 times that\n");
 }
 
@@ -83,7 +83,7 @@ static void newtons_method(void **state) {
          "              pinned particles: they are not unknowns\n"
          "              steps at exact rest: without velocities and forces they change nothing\n"
          "              conversion to particle order, energies: computed only on request\n"
-         "stability     omega <= 2 1/s and damping rate <= 0 1/s in every state\n"
+         "stability     angular frequencies <= 2 rad/s, damping rates <= 0 1/s in every state\n"
          "              stable for every h if the system is linear\n");
 }
 
@@ -110,7 +110,7 @@ static void error_control(void **state) {
          "              pinned particles: they are not unknowns\n"
          "              steps at exact rest: without velocities and forces they change nothing\n"
          "              conversion to particle order, energies: computed only on request\n"
-         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "stability     angular frequencies <= 3 rad/s, damping rates <= 3.5 1/s in every state\n"
          "              dop853 is stable for h < 1.82571 s; error control keeps h short enough\n");
 }
 
@@ -136,7 +136,7 @@ static void unsymmetric_matrices(void **state) {
          "skipped       pinned particles: they are not unknowns\n"
          "              steps at exact rest: without velocities and forces they change nothing\n"
          "              conversion to particle order, energies: computed only on request\n"
-         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "stability     angular frequencies <= 3 rad/s, damping rates <= 3.5 1/s in every state\n"
          "              stable for every h if the system is linear\n");
 }
 
@@ -158,7 +158,7 @@ static void a_step_too_long(void **state) {
          "              pinned particles: they are not unknowns\n"
          "              steps at exact rest: without velocities and forces they change nothing\n"
          "              conversion to particle order, energies: computed only on request\n"
-         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "stability     angular frequencies <= 3 rad/s, damping rates <= 3.5 1/s in every state\n"
          "              velocity-verlet is stable for h < 0.571429 s; h is 1.31 times that: the "
          "run may become unstable\n");
 }
@@ -184,7 +184,7 @@ static void a_clamped_matrix(void **state) {
          "skipped       pinned particles: they are not unknowns\n"
          "              steps at exact rest: without velocities and forces they change nothing\n"
          "              conversion to particle order, energies: computed only on request\n"
-         "stability     omega <= 3 1/s and damping rate <= 3.5 1/s in every state\n"
+         "stability     angular frequencies <= 3 rad/s, damping rates <= 3.5 1/s in every state\n"
          "              stable for every h if the system is linear\n");
 }
 

@@ -204,7 +204,7 @@ static void explain_gives_the_limit(void **state) {
   (void)state;
   const double x[3] = {0};
   msim_scene *scene = ring(0, 0), *damped = ring(0, 10), *still = make_single_particle(x, x, 9.81);
-  explained(scene, "verlet", 0.05, "omega <= 20 1/s and damping rate <= 0 1/s");
+  explained(scene, "verlet", 0.05, "angular frequencies <= 20 rad/s, damping rates <= 0 1/s");
   explained(scene, "verlet", 0.05, "verlet is stable for h < 0.1 s; h is 0.5 times that\n");
   explained(scene, "rk4", 0.2,
             "rk4 is stable for h < 0.141421 s; h is 1.41 times that: the run may become");

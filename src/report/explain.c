@@ -332,7 +332,8 @@ static void explain_limits(const msim_sim *sim, ms_text *out) {
                h = sim->run.h;
   const char *name = sim->config.integrator->entry.name;
   ms_text_append(out,
-                 "stability     omega <= %.6g 1/s and damping rate <= %.6g 1/s in every state%s\n",
+                 "stability     angular frequencies <= %.6g rad/s, damping rates <= %.6g 1/s in "
+                 "every state%s\n",
                  b->omega, b->rate, splits ? ", for springs with long steps" : "");
   if (sim->config.integrator->stages)
     ms_text_append(out, "              %d stages per step, chosen for that damping rate\n",

@@ -164,8 +164,15 @@ static int print_matching_key(const scene_key *key, void *user) {
 }
 
 static int print_matches(search *s) {
+  const help_entry *command;
   const cli_flag *flag;
   const msim_option_entry *option;
+  const msim_integrator_entry *method;
+  for (int i = 0; (command = help_command_info(i)) != NULL; i++)
+    if (is_match(s, command->name, "Commands:")) print_entry(command);
+  for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++)
+    if (is_match(s, method->name, "Integrators:"))
+      print_entry(&(help_entry){method->name, "", method->doc});
   for (int i = 0; (flag = flag_info(i)) != NULL; i++)
     if (is_match(s, flag->name, "Command line:")) print_flag(flag);
   for (int i = 0; (option = msim_option_info(i)) != NULL; i++)
@@ -180,7 +187,8 @@ static int refuse_topic(search *s) {
   if (meant)
     return report_usage_error("", "there is no topic '%s' (did you mean '%s'?)", s->word, meant);
   return report_usage_error(
-      "", "there is no topic '%s', only commands, options, keys, scene and man", s->word);
+      "", "there is no topic '%s', only commands, options, integrators, keys, scene and man",
+      s->word);
 }
 
 static int help_name(const char *word) {
