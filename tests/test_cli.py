@@ -98,6 +98,7 @@ class Refusals(CliTest):
             ([*run, "--h", "0"], "h is '0'", "number > 0"),
             ([*run, "--h", "abc"], "'abc'"),
             ([*run, "--h", "1e-3s"], "'1e-3s'"),
+            ([*run, "--h", "0,001"], "number > 0 or auto, with a decimal point"),
             ([*run, "--h", "nan"], "'nan'"),
             ([*run, "--steps", "-1"], "'-1'"),
             ([*run, "--steps", "1.5"], "'1.5'"),

@@ -1,6 +1,7 @@
 """Tests of loading plugins in msim_cli that need a process of their own, or a compiler."""
 import os
 import pwd
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -78,6 +79,17 @@ class Loader(CliTest):
         self.assertEqual(code, 1)
         self.assert_sentence(err, f"solver 'orphan': {self.folder}/msim_backend_orphan.so cannot "
                                   "be loaded: libgone.so: ")
+
+    def test_a_plugin_that_was_not_built_names_its_package(self):
+        library = support.shared_library().resolve()
+        shutil.copy(library, self.folder / "libmsim.so.0")
+        packages = (support.SOURCE / "tools/packages").read_text()
+        for solver in ("cholmod", "klu", "sundials-pcg"):
+            code, err = self.attempt(solver, LD_LIBRARY_PATH=str(self.folder))
+            self.assertEqual(code, 1)
+            self.assert_sentence(err, f"msim_backend_{solver}.so was not found in {self.folder}/")
+            package = re.search(r"msim builds it if (\S+) \(Debian, Ubuntu\) is installed$", err)
+            self.assertRegex(packages, rf"(?m)^{package[1]} +(plugins|tests) ")
 
     def as_nobody(self, program):
         """A copy of a program that runs as the user nobody (set-user-ID), whoever starts it."""
