@@ -133,6 +133,7 @@ class Text(CliTest):
                              (["help", "run", "scene"], "one topic"),
                              (["help", "man", "--json"], "after scene only"),
                              (["simulate"], "did you mean 'run'?"),
+                             (["version"], "did you mean '--version'?"),
                              (["completion"], "bash or zsh"),
                              (["completion", "fish"], "bash or zsh")):
             with self.subTest(" ".join(args)):
@@ -172,6 +173,7 @@ class Completion(CliTest):
         support.require(shutil.which("bash"), "bash")
         for words, offered in (
                 (["msim_cli", "ex"], ["explain"]),
+                (["msim_cli", "--v"], ["--version"]),
                 (["msim_cli", "run", "a.json", "--integrator", "velo"], ["velocity-verlet"]),
                 (["msim_cli", "run", "--jacobian", ""], ["exact", "clamp"]),
                 (["msim_cli", "run", "--solver", "cho"], ["cholmod"]),

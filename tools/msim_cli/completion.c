@@ -80,7 +80,7 @@ static void print_function(void) {
       stdout);
   print_commands();
   puts(
-      "--help --version'\n"
+      "'\n"
       "  else case $before in");
   print_values();
   fputs("    help) words='scene man ", stdout);

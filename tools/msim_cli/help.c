@@ -23,7 +23,9 @@ static const help_entry commands[] = {
     {"help", "[TOPIC]",
      "describe a command, an option, a key of scene files, or all of them: scene; with --json as a "
      "JSON schema for editors; man: the manual page"},
-    {"completion", "SHELL", "print the completion of commands and options for bash or zsh"}};
+    {"completion", "SHELL", "print the completion of commands and options for bash or zsh"},
+    {"--help", "", "print this help, as -h and help do"},
+    {"--version", "", "print the version, as -V does"}};
 
 static const help_entry environment[] = {
     {"MSIM_PLUGIN_PATH", "", "folders to search for plugins, separated by ':'"},
