@@ -131,7 +131,7 @@ static void put_parts(writer *w, const ms_object_member *m) {
   put(w, "}}]");
 }
 
-/* Members of the schema of a value that is neither a section nor a list */
+/* The members of a key's schema that restrict its value; of sections and lists, its type alone */
 static void put_form(writer *w, const ms_scene_key *key, const ms_object_member *m) {
   const char *number = number_schema(key->range);
   put_line(w);

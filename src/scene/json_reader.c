@@ -130,7 +130,7 @@ msim_status ms_json_require(const ms_json_reader *r, const char *path, ms_value 
 
 msim_status ms_json_check_table(const ms_json_reader *r, const char *path, ms_value value,
                                 const ms_scene_key *keys, int32_t n) {
-  enum { MOST = 8 };
+  enum { MOST = 16 };
   const char *names[MOST + 1] = {NULL};
   for (int32_t i = 0; i < n && i < MOST; i++) names[i] = keys[i].key;
   return ms_json_check_keys(r, path, value, names);
