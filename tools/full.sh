@@ -4,7 +4,7 @@
 # each needs, under its name.
 slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
   thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing
-  documentation debian paraview python mutations)
+  documentation debian paraview player python mutations)
 
 # The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
 # which does not know it, the hash.
@@ -106,6 +106,9 @@ abi() {
   cmake --preset debug -DMSIM_TESTS=OFF && cmake --build build/debug --target msim &&
     tools/abi build/debug/lib/libmsim.so
 }
+
+# Pages of --out run.html in a headless Chromium
+player() { tests release -R '^player$'; }
 
 static_analysis() {
   check "clang-tidy" tidied
