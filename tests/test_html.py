@@ -76,6 +76,11 @@ class Numbers(HtmlTest):
         self.assertEqual([frame["x"] for frame in page.frames], [[(1e300, -3, 0.1)]])
         self.assertEqual((page.name, page.ij, page.faces), ("", [], []))
 
+    def test_numbers_beyond_single_precision(self):
+        self.scene({**PENDULUM, "springs": {"ij": [[0, 1]], "k": 1e60}})
+        page = self.page("--h", "1e-35", "--steps", "0")
+        self.assertAlmostEqual(page.k[0] / (2 - 2**-23), 2.0**127)
+
     def test_large_coordinates(self):
         x = [[1e9, 0, -1e12], [1e9 + 0.5, 0.1, -1e12], [-1e100, 0, 0], [1e100, 1, 1]]
         far = {**PENDULUM, "particles": {"x": x, "mass": 1}, "gravity": [0, 0, 0]}

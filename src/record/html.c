@@ -2,6 +2,7 @@
 #include "record/html.h"
 
 #include <fcntl.h>
+#include <float.h>
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>
@@ -63,7 +64,7 @@ static void print_planes(ms_frame_file *file, const msim_recording *what) {
 typedef uint32_t integer_at(const msim_recording *what, int64_t i);
 
 static uint32_t bits_of(double value) {
-  const float number = (float)value;
+  const float number = (float)fmin(value, FLT_MAX);
   uint32_t bits;
   memcpy(&bits, &number, sizeof bits);
   return bits;

@@ -59,7 +59,7 @@ function distance(x, i, j) {
 function radiiOf({mass, particles: n}, {springs, spheres}, thickness) {
   const joined = new Uint32Array(n), typical = median(spheres.map(i => mass[i]));
   for (const end of springs) joined[end]++;
-  const size = i => Math.min(Math.max(Math.cbrt(mass[i] / typical), 0.6), 3);
+  const size = i => Math.min(Math.max(Math.cbrt(mass[i] / typical) || 1, 0.6), 3);
   return spheres.map(i => thickness * size(i) * (joined[i] === 2 ? 1 : 2));
 }
 

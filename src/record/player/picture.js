@@ -2,7 +2,7 @@
 // pinned particles, and planes as grids.
 
 // From small to large values, light enough for shading and of rising lightness (as viridis)
-const RAMP = [[0.27, 0.36, 0.62], [0.17, 0.56, 0.62], [0.22, 0.72, 0.56], [0.62, 0.85, 0.35],
+const RAMP = [[0.36, 0.46, 0.76], [0.2, 0.6, 0.68], [0.24, 0.74, 0.57], [0.64, 0.86, 0.36],
               [0.99, 0.88, 0.2]];
 
 const COMMON = `#version 300 es
@@ -19,7 +19,7 @@ vec4 shaded(vec3 normal) {
   int i = min(int(t), ${RAMP.length - 2});
   vec3 colour = mix(ramp[i], ramp[i + 1], t - float(i));
   float light = max(dot(normal, vec3(-.36, .64, .68)), 0.), sky = .5 + .5 * normal.y;
-  return vec4(colour * (.3 + .22 * sky + .58 * light) + .1 * pow(light, 24.), 1);
+  return vec4(colour * (.46 + .2 * sky + .42 * light) + .1 * pow(light, 24.), 1);
 }
 `;
 

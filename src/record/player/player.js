@@ -30,10 +30,12 @@ function meanOfSprings({ij, particles: n}, x, scale, of, out) {
   for (let i = 0; i < n; i++) out[i] /= count[i] || 1;
 }
 
+// `noise`: what an error of the coordinates, in m, makes of 0
 const QUANTITIES = {
   // |l - L|/L; springs of rest length 0 have none
   strain: {
     unit: "%",
+    noise: ({rest}, error) => 100 * error / median(rest),
     compute({recording, x, scale}, out) {
       const {rest} = recording;
       meanOfSprings(recording, x, scale, (s, l) => rest[s] && 100 * Math.abs(l - rest[s]) / rest[s],
@@ -43,6 +45,7 @@ const QUANTITIES = {
   // k (l - L) where a spring pulls, without damping
   tension: {
     unit: "N",
+    noise: ({k}, error) => median(k) * error,
     compute({recording, x, scale}, out) {
       const {k, rest} = recording;
       meanOfSprings(recording, x, scale, (s, l) => Math.max(k[s] * (l - rest[s]), 0), out);
@@ -50,6 +53,7 @@ const QUANTITIES = {
   },
   speed: {
     unit: "m/s",
+    noise: () => 0,
     compute({recording: {frames, speed, particles: n}, k, next, share}, out) {
       const a = frames[k].fastest / 255 * (1 - share), b = frames[next].fastest / 255 * share;
       for (let i = 0; i < n; i++) out[i] = a * speed[k][i] + b * speed[next][i];
@@ -178,7 +182,7 @@ class Player {
 
   /*----------------------------------- colours --------------------------------------------------*/
 
-  // The value that 1 in 200 exceed, over some frames
+  // The value that 1 in 200 exceed, over some frames; at least what two steps of 16 bits make
   topOf(name) {
     if (this.tops[name]) return this.tops[name];
     const {t} = this, frames = this.times.length, n = this.values.length, samples = [];
@@ -190,7 +194,9 @@ class Player {
     }
     this.setTime(t);
     const sorted = Float32Array.from(samples).sort();
-    return this.tops[name] = sorted[Math.floor(0.995 * (sorted.length - 1))] || 1e-9;
+    const noise = QUANTITIES[name].noise(this.recording, 4 * this.scale / 65535);
+    const most = sorted[Math.floor(0.995 * (sorted.length - 1))];
+    return this.tops[name] = Math.max(most, noise) || 1e-9;
   }
 
   showRange() {
