@@ -235,6 +235,7 @@ static msim_status record_csv(scenario *l, msim_error *err) { return record_one(
 static msim_status record_html(scenario *l, msim_error *err) {
   return record_one(l, "a.html", err);
 }
+static msim_status record_pvd(scenario *l, msim_error *err) { return record_one(l, "a.pvd", err); }
 
 static msim_status record_hdf5(scenario *l, msim_error *err) {
   return record_one(l, "a.vtkhdf", err);
@@ -343,11 +344,14 @@ static void sims_are_recorded(void **state) {
     scenario l = make_scenario(i, "velocity-verlet");
     SWEEP(l, record_csv);
     SWEEP(l, record_html);
+    SWEEP(l, record_pvd);
     l.call = record_hdf5, l.name = "record_hdf5";
     l.by = FAILING_BY_ALLOCATOR; /* libhdf5 crashes if malloc fails */
     for (int all_later = 0; all_later < 2 && has_hdf5(); all_later++) sweep(&l, all_later);
   }
   remove("a.csv"), remove("a.html"), remove("a.vtkhdf"), remove("a.json");
+  remove("a.csv"), remove("a.vtkhdf"), remove("a.json");
+  remove("a.pvd"), remove("a_frames/000000.vtp"), rmdir("a_frames");
 }
 
 /* Systems large enough for islands, threads, a coarse space, a factorization. */

@@ -6,7 +6,7 @@ import subprocess
 import unittest
 
 import support
-from test_pvd import PvdTest
+from test_vtk_pvd import PvdTest
 
 SCRIPT = '''
 import json, sys
