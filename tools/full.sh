@@ -87,7 +87,7 @@ memory_checked() {
 # test_newton takes as long as all others.
 memory_errors() {
   check "valgrind" memory_checked scene objects scene_json bad_scenes layout spring_graphs sim respa \
-    reflection events coarse recorder csv checkpoint_refusals hdf5_resume
+    reflection events coarse recorder strain csv pvd checkpoint_refusals hdf5_resume
 }
 
 memory_errors_of_newton() { check "valgrind: newton" memory_checked newton; }
