@@ -50,6 +50,14 @@ def build_sdist(sdist_directory, config_settings=None):
         return _core.build_sdist(sdist_directory, config_settings)
 
 
-def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    with _staged(_license()):
-        return _core.build_wheel(wheel_directory, config_settings, metadata_directory)
+def _with_license(hook):
+    def staged(*arguments, **keywords):
+        with _staged(_license()):
+            return hook(*arguments, **keywords)
+    return staged
+
+
+build_wheel = _with_license(_core.build_wheel)
+build_editable = _with_license(_core.build_editable)
+prepare_metadata_for_build_wheel = _with_license(_core.prepare_metadata_for_build_wheel)
+prepare_metadata_for_build_editable = _with_license(_core.prepare_metadata_for_build_editable)

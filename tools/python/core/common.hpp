@@ -62,11 +62,10 @@ struct Scene {
 // them, so that there are no reference cycles.
 struct Handle {
   msim_sim *p = nullptr;
-  bool busy = false;                        // a thread is inside step or run, without the GIL
-  bool in_observer = false;                 // Python calls an observer of this sim
-  std::thread::id owner;                    // of `busy` or `in_observer`
-  std::atomic<bool> stopped{false};         // stop() was called
-  std::atomic<bool> stop_is_pending{false}; // libmsim may still have a request to stop
+  bool busy = false;                // a thread is inside step or run, without the GIL
+  bool in_observer = false;         // Python calls an observer of this sim
+  std::thread::id owner;            // of `busy` or `in_observer`
+  std::atomic<bool> stopped{false}; // stop() was called
   std::vector<std::string> warnings;
   Handle() = default;
   Handle(const Handle &) = delete;

@@ -76,10 +76,7 @@ class Alarm {
 
   void watch(Handle &h) {
     std::unique_lock<std::mutex> lock(mutex);
-    while (!ends.wait_for(lock, between_signals, [this] { return ended; })) {
-      h.stop_is_pending = true;
-      msim_sim_stop(h.p);
-    }
+    while (!ends.wait_for(lock, between_signals, [this] { return ended; })) msim_sim_stop(h.p);
   }
 
  public:
@@ -130,15 +127,15 @@ static msim_status make_steps(Handle &h, int64_t n, msim_error *err) {
   return msim_sim_step(h.p, n, err);
 }
 
-// Chunks of steps that take about 25 to 50 ms. One step only while a request to stop may be left.
+// Chunks of steps that take about 25 to 50 ms. The first is one step, as an alarm may have left a
+// request to stop.
 static void step(Sim &s, int64_t n) {
   const std::shared_ptr<Handle> h = s.h;
   if (n < 0) throw Failure{MSIM_ERR_ARG, "n must be >= 0"};
   Stepping now(*h);
   for (int64_t chunk = 1; n > 0;) {
     msim_error err;
-    const bool pending = h->stop_is_pending.exchange(false);
-    const int64_t count = pending ? 1 : std::min(n, chunk);
+    const int64_t count = std::min(n, chunk);
     const auto start = n > 1 ? Clock::now() : Clock::time_point();
     const msim_status status = make_steps(*h, count, &err);
     n -= count;
@@ -189,7 +186,7 @@ static bool next_frame(Sim &s) {
 static void forget_frame(Sim &s) { s.shown_step = -1; }
 
 static void stop(Sim &s) {
-  s.h->stopped = s.h->stop_is_pending = true;
+  s.h->stopped = true;
   msim_sim_stop(s.h->p);
 }
 
@@ -291,14 +288,14 @@ static nb::dict stats(const Sim &s) {
 #define ADD(name) d[#name] = t.name;
   ADD(steps)
   ADD(force_evaluations)
-  ADD(assemblies) ADD(analyses) ADD(factorizations) ADD(solves) ADD(iterations)
-      ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps) ADD(coarse_factors)
-          ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s) ADD(force_s)
-              ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s)
-                  ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations)
-                      ADD(rejected_steps)
+  ADD(assemblies)
+  ADD(analyses) ADD(factorizations) ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts)
+      ADD(indefinite_steps) ADD(coarse_factors) ADD(kept_factors) ADD(refinements) ADD(fallbacks)
+          ADD(total_s) ADD(force_s) ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s)
+              ADD(output_s) ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations)
+                  ADD(rejected_steps)
 #undef ADD
-                          return d;
+                      return d;
 }
 
 static nb::tuple plan(const Sim &s) {

@@ -130,6 +130,14 @@ def test_stop_before_a_step_takes_effect_after_one(pair):
     assert sim.nsteps == 11
 
 
+def test_a_request_to_stop_that_was_served_is_forgotten(pair):
+    sim = msim.Sim(pair, integrator="velocity-verlet", h=1e-3, steps=100)
+    sim.stop()
+    assert list(sim.frames()) == []
+    sim.step(10)
+    assert sim.nsteps == 10
+
+
 def test_long_runs_have_the_bits_of_short_ones(big):
     """The requests to stop that let signals in change nothing."""
     scene_steps = 300
@@ -171,6 +179,8 @@ def test_ctrl_c(call):
     """The answer must come within 2 s, though the run would take hours; the sim stays usable."""
     with subprocess.Popen([sys.executable, "-c", textwrap.dedent(INTERRUPTED).format(call=call)],
                           stdout=subprocess.PIPE, text=True) as process:
+        watchdog = threading.Timer(30, process.kill)
+        watchdog.start()
         assert process.stdout.readline() == "ready\n"
         time.sleep(0.3)
         sent = time.monotonic()
@@ -178,4 +188,5 @@ def test_ctrl_c(call):
         assert process.stdout.readline() == "interrupted\n"
         assert time.monotonic() - sent < 2
         assert process.stdout.readline() == "went on\n"
+    watchdog.cancel()
     assert process.returncode == 0
