@@ -2,6 +2,7 @@
  * the program brings itself. */
 #define _GNU_SOURCE /* mkdtemp */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -122,11 +123,12 @@ static void refuse(msim_recorder_type own, msim_status want, const char *sentenc
 static void tables_are_checked(void **state) {
   (void)state;
   const msim_recorder_type good = counter(".frames");
-  msim_recorder_type bad[9];
-  for (int i = 0; i < 9; i++) bad[i] = good;
+  msim_recorder_type bad[10];
+  for (int i = 0; i < 10; i++) bad[i] = good;
   bad[0].abi = 99, bad[1].size = 16;
   bad[2].name = bad[3].library = bad[4].license = NULL;
   bad[5].open = NULL, bad[6].write = NULL, bad[7].close = NULL, bad[8].extension = NULL;
+  bad[9].abi = 0;
   refuse(bad[0], MSIM_ERR_ABI,
          "a.frames: the recorder in this program was built for recorder ABI 99, but msim ");
   refuse(bad[1], MSIM_ERR_ABI,
@@ -139,6 +141,7 @@ static void tables_are_checked(void **state) {
     refuse(bad[2 + i], MSIM_ERR_PLUGIN, sentence);
   }
   refuse(bad[8], MSIM_ERR_NAME, "unknown recorder 'frames'");
+  refuse(bad[9], MSIM_ERR_ABI, "was built for recorder ABI 0, but msim ");
 }
 
 static void what_was_looked_for_is_told(void **state) {
@@ -153,13 +156,28 @@ static void what_was_looked_for_is_told(void **state) {
       {"a.csw",
        "unknown recorder 'csw' (did you mean 'csv'?): msim_recorder_csw.so was not found in "},
       {"a.TXT", "'TXT' is not a valid name of a recorder; names consist of a-z, 0-9, '_' and '-'"},
-      {"txt", "or the extension of a plugin: the name has no extension"}};
-  for (int i = 0; i < 4; i++) {
+      {"txt", "or the extension of a plugin: the name has no extension"},
+      {"a.csv/b", "or the extension of a plugin: the name has no extension"},
+      {"a.hdf5", /* the plugin of that name has another extension */
+       "/a.hdf5: the file name of a trajectory must end in .vtkhdf, .csv or the extension of a "
+       "plugin: "}};
+  for (int i = 0; i < 6; i++) {
     msim_error why;
     const msim_recorder_type own = counter(".frames");
     assert_int_equal(record_flight(&own, cases[i][0], 0, &why), MSIM_ERR_NAME);
     if (!strstr(why.text, cases[i][1])) fail_msg("\"%s\"; wanted \"%s\"", why.text, cases[i][1]);
   }
+}
+
+/* The name is that of a known plugin, whose file is missing. */
+static void a_missing_plugin_is_named(void **state) {
+  (void)state;
+  msim_error why;
+  const msim_recorder_type own = counter(".frames");
+  setenv("MSIM_PLUGIN_PATH", "/nowhere", 1);
+  assert_int_equal(record_flight(&own, "a.vtkhdf", 0, &why), MSIM_ERR_NAME);
+  assert_non_null(
+      strstr(why.text, "/a.vtkhdf: recorder 'hdf5': msim_recorder_hdf5.so was not found in "));
 }
 
 /*------------------------------------- lists ----------------------------------------------------*/
@@ -185,9 +203,14 @@ static void lists_fill_as_much_as_the_caller_has(void **state) {
     entry.size = sizeof entry;
     assert_int_equal(lists[i](lengths[i] - 1, NULL, &entry, &why), 1);
     assert_in_range(entry.available, 0, 1);
+    if (entry.available && i > 0) {
+      assert_ptr_equal(strstr(entry.library, "HDF5 "), entry.library);
+      assert_string_equal(entry.license, "BSD-3-Clause");
+    }
     assert_int_equal(lists[i](lengths[i], NULL, &entry, &why), 0);
     assert_int_equal(why.status, MSIM_OK);
     assert_int_equal(lists[i](-1, NULL, &entry, &why), 0);
+    assert_int_equal(lists[i](INT32_MAX, NULL, &entry, &why), 0);
   }
 }
 
@@ -207,8 +230,8 @@ static msim_status load_text(const char *name, const char *text, msim_error *why
 /* JSON is read whatever the name, if no importer takes it. */
 static void scenes_are_json_by_default(void **state) {
   (void)state;
-  static const char *const names[] = {"a", "a.json", "a.txt", "a.JSON", "json.a b"};
-  for (int i = 0; i < 5; i++)
+  static const char *const names[] = {"a", "a.json", "a.txt", "a.JSON", "json.a b", "a.hdf5"};
+  for (int i = 0; i < 6; i++)
     assert_ok(load_text(names[i],
                         " \n{\"msim\": 1, \"particles\": {\"x\": [[0, 0, 0]], "
                         "\"mass\": 1}}",
@@ -242,6 +265,7 @@ int main(void) {
       cmocka_unit_test(what_was_looked_for_is_told),
       cmocka_unit_test(lists_fill_as_much_as_the_caller_has),
       cmocka_unit_test(scenes_are_json_by_default),
+      cmocka_unit_test(a_missing_plugin_is_named), /* the last one, as it hides the plugins */
   };
   return cmocka_run_group_tests_name("registry", tests, make_folder, remove_folder);
 }

@@ -111,8 +111,11 @@ static msim_status find_table(const ms_registry *r, table_key key,
   char label[64];
   snprintf(label, sizeof label, "the %s in this program", r->kind);
   if (*table) return check_table(r, NULL, *table, label, err);
-  const msim_status status = load_table(r, key.name, sources->plugin_path, table, where, err);
-  return status ? status : check_table(r, key.name, *table, where->data, err);
+  msim_status status = load_table(r, key.name, sources->plugin_path, table, where, err);
+  if (!status) status = check_table(r, key.name, *table, where->data, err);
+  if (status || !key.extension || has_text(*table, r->extension, key.extension)) return status;
+  return ms_error_set(err, MSIM_ERR_NAME, "%s is for files *%s, not *%s", where->data,
+                      (const char *)pointer_at(*table, r->extension), key.extension);
 }
 
 /* With the dot; NULL: the last part of the path has none. */
