@@ -262,8 +262,8 @@ void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, const ms_run_
   double *numbers[] = {&w->energy_bound, &w->start_bound,    &w->start_moment_work,
                        &w->extent,       &w->least_mass,     &w->t0,
                        &w->good.t,       &w->good.t_rounding};
-  if (!monitor_is_on(sim)) return;
   if (b->direction == MS_ARCHIVE_READ) w->good = *run;
+  if (!monitor_is_on(sim)) return;
   ms_archive_transfer_count(b, &w->good.step);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) MS_ARCHIVE_TRANSFER(b, *numbers[i]);
   ms_archive_check(b, isfinite(w->good.t) && isfinite(w->good.t_rounding),
