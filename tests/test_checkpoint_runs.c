@@ -126,6 +126,52 @@ static void methods_that_auto_has_chosen(void **state) {
   }
 }
 
+/* A bar that falls on its end and slides: the dense output of a step depends on the contacts at its
+ * end. */
+static void frames_inside_a_step_that_ends_in_contact(void **state) {
+  (void)state;
+  static const char *const methods[] = {"dop853", "rk4", "bdf2"};
+  const double x[6] = {0, 0, 0.01, 0.6, 0, 0.3}, mass[2] = {1, 2}, k = 300;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, err));
+  assert_ok(msim_scene_set_gravity(scene, (double[3]){0, 0, -9.81}, err));
+  plane(scene, 0, 0, 1, 0, 0, 0.2);
+  for (int m = 0; m < 3; m++) {
+    msim_options opt = control_options(methods[m], 1e-4, 0.2);
+    opt.fps = 1000;
+    expect_same_frames(scene, &opt, methods[m]);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Then there is no last good state to be checked. */
+static void without_energy_monitor(void **state) {
+  (void)state;
+  static const char *const methods[] = {"dop853", "velocity-verlet", "bdf2", "auto"};
+  msim_scene *scene = cloth();
+  for (int m = 0; m < 4; m++) {
+    msim_options opt = control_options(methods[m], 1e-3, 0.05);
+    opt.watch = MSIM_WATCH_OFF;
+    expect_same_frames(scene, &opt, methods[m]);
+  }
+  msim_options opt = options("velocity-verlet", 1e-3);
+  opt.watch = MSIM_WATCH_OFF;
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 10, err));
+  assert_ok(msim_sim_set_step(sim, 5e-4, err)); /* a new run, from step 10 on */
+  assert_ok(msim_sim_step(sim, 3, err));
+  const checkpoint c = save(sim);
+  assert_ok(msim_sim_set_step(other, 5e-4, err));
+  assert_ok(msim_sim_load(other, c.bytes, c.length, err));
+  expect_same(sim, other, "after another step");
+  free(c.bytes);
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene);
+}
+
 /* For another end auto would choose another method; a loaded checkpoint keeps its choice. */
 static void auto_keeps_its_choice(void **state) {
   (void)state;
@@ -280,6 +326,26 @@ static void after_another_step_was_set(void **state) {
   }
 }
 
+/* No steps are left then; the run still has an end. */
+static void after_steps_beyond_the_end(void **state) {
+  (void)state;
+  msim_scene *scene = cloth();
+  msim_options opt = options("velocity-verlet", 1e-3);
+  opt.steps = 10;
+  msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 15, err));
+  assert_ok(msim_sim_set_step(sim, 7e-4, err));
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_int_equal(state_of(sim).step, 15);
+  const checkpoint c = save(sim);
+  assert_ok(msim_sim_set_step(other, 7e-4, err));
+  assert_ok(load(other, &c, err));
+  expect_same(sim, other, "beyond the end");
+  free(c.bytes);
+  msim_sim_destroy(sim), msim_sim_destroy(other);
+  msim_scene_destroy(scene);
+}
+
 /* A state out of the plane of a planar scene, at another time and step: islands get a third
  * component. */
 static void after_a_state_was_set(void **state) {
@@ -413,10 +479,13 @@ int main(void) {
                                      cmocka_unit_test(frames_of_fixed_steps),
                                      cmocka_unit_test(methods_that_auto_has_chosen),
                                      cmocka_unit_test(auto_keeps_its_choice),
+                                     cmocka_unit_test(frames_inside_a_step_that_ends_in_contact),
+                                     cmocka_unit_test(without_energy_monitor),
                                      cmocka_unit_test(from_the_start),
                                      cmocka_unit_test(runs_may_end_elsewhere),
                                      cmocka_unit_test(controlled_runs_may_end_elsewhere),
                                      cmocka_unit_test(after_another_step_was_set),
+                                     cmocka_unit_test(after_steps_beyond_the_end),
                                      cmocka_unit_test(after_a_state_was_set),
                                      cmocka_unit_test(after_springs_were_set),
                                      cmocka_unit_test(solvers_stay_as_they_were_chosen),

@@ -3,11 +3,18 @@
 #include <math.h>
 #include <string.h>
 
-#include "integrate/interpolate.h"
 #include "linear/solver_choice.h"
 #include "sim/step_driver.h"
 
-/* options.steps is reduced by the steps already made. */
+/* Reduce options.steps by the steps already made; those made beyond it do not count. */
+static void subtract_steps_made(msim_sim *sim) {
+  int64_t *steps = &sim->config.opt.steps, made = sim->run.step - sim->run.step0;
+  if (*steps < 0) return;
+  if (made > *steps) made = *steps;
+  sim->run.spent += made;
+  *steps -= made;
+}
+
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (!sim || !(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
     return ms_error_set(err, MSIM_ERR_ARG,
@@ -29,8 +36,7 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   msim_sim_state(sim, &now);
   now.v_half = NULL; /* v(t - h/2) with the old h */
   sim->config.opt.h = h;
-  if (sim->config.opt.steps >= 0) sim->run.spent += now.step - sim->run.step0;
-  if (sim->config.opt.steps >= 0) sim->config.opt.steps -= now.step - sim->run.step0;
+  subtract_steps_made(sim);
   status = msim_sim_set_state(sim, &now, err);
   if (status) sim->config = config, sim->run = run;
   return status;
@@ -99,15 +105,6 @@ static void restore_scene(msim_sim *sim, ms_scene *before) {
   ms_sim_replace_scene(sim, before);
 }
 
-/* Compute the dense output of the last step, with its springs: frames may lie inside it. */
-static void prepare_dense_output(msim_sim *sim) {
-  if (!ms_options_have_frame_times(&sim->config.opt) || sim->run.step == sim->run.step0) return;
-  for (int32_t i = 0; i < sim->nislands; i++) {
-    ms_stepper *s = &sim->islands[i].stepper;
-    ms_interpolate(sim->config.integrator, s, 1, s->x_spare[0], s->v_spare[0]);
-  }
-}
-
 /* Invalidate what depends on the springs: accelerations, matrices, rest, the history of errors. */
 static void invalidate_spring_data(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
@@ -149,7 +146,7 @@ static msim_status continue_with_springs(msim_sim *sim, const double *k, const d
                   ->is_multirate; /* 1: the split into stiff and soft springs may change */
   for (int32_t i = 0; i < sim->nislands && !other; i++)
     other = changes_matrix_kind(sim, &sim->islands[i], rest, damping);
-  prepare_dense_output(sim);
+  ms_step_driver_prepare_dense_output(sim); /* with the old springs */
   const int remembers = !other && must_keep_scene(sim);
   ms_scene *before = other || remembers ? ms_scene_retain(sim->scene) : NULL;
   ms_sim_free_matrix(sim); /* its model refers to the old scene */

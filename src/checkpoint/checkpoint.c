@@ -76,13 +76,6 @@ typedef struct saved_run {
   ms_error_growth error_growth;
 } saved_run;
 
-/* 1: the frame shown last, or the next one, lies inside the last step. */
-static int has_frame_inside_step(const msim_sim *sim) {
-  if (!ms_options_have_frame_times(&sim->config.opt) || sim->run.step == sim->run.step0) return 0;
-  return sim->run.t_shown < sim->run.t ||
-         ms_frames_time(&sim->config.plan, &sim->config.opt, sim->run.frame) < sim->run.t;
-}
-
 static saved_run collect_run(const msim_sim *sim) {
   const ms_solver *solver = sim->islands->stepper.solver;
   return (saved_run){.run = sim->run,
@@ -92,7 +85,7 @@ static saved_run collect_run(const msim_sim *sim) {
                      .every = sim->config.opt.every,
                      .solver_h = solver ? solver->creation_h : 0,
                      .left_out = sim->islands->model.unknowns.dropped_axis,
-                     .saves_last_step = has_frame_inside_step(sim),
+                     .saves_last_step = ms_step_driver_has_frame_inside(sim),
                      .h_from_auto = sim->config.step_limit.from_auto,
                      .other_springs = sim->chosen_for != NULL,
                      .tol = sim->config.opt.tol,
@@ -227,11 +220,20 @@ size_t msim_sim_save_size(const msim_sim *sim) {
   return b.position;
 }
 
+/* 1: particles touch planes at the end of the last step. No checkpoint tells which. */
+static int has_contacts(const msim_sim *sim) {
+  int any = 0;
+  for (int32_t i = 0; i < sim->nislands; i++)
+    any |= ms_stepper_has_contacts(&sim->islands[i].stepper);
+  return any;
+}
+
 msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                           msim_error *err) {
   if (!sim || !to || !length) return ms_error_set(err, MSIM_ERR_ARG, "sim, to or length is NULL");
   ms_archive b = {.direction = MS_ARCHIVE_WRITE, .data = to, .size = capacity};
   header h = {.magic = MAGIC, .order = ORDER, .version = VERSION};
+  if (has_contacts(sim)) ms_step_driver_prepare_dense_output(sim);
   saved_run r = collect_run(sim);
   MS_ARCHIVE_TRANSFER(&b, h);
   ms_fingerprint_hash_scene(sim);

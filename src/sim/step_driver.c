@@ -8,8 +8,10 @@
 #include "base/clock.h"
 #include "contact/contact_set.h"
 #include "contact/events.h"
+#include "integrate/interpolate.h"
 #include "methods/methods.h"
 #include "physics/offender.h"
+#include "sim/frames.h"
 #include "sim/island_step.h"
 
 /*------------------------------------- one island -----------------------------------------------*/
@@ -298,6 +300,20 @@ void ms_step_driver_show_time(msim_sim *sim, double t) {
   if (t == sim->run.t_shown) return;
   sim->run.t_shown = t;
   sim->state_is_current = 0;
+}
+
+int ms_step_driver_has_frame_inside(const msim_sim *sim) {
+  if (!ms_options_have_frame_times(&sim->config.opt) || sim->run.step == sim->run.step0) return 0;
+  return sim->run.t_shown < sim->run.t ||
+         ms_frames_time(&sim->config.plan, &sim->config.opt, sim->run.frame) < sim->run.t;
+}
+
+void ms_step_driver_prepare_dense_output(msim_sim *sim) {
+  if (!ms_step_driver_has_frame_inside(sim)) return;
+  for (int32_t i = 0; i < sim->nislands; i++) {
+    ms_stepper *s = &sim->islands[i].stepper;
+    ms_interpolate(sim->config.integrator, s, 1, s->x_spare[0], s->v_spare[0]);
+  }
 }
 
 msim_status ms_step_driver_make_step(msim_sim *sim, msim_error *err) {

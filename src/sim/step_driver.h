@@ -27,4 +27,10 @@ void ms_step_driver_set_span(msim_sim *sim, double span);
 /* Set the length of the next step to try (s). */
 void ms_step_driver_set_step(msim_sim *sim, double h);
 
+/* 1: the frame shown last, or the next one, lies inside the last step. */
+int ms_step_driver_has_frame_inside(const msim_sim *sim);
+
+/* If so, compute the dense output of that step, before its springs or contacts are forgotten. */
+void ms_step_driver_prepare_dense_output(msim_sim *sim);
+
 #endif
