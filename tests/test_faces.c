@@ -203,12 +203,30 @@ static void recorders_receive_what_a_picture_needs(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A scene that shares its data with a sim is copied when it is changed. */
+static void copies_keep_faces(void **state) {
+  (void)state;
+  msim_scene *scene = block(3, 4, 5);
+  msim_options opt = options("verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_scene_view shared = {.size = sizeof shared}, own = {.size = sizeof own};
+  assert_int_equal(msim_scene_get(scene, &shared), MSIM_OK);
+  assert_ok(msim_scene_set_name(scene, "other", err));
+  assert_int_equal(msim_scene_get(scene, &own), MSIM_OK);
+  assert_ptr_not_equal(own.faces, shared.faces);
+  assert_true(own.nfaces == shared.nfaces && own.nfaces > 0);
+  assert_memory_equal(own.faces, shared.faces, 3 * (size_t)own.nfaces * sizeof *own.faces);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(a_block_has_a_closed_surface),
       cmocka_unit_test(a_layer_has_one_sheet),
       cmocka_unit_test(a_cloth_has_two_faces_a_cell),
       cmocka_unit_test(files_keep_faces),
+      cmocka_unit_test(copies_keep_faces),
       cmocka_unit_test(wrong_faces_are_refused),
       cmocka_unit_test(recorders_receive_what_a_picture_needs),
   };

@@ -3,8 +3,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "checkpoints.h"
 #include "counting_allocator.h"
-#include "scenes.h"
+#include "sim/sim.h"
 
 enum { SIDE = 5, N = SIDE * SIDE, SPRINGS = 102 };
 
@@ -52,10 +53,23 @@ static msim_status set_state(msim_sim *sim, msim_error *err) {
   return msim_sim_set_state(sim, &folded, err);
 }
 
+static checkpoint later; /* of a sim that is some steps ahead */
+
+static msim_status load_later(msim_sim *sim, msim_error *err) {
+  return msim_sim_load(sim, later.bytes, later.length, err);
+}
+
+static void save_later(const msim_scene *scene, const msim_options *opt) {
+  msim_sim *ahead = make_sim(scene, opt);
+  assert_ok(msim_sim_step(ahead, 7, err));
+  later = save(ahead);
+  msim_sim_destroy(ahead);
+}
+
 static void expect_same_states(msim_sim *a, msim_sim *b, const char *label, int64_t failure) {
   const msim_state s = state_of(a), t = state_of(b);
   if (s.step != t.step || s.t != t.t || s.h != t.h || memcmp(s.x, t.x, 3 * N * sizeof *s.x) ||
-      memcmp(s.v, t.v, 3 * N * sizeof *s.v))
+      memcmp(s.v, t.v, 3 * N * sizeof *s.v) || a->run.spent != b->run.spent)
     fail_msg("%s: allocation %lld failed, and the sim is another one", label, (long long)failure);
 }
 
@@ -75,6 +89,9 @@ static int64_t fail_change(const char *method, msim_status (*change)(msim_sim *,
   const int is_auto = strcmp(method, "auto") == 0;
   opt.threads = 1, opt.solver = "pcg";
   if (is_auto) opt.t_end = 2, opt.tol = 1e-3;
+  else if (strcmp(method, "dop853") == 0) opt.tol = 1e-3, opt.steps = -1;
+  else opt.steps = 1000;
+  save_later(scene, &opt);
   msim_sim *sim = make_sim(scene, &opt), *twin = make_sim(scene, &opt);
   msim_error why;
   int64_t failure = 0;
@@ -93,19 +110,16 @@ static int64_t fail_change(const char *method, msim_status (*change)(msim_sim *,
     restart(sim), restart(twin);
     expect_same_states(sim, twin, method, failure);
   }
+  free(later.bytes);
   msim_sim_destroy(sim), msim_sim_destroy(twin);
   msim_scene_destroy(scene);
   assert_int_equal(b.live, 0);
   return failure;
 }
 
-static const char *const methods[] = {"velocity-verlet",
-                                      "respa",
-                                      "takahashi-imada",
-                                      "verlet",
-                                      "linearly-implicit-euler",
-                                      "bdf2",
-                                      "auto"};
+static const char *const methods[] = {
+    "velocity-verlet",         "respa", "takahashi-imada", "verlet",
+    "linearly-implicit-euler", "bdf2",  "dop853",          "auto"};
 
 static void fail_with_all_methods(msim_status (*change)(msim_sim *, msim_error *)) {
   int64_t failures = 0;
@@ -132,9 +146,15 @@ static void states_that_cannot_be_set(void **state) {
   fail_with_all_methods(set_state);
 }
 
+static void checkpoints_that_cannot_be_loaded(void **state) {
+  (void)state;
+  fail_with_all_methods(load_later);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(springs_that_cannot_be_set),
                                      cmocka_unit_test(steps_that_cannot_be_set),
-                                     cmocka_unit_test(states_that_cannot_be_set)};
+                                     cmocka_unit_test(states_that_cannot_be_set),
+                                     cmocka_unit_test(checkpoints_that_cannot_be_loaded)};
   return cmocka_run_group_tests_name("failed changes", tests, NULL, NULL);
 }

@@ -3,8 +3,10 @@
 #include <math.h>
 #include <string.h>
 
+#include "checkpoints.h"
 #include "counting_allocator.h"
 #include "error_control.h"
+#include "sim/frames.h"
 #include "sim/sim.h"
 
 enum { FRAMES = 64 };
@@ -138,6 +140,87 @@ static void stops_miss_no_frame(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* msim_sim_run shows no frame that msim_sim_step has passed, nor the first one twice. */
+static void steps_pass_frames(void **state) {
+  (void)state;
+  static frame_log f;
+  static const double ends[] = {0, 0.05, 0.3};
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  for (int i = 0; i < 3; i++) {
+    msim_options opt = control_options("dop853", 1e-6, 0.25);
+    opt.fps = 100;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 0, err));
+    while (state_of(sim).t < ends[i]) assert_ok(msim_sim_step(sim, 1, err));
+    const double now = state_of(sim).t;
+    f = (frame_log){.looks = 1};
+    assert_ok(msim_sim_run(sim, log_frame, &f, err));
+    assert_int_equal(f.count, i == 0 ? 26 : i == 1 ? 25 - (int)floor(100 * now) : 0);
+    for (int k = 1; k < f.count; k++) assert_close(f.t[k] - f.t[k - 1], 0.01, 1e-15);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Steps are counted from the state that was set, and so is the end. */
+static void the_number_of_the_first_step_is_any(void **state) {
+  (void)state;
+  static frame_log f;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  msim_options opt = options("velocity-verlet", 1e-3);
+  opt.steps = 10, opt.every = 4;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_state s = state_of(sim);
+  s.step = 160;
+  assert_ok(msim_sim_set_state(sim, &s, err));
+  f = (frame_log){.looks = 1};
+  assert_ok(msim_sim_run(sim, log_frame, &f, err));
+  assert_int_equal(f.count, 4);
+  assert_memory_equal(f.step, ((int64_t[]){160, 164, 168, 170}), 4 * sizeof *f.step);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* A run whose end is its start has one frame, however many it would have otherwise. */
+static void a_run_without_length_has_one_frame(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  const msim_options opt = control_options("dop853", 1e-6, 0);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_int_equal(ms_frames_count(&sim->config.plan, &sim->config.opt, 1000), 1);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* For other frames in the sim that continues, the next one is the first after that shown last. */
+static void a_resumed_run_may_have_other_frames(void **state) {
+  (void)state;
+  static frame_log f;
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  for (int i = 0; i < 3; i++) { /* another fps, another end with frames by default, no `every` */
+    msim_options opt = control_options("dop853", 1e-4, 0.25);
+    if (i == 0) opt.fps = 2000;
+    if (i == 2) opt.every = 2;
+    msim_sim *first = make_sim(scene, &opt);
+    f = (frame_log){.stop_at = 4, .looks = 1};
+    assert_int_equal(msim_sim_run(first, log_frame, &f, NULL), MSIM_STOPPED);
+    const double shown = f.t[3];
+    const checkpoint c = save(first);
+    if (i == 0) assert_true(shown < first->run.t - 2e-3); /* several frames inside the step */
+    double interval = i == 0 ? 1. / 1500 : 0.5 / 200;
+    if (i == 0) opt.fps = 1500;
+    if (i > 0) opt.every = 0, opt.t_end = 0.5;
+    msim_sim *second = make_sim(scene, &opt);
+    assert_ok(msim_sim_load(second, c.bytes, c.length, err));
+    f = (frame_log){.stop_at = 1, .looks = 1};
+    assert_int_equal(msim_sim_run(second, log_frame, &f, NULL), MSIM_STOPPED);
+    assert_close(f.t[0], interval * (floor(shown / interval) + 1), 1e-14);
+    free(c.bytes);
+    msim_sim_destroy(first), msim_sim_destroy(second);
+  }
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- setters, threads -----------------------------------------*/
 
 static frame_log plain;
@@ -185,6 +268,8 @@ static void a_state_that_is_set_starts_a_run(void **state) {
   msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 3, err));
   const msim_state there = state_of(sim);
+  assert_true(there.h == sim->run.control.h); /* the next step to try */
+  sim->run.t_rounding = 0x1p-60;              /* as other steps may leave it */
   assert_ok(msim_sim_set_state(other, &there, err));
   assert_ok(msim_sim_set_state(
       sim,
@@ -299,6 +384,10 @@ int main(void) {
                                      cmocka_unit_test(frames_are_accurate),
                                      cmocka_unit_test(frames_by_steps),
                                      cmocka_unit_test(stops_miss_no_frame),
+                                     cmocka_unit_test(steps_pass_frames),
+                                     cmocka_unit_test(the_number_of_the_first_step_is_any),
+                                     cmocka_unit_test(a_run_without_length_has_one_frame),
+                                     cmocka_unit_test(a_resumed_run_may_have_other_frames),
                                      cmocka_unit_test(springs_change_between_steps),
                                      cmocka_unit_test(a_state_that_is_set_starts_a_run),
                                      cmocka_unit_test(threads_change_no_bit),

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/sized.h"
 #include "counting_allocator.h"
 #include "scene/scene.h"
 #include "scenes.h"
@@ -43,6 +44,11 @@ static void structs_without_size_are_refused(void **state) {
   s.size = 0;
   assert_int_equal(msim_sim_set_state(sim, &s, &why), MSIM_ERR_SIZE);
   assert_says(&why, "state.size is 0; it must be sizeof(msim_state)");
+  s.size = offsetof(msim_state, v); /* without what must be given */
+  assert_int_equal(msim_sim_set_state(sim, &s, &why), MSIM_ERR_SIZE);
+  energy.size = stats.size = sizeof(size_t); /* no member but the size */
+  assert_int_equal(msim_sim_energy(sim, &energy), MSIM_ERR_SIZE);
+  assert_int_equal(msim_sim_stats(sim, &stats), MSIM_ERR_SIZE);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
@@ -73,6 +79,16 @@ static void smaller_structs_are_served(void **state) {
   assert_true(s.step == 3 && s.v && s.v_half == &nowhere && s.h == -7);
   s.h = 1e-3;
   assert_ok(msim_sim_set_state(sim, &s, err));
+  msim_state full;
+  memset(&full, 0x55, sizeof full);
+  ms_sized_read(&full, sizeof full, &s);
+  assert_true(full.step == 3 && !full.v_half && full.h == 0);
+  msim_sim *other;
+  msim_options opt = options("verlet", 1e-3);
+  opt.size = offsetof(msim_options, backends);
+  opt.backends = (const msim_backend *const *)&nowhere, opt.watch = opt.sync = 77;
+  assert_ok(msim_sim_create(scene, &opt, &other, err));
+  msim_sim_destroy(other);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
@@ -129,9 +145,12 @@ static void sizes_that_cannot_be_are_refused(void **state) {
   msim_error why;
   msim_sim *sim = swinging_sim(&scene, "verlet");
   msim_state s = state_of(sim);
-  s.size = SIZE_MAX;
-  assert_int_equal(msim_sim_set_state(sim, &s, &why), MSIM_ERR_SIZE);
-  assert_says(&why, "it must be sizeof(msim_state)");
+  static const size_t sizes[] = {1, 7, SIZE_MAX, (size_t)1 << 40, sizeof s + 5000};
+  for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+    s.size = sizes[i];
+    assert_int_equal(msim_sim_set_state(sim, &s, &why), MSIM_ERR_SIZE);
+    assert_says(&why, "it must be sizeof(msim_state)");
+  }
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
@@ -150,6 +169,8 @@ static void allocators_are_checked(void **state) {
                    MSIM_ERR_SIZE);
   assert_int_equal(msim_scene_load(&alloc, "none.json", &scene, &why), MSIM_ERR_SIZE);
   assert_null(scene);
+  alloc.size = offsetof(msim_allocator, user);
+  assert_int_equal(msim_scene_create(&alloc, &scene, &why), MSIM_ERR_SIZE);
   alloc.size = sizeof alloc, alloc.free = NULL;
   assert_int_equal(msim_scene_create(&alloc, &scene, &why), MSIM_ERR_ARG);
   assert_says(&why, "alloc.alloc or alloc.free is NULL");
@@ -181,6 +202,10 @@ static void options_of_a_scene_are_set_all_or_none(void **state) {
   before = opt;
   assert_ok(msim_options_from_scene(&opt, scene, err));
   assert_true(opt.h == 0.5 && opt.threads == 3 && opt.size == before.size);
+  newer_options newer;
+  assert_int_equal(msim_options_init(&newer.known, sizeof newer), MSIM_OK);
+  assert_ok(msim_options_from_scene(&newer.known, scene, err));
+  assert_true(newer.known.h == 0.5 && newer.known.size == sizeof newer);
   opt = before;
   assert_ok(ms_scene_add_run_option(scene, "tol", "-1", err));
   assert_int_equal(msim_options_from_scene(&opt, scene, NULL), MSIM_ERR_ARG);

@@ -386,7 +386,6 @@ msim_status ms_options_copy(const msim_options *from, msim_options *to, msim_err
   if (status) return status;
   msim_options_init(to, sizeof *to);
   memcpy(to, from, from->size < sizeof *to ? from->size : sizeof *to);
-  to->size = from->size;
   return MSIM_OK;
 }
 
