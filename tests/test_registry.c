@@ -149,18 +149,16 @@ static void what_was_looked_for_is_told(void **state) {
   static const char *const cases[][2] = {
       {"a.txt",
        "/a.txt: the file name of a trajectory must end in .html, .vtkhdf, .pvd, .csv or the "
-       "extension "
-       "of "
-       "a "
-       "plugin: unknown recorder 'txt': msim_recorder_txt.so was not found in /nowhere, "},
+       "extension of a plugin: unknown recorder 'txt': msim_recorder_txt.so was not found in "
+       "/nowhere, "},
       {"a.csw",
        "unknown recorder 'csw' (did you mean 'csv'?): msim_recorder_csw.so was not found in "},
       {"a.TXT", "'TXT' is not a valid name of a recorder; names consist of a-z, 0-9, '_' and '-'"},
       {"txt", "or the extension of a plugin: the name has no extension"},
       {"a.csv/b", "or the extension of a plugin: the name has no extension"},
       {"a.hdf5", /* the plugin of that name has another extension */
-       "/a.hdf5: the file name of a trajectory must end in .vtkhdf, .csv or the extension of a "
-       "plugin: "}};
+       "/a.hdf5: the file name of a trajectory must end in .html, .vtkhdf, .pvd, .csv or the "
+       "extension of a plugin: "}};
   for (int i = 0; i < 6; i++) {
     msim_error why;
     const msim_recorder_type own = counter(".frames");
@@ -188,7 +186,7 @@ static void lists_fill_as_much_as_the_caller_has(void **state) {
   int32_t (*const lists[])(int32_t, const char *, msim_plugin_entry *, msim_error *) = {
       msim_solver_info, msim_recorder_info, msim_importer_info};
   static const char *const first[] = {"auto", "csv", "hdf5"};
-  static const int32_t lengths[] = {9, 3, 1};
+  static const int32_t lengths[] = {9, 4, 1};
   for (int i = 0; i < 3; i++) {
     msim_error why;
     msim_plugin_entry entry = {.available = -5};

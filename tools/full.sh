@@ -1,20 +1,21 @@
 # shellcheck shell=bash
-# Sourced by check: what finds little, in slices of ten minutes at most. Each run of tools/check
-# takes one of them but the last, which depends on chance, and --full all. tools/packages has what
-# each needs, under its name.
-slices=(clang_bits kills quick_benches failing_allocations sanitized_runs sanitized_solvers
-  thread_sanitizer coverage memory_errors memory_errors_of_newton static_analysis fuzzing
-  documentation debian paraview player python mutations)
+# Sourced by check: what finds little, in slices. Each run of tools/check takes one turn, of ten
+# minutes at most, and --full takes all, and what takes longer or depends on chance. tools/packages has
+# what each slice needs, under its name.
+turns=("clang_bits documentation player" "kills debian" quick_benches
+  "failing_allocations paraview" sanitized_runs "sanitized_solvers thread_sanitizer" coverage
+  memory_errors memory_errors_of_newton static_analysis fuzzing python)
+read -ra slices <<<"${turns[*]} wheels mutations"
 
-# The number of commits chooses, so that neighbouring commits run different ones; in a shallow clone,
-# which does not know it, the hash.
-slice_of_commit() {
+# The number of commits chooses, so that neighbouring commits take different turns; in a shallow
+# clone, which does not know it, the hash.
+turn_of_commit() {
   local number
   number=$(git rev-list --count HEAD 2>/dev/null || echo 0)
   if [[ $(git rev-parse --is-shallow-repository 2>/dev/null) == true ]]; then
     number=$((16#$(git rev-parse HEAD | cut -c1-8)))
   fi
-  echo "${slices[number % (${#slices[@]} - 1)]}"
+  echo "${turns[number % ${#turns[@]}]}"
 }
 
 # 500 runs killed at random moments and resumed
@@ -154,14 +155,24 @@ wheel_libraries() {
     tools/python/wheel_libraries.sh "$top/build/wheel_libraries"
 }
 
+# python_tests MARKS
 python_tests() {
-  MSIM_WHEEL_LIBRARIES=$top/build/wheel_libraries build/python/bin/pytest -q -rs tools/python/tests
+  MSIM_WHEEL_LIBRARIES=$top/build/wheel_libraries \
+    build/python/bin/pytest -q -rs -m "$1" tools/python/tests
 }
 
 # The package for Python, from source, from an archive and as a wheel, in environments of their own
 python() {
   check "Python packages of the tests" python_tools
+  check "pip install tools/python" build/python/bin/pip install --quiet ./tools/python
+  check "tools/python/tests" python_tests "not slow"
+}
+
+# The source archive and the wheel, each in a fresh environment. The libraries behind the wheel are
+# built from their sources, which takes half an hour once.
+wheels() {
+  check "Python packages of the tests" python_tools
   check "static libraries of the wheel" wheel_libraries
   check "pip install tools/python" build/python/bin/pip install --quiet ./tools/python
-  check "tools/python/tests" python_tests
+  check "archive and wheel" python_tests slow
 }

@@ -262,9 +262,9 @@ MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_err
 /*------------------------------------- recording ------------------------------------------------*/
 
 /* Writer of a trajectory. The extension of the file selects the recorder: one of
- * msim_options.recorders, .csv, .html and .pvd (built in), .vtkhdf (plugin hdf5), or the plugin with
- * that name, see recorder.h. Its functions also return plugin statuses. It must be closed before its
- * sim is destroyed. */
+ * msim_options.recorders, .csv, .html and .pvd (built in), .vtkhdf (plugin hdf5), or the plugin
+ * with that name, see recorder.h. Its functions also return plugin statuses. It must be closed
+ * before its sim is destroyed. */
 typedef struct msim_recorder msim_recorder;
 
 /* Open a file for the frames that the options of the sim define. The file appears under its name as
