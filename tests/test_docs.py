@@ -30,7 +30,9 @@ class Snippets(unittest.TestCase):
 
     def compile(self, folder, file):
         library = support.shared_library()
+        sanitizer = support.setting("SANITIZE")
         self.run_in(folder, support.setting("CC"), "-std=c11", "-Wall", "-Wextra", "-Werror",
+                    *([f"-fsanitize={sanitizer}"] if sanitizer else []),
                     f"-I{support.SOURCE / 'include'}", file, str(library),
                     f"-Wl,-rpath,{library.parent}", "-o", Path(file).stem)
         self.run_in(folder, f"./{Path(file).stem}")

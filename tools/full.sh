@@ -161,7 +161,7 @@ python_tests() {
     build/python/bin/pytest -q -rs -m "$1" tools/python/tests
 }
 
-# The package for Python, from source, from an archive and as a wheel, in environments of their own
+# The package for Python, installed from source in an environment of its own
 python() {
   check "Python packages of the tests" python_tools
   check "pip install tools/python" build/python/bin/pip install --quiet ./tools/python

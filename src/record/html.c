@@ -156,11 +156,11 @@ static void put_component(recorder *r, ms_integer_code *code, const msim_frame *
   }
 }
 
-static void print_components(recorder *r, const char *key, int bits, const msim_frame *frame,
+static void print_components(recorder *r, const char *key, const msim_frame *frame,
                              const frame_range *range, int first, int end) {
   ms_integer_code code;
   ms_frame_file_print(&r->file, "\"%s\":\"", key);
-  ms_integer_code_begin(&code, &r->file, bits);
+  ms_integer_code_begin(&code, &r->file, first < 3 ? POSITION_BITS : SPEED_BITS);
   for (int c = first; c < end; c++) put_component(r, &code, frame, range, c);
   ms_integer_code_end(&code);
 }
@@ -176,9 +176,9 @@ static msim_status write_html_frame(void *self, const msim_frame *frame) {
   print_triple(&r->file, "low", range.low);
   print_triple(&r->file, "high", range.high);
   print_number(&r->file, "fastest", range.fastest);
-  print_components(r, "x", POSITION_BITS, frame, &range, 0, 3);
+  print_components(r, "x", frame, &range, 0, 3);
   ms_frame_file_print(&r->file, "\",");
-  print_components(r, "speed", SPEED_BITS, frame, &range, 3, 4);
+  print_components(r, "speed", frame, &range, 3, 4);
   ms_frame_file_print(&r->file, "\"}\n");
   r->frames++;
   return ms_frame_file_end_frame(&r->file);
