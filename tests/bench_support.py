@@ -3,9 +3,19 @@
 import json
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
+import support
 from cli_support import CliTest, no_constant
+
+
+def plot_bench(*arguments, cwd):
+    """Exit status and what is printed."""
+    done = subprocess.run([sys.executable, support.SOURCE / "tools/plot_bench", *arguments], cwd=cwd,
+                          text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    return done.returncode, done.stdout
 
 
 class BenchTest(CliTest):

@@ -2,12 +2,12 @@
 also on a busy machine."""
 
 import csv
+import importlib.util
 import math
-import shutil
 import time
 
 import support
-from bench_support import BenchTest
+from bench_support import BenchTest, plot_bench
 
 ALONE = {"jacobian_over_force", "auto_slowdown_when_other_core_busy_cloth64"}
 BESIDE_CHOLMOD = {"auto_over_tuned_cholmod_cloth64", "auto_over_tuned_cholmod_cloth100",
@@ -34,6 +34,20 @@ class QuickTest(BenchTest):
         result = self.result()
         self.check_printed(result["summary"], out)
         return result
+
+    def check_table(self, rows):
+        self.assertEqual(plot_bench("out.json", "--csv", "out.csv", cwd=self.folder), (0, ""))
+        with (self.folder / "out.csv").open(newline="") as file:
+            table = list(csv.DictReader(file))
+        self.assertEqual([row["measure"] for row in table], [row["measure"] for row in rows])
+
+    def check_picture(self, *words):
+        if not importlib.util.find_spec("matplotlib"):
+            return
+        self.assertEqual(plot_bench("out.json", "--svg", "out.svg", cwd=self.folder), (0, ""))
+        text = (self.folder / "out.svg").read_text()
+        for word in words:
+            self.assertIn(word, text)
 
 
 class Quick(QuickTest):
@@ -71,8 +85,7 @@ class Quick(QuickTest):
         self.check_keys(result, expected)
 
     def test_precision(self):
-        picture = ["--svg", "out.svg"] if shutil.which("gnuplot") else []
-        result = self.run_quick("precision", "--csv", "out.csv", *picture)
+        result = self.run_quick("precision")
         rows, found = result["rows"], result["summary"]
         expected = PRECISION | (BESIDE_SUNDIALS if "ode" in result["machine"] else set())
         self.assertEqual(set(found) - expected, set())
@@ -94,17 +107,11 @@ class Quick(QuickTest):
             self.check_split(rows, "folding", set())
         self.check_order(rows, "velocity-verlet", 2)
         self.check_order(rows, "rk4", 4)
-        with (self.folder / "out.csv").open(newline="") as file:
-            table = list(csv.DictReader(file))
-        self.assertEqual([row["measure"] for row in table], [row["measure"] for row in rows])
-        if picture:
-            text = (self.folder / "out.svg").read_text()
-            for word in SCENES:
-                self.assertIn(word, text)
+        self.check_table(rows)
+        self.check_picture(*SCENES)
 
     def test_stability(self):
-        picture = ["--svg", "out.svg"] if shutil.which("gnuplot") else []
-        result = self.run_quick("stability", *picture)
+        result = self.run_quick("stability")
         rows, found = result["rows"], result["summary"]
         self.assertEqual(set(found), {"limit_error", "cells", "refused", "silent", "crashes",
                                       "hangs", "detection_steps"})
@@ -124,8 +131,7 @@ class Quick(QuickTest):
             self.assertRegex(cell["reason"], r"\Astep \d+, t = ")
         for outcome in "stable", "dissipated", "reported":
             self.assertTrue(self.find(cells, outcome=outcome))
-        if picture:
-            self.assertIn("implicit-midpoint", (self.folder / "out.svg").read_text())
+        self.check_picture("implicit-midpoint")
 
     def check_truth(self, truth, rows):
         """No error below the accuracy of the reference is reported."""

@@ -8,16 +8,14 @@
 
 /*------------------------------------- flags ----------------------------------------------------*/
 
-enum { QUICK, JSON, CSV, SCENE, THREADS, SVG, HELP, VERSION, NFLAGS };
+enum { QUICK, JSON, SCENE, THREADS, HELP, VERSION, NFLAGS };
 
 static const bench_flag flags[NFLAGS] = {
     [QUICK] = {"quick", NULL, "finish within a minute, with fewer scenes and fewer runs"},
-    [JSON] = {"json", "FILE", "write all rows and the summary as JSON"},
-    [CSV] = {"csv", "FILE", "write all rows as CSV"},
+    [JSON] = {"json", "FILE", "write all rows and the summary as JSON, for tools/plot_bench too"},
     [SCENE] = {"scene", "NAME,...", "run these scenes only"},
     [THREADS] = {"threads", "N",
                  "number of threads of msim; reference programs keep their defaults"},
-    [SVG] = {"svg", "FILE", "plot the results with gnuplot"},
     [HELP] = {"help", NULL, "show this text"},
     [VERSION] = {"version", NULL, "show the version"},
 };
@@ -25,12 +23,11 @@ static const bench_flag flags[NFLAGS] = {
 const bench_flag *flag_info(int i) { return i >= 0 && i < NFLAGS ? &flags[i] : NULL; }
 
 /* Output goes to a temporary file that is then renamed, which would replace a device or a pipe. */
-static int take_file(const char *flag, const char *value, const char **path) {
+static int take_json(arguments *args, const char *value) {
   const char *kind = special_file_kind(value);
-  if (!*value)
-    return report_usage_error("", "--%s needs the name of a file; give --%s FILE", flag, flag);
-  if (kind) return report_usage_error("", "--%s '%s' is %s, not a file", flag, value, kind);
-  *path = value;
+  if (!*value) return report_usage_error("", "--json needs the name of a file; give --json FILE");
+  if (kind) return report_usage_error("", "--json '%s' is %s, not a file", value, kind);
+  args->json = value;
   return EXIT_OK;
 }
 
@@ -73,11 +70,7 @@ static int take_scene(arguments *args, const char *value) {
 static int take_flag(arguments *args, int flag, const char *value) {
   switch (flag) {
     case JSON:
-      return take_file("json", value, &args->json);
-    case CSV:
-      return take_file("csv", value, &args->csv);
-    case SVG:
-      return take_file("svg", value, &args->svg);
+      return take_json(args, value);
     case SCENE:
       return take_scene(args, value);
     case THREADS:
@@ -123,18 +116,6 @@ static int parse_flag(arguments *args, int argc, char **argv, int *i) {
 
 /*------------------------------------- what fits together ---------------------------------------*/
 
-static int check_output_files(const arguments *args) {
-  const struct {
-    const char *name, *path;
-  } files[] = {{"json", args->json}, {"csv", args->csv}, {"svg", args->svg}};
-  for (int i = 0; i < 3; i++)
-    for (int j = i + 1; j < 3; j++)
-      if (same_file(files[i].path, files[j].path))
-        return report_usage_error("", "--%s and --%s name the same file", files[i].name,
-                                  files[j].name);
-  return EXIT_OK;
-}
-
 static int check_bench(const bench_entry *bench, const bench_options *w) {
   if (w->threads && bench->threads)
     return report_usage_error("", "the bench '%s' runs with %s; omit --threads", bench->name,
@@ -164,7 +145,6 @@ int arguments_parse(int argc, char **argv, arguments *args) {
     else status = parse_bench_name(args, argv[i]);
     if (args->help || args->version) return EXIT_OK;
   }
-  if (!status) status = check_output_files(args);
   if (status) return status;
   return args->bench ? check_bench(args->bench, &args->options) : complain_no_bench();
 }

@@ -7,7 +7,7 @@
 typedef struct arguments {
   const bench_entry *bench; /* NULL if help or version is requested */
   bench_options options;
-  const char *json, *csv, *svg; /* NULL: not given */
+  const char *json; /* NULL: not given */
   int help, version;
 } arguments;
 

@@ -3,7 +3,6 @@
 #define BENCH_BENCHES_H
 
 #include "bench_scenes.h"
-#include "plot.h"
 #include "report.h"
 
 enum { MAX_SCENES = 13 };
@@ -31,7 +30,6 @@ typedef struct bench_entry {
   const char *scenes;  /* those it has; NULL: all; "": scenes of its own, without --scene */
   const char *threads; /* how many it runs with, where --threads is not for it; NULL: as told */
   int (*run)(bench_run *b); /* measures and prints; returns the exit status */
-  plot picture;             /* how gnuplot draws the results */
 } bench_entry;
 
 /* The i-th benchmark; NULL past the end. */

@@ -20,8 +20,7 @@ static void print_help(void) {
   const bench_flag *flag;
   char text[80], scenes[256] = "";
   puts(
-      "Usage: msim_bench NAME [--quick] [--json FILE] [--csv FILE] [--svg FILE]\n"
-      "                  [--scene NAME,...] [--threads N]\n"
+      "Usage: msim_bench NAME [--quick] [--json FILE] [--scene NAME,...] [--threads N]\n"
       "Measure the speed and accuracy of msim on this machine, next to other libraries.\n\n"
       "Benches:");
   for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
@@ -47,32 +46,13 @@ static void print_help(void) {
       "reported as a result: its row has the reason.");
 }
 
-typedef struct files {
-  output_file json, csv, svg;
-} files;
-
-/* Opens output files before the measurement, so that an unwritable path is reported at once. */
-static int open_output_files(const arguments *args, files *f) {
-  if (args->svg && !gnuplot_is_available()) return EXIT_ERROR;
-  if (args->json && output_open(&f->json, args->json)) return EXIT_ERROR;
-  if (args->csv && output_open(&f->csv, args->csv)) return EXIT_ERROR;
-  return args->svg ? output_open(&f->svg, args->svg) : EXIT_OK;
-}
-
-static int write_files(const arguments *args, const report *r, files *f) {
-  int status = EXIT_OK;
-  if (args->json) status = report_write(r, &f->json);
-  if (!status && args->csv) status = report_write_csv(r, &f->csv);
-  if (!status && args->svg) status = plot_write(&args->bench->picture, r, &f->svg);
-  return status;
-}
-
-static int run_bench(const arguments *args, files *f) {
+/* Opens the file before the measurement, so that an unwritable path is reported at once. */
+static int run_bench(const arguments *args, output_file *json) {
   const bench_entry *bench = args->bench;
   const int quick = args->options.quick;
   const double seconds = bench->seconds[quick];
   report r;
-  if (open_output_files(args, f)) return EXIT_ERROR;
+  if (args->json && output_open(json, args->json)) return EXIT_ERROR;
   catch_interrupts();
   report_begin(&r, bench->name, quick);
   bench_run b = {.options = &args->options,
@@ -81,27 +61,24 @@ static int run_bench(const arguments *args, files *f) {
                  .fall = bench->fall[quick]};
   int status = bench->run(&b);
   if (is_interrupted()) {
-    const int any = args->json || args->csv || args->svg;
-    report_error("interrupted%s", any ? "; no file was written" : "");
+    report_error("interrupted%s", args->json ? "; no file was written" : "");
     status = EXIT_EVENT;
   }
   if (!status) report_print_summary(&r);
-  if (!status) status = write_files(args, &r, f);
+  if (!status && args->json) status = report_write(&r, json);
   report_free(&r);
   return status;
 }
 
 static int execute_command(int argc, char **argv) {
   arguments args;
-  files f = {.json = {.path = NULL}};
+  output_file json = {.path = NULL};
   if (arguments_parse(argc, argv, &args)) return EXIT_ERROR;
   if (args.help) print_help();
   else if (args.version) printf("msim_bench %s\n", msim_version());
   else {
-    int status = run_bench(&args, &f);
-    output_discard(&f.json);
-    output_discard(&f.csv);
-    output_discard(&f.svg);
+    int status = run_bench(&args, &json);
+    output_discard(&json);
     return status;
   }
   return EXIT_OK;

@@ -54,9 +54,8 @@ void report_key(report *r, const char *key, double value);
 /* Prints to stdout. */
 void report_print_summary(const report *r);
 
-/* Write all as JSON, and the rows as CSV, to an open file; print an error if that fails. */
+/* Write all as JSON to an open file; print an error if that fails. */
 int report_write(const report *r, output_file *file);
-int report_write_csv(const report *r, output_file *file);
 
 /* A column of a printed table: the value of a row's key, times `scale` if that is not 0. */
 typedef struct column {
