@@ -5,9 +5,10 @@ import json
 import os
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from types import TracebackType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -16,11 +17,15 @@ from ._errors import ArgumentError, FileError, UnsupportedError
 from ._result import Energies, Frame
 from ._scene import Path, Scene
 
+if TYPE_CHECKING:
+    from ._sim import Sim
+
 
 class _Reader(Protocol):
     times: Doubles
     steps: np.ndarray[Any, np.dtype[np.int64]]
     n: int
+    planned: int # frames; an interrupted run has fewer
 
     def x(self, frame: int) -> Doubles: ...
     def v(self, frame: int) -> Doubles: ...
@@ -51,6 +56,7 @@ class _Csv:
         self._table = table[:count * self.n].reshape(count, self.n, 9)
         self.times: Doubles = self._table[:, 0, 1] if count else np.zeros(0)
         self.steps = (self._table[:, 0, 0] if count else np.zeros(0)).astype(np.int64)
+        self.planned = count
 
     def x(self, frame: int) -> Doubles:
         return self._table[frame, :, 3:6].copy()
@@ -73,6 +79,8 @@ class _Vtkhdf:
             import h5py
         except ImportError as error:
             raise ImportError("reading .vtkhdf files needs h5py: pip install h5py") from error
+        if not h5py.is_hdf5(path):
+            raise ArgumentError(f"{path}: this is no trajectory of msim")
         try:
             self._file = h5py.File(path, "r", locking=False)
             self._root = self._file["VTKHDF"]
@@ -81,6 +89,7 @@ class _Vtkhdf:
             raise ArgumentError(f"{path}: this is no trajectory of msim") from error
         committed = np.asarray(self._root["Steps/PartOffsets"]) == 0
         count = len(committed) if committed.all() else int(committed.argmin())
+        self.planned = len(committed)
         self.times: Doubles = self._frames["time"][:count]
         self.steps = self._frames["step"][:count]
         self._offsets = self._root["Steps/PointOffsets"][:count]
@@ -120,9 +129,10 @@ class Trajectory:
             raise UnsupportedError(f"{self.path}: a trajectory that can be read ends in "
                                    f"{' or '.join(_READERS)}")
         try:
-            self._reader = _READERS[extension](self.path)
+            with open(self.path, "rb"):
+                self._reader = _READERS[extension](self.path)
         except OSError as error:
-            raise FileError(f"{self.path}: {error}") from error
+            raise FileError(f"{self.path}: {error.strerror or error}") from error
 
     @property
     def times(self) -> Doubles:
@@ -147,6 +157,11 @@ class Trajectory:
         """Velocities of a frame, (n, 3), m/s."""
         return self._reader.v(self._index(frame))
 
+    @property
+    def has_scene(self) -> bool:
+        """Whether the file holds the scene; a .csv file does not."""
+        return not isinstance(self._reader, _Csv)
+
     @cached_property
     def scene(self) -> Scene:
         """The scene of the run."""
@@ -155,20 +170,52 @@ class Trajectory:
             raise UnsupportedError(f"{self.path}: a .csv file holds no scene; record .vtkhdf")
         return scene
 
+    def strain(self, frame: int) -> Doubles:
+        """Strain of the springs in a frame, (nsprings,): (l - L) / L of one of length l and rest
+        length L, 0 where L = 0."""
+        x, ij, rest = self.x(frame), self.ij, self.scene.rest
+        length = np.linalg.norm(x[ij[:, 0]] - x[ij[:, 1]], axis=1)
+        strain: Doubles = np.divide(length - rest, rest, out=np.zeros_like(rest), where=rest > 0)
+        return strain
+
     @cached_property
     def energies(self) -> Energies:
         """Energies of all frames, J, computed from the scene."""
+        with self._still_sim() as sim:
+            parts = [sim.energy[:4] for _ in self._states(sim)]
+        return Energies(*np.array(parts).reshape(len(self), 4).T)
+
+    def record(self, path: Path, *, replace: bool = False) -> None:
+        """Write the frames to a file of another format: .html, .pvd, .csv, ...
+
+        It has the bytes that the run itself would have recorded. It takes the place of an older
+        trajectory of msim; replace: of any file. A .vtkhdf file made in this way cannot be resumed.
+        """
+        if os.path.exists(path) and os.path.samefile(path, self.path):
+            raise ArgumentError(f"{self.path} cannot be recorded into itself; use another name")
+        with self._still_sim() as sim, sim.recorder(path, replace=replace) as recorder:
+            for _ in self._states(sim):
+                recorder.write()
+
+    @contextmanager
+    def _still_sim(self) -> Iterator[Sim]:
+        """A sim that takes the states of the frames and makes no steps; as many frames are planned
+        as in the run."""
         from ._sim import Sim
         tree = json.loads(self.scene.dumps())
         tree.pop("run", None)
-        parts = []
+        steps = self._reader.planned - 1
+        span = float(np.ptp(self.times)) if len(self) else 0.0
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore") # the step may be unstable: none is made
-            sim = Sim(Scene.from_dict(tree), integrator="symplectic-euler", watch="off")
-            for frame in self:
-                sim.set_state(frame.x, frame.v)
-                parts.append(sim.energy[:4])
-        return Energies(*np.array(parts).reshape(len(self), 4).T)
+            warnings.simplefilter("ignore") # the step may be unstable
+            yield Sim(Scene.from_dict(tree), integrator="symplectic-euler", watch="off",
+                      h=span / (len(self) - 1) if span else 1.0, steps=max(steps, 0))
+
+    def _states(self, sim: Sim) -> Iterator[None]:
+        """Set the sim to each frame in turn."""
+        for frame in self:
+            sim.set_state(frame.x, frame.v, t=frame.t, step=frame.step)
+            yield
 
     @property
     def ij(self) -> Ints:

@@ -71,7 +71,7 @@ def view(trajectory: Trajectory | Path, *, frame: int = -1, **options: Any) -> A
 
 def _mesh(pyvista: Any, run: Trajectory, frame: int) -> Any:
     x = run.x(frame)
-    if run.path.endswith(".csv"):
+    if not run.has_scene:
         return pyvista.PolyData(x)
     faces, springs = run.scene.faces, run.scene.ij
     if len(faces):
