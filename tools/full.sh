@@ -146,7 +146,8 @@ fuzzing() {
 
 python_tools() {
   python3 -m venv build/python &&
-    build/python/bin/pip install --quiet pytest scipy h5py tqdm mypy build ipython pyvista
+    build/python/bin/pip install --quiet pytest scipy h5py tqdm mypy build ipython pyvista \
+      matplotlib imageio-ffmpeg
 }
 
 # Built once; what they are made from does not change.

@@ -204,12 +204,11 @@ class Trajectory:
         from ._sim import Sim
         tree = json.loads(self.scene.dumps())
         tree.pop("run", None)
-        steps = self._reader.planned - 1
         span = float(np.ptp(self.times)) if len(self) else 0.0
         with warnings.catch_warnings():
             warnings.simplefilter("ignore") # the step may be unstable
             yield Sim(Scene.from_dict(tree), integrator="symplectic-euler", watch="off",
-                      h=span / (len(self) - 1) if span else 1.0, steps=max(steps, 0))
+                      h=span / (len(self) - 1) if span else 1.0, steps=self._reader.planned - 1)
 
     def _states(self, sim: Sim) -> Iterator[None]:
         """Set the sim to each frame in turn."""
