@@ -1,5 +1,6 @@
 """Tests that the program of docs/c_program.md builds with msim as a subproject, by FetchContent and
 by add_subdirectory."""
+import json
 import tempfile
 import unittest
 from pathlib import Path
@@ -32,6 +33,28 @@ class Subproject(unittest.TestCase):
         """The subproject has the targets of the package; CMake fails where one is missing."""
         self.configure()
         self.assertTrue((self.build / "msim/cmake_install.cmake").is_file())
+
+    def optimisations(self, *options):
+        """The sets of words -O... of msim's compile commands and of the parent's."""
+        self.configure("-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", "-DMSIM_BACKENDS=auto", *options)
+        commands = json.loads((self.build / "compile_commands.json").read_text())
+        levels = {True: set(), False: set()}
+        for command in commands:
+            ours = not command["file"].endswith("pendulum.c")
+            words = [word for word in command["command"].split() if word.startswith("-O")]
+            levels[ours].add(" ".join(words))
+        return levels[True], levels[False]
+
+    def test_without_a_build_type(self):
+        """msim and its plugins are optimised, and only they."""
+        self.assertEqual(self.optimisations("-DCMAKE_C_FLAGS="), ({"-O3"}, {""}))
+
+    def test_with_a_build_type(self):
+        """What the parent project chooses is kept."""
+        self.assertEqual(self.optimisations("-DCMAKE_C_FLAGS=", "-DCMAKE_BUILD_TYPE=Debug"),
+                         ({""}, {""}))
+        self.assertEqual(self.optimisations("-DCMAKE_C_FLAGS=-g -O1", "-DCMAKE_BUILD_TYPE="),
+                         ({"-O1"}, {"-O1"}))
 
 
 if __name__ == "__main__":
