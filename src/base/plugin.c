@@ -22,9 +22,11 @@ static void add_own_folder(ms_text *folders) {
   ms_text_append(folders, "%s", MSIM_PLUGIN_FOLDER);
 }
 
-/* All folders to search, ':' between. Empty names (the current directory) are ignored. */
+/* All folders to search, ':' between. Empty names (the current directory) are ignored. A program
+ * linked with -static has no folder of its own: dladdr fails there. */
 static void list_folders(const char *plugin_path, ms_text *folders) {
   const char *environment = secure_getenv("MSIM_PLUGIN_PATH");
+  ms_text_append(folders, ":");
   if (plugin_path) ms_text_append(folders, ":%s", plugin_path);
   if (environment) ms_text_append(folders, ":%s", environment);
   add_own_folder(folders);
