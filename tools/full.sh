@@ -4,7 +4,7 @@
 # what each slice needs, under its name.
 turns=("clang_bits documentation player" "kills debian" quick_benches
   "failing_allocations paraview" sanitized_runs "sanitized_solvers thread_sanitizer" coverage
-  memory_errors memory_errors_of_newton static_analysis fuzzing python)
+  memory_errors memory_errors_of_newton static_analysis fuzzing "python fully_static")
 read -ra slices <<<"${turns[*]} wheels mutations"
 
 # The number of commits chooses, so that neighbouring commits take different turns; in a shallow
@@ -167,6 +167,13 @@ python() {
   check "Python packages of the tests" python_tools
   check "pip install tools/python" build/python/bin/pip install --quiet ./tools/python
   check "tools/python/tests" python_tests "not slow"
+}
+
+# Programs linked with -static, against the archives that Debian has
+fully_static() {
+  build fully_static static -DMSIM_WERROR=ON "-DMSIM_BACKENDS=klu;sundials;hdf5" -DMSIM_TESTS=OFF
+  check "tests/install/test_fully_static.py" \
+    env PYTHONPATH=tests python3 -B tests/install/test_fully_static.py
 }
 
 # The source archive and the wheel, each in a fresh environment. The libraries behind the wheel are
