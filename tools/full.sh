@@ -2,7 +2,7 @@
 # Sourced by check: what finds little, in slices. Each run of tools/check takes one turn, of ten
 # minutes at most, and --full takes all, and what takes longer or depends on chance. tools/packages has
 # what each slice needs, under its name.
-turns=("clang_bits documentation player" "kills debian" quick_benches
+turns=("clang_bits documentation player" "kills debian" "quick_benches recipes"
   "failing_allocations paraview" sanitized_runs "sanitized_solvers thread_sanitizer" coverage
   memory_errors memory_errors_of_newton static_analysis fuzzing "python fully_static")
 read -ra slices <<<"${turns[*]} wheels mutations"
@@ -28,6 +28,21 @@ debian_packages() { tools/deb && python3 tests/install/test_debian.py; }
 
 # The packages, installed and removed in a bare Debian
 debian() { check "Debian packages" debian_packages; }
+
+recipe_python() {
+  python3 -m venv build/recipes/python &&
+    build/recipes/python/bin/pip install --quiet jinja2 pyyaml numpy nanobind scikit-build-core
+}
+
+# The recipes of conda and vcpkg, with stand-ins for these programs
+recipes() {
+  local test
+  check "Python packages of the recipes" recipe_python
+  for test in conda vcpkg; do
+    check "tests/install/test_$test.py" \
+      env PYTHONPATH=tests build/recipes/python/bin/python -B "tests/install/test_$test.py"
+  done
+}
 
 quick_benches() { tests release -R '^bench_quick$'; }
 
@@ -171,7 +186,7 @@ python() {
 
 # Programs linked with -static, against the archives that Debian has
 fully_static() {
-  build fully_static static -DMSIM_WERROR=ON "-DMSIM_BACKENDS=klu;sundials;hdf5" -DMSIM_TESTS=OFF
+  build fully_static static -DMSIM_WERROR=ON -DMSIM_BACKENDS=klu,sundials,hdf5 -DMSIM_TESTS=OFF
   check "tests/install/test_fully_static.py" \
     env PYTHONPATH=tests python3 -B tests/install/test_fully_static.py
 }
