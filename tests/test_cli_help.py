@@ -19,7 +19,7 @@ NOT_STRUCTURAL = set("""
     cloth_n_absurd faces_twice ij_huge ij_itself ij_out_of_range ij_real k_long
     lattice_mass_vanishes lattice_n_absurd mass_short no_particles_in_x pinned_moving
     pinned_out_of_range plane_offset_overflow plane_zero_normal rope_n_absurd rope_n_point
-    rope_pinned_out_of_range rope_too_far run_threads_huge spring_too_long v_short
+    rope_pinned_out_of_range rope_too_far run_threads_huge spring_too_long v_one_row v_short
     version_real""".split())
 
 

@@ -16,9 +16,10 @@ static void subtract_steps_made(msim_sim *sim) {
 }
 
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
-  if (!sim || !(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
+  if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
+  if (!(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "sim is NULL, or h is neither a finite number > 0 nor MSIM_H_AUTO");
+                        "h is %g; it must be a finite number > 0, or MSIM_H_AUTO", h);
   if (ms_sim_selects(sim) && h != MSIM_H_AUTO)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "integrator 'auto' chooses h itself; name an integrator to set h");

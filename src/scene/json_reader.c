@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/suggest.h"
+#include "scene/options.h"
 
 /*------------------------------------- messages -------------------------------------------------*/
 
@@ -83,6 +84,20 @@ msim_status ms_json_refuse(const ms_json_reader *r, ms_json_location at, ms_valu
                       index, describe_value(value).text, must);
 }
 
+/* "0.5" in place of 0.5 */
+static const char *quoted_number_remedy(ms_value value) {
+  const char *text = ms_value_text(value);
+  if (!text || !*text || !strchr("+-.0123456789", *text)) return "";
+  return strchr(text, ',') ? ", without quotes and with a decimal point" : ", without quotes";
+}
+
+msim_status ms_json_refuse_number(const ms_json_reader *r, ms_json_location at, ms_value value,
+                                  const char *must) {
+  char hinted[192];
+  snprintf(hinted, sizeof hinted, "%s%s", must, quoted_number_remedy(value));
+  return ms_json_refuse(r, at, value, hinted);
+}
+
 msim_status ms_json_fail_memory(const ms_json_reader *r) {
   return ms_json_fail(r, MSIM_ERR_MEMORY, "out of memory for the scene");
 }
@@ -102,9 +117,12 @@ static msim_status refuse_key(const ms_json_reader *r, const char *path, const c
   size_t n = 0;
   for (int32_t i = 0; keys[i] && n < sizeof known; i++)
     n += (size_t)snprintf(known + n, sizeof known - n, "%s%s", i ? ", " : "", keys[i]);
-  return ms_json_fail(r, MSIM_ERR_ARG, "%s is an unknown key%s; the keys are %s",
-                      ms_json_member_path(path, key).text, ms_suggest_hint(key, key_at, keys).text,
-                      known);
+  int is_number;
+  const char *place =
+      !*path && ms_options_find(key, &is_number) ? " here; it belongs into 'run'" : "";
+  return ms_json_fail(r, MSIM_ERR_ARG, "%s is an unknown key%s%s; the keys are %s",
+                      ms_json_member_path(path, key).text, place,
+                      *place ? "" : ms_suggest_hint(key, key_at, keys).text, known);
 }
 
 msim_status ms_json_check_keys(const ms_json_reader *r, const char *path, ms_value value,
@@ -140,11 +158,12 @@ msim_status ms_json_require_key(const ms_json_reader *r, const char *path, ms_va
                                 const ms_scene_key *key, ms_value *value) {
   char must[96];
   if (key->form == MS_ROWS || key->form == MS_INDEX_ROWS)
-    snprintf(must, sizeof must, "an array of arrays of %d", key->count);
+    snprintf(must, sizeof must, "an array of arrays of %d %s", key->count,
+             key->form == MS_ROWS ? "numbers" : "indices");
   else if (key->form == MS_NUMBER_EACH)
     snprintf(must, sizeof must, "%s for all %s, or an array", ms_range_text(key->range), path);
   else if (key->form == MS_NUMBERS && key->count > 1)
-    snprintf(must, sizeof must, "an array of %d", key->count);
+    snprintf(must, sizeof must, "an array of %d numbers", key->count);
   else snprintf(must, sizeof must, "%s", ms_range_text(key->range));
   return ms_json_require(r, path, object, key->key, must, value);
 }
@@ -167,14 +186,14 @@ msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms
   const int kind =
       range == MS_POSITIVE_INTEGER ? ms_value_is_whole(value) : ms_value_is_number(value);
   if (kind && ms_range_contains(range, *number)) return MSIM_OK;
-  return ms_json_refuse(r, at, value, ms_range_text(range));
+  return ms_json_refuse_number(r, at, value, ms_range_text(range));
 }
 
 static msim_status refuse_length(const ms_json_reader *r, ms_json_location at, ms_value value,
-                                 const char *before, int32_t n) {
-  char must[96];
-  snprintf(must, sizeof must, "%san array of %d", before, n);
-  return ms_json_refuse(r, at, value, must);
+                                 const char *before, int32_t n, const char *items) {
+  char must[128];
+  snprintf(must, sizeof must, "%san array of %d%s", before, n, items);
+  return ms_json_refuse_number(r, at, value, must);
 }
 
 static int has_length(ms_value value, int32_t n) {
@@ -183,7 +202,7 @@ static int has_length(ms_value value, int32_t n) {
 
 msim_status ms_json_read_row(const ms_json_reader *r, ms_json_location at, ms_value value,
                              ms_range range, int32_t n, double *numbers) {
-  if (!has_length(value, n)) return refuse_length(r, at, value, "", n);
+  if (!has_length(value, n)) return refuse_length(r, at, value, "", n, " numbers");
   msim_status status = MSIM_OK;
   for (int32_t c = 0; c < n && !status; c++) {
     ms_json_location item =
@@ -207,7 +226,7 @@ msim_status ms_json_read_numbers(const ms_json_reader *r, const char *path, ms_v
 
 msim_status ms_json_read_rows(const ms_json_reader *r, const char *key, ms_value value, int32_t n,
                               double *numbers) {
-  if (!has_length(value, n)) return refuse_length(r, ms_json_at(key), value, "", n);
+  if (!has_length(value, n)) return refuse_length(r, ms_json_at(key), value, "", n, " arrays of 3");
   msim_status status = MSIM_OK;
   for (size_t i = 0; i < (size_t)n && !status; i++)
     status = ms_json_read_row(r, ms_json_at_item(key, i), ms_value_item(value, i), MS_ANY, 3,
@@ -222,7 +241,7 @@ msim_status ms_json_read_each(const ms_json_reader *r, const char *key, ms_value
     char before[64];
     snprintf(before, sizeof before, "%s for all %.*s, or ", ms_range_text(range),
              (int)strcspn(key, "."), key);
-    return refuse_length(r, ms_json_at(key), value, before, n);
+    return refuse_length(r, ms_json_at(key), value, before, n, "");
   }
   double number;
   msim_status status = ms_json_read_number(r, ms_json_at(key), value, range, &number);

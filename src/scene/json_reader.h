@@ -52,6 +52,10 @@ msim_status ms_json_check_keys(const ms_json_reader *r, const char *path, ms_val
 msim_status ms_json_check_table(const ms_json_reader *r, const char *path, ms_value value,
                                 const ms_scene_key *keys, int32_t n);
 
+/* As ms_json_refuse() where a number belongs: names the remedy for one in quotes. */
+msim_status ms_json_refuse_number(const ms_json_reader *r, ms_json_location at, ms_value value,
+                                  const char *must);
+
 /* Get a member, which must be there. `must`: what it must be. */
 msim_status ms_json_require(const ms_json_reader *r, const char *path, ms_value object,
                             const char *key, const char *must, ms_value *value);

@@ -61,12 +61,58 @@ static int is_decimal_comma(const char *text, const token last[3]) {
          isdigit((unsigned char)text[last[2].to - 1]) && isdigit((unsigned char)text[last[0].from]);
 }
 
-/* A hint for an error at the token last[0]; "" if there is none */
-static void find_remedy(const char *text, const json_error_t *error, const token last[3],
-                        size_t size, char *hint) {
-  *hint = '\0';
-  if (last[0].to == last[0].from || last[1].to == 0) return;
+/* What other languages allow and JSON does not: the beginning of a token, and what JSON has */
+static const struct {
+  const char *begin, *remedy;
+} foreign[] = {{"'", "keys and texts are written in double quotes"},
+               {"\xE2\x80\x9C", "keys and texts are written in straight double quotes"},
+               {"\xE2\x80\x9D", "keys and texts are written in straight double quotes"},
+               {"//", "JSON has no comments"},
+               {"/*", "JSON has no comments"},
+               {"#", "JSON has no comments"},
+               {"True", "JSON writes true"},
+               {"False", "JSON writes false"},
+               {"NaN", "numbers must be finite"},
+               {"Infinity", "numbers must be finite"},
+               {"-Infinity", "numbers must be finite"}};
+
+static int begins_with(const char *text, token t, const char *beginning) {
+  const size_t n = strlen(beginning);
+  return t.to - t.from >= n && memcmp(text + t.from, beginning, n) == 0;
+}
+
+/* NULL: there is none. */
+static const char *find_remedy_of_token(const char *text, const char *error, const token last[3]) {
   const char found = text[last[0].from];
+  if (strncmp(error, "':'", 3) == 0) return "a colon stands between a key and its value";
+  for (size_t i = 0; i < sizeof foreign / sizeof *foreign; i++)
+    if (begins_with(text, last[0], foreign[i].begin)) return foreign[i].remedy;
+  if (found == '"' && strstr(error, "newline")) return "is the closing quote missing?";
+  if (isalpha((unsigned char)found) && strncmp(error, "string", 6) == 0)
+    return "keys are written in double quotes";
+  if (is_one_of(found, "+-.0123456789") && is_one_of(text[last[1].from], ":,[") &&
+      strncmp(error, "string", 6) != 0)
+    return "numbers are written like 0.5, -2 or 1e-3";
+  return NULL;
+}
+
+/* What is wrong with the whole file; NULL: nothing is known. */
+static const char *find_remedy_of_file(const char *text, size_t length, const char *error) {
+  if (length >= 3 && memcmp(text, "\xEF\xBB\xBF", 3) == 0)
+    return "save the file as UTF-8 without a byte order mark";
+  if (strstr(error, "unable to decode")) return "save the file as UTF-8";
+  return strncmp(error, "'[' or '{'", 10) == 0 ? "a scene is a JSON object and begins with {"
+                                               : NULL;
+}
+
+/* A hint for an error at the token last[0]; "" if there is none */
+static void find_remedy(const char *text, size_t length, const json_error_t *error,
+                        const token last[3], size_t size, char *hint) {
+  const char *remedy = find_remedy_of_file(text, length, error->text);
+  snprintf(hint, size, "%s%s", remedy ? "; " : "", remedy ? remedy : "");
+  if (remedy || last[0].to == last[0].from || last[1].to == 0) return;
+  const char found = text[last[0].from];
+  remedy = find_remedy_of_token(text, error->text, last);
   if (last[2].to > 0 && is_decimal_comma(text, last))
     snprintf(hint, size, "; decimals are written with a point, %.*s.%.*s",
              (int)(last[2].to - last[2].from > 20 ? 20 : last[2].to - last[2].from),
@@ -76,10 +122,12 @@ static void find_remedy(const char *text, const json_error_t *error, const token
   else if (text[last[1].from] == ',' && is_one_of(found, "}]"))
     snprintf(hint, size, "; remove the comma before it, at %s",
              describe_place(text, last[1].from).text);
-  else if (is_one_of(*error->text, "'") && strstr(error->text, "expected") &&
-           !is_one_of(text[last[1].from], ",:{[") && !is_one_of(found, "}],:"))
+  else if (is_one_of(*error->text, "'") && error->text[1] != ':' &&
+           strstr(error->text, "expected") && !is_one_of(text[last[1].from], ",:{[") &&
+           !is_one_of(found, "}],:#/'"))
     snprintf(hint, size, "; is a comma missing at %s, where the value before it ends?",
              describe_place(text, last[1].to).text);
+  else if (remedy) snprintf(hint, size, "; %s", remedy);
 }
 
 msim_status ms_json_syntax_refuse(const ms_json_reader *r, const char *text, size_t length,
@@ -87,7 +135,7 @@ msim_status ms_json_syntax_refuse(const ms_json_reader *r, const char *text, siz
   char label[600], hint[160];
   token last[3];
   find_tokens(text, length, (size_t)error->position, last);
-  find_remedy(text, error, last, sizeof hint, hint);
+  find_remedy(text, length, error, last, sizeof hint, hint);
   snprintf(label, sizeof label, "%s:%d:%d", r->label, error->line, error->column);
   const ms_json_reader there = {.label = label, .err = r->err};
   return ms_json_fail(&there, MSIM_ERR_ARG, "%s%s", error->text, hint);

@@ -33,6 +33,8 @@ static msim_status read_parameter(ms_json_reader *r, const ms_scene_parameter *p
 /* A list of particle indices; the caller deletes *list, also after an error. */
 static msim_status read_indices(const ms_json_reader *r, const char *key, ms_value value,
                                 int32_t limit, int32_t *n, int32_t **list) {
+  if (!ms_value_is_array(value))
+    return ms_json_refuse(r, ms_json_at(key), value, "an array of indices of particles");
   msim_status status = ms_json_read_array_size(r, key, value, n);
   if (status) return status;
   *list = ms_memory_allocate(&r->alloc, (size_t)*n, sizeof **list);
@@ -95,7 +97,7 @@ static msim_status read_index_rows(const ms_json_reader *r, const char *key, ms_
     const ms_value row = ms_value_item(rows, e);
     if (!ms_value_is_array(row) || ms_value_size(row) != (size_t)width)
       return ms_json_refuse(r, ms_json_at_item(key, e), row,
-                            width == 2 ? "an array of 2" : "an array of 3");
+                            width == 2 ? "an array of 2 indices" : "an array of 3 indices");
     for (size_t c = 0; c < (size_t)width && !status; c++) {
       const ms_json_location at = {key, (int64_t)e, (int64_t)c};
       status = ms_json_read_index(r, at, ms_value_item(row, c), limit, to++);
@@ -195,7 +197,8 @@ static msim_status check_option_type(const ms_json_reader *r, const char *path, 
   char values[64], must[96];
   ms_options_describe_values(option, sizeof values, values);
   snprintf(must, sizeof must, is_number ? "a %s" : "a string: %s", values);
-  return ms_json_refuse(r, ms_json_at(path), value, must);
+  return is_number ? ms_json_refuse_number(r, ms_json_at(path), value, must)
+                   : ms_json_refuse(r, ms_json_at(path), value, must);
 }
 
 static msim_status read_option(const ms_json_reader *r, const char *path, const char *name,

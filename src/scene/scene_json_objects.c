@@ -138,7 +138,9 @@ static msim_status read_pinned_of_object(const ms_json_reader *r, const char *pa
                                          int32_t *marks) {
   msim_status status = MSIM_OK;
   int32_t n;
-  if (ms_value_text(value)) status = mark_item(r, ms_json_at(path), value, type, grid, marks);
+  if (find_name(type, value)) status = mark_item(r, ms_json_at(path), value, type, grid, marks);
+  else if (!ms_value_is_array(value))
+    return ms_json_refuse(r, ms_json_at(path), value, "an array of indices of particles");
   else status = ms_json_read_array_size(r, path, value, &n);
   for (size_t i = 0; i < ms_value_size(value) && !status; i++)
     status = mark_item(r, ms_json_at_item(path, i), ms_value_item(value, i), type, grid, marks);

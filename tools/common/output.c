@@ -14,7 +14,7 @@ int output_open(output_file *file, const char *path) {
   snprintf(file->part, size, "%s.part", path);
   file->stream = fopen(file->part, "w");
   if (file->stream) return EXIT_OK;
-  report_error("cannot write '%s': %s", file->part, strerror(errno));
+  report_error("cannot write '%s': %s", path, strerror(errno));
   output_discard(file);
   return EXIT_ERROR;
 }

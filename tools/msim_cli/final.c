@@ -186,14 +186,16 @@ static int take_time(initial_state *in) {
 static int take_state(initial_state *in) {
   const json_t *version = json_object_get(in->root, "msim");
   if (!json_is_object(in->root) || !version)
-    return report_error("%s is not a final state: it has no key 'msim'", in->path);
+    return report_error("%s is not a final state, as --final writes: it has no key 'msim'",
+                        in->path);
   if (!json_is_integer(version) || json_integer_value(version) != 1)
     return report_error("%s: msim must be 1, the version of the format", in->path);
   if (take_time(in) || take_triples(in, "x", &in->x) || take_triples(in, "v", &in->v) ||
       take_triples(in, "v_half", &in->v_half))
     return EXIT_ERROR;
   if (!in->x || !in->v)
-    return report_error("%s is not a final state: it has no key '%s'", in->path, in->x ? "v" : "x");
+    return report_error("%s is not a final state, as --final writes: it has no key '%s'", in->path,
+                        in->x ? "v" : "x");
   in->state.x = in->x;
   in->state.v = in->v;
   in->state.v_half = in->v_half;
