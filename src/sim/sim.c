@@ -70,7 +70,7 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
   if (status) return status;
   if (!opt->integrator)
     return ms_error_set(err, MSIM_ERR_ARG,
-                        "no integrator is given; set options.integrator, for example to "
+                        "no integrator is given; set the option integrator, for example to "
                         "velocity-verlet, linearly-implicit-euler or auto");
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? set_auto(sim, err) : set_method(sim, err);
   if (status) return status;

@@ -8,10 +8,10 @@
     print(result)
 """
 from ._core import version as _version
-from ._errors import (ArgumentError, BusyError, Error, FileError, NameNotFoundError, NotConvergedError,
-                      NotFiniteError, NotPositiveDefiniteError, NumericalError, OptionError,
-                      OutOfMemoryError, PluginError, Status, StoppedError, UnstableError,
-                      UnsupportedError)
+from ._errors import (ArgumentError, ArgumentTypeError, BusyError, Error, FileError,
+                      NameNotFoundError, NotConvergedError, NotFiniteError,
+                      NotPositiveDefiniteError, NumericalError, OptionError, OutOfMemoryError,
+                      PluginError, Status, StoppedError, UnstableError, UnsupportedError)
 from ._options import (Integrator, Option, Plugin, importers, integrators, options, recorders,
                        solvers)
 from ._result import Energies, Energy, Frame, Plan, Result
@@ -22,7 +22,7 @@ from ._view import view
 
 __version__ = _version()
 __all__ = [
-    "ArgumentError", "BusyError", "Energies", "Energy", "Error", "FileError", "Frame", "Integrator",
+    "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Error", "FileError", "Frame", "Integrator",
     "NameNotFoundError", "NotConvergedError", "NotFiniteError", "NotPositiveDefiniteError",
     "NumericalError", "Option", "OptionError", "OutOfMemoryError", "Plan", "Plane", "Plugin",
     "PluginError", "Recorder", "Result", "Scene", "Sim", "Status", "StoppedError", "Trajectory",

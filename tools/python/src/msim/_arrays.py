@@ -1,19 +1,35 @@
-"""Arguments to arrays of the shape and type that libmsim takes, with messages that name them."""
+"""Arguments in the types and shapes that libmsim takes, with messages that name them."""
 from __future__ import annotations
+
+import os
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._errors import ArgumentError
+from ._errors import ArgumentError, ArgumentTypeError
 
 Doubles = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-def _as_array(name: str, values: ArrayLike) -> NDArray[np.generic]:
-    array = np.asarray(values)
-    if array.dtype.kind not in "biuf":
-        raise ArgumentError(f"{name} must hold real numbers; found an array of type {array.dtype}")
+Path = str | os.PathLike[str]
+
+
+def _found(values: ArrayLike, array: NDArray[np.generic]) -> str:
+    """A single value, or the type and shape of an array."""
+    short = array.ndim == 0 or array.dtype.kind in "OU" and array.size < 5
+    return repr(values) if short else f"an array of type {array.dtype} and shape {array.shape}"
+
+
+def _as_array(name: str, values: ArrayLike, kinds: str = "biuf",
+              what: str = "real numbers") -> NDArray[np.generic]:
+    """An array whose type is of one of the kinds of NumPy."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ArgumentError(f"{name} must be rows of equal length; NumPy says: {error}") from error
+    if array.dtype.kind not in kinds:
+        raise ArgumentError(f"{name} must hold {what}; found {_found(values, array)}")
     return array
 
 
@@ -28,19 +44,35 @@ def number(name: str, value: object) -> float:
     raise ArgumentError(f"{name} must be a number; found {value!r}")
 
 
+def count(name: str, value: object, least: int = 0, most: int = np.iinfo(np.int32).max) -> int:
+    error: type[ArgumentError] = ArgumentTypeError
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        if least <= value <= most:
+            return int(value)
+        error = ArgumentError
+    raise error(f"{name} must be a whole number from {least} to {most}; found {value!r}")
+
+
+def path(value: object) -> str:
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    raise ArgumentTypeError(f"path must be a text or a path; found {value!r}")
+
+
 def rows(name: str, values: ArrayLike, n: int | None = None) -> Doubles:
     """n rows of x, y, z."""
     array = doubles(name, values)
     if array.ndim != 2 or array.shape[1] != 3 or n is not None and len(array) != n:
         wanted = "n" if n is None else str(n)
-        raise ArgumentError(f"{name} must have the shape ({wanted}, 3); found {array.shape}")
+        raise ArgumentError(f"{name} must have the shape ({wanted}, 3); found "
+                            f"{_found(values, array)}")
     return array
 
 
 def vector(name: str, values: ArrayLike) -> Doubles:
     array = doubles(name, values)
     if array.shape != (3,):
-        raise ArgumentError(f"{name} must be three numbers; found an array of shape {array.shape}")
+        raise ArgumentError(f"{name} must be three numbers; found {_found(values, array)}")
     return array
 
 
@@ -49,25 +81,27 @@ def each(name: str, values: ArrayLike, n: int, what: str) -> Doubles:
     array = doubles(name, values)
     if array.shape not in ((), (n,)):
         raise ArgumentError(f"{name} must be one number, or one for each of {n} {what}; "
-                            f"found an array of shape {array.shape}")
+                            f"found {_found(values, array)}")
     return np.full(n, array) if array.ndim == 0 else array
 
 
 def indices(name: str, values: ArrayLike, columns: int | None = None) -> Ints:
     """Indices of particles: a list, or rows of `columns`."""
-    array = _as_array(name, values)
+    array = _as_array(name, values, "biufOU", "integers")
     if array.dtype.kind not in "iu" and array.size:
-        raise ArgumentError(f"{name} must hold integers (indices of particles); found an array of "
-                            f"type {array.dtype}")
+        flags = "; list the indices, not a flag for each" if array.dtype.kind == "b" else ""
+        raise ArgumentError(f"{name} must hold integers (indices of particles); found "
+                            f"{_found(values, array)}{flags}")
     shape = (-1,) if columns is None else (-1, columns)
     if array.size == 0:
         return np.zeros((0,) + shape[1:], np.int32)
     if array.ndim != len(shape) or columns is not None and array.shape[1] != columns:
         wanted = "(n,)" if columns is None else f"(n, {columns})"
-        raise ArgumentError(f"{name} must have the shape {wanted}; found {array.shape}")
+        raise ArgumentError(f"{name} must have the shape {wanted}; found {_found(values, array)}")
     least, most = int(array.min()), int(array.max())
-    if least < 0 or most > np.iinfo(np.int32).max:
-        raise ArgumentError(f"{name} must hold indices that count from 0; found "
+    limit = np.iinfo(np.int32).max
+    if least < 0 or most > limit:
+        raise ArgumentError(f"{name} must hold indices from 0 to {limit}; found "
                             f"{least if least < 0 else most}")
     return np.ascontiguousarray(array, dtype=np.int32)
 

@@ -34,20 +34,30 @@ class ArgumentError(Error, ValueError):
     """An argument, a scene or an option is invalid."""
 
 
-class OptionError(ArgumentError, TypeError):
+class ArgumentTypeError(ArgumentError, TypeError):
+    """An argument is of another type."""
+
+
+class OptionError(ArgumentTypeError):
     """There is no option of that name."""
 
 
 class NameNotFoundError(ArgumentError):
     """There is no integrator, solver, recorder or importer of that name."""
 
+    status = Status.ERR_NAME
+
 
 class OutOfMemoryError(Error, MemoryError):
     """An allocation failed."""
 
+    status = Status.ERR_MEMORY
+
 
 class FileError(Error, OSError):
     """A file could not be read or written."""
+
+    status = Status.ERR_IO
 
 
 class PluginError(Error, RuntimeError):
@@ -56,6 +66,8 @@ class PluginError(Error, RuntimeError):
 
 class UnsupportedError(Error, NotImplementedError):
     """This version of msim does not support it."""
+
+    status = Status.ERR_UNSUPPORTED
 
 
 class BusyError(Error, RuntimeError):

@@ -68,8 +68,7 @@ def importers() -> list[Plugin]:
     return [Plugin(*entry) for entry in _core.importers()]
 
 
-_BY_KEYWORD = {name: option.name for option in options()
-               for name in (option.name, option.keyword)}
+_BY_KEYWORD = {name: option for option in options() for name in (option.name, option.keyword)}
 
 # what other programs call it
 _ELSEWHERE = {
@@ -103,8 +102,10 @@ def _text(keyword: str, value: object) -> str:
 
 def as_text(given: Mapping[str, object]) -> list[tuple[str, str]]:
     """Options as names and values of scene files; None: the default."""
-    for keyword in given:
+    for keyword, value in given.items():
         if keyword not in _BY_KEYWORD:
             raise _refuse(keyword)
-    return [(_BY_KEYWORD[keyword], _text(keyword, value)) for keyword, value in given.items()
+        if isinstance(value, (bool, np.bool_)) and "on" not in _BY_KEYWORD[keyword].values.split():
+            raise ArgumentError(f"{keyword} must be {_BY_KEYWORD[keyword].values}; found {value}")
+    return [(_BY_KEYWORD[keyword].name, _text(keyword, value)) for keyword, value in given.items()
             if value is not None]

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _core
-from ._arrays import Doubles, Ints
-from ._errors import ArgumentError
+from ._arrays import Doubles, Ints, Path
+from ._errors import ArgumentError, ArgumentTypeError
 
-Path = str | os.PathLike[str]
 Pinned = str | Sequence[int] | NDArray[np.integer[Any]]
 
 
@@ -30,13 +29,8 @@ class Plane(NamedTuple):
 def _jsonable(value: object) -> object:
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
-    raise ArgumentError(f"a scene cannot hold a {type(value).__name__}")
-
-
-def _count(name: str, value: object) -> int:
-    if isinstance(value, (int, np.integer)) and 0 <= value <= np.iinfo(np.int32).max:
-        return int(value)
-    raise ArgumentError(f"{name} must be a whole number >= 0; found {value!r}")
+    raise ArgumentError(f"a scene cannot hold a {type(value).__name__}; use numbers, texts, lists, "
+                        "dicts and arrays")
 
 
 class Scene:
@@ -62,21 +56,26 @@ class Scene:
     @classmethod
     def load(cls, path: Path) -> Scene:
         """Read a scene file: JSON, or what the extension says (.h5)."""
-        return cls._wrap(_core.Scene(os.fspath(path)))
+        return cls._wrap(_core.Scene(_arrays.path(path)))
 
     @classmethod
     def loads(cls, text: str | bytes, label: str = "scene") -> Scene:
         """Read a scene from JSON text; `label` stands for the file in messages."""
+        if not isinstance(text, (str, bytes)):
+            raise ArgumentTypeError(f"text must be a text or bytes; found {text!r}")
         return cls._wrap(_core.Scene(label, text.encode() if isinstance(text, str) else text))
 
     @classmethod
     def from_dict(cls, tree: Mapping[str, object]) -> Scene:
         """A scene from the tree of a scene file; arrays may be NumPy's. "msim": 1 is implied."""
+        if not isinstance(tree, Mapping):
+            raise ArgumentTypeError('tree must be a mapping, as {"particles": {"x": ...}}; found '
+                                    f"{tree!r}")
         return cls.loads(json.dumps({"msim": 1, **tree}, default=_jsonable), "dict")
 
     def save(self, path: Path) -> None:
         """Write a scene file: JSON, or what the extension says (.h5). Numbers stay exact."""
-        self._core.save(os.fspath(path))
+        self._core.save(_arrays.path(path))
 
     def dumps(self) -> str:
         """The scene as JSON text."""
@@ -123,13 +122,15 @@ class Scene:
 
     def pin(self, particles: ArrayLike) -> None:
         """Hold particles where they are; an index, or several."""
-        self._core.pin(_arrays.indices("particles", np.atleast_1d(np.asarray(particles))))
+        single = np.isscalar(particles) or getattr(particles, "ndim", 1) == 0
+        listed: Any = [particles] if single else particles
+        self._core.pin(_arrays.indices("particles", listed))
 
     def add_rope(self, n: int, start: ArrayLike, end: ArrayLike, *, mass: float, k: float,
                  damping: float = 0, pinned: Pinned = ()) -> range:
         """Add n particles from start to end, with springs between neighbours. mass: of the rope."""
         first = len(self)
-        self._core.add_rope(_count("n", n), _arrays.vector("start", start),
+        self._core.add_rope(_arrays.count("n", n), _arrays.vector("start", start),
                             _arrays.vector("end", end), *_material(mass, k, damping),
                             _arrays.indices("pinned", _no_names(pinned)))
         return range(first, len(self))
@@ -177,6 +178,8 @@ class Scene:
 
     @name.setter
     def name(self, name: str) -> None:
+        if not isinstance(name, str):
+            raise ArgumentTypeError(f"name must be a text; found {name!r}")
         self._core.set_name(name)
 
     @property
@@ -274,7 +277,8 @@ def _material(mass: float, k: float, damping: float) -> tuple[float, float, floa
 
 
 def _sizes(n: tuple[int, ...], count: int) -> list[int]:
-    sizes = [_count("n", value) for value in n] if isinstance(n, Sequence) else []
+    listed = isinstance(n, (Sequence, np.ndarray)) and not isinstance(n, str)
+    sizes = [_arrays.count("n", value) for value in n] if listed else []
     if len(sizes) != count:
         raise ArgumentError(f"n must be {count} whole numbers; found {n!r}")
     return sizes

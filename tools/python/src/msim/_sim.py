@@ -2,19 +2,20 @@
 from __future__ import annotations
 
 import html
+import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
 from . import _arrays, _core, _options
-from ._arrays import Doubles
-from ._errors import ArgumentError, NumericalError, Status
+from ._arrays import Doubles, Path
+from ._errors import ArgumentError, ArgumentTypeError, FileError, NumericalError, Status
 from ._result import Energy, Frame, Plan, Result
-from ._scene import Path, Scene
+from ._scene import Scene
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ._view import Page
 
 Observer = Callable[["Sim"], object]
+_INT64 = 2**63 - 1
 
 
 class Sim(_core.Sim):
@@ -68,12 +70,18 @@ class Sim(_core.Sim):
 
     @h.setter
     def h(self, h: float | str) -> None:
-        self._set_step(-1.0 if h == "auto" else _arrays.number("h", h))
+        if h != "auto" and (isinstance(h, str) or not 0 < _arrays.number("h", h) < math.inf):
+            raise ArgumentError(f"h must be a finite number > 0 or 'auto'; found {h!r}")
+        self._set_step(-1.0 if isinstance(h, str) else float(h))
 
     @property
     def frame(self) -> Frame:
         """The present state, copied."""
         return Frame(self.nsteps, self.t, self.x.copy(), self.v.copy())
+
+    def step(self, n: int = 1) -> None:
+        """Make n steps, without the GIL; Ctrl-C ends them within 50 ms, or after one step."""
+        super().step(_arrays.count("n", n, most=_INT64))
 
     def set_state(self, x: ArrayLike | None = None, v: ArrayLike | None = None, *,
                   t: float | None = None, step: int | None = None,
@@ -83,7 +91,8 @@ class Sim(_core.Sim):
         self._set_state(_arrays.rows("x", self.x if x is None else x, n),
                         _arrays.rows("v", self.v if v is None else v, n),
                         None if v_half is None else _arrays.rows("v_half", v_half, n),
-                        self.t if t is None else _arrays.number("t", t), self.nsteps if step is None else step)
+                        self.t if t is None else _arrays.number("t", t),
+                        self.nsteps if step is None else _arrays.count("step", step, most=_INT64))
 
     def set_springs(self, k: ArrayLike | None = None, rest: ArrayLike | None = None,
                     damping: ArrayLike | None = None) -> None:
@@ -108,13 +117,19 @@ class Sim(_core.Sim):
 
     def save(self, path: Path) -> None:
         """Write a checkpoint to a file."""
-        with open(path, "wb") as file:
+        with _opened(path, "wb") as file:
             file.write(self.dumps())
 
     def load(self, path: Path) -> None:
         """Continue from a checkpoint, in a sim of the same scene and options, bit by bit."""
-        with open(path, "rb") as file:
+        with _opened(path, "rb") as file:
             self.loads(file.read())
+
+    def loads(self, data: bytes) -> None:
+        """Continue from a checkpoint of a sim of the same scene and options, bit by bit."""
+        if not isinstance(data, bytes):
+            raise ArgumentTypeError(f"data must be bytes, as dumps() returns; found {data!r}")
+        super().loads(data)
 
     def __reduce__(self) -> tuple[Any, ...]:
         raise TypeError("a Sim cannot be pickled or copied: pickle its Scene and the checkpoint "
@@ -155,8 +170,10 @@ class Sim(_core.Sim):
                                 "sim: give every, fps and t_end to Sim")
         if every is not None and fps is not None:
             raise ArgumentError("give every or fps, not both")
-        if every is not None and every < 1 or fps is not None and not fps > 0:
-            raise ArgumentError("every must be a whole number >= 1, and fps a number > 0")
+        if every is not None:
+            _arrays.count("every", every, 1)
+        if fps is not None and not _arrays.number("fps", fps) > 0:
+            raise ArgumentError(f"fps must be > 0; found {fps}")
         left = _steps_left(self, plan, t_end)
         if every is None and fps is None and left is not None:
             every = max(1, -(-left // 200))
@@ -187,6 +204,8 @@ class Sim(_core.Sim):
         if out is not None and (every, fps, t_end) != (None, None, None):
             raise ArgumentError("a recording is planned by the options of the sim: give every, fps "
                                 "and t_end to Sim")
+        if observer is not None and not callable(observer):
+            raise ArgumentTypeError(f"observer must be a function of the sim; found {observer!r}")
         frames: list[Frame] = []
         energies: list[Energy] = []
         status, message = Status.OK, "the run reached its end"
@@ -244,7 +263,7 @@ class Recorder(_core.Recorder):
 
     def __init__(self, sim: Sim, path: Path, *, replace: bool = False, resume: bool = False) -> None:
         mode = "resume" if resume else "replace" if replace else "new"
-        super().__init__(sim, os.fspath(path), mode)
+        super().__init__(sim, _arrays.path(path), mode)
 
     def __enter__(self) -> Recorder:
         return self
@@ -261,6 +280,16 @@ def run(scene: Scene, *, observer: Observer | None = None, out: Path | None = No
 
 
 @contextmanager
+def _opened(path: Path, mode: str) -> Iterator[IO[bytes]]:
+    """A binary file whose errors are those of msim."""
+    try:
+        with open(_arrays.path(path), mode) as file:
+            yield file
+    except OSError as error:
+        raise FileError(f"{os.fspath(path)}: {error.strerror}") from error
+
+
+@contextmanager
 def _recording(sim: Sim, out: Path | None, replace: bool) -> Iterator[Callable[[], None]]:
     if out is None:
         yield lambda: None
@@ -273,7 +302,9 @@ def _steps_left(sim: Sim, plan: Plan, t_end: float | None) -> int | None:
     """Steps to t_end, or to the end of the plan; None: there is none."""
     if t_end is None and plan.t_end < 0:
         return None
-    end = plan.t_end if t_end is None else t_end
+    end = plan.t_end if t_end is None else _arrays.number("t_end", t_end)
+    if not math.isfinite(end):
+        raise ArgumentError(f"t_end must be finite; found {end}")
     steps = (end - sim.t) / plan.h
     if not steps > -1e-9:
         raise ArgumentError(f"t_end = {end:g} s lies before the present time {sim.t:g} s")

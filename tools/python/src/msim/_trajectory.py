@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 import warnings
 from collections.abc import Callable, Iterator
@@ -12,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ._arrays import Doubles, Ints
+from . import _arrays
+from ._arrays import Doubles, Ints, Path
 from ._errors import ArgumentError, FileError, UnsupportedError
 from ._result import Energies, Frame
-from ._scene import Path, Scene
+from ._scene import Scene
 
 if TYPE_CHECKING:
     from ._sim import Sim
@@ -50,7 +52,10 @@ class _Csv:
                                 f"'{self.TITLE}'")
         if lines and not lines[-1].endswith("\n"):
             lines.pop()
-        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, 9))
+        try:
+            table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, 9))
+        except ValueError as error:
+            raise ArgumentError(f"{path}: {error}") from error
         self.n = int(table[:, 2].max()) + 1 if len(table) else 0
         count = len(table) // self.n if self.n else 0
         self._table = table[:count * self.n].reshape(count, self.n, 9)
@@ -123,7 +128,7 @@ class Trajectory:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = os.fspath(path)
+        self.path = _arrays.path(path)
         extension = os.path.splitext(self.path)[1]
         if extension not in _READERS:
             raise UnsupportedError(f"{self.path}: a trajectory that can be read ends in "
@@ -225,7 +230,10 @@ class Trajectory:
         self._reader.close()
 
     def _index(self, frame: int) -> int:
-        index = int(frame)
+        try:
+            index = operator.index(frame)
+        except TypeError as error:
+            raise TypeError(f"a frame must be a whole number; found {frame!r}") from error
         if not -len(self) <= index < len(self):
             raise IndexError(f"{self.path} has {len(self)} frames; there is no frame {frame}")
         return index % len(self)

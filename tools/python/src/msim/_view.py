@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _options
+from ._arrays import Path
 from ._errors import UnsupportedError
-from ._scene import Path
 from ._trajectory import Trajectory
 
 if TYPE_CHECKING:
