@@ -16,7 +16,19 @@ import support
 
 PAGES = [support.SOURCE / "README.md", *sorted((support.SOURCE / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.S | re.M)
-LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#([^)]*))?\)")
+INCLUDE = re.compile(r"^```\{include\} (\S+)\n```$", re.M)
+FENCED = re.compile(r"^```.*?^```$", re.S | re.M)
+
+
+def headings(page):
+    text = INCLUDE.sub(lambda found: (page.parent / found[1]).read_text(), page.read_text())
+    return re.findall(r"^#+ (.*)$", FENCED.sub("", text), re.M)
+
+
+def anchor(heading):
+    """As GitHub and MyST make it."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 class Snippets(unittest.TestCase):
@@ -58,9 +70,47 @@ class Snippets(unittest.TestCase):
 class Links(unittest.TestCase):
     def test_each_leads_somewhere(self):
         for page in PAGES:
-            for target in LINK.findall(page.read_text()):
-                if not re.match(r"\w+:", target):
-                    self.assertTrue((page.parent / target).exists(), f"{page.name}: {target}")
+            for target, section in LINK.findall(page.read_text()):
+                if re.match(r"\w+:", target):
+                    continue
+                self.assertTrue((page.parent / target).exists(), f"{page.name}: {target}")
+                if section:
+                    self.assertIn(section, map(anchor, headings(page.parent / target)),
+                                  f"{page.name}: {target}")
+
+
+class HowDoI(unittest.TestCase):
+    """Each question is answered in a few lines, and its answer is found by the contents alone."""
+    PAGE = support.SOURCE / "docs" / "how_do_i.md"
+
+    def questions(self):
+        return re.findall(r"^\*\*(How do I .*?\?)\*\* (.*?)(?=\n\n|\Z)", self.PAGE.read_text(),
+                          re.S | re.M)
+
+    @staticmethod
+    def stems(text):
+        """The beginnings of the words by which a reader searches"""
+        common = {"with", "from", "what", "that", "when", "while", "them", "this", "make", "find",
+                  "does", "before", "given", "msim", "first", "which", "after"}
+        words = re.findall(r"\w+", text.lower().replace("how do i", ""))
+        return {word[:5] for word in words if len(word) > 3 and word not in common}
+
+    def test_length(self):
+        self.assertGreaterEqual(len(self.questions()), 28)
+        for question, answer in self.questions():
+            prose = re.sub(r"`[^`]*`|\]\([^)]*\)", "", answer)
+            sentences = re.findall(r"[^.:]+[.:](?=\s|$)", prose)
+            self.assertLessEqual(len(sentences), 5, question)
+
+    def test_the_contents_alone_lead_to_each_answer(self):
+        for question, answer in self.questions():
+            with self.subTest(question):
+                entries = []
+                for target, section in LINK.findall(answer):
+                    titles = headings(self.PAGE.parent / target)
+                    entries += [title for title in titles
+                                if anchor(title) == section or title == titles[0]]
+                self.assertTrue(self.stems(question) & self.stems(" ".join(entries)), entries)
 
 
 class Readme(unittest.TestCase):
