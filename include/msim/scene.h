@@ -35,6 +35,7 @@ typedef struct msim_rope {
   double k, damping;     /* N/m, N s/m; k = 0: no springs */
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
+  int32_t law;           /* of its springs (msim_scene_add_law); 0: linear */
 } msim_rope;
 
 /* rows x columns particles in a parallelogram; particle r * columns + c is at origin + r/(rows-1)
@@ -49,6 +50,7 @@ typedef struct msim_cloth {
   double damping;                       /* N s/m, for each spring */
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
+  int32_t law;           /* of its springs (msim_scene_add_law); 0: linear */
 } msim_cloth;
 
 /* n[0] x n[1] x n[2] particles in a box; particle (ix * n[1] + iy) * n[2] + iz. Springs along the
@@ -61,7 +63,52 @@ typedef struct msim_lattice {
   double k, damping;           /* N/m, N s/m; k = 0: no springs */
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
+  int32_t law;           /* of its springs (msim_scene_add_law); 0: linear */
 } msim_lattice;
+
+/* Springs of one law at one moment, for msim_law_function. Members may be added at the end. */
+typedef struct msim_law_batch {
+  size_t size;
+  int32_t n;
+  const double *k, *rest; /* n: of each spring, N/m, m */
+  const double *stretch;  /* n: e = l - rest, m */
+  double *force;          /* n: f(e), N, > 0 if the spring pulls its ends together */
+  double *slope;          /* n: df/de, N/m */
+  double *energy;         /* n: the integral of f from 0 to e, J */
+} msim_law_batch;
+
+/* Computes force, slope and energy of all springs of a batch. They must depend on k, rest and
+ * stretch alone. Several threads may call it at the same time. It must not call msim. */
+typedef void msim_law_function(void *data, const msim_law_batch *batch);
+
+enum {
+  MSIM_LAW_LINEAR,      /* f = k e */
+  MSIM_LAW_TENSION,     /* f = k max(e, 0), as of a cable */
+  MSIM_LAW_COMPRESSION, /* f = k min(e, 0), as of a buffer */
+  MSIM_LAW_DEAD_BAND,   /* f = k (e - c), c = e limited to [-half_width, half_width]: slack */
+  MSIM_LAW_POLYNOMIAL,  /* f = k (p(c) + p'(c) (e - c)), p(e) = sum of coefficients[i] e^(i+1), c =
+                           e limited to [-limit, limit]: beyond it the force continues linearly */
+  MSIM_LAW_TABLE,       /* f(stretch[i]) = force[i], between them the monotone cubic of Fritsch and
+                           Carlson (1980), beyond them linear; k has no effect */
+  MSIM_LAW_CALLBACK     /* f by `function` */
+};
+
+/* The elastic force f (N) of a spring as a function of its stretch e = l - rest (m); damping is not
+ * affected. Members of other kinds must be 0. */
+typedef struct msim_law {
+  size_t size;
+  int32_t kind;                /* MSIM_LAW_... */
+  int32_t n;                   /* POLYNOMIAL: >= 1; TABLE: >= 2 */
+  double half_width;           /* DEAD_BAND: m, >= 0 */
+  double limit;                /* POLYNOMIAL: m, > 0 */
+  const double *coefficients;  /* POLYNOMIAL: n; coefficients[i] in 1/m^i */
+  const double *stretch;       /* TABLE: n, m, ascending */
+  const double *force;         /* TABLE: n, N */
+  msim_law_function *function; /* CALLBACK */
+  void *data;                  /* CALLBACK: its first argument. Nullable. */
+  double largest_slope;        /* CALLBACK: N/m, > 0: |df/de| and |f|/l are at most that */
+  double energy_depth;         /* CALLBACK: J, >= 0: no energy is below -energy_depth */
+} msim_law;
 
 /* The complete content of a scene; all pointers are borrowed. */
 typedef struct msim_scene_view {
@@ -79,6 +126,8 @@ typedef struct msim_scene_view {
   /* Later additions: written if `size` includes them. */
   int32_t nfaces;
   const int32_t *faces; /* 3 nfaces */
+  int32_t nlaws;        /* laws 1 to nlaws, for msim_scene_get_law */
+  const int32_t *law;   /* nsprings: the law of each spring; NULL: all are linear */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -125,6 +174,24 @@ MSIM_API msim_status msim_scene_add_springs(msim_scene *scene, int32_t n,
                                             const int32_t *ij /* 2n */, const double *k /* n */,
                                             const double *rest /* n */,
                                             const double *damping /* n */, msim_error *err);
+
+/* Add a law; *index becomes its number, from 1 on: law 0 is the linear one. Arrays are copied;
+ * `function` and `data` must be valid as long as the scene, its sims and their checkpoints are.
+ * MSIM_ERR_ARG: a member is out of range; MSIM_ERR_SIZE. Nullable: index. */
+MSIM_API msim_status msim_scene_add_law(msim_scene *scene, const msim_law *law, int32_t *index,
+                                        msim_error *err);
+
+/* Give n springs the law of this number; 0: the linear one. Steps, bounds and energies follow it:
+ * step-size limits use the largest |df/de|, which bounds |f|/l too where f <= 0 at l = 0; the exact
+ * matrix contains df/de along springs and f/l across them, the clamped one max(0, df/de) and
+ * max(0, f/l). */
+MSIM_API msim_status msim_scene_set_law(msim_scene *scene, int32_t n,
+                                        const int32_t *springs /* n */, int32_t law,
+                                        msim_error *err);
+
+/* Get a law by its number, 0 to nlaws; set law->size first. Arrays are borrowed, valid as those of
+ * msim_scene_get. MSIM_ERR_ARG: there is no such law. */
+MSIM_API msim_status msim_scene_get_law(const msim_scene *scene, int32_t index, msim_law *law);
 
 /* Append n faces, triangles of particles, which viewers draw: they have no mass and exert no force.
  * Seen from outside, the corners of a closed surface are in counterclockwise order. Cloths and

@@ -61,7 +61,7 @@ static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, cons
   int is_scalar = !(sim->config.opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH);
   for (int32_t i = 0; i < s->n; i++) {
     const int32_t e = s->spring[i];
-    is_scalar &= ms_spring_is_linear((rest ? rest : sim->scene->rest)[e],
+    is_scalar &= ms_spring_is_linear(sim->scene, e, (rest ? rest : sim->scene->rest)[e],
                                      (damping ? damping : sim->scene->damping)[e]);
   }
   return solver && is_scalar != (solver->system.a.block == 1);

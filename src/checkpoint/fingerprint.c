@@ -5,6 +5,7 @@
 
 #include "base/isa.h"
 #include "methods/methods.h"
+#include "scene/laws.h"
 #include "sim/sim.h"
 
 /*------------------------------------- the scene ------------------------------------------------*/
@@ -65,6 +66,27 @@ static void list_planes(const ms_scene *s, ms_fingerprint_visitor *mark, void *d
   }
 }
 
+/* Laws by kind and numbers. Of a callback only the struct's numbers can be compared: the caller
+ * supplies the same function again. */
+static void list_laws(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  if (!s->law) return;
+  for (int32_t i = 0; i < s->nlaws; i++) {
+    const msim_law *law = &s->laws[i].is;
+    const size_t bytes = (size_t)law->n * sizeof(double);
+    const double numbers[] = {law->kind,          law->n,           law->half_width, law->limit,
+                              law->largest_slope, law->energy_depth};
+    uint64_t hash = ms_archive_hash(0, numbers, sizeof numbers);
+    if (law->coefficients) hash = ms_archive_hash(hash, law->coefficients, bytes);
+    if (law->stretch) hash = ms_archive_hash(hash, law->stretch, bytes);
+    if (law->force) hash = ms_archive_hash(hash, law->force, bytes);
+    char name[32];
+    snprintf(name, sizeof name, "laws[%d]", i + 1);
+    list_hash(mark, data, name, hash);
+  }
+  const size_t bytes = (size_t)s->nsprings * sizeof *s->law;
+  list_hash(mark, data, "springs.law", ms_archive_hash(0, s->law, bytes));
+}
+
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
   const ms_scene *s = sim->scene;
   array arrays[MS_SCENE_HASHES];
@@ -75,6 +97,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   for (int i = 0; i < MS_SCENE_HASHES; i++)
     list_hash(mark, data, arrays[i].name, sim->scene_hashes[i]);
   list_planes(s, mark, data);
+  list_laws(s, mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     list_numbers(mark, data, p->key.key, p->key.count, ms_scene_get_parameter(s, p));

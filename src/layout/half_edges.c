@@ -228,7 +228,8 @@ void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *half
   for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++) {
     const int32_t e = half_edges->spring[at];
     if (e < 0) continue;
-    half_edges->k[at] = springs->k[e];
+    half_edges->stiffness[at] = springs->k[e];
+    half_edges->k[at] = springs->has_law && springs->has_law[e] ? 0 : springs->k[e];
     half_edges->rest[at] = springs->rest[e];
     half_edges->damping[at] = springs->damping[e];
   }
@@ -240,11 +241,17 @@ msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
   *half_edges = (ms_half_edges){.nslices = rows->first_pinned / MS_SLICE};
   msim_status status = make_slice_ranges(scene, rows, a, half_edges, err);
   if (!status) status = make_entries(scene, rows, a, half_edges, err);
-  if (!status) ms_half_edges_update_springs(springs, half_edges);
-  return status;
+  if (status) return status;
+  half_edges->stiffness = half_edges->k;
+  if (springs->has_law &&
+      !MS_NEW(&scene->alloc, half_edges->stiffness, MS_SLICE * (size_t)half_edges->nentries))
+    return ms_error_set_memory(err, "the half-edges of the springs");
+  ms_half_edges_update_springs(springs, half_edges);
+  return MSIM_OK;
 }
 
 void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges) {
+  if (half_edges->stiffness != half_edges->k) ms_memory_free(&scene->alloc, half_edges->stiffness);
   MS_FREE(&scene->alloc, half_edges->first, half_edges->first_part, half_edges->part_row,
           half_edges->part_sums, half_edges->start, half_edges->neighbour, half_edges->spring,
           half_edges->k, half_edges->rest, half_edges->damping);

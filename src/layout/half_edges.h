@@ -31,7 +31,8 @@ typedef struct ms_half_edges {
   int32_t *start;      /* nentries: the neighbour of lane l is row start + l; -1: see neighbour */
   int32_t *neighbour;  /* 8 nentries: the row at the other end; padding: any row */
   int32_t *spring;     /* 8 nentries: index in ms_springs; padding: -1 */
-  double *k, *rest, *damping; /* 8 nentries; padding: 0 */
+  double *k, *rest, *damping; /* 8 nentries; padding: 0; k: 0 of springs with a law */
+  double *stiffness;          /* 8 nentries: as k, but |df/de| at most of springs with a law */
 } ms_half_edges;
 
 msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,

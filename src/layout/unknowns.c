@@ -1,5 +1,7 @@
 #include "layout/unknowns.h"
 
+#include "scene/laws.h"
+
 static int32_t round_up_to_slices(int32_t n) { return (n + MS_SLICE - 1) / MS_SLICE * MS_SLICE; }
 
 msim_status ms_unknowns_create(const ms_scene *scene, const ms_island *island, ms_unknowns *rows,
@@ -75,7 +77,8 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
   *springs = (ms_springs){.n = island->nsprings};
   if (!MS_NEW(alloc, springs->i, count) || !MS_NEW(alloc, springs->j, count) ||
       !MS_NEW(alloc, springs->k, count) || !MS_NEW(alloc, springs->rest, count) ||
-      !MS_NEW(alloc, springs->damping, count) || !MS_NEW(alloc, springs->spring, count))
+      !MS_NEW(alloc, springs->damping, count) || !MS_NEW(alloc, springs->spring, count) ||
+      (scene->law && !MS_NEW(alloc, springs->has_law, count)))
     return ms_error_set_memory(err, "a copy of the springs");
   ms_unknowns_find_rows(rows, island->row_scratch);
   for (size_t to = 0; to < count; to++) {
@@ -90,14 +93,15 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
 void ms_springs_update(const ms_scene *scene, ms_springs *springs) {
   for (int32_t to = 0; to < springs->n; to++) {
     const int32_t e = springs->spring[to];
-    springs->k[to] = scene->k[e];
+    springs->k[to] = ms_scene_stiffness(scene, e);
     springs->rest[to] = scene->rest[e];
+    if (springs->has_law) springs->has_law[to] = ms_scene_law(scene, e) != NULL;
     springs->damping[to] = scene->damping[e];
   }
 }
 
 void ms_springs_destroy(const ms_scene *scene, ms_springs *springs) {
   MS_FREE(&scene->alloc, springs->i, springs->j, springs->k, springs->rest, springs->damping,
-          springs->spring);
+          springs->spring, springs->has_law);
   *springs = (ms_springs){0};
 }

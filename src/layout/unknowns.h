@@ -70,8 +70,9 @@ static inline void ms_unknowns_set(const ms_unknowns *rows, const double in[3], 
 typedef struct ms_springs {
   int32_t n;
   int32_t *i, *j;             /* n: rows of the ends */
-  double *k, *rest, *damping; /* n: N/m, m, N s/m */
+  double *k, *rest, *damping; /* n: N/m, m, N s/m; k: with a law, the largest |df/de| */
   int32_t *spring;            /* n: the spring's number in the scene */
+  uint8_t *has_law;           /* n: 1 if it has a law; NULL: none has */
 } ms_springs;
 
 msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,

@@ -4,6 +4,7 @@
 
 #include "physics/external_force.h"
 #include "physics/lanczos.h"
+#include "scene/laws.h"
 
 /* Disc of particle i: (1/m_i) (sum w + sum of w to free neighbours + b), 0 if pinned; the largest
  * one bounds all eigenvalues (Gershgorin 1931). disc: nparticles, in: zeros. */
@@ -59,8 +60,9 @@ typedef struct uncovered {
 
 static void add_uncovered(const ms_scene *s, size_t e, int32_t from, int32_t to, uncovered *u) {
   const double ends = s->pinned[to] ? 1 : 2;
-  if (s->pinned[from] || !(s->k[e] > u[from].ratio * s->damping[e])) return;
-  u[from].k += ends * s->k[e], u[from].damping += ends * s->damping[e];
+  const double k = ms_scene_stiffness(s, (int32_t)e);
+  if (s->pinned[from] || !(k > u[from].ratio * s->damping[e])) return;
+  u[from].k += ends * k, u[from].damping += ends * s->damping[e];
 }
 
 /* One step of Newton's method on sum e (k - r c)^+ = r b for each particle, from below, as the
@@ -97,14 +99,24 @@ static msim_status bound_ratio(const ms_scene *s, double *bound, msim_error *err
   return MSIM_OK;
 }
 
+static double *list_stiffnesses(const ms_scene *s) {
+  double *k = ms_memory_allocate(&s->alloc, (size_t)s->nsprings, sizeof *k);
+  for (int32_t e = 0; k && e < s->nsprings; e++) k[e] = ms_scene_stiffness(s, e);
+  return k;
+}
+
 msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bounds,
                               msim_error *err) {
-  const ms_laplacian elastic = {scene, scene->k, 0};
+  double *stiffness = NULL; /* of springs with laws */
+  if (scene->law && !(stiffness = list_stiffnesses(scene)))
+    return ms_error_set_memory(err, "the stability bounds");
+  const ms_laplacian elastic = {scene, stiffness ? stiffness : scene->k, 0};
   const ms_laplacian damped = {scene, scene->damping, ms_external_damping(&scene->external)};
   double omega2;
   msim_status status = bound_largest(&elastic, tight, &omega2, err);
   if (!status) status = bound_largest(&damped, tight, &bounds->rate, err);
   if (!status) status = bound_ratio(scene, &bounds->ratio, err);
+  ms_memory_free(&scene->alloc, stiffness);
   if (status) return status;
   bounds->omega = sqrt(omega2);
   const double b = damped.ground;
@@ -124,7 +136,7 @@ ms_bounds ms_bounds_compute_island(const ms_model *model) {
   const double b = ms_external_damping(&model->external);
   double omega2 = 0, rate = 0, heaviest = 0;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const double k = ms_bounds_sum_row(model, model->half_edges.k, r),
+    const double k = ms_bounds_sum_row(model, model->half_edges.stiffness, r),
                  c = ms_bounds_sum_row(model, model->half_edges.damping, r);
     omega2 = fmax(omega2, k * model->inv_mass[r]);
     rate = fmax(rate, (c + b) * model->inv_mass[r]);

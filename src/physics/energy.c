@@ -1,7 +1,7 @@
 #include "physics/energy.h"
 
 #include "physics/external_force.h"
-#include "physics/spring_law.h"
+#include "physics/law.h"
 
 static void add_particle_energy(const ms_scene *s, int32_t p, const double *x, const double *v,
                                 msim_energy *e) {
@@ -21,7 +21,7 @@ static double elastic_energy_of(const ms_scene *s, int32_t spring, const double 
   const double *a = x + 3 * (size_t)s->ij[2 * (size_t)spring];
   const double *b = x + 3 * (size_t)s->ij[2 * (size_t)spring + 1];
   double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-  return MS_SPRING_ENERGY(s->k[spring], s->rest[spring], ms_vec3_norm(d));
+  return ms_law_value_of(s, spring, ms_vec3_norm(d)).energy;
 }
 
 void ms_energy_compute(const ms_scene *scene, const double *x, const double *v,

@@ -2,6 +2,8 @@
 
 #include <stdatomic.h>
 
+#include "physics/law_springs.h"
+
 MS_TABLES(ms_force_kernels);
 
 /* Slices in a chunk of work: some 5 us. */
@@ -24,20 +26,21 @@ static void do_slices_chunk(void *data, int32_t begin, int32_t end) {
     atomic_store_explicit(&j->may_be_bad, 1, memory_order_relaxed);
 }
 
-/* split_row_force = spring forces on split rows */
+/* The rows of extra_force that are split = spring forces on them */
 static void sum_split_rows(const ms_model *model, fused_step_job *j) {
   const ms_half_edges *half_edges = &model->half_edges;
   const size_t stride = (size_t)model->unknowns.stride;
   ms_pool_run(model->pool, do_split_row_part, j, half_edges->nparts);
   for (int32_t k = 0; k < half_edges->nparts; k++)
     for (size_t c = 0; c < (size_t)model->unknowns.dims; c++)
-      model->split_row_force[c * stride + (size_t)half_edges->part_row[k]] = 0;
-  ms_half_edges_add_part_sums(half_edges, model->unknowns.dims, stride, model->split_row_force);
+      model->extra_force[c * stride + (size_t)half_edges->part_row[k]] = 0;
+  ms_half_edges_add_part_sums(half_edges, model->unknowns.dims, stride, model->extra_force);
 }
 
 int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
   fused_step_job j = {.model = model, .sweep = sweep};
-  if (model->split_row_force) sum_split_rows(model, &j);
+  if (model->half_edges.nparts) sum_split_rows(model, &j);
+  if (model->laws) ms_law_springs_add_forces(model, sweep->x);
   ms_pool_run_chunks(model->pool, do_slices_chunk, &j, model->half_edges.nslices, CHUNK);
   return !atomic_load(&j.may_be_bad);
 }

@@ -5,6 +5,7 @@
 #include "base/isa.h"
 #include "layout/planar.h"
 #include "physics/external_force.h"
+#include "physics/law_springs.h"
 #include "physics/spring_law.h"
 
 static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
@@ -12,15 +13,21 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
   if (springs->n) features |= MS_HAS_SPRINGS;
   for (int32_t e = 0; e < springs->n; e++) {
     if (springs->damping[e] > 0) features |= MS_HAS_DAMPING;
-    if (!ms_spring_is_linear(springs->rest[e], springs->damping[e])) features |= MS_HAS_DIRECTIONS;
+    if (!ms_spring_is_linear(s, springs->spring[e], springs->rest[e], springs->damping[e]))
+      features |= MS_HAS_DIRECTIONS;
   }
   if (ms_external_has_velocity(&s->external)) features |= MS_HAS_DRAG;
   if (s->nplanes) features |= MS_HAS_PLANES;
   return features;
 }
 
-static int allocate_split_rows(ms_model *m) {
-  return m->half_edges.nparts == 0 || MS_NEW_VECTORS(m->scene, &m->unknowns, &m->split_row_force);
+static msim_status create_laws(ms_model *m, msim_error *err) {
+  msim_status status = ms_law_springs_create(m, &m->laws, err);
+  if (status) return status;
+  if (m->laws) ms_law_springs_update(m);
+  if (m->half_edges.nparts == 0 && !m->laws) return MSIM_OK;
+  if (MS_NEW_VECTORS(m->scene, &m->unknowns, &m->extra_force)) return MSIM_OK;
+  return ms_error_set_memory(err, "a copy of the springs");
 }
 
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
@@ -33,15 +40,14 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   const ms_unknowns *rows = &model->unknowns;
   model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims, model->isa};
   size_t count = (size_t)rows->first_pinned;
-  if (!MS_NEW(&scene->alloc, model->mass, count) ||
-      !MS_NEW(&scene->alloc, model->inv_mass, count) || !allocate_split_rows(model))
+  if (!MS_NEW(&scene->alloc, model->mass, count) || !MS_NEW(&scene->alloc, model->inv_mass, count))
     return ms_error_set_memory(err, "the masses");
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
     model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* padding rests */
   }
   model->features = find_features(scene, &model->springs) | skip_off;
-  return MSIM_OK;
+  return create_laws(model, err);
 }
 
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
@@ -64,7 +70,8 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
   *part = *whole;
   part->springs = (ms_springs){0};
   part->half_edges = (ms_half_edges){0};
-  part->split_row_force = NULL;
+  part->extra_force = NULL;
+  part->laws = NULL;
   msim_status status = ms_springs_create(scene, springs, &part->unknowns, &part->springs, err);
   if (!status) status = ms_adjacency_create(scene, &part->unknowns, &part->springs, &a, err);
   if (!status)
@@ -72,16 +79,16 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
         ms_half_edges_create(scene, &part->unknowns, &part->springs, &a, &part->half_edges, err);
   ms_adjacency_destroy(scene, &a);
   if (status) return status;
-  if (!allocate_split_rows(part)) return ms_error_set_memory(err, "a copy of the springs");
   part->features = find_features(scene, &part->springs) | skip_off;
-  return MSIM_OK;
+  return create_laws(part, err);
 }
 
 void ms_model_destroy_subset(ms_model *part) {
   if (!part->scene) return;
   ms_half_edges_destroy(part->scene, &part->half_edges);
   ms_springs_destroy(part->scene, &part->springs);
-  ms_memory_free(&part->scene->alloc, part->split_row_force);
+  ms_law_springs_destroy(part->scene, part->laws);
+  ms_memory_free(&part->scene->alloc, part->extra_force);
   *part = (ms_model){0};
 }
 
@@ -93,12 +100,14 @@ void ms_model_keep_springs_only(ms_model *model) {
 void ms_model_update_springs(ms_model *model, unsigned skip_off) {
   ms_springs_update(model->scene, &model->springs);
   ms_half_edges_update_springs(&model->springs, &model->half_edges);
+  if (model->laws) ms_law_springs_update(model);
   model->features = find_features(model->scene, &model->springs) | skip_off;
 }
 
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
-  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->split_row_force);
+  ms_law_springs_destroy(model->scene, model->laws);
+  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->extra_force);
   *model = (ms_model){0};
 }

@@ -17,18 +17,21 @@ enum {
   MS_HAS_DIRECTIONS = MSIM_SKIP_ZERO_REST_LENGTH /* forces depend on the directions of springs */
 };
 
+struct ms_law_springs;
+
 typedef struct ms_model {
   const ms_scene *scene;
   ms_unknowns unknowns;
   ms_springs springs;
-  ms_half_edges half_edges; /* the same springs as half-edges */
-  ms_shape shape;           /* of the unknowns */
-  double *mass, *inv_mass;  /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
-  ms_external external;     /* the scene's */
-  double *split_row_force;  /* a vector: spring forces on split rows; NULL: no row is split */
-  int isa;                  /* of the kernels: ms_isa_choose() */
-  ms_pool *pool;            /* the sim's; NULL: one thread */
-  unsigned features;        /* MS_HAS_... */
+  ms_half_edges half_edges;    /* the same springs as half-edges */
+  ms_shape shape;              /* of the unknowns */
+  double *mass, *inv_mass;     /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
+  ms_external external;        /* the scene's */
+  struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
+  double *extra_force; /* a vector: spring forces on split rows, and those of laws; NULL: neither */
+  int isa;             /* of the kernels: ms_isa_choose() */
+  ms_pool *pool;       /* the sim's; NULL: one thread */
+  unsigned features;   /* MS_HAS_... */
 } ms_model;
 
 /* The model of an island. skip_off: features to compute in any case. left_out: the axis without a

@@ -1,5 +1,6 @@
 #include "physics/nonlinearity.h"
 
+#include "physics/law_springs.h"
 #include "physics/matrix_kernels.h"
 
 MS_TABLES(ms_matrix_kernels);
@@ -25,5 +26,6 @@ double ms_nonlinearity_compute(const ms_model *model, const double *x, double h,
   while (ms_pool_count_chunks(n, j.chunk) > model->unknowns.stride) j.chunk *= 2;
   const int32_t chunks = ms_pool_run_chunks(model->pool, sum_nonlinearity_chunk, &j, n, j.chunk);
   for (int32_t i = 0; i < chunks; i++) sum += work[i];
+  if (model->laws) sum += ms_law_springs_nonlinearity(model, x, d, lambda * h);
   return sum;
 }

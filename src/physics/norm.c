@@ -7,6 +7,7 @@
 #include "layout/components.h"
 #include "physics/bounds.h"
 #include "physics/external_force.h"
+#include "physics/law.h"
 #include "physics/scales.h"
 
 /* Sums and extremes over a body */
@@ -51,6 +52,16 @@ static double speed2_from_spring(const ms_model *model, int32_t r, int32_t q, do
   return 2 * energy * here * here / (here + there);
 }
 
+/* |E| of a half-edge's spring at length l; of linear ones without a call */
+static double elastic_energy(const ms_model *model, int32_t at, double l) {
+  const ms_half_edges *h = &model->half_edges;
+  const int32_t e = h->spring[at];
+  if (model->springs.has_law && model->springs.has_law[e])
+    return fabs(ms_law_value_of(model->scene, model->springs.spring[e], l).energy);
+  const double stretch = l - h->rest[at];
+  return h->k[at] * stretch * stretch / 2;
+}
+
 static void add_row_sums(const ms_model *model, const double *x, const double *v, int32_t r,
                          ms_norm_sums *g) {
   const ms_unknowns *rows = &model->unknowns;
@@ -67,10 +78,10 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
     ms_unknowns_get(rows, x, q, xq);
     if (q >= rows->nfree) extend_box(xq, g);
     for (int i = 0; i < 3; i++) xq[i] -= xr[i];
-    const double stretch = ms_vec3_norm(xq) - half_edges->rest[at];
-    g->speed2 += speed2_from_spring(model, r, q, half_edges->k[at] * stretch * stretch / 2);
+    g->speed2 += speed2_from_spring(model, r, q, elastic_energy(model, at, ms_vec3_norm(xq)));
   }
-  g->omega2 = fmax(g->omega2, ms_bounds_sum_row(model, half_edges->k, r) * model->inv_mass[r]);
+  g->omega2 =
+      fmax(g->omega2, ms_bounds_sum_row(model, half_edges->stiffness, r) * model->inv_mass[r]);
 }
 
 static void set_body_scales(const ms_norm_sums *sum, double gravity, double span, ms_norm_body *p) {

@@ -3,16 +3,17 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "physics/law.h"
 #include "physics/spring_law.h"
 
-/* |k (l - L)| + c |v_j - v_i| >= the magnitude of the force */
+/* |f(l)| + c |v_j - v_i| >= the magnitude of the force */
 static double bound_force(const ms_model *m, int32_t e, const double *x, const double *v) {
   const ms_springs *s = &m->springs;
   double xi[3], xj[3], vi[3], vj[3], d[3], dv[3];
   ms_unknowns_get(&m->unknowns, x, s->i[e], xi), ms_unknowns_get(&m->unknowns, x, s->j[e], xj);
   ms_unknowns_get(&m->unknowns, v, s->i[e], vi), ms_unknowns_get(&m->unknowns, v, s->j[e], vj);
   for (int c = 0; c < 3; c++) d[c] = xj[c] - xi[c], dv[c] = vj[c] - vi[c];
-  const double elastic = fabs(MS_SPRING_FORCE(s->k[e], s->rest[e], ms_vec3_norm(d)));
+  const double elastic = fabs(ms_law_value_of(m->scene, s->spring[e], ms_vec3_norm(d)).force);
   return s->damping[e] > 0 ? elastic + MS_DASHPOT_FORCE(s->damping[e], ms_vec3_norm(dv)) : elastic;
 }
 

@@ -3,9 +3,10 @@
 #include <string.h>
 
 #include "physics/external_force.h"
+#include "physics/law.h"
 #include "physics/spring_law.h"
 
-/* (k (l - L) + c u.(v_j - v_i)) u on i, the opposite on j */
+/* (f(l) + c u.(v_j - v_i)) u on i, the opposite on j */
 static void add_spring_force(const ms_scene *s, size_t e, const double *x, const double *v,
                              double *f) {
   const size_t i = 3 * (size_t)s->ij[2 * e], j = 3 * (size_t)s->ij[2 * e + 1];
@@ -13,7 +14,7 @@ static void add_spring_force(const ms_scene *s, size_t e, const double *x, const
   for (size_t c = 0; c < 3; c++) d[c] = x[j + c] - x[i + c], dv[c] = v[j + c] - v[i + c];
   const double l2 = ms_vec3_dot(d, d), l = sqrt(l2);
   if (l2 <= MS_MIN_LENGTH2) return;
-  const double pull = (MS_SPRING_FORCE(s->k[e], s->rest[e], l) +
+  const double pull = (ms_law_value_of(s, (int32_t)e, l).force +
                        MS_DASHPOT_FORCE(s->damping[e], ms_vec3_dot(d, dv)) / l) /
                       l;
   for (size_t c = 0; c < 3; c++) f[i + c] += pull * d[c], f[j + c] -= pull * d[c];

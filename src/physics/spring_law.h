@@ -7,11 +7,15 @@
  * the elastic energy is the integral of f from L, and the Jacobian of the force has f/l across the
  * spring and df/dl along it.
  *
+ * These are the linear springs; those with another f(l) are in law.h.
+ *
  * The expressions are macros, as operands are numbers of one spring (double) or of one spring per
  * lane (ms_lanes), for which C has the same operators. Their order of operations determines the
  * last bits of results. */
 #ifndef MS_SPRING_LAW_H
 #define MS_SPRING_LAW_H
+
+#include "scene/laws.h"
 
 /* The smallest normal double. A spring with l^2 below it has no direction. */
 #define MS_MIN_LENGTH2 2.2250738585072014e-308
@@ -38,8 +42,9 @@
 #define MS_DASHPOT_FORCE(damping, rate) ((damping) * (rate))
 
 /* 1: the force is k d, whatever the direction. */
-static inline int ms_spring_is_linear(double rest, double damping) {
-  return rest == 0 && damping == 0;
+static inline int ms_spring_is_linear(const ms_scene *s, int32_t spring, double rest,
+                                      double damping) {
+  return rest == 0 && damping == 0 && !ms_scene_law(s, spring);
 }
 
 #endif

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "physics/law_springs.h"
+
 MS_TABLES(ms_totals_kernels);
 
 /* Slice ranges in a chunk of work. */
@@ -38,5 +40,6 @@ ms_totals ms_totals_compute(const ms_model *model, const double *x, const double
   const int32_t n = ms_pool_run_chunks(model->pool, compute_totals_chunk, &j,
                                        ms_half_edges_count_ranges(&model->half_edges), CHUNK);
   for (int32_t i = 0; i < n; i++) ms_totals_add(&parts[i], &sum);
+  if (model->laws) sum.elastic += ms_law_springs_energy(model, x);
   return sum;
 }

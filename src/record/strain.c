@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "physics/law.h"
 
 /*------------------------------------- springs of the faces -------------------------------------*/
 
@@ -87,7 +88,7 @@ void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x) {
     const double rest = scene->rest[k];
     const double length = ms_vec3_norm((double[]){b[0] - a[0], b[1] - a[1], b[2] - a[2]});
     s->strain[k] = rest > 0 ? to_float((length - rest) / rest) : 0;
-    s->tension[k] = to_float(scene->k[k] * (length - rest));
+    s->tension[k] = to_float(ms_law_value_of(scene, k, length).force);
   }
   for (int32_t i = 0; i < scene->nfaces; i++) {
     const int32_t *edge = s->edge + 3 * (size_t)i;

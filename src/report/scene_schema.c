@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "scene/laws.h"
 #include "scene/options.h"
 #include "scene/scene_json_objects.h"
 
@@ -86,7 +87,8 @@ static const char *number_schema(ms_range range) {
       [MS_NOT_NEGATIVE] = "\"type\": \"number\", \"minimum\": 0",
       [MS_POSITIVE] = "\"type\": \"number\", \"exclusiveMinimum\": 0",
       [MS_FRACTION] = "\"type\": \"number\", \"minimum\": 0, \"maximum\": 1",
-      [MS_POSITIVE_INTEGER] = "\"type\": \"integer\", \"minimum\": 1, \"maximum\": 2147483647"};
+      [MS_POSITIVE_INTEGER] = "\"type\": \"integer\", \"minimum\": 1, \"maximum\": 2147483647",
+      [MS_INDEX] = "\"type\": \"integer\", \"minimum\": 0, \"maximum\": 2147483647"};
   return schemas[range];
 }
 
@@ -116,10 +118,17 @@ static void put_named_indices(writer *w) {
   put(w, "]}]}}]");
 }
 
-static void put_type_names(writer *w, const char *separator, const char *quote) {
-  const ms_object_type *type;
-  for (int32_t i = 0; (type = ms_objects_get_type(i)) != NULL; i++)
-    put(w, "%s%s%s%s", i ? separator : "", quote, type->name, quote);
+/* The i-th type of objects or laws; NULL past the end. Callbacks have no form in scene files. */
+static const char *type_name(ms_key_form form, int32_t i) {
+  if (form == MS_LAW_TYPE) return i < MSIM_LAW_CALLBACK ? ms_laws_kind_name(i) : NULL;
+  const ms_object_type *type = ms_objects_get_type(i);
+  return type ? type->name : NULL;
+}
+
+static void put_type_names(writer *w, ms_key_form form, const char *separator, const char *quote) {
+  const char *name;
+  for (int32_t i = 0; (name = type_name(form, i)) != NULL; i++)
+    put(w, "%s%s%s%s", i ? separator : "", quote, name, quote);
 }
 
 static void put_parts(writer *w, const ms_object_member *m) {
@@ -145,6 +154,9 @@ static void put_form(writer *w, const ms_scene_key *key, const ms_object_member 
       put_array(w, number, 0);
       put(w, "}]");
       break;
+    case MS_NUMBER_LIST:
+      put_array(w, number, 0);
+      break;
     case MS_ROWS:
       put_rows(w, number, key->count);
       break;
@@ -164,8 +176,9 @@ static void put_form(writer *w, const ms_scene_key *key, const ms_object_member 
       put(w, "\"const\": 1");
       break;
     case MS_TYPE:
+    case MS_LAW_TYPE:
       put(w, "\"enum\": [");
-      put_type_names(w, ", ", "\"");
+      put_type_names(w, key->form, ", ", "\"");
       put(w, "]");
       break;
     case MS_TEXT:
@@ -186,6 +199,7 @@ static void put_values(writer *w, const ms_scene_key *key, const ms_object_membe
       [MS_TEXT] = "a string",
       [MS_VERSION] = "1",
       [MS_TYPE] = "",
+      [MS_LAW_TYPE] = "",
       [MS_SECTION] = "an object",
       [MS_LIST] = "an array of objects"};
   const char *range = ms_range_text(key->range);
@@ -195,13 +209,14 @@ static void put_values(writer *w, const ms_scene_key *key, const ms_object_membe
   else if (key->form == MS_NUMBERS) put(w, "an array of %d, each %s", key->count, range);
   else if (key->form == MS_ROWS) put(w, "an array of arrays of %d, each %s", key->count, range);
   else if (key->form == MS_NUMBER_EACH) put(w, "%s for all, or an array of one for each", range);
+  else if (key->form == MS_NUMBER_LIST) put(w, "an array, each %s", range);
   else if (key->form == MS_INDEX_ROWS) put(w, "an array of arrays of %d indices", key->count);
   else if (key->form == MS_NUMBER_OR_PARTS)
     put(w, "%s for all, or an object with %s, %s and %s", range, m->parts[0], m->parts[1],
         m->parts[2]);
   else put(w, "%s", words[key->form]);
   if (key->form == MS_NAMED_INDICES) put_particle_names(w, ", ", "");
-  if (key->form == MS_TYPE) put_type_names(w, " | ", "");
+  if (key->form == MS_TYPE || key->form == MS_LAW_TYPE) put_type_names(w, key->form, " | ", "");
   put(w, "\"");
 }
 
@@ -341,10 +356,11 @@ static void put_options(writer *w) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-static void put_planes(writer *w) {
+/* The elements of a list, objects with these keys */
+static void put_items(writer *w, const ms_scene_key *keys, int32_t n) {
   open_member(w, "items", "{");
   put_member(w, "type", "\"object\"");
-  put_section(w, ms_plane_keys, MS_PLANE_KEYS);
+  put_section(w, keys, n);
   close_bracket(w, "}");
 }
 
@@ -352,7 +368,8 @@ static void put_section_key(writer *w, int i) {
   open_key(w, &ms_section_keys[i], NULL);
   if (i == MS_KEY_PARTICLES) put_section(w, ms_particle_keys, MS_PARTICLE_KEYS);
   if (i == MS_KEY_SPRINGS) put_section(w, ms_spring_keys, MS_SPRING_KEYS);
-  if (i == MS_KEY_PLANES) put_planes(w);
+  if (i == MS_KEY_LAWS) put_items(w, ms_law_keys, MS_LAW_KEYS);
+  if (i == MS_KEY_PLANES) put_items(w, ms_plane_keys, MS_PLANE_KEYS);
   if (i == MS_KEY_RUN) put_options(w);
   if (i == MS_KEY_OBJECTS) {
     open_member(w, "items", "{");

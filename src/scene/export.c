@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "scene/import.h"
+#include "scene/laws.h"
 #include "scene/options.h"
 
 /* A path, and the data of a node that the scene does not store in this form. */
@@ -18,7 +19,7 @@ typedef struct export_state {
   msim_node *nodes;
   node_storage *entries;
   int32_t n;
-  int64_t *pinned, *ij, *faces;
+  int64_t *pinned, *ij, *law, *faces;
 } export_state;
 
 /*------------------------------------- nodes ----------------------------------------------------*/
@@ -78,6 +79,38 @@ static void export_springs(export_state *e) {
   if (!ms_scene_all_zero(n, s->damping)) append_repeated(e, n, s->damping, "springs/damping");
 }
 
+static void append_list(export_state *e, int32_t law, int32_t n, const double *numbers,
+                        const ms_scene_key *key) {
+  if (!numbers) return;
+  append_node(e, MSIM_NODE_REAL, 1, numbers, "laws/%d/%s", law, key->key)->dims[0] = n;
+}
+
+static void append_member(export_state *e, int32_t law, const double *number,
+                          const ms_scene_key *key) {
+  append_node(e, MSIM_NODE_REAL, 0, number, "laws/%d/%s", law, key->key);
+}
+
+/* Law 0 is the linear one: numbers are positions in the list. */
+static void export_laws(export_state *e) {
+  const ms_scene *s = e->scene;
+  for (int32_t i = 0; i <= s->nlaws && s->nlaws; i++) {
+    const msim_law *law = i ? &s->laws[i - 1].is : NULL;
+    const char *type = ms_laws_kind_name(law ? law->kind : MSIM_LAW_LINEAR);
+    append_node(e, MSIM_NODE_TEXT, 1, type, "laws/%d/type", i)->dims[0] = (int64_t)strlen(type);
+    if (!law) continue;
+    if (law->kind == MSIM_LAW_DEAD_BAND)
+      append_member(e, i, &law->half_width, &ms_law_keys[MS_KEY_HALF_WIDTH]);
+    if (law->kind == MSIM_LAW_POLYNOMIAL)
+      append_member(e, i, &law->limit, &ms_law_keys[MS_KEY_LIMIT]);
+    append_list(e, i, law->n, law->coefficients, &ms_law_keys[MS_KEY_COEFFICIENTS]);
+    append_list(e, i, law->n, law->stretch, &ms_law_keys[MS_KEY_STRETCH]);
+    append_list(e, i, law->n, law->force, &ms_law_keys[MS_KEY_LAW_FORCE]);
+  }
+  if (!s->law) return;
+  for (int32_t i = 0; i < s->nsprings; i++) e->law[i] = s->law[i];
+  append_array(e, MSIM_NODE_WHOLE, s->nsprings, 1, e->law, "springs/law");
+}
+
 static void export_faces(export_state *e) {
   const int64_t n = e->scene->nfaces;
   if (n == 0) return;
@@ -115,10 +148,11 @@ static void export_run(export_state *e) {
 
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
-  const size_t most = 16 + 4 * (size_t)s->nplanes + (size_t)s->nrun;
+  const size_t most = 17 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws) + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
          MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings) &&
+         MS_NEW(&s->alloc, e->law, s->law ? s->nsprings : 0) &&
          MS_NEW(&s->alloc, e->faces, 3 * (size_t)s->nfaces);
 }
 
@@ -135,6 +169,7 @@ static void export_all(export_state *e) {
   }
   export_particles(e);
   export_springs(e);
+  export_laws(e);
   export_faces(e);
   export_planes(e);
   export_run(e);
@@ -156,6 +191,6 @@ msim_status ms_export_scene(const ms_scene *scene, const msim_importer *table, c
                             const char *label, msim_error *err) {
   export_state e = {.scene = scene};
   const msim_status status = save_tree(&e, table, path, label, err);
-  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.faces);
+  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.law, e.faces);
   return status;
 }

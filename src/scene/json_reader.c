@@ -184,7 +184,7 @@ msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms
                                 ms_range range, double *number) {
   *number = ms_value_number(value);
   const int kind =
-      range == MS_POSITIVE_INTEGER ? ms_value_is_whole(value) : ms_value_is_number(value);
+      range >= MS_POSITIVE_INTEGER ? ms_value_is_whole(value) : ms_value_is_number(value);
   if (kind && ms_range_contains(range, *number)) return MSIM_OK;
   return ms_json_refuse_number(r, at, value, ms_range_text(range));
 }

@@ -29,8 +29,10 @@ static void make_rope(const void *object, ms_grid *grid) {
                     .k = {rope->k},
                     .damping = rope->damping,
                     .npinned = rope->npinned,
-                    .pinned = rope->pinned};
-  if (rope->n > 1) grid->last = rope->to;
+                    .pinned = rope->pinned,
+                    .law = rope->law};
+  grid->has_last = rope->n > 1;
+  memcpy(grid->last, rope->to, sizeof rope->to);
   memcpy(grid->origin, rope->from, sizeof rope->from);
   for (int c = 0; c < 3; c++) grid->edge[0][c] = rope->to[c] - rope->from[c];
   SET_SPRINGS(grid, rope_springs);
@@ -43,7 +45,8 @@ static void make_cloth(const void *object, ms_grid *grid) {
                     .k = {cloth->k_structural, cloth->k_shear, cloth->k_bend},
                     .damping = cloth->damping,
                     .npinned = cloth->npinned,
-                    .pinned = cloth->pinned};
+                    .pinned = cloth->pinned,
+                    .law = cloth->law};
   memcpy(grid->origin, cloth->origin, sizeof cloth->origin);
   memcpy(grid->edge[0], cloth->row, sizeof cloth->row);
   memcpy(grid->edge[1], cloth->column, sizeof cloth->column);
@@ -57,7 +60,8 @@ static void make_lattice(const void *object, ms_grid *grid) {
                     .k = {lattice->k},
                     .damping = lattice->damping,
                     .npinned = lattice->npinned,
-                    .pinned = lattice->pinned};
+                    .pinned = lattice->pinned,
+                    .law = lattice->law};
   memcpy(grid->origin, lattice->origin, sizeof lattice->origin);
   for (int c = 0; c < 3; c++) grid->edge[c][c] = lattice->extent[c];
   SET_SPRINGS(grid, lattice_springs);
@@ -78,6 +82,9 @@ static void make_lattice(const void *object, ms_grid *grid) {
 #define DAMPING(type)                                             \
   ROW(type, "damping", damping, MS_NOT_NEGATIVE, 1, "0", "N s/m", \
       "damping constant of each spring", "0.1")
+#define LAW(type)                             \
+  ROW(type, "law", law, MS_INDEX, 1, "0", "", \
+      "number of the law of its springs (`laws`); 0: linear", "1")
 
 static const ms_object_member rope_members[] = {
     ROW(msim_rope, "n", n, MS_POSITIVE_INTEGER, 1, NULL, "", "number of particles", "20"),
@@ -86,7 +93,8 @@ static const ms_object_member rope_members[] = {
     ROW(msim_rope, "to", to, MS_ANY, 3, NULL, "m", "position of the last particle", "[1, 0, 1]"),
     MASS(msim_rope),
     STIFFNESS(msim_rope),
-    DAMPING(msim_rope)};
+    DAMPING(msim_rope),
+    LAW(msim_rope)};
 
 static const ms_object_member cloth_members[] = {
     {{"n", MS_NUMBERS, MS_POSITIVE_INTEGER, 2, NULL, "", "numbers of rows and columns of particles",
@@ -108,7 +116,8 @@ static const ms_object_member cloth_members[] = {
      {"k_structural", "k_shear", "k_bend"},
      {"structural", "shear", "bend"},
      offsetof(msim_cloth, k_structural)},
-    DAMPING(msim_cloth)};
+    DAMPING(msim_cloth),
+    LAW(msim_cloth)};
 
 static const ms_object_member lattice_members[] = {
     ROW(msim_lattice, "n", n, MS_POSITIVE_INTEGER, 3, NULL, "",
@@ -119,11 +128,13 @@ static const ms_object_member lattice_members[] = {
         "[0.3, 0.3, 0.3]"),
     MASS(msim_lattice),
     STIFFNESS(msim_lattice),
-    DAMPING(msim_lattice)};
+    DAMPING(msim_lattice),
+    LAW(msim_lattice)};
 
 #define TYPE(word, pinned_key, description)                                          \
   {                                                                                  \
-    .name = #word, .size = sizeof(msim_##word), .members = word##_members,           \
+    .name = #word, .size = sizeof(msim_##word),                                      \
+    .least_size = MS_SIZE_THROUGH(msim_##word, pinned), .members = word##_members,   \
     .nmembers = sizeof word##_members / sizeof *word##_members, .make = make_##word, \
     .pinned = &pinned_key, .doc = description                                        \
   }
@@ -148,7 +159,7 @@ static msim_status check_object_member(const ms_object_member *m, const void *ob
   const void *at = (const char *)object + m->offset;
   for (int32_t i = 0; i < m->key.count; i++) {
     double value =
-        m->key.range == MS_POSITIVE_INTEGER ? ((const int32_t *)at)[i] : ((const double *)at)[i];
+        m->key.range >= MS_POSITIVE_INTEGER ? ((const int32_t *)at)[i] : ((const double *)at)[i];
     if (ms_range_contains(m->key.range, value)) continue;
     char index[16] = "";
     if (m->key.count > 1 && !m->names[1]) snprintf(index, sizeof index, "[%d]", i);
@@ -215,11 +226,15 @@ static msim_status check_pinned(const ms_grid *grid, const char *subject, msim_e
 
 msim_status ms_objects_make_grid(const ms_object_type *type, const void *object,
                                  const char *subject, ms_grid *grid, msim_error *err) {
-  msim_status status = ms_sized_check(object, type->size, type->size, type->name, subject, err);
-  for (int32_t i = 0; i < type->nmembers && !status; i++)
-    status = check_object_member(&type->members[i], object, subject, err);
+  ms_object full;
+  msim_status status =
+      ms_sized_check(object, type->size, type->least_size, type->name, subject, err);
   if (status) return status;
-  type->make(object, grid);
+  ms_sized_read(&full, type->size, object);
+  for (int32_t i = 0; i < type->nmembers && !status; i++)
+    status = check_object_member(&type->members[i], &full, subject, err);
+  if (status) return status;
+  type->make(&full, grid);
   status = check_size(grid, subject, err);
   return status ? status : check_pinned(grid, subject, err);
 }
@@ -238,7 +253,7 @@ static void place_particles(const ms_grid *grid, double *x) {
           x[i] = grid->origin[i] + grid_fraction(a, grid->n[0]) * grid->edge[0][i] +
                  grid_fraction(b, grid->n[1]) * grid->edge[1][i] +
                  grid_fraction(c, grid->n[2]) * grid->edge[2][i];
-  if (grid->last) memcpy(last, grid->last, 3 * sizeof *last);
+  if (grid->has_last) memcpy(last, grid->last, sizeof grid->last);
 }
 
 /* Pin particles of the grid, by their indices in the scene. */
@@ -255,7 +270,10 @@ static msim_status pin_particles(msim_scene *scene, const ms_grid *grid, msim_er
 msim_status ms_objects_add_particles(msim_scene *scene, ms_grid *grid, const char *subject,
                                      msim_error *err) {
   const msim_allocator alloc = scene->data->alloc;
-  const int32_t n = ms_objects_grid_size(grid);
+  const int32_t n = ms_objects_grid_size(grid), nlaws = scene->data->nlaws;
+  if (grid->law > nlaws)
+    return ms_error_set(err, MSIM_ERR_ARG, "%s.law is %d; the scene has laws 0 (linear) to %d",
+                        subject, grid->law, nlaws);
   if ((int64_t)scene->data->nparticles + n > INT32_MAX / 3)
     return ms_error_set(err, MSIM_ERR_ARG, "%s.n adds %d particles to %d; the limit is %d", subject,
                         n, scene->data->nparticles, INT32_MAX / 3);
@@ -357,7 +375,7 @@ static void list_springs(const ms_grid *grid, int32_t *ij, double *k) {
 
 msim_status ms_objects_add_springs(msim_scene *scene, const ms_grid *grid, msim_error *err) {
   const msim_allocator alloc = scene->data->alloc;
-  const int64_t count = count_springs(grid);
+  const int64_t count = count_springs(grid), first = scene->data->nsprings;
   double *k = ms_memory_allocate(&alloc, (size_t)count, 2 * sizeof *k + 2 * sizeof(int32_t));
   if (!k) return ms_error_set_memory(err, "an object");
   double *damping = k + count;
@@ -365,6 +383,8 @@ msim_status ms_objects_add_springs(msim_scene *scene, const ms_grid *grid, msim_
   list_springs(grid, ij, k);
   for (int64_t e = 0; e < count; e++) damping[e] = grid->damping;
   msim_status status = msim_scene_add_springs(scene, (int32_t)count, ij, k, NULL, damping, err);
+  for (int32_t e = 0; e < count && !status && grid->law; e++) ij[e] = (int32_t)first + e;
+  if (!status && grid->law) status = msim_scene_set_law(scene, (int32_t)count, ij, grid->law, err);
   ms_memory_free(&alloc, k);
   return status;
 }
@@ -378,12 +398,14 @@ static msim_status add_object(msim_scene *scene, const ms_object_type *type, con
   msim_status status = ms_objects_make_grid(type, object, type->name, &grid, err);
   if (status) return status;
   const int32_t nparticles = scene->data->nparticles, nfaces = scene->data->nfaces;
+  const int32_t nsprings = scene->data->nsprings;
   status = ms_objects_add_particles(scene, &grid, type->name, err);
   if (!status) status = ms_objects_add_faces(scene, &grid, err);
   if (!status) status = ms_objects_add_springs(scene, &grid, err);
   /* data that are shared have the old numbers already, and must not be written to */
   if (status && scene->data->nparticles > nparticles)
-    scene->data->nparticles = nparticles, scene->data->nfaces = nfaces;
+    scene->data->nparticles = nparticles, scene->data->nfaces = nfaces,
+    scene->data->nsprings = nsprings;
   return status;
 }
 

@@ -24,17 +24,20 @@ typedef struct ms_grid_spring {
 typedef struct ms_grid {
   int32_t n[3];
   double origin[3], edge[3][3];
-  const double *last; /* exact position of the last particle, borrowed; NULL: computed as above */
+  int has_last; /* 1: the last particle is exactly at `last` */
+  double last[3];
   double mass, k[3], damping;
   const ms_grid_spring *springs;
   int32_t nsprings, npinned;
   const int32_t *pinned;
+  int32_t law;   /* of its springs */
   int32_t first; /* index of its first particle in the scene */
 } ms_grid;
 
 typedef struct ms_object_type {
   const char *name;
-  size_t size; /* of the struct; its first member must have this value */
+  size_t size; /* of the struct; its first member must have this value, or, of older programs, */
+  size_t least_size; /* at least that */
   const ms_object_member *members;
   int32_t nmembers;
   const ms_scene_key *pinned;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/sized.h"
+#include "scene/laws.h"
 
 /* Planes are elements of the array of msim_scene_view: with another size programs that were built
  * before would read wrong ones. */
@@ -23,6 +24,7 @@ static void free_scene_data(ms_scene *s) {
   MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->ij, s->k, s->rest,
           s->damping, s->faces, s->planes);
   free_run(s);
+  ms_laws_free(s);
   msim_allocator alloc = s->alloc;
   ms_memory_free(&alloc, s);
 }
@@ -86,10 +88,14 @@ static int reserve_particles(ms_scene *s, int64_t needed, msim_error *err) {
 }
 
 static int reserve_springs(ms_scene *s, int64_t needed, msim_error *err) {
-  const ms_array arrays[] = {
-      {&s->ij, 2 * sizeof *s->ij}, MS_ARRAY(s->k), MS_ARRAY(s->rest), MS_ARRAY(s->damping)};
+  const ms_array arrays[] = {{&s->ij, 2 * sizeof *s->ij},
+                             MS_ARRAY(s->k),
+                             MS_ARRAY(s->rest),
+                             MS_ARRAY(s->damping),
+                             MS_ARRAY(s->law)};
+  const int count = s->law ? 5 : 4;
   int32_t capacity = s->spring_capacity;
-  for (int i = 0; i < 4; i++) {
+  for (int i = 0; i < count; i++) {
     capacity = s->spring_capacity;
     if (ms_memory_reserve(&s->alloc, arrays[i], s->nsprings, &capacity, needed, err)) return 0;
   }
@@ -124,6 +130,7 @@ static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const doub
     s->rest[at + e] = rest ? rest[e] : particle_distance(a, b);
     s->damping[at + e] = damping ? damping[e] : 0.0;
   }
+  if (s->law) memset(s->law + at, 0, count * sizeof *s->law);
   s->nsprings += n;
 }
 
@@ -154,6 +161,11 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
   c->nplanes = s->nplanes;
   c->external = s->external;
+  if (!ms_laws_copy(s, c)) {
+    ms_scene_release(c);
+    ms_error_set_memory(err, "a copy of the scene");
+    return NULL;
+  }
   for (; c->nrun < s->nrun; c->nrun++) {
     ms_run_option *to = &c->run[c->nrun];
     to->name = ms_memory_copy_string(&c->alloc, s->run[c->nrun].name);
@@ -430,6 +442,8 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .planes = s->planes,
       .nfaces = s->nfaces,
       .faces = s->faces,
+      .nlaws = s->nlaws,
+      .law = s->law,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
   return ms_sized_write(view, &full, sizeof full);

@@ -22,6 +22,8 @@ typedef struct ms_external {
   double drag;       /* N s/m */
 } ms_external;
 
+struct ms_law;
+
 typedef struct ms_scene {
   msim_allocator alloc;
   atomic_int references;
@@ -35,6 +37,10 @@ typedef struct ms_scene {
   int32_t nsprings, spring_capacity;
   int32_t *ij; /* 2 nsprings */
   double *k, *rest, *damping;
+
+  int32_t nlaws, law_capacity;
+  struct ms_law *laws; /* nlaws: law 1 is laws[0] (laws.h) */
+  int32_t *law;        /* nsprings: numbers of laws, 0: linear; NULL: all are linear */
 
   int32_t nfaces, face_capacity;
   int32_t *faces; /* 3 nfaces: triangles of particles, for viewers */

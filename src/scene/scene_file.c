@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "scene/import.h"
-#include "scene/scene.h"
+#include "scene/laws.h"
 
 /* "path: cannot be read: Permission denied" */
 static msim_status fail_io(msim_error *err, const char *path, const char *what, int number) {
@@ -110,6 +110,11 @@ static msim_status save_to_part(const ms_scene *scene, const char *part, const c
 
 msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err) {
   if (!scene || !path) return ms_error_set(err, MSIM_ERR_ARG, "scene or path is NULL");
+  for (int32_t i = 0; i < scene->data->nlaws; i++)
+    if (scene->data->laws[i].is.kind == MSIM_LAW_CALLBACK)
+      return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
+                          "law %d is a callback, which scene files cannot represent; use a table",
+                          i + 1);
   const msim_allocator alloc = scene->data->alloc;
   ms_text part = {.alloc = &alloc};
   ms_text_append(&part, "%s.part", path);

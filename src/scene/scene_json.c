@@ -5,6 +5,7 @@
 #include "scene/options.h"
 #include "scene/json_syntax.h"
 #include "scene/scene_json.h"
+#include "scene/scene_json_laws.h"
 #include "scene/scene_json_objects.h"
 
 enum { FORMAT_VERSION = 1 };
@@ -113,6 +114,7 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
   const ms_scene_key *keys = ms_spring_keys;
   ms_value rest = ms_value_member(section, keys[MS_KEY_REST].key);
   ms_value damping = ms_value_member(section, keys[MS_KEY_DAMPING].key);
+  const ms_value law = ms_value_member(section, keys[MS_KEY_LAW].key);
   msim_status status = read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, ij);
   if (!status) status = ms_json_read_each(r, "springs.k", k, keys[MS_KEY_K].range, n, room);
   if (!status && rest.json)
@@ -123,7 +125,8 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
   if (status) return status;
   status =
       msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, r->err);
-  return ms_json_forward_error(r, "", status);
+  if (status || !law.json) return ms_json_forward_error(r, "", status);
+  return ms_json_read_spring_laws(r, law, r->scene->data->nsprings - n, n, room);
 }
 
 static msim_status read_springs(ms_json_reader *r, const char *path, ms_value section) {
@@ -241,7 +244,7 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 /* Of the sections, in their order */
 static msim_status (*const readers[MS_SECTIONS])(ms_json_reader *r, const char *path,
                                                  ms_value value) = {
-    read_version, read_name,  read_particles, ms_json_add_objects,
+    read_version, read_name,  read_particles, ms_json_read_laws, ms_json_add_objects,
     read_springs, read_faces, read_planes,    read_run};
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {

@@ -78,7 +78,7 @@ static msim_status read_object_member(const ms_json_reader *r, const char *path,
                                  : ms_json_read_numbers(r, path, object, &m->key, numbers);
   if (status) return status;
   void *member = (char *)to + m->offset;
-  if (m->key.range == MS_POSITIVE_INTEGER)
+  if (m->key.range >= MS_POSITIVE_INTEGER)
     for (int32_t i = 0; i < m->key.count; i++) ((int32_t *)member)[i] = (int32_t)numbers[i];
   else memcpy(member, numbers, (size_t)m->key.count * sizeof *numbers);
   return MSIM_OK;

@@ -14,6 +14,8 @@ int ms_range_contains(ms_range range, double value) {
       return value >= 0 && value <= 1;
     case MS_POSITIVE_INTEGER:
       return value >= 1 && value <= INT32_MAX && value == floor(value);
+    case MS_INDEX:
+      return value >= 0 && value <= INT32_MAX && value == floor(value);
     case MS_ANY:
     default:
       return 1;
@@ -21,12 +23,12 @@ int ms_range_contains(ms_range range, double value) {
 }
 
 const char *ms_range_text(ms_range range) {
-  static const char *const texts[] = {
-      [MS_ANY] = "a finite number",
-      [MS_NOT_NEGATIVE] = "a finite number >= 0",
-      [MS_POSITIVE] = "a finite number > 0",
-      [MS_FRACTION] = "a number in [0, 1]",
-      [MS_POSITIVE_INTEGER] = "a whole number from 1 to 2147483647"};
+  static const char *const texts[] = {[MS_ANY] = "a finite number",
+                                      [MS_NOT_NEGATIVE] = "a finite number >= 0",
+                                      [MS_POSITIVE] = "a finite number > 0",
+                                      [MS_FRACTION] = "a number in [0, 1]",
+                                      [MS_POSITIVE_INTEGER] = "a whole number from 1 to 2147483647",
+                                      [MS_INDEX] = "a whole number from 0 on"};
   return texts[range];
 }
 
@@ -35,6 +37,9 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
     {"name", MS_TEXT, MS_ANY, 1, "\"\"", "", "name of the scene, for reports", "\"a pendulum\""},
     {"particles", MS_SECTION, MS_ANY, 1, "", "", "particles, listed one by one",
      "{\"x\": [[0, 0, 2], [0.5, 0, 2]], \"mass\": 1}"},
+    {"laws", MS_LIST, MS_ANY, 1, "[]", "",
+     "laws of springs other than f = k e, numbered from 1; law 0, the linear one, may stand first",
+     "[{\"type\": \"linear\"}, {\"type\": \"tension\"}]"},
     {"objects", MS_LIST, MS_ANY, 1, "", "",
      "ropes, cloths and lattices, whose particles and springs follow those that are listed",
      "[{\"type\": \"rope\", \"n\": 3, \"from\": [0, 0, 0], \"to\": [1, 0, 0], \"mass\": 1, \"k\": "
@@ -69,7 +74,29 @@ const ms_scene_key ms_spring_keys[MS_SPRING_KEYS] = {
     {"k", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, NULL, "N/m", "spring constants", "500"},
     {"rest", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "", "m",
      "rest lengths; default: the lengths at the start", "0.4"},
-    {"damping", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "0", "N s/m", "damping constants", "0.1"}};
+    {"damping", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "0", "N s/m", "damping constants", "0.1"},
+    {"law", MS_NUMBER_EACH, MS_INDEX, 1, "0", "",
+     "numbers of laws: 0 is linear; i is element i of `laws`, counted from 1 unless the first one "
+     "is linear",
+     "1"}};
+
+const ms_scene_key ms_law_keys[MS_LAW_KEYS] = {
+    {"type", MS_LAW_TYPE, MS_ANY, 1, NULL, "",
+     "type of law, for the elastic force f, > 0 if the spring pulls, at the stretch e = l - rest: "
+     "linear, f = k e; tension, f = k max(e, 0); compression, f = k min(e, 0); dead_band, f = k (e "
+     "- c), c = e limited to half_width; polynomial, f = k sum of coefficients[i] e^(i+1); table, "
+     "the monotone cubic through points",
+     "\"tension\""},
+    {"half_width", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "", "m",
+     "dead_band: no force while |e| is below it", "0.01"},
+    {"coefficients", MS_NUMBER_LIST, MS_ANY, 1, "", "1/m^i",
+     "polynomial: those of e, e^2, e^3, ..., over k", "[1, 0, 50]"},
+    {"limit", MS_NUMBERS, MS_POSITIVE, 1, "", "m",
+     "polynomial: where |e| is above it, the force continues linearly", "0.2"},
+    {"stretch", MS_NUMBER_LIST, MS_ANY, 1, "", "m", "table: values of e, ascending, at least 2",
+     "[-0.1, 0, 0.1]"},
+    {"force", MS_NUMBER_LIST, MS_ANY, 1, "", "N",
+     "table: f at these; beyond them it is linear; k has no effect", "[-10, 0, 5]"}};
 
 const ms_scene_key ms_plane_keys[MS_PLANE_KEYS] = {
     {"normal", MS_NUMBERS, MS_ANY, 3, NULL, "",

@@ -10,8 +10,9 @@ typedef enum ms_range {
   MS_ANY,
   MS_NOT_NEGATIVE,
   MS_POSITIVE,
-  MS_FRACTION,        /* [0, 1] */
-  MS_POSITIVE_INTEGER /* integer, 1 to INT32_MAX */
+  MS_FRACTION,         /* [0, 1] */
+  MS_POSITIVE_INTEGER, /* integer, 1 to INT32_MAX */
+  MS_INDEX             /* integer, 0 to INT32_MAX */
 } ms_range;
 
 int ms_range_contains(ms_range range, double value);
@@ -20,6 +21,7 @@ const char *ms_range_text(ms_range range); /* "a finite number > 0" */
 typedef enum ms_key_form {
   MS_NUMBERS,         /* a number, or an array of `count` numbers if that is above 1 */
   MS_NUMBER_EACH,     /* a number for all elements, or an array of one for each */
+  MS_NUMBER_LIST,     /* an array of numbers, of any length */
   MS_ROWS,            /* an array of arrays of `count` numbers */
   MS_INDICES,         /* an array of particle indices */
   MS_NAMED_INDICES,   /* the same; they, or the whole array, may be a name */
@@ -28,6 +30,7 @@ typedef enum ms_key_form {
   MS_TEXT,
   MS_VERSION, /* of the format */
   MS_TYPE,    /* of an object */
+  MS_LAW_TYPE,
   MS_SECTION, /* an object */
   MS_LIST     /* an array of objects */
 } ms_key_form;
@@ -48,6 +51,7 @@ enum {
   MS_KEY_MSIM,
   MS_KEY_NAME,
   MS_KEY_PARTICLES,
+  MS_KEY_LAWS,
   MS_KEY_OBJECTS,
   MS_KEY_SPRINGS,
   MS_KEY_FACES,
@@ -60,8 +64,19 @@ extern const ms_scene_key ms_section_keys[MS_SECTIONS];
 enum { MS_KEY_X, MS_KEY_V, MS_KEY_MASS, MS_KEY_PINNED, MS_PARTICLE_KEYS };
 extern const ms_scene_key ms_particle_keys[MS_PARTICLE_KEYS];
 
-enum { MS_KEY_IJ, MS_KEY_K, MS_KEY_REST, MS_KEY_DAMPING, MS_SPRING_KEYS };
+enum { MS_KEY_IJ, MS_KEY_K, MS_KEY_REST, MS_KEY_DAMPING, MS_KEY_LAW, MS_SPRING_KEYS };
 extern const ms_scene_key ms_spring_keys[MS_SPRING_KEYS];
+
+enum {
+  MS_KEY_LAW_TYPE,
+  MS_KEY_HALF_WIDTH,
+  MS_KEY_COEFFICIENTS,
+  MS_KEY_LIMIT,
+  MS_KEY_STRETCH,
+  MS_KEY_LAW_FORCE,
+  MS_LAW_KEYS
+};
+extern const ms_scene_key ms_law_keys[MS_LAW_KEYS];
 
 enum { MS_KEY_NORMAL, MS_KEY_OFFSET, MS_KEY_RESTITUTION, MS_KEY_FRICTION, MS_PLANE_KEYS };
 extern const ms_scene_key ms_plane_keys[MS_PLANE_KEYS];

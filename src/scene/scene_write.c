@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "scene/laws.h"
 #include "scene/options.h"
-#include "scene/scene.h"
 
 /*------------------------------------- values ---------------------------------------------------*/
 
@@ -83,6 +83,41 @@ static void write_index_rows(ms_text *text, int32_t count, int width, const int3
   ms_text_append(text, "]");
 }
 
+static void write_spring_laws(ms_text *text, const ms_scene *s) {
+  ms_text_append(text, ",\n    \"law\": [");
+  for (int32_t e = 0; e < s->nsprings; e++) ms_text_append(text, "%s%d", e ? "," : "", s->law[e]);
+  ms_text_append(text, "]");
+}
+
+static void write_list(ms_text *text, ms_scene_key key, int32_t n, const double *numbers) {
+  if (!numbers) return;
+  ms_text_append(text, ", \"%s\": ", key.key);
+  write_numbers(text, n, 1, numbers);
+}
+
+static void write_member(ms_text *text, ms_scene_key key, double number) {
+  ms_text_append(text, ", \"%s\": %s", key.key, ms_text_format_double(number).text);
+}
+
+static void write_law(ms_text *text, const msim_law *law) {
+  const ms_scene_key *keys = ms_law_keys;
+  ms_text_append(text, ",\n    {\"type\": \"%s\"", ms_laws_kind_name(law->kind));
+  if (law->kind == MSIM_LAW_DEAD_BAND) write_member(text, keys[MS_KEY_HALF_WIDTH], law->half_width);
+  write_list(text, keys[MS_KEY_COEFFICIENTS], law->n, law->coefficients);
+  if (law->kind == MSIM_LAW_POLYNOMIAL) write_member(text, keys[MS_KEY_LIMIT], law->limit);
+  write_list(text, keys[MS_KEY_STRETCH], law->n, law->stretch);
+  write_list(text, keys[MS_KEY_LAW_FORCE], law->n, law->force);
+  ms_text_append(text, "}");
+}
+
+/* With law 0 first, so that numbers are positions in the list */
+static void write_json_laws(ms_text *text, const ms_scene *s) {
+  if (s->nlaws == 0) return;
+  ms_text_append(text, ",\n  \"laws\": [\n    {\"type\": \"linear\"}");
+  for (int32_t i = 0; i < s->nlaws; i++) write_law(text, &s->laws[i].is);
+  ms_text_append(text, "\n  ]");
+}
+
 static void write_json_springs(ms_text *text, const ms_scene *s) {
   if (s->nsprings == 0) return;
   ms_text_append(text, ",\n  \"springs\": {\n    \"ij\": ");
@@ -91,6 +126,7 @@ static void write_json_springs(ms_text *text, const ms_scene *s) {
   write_each(text, "rest", s->nsprings, s->rest);
   if (!ms_scene_all_zero(s->nsprings, s->damping))
     write_each(text, "damping", s->nsprings, s->damping);
+  if (s->law) write_spring_laws(text, s);
   ms_text_append(text, "\n  }");
 }
 
@@ -167,6 +203,7 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
     else write_numbers(text, p->key.count, 1, numbers);
   }
   write_json_particles(text, s);
+  write_json_laws(text, s);
   write_json_springs(text, s);
   write_json_faces(text, s);
   write_json_planes(text, s);

@@ -9,6 +9,7 @@
 #include "integrate/method_state.h"
 #include "sim/sim.h"
 #include "physics/external_force.h"
+#include "scene/laws.h"
 
 /* The multiple of the bounds that is allowed, and the number of explicit steps between checks */
 enum { ALLOWED = 100, INTERVAL = 160 };
@@ -84,11 +85,12 @@ int ms_energy_monitor_is_due(const msim_sim *sim) {
 
 /* Properties of a scene in a state */
 typedef struct scene_facts {
-  double mass, least; /* of all free particles and of the lightest one, kg */
-  double farthest;    /* the largest |coordinate|, m */
-  double height;      /* of the particle highest above a plane, m */
-  double depth;       /* of the particle farthest behind a plane, m */
-  double stiffness;   /* the sum of all k, N/m */
+  double mass, least;  /* of all free particles and of the lightest one, kg */
+  double farthest;     /* the largest |coordinate|, m */
+  double height;       /* of the particle highest above a plane, m */
+  double depth;        /* of the particle farthest behind a plane, m */
+  double stiffness;    /* the sum of all k, of laws the sum of their largest |df/de|, N/m */
+  double energy_depth; /* the sum of what elastic energies may be below 0, J */
 } scene_facts;
 
 /* Take a particle into account; of a pinned one only the position counts. */
@@ -120,7 +122,10 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
     add_particle_facts(s, p, x, &f);
     ms_totals_add(&one, box);
   }
-  for (int32_t e = 0; e < s->nsprings; e++) f.stiffness += s->k[e];
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    f.stiffness += ms_scene_stiffness(s, e);
+    f.energy_depth += ms_scene_energy_depth(s, e);
+  }
   return f;
 }
 
@@ -163,7 +168,8 @@ void ms_energy_monitor_start(msim_sim *sim) {
   w->t0 = time_of(sim);
   w->start_moment_work = ms_external_work(forces, now.moment);
   w->start_bound = now.kinetic + now.elastic +
-                   f.mass * g * (fmax(w->extent, f.height) + g * h * h) + f.stiffness * d * d / 2;
+                   f.mass * g * (fmax(w->extent, f.height) + g * h * h) + f.stiffness * d * d / 2 +
+                   f.energy_depth;
   w->energy_bound = w->start_bound;
   keep_good_state(sim);
 }

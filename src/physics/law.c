@@ -1,0 +1,120 @@
+#include "physics/law.h"
+
+#include <math.h>
+
+#include "physics/spring_law.h"
+
+/* f, f' and E of a law for k = 1, where k scales it. Loops over them are vectorized. */
+typedef ms_law_value unit_law(const ms_law *law, double e);
+
+static inline ms_law_value tension(const ms_law *law, double e) {
+  (void)law;
+  const double c = e > 0 ? e : 0;
+  return (ms_law_value){c, e > 0, 0.5 * c * c};
+}
+
+static inline ms_law_value compression(const ms_law *law, double e) {
+  (void)law;
+  const double c = e < 0 ? e : 0;
+  return (ms_law_value){c, e < 0, 0.5 * c * c};
+}
+
+static inline ms_law_value dead_band(const ms_law *law, double e) {
+  const double w = law->is.half_width, over = e > w ? e - w : 0, under = e < -w ? e + w : 0;
+  const double c = over + under;
+  return (ms_law_value){c, c != 0, 0.5 * c * c};
+}
+
+/* With c = e limited to [-limit, limit] and d = e - c:
+ *   f = p(c) + p'(c) d,  f' = p'(c),  E = P(c) + p(c) d + p'(c) d^2/2,  P the integral of p */
+static inline ms_law_value polynomial(const ms_law *law, double e) {
+  const double *a = law->is.coefficients, most = law->is.limit;
+  const double c = e > most ? most : e < -most ? -most : e, d = e - c;
+  double p = 0, slope = 0, integral = 0;
+  for (int32_t i = law->is.n - 1; i >= 0; i--) {
+    p = p * c + a[i];
+    slope = slope * c + (i + 1) * a[i];
+    integral = integral * c + a[i] / (i + 2);
+  }
+  p *= c, integral *= c * c;
+  return (ms_law_value){p + slope * d, slope, integral + d * (p + 0.5 * slope * d)};
+}
+
+/* The piece that contains e, by bisection */
+static ms_law_value table(const ms_law *law, double e) {
+  const double *x = law->is.stretch;
+  int32_t low = 0, high = law->is.n; /* piece low <= wanted piece <= high */
+  while (low < high) {
+    const int32_t middle = (low + high) / 2;
+    if (e < x[middle]) high = middle;
+    else low = middle + 1;
+  }
+  const ms_law_piece *p = &law->piece[low];
+  const double s = e - p->start;
+  return (ms_law_value){p->a + s * (p->b + s * (p->c + s * p->d)),
+                        p->b + s * (2 * p->c + s * 3 * p->d),
+                        p->energy + s * (p->a + s * (p->b / 2 + s * (p->c / 3 + s * p->d / 4)))};
+}
+
+static inline void evaluate_scaled(const ms_law *law, unit_law *unit, int32_t n, const double *k,
+                                   ms_law_batch *b) {
+  for (int32_t i = 0; i < n; i++) {
+    const ms_law_value value = unit(law, b->stretch[i]);
+    b->force[i] = k[i] * value.force;
+    b->slope[i] = k[i] * value.slope;
+    b->energy[i] = k[i] * value.energy;
+  }
+}
+
+static void evaluate_table(const ms_law *law, int32_t n, ms_law_batch *b) {
+  for (int32_t i = 0; i < n; i++) {
+    const ms_law_value value = table(law, b->stretch[i]);
+    b->force[i] = value.force, b->slope[i] = value.slope, b->energy[i] = value.energy;
+  }
+}
+
+static void evaluate_callback(const ms_law *law, int32_t n, const double *k, const double *rest,
+                              ms_law_batch *b) {
+  const msim_law_batch of = {.size = sizeof of,
+                             .n = n,
+                             .k = k,
+                             .rest = rest,
+                             .stretch = b->stretch,
+                             .force = b->force,
+                             .slope = b->slope,
+                             .energy = b->energy};
+  law->is.function(law->is.data, &of);
+}
+
+void ms_law_evaluate(const ms_law *law, int32_t n, const double *k, const double *rest,
+                     ms_law_batch *b) {
+  switch (law->is.kind) {
+    case MSIM_LAW_TENSION:
+      evaluate_scaled(law, tension, n, k, b);
+      break;
+    case MSIM_LAW_COMPRESSION:
+      evaluate_scaled(law, compression, n, k, b);
+      break;
+    case MSIM_LAW_DEAD_BAND:
+      evaluate_scaled(law, dead_band, n, k, b);
+      break;
+    case MSIM_LAW_POLYNOMIAL:
+      evaluate_scaled(law, polynomial, n, k, b);
+      break;
+    case MSIM_LAW_TABLE:
+      evaluate_table(law, n, b);
+      break;
+    default:
+      evaluate_callback(law, n, k, rest, b);
+  }
+}
+
+ms_law_value ms_law_value_of(const ms_scene *s, int32_t spring, double l) {
+  const ms_law *law = ms_scene_law(s, spring);
+  const double k = s->k[spring], rest = s->rest[spring];
+  if (!law) return (ms_law_value){MS_SPRING_FORCE(k, rest, l), k, MS_SPRING_ENERGY(k, rest, l)};
+  ms_law_batch batch;
+  batch.stretch[0] = l - rest;
+  ms_law_evaluate(law, 1, &k, &rest, &batch);
+  return (ms_law_value){batch.force[0], batch.slope[0], batch.energy[0]};
+}

@@ -1,0 +1,330 @@
+#include "physics/law_springs.h"
+
+#include <math.h>
+
+#include "physics/law.h"
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+static int is_free(const ms_model *model, int32_t e) {
+  const int32_t n = model->unknowns.nfree;
+  return model->springs.i[e] < n || model->springs.j[e] < n;
+}
+
+static int32_t law_number(const ms_model *model, int32_t e) {
+  return is_free(model, e) ? model->scene->law[model->springs.spring[e]] : 0;
+}
+
+/* The springs by law, in the order of the model within each; number[e]: that of spring e, -1 */
+static void sort_springs(const ms_model *model, int32_t *number, struct ms_law_springs *s) {
+  const ms_springs *springs = &model->springs;
+  for (int32_t e = 0; e < springs->n; e++) number[e] = -1;
+  for (int32_t law = 1; law <= model->scene->nlaws; law++) {
+    const int32_t start = s->n;
+    for (int32_t e = 0; e < springs->n; e++) {
+      if (law_number(model, e) != law) continue;
+      s->i[s->n] = springs->i[e], s->j[s->n] = springs->j[e];
+      s->spring[s->n] = e;
+      number[e] = s->n++;
+    }
+    for (int32_t at = start; at < s->n; at += MS_LAW_BATCH)
+      s->run[s->nruns++] = (ms_law_run){&model->scene->laws[law - 1], at,
+                                        at + MS_LAW_BATCH < s->n ? at + MS_LAW_BATCH : s->n};
+  }
+}
+
+static void list_ends(const ms_model *model, const int32_t *number, struct ms_law_springs *s) {
+  const ms_half_edges *h = &model->half_edges;
+  int32_t n = 0;
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(h, r);
+    const int32_t start = n;
+    for (int32_t at = span.begin; at < span.end; at += span.step) {
+      const int32_t e = h->spring[at];
+      if (e >= 0 && number[e] >= 0)
+        s->end[n++] = (ms_law_end){number[e], at, model->springs.i[e] == r ? 1 : -1};
+    }
+    if (n == start) continue;
+    s->row[s->nrows] = r, s->first[s->nrows++] = start;
+  }
+  s->first[s->nrows] = n;
+}
+
+static int32_t count_springs(const ms_model *model) {
+  int32_t n = 0;
+  for (int32_t e = 0; e < model->springs.n && model->scene->law; e++) n += law_number(model, e) > 0;
+  return n;
+}
+
+msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs **laws,
+                                  msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const size_t n = (size_t)count_springs(model), rows = (size_t)model->unknowns.nfree;
+  *laws = NULL;
+  if (n == 0) return MSIM_OK;
+  const size_t ends = 2 * n, runs = n / MS_LAW_BATCH + (size_t)model->scene->nlaws;
+  int32_t *number = NULL;
+  struct ms_law_springs *s;
+  int fits = MS_NEW(alloc, s, 1) != NULL;
+  fits = fits && MS_NEW(alloc, number, model->springs.n) && MS_NEW(alloc, s->run, runs) &&
+         MS_NEW(alloc, s->i, n) && MS_NEW(alloc, s->j, n) && MS_NEW(alloc, s->spring, n) &&
+         MS_NEW(alloc, s->k, n) && MS_NEW(alloc, s->rest, n) && MS_NEW(alloc, s->scratch, 3 * n) &&
+         MS_NEW(alloc, s->sum, runs) && MS_NEW(alloc, s->row, rows < ends ? rows : ends) &&
+         MS_NEW(alloc, s->first, (rows < ends ? rows : ends) + 1) && MS_NEW(alloc, s->end, ends);
+  if (fits) {
+    sort_springs(model, number, s);
+    list_ends(model, number, s);
+  }
+  ms_memory_free(alloc, number);
+  *laws = s;
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the springs with a law");
+}
+
+void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *s) {
+  if (!s) return;
+  MS_FREE(&scene->alloc, s->run, s->i, s->j, s->spring, s->k, s->rest, s->scratch, s->sum, s->row,
+          s->first, s->end, s);
+}
+
+void ms_law_springs_update(const ms_model *model) {
+  struct ms_law_springs *s = model->laws;
+  const ms_scene *scene = model->scene;
+  for (int32_t at = 0; at < s->n; at++) {
+    const int32_t e = model->springs.spring[s->spring[at]];
+    s->k[at] = scene->k[e], s->rest[at] = scene->rest[e];
+  }
+  for (int32_t r = 0; r < s->nruns; r++)
+    s->run[r].law = ms_scene_law(scene, model->springs.spring[s->spring[s->run[r].begin]]);
+}
+
+/*------------------------------------- batches --------------------------------------------------*/
+
+/* The springs of a run at positions x */
+typedef struct lengths {
+  double d[3][MS_LAW_BATCH], l2[MS_LAW_BATCH]; /* x_j - x_i, |x_j - x_i|^2 */
+  ms_law_batch at;
+} lengths;
+
+/* v_j - v_i of the springs of a run, component by component */
+static void subtract_ends(const ms_model *model, const ms_law_run *run, const double *v,
+                          double d[3][MS_LAW_BATCH]) {
+  const struct ms_law_springs *s = model->laws;
+  for (int32_t c = 0; c < model->unknowns.dims; c++, v += model->unknowns.stride)
+    for (int32_t e = run->begin; e < run->end; e++) d[c][e - run->begin] = v[s->j[e]] - v[s->i[e]];
+}
+
+static void measure_run(const ms_model *model, const ms_law_run *run, const double *x,
+                        lengths *to) {
+  const int32_t n = run->end - run->begin;
+  const double *rest = model->laws->rest + run->begin;
+  subtract_ends(model, run, x, to->d);
+  for (int32_t e = 0; e < n; e++) to->l2[e] = to->d[0][e] * to->d[0][e];
+  for (int32_t c = 1; c < model->unknowns.dims; c++)
+    for (int32_t e = 0; e < n; e++) to->l2[e] += to->d[c][e] * to->d[c][e];
+  for (int32_t e = 0; e < n; e++) to->at.stretch[e] = sqrt(to->l2[e]) - rest[e];
+}
+
+static void evaluate_run(const ms_model *model, const ms_law_run *run, ms_law_batch *at) {
+  const struct ms_law_springs *s = model->laws;
+  ms_law_evaluate(run->law, run->end - run->begin, s->k + run->begin, s->rest + run->begin, at);
+}
+
+typedef struct law_job {
+  const ms_model *model;
+  const double *x, *d;
+  double h, step; /* of the matrix; of nonlinearity: q = step d */
+  int clamp;
+  double *to;
+  ms_coefficients *a;
+} law_job;
+
+/* Rows in a chunk of work: some 5 us. */
+enum { ROWS = 256 };
+
+/*------------------------------------- forces ---------------------------------------------------*/
+
+/* f/l d; as with linear springs, l is at least that of MS_MIN_LENGTH2 */
+static void compute_run_forces(void *data, int32_t item) {
+  const law_job *j = data;
+  const struct ms_law_springs *s = j->model->laws;
+  const ms_law_run *run = &s->run[item];
+  const int32_t n = run->end - run->begin;
+  lengths at;
+  measure_run(j->model, run, j->x, &at);
+  evaluate_run(j->model, run, &at.at);
+  for (int32_t e = 0; e < n; e++)
+    at.at.force[e] /= sqrt(at.l2[e] < MS_MIN_LENGTH2 ? MS_MIN_LENGTH2 : at.l2[e]);
+  for (int32_t c = 0; c < j->model->unknowns.dims; c++) {
+    double *to = s->scratch + (size_t)c * (size_t)s->n + (size_t)run->begin;
+    for (int32_t e = 0; e < n; e++) to[e] = at.at.force[e] * at.d[c][e];
+  }
+}
+
+static void add_row_forces(void *data, int32_t begin, int32_t end) {
+  const law_job *j = data;
+  const struct ms_law_springs *s = j->model->laws;
+  const int32_t *first_part = j->model->half_edges.first_part;
+  const size_t stride = (size_t)j->model->unknowns.stride;
+  for (int32_t c = 0; c < j->model->unknowns.dims; c++) {
+    const double *from = s->scratch + (size_t)c * (size_t)s->n;
+    double *to = j->to + (size_t)c * stride;
+    for (int32_t r = begin; r < end; r++) {
+      double sum = first_part[s->row[r]] < 0 ? 0 : to[s->row[r]];
+      for (int32_t at = s->first[r]; at < s->first[r + 1]; at++)
+        sum += s->end[at].sign * from[s->end[at].number];
+      to[s->row[r]] = sum;
+    }
+  }
+}
+
+void ms_law_springs_add_forces(const ms_model *model, const double *x) {
+  law_job j = {.model = model, .x = x, .to = model->extra_force};
+  ms_pool_run(model->pool, compute_run_forces, &j, model->laws->nruns);
+  ms_pool_run_chunks(model->pool, add_row_forces, &j, model->laws->nrows, ROWS);
+}
+
+/*------------------------------------- matrix ---------------------------------------------------*/
+
+/* t = h^2 f/l and g = h^2 (f' - f/l)/l^2 */
+static void compute_run_matrix(void *data, int32_t item) {
+  const law_job *j = data;
+  const struct ms_law_springs *s = j->model->laws;
+  const ms_law_run *run = &s->run[item];
+  const double hh = j->h * j->h;
+  double *t = s->scratch + run->begin, *g = t + s->n;
+  lengths at;
+  measure_run(j->model, run, j->x, &at);
+  evaluate_run(j->model, run, &at.at);
+  for (int32_t e = 0; e < run->end - run->begin; e++) {
+    const int has_direction = !(at.l2[e] <= MS_MIN_LENGTH2);
+    double along = at.at.slope[e];
+    double across = has_direction ? at.at.force[e] / sqrt(at.l2[e]) : along;
+    if (j->clamp) along = fmax(0, along), across = fmax(0, across);
+    t[e] = hh * across;
+    g[e] = has_direction ? hh * (along - across) / at.l2[e] : 0;
+  }
+}
+
+static void add_end_block(const law_job *j, int32_t row, const ms_law_end *end) {
+  const ms_model *model = j->model;
+  const struct ms_law_springs *s = model->laws;
+  const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
+  const size_t dims = (size_t)model->unknowns.dims;
+  const double t = s->scratch[end->number], g = s->scratch[s->n + end->number];
+  const double *xi = j->x + s->i[end->number], *xj = j->x + s->j[end->number];
+  double d[3];
+  for (size_t c = 0; c < dims; c++) d[c] = xj[c * stride] - xi[c * stride];
+  j->a->t[end->half_edge] += t, j->a->g[end->half_edge] += g;
+  for (size_t b = 0; b < dims; b++) {
+    j->a->diagonal[b * sd + (size_t)row] += t;
+    for (size_t c = b; c < dims; c++)
+      j->a->diagonal[ms_coefficients_diagonal_element(dims, b, c) * sd + (size_t)row] +=
+          g * d[b] * d[c];
+  }
+}
+
+static void add_row_matrix(void *data, int32_t begin, int32_t end) {
+  const law_job *j = data;
+  const struct ms_law_springs *s = j->model->laws;
+  for (int32_t r = begin; r < end; r++)
+    for (int32_t at = s->first[r]; at < s->first[r + 1]; at++)
+      add_end_block(j, s->row[r], &s->end[at]);
+}
+
+void ms_law_springs_add_matrix(const ms_model *model, double h, int clamp, ms_coefficients *a) {
+  law_job j = {.model = model, .x = a->x, .h = h, .clamp = clamp, .a = a};
+  ms_pool_run(model->pool, compute_run_matrix, &j, model->laws->nruns);
+  ms_pool_run_chunks(model->pool, add_row_matrix, &j, model->laws->nrows, ROWS);
+}
+
+/*------------------------------------- energies -------------------------------------------------*/
+
+static double sum_runs(const law_job *j, ms_pool_item *work) {
+  const struct ms_law_springs *s = j->model->laws;
+  double sum = 0;
+  ms_pool_run(j->model->pool, work, (void *)(uintptr_t)j, s->nruns);
+  for (int32_t r = 0; r < s->nruns; r++) sum += s->sum[r];
+  return sum;
+}
+
+static void sum_run_energies(void *data, int32_t item) {
+  const law_job *j = data;
+  const ms_law_run *run = &j->model->laws->run[item];
+  double sum = 0;
+  lengths at;
+  measure_run(j->model, run, j->x, &at);
+  evaluate_run(j->model, run, &at.at);
+  for (int32_t e = 0; e < run->end - run->begin; e++) sum += at.at.energy[e];
+  j->model->laws->sum[item] = sum;
+}
+
+double ms_law_springs_energy(const ms_model *model, const double *x) {
+  return sum_runs(&(law_job){.model = model, .x = x}, sum_run_energies);
+}
+
+/* For a change of length from l by a + more, where f u.q = f a:
+ *   E(l + a + more) - E(l) - f a = integral of (a + more - s) f'(l + s) ds + f more */
+typedef struct extension {
+  double a, more, whole;
+} extension;
+
+/* As half_edge_nonlinearity() of matrix_kernels.c */
+static extension find_extension(double l, double a, double across2) {
+  const double p2 = across2 > 0 ? across2 : 0, sum = l + a, next = sqrt(sum * sum + p2);
+  const double more = sum > 0 ? p2 / (next + sum) : next - sum;
+  return (extension){a, more, a + more};
+}
+
+static void find_extensions(const law_job *j, const ms_law_run *run, const lengths *at,
+                            extension *to) {
+  double q[3][MS_LAW_BATCH];
+  subtract_ends(j->model, run, j->d, q);
+  for (int32_t e = 0; e < run->end - run->begin; e++) {
+    const double l = at->l2[e] > MS_MIN_LENGTH2 ? sqrt(at->l2[e]) : 0;
+    double dot = 0, q2 = 0;
+    for (int32_t c = 0; c < j->model->unknowns.dims; c++) {
+      const double by = j->step * q[c][e];
+      dot += at->d[c][e] * by, q2 += by * by;
+    }
+    const double a = l > 0 ? dot / l : 0;
+    to[e] = find_extension(l, a, q2 - a * a);
+  }
+}
+
+/* Small extensions by Gauss's rule of 3 points for the integral, where the difference of energies
+ * has fewer than half its digits; it is exact for polynomials f of degree up to 5. */
+static void sum_run_nonlinearity(void *data, int32_t item) {
+  static const double node[3] = {0.1127016653792583, 0.5, 0.8872983346207417};
+  static const double weight[3] = {5. / 18, 4. / 9, 5. / 18};
+  const law_job *j = data;
+  const ms_law_run *run = &j->model->laws->run[item];
+  const int32_t n = run->end - run->begin;
+  lengths at;
+  extension by[MS_LAW_BATCH];
+  double integral[MS_LAW_BATCH] = {0}, sum = 0;
+  measure_run(j->model, run, j->x, &at);
+  find_extensions(j, run, &at, by);
+  ms_law_batch moved;
+  for (int i = 0; i < 3; i++) {
+    for (int32_t e = 0; e < n; e++) moved.stretch[e] = at.at.stretch[e] + node[i] * by[e].whole;
+    evaluate_run(j->model, run, &moved);
+    for (int32_t e = 0; e < n; e++)
+      integral[e] += weight[i] * (1 - node[i]) * by[e].whole * by[e].whole * moved.slope[e];
+  }
+  for (int32_t e = 0; e < n; e++) moved.stretch[e] = at.at.stretch[e] + by[e].whole;
+  evaluate_run(j->model, run, &moved);
+  evaluate_run(j->model, run, &at.at);
+  for (int32_t e = 0; e < n; e++) {
+    const double linear = at.at.force[e] * by[e].whole;
+    const double difference = moved.energy[e] - at.at.energy[e] - linear;
+    const double size = fabs(moved.energy[e]) + fabs(at.at.energy[e]) + fabs(linear);
+    sum +=
+        at.at.force[e] * by[e].more + (fabs(difference) > 1e-8 * size ? difference : integral[e]);
+  }
+  j->model->laws->sum[item] = sum;
+}
+
+double ms_law_springs_nonlinearity(const ms_model *model, const double *x, const double *d,
+                                   double s) {
+  return sum_runs(&(law_job){.model = model, .x = x, .d = d, .step = s}, sum_run_nonlinearity);
+}

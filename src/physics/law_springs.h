@@ -1,0 +1,63 @@
+/* law_springs - the springs of an island that have a law: what they add to forces, matrix and
+ * energies
+ *
+ * The loops over half-edges treat them as springs with k = 0, of which only the damping acts; so
+ * linear springs need no instruction more. The springs with a law are sorted by law and evaluated
+ * in batches of one law (law.h), in fixed order; then each row adds what its own ones contribute.
+ * Both ends of a spring get the same numbers. */
+#ifndef MS_LAW_SPRINGS_H
+#define MS_LAW_SPRINGS_H
+
+#include "physics/force.h"
+
+/* Up to MS_LAW_BATCH springs of one law */
+typedef struct ms_law_run {
+  const ms_law *law; /* of the scene */
+  int32_t begin, end;
+} ms_law_run;
+
+/* One end of a spring at an unknown */
+typedef struct ms_law_end {
+  int32_t number;    /* of the spring among those with a law */
+  int32_t half_edge; /* its half-edge there */
+  double sign;       /* 1 for its first particle, -1 for the second one */
+} ms_law_end;
+
+struct ms_law_springs {
+  int32_t n, nruns, nrows;
+  ms_law_run *run;
+  int32_t *i, *j;   /* n: rows of the ends */
+  int32_t *spring;  /* n: index in ms_springs */
+  double *k, *rest; /* n */
+  double *scratch;  /* 3 n: force on the first particle by components; or t, then g */
+  double *sum;      /* nruns: energies of the runs: scratch */
+  int32_t *row;     /* nrows: the unknowns with such springs, ascending */
+  int32_t *first;   /* nrows + 1: their first ends */
+  ms_law_end *end;
+};
+
+/* NULL if no spring of the model has a law. */
+msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs **laws,
+                                  msim_error *err);
+void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *laws);
+
+/* Copy k and rest from the scene again, after it was replaced by one with the same laws. */
+void ms_law_springs_update(const ms_model *model);
+
+/* These need model->laws. Add the elastic forces at x to model->extra_force, which holds the sums
+ * of split rows and 0 elsewhere. */
+void ms_law_springs_add_forces(const ms_model *model, const double *x);
+
+/* Add their part of the matrix, of step h, to half-edges and diagonal blocks of `a` (force.h):
+ *   t = h^2 f/l,  g = h^2 (f' - f/l)/l^2;  clamp: with max(0, f/l) and max(0, f');
+ * where l = 0, t = h^2 f', g = 0. */
+void ms_law_springs_add_matrix(const ms_model *model, double h, int clamp, ms_coefficients *a);
+
+/* The sum of their elastic energies at x */
+double ms_law_springs_energy(const ms_model *model, const double *x);
+
+/* The sum of E(|e + q|) - E(|e|) - f u.q, e = x_j - x_i, q = s (d_j - d_i): see nonlinearity.h */
+double ms_law_springs_nonlinearity(const ms_model *model, const double *x, const double *d,
+                                   double s);
+
+#endif

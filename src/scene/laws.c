@@ -1,0 +1,183 @@
+#include "scene/laws.h"
+
+#include <math.h>
+#include <string.h>
+
+const char *ms_laws_kind_name(int32_t kind) {
+  static const char *const names[] = {"linear",     "tension", "compression", "dead_band",
+                                      "polynomial", "table",   "callback"};
+  return kind >= 0 && kind <= MSIM_LAW_CALLBACK ? names[kind] : NULL;
+}
+
+/*------------------------------------- tables ---------------------------------------------------*/
+
+/* Slopes of the monotone cubic at both ends of an interval of secant `delta` (Fritsch and Carlson,
+ * SIAM J. Numer. Anal. 17 (1980) 238): a^2 + b^2 <= 9 for the ratios a, b of slope to secant. */
+static void limit_slopes(double delta, double *from, double *to) {
+  if (delta == 0) {
+    *from = *to = 0;
+    return;
+  }
+  const double size = hypot(*from / delta, *to / delta);
+  if (size > 3) *from *= 3 / size, *to *= 3 / size;
+}
+
+/* The slope of the parabola through three points, 0 at an extremum of the data; at the ends that
+ * of the interval. */
+static double initial_slope(const msim_law *law, int32_t i) {
+  const double *x = law->stretch, *f = law->force;
+  const int32_t last = law->n - 1, left = i > 0 ? i - 1 : 0, right = i < last ? i : last - 1;
+  const double before = x[left + 1] - x[left], after = x[right + 1] - x[right];
+  const double delta = (f[left + 1] - f[left]) / before, next = (f[right + 1] - f[right]) / after;
+  if (left == right) return delta;
+  if (!((delta > 0 && next > 0) || (delta < 0 && next < 0))) return 0;
+  return (delta * after + next * before) / (before + after);
+}
+
+static double piece_energy(const ms_law_piece *p, double s) {
+  return p->energy + s * (p->a + s * (p->b / 2 + s * (p->c / 3 + s * p->d / 4)));
+}
+
+/* Energies are 0 at e = 0. */
+static void set_table_energies(ms_law *law) {
+  const int32_t n = law->is.n;
+  int32_t zero = 0;
+  for (int32_t i = 1; i < n; i++)
+    law->piece[i + 1].energy =
+        piece_energy(&law->piece[i], law->is.stretch[i] - law->piece[i].start);
+  while (zero < n && law->is.stretch[zero] <= 0) zero++;
+  const double at_rest = piece_energy(&law->piece[zero], 0 - law->piece[zero].start);
+  for (int32_t i = 0; i <= n; i++) law->piece[i].energy -= at_rest;
+}
+
+/* The middle number is the second Bernstein coefficient of the derivative. */
+static double bound_piece_slope(double delta, double from, double to) {
+  return fmax(fmax(fabs(from), fabs(to)), fabs(3 * delta - from - to));
+}
+
+static void set_table(ms_law *law, double *slope) {
+  const msim_law *t = &law->is;
+  const double *x = t->stretch, *f = t->force;
+  const int32_t last = t->n - 1;
+  for (int32_t i = 0; i <= last; i++) slope[i] = initial_slope(t, i);
+  for (int32_t i = 0; i < last; i++)
+    limit_slopes((f[i + 1] - f[i]) / (x[i + 1] - x[i]), &slope[i], &slope[i + 1]);
+  law->piece[0] = (ms_law_piece){.start = x[0], .a = f[0], .b = slope[0]};
+  law->piece[last + 1] = (ms_law_piece){.start = x[last], .a = f[last], .b = slope[last]};
+  for (int32_t i = 0; i < last; i++) {
+    const double h = x[i + 1] - x[i], delta = (f[i + 1] - f[i]) / h;
+    law->piece[i + 1] = (ms_law_piece){.start = x[i],
+                                       .a = f[i],
+                                       .b = slope[i],
+                                       .c = (3 * delta - 2 * slope[i] - slope[i + 1]) / h,
+                                       .d = (slope[i] + slope[i + 1] - 2 * delta) / (h * h)};
+    law->slope = fmax(law->slope, bound_piece_slope(delta, slope[i], slope[i + 1]));
+  }
+  set_table_energies(law);
+}
+
+/*------------------------------------- depth of the energy --------------------------------------*/
+
+/* What the energy falls by beyond an end where the force is `force` outwards from rest and
+ * continues with this slope */
+static double depth_beyond(double force, double slope) {
+  if (force >= 0 && slope >= 0) return 0;
+  return slope > 0 ? force * force / (2 * slope) : INFINITY;
+}
+
+/* Between two points the force lies between those there: where it pushes away from rest, the
+ * energy falls by its integral at most. */
+static double bound_table_depth(const ms_law *law) {
+  const msim_law *t = &law->is;
+  const ms_law_piece *low = law->piece, *high = law->piece + t->n;
+  double below = depth_beyond(-low->a, low->b), above = depth_beyond(high->a, high->b);
+  for (int32_t i = 0; i + 1 < t->n; i++) {
+    const double most = fmax(t->force[i], t->force[i + 1]),
+                 least = fmin(t->force[i], t->force[i + 1]);
+    if (t->stretch[i] < 0) below += fmax(0, most) * (fmin(t->stretch[i + 1], 0) - t->stretch[i]);
+    if (t->stretch[i + 1] > 0)
+      above += fmax(0, -least) * (t->stretch[i + 1] - fmax(t->stretch[i], 0));
+  }
+  /* from rest to a table that begins beyond it the force is linear */
+  if (t->stretch[0] > 0) above += fmax(0, fmax(-low->a, low->b * low->start - low->a)) * low->start;
+  if (high->start < 0)
+    below -= fmax(0, fmax(high->a, high->a - high->b * high->start)) * high->start;
+  return fmax(below, above);
+}
+
+/* Terms of odd power with a coefficient < 0, and of even power at one sign of e, lower it. */
+static void set_polynomial(ms_law *law) {
+  const msim_law *p = &law->is;
+  double power = 1, inside = 0, f[2] = {0}, slope[2] = {0};
+  for (int32_t i = 0; i < p->n; i++) {
+    const double c = p->coefficients[i], sign = i % 2 ? -1 : 1;
+    law->slope += (i + 1) * fabs(c) * power;
+    slope[0] += (i + 1) * c * power, slope[1] += (i + 1) * c * power * sign;
+    power *= p->limit;
+    f[0] += c * power, f[1] += c * power * sign; /* outwards at limit and -limit */
+    if (i % 2 || c < 0) inside += fabs(c) * power * p->limit / (i + 2);
+  }
+  law->depth = inside + fmax(depth_beyond(f[0], slope[0]), depth_beyond(f[1], slope[1]));
+}
+
+double ms_scene_energy_depth(const ms_scene *s, int32_t spring) {
+  const ms_law *law = ms_scene_law(s, spring);
+  if (!law || law->depth == 0 || (law->scales && s->k[spring] == 0)) return 0;
+  return law->scales ? s->k[spring] * law->depth : law->depth;
+}
+
+/*------------------------------------- preparation ----------------------------------------------*/
+
+void ms_laws_free_one(const msim_allocator *alloc, ms_law *law) {
+  MS_FREE(alloc, law->numbers, law->piece);
+}
+
+static int copy_arrays(const msim_allocator *alloc, ms_law *law) {
+  const size_t n = (size_t)law->is.n, bytes = n * sizeof(double);
+  if (law->is.kind != MSIM_LAW_TABLE && law->is.kind != MSIM_LAW_POLYNOMIAL) return 1;
+  /* tables: the last third is scratch for slopes */
+  if (!MS_NEW(alloc, law->numbers, 3 * n) || !MS_NEW(alloc, law->piece, n + 1)) return 0;
+  if (law->is.kind == MSIM_LAW_POLYNOMIAL) {
+    law->is.coefficients = memcpy(law->numbers, law->is.coefficients, bytes);
+    return 1;
+  }
+  law->is.stretch = memcpy(law->numbers, law->is.stretch, bytes);
+  law->is.force = memcpy(law->numbers + n, law->is.force, bytes);
+  return 1;
+}
+
+int ms_laws_prepare(const msim_allocator *alloc, const msim_law *is, ms_law *law) {
+  *law = (ms_law){.is = *is, .scales = 1};
+  if (!copy_arrays(alloc, law)) {
+    ms_laws_free_one(alloc, law);
+    return 0;
+  }
+  if (is->kind == MSIM_LAW_POLYNOMIAL) set_polynomial(law);
+  else if (is->kind == MSIM_LAW_TABLE) {
+    law->scales = 0;
+    set_table(law, law->numbers + 2 * (size_t)is->n);
+    law->depth = bound_table_depth(law);
+  } else if (is->kind == MSIM_LAW_CALLBACK) {
+    law->scales = 0, law->slope = is->largest_slope, law->depth = is->energy_depth;
+  } else {
+    law->slope = 1;
+  }
+  return 1;
+}
+
+int ms_laws_copy(const ms_scene *from, ms_scene *to) {
+  msim_error inner;
+  if (ms_memory_reserve(&to->alloc, MS_ARRAY(to->laws), 0, &to->law_capacity, from->nlaws, &inner))
+    return 0;
+  for (; to->nlaws < from->nlaws; to->nlaws++)
+    if (!ms_laws_prepare(&to->alloc, &from->laws[to->nlaws].is, &to->laws[to->nlaws])) return 0;
+  if (!from->law) return 1;
+  if (!MS_NEW(&to->alloc, to->law, to->spring_capacity)) return 0;
+  memcpy(to->law, from->law, (size_t)from->nsprings * sizeof *to->law);
+  return 1;
+}
+
+void ms_laws_free(ms_scene *s) {
+  for (int32_t i = 0; i < s->nlaws; i++) ms_laws_free_one(&s->alloc, &s->laws[i]);
+  MS_FREE(&s->alloc, s->laws, s->law);
+}
