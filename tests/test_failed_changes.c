@@ -53,6 +53,13 @@ static msim_status set_state(msim_sim *sim, msim_error *err) {
   return msim_sim_set_state(sim, &folded, err);
 }
 
+/* Forces out of the plane, which particles did not have */
+static msim_status set_forces(msim_sim *sim, msim_error *err) {
+  double force[3 * N];
+  for (int i = 0; i < 3 * N; i++) force[i] = 0.01 * i;
+  return msim_sim_set_forces(sim, force, err);
+}
+
 static checkpoint later; /* of a sim that is some steps ahead */
 
 static msim_status load_later(msim_sim *sim, msim_error *err) {
@@ -136,6 +143,11 @@ static void springs_that_cannot_be_set(void **state) {
   fail_with_all_methods(set_springs);
 }
 
+static void forces_that_cannot_be_set(void **state) {
+  (void)state;
+  fail_with_all_methods(set_forces);
+}
+
 static void steps_that_cannot_be_set(void **state) {
   (void)state;
   fail_with_all_methods(set_step);
@@ -152,9 +164,9 @@ static void checkpoints_that_cannot_be_loaded(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(springs_that_cannot_be_set),
-                                     cmocka_unit_test(steps_that_cannot_be_set),
-                                     cmocka_unit_test(states_that_cannot_be_set),
-                                     cmocka_unit_test(checkpoints_that_cannot_be_loaded)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(springs_that_cannot_be_set), cmocka_unit_test(forces_that_cannot_be_set),
+      cmocka_unit_test(steps_that_cannot_be_set), cmocka_unit_test(states_that_cannot_be_set),
+      cmocka_unit_test(checkpoints_that_cannot_be_loaded)};
   return cmocka_run_group_tests_name("failed changes", tests, NULL, NULL);
 }

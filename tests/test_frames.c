@@ -271,10 +271,14 @@ static void a_state_that_is_set_starts_a_run(void **state) {
   assert_true(there.h == sim->run.control.h); /* the next step to try */
   sim->run.t_rounding = 0x1p-60;              /* as other steps may leave it */
   assert_ok(msim_sim_set_state(other, &there, err));
-  assert_ok(msim_sim_set_state(
-      sim,
-      &(msim_state){sizeof there, there.step, there.t, N, other->state_x, other->state_v, NULL, 0},
-      err));
+  assert_ok(msim_sim_set_state(sim,
+                               &(msim_state){.size = sizeof there,
+                                             .step = there.step,
+                                             .t = there.t,
+                                             .n = N,
+                                             .x = other->state_x,
+                                             .v = other->state_v},
+                               err));
   f = (frame_log){.looks = 1};
   assert_ok(msim_sim_run(sim, log_frame, &f, err));
   assert_ok(msim_sim_run(other, NULL, NULL, err));

@@ -18,6 +18,7 @@ static void want_no_x(msim_state *s) { s->x = NULL; }
 static void want_no_v(msim_state *s) { s->v = NULL; }
 static void want_no_time(msim_state *s) { s->t = INFINITY; }
 static void want_an_early_step(msim_state *s) { s->step = -1; }
+static void want_endless_work(msim_state *s) { s->work = INFINITY; }
 static void want_nan(msim_state *s) { ((double *)s->x)[5] = NAN; }
 static void want_infinity(msim_state *s) { ((double *)s->v)[8] = -INFINITY; }
 static void want_moved_pins(msim_state *s) { ((double *)s->x)[1] += 1e-9; }
@@ -33,6 +34,7 @@ static void states_that_cannot_be(void **state) {
                {want_no_v, "the state has no x or no v"},
                {want_no_time, "the state's t must be finite and its step >= 0"},
                {want_an_early_step, "the state's t must be finite and its step >= 0"},
+               {want_endless_work, "the state's work is inf; it must be finite"},
                {want_nan, "x, v or v_half of particle 1 is not finite, or too large"},
                {want_infinity, "x, v or v_half of particle 2 is not finite, or too large"},
                {want_moved_pins,

@@ -37,7 +37,7 @@ static void steps_are_solved_as_well_as_asked(void **state) {
       const msim_state s = state_of(exact);
       double x[3 * N], v[3 * N];
       memcpy(x, s.x, sizeof x), memcpy(v, s.v, sizeof v);
-      const msim_state start = {sizeof start, 0, 0, N, x, v, NULL, 0};
+      const msim_state start = {.size = sizeof start, .n = N, .x = x, .v = v};
       assert_ok(msim_sim_set_state(exact, &start, err));
       assert_ok(msim_sim_step(exact, 1, err));
       for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
@@ -99,7 +99,8 @@ static void a_crumpled_start_is_solved(void **state) {
     msim_scene_get(scene, &view);
     for (int q = 0; q < 3 * N; q++)
       if (view.pinned[q / 3]) x[q] = view.x[q];
-    assert_ok(msim_sim_set_state(sim, &(msim_state){sizeof s, 0, 0, N, x, v, NULL, 0}, err));
+    assert_ok(
+        msim_sim_set_state(sim, &(msim_state){.size = sizeof s, .n = N, .x = x, .v = v}, err));
     msim_energy before = {.size = sizeof before}, after = {.size = sizeof after};
     msim_sim_energy(sim, &before);
     assert_ok(msim_sim_step(sim, 20, err));
@@ -171,7 +172,8 @@ static void a_part_that_fails_leaves_nothing(void **state) {
     ms_stepper *s = &sim->islands->stepper;
     assert_int_equal(ms_island_step_make_substeps(sim, s, 2, NULL), MSIM_NOT_CONVERGED);
     assert_memory_equal(state_of(sim).x, x, sizeof x);
-    const msim_state start = {sizeof start, 4, state_of(sim).t, N, x, v, NULL, 0};
+    const msim_state start = {
+        .size = sizeof start, .step = 4, .t = state_of(sim).t, .n = N, .x = x, .v = v};
     assert_ok(msim_sim_set_state(fresh, &start, err));
     assert_ok(msim_sim_step(sim, 3, err));
     assert_ok(msim_sim_step(fresh, 3, err));
@@ -239,7 +241,7 @@ static int64_t throw_block(const char *method, double speed, double v[81]) {
   msim_sim *sim = make_sim(scene, &opt);
   memcpy(x, state_of(sim).x, sizeof x);
   for (int i = 0; i < 81; i++) start[i] = uniform(&seed) + (i % 3 == 0 ? speed : 0);
-  const msim_state thrown = {sizeof thrown, 0, 0, 27, x, start, NULL, 0};
+  const msim_state thrown = {.size = sizeof thrown, .n = 27, .x = x, .v = start};
   assert_ok(msim_sim_set_state(sim, &thrown, err));
   assert_ok(msim_sim_step(sim, 10, err));
   for (int i = 0; i < 81; i++) v[i] = state_of(sim).v[i] - (i % 3 == 0 ? speed : 0);

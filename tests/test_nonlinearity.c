@@ -48,8 +48,8 @@ static msim_sim *crumpled(msim_scene *scene, double *d) {
     x[c] = s.x[c], x[3 * (SIDE - 1) + c] = s.x[3 * (SIDE - 1) + c];
     x[3 * twins[1] + c] = x[3 * twins[0] + c];
   }
-  assert_ok(
-      msim_sim_set_state(sim, &(msim_state){sizeof s, 0, 0, SIDE * SIDE, x, v, NULL, 0}, err));
+  assert_ok(msim_sim_set_state(
+      sim, &(msim_state){.size = sizeof s, .n = SIDE * SIDE, .x = x, .v = v}, err));
   const ms_shape shape = sim->islands->model.shape;
   for (int32_t c = 0; c < shape.dims; c++)
     for (int32_t r = 0; r < shape.n; r++) d[c * shape.stride + r] = uniform(&seed) - 0.5;

@@ -256,8 +256,8 @@ static void momentum_is_kept_by_coarse_solves(void **state) {
     v[i] = i / 3 == N ? 0 : 0.5 + uniform(&seed);
     if (i < 3 * N) before[i % 3] += v[i];
   }
-  assert_ok(
-      msim_sim_set_state(sim, &(msim_state){sizeof(msim_state), 0, 0, 2 * N, x, v, NULL, 0}, err));
+  assert_ok(msim_sim_set_state(
+      sim, &(msim_state){.size = sizeof(msim_state), .n = 2 * N, .x = x, .v = v}, err));
   assert_ok(msim_sim_step(sim, 200, err));
   for (int i = 0; i < 3 * N; i++) after[i % 3] += state_of(sim).v[i];
   for (int c = 0; c < 3; c++) assert_close(after[c] / before[c], 1, 1e-12);

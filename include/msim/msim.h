@@ -75,16 +75,21 @@ typedef struct msim_state {
   const double *x;      /* 3n, m */
   const double *v;      /* 3n, m/s: the velocity at t */
   const double *v_half; /* 3n: the velocity at t - h/2 that `verlet` carries; else NULL */
-  double h; /* step size of the run, s, to which v_half belongs; with tol the next to try */
+  double h;    /* step size of the run, s, to which v_half belongs; with tol the next to try */
+  double work; /* energy supplied since the first start, J, as in msim_energy */
 } msim_state;
 
 /* Energies in J, of all particles, pinned ones included. Zero levels: velocity 0, springs at rest
- * length, and x = 0 for the gravitational energy. Angular momentum is taken about the origin. */
+ * length, and x = 0 for the gravitational energy, which includes -F.x of the constant forces F of
+ * msim_scene_set_forces. Angular momentum is taken about the origin. */
 typedef struct msim_energy {
   size_t size;
   double kinetic, elastic, gravitational, total;
   double momentum[3];         /* kg m/s */
   double angular_momentum[3]; /* kg m^2/s */
+  double work; /* energy supplied since the first start, J: the change of `total` by each call of
+                  msim_sim_set_gravity and msim_sim_set_forces; without damping, drag and inelastic
+                  impacts total - work is constant */
 } msim_energy;
 
 /* Work done and time spent since creation; 0: that phase never ran. Each island of a scene counts
@@ -226,6 +231,18 @@ MSIM_API msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err)
 MSIM_API msim_status msim_sim_set_springs(msim_sim *sim, const double *k /* nsprings */,
                                           const double *rest /* nsprings */,
                                           const double *damping /* nsprings */, msim_error *err);
+
+/* Change gravity, drag or the constant forces of this sim, not of its scene: a run with the new
+ * forces starts from the present state, as in a sim that is created with them and gets that state
+ * by msim_sim_set_state. The end stays: t_end, or the number of steps left of options.steps. The
+ * step size stays, even if MSIM_H_AUTO chose it; integrator = auto chooses its method anew. Nothing
+ * is analyzed anew, except with respa, and where forces leave the plane of a planar scene or no
+ * longer do. Checkpoints contain the changes. MSIM_ERR_ARG also where the method cannot handle
+ * drag. May return plugin statuses. Nullable: force (none). */
+MSIM_API msim_status msim_sim_set_gravity(msim_sim *sim, const double gravity[3], msim_error *err);
+MSIM_API msim_status msim_sim_set_drag(msim_sim *sim, double drag /* >= 0 */, msim_error *err);
+MSIM_API msim_status msim_sim_set_forces(msim_sim *sim, const double *force /* 3n */,
+                                         msim_error *err);
 
 /* Save a checkpoint: all data that further steps depend on, so that another sim can continue with
  * the same bits, with any method, solver and error control, and with the same counts in stats

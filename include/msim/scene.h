@@ -1,4 +1,4 @@
-/* scene.h - scenes: particles, springs, planes, gravity and drag; conventions: msim.h */
+/* scene.h - scenes: particles, springs, planes, gravity, drag and forces; conventions: msim.h */
 #ifndef MSIM_SCENE_H
 #define MSIM_SCENE_H
 
@@ -128,6 +128,7 @@ typedef struct msim_scene_view {
   const int32_t *faces; /* 3 nfaces */
   int32_t nlaws;        /* laws 1 to nlaws, for msim_scene_get_law */
   const int32_t *law;   /* nsprings: the law of each spring; NULL: all are linear */
+  const double *force;  /* 3 nparticles: constant forces, N; NULL: none */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -161,6 +162,11 @@ MSIM_API msim_status msim_scene_set_gravity(msim_scene *scene, const double grav
                                             msim_error *err);
 MSIM_API msim_status msim_scene_set_drag(msim_scene *scene, double drag /* >= 0 */,
                                          msim_error *err);
+
+/* Set a constant force on each particle, in N, beside those of gravity, drag and springs; pinned
+ * particles do not feel it. Particles that are added later have none. Nullable: force (none). */
+MSIM_API msim_status msim_scene_set_forces(msim_scene *scene,
+                                           const double *force /* 3 nparticles */, msim_error *err);
 
 /* Append n particles. Nullable: v (at rest). */
 MSIM_API msim_status msim_scene_add_particles(msim_scene *scene, int32_t n,

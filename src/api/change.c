@@ -6,15 +6,6 @@
 #include "linear/solver_choice.h"
 #include "sim/step_driver.h"
 
-/* Reduce options.steps by the steps already made; those made beyond it do not count. */
-static void subtract_steps_made(msim_sim *sim) {
-  int64_t *steps = &sim->config.opt.steps, made = sim->run.step - sim->run.step0;
-  if (*steps < 0) return;
-  if (made > *steps) made = *steps;
-  sim->run.spent += made;
-  *steps -= made;
-}
-
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
   if (!(h == MSIM_H_AUTO || (isfinite(h) && h > 0)))
@@ -37,7 +28,7 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   msim_sim_state(sim, &now);
   now.v_half = NULL; /* v(t - h/2) with the old h */
   sim->config.opt.h = h;
-  subtract_steps_made(sim);
+  ms_sim_subtract_steps_made(sim);
   status = msim_sim_set_state(sim, &now, err);
   if (status) sim->config = config, sim->run = run;
   return status;

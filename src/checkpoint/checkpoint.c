@@ -6,6 +6,7 @@
  *                length of the run, to which its tolerance refers; frames shown; stats; what
  *                integrator = auto has chosen; which axis is left out; the h that solvers were
  *                chosen for; the bounds of the energy monitor
+ *   forces       gravity, drag and constant forces, if they were changed (saved_scene.h)
  *   springs      that solvers were chosen for, if msim_sim_set_springs has set others since
  *   islands      at rest or not; the stepper (integrate/method_state.h), its error scales, the
  *                solver (linear/solver_state.c); the last good state, if it is another one
@@ -20,13 +21,14 @@
 #include "layout/planar.h"
 #include "linear/solver_state.h"
 #include "checkpoint/fingerprint.h"
+#include "checkpoint/saved_scene.h"
 #include "choose/method_choice.h"
 #include "sim/frames.h"
 #include "sim/step_driver.h"
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 8u
+#define VERSION 9u
 
 typedef struct header {
   char magic[8];
@@ -126,9 +128,9 @@ static void archive_stats(ms_archive *b, msim_stats *s) {
 
 static void archive_run(ms_archive *b, const msim_sim *sim, saved_run *r) {
   int64_t *counts[] = {&r->run.step, &r->run.step0, &r->run.spent, &r->run.frame, &r->every};
-  double *numbers[] = {&r->t0,          &r->run.h,  &r->run.t, &r->run.t_rounding,
-                       &r->run.t_shown, &r->fps,    &r->t_end, &r->solver_h,
-                       &r->tol,         &r->first_h};
+  double *numbers[] = {&r->t0,          &r->run.h,   &r->run.t,   &r->run.t_rounding,
+                       &r->run.t_shown, &r->fps,     &r->t_end,   &r->solver_h,
+                       &r->tol,         &r->first_h, &r->run.work};
   int32_t *flags[] = {&r->left_out, &r->saves_last_step, &r->h_from_auto, &r->other_springs};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
     ms_archive_transfer_count(b, counts[i]);
@@ -144,15 +146,6 @@ static void archive_run(ms_archive *b, const msim_sim *sim, saved_run *r) {
   if (r->tol > 0) r->monitor.good.h = r->monitor.good.control.h;
   ms_error_growth_archive(b, &r->error_growth);
   ms_archive_check(b, r->run.step >= r->run.step0 && r->run.h > 0 && r->solver_h >= 0, "the step");
-}
-
-static void archive_springs(ms_archive *b, ms_scene *s) {
-  double *arrays[] = {s->k, s->rest, s->damping};
-  for (int i = 0; i < 3; i++) {
-    ms_archive_transfer(b, arrays[i], (size_t)s->nsprings * sizeof(double));
-    for (int32_t e = 0; e < s->nsprings && b->direction == MS_ARCHIVE_READ; e++)
-      ms_archive_check(b, isfinite(arrays[i][e]) && arrays[i][e] >= 0, "a spring");
-  }
 }
 
 /* Error scales are those of the state that the run started from. */
@@ -198,7 +191,8 @@ static msim_status archive_islands(ms_archive *b, msim_sim *sim, const saved_run
 /* For MS_ARCHIVE_COUNT and MS_ARCHIVE_WRITE; load_run() reads and checks part by part. */
 static void write_sim(ms_archive *b, msim_sim *sim, saved_run *r) {
   archive_run(b, sim, r);
-  if (r->other_springs) archive_springs(b, sim->chosen_for);
+  ms_saved_scene_write_forces(b, sim);
+  if (r->other_springs) ms_saved_scene_write_springs(b, sim);
   archive_islands(b, sim, r, NULL);
 }
 
@@ -374,22 +368,6 @@ static msim_status plan_run(msim_sim *sim, const saved_run *r, msim_error *err) 
   return MSIM_OK;
 }
 
-/* *there: the scene whose springs solvers were chosen for; NULL: they are the present ones. */
-static msim_status read_solver_springs(ms_archive *b, const msim_sim *sim, const saved_run *r,
-                                       ms_scene **there, msim_error *err) {
-  msim_scene copy = {sim->scene};
-  *there = NULL;
-  if (!r->other_springs) return MSIM_OK;
-  ms_scene_retain(sim->scene);
-  *there = ms_scene_make_writable(&copy, err);
-  if (!*there) {
-    ms_scene_release(sim->scene);
-    return MSIM_ERR_MEMORY;
-  }
-  archive_springs(b, *there);
-  return ms_archive_failed(b) ? refuse_bytes(b, err) : MSIM_OK;
-}
-
 /* Build islands and read them. Solvers are chosen again for the h and springs of the first
  * choice. */
 static msim_status read_islands(msim_sim *sim, ms_archive *b, const saved_run *r, ms_scene *there,
@@ -437,17 +415,18 @@ static void set_run(msim_sim *sim, const saved_run *r) {
   sim->state_is_current = 0;
 }
 
-/* Load the run; on failure the sim stays as it was. */
-static msim_status load_run(msim_sim *sim, ms_archive *b, msim_error *err) {
+/* Load the run behind archive_run() in the sim's scene, which has the forces of the checkpoint. On
+ * failure the sim stays as it was. */
+static msim_status load_rest(msim_sim *sim, ms_archive *b, const saved_run *from, msim_error *err) {
   const ms_config config = sim->config;
   const ms_run_state run = sim->run;
   const msim_stats stats = sim->stats;
-  saved_run r = collect_run(sim);
-  archive_run(b, sim, &r);
+  saved_run r = *from;
+  ms_scene *there = NULL;
   check_run(b, sim, &r);
   if (ms_archive_failed(b)) return refuse_bytes(b, err);
-  ms_scene *there;
-  msim_status status = read_solver_springs(b, sim, &r, &there, err);
+  msim_status status = r.other_springs ? ms_saved_scene_read_springs(b, sim, &there, err) : MSIM_OK;
+  if (!status && ms_archive_failed(b)) status = refuse_bytes(b, err);
   if (!status) status = plan_run(sim, &r, err);
   const ms_island_sims old = ms_sim_detach_islands(sim);
   if (!status) status = read_islands(sim, b, &r, there, err);
@@ -461,6 +440,28 @@ static msim_status load_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   ms_scene_release(there);
   sim->config = config, sim->run = run, sim->stats = stats;
   return status;
+}
+
+/* Load the run; on failure the sim stays as it was. */
+static msim_status load_run(msim_sim *sim, ms_archive *b, msim_error *err) {
+  ms_scene *before = sim->scene, *scene = NULL;
+  int32_t changed = 0;
+  saved_run r = collect_run(sim);
+  archive_run(b, sim, &r);
+  msim_status status = ms_saved_scene_read_forces(b, sim, &scene, &changed, err);
+  if (ms_archive_failed(b)) status = refuse_bytes(b, err);
+  if (!status) {
+    sim->scene = scene;
+    status = load_rest(sim, b, &r, err);
+    if (status) sim->scene = before;
+  }
+  if (status) {
+    ms_scene_release(scene);
+    return status;
+  }
+  ms_sim_set_created_forces(sim, changed ? before : NULL);
+  ms_scene_release(before);
+  return MSIM_OK;
 }
 
 msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err) {

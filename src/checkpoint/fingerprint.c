@@ -16,20 +16,30 @@ typedef struct array {
   size_t bytes;
 } array;
 
-static void list_arrays(const ms_scene *s, array arrays[MS_SCENE_HASHES]) {
+/* created: the scene with the forces that the sim was made with; checkpoints contain later ones */
+static const ms_scene *created_scene(const msim_sim *sim) {
+  return sim->created_from ? sim->created_from : sim->scene;
+}
+
+static void list_arrays(const ms_scene *s, const ms_scene *created, array arrays[MS_SCENE_HASHES]) {
   const size_t n = (size_t)s->nparticles, m = (size_t)s->nsprings, real = sizeof(double);
-  const array list[MS_SCENE_HASHES] = {
-      {"particles.x", s->x, 3 * n * real},          {"particles.v", s->v, 3 * n * real},
-      {"particles.mass", s->mass, n * real},        {"particles.pinned", s->pinned, n},
-      {"springs.ij", s->ij, 2 * m * sizeof *s->ij}, {"springs.k", s->k, m * real},
-      {"springs.rest", s->rest, m * real},          {"springs.damping", s->damping, m * real}};
+  const double *force = created->force;
+  const array list[MS_SCENE_HASHES] = {{"particles.x", s->x, 3 * n * real},
+                                       {"particles.v", s->v, 3 * n * real},
+                                       {"particles.mass", s->mass, n * real},
+                                       {"particles.pinned", s->pinned, n},
+                                       {"springs.ij", s->ij, 2 * m * sizeof *s->ij},
+                                       {"springs.k", s->k, m * real},
+                                       {"springs.rest", s->rest, m * real},
+                                       {"springs.damping", s->damping, m * real},
+                                       {"particles.force", force, force ? 3 * n * real : 0}};
   memcpy(arrays, list, sizeof list);
 }
 
 void ms_fingerprint_hash_scene(msim_sim *sim) {
   array arrays[MS_SCENE_HASHES];
   if (sim->scene_is_hashed) return;
-  list_arrays(sim->scene, arrays);
+  list_arrays(sim->scene, created_scene(sim), arrays);
   for (int i = 0; i < MS_SCENE_HASHES; i++)
     sim->scene_hashes[i] = ms_archive_hash(0, arrays[i].data, arrays[i].bytes);
   sim->scene_is_hashed = 1;
@@ -90,7 +100,7 @@ static void list_laws(const ms_scene *s, ms_fingerprint_visitor *mark, void *dat
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
   const ms_scene *s = sim->scene;
   array arrays[MS_SCENE_HASHES];
-  list_arrays(s, arrays);
+  list_arrays(s, created_scene(sim), arrays);
   list_count(mark, data, "the number of particles", s->nparticles);
   list_count(mark, data, "the number of springs", s->nsprings);
   list_count(mark, data, "the number of planes", s->nplanes);
@@ -100,7 +110,8 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_laws(s, mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
-    list_numbers(mark, data, p->key.key, p->key.count, ms_scene_get_parameter(s, p));
+    list_numbers(mark, data, p->key.key, p->key.count,
+                 ms_scene_get_parameter(created_scene(sim), p));
   }
 }
 

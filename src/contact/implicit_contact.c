@@ -26,8 +26,11 @@ typedef struct contact_solve {
 
 /* The speed at which a particle with velocity v before the step bounces off a plane; 0: it does
  * not bounce. */
-static double find_rebound(const contact_solve *j, const msim_plane *p, const double v[3]) {
-  const double slow = 2 * j->s->h * ms_external_acceleration(&j->s->model->external);
+static double find_rebound(const contact_solve *j, int32_t row, const msim_plane *p,
+                           const double v[3]) {
+  const ms_model *m = j->s->model;
+  const double slow =
+      2 * j->s->h * (ms_external_acceleration(&m->external) + ms_model_force_acceleration(m, row));
   const double back = -p->restitution * ms_vec3_dot(p->normal, v);
   return j->law == ELASTIC && back > slow ? back : 0;
 }
@@ -42,7 +45,7 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
   ms_unknowns_get(rows, j->v_start, c->row, v);
   for (int i = 0; i < c->on.n; i++) {
     const double gap = fmax(0, ms_impacts_distance(c->on.plane[i], x));
-    const double back = find_rebound(j, c->on.plane[i], v);
+    const double back = find_rebound(j, c->row, c->on.plane[i], v);
     const int reaches = back == 0 && j->law != KEEP_DISTANCE;
     to[i] = reaches ? -gap / s->h : back;
     c->end[i] = reaches ? 0 : gap + s->h * back;
@@ -180,11 +183,12 @@ static double find_total_energy(const ms_stepper *s, const double *x, const doub
   const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
   const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
   const ms_external *forces = &s->model->external;
-  double mass = 0;
-  for (int32_t r = 0; r < s->model->unknowns.nfree; r++) mass += s->model->mass[r];
-  *rounding =
-      1e-12 * (t.kinetic + t.elastic + mass * ms_external_acceleration(forces) * s->events->reach);
-  return t.kinetic + t.elastic - ms_external_work(forces, t.moment);
+  double weight = 0; /* sum of the magnitudes of external forces, N */
+  for (int32_t r = 0; r < s->model->unknowns.nfree; r++)
+    weight += s->model->mass[r] *
+              (ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r));
+  *rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach);
+  return t.kinetic + t.elastic - ms_external_work(forces, t.moment) - t.force_work;
 }
 
 /* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the

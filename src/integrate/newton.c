@@ -55,16 +55,21 @@ static void evaluate_residual(newton *n) {
   n->residual = sqrt(ms_vector_dot(n->shape, n->b, n->rho));
 }
 
-/* The change of v to which errors are relative: from the present state, or that of free fall, if
- * larger, as forces may be nearly balanced. A common velocity has no effect on it. */
+/* The change of v to which errors are relative: from the present state, or that by external forces
+ * alone, if larger, as forces may be nearly balanced. A common velocity has no effect on it. */
 static double velocity_change(const newton *n) {
   const ms_model *model = n->s->model;
   const double *m = model->mass;
-  double mass = 0;
+  double mass = 0, force2 = 0; /* sums of m and |F|^2/m, of constant forces F */
   for (int32_t row = 0; row < n->shape.n; row++) mass += m[row];
+  for (int32_t row = 0; row < n->shape.n && model->force; row++) {
+    const double a = ms_model_force_acceleration(model, row);
+    force2 += m[row] * a * a;
+  }
   ms_vector_add_scaled(n->shape, n->stage->v, -1, n->s->v, n->from);
-  return fmax(newton_norm(n, n->from),
-              n->stage->ah * sqrt(mass) * ms_external_acceleration(&model->external));
+  return fmax(
+      newton_norm(n, n->from),
+      n->stage->ah * (sqrt(mass) * ms_external_acceleration(&model->external) + sqrt(force2)));
 }
 
 /* The error of v allowed. Error control may require less than newton.rtol, relative to v itself. */

@@ -4,8 +4,8 @@
 #include "methods/methods.h"
 #include "physics/external_force.h"
 
-/* The step without springs, by independent equations, with the drag b:
- *   (m + h b) v' = m v + h m g,  x' = x + h v' */
+/* The step without springs, by independent equations, with the drag b and the constant force F:
+ *   (m + h b) v' = m v + h (m g + F),  x' = x + h v' */
 static void step_without_springs(ms_stepper *s) {
   const ms_unknowns *rows = &s->model->unknowns;
   const double *mass = s->model->mass, h = s->h;
@@ -13,9 +13,11 @@ static void step_without_springs(ms_stepper *s) {
   for (size_t c = 0; c < (size_t)rows->dims; c++) {
     const size_t at = c * (size_t)rows->stride;
     const double *restrict x = s->x + at, *restrict v = s->v + at,
-                           kick = h * s->model->external.gravity[rows->axis[c]];
+                           *restrict force = s->model->force ? s->model->force + at : NULL,
+                           g = s->model->external.gravity[rows->axis[c]];
     double *restrict x_next = s->x_next + at, *restrict v_next = s->v_next + at;
     for (int32_t r = 0; r < rows->nfree; r++) {
+      const double kick = h * (force ? g + force[r] / mass[r] : g);
       v_next[r] = drag > 0 ? mass[r] * (v[r] + kick) / (mass[r] + drag) : v[r] + kick;
       x_next[r] = x[r] + h * v_next[r];
     }

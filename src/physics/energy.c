@@ -10,6 +10,7 @@ static void add_particle_energy(const ms_scene *s, int32_t p, const double *x, c
   v += 3 * (size_t)p;
   e->kinetic += 0.5 * m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
   e->gravitational += ms_external_energy(&s->external, m, x);
+  if (s->force) e->gravitational -= ms_vec3_dot(s->force + 3 * (size_t)p, x);
   for (int c = 0; c < 3; c++) {
     int a = (c + 1) % 3, b = (c + 2) % 3;
     e->momentum[c] += m * v[c];

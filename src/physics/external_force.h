@@ -2,7 +2,8 @@
  *
  *   F = m g - b v,  dF/dx = 0,  dF/dv = -b I,  potential energy -m g.x
  *
- * All forces, matrices, bounds and energies take these terms from here. */
+ * All forces, matrices, bounds and energies take these terms from here. The constant force of each
+ * particle is an array of the scene (ms_scene.force) and a vector of a model (ms_model.force). */
 #ifndef MS_EXTERNAL_FORCE_H
 #define MS_EXTERNAL_FORCE_H
 

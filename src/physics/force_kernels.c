@@ -108,7 +108,7 @@ MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, cons
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const size_t row = own.row + lane;
       ms_lane_vectors f = external_force(dims, m, row, p->x, p->v);
-      if (m->extra_force) f = ms_add_vec(dims, f, ms_load_vec(dims, m->extra_force + row, stride));
+      if (m->added_force) f = ms_add_vec(dims, f, ms_load_vec(dims, m->added_force + row, stride));
       f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
       bad |= ~(update(dims, m, row, f, p) <= MS_LARGEST_VALID * MS_LARGEST_VALID);
     }

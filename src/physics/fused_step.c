@@ -26,15 +26,17 @@ static void do_slices_chunk(void *data, int32_t begin, int32_t end) {
     atomic_store_explicit(&j->may_be_bad, 1, memory_order_relaxed);
 }
 
-/* The rows of extra_force that are split = spring forces on them */
+/* On split rows added_force = constant forces + spring forces. */
 static void sum_split_rows(const ms_model *model, fused_step_job *j) {
   const ms_half_edges *half_edges = &model->half_edges;
   const size_t stride = (size_t)model->unknowns.stride;
   ms_pool_run(model->pool, do_split_row_part, j, half_edges->nparts);
   for (int32_t k = 0; k < half_edges->nparts; k++)
-    for (size_t c = 0; c < (size_t)model->unknowns.dims; c++)
-      model->extra_force[c * stride + (size_t)half_edges->part_row[k]] = 0;
-  ms_half_edges_add_part_sums(half_edges, model->unknowns.dims, stride, model->extra_force);
+    for (size_t c = 0; c < (size_t)model->unknowns.dims; c++) {
+      const size_t at = c * stride + (size_t)half_edges->part_row[k];
+      model->added_force[at] = model->force ? model->force[at] : 0;
+    }
+  ms_half_edges_add_part_sums(half_edges, model->unknowns.dims, stride, model->added_force);
 }
 
 int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {

@@ -167,18 +167,20 @@ static void add_row_forces(void *data, int32_t begin, int32_t end) {
   const size_t stride = (size_t)j->model->unknowns.stride;
   for (int32_t c = 0; c < j->model->unknowns.dims; c++) {
     const double *from = s->scratch + (size_t)c * (size_t)s->n;
+    const double *force = j->model->force ? j->model->force + (size_t)c * stride : NULL;
     double *to = j->to + (size_t)c * stride;
     for (int32_t r = begin; r < end; r++) {
-      double sum = first_part[s->row[r]] < 0 ? 0 : to[s->row[r]];
+      const int32_t row = s->row[r];
+      double sum = first_part[row] >= 0 ? to[row] : force ? force[row] : 0;
       for (int32_t at = s->first[r]; at < s->first[r + 1]; at++)
         sum += s->end[at].sign * from[s->end[at].number];
-      to[s->row[r]] = sum;
+      to[row] = sum;
     }
   }
 }
 
 void ms_law_springs_add_forces(const ms_model *model, const double *x) {
-  law_job j = {.model = model, .x = x, .to = model->extra_force};
+  law_job j = {.model = model, .x = x, .to = model->added_force};
   ms_pool_run(model->pool, compute_run_forces, &j, model->laws->nruns);
   ms_pool_run_chunks(model->pool, add_row_forces, &j, model->laws->nrows, ROWS);
 }

@@ -44,8 +44,8 @@ void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *laws);
 /* Copy k and rest from the scene again, after it was replaced by one with the same laws. */
 void ms_law_springs_update(const ms_model *model);
 
-/* These need model->laws. Add the elastic forces at x to model->extra_force, which holds the sums
- * of split rows and 0 elsewhere. */
+/* These need model->laws. Set the rows of model->added_force with such springs: to their elastic
+ * forces at x, added to the sums of split rows and to model->force elsewhere. */
 void ms_law_springs_add_forces(const ms_model *model, const double *x);
 
 /* Add their part of the matrix, of step h, to half-edges and diagonal blocks of `a` (force.h):

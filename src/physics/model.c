@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/isa.h"
+#include "base/vec3.h"
 #include "layout/planar.h"
 #include "physics/external_force.h"
 #include "physics/law_springs.h"
@@ -21,13 +22,34 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
   return features;
 }
 
+/* Does a force sweep write added_force? Otherwise that is force itself. */
+static int has_computed_forces(const ms_model *m) { return m->half_edges.nparts > 0 || m->laws; }
+
 static msim_status create_laws(ms_model *m, msim_error *err) {
   msim_status status = ms_law_springs_create(m, &m->laws, err);
   if (status) return status;
   if (m->laws) ms_law_springs_update(m);
-  if (m->half_edges.nparts == 0 && !m->laws) return MSIM_OK;
-  if (MS_NEW_VECTORS(m->scene, &m->unknowns, &m->extra_force)) return MSIM_OK;
+  if (!has_computed_forces(m) || MS_NEW_VECTORS(m->scene, &m->unknowns, &m->added_force))
+    return MSIM_OK;
   return ms_error_set_memory(err, "a copy of the springs");
+}
+
+/* Set added_force from force. */
+static void update_added_force(ms_model *m) {
+  if (!has_computed_forces(m)) m->added_force = m->force;
+  else if (m->force) ms_vector_copy_all(m->shape, m->force, m->added_force);
+  else ms_vector_clear_all(m->shape, m->added_force);
+}
+
+static void free_added_force(ms_model *m) {
+  if (has_computed_forces(m)) ms_memory_free(&m->scene->alloc, m->added_force);
+  m->added_force = NULL;
+}
+
+static void remove_constant_forces(ms_model *m) {
+  ms_memory_free(&m->scene->alloc, m->force);
+  m->force = NULL;
+  update_added_force(m);
 }
 
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
@@ -42,12 +64,15 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   size_t count = (size_t)rows->first_pinned;
   if (!MS_NEW(&scene->alloc, model->mass, count) || !MS_NEW(&scene->alloc, model->inv_mass, count))
     return ms_error_set_memory(err, "the masses");
+  status = create_laws(model, err);
+  if (!status) status = ms_model_update_forces(model, skip_off, err);
+  if (status) return status;
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
     model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* padding rests */
   }
   model->features = find_features(scene, &model->springs) | skip_off;
-  return create_laws(model, err);
+  return MSIM_OK;
 }
 
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
@@ -70,7 +95,7 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
   *part = *whole;
   part->springs = (ms_springs){0};
   part->half_edges = (ms_half_edges){0};
-  part->extra_force = NULL;
+  part->added_force = NULL;
   part->laws = NULL;
   msim_status status = ms_springs_create(scene, springs, &part->unknowns, &part->springs, err);
   if (!status) status = ms_adjacency_create(scene, &part->unknowns, &part->springs, &a, err);
@@ -79,21 +104,48 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
         ms_half_edges_create(scene, &part->unknowns, &part->springs, &a, &part->half_edges, err);
   ms_adjacency_destroy(scene, &a);
   if (status) return status;
+  status = create_laws(part, err);
+  if (status) return status;
+  update_added_force(part);
   part->features = find_features(scene, &part->springs) | skip_off;
-  return create_laws(part, err);
+  return MSIM_OK;
 }
 
 void ms_model_destroy_subset(ms_model *part) {
   if (!part->scene) return;
+  free_added_force(part);
   ms_half_edges_destroy(part->scene, &part->half_edges);
   ms_springs_destroy(part->scene, &part->springs);
   ms_law_springs_destroy(part->scene, part->laws);
-  ms_memory_free(&part->scene->alloc, part->extra_force);
   *part = (ms_model){0};
+}
+
+msim_status ms_model_update_forces(ms_model *model, unsigned skip_off, msim_error *err) {
+  const ms_scene *s = model->scene;
+  if (s->force && !model->force && !MS_NEW_VECTORS(s, &model->unknowns, &model->force))
+    return ms_error_set_memory(err, "the forces on particles");
+  model->external = s->external;
+  model->features &= ~(unsigned)MS_HAS_DRAG | skip_off;
+  if (ms_external_has_velocity(&s->external)) model->features |= MS_HAS_DRAG;
+  if (!s->force) {
+    remove_constant_forces(model);
+    return MSIM_OK;
+  }
+  ms_unknowns_gather(&model->unknowns, s->force, model->force);
+  update_added_force(model);
+  return MSIM_OK;
+}
+
+double ms_model_force_acceleration(const ms_model *model, int32_t row) {
+  double f[3];
+  if (!model->force) return 0;
+  ms_unknowns_get(&model->unknowns, model->force, row, f);
+  return ms_vec3_norm(f) * model->inv_mass[row];
 }
 
 void ms_model_keep_springs_only(ms_model *model) {
   model->external = (ms_external){0};
+  remove_constant_forces(model);
   model->features &= ~(unsigned)(MS_HAS_DRAG | MS_HAS_PLANES);
 }
 
@@ -106,8 +158,9 @@ void ms_model_update_springs(ms_model *model, unsigned skip_off) {
 
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
+  free_added_force(model);
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
   ms_law_springs_destroy(model->scene, model->laws);
-  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->extra_force);
+  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->force);
   *model = (ms_model){0};
 }

@@ -28,7 +28,9 @@ typedef struct ms_model {
   double *mass, *inv_mass;     /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
   ms_external external;        /* the scene's */
   struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
-  double *extra_force; /* a vector: spring forces on split rows, and those of laws; NULL: neither */
+  double *force;               /* a vector: the constant forces on particles, N; NULL: none */
+  double *added_force; /* a vector that force sweeps add: `force`, the forces of springs on split
+                          rows and those of laws; `force` itself if there are no others */
   int isa;             /* of the kernels: ms_isa_choose() */
   ms_pool *pool;       /* the sim's; NULL: one thread */
   unsigned features;   /* MS_HAS_... */
@@ -49,7 +51,14 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
                                    unsigned skip_off, ms_model *part, msim_error *err);
 void ms_model_destroy_subset(ms_model *part);
 
-/* Remove gravity, drag and planes. */
+/* Copy gravity, drag and constant forces from the scene again. Fails, and changes nothing, only
+ * where a scene has constant forces and the one before had none. */
+msim_status ms_model_update_forces(ms_model *model, unsigned skip_off, msim_error *err);
+
+/* The constant force of a row over its mass (m/s^2), 0 without */
+double ms_model_force_acceleration(const ms_model *model, int32_t row);
+
+/* Remove gravity, drag, constant forces and planes. */
 void ms_model_keep_springs_only(ms_model *model);
 
 /* Copy k, rest and damping from the scene again, and find the features anew. */

@@ -14,6 +14,7 @@
 typedef struct ms_norm_sums {
   double low[3], high[3]; /* the bounding box */
   double speed2;          /* sum of |v_i|^2 */
+  double force2;          /* sum of |F_i/m_i|^2, of constant forces */
   double omega2;          /* by Gershgorin's discs, as in bounds.h */
 } ms_norm_sums;
 
@@ -72,6 +73,8 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
   ms_unknowns_get(rows, v, r, vr);
   extend_box(xr, g);
   g->speed2 += ms_vec3_dot(vr, vr);
+  const double pull = ms_model_force_acceleration(model, r);
+  g->force2 += pull * pull;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t q = half_edges->neighbour[at];
     if (half_edges->spring[at] < 0) continue;
@@ -85,8 +88,10 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
 }
 
 static void set_body_scales(const ms_norm_sums *sum, double gravity, double span, ms_norm_body *p) {
-  ms_scale_sources from = {
-      .speed2 = sum->speed2 / p->n, .gravity = gravity, .omega = sqrt(sum->omega2), .span = span};
+  ms_scale_sources from = {.speed2 = sum->speed2 / p->n,
+                           .gravity = gravity + sqrt(sum->force2 / p->n),
+                           .omega = sqrt(sum->omega2),
+                           .span = span};
   for (int c = 0; c < 3; c++) {
     from.extent = fmax(from.extent, sum->high[c] - sum->low[c]);
     from.farthest = fmax(from.farthest, fmax(fabs(sum->low[c]), fabs(sum->high[c])));

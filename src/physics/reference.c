@@ -24,7 +24,8 @@ void ms_reference_compute_force(const ms_scene *scene, const double *x, const do
                                 double *f) {
   const size_t n = (size_t)scene->nparticles;
   for (size_t i = 0; i < 3 * n; i++)
-    f[i] = ms_external_force(&scene->external, (int32_t)(i % 3), scene->mass[i / 3], x[i], v[i]);
+    f[i] = ms_external_force(&scene->external, (int32_t)(i % 3), scene->mass[i / 3], x[i], v[i]) +
+           (scene->force ? scene->force[i] : 0);
   for (size_t e = 0; e < (size_t)scene->nsprings; e++) add_spring_force(scene, e, x, v, f);
   for (size_t p = 0; p < n; p++)
     if (scene->pinned[p]) memset(f + 3 * p, 0, 3 * sizeof *f);

@@ -29,6 +29,17 @@ static double sum_free_mass(const ms_scene *scene) {
   return mass > 0 ? mass : 1;
 }
 
+/* The root mean square of |F/m| over free particles, m/s^2, of constant forces F */
+static double mean_force_acceleration(const ms_scene *scene) {
+  double sum = 0, count = 0;
+  for (size_t p = 0; p < (size_t)scene->nparticles && scene->force; p++) {
+    if (scene->pinned[p]) continue;
+    const double a = ms_vec3_norm(scene->force + 3 * p) / scene->mass[p];
+    sum += a * a, count++;
+  }
+  return count > 0 ? sqrt(sum / count) : 0;
+}
+
 void ms_scales_set(const ms_scale_sources *from, ms_scales *scales) {
   const double g = from->gravity, T = from->span;
   double L = from->extent;
@@ -43,7 +54,7 @@ void ms_scales_set(const ms_scale_sources *from, ms_scales *scales) {
 
 msim_status ms_scales_compute(const ms_scene *scene, const double *x, const double *v, double span,
                               ms_scales *scales, msim_error *err) {
-  const double g = ms_external_acceleration(&scene->external);
+  const double g = ms_external_acceleration(&scene->external) + mean_force_acceleration(scene);
   ms_bounds bounds;
   msim_energy energy = {.size = sizeof energy};
   msim_status status = ms_bounds_compute(scene, 0, &bounds, err);

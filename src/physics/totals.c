@@ -26,6 +26,7 @@ ms_totals ms_totals_identity(void) {
 void ms_totals_add(const ms_totals *more, ms_totals *to) {
   to->kinetic += more->kinetic;
   to->elastic += more->elastic;
+  to->force_work += more->force_work;
   for (int c = 0; c < 3; c++) {
     to->moment[c] += more->moment[c];
     to->low[c] = fmin(to->low[c], more->low[c]);
@@ -41,5 +42,6 @@ ms_totals ms_totals_compute(const ms_model *model, const double *x, const double
                                        ms_half_edges_count_ranges(&model->half_edges), CHUNK);
   for (int32_t i = 0; i < n; i++) ms_totals_add(&parts[i], &sum);
   if (model->laws) sum.elastic += ms_law_springs_energy(model, x);
+  if (model->force) sum.force_work = ms_vector_dot(model->shape, model->force, x);
   return sum;
 }

@@ -9,6 +9,7 @@
 typedef struct ms_totals {
   double kinetic, elastic; /* J */
   double moment[3];        /* sum of m x, kg m */
+  double force_work;       /* sum of F.x for constant forces: minus their potential energy, J */
   double low[3], high[3];  /* bounding box, m; 0 along an axis left out */
 } ms_totals;
 

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/vec3.h"
 #include "methods/methods.h"
 #include "integrate/multirate.h"
 #include "linear/aggregates.h"
@@ -27,6 +28,10 @@ static void explain_scene(const msim_sim *sim, ms_text *out) {
   ms_text_append(out, "scene         %s\n", *s->name ? s->name : "(no name)");
   ms_text_append(out, "              particles %d, of them pinned %d; springs %d; planes %d\n",
                  s->nparticles, s->nparticles - count_all_free(sim), s->nsprings, s->nplanes);
+  int32_t pushed = 0;
+  for (int32_t p = 0; p < s->nparticles && s->force; p++)
+    pushed += ms_vec3_norm(s->force + 3 * (size_t)p) > 0;
+  if (pushed) ms_text_append(out, "              constant forces on %d particles\n", pushed);
 }
 
 static const char *island_solver_name(const ms_island_sim *m) {

@@ -66,6 +66,7 @@ static void export_particles(export_state *e) {
   if (!ms_scene_all_zero(3 * n, s->v)) append_array(e, MSIM_NODE_REAL, n, 3, s->v, "particles/v");
   append_repeated(e, n, s->mass, "particles/mass");
   if (npinned) append_array(e, MSIM_NODE_WHOLE, npinned, 1, e->pinned, "particles/pinned");
+  if (s->force) append_array(e, MSIM_NODE_REAL, n, 3, s->force, "particles/force");
 }
 
 static void export_springs(export_state *e) {

@@ -21,8 +21,8 @@ static void free_run(ms_scene *s) {
 }
 
 static void free_scene_data(ms_scene *s) {
-  MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->ij, s->k, s->rest,
-          s->damping, s->faces, s->planes);
+  MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->force, s->ij, s->k,
+          s->rest, s->damping, s->faces, s->planes);
   free_run(s);
   ms_laws_free(s);
   msim_allocator alloc = s->alloc;
@@ -76,10 +76,14 @@ void msim_scene_destroy(msim_scene *scene) {
 /*------------------------------------- copy on write --------------------------------------------*/
 
 static int reserve_particles(ms_scene *s, int64_t needed, msim_error *err) {
-  const ms_array arrays[] = {
-      {&s->x, 3 * sizeof *s->x}, {&s->v, 3 * sizeof *s->v}, MS_ARRAY(s->mass), MS_ARRAY(s->pinned)};
+  const ms_array arrays[] = {{&s->x, 3 * sizeof *s->x},
+                             {&s->v, 3 * sizeof *s->v},
+                             MS_ARRAY(s->mass),
+                             MS_ARRAY(s->pinned),
+                             {&s->force, 3 * sizeof *s->force}};
+  const int count = s->force ? 5 : 4;
   int32_t capacity = s->particle_capacity;
-  for (int i = 0; i < 4; i++) {
+  for (int i = 0; i < count; i++) {
     capacity = s->particle_capacity;
     if (ms_memory_reserve(&s->alloc, arrays[i], s->nparticles, &capacity, needed, err)) return 0;
   }
@@ -112,6 +116,7 @@ static void append_particles(ms_scene *s, int32_t n, const double *x, const doub
   memcpy(s->mass + at, mass, count * sizeof *mass);
   if (pinned) memcpy(s->pinned + at, pinned, count);
   else memset(s->pinned + at, 0, count);
+  if (s->force) memset(s->force + 3 * at, 0, 3 * count * sizeof *s->force);
   s->nparticles += n;
 }
 
@@ -144,7 +149,8 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   c->name = ms_memory_copy_string(&c->alloc, s->name);
   const ms_array faces = {&c->faces, 3 * sizeof *c->faces};
   int ok =
-      c->name && reserve_particles(c, s->nparticles, err) && reserve_springs(c, s->nsprings, err) &&
+      c->name && (!s->force || MS_NEW(&c->alloc, c->force, 0)) &&
+      reserve_particles(c, s->nparticles, err) && reserve_springs(c, s->nsprings, err) &&
       ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
           MSIM_OK &&
@@ -155,6 +161,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
     return NULL;
   }
   if (s->nparticles) append_particles(c, s->nparticles, s->x, s->v, s->mass, s->pinned);
+  if (s->force) memcpy(c->force, s->force, 3 * (size_t)s->nparticles * sizeof *s->force);
   if (s->nsprings) append_springs(c, s->nsprings, s->ij, s->k, s->rest, s->damping);
   if (s->nfaces) memcpy(c->faces, s->faces, 3 * (size_t)s->nfaces * sizeof *s->faces);
   c->nfaces = s->nfaces;
@@ -200,9 +207,8 @@ static msim_status check_number(const char *what, int64_t i, double value, int p
                       (long long)i, value, positive ? "> 0" : ">= 0");
 }
 
-/* Indices in messages are those of groups of `width` numbers. */
-static msim_status check_finite(const char *what, int64_t n, int width, const double *values,
-                                msim_error *err) {
+msim_status ms_scene_check_finite(const char *what, int64_t n, int width, const double *values,
+                                  msim_error *err) {
   for (int64_t i = 0; i < n; i++)
     if (!isfinite(values[i]))
       return ms_error_set(err, MSIM_ERR_ARG, "%s[%lld] is %g; it must be finite", what,
@@ -262,7 +268,7 @@ msim_status msim_scene_set_name(msim_scene *scene, const char *name, msim_error 
 
 msim_status msim_scene_set_gravity(msim_scene *scene, const double gravity[3], msim_error *err) {
   if (!scene || !gravity) return ms_error_set(err, MSIM_ERR_ARG, "scene or gravity is NULL");
-  if (check_finite("gravity", 3, 1, gravity, err)) return MSIM_ERR_ARG;
+  if (ms_scene_check_finite("gravity", 3, 1, gravity, err)) return MSIM_ERR_ARG;
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   memcpy(s->external.gravity, gravity, sizeof s->external.gravity);
@@ -303,8 +309,8 @@ msim_status msim_scene_add_particles(msim_scene *scene, int32_t n, const double 
     return ms_error_set(err, MSIM_ERR_ARG, "scene, x or mass is NULL");
   msim_status status = ms_scene_check_count(n, "particles", err);
   if (!status) status = check_particle_limit(scene->data, n, err);
-  if (!status) status = check_finite("particles.x", 3 * (int64_t)n, 3, x, err);
-  if (!status && v) status = check_finite("particles.v", 3 * (int64_t)n, 3, v, err);
+  if (!status) status = ms_scene_check_finite("particles.x", 3 * (int64_t)n, 3, x, err);
+  if (!status && v) status = ms_scene_check_finite("particles.v", 3 * (int64_t)n, 3, v, err);
   for (int32_t i = 0; i < n && !status; i++)
     status = check_number("particles.mass", i, mass[i], 1, err);
   if (status || n == 0) return status ? status : ms_error_clear(err);
@@ -351,7 +357,7 @@ static void normalize_plane(msim_plane *p) {
 msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane, msim_error *err) {
   if (!scene || !plane) return ms_error_set(err, MSIM_ERR_ARG, "scene or plane is NULL");
   msim_plane p = *plane;
-  msim_status status = check_finite("normal", 3, 1, p.normal, err);
+  msim_status status = ms_scene_check_finite("normal", 3, 1, p.normal, err);
   if (status) return status;
   if (!isfinite(p.offset))
     return ms_error_set(err, MSIM_ERR_ARG, "offset is %g; it must be finite", p.offset);
@@ -444,6 +450,7 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .faces = s->faces,
       .nlaws = s->nlaws,
       .law = s->law,
+      .force = s->force,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
   return ms_sized_write(view, &full, sizeof full);

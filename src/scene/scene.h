@@ -33,6 +33,7 @@ typedef struct ms_scene {
   int32_t nparticles, particle_capacity;
   double *x, *v, *mass; /* 3n, 3n, n */
   uint8_t *pinned;      /* n */
+  double *force;        /* 3n: constant forces, N; NULL: none */
 
   int32_t nsprings, spring_capacity;
   int32_t *ij; /* 2 nsprings */
@@ -80,6 +81,11 @@ ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
 
 /* Refuse a negative number of `what`. */
 msim_status ms_scene_check_count(int64_t n, const char *what, msim_error *err);
+
+/* Refuse a number of values[n] that is not finite; indices in messages are those of groups of
+ * `width` numbers. */
+msim_status ms_scene_check_finite(const char *what, int64_t n, int width, const double *values,
+                                  msim_error *err);
 
 /* Append an option of the scene file's `run`; the caller has checked it by msim_options_set. */
 msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const char *value,

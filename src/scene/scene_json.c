@@ -56,17 +56,21 @@ static msim_status read_pinned_particles(const ms_json_reader *r, ms_value value
 }
 
 static msim_status add_listed_particles(const ms_json_reader *r, ms_value section, ms_value x,
-                                        ms_value mass, int32_t n, double *room /* 7n */) {
-  double *at_v = room + 3 * (size_t)n, *at_mass = at_v + 3 * (size_t)n;
+                                        ms_value mass, int32_t n, double *room /* 10n */) {
+  double *at_v = room + 3 * (size_t)n, *at_force = at_v + 3 * (size_t)n,
+         *at_mass = at_force + 3 * (size_t)n;
   const ms_scene_key *keys = ms_particle_keys;
   const ms_value v = ms_value_member(section, keys[MS_KEY_V].key),
-                 pinned = ms_value_member(section, keys[MS_KEY_PINNED].key);
+                 pinned = ms_value_member(section, keys[MS_KEY_PINNED].key),
+                 force = ms_value_member(section, keys[MS_KEY_FORCE].key);
   msim_status status = ms_json_read_rows(r, "particles.x", x, n, room);
   if (!status && v.json) status = ms_json_read_rows(r, "particles.v", v, n, at_v);
   if (!status)
     status = ms_json_read_each(r, "particles.mass", mass, keys[MS_KEY_MASS].range, n, at_mass);
+  if (!status && force.json) status = ms_json_read_rows(r, "particles.force", force, n, at_force);
   if (status) return status;
   status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, r->err);
+  if (!status && force.json) status = msim_scene_set_forces(r->scene, at_force, r->err);
   if (status || !pinned.json) return ms_json_forward_error(r, "", status);
   return read_pinned_particles(r, pinned, n);
 }
@@ -80,7 +84,7 @@ static msim_status read_particles(ms_json_reader *r, const char *path, ms_value 
     status = ms_json_require_key(r, path, section, &ms_particle_keys[MS_KEY_MASS], &mass);
   if (!status) status = ms_json_read_array_size(r, "particles.x", x, &n);
   if (status) return status;
-  double *room = ms_memory_allocate(&r->alloc, (size_t)n, 7 * sizeof *room);
+  double *room = ms_memory_allocate(&r->alloc, (size_t)n, 10 * sizeof *room);
   if (!room) return ms_json_fail_memory(r);
   status = add_listed_particles(r, section, x, mass, n, room);
   ms_memory_free(&r->alloc, room);

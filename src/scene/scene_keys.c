@@ -65,7 +65,9 @@ const ms_scene_key ms_particle_keys[MS_PARTICLE_KEYS] = {
      "[[0, 0, 0], [1, 0, 0]]"},
     {"mass", MS_NUMBER_EACH, MS_POSITIVE, 1, NULL, "kg", "masses", "0.5"},
     {"pinned", MS_INDICES, MS_ANY, 1, "[]", "",
-     "indices, from 0, of the particles that never move; their velocities must be 0", "[0]"}};
+     "indices, from 0, of the particles that never move; their velocities must be 0", "[0]"},
+    {"force", MS_ROWS, MS_ANY, 3, "", "N",
+     "constant forces beside gravity, drag and springs; default: 0", "[[0, 0, 0], [0, 0, 1.5]]"}};
 
 const ms_scene_key ms_spring_keys[MS_SPRING_KEYS] = {
     {"ij", MS_INDEX_ROWS, MS_ANY, 2, NULL, "",

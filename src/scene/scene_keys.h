@@ -61,7 +61,7 @@ enum {
 };
 extern const ms_scene_key ms_section_keys[MS_SECTIONS];
 
-enum { MS_KEY_X, MS_KEY_V, MS_KEY_MASS, MS_KEY_PINNED, MS_PARTICLE_KEYS };
+enum { MS_KEY_X, MS_KEY_V, MS_KEY_MASS, MS_KEY_PINNED, MS_KEY_FORCE, MS_PARTICLE_KEYS };
 extern const ms_scene_key ms_particle_keys[MS_PARTICLE_KEYS];
 
 enum { MS_KEY_IJ, MS_KEY_K, MS_KEY_REST, MS_KEY_DAMPING, MS_KEY_LAW, MS_SPRING_KEYS };

@@ -70,6 +70,10 @@ static void write_json_particles(ms_text *text, const ms_scene *s) {
   }
   write_each(text, "mass", n, s->mass);
   write_pinned(text, s);
+  if (s->force) {
+    ms_text_append(text, ",\n    \"force\": ");
+    write_numbers(text, 3 * n, 3, s->force);
+  }
   ms_text_append(text, "\n  }");
 }
 

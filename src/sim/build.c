@@ -168,6 +168,27 @@ msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *er
   return MSIM_OK;
 }
 
+msim_status ms_sim_replace_forces(msim_sim *sim, ms_scene *scene, msim_error *err) {
+  ms_scene *before = sim->scene;
+  msim_status status = MSIM_OK;
+  int32_t i = 0;
+  sim->scene = scene;
+  for (; i < sim->nislands && !status; i++) {
+    ms_model *model = &sim->islands[i].model;
+    model->scene = scene;
+    status = ms_model_update_forces(model, sim->config.opt.skip_off, err);
+  }
+  if (!status) return MSIM_OK;
+  ms_sim_replace_forces(sim, before, NULL); /* has no forces, and so needs no memory */
+  return status;
+}
+
+void ms_sim_set_created_forces(msim_sim *sim, ms_scene *before) {
+  if (sim->created_from && before) return;
+  ms_scene_release(sim->created_from);
+  sim->created_from = before ? ms_scene_retain(before) : NULL;
+}
+
 void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {
   sim->scene = scene;
   sim->scene_is_hashed = 0;

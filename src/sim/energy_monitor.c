@@ -55,6 +55,11 @@ static double extent_of(const ms_totals *t) {
   return extent;
 }
 
+/* sum (m g + F).x (J): minus the potential energy of external forces */
+static double external_work(const msim_sim *sim, const ms_totals *t) {
+  return ms_external_work(&sim->scene->external, t->moment) + t->force_work;
+}
+
 /* The bounds in the present state; `most` is kept if that state is good. */
 typedef struct energy_bounds {
   double bound, extent;
@@ -63,7 +68,7 @@ typedef struct energy_bounds {
 
 static energy_bounds compute_energy_bounds(const msim_sim *sim, const ms_totals *now) {
   const ms_energy_monitor *w = &sim->monitor;
-  const double work = ms_external_work(&sim->scene->external, now->moment) - w->start_moment_work;
+  const double work = external_work(sim, now) - w->start_external_work;
   const double bound = w->start_bound + fmax(0, work), most = fmax(w->energy_bound, bound);
   const double speed = w->least_mass > 0 ? sqrt(2 * most / w->least_mass) : 0;
   return (energy_bounds){bound, w->extent + 2 * (time_of(sim) - w->t0) * speed, most};
@@ -86,6 +91,8 @@ int ms_energy_monitor_is_due(const msim_sim *sim) {
 /* Properties of a scene in a state */
 typedef struct scene_facts {
   double mass, least;  /* of all free particles and of the lightest one, kg */
+  double force;        /* the sum of |F|, of constant forces, N */
+  double most_force;   /* the largest |F|/m, m/s^2 */
   double farthest;     /* the largest |coordinate|, m */
   double height;       /* of the particle highest above a plane, m */
   double depth;        /* of the particle farthest behind a plane, m */
@@ -99,6 +106,8 @@ static void add_particle_facts(const ms_scene *s, int32_t p, const double x[3], 
   if (s->pinned[p]) return;
   f->mass += s->mass[p];
   f->least = f->least > 0 ? fmin(f->least, s->mass[p]) : s->mass[p];
+  const double force = s->force ? ms_vec3_norm(s->force + 3 * (size_t)p) : 0;
+  f->force += force, f->most_force = fmax(f->most_force, force / s->mass[p]);
   for (int32_t i = 0; i < s->nplanes; i++) {
     const double above = ms_vec3_dot(s->planes[i].normal, x) - s->planes[i].offset;
     f->height = fmax(f->height, above), f->depth = fmax(f->depth, -above);
@@ -157,19 +166,18 @@ static void keep_good_state(msim_sim *sim) {
 void ms_energy_monitor_start(msim_sim *sim) {
   if (!monitor_is_on(sim)) return;
   ms_energy_monitor *w = &sim->monitor;
-  const ms_external *forces = &sim->scene->external;
-  const double g = ms_external_acceleration(forces), h = sim->run.h;
+  const double g = ms_external_acceleration(&sim->scene->external), h = sim->run.h;
   for (int32_t i = 0; i < sim->nislands; i++) sim->islands[i].last_good.at_rest = 0;
   ms_totals now = measure_totals(sim);
   const scene_facts f = collect_facts(sim, &now);
   const double d = sqrt(DBL_EPSILON) * f.farthest + 2 * f.depth;
+  const double weight = f.mass * g + f.force, fall = (g + f.most_force) * h * h;
   w->extent = extent_of(&now);
   w->least_mass = f.least;
   w->t0 = time_of(sim);
-  w->start_moment_work = ms_external_work(forces, now.moment);
-  w->start_bound = now.kinetic + now.elastic +
-                   f.mass * g * (fmax(w->extent, f.height) + g * h * h) + f.stiffness * d * d / 2 +
-                   f.energy_depth;
+  w->start_external_work = external_work(sim, &now);
+  w->start_bound = now.kinetic + now.elastic + weight * (fmax(w->extent, f.height) + fall) +
+                   f.stiffness * d * d / 2 + f.energy_depth;
   w->energy_bound = w->start_bound;
   keep_good_state(sim);
 }
@@ -265,15 +273,15 @@ void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
 
 void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, const ms_run_state *run,
                                ms_energy_monitor *w) {
-  double *numbers[] = {&w->energy_bound, &w->start_bound,    &w->start_moment_work,
-                       &w->extent,       &w->least_mass,     &w->t0,
-                       &w->good.t,       &w->good.t_rounding};
+  double *numbers[] = {&w->energy_bound, &w->start_bound,     &w->start_external_work,
+                       &w->extent,       &w->least_mass,      &w->t0,
+                       &w->good.t,       &w->good.t_rounding, &w->good.work};
   if (b->direction == MS_ARCHIVE_READ) w->good = *run;
   if (!monitor_is_on(sim)) return;
   ms_archive_transfer_count(b, &w->good.step);
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) MS_ARCHIVE_TRANSFER(b, *numbers[i]);
-  ms_archive_check(b, isfinite(w->good.t) && isfinite(w->good.t_rounding),
-                   "the time of the last good state");
+  ms_archive_check(b, isfinite(w->good.t) && isfinite(w->good.t_rounding) && isfinite(w->good.work),
+                   "the time or work of the last good state");
   ms_control_archive(b, &w->good.control);
 }
 

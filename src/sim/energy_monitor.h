@@ -1,21 +1,23 @@
 /* energy_monitor - energy monitor: detect motion beyond what energy allows, and keep the last good
  * state
  *
- * Springs, planes, pins, damping and drag add no energy to a scene; gravity adds its work. So from
- * a start with kinetic energy K0 and elastic energy E0 exact motion keeps
- *   K + E <= S,  S = K0 + E0 + sum m g.(x - x0) over all free particles,
+ * Springs, planes, pins, damping and drag add no energy to a scene; gravity and constant forces F
+ * add their work. So from a start with kinetic energy K0 and elastic energy E0 exact motion keeps
+ *   K + E <= S,  S = K0 + E0 + sum (m g + F).(x - x0) over all free particles,
  * and no particle is ever faster than sqrt(2 S/m), so that the longest side L of the box around all
  * particles, L0 at the start, keeps
  *   L <= L0 + 2 t sqrt(2 S/m_least), S the largest so far.
  * A method may exceed both by its error, which is a fraction of the energy available in the scene.
  * For scenes that start without energy, S contains a least amount of it:
- *   - M g (L0 + g h^2): a fall of the free mass M through the scene, or, where that is more, from
- *     the highest particle down to a plane; and one step of free fall;
+ *   - W (L0 + a h^2), W = M g + sum |F|, a = g + max |F|/m: a fall of the free mass M through the
+ *     scene, or, where that is more, from the highest particle down to a plane; and one step of
+ *     free fall;
  *   - sum k d^2/2 with d = sqrt(eps) max |x|, far above rounding errors, plus twice the depth of
  *     the particle farthest behind a plane, which is moved to the other side.
- * Lifting reduces the work of gravity, down to 0. Motion beyond a hundred times either bound ends
- * the run with MSIM_UNSTABLE, and the sim returns to the last good state, the last one that passed
- * a check. It does so, too, after any other numerical event in a state beyond the bounds.
+ * Lifting reduces the work of external forces, down to 0. Motion beyond a hundred times either
+ * bound ends the run with MSIM_UNSTABLE, and the sim returns to the last good state, the last one
+ * that passed a check. It does so, too, after any other numerical event in a state beyond the
+ * bounds.
  *
  * A check costs one evaluation of energy, about as much as one of forces. Implicit steps cost many
  * times that and are all checked; explicit ones if their number is a multiple of 160; both before a
@@ -40,13 +42,13 @@ typedef struct ms_last_good_state {
 
 /* The energy monitor of the whole sim */
 typedef struct ms_energy_monitor {
-  double energy_bound;      /* the largest energy bound S so far, J */
-  double start_bound;       /* S without the work of gravity since the start, J */
-  double start_moment_work; /* sum m g.x at the start, J */
-  double extent;            /* L0, m */
-  double least_mass;        /* m_least, kg; 0: no particle is free */
-  double t0;                /* time of the start, s */
-  ms_run_state good;        /* that of the last good state */
+  double energy_bound;        /* the largest energy bound S so far, J */
+  double start_bound;         /* S without the work of external forces since the start, J */
+  double start_external_work; /* sum (m g + F).x at the start, J */
+  double extent;              /* L0, m */
+  double least_mass;          /* m_least, kg; 0: no particle is free */
+  double t0;                  /* time of the start, s */
+  ms_run_state good;          /* that of the last good state */
 } ms_energy_monitor;
 
 /* Allocate the memory for an island, if options.watch is on. MSIM_ERR_MEMORY. */

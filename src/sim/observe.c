@@ -65,7 +65,8 @@ msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
                      .x = sim->state_x,
                      .v = sim->state_v,
                      .v_half = sim->config.integrator->sync ? sim->state_v_half : NULL,
-                     .h = sim->run.h};
+                     .h = sim->run.h,
+                     .work = sim->run.work};
   return ms_sized_write(state, &full, sizeof full);
 }
 
@@ -74,6 +75,7 @@ msim_status msim_sim_energy(msim_sim *sim, msim_energy *energy) {
   update_state_arrays(sim);
   msim_energy full = {0};
   ms_energy_compute(sim->scene, sim->state_x, sim->state_v, &full);
+  full.work = sim->run.work;
   return ms_sized_write(energy, &full, sizeof full);
 }
 

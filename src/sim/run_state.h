@@ -16,6 +16,7 @@ typedef struct ms_run_state {
   double t_shown;       /* s: time of the state that msim_sim_state returns, <= t */
   double h;             /* s: the step; under error control the next one to try, as in `control` */
   int64_t frame;        /* frame that msim_sim_run shows next, if frames have times of their own */
+  double work;          /* J: energy that changes of forces have supplied */
   int64_t spent;        /* steps that msim_sim_set_step has subtracted from options.steps */
   ms_control control;
 } ms_run_state;

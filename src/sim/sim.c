@@ -167,6 +167,7 @@ void msim_sim_destroy(msim_sim *sim) {
     ms_memory_free(&sim->alloc, arrays[i]);
   ms_scene_release(sim->scene);
   ms_scene_release(sim->chosen_for);
+  ms_scene_release(sim->created_from);
   msim_allocator alloc = sim->alloc;
   ms_memory_free(&alloc, sim);
 }

@@ -26,12 +26,13 @@ typedef struct ms_island_sim {
   ms_disturbance disturbance;
 } ms_island_sim;
 
-enum { MS_SCENE_HASHES = 8 }; /* hashed arrays of a scene (checkpoint/fingerprint.h) */
+enum { MS_SCENE_HASHES = 9 }; /* hashed arrays of a scene (checkpoint/fingerprint.h) */
 
 struct msim_sim {
   msim_allocator alloc;
-  ms_scene *scene;      /* reference counted */
-  ms_scene *chosen_for; /* solvers were chosen for its springs; NULL: for those of `scene` */
+  ms_scene *scene;        /* reference counted */
+  ms_scene *created_from; /* has the forces that the sim was made with; NULL: `scene` has them */
+  ms_scene *chosen_for;   /* solvers were chosen for its springs; NULL: for those of `scene` */
   ms_config config;
   ms_run_state run;
   char *solver, *plugin_path; /* what options.solver and plugin_path point to; nullable */
@@ -100,6 +101,15 @@ void ms_sim_set_solver_scene(msim_sim *sim, ms_scene *scene);
 /* Replace the sim's scene, and update the springs of all models; no reference count changes. */
 void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene);
 
+/* Replace the sim's scene by one with other gravity, drag or constant forces, and update all
+ * models; no reference count changes. Fails, with nothing changed, only where particles get
+ * constant forces for the first time. */
+msim_status ms_sim_replace_forces(msim_sim *sim, ms_scene *scene, msim_error *err);
+
+/* Record that the forces are no longer those that the sim was made with, which `before` has unless
+ * that was recorded earlier; NULL: they are these. */
+void ms_sim_set_created_forces(msim_sim *sim, ms_scene *before);
+
 /* Build all islands anew, with the same components, and start them in the present state. */
 msim_status ms_sim_rebuild_islands(msim_sim *sim, msim_error *err);
 
@@ -147,6 +157,9 @@ void ms_sim_switch_method(msim_sim *sim, const ms_integrator *method, double h);
 
 /* Start all islands in this state, with the planned step. */
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state);
+
+/* Reduce options.steps by the steps already made; those made beyond it do not count. */
+void ms_sim_subtract_steps_made(msim_sim *sim);
 
 /* Plan the run from t0 and x, v (3n, in particle order); on failure the old plan stays. */
 msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const double *v,

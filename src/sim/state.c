@@ -13,6 +13,9 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
   if (!state->x || !state->v) return ms_error_set(err, MSIM_ERR_ARG, "the state has no x or no v");
   if (!isfinite(state->t) || state->step < 0)
     return ms_error_set(err, MSIM_ERR_ARG, "the state's t must be finite and its step >= 0");
+  if (!isfinite(state->work))
+    return ms_error_set(err, MSIM_ERR_ARG, "the state's work is %g; it must be finite",
+                        state->work);
   for (size_t i = 0; i < 3 * (size_t)state->n; i++) {
     int pinned = scene->pinned[i / 3];
     if (!(fabs(state->x[i]) <= MS_LARGEST_VALID && fabs(state->v[i]) <= MS_LARGEST_VALID) ||
@@ -118,6 +121,14 @@ msim_status ms_sim_make_plan(msim_sim *sim, double t0, const double *x, const do
   return MSIM_OK;
 }
 
+void ms_sim_subtract_steps_made(msim_sim *sim) {
+  int64_t *steps = &sim->config.opt.steps, made = sim->run.step - sim->run.step0;
+  if (*steps < 0) return;
+  if (made > *steps) made = *steps;
+  sim->run.spent += made;
+  *steps -= made;
+}
+
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_plan plan = sim->config.plan;
   const ms_run_state run = sim->run;
@@ -129,6 +140,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   }
   const size_t bytes = 3 * (size_t)state->n * sizeof(double);
   sim->run.step = sim->run.step0 = state->step;
+  sim->run.work = state->work;
   if (ms_sim_has_control(sim)) ms_step_driver_start_control(sim);
   memmove(sim->state_x, state->x, bytes);
   memmove(sim->state_v, state->v, bytes);

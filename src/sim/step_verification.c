@@ -281,16 +281,20 @@ msim_status ms_step_verification_make_step(const msim_sim *sim, ms_island_sim *m
 
 /*------------------------------------- planes ---------------------------------------------------*/
 
-/* The distance of the particle nearest to a plane, m; *speed: that of the fastest one, m/s */
-static double find_plane_distance(const msim_sim *sim, double *speed) {
+/* The distance of the particle nearest to a plane, m; *speed: that of the fastest one, m/s;
+ * *acceleration: the largest one by external forces, m/s^2 */
+static double find_plane_distance(const msim_sim *sim, double *speed, double *acceleration) {
   const ms_scene *scene = sim->scene;
+  const double g = ms_external_acceleration(&scene->external);
   double gap = INFINITY, fastest = 0;
+  *acceleration = g;
   for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
       double x[3], v[3];
       ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
       ms_unknowns_get(&m->model.unknowns, m->stepper.v, r, v);
       fastest = fmax(fastest, ms_vec3_dot(v, v));
+      *acceleration = fmax(*acceleration, g + ms_model_force_acceleration(&m->model, r));
       for (int32_t p = 0; p < scene->nplanes; p++)
         gap = fmin(gap, ms_vec3_dot(scene->planes[p].normal, x) - scene->planes[p].offset);
     }
@@ -298,12 +302,12 @@ static double find_plane_distance(const msim_sim *sim, double *speed) {
   return gap;
 }
 
-/* The number of steps of h before a plane can be met: gap/(2 h (v + g h)); speeds may double */
+/* The number of steps of h before a plane can be met: gap/(2 h (v + a h)), with the acceleration a
+ * by external forces; speeds may double */
 static double count_steps_to_plane(const msim_sim *sim, double h) {
-  double speed;
-  const double gap = find_plane_distance(sim, &speed),
-               g = ms_external_acceleration(&sim->scene->external);
-  return gap / (2 * h * (fmax(speed, sim->config.choice.verification.scales.speed) + g * h));
+  double speed, a;
+  const double gap = find_plane_distance(sim, &speed, &a);
+  return gap / (2 * h * (fmax(speed, sim->config.choice.verification.scales.speed) + a * h));
 }
 
 int ms_step_verification_is_plane_close(const msim_sim *sim, double h) {

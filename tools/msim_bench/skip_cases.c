@@ -17,7 +17,8 @@ enum {
   AT_REST = 8,        /* it does not move, at its rest lengths; no pins */
   AMONG_RESTING = 16, /* beside four cloths at rest */
   HALF_PINNED = 32,   /* half of the rows; without: free, as in a program that skips nothing */
-  JELLY = 64          /* pinned at a face, vibrates without numerical damping */
+  JELLY = 64,         /* pinned at a face, vibrates without numerical damping */
+  NO_FORCES = 128     /* no constant forces on particles; without: tiny ones */
 };
 
 /*------------------------------------- the table ------------------------------------------------*/
@@ -51,6 +52,8 @@ static const skip_case cases[] = {
     {"damping", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.damping", NULL},
     {"drag", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.drag", NULL},
     {"gravity", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.gravity", NULL},
+    {"forces", NULL, "cloth100, no forces on particles, over tiny ones", EXPLICIT, 0, NO_FORCES, 0,
+     NULL, NULL},
 };
 
 const skip_case *skip_case_info(int i) {
@@ -92,6 +95,12 @@ static msim_status pin_scene(unsigned is, int without, msim_scene *scene, msim_e
   return msim_scene_pin(scene, 2, corners, err);
 }
 
+static msim_status set_tiny_forces(msim_scene *scene, msim_error *err) {
+  static double force[3 * N];
+  for (int32_t i = 0; i < 3 * N; i++) force[i] = 1e-30;
+  return msim_scene_set_forces(scene, force, err);
+}
+
 msim_status skip_case_build(const skip_case *what, int without, msim_scene *scene,
                             msim_error *err) {
   const unsigned is = what->is;
@@ -107,6 +116,7 @@ msim_status skip_case_build(const skip_case *what, int without, msim_scene *scen
   if (!status) status = scene_arrays_add(&p, !(is & LOOSE), scene, err);
   if (!status) status = pin_scene(is, without, scene, err);
   if (!status) status = msim_scene_set_gravity(scene, gravity, err);
+  if (!status && is & NO_FORCES && without) status = set_tiny_forces(scene, err);
   for (int i = 1; i <= 4 && is & AMONG_RESTING && !status; i++)
     status = add_free_cloth(scene, 2 * i, err);
   scene_arrays_free(&p);

@@ -118,6 +118,10 @@ static nb::object array(const Scene &s, const std::string &name) {
   if (name == "k") return copy(w.k, {m});
   if (name == "rest") return copy(w.rest, {m});
   if (name == "damping") return copy(w.damping, {m});
+  if (name == "force") {
+    const std::vector<double> none(w.force ? 0 : 3 * n);
+    return copy(w.force ? w.force : none.data(), {n, 3});
+  }
   return copy(w.faces, {static_cast<size_t>(w.nfaces), 3});
 }
 
@@ -145,6 +149,11 @@ static void set_gravity(Scene &s, Doubles g) {
 static void set_drag(Scene &s, double drag) {
   msim_error err;
   check(msim_scene_set_drag(s.p, drag, &err), err);
+}
+
+static void set_forces(Scene &s, Doubles force) {
+  msim_error err;
+  check(msim_scene_set_forces(s.p, force.data(), &err), err);
 }
 
 static void set_name(Scene &s, const char *name) {
@@ -178,6 +187,7 @@ void bind_scene(nb::module_ &m) {
       .def("set_gravity", set_gravity)
       .def("drag", [](const Scene &s) { return get(s).drag; })
       .def("set_drag", set_drag)
+      .def("set_forces", set_forces)
       .def("name", [](const Scene &s) { return nb::str(get(s).name); })
       .def("set_name", set_name);
 }

@@ -256,6 +256,27 @@ static void set_springs(Sim &s, nb::object k, nb::object rest, nb::object dampin
   check(status, err);
 }
 
+static void set_gravity(Sim &s, Doubles g) {
+  msim_error err;
+  const msim_status status = msim_sim_set_gravity(idle(s), g.data(), &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
+static void set_drag(Sim &s, double drag) {
+  msim_error err;
+  const msim_status status = msim_sim_set_drag(idle(s), drag, &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
+static void set_forces(Sim &s, nb::object force) {
+  msim_error err;
+  const msim_status status = msim_sim_set_forces(idle(s), data_or_null(force), &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
 static nb::bytes save(Sim &s) {
   msim_error err;
   std::vector<char> data(msim_sim_save_size(idle(s)));
@@ -277,7 +298,7 @@ static nb::tuple energy(const Sim &s) {
   e.size = sizeof e;
   msim_sim_energy(idle(s), &e);
   return nb::make_tuple(e.kinetic, e.elastic, e.gravitational, e.total, copy(e.momentum, {3}),
-                        copy(e.angular_momentum, {3}));
+                        copy(e.angular_momentum, {3}), e.work);
 }
 
 static nb::dict stats(const Sim &s) {
@@ -289,7 +310,8 @@ static nb::dict stats(const Sim &s) {
   ADD(steps)
   ADD(force_evaluations)
   ADD(assemblies)
-  ADD(analyses) ADD(factorizations) ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts)
+  ADD(analyses)
+  ADD(factorizations) ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts)
       ADD(indefinite_steps) ADD(coarse_factors) ADD(kept_factors) ADD(refinements) ADD(fallbacks)
           ADD(total_s) ADD(force_s) ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s)
               ADD(output_s) ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations)
@@ -383,6 +405,9 @@ void bind_sim(nb::module_ &m) {
       .def("_set_state", set_state, nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg())
       .def("_set_step", set_step)
       .def("_set_springs", set_springs, nb::arg().none(), nb::arg().none(), nb::arg().none())
+      .def("_set_gravity", set_gravity)
+      .def("_set_drag", set_drag)
+      .def("_set_forces", set_forces, nb::arg().none())
       .def("dumps", save)
       .def("loads", load, nb::arg("data"))
       .def("_energy", energy)

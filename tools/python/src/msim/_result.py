@@ -10,7 +10,10 @@ from ._errors import Status
 
 
 class Energy(NamedTuple):
-    """Energies in J, momentum and angular momentum about the origin."""
+    """Energies in J, momentum and angular momentum about the origin.
+
+    work: energy that changes of forces have supplied; it is part of `total`.
+    """
 
     kinetic: float
     elastic: float
@@ -18,6 +21,7 @@ class Energy(NamedTuple):
     total: float
     momentum: Doubles
     angular_momentum: Doubles
+    work: float
 
 
 class Energies(NamedTuple):
@@ -53,7 +57,7 @@ class Frame(NamedTuple):
 class Result:
     """The frames of a run, and how it ended; the names are those of scipy.integrate.solve_ivp.
 
-    t: (frames,); x, v: (frames, n, 3); energy: arrays per frame; success: the run reached its end;
+    t: (frames,); x, v: (frames, n, 3); energy, work: arrays per frame; success: the run reached its end;
     status, message: why it did not; nfev, njev, nlu: evaluations of forces, matrices and
     factorizations; stats: all counts and times.
     """
@@ -66,6 +70,7 @@ class Result:
         self.v = np.array([frame.v for frame in frames]).reshape(len(frames), n, 3)
         self.energy = Energies(*(np.array([energy[part] for energy in energies])
                                  for part in range(4)))
+        self.work = np.array([energy.work for energy in energies])
         self.status = status
         self.success = status == Status.OK
         self.message = message
@@ -82,11 +87,12 @@ class Result:
         return f" from t = {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else ""
 
     def _drift(self) -> str:
-        """The largest change of the total energy, in units of the largest energy of any kind."""
+        """The largest change of total energy less work, in units of the largest energy."""
         if not len(self.t):
             return "-"
         scale = max(float(np.abs(part).max()) for part in self.energy)
-        change = float(np.abs(self.energy.total - self.energy.total[0]).max())
+        balance = self.energy.total - self.work
+        change = float(np.abs(balance - balance[0]).max())
         return f"{change / scale if scale else 0.0:.2e} of the largest energy"
 
     def __repr__(self) -> str:

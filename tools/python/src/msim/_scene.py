@@ -1,4 +1,4 @@
-"""Scenes: particles, springs, planes, gravity and drag."""
+"""Scenes: particles, springs, planes, gravity, drag and forces."""
 from __future__ import annotations
 
 import json
@@ -199,6 +199,15 @@ class Scene:
     @drag.setter
     def drag(self, value: float) -> None:
         self._core.set_drag(_arrays.number("drag", value))
+
+    @property
+    def force(self) -> Doubles:
+        """Constant forces on particles, (n, 3), N; a read-only copy. Assign others."""
+        return self._array("force")
+
+    @force.setter
+    def force(self, value: ArrayLike) -> None:
+        self._core.set_forces(_arrays.rows("force", value, len(self)))
 
     @property
     def planes(self) -> list[Plane]:

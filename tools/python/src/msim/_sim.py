@@ -101,6 +101,21 @@ class Sim(_core.Sim):
                   for name, given in (("k", k), ("rest", rest), ("damping", damping))]
         self._set_springs(*values)
 
+    def set_gravity(self, gravity: ArrayLike) -> None:
+        """Change the gravity of this sim, m/s^2: a new run starts from the present state."""
+        self._set_gravity(_arrays.vector("gravity", gravity))
+
+    def set_drag(self, drag: float) -> None:
+        """Change the drag of this sim, N s/m: a new run starts from the present state."""
+        self._set_drag(_arrays.number("drag", drag))
+
+    def set_forces(self, force: ArrayLike | None) -> None:
+        """Set constant forces on all particles, (n, 3), N, until they are set again; None: none.
+
+        A new run starts from the present state, with the same end.
+        """
+        self._set_forces(None if force is None else _arrays.rows("force", force, len(self)))
+
     def force(self, x: ArrayLike | None = None, v: ArrayLike | None = None) -> Doubles:
         """Forces on all particles, (n, 3), N, at x and v: the present ones; 0 where pinned."""
         n = len(self)
