@@ -13,7 +13,8 @@ def is_number(value):
 
 def has_type(value, name):
     return {"object": isinstance(value, dict), "array": isinstance(value, list),
-            "string": isinstance(value, str), "number": is_number(value),
+            "string": isinstance(value, str), "boolean": isinstance(value, bool),
+            "number": is_number(value),
             "integer": is_number(value) and float(value).is_integer()}[name]
 
 

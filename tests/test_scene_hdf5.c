@@ -98,6 +98,9 @@ static void assert_same_bits(const msim_scene *one, const msim_scene *other) {
   assert_int_equal(a.nfaces, b.nfaces);
   if (a.nfaces) assert_memory_equal(a.faces, b.faces, 3 * (size_t)a.nfaces * sizeof *a.faces);
   if (a.nplanes) assert_memory_equal(a.planes, b.planes, (size_t)a.nplanes * sizeof *a.planes);
+  assert_int_equal(a.ncolliders, b.ncolliders);
+  if (a.ncolliders)
+    assert_memory_equal(a.colliders, b.colliders, (size_t)a.ncolliders * sizeof *a.colliders);
   assert_memory_equal(a.gravity, b.gravity, sizeof a.gravity);
   assert_memory_equal(&a.drag, &b.drag, sizeof a.drag);
 }
@@ -139,6 +142,25 @@ static void scenes_come_back_to_the_bit(void **state) {
     msim_scene_destroy(json);
     msim_scene_destroy(hdf5);
   }
+}
+
+/* One of each type, and one with none but the keys that are required */
+static void colliders_come_back_to_the_bit(void **state) {
+  (void)state;
+  static const char text[] =
+      "{\"msim\": 1, \"particles\": {\"x\": [[0,0,2]], \"mass\": 1}, \"colliders\": ["
+      "{\"type\": \"sphere\", \"center\": [0.1,2,3], \"radius\": 0.3, \"inside\": true},"
+      "{\"type\": \"capsule\", \"from\": [1,2,3], \"to\": [4,5,6], \"radius\": 0.3},"
+      "{\"type\": \"cylinder\", \"from\": [1,2,3], \"to\": [4,5,6], \"radius\": 0.3,"
+      "\"restitution\": 0.7, \"friction\": 0.1, \"inside\": false},"
+      "{\"type\": \"box\", \"center\": [1,2,3], \"size\": [4,5,6], \"rotation\": [0.1,0.2,0.3]}]}";
+  msim_scene *json, *hdf5;
+  assert_ok(msim_scene_parse(NULL, "text", text, sizeof text - 1, &json, err));
+  assert_ok(msim_scene_save(json, "a.h5", err));
+  assert_ok(msim_scene_load(NULL, "a.h5", &hdf5, err));
+  assert_same_bits(json, hdf5);
+  msim_scene_destroy(json);
+  msim_scene_destroy(hdf5);
 }
 
 /* Other number types than msim writes, lists as groups, a name among the pinned. */
@@ -196,6 +218,12 @@ static void real_index(hid_t f) { REALS(f, "springs/ij", DIMS(1, 2), (double[]){
 static void scalar_list(hid_t f) { REALS(f, "particles/x", SCALAR, (double[]){1}); }
 static void text_for_number(hid_t f) { put_text(f, "springs/k", "stiff"); }
 static void gap_in_list(hid_t f) { WHOLES(f, "planes/1/offset", SCALAR, (int[]){0}); }
+static void inside_two(hid_t f) {
+  put_text(f, "colliders/0/type", "sphere");
+  REALS(f, "colliders/0/center", DIMS(3), (double[]){0, 0, 0});
+  REALS(f, "colliders/0/radius", SCALAR, (double[]){1});
+  WHOLES(f, "colliders/0/inside", SCALAR, (int[]){2});
+}
 static void not_utf8(hid_t f) { put_text(f, "name", "a\xff"); }
 static void plugin_path(hid_t f) { put_text(f, "run/plugin_path", "/tmp"); }
 static void bad_option(hid_t f) { REALS(f, "run/h", SCALAR, (double[]){-1}); }
@@ -318,6 +346,7 @@ static const struct {
     {scalar_list, "particles.x is 1.0; it must be an array"},
     {text_for_number, "springs.k is \"stiff\"; it must be a finite number >= 0"},
     {gap_in_list, "planes is an object; it must be an array"},
+    {inside_two, "colliders[0].inside is 2; it must be 0 or 1"},
     {not_utf8, "name is not valid UTF-8"},
     {plugin_path, "run.plugin_path is not allowed in scene files"},
     {bad_option, "run.h is '-1'; it must be"},
@@ -441,6 +470,7 @@ static void without_the_plugin_it_is_named(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(scenes_come_back_to_the_bit),
+      cmocka_unit_test(colliders_come_back_to_the_bit),
       cmocka_unit_test(it_means_what_the_json_means),
       cmocka_unit_test(what_is_wrong_is_named),
       cmocka_unit_test(want_of_memory_leaves_nothing),

@@ -462,7 +462,7 @@ static void explain_says_what_is_skipped(void **state) {
   const char *text;
   assert_ok(msim_sim_explain(sim, &text, err));
   assert_non_null(strstr(text, "no spring is damped"));
-  assert_non_null(strstr(text, "there are no planes"));
+  assert_non_null(strstr(text, "there are no planes or colliders"));
   assert_non_null(strstr(text, "the method needs no solver"));
   assert_non_null(strstr(text, "is stable for h < "));
   assert_null(strstr(text, "no spring acts on"));

@@ -1,4 +1,5 @@
-/* scene.h - scenes: particles, springs, planes, gravity, drag and forces; conventions: msim.h */
+/* scene.h - scenes: particles, springs, planes, colliders, gravity, drag and forces; conventions:
+ * msim.h */
 #ifndef MSIM_SCENE_H
 #define MSIM_SCENE_H
 
@@ -25,6 +26,33 @@ typedef struct msim_plane {
   double restitution; /* [0, 1] */
   double friction;    /* Coulomb's coefficient mu, >= 0 */
 } msim_plane;
+
+/* Shapes of colliders */
+typedef enum msim_collider_type {
+  MSIM_COLLIDER_SPHERE = 1,
+  MSIM_COLLIDER_CAPSULE = 2,  /* a cylinder with half spheres at its ends */
+  MSIM_COLLIDER_CYLINDER = 3, /* straight, with flat ends */
+  MSIM_COLLIDER_BOX = 4       /* a cuboid */
+} msim_collider_type;
+
+/* A solid at rest, which particles cannot enter, or cannot leave. With s, the signed distance of a
+ * particle from its surface, < 0 where the particle must not be, and n = grad s, the particle is
+ * reflected as at a plane that touches the surface at the point nearest to the particle. Where
+ * colliders and planes leave no room within reach, the particle stays where it was before the step,
+ * at rest. Colliders are not available with collision = event, tol or integrator = auto. Members
+ * that a type does not have are ignored. */
+typedef struct msim_collider {
+  size_t size;
+  int32_t type;          /* msim_collider_type */
+  int32_t inside;        /* 1: particles stay inside, as in a bowl; 0: they stay outside */
+  double center[3];      /* m: sphere, box */
+  double from[3], to[3]; /* m: the ends of the axis of a capsule or cylinder; not the same point */
+  double radius;         /* m, > 0: sphere, capsule, cylinder */
+  double extent[3];      /* m, > 0: edge lengths of a box, along x, y and z before its rotation */
+  double rotation[3];    /* rad: of a box about its center: the axis, with the angle as length */
+  double restitution;    /* [0, 1] */
+  double friction;       /* Coulomb's coefficient mu, >= 0 */
+} msim_collider;
 
 /* n particles on a straight line, with a spring between neighbours. */
 typedef struct msim_rope {
@@ -129,6 +157,8 @@ typedef struct msim_scene_view {
   int32_t nlaws;        /* laws 1 to nlaws, for msim_scene_get_law */
   const int32_t *law;   /* nsprings: the law of each spring; NULL: all are linear */
   const double *force;  /* 3 nparticles: constant forces, N; NULL: none */
+  int32_t ncolliders;
+  const msim_collider *colliders; /* ncolliders, one every colliders->size bytes */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -207,6 +237,10 @@ MSIM_API msim_status msim_scene_add_faces(msim_scene *scene, int32_t n,
 
 MSIM_API msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane,
                                           msim_error *err);
+
+/* MSIM_ERR_ARG if a member is out of its range. */
+MSIM_API msim_status msim_scene_add_collider(msim_scene *scene, const msim_collider *collider,
+                                             msim_error *err);
 
 /* Pin n particles: their positions stay constant. Their velocity must be 0. */
 MSIM_API msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particles /* n */,

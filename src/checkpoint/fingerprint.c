@@ -97,6 +97,20 @@ static void list_laws(const ms_scene *s, ms_fingerprint_visitor *mark, void *dat
   list_hash(mark, data, "springs.law", ms_archive_hash(0, s->law, bytes));
 }
 
+static void list_colliders(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  for (int32_t i = 0; i < s->ncolliders; i++) {
+    const msim_collider *c = &s->colliders[i];
+    const int32_t shape[] = {c->type, c->inside};
+    uint64_t hash = ms_archive_hash(0, shape, sizeof shape);
+    char name[32];
+    for (int k = 0; k < MS_COLLIDER_MEMBERS; k++)
+      hash = ms_archive_hash(hash, ms_colliders_get_member(c, &ms_collider_members[k]),
+                             (size_t)ms_collider_members[k].key.count * sizeof(double));
+    snprintf(name, sizeof name, "colliders[%d]", i);
+    list_hash(mark, data, name, hash);
+  }
+}
+
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
   const ms_scene *s = sim->scene;
   array arrays[MS_SCENE_HASHES];
@@ -104,10 +118,12 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_count(mark, data, "the number of particles", s->nparticles);
   list_count(mark, data, "the number of springs", s->nsprings);
   list_count(mark, data, "the number of planes", s->nplanes);
+  list_count(mark, data, "the number of colliders", s->ncolliders);
   for (int i = 0; i < MS_SCENE_HASHES; i++)
     list_hash(mark, data, arrays[i].name, sim->scene_hashes[i]);
   list_planes(s, mark, data);
   list_laws(s, mark, data);
+  list_colliders(s, mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     list_numbers(mark, data, p->key.key, p->key.count,

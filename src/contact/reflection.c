@@ -4,6 +4,7 @@
 
 #include "base/vec3.h"
 #include "contact/impacts.h"
+#include "physics/signed_distance.h"
 
 static void reflect_velocity(const msim_plane *p, double v[3]) {
   const double vn = ms_vec3_dot(p->normal, v), impulse = -(1 + p->restitution) * vn;
@@ -18,15 +19,40 @@ static void reflect_velocity(const msim_plane *p, double v[3]) {
   for (int c = 0; c < 3; c++) v[c] = (vn + impulse) * p->normal[c] + keep * v[c];
 }
 
+/* Reflect at a plane from which x has the distance s, < 0. */
+static void reflect_behind(const msim_plane *p, double s, double x[3], double v[3]) {
+  ms_vec3_axpy(-(1 + p->restitution) * s, p->normal, x);
+  reflect_velocity(p, v);
+}
+
 static int reflect_at_plane(const msim_plane *p, double depth, double x[3], double v[3]) {
   const double s = ms_impacts_distance(p, x);
   if (!(s < -depth)) return 0;
-  ms_vec3_axpy(-(1 + p->restitution) * s, p->normal, x);
-  reflect_velocity(p, v);
+  reflect_behind(p, s, x, v);
   return 1;
 }
 
-/*------------------------------------- several planes -------------------------------------------*/
+/* The plane that touches collider i at its point nearest to x; returns the distance of x from both,
+ * negative inside. */
+static double find_tangent_plane(const ms_scene *scene, int32_t i, const double x[3],
+                                 msim_plane *p) {
+  const double s = ms_signed_distance(&scene->solids[i], x, p->normal);
+  p->offset = ms_vec3_dot(p->normal, x) - s;
+  p->restitution = scene->colliders[i].restitution;
+  p->friction = scene->colliders[i].friction;
+  return s;
+}
+
+static int reflect_at_collider(const ms_scene *scene, int32_t i, double depth, double x[3],
+                               double v[3]) {
+  msim_plane p;
+  const double s = find_tangent_plane(scene, i, x, &p);
+  if (!(s < -depth)) return 0;
+  reflect_behind(&p, s, x, v);
+  return 1;
+}
+
+/*------------------------------------- several obstacles ----------------------------------------*/
 
 /* Rounding tolerance of the distance of a point that was moved onto the plane from a point at most
  * `reach` from the origin */
@@ -34,24 +60,31 @@ static double plane_distance_tolerance(const msim_plane *p, const double x[3], d
   return 64 * DBL_EPSILON * (fabs(p->offset) + ms_vec3_norm(x) + reach);
 }
 
-/* Reflect at all planes once. again: x may lie on planes up to rounding, from an earlier call. */
+/* Reflect at all planes and colliders once. again: x may lie on them up to rounding, from an
+ * earlier call. */
 static int reflect_once(const ms_scene *scene, int again, double x[3], double v[3]) {
   int reflected = 0;
   for (int32_t i = 0; i < scene->nplanes; i++) {
     const msim_plane *p = &scene->planes[i];
     reflected |= reflect_at_plane(p, again ? plane_distance_tolerance(p, x, 0) : 0, x, v);
   }
+  for (int32_t i = 0; i < scene->ncolliders; i++) {
+    const double tolerance = again ? ms_signed_distance_tolerance(&scene->solids[i], x) : 0;
+    reflected |= reflect_at_collider(scene, i, tolerance, x, v);
+  }
   return reflected;
 }
 
-/* The plane that x is farthest behind, by more than the tolerance; NULL: none. */
-static const msim_plane *find_deepest(const ms_scene *scene, const double x[3], double reach) {
+/* The plane that x is farthest behind, by more than the tolerance: *most beyond that; NULL: none,
+ * and *most = 0. */
+static const msim_plane *find_deepest(const ms_scene *scene, const double x[3], double reach,
+                                      double *most) {
   const msim_plane *deepest = NULL;
-  double most = 0;
+  *most = 0;
   for (int32_t i = 0; i < scene->nplanes; i++) {
     const msim_plane *p = &scene->planes[i];
     const double depth = -ms_impacts_distance(p, x) - plane_distance_tolerance(p, x, reach);
-    if (depth > most) most = depth, deepest = p;
+    if (depth > *most) *most = depth, deepest = p;
   }
   return deepest;
 }
@@ -67,33 +100,78 @@ static void add_plane(const msim_plane *p, const double from[3], ms_plane_set *o
   *on = ms_impacts_select_pushing(on, J, 0, &unused);
 }
 
+enum { MOST_SETS = 200 };
+
+/* As find_deepest() among the colliders, if one is deeper than *depth: its tangent plane, in *p. */
+static const msim_plane *find_deeper_collider(const ms_scene *scene, const double x[3],
+                                              double depth, msim_plane *p) {
+  const msim_plane *deepest = NULL;
+  for (int32_t i = 0; i < scene->ncolliders; i++) {
+    msim_plane tangent;
+    const double tolerance = ms_signed_distance_tolerance(&scene->solids[i], x);
+    const double below = -find_tangent_plane(scene, i, x, &tangent) - tolerance;
+    if (below > depth) depth = below, *p = tangent, deepest = p;
+  }
+  return deepest;
+}
+
 /* Move x to the nearest point in front of all planes; `on` are the planes that constrain it there,
  * 3 at most. An active-set method: the plane that x is farthest behind is added to `on` until there
  * is none. The distance from the initial x increases each time, so that no set recurs. Ends also if
- * the other planes leave no point in front of that plane. */
-static void move_to_nearest(const ms_scene *scene, double x[3], ms_plane_set *on) {
-  enum { MOST_SETS = 200 };
-  const double from[3] = {x[0], x[1], x[2]};
+ * the other planes leave no point in front of that plane. Of colliders tangent planes are added,
+ * stored in `tangents` (NULL: colliders do not count), as in Kelley's cutting-plane method (J. SIAM
+ * 8 (1960) 703). They exclude points that a solid's outside contains, so that the result may be
+ * far, or none. */
+static void move_to_nearest(const ms_scene *scene, double x[3], ms_plane_set *on,
+                            msim_plane tangents[MOST_SETS]) {
+  const double from[3] = {x[0], x[1], x[2]}, reach = ms_vec3_norm(from);
   on->n = 0;
   for (int set = 0; set < MOST_SETS; set++) {
-    const msim_plane *deepest = find_deepest(scene, x, ms_vec3_norm(from));
+    double depth;
+    const msim_plane *deepest = find_deepest(scene, x, reach, &depth);
+    const msim_plane *deeper =
+        tangents ? find_deeper_collider(scene, x, depth, &tangents[set]) : NULL;
+    if (deeper) deepest = deeper;
     if (!deepest || ms_impacts_contains_plane(on, deepest)) return;
     add_plane(deepest, from, on, x);
   }
+}
+
+/* 1: x is in a collider or behind a plane, by more than rounding. */
+static int is_obstructed(const ms_scene *scene, const double x[3]) {
+  double depth;
+  msim_plane unused;
+  const msim_plane *plane = find_deepest(scene, x, ms_vec3_norm(x), &depth);
+  return plane || find_deeper_collider(scene, x, depth, &unused);
+}
+
+/* Return to `from`, at rest, unless x is in free space and not farther away than `end`, or `from`
+ * is obstructed itself. */
+static void return_if_stuck(const ms_scene *scene, const double from[3], const double end[3],
+                            double x[3], double v[3]) {
+  double way[3], moved[3];
+  for (int c = 0; c < 3; c++) way[c] = end[c] - from[c], moved[c] = x[c] - from[c];
+  const int is_near = ms_vec3_norm(moved) <= ms_vec3_norm(way);
+  if ((is_near && !is_obstructed(scene, x)) || is_obstructed(scene, from)) return;
+  for (int c = 0; c < 3; c++) x[c] = from[c], v[c] = 0;
 }
 
 /* Repeated reflection. Each one takes x closer to all points in front of all planes; if these have
  * a positive volume, and e = 1, the iteration ends (Motzkin and Schoenberg, Canad. J. Math. 6
  * (1954) 393). Between parallel planes it is free flight: each reflection is a bounce, also at
  * e < 1. If the iteration does not end soon, as in a corner at e = 0, the particle is moved to the
- * nearest point, and its velocity changed by an impact there. */
-static void reflect_repeatedly(const ms_scene *scene, double x[3], double v[3]) {
+ * nearest point, and its velocity changed by an impact there. from, end: positions before and
+ * after the step. */
+static void reflect_repeatedly(const ms_scene *scene, const double from[3], const double end[3],
+                               double x[3], double v[3]) {
   enum { MAX_REFLECTIONS = 64 };
   ms_plane_set on;
+  msim_plane tangents[MOST_SETS];
   for (int i = 1; i < MAX_REFLECTIONS; i++)
     if (!reflect_once(scene, 1, x, v)) return;
-  move_to_nearest(scene, x, &on);
+  move_to_nearest(scene, x, &on, tangents);
   ms_impacts_bounce(&on, v);
+  if (scene->ncolliders) return_if_stuck(scene, from, end, x, v);
 }
 
 msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
@@ -101,7 +179,7 @@ msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
   const double *from = scene->x;
   double x[3] = {from[0], from[1], from[2]};
   ms_plane_set on;
-  move_to_nearest(scene, x, &on);
+  move_to_nearest(scene, x, &on, NULL);
   for (int32_t i = 0; i < scene->nplanes; i++) {
     const msim_plane *p = &scene->planes[i];
     if (-ms_impacts_distance(p, x) >
@@ -113,7 +191,7 @@ msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
   return MSIM_OK;
 }
 
-int64_t ms_reflection_apply(const ms_model *model, double *x, double *v) {
+int64_t ms_reflection_apply(const ms_model *model, const double *from, double *x, double *v) {
   const ms_scene *scene = model->scene;
   const ms_unknowns *rows = &model->unknowns;
   int64_t reflected = 0;
@@ -122,7 +200,12 @@ int64_t ms_reflection_apply(const ms_model *model, double *x, double *v) {
     ms_unknowns_get(rows, x, r, xp);
     ms_unknowns_get(rows, v, r, vp);
     if (!reflect_once(scene, 0, xp, vp)) continue;
-    if (scene->nplanes > 1) reflect_repeatedly(scene, xp, vp);
+    if (scene->nplanes > 1 || scene->ncolliders) {
+      double start[3], end[3];
+      ms_unknowns_get(rows, from, r, start);
+      ms_unknowns_get(rows, x, r, end);
+      reflect_repeatedly(scene, start, end, xp, vp);
+    }
     ms_unknowns_set(rows, xp, r, x);
     ms_unknowns_set(rows, vp, r, v);
     reflected++;

@@ -1,4 +1,5 @@
-/* reflection - reflects particles that a step has left behind planes (collision = reflect) */
+/* reflection - reflects particles that a step has left behind planes or in colliders (collision =
+ * reflect) */
 #ifndef MS_REFLECTION_H
 #define MS_REFLECTION_H
 
@@ -11,8 +12,12 @@
  * plane keeps its velocity. If it is still behind a plane, between planes closer than its way or in
  * a corner, this is repeated, up to 64 times in all; then it is moved to the nearest point in front
  * of all planes, with an impact there.
+ *
+ * Then the same at colliders, each replaced by the plane that touches it at its point nearest to x.
+ * If particles cannot be moved in front of all planes and out of all colliders, they stay where
+ * they were before the step, in `from`, at rest.
  * Returns the number of particles reflected. */
-int64_t ms_reflection_apply(const ms_model *model, double *x, double *v);
+int64_t ms_reflection_apply(const ms_model *model, const double *from, double *x, double *v);
 
 /* MSIM_ERR_ARG if each point of space is behind some plane. */
 msim_status ms_reflection_check(const ms_scene *scene, msim_error *err);

@@ -60,7 +60,7 @@ int ms_stepper_is_separable(const ms_stepper *s) {
 int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v) {
   if (!(s->model->features & MS_HAS_PLANES) || s->events) return 0;
   double start = ms_clock_now();
-  int64_t reflected = ms_reflection_apply(s->model, x, v);
+  int64_t reflected = ms_reflection_apply(s->model, s->x, x, v);
   s->stats->contacts += reflected;
   s->finite = 0;
   s->stats->collide_s += ms_clock_now() - start;

@@ -6,7 +6,8 @@
 #include "scene/scene.h"
 
 /* The last axis along which all particles have the same coordinate and velocity 0, and neither
- * gravity nor a plane's normal has a component; -1: none, or skip_off has MSIM_SKIP_TWO_D. */
+ * gravity nor a plane's normal has a component; -1: none, or there are colliders, or skip_off has
+ * MSIM_SKIP_TWO_D. */
 int32_t ms_planar_find_axis(const ms_scene *scene, unsigned skip_off);
 
 /* Returns 1 if along this axis all particles have the coordinate of the scene's first particle, and

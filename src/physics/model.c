@@ -18,7 +18,7 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
       features |= MS_HAS_DIRECTIONS;
   }
   if (ms_external_has_velocity(&s->external)) features |= MS_HAS_DRAG;
-  if (s->nplanes) features |= MS_HAS_PLANES;
+  if (s->nplanes || s->ncolliders) features |= MS_HAS_PLANES;
   return features;
 }
 

@@ -13,7 +13,7 @@ enum {
   MS_HAS_SPRINGS = MSIM_SKIP_SPRINGS,
   MS_HAS_DAMPING = MSIM_SKIP_DAMPING,
   MS_HAS_DRAG = MSIM_SKIP_DRAG,
-  MS_HAS_PLANES = MSIM_SKIP_PLANES,
+  MS_HAS_PLANES = MSIM_SKIP_PLANES,              /* or colliders */
   MS_HAS_DIRECTIONS = MSIM_SKIP_ZERO_REST_LENGTH /* forces depend on the directions of springs */
 };
 

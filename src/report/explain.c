@@ -1,5 +1,6 @@
 /* explain - describe the plan of a run as text: what will run, what is skipped and why, limits */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/vec3.h"
@@ -23,11 +24,29 @@ static int32_t count_all_free(const msim_sim *sim) {
   return count;
 }
 
+/* "; colliders: sphere, box (inside)"; "" without any, and only the number of many */
+typedef struct collider_text {
+  char text[160];
+} collider_text;
+
+static collider_text describe_colliders(const ms_scene *s) {
+  enum { MOST = 6 };
+  collider_text list = {""};
+  size_t n = 0;
+  if (s->ncolliders > MOST) snprintf(list.text, sizeof list, "; colliders %d", s->ncolliders);
+  for (int32_t i = 0; i < s->ncolliders && s->ncolliders <= MOST; i++)
+    n += (size_t)snprintf(list.text + n, sizeof list - n, "%s%s%s", i ? ", " : "; colliders: ",
+                          ms_colliders_get_type(s->colliders[i].type)->name,
+                          s->colliders[i].inside ? " (inside)" : "");
+  return list;
+}
+
 static void explain_scene(const msim_sim *sim, ms_text *out) {
   const ms_scene *s = sim->scene;
   ms_text_append(out, "scene         %s\n", *s->name ? s->name : "(no name)");
-  ms_text_append(out, "              particles %d, of them pinned %d; springs %d; planes %d\n",
-                 s->nparticles, s->nparticles - count_all_free(sim), s->nsprings, s->nplanes);
+  ms_text_append(out, "              particles %d, of them pinned %d; springs %d; planes %d%s\n",
+                 s->nparticles, s->nparticles - count_all_free(sim), s->nsprings, s->nplanes,
+                 describe_colliders(s).text);
   int32_t pushed = 0;
   for (int32_t p = 0; p < s->nparticles && s->force; p++)
     pushed += ms_vec3_norm(s->force + 3 * (size_t)p) > 0;
@@ -190,7 +209,8 @@ static void explain_split(const msim_sim *sim, ms_text *out) {
 }
 
 static void explain_collisions(const msim_sim *sim, ms_text *out) {
-  if (!has_feature(sim, MS_HAS_PLANES) || !sim->scene->nplanes) return;
+  if (!has_feature(sim, MS_HAS_PLANES)) return;
+  if (!sim->scene->nplanes && !sim->scene->ncolliders) return;
   if (sim->config.opt.collision == MSIM_COLLISION_EVENT)
     ms_text_append(
         out,
@@ -299,7 +319,7 @@ static void explain_skips(const msim_sim *sim, ms_text *out) {
       {!has_feature(sim, MS_HAS_DRAG), "drag", "it is 0"},
       {!has_feature(sim, MS_HAS_PLANES), "collision detection",
        sim->config.choice.verification.planes_far ? "no plane is close yet"
-                                                  : "there are no planes"},
+                                                  : "there are no planes or colliders"},
       {m->model.unknowns.dropped_axis >= 0, axis_name(sim),
        "no velocity and no force has this component"},
       {count_all_free(sim) < sim->scene->nparticles, "pinned particles", "they are not unknowns"},

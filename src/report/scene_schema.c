@@ -118,11 +118,14 @@ static void put_named_indices(writer *w) {
   put(w, "]}]}}]");
 }
 
-/* The i-th type of objects or laws; NULL past the end. Callbacks have no form in scene files. */
+/* Name i of the types of objects, colliders or laws; NULL past the end. Callbacks have no form in
+ * scene files. */
 static const char *type_name(ms_key_form form, int32_t i) {
   if (form == MS_LAW_TYPE) return i < MSIM_LAW_CALLBACK ? ms_laws_kind_name(i) : NULL;
-  const ms_object_type *type = ms_objects_get_type(i);
-  return type ? type->name : NULL;
+  const ms_object_type *object = form == MS_TYPE ? ms_objects_get_type(i) : NULL;
+  const ms_collider_type *collider =
+      form == MS_TYPE ? NULL : ms_colliders_get_type(MSIM_COLLIDER_SPHERE + i);
+  return object ? object->name : collider ? collider->name : NULL;
 }
 
 static void put_type_names(writer *w, ms_key_form form, const char *separator, const char *quote) {
@@ -139,6 +142,9 @@ static void put_parts(writer *w, const ms_object_member *m) {
     put(w, "%s\"%s\": {%s}", i ? ", " : "", m->parts[i], each);
   put(w, "}}]");
 }
+
+static const char *const json_types[] = {
+    [MS_FLAG] = "boolean", [MS_TEXT] = "string", [MS_SECTION] = "object", [MS_LIST] = "array"};
 
 /* The members of a key's schema that restrict its value; of sections and lists, its type alone */
 static void put_form(writer *w, const ms_scene_key *key, const ms_object_member *m) {
@@ -177,17 +183,16 @@ static void put_form(writer *w, const ms_scene_key *key, const ms_object_member 
       break;
     case MS_TYPE:
     case MS_LAW_TYPE:
+    case MS_COLLIDER_TYPE:
       put(w, "\"enum\": [");
       put_type_names(w, key->form, ", ", "\"");
       put(w, "]");
       break;
+    case MS_FLAG:
     case MS_TEXT:
     case MS_SECTION:
     case MS_LIST:
-      put(w, "\"type\": \"%s\"",
-          key->form == MS_TEXT   ? "string"
-          : key->form == MS_LIST ? "array"
-                                 : "object");
+      put(w, "\"type\": \"%s\"", json_types[key->form]);
   }
 }
 
@@ -200,6 +205,8 @@ static void put_values(writer *w, const ms_scene_key *key, const ms_object_membe
       [MS_VERSION] = "1",
       [MS_TYPE] = "",
       [MS_LAW_TYPE] = "",
+      [MS_COLLIDER_TYPE] = "",
+      [MS_FLAG] = "true or false",
       [MS_SECTION] = "an object",
       [MS_LIST] = "an array of objects"};
   const char *range = ms_range_text(key->range);
@@ -216,7 +223,8 @@ static void put_values(writer *w, const ms_scene_key *key, const ms_object_membe
         m->parts[2]);
   else put(w, "%s", words[key->form]);
   if (key->form == MS_NAMED_INDICES) put_particle_names(w, ", ", "");
-  if (key->form == MS_TYPE || key->form == MS_LAW_TYPE) put_type_names(w, key->form, " | ", "");
+  if (key->form == MS_TYPE || key->form == MS_LAW_TYPE || key->form == MS_COLLIDER_TYPE)
+    put_type_names(w, key->form, " | ", "");
   put(w, "\"");
 }
 
@@ -280,18 +288,54 @@ static void put_object_type(writer *w, const ms_object_type *type) {
   close_bracket(w, "}");
 }
 
-/* Editors show the types of `properties`, validators check that one of the types fits. */
-static void put_objects(writer *w) {
-  const ms_object_type *type;
+/* The schema of objects of several types, as far as the list of types, which the caller closes.
+ * Editors show the types of `properties`, validators check that one of the types fits. */
+static void put_typed_object(writer *w, const ms_scene_key *type_key) {
   put_member(w, "type", "\"object\"");
   open_member(w, "required", "[");
-  put_required(w, &ms_type_key);
+  put_required(w, type_key);
   close_bracket(w, "]");
   open_member(w, "properties", "{");
-  put_scene_key(w, &ms_type_key);
+  put_scene_key(w, type_key);
   close_bracket(w, "}");
   open_member(w, "oneOf", "[");
+}
+
+static void put_objects(writer *w) {
+  const ms_object_type *type;
+  put_typed_object(w, &ms_type_key);
   for (int32_t i = 0; (type = ms_objects_get_type(i)) != NULL; i++) put_object_type(w, type);
+  close_bracket(w, "]");
+}
+
+/*------------------------------------- colliders ------------------------------------------------*/
+
+static void put_collider_type(writer *w, int32_t type) {
+  put_item(w);
+  open_bracket(w, "{");
+  put_text_member(w, "title", ms_colliders_get_type(type)->name);
+  put_text_member(w, "description", ms_colliders_get_type(type)->doc);
+  put_member(w, "additionalProperties", "false");
+  open_member(w, "required", "[");
+  put_required(w, &ms_collider_type_key);
+  for (int i = 0; i < MS_COLLIDER_MEMBERS; i++)
+    if (ms_colliders_type_has(type, &ms_collider_members[i]))
+      put_required(w, &ms_collider_members[i].key);
+  close_bracket(w, "]");
+  open_member(w, "properties", "{");
+  put_key(w, ms_collider_type_key.key);
+  put(w, "{\"const\": \"%s\"}", ms_colliders_get_type(type)->name);
+  for (int i = 0; i < MS_COLLIDER_MEMBERS; i++)
+    if (ms_colliders_type_has(type, &ms_collider_members[i]))
+      put_scene_key(w, &ms_collider_members[i].key);
+  put_scene_key(w, &ms_collider_inside_key);
+  close_bracket(w, "}");
+  close_bracket(w, "}");
+}
+
+static void put_colliders(writer *w) {
+  put_typed_object(w, &ms_collider_type_key);
+  for (int32_t t = MSIM_COLLIDER_SPHERE; ms_colliders_get_type(t); t++) put_collider_type(w, t);
   close_bracket(w, "]");
 }
 
@@ -371,9 +415,10 @@ static void put_section_key(writer *w, int i) {
   if (i == MS_KEY_LAWS) put_items(w, ms_law_keys, MS_LAW_KEYS);
   if (i == MS_KEY_PLANES) put_items(w, ms_plane_keys, MS_PLANE_KEYS);
   if (i == MS_KEY_RUN) put_options(w);
-  if (i == MS_KEY_OBJECTS) {
+  if (i == MS_KEY_OBJECTS || i == MS_KEY_COLLIDERS) {
     open_member(w, "items", "{");
-    put_objects(w);
+    if (i == MS_KEY_OBJECTS) put_objects(w);
+    else put_colliders(w);
     close_bracket(w, "}");
   }
   close_bracket(w, "}");

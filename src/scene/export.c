@@ -129,6 +129,23 @@ static void export_planes(export_state *e) {
   }
 }
 
+static void export_collider(export_state *e, int32_t i) {
+  const msim_collider *c = &e->scene->colliders[i];
+  const char *type = ms_colliders_get_type(c->type)->name;
+  node_storage *own;
+  append_node(e, MSIM_NODE_TEXT, 1, type, "colliders/%d/type", i)->dims[0] = (int64_t)strlen(type);
+  for (int k = 0; k < MS_COLLIDER_MEMBERS; k++) {
+    const ms_collider_member *m = &ms_collider_members[k];
+    if (!ms_colliders_type_has(c->type, m)) continue;
+    append_node(e, MSIM_NODE_REAL, m->key.count > 1, ms_colliders_get_member(c, m),
+                "colliders/%d/%s", i, m->key.key)
+        ->dims[0] = m->key.count;
+  }
+  own = &e->entries[e->n];
+  own->whole = c->inside;
+  append_node(e, MSIM_NODE_WHOLE, 0, &own->whole, "colliders/%d/%s", i, ms_collider_inside_key.key);
+}
+
 static void export_run(export_state *e) {
   for (int32_t i = 0; i < e->scene->nrun; i++) {
     const ms_run_option *run = &e->scene->run[i];
@@ -149,7 +166,8 @@ static void export_run(export_state *e) {
 
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
-  const size_t most = 17 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws) + (size_t)s->nrun;
+  const size_t most = 17 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws) +
+                      (2 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
          MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings) &&
@@ -173,6 +191,7 @@ static void export_all(export_state *e) {
   export_laws(e);
   export_faces(e);
   export_planes(e);
+  for (int32_t i = 0; i < e->scene->ncolliders; i++) export_collider(e, i);
   export_run(e);
 }
 

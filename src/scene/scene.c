@@ -22,7 +22,7 @@ static void free_run(ms_scene *s) {
 
 static void free_scene_data(ms_scene *s) {
   MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->force, s->ij, s->k,
-          s->rest, s->damping, s->faces, s->planes);
+          s->rest, s->damping, s->faces, s->planes, s->colliders, s->solids);
   free_run(s);
   ms_laws_free(s);
   msim_allocator alloc = s->alloc;
@@ -107,6 +107,17 @@ static int reserve_springs(ms_scene *s, int64_t needed, msim_error *err) {
   return 1;
 }
 
+int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err) {
+  const ms_array arrays[] = {MS_ARRAY(s->colliders), MS_ARRAY(s->solids)};
+  int32_t capacity = s->collider_capacity;
+  for (int i = 0; i < 2; i++) {
+    capacity = s->collider_capacity;
+    if (ms_memory_reserve(&s->alloc, arrays[i], s->ncolliders, &capacity, needed, err)) return 0;
+  }
+  s->collider_capacity = capacity;
+  return 1;
+}
+
 static void append_particles(ms_scene *s, int32_t n, const double *x, const double *v,
                              const double *mass, const uint8_t *pinned) {
   size_t at = (size_t)s->nparticles, count = (size_t)n;
@@ -139,6 +150,14 @@ static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const doub
   s->nsprings += n;
 }
 
+static void append_colliders(ms_scene *s, const ms_scene *from) {
+  const size_t at = (size_t)s->ncolliders, n = (size_t)from->ncolliders;
+  if (n == 0) return;
+  memcpy(s->colliders + at, from->colliders, n * sizeof *s->colliders);
+  memcpy(s->solids + at, from->solids, n * sizeof *s->solids);
+  s->ncolliders += from->ncolliders;
+}
+
 static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   ms_scene *c = new_scene_data(&s->alloc);
   if (!c) {
@@ -154,6 +173,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
       ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
           MSIM_OK &&
+      ms_scene_reserve_colliders(c, s->ncolliders, err) &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->run), 0, &c->run_capacity, s->nrun, err) == MSIM_OK;
   if (!ok) {
     ms_scene_release(c);
@@ -167,6 +187,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   c->nfaces = s->nfaces;
   if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
   c->nplanes = s->nplanes;
+  append_colliders(c, s);
   c->external = s->external;
   if (!ms_laws_copy(s, c)) {
     ms_scene_release(c);
@@ -451,6 +472,8 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .nlaws = s->nlaws,
       .law = s->law,
       .force = s->force,
+      .ncolliders = s->ncolliders,
+      .colliders = s->colliders,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
   return ms_sized_write(view, &full, sizeof full);

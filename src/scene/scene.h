@@ -10,7 +10,7 @@
 #include <stdatomic.h>
 
 #include "base/text.h"
-#include "scene/scene_keys.h"
+#include "scene/colliders.h"
 
 typedef struct ms_run_option {
   char *name, *value; /* in the form that msim_options_set takes */
@@ -49,6 +49,10 @@ typedef struct ms_scene {
   int32_t nplanes, plane_capacity;
   msim_plane *planes;
 
+  int32_t ncolliders, collider_capacity;
+  msim_collider *colliders;
+  ms_solid *solids; /* ncolliders: the same */
+
   int32_t nrun, run_capacity;
   ms_run_option *run;
 
@@ -78,6 +82,9 @@ const double *ms_scene_get_parameter(const ms_scene *scene, const ms_scene_param
 /* Get the handle's data for writing: copies them if they are shared, and discards `source`. NULL:
  * out of memory. */
 ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
+
+/* Make room for `needed` colliders. Returns 0 if there is no memory. */
+int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err);
 
 /* Refuse a negative number of `what`. */
 msim_status ms_scene_check_count(int64_t n, const char *what, msim_error *err);

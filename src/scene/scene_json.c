@@ -5,6 +5,7 @@
 #include "scene/options.h"
 #include "scene/json_syntax.h"
 #include "scene/scene_json.h"
+#include "scene/scene_json_colliders.h"
 #include "scene/scene_json_laws.h"
 #include "scene/scene_json_objects.h"
 
@@ -248,8 +249,8 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 /* Of the sections, in their order */
 static msim_status (*const readers[MS_SECTIONS])(ms_json_reader *r, const char *path,
                                                  ms_value value) = {
-    read_version, read_name,  read_particles, ms_json_read_laws, ms_json_add_objects,
-    read_springs, read_faces, read_planes,    read_run};
+    read_version, read_name,  read_particles, ms_json_read_laws,     ms_json_add_objects,
+    read_springs, read_faces, read_planes,    ms_json_add_colliders, read_run};
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {
   const ms_scene_key *sections = ms_section_keys;

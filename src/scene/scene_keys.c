@@ -55,6 +55,9 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
     {"planes", MS_LIST, MS_ANY, 1, "[]", "",
      "half spaces normal . x >= offset, inside which all particles stay",
      "[{\"normal\": [0, 0, 1], \"offset\": 0}]"},
+    {"colliders", MS_LIST, MS_ANY, 1, "[]", "",
+     "spheres, capsules, cylinders and boxes, outside which or inside which all particles stay",
+     "[{\"type\": \"sphere\", \"center\": [0, 0, 1], \"radius\": 0.5}]"},
     {"run", MS_SECTION, MS_ANY, 1, "{}", "",
      "options of the run, which those on the command line replace",
      "{\"integrator\": \"velocity-verlet\", \"h\": 1e-3, \"t_end\": 2}"}};

@@ -31,6 +31,8 @@ typedef enum ms_key_form {
   MS_VERSION, /* of the format */
   MS_TYPE,    /* of an object */
   MS_LAW_TYPE,
+  MS_COLLIDER_TYPE,
+  MS_FLAG,    /* true or false; 0 or 1 in files of importers */
   MS_SECTION, /* an object */
   MS_LIST     /* an array of objects */
 } ms_key_form;
@@ -56,6 +58,7 @@ enum {
   MS_KEY_SPRINGS,
   MS_KEY_FACES,
   MS_KEY_PLANES,
+  MS_KEY_COLLIDERS,
   MS_KEY_RUN,
   MS_SECTIONS
 };

@@ -154,6 +154,28 @@ static void write_json_planes(ms_text *text, const ms_scene *s) {
   ms_text_append(text, "\n  ]");
 }
 
+static void write_json_collider(ms_text *text, const msim_collider *c) {
+  ms_text_append(text, "{\"type\": \"%s\"", ms_colliders_get_type(c->type)->name);
+  for (int i = 0; i < MS_COLLIDER_MEMBERS; i++) {
+    const ms_collider_member *m = &ms_collider_members[i];
+    if (!ms_colliders_type_has(c->type, m)) continue;
+    ms_text_append(text, ", \"%s\": ", m->key.key);
+    if (m->key.count == 1) write_number(text, *ms_colliders_get_member(c, m));
+    else write_numbers(text, m->key.count, 1, ms_colliders_get_member(c, m));
+  }
+  ms_text_append(text, c->inside ? ", \"inside\": true}" : "}");
+}
+
+static void write_json_colliders(ms_text *text, const ms_scene *s) {
+  if (s->ncolliders == 0) return;
+  ms_text_append(text, ",\n  \"colliders\": [");
+  for (int32_t i = 0; i < s->ncolliders; i++) {
+    ms_text_append(text, i ? ",\n    " : "\n    ");
+    write_json_collider(text, &s->colliders[i]);
+  }
+  ms_text_append(text, "\n  ]");
+}
+
 static msim_status write_json_run(ms_text *text, const ms_scene *s, msim_error *err) {
   if (s->nrun == 0) return MSIM_OK;
   ms_text_append(text, ",\n  \"run\": {");
@@ -211,6 +233,7 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   write_json_springs(text, s);
   write_json_faces(text, s);
   write_json_planes(text, s);
+  write_json_colliders(text, s);
   status = write_json_run(text, s, err);
   ms_text_append(text, "\n}\n");
   return status;

@@ -9,6 +9,7 @@
 #include "integrate/method_state.h"
 #include "sim/sim.h"
 #include "physics/external_force.h"
+#include "physics/signed_distance.h"
 #include "scene/laws.h"
 
 /* The multiple of the bounds that is allowed, and the number of explicit steps between checks */
@@ -94,8 +95,8 @@ typedef struct scene_facts {
   double force;        /* the sum of |F|, of constant forces, N */
   double most_force;   /* the largest |F|/m, m/s^2 */
   double farthest;     /* the largest |coordinate|, m */
-  double height;       /* of the particle highest above a plane, m */
-  double depth;        /* of the particle farthest behind a plane, m */
+  double height;       /* of the particle highest above a plane or collider, m */
+  double depth;        /* of the particle farthest behind a plane or in a collider, m */
   double stiffness;    /* the sum of all k, of laws the sum of their largest |df/de|, N/m */
   double energy_depth; /* the sum of what elastic energies may be below 0, J */
 } scene_facts;
@@ -110,6 +111,11 @@ static void add_particle_facts(const ms_scene *s, int32_t p, const double x[3], 
   f->force += force, f->most_force = fmax(f->most_force, force / s->mass[p]);
   for (int32_t i = 0; i < s->nplanes; i++) {
     const double above = ms_vec3_dot(s->planes[i].normal, x) - s->planes[i].offset;
+    f->height = fmax(f->height, above), f->depth = fmax(f->depth, -above);
+  }
+  for (int32_t i = 0; i < s->ncolliders; i++) {
+    double unused[3];
+    const double above = ms_signed_distance(&s->solids[i], x, unused);
     f->height = fmax(f->height, above), f->depth = fmax(f->depth, -above);
   }
 }

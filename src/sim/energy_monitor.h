@@ -1,8 +1,9 @@
 /* energy_monitor - energy monitor: detect motion beyond what energy allows, and keep the last good
  * state
  *
- * Springs, planes, pins, damping and drag add no energy to a scene; gravity and constant forces F
- * add their work. So from a start with kinetic energy K0 and elastic energy E0 exact motion keeps
+ * Springs, planes, colliders, pins, damping and drag add no energy to a scene; gravity and constant
+ * forces F add their work. So from a start with kinetic energy K0 and elastic energy E0 exact
+ * motion keeps
  *   K + E <= S,  S = K0 + E0 + sum (m g + F).(x - x0) over all free particles,
  * and no particle is ever faster than sqrt(2 S/m), so that the longest side L of the box around all
  * particles, L0 at the start, keeps
@@ -10,10 +11,10 @@
  * A method may exceed both by its error, which is a fraction of the energy available in the scene.
  * For scenes that start without energy, S contains a least amount of it:
  *   - W (L0 + a h^2), W = M g + sum |F|, a = g + max |F|/m: a fall of the free mass M through the
- *     scene, or, where that is more, from the highest particle down to a plane; and one step of
- *     free fall;
+ *     scene, or, where that is more, from the highest particle down to a plane or collider; and one
+ *     step of free fall;
  *   - sum k d^2/2 with d = sqrt(eps) max |x|, far above rounding errors, plus twice the depth of
- *     the particle farthest behind a plane, which is moved to the other side.
+ *     the particle farthest behind a plane or in a collider, which is moved out of it.
  * Lifting reduces the work of external forces, down to 0. Motion beyond a hundred times either
  * bound ends the run with MSIM_UNSTABLE, and the sim returns to the last good state, the last one
  * that passed a check. It does so, too, after any other numerical event in a state beyond the

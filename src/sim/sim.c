@@ -6,6 +6,7 @@
 #include "layout/planar.h"
 #include "methods/methods.h"
 #include "contact/reflection.h"
+#include "sim/start_check.h"
 #include "sim/step_driver.h"
 #include "physics/external_force.h"
 
@@ -42,6 +43,30 @@ static msim_status set_auto(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
+/* Colliders only reflect: impacts on them are not located. */
+static msim_status check_colliders(const msim_sim *sim, msim_error *err) {
+  const msim_options *opt = &sim->config.opt;
+  if (sim->scene->ncolliders == 0) return MSIM_OK;
+  if (ms_sim_selects(sim))
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator 'auto' does not support colliders; name an integrator, for "
+                        "example velocity-verlet, or replace the colliders by planes");
+  if (opt->tol > 0)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "tol = %g requires located impacts, which colliders do not support; remove "
+                        "tol, or replace the colliders by planes",
+                        opt->tol);
+  if (opt->collision == MSIM_COLLISION_EVENT)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "collision = event does not support colliders; use collision = reflect, or "
+                        "replace the colliders by planes");
+  if (!sim->config.integrator->convert_state) return MSIM_OK;
+  return ms_error_set(
+      err, MSIM_ERR_ARG,
+      "integrator '%s' does not support colliders; use force-gradient, or remove the colliders",
+      opt->integrator);
+}
+
 /* Error control locates impacts, whatever `collision` says, because their error counts towards
  * tol. */
 static msim_status set_collision(msim_sim *sim, msim_error *err) {
@@ -73,8 +98,8 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
                         "no integrator is given; set the option integrator, for example to "
                         "velocity-verlet, linearly-implicit-euler or auto");
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? set_auto(sim, err) : set_method(sim, err);
-  if (status) return status;
-  return set_collision(sim, err);
+  if (!status) status = check_colliders(sim, err);
+  return status ? status : set_collision(sim, err);
 }
 
 msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *damping,
@@ -119,6 +144,7 @@ static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choos
       .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
   msim_status status = set_options(sim, opt, err);
   if (!status) status = ms_reflection_check(sim->scene, err);
+  if (!status) ms_start_check_warn(sim);
   if (!status && ms_sim_selects(sim)) status = choose(sim, 0, &start, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim))

@@ -1,0 +1,76 @@
+/* In the coordinates q of the solid (colliders.h), for particles outside it; formulas after
+ * I. Quilez, "Distance functions", iquilezles.org. */
+#include "physics/signed_distance.h"
+
+#include <float.h>
+
+#include "base/vec3.h"
+
+/* sign(q), 1 at q = 0 */
+static double sign_of(double q) { return q < 0 ? -1 : 1; }
+
+/* Divide d, of that length, by it. Where the length is 0, d becomes the first axis. */
+static void normalize(double length, double d[3]) {
+  if (length > 0)
+    for (int i = 0; i < 3; i++) d[i] /= length;
+  else d[0] = 1;
+}
+
+/* |q - c| - radius; c: the nearest point of the axis, |c_2| <= half_2 */
+static double capsule_distance(const ms_solid *s, const double q[3], double n[3]) {
+  const double c = fmax(-s->half[2], fmin(q[2], s->half[2]));
+  n[0] = q[0], n[1] = q[1], n[2] = q[2] - c;
+  const double length = ms_vec3_norm(n);
+  normalize(length, n);
+  return length - s->radius;
+}
+
+/* With d = (|(q_0, q_1)| - radius, |q_2| - half_2): max(d) if that is <= 0, else |max(d, 0)| */
+static double cylinder_distance(const ms_solid *s, const double q[3], double n[3]) {
+  const double radial[3] = {q[0], q[1], 0}, rho = ms_vec3_norm(radial);
+  const double across = rho - s->radius, along = fabs(q[2]) - s->half[2];
+  const int is_inside = across <= 0 && along <= 0;
+  const double a = is_inside ? across >= along : fmax(across, 0),
+               b = is_inside ? across < along : fmax(along, 0);
+  double u[3] = {q[0], q[1], 0};
+  normalize(rho, u);
+  for (int i = 0; i < 3; i++) n[i] = a * u[i];
+  n[2] = b * sign_of(q[2]);
+  if (is_inside) return fmax(across, along);
+  const double length = hypot(a, b);
+  normalize(length, n);
+  return length;
+}
+
+/* With d_i = |q_i| - half_i: max(d) if that is <= 0, else |max(d, 0)| */
+static double box_distance(const ms_solid *s, const double q[3], double n[3]) {
+  double d[3];
+  int largest = 0;
+  for (int i = 0; i < 3; i++) {
+    d[i] = fabs(q[i]) - s->half[i];
+    if (d[i] > d[largest]) largest = i;
+  }
+  const int is_inside = d[largest] <= 0;
+  for (int i = 0; i < 3; i++) n[i] = (is_inside ? i == largest : fmax(d[i], 0)) * sign_of(q[i]);
+  if (is_inside) return d[largest];
+  const double length = ms_vec3_norm(n);
+  normalize(length, n);
+  return length;
+}
+
+double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]) {
+  double q[3], n[3];
+  const double d[3] = {x[0] - s->center[0], x[1] - s->center[1], x[2] - s->center[2]};
+  for (int i = 0; i < 3; i++) q[i] = ms_vec3_dot(s->axis[i], d);
+  const double distance = s->type == MSIM_COLLIDER_BOX        ? box_distance(s, q, n)
+                          : s->type == MSIM_COLLIDER_CYLINDER ? cylinder_distance(s, q, n)
+                                                              : capsule_distance(s, q, n);
+  const double side = s->inside ? -1 : 1;
+  for (int c = 0; c < 3; c++)
+    normal[c] = side * (n[0] * s->axis[0][c] + n[1] * s->axis[1][c] + n[2] * s->axis[2][c]);
+  return side * distance;
+}
+
+double ms_signed_distance_tolerance(const ms_solid *s, const double x[3]) {
+  return 64 * DBL_EPSILON * (s->reach + ms_vec3_norm(x));
+}

@@ -1,0 +1,16 @@
+/* signed_distance - exact distances from the surfaces of colliders */
+#ifndef MS_SIGNED_DISTANCE_H
+#define MS_SIGNED_DISTANCE_H
+
+#include "scene/colliders.h"
+
+/* The distance of x from the surface of s (m), negative where particles must not be, and its
+ * gradient, the unit normal that points to the side of the particles: x - distance * normal is the
+ * point of the surface nearest to x. Where several points are nearest, as from the center of a
+ * sphere, the normal is that of one of them. */
+double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]);
+
+/* Rounding tolerance of that distance, m */
+double ms_signed_distance_tolerance(const ms_solid *s, const double x[3]);
+
+#endif

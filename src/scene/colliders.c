@@ -1,0 +1,187 @@
+#include "scene/colliders.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/sized.h"
+#include "base/vec3.h"
+#include "scene/scene.h"
+
+/*------------------------------------- keys -----------------------------------------------------*/
+
+enum {
+  SPHERE = 1 << MSIM_COLLIDER_SPHERE,
+  CAPSULE = 1 << MSIM_COLLIDER_CAPSULE,
+  CYLINDER = 1 << MSIM_COLLIDER_CYLINDER,
+  BOX = 1 << MSIM_COLLIDER_BOX,
+  ALL = SPHERE | CAPSULE | CYLINDER | BOX
+};
+
+#define ROW(key, member, types, range, count, preset, unit, doc, example)                         \
+  {                                                                                               \
+    {key, MS_NUMBERS, range, count, preset, unit, doc, example}, offsetof(msim_collider, member), \
+        types                                                                                     \
+  }
+
+const ms_collider_member ms_collider_members[MS_COLLIDER_MEMBERS] = {
+    ROW("center", center, SPHERE | BOX, MS_ANY, 3, NULL, "m", "position of the center",
+        "[0, 0, 1]"),
+    ROW("from", from, CAPSULE | CYLINDER, MS_ANY, 3, NULL, "m", "one end of the axis", "[0, 0, 1]"),
+    ROW("to", to, CAPSULE | CYLINDER, MS_ANY, 3, NULL, "m", "the other end of the axis",
+        "[1, 0, 1]"),
+    ROW("radius", radius, SPHERE | CAPSULE | CYLINDER, MS_POSITIVE, 1, NULL, "m",
+        "distance of the surface from the center or from the axis", "0.5"),
+    ROW("size", extent, BOX, MS_POSITIVE, 3, NULL, "m",
+        "edge lengths, along x, y and z before the "
+        "rotation",
+        "[1, 1, 0.5]"),
+    ROW("rotation", rotation, BOX, MS_ANY, 3, "[0, 0, 0]", "rad",
+        "rotation vector: the axis of the rotation about the center, its length the angle, "
+        "counterclockwise seen from the tip",
+        "[0, 0, 0.7854]"),
+    ROW("restitution", restitution, ALL, MS_FRACTION, 1, "1", "",
+        "ratio of the normal speeds after and before an impact; 1: elastic", "0.5"),
+    ROW("friction", friction, ALL, MS_NOT_NEGATIVE, 1, "0", "", "coefficient of Coulomb friction",
+        "0.3")};
+
+const ms_scene_key ms_collider_type_key = {"type", MS_COLLIDER_TYPE,     MS_ANY,      1, NULL,
+                                           "",     "shape of the solid", "\"sphere\""};
+
+const ms_scene_key ms_collider_inside_key = {
+    "inside",
+    MS_FLAG,
+    MS_ANY,
+    1,
+    "false",
+    "",
+    "whether particles stay inside the solid, as in a bowl; else they stay outside",
+    "true"};
+
+const ms_collider_type *ms_colliders_get_type(int32_t type) {
+  static const ms_collider_type types[] = {
+      [MSIM_COLLIDER_SPHERE] = {"sphere", "the points at most `radius` from `center`"},
+      [MSIM_COLLIDER_CAPSULE] = {"capsule",
+                                 "the points at most `radius` from the line from `from` to `to`"},
+      [MSIM_COLLIDER_CYLINDER] = {"cylinder", "a straight cylinder with flat ends"},
+      [MSIM_COLLIDER_BOX] = {"box", "a cuboid in any position"}};
+  const int exists = type >= MSIM_COLLIDER_SPHERE && type < (int32_t)(sizeof types / sizeof *types);
+  return exists ? &types[type] : NULL;
+}
+
+/*------------------------------------- checks ---------------------------------------------------*/
+
+static msim_status check_numbers(const msim_collider *c, const ms_collider_member *m,
+                                 msim_error *err) {
+  const double *numbers = ms_colliders_get_member(c, m);
+  char index[16] = "";
+  for (int32_t i = 0; i < m->key.count; i++) {
+    if (ms_range_contains(m->key.range, numbers[i])) continue;
+    if (m->key.count > 1) snprintf(index, sizeof index, "[%d]", i);
+    return ms_error_set(err, MSIM_ERR_ARG, "%s%s is %g; it must be %s", m->key.key, index,
+                        numbers[i], ms_range_text(m->key.range));
+  }
+  return MSIM_OK;
+}
+
+/* *c: the members that its type has; all others become 0. */
+static msim_status read_collider(const msim_collider *from, msim_collider *c, msim_error *err) {
+  msim_collider all;
+  msim_status status = ms_sized_check(from, sizeof all, MS_SIZE_THROUGH(msim_collider, friction),
+                                      "collider", "collider", err);
+  if (status) return status;
+  ms_sized_read(&all, sizeof all, from);
+  if (!ms_colliders_get_type(all.type))
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "type is %d; it must be MSIM_COLLIDER_SPHERE, _CAPSULE, _CYLINDER or _BOX",
+                        all.type);
+  if (all.inside != 0 && all.inside != 1)
+    return ms_error_set(err, MSIM_ERR_ARG, "inside is %d; it must be 0 or 1", all.inside);
+  *c = (msim_collider){.size = sizeof *c, .type = all.type, .inside = all.inside};
+  for (int i = 0; i < MS_COLLIDER_MEMBERS; i++) {
+    const ms_collider_member *m = &ms_collider_members[i];
+    if (!ms_colliders_type_has(c->type, m)) continue;
+    status = check_numbers(&all, m, err);
+    if (status) return status;
+    memcpy((char *)c + m->offset, ms_colliders_get_member(&all, m),
+           (size_t)m->key.count * sizeof(double));
+  }
+  return MSIM_OK;
+}
+
+/*------------------------------------- solids ---------------------------------------------------*/
+
+/* axis[2] along u, which has that length; axis[0] and axis[1] are perpendicular to it. */
+static void set_axis(const double u[3], double length, double axis[3][3]) {
+  int least = 0;
+  double *a = axis[0], *b = axis[1], *n = axis[2];
+  for (int c = 0; c < 3; c++) n[c] = u[c] / length;
+  for (int c = 1; c < 3; c++)
+    if (fabs(n[c]) < fabs(n[least])) least = c;
+  const double along = n[least], across = sqrt(1 - along * along);
+  for (int c = 0; c < 3; c++) a[c] = ((c == least) - along * n[c]) / across;
+  for (int c = 0; c < 3; c++)
+    b[c] = n[(c + 1) % 3] * a[(c + 2) % 3] - n[(c + 2) % 3] * a[(c + 1) % 3];
+}
+
+/* Rows are the columns of the rotation matrix R: Rodrigues' formula, with u = w/|w|, a = |w|,
+ * R e_i = cos(a) e_i + sin(a) u x e_i + (1 - cos(a)) u_i u. */
+static void set_rotation(const double w[3], double axis[3][3]) {
+  const double a = hypot(hypot(w[0], w[1]), w[2]), one_minus_cos = 2 * sin(a / 2) * sin(a / 2);
+  double u[3] = {0};
+  for (int c = 0; c < 3 && a > 0; c++) u[c] = w[c] / a;
+  for (int i = 0; i < 3; i++) {
+    const int j = (i + 1) % 3, k = (i + 2) % 3; /* u x e_i = u_k e_j - u_j e_k */
+    for (int c = 0; c < 3; c++)
+      axis[i][c] = (c == i) * (1 - one_minus_cos) + one_minus_cos * u[i] * u[c];
+    axis[i][j] += sin(a) * u[k];
+    axis[i][k] -= sin(a) * u[j];
+  }
+}
+
+static msim_status make_solid(const msim_collider *c, ms_solid *s, msim_error *err) {
+  static const double identity[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  const int has_axis = (1 << c->type & (CAPSULE | CYLINDER)) != 0;
+  double axis[3], length = 0;
+  *s = (ms_solid){.type = c->type, .inside = c->inside, .radius = c->radius};
+  memcpy(s->center, c->center, sizeof s->center);
+  memcpy(s->axis, identity, sizeof s->axis);
+  if (has_axis) {
+    for (int i = 0; i < 3; i++) axis[i] = c->to[i] - c->from[i];
+    for (int i = 0; i < 3; i++) s->center[i] = c->from[i] + axis[i] / 2;
+    length = hypot(hypot(axis[0], axis[1]), axis[2]);
+    s->half[2] = length / 2;
+    if (length > 0) set_axis(axis, length, s->axis);
+  }
+  if (c->type == MSIM_COLLIDER_BOX) {
+    for (int i = 0; i < 3; i++) s->half[i] = c->extent[i] / 2;
+    set_rotation(c->rotation, s->axis);
+  }
+  s->reach = ms_vec3_norm(s->center) + ms_vec3_norm(s->half) + s->radius;
+  if (has_axis && !(length > 0))
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "from and to are the same point; they must be the two ends of the axis");
+  const int is_rotated = isfinite(s->axis[0][0]);
+  if (isfinite(s->reach) && is_rotated) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "%s so large that distances are beyond the range of double; use smaller "
+                      "numbers",
+                      has_axis     ? "from and to are"
+                      : is_rotated ? "center or size is"
+                                   : "rotation is");
+}
+
+msim_status msim_scene_add_collider(msim_scene *scene, const msim_collider *collider,
+                                    msim_error *err) {
+  msim_collider c;
+  ms_solid solid;
+  if (!scene || !collider) return ms_error_set(err, MSIM_ERR_ARG, "scene or collider is NULL");
+  msim_status status = read_collider(collider, &c, err);
+  if (!status) status = make_solid(&c, &solid, err);
+  if (status) return status;
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s || !ms_scene_reserve_colliders(s, (int64_t)s->ncolliders + 1, err)) return MSIM_ERR_MEMORY;
+  s->colliders[s->ncolliders] = c;
+  s->solids[s->ncolliders++] = solid;
+  return ms_error_clear(err);
+}

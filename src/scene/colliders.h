@@ -1,0 +1,50 @@
+/* colliders - solids that particles cannot enter, or cannot leave: their types, the keys of each
+ * type, and the form in which distances from them are computed */
+#ifndef MS_COLLIDERS_H
+#define MS_COLLIDERS_H
+
+#include "msim/scene.h"
+#include "scene/scene_keys.h"
+
+/* A solid in coordinates of its own, q = axis (x - center): a sphere or capsule is the points at
+ * most `radius` from the axis |q_2| <= half_2, q_0 = q_1 = 0; a cylinder is |(q_0, q_1)| <= radius,
+ * |q_2| <= half_2; a box is |q_i| <= half_i. */
+typedef struct ms_solid {
+  int32_t type;      /* msim_collider_type */
+  int32_t inside;    /* 1: particles stay inside */
+  double center[3];  /* m */
+  double axis[3][3]; /* orthonormal rows */
+  double half[3];    /* m; 0 where the type has none */
+  double radius;     /* m */
+  double reach;      /* m: no point of the solid is farther from the origin */
+} ms_solid;
+
+/* A key of colliders and the member of msim_collider, one or more doubles, that it sets */
+typedef struct ms_collider_member {
+  ms_scene_key key;
+  size_t offset;
+  unsigned types; /* bit 1 << t is set if type t has this key */
+} ms_collider_member;
+
+enum { MS_COLLIDER_MEMBERS = 8 };
+extern const ms_collider_member ms_collider_members[MS_COLLIDER_MEMBERS];
+extern const ms_scene_key ms_collider_type_key, ms_collider_inside_key;
+
+static inline int ms_colliders_type_has(int32_t type, const ms_collider_member *member) {
+  return (int)(member->types >> type & 1);
+}
+
+/* The numbers of a member: member->key.count doubles */
+static inline const double *ms_colliders_get_member(const msim_collider *c,
+                                                    const ms_collider_member *member) {
+  return (const double *)(const void *)((const char *)c + member->offset);
+}
+
+typedef struct ms_collider_type {
+  const char *name, *doc;
+} ms_collider_type;
+
+/* Get type `type`, from MSIM_COLLIDER_SPHERE on; NULL: there is no such type. */
+const ms_collider_type *ms_colliders_get_type(int32_t type);
+
+#endif

@@ -1,0 +1,79 @@
+#include "scene/scene_json_colliders.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "base/suggest.h"
+
+static const char *type_name(int32_t i, const void *data) {
+  (void)data;
+  const ms_collider_type *type = ms_colliders_get_type(MSIM_COLLIDER_SPHERE + i);
+  return type ? type->name : NULL;
+}
+
+static msim_status read_type(const ms_json_reader *r, const char *path, ms_value object,
+                             int32_t *type) {
+  static const char *const must = "\"sphere\", \"capsule\", \"cylinder\" or \"box\"";
+  ms_value value;
+  const char *known;
+  if (!json_is_object(object.json)) return ms_json_refuse(r, ms_json_at(path), object, "an object");
+  msim_status status = ms_json_require(r, path, object, ms_collider_type_key.key, must, &value);
+  if (status) return status;
+  const ms_key_path at = ms_json_member_path(path, ms_collider_type_key.key);
+  const char *name = ms_value_text(value);
+  if (!name) return ms_json_refuse(r, ms_json_at(at.text), value, must);
+  for (int32_t i = 0; (known = type_name(i, NULL)) != NULL; i++) {
+    *type = MSIM_COLLIDER_SPHERE + i;
+    if (strcmp(known, name) == 0) return MSIM_OK;
+  }
+  char hinted[160];
+  snprintf(hinted, sizeof hinted, "%s%s", must, ms_suggest_hint(name, type_name, NULL).text);
+  return ms_json_refuse(r, ms_json_at(at.text), value, hinted);
+}
+
+static msim_status check_keys(const ms_json_reader *r, const char *path, ms_value object,
+                              int32_t type) {
+  const char *keys[MS_COLLIDER_MEMBERS + 3] = {ms_collider_type_key.key};
+  int32_t n = 1;
+  for (int32_t i = 0; i < MS_COLLIDER_MEMBERS; i++)
+    if (ms_colliders_type_has(type, &ms_collider_members[i]))
+      keys[n++] = ms_collider_members[i].key.key;
+  keys[n] = ms_collider_inside_key.key;
+  return ms_json_check_keys(r, path, object, keys);
+}
+
+/* Files of importers have no booleans, but 0 and 1. */
+static msim_status read_inside(const ms_json_reader *r, const char *path, ms_value object,
+                               int32_t *inside) {
+  const ms_value value = ms_value_member(object, ms_collider_inside_key.key);
+  if (!value.json) return MSIM_OK;
+  const int imported = value.columns && ms_value_is_whole(value);
+  const ms_key_path at = ms_json_member_path(path, ms_collider_inside_key.key);
+  *inside = imported ? (int32_t)(ms_value_whole(value) != 0) : json_is_true(value.json);
+  if (imported ? (ms_value_whole(value) | 1) == 1 : json_is_boolean(value.json)) return MSIM_OK;
+  return ms_json_refuse(r, ms_json_at(at.text), value, value.columns ? "0 or 1" : "true or false");
+}
+
+static msim_status read_collider(const ms_json_reader *r, const char *path, ms_value value) {
+  msim_collider c = {.size = sizeof c, .restitution = 1};
+  msim_status status = read_type(r, path, value, &c.type);
+  if (!status) status = check_keys(r, path, value, c.type);
+  for (int32_t i = 0; i < MS_COLLIDER_MEMBERS && !status; i++) {
+    const ms_collider_member *m = &ms_collider_members[i];
+    double *numbers = (double *)(void *)((char *)&c + m->offset);
+    if (ms_colliders_type_has(c.type, m))
+      status = ms_json_read_numbers(r, path, value, &m->key, numbers);
+  }
+  if (!status) status = read_inside(r, path, value, &c.inside);
+  if (status) return status;
+  status = msim_scene_add_collider(r->scene, &c, r->err);
+  return ms_json_forward_error(r, ms_json_member_path(path, "").text, status);
+}
+
+msim_status ms_json_add_colliders(ms_json_reader *r, const char *path, ms_value colliders) {
+  int32_t n;
+  msim_status status = ms_json_read_array_size(r, path, colliders, &n);
+  for (size_t i = 0; i < ms_value_size(colliders) && !status; i++)
+    status = read_collider(r, ms_json_item_path(path, i).text, ms_value_item(colliders, i));
+  return status;
+}
