@@ -57,6 +57,20 @@ static void add_plane(Scene &s, Doubles normal, double offset, double restitutio
   check(msim_scene_add_plane(s.p, &plane, &err), err);
 }
 
+// type: msim_collider_type
+static void add_collider(Scene &s, int32_t type, bool inside, Doubles center, Doubles from,
+                         Doubles to, double radius, Doubles extent, Doubles rotation,
+                         double restitution, double friction) {
+  msim_error err;
+  msim_collider c{};
+  c.size = sizeof c;
+  c.type = type, c.inside = inside, c.radius = radius;
+  c.restitution = restitution, c.friction = friction;
+  copy_vector(center, c.center), copy_vector(from, c.from), copy_vector(to, c.to);
+  copy_vector(extent, c.extent), copy_vector(rotation, c.rotation);
+  check(msim_scene_add_collider(s.p, &c, &err), err);
+}
+
 static void add_rope(Scene &s, int32_t n, Doubles from, Doubles to, double mass, double k,
                      double damping, Ints pinned) {
   msim_error err;
@@ -136,6 +150,20 @@ static nb::list planes(const Scene &s) {
   return all;
 }
 
+static nb::tuple triple(const double (&v)[3]) { return nb::make_tuple(v[0], v[1], v[2]); }
+
+static nb::list colliders(const Scene &s) {
+  const msim_scene_view w = get(s);
+  nb::list all;
+  for (int32_t i = 0; i < w.ncolliders; i++) {
+    const msim_collider &c = w.colliders[i];
+    all.append(nb::make_tuple(c.type, c.inside != 0, triple(c.center), triple(c.from), triple(c.to),
+                              c.radius, triple(c.extent), triple(c.rotation), c.restitution,
+                              c.friction));
+  }
+  return all;
+}
+
 static nb::tuple gravity(const Scene &s) {
   const msim_scene_view w = get(s);
   return nb::make_tuple(w.gravity[0], w.gravity[1], w.gravity[2]);
@@ -175,6 +203,7 @@ void bind_scene(nb::module_ &m) {
       .def("add_springs", add_springs, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none())
       .def("add_faces", add_faces)
       .def("add_plane", add_plane)
+      .def("add_collider", add_collider)
       .def("add_rope", add_rope)
       .def("add_cloth", add_cloth)
       .def("add_lattice", add_lattice)
@@ -183,6 +212,7 @@ void bind_scene(nb::module_ &m) {
       .def("counts", counts)
       .def("array", [](const Scene &s, const char *name) { return array(s, name); })
       .def("planes", planes)
+      .def("colliders", colliders)
       .def("gravity", gravity)
       .def("set_gravity", set_gravity)
       .def("drag", [](const Scene &s) { return get(s).drag; })

@@ -67,6 +67,51 @@ def test_planes_and_faces():
     np.testing.assert_array_equal(scene.faces, [[0, 1, 2]])
 
 
+def test_colliders():
+    scene = msim.Scene()
+    scene.add_particles(np.eye(3), mass=1)
+    scene.add_sphere((0, 0, 1), 0.5, restitution=0.5)
+    scene.add_capsule((0, 0, 1), (0, 2, 1), 0.5, friction=0.25)
+    scene.add_cylinder((0, 0, 1), (0, 2, 1), 0.5, inside=True)
+    scene.add_box((0, 0, 1), (1, 2, 3), (0, 0, 0.5))
+    bar = {"from": (0, 0, 1), "to": (0, 2, 1), "radius": 0.5}
+    elastic = {"restitution": 1, "friction": 0}
+    assert scene.colliders == [
+        {"type": "sphere", "center": (0, 0, 1), "radius": 0.5, "inside": False,
+         "restitution": 0.5, "friction": 0},
+        {"type": "capsule", **bar, "inside": False, "restitution": 1, "friction": 0.25},
+        {"type": "cylinder", **bar, "inside": True, **elastic},
+        {"type": "box", "center": (0, 0, 1), "size": (1, 2, 3), "rotation": (0, 0, 0.5),
+         "inside": False, **elastic}]
+    again = msim.Scene.loads(scene.dumps())
+    assert again.colliders == scene.colliders
+    assert msim.Scene.from_dict({"msim": 1, "particles": {"x": [[0, 0, 9]], "mass": 1},
+                                 "colliders": scene.colliders}).colliders == scene.colliders
+
+
+def test_a_particle_rests_in_a_bowl():
+    scene = msim.Scene(gravity=(0, 0, -10))
+    scene.add_particles([[0.6, 0, 0]], mass=1)
+    scene.add_sphere((0, 0, 0), 1, inside=True, restitution=0, friction=0.5)
+    sim = msim.Sim(scene, integrator="velocity-verlet", h=1e-3, t_end=8)
+    sim.run()
+    np.testing.assert_allclose(np.linalg.norm(sim.x), 1, rtol=1e-12)
+    assert abs(sim.x[0, 0]) < 0.5 and sim.x[0, 2] < -0.86  # within the cone of friction
+
+
+@pytest.mark.parametrize("add, words", [
+    (lambda s: s.add_sphere((0, 0, 0), 0), "radius is 0; it must be a finite number > 0"),
+    (lambda s: s.add_sphere((0, 0), 1), "center must be three numbers"),
+    (lambda s: s.add_box((0, 0, 0), (1, -1, 1)), r"size\[1\] is -1; it must be"),
+    (lambda s: s.add_capsule((1, 0, 0), (1, 0, 0), 1), "from and to are the same point"),
+    (lambda s: s.add_cylinder((1, 0, 0), (2, 0, 0), "wide"), "radius must be a number")])
+def test_colliders_that_are_refused(add, words):
+    scene = msim.Scene()
+    with pytest.raises(msim.ArgumentError, match=words):
+        add(scene)
+    assert scene.colliders == []
+
+
 @pytest.mark.parametrize("x", [np.zeros((2, 3), np.float32), np.zeros((2, 3), int),
                                np.zeros((4, 6))[::2, ::2], np.asfortranarray(np.zeros((2, 3))),
                                np.zeros((2, 3), ">f8"), [[0, 0, 0], (0, 0, 0)]])

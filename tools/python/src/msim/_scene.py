@@ -1,4 +1,4 @@
-"""Scenes: particles, springs, planes, gravity, drag and forces."""
+"""Scenes: particles, springs, planes, colliders, gravity, drag and forces."""
 from __future__ import annotations
 
 import json
@@ -24,6 +24,11 @@ class Plane(NamedTuple):
     offset: float
     restitution: float
     friction: float
+
+
+# The types of colliders, in the order of msim_collider_type, with their keys
+_COLLIDERS = {"sphere": ("center", "radius"), "capsule": ("from", "to", "radius"),
+              "cylinder": ("from", "to", "radius"), "box": ("center", "size", "rotation")}
 
 
 def _jsonable(value: object) -> object:
@@ -120,6 +125,42 @@ class Scene:
                              _arrays.number("restitution", restitution),
                              _arrays.number("friction", friction))
 
+    def add_sphere(self, center: ArrayLike, radius: float, *, inside: bool = False,
+                   restitution: float = 1, friction: float = 0) -> None:
+        """Add a sphere that particles bounce off; inside: they stay in it, as in a bowl."""
+        self._add_collider("sphere", inside, restitution, friction, center=center, radius=radius)
+
+    def add_capsule(self, start: ArrayLike, end: ArrayLike, radius: float, *, inside: bool = False,
+                    restitution: float = 1, friction: float = 0) -> None:
+        """Add all points within radius of the line from start to end, as add_sphere does."""
+        self._add_collider("capsule", inside, restitution, friction, start=start, end=end,
+                           radius=radius)
+
+    def add_cylinder(self, start: ArrayLike, end: ArrayLike, radius: float, *,
+                     inside: bool = False, restitution: float = 1, friction: float = 0) -> None:
+        """Add a cylinder with flat ends, whose axis is from start to end, as add_sphere does."""
+        self._add_collider("cylinder", inside, restitution, friction, start=start, end=end,
+                           radius=radius)
+
+    def add_box(self, center: ArrayLike, size: ArrayLike, rotation: ArrayLike = (0, 0, 0), *,
+                inside: bool = False, restitution: float = 1, friction: float = 0) -> None:
+        """Add a box with these edge lengths, as add_sphere does.
+
+        rotation: about the center, the axis with the angle in rad as its length.
+        """
+        self._add_collider("box", inside, restitution, friction, center=center, size=size,
+                           rotation=rotation)
+
+    def _add_collider(self, kind: str, inside: bool, restitution: float, friction: float, *,
+                      radius: float = 0, **vectors: ArrayLike) -> None:
+        names = ("center", "start", "end", "size", "rotation")
+        center, start, end, size, rotation = (_arrays.vector(name, vectors.get(name, (0, 0, 0)))
+                                              for name in names)
+        self._core.add_collider(1 + list(_COLLIDERS).index(kind), bool(inside), center, start, end,
+                                _arrays.number("radius", radius), size, rotation,
+                                _arrays.number("restitution", restitution),
+                                _arrays.number("friction", friction))
+
     def pin(self, particles: ArrayLike) -> None:
         """Hold particles where they are; an index, or several."""
         single = np.isscalar(particles) or getattr(particles, "ndim", 1) == 0
@@ -212,6 +253,19 @@ class Scene:
     @property
     def planes(self) -> list[Plane]:
         return [Plane(*plane) for plane in self._core.planes()]
+
+    @property
+    def colliders(self) -> list[dict[str, Any]]:
+        """The colliders, each with all keys that it has in scene files."""
+        names = ("inside", "center", "from", "to", "radius", "size", "rotation", "restitution",
+                 "friction")
+        found = []
+        for number, *values in self._core.colliders():
+            kind = list(_COLLIDERS)[number - 1]
+            keys = (*_COLLIDERS[kind], "inside", "restitution", "friction")
+            found.append({"type": kind, **{name: value for name, value in zip(names, values)
+                                           if name in keys}})
+        return found
 
     @property
     def x(self) -> Doubles:
