@@ -18,7 +18,8 @@ enum {
   AMONG_RESTING = 16, /* beside four cloths at rest */
   HALF_PINNED = 32,   /* half of the rows; without: free, as in a program that skips nothing */
   JELLY = 64,         /* pinned at a face, vibrates without numerical damping */
-  NO_FORCES = 128     /* no constant forces on particles; without: tiny ones */
+  NO_FORCES = 128,    /* no constant forces on particles; without: tiny ones */
+  NO_COLLIDERS = 256  /* without: beside one of each type, which it does not meet */
 };
 
 /*------------------------------------- the table ------------------------------------------------*/
@@ -49,6 +50,8 @@ static const skip_case cases[] = {
     {"at_rest", NULL, "cloth100 at rest", LINEARLY_IMPLICIT, 0, AT_REST, 0, "skip.at_rest", NULL},
     {"at_rest, explicit", NULL, "cloth100 at rest", EXPLICIT, 0, AT_REST, 0, "skip.at_rest", NULL},
     {"planes", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.planes", NULL},
+    {"colliders", NULL, "cloth100, no gravity, over it beside four colliders", EXPLICIT, 0,
+     NO_COLLIDERS, 0, NULL, NULL},
     {"damping", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.damping", NULL},
     {"drag", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.drag", NULL},
     {"gravity", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.gravity", NULL},
@@ -101,6 +104,21 @@ static msim_status set_tiny_forces(msim_scene *scene, msim_error *err) {
   return msim_scene_set_forces(scene, force, err);
 }
 
+static msim_status add_colliders(msim_scene *scene, msim_error *err) {
+  const msim_collider colliders[] = {
+      {.type = MSIM_COLLIDER_SPHERE, .center = {0, 0, -5}, .radius = 1},
+      {.type = MSIM_COLLIDER_CAPSULE, .from = {0, 0, -5}, .to = {1, 0, -5}, .radius = 1},
+      {.type = MSIM_COLLIDER_CYLINDER, .from = {0, 0, -5}, .to = {1, 0, -5}, .radius = 1},
+      {.type = MSIM_COLLIDER_BOX, .center = {0, 0, -5}, .extent = {1, 1, 1}}};
+  msim_status status = MSIM_OK;
+  for (size_t i = 0; i < sizeof colliders / sizeof *colliders && !status; i++) {
+    msim_collider c = colliders[i];
+    c.size = sizeof c;
+    status = msim_scene_add_collider(scene, &c, err);
+  }
+  return status;
+}
+
 msim_status skip_case_build(const skip_case *what, int without, msim_scene *scene,
                             msim_error *err) {
   const unsigned is = what->is;
@@ -117,6 +135,7 @@ msim_status skip_case_build(const skip_case *what, int without, msim_scene *scen
   if (!status) status = pin_scene(is, without, scene, err);
   if (!status) status = msim_scene_set_gravity(scene, gravity, err);
   if (!status && is & NO_FORCES && without) status = set_tiny_forces(scene, err);
+  if (!status && is & NO_COLLIDERS && without) status = add_colliders(scene, err);
   for (int i = 1; i <= 4 && is & AMONG_RESTING && !status; i++)
     status = add_free_cloth(scene, 2 * i, err);
   scene_arrays_free(&p);
