@@ -57,6 +57,7 @@ class Page:
         scene = json.loads(lines[0])
         self.n, self.planned = scene["particles"], scene["frames"]
         self.name, self.gravity, self.planes = scene["name"], scene["gravity"], scene["planes"]
+        self.colliders = scene["colliders"]
         self.mass = floats(scene["mass"], self.n)
         self.pinned = sums(integers(scene["pinned"], self.n, 32), 1)
         springs = scene["springs"]

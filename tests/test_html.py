@@ -48,10 +48,18 @@ class Numbers(HtmlTest):
                  "column": [1, 0, 0], "mass": 0.6, "k": {"structural": 100, "shear": 7},
                  "pinned": "corners"}
         planes = [{"normal": [0, 0, 2], "offset": -4}]
-        self.scene({**PENDULUM, "objects": [cloth], "planes": planes})
+        bar = {"from": [0, 0, -9], "to": [1, 0, -9], "radius": 0.5, "friction": 0}
+        colliders = [{"type": "sphere", "center": [0, 0, -9], "radius": 2, "friction": 0.25},
+                     {"type": "capsule", **bar, "restitution": 1, "inside": False},
+                     {"type": "cylinder", **bar, "restitution": 0.5, "inside": False},
+                     {"type": "box", "center": [0, 0, 0], "size": [9, 99, 9], "friction": 0,
+                      "rotation": [0, 0.1, 0], "restitution": 1, "inside": True}]
+        self.scene({**PENDULUM, "objects": [cloth], "planes": planes, "colliders": colliders})
         page = self.page()
         self.assertEqual((page.name, page.gravity), ("pendulum", [0, 0, -9.81]))
         self.assertEqual(page.planes, [{"normal": [0, 0, 1], "offset": -2}])
+        colliders[0].update(restitution=1, inside=False)
+        self.assertEqual(page.colliders, colliders)
         self.assertEqual((page.n, len(page.k), len(page.faces)), (14, 30, 12))
         self.assertEqual(page.ij[:2], [0, 1])
         self.assertEqual(page.k[0], 100)

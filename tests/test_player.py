@@ -168,6 +168,47 @@ class Pictures(PlayerTest):
             self.assertGreater(tiles[line][5], 0.95)
             self.assertEqual(tiles[line][0] + tiles[line][8], 0)
 
+    def shades(self, *colliders):
+        """Where a picture of two particles, seen from its front, is not background: the shares of
+        3 x 3 tiles of its middle"""
+        ends = {"x": [[-1, 0, -1], [1, 0, 1], [-1, 0, 1], [1, 0, -1]], "mass": 1}
+        self.scene({"msim": 1, "gravity": [0, 0, -9.81], "particles": ends,
+                    "colliders": list(colliders), "run": {"integrator": "verlet", "h": 1e-3,
+                                                          "steps": 0}})
+        self.open(self.page("scene.json"))
+        rows = self.picture()
+        high, wide = len(rows), len(rows[0])
+        side, background = high // 8, rows[high // 2][5]
+        tiles = []
+        for j in (-1, 0, 1):
+            for i in (-1, 0, 1):
+                part = [rows[high // 2 + j * side + y][wide // 2 + i * side + x]
+                        for y in range(-side // 2, side // 2) for x in range(-side // 2, side // 2)]
+                tiles.append(sum(p != background for p in part) / len(part))
+        return tiles
+
+    def test_colliders_are_where_they_should_be(self):
+        ball = {"type": "sphere", "center": [0, 0, 0], "radius": 0.25}
+        bar = {"from": [-0.8, 0, 0], "to": [0.8, 0, 0], "radius": 0.2}
+        self.assertEqual(self.shades(), [0] * 9)
+        around, middle = (0, 1, 2, 3, 5, 6, 7, 8), self.shades(ball)
+        self.assertGreater(middle[4], 0.95)
+        self.assertTrue(all(middle[i] < 0.5 for i in around), middle)
+        for kind in "capsule", "cylinder":
+            row = self.shades({"type": kind, **bar})
+            self.assertTrue(all(row[i] > 0.6 for i in (3, 4, 5)), row)
+            self.assertTrue(all(row[i] < 0.3 for i in (0, 1, 2, 6, 7, 8)), row)
+        upright = self.shades({"type": "box", "center": [0, 0, 0], "size": [1.6, 0.4, 0.4],
+                               "rotation": [0, 1.5708, 0]})
+        self.assertTrue(all(upright[i] > 0.9 for i in (1, 4, 7)), upright)
+        self.assertTrue(all(upright[i] < 0.5 for i in (0, 2, 3, 5, 6, 8)), upright)
+
+    def test_a_bowl_shows_its_inner_side(self):
+        room = {"type": "sphere", "center": [0, 0, 0], "radius": 3, "inside": True}
+        picture = self.shades(room)
+        self.assertTrue(all(share == 1 for share in picture), picture)
+        self.assertGreater(self.coloured()[0][0], 0)  # the particles in it
+
     def test_phone(self):
         page = self.page(SCENES / "rope.json", "--t_end", "1")
         self.open(page, width=360, height=640, ratio=3)

@@ -50,6 +50,8 @@ typedef struct msim_recording {
   const msim_plane *planes; /* nplanes, with unit normals */
   const char *title;        /* the name of the scene, UTF-8 */
   double gravity[3];        /* m/s^2 */
+  int32_t ncolliders;
+  const msim_collider *colliders; /* ncolliders, one every colliders->size bytes */
 } msim_recording;
 
 /* One state. Valid during write() only. */

@@ -13,6 +13,7 @@
 #include "record/frame_file.h"
 #include "record/integer_code.h"
 #include "record/player_page.h"
+#include "scene/colliders.h"
 
 /* The page begins with it. */
 static const char mark[] = "<!doctype html>\n<!-- motion computed by msim, with its player";
@@ -60,6 +61,30 @@ static void print_planes(ms_frame_file *file, const msim_recording *what) {
   ms_frame_file_print(file, "],");
 }
 
+static void print_collider(ms_frame_file *file, const msim_collider *c) {
+  ms_frame_file_print(file, "{\"type\":\"%s\",\"inside\":%s", ms_colliders_get_type(c->type)->name,
+                      c->inside ? "true" : "false");
+  for (int k = 0; k < MS_COLLIDER_MEMBERS; k++) {
+    const ms_collider_member *m = &ms_collider_members[k];
+    const double *numbers = ms_colliders_get_member(c, m);
+    if (!ms_colliders_type_has(c->type, m)) continue;
+    ms_frame_file_print(file, ",\"%s\":%s", m->key.key, m->key.count > 1 ? "[" : "");
+    for (int32_t i = 0; i < m->key.count; i++)
+      ms_frame_file_print(file, "%s%s", i ? "," : "", ms_text_format_double(numbers[i]).text);
+    if (m->key.count > 1) ms_frame_file_print(file, "]");
+  }
+  ms_frame_file_print(file, "}");
+}
+
+static void print_colliders(ms_frame_file *file, const msim_recording *what) {
+  ms_frame_file_print(file, "\"colliders\":[");
+  for (int32_t i = 0; i < what->ncolliders; i++) {
+    if (i) ms_frame_file_print(file, ",");
+    print_collider(file, &what->colliders[i]);
+  }
+  ms_frame_file_print(file, "],");
+}
+
 /* Integer i of an array of the recording */
 typedef uint32_t integer_at(const msim_recording *what, int64_t i);
 
@@ -96,6 +121,7 @@ static void print_scene(ms_frame_file *file, const msim_recording *what) {
   print_string(file, "name", what->title);
   print_triple(file, "gravity", what->gravity);
   print_planes(file, what);
+  print_colliders(file, what);
   print_integers(file, what, "mass", mass_at, what->n, 1);
   print_integers(file, what, "pinned", pinned_at, what->n, 1);
   print_integers(file, what, "ij", end_at, 2 * (int64_t)what->nsprings, 2);

@@ -5,9 +5,10 @@
  * power failure, shows the frames whose lines are complete.
  *
  * Scene: the counts `particles`, `springs`, `triangles`, and `frames` as planned; `name`,
- * `gravity`, `planes`; and as integers (integer_code.h) of 32 bits `ij`, `faces`, `pinned`, and the
- * bits of single-precision numbers `mass`, `k`, `rest`. Each integer is the difference to the
- * one 2 before in `ij`, 3 before in `faces`, 1 before in the others.
+ * `gravity`, `planes`, `colliders` as in scene files; and as integers (integer_code.h) of 32 bits
+ * `ij`, `faces`, `pinned`, and the bits of single-precision numbers `mass`, `k`, `rest`. Each
+ * integer is the difference to the one 2 before in `ij`, 3 before in `faces`, 1 before in the
+ * others.
  *
  * Frame: `step`, `t`, the energies, the bounding box from `low` to `high`, the greatest speed
  * `fastest`, and integers q: `x` of 16 bits, all x, then all y, then all z, with the coordinate

@@ -97,7 +97,9 @@ static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a
                              .faces = scene->faces,
                              .nplanes = scene->nplanes,
                              .planes = scene->planes,
-                             .title = scene->name};
+                             .title = scene->name,
+                             .ncolliders = scene->ncolliders,
+                             .colliders = scene->colliders};
   memcpy(a->what.gravity, scene->external.gravity, sizeof a->what.gravity);
   if (status) free_recording_plan(r, a);
   return status;

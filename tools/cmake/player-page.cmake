@@ -3,7 +3,7 @@
 cmake_minimum_required(VERSION 3.21)
 file(READ ${PLAYER}/page.html page)
 file(READ ${PLAYER}/style.css style)
-foreach(name recording drawn camera picture energies player)
+foreach(name recording drawn camera solids picture energies player)
   file(READ ${PLAYER}/${name}.js text)
   string(APPEND script "${text}")
 endforeach()

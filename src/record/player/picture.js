@@ -1,5 +1,5 @@
 // picture - draws a state by WebGL 2: faces, springs as tubes, particles as spheres, marks of
-// pinned particles, and planes as grids.
+// pinned particles, colliders as solids, and planes as grids.
 
 // From small to large values, light enough for shading and of rising lightness (as viridis)
 const RAMP = [[0.36, 0.46, 0.76], [0.2, 0.6, 0.68], [0.24, 0.74, 0.57], [0.64, 0.86, 0.36],
@@ -78,6 +78,22 @@ void main() {
   float rest = 1. - dot(p, p);
   if (rest < 0.) discard;
   result = shaded(vec3(p, sqrt(rest)));
+}`],
+  // Slightly farther from the eye than it is: faces sag between particles on its surface.
+  solid: [`
+in vec3 position, normal;
+out vec3 direction;
+void main() {
+  direction = mat3(view) * normal;
+  gl_Position = projection * vec4(1.006 * (view * vec4(position, 1)).xyz, 1);
+}`, `
+uniform vec3 colour;
+in vec3 direction;
+out vec4 result;
+void main() {
+  vec3 n = normalize(direction);
+  float light = max(dot(n, vec3(-.36, .64, .68)), 0.), sky = .5 + .5 * n.y;
+  result = vec4(colour * (.55 + .25 * sky + .4 * light), 1);
 }`],
   // A ring of the same size at any distance
   pin: [`
@@ -163,13 +179,13 @@ function copyTriples(x, indices, out) {
 }
 
 class Picture {
-  // planes: [{normal, offset}] in the units of the picture
-  constructor(canvas, recording, drawn, planes, spacing) {
+  // planes: [{normal, offset}], solids: of makeSolid, both in the units of the picture
+  constructor(canvas, recording, drawn, planes, solids, spacing) {
     // Edges are smoothed where a GPU draws; in software that would take half the frames per second.
     const gl = this.gl = canvas.getContext("webgl2", {failIfMajorPerformanceCaveat: true})
       || canvas.getContext("webgl2", {antialias: false});
     if (!gl) throw new Error("This page draws with WebGL 2, which this browser does not offer.");
-    Object.assign(this, {canvas, recording, drawn, planes, spacing});
+    Object.assign(this, {canvas, recording, drawn, planes, solids, spacing});
     this.pins = [...recording.pinned.keys()].filter(i => recording.pinned[i]);
     this.programs = {};
     this.makeArrays();
@@ -191,6 +207,8 @@ class Picture {
     this.strip = this.buffer([-1, 0, 1, 0, -1, 1, 1, 1]);
     this.square = this.buffer([-1, -1, 1, -1, -1, 1, 1, 1]);
     this.radii = this.buffer(Float32Array.from(drawn.radii));
+    this.solidBuffers = this.solids.map(({position, normal}) => (
+      {position: this.buffer(position), normal: this.buffer(normal)}));
     this.faces = gl.createBuffer();
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.faces);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
@@ -274,6 +292,20 @@ class Picture {
     this.gl.drawArrays(this.gl.POINTS, 0, this.drawn.spheres.length);
   }
 
+  // Those inside which particles stay only from within: the eye looks into them.
+  drawSolids(colour) {
+    const {gl, solids, solidBuffers} = this;
+    this.use("solid", {colour});
+    gl.enable(gl.CULL_FACE);
+    solids.forEach(({inside, position}, i) => {
+      gl.cullFace(inside ? gl.FRONT : gl.BACK);
+      this.attribute("position", solidBuffers[i].position, 3);
+      this.attribute("normal", solidBuffers[i].normal, 3);
+      gl.drawArrays(gl.TRIANGLES, 0, position.length / 3);
+    });
+    gl.disable(gl.CULL_FACE);
+  }
+
   drawPins(colour) {
     this.use("pin", {colour, size: Math.max(10, this.canvas.height / 50)});
     this.attribute("position", this.pinCentres, 3);
@@ -303,6 +335,7 @@ class Picture {
     if (this.recording.triangles) this.drawSurface();
     if (this.drawn.springs.length) this.drawSprings();
     if (this.drawn.spheres.length) this.drawSpheres();
+    if (this.solids.length) this.drawSolids(colours.grid);
     gl.enable(gl.BLEND);
     gl.depthMask(false);
     this.planes.forEach((_, i) => this.drawPlane(i, colours.grid));

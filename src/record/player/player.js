@@ -87,6 +87,7 @@ class Player {
     this.held = [-1, -1];                                             // which frames these are
     this.planes = recording.planes.map(({normal, offset}) => (
       {normal, offset: (offset - dot(normal, this.centre)) / this.scale}));
+    this.solids = recording.colliders.map(c => makeSolid(c, this.centre, this.scale));
     this.camera = new Camera(recording.gravity, this.samplePoints(), this.planes);
     this.spacing = roundStep(this.scale / 4);
     this.energies = new Energies(byId("energies"), byId("cursor"), byId("values"),
@@ -102,7 +103,7 @@ class Player {
     positionsOf(recording, 0, centre, scale, this.x);
     this.drawn = chooseDrawn(recording, this.x);
     this.picture = new Picture(byId("picture"), recording, this.drawn, this.planes,
-                               this.spacing / scale);
+                               this.solids, this.spacing / scale);
     this.changed = true;
   }
 
