@@ -234,12 +234,16 @@ static void plans_name_colliders(void **state) {
 static void checkpoints_belong_to_their_colliders(void **state) {
   (void)state;
   const msim_options opt = options("velocity-verlet", 1e-3);
-  msim_scene *scenes[3] = {bodies(0.4, 0.5), bodies(0.4, 0.5), bodies(0.4, 0.5)};
-  const char *words[3] = {"", "colliders[5] differs", "the number of colliders is 5 here and 6"};
-  add(scenes[0], sphere(9, 9, 9, 1, 1, 0), 0), add(scenes[1], sphere(9, 9, 9, 1, 1, 0.5), 0);
+  enum { N = 4 };
+  msim_scene *scenes[N];
+  const char *words[N] = {"", "colliders[5] differs", "colliders[5] differs",
+                          "the number of colliders is 5 here and 6"};
+  for (int i = 0; i < N; i++) scenes[i] = bodies(0.4, 0.5);
+  add(scenes[0], sphere(0, 0, 0, 9, 1, 0), 0), add(scenes[1], sphere(0, 0, 0, 9, 1, 0.5), 0);
+  add(scenes[2], sphere(0, 0, 0, 9, 1, 0), 1);
   msim_sim *sim = make_sim(scenes[0], &opt);
   const checkpoint c = save(sim);
-  for (int i = 0; i < 3; i++) {
+  for (int i = 0; i < N; i++) {
     msim_error why = {0, ""};
     msim_sim *other = make_sim(scenes[i], &opt);
     assert_int_equal(msim_sim_load(other, c.bytes, c.length, &why), i ? MSIM_ERR_ARG : MSIM_OK);

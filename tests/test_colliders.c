@@ -54,6 +54,7 @@ static void one_reflection_in_closed_form(void **state) {
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
       if (refuses_planes(method_at(m))) continue;
       msim_scene *scene = make_single_particle(x, v, 0);
+      add(scene, sphere(0, 0, -99, 1, 1, 0), 0);
       add(scene, cases[i].c, cases[i].inside);
       msim_options opt = options(method_at(m), h);
       msim_sim *sim = make_sim(scene, &opt);
@@ -169,6 +170,81 @@ static void narrow_places_keep_particles_outside(void **state) {
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
+}
+
+/* One step of a particle of x and v, without gravity */
+static msim_sim *one_step(msim_scene *scene, double h) {
+  const msim_options opt = options("symplectic-euler", h);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  return sim;
+}
+
+/* The rim of the lens between a bowl and a plane, where the angle is 2.6 degrees: reflections in
+ * turn approach it too slowly, so that the particle is moved to the nearest point, which is on
+ * both surfaces. */
+static void a_sharp_rim_stops_a_particle(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, -0.9995}, v[3] = {6, 8, 0}, rim = sqrt(1 - 0.999 * 0.999);
+  msim_scene *scene = make_single_particle(x, v, 0);
+  plane(scene, 0, 0, -1, 0.999, 0, 0);
+  add(scene, sphere(0, 0, 0, 1, 0, 0), 1);
+  msim_sim *sim = one_step(scene, 0.01);
+  const msim_state s = state_of(sim);
+  assert_close(s.x[0], 0.6 * rim, 1e-10);
+  assert_close(s.x[1], 0.8 * rim, 1e-10);
+  assert_close(s.x[2], -0.999, 1e-14);
+  for (int c = 0; c < 3; c++) assert_close(s.v[c], 0, 1e-10);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* A box sunk into the floor: the nearest way out of it is down, where the floor is. */
+static void without_room_particles_stay_at_rest(void **state) {
+  (void)state;
+  const double x[3] = {-1, 0.1, 0.05}, v[3] = {60, 0, 0}, none[3] = {0};
+  msim_scene *scene = make_single_particle(x, v, 0);
+  plane(scene, 0, 0, 1, 0, 0.5, 0);
+  add(scene, box(0, 0, 0.4, 1, 0.5, 0), 0);
+  msim_sim *sim = one_step(scene, 1. / 60);
+  assert_memory_equal(state_of(sim).x, x, sizeof x);
+  assert_memory_equal(state_of(sim).v, none, sizeof none);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* A particle that starts in two spheres leaves both, though each moves it into the other. */
+static void particles_in_overlapping_solids_leave(void **state) {
+  (void)state;
+  const double x[3] = {0.01, 0.3, 0.1}, v[3] = {0};
+  for (int slow = 0; slow < 2; slow++) {
+    msim_scene *scene = make_single_particle(x, v, 0);
+    add(scene, sphere(-0.8, 0, 0, 1, slow ? 0 : 1, 0), 0);
+    add(scene, sphere(0.8, 0, 0, 1, slow ? 0 : 1, 0), 0);
+    msim_sim *sim = one_step(scene, 0.01);
+    assert_true(least_distance(scene, sim) >= -1e-12);
+    assert_true(ms_vec3_norm(state_of(sim).x) < 3);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A spring of 1e4 N/m, one end of which the first step moves out of a sphere, is no instability. */
+static void the_energy_bound_covers_a_start_inside(void **state) {
+  (void)state;
+  const double x[6] = {0.5, 0, 0, 2, 0, 0}, mass[2] = {1, 1}, k = 1e4;
+  const int32_t ij[2] = {0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, err));
+  add(scene, sphere(0, 0, 0, 1, 0, 0), 0);
+  const msim_options opt = options("velocity-verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 640, err));
+  assert_true(state_of(sim).x[0] >= 1 - 1e-12);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
 }
 
 /*------------------------------------- bodies ---------------------------------------------------*/
@@ -308,6 +384,10 @@ int main(void) {
                                      cmocka_unit_test(spheres_deflect),
                                      cmocka_unit_test(a_large_sphere_is_a_plane),
                                      cmocka_unit_test(narrow_places_keep_particles_outside),
+                                     cmocka_unit_test(a_sharp_rim_stops_a_particle),
+                                     cmocka_unit_test(without_room_particles_stay_at_rest),
+                                     cmocka_unit_test(particles_in_overlapping_solids_leave),
+                                     cmocka_unit_test(the_energy_bound_covers_a_start_inside),
                                      cmocka_unit_test(bodies_stay_outside_with_bounded_energy),
                                      cmocka_unit_test(random_scenes_stay_outside_and_resume),
                                      cmocka_unit_test(threads_do_not_matter),
