@@ -3,6 +3,21 @@
 set(MSIM_SUNDIALS_SOLVERS sundials-pcg sundials-spgmr sundials-spfgmr sundials-spbcgs
                           sundials-sptfqmr)
 
+# msim_packages(NAME RESULT): the packages of Debian and Ubuntu that bring msim::NAME
+function(msim_packages name result)
+  if(name STREQUAL "cholmod")
+    set(packages libsuitesparse-dev)
+  elseif(name STREQUAL "klu")
+    set(packages libsundials-dev libsuitesparse-dev)
+  elseif(name IN_LIST MSIM_SUNDIALS_SOLVERS)
+    set(packages libsundials-dev)
+  else()
+    set(packages lib${name}-dev)
+  endif()
+  list(JOIN packages " " packages)
+  set(${result} "${packages}" PARENT_SCOPE)
+endfunction()
+
 # msim_library(NAME HEADER FOLDER LIBRARIES...): the target msim::NAME, where it is found.
 # FOLDER: below an include folder, searched first; LIBRARIES: names, the first one found wins.
 function(msim_library name header folder)
