@@ -161,14 +161,16 @@ fuzzing() {
 
 python_tools() {
   python3 -m venv build/python &&
-    build/python/bin/pip install --quiet pytest scipy h5py tqdm mypy build ipython pyvista \
-      matplotlib imageio-ffmpeg
+    build/python/bin/pip install --quiet pytest scipy h5py tqdm mypy build cibuildwheel ipython \
+      pyvista matplotlib imageio-ffmpeg
 }
 
 # Built once; what they are made from does not change.
 wheel_libraries() {
-  [[ -f build/wheel_libraries/lib/libhdf5.a ]] ||
-    tools/python/wheel_libraries.sh "$top/build/wheel_libraries"
+  local libraries=$top/build/wheel_libraries
+  { [[ -f $libraries/lib/libhdf5.a ]] || tools/python/wheel_libraries.sh "$libraries"; } &&
+    { [[ -f ${libraries}_cholmod/lib/libcholmod.a ]] ||
+      tools/python/wheel_libraries.sh "${libraries}_cholmod" cholmod; }
 }
 
 # python_tests MARKS
@@ -191,11 +193,11 @@ fully_static() {
     env PYTHONPATH=tests python3 -B tests/install/test_fully_static.py
 }
 
-# The source archive and the wheel, each in a fresh environment. The libraries behind the wheel are
+# The source archive and the wheels, each in a fresh environment. The libraries behind the wheel are
 # built from their sources, which takes half an hour once.
 wheels() {
   check "Python packages of the tests" python_tools
-  check "static libraries of the wheel" wheel_libraries
+  check "static libraries of the wheels" wheel_libraries
   check "pip install tools/python" build/python/bin/pip install --quiet ./tools/python
   check "archive and wheel" python_tests slow
 }

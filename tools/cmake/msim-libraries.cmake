@@ -83,6 +83,7 @@ function(msim_find)
   foreach(name IN LISTS ARGN)
     if(name STREQUAL "cholmod")
       msim_library(cholmod cholmod.h suitesparse cholmod)
+      msim_behind(cholmod ccolamd camd colamd amd suitesparseconfig)
     elseif(name STREQUAL "hdf5")
       # The serial flavour. Debian keeps it beside one for MPI, which `pkg-config hdf5` may mean.
       msim_library(hdf5 hdf5.h hdf5/serial hdf5_serial hdf5)

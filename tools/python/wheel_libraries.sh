@@ -1,9 +1,10 @@
 #!/bin/sh
-# Builds the static libraries behind msim's wheel: jansson, KLU of SuiteSparse, SUNDIALS, HDF5.
-# usage: wheel_libraries.sh PREFIX     needs cc, cmake, make, curl, xz, and some minutes
+# Builds the static libraries behind msim's wheels, from the sources of Debian 12, by their hashes.
+# usage: wheel_libraries.sh PREFIX [cholmod]     needs cc, cmake, make, curl, xz, and some minutes
 #
-# The sources are those of Debian 12, by their hashes. CHOLMOD is left out: its supernodal part is
-# under the GPL, which a wheel that holds it would be as well.
+# For the wheel msim: jansson, KLU of SuiteSparse, SUNDIALS, HDF5. With cholmod, for the wheel
+# msim-cholmod: CHOLMOD, whose supernodal part is under the GPL; without METIS, which the archive of
+# Debian lacks, so that solids are factorized more slowly than with a CHOLMOD of the system.
 set -eu
 mkdir -p "$1"
 prefix=$(cd "$1" && pwd)
@@ -31,22 +32,36 @@ build() {
   cmake --build . -j2 --target install
 }
 
+# suitesparse PARTS...: their libraries and headers
+suitesparse() {
+  unpack suitesparse bb106c43049138c19675cd70322e72ff8e4fd8bdcab3a096307fd78488913faf \
+    s/suitesparse/suitesparse_5.12.0+dfsg.orig.tar.xz
+  mkdir -p "$prefix/lib" "$prefix/include/suitesparse"
+  for part in SuiteSparse_config "$@"; do
+    folder=$work/suitesparse/$part
+    libraries=$folder
+    if [ -d "$folder/Lib" ]; then libraries=$folder/Lib; fi
+    make -C "$libraries" -j2 static AUTOCC=no CC=cc CFOPENMP= CFLAGS="-O2 -fPIC" \
+      CHOLMOD_CONFIG=-DNPARTITION
+    cp "$libraries"/*.a "$prefix/lib"
+    find "$folder" -name '*.h' -path "*$part/Include/*" \
+      -exec cp {} "$prefix/include/suitesparse" \;
+  done
+  cp "$work/suitesparse/SuiteSparse_config/SuiteSparse_config.h" "$prefix/include/suitesparse"
+}
+
+if [ "${2-}" = cholmod ]; then
+  suitesparse AMD CAMD COLAMD CCOLAMD CHOLMOD
+  cp "$work/suitesparse/CHOLMOD/Doc/License.txt" "$prefix/include/suitesparse/CHOLMOD-License.txt"
+  cp "$work/suitesparse/CHOLMOD/Supernodal/gpl.txt" "$prefix/include/suitesparse"
+  exit
+fi
+
 unpack jansson c739578bf6b764aa0752db9a2fdadcfe921c78f1228c7ec0bb47fa804c55d17b \
   j/jansson/jansson_2.14.orig.tar.gz
 build jansson -DJANSSON_BUILD_DOCS=OFF -DJANSSON_EXAMPLES=OFF -DJANSSON_WITHOUT_TESTS=ON
 
-unpack suitesparse bb106c43049138c19675cd70322e72ff8e4fd8bdcab3a096307fd78488913faf \
-  s/suitesparse/suitesparse_5.12.0+dfsg.orig.tar.xz
-mkdir -p "$prefix/lib" "$prefix/include/suitesparse"
-for part in SuiteSparse_config AMD BTF COLAMD KLU; do
-  folder=$work/suitesparse/$part
-  libraries=$folder
-  if [ -d "$folder/Lib" ]; then libraries=$folder/Lib; fi
-  make -C "$libraries" -j2 static AUTOCC=no CC=cc CFOPENMP= CFLAGS="-O2 -fPIC" CHOLMOD_CONFIG=
-  cp "$libraries"/*.a "$prefix/lib"
-  find "$folder" -name '*.h' -path "*$part/Include/*" -exec cp {} "$prefix/include/suitesparse" \;
-done
-cp "$work/suitesparse/SuiteSparse_config/SuiteSparse_config.h" "$prefix/include/suitesparse"
+suitesparse AMD BTF COLAMD KLU
 
 unpack sundials c61157f1d4be06c704bea40cb131eb63ba2dada161989071604d0a0959cdf04a \
   s/sundials/sundials_6.4.1+dfsg1.orig.tar.xz

@@ -1,7 +1,6 @@
 """What is installed: source archive and wheel in clean environments, and the types."""
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tarfile
@@ -120,28 +119,42 @@ def test_source_archive_installs(archive, tmp_path):
     assert not list((tmp_path / "venv").rglob("msim*"))
 
 
-@pytest.mark.slow
-def test_wheel_needs_nothing_of_its_machine(tmp_path):
-    """Built as cibuildwheel does, with the static libraries of wheel_libraries.sh."""
+def wheel_of(project, libraries, folder):
+    """A wheel, built as cibuildwheel does with the static libraries of wheel_libraries.sh, and the
+    folder of its content."""
+    run(sys.executable, "-m", "build", "--wheel", "--outdir", folder, project,
+        "-Ccmake.define.MSIM_WHEEL=ON", env={**os.environ, "CMAKE_PREFIX_PATH": libraries})
+    wheel = next(folder.glob("*.whl"))
+    with zipfile.ZipFile(wheel) as content:
+        content.extractall(folder / "content")
+    return wheel, folder / "content"
+
+
+def needed_and_defined(library):
+    """The shared libraries that a library is linked to, and the C symbols that it exports."""
+    needed = re.findall(r"NEEDED.*\[(.*?)\.so", run("readelf", "-d", library))
+    defined = re.findall(r" GLOBAL +DEFAULT +\d+ (\w+)", run("readelf", "--dyn-syms", "-W", library))
+    return set(needed), [name for name in defined if not name.startswith("_Z")]
+
+
+def static_libraries():
     prefix = os.environ.get("MSIM_WHEEL_LIBRARIES")
     if not prefix:
         pytest.skip("MSIM_WHEEL_LIBRARIES names no folder made by wheel_libraries.sh")
-    run(sys.executable, "-m", "build", "--wheel", "--outdir", tmp_path, HERE,
-        "-Ccmake.define.MSIM_WHEEL=ON", env={**os.environ, "CMAKE_PREFIX_PATH": prefix})
-    wheel = next(tmp_path.glob("msim-*.whl"))
-    with zipfile.ZipFile(wheel) as content:
-        names = content.namelist()
-        content.extractall(tmp_path / "content")
-    assert {"msim/__init__.py", "msim/_core.pyi", "msim/py.typed"} <= set(names)
-    assert any(name.endswith("licenses/LICENSE") for name in names)
+    return prefix
+
+
+@pytest.mark.slow
+def test_wheel_needs_nothing_of_its_machine(tmp_path):
+    wheel, content = wheel_of(HERE, static_libraries(), tmp_path)
+    for file in "msim/__init__.py", "msim/_core.pyi", "msim/py.typed":
+        assert (content / file).is_file()
+    assert list(content.glob("*/licenses/LICENSE"))
     assert wheel.stat().st_size < 5e6
-    core = next((tmp_path / "content/msim").glob("_core*.so"))
-    if shutil.which("readelf"):
-        needed = set(re.findall(r"NEEDED.*\[(.*?)\.so", run("readelf", "-d", core)))
-        assert needed <= {"libc", "libm", "libdl", "libpthread", "libstdc++", "libgcc_s",
-                          "ld-linux-x86-64"}, needed
-        defined = re.findall(r" GLOBAL +DEFAULT +\d+ (\w+)", run("readelf", "--dyn-syms", "-W", core))
-        assert [name for name in defined if not name.startswith("_Z")] == ["PyInit__core"]
+    needed, defined = needed_and_defined(next(content.glob("msim/_core*.so")))
+    assert needed <= {"libc", "libm", "libdl", "libpthread", "libstdc++", "libgcc_s",
+                      "ld-linux-x86-64"}, needed
+    assert defined == ["PyInit__core"]
     python = python_of(tmp_path / "venv")
     run(python, "-m", "pip", "install", "--quiet", wheel, cwd=tmp_path)
     shown = smoke(python, tmp_path)
@@ -151,3 +164,28 @@ def test_wheel_needs_nothing_of_its_machine(tmp_path):
         run(python, "-m", "pip", "install", "--quiet", HERE / "cholmod", cwd=tmp_path)
         assert "name='cholmod', available=True" in smoke(python, tmp_path)
         run(python, "-c", CHOLMOD, cwd=tmp_path)
+
+
+@pytest.mark.slow
+def test_cholmod_wheel_needs_only_lapack(tmp_path):
+    """CHOLMOD is linked in, with its licences; auditwheel would add LAPACK and BLAS."""
+    wheel, content = wheel_of(HERE / "cholmod", static_libraries() + "_cholmod", tmp_path)
+    assert "-py3-none-" in wheel.name
+    for file in "CHOLMOD-License.txt", "gpl.txt":
+        assert list(content.glob(f"*/licenses/{file}"))
+    plugin = content / "msim/plugins/msim/msim_backend_cholmod.so"
+    needed, defined = needed_and_defined(plugin)
+    assert needed <= {"libc", "libm", "libdl", "liblapack", "libblas", "libopenblas"}, needed
+    assert defined == ["msim_backend_entry"]
+    run(sys.executable, "-c", CHOLMOD, cwd=tmp_path,
+        env={**os.environ, "MSIM_PLUGIN_PATH": str(plugin.parent)})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("project, built", [(HERE, ["cp310", "cp311", "cp312"]),
+                                            (HERE / "cholmod", ["cp310"])])
+def test_cibuildwheel_reads_its_configuration(project, built):
+    pytest.importorskip("cibuildwheel")
+    listed = run(sys.executable, "-m", "cibuildwheel", "--platform", "linux", "--archs", "x86_64",
+                 "--print-build-identifiers", project)
+    assert listed.split() == [f"{python}-manylinux_x86_64" for python in built]
