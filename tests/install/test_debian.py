@@ -3,6 +3,7 @@ what they depend on, run, serve a program's author, and leave nothing when they 
 
 Needs root, for chroot, and mmdebstrap; tools/full.sh runs it."""
 import os
+import re
 import shutil
 import subprocess
 import unittest
@@ -13,6 +14,10 @@ ROOT = TOP / "build" / "debian-root"
 PACKAGES = sorted((TOP / "build" / "packages").glob("*.deb"))
 NAMES = ["libmsim-dev", "libmsim0", "libmsim0-cholmod", "libmsim0-hdf5", "libmsim0-klu",
          "libmsim0-sundials", "msim"]
+PLUGINS = {"cholmod": "--solver cholmod --out a.csv", "hdf5": "--solver pcg --out a.vtkhdf",
+           "klu": "--solver klu --out a.csv", "sundials": "--solver sundials-pcg --out a.csv"}
+RUN = ("cd /tmp; rm -f a.*; msim_cli run /usr/share/msim/scenes/hanging_cloth.json --t_end 0.2"
+       " --integrator linearly-implicit-euler --h 0.01 --quiet {}; test -s a.*")
 QUIET = {**os.environ, "DEBIAN_FRONTEND": "noninteractive", "LC_ALL": "C.UTF-8"}
 
 
@@ -41,7 +46,6 @@ class Packages(unittest.TestCase):
         shutil.rmtree(ROOT, ignore_errors=True)
         run("mmdebstrap", "--mode=root", "--variant=apt", "--include=gcc,libc6-dev,pkg-config",
             "bookworm", ROOT)
-        cls.before = files()
         (ROOT / "tmp/packages").mkdir()
         for package in PACKAGES:
             shutil.copy(package, ROOT / "tmp/packages")
@@ -49,7 +53,9 @@ class Packages(unittest.TestCase):
         for file in "/etc/resolv.conf", "/etc/hosts":
             if Path(file).is_file():
                 shutil.copy(file, ROOT / "etc")
-        inside("apt-get update; apt-get install -y --no-install-recommends /tmp/packages/*.deb")
+        inside("apt-get update")
+        cls.before = files()
+        inside("apt-get install -y --no-install-recommends /tmp/packages/*.deb")
 
     @classmethod
     def tearDownClass(cls):
@@ -59,13 +65,9 @@ class Packages(unittest.TestCase):
         self.assertEqual(sorted(package.name.split("_")[0] for package in PACKAGES), NAMES)
 
     def test_2_programs_run(self):
-        listed = inside("msim_cli list")
-        for word in "cholmod", "klu", "sundials-pcg", "hdf5":
-            line = next(line for line in listed.splitlines() if line.split()[:1] == [word])
-            self.assertNotIn("missing", line)
-        inside("cd /tmp; msim_cli run /usr/share/msim/scenes/hanging_cloth.json --t_end 0.2"
-               " --integrator linearly-implicit-euler --h 0.01 --solver cholmod --out a.vtkhdf;"
-               " test -s a.vtkhdf")
+        self.assertEqual(self.available(), set(PLUGINS))
+        inside(RUN.format("--solver cholmod --out a.vtkhdf"))
+        inside("test -s /usr/share/man/man1/msim_cli.1; test -s /usr/share/msim/scene.schema.json")
 
     def test_3_a_program_is_built(self):
         out = inside("cd /tmp; cc pendulum.c $(pkg-config --cflags --libs msim) -o pendulum;"
@@ -73,7 +75,25 @@ class Packages(unittest.TestCase):
         self.assertIn("t = 2 s", out)
 
     def test_4_nothing_is_left(self):
-        inside("apt-get purge -y --autoremove " + " ".join(NAMES))
+        self.purge(*NAMES)
+
+    def test_5_each_plugin_alone(self):
+        for plugin, options in PLUGINS.items():
+            with self.subTest(plugin):
+                names = ["libmsim0", "msim", f"libmsim0-{plugin}"]
+                inside("cd /tmp/packages; apt-get install -y --no-install-recommends "
+                       + " ".join(f"./{name}_*.deb" for name in names))
+                self.assertEqual(self.available(), {plugin})
+                inside(RUN.format(options))
+                self.purge(*names)
+
+    def available(self):
+        """The plugins that msim_cli lists as available."""
+        listed = inside("msim_cli list")
+        return {plugin for plugin in PLUGINS if re.search(rf"(?m)^  {plugin}(-pcg)? +yes ", listed)}
+
+    def purge(self, *names):
+        inside("apt-get purge -y --autoremove " + " ".join(names))
         self.assertEqual([name for name in files() - self.before if "msim" in name], [])
         self.assertEqual(inside("dpkg -l | grep -c msim || true").strip(), "0")
 
