@@ -145,14 +145,13 @@ static int is_obstructed(const ms_scene *scene, const double x[3]) {
   return plane || find_deeper_collider(scene, x, depth, &unused);
 }
 
-/* Return to `from`, at rest, unless x is in free space and not farther away than `end`, or `from`
- * is obstructed itself. */
+/* Return to `from`, at rest, unless x is in free space and not farther away than `end`. */
 static void return_if_stuck(const ms_scene *scene, const double from[3], const double end[3],
                             double x[3], double v[3]) {
   double way[3], moved[3];
   for (int c = 0; c < 3; c++) way[c] = end[c] - from[c], moved[c] = x[c] - from[c];
   const int is_near = ms_vec3_norm(moved) <= ms_vec3_norm(way);
-  if ((is_near && !is_obstructed(scene, x)) || is_obstructed(scene, from)) return;
+  if (is_near && !is_obstructed(scene, x)) return;
   for (int c = 0; c < 3; c++) x[c] = from[c], v[c] = 0;
 }
 
