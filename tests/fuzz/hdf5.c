@@ -22,13 +22,15 @@ static void check_round_trip(const msim_scene *scene, const char *path,
   msim_scene_get(scene, &a);
   msim_scene_get(again, &b);
   const size_t n = (size_t)a.nparticles, s = (size_t)a.nsprings, real = sizeof(double);
-  fuzz_check(a.nparticles == b.nparticles && a.nsprings == b.nsprings && a.nplanes == b.nplanes,
+  fuzz_check(a.nparticles == b.nparticles && a.nsprings == b.nsprings && a.nplanes == b.nplanes &&
+                 a.ncolliders == b.ncolliders,
              "counts are kept");
   fuzz_check(same(a.x, b.x, 3 * n * real) && same(a.v, b.v, 3 * n * real) &&
                  same(a.mass, b.mass, n * real) && same(a.pinned, b.pinned, n) &&
                  same(a.ij, b.ij, 2 * s * sizeof *a.ij) && same(a.k, b.k, s * real) &&
                  same(a.rest, b.rest, s * real) && same(a.damping, b.damping, s * real) &&
                  same(a.planes, b.planes, (size_t)a.nplanes * sizeof *a.planes) &&
+                 same(a.colliders, b.colliders, (size_t)a.ncolliders * sizeof *a.colliders) &&
                  same(a.gravity, b.gravity, sizeof a.gravity) && a.drag == b.drag,
              "bits are kept");
   msim_scene_destroy(again);
