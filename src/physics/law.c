@@ -58,6 +58,10 @@ static ms_law_value table(const ms_law *law, double e) {
 
 static inline void evaluate_scaled(const ms_law *law, unit_law *unit, int32_t n, const double *k,
                                    ms_law_batch *b) {
+  if (b->only_force) {
+    for (int32_t i = 0; i < n; i++) b->force[i] = k[i] * unit(law, b->stretch[i]).force;
+    return;
+  }
   for (int32_t i = 0; i < n; i++) {
     const ms_law_value value = unit(law, b->stretch[i]);
     b->force[i] = k[i] * value.force;
@@ -114,6 +118,7 @@ ms_law_value ms_law_value_of(const ms_scene *s, int32_t spring, double l) {
   const double k = s->k[spring], rest = s->rest[spring];
   if (!law) return (ms_law_value){MS_SPRING_FORCE(k, rest, l), k, MS_SPRING_ENERGY(k, rest, l)};
   ms_law_batch batch;
+  batch.only_force = 0;
   batch.stretch[0] = l - rest;
   ms_law_evaluate(law, 1, &k, &rest, &batch);
   return (ms_law_value){batch.force[0], batch.slope[0], batch.energy[0]};

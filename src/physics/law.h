@@ -12,6 +12,7 @@ enum { MS_LAW_BATCH = 64 };
 
 /* Inputs and results of a batch */
 typedef struct ms_law_batch {
+  int only_force; /* 1: slope and energy need not be computed */
   double stretch[MS_LAW_BATCH], force[MS_LAW_BATCH], slope[MS_LAW_BATCH], energy[MS_LAW_BATCH];
 } ms_law_batch;
 

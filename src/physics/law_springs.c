@@ -2,7 +2,9 @@
 
 #include <math.h>
 
-#include "physics/law.h"
+#include "physics/law_kernels.h"
+
+MS_TABLES(ms_law_kernels);
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -42,7 +44,7 @@ static void list_ends(const ms_model *model, const int32_t *number, struct ms_la
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       const int32_t e = h->spring[at];
       if (e >= 0 && number[e] >= 0)
-        s->end[n++] = (ms_law_end){number[e], at, model->springs.i[e] == r ? 1 : -1};
+        s->end[n++] = (ms_law_end){2 * number[e] + (model->springs.i[e] != r), at};
     }
     if (n == start) continue;
     s->row[s->nrows] = r, s->first[s->nrows++] = start;
@@ -68,8 +70,9 @@ msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs *
   int fits = MS_NEW(alloc, s, 1) != NULL;
   fits = fits && MS_NEW(alloc, number, model->springs.n) && MS_NEW(alloc, s->run, runs) &&
          MS_NEW(alloc, s->i, n) && MS_NEW(alloc, s->j, n) && MS_NEW(alloc, s->spring, n) &&
-         MS_NEW(alloc, s->k, n) && MS_NEW(alloc, s->rest, n) && MS_NEW(alloc, s->scratch, 3 * n) &&
-         MS_NEW(alloc, s->sum, runs) && MS_NEW(alloc, s->row, rows < ends ? rows : ends) &&
+         MS_NEW(alloc, s->k, n) && MS_NEW(alloc, s->rest, n) &&
+         MS_NEW(alloc, s->scratch, MS_LAW_RECORD * ends) && MS_NEW(alloc, s->sum, runs) &&
+         MS_NEW(alloc, s->row, rows < ends ? rows : ends) &&
          MS_NEW(alloc, s->first, (rows < ends ? rows : ends) + 1) && MS_NEW(alloc, s->end, ends);
   if (fits) {
     sort_springs(model, number, s);
@@ -99,32 +102,15 @@ void ms_law_springs_update(const ms_model *model) {
 
 /*------------------------------------- batches --------------------------------------------------*/
 
-/* The springs of a run at positions x */
-typedef struct lengths {
-  double d[3][MS_LAW_BATCH], l2[MS_LAW_BATCH]; /* x_j - x_i, |x_j - x_i|^2 */
-  ms_law_batch at;
-} lengths;
-
-/* v_j - v_i of the springs of a run, component by component */
-static void subtract_ends(const ms_model *model, const ms_law_run *run, const double *v,
-                          double d[3][MS_LAW_BATCH]) {
-  const struct ms_law_springs *s = model->laws;
-  for (int32_t c = 0; c < model->unknowns.dims; c++, v += model->unknowns.stride)
-    for (int32_t e = run->begin; e < run->end; e++) d[c][e - run->begin] = v[s->j[e]] - v[s->i[e]];
+/* Measure and evaluate the springs of a run. */
+static void evaluate_at(const ms_model *model, const ms_law_run *run, const double *x,
+                        ms_law_lengths *to) {
+  to->at.only_force = 0;
+  ms_law_kernels_of[model->isa]->measure(model, run, x, to);
+  ms_law_springs_evaluate(model, run, &to->at);
 }
 
-static void measure_run(const ms_model *model, const ms_law_run *run, const double *x,
-                        lengths *to) {
-  const int32_t n = run->end - run->begin;
-  const double *rest = model->laws->rest + run->begin;
-  subtract_ends(model, run, x, to->d);
-  for (int32_t e = 0; e < n; e++) to->l2[e] = to->d[0][e] * to->d[0][e];
-  for (int32_t c = 1; c < model->unknowns.dims; c++)
-    for (int32_t e = 0; e < n; e++) to->l2[e] += to->d[c][e] * to->d[c][e];
-  for (int32_t e = 0; e < n; e++) to->at.stretch[e] = sqrt(to->l2[e]) - rest[e];
-}
-
-static void evaluate_run(const ms_model *model, const ms_law_run *run, ms_law_batch *at) {
+void ms_law_springs_evaluate(const ms_model *model, const ms_law_run *run, ms_law_batch *at) {
   const struct ms_law_springs *s = model->laws;
   ms_law_evaluate(run->law, run->end - run->begin, s->k + run->begin, s->rest + run->begin, at);
 }
@@ -134,7 +120,6 @@ typedef struct law_job {
   const double *x, *d;
   double h, step; /* of the matrix; of nonlinearity: q = step d */
   int clamp;
-  double *to;
   ms_coefficients *a;
 } law_job;
 
@@ -143,44 +128,18 @@ enum { ROWS = 256 };
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-/* f/l d; as with linear springs, l is at least that of MS_MIN_LENGTH2 */
 static void compute_run_forces(void *data, int32_t item) {
   const law_job *j = data;
-  const struct ms_law_springs *s = j->model->laws;
-  const ms_law_run *run = &s->run[item];
-  const int32_t n = run->end - run->begin;
-  lengths at;
-  measure_run(j->model, run, j->x, &at);
-  evaluate_run(j->model, run, &at.at);
-  for (int32_t e = 0; e < n; e++)
-    at.at.force[e] /= sqrt(at.l2[e] < MS_MIN_LENGTH2 ? MS_MIN_LENGTH2 : at.l2[e]);
-  for (int32_t c = 0; c < j->model->unknowns.dims; c++) {
-    double *to = s->scratch + (size_t)c * (size_t)s->n + (size_t)run->begin;
-    for (int32_t e = 0; e < n; e++) to[e] = at.at.force[e] * at.d[c][e];
-  }
+  ms_law_kernels_of[j->model->isa]->forces(j->model, &j->model->laws->run[item], j->x);
 }
 
 static void add_row_forces(void *data, int32_t begin, int32_t end) {
   const law_job *j = data;
-  const struct ms_law_springs *s = j->model->laws;
-  const int32_t *first_part = j->model->half_edges.first_part;
-  const size_t stride = (size_t)j->model->unknowns.stride;
-  for (int32_t c = 0; c < j->model->unknowns.dims; c++) {
-    const double *from = s->scratch + (size_t)c * (size_t)s->n;
-    const double *force = j->model->force ? j->model->force + (size_t)c * stride : NULL;
-    double *to = j->to + (size_t)c * stride;
-    for (int32_t r = begin; r < end; r++) {
-      const int32_t row = s->row[r];
-      double sum = first_part[row] >= 0 ? to[row] : force ? force[row] : 0;
-      for (int32_t at = s->first[r]; at < s->first[r + 1]; at++)
-        sum += s->end[at].sign * from[s->end[at].number];
-      to[row] = sum;
-    }
-  }
+  ms_law_kernels_of[j->model->isa]->add_forces(j->model, begin, end);
 }
 
 void ms_law_springs_add_forces(const ms_model *model, const double *x) {
-  law_job j = {.model = model, .x = x, .to = model->added_force};
+  law_job j = {.model = model, .x = x};
   ms_pool_run(model->pool, compute_run_forces, &j, model->laws->nruns);
   ms_pool_run_chunks(model->pool, add_row_forces, &j, model->laws->nrows, ROWS);
 }
@@ -194,13 +153,12 @@ static void compute_run_matrix(void *data, int32_t item) {
   const ms_law_run *run = &s->run[item];
   const double hh = j->h * j->h;
   double *t = s->scratch + run->begin, *g = t + s->n;
-  lengths at;
-  measure_run(j->model, run, j->x, &at);
-  evaluate_run(j->model, run, &at.at);
+  ms_law_lengths at;
+  evaluate_at(j->model, run, j->x, &at);
   for (int32_t e = 0; e < run->end - run->begin; e++) {
     const int has_direction = !(at.l2[e] <= MS_MIN_LENGTH2);
     double along = at.at.slope[e];
-    double across = has_direction ? at.at.force[e] / sqrt(at.l2[e]) : along;
+    double across = has_direction ? at.at.force[e] / at.l[e] : along;
     if (j->clamp) along = fmax(0, along), across = fmax(0, across);
     t[e] = hh * across;
     g[e] = has_direction ? hh * (along - across) / at.l2[e] : 0;
@@ -212,8 +170,9 @@ static void add_end_block(const law_job *j, int32_t row, const ms_law_end *end) 
   const struct ms_law_springs *s = model->laws;
   const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
   const size_t dims = (size_t)model->unknowns.dims;
-  const double t = s->scratch[end->number], g = s->scratch[s->n + end->number];
-  const double *xi = j->x + s->i[end->number], *xj = j->x + s->j[end->number];
+  const int32_t e = end->number / 2;
+  const double t = s->scratch[e], g = s->scratch[s->n + e];
+  const double *xi = j->x + s->i[e], *xj = j->x + s->j[e];
   double d[3];
   for (size_t c = 0; c < dims; c++) d[c] = xj[c * stride] - xi[c * stride];
   j->a->t[end->half_edge] += t, j->a->g[end->half_edge] += g;
@@ -253,9 +212,8 @@ static void sum_run_energies(void *data, int32_t item) {
   const law_job *j = data;
   const ms_law_run *run = &j->model->laws->run[item];
   double sum = 0;
-  lengths at;
-  measure_run(j->model, run, j->x, &at);
-  evaluate_run(j->model, run, &at.at);
+  ms_law_lengths at;
+  evaluate_at(j->model, run, j->x, &at);
   for (int32_t e = 0; e < run->end - run->begin; e++) sum += at.at.energy[e];
   j->model->laws->sum[item] = sum;
 }
@@ -277,15 +235,16 @@ static extension find_extension(double l, double a, double across2) {
   return (extension){a, more, a + more};
 }
 
-static void find_extensions(const law_job *j, const ms_law_run *run, const lengths *at,
+static void find_extensions(const law_job *j, const ms_law_run *run, const ms_law_lengths *at,
                             extension *to) {
-  double q[3][MS_LAW_BATCH];
-  subtract_ends(j->model, run, j->d, q);
+  const struct ms_law_springs *s = j->model->laws;
+  const size_t stride = (size_t)j->model->unknowns.stride;
   for (int32_t e = 0; e < run->end - run->begin; e++) {
-    const double l = at->l2[e] > MS_MIN_LENGTH2 ? sqrt(at->l2[e]) : 0;
+    const double l = at->l2[e] > MS_MIN_LENGTH2 ? at->l[e] : 0;
+    const double *from = j->d + s->i[run->begin + e], *ahead = j->d + s->j[run->begin + e];
     double dot = 0, q2 = 0;
-    for (int32_t c = 0; c < j->model->unknowns.dims; c++) {
-      const double by = j->step * q[c][e];
+    for (size_t c = 0; c < (size_t)j->model->unknowns.dims; c++) {
+      const double by = j->step * (ahead[c * stride] - from[c * stride]);
       dot += at->d[c][e] * by, q2 += by * by;
     }
     const double a = l > 0 ? dot / l : 0;
@@ -301,21 +260,20 @@ static void sum_run_nonlinearity(void *data, int32_t item) {
   const law_job *j = data;
   const ms_law_run *run = &j->model->laws->run[item];
   const int32_t n = run->end - run->begin;
-  lengths at;
+  ms_law_lengths at;
   extension by[MS_LAW_BATCH];
   double integral[MS_LAW_BATCH] = {0}, sum = 0;
-  measure_run(j->model, run, j->x, &at);
+  evaluate_at(j->model, run, j->x, &at);
   find_extensions(j, run, &at, by);
-  ms_law_batch moved;
+  ms_law_batch moved = {.only_force = 0};
   for (int i = 0; i < 3; i++) {
     for (int32_t e = 0; e < n; e++) moved.stretch[e] = at.at.stretch[e] + node[i] * by[e].whole;
-    evaluate_run(j->model, run, &moved);
+    ms_law_springs_evaluate(j->model, run, &moved);
     for (int32_t e = 0; e < n; e++)
       integral[e] += weight[i] * (1 - node[i]) * by[e].whole * by[e].whole * moved.slope[e];
   }
   for (int32_t e = 0; e < n; e++) moved.stretch[e] = at.at.stretch[e] + by[e].whole;
-  evaluate_run(j->model, run, &moved);
-  evaluate_run(j->model, run, &at.at);
+  ms_law_springs_evaluate(j->model, run, &moved);
   for (int32_t e = 0; e < n; e++) {
     const double linear = at.at.force[e] * by[e].whole;
     const double difference = moved.energy[e] - at.at.energy[e] - linear;

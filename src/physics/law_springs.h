@@ -18,10 +18,12 @@ typedef struct ms_law_run {
 
 /* One end of a spring at an unknown */
 typedef struct ms_law_end {
-  int32_t number;    /* of the spring among those with a law */
+  int32_t number;    /* 2 e at the first particle of spring e of those with a law, else 2 e + 1 */
   int32_t half_edge; /* its half-edge there */
-  double sign;       /* 1 for its first particle, -1 for the second one */
 } ms_law_end;
+
+/* Enough doubles for a spatial vector, for two registers */
+enum { MS_LAW_RECORD = 4 };
 
 struct ms_law_springs {
   int32_t n, nruns, nrows;
@@ -29,7 +31,7 @@ struct ms_law_springs {
   int32_t *i, *j;   /* n: rows of the ends */
   int32_t *spring;  /* n: index in ms_springs */
   double *k, *rest; /* n */
-  double *scratch;  /* 3 n: force on the first particle by components; or t, then g */
+  double *scratch;  /* 2 n records: the forces on the ends; or t, g of each spring */
   double *sum;      /* nruns: energies of the runs: scratch */
   int32_t *row;     /* nrows: the unknowns with such springs, ascending */
   int32_t *first;   /* nrows + 1: their first ends */

@@ -1,0 +1,29 @@
+/* law_kernels - the loops over springs with a law, one table for each instruction set; their bits do
+ * not depend on it, as they use no fused multiply-add */
+#ifndef MS_LAW_KERNELS_H
+#define MS_LAW_KERNELS_H
+
+#include "base/isa.h"
+#include "physics/law.h"
+#include "physics/law_springs.h"
+
+/* The springs of a run at some positions */
+typedef struct ms_law_lengths {
+  double d[3][MS_LAW_BATCH], l2[MS_LAW_BATCH], l[MS_LAW_BATCH]; /* x_j - x_i and its length */
+  ms_law_batch at;
+} ms_law_lengths;
+
+typedef struct ms_law_kernels {
+  void (*measure)(const ms_model *model, const ms_law_run *run, const double *x,
+                  ms_law_lengths *to);
+  /* f/l d on the first particle of each spring, the opposite on the second one, to laws.scratch; as
+   * with linear springs, l is at least that of MS_MIN_LENGTH2 */
+  void (*forces)(const ms_model *model, const ms_law_run *run, const double *x);
+  /* the sums of these for rows [begin, end) of laws.row, to extra_force */
+  void (*add_forces)(const ms_model *model, int32_t begin, int32_t end);
+} ms_law_kernels;
+
+/* Evaluate the law of a run at the stretches in at->stretch. */
+void ms_law_springs_evaluate(const ms_model *model, const ms_law_run *run, ms_law_batch *at);
+
+#endif
