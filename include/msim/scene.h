@@ -219,8 +219,8 @@ MSIM_API msim_status msim_scene_add_law(msim_scene *scene, const msim_law *law, 
 
 /* Give n springs the law of this number; 0: the linear one. Steps, bounds and energies follow it:
  * step-size limits use the largest |df/de|, which bounds |f|/l too where f <= 0 at l = 0; the exact
- * matrix contains df/de along springs and f/l across them, the clamped one max(0, df/de) and
- * max(0, f/l). */
+ * matrix contains f/l across springs and max(df/de, f/l) along them, the clamped one nothing below
+ * 0: where df/de < f/l, Newton's method converges linearly. */
 MSIM_API msim_status msim_scene_set_law(msim_scene *scene, int32_t n,
                                         const int32_t *springs /* n */, int32_t law,
                                         msim_error *err);

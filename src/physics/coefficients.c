@@ -145,7 +145,7 @@ void ms_coefficients_apply_component(const ms_model *model, const ms_coefficient
   apply_coefficients(model, a, 1, 1, x, y);
 }
 
-/* y_i = |A_ii| |x_i| + sum over half-edges of (|t| I + |g| |d| |d|^T) |x_j| */
+/* y_i = |A_ii| |x_i| + sum over half-edges of (|t| I + g |d| |d|^T) |x_j| */
 static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const double *x,
                           size_t row, double *y) {
   const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
@@ -168,7 +168,7 @@ static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const
     }
     for (size_t c = 0; c < dims; c++)
       y[c * stride + row] +=
-          fabs(a->t[at] * x[c * stride + j]) + (is_scalar ? 0 : fabs(a->g[at]) * along * d[c]);
+          fabs(a->t[at] * x[c * stride + j]) + (is_scalar ? 0 : a->g[at] * along * d[c]);
   }
 }
 

@@ -146,7 +146,7 @@ void ms_law_springs_add_forces(const ms_model *model, const double *x) {
 
 /*------------------------------------- matrix ---------------------------------------------------*/
 
-/* t = h^2 f/l and g = h^2 (f' - f/l)/l^2 */
+/* t = h^2 f/l and g = h^2 max(0, f' - f/l)/l^2 */
 static void compute_run_matrix(void *data, int32_t item) {
   const law_job *j = data;
   const struct ms_law_springs *s = j->model->laws;
@@ -161,7 +161,7 @@ static void compute_run_matrix(void *data, int32_t item) {
     double across = has_direction ? at.at.force[e] / at.l[e] : along;
     if (j->clamp) along = fmax(0, along), across = fmax(0, across);
     t[e] = hh * across;
-    g[e] = has_direction ? hh * (along - across) / at.l2[e] : 0;
+    g[e] = has_direction && along > across ? hh * (along - across) / at.l2[e] : 0;
   }
 }
 

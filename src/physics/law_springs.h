@@ -51,8 +51,10 @@ void ms_law_springs_update(const ms_model *model);
 void ms_law_springs_add_forces(const ms_model *model, const double *x);
 
 /* Add their part of the matrix, of step h, to half-edges and diagonal blocks of `a` (force.h):
- *   t = h^2 f/l,  g = h^2 (f' - f/l)/l^2;  clamp: with max(0, f/l) and max(0, f');
- * where l = 0, t = h^2 f', g = 0. */
+ *   t = h^2 f/l,  g = h^2 max(0, f' - f/l)/l^2;  clamp: with max(0, f/l) and max(0, f');
+ * where l = 0, t = h^2 f', g = 0. So the stiffness along a spring that softens below f/l is f/l:
+ * solvers rely on g >= 0. The matrix is larger than the exact one then, and Newton's method
+ * converges linearly. */
 void ms_law_springs_add_matrix(const ms_model *model, double h, int clamp, ms_coefficients *a);
 
 /* The sum of their elastic energies at x */
