@@ -8,6 +8,21 @@
 enum { N = 5 };
 #define T_END 0.5
 
+/* 1: springs have the force k (e + 0.2 e^2 + 0.5 e^3) */
+static int has_law;
+
+static void add_law(msim_scene *scene) {
+  const double coefficients[] = {1, 0.2, 0.5};
+  const int32_t springs[N - 1] = {0, 1, 2, 3};
+  const msim_law law = {.size = sizeof law,
+                        .kind = MSIM_LAW_POLYNOMIAL,
+                        .n = 3,
+                        .coefficients = coefficients,
+                        .limit = 10};
+  assert_ok(msim_scene_add_law(scene, &law, NULL, err));
+  assert_ok(msim_scene_set_law(scene, N - 1, springs, 1, err));
+}
+
 /* A displaced, stretched and moving chain that hangs from its first particle. */
 static msim_scene *chain(double damping, double drag) {
   const double g[3] = {0, 0, -9.81};
@@ -27,6 +42,7 @@ static msim_scene *chain(double damping, double drag) {
   assert_ok(msim_scene_pin(scene, 1, &pin, err));
   assert_ok(msim_scene_set_gravity(scene, g, err));
   assert_ok(msim_scene_set_drag(scene, drag, err));
+  if (has_law) add_law(scene);
   return scene;
 }
 
@@ -70,6 +86,16 @@ static void measured_order_is_the_declared_one(void **state) {
   const msim_integrator_entry *entry;
   for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++)
     if (entry->order) check(entry->name, MSIM_VERLET_TAYLOR, 0, 0, entry->order);
+}
+
+/* With a smooth law of springs */
+static void laws_keep_the_order(void **state) {
+  (void)state;
+  const msim_integrator_entry *entry;
+  has_law = 1;
+  for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++)
+    if (entry->order) check(entry->name, MSIM_VERLET_TAYLOR, 0, 0, entry->order);
+  has_law = 0;
 }
 
 static void plain_start_is_first_order(void **state) {
@@ -127,6 +153,7 @@ static void free_fall_is_exact_along_each_axis(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(measured_order_is_the_declared_one),
+      cmocka_unit_test(laws_keep_the_order),
       cmocka_unit_test(plain_start_is_first_order),
       cmocka_unit_test(damping_costs_verlet_an_order_but_not_velocity_verlet),
       cmocka_unit_test(plain_verlet_is_symplectic_euler),

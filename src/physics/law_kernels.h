@@ -1,5 +1,5 @@
-/* law_kernels - the loops over springs with a law, one table for each instruction set; their bits do
- * not depend on it, as they use no fused multiply-add */
+/* law_kernels - the loops over springs with a law, one table for each instruction set; bits do not
+ * depend on it, as no fused multiply-add is used */
 #ifndef MS_LAW_KERNELS_H
 #define MS_LAW_KERNELS_H
 
@@ -19,7 +19,7 @@ typedef struct ms_law_kernels {
   /* f/l d on the first particle of each spring, the opposite on the second one, to laws.scratch; as
    * with linear springs, l is at least that of MS_MIN_LENGTH2 */
   void (*forces)(const ms_model *model, const ms_law_run *run, const double *x);
-  /* the sums of these for rows [begin, end) of laws.row, to extra_force */
+  /* the sums of these for rows [begin, end) of laws.row, to added_force */
   void (*add_forces)(const ms_model *model, int32_t begin, int32_t end);
 } ms_law_kernels;
 

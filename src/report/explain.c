@@ -8,6 +8,7 @@
 #include "integrate/multirate.h"
 #include "linear/aggregates.h"
 #include "choose/method_choice.h"
+#include "scene/laws.h"
 #include "sim/frames.h"
 #include "sim/sim.h"
 
@@ -51,6 +52,19 @@ static void explain_scene(const msim_sim *sim, ms_text *out) {
   for (int32_t p = 0; p < s->nparticles && s->force; p++)
     pushed += ms_vec3_norm(s->force + 3 * (size_t)p) > 0;
   if (pushed) ms_text_append(out, "              constant forces on %d particles\n", pushed);
+}
+
+/* The springs with a law other than the linear one, by law */
+static void explain_laws(const msim_sim *sim, ms_text *out) {
+  const ms_scene *s = sim->scene;
+  for (int32_t law = 1; law <= s->nlaws && s->law; law++) {
+    int32_t count = 0;
+    for (int32_t e = 0; e < s->nsprings; e++) count += s->law[e] == law;
+    if (count)
+      ms_text_append(out,
+                     "              law %d, %s, of %d springs, evaluated apart from linear ones\n",
+                     law, ms_laws_kind_name(s->laws[law - 1].is.kind), count);
+  }
 }
 
 static const char *island_solver_name(const ms_island_sim *m) {
@@ -385,6 +399,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   ms_text *out = &sim->explanation;
   ms_text_free(out);
   explain_scene(sim, out);
+  explain_laws(sim, out);
   explain_islands(sim, out);
   explain_unknowns(&ms_sim_largest_island(sim)->model.unknowns, out);
   explain_method(sim, out);

@@ -63,14 +63,21 @@ static msim_status read_list(const ms_json_reader *r, const char *path, ms_value
   return ms_json_read_row(r, ms_json_at(at.text), value, key->range, *n, *numbers);
 }
 
+static msim_status read_number(const ms_json_reader *r, const char *path, ms_value object,
+                               const ms_scene_key *key, double *number) {
+  ms_value value;
+  const msim_status status = ms_json_require_key(r, path, object, key, &value);
+  return status ? status : ms_json_read_numbers(r, path, object, key, number);
+}
+
 static msim_status read_law_members(const ms_json_reader *r, const char *path, ms_value value,
                                     msim_law *law, double *lists[2]) {
   const ms_scene_key *keys = ms_law_keys;
   msim_status status = MSIM_OK;
   if (law->kind == MSIM_LAW_DEAD_BAND)
-    return ms_json_read_numbers(r, path, value, &keys[MS_KEY_HALF_WIDTH], &law->half_width);
+    return read_number(r, path, value, &keys[MS_KEY_HALF_WIDTH], &law->half_width);
   if (law->kind == MSIM_LAW_POLYNOMIAL) {
-    status = ms_json_read_numbers(r, path, value, &keys[MS_KEY_LIMIT], &law->limit);
+    status = read_number(r, path, value, &keys[MS_KEY_LIMIT], &law->limit);
     if (!status) status = read_list(r, path, value, &keys[MS_KEY_COEFFICIENTS], &law->n, &lists[0]);
     law->coefficients = lists[0];
   } else if (law->kind == MSIM_LAW_TABLE) {

@@ -14,7 +14,9 @@
  *     scene, or, where that is more, from the highest particle down to a plane or collider; and one
  *     step of free fall;
  *   - sum k d^2/2 with d = sqrt(eps) max |x|, far above rounding errors, plus twice the depth of
- *     the particle farthest behind a plane or in a collider, which is moved out of it.
+ *     the particle farthest behind a plane or in a collider, which is moved out of it;
+ *   - for springs whose law has energies below that at rest, a bound on these (scene/laws.h); where
+ *     there is none, no motion is beyond S.
  * Lifting reduces the work of external forces, down to 0. Motion beyond a hundred times either
  * bound ends the run with MSIM_UNSTABLE, and the sim returns to the last good state, the last one
  * that passed a check. It does so, too, after any other numerical event in a state beyond the

@@ -18,8 +18,9 @@ enum {
   AMONG_RESTING = 16, /* beside four cloths at rest */
   HALF_PINNED = 32,   /* half of the rows; without: free, as in a program that skips nothing */
   JELLY = 64,         /* pinned at a face, vibrates without numerical damping */
-  NO_FORCES = 128,    /* no constant forces on particles; without: tiny ones */
-  NO_COLLIDERS = 256  /* without: beside one of each type, which it does not meet */
+  LAWS = 128,         /* without: all springs have a law, tension only */
+  NO_FORCES = 256,    /* no constant forces on particles; without: tiny ones */
+  NO_COLLIDERS = 512  /* without: beside one of each type, which it does not meet */
 };
 
 /*------------------------------------- the table ------------------------------------------------*/
@@ -54,6 +55,7 @@ static const skip_case cases[] = {
      NO_COLLIDERS, 0, NULL, NULL},
     {"damping", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.damping", NULL},
     {"drag", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.drag", NULL},
+    {"laws", NULL, "cloth100, linear, over one of cables", EXPLICIT, 0, LAWS, 0, NULL, NULL},
     {"gravity", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.gravity", NULL},
     {"forces", NULL, "cloth100, no forces on particles, over tiny ones", EXPLICIT, 0, NO_FORCES, 0,
      NULL, NULL},
@@ -119,6 +121,16 @@ static msim_status add_colliders(msim_scene *scene, msim_error *err) {
   return status;
 }
 
+/* All springs become cables. */
+static msim_status add_laws(int32_t nsprings, msim_scene *scene, msim_error *err) {
+  const msim_law tension = {.size = sizeof tension, .kind = MSIM_LAW_TENSION};
+  int32_t index;
+  msim_status status = msim_scene_add_law(scene, &tension, &index, err);
+  for (int32_t e = 0; e < nsprings && !status; e++)
+    status = msim_scene_set_law(scene, 1, &e, index, err);
+  return status;
+}
+
 msim_status skip_case_build(const skip_case *what, int without, msim_scene *scene,
                             msim_error *err) {
   const unsigned is = what->is;
@@ -133,6 +145,7 @@ msim_status skip_case_build(const skip_case *what, int without, msim_scene *scen
   if (!status && is & ZERO_REST) memset(p.rest, 0, (size_t)p.view.nsprings * sizeof *p.rest);
   if (!status) status = scene_arrays_add(&p, !(is & LOOSE), scene, err);
   if (!status) status = pin_scene(is, without, scene, err);
+  if (!status && is & LAWS && without) status = add_laws(p.view.nsprings, scene, err);
   if (!status) status = msim_scene_set_gravity(scene, gravity, err);
   if (!status && is & NO_FORCES && without) status = set_tiny_forces(scene, err);
   if (!status && is & NO_COLLIDERS && without) status = add_colliders(scene, err);

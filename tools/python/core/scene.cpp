@@ -44,6 +44,26 @@ static void pin(Scene &s, Ints particles) {
   check(msim_scene_pin(s.p, static_cast<int32_t>(particles.size()), particles.data(), &err), err);
 }
 
+// kind: MSIM_LAW_...; the number of the law
+static int32_t add_law(Scene &s, int32_t kind, double half_width, double limit,
+                       nb::object coefficients, nb::object stretch, nb::object force, int32_t n) {
+  msim_error err;
+  msim_law law{};
+  law.size = sizeof law;
+  law.kind = kind, law.n = n, law.half_width = half_width, law.limit = limit;
+  law.coefficients = data_or_null(coefficients);
+  law.stretch = data_or_null(stretch), law.force = data_or_null(force);
+  int32_t index = 0;
+  check(msim_scene_add_law(s.p, &law, &index, &err), err);
+  return index;
+}
+
+static void set_law(Scene &s, Ints springs, int32_t law) {
+  msim_error err;
+  check(msim_scene_set_law(s.p, static_cast<int32_t>(springs.size()), springs.data(), law, &err),
+        err);
+}
+
 static void copy_vector(const Doubles &from, double (&to)[3]) {
   for (size_t c = 0; c < 3; c++) to[c] = from.data()[c];
 }
@@ -136,6 +156,8 @@ static nb::object array(const Scene &s, const std::string &name) {
     const std::vector<double> none(w.force ? 0 : 3 * n);
     return copy(w.force ? w.force : none.data(), {n, 3});
   }
+  if (name == "law" && !w.law) return copy(std::vector<int32_t>(m).data(), {m});
+  if (name == "law") return copy(w.law, {m});
   return copy(w.faces, {static_cast<size_t>(w.nfaces), 3});
 }
 
@@ -204,6 +226,9 @@ void bind_scene(nb::module_ &m) {
       .def("add_faces", add_faces)
       .def("add_plane", add_plane)
       .def("add_collider", add_collider)
+      .def("add_law", add_law, nb::arg(), nb::arg(), nb::arg(), nb::arg().none(),
+           nb::arg().none(), nb::arg().none(), nb::arg())
+      .def("set_law", set_law)
       .def("add_rope", add_rope)
       .def("add_cloth", add_cloth)
       .def("add_lattice", add_lattice)

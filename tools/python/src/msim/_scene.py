@@ -14,6 +14,7 @@ from . import _arrays, _core
 from ._arrays import Doubles, Ints, Path
 from ._errors import ArgumentError, ArgumentTypeError
 
+_LAWS = ("tension", "compression", "dead_band", "polynomial", "table")
 Pinned = str | Sequence[int] | NDArray[np.integer[Any]]
 
 
@@ -113,6 +114,32 @@ class Scene:
                     for name, values in (("rest", rest), ("damping", damping))]
         self._core.add_springs(pairs, _arrays.each("k", k, n, "springs"), *optional)
         return range(first, self.nsprings)
+
+    def add_law(self, type: str, *, half_width: float = 0, limit: float = 0,
+                coefficients: ArrayLike | None = None, stretch: ArrayLike | None = None,
+                force: ArrayLike | None = None) -> int:
+        """Add a law of springs, for set_law; its number, from 1 on: law 0 is linear.
+
+        With the stretch e = l - rest, type and parameters are "tension", f = k max(e, 0);
+        "compression", f = k min(e, 0); "dead_band", no force while |e| is below half_width;
+        "polynomial", f = k sum of coefficients[i] e^(i+1), linear where |e| > limit; "table", the
+        monotone cubic through force (N) at stretch (m), linear beyond both ends.
+        """
+        if type not in _LAWS:
+            raise ArgumentError(f"type is {type!r}; it must be one of {', '.join(_LAWS)}")
+        lists = [None if values is None else _arrays.doubles(name, values)
+                 for name, values in (("coefficients", coefficients), ("stretch", stretch),
+                                      ("force", force))]
+        sizes = {len(values) for values in lists if values is not None}
+        if len(sizes) > 1:
+            raise ArgumentError("stretch and force must have the same length")
+        return self._core.add_law(_LAWS.index(type) + 1, _arrays.number("half_width", half_width),
+                                  _arrays.number("limit", limit), *lists, max(sizes, default=0))
+
+    def set_law(self, springs: ArrayLike, law: int) -> None:
+        """Give springs, an index or several, the law of this number; 0: linear."""
+        self._core.set_law(_arrays.indices("springs", np.atleast_1d(np.asarray(springs))),
+                           _count("law", law))
 
     def add_faces(self, corners: ArrayLike) -> None:
         """Add triangles of particles, (n, 3), which viewers draw; they have no mass or force."""
@@ -302,6 +329,11 @@ class Scene:
     @property
     def damping(self) -> Doubles:
         return self._array("damping")
+
+    @property
+    def law(self) -> Ints:
+        """The number of the law of each spring; 0: linear."""
+        return self._array("law")
 
     @property
     def faces(self) -> Ints:
