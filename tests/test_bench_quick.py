@@ -253,7 +253,8 @@ class Skip(QuickTest):
                 "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}
     KEYLESS = {"at_rest", "islands"}
     EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "islands, explicit",
-                "at_rest, explicit", "planes", "colliders", "damping", "drag", "gravity", "forces"}
+                "at_rest, explicit", "planes", "colliders", "damping", "drag", "gravity", "forces",
+                "motions"}
 
     def test_quick(self):
         result = self.run_quick("skip")

@@ -87,9 +87,10 @@ typedef struct msim_energy {
   double kinetic, elastic, gravitational, total;
   double momentum[3];         /* kg m/s */
   double angular_momentum[3]; /* kg m^2/s */
-  double work; /* energy supplied since the first start, J: the change of `total` by each call of
-                  msim_sim_set_gravity and msim_sim_set_forces; without damping, drag and inelastic
-                  impacts total - work is constant */
+  double work; /* energy supplied since the first start, J, by motions of pinned particles and by
+                  each call of msim_sim_set_gravity and msim_sim_set_forces; without damping, drag
+                  and inelastic impacts total - work is constant, to the accuracy of the method. At
+                  a frame inside a step: that at the end of the step */
 } msim_energy;
 
 /* Work done and time spent since creation; 0: that phase never ran. Each island of a scene counts

@@ -137,6 +137,24 @@ typedef struct msim_law {
   double largest_slope;        /* CALLBACK: N/m, > 0: |df/de| and |f|/l are at most that */
   double energy_depth;         /* CALLBACK: J, >= 0: no energy is below -energy_depth */
 } msim_law;
+/* How a motion connects its points */
+enum {
+  MSIM_MOTION_LINEAR = 0, /* straight lines; velocities jump at the given times */
+  MSIM_MOTION_CUBIC = 1   /* Hermite's cubics with continuous velocities: at each time that of the
+                             parabola through three points, at the first and the last one 0 */
+};
+
+/* A prescribed motion of n pinned particles through points at nt times: before the first and after
+ * the last one they rest. Springs, damping, energies and error control follow it. */
+typedef struct msim_motion {
+  size_t size;
+  int32_t n;
+  const int32_t *particles; /* n, pinned, each in one motion at most */
+  int32_t nt;               /* >= 1 */
+  const double *t;          /* nt, s, increasing */
+  const double *x;          /* nt x n x 3, m: the points of all particles at t[0], t[1], ... */
+  int32_t interpolation;    /* MSIM_MOTION_... */
+} msim_motion;
 
 /* The complete content of a scene; all pointers are borrowed. */
 typedef struct msim_scene_view {
@@ -159,6 +177,7 @@ typedef struct msim_scene_view {
   const double *force;  /* 3 nparticles: constant forces, N; NULL: none */
   int32_t ncolliders;
   const msim_collider *colliders; /* ncolliders, one every colliders->size bytes */
+  int32_t nmotions;               /* see msim_scene_get_motion */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -245,6 +264,15 @@ MSIM_API msim_status msim_scene_add_collider(msim_scene *scene, const msim_colli
 /* Pin n particles: their positions stay constant. Their velocity must be 0. */
 MSIM_API msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particles /* n */,
                                     msim_error *err);
+
+/* Prescribe a motion of pinned particles. From the start of a run on, their positions are those of
+ * the motion, whatever x is. Refused by msim_sim_create with integrators `auto`, `respa` and
+ * `takahashi-imada`, and where impacts are located. */
+MSIM_API msim_status msim_scene_add_motion(msim_scene *scene, const msim_motion *motion,
+                                           msim_error *err);
+
+/* Get motion i, from 0 to nmotions - 1; set motion->size first. Valid as msim_scene_get says. */
+MSIM_API msim_status msim_scene_get_motion(const msim_scene *scene, int32_t i, msim_motion *motion);
 
 MSIM_API msim_status msim_scene_add_rope(msim_scene *scene, const msim_rope *rope, msim_error *err);
 MSIM_API msim_status msim_scene_add_cloth(msim_scene *scene, const msim_cloth *cloth,

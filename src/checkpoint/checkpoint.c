@@ -128,9 +128,10 @@ static void archive_stats(ms_archive *b, msim_stats *s) {
 
 static void archive_run(ms_archive *b, const msim_sim *sim, saved_run *r) {
   int64_t *counts[] = {&r->run.step, &r->run.step0, &r->run.spent, &r->run.frame, &r->every};
-  double *numbers[] = {&r->t0,          &r->run.h,   &r->run.t,   &r->run.t_rounding,
-                       &r->run.t_shown, &r->fps,     &r->t_end,   &r->solver_h,
-                       &r->tol,         &r->first_h, &r->run.work};
+  double *numbers[] = {&r->t0,          &r->run.h,   &r->run.t,    &r->run.t_rounding,
+                       &r->run.t_shown, &r->fps,     &r->t_end,    &r->solver_h,
+                       &r->tol,         &r->first_h, &r->run.work, &r->run.pin_energy,
+                       &r->run.moved};
   int32_t *flags[] = {&r->left_out, &r->saves_last_step, &r->h_from_auto, &r->other_springs};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
     ms_archive_transfer_count(b, counts[i]);
@@ -408,6 +409,7 @@ static void set_run(msim_sim *sim, const saved_run *r) {
   sim->monitor = r->monitor;
   sim->error_growth = r->error_growth;
   set_next_frame(sim, r);
+  ms_sim_set_pins(sim);
   /* what no vector holds: particles that belong to no island, and the axis left out */
   memcpy(sim->state_x, scene->x, bytes);
   memcpy(sim->state_v, scene->v, bytes);

@@ -111,6 +111,18 @@ static void list_colliders(const ms_scene *s, ms_fingerprint_visitor *mark, void
   }
 }
 
+static void list_motions(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  for (int32_t i = 0; i < s->nmotions; i++) {
+    const ms_motion *m = &s->motions[i];
+    const size_t n = (size_t)m->n, nt = (size_t)m->nt, real = sizeof(double);
+    char name[32];
+    uint64_t hash = ms_archive_hash((uint64_t)m->interpolation, m->particles, n * sizeof(int32_t));
+    hash = ms_archive_hash(ms_archive_hash(hash, m->t, nt * real), m->x, 3 * n * nt * real);
+    snprintf(name, sizeof name, "motions[%d]", i);
+    list_hash(mark, data, name, hash);
+  }
+}
+
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
   const ms_scene *s = sim->scene;
   array arrays[MS_SCENE_HASHES];
@@ -124,6 +136,8 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_planes(s, mark, data);
   list_laws(s, mark, data);
   list_colliders(s, mark, data);
+  list_count(mark, data, "the number of motions", s->nmotions);
+  list_motions(s, mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     list_numbers(mark, data, p->key.key, p->key.count,

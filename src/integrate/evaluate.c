@@ -1,9 +1,24 @@
 /* evaluate - one force sweep of a step, counted and timed (integrator.h) */
 #include "base/clock.h"
 #include "integrate/integrator.h"
+#include "physics/moving_pins.h"
+
+/* The instant of the next sweep: at the end of a step the velocities are those before it. */
+static ms_instant sweep_instant(const ms_stepper *s) {
+  return (ms_instant){.t = s->t + s->c * s->h, .before = s->c > 0.5};
+}
+
+void ms_stepper_add_work(ms_stepper *s, double weight, const double *x, const double *v) {
+  if (s->model->pins)
+    s->work_of_pins +=
+        weight * s->h * ms_moving_pins_compute_power(s->model, sweep_instant(s), x, v);
+}
 
 void ms_stepper_evaluate_model(ms_stepper *s, const ms_model *model, const ms_fused_step *sweep) {
   double start = ms_clock_now();
+  if (s->model->pins) /* x and v are vectors of the stepper */
+    ms_moving_pins_set(s->model, sweep_instant(s), (double *)(uintptr_t)sweep->x,
+                       (double *)(uintptr_t)sweep->v);
   const int good = ms_fused_step_run(model, sweep);
   s->finite = good && sweep->v_to && (sweep->x_to || sweep->x == s->x_next);
   s->stats->force_evaluations++;

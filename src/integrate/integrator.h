@@ -14,7 +14,8 @@ enum { MS_MAX_WORK = 16 };
  *
  * Force sweeps read the entries of pinned particles: x and x_next have the pinned positions; v,
  * v_next and work vectors are 0 there. So stages keep their positions in x_next. The spare pairs
- * are as x and v. */
+ * are as x and v. Before a sweep the entries of particles with a motion are set to those at
+ * t + c h; the method sets c, which is 0 at the start of a step. */
 typedef struct ms_stepper {
   const ms_model *model;
   const msim_options *opt;
@@ -26,11 +27,14 @@ typedef struct ms_stepper {
   /* cached-stage tag: which work vectors hold results for the present state; 0: none. A step reads
    * cached_stage and writes cached_stage_next */
   int cached_stage, cached_stage_next;
-  double h;           /* of the step to be made, or, for dense output, of the last one */
-  double h_before;    /* of the step that led to the present state, or its last substep */
-  int64_t parts;      /* substeps of equal length in the step being made */
-  ms_bounds bounds;   /* of the island, if the method has stages() */
-  double *x_spare[2]; /* for the driver, under error control or if steps may be retried */
+  double h;            /* of the step to be made, or, for dense output, of the last one */
+  double t;            /* at the start of that step; where pinned particles move */
+  double c;            /* the next force sweep is at t + c h */
+  double work_of_pins; /* on springs, in the step being made, J */
+  double h_before;     /* of the step that led to the present state, or its last substep */
+  int64_t parts;       /* substeps of equal length in the step being made */
+  ms_bounds bounds;    /* of the island, if the method has stages() */
+  double *x_spare[2];  /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];
   int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
   double impact;          /* the share of the step before its first impact; > 1: no impact */
@@ -53,6 +57,7 @@ typedef struct ms_integrator {
   int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
   int separable;       /* needs forces that do not depend on velocities: no damping, no drag */
   int is_multirate;    /* multirate: uses stepper.split, which depends on h and the springs */
+  int counts_work;     /* a step adds the work of moving pins; 0: the trapezoidal rule is enough */
   int handles_contact; /* impacts and contact, under collision = event (verlet_contact.h) */
   int one_step;        /* a step depends on x and v alone: step doubling estimates its error */
   int32_t nwork;
@@ -99,6 +104,10 @@ void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 
 /* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */
 void ms_stepper_init_stage(const ms_stepper *s, double *stage);
+
+/* work_of_pins += weight h times the power of moving pins in x, v at t + c h; v NULL: without
+ * damping */
+void ms_stepper_add_work(ms_stepper *s, double weight, const double *x, const double *v);
 
 /* A force sweep with the updates of `sweep` and the reactions of planes, counted and timed */
 void ms_stepper_evaluate(ms_stepper *s, const ms_fused_step *sweep);

@@ -13,7 +13,9 @@ void ms_interpolate_cubic(ms_stepper *s, double theta, double *x, double *v) {
   const ms_shape shape = s->model->shape;
   double *a0 = s->x_spare[1], *a1 = s->v_spare[1];
   if (!s->dense_output) {
+    s->c = 0;
     ms_stepper_acceleration(s, s->x_next, s->v_next, a0);
+    s->c = 1;
     ms_stepper_acceleration(s, s->x, s->v, a1);
     s->dense_output = 1;
   }

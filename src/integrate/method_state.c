@@ -49,8 +49,9 @@ void ms_method_state_archive(ms_archive *b, const ms_integrator *method, ms_step
   ms_archive_transfer_vector(b, shape, s->v);
   MS_ARCHIVE_TRANSFER(b, s->h);
   MS_ARCHIVE_TRANSFER(b, s->h_before);
+  MS_ARCHIVE_TRANSFER(b, s->t);
   MS_ARCHIVE_TRANSFER(b, s->cached_stage);
-  ms_archive_check(b, isfinite(s->h) && s->h > 0 && isfinite(s->h_before),
+  ms_archive_check(b, isfinite(s->h) && s->h > 0 && isfinite(s->h_before) && isfinite(s->t),
                    "the length of the last step");
   if (ms_archive_failed(b)) return;
   ms_method_state_archive_carried(b, method, s, s->cached_stage & ~MS_CONTACTS_CACHED);

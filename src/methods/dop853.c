@@ -63,7 +63,9 @@ static void evaluate_stages(ms_stepper *s, const stages *of, int from, int to) {
   if (ms_stepper_is_separable(s)) with.V = NULL;
   for (int i = from; i < to; i++) {
     put_stage(s, &with, i);
+    s->c = C[i];
     ms_stepper_acceleration(s, with.X, with.V, with.k[i]);
+    if (i < RESULT) ms_stepper_add_work(s, A[RESULT][i], with.X, with.V);
   }
 }
 
@@ -73,8 +75,10 @@ static msim_status dop853_step(ms_stepper *s, msim_error *err) {
   stages of = {.x = s->x, .v = s->v, .X = s->x_next, .V = s->v_next};
   find_slopes(s, now, of.k);
   if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, of.k[0]);
+  ms_stepper_add_work(s, A[RESULT][0], s->x, s->v);
   evaluate_stages(s, &of, 1, RESULT);
   put_stage(s, &of, RESULT);
+  s->c = 1;
   const int64_t reflected = ms_stepper_reflect(s, s->x_next, s->v_next);
   if (!reflected) ms_stepper_acceleration(s, s->x_next, s->v_next, of.k[RESULT]);
   s->cached_stage_next = reflected ? 0 : 2 - now;
@@ -159,6 +163,7 @@ const ms_integrator ms_dop853 = {
              "Runge-Kutta with 12 stages; controls its step size by tol unless `steps` is given; "
              "stable below h omega = 5.96 (Dormand and Prince; Hairer, Norsett and Wanner 1993)",
          .order = 8},
+    .counts_work = 1,
     .nwork = STAGES,
     .carried = 1,
     .step = dop853_step,

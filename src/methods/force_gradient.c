@@ -44,6 +44,7 @@ const ms_integrator ms_force_gradient = {
               .order = 4},
     .separable = 1,
     .one_step = 1,
+    .counts_work = 1,
     .nwork = MS_COMPOSITION_WORK,
     .carried = 1,
     .start = ms_composition_start,

@@ -24,6 +24,7 @@ static msim_status heun_step(ms_stepper *s, msim_error *err) {
   if (mode != MSIM_HEUN_LITERAL) ms_vector_copy(shape, s->v_next, v_predicted);
   if (mode != MSIM_HEUN_STANDARD) ms_stepper_reflect(s, s->x_next, s->v_next);
   if (mode == MSIM_HEUN_LITERAL) ms_vector_copy(shape, s->v_next, v_predicted);
+  s->c = 1;
   ms_stepper_acceleration(s, s->x_next, s->v_next, a_stage);
   ms_vector_add_two_scaled(shape, s->x, h / 2, s->v, h / 2, v_predicted, s->x_next);
   ms_vector_add_two_scaled(shape, s->v, h / 2, a, h / 2, a_stage, s->v_next);

@@ -58,6 +58,13 @@ static void find_stage_acceleration(const ms_stepper *s, double a, double *slope
   ms_vector_scale(s->model->shape, 1 / (a * s->h), slope);
 }
 
+/* The time of a stage as a share of the step: the same combination of the known times; the first
+ * stage is at `first`, the step before began at -1/r */
+static double find_stage_time(const ms_stepper *s, const stage_coefficients *g, double first) {
+  const double before = g->before != 0 ? -g->before * s->h_before / s->h : 0;
+  return g->a + g->slope + before + g->first * first;
+}
+
 /* Solves the stages; writes the result to x_next and v_next, not yet reflected. The initial guess
  * of a stage is the velocity of the one before. */
 static msim_status solve_stages(ms_stepper *s, const tableau *t, stage_inputs *from,
@@ -72,6 +79,7 @@ static msim_status solve_stages(ms_stepper *s, const tableau *t, stage_inputs *f
                              .v = s->v_next};
     for (int k = 0; k < 4; k++) stage.work[k] = s->work[NEWTON + k];
     form_known_parts(s, &t->stage[i], from);
+    s->c = find_stage_time(s, &t->stage[i], s->c);
     const msim_status status = ms_newton_solve(s, &stage, err);
     if (status) return status;
     if (i + 1 == t->nstages) break;

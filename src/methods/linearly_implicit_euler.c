@@ -26,7 +26,8 @@ static void step_without_springs(ms_stepper *s) {
 }
 
 /* (M - h D - h^2 J) dv = h F(x) + (h D + h^2 J) v,  v' = v + dv,  x' = x + h v'
- * J, D at x; F without the forces that depend on v, which h D v contains. This is the first Newton
+ * J, D at x; F without the forces that depend on v, which h D v contains; but F at the position and
+ * velocity at the end of the step for pinned particles that move. This is the first Newton
  * iterate of implicit Euler from v' = 0, (M - h D - h^2 J) v' = M v + h F (Teschner), solved for
  * the change of v (Baraff and Witkin 1998, eq. 6): so the tolerance of the solver is relative to
  * the change in the step, for any common velocity of the particles. */
@@ -37,7 +38,9 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
   }
   const ms_shape shape = s->model->shape;
   double *dv = s->work[0], *b = s->work[1];
-  ms_stepper_acceleration(s, s->x, NULL, dv);
+  double *v_pinned = s->model->pins ? b : NULL;
+  if (v_pinned) ms_vector_clear_all(shape, b), s->c = 1;
+  ms_stepper_acceleration(s, s->x, v_pinned, dv);
   ms_vector_scale_rows(shape, s->model->mass, dv, b);
   ms_vector_scale(shape, s->h, b);
   ms_linear_system_spec spec = {.x = s->x,

@@ -20,6 +20,7 @@ static msim_status rk4_step(ms_stepper *s, msim_error *err) {
                            s->x_next);
       ms_vector_add_scaled(shape, s->v, s->h * reach[stage], a, v_stage);
     }
+    s->c = reach[stage];
     ms_stepper_evaluate(s, &(ms_fused_step){.x = x,
                                             .v = v,
                                             .a = a,
@@ -30,6 +31,7 @@ static msim_status rk4_step(ms_stepper *s, msim_error *err) {
                                             .x_from = x_sum,
                                             .along = v,
                                             .drift = s->h * weight[stage]});
+    ms_stepper_add_work(s, weight[stage], x, v);
   }
   ms_vector_copy(shape, x_sum, s->x_next);
   ms_stepper_reflect(s, s->x_next, s->v_next);
@@ -49,6 +51,7 @@ const ms_integrator ms_rk4 = {
               .doc = "the classical Runge-Kutta method; stable below h omega = 2.83 (Kutta 1901)",
               .order = 4},
     .one_step = 1,
+    .counts_work = 1,
     .nwork = 3,
     .step = rk4_step,
     .limit = rk4_limit};

@@ -97,10 +97,12 @@ static msim_status rkc_step(ms_stepper *s, msim_error *err) {
                                           .along = s->v,
                                           .drift = r.m * s->h});
   const double *x_before = s->x, *v_before = s->v;
+  double c_before = 0, c = r.m; /* times of the last two stages, by the same recurrence */
   for (int32_t j = 2; j <= stages; j++) {
     const double *x = xs[to], *v = vs[to];
     to = 1 - to;
     advance_recurrence(&r);
+    s->c = c;
     ms_vector_three_term(shape, s->x, r.mu, x, r.nu, x_before, r.g * s->h, s->v, xs[to]);
     ms_vector_three_term(shape, s->v, r.mu, v, r.nu, v_before, r.g * s->h, s->work[A0], vs[to]);
     ms_stepper_evaluate(s, &(ms_fused_step){.x = x,
@@ -113,6 +115,8 @@ static msim_status rkc_step(ms_stepper *s, msim_error *err) {
                                             .along = v,
                                             .drift = r.m * s->h});
     x_before = x, v_before = v;
+    c = r.mu * s->c + r.nu * c_before + r.m + r.g;
+    c_before = s->c;
   }
   ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
@@ -124,6 +128,7 @@ static void rkc_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   const double w[] = {0.8, -0.8, 0.4 * s->h, 0.4 * s->h};
   const double *const x[] = {s->x, s->x_next, s->v, s->v_next};
   const double *const v[] = {s->v, s->v_next, s->work[A0], s->work[V]};
+  s->c = 1;
   ms_stepper_acceleration(s, s->x_next, s->v_next, s->work[V]);
   ms_vector_linear_combination(s->model->shape, NULL, 4, w, x, dx);
   ms_vector_linear_combination(s->model->shape, NULL, 4, w, v, dv);

@@ -20,6 +20,7 @@ static msim_status velocity_verlet_step(ms_stepper *s, msim_error *err) {
   ms_vector_add_two_scaled(shape, s->x, h, s->v, h * h / 2, a, s->x_next);
   if (!separable) ms_vector_add_scaled(shape, s->v, h, a, v_predicted);
   ms_verlet_contact_correct_positions(s, a, v_predicted);
+  s->c = 1;
   ms_stepper_evaluate(s, &(ms_fused_step){.x = s->x_next,
                                           .v = v_predicted,
                                           .a = a_next,

@@ -7,6 +7,7 @@
 #include "layout/planar.h"
 #include "physics/external_force.h"
 #include "physics/law_springs.h"
+#include "physics/moving_pins.h"
 #include "physics/spring_law.h"
 
 static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
@@ -66,6 +67,7 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
     return ms_error_set_memory(err, "the masses");
   status = create_laws(model, err);
   if (!status) status = ms_model_update_forces(model, skip_off, err);
+  if (!status) status = ms_moving_pins_create(model, &model->pins, err);
   if (status) return status;
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
@@ -159,6 +161,7 @@ void ms_model_update_springs(ms_model *model, unsigned skip_off) {
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
   free_added_force(model);
+  ms_moving_pins_destroy(model->scene, model->pins);
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
   ms_law_springs_destroy(model->scene, model->laws);
   MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->force);

@@ -29,11 +29,12 @@ typedef struct ms_model {
   ms_external external;        /* the scene's */
   struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
   double *force;               /* a vector: the constant forces on particles, N; NULL: none */
-  double *added_force; /* a vector that force sweeps add: `force`, the forces of springs on split
-                          rows and those of laws; `force` itself if there are no others */
-  int isa;             /* of the kernels: ms_isa_choose() */
-  ms_pool *pool;       /* the sim's; NULL: one thread */
-  unsigned features;   /* MS_HAS_... */
+  double *added_force;         /* a vector that force sweeps add: `force`, the forces of springs on
+                                  split rows and those of laws; `force` itself without them */
+  int isa;                     /* of the kernels: ms_isa_choose() */
+  ms_pool *pool;               /* the sim's; NULL: one thread */
+  unsigned features;           /* MS_HAS_... */
+  struct ms_moving_pins *pins; /* moving_pins.h; NULL: no pinned particle moves */
 } ms_model;
 
 /* The model of an island. skip_off: features to compute in any case. left_out: the axis without a

@@ -8,6 +8,7 @@
 #include "physics/bounds.h"
 #include "physics/external_force.h"
 #include "physics/law.h"
+#include "physics/moving_pins.h"
 #include "physics/scales.h"
 
 /* Sums and extremes over a body */
@@ -87,8 +88,10 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
       fmax(g->omega2, ms_bounds_sum_row(model, half_edges->stiffness, r) * model->inv_mass[r]);
 }
 
-static void set_body_scales(const ms_norm_sums *sum, double gravity, double span, ms_norm_body *p) {
-  ms_scale_sources from = {.speed2 = sum->speed2 / p->n,
+static void set_body_scales(const ms_model *model, const ms_norm_sums *sum, double gravity,
+                            double span, ms_norm_body *p) {
+  const double pins = model->pins ? model->pins->speed : 0;
+  ms_scale_sources from = {.speed2 = sum->speed2 / p->n + pins * pins,
                            .gravity = gravity + sqrt(sum->force2 / p->n),
                            .omega = sqrt(sum->omega2),
                            .span = span};
@@ -110,7 +113,7 @@ void ms_norm_measure_scales(const ms_model *model, const double *x, const double
   for (int32_t r = 0; r < model->unknowns.nfree; r++)
     add_row_sums(model, x, v, r, &norm->sums[norm->body_of[r]]);
   for (int32_t p = 0; p < norm->n; p++)
-    set_body_scales(&norm->sums[p], ms_external_acceleration(&model->external), span,
+    set_body_scales(model, &norm->sums[p], ms_external_acceleration(&model->external), span,
                     &norm->body[p]);
 }
 

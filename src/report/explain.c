@@ -48,9 +48,11 @@ static void explain_scene(const msim_sim *sim, ms_text *out) {
   ms_text_append(out, "              particles %d, of them pinned %d; springs %d; planes %d%s\n",
                  s->nparticles, s->nparticles - count_all_free(sim), s->nsprings, s->nplanes,
                  describe_colliders(s).text);
-  int32_t pushed = 0;
+  int32_t pushed = 0, moved = 0;
   for (int32_t p = 0; p < s->nparticles && s->force; p++)
     pushed += ms_vec3_norm(s->force + 3 * (size_t)p) > 0;
+  for (int32_t m = 0; m < s->nmotions; m++) moved += s->motions[m].n;
+  if (moved) ms_text_append(out, "              %d pinned particles move\n", moved);
   if (pushed) ms_text_append(out, "              constant forces on %d particles\n", pushed);
 }
 

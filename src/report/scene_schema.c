@@ -104,6 +104,12 @@ static void put_rows(writer *w, const char *each, int32_t n) {
   put(w, "}");
 }
 
+static void put_row_lists(writer *w, const char *each, int32_t n) {
+  put(w, "\"type\": \"array\", \"items\": {");
+  put_rows(w, each, n);
+  put(w, "}");
+}
+
 static void put_particle_names(writer *w, const char *separator, const char *quote) {
   const char *name;
   for (int32_t i = 0; (name = ms_json_objects_particle_name(i)) != NULL; i++)
@@ -160,14 +166,15 @@ static void put_form(writer *w, const ms_scene_key *key, const ms_object_member 
       put_array(w, number, 0);
       put(w, "}]");
       break;
-    case MS_NUMBER_LIST:
-      put_array(w, number, 0);
-      break;
     case MS_ROWS:
       put_rows(w, number, key->count);
       break;
+    case MS_ROW_LISTS:
+      put_row_lists(w, number, key->count);
+      break;
+    case MS_NUMBER_LIST:
     case MS_INDICES:
-      put_array(w, index_schema, 0);
+      put_array(w, key->form == MS_INDICES ? index_schema : number, 0);
       break;
     case MS_NAMED_INDICES:
       put_named_indices(w);
@@ -200,6 +207,7 @@ static void put_form(writer *w, const ms_scene_key *key, const ms_object_member 
 static void put_values(writer *w, const ms_scene_key *key, const ms_object_member *m) {
   static const char *const words[] = {
       [MS_INDICES] = "an array of indices",
+      [MS_ROW_LISTS] = "for each t an array of arrays of 3, each a finite number",
       [MS_NAMED_INDICES] = "an array of indices and names, or a name: ",
       [MS_TEXT] = "a string",
       [MS_VERSION] = "1",
@@ -414,6 +422,7 @@ static void put_section_key(writer *w, int i) {
   if (i == MS_KEY_SPRINGS) put_section(w, ms_spring_keys, MS_SPRING_KEYS);
   if (i == MS_KEY_LAWS) put_items(w, ms_law_keys, MS_LAW_KEYS);
   if (i == MS_KEY_PLANES) put_items(w, ms_plane_keys, MS_PLANE_KEYS);
+  if (i == MS_KEY_MOTIONS) put_items(w, ms_motion_keys, MS_MOTION_KEYS);
   if (i == MS_KEY_RUN) put_options(w);
   if (i == MS_KEY_OBJECTS || i == MS_KEY_COLLIDERS) {
     open_member(w, "items", "{");

@@ -23,6 +23,8 @@ static void free_run(ms_scene *s) {
 static void free_scene_data(ms_scene *s) {
   MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->force, s->ij, s->k,
           s->rest, s->damping, s->faces, s->planes, s->colliders, s->solids);
+  for (int32_t m = 0; m < s->nmotions; m++) ms_motion_free(&s->alloc, &s->motions[m]);
+  ms_memory_free(&s->alloc, s->motions);
   free_run(s);
   ms_laws_free(s);
   msim_allocator alloc = s->alloc;
@@ -158,6 +160,15 @@ static void append_colliders(ms_scene *s, const ms_scene *from) {
   s->ncolliders += from->ncolliders;
 }
 
+static int copy_motions(const ms_scene *s, ms_scene *c, msim_error *err) {
+  if (ms_memory_reserve(&c->alloc, MS_ARRAY(c->motions), 0, &c->motion_capacity, s->nmotions, err))
+    return 0;
+  for (; c->nmotions < s->nmotions; c->nmotions++)
+    if (ms_motion_copy(&c->alloc, &s->motions[c->nmotions], &c->motions[c->nmotions], err))
+      return 0;
+  return 1;
+}
+
 static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   ms_scene *c = new_scene_data(&s->alloc);
   if (!c) {
@@ -168,7 +179,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   c->name = ms_memory_copy_string(&c->alloc, s->name);
   const ms_array faces = {&c->faces, 3 * sizeof *c->faces};
   int ok =
-      c->name && (!s->force || MS_NEW(&c->alloc, c->force, 0)) &&
+      c->name && (!s->force || MS_NEW(&c->alloc, c->force, 0)) && copy_motions(s, c, err) &&
       reserve_particles(c, s->nparticles, err) && reserve_springs(c, s->nsprings, err) &&
       ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
@@ -474,6 +485,7 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .force = s->force,
       .ncolliders = s->ncolliders,
       .colliders = s->colliders,
+      .nmotions = s->nmotions,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
   return ms_sized_write(view, &full, sizeof full);

@@ -11,6 +11,8 @@
 
 #include "base/text.h"
 #include "scene/colliders.h"
+#include "scene/motions.h"
+#include "scene/scene_keys.h"
 
 typedef struct ms_run_option {
   char *name, *value; /* in the form that msim_options_set takes */
@@ -53,6 +55,9 @@ typedef struct ms_scene {
   msim_collider *colliders;
   ms_solid *solids; /* ncolliders: the same */
 
+  int32_t nmotions, motion_capacity;
+  ms_motion *motions;
+
   int32_t nrun, run_capacity;
   ms_run_option *run;
 
@@ -85,6 +90,9 @@ ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
 
 /* Make room for `needed` colliders. Returns 0 if there is no memory. */
 int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err);
+
+/* 1: a motion prescribes where the particle is. */
+int ms_scene_has_motion(const ms_scene *scene, int32_t particle);
 
 /* Refuse a negative number of `what`. */
 msim_status ms_scene_check_count(int64_t n, const char *what, msim_error *err);

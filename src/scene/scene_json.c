@@ -7,6 +7,7 @@
 #include "scene/scene_json.h"
 #include "scene/scene_json_colliders.h"
 #include "scene/scene_json_laws.h"
+#include "scene/scene_json_motions.h"
 #include "scene/scene_json_objects.h"
 
 enum { FORMAT_VERSION = 1 };
@@ -250,7 +251,8 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 static msim_status (*const readers[MS_SECTIONS])(ms_json_reader *r, const char *path,
                                                  ms_value value) = {
     read_version, read_name,  read_particles, ms_json_read_laws,     ms_json_add_objects,
-    read_springs, read_faces, read_planes,    ms_json_add_colliders, read_run};
+    read_springs, read_faces, read_planes,    ms_json_add_colliders, ms_json_read_motions,
+    read_run};
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {
   const ms_scene_key *sections = ms_section_keys;

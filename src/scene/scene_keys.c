@@ -58,6 +58,10 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
     {"colliders", MS_LIST, MS_ANY, 1, "[]", "",
      "spheres, capsules, cylinders and boxes, outside which or inside which all particles stay",
      "[{\"type\": \"sphere\", \"center\": [0, 0, 1], \"radius\": 0.5}]"},
+    {"motions", MS_LIST, MS_ANY, 1, "[]", "",
+     "prescribed motions of pinned particles, which are at their first point before the first "
+     "time, and at the last one after the last time",
+     "[{\"particles\": [0], \"t\": [0, 1], \"x\": [[[0, 0, 2]], [[0, 0, 3]]]}]"},
     {"run", MS_SECTION, MS_ANY, 1, "{}", "",
      "options of the run, which those on the command line replace",
      "{\"integrator\": \"velocity-verlet\", \"h\": 1e-3, \"t_end\": 2}"}};
@@ -114,6 +118,17 @@ const ms_scene_key ms_plane_keys[MS_PLANE_KEYS] = {
      "ratio of the normal speeds after and before an impact; 1: elastic", "0.5"},
     {"friction", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "0", "", "coefficient of Coulomb friction",
      "0.3"}};
+
+const ms_scene_key ms_motion_keys[MS_MOTION_KEYS] = {
+    {"particles", MS_INDICES, MS_ANY, 1, NULL, "",
+     "indices of pinned particles, each in one motion at most", "[0, 3]"},
+    {"t", MS_NUMBER_LIST, MS_ANY, 1, NULL, "s", "increasing times", "[0, 1.5]"},
+    {"x", MS_ROW_LISTS, MS_ANY, 3, NULL, "m", "the points of all these particles at each time",
+     "[[[0, 0, 2], [1, 0, 2]], [[0, 0, 3], [1, 0, 3]]]"},
+    {"interpolation", MS_TEXT, MS_ANY, 1, "\"linear\"", "",
+     "linear: straight lines between points; cubic: Hermite's cubics with continuous velocities, "
+     "at each time that of the parabola through three points, at both ends 0",
+     "\"cubic\""}};
 
 const ms_scene_key ms_type_key = {"type", MS_TYPE, MS_ANY,           1,
                                   NULL,   "",      "type of object", "\"rope\""};

@@ -23,6 +23,7 @@ typedef enum ms_key_form {
   MS_NUMBER_EACH,     /* a number for all elements, or an array of one for each */
   MS_NUMBER_LIST,     /* an array of numbers, of any length */
   MS_ROWS,            /* an array of arrays of `count` numbers */
+  MS_ROW_LISTS,       /* an array of arrays of arrays of `count` numbers */
   MS_INDICES,         /* an array of particle indices */
   MS_NAMED_INDICES,   /* the same; they, or the whole array, may be a name */
   MS_INDEX_ROWS,      /* an array of arrays of `count` particle indices */
@@ -59,6 +60,7 @@ enum {
   MS_KEY_FACES,
   MS_KEY_PLANES,
   MS_KEY_COLLIDERS,
+  MS_KEY_MOTIONS,
   MS_KEY_RUN,
   MS_SECTIONS
 };
@@ -83,6 +85,9 @@ extern const ms_scene_key ms_law_keys[MS_LAW_KEYS];
 
 enum { MS_KEY_NORMAL, MS_KEY_OFFSET, MS_KEY_RESTITUTION, MS_KEY_FRICTION, MS_PLANE_KEYS };
 extern const ms_scene_key ms_plane_keys[MS_PLANE_KEYS];
+
+enum { MS_KEY_MOVED, MS_KEY_TIMES, MS_KEY_POINTS, MS_KEY_INTERPOLATION, MS_MOTION_KEYS };
+extern const ms_scene_key ms_motion_keys[MS_MOTION_KEYS];
 
 /* Of each object; those of its type are in objects.h. Cloths also have names for their particles */
 extern const ms_scene_key ms_type_key, ms_pinned_key, ms_cloth_pinned_key;

@@ -176,6 +176,26 @@ static void write_json_colliders(ms_text *text, const ms_scene *s) {
   ms_text_append(text, "\n  ]");
 }
 
+static void write_json_motions(ms_text *text, const ms_scene *s) {
+  if (s->nmotions == 0) return;
+  ms_text_append(text, ",\n  \"motions\": [");
+  for (int32_t i = 0; i < s->nmotions; i++) {
+    const ms_motion *m = &s->motions[i];
+    ms_text_append(text, "%s\n    {\"particles\": [", i ? "," : "");
+    for (int32_t k = 0; k < m->n; k++) ms_text_append(text, "%s%d", k ? "," : "", m->particles[k]);
+    ms_text_append(text, "], \"t\": ");
+    write_numbers(text, m->nt, 1, m->t);
+    ms_text_append(text, ", \"x\": [");
+    for (int32_t k = 0; k < m->nt; k++) {
+      if (k) ms_text_append(text, ",");
+      write_numbers(text, 3 * (int64_t)m->n, 3, m->x + 3 * (size_t)k * (size_t)m->n);
+    }
+    ms_text_append(text, "], \"interpolation\": \"%s\"}",
+                   m->interpolation == MSIM_MOTION_CUBIC ? "cubic" : "linear");
+  }
+  ms_text_append(text, "\n  ]");
+}
+
 static msim_status write_json_run(ms_text *text, const ms_scene *s, msim_error *err) {
   if (s->nrun == 0) return MSIM_OK;
   ms_text_append(text, ",\n  \"run\": {");
@@ -234,6 +254,7 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   write_json_faces(text, s);
   write_json_planes(text, s);
   write_json_colliders(text, s);
+  write_json_motions(text, s);
   status = write_json_run(text, s, err);
   ms_text_append(text, "\n}\n");
   return status;

@@ -70,7 +70,8 @@ typedef struct energy_bounds {
 static energy_bounds compute_energy_bounds(const msim_sim *sim, const ms_totals *now) {
   const ms_energy_monitor *w = &sim->monitor;
   const double work = external_work(sim, now) - w->start_external_work;
-  const double bound = w->start_bound + fmax(0, work), most = fmax(w->energy_bound, bound);
+  const double bound = w->start_bound + fmax(0, work) + (sim->run.moved - w->start_moved),
+               most = fmax(w->energy_bound, bound);
   const double speed = w->least_mass > 0 ? sqrt(2 * most / w->least_mass) : 0;
   return (energy_bounds){bound, w->extent + 2 * (time_of(sim) - w->t0) * speed, most};
 }
@@ -182,6 +183,7 @@ void ms_energy_monitor_start(msim_sim *sim) {
   w->least_mass = f.least;
   w->t0 = time_of(sim);
   w->start_external_work = external_work(sim, &now);
+  w->start_moved = sim->run.moved;
   w->start_bound = now.kinetic + now.elastic + weight * (fmax(w->extent, f.height) + fall) +
                    f.stiffness * d * d / 2 + f.energy_depth;
   w->energy_bound = w->start_bound;
@@ -203,6 +205,7 @@ static void restore_good_state(msim_sim *sim) {
     m->at_rest = m->last_good.at_rest;
   }
   sim->state_is_current = 0;
+  ms_sim_set_pins(sim);
 }
 
 /* The free particle farthest from `from`, or, with `fastest` and from = 0, the fastest one; *most:
@@ -280,8 +283,9 @@ void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
 void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, const ms_run_state *run,
                                ms_energy_monitor *w) {
   double *numbers[] = {&w->energy_bound, &w->start_bound,     &w->start_external_work,
-                       &w->extent,       &w->least_mass,      &w->t0,
-                       &w->good.t,       &w->good.t_rounding, &w->good.work};
+                       &w->start_moved,  &w->extent,          &w->least_mass,
+                       &w->t0,           &w->good.t,          &w->good.t_rounding,
+                       &w->good.work,    &w->good.pin_energy, &w->good.moved};
   if (b->direction == MS_ARCHIVE_READ) w->good = *run;
   if (!monitor_is_on(sim)) return;
   ms_archive_transfer_count(b, &w->good.step);

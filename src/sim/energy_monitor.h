@@ -8,7 +8,8 @@
  * and no particle is ever faster than sqrt(2 S/m), so that the longest side L of the box around all
  * particles, L0 at the start, keeps
  *   L <= L0 + 2 t sqrt(2 S/m_least), S the largest so far.
- * A method may exceed both by its error, which is a fraction of the energy available in the scene.
+ * The work of moving pins adds to S, and at most run.moved. A method may exceed both by its error,
+ * which is a fraction of the energy available in the scene.
  * For scenes that start without energy, S contains a least amount of it:
  *   - W (L0 + a h^2), W = M g + sum |F|, a = g + max |F|/m: a fall of the free mass M through the
  *     scene, or, where that is more, from the highest particle down to a plane or collider; and one
@@ -48,6 +49,7 @@ typedef struct ms_energy_monitor {
   double energy_bound;        /* the largest energy bound S so far, J */
   double start_bound;         /* S without the work of external forces since the start, J */
   double start_external_work; /* sum (m g + F).x at the start, J */
+  double start_moved;         /* run.moved at the start, J */
   double extent;              /* L0, m */
   double least_mass;          /* m_least, kg; 0: no particle is free */
   double t0;                  /* time of the start, s */

@@ -4,13 +4,24 @@
 
 #include "contact/contact_set.h"
 #include "contact/events.h"
+#include "physics/moving_pins.h"
+
+/* Add the work of moving pins in a step from x to x_next by the trapezoidal rule. */
+static void add_trapezoidal_work(ms_stepper *s) {
+  s->c = 0;
+  ms_stepper_add_work(s, 0.5, s->x, s->v);
+  s->c = 1;
+  ms_stepper_add_work(s, 0.5, s->x_next, s->v_next);
+}
 
 /* Make one step of s->h by the method; all steps go through here. MSIM_NOT_FINITE: x or v is NaN or
  * huge. */
 static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   s->offender = -1;
   s->finite = 0;
+  s->c = 0;
   msim_status status = ms_events_step(sim->config.integrator, s, err);
+  if (!sim->config.integrator->counts_work) add_trapezoidal_work(s);
   if (status || s->finite) return status;
   s->offender = ms_vector_find_invalid(s->model->shape, s->x_next);
   if (s->offender < 0) s->offender = ms_vector_find_invalid(s->model->shape, s->v_next);
@@ -22,6 +33,8 @@ static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *
 static void begin_next_substep(ms_stepper *s, const ms_stepper *start) {
   ms_stepper_swap(&s->x, &s->x_next);
   ms_stepper_swap(&s->v, &s->v_next);
+  s->t += s->h;
+  if (s->model->pins) ms_moving_pins_set(s->model, (ms_instant){.t = s->t}, s->x, s->v);
   if (s->x_next == start->x)
     ms_stepper_swap(&s->x_next, &s->x_spare[0]), ms_stepper_swap(&s->v_next, &s->v_spare[0]);
   ms_contact_set_accept_step(s);
@@ -32,6 +45,8 @@ static void begin_next_substep(ms_stepper *s, const ms_stepper *start) {
 static void restore_step_start(ms_stepper *s, const ms_stepper *start) {
   s->h = start->h;
   s->h_before = start->h_before;
+  s->t = start->t;
+  if (s->model->pins) ms_moving_pins_set(s->model, (ms_instant){.t = s->t}, start->x, start->v);
   if (s->x == start->x) return;
   ms_stepper_swap(&s->x, &s->x_spare[0]), ms_stepper_swap(&s->v, &s->v_spare[0]);
   s->cached_stage = 0;
@@ -43,6 +58,7 @@ msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int
   msim_status status = MSIM_OK;
   s->parts = n;
   s->h = start.h / (double)n;
+  s->work_of_pins = 0;
   double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     if (i > 0) begin_next_substep(s, &start);

@@ -5,6 +5,7 @@
 #include "integrate/interpolate.h"
 #include "layout/planar.h"
 #include "physics/energy.h"
+#include "physics/moving_pins.h"
 #include "physics/reference.h"
 #include "sim/sim.h"
 
@@ -53,6 +54,9 @@ static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
 static void update_state_arrays(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands && !sim->state_is_current; i++)
     copy_island_state(sim, &sim->islands[i]);
+  if (!sim->state_is_current)
+    ms_moving_pins_set_arrays(sim->scene, (ms_instant){.t = ms_sim_time(sim)}, sim->state_x,
+                              sim->state_v);
   sim->state_is_current = 1;
 }
 

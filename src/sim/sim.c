@@ -87,6 +87,22 @@ static msim_status set_collision(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
+/* Motions need a method that evaluates forces at known times, whole steps, and no pilot runs. */
+static msim_status check_motions(const msim_sim *sim, msim_error *err) {
+  const ms_integrator *method = sim->config.integrator;
+  if (sim->scene->nmotions == 0) return MSIM_OK;
+  if (ms_sim_selects(sim) || method->is_multirate || method->convert_state)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator '%s' does not support motions of pinned particles; use dop853, "
+                        "velocity-verlet or implicit-midpoint, or remove the motions",
+                        ms_sim_selects(sim) ? MS_AUTO : method->entry.name);
+  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes > 0)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "impacts are not located where pinned particles move; use collision = "
+                        "reflect without tol, or remove the planes or the motions");
+  return MSIM_OK;
+}
+
 static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = ms_options_copy(opt, &sim->config.opt, err);
   if (!status) status = ms_options_check(&sim->config.opt, err);
@@ -99,7 +115,8 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
                         "velocity-verlet, linearly-implicit-euler or auto");
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? set_auto(sim, err) : set_method(sim, err);
   if (!status) status = check_colliders(sim, err);
-  return status ? status : set_collision(sim, err);
+  if (!status) status = set_collision(sim, err);
+  return status ? status : check_motions(sim, err);
 }
 
 msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *damping,

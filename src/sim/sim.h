@@ -158,6 +158,16 @@ void ms_sim_switch_method(msim_sim *sim, const ms_integrator *method, double h);
 /* Start all islands in this state, with the planned step. */
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state);
 
+/* Set moving pins to the present time in all islands, and count the work that changes their energy.
+ * A step from t that ends at a time of a motion leaves no cached stages. */
+void ms_sim_move_pins(msim_sim *sim, double t);
+
+/* Set moving pins to the present time in the arrays of the state, and find their energy. */
+void ms_sim_start_pins(msim_sim *sim);
+
+/* Set moving pins to the present time in all islands. */
+void ms_sim_set_pins(msim_sim *sim);
+
 /* Reduce options.steps by the steps already made; those made beyond it do not count. */
 void ms_sim_subtract_steps_made(msim_sim *sim);
 

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "layout/planar.h"
+#include "physics/moving_pins.h"
 #include "sim/step_driver.h"
 
 msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msim_error *err) {
@@ -22,7 +23,8 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
         (state->v_half && !(fabs(state->v_half[i]) <= MS_LARGEST_VALID)))
       return ms_error_set(err, MSIM_ERR_ARG,
                           "x, v or v_half of particle %zu is not finite, or too large", i / 3);
-    if (pinned && (state->x[i] != scene->x[i] || state->v[i] != 0))
+    if (pinned && (state->x[i] != scene->x[i] || state->v[i] != 0) &&
+        !ms_scene_has_motion(scene, (int32_t)(i / 3)))
       return ms_error_set(
           err, MSIM_ERR_ARG,
           "particle %zu is pinned: its x must be that of the scene, and its v must be 0", i / 3);
@@ -53,6 +55,8 @@ static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *stat
   for (int i = 0; i < 2; i++)
     if (s->x_spare[i]) ms_unknowns_gather(rows, state->x, s->x_spare[i]);
   ms_unknowns_gather(rows, state->v, s->v);
+  s->t = sim->config.plan.t0, s->c = 0;
+  if (m->model.pins) ms_moving_pins_set(&m->model, (ms_instant){.t = s->t}, s->x, s->v);
   m->at_rest = 0;
   if (ms_sim_has_control(sim) || ms_sim_selects(sim))
     ms_norm_measure_scales(&m->model, s->x, s->v, ms_plan_span(&sim->config.plan), &m->norm);
@@ -152,6 +156,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
                           sim->state_v_half);
   }
   sim->state_is_current = 1;
+  ms_sim_start_pins(sim);
   ms_energy_monitor_start(sim);
   ms_step_verification_start(sim);
   ms_error_growth_start(sim);

@@ -10,6 +10,7 @@
 #include "contact/events.h"
 #include "integrate/interpolate.h"
 #include "methods/methods.h"
+#include "physics/moving_pins.h"
 #include "physics/offender.h"
 #include "sim/frames.h"
 #include "sim/island_step.h"
@@ -29,12 +30,14 @@ static msim_status make_fixed_step(const msim_sim *sim, ms_stepper *s, msim_erro
   return status;
 }
 
-/* 1: the step started at rest, stays there and meets no plane. As x and v = 0 are unchanged all
+/* 1: the step started at rest, stays there, meets no plane, and no pinned particle moves from its
+ * start on. As x and v = 0 are unchanged all
  * accelerations are 0, and the next step has the same result; the vectors that the method carries
  * follow from x and v then. The comparison ends at the first unknown that differs. */
 static int stays_at_rest(const msim_sim *sim, const ms_island_sim *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   const ms_shape shape = m->model.shape;
+  if (m->model.pins && ms_moving_pins_next_time(sim->scene, s->t) < INFINITY) return 0;
   return !(sim->config.opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
          ms_vector_is_zero(shape, s->v_next) && ms_vector_is_zero(shape, s->v) &&
          ms_vector_is_equal(shape, s->x, s->x_next);
@@ -87,6 +90,7 @@ static void set_tolerances(const msim_sim *sim, ms_island_sim *m, double h, doub
   const ms_norm_body least = tol > 0 ? ms_norm_find_smallest(&m->norm) : (ms_norm_body){0};
   ms_stepper *s = &m->stepper;
   s->h = h;
+  s->t = ms_sim_has_control(sim) ? sim->run.t : ms_sim_time(sim);
   s->solve_tolerance = allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least.rounding)) : 0;
   s->x_tolerance = 0.1 * tol * least.extent;
   s->v_tolerance = 0.03 * tol * least.speed;
@@ -123,8 +127,17 @@ static void accept_island(ms_island_sim *m) {
   m->at_rest = m->at_rest_next;
 }
 
+/* Add the work of moving pins on springs. */
+static void count_work(msim_sim *sim) {
+  double sum = 0;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    if (m->model.pins && !m->at_rest) sum += m->stepper.work_of_pins;
+  sim->run.work += sum, sim->run.moved += fabs(sum);
+}
+
 static void accept_step(msim_sim *sim) {
   int32_t resting = 0;
+  if (sim->scene->nmotions) count_work(sim);
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     resting += m->at_rest;
     if (!m->at_rest) accept_island(m);
@@ -157,24 +170,34 @@ static msim_status make_fixed_sim_step(msim_sim *sim, msim_error *err) {
   const step_outcome o = try_all_islands(sim, sim->run.h, 0, &why);
   if (o.m)
     return report_failed_step(sim, o.m, ms_sim_time(sim) + sim->run.h, o.status, o.why->text, err);
+  const double t = ms_sim_time(sim);
   accept_step(sim);
+  ms_sim_move_pins(sim, t);
   return MSIM_OK;
 }
 
 /*------------------------------------- error control --------------------------------------------*/
 
-static double time_left(const msim_sim *sim) {
-  const double left = (sim->config.plan.t_end - sim->run.t) + sim->run.t_rounding;
-  return sim->config.plan.t_end < 0 || left <= 0 ? INFINITY : left;
+/* The next time at which a step has to end: the end of the run, or a time of a motion, where
+ * velocities or their derivatives jump */
+static double find_stop(const msim_sim *sim) {
+  const double t_end = sim->config.plan.t_end,
+               next = ms_moving_pins_next_time(sim->scene, sim->run.t);
+  return t_end < 0 || (t_end - sim->run.t) + sim->run.t_rounding <= 0 ? next : fmin(t_end, next);
+}
+
+static double time_left(const msim_sim *sim, double stop) {
+  return (stop - sim->run.t) + sim->run.t_rounding;
 }
 
 /* t += h by compensated summation: t_rounding carries the rounding error to the next sum (Kahan,
  * Commun. ACM 8 (1965) 40). */
-static void advance_time(msim_sim *sim, double h, double left) {
+static void advance_time(msim_sim *sim, double h, double stop) {
+  const double left = time_left(sim, stop);
   const double add = h - sim->run.t_rounding, t = sim->run.t + add;
   sim->run.t_rounding = (t - sim->run.t) - add;
   sim->run.t = t;
-  if (h == left) sim->run.t = sim->config.plan.t_end, sim->run.t_rounding = 0;
+  if (h == left) sim->run.t = stop, sim->run.t_rounding = 0;
   sim->run.t_shown = sim->run.t;
 }
 
@@ -218,7 +241,7 @@ static msim_status report_shortest_step(msim_sim *sim, const step_outcome *o, ms
 static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
   const ms_control before = sim->run.control;
   const int64_t contacts = sim->stats.contacts;
-  const double left = time_left(sim);
+  const double stop = find_stop(sim), left = time_left(sim, stop);
   ms_attempt a = ms_control_begin_attempt(&sim->run.control, sim->run.t, left);
   msim_error why;
   for (;;) {
@@ -230,8 +253,10 @@ static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
     const ms_verdict verdict =
         ms_control_judge_attempt(&sim->run.control, &a, o.status, error, first_impact(sim));
     if (verdict == MS_ACCEPTED) {
+      const double t = sim->run.t;
       accept_step(sim);
-      advance_time(sim, h, left);
+      advance_time(sim, h, stop);
+      ms_sim_move_pins(sim, t);
       sim->run.h = sim->run.control.h;
       return MSIM_OK;
     }

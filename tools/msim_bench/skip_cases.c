@@ -20,7 +20,8 @@ enum {
   JELLY = 64,         /* pinned at a face, vibrates without numerical damping */
   LAWS = 128,         /* without: all springs have a law, tension only */
   NO_FORCES = 256,    /* no constant forces on particles; without: tiny ones */
-  NO_COLLIDERS = 512  /* without: beside one of each type, which it does not meet */
+  NO_COLLIDERS = 512, /* without: beside one of each type, which it does not meet */
+  NO_MOTION = 1024    /* both pinned corners stay; without: they have a motion */
 };
 
 /*------------------------------------- the table ------------------------------------------------*/
@@ -57,6 +58,8 @@ static const skip_case cases[] = {
     {"drag", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.drag", NULL},
     {"laws", NULL, "cloth100, linear, over one of cables", EXPLICIT, 0, LAWS, 0, NULL, NULL},
     {"gravity", NULL, "cloth100, no gravity", EXPLICIT, 0, 0, 0, "skip.gravity", NULL},
+    {"motions", NULL, "cloth100, pins that stay, over pins that move", EXPLICIT, 0, NO_MOTION, 0,
+     NULL, NULL},
     {"forces", NULL, "cloth100, no forces on particles, over tiny ones", EXPLICIT, 0, NO_FORCES, 0,
      NULL, NULL},
 };
@@ -131,6 +134,20 @@ static msim_status add_laws(int32_t nsprings, msim_scene *scene, msim_error *err
   return status;
 }
 
+static msim_status move_corners(msim_scene *scene, msim_error *err) {
+  static const int32_t corners[2] = {0, SIDE - 1};
+  static const double t[2] = {0, 1e9};
+  msim_scene_view view = {.size = sizeof view};
+  double x[2][2][3];
+  msim_scene_get(scene, &view);
+  for (int k = 0; k < 2; k++)
+    for (int i = 0; i < 2; i++)
+      for (int c = 0; c < 3; c++) x[k][i][c] = view.x[3 * corners[i] + c] + k;
+  const msim_motion m = {
+      .size = sizeof m, .n = 2, .particles = corners, .nt = 2, .t = t, .x = &x[0][0][0]};
+  return msim_scene_add_motion(scene, &m, err);
+}
+
 msim_status skip_case_build(const skip_case *what, int without, msim_scene *scene,
                             msim_error *err) {
   const unsigned is = what->is;
@@ -147,6 +164,7 @@ msim_status skip_case_build(const skip_case *what, int without, msim_scene *scen
   if (!status) status = pin_scene(is, without, scene, err);
   if (!status && is & LAWS && without) status = add_laws(p.view.nsprings, scene, err);
   if (!status) status = msim_scene_set_gravity(scene, gravity, err);
+  if (!status && is & NO_MOTION && without) status = move_corners(scene, err);
   if (!status && is & NO_FORCES && without) status = set_tiny_forces(scene, err);
   if (!status && is & NO_COLLIDERS && without) status = add_colliders(scene, err);
   for (int i = 1; i <= 4 && is & AMONG_RESTING && !status; i++)

@@ -51,8 +51,12 @@ static json_t *stats_object(const msim_stats *stats) {
 }
 
 static json_t *energy_object(const msim_energy *energy) {
-  return json_pack("{sfsfsfsf}", "kinetic", energy->kinetic, "elastic", energy->elastic,
-                   "gravitational", energy->gravitational, "total", energy->total);
+  json_t *object = json_pack("{sfsfsfsf}", "kinetic", energy->kinetic, "elastic", energy->elastic,
+                             "gravitational", energy->gravitational, "total", energy->total);
+  if (energy->work == 0 || !object) return object;
+  if (json_object_set_new(object, "work", json_real(energy->work)) == 0) return object;
+  json_decref(object);
+  return NULL;
 }
 
 static const char *status_word(msim_status status) {
@@ -107,8 +111,8 @@ static const char *find_not_finite(const content *c) {
   if (!all_finite(n, s->x)) return "x";
   if (!all_finite(n, s->v)) return "v";
   if (s->v_half && !all_finite(n, s->v_half)) return "v_half";
-  const double energies[] = {e->kinetic, e->elastic, e->gravitational, e->total};
-  if (!all_finite(4, energies)) return "energy";
+  const double energies[] = {e->kinetic, e->elastic, e->gravitational, e->total, e->work};
+  if (!all_finite(5, energies)) return "energy";
   if (!all_finite(3, e->momentum)) return "momentum";
   return all_finite(3, e->angular_momentum) ? NULL : "angular_momentum";
 }

@@ -50,6 +50,7 @@ static void print_energies(const msim_energy *start, const msim_energy *end) {
   print_energy_row("elastic", start->elastic, end->elastic);
   print_energy_row("gravitational", start->gravitational, end->gravitational);
   print_energy_row("total", start->total, end->total);
+  if (end->work != start->work) print_energy_row("work", start->work, end->work);
   putchar('\n');
 }
 

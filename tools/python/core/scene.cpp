@@ -186,6 +186,17 @@ static nb::list colliders(const Scene &s) {
   return all;
 }
 
+// x: (nt, n, 3)
+static void add_motion(Scene &s, Ints particles, Doubles t, Doubles x, bool cubic) {
+  msim_error err;
+  msim_motion m{};
+  m.size = sizeof m;
+  m.n = static_cast<int32_t>(particles.size()), m.particles = particles.data();
+  m.nt = static_cast<int32_t>(t.size()), m.t = t.data(), m.x = x.data();
+  m.interpolation = cubic ? MSIM_MOTION_CUBIC : MSIM_MOTION_LINEAR;
+  check(msim_scene_add_motion(s.p, &m, &err), err);
+}
+
 static nb::tuple gravity(const Scene &s) {
   const msim_scene_view w = get(s);
   return nb::make_tuple(w.gravity[0], w.gravity[1], w.gravity[2]);
@@ -243,6 +254,7 @@ void bind_scene(nb::module_ &m) {
       .def("drag", [](const Scene &s) { return get(s).drag; })
       .def("set_drag", set_drag)
       .def("set_forces", set_forces)
+      .def("add_motion", add_motion)
       .def("name", [](const Scene &s) { return nb::str(get(s).name); })
       .def("set_name", set_name);
 }

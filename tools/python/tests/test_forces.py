@@ -77,3 +77,27 @@ def test_work_is_the_change_of_energy(pair):
     assert sim.energy.total - sim.energy.work == pytest.approx(before.total, abs=1e-14)
     result = sim.run()
     assert result.work[0] == result.work[-1] == sim.energy.work
+
+
+def test_motions(pair):
+    scene = msim.Scene.loads(pair.dumps())
+    scene.pin(0)
+    pinned = [0]
+    start = scene.x[pinned]
+    t = [0, 0.5, 1]
+    points = np.stack([start, start + [0, 0, 0.1], start + [0, 0.2, 0]])
+    scene.add_motion(pinned, t, points)
+    again = msim.Scene.loads(scene.dumps())
+    sim = msim.Sim(again, integrator="dop853", tol=1e-12, t_end=1)
+    before = sim.energy.total
+    for frame in sim.frames():
+        s = frame.t / 0.5
+        where = points[0] + s * (points[1] - points[0]) if s <= 1 else \
+            points[1] + (s - 1) * (points[2] - points[1])
+        np.testing.assert_allclose(frame.x[pinned], where, rtol=0, atol=1e-14)
+    assert sim.energy.work != 0
+    assert sim.energy.total - sim.energy.work == pytest.approx(before, abs=1e-11)
+    with pytest.raises(msim.ArgumentError, match=r"x must have the shape \(3, 1, 3\)"):
+        scene.add_motion(pinned, t, points[:, 0])
+    with pytest.raises(msim.ArgumentError, match="has a motion already"):
+        scene.add_motion(pinned, t, points, cubic=True)

@@ -194,6 +194,20 @@ class Scene:
         listed: Any = [particles] if single else particles
         self._core.pin(_arrays.indices("particles", listed))
 
+    def add_motion(self, particles: ArrayLike, t: ArrayLike, x: ArrayLike, *,
+                   cubic: bool = False) -> None:
+        """Move pinned particles through the points x, (times, particles, 3), at the times t, s.
+
+        Along straight lines, or, cubic, with continuous velocities, which are 0 at both ends.
+        """
+        which = _arrays.indices("particles", np.atleast_1d(np.asarray(particles)))
+        times = _arrays.doubles("t", np.atleast_1d(np.asarray(t)))
+        points = _arrays.doubles("x", x)
+        if times.ndim != 1 or points.shape != (len(times), len(which), 3):
+            raise ArgumentError(f"x must have the shape ({len(times)}, {len(which)}, 3), one row for "
+                                f"each time and particle; found {points.shape}")
+        self._core.add_motion(which, times, points, cubic)
+
     def add_rope(self, n: int, start: ArrayLike, end: ArrayLike, *, mass: float, k: float,
                  damping: float = 0, pinned: Pinned = ()) -> range:
         """Add n particles from start to end, with springs between neighbours. mass: of the rope."""

@@ -1,0 +1,141 @@
+#include "physics/moving_pins.h"
+
+#include <math.h>
+
+#include "physics/external_force.h"
+#include "physics/law.h"
+#include "physics/spring_law.h"
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+/* The rows of the model that move. to: stride, the index of each row among these, or -1 */
+static void list_rows(const ms_model *model, ms_moving_pins *p, int32_t *row_of, int32_t *to) {
+  const ms_scene *s = model->scene;
+  const ms_unknowns *rows = &model->unknowns;
+  for (int32_t i = 0; i < s->nparticles; i++) row_of[i] = -1;
+  for (int32_t r = 0; r < rows->stride; r++) to[r] = -1;
+  ms_unknowns_find_rows(rows, row_of);
+  for (int32_t m = 0; m < s->nmotions; m++)
+    for (int32_t i = 0; i < s->motions[m].n; i++) {
+      const int32_t r = row_of[s->motions[m].particles[i]];
+      if (r < 0) continue;
+      to[r] = p->n;
+      p->row[p->n++] = (ms_moving_row){r, m, i};
+      p->speed = fmax(p->speed, ms_motion_find_speed(&s->motions[m]));
+    }
+}
+
+static void list_springs(const ms_model *model, ms_moving_pins *p, const int32_t *to) {
+  const ms_springs *s = &model->springs;
+  for (int32_t e = 0; e < s->n; e++) {
+    const int32_t i = to[s->i[e]], j = to[s->j[e]];
+    if (i >= 0) p->spring[p->nsprings++] = (ms_moving_spring){e, s->j[e], p->row[i]};
+    if (j >= 0) p->spring[p->nsprings++] = (ms_moving_spring){e, s->i[e], p->row[j]};
+  }
+}
+
+static msim_status fill_pins(const ms_model *model, ms_moving_pins *p, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const ms_unknowns *rows = &model->unknowns;
+  int32_t *row_of = NULL, *to = NULL;
+  const int fits =
+      MS_NEW(alloc, row_of, model->scene->nparticles) && MS_NEW(alloc, to, rows->stride) &&
+      MS_NEW(alloc, p->row, rows->n - rows->nfree) && MS_NEW(alloc, p->spring, model->springs.n);
+  if (fits) list_rows(model, p, row_of, to), list_springs(model, p, to);
+  MS_FREE(alloc, row_of, to);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the motions");
+}
+
+msim_status ms_moving_pins_create(const ms_model *model, ms_moving_pins **pins, msim_error *err) {
+  const ms_scene *s = model->scene;
+  *pins = NULL;
+  if (s->nmotions == 0) return MSIM_OK;
+  if (!MS_NEW(&s->alloc, *pins, 1)) return ms_error_set_memory(err, "the motions");
+  const msim_status status = fill_pins(model, *pins, err);
+  if (!status && (*pins)->n) return MSIM_OK;
+  ms_moving_pins_destroy(s, *pins);
+  *pins = NULL;
+  return status;
+}
+
+void ms_moving_pins_destroy(const ms_scene *scene, ms_moving_pins *pins) {
+  if (!pins) return;
+  MS_FREE(&scene->alloc, pins->row, pins->spring, pins);
+}
+
+/*------------------------------------- one model ------------------------------------------------*/
+
+static void evaluate_row(const ms_model *model, const ms_moving_row *row, ms_instant at,
+                         double x[3], double v[3]) {
+  ms_motion_evaluate(&model->scene->motions[row->motion], row->i, at, x, v);
+}
+
+void ms_moving_pins_set(const ms_model *model, ms_instant at, double *x, double *v) {
+  const ms_moving_pins *p = model->pins;
+  for (int32_t i = 0; i < p->n; i++) {
+    double where[3], speed[3];
+    evaluate_row(model, &p->row[i], at, where, speed);
+    ms_unknowns_set(&model->unknowns, where, p->row[i].row, x);
+    if (v) ms_unknowns_set(&model->unknowns, speed, p->row[i].row, v);
+  }
+}
+
+/* The power of the force of a spring on its moving end */
+static double compute_spring_power(const ms_model *model, const ms_moving_spring *e, ms_instant at,
+                                   const double *x, const double *v) {
+  const ms_springs *s = &model->springs;
+  double here[3], w[3], d[3], dv[3] = {0};
+  evaluate_row(model, &e->end, at, here, w);
+  ms_unknowns_get(&model->unknowns, x, e->other, d);
+  if (v) ms_unknowns_get(&model->unknowns, v, e->other, dv);
+  for (int c = 0; c < 3; c++) d[c] -= here[c], dv[c] = v ? dv[c] - w[c] : 0;
+  const double l = ms_vec3_norm(d);
+  if (l * l <= MS_MIN_LENGTH2) return 0;
+  const double pull = ms_law_value_of(model->scene, s->spring[e->spring], l).force +
+                      MS_DASHPOT_FORCE(s->damping[e->spring], ms_vec3_dot(d, dv)) / l;
+  return pull / l * ms_vec3_dot(d, w);
+}
+
+double ms_moving_pins_compute_power(const ms_model *model, ms_instant at, const double *x,
+                                    const double *v) {
+  const ms_moving_pins *p = model->pins;
+  double sum = 0;
+  for (int32_t k = 0; k < p->nsprings; k++)
+    sum -= compute_spring_power(model, &p->spring[k], at, x, v);
+  return sum;
+}
+
+/*------------------------------------- the scene ------------------------------------------------*/
+
+double ms_moving_pins_next_time(const ms_scene *scene, double t) {
+  double next = INFINITY;
+  for (int32_t m = 0; m < scene->nmotions; m++)
+    next = fmin(next, ms_motion_next_time(&scene->motions[m], t));
+  return next;
+}
+
+void ms_moving_pins_set_arrays(const ms_scene *scene, ms_instant at, double *x, double *v) {
+  for (const ms_motion *m = scene->motions; m < scene->motions + scene->nmotions; m++)
+    for (int32_t i = 0; i < m->n; i++) {
+      const size_t p = 3 * (size_t)m->particles[i];
+      ms_motion_evaluate(m, i, at, x + p, v + p);
+    }
+}
+
+double ms_moving_pins_compute_energy(const ms_scene *s, const double *x, const double *v) {
+  double sum = 0;
+  for (size_t p = 0; p < (size_t)s->nparticles; p++) {
+    if (!s->pinned[p]) continue;
+    sum += s->mass[p] * ms_vec3_dot(v + 3 * p, v + 3 * p) / 2 +
+           ms_external_energy(&s->external, s->mass[p], x + 3 * p);
+    if (s->force) sum -= ms_vec3_dot(s->force + 3 * p, x + 3 * p);
+  }
+  for (size_t e = 0; e < (size_t)s->nsprings; e++) {
+    const size_t i = (size_t)s->ij[2 * e], j = (size_t)s->ij[2 * e + 1];
+    double d[3];
+    if (!s->pinned[i] || !s->pinned[j]) continue;
+    for (size_t c = 0; c < 3; c++) d[c] = x[3 * j + c] - x[3 * i + c];
+    sum += ms_law_value_of(s, (int32_t)e, ms_vec3_norm(d)).energy;
+  }
+  return sum;
+}

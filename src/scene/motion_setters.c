@@ -1,0 +1,98 @@
+/* motion_setters - adds motions of pinned particles to a scene, and returns them */
+#include "base/sized.h"
+#include "scene/scene.h"
+
+int ms_scene_has_motion(const ms_scene *s, int32_t particle) {
+  for (int32_t m = 0; m < s->nmotions; m++)
+    for (int32_t i = 0; i < s->motions[m].n; i++)
+      if (s->motions[m].particles[i] == particle) return 1;
+  return 0;
+}
+
+/* marks: a byte per particle of the scene, 1 where it has a motion */
+static msim_status check_marked_particles(const ms_scene *s, const msim_motion *m, uint8_t *marks,
+                                          msim_error *err) {
+  for (int32_t i = 0; i < m->n; i++) {
+    const int32_t p = m->particles[i];
+    if (p < 0 || p >= s->nparticles)
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "particles[%d] is %d; there are %d particles, counted from 0", i, p,
+                          s->nparticles);
+    if (!s->pinned[p])
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "particles[%d] is particle %d, which is not pinned; pin it to move it", i,
+                          p);
+    if (marks[p])
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "particles[%d] is particle %d, which has a motion already", i, p);
+    marks[p] = 1;
+  }
+  return MSIM_OK;
+}
+
+static msim_status check_particles(const ms_scene *s, const msim_motion *m, msim_error *err) {
+  uint8_t *marks;
+  if (!MS_NEW(&s->alloc, marks, s->nparticles)) return ms_error_set_memory(err, "a motion");
+  for (int32_t k = 0; k < s->nmotions; k++)
+    for (int32_t i = 0; i < s->motions[k].n; i++) marks[s->motions[k].particles[i]] = 1;
+  const msim_status status = check_marked_particles(s, m, marks, err);
+  ms_memory_free(&s->alloc, marks);
+  return status;
+}
+
+static msim_status check_motion(const ms_scene *s, const msim_motion *m, msim_error *err) {
+  msim_status status = ms_scene_check_count(m->n, "particles", err);
+  if (status) return status;
+  if (m->nt < 1)
+    return ms_error_set(err, MSIM_ERR_ARG, "t has %d times; it must have at least 1", m->nt);
+  if (m->interpolation != MSIM_MOTION_LINEAR && m->interpolation != MSIM_MOTION_CUBIC)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "interpolation is %d; it must be MSIM_MOTION_LINEAR or MSIM_MOTION_CUBIC",
+                        m->interpolation);
+  if (!m->t || (m->n > 0 && (!m->particles || !m->x)))
+    return ms_error_set(err, MSIM_ERR_ARG, "particles, t or x is NULL");
+  status = ms_scene_check_finite("t", m->nt, 1, m->t, err);
+  for (int32_t k = 1; k < m->nt && !status; k++)
+    if (!(m->t[k] > m->t[k - 1]))
+      status = ms_error_set(err, MSIM_ERR_ARG, "t[%d] is %g; it must exceed t[%d] = %g", k, m->t[k],
+                            k - 1, m->t[k - 1]);
+  if (!status) status = ms_scene_check_finite("x", 3 * (int64_t)m->n * m->nt, 3 * m->n, m->x, err);
+  return status ? status : check_particles(s, m, err);
+}
+
+msim_status msim_scene_add_motion(msim_scene *scene, const msim_motion *motion, msim_error *err) {
+  if (!scene || !motion) return ms_error_set(err, MSIM_ERR_ARG, "scene or motion is NULL");
+  msim_motion m;
+  msim_status status =
+      ms_sized_check(motion, sizeof m, MS_SIZE_THROUGH(msim_motion, x), "motion", "motion", err);
+  if (status) return status;
+  ms_sized_read(&m, sizeof m, motion);
+  status = check_motion(scene->data, &m, err);
+  if (status) return status;
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  status = ms_memory_reserve(&s->alloc, MS_ARRAY(s->motions), s->nmotions, &s->motion_capacity,
+                             (int64_t)s->nmotions + 1, err);
+  const ms_motion from = {m.n,
+                          m.nt,
+                          m.interpolation,
+                          (int32_t *)(uintptr_t)m.particles,
+                          (double *)(uintptr_t)m.t,
+                          (double *)(uintptr_t)m.x};
+  if (!status) status = ms_motion_copy(&s->alloc, &from, &s->motions[s->nmotions], err);
+  if (status) return status;
+  s->nmotions++;
+  return ms_error_clear(err);
+}
+
+msim_status msim_scene_get_motion(const msim_scene *scene, int32_t i, msim_motion *motion) {
+  if (!scene || !motion || i < 0 || i >= scene->data->nmotions) return MSIM_ERR_ARG;
+  const ms_motion *m = &scene->data->motions[i];
+  msim_motion full = {.n = m->n,
+                      .particles = m->particles,
+                      .nt = m->nt,
+                      .t = m->t,
+                      .x = m->x,
+                      .interpolation = m->interpolation};
+  return ms_sized_write(motion, &full, sizeof full);
+}
