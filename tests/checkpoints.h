@@ -55,9 +55,17 @@ static inline void expect_same_save(msim_sim *a, msim_sim *b, const char *label)
   free(c.bytes), free(d.bytes);
 }
 
+/* The sim makes the steps that are left, and is then as the whole run is. */
+static inline void expect_same_end(msim_sim *whole, msim_sim *sim, int64_t left,
+                                   const char *label) {
+  assert_ok(msim_sim_step(sim, left, err));
+  expect_same(whole, sim, label);
+  expect_same_save(whole, sim, label);
+}
+
 /* Steps in one run, and again with a new sim loaded from a checkpoint after each of the n step
- * numbers at[]: states, counts and next checkpoints agree. Returns the statistics of the whole
- * run. */
+ * numbers at[], with that sim after it has returned to the checkpoint, and with a clone: states,
+ * counts and next checkpoints agree. Returns the statistics of the whole run. */
 static inline msim_stats expect_resumable(const msim_scene *scene, const msim_options *opt,
                                           int64_t steps, int n, const int64_t *at,
                                           const char *label) {
@@ -66,12 +74,17 @@ static inline msim_stats expect_resumable(const msim_scene *scene, const msim_op
   for (int i = 0; i < n; i++) {
     assert_ok(msim_sim_step(watched, at[i] - state_of(watched).step, err));
     const checkpoint c = save(watched);
-    msim_sim *other = resume(scene, opt, &c);
+    msim_sim *other = resume(scene, opt, &c), *copy;
     expect_same(watched, other, label);
-    assert_ok(msim_sim_step(other, steps - at[i], err));
-    expect_same(whole, other, label);
-    expect_same_save(whole, other, label);
-    msim_sim_destroy(other);
+    expect_same_end(whole, other, steps - at[i], label);
+    assert_ok(msim_sim_load(other, c.bytes, c.length, err));
+    expect_same(watched, other, label);
+    expect_same_save(watched, other, label);
+    expect_same_end(whole, other, steps - at[i], label);
+    assert_ok(msim_sim_clone(watched, &copy, err));
+    expect_same(watched, copy, label);
+    expect_same_end(whole, copy, steps - at[i], label);
+    msim_sim_destroy(other), msim_sim_destroy(copy);
     free(c.bytes);
   }
   assert_ok(msim_sim_step(watched, steps - at[n - 1], err));

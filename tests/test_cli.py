@@ -1,6 +1,7 @@
 """Tests of the interface of msim_cli for users and scripts: help, refusals, options, files."""
 
 import json
+import math
 import os
 import re
 import subprocess
@@ -315,16 +316,22 @@ class Final(CliTest):
     def test_keys(self):
         self.scene()
         final = self.run_final("--integrator", "verlet")
-        self.assertEqual(set(final), {"msim", "status", "step", "t", "h", "x", "v", "v_half", "energy",
-                                      "momentum", "angular_momentum", "stats"})
+        self.assertEqual(set(final), {"msim", "status", "step", "t", "h", "x", "v", "v_half",
+                                      "reactions", "energy", "momentum", "angular_momentum",
+                                      "stats"})
         self.assertEqual(set(final["energy"]), {"kinetic", "elastic", "gravitational", "total"})
         self.assertEqual(set(final["stats"]), COUNTERS | {"seconds"})
         self.assertEqual(set(final["stats"]["seconds"]), SECONDS)
         self.assertEqual((final["msim"], final["status"], final["step"]), (1, "ok", 100))
         self.assertAlmostEqual(final["t"], 0.1)
         self.assertEqual(final["stats"]["steps"], 100)
-        for key in ("x", "v", "v_half"):
+        for key in ("x", "v", "v_half", "reactions"):
             self.assertEqual([len(row) for row in final[key]], [3, 3])
+        length = math.hypot(*final["x"][1])  # the support balances its weight and the spring
+        for c, weight in enumerate((0, 0, -9.81)):
+            pull = 100 * (length - 0.4) * final["x"][1][c] / length
+            self.assertAlmostEqual(final["reactions"][0][c], -weight - pull, delta=1e-12)
+        self.assertEqual(final["reactions"][1], [0, 0, 0])
         self.assertEqual(final["x"][0], [0, 0, 0])
         self.assertEqual(self.files(), ["final.json", "scene.json"])
 
@@ -332,6 +339,7 @@ class Final(CliTest):
         self.scene({"msim": 1, "gravity": [0, 0, -10], "particles": {
             "x": [[1, 2, 3]], "v": [[1, 0, 0]], "mass": 2}})
         final = self.run_final("--integrator", "velocity-verlet", "--h", "0.25", "--steps", "4")
+        self.assertNotIn("reactions", final)  # nothing is pinned
         self.assertEqual((final["x"], final["v"], final["t"]), ([[2, 2, -2]], [[1, 0, -10]], 1))
         self.assertEqual(final["energy"], {"kinetic": 101, "elastic": 0, "gravitational": -40,
                                            "total": 61})

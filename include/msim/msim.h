@@ -111,6 +111,8 @@ typedef struct msim_stats {
   int64_t islands_at_rest;    /* steps of single islands that were skipped for that reason */
   int64_t spring_evaluations; /* springs in all force evaluations; those of respa take some only */
   int64_t rejected_steps;     /* steps repeated in shorter ones: too inaccurate, or failed */
+  int64_t incomplete_steps;   /* steps made although iterations ended at their maximum (option
+                                 incomplete = accept) */
 } msim_stats;
 
 /* Decisions made at creation, or when the state was last set. */
@@ -259,8 +261,19 @@ MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, siz
  * the same calls of msim_sim_set_step; the springs must be those set last. Errors name the
  * difference, also of the version of msim or of MSIM_ISA. These may differ: threads, frames (every,
  * fps), plugin_path, sync and the end (steps, t_end), if h stays the same; under error control tol
- * per second must stay the same, too. May return plugin statuses. */
+ * per second must stay the same, too. May return plugin statuses. A sim that returns to a state of
+ * its own analyzes nothing anew, and computes only factorizations that differ. */
 MSIM_API msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err);
+
+/* Create an independent sim with the state, history, options and counts of this one: both go on
+ * with the same bits. It shares the data of the scene and opens no recorder; warnings of both go to
+ * the same callback until msim_sim_set_warn. No method is chosen again; matrices are analyzed once.
+ * Destroy it by msim_sim_destroy. May return plugin statuses. */
+MSIM_API msim_status msim_sim_clone(msim_sim *sim, msim_sim **copy, msim_error *err);
+
+/* Pass warnings of the sim to another callback than that of msim_options. Nullable: warn, user. */
+MSIM_API void msim_sim_set_warn(msim_sim *sim, void (*warn)(const char *text, void *user),
+                                void *user);
 
 /* Get energies of the present state, work done since creation, and decisions; set size first. */
 MSIM_API msim_status msim_sim_energy(msim_sim *sim, msim_energy *energy);
@@ -270,6 +283,18 @@ MSIM_API msim_status msim_sim_plan(const msim_sim *sim, msim_plan *plan);
 /* Compute the forces on all particles in the state x, v; 0 for pinned particles. */
 MSIM_API void msim_sim_force(msim_sim *sim, const double *x /* 3n */, const double *v /* 3n */,
                              double *force /* 3n */);
+
+/* Compute the force (N) that its support exerts on each pinned particle in the present state, 0 for
+ * all others: what balances the springs and the external force there. The sum of reactions and of
+ * external forces on all particles, and of those of planes, is the rate of momentum. */
+MSIM_API msim_status msim_sim_reactions(msim_sim *sim, double *reaction /* 3n */);
+
+/* Compute for each spring of the scene, in its order and in the present state: tension, the force
+ * k (l - L) + c dl/dt (N) with which it pulls its ends together; elongation, l - L (m); and strain,
+ * (l - L)/L, 0 where L = 0. Nullable: tension, elongation, strain. */
+MSIM_API msim_status msim_sim_springs(msim_sim *sim, double *tension /* nsprings */,
+                                      double *elongation /* nsprings */,
+                                      double *strain /* nsprings */);
 
 /* Assemble the matrix of the next step. Refused if the method needs no matrix. */
 MSIM_API msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err);

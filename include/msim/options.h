@@ -32,6 +32,14 @@ enum {
   MSIM_COLLISION_EVENT = 1
 };
 
+/* A fixed step whose linear solver or Newton's method has reached its maximum of iterations. */
+enum {
+  MSIM_INCOMPLETE_STOP = 0,  /* it fails: it is repeated in substeps (newton_retries), or the run
+                                ends with MSIM_NOT_CONVERGED */
+  MSIM_INCOMPLETE_ACCEPT = 1 /* it is made with the iterate reached, if that is finite, and counted
+                                in msim_stats.incomplete_steps: the cost of a step is bounded */
+};
+
 /* The energy monitor. Results do not depend on it. */
 enum {
   /* The motion is checked after every 160th explicit step, after every implicit step, before each
@@ -126,6 +134,7 @@ typedef struct msim_options {
   /* Recorders provided by the program: a file's extension finds them before all others. A list that
    * ends with NULL; its tables must outlive the sims. Nullable. */
   const msim_recorder_type *const *recorders;
+  int32_t incomplete; /* MSIM_INCOMPLETE_... [STOP]; unused under error control */
 } msim_options;
 
 /* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for

@@ -1,5 +1,5 @@
-/* archive - serialization: one description of the data serves to write, to read and to count the
- * bytes
+/* archive - serialization: one description of the data serves to write, to read, to compare and to
+ * count the bytes
  *
  * A description passes one number after the other. Lengths are never read from the bytes: they
  * follow from the existing objects, so that invalid bytes cannot cause an access out of bounds. */
@@ -14,14 +14,16 @@
 typedef enum ms_archive_mode {
   MS_ARCHIVE_COUNT,
   MS_ARCHIVE_WRITE,
-  MS_ARCHIVE_READ
+  MS_ARCHIVE_READ,
+  MS_ARCHIVE_COMPARE /* the data with the bytes; neither changes */
 } ms_archive_mode;
 
 typedef struct ms_archive {
   ms_archive_mode direction;
-  unsigned char *data;      /* COUNT: NULL. TAKE: only read from */
+  unsigned char *data;      /* COUNT: NULL. READ, COMPARE: only read from */
   size_t size, position;    /* used > size: the buffer is too small, the excess was not copied */
-  const char *invalid_item; /* TAKE: the first item that is invalid; NULL: none */
+  const char *invalid_item; /* READ: the first item that is invalid; NULL: none */
+  int differs;              /* COMPARE: data and bytes differ */
 } ms_archive;
 
 void ms_archive_transfer(ms_archive *b, void *data, size_t size);

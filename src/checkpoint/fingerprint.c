@@ -145,6 +145,16 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   }
 }
 
+/* The value that an entry without a line has; NULL: it has a line in every checkpoint. */
+static const char *implied_value(const char *name) {
+  return strcmp(name, "incomplete") == 0 ? "stop" : NULL;
+}
+
+int ms_fingerprint_is_implied(const char *name, const char *value) {
+  const char *implied = implied_value(name);
+  return implied && strcmp(implied, value) == 0;
+}
+
 /*------------------------------------- options --------------------------------------------------*/
 
 /* 1: the option may differ between the parts of a run: no bit of a state depends on it. */
@@ -193,23 +203,35 @@ typedef struct comparison {
   msim_error *err;
 } comparison;
 
-/* Up to the first difference both have the same names in the same order. */
-static void compare_entry(void *data, const char *name, const char *value, int is_hash) {
-  comparison *c = data;
-  if (c->status) return;
+/* The value in the next line, if that has this name: its beginning; *size: its length. Else the
+ * implied value, or NULL. */
+static const char *find_value(comparison *c, const char *name, size_t *size) {
   const size_t length = strlen(name);
   const char *line = c->next, *end = memchr(line, '\n', (size_t)(c->end - line));
   if (!end || (size_t)(end - line) <= length || memcmp(line, name, length) != 0 ||
       line[length] != '=') {
+    const char *implied = implied_value(name);
+    *size = implied ? strlen(implied) : 0;
+    return implied;
+  }
+  *size = (size_t)(end - line) - length - 1;
+  c->next = end + 1;
+  return line + length + 1;
+}
+
+/* Up to the first difference both have the same names in the same order. */
+static void compare_entry(void *data, const char *name, const char *value, int is_hash) {
+  comparison *c = data;
+  size_t size;
+  if (c->status) return;
+  const char *there = find_value(c, name, &size);
+  if (!there) {
     c->status = ms_error_set(c->err, MSIM_ERR_ARG,
                              "the checkpoint has no entry for %s: it was made by another version "
                              "of msim or from another scene",
                              name);
     return;
   }
-  const char *there = line + length + 1;
-  const size_t size = (size_t)(end - there);
-  c->next = end + 1;
   if (size == strlen(value) && memcmp(there, value, size) == 0) return;
   if (is_hash)
     c->status = ms_error_set(c->err, MSIM_ERR_ARG, "%s differs from that in the checkpoint", name);

@@ -17,6 +17,9 @@ void ms_fingerprint_hash_scene(msim_sim *sim);
  * too. */
 void ms_fingerprint_list(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data);
 
+/* 1: checkpoints have no line for this value of an option, which older versions of msim lack. */
+int ms_fingerprint_is_implied(const char *name, const char *value);
+
 /* Compare the sim's fingerprint with the one of a checkpoint, `size` bytes of lines "name=value".
  * MSIM_ERR_ARG names the first entry that differs. */
 msim_status ms_fingerprint_compare(const msim_sim *sim, const char *there, size_t size,

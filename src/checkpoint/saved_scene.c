@@ -1,6 +1,7 @@
 #include "checkpoint/saved_scene.h"
 
 #include <math.h>
+#include <string.h>
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
@@ -45,6 +46,11 @@ static msim_status copy_with_forces(const msim_sim *sim, const ms_external *exte
   return status;
 }
 
+static int has_forces(const ms_scene *s, const ms_external *external, const double *force) {
+  if (memcmp(&s->external, external, sizeof *external) != 0 || !s->force != !force) return 0;
+  return !force || memcmp(s->force, force, count_bytes(s)) == 0;
+}
+
 msim_status ms_saved_scene_read_forces(ms_archive *b, const msim_sim *sim, ms_scene **scene,
                                        int32_t *changed, msim_error *err) {
   const ms_scene *created = sim->created_from;
@@ -57,7 +63,8 @@ msim_status ms_saved_scene_read_forces(ms_archive *b, const msim_sim *sim, ms_sc
   if (*changed && !ms_archive_failed(b))
     status = read_values(b, sim->scene, &external, &force, err);
   if (!status && !ms_archive_failed(b)) {
-    if (*changed) status = copy_with_forces(sim, &external, force, scene, err);
+    if (*changed && has_forces(sim->scene, &external, force)) *scene = ms_scene_retain(sim->scene);
+    else if (*changed) status = copy_with_forces(sim, &external, force, scene, err);
     else if (created)
       status = copy_with_forces(sim, &created->external, created->force, scene, err);
     else *scene = ms_scene_retain(sim->scene);

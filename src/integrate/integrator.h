@@ -47,6 +47,7 @@ typedef struct ms_stepper {
   double solve_tolerance; /* relative error of v that solves may leave; 0: that of the options */
   int32_t offender;       /* the offending unknown if step() fails; -1: none in particular */
   struct ms_multirate *split; /* NULL: the method needs none, or none is cost-effective */
+  int incomplete; /* 1: in this step iterations ended at their limit, and incomplete = accept */
   int finite; /* 1: no number of x_next and v_next is NaN or beyond MS_LARGEST_VALID; 0: unknown */
   msim_stats *stats;
   struct ms_contact_set *events; /* for collision = event in scenes with planes; else NULL */

@@ -13,8 +13,8 @@
 #include "base/archive.h"
 #include "integrate/integrator.h"
 
-/* Passes this state to or from an archive (archive.h), from one to a stepper that was just started.
- * inside: 1, with the last step. */
+/* Passes this state to or from an archive (archive.h), from one to a stepper that was started,
+ * whatever steps it has made since. inside: 1, with the last step. */
 void ms_method_state_archive(ms_archive *bytes, const ms_integrator *method, ms_stepper *s,
                              int inside);
 

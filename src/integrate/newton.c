@@ -6,6 +6,7 @@
 #include "linear/jacobi.h"
 #include "physics/nonlinearity.h"
 #include "physics/external_force.h"
+#include "scene/options.h"
 
 /* The matrix of d, and the line search */
 typedef enum search {
@@ -93,6 +94,7 @@ static msim_status solve_within(newton *n, ms_linear_system_spec *spec, msim_err
   }
   if (status) return status;
   const double drop = ms_vector_dot(n->shape, n->b, n->d), part = n->radius / sqrt(drop);
+  if (n->s->solver->incomplete && !(drop > 0)) return MSIM_NOT_CONVERGED; /* no descent */
   n->is_truncated = part < 1;
   if (n->is_truncated) ms_vector_scale(n->shape, part, n->d);
   n->length = fmin(sqrt(drop), n->radius);
@@ -390,6 +392,14 @@ static msim_status fail_not_converged(newton *n, msim_error *err) {
                       wanted < n->s->opt->newton_rtol ? "tol" : "newton.rtol", wanted);
 }
 
+/* At the limit of iterations: keep v and the x that belongs to it, if options accept that. */
+static msim_status end_incomplete(newton *n, msim_error *err) {
+  if (!ms_options_accept_incomplete(n->s->opt) || !isfinite(n->residual))
+    return fail_not_converged(n, err);
+  n->s->incomplete = 1;
+  return MSIM_OK;
+}
+
 /* 1: a damper c exceeds share ah k, k the stiffness of its spring, and ah c exceeds the mass of a
  * free end. From share = 0.1 on its non-symmetric term is more than a small part of the matrix. */
 static int has_strong_dampers(const newton *n, double share) {
@@ -444,8 +454,10 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_er
     if (n.residual == 0) return MSIM_OK;
     n.eta = forcing_tolerance(&n, before);
     msim_status status = find_direction(&n, must_clamp(&n, first), err);
+    if (status == MSIM_NOT_CONVERGED && ms_options_accept_incomplete(s->opt)) break;
     if (status) s->offender = s->solver->offender;
     if (status) return status;
+    if (s->solver->incomplete) n.eta = 1, s->incomplete = 1; /* an unknown residual */
     before = n.residual;
     n.previous = n.correction;
     n.correction = newton_norm(&n, n.d);
@@ -458,5 +470,5 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_er
     if (is_little) n.radius = INFINITY; /* slopes within rounding have made it small */
     if (last || is_converged(&n)) return MSIM_OK;
   }
-  return fail_not_converged(&n, err);
+  return end_incomplete(&n, err);
 }

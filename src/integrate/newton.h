@@ -41,7 +41,7 @@ typedef struct ms_newton_stage {
  * estimate of the error after an iteration with lambda = 1, |d| theta/(1 - theta), must be below a
  * tenth of that; theta: the ratio of the last two |d|, or the tolerance of the solve if larger. A
  * correction at rounding level ends the iteration, too. MSIM_NOT_CONVERGED after
- * newton.max_iterations. */
+ * newton.max_iterations, or, with incomplete = accept, s->incomplete. */
 msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_error *err);
 
 #endif

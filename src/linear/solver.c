@@ -9,6 +9,7 @@
 #include "linear/jacobi.h"
 #include "linear/residual.h"
 #include "physics/offender.h"
+#include "scene/options.h"
 
 /*------------------------------------- creation and destruction ---------------------------------*/
 
@@ -453,10 +454,13 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec
       (ms_linear_target){.rtol = spec->rtol, .max_iterations = solver->opt->solver_max_iterations};
   solver->stats->solves++;
   msim_status status = solve_once(solver, spec, b, v, err);
-  if (status == MSIM_NOT_CONVERGED && !spec->v && solver->may_switch &&
+  const int at_limit = status == MSIM_NOT_CONVERGED && !spec->v;
+  solver->incomplete =
+      at_limit && !solver->linear->factorises && ms_options_accept_incomplete(solver->opt);
+  if (at_limit && !solver->incomplete && solver->may_switch &&
       !ms_solver_switch_to_cholmod(solver, NULL))
     status = solve_once(solver, spec, b, v, err);
-  if (status) return status;
+  if (status && !solver->incomplete) return status;
   if (!solver->linear->exact)
     ms_momentum_balance(solver->system.model, &solver->system.a, &solver->components,
                         spec->base ? solver->b : b, v);
@@ -479,6 +483,7 @@ msim_status ms_solver_descend(ms_solver *s, const ms_linear_system_spec *r, cons
                               double *v, msim_error *err) {
   const ms_shape shape = s->system.model->shape;
   s->offender = ms_vector_find_invalid(shape, b);
+  s->incomplete = 0;
   if (s->offender >= 0) return MSIM_NOT_FINITE;
   s->stats->solves++;
   msim_status status = solver_assemble(s, r, r->clamp);

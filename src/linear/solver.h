@@ -47,6 +47,7 @@ typedef struct ms_solver {
   double *b;                  /* the right-hand side of a spec with a base */
   double *residual, *correction, *magnitude; /* work vectors */
   double relative_residual; /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
+  int incomplete;           /* 1: the last solution is the iterate at the limit of iterations */
   int32_t offender;         /* the offending unknown of the last status != MSIM_OK; -1: none */
   char reason[256];         /* why this linear solver: text for `explain` */
 } ms_solver;
@@ -91,7 +92,8 @@ typedef struct ms_linear_system_spec {
  *   2. Iterative refinement, up to 3 steps, if the residual of a factorization is too large.
  *   3. If A is found not positive definite, according to `indefinite`: the system is solved again
  *      with the clamped matrix, or as it is, or the result is MSIM_NOT_SPD.
- *   4. MSIM_NOT_CONVERGED if the residual is still too large, except that
+ *   4. MSIM_NOT_CONVERGED if the residual is still too large, except that with incomplete =
+ *      accept the last iterate of an iterative solver is the solution (`incomplete`), and that
  *   5. auto replaces pcg by cholmod for good, if cholmod is available.
  *   6. auto computes a factorization by cholmod where pcg has spent its cost on a matrix that
  *      hardly changes; it preconditions as in 1 until it fails.

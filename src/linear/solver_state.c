@@ -104,6 +104,7 @@ static msim_status recompute_factors(ms_solver *s, int32_t age,
                                      const ms_linearization_point *constant, msim_error *err) {
   const ms_lagged_factor kept = s->lagged_factor;
   msim_status status = MSIM_OK;
+  if (s->linear->ops->restart) s->linear->ops->restart(s->linear);
   if (age >= 0) status = ms_solver_factor_at(s, s->linear, &s->coarse_point, err);
   if (!status && kept.age > 0)
     status = ms_solver_factor_at(s, kept.factorizer, &s->lagged_point, err);
@@ -114,13 +115,52 @@ static msim_status recompute_factors(ms_solver *s, int32_t age,
   return status;
 }
 
-msim_status ms_solver_state_archive(ms_archive *b, ms_solver *s, msim_error *err) {
+/* Decisions of a solver that has made solves are not changed: they must be the stored ones. */
+static msim_status read_decisions(ms_archive *b, ms_solver *s, int in_use, decisions *d,
+                                  msim_error *err) {
+  const decisions now = *d;
+  archive_decisions(b, d);
+  if (b->direction != MS_ARCHIVE_READ) return MSIM_OK;
+  if (!in_use) return apply_decisions(s, d, err);
+  return memcmp(&now, d, sizeof now) == 0
+             ? MSIM_OK
+             : ms_error_set(err, MSIM_ERR_ARG, "the linear solver is another one");
+}
+
+/* Which factors there are, apart from their linearization points */
+typedef struct factor_list {
+  int has_coarse, has_lagged;
+  ms_linearization_point constant;
+} factor_list;
+
+static factor_list factors_of(const ms_solver *s, int32_t age) {
+  return (factor_list){age >= 0,
+                       s->lagged_factor.age > 0,
+                       {.h = s->constant_h, .clamped = s->constant_h > 0 && s->system.clamped}};
+}
+
+static int factors_are_listed(const ms_solver *s, const factor_list *before, int32_t age,
+                              const ms_linearization_point *constant) {
+  return before->has_coarse == (age >= 0) && before->has_lagged == (s->lagged_factor.age > 0) &&
+         before->constant.h == constant->h && before->constant.clamped == constant->clamped;
+}
+
+/* Transfer a point; *same becomes 0 if another one is read than the solver had. */
+static void archive_factor(ms_archive *b, const ms_solver *s, ms_linearization_point *origin,
+                           int *same) {
+  ms_archive probe = *b;
+  probe.direction = MS_ARCHIVE_COMPARE;
+  if (*same) archive_linearization_point(&probe, s, origin);
+  *same &= !probe.differs;
+  archive_linearization_point(b, s, origin);
+}
+
+msim_status ms_solver_state_archive(ms_archive *b, ms_solver *s, int in_use, msim_error *err) {
   decisions d = decisions_of(s);
   int32_t age = coarse_age(s);
-  ms_linearization_point constant = {.h = s->constant_h,
-                                     .clamped = s->constant_h > 0 && s->system.clamped};
-  archive_decisions(b, &d);
-  msim_status status = b->direction == MS_ARCHIVE_READ ? apply_decisions(s, &d, err) : MSIM_OK;
+  const factor_list before = factors_of(s, age);
+  ms_linearization_point constant = before.constant;
+  msim_status status = read_decisions(b, s, in_use, &d, err);
   if (status) return status;
   archive_counts(b, &s->lagged_factor, &s->amortization);
   MS_ARCHIVE_TRANSFER(b, constant.h);
@@ -134,10 +174,14 @@ msim_status ms_solver_state_archive(ms_archive *b, ms_solver *s, msim_error *err
                    "the age of the coarse factorization");
   if (ms_archive_failed(b)) return MSIM_OK;
   const int counts = b->direction == MS_ARCHIVE_COUNT; /* count what may exist later, too */
+  int same =
+      b->direction == MS_ARCHIVE_READ && in_use && factors_are_listed(s, &before, age, &constant);
   if (counts ? ms_solver_choice_is_auto(s->opt) || pcg_of(s) : age >= 0)
-    archive_linearization_point(b, s, &s->coarse_point);
+    archive_factor(b, s, &s->coarse_point, &same);
   if (counts ? ms_solver_choice_is_auto(s->opt) : s->lagged_factor.age > 0)
-    archive_linearization_point(b, s, &s->lagged_point);
+    archive_factor(b, s, &s->lagged_point, &same);
   if (b->direction != MS_ARCHIVE_READ || ms_archive_failed(b)) return MSIM_OK;
-  return recompute_factors(s, age, &constant, err);
+  if (!same) return recompute_factors(s, age, &constant, err);
+  if (age >= 0) pcg_of(s)->coarse_age = age;
+  return MSIM_OK;
 }

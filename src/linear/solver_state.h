@@ -15,9 +15,11 @@
 #include "linear/solver.h"
 
 /* Count, write or read all that later solves take over from earlier ones. To be
- * read by a solver just created with the same h, and, if ms_solver_choice_depends_on_springs(), the
+ * read by a solver created with the same h, and, if ms_solver_choice_depends_on_springs(), the
  * same springs: it then solves to the same bits. After an error, or with invalid bytes, it must not
- * be used. */
-msim_status ms_solver_state_archive(ms_archive *bytes, ms_solver *solver, msim_error *err);
+ * be used. in_use: 1: it has made solves. Factors that it has already are then kept, and a stored
+ * state of another linear solver is refused with MSIM_ERR_ARG. */
+msim_status ms_solver_state_archive(ms_archive *bytes, ms_solver *solver, int in_use,
+                                    msim_error *err);
 
 #endif

@@ -55,6 +55,7 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
   msim_status status = ms_solver_solve(s->solver, &spec, b, dv, err);
   s->offender = s->solver->offender;
   if (status) return status;
+  s->incomplete |= s->solver->incomplete;
   ms_vector_add_scaled(shape, s->v, 1, dv, s->v_next);
   ms_vector_add_scaled(shape, s->x, s->h, s->v_next, s->x_next);
   ms_stepper_reflect(s, s->x_next, s->v_next);

@@ -20,13 +20,37 @@ static void add_spring_force(const ms_scene *s, size_t e, const double *x, const
   for (size_t c = 0; c < 3; c++) f[i + c] += pull * d[c], f[j + c] -= pull * d[c];
 }
 
-void ms_reference_compute_force(const ms_scene *scene, const double *x, const double *v,
-                                double *f) {
+/* The forces on all particles, those on pinned ones included */
+static void sum_forces(const ms_scene *scene, const double *x, const double *v, double *f) {
   const size_t n = (size_t)scene->nparticles;
   for (size_t i = 0; i < 3 * n; i++)
     f[i] = ms_external_force(&scene->external, (int32_t)(i % 3), scene->mass[i / 3], x[i], v[i]) +
            (scene->force ? scene->force[i] : 0);
   for (size_t e = 0; e < (size_t)scene->nsprings; e++) add_spring_force(scene, e, x, v, f);
-  for (size_t p = 0; p < n; p++)
+}
+
+void ms_reference_compute_force(const ms_scene *scene, const double *x, const double *v,
+                                double *f) {
+  sum_forces(scene, x, v, f);
+  for (size_t p = 0; p < (size_t)scene->nparticles; p++)
     if (scene->pinned[p]) memset(f + 3 * p, 0, 3 * sizeof *f);
+}
+
+/* A pinned particle does not accelerate: F + R = 0. */
+void ms_reference_compute_reactions(const ms_scene *scene, const double *x, const double *v,
+                                    double *reaction) {
+  sum_forces(scene, x, v, reaction);
+  for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++)
+    reaction[i] = scene->pinned[i / 3] ? 0 - reaction[i] : 0;
+}
+
+double ms_reference_compute_tension(const ms_scene *s, int32_t spring, const double *x,
+                                    const double *v, double *elongation) {
+  const size_t e = (size_t)spring;
+  const size_t i = 3 * (size_t)s->ij[2 * e], j = 3 * (size_t)s->ij[2 * e + 1];
+  double d[3], dv[3];
+  for (size_t c = 0; c < 3; c++) d[c] = x[j + c] - x[i + c], dv[c] = v[j + c] - v[i + c];
+  const double l = ms_vec3_norm(d), rate = l * l > MS_MIN_LENGTH2 ? ms_vec3_dot(d, dv) / l : 0;
+  *elongation = l - s->rest[e];
+  return MS_SPRING_FORCE(s->k[e], s->rest[e], l) + MS_DASHPOT_FORCE(s->damping[e], rate);
 }

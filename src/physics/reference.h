@@ -8,4 +8,12 @@
  * sims with 2. x, v, f: n x 3. */
 void ms_reference_compute_force(const ms_scene *scene, const double *x, const double *v, double *f);
 
+/* The force that its support exerts on each pinned particle, minus F on it; 0 on all others. */
+void ms_reference_compute_reactions(const ms_scene *scene, const double *x, const double *v,
+                                    double *reaction);
+
+/* f(l) + c u.v (N, spring_law.h) of a spring; *elongation: l - L (m). x, v: n x 3. */
+double ms_reference_compute_tension(const ms_scene *scene, int32_t spring, const double *x,
+                                    const double *v, double *elongation);
+
 #endif

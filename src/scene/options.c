@@ -101,6 +101,11 @@ static const option table[] = {
      -1,
      0,
      "6"},
+    PICK("incomplete", "stop | accept", "stop",
+         "a fixed step whose linear solver or Newton's method reached its maximum of iterations: "
+         "stop: repeat it in substeps, or end the run; accept: make it with the iterate reached, "
+         "and count it in incomplete_steps",
+         incomplete),
     PICK("collision", "reflect | event", "reflect",
          "reflect: mirror the state at the end of the step; event: locate impacts inside the step",
          collision),
@@ -329,6 +334,10 @@ const char *ms_options_format_value(const msim_options *opt, int32_t i,
 static int has_member(size_t size) { return size >= MS_SIZE_THROUGH(msim_options, integrator); }
 
 int ms_options_have_frame_times(const msim_options *opt) { return opt->tol > 0 && opt->every <= 0; }
+
+int ms_options_accept_incomplete(const msim_options *opt) {
+  return opt->incomplete == MSIM_INCOMPLETE_ACCEPT && !(opt->tol > 0);
+}
 
 msim_status msim_options_init(msim_options *opt, size_t size) {
   if (!opt) return MSIM_ERR_ARG;

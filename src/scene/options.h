@@ -31,6 +31,9 @@ const char *ms_options_format_value(const msim_options *opt, int32_t i,
 /* 1: frames have times of their own, between steps: with error control and without `every`. */
 int ms_options_have_frame_times(const msim_options *opt);
 
+/* 1: fixed steps are made with the iterates of solves that reach their limit of iterations. */
+int ms_options_accept_incomplete(const msim_options *opt);
+
 /* Check all members by the table. What depends on the scene or a registry is checked later. */
 msim_status ms_options_check(const msim_options *opt, msim_error *err);
 

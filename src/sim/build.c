@@ -1,6 +1,7 @@
 /* build - create the model, the solver and the vectors of each island */
 #include "contact/implicit_contact.h"
 #include "integrate/multirate.h"
+#include "physics/law_springs.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
 
@@ -176,6 +177,7 @@ msim_status ms_sim_replace_forces(msim_sim *sim, ms_scene *scene, msim_error *er
   for (; i < sim->nislands && !status; i++) {
     ms_model *model = &sim->islands[i].model;
     model->scene = scene;
+    if (model->laws) ms_law_springs_update(model);
     status = ms_model_update_forces(model, sim->config.opt.skip_off, err);
   }
   if (!status) return MSIM_OK;

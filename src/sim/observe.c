@@ -128,3 +128,24 @@ void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *for
   for (int32_t p = 0; p < scene->nparticles; p++)
     if (scene->pinned[p]) memset(force + 3 * (size_t)p, 0, 3 * sizeof *force);
 }
+
+msim_status msim_sim_reactions(msim_sim *sim, double *reaction) {
+  if (!sim || !reaction) return MSIM_ERR_ARG;
+  update_state_arrays(sim);
+  ms_reference_compute_reactions(sim->scene, sim->state_x, sim->state_v, reaction);
+  return MSIM_OK;
+}
+
+msim_status msim_sim_springs(msim_sim *sim, double *tension, double *elongation, double *strain) {
+  if (!sim) return MSIM_ERR_ARG;
+  const ms_scene *scene = sim->scene;
+  update_state_arrays(sim);
+  for (int32_t e = 0; e < scene->nsprings; e++) {
+    double more;
+    const double pull = ms_reference_compute_tension(scene, e, sim->state_x, sim->state_v, &more);
+    if (tension) tension[e] = pull;
+    if (elongation) elongation[e] = more;
+    if (strain) strain[e] = scene->rest[e] > 0 ? more / scene->rest[e] : 0;
+  }
+  return MSIM_OK;
+}

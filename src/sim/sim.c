@@ -175,17 +175,37 @@ static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choos
   return ms_sim_start(sim, &start, err);
 }
 
+/* NULL: out of memory. */
+static msim_sim *allocate_sim(ms_scene *scene, msim_error *err) {
+  msim_sim *s = ms_memory_allocate(&scene->alloc, 1, sizeof *s);
+  if (!s) {
+    ms_error_set_memory(err, "a sim");
+    return NULL;
+  }
+  s->alloc = scene->alloc;
+  s->scene = ms_scene_retain(scene);
+  s->explanation.alloc = &s->alloc;
+  atomic_init(&s->stop, 0);
+  return s;
+}
+
+msim_status ms_sim_create_empty_copy(const msim_sim *from, msim_sim **sim, msim_error *err) {
+  msim_sim *s = *sim = allocate_sim(from->scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  s->config = from->config, s->run = from->run;
+  if (from->created_from) s->created_from = ms_scene_retain(from->created_from);
+  msim_status status = own_string(s, &s->config.opt.solver, &s->solver, err);
+  if (!status) status = own_string(s, &s->config.opt.plugin_path, &s->plugin_path, err);
+  return status ? status : allocate_state(s, err);
+}
+
 msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
                           msim_sim **sim, msim_error *err) {
   *sim = NULL;
   ms_scene *data = scene->data;
   if (data->nparticles == 0) return ms_error_set(err, MSIM_ERR_ARG, "the scene has no particles");
-  msim_sim *s = ms_memory_allocate(&data->alloc, 1, sizeof *s);
-  if (!s) return ms_error_set_memory(err, "a sim");
-  s->alloc = data->alloc;
-  s->scene = ms_scene_retain(data);
-  s->explanation.alloc = &s->alloc;
-  atomic_init(&s->stop, 0);
+  msim_sim *s = allocate_sim(data, err);
+  if (!s) return MSIM_ERR_MEMORY;
   msim_status status = init_sim(s, opt, choose, err);
   if (status) {
     msim_sim_destroy(s);

@@ -139,6 +139,10 @@ typedef msim_status ms_sim_choose(msim_sim *sim, int late, const msim_state *sta
 msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
                           msim_sim **sim, msim_error *err);
 
+/* A sim with the scene and the decisions of another one, but without islands, which must be built
+ * next; after an error it may be there, and must be destroyed. */
+msim_status ms_sim_create_empty_copy(const msim_sim *from, msim_sim **sim, msim_error *err);
+
 /* Make n steps, or fewer if one fails or the sim is asked to stop. The method stays. */
 msim_status ms_sim_make_steps(msim_sim *sim, int64_t n, msim_error *err);
 

@@ -51,7 +51,7 @@ static msim_status step_island(const msim_sim *sim, ms_island_sim *m, msim_error
                                  ? ms_island_step_make_controlled(sim, m, &sim->run.control, err)
                              : verified ? ms_step_verification_make_step(sim, m, err)
                                         : make_fixed_step(sim, &m->stepper, err);
-  m->at_rest_next = !status && stays_at_rest(sim, m, contacts);
+  m->at_rest_next = !status && !m->stepper.incomplete && stays_at_rest(sim, m, contacts);
   return status;
 }
 
@@ -95,6 +95,7 @@ static void set_tolerances(const msim_sim *sim, ms_island_sim *m, double h, doub
   s->x_tolerance = 0.1 * tol * least.extent;
   s->v_tolerance = 0.03 * tol * least.speed;
   s->dense_output = 0;
+  s->incomplete = 0;
 }
 
 /* Compute a step of h by all islands that are not at rest; none is accepted yet. allowed: the error
@@ -136,14 +137,16 @@ static void count_work(msim_sim *sim) {
 }
 
 static void accept_step(msim_sim *sim) {
-  int32_t resting = 0;
+  int32_t resting = 0, incomplete = 0;
   if (sim->scene->nmotions) count_work(sim);
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     resting += m->at_rest;
+    incomplete |= m->stepper.incomplete;
     if (!m->at_rest) accept_island(m);
   }
   sim->run.step++;
   sim->stats.steps++;
+  sim->stats.incomplete_steps += incomplete;
   sim->stats.islands_at_rest += resting;
   sim->stats.steps_at_rest += resting == sim->nislands;
   if (resting < sim->nislands) sim->state_is_current = 0;

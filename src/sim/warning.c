@@ -11,3 +11,8 @@ void ms_sim_warn(const msim_sim *sim, const char *format, ...) {
   va_end(args);
   if (sim->config.opt.warn) sim->config.opt.warn(note.text, sim->config.opt.warn_user);
 }
+
+void msim_sim_set_warn(msim_sim *sim, void (*warn)(const char *text, void *user), void *user) {
+  sim->config.opt.warn = warn;
+  sim->config.opt.warn_user = user;
+}

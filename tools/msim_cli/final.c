@@ -81,6 +81,7 @@ typedef struct content {
   msim_state state;
   msim_energy energy;
   msim_stats stats;
+  double *reactions; /* 3n; NULL: no particle is pinned */
 } content;
 
 static int put_content(FILE *stream, const content *c) {
@@ -90,6 +91,7 @@ static int put_content(FILE *stream, const content *c) {
          put_key(stream, "h", json_real(s->h)) && put_triples(stream, "x", s->n, s->x) &&
          put_triples(stream, "v", s->n, s->v) &&
          (!s->v_half || put_triples(stream, "v_half", s->n, s->v_half)) &&
+         (!c->reactions || put_triples(stream, "reactions", s->n, c->reactions)) &&
          put_key(stream, "energy", energy_object(&c->energy)) &&
          put_key(stream, "momentum", triple(c->energy.momentum)) &&
          put_key(stream, "angular_momentum", triple(c->energy.angular_momentum)) &&
@@ -111,13 +113,31 @@ static const char *find_not_finite(const content *c) {
   if (!all_finite(n, s->x)) return "x";
   if (!all_finite(n, s->v)) return "v";
   if (s->v_half && !all_finite(n, s->v_half)) return "v_half";
+  if (c->reactions && !all_finite(n, c->reactions)) return "reactions";
   const double energies[] = {e->kinetic, e->elastic, e->gravitational, e->total, e->work};
   if (!all_finite(5, energies)) return "energy";
   if (!all_finite(3, e->momentum)) return "momentum";
   return all_finite(3, e->angular_momentum) ? NULL : "angular_momentum";
 }
 
-int final_write(output_file *file, msim_sim *sim, msim_status status) {
+static int has_pinned(const msim_scene *scene) {
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  for (int32_t p = 0; p < view.nparticles; p++)
+    if (view.pinned[p]) return 1;
+  return 0;
+}
+
+static int write_content(output_file *file, const content *c) {
+  const char *offender = find_not_finite(c);
+  if (offender)
+    return report_error("'%s' is not written, because '%s' of the state is not finite", file->path,
+                        offender);
+  errno = 0;
+  return output_close(file, put_content(file->stream, c));
+}
+
+int final_write(output_file *file, const msim_scene *scene, msim_sim *sim, msim_status status) {
   content c = {.status = status,
                .state = {.size = sizeof c.state},
                .energy = {.size = sizeof c.energy},
@@ -125,12 +145,14 @@ int final_write(output_file *file, msim_sim *sim, msim_status status) {
   msim_sim_state(sim, &c.state);
   msim_sim_energy(sim, &c.energy);
   msim_sim_stats(sim, &c.stats);
-  const char *offender = find_not_finite(&c);
-  if (offender)
-    return report_error("'%s' is not written, because '%s' of the state is not finite", file->path,
-                        offender);
-  errno = 0;
-  return output_close(file, put_content(file->stream, &c));
+  if (has_pinned(scene)) {
+    c.reactions = malloc((size_t)c.state.n * 3 * sizeof *c.reactions);
+    if (!c.reactions) return report_error("out of memory for reactions of '%s'", file->path);
+    msim_sim_reactions(sim, c.reactions);
+  }
+  const int failed = write_content(file, &c);
+  free(c.reactions);
+  return failed;
 }
 
 /*------------------------------------- reading --------------------------------------------------*/

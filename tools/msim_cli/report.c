@@ -64,6 +64,11 @@ static void print_events(const report *r, const msim_stats *stats) {
     printf("%" PRId64 " steps whose exact matrix was not positive definite\n",
            stats->indefinite_steps);
   }
+  if (stats->incomplete_steps) {
+    print_column(VALUE_COLUMN, "incomplete");
+    printf("%" PRId64 " steps made although iterations ended at their maximum\n",
+           stats->incomplete_steps);
+  }
   if (r->notes) {
     print_column(VALUE_COLUMN, "notes");
     printf("%d, printed to standard error\n", r->notes);

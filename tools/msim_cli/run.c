@@ -241,7 +241,7 @@ static int finish(run *r, msim_status status, msim_error *err) {
   r->report.wall_s = clock_seconds() - r->bar.started;
   print_end(status, &last, err);
   if (status < 0) return EXIT_ERROR;
-  if (r->args->final && final_write(&r->final, r->sim, status)) return EXIT_ERROR;
+  if (r->args->final && final_write(&r->final, r->made.scene, r->sim, status)) return EXIT_ERROR;
   if (!r->args->quiet) report_run(&r->report, r->args, r->sim);
   return status ? EXIT_EVENT : EXIT_OK;
 }

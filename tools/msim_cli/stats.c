@@ -38,6 +38,7 @@ static const field counters[] = {
     COUNTER(islands_at_rest, STEPS, "steps of single islands skipped at rest"),
     COUNTER(spring_evaluations, FORCES, "evaluations of single springs"),
     COUNTER(rejected_steps, STEPS, "steps repeated in shorter ones"),
+    COUNTER(incomplete_steps, STEPS, "steps made at a limit of iterations"),
 };
 static const field phases[] = {
     PHASE(total, "all of these, and what is between them"),

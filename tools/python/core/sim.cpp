@@ -120,6 +120,15 @@ static void create(Sim *self, const Scene &scene, const nb::list &options) {
   new (self) Sim(std::move(sim));
 }
 
+static void clone(Sim *self, const Sim &from) {
+  Sim sim;
+  msim_error err;
+  const msim_status status = msim_sim_clone(idle(from), &sim.h->p, &err);
+  check(status, err);
+  msim_sim_set_warn(sim.h->p, keep_warning, sim.h.get());
+  new (self) Sim(std::move(sim));
+}
+
 /*------------------------------------- steps ----------------------------------------------------*/
 
 static msim_status make_steps(Handle &h, int64_t n, msim_error *err) {
@@ -311,11 +320,12 @@ static nb::dict stats(const Sim &s) {
   ADD(force_evaluations)
   ADD(assemblies)
   ADD(analyses)
-  ADD(factorizations) ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts)
-      ADD(indefinite_steps) ADD(coarse_factors) ADD(kept_factors) ADD(refinements) ADD(fallbacks)
-          ADD(total_s) ADD(force_s) ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s)
-              ADD(output_s) ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations)
-                  ADD(rejected_steps)
+  ADD(factorizations)
+  ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps)
+      ADD(coarse_factors) ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s)
+          ADD(force_s) ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s)
+              ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations) ADD(rejected_steps)
+                  ADD(incomplete_steps)
 #undef ADD
                       return d;
 }
@@ -332,6 +342,21 @@ static nb::object force(Sim &s, Doubles x, Doubles v) {
   std::vector<double> f(3 * static_cast<size_t>(state.n));
   msim_sim_force(s.h->p, x.data(), v.data(), f.data());
   return copy(f.data(), {static_cast<size_t>(state.n), 3});
+}
+
+static nb::object reactions(Sim &s) {
+  const msim_state state = state_of(s);
+  std::vector<double> r(3 * static_cast<size_t>(state.n));
+  msim_sim_reactions(s.h->p, r.data());
+  return copy(r.data(), {static_cast<size_t>(state.n), 3});
+}
+
+static nb::tuple springs(Sim &s, int32_t n) {
+  const size_t size = static_cast<size_t>(n);
+  std::vector<double> tension(size), elongation(size), strain(size);
+  msim_sim_springs(idle(s), tension.data(), elongation.data(), strain.data());
+  return nb::make_tuple(copy(tension.data(), {size}), copy(elongation.data(), {size}),
+                        copy(strain.data(), {size}));
 }
 
 // The arrays of scipy.sparse.csr_array
@@ -392,6 +417,7 @@ static void close_recorder(Recorder &r) {
 void bind_sim(nb::module_ &m) {
   nb::class_<Sim>(m, "Sim")
       .def("__init__", create)
+      .def("__init__", clone)
       .def("step", step, nb::arg("n") = 1)
       .def("stop", stop)
       .def("_next_frame", next_frame)
@@ -414,6 +440,8 @@ void bind_sim(nb::module_ &m) {
       .def("_stats", stats)
       .def("_plan", plan)
       .def("_force", force)
+      .def("_reactions", reactions)
+      .def("_springs", springs)
       .def("_matrix", matrix)
       .def("explain", explain);
   nb::class_<Recorder>(m, "Recorder")

@@ -154,6 +154,29 @@ def test_forces_against_numpy():
         sim.force(np.zeros((3, 3)))
 
 
+def test_reactions_and_springs_against_numpy():
+    scene = network()
+    sim = sim_of(scene, h=1e-4)
+    sim.step(30)
+    i, j = scene.ij.T
+    d, dv = sim.x[j] - sim.x[i], sim.v[j] - sim.v[i]
+    length = np.linalg.norm(d, axis=1)
+    rate = (d * dv).sum(axis=1) / length
+    springs = sim.springs
+    np.testing.assert_allclose(springs.tension, scene.k * (length - scene.rest)
+                               + scene.damping * rate, rtol=1e-12, atol=1e-10)
+    np.testing.assert_allclose(springs.elongation, length - scene.rest, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(springs.strain, springs.elongation / scene.rest, rtol=1e-14)
+    pull = springs.tension[:, None] * d / length[:, None]
+    force = np.zeros_like(sim.x)
+    np.add.at(force, i, pull)
+    np.add.at(force, j, -pull)
+    force += scene.mass[:, None] * np.array(scene.gravity) - scene.drag * sim.v
+    pinned = np.asarray(scene.pinned, dtype=bool)
+    np.testing.assert_allclose(sim.reactions[pinned], -force[pinned], rtol=1e-10, atol=1e-10)
+    assert not sim.reactions[~pinned].any()
+
+
 def test_matrix_is_the_derivative_of_the_forces():
     pytest.importorskip("scipy")
     scene = network()
@@ -210,6 +233,39 @@ def test_checkpoints_continue_bit_by_bit(method, cloth, tmp_path):
             other.loads(bad)
     with pytest.raises(TypeError):
         other.loads("text")
+
+
+@pytest.mark.parametrize("method", ["verlet", "dop853", "bdf2"])
+def test_clones_continue_bit_by_bit(method, cloth):
+    options = {"tol": 1e-4, "t_end": 1} if method == "dop853" else {}
+    sim = sim_of(cloth, integrator=method, **options)
+    sim.step(7)
+    copy = sim.clone()
+    assert type(copy) is msim.Sim and len(copy) == len(sim)
+    sim.step(5)
+    assert copy.nsteps == 7
+    copy.step(5)
+    np.testing.assert_array_equal(sim.x, copy.x)
+    assert sim.dumps() == copy.dumps()
+    x = copy.x.copy()
+    del sim
+    np.testing.assert_array_equal(copy.x, x)
+
+
+def test_clones_warn_on_their_own(pair):
+    copy = sim_of(pair).clone()
+    with pytest.warns(RuntimeWarning, match="stab"):
+        copy.h = 10
+
+
+def test_incomplete_steps_are_counted(cloth):
+    options = {"integrator": "linearly-implicit-euler", "h": 0.05, "solver": "pcg",
+               "solver_max_iterations": 1}
+    with pytest.raises(msim.NotConvergedError):
+        sim_of(cloth, **options).step(10)
+    sim = sim_of(cloth, incomplete="accept", **options)
+    sim.step(10)
+    assert sim.stats["incomplete_steps"] > 0
 
 
 def test_sims_are_not_pickled(pair):

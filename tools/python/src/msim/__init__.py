@@ -14,7 +14,7 @@ from ._errors import (ArgumentError, ArgumentTypeError, BusyError, Error, FileEr
                       PluginError, Status, StoppedError, UnstableError, UnsupportedError)
 from ._options import (Integrator, Option, Plugin, importers, integrators, options, recorders,
                        solvers)
-from ._result import Energies, Energy, Frame, Plan, Result
+from ._result import Energies, Energy, Frame, Plan, Result, Springs
 from ._scene import Plane, Scene
 from ._sim import Recorder, Sim, run
 from ._trajectory import Trajectory
@@ -25,7 +25,7 @@ __all__ = [
     "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Error", "FileError", "Frame", "Integrator",
     "NameNotFoundError", "NotConvergedError", "NotFiniteError", "NotPositiveDefiniteError",
     "NumericalError", "Option", "OptionError", "OutOfMemoryError", "Plan", "Plane", "Plugin",
-    "PluginError", "Recorder", "Result", "Scene", "Sim", "Status", "StoppedError", "Trajectory",
-    "UnstableError", "UnsupportedError", "importers", "integrators", "options", "recorders", "run",
+    "PluginError", "Recorder", "Result", "Scene", "Sim", "Springs", "Status", "StoppedError",
+    "Trajectory", "UnstableError", "UnsupportedError", "importers", "integrators", "options", "recorders", "run",
     "solvers", "view", "__version__",
 ]

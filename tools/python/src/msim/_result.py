@@ -45,6 +45,15 @@ class Plan(NamedTuple):
     t_end: float
 
 
+class Springs(NamedTuple):
+    """One number for each spring: tension k (l - L) + c dl/dt, N; elongation l - L, m; strain
+    (l - L)/L, 0 where L = 0."""
+
+    tension: Doubles
+    elongation: Doubles
+    strain: Doubles
+
+
 class Frame(NamedTuple):
     """A state of a run; x and v are copies."""
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from . import _arrays, _core, _options
 from ._arrays import Doubles, Path
 from ._errors import ArgumentError, ArgumentTypeError, FileError, NumericalError, Status
-from ._result import Energy, Frame, Plan, Result
+from ._result import Energy, Frame, Plan, Result, Springs
 from ._scene import Scene
 
 if TYPE_CHECKING:
@@ -122,6 +122,16 @@ class Sim(_core.Sim):
         return self._force(_arrays.rows("x", self.x if x is None else x, n),
                            _arrays.rows("v", self.v if v is None else v, n))
 
+    @property
+    def reactions(self) -> Doubles:
+        """The force of its support on each pinned particle, (n, 3), N; 0 for all others."""
+        return self._reactions()
+
+    @property
+    def springs(self) -> Springs:
+        """Tension, elongation and strain of each spring in the present state, in scene order."""
+        return Springs(*self._springs(self._counts[1]))
+
     def matrix(self) -> csr_array[Any, tuple[int, int]]:
         """A = M - h D - h^2 J of the next implicit step, without rows of pinned particles."""
         from scipy.sparse import csr_array
@@ -146,9 +156,16 @@ class Sim(_core.Sim):
             raise ArgumentTypeError(f"data must be bytes, as dumps() returns; found {data!r}")
         super().loads(data)
 
+    def clone(self) -> Sim:
+        """An independent sim in the same state, with the same history: both go on bit by bit."""
+        copy = Sim.__new__(Sim)
+        _core.Sim.__init__(copy, self)
+        copy._counts = self._counts
+        return copy
+
     def __reduce__(self) -> tuple[Any, ...]:
-        raise TypeError("a Sim cannot be pickled or copied: pickle its Scene and the checkpoint "
-                        "Sim.dumps(), and give the latter to Sim.loads()")
+        raise TypeError("a Sim cannot be pickled or copied: use Sim.clone(), or pickle its Scene and "
+                        "the checkpoint Sim.dumps(), and give the latter to Sim.loads()")
 
     # -- runs -------------------------------------------------------------------------------------
 

@@ -1,0 +1,23 @@
+/* clone - a second sim in the state of a sim (msim.h) */
+#include "checkpoint/restore.h"
+
+static msim_status clone_sim(msim_sim *sim, msim_sim **copy, msim_error *err) {
+  const ms_saved_run r = ms_saved_run_collect(sim);
+  ms_archive islands;
+  msim_status status = ms_saved_run_pack_islands(sim, &r, &islands, err);
+  if (status) return status;
+  status = ms_sim_create_empty_copy(sim, copy, err);
+  if (!status) status = ms_restore_copy(*copy, sim->chosen_for, &islands, &r, err);
+  ms_memory_free(&sim->alloc, islands.data);
+  return status;
+}
+
+msim_status msim_sim_clone(msim_sim *sim, msim_sim **copy, msim_error *err) {
+  if (!sim || !copy) return ms_error_set(err, MSIM_ERR_ARG, "sim or copy is NULL");
+  *copy = NULL;
+  const msim_status status = clone_sim(sim, copy, err);
+  if (!status) return ms_error_clear(err);
+  msim_sim_destroy(*copy);
+  *copy = NULL;
+  return status;
+}
