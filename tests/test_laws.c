@@ -94,6 +94,25 @@ static void tables_are_monotone(void **state) {
   }
 }
 
+/* Near rest the force of a table is relative to e, as Newton's method needs it. */
+static void tables_do_not_cancel_at_rest(void **state) {
+  (void)state;
+  const double x[3] = {-0.1, 0, 0.1}, f[3] = {-10, 0, 5};
+  const msim_law is = {.size = sizeof is, .kind = MSIM_LAW_TABLE, .n = 3, .stretch = x, .force = f};
+  ms_law law;
+  ms_law_batch at = {.only_force = 0};
+  const msim_allocator alloc = ms_memory_allocator(NULL);
+  assert_true(ms_laws_prepare(&alloc, &is, &law));
+  for (int i = 0; i < 40; i++) {
+    const double e = pow(10, -1 - i / 2.) * (i % 2 ? 1 : -1);
+    at.stretch[0] = e;
+    ms_law_evaluate(&law, 1, NULL, NULL, &at);
+    if (i > 20) assert_close(at.force[0], 75 * e, 1e-9 * fabs(75 * e));
+    assert_close(at.energy[0], 0.5 * at.force[0] * e, 0.1 * at.force[0] * e);
+  }
+  ms_laws_free_one(&alloc, &law);
+}
+
 /*------------------------------------- forces ---------------------------------------------------*/
 
 /* f of each particle, by the formulas of laws.h */
@@ -348,6 +367,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(values_are_the_formulas),
       cmocka_unit_test(tables_are_monotone),
+      cmocka_unit_test(tables_do_not_cancel_at_rest),
       cmocka_unit_test(forces_of_random_nets),
       cmocka_unit_test(momentum_is_conserved),
       cmocka_unit_test(matrix_is_the_derivative),

@@ -50,6 +50,22 @@ static void set_table_energies(ms_law *law) {
   for (int32_t i = 0; i <= n; i++) law->piece[i].energy -= at_rest;
 }
 
+/* Expand pieces around their points nearest to 0, so that forces near rest have no cancellation.
+ * At the upper end of a piece force and slope are those of the next one. */
+static void center_pieces(ms_law *law, const double *slope) {
+  const double *x = law->is.stretch;
+  for (int32_t i = 1; i < law->is.n; i++) {
+    ms_law_piece *p = &law->piece[i];
+    const double at = fmin(fmax(0, x[i - 1]), x[i]), s = at - p->start;
+    if (s == 0) continue;
+    p->energy = piece_energy(p, s);
+    p->a = at == x[i] ? law->is.force[i] : p->a + s * (p->b + s * (p->c + s * p->d));
+    p->b = at == x[i] ? slope[i] : p->b + s * (2 * p->c + s * 3 * p->d);
+    p->c += 3 * p->d * s;
+    p->start = at;
+  }
+}
+
 /* The middle number is the second Bernstein coefficient of the derivative. */
 static double bound_piece_slope(double delta, double from, double to) {
   return fmax(fmax(fabs(from), fabs(to)), fabs(3 * delta - from - to));
@@ -74,6 +90,7 @@ static void set_table(ms_law *law, double *slope) {
     law->slope = fmax(law->slope, bound_piece_slope(delta, slope[i], slope[i + 1]));
   }
   set_table_energies(law);
+  center_pieces(law, slope);
 }
 
 /*------------------------------------- depth of the energy --------------------------------------*/
