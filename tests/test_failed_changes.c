@@ -60,6 +60,18 @@ static msim_status set_forces(msim_sim *sim, msim_error *err) {
   return msim_sim_set_forces(sim, force, err);
 }
 
+static msim_status pin_middle(msim_sim *sim, msim_error *err) {
+  const int32_t middle = N / 2;
+  return msim_sim_set_pinned(sim, 1, &middle, 1, err);
+}
+
+/* Out of the plane; some methods refuse that. */
+static msim_status move_corner(msim_sim *sim, msim_error *err) {
+  const int32_t corner = 0;
+  const double x[3] = {0.1, 0, 0};
+  return msim_sim_move_pinned(sim, 1, &corner, x, 0.1, err);
+}
+
 static checkpoint later; /* of a sim that is some steps ahead */
 
 static msim_status load_later(msim_sim *sim, msim_error *err) {
@@ -148,6 +160,12 @@ static void forces_that_cannot_be_set(void **state) {
   fail_with_all_methods(set_forces);
 }
 
+static void pins_that_cannot_be_changed(void **state) {
+  (void)state;
+  fail_with_all_methods(pin_middle);
+  fail_with_all_methods(move_corner);
+}
+
 static void steps_that_cannot_be_set(void **state) {
   (void)state;
   fail_with_all_methods(set_step);
@@ -164,9 +182,11 @@ static void checkpoints_that_cannot_be_loaded(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(springs_that_cannot_be_set), cmocka_unit_test(forces_that_cannot_be_set),
-      cmocka_unit_test(steps_that_cannot_be_set), cmocka_unit_test(states_that_cannot_be_set),
-      cmocka_unit_test(checkpoints_that_cannot_be_loaded)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(springs_that_cannot_be_set),
+                                     cmocka_unit_test(forces_that_cannot_be_set),
+                                     cmocka_unit_test(pins_that_cannot_be_changed),
+                                     cmocka_unit_test(steps_that_cannot_be_set),
+                                     cmocka_unit_test(states_that_cannot_be_set),
+                                     cmocka_unit_test(checkpoints_that_cannot_be_loaded)};
   return cmocka_run_group_tests_name("failed changes", tests, NULL, NULL);
 }

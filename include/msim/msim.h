@@ -247,12 +247,26 @@ MSIM_API msim_status msim_sim_set_drag(msim_sim *sim, double drag /* >= 0 */, ms
 MSIM_API msim_status msim_sim_set_forces(msim_sim *sim, const double *force /* 3n */,
                                          msim_error *err);
 
+/* Move pinned particles on straight lines from where they are to x, from now on within `duration`
+ * s; there they rest. This replaces a motion that they have, and starts a run like
+ * msim_sim_set_gravity. Refused where msim_scene_add_motion says. */
+MSIM_API msim_status msim_sim_move_pinned(msim_sim *sim, int32_t n,
+                                          const int32_t *particles /* n */,
+                                          const double *x /* 3n */, double duration /* > 0 */,
+                                          msim_error *err);
+
+/* Pin particles where they are (pinned = 1), which ends their velocities and motions, or let them
+ * go with the velocities that they have (0). This starts a run like msim_sim_set_gravity; all
+ * matrices are analyzed anew, as they have other unknowns. */
+MSIM_API msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t *particles /* n */,
+                                         int32_t pinned, msim_error *err);
+
 /* Save a checkpoint: all data that further steps depend on, so that another sim can continue with
  * the same bits, with any method, solver and error control, and with the same counts in stats
  * (except for times). The caller provides the memory. The data include a format identifier and a
  * hash of all bytes. Saving changes nothing, also inside the observer of msim_sim_run.
- * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set.
- * MSIM_ERR_ARG: capacity is too small. */
+ * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set, or
+ * pinned particles are moved. MSIM_ERR_ARG: capacity is too small. */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
 MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                                    msim_error *err);

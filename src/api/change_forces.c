@@ -63,7 +63,7 @@ static msim_status change_forces(msim_sim *sim, set_in_scene *set, const double 
     ms_scene_release(handle.data);
     return status;
   }
-  ms_sim_set_created_forces(sim, before);
+  ms_sim_set_created_scene(sim, before);
   ms_scene_release(before);
   return ms_error_clear(err);
 }

@@ -6,7 +6,7 @@
  *                length of the run, to which its tolerance refers; frames shown; stats; what
  *                integrator = auto has chosen; which axis is left out; the h that solvers were
  *                chosen for; the bounds of the energy monitor
- *   forces       gravity, drag and constant forces, if they were changed (saved_scene.h)
+ *   changes      gravity, drag, forces, pins and motions, if they were changed (saved_scene.h)
  *   springs      that solvers were chosen for, if msim_sim_set_springs has set others since
  *   islands      at rest or not; the stepper (integrate/method_state.h), its error scales, the
  *                solver (linear/solver_state.c); the last good state, if it is another one
@@ -58,7 +58,7 @@ static void write_entry(void *data, const char *name, const char *value, int is_
 /* For MS_ARCHIVE_COUNT and MS_ARCHIVE_WRITE; ms_restore_run() reads and checks part by part. */
 static void write_sim(ms_archive *b, msim_sim *sim, ms_saved_run *r) {
   ms_saved_run_archive(b, sim, r);
-  ms_saved_scene_write_forces(b, sim);
+  ms_saved_scene_write_changes(b, sim);
   if (r->other_springs) ms_saved_scene_write_springs(b, sim);
   ms_saved_run_archive_islands(b, sim, r, NULL);
 }

@@ -16,7 +16,7 @@ typedef struct array {
   size_t bytes;
 } array;
 
-/* created: the scene with the forces that the sim was made with; checkpoints contain later ones */
+/* The scene with the forces and pins that the sim was made with; checkpoints contain later ones */
 static const ms_scene *created_scene(const msim_sim *sim) {
   return sim->created_from ? sim->created_from : sim->scene;
 }
@@ -24,10 +24,10 @@ static const ms_scene *created_scene(const msim_sim *sim) {
 static void list_arrays(const ms_scene *s, const ms_scene *created, array arrays[MS_SCENE_HASHES]) {
   const size_t n = (size_t)s->nparticles, m = (size_t)s->nsprings, real = sizeof(double);
   const double *force = created->force;
-  const array list[MS_SCENE_HASHES] = {{"particles.x", s->x, 3 * n * real},
-                                       {"particles.v", s->v, 3 * n * real},
+  const array list[MS_SCENE_HASHES] = {{"particles.x", created->x, 3 * n * real},
+                                       {"particles.v", created->v, 3 * n * real},
                                        {"particles.mass", s->mass, n * real},
-                                       {"particles.pinned", s->pinned, n},
+                                       {"particles.pinned", created->pinned, n},
                                        {"springs.ij", s->ij, 2 * m * sizeof *s->ij},
                                        {"springs.k", s->k, m * real},
                                        {"springs.rest", s->rest, m * real},
@@ -136,8 +136,8 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_planes(s, mark, data);
   list_laws(s, mark, data);
   list_colliders(s, mark, data);
-  list_count(mark, data, "the number of motions", s->nmotions);
-  list_motions(s, mark, data);
+  list_count(mark, data, "the number of motions", created_scene(sim)->nmotions);
+  list_motions(created_scene(sim), mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     list_numbers(mark, data, p->key.key, p->key.count,

@@ -205,7 +205,7 @@ static msim_status replace_islands(msim_sim *sim, ms_archive *b, const ms_saved_
   return MSIM_OK;
 }
 
-/* Read what follows the forces, in the sim's scene, which has these; on failure the sim stays as it
+/* Read what follows the changes of the scene, which the sim's scene has; on failure the sim stays as it
  * was. in_use: 1 if its islands are those of this scene. */
 static msim_status restore_in_scene(msim_sim *sim, ms_archive *b, const ms_saved_run *from,
                                     int in_use, msim_error *err) {
@@ -235,7 +235,7 @@ msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   int32_t changed = 0;
   ms_saved_run r = ms_saved_run_collect(sim);
   ms_saved_run_archive(b, sim, &r);
-  msim_status status = ms_saved_scene_read_forces(b, sim, &scene, &changed, err);
+  msim_status status = ms_saved_scene_read_changes(b, sim, &scene, &changed, err);
   if (ms_archive_failed(b)) status = refuse_bytes(b, err);
   if (!status) {
     sim->scene = scene;
@@ -246,7 +246,7 @@ msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
     ms_scene_release(scene);
     return status;
   }
-  ms_sim_set_created_forces(sim, changed ? before : NULL);
+  ms_sim_set_created_scene(sim, changed ? before : NULL);
   ms_scene_release(before);
   return MSIM_OK;
 }

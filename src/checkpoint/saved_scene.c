@@ -7,69 +7,172 @@
 
 static size_t count_bytes(const ms_scene *s) { return 3 * (size_t)s->nparticles * sizeof(double); }
 
-void ms_saved_scene_write_forces(ms_archive *b, const msim_sim *sim) {
-  const ms_scene *s = sim->scene;
-  int32_t changed = sim->created_from != NULL, there = s->force != NULL;
-  ms_external external = s->external;
-  MS_ARCHIVE_TRANSFER(b, changed);
-  if (changed || b->direction == MS_ARCHIVE_COUNT) {
-    MS_ARCHIVE_TRANSFER(b, external);
-    MS_ARCHIVE_TRANSFER(b, there);
-    if (there) ms_archive_transfer(b, s->force, count_bytes(s));
-    else if (b->direction == MS_ARCHIVE_COUNT) b->position += count_bytes(s);
-  }
+static void archive_numbers(ms_archive *b, size_t n, double *numbers, const char *what) {
+  ms_archive_transfer(b, numbers, n * sizeof *numbers);
+  for (size_t i = 0; i < n && !ms_archive_failed(b); i++)
+    ms_archive_check(b, isfinite(numbers[i]), what);
 }
 
-/* *force: an array that the caller frees; NULL: none */
-static msim_status read_values(ms_archive *b, const ms_scene *s, ms_external *external,
-                               double **force, msim_error *err) {
-  int32_t there = 0;
-  MS_ARCHIVE_TRANSFER(b, *external);
+/* Gravity, drag and constant forces. MS_ARCHIVE_COUNT reserves room for those set later. */
+static msim_status archive_forces(ms_archive *b, ms_scene *s, msim_error *err) {
+  int32_t there = s->force != NULL;
+  archive_numbers(b, sizeof s->external / sizeof(double), (double *)(void *)&s->external,
+                  "a force");
+  ms_archive_check(b, s->external.drag >= 0, "drag");
   MS_ARCHIVE_TRANSFER(b, there);
-  ms_archive_check(b, (there | 1) == 1, "the forces on particles");
-  if (ms_archive_failed(b) || !there) return MSIM_OK;
-  if (!MS_NEW(&s->alloc, *force, 3 * (size_t)s->nparticles))
+  if (b->direction == MS_ARCHIVE_READ && there && !s->force &&
+      !MS_NEW(&s->alloc, s->force, 3 * (size_t)s->particle_capacity))
     return ms_error_set_memory(err, "the forces on particles");
-  ms_archive_transfer(b, *force, count_bytes(s));
+  if (b->direction == MS_ARCHIVE_READ && !there) {
+    ms_memory_free(&s->alloc, s->force);
+    s->force = NULL;
+  }
+  if (there) archive_numbers(b, 3 * (size_t)s->nparticles, s->force, "a force");
+  else if (b->direction == MS_ARCHIVE_COUNT) b->position += count_bytes(s);
   return MSIM_OK;
 }
 
-/* *scene: a copy of the sim's with these forces. Setters refuse impossible values. */
-static msim_status copy_with_forces(const msim_sim *sim, const ms_external *external,
-                                    const double *force, ms_scene **scene, msim_error *err) {
-  msim_scene copy = {ms_scene_retain(sim->scene)};
-  msim_status status = msim_scene_set_forces(&copy, force, err);
-  if (!status) status = msim_scene_set_gravity(&copy, external->gravity, err);
-  if (!status) status = msim_scene_set_drag(&copy, external->drag, err);
-  if (status) ms_scene_release(copy.data);
-  else *scene = copy.data;
+/*------------------------------------- pins and motions -----------------------------------------*/
+
+/* The next motion of the scene that is read; a wrong one is refused by the setter. */
+static msim_status read_motion(ms_archive *b, msim_scene *scene, msim_error *err) {
+  const msim_allocator *alloc = &scene->data->alloc;
+  ms_motion m = {0};
+  MS_ARCHIVE_TRANSFER(b, m.n);
+  MS_ARCHIVE_TRANSFER(b, m.nt);
+  MS_ARCHIVE_TRANSFER(b, m.interpolation);
+  const size_t left = b->size > b->position ? b->size - b->position : 0;
+  const size_t n = (size_t)m.n, nt = (size_t)m.nt;
+  ms_archive_check(b, m.n > 0 && m.nt > 0 && n <= left / 4 && nt <= left / 8 / (3 * n),
+                   "the size of a motion");
+  if (ms_archive_failed(b)) return MSIM_OK;
+  const int fits =
+      MS_NEW(alloc, m.particles, n) && MS_NEW(alloc, m.t, nt) && MS_NEW(alloc, m.x, 3 * n * nt);
+  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "a motion");
+  if (!status) {
+    ms_archive_transfer(b, m.particles, n * sizeof *m.particles);
+    ms_archive_transfer(b, m.t, nt * sizeof *m.t);
+    ms_archive_transfer(b, m.x, 3 * n * nt * sizeof *m.x);
+    const msim_motion add = {.size = sizeof add,
+                             .n = m.n,
+                             .particles = m.particles,
+                             .nt = m.nt,
+                             .t = m.t,
+                             .x = m.x,
+                             .interpolation = m.interpolation};
+    status = msim_scene_add_motion(scene, &add, err);
+  }
+  ms_motion_free(alloc, &m);
   return status;
 }
 
-static int has_forces(const ms_scene *s, const ms_external *external, const double *force) {
-  if (memcmp(&s->external, external, sizeof *external) != 0 || !s->force != !force) return 0;
-  return !force || memcmp(s->force, force, count_bytes(s)) == 0;
+static void write_motion(ms_archive *b, ms_motion *m) {
+  MS_ARCHIVE_TRANSFER(b, m->n);
+  MS_ARCHIVE_TRANSFER(b, m->nt);
+  MS_ARCHIVE_TRANSFER(b, m->interpolation);
+  ms_archive_transfer(b, m->particles, (size_t)m->n * sizeof *m->particles);
+  ms_archive_transfer(b, m->t, (size_t)m->nt * sizeof *m->t);
+  ms_archive_transfer(b, m->x, 3 * (size_t)m->n * (size_t)m->nt * sizeof *m->x);
 }
 
-msim_status ms_saved_scene_read_forces(ms_archive *b, const msim_sim *sim, ms_scene **scene,
-                                       int32_t *changed, msim_error *err) {
-  const ms_scene *created = sim->created_from;
-  ms_external external = {.drag = 0};
-  double *force = NULL;
+static void remove_motions(ms_scene *s) {
+  for (int32_t i = 0; i < s->nmotions; i++) ms_motion_free(&s->alloc, &s->motions[i]);
+  s->nmotions = 0;
+}
+
+static msim_status archive_pins(ms_archive *b, msim_scene *scene, msim_error *err) {
+  ms_scene *s = scene->data;
+  const int reads = b->direction == MS_ARCHIVE_READ;
+  int32_t count = s->nmotions;
+  msim_status status = MSIM_OK;
+  ms_archive_transfer(b, s->pinned, (size_t)s->nparticles);
+  for (int32_t p = 0; p < s->nparticles; p++) ms_archive_check(b, (s->pinned[p] | 1) == 1, "a pin");
+  archive_numbers(b, 3 * (size_t)s->nparticles, s->x, "the position of a pin");
+  archive_numbers(b, 3 * (size_t)s->nparticles, s->v, "the velocity of a particle");
+  MS_ARCHIVE_TRANSFER(b, count);
+  if (reads) remove_motions(s);
+  for (int32_t i = 0; i < count && !status && !ms_archive_failed(b); i++)
+    if (reads) status = read_motion(b, scene, err);
+    else write_motion(b, &s->motions[i]);
+  return status;
+}
+
+/*------------------------------------- changes --------------------------------------------------*/
+
+void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim) {
+  int32_t changed = sim->created_from != NULL;
+  msim_scene handle = {sim->scene};
+  MS_ARCHIVE_TRANSFER(b, changed);
+  if (!changed && b->direction != MS_ARCHIVE_COUNT) return;
+  archive_forces(b, handle.data, NULL);
+  archive_pins(b, &handle, NULL);
+}
+
+/* The forces and pins of `from`, which has the same particles */
+static msim_status copy_changes(const ms_scene *from, msim_scene *to, msim_error *err) {
+  ms_scene *s = to->data;
+  const size_t n = (size_t)s->nparticles;
+  s->external = from->external;
+  memcpy(s->pinned, from->pinned, n);
+  memcpy(s->x, from->x, count_bytes(s));
+  memcpy(s->v, from->v, count_bytes(s));
+  remove_motions(s);
+  msim_status status = msim_scene_set_forces(to, from->force, err);
+  for (int32_t i = 0; i < from->nmotions && !status; i++) {
+    const ms_motion *m = &from->motions[i];
+    const msim_motion add = {.size = sizeof add,
+                             .n = m->n,
+                             .particles = m->particles,
+                             .nt = m->nt,
+                             .t = m->t,
+                             .x = m->x,
+                             .interpolation = m->interpolation};
+    status = msim_scene_add_motion(to, &add, err);
+  }
+  return status;
+}
+
+static int have_same_motions(const ms_scene *a, const ms_scene *b) {
+  if (a->nmotions != b->nmotions) return 0;
+  for (int32_t i = 0; i < a->nmotions; i++) {
+    const ms_motion *m = &a->motions[i], *o = &b->motions[i];
+    const size_t n = (size_t)m->n, nt = (size_t)m->nt;
+    if (m->n != o->n || m->nt != o->nt || m->interpolation != o->interpolation ||
+        memcmp(m->particles, o->particles, n * sizeof *m->particles) != 0 ||
+        memcmp(m->t, o->t, nt * sizeof *m->t) != 0 ||
+        memcmp(m->x, o->x, 3 * n * nt * sizeof *m->x) != 0)
+      return 0;
+  }
+  return 1;
+}
+
+static int have_same_changes(const ms_scene *a, const ms_scene *b) {
+  const size_t bytes = count_bytes(a);
+  return memcmp(&a->external, &b->external, sizeof a->external) == 0 && !a->force == !b->force &&
+         (!a->force || memcmp(a->force, b->force, bytes) == 0) &&
+         memcmp(a->pinned, b->pinned, (size_t)a->nparticles) == 0 &&
+         memcmp(a->x, b->x, bytes) == 0 && memcmp(a->v, b->v, bytes) == 0 &&
+         have_same_motions(a, b);
+}
+
+msim_status ms_saved_scene_read_changes(ms_archive *b, const msim_sim *sim, ms_scene **scene,
+                                        int32_t *changed, msim_error *err) {
+  msim_scene copy = {ms_scene_retain(sim->scene)};
+  msim_status status = MSIM_OK;
   *scene = NULL;
   MS_ARCHIVE_TRANSFER(b, *changed);
-  ms_archive_check(b, (*changed | 1) == 1, "the change of forces");
-  msim_status status = MSIM_OK;
-  if (*changed && !ms_archive_failed(b))
-    status = read_values(b, sim->scene, &external, &force, err);
-  if (!status && !ms_archive_failed(b)) {
-    if (*changed && has_forces(sim->scene, &external, force)) *scene = ms_scene_retain(sim->scene);
-    else if (*changed) status = copy_with_forces(sim, &external, force, scene, err);
-    else if (created)
-      status = copy_with_forces(sim, &created->external, created->force, scene, err);
-    else *scene = ms_scene_retain(sim->scene);
+  ms_archive_check(b, (*changed | 1) == 1, "the change of forces or pins");
+  if (!ms_archive_failed(b) && (*changed || sim->created_from)) {
+    if (!ms_scene_make_writable(&copy, err)) status = MSIM_ERR_MEMORY;
+    else if (!*changed) status = copy_changes(sim->created_from, &copy, err);
+    else {
+      status = archive_forces(b, copy.data, err);
+      if (!status) status = archive_pins(b, &copy, err);
+    }
   }
-  ms_memory_free(&sim->alloc, force);
+  if (!status && !ms_archive_failed(b))
+    *scene = ms_scene_retain(have_same_changes(copy.data, sim->scene) ? sim->scene : copy.data);
+  ms_scene_release(copy.data);
   return status;
 }
 

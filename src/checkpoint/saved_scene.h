@@ -1,18 +1,20 @@
-/* saved_scene - what a checkpoint contains of a scene: forces that were changed since the sim was
- * created, and springs that solvers were chosen for */
+/* saved_scene - what a checkpoint contains of a scene: forces and pins that were changed since the
+ * sim was created, and springs that solvers were chosen for */
 #ifndef MS_SAVED_SCENE_H
 #define MS_SAVED_SCENE_H
 
 #include "sim/sim.h"
 
-/* MS_ARCHIVE_COUNT reserves room for forces that may be set later. */
-void ms_saved_scene_write_forces(ms_archive *b, const msim_sim *sim);
+/* Gravity, drag, constant forces, pins and motions, if they were changed. MS_ARCHIVE_COUNT reserves
+ * room for forces and pins that may be changed later. */
+void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim);
 
-/* *scene: a reference to the sim's scene, or to a copy of it with the forces of the checkpoint;
- * *changed: 1 if the sim of the checkpoint had other forces than those it was created with. Values
- * that are impossible set the failure of the archive; *scene is NULL then, or after an error. */
-msim_status ms_saved_scene_read_forces(ms_archive *b, const msim_sim *sim, ms_scene **scene,
-                                       int32_t *changed, msim_error *err);
+/* *scene: a reference to the sim's scene, or, if it has others, to a copy with the changes of the
+ * checkpoint;
+ * *changed: 1 if the sim of the checkpoint had any. Impossible values set the failure of the
+ * archive or are refused; *scene is NULL then. */
+msim_status ms_saved_scene_read_changes(ms_archive *b, const msim_sim *sim, ms_scene **scene,
+                                        int32_t *changed, msim_error *err);
 
 /* The springs that solvers were chosen for, where the sim has others. *scene: a copy of the sim's
  * scene with these springs; impossible values set the failure of the archive. */

@@ -1,4 +1,6 @@
 /* motion_setters - adds motions of pinned particles to a scene, and returns them */
+#include <string.h>
+
 #include "base/sized.h"
 #include "scene/scene.h"
 
@@ -95,4 +97,25 @@ msim_status msim_scene_get_motion(const msim_scene *scene, int32_t i, msim_motio
                       .x = m->x,
                       .interpolation = m->interpolation};
   return ms_sized_write(motion, &full, sizeof full);
+}
+
+/* Remove column i of the points. */
+static void remove_particle(ms_motion *m, int32_t i) {
+  const size_t n = (size_t)m->n, at = (size_t)i;
+  for (size_t k = 0, to = 0; k < n * (size_t)m->nt; k++)
+    if (k % n != at) memmove(m->x + 3 * to++, m->x + 3 * k, 3 * sizeof *m->x);
+  memmove(m->particles + at, m->particles + at + 1, (n - at - 1) * sizeof *m->particles);
+  m->n--;
+}
+
+void ms_scene_remove_motion(ms_scene *scene, int32_t particle) {
+  for (int32_t k = 0; k < scene->nmotions; k++) {
+    ms_motion *m = &scene->motions[k];
+    for (int32_t i = 0; i < m->n; i++)
+      if (m->particles[i] == particle) remove_particle(m, i);
+    if (m->n > 0) continue;
+    ms_motion_free(&scene->alloc, m);
+    memmove(m, m + 1, (size_t)(scene->nmotions - k - 1) * sizeof *m);
+    scene->nmotions--, k--;
+  }
 }

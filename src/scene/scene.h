@@ -91,6 +91,9 @@ ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
 /* Make room for `needed` colliders. Returns 0 if there is no memory. */
 int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err);
 
+/* Remove the particle from its motion, if it has one. */
+void ms_scene_remove_motion(ms_scene *scene, int32_t particle);
+
 /* 1: a motion prescribes where the particle is. */
 int ms_scene_has_motion(const ms_scene *scene, int32_t particle);
 

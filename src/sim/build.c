@@ -185,7 +185,7 @@ msim_status ms_sim_replace_forces(msim_sim *sim, ms_scene *scene, msim_error *er
   return status;
 }
 
-void ms_sim_set_created_forces(msim_sim *sim, ms_scene *before) {
+void ms_sim_set_created_scene(msim_sim *sim, ms_scene *before) {
   if (sim->created_from && before) return;
   ms_scene_release(sim->created_from);
   sim->created_from = before ? ms_scene_retain(before) : NULL;

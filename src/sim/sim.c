@@ -88,7 +88,7 @@ static msim_status set_collision(msim_sim *sim, msim_error *err) {
 }
 
 /* Motions need a method that evaluates forces at known times, whole steps, and no pilot runs. */
-static msim_status check_motions(const msim_sim *sim, msim_error *err) {
+msim_status ms_sim_check_motions(const msim_sim *sim, msim_error *err) {
   const ms_integrator *method = sim->config.integrator;
   if (sim->scene->nmotions == 0) return MSIM_OK;
   if (ms_sim_selects(sim) || method->is_multirate || method->convert_state)
@@ -116,7 +116,7 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? set_auto(sim, err) : set_method(sim, err);
   if (!status) status = check_colliders(sim, err);
   if (!status) status = set_collision(sim, err);
-  return status ? status : check_motions(sim, err);
+  return status ? status : ms_sim_check_motions(sim, err);
 }
 
 msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *damping,

@@ -31,7 +31,7 @@ enum { MS_SCENE_HASHES = 9 }; /* hashed arrays of a scene (checkpoint/fingerprin
 struct msim_sim {
   msim_allocator alloc;
   ms_scene *scene;        /* reference counted */
-  ms_scene *created_from; /* has the forces that the sim was made with; NULL: `scene` has them */
+  ms_scene *created_from; /* has the forces and pins of the creation; NULL: `scene` has them */
   ms_scene *chosen_for;   /* solvers were chosen for its springs; NULL: for those of `scene` */
   ms_config config;
   ms_run_state run;
@@ -106,9 +106,9 @@ void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene);
  * constant forces for the first time. */
 msim_status ms_sim_replace_forces(msim_sim *sim, ms_scene *scene, msim_error *err);
 
-/* Record that the forces are no longer those that the sim was made with, which `before` has unless
- * that was recorded earlier; NULL: they are these. */
-void ms_sim_set_created_forces(msim_sim *sim, ms_scene *before);
+/* Record that forces or pins are no longer those that the sim was made with, which `before` has
+ * unless that was recorded earlier; NULL: they are these. */
+void ms_sim_set_created_scene(msim_sim *sim, ms_scene *before);
 
 /* Build all islands anew, with the same components, and start them in the present state. */
 msim_status ms_sim_rebuild_islands(msim_sim *sim, msim_error *err);
@@ -171,6 +171,9 @@ void ms_sim_start_pins(msim_sim *sim);
 
 /* Set moving pins to the present time in all islands. */
 void ms_sim_set_pins(msim_sim *sim);
+
+/* MSIM_ERR_ARG where the scene has motions and the method or the options do not support them */
+msim_status ms_sim_check_motions(const msim_sim *sim, msim_error *err);
 
 /* Reduce options.steps by the steps already made; those made beyond it do not count. */
 void ms_sim_subtract_steps_made(msim_sim *sim);

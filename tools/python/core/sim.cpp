@@ -286,6 +286,22 @@ static void set_forces(Sim &s, nb::object force) {
   check(status, err);
 }
 
+static void move_pinned(Sim &s, Ints particles, Doubles x, double duration) {
+  msim_error err;
+  const msim_status status = msim_sim_move_pinned(idle(s), static_cast<int32_t>(particles.size()),
+                                                  particles.data(), x.data(), duration, &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
+static void set_pinned(Sim &s, Ints particles, bool pinned) {
+  msim_error err;
+  const msim_status status = msim_sim_set_pinned(idle(s), static_cast<int32_t>(particles.size()),
+                                                 particles.data(), pinned, &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
 static nb::bytes save(Sim &s) {
   msim_error err;
   std::vector<char> data(msim_sim_save_size(idle(s)));
@@ -327,7 +343,7 @@ static nb::dict stats(const Sim &s) {
               ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations) ADD(rejected_steps)
                   ADD(incomplete_steps)
 #undef ADD
-                      return d;
+                  return d;
 }
 
 static nb::tuple plan(const Sim &s) {
@@ -434,6 +450,8 @@ void bind_sim(nb::module_ &m) {
       .def("_set_gravity", set_gravity)
       .def("_set_drag", set_drag)
       .def("_set_forces", set_forces, nb::arg().none())
+      .def("_move_pinned", move_pinned)
+      .def("_set_pinned", set_pinned)
       .def("dumps", save)
       .def("loads", load, nb::arg("data"))
       .def("_energy", energy)

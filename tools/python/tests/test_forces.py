@@ -101,3 +101,19 @@ def test_motions(pair):
         scene.add_motion(pinned, t, points[:, 0])
     with pytest.raises(msim.ArgumentError, match="has a motion already"):
         scene.add_motion(pinned, t, points, cubic=True)
+
+
+def test_handles(cloth):
+    sim = msim.Sim(cloth, integrator="velocity-verlet", h=1e-3)
+    start = sim.x[0].copy()
+    sim.move_pinned(0, start + [0, 0, 0.1], 0.1)
+    sim.step(50)
+    np.testing.assert_allclose(sim.x[0], start + [0, 0, 0.05], rtol=0, atol=1e-13)
+    sim.set_pinned(0)
+    sim.step(10)
+    np.testing.assert_allclose(sim.x[0], start + [0, 0, 0.05], rtol=0, atol=1e-13)
+    sim.set_pinned([0], False)
+    sim.step(100)
+    assert np.abs(sim.x[0] - start - [0, 0, 0.05]).max() > 1e-3
+    with pytest.raises(msim.ArgumentError, match="which is not pinned"):
+        sim.move_pinned([0], [start], 1)

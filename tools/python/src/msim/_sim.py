@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _arrays, _core, _options
@@ -115,6 +116,17 @@ class Sim(_core.Sim):
         A new run starts from the present state, with the same end.
         """
         self._set_forces(None if force is None else _arrays.rows("force", force, len(self)))
+
+    def move_pinned(self, particles: ArrayLike, x: ArrayLike, duration: float) -> None:
+        """Move pinned particles on straight lines to x, (n, 3), from now on within duration, s."""
+        which = _arrays.indices("particles", np.atleast_1d(np.asarray(particles)))
+        points = _arrays.rows("x", np.atleast_2d(np.asarray(x)), len(which))
+        self._move_pinned(which, points, _arrays.number("duration", duration))
+
+    def set_pinned(self, particles: ArrayLike, pinned: bool = True) -> None:
+        """Pin particles where they are, or let them go: an index, or several."""
+        which = _arrays.indices("particles", np.atleast_1d(np.asarray(particles)))
+        self._set_pinned(which, bool(pinned))
 
     def force(self, x: ArrayLike | None = None, v: ArrayLike | None = None) -> Doubles:
         """Forces on all particles, (n, 3), N, at x and v: the present ones; 0 where pinned."""
