@@ -5,6 +5,7 @@ MSIM_CLI is the path of msim_cli, MSIM_SCENES a folder of scenes."""
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import tempfile
@@ -122,6 +123,10 @@ class CliTest(unittest.TestCase):
     def wait_for(self, name):
         """Wait for the --out file: then the run has begun, and a signal stops it cleanly."""
         self.wait_until((self.folder / name).exists, f"{name} never appeared")
+
+    def without_advice(self, err):
+        """The messages, without the lines of advice that follow numerical events."""
+        return re.sub(r"^msim_cli: try: .*\n", "", err, flags=re.M)
 
     def assert_sentence(self, err, *words):
         """The text is one message: the name of the program, and one line."""

@@ -86,7 +86,9 @@ class NumericalEvents(CliTest):
         status, out, err = self.cli("run", "scene.json", "--final", "final.json", "--out",
                                     "out.csv", *args)
         self.assertEqual(status, 2, err)
-        lines = [line for line in err.splitlines(True) if ": note: " not in line]
+        lines = [line for line in self.without_advice(err).splitlines(True)
+                 if ": note: " not in line]
+        self.assertRegex(err, "\nmsim_cli: try: Set ")
         self.assert_sentence("".join(lines), "step ", "t = ")
         final = self.final()
         self.assertEqual(final["status"], word)

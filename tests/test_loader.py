@@ -56,7 +56,7 @@ class Loader(CliTest):
                 self.put(name)
                 code, err = self.attempt(name, self.folder)
                 self.assertEqual(code, status, err)
-                self.assert_sentence(err, sentence)
+                self.assert_sentence(self.without_advice(err), sentence)
 
     def test_names_stay_on_one_line(self):
         for name in ("../good", str(FAKES / "good"), "go\nod", "good\x1b[2J"):

@@ -1,5 +1,6 @@
-/* Tests of msim_sim_reactions and msim_sim_springs: the balance of momentum by all methods, forces
- * written out spring by spring, and the order of scenes that are renumbered. */
+/* Tests of msim_sim_reactions, msim_sim_springs and msim_sim_advice: the balance of momentum by all
+ * methods, forces written out spring by spring, the order of scenes that are renumbered; and whole
+ * sentences of advice. */
 #include <math.h>
 #include <stdio.h>
 
@@ -160,9 +161,44 @@ static void closed_solutions(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* "" unless steps have failed; whole sentences, as many as fit. */
+static void advice_fits_its_memory(void **state) {
+  (void)state;
+  char text[1024], part[1024];
+  msim_scene *scene = shuffled_cloth(0, 0);
+  const msim_options opt = options("velocity-verlet", 0.2);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_int_equal(msim_sim_advice(sim, text, sizeof text), MSIM_OK);
+  assert_string_equal(text, "");
+  assert_true(msim_sim_step(sim, 1000, NULL) > 0);
+  assert_int_equal(msim_sim_advice(sim, text, sizeof text), MSIM_OK);
+  assert_memory_equal(text, "Set h = 0.0", 11);
+  int sentences = 1;
+  for (const char *at = text; (at = strchr(at, '\n')) != NULL; at++) sentences++;
+  assert_in_range(sentences, 2, 5);
+  for (size_t size = 1; size <= strlen(text) + 1; size++) {
+    memset(part, 'x', sizeof part);
+    assert_int_equal(msim_sim_advice(sim, part, size), MSIM_OK);
+    const size_t length = strlen(part);
+    assert_true(length < size && part[size] == 'x');
+    assert_memory_equal(part, text, length);
+    assert_true(length == 0 || text[length] == '\n' || text[length] == 0);
+  }
+  assert_string_equal(part, text);
+  assert_int_equal(msim_sim_advice(sim, part, 0), MSIM_ERR_ARG);
+  assert_int_equal(msim_sim_advice(sim, NULL, 9), MSIM_ERR_ARG);
+  assert_int_equal(msim_sim_advice(NULL, part, 9), MSIM_ERR_ARG);
+  assert_ok(msim_sim_set_step(sim, 1e-3, err));
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_int_equal(msim_sim_advice(sim, text, sizeof text), MSIM_OK);
+  assert_string_equal(text, "");
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(momentum_is_balanced),
-                                     cmocka_unit_test(springs_pull_as_their_tension_says),
-                                     cmocka_unit_test(closed_solutions)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(momentum_is_balanced), cmocka_unit_test(springs_pull_as_their_tension_says),
+      cmocka_unit_test(closed_solutions), cmocka_unit_test(advice_fits_its_memory)};
   return cmocka_run_group_tests_name("queries", tests, NULL, NULL);
 }

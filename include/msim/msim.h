@@ -316,6 +316,13 @@ MSIM_API msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err
 /* Describe the run as text: method, solver, skipped features, stability limits, matrix size. */
 MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err);
 
+/* Say what to try after steps that have ended with MSIM_NOT_SPD, MSIM_NOT_CONVERGED,
+ * MSIM_NOT_FINITE or MSIM_UNSTABLE: at most five sentences, one a line, the first the most likely
+ * to help, as "Set h = 0.0018: ...". They follow from h and the stability limit, the method, the
+ * solver and limits of iterations. "" otherwise. `size`: 1024 bytes hold all; sentences that do not
+ * fit are left out. */
+MSIM_API msim_status msim_sim_advice(msim_sim *sim, char *text, size_t size);
+
 /*------------------------------------- recording ------------------------------------------------*/
 
 /* Writer of a trajectory. The extension of the file selects the recorder: one of

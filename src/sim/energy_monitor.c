@@ -262,7 +262,7 @@ msim_status ms_energy_monitor_check(msim_sim *sim, msim_error *err) {
   }
   const msim_status status = report_unstable(sim, &now, &b, err);
   restore_good_state(sim);
-  return status;
+  return sim->last_status = status;
 }
 
 void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {

@@ -251,7 +251,7 @@ msim_status ms_sim_make_steps(msim_sim *sim, int64_t n, msim_error *err) {
                             (long long)sim->run.step, ms_sim_time(sim));
   }
   sim->stats.total_s += ms_clock_now() - start;
-  return status;
+  return sim->last_status = status;
 }
 
 void ms_sim_count_output(msim_sim *sim, double seconds) {

@@ -40,7 +40,8 @@ struct msim_sim {
   int32_t threads_planned;    /* exceeds the threads of the pool if some could not be started */
   msim_stats stats;
   atomic_int stop;
-  int in_observer; /* 1: the observer of msim_sim_run is being called */
+  msim_status last_status; /* of the last call that made or checked steps, for msim_sim_advice */
+  int in_observer;         /* 1: the observer of msim_sim_run is being called */
 
   int32_t nislands;       /* at least 1 */
   ms_island_sim *islands; /* nislands; built anew when the components of space change */

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "../common/clock.h"
 #include "../common/files.h"
@@ -225,6 +226,16 @@ static msim_status end_recording(run *r, msim_status status, msim_state *last, m
   return failed;
 }
 
+static void print_advice(msim_sim *sim) {
+  char text[1024];
+  msim_sim_advice(sim, text, sizeof text);
+  for (char *line = text, *end; *line; line = end) {
+    end = line + strcspn(line, "\n");
+    if (*end) *end++ = 0;
+    report_error("try: %s", line);
+  }
+}
+
 static void print_end(msim_status status, const msim_state *last, const msim_error *err) {
   if (status == MSIM_STOPPED)
     report_error("stopped at step %" PRId64 ", t = %g s; all results up to then are kept",
@@ -240,6 +251,7 @@ static int finish(run *r, msim_status status, msim_error *err) {
   progress_hide(&r->bar);
   r->report.wall_s = clock_seconds() - r->bar.started;
   print_end(status, &last, err);
+  if (status > 0) print_advice(r->sim);
   if (status < 0) return EXIT_ERROR;
   if (r->args->final && final_write(&r->final, r->made.scene, r->sim, status)) return EXIT_ERROR;
   if (!r->args->quiet) report_run(&r->report, r->args, r->sim);

@@ -23,11 +23,11 @@ using Ints = nb::ndarray<const int32_t, nb::c_contig, nb::device::cpu>;
 // Becomes the exception class of its status (src/msim/_errors.py).
 struct Failure {
   msim_status status;
-  std::string text;
+  std::string text, advice;
 };
 
 inline void check(msim_status status, const msim_error &err) {
-  if (status != MSIM_OK) throw Failure{status, err.text};
+  if (status != MSIM_OK) throw Failure{status, err.text, {}};
 }
 
 // Data of an array that may be None

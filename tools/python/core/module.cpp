@@ -5,8 +5,8 @@ static void translate(const std::exception_ptr &p, void *) {
   try {
     std::rethrow_exception(p);
   } catch (const Failure &failure) {
-    const nb::object error =
-        nb::module_::import_("msim._errors").attr("from_status")(failure.status, failure.text);
+    const nb::object error = nb::module_::import_("msim._errors")
+                                 .attr("from_status")(failure.status, failure.text, failure.advice);
     PyErr_SetObject(reinterpret_cast<PyObject *>(Py_TYPE(error.ptr())), error.ptr());
   }
 }

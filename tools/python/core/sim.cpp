@@ -120,7 +120,7 @@ static void create(Sim *self, const Scene &scene, const nb::list &options) {
   new (self) Sim(std::move(sim));
 }
 
-static void clone(Sim *self, const Sim &from) {
+static void copy_sim(Sim *self, const Sim &from) {
   Sim sim;
   msim_error err;
   const msim_status status = msim_sim_clone(idle(from), &sim.h->p, &err);
@@ -130,6 +130,14 @@ static void clone(Sim *self, const Sim &from) {
 }
 
 /*------------------------------------- steps ----------------------------------------------------*/
+
+// As check(), for steps: a numerical event comes with advice.
+static void check_steps(const Handle &h, msim_status status, const msim_error &err) {
+  char advice[1024];
+  if (status <= 0) return check(status, err);
+  msim_sim_advice(h.p, advice, sizeof advice);
+  throw Failure{status, err.text, advice};
+}
 
 static msim_status make_steps(Handle &h, int64_t n, msim_error *err) {
   nb::gil_scoped_release release;
@@ -149,7 +157,7 @@ static void step(Sim &s, int64_t n) {
     const msim_status status = make_steps(*h, count, &err);
     n -= count;
     show_warnings(*h, 1);
-    if (status != MSIM_STOPPED || take_stop(*h)) check(status, err);
+    if (status != MSIM_STOPPED || take_stop(*h)) check_steps(*h, status, err);
     check_signals();
     if (n == 0) return;
     const auto taken = Clock::now() - start;
@@ -186,7 +194,7 @@ static bool next_frame(Sim &s) {
     check_signals();
     if (s.shown_step != step_before || s.shown_t != t_before) return true;
     if (status == MSIM_OK) return false;
-    if (status != MSIM_STOPPED) check(status, err);
+    if (status != MSIM_STOPPED) check_steps(*h, status, err);
   }
   return false;
 }
@@ -433,7 +441,7 @@ static void close_recorder(Recorder &r) {
 void bind_sim(nb::module_ &m) {
   nb::class_<Sim>(m, "Sim")
       .def("__init__", create)
-      .def("__init__", clone)
+      .def("__init__", copy_sim)
       .def("step", step, nb::arg("n") = 1)
       .def("stop", stop)
       .def("_next_frame", next_frame)

@@ -69,6 +69,10 @@ def test_unstable_runs_say_so(pair):
     with pytest.raises(msim.NumericalError) as error:
         sim.step(100000)
     assert error.value.status > 0 and np.isfinite(sim.x).all()
+    assert error.value.advice.startswith("Set integrator = velocity-verlet and h = ")
+    with pytest.raises(msim.ArgumentError) as error:
+        sim.step(-1)
+    assert not hasattr(error.value, "advice")
 
 
 def test_a_run_that_fails_returns_its_frames(pair):

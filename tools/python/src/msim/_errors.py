@@ -79,7 +79,12 @@ class StoppedError(Error, RuntimeError):
 
 
 class NumericalError(Error, ArithmeticError):
-    """A numerical event ended the run; the sim is in the last good state."""
+    """A numerical event ended the run; the sim is in the last good state.
+
+    advice: what to try, at most five sentences, one a line, the first the most likely to help.
+    """
+
+    advice: str = ""
 
 
 class NotPositiveDefiniteError(NumericalError):
@@ -116,8 +121,10 @@ CLASSES: dict[Status, type[Error]] = {
 }
 
 
-def from_status(status: int, text: str) -> Error:
+def from_status(status: int, text: str, advice: str = "") -> Error:
     """The exception for a status; the binding raises it."""
     error = CLASSES[Status(status)](text)
     error.status = Status(status)
+    if isinstance(error, NumericalError):
+        error.advice = advice
     return error
