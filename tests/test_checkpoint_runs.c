@@ -46,7 +46,8 @@ static int log_frame(msim_sim *sim, void *user) {
   return f->n == f->stop_after && !f->after_step;
 }
 
-/* The whole run, and the run interrupted after some of its frames: the same frames and end. */
+/* The whole run, and the run interrupted after some of its frames, which a clone or another sim
+ * continues: the same frames and end. */
 static void expect_same_frames(const msim_scene *scene, const msim_options *opt,
                                const char *label) {
   static frame_log whole, parts;
@@ -59,8 +60,10 @@ static void expect_same_frames(const msim_scene *scene, const msim_options *opt,
     msim_sim *first = make_sim(scene, opt);
     const msim_status status = msim_sim_run(first, log_frame, &parts, NULL);
     if (!parts.after_step) assert_int_equal(status, MSIM_STOPPED);
-    const checkpoint c = save(first);
-    msim_sim *second = resume(scene, opt, &c);
+    checkpoint c = {NULL, 0};
+    msim_sim *second;
+    if (stop % 2) assert_ok(msim_sim_clone(first, &second, err));
+    else c = save(first), second = resume(scene, opt, &c);
     expect_same(first, second, label);
     if (state_of(first).step == 0) parts.n = 0; /* the frame of the start is shown again */
     parts.stop_after = 0;

@@ -2,6 +2,7 @@
 #include "checkpoint/restore.h"
 
 static msim_status clone_sim(msim_sim *sim, msim_sim **copy, msim_error *err) {
+  ms_saved_run_prepare_islands(sim);
   const ms_saved_run r = ms_saved_run_collect(sim);
   ms_archive islands;
   msim_status status = ms_saved_run_pack_islands(sim, &r, &islands, err);

@@ -112,7 +112,7 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const ms_saved_run
   ms_scene *scene = sim->scene;
   const msim_state start = {
       .size = sizeof start, .n = scene->nparticles, .x = scene->x, .v = scene->v};
-  if (r->solver_h > 0) sim->run.h = r->solver_h;
+  sim->run.h = r->solver_h > 0 ? r->solver_h : r->run.h;
   if (there) sim->scene = there;
   msim_status status = ms_sim_create_islands(sim, r->left_out, err);
   sim->run.h = r->run.h, sim->scene = scene;
@@ -205,8 +205,8 @@ static msim_status replace_islands(msim_sim *sim, ms_archive *b, const ms_saved_
   return MSIM_OK;
 }
 
-/* Read what follows the changes of the scene, which the sim's scene has; on failure the sim stays as it
- * was. in_use: 1 if its islands are those of this scene. */
+/* Read what follows the changes of the scene, which the sim's scene has; on failure the sim stays
+ * as it was. in_use: 1 if its islands are those of this scene. */
 static msim_status restore_in_scene(msim_sim *sim, ms_archive *b, const ms_saved_run *from,
                                     int in_use, msim_error *err) {
   const ms_config config = sim->config;
@@ -231,6 +231,7 @@ static msim_status restore_in_scene(msim_sim *sim, ms_archive *b, const ms_saved
 }
 
 msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
+  ms_saved_run_prepare_islands(sim);
   ms_scene *before = sim->scene, *scene = NULL;
   int32_t changed = 0;
   ms_saved_run r = ms_saved_run_collect(sim);

@@ -138,7 +138,6 @@ msim_status ms_saved_run_pack_islands(msim_sim *sim, const ms_saved_run *r, ms_a
   *b = (ms_archive){.direction = MS_ARCHIVE_WRITE, .size = count.position};
   b->data = ms_memory_allocate(&sim->alloc, count.position, 1);
   if (!b->data) return ms_error_set_memory(err, "a copy of the run");
-  ms_saved_run_prepare_islands(sim);
   ms_saved_run_archive_islands(b, sim, r, NULL);
   b->direction = MS_ARCHIVE_READ, b->size = b->position, b->position = 0;
   return MSIM_OK;

@@ -27,8 +27,8 @@ typedef struct ms_saved_run {
 
 ms_saved_run ms_saved_run_collect(const msim_sim *sim);
 
-/* Before islands are written: compute the dense output of the last step if it depends on contacts,
- * which are not saved. No bit of the run changes. */
+/* To be called before a run is collected whose islands are written: compute the dense output of the
+ * last step if it depends on contacts, which are not saved. No bit of the run changes. */
 void ms_saved_run_prepare_islands(msim_sim *sim);
 
 void ms_saved_run_archive(ms_archive *b, const msim_sim *sim, ms_saved_run *r);

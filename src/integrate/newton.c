@@ -394,8 +394,7 @@ static msim_status fail_not_converged(newton *n, msim_error *err) {
 
 /* At the limit of iterations: keep v and the x that belongs to it, if options accept that. */
 static msim_status end_incomplete(newton *n, msim_error *err) {
-  if (!ms_options_accept_incomplete(n->s->opt) || !isfinite(n->residual))
-    return fail_not_converged(n, err);
+  if (!ms_options_accept_incomplete(n->s->opt)) return fail_not_converged(n, err);
   n->s->incomplete = 1;
   return MSIM_OK;
 }

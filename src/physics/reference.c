@@ -52,5 +52,5 @@ double ms_reference_compute_tension(const ms_scene *s, int32_t spring, const dou
   for (size_t c = 0; c < 3; c++) d[c] = x[j + c] - x[i + c], dv[c] = v[j + c] - v[i + c];
   const double l = ms_vec3_norm(d), rate = l * l > MS_MIN_LENGTH2 ? ms_vec3_dot(d, dv) / l : 0;
   *elongation = l - s->rest[e];
-  return MS_SPRING_FORCE(s->k[e], s->rest[e], l) + MS_DASHPOT_FORCE(s->damping[e], rate);
+  return ms_law_value_of(s, spring, l).force + MS_DASHPOT_FORCE(s->damping[e], rate);
 }
