@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -106,3 +107,8 @@ def indices(name: str, values: ArrayLike, columns: int | None = None) -> Ints:
     return np.ascontiguousarray(array, dtype=np.int32)
 
 
+def one_or_more(name: str, values: ArrayLike) -> Ints:
+    """Indices of particles or springs: one, or a list."""
+    single = np.isscalar(values) or getattr(values, "ndim", 1) == 0
+    listed: Any = [values] if single else values
+    return indices(name, listed)

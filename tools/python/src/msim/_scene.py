@@ -127,19 +127,19 @@ class Scene:
         """
         if type not in _LAWS:
             raise ArgumentError(f"type is {type!r}; it must be one of {', '.join(_LAWS)}")
-        lists = [None if values is None else _arrays.doubles(name, values)
-                 for name, values in (("coefficients", coefficients), ("stretch", stretch),
-                                      ("force", force))]
-        sizes = {len(values) for values in lists if values is not None}
+        given = {"coefficients": coefficients, "stretch": stretch, "force": force}
+        lists = {name: np.atleast_1d(_arrays.doubles(name, values))
+                 for name, values in given.items() if values is not None}
+        sizes = {len(values) for values in lists.values()}
         if len(sizes) > 1:
             raise ArgumentError("stretch and force must have the same length")
         return self._core.add_law(_LAWS.index(type) + 1, _arrays.number("half_width", half_width),
-                                  _arrays.number("limit", limit), *lists, max(sizes, default=0))
+                                  _arrays.number("limit", limit), lists.get("coefficients"),
+                                  lists.get("stretch"), lists.get("force"), max(sizes, default=0))
 
     def set_law(self, springs: ArrayLike, law: int) -> None:
         """Give springs, an index or several, the law of this number; 0: linear."""
-        self._core.set_law(_arrays.indices("springs", np.atleast_1d(np.asarray(springs))),
-                           _count("law", law))
+        self._core.set_law(_arrays.one_or_more("springs", springs), _arrays.count("law", law))
 
     def add_faces(self, corners: ArrayLike) -> None:
         """Add triangles of particles, (n, 3), which viewers draw; they have no mass or force."""
@@ -190,9 +190,7 @@ class Scene:
 
     def pin(self, particles: ArrayLike) -> None:
         """Hold particles where they are; an index, or several."""
-        single = np.isscalar(particles) or getattr(particles, "ndim", 1) == 0
-        listed: Any = [particles] if single else particles
-        self._core.pin(_arrays.indices("particles", listed))
+        self._core.pin(_arrays.one_or_more("particles", particles))
 
     def add_motion(self, particles: ArrayLike, t: ArrayLike, x: ArrayLike, *,
                    cubic: bool = False) -> None:
@@ -200,8 +198,8 @@ class Scene:
 
         Along straight lines, or, cubic, with continuous velocities, which are 0 at both ends.
         """
-        which = _arrays.indices("particles", np.atleast_1d(np.asarray(particles)))
-        times = _arrays.doubles("t", np.atleast_1d(np.asarray(t)))
+        which = _arrays.one_or_more("particles", particles)
+        times = np.atleast_1d(_arrays.doubles("t", t))
         points = _arrays.doubles("x", x)
         if times.ndim != 1 or points.shape != (len(times), len(which), 3):
             raise ArgumentError(f"x must have the shape ({len(times)}, {len(which)}, 3), one row for "

@@ -119,13 +119,13 @@ class Sim(_core.Sim):
 
     def move_pinned(self, particles: ArrayLike, x: ArrayLike, duration: float) -> None:
         """Move pinned particles on straight lines to x, (n, 3), from now on within duration, s."""
-        which = _arrays.indices("particles", np.atleast_1d(np.asarray(particles)))
-        points = _arrays.rows("x", np.atleast_2d(np.asarray(x)), len(which))
+        which = _arrays.one_or_more("particles", particles)
+        points = _arrays.rows("x", np.atleast_2d(_arrays.doubles("x", x)), len(which))
         self._move_pinned(which, points, _arrays.number("duration", duration))
 
     def set_pinned(self, particles: ArrayLike, pinned: bool = True) -> None:
         """Pin particles where they are, or let them go: an index, or several."""
-        which = _arrays.indices("particles", np.atleast_1d(np.asarray(particles)))
+        which = _arrays.one_or_more("particles", particles)
         self._set_pinned(which, bool(pinned))
 
     def force(self, x: ArrayLike | None = None, v: ArrayLike | None = None) -> Doubles:
