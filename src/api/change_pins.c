@@ -163,8 +163,9 @@ static msim_status change_pins(msim_sim *sim, const pin_change *c, msim_error *e
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   const size_t count = 3 * (size_t)now.n;
-  double *x = ms_memory_allocate(&sim->alloc, 2 * count, sizeof *x), *v = x + count;
+  double *x = ms_memory_allocate(&sim->alloc, 2 * count, sizeof *x);
   if (!x) return ms_error_set_memory(err, "the state");
+  double *v = x + count;
   memcpy(x, now.x, count * sizeof *x);
   memcpy(v, now.v, count * sizeof *v);
   msim_scene copy;

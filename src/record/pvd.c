@@ -107,8 +107,7 @@ static msim_status open_folder(recorder *r) {
 /* Write a line: that of frame i is number i + 1. */
 static void put_line(recorder *r, int64_t number, const char *text) {
   char line[MOST_LINE];
-  memset(line, ' ', r->line);
-  memcpy(line, text, strlen(text));
+  snprintf(line, sizeof line, "%-*s", (int)r->line - 1, text);
   line[r->line - 1] = '\n';
   errno = ENOSPC; /* as where only a part is written */
   if (!r->error)
@@ -214,7 +213,7 @@ static msim_status open_pvd(const msim_host *host, const msim_recording *what, v
   r->fd = -1;
   r->sync = what->sync;
   r->nframes = what->nframes;
-  r->name = strcpy((char *)(r + 1), name);
+  r->name = memcpy(r + 1, name, length + 1);
   r->path = r->name + length + 1;
   r->folder_length = (size_t)sprintf(r->path, "%.*s_frames", (int)stem, name);
   msim_status status = open_folder(r);

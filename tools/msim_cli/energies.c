@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "../common/message.h"
@@ -18,11 +19,14 @@ int energies_open(energies *table, const char *path) {
 /* Copy the lines before time t. A killed run may have left a part of one, which has no end. */
 static void keep_rows(const energies *table, double t) {
   char line[256];
-  double row_t;
   FILE *old = fopen(table->start.path, "r");
-  while (old && fgets(line, sizeof line, old))
-    if (sscanf(line, "%*d,%lf", &row_t) == 1 && row_t < t && strchr(line, '\n'))
-      fputs(line, table->start.stream);
+  while (old && fgets(line, sizeof line, old)) {
+    const char *comma = strchr(line, ',');
+    if (!comma) continue;
+    char *end;
+    const double row_t = strtod(comma + 1, &end);
+    if (end != comma + 1 && row_t < t && strchr(line, '\n')) fputs(line, table->start.stream);
+  }
   if (old) fclose(old);
 }
 
