@@ -304,8 +304,9 @@ MSIM_API void msim_sim_force(msim_sim *sim, const double *x /* 3n */, const doub
 MSIM_API msim_status msim_sim_reactions(msim_sim *sim, double *reaction /* 3n */);
 
 /* Compute for each spring of the scene, in its order and in the present state: tension, the force
- * k (l - L) + c dl/dt (N) with which it pulls its ends together; elongation, l - L (m); and strain,
- * (l - L)/L, 0 where L = 0. Nullable: tension, elongation, strain. */
+ * f + c dl/dt (N) with which it pulls its ends together, f = k (l - L) or that of its law;
+ * elongation, l - L (m); and strain, (l - L)/L, 0 where L = 0. Nullable: tension, elongation,
+ * strain. */
 MSIM_API msim_status msim_sim_springs(msim_sim *sim, double *tension /* nsprings */,
                                       double *elongation /* nsprings */,
                                       double *strain /* nsprings */);

@@ -191,14 +191,29 @@ void ms_saved_scene_write_springs(ms_archive *b, const msim_sim *sim) {
   archive_springs(b, sim->chosen_for);
 }
 
+/* A copy of the sim's scene, to be changed; NULL: out of memory */
+static ms_scene *copy_scene(const msim_sim *sim, msim_error *err) {
+  msim_scene copy = {ms_scene_retain(sim->scene)};
+  ms_scene *scene = ms_scene_make_writable(&copy, err);
+  if (!scene) ms_scene_release(sim->scene);
+  return scene;
+}
+
 msim_status ms_saved_scene_read_springs(ms_archive *b, const msim_sim *sim, ms_scene **scene,
                                         msim_error *err) {
-  msim_scene copy = {ms_scene_retain(sim->scene)};
-  *scene = ms_scene_make_writable(&copy, err);
-  if (*scene) {
-    archive_springs(b, *scene);
-    return MSIM_OK;
-  }
-  ms_scene_release(sim->scene);
-  return MSIM_ERR_MEMORY;
+  *scene = copy_scene(sim, err);
+  if (!*scene) return MSIM_ERR_MEMORY;
+  archive_springs(b, *scene);
+  return MSIM_OK;
+}
+
+msim_status ms_saved_scene_copy_springs(const ms_scene *from, const msim_sim *sim, ms_scene **scene,
+                                        msim_error *err) {
+  const size_t bytes = (size_t)from->nsprings * sizeof *from->k;
+  *scene = copy_scene(sim, err);
+  if (!*scene) return MSIM_ERR_MEMORY;
+  memcpy((*scene)->k, from->k, bytes);
+  memcpy((*scene)->rest, from->rest, bytes);
+  memcpy((*scene)->damping, from->damping, bytes);
+  return MSIM_OK;
 }

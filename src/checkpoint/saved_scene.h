@@ -22,4 +22,8 @@ void ms_saved_scene_write_springs(ms_archive *b, const msim_sim *sim);
 msim_status ms_saved_scene_read_springs(ms_archive *b, const msim_sim *sim, ms_scene **scene,
                                         msim_error *err);
 
+/* *scene: the same copy, with the springs of `from` */
+msim_status ms_saved_scene_copy_springs(const ms_scene *from, const msim_sim *sim, ms_scene **scene,
+                                        msim_error *err);
+
 #endif
