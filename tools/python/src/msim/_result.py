@@ -46,8 +46,8 @@ class Plan(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """One number for each spring: tension k (l - L) + c dl/dt, N; elongation l - L, m; strain
-    (l - L)/L, 0 where L = 0."""
+    """One number for each spring: tension f + c dl/dt, N, f = k (l - L) or that of its law;
+    elongation l - L, m; strain (l - L)/L, 0 where L = 0."""
 
     tension: Doubles
     elongation: Doubles
