@@ -316,9 +316,10 @@ static void compound(hid_t f) {
   H5Tclose(type);
 }
 static void long_double(hid_t f) { put(f, "drag", H5T_NATIVE_LDOUBLE, SCALAR, (long double[]){1}); }
-static void three_dimensions(hid_t f) {
-  REALS(f, "particles/x", DIMS(1, 2, 3), (double[]){0, 0, 2, 0.5, 0, 2});
+static void four_dimensions(hid_t f) {
+  REALS(f, "particles/x", DIMS(1, 1, 2, 3), (double[]){0, 0, 2, 0.5, 0, 2});
 }
+static void cube_of_rows(hid_t f) { REALS(f, "particles/v", DIMS(2, 3, 1), (double[6]){0}); }
 static void no_space(hid_t f) {
   hid_t space = H5Screate(H5S_NULL);
   H5Dclose(H5Dcreate2(f, "drag", H5T_NATIVE_DOUBLE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
@@ -365,7 +366,8 @@ static const struct {
     {array_of_texts, "name is an array of strings"},
     {compound, "drag has an unsupported type"},
     {long_double, "drag has an unsupported type"},
-    {three_dimensions, "particles/x has more than two dimensions"},
+    {four_dimensions, "particles/x has more than three dimensions"},
+    {cube_of_rows, "particles.v[0][0] is an array of 1; it must be a finite number"},
     {no_space, "drag is empty"},
     {deep, "objects/0/k/shear is nested too deeply"},
     {long_name, "is too long a path"},

@@ -147,7 +147,8 @@ static void read_shape(hdf5_reader *r, hid_t dataset, dataset_shape *s) {
   s->rank = H5Sget_simple_extent_ndims(space);
   if (s->extent != H5S_SCALAR && s->extent != H5S_SIMPLE)
     refuse_hdf5(r, "is empty; it must contain data");
-  if (s->rank < 0 || s->rank > MSIM_NODE_MOST_DIMS) refuse_hdf5(r, "has more than two dimensions");
+  if (s->rank < 0 || s->rank > MSIM_NODE_MOST_DIMS)
+    refuse_hdf5(r, "has more than three dimensions");
   if (is_reading(r)) {
     check_result(&r->fault, H5Sget_simple_extent_dims(space, s->dims, NULL));
     s->type = check_id(&r->fault, H5Dget_type(dataset));
@@ -264,7 +265,8 @@ static hid_t create_type(fault *f, const msim_node *node) {
 }
 
 static void write_node(fault *f, hid_t file, const msim_node *node) {
-  const hsize_t dims[] = {(hsize_t)node->dims[0], (hsize_t)node->dims[1]};
+  hsize_t dims[MSIM_NODE_MOST_DIMS];
+  for (int i = 0; i < MSIM_NODE_MOST_DIMS; i++) dims[i] = (hsize_t)node->dims[i];
   const int is_scalar = node->kind == MSIM_NODE_TEXT || node->rank == 0;
   if (f->status != MSIM_OK || node->kind == MSIM_NODE_GROUP) return;
   hid_t type = create_type(f, node);

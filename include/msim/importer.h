@@ -36,13 +36,13 @@ enum {
   MSIM_NODE_WHOLE = 3  /* int64_t */
 };
 
-enum { MSIM_NODE_MOST_DIMS = 2 };
+enum { MSIM_NODE_MOST_DIMS = 3 };
 
 typedef struct msim_node {
   size_t size;
   const char *path;
   int32_t kind;
-  int32_t rank; /* 0: one number; 1: a list; 2: a list of lists, stored row by row */
+  int32_t rank; /* 0: one number; 1: a list; 2: a list of lists, ...; stored row by row */
   int64_t dims[MSIM_NODE_MOST_DIMS];
   const void *data; /* data to save; unused in add() */
 } msim_node;

@@ -19,7 +19,8 @@ typedef struct export_state {
   msim_node *nodes;
   node_storage *entries;
   int32_t n;
-  int64_t *pinned, *ij, *law, *faces;
+  int64_t *pinned, *ij, *law, *faces, *moving;
+  int32_t nmoving;
 } export_state;
 
 /*------------------------------------- nodes ----------------------------------------------------*/
@@ -146,6 +147,19 @@ static void export_collider(export_state *e, int32_t i) {
   append_node(e, MSIM_NODE_WHOLE, 0, &own->whole, "colliders/%d/%s", i, ms_collider_inside_key.key);
 }
 
+static void export_motion(export_state *e, int32_t i) {
+  const ms_motion *m = &e->scene->motions[i];
+  const char *word = ms_motion_interpolations[m->interpolation];
+  append_node(e, MSIM_NODE_WHOLE, 1, e->moving + e->nmoving, "motions/%d/particles", i)->dims[0] =
+      m->n;
+  for (int32_t k = 0; k < m->n; k++) e->moving[e->nmoving++] = m->particles[k];
+  append_node(e, MSIM_NODE_REAL, 1, m->t, "motions/%d/t", i)->dims[0] = m->nt;
+  msim_node *x = append_node(e, MSIM_NODE_REAL, 3, m->x, "motions/%d/x", i);
+  x->dims[0] = m->nt, x->dims[1] = m->n, x->dims[2] = 3;
+  append_node(e, MSIM_NODE_TEXT, 1, word, "motions/%d/interpolation", i)->dims[0] =
+      (int64_t)strlen(word);
+}
+
 static void export_run(export_state *e) {
   for (int32_t i = 0; i < e->scene->nrun; i++) {
     const ms_run_option *run = &e->scene->run[i];
@@ -166,12 +180,13 @@ static void export_run(export_state *e) {
 
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
-  const size_t most = 17 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws) +
+  const size_t most = 17 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws + (size_t)s->nmotions) +
                       (2 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
          MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings) &&
          MS_NEW(&s->alloc, e->law, s->law ? s->nsprings : 0) &&
+         MS_NEW(&s->alloc, e->moving, s->nmotions ? s->nparticles : 0) &&
          MS_NEW(&s->alloc, e->faces, 3 * (size_t)s->nfaces);
 }
 
@@ -192,6 +207,7 @@ static void export_all(export_state *e) {
   export_faces(e);
   export_planes(e);
   for (int32_t i = 0; i < e->scene->ncolliders; i++) export_collider(e, i);
+  for (int32_t i = 0; i < e->scene->nmotions; i++) export_motion(e, i);
   export_run(e);
 }
 
@@ -200,9 +216,6 @@ static msim_status save_tree(export_state *e, const msim_importer *table, const 
   ms_plugin_host host;
   msim_status status = ms_scene_check_savable(e->scene, err);
   if (status) return status;
-  if (e->scene->nmotions)
-    return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
-                        "motions are stored in JSON files only; save the scene as .json");
   if (!allocate_nodes(e)) return ms_error_set_memory(err, "a scene file");
   export_all(e);
   ms_plugin_init_host(&host, &e->scene->alloc);
@@ -214,6 +227,6 @@ msim_status ms_export_scene(const ms_scene *scene, const msim_importer *table, c
                             const char *label, msim_error *err) {
   export_state e = {.scene = scene};
   const msim_status status = save_tree(&e, table, path, label, err);
-  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.law, e.faces);
+  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.law, e.faces, e.moving);
   return status;
 }

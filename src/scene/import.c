@@ -56,9 +56,12 @@ static int is_valid_node(const msim_node *node) {
   if (node->kind < MSIM_NODE_TEXT || node->kind > MSIM_NODE_WHOLE) return 0;
   if (node->rank < 0 || node->rank > MSIM_NODE_MOST_DIMS) return 0;
   if (node->kind == MSIM_NODE_TEXT && node->rank != 1) return 0;
-  for (int32_t i = 0; i < node->rank; i++)
+  double count = 1;
+  for (int32_t i = 0; i < node->rank; i++) {
     if (node->dims[i] < 0 || node->dims[i] > INT32_MAX) return 0;
-  return 1;
+    count *= (double)node->dims[i];
+  }
+  return count < 0x1p62;
 }
 
 /* Allocate a column for the numbers or text of a node, with a final 0; its index as JSON. */
@@ -66,12 +69,13 @@ static json_t *new_column(import_state *in, const msim_node *node) {
   msim_error inner;
   const size_t size = node->kind == MSIM_NODE_TEXT ? 1 : sizeof(double);
   size_t count = 1;
-  for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i]; /* < 2^62 */
+  for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i];
   if (ms_memory_reserve(&in->reader.alloc, MS_ARRAY(in->columns), in->n, &in->capacity,
                         (int64_t)in->n + 1, &inner))
     return NULL;
   ms_column *c = &in->columns[in->n];
-  *c = (ms_column){node->kind, node->rank, {node->dims[0], node->dims[1]}, NULL};
+  *c = (ms_column){.kind = node->kind, .rank = node->rank};
+  memcpy(c->dims, node->dims, sizeof c->dims);
   c->data = ms_memory_allocate(&in->reader.alloc, count + 1, size);
   return c->data ? json_integer(in->n++) : NULL;
 }

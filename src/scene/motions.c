@@ -5,6 +5,8 @@
 
 #include "base/vec3.h"
 
+const char *const ms_motion_interpolations[2] = {"linear", "cubic"};
+
 /*------------------------------------- interpolation --------------------------------------------*/
 
 static const double *point(const ms_motion *m, int32_t k, int32_t i) {

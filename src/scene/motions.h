@@ -13,6 +13,9 @@ typedef struct ms_motion {
   double *x;          /* nt x n x 3, m */
 } ms_motion;
 
+/* The names of MSIM_MOTION_LINEAR and _CUBIC in scene files */
+extern const char *const ms_motion_interpolations[2];
+
 /* An instant. Where it is a time of the motion, up to rounding, velocities are those of the
  * interval after it, or before it. */
 typedef struct ms_instant {

@@ -11,7 +11,7 @@ typedef struct motion_arrays {
 
 static msim_status read_interpolation(const ms_json_reader *r, const char *path, ms_value value,
                                       int32_t *interpolation) {
-  static const char *const words[] = {"linear", "cubic"};
+  const char *const *words = ms_motion_interpolations;
   const char *word = value.json ? ms_value_text(value) : words[0];
   for (*interpolation = 0; *interpolation < 2; ++*interpolation)
     if (word && strcmp(word, words[*interpolation]) == 0) return MSIM_OK;

@@ -191,7 +191,7 @@ static void write_json_motions(ms_text *text, const ms_scene *s) {
       write_numbers(text, 3 * (int64_t)m->n, 3, m->x + 3 * (size_t)k * (size_t)m->n);
     }
     ms_text_append(text, "], \"interpolation\": \"%s\"}",
-                   m->interpolation == MSIM_MOTION_CUBIC ? "cubic" : "linear");
+                   ms_motion_interpolations[m->interpolation]);
   }
   ms_text_append(text, "\n  ]");
 }

@@ -24,8 +24,7 @@ size_t ms_value_size(ms_value v) {
 ms_value ms_value_item(ms_value v, size_t i) {
   const ms_column *c = column_of(v);
   if (!c) return (ms_value){json_array_get(v.json, i), v.columns, 0, 0};
-  v.depth++;
-  v.at += i * (v.depth < c->rank ? (size_t)c->dims[v.depth] : 1);
+  v.at = v.at * (size_t)c->dims[v.depth++] + i;
   return v;
 }
 

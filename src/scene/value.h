@@ -21,7 +21,7 @@ typedef struct ms_value {
   json_t *json;             /* NULL: missing */
   const ms_column *columns; /* NULL: all numbers are in the tree */
   int32_t depth;            /* number of indices applied within the column */
-  size_t at;                /* index of its first number in the column */
+  size_t at;                /* these indices as one: (i_0 dims[1] + i_1) dims[2] + i_2 */
 } ms_value;
 
 int ms_value_is_array(ms_value v);
