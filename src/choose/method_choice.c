@@ -132,10 +132,10 @@ static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
 static msim_status measure_error(ms_pilot_run *p, ms_candidate *c, msim_error *err) {
   const double ROUGHER = 4;
   const ms_trial trial = make_trial(p, c);
-  double price;
-  msim_status status = ms_pilot_run_try_method(p, &trial, &c->error, &price, err);
+  double step_cost;
+  msim_status status = ms_pilot_run_try_method(p, &trial, &c->error, &step_cost, err);
   if (c->method == &ms_takahashi_imada) c->error *= ROUGHER;
-  if (c->collision == MSIM_COLLISION_EVENT) c->step_cost = fmax(c->step_cost, price);
+  if (c->collision == MSIM_COLLISION_EVENT) c->step_cost = fmax(c->step_cost, step_cost);
   return status;
 }
 
@@ -262,9 +262,9 @@ static msim_status find_multirate_step(const ms_pilot_run *p, int64_t *n, double
     const double h = p->duration / (double)(2 * m);
     ms_stiffness_partition partition;
     status = ms_stiffness_partition_choose(model, h, class_of, &partition, err);
-    const double price = (springs + partition.inner * partition.nstiff) / springs;
+    const double step_cost = (springs + partition.inner * partition.nstiff) / springs;
     if (status || partition.nstiff == 0) break;
-    if (price / h < *cost) *n = m, *cost = price / h;
+    if (step_cost / h < *cost) *n = m, *cost = step_cost / h;
   }
   ms_memory_free(&p->sim->alloc, class_of);
   return status;

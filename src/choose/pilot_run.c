@@ -144,13 +144,13 @@ double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
 }
 
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
-                                    double *price, msim_error *err) {
+                                    double *step_cost, msim_error *err) {
   const double before = p->cost;
   const int64_t m = (int64_t)ms_pilot_run_trial_steps(p, of->h);
   msim_status status = compare_half_steps(p, of, m, &p->end, error, err);
   *error *= p->error_growth * p->remaining / ((double)m * of->h);
   if (!(*error < INFINITY)) *error = INFINITY;
-  *price = (p->cost - before) / (3 * (double)m);
+  *step_cost = (p->cost - before) / (3 * (double)m);
   return status;
 }
 

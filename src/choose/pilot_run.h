@@ -61,9 +61,9 @@ double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *meth
 double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h);
 
 /* The error at the end of the run with these fixed steps, in the norm of pilot_run.c; INFINITY:
- * such steps fail. price: the cost of a step, in evaluations. */
+ * such steps fail. step_cost: the cost of a step, in evaluations. */
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
-                                    double *price, msim_error *err);
+                                    double *step_cost, msim_error *err);
 
 /* Measure a step from n states, as verification does: the end, the middle and the start of the
  * pilot run. */

@@ -8,22 +8,22 @@
 
 /*------------------------------------- springs of the faces -------------------------------------*/
 
-/* Hash table of springs by their ends; slots hold the number of a spring + 1, or 0. */
+/* Hash table of springs by their ends; entries hold the number of a spring + 1, or 0. */
 typedef struct spring_table {
   const int32_t *ij;
-  int32_t *slot;
-  size_t mask; /* number of slots - 1, which is a power of 2 less 1 */
+  int32_t *entries;
+  size_t mask; /* number of entries - 1, which is a power of 2 less 1 */
 } spring_table;
 
-/* The slot of a spring between two particles, or the empty one where it belongs */
-static int32_t *find_slot(const spring_table *t, int32_t a, int32_t b) {
+/* The entry of a spring between two particles, or the empty one where it belongs */
+static int32_t *find_entry(const spring_table *t, int32_t a, int32_t b) {
   const uint32_t low = (uint32_t)(a < b ? a : b), high = (uint32_t)(a < b ? b : a);
   size_t i = (size_t)((((uint64_t)high << 32 | low) * 0x9e3779b97f4a7c15u) >> 20) & t->mask;
-  for (; t->slot[i]; i = (i + 1) & t->mask) {
-    const int32_t *ends = t->ij + 2 * (size_t)(t->slot[i] - 1);
+  for (; t->entries[i]; i = (i + 1) & t->mask) {
+    const int32_t *ends = t->ij + 2 * (size_t)(t->entries[i] - 1);
     if ((ends[0] == a && ends[1] == b) || (ends[0] == b && ends[1] == a)) break;
   }
-  return &t->slot[i];
+  return &t->entries[i];
 }
 
 /* The first one counts where several springs have the same ends. */
@@ -31,10 +31,10 @@ static int fill_table(spring_table *t, int32_t nsprings, const msim_allocator *a
   size_t size = 1;
   while (size < 2 * (size_t)nsprings + 1) size *= 2;
   t->mask = size - 1;
-  if (!MS_NEW(alloc, t->slot, size)) return 0;
+  if (!MS_NEW(alloc, t->entries, size)) return 0;
   for (int32_t k = 0; k < nsprings; k++) {
-    int32_t *slot = find_slot(t, t->ij[2 * (size_t)k], t->ij[2 * (size_t)k + 1]);
-    if (!*slot) *slot = k + 1;
+    int32_t *entry = find_entry(t, t->ij[2 * (size_t)k], t->ij[2 * (size_t)k + 1]);
+    if (!*entry) *entry = k + 1;
   }
   return 1;
 }
@@ -43,7 +43,7 @@ static void find_edges(ms_strain *s, const ms_scene *scene, const spring_table *
   for (size_t i = 0; i < (size_t)scene->nfaces; i++) {
     const int32_t *corner = scene->faces + 3 * i;
     for (int c = 0; c < 3; c++)
-      s->edge[3 * i + (size_t)c] = *find_slot(t, corner[c], corner[(c + 1) % 3]) - 1;
+      s->edge[3 * i + (size_t)c] = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
   }
 }
 
@@ -57,7 +57,7 @@ msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_alloc
       (scene->nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
     return ms_error_set_memory(err, "the strain of a frame");
   find_edges(s, scene, &table);
-  ms_memory_free(alloc, table.slot);
+  ms_memory_free(alloc, table.entries);
   return MSIM_OK;
 }
 

@@ -128,20 +128,20 @@ static int has_events(const ms_island_sim *m, int64_t contacts) {
 static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign[2]) {
   enum { WORTH = 8 }; /* evaluations */
   const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
-               NOISE = 100 * sim->config.choice.verification.scales.rounding;
+               ROUNDING = 100 * sim->config.choice.verification.scales.rounding;
   const int64_t step = sim->run.step + 1 - sim->run.step0;
   const int is_large = m->model.shape.n >= LARGE;
   const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
   const double *seen = m->verification.indicator;
-  const double price = sim->config.choice.candidates[sim->config.choice.best].step_cost;
-  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, price));
+  const double step_cost = sim->config.choice.candidates[sim->config.choice.best].step_cost;
+  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, step_cost));
   const int computes_indicators = is_scheduled || step % every == 0;
   sign[DEFECT] = sign[TURN] = 0;
   if (computes_indicators)
     sign[DEFECT] = find_defect_norm(sim->config.integrator, &m->stepper,
                                     &sim->config.choice.verification.scales);
   if (computes_indicators && (!is_large || is_scheduled)) sign[TURN] = find_turn(&m->stepper);
-  return is_scheduled || sign[DEFECT] > fmax(NOISE, MORE * seen[DEFECT]) ||
+  return is_scheduled || sign[DEFECT] > fmax(ROUNDING, MORE * seen[DEFECT]) ||
          sign[TURN] > fmin(TURNED, fmax(LITTLE, MORE * seen[TURN]));
 }
 
