@@ -129,6 +129,8 @@ class Refusals(CliTest):
              "auto", "use t_end"),
             (["run", "scene.json", "--integrator", "linearly-implicit-euler", "--solver", "pgc",
               *out], "pgc", "'pcg'"),
+            (["run", "scene.json", "--solver", "nonsense", *out], "unknown solver 'nonsense'"),
+            (["run", "scene.json", "--integrator", "auto", "--solver", "pgc", *out], "pgc", "'pcg'"),
             (["explain", "bare.json"], "--integrator"),
         ])
 
@@ -241,6 +243,15 @@ class Options(CliTest):
         self.assertEqual(self.run_final()["step"], 3)
         self.assertEqual(self.run_final("--t_end", "0.08")["step"], 8)
         self.assertEqual(self.run_final("--t_end", "0.08", "--steps", "2")["step"], 2)
+
+    def test_both_ends_are_noted(self):
+        self.scene()
+        status, _, err = self.cli("run", "scene.json", "--t_end", "0.08", "--steps", "2")
+        self.assertEqual(status, 0)
+        self.assert_sentence(err, "note: t_end = 0.08 s is ignored: steps = 2 ends the run; remove")
+        self.good("run", "scene.json", "--steps", "2")  # the command line replaces the scene's t_end
+        self.scene(pendulum(integrator="rk4", h=0.01, steps=3, t_end=1))
+        self.assert_sentence(self.cli("run", "scene.json")[2], "note: t_end = 1 s is ignored")
 
     def test_no_step(self):
         self.scene()

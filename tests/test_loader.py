@@ -84,12 +84,23 @@ class Loader(CliTest):
         library = support.shared_library().resolve()
         shutil.copy(library, self.folder / "libmsim.so.0")
         packages = (support.SOURCE / "tools/packages").read_text()
+        recipe = (support.SOURCE / "packaging/conda/meta.yaml").read_text()
+        debian = (support.SOURCE / "tests/install/test_debian.py").read_text()
+        pip = (support.SOURCE / "tools/python/cholmod/pyproject.toml").read_text()
         for solver in ("cholmod", "klu", "sundials-pcg"):
             code, err = self.attempt(solver, LD_LIBRARY_PATH=str(self.folder))
             self.assertEqual(code, 1)
             self.assert_sentence(err, f"msim_backend_{solver}.so was not found in {self.folder}/")
-            package = re.search(r"msim builds it if (\S+) \(Debian, Ubuntu\) is installed$", err)
-            self.assertRegex(packages, rf"(?m)^{package[1]} +(plugins|tests) ")
+            built = re.search(r"msim after 'apt install (.*)' or 'conda install (.*)'$", err)
+            for name in built[1].split():
+                self.assertRegex(packages, rf"(?m)^{name} +(plugins|tests) ")
+            for name in built[2].split():
+                self.assertRegex(recipe, rf"(?m)^    - {name}( |$)")
+            made = re.search(r"its package, (\S+) \(apt\)(?:,| or) libmsim-(\S+) \(conda\)(.*?), or", err)
+            self.assertIn(f'"{made[1]}"', debian)
+            self.assertIn(f'("{made[2]}", ', recipe)
+            self.assertEqual(made[3], " or msim-cholmod (pip)" if solver == "cholmod" else "")
+            self.assertIn('name = "msim-cholmod"', pip)
 
     def as_nobody(self, program):
         """A copy of a program that runs as the user nobody (set-user-ID), whoever starts it."""

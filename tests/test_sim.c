@@ -417,7 +417,7 @@ static void what_is_not_needed_does_not_run(void **state) {
   for (int32_t m = 0; method_at(m); m++) {
     if (is_implicit(method_at(m))) continue;
     msim_options opt = options(method_at(m), 1e-3);
-    opt.solver = "no-such-solver"; /* explicit methods need no solver */
+    opt.solver = "klu"; /* explicit methods need no solver */
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 10, err));
     msim_stats s = stats_of(sim);
@@ -426,7 +426,13 @@ static void what_is_not_needed_does_not_run(void **state) {
     msim_sim_destroy(sim);
   }
   msim_options opt = pcg("velocity-verlet", 1e-3);
-  msim_sim *sim = make_sim(scene, &opt);
+  msim_sim *sim = NULL;
+  msim_error why;
+  opt.solver = "no-such-solver";
+  assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_NAME);
+  assert_non_null(strstr(why.text, "unknown solver 'no-such-solver'"));
+  opt.solver = "pcg";
+  sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 10, err));
   assert_int_equal(stats_of(sim).force_evaluations, 11); /* the last a of a step is reused */
   msim_sim_destroy(sim);

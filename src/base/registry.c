@@ -75,6 +75,22 @@ static const void *search_tables(const ms_registry *r, const void *own, size_t o
   return NULL;
 }
 
+/* "; or install ...": where to get a plugin of msim whose file is missing; "" for others */
+typedef struct remedy {
+  char text[256];
+} remedy;
+
+static remedy describe_packages(const ms_registry_plugin *known) {
+  remedy r = {""};
+  if (!known || !known->plugin) return r;
+  snprintf(r.text, sizeof r.text,
+           "; or install its package, libmsim0-%s (apt)%s libmsim-%s (conda)%s%s%s, or build msim "
+           "after 'apt install %s' or 'conda install %s'",
+           known->plugin, known->pip ? "," : " or", known->plugin, known->pip ? " or " : "",
+           known->pip ? known->pip : "", known->pip ? " (pip)" : "", known->debian, known->conda);
+  return r;
+}
+
 static msim_status load_table(const ms_registry *r, const char *name, const char *plugin_path,
                               const void **table, ms_text *where, msim_error *err) {
   void *symbol;
@@ -84,12 +100,9 @@ static msim_status load_table(const ms_registry *r, const char *name, const char
   if (status == MSIM_ERR_NAME && !known)
     return ms_error_set(err, status, "unknown %s '%s'%s: %s", r->noun, name,
                         ms_suggest_hint(name, known_name, r).text, why.text);
-  const int has_package = known && known->package;
   if (status)
-    return ms_error_set(err, status, "%s '%s': %s%s%s%s", r->noun, name, why.text,
-                        has_package ? "; msim builds it if " : "",
-                        has_package ? known->package : "",
-                        has_package ? " (Debian, Ubuntu) is installed" : "");
+    return ms_error_set(err, status, "%s '%s': %s%s", r->noun, name, why.text,
+                        status == MSIM_ERR_NAME ? describe_packages(known).text : "");
   *table = r->enter(symbol);
   if (*table) return MSIM_OK;
   return ms_error_set(err, MSIM_ERR_PLUGIN,

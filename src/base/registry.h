@@ -10,8 +10,11 @@
 /* A plugin that msim documents: it is listed, and files with its extension are its own. */
 typedef struct ms_registry_plugin {
   const char *name, *extension; /* extension: with the dot; NULL: it is found by name only */
-  const char *package;          /* of Debian, from which it is built; NULL: none */
-  int has_no_table;             /* 1: part of msim, and not found here */
+  const char *plugin;         /* its packages are libmsim0-PLUGIN (Debian), libmsim-PLUGIN (conda);
+                                   NULL: it is built in, or part of msim */
+  const char *debian, *conda; /* the packages from which it is built, a space between */
+  const char *pip;            /* its package of PyPI; NULL: that of msim contains it */
+  int has_no_table;           /* 1: part of msim, and not found here */
 } ms_registry_plugin;
 
 typedef struct ms_registry_member {

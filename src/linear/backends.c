@@ -20,17 +20,24 @@ static msim_status check_format(const void *table, const char *file, msim_error 
       format);
 }
 
-static const ms_registry_plugin known[] = {
-    {.name = "auto", .has_no_table = 1},
-    {.name = "pcg", .has_no_table = 1},
-    {.name = "cholmod", .package = "libsuitesparse-dev"},
-    {.name = "klu", .package = "libsuitesparse-dev"},
-    {.name = "sundials-pcg", .package = "libsundials-dev"},
-    {.name = "sundials-spgmr", .package = "libsundials-dev"},
-    {.name = "sundials-spfgmr", .package = "libsundials-dev"},
-    {.name = "sundials-spbcgs", .package = "libsundials-dev"},
-    {.name = "sundials-sptfqmr", .package = "libsundials-dev"},
-    {NULL}};
+#define SUNDIALS .plugin = "sundials", .debian = "libsundials-dev", .conda = "sundials"
+static const ms_registry_plugin known[] = {{.name = "auto", .has_no_table = 1},
+                                           {.name = "pcg", .has_no_table = 1},
+                                           {.name = "cholmod",
+                                            .plugin = "cholmod",
+                                            .debian = "libsuitesparse-dev",
+                                            .conda = "libcholmod",
+                                            .pip = "msim-cholmod"},
+                                           {.name = "klu",
+                                            .plugin = "klu",
+                                            .debian = "libsuitesparse-dev libsundials-dev",
+                                            .conda = "libklu sundials"},
+                                           {.name = "sundials-pcg", SUNDIALS},
+                                           {.name = "sundials-spgmr", SUNDIALS},
+                                           {.name = "sundials-spfgmr", SUNDIALS},
+                                           {.name = "sundials-spbcgs", SUNDIALS},
+                                           {.name = "sundials-sptfqmr", SUNDIALS},
+                                           {NULL}};
 
 #define MEMBER(member) \
   { #member, offsetof(msim_backend, member) }
@@ -57,6 +64,15 @@ msim_status ms_backends_find(const char *name, const msim_options *opt, const ms
   const msim_status status = ms_registry_find(&backends, name, &sources, &found, err);
   *table = found;
   return status;
+}
+
+msim_status ms_backends_check_name(const msim_options *opt, const msim_allocator *alloc,
+                                   msim_error *err) {
+  const msim_backend *table;
+  if (!opt->solver) return MSIM_OK;
+  for (const ms_registry_plugin *solver = known; solver->name; solver++)
+    if (strcmp(solver->name, opt->solver) == 0) return MSIM_OK;
+  return ms_backends_find(opt->solver, opt, alloc, &table, err);
 }
 
 msim_status msim_solver_backend(const char *name, const char *plugin_path,

@@ -9,4 +9,9 @@
 msim_status ms_backends_find(const char *name, const msim_options *opt, const msim_allocator *alloc,
                              const msim_backend **table, msim_error *err);
 
+/* MSIM_ERR_NAME and others: opt->solver is neither a solver of msim, installed or not, nor one of
+ * the program or a plugin. */
+msim_status ms_backends_check_name(const msim_options *opt, const msim_allocator *alloc,
+                                   msim_error *err);
+
 #endif

@@ -14,12 +14,15 @@ MS_REGISTRY_ENTRIES(msim_recorder_entry_fn, ms_csv_recorder_type, ms_pvd_recorde
                     ms_html_recorder_type, MSIM_LINKED_RECORDERS)
 #undef X
 
-static const ms_registry_plugin known[] = {
-    {.name = "csv", .extension = ".csv"},
-    {.name = "html", .extension = ".html"},
-    {.name = "pvd", .extension = ".pvd"},
-    {.name = "hdf5", .extension = ".vtkhdf", .package = "libhdf5-dev"},
-    {NULL}};
+static const ms_registry_plugin known[] = {{.name = "csv", .extension = ".csv"},
+                                           {.name = "html", .extension = ".html"},
+                                           {.name = "pvd", .extension = ".pvd"},
+                                           {.name = "hdf5",
+                                            .extension = ".vtkhdf",
+                                            .plugin = "hdf5",
+                                            .debian = "libhdf5-dev",
+                                            .conda = "hdf5"},
+                                           {NULL}};
 
 #define MEMBER(member) \
   { #member, offsetof(msim_recorder_type, member) }

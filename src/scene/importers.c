@@ -13,8 +13,12 @@ MSIM_LINKED_IMPORTERS
 MS_REGISTRY_ENTRIES(msim_importer_entry_fn, MSIM_LINKED_IMPORTERS)
 #undef X
 
-static const ms_registry_plugin known[] = {
-    {.name = "hdf5", .extension = ".h5", .package = "libhdf5-dev"}, {NULL}};
+static const ms_registry_plugin known[] = {{.name = "hdf5",
+                                            .extension = ".h5",
+                                            .plugin = "hdf5",
+                                            .debian = "libhdf5-dev",
+                                            .conda = "hdf5"},
+                                           {NULL}};
 
 #define MEMBER(member) \
   { #member, offsetof(msim_importer, member) }

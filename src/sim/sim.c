@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "layout/planar.h"
+#include "linear/backends.h"
 #include "methods/methods.h"
 #include "contact/reflection.h"
 #include "sim/start_check.h"
@@ -103,6 +104,13 @@ msim_status ms_sim_check_motions(const msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
+static void warn_unused_end(const msim_sim *sim) {
+  const msim_options *opt = &sim->config.opt;
+  if (opt->steps < 0 || opt->t_end < 0) return;
+  ms_sim_warn(sim, "t_end = %g s is ignored: steps = %lld ends the run; remove one of them",
+              opt->t_end, (long long)opt->steps);
+}
+
 static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = ms_options_copy(opt, &sim->config.opt, err);
   if (!status) status = ms_options_check(&sim->config.opt, err);
@@ -114,6 +122,8 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
                         "no integrator is given; set the option integrator, for example to "
                         "velocity-verlet, linearly-implicit-euler or auto");
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? set_auto(sim, err) : set_method(sim, err);
+  if (!status) status = ms_backends_check_name(&sim->config.opt, &sim->alloc, err);
+  if (!status) warn_unused_end(sim);
   if (!status) status = check_colliders(sim, err);
   if (!status) status = set_collision(sim, err);
   return status ? status : ms_sim_check_motions(sim, err);

@@ -203,7 +203,7 @@ void arguments_free(arguments *args) { free(args->settings); }
 /* Some options replace one another: one on the command line unsets the other one of the scene. */
 static void unset_replaced(const msim_options *given, msim_options *options) {
   if (given->t_end >= 0) options->steps = -1;
-  if (given->steps >= 0) options->tol = 0;
+  if (given->steps >= 0) options->tol = 0, options->t_end = -1;
   if (given->every > 0) options->fps = 0;
   if (given->fps > 0) options->every = 0;
 }
