@@ -30,7 +30,8 @@ class Help(CliTest):
         out = self.good("run", "--help")
         self.assertIn("default 1e-3", out)
         self.assertIn("exact | clamp", " ".join(out.split()))
-        for flag in ("--out FILE", "--final FILE.json", "--energies FILE.csv", "--init FINAL.json",
+        for flag in ("--out FILE", "--final FILE.json", "--energies FILE.csv", "--reactions FILE.csv",
+                     "--springs FILE.csv", "--init FINAL.json",
                      "--quiet", "--stats"):
             self.assertIn(flag, out)
         self.assertNotIn("--final", self.good("explain", "--help"))

@@ -1,5 +1,6 @@
 """Tests of the files that msim_cli run writes beside the motion: the last state and the table of
 energies, and that files of others stay."""
+import math
 import resource
 
 import support
@@ -27,7 +28,7 @@ class Final(CliTest):
 
 
 class Energies(CliTest):
-    HEAD = "step,t,kinetic,elastic,gravitational,total"
+    HEAD = "step,t,kinetic,elastic,gravitational,total,work"
 
     def table(self, *args):
         self.scene()
@@ -39,9 +40,19 @@ class Energies(CliTest):
         self.assertEqual((self.folder / "e.csv").read_text().split("\n")[0], self.HEAD)
         self.assertEqual([row[0] for row in table], [0, 30, 60, 90, 100])
         self.assertEqual(table[0][1:3], [0, 0.5])
-        self.assertEqual(table[-1][1:], [0.1, *self.final()["energy"].values()])
+        self.assertEqual(table[-1][1:], [0.1, *self.final()["energy"].values(), 0])
         for row in table:
             self.assertAlmostEqual(row[2] + row[3] + row[4], row[5], delta=1e-12)
+
+    def test_the_work_of_motions(self):
+        """The total energy changes by the work of a moving pin; a resumed table continues it."""
+        self.scene({**PENDULUM, "motions": [{"particles": [0], "t": [0, 0.05, 0.1],
+                                             "x": [[[0, 0, 0]], [[0.05, 0, 0]], [[0.02, 0, 0.04]]]}]})
+        self.good("run", "scene.json", "--h", "1e-5", "--energies", "e.csv", "--quiet")
+        table = [[float(value) for value in row.values()] for row in self.rows("e.csv")]
+        self.assertGreater(max(abs(row[6]) for row in table), 0.05)
+        for row in table:
+            self.assertAlmostEqual(row[5] - table[0][5], row[6], delta=1e-4)
 
     def test_frames_are_those_of_the_motion(self):
         for how in (["--fps", "70"], ["--integrator", "dop853", "--fps", "70"],
@@ -77,9 +88,33 @@ class Energies(CliTest):
         self.assert_refused([*run, "missing/e.csv", "--out", "o.csv"], "missing/e.csv")
         self.assert_refused([*run, "a.csv", "--out", "./a.csv"], "both --out and --energies")
         self.assert_refused([*run, "a.csv", "--final", "a.csv"], "both --final and --energies")
+        self.assert_refused([*run, "a.csv", "--springs", "a.csv"], "both --energies and --springs")
+        self.write("old.csv", "step,t,kinetic,elastic,gravitational,total\n")  # without work
+        self.assert_refused([*run, "old.csv"], "old.csv", "not a table of energies")
         self.assertEqual(len(self.table("--steps", "0")), 1)
         self.good(*run, "thesis.csv", "--force", "--quiet")
         self.assertEqual(self.rows("thesis.csv")[-1]["step"], "100")
+
+    def test_reactions_and_springs(self):
+        """A pin balances the pull of its spring and its weight."""
+        self.scene()
+        self.good("run", "scene.json", "--reactions", "r.csv", "--springs", "s.csv", "--out",
+                  "out.csv", "--every", "25", "--quiet", "--final", "final.json")
+        reactions, springs, motion = (self.rows(name) for name in ("r.csv", "s.csv", "out.csv"))
+        self.assertEqual([row["particle"] for row in reactions], ["0"] * 5)
+        self.assertEqual([row["spring"] for row in springs], ["0"] * 5)
+        for reaction, spring, bob in zip(reactions, springs, motion[1::2]):
+            self.assertEqual(reaction["t"], bob["t"])
+            x = [float(bob[key]) for key in "xyz"]
+            length = math.hypot(*x)
+            self.assertAlmostEqual(float(spring["tension"]), 100 * (length - 0.4))
+            self.assertAlmostEqual(float(spring["elongation"]), length - 0.4)
+            self.assertAlmostEqual(float(spring["strain"]), length / 0.4 - 1)
+            for key, component, weight in zip(("fx", "fy", "fz"), x, (0, 0, 9.81)):
+                self.assertAlmostEqual(float(reaction[key]),
+                                       weight - 100 * (length - 0.4) * component / length)
+        self.assertEqual([float(reactions[-1][key]) for key in ("fx", "fy", "fz")],
+                         self.final()["reactions"][0])
 
     def test_a_full_disk_ends_the_run(self):
         """As does any other output; the rows so far are whole lines or one part of a line."""

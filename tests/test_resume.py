@@ -88,10 +88,12 @@ class Kills(Resume):
     def end_of(self, options, kills, chance):
         """Kill and resume a run until it ends; returns the number of kills. No frame is lost."""
         begun = time.monotonic()
-        self.good(*self.command(options, "whole.vtkhdf", "--energies", "whole.csv"))
+        tables = [[f"--{kind}", f"{name}_{kind}.csv"] for name in ("whole", "out")
+                  for kind in ("energies", "reactions", "springs")]
+        self.good(*self.command(options, "whole.vtkhdf", *sum(tables[:3], [])))
         length = time.monotonic() - begun
         (self.folder / "out.vtkhdf").unlink(missing_ok=True)
-        command = self.command(options, "out.vtkhdf", "--resume", "--energies", "out.csv")
+        command = self.command(options, "out.vtkhdf", "--resume", *sum(tables[3:], []))
         killed, frames = 0, -1
         while killed < kills and self.kill_once(command, chance.uniform(0, 0.8 * length)):
             killed += 1
@@ -101,7 +103,8 @@ class Kills(Resume):
             frames = now
         self.good(*command)
         self.assertEqual(self.read("out.vtkhdf"), self.read("whole.vtkhdf"))
-        self.assertEqual(self.read("out.csv"), self.read("whole.csv"))
+        for whole, out in zip(tables[:3], tables[3:]):
+            self.assertEqual(self.read(out[1]), self.read(whole[1]))
         return killed
 
     def test_kills(self):
@@ -156,6 +159,12 @@ class Ends(Resume):
         self.assert_sentence(err, "note: the file of --out does not exist: the run starts")
         self.good(*self.command(self.OPTIONS + "0.1", "whole.vtkhdf"))
         self.assertEqual(self.read("out.vtkhdf"), self.read("whole.vtkhdf"))
+
+    def test_formats_without_checkpoints(self):
+        """They are refused before the first run, not only when it has to be resumed."""
+        for name in "out.csv", "out.html", "out.pvd":
+            self.assert_refused(["run", "scene.json", *(self.OPTIONS + "0.1").split(), "--out", name,
+                                 "--resume"], name, "has no checkpoints; use a .vtkhdf file")
 
     def test_what_is_not_ours(self):
         self.write("scene.json", pendulum(integrator="verlet", steps=3))

@@ -3,6 +3,7 @@
 #define CLI_ARGUMENTS_H
 
 #include "msim/msim.h"
+#include "tables.h"
 
 typedef enum command_id { COMMAND_RUN, COMMAND_EXPLAIN, COMMAND_LIST, NCOMMANDS } command_id;
 
@@ -14,8 +15,9 @@ typedef struct setting {
 
 typedef struct arguments {
   command_id which;
-  const char *scene;                         /* NULL for list */
-  const char *out, *final, *init, *energies; /* NULL: not given */
+  const char *scene;              /* NULL for list */
+  const char *out, *final, *init; /* NULL: not given */
+  const char *tables[NTABLES];    /* files of --energies, --reactions, --springs; NULL: not given */
   int resume, force, stats, quiet, help;
   int nsettings;
   setting *settings;    /* nsettings, in the order given */

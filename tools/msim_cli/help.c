@@ -46,7 +46,8 @@ const help_entry *help_environment_info(int i) {
 static const char usage_run[] =
     "Usage: msim_cli run SCENE [--OPTION VALUE]... [--out FILE]\n"
     "                          [--every N | --fps F] [--final FILE.json]\n"
-    "                          [--energies FILE.csv] [--init FINAL.json] [--resume]\n"
+    "                          [--energies FILE.csv] [--reactions FILE.csv]\n"
+    "                          [--springs FILE.csv] [--init FINAL.json] [--resume]\n"
     "                          [--stats] [--quiet]\n"
     "Simulate a scene file, in JSON or HDF5 (*.h5).\n";
 

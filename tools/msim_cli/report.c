@@ -96,11 +96,14 @@ static void print_files(const report *r, const arguments *args) {
     print_column(VALUE_COLUMN, "last state");
     puts(args->final);
   }
-  if (args->energies) {
-    print_column(VALUE_COLUMN, "energies");
-    puts(args->energies);
+  int ntables = 0;
+  for (int i = 0; i < NTABLES; i++) {
+    if (!args->tables[i]) continue;
+    print_column(VALUE_COLUMN, table_name((table_kind)i));
+    puts(args->tables[i]);
+    ntables++;
   }
-  if (!args->out && !args->final && !args->energies) {
+  if (!args->out && !args->final && !ntables) {
     print_column(VALUE_COLUMN, "kept");
     puts("nothing; use --out FILE for the motion, --final FILE.json for the last state");
   }

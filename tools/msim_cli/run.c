@@ -10,11 +10,11 @@
 #include "../common/clock.h"
 #include "../common/files.h"
 #include "../common/message.h"
-#include "energies.h"
 #include "final.h"
 #include "progress.h"
 #include "report.h"
 #include "setup.h"
+#include "tables.h"
 #include "targets.h"
 
 typedef struct run {
@@ -23,7 +23,7 @@ typedef struct run {
   msim_sim *sim;
   msim_recorder *recorder; /* NULL: no --out */
   output_file final;
-  energies energies; /* table of --energies */
+  table tables[NTABLES];
   progress bar;
   report report;
   msim_state first;   /* first state; its arrays are not used */
@@ -117,7 +117,8 @@ static msim_status open_recorder(run *r, msim_error *err) {
   const arguments *args = r->args;
   if (args->force) return msim_recorder_replace(r->sim, args->out, &r->recorder, err);
   if (!args->resume) return msim_recorder_open(r->sim, args->out, &r->recorder, err);
-  if (file_exists(args->out)) return resume_run(r, err);
+  const msim_status status = resume_run(r, err);
+  if (status != MSIM_ERR_IO || file_exists(args->out)) return status;
   if (!args->quiet)
     print_note("the file of --out does not exist: the run starts from the beginning", r);
   return msim_recorder_open(r->sim, args->out, &r->recorder, err);
@@ -128,22 +129,29 @@ static int open_files(run *r) {
   msim_error err;
   r->from = r->first;
   if (args->final && output_open(&r->final, args->final)) return EXIT_ERROR;
-  if (args->energies && energies_open(&r->energies, args->energies)) return EXIT_ERROR;
+  for (int i = 0; i < NTABLES; i++)
+    if (args->tables[i] && table_open(&r->tables[i], (table_kind)i, r->made.scene, args->tables[i]))
+      return EXIT_ERROR;
   if (args->out && open_recorder(r, &err) != MSIM_OK) return report_error("%s", err.text);
-  if (!args->energies) return EXIT_OK;
-  return energies_start(&r->energies, r->sim, r->report.goes_on);
+  for (int i = 0; i < NTABLES; i++)
+    if (args->tables[i] && table_start(&r->tables[i], r->sim, r->report.goes_on)) return EXIT_ERROR;
+  return EXIT_OK;
 }
 
 /*------------------------------------- the run --------------------------------------------------*/
 
 static int64_t least_step(int64_t a, int64_t b) { return a < b ? a : b; }
 
-static int has_frames(const run *r) { return r->recorder || r->energies.stream; }
+static int has_frames(const run *r) {
+  int ntables = 0;
+  for (int i = 0; i < NTABLES; i++) ntables += r->tables[i].stream != NULL;
+  return r->recorder || ntables;
+}
 
 static msim_status record_frame_at(run *r, double t, msim_error *err) {
   if (t == r->t_recorded) return MSIM_OK;
   msim_status status = r->recorder ? msim_recorder_write(r->recorder, err) : MSIM_OK;
-  if (!status) status = energies_write(&r->energies, r->sim, err);
+  for (int i = 0; i < NTABLES && !status; i++) status = table_write(&r->tables[i], r->sim, err);
   if (status) return status;
   r->t_recorded = t;
   r->report.frames++;
@@ -284,7 +292,7 @@ int run_command(const arguments *args) {
   running = NULL;
   if (r.recorder) msim_recorder_close(r.recorder, NULL);
   output_discard(&r.final);
-  energies_close(&r.energies);
+  for (int i = 0; i < NTABLES; i++) table_close(&r.tables[i]);
   msim_sim_destroy(r.sim);
   setup_free(&r.made);
   return status;

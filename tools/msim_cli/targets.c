@@ -2,8 +2,8 @@
 
 #include "../common/files.h"
 #include "../common/message.h"
-#include "energies.h"
 #include "final.h"
+#include "tables.h"
 
 typedef struct target {
   const char *flag, *path;      /* path: NULL if it is not given */
@@ -36,7 +36,12 @@ int check_targets(const arguments *args) {
   const target all[] = {
       {"--out", args->out, NULL, NULL, 0},
       {"--final", args->final, final_beginning, "a final state", 1},
-      {"--energies", args->energies, energies_beginning, "a table of energies", 0},
+      {"--energies", args->tables[TABLE_ENERGIES], table_title(TABLE_ENERGIES),
+       "a table of energies", 0},
+      {"--reactions", args->tables[TABLE_REACTIONS], table_title(TABLE_REACTIONS),
+       "a table of reactions", 0},
+      {"--springs", args->tables[TABLE_SPRINGS], table_title(TABLE_SPRINGS), "a table of springs",
+       0},
   };
   enum { COUNT = sizeof all / sizeof *all };
   for (int i = 0; i < COUNT; i++) {
