@@ -24,7 +24,7 @@ typedef struct sample_trajectory {
   int32_t *ij, *faces;
   uint8_t *pinned;
   double *mass, *k, *rest, *damping, *times, *x, *v;
-  float *strain, *tension;
+  float *strain, *tension, *reaction;
 } sample_trajectory;
 
 static inline double *doubles(int64_t count) { return calloc((size_t)count + 1, sizeof(double)); }
@@ -41,6 +41,7 @@ static inline void sample_init(sample_trajectory *s, const char *path, int32_t n
                            .damping = doubles(nsprings),
                            .strain = calloc(ncells + 1, sizeof(float)),
                            .tension = calloc(ncells + 1, sizeof(float)),
+                           .reaction = calloc(3 * (size_t)n + 1, sizeof(float)),
                            .mass = doubles(n),
                            .k = doubles(nsprings),
                            .rest = doubles(nsprings),
@@ -80,8 +81,8 @@ static inline void sample_init(sample_trajectory *s, const char *path, int32_t n
 }
 
 static inline void sample_free(sample_trajectory *s) {
-  void *arrays[] = {s->ij,      s->faces, s->pinned, s->mass, s->k,      s->rest,
-                    s->damping, s->times, s->x,      s->v,    s->strain, s->tension};
+  void *arrays[] = {s->ij,    s->faces, s->pinned, s->mass,   s->k,       s->rest,    s->damping,
+                    s->times, s->x,     s->v,      s->strain, s->tension, s->reaction};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]);
 }
 
@@ -102,6 +103,8 @@ static inline msim_frame sample_frame(sample_trajectory *s, int64_t i) {
     s->strain[c] = (float)(0.25 * c + (double)i);
     s->tension[c] = (float)sin(c + (double)i);
   }
+  for (int32_t c = 0; c < 3 * s->what.n; c++)
+    s->reaction[c] = s->pinned[c / 3] ? (float)(0.5 * c - (double)i) : 0;
   for (int b = 0; b < SAMPLE_CHECKPOINT; b++) s->checkpoint[b] = (char)(7 * i + b * (i + 1));
   return (msim_frame){.size = sizeof(msim_frame),
                       .step = 10 * i,
@@ -115,7 +118,8 @@ static inline msim_frame sample_frame(sample_trajectory *s, int64_t i) {
                       .elastic = 0.5 * (double)i,
                       .gravitational = -cos((double)i) - 0.5 * (double)i,
                       .strain = s->strain,
-                      .tension = s->tension};
+                      .tension = s->tension,
+                      .reaction = s->reaction};
 }
 
 static inline msim_status record_rest(const msim_recorder_type *type, void *self,

@@ -157,7 +157,7 @@ static void the_layout_is_that_of_vtkhdf(void **state) {
   assert_text(file, "/VTKHDF", "Type", "PolyData");
   assert_text(file, "/msim", "creator", creator);
   assert_int_equal(read_attribute(file, "/VTKHDF", "Version"), 2);
-  assert_int_equal(read_attribute(file, "/msim", "format"), 2);
+  assert_int_equal(read_attribute(file, "/msim", "format"), 3);
   H5F_info2_t info;
   assert_true(H5Fget_info2(file, &info) >= 0);
   assert_int_equal(info.super.version, 0); /* no mark "open for writing" remains */
@@ -200,6 +200,12 @@ static void assert_frame_data(hid_t file, sample_trajectory *s, int64_t frames) 
       assert_values(file, "/VTKHDF/CellData/Strain", i * cells + c, (double)frame.strain[c]);
       assert_values(file, "/VTKHDF/CellData/Tension", i * cells + c, (double)frame.tension[c]);
     }
+    int64_t count = 0;
+    double *reaction =
+        (double *)read_rows(file, "/VTKHDF/PointData/Reaction", i * s->what.n, s->what.n, &count);
+    assert_int_equal(count, 3 * s->what.n);
+    for (int64_t c = 0; c < count; c++) assert_true(reaction[c] == (double)frame.reaction[c]);
+    free(reaction);
   }
 }
 
@@ -226,6 +232,7 @@ static void columns_hold_what_was_given(void **state) {
   assert_column(file, "/VTKHDF/Steps/NumberOfParts", 1, 0);
   assert_column(file, "/VTKHDF/Steps/PointOffsets", 0, 4);
   assert_column(file, "/VTKHDF/Steps/PointDataOffsets/Velocity", 0, 4);
+  assert_column(file, "/VTKHDF/Steps/PointDataOffsets/Reaction", 0, 4);
   assert_column(file, "/VTKHDF/Steps/PointDataOffsets/Mass", 0, 0);
   assert_column(file, "/VTKHDF/Steps/CellOffsets", 0, 0);
   assert_column(file, "/VTKHDF/Steps/FieldDataOffsets/KineticEnergy", 0, 1);
@@ -233,6 +240,28 @@ static void columns_hold_what_was_given(void **state) {
   H5Fclose(file);
   sample_free(&s);
   remove("c.vtkhdf");
+}
+
+/* Files without pinned particles have no reactions; those of older hosts that give none have 0. */
+static void reactions_are_recorded_where_particles_are_pinned(void **state) {
+  (void)state;
+  counting_host mine;
+  sample_trajectory s;
+  hsize_t dims[2];
+  for (int pinned = 0; pinned < 2; pinned++) {
+    host_init(&mine);
+    sample_init(&s, "p.vtkhdf", 4, 3, 5);
+    memset(s.pinned, pinned, 4);
+    assert_int_equal(record(find_hdf5_recorder(), &mine.host, &s, 5), MSIM_OK);
+    assert_trajectory_valid("p.vtkhdf", 5, 5);
+    hid_t file = open_trajectory("p.vtkhdf");
+    assert_int_equal(dataset_extent(file, "/VTKHDF/PointData/Reaction", dims), pinned ? 2 : -1);
+    assert_int_equal(dataset_extent(file, "/VTKHDF/Steps/PointDataOffsets/Reaction", dims),
+                     pinned ? 1 : -1);
+    H5Fclose(file);
+    sample_free(&s);
+    remove("p.vtkhdf");
+  }
 }
 
 static void equal_runs_give_equal_bytes(void **state) {
@@ -380,6 +409,7 @@ int main(int argc, char **argv) {
       cmocka_unit_test(many_frames_and_large_frames),
       cmocka_unit_test(the_layout_is_that_of_vtkhdf),
       cmocka_unit_test(columns_hold_what_was_given),
+      cmocka_unit_test(reactions_are_recorded_where_particles_are_pinned),
       cmocka_unit_test(equal_runs_give_equal_bytes),
       cmocka_unit_test(damage_is_noticed),
       cmocka_unit_test(threads_record_side_by_side),

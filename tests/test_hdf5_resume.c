@@ -205,65 +205,11 @@ static void to_an_earlier_end(void **state) {
 
 /*------------------------------------- formats --------------------------------------------------*/
 
-static void set_format(int64_t format) {
-  hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
-  hid_t group = H5Gopen2(file, "/msim", H5P_DEFAULT);
-  hid_t attribute = H5Aopen(group, "format", H5P_DEFAULT);
-  assert_true(H5Awrite(attribute, H5T_NATIVE_INT64, &format) >= 0);
-  H5Aclose(attribute), H5Gclose(group), H5Fclose(file);
-}
-
-/* Make a file without faces one of format 1. */
-static void remove_format_2(void) {
-  static const char *const added[] = {"/VTKHDF/CellData/Strain",
-                                      "/VTKHDF/CellData/Tension",
-                                      "/VTKHDF/CellData/Damping",
-                                      "/VTKHDF/PointData/Pinned",
-                                      "/VTKHDF/FieldData/ElasticEnergy",
-                                      "/VTKHDF/FieldData/GravitationalEnergy",
-                                      "/VTKHDF/Steps/CellDataOffsets/Strain",
-                                      "/VTKHDF/Steps/CellDataOffsets/Tension",
-                                      "/VTKHDF/Steps/CellDataOffsets/Damping",
-                                      "/VTKHDF/Steps/PointDataOffsets/Pinned",
-                                      "/VTKHDF/Steps/FieldDataOffsets/ElasticEnergy",
-                                      "/VTKHDF/Steps/FieldDataOffsets/GravitationalEnergy",
-                                      "/msim/frames/NCommitted",
-                                      "/msim/planes"};
-  hid_t file = H5Fopen("a.vtkhdf", H5F_ACC_RDWR, H5P_DEFAULT);
-  for (size_t i = 0; i < sizeof added / sizeof *added; i++)
-    assert_true(H5Ldelete(file, added[i], H5P_DEFAULT) >= 0);
-  H5Fclose(file);
-  set_format(1);
-}
-
-/* A file of format 1 has no faces, whatever the scene has, and goes on without what came later. */
-static void format_1_is_resumed_as_it_is(void **state) {
-  (void)state;
-  int64_t kept;
-  begin(0);
-  const int32_t nfaces = s.what.nfaces;
-  s.what.nfaces = 0;
-  assert_int_equal(record(find_hdf5_recorder(), &host.host, &s, 5), MSIM_OK);
-  remove_format_2();
-  s.what.nfaces = nfaces;
-  if (record_resumed(find_hdf5_recorder(), &host.host, &s, PLANNED, &kept) != MSIM_OK)
-    fail_msg("%s", host.sentence);
-  assert_int_equal(kept, 5);
-  assert_trajectory_valid("a.vtkhdf", PLANNED, PLANNED);
-  hid_t file = open_trajectory("a.vtkhdf");
-  assert_int_equal(read_attribute(file, "/msim", "format"), 1);
-  assert_int_equal(committed_count(file), -1);
-  H5Fclose(file);
-  assert_int_equal(host.live, 0);
-  sample_free(&s);
-  remove("a.vtkhdf");
-}
-
 static void a_later_format_is_refused(void **state) {
   (void)state;
   begin(5);
-  set_format(3);
-  refuse(MSIM_ERR_ARG, "it has format 3, which this version of msim does not support");
+  set_trajectory_format("a.vtkhdf", 4);
+  refuse(MSIM_ERR_ARG, "it has format 4, which this version of msim does not support");
   sample_free(&s);
   remove("a.vtkhdf");
 }
@@ -471,7 +417,6 @@ int main(void) {
       cmocka_unit_test(resume_over_an_unplanned_frame),
       cmocka_unit_test(frames_are_withdrawn_one_by_one),
       cmocka_unit_test(to_an_earlier_end),
-      cmocka_unit_test(format_1_is_resumed_as_it_is),
       cmocka_unit_test(a_later_format_is_refused),
       cmocka_unit_test(another_run_is_refused),
       cmocka_unit_test(damage_is_refused),

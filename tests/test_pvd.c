@@ -100,6 +100,7 @@ static void a_frame_holds_its_bits(void **state) {
                 {frame.v, 24 * N},
                 {s.mass, 8 * N},
                 {s.pinned, N},
+                {frame.reaction, 12 * N},
                 {frame.strain, 4 * (NSPRINGS + 5)},
                 {frame.tension, 4 * (NSPRINGS + 5)},
                 {frame.x, 24 * N},

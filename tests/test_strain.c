@@ -8,7 +8,8 @@
 
 enum { SPRINGS = 5, FACES = 3, CELLS = SPRINGS + FACES };
 
-static float strain[CELLS], tension[CELLS];
+static float strain[CELLS], tension[CELLS], reaction[3 * 7];
+static int has_reactions;
 
 static msim_status open_nothing(const msim_host *host, const msim_recording *what, void **self) {
   (void)host;
@@ -21,6 +22,8 @@ static msim_status keep_frame(void *self, const msim_frame *frame) {
   (void)self;
   memcpy(strain, frame->strain, sizeof strain);
   memcpy(tension, frame->tension, sizeof tension);
+  has_reactions = frame->reaction != NULL;
+  if (has_reactions) memcpy(reaction, frame->reaction, sizeof reaction);
   return MSIM_OK;
 }
 
@@ -87,6 +90,23 @@ static void springs_and_faces(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Particle 2 of the square is pulled by a spring of -40 N along -y, one of 60 N along -x, and two
+ * along the diagonal: the support balances these. */
+static void reactions_of_pins(void **state) {
+  (void)state;
+  const double d = sqrt(8.0), pull = (40 * (d - 1) + 50 * (d - 2)) / sqrt(2.0);
+  const uint8_t pins[7] = {0, 0, 1, 0, 0, 0, 0};
+  msim_scene *scene = make_square(1);
+  record_with(scene);
+  assert_int_equal(has_reactions, 0);
+  scene->data->pinned[2] = pins[2];
+  record_with(scene);
+  assert_int_equal(has_reactions, 1);
+  for (int i = 0; i < 21; i++)
+    assert_float_equal(reaction[i], (float)(i == 6 ? 60 + pull : i == 7 ? pull - 40 : 0), 1e-4);
+  msim_scene_destroy(scene);
+}
+
 static void numbers_beyond_single_precision_are_its_largest(void **state) {
   (void)state;
   msim_scene *scene = make_square(1e60);
@@ -129,6 +149,7 @@ static void faces_find_their_springs_in_large_scenes(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(springs_and_faces),
+      cmocka_unit_test(reactions_of_pins),
       cmocka_unit_test(numbers_beyond_single_precision_are_its_largest),
       cmocka_unit_test(faces_find_their_springs_in_large_scenes),
   };

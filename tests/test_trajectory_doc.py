@@ -29,7 +29,8 @@ class Document(CliTest):
         support.require(h5py, "h5py of PyPI")
         self.scene(CLOTH)
         self.good("run", "scene.json", "--integrator", "velocity-verlet", "--h", "1e-3", "--steps",
-                  "100", "--every", "20", "--out", "run.vtkhdf", "--energies", "e.csv", "--quiet")
+                  "100", "--every", "20", "--out", "run.vtkhdf", "--energies", "e.csv", "--reactions", "r.csv", "--springs",
+                  "s.csv", "--quiet")
 
     def test_the_program(self):
         out = support.run(sys.executable, "-c", PROGRAM, cwd=self.folder)
@@ -47,6 +48,8 @@ class Document(CliTest):
             energies = numpy.transpose([file["VTKHDF/FieldData"][name + "Energy"][:] for name in
                                         ("Kinetic", "Elastic", "Gravitational")])
             pinned = file["VTKHDF/PointData/Pinned"][:]
+            mass, v, reaction = (file["VTKHDF/PointData"][name][:] for name in
+                                 ("Mass", "Velocity", "Reaction"))
         exec(compile(PROGRAM.replace('"run.vtkhdf"', f'"{self.folder}/run.vtkhdf"'), "doc", "exec"),
              scope)
         x, ij, strain, n = (scope[key] for key in ("x", "ij", "strain", "springs"))
@@ -59,6 +62,24 @@ class Document(CliTest):
         table = [[float(row[key]) for key in ("kinetic", "elastic", "gravitational")]
                  for row in self.rows("e.csv")]
         self.assertEqual(energies.tolist(), table)
+        force = numpy.zeros_like(x)  # without damping
+        pull = (k * (length - rest) / length)[..., None] * (x[:, ij[:, 1]] - x[:, ij[:, 0]])
+        for frame in range(len(x)):
+            numpy.add.at(force[frame], ij[:, 0], pull[frame])
+            numpy.add.at(force[frame], ij[:, 1], -pull[frame])
+        force += mass[:, None] * [0, 0, -9.81]
+        numpy.testing.assert_allclose(reaction.reshape(x.shape), -force * pinned[:, None],
+                                      rtol=1e-6, atol=1e-6)
+        self.assertGreater(abs(reaction).max(), 0.5)
+        self.assertEqual(
+            [numpy.float32([row["fx"], row["fy"], row["fz"]]).tolist() for row in self.rows("r.csv")],
+            reaction.reshape(x.shape)[:, pinned == 1].reshape(-1, 3).tolist())
+        springs = [[float(row[key]) for key in ("tension", "elongation", "strain")]
+                   for row in self.rows("s.csv")]
+        elongation = (length - rest).ravel()
+        numpy.testing.assert_allclose(springs, numpy.transpose(
+            [numpy.tile(k, len(x)) * elongation, elongation, elongation / numpy.tile(rest, len(x))]),
+            rtol=1e-9, atol=1e-12)
         self.assertEqual(planes.tolist(), [[0, 0, 1, -2, 0.5, 0.25]])
         self.assertEqual(numpy.flatnonzero(pinned).tolist(), [0, 3, 16, 19])
         self.assertEqual(scope["triangles"].shape, (24, 3))

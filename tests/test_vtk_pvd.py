@@ -48,9 +48,9 @@ class PvdTest(CliTest):
 
 class Content(PvdTest):
     def test_frames_are_those_of_the_run(self):
-        self.record("--energies", "e.csv")
+        self.record("--energies", "e.csv", "--reactions", "r.csv")
         self.good("run", "scene.json", "--out", "run.csv", "--quiet")
-        rows, energies = self.rows("run.csv"), self.rows("e.csv")
+        rows, energies, reactions = (self.rows(name) for name in ("run.csv", "e.csv", "r.csv"))
         frames = self.frames_in()
         self.assertEqual([t for t, _ in frames], [float(row["t"]) for row in energies])
         self.assertEqual([file for _, file in frames], [f"run_frames/{i:06}.vtp" for i in range(6)])
@@ -61,6 +61,9 @@ class Content(PvdTest):
                 found = data.GetPointData().GetArray(name) if name else data.GetPoints().GetData()
                 self.assertEqual(vtk_to_numpy(found).tolist(),
                                  [[float(row[c]) for c in columns] for row in of_frame])
+            self.assertEqual(vtk_to_numpy(data.GetPointData().GetArray("Reaction"))[[0, 3]].tolist(),
+                             [np.float32([row["fx"], row["fy"], row["fz"]]).tolist()
+                              for row in reactions if float(row["t"]) == t])
             field = {name: data.GetFieldData().GetArray(name).GetValue(0) for name in
                      ("TimeValue", "Step", "KineticEnergy", "ElasticEnergy", "GravitationalEnergy")}
             self.assertEqual(list(field.values()), [

@@ -166,6 +166,14 @@ static inline int64_t verify_trajectory(const char *path, int64_t *planned) {
   return good;
 }
 
+static inline void set_trajectory_format(const char *path, int64_t format) {
+  hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+  hid_t group = H5Gopen2(file, "/msim", H5P_DEFAULT);
+  hid_t attribute = H5Aopen(group, "format", H5P_DEFAULT);
+  assert_true(H5Awrite(attribute, H5T_NATIVE_INT64, &format) >= 0);
+  H5Aclose(attribute), H5Gclose(group), H5Fclose(file);
+}
+
 static inline void assert_trajectory_valid(const char *path, int64_t frames, int64_t planned) {
   int64_t found = -1;
   assert_int_equal(verify_trajectory(path, &found), frames);

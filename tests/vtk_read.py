@@ -89,10 +89,13 @@ def check_mesh(data, expected):
 
 
 def check_cells(data, i):
-    """The values that sample_recording.h gives springs and faces in frame i"""
+    """The values that sample_recording.h gives springs, faces and pins in frame i"""
     cells = np.arange(data.GetNumberOfLines() + data.GetNumberOfPolys())
     equal("Strain", array(data.GetCellData(), "Strain"), np.float32(0.25 * cells + i))
     equal("Tension", array(data.GetCellData(), "Tension"), np.float32(np.sin(cells + i)))
+    components = np.arange(3 * data.GetNumberOfPoints())
+    equal("Reaction", array(data.GetPointData(), "Reaction"),
+          np.float32(np.where(components // 3 % 5 == 0, 0.5 * components - i, 0)).reshape(-1, 3))
 
 
 def check_energy(data, name, value):

@@ -21,14 +21,16 @@ static void fill_rows(recorder *r, hid_t dataset, shape s, hsize_t rows, int64_t
   }
 }
 
-static size_t value_bytes(shape s) { return s == SINGLE ? sizeof(float) : sizeof(double); }
+static int has_floats(shape s) { return s == SINGLE || s == FORCE; }
+
+static size_t value_bytes(shape s) { return has_floats(s) ? sizeof(float) : sizeof(double); }
 
 /* Rows of a chunk: 256, and for particles and cells a frame divided into equal pieces of at most
  * 1 MiB. */
 static hsize_t chunk_rows(const recorder *r, shape s, hsize_t rows) {
   const hsize_t most = (1 << 20) / (h5_width[s] * value_bytes(s)), frame = h5_frame_rows(r, s);
   const hsize_t pieces = frame / most + 1;
-  const hsize_t chunk = s == VECTOR || s == SINGLE ? (frame + pieces - 1) / pieces : 256;
+  const hsize_t chunk = s == VECTOR || has_floats(s) ? (frame + pieces - 1) / pieces : 256;
   return chunk < rows ? chunk : rows;
 }
 
@@ -56,6 +58,7 @@ static hid_t create_dataset(recorder *r, const char *path, shape s, hsize_t rows
 static void create_columns(recorder *r, const double *times) {
   for (int i = 0; i < NCOLUMNS; i++) {
     const column *c = &h5_columns[i];
+    if (!h5_has_column(r, c)) continue;
     const hsize_t rows = (hsize_t)r->nframes * h5_frame_rows(r, c->shape);
     const int64_t strides[] = {[FRAME] = 1, [FIRST_ROW] = r->n, [FIRST_CELL] = r->ncells};
     hid_t dataset = create_dataset(r, c->path, c->shape, rows, chunk_rows(r, c->shape, rows));
@@ -162,7 +165,8 @@ static void create_attributes(recorder *r, const msim_recording *what) {
 static double count_data_bytes(const recorder *r, const msim_recording *what) {
   double frame = 0;
   for (const column *c = h5_columns; c < h5_columns + NCOLUMNS; c++)
-    frame += (double)(value_bytes(c->shape) * h5_width[c->shape] * h5_frame_rows(r, c->shape));
+    if (h5_has_column(r, c))
+      frame += (double)(value_bytes(c->shape) * h5_width[c->shape] * h5_frame_rows(r, c->shape));
   return (double)what->nframes * frame + 9.0 * what->n + 24.0 * (double)r->ncells +
          24.0 * what->nsprings + 32.0 * what->nfaces + 2.0 * (double)what->checkpoint_capacity;
 }

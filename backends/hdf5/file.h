@@ -10,7 +10,7 @@
 typedef struct recorder {
   const msim_host *host;
   hid_t file, column[NWRITTEN], slot[NSLOTS], count; /* invalid: what the file's format lacks */
-  int format;
+  int format, has_pins;
   int64_t n, ncells, nframes, written;
   int64_t complete;  /* frames committed without a gap, for NCommitted */
   int64_t committed; /* index after the last frame marked as committed; those from `written` on are
@@ -47,6 +47,11 @@ void h5_get(recorder *r, hid_t from, shape s, hsize_t first, hsize_t rows, void 
 /* Number of rows of a shape per frame */
 static inline hsize_t h5_frame_rows(const recorder *r, shape s) {
   return h5_rows(s, r->n, r->ncells);
+}
+
+/* 1: the file has this column. */
+static inline int h5_has_column(const recorder *r, const column *c) {
+  return c->format <= r->format && (r->has_pins || c->format != FORMAT_OF_PINS);
 }
 
 /* Allocate the buffer for slots with checkpoints of `capacity` bytes. */

@@ -4,14 +4,14 @@
 #include "hash.h"
 #include "resume.h"
 
-/* Hosts of older versions give no strain: the file has zeros. */
+/* Hosts of older versions give no strain and no reactions: the file has zeros. */
 static void write_column(recorder *r, int i, const entry *e) {
   const shape s = h5_columns[i].shape;
   const hsize_t rows = h5_frame_rows(r, s);
   const void *data = (const char *)e + h5_columns[i].source;
   if (s == VECTOR) data = *(const double *const *)data;
-  if (s == SINGLE) data = *(const float *const *)data;
-  if (!data || h5_columns[i].format > r->format) return;
+  if (s == SINGLE || s == FORCE) data = *(const float *const *)data;
+  if (!data || !h5_has_column(r, &h5_columns[i])) return;
   h5_doing(r, "write", h5_columns[i].path);
   h5_put(r, r->column[i], s, (hsize_t)r->written * rows, rows, data);
 }
@@ -100,6 +100,7 @@ static msim_status start_recorder(const msim_host *host, const msim_recording *g
                   .nframes = what.nframes,
                   .sync = what.sync};
   memcpy(r->name, name, strlen(name) + 1);
+  for (int32_t p = 0; p < what.n && what.pinned; p++) r->has_pins |= what.pinned[p];
   if (from) WITH_LIBRARY(host, h5_resume(r, &what, from));
   else WITH_LIBRARY(host, h5_create(r, &what));
   if (r->fault.status != MSIM_OK) return close_recorder(r);

@@ -10,7 +10,8 @@
  * Cell data have a row per line, then one per polygon; those of Stiffness, RestLength and Damping
  * are 0 for polygons. Strain and Tension are in single precision: they follow from Points, and in
  * double precision they would be most of the file (of a cloth of 64 x 64 particles, a frame would
- * have 707 kB in place of 452; its positions and velocities have 197).
+ * have 707 kB in place of 452; its positions and velocities have 197). So is Reaction, which files
+ * have where particles were pinned when they were created.
  *
  * /msim/frames/NCommitted is the number of committed frames. It is written after each commit, and
  * lowered before frames are withdrawn: after a crash it may be too small, but is never too large.
@@ -32,7 +33,8 @@
  * Stiffness and RestLength of the springs, length of the scene, its bytes, one per word,
  * Polygons/Connectivity.
  *
- * Files of format 1 lack what has format 2 below, and polygons; they are resumed as they are. */
+ * Files of format 1 lack what has format 2 below, and polygons, those of format 2 what has format
+ * 3; they are resumed as they are. */
 #ifndef HDF5_LAYOUT_H
 #define HDF5_LAYOUT_H
 
@@ -40,11 +42,12 @@
 
 #include "msim/recorder.h"
 
-enum { FORMAT = 2 };
+/* Of columns with FORMAT_OF_PINS a file has those only if particles were pinned. */
+enum { FORMAT = 3, FORMAT_OF_PINS = 3 };
 
 /* Shape of the rows of a dataset. INDEX: int32 in memory, 64 bits in the file like WHOLE. SINGLE:
- * float. PLANE: an msim_plane. */
-typedef enum shape { VECTOR, REAL, WHOLE, QUAD, INDEX, BYTE, SINGLE, PLANE } shape;
+ * float; FORCE: three of them. PLANE: an msim_plane. */
+typedef enum shape { VECTOR, REAL, WHOLE, QUAD, INDEX, BYTE, SINGLE, FORCE, PLANE } shape;
 extern const hsize_t h5_width[];
 
 /* Initial value of a column for frame i. */
@@ -65,7 +68,7 @@ typedef struct entry {
   int64_t part;
 } entry;
 
-/* A dataset with one row per frame, n if the shape is VECTOR, ncells if it is SINGLE. */
+/* A dataset with one row per frame, n if the shape is VECTOR or FORCE, ncells if it is SINGLE. */
 typedef struct column {
   const char *path;
   shape shape;
@@ -75,7 +78,7 @@ typedef struct column {
 } column;
 
 /* COMMIT is written last, after all others have been flushed. */
-enum { X, V, TIME_SHOWN, TIME = 5, STEP, HASH, COMMIT = 12, NWRITTEN, NCOLUMNS = 29 };
+enum { X, V, TIME_SHOWN, TIME = 5, STEP, HASH, REACTION = 12, COMMIT, NWRITTEN, NCOLUMNS = 31 };
 extern const column h5_columns[NCOLUMNS];
 
 /* Words at the beginning of a slot. */

@@ -83,6 +83,7 @@ static void check_counts(recorder *r, const msim_recording *what) {
   r->nframes = get_attribute(r, "/VTKHDF/Steps", "NSteps");
   if (r->fault.status != MSIM_OK) return;
   r->format = (int)format;
+  r->has_pins = H5Lexists(r->file, h5_columns[REACTION].path, H5P_DEFAULT) > 0;
   r->ncells = (int64_t)what->nsprings + (format > 1 ? what->nfaces : 0);
   if (format < 1 || format > FORMAT)
     h5_fail(r, MSIM_ERR_ARG,
@@ -107,7 +108,7 @@ static hsize_t open_columns(recorder *r) {
   hsize_t words[NSLOTS] = {0};
   for (int i = 0; i < NWRITTEN; i++) {
     const column *c = &h5_columns[i];
-    if (c->format > r->format) continue;
+    if (!h5_has_column(r, c)) continue;
     r->column[i] =
         open_rows(r, c->path, c->shape, (hsize_t)r->nframes * h5_frame_rows(r, c->shape));
   }

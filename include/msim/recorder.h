@@ -70,6 +70,9 @@ typedef struct msim_frame {
   /* nsprings + nfaces: (l - rest) / rest, 0 where rest = 0, and k (l - rest) in N of each spring of
    * length l, then of each face: the mean of the springs among its edges, 0 without any */
   const float *strain, *tension;
+  /* 3n: the force in N that its support exerts on each pinned particle, see msim_sim_reactions, 0
+   * on others; NULL: no particle was pinned when the recording began */
+  const float *reaction;
 } msim_frame;
 
 /* The point at which a file is resumed. Borrowed until the next call with the recorder. */

@@ -266,7 +266,7 @@ static void add_checkpoint(msim_recorder *r, msim_frame *frame) {
 static msim_status record_state(msim_recorder *r, const msim_state *state, msim_error *err) {
   msim_energy energy = {.size = sizeof energy};
   msim_sim_energy(r->sim, &energy);
-  ms_strain_compute(&r->strain, r->sim->scene, state->x);
+  ms_strain_compute(&r->strain, r->sim->scene, state->x, state->v);
   msim_frame frame = {.size = sizeof frame,
                       .step = state->step,
                       .t = state->t,
@@ -277,7 +277,8 @@ static msim_status record_state(msim_recorder *r, const msim_state *state, msim_
                       .elastic = energy.elastic,
                       .gravitational = energy.gravitational,
                       .strain = r->strain.strain,
-                      .tension = r->strain.tension};
+                      .tension = r->strain.tension,
+                      .reaction = r->strain.reaction};
   if (!isfinite(energy.total))
     return ms_error_set(err, MSIM_NOT_FINITE,
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "

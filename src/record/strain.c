@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 #include "physics/law.h"
+#include "physics/reference.h"
 
 /*------------------------------------- springs of the faces -------------------------------------*/
 
@@ -47,13 +48,24 @@ static void find_edges(ms_strain *s, const ms_scene *scene, const spring_table *
   }
 }
 
+static int has_pins(const ms_scene *scene) {
+  for (int32_t p = 0; p < scene->nparticles; p++)
+    if (scene->pinned[p]) return 1;
+  return 0;
+}
+
+static int allocate_reactions(ms_strain *s, const ms_scene *scene, const msim_allocator *alloc) {
+  const size_t n = 3 * (size_t)scene->nparticles;
+  return !has_pins(scene) || (MS_NEW(alloc, s->exact, n) && MS_NEW(alloc, s->reaction, n));
+}
+
 msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_allocator *alloc,
                            msim_error *err) {
   const size_t cells = (size_t)scene->nsprings + (size_t)scene->nfaces;
   spring_table table = {.ij = scene->ij};
   *s = (ms_strain){NULL};
   if (!MS_NEW(alloc, s->edge, 3 * (size_t)scene->nfaces) || !MS_NEW(alloc, s->strain, cells) ||
-      !MS_NEW(alloc, s->tension, cells) ||
+      !MS_NEW(alloc, s->tension, cells) || !allocate_reactions(s, scene, alloc) ||
       (scene->nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
     return ms_error_set_memory(err, "the strain of a frame");
   find_edges(s, scene, &table);
@@ -62,7 +74,7 @@ msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_alloc
 }
 
 void ms_strain_free(ms_strain *s, const msim_allocator *alloc) {
-  MS_FREE(alloc, s->edge, s->strain, s->tension);
+  MS_FREE(alloc, s->edge, s->strain, s->tension, s->exact, s->reaction);
   *s = (ms_strain){NULL};
 }
 
@@ -81,7 +93,15 @@ static float mean(const float *values, const int32_t edge[3]) {
   return count ? (float)(sum / count) : 0;
 }
 
-void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x) {
+static void compute_reactions(ms_strain *s, const ms_scene *scene, const double *x,
+                              const double *v) {
+  if (!s->reaction) return;
+  ms_reference_compute_reactions(scene, x, v, s->exact);
+  for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++) s->reaction[i] = to_float(s->exact[i]);
+}
+
+void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x, const double *v) {
+  compute_reactions(s, scene, x, v);
   for (int32_t k = 0; k < scene->nsprings; k++) {
     const double *a = x + 3 * (size_t)scene->ij[2 * (size_t)k];
     const double *b = x + 3 * (size_t)scene->ij[2 * (size_t)k + 1];

@@ -1,9 +1,9 @@
-/* strain - strain and tension of the springs in a frame, for recorders
+/* strain - strain and tension of the springs and reactions of the pins in a frame, for recorders
  *
  * A spring of length l and rest length L has strain (l - L) / L, 0 where L = 0, and tension
  * k (l - L). A face has the mean of the springs among its edges, 0 where none is a spring, so that
- * a surface can be coloured. In single precision, as they follow from positions; numbers beyond its
- * range are its largest ones. */
+ * a surface can be coloured. Reactions are those of msim_sim_reactions. In single precision, as
+ * they follow from positions and velocities; numbers beyond its range are its largest ones. */
 #ifndef MS_STRAIN_H
 #define MS_STRAIN_H
 
@@ -12,12 +12,14 @@
 typedef struct ms_strain {
   int32_t *edge;           /* 3 nfaces: the springs between the corners of each face; -1: none */
   float *strain, *tension; /* nsprings + nfaces, tension in N */
+  double *exact;           /* 3 nparticles, N: reactions in double precision */
+  float *reaction;         /* 3 nparticles, N; NULL: no particle was pinned at ms_strain_init */
 } ms_strain;
 
-/* Find the springs of the faces. Call ms_strain_free in any case. */
+/* Find the springs of the faces, and whether particles are pinned. Call ms_strain_free always. */
 msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_allocator *alloc,
                            msim_error *err);
-void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x);
+void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x, const double *v);
 void ms_strain_free(ms_strain *s, const msim_allocator *alloc);
 
 #endif

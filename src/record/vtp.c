@@ -23,6 +23,8 @@ typedef struct array {
 #define FRAME(member) 0, offsetof(msim_frame, member)
 #define CONST(member) 1, offsetof(msim_recording, member)
 
+enum { REACTION = 9 };
+
 static const array arrays[MS_VTP_ARRAYS] = {
     {"FieldData", "TimeValue", "Float64", ONCE, 1, 8, FRAME(t)},
     {"FieldData", "Step", "Int64", ONCE, 1, 8, FRAME(step)},
@@ -33,6 +35,7 @@ static const array arrays[MS_VTP_ARRAYS] = {
     {"PointData", "Velocity", "Float64", POINT, 3, 8, FRAME(v)},
     {"PointData", "Mass", "Float64", POINT, 1, 8, CONST(mass)},
     {"PointData", "Pinned", "UInt8", POINT, 1, 1, CONST(pinned)},
+    [REACTION] = {"PointData", "Reaction", "Float32", POINT, 3, 4, FRAME(reaction)},
     {"CellData", "Strain", "Float32", CELL, 1, 4, FRAME(strain)},
     {"CellData", "Tension", "Float32", CELL, 1, 4, FRAME(tension)},
     {"Points", "Points", "Float64", POINT, 3, 8, FRAME(x)},
@@ -45,6 +48,8 @@ static const array arrays[MS_VTP_ARRAYS] = {
 /*------------------------------------- what frames have in common -------------------------------*/
 
 static void append_text(ms_vtp *vtp, const char *format, ...) MS_PRINTF(2, 3);
+
+static int has_array(const ms_vtp *vtp, int i) { return vtp->has_pins || i != REACTION; }
 
 static void append_text(ms_vtp *vtp, const char *format, ...) {
   const size_t used = strlen(vtp->text);
@@ -72,6 +77,7 @@ static void describe_arrays(ms_vtp *vtp, const int64_t count[NITEMS]) {
     const array *a = &arrays[i];
     if (strcmp(section, a->section) != 0) open_section(vtp, section, a->section, count);
     section = a->section;
+    if (!has_array(vtp, i)) continue;
     append_text(
         vtp,
         "<DataArray type=\"%s\" Name=\"%s\" NumberOfComponents=\"%d\" NumberOfTuples=\"%" PRId64
@@ -115,6 +121,7 @@ int ms_vtp_init(ms_vtp *vtp, const msim_host *host, const msim_recording *what) 
                                  [CORNER] = 3 * (int64_t)what->nfaces};
   const uint16_t one = 1;
   *vtp = (ms_vtp){.constants = NULL};
+  for (int32_t p = 0; p < what->n; p++) vtp->has_pins |= what->pinned[p];
   append_text(vtp,
               "%s<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"%s\" "
               "header_type=\"UInt64\">\n<PolyData>\n",
@@ -140,6 +147,7 @@ static const void *find_data(const ms_vtp *vtp, const msim_frame *frame, int i) 
 int ms_vtp_write(const ms_vtp *vtp, const msim_frame *frame, FILE *stream) {
   fputs(vtp->text, stream);
   for (int i = 0; i < MS_VTP_ARRAYS; i++) {
+    if (!has_array(vtp, i)) continue;
     fwrite(&vtp->bytes[i], sizeof *vtp->bytes, 1, stream);
     fwrite(find_data(vtp, frame, i), 1, vtp->bytes[i], stream);
   }

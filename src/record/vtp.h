@@ -12,7 +12,7 @@
 /* The beginning of every file, by which it is recognized. */
 extern const char ms_vtp_beginning[];
 
-enum { MS_VTP_ARRAYS = 16 };
+enum { MS_VTP_ARRAYS = 17 };
 
 /* All frames of a recording have the same text and sizes. */
 typedef struct ms_vtp {
@@ -20,6 +20,7 @@ typedef struct ms_vtp {
   uint64_t bytes[MS_VTP_ARRAYS];   /* size of each array */
   const void *data[MS_VTP_ARRAYS]; /* NULL: an array of the frame */
   void *constants;                 /* memory of the others */
+  int has_pins;                    /* 0: the array of reactions is left out */
 } ms_vtp;
 
 /* Copies what frames have in common. Returns 0 if memory is exhausted. */
