@@ -266,6 +266,57 @@ class Report(CliTest):
                         "--solver", "pcg", "--jacobian=clamp")
         self.assertIn("pcg", out)
 
+    def compare(self, scene, *args):
+        """Rows of the comparison by method, and the lines after the table."""
+        self.write("bare.json", scene)
+        out = self.good("explain", "bare.json", *args)
+        table, _, advice = out.partition("\n\nrecommended   ")
+        rows = re.findall(r"^(\w[\w-]*(?: \([\w-]+\))?) +(\S+) +(\S+) +(\S+) +(\S+)   (\S.*)$", table, re.M)
+        return {row[0].split()[0]: row[1:] for row in rows if row[0] != "method"}, advice, out
+
+    def test_explain_leads_with_advice(self):
+        self.scene()
+        lines = self.good("explain", "scene.json").splitlines()
+        self.assertEqual([line.split(" ")[0] for line in lines[:6]],
+                         ["advice", "method", "cost", "limit", "output", "scene"])
+
+    def test_methods_are_compared_without_an_integrator(self):
+        """h = 0.9 of the limit 2/omega, omega = sqrt(k/m) = 10/s; counts are those of runs."""
+        bare = {**PENDULUM, "run": {}}
+        rows, advice, out = self.compare(bare)
+        self.assertIn("no integrator is given; to t = 1 s,", out)
+        self.assertEqual(list(rows), ["velocity-verlet", "linearly-implicit-euler", "dop853", "auto"])
+        self.assertEqual(rows["velocity-verlet"][:4], ("0.1667", "6", "7", "0"))
+        self.assertEqual(rows["linearly-implicit-euler"][:4], ("0.01667", "60", "60", "60"))
+        self.assertEqual([rows[name][4] for name in rows],
+                         ["not known", "not known", "1e-06", "0.0001"])
+        self.assertTrue(advice.startswith("--integrator auto --tol 0.0001: its error is known\n"))
+        self.assertEqual(self.files(), ["bare.json"])
+        final = {}
+        for name, options in (("velocity-verlet", ["--h", "auto"]), ("dop853", ["--tol", "1e-6"])):
+            self.good("run", "bare.json", "--integrator", name, *options, "--t_end", "1", "--quiet",
+                      "--final", "final.json")
+            final[name] = self.final()["stats"]
+        self.assertEqual(int(rows["velocity-verlet"][2]),
+                         final["velocity-verlet"]["force_evaluations"])
+        steps = final["dop853"]["steps"]
+        self.assertTrue(0.5 * steps <= float(rows["dop853"][1]) <= 2 * steps)
+
+    def test_the_end_and_tol_of_a_comparison(self):
+        rows, _, out = self.compare({**PENDULUM, "run": {"h": 0.01, "steps": 300}}, "--tol", "1e-3")
+        self.assertIn("to t = 3 s,", out)
+        self.assertEqual(rows["linearly-implicit-euler"][1], "180")
+        self.assertEqual((rows["dop853"][4], rows["auto"][4]), ("0.001", "0.001"))
+        _, _, out = self.compare({**PENDULUM, "run": {"t_end": 0.25}})
+        self.assertIn("to t = 0.25 s,", out)
+
+    def test_methods_that_are_refused_are_said_to_be(self):
+        collider = {"type": "sphere", "center": [0, 0, -5], "radius": 1}
+        rows, advice, out = self.compare({**PENDULUM, "run": {}, "colliders": [collider]})
+        self.assertEqual(rows["auto"], ("-", "-", "-", "-", "-"))
+        self.assertIn("does not support colliders", " ".join(out.split()))
+        self.assertTrue(advice.startswith("--integrator velocity-verlet --h auto: the least"), advice)
+
     def test_every_scene_is_understood(self):
         scenes = sorted(SCENES.glob("*.json"))
         self.assertTrue(scenes)

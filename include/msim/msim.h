@@ -127,6 +127,17 @@ typedef struct msim_plan {
   double t_end;           /* end of the run, s; -1: none */
 } msim_plan;
 
+/* The cost of the run from the present state to its end, or for 1 s if it has none, extrapolated
+ * from the first steps; counts as in msim_stats. */
+typedef struct msim_estimate {
+  size_t size;
+  int64_t tried; /* steps that were made to find it, at most 24 */
+  double steps;  /* exact with fixed steps */
+  double force_evaluations, solves, iterations, factorizations;
+  double work; /* all of that in evaluations of the forces of all springs: an iteration of pcg is
+                  1.5 of them, with a coarse space 3; factorizations count by their flops */
+} msim_estimate;
+
 /* The matrix of the next implicit step, A = M - h D - h^2 J, in compressed rows: in the order of
  * the particles, without rows and columns of pinned particles. */
 typedef struct msim_csr {
@@ -294,6 +305,12 @@ MSIM_API msim_status msim_sim_energy(msim_sim *sim, msim_energy *energy);
 MSIM_API msim_status msim_sim_stats(const msim_sim *sim, msim_stats *stats);
 MSIM_API msim_status msim_sim_plan(const msim_sim *sim, msim_plan *plan);
 
+/* Estimate the cost of the rest of the run by the first steps of a clone; counted, not timed, and
+ * so the same each time. Later steps may cost more or less, as where bodies meet planes. A status
+ * > 0 is that of a step of the clone: the run would end there. Nothing of the sim changes. Set size
+ * first. May return plugin statuses. */
+MSIM_API msim_status msim_sim_estimate(msim_sim *sim, msim_estimate *estimate, msim_error *err);
+
 /* Compute the forces on all particles in the state x, v; 0 for pinned particles. */
 MSIM_API void msim_sim_force(msim_sim *sim, const double *x /* 3n */, const double *v /* 3n */,
                              double *force /* 3n */);
@@ -314,7 +331,9 @@ MSIM_API msim_status msim_sim_springs(msim_sim *sim, double *tension /* nsprings
 /* Assemble the matrix of the next step. Refused if the method needs no matrix. */
 MSIM_API msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err);
 
-/* Describe the run as text: method, solver, skipped features, stability limits, matrix size. */
+/* Describe the run as text. The first five lines are advice: what to do, the method and its steps,
+ * the cost (msim_sim_estimate), what limits the steps, frames and sizes of files. The others report
+ * decisions: method, solver, skipped features, stability limits, matrix size. */
 MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err);
 
 /* Say what to try after steps that have ended with MSIM_NOT_SPD, MSIM_NOT_CONVERGED,

@@ -8,6 +8,7 @@
 #include "integrate/multirate.h"
 #include "linear/aggregates.h"
 #include "choose/method_choice.h"
+#include "report/overview.h"
 #include "scene/laws.h"
 #include "sim/frames.h"
 #include "sim/sim.h"
@@ -400,6 +401,8 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   if (status) return status;
   ms_text *out = &sim->explanation;
   ms_text_free(out);
+  status = ms_overview_explain(sim, out, err);
+  if (status) return status;
   explain_scene(sim, out);
   explain_laws(sim, out);
   explain_islands(sim, out);

@@ -53,8 +53,9 @@ static const char usage_run[] =
 
 static const char usage_explain[] =
     "Usage: msim_cli explain SCENE [--OPTION VALUE]...\n"
-    "Describe what a run would do: what is skipped and why, stability limits, size of\n"
-    "the matrix.\n"
+    "Describe what a run would do: advice in five lines, then what is skipped and\n"
+    "why, stability limits, size of the matrix. Without an integrator: compare four\n"
+    "methods.\n"
     "\n"
     "Example:\n"
     "  msim_cli explain rope.json --integrator linearly-implicit-euler --h 0.01\n";

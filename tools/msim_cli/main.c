@@ -6,6 +6,7 @@
 #include "../common/message.h"
 #include "../common/standard.h"
 #include "arguments.h"
+#include "comparison.h"
 #include "completion.h"
 #include "help.h"
 #include "report.h"
@@ -20,7 +21,8 @@ static int explain_command(const arguments *args) {
   msim_error err;
   const char *text;
   int status = setup_load(args, &made);
-  if (!status) {
+  if (!status && !made.options.integrator) status = comparison_print(&made);
+  else if (!status) {
     msim_status made_sim = msim_sim_create(made.scene, &made.options, &sim, &err);
     if (!made_sim) made_sim = msim_sim_explain(sim, &text, &err);
     if (made_sim) status = setup_report_error(made_sim, &err);

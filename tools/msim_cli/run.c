@@ -88,6 +88,12 @@ static int make_sim(run *r) {
   msim_options *options = &r->made.options;
   msim_error err;
   if (setup_load(args, &r->made)) return EXIT_ERROR;
+  if (!options->integrator)
+    return report_usage_error("run",
+                              "no integrator is given, neither on the command line nor in the "
+                              "scene's run; use --integrator NAME, as --integrator auto "
+                              "('msim_cli explain %s' compares four, 'msim_cli list' lists all)",
+                              args->scene);
   if (options->steps < 0 && options->t_end < 0)
     return report_usage_error("run",
                               "the run has no end, neither on the command line nor in the scene's "

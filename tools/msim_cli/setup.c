@@ -14,11 +14,7 @@ int setup_load(const arguments *args, setup *made) {
   if (precheck_scene(args->scene)) return EXIT_ERROR;
   if (msim_scene_load(NULL, args->scene, &made->scene, &err) != MSIM_OK)
     return report_error("%s", err.text);
-  if (arguments_options(args, made->scene, &made->options)) return EXIT_ERROR;
-  if (made->options.integrator) return EXIT_OK;
-  return report_usage_error(command_name(args->which),
-                            "no integrator is given, neither on the command line nor in the "
-                            "scene's run; use --integrator NAME ('msim_cli list' lists them)");
+  return arguments_options(args, made->scene, &made->options);
 }
 
 void setup_free(setup *made) { msim_scene_destroy(made->scene); }

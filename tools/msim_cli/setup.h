@@ -9,7 +9,7 @@ typedef struct setup {
   msim_options options;
 } setup;
 
-/* Load the scene and find its options, which have to name an integrator. Prints errors. Call
+/* Load the scene and find its options, which may lack an integrator. Prints errors. Call
  * setup_free always. */
 int setup_load(const arguments *args, setup *made);
 void setup_free(setup *made);

@@ -393,6 +393,15 @@ static nb::tuple matrix(const Sim &s) {
   return nb::make_tuple(copy(a.val, {entries}), copy(a.colind, {entries}), copy(a.rowptr, {n + 1}));
 }
 
+static nb::tuple estimate(const Sim &s) {
+  msim_error err;
+  msim_estimate e{};
+  e.size = sizeof e;
+  check(msim_sim_estimate(idle(s), &e, &err), err);
+  return nb::make_tuple(e.tried, e.steps, e.force_evaluations, e.solves, e.iterations,
+                        e.factorizations, e.work);
+}
+
 static nb::str explain(const Sim &s) {
   msim_error err;
   const char *text;
@@ -465,6 +474,7 @@ void bind_sim(nb::module_ &m) {
       .def("_energy", energy)
       .def("_stats", stats)
       .def("_plan", plan)
+      .def("_estimate", estimate)
       .def("_force", force)
       .def("_reactions", reactions)
       .def("_springs", springs)

@@ -277,9 +277,21 @@ def test_sims_are_not_pickled(pair):
 
 def test_texts(cloth):
     sim = sim_of(cloth)
-    assert "64 particles" in repr(sim) and "velocity-verlet" in sim.explain()
+    assert "64 particles" in repr(sim) and sim.explain().startswith("advice        ")
     assert sim._repr_html_().startswith("<pre>&lt;msim.Sim")
     assert sim.stats["steps"] == 0 and sim.plan.integrator == "velocity-verlet"
+
+
+def test_estimate(cloth):
+    sim = sim_of(cloth, h=1e-3, steps=100)
+    found = sim.estimate()
+    assert (found.tried, found.steps, found.force_evaluations, found.solves) == (4, 100, 101, 0)
+    sim.step(100)
+    assert sim.stats["force_evaluations"] == 101 and sim.estimate().steps == 0
+    failing = sim_of(cloth, integrator="implicit-euler", h=0.1, steps=9, newton_max_iterations=1,
+                     newton_retries=0)
+    with pytest.raises(msim.NotConvergedError):
+        failing.estimate()
 
 
 def test_many_particles():

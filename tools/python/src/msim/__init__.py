@@ -14,7 +14,7 @@ from ._errors import (ArgumentError, ArgumentTypeError, BusyError, Error, FileEr
                       PluginError, Status, StoppedError, UnstableError, UnsupportedError)
 from ._options import (Integrator, Option, Plugin, importers, integrators, options, recorders,
                        solvers)
-from ._result import Energies, Energy, Frame, Plan, Result, Springs
+from ._result import Energies, Energy, Estimate, Frame, Plan, Result, Springs
 from ._scene import Plane, Scene
 from ._sim import Recorder, Sim, run
 from ._trajectory import Trajectory
@@ -22,7 +22,8 @@ from ._view import view
 
 __version__ = _version()
 __all__ = [
-    "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Error", "FileError", "Frame", "Integrator",
+    "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Error", "Estimate", "FileError", "Frame",
+    "Integrator",
     "NameNotFoundError", "NotConvergedError", "NotFiniteError", "NotPositiveDefiniteError",
     "NumericalError", "Option", "OptionError", "OutOfMemoryError", "Plan", "Plane", "Plugin",
     "PluginError", "Recorder", "Result", "Scene", "Sim", "Springs", "Status", "StoppedError",

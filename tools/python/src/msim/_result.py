@@ -45,6 +45,19 @@ class Plan(NamedTuple):
     t_end: float
 
 
+class Estimate(NamedTuple):
+    """The cost of the rest of a run, or of 1 s if it has no end, by `tried` first steps: counts as in
+    `Sim.stats`, and `work`, all of them in evaluations of all forces."""
+
+    tried: int
+    steps: float
+    force_evaluations: float
+    solves: float
+    iterations: float
+    factorizations: float
+    work: float
+
+
 class Springs(NamedTuple):
     """One number for each spring: tension f + c dl/dt, N, f = k (l - L) or that of its law;
     elongation l - L, m; strain (l - L)/L, 0 where L = 0."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from . import _arrays, _core, _options
 from ._arrays import Doubles, Path
 from ._errors import ArgumentError, ArgumentTypeError, FileError, NumericalError, Status
-from ._result import Energy, Frame, Plan, Result, Springs
+from ._result import Energy, Estimate, Frame, Plan, Result, Springs
 from ._scene import Scene
 
 if TYPE_CHECKING:
@@ -63,6 +63,10 @@ class Sim(_core.Sim):
     def plan(self) -> Plan:
         """Decisions made at creation: method, solver, step size, end."""
         return Plan(*self._plan())
+
+    def estimate(self) -> Estimate:
+        """The cost of the rest of the run, counted in the first steps of a clone, and never timed."""
+        return Estimate(*self._estimate())
 
     @property
     def h(self) -> float:
