@@ -39,7 +39,9 @@ static const ms_integrator *method_of(const advice *a) { return a->sim->config.i
 /*------------------------------------- other methods --------------------------------------------*/
 
 static void say_choose_automatically(advice *a) {
+  const ms_scene *scene = a->sim->scene;
   if (ms_sim_selects(a->sim) || options_of(a)->steps >= 0) return;
+  if (scene->ncolliders > 0 || scene->nmotions > 0) return;
   say(a, "Set integrator = auto and tol = 1e-4: method and steps are then chosen for the scene.");
 }
 
@@ -87,22 +89,36 @@ static void advise_explicit(advice *a) {
   say_choose_automatically(a);
 }
 
-/* Particles that are mirrored behind a plane gain energy in implicit steps of stiff springs. */
-static void say_locate_impacts(advice *a) {
+/* Particles that are mirrored behind a plane gain energy in long steps of stiff springs; impacts on
+ * colliders are not located, nor those where pinned particles move. */
+static void say_mend_impacts(advice *a) {
+  const ms_scene *scene = a->sim->scene;
   if (options_of(a)->collision == MSIM_COLLISION_EVENT || !a->sim->stats.contacts) return;
-  say(a, "Set collision = event: impacts are then located inside the step and add no energy.");
+  if (scene->ncolliders == 0 && scene->nmotions == 0) {
+    say(a, "Set collision = event: impacts are then located inside the step and add no energy.");
+    return;
+  }
+  const double h = verlet_step(a->sim);
+  if (h > 0)
+    say(a,
+        "Set integrator = velocity-verlet and h = %.3g: steps are then short enough for particles "
+        "that are mirrored at colliders.",
+        h);
 }
 
 static void advise_implicit(advice *a) {
   const msim_options *opt = options_of(a);
-  say_locate_impacts(a);
-  if (opt->indefinite == MSIM_INDEFINITE_SOLVE)
-    say(a, "Set indefinite = clamp: the solution of an indefinite system may grow without bounds.");
+  say_mend_impacts(a);
+  if (opt->indefinite == MSIM_INDEFINITE_SOLVE && !method_of(a)->nonlinear)
+    say(a,
+        "Set integrator = implicit-euler and indefinite = clamp: the solution of an indefinite "
+        "system may grow without bounds.");
   if (a->sim->stats.incomplete_steps > 0)
     say(a,
         "Set solver.max_iterations = %.0f and newton.max_iterations = %.0f: %lld steps ended at a "
         "limit of iterations.",
-        fmin(2000, 4.0 * opt->solver_max_iterations), fmin(1000, 4.0 * opt->newton_max_iterations),
+        fmin(2000, fmax(100, 4.0 * opt->solver_max_iterations)),
+        fmin(1000, fmax(100, 4.0 * opt->newton_max_iterations)),
         (long long)a->sim->stats.incomplete_steps);
   say_use_implicit_euler(a);
   say_shorten(a);

@@ -45,7 +45,8 @@ static void advise_explicit(const msim_sim *sim, ms_text *out) {
 static void advise_fixed(const msim_sim *sim, ms_text *out) {
   const int implicit = sim->config.integrator->entry.implicit;
   const int reflects = sim->config.opt.collision == MSIM_COLLISION_REFLECT;
-  if (implicit && reflects && sim->scene->nplanes > 0 && sim->scene->ncolliders == 0)
+  if (implicit && reflects && sim->scene->nplanes > 0 &&
+      sim->scene->ncolliders + sim->scene->nmotions == 0)
     ms_text_append(out,
                    "use collision = event: particles that are mirrored behind a plane may gain "
                    "energy\n");

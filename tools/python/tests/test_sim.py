@@ -285,9 +285,9 @@ def test_texts(cloth):
 def test_estimate(cloth):
     sim = sim_of(cloth, h=1e-3, steps=100)
     found = sim.estimate()
-    assert (found.tried, found.steps, found.force_evaluations, found.solves) == (4, 100, 101, 0)
+    assert (found.tried, found.steps, found.solves) == (4, 100, 0)
     sim.step(100)
-    assert sim.stats["force_evaluations"] == 101 and sim.estimate().steps == 0
+    assert sim.stats["force_evaluations"] == found.force_evaluations and sim.estimate().steps == 0
     failing = sim_of(cloth, integrator="implicit-euler", h=0.1, steps=9, newton_max_iterations=1,
                      newton_retries=0)
     with pytest.raises(msim.NotConvergedError):
