@@ -81,16 +81,18 @@ typedef struct msim_state {
 
 /* Energies in J, of all particles, pinned ones included. Zero levels: velocity 0, springs at rest
  * length, and x = 0 for the gravitational energy, which includes -F.x of the constant forces F of
- * msim_scene_set_forces. Angular momentum is taken about the origin. */
+ * msim_scene_set_forces and the potential of a force function. Angular momentum is taken about the
+ * origin. */
 typedef struct msim_energy {
   size_t size;
   double kinetic, elastic, gravitational, total;
   double momentum[3];         /* kg m/s */
   double angular_momentum[3]; /* kg m^2/s */
-  double work; /* energy supplied since the first start, J, by motions of pinned particles and by
-                  each call of msim_sim_set_gravity and msim_sim_set_forces; without damping, drag
-                  and inelastic impacts total - work is constant, to the accuracy of the method. At
-                  a frame inside a step: that at the end of the step */
+  double work; /* energy supplied since the first start, J, by motions of pinned particles, by a
+                  force function without potential, and by each call of msim_sim_set_gravity and
+                  msim_sim_set_forces; without damping, drag and inelastic impacts total - work is
+                  constant, to the accuracy of the method. At a frame inside a step: that at the end
+                  of the step */
 } msim_energy;
 
 /* Work done and time spent since creation; 0: that phase never ran. Each island of a scene counts
@@ -191,11 +193,11 @@ MSIM_API msim_status msim_sim_create(const msim_scene *scene, const msim_options
 MSIM_API void msim_sim_destroy(msim_sim *sim);
 
 /* Make n >= 0 steps. Stops early, with a status > 0, at a numerical event or after msim_sim_stop:
- * MSIM_NOT_SPD, MSIM_NOT_CONVERGED and MSIM_NOT_FINITE leave the state before the failed step, or,
- * if its energy or extent exceeds the bounds of the energy monitor (MSIM_WATCH_ON), the last state
- * within them; MSIM_UNSTABLE leaves that state; MSIM_STOPPED the state after the step. An error,
- * MSIM_ERR_MEMORY or one of the plugin statuses, leaves the state after the last complete step. The
- * sim may go on from there. Not in an observer: MSIM_ERR_ARG. */
+ * MSIM_NOT_SPD, MSIM_NOT_CONVERGED, MSIM_NOT_FINITE and MSIM_FORCE_FAILED leave the state before
+ * the failed step, or, if its energy or extent exceeds the bounds of the energy monitor
+ * (MSIM_WATCH_ON), the last state within them; MSIM_UNSTABLE leaves that state; MSIM_STOPPED the
+ * state after the step. An error, MSIM_ERR_MEMORY or one of the plugin statuses, leaves the state
+ * after the last complete step. The sim may go on from there. Not in an observer: MSIM_ERR_ARG. */
 MSIM_API msim_status msim_sim_step(msim_sim *sim, int64_t n, msim_error *err);
 
 /* Called at the first state and at each frame (options every, fps); non-zero stops the run, which
@@ -311,7 +313,8 @@ MSIM_API msim_status msim_sim_plan(const msim_sim *sim, msim_plan *plan);
  * first. May return plugin statuses. */
 MSIM_API msim_status msim_sim_estimate(msim_sim *sim, msim_estimate *estimate, msim_error *err);
 
-/* Compute the forces on all particles in the state x, v; 0 for pinned particles. */
+/* Compute the forces on all particles in the state x, v, now; 0 for pinned particles. That of a
+ * force function is left out where it fails. */
 MSIM_API void msim_sim_force(msim_sim *sim, const double *x /* 3n */, const double *v /* 3n */,
                              double *force /* 3n */);
 
@@ -328,7 +331,8 @@ MSIM_API msim_status msim_sim_springs(msim_sim *sim, double *tension /* nsprings
                                       double *elongation /* nsprings */,
                                       double *strain /* nsprings */);
 
-/* Assemble the matrix of the next step. Refused if the method needs no matrix. */
+/* Assemble the matrix of the next step. Refused if the method needs no matrix. MSIM_FORCE_FAILED,
+ * MSIM_NOT_FINITE: a force function failed. */
 MSIM_API msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err);
 
 /* Describe the run as text. The first five lines are advice: what to do, the method and its steps,

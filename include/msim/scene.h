@@ -137,6 +137,64 @@ typedef struct msim_law {
   double largest_slope;        /* CALLBACK: N/m, > 0: |df/de| and |f|/l are at most that */
   double energy_depth;         /* CALLBACK: J, >= 0: no energy is below -energy_depth */
 } msim_law;
+
+/* What a force function depends on, and what it computes */
+enum {
+  MSIM_FORCE_TIME = 1,     /* it depends on t */
+  MSIM_FORCE_VELOCITY = 2, /* it depends on v */
+  MSIM_FORCE_JACOBIAN = 4  /* it computes dfdx and dfdv where they are not NULL */
+};
+
+/* The free particles of one island at one moment, for msim_force_evaluate. Members may be added at
+ * the end. */
+typedef struct msim_force_batch {
+  size_t size;
+  int32_t n;
+  const int32_t *particles; /* n, ascending: their indices in the scene */
+  double t;                 /* s: the time of the stage */
+  const double *x;          /* 3n, m */
+  const double *v;          /* 3n, m/s; NULL without MSIM_FORCE_VELOCITY */
+  double *f;                /* 3n, N: the forces; 0 at the call */
+  double *dfdx, *dfdv;      /* 9n, N/m, N s/m: df_i/dx_i and df_i/dv_i of each particle, 3 x 3, row
+                               by row: [9i + 3a + b] = df_a/dx_b; 0 at the call. NULL: not wanted */
+} msim_force_batch;
+
+/* Computes the forces on the particles of a batch, beside those of gravity, drag and springs. They
+ * must depend on the members of the batch alone, so that equal calls have equal results: methods
+ * call it several times in a step, at the times of their stages, and again for steps that are
+ * repeated. It is called from the thread that called msim, never from two at a time, and must not
+ * call msim for this sim. Not 0: the step ends with MSIM_FORCE_FAILED. */
+typedef int32_t msim_force_evaluate(void *data, const msim_force_batch *batch);
+
+/* The potential energy (J) of n particles at x: a sum over particles, of functions of the position
+ * of each. */
+typedef double msim_force_potential(void *data, int32_t n, const int32_t *particles /* n */,
+                                    const double *x /* 3n */);
+
+/* A force that the program computes: wind, a magnet, the drag of a fluid, a controller. Members may
+ * be added at the end.
+ *
+ * Islands, which no spring connects, are computed one after the other, small ones together: a call
+ * has the free particles of one island, and those of the whole scene with skip.islands off. With a
+ * force function scenes are never planar. Explicit and implicit methods keep their order. The
+ * matrix of implicit methods contains -h dfdv - h^2 dfdx, of which it takes the symmetric part and
+ * no eigenvalue below -m/2, or, clamped, below 0: where more is missing, as in a magnetic field, or
+ * without MSIM_FORCE_JACOBIAN, Newton's method converges linearly, for small h. */
+typedef struct msim_force_function {
+  size_t size;
+  uint32_t flags;   /* MSIM_FORCE_... */
+  const char *name; /* 1 to 63 bytes, no line ends: checkpoints are refused by sims
+                                      with a function of another name. Copied. */
+  msim_force_evaluate *evaluate;
+  msim_force_potential *potential; /* part of the gravitational energy; not with MSIM_FORCE_TIME.
+                                      NULL: the work of the force is integrated, as `work` in
+                                      msim_energy, with up to two more calls a step */
+  void *data;                      /* first argument of both; valid as long as the scene and its
+                                      sims are. Nullable. */
+  double largest_stiffness;        /* N/m, >= 0: |dfdx| of any particle is at most that, and */
+  double largest_damping; /* N s/m, >= 0: |dfdv|; for step-size limits and h = auto. 0: unknown */
+} msim_force_function;
+
 /* How a motion connects its points */
 enum {
   MSIM_MOTION_LINEAR = 0, /* straight lines; velocities jump at the given times */
@@ -176,8 +234,9 @@ typedef struct msim_scene_view {
   const int32_t *law;   /* nsprings: the law of each spring; NULL: all are linear */
   const double *force;  /* 3 nparticles: constant forces, N; NULL: none */
   int32_t ncolliders;
-  const msim_collider *colliders; /* ncolliders, one every colliders->size bytes */
-  int32_t nmotions;               /* see msim_scene_get_motion */
+  const msim_collider *colliders;            /* ncolliders, one every colliders->size bytes */
+  int32_t nmotions;                          /* see msim_scene_get_motion */
+  const msim_force_function *force_function; /* NULL: none */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -216,6 +275,14 @@ MSIM_API msim_status msim_scene_set_drag(msim_scene *scene, double drag /* >= 0 
  * particles do not feel it. Particles that are added later have none. Nullable: force (none). */
 MSIM_API msim_status msim_scene_set_forces(msim_scene *scene,
                                            const double *force /* 3 nparticles */, msim_error *err);
+
+/* Set the force that the program computes in each step. Refused by msim_sim_create with integrators
+ * `auto`, `respa`, `takahashi-imada` and `verlet`, by `rkn6` and `force-gradient` with
+ * MSIM_FORCE_VELOCITY, and with MSIM_FORCE_TIME where impacts are located. Scene files cannot hold
+ * it. MSIM_ERR_ARG: a member is out of range. Nullable: function (none). */
+MSIM_API msim_status msim_scene_set_force_function(msim_scene *scene,
+                                                   const msim_force_function *function,
+                                                   msim_error *err);
 
 /* Append n particles. Nullable: v (at rest). */
 MSIM_API msim_status msim_scene_add_particles(msim_scene *scene, int32_t n,

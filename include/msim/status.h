@@ -19,6 +19,7 @@ typedef int32_t msim_status;
   X(MSIM_NOT_FINITE, 3, "the state contains NaN or numbers that are too large")       \
   X(MSIM_STOPPED, 4, "stopped on request")                                            \
   X(MSIM_UNSTABLE, 5, "energy or extent exceed their bounds: the motion is unstable") \
+  X(MSIM_FORCE_FAILED, 6, "the program's force function failed")                      \
   X(MSIM_ERR_ARG, -1, "invalid argument")                                             \
   X(MSIM_ERR_MEMORY, -2, "out of memory")                                             \
   X(MSIM_ERR_NAME, -3, "unknown integrator, solver, recorder or importer")            \

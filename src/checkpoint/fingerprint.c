@@ -123,6 +123,19 @@ static void list_motions(const ms_scene *s, ms_fingerprint_visitor *mark, void *
   }
 }
 
+static const char FUNCTION[] = "the force function";
+
+/* Its name and flags, with the numbers that steps depend on */
+static void list_function(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  const msim_force_function *f = &s->force_function;
+  char text[160] = "";
+  if (ms_scene_has_function(s))
+    snprintf(text, sizeof text, "%s (flags %u, bounds %s N/m and %s N s/m%s)", f->name,
+             (unsigned)f->flags, ms_text_format_double(f->largest_stiffness).text,
+             ms_text_format_double(f->largest_damping).text, f->potential ? ", potential" : "");
+  mark(data, FUNCTION, text, 0);
+}
+
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
   const ms_scene *s = sim->scene;
   array arrays[MS_SCENE_HASHES];
@@ -138,6 +151,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_colliders(s, mark, data);
   list_count(mark, data, "the number of motions", created_scene(sim)->nmotions);
   list_motions(created_scene(sim), mark, data);
+  list_function(s, mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     list_numbers(mark, data, p->key.key, p->key.count,
@@ -147,6 +161,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
 
 /* The value that an entry without a line has; NULL: it has a line in every checkpoint. */
 static const char *implied_value(const char *name) {
+  if (strcmp(name, FUNCTION) == 0) return "";
   return strcmp(name, "incomplete") == 0 ? "stop" : NULL;
 }
 

@@ -1,6 +1,7 @@
-/* evaluate - one force sweep of a step, counted and timed (integrator.h) */
+/* evaluate - one force sweep of a step, counted and timed, and work (integrator.h) */
 #include "base/clock.h"
 #include "integrate/integrator.h"
+#include "physics/force_function.h"
 #include "physics/moving_pins.h"
 
 /* The instant of the next sweep: at the end of a step the velocities are those before it. */
@@ -10,8 +11,19 @@ static ms_instant sweep_instant(const ms_stepper *s) {
 
 void ms_stepper_add_work(ms_stepper *s, double weight, const double *x, const double *v) {
   if (s->model->pins)
-    s->work_of_pins +=
+    s->work_in_step +=
         weight * s->h * ms_moving_pins_compute_power(s->model, sweep_instant(s), x, v);
+  if (v && ms_force_function_does_work(s->model))
+    s->work_in_step += weight * s->h * ms_force_function_compute_power(s->model, v);
+}
+
+void ms_stepper_evaluate_function(ms_stepper *s, const double *x, const double *v) {
+  if (ms_force_function_does_work(s->model))
+    ms_force_function_evaluate(s->model, sweep_instant(s).t, x, v);
+}
+
+void ms_stepper_linearize(const ms_stepper *s, const double *x, const double *v) {
+  if (s->model->function) ms_force_function_linearize(s->model, sweep_instant(s).t, x, v);
 }
 
 void ms_stepper_evaluate_model(ms_stepper *s, const ms_model *model, const ms_fused_step *sweep) {
@@ -19,6 +31,8 @@ void ms_stepper_evaluate_model(ms_stepper *s, const ms_model *model, const ms_fu
   if (s->model->pins) /* x and v are vectors of the stepper */
     ms_moving_pins_set(s->model, sweep_instant(s), (double *)(uintptr_t)sweep->x,
                        (double *)(uintptr_t)sweep->v);
+  ms_fused_step timed;
+  if (model->function) timed = *sweep, timed.t = sweep_instant(s).t, sweep = &timed;
   const int good = ms_fused_step_run(model, sweep);
   s->finite = good && sweep->v_to && (sweep->x_to || sweep->x == s->x_next);
   s->stats->force_evaluations++;

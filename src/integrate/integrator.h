@@ -30,7 +30,7 @@ typedef struct ms_stepper {
   double h;            /* of the step to be made, or, for dense output, of the last one */
   double t;            /* at the start of that step; where pinned particles move */
   double c;            /* the next force sweep is at t + c h */
-  double work_of_pins; /* on springs, in the step being made, J */
+  double work_in_step; /* of moving pins on springs and of a force function, in the step, J */
   double h_before;     /* of the step that led to the present state, or its last substep */
   int64_t parts;       /* substeps of equal length in the step being made */
   ms_bounds bounds;    /* of the island, if the method has stages() */
@@ -106,9 +106,15 @@ void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 /* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */
 void ms_stepper_init_stage(const ms_stepper *s, double *stage);
 
-/* work_of_pins += weight h times the power of moving pins in x, v at t + c h; v NULL: without
- * damping */
+/* work_in_step += weight h times the power of moving pins in x, v at t + c h, v NULL: without
+ * damping; and that of the force function at velocities v, as the last force sweep evaluated it */
 void ms_stepper_add_work(ms_stepper *s, double weight, const double *x, const double *v);
+
+/* Evaluate the force function at t + c h in x, v for ms_stepper_add_work(), without a sweep. */
+void ms_stepper_evaluate_function(ms_stepper *s, const double *x, const double *v);
+
+/* Compute the derivatives of the force function at t + c h in x, v for the next matrix. */
+void ms_stepper_linearize(const ms_stepper *s, const double *x, const double *v);
 
 /* A force sweep with the updates of `sweep` and the reactions of planes, counted and timed */
 void ms_stepper_evaluate(ms_stepper *s, const ms_fused_step *sweep);

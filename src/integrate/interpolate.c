@@ -1,5 +1,7 @@
 #include "integrate/interpolate.h"
 
+#include "physics/force_function.h"
+
 void ms_interpolate_hermite(ms_shape shape, double h, double theta, const double *const ends[4],
                             double *y) {
   const double t = theta, rise = t * t * (3 - 2 * t);
@@ -25,8 +27,19 @@ void ms_interpolate_cubic(ms_stepper *s, double theta, double *x, double *v) {
   ms_interpolate_hermite(shape, s->h, theta, v_ends, v);
 }
 
+/* Where the force function fails: the cubic interpolant of x, and the linear one of v. */
+static void interpolate_without_forces(const ms_stepper *s, double theta, double *x, double *v) {
+  const ms_shape shape = s->model->shape;
+  const double *const x_ends[] = {s->x_next, s->x, s->v_next, s->v};
+  ms_interpolate_hermite(shape, s->h, theta, x_ends, x);
+  ms_vector_copy(shape, s->v_next, v);
+  ms_vector_scale(shape, 1 - theta, v);
+  ms_vector_axpy(shape, theta, s->v, v);
+}
+
 void ms_interpolate(const ms_integrator *integrator, ms_stepper *s, double theta, double *x,
                     double *v) {
   if (integrator->interpolate) integrator->interpolate(s, theta, x, v);
   else ms_interpolate_cubic(s, theta, x, v);
+  if (s->model->function && s->model->function->status) interpolate_without_forces(s, theta, x, v);
 }

@@ -140,6 +140,7 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_linear_system_spec spec = {
       .x = n->stage->x, .h = n->stage->ah, .clamp = clamp, .indefinite = -1, .rtol = n->eta};
   ms_stepper_add_constraints(n->s, &spec);
+  ms_stepper_linearize(n->s, n->stage->x, n->stage->v);
   const int descends = ms_solver_can_descend(solver);
   const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (n->dampers || !descends));
   n->search = LIMIT_ROTATION;
@@ -374,8 +375,8 @@ static int must_clamp(newton *n, double first) {
 }
 
 static double line_search(newton *n, int full) {
-  const int has_potential =
-      !(n->s->model->features & MS_HAS_DAMPING) && !ms_stepper_has_contacts(n->s);
+  const int has_potential = !(n->s->model->features & MS_HAS_DAMPING || n->s->model->function) &&
+                            !ms_stepper_has_contacts(n->s);
   if (n->search == LIMIT_ROTATION) return limit_rotation(n, full);
   if (n->search == REDUCE_RESIDUAL) return search_residual(n, full);
   return has_potential ? search_energy(n, full) : search_slope(n, full);

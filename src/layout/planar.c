@@ -8,7 +8,7 @@ int ms_planar_is_in_plane(const ms_scene *scene, int32_t axis, const double *x, 
 }
 
 int32_t ms_planar_find_axis(const ms_scene *scene, unsigned skip_off) {
-  if (skip_off & MSIM_SKIP_TWO_D) return -1;
+  if (skip_off & MSIM_SKIP_TWO_D || ms_scene_has_function(scene)) return -1;
   for (int32_t axis = 2; axis >= 0; axis--) {
     int pushed = scene->external.gravity[axis] != 0 || scene->ncolliders > 0;
     for (int32_t p = 0; p < scene->nparticles && scene->force; p++)

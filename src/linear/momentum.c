@@ -39,7 +39,7 @@ void ms_momentum_destroy_components(const ms_model *model, ms_momentum_component
 void ms_momentum_balance(const ms_model *model, const ms_coefficients *a,
                          const ms_momentum_components *f, const double *b, double *y) {
   const size_t stride = (size_t)model->unknowns.stride, dims = (size_t)model->unknowns.dims;
-  if (f->n == 0) return;
+  if (f->n == 0 || a->own) return;
   memset(f->sums, 0, 4 * (size_t)f->n * sizeof *f->sums);
   for (int32_t row = 0; row < model->unknowns.nfree; row++) {
     if (f->of[row] < 0) continue;

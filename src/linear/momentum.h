@@ -20,7 +20,8 @@ msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_com
                                           msim_error *err);
 void ms_momentum_destroy_components(const ms_model *model, ms_momentum_components *components);
 
-/* Correct y. Components with constrained unknowns are left unchanged. */
+/* Correct y. Components with constrained unknowns are left unchanged, and all if a force function
+ * has blocks in the matrix. */
 void ms_momentum_balance(const ms_model *model, const ms_coefficients *a,
                          const ms_momentum_components *components, const double *b, double *y);
 

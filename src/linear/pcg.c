@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "linear/residual.h"
+#include "physics/particle_blocks.h"
 
 MS_TABLES(ms_pcg_kernels);
 
@@ -52,6 +53,9 @@ static double pcg_apply(ms_pcg *s) {
   s->kernels->apply_split_rows(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   const ms_linear_system *system = s->base.system;
+  if (system->a.own)
+    sum +=
+        ms_particle_blocks_apply(system->model, system->a.own, 1, 1 / s->jacobi.scale, s->p, s->q);
   return sum + ms_coefficients_apply_constraints(system->model, &system->a, 1, 1 / s->jacobi.scale,
                                                  s->p, s->q);
 }

@@ -26,8 +26,8 @@ typedef struct ms_pcg {
   float *coefficients;        /* 32 halves.nslots: t, wx, wy, wz of 8 half-edges, by entry */
   ms_compression compression; /* of descend() */
   ms_jacobi jacobi;
-  float *inverse;            /* jacobi.inverse, rounded; in blocks even where that is scalar */
-  double *inertia;           /* first_pinned: m + h b */
+  float *inverse;  /* jacobi.inverse, rounded; in blocks even where that is scalar */
+  double *inertia; /* first_pinned: m + h b, with the mean of the block of a force function */
   double *r, *z, *p, *q, *y; /* y: the caller's */
   ms_coarse coarse;
   int coarse_is_ready;     /* 1: the coarse matrix is factored */

@@ -6,6 +6,7 @@
 
 #include "linear/pcg.h"
 #include "physics/lanes.h"
+#include "physics/particle_blocks.h"
 
 /* 8 running sums, one per lane of a slice. total_lanes() adds them up as a tree, so that the order
  * of summation is the same on every instruction set. */
@@ -68,6 +69,8 @@ static void pack_unknowns(ms_pcg *s, size_t begin, size_t end) {
   int beyond = 0;
   for (size_t r = begin; r < end; r++)
     s->inertia[r] = by * (model->mass[r] + s->base.system->a.drag);
+  for (size_t r = begin; r < end && s->base.system->a.own; r++)
+    s->inertia[r] += by * ms_particle_blocks_mean(model, s->base.system->a.own, (int32_t)r);
   for (size_t q = 0; q < ms_coefficients_diagonal_size(block); q++)
     for (size_t r = begin; r < end; r++) {
       s->inverse[q * stride + r] = (float)s->jacobi.inverse[q * stride + r];

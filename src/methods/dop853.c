@@ -6,6 +6,7 @@
 #include "contact/contact_set.h"
 #include "integrate/interpolate.h"
 #include "methods/methods.h"
+#include "physics/force_function.h"
 
 /* The method for y' = f(y), with y = (x, v), f = (v, a), written for accelerations alone (Nystroem
  * form):
@@ -60,7 +61,7 @@ static void put_stage(const ms_stepper *s, const stages *of, int i) {
 /* k of the stages from..to - 1; of->X and of->V: scratch, with pinned positions in X */
 static void evaluate_stages(ms_stepper *s, const stages *of, int from, int to) {
   stages with = *of;
-  if (ms_stepper_is_separable(s)) with.V = NULL;
+  if (ms_stepper_is_separable(s) && !ms_force_function_does_work(s->model)) with.V = NULL;
   for (int i = from; i < to; i++) {
     put_stage(s, &with, i);
     s->c = C[i];
@@ -75,6 +76,7 @@ static msim_status dop853_step(ms_stepper *s, msim_error *err) {
   stages of = {.x = s->x, .v = s->v, .X = s->x_next, .V = s->v_next};
   find_slopes(s, now, of.k);
   if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, of.k[0]);
+  else ms_stepper_evaluate_function(s, s->x, s->v);
   ms_stepper_add_work(s, A[RESULT][0], s->x, s->v);
   evaluate_stages(s, &of, 1, RESULT);
   put_stage(s, &of, RESULT);

@@ -6,6 +6,7 @@
  * stage. */
 #include "methods/methods.h"
 #include "integrate/newton.h"
+#include "physics/force_function.h"
 
 typedef struct stage_coefficients {
   double a;
@@ -120,12 +121,18 @@ static msim_status step_trapezoidal(ms_stepper *s, msim_error *err) {
   return reflect_result(s, solve_stages(s, &trapezoidal, &(stage_inputs){.a = a}, NULL, err));
 }
 
+/* Compute a anew, to be carried; where the force function fails, it is none to be carried. */
+static void renew_acceleration(ms_stepper *s, double *a) {
+  ms_stepper_acceleration(s, s->x, s->v, a);
+  if (s->model->function && s->model->function->status) s->cached_stage = 0;
+}
+
 /* beta = 1/4, gamma = 1/2: the trapezoidal rule with a carried from step to step, not computed
  * anew. cached_stage: 1 + the index, from OWN_WORK on, of the work vector that holds a. */
 static msim_status step_newmark(ms_stepper *s, msim_error *err) {
   const int at = s->cached_stage == 2;
   double *a = s->work[OWN_WORK + at], *next = s->work[OWN_WORK + 1 - at];
-  if (!s->cached_stage || s->h != s->h_before) ms_stepper_acceleration(s, s->x, s->v, a);
+  if (!s->cached_stage || s->h != s->h_before) renew_acceleration(s, a);
   msim_status status = solve_stages(s, &trapezoidal, &(stage_inputs){.a = a}, NULL, err);
   if (status) return status;
   find_stage_acceleration(s, trapezoidal.stage[0].a, next);

@@ -3,6 +3,7 @@
 
 #include "methods/methods.h"
 #include "physics/external_force.h"
+#include "physics/force_function.h"
 
 /* The step without springs, by independent equations, with the drag b and the constant force F:
  *   (m + h b) v' = m v + h (m g + F),  x' = x + h v' */
@@ -27,12 +28,14 @@ static void step_without_springs(ms_stepper *s) {
 
 /* (M - h D - h^2 J) dv = h F(x) + (h D + h^2 J) v,  v' = v + dv,  x' = x + h v'
  * J, D at x; F without the forces that depend on v, which h D v contains; but F at the position and
- * velocity at the end of the step for pinned particles that move. This is the first Newton
+ * velocity at the end of the step for pinned particles that move; of a force function f, F contains
+ * f(t + h, x, v), and h^2 df/dx v is added. This is the first Newton
  * iterate of implicit Euler from v' = 0, (M - h D - h^2 J) v' = M v + h F (Teschner), solved for
  * the change of v (Baraff and Witkin 1998, eq. 6): so the tolerance of the solver is relative to
  * the change in the step, for any common velocity of the particles. */
 static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) {
-  if (!(s->model->features & MS_HAS_SPRINGS) && !ms_stepper_has_contacts(s)) {
+  if (!(s->model->features & MS_HAS_SPRINGS) && !ms_stepper_has_contacts(s) &&
+      !s->model->function) {
     step_without_springs(s);
     return MSIM_OK;
   }
@@ -40,9 +43,12 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
   double *dv = s->work[0], *b = s->work[1];
   double *v_pinned = s->model->pins ? b : NULL;
   if (v_pinned) ms_vector_clear_all(shape, b), s->c = 1;
-  ms_stepper_acceleration(s, s->x, v_pinned, dv);
+  if (s->model->function) s->c = 1;
+  ms_stepper_evaluate(s, &(ms_fused_step){.x = s->x, .v = v_pinned, .function_v = s->v, .a = dv});
   ms_vector_scale_rows(shape, s->model->mass, dv, b);
   ms_vector_scale(shape, s->h, b);
+  ms_stepper_linearize(s, s->x, s->v);
+  if (s->model->function) ms_force_function_add_gradient(s->model, s->h * s->h, s->v, b);
   ms_linear_system_spec spec = {.x = s->x,
                                 .h = s->h,
                                 .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,

@@ -69,7 +69,8 @@ static void add_uncovered(const ms_scene *s, size_t e, int32_t from, int32_t to,
  * left-hand side is convex. Returns 1 if any r has grown. */
 static int raise_ratios(const ms_scene *s, uncovered *u) {
   int grown = 0;
-  for (int32_t p = 0; p < s->nparticles; p++) u[p].k = u[p].damping = 0;
+  for (int32_t p = 0; p < s->nparticles; p++)
+    u[p].k = s->pinned[p] ? 0 : s->force_function.largest_stiffness, u[p].damping = 0;
   for (size_t e = 0; e < (size_t)s->nsprings; e++) {
     const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
     add_uncovered(s, e, i, j, u);
@@ -110,8 +111,10 @@ msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bound
   double *stiffness = NULL; /* of springs with laws */
   if (scene->law && !(stiffness = list_stiffnesses(scene)))
     return ms_error_set_memory(err, "the stability bounds");
-  const ms_laplacian elastic = {scene, stiffness ? stiffness : scene->k, 0};
-  const ms_laplacian damped = {scene, scene->damping, ms_external_damping(&scene->external)};
+  const double b = ms_external_damping(&scene->external);
+  const ms_laplacian elastic = {scene, stiffness ? stiffness : scene->k,
+                                scene->force_function.largest_stiffness};
+  const ms_laplacian damped = {scene, scene->damping, b + scene->force_function.largest_damping};
   double omega2;
   msim_status status = bound_largest(&elastic, tight, &omega2, err);
   if (!status) status = bound_largest(&damped, tight, &bounds->rate, err);
@@ -119,7 +122,6 @@ msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bound
   ms_memory_free(&scene->alloc, stiffness);
   if (status) return status;
   bounds->omega = sqrt(omega2);
-  const double b = damped.ground;
   bounds->least_rate = b > 0 ? b / find_largest_mass(scene) : 0;
   return MSIM_OK;
 }
@@ -133,11 +135,14 @@ double ms_bounds_sum_row(const ms_model *model, const double *weight, int32_t ro
 }
 
 ms_bounds ms_bounds_compute_island(const ms_model *model) {
+  const msim_force_function *function = &model->scene->force_function;
   const double b = ms_external_damping(&model->external);
   double omega2 = 0, rate = 0, heaviest = 0;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const double k = ms_bounds_sum_row(model, model->half_edges.stiffness, r),
-                 c = ms_bounds_sum_row(model, model->half_edges.damping, r);
+    const double k = ms_bounds_sum_row(model, model->half_edges.stiffness, r) +
+                     function->largest_stiffness,
+                 c = ms_bounds_sum_row(model, model->half_edges.damping, r) +
+                     function->largest_damping;
     omega2 = fmax(omega2, k * model->inv_mass[r]);
     rate = fmax(rate, (c + b) * model->inv_mass[r]);
     heaviest = fmax(heaviest, model->mass[r]);

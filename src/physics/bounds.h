@@ -3,7 +3,8 @@
  * M x'' = -K x - C x' with K, C at some configuration. A mode e^(lambda t) u of it is one of
  *   x'' = -g x' - w^2 x,  w^2 = u*K u / u*M u,  g = u*C u / u*M u,
  * for any K and C. A spring's block of K is at most k times that of the graph Laplacian, its block
- * of C at most c times that: so w <= omega and least_rate <= g <= rate, and every pair within these
+ * of C at most c times that; a force function adds at most its largest stiffness and damping to
+ * the blocks of a particle: so w <= omega and least_rate <= g <= rate, and every pair within these
  * bounds may occur. Springs shorter than their rest length may make w^2 negative: such motions grow
  * physically, with any method.
  *

@@ -6,6 +6,7 @@
 #include "physics/external_force.h"
 #include "physics/law_springs.h"
 #include "physics/matrix_kernels.h"
+#include "physics/particle_blocks.h"
 
 MS_TABLES(ms_matrix_kernels);
 
@@ -17,14 +18,16 @@ msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, ms
   const size_t diagonal =
       ms_coefficients_diagonal_size(block) * (size_t)model->unknowns.first_pinned;
   *a = (ms_coefficients){.block = (int32_t)block};
-  const int fits = MS_NEW(alloc, a->t, n) && MS_NEW(alloc, a->diagonal, diagonal) &&
-                   (is_scalar || (MS_NEW(alloc, a->g, n) &&
-                                  MS_NEW_VECTORS(model->scene, &model->unknowns, &a->x)));
+  const int fits =
+      MS_NEW(alloc, a->t, n) && MS_NEW(alloc, a->diagonal, diagonal) &&
+      (!(model->function && model->function->dfdx) || MS_NEW(alloc, a->own, diagonal)) &&
+      (is_scalar ||
+       (MS_NEW(alloc, a->g, n) && MS_NEW_VECTORS(model->scene, &model->unknowns, &a->x)));
   return fits ? MSIM_OK : ms_error_set_memory(err, "the matrix coefficients");
 }
 
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
-  MS_FREE(&model->scene->alloc, a->t, a->g, a->x, a->diagonal);
+  MS_FREE(&model->scene->alloc, a->t, a->g, a->x, a->diagonal, a->own);
   *a = (ms_coefficients){0};
 }
 
@@ -38,6 +41,12 @@ static void compute_scalar(const ms_model *model, double h, ms_coefficients *a) 
     a->diagonal[r] = model->mass[r] + a->drag;
     for (int32_t at = span.begin; at < span.end; at += span.step) a->diagonal[r] += a->t[at];
   }
+}
+
+static void add_own_blocks(const ms_model *model, double h, int clamp, ms_coefficients *a) {
+  const size_t n = ms_coefficients_diagonal_size(3) * (size_t)model->unknowns.first_pinned;
+  ms_particle_blocks_compute(model, h, clamp, a->own);
+  for (size_t i = 0; i < n; i++) a->diagonal[i] += a->own[i];
 }
 
 /* Slice ranges in a chunk of work: some 10 us. */
@@ -70,6 +79,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
   ms_half_edges_add_part_sums(half_edges, (int32_t)ms_coefficients_diagonal_size((size_t)a->block),
                               (size_t)model->unknowns.first_pinned, a->diagonal);
   if (model->laws) ms_law_springs_add_matrix(model, h, clamp, a);
+  if (a->own) add_own_blocks(model, h, clamp, a);
 }
 
 /* Weight of a constraint over the largest diagonal element: large enough for Newton's method to
@@ -126,6 +136,7 @@ static void apply_coefficients(const ms_model *model, const ms_coefficients *a, 
                      ms_half_edges_count_ranges(&model->half_edges), CHUNK);
   ms_half_edges_add_part_sums(&model->half_edges, components, stride, y);
   ms_coefficients_apply_constraints(model, a, share, 1, x, y);
+  if (a->own && share > 0) ms_particle_blocks_apply(model, a->own, 0, 1, x, y);
   for (size_t c = 0; c < (size_t)components; c++)
     memset(y + c * stride + end, 0, (stride - end) * sizeof *y);
 }

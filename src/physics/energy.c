@@ -25,10 +25,29 @@ static double elastic_energy_of(const ms_scene *s, int32_t spring, const double 
   return ms_law_value_of(s, spring, ms_vec3_norm(d)).energy;
 }
 
+/* The potential of the force function of free particles, some at a time */
+static double compute_function_potential(const ms_scene *s, const double *x) {
+  enum { MOST = 64 };
+  const msim_force_function *is = &s->force_function;
+  int32_t particle[MOST], n = 0;
+  double there[3 * MOST], sum = 0;
+  for (int32_t p = 0; p < s->nparticles && is->potential; p++) {
+    if (!s->pinned[p]) {
+      for (size_t c = 0; c < 3; c++) there[3 * (size_t)n + c] = x[3 * (size_t)p + c];
+      particle[n++] = p;
+    }
+    if (n == 0 || (n < MOST && p + 1 < s->nparticles)) continue;
+    sum += is->potential(is->data, n, particle, there);
+    n = 0;
+  }
+  return sum;
+}
+
 void ms_energy_compute(const ms_scene *scene, const double *x, const double *v,
                        msim_energy *energy) {
   msim_energy e = {.size = energy->size};
   for (int32_t p = 0; p < scene->nparticles; p++) add_particle_energy(scene, p, x, v, &e);
+  e.gravitational += compute_function_potential(scene, x);
   for (int32_t i = 0; i < scene->nsprings; i++) e.elastic += elastic_energy_of(scene, i, x);
   e.total = e.kinetic + e.elastic + e.gravitational;
   *energy = e;

@@ -39,6 +39,7 @@ typedef struct ms_coefficients {
   /* ms_coefficients_diagonal_size(block) first_pinned: the diagonal blocks, element by element for
    * all rows: xx yy zz xy xz yz, or xx yy xy, or a scalar */
   double *diagonal;
+  double *own; /* 6 first_pinned: blocks of a force function, part of `diagonal`; NULL: none */
   const ms_constraint *constraint; /* nholds, borrowed from the caller */
   int32_t nconstraints;
 } ms_coefficients;
@@ -58,7 +59,8 @@ static inline ms_shape ms_coefficients_diagonal_shape(const ms_unknowns *rows,
 msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, msim_error *err);
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a);
 
-/* A at positions x for a step h, without constraints; clamp: 1 for the clamped matrix. */
+/* A at positions x for a step h, without constraints; clamp: 1 for the clamped matrix. A force
+ * function has been linearized before. */
 void ms_coefficients_compute(const ms_model *model, const double *x, double h, int clamp,
                              ms_coefficients *a);
 
@@ -77,7 +79,7 @@ double ms_coefficients_apply_constraints(const ms_model *model, const ms_coeffic
 void ms_coefficients_apply(const ms_model *model, const ms_coefficients *a, const double *x,
                            double *y);
 
-/* y = (A - M) x = -(h D + h^2 J) x, without the weights of constraints */
+/* y = (A - M) x = -(h D + h^2 J) x, without the weights of constraints and a force function */
 void ms_coefficients_apply_massless(const ms_model *model, const ms_coefficients *a,
                                     const double *x, double *y);
 

@@ -2,6 +2,7 @@
 
 #include <stdatomic.h>
 
+#include "physics/force_function.h"
 #include "physics/law_springs.h"
 
 MS_TABLES(ms_force_kernels);
@@ -26,7 +27,7 @@ static void do_slices_chunk(void *data, int32_t begin, int32_t end) {
     atomic_store_explicit(&j->may_be_bad, 1, memory_order_relaxed);
 }
 
-/* On split rows added_force = constant forces + spring forces. */
+/* On split rows added_force = base forces + spring forces. */
 static void sum_split_rows(const ms_model *model, fused_step_job *j) {
   const ms_half_edges *half_edges = &model->half_edges;
   const size_t stride = (size_t)model->unknowns.stride;
@@ -34,13 +35,22 @@ static void sum_split_rows(const ms_model *model, fused_step_job *j) {
   for (int32_t k = 0; k < half_edges->nparts; k++)
     for (size_t c = 0; c < (size_t)model->unknowns.dims; c++) {
       const size_t at = c * stride + (size_t)half_edges->part_row[k];
-      model->added_force[at] = model->force ? model->force[at] : 0;
+      model->added_force[at] = model->base_force ? model->base_force[at] : 0;
     }
   ms_half_edges_add_part_sums(half_edges, model->unknowns.dims, stride, model->added_force);
 }
 
+/* Evaluate the program's force, and set the rows that no spring sets. */
+static void evaluate_function(const ms_model *model, const ms_fused_step *sweep) {
+  const double *v = sweep->function_v ? sweep->function_v : sweep->v;
+  ms_force_function_evaluate(model, sweep->t, sweep->x, v);
+  if (model->added_force != model->base_force)
+    ms_vector_copy_all(model->shape, model->base_force, model->added_force);
+}
+
 int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
   fused_step_job j = {.model = model, .sweep = sweep};
+  if (model->function) evaluate_function(model, sweep);
   if (model->half_edges.nparts) sum_split_rows(model, &j);
   if (model->laws) ms_law_springs_add_forces(model, sweep->x);
   ms_pool_run_chunks(model->pool, do_slices_chunk, &j, model->half_edges.nslices, CHUNK);

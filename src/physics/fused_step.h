@@ -9,9 +9,11 @@
  * pinned rows of results are not written. Rows read x and v of their neighbours: no result may
  * alias these. */
 typedef struct ms_fused_step {
-  const double *x, *v; /* state of the forces; v NULL: without the terms in v */
-  double *f;           /* F(x, v) */
-  double *a;           /* F/m */
+  const double *x, *v;      /* state of the forces; v NULL: without the terms in v */
+  double t;                 /* s: the time of a force function */
+  const double *function_v; /* its velocities; NULL: v */
+  double *f;                /* F(x, v) */
+  double *a;                /* F/m */
 
   /* v_to = v_from + h_before a_before + h F/m; a_before nullable */
   double *v_to;

@@ -63,7 +63,7 @@ MS_INLINE void add_forces_of(int dims, const ms_model *model, int32_t begin, int
       for (int c = 0; c < dims; c++) sum[c] += force[c];
     }
     const double *others = first_part[s->row[r]] >= 0 ? to
-                           : model->force             ? model->force + s->row[r]
+                           : model->base_force        ? model->base_force + s->row[r]
                                                       : NULL;
     for (int c = 0; c < dims && others; c++) sum[c] += others[(size_t)c * stride];
     for (int c = 0; c < dims; c++) to[(size_t)c * stride] = sum[c];

@@ -47,7 +47,7 @@ void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *laws);
 void ms_law_springs_update(const ms_model *model);
 
 /* These need model->laws. Set the rows of model->added_force with such springs: to their elastic
- * forces at x, added to the sums of split rows and to model->force elsewhere. */
+ * forces at x, added to the sums of split rows and to model->base_force elsewhere. */
 void ms_law_springs_add_forces(const ms_model *model, const double *x);
 
 /* Add their part of the matrix, of step h, to half-edges and diagonal blocks of `a` (force.h):

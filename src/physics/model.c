@@ -6,9 +6,14 @@
 #include "base/vec3.h"
 #include "layout/planar.h"
 #include "physics/external_force.h"
+#include "physics/force_function.h"
 #include "physics/law_springs.h"
 #include "physics/moving_pins.h"
 #include "physics/spring_law.h"
+
+static int has_velocity_forces(const ms_scene *s) {
+  return ms_external_has_velocity(&s->external) || ms_scene_function_has(s, MSIM_FORCE_VELOCITY);
+}
 
 static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
   unsigned features = 0;
@@ -18,12 +23,13 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
     if (!ms_spring_is_linear(s, springs->spring[e], springs->rest[e], springs->damping[e]))
       features |= MS_HAS_DIRECTIONS;
   }
-  if (ms_external_has_velocity(&s->external)) features |= MS_HAS_DRAG;
+  if (has_velocity_forces(s)) features |= MS_HAS_DRAG;
+  if (ms_scene_has_function(s)) features |= MS_HAS_DIRECTIONS;
   if (s->nplanes || s->ncolliders) features |= MS_HAS_PLANES;
   return features;
 }
 
-/* Does a force sweep write added_force? Otherwise that is force itself. */
+/* Does a force sweep write added_force? Otherwise that is base_force itself. */
 static int has_computed_forces(const ms_model *m) { return m->half_edges.nparts > 0 || m->laws; }
 
 static msim_status create_laws(ms_model *m, msim_error *err) {
@@ -35,10 +41,11 @@ static msim_status create_laws(ms_model *m, msim_error *err) {
   return ms_error_set_memory(err, "a copy of the springs");
 }
 
-/* Set added_force from force. */
+/* Set base_force, and added_force from it. */
 static void update_added_force(ms_model *m) {
-  if (!has_computed_forces(m)) m->added_force = m->force;
-  else if (m->force) ms_vector_copy_all(m->shape, m->force, m->added_force);
+  m->base_force = m->function ? m->function->force : m->force;
+  if (!has_computed_forces(m)) m->added_force = m->base_force;
+  else if (m->base_force) ms_vector_copy_all(m->shape, m->base_force, m->added_force);
   else ms_vector_clear_all(m->shape, m->added_force);
 }
 
@@ -66,6 +73,7 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   if (!MS_NEW(&scene->alloc, model->mass, count) || !MS_NEW(&scene->alloc, model->inv_mass, count))
     return ms_error_set_memory(err, "the masses");
   status = create_laws(model, err);
+  if (!status) status = ms_force_function_create(model, &model->function, err);
   if (!status) status = ms_model_update_forces(model, skip_off, err);
   if (!status) status = ms_moving_pins_create(model, &model->pins, err);
   if (status) return status;
@@ -128,7 +136,7 @@ msim_status ms_model_update_forces(ms_model *model, unsigned skip_off, msim_erro
     return ms_error_set_memory(err, "the forces on particles");
   model->external = s->external;
   model->features &= ~(unsigned)MS_HAS_DRAG | skip_off;
-  if (ms_external_has_velocity(&s->external)) model->features |= MS_HAS_DRAG;
+  if (has_velocity_forces(s)) model->features |= MS_HAS_DRAG;
   if (!s->force) {
     remove_constant_forces(model);
     return MSIM_OK;
@@ -162,6 +170,7 @@ void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
   free_added_force(model);
   ms_moving_pins_destroy(model->scene, model->pins);
+  ms_force_function_destroy(model->scene, model->function);
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
   ms_law_springs_destroy(model->scene, model->laws);
   MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->force);

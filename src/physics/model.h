@@ -18,6 +18,7 @@ enum {
 };
 
 struct ms_law_springs;
+struct ms_force_function;
 
 typedef struct ms_model {
   const ms_scene *scene;
@@ -29,8 +30,10 @@ typedef struct ms_model {
   ms_external external;        /* the scene's */
   struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
   double *force;               /* a vector: the constant forces on particles, N; NULL: none */
-  double *added_force;         /* a vector that force sweeps add: `force`, the forces of springs on
-                                  split rows and those of laws; `force` itself without them */
+  struct ms_force_function *function; /* of the program (force_function.h); NULL: none */
+  double *base_force;          /* a vector: `force`, with a function the sum of both; NULL: none */
+  double *added_force;         /* a vector that force sweeps add: base_force, the forces of springs
+                                  on split rows and those of laws; base_force itself without them */
   int isa;                     /* of the kernels: ms_isa_choose() */
   ms_pool *pool;               /* the sim's; NULL: one thread */
   unsigned features;           /* MS_HAS_... */

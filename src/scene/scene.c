@@ -22,7 +22,8 @@ static void free_run(ms_scene *s) {
 
 static void free_scene_data(ms_scene *s) {
   MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->force, s->ij, s->k,
-          s->rest, s->damping, s->faces, s->planes, s->colliders, s->solids);
+          s->rest, s->damping, s->faces, s->planes, s->colliders, s->solids,
+          (void *)(uintptr_t)s->force_function.name);
   for (int32_t m = 0; m < s->nmotions; m++) ms_motion_free(&s->alloc, &s->motions[m]);
   ms_memory_free(&s->alloc, s->motions);
   free_run(s);
@@ -200,7 +201,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   c->nplanes = s->nplanes;
   append_colliders(c, s);
   c->external = s->external;
-  if (!ms_laws_copy(s, c)) {
+  if (!ms_laws_copy(s, c) || !ms_scene_copy_function(s, c)) {
     ms_scene_release(c);
     ms_error_set_memory(err, "a copy of the scene");
     return NULL;
@@ -486,6 +487,7 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .ncolliders = s->ncolliders,
       .colliders = s->colliders,
       .nmotions = s->nmotions,
+      .force_function = ms_scene_has_function(s) ? &s->force_function : NULL,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
   return ms_sized_write(view, &full, sizeof full);

@@ -58,6 +58,8 @@ typedef struct ms_scene {
   int32_t nmotions, motion_capacity;
   ms_motion *motions;
 
+  msim_force_function force_function; /* evaluate NULL: none; owns its name */
+
   int32_t nrun, run_capacity;
   ms_run_option *run;
 
@@ -70,6 +72,22 @@ struct msim_scene {
 
 ms_scene *ms_scene_retain(ms_scene *scene); /* increments the number of references */
 void ms_scene_release(ms_scene *scene);     /* decrements it, frees the data at 0; accepts NULL */
+
+/* 1: the program computes forces, which have these flags. */
+static inline int ms_scene_has_function(const ms_scene *s) {
+  return s->force_function.evaluate != NULL;
+}
+static inline int ms_scene_function_has(const ms_scene *s, uint32_t flags) {
+  return (s->force_function.flags & flags) != 0;
+}
+
+/* Copy the force function of `from` to a scene without one. 0: out of memory */
+static inline int ms_scene_copy_function(const ms_scene *from, ms_scene *to) {
+  const char *name = from->force_function.name;
+  to->force_function = from->force_function;
+  to->force_function.name = name ? ms_memory_copy_string(&to->alloc, name) : NULL;
+  return !name || to->force_function.name;
+}
 
 /* A parameter of ms_external: its key in scene files, and its numbers. */
 typedef struct ms_scene_parameter {

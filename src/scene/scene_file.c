@@ -115,6 +115,11 @@ msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_erro
       return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
                           "law %d is a callback, which scene files cannot represent; use a table",
                           i + 1);
+  if (ms_scene_has_function(scene->data))
+    return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
+                        "force function '%s' is part of the program, and scene files cannot "
+                        "represent it; remove it before the scene is saved",
+                        scene->data->force_function.name);
   const msim_allocator alloc = scene->data->alloc;
   ms_text part = {.alloc = &alloc};
   ms_text_append(&part, "%s.part", path);

@@ -60,7 +60,7 @@ static void start_threads(msim_sim *sim) {
 
 /* All threads share the work of a large island. If there are at least two small islands per thread,
  * each thread steps small islands by itself, with explicit methods only: solvers may allocate, and
- * so stay in the caller's thread. */
+ * so stay in the caller's thread, as force functions do. */
 static void assign_threads(msim_sim *sim) {
   enum { SMALL = 512 }; /* slices */
   int32_t nsmall = 0;
@@ -68,6 +68,7 @@ static void assign_threads(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++)
     nsmall += sim->islands[i].model.half_edges.nslices < SMALL;
   sim->any_single_thread = sim->pool && !sim->config.integrator->entry.implicit &&
+                           !ms_scene_has_function(sim->scene) &&
                            nsmall >= 2 * ms_pool_thread_count(sim->pool);
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_island_sim *m = &sim->islands[i];
@@ -98,8 +99,10 @@ static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_e
   return ms_sim_create_solver(sim, m, sim->run.h, &s->solver, err);
 }
 
-/* Constraints act on blocks: the matrix must not become scalar, identical for each component. */
+/* Constraints act on blocks: the matrix must not become scalar, identical for each component. The
+ * derivatives of a force function are not kept: a lagged factor could not be computed again. */
 static void require_block_matrix(msim_sim *sim) {
+  if (ms_scene_has_function(sim->scene)) sim->config.opt.skip_off |= MSIM_SKIP_KEPT_FACTOR;
   if (sim->config.opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes &&
       sim->config.integrator->entry.implicit)
     sim->config.opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;

@@ -9,6 +9,7 @@
 #include "integrate/method_state.h"
 #include "sim/sim.h"
 #include "physics/external_force.h"
+#include "physics/force_function.h"
 #include "physics/signed_distance.h"
 #include "scene/laws.h"
 
@@ -56,9 +57,13 @@ static double extent_of(const ms_totals *t) {
   return extent;
 }
 
-/* sum (m g + F).x (J): minus the potential energy of external forces */
+/* sum (m g + F).x (J) - the potential of the force function in the present state: minus the
+ * potential energy of external forces */
 static double external_work(const msim_sim *sim, const ms_totals *t) {
-  return ms_external_work(&sim->scene->external, t->moment) + t->force_work;
+  double potential = 0;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    potential += ms_force_function_compute_potential(&m->model, m->stepper.x);
+  return ms_external_work(&sim->scene->external, t->moment) + t->force_work - potential;
 }
 
 /* The bounds in the present state; `most` is kept if that state is good. */

@@ -8,8 +8,9 @@
  * and no particle is ever faster than sqrt(2 S/m), so that the longest side L of the box around all
  * particles, L0 at the start, keeps
  *   L <= L0 + 2 t sqrt(2 S/m_least), S the largest so far.
- * The work of moving pins adds to S, and at most run.moved. A method may exceed both by its error,
- * which is a fraction of the energy available in the scene.
+ * The work of moving pins and of a force function adds to S, at most run.moved, and what the
+ * potential of that function loses. A method may exceed both by its error, which is a fraction of
+ * the energy available in the scene.
  * For scenes that start without energy, S contains a least amount of it:
  *   - W (L0 + a h^2), W = M g + sum |F|, a = g + max |F|/m: a fall of the free mass M through the
  *     scene, or, where that is more, from the highest particle down to a plane or collider; and one

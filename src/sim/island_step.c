@@ -4,13 +4,17 @@
 
 #include "contact/contact_set.h"
 #include "contact/events.h"
+#include "physics/force_function.h"
 #include "physics/moving_pins.h"
 
-/* Add the work of moving pins in a step from x to x_next by the trapezoidal rule. */
+/* Add the work of moving pins and of a force function in a step from x to x_next by the trapezoidal
+ * rule. */
 static void add_trapezoidal_work(ms_stepper *s) {
   s->c = 0;
+  ms_stepper_evaluate_function(s, s->x, s->v);
   ms_stepper_add_work(s, 0.5, s->x, s->v);
   s->c = 1;
+  ms_stepper_evaluate_function(s, s->x_next, s->v_next);
   ms_stepper_add_work(s, 0.5, s->x_next, s->v_next);
 }
 
@@ -20,8 +24,11 @@ static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *
   s->offender = -1;
   s->finite = 0;
   s->c = 0;
+  ms_force_function *function = s->model->function;
+  if (function) function->status = MSIM_OK;
   msim_status status = ms_events_step(sim->config.integrator, s, err);
   if (!sim->config.integrator->counts_work) add_trapezoidal_work(s);
+  if (function && function->status) return ms_force_function_report(s->model, &s->offender, err);
   if (status || s->finite) return status;
   s->offender = ms_vector_find_invalid(s->model->shape, s->x_next);
   if (s->offender < 0) s->offender = ms_vector_find_invalid(s->model->shape, s->v_next);
@@ -58,7 +65,7 @@ msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int
   msim_status status = MSIM_OK;
   s->parts = n;
   s->h = start.h / (double)n;
-  s->work_of_pins = 0;
+  s->work_in_step = 0;
   double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     if (i > 0) begin_next_substep(s, &start);

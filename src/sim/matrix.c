@@ -3,6 +3,7 @@
  * It has three components per particle, the scene's order of particles, and all islands, which the
  * sim's own matrices may not have. So it has a model of its own, built at the first request. */
 #include "base/sized.h"
+#include "physics/force_function.h"
 #include "sim/sim.h"
 
 #define WHOLE (MSIM_SKIP_TWO_D | MSIM_SKIP_ZERO_REST_LENGTH)
@@ -60,6 +61,18 @@ static msim_status create_export(msim_sim *sim, msim_error *err) {
   return status;
 }
 
+/* Linearize the force function in the present state; `a.x` is scratch. */
+static msim_status linearize_function(const msim_sim *sim, ms_matrix_export *w, const double *v,
+                                      msim_error *err) {
+  ms_force_function *function = w->model.function;
+  int32_t row;
+  if (!function) return MSIM_OK;
+  function->status = MSIM_OK;
+  ms_unknowns_gather(&w->model.unknowns, v, w->a.x);
+  ms_force_function_linearize(&w->model, ms_sim_time(sim), w->x, w->a.x);
+  return function->status ? ms_force_function_report(&w->model, &row, err) : MSIM_OK;
+}
+
 msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   if (!sim || !A) return ms_error_set(err, MSIM_ERR_ARG, "sim or A is NULL");
   if (!sim->config.integrator->entry.implicit)
@@ -71,6 +84,8 @@ msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   ms_unknowns_gather(&w->model.unknowns, now.x, w->x);
+  status = linearize_function(sim, w, now.v, err);
+  if (status) return status;
   ms_coefficients_compute(&w->model, w->x, sim->run.h,
                           sim->config.opt.jacobian == MSIM_JACOBIAN_CLAMP, &w->a);
   ms_sparse_matrix_assemble(&w->model, &w->a, &w->matrix);

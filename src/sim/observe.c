@@ -5,6 +5,8 @@
 #include "integrate/interpolate.h"
 #include "layout/planar.h"
 #include "physics/energy.h"
+#include "physics/force_function.h"
+#include "physics/fused_step.h"
 #include "physics/moving_pins.h"
 #include "physics/reference.h"
 #include "sim/sim.h"
@@ -101,7 +103,7 @@ msim_status msim_sim_plan(const msim_sim *sim, msim_plan *plan) {
   return ms_sized_write(plan, &full, sizeof full);
 }
 
-static void add_island_force(const ms_island_sim *m, const double *x, const double *v,
+static void add_island_force(const ms_island_sim *m, double t, const double *x, const double *v,
                              double *force) {
   const ms_stepper *s = &m->stepper;
   const ms_unknowns *rows = &m->model.unknowns;
@@ -109,7 +111,9 @@ static void add_island_force(const ms_island_sim *m, const double *x, const doub
   double *v_there = s->v_spare[0] ? s->v_spare[0] : s->v_next;
   ms_unknowns_gather(rows, x, x_there);
   ms_unknowns_gather(rows, v, v_there);
-  ms_force_compute(&m->model, x_there, v_there, s->scratch);
+  if (m->model.function) m->model.function->status = MSIM_OK;
+  ms_fused_step_run(&m->model,
+                    &(ms_fused_step){.t = t, .x = x_there, .v = v_there, .f = s->scratch});
   ms_unknowns_scatter(rows, s->scratch, force);
   /* restore the pinned particles, as steps expect them */
   ms_vector_copy_all(m->model.shape, s->x, x_there);
@@ -124,7 +128,8 @@ void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *for
     return;
   }
   memset(force, 0, 3 * (size_t)scene->nparticles * sizeof *force);
-  for (int32_t i = 0; i < sim->nislands; i++) add_island_force(&sim->islands[i], x, v, force);
+  for (int32_t i = 0; i < sim->nislands; i++)
+    add_island_force(&sim->islands[i], ms_sim_time(sim), x, v, force);
   for (int32_t p = 0; p < scene->nparticles; p++)
     if (scene->pinned[p]) memset(force + 3 * (size_t)p, 0, 3 * sizeof *force);
 }

@@ -111,6 +111,32 @@ static void warn_unused_end(const msim_sim *sim) {
               opt->t_end, (long long)opt->steps);
 }
 
+static msim_status refuse_function(const msim_sim *sim, const char *why, msim_error *err) {
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "integrator '%s' does not support force function '%s'%s; use dop853, "
+                      "velocity-verlet or implicit-midpoint, or remove the function",
+                      ms_sim_selects(sim) ? MS_AUTO : sim->config.integrator->entry.name,
+                      sim->scene->force_function.name, why);
+}
+
+/* Force functions need a method that evaluates forces only in steps, at known times. */
+static msim_status check_force_function(const msim_sim *sim, msim_error *err) {
+  const ms_integrator *method = sim->config.integrator;
+  if (!ms_scene_has_function(sim->scene)) return MSIM_OK;
+  if (ms_sim_selects(sim) || method->is_multirate || method->convert_state || method->sync)
+    return refuse_function(sim, "", err);
+  if (method->separable && ms_scene_function_has(sim->scene, MSIM_FORCE_VELOCITY))
+    return refuse_function(sim, ", which depends on velocities", err);
+  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes > 0 &&
+      ms_scene_function_has(sim->scene, MSIM_FORCE_TIME))
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "impacts are not located where forces depend on time, as force function "
+                        "'%s' does; use collision = reflect without tol, or remove the planes or "
+                        "the function",
+                        sim->scene->force_function.name);
+  return MSIM_OK;
+}
+
 static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = ms_options_copy(opt, &sim->config.opt, err);
   if (!status) status = ms_options_check(&sim->config.opt, err);
@@ -126,6 +152,7 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
   if (!status) warn_unused_end(sim);
   if (!status) status = check_colliders(sim, err);
   if (!status) status = set_collision(sim, err);
+  if (!status) status = check_force_function(sim, err);
   return status ? status : ms_sim_check_motions(sim, err);
 }
 

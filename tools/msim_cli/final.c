@@ -69,6 +69,8 @@ static const char *status_word(msim_status status) {
       return "not_finite";
     case MSIM_UNSTABLE:
       return "unstable";
+    case MSIM_FORCE_FAILED:
+      return "force_failed";
     case MSIM_STOPPED:
       return "stopped";
     default:
