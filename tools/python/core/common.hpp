@@ -50,7 +50,21 @@ nb::object copy(const T *data, std::vector<size_t> shape) {
   return nb::cast(nb::ndarray<nb::numpy, T>(values->data(), shape.size(), shape.data(), owner));
 }
 
+// A force function of Python, as msim_force_function.data; scenes and their sims share it.
+struct Force {
+  nb::object forces;    // (t, particles, x, v) to forces, (n, 3)
+  nb::object jacobian;  // the same to dfdx and dfdv, (n, 3, 3) each, or None
+  nb::object potential; // (particles, x) to a number, or None
+};
+
+// The exception of a force function in this thread is raised by the call that ran into it.
+void raise_force_exception();
+
+// Refuse the use of a sim within a force function.
+void refuse_in_force();
+
 struct Scene {
+  std::shared_ptr<Force> force;
   msim_scene *p = nullptr;
   Scene() = default;
   Scene(const Scene &) = delete;
@@ -61,6 +75,7 @@ struct Scene {
 // A sim, which lives as long as the last of the Sim, its views and its recorders. It knows none of
 // them, so that there are no reference cycles.
 struct Handle {
+  std::shared_ptr<Force> force; // outlives the sim
   msim_sim *p = nullptr;
   bool busy = false;                // a thread is inside step or run, without the GIL
   bool in_observer = false;         // Python calls an observer of this sim
@@ -73,6 +88,7 @@ struct Handle {
   ~Handle() { msim_sim_destroy(p); }
 };
 
+void bind_force(nb::class_<Scene> &scene);
 void bind_lists(nb::module_ &m);
 void bind_scene(nb::module_ &m);
 void bind_sim(nb::module_ &m);

@@ -228,8 +228,9 @@ static void save(const Scene &s, const char *path) {
 }
 
 void bind_scene(nb::module_ &m) {
-  nb::class_<Scene>(m, "Scene")
-      .def("__init__", create)
+  nb::class_<Scene> scene(m, "Scene");
+  bind_force(scene);
+  scene.def("__init__", create)
       .def("__init__", load)
       .def("__init__", parse)
       .def("add_particles", add_particles, nb::arg(), nb::arg().none(), nb::arg())

@@ -19,6 +19,7 @@ struct Sim {
 /*------------------------------------- one user at a time ---------------------------------------*/
 
 static void refuse_other_threads(const Handle &h) {
+  refuse_in_force();
   if ((h.busy || h.in_observer) && h.owner != std::this_thread::get_id()) {
     nb::object busy = nb::module_::import_("msim._errors").attr("BusyError");
     PyErr_SetString(busy.ptr(), "another thread is using this sim; give each thread its own one");
@@ -57,6 +58,7 @@ static void keep_warning(const char *text, void *user) {
 
 // Python's warnings, where the call that caused them is in `level`
 static void show_warnings(Handle &h, int level) {
+  raise_force_exception();
   if (h.warnings.empty()) return;
   const std::vector<std::string> texts = std::exchange(h.warnings, {});
   for (const std::string &text : texts)
@@ -111,6 +113,7 @@ static void create(Sim *self, const Scene &scene, const nb::list &options) {
   Sim sim;
   msim_error err;
   msim_options opt;
+  sim.h->force = scene.force;
   set_options(scene, options, opt);
   opt.warn = keep_warning;
   opt.warn_user = sim.h.get();
@@ -123,7 +126,9 @@ static void create(Sim *self, const Scene &scene, const nb::list &options) {
 static void copy_sim(Sim *self, const Sim &from) {
   Sim sim;
   msim_error err;
+  sim.h->force = from.h->force;
   const msim_status status = msim_sim_clone(idle(from), &sim.h->p, &err);
+  show_warnings(*sim.h, 2);
   check(status, err);
   msim_sim_set_warn(sim.h->p, keep_warning, sim.h.get());
   new (self) Sim(std::move(sim));
@@ -219,6 +224,7 @@ static msim_state state_of(const Sim &s) {
   msim_state state{};
   state.size = sizeof state;
   msim_sim_state(idle(s), &state);
+  raise_force_exception();
   return state;
 }
 
@@ -320,7 +326,9 @@ static nb::bytes save(Sim &s) {
 
 static void load(Sim &s, nb::bytes data) {
   msim_error err;
-  check(msim_sim_load(idle(s), data.c_str(), data.size(), &err), err);
+  const msim_status status = msim_sim_load(idle(s), data.c_str(), data.size(), &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
   forget_frame(s);
 }
 
@@ -330,6 +338,7 @@ static nb::tuple energy(const Sim &s) {
   msim_energy e{};
   e.size = sizeof e;
   msim_sim_energy(idle(s), &e);
+  raise_force_exception();
   return nb::make_tuple(e.kinetic, e.elastic, e.gravitational, e.total, copy(e.momentum, {3}),
                         copy(e.angular_momentum, {3}), e.work);
 }
@@ -365,6 +374,7 @@ static nb::object force(Sim &s, Doubles x, Doubles v) {
   const msim_state state = state_of(s);
   std::vector<double> f(3 * static_cast<size_t>(state.n));
   msim_sim_force(s.h->p, x.data(), v.data(), f.data());
+  raise_force_exception();
   return copy(f.data(), {static_cast<size_t>(state.n), 3});
 }
 
@@ -388,7 +398,9 @@ static nb::tuple matrix(const Sim &s) {
   msim_error err;
   msim_csr a{};
   a.size = sizeof a;
-  check(msim_sim_matrix(idle(s), &a, &err), err);
+  const msim_status status = msim_sim_matrix(idle(s), &a, &err);
+  raise_force_exception();
+  check(status, err);
   const size_t n = static_cast<size_t>(a.n), entries = static_cast<size_t>(a.rowptr[n]);
   return nb::make_tuple(copy(a.val, {entries}), copy(a.colind, {entries}), copy(a.rowptr, {n + 1}));
 }

@@ -9,7 +9,7 @@
 """
 from ._core import version as _version
 from ._errors import (ArgumentError, ArgumentTypeError, BusyError, Error, FileError,
-                      NameNotFoundError, NotConvergedError, NotFiniteError,
+                      ForceFailedError, NameNotFoundError, NotConvergedError, NotFiniteError,
                       NotPositiveDefiniteError, NumericalError, OptionError, OutOfMemoryError,
                       PluginError, Status, StoppedError, UnstableError, UnsupportedError)
 from ._options import (Integrator, Option, Plugin, importers, integrators, options, recorders,
@@ -22,8 +22,8 @@ from ._view import view
 
 __version__ = _version()
 __all__ = [
-    "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Error", "Estimate", "FileError", "Frame",
-    "Integrator",
+    "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Error", "Estimate",
+    "FileError", "ForceFailedError", "Frame", "Integrator",
     "NameNotFoundError", "NotConvergedError", "NotFiniteError", "NotPositiveDefiniteError",
     "NumericalError", "Option", "OptionError", "OutOfMemoryError", "Plan", "Plane", "Plugin",
     "PluginError", "Recorder", "Result", "Scene", "Sim", "Springs", "Status", "StoppedError",

@@ -13,6 +13,7 @@ class Status(IntEnum):
     NOT_FINITE = 3
     STOPPED = 4
     UNSTABLE = 5
+    FORCE_FAILED = 6
     ERR_ARG = -1
     ERR_MEMORY = -2
     ERR_NAME = -3
@@ -103,12 +104,17 @@ class UnstableError(NumericalError):
     """Energy or extent exceed their bounds: the step is too large."""
 
 
+class ForceFailedError(NumericalError):
+    """A force function failed; its own exception is raised where it has one."""
+
+
 CLASSES: dict[Status, type[Error]] = {
     Status.NOT_SPD: NotPositiveDefiniteError,
     Status.NOT_CONVERGED: NotConvergedError,
     Status.NOT_FINITE: NotFiniteError,
     Status.STOPPED: StoppedError,
     Status.UNSTABLE: UnstableError,
+    Status.FORCE_FAILED: ForceFailedError,
     Status.ERR_ARG: ArgumentError,
     Status.ERR_MEMORY: OutOfMemoryError,
     Status.ERR_NAME: NameNotFoundError,

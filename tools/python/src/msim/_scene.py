@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays, _core
+from . import _arrays, _core, _force
 from ._arrays import Doubles, Ints, Path
 from ._errors import ArgumentError, ArgumentTypeError
 
@@ -205,6 +205,38 @@ class Scene:
             raise ArgumentError(f"x must have the shape ({len(times)}, {len(which)}, 3), one row for "
                                 f"each time and particle; found {points.shape}")
         self._core.add_motion(which, times, points, cubic)
+
+    def set_force(self, function: _force.Function | None, *, name: str | None = None,
+                  time: bool = False, velocity: bool = False,
+                  jacobian: _force.Jacobian | None = None,
+                  potential: _force.Potential | None = None, largest_stiffness: float = 0,
+                  largest_damping: float = 0) -> None:
+        """Add the forces function(t, particles, x, v), (n, 3) or (3,), N; None: no longer.
+
+        It gets the time, the indices of the free particles of an island, and copies of their
+        positions and velocities, (n, 3), and must depend on these alone: say with `time` and
+        `velocity` whether on t and v, which is None otherwise. jacobian, with the same arguments,
+        returns df/dx and df/dv of each particle: numbers (times the unit matrix), (3, 3) or
+        (n, 3, 3); implicit methods need it for long steps. potential(particles, x), in J, counts as
+        energy; without one the work of the force is integrated. largest_stiffness, N/m, and
+        largest_damping, N s/m, bound the derivatives, for h="auto". Checkpoints compare `name`, that
+        of the function if it is not given. An exception of a function ends the step, and is raised
+        there. Functions must not use the sim.
+        """
+        if function is None:
+            self._core.remove_force()
+            return
+        for what, value in (("function", function), ("jacobian", jacobian),
+                            ("potential", potential)):
+            _force.callable_or_none(what, value)
+        title = getattr(function, "__name__", "force") if name is None else name
+        if not isinstance(title, str):
+            raise ArgumentTypeError(f"name must be a text; found {title!r}")
+        self._core.set_force(title, bool(time) + 2 * bool(velocity),
+                             _force.wrap_function(function), _force.wrap_jacobian(jacobian),
+                             _force.wrap_potential(potential),
+                             _arrays.number("largest_stiffness", largest_stiffness),
+                             _arrays.number("largest_damping", largest_damping))
 
     def add_rope(self, n: int, start: ArrayLike, end: ArrayLike, *, mass: float, k: float,
                  damping: float = 0, pinned: Pinned = ()) -> range:
