@@ -237,6 +237,9 @@ typedef struct msim_scene_view {
   const msim_collider *colliders;            /* ncolliders, one every colliders->size bytes */
   int32_t nmotions;                          /* see msim_scene_get_motion */
   const msim_force_function *force_function; /* NULL: none */
+  int32_t nangles;
+  const int32_t *ijk;                                 /* 3 nangles */
+  const double *angle_k, *angle_rest, *angle_damping; /* nangles: N m/rad^2, rad, N m s/rad */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -314,6 +317,24 @@ MSIM_API msim_status msim_scene_set_law(msim_scene *scene, int32_t n,
 /* Get a law by its number, 0 to nlaws; set law->size first. Arrays are borrowed, valid as those of
  * msim_scene_get. MSIM_ERR_ARG: there is no such law. */
 MSIM_API msim_status msim_scene_get_law(const msim_scene *scene, int32_t index, msim_law *law);
+
+/* Append n angular springs, which resist bending and do not stretch. With theta the angle at
+ * particle j between its edges to i and k, from 0 (they coincide) to pi (they are straight), the
+ * elastic energy is E = k/2 (theta - rest)^2, and the forces are -dE/dx - damping dtheta/dt
+ * dtheta/dx on i, j and k, without momentum and angular momentum (Allen and Tildesley 1987). They
+ * are smooth where the edges are straight if rest = pi. For any other rest the direction of the
+ * force is not defined at theta = pi, nor at theta = 0 unless rest = 0: there it is 0, as it is
+ * where an edge has no length. k and damping must be >= 0, rest in [0, pi].
+ * Edges need no spring. Step-size limits follow from the edges' lengths when the sim is made.
+ * Refused by msim_sim_create with integrator `respa`, and damped ones where forces must not depend
+ * on velocities. Nullable: rest (the present angle; exactly pi if that is straight up to the
+ * rounding of coordinates), damping (0). */
+MSIM_API msim_status msim_scene_add_angles(msim_scene *scene, int32_t n,
+                                           const int32_t *ijk /* 3n, the vertex j second */,
+                                           const double *k /* n, N m/rad^2 */,
+                                           const double *rest /* n, rad */,
+                                           const double *damping /* n, N m s/rad */,
+                                           msim_error *err);
 
 /* Append n faces, triangles of particles, which viewers draw: they have no mass and exert no force.
  * Seen from outside, the corners of a closed surface are in counterclockwise order. Cloths and

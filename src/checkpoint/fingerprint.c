@@ -97,6 +97,15 @@ static void list_laws(const ms_scene *s, ms_fingerprint_visitor *mark, void *dat
   list_hash(mark, data, "springs.law", ms_archive_hash(0, s->law, bytes));
 }
 
+static void list_angles(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  const ms_scene_angles *g = &s->angles;
+  const size_t n = (size_t)g->n, real = sizeof(double);
+  if (n == 0) return;
+  uint64_t hash = ms_archive_hash(0, g->ijk, 3 * n * sizeof *g->ijk);
+  hash = ms_archive_hash(ms_archive_hash(hash, g->k, n * real), g->rest, n * real);
+  list_hash(mark, data, "angles", ms_archive_hash(hash, g->damping, n * real));
+}
+
 static void list_colliders(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
   for (int32_t i = 0; i < s->ncolliders; i++) {
     const msim_collider *c = &s->colliders[i];
@@ -148,6 +157,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
     list_hash(mark, data, arrays[i].name, sim->scene_hashes[i]);
   list_planes(s, mark, data);
   list_laws(s, mark, data);
+  list_angles(s, mark, data);
   list_colliders(s, mark, data);
   list_count(mark, data, "the number of motions", created_scene(sim)->nmotions);
   list_motions(created_scene(sim), mark, data);

@@ -288,7 +288,8 @@ static msim_status consider_multirate(ms_pilot_run *p, const ms_candidate *best,
   const double WORTH = 0.25;
   double cost;
   int64_t n = 0;
-  c->rejection = MS_REASON_STIFF_SPRINGS_NOT_FEW;
+  c->rejection = p->sim->scene->angles.n ? MS_REASON_ANGLES : MS_REASON_STIFF_SPRINGS_NOT_FEW;
+  if (c->rejection == MS_REASON_ANGLES) return MSIM_OK;
   if (p->planes_count || !p->many || !is_limited_by_stability(p, best)) return MSIM_OK;
   msim_status status = find_multirate_step(p, &n, &cost, err);
   for (int tries = 0; tries < 3 && !status && cost < WORTH * best->cost_rate; tries++) {

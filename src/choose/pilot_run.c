@@ -276,6 +276,8 @@ static msim_status find_growth(ms_pilot_run *p, const ms_trial *pilot, msim_erro
 static int is_damped(const ms_scene *scene) {
   for (int32_t e = 0; e < scene->nsprings; e++)
     if (scene->damping[e] > 0) return 1;
+  for (int32_t e = 0; e < scene->angles.n; e++)
+    if (scene->angles.damping[e] > 0) return 1;
   return ms_external_has_velocity(&scene->external);
 }
 

@@ -25,6 +25,7 @@ const char *ms_rejection_reasons_text(int why) {
       [MS_REASON_COSTS_MORE] = "its first steps cost more than those of the best method",
       [MS_REASON_RUN_NOT_FINISHED] =
           "it did not finish the run at a fifth of the best method's cost",
-      [MS_REASON_NEVER_STABLE] = "some spring is undamped, so that no step is stable"};
+      [MS_REASON_NEVER_STABLE] = "some spring is undamped, so that no step is stable",
+      [MS_REASON_ANGLES] = "it does not support angular springs"};
   return reasons[why];
 }

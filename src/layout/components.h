@@ -5,7 +5,7 @@
 #ifndef MS_COMPONENTS_H
 #define MS_COMPONENTS_H
 
-#include "layout/unknowns.h"
+#include "layout/angles.h"
 
 static inline int32_t ms_components_find_root(int32_t *of, int32_t p) {
   while (of[p] != p) p = of[p] = of[of[p]];
@@ -20,6 +20,7 @@ static inline void ms_components_join(int32_t *of, int32_t p, int32_t q) {
 
 /* of: out, nfree: the component of each unknown; pinned particles connect nothing. Components are
  * numbered by their first unknowns. Returns their number. */
-int32_t ms_components_number(const ms_unknowns *rows, const ms_springs *springs, int32_t *of);
+int32_t ms_components_number(const ms_unknowns *rows, const ms_springs *springs,
+                             const ms_angles *angles, int32_t *of);
 
 #endif

@@ -18,6 +18,23 @@ static int32_t pinned_end(const ms_scene *s, int32_t e) {
   return s->pinned[i] == s->pinned[j] ? NONE : s->pinned[i] ? i : j;
 }
 
+/* The first free corner of an angular spring; NONE: all are pinned. */
+static int32_t free_corner(const ms_scene *s, int32_t e) {
+  const int32_t *ijk = s->angles.ijk + 3 * (size_t)e;
+  for (int c = 0; c < 3; c++)
+    if (!s->pinned[ijk[c]]) return ijk[c];
+  return NONE;
+}
+
+static void join_corners(const ms_scene *s, int32_t e, int32_t *of) {
+  const int32_t *ijk = s->angles.ijk + 3 * (size_t)e, first = free_corner(s, e);
+  for (int c = 0; c < 3; c++) {
+    if (s->pinned[ijk[c]]) continue;
+    if (of[ijk[c]] == NONE) of[ijk[c]] = ijk[c];
+    ms_components_join(of, first, ijk[c]);
+  }
+}
+
 /* of[p]: the first particle of p's component; NONE if p is pinned. */
 static void find_components(const ms_scene *s, int32_t *of) {
   int32_t first_loose = NONE;
@@ -28,6 +45,7 @@ static void find_components(const ms_scene *s, int32_t *of) {
     if (!s->pinned[j] && of[j] == NONE) of[j] = j;
     if (!s->pinned[i] && !s->pinned[j]) ms_components_join(of, i, j);
   }
+  for (int32_t e = 0; e < s->angles.n; e++) join_corners(s, e, of);
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (s->pinned[p]) continue;
     if (of[p] == NONE && first_loose == NONE) first_loose = p;
@@ -61,30 +79,61 @@ static int32_t number_islands(int32_t n, int32_t *of, int32_t *size) {
   return islands;
 }
 
+/* At most so many links, springs or angular springs */
+static size_t count_connections(const ms_scene *s) {
+  return (size_t)s->nsprings + 2 * (size_t)s->angles.n;
+}
+
 /*------------------------------------- contents of islands --------------------------------------*/
 
-/* The springs are sorted by their pinned end first: so each island gets its pinned particles in
+/* A pinned particle and a free one that a spring connects */
+typedef struct link {
+  int32_t pinned, free;
+} link;
+
+/* link: nsprings + 2 for each angular spring. Returns their number. */
+static int32_t list_links(const ms_scene *s, link *to) {
+  int32_t n = 0;
+  for (int32_t e = 0; e < s->nsprings; e++)
+    if (pinned_end(s, e) != NONE) to[n++] = (link){pinned_end(s, e), free_end(s, e)};
+  for (int32_t e = 0; e < s->angles.n; e++) {
+    const int32_t *ijk = s->angles.ijk + 3 * (size_t)e, other = free_corner(s, e);
+    for (int c = 0; c < 3 && other != NONE; c++)
+      if (s->pinned[ijk[c]]) to[n++] = (link){ijk[c], other};
+  }
+  return n;
+}
+
+/* The links are sorted by their pinned end first: so each island gets its pinned particles in
  * ascending order, and duplicates, which are dropped, follow each other. last: scratch, one for
  * each island. */
-static int sort_pinned_particles(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
-                                 ms_islands *out) {
+static int sort_links(const ms_scene *s, const int32_t *of, int32_t nlinks, const link *links,
+                      int32_t *to, int32_t *last, ms_islands *out) {
   ms_buckets held;
-  for (int32_t e = 0; e < s->nsprings; e++) to[e] = pinned_end(s, e);
-  int fits = ms_buckets_create(&s->alloc, s->nsprings, to, s->nparticles, &held);
+  for (int32_t k = 0; k < nlinks; k++) to[k] = links[k].pinned;
+  int fits = ms_buckets_create(&s->alloc, nlinks, to, s->nparticles, &held);
   if (fits) {
-    const int32_t n = held.first[s->nparticles];
     for (int32_t i = 0; i < out->n; i++) last[i] = NONE;
-    for (int32_t k = 0; k < n; k++) {
-      const int32_t island = of[free_end(s, held.item[k])];
-      held.item[k] = pinned_end(s, held.item[k]);
-      to[k] = last[island] == held.item[k] ? NONE : island;
-      last[island] = held.item[k];
+    for (int32_t k = 0; k < nlinks; k++) {
+      const link *at = &links[held.item[k]];
+      const int32_t island = of[at->free];
+      held.item[k] = at->pinned;
+      to[k] = last[island] == at->pinned ? NONE : island;
+      last[island] = at->pinned;
     }
-    fits = ms_buckets_create(&s->alloc, n, to, out->n, &out->pinned);
+    fits = ms_buckets_create(&s->alloc, nlinks, to, out->n, &out->pinned);
     for (int32_t k = 0; fits && k < out->pinned.first[out->n]; k++)
       out->pinned.item[k] = held.item[out->pinned.item[k]];
   }
   ms_buckets_destroy(&s->alloc, &held);
+  return fits;
+}
+
+static int sort_pinned_particles(const ms_scene *s, const int32_t *of, int32_t *to, int32_t *last,
+                                 ms_islands *out) {
+  link *links = ms_memory_allocate(&s->alloc, count_connections(s), sizeof *links);
+  const int fits = links && sort_links(s, of, list_links(s, links), links, to, last, out);
+  ms_memory_free(&s->alloc, links);
   return fits;
 }
 
@@ -94,9 +143,14 @@ static int sort_contents(const ms_scene *s, const int32_t *of, int32_t *to, int3
     const int32_t p = free_end(s, e);
     to[e] = p == NONE ? NONE : of[p];
   }
-  return ms_buckets_create(&s->alloc, s->nparticles, of, out->n, &out->free) &&
-         ms_buckets_create(&s->alloc, s->nsprings, to, out->n, &out->springs) &&
-         sort_pinned_particles(s, of, to, last, out);
+  int fits = ms_buckets_create(&s->alloc, s->nparticles, of, out->n, &out->free) &&
+             ms_buckets_create(&s->alloc, s->nsprings, to, out->n, &out->springs);
+  for (int32_t e = 0; e < s->angles.n; e++) {
+    const int32_t p = free_corner(s, e);
+    to[e] = p == NONE ? NONE : of[p];
+  }
+  fits = fits && ms_buckets_create(&s->alloc, s->angles.n, to, out->n, &out->angles);
+  return fits && sort_pinned_particles(s, of, to, last, out);
 }
 
 /*------------------------------------- create and destroy ---------------------------------------*/
@@ -108,7 +162,7 @@ msim_status ms_islands_create(const ms_scene *scene, int whole, ms_islands *isla
   int32_t *of = NULL, *size = NULL, *to = NULL;
   *islands = (ms_islands){.n = 1};
   int fits = MS_NEW(alloc, islands->row_scratch, n) && MS_NEW(alloc, of, n) &&
-             MS_NEW(alloc, size, n + 1) && MS_NEW(alloc, to, scene->nsprings);
+             MS_NEW(alloc, size, n + 1) && MS_NEW(alloc, to, count_connections(scene));
   if (fits && whole) {
     for (size_t p = 0; p < n; p++) of[p] = scene->pinned[p] ? NONE : 0;
   } else if (fits) {
@@ -127,18 +181,21 @@ void ms_islands_destroy(const ms_scene *scene, ms_islands *islands) {
   ms_buckets_destroy(&scene->alloc, &islands->free);
   ms_buckets_destroy(&scene->alloc, &islands->pinned);
   ms_buckets_destroy(&scene->alloc, &islands->springs);
+  ms_buckets_destroy(&scene->alloc, &islands->angles);
   ms_memory_free(&scene->alloc, islands->row_scratch);
   *islands = (ms_islands){0};
 }
 
 ms_island ms_islands_get(const ms_islands *islands, int32_t i) {
   const int32_t *free = islands->free.first + i, *pinned = islands->pinned.first + i;
-  const int32_t *springs = islands->springs.first + i;
+  const int32_t *springs = islands->springs.first + i, *angles = islands->angles.first + i;
   return (ms_island){.nfree = free[1] - free[0],
                      .npinned = pinned[1] - pinned[0],
                      .nsprings = springs[1] - springs[0],
+                     .nangles = angles[1] - angles[0],
                      .free = islands->free.item + free[0],
                      .pinned = islands->pinned.item + pinned[0],
                      .spring = islands->springs.item + springs[0],
+                     .angle = islands->angles.item + angles[0],
                      .row_scratch = islands->row_scratch};
 }

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "linear/coarse_angles.h"
 #include "linear/coarse_kernels.h"
 
 MS_TABLES(ms_coarse_kernels);
@@ -23,7 +24,7 @@ static int32_t *list_links(const ms_model *model, const ms_aggregates *a, int32_
       if (other >= 0 && mark[other] != k) mark[other] = k, *next++ = other;
     }
   }
-  return next;
+  return ms_coarse_angles_list_links(model, a, k, mark, next);
 }
 
 /* Where there are planes, prepare constraints: copy the modes, and allocate `held`. */
@@ -43,8 +44,9 @@ static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error 
   const int32_t n = coarse->aggregates.n;
   ms_sparse_graph graph = {.n = n};
   int32_t *mark = NULL;
-  const int fits = MS_NEW(alloc, graph.ptr, (size_t)n + 1) && MS_NEW(alloc, mark, n) &&
-                   MS_NEW(alloc, graph.ind, 2 * (size_t)model->springs.n);
+  const int fits =
+      MS_NEW(alloc, graph.ptr, (size_t)n + 1) && MS_NEW(alloc, mark, n) &&
+      MS_NEW(alloc, graph.ind, 2 * (size_t)model->springs.n + 6 * (size_t)model->angles.n);
   msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
   int32_t *next = graph.ind;
   for (int32_t k = 0; !status && k < n; k++) mark[k] = -1;
@@ -110,8 +112,7 @@ void ms_coarse_destroy(ms_coarse *coarse) {
 /* One loop over all aggregates, by all threads; no two write to the same place. */
 typedef struct coarse_job {
   ms_coarse *coarse;
-  const float *coefficients;
-  const double *inertia;
+  const ms_coarse_matrix *a;
   const double *r;
 } coarse_job;
 
@@ -122,8 +123,10 @@ static void coarse_run(ms_pool_chunk *work, coarse_job *j) {
 
 static void assemble_chunk(void *data, int32_t begin, int32_t end) {
   const coarse_job *j = data;
-  for (int32_t k = begin; k < end; k++)
-    j->coarse->kernels->assemble(j->coarse, j->coefficients, j->inertia, k);
+  for (int32_t k = begin; k < end; k++) {
+    j->coarse->kernels->assemble(j->coarse, j->a->coefficients, j->a->inertia, k);
+    ms_coarse_angles_assemble(j->coarse, j->a, k);
+  }
 }
 
 static void restrict_chunk(void *data, int32_t begin, int32_t end) {
@@ -167,15 +170,13 @@ static void add_constrained_inertia(ms_coarse *coarse, const double *inertia) {
   }
 }
 
-msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia,
-                             int braced) {
+msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a) {
   ms_block_cholesky *chol = &coarse->chol;
   const size_t area = (size_t)chol->block * (size_t)chol->block;
-  coarse->drops_negative_t = braced;
+  coarse->drops_negative_t = a->braced;
   memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
-  coarse_run(assemble_chunk,
-             &(coarse_job){.coarse = coarse, .coefficients = coefficients, .inertia = inertia});
-  add_constrained_inertia(coarse, inertia);
+  coarse_run(assemble_chunk, &(coarse_job){.coarse = coarse, .a = a});
+  add_constrained_inertia(coarse, a->inertia);
   return ms_block_cholesky_factor(chol);
 }
 

@@ -36,11 +36,18 @@ void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *constraint, int
 int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *constraint,
                                 int32_t n);
 
-/* Factor P^T A P, A given by the coefficients and inertia of ms_pcg (pcg.h). braced: 1 if t < 0
- * counts as 0, so that A is positive definite. MSIM_NOT_SPD: A is not positive definite, up to
- * rounding, and there is no factor. */
-msim_status ms_coarse_factor(ms_coarse *coarse, const float *coefficients, const double *inertia,
-                             int braced);
+/* A in the units of ms_pcg (pcg.h) */
+typedef struct ms_coarse_matrix {
+  const float *coefficients; /* of springs */
+  const double *inertia;
+  const ms_coefficients *a; /* its angular springs, times `by`, belong to A */
+  double by;
+  int braced; /* 1 if t < 0 counts as 0 */
+} ms_coarse_matrix;
+
+/* Factor P^T A P. braced makes A positive definite where angular springs do not prevent it.
+ * MSIM_NOT_SPD: A is not positive definite, up to rounding, and there is no factor. */
+msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a);
 
 /* coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r. Returns coarse->r . coarse->z. */
 double ms_coarse_solve(ms_coarse *coarse, const double *r);

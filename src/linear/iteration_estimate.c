@@ -2,19 +2,30 @@
 
 #include <math.h>
 
+/* The larger of `worst` and stiffness over the lighter mass of two rows */
+static double raise_ratio(const ms_model *model, double worst, double stiffness, int32_t i,
+                          int32_t j) {
+  double mass = INFINITY;
+  if (i < model->unknowns.nfree) mass = fmin(mass, model->mass[i]);
+  if (j < model->unknowns.nfree) mass = fmin(mass, model->mass[j]);
+  return fmax(worst, stiffness / mass);
+}
+
 /* The bound of kappa(A), estimated by the largest ratio of stiffness to mass in a spring and the
- * mean number of springs per unknown */
+ * mean number of springs per unknown; an angular one counts as the two that bound it */
 static double estimate_condition(const ms_model *model, double h) {
   const ms_springs *s = &model->springs;
+  const ms_angles *g = &model->angles;
   double worst = 0;
-  for (int32_t e = 0; e < s->n; e++) {
-    const double stiffness = h * h * s->k[e] + h * s->damping[e];
-    double mass = INFINITY;
-    if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);
-    if (s->j[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->j[e]]);
-    worst = fmax(worst, stiffness / mass);
-  }
-  return 1 + 4.0 * s->n / fmax(1, model->unknowns.nfree) * worst;
+  for (int32_t e = 0; e < s->n; e++)
+    worst = raise_ratio(model, worst, h * h * s->k[e] + h * s->damping[e], s->i[e], s->j[e]);
+  for (int32_t e = 0; e < g->n; e++)
+    for (int end = 0; end < 2; end++)
+      worst =
+          raise_ratio(model, worst, g->weight[2 * e + end] * (h * h * g->k[e] + h * g->damping[e]),
+                      g->row[3 * e + 2 * end], g->row[3 * e + 1]);
+  const double springs = s->n + 2.0 * g->n;
+  return 1 + 4 * springs / fmax(1, model->unknowns.nfree) * worst;
 }
 
 /* Small aggregates save iterations, but the cost of the coarse factor grows faster than the number

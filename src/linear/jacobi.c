@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "base/simd.h"
+#include "physics/angle_springs.h"
 
 msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi,
                              msim_error *err) {
@@ -31,12 +32,13 @@ static double choose_scale(const ms_model *model, const ms_coefficients *a) {
 }
 
 /* A shift that makes an unknown's diagonal block positive definite: the sum of max(0, -t) over its
- * springs. Each adds t I + g d d^T (force.h), g >= 0, but t = h^2 k s < 0 if it is compressed. */
+ * springs. Each adds t I + g d d^T (force.h), g >= 0, but t = h^2 k s < 0 if it is compressed. And
+ * what its angular springs need. */
 static double compression_shift(const ms_model *model, const ms_coefficients *a, int32_t row) {
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step) sum += fmax(0, -a->t[at]);
-  return sum;
+  return sum + ms_angle_springs_shift(model, a, row);
 }
 
 /* By cofactors. Returns 0 unless positive definite, by Sylvester: all leading minors > 0. */

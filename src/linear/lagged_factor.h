@@ -12,6 +12,11 @@
 #define MS_SOLVE_FLOPS_PER_NONZERO 16.0
 #define MS_PCG_FLOPS_PER_HALF_EDGE 32.0
 
+/* The cost of an iteration of pcg; an angular spring counts as 4 springs. */
+static inline double ms_lagged_factor_iteration_flops(const ms_model *model) {
+  return MS_PCG_FLOPS_PER_HALF_EDGE * 2 * (model->springs.n + 4.0 * model->angles.n);
+}
+
 typedef struct ms_lagged_factor {
   const ms_linear_system *system;
   ms_linear *factorizer; /* the solver that factors; NULL: no factor is lagged */

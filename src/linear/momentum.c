@@ -8,10 +8,16 @@
 static void number_components(const ms_model *model, int32_t *number, ms_momentum_components *f) {
   const ms_springs *s = &model->springs;
   const int32_t nfree = model->unknowns.nfree;
-  const int32_t components = ms_components_number(&model->unknowns, s, f->of);
+  const int32_t components = ms_components_number(&model->unknowns, s, &model->angles, f->of);
   for (int32_t e = 0; e < s->n; e++) {
     if (s->i[e] < nfree && s->j[e] >= nfree) number[f->of[s->i[e]]] = -1;
     if (s->j[e] < nfree && s->i[e] >= nfree) number[f->of[s->j[e]]] = -1;
+  }
+  for (int32_t c = 0; c < 3 * model->angles.n; c++) {
+    const int32_t row = model->angles.row[c], vertex = model->angles.row[c - c % 3 + 1];
+    const int32_t other = row == vertex ? -1 : vertex;
+    if (row < nfree && other >= nfree) number[f->of[row]] = -1;
+    if (other >= 0 && other < nfree && row >= nfree) number[f->of[other]] = -1;
   }
   for (int32_t k = 0; k < components; k++)
     if (number[k] == 0) number[k] = f->n++;

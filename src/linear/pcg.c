@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "linear/residual.h"
+#include "physics/angle_springs.h"
 #include "physics/particle_blocks.h"
 
 MS_TABLES(ms_pcg_kernels);
@@ -53,11 +54,11 @@ static double pcg_apply(ms_pcg *s) {
   s->kernels->apply_split_rows(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   const ms_linear_system *system = s->base.system;
+  const double by = 1 / s->jacobi.scale;
+  sum += ms_angle_springs_apply(system->model, &system->a, by, s->p, s->q);
   if (system->a.own)
-    sum +=
-        ms_particle_blocks_apply(system->model, system->a.own, 1, 1 / s->jacobi.scale, s->p, s->q);
-  return sum + ms_coefficients_apply_constraints(system->model, &system->a, 1, 1 / s->jacobi.scale,
-                                                 s->p, s->q);
+    sum += ms_particle_blocks_apply(system->model, system->a.own, 1, by, s->p, s->q);
+  return sum + ms_coefficients_apply_constraints(system->model, &system->a, 1, by, s->p, s->q);
 }
 
 /* r -= alpha q,  z = D^-1 r. Returns r.z. */
@@ -117,8 +118,12 @@ static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
   s->coarse_age = 0;
   s->base.coarse_factors++;
   ms_coarse_constrain(&s->coarse, system->a.constraint, system->a.nconstraints);
-  s->coarse_is_ready =
-      !ms_coarse_factor(&s->coarse, s->coefficients, s->inertia, kind == MSIM_FACTOR_SYMMETRIC);
+  const ms_coarse_matrix a = {.coefficients = s->coefficients,
+                              .inertia = s->inertia,
+                              .a = &system->a,
+                              .by = 1 / s->jacobi.scale,
+                              .braced = kind == MSIM_FACTOR_SYMMETRIC};
+  s->coarse_is_ready = !ms_coarse_factor(&s->coarse, &a);
   return s->coarse_is_ready || system->clamped || kind == MSIM_FACTOR_SYMMETRIC ? MSIM_OK
                                                                                 : MSIM_NOT_SPD;
 }

@@ -6,6 +6,7 @@
  * b the drag, with t and w in single precision. That rounding changes the matrix of a spring a
  * little, but alike at both ends, and for t >= 0 it stays positive semidefinite: momentum is
  * conserved, and A stays as definite as it is. Sums are in double precision.
+ * Angular springs (physics/angle_springs.h) are added to it in double precision.
  * One iteration consists of three sweeps over the unknowns:
  *     apply    q = A p,                                   sum p.q
  *     reduce   r -= alpha q,  z = D^-1 r,                 sum r.z

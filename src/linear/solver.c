@@ -335,8 +335,7 @@ static void amortize_factor(ms_solver *s, int64_t iterations, int changed) {
   ms_amortization *savings = &s->amortization;
   if (!savings->allowed) return;
   if (changed) savings->flops = 0, savings->solves = 0;
-  savings->flops +=
-      (double)iterations * MS_PCG_FLOPS_PER_HALF_EDGE * 2 * (double)s->system.model->springs.n;
+  savings->flops += (double)iterations * ms_lagged_factor_iteration_flops(s->system.model);
   if (++savings->solves < ENOUGH_TO_LOOK || !open_cholmod(s)) return;
   if (savings->flops < savings->cholmod->flops) return;
   if (!solver_factor(s, savings->cholmod, MSIM_FACTOR_SPD, NULL))

@@ -53,7 +53,7 @@ static msim_status choose_by_cost(const ms_linear_system *system, const msim_opt
                         "it, or use indefinite = clamp or stop",
                         why.text);
   if (status) return choose_pcg(system, opt, p, "; cholmod is not available", choice, err);
-  const double spared = iterations * MS_PCG_FLOPS_PER_HALF_EDGE * 2 * system->model->springs.n;
+  const double spared = iterations * ms_lagged_factor_iteration_flops(system->model);
   if (may_fail) {
     snprintf(choice->reason, sizeof choice->reason,
              "auto: indefinite = solve requires a direct solver");

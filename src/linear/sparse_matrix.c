@@ -4,8 +4,33 @@
 #include <string.h>
 
 #include "base/simd.h"
+#include "physics/angle.h"
 
 /*------------------------------------- graph ----------------------------------------------------*/
+
+static int compare_indices(const void *a, const void *b) {
+  int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
+  return (x > y) - (x < y);
+}
+
+/* Add the neighbours of row r by angular springs to those in [begin, end), all ascending, each
+ * once. Returns the end. */
+static int32_t merge_corners(const ms_model *model, int32_t r, int32_t begin, int32_t end,
+                             int32_t *ind) {
+  const ms_angles *g = &model->angles;
+  int32_t to = begin, next = end;
+  if (g->n == 0) return end;
+  for (int32_t at = g->of.first[r]; at < g->of.first[r + 1]; at++)
+    for (int c = 0; c < 3; c++) {
+      const int32_t other = g->row[g->of.item[at] / 3 * 3 + c];
+      if (other != r && other < model->unknowns.nfree) ind[next++] = other;
+    }
+  if (next == end) return end;
+  qsort(ind + begin, (size_t)(next - begin), sizeof *ind, compare_indices);
+  for (int32_t at = begin; at < next; at++)
+    if (at == begin || ind[at] != ind[to - 1]) ind[to++] = ind[at];
+  return to;
+}
 
 msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph *graph,
                                           msim_error *err) {
@@ -14,7 +39,7 @@ msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph
   const int32_t n = model->unknowns.nfree;
   *graph = (ms_sparse_graph){.n = n};
   if (!MS_NEW(alloc, graph->ptr, (size_t)n + 1) ||
-      !MS_NEW(alloc, graph->ind, 2 * (size_t)model->springs.n))
+      !MS_NEW(alloc, graph->ind, 2 * (size_t)model->springs.n + 6 * (size_t)model->angles.n))
     return ms_error_set_memory(err, "the graph of the springs");
   for (int32_t r = 0; r < n; r++) {
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
@@ -24,7 +49,7 @@ msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph
       if (half_edges->spring[at] < 0 || j >= n || j == last) continue;
       graph->ind[to++] = last = j;
     }
-    graph->ptr[r + 1] = to;
+    graph->ptr[r + 1] = merge_corners(model, r, graph->ptr[r], to, graph->ind);
   }
   return MSIM_OK;
 }
@@ -35,11 +60,6 @@ void ms_sparse_matrix_destroy_graph(const ms_model *model, ms_sparse_graph *grap
 }
 
 /*------------------------------------- pattern --------------------------------------------------*/
-
-static int compare_indices(const void *a, const void *b) {
-  int32_t x = *(const int32_t *)a, y = *(const int32_t *)b;
-  return (x > y) - (x < y);
-}
 
 /* List the block columns of block row k, in the order of the matrix: the diagonal, and neighbours
  * that the format stores. */
@@ -106,6 +126,18 @@ static void find_block_offsets(const ms_model *model, const int32_t *position,
   }
 }
 
+/* Likewise, of the pairs of corners of angular springs */
+static void find_angle_offsets(const ms_model *model, const int32_t *position,
+                               ms_sparse_matrix *m) {
+  const ms_angles *g = &model->angles;
+  for (int32_t at = 0; at < 9 * g->n; at++) {
+    const int32_t *corner = g->row + at / 9 * 3, r = corner[at % 9 / 3], c = corner[at % 3];
+    const int stored = r != c && r < m->n && c < m->n &&
+                       (m->format == MSIM_FORMAT_FULL || position[r] < position[c]);
+    m->angle_offset[at] = stored ? find_block_offset(m, position[r], position[c]) : -1;
+  }
+}
+
 static msim_status count_blocks(const ms_sparse_graph *g, const ms_sparse_matrix *m,
                                 int64_t *blocks, msim_error *err) {
   const int32_t off_diagonal = g->ptr[g->n], limit = INT32_MAX / (m->block * m->block);
@@ -126,7 +158,8 @@ static int allocate_matrix(const ms_model *model, size_t blocks, ms_sparse_matri
          MS_NEW(alloc, m->colind, size * size * blocks) &&
          MS_NEW(alloc, m->val, size * size * blocks) && MS_NEW(alloc, m->diagonal_offset, n) &&
          MS_NEW(alloc, m->row_step, n) && MS_NEW(alloc, m->first, n + 1) &&
-         MS_NEW(alloc, m->entry, half_edges * (size_t)model->springs.n);
+         MS_NEW(alloc, m->entry, half_edges * (size_t)model->springs.n) &&
+         MS_NEW(alloc, m->angle_offset, 9 * (size_t)model->angles.n);
 }
 
 msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph *graph,
@@ -151,6 +184,7 @@ msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph
                                              matrix->graphind + matrix->graphptr[k]);
   write_scalar_pattern(matrix);
   find_block_offsets(model, position, matrix);
+  find_angle_offsets(model, position, matrix);
   ms_memory_free(&model->scene->alloc, position);
   return MSIM_OK;
 }
@@ -158,7 +192,7 @@ msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph
 void ms_sparse_matrix_destroy(const ms_model *model, ms_sparse_matrix *m) {
   if (!model->scene) return; /* the creation of the sim failed before that of the model */
   MS_FREE(&model->scene->alloc, m->order, m->graphptr, m->graphind, m->rowptr, m->colind, m->val,
-          m->diagonal_offset, m->row_step, m->first, m->entry);
+          m->diagonal_offset, m->row_step, m->first, m->entry, m->angle_offset);
   *m = (ms_sparse_matrix){0};
 }
 
@@ -196,8 +230,9 @@ static void prefetch_block_row(const ms_sparse_matrix *m, int32_t r) {
     __builtin_prefetch(from + i, 1);
 }
 
-/* Each block of the pattern belongs to a spring: all values are written, and val is not cleared
- * first. Springs that share a block are consecutive, as half-edges are sorted by neighbour. */
+/* Each block of the pattern belongs to a spring, unless there are angular ones: all values are
+ * written, and val is not cleared first. Springs that share a block are consecutive, as half-edges
+ * are sorted by neighbour. */
 MS_INLINE void assemble_values(const ms_model *model, const ms_coefficients *a, ms_sparse_matrix *m,
                                int32_t size) {
   const size_t stride = (size_t)model->unknowns.stride;
@@ -217,16 +252,33 @@ MS_INLINE void assemble_values(const ms_model *model, const ms_coefficients *a, 
   }
 }
 
-void ms_sparse_matrix_assemble(const ms_model *model, const ms_coefficients *a,
-                               ms_sparse_matrix *m) {
-  if (m->block == 3) assemble_values(model, a, m, 3);
-  else if (m->block == 2) assemble_values(model, a, m, 2);
-  else assemble_values(model, a, m, 1);
-}
-
 static void add_block(double *at, int32_t step, double sign, int32_t size, double block[3][3]) {
   for (int32_t r = 0; r < size; r++, at += step)
     for (int32_t c = 0; c < size; c++) at[c] += sign * block[r][c];
+}
+
+/* Off-diagonal blocks of angular springs, to blocks of springs or to blocks of 0 */
+static void add_angle_blocks(const ms_model *model, const ms_coefficients *a,
+                             const ms_sparse_matrix *m) {
+  const int32_t *offset = m->angle_offset;
+  for (int32_t e = 0; e < model->angles.n; e++)
+    for (int at = 0; at < 9; at++, offset++) {
+      double block[3][3];
+      if (*offset < 0) continue;
+      ms_angle_block(a->angles + MS_ANGLE_ELEMENT * (size_t)e, at / 3, at % 3, block);
+      add_block(m->val + *offset, m->row_step[model->angles.row[3 * e + at / 3]], 1, m->block,
+                block);
+    }
+}
+
+void ms_sparse_matrix_assemble(const ms_model *model, const ms_coefficients *a,
+                               ms_sparse_matrix *m) {
+  const size_t size = (size_t)m->block * (size_t)m->block;
+  if (model->angles.n) memset(m->val, 0, size * (size_t)m->graphptr[m->n] * sizeof *m->val);
+  if (m->block == 3) assemble_values(model, a, m, 3);
+  else if (m->block == 2) assemble_values(model, a, m, 2);
+  else assemble_values(model, a, m, 1);
+  add_angle_blocks(model, a, m);
 }
 
 void ms_sparse_matrix_add_damping_derivative(const ms_model *model, const ms_damping_derivative *t,

@@ -9,7 +9,8 @@
 #include "msim/backend.h"
 #include "physics/damping_derivative.h"
 
-/* Which unknowns share a spring: compressed rows of both triangles, ascending, no diagonal. */
+/* Which unknowns share a spring, also an angular one: compressed rows of both triangles, ascending,
+ * no diagonal. */
 typedef struct ms_sparse_graph {
   int32_t n;
   int32_t *ptr; /* n + 1 */
@@ -33,6 +34,9 @@ typedef struct ms_sparse_matrix {
   struct ms_sparse_entry {
     int32_t half_edge, offset; /* index of the half-edge; offset of its block in val */
   } * entry;
+  int32_t
+      *angle_offset; /* 9 for each angular spring: offsets of the blocks of its pairs of corners;
+                            -1: not stored, or diagonal */
 } ms_sparse_matrix;
 
 /* How a matrix is stored */

@@ -8,6 +8,10 @@
  * bounds may occur. Springs shorter than their rest length may make w^2 negative: such motions grow
  * physically, with any method.
  *
+ * An angular spring is bounded by two springs along its edges of the lengths in the scene
+ * (scene/angles.h): so omega and rate hold there, and beyond while edges are not shorter, and the
+ * angle not much farther from rest.
+ *
  * Along springs w^2 <= r g holds for every mode if K <= r C as quadratic forms. The part of a
  * spring that its dashpot does not cover is (k - r c)^+; by Gershgorin's theorem drag covers these
  * parts if for each free particle
@@ -30,9 +34,9 @@ typedef struct ms_bounds {
  * method, in 15 to 30 more loops each; never above the discs. */
 msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bounds, msim_error *err);
 
-/* Gershgorin's disc of a row times its mass: the sum over its half-edges of e w, e = 2, or 1 if the
- * other end is pinned; weight: w of each half-edge, as half_edges.k */
-double ms_bounds_sum_row(const ms_model *model, const double *weight, int32_t row);
+/* Gershgorin's disc of a row times its mass: the sum over its springs, and those that bound its
+ * angular springs, of e k, e = 2, or 1 if the other end is pinned */
+double ms_bounds_sum_stiffness(const ms_model *model, int32_t row);
 
 /* By Gershgorin discs for one island, with ratio = 0; allocates nothing. */
 ms_bounds ms_bounds_compute_island(const ms_model *model);

@@ -3,6 +3,8 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "physics/angle.h"
+#include "physics/angle_springs.h"
 #include "physics/external_force.h"
 #include "physics/law_springs.h"
 #include "physics/matrix_kernels.h"
@@ -17,17 +19,18 @@ msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, ms
   const size_t block = is_scalar ? 1 : (size_t)model->unknowns.dims;
   const size_t diagonal =
       ms_coefficients_diagonal_size(block) * (size_t)model->unknowns.first_pinned;
+  const size_t angles = MS_ANGLE_ELEMENT * (size_t)model->angles.n;
   *a = (ms_coefficients){.block = (int32_t)block};
   const int fits =
       MS_NEW(alloc, a->t, n) && MS_NEW(alloc, a->diagonal, diagonal) &&
       (!(model->function && model->function->dfdx) || MS_NEW(alloc, a->own, diagonal)) &&
-      (is_scalar ||
-       (MS_NEW(alloc, a->g, n) && MS_NEW_VECTORS(model->scene, &model->unknowns, &a->x)));
+      (is_scalar || (MS_NEW(alloc, a->g, n) && MS_NEW(alloc, a->angles, angles) &&
+                     MS_NEW_VECTORS(model->scene, &model->unknowns, &a->x)));
   return fits ? MSIM_OK : ms_error_set_memory(err, "the matrix coefficients");
 }
 
 void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
-  MS_FREE(&model->scene->alloc, a->t, a->g, a->x, a->diagonal, a->own);
+  MS_FREE(&model->scene->alloc, a->t, a->g, a->x, a->angles, a->diagonal, a->own);
   *a = (ms_coefficients){0};
 }
 
@@ -79,6 +82,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
   ms_half_edges_add_part_sums(half_edges, (int32_t)ms_coefficients_diagonal_size((size_t)a->block),
                               (size_t)model->unknowns.first_pinned, a->diagonal);
   if (model->laws) ms_law_springs_add_matrix(model, h, clamp, a);
+  ms_angle_springs_add_matrix(model, h, clamp, a);
   if (a->own) add_own_blocks(model, h, clamp, a);
 }
 
@@ -135,6 +139,7 @@ static void apply_coefficients(const ms_model *model, const ms_coefficients *a, 
   ms_pool_run_chunks(model->pool, apply_coefficients_chunk, &j,
                      ms_half_edges_count_ranges(&model->half_edges), CHUNK);
   ms_half_edges_add_part_sums(&model->half_edges, components, stride, y);
+  ms_angle_springs_apply(model, a, 1, x, y);
   ms_coefficients_apply_constraints(model, a, share, 1, x, y);
   if (a->own && share > 0) ms_particle_blocks_apply(model, a->own, 0, 1, x, y);
   for (size_t c = 0; c < (size_t)components; c++)
@@ -187,4 +192,5 @@ void ms_coefficients_apply_abs(const ms_model *model, const ms_coefficients *a, 
                                double *y) {
   for (size_t row = 0; row < (size_t)model->unknowns.nfree; row++)
     apply_abs_row(model, a, x, row, y);
+  ms_angle_springs_apply_abs(model, a, x, y);
 }

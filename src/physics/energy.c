@@ -2,6 +2,7 @@
 
 #include "physics/external_force.h"
 #include "physics/law.h"
+#include "physics/reference.h"
 
 static void add_particle_energy(const ms_scene *s, int32_t p, const double *x, const double *v,
                                 msim_energy *e) {
@@ -49,6 +50,7 @@ void ms_energy_compute(const ms_scene *scene, const double *x, const double *v,
   for (int32_t p = 0; p < scene->nparticles; p++) add_particle_energy(scene, p, x, v, &e);
   e.gravitational += compute_function_potential(scene, x);
   for (int32_t i = 0; i < scene->nsprings; i++) e.elastic += elastic_energy_of(scene, i, x);
+  e.elastic += ms_reference_compute_angle_energy(scene, x, 0);
   e.total = e.kinetic + e.elastic + e.gravitational;
   *energy = e;
 }

@@ -32,10 +32,12 @@ typedef struct ms_constraint {
  * If all rest lengths and dampings are 0, then g = 0, and t depends on h only: A is constant and
  * identical for each component. It is then stored as a scalar matrix, block = 1. */
 typedef struct ms_coefficients {
-  double drag;   /* that of external forces on the diagonal, kg */
-  int32_t block; /* rows of a block: dims, or 1 */
-  double *t, *g; /* 8 half_edges.nentries each; g: NULL if block = 1; padding: 0 */
-  double *x;     /* positions, a vector; NULL if block = 1 */
+  double drag;    /* that of external forces on the diagonal, kg */
+  int32_t block;  /* rows of a block: dims, or 1 */
+  double *t, *g;  /* 8 half_edges.nentries each; g: NULL if block = 1; padding: 0 */
+  double *x;      /* positions, a vector; NULL if block = 1 */
+  double *angles; /* MS_ANGLE_ELEMENT for each angular spring of the model (angle.h); its blocks are
+                     added to those of springs */
   /* ms_coefficients_diagonal_size(block) first_pinned: the diagonal blocks, element by element for
    * all rows: xx yy zz xy xz yz, or xx yy xy, or a scalar */
   double *diagonal;

@@ -2,6 +2,7 @@
 
 #include <stdatomic.h>
 
+#include "physics/angle_springs.h"
 #include "physics/force_function.h"
 #include "physics/law_springs.h"
 
@@ -51,8 +52,10 @@ static void evaluate_function(const ms_model *model, const ms_fused_step *sweep)
 int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
   fused_step_job j = {.model = model, .sweep = sweep};
   if (model->function) evaluate_function(model, sweep);
+  ms_angle_springs_reset_forces(model);
   if (model->half_edges.nparts) sum_split_rows(model, &j);
   if (model->laws) ms_law_springs_add_forces(model, sweep->x);
+  ms_angle_springs_add_forces(model, sweep->x, sweep->v);
   ms_pool_run_chunks(model->pool, do_slices_chunk, &j, model->half_edges.nslices, CHUNK);
   return !atomic_load(&j.may_be_bad);
 }

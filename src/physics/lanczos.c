@@ -26,16 +26,25 @@ typedef struct lanczos {
   double theta;             /* largest eigenvalue of T */
 } lanczos;
 
+/* y += w (x_i - x_j) and its opposite, of B */
+static void add_edge(const lanczos *z, double weight, int32_t i, int32_t j, const double *x,
+                     double *y) {
+  const double *root = z->root;
+  const double pull = weight * (root[i] * x[i] - root[j] * x[j]);
+  y[i] += root[i] * pull;
+  y[j] -= root[j] * pull;
+}
+
 /* y = B x */
 static void apply_laplacian(const lanczos *z, const double *x, double *y) {
   const ms_scene *s = z->l->scene;
   const double *root = z->root;
   for (int32_t p = 0; p < s->nparticles; p++) y[p] = z->l->ground * root[p] * root[p] * x[p];
-  for (size_t e = 0; e < (size_t)s->nsprings; e++) {
-    const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
-    const double pull = z->l->weight[e] * (root[i] * x[i] - root[j] * x[j]);
-    y[i] += root[i] * pull;
-    y[j] -= root[j] * pull;
+  for (size_t e = 0; e < (size_t)s->nsprings; e++)
+    add_edge(z, z->l->weight[e], s->ij[2 * e], s->ij[2 * e + 1], x, y);
+  for (size_t e = 0; e < 2 * (size_t)s->angles.n && z->l->angle_weight; e++) {
+    const int32_t *ijk = s->angles.ijk + 3 * (e / 2);
+    add_edge(z, z->l->angle_weight[e], ijk[2 * (e % 2)], ijk[1], x, y);
   }
 }
 

@@ -15,9 +15,13 @@ static int has_velocity_forces(const ms_scene *s) {
   return ms_external_has_velocity(&s->external) || ms_scene_function_has(s, MSIM_FORCE_VELOCITY);
 }
 
-static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
+static unsigned find_features(const ms_scene *s, const ms_springs *springs,
+                              const ms_angles *angles) {
   unsigned features = 0;
   if (springs->n) features |= MS_HAS_SPRINGS;
+  if (angles->n) features |= MS_HAS_SPRINGS | MS_HAS_DIRECTIONS;
+  for (int32_t e = 0; e < angles->n; e++)
+    if (angles->damping[e] > 0) features |= MS_HAS_DAMPING;
   for (int32_t e = 0; e < springs->n; e++) {
     if (springs->damping[e] > 0) features |= MS_HAS_DAMPING;
     if (!ms_spring_is_linear(s, springs->spring[e], springs->rest[e], springs->damping[e]))
@@ -30,7 +34,9 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs) {
 }
 
 /* Does a force sweep write added_force? Otherwise that is base_force itself. */
-static int has_computed_forces(const ms_model *m) { return m->half_edges.nparts > 0 || m->laws; }
+static int has_computed_forces(const ms_model *m) {
+  return m->half_edges.nparts > 0 || m->laws || m->angles.n > 0;
+}
 
 static msim_status create_laws(ms_model *m, msim_error *err) {
   msim_status status = ms_law_springs_create(m, &m->laws, err);
@@ -66,6 +72,7 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   msim_status status =
       ms_layout_create(scene, island, &model->unknowns, &model->springs, &model->half_edges, err);
   if (left_out >= 0) ms_unknowns_drop_axis(&model->unknowns, left_out);
+  if (!status) status = ms_angles_create(scene, island, &model->unknowns, &model->angles, err);
   if (status) return status;
   const ms_unknowns *rows = &model->unknowns;
   model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims, model->isa};
@@ -81,7 +88,7 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
     model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* padding rests */
   }
-  model->features = find_features(scene, &model->springs) | skip_off;
+  model->features = find_features(scene, &model->springs, &model->angles) | skip_off;
   return MSIM_OK;
 }
 
@@ -117,7 +124,7 @@ msim_status ms_model_create_subset(const ms_model *whole, const ms_island *sprin
   status = create_laws(part, err);
   if (status) return status;
   update_added_force(part);
-  part->features = find_features(scene, &part->springs) | skip_off;
+  part->features = find_features(scene, &part->springs, &part->angles) | skip_off;
   return MSIM_OK;
 }
 
@@ -163,7 +170,7 @@ void ms_model_update_springs(ms_model *model, unsigned skip_off) {
   ms_springs_update(model->scene, &model->springs);
   ms_half_edges_update_springs(&model->springs, &model->half_edges);
   if (model->laws) ms_law_springs_update(model);
-  model->features = find_features(model->scene, &model->springs) | skip_off;
+  model->features = find_features(model->scene, &model->springs, &model->angles) | skip_off;
 }
 
 void ms_model_destroy(ms_model *model) {
@@ -173,6 +180,7 @@ void ms_model_destroy(ms_model *model) {
   ms_force_function_destroy(model->scene, model->function);
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
   ms_law_springs_destroy(model->scene, model->laws);
+  ms_angles_destroy(model->scene, &model->angles);
   MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->force);
   *model = (ms_model){0};
 }

@@ -5,12 +5,13 @@
 
 #include "base/pool.h"
 #include "base/vector.h"
+#include "layout/angles.h"
 #include "layout/layout.h"
 
 /* The features that a model has to compute: those that could change a result, and those for which
  * the option skip_off has the bit of the same value. */
 enum {
-  MS_HAS_SPRINGS = MSIM_SKIP_SPRINGS,
+  MS_HAS_SPRINGS = MSIM_SKIP_SPRINGS, /* or angular springs */
   MS_HAS_DAMPING = MSIM_SKIP_DAMPING,
   MS_HAS_DRAG = MSIM_SKIP_DRAG,
   MS_HAS_PLANES = MSIM_SKIP_PLANES,              /* or colliders */
@@ -29,11 +30,13 @@ typedef struct ms_model {
   double *mass, *inv_mass;     /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
   ms_external external;        /* the scene's */
   struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
+  ms_angles angles;            /* angular springs (angle_springs.h) */
   double *force;               /* a vector: the constant forces on particles, N; NULL: none */
   struct ms_force_function *function; /* of the program (force_function.h); NULL: none */
   double *base_force;          /* a vector: `force`, with a function the sum of both; NULL: none */
   double *added_force;         /* a vector that force sweeps add: base_force, the forces of springs
-                                  on split rows and those of laws; base_force itself without them */
+                                  on split rows, of laws and of angular springs; base_force itself
+                                  without them */
   int isa;                     /* of the kernels: ms_isa_choose() */
   ms_pool *pool;               /* the sim's; NULL: one thread */
   unsigned features;           /* MS_HAS_... */

@@ -2,8 +2,10 @@
 
 #include <math.h>
 
+#include "physics/angle_springs.h"
 #include "physics/external_force.h"
 #include "physics/law.h"
+#include "physics/reference.h"
 #include "physics/spring_law.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -34,14 +36,26 @@ static void list_springs(const ms_model *model, ms_moving_pins *p, const int32_t
   }
 }
 
+static void list_corners(const ms_model *model, ms_moving_pins *p, const int32_t *to) {
+  for (int32_t c = 0; c < 3 * model->angles.n; c++) {
+    const int32_t at = to[model->angles.row[c]];
+    if (at >= 0) p->corner[p->ncorners++] = (ms_moving_corner){c, p->row[at]};
+  }
+}
+
 static msim_status fill_pins(const ms_model *model, ms_moving_pins *p, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const ms_unknowns *rows = &model->unknowns;
   int32_t *row_of = NULL, *to = NULL;
   const int fits =
       MS_NEW(alloc, row_of, model->scene->nparticles) && MS_NEW(alloc, to, rows->stride) &&
-      MS_NEW(alloc, p->row, rows->n - rows->nfree) && MS_NEW(alloc, p->spring, model->springs.n);
-  if (fits) list_rows(model, p, row_of, to), list_springs(model, p, to);
+      MS_NEW(alloc, p->row, rows->n - rows->nfree) && MS_NEW(alloc, p->spring, model->springs.n) &&
+      MS_NEW(alloc, p->corner, 3 * (size_t)model->angles.n);
+  if (fits) {
+    list_rows(model, p, row_of, to);
+    list_springs(model, p, to);
+    list_corners(model, p, to);
+  }
   MS_FREE(alloc, row_of, to);
   return fits ? MSIM_OK : ms_error_set_memory(err, "the motions");
 }
@@ -60,7 +74,7 @@ msim_status ms_moving_pins_create(const ms_model *model, ms_moving_pins **pins, 
 
 void ms_moving_pins_destroy(const ms_scene *scene, ms_moving_pins *pins) {
   if (!pins) return;
-  MS_FREE(&scene->alloc, pins->row, pins->spring, pins);
+  MS_FREE(&scene->alloc, pins->row, pins->spring, pins->corner, pins);
 }
 
 /*------------------------------------- one model ------------------------------------------------*/
@@ -96,12 +110,23 @@ static double compute_spring_power(const ms_model *model, const ms_moving_spring
   return pull / l * ms_vec3_dot(d, w);
 }
 
+/* The power of the force of an angular spring on its moving corner */
+static double compute_corner_power(const ms_model *model, const ms_moving_corner *e, ms_instant at,
+                                   const double *x, const double *v) {
+  double here[3], w[3], f[3];
+  evaluate_row(model, &e->end, at, here, w);
+  ms_angle_springs_force_at(model, e->corner, x, v, f);
+  return ms_vec3_dot(f, w);
+}
+
 double ms_moving_pins_compute_power(const ms_model *model, ms_instant at, const double *x,
                                     const double *v) {
   const ms_moving_pins *p = model->pins;
   double sum = 0;
   for (int32_t k = 0; k < p->nsprings; k++)
     sum -= compute_spring_power(model, &p->spring[k], at, x, v);
+  for (int32_t k = 0; k < p->ncorners; k++)
+    sum -= compute_corner_power(model, &p->corner[k], at, x, v);
   return sum;
 }
 
@@ -137,5 +162,5 @@ double ms_moving_pins_compute_energy(const ms_scene *s, const double *x, const d
     for (size_t c = 0; c < 3; c++) d[c] = x[3 * j + c] - x[3 * i + c];
     sum += ms_law_value_of(s, (int32_t)e, ms_vec3_norm(d)).energy;
   }
-  return sum;
+  return sum + ms_reference_compute_angle_energy(s, x, 1);
 }

@@ -24,10 +24,17 @@ typedef struct ms_moving_spring {
   ms_moving_row end;
 } ms_moving_spring;
 
+/* A corner (layout/angles.h) at a moving row */
+typedef struct ms_moving_corner {
+  int32_t corner;
+  ms_moving_row end;
+} ms_moving_corner;
+
 typedef struct ms_moving_pins {
-  int32_t n, nsprings;
+  int32_t n, nsprings, ncorners;
   ms_moving_row *row;       /* n */
   ms_moving_spring *spring; /* nsprings */
+  ms_moving_corner *corner; /* ncorners */
   double speed;             /* the largest mean speed, m/s */
 } ms_moving_pins;
 

@@ -1,5 +1,6 @@
 #include "physics/nonlinearity.h"
 
+#include "physics/angle_springs.h"
 #include "physics/law_springs.h"
 #include "physics/matrix_kernels.h"
 
@@ -27,5 +28,5 @@ double ms_nonlinearity_compute(const ms_model *model, const double *x, double h,
   const int32_t chunks = ms_pool_run_chunks(model->pool, sum_nonlinearity_chunk, &j, n, j.chunk);
   for (int32_t i = 0; i < chunks; i++) sum += work[i];
   if (model->laws) sum += ms_law_springs_nonlinearity(model, x, d, lambda * h);
-  return sum;
+  return sum + ms_angle_springs_nonlinearity(model, x, d, lambda * h);
 }

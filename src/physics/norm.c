@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 #include "layout/components.h"
+#include "physics/angle_springs.h"
 #include "physics/bounds.h"
 #include "physics/external_force.h"
 #include "physics/law.h"
@@ -27,7 +28,7 @@ msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err
   *norm = (ms_norm){0};
   if (!MS_NEW(alloc, norm->body_of, nfree + 1))
     return ms_error_set_memory(err, "the error norm of step-size control");
-  norm->n = ms_components_number(&model->unknowns, &model->springs, norm->body_of);
+  norm->n = ms_components_number(&model->unknowns, &model->springs, &model->angles, norm->body_of);
   if (!MS_NEW(alloc, norm->body, norm->n + 1) || !MS_NEW(alloc, norm->sums, norm->n + 1))
     return ms_error_set_memory(err, "the error norm of step-size control");
   for (int32_t r = 0; r < nfree; r++) norm->body[norm->body_of[r]].n++;
@@ -64,6 +65,15 @@ static double elastic_energy(const ms_model *model, int32_t at, double l) {
   return h->k[at] * stretch * stretch / 2;
 }
 
+/* |v|^2 of row r if it gets a third of the energy of each of its angular springs */
+static double speed2_from_angles(const ms_model *model, const double *x, int32_t r) {
+  const ms_angles *g = &model->angles;
+  double energy = 0;
+  for (int32_t at = g->n ? g->of.first[r] : 0; g->n && at < g->of.first[r + 1]; at++)
+    energy += ms_angle_springs_energy_of(model, g->of.item[at] / 3, x);
+  return 2 * energy / 3 * model->inv_mass[r];
+}
+
 static void add_row_sums(const ms_model *model, const double *x, const double *v, int32_t r,
                          ms_norm_sums *g) {
   const ms_unknowns *rows = &model->unknowns;
@@ -84,8 +94,8 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
     for (int i = 0; i < 3; i++) xq[i] -= xr[i];
     g->speed2 += speed2_from_spring(model, r, q, elastic_energy(model, at, ms_vec3_norm(xq)));
   }
-  g->omega2 =
-      fmax(g->omega2, ms_bounds_sum_row(model, half_edges->stiffness, r) * model->inv_mass[r]);
+  g->speed2 += speed2_from_angles(model, x, r);
+  g->omega2 = fmax(g->omega2, ms_bounds_sum_stiffness(model, r) * model->inv_mass[r]);
 }
 
 static void set_body_scales(const ms_model *model, const ms_norm_sums *sum, double gravity,

@@ -2,9 +2,11 @@
 
 #include <string.h>
 
+#include "physics/angle.h"
 #include "physics/external_force.h"
 #include "physics/law.h"
 #include "physics/spring_law.h"
+#include "scene/angles.h"
 
 /* (f(l) + c u.(v_j - v_i)) u on i, the opposite on j */
 static void add_spring_force(const ms_scene *s, size_t e, const double *x, const double *v,
@@ -20,6 +22,45 @@ static void add_spring_force(const ms_scene *s, size_t e, const double *x, const
   for (size_t c = 0; c < 3; c++) f[i + c] += pull * d[c], f[j + c] -= pull * d[c];
 }
 
+static ms_angle measure_angle(const int32_t *ijk, const double *x) {
+  ms_angle at;
+  double p[3], q[3];
+  for (size_t c = 0; c < 3; c++) {
+    p[c] = x[3 * (size_t)ijk[0] + c] - x[3 * (size_t)ijk[1] + c];
+    q[c] = x[3 * (size_t)ijk[2] + c] - x[3 * (size_t)ijk[1] + c];
+  }
+  ms_angle_measure(p, q, &at);
+  return at;
+}
+
+static ms_angle_spring get_angle_spring(const ms_scene *s, size_t e) {
+  return (ms_angle_spring){s->angles.k[e], MS_PI - s->angles.rest[e], s->angles.damping[e]};
+}
+
+static void add_angle_force(const ms_scene *s, size_t e, const double *x, const double *v,
+                            double *f) {
+  const int32_t *ijk = s->angles.ijk + 3 * e;
+  const size_t i = 3 * (size_t)ijk[0], j = 3 * (size_t)ijk[1], k = 3 * (size_t)ijk[2];
+  const ms_angle_spring spring = get_angle_spring(s, e);
+  const ms_angle at = measure_angle(ijk, x);
+  double vp[3], vq[3], fi[3], fk[3];
+  for (size_t c = 0; c < 3; c++) vp[c] = v[i + c] - v[j + c], vq[c] = v[k + c] - v[j + c];
+  ms_angle_force(&at, &spring, vp, vq, fi, fk);
+  for (size_t c = 0; c < 3; c++) f[i + c] += fi[c], f[j + c] -= fi[c] + fk[c], f[k + c] += fk[c];
+}
+
+double ms_reference_compute_angle_energy(const ms_scene *s, const double *x, int pinned) {
+  double sum = 0;
+  for (size_t e = 0; e < (size_t)s->angles.n; e++) {
+    const int32_t *ijk = s->angles.ijk + 3 * e;
+    const ms_angle_spring spring = get_angle_spring(s, e);
+    if (pinned && !(s->pinned[ijk[0]] && s->pinned[ijk[1]] && s->pinned[ijk[2]])) continue;
+    const ms_angle at = measure_angle(ijk, x);
+    sum += ms_angle_energy(&at, &spring);
+  }
+  return sum;
+}
+
 /* The forces on all particles, those on pinned ones included */
 static void sum_forces(const ms_scene *scene, const double *x, const double *v, double *f) {
   const size_t n = (size_t)scene->nparticles;
@@ -27,6 +68,7 @@ static void sum_forces(const ms_scene *scene, const double *x, const double *v, 
     f[i] = ms_external_force(&scene->external, (int32_t)(i % 3), scene->mass[i / 3], x[i], v[i]) +
            (scene->force ? scene->force[i] : 0);
   for (size_t e = 0; e < (size_t)scene->nsprings; e++) add_spring_force(scene, e, x, v, f);
+  for (size_t e = 0; e < (size_t)scene->angles.n; e++) add_angle_force(scene, e, x, v, f);
 }
 
 void ms_reference_compute_force(const ms_scene *scene, const double *x, const double *v,

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "physics/angle_springs.h"
 #include "physics/law_springs.h"
 
 MS_TABLES(ms_totals_kernels);
@@ -42,6 +43,7 @@ ms_totals ms_totals_compute(const ms_model *model, const double *x, const double
                                        ms_half_edges_count_ranges(&model->half_edges), CHUNK);
   for (int32_t i = 0; i < n; i++) ms_totals_add(&parts[i], &sum);
   if (model->laws) sum.elastic += ms_law_springs_energy(model, x);
+  sum.elastic += ms_angle_springs_energy(model, x);
   if (model->force) sum.force_work = ms_vector_dot(model->shape, model->force, x);
   return sum;
 }

@@ -57,6 +57,11 @@ static void explain_scene(const msim_sim *sim, ms_text *out) {
   if (pushed) ms_text_append(out, "              constant forces on %d particles\n", pushed);
 }
 
+static void explain_angles(const msim_sim *sim, ms_text *out) {
+  const int32_t n = sim->scene->angles.n;
+  if (n) ms_text_append(out, "              angular springs %d, evaluated apart from springs\n", n);
+}
+
 /* The springs with a law other than the linear one, by law */
 static void explain_laws(const msim_sim *sim, ms_text *out) {
   const ms_scene *s = sim->scene;
@@ -405,6 +410,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   if (status) return status;
   explain_scene(sim, out);
   explain_laws(sim, out);
+  explain_angles(sim, out);
   explain_islands(sim, out);
   explain_unknowns(&ms_sim_largest_island(sim)->model.unknowns, out);
   explain_method(sim, out);

@@ -122,8 +122,7 @@ static fastest find_fastest(const msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
     const ms_model *model = &sim->islands[i].model;
     for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-      const double omega2 =
-          ms_bounds_sum_row(model, model->half_edges.stiffness, r) * model->inv_mass[r];
+      const double omega2 = ms_bounds_sum_stiffness(model, r) * model->inv_mass[r];
       if (!(omega2 > f.omega2)) continue;
       f.omega2 = omega2, f.particle = model->unknowns.particle[r];
       find_stiffest_spring(model, r, &f);

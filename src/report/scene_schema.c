@@ -420,6 +420,7 @@ static void put_section_key(writer *w, int i) {
   open_key(w, &ms_section_keys[i], NULL);
   if (i == MS_KEY_PARTICLES) put_section(w, ms_particle_keys, MS_PARTICLE_KEYS);
   if (i == MS_KEY_SPRINGS) put_section(w, ms_spring_keys, MS_SPRING_KEYS);
+  if (i == MS_KEY_ANGLES) put_section(w, ms_angle_keys, MS_ANGLE_KEYS);
   if (i == MS_KEY_LAWS) put_items(w, ms_law_keys, MS_LAW_KEYS);
   if (i == MS_KEY_PLANES) put_items(w, ms_plane_keys, MS_PLANE_KEYS);
   if (i == MS_KEY_MOTIONS) put_items(w, ms_motion_keys, MS_MOTION_KEYS);

@@ -19,7 +19,7 @@ typedef struct export_state {
   msim_node *nodes;
   node_storage *entries;
   int32_t n;
-  int64_t *pinned, *ij, *law, *faces, *moving;
+  int64_t *pinned, *ij, *ijk, *law, *faces, *moving;
   int32_t nmoving;
 } export_state;
 
@@ -79,6 +79,16 @@ static void export_springs(export_state *e) {
   append_repeated(e, n, s->k, "springs/k");
   append_repeated(e, n, s->rest, "springs/rest");
   if (!ms_scene_all_zero(n, s->damping)) append_repeated(e, n, s->damping, "springs/damping");
+}
+
+static void export_angles(export_state *e) {
+  const ms_scene_angles *g = &e->scene->angles;
+  if (g->n == 0) return;
+  for (size_t i = 0; i < 3 * (size_t)g->n; i++) e->ijk[i] = g->ijk[i];
+  append_array(e, MSIM_NODE_WHOLE, g->n, 3, e->ijk, "angles/ijk");
+  append_repeated(e, g->n, g->k, "angles/k");
+  append_repeated(e, g->n, g->rest, "angles/rest");
+  if (!ms_scene_all_zero(g->n, g->damping)) append_repeated(e, g->n, g->damping, "angles/damping");
 }
 
 static void append_list(export_state *e, int32_t law, int32_t n, const double *numbers,
@@ -180,11 +190,12 @@ static void export_run(export_state *e) {
 
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
-  const size_t most = 17 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws + (size_t)s->nmotions) +
+  const size_t most = 21 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws + (size_t)s->nmotions) +
                       (2 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
          MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings) &&
+         MS_NEW(&s->alloc, e->ijk, 3 * (size_t)s->angles.n) &&
          MS_NEW(&s->alloc, e->law, s->law ? s->nsprings : 0) &&
          MS_NEW(&s->alloc, e->moving, s->nmotions ? s->nparticles : 0) &&
          MS_NEW(&s->alloc, e->faces, 3 * (size_t)s->nfaces);
@@ -203,6 +214,7 @@ static void export_all(export_state *e) {
   }
   export_particles(e);
   export_springs(e);
+  export_angles(e);
   export_laws(e);
   export_faces(e);
   export_planes(e);
@@ -227,6 +239,6 @@ msim_status ms_export_scene(const ms_scene *scene, const msim_importer *table, c
                             const char *label, msim_error *err) {
   export_state e = {.scene = scene};
   const msim_status status = save_tree(&e, table, path, label, err);
-  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.law, e.faces, e.moving);
+  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.ijk, e.law, e.faces, e.moving);
   return status;
 }

@@ -261,3 +261,20 @@ msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_
         json_is_boolean(value.json) ? ": list the indices of particles, not a flag for each" : "");
   return ms_json_refuse(r, at, value, must);
 }
+
+msim_status ms_json_read_index_rows(const ms_json_reader *r, const char *key, ms_value rows,
+                                    int32_t width, int32_t n, int32_t *to) {
+  const int32_t limit = r->scene->data->nparticles;
+  msim_status status = MSIM_OK;
+  for (size_t e = 0; e < (size_t)n && !status; e++) {
+    const ms_value row = ms_value_item(rows, e);
+    if (!ms_value_is_array(row) || ms_value_size(row) != (size_t)width)
+      return ms_json_refuse(r, ms_json_at_item(key, e), row,
+                            width == 2 ? "an array of 2 indices" : "an array of 3 indices");
+    for (size_t c = 0; c < (size_t)width && !status; c++) {
+      const ms_json_location at = {key, (int64_t)e, (int64_t)c};
+      status = ms_json_read_index(r, at, ms_value_item(row, c), limit, to++);
+    }
+  }
+  return status;
+}

@@ -83,4 +83,8 @@ msim_status ms_json_read_each(const ms_json_reader *r, const char *key, ms_value
 msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_value value,
                                int32_t n, int32_t *index);
 
+/* An array of n rows of `width` indices of particles of the scene. */
+msim_status ms_json_read_index_rows(const ms_json_reader *r, const char *key, ms_value rows,
+                                    int32_t width, int32_t n, int32_t *to);
+
 #endif

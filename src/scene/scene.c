@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/sized.h"
+#include "scene/angles.h"
 #include "scene/laws.h"
 
 /* Planes are elements of the array of msim_scene_view: with another size programs that were built
@@ -28,6 +29,7 @@ static void free_scene_data(ms_scene *s) {
   ms_memory_free(&s->alloc, s->motions);
   free_run(s);
   ms_laws_free(s);
+  ms_scene_angles_free(s);
   msim_allocator alloc = s->alloc;
   ms_memory_free(&alloc, s);
 }
@@ -201,7 +203,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   c->nplanes = s->nplanes;
   append_colliders(c, s);
   c->external = s->external;
-  if (!ms_laws_copy(s, c) || !ms_scene_copy_function(s, c)) {
+  if (!ms_laws_copy(s, c) || !ms_scene_angles_copy(s, c) || !ms_scene_copy_function(s, c)) {
     ms_scene_release(c);
     ms_error_set_memory(err, "a copy of the scene");
     return NULL;
@@ -488,6 +490,11 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .colliders = s->colliders,
       .nmotions = s->nmotions,
       .force_function = ms_scene_has_function(s) ? &s->force_function : NULL,
+      .nangles = s->angles.n,
+      .ijk = s->angles.ijk,
+      .angle_k = s->angles.k,
+      .angle_rest = s->angles.rest,
+      .angle_damping = s->angles.damping,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag};
   return ms_sized_write(view, &full, sizeof full);

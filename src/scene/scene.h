@@ -24,6 +24,13 @@ typedef struct ms_external {
   double drag;       /* N s/m */
 } ms_external;
 
+/* Angular springs (angles.h) */
+typedef struct ms_scene_angles {
+  int32_t n, capacity;
+  int32_t *ijk;               /* 3 n: the vertex j in the middle */
+  double *k, *rest, *damping; /* n: N m/rad^2, rad, N m s/rad */
+} ms_scene_angles;
+
 struct ms_law;
 
 typedef struct ms_scene {
@@ -44,6 +51,8 @@ typedef struct ms_scene {
   int32_t nlaws, law_capacity;
   struct ms_law *laws; /* nlaws: law 1 is laws[0] (laws.h) */
   int32_t *law;        /* nsprings: numbers of laws, 0: linear; NULL: all are linear */
+
+  ms_scene_angles angles;
 
   int32_t nfaces, face_capacity;
   int32_t *faces; /* 3 nfaces: triangles of particles, for viewers */

@@ -5,6 +5,7 @@
 #include "scene/options.h"
 #include "scene/json_syntax.h"
 #include "scene/scene_json.h"
+#include "scene/scene_json_angles.h"
 #include "scene/scene_json_colliders.h"
 #include "scene/scene_json_laws.h"
 #include "scene/scene_json_motions.h"
@@ -95,24 +96,6 @@ static msim_status read_particles(ms_json_reader *r, const char *path, ms_value 
 
 /*------------------------------------- springs --------------------------------------------------*/
 
-/* n rows of `width` particle indices */
-static msim_status read_index_rows(const ms_json_reader *r, const char *key, ms_value rows,
-                                   int32_t width, int32_t n, int32_t *to) {
-  const int32_t limit = r->scene->data->nparticles;
-  msim_status status = MSIM_OK;
-  for (size_t e = 0; e < (size_t)n && !status; e++) {
-    const ms_value row = ms_value_item(rows, e);
-    if (!ms_value_is_array(row) || ms_value_size(row) != (size_t)width)
-      return ms_json_refuse(r, ms_json_at_item(key, e), row,
-                            width == 2 ? "an array of 2 indices" : "an array of 3 indices");
-    for (size_t c = 0; c < (size_t)width && !status; c++) {
-      const ms_json_location at = {key, (int64_t)e, (int64_t)c};
-      status = ms_json_read_index(r, at, ms_value_item(row, c), limit, to++);
-    }
-  }
-  return status;
-}
-
 static msim_status add_listed_springs(const ms_json_reader *r, ms_value section, ms_value pairs,
                                       ms_value k, int32_t n, double *room /* 4n */) {
   double *at_rest = room + n, *at_damping = at_rest + n;
@@ -121,7 +104,8 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
   ms_value rest = ms_value_member(section, keys[MS_KEY_REST].key);
   ms_value damping = ms_value_member(section, keys[MS_KEY_DAMPING].key);
   const ms_value law = ms_value_member(section, keys[MS_KEY_LAW].key);
-  msim_status status = read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, ij);
+  msim_status status =
+      ms_json_read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, ij);
   if (!status) status = ms_json_read_each(r, "springs.k", k, keys[MS_KEY_K].range, n, room);
   if (!status && rest.json)
     status = ms_json_read_each(r, "springs.rest", rest, keys[MS_KEY_REST].range, n, at_rest);
@@ -158,7 +142,7 @@ static msim_status read_faces(ms_json_reader *r, const char *path, ms_value face
   if (status) return status;
   int32_t *corners = ms_memory_allocate(&r->alloc, (size_t)n, 3 * sizeof *corners);
   if (!corners) return ms_json_fail_memory(r);
-  status = read_index_rows(r, path, faces, 3, n, corners);
+  status = ms_json_read_index_rows(r, path, faces, 3, n, corners);
   if (!status)
     status = ms_json_forward_error(r, "", msim_scene_add_faces(r->scene, n, corners, r->err));
   ms_memory_free(&r->alloc, corners);
@@ -250,9 +234,12 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 /* Of the sections, in their order */
 static msim_status (*const readers[MS_SECTIONS])(ms_json_reader *r, const char *path,
                                                  ms_value value) = {
-    read_version, read_name,  read_particles, ms_json_read_laws,     ms_json_add_objects,
-    read_springs, read_faces, read_planes,    ms_json_add_colliders, ms_json_read_motions,
-    read_run};
+    read_version,         read_name,
+    read_particles,       ms_json_read_laws,
+    ms_json_add_objects,  read_springs,
+    ms_json_read_angles,  read_faces,
+    read_planes,          ms_json_add_colliders,
+    ms_json_read_motions, read_run};
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {
   const ms_scene_key *sections = ms_section_keys;

@@ -48,6 +48,11 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
      "springs, listed one by one; with d = x_j - x_i, l = |d| and u = d/l the force on particle i "
      "is k (l - rest) u + damping (u . (v_j - v_i)) u, and the opposite on particle j",
      "{\"ij\": [[0, 1]], \"k\": 500}"},
+    {"angles", MS_SECTION, MS_ANY, 1, "", "",
+     "angular springs, which resist bending and do not stretch; theta, the angle at j between its "
+     "edges to i and k, from 0 to pi where they are straight, has the elastic energy k/2 (theta - "
+     "rest)^2 and the damping torque damping dtheta/dt",
+     "{\"ijk\": [[0, 1, 2]], \"k\": 0.1}"},
     {"faces", MS_INDEX_ROWS, MS_ANY, 3, "[]", "",
      "triangles of particles [i, j, k] that viewers draw, besides those of cloths and lattices; "
      "they do not affect the motion",
@@ -88,6 +93,19 @@ const ms_scene_key ms_spring_keys[MS_SPRING_KEYS] = {
      "numbers of laws: 0 is linear; i is element i of `laws`, counted from 1 unless the first one "
      "is linear",
      "1"}};
+
+const ms_scene_key ms_angle_keys[MS_ANGLE_KEYS] = {
+    {"ijk", MS_INDEX_ROWS, MS_ANY, 3, NULL, "",
+     "particles [i, j, k] of each angle, the vertex j in the middle; particles of objects count, "
+     "too",
+     "[[0, 1, 2]]"},
+    {"k", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, NULL, "N m/rad^2", "bending stiffnesses", "0.1"},
+    {"rest", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "", "rad",
+     "rest angles, at most pi; default: the angles at the start, exactly pi where edges are "
+     "straight",
+     "1.5"},
+    {"damping", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "0", "N m s/rad", "damping constants",
+     "0.001"}};
 
 const ms_scene_key ms_law_keys[MS_LAW_KEYS] = {
     {"type", MS_LAW_TYPE, MS_ANY, 1, NULL, "",

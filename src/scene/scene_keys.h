@@ -57,6 +57,7 @@ enum {
   MS_KEY_LAWS,
   MS_KEY_OBJECTS,
   MS_KEY_SPRINGS,
+  MS_KEY_ANGLES,
   MS_KEY_FACES,
   MS_KEY_PLANES,
   MS_KEY_COLLIDERS,
@@ -71,6 +72,9 @@ extern const ms_scene_key ms_particle_keys[MS_PARTICLE_KEYS];
 
 enum { MS_KEY_IJ, MS_KEY_K, MS_KEY_REST, MS_KEY_DAMPING, MS_KEY_LAW, MS_SPRING_KEYS };
 extern const ms_scene_key ms_spring_keys[MS_SPRING_KEYS];
+
+enum { MS_KEY_IJK, MS_KEY_ANGLE_K, MS_KEY_ANGLE_REST, MS_KEY_ANGLE_DAMPING, MS_ANGLE_KEYS };
+extern const ms_scene_key ms_angle_keys[MS_ANGLE_KEYS];
 
 enum {
   MS_KEY_LAW_TYPE,

@@ -134,6 +134,17 @@ static void write_json_springs(ms_text *text, const ms_scene *s) {
   ms_text_append(text, "\n  }");
 }
 
+static void write_json_angles(ms_text *text, const ms_scene *s) {
+  const ms_scene_angles *g = &s->angles;
+  if (g->n == 0) return;
+  ms_text_append(text, ",\n  \"angles\": {\n    \"ijk\": ");
+  write_index_rows(text, g->n, 3, g->ijk);
+  write_each(text, "k", g->n, g->k);
+  write_each(text, "rest", g->n, g->rest);
+  if (!ms_scene_all_zero(g->n, g->damping)) write_each(text, "damping", g->n, g->damping);
+  ms_text_append(text, "\n  }");
+}
+
 static void write_json_faces(ms_text *text, const ms_scene *s) {
   if (s->nfaces == 0) return;
   ms_text_append(text, ",\n  \"faces\": ");
@@ -251,6 +262,7 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   write_json_particles(text, s);
   write_json_laws(text, s);
   write_json_springs(text, s);
+  write_json_angles(text, s);
   write_json_faces(text, s);
   write_json_planes(text, s);
   write_json_colliders(text, s);

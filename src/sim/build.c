@@ -53,7 +53,8 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
 static void start_threads(msim_sim *sim) {
   int64_t slots = 0;
   if (sim->threads_planned) return;
-  for (int32_t i = 0; i < sim->nislands; i++) slots += sim->islands[i].model.half_edges.nentries;
+  for (int32_t i = 0; i < sim->nislands; i++)
+    slots += sim->islands[i].model.half_edges.nentries + sim->islands[i].model.angles.n;
   sim->threads_planned = ms_plan_count_threads(&sim->config.opt, slots);
   sim->pool = ms_pool_create(&sim->alloc, sim->threads_planned);
 }

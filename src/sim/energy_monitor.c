@@ -11,6 +11,7 @@
 #include "physics/external_force.h"
 #include "physics/force_function.h"
 #include "physics/signed_distance.h"
+#include "scene/angles.h"
 #include "scene/laws.h"
 
 /* The multiple of the bounds that is allowed, and the number of explicit steps between checks */
@@ -103,7 +104,8 @@ typedef struct scene_facts {
   double farthest;     /* the largest |coordinate|, m */
   double height;       /* of the particle highest above a plane or collider, m */
   double depth;        /* of the particle farthest behind a plane or in a collider, m */
-  double stiffness;    /* the sum of all k, of laws the sum of their largest |df/de|, N/m */
+  double stiffness;    /* the sum of all k, of laws the sum of their largest |df/de|, of angular
+                          springs that of the springs that bound them, N/m */
   double energy_depth; /* the sum of what elastic energies may be below 0, J */
 } scene_facts;
 
@@ -146,6 +148,11 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
   for (int32_t e = 0; e < s->nsprings; e++) {
     f.stiffness += ms_scene_stiffness(s, e);
     f.energy_depth += ms_scene_energy_depth(s, e);
+  }
+  for (int32_t e = 0; e < s->angles.n; e++) {
+    double weight[2];
+    ms_scene_angles_weigh(s, e, weight);
+    f.stiffness += s->angles.k[e] * (weight[0] + weight[1]);
   }
   return f;
 }

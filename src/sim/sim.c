@@ -165,6 +165,11 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
     return ms_error_set(
         err, MSIM_ERR_ARG,
         "integrator '%s' does not support planes; use force-gradient, or remove the planes", name);
+  if (sim->config.integrator->is_multirate && scene->angles.n)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator '%s' does not support angular springs; use velocity-verlet, or "
+                        "remove the angles",
+                        name);
   if (!sim->config.integrator->separable) return MSIM_OK;
   if (ms_external_has_velocity(&scene->external))
     return ms_error_set(err, MSIM_ERR_ARG,
@@ -176,6 +181,12 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
       return ms_error_set(err, MSIM_ERR_ARG,
                           "integrator '%s' requires forces that depend on positions only, but "
                           "spring %d is damped; use dop853, rk4 or velocity-verlet",
+                          name, e);
+  for (int32_t e = 0; e < scene->angles.n; e++)
+    if (scene->angles.damping[e] > 0)
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "integrator '%s' requires forces that depend on positions only, but "
+                          "angle %d is damped; use dop853, rk4 or velocity-verlet",
                           name, e);
   return MSIM_OK;
 }
