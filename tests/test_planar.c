@@ -158,7 +158,7 @@ static void motion_out_of_the_plane_is_detected(void **state) {
 static void straight_scenes_are_planar(void **state) {
   (void)state;
   const int32_t pin = 0;
-  const msim_rope rope = {sizeof rope, 5, {0, 0, 1}, {0, 0, 0}, 1, 100, 0, 1, &pin, 0};
+  const msim_rope rope = {sizeof rope, 5, {0, 0, 1}, {0, 0, 0}, 1, 100, 0, 1, &pin, 0, 0};
   const double g[3] = {0, 0, -9.81};
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));

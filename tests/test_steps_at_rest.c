@@ -11,8 +11,8 @@ static msim_options pcg(const char *method, double h) {
 
 /* A rope at its rest lengths without gravity, above a plane. */
 static msim_scene *lying(double damping) {
-  const msim_rope rope = {sizeof rope, 5, {0.1, 0.2, 0.3}, {0.7, 0.4, 0.9}, 1, 100, damping, 0,
-                          NULL,        0};
+  const msim_rope rope = {
+      sizeof rope, 5, {0.1, 0.2, 0.3}, {0.7, 0.4, 0.9}, 1, 100, damping, 0, NULL, 0, 0};
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
   assert_ok(msim_scene_add_rope(scene, &rope, err));

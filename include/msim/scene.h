@@ -64,6 +64,7 @@ typedef struct msim_rope {
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
   int32_t law;           /* of its springs (msim_scene_add_law); 0: linear */
+  double bending;        /* N m/rad^2: of an angular spring at each inner particle; 0: none */
 } msim_rope;
 
 /* rows x columns particles in a parallelogram; particle r * columns + c is at origin + r/(rows-1)
@@ -79,6 +80,7 @@ typedef struct msim_cloth {
   int32_t npinned;
   const int32_t *pinned; /* npinned, indices within the object */
   int32_t law;           /* of its springs (msim_scene_add_law); 0: linear */
+  double bending;        /* N m/rad^2: of angular springs along rows and columns; 0: none */
 } msim_cloth;
 
 /* n[0] x n[1] x n[2] particles in a box; particle (ix * n[1] + iy) * n[2] + iz. Springs along the

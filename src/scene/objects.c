@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/sized.h"
+#include "scene/angles.h"
 
 /*------------------------------------- types ----------------------------------------------------*/
 
@@ -30,7 +31,8 @@ static void make_rope(const void *object, ms_grid *grid) {
                     .damping = rope->damping,
                     .npinned = rope->npinned,
                     .pinned = rope->pinned,
-                    .law = rope->law};
+                    .law = rope->law,
+                    .bending = rope->bending};
   grid->has_last = rope->n > 1;
   memcpy(grid->last, rope->to, sizeof rope->to);
   memcpy(grid->origin, rope->from, sizeof rope->from);
@@ -46,7 +48,8 @@ static void make_cloth(const void *object, ms_grid *grid) {
                     .damping = cloth->damping,
                     .npinned = cloth->npinned,
                     .pinned = cloth->pinned,
-                    .law = cloth->law};
+                    .law = cloth->law,
+                    .bending = cloth->bending};
   memcpy(grid->origin, cloth->origin, sizeof cloth->origin);
   memcpy(grid->edge[0], cloth->row, sizeof cloth->row);
   memcpy(grid->edge[1], cloth->column, sizeof cloth->column);
@@ -86,6 +89,10 @@ static void make_lattice(const void *object, ms_grid *grid) {
   ROW(type, "law", law, MS_INDEX, 1, "0", "", \
       "number of the law of its springs (`laws`); 0: linear", "1")
 
+#define BENDING(type, where)                                          \
+  ROW(type, "bending", bending, MS_NOT_NEGATIVE, 1, "0", "N m/rad^2", \
+      "stiffness of angular springs, straight at rest, " where "; 0: none", "0.01")
+
 static const ms_object_member rope_members[] = {
     ROW(msim_rope, "n", n, MS_POSITIVE_INTEGER, 1, NULL, "", "number of particles", "20"),
     ROW(msim_rope, "from", from, MS_ANY, 3, NULL, "m", "position of the first particle",
@@ -94,7 +101,8 @@ static const ms_object_member rope_members[] = {
     MASS(msim_rope),
     STIFFNESS(msim_rope),
     DAMPING(msim_rope),
-    LAW(msim_rope)};
+    LAW(msim_rope),
+    BENDING(msim_rope, "at the inner particles")};
 
 static const ms_object_member cloth_members[] = {
     {{"n", MS_NUMBERS, MS_POSITIVE_INTEGER, 2, NULL, "", "numbers of rows and columns of particles",
@@ -117,7 +125,8 @@ static const ms_object_member cloth_members[] = {
      {"structural", "shear", "bend"},
      offsetof(msim_cloth, k_structural)},
     DAMPING(msim_cloth),
-    LAW(msim_cloth)};
+    LAW(msim_cloth),
+    BENDING(msim_cloth, "along rows and columns")};
 
 static const ms_object_member lattice_members[] = {
     ROW(msim_lattice, "n", n, MS_POSITIVE_INTEGER, 3, NULL, "",
@@ -346,6 +355,43 @@ msim_status ms_objects_add_faces(msim_scene *scene, const ms_grid *grid, msim_er
   return status;
 }
 
+/*------------------------------------- angular springs ------------------------------------------*/
+
+static int64_t count_angles(const ms_grid *grid) {
+  int64_t count = 0;
+  for (int d = 0; d < 2 && grid->bending > 0; d++)
+    if (grid->n[d] > 2) count += ms_objects_grid_size(grid) / grid->n[d] * (grid->n[d] - 2);
+  return count;
+}
+
+/* Particle by particle, those of its rows first */
+static void list_angles(const ms_grid *grid, int32_t *ijk) {
+  const int32_t step[2] = {grid->n[1] * grid->n[2], grid->n[2]};
+  for (int32_t p = 0; p < ms_objects_grid_size(grid); p++)
+    for (int d = 0; d < 2; d++) {
+      const int32_t at = p / step[d] % grid->n[d];
+      if (at == 0 || at == grid->n[d] - 1 || grid->n[d] == 1) continue;
+      for (int32_t corner = -1; corner <= 1; corner++) *ijk++ = grid->first + p + corner * step[d];
+    }
+}
+
+static msim_status add_angles(msim_scene *scene, const ms_grid *grid, msim_error *err) {
+  const msim_allocator alloc = scene->data->alloc;
+  const int64_t count = count_angles(grid);
+  if (count > INT32_MAX)
+    return ms_error_set(err, MSIM_ERR_ARG, "%lld angles exceed the limit of %d", (long long)count,
+                        INT32_MAX);
+  double *k = ms_memory_allocate(&alloc, (size_t)count, 2 * sizeof *k + 3 * sizeof(int32_t));
+  if (!k) return ms_error_set_memory(err, "an object");
+  double *rest = k + count;
+  int32_t *ijk = (int32_t *)(rest + count);
+  for (int64_t e = 0; e < count; e++) k[e] = grid->bending, rest[e] = MS_PI;
+  if (count) list_angles(grid, ijk);
+  const msim_status status = msim_scene_add_angles(scene, (int32_t)count, ijk, k, rest, NULL, err);
+  ms_memory_free(&alloc, k);
+  return status;
+}
+
 /*------------------------------------- springs --------------------------------------------------*/
 
 /* The particle at the other end of a spring from particle (a, b, c) = at; -1: outside the grid. */
@@ -386,7 +432,7 @@ msim_status ms_objects_add_springs(msim_scene *scene, const ms_grid *grid, msim_
   for (int32_t e = 0; e < count && !status && grid->law; e++) ij[e] = (int32_t)first + e;
   if (!status && grid->law) status = msim_scene_set_law(scene, (int32_t)count, ij, grid->law, err);
   ms_memory_free(&alloc, k);
-  return status;
+  return status ? status : add_angles(scene, grid, err);
 }
 
 /*------------------------------------- public ---------------------------------------------------*/

@@ -27,6 +27,7 @@ typedef struct ms_grid {
   int has_last; /* 1: the last particle is exactly at `last` */
   double last[3];
   double mass, k[3], damping;
+  double bending; /* of angular springs along the first two axes */
   const ms_grid_spring *springs;
   int32_t nsprings, npinned;
   const int32_t *pinned;
@@ -45,7 +46,7 @@ typedef struct ms_object_type {
   void (*make)(const void *object, ms_grid *grid);
 } ms_object_type;
 
-enum { MS_MAX_MEMBERS = 8 };
+enum { MS_MAX_MEMBERS = 9 };
 
 /* Large enough for any type of object. */
 typedef union ms_object {
@@ -64,8 +65,9 @@ msim_status ms_objects_make_grid(const ms_object_type *type, const void *object,
                                  const char *subject, ms_grid *grid, msim_error *err);
 int32_t ms_objects_grid_size(const ms_grid *grid);
 
-/* Call these in this order; the borrowed arrays are needed by the first only. After a failure,
- * particles may remain in the scene, which the caller must remove. */
+/* Call these in this order, the last one for springs and angular springs; the borrowed arrays are
+ * needed by the first only. After a failure, particles may remain in the scene, which the caller
+ * must remove. */
 msim_status ms_objects_add_particles(msim_scene *scene, ms_grid *grid, const char *subject,
                                      msim_error *err);
 msim_status ms_objects_add_faces(msim_scene *scene, const ms_grid *grid, msim_error *err);
