@@ -33,6 +33,13 @@ static void add_springs(Scene &s, Ints ij, Doubles k, nb::object rest, nb::objec
         err);
 }
 
+static void add_angles(Scene &s, Ints ijk, Doubles k, nb::object rest, nb::object damping) {
+  msim_error err;
+  check(msim_scene_add_angles(s.p, static_cast<int32_t>(k.size()), ijk.data(), k.data(),
+                              data_or_null(rest), data_or_null(damping), &err),
+        err);
+}
+
 static void add_faces(Scene &s, Ints corners) {
   msim_error err;
   check(msim_scene_add_faces(s.p, static_cast<int32_t>(corners.size() / 3), corners.data(), &err),
@@ -92,11 +99,11 @@ static void add_collider(Scene &s, int32_t type, bool inside, Doubles center, Do
 }
 
 static void add_rope(Scene &s, int32_t n, Doubles from, Doubles to, double mass, double k,
-                     double damping, Ints pinned) {
+                     double damping, double bending, Ints pinned) {
   msim_error err;
   msim_rope rope{};
   rope.size = sizeof rope;
-  rope.n = n, rope.mass = mass, rope.k = k, rope.damping = damping;
+  rope.n = n, rope.mass = mass, rope.k = k, rope.damping = damping, rope.bending = bending;
   copy_vector(from, rope.from), copy_vector(to, rope.to);
   rope.npinned = static_cast<int32_t>(pinned.size()), rope.pinned = pinned.data();
   check(msim_scene_add_rope(s.p, &rope, &err), err);
@@ -104,11 +111,13 @@ static void add_rope(Scene &s, int32_t n, Doubles from, Doubles to, double mass,
 
 // k: structural, shear, bend
 static void add_cloth(Scene &s, int32_t rows, int32_t columns, Doubles origin, Doubles row,
-                      Doubles column, double mass, Doubles k, double damping, Ints pinned) {
+                      Doubles column, double mass, Doubles k, double damping, double bending,
+                      Ints pinned) {
   msim_error err;
   msim_cloth cloth{};
   cloth.size = sizeof cloth;
   cloth.rows = rows, cloth.columns = columns, cloth.mass = mass, cloth.damping = damping;
+  cloth.bending = bending;
   copy_vector(origin, cloth.origin), copy_vector(row, cloth.row);
   copy_vector(column, cloth.column);
   cloth.k_structural = k.data()[0], cloth.k_shear = k.data()[1], cloth.k_bend = k.data()[2];
@@ -137,7 +146,7 @@ static msim_scene_view get(const Scene &s) {
 
 static nb::tuple counts(const Scene &s) {
   const msim_scene_view w = get(s);
-  return nb::make_tuple(w.nparticles, w.nsprings, w.nplanes, w.nfaces);
+  return nb::make_tuple(w.nparticles, w.nsprings, w.nplanes, w.nfaces, w.nangles);
 }
 
 // A copy of one array of the scene
@@ -152,6 +161,11 @@ static nb::object array(const Scene &s, const std::string &name) {
   if (name == "k") return copy(w.k, {m});
   if (name == "rest") return copy(w.rest, {m});
   if (name == "damping") return copy(w.damping, {m});
+  const size_t a = static_cast<size_t>(w.nangles);
+  if (name == "ijk") return copy(w.ijk, {a, 3});
+  if (name == "angle_k") return copy(w.angle_k, {a});
+  if (name == "angle_rest") return copy(w.angle_rest, {a});
+  if (name == "angle_damping") return copy(w.angle_damping, {a});
   if (name == "force") {
     const std::vector<double> none(w.force ? 0 : 3 * n);
     return copy(w.force ? w.force : none.data(), {n, 3});
@@ -235,6 +249,7 @@ void bind_scene(nb::module_ &m) {
       .def("__init__", parse)
       .def("add_particles", add_particles, nb::arg(), nb::arg().none(), nb::arg())
       .def("add_springs", add_springs, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none())
+      .def("add_angles", add_angles, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none())
       .def("add_faces", add_faces)
       .def("add_plane", add_plane)
       .def("add_collider", add_collider)

@@ -115,6 +115,21 @@ class Scene:
         self._core.add_springs(pairs, _arrays.each("k", k, n, "springs"), *optional)
         return range(first, self.nsprings)
 
+    def add_angles(self, ijk: ArrayLike, k: ArrayLike, rest: ArrayLike | None = None,
+                   damping: ArrayLike | None = None) -> range:
+        """Add angular springs at j between its edges to i and k, ijk: (n, 3).
+
+        They resist bending and do not stretch: the energy is k/2 (theta - rest)^2, with the angle
+        theta in rad, pi where the edges are straight; k: N m/rad^2; damping: N m s/rad, 0.
+        rest: the present angle, exactly pi if that is straight.
+        """
+        corners = _arrays.indices("ijk", ijk, 3)
+        n, first = len(corners), self.nangles
+        optional = [None if values is None else _arrays.each(name, values, n, "angles")
+                    for name, values in (("rest", rest), ("damping", damping))]
+        self._core.add_angles(corners, _arrays.each("k", k, n, "angles"), *optional)
+        return range(first, self.nangles)
+
     def add_law(self, type: str, *, half_width: float = 0, limit: float = 0,
                 coefficients: ArrayLike | None = None, stretch: ArrayLike | None = None,
                 force: ArrayLike | None = None) -> int:
@@ -239,20 +254,25 @@ class Scene:
                              _arrays.number("largest_damping", largest_damping))
 
     def add_rope(self, n: int, start: ArrayLike, end: ArrayLike, *, mass: float, k: float,
-                 damping: float = 0, pinned: Pinned = ()) -> range:
-        """Add n particles from start to end, with springs between neighbours. mass: of the rope."""
+                 damping: float = 0, bending: float = 0, pinned: Pinned = ()) -> range:
+        """Add n particles from start to end, with springs between neighbours. mass: of the rope.
+
+        bending: k of angular springs at the inner particles, N m/rad^2; 0: none.
+        """
         first = len(self)
         self._core.add_rope(_arrays.count("n", n), _arrays.vector("start", start),
                             _arrays.vector("end", end), *_material(mass, k, damping),
+                            _arrays.number("bending", bending),
                             _arrays.indices("pinned", _no_names(pinned)))
         return range(first, len(self))
 
     def add_cloth(self, n: tuple[int, int], origin: ArrayLike, row: ArrayLike, column: ArrayLike,
                   *, mass: float, k: float | Mapping[str, float], damping: float = 0,
-                  pinned: Pinned = ()) -> range:
+                  bending: float = 0, pinned: Pinned = ()) -> range:
         """Add n = (rows, columns) particles in a parallelogram with the edge vectors row, column.
 
         mass: of the cloth. k: one for all springs, or {"structural": .., "shear": .., "bend": ..}.
+        bending: k of angular springs along rows and columns, N m/rad^2; 0: none.
         pinned: indices within the cloth, "corners", "first_row" or "first_corners".
         """
         rows, columns = _sizes(n, 2)
@@ -270,6 +290,7 @@ class Scene:
                              _arrays.vector("row", row), _arrays.vector("column", column),
                              _arrays.number("mass", mass), _arrays.doubles("k", stiffness),
                              _arrays.number("damping", damping),
+                             _arrays.number("bending", bending),
                              _arrays.indices("pinned", _pinned_of_cloth(pinned, rows, columns)))
         return range(first, len(self))
 
@@ -380,6 +401,26 @@ class Scene:
         return self._array("law")
 
     @property
+    def ijk(self) -> Ints:
+        """The three particles of each angular spring, the vertex in the middle, (nangles, 3)."""
+        return self._array("ijk")
+
+    @property
+    def angle_k(self) -> Doubles:
+        """Bending stiffnesses of the angular springs, N m/rad^2."""
+        return self._array("angle_k")
+
+    @property
+    def angle_rest(self) -> Doubles:
+        """Their rest angles, rad."""
+        return self._array("angle_rest")
+
+    @property
+    def angle_damping(self) -> Doubles:
+        """Their damping constants, N m s/rad."""
+        return self._array("angle_damping")
+
+    @property
     def faces(self) -> Ints:
         """Triangles of particles, (nfaces, 3)."""
         return self._array("faces")
@@ -387,6 +428,10 @@ class Scene:
     @property
     def nsprings(self) -> int:
         return self._core.counts()[1]
+
+    @property
+    def nangles(self) -> int:
+        return self._core.counts()[4]
 
     def __len__(self) -> int:
         """The number of particles."""
@@ -396,7 +441,7 @@ class Scene:
         return True
 
     def __repr__(self) -> str:
-        particles, springs, planes, faces = self._core.counts()
+        particles, springs, planes, faces, _ = self._core.counts()
         name = f" {self.name!r}" if self.name else ""
         return (f"<msim.Scene{name}: {particles} particles, {springs} springs, {planes} planes, "
                 f"{faces} faces>")
