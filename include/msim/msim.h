@@ -88,11 +88,11 @@ typedef struct msim_energy {
   double kinetic, elastic, gravitational, total;
   double momentum[3];         /* kg m/s */
   double angular_momentum[3]; /* kg m^2/s */
-  double work; /* energy supplied since the first start, J, by motions of pinned particles, by a
-                  force function without potential, and by each call of msim_sim_set_gravity and
-                  msim_sim_set_forces; without damping, drag and inelastic impacts total - work is
-                  constant, to the accuracy of the method. At a frame inside a step: that at the end
-                  of the step */
+  double work; /* energy supplied since the first start, J, by motions of pinned particles and
+                  colliders, by a force function without potential, and by each call of
+                  msim_sim_set_gravity and msim_sim_set_forces; without damping, drag and inelastic
+                  impacts total - work is constant, to the accuracy of the method. At a frame
+                  inside a step: that at the end of the step */
 } msim_energy;
 
 /* Work done and time spent since creation; 0: that phase never ran. Each island of a scene counts
@@ -268,6 +268,14 @@ MSIM_API msim_status msim_sim_move_pinned(msim_sim *sim, int32_t n,
                                           const double *x /* 3n */, double duration /* > 0 */,
                                           msim_error *err);
 
+/* Move a collider on a straight line from where it is to x, the position of `center` or of the
+ * middle of its axis, and by a rotation vector that changes linearly to `rotation`
+ * (msim_collider_motion), from now on within `duration` s; there it rests. This replaces a motion
+ * that it has, and starts a run like msim_sim_set_gravity. Nullable: rotation (stays). */
+MSIM_API msim_status msim_sim_move_collider(msim_sim *sim, int32_t collider,
+                                            const double *x /* 3 */, const double *rotation /* 3 */,
+                                            double duration /* > 0 */, msim_error *err);
+
 /* Pin particles where they are (pinned = 1), which ends their velocities and motions, or let them
  * go with the velocities that they have (0). This starts a run like msim_sim_set_gravity; all
  * matrices are analyzed anew, as they have other unknowns. */
@@ -279,7 +287,7 @@ MSIM_API msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t
  * (except for times). The caller provides the memory. The data include a format identifier and a
  * hash of all bytes. Saving changes nothing, also inside the observer of msim_sim_run.
  * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set, or
- * pinned particles are moved. MSIM_ERR_ARG: capacity is too small. */
+ * pinned particles or colliders are moved. MSIM_ERR_ARG: capacity is too small. */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
 MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                                    msim_error *err);

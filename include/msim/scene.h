@@ -35,12 +35,12 @@ typedef enum msim_collider_type {
   MSIM_COLLIDER_BOX = 4       /* a cuboid */
 } msim_collider_type;
 
-/* A solid at rest, which particles cannot enter, or cannot leave. With s, the signed distance of a
- * particle from its surface, < 0 where the particle must not be, and n = grad s, the particle is
- * reflected as at a plane that touches the surface at the point nearest to the particle. Where
- * colliders and planes leave no room within reach, the particle stays where it was before the step,
- * at rest. Colliders are not available with collision = event, tol or integrator = auto. Members
- * that a type does not have are ignored. */
+/* A solid, at rest or with a motion (msim_collider_motion), which particles cannot enter, or cannot
+ * leave. With s, the signed distance of a particle from its surface, < 0 where the particle must
+ * not be, and n = grad s, the particle is reflected as at a plane that touches the surface at the
+ * point nearest to the particle. Where colliders and planes leave no room within reach, the
+ * particle stays where it was before the step, at rest. Colliders are not available with collision
+ * = event, tol or integrator = auto. Members that a type does not have are ignored. */
 typedef struct msim_collider {
   size_t size;
   int32_t type;          /* msim_collider_type */
@@ -216,6 +216,22 @@ typedef struct msim_motion {
   int32_t interpolation;    /* MSIM_MOTION_... */
 } msim_motion;
 
+/* A prescribed motion of a collider through positions at nt times, connected as those of pinned
+ * particles: before the first and after the last one it rests. A reflection takes the velocity of
+ * the particle relative to that of the surface at the nearest point, linear and angular, and the
+ * solid at the end of the step; its impulse J on the particle does the work J.u with that velocity
+ * u of the surface. */
+typedef struct msim_collider_motion {
+  size_t size;
+  int32_t collider;       /* its index */
+  int32_t nt;             /* >= 1; 0: it rests (msim_scene_get_collider_motion) */
+  const double *t;        /* nt, s, increasing */
+  const double *x;        /* 3 nt, m: positions of `center`, or of the middle of `from` and `to` */
+  const double *rotation; /* 3 nt, rad: rotation vectors about that point, after the rotation that
+                             the collider has without motion. Nullable: it does not rotate */
+  int32_t interpolation;  /* MSIM_MOTION_..., of x and of rotation vectors */
+} msim_collider_motion;
+
 /* The complete content of a scene; all pointers are borrowed. */
 typedef struct msim_scene_view {
   size_t size;
@@ -350,6 +366,16 @@ MSIM_API msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *p
 /* MSIM_ERR_ARG if a member is out of its range. */
 MSIM_API msim_status msim_scene_add_collider(msim_scene *scene, const msim_collider *collider,
                                              msim_error *err);
+
+/* Prescribe the motion of a collider, in place of one that it has. From the start of a run on, its
+ * position is that of the motion, whatever `center`, `from` and `to` are. */
+MSIM_API msim_status msim_scene_set_collider_motion(msim_scene *scene,
+                                                    const msim_collider_motion *motion,
+                                                    msim_error *err);
+
+/* Get the motion of a collider; set motion->size first. Valid as msim_scene_get says. */
+MSIM_API msim_status msim_scene_get_collider_motion(const msim_scene *scene, int32_t collider,
+                                                    msim_collider_motion *motion);
 
 /* Pin n particles: their positions stay constant. Their velocity must be 0. */
 MSIM_API msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t *particles /* n */,

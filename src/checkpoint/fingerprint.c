@@ -145,6 +145,20 @@ static void list_function(const ms_scene *s, ms_fingerprint_visitor *mark, void 
   mark(data, FUNCTION, text, 0);
 }
 
+static void list_collider_motions(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  for (int32_t i = 0; i < s->ncolliders; i++) {
+    const ms_collider_motion *m = &s->collider_motions[i];
+    const size_t bytes = (size_t)m->x.nt * sizeof(double);
+    char name[40];
+    if (bytes == 0) continue;
+    uint64_t hash = ms_archive_hash((uint64_t)m->x.interpolation, m->x.t, bytes);
+    hash = ms_archive_hash(hash, m->x.x, 3 * bytes);
+    if (m->rotation.nt) hash = ms_archive_hash(hash, m->rotation.x, 3 * bytes);
+    snprintf(name, sizeof name, "colliders[%d].motion", i);
+    list_hash(mark, data, name, hash);
+  }
+}
+
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
   const ms_scene *s = sim->scene;
   array arrays[MS_SCENE_HASHES];
@@ -162,6 +176,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_count(mark, data, "the number of motions", created_scene(sim)->nmotions);
   list_motions(created_scene(sim), mark, data);
   list_function(s, mark, data);
+  list_collider_motions(created_scene(sim), mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
     list_numbers(mark, data, p->key.key, p->key.count,

@@ -77,7 +77,44 @@ static void write_motion(ms_archive *b, ms_motion *m) {
 
 static void remove_motions(ms_scene *s) {
   for (int32_t i = 0; i < s->nmotions; i++) ms_motion_free(&s->alloc, &s->motions[i]);
+  for (int32_t i = 0; i < s->ncolliders; i++)
+    ms_collider_motion_free(&s->alloc, &s->collider_motions[i]);
   s->nmotions = 0;
+}
+
+/* Times, positions and rotation vectors of a collider, one behind the other; nt = 0: it rests. */
+static msim_status read_collider_motion(ms_archive *b, msim_scene *scene, int32_t i,
+                                        msim_error *err) {
+  const msim_allocator *alloc = &scene->data->alloc;
+  msim_collider_motion m = {.size = sizeof m, .collider = i};
+  int32_t rotates = 0;
+  double *t;
+  MS_ARCHIVE_TRANSFER(b, m.nt);
+  MS_ARCHIVE_TRANSFER(b, m.interpolation);
+  MS_ARCHIVE_TRANSFER(b, rotates);
+  const size_t left = b->size > b->position ? b->size - b->position : 0, nt = (size_t)m.nt;
+  ms_archive_check(b, (rotates | 1) == 1 && m.nt >= 0 && nt <= left / (4 * sizeof *t),
+                   "the size of a motion");
+  if (ms_archive_failed(b) || nt == 0) return MSIM_OK;
+  if (!MS_NEW(alloc, t, 7 * nt)) return ms_error_set_memory(err, "a motion");
+  ms_archive_transfer(b, t, (rotates ? 7 : 4) * nt * sizeof *t);
+  m.t = t, m.x = t + nt, m.rotation = rotates ? t + 4 * nt : NULL;
+  const msim_status status = msim_scene_set_collider_motion(scene, &m, err);
+  ms_memory_free(alloc, t);
+  return status;
+}
+
+/* MS_ARCHIVE_COUNT reserves room for that of msim_sim_move_collider. */
+static void write_collider_motion(ms_archive *b, ms_collider_motion *m) {
+  int32_t rotates = m->rotation.nt > 0;
+  const size_t bytes = (size_t)m->x.nt * sizeof(double);
+  MS_ARCHIVE_TRANSFER(b, m->x.nt);
+  MS_ARCHIVE_TRANSFER(b, m->x.interpolation);
+  MS_ARCHIVE_TRANSFER(b, rotates);
+  ms_archive_transfer(b, m->x.t, bytes);
+  ms_archive_transfer(b, m->x.x, 3 * bytes);
+  if (rotates) ms_archive_transfer(b, m->rotation.x, 3 * bytes);
+  if (b->direction == MS_ARCHIVE_COUNT) b->position += (size_t)2 * 7 * sizeof(double);
 }
 
 static msim_status archive_pins(ms_archive *b, msim_scene *scene, msim_error *err) {
@@ -94,6 +131,9 @@ static msim_status archive_pins(ms_archive *b, msim_scene *scene, msim_error *er
   for (int32_t i = 0; i < count && !status && !ms_archive_failed(b); i++)
     if (reads) status = read_motion(b, scene, err);
     else write_motion(b, &s->motions[i]);
+  for (int32_t i = 0; i < s->ncolliders && !status && !ms_archive_failed(b); i++)
+    if (reads) status = read_collider_motion(b, scene, i, err);
+    else write_collider_motion(b, &s->collider_motions[i]);
   return status;
 }
 
@@ -129,18 +169,19 @@ static msim_status copy_changes(const ms_scene *from, msim_scene *to, msim_error
                              .interpolation = m->interpolation};
     status = msim_scene_add_motion(to, &add, err);
   }
+  for (int32_t i = 0; i < from->ncolliders && !status; i++)
+    status = ms_collider_motion_copy(&s->alloc, &from->collider_motions[i], &s->collider_motions[i],
+                                     err);
   return status;
 }
 
 static int have_same_motions(const ms_scene *a, const ms_scene *b) {
   if (a->nmotions != b->nmotions) return 0;
-  for (int32_t i = 0; i < a->nmotions; i++) {
-    const ms_motion *m = &a->motions[i], *o = &b->motions[i];
-    const size_t n = (size_t)m->n, nt = (size_t)m->nt;
-    if (m->n != o->n || m->nt != o->nt || m->interpolation != o->interpolation ||
-        memcmp(m->particles, o->particles, n * sizeof *m->particles) != 0 ||
-        memcmp(m->t, o->t, nt * sizeof *m->t) != 0 ||
-        memcmp(m->x, o->x, 3 * n * nt * sizeof *m->x) != 0)
+  for (int32_t i = 0; i < a->nmotions; i++)
+    if (!ms_motion_is_equal(&a->motions[i], &b->motions[i])) return 0;
+  for (int32_t i = 0; i < a->ncolliders; i++) {
+    const ms_collider_motion *m = &a->collider_motions[i], *o = &b->collider_motions[i];
+    if (!ms_motion_is_equal(&m->x, &o->x) || !ms_motion_is_equal(&m->rotation, &o->rotation))
       return 0;
   }
   return 1;

@@ -6,6 +6,13 @@
 #include "contact/impacts.h"
 #include "physics/signed_distance.h"
 
+/* What particles of a model meet, and the work on the particle that is being reflected */
+typedef struct obstacles {
+  const ms_scene *scene;
+  const ms_solid *solids; /* scene->ncolliders */
+  double work;            /* J/kg: of the impulses of moving colliders, over its mass */
+} obstacles;
+
 static void reflect_velocity(const msim_plane *p, double v[3]) {
   const double vn = ms_vec3_dot(p->normal, v), impulse = -(1 + p->restitution) * vn;
   if (!(vn < 0)) return;
@@ -34,21 +41,31 @@ static int reflect_at_plane(const msim_plane *p, double depth, double x[3], doub
 
 /* The plane that touches collider i at its point nearest to x; returns the distance of x from both,
  * negative inside. */
-static double find_tangent_plane(const ms_scene *scene, int32_t i, const double x[3],
-                                 msim_plane *p) {
-  const double s = ms_signed_distance(&scene->solids[i], x, p->normal);
+static double find_tangent_plane(const obstacles *o, int32_t i, const double x[3], msim_plane *p) {
+  const double s = ms_signed_distance(&o->solids[i], x, p->normal);
   p->offset = ms_vec3_dot(p->normal, x) - s;
-  p->restitution = scene->colliders[i].restitution;
-  p->friction = scene->colliders[i].friction;
+  p->restitution = o->scene->colliders[i].restitution;
+  p->friction = o->scene->colliders[i].friction;
   return s;
 }
 
-static int reflect_at_collider(const ms_scene *scene, int32_t i, double depth, double x[3],
-                               double v[3]) {
+/* In the frame that moves with the point of the surface nearest to x, of the velocity u:
+ * v - u is reflected. */
+static int reflect_at_collider(obstacles *o, int32_t i, double depth, double x[3], double v[3]) {
   msim_plane p;
-  const double s = find_tangent_plane(scene, i, x, &p);
+  const double s = find_tangent_plane(o, i, x, &p);
   if (!(s < -depth)) return 0;
+  if (o->scene->collider_motions[i].x.nt == 0) {
+    reflect_behind(&p, s, x, v);
+    return 1;
+  }
+  double u[3], nearest[3] = {x[0], x[1], x[2]}, before[3] = {v[0], v[1], v[2]};
+  ms_vec3_axpy(-s, p.normal, nearest);
+  ms_signed_distance_find_velocity(&o->solids[i], nearest, u);
+  ms_vec3_axpy(-1, u, v);
   reflect_behind(&p, s, x, v);
+  ms_vec3_axpy(1, u, v);
+  for (int c = 0; c < 3; c++) o->work += (v[c] - before[c]) * u[c];
   return 1;
 }
 
@@ -62,15 +79,16 @@ static double plane_distance_tolerance(const msim_plane *p, const double x[3], d
 
 /* Reflect at all planes and colliders once. again: x may lie on them up to rounding, from an
  * earlier call. */
-static int reflect_once(const ms_scene *scene, int again, double x[3], double v[3]) {
+static int reflect_once(obstacles *o, int again, double x[3], double v[3]) {
+  const ms_scene *scene = o->scene;
   int reflected = 0;
   for (int32_t i = 0; i < scene->nplanes; i++) {
     const msim_plane *p = &scene->planes[i];
     reflected |= reflect_at_plane(p, again ? plane_distance_tolerance(p, x, 0) : 0, x, v);
   }
   for (int32_t i = 0; i < scene->ncolliders; i++) {
-    const double tolerance = again ? ms_signed_distance_tolerance(&scene->solids[i], x) : 0;
-    reflected |= reflect_at_collider(scene, i, tolerance, x, v);
+    const double tolerance = again ? ms_signed_distance_tolerance(&o->solids[i], x) : 0;
+    reflected |= reflect_at_collider(o, i, tolerance, x, v);
   }
   return reflected;
 }
@@ -103,17 +121,23 @@ static void add_plane(const msim_plane *p, const double from[3], ms_plane_set *o
 enum { MOST_SETS = 200 };
 
 /* As find_deepest() among the colliders, if one is deeper than *depth: its tangent plane, in *p. */
-static const msim_plane *find_deeper_collider(const ms_scene *scene, const double x[3],
-                                              double depth, msim_plane *p) {
+static const msim_plane *find_deeper_collider(const obstacles *o, const double x[3], double depth,
+                                              msim_plane *p, int32_t *collider) {
   const msim_plane *deepest = NULL;
-  for (int32_t i = 0; i < scene->ncolliders; i++) {
+  for (int32_t i = 0; i < o->scene->ncolliders; i++) {
     msim_plane tangent;
-    const double tolerance = ms_signed_distance_tolerance(&scene->solids[i], x);
-    const double below = -find_tangent_plane(scene, i, x, &tangent) - tolerance;
-    if (below > depth) depth = below, *p = tangent, deepest = p;
+    const double tolerance = ms_signed_distance_tolerance(&o->solids[i], x);
+    const double below = -find_tangent_plane(o, i, x, &tangent) - tolerance;
+    if (below > depth) depth = below, *p = tangent, *collider = i, deepest = p;
   }
   return deepest;
 }
+
+/* Tangent planes of colliders, and which colliders they are */
+typedef struct tangent_planes {
+  msim_plane plane[MOST_SETS];
+  int32_t collider[MOST_SETS];
+} tangent_planes;
 
 /* Move x to the nearest point in front of all planes; `on` are the planes that constrain it there,
  * 3 at most. An active-set method: the plane that x is farthest behind is added to `on` until there
@@ -122,15 +146,16 @@ static const msim_plane *find_deeper_collider(const ms_scene *scene, const doubl
  * stored in `tangents` (NULL: colliders do not count), as in Kelley's cutting-plane method (J. SIAM
  * 8 (1960) 703). They exclude points that a solid's outside contains, so that the result may be
  * far, or none. */
-static void move_to_nearest(const ms_scene *scene, double x[3], ms_plane_set *on,
-                            msim_plane tangents[MOST_SETS]) {
+static void move_to_nearest(const obstacles *o, double x[3], ms_plane_set *on,
+                            tangent_planes *tangents) {
   const double from[3] = {x[0], x[1], x[2]}, reach = ms_vec3_norm(from);
   on->n = 0;
   for (int set = 0; set < MOST_SETS; set++) {
     double depth;
-    const msim_plane *deepest = find_deepest(scene, x, reach, &depth);
-    const msim_plane *deeper =
-        tangents ? find_deeper_collider(scene, x, depth, &tangents[set]) : NULL;
+    const msim_plane *deepest = find_deepest(o->scene, x, reach, &depth);
+    const msim_plane *deeper = tangents ? find_deeper_collider(o, x, depth, &tangents->plane[set],
+                                                               &tangents->collider[set])
+                                        : NULL;
     if (deeper) deepest = deeper;
     if (!deepest || ms_impacts_contains_plane(on, deepest)) return;
     add_plane(deepest, from, on, x);
@@ -138,21 +163,53 @@ static void move_to_nearest(const ms_scene *scene, double x[3], ms_plane_set *on
 }
 
 /* 1: x is in a collider or behind a plane, by more than rounding. */
-static int is_obstructed(const ms_scene *scene, const double x[3]) {
+static int is_obstructed(const obstacles *o, const double x[3]) {
   double depth;
   msim_plane unused;
-  const msim_plane *plane = find_deepest(scene, x, ms_vec3_norm(x), &depth);
-  return plane || find_deeper_collider(scene, x, depth, &unused);
+  int32_t which;
+  const msim_plane *plane = find_deepest(o->scene, x, ms_vec3_norm(x), &depth);
+  return plane || find_deeper_collider(o, x, depth, &unused, &which);
 }
 
-/* Return to `from`, at rest, unless x is in free space and not farther away than `end`. */
-static void return_if_stuck(const ms_scene *scene, const double from[3], const double end[3],
-                            double x[3], double v[3]) {
+/* Return to `from`, at rest, unless x is in free space and not farther away than `end`. A collider
+ * that has moved over `from` takes the particle along. */
+static void return_if_stuck(obstacles *o, const double from[3], const double end[3], double x[3],
+                            double v[3]) {
   double way[3], moved[3];
   for (int c = 0; c < 3; c++) way[c] = end[c] - from[c], moved[c] = x[c] - from[c];
   const int is_near = ms_vec3_norm(moved) <= ms_vec3_norm(way);
-  if (is_near && !is_obstructed(scene, x)) return;
+  if ((is_near || is_obstructed(o, from)) && !is_obstructed(o, x)) return;
   for (int c = 0; c < 3; c++) x[c] = from[c], v[c] = 0;
+  o->work = 0;
+}
+
+/* The velocity of the collider of which p is a tangent plane, at x; 0: p is a plane. */
+static void find_plane_velocity(const obstacles *o, const tangent_planes *tangents,
+                                const msim_plane *p, const double x[3], double u[3]) {
+  u[0] = u[1] = u[2] = 0;
+  for (int i = 0; i < MOST_SETS; i++)
+    if (p == &tangents->plane[i])
+      ms_signed_distance_find_velocity(&o->solids[tangents->collider[i]], x, u);
+}
+
+/* An impact at x with planes that move: in a frame whose velocity u has the normal components
+ * n_i.u of theirs; with one plane, its velocity. Planes that are linearly dependent count as at
+ * rest. */
+static void bounce(obstacles *o, const ms_plane_set *on, const tangent_planes *tangents,
+                   const double x[3], double v[3]) {
+  double u[3] = {0}, to[MS_MAX_TOUCHED_PLANES], J[MS_MAX_INDEPENDENT_PLANES];
+  const double before[3] = {v[0], v[1], v[2]};
+  for (int i = 0; i < on->n; i++) {
+    double of[3];
+    find_plane_velocity(o, tangents, on->plane[i], x, of);
+    to[i] = ms_vec3_dot(on->plane[i]->normal, of);
+    if (on->n == 1) ms_vec3_axpy(1, of, u);
+  }
+  if (on->n > 1) ms_impacts_set_normal_components(on, to, u, J);
+  ms_vec3_axpy(-1, u, v);
+  ms_impacts_bounce(on, v);
+  ms_vec3_axpy(1, u, v);
+  for (int c = 0; c < 3; c++) o->work += (v[c] - before[c]) * u[c];
 }
 
 /* Repeated reflection. Each one takes x closer to all points in front of all planes; if these have
@@ -161,16 +218,16 @@ static void return_if_stuck(const ms_scene *scene, const double from[3], const d
  * e < 1. If the iteration does not end soon, as in a corner at e = 0, the particle is moved to the
  * nearest point, and its velocity changed by an impact there. from, end: positions before and
  * after the step. */
-static void reflect_repeatedly(const ms_scene *scene, const double from[3], const double end[3],
-                               double x[3], double v[3]) {
+static void reflect_repeatedly(obstacles *o, const double from[3], const double end[3], double x[3],
+                               double v[3]) {
   enum { MAX_REFLECTIONS = 64 };
   ms_plane_set on;
-  msim_plane tangents[MOST_SETS];
+  tangent_planes tangents;
   for (int i = 1; i < MAX_REFLECTIONS; i++)
-    if (!reflect_once(scene, 1, x, v)) return;
-  move_to_nearest(scene, x, &on, tangents);
-  ms_impacts_bounce(&on, v);
-  if (scene->ncolliders) return_if_stuck(scene, from, end, x, v);
+    if (!reflect_once(o, 1, x, v)) return;
+  move_to_nearest(o, x, &on, &tangents);
+  bounce(o, &on, &tangents, x, v);
+  if (o->scene->ncolliders) return_if_stuck(o, from, end, x, v);
 }
 
 msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
@@ -178,7 +235,7 @@ msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
   const double *from = scene->x;
   double x[3] = {from[0], from[1], from[2]};
   ms_plane_set on;
-  move_to_nearest(scene, x, &on, NULL);
+  move_to_nearest(&(obstacles){.scene = scene}, x, &on, NULL);
   for (int32_t i = 0; i < scene->nplanes; i++) {
     const msim_plane *p = &scene->planes[i];
     if (-ms_impacts_distance(p, x) >
@@ -190,23 +247,26 @@ msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
   return MSIM_OK;
 }
 
-int64_t ms_reflection_apply(const ms_model *model, const double *from, double *x, double *v) {
+int64_t ms_reflection_apply(const ms_model *model, const ms_solid *solids, const double *from,
+                            double *x, double *v, double *work) {
   const ms_scene *scene = model->scene;
   const ms_unknowns *rows = &model->unknowns;
   int64_t reflected = 0;
   for (int32_t r = 0; r < rows->nfree; r++) {
     double xp[3], vp[3];
+    obstacles o = {scene, solids, 0};
     ms_unknowns_get(rows, x, r, xp);
     ms_unknowns_get(rows, v, r, vp);
-    if (!reflect_once(scene, 0, xp, vp)) continue;
+    if (!reflect_once(&o, 0, xp, vp)) continue;
     if (scene->nplanes > 1 || scene->ncolliders) {
       double start[3], end[3];
       ms_unknowns_get(rows, from, r, start);
       ms_unknowns_get(rows, x, r, end);
-      reflect_repeatedly(scene, start, end, xp, vp);
+      reflect_repeatedly(&o, start, end, xp, vp);
     }
     ms_unknowns_set(rows, xp, r, x);
     ms_unknowns_set(rows, vp, r, v);
+    *work += model->mass[r] * o.work;
     reflected++;
   }
   return reflected;

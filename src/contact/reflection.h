@@ -13,11 +13,14 @@
  * a corner, this is repeated, up to 64 times in all; then it is moved to the nearest point in front
  * of all planes, with an impact there.
  *
- * Then the same at colliders, each replaced by the plane that touches it at its point nearest to x.
+ * Then the same at colliders, each replaced by the plane that touches it at its point nearest to x,
+ * which moves with the velocity u of that point: v - u is reflected, and the impulse m J does the
+ * work m J.u, which is added to *work (J). solids: the colliders at the end of the step.
  * If particles cannot be moved in front of all planes and out of all colliders, they stay where
  * they were before the step, in `from`, at rest.
  * Returns the number of particles reflected. */
-int64_t ms_reflection_apply(const ms_model *model, const double *from, double *x, double *v);
+int64_t ms_reflection_apply(const ms_model *model, const ms_solid *solids, const double *from,
+                            double *x, double *v, double *work);
 
 /* MSIM_ERR_ARG if each point of space is behind some plane. */
 msim_status ms_reflection_check(const ms_scene *scene, msim_error *err);

@@ -28,9 +28,10 @@ typedef struct ms_stepper {
    * cached_stage and writes cached_stage_next */
   int cached_stage, cached_stage_next;
   double h;            /* of the step to be made, or, for dense output, of the last one */
-  double t;            /* at the start of that step; where pinned particles move */
+  double t;            /* at the start of that step; where pinned particles or colliders move */
   double c;            /* the next force sweep is at t + c h */
-  double work_in_step; /* of moving pins on springs and of a force function, in the step, J */
+  double work_in_step; /* of moving pins on springs, moving colliders and a force function, in the
+                          step, J */
   double h_before;     /* of the step that led to the present state, or its last substep */
   int64_t parts;       /* substeps of equal length in the step being made */
   ms_bounds bounds;    /* of the island, if the method has stages() */
@@ -128,9 +129,12 @@ ms_fused_step ms_stepper_kick_drift(const ms_stepper *s);
 /* a = F(x, v)/m, with reactions of planes; v NULL: without forces that depend on it */
 void ms_stepper_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
 
-/* Reflects x, v at the planes, but not under collision = event; returns the number of particles
- * reflected. */
+/* Reflects x, v, the result of the step, at planes and colliders, but not under collision = event;
+ * adds the work of moving colliders; returns the number of particles reflected. */
 int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v);
+
+/* The same for a stage of the step, whose impulses do not act on its result. */
+void ms_stepper_reflect_stage(ms_stepper *s, double *x, double *v);
 
 /* 1: particles are in contact with planes (contact_set.h); forces then depend on v. */
 int ms_stepper_has_contacts(const ms_stepper *s);

@@ -57,12 +57,25 @@ int ms_stepper_is_separable(const ms_stepper *s) {
   return !(s->model->features & (MS_HAS_DAMPING | MS_HAS_DRAG)) && !ms_stepper_has_contacts(s);
 }
 
-int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v) {
+/* The collider at a time of its motion has the velocity of the interval before. */
+static int64_t reflect(ms_stepper *s, double *x, double *v, double *work) {
   if (!(s->model->features & MS_HAS_PLANES) || s->events) return 0;
   double start = ms_clock_now();
-  int64_t reflected = ms_reflection_apply(s->model, s->x, x, v);
+  const ms_instant end = {.t = s->t + s->h, .before = 1};
+  const ms_solid *solids =
+      ms_collider_motion_place_all(s->model->scene, end, s->model->moving_solids);
+  int64_t reflected = ms_reflection_apply(s->model, solids, s->x, x, v, work);
   s->stats->contacts += reflected;
   s->finite = 0;
   s->stats->collide_s += ms_clock_now() - start;
   return reflected;
+}
+
+int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v) {
+  return reflect(s, x, v, &s->work_in_step);
+}
+
+void ms_stepper_reflect_stage(ms_stepper *s, double *x, double *v) {
+  double unused = 0;
+  reflect(s, x, v, &unused);
 }

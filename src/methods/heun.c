@@ -22,7 +22,7 @@ static msim_status heun_step(ms_stepper *s, msim_error *err) {
   predict.a = a;
   ms_stepper_evaluate(s, &predict);
   if (mode != MSIM_HEUN_LITERAL) ms_vector_copy(shape, s->v_next, v_predicted);
-  if (mode != MSIM_HEUN_STANDARD) ms_stepper_reflect(s, s->x_next, s->v_next);
+  if (mode != MSIM_HEUN_STANDARD) ms_stepper_reflect_stage(s, s->x_next, s->v_next);
   if (mode == MSIM_HEUN_LITERAL) ms_vector_copy(shape, s->v_next, v_predicted);
   s->c = 1;
   ms_stepper_acceleration(s, s->x_next, s->v_next, a_stage);

@@ -83,6 +83,9 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   if (!status) status = ms_force_function_create(model, &model->function, err);
   if (!status) status = ms_model_update_forces(model, skip_off, err);
   if (!status) status = ms_moving_pins_create(model, &model->pins, err);
+  if (!status && scene->ncolliders &&
+      !MS_NEW(&scene->alloc, model->moving_solids, scene->ncolliders))
+    status = ms_error_set_memory(err, "the colliders");
   if (status) return status;
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
@@ -181,6 +184,6 @@ void ms_model_destroy(ms_model *model) {
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
   ms_law_springs_destroy(model->scene, model->laws);
   ms_angles_destroy(model->scene, &model->angles);
-  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->force);
+  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->force, model->moving_solids);
   *model = (ms_model){0};
 }

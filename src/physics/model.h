@@ -41,6 +41,7 @@ typedef struct ms_model {
   ms_pool *pool;               /* the sim's; NULL: one thread */
   unsigned features;           /* MS_HAS_... */
   struct ms_moving_pins *pins; /* moving_pins.h; NULL: no pinned particle moves */
+  ms_solid *moving_solids;     /* ncolliders: room for the colliders at an instant */
 } ms_model;
 
 /* The model of an island. skip_off: features to compute in any case. left_out: the axis without a

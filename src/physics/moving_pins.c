@@ -133,7 +133,7 @@ double ms_moving_pins_compute_power(const ms_model *model, ms_instant at, const 
 /*------------------------------------- the scene ------------------------------------------------*/
 
 double ms_moving_pins_next_time(const ms_scene *scene, double t) {
-  double next = INFINITY;
+  double next = ms_collider_motion_next_time(scene, t);
   for (int32_t m = 0; m < scene->nmotions; m++)
     next = fmin(next, ms_motion_next_time(&scene->motions[m], t));
   return next;

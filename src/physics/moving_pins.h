@@ -50,7 +50,8 @@ void ms_moving_pins_set(const ms_model *model, ms_instant at, double *x, double 
 double ms_moving_pins_compute_power(const ms_model *model, ms_instant at, const double *x,
                                     const double *v);
 
-/* The first time of a motion of the scene after t, by more than rounding; INFINITY: none */
+/* The first time of a motion of the scene, also of its colliders, after t, by more than rounding;
+ * INFINITY: none */
 double ms_moving_pins_next_time(const ms_scene *scene, double t);
 
 /* Set the rows of moving particles of a scene in arrays, 3 nparticles. */

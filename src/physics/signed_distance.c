@@ -71,6 +71,14 @@ double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]
   return side * distance;
 }
 
+void ms_signed_distance_find_velocity(const ms_solid *s, const double x[3], double v[3]) {
+  const double d[3] = {x[0] - s->center[0], x[1] - s->center[1], x[2] - s->center[2]};
+  for (int c = 0; c < 3; c++) {
+    const int i = (c + 1) % 3, j = (c + 2) % 3;
+    v[c] = s->velocity[c] + s->spin[i] * d[j] - s->spin[j] * d[i];
+  }
+}
+
 double ms_signed_distance_tolerance(const ms_solid *s, const double x[3]) {
   return 64 * DBL_EPSILON * (s->reach + ms_vec3_norm(x));
 }

@@ -10,6 +10,9 @@
  * sphere, the normal is that of one of them. */
 double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]);
 
+/* The velocity of the point x of the solid (m/s): that of its center + spin x (x - center) */
+void ms_signed_distance_find_velocity(const ms_solid *s, const double x[3], double v[3]);
+
 /* Rounding tolerance of that distance, m */
 double ms_signed_distance_tolerance(const ms_solid *s, const double x[3]);
 

@@ -28,7 +28,7 @@ static int32_t count_all_free(const msim_sim *sim) {
 
 /* "; colliders: sphere, box (inside)"; "" without any, and only the number of many */
 typedef struct collider_text {
-  char text[160];
+  char text[256];
 } collider_text;
 
 static collider_text describe_colliders(const ms_scene *s) {
@@ -37,9 +37,10 @@ static collider_text describe_colliders(const ms_scene *s) {
   size_t n = 0;
   if (s->ncolliders > MOST) snprintf(list.text, sizeof list, "; colliders %d", s->ncolliders);
   for (int32_t i = 0; i < s->ncolliders && s->ncolliders <= MOST; i++)
-    n += (size_t)snprintf(list.text + n, sizeof list - n, "%s%s%s", i ? ", " : "; colliders: ",
-                          ms_colliders_get_type(s->colliders[i].type)->name,
-                          s->colliders[i].inside ? " (inside)" : "");
+    n += (size_t)snprintf(
+        list.text + n, sizeof list - n, "%s%s%s%s",
+        i ? ", " : "; colliders: ", ms_colliders_get_type(s->colliders[i].type)->name,
+        s->colliders[i].inside ? " (inside)" : "", s->collider_motions[i].x.nt ? " (moves)" : "");
   return list;
 }
 

@@ -337,6 +337,9 @@ static void put_collider_type(writer *w, int32_t type) {
     if (ms_colliders_type_has(type, &ms_collider_members[i]))
       put_scene_key(w, &ms_collider_members[i].key);
   put_scene_key(w, &ms_collider_inside_key);
+  open_key(w, &ms_collider_motion_key, NULL);
+  put_section(w, ms_collider_motion_keys, MS_COLLIDER_MOTION_KEYS);
+  close_bracket(w, "}");
   close_bracket(w, "}");
   close_bracket(w, "}");
 }

@@ -58,6 +58,17 @@ const ms_scene_key ms_collider_inside_key = {
     "whether particles stay inside the solid, as in a bowl; else they stay outside",
     "true"};
 
+const ms_scene_key ms_collider_motion_key = {
+    "motion",
+    MS_SECTION,
+    MS_ANY,
+    1,
+    "",
+    "",
+    "a prescribed motion through positions at given times: before the first and after the last one "
+    "the collider rests",
+    "{\"t\": [0, 1], \"x\": [[0, 0, 1], [1, 0, 1]]}"};
+
 const ms_collider_type *ms_colliders_get_type(int32_t type) {
   static const ms_collider_type types[] = {
       [MSIM_COLLIDER_SPHERE] = {"sphere", "the points at most `radius` from `center`"},
@@ -124,21 +135,6 @@ static void set_axis(const double u[3], double length, double axis[3][3]) {
     b[c] = n[(c + 1) % 3] * a[(c + 2) % 3] - n[(c + 2) % 3] * a[(c + 1) % 3];
 }
 
-/* Rows are the columns of the rotation matrix R: Rodrigues' formula, with u = w/|w|, a = |w|,
- * R e_i = cos(a) e_i + sin(a) u x e_i + (1 - cos(a)) u_i u. */
-static void set_rotation(const double w[3], double axis[3][3]) {
-  const double a = hypot(hypot(w[0], w[1]), w[2]), one_minus_cos = 2 * sin(a / 2) * sin(a / 2);
-  double u[3] = {0};
-  for (int c = 0; c < 3 && a > 0; c++) u[c] = w[c] / a;
-  for (int i = 0; i < 3; i++) {
-    const int j = (i + 1) % 3, k = (i + 2) % 3; /* u x e_i = u_k e_j - u_j e_k */
-    for (int c = 0; c < 3; c++)
-      axis[i][c] = (c == i) * (1 - one_minus_cos) + one_minus_cos * u[i] * u[c];
-    axis[i][j] += sin(a) * u[k];
-    axis[i][k] -= sin(a) * u[j];
-  }
-}
-
 static msim_status make_solid(const msim_collider *c, ms_solid *s, msim_error *err) {
   static const double identity[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const int has_axis = (1 << c->type & (CAPSULE | CYLINDER)) != 0;
@@ -155,7 +151,7 @@ static msim_status make_solid(const msim_collider *c, ms_solid *s, msim_error *e
   }
   if (c->type == MSIM_COLLIDER_BOX) {
     for (int i = 0; i < 3; i++) s->half[i] = c->extent[i] / 2;
-    set_rotation(c->rotation, s->axis);
+    ms_collider_motion_rotate_axes(c->rotation, s->axis);
   }
   s->reach = ms_vec3_norm(s->center) + ms_vec3_norm(s->half) + s->radius;
   if (has_axis && !(length > 0))
@@ -182,6 +178,7 @@ msim_status msim_scene_add_collider(msim_scene *scene, const msim_collider *coll
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s || !ms_scene_reserve_colliders(s, (int64_t)s->ncolliders + 1, err)) return MSIM_ERR_MEMORY;
   s->colliders[s->ncolliders] = c;
+  s->collider_motions[s->ncolliders] = (ms_collider_motion){0};
   s->solids[s->ncolliders++] = solid;
   return ms_error_clear(err);
 }

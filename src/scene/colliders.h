@@ -10,13 +10,15 @@
  * most `radius` from the axis |q_2| <= half_2, q_0 = q_1 = 0; a cylinder is |(q_0, q_1)| <= radius,
  * |q_2| <= half_2; a box is |q_i| <= half_i. */
 typedef struct ms_solid {
-  int32_t type;      /* msim_collider_type */
-  int32_t inside;    /* 1: particles stay inside */
-  double center[3];  /* m */
-  double axis[3][3]; /* orthonormal rows */
-  double half[3];    /* m; 0 where the type has none */
-  double radius;     /* m */
-  double reach;      /* m: no point of the solid is farther from the origin */
+  int32_t type;       /* msim_collider_type */
+  int32_t inside;     /* 1: particles stay inside */
+  double center[3];   /* m */
+  double axis[3][3];  /* orthonormal rows */
+  double half[3];     /* m; 0 where the type has none */
+  double radius;      /* m */
+  double reach;       /* m: no point of the solid is farther from the origin */
+  double velocity[3]; /* m/s: of the center; 0 at rest */
+  double spin[3];     /* rad/s: angular velocity about the center */
 } ms_solid;
 
 /* A key of colliders and the member of msim_collider, one or more doubles, that it sets */
@@ -28,7 +30,7 @@ typedef struct ms_collider_member {
 
 enum { MS_COLLIDER_MEMBERS = 8 };
 extern const ms_collider_member ms_collider_members[MS_COLLIDER_MEMBERS];
-extern const ms_scene_key ms_collider_type_key, ms_collider_inside_key;
+extern const ms_scene_key ms_collider_type_key, ms_collider_inside_key, ms_collider_motion_key;
 
 static inline int ms_colliders_type_has(int32_t type, const ms_collider_member *member) {
   return (int)(member->types >> type & 1);

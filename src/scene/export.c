@@ -228,6 +228,10 @@ static msim_status save_tree(export_state *e, const msim_importer *table, const 
   ms_plugin_host host;
   msim_status status = ms_scene_check_savable(e->scene, err);
   if (status) return status;
+  if (ms_collider_motion_is_there(e->scene))
+    return ms_error_set(
+        err, MSIM_ERR_UNSUPPORTED,
+        "motions of colliders are stored in JSON files only; save the scene as .json");
   if (!allocate_nodes(e)) return ms_error_set_memory(err, "a scene file");
   export_all(e);
   ms_plugin_init_host(&host, &e->scene->alloc);

@@ -1,4 +1,5 @@
-/* motion_setters - adds motions of pinned particles to a scene, and returns them */
+/* motion_setters - adds motions of pinned particles and of colliders to a scene, and returns them
+ * */
 #include <string.h>
 
 #include "base/sized.h"
@@ -47,17 +48,9 @@ static msim_status check_motion(const ms_scene *s, const msim_motion *m, msim_er
   if (status) return status;
   if (m->nt < 1)
     return ms_error_set(err, MSIM_ERR_ARG, "t has %d times; it must have at least 1", m->nt);
-  if (m->interpolation != MSIM_MOTION_LINEAR && m->interpolation != MSIM_MOTION_CUBIC)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "interpolation is %d; it must be MSIM_MOTION_LINEAR or MSIM_MOTION_CUBIC",
-                        m->interpolation);
   if (!m->t || (m->n > 0 && (!m->particles || !m->x)))
     return ms_error_set(err, MSIM_ERR_ARG, "particles, t or x is NULL");
-  status = ms_scene_check_finite("t", m->nt, 1, m->t, err);
-  for (int32_t k = 1; k < m->nt && !status; k++)
-    if (!(m->t[k] > m->t[k - 1]))
-      status = ms_error_set(err, MSIM_ERR_ARG, "t[%d] is %g; it must exceed t[%d] = %g", k, m->t[k],
-                            k - 1, m->t[k - 1]);
+  status = ms_motion_check_times(m->nt, m->t, m->interpolation, err);
   if (!status) status = ms_scene_check_finite("x", 3 * (int64_t)m->n * m->nt, 3 * m->n, m->x, err);
   return status ? status : check_particles(s, m, err);
 }
@@ -118,4 +111,63 @@ void ms_scene_remove_motion(ms_scene *scene, int32_t particle) {
     memmove(m, m + 1, (size_t)(scene->nmotions - k - 1) * sizeof *m);
     scene->nmotions--, k--;
   }
+}
+
+/*------------------------------------- motions of colliders -------------------------------------*/
+
+static msim_status check_collider_motion(const ms_scene *s, const msim_collider_motion *m,
+                                         msim_error *err) {
+  if (m->collider < 0 || m->collider >= s->ncolliders)
+    return ms_error_set(err, MSIM_ERR_ARG, "collider is %d; there are %d colliders, counted from 0",
+                        m->collider, s->ncolliders);
+  if (m->nt < 1)
+    return ms_error_set(err, MSIM_ERR_ARG, "t has %d times; it must have at least 1", m->nt);
+  if (!m->t || !m->x) return ms_error_set(err, MSIM_ERR_ARG, "t or x is NULL");
+  const int64_t n = 3 * (int64_t)m->nt;
+  msim_status status = ms_motion_check_times(m->nt, m->t, m->interpolation, err);
+  if (!status) status = ms_scene_check_finite("x", n, 3, m->x, err);
+  if (!status && m->rotation) status = ms_scene_check_finite("rotation", n, 3, m->rotation, err);
+  return status;
+}
+
+static ms_motion borrow_points(const msim_collider_motion *m, const double *points) {
+  return (ms_motion){.n = 1,
+                     .nt = points ? m->nt : 0,
+                     .interpolation = m->interpolation,
+                     .t = (double *)(uintptr_t)m->t,
+                     .x = (double *)(uintptr_t)points};
+}
+
+msim_status msim_scene_set_collider_motion(msim_scene *scene, const msim_collider_motion *motion,
+                                           msim_error *err) {
+  msim_collider_motion m;
+  ms_collider_motion own;
+  if (!scene || !motion) return ms_error_set(err, MSIM_ERR_ARG, "scene or motion is NULL");
+  msim_status status = ms_sized_check(motion, sizeof m, MS_SIZE_THROUGH(msim_collider_motion, x),
+                                      "motion", "motion", err);
+  if (status) return status;
+  ms_sized_read(&m, sizeof m, motion);
+  status = check_collider_motion(scene->data, &m, err);
+  if (status) return status;
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  const ms_collider_motion from = {borrow_points(&m, m.x), borrow_points(&m, m.rotation)};
+  status = ms_collider_motion_copy(&s->alloc, &from, &own, err);
+  if (status) return status;
+  ms_collider_motion_free(&s->alloc, &s->collider_motions[m.collider]);
+  s->collider_motions[m.collider] = own;
+  return ms_error_clear(err);
+}
+
+msim_status msim_scene_get_collider_motion(const msim_scene *scene, int32_t collider,
+                                           msim_collider_motion *motion) {
+  if (!scene || !motion || collider < 0 || collider >= scene->data->ncolliders) return MSIM_ERR_ARG;
+  const ms_collider_motion *m = &scene->data->collider_motions[collider];
+  msim_collider_motion full = {.collider = collider,
+                               .nt = m->x.nt,
+                               .t = m->x.t,
+                               .x = m->x.x,
+                               .rotation = m->rotation.x,
+                               .interpolation = m->x.interpolation};
+  return ms_sized_write(motion, &full, sizeof full);
 }

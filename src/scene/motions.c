@@ -77,6 +77,33 @@ double ms_motion_find_speed(const ms_motion *motion) {
   return most;
 }
 
+/*------------------------------------- checks ---------------------------------------------------*/
+
+msim_status ms_motion_check_times(int32_t nt, const double *t, int32_t interpolation,
+                                  msim_error *err) {
+  if (interpolation != MSIM_MOTION_LINEAR && interpolation != MSIM_MOTION_CUBIC)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "interpolation is %d; it must be MSIM_MOTION_LINEAR or MSIM_MOTION_CUBIC",
+                        interpolation);
+  for (int32_t k = 0; k < nt; k++) {
+    if (!isfinite(t[k]))
+      return ms_error_set(err, MSIM_ERR_ARG, "t[%d] is %g; it must be finite", k, t[k]);
+    if (k > 0 && !(t[k] > t[k - 1]))
+      return ms_error_set(err, MSIM_ERR_ARG, "t[%d] is %g; it must exceed t[%d] = %g", k, t[k],
+                          k - 1, t[k - 1]);
+  }
+  return MSIM_OK;
+}
+
+int ms_motion_is_equal(const ms_motion *a, const ms_motion *b) {
+  const size_t n = (size_t)a->n, nt = (size_t)a->nt;
+  if (a->n != b->n || a->nt != b->nt || a->interpolation != b->interpolation) return 0;
+  if (nt == 0) return 1;
+  return (!a->particles || memcmp(a->particles, b->particles, n * sizeof *a->particles) == 0) &&
+         memcmp(a->t, b->t, nt * sizeof *a->t) == 0 &&
+         memcmp(a->x, b->x, 3 * n * nt * sizeof *a->x) == 0;
+}
+
 /*------------------------------------- storage --------------------------------------------------*/
 
 void ms_motion_free(const msim_allocator *alloc, ms_motion *motion) {
@@ -88,12 +115,12 @@ msim_status ms_motion_copy(const msim_allocator *alloc, const ms_motion *from, m
                            msim_error *err) {
   const size_t n = (size_t)from->n, nt = (size_t)from->nt;
   *to = (ms_motion){.n = from->n, .nt = from->nt, .interpolation = from->interpolation};
-  if (!MS_NEW(alloc, to->particles, n) || !MS_NEW(alloc, to->t, nt) ||
+  if ((from->particles && !MS_NEW(alloc, to->particles, n)) || !MS_NEW(alloc, to->t, nt) ||
       !MS_NEW(alloc, to->x, 3 * n * nt)) {
     ms_motion_free(alloc, to);
     return ms_error_set_memory(err, "a motion");
   }
-  memcpy(to->particles, from->particles, n * sizeof *to->particles);
+  if (from->particles) memcpy(to->particles, from->particles, n * sizeof *to->particles);
   memcpy(to->t, from->t, nt * sizeof *to->t);
   memcpy(to->x, from->x, 3 * n * nt * sizeof *to->x);
   return MSIM_OK;

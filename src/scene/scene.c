@@ -26,7 +26,9 @@ static void free_scene_data(ms_scene *s) {
           s->rest, s->damping, s->faces, s->planes, s->colliders, s->solids,
           (void *)(uintptr_t)s->force_function.name);
   for (int32_t m = 0; m < s->nmotions; m++) ms_motion_free(&s->alloc, &s->motions[m]);
-  ms_memory_free(&s->alloc, s->motions);
+  for (int32_t i = 0; i < s->ncolliders; i++)
+    ms_collider_motion_free(&s->alloc, &s->collider_motions[i]);
+  MS_FREE(&s->alloc, s->motions, s->collider_motions);
   free_run(s);
   ms_laws_free(s);
   ms_scene_angles_free(s);
@@ -113,9 +115,10 @@ static int reserve_springs(ms_scene *s, int64_t needed, msim_error *err) {
 }
 
 int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err) {
-  const ms_array arrays[] = {MS_ARRAY(s->colliders), MS_ARRAY(s->solids)};
+  const ms_array arrays[] = {MS_ARRAY(s->colliders), MS_ARRAY(s->solids),
+                             MS_ARRAY(s->collider_motions)};
   int32_t capacity = s->collider_capacity;
-  for (int i = 0; i < 2; i++) {
+  for (int i = 0; i < 3; i++) {
     capacity = s->collider_capacity;
     if (ms_memory_reserve(&s->alloc, arrays[i], s->ncolliders, &capacity, needed, err)) return 0;
   }
@@ -155,12 +158,17 @@ static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const doub
   s->nsprings += n;
 }
 
-static void append_colliders(ms_scene *s, const ms_scene *from) {
-  const size_t at = (size_t)s->ncolliders, n = (size_t)from->ncolliders;
-  if (n == 0) return;
-  memcpy(s->colliders + at, from->colliders, n * sizeof *s->colliders);
-  memcpy(s->solids + at, from->solids, n * sizeof *s->solids);
-  s->ncolliders += from->ncolliders;
+static int copy_colliders(const ms_scene *s, ms_scene *c, msim_error *err) {
+  const size_t n = (size_t)s->ncolliders;
+  if (!ms_scene_reserve_colliders(c, s->ncolliders, err)) return 0;
+  if (n == 0) return 1;
+  memcpy(c->colliders, s->colliders, n * sizeof *s->colliders);
+  memcpy(c->solids, s->solids, n * sizeof *s->solids);
+  for (; c->ncolliders < s->ncolliders; c->ncolliders++)
+    if (ms_collider_motion_copy(&c->alloc, &s->collider_motions[c->ncolliders],
+                                &c->collider_motions[c->ncolliders], err))
+      return 0;
+  return 1;
 }
 
 static int copy_motions(const ms_scene *s, ms_scene *c, msim_error *err) {
@@ -187,7 +195,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
       ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
           MSIM_OK &&
-      ms_scene_reserve_colliders(c, s->ncolliders, err) &&
+      copy_colliders(s, c, err) &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->run), 0, &c->run_capacity, s->nrun, err) == MSIM_OK;
   if (!ok) {
     ms_scene_release(c);
@@ -201,7 +209,6 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   c->nfaces = s->nfaces;
   if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
   c->nplanes = s->nplanes;
-  append_colliders(c, s);
   c->external = s->external;
   if (!ms_laws_copy(s, c) || !ms_scene_angles_copy(s, c) || !ms_scene_copy_function(s, c)) {
     ms_scene_release(c);

@@ -10,8 +10,8 @@
 #include <stdatomic.h>
 
 #include "base/text.h"
+#include "scene/collider_motions.h"
 #include "scene/colliders.h"
-#include "scene/motions.h"
 #include "scene/scene_keys.h"
 
 typedef struct ms_run_option {
@@ -62,7 +62,8 @@ typedef struct ms_scene {
 
   int32_t ncolliders, collider_capacity;
   msim_collider *colliders;
-  ms_solid *solids; /* ncolliders: the same */
+  ms_solid *solids;                     /* ncolliders: the same, at rest */
+  ms_collider_motion *collider_motions; /* ncolliders */
 
   int32_t nmotions, motion_capacity;
   ms_motion *motions;

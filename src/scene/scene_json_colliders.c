@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/suggest.h"
+#include "scene/scene_json_motions.h"
 
 static const char *type_name(int32_t i, const void *data) {
   (void)data;
@@ -33,12 +34,13 @@ static msim_status read_type(const ms_json_reader *r, const char *path, ms_value
 
 static msim_status check_keys(const ms_json_reader *r, const char *path, ms_value object,
                               int32_t type) {
-  const char *keys[MS_COLLIDER_MEMBERS + 3] = {ms_collider_type_key.key};
+  const char *keys[MS_COLLIDER_MEMBERS + 4] = {ms_collider_type_key.key};
   int32_t n = 1;
   for (int32_t i = 0; i < MS_COLLIDER_MEMBERS; i++)
     if (ms_colliders_type_has(type, &ms_collider_members[i]))
       keys[n++] = ms_collider_members[i].key.key;
-  keys[n] = ms_collider_inside_key.key;
+  keys[n++] = ms_collider_inside_key.key;
+  keys[n] = ms_collider_motion_key.key;
   return ms_json_check_keys(r, path, object, keys);
 }
 
@@ -67,7 +69,11 @@ static msim_status read_collider(const ms_json_reader *r, const char *path, ms_v
   if (!status) status = read_inside(r, path, value, &c.inside);
   if (status) return status;
   status = msim_scene_add_collider(r->scene, &c, r->err);
-  return ms_json_forward_error(r, ms_json_member_path(path, "").text, status);
+  if (status) return ms_json_forward_error(r, ms_json_member_path(path, "").text, status);
+  const ms_value motion = ms_value_member(value, ms_collider_motion_key.key);
+  if (!motion.json) return MSIM_OK;
+  return ms_json_read_collider_motion(r, ms_json_member_path(path, ms_collider_motion_key.key).text,
+                                      motion, r->scene->data->ncolliders - 1);
 }
 
 msim_status ms_json_add_colliders(ms_json_reader *r, const char *path, ms_value colliders) {

@@ -87,3 +87,45 @@ msim_status ms_json_read_motions(ms_json_reader *r, const char *path, ms_value m
     status = read_motion(r, ms_json_item_path(path, i).text, ms_value_item(motions, i));
   return status;
 }
+
+/*------------------------------------- motions of colliders -------------------------------------*/
+
+/* rotation: NULL without that key. *t, of 7 numbers for each time, is freed by the caller. */
+static msim_status read_collider_arrays(const ms_json_reader *r, const char *path, ms_value motion,
+                                        msim_collider_motion *m, double **t) {
+  ms_value values[2];
+  msim_status status = MSIM_OK;
+  for (int i = 0; i < 2 && !status; i++)
+    status = ms_json_require_key(r, path, motion, &ms_collider_motion_keys[i], &values[i]);
+  if (status) return status;
+  const ms_value rotation = ms_value_member(motion, "rotation");
+  const ms_key_path at = ms_json_member_path(path, "t"), at_x = ms_json_member_path(path, "x"),
+                    at_rotation = ms_json_member_path(path, "rotation");
+  status = ms_json_read_array_size(r, at.text, values[0], &m->nt);
+  if (status) return status;
+  const size_t nt = (size_t)m->nt;
+  if (!MS_NEW(&r->alloc, *t, 7 * nt)) return ms_json_fail_memory(r);
+  m->t = *t, m->x = *t + nt, m->rotation = rotation.json ? *t + 4 * nt : NULL;
+  status = ms_json_read_row(r, ms_json_at(at.text), values[0], MS_ANY, m->nt, *t);
+  if (!status) status = ms_json_read_rows(r, at_x.text, values[1], m->nt, *t + nt);
+  if (!status && rotation.json)
+    status = ms_json_read_rows(r, at_rotation.text, rotation, m->nt, *t + 4 * nt);
+  return status;
+}
+
+msim_status ms_json_read_collider_motion(const ms_json_reader *r, const char *path, ms_value motion,
+                                         int32_t collider) {
+  msim_collider_motion m = {.size = sizeof m, .collider = collider};
+  double *t = NULL;
+  msim_status status =
+      ms_json_check_table(r, path, motion, ms_collider_motion_keys, MS_COLLIDER_MOTION_KEYS);
+  if (!status)
+    status = read_interpolation(r, ms_json_member_path(path, "interpolation").text,
+                                ms_value_member(motion, "interpolation"), &m.interpolation);
+  if (!status) status = read_collider_arrays(r, path, motion, &m, &t);
+  if (!status)
+    status = ms_json_forward_error(r, ms_json_member_path(path, "").text,
+                                   msim_scene_set_collider_motion(r->scene, &m, r->err));
+  ms_memory_free(&r->alloc, t);
+  return status;
+}

@@ -148,6 +148,18 @@ const ms_scene_key ms_motion_keys[MS_MOTION_KEYS] = {
      "at each time that of the parabola through three points, at both ends 0",
      "\"cubic\""}};
 
+const ms_scene_key ms_collider_motion_keys[MS_COLLIDER_MOTION_KEYS] = {
+    {"t", MS_NUMBER_LIST, MS_ANY, 1, NULL, "s", "increasing times", "[0, 1.5]"},
+    {"x", MS_ROWS, MS_ANY, 3, NULL, "m",
+     "positions of the center, or of the middle of the axis, at each time",
+     "[[0, 0, 1], [1, 0, 1]]"},
+    {"rotation", MS_ROWS, MS_ANY, 3, "", "rad",
+     "rotation vectors about that point at each time, after the rotation of the collider; without "
+     "them it does not rotate",
+     "[[0, 0, 0], [0, 0, 3.14]]"},
+    {"interpolation", MS_TEXT, MS_ANY, 1, "\"linear\"", "", "as of motions of pinned particles",
+     "\"cubic\""}};
+
 const ms_scene_key ms_type_key = {"type", MS_TYPE, MS_ANY,           1,
                                   NULL,   "",      "type of object", "\"rope\""};
 

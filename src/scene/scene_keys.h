@@ -93,6 +93,15 @@ extern const ms_scene_key ms_plane_keys[MS_PLANE_KEYS];
 enum { MS_KEY_MOVED, MS_KEY_TIMES, MS_KEY_POINTS, MS_KEY_INTERPOLATION, MS_MOTION_KEYS };
 extern const ms_scene_key ms_motion_keys[MS_MOTION_KEYS];
 
+enum {
+  MS_KEY_COLLIDER_TIMES,
+  MS_KEY_COLLIDER_POINTS,
+  MS_KEY_COLLIDER_ROTATION,
+  MS_KEY_COLLIDER_INTERPOLATION,
+  MS_COLLIDER_MOTION_KEYS
+};
+extern const ms_scene_key ms_collider_motion_keys[MS_COLLIDER_MOTION_KEYS];
+
 /* Of each object; those of its type are in objects.h. Cloths also have names for their particles */
 extern const ms_scene_key ms_type_key, ms_pinned_key, ms_cloth_pinned_key;
 

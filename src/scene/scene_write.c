@@ -165,7 +165,25 @@ static void write_json_planes(ms_text *text, const ms_scene *s) {
   ms_text_append(text, "\n  ]");
 }
 
-static void write_json_collider(ms_text *text, const msim_collider *c) {
+static void write_interpolation(ms_text *text, int32_t interpolation) {
+  ms_text_append(text, ", \"interpolation\": \"%s\"}", ms_motion_interpolations[interpolation]);
+}
+
+static void write_collider_motion(ms_text *text, const ms_collider_motion *m) {
+  if (m->x.nt == 0) return;
+  ms_text_append(text, ", \"motion\": {\"t\": ");
+  write_numbers(text, m->x.nt, 1, m->x.t);
+  ms_text_append(text, ", \"x\": ");
+  write_numbers(text, 3 * (int64_t)m->x.nt, 3, m->x.x);
+  if (m->rotation.nt) {
+    ms_text_append(text, ", \"rotation\": ");
+    write_numbers(text, 3 * (int64_t)m->rotation.nt, 3, m->rotation.x);
+  }
+  write_interpolation(text, m->x.interpolation);
+}
+
+static void write_json_collider(ms_text *text, const msim_collider *c,
+                                const ms_collider_motion *motion) {
   ms_text_append(text, "{\"type\": \"%s\"", ms_colliders_get_type(c->type)->name);
   for (int i = 0; i < MS_COLLIDER_MEMBERS; i++) {
     const ms_collider_member *m = &ms_collider_members[i];
@@ -174,7 +192,9 @@ static void write_json_collider(ms_text *text, const msim_collider *c) {
     if (m->key.count == 1) write_number(text, *ms_colliders_get_member(c, m));
     else write_numbers(text, m->key.count, 1, ms_colliders_get_member(c, m));
   }
-  ms_text_append(text, c->inside ? ", \"inside\": true}" : "}");
+  if (c->inside) ms_text_append(text, ", \"inside\": true");
+  write_collider_motion(text, motion);
+  ms_text_append(text, "}");
 }
 
 static void write_json_colliders(ms_text *text, const ms_scene *s) {
@@ -182,7 +202,7 @@ static void write_json_colliders(ms_text *text, const ms_scene *s) {
   ms_text_append(text, ",\n  \"colliders\": [");
   for (int32_t i = 0; i < s->ncolliders; i++) {
     ms_text_append(text, i ? ",\n    " : "\n    ");
-    write_json_collider(text, &s->colliders[i]);
+    write_json_collider(text, &s->colliders[i], &s->collider_motions[i]);
   }
   ms_text_append(text, "\n  ]");
 }
@@ -201,8 +221,8 @@ static void write_json_motions(ms_text *text, const ms_scene *s) {
       if (k) ms_text_append(text, ",");
       write_numbers(text, 3 * (int64_t)m->n, 3, m->x + 3 * (size_t)k * (size_t)m->n);
     }
-    ms_text_append(text, "], \"interpolation\": \"%s\"}",
-                   ms_motion_interpolations[m->interpolation]);
+    ms_text_append(text, "]");
+    write_interpolation(text, m->interpolation);
   }
   ms_text_append(text, "\n  ]");
 }

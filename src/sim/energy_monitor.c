@@ -110,7 +110,8 @@ typedef struct scene_facts {
 } scene_facts;
 
 /* Take a particle into account; of a pinned one only the position counts. */
-static void add_particle_facts(const ms_scene *s, int32_t p, const double x[3], scene_facts *f) {
+static void add_particle_facts(const ms_scene *s, double t, int32_t p, const double x[3],
+                               scene_facts *f) {
   for (int c = 0; c < 3; c++) f->farthest = fmax(f->farthest, fabs(x[c]));
   if (s->pinned[p]) return;
   f->mass += s->mass[p];
@@ -123,7 +124,9 @@ static void add_particle_facts(const ms_scene *s, int32_t p, const double x[3], 
   }
   for (int32_t i = 0; i < s->ncolliders; i++) {
     double unused[3];
-    const double above = ms_signed_distance(&s->solids[i], x, unused);
+    ms_solid room;
+    const ms_solid *solid = ms_collider_motion_place(s, i, (ms_instant){.t = t}, &room);
+    const double above = ms_signed_distance(solid, x, unused);
     f->height = fmax(f->height, above), f->depth = fmax(f->depth, -above);
   }
 }
@@ -136,13 +139,13 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
     for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
       double x[3];
       ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
-      add_particle_facts(s, m->model.unknowns.particle[r], x, &f);
+      add_particle_facts(s, time_of(sim), m->model.unknowns.particle[r], x, &f);
     }
   for (int32_t p = 0; p < s->nparticles; p++) {
     const double *x = s->x + 3 * (size_t)p;
     ms_totals one = {.low = {x[0], x[1], x[2]}, .high = {x[0], x[1], x[2]}};
     if (!s->pinned[p]) continue;
-    add_particle_facts(s, p, x, &f);
+    add_particle_facts(s, time_of(sim), p, x, &f);
     ms_totals_add(&one, box);
   }
   for (int32_t e = 0; e < s->nsprings; e++) {

@@ -1,16 +1,16 @@
 /* energy_monitor - energy monitor: detect motion beyond what energy allows, and keep the last good
  * state
  *
- * Springs, planes, colliders, pins, damping and drag add no energy to a scene; gravity and constant
- * forces F add their work. So from a start with kinetic energy K0 and elastic energy E0 exact
- * motion keeps
+ * Springs, planes, colliders at rest, pins, damping and drag add no energy to a scene; gravity and
+ * constant forces F add their work. So from a start with kinetic energy K0 and elastic energy E0
+ * exact motion keeps
  *   K + E <= S,  S = K0 + E0 + sum (m g + F).(x - x0) over all free particles,
  * and no particle is ever faster than sqrt(2 S/m), so that the longest side L of the box around all
  * particles, L0 at the start, keeps
  *   L <= L0 + 2 t sqrt(2 S/m_least), S the largest so far.
- * The work of moving pins and of a force function adds to S, at most run.moved, and what the
- * potential of that function loses. A method may exceed both by its error, which is a fraction of
- * the energy available in the scene.
+ * The work of moving pins and colliders and of a force function adds to S, at most run.moved, and
+ * what the potential of that function loses. A method may exceed both by its error, which is a
+ * fraction of the energy available in the scene.
  * For scenes that start without energy, S contains a least amount of it:
  *   - W (L0 + a h^2), W = M g + sum |F|, a = g + max |F|/m: a fall of the free mass M through the
  *     scene, or, where that is more, from the highest particle down to a plane or collider; and one

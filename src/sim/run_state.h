@@ -16,10 +16,10 @@ typedef struct ms_run_state {
   double t_shown;       /* s: time of the state that msim_sim_state returns, <= t */
   double h;             /* s: the step; under error control the next one to try, as in `control` */
   int64_t frame;        /* frame that msim_sim_run shows next, if frames have times of their own */
-  double work;          /* J: energy that changes of forces and moving pins have supplied */
-  double pin_energy;    /* J: of pinned particles that move (physics/moving_pins.h) */
-  double moved;         /* J: the sum of |work of moving pins on springs| over steps */
-  int64_t spent;        /* steps that msim_sim_set_step has subtracted from options.steps */
+  double work;       /* J: energy that changes of forces, moving pins and colliders have supplied */
+  double pin_energy; /* J: of pinned particles that move (physics/moving_pins.h) */
+  double moved;  /* J: the sum of |work of moving pins on springs and of colliders| over steps */
+  int64_t spent; /* steps that msim_sim_set_step has subtracted from options.steps */
   ms_control control;
 } ms_run_state;
 

@@ -25,7 +25,8 @@ static obstacle find_obstacle(const ms_scene *s, const double x[3]) {
       found = (obstacle){"behind", "planes", i, depth};
   }
   for (int32_t i = 0; i < s->ncolliders; i++) {
-    const ms_solid *solid = &s->solids[i];
+    ms_solid room;
+    const ms_solid *solid = ms_collider_motion_place(s, i, (ms_instant){0}, &room);
     const double depth = -ms_signed_distance(solid, x, normal);
     if (depth > fmax(found.depth, ROUNDING * (size + solid->reach)))
       found = (obstacle){solid->inside ? "outside" : "inside", "colliders", i, depth};

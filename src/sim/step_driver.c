@@ -30,14 +30,16 @@ static msim_status make_fixed_step(const msim_sim *sim, ms_stepper *s, msim_erro
   return status;
 }
 
-/* 1: the step started at rest, stays there, meets no plane, no pinned particle moves from its
- * start on, and no force depends on time. As x and v = 0 are unchanged all
- * accelerations are 0, and the next step has the same result; the vectors that the method carries
- * follow from x and v then. The comparison ends at the first unknown that differs. */
+/* 1: the step started at rest, stays there, meets no plane, no pinned particle or collider moves
+ * from its start on, and no force depends on time. As x and v = 0 are unchanged all accelerations
+ * are 0, and the next step has the same result; the vectors that the method carries follow from x
+ * and v then. The comparison ends at the first unknown that differs. */
 static int stays_at_rest(const msim_sim *sim, const ms_island_sim *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
   const ms_shape shape = m->model.shape;
-  if (m->model.pins && ms_moving_pins_next_time(sim->scene, s->t) < INFINITY) return 0;
+  if ((m->model.pins || ms_collider_motion_is_there(sim->scene)) &&
+      ms_moving_pins_next_time(sim->scene, s->t) < INFINITY)
+    return 0;
   if (ms_scene_function_has(sim->scene, MSIM_FORCE_TIME)) return 0;
   return !(sim->config.opt.skip_off & MSIM_SKIP_AT_REST) && s->stats->contacts == contacts &&
          ms_vector_is_zero(shape, s->v_next) && ms_vector_is_zero(shape, s->v) &&
@@ -129,7 +131,7 @@ static void accept_island(ms_island_sim *m) {
   m->at_rest = m->at_rest_next;
 }
 
-/* Add the work of moving pins on springs, and that of a force function. */
+/* Add the work of moving pins on springs, of moving colliders, and of a force function. */
 static void count_work(msim_sim *sim) {
   double sum = 0;
   for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
@@ -139,7 +141,9 @@ static void count_work(msim_sim *sim) {
 
 static void accept_step(msim_sim *sim) {
   int32_t resting = 0, incomplete = 0;
-  if (sim->scene->nmotions || ms_scene_has_function(sim->scene)) count_work(sim);
+  if (sim->scene->nmotions || ms_collider_motion_is_there(sim->scene) ||
+      ms_scene_has_function(sim->scene))
+    count_work(sim);
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     resting += m->at_rest;
     incomplete |= m->stepper.incomplete;
