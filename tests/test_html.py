@@ -70,6 +70,21 @@ class Numbers(HtmlTest):
         self.assertAlmostEqual(page.mass[5], 0.05, 8)
         self.assertEqual({corner for face in page.faces for corner in face}, set(range(2, 14)))
 
+    def test_poses_of_colliders(self):
+        """Where colliders are in each frame: on a line until they stop"""
+        move = {"t": [0, 0.5], "x": [[0, 0, -9], [1, 0, -8]], "rotation": [[0, 0, 0], [0, 3, 0]]}
+        bar = {"type": "capsule", "from": [2, 0, -9], "to": [3, 0, -9], "radius": 0.5}
+        ball = {"type": "sphere", "center": [7, 7, 7], "radius": 2, "motion": move}
+        self.scene({**PENDULUM, "colliders": [bar, ball]})
+        page = self.page("--t_end", "1", "--fps", "8")
+        self.assertEqual(len(page.frames), 9)
+        for frame in page.frames:
+            s = min(1, frame["t"] / 0.5)
+            rest, moved = frame["poses"]
+            self.assertEqual(rest, [2.5, 0, -9, 0, 0, 0])
+            for value, exact in zip(moved, [s, 0, -9 + s, 0, 3 * s, 0]):
+                self.assertAlmostEqual(value, exact, 12)
+
     def test_energies(self):
         self.scene()
         page = self.page("--final", "final.json", "--force")

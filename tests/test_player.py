@@ -203,6 +203,14 @@ class Pictures(PlayerTest):
         self.assertTrue(all(upright[i] > 0.9 for i in (1, 4, 7)), upright)
         self.assertTrue(all(upright[i] < 0.5 for i in (0, 2, 3, 5, 6, 8)), upright)
 
+    def test_colliders_that_move_are_where_they_should_be(self):
+        """A flat box, which its motion has turned upright and moved to the middle"""
+        upright = self.shades({"type": "box", "center": [9, 0, 0], "size": [1.6, 0.4, 0.4],
+                               "motion": {"t": [-1, 0], "x": [[9, 0, 0], [0, 0, 0]],
+                                          "rotation": [[0, 0, 0], [0, 1.5708, 0]]}})
+        self.assertTrue(all(upright[i] > 0.9 for i in (1, 4, 7)), upright)
+        self.assertTrue(all(upright[i] < 0.5 for i in (0, 2, 3, 5, 6, 8)), upright)
+
     def test_a_bowl_shows_its_inner_side(self):
         room = {"type": "sphere", "center": [0, 0, 0], "radius": 3, "inside": True}
         picture = self.shades(room)

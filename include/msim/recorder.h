@@ -73,6 +73,9 @@ typedef struct msim_frame {
   /* 3n: the force in N that its support exerts on each pinned particle, see msim_sim_reactions, 0
    * on others; NULL: no particle was pinned when the recording began */
   const float *reaction;
+  /* 6 ncolliders: of each collider the position of its center, or of the middle of its axis, m, and
+   * the rotation vector about that point, after its rotation at rest; NULL: none moves */
+  const double *poses;
 } msim_frame;
 
 /* The point at which a file is resumed. Borrowed until the next call with the recorder. */

@@ -11,27 +11,19 @@ typedef struct collider_change {
   double t, duration;         /* s */
 } collider_change;
 
-static void get_point(const ms_motion *m, double t, const double other[3], double x[3]) {
-  double unused[3];
-  for (int c = 0; c < 3; c++) x[c] = other[c];
-  if (m->nt) ms_motion_evaluate(m, 0, (ms_instant){.t = t}, x, unused);
-}
-
 static msim_status change_scene(msim_scene *copy, const void *data, double *x, double *v,
                                 msim_error *err) {
   const collider_change *change = data;
   const ms_scene *s = copy->data;
-  const ms_collider_motion *m = &s->collider_motions[change->collider];
-  const double t[2] = {change->t, change->t + change->duration}, none[3] = {0};
+  const double t[2] = {change->t, change->t + change->duration};
   double at[2][3], w[2][3];
   (void)x, (void)v;
-  get_point(&m->x, change->t, s->solids[change->collider].center, at[0]);
-  get_point(&m->rotation, change->t, none, w[0]);
+  ms_collider_motion_get_pose(s, change->collider, (ms_instant){.t = change->t}, at[0], w[0]);
   for (int c = 0; c < 3; c++) {
     at[1][c] = change->x[c];
     w[1][c] = change->rotation ? change->rotation[c] : w[0][c];
   }
-  const int rotates = change->rotation || m->rotation.nt;
+  const int rotates = change->rotation || s->collider_motions[change->collider].rotation.nt;
   const msim_collider_motion motion = {.size = sizeof motion,
                                        .collider = change->collider,
                                        .nt = 2,

@@ -19,11 +19,11 @@
 static const char mark[] = "<!doctype html>\n<!-- motion computed by msim, with its player";
 static const char data_end[] = "</script>\n</html>\n";
 
-enum { POSITION_BITS = 16, SPEED_BITS = 8, NUMBERS_OF_A_LINE = 600 };
+enum { POSITION_BITS = 16, SPEED_BITS = 8, NUMBERS_OF_A_LINE = 600, A_POSE = 160 };
 
 typedef struct recorder {
   const msim_host *host;
-  int32_t n;
+  int32_t n, ncolliders;
   int64_t frames;
   uint16_t *last, *before; /* 4n: x, y, z, speed of the last frame and of that before it */
   ms_frame_file file;
@@ -191,6 +191,18 @@ static void print_components(recorder *r, const char *key, const msim_frame *fra
   ms_integer_code_end(&code);
 }
 
+static void print_poses(const recorder *r, ms_frame_file *file, const double *poses) {
+  if (!poses) return;
+  ms_frame_file_print(file, "\"poses\":[");
+  for (int32_t i = 0; i < 6 * r->ncolliders; i++)
+    ms_frame_file_print(file, "%s%s",
+                        i % 6 ? ","
+                        : i   ? "],["
+                              : "[",
+                        ms_text_format_double(poses[i]).text);
+  ms_frame_file_print(file, "]],");
+}
+
 static msim_status write_html_frame(void *self, const msim_frame *frame) {
   recorder *r = self;
   const frame_range range = range_of(frame, r->n);
@@ -202,6 +214,7 @@ static msim_status write_html_frame(void *self, const msim_frame *frame) {
   print_triple(&r->file, "low", range.low);
   print_triple(&r->file, "high", range.high);
   print_number(&r->file, "fastest", range.fastest);
+  print_poses(r, &r->file, frame->poses);
   print_components(r, "x", frame, &range, 0, 3);
   ms_frame_file_print(&r->file, "\",");
   print_components(r, "speed", frame, &range, 3, 4);
@@ -231,7 +244,8 @@ static double round_down(double value) {
 /* `before`: bytes of the page before the first frame */
 static msim_status check_size(const recorder *r, const msim_recording *what, int64_t before) {
   const int64_t n = what->n;
-  const int64_t frame = NUMBERS_OF_A_LINE + ms_integer_code_bound(3 * n, POSITION_BITS) +
+  const int64_t frame = NUMBERS_OF_A_LINE + A_POSE * (int64_t)what->ncolliders +
+                        ms_integer_code_bound(3 * n, POSITION_BITS) +
                         ms_integer_code_bound(n, SPEED_BITS);
   const int64_t total = before + (what->nframes + 1) * frame;
   if (total <= MS_HTML_LIMIT) return MSIM_OK;
@@ -272,6 +286,7 @@ static recorder *create_html_recorder(const msim_host *host, const msim_recordin
   memcpy(r->name, name, bytes);
   r->host = host;
   r->n = what->n;
+  r->ncolliders = what->ncolliders;
   r->last = last;
   r->before = last + 4 * (size_t)what->n;
   return r;

@@ -14,7 +14,8 @@
  * `fastest`, and integers q: `x` of 16 bits, all x, then all y, then all z, with the coordinate
  * low + (high - low) q / 65535, and `speed` of 8 bits, fastest q / 255. What is written of q is
  * r_i - r_(i-1) with r = q - 2 q' + q'', where q' is of the frame before and q'' of that before it,
- * both of the first frame r = q, of the second r = q - q'. */
+ * both of the first frame r = q, of the second r = q - q'. Where colliders move, `poses`: of each
+ * the position of its center, or of the middle of its axis, and its rotation vector. */
 #ifndef MS_HTML_H
 #define MS_HTML_H
 

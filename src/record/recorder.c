@@ -19,6 +19,7 @@ struct msim_recorder {
   void *checkpoint; /* buffer; NULL: the recorder cannot resume files */
   size_t capacity;
   ms_strain strain;
+  double *poses;     /* 6 ncolliders */
   int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
   double t_kept;
 };
@@ -202,6 +203,8 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   ms_plugin_init_host(&r->host, &sim->alloc);
   status = ms_strain_init(&r->strain, sim->scene, &sim->alloc, err);
   if (status) return status;
+  if (!MS_NEW(&sim->alloc, r->poses, 6 * (size_t)sim->scene->ncolliders))
+    return ms_error_set_memory(err, "a recorder");
   if (!MS_RECORDERS_HAS(type, resume)) return MSIM_OK;
   r->capacity = msim_sim_save_size(sim);
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
@@ -211,7 +214,7 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
 static void destroy_recorder(msim_recorder *r) {
   if (!r) return;
   ms_output_file_release(&r->file);
-  ms_memory_free(&r->sim->alloc, r->checkpoint);
+  MS_FREE(&r->sim->alloc, r->checkpoint, r->poses);
   ms_strain_free(&r->strain, &r->sim->alloc);
   ms_memory_free(&r->sim->alloc, r);
 }
@@ -263,6 +266,17 @@ static void add_checkpoint(msim_recorder *r, msim_frame *frame) {
     frame->checkpoint = r->checkpoint;
 }
 
+/* The poses of all colliders; NULL: none moves */
+static const double *get_poses(msim_recorder *r, double t) {
+  const ms_scene *s = r->sim->scene;
+  if (!ms_collider_motion_is_there(s)) return NULL;
+  for (int32_t i = 0; i < s->ncolliders; i++) {
+    double *pose = r->poses + 6 * (size_t)i;
+    ms_collider_motion_get_pose(s, i, (ms_instant){.t = t}, pose, pose + 3);
+  }
+  return r->poses;
+}
+
 static msim_status record_state(msim_recorder *r, const msim_state *state, msim_error *err) {
   msim_energy energy = {.size = sizeof energy};
   msim_sim_energy(r->sim, &energy);
@@ -278,7 +292,8 @@ static msim_status record_state(msim_recorder *r, const msim_state *state, msim_
                       .gravitational = energy.gravitational,
                       .strain = r->strain.strain,
                       .tension = r->strain.tension,
-                      .reaction = r->strain.reaction};
+                      .reaction = r->strain.reaction,
+                      .poses = get_poses(r, state->t)};
   if (!isfinite(energy.total))
     return ms_error_set(err, MSIM_NOT_FINITE,
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "

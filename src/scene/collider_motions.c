@@ -64,6 +64,15 @@ const ms_solid *ms_collider_motion_place(const ms_scene *scene, int32_t i, ms_in
   return room;
 }
 
+void ms_collider_motion_get_pose(const ms_scene *scene, int32_t i, ms_instant at, double x[3],
+                                 double rotation[3]) {
+  const ms_collider_motion *m = &scene->collider_motions[i];
+  double unused[3];
+  for (int c = 0; c < 3; c++) x[c] = scene->solids[i].center[c], rotation[c] = 0;
+  if (m->x.nt) ms_motion_evaluate(&m->x, 0, at, x, unused);
+  if (m->rotation.nt) ms_motion_evaluate(&m->rotation, 0, at, rotation, unused);
+}
+
 int ms_collider_motion_is_there(const ms_scene *scene) {
   for (int32_t i = 0; i < scene->ncolliders; i++)
     if (scene->collider_motions[i].x.nt) return 1;

@@ -24,6 +24,10 @@ void ms_collider_motion_rotate_axes(const double w[3], double axis[3][3]);
 const ms_solid *ms_collider_motion_place(const struct ms_scene *scene, int32_t i, ms_instant at,
                                          ms_solid *room);
 
+/* Its center at an instant, and its rotation vector, 0 at rest */
+void ms_collider_motion_get_pose(const struct ms_scene *scene, int32_t i, ms_instant at,
+                                 double x[3], double rotation[3]);
+
 /* 1: a collider of the scene has a motion. */
 int ms_collider_motion_is_there(const struct ms_scene *scene);
 

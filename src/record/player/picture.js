@@ -226,6 +226,15 @@ class Picture {
     this.gl.bufferData(this.gl.ARRAY_BUFFER, array, this.gl.DYNAMIC_DRAW);
   }
 
+  // Shows solid i with other positions and normals.
+  setSolid(i, {position, normal}) {
+    const buffers = this.solidBuffers[i];
+    buffers.position.array.set(position);
+    buffers.normal.array.set(normal);
+    this.upload(buffers.position);
+    this.upload(buffers.normal);
+  }
+
   // x: positions; values: colours of the particles, 0 to 1
   setState(x, values) {
     const {drawn, recording} = this;

@@ -173,6 +173,16 @@ class Player {
     });
   }
 
+  // Solids that move, where they are at the present time
+  placeSolids() {
+    const {frames} = this.recording, a = frames[this.k].poses, b = frames[this.next].poses || a;
+    if (!a) return;
+    this.solids.forEach((solid, i) => {
+      const pose = a[i].map((x, c) => x + this.share * (b[i][c] - x));
+      this.picture.setSolid(i, placeSolid(solid, pose, this.centre, this.scale));
+    });
+  }
+
   // Positions and values at the present time
   computeState() {
     this.holdFrames();
@@ -224,6 +234,7 @@ class Player {
     this.computeState();
     for (let i = 0; i < this.values.length; i++) this.values[i] /= top;
     this.picture.setState(this.x, this.values);
+    this.placeSolids();
     this.picture.draw(this.camera, {pin: colourOf(style, "--pin"),
                                     grid: colourOf(style, "--grid")});
     this.showTime();

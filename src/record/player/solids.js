@@ -74,8 +74,25 @@ function makeSolid(collider, centre, scale) {
   const place = v => combine([v[0], axes[0]], [v[1], axes[1]], [v[2], axes[2]]);
   return {
     inside,
+    middle: middle.map((m, i) => (m - centre[i]) / scale),
     position: corners.flatMap(c => place(c.position).map((p, i) => (
       (p + middle[i] - centre[i]) / scale))),
     normal: corners.flatMap(c => place(c.normal).map(n => (inside ? -n : n))),
   };
+}
+
+// {position, normal} of a solid in a pose: the place of its middle and a rotation vector, 6 numbers
+function placeSolid({position, normal, middle}, pose, centre, scale) {
+  const to = pose.slice(0, 3).map((x, i) => (x - centre[i]) / scale);
+  const axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(e => rotate(pose.slice(3), e));
+  const turn = (from, origin, target) => {
+    const out = new Float32Array(from.length);
+    for (let i = 0; i < from.length; i += 3)
+      for (let c = 0; c < 3; c++) {
+        out[i + c] = target[c];
+        for (let k = 0; k < 3; k++) out[i + c] += (from[i + k] - origin[k]) * axes[k][c];
+      }
+    return out;
+  };
+  return {position: turn(position, middle, to), normal: turn(normal, [0, 0, 0], [0, 0, 0])};
 }

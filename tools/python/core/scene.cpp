@@ -211,6 +211,30 @@ static void add_motion(Scene &s, Ints particles, Doubles t, Doubles x, bool cubi
   check(msim_scene_add_motion(s.p, &m, &err), err);
 }
 
+// x, rotation: (nt, 3)
+static void set_collider_motion(Scene &s, int32_t collider, Doubles t, Doubles x,
+                                nb::object rotation, bool cubic) {
+  msim_error err;
+  msim_collider_motion m{};
+  m.size = sizeof m;
+  m.collider = collider;
+  m.nt = static_cast<int32_t>(t.size()), m.t = t.data(), m.x = x.data();
+  m.rotation = data_or_null(rotation);
+  m.interpolation = cubic ? MSIM_MOTION_CUBIC : MSIM_MOTION_LINEAR;
+  check(msim_scene_set_collider_motion(s.p, &m, &err), err);
+}
+
+// t, x, rotation or None, cubic; None if the collider rests
+static nb::object collider_motion(const Scene &s, int32_t collider) {
+  msim_collider_motion m{};
+  m.size = sizeof m;
+  if (msim_scene_get_collider_motion(s.p, collider, &m) != MSIM_OK || m.nt == 0) return nb::none();
+  const size_t nt = static_cast<size_t>(m.nt);
+  return nb::make_tuple(copy(m.t, {nt}), copy(m.x, {nt, 3}),
+                        m.rotation ? copy(m.rotation, {nt, 3}) : nb::object(nb::none()),
+                        m.interpolation == MSIM_MOTION_CUBIC);
+}
+
 static nb::tuple gravity(const Scene &s) {
   const msim_scene_view w = get(s);
   return nb::make_tuple(w.gravity[0], w.gravity[1], w.gravity[2]);
@@ -253,8 +277,8 @@ void bind_scene(nb::module_ &m) {
       .def("add_faces", add_faces)
       .def("add_plane", add_plane)
       .def("add_collider", add_collider)
-      .def("add_law", add_law, nb::arg(), nb::arg(), nb::arg(), nb::arg().none(),
-           nb::arg().none(), nb::arg().none(), nb::arg())
+      .def("add_law", add_law, nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
+           nb::arg().none(), nb::arg())
       .def("set_law", set_law)
       .def("add_rope", add_rope)
       .def("add_cloth", add_cloth)
@@ -271,6 +295,9 @@ void bind_scene(nb::module_ &m) {
       .def("set_drag", set_drag)
       .def("set_forces", set_forces)
       .def("add_motion", add_motion)
+      .def("set_collider_motion", set_collider_motion, nb::arg(), nb::arg(), nb::arg(),
+           nb::arg().none(), nb::arg())
+      .def("collider_motion", collider_motion)
       .def("name", [](const Scene &s) { return nb::str(get(s).name); })
       .def("set_name", set_name);
 }

@@ -308,6 +308,15 @@ static void move_pinned(Sim &s, Ints particles, Doubles x, double duration) {
   check(status, err);
 }
 
+static void move_collider(Sim &s, int32_t collider, Doubles x, nb::object rotation,
+                          double duration) {
+  msim_error err;
+  const msim_status status =
+      msim_sim_move_collider(idle(s), collider, x.data(), data_or_null(rotation), duration, &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
 static void set_pinned(Sim &s, Ints particles, bool pinned) {
   msim_error err;
   const msim_status status = msim_sim_set_pinned(idle(s), static_cast<int32_t>(particles.size()),
@@ -354,11 +363,11 @@ static nb::dict stats(const Sim &s) {
   ADD(assemblies)
   ADD(analyses)
   ADD(factorizations)
-  ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps)
-      ADD(coarse_factors) ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s)
-          ADD(force_s) ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s)
-              ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations) ADD(rejected_steps)
-                  ADD(incomplete_steps)
+  ADD(solves)
+  ADD(iterations) ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps) ADD(coarse_factors)
+      ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s) ADD(force_s) ADD(assemble_s)
+          ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s) ADD(steps_at_rest)
+              ADD(islands_at_rest) ADD(spring_evaluations) ADD(rejected_steps) ADD(incomplete_steps)
 #undef ADD
                   return d;
 }
@@ -480,6 +489,7 @@ void bind_sim(nb::module_ &m) {
       .def("_set_drag", set_drag)
       .def("_set_forces", set_forces, nb::arg().none())
       .def("_move_pinned", move_pinned)
+      .def("_move_collider", move_collider, nb::arg(), nb::arg(), nb::arg().none(), nb::arg())
       .def("_set_pinned", set_pinned)
       .def("dumps", save)
       .def("loads", load, nb::arg("data"))

@@ -89,6 +89,31 @@ def test_colliders():
                                  "colliders": scene.colliders}).colliders == scene.colliders
 
 
+def test_colliders_that_move():
+    scene = msim.Scene(gravity=(0, 0, -10))
+    scene.add_particles([[0, 0, 0]], v=[[0, 0, 1]], mass=2)
+    scene.add_box((0, 0, 0), (1, 1, 1), restitution=0)
+    scene.set_collider_motion(0, [0, 1], [[0, 0, -0.5], [0, 0, 0.5]], cubic=False)
+    motion = {"t": [0, 1], "x": [[0, 0, -0.5], [0, 0, 0.5]], "interpolation": "linear"}
+    assert scene.colliders[0]["motion"] == motion
+    again = msim.Scene.loads(scene.dumps())
+    assert again.colliders == scene.colliders
+    sim = msim.Sim(again, integrator="symplectic-euler", h=1e-3)
+    sim.step(1000)
+    np.testing.assert_allclose(sim.x, [[0, 0, 1]], rtol=0, atol=1e-11)
+    assert sim.energy.work == pytest.approx(20, abs=1e-9)  # m g u t
+    sim.move_collider(0, (0, 0, 1.5), 1, rotation=(0, 0, 1))
+    sim.step(1000)
+    np.testing.assert_allclose(sim.x, [[0, 0, 2]], rtol=0, atol=1e-11)
+    turns = [[0, 0, 0], [0, 0, 1]]
+    scene.set_collider_motion(0, [0, 1], [[0, 0, 0], [1, 0, 0]], turns, cubic=True)
+    assert scene.colliders[0]["motion"]["rotation"] == turns
+    with pytest.raises(msim.ArgumentError, match=r"x must have the shape \(2, 3\)"):
+        scene.set_collider_motion(0, [0, 1], [[0, 0, 0]])
+    with pytest.raises(msim.ArgumentError, match="there are 1 colliders"):
+        sim.move_collider(1, (0, 0, 0), 1)
+
+
 def test_a_particle_rests_in_a_bowl():
     scene = msim.Scene(gravity=(0, 0, -10))
     scene.add_particles([[0.6, 0, 0]], mass=1)

@@ -203,6 +203,18 @@ class Scene:
                                 _arrays.number("restitution", restitution),
                                 _arrays.number("friction", friction))
 
+    def set_collider_motion(self, collider: int, t: ArrayLike, x: ArrayLike,
+                            rotation: ArrayLike | None = None, *, cubic: bool = False) -> None:
+        """Move a collider, by its index, through x, (times, 3), at the times t, s.
+
+        x: its center, or the middle of its axis. rotation: rotation vectors about it, (times, 3),
+        after the rotation that it has at rest. Between times as add_motion.
+        """
+        times = np.atleast_1d(_arrays.doubles("t", t))
+        turns = None if rotation is None else _arrays.rows("rotation", rotation, len(times))
+        self._core.set_collider_motion(_arrays.count("collider", collider), times,
+                                       _arrays.rows("x", x, len(times)), turns, cubic)
+
     def pin(self, particles: ArrayLike) -> None:
         """Hold particles where they are; an index, or several."""
         self._core.pin(_arrays.one_or_more("particles", particles))
@@ -352,11 +364,18 @@ class Scene:
         names = ("inside", "center", "from", "to", "radius", "size", "rotation", "restitution",
                  "friction")
         found = []
-        for number, *values in self._core.colliders():
+        for i, (number, *values) in enumerate(self._core.colliders()):
             kind = list(_COLLIDERS)[number - 1]
             keys = (*_COLLIDERS[kind], "inside", "restitution", "friction")
             found.append({"type": kind, **{name: value for name, value in zip(names, values)
                                            if name in keys}})
+            motion = self._core.collider_motion(i)
+            if motion:
+                t, x, rotation, cubic = motion
+                found[-1]["motion"] = {
+                    "t": t.tolist(), "x": x.tolist(),
+                    "interpolation": "cubic" if cubic else "linear",
+                    **({} if rotation is None else {"rotation": rotation.tolist()})}
         return found
 
     @property

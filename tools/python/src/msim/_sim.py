@@ -127,6 +127,16 @@ class Sim(_core.Sim):
         points = _arrays.rows("x", np.atleast_2d(_arrays.doubles("x", x)), len(which))
         self._move_pinned(which, points, _arrays.number("duration", duration))
 
+    def move_collider(self, collider: int, x: ArrayLike, duration: float,
+                      rotation: ArrayLike | None = None) -> None:
+        """Move a collider on a straight line to x, its center, from now on within duration, s.
+
+        rotation: the rotation vector about x at the end, after the rotation that it has at rest.
+        """
+        turned = None if rotation is None else _arrays.vector("rotation", rotation)
+        self._move_collider(_arrays.count("collider", collider), _arrays.vector("x", x), turned,
+                            _arrays.number("duration", duration))
+
     def set_pinned(self, particles: ArrayLike, pinned: bool = True) -> None:
         """Pin particles where they are, or let them go: an index, or several."""
         which = _arrays.one_or_more("particles", particles)
