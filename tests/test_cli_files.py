@@ -27,6 +27,17 @@ class Final(CliTest):
         self.assertEqual(self.run_final()["step"], 100)
 
 
+    def test_contacts(self):
+        """A particle that rests on a plane: m g h in the last step, if contacts are recorded"""
+        self.scene({"msim": 1, "gravity": [0, 0, -10], "particles": {"x": [[0, 0, 0]], "mass": 2},
+                    "planes": [{"normal": [0, 0, 1], "offset": 0, "restitution": 0}],
+                    "run": {"integrator": "symplectic-euler", "h": 0.125, "steps": 4}})
+        self.assertNotIn("contacts", self.run_final())
+        found = self.run_final("--contacts", "on")["contacts"]
+        self.assertEqual(found, [{"particle": 0, "plane": 0, "point": [0, 0, 0],
+                                  "normal": [0, 0, 1], "impulse": [0, 0, 2.5]}])
+
+
 class Energies(CliTest):
     HEAD = "step,t,kinetic,elastic,gravitational,total,work"
 

@@ -95,6 +95,19 @@ typedef struct msim_energy {
                   inside a step: that at the end of the step */
 } msim_energy;
 
+/* A particle and a plane or a collider that it touched in a step. This struct is fixed. */
+typedef struct msim_contact {
+  int32_t particle;
+  int32_t plane;    /* -1: it touched a collider */
+  int32_t collider; /* -1: it touched a plane */
+  int32_t reserved; /* 0 */
+  double point[3];  /* m: of the surface, nearest to the particle in the step or at its end */
+  double normal[3]; /* of the surface there, to the side of the particle */
+  /* N s: the sum of all impulses on the particle in the step, with friction; of a contact that
+   * lasts, its mean force times h */
+  double impulse[3];
+} msim_contact;
+
 /* Work done and time spent since creation; 0: that phase never ran. Each island of a scene counts
  * its own evaluations, assemblies, factorizations, solves and iterations. */
 typedef struct msim_stats {
@@ -330,6 +343,14 @@ MSIM_API void msim_sim_force(msim_sim *sim, const double *x /* 3n */, const doub
  * all others: what balances the springs and the external force there. The sum of reactions and of
  * external forces on all particles, and of those of planes, is the rate of momentum. */
 MSIM_API msim_status msim_sim_reactions(msim_sim *sim, double *reaction /* 3n */);
+
+/* Get the contacts of the last step (option contacts = on), sorted by particle, then planes before
+ * colliders, each pair once; none before the first step, and after a state was set or loaded, or a
+ * step failed. With the external forces on free particles, and those of springs to pinned ones, the
+ * sum of the impulses is the change of momentum. The array is borrowed until the next call with
+ * this sim. MSIM_ERR_ARG: contacts are not recorded; MSIM_ERR_MEMORY: also if there are more than 3
+ * for each particle. */
+MSIM_API msim_status msim_sim_contacts(msim_sim *sim, int32_t *n, const msim_contact **contacts);
 
 /* Compute for each spring of the scene, in its order and in the present state: tension, the force
  * f + c dl/dt (N) with which it pulls its ends together, f = k (l - L) or that of its law;

@@ -50,6 +50,14 @@ enum {
   MSIM_WATCH_OFF = 1 /* nothing is checked but that the state is finite */
 };
 
+/* Contacts, for msim_sim_contacts. Results do not depend on it. */
+enum {
+  MSIM_CONTACTS_OFF = 0,
+  MSIM_CONTACTS_ON = 1 /* each step records which particles touch which planes and colliders, and
+                          the impulses: with collision = reflect, and with collision = event by
+                          velocity-verlet with fixed steps; others refuse it */
+};
+
 /* Durability of trajectories. */
 enum {
   MSIM_SYNC_OFF = 0, /* each frame is passed to the operating system and survives the end of this
@@ -135,6 +143,7 @@ typedef struct msim_options {
    * ends with NULL; its tables must outlive the sims. Nullable. */
   const msim_recorder_type *const *recorders;
   int32_t incomplete; /* MSIM_INCOMPLETE_... [STOP]; unused under error control */
+  int32_t contacts;   /* MSIM_CONTACTS_... [OFF] */
 } msim_options;
 
 /* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for

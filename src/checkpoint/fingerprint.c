@@ -200,7 +200,7 @@ int ms_fingerprint_is_implied(const char *name, const char *value) {
 /* 1: the option may differ between the parts of a run: no bit of a state depends on it. */
 static int is_ignored(const char *name) {
   static const char *const names[] = {"steps",   "t_end",       "every", "fps",
-                                      "threads", "plugin_path", "sync"};
+                                      "threads", "plugin_path", "sync",  "contacts"};
   for (size_t i = 0; i < sizeof names / sizeof *names; i++)
     if (strcmp(names[i], name) == 0) return 1;
   return 0;

@@ -151,6 +151,7 @@ static void set_run(msim_sim *sim, const ms_saved_run *r) {
   memcpy(sim->state_v, scene->v, bytes);
   if (sim->state_v_half) memcpy(sim->state_v_half, scene->v, bytes);
   sim->state_is_current = 0;
+  sim->contacts_known = 0;
 }
 
 /*------------------------------------- islands in use -------------------------------------------*/

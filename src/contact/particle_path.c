@@ -195,6 +195,13 @@ static void find_resting_planes(path_progress *k, const ms_plane_set *touched, d
   ms_impacts_remove_normal(&k->contact, k->p->v, NULL);
 }
 
+static void add_touched(ms_particle_path *p, const ms_plane_set *touched) {
+  for (int i = 0; i < touched->n; i++)
+    if (p->touched.n < MS_MAX_TOUCHED_PLANES &&
+        !ms_impacts_contains_plane(&p->touched, touched->plane[i]))
+      p->touched.plane[p->touched.n++] = touched->plane[i];
+}
+
 /* Impact on `hit` (nullable) and the other planes that x touches. After MAX_STALLED stalled
  * impacts, as in a corner, v and w are projected without restitution. */
 static void handle_impact(path_progress *k, const msim_plane *hit) {
@@ -202,6 +209,7 @@ static void handle_impact(path_progress *k, const msim_plane *hit) {
   ms_particle_path *p = k->p;
   if (hit) ms_impacts_move_onto(&(ms_plane_set){1, {hit}}, p->x);
   const ms_plane_set touched = ms_impacts_find_touched(&p->planes, p->x);
+  add_touched(p, &touched);
   p->impacts += ms_impacts_bounce(&touched, p->v);
   ms_impacts_bounce(&touched, p->w);
   if (k->stalled > MAX_STALLED) {
@@ -237,6 +245,7 @@ void ms_particle_path_compute(ms_particle_path *p) {
   enum { MOST = 1000 };
   path_progress k = {.p = p, .tolerance = 1e-14 * (ms_vec3_norm(p->v) + p->h * ms_vec3_norm(p->a))};
   p->impacts = 0;
+  p->touched.n = 0;
   start_path(&k);
   for (int i = 0; i < MOST && k.t < p->h; i++) {
     double along[3] = {p->a[0], p->a[1], p->a[2]}, friction;

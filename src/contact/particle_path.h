@@ -24,7 +24,8 @@ typedef struct ms_particle_path {
   double a[3];       /* m/s^2 */
   double w[3];       /* in: velocity at the start; out: at the end, by b */
   double b0[3], b1[3];
-  int64_t impacts; /* out */
+  int64_t impacts;      /* out */
+  ms_plane_set touched; /* out: the planes that it touched */
 } ms_particle_path;
 
 void ms_particle_path_compute(ms_particle_path *p);

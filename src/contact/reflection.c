@@ -10,8 +10,21 @@
 typedef struct obstacles {
   const ms_scene *scene;
   const ms_solid *solids; /* scene->ncolliders */
+  ms_contact_log *log;    /* NULL: impulses are not recorded */
+  int32_t row;            /* the particle */
   double work;            /* J/kg: of the impulses of moving colliders, over its mass */
 } obstacles;
+
+/* Record the change from `before` to v by the impulse of p, the plane of that number or the tangent
+ * plane of a collider. x: the particle, or any point on its normal to p */
+static void record_impulse(const obstacles *o, int32_t number, const msim_plane *p,
+                           const double x[3], const double before[3], const double v[3]) {
+  double point[3] = {x[0], x[1], x[2]};
+  const double dv[3] = {v[0] - before[0], v[1] - before[1], v[2] - before[2]};
+  if (!o->log) return;
+  ms_vec3_axpy(-ms_impacts_distance(p, x), p->normal, point);
+  ms_contact_log_add(o->log, o->row, number, point, p->normal, dv);
+}
 
 static void reflect_velocity(const msim_plane *p, double v[3]) {
   const double vn = ms_vec3_dot(p->normal, v), impulse = -(1 + p->restitution) * vn;
@@ -32,10 +45,13 @@ static void reflect_behind(const msim_plane *p, double s, double x[3], double v[
   reflect_velocity(p, v);
 }
 
-static int reflect_at_plane(const msim_plane *p, double depth, double x[3], double v[3]) {
-  const double s = ms_impacts_distance(p, x);
+/* At plane i; x may be behind it by `depth`. */
+static int reflect_at_plane(const obstacles *o, int32_t i, double depth, double x[3], double v[3]) {
+  const msim_plane *p = &o->scene->planes[i];
+  const double s = ms_impacts_distance(p, x), before[3] = {v[0], v[1], v[2]};
   if (!(s < -depth)) return 0;
   reflect_behind(p, s, x, v);
+  record_impulse(o, i, p, x, before, v);
   return 1;
 }
 
@@ -49,23 +65,26 @@ static double find_tangent_plane(const obstacles *o, int32_t i, const double x[3
   return s;
 }
 
-/* In the frame that moves with the point of the surface nearest to x, of the velocity u:
- * v - u is reflected. */
-static int reflect_at_collider(obstacles *o, int32_t i, double depth, double x[3], double v[3]) {
-  msim_plane p;
-  const double s = find_tangent_plane(o, i, x, &p);
-  if (!(s < -depth)) return 0;
-  if (o->scene->collider_motions[i].x.nt == 0) {
-    reflect_behind(&p, s, x, v);
-    return 1;
-  }
-  double u[3], nearest[3] = {x[0], x[1], x[2]}, before[3] = {v[0], v[1], v[2]};
-  ms_vec3_axpy(-s, p.normal, nearest);
-  ms_signed_distance_find_velocity(&o->solids[i], nearest, u);
+/* Reflect in the frame that moves with the point of the surface nearest to x, of the velocity u. */
+static void reflect_at_moving(obstacles *o, const ms_solid *solid, const msim_plane *p, double s,
+                              double x[3], double v[3]) {
+  double u[3], nearest[3] = {x[0], x[1], x[2]};
+  const double before[3] = {v[0], v[1], v[2]};
+  ms_vec3_axpy(-s, p->normal, nearest);
+  ms_signed_distance_find_velocity(solid, nearest, u);
   ms_vec3_axpy(-1, u, v);
-  reflect_behind(&p, s, x, v);
+  reflect_behind(p, s, x, v);
   ms_vec3_axpy(1, u, v);
   for (int c = 0; c < 3; c++) o->work += (v[c] - before[c]) * u[c];
+}
+
+static int reflect_at_collider(obstacles *o, int32_t i, double depth, double x[3], double v[3]) {
+  msim_plane p;
+  const double s = find_tangent_plane(o, i, x, &p), before[3] = {v[0], v[1], v[2]};
+  if (!(s < -depth)) return 0;
+  if (o->scene->collider_motions[i].x.nt) reflect_at_moving(o, &o->solids[i], &p, s, x, v);
+  else reflect_behind(&p, s, x, v);
+  record_impulse(o, o->scene->nplanes + i, &p, x, before, v);
   return 1;
 }
 
@@ -84,7 +103,7 @@ static int reflect_once(obstacles *o, int again, double x[3], double v[3]) {
   int reflected = 0;
   for (int32_t i = 0; i < scene->nplanes; i++) {
     const msim_plane *p = &scene->planes[i];
-    reflected |= reflect_at_plane(p, again ? plane_distance_tolerance(p, x, 0) : 0, x, v);
+    reflected |= reflect_at_plane(o, i, again ? plane_distance_tolerance(p, x, 0) : 0, x, v);
   }
   for (int32_t i = 0; i < scene->ncolliders; i++) {
     const double tolerance = again ? ms_signed_distance_tolerance(&o->solids[i], x) : 0;
@@ -179,17 +198,30 @@ static void return_if_stuck(obstacles *o, const double from[3], const double end
   for (int c = 0; c < 3; c++) way[c] = end[c] - from[c], moved[c] = x[c] - from[c];
   const int is_near = ms_vec3_norm(moved) <= ms_vec3_norm(way);
   if ((is_near || is_obstructed(o, from)) && !is_obstructed(o, x)) return;
+  if (o->log) ms_contact_log_stop(o->log, o->row, v);
   for (int c = 0; c < 3; c++) x[c] = from[c], v[c] = 0;
   o->work = 0;
 }
 
-/* The velocity of the collider of which p is a tangent plane, at x; 0: p is a plane. */
-static void find_plane_velocity(const obstacles *o, const tangent_planes *tangents,
-                                const msim_plane *p, const double x[3], double u[3]) {
-  u[0] = u[1] = u[2] = 0;
+/* The collider of which p is a tangent plane; -1: p is a plane. */
+static int32_t find_collider(const tangent_planes *tangents, const msim_plane *p) {
   for (int i = 0; i < MOST_SETS; i++)
-    if (p == &tangents->plane[i])
-      ms_signed_distance_find_velocity(&o->solids[tangents->collider[i]], x, u);
+    if (p == &tangents->plane[i]) return tangents->collider[i];
+  return -1;
+}
+
+static void record_impulses(const obstacles *o, const ms_plane_set *on,
+                            const tangent_planes *tangents, const double x[3],
+                            const double before[3], const double v[3]) {
+  const double dv[3] = {v[0] - before[0], v[1] - before[1], v[2] - before[2]};
+  int32_t number[MS_MAX_TOUCHED_PLANES];
+  if (!o->log || on->n == 0) return;
+  for (int i = 0; i < on->n; i++) {
+    const int32_t collider = find_collider(tangents, on->plane[i]);
+    number[i] =
+        collider < 0 ? (int32_t)(on->plane[i] - o->scene->planes) : o->scene->nplanes + collider;
+  }
+  ms_contact_log_share(o->log, o->row, on, number, x, dv);
 }
 
 /* An impact at x with planes that move: in a frame whose velocity u has the normal components
@@ -200,8 +232,9 @@ static void bounce(obstacles *o, const ms_plane_set *on, const tangent_planes *t
   double u[3] = {0}, to[MS_MAX_TOUCHED_PLANES], J[MS_MAX_INDEPENDENT_PLANES];
   const double before[3] = {v[0], v[1], v[2]};
   for (int i = 0; i < on->n; i++) {
-    double of[3];
-    find_plane_velocity(o, tangents, on->plane[i], x, of);
+    const int32_t collider = find_collider(tangents, on->plane[i]);
+    double of[3] = {0};
+    if (collider >= 0) ms_signed_distance_find_velocity(&o->solids[collider], x, of);
     to[i] = ms_vec3_dot(on->plane[i]->normal, of);
     if (on->n == 1) ms_vec3_axpy(1, of, u);
   }
@@ -210,6 +243,7 @@ static void bounce(obstacles *o, const ms_plane_set *on, const tangent_planes *t
   ms_impacts_bounce(on, v);
   ms_vec3_axpy(1, u, v);
   for (int c = 0; c < 3; c++) o->work += (v[c] - before[c]) * u[c];
+  record_impulses(o, on, tangents, x, before, v);
 }
 
 /* Repeated reflection. Each one takes x closer to all points in front of all planes; if these have
@@ -248,13 +282,13 @@ msim_status ms_reflection_check(const ms_scene *scene, msim_error *err) {
 }
 
 int64_t ms_reflection_apply(const ms_model *model, const ms_solid *solids, const double *from,
-                            double *x, double *v, double *work) {
+                            ms_contact_log *log, double *x, double *v, double *work) {
   const ms_scene *scene = model->scene;
   const ms_unknowns *rows = &model->unknowns;
   int64_t reflected = 0;
   for (int32_t r = 0; r < rows->nfree; r++) {
     double xp[3], vp[3];
-    obstacles o = {scene, solids, 0};
+    obstacles o = {scene, solids, log, r, 0};
     ms_unknowns_get(rows, x, r, xp);
     ms_unknowns_get(rows, v, r, vp);
     if (!reflect_once(&o, 0, xp, vp)) continue;

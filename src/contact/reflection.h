@@ -3,7 +3,7 @@
 #ifndef MS_REFLECTION_H
 #define MS_REFLECTION_H
 
-#include "physics/model.h"
+#include "contact/contact_log.h"
 
 /* For each unknown, at all planes one after the other:
  *   s = n.x - d; if s < 0:  x -= (1 + e) s n, and if also n.v < 0:
@@ -18,9 +18,9 @@
  * work m J.u, which is added to *work (J). solids: the colliders at the end of the step.
  * If particles cannot be moved in front of all planes and out of all colliders, they stay where
  * they were before the step, in `from`, at rest.
- * Returns the number of particles reflected. */
+ * Returns the number of particles reflected. log: records their impulses (nullable). */
 int64_t ms_reflection_apply(const ms_model *model, const ms_solid *solids, const double *from,
-                            double *x, double *v, double *work);
+                            ms_contact_log *log, double *x, double *v, double *work);
 
 /* MSIM_ERR_ARG if each point of space is behind some plane. */
 msim_status ms_reflection_check(const ms_scene *scene, msim_error *err);

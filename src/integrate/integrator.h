@@ -51,7 +51,8 @@ typedef struct ms_stepper {
   int incomplete; /* 1: in this step iterations ended at their limit, and incomplete = accept */
   int finite; /* 1: no number of x_next and v_next is NaN or beyond MS_LARGEST_VALID; 0: unknown */
   msim_stats *stats;
-  struct ms_contact_set *events; /* for collision = event in scenes with planes; else NULL */
+  struct ms_contact_log *contact_log; /* of the step being made; NULL: contacts are not recorded */
+  struct ms_contact_set *events;      /* for collision = event in scenes with planes; else NULL */
 } ms_stepper;
 
 typedef struct ms_integrator {

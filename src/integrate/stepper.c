@@ -58,13 +58,13 @@ int ms_stepper_is_separable(const ms_stepper *s) {
 }
 
 /* The collider at a time of its motion has the velocity of the interval before. */
-static int64_t reflect(ms_stepper *s, double *x, double *v, double *work) {
+static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v, double *work) {
   if (!(s->model->features & MS_HAS_PLANES) || s->events) return 0;
   double start = ms_clock_now();
   const ms_instant end = {.t = s->t + s->h, .before = 1};
   const ms_solid *solids =
       ms_collider_motion_place_all(s->model->scene, end, s->model->moving_solids);
-  int64_t reflected = ms_reflection_apply(s->model, solids, s->x, x, v, work);
+  int64_t reflected = ms_reflection_apply(s->model, solids, s->x, log, x, v, work);
   s->stats->contacts += reflected;
   s->finite = 0;
   s->stats->collide_s += ms_clock_now() - start;
@@ -72,10 +72,10 @@ static int64_t reflect(ms_stepper *s, double *x, double *v, double *work) {
 }
 
 int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v) {
-  return reflect(s, x, v, &s->work_in_step);
+  return reflect(s, s->contact_log, x, v, &s->work_in_step);
 }
 
 void ms_stepper_reflect_stage(ms_stepper *s, double *x, double *v) {
   double unused = 0;
-  reflect(s, x, v, &unused);
+  reflect(s, NULL, x, v, &unused);
 }

@@ -135,6 +135,10 @@ static const option table[] = {
          heun_collision),
     PICK("verlet.start", "taylor | plain", "taylor", "velocity at -h/2: v0 - h/2 a0, or v0 itself",
          verlet_start),
+    PICK(
+        "contacts", "off | on", "off",
+        "record which particles touch which planes and colliders in each step, with their impulses",
+        contacts),
     PICK("watch", "on | off", "on",
          "energy monitor: end a run whose energy or extent exceeds what its initial state and "
          "gravity can supply; with tol, warn of chaotic motion, in which errors grow",

@@ -1,4 +1,5 @@
 /* build - create the model, the solver and the vectors of each island */
+#include "contact/contact_log.h"
 #include "contact/implicit_contact.h"
 #include "integrate/multirate.h"
 #include "physics/law_springs.h"
@@ -26,6 +27,10 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
     status = ms_norm_create(&m->model, &m->norm, err);
   if (!status) status = ms_step_verification_create(sim, &m->model, &m->verification, err);
   if (!status) status = ms_error_growth_create(sim, &m->model, &m->disturbance, err);
+  if (!status && sim->config.opt.contacts && m->model.features & MS_HAS_PLANES) {
+    s->contact_log = ms_contact_log_create(&m->model);
+    if (!s->contact_log) status = ms_error_set_memory(err, "the contacts");
+  }
   if (status) return status;
   return events ? ms_contact_set_create(&m->model, &s->events, err) : MSIM_OK;
 }
@@ -124,6 +129,7 @@ static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, 
     ms_solver_destroy(s->solver);
     ms_multirate_destroy(&motion[i].model, s->split);
     ms_contact_set_destroy(&motion[i].model, s->events);
+    ms_contact_log_destroy(&motion[i].model, s->contact_log);
     ms_energy_monitor_destroy(&motion[i].model, &motion[i].last_good);
     ms_norm_destroy(&motion[i].model, &motion[i].norm);
     ms_error_growth_destroy(&motion[i].model, &motion[i].disturbance);

@@ -220,6 +220,7 @@ static void restore_good_state(msim_sim *sim) {
     m->at_rest = m->last_good.at_rest;
   }
   sim->state_is_current = 0;
+  sim->contacts_known = 0;
   ms_sim_set_pins(sim);
 }
 

@@ -137,6 +137,22 @@ static msim_status check_force_function(const msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
+/* Other methods do not know the impulses of contacts apart from those of other forces. */
+static msim_status check_contacts(const msim_sim *sim, msim_error *err) {
+  const msim_options *opt = &sim->config.opt;
+  if (opt->contacts == MSIM_CONTACTS_OFF) return MSIM_OK;
+  if (ms_sim_selects(sim) || opt->tol > 0)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "contacts = on requires fixed steps of a method that is named; remove tol, "
+                        "and use velocity-verlet, or remove contacts");
+  if (opt->collision == MSIM_COLLISION_REFLECT || sim->config.integrator->handles_contact)
+    return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "with collision = event contacts are recorded by velocity-verlet only, and "
+                      "not by %s; use velocity-verlet, collision = reflect, or remove contacts",
+                      opt->integrator);
+}
+
 static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = ms_options_copy(opt, &sim->config.opt, err);
   if (!status) status = ms_options_check(&sim->config.opt, err);
@@ -153,6 +169,7 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
   if (!status) status = check_colliders(sim, err);
   if (!status) status = set_collision(sim, err);
   if (!status) status = check_force_function(sim, err);
+  if (!status) status = check_contacts(sim, err);
   return status ? status : ms_sim_check_motions(sim, err);
 }
 
@@ -273,7 +290,8 @@ void msim_sim_destroy(msim_sim *sim) {
   ms_sim_destroy_islands(sim);
   ms_pool_destroy(sim->pool);
   ms_text_free(&sim->explanation);
-  void *arrays[] = {sim->state_x, sim->state_v, sim->state_v_half, sim->solver, sim->plugin_path};
+  void *arrays[] = {sim->state_x, sim->state_v,     sim->state_v_half,
+                    sim->solver,  sim->plugin_path, sim->contacts};
   for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
     ms_memory_free(&sim->alloc, arrays[i]);
   ms_scene_release(sim->scene);

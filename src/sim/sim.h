@@ -53,6 +53,9 @@ struct msim_sim {
   double *state_x, *state_v, *state_v_half; /* 3n, particle order: the state as last requested */
   int state_is_current;
 
+  int contacts_known;     /* the contact logs of all islands are those of the last step */
+  msim_contact *contacts; /* as last requested; NULL: none */
+
   ms_energy_monitor monitor;
   ms_error_growth error_growth;
 

@@ -72,6 +72,7 @@ static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *stat
 }
 
 void ms_sim_start_islands(msim_sim *sim, const msim_state *state) {
+  sim->contacts_known = 0;
   for (int32_t i = 0; i < sim->nislands; i++) start_island(sim, &sim->islands[i], state);
 }
 

@@ -106,6 +106,7 @@ static void set_tolerances(const msim_sim *sim, ms_island_sim *m, double h, doub
 static step_outcome try_all_islands(msim_sim *sim, double h, double allowed, msim_error *why) {
   step_outcome result = {.why = why};
   why->text[0] = 0;
+  sim->contacts_known = 0;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     set_tolerances(sim, m, h, allowed);
   if (sim->any_single_thread) ms_pool_run(sim->pool, step_single_thread_island, sim, sim->nislands);
@@ -149,6 +150,7 @@ static void accept_step(msim_sim *sim) {
     incomplete |= m->stepper.incomplete;
     if (!m->at_rest) accept_island(m);
   }
+  sim->contacts_known = 1;
   sim->run.step++;
   sim->stats.steps++;
   sim->stats.incomplete_steps += incomplete;

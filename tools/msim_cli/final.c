@@ -84,7 +84,25 @@ typedef struct content {
   msim_energy energy;
   msim_stats stats;
   double *reactions; /* 3n; NULL: no particle is pinned */
+  int32_t ncontacts; /* -1: contacts are not recorded */
+  const msim_contact *contacts;
 } content;
+
+static int put_contact(FILE *stream, const msim_contact *c) {
+  const char *kind = c->plane >= 0 ? "plane" : "collider";
+  return put_value(
+      stream, json_pack("{sisiso?so?so?}", "particle", (int)c->particle, kind,
+                        (int)(c->plane >= 0 ? c->plane : c->collider), "point", triple(c->point),
+                        "normal", triple(c->normal), "impulse", triple(c->impulse)));
+}
+
+static int put_contacts(FILE *stream, const content *c) {
+  if (c->ncontacts < 0) return 1;
+  int done = fputs(",\n \"contacts\": [", stream) >= 0;
+  for (int32_t i = 0; i < c->ncontacts && done; i++)
+    done = fputs(i ? ",\n  " : "", stream) >= 0 && put_contact(stream, &c->contacts[i]);
+  return done && fputc(']', stream) != EOF;
+}
 
 static int put_content(FILE *stream, const content *c) {
   const msim_state *s = &c->state;
@@ -94,7 +112,7 @@ static int put_content(FILE *stream, const content *c) {
          put_triples(stream, "v", s->n, s->v) &&
          (!s->v_half || put_triples(stream, "v_half", s->n, s->v_half)) &&
          (!c->reactions || put_triples(stream, "reactions", s->n, c->reactions)) &&
-         put_key(stream, "energy", energy_object(&c->energy)) &&
+         put_contacts(stream, c) && put_key(stream, "energy", energy_object(&c->energy)) &&
          put_key(stream, "momentum", triple(c->energy.momentum)) &&
          put_key(stream, "angular_momentum", triple(c->energy.angular_momentum)) &&
          put_key(stream, "stats", stats_object(&c->stats)) && fputs("}\n", stream) >= 0;
@@ -147,6 +165,7 @@ int final_write(output_file *file, const msim_scene *scene, msim_sim *sim, msim_
   msim_sim_state(sim, &c.state);
   msim_sim_energy(sim, &c.energy);
   msim_sim_stats(sim, &c.stats);
+  if (msim_sim_contacts(sim, &c.ncontacts, &c.contacts) != MSIM_OK) c.ncontacts = -1;
   if (has_pinned(scene)) {
     c.reactions = malloc((size_t)c.state.n * 3 * sizeof *c.reactions);
     if (!c.reactions) return report_error("out of memory for reactions of '%s'", file->path);

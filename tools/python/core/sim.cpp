@@ -364,10 +364,11 @@ static nb::dict stats(const Sim &s) {
   ADD(analyses)
   ADD(factorizations)
   ADD(solves)
-  ADD(iterations) ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps) ADD(coarse_factors)
-      ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s) ADD(force_s) ADD(assemble_s)
-          ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s) ADD(steps_at_rest)
-              ADD(islands_at_rest) ADD(spring_evaluations) ADD(rejected_steps) ADD(incomplete_steps)
+  ADD(iterations)
+  ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps) ADD(coarse_factors) ADD(kept_factors)
+      ADD(refinements) ADD(fallbacks) ADD(total_s) ADD(force_s) ADD(assemble_s) ADD(factor_s)
+          ADD(solve_s) ADD(collide_s) ADD(output_s) ADD(steps_at_rest) ADD(islands_at_rest)
+              ADD(spring_evaluations) ADD(rejected_steps) ADD(incomplete_steps)
 #undef ADD
                   return d;
 }
@@ -400,6 +401,17 @@ static nb::tuple springs(Sim &s, int32_t n) {
   msim_sim_springs(idle(s), tension.data(), elongation.data(), strain.data());
   return nb::make_tuple(copy(tension.data(), {size}), copy(elongation.data(), {size}),
                         copy(strain.data(), {size}));
+}
+
+// The bytes of an array of msim_contact
+static nb::bytes contacts(Sim &s) {
+  int32_t n;
+  const msim_contact *all;
+  const msim_status status = msim_sim_contacts(idle(s), &n, &all);
+  if (status == MSIM_ERR_ARG)
+    throw Failure{status, "contacts are not recorded; create the sim with contacts=\"on\""};
+  if (status) throw Failure{status, "there are more contacts than can be recorded"};
+  return nb::bytes(reinterpret_cast<const char *>(all), static_cast<size_t>(n) * sizeof *all);
 }
 
 // The arrays of scipy.sparse.csr_array
@@ -499,6 +511,7 @@ void bind_sim(nb::module_ &m) {
       .def("_estimate", estimate)
       .def("_force", force)
       .def("_reactions", reactions)
+      .def("_contacts", contacts)
       .def("_springs", springs)
       .def("_matrix", matrix)
       .def("explain", explain);

@@ -114,6 +114,24 @@ def test_colliders_that_move():
         sim.move_collider(1, (0, 0, 0), 1)
 
 
+def test_contacts(falling):
+    scene = msim.Scene(gravity=(0, 0, -10))
+    scene.add_particles([[0, 0, 1], [1, 0, 0.001], [2, 0, 3]], mass=2)
+    scene.add_plane((0, 0, 1), 0, restitution=0)
+    scene.add_sphere((2, 0, 2), 1, restitution=0)
+    sim = msim.Sim(scene, integrator="symplectic-euler", h=0.01, contacts="on")
+    assert len(sim.contacts) == 0
+    sim.step(10)
+    found = sim.contacts
+    assert found["particle"].tolist() == [1, 2]
+    assert found["plane"].tolist() == [0, -1] and found["collider"].tolist() == [-1, 0]
+    np.testing.assert_allclose(found["impulse"], [[0, 0, 0.2]] * 2, rtol=0, atol=1e-14)  # m g h
+    np.testing.assert_allclose(found["point"], [[1, 0, 0], [2, 0, 3]], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found["normal"], [[0, 0, 1]] * 2, rtol=0, atol=1e-14)
+    with pytest.raises(msim.ArgumentError, match="contacts are not recorded"):
+        msim.Sim(falling, integrator="symplectic-euler", h=0.01).contacts
+
+
 def test_a_particle_rests_in_a_bowl():
     scene = msim.Scene(gravity=(0, 0, -10))
     scene.add_particles([[0.6, 0, 0]], mass=1)

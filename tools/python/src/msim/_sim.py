@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _core, _options
 from ._arrays import Doubles, Path
@@ -25,6 +25,13 @@ if TYPE_CHECKING:
 
 Observer = Callable[["Sim"], object]
 _INT64 = 2**63 - 1
+
+
+# msim_contact
+_CONTACT = np.dtype([("particle", np.int32), ("plane", np.int32), ("collider", np.int32),
+                     ("reserved", np.int32), ("point", np.float64, 3), ("normal", np.float64, 3),
+                     ("impulse", np.float64, 3)])
+_CONTACT_FIELDS = ["particle", "plane", "collider", "point", "normal", "impulse"]
 
 
 class Sim(_core.Sim):
@@ -152,6 +159,15 @@ class Sim(_core.Sim):
     def reactions(self) -> Doubles:
         """The force of its support on each pinned particle, (n, 3), N; 0 for all others."""
         return self._reactions()
+
+    @property
+    def contacts(self) -> NDArray[np.void]:
+        """What particles touched in the last step, with contacts="on": a structured array.
+
+        Fields: particle, plane and collider (an index, or -1), point, m, normal, and impulse, N s,
+        of the whole step on the particle.
+        """
+        return np.frombuffer(self._contacts(), _CONTACT)[_CONTACT_FIELDS]
 
     @property
     def springs(self) -> Springs:
