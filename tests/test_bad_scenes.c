@@ -146,8 +146,8 @@ static const struct {
      "colliders[0].type is missing; it must be \"sphere\", \"capsule\", \"cylinder\""},
     {"collider_type_number", "colliders[0].type is 1; it must be \"sphere\""},
     {"collider_unknown_type",
-     "colliders[0].type is \"shpere\"; it must be \"sphere\", \"capsule\", \"cylinder\" or \"box\" "
-     "(did you mean 'sphere'?)"},
+     "colliders[0].type is \"shpere\"; it must be \"sphere\", \"capsule\", \"cylinder\", \"box\", "
+     "\"heightfield\" or \"sdf\" (did you mean 'sphere'?)"},
     {"collider_unknown_key",
      "colliders[1].radius is an unknown key; the keys are type, center, size, rotation, "
      "restitution, friction, inside"},
@@ -162,6 +162,13 @@ static const struct {
     {"collider_bouncy", "colliders[0].restitution is 2; it must be a number in [0, 1]"},
     {"collider_friction_negative",
      "colliders[0].friction is -0.1; it must be a finite number >= 0"},
+    {"collider_motion_short", "colliders[0].motion.x is an array of 1; it must be an array of 2"},
+    {"collider_motion_order", "colliders[0].motion.t[1] is 1; it must exceed t[0] = 1"},
+    {"collider_motion_key", "colliders[0].motion.v is an unknown key; the keys are t, x, rotation"},
+    {"collider_heights_short",
+     "colliders[0].heights is an array of 3; it must be an array of as many numbers as n says"},
+    {"collider_heights_row", "colliders[0].n[0] is 1; it must be at least 2"},
+    {"collider_sdf_open", "colliders[0].values[7] is 0 at the border of the grid; it must be > 0"},
     {"objects_object", "objects is an object; it must be an array"},
     {"object_text", "objects[0] is \"rope\"; it must be an object"},
     {"object_no_type", "objects[0].type is missing"},

@@ -106,7 +106,7 @@ static void bad_colliders_are_refused(void **state) {
     assert_refused(scene, msim_scene_add_collider(scene, &c, err), words); \
   } while (0)
   REFUSED(ball, type, 0, "type is 0; it must be MSIM_COLLIDER_SPHERE, _CAPSULE");
-  REFUSED(ball, type, 5, "type is 5");
+  REFUSED(ball, type, 7, "type is 7");
   REFUSED(ball, inside, 2, "inside is 2; it must be 0 or 1");
   REFUSED(ball, radius, 0, "radius is 0; it must be a finite number > 0");
   REFUSED(bar, radius, -1, "radius is -1");

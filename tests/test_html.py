@@ -85,6 +85,18 @@ class Numbers(HtmlTest):
             for value, exact in zip(moved, [s, 0, -9 + s, 0, 3 * s, 0]):
                 self.assertAlmostEqual(value, exact, 12)
 
+    def test_samples_of_colliders(self):
+        """Heights are in the page, single precision is enough; an sdf has its place alone."""
+        field = {"type": "heightfield", "origin": [0, 0, -9], "spacing": [1, 2], "n": [2, 3],
+                 "heights": [0, 0.125, 1, 2, 3, 4.5]}
+        grid = {"type": "sdf", "origin": [0, 0, -20], "spacing": [1, 1, 1], "n": [2, 2, 2],
+                "values": 8 * [1]}
+        self.scene({**PENDULUM, "colliders": [field, grid]})
+        usual = {"restitution": 1, "friction": 0, "inside": False}
+        del grid["n"], grid["values"]
+        page = self.page()
+        self.assertEqual(page.colliders, [{**field, **usual}, {**grid, **usual}])
+
     def test_energies(self):
         self.scene()
         page = self.page("--final", "final.json", "--force")

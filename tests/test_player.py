@@ -211,6 +211,15 @@ class Pictures(PlayerTest):
         self.assertTrue(all(upright[i] > 0.9 for i in (1, 4, 7)), upright)
         self.assertTrue(all(upright[i] < 0.5 for i in (0, 2, 3, 5, 6, 8)), upright)
 
+    def test_height_fields_are_drawn(self):
+        """A ridge from the front, up to a fifth of a unit above the middle; an sdf is not drawn."""
+        ridge = self.shades({"type": "heightfield", "origin": [-0.8, -0.1, -3], "n": [2, 3],
+                             "spacing": [1.6, 0.1], "heights": [0, 3.2, 0, 0, 3.2, 0]})
+        self.assertTrue(all(ridge[i] > 0.9 for i in (6, 7, 8)), ridge)
+        self.assertTrue(all(ridge[i] < 0.3 for i in (0, 1, 2)), ridge)
+        self.assertEqual(self.shades({"type": "sdf", "origin": [0, 0, 0], "n": [2, 2, 2],
+                                      "spacing": [1, 1, 1], "values": 8 * [1]}), [0] * 9)
+
     def test_a_bowl_shows_its_inner_side(self):
         room = {"type": "sphere", "center": [0, 0, 0], "radius": 3, "inside": True}
         picture = self.shades(room)

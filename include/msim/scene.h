@@ -32,7 +32,14 @@ typedef enum msim_collider_type {
   MSIM_COLLIDER_SPHERE = 1,
   MSIM_COLLIDER_CAPSULE = 2,  /* a cylinder with half spheres at its ends */
   MSIM_COLLIDER_CYLINDER = 3, /* straight, with flat ends */
-  MSIM_COLLIDER_BOX = 4       /* a cuboid */
+  MSIM_COLLIDER_BOX = 4,      /* a cuboid */
+  /* The space below a surface of triangles through heights on a grid: two in each cell, divided by
+   * the diagonal from (i, j) to (i + 1, j + 1). Beyond the grid the surface continues horizontally
+   * with the heights of the border. */
+  MSIM_COLLIDER_HEIGHTFIELD = 5,
+  /* The points where samples of a signed distance on a grid, negative in the solid, and
+   * interpolated trilinearly, are < 0. All samples at the border of the grid must be > 0. */
+  MSIM_COLLIDER_SDF = 6
 } msim_collider_type;
 
 /* A solid, at rest or with a motion (msim_collider_motion), which particles cannot enter, or cannot
@@ -52,6 +59,13 @@ typedef struct msim_collider {
   double rotation[3];    /* rad: of a box about its center: the axis, with the angle as length */
   double restitution;    /* [0, 1] */
   double friction;       /* Coulomb's coefficient mu, >= 0 */
+  /* Later additions. */
+  double origin[3];     /* m: of the grid of a height field or sdf, sample (0, 0, 0) at height 0 */
+  double spacing[3];    /* m, > 0: of the grid along x, y and, of an sdf, z */
+  int32_t n[3];         /* >= 2: samples along x, y and, of an sdf, z */
+  const double *values; /* m: heights above the origin, n[0] n[1], that of (i, j) at i n[1] + j; or
+                           signed distances, n[0] n[1] n[2], that of (i, j, k) at (i n[1] + j) n[2]
+                           + k */
 } msim_collider;
 
 /* n particles on a straight line, with a spring between neighbours. */
@@ -226,7 +240,8 @@ typedef struct msim_collider_motion {
   int32_t collider;       /* its index */
   int32_t nt;             /* >= 1; 0: it rests (msim_scene_get_collider_motion) */
   const double *t;        /* nt, s, increasing */
-  const double *x;        /* 3 nt, m: positions of `center`, or of the middle of `from` and `to` */
+  const double *x;        /* 3 nt, m: positions of `center` or `origin`, or of the middle of `from`
+                             and `to` */
   const double *rotation; /* 3 nt, rad: rotation vectors about that point, after the rotation that
                              the collider has without motion. Nullable: it does not rotate */
   int32_t interpolation;  /* MSIM_MOTION_..., of x and of rotation vectors */

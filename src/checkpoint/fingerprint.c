@@ -115,6 +115,10 @@ static void list_colliders(const ms_scene *s, ms_fingerprint_visitor *mark, void
     for (int k = 0; k < MS_COLLIDER_MEMBERS; k++)
       hash = ms_archive_hash(hash, ms_colliders_get_member(c, &ms_collider_members[k]),
                              (size_t)ms_collider_members[k].key.count * sizeof(double));
+    if (c->values) {
+      hash = ms_archive_hash(hash, c->n, sizeof c->n);
+      hash = ms_archive_hash(hash, c->values, ms_colliders_count_values(c) * sizeof *c->values);
+    }
     snprintf(name, sizeof name, "colliders[%d]", i);
     list_hash(mark, data, name, hash);
   }

@@ -5,6 +5,7 @@
 #include <float.h>
 
 #include "base/vec3.h"
+#include "physics/sampled_distance.h"
 
 /* sign(q), 1 at q = 0 */
 static double sign_of(double q) { return q < 0 ? -1 : 1; }
@@ -58,13 +59,26 @@ static double box_distance(const ms_solid *s, const double q[3], double n[3]) {
   return length;
 }
 
+static double find_distance(const ms_solid *s, const double q[3], double n[3]) {
+  switch (s->type) {
+    case MSIM_COLLIDER_BOX:
+      return box_distance(s, q, n);
+    case MSIM_COLLIDER_CYLINDER:
+      return cylinder_distance(s, q, n);
+    case MSIM_COLLIDER_HEIGHTFIELD:
+      return ms_sampled_distance_of_heights(s, q, n);
+    case MSIM_COLLIDER_SDF:
+      return ms_sampled_distance_of_grid(s, q, n);
+    default:
+      return capsule_distance(s, q, n);
+  }
+}
+
 double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]) {
   double q[3], n[3];
   const double d[3] = {x[0] - s->center[0], x[1] - s->center[1], x[2] - s->center[2]};
   for (int i = 0; i < 3; i++) q[i] = ms_vec3_dot(s->axis[i], d);
-  const double distance = s->type == MSIM_COLLIDER_BOX        ? box_distance(s, q, n)
-                          : s->type == MSIM_COLLIDER_CYLINDER ? cylinder_distance(s, q, n)
-                                                              : capsule_distance(s, q, n);
+  const double distance = find_distance(s, q, n);
   const double side = s->inside ? -1 : 1;
   for (int c = 0; c < 3; c++)
     normal[c] = side * (n[0] * s->axis[0][c] + n[1] * s->axis[1][c] + n[2] * s->axis[2][c]);

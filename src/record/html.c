@@ -61,6 +61,15 @@ static void print_planes(ms_frame_file *file, const msim_recording *what) {
   ms_frame_file_print(file, "],");
 }
 
+/* Of height fields only: the surface of an sdf is not drawn. */
+static void print_heights(ms_frame_file *file, const msim_collider *c) {
+  if (c->type != MSIM_COLLIDER_HEIGHTFIELD) return;
+  ms_frame_file_print(file, ",\"n\":[%" PRId32 ",%" PRId32 "],\"heights\":[", c->n[0], c->n[1]);
+  for (size_t i = 0; i < ms_colliders_count_values(c); i++)
+    ms_frame_file_print(file, "%s%.7g", i ? "," : "", c->values[i]);
+  ms_frame_file_print(file, "]");
+}
+
 static void print_collider(ms_frame_file *file, const msim_collider *c) {
   ms_frame_file_print(file, "{\"type\":\"%s\",\"inside\":%s", ms_colliders_get_type(c->type)->name,
                       c->inside ? "true" : "false");
@@ -73,6 +82,7 @@ static void print_collider(ms_frame_file *file, const msim_collider *c) {
       ms_frame_file_print(file, "%s%s", i ? "," : "", ms_text_format_double(numbers[i]).text);
     if (m->key.count > 1) ms_frame_file_print(file, "]");
   }
+  print_heights(file, c);
   ms_frame_file_print(file, "}");
 }
 

@@ -329,6 +329,10 @@ static void put_collider_type(writer *w, int32_t type) {
   for (int i = 0; i < MS_COLLIDER_MEMBERS; i++)
     if (ms_colliders_type_has(type, &ms_collider_members[i]))
       put_required(w, &ms_collider_members[i].key);
+  if (ms_colliders_get_count_key(type)) {
+    put_required(w, ms_colliders_get_count_key(type));
+    put_required(w, ms_colliders_get_values_key(type));
+  }
   close_bracket(w, "]");
   open_member(w, "properties", "{");
   put_key(w, ms_collider_type_key.key);
@@ -336,6 +340,10 @@ static void put_collider_type(writer *w, int32_t type) {
   for (int i = 0; i < MS_COLLIDER_MEMBERS; i++)
     if (ms_colliders_type_has(type, &ms_collider_members[i]))
       put_scene_key(w, &ms_collider_members[i].key);
+  if (ms_colliders_get_count_key(type)) {
+    put_scene_key(w, ms_colliders_get_count_key(type));
+    put_scene_key(w, ms_colliders_get_values_key(type));
+  }
   put_scene_key(w, &ms_collider_inside_key);
   open_key(w, &ms_collider_motion_key, NULL);
   put_section(w, ms_collider_motion_keys, MS_COLLIDER_MOTION_KEYS);

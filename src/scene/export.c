@@ -228,6 +228,12 @@ static msim_status save_tree(export_state *e, const msim_importer *table, const 
   ms_plugin_host host;
   msim_status status = ms_scene_check_savable(e->scene, err);
   if (status) return status;
+  for (int32_t i = 0; i < e->scene->ncolliders; i++)
+    if (e->scene->solids[i].samples)
+      return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
+                          "colliders[%d] has samples, which are stored in JSON files only; save the "
+                          "scene as .json",
+                          i);
   if (ms_collider_motion_is_there(e->scene))
     return ms_error_set(
         err, MSIM_ERR_UNSUPPORTED,

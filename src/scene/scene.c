@@ -6,6 +6,7 @@
 
 #include "base/sized.h"
 #include "scene/angles.h"
+#include "scene/collider_storage.h"
 #include "scene/laws.h"
 
 /* Planes are elements of the array of msim_scene_view: with another size programs that were built
@@ -23,12 +24,10 @@ static void free_run(ms_scene *s) {
 
 static void free_scene_data(ms_scene *s) {
   MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->force, s->ij, s->k,
-          s->rest, s->damping, s->faces, s->planes, s->colliders, s->solids,
-          (void *)(uintptr_t)s->force_function.name);
+          s->rest, s->damping, s->faces, s->planes, (void *)(uintptr_t)s->force_function.name);
   for (int32_t m = 0; m < s->nmotions; m++) ms_motion_free(&s->alloc, &s->motions[m]);
-  for (int32_t i = 0; i < s->ncolliders; i++)
-    ms_collider_motion_free(&s->alloc, &s->collider_motions[i]);
-  MS_FREE(&s->alloc, s->motions, s->collider_motions);
+  ms_memory_free(&s->alloc, s->motions);
+  ms_collider_storage_free(s);
   free_run(s);
   ms_laws_free(s);
   ms_scene_angles_free(s);
@@ -158,19 +157,6 @@ static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const doub
   s->nsprings += n;
 }
 
-static int copy_colliders(const ms_scene *s, ms_scene *c, msim_error *err) {
-  const size_t n = (size_t)s->ncolliders;
-  if (!ms_scene_reserve_colliders(c, s->ncolliders, err)) return 0;
-  if (n == 0) return 1;
-  memcpy(c->colliders, s->colliders, n * sizeof *s->colliders);
-  memcpy(c->solids, s->solids, n * sizeof *s->solids);
-  for (; c->ncolliders < s->ncolliders; c->ncolliders++)
-    if (ms_collider_motion_copy(&c->alloc, &s->collider_motions[c->ncolliders],
-                                &c->collider_motions[c->ncolliders], err))
-      return 0;
-  return 1;
-}
-
 static int copy_motions(const ms_scene *s, ms_scene *c, msim_error *err) {
   if (ms_memory_reserve(&c->alloc, MS_ARRAY(c->motions), 0, &c->motion_capacity, s->nmotions, err))
     return 0;
@@ -195,7 +181,8 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
       ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
           MSIM_OK &&
-      copy_colliders(s, c, err) &&
+      ms_scene_reserve_colliders(c, s->ncolliders, err) &&
+      ms_collider_storage_copy(s, c, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->run), 0, &c->run_capacity, s->nrun, err) == MSIM_OK;
   if (!ok) {
     ms_scene_release(c);

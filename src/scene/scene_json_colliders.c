@@ -14,7 +14,9 @@ static const char *type_name(int32_t i, const void *data) {
 
 static msim_status read_type(const ms_json_reader *r, const char *path, ms_value object,
                              int32_t *type) {
-  static const char *const must = "\"sphere\", \"capsule\", \"cylinder\" or \"box\"";
+  static const char *const must =
+      "\"sphere\", \"capsule\", \"cylinder\", \"box\", "
+      "\"heightfield\" or \"sdf\"";
   ms_value value;
   const char *known;
   if (!json_is_object(object.json)) return ms_json_refuse(r, ms_json_at(path), object, "an object");
@@ -34,11 +36,15 @@ static msim_status read_type(const ms_json_reader *r, const char *path, ms_value
 
 static msim_status check_keys(const ms_json_reader *r, const char *path, ms_value object,
                               int32_t type) {
-  const char *keys[MS_COLLIDER_MEMBERS + 4] = {ms_collider_type_key.key};
+  const char *keys[MS_COLLIDER_MEMBERS + 6] = {ms_collider_type_key.key};
   int32_t n = 1;
   for (int32_t i = 0; i < MS_COLLIDER_MEMBERS; i++)
     if (ms_colliders_type_has(type, &ms_collider_members[i]))
       keys[n++] = ms_collider_members[i].key.key;
+  if (ms_colliders_get_count_key(type)) {
+    keys[n++] = ms_colliders_get_count_key(type)->key;
+    keys[n++] = ms_colliders_get_values_key(type)->key;
+  }
   keys[n++] = ms_collider_inside_key.key;
   keys[n] = ms_collider_motion_key.key;
   return ms_json_check_keys(r, path, object, keys);
@@ -56,6 +62,29 @@ static msim_status read_inside(const ms_json_reader *r, const char *path, ms_val
   return ms_json_refuse(r, ms_json_at(at.text), value, value.columns ? "0 or 1" : "true or false");
 }
 
+/* Samples, if the type has any; the caller frees *values. */
+static msim_status read_samples(const ms_json_reader *r, const char *path, ms_value object,
+                                msim_collider *c, double **values) {
+  const ms_scene_key *count = ms_colliders_get_count_key(c->type),
+                     *key = ms_colliders_get_values_key(c->type);
+  double n[3], all = 1;
+  ms_value list;
+  int32_t found;
+  if (!count) return MSIM_OK;
+  msim_status status = ms_json_read_numbers(r, path, object, count, n);
+  if (!status) status = ms_json_require_key(r, path, object, key, &list);
+  if (status) return status;
+  for (int32_t i = 0; i < count->count; i++) c->n[i] = (int32_t)n[i], all *= n[i];
+  const ms_key_path at = ms_json_member_path(path, key->key);
+  status = ms_json_read_array_size(r, at.text, list, &found);
+  if (status) return status;
+  if (found != all)
+    return ms_json_refuse(r, ms_json_at(at.text), list, "an array of as many numbers as n says");
+  if (!MS_NEW(&r->alloc, *values, found)) return ms_json_fail_memory(r);
+  c->values = *values;
+  return ms_json_read_row(r, ms_json_at(at.text), list, MS_ANY, found, *values);
+}
+
 static msim_status read_collider(const ms_json_reader *r, const char *path, ms_value value) {
   msim_collider c = {.size = sizeof c, .restitution = 1};
   msim_status status = read_type(r, path, value, &c.type);
@@ -66,10 +95,14 @@ static msim_status read_collider(const ms_json_reader *r, const char *path, ms_v
     if (ms_colliders_type_has(c.type, m))
       status = ms_json_read_numbers(r, path, value, &m->key, numbers);
   }
+  double *values = NULL;
   if (!status) status = read_inside(r, path, value, &c.inside);
+  if (!status) status = read_samples(r, path, value, &c, &values);
+  if (!status)
+    status = ms_json_forward_error(r, ms_json_member_path(path, "").text,
+                                   msim_scene_add_collider(r->scene, &c, r->err));
+  ms_memory_free(&r->alloc, values);
   if (status) return status;
-  status = msim_scene_add_collider(r->scene, &c, r->err);
-  if (status) return ms_json_forward_error(r, ms_json_member_path(path, "").text, status);
   const ms_value motion = ms_value_member(value, ms_collider_motion_key.key);
   if (!motion.json) return MSIM_OK;
   return ms_json_read_collider_motion(r, ms_json_member_path(path, ms_collider_motion_key.key).text,

@@ -182,6 +182,15 @@ static void write_collider_motion(ms_text *text, const ms_collider_motion *m) {
   write_interpolation(text, m->x.interpolation);
 }
 
+static void write_samples(ms_text *text, const msim_collider *c) {
+  const ms_scene_key *count = ms_colliders_get_count_key(c->type);
+  if (!count) return;
+  ms_text_append(text, ", \"%s\": [%d,%d", count->key, c->n[0], c->n[1]);
+  if (count->count == 3) ms_text_append(text, ",%d", c->n[2]);
+  ms_text_append(text, "], \"%s\": ", ms_colliders_get_values_key(c->type)->key);
+  write_numbers(text, (int64_t)ms_colliders_count_values(c), 1, c->values);
+}
+
 static void write_json_collider(ms_text *text, const msim_collider *c,
                                 const ms_collider_motion *motion) {
   ms_text_append(text, "{\"type\": \"%s\"", ms_colliders_get_type(c->type)->name);
@@ -192,6 +201,7 @@ static void write_json_collider(ms_text *text, const msim_collider *c,
     if (m->key.count == 1) write_number(text, *ms_colliders_get_member(c, m));
     else write_numbers(text, m->key.count, 1, ms_colliders_get_member(c, m));
   }
+  write_samples(text, c);
   if (c->inside) ms_text_append(text, ", \"inside\": true");
   write_collider_motion(text, motion);
   ms_text_append(text, "}");

@@ -54,6 +54,20 @@ function box([a, b, c]) {
   return corners;
 }
 
+// Triangles through heights on a grid, without the surface beyond it; normals of each triangle
+function heightfield([nx, ny], [dx, dy], heights) {
+  const corners = [], at = (i, j) => [i * dx, j * dy, heights[i * ny + j]];
+  for (let i = 0; i + 1 < nx; i++)
+    for (let j = 0; j + 1 < ny; j++)
+      for (const t of [[at(i, j), at(i + 1, j), at(i + 1, j + 1)],
+                       [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]) {
+        const [a, b] = [1, 2].map(k => t[k].map((x, c) => x - t[0][c]));
+        const normal = unit(cross(a, b));
+        corners.push(...t.map(position => ({position, normal})));
+      }
+  return corners;
+}
+
 const PROFILES = {
   sphere: (radius) => [...arc(radius, 0, -Math.PI / 2), ...arc(radius, 0, 0)],
   capsule: (radius, half) => [...arc(radius, -half, -Math.PI / 2), ...arc(radius, half, 0)],
@@ -64,12 +78,14 @@ const PROFILES = {
 // collider: as in scene files. Positions are in units of `scale` from `centre`; normals point to
 // the side of the particles.
 function makeSolid(collider, centre, scale) {
-  const {type, from, to, radius, size, rotation, inside} = collider;
+  const {type, from, to, radius, size, rotation, inside, origin} = collider;
   const along = from ? to.map((c, i) => c - from[i]) : [0, 0, 1];
-  const middle = collider.center || from.map((c, i) => c + along[i] / 2);
-  const axes = rotation ? [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(e => rotate(rotation, e))
+  const middle = collider.center || origin || from.map((c, i) => c + along[i] / 2);
+  const axes = rotation || origin ? [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(
+    e => rotate(rotation || [0, 0, 0], e))
     : axesAlong(along);
-  const corners = size ? box(size)
+  const corners = size ? box(size) : type === "sdf" ? []
+    : type === "heightfield" ? heightfield(collider.n, collider.spacing, collider.heights)
     : revolve(PROFILES[type](radius, from ? Math.hypot(...along) / 2 : 0));
   const place = v => combine([v[0], axes[0]], [v[1], axes[1]], [v[2], axes[2]]);
   return {

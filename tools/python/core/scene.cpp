@@ -186,6 +186,31 @@ static nb::list planes(const Scene &s) {
   return all;
 }
 
+// n: of the samples, 2 or 3 numbers
+static void add_samples(Scene &s, int32_t type, bool inside, Doubles origin, Doubles spacing,
+                        Ints n, Doubles values, double restitution, double friction) {
+  msim_error err;
+  msim_collider c{};
+  c.size = sizeof c;
+  c.type = type, c.inside = inside, c.restitution = restitution, c.friction = friction;
+  copy_vector(origin, c.origin);
+  for (size_t i = 0; i < n.size(); i++) c.spacing[i] = spacing.data()[i], c.n[i] = n.data()[i];
+  c.values = values.data();
+  check(msim_scene_add_collider(s.p, &c, &err), err);
+}
+
+// origin, spacing and the array of samples; None if the collider has none
+static nb::object samples(const Scene &s, int32_t collider) {
+  const msim_collider &c = get(s).colliders[collider];
+  if (!c.values) return nb::none();
+  std::vector<size_t> shape{static_cast<size_t>(c.n[0]), static_cast<size_t>(c.n[1])};
+  nb::list spacing;
+  if (c.type == MSIM_COLLIDER_SDF) shape.push_back(static_cast<size_t>(c.n[2]));
+  for (size_t i = 0; i < shape.size(); i++) spacing.append(c.spacing[i]);
+  return nb::make_tuple(nb::make_tuple(c.origin[0], c.origin[1], c.origin[2]), nb::tuple(spacing),
+                        copy(c.values, shape));
+}
+
 static nb::tuple triple(const double (&v)[3]) { return nb::make_tuple(v[0], v[1], v[2]); }
 
 static nb::list colliders(const Scene &s) {
@@ -277,6 +302,8 @@ void bind_scene(nb::module_ &m) {
       .def("add_faces", add_faces)
       .def("add_plane", add_plane)
       .def("add_collider", add_collider)
+      .def("add_samples", add_samples)
+      .def("samples", samples)
       .def("add_law", add_law, nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
            nb::arg().none(), nb::arg())
       .def("set_law", set_law)

@@ -114,6 +114,28 @@ def test_colliders_that_move():
         sim.move_collider(1, (0, 0, 0), 1)
 
 
+def test_height_fields_and_grids():
+    scene = msim.Scene(gravity=(0, 0, -10))
+    scene.add_particles([[0.1, 0, 2], [5, 0, 2]], mass=1)
+    x = np.linspace(-2, 2, 9)
+    scene.add_heightfield((-2, -2, 0), (0.5, 0.5), np.add.outer(0.1 * x ** 2, 0.2 * x ** 2),
+                          restitution=0, friction=2)
+    grid = np.meshgrid(*3 * [np.linspace(-1, 1, 11)], indexing="ij")
+    scene.add_sdf((4, -1, -0.5), (0.2, 0.2, 0.2), np.sqrt(sum(c ** 2 for c in grid)) - 0.5,
+                  restitution=0, friction=2)
+    assert [c["type"] for c in scene.colliders] == ["heightfield", "sdf"]
+    assert scene.colliders[0]["n"] == (9, 9) and len(scene.colliders[1]["values"]) == 1331
+    again = msim.Scene.loads(scene.dumps())
+    assert again.colliders == scene.colliders
+    sim = msim.Sim(again, integrator="symplectic-euler", h=1e-3)
+    sim.step(2000)
+    np.testing.assert_allclose(sim.x, [[0.1, 0, 0.1 * 0.5 * 0.1], [5, 0, 1]], rtol=0, atol=0.01)
+    with pytest.raises(msim.ArgumentError, match="samples along 2 axes"):
+        scene.add_heightfield((0, 0, 0), (1, 1), [1, 2, 3])
+    with pytest.raises(msim.ArgumentError, match="at the border of the grid"):
+        scene.add_sdf((0, 0, 0), (1, 1, 1), np.zeros((2, 2, 2)))
+
+
 def test_contacts(falling):
     scene = msim.Scene(gravity=(0, 0, -10))
     scene.add_particles([[0, 0, 1], [1, 0, 0.001], [2, 0, 3]], mass=2)

@@ -29,7 +29,8 @@ class Plane(NamedTuple):
 
 # The types of colliders, in the order of msim_collider_type, with their keys
 _COLLIDERS = {"sphere": ("center", "radius"), "capsule": ("from", "to", "radius"),
-              "cylinder": ("from", "to", "radius"), "box": ("center", "size", "rotation")}
+              "cylinder": ("from", "to", "radius"), "box": ("center", "size", "rotation"),
+              "heightfield": (), "sdf": ()}
 
 
 def _jsonable(value: object) -> object:
@@ -192,6 +193,35 @@ class Scene:
         """
         self._add_collider("box", inside, restitution, friction, center=center, size=size,
                            rotation=rotation)
+
+    def add_heightfield(self, origin: ArrayLike, spacing: ArrayLike, heights: ArrayLike, *,
+                        inside: bool = False, restitution: float = 1, friction: float = 0) -> None:
+        """Add the space below triangles through heights on a grid, as add_sphere does.
+
+        heights: (nx, ny), above the origin, that of (i, j) at (i spacing[0], j spacing[1]) from it;
+        beyond the grid the surface continues with the heights of its border.
+        """
+        self._add_samples("heightfield", origin, spacing, heights, 2, inside, restitution, friction)
+
+    def add_sdf(self, origin: ArrayLike, spacing: ArrayLike, values: ArrayLike, *,
+                inside: bool = False, restitution: float = 1, friction: float = 0) -> None:
+        """Add a solid by samples of the signed distance on a grid, as add_sphere does.
+
+        values: (nx, ny, nz), negative in the solid and > 0 at the border of the grid.
+        """
+        self._add_samples("sdf", origin, spacing, values, 3, inside, restitution, friction)
+
+    def _add_samples(self, kind: str, origin: ArrayLike, spacing: ArrayLike, values: ArrayLike,
+                     axes: int, inside: bool, restitution: float, friction: float) -> None:
+        samples, step = _arrays.doubles("values", values), _arrays.doubles("spacing", spacing)
+        if samples.ndim != axes or step.shape != (axes,):
+            raise ArgumentError(f"a {kind} has samples along {axes} axes, and as many spacings; found "
+                                f"arrays of shapes {samples.shape} and {step.shape}")
+        self._core.add_samples(1 + list(_COLLIDERS).index(kind), bool(inside),
+                               _arrays.vector("origin", origin), step,
+                               np.array(samples.shape, np.int32), samples.ravel(),
+                               _arrays.number("restitution", restitution),
+                               _arrays.number("friction", friction))
 
     def _add_collider(self, kind: str, inside: bool, restitution: float, friction: float, *,
                       radius: float = 0, **vectors: ArrayLike) -> None:
@@ -369,6 +399,11 @@ class Scene:
             keys = (*_COLLIDERS[kind], "inside", "restitution", "friction")
             found.append({"type": kind, **{name: value for name, value in zip(names, values)
                                            if name in keys}})
+            samples = self._core.samples(i)
+            if samples:
+                origin, spacing, numbers = samples
+                found[-1].update(origin=origin, spacing=spacing, n=numbers.shape)
+                found[-1]["heights" if kind == "heightfield" else "values"] = numbers.ravel().tolist()
             motion = self._core.collider_motion(i)
             if motion:
                 t, x, rotation, cubic = motion
