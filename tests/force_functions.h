@@ -10,9 +10,9 @@
 typedef struct field {
   double k, c, omega, magnet;
   double wind[3], push[3];
-  int64_t calls,
-      fails_at;        /* from this call on the result is `code`, or NaN if that is 0; 0: never */
-  int32_t code, worst; /* worst: index of the particle that gets NaN */
+  int64_t calls, fails_at;  /* from this call on, or in this call alone if `once`; 0: never */
+  int32_t code, worst;      /* what it returns; 0: it computes NaN for the particle of this index */
+  int once, bad_derivative; /* bad_derivative: the NaN is in dfdv */
 } field;
 
 static inline void field_jacobian(const field *of, int32_t i, const msim_force_batch *b) {
@@ -22,8 +22,9 @@ static inline void field_jacobian(const field *of, int32_t i, const msim_force_b
 
 static inline int32_t field_force(void *data, const msim_force_batch *b) {
   field *of = data;
-  const int fails = of->fails_at > 0 && of->calls + 1 >= of->fails_at;
   of->calls++;
+  const int fails =
+      of->fails_at > 0 && (of->once ? of->calls == of->fails_at : of->calls >= of->fails_at);
   for (int32_t i = 0; i < b->n; i++) {
     const double *x = b->x + 3 * (size_t)i, *v = b->v ? b->v + 3 * (size_t)i : NULL;
     double *f = b->f + 3 * (size_t)i;
@@ -34,7 +35,9 @@ static inline int32_t field_force(void *data, const msim_force_batch *b) {
     if (v) f[0] += of->magnet * v[1], f[1] -= of->magnet * v[0];
     if (b->dfdx) field_jacobian(of, i, b);
   }
-  if (fails && !of->code) b->f[3 * (of->worst < b->n ? of->worst : 0) + 1] = NAN;
+  const int worst = of->worst < b->n ? of->worst : 0;
+  if (fails && !of->code && !of->bad_derivative) b->f[3 * worst + 1] = NAN;
+  if (fails && of->bad_derivative && b->dfdv) b->dfdv[9 * worst + 8] = NAN;
   return fails ? of->code : 0;
 }
 
@@ -58,6 +61,15 @@ static inline msim_force_function field_function(field *of, uint32_t flags) {
 static inline void set_field(msim_scene *scene, field *of, uint32_t flags) {
   const msim_force_function is = field_function(of, flags);
   assert_ok(msim_scene_set_force_function(scene, &is, err));
+}
+
+static const field gusts = {
+    .k = 3, .c = 0.2, .omega = 9, .magnet = 0.5, .wind = {1, 2, 0}, .push = {0.2, -0.1, 0.3}};
+
+/* The flags of gusts for a method */
+static inline uint32_t flags_for(const char *method) {
+  return takes_positions_only(method) ? MSIM_FORCE_TIME | MSIM_FORCE_JACOBIAN
+                                      : MSIM_FORCE_TIME | MSIM_FORCE_VELOCITY | MSIM_FORCE_JACOBIAN;
 }
 
 static inline int takes_functions(const char *method) {

@@ -1,21 +1,13 @@
-/* Tests of runs with forces that the program computes: what a call gets, threads, failures in the
- * middle of a step, checkpoints and clones, refusals, and want of memory. */
+/* Tests of runs with forces that the program computes: what a call gets, threads, checkpoints and
+ * clones, impacts, and refusals. */
 #include <math.h>
 #include <pthread.h>
 
 #include "checkpoints.h"
-#include "failing_allocator.h"
 #include "force_functions.h"
 #include "state_hash.h"
 
 enum { T = MSIM_FORCE_TIME, V = MSIM_FORCE_VELOCITY, J = MSIM_FORCE_JACOBIAN };
-
-static const field gusts = {
-    .k = 3, .c = 0.2, .omega = 9, .magnet = 0.5, .wind = {1, 2, 0}, .push = {0.2, -0.1, 0.3}};
-
-static uint32_t flags_for(const char *method) {
-  return takes_positions_only(method) ? T | J : T | V | J;
-}
 
 /*------------------------------------- calls ----------------------------------------------------*/
 
@@ -94,8 +86,8 @@ static void calls_have_one_island(void **state) {
   }
 }
 
-/* Also where rows are split and springs have laws, each sweep has the function's force once: one
- * step of symplectic Euler from rest is h^2 (F_springs + f)/m, here with F_springs = 0. */
+/* Also where rows are split and springs have laws, each sweep has the constant forces and that of
+ * the function once: springs are at rest here. */
 static void forces_reach_all_rows(void **state) {
   (void)state;
   enum { N = 600 };
@@ -113,16 +105,21 @@ static void forces_reach_all_rows(void **state) {
   for (int32_t e = 0; e < N - 1; e += 3) assert_ok(msim_scene_set_law(scene, 1, &e, 1, err));
   field of = {.push = {3, -4, 5}, .omega = 1};
   set_field(scene, &of, T);
+  double constant[3 * N] = {0};
+  for (int32_t i = 0; i < 3 * N; i++) constant[i] = i % 7;
+  assert_ok(msim_scene_set_forces(scene, constant, err));
   const msim_options opt = options("symplectic-euler", 0.125);
   msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, 1, err)); /* f = 0 at t = 0 */
-  for (int32_t p = 0; p < N; p++) assert_close(state_of(sim).x[3 * p], p * 0.01, 1e-15);
-  assert_ok(msim_sim_step(sim, 1, err));
+  double force[3 * N], x[3 * N], zero[3 * N] = {0};
+  memcpy(x, state_of(sim).x, sizeof x);
+  assert_ok(msim_sim_step(sim, 1, err)); /* the function's force is 0 at t = 0 */
   for (int32_t i = 0; i < 3 * N; i++)
-    assert_close(state_of(sim).v[i], of.push[i % 3] * sin(0.125) * 0.125 / 2, 1e-15);
-  double force[3 * N];
-  msim_sim_force(sim, state_of(sim).x, state_of(sim).v, force);
-  assert_close(force[3 * N - 2], -4 * sin(0.25), 1e-9);
+    assert_close(state_of(sim).v[i], constant[i] * 0.125 / 2, 1e-15);
+  for (int again = 0; again < 2; again++) { /* at t = 0.125 */
+    msim_sim_force(sim, x, zero, force);
+    for (int32_t i = 0; i < 3 * N; i++)
+      assert_close(force[i], constant[i] + of.push[i % 3] * sin(0.125), 1e-13);
+  }
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
@@ -140,82 +137,6 @@ static void resting_islands_wake(void **state) {
     assert_ok(msim_sim_step(sim, 8, err));
     assert_int_equal(state_of(sim).x[0] > 0.1, by_time);
     assert_int_equal(stats_of(sim).steps_at_rest > 0, !by_time);
-    msim_sim_destroy(sim);
-    msim_scene_destroy(scene);
-  }
-}
-
-/*------------------------------------- failures -------------------------------------------------*/
-
-static void expect_failure(const char *method, double tol, int32_t code, int64_t at) {
-  field of = gusts, undisturbed = gusts;
-  msim_scene *scene = hanging_cloth(4, 50, 0), *other = hanging_cloth(4, 50, 0);
-  set_field(scene, &of, flags_for(method)), set_field(other, &undisturbed, flags_for(method));
-  msim_options opt = options(method, 2e-3);
-  if (tol > 0) opt.tol = tol, opt.steps = -1, opt.t_end = 10;
-  msim_sim *sim = make_sim(scene, &opt), *plain = make_sim(other, &opt);
-  assert_ok(msim_sim_step(sim, 3, err));
-  const uint64_t before = hash_sim(sim);
-  const double work = state_of(sim).work;
-  of.code = code, of.worst = 2, of.fails_at = of.calls + at;
-  msim_error why;
-  const msim_status status = msim_sim_step(sim, 1, &why);
-  if (status != (code ? MSIM_FORCE_FAILED : MSIM_NOT_FINITE) &&
-      !(tol > 0 && !code && status == MSIM_NOT_CONVERGED))
-    fail_msg("%s, call %d: status %d, %s", method, (int)at, (int)status, why.text);
-  if (code && !strstr(why.text, "step 4, t = ")) fail_msg("%s: %s", method, why.text);
-  if (!strstr(why.text, code ? "force function 'field' failed: it returned 7"
-                             : "force function 'field' returned a number that is NaN"))
-    fail_msg("%s: %s", method, why.text);
-  if (!code && !strstr(why.text, ", particle 4")) fail_msg("%s: %s", method, why.text);
-  assert_true(before == hash_sim(sim) && state_of(sim).step == 3 && work == state_of(sim).work);
-  of.fails_at = 0;
-  assert_ok(msim_sim_step(sim, 5, err));
-  assert_ok(msim_sim_step(plain, 8, err));
-  if (strcmp(method, "newmark") == 0) /* may have computed anew the acceleration that it carries */
-    assert_close(state_of(sim).x[3], state_of(plain).x[3], 1e-9);
-  else if (hash_sim(sim) != hash_sim(plain)) fail_msg("%s, call %d: another path", method, (int)at);
-  msim_sim_destroy(sim), msim_sim_destroy(plain);
-  msim_scene_destroy(scene), msim_scene_destroy(other);
-}
-
-/* A failure in any call of a step: the state is the last good one, and the run may go on. */
-static void failures_keep_the_state(void **state) {
-  (void)state;
-  const char *method;
-  for (int32_t i = 0; (method = method_at(i)) != NULL; i++) {
-    if (!takes_functions(method)) continue;
-    for (int64_t at = 1; at <= 3; at++)
-      for (int32_t code = 0; code <= 7; code += 7) {
-        expect_failure(method, 0, code, at);
-        if (at > 2) expect_failure(method, 1e-5, code, at);
-      }
-  }
-  for (int64_t at = 4; at <= 12; at++) expect_failure("dop853", 0, 7, at);
-}
-
-/* The state at a frame inside a step is finite, even where the function fails for dense output. */
-static int observe_frame(msim_sim *sim, void *data) {
-  field *of = data;
-  of->fails_at = of->calls + 1;
-  const msim_state s = state_of(sim);
-  for (int32_t i = 0; i < 3 * s.n; i++) assert_true(isfinite(s.x[i]) && isfinite(s.v[i]));
-  of->fails_at = 0;
-  return 0;
-}
-
-static void frames_are_finite(void **state) {
-  (void)state;
-  const char *const methods[] = {"dop853", "velocity-verlet", "implicit-midpoint"};
-  for (int i = 0; i < 3; i++) {
-    field of = gusts;
-    of.code = 7;
-    msim_scene *scene = hanging_cloth(4, 50, 0);
-    set_field(scene, &of, T | V | J);
-    msim_options opt = options(methods[i], 1e-3);
-    opt.tol = 1e-5, opt.steps = -1, opt.t_end = 0.5, opt.fps = 100;
-    msim_sim *sim = make_sim(scene, &opt);
-    assert_ok(msim_sim_run(sim, observe_frame, &of, err));
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
@@ -413,56 +334,36 @@ static void unfit_methods_are_refused(void **state) {
                      "the function");
 }
 
-/*------------------------------------- memory ---------------------------------------------------*/
-
-/* A scene of its own, its function twice, a sim by an implicit method and a step */
-static msim_status run_all(void) {
-  field of = gusts;
-  const msim_force_function is = field_function(&of, T | V | J);
-  const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {1, 1}, k = 10;
-  const int32_t ij[2] = {0, 1};
-  const msim_options opt = options("implicit-euler", 1e-3);
-  msim_scene *scene = NULL;
-  msim_sim *sim = NULL;
-  msim_csr A = {.size = sizeof A};
-  msim_status status = msim_scene_create(failing_allocator_get(), &scene, NULL);
-  if (!status) status = msim_scene_add_particles(scene, 2, x, NULL, mass, NULL);
-  if (!status) status = msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, NULL);
-  if (!status) status = msim_scene_set_force_function(scene, &is, NULL);
-  if (!status) status = msim_sim_create(scene, &opt, &sim, NULL);
-  if (!status) status = msim_scene_set_force_function(scene, &is, NULL); /* copies the scene */
-  if (!status) status = msim_sim_step(sim, 2, NULL);
-  if (!status) status = msim_sim_matrix(sim, &A, NULL);
-  msim_sim_destroy(sim);
-  msim_scene_destroy(scene);
-  return status;
-}
-
-static void every_allocation_may_fail(void **state) {
+static void sims_explain_functions(void **state) {
   (void)state;
-  int64_t which = 0;
-  failing_allocator_count(FAILING_BY_ALLOCATOR);
-  for (;; which++) {
-    failing_allocator_arm(which, 0);
-    const msim_status status = run_all();
-    const int failed = failing_allocator_has_failed();
-    failing_allocator_arm(-1, 0);
-    assert_int_equal(failing_allocator_count_leaks(), 0);
-    if (!failed) break;
-    if (status != MSIM_OK) assert_int_equal(status, MSIM_ERR_MEMORY);
+  field of = gusts;
+  msim_force_function is = field_function(&of, T | V);
+  const char *const lines[] = {
+      "force function 'field' of x, t, v; without derivatives, which count as 0; its work is "
+      "integrated\n",
+      "force function 'field' of x; derivatives in the matrix; its potential is part of the "
+      "energy\n"};
+  for (int i = 0; i < 2; i++) {
+    msim_scene *scene = hanging_cloth(2, 50, 0);
+    const char *text;
+    if (i) is.flags = J, is.potential = field_potential;
+    assert_ok(msim_scene_set_force_function(scene, &is, err));
+    const msim_options opt = options("implicit-euler", 1e-3);
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_explain(sim, &text, err));
+    assert_non_null(strstr(text, lines[i]));
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
   }
-  failing_allocator_count(FAILING_NONE);
-  assert_true(which > 50);
 }
 
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(calls_have_one_island),       cmocka_unit_test(forces_reach_all_rows),
-      cmocka_unit_test(resting_islands_wake),        cmocka_unit_test(failures_keep_the_state),
-      cmocka_unit_test(frames_are_finite),           cmocka_unit_test(runs_are_resumable),
+      cmocka_unit_test(resting_islands_wake),        cmocka_unit_test(runs_are_resumable),
       cmocka_unit_test(other_functions_are_refused), cmocka_unit_test(sims_may_be_changed),
       cmocka_unit_test(impacts_are_located),         cmocka_unit_test(bad_functions_are_refused),
-      cmocka_unit_test(unfit_methods_are_refused),   cmocka_unit_test(every_allocation_may_fail),
+      cmocka_unit_test(unfit_methods_are_refused),   cmocka_unit_test(sims_explain_functions),
   };
   return cmocka_run_group_tests_name("force_function_runs", tests, NULL, NULL);
 }

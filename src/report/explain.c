@@ -44,6 +44,15 @@ static collider_text describe_colliders(const ms_scene *s) {
   return list;
 }
 
+static void explain_function(const msim_force_function *f, ms_text *out) {
+  ms_text_append(out, "              force function '%s' of x%s%s; %s; %s\n", f->name,
+                 f->flags & MSIM_FORCE_TIME ? ", t" : "",
+                 f->flags & MSIM_FORCE_VELOCITY ? ", v" : "",
+                 f->flags & MSIM_FORCE_JACOBIAN ? "derivatives in the matrix"
+                                                : "without derivatives, which count as 0",
+                 f->potential ? "its potential is part of the energy" : "its work is integrated");
+}
+
 static void explain_scene(const msim_sim *sim, ms_text *out) {
   const ms_scene *s = sim->scene;
   ms_text_append(out, "scene         %s\n", *s->name ? s->name : "(no name)");
@@ -56,6 +65,7 @@ static void explain_scene(const msim_sim *sim, ms_text *out) {
   for (int32_t m = 0; m < s->nmotions; m++) moved += s->motions[m].n;
   if (moved) ms_text_append(out, "              %d pinned particles move\n", moved);
   if (pushed) ms_text_append(out, "              constant forces on %d particles\n", pushed);
+  if (ms_scene_has_function(s)) explain_function(&s->force_function, out);
 }
 
 static void explain_angles(const msim_sim *sim, ms_text *out) {
