@@ -138,6 +138,13 @@ static void scene_files_keep_motions(void **state) {
   assert_ok(ms_scene_write_json(scene->data, &written, err));
   assert_ok(msim_scene_parse(NULL, "again", written.data, written.length, &again, err));
   expect_motions(again);
+  msim_scene_destroy(again);
+  const msim_status status = msim_scene_save(scene, "test_move_collider.h5", NULL);
+  require(status != MSIM_ERR_NAME, "the importer hdf5");
+  assert_int_equal(status, MSIM_OK);
+  assert_ok(msim_scene_load(NULL, "test_move_collider.h5", &again, err));
+  remove("test_move_collider.h5");
+  expect_motions(again);
   ms_text_free(&written);
   msim_scene_destroy(scene), msim_scene_destroy(again);
 }

@@ -1,5 +1,7 @@
 /* Tests of height fields and grids of signed distances: distances against other formulas, planes
  * and spheres in this form, bodies that stay outside, scene files and refusals. */
+#include <stdio.h>
+
 #include "base/vec3.h"
 #include "checkpoints.h"
 #include "moving_colliders.h"
@@ -281,6 +283,15 @@ static void deep_particles_leave(void **state) {
 
 /*------------------------------------- scenes ---------------------------------------------------*/
 
+static void expect_samples(const msim_scene *scene) {
+  const msim_collider *c = scene->data->colliders;
+  assert_int_equal(c[0].type, MSIM_COLLIDER_HEIGHTFIELD);
+  assert_true(c[0].n[0] == 2 && c[0].n[1] == 3 && c[0].values[5] == 0.5);
+  assert_true(c[0].spacing[1] == 0.25 && c[0].origin[2] == 3 && c[0].friction == 0.5);
+  assert_int_equal(c[1].type, MSIM_COLLIDER_SDF);
+  assert_true(c[1].n[2] == 3 && c[1].values[11] == 0.1 && c[1].inside == 1);
+}
+
 static void scene_files_keep_samples(void **state) {
   (void)state;
   static const char text[] =
@@ -297,14 +308,14 @@ static void scene_files_keep_samples(void **state) {
   assert_ok(msim_scene_set_name(scene, "changed", err));
   assert_ok(ms_scene_write_json(scene->data, &written, err));
   assert_ok(msim_scene_parse(NULL, "again", written.data, written.length, &again, err));
-  for (int i = 0; i < 2; i++) {
-    const msim_collider *c = (i ? again : scene)->data->colliders;
-    assert_int_equal(c[0].type, MSIM_COLLIDER_HEIGHTFIELD);
-    assert_true(c[0].n[0] == 2 && c[0].n[1] == 3 && c[0].values[5] == 0.5);
-    assert_true(c[0].spacing[1] == 0.25 && c[0].origin[2] == 3 && c[0].friction == 0.5);
-    assert_int_equal(c[1].type, MSIM_COLLIDER_SDF);
-    assert_true(c[1].n[2] == 3 && c[1].values[11] == 0.1 && c[1].inside == 1);
-  }
+  expect_samples(scene), expect_samples(again);
+  msim_scene_destroy(again);
+  const msim_status status = msim_scene_save(scene, "test_sampled_colliders.h5", NULL);
+  require(status != MSIM_ERR_NAME, "the importer hdf5");
+  assert_int_equal(status, MSIM_OK);
+  assert_ok(msim_scene_load(NULL, "test_sampled_colliders.h5", &again, err));
+  remove("test_sampled_colliders.h5");
+  expect_samples(again);
   ms_text_free(&written);
   msim_scene_destroy(scene), msim_scene_destroy(again);
 }

@@ -19,9 +19,9 @@ typedef struct obstacles {
  * plane of a collider. x: the particle, or any point on its normal to p */
 static void record_impulse(const obstacles *o, int32_t number, const msim_plane *p,
                            const double x[3], const double before[3], const double v[3]) {
+  if (!o->log) return;
   double point[3] = {x[0], x[1], x[2]};
   const double dv[3] = {v[0] - before[0], v[1] - before[1], v[2] - before[2]};
-  if (!o->log) return;
   ms_vec3_axpy(-ms_impacts_distance(p, x), p->normal, point);
   ms_contact_log_add(o->log, o->row, number, point, p->normal, dv);
 }
@@ -48,8 +48,9 @@ static void reflect_behind(const msim_plane *p, double s, double x[3], double v[
 /* At plane i; x may be behind it by `depth`. */
 static int reflect_at_plane(const obstacles *o, int32_t i, double depth, double x[3], double v[3]) {
   const msim_plane *p = &o->scene->planes[i];
-  const double s = ms_impacts_distance(p, x), before[3] = {v[0], v[1], v[2]};
+  const double s = ms_impacts_distance(p, x);
   if (!(s < -depth)) return 0;
+  const double before[3] = {v[0], v[1], v[2]};
   reflect_behind(p, s, x, v);
   record_impulse(o, i, p, x, before, v);
   return 1;
@@ -80,8 +81,9 @@ static void reflect_at_moving(obstacles *o, const ms_solid *solid, const msim_pl
 
 static int reflect_at_collider(obstacles *o, int32_t i, double depth, double x[3], double v[3]) {
   msim_plane p;
-  const double s = find_tangent_plane(o, i, x, &p), before[3] = {v[0], v[1], v[2]};
+  const double s = find_tangent_plane(o, i, x, &p);
   if (!(s < -depth)) return 0;
+  const double before[3] = {v[0], v[1], v[2]};
   if (o->scene->collider_motions[i].x.nt) reflect_at_moving(o, &o->solids[i], &p, s, x, v);
   else reflect_behind(&p, s, x, v);
   record_impulse(o, o->scene->nplanes + i, &p, x, before, v);

@@ -19,7 +19,7 @@ typedef struct export_state {
   msim_node *nodes;
   node_storage *entries;
   int32_t n;
-  int64_t *pinned, *ij, *ijk, *law, *faces, *moving;
+  int64_t *pinned, *ij, *ijk, *law, *faces, *moving, *counts;
   int32_t nmoving;
 } export_state;
 
@@ -140,6 +140,35 @@ static void export_planes(export_state *e) {
   }
 }
 
+static void export_samples(export_state *e, int32_t i) {
+  const msim_collider *c = &e->scene->colliders[i];
+  const ms_scene_key *count = ms_colliders_get_count_key(c->type);
+  if (!count) return;
+  for (int32_t k = 0; k < count->count; k++) e->counts[3 * (size_t)i + (size_t)k] = c->n[k];
+  append_node(e, MSIM_NODE_WHOLE, 1, e->counts + 3 * (size_t)i, "colliders/%d/%s", i, count->key)
+      ->dims[0] = count->count;
+  append_node(e, MSIM_NODE_REAL, 1, c->values, "colliders/%d/%s", i,
+              ms_colliders_get_values_key(c->type)->key)
+      ->dims[0] = (int64_t)ms_colliders_count_values(c);
+}
+
+static void export_points(export_state *e, int32_t i, const ms_motion *m, const char *key) {
+  if (m->nt == 0) return;
+  msim_node *x = append_node(e, MSIM_NODE_REAL, 2, m->x, "colliders/%d/motion/%s", i, key);
+  x->dims[0] = m->nt, x->dims[1] = 3;
+}
+
+static void export_collider_motion(export_state *e, int32_t i) {
+  const ms_collider_motion *m = &e->scene->collider_motions[i];
+  const char *word = ms_motion_interpolations[m->x.interpolation];
+  if (m->x.nt == 0) return;
+  append_node(e, MSIM_NODE_REAL, 1, m->x.t, "colliders/%d/motion/t", i)->dims[0] = m->x.nt;
+  export_points(e, i, &m->x, "x");
+  export_points(e, i, &m->rotation, "rotation");
+  append_node(e, MSIM_NODE_TEXT, 1, word, "colliders/%d/motion/interpolation", i)->dims[0] =
+      (int64_t)strlen(word);
+}
+
 static void export_collider(export_state *e, int32_t i) {
   const msim_collider *c = &e->scene->colliders[i];
   const char *type = ms_colliders_get_type(c->type)->name;
@@ -155,6 +184,8 @@ static void export_collider(export_state *e, int32_t i) {
   own = &e->entries[e->n];
   own->whole = c->inside;
   append_node(e, MSIM_NODE_WHOLE, 0, &own->whole, "colliders/%d/%s", i, ms_collider_inside_key.key);
+  export_samples(e, i);
+  export_collider_motion(e, i);
 }
 
 static void export_motion(export_state *e, int32_t i) {
@@ -191,12 +222,13 @@ static void export_run(export_state *e) {
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
   const size_t most = 21 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws + (size_t)s->nmotions) +
-                      (2 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
+                      (8 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
          MS_NEW(&s->alloc, e->ij, 2 * (size_t)s->nsprings) &&
          MS_NEW(&s->alloc, e->ijk, 3 * (size_t)s->angles.n) &&
          MS_NEW(&s->alloc, e->law, s->law ? s->nsprings : 0) &&
+         MS_NEW(&s->alloc, e->counts, 3 * (size_t)s->ncolliders) &&
          MS_NEW(&s->alloc, e->moving, s->nmotions ? s->nparticles : 0) &&
          MS_NEW(&s->alloc, e->faces, 3 * (size_t)s->nfaces);
 }
@@ -228,16 +260,6 @@ static msim_status save_tree(export_state *e, const msim_importer *table, const 
   ms_plugin_host host;
   msim_status status = ms_scene_check_savable(e->scene, err);
   if (status) return status;
-  for (int32_t i = 0; i < e->scene->ncolliders; i++)
-    if (e->scene->solids[i].samples)
-      return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
-                          "colliders[%d] has samples, which are stored in JSON files only; save the "
-                          "scene as .json",
-                          i);
-  if (ms_collider_motion_is_there(e->scene))
-    return ms_error_set(
-        err, MSIM_ERR_UNSUPPORTED,
-        "motions of colliders are stored in JSON files only; save the scene as .json");
   if (!allocate_nodes(e)) return ms_error_set_memory(err, "a scene file");
   export_all(e);
   ms_plugin_init_host(&host, &e->scene->alloc);
@@ -249,6 +271,7 @@ msim_status ms_export_scene(const ms_scene *scene, const msim_importer *table, c
                             const char *label, msim_error *err) {
   export_state e = {.scene = scene};
   const msim_status status = save_tree(&e, table, path, label, err);
-  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.ijk, e.law, e.faces, e.moving);
+  MS_FREE(&scene->alloc, e.nodes, e.entries, e.pinned, e.ij, e.ijk, e.law, e.faces, e.moving,
+          e.counts);
   return status;
 }
