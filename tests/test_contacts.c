@@ -156,6 +156,57 @@ static void resting_contacts_report_the_reaction(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Two particles that a box sunk into the floor leaves no room: they stay where they were, at rest,
+ * and the impulses on each are -m v. */
+static void stopped_particles_are_balanced(void **state) {
+  (void)state;
+  const double x[6] = {-1, 0.1, 0.05, -1, -0.2, 0.05}, v[6] = {60, 0, 0, 55, 0, 0},
+               mass[2] = {1, 2};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  plane(scene, 0, 0, 1, 0, 0.5, 0);
+  add(scene, box(0, 0, 0.4, 1, 0.5, 0), 0);
+  const msim_options opt = recording("symplectic-euler", 1. / 60, MSIM_COLLISION_REFLECT);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  const contacts found = contacts_of(sim);
+  double sum[2][3] = {{0}};
+  for (int32_t i = 0; i < found.n; i++)
+    ms_vec3_axpy(1, found.all[i].impulse, sum[found.all[i].particle]);
+  for (int p = 0; p < 2; p++)
+    for (int c = 0; c < 3; c++) {
+      assert_close(state_of(sim).v[3 * p + c], 0, 0);
+      assert_close(sum[p][c], -mass[p] * v[3 * p + c], 1e-11);
+    }
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* A particle that slides along a groove of 90 degrees: each plane carries m g h cos 45 along its
+ * normal, and mu times that against the motion. */
+static void planes_share_friction(void **state) {
+  (void)state;
+  const double x[3] = {0}, v[3] = {0, 1, 0}, h = 1e-3, mu = 0.3, push = 9.81 * h * sqrt(0.5);
+  msim_scene *scene = make_single_particle(x, v, 9.81);
+  plane(scene, 1, 0, 1, 0, 0, mu), plane(scene, -1, 0, 1, 0, 0, mu);
+  const msim_options opt = recording("velocity-verlet", h, MSIM_COLLISION_EVENT);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 10, err));
+  const contacts c = contacts_of(sim);
+  assert_int_equal(c.n, 2);
+  for (int i = 0; i < 2; i++) {
+    assert_int_equal(c.all[i].plane, i);
+    assert_close(ms_vec3_dot(c.all[i].impulse, c.all[i].normal), push, 1e-14);
+    assert_close(c.all[i].impulse[1], -mu * push, 1e-14);
+  }
+  msim_state now = state_of(sim);
+  assert_ok(msim_sim_set_state(sim, &now, err));
+  assert_int_equal(contacts_of(sim).n, 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 static int see_contacts(msim_sim *sim, void *user) {
   *(int64_t *)user += contacts_of(sim).n;
   return 0;
@@ -215,9 +266,12 @@ static void what_cannot_record_is_refused(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(an_impact_in_closed_form), cmocka_unit_test(momentum_is_balanced),
-      cmocka_unit_test(resting_contacts_report_the_reaction),
-      cmocka_unit_test(recording_changes_nothing), cmocka_unit_test(what_cannot_record_is_refused)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(an_impact_in_closed_form),
+                                     cmocka_unit_test(momentum_is_balanced),
+                                     cmocka_unit_test(resting_contacts_report_the_reaction),
+                                     cmocka_unit_test(stopped_particles_are_balanced),
+                                     cmocka_unit_test(planes_share_friction),
+                                     cmocka_unit_test(recording_changes_nothing),
+                                     cmocka_unit_test(what_cannot_record_is_refused)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

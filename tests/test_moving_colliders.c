@@ -36,6 +36,21 @@ static void one_reflection_in_closed_form(void **state) {
     }
 }
 
+/* A motion that ends with the step: the velocity is that of the interval before. */
+static void the_end_of_a_motion_reflects(void **state) {
+  (void)state;
+  const double x[3] = {0, 0, 0.05}, v[3] = {0}, t[2] = {0, 0.1}, points[6] = {0, 0, -2, 0, 0, -1.8};
+  msim_scene *scene = make_single_particle(x, v, 0);
+  add(scene, box(0, 0, 0, 4, 0.5, 0), 0);
+  set_motion(scene, 0, 2, t, points, NULL, 0);
+  const msim_options opt = options("symplectic-euler", 0.1);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_close(state_of(sim).v[2], 1.5 * 2, 1e-14);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /* With friction that sticks a particle gets the velocity of the surface: at the top of a sphere
  * that rotates about y by 2 rad/s, (2, 0, 0). */
 static void rotating_surfaces_drag_particles(void **state) {
@@ -274,6 +289,7 @@ static void bodies_at_rest_are_hit(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(one_reflection_in_closed_form),
+      cmocka_unit_test(the_end_of_a_motion_reflects),
       cmocka_unit_test(rotating_surfaces_drag_particles),
       cmocka_unit_test(points_move_with_their_solid),
       cmocka_unit_test(a_lift_does_the_work_of_the_weight),

@@ -111,8 +111,10 @@ static void write_collider_motion(ms_archive *b, ms_collider_motion *m) {
   MS_ARCHIVE_TRANSFER(b, m->x.nt);
   MS_ARCHIVE_TRANSFER(b, m->x.interpolation);
   MS_ARCHIVE_TRANSFER(b, rotates);
-  ms_archive_transfer(b, m->x.t, bytes);
-  ms_archive_transfer(b, m->x.x, 3 * bytes);
+  if (bytes) {
+    ms_archive_transfer(b, m->x.t, bytes);
+    ms_archive_transfer(b, m->x.x, 3 * bytes);
+  }
   if (rotates) ms_archive_transfer(b, m->rotation.x, 3 * bytes);
   if (b->direction == MS_ARCHIVE_COUNT) b->position += (size_t)2 * 7 * sizeof(double);
 }

@@ -136,6 +136,60 @@ def test_height_fields_and_grids():
         scene.add_sdf((0, 0, 0), (1, 1, 1), np.zeros((2, 2, 2)))
 
 
+@pytest.mark.filterwarnings("ignore:particle .* inside")
+@pytest.mark.parametrize("seed", range(100))
+def test_a_moving_sphere_against_numpy(seed):
+    """Symplectic Euler, then v - u is reflected, u = c' + omega x (R n), where s = |x - c| < R."""
+    rng = np.random.default_rng(seed)
+    n, h, radius = 30, 5e-3, 0.3 + 0.3 * rng.random()
+    e, mu = rng.random(2)
+    x, v, mass = rng.uniform(-1, 1, (n, 3)), rng.uniform(-1, 1, (n, 3)), rng.uniform(1, 2, n)
+    knots, centers = np.array([0, 0.2, 0.7]), rng.uniform(-1, 1, (3, 3))
+    axis = rng.uniform(-1, 1, 3)
+    angles = rng.uniform(-3, 3, 3)
+    scene = msim.Scene(gravity=(0, 0, -3))
+    scene.add_particles(x, v=v, mass=mass)
+    scene.add_sphere((9, 9, 9), radius, restitution=e, friction=mu)
+    scene.set_collider_motion(0, knots, centers, np.outer(angles, axis))
+    sim = msim.Sim(scene, integrator="symplectic-euler", h=h, contacts="on")
+    work = 0.0
+    for step in range(1, 161):
+        k = int(np.clip(np.searchsorted(knots, step * h - 1e-9) - 1, 0, 1))
+        t, length = step * h, knots[k + 1] - knots[k]
+        moves = t <= knots[-1] + 1e-9
+        center = np.array([np.interp(t, knots, centers[:, c]) for c in range(3)])
+        speed = (centers[k + 1] - centers[k]) / length * moves
+        spin = axis * (angles[k + 1] - angles[k]) / length * moves
+        v = v + h * np.array([0, 0, -3])
+        x = x + h * v
+        impulses = np.zeros((n, 3))
+        for i in range(n):
+            d = x[i] - center
+            s = np.linalg.norm(d) - radius
+            if s >= 0:
+                continue
+            normal = d / np.linalg.norm(d)
+            u = speed + np.cross(spin, radius * normal)
+            x[i] -= (1 + e) * s * normal
+            relative = v[i] - u
+            into = relative @ normal
+            if into < 0:
+                along = relative - into * normal
+                size = np.linalg.norm(along)
+                keep = max(0, 1 + mu * (1 + e) * into / size)
+                impulses[i] = mass[i] * (u + keep * along - e * into * normal - v[i])
+                v[i] += impulses[i] / mass[i]
+                work += impulses[i] @ u
+        sim.step(1)
+        found = np.zeros((n, 3))
+        found[sim.contacts["particle"]] = sim.contacts["impulse"]
+        np.testing.assert_allclose(found, impulses, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(sim.x, x, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(sim.v, v, rtol=0, atol=1e-9)
+    assert sim.energy.work == pytest.approx(work, abs=1e-9)
+    assert work != 0 or seed > 0  # in some scenes no particle is hit
+
+
 def test_contacts(falling):
     scene = msim.Scene(gravity=(0, 0, -10))
     scene.add_particles([[0, 0, 1], [1, 0, 0.001], [2, 0, 3]], mass=2)
