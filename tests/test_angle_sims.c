@@ -2,6 +2,7 @@
  * moving pins, changes in a run, and refusals. */
 #include "angle_scenes.h"
 #include "checkpoints.h"
+#include "physics/reference.h"
 #include "sim/sim.h"
 
 enum { N = 7 };
@@ -141,6 +142,45 @@ static void checkpoints_of_other_angles_are_refused(void **state) {
   msim_scene_destroy(scene), msim_scene_destroy(other);
 }
 
+/* An angular spring at a hub of many springs, some with a law, and constant forces: all act on
+ * the same particles. */
+static void forces_of_all_kinds_add_up(void **state) {
+  (void)state;
+  enum { STAR = 400 };
+  double x[3 * STAR], mass[STAR], force[3 * STAR], there[3 * STAR];
+  const double k = 3, bend = 0.7;
+  const double zero[3 * STAR] = {0};
+  for (int i = 0; i < STAR; i++) {
+    mass[i] = 1;
+    x[3 * i] = cos(i) * i, x[3 * i + 1] = sin(i) * i, x[3 * i + 2] = 0.1 * (i % 7);
+    for (int c = 0; c < 3; c++) force[3 * i + c] = cos(3 * i + c);
+  }
+  msim_scene *scene;
+  const msim_law law = {.size = sizeof law, .kind = MSIM_LAW_TENSION};
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, STAR, x, NULL, mass, err));
+  assert_ok(msim_scene_add_law(scene, &law, NULL, err));
+  for (int32_t i = 1; i < STAR; i++) {
+    const double rest = 0.5 * i;
+    assert_ok(msim_scene_add_springs(scene, 1, (int32_t[]){0, i}, &k, &rest, NULL, err));
+    if (i % 5 == 0) assert_ok(msim_scene_set_law(scene, 1, &(int32_t){i - 1}, 1, err));
+    if (i % 3 == 0 && i + 2 < STAR)
+      assert_ok(msim_scene_add_angles(scene, 1, (int32_t[]){i, i % 2 ? 0 : i + 2, i + 1}, &bend, &k,
+                                      NULL, err));
+  }
+  assert_ok(msim_scene_set_forces(scene, force, err));
+  const msim_options opt = options("symplectic-euler", 1e-6);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_true(sim->islands->model.half_edges.nparts > 0 && sim->islands->model.laws);
+  ms_reference_compute_force(scene->data, x, zero, there);
+  for (int again = 0; again < 2; again++) {
+    msim_sim_force(sim, x, zero, force);
+    for (int i = 0; i < 3 * STAR; i++)
+      assert_close(force[i], there[i], 1e-11 * (1 + fabs(there[i])));
+  }
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 /*------------------------------------- limits, pins, refusals -----------------------------------*/
 
 /* For a straight chain the bound is 4/a sqrt(k/m), which the shortest waves reach; velocity Verlet
@@ -177,6 +217,10 @@ static void step_limits_follow_angles(void **state) {
   opt.steps = -1, opt.t_end = 2;
   msim_sim *sim = make_sim(scene, &opt);
   const double start = energy_of(sim).total;
+  const char *text;
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "angular springs 18, evaluated apart from springs"));
+  assert_non_null(strstr(text, "1/s while edges of angles are as long as at the start"));
   run_to(sim);
   assert_close(energy_of(sim).total, start, 0.2 * start);
   msim_sim_destroy(sim), msim_scene_destroy(scene);
@@ -286,7 +330,8 @@ static void auto_takes_angles(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(islands_follow_angles),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(forces_of_all_kinds_add_up),
+                                     cmocka_unit_test(islands_follow_angles),
                                      cmocka_unit_test(pinned_corners_belong_to_the_island),
                                      cmocka_unit_test(planar_scenes_stay_planar),
                                      cmocka_unit_test(threads_do_not_change_bits),

@@ -389,10 +389,11 @@ static void explain_limits(const msim_sim *sim, ms_text *out) {
   const double limit = splits ? ms_bounds_verlet_limit(b) : sim->config.step_limit.limit,
                h = sim->run.h;
   const char *name = sim->config.integrator->entry.name;
-  ms_text_append(out,
-                 "stability     angular frequencies <= %.6g rad/s, damping rates <= %.6g 1/s in "
-                 "every state%s\n",
-                 b->omega, b->rate, splits ? ", for springs with long steps" : "");
+  ms_text_append(
+      out, "stability     angular frequencies <= %.6g rad/s, damping rates <= %.6g 1/s %s%s\n",
+      b->omega, b->rate,
+      sim->scene->angles.n ? "while edges of angles are as long as at the start" : "in every state",
+      splits ? ", for springs with long steps" : "");
   if (sim->config.integrator->stages)
     ms_text_append(out, "              %d stages per step, chosen for that damping rate\n",
                    sim->config.integrator->stages(h, find_rough_bounds(sim)));
