@@ -1,6 +1,7 @@
 /* Tests of runs with angular springs: vibrations of beams, orders, conserved quantities, Newton's
  * method, large steps, solvers, the exported matrix. */
 #include "angle_scenes.h"
+#include "linear/jacobi.h"
 #include "sim/sim.h"
 
 /*------------------------------------- vibrations -----------------------------------------------*/
@@ -205,6 +206,37 @@ static void newton_converges_quadratically(void **state) {
   }
 }
 
+/* Diagonal blocks of a zigzag may be indefinite; for iterations they are shifted. */
+static void indefinite_blocks_are_shifted(void **state) {
+  (void)state;
+  enum { ZIGZAG = 9 };
+  double mass[ZIGZAG], x[3 * ZIGZAG] = {0};
+  const double k = 1, straight = PI;
+  msim_scene *scene;
+  ms_model m;
+  ms_coefficients a;
+  ms_jacobi jacobi;
+  for (int i = 0; i < ZIGZAG; i++) mass[i] = 1e-3, x[3 * i] = 0.3 * i, x[3 * i + 1] = i % 2;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, ZIGZAG, x, NULL, mass, err));
+  for (int32_t i = 0; i + 2 < ZIGZAG; i++)
+    assert_ok(
+        msim_scene_add_angles(scene, 1, (int32_t[]){i, i + 1, i + 2}, &k, &straight, NULL, err));
+  assert_ok(ms_model_create(scene->data, 0, &m, err));
+  assert_ok(ms_coefficients_create(&m, &a, err));
+  assert_ok(ms_jacobi_create(&m, &a, &jacobi, err));
+  double *at = ms_unknowns_new_vector(m.scene, &m.unknowns);
+  ms_unknowns_gather(&m.unknowns, x, at);
+  ms_coefficients_compute(&m, at, 1, 0, &a);
+  assert_int_equal(ms_jacobi_invert(&m, &a, MSIM_FACTOR_SPD, &jacobi), MSIM_NOT_SPD);
+  assert_int_equal(ms_jacobi_invert(&m, &a, MSIM_FACTOR_SYMMETRIC, &jacobi), MSIM_OK);
+  ms_coefficients_compute(&m, at, 1, 1, &a);
+  assert_int_equal(ms_jacobi_invert(&m, &a, MSIM_FACTOR_SPD, &jacobi), MSIM_OK);
+  ms_memory_free(&m.scene->alloc, at);
+  ms_jacobi_destroy(&m, &jacobi), ms_coefficients_destroy(&m, &a), ms_model_destroy(&m);
+  msim_scene_destroy(scene);
+}
+
 static void large_steps_are_stable(void **state) {
   (void)state;
   for (int clamp = 0; clamp < 2; clamp++) {
@@ -311,6 +343,7 @@ int main(void) {
       cmocka_unit_test(energy_is_conserved),
       cmocka_unit_test(momentum_is_conserved),
       cmocka_unit_test(newton_converges_quadratically),
+      cmocka_unit_test(indefinite_blocks_are_shifted),
       cmocka_unit_test(large_steps_are_stable),
       cmocka_unit_test(solvers_agree),
       cmocka_unit_test(coarse_space_takes_angles),

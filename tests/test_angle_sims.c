@@ -62,6 +62,10 @@ static void pinned_corners_belong_to_the_island(void **state) {
     run_to(sim);
     assert_close(energy_of(sim).total, start, 1e-12);
     assert_true(energy_of(sim).kinetic > 0.001);
+    msim_sim_destroy(sim);
+    const msim_options implicit = options("linearly-implicit-euler", 1e-3);
+    sim = make_sim(scene, &implicit); /* no component is free, whose momentum would be conserved */
+    assert_int_equal(sim->islands->stepper.solver->components.n, 0);
     msim_sim_destroy(sim), msim_scene_destroy(scene);
   }
 }
@@ -313,20 +317,45 @@ static void methods_without_angles_refuse(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* auto chooses a method that takes them, and keeps its tolerance. */
+/* auto chooses a method that takes them, damped ones, too, and keeps its tolerance. */
 static void auto_takes_angles(void **state) {
   (void)state;
-  msim_scene *scene = bent_scene((chain){80, 2000, 0.05, 0, 0});
-  msim_options opt = options("auto", 1e-3);
-  opt.tol = 1e-4, opt.steps = -1, opt.t_end = 0.1;
-  msim_sim *sim = make_sim(scene, &opt), *exact;
-  run_to(sim);
-  opt = accurate(0.1), opt.tol = 1e-10;
-  exact = make_sim(scene, &opt);
-  run_to(exact);
-  const msim_state s = state_of(sim), t = state_of(exact);
-  for (int c = 0; c < 240; c++) assert_close(s.x[c], t.x[c], 1e-2);
-  msim_sim_destroy(sim), msim_sim_destroy(exact), msim_scene_destroy(scene);
+  for (int damped = 0; damped < 2; damped++) {
+    msim_scene *scene = bent_scene((chain){80, 2000, 0.05, 0, 0});
+    const double k = 0.01, rest = 1, damping = 1e-4;
+    if (damped)
+      assert_ok(msim_scene_add_angles(scene, 1, (int32_t[]){0, 1, 3}, &k, &rest, &damping, err));
+    msim_options opt = options("auto", 1e-3);
+    opt.tol = 1e-4, opt.steps = -1, opt.t_end = 0.1;
+    msim_sim *sim = make_sim(scene, &opt), *exact;
+    run_to(sim);
+    opt = accurate(0.1), opt.tol = 1e-10;
+    exact = make_sim(scene, &opt);
+    run_to(exact);
+    const msim_state s = state_of(sim), t = state_of(exact);
+    for (int c = 0; c < 240; c++) assert_close(s.x[c], t.x[c], 1e-2);
+    msim_sim_destroy(sim), msim_sim_destroy(exact), msim_scene_destroy(scene);
+  }
+}
+
+/* Away from rest the bound of w^2 is 1 + |theta - rest| times that at rest. */
+static void bounds_grow_away_from_rest(void **state) {
+  (void)state;
+  double omega[2];
+  for (int away = 0; away < 2; away++) {
+    const double x[9] = {-1, 0, 0, 0, 0, 0, 1, 0, 0}, mass[3] = {1, 1, 1}, k = 1;
+    const double rest = away ? 1 : PI;
+    msim_scene *scene;
+    ms_bounds bounds;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
+    assert_ok(msim_scene_add_angles(scene, 1, (int32_t[]){0, 1, 2}, &k, &rest, NULL, err));
+    assert_ok(ms_bounds_compute(scene->data, 0, &bounds, err));
+    omega[away] = bounds.omega;
+    msim_scene_destroy(scene);
+  }
+  assert_close(omega[0] * omega[0], 2 * 4, 1e-12); /* exact: 1 + 4 + 1 */
+  assert_close(omega[1] * omega[1], PI * 2 * 4, 1e-12);
 }
 
 int main(void) {
@@ -341,6 +370,7 @@ int main(void) {
                                      cmocka_unit_test(work_of_pins_is_counted),
                                      cmocka_unit_test(changes_in_a_run_keep_angles),
                                      cmocka_unit_test(methods_without_angles_refuse),
-                                     cmocka_unit_test(auto_takes_angles)};
+                                     cmocka_unit_test(auto_takes_angles),
+                                     cmocka_unit_test(bounds_grow_away_from_rest)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -158,8 +158,10 @@ static void straight_edges_are_smooth(void **state) {
     check_derivatives(&folded, x, 1e-7);
   }
   const ms_angle_spring s = {2, 0, 0.3};
-  const double x[9] = {-1, 0, 0, 0, 0, 0, 0.5, 0, 0};
-  double f[9], m[9][9];
+  double x[9] = {-1, 0, 0, 0, 1e-20, 0, 0.5, 0, 0}, f[9], m[9][9];
+  find_forces(&s, x, NULL, f); /* linear, however small the deviation is */
+  assert_close(f[1], 2 * 3e-20, 1e-33);
+  x[4] = 0;
   find_forces(&s, x, NULL, f);
   for (int c = 0; c < 9; c++) assert_true(f[c] == 0);
   find_matrix(&s, x, 1, 0, m); /* (2 + 0.3) |y_i/1 + y_k/0.5 - 3 y_j|^2 in y and z */
