@@ -145,26 +145,41 @@ static void members_of_other_types_are_ignored(void **state) {
   msim_scene_destroy(scene);
 }
 
-static void methods_that_locate_impacts_refuse_colliders(void **state) {
+static void methods_that_change_their_state_refuse_colliders(void **state) {
   (void)state;
   msim_scene *scene = bodies(0.4, 0.5);
-  msim_options events = options("velocity-verlet", 1e-3), tolerance = events, automatic = events,
-               kernel = options("takahashi-imada", 1e-3);
-  events.collision = MSIM_COLLISION_EVENT;
-  tolerance.tol = 1e-4;
-  automatic.integrator = "auto", automatic.h = MSIM_H_AUTO;
-  const struct {
-    const msim_options *opt;
-    const char *words;
-  } cases[] = {{&events, "collision = event does not support colliders; use collision = reflect"},
-               {&tolerance, "tol = 0.0001 requires located impacts, which colliders do not"},
-               {&automatic, "integrator 'auto' does not support colliders; name an integrator"},
-               {&kernel, "integrator 'takahashi-imada' does not support colliders"}};
-  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+  for (int events = 0; events < 2; events++) {
+    msim_options opt = options("takahashi-imada", 1e-3);
+    if (events) opt.collision = MSIM_COLLISION_EVENT;
     msim_sim *sim;
     msim_error why;
-    assert_int_equal(msim_sim_create(scene, cases[i].opt, &sim, &why), MSIM_ERR_ARG);
-    if (!strstr(why.text, cases[i].words)) fail_msg("\"%s\"", why.text);
+    assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
+    if (!strstr(why.text, "integrator 'takahashi-imada' does not support colliders; use "))
+      fail_msg("\"%s\"", why.text);
+    assert_null(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* With collision = event, tol and auto */
+static void colliders_that_move_refuse_located_impacts(void **state) {
+  (void)state;
+  const double t[2] = {0, 1}, x[6] = {0, 0, 0, 1, 0, 0};
+  const msim_collider_motion motion = {
+      .size = sizeof motion, .collider = 1, .nt = 2, .t = t, .x = x};
+  msim_scene *scene = bodies(0.4, 0.5);
+  assert_ok(msim_scene_set_collider_motion(scene, &motion, err));
+  msim_options cases[3] = {options("velocity-verlet", 1e-3), options("rk4", 1e-3),
+                           options("auto", MSIM_H_AUTO)};
+  cases[0].collision = MSIM_COLLISION_EVENT;
+  cases[1].tol = 1e-4, cases[1].steps = cases[2].steps = -1;
+  cases[1].t_end = cases[2].t_end = 1;
+  for (int i = 0; i < 3; i++) {
+    msim_sim *sim;
+    msim_error why;
+    assert_int_equal(msim_sim_create(scene, &cases[i], &sim, &why), MSIM_ERR_ARG);
+    if (!strstr(why.text, "colliders[1] moves, where impacts are not located; use collision = "))
+      fail_msg("\"%s\"", why.text);
     assert_null(sim);
   }
   msim_scene_destroy(scene);
@@ -256,14 +271,16 @@ static void checkpoints_belong_to_their_colliders(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(files_contain_colliders),
-                                     cmocka_unit_test(written_colliders_are_read_back_to_the_bit),
-                                     cmocka_unit_test(sims_keep_their_colliders),
-                                     cmocka_unit_test(bad_colliders_are_refused),
-                                     cmocka_unit_test(members_of_other_types_are_ignored),
-                                     cmocka_unit_test(methods_that_locate_impacts_refuse_colliders),
-                                     cmocka_unit_test(particles_inside_at_the_start_are_reported),
-                                     cmocka_unit_test(plans_name_colliders),
-                                     cmocka_unit_test(checkpoints_belong_to_their_colliders)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(files_contain_colliders),
+      cmocka_unit_test(written_colliders_are_read_back_to_the_bit),
+      cmocka_unit_test(sims_keep_their_colliders),
+      cmocka_unit_test(bad_colliders_are_refused),
+      cmocka_unit_test(members_of_other_types_are_ignored),
+      cmocka_unit_test(methods_that_change_their_state_refuse_colliders),
+      cmocka_unit_test(colliders_that_move_refuse_located_impacts),
+      cmocka_unit_test(particles_inside_at_the_start_are_reported),
+      cmocka_unit_test(plans_name_colliders),
+      cmocka_unit_test(checkpoints_belong_to_their_colliders)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

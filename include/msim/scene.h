@@ -46,8 +46,10 @@ typedef enum msim_collider_type {
  * leave. With s, the signed distance of a particle from its surface, < 0 where the particle must
  * not be, and n = grad s, the particle is reflected as at a plane that touches the surface at the
  * point nearest to the particle. Where colliders and planes leave no room within reach, the
- * particle stays where it was before the step, at rest. Colliders are not available with collision
- * = event, tol or integrator = auto. Members that a type does not have are ignored. */
+ * particle stays where it was before the step, at rest. With collision = event impacts are located,
+ * and the particle rests on the surface or slides along it, n.a = -v.(dn/dx) v, while the surface
+ * pushes; height fields, grids and colliders that move are not available then. Members that a type
+ * does not have are ignored. */
 typedef struct msim_collider {
   size_t size;
   int32_t type;          /* msim_collider_type */

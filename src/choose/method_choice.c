@@ -105,7 +105,7 @@ static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c)
 static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
   const int controlled = i == IMPLICIT || i == ERROR_CONTROLLED;
   const int located =
-      controlled ? p->sim->scene->nplanes > 0 : p->planes_count && i != LEAPFROG_METHOD;
+      controlled ? ms_scene_has_obstacles(p->sim->scene) : p->planes_count && i != LEAPFROG_METHOD;
   *c = (ms_candidate){.method = candidate_method(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
                       .error_control = controlled,
@@ -360,7 +360,7 @@ static msim_status set_verification(ms_pilot_run *p, const ms_candidate *c, ms_s
   const int n = p->many ? 1 : MS_MEASURED_STEPS;
   ms_step_measurement s[MS_MEASURED_STEPS];
   v->scales = p->scales;
-  v->planes_far = p->sim->scene->nplanes > 0 && !p->planes_count;
+  v->planes_far = ms_scene_has_obstacles(p->sim->scene) && !p->planes_count;
   const int reflects = c->collision == MSIM_COLLISION_REFLECT; /* reflection is of order 1 */
   if (c->error_control || !ms_control_is_supported(c->method)) return MSIM_OK;
   if (p->planes_count && reflects) return MSIM_OK;

@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 #include "contact/friction.h"
+#include "physics/signed_distance.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -17,6 +18,7 @@ static double find_reach(const ms_model *model) {
     if (model->unknowns.particle[r] >= 0)
       reach = fmax(reach, ms_vec3_norm(scene->x + 3 * (size_t)model->unknowns.particle[r]));
   for (int32_t p = 0; p < scene->nplanes; p++) reach = fmax(reach, fabs(scene->planes[p].offset));
+  for (int32_t i = 0; i < scene->ncolliders; i++) reach = fmax(reach, scene->solids[i].reach);
   return reach;
 }
 
@@ -26,18 +28,34 @@ msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events
   if (!e) return ms_error_set_memory(err, "the contact set");
   e->reach = find_reach(model);
   const int32_t n = model->unknowns.nfree;
-  const int fits = MS_NEW_VECTORS(scene, &model->unknowns, &e->x, &e->v, &e->a, &e->a_end,
-                                  &e->stage[0], &e->stage[1], &e->begin[0], &e->begin[1]) &&
-                   MS_NEW(&scene->alloc, e->contact, n) &&
-                   MS_NEW(&scene->alloc, e->constraint, n) &&
-                   MS_NEW(&scene->alloc, e->followed, n) &&
-                   MS_NEW(&scene->alloc, e->parts, ms_totals_count_parts(model));
+  const size_t tangents = scene->ncolliders ? (size_t)MS_MAX_TANGENTS * (size_t)n : 0;
+  const int fits =
+      ms_obstacles_create(scene, &e->near) &&
+      MS_NEW_VECTORS(scene, &model->unknowns, &e->x, &e->v, &e->a, &e->a_end, &e->stage[0],
+                     &e->stage[1], &e->begin[0], &e->begin[1]) &&
+      MS_NEW(&scene->alloc, e->contact, n) && MS_NEW(&scene->alloc, e->constraint, n) &&
+      MS_NEW(&scene->alloc, e->followed, n) && MS_NEW(&scene->alloc, e->tangent, tangents) &&
+      MS_NEW(&scene->alloc, e->solid, tangents) &&
+      MS_NEW(&scene->alloc, e->parts, ms_totals_count_parts(model));
   return fits ? MSIM_OK : ms_error_set_memory(err, "the contact set");
 }
 
 ms_collision_planes ms_contact_set_planes(const ms_stepper *s) {
   const ms_scene *scene = s->model->scene;
-  return (ms_collision_planes){scene->nplanes, scene->planes, s->events->reach, s->events->merge};
+  const ms_contact_set *e = s->events;
+  const ms_obstacles *o = &e->near;
+  if (!o->plane)
+    return (ms_collision_planes){.n = scene->nplanes,
+                                 .plane = scene->planes,
+                                 .scene_size = e->reach,
+                                 .contact_distance = e->merge};
+  return (ms_collision_planes){.n = o->nplanes + o->nsolids,
+                               .plane = o->plane,
+                               .scene_size = e->reach,
+                               .contact_distance = e->merge,
+                               .nsolids = o->nsolids,
+                               .solid = o->solid,
+                               .tangent = o->plane + o->nplanes};
 }
 
 ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, const double *b0,
@@ -55,8 +73,9 @@ ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, cons
 
 void ms_contact_set_destroy(const ms_model *model, ms_contact_set *e) {
   if (!e) return;
+  ms_obstacles_destroy(model->scene, &e->near);
   MS_FREE(&model->scene->alloc, e->x, e->v, e->a, e->a_end, e->stage[0], e->stage[1], e->begin[0],
-          e->begin[1], e->contact, e->constraint, e->followed, e->parts, e);
+          e->begin[1], e->contact, e->constraint, e->followed, e->tangent, e->solid, e->parts, e);
 }
 
 void ms_contact_set_save_start(ms_contact_set *e, ms_shape shape) {
@@ -109,18 +128,52 @@ static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *planes, 
   s->stats->contacts += bounced;
   if (!bounced && !outside) return;
   ms_contact_set_make_writable(s);
-  ms_impacts_move_onto(&c->on, x);
+  ms_obstacles_move_onto(planes, &c->on, x);
   ms_unknowns_set(rows, x, c->row, s->x);
   ms_unknowns_set(rows, v, c->row, s->v);
 }
 
 /* The planes that a particle presses on, of those that it touches and does not separate from */
-static ms_plane_set find_holding(const ms_stepper *s, const ms_plane_set *on, const double v[3],
-                                 const double a[3]) {
+static ms_plane_set find_holding(const ms_stepper *s, const ms_plane_set *on, const double x[3],
+                                 const double v[3], const double a[3]) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
   const double size = ms_vec3_norm(a), tolerance = 1e-14 * (ms_vec3_norm(v) + s->h * size);
-  double left[3] = {a[0], a[1], a[2]}, unused;
+  double left[3] = {a[0], a[1], a[2]}, least[MS_MAX_TOUCHED_PLANES], unused;
   const ms_plane_set stays = ms_impacts_select_approached(on, v, tolerance);
-  return ms_impacts_remove_pressing(&stays, MS_REACTION_TOLERANCE * size, left, &unused);
+  if (!planes.nsolids)
+    return ms_impacts_remove_pressing(&stays, MS_REACTION_TOLERANCE * size, left, &unused);
+  ms_obstacles_find_centripetal(&planes, &stays, x, v, least);
+  return ms_impacts_raise_pressing(&stays, least, MS_REACTION_TOLERANCE * size, left, &unused);
+}
+
+int32_t ms_contact_set_find_solid(const ms_stepper *s, const msim_plane *plane) {
+  const ms_contact_set *e = s->events;
+  const ms_obstacles *o = &e->near;
+  const int is_shared = !o->plane || (plane >= o->plane && plane < o->plane + o->nplanes);
+  return is_shared ? -1 : e->solid[plane - e->tangent];
+}
+
+void ms_contact_set_add_tangent(ms_stepper *s, ms_contact *c, int32_t solid, const double x[3]) {
+  ms_contact_set *e = s->events;
+  size_t slot = (size_t)MS_MAX_TANGENTS * (size_t)c->row;
+  while (ms_impacts_contains_plane(&c->on, &e->tangent[slot])) slot++;
+  e->tangent[slot] = e->near.plane[e->near.nplanes + solid];
+  e->solid[slot] = solid;
+  ms_obstacles_set_tangent(&e->near.solid[solid], x, &e->tangent[slot]);
+  c->on.plane[c->on.n++] = &e->tangent[slot];
+  c->has_solid = 1;
+}
+
+/* Replaces tangent planes near the particle at hand by those of the contact. */
+static void own_tangents(ms_stepper *s, ms_contact *c, const double x[3]) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  const ms_plane_set on = c->on;
+  c->on.n = 0;
+  for (int i = 0; i < on.n; i++) {
+    const ms_solid *solid = ms_obstacles_get_solid(&planes, on.plane[i]);
+    if (solid) ms_contact_set_add_tangent(s, c, (int32_t)(solid - planes.solid), x);
+    else c->on.plane[c->on.n++] = on.plane[i];
+  }
 }
 
 static void scale_to_one(double u[3]) {
@@ -182,11 +235,12 @@ void ms_contact_set_classify(ms_contact *c, int32_t dims) {
 /* Reduces c->on to the planes that act, and v to motion along them; 0: the particle is free. */
 static int settle_contact(ms_stepper *s, ms_contact *c) {
   const ms_unknowns *rows = &s->model->unknowns;
-  double v[3], before[3], a[3];
+  double x[3], v[3], before[3], a[3];
+  ms_unknowns_get(rows, s->x, c->row, x);
   ms_unknowns_get(rows, s->v, c->row, v);
   ms_unknowns_get(rows, s->events->a, c->row, a);
   const ms_plane_set touched = c->on;
-  c->on = find_holding(s, &touched, v, a);
+  c->on = find_holding(s, &touched, x, v, a);
   const double left = s->events->bounce_time;
   if (!c->on.n && left > 0 && touched.n == 1 &&
       ms_particle_path_sums_bounces(touched.plane[0], v, a, left, s->events->bounce_reach)) {
@@ -195,6 +249,7 @@ static int settle_contact(ms_stepper *s, ms_contact *c) {
     c->rebound = ms_vec3_dot(touched.plane[0]->normal, v);
   }
   if (!c->on.n) return 0;
+  if (s->events->near.nsolids) own_tangents(s, c, x);
   ms_contact_set_classify(c, rows->dims);
   const double tolerance = ms_impacts_speed_tolerance(v);
   memcpy(before, v, sizeof v);
@@ -222,6 +277,7 @@ void ms_contact_set_update(ms_stepper *s) {
   for (int32_t r = 0; r < rows->nfree; r++) {
     double x[3];
     ms_unknowns_get(rows, s->x, r, x);
+    ms_obstacles_touch(&planes, x);
     const ms_plane_set on = ms_impacts_find_touched(&planes, x);
     if (!on.n) continue;
     e->contact[touching] = (ms_contact){.row = r, .on = on};
@@ -233,6 +289,9 @@ void ms_contact_set_update(ms_stepper *s) {
   int32_t resting = 0;
   for (int32_t i = 0; i < touching; i++) {
     ms_contact c = e->contact[i];
+    double x[3];
+    ms_unknowns_get(rows, s->x, c.row, x);
+    ms_obstacles_touch(&planes, x);
     if (settle_contact(s, &c)) e->contact[resting++] = c;
   }
   e->ncontacts = resting;
@@ -280,14 +339,27 @@ static double friction_margin(const ms_contact *c, const double a[3]) {
 /* The share of the substep after which g, linear in time, falls below 0 */
 static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
 
+/* The largest centrifugal acceleration from the solids of a contact, v.(dn/dx) v */
+static double find_centrifugal(const ms_stepper *s, const ms_contact *c, const double v[3]) {
+  double most = -INFINITY, x[3];
+  if (!c->has_solid) return 0;
+  ms_unknowns_get(&s->model->unknowns, s->x, c->row, x);
+  for (int i = 0; i < c->on.n; i++) {
+    const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[i]);
+    const ms_solid *of = s->events->near.solid + solid;
+    most = fmax(most, solid >= 0 ? ms_signed_distance_bend(of, x, v) : 0);
+  }
+  return most;
+}
+
 /* ms_contact.change, but for turns. v: at the start; a0, a1: free accelerations at both ends.
  * Sliding stops as with constant a0. */
 static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
-                          const double a1[3]) {
+                          const double a1[3], double centrifugal) {
   if (c->bounces) return MS_NOWHERE;
   const double tolerance = MS_REACTION_TOLERANCE * ms_vec3_norm(a1),
-               push = ms_contact_set_reaction(c, a1);
-  if (push < -tolerance) return crossing(ms_contact_set_reaction(c, a0), push);
+               push = ms_contact_set_reaction(c, a1) - centrifugal;
+  if (push < -tolerance) return crossing(ms_contact_set_reaction(c, a0) - centrifugal, push);
   if (c->fixed || (c->sticks && friction_margin(c, a1) >= -tolerance)) return MS_NOWHERE;
   if (c->sticks) return crossing(friction_margin(c, a0), friction_margin(c, a1));
   if (!c->has_friction) return MS_NOWHERE;
@@ -305,7 +377,7 @@ static void update_change(const ms_stepper *s, ms_contact *c) {
   ms_unknowns_get(rows, s->events->a, c->row, a[0]);
   ms_unknowns_get(rows, s->events->a_end, c->row, a[1]);
   c->change = turns_sharply(c, s->h, v, a[1]) ? 0.5 : MS_NOWHERE;
-  c->change = fmin(c->change, find_change(c, s->h, v[0], a[0], a[1]));
+  c->change = fmin(c->change, find_change(c, s->h, v[0], a[0], a[1], find_centrifugal(s, c, v[1])));
 }
 
 /*------------------------------------- reactions ------------------------------------------------*/
@@ -315,14 +387,24 @@ static uint64_t hash_number(uint64_t sign, uint64_t number) {
   return (sign ^ number) * 1099511628211u;
 }
 
+/* Tangent planes count by their solid and their normal. */
+static uint64_t hash_plane(const ms_stepper *s, const msim_plane *plane, uint64_t sign) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  const int32_t solid = ms_contact_set_find_solid(s, plane);
+  uint64_t normal[3];
+  if (solid < 0) return hash_number(sign, (uint64_t)(plane - planes.plane));
+  memcpy(normal, plane->normal, sizeof normal);
+  for (int c = 0; c < 3; c++) sign = hash_number(sign, normal[c]);
+  return hash_number(sign, (uint64_t)(planes.n + solid));
+}
+
 uint64_t ms_contact_set_hash(const ms_stepper *s) {
   const ms_contact_set *e = s->events;
   uint64_t sign = e->ncontacts ? 14695981039346656037u : 0;
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
     sign = hash_number(hash_number(sign, (uint64_t)c->row), (uint64_t)c->sticks);
-    for (int k = 0; k < c->on.n; k++)
-      sign = hash_number(sign, (uint64_t)(c->on.plane[k] - s->model->scene->planes));
+    for (int k = 0; k < c->on.n; k++) sign = hash_plane(s, c->on.plane[k], sign);
   }
   return sign;
 }

@@ -9,6 +9,7 @@
 #define MS_CONTACT_SET_H
 
 #include "integrate/integrator.h"
+#include "contact/obstacles.h"
 #include "contact/particle_path.h"
 #include "physics/totals.h"
 
@@ -25,6 +26,7 @@ typedef struct ms_contact {
   int fixed;        /* at least as many planes as components: it cannot slide */
   int has_friction; /* a plane has friction */
   int bounces;      /* its bounces are so short that the particle path sums them */
+  int has_solid;    /* a plane of `on` is tangent to a solid */
   double rebound;   /* m/s: n.v at the start of the substep, if it bounces */
   ms_plane_set on;  /* its planes, which are independent */
   double sliding_direction
@@ -47,10 +49,16 @@ typedef struct ms_contact {
   double least_jump; /* m/s^2: the smallest J/(m h) */
 } ms_contact;
 
+/* A contact has at most so many planes that are tangent to solids. */
+enum { MS_MAX_TANGENTS = MS_MAX_INDEPENDENT_PLANES };
+
 /* State of a stepper under collision = event. The substep being made starts from s->x and s->v;
  * these point to x and v here once impacts or contacts have changed them. */
 typedef struct ms_contact_set {
   double reach, merge; /* those of ms_collision_planes (impacts.h) */
+  ms_obstacles near;   /* in scenes with colliders: tangent planes near the particle at hand */
+  msim_plane *tangent; /* MS_MAX_TANGENTS for each unknown: those of contacts */
+  int32_t *solid;      /* the same: index of the solid to which it is tangent */
   double *x, *v;
   double *a, *a_end; /* F/m without reactions, at the start and at the end of the substep */
   double *stage[2];  /* x and v of a stage of the dense output; scratch */
@@ -81,6 +89,12 @@ static inline ms_contact *ms_contact_set_lookup(const ms_contact_set *e, int32_t
 
 /* Sets c->fixed and c->has_friction by the planes of the contact; dims: components of a vector. */
 void ms_contact_set_classify(ms_contact *c, int32_t dims);
+
+/* Index of the solid to which a plane of a contact is tangent; -1: it is no such plane */
+int32_t ms_contact_set_find_solid(const ms_stepper *s, const msim_plane *plane);
+
+/* Adds the plane that touches a solid at the point nearest to x to the planes of a contact. */
+void ms_contact_set_add_tangent(ms_stepper *s, ms_contact *c, int32_t solid, const double x[3]);
 
 /* The path (particle_path.h) of an unknown from s->x, s->v over s->h, with a = b0 */
 ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, const double *b0,

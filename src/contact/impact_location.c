@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "physics/signed_distance.h"
 
 /* A step in substeps */
 typedef struct substeps {
@@ -50,11 +51,11 @@ static void estimate_path_error(const substeps *j, int32_t row, const ms_particl
   if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
 }
 
-/* 1: the particle follows its own path in the substep: its bounces are summed, its contact changes,
- * or friction acts, and the method allows no force that depends on v. */
+/* 1: the particle follows its own path in the substep: its bounces are summed, its contact changes
+ * or is one with a solid, or friction acts, and the method allows no force that depends on v. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int slides_with_friction = c->has_friction && !c->sticks && j->method->separable;
-  return c->bounces || slides_with_friction || c->change <= 1;
+  return c->bounces || c->has_solid || slides_with_friction || c->change <= 1;
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
@@ -130,10 +131,60 @@ static double locate_impact(substeps *j, int32_t row, const msim_plane *p, doubl
   return q <= 1 && path.c[0] <= tolerance && !leaves ? fmax(q, LEAST) : q;
 }
 
+/* The largest second derivative of a cubic with values x and slopes u at both ends */
+static double find_largest_bend(double x[2][3], double u[2][3]) {
+  double start[3], end[3];
+  for (int c = 0; c < 3; c++) {
+    start[c] = 6 * (x[1][c] - x[0][c]) - 4 * u[0][c] - 2 * u[1][c];
+    end[c] = 6 * (x[0][c] - x[1][c]) + 2 * u[0][c] + 4 * u[1][c];
+  }
+  return fmax(ms_vec3_norm(start), ms_vec3_norm(end));
+}
+
+/* 1: the particle may meet a solid in the substep just made, by Hermite's cubic with the margin of
+ * may_reach_plane(): the distance from a solid changes at most as fast as the particle moves. */
+static int may_meet_solid(const substeps *j, int32_t row) {
+  enum { MOST = 64 };
+  const ms_stepper *s = j->s;
+  const ms_unknowns *rows = &s->model->unknowns;
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  double x[2][3], u[2][3], unused[3];
+  if (!planes.nsolids) return 0;
+  ms_unknowns_get(rows, s->x, row, x[0]);
+  ms_unknowns_get(rows, s->v, row, u[0]);
+  ms_unknowns_get(rows, s->x_next, row, x[1]);
+  ms_unknowns_get(rows, s->v_next, row, u[1]);
+  for (int c = 0; c < 3; c++) u[0][c] *= s->h, u[1][c] *= s->h;
+  const double bend = find_largest_bend(x, u), z = s->h * j->bounds.omega,
+               fastest = fmax(ms_vec3_norm(u[0]), ms_vec3_norm(u[1])) + bend,
+               near = z * z / 96 * bend + ms_impacts_distance_tolerance(&planes, x[0]);
+  for (int32_t i = 0; i < planes.nsolids; i++) {
+    double q = 0;
+    for (int k = 0; q <= 1; k++) {
+      double y[3];
+      for (int c = 0; c < 3; c++) {
+        const ms_bernstein cubic = ms_bernstein_cubic(x[0][c], u[0][c], x[1][c], u[1][c]);
+        y[c] = ms_bernstein_evaluate(&cubic, q);
+      }
+      const double distance = ms_signed_distance(&planes.solid[i], y, unused);
+      if (distance <= near || k == MOST) return 1;
+      q += distance / fastest;
+    }
+  }
+  return 0;
+}
+
+static int may_any_meet_solid(const substeps *j) {
+  if (!j->e->near.nsolids) return 0;
+  for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++)
+    if (may_meet_solid(j, r)) return 1;
+  return 0;
+}
+
 /* Updates *first by the impacts of one particle: the earliest, and the largest depth. */
 static void find_particle_impact(substeps *j, int32_t row, const ms_contact *c, impact *first) {
-  const ms_scene *scene = j->s->model->scene;
-  for (const msim_plane *p = scene->planes; p < scene->planes + scene->nplanes; p++) {
+  const ms_collision_planes planes = ms_contact_set_planes(j->s);
+  for (const msim_plane *p = planes.plane; p < planes.plane + planes.n - planes.nsolids; p++) {
     double depth = 0;
     if (c && ms_impacts_contains_plane(&c->on, p)) continue;
     const double share = locate_impact(j, row, p, &depth);
@@ -260,15 +311,19 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   j->e->followed[j->e->nfollowed++] = row;
 }
 
-/* Follows the paths of particles that need them and, with `all`, of those with an impact. */
+/* Follows the paths of particles that need them, or may meet solids, and, with `all`, of those with
+ * an impact. */
 static void follow_paths(substeps *j, int all) {
   ms_contact_set *e = j->e;
-  if (all) ensure_end_accelerations(j);
+  const int solids = may_any_meet_solid(j);
+  if (all || solids) ensure_end_accelerations(j);
   e->nfollowed = 0;
   int32_t next = 0;
-  for (int32_t r = 0; r < j->s->model->unknowns.nfree && (all || next < e->ncontacts); r++) {
+  for (int32_t r = 0; r < j->s->model->unknowns.nfree && (all || solids || next < e->ncontacts);
+       r++) {
     const ms_contact *c = ms_contact_set_lookup(e, r, &next);
-    double from = c && needs_path(j, c) ? 0 : MS_NOWHERE;
+    const int follows = (c && needs_path(j, c)) || (solids && may_meet_solid(j, r));
+    double from = follows ? 0 : MS_NOWHERE;
     if (all && from > 1) {
       impact first = {.share = MS_NOWHERE};
       find_particle_impact(j, r, c, &first);
@@ -295,7 +350,8 @@ static int is_done(substeps *j) {
 /* The share of the substep before the first change of a contact, or MS_NOWHERE */
 static double find_first_change(const substeps *j) {
   double first = MS_NOWHERE;
-  for (int32_t i = 0; i < j->e->ncontacts; i++) first = fmin(first, j->e->contact[i].change);
+  for (int32_t i = 0; i < j->e->ncontacts; i++)
+    if (!j->e->contact[i].has_solid) first = fmin(first, j->e->contact[i].change);
   return first;
 }
 

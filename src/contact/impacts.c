@@ -185,9 +185,14 @@ double ms_impacts_remove_normal(const ms_plane_set *touch, double u[3], double *
   return friction_limit;
 }
 
+ms_plane_set ms_impacts_raise_pressing(const ms_plane_set *touch, const double *least,
+                                       double tolerance, double a[3], double *friction_limit) {
+  double J[MS_MAX_TOUCHED_PLANES] = {0};
+  ms_impacts_project(touch, least, a, J);
+  return ms_impacts_select_pushing(touch, J, tolerance, friction_limit);
+}
+
 ms_plane_set ms_impacts_remove_pressing(const ms_plane_set *touch, double tolerance, double a[3],
                                         double *friction_limit) {
-  double J[MS_MAX_TOUCHED_PLANES] = {0};
-  ms_impacts_project(touch, zero_targets, a, J);
-  return ms_impacts_select_pushing(touch, J, tolerance, friction_limit);
+  return ms_impacts_raise_pressing(touch, zero_targets, tolerance, a, friction_limit);
 }

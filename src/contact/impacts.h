@@ -8,6 +8,7 @@
 #define MS_IMPACTS_H
 
 #include "msim/msim.h"
+#include "scene/colliders.h"
 
 /* At most 3 normals in space are linearly independent; a corner may have more planes. */
 enum { MS_MAX_TOUCHED_PLANES = 6, MS_MAX_INDEPENDENT_PLANES = 3 };
@@ -32,6 +33,9 @@ typedef struct ms_collision_planes {
   const msim_plane *plane;
   double scene_size; /* m: the size of the scene, a lower bound of |x| in rounding tolerances */
   double contact_distance; /* m: a particle nearer to a plane touches it */
+  int32_t nsolids;         /* the last planes are tangent to these, near one point (obstacles.h) */
+  const ms_solid *solid;
+  msim_plane *tangent; /* the same planes */
 } ms_collision_planes;
 
 /* Rounding tolerances of a distance at x, merge included, and of a speed. */
@@ -78,5 +82,8 @@ double ms_impacts_remove_normal(const ms_plane_set *touch, double u[3], double *
  * over mass J_i > tolerance; *friction_limit: their friction limit over mass, sum mu_i J_i. */
 ms_plane_set ms_impacts_remove_pressing(const ms_plane_set *touch, double tolerance, double a[3],
                                         double *friction_limit);
+/* The same to n_i.a >= least_i. */
+ms_plane_set ms_impacts_raise_pressing(const ms_plane_set *touch, const double *least,
+                                       double tolerance, double a[3], double *friction_limit);
 
 #endif

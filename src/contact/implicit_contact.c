@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/solid_contact.h"
 #include "methods/methods.h"
 #include "physics/external_force.h"
 
@@ -35,6 +36,13 @@ static double find_rebound(const contact_solve *j, int32_t row, const msim_plane
   return j->law == ELASTIC && back > slow ? back : 0;
 }
 
+/* To keep its distance a particle moves along the tangent plane at its start; inside out solids
+ * curve towards it, so that it stays. */
+static void keep_from_solids(const contact_solve *j, ms_contact *c, const double x[3]) {
+  ms_solid_contact_set_tangents(j->s, c, x);
+  c->sticks |= ms_solid_contact_is_inside_out(j->s, c);
+}
+
 /* Replaces the normal velocities at the start by the prescribed ones; a particle that sticks has no
  * other. The impulses J per mass, over h, add to the normal forces per mass. */
 static void prescribe_velocity(contact_solve *j, ms_contact *c) {
@@ -43,8 +51,11 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
   double x[3], v[3], to[MS_MAX_TOUCHED_PLANES], J[MS_MAX_INDEPENDENT_PLANES] = {0};
   ms_unknowns_get(rows, s->x, c->row, x);
   ms_unknowns_get(rows, j->v_start, c->row, v);
+  if (c->has_solid && j->law == KEEP_DISTANCE) keep_from_solids(j, c, x);
   for (int i = 0; i < c->on.n; i++) {
-    const double gap = fmax(0, ms_impacts_distance(c->on.plane[i], x));
+    const double distance = ms_impacts_distance(c->on.plane[i], x);
+    const int is_tangent = ms_contact_set_find_solid(s, c->on.plane[i]) >= 0;
+    const double gap = is_tangent ? distance : fmax(0, distance); /* < 0: near a curved surface */
     const double back = find_rebound(j, c->row, c->on.plane[i], v);
     const int reaches = back == 0 && j->law != KEEP_DISTANCE;
     to[i] = reaches ? -gap / s->h : back;
@@ -52,7 +63,9 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
     c->leave[i] = back;
     j->bounces |= back > 0;
   }
+  double end[3] = {v[0], v[1], v[2]};
   ms_impacts_set_normal_components(&c->on, to, v, J);
+  if (c->has_solid) ms_impacts_set_normal_components(&c->on, c->leave, end, J);
   c->impulse_friction = 0, c->least_jump = INFINITY;
   for (int i = 0; i < c->on.n && i < MS_MAX_INDEPENDENT_PLANES; i++) {
     c->impulse_friction += c->on.plane[i]->friction * J[i] / s->h;
@@ -73,19 +86,23 @@ static void prescribe_velocities(contact_solve *j) {
 
 /*------------------------------------- contact changes ------------------------------------------*/
 
-/* The planes of an unknown: those of its contact c (nullable), and those that it is behind at the
- * end of the step. */
-static ms_plane_set find_planes(const contact_solve *j, int32_t row, const ms_contact *c) {
+/* Adds the planes to those of an unknown that it is behind at the end of the step. */
+static void add_planes(const contact_solve *j, int32_t row, ms_plane_set *on) {
   const ms_collision_planes planes = ms_contact_set_planes(j->s);
   double x[3];
-  ms_plane_set on = c ? c->on : (ms_plane_set){0};
   ms_unknowns_get(&j->s->model->unknowns, j->s->x_next, row, x);
   const double tolerance = ms_impacts_distance_tolerance(&planes, x);
-  for (const msim_plane *p = planes.plane; p < planes.plane + planes.n; p++)
-    if (on.n < MS_MAX_INDEPENDENT_PLANES && !ms_impacts_contains_plane(&on, p) &&
+  for (const msim_plane *p = planes.plane; p < planes.plane + planes.n - planes.nsolids; p++)
+    if (on->n < MS_MAX_INDEPENDENT_PLANES && !ms_impacts_contains_plane(on, p) &&
         ms_impacts_distance(p, x) < -tolerance)
-      on.plane[on.n++] = p;
-  return on;
+      on->plane[on->n++] = p;
+}
+
+/* The same for tangent planes of solids */
+static void add_tangents(const contact_solve *j, ms_contact *c) {
+  double at[3];
+  for (int32_t i = 0; i < j->e->near.nsolids && c->on.n < MS_MAX_INDEPENDENT_PLANES; i++)
+    if (ms_solid_contact_meets(j->s, c->row, c, i, at)) ms_contact_set_add_tangent(j->s, c, i, at);
 }
 
 static int compare_rows(const void *a, const void *b) {
@@ -100,13 +117,15 @@ static int32_t add_penetrating(contact_solve *j) {
   int32_t nnew = 0, changed = 0, next = 0;
   for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
     ms_contact *c = ms_contact_set_lookup(e, r, &next);
-    const ms_plane_set on = find_planes(j, r, c);
-    if (on.n == (c ? c->on.n : 0)) continue;
+    ms_contact with = c ? *c : (ms_contact){.row = r, .is_prescribed = 1};
+    const int before = with.on.n;
+    add_planes(j, r, &with.on);
+    add_tangents(j, &with);
+    if (with.on.n == before) continue;
     changed++;
-    if (c) c->on = on, c->enters = 1;
-    else
-      e->contact[e->ncontacts + nnew++] =
-          (ms_contact){.row = r, .on = on, .is_prescribed = 1, .enters = 1};
+    with.enters = 1;
+    if (c) *c = with;
+    else e->contact[e->ncontacts + nnew++] = with;
   }
   e->ncontacts += nnew;
   qsort(e->contact, (size_t)e->ncontacts, sizeof *e->contact, compare_rows);
@@ -164,22 +183,39 @@ static int update_friction(contact_solve *j, ms_contact *c) {
 
 /* Solves before these numbers may remove contacts, and change friction; then particles only join,
  * so that the iteration ends. */
-enum { REMOVAL_SOLVES = 2, FRICTION_SOLVES = 3 };
+enum { REMOVAL_SOLVES = 2, FRICTION_SOLVES = 3, TANGENT_SOLVES = 6 };
+
+/* Moves tangent planes to where the step has led; returns 1 if the particle is to end elsewhere. */
+static int update_tangents(contact_solve *j, ms_contact *c) {
+  double x[3];
+  int bounces = 0;
+  for (int i = 0; i < c->on.n; i++) bounces |= c->leave[i] > 0;
+  if (bounces || !ms_solid_contact_is_off(j->s, c)) return 0;
+  ms_unknowns_get(&j->s->model->unknowns, j->s->x_next, c->row, x);
+  ms_solid_contact_set_tangents(j->s, c, x);
+  return 1;
+}
 
 /* Updates the contact set by the step just made; returns 1 if it has changed. */
 static int update_contacts(contact_solve *j, int solves) {
   int32_t changed = solves < REMOVAL_SOLVES ? remove_pulled(j) : 0;
   for (int32_t i = 0; i < j->e->ncontacts && solves < FRICTION_SOLVES; i++)
     changed += update_friction(j, &j->e->contact[i]);
+  for (int32_t i = 0; i < j->e->ncontacts && solves < TANGENT_SOLVES; i++)
+    changed += update_tangents(j, &j->e->contact[i]);
   changed += add_penetrating(j);
   return changed > 0;
 }
 
 /*------------------------------------- the step -------------------------------------------------*/
 
-/* Kinetic, elastic and gravitational energy (J); *rounding: its rounding tolerance */
-static double find_total_energy(const ms_stepper *s, const double *x, const double *v,
-                                double *rounding) {
+/* J */
+typedef struct energy {
+  double total;            /* kinetic, elastic and gravitational energy */
+  double motion, rounding; /* the first two, and the rounding tolerance of all */
+} energy;
+
+static energy find_energy(const ms_stepper *s, const double *x, const double *v) {
   const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
   const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
   const ms_external *forces = &s->model->external;
@@ -187,21 +223,25 @@ static double find_total_energy(const ms_stepper *s, const double *x, const doub
   for (int32_t r = 0; r < s->model->unknowns.nfree; r++)
     weight += s->model->mass[r] *
               (ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r));
-  *rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach);
-  return t.kinetic + t.elastic - ms_external_work(forces, t.moment) - t.force_work;
+  return (energy){
+      .total = t.kinetic + t.elastic - ms_external_work(forces, t.moment) - t.force_work,
+      .motion = t.kinetic + t.elastic,
+      .rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach)};
 }
 
 /* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the
  * contacts and friction found before, particles can only join. */
 static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
-  for (int solves = j->law == KEEP_DISTANCE ? FRICTION_SOLVES : 0;; solves++) {
+  for (int solves = j->law == KEEP_DISTANCE ? TANGENT_SOLVES : 0;; solves++) {
     prescribe_velocities(j);
     j->s->cached_stage = 0;
     j->s->dense_output = 0;
     const msim_status status = j->solve_method->step(j->s, err);
     if (status) return status;
     ms_contact_set_finish_substep(j->s);
-    if (!update_contacts(j, solves)) return MSIM_OK;
+    if (update_contacts(j, solves)) continue;
+    ms_solid_contact_finish(j->s, j->law == KEEP_DISTANCE);
+    return MSIM_OK;
   }
 }
 
@@ -210,25 +250,40 @@ static int is_settled(contact_solve *j) {
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
     const ms_contact *c = ms_contact_set_lookup(j->e, r, &next);
-    if (find_planes(j, r, c).n > (c ? c->on.n : 0) || (c && c->change <= 1)) return 0;
+    ms_plane_set on = c ? c->on : (ms_plane_set){0};
+    const int before = on.n;
+    double at[3];
+    add_planes(j, r, &on);
+    if (on.n > before || (c && (c->change <= 1 || ms_solid_contact_is_off(j->s, c)))) return 0;
+    for (int32_t i = 0; i < j->e->near.nsolids; i++)
+      if (ms_solid_contact_meets(j->s, r, c, i, at)) return 0;
   }
   return 1;
 }
 
 /* Uses the first law under which the solve converges and the energy does not grow. Under the last
- * one planes do no work, so that only the error of implicit Euler remains. */
+ * one planes do no work, so that only the error of implicit Euler remains. Near solids it may take
+ * very many iterations, as where a cloth folds: there linear methods try all laws by themselves,
+ * with a small error of their own; if it is larger, the step is to be made in substeps. */
 static msim_status remake_step(contact_solve *j, msim_error *err) {
+  const double SMALL = 1e-4; /* growth over kinetic and elastic energy */
   const ms_stepper *s = j->s;
-  double rounding, unused;
-  const double before = find_total_energy(s, s->x, j->v_start, &rounding);
+  const int prefers_own = j->e->near.nsolids > 0 && !j->method->nonlinear;
+  const energy start = find_energy(s, s->x, j->v_start);
   j->solve_method = j->method->nonlinear ? &ms_implicit_euler : j->method;
   for (;;) {
     const msim_status status = solve_contact_step(j, err);
-    if (j->law == KEEP_DISTANCE || (status && status != MSIM_NOT_CONVERGED)) return status;
-    if (!status && find_total_energy(s, s->x_next, s->v_next, &unused) <= before + rounding)
-      return status;
+    const int is_last = j->law == KEEP_DISTANCE;
+    if ((is_last && !prefers_own) || (status && status != MSIM_NOT_CONVERGED)) return status;
+    const double most = start.rounding + (is_last ? SMALL * start.motion : 0);
+    if (!status && find_energy(s, s->x_next, s->v_next).total <= start.total + most) return status;
+    if (is_last)
+      return ms_error_set(err, MSIM_NOT_CONVERGED,
+                          "impacts on colliders add energy in a step of h = %g s; use a smaller h, "
+                          "or implicit-euler",
+                          s->h);
     j->law = j->law == ELASTIC && j->bounces ? INELASTIC : KEEP_DISTANCE;
-    j->solve_method = &ms_implicit_euler;
+    if (!prefers_own) j->solve_method = &ms_implicit_euler;
   }
 }
 
@@ -246,7 +301,8 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
     made = !status;
     if (made) ms_contact_set_finish_substep(s);
     if (made && is_settled(&j)) {
-      ms_contact_set_record(s);
+      if (ms_solid_contact_finish(s, 0)) s->cached_stage_next = 0;
+      else ms_contact_set_record(s);
       return MSIM_OK;
     }
   }

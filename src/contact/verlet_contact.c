@@ -4,13 +4,17 @@
 
 /* The impulse on a particle is what its path changes of the velocity without planes, in v_next. */
 static void record_path(const ms_stepper *s, int32_t row, const ms_particle_path *p) {
-  const ms_scene *scene = s->model->scene;
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  const int32_t *numbers = s->events->near.number;
   double dv[3];
   int32_t number[MS_MAX_TOUCHED_PLANES];
   if (!s->contact_log || p->touched.n == 0) return;
   ms_unknowns_get(&s->model->unknowns, s->v_next, row, dv);
   for (int c = 0; c < 3; c++) dv[c] = p->w[c] - dv[c];
-  for (int i = 0; i < p->touched.n; i++) number[i] = (int32_t)(p->touched.plane[i] - scene->planes);
+  for (int i = 0; i < p->touched.n; i++) {
+    const int32_t plane = (int32_t)(p->touched.plane[i] - planes.plane);
+    number[i] = numbers ? numbers[plane] : plane;
+  }
   ms_contact_log_share(s->contact_log, row, &p->touched, number, p->x, dv);
 }
 

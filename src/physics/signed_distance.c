@@ -93,6 +93,22 @@ void ms_signed_distance_find_velocity(const ms_solid *s, const double x[3], doub
   }
 }
 
+/* (|w|^2 - (n.w)^2)/r, r the distance from the axis and n its direction; w is the part of u
+ * perpendicular to the axis, or u where the nearest point of the axis is an end. */
+double ms_signed_distance_bend(const ms_solid *s, const double x[3], const double u[3]) {
+  double q[3], w[3];
+  const double d[3] = {x[0] - s->center[0], x[1] - s->center[1], x[2] - s->center[2]};
+  for (int i = 0; i < 3; i++) q[i] = ms_vec3_dot(s->axis[i], d), w[i] = ms_vec3_dot(s->axis[i], u);
+  const double across = hypot(q[0], q[1]) - s->radius, along = fabs(q[2]) - s->half[2];
+  if (s->type == MSIM_COLLIDER_BOX || (s->type == MSIM_COLLIDER_CYLINDER && along > across))
+    return 0;
+  if (along <= 0 || s->type == MSIM_COLLIDER_CYLINDER) q[2] = w[2] = 0;
+  else q[2] = copysign(along, q[2]);
+  const double r2 = ms_vec3_dot(q, q), n = ms_vec3_dot(q, w);
+  if (!(r2 > 0)) return 0;
+  return (s->inside ? -1 : 1) * (ms_vec3_dot(w, w) - n * n / r2) / sqrt(r2);
+}
+
 double ms_signed_distance_tolerance(const ms_solid *s, const double x[3]) {
   return 64 * DBL_EPSILON * (s->reach + ms_vec3_norm(x));
 }

@@ -13,6 +13,10 @@ double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]
 /* The velocity of the point x of the solid (m/s): that of its center + spin x (x - center) */
 void ms_signed_distance_find_velocity(const ms_solid *s, const double x[3], double v[3]);
 
+/* u.(dn/dx) u near the surface, n the normal (|u|^2/m): how fast n turns along u. 0 on flat faces;
+ * of an edge that of one of its faces. */
+double ms_signed_distance_bend(const ms_solid *s, const double x[3], const double u[3]);
+
 /* Rounding tolerance of that distance, m */
 double ms_signed_distance_tolerance(const ms_solid *s, const double x[3]);
 

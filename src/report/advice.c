@@ -38,10 +38,17 @@ static const ms_integrator *method_of(const advice *a) { return a->sim->config.i
 
 /*------------------------------------- other methods --------------------------------------------*/
 
+/* 1: the scene allows located impacts, and integrator = auto (ms_sim_check_motions). */
+static int can_locate_impacts(const advice *a) {
+  const ms_scene *s = a->sim->scene;
+  int can = s->nmotions == 0;
+  for (int32_t i = 0; i < s->ncolliders; i++)
+    can &= !s->solids[i].samples && !s->collider_motions[i].x.nt;
+  return can;
+}
+
 static void say_choose_automatically(advice *a) {
-  const ms_scene *scene = a->sim->scene;
-  if (ms_sim_selects(a->sim) || options_of(a)->steps >= 0) return;
-  if (scene->ncolliders > 0 || scene->nmotions > 0) return;
+  if (ms_sim_selects(a->sim) || options_of(a)->steps >= 0 || !can_locate_impacts(a)) return;
   say(a, "Set integrator = auto and tol = 1e-4: method and steps are then chosen for the scene.");
 }
 
@@ -90,11 +97,10 @@ static void advise_explicit(advice *a) {
 }
 
 /* Particles that are mirrored behind a plane gain energy in long steps of stiff springs; impacts on
- * colliders are not located, nor those where pinned particles move. */
+ * colliders that move or have samples are not located, nor those where pinned particles move. */
 static void say_mend_impacts(advice *a) {
-  const ms_scene *scene = a->sim->scene;
   if (options_of(a)->collision == MSIM_COLLISION_EVENT || !a->sim->stats.contacts) return;
-  if (scene->ncolliders == 0 && scene->nmotions == 0) {
+  if (can_locate_impacts(a)) {
     say(a, "Set collision = event: impacts are then located inside the step and add no energy.");
     return;
   }

@@ -116,6 +116,11 @@ const double *ms_scene_get_parameter(const ms_scene *scene, const ms_scene_param
  * out of memory. */
 ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
 
+/* 1: particles may collide with planes or colliders. */
+static inline int ms_scene_has_obstacles(const ms_scene *s) {
+  return s->nplanes > 0 || s->ncolliders > 0;
+}
+
 /* Make room for `needed` colliders. Returns 0 if there is no memory. */
 int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err);
 

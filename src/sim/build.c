@@ -109,7 +109,7 @@ static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_e
  * derivatives of a force function are not kept: a lagged factor could not be computed again. */
 static void require_block_matrix(msim_sim *sim) {
   if (ms_scene_has_function(sim->scene)) sim->config.opt.skip_off |= MSIM_SKIP_KEPT_FACTOR;
-  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes &&
+  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene) &&
       sim->config.integrator->entry.implicit)
     sim->config.opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;
 }

@@ -88,7 +88,10 @@ int32_t ms_island_step_count_retries(const msim_sim *sim) {
   enum { USUAL = 6 };
   if (sim->config.integrator->convert_state) return 0;
   if (sim->config.opt.newton_retries >= 0) return sim->config.opt.newton_retries;
-  return sim->config.integrator->nonlinear ? USUAL : 0;
+  const ms_integrator *method = sim->config.integrator;
+  const int may_gain_energy = method->entry.implicit && sim->scene->ncolliders > 0 &&
+                              sim->config.opt.collision == MSIM_COLLISION_EVENT;
+  return method->nonlinear || may_gain_energy ? USUAL : 0;
 }
 
 /* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. */

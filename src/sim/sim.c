@@ -44,34 +44,10 @@ static msim_status set_auto(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
-/* Colliders only reflect: impacts on them are not located. */
-static msim_status check_colliders(const msim_sim *sim, msim_error *err) {
-  const msim_options *opt = &sim->config.opt;
-  if (sim->scene->ncolliders == 0) return MSIM_OK;
-  if (ms_sim_selects(sim))
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "integrator 'auto' does not support colliders; name an integrator, for "
-                        "example velocity-verlet, or replace the colliders by planes");
-  if (opt->tol > 0)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "tol = %g requires located impacts, which colliders do not support; remove "
-                        "tol, or replace the colliders by planes",
-                        opt->tol);
-  if (opt->collision == MSIM_COLLISION_EVENT)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "collision = event does not support colliders; use collision = reflect, or "
-                        "replace the colliders by planes");
-  if (!sim->config.integrator->convert_state) return MSIM_OK;
-  return ms_error_set(
-      err, MSIM_ERR_ARG,
-      "integrator '%s' does not support colliders; use force-gradient, or remove the colliders",
-      opt->integrator);
-}
-
 /* Error control locates impacts, whatever `collision` says, because their error counts towards
  * tol. */
 static msim_status set_collision(msim_sim *sim, msim_error *err) {
-  if (!ms_sim_selects(sim) && ms_sim_has_control(sim) && sim->scene->nplanes > 0)
+  if (!ms_sim_selects(sim) && ms_sim_has_control(sim) && ms_scene_has_obstacles(sim->scene))
     sim->config.opt.collision = MSIM_COLLISION_EVENT;
   if (sim->config.opt.collision != MSIM_COLLISION_EVENT || ms_sim_selects(sim)) return MSIM_OK;
   if (sim->config.integrator->sync)
@@ -88,19 +64,34 @@ static msim_status set_collision(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
+/* Impacts are located on solids at rest that are convex, or whose inside is. */
+static msim_status check_located_colliders(const msim_sim *sim, msim_error *err) {
+  const ms_scene *s = sim->scene;
+  if (!ms_sim_selects(sim) && sim->config.opt.collision != MSIM_COLLISION_EVENT) return MSIM_OK;
+  for (int32_t i = 0; i < s->ncolliders; i++)
+    if (s->solids[i].samples || s->collider_motions[i].x.nt)
+      return ms_error_set(
+          err, MSIM_ERR_ARG,
+          "colliders[%d] %s, where impacts are not located; use collision = reflect "
+          "without tol and with an integrator other than auto, or another collider",
+          i, s->solids[i].samples ? "is given by samples" : "moves");
+  return MSIM_OK;
+}
+
 /* Motions need a method that evaluates forces at known times, whole steps, and no pilot runs. */
 msim_status ms_sim_check_motions(const msim_sim *sim, msim_error *err) {
   const ms_integrator *method = sim->config.integrator;
-  if (sim->scene->nmotions == 0) return MSIM_OK;
+  const msim_status status = check_located_colliders(sim, err);
+  if (status || sim->scene->nmotions == 0) return status;
   if (ms_sim_selects(sim) || method->is_multirate || method->convert_state)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "integrator '%s' does not support motions of pinned particles; use dop853, "
                         "velocity-verlet or implicit-midpoint, or remove the motions",
                         ms_sim_selects(sim) ? MS_AUTO : method->entry.name);
-  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes > 0)
+  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene))
     return ms_error_set(err, MSIM_ERR_ARG,
                         "impacts are not located where pinned particles move; use collision = "
-                        "reflect without tol, or remove the planes or the motions");
+                        "reflect without tol, or remove the planes and colliders or the motions");
   return MSIM_OK;
 }
 
@@ -166,7 +157,6 @@ static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_erro
   status = strcmp(opt->integrator, MS_AUTO) == 0 ? set_auto(sim, err) : set_method(sim, err);
   if (!status) status = ms_backends_check_name(&sim->config.opt, &sim->alloc, err);
   if (!status) warn_unused_end(sim);
-  if (!status) status = check_colliders(sim, err);
   if (!status) status = set_collision(sim, err);
   if (!status) status = check_force_function(sim, err);
   if (!status) status = check_contacts(sim, err);
@@ -177,11 +167,12 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
                                        msim_error *err) {
   const ms_scene *scene = sim->scene;
   const char *name = sim->config.integrator->entry.name;
-  if (sim->config.integrator->convert_state && scene->nplanes > 0 &&
+  const char *obstacles = scene->nplanes ? "planes" : "colliders";
+  if (sim->config.integrator->convert_state && ms_scene_has_obstacles(scene) &&
       !sim->config.choice.verification.planes_far)
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "integrator '%s' does not support planes; use force-gradient, or remove the planes", name);
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator '%s' does not support %s; use force-gradient, or remove the %s",
+                        name, obstacles, obstacles);
   if (sim->config.integrator->is_multirate && scene->angles.n)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "integrator '%s' does not support angular springs; use velocity-verlet, or "

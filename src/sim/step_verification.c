@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "physics/signed_distance.h"
 #include "contact/contact_set.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
@@ -281,8 +282,8 @@ msim_status ms_step_verification_make_step(const msim_sim *sim, ms_island_sim *m
 
 /*------------------------------------- planes ---------------------------------------------------*/
 
-/* The distance of the particle nearest to a plane, m; *speed: that of the fastest one, m/s;
- * *acceleration: the largest one by external forces, m/s^2 */
+/* The distance of the particle nearest to a plane or collider, m; *speed: that of the fastest one,
+ * m/s; *acceleration: the largest one by external forces, m/s^2 */
 static double find_plane_distance(const msim_sim *sim, double *speed, double *acceleration) {
   const ms_scene *scene = sim->scene;
   const double g = ms_external_acceleration(&scene->external);
@@ -290,13 +291,15 @@ static double find_plane_distance(const msim_sim *sim, double *speed, double *ac
   *acceleration = g;
   for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
-      double x[3], v[3];
+      double x[3], v[3], unused[3];
       ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
       ms_unknowns_get(&m->model.unknowns, m->stepper.v, r, v);
       fastest = fmax(fastest, ms_vec3_dot(v, v));
       *acceleration = fmax(*acceleration, g + ms_model_force_acceleration(&m->model, r));
       for (int32_t p = 0; p < scene->nplanes; p++)
         gap = fmin(gap, ms_vec3_dot(scene->planes[p].normal, x) - scene->planes[p].offset);
+      for (int32_t i = 0; i < scene->ncolliders; i++)
+        gap = fmin(gap, ms_signed_distance(&scene->solids[i], x, unused));
     }
   *speed = sqrt(fastest);
   return gap;
@@ -311,7 +314,7 @@ static double count_steps_to_plane(const msim_sim *sim, double h) {
 }
 
 int ms_step_verification_is_plane_close(const msim_sim *sim, double h) {
-  return sim->scene->nplanes > 0 && !(count_steps_to_plane(sim, h) >= 1);
+  return ms_scene_has_obstacles(sim->scene) && !(count_steps_to_plane(sim, h) >= 1);
 }
 
 int ms_step_verification_planes_due(msim_sim *sim) {
@@ -328,7 +331,7 @@ int ms_step_verification_planes_due(msim_sim *sim) {
 
 /* 1: energy is conserved. Planes that do not count yet (verification.away) are left aside. */
 static int is_conserved(const msim_sim *sim) {
-  if (sim->scene->nplanes && !sim->config.choice.verification.planes_far) return 0;
+  if (ms_scene_has_obstacles(sim->scene) && !sim->config.choice.verification.planes_far) return 0;
   return !sim->config.choice.damped;
 }
 

@@ -1,0 +1,65 @@
+/* obstacles - colliders as obstacles of one particle: tangent planes, impacts, curvature
+ *
+ * A solid acts on a particle as the plane that touches it at the point nearest to the particle, so
+ * that impacts, friction and simultaneous contact are those of planes (impacts.h). Solids inside
+ * out with flat faces become planes: a box six of them, a cylinder two, and its curved side is a
+ * capsule of infinite length. So each solid that remains is convex, or its inside is convex and its
+ * surface has a tangent plane everywhere. */
+#ifndef MS_OBSTACLES_H
+#define MS_OBSTACLES_H
+
+#include "base/memory.h"
+#include "contact/impacts.h"
+#include "scene/scene.h"
+
+/* The obstacles of a scene with colliders */
+typedef struct ms_obstacles {
+  int32_t nplanes, nsolids; /* planes: those of the scene and faces of solids inside out */
+  msim_plane *plane;        /* nplanes, and nsolids tangent planes */
+  ms_solid *solid;
+  int32_t *number; /* of each plane: that of the plane of the scene, or its planes + the collider */
+} ms_obstacles;
+
+/* After failure, 0, destroy frees what was allocated. */
+int ms_obstacles_create(const ms_scene *scene, ms_obstacles *o);
+void ms_obstacles_destroy(const ms_scene *scene, ms_obstacles *o);
+
+/* Sets the tangent planes to those at the points nearest to x. */
+void ms_obstacles_touch(const ms_collision_planes *planes, const double x[3]);
+
+/* Sets normal and offset of the plane that touches the solid at the point nearest to x. */
+void ms_obstacles_set_tangent(const ms_solid *solid, const double x[3], msim_plane *tangent);
+
+/* The solid to which a plane of `planes` is tangent, or NULL */
+static inline const ms_solid *ms_obstacles_get_solid(const ms_collision_planes *planes,
+                                                     const msim_plane *plane) {
+  const int64_t i = plane - planes->plane - (planes->n - planes->nsolids);
+  return i >= 0 && i < planes->nsolids ? &planes->solid[i] : NULL;
+}
+
+/* Moves x onto all planes of `touch` and the surfaces to which they are tangent, and updates the
+ * tangent planes. */
+void ms_obstacles_move_onto(const ms_collision_planes *planes, const ms_plane_set *touch,
+                            double x[3]);
+
+/* Normal accelerations of a particle that moves along the surfaces at v: s = 0, differentiated
+ * twice, is n.a = -v.(dn/dx) v. least: one for each plane of `on`; 0 for those of flat surfaces. */
+void ms_obstacles_find_centripetal(const ms_collision_planes *planes, const ms_plane_set *on,
+                                   const double x[3], const double v[3], double *least);
+
+/* 1: dx along its tangent plane leads from x beyond an edge of the solid: farther from it than its
+ * surface curves away, R (sqrt(1 + b/R) - 1), b = dx.(dn/dx) dx, by more than the tolerance. Inside
+ * out solids have no edges. */
+int ms_obstacles_is_beyond_edge(const ms_solid *solid, const double x[3], const double dx[3],
+                                double tolerance);
+
+/* When s + u t + g t^2/2 falls below 0; INFINITY: never. */
+double ms_obstacles_time_to_plane(double s, double u, double g);
+
+/* When the parabola from x with v and a, from the time `from` on, comes closer to the solid than
+ * the tolerance; INFINITY: not before `left`. No impact is passed over: each step of the iteration
+ * leads to a lower bound of the time of impact. */
+double ms_obstacles_time_to_solid(const ms_solid *solid, const double x[3], const double v[3],
+                                  const double a[3], double from, double left, double tolerance);
+
+#endif

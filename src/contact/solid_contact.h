@@ -1,0 +1,31 @@
+/* solid_contact - contact with solids in the steps of implicit_contact.h
+ *
+ * A particle in contact with a solid is to end on its surface. The condition of a solve is a plane:
+ * the one that touches the solid where the last solve has led, so that the iteration converges to
+ * implicit Euler's step on the surface, which does not increase the energy. In the end the position
+ * is moved onto the surface exactly. */
+#ifndef MS_SOLID_CONTACT_H
+#define MS_SOLID_CONTACT_H
+
+#include "contact/contact_set.h"
+
+/* 1: the way of an unknown from s->x to s->x_next meets solid i; c: its contact, or NULL. `at`: the
+ * tangent plane at the point of the surface nearest to it stops the unknown. */
+int ms_solid_contact_meets(const ms_stepper *s, int32_t row, const ms_contact *c, int32_t i,
+                           double at[3]);
+
+/* 1: s->x_next is off the surfaces by more than a small part of the way, but not beyond an edge. */
+int ms_solid_contact_is_off(const ms_stepper *s, const ms_contact *c);
+
+/* Sets the tangent planes of a contact to those near x. */
+void ms_solid_contact_set_tangents(const ms_stepper *s, const ms_contact *c, const double x[3]);
+
+/* 1: a plane of the contact is tangent to a solid inside out. */
+int ms_solid_contact_is_inside_out(const ms_stepper *s, const ms_contact *c);
+
+/* Moves particles in contact onto the surfaces, to the last bit, in s->x_next, and turns s->v_next;
+ * those that bounce or keep their distances, only out of solids. Where that is impossible they stay
+ * where they were, at rest. Returns 1 if x_next has changed. */
+int ms_solid_contact_finish(ms_stepper *s, int keeps_distance);
+
+#endif
