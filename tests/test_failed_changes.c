@@ -72,16 +72,38 @@ static msim_status move_corner(msim_sim *sim, msim_error *err) {
   return msim_sim_move_pinned(sim, 1, &corner, x, 0.1, err);
 }
 
-static checkpoint later; /* of a sim that is some steps ahead */
+/* A particle is removed, and two are added. */
+static msim_status edit(msim_sim *sim, msim_error *err) {
+  const int32_t gone = N - 1, ij[4] = {0, N, 3, N + 1};
+  const double x[6] = {0, 0.1, 0.2, 0, 0.3, 0.1}, mass[2] = {0.01, 0.01}, k[2] = {10, 20};
+  const msim_edit edit = {.size = sizeof edit,
+                          .nremoved_particles = 1,
+                          .removed_particles = &gone,
+                          .nparticles = 2,
+                          .x = x,
+                          .mass = mass,
+                          .nsprings = 2,
+                          .ij = ij,
+                          .k = k};
+  return msim_sim_edit(sim, &edit, err);
+}
+
+static checkpoint later, edited; /* of a sim that is some steps ahead; after an edit */
 
 static msim_status load_later(msim_sim *sim, msim_error *err) {
   return msim_sim_load(sim, later.bytes, later.length, err);
+}
+
+static msim_status load_edited(msim_sim *sim, msim_error *err) {
+  return msim_sim_load(sim, edited.bytes, edited.length, err);
 }
 
 static void save_later(const msim_scene *scene, const msim_options *opt) {
   msim_sim *ahead = make_sim(scene, opt);
   assert_ok(msim_sim_step(ahead, 7, err));
   later = save(ahead);
+  assert_ok(edit(ahead, err));
+  edited = save(ahead);
   msim_sim_destroy(ahead);
 }
 
@@ -129,7 +151,7 @@ static int64_t fail_change(const char *method, msim_status (*change)(msim_sim *,
     restart(sim), restart(twin);
     expect_same_states(sim, twin, method, failure);
   }
-  free(later.bytes);
+  free(later.bytes), free(edited.bytes);
   msim_sim_destroy(sim), msim_sim_destroy(twin);
   msim_scene_destroy(scene);
   assert_int_equal(b.live, 0);
@@ -179,12 +201,19 @@ static void states_that_cannot_be_set(void **state) {
 static void checkpoints_that_cannot_be_loaded(void **state) {
   (void)state;
   fail_with_all_methods(load_later);
+  fail_with_all_methods(load_edited);
+}
+
+static void scenes_that_cannot_be_edited(void **state) {
+  (void)state;
+  fail_with_all_methods(edit);
 }
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(springs_that_cannot_be_set),
                                      cmocka_unit_test(forces_that_cannot_be_set),
                                      cmocka_unit_test(pins_that_cannot_be_changed),
+                                     cmocka_unit_test(scenes_that_cannot_be_edited),
                                      cmocka_unit_test(steps_that_cannot_be_set),
                                      cmocka_unit_test(states_that_cannot_be_set),
                                      cmocka_unit_test(checkpoints_that_cannot_be_loaded)};

@@ -90,9 +90,9 @@ typedef struct msim_energy {
   double angular_momentum[3]; /* kg m^2/s */
   double work; /* energy supplied since the first start, J, by motions of pinned particles and
                   colliders, by a force function without potential, and by each call of
-                  msim_sim_set_gravity and msim_sim_set_forces; without damping, drag and inelastic
-                  impacts total - work is constant, to the accuracy of the method. At a frame
-                  inside a step: that at the end of the step */
+                  msim_sim_set_gravity, msim_sim_set_forces and msim_sim_edit; without damping, drag
+                  and inelastic impacts total - work is constant, to the accuracy of the method. At
+                  a frame inside a step: that at the end of the step */
 } msim_energy;
 
 /* A particle and a plane or a collider that it touched in a step. This struct is fixed. */
@@ -294,6 +294,16 @@ MSIM_API msim_status msim_sim_move_collider(msim_sim *sim, int32_t collider,
  * matrices are analyzed anew, as they have other unknowns. */
 MSIM_API msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t *particles /* n */,
                                          int32_t pinned, msim_error *err);
+
+/* Remove and add particles and springs of this sim, not of its scene: a run with the others starts
+ * from the present state like msim_sim_set_gravity, as in a sim created from the edited scene. What
+ * stays continues in its state, what is added starts with the given x and v, and the energy that
+ * both change counts as work. Only islands that differ are built and analyzed anew; integrator =
+ * auto and respa build all. Checkpoints contain the edited scene, and are loaded into a sim of the
+ * original one. Recorders opened before refuse further frames. Time grows with the number of
+ * particles and springs of the whole scene: make one edit of many changes. Faces and removed
+ * indices as msim_scene_edit. May return plugin statuses. */
+MSIM_API msim_status msim_sim_edit(msim_sim *sim, const msim_edit *edit, msim_error *err);
 
 /* Save a checkpoint: all data that further steps depend on, so that another sim can continue with
  * the same bits, with any method, solver and error control, and with the same counts in stats

@@ -249,6 +249,27 @@ typedef struct msim_collider_motion {
   int32_t interpolation;  /* MSIM_MOTION_..., of x and of rotation vectors */
 } msim_collider_motion;
 
+/* Particles and springs to remove and to add, all at once. All indices are those before the edit;
+ * the particles that it adds are numbered on from there, so that `ij` may refer to both. Afterwards
+ * what stays comes first, in its order and without gaps, and what was added follows. */
+typedef struct msim_edit {
+  size_t size;
+  int32_t nremoved_particles;
+  const int32_t *removed_particles; /* with their springs, also angular ones, faces,
+                                       motions, forces and pins */
+  int32_t nremoved_springs;
+  const int32_t *removed_springs;
+  int32_t nparticles;    /* to add, as by msim_scene_add_particles */
+  const double *x, *v;   /* 3 nparticles, m, m/s. Nullable: v (at rest). */
+  const double *mass;    /* nparticles, kg, > 0 */
+  int32_t nsprings;      /* to add, as by msim_scene_add_springs */
+  const int32_t *ij;     /* 2 nsprings: particles that stay, or are added */
+  const double *k;       /* nsprings, N/m, >= 0 */
+  const double *rest;    /* nsprings, m. Nullable: the present distances. */
+  const double *damping; /* nsprings, N s/m. Nullable: 0. */
+  const int32_t *law;    /* nsprings: their laws. Nullable: linear. */
+} msim_edit;
+
 /* The complete content of a scene; all pointers are borrowed. */
 typedef struct msim_scene_view {
   size_t size;
@@ -406,6 +427,11 @@ MSIM_API msim_status msim_scene_add_motion(msim_scene *scene, const msim_motion 
 
 /* Get motion i, from 0 to nmotions - 1; set motion->size first. Valid as msim_scene_get says. */
 MSIM_API msim_status msim_scene_get_motion(const msim_scene *scene, int32_t i, msim_motion *motion);
+
+/* Remove and add particles and springs. Faces stay unless one of their particles is removed.
+ * Removed indices may occur twice. MSIM_ERR_ARG: an index is out of range, or a spring to add has
+ * an end that is removed; MSIM_ERR_SIZE. */
+MSIM_API msim_status msim_scene_edit(msim_scene *scene, const msim_edit *edit, msim_error *err);
 
 MSIM_API msim_status msim_scene_add_rope(msim_scene *scene, const msim_rope *rope, msim_error *err);
 MSIM_API msim_status msim_scene_add_cloth(msim_scene *scene, const msim_cloth *cloth,

@@ -3,7 +3,8 @@
 #include <string.h>
 
 void ms_archive_transfer(ms_archive *b, void *data, size_t size) {
-  if (b->direction != MS_ARCHIVE_COUNT && b->position <= b->size && size <= b->size - b->position) {
+  if (size > 0 && b->direction != MS_ARCHIVE_COUNT && b->position <= b->size &&
+      size <= b->size - b->position) {
     unsigned char *at = b->data + b->position;
     if (b->direction == MS_ARCHIVE_WRITE) memcpy(at, data, size);
     else if (b->direction == MS_ARCHIVE_READ) memcpy(data, at, size);

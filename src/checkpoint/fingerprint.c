@@ -16,9 +16,14 @@ typedef struct array {
   size_t bytes;
 } array;
 
+/* The scene before its first edit; checkpoints contain the edited one */
+static const ms_scene *unedited_scene(const msim_sim *sim) {
+  return sim->edited_from ? sim->edited_from : sim->scene;
+}
+
 /* The scene with the forces and pins that the sim was made with; checkpoints contain later ones */
 static const ms_scene *created_scene(const msim_sim *sim) {
-  return sim->created_from ? sim->created_from : sim->scene;
+  return sim->created_from ? sim->created_from : unedited_scene(sim);
 }
 
 static void list_arrays(const ms_scene *s, const ms_scene *created, array arrays[MS_SCENE_HASHES]) {
@@ -39,7 +44,7 @@ static void list_arrays(const ms_scene *s, const ms_scene *created, array arrays
 void ms_fingerprint_hash_scene(msim_sim *sim) {
   array arrays[MS_SCENE_HASHES];
   if (sim->scene_is_hashed) return;
-  list_arrays(sim->scene, created_scene(sim), arrays);
+  list_arrays(unedited_scene(sim), created_scene(sim), arrays);
   for (int i = 0; i < MS_SCENE_HASHES; i++)
     sim->scene_hashes[i] = ms_archive_hash(0, arrays[i].data, arrays[i].bytes);
   sim->scene_is_hashed = 1;
@@ -164,7 +169,7 @@ static void list_collider_motions(const ms_scene *s, ms_fingerprint_visitor *mar
 }
 
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
-  const ms_scene *s = sim->scene;
+  const ms_scene *s = unedited_scene(sim);
   array arrays[MS_SCENE_HASHES];
   list_arrays(s, created_scene(sim), arrays);
   list_count(mark, data, "the number of particles", s->nparticles);

@@ -231,6 +231,22 @@ static msim_status restore_in_scene(msim_sim *sim, ms_archive *b, const ms_saved
   return status;
 }
 
+/* Record which scenes the sim had before it was changed and edited. before: the one in use until
+ * now */
+static void set_origins(msim_sim *sim, ms_scene *before, int32_t changed) {
+  const int was_edited = sim->edited_from != NULL;
+  ms_scene *unedited = ms_scene_retain(was_edited ? sim->edited_from : before);
+  if (sim->scene != before) ms_sim_free_matrix(sim); /* its model refers to the scene before */
+  if (sim->scene != before && (was_edited || changed == MS_SCENE_EDITED)) sim->edits++;
+  if (changed != MS_SCENE_EDITED) {
+    ms_sim_set_edited_from(sim, NULL);
+    ms_sim_set_created_scene(sim, changed ? unedited : NULL);
+  } else if (!was_edited) {
+    ms_sim_set_edited_from(sim, ms_scene_retain(unedited));
+  }
+  ms_scene_release(unedited);
+}
+
 msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   ms_saved_run_prepare_islands(sim);
   ms_scene *before = sim->scene, *scene = NULL;
@@ -239,6 +255,7 @@ msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   ms_saved_run_archive(b, sim, &r);
   msim_status status = ms_saved_scene_read_changes(b, sim, &scene, &changed, err);
   if (ms_archive_failed(b)) status = refuse_bytes(b, err);
+  if (!status) status = ms_sim_reserve_state(sim, scene->nparticles, err);
   if (!status) {
     sim->scene = scene;
     status = restore_in_scene(sim, b, &r, scene == before, err);
@@ -248,7 +265,7 @@ msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
     ms_scene_release(scene);
     return status;
   }
-  ms_sim_set_created_scene(sim, changed ? before : NULL);
+  set_origins(sim, before, changed);
   ms_scene_release(before);
   return MSIM_OK;
 }

@@ -139,13 +139,95 @@ static msim_status archive_pins(ms_archive *b, msim_scene *scene, msim_error *er
   return status;
 }
 
+/*------------------------------------- springs --------------------------------------------------*/
+
+static void archive_springs(ms_archive *b, ms_scene *s) {
+  double *arrays[] = {s->k, s->rest, s->damping};
+  for (int i = 0; i < 3; i++) {
+    ms_archive_transfer(b, arrays[i], (size_t)s->nsprings * sizeof(double));
+    for (int32_t e = 0; e < s->nsprings && b->direction == MS_ARCHIVE_READ; e++)
+      ms_archive_check(b, isfinite(arrays[i][e]) && arrays[i][e] >= 0, "a spring");
+  }
+}
+
+/*------------------------------------- edited scenes --------------------------------------------*/
+
+/* Numbers of particles, springs and faces; 1 where springs have laws */
+typedef struct sizes {
+  int32_t particles, springs, faces, laws;
+} sizes;
+
+/* Give the scene these sizes, with arrays whose content does not matter. */
+static msim_status resize(ms_scene *s, sizes n, msim_error *err) {
+  const ms_array faces = {&s->faces, 3 * sizeof *s->faces};
+  s->nparticles = s->nsprings = s->nfaces = 0;
+  if (!ms_scene_reserve_particles(s, n.particles, err) ||
+      !ms_scene_reserve_springs(s, n.springs, err) ||
+      ms_memory_reserve(&s->alloc, faces, 0, &s->face_capacity, n.faces, err))
+    return MSIM_ERR_MEMORY;
+  if (!n.laws) MS_FREE(&s->alloc, s->law), s->law = NULL;
+  else if (!s->law && !MS_NEW(&s->alloc, s->law, s->spring_capacity))
+    return ms_error_set_memory(err, "the laws of springs");
+  s->nparticles = n.particles, s->nsprings = n.springs, s->nfaces = n.faces;
+  return MSIM_OK;
+}
+
+static void check_topology(ms_archive *b, const ms_scene *s) {
+  for (int32_t p = 0; p < s->nparticles; p++)
+    ms_archive_check(b, isfinite(s->mass[p]) && s->mass[p] > 0, "a mass");
+  for (size_t i = 0; i < 2 * (size_t)s->nsprings; i++)
+    ms_archive_check(
+        b, s->ij[i] >= 0 && s->ij[i] < s->nparticles && (i % 2 == 0 || s->ij[i] != s->ij[i - 1]),
+        "an end of a spring");
+  for (int32_t e = 0; e < s->nsprings && s->law; e++)
+    ms_archive_check(b, s->law[e] >= 0 && s->law[e] <= s->nlaws, "the law of a spring");
+  for (size_t i = 0; i < 3 * (size_t)s->nfaces; i++)
+    ms_archive_check(b, s->faces[i] >= 0 && s->faces[i] < s->nparticles, "a face");
+}
+
+/* All that an edit changes, except forces and pins */
+static msim_status archive_topology(ms_archive *b, ms_scene *s, msim_error *err) {
+  sizes n = {s->nparticles, s->nsprings, s->nfaces, s->law != NULL};
+  MS_ARCHIVE_TRANSFER(b, n);
+  if (b->direction == MS_ARCHIVE_READ) {
+    const size_t left = b->size > b->position ? b->size - b->position : 0;
+    ms_archive_check(b,
+                     n.particles > 0 && n.springs >= 0 && n.faces >= 0 && (n.laws | 1) == 1 &&
+                         (size_t)n.particles <= left / 56 && (size_t)n.springs <= left / 32 &&
+                         (size_t)n.faces <= left / 12,
+                     "the size of the scene");
+    if (ms_archive_failed(b)) return MSIM_OK;
+    const msim_status status = resize(s, n, err);
+    if (status) return status;
+  }
+  const size_t springs = (size_t)n.springs;
+  ms_archive_transfer(b, s->mass, (size_t)n.particles * sizeof *s->mass);
+  ms_archive_transfer(b, s->ij, 2 * springs * sizeof *s->ij);
+  ms_archive_transfer(b, s->faces, 3 * (size_t)n.faces * sizeof *s->faces);
+  if (n.laws) ms_archive_transfer(b, s->law, springs * sizeof *s->law);
+  archive_springs(b, s);
+  if (b->direction == MS_ARCHIVE_READ && !ms_archive_failed(b)) check_topology(b, s);
+  return MSIM_OK;
+}
+
+static int have_same_topology(const ms_scene *a, const ms_scene *b) {
+  const size_t n = (size_t)a->nparticles, m = (size_t)a->nsprings, real = sizeof(double);
+  return a->nparticles == b->nparticles && a->nsprings == b->nsprings && a->nfaces == b->nfaces &&
+         !a->law == !b->law && memcmp(a->mass, b->mass, n * real) == 0 &&
+         memcmp(a->ij, b->ij, 2 * m * sizeof *a->ij) == 0 && memcmp(a->k, b->k, m * real) == 0 &&
+         memcmp(a->rest, b->rest, m * real) == 0 && memcmp(a->damping, b->damping, m * real) == 0 &&
+         (!a->law || memcmp(a->law, b->law, m * sizeof *a->law) == 0) &&
+         memcmp(a->faces, b->faces, 3 * (size_t)a->nfaces * sizeof *a->faces) == 0;
+}
+
 /*------------------------------------- changes --------------------------------------------------*/
 
 void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim) {
-  int32_t changed = sim->created_from != NULL;
+  int32_t changed = sim->edited_from ? MS_SCENE_EDITED : sim->created_from ? MS_SCENE_CHANGED : 0;
   msim_scene handle = {sim->scene};
   MS_ARCHIVE_TRANSFER(b, changed);
   if (!changed && b->direction != MS_ARCHIVE_COUNT) return;
+  if (changed == MS_SCENE_EDITED) archive_topology(b, handle.data, NULL);
   archive_forces(b, handle.data, NULL);
   archive_pins(b, &handle, NULL);
 }
@@ -191,27 +273,34 @@ static int have_same_motions(const ms_scene *a, const ms_scene *b) {
 
 static int have_same_changes(const ms_scene *a, const ms_scene *b) {
   const size_t bytes = count_bytes(a);
-  return memcmp(&a->external, &b->external, sizeof a->external) == 0 && !a->force == !b->force &&
-         (!a->force || memcmp(a->force, b->force, bytes) == 0) &&
+  return have_same_topology(a, b) && memcmp(&a->external, &b->external, sizeof a->external) == 0 &&
+         !a->force == !b->force && (!a->force || memcmp(a->force, b->force, bytes) == 0) &&
          memcmp(a->pinned, b->pinned, (size_t)a->nparticles) == 0 &&
          memcmp(a->x, b->x, bytes) == 0 && memcmp(a->v, b->v, bytes) == 0 &&
          have_same_motions(a, b);
 }
 
+/* Read changes into a scene that has none. */
+static msim_status read_changes(ms_archive *b, msim_scene *scene, int32_t changed,
+                                msim_error *err) {
+  msim_status status = MSIM_OK;
+  if (changed == MS_SCENE_EDITED) status = archive_topology(b, scene->data, err);
+  if (status || ms_archive_failed(b)) return status;
+  status = archive_forces(b, scene->data, err);
+  return status ? status : archive_pins(b, scene, err);
+}
+
 msim_status ms_saved_scene_read_changes(ms_archive *b, const msim_sim *sim, ms_scene **scene,
                                         int32_t *changed, msim_error *err) {
-  msim_scene copy = {ms_scene_retain(sim->scene)};
+  msim_scene copy = {ms_scene_retain(sim->edited_from ? sim->edited_from : sim->scene)};
   msim_status status = MSIM_OK;
   *scene = NULL;
   MS_ARCHIVE_TRANSFER(b, *changed);
-  ms_archive_check(b, (*changed | 1) == 1, "the change of forces or pins");
+  ms_archive_check(b, *changed >= 0 && *changed <= MS_SCENE_EDITED, "the change of the scene");
   if (!ms_archive_failed(b) && (*changed || sim->created_from)) {
     if (!ms_scene_make_writable(&copy, err)) status = MSIM_ERR_MEMORY;
     else if (!*changed) status = copy_changes(sim->created_from, &copy, err);
-    else {
-      status = archive_forces(b, copy.data, err);
-      if (!status) status = archive_pins(b, &copy, err);
-    }
+    else status = read_changes(b, &copy, *changed, err);
   }
   if (!status && !ms_archive_failed(b))
     *scene = ms_scene_retain(have_same_changes(copy.data, sim->scene) ? sim->scene : copy.data);
@@ -219,16 +308,7 @@ msim_status ms_saved_scene_read_changes(ms_archive *b, const msim_sim *sim, ms_s
   return status;
 }
 
-/*------------------------------------- springs --------------------------------------------------*/
-
-static void archive_springs(ms_archive *b, ms_scene *s) {
-  double *arrays[] = {s->k, s->rest, s->damping};
-  for (int i = 0; i < 3; i++) {
-    ms_archive_transfer(b, arrays[i], (size_t)s->nsprings * sizeof(double));
-    for (int32_t e = 0; e < s->nsprings && b->direction == MS_ARCHIVE_READ; e++)
-      ms_archive_check(b, isfinite(arrays[i][e]) && arrays[i][e] >= 0, "a spring");
-  }
-}
+/*------------------------------------- springs of solvers ---------------------------------------*/
 
 void ms_saved_scene_write_springs(ms_archive *b, const msim_sim *sim) {
   archive_springs(b, sim->chosen_for);

@@ -5,14 +5,19 @@
 
 #include "sim/sim.h"
 
-/* Gravity, drag, constant forces, pins and motions, if they were changed. MS_ARCHIVE_COUNT reserves
- * room for forces and pins that may be changed later. */
+/* What a checkpoint contains of the changes of a scene since the sim was created: forces and pins,
+ * or all that edits change, too */
+enum { MS_SCENE_CHANGED = 1, MS_SCENE_EDITED = 2 };
+
+/* Gravity, drag, constant forces, pins and motions, if they were changed; of edited scenes also all
+ * particles, springs and faces. MS_ARCHIVE_COUNT reserves room for forces and pins that may be
+ * changed later. */
 void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim);
 
 /* *scene: a reference to the sim's scene, or, if it has others, to a copy with the changes of the
  * checkpoint;
- * *changed: 1 if the sim of the checkpoint had any. Impossible values set the failure of the
- * archive or are refused; *scene is NULL then. */
+ * *changed: MS_SCENE_...; 0: the sim of the checkpoint had none. Impossible values set the failure
+ * of the archive or are refused; *scene is NULL then. */
 msim_status ms_saved_scene_read_changes(ms_archive *b, const msim_sim *sim, ms_scene **scene,
                                         int32_t *changed, msim_error *err);
 

@@ -78,6 +78,13 @@ void ms_contact_set_destroy(const ms_model *model, ms_contact_set *e) {
           e->begin[1], e->contact, e->constraint, e->followed, e->tangent, e->solid, e->parts, e);
 }
 
+void ms_contact_set_forget(ms_contact_set *e) {
+  if (!e) return;
+  e->ncontacts = e->nfollowed = 0;
+  e->moved = e->a_is_known = 0;
+  e->contact_hash = e->contact_hash_next = 0;
+}
+
 void ms_contact_set_save_start(ms_contact_set *e, ms_shape shape) {
   if (!e->moved) return;
   ms_vector_copy(shape, e->x, e->begin[0]);

@@ -107,6 +107,9 @@ ms_collision_planes ms_contact_set_planes(const ms_stepper *s);
 msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events, msim_error *err);
 void ms_contact_set_destroy(const ms_model *model, ms_contact_set *events);
 
+/* As before the first step: nothing of the last one is known. Nullable: e. */
+void ms_contact_set_forget(ms_contact_set *e);
+
 /* If e->moved, stores the state at the start of the step just made. */
 void ms_contact_set_save_start(ms_contact_set *e, ms_shape shape);
 

@@ -45,10 +45,7 @@ static void archive_last_step(ms_archive *b, const ms_integrator *method, ms_ste
 /* As before the first step: nothing of the last one is known but what is read. */
 static void forget_last_step(ms_stepper *s) {
   s->dense_output = s->cached_stage_next = 0;
-  if (!s->events) return;
-  s->events->ncontacts = s->events->nfollowed = 0;
-  s->events->moved = s->events->a_is_known = 0;
-  s->events->contact_hash = s->events->contact_hash_next = 0;
+  ms_contact_set_forget(s->events);
 }
 
 void ms_method_state_archive(ms_archive *b, const ms_integrator *method, ms_stepper *s,

@@ -49,6 +49,8 @@ typedef struct ms_linear_ops {
                   int64_t *iterations);
   /* z = B r, B as in ms_descent_target. Nullable: only solve() preconditions. */
   void (*precondition)(ms_linear *self, const double *r, double *z);
+  /* The model of the system has another address. Nullable: it is not kept. */
+  void (*set_model)(ms_linear *self);
   /* Discard all factors of earlier systems. Nullable. */
   void (*restart)(ms_linear *self);
   void (*destroy)(ms_linear *self);

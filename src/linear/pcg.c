@@ -294,6 +294,12 @@ static msim_status create_coarse(ms_pcg *s, int32_t aggregate, msim_error *err) 
   }
 }
 
+static void set_model(ms_linear *base) {
+  ms_pcg *s = (ms_pcg *)base;
+  s->compression.model = base->system->model;
+  if (base->aggregates) s->coarse.model = base->system->model;
+}
+
 static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }
 
 msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *opt,
@@ -302,6 +308,7 @@ msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *op
                                     .solve = pcg_solve,
                                     .descend = pcg_descend,
                                     .precondition = pcg_precondition,
+                                    .set_model = set_model,
                                     .restart = restart,
                                     .destroy = pcg_destroy};
   const ms_model *model = system->model;

@@ -114,6 +114,12 @@ msim_status ms_solver_descend(ms_solver *solver, const ms_linear_system_spec *sp
 /* Discard lagged factors, so that later solves depend on the state alone. */
 void ms_solver_discard_factors(ms_solver *solver);
 
+/* The model has moved to another address, unchanged. */
+static inline void ms_solver_set_model(ms_solver *s, const ms_model *model) {
+  s->system.model = model;
+  if (s->linear->ops->set_model) s->linear->ops->set_model(s->linear);
+}
+
 /* For solver_state.c: */
 /* Let `by`, a linear solver of this one, compute its factorization at a linearization point. */
 msim_status ms_solver_factor_at(ms_solver *solver, ms_linear *by,

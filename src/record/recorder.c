@@ -22,7 +22,24 @@ struct msim_recorder {
   double *poses;     /* 6 ncolliders */
   int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
   double t_kept;
+  int64_t edits;         /* sim->edits when the recorder was opened */
+  uint64_t springs_hash; /* of particles and springs then */
 };
+
+/*------------------------------------- edited sims ----------------------------------------------*/
+
+static uint64_t hash_springs(const ms_scene *s) {
+  const uint64_t hash = ms_archive_hash((uint64_t)s->nparticles, &s->nsprings, sizeof s->nsprings);
+  return ms_archive_hash(hash, s->ij, 2 * (size_t)s->nsprings * sizeof *s->ij);
+}
+
+/* The rows of the file belong to the particles and springs that the sim had when it was opened. */
+static msim_status check_topology(const msim_recorder *r, msim_error *err) {
+  if (r->sim->edits == r->edits || hash_springs(r->sim->scene) == r->springs_hash) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "the sim has other particles or springs than when its recorder was opened; "
+                      "close that, and open one for another file");
+}
 
 /*------------------------------------- plan of the frames ---------------------------------------*/
 
@@ -152,6 +169,7 @@ static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_e
     return create_trajectory(r, a, err);
   }
   status = msim_sim_load(r->sim, from.checkpoint, from.checkpoint_length, &why);
+  if (!status) status = check_topology(r, &why);
   if (status) return ms_error_set(err, status, "%s cannot be resumed: %s", r->file.path, why.text);
   r->step_kept = r->sim->run.step;
   r->t_kept = ms_sim_time(r->sim);
@@ -198,6 +216,7 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   r->sim = sim;
   r->type = type;
   r->step_kept = -1;
+  r->edits = sim->edits, r->springs_hash = hash_springs(sim->scene);
   r->file = (ms_output_file){
       .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
   ms_plugin_init_host(&r->host, &sim->alloc);
@@ -310,6 +329,8 @@ msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
   if (status) return status;
   const double start = ms_clock_now();
   msim_state state = {.size = sizeof state};
+  status = check_topology(recorder, err);
+  if (status) return status;
   msim_sim_state(recorder->sim, &state);
   if (state.step == recorder->step_kept && state.t == recorder->t_kept) return ms_error_clear(err);
   status = record_state(recorder, &state, err);

@@ -81,50 +81,6 @@ void msim_scene_destroy(msim_scene *scene) {
 
 /*------------------------------------- copy on write --------------------------------------------*/
 
-static int reserve_particles(ms_scene *s, int64_t needed, msim_error *err) {
-  const ms_array arrays[] = {{&s->x, 3 * sizeof *s->x},
-                             {&s->v, 3 * sizeof *s->v},
-                             MS_ARRAY(s->mass),
-                             MS_ARRAY(s->pinned),
-                             {&s->force, 3 * sizeof *s->force}};
-  const int count = s->force ? 5 : 4;
-  int32_t capacity = s->particle_capacity;
-  for (int i = 0; i < count; i++) {
-    capacity = s->particle_capacity;
-    if (ms_memory_reserve(&s->alloc, arrays[i], s->nparticles, &capacity, needed, err)) return 0;
-  }
-  s->particle_capacity = capacity;
-  return 1;
-}
-
-static int reserve_springs(ms_scene *s, int64_t needed, msim_error *err) {
-  const ms_array arrays[] = {{&s->ij, 2 * sizeof *s->ij},
-                             MS_ARRAY(s->k),
-                             MS_ARRAY(s->rest),
-                             MS_ARRAY(s->damping),
-                             MS_ARRAY(s->law)};
-  const int count = s->law ? 5 : 4;
-  int32_t capacity = s->spring_capacity;
-  for (int i = 0; i < count; i++) {
-    capacity = s->spring_capacity;
-    if (ms_memory_reserve(&s->alloc, arrays[i], s->nsprings, &capacity, needed, err)) return 0;
-  }
-  s->spring_capacity = capacity;
-  return 1;
-}
-
-int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err) {
-  const ms_array arrays[] = {MS_ARRAY(s->colliders), MS_ARRAY(s->solids),
-                             MS_ARRAY(s->collider_motions)};
-  int32_t capacity = s->collider_capacity;
-  for (int i = 0; i < 3; i++) {
-    capacity = s->collider_capacity;
-    if (ms_memory_reserve(&s->alloc, arrays[i], s->ncolliders, &capacity, needed, err)) return 0;
-  }
-  s->collider_capacity = capacity;
-  return 1;
-}
-
 static void append_particles(ms_scene *s, int32_t n, const double *x, const double *v,
                              const double *mass, const uint8_t *pinned) {
   size_t at = (size_t)s->nparticles, count = (size_t)n;
@@ -177,7 +133,8 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   const ms_array faces = {&c->faces, 3 * sizeof *c->faces};
   int ok =
       c->name && (!s->force || MS_NEW(&c->alloc, c->force, 0)) && copy_motions(s, c, err) &&
-      reserve_particles(c, s->nparticles, err) && reserve_springs(c, s->nsprings, err) &&
+      ms_scene_reserve_particles(c, s->nparticles, err) &&
+      ms_scene_reserve_springs(c, s->nsprings, err) &&
       ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
       ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
           MSIM_OK &&
@@ -344,7 +301,7 @@ msim_status msim_scene_add_particles(msim_scene *scene, int32_t n, const double 
     status = check_number("particles.mass", i, mass[i], 1, err);
   if (status || n == 0) return status ? status : ms_error_clear(err);
   ms_scene *s = ms_scene_make_writable(scene, err);
-  if (!s || !reserve_particles(s, (int64_t)s->nparticles + n, err)) return MSIM_ERR_MEMORY;
+  if (!s || !ms_scene_reserve_particles(s, (int64_t)s->nparticles + n, err)) return MSIM_ERR_MEMORY;
   append_particles(s, n, x, v, mass, NULL);
   return ms_error_clear(err);
 }
@@ -368,7 +325,7 @@ msim_status msim_scene_add_springs(msim_scene *scene, int32_t n, const int32_t *
   if (total > INT32_MAX)
     return ms_error_set(err, MSIM_ERR_ARG, "%lld springs exceed the limit of %d", (long long)total,
                         INT32_MAX);
-  if (!reserve_springs(s, total, err)) return MSIM_ERR_MEMORY;
+  if (!ms_scene_reserve_springs(s, total, err)) return MSIM_ERR_MEMORY;
   append_springs(s, n, ij, k, rest, damping);
   return ms_error_clear(err);
 }

@@ -4,6 +4,7 @@
 #include "integrate/multirate.h"
 #include "physics/law_springs.h"
 #include "sim/island_step.h"
+#include "sim/reuse.h"
 #include "sim/step_driver.h"
 
 static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error *err) {
@@ -45,6 +46,7 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
   else status = ms_error_set_memory(err, "the islands");
   for (int32_t i = 0; i < islands.n && !status; i++) {
     const ms_island island = ms_islands_get(&islands, i);
+    if (ms_reuse_island(sim, &island, left_out, &sim->islands[i])) continue;
     status = ms_model_create_island(sim->scene, &island, left_out, sim->config.opt.skip_off,
                                     &sim->islands[i].model, err);
     if (sim->config.choice.verification.planes_far)
@@ -93,6 +95,7 @@ msim_status ms_sim_create_solver(msim_sim *sim, const ms_island_sim *m, double h
 
 static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_error *err) {
   ms_stepper *s = &m->stepper;
+  if (m->is_reused) return MSIM_OK;
   s->model = &m->model;
   s->opt = &sim->config.opt;
   s->stats = m->single_thread ? &m->stats : &sim->stats;
@@ -126,6 +129,7 @@ msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *e
 static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, int32_t nislands) {
   for (int32_t i = 0; i < nislands; i++) {
     ms_stepper *s = &motion[i].stepper;
+    if (motion[i].is_reused) continue;
     ms_solver_destroy(s->solver);
     ms_multirate_destroy(&motion[i].model, s->split);
     ms_contact_set_destroy(&motion[i].model, s->events);
@@ -168,11 +172,13 @@ void ms_sim_set_solver_scene(msim_sim *sim, ms_scene *scene) {
 
 msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *err) {
   const ms_island_sims old = ms_sim_detach_islands(sim);
+  if (sim->reuse) sim->reuse->old = &old;
   const msim_status status = ms_sim_create_islands(sim, left_out, err);
   if (status) {
     ms_sim_restore_islands(sim, &old);
     return status;
   }
+  if (sim->reuse) ms_reuse_finish(sim);
   ms_sim_destroy_detached(sim, &old);
   ms_sim_set_solver_scene(sim, NULL);
   sim->config.choice.out_of_date = 0;
@@ -196,9 +202,14 @@ msim_status ms_sim_replace_forces(msim_sim *sim, ms_scene *scene, msim_error *er
 }
 
 void ms_sim_set_created_scene(msim_sim *sim, ms_scene *before) {
-  if (sim->created_from && before) return;
+  if ((sim->created_from || sim->edited_from) && before) return;
   ms_scene_release(sim->created_from);
   sim->created_from = before ? ms_scene_retain(before) : NULL;
+}
+
+void ms_sim_set_edited_from(msim_sim *sim, ms_scene *before) {
+  ms_scene_release(sim->edited_from);
+  sim->edited_from = before;
 }
 
 void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {

@@ -199,18 +199,6 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
   return MSIM_OK;
 }
 
-static msim_status allocate_state(msim_sim *sim, msim_error *err) {
-  const size_t n = 3 * (size_t)sim->scene->nparticles;
-  const int sync =
-      sim->config.integrator->sync || ms_sim_selects(sim); /* auto may choose such a method
-                                                                    later */
-  sim->state_x = ms_memory_allocate(&sim->alloc, n, sizeof(double));
-  sim->state_v = ms_memory_allocate(&sim->alloc, n, sizeof(double));
-  if (sync) sim->state_v_half = ms_memory_allocate(&sim->alloc, n, sizeof(double));
-  if (sim->state_x && sim->state_v && (!sync || sim->state_v_half)) return MSIM_OK;
-  return ms_error_set_memory(err, "the state");
-}
-
 static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choose *choose,
                             msim_error *err) {
   const msim_state start = {
@@ -223,7 +211,7 @@ static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choos
   if (!status && !ms_sim_has_control(sim))
     status = ms_step_limit_resolve_auto(sim, &sim->config.opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
-  if (!status) status = allocate_state(sim, err);
+  if (!status) status = ms_sim_reserve_state(sim, sim->scene->nparticles, err);
   if (!status)
     status =
         ms_sim_build_islands(sim, ms_planar_find_axis(sim->scene, sim->config.opt.skip_off), err);
@@ -250,9 +238,11 @@ msim_status ms_sim_create_empty_copy(const msim_sim *from, msim_sim **sim, msim_
   if (!s) return MSIM_ERR_MEMORY;
   s->config = from->config, s->run = from->run;
   if (from->created_from) s->created_from = ms_scene_retain(from->created_from);
+  if (from->edited_from) s->edited_from = ms_scene_retain(from->edited_from);
+  s->edits = from->edits;
   msim_status status = own_string(s, &s->config.opt.solver, &s->solver, err);
   if (!status) status = own_string(s, &s->config.opt.plugin_path, &s->plugin_path, err);
-  return status ? status : allocate_state(s, err);
+  return status ? status : ms_sim_reserve_state(s, s->scene->nparticles, err);
 }
 
 msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
@@ -281,13 +271,12 @@ void msim_sim_destroy(msim_sim *sim) {
   ms_sim_destroy_islands(sim);
   ms_pool_destroy(sim->pool);
   ms_text_free(&sim->explanation);
-  void *arrays[] = {sim->state_x, sim->state_v,     sim->state_v_half,
-                    sim->solver,  sim->plugin_path, sim->contacts};
-  for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
-    ms_memory_free(&sim->alloc, arrays[i]);
+  ms_sim_free_state(sim);
+  MS_FREE(&sim->alloc, sim->solver, sim->plugin_path, sim->contacts);
   ms_scene_release(sim->scene);
   ms_scene_release(sim->chosen_for);
   ms_scene_release(sim->created_from);
+  ms_scene_release(sim->edited_from);
   msim_allocator alloc = sim->alloc;
   ms_memory_free(&alloc, sim);
 }

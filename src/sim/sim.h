@@ -19,6 +19,7 @@ typedef struct ms_island_sim {
   int single_thread;  /* one thread steps this island while others step other islands */
   msim_stats stats;   /* single_thread: counts of this island, until they are added to the sim's */
   msim_status status; /* single_thread: result of the step that is being made */
+  int is_reused;      /* while islands are built: 1 + the old island that this one is; 0: none */
   ms_norm norm;       /* scales of errors, with a tol */
   double error;       /* of the step that is being made, over what is allowed */
   ms_last_good_state last_good;
@@ -26,12 +27,23 @@ typedef struct ms_island_sim {
   ms_disturbance disturbance;
 } ms_island_sim;
 
+/* A list of freed arrays of the state; together they are shorter than the present ones. */
+typedef struct ms_retired_state {
+  struct ms_retired_state *next;
+  double *arrays[3];
+} ms_retired_state;
+
 enum { MS_SCENE_HASHES = 9 }; /* hashed arrays of a scene (checkpoint/fingerprint.h) */
+
+/* Islands that an edit of the scene has left as they were (reuse.h) */
+struct ms_island_reuse;
 
 struct msim_sim {
   msim_allocator alloc;
   ms_scene *scene;        /* reference counted */
   ms_scene *created_from; /* has the forces and pins of the creation; NULL: `scene` has them */
+  ms_scene *edited_from;  /* the scene before the first edit; NULL: there was none */
+  int64_t edits;          /* changes of particles and springs, by edits and checkpoints */
   ms_scene *chosen_for;   /* solvers were chosen for its springs; NULL: for those of `scene` */
   ms_config config;
   ms_run_state run;
@@ -52,6 +64,10 @@ struct msim_sim {
 
   double *state_x, *state_v, *state_v_half; /* 3n, particle order: the state as last requested */
   int state_is_current;
+  int32_t state_capacity;    /* particles of these arrays */
+  ms_retired_state *retired; /* arrays that were too small: borrowed pointers stay valid */
+
+  struct ms_island_reuse *reuse; /* while islands are built for an edited scene; else NULL */
 
   int contacts_known;     /* the contact logs of all islands are those of the last step */
   msim_contact *contacts; /* as last requested; NULL: none */
@@ -113,6 +129,15 @@ msim_status ms_sim_replace_forces(msim_sim *sim, ms_scene *scene, msim_error *er
 /* Record that forces or pins are no longer those that the sim was made with, which `before` has
  * unless that was recorded earlier; NULL: they are these. */
 void ms_sim_set_created_scene(msim_sim *sim, ms_scene *before);
+
+/* Record that the sim's scene is an edited one, and which scene the sim had before its first edit;
+ * takes over the caller's reference. NULL: the scene is not edited. */
+void ms_sim_set_edited_from(msim_sim *sim, ms_scene *before);
+
+/* Make room for n particles in the arrays of the state, which keep their content. Older arrays stay
+ * until the sim is destroyed. */
+msim_status ms_sim_reserve_state(msim_sim *sim, int32_t n, msim_error *err);
+void ms_sim_free_state(msim_sim *sim);
 
 /* Build all islands anew, with the same components, and start them in the present state. */
 msim_status ms_sim_rebuild_islands(msim_sim *sim, msim_error *err);

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "contact/contact_set.h"
 #include "layout/planar.h"
 #include "physics/moving_pins.h"
 #include "sim/step_driver.h"
@@ -31,6 +32,44 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
   }
   return MSIM_OK;
 }
+
+/*------------------------------------- arrays of the state --------------------------------------*/
+
+/* At least twice as many as before, so that all older arrays together are shorter. auto may choose
+ * a method later that carries v_half. */
+msim_status ms_sim_reserve_state(msim_sim *sim, int32_t n, msim_error *err) {
+  double **arrays[] = {&sim->state_x, &sim->state_v, &sim->state_v_half};
+  const int count = sim->config.integrator->sync || ms_sim_selects(sim) ? 3 : 2;
+  const size_t old = 3 * (size_t)sim->state_capacity, size = 3 * (size_t)n;
+  ms_retired_state *last = NULL;
+  double *fresh[3] = {NULL};
+  if (n <= sim->state_capacity) return MSIM_OK;
+  int fits = old == 0 || MS_NEW(&sim->alloc, last, 1);
+  for (int i = 0; i < count; i++)
+    fits = fits && MS_NEW(&sim->alloc, fresh[i], size > 2 * old ? size : 2 * old);
+  if (!fits) {
+    MS_FREE(&sim->alloc, last, fresh[0], fresh[1], fresh[2]);
+    return ms_error_set_memory(err, "the state");
+  }
+  for (int i = 0; i < count; i++) {
+    if (last) memcpy(fresh[i], *arrays[i], old * sizeof *fresh[i]), last->arrays[i] = *arrays[i];
+    *arrays[i] = fresh[i];
+  }
+  if (last) last->next = sim->retired, sim->retired = last;
+  sim->state_capacity = size > 2 * old ? n : 2 * sim->state_capacity;
+  return MSIM_OK;
+}
+
+void ms_sim_free_state(msim_sim *sim) {
+  while (sim->retired) {
+    ms_retired_state *last = sim->retired;
+    sim->retired = last->next;
+    MS_FREE(&sim->alloc, last->arrays[0], last->arrays[1], last->arrays[2], last);
+  }
+  MS_FREE(&sim->alloc, sim->state_x, sim->state_v, sim->state_v_half);
+}
+
+/*------------------------------------- start ----------------------------------------------------*/
 
 /* A state outside the scene's plane needs three components. A split of the springs belongs to h. */
 static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_error *err) {
@@ -63,6 +102,7 @@ static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *stat
   ms_error_growth_start_island(m);
   s->h = sim->run.h;
   s->cached_stage = 0;
+  ms_contact_set_forget(s->events);
   if (s->solver) ms_solver_discard_factors(s->solver);
   if (sim->config.integrator->start) sim->config.integrator->start(s);
   if (sim->config.integrator->sync && state->v_half && state->h == sim->run.h) {
