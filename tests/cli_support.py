@@ -25,7 +25,8 @@ OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations ja
 COUNTERS = {"steps", "force_evaluations", "assemblies", "analyses", "factorizations", "solves",
             "iterations", "newton_iterations", "contacts", "indefinite_steps",
             "coarse_factors", "kept_factors", "refinements", "fallbacks", "steps_at_rest",
-            "islands_at_rest", "spring_evaluations", "rejected_steps", "incomplete_steps"}
+            "islands_at_rest", "spring_evaluations", "rejected_steps", "incomplete_steps",
+            "broken"}
 SECONDS = {"total", "force", "assemble", "factor", "solve", "collide", "output"}
 FOR_EVER = ["--steps", "100000000000"]
 

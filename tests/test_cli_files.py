@@ -37,6 +37,25 @@ class Final(CliTest):
         self.assertEqual(found, [{"particle": 0, "plane": 0, "point": [0, 0, 0],
                                   "normal": [0, 0, 1], "impulse": [0, 0, 2.5]}])
 
+    def test_broken_springs_stay_broken(self):
+        """A rope breaks at its first link; what is left starts from there again."""
+        self.scene({"msim": 1, "gravity": [0, 0, -9.81],
+                    "laws": [{"type": "linear", "break_force": 4}],
+                    "objects": [{"type": "rope", "n": 6, "from": [0, 0, 1], "to": [0, 0, 0],
+                                 "mass": 0.6, "k": 200, "pinned": [0], "law": 1}],
+                    "run": {"integrator": "velocity-verlet", "h": 1e-3, "steps": 200}})
+        first = self.run_final()
+        self.assertEqual((first["broken"], first["stats"]["broken"]), ([0], 1))
+        whole = self.run_final("--steps", "300")
+        self.write("first.json", first)
+        again = self.run_final("--init", "first.json", "--steps", "100")
+        self.assertEqual((again["broken"], again["x"]), ([0], whole["x"]))
+        for broken, words in (([5], "there are 5 springs"), ("0", "must be an array"),
+                              ([0.5], "must be the index")):
+            self.write("bad.json", {**first, "broken": broken})
+            self.assert_refused(["run", "scene.json", "--init", "bad.json"], "bad.json: broken",
+                                words)
+
 
 class Energies(CliTest):
     HEAD = "step,t,kinetic,elastic,gravitational,total,work"

@@ -75,8 +75,9 @@ typedef struct msim_state {
   const double *x;      /* 3n, m */
   const double *v;      /* 3n, m/s: the velocity at t */
   const double *v_half; /* 3n: the velocity at t - h/2 that `verlet` carries; else NULL */
-  double h;    /* step size of the run, s, to which v_half belongs; with tol the next to try */
-  double work; /* energy supplied since the first start, J, as in msim_energy */
+  double h;         /* step size of the run, s, to which v_half belongs; with tol the next to try */
+  double work;      /* energy supplied since the first start, J, as in msim_energy */
+  int32_t nsprings; /* number of springs; msim_sim_set_state ignores it */
 } msim_state;
 
 /* Energies in J, of all particles, pinned ones included. Zero levels: velocity 0, springs at rest
@@ -90,9 +91,9 @@ typedef struct msim_energy {
   double angular_momentum[3]; /* kg m^2/s */
   double work; /* energy supplied since the first start, J, by motions of pinned particles and
                   colliders, by a force function without potential, and by each call of
-                  msim_sim_set_gravity, msim_sim_set_forces and msim_sim_edit; without damping, drag
-                  and inelastic impacts total - work is constant, to the accuracy of the method. At
-                  a frame inside a step: that at the end of the step */
+                  msim_sim_set_gravity, msim_sim_set_forces and msim_sim_edit; without damping,
+                  drag, inelastic impacts and springs that break total - work is constant, to the
+                  accuracy of the method. At a frame inside a step: that at the end of the step */
 } msim_energy;
 
 /* A particle and a plane or a collider that it touched in a step. This struct is fixed. */
@@ -128,6 +129,7 @@ typedef struct msim_stats {
   int64_t rejected_steps;     /* steps repeated in shorter ones: too inaccurate, or failed */
   int64_t incomplete_steps;   /* steps made although iterations ended at their maximum (option
                                  incomplete = accept) */
+  int64_t broken;             /* springs that have broken (break_strain, break_force of laws) */
 } msim_stats;
 
 /* Decisions made at creation, or when the state was last set. */
@@ -305,12 +307,20 @@ MSIM_API msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t
  * indices as msim_scene_edit. May return plugin statuses. */
 MSIM_API msim_status msim_sim_edit(msim_sim *sim, const msim_edit *edit, msim_error *err);
 
+/* Break springs by hand, as the thresholds of laws do: from now on they exert no force, and keep
+ * their indices; nothing is analyzed anew, times and frames go on, and open recorders write on.
+ * Springs stay broken, whatever is set later; a checkpoint from before has them whole. Their energy
+ * is lost, as it is there. Only in scenes that have a law with break_strain or break_force:
+ * MSIM_ERR_ARG. */
+MSIM_API msim_status msim_sim_break(msim_sim *sim, int32_t n, const int32_t *springs /* n */,
+                                    msim_error *err);
+
 /* Save a checkpoint: all data that further steps depend on, so that another sim can continue with
  * the same bits, with any method, solver and error control, and with the same counts in stats
  * (except for times). The caller provides the memory. The data include a format identifier and a
  * hash of all bytes. Saving changes nothing, also inside the observer of msim_sim_run.
- * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set, or
- * pinned particles or colliders are moved. MSIM_ERR_ARG: capacity is too small. */
+ * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set, pinned
+ * particles or colliders are moved, or the sim is edited. MSIM_ERR_ARG: capacity is too small. */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
 MSIM_API msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                                    msim_error *err);
@@ -369,6 +379,10 @@ MSIM_API msim_status msim_sim_contacts(msim_sim *sim, int32_t *n, const msim_con
 MSIM_API msim_status msim_sim_springs(msim_sim *sim, double *tension /* nsprings */,
                                       double *elongation /* nsprings */,
                                       double *strain /* nsprings */);
+
+/* Get for each spring of the scene 1 if it is broken, by a threshold of its law or msim_sim_break;
+ * else 0. */
+MSIM_API msim_status msim_sim_broken(const msim_sim *sim, uint8_t *broken /* nsprings */);
 
 /* Assemble the matrix of the next step. Refused if the method needs no matrix. MSIM_FORCE_FAILED,
  * MSIM_NOT_FINITE: a force function failed. */

@@ -128,7 +128,7 @@ typedef struct msim_law_batch {
 typedef void msim_law_function(void *data, const msim_law_batch *batch);
 
 enum {
-  MSIM_LAW_LINEAR,      /* f = k e */
+  MSIM_LAW_LINEAR,      /* f = k e; law 0, and laws by which linear springs break */
   MSIM_LAW_TENSION,     /* f = k max(e, 0), as of a cable */
   MSIM_LAW_COMPRESSION, /* f = k min(e, 0), as of a buffer */
   MSIM_LAW_DEAD_BAND,   /* f = k (e - c), c = e limited to [-half_width, half_width]: slack */
@@ -154,6 +154,11 @@ typedef struct msim_law {
   void *data;                  /* CALLBACK: its first argument. Nullable. */
   double largest_slope;        /* CALLBACK: N/m, > 0: |df/de| and |f|/l are at most that */
   double energy_depth;         /* CALLBACK: J, >= 0: no energy is below -energy_depth */
+  /* All kinds, also LINEAR; 0: never. After each step a spring breaks that exceeds one of them.
+   * From then on it exerts no force, neither f nor damping, but keeps its index (msim_sim_broken).
+   * Springs between two pinned particles do not break. */
+  double break_strain; /* e/rest, > 0; without effect where rest = 0 */
+  double break_force;  /* f, N, > 0 */
 } msim_law;
 
 /* What a force function depends on, and what it computes */
@@ -358,7 +363,9 @@ MSIM_API msim_status msim_scene_add_springs(msim_scene *scene, int32_t n,
 
 /* Add a law; *index becomes its number, from 1 on: law 0 is the linear one. Arrays are copied;
  * `function` and `data` must be valid as long as the scene, its sims and their checkpoints are.
- * MSIM_ERR_ARG: a member is out of range; MSIM_ERR_SIZE. Nullable: index. */
+ * Scenes with a law by which springs break are refused by msim_sim_create with integrators `auto`,
+ * `respa` and `takahashi-imada`. MSIM_ERR_ARG: a member is out of range, or the law is linear and
+ * springs do not break; MSIM_ERR_SIZE. Nullable: index. */
 MSIM_API msim_status msim_scene_add_law(msim_scene *scene, const msim_law *law, int32_t *index,
                                         msim_error *err);
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "linear/solver_choice.h"
+#include "sim/breaking.h"
 #include "sim/step_driver.h"
 
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
@@ -89,8 +90,10 @@ static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
     if (!status) *used = fresh[i];
   }
   ms_memory_free(&sim->alloc, fresh);
-  if (!status) ms_sim_set_solver_scene(sim, NULL);
-  return status;
+  if (status) return status;
+  ms_sim_set_solver_scene(sim, NULL);
+  ms_breaking_set_before(sim->scene);
+  return MSIM_OK;
 }
 
 static void restore_scene(msim_sim *sim, ms_scene *before) {

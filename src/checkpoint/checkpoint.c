@@ -6,7 +6,8 @@
  *                length of the run, to which its tolerance refers; frames shown; stats; what
  *                integrator = auto has chosen; which axis is left out; the h that solvers were
  *                chosen for; the bounds of the energy monitor
- *   changes      gravity, drag, forces, pins and motions, if they were changed (saved_scene.h)
+ *   changes      gravity, drag, forces, pins and motions, if they were changed; an edited scene;
+ *                broken springs (saved_scene.h)
  *   springs      that solvers were chosen for, if msim_sim_set_springs has set others since
  *   islands      at rest or not; the stepper (integrate/method_state.h), its error scales, the
  *                solver (linear/solver_state.c); the last good state, if it is another one
@@ -21,7 +22,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 9u
+#define VERSION 10u
 
 typedef struct header {
   char magic[8];

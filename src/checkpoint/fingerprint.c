@@ -88,8 +88,10 @@ static void list_laws(const ms_scene *s, ms_fingerprint_visitor *mark, void *dat
   for (int32_t i = 0; i < s->nlaws; i++) {
     const msim_law *law = &s->laws[i].is;
     const size_t bytes = (size_t)law->n * sizeof(double);
-    const double numbers[] = {law->kind,          law->n,           law->half_width, law->limit,
-                              law->largest_slope, law->energy_depth};
+    const double numbers[] = {law->kind,          law->n,
+                              law->half_width,    law->limit,
+                              law->largest_slope, law->energy_depth,
+                              law->break_strain,  law->break_force};
     uint64_t hash = ms_archive_hash(0, numbers, sizeof numbers);
     if (law->coefficients) hash = ms_archive_hash(hash, law->coefficients, bytes);
     if (law->stretch) hash = ms_archive_hash(hash, law->stretch, bytes);

@@ -106,7 +106,7 @@ static msim_status plan_run(msim_sim *sim, const ms_saved_run *r, msim_error *er
 }
 
 /* Build islands and read them. Solvers are chosen again for the h and springs of the first
- * choice. */
+ * choice, of which those that broke later were whole. */
 static msim_status read_islands(msim_sim *sim, ms_archive *b, const ms_saved_run *r,
                                 ms_scene *there, msim_error *err) {
   ms_scene *scene = sim->scene;
@@ -114,10 +114,12 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const ms_saved_run
       .size = sizeof start, .n = scene->nparticles, .x = scene->x, .v = scene->v};
   sim->run.h = r->solver_h > 0 ? r->solver_h : r->run.h;
   if (there) sim->scene = there;
+  sim->scene->hides_broken = 1;
   msim_status status = ms_sim_create_islands(sim, r->left_out, err);
+  sim->scene->hides_broken = 0;
   sim->run.h = r->run.h, sim->scene = scene;
   if (status) return status;
-  if (there) ms_sim_replace_scene(sim, scene);
+  if (there || scene->broken) ms_sim_replace_scene(sim, scene);
   ms_sim_start_islands(sim, &start);
   status = ms_saved_run_archive_islands(b, sim, r, err);
   if (!status && (ms_archive_failed(b) || b->position != b->size)) return refuse_bytes(b, err);
@@ -180,6 +182,7 @@ static int read_islands_in_use(msim_sim *sim, ms_archive *b, ms_saved_run *r, ms
   const size_t start = b->position;
   r->in_use = now->in_use = 1;
   if (ms_saved_run_pack_islands(sim, now, &undo, NULL)) return 0;
+  if (sim->scene->broken) ms_sim_replace_scene(sim, sim->scene); /* others are broken */
   const int done = read_all_islands(sim, b, r);
   if (!done) {
     b->position = start, b->invalid_item = NULL;
@@ -247,20 +250,59 @@ static void set_origins(msim_sim *sim, ms_scene *before, int32_t changed) {
   ms_scene_release(unedited);
 }
 
+/* Exchange the flags of broken springs. */
+static void exchange_broken(ms_scene *scene, uint8_t **broken) {
+  uint8_t *before = scene->broken;
+  scene->broken = *broken, *broken = before;
+}
+
+/* The flags of the checkpoint; NULL: no spring of the scene breaks. */
+static msim_status read_broken(ms_archive *b, const ms_scene *s, uint8_t **broken,
+                               msim_error *err) {
+  *broken = NULL;
+  if (!s->broken) return MSIM_OK;
+  if (!MS_NEW(&s->alloc, *broken, s->spring_capacity))
+    return ms_error_set_memory(err, "the broken springs");
+  ms_saved_scene_archive_broken(b, s, *broken);
+  return MSIM_OK;
+}
+
+/* 1: islands were built for the same broken springs. */
+static int have_same_solvers(const ms_scene *s, const uint8_t *broken) {
+  for (int32_t e = 0; e < s->nsprings && broken; e++)
+    if ((s->broken[e] == MS_BROKEN_BEFORE) != (broken[e] == MS_BROKEN_BEFORE)) return 0;
+  return 1;
+}
+
+/* With the scene of the checkpoint and its broken springs, which get those before on failure */
+static msim_status restore_with_scene(msim_sim *sim, ms_archive *b, const ms_saved_run *r,
+                                      ms_scene *scene, uint8_t **broken, msim_error *err) {
+  ms_scene *before = sim->scene;
+  const int in_use = scene == before && have_same_solvers(scene, *broken);
+  sim->scene = scene;
+  exchange_broken(scene, broken);
+  const msim_status status = restore_in_scene(sim, b, r, in_use, err);
+  if (!status) return MSIM_OK;
+  exchange_broken(scene, broken);
+  sim->scene = before;
+  if (*broken && in_use) ms_sim_replace_scene(sim, before);
+  return status;
+}
+
 msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   ms_saved_run_prepare_islands(sim);
+  const msim_allocator alloc = sim->alloc;
   ms_scene *before = sim->scene, *scene = NULL;
+  uint8_t *broken = NULL;
   int32_t changed = 0;
   ms_saved_run r = ms_saved_run_collect(sim);
   ms_saved_run_archive(b, sim, &r);
   msim_status status = ms_saved_scene_read_changes(b, sim, &scene, &changed, err);
+  if (!status && scene) status = read_broken(b, scene, &broken, err);
   if (ms_archive_failed(b)) status = refuse_bytes(b, err);
   if (!status) status = ms_sim_reserve_state(sim, scene->nparticles, err);
-  if (!status) {
-    sim->scene = scene;
-    status = restore_in_scene(sim, b, &r, scene == before, err);
-    if (status) sim->scene = before;
-  }
+  if (!status) status = restore_with_scene(sim, b, &r, scene, &broken, err);
+  ms_memory_free(&alloc, broken);
   if (status) {
     ms_scene_release(scene);
     return status;

@@ -6,6 +6,7 @@
 #include "choose/method_choice.h"
 #include "integrate/method_state.h"
 #include "linear/solver_state.h"
+#include "scene/laws.h"
 #include "sim/step_driver.h"
 
 ms_saved_run ms_saved_run_collect(const msim_sim *sim) {
@@ -28,9 +29,9 @@ ms_saved_run ms_saved_run_collect(const msim_sim *sim) {
                         .error_growth = sim->error_growth};
 }
 
-/* All counts; that of incomplete steps with the option which makes them. Seconds are left out, so
- * that identical runs have identical checkpoints. */
-static void archive_stats(ms_archive *b, const msim_options *opt, msim_stats *s) {
+/* All counts; that of incomplete steps with the option which makes them, that of broken springs
+ * where they break. Seconds are left out, so that identical runs have identical checkpoints. */
+static void archive_stats(ms_archive *b, const msim_sim *sim, msim_stats *s) {
   int64_t *counts[] = {&s->steps,
                        &s->force_evaluations,
                        &s->assemblies,
@@ -51,8 +52,9 @@ static void archive_stats(ms_archive *b, const msim_options *opt, msim_stats *s)
                        &s->rejected_steps};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
     ms_archive_transfer_count(b, counts[i]);
-  if (opt->incomplete) ms_archive_transfer_count(b, &s->incomplete_steps);
-  enum { SECONDS = 7, OPTIONAL = 1 }; /* new counts of msim_stats have to be added above */
+  if (sim->config.opt.incomplete) ms_archive_transfer_count(b, &s->incomplete_steps);
+  if (ms_scene_breaks(sim->scene)) ms_archive_transfer_count(b, &s->broken);
+  enum { SECONDS = 7, OPTIONAL = 2 }; /* new counts of msim_stats have to be added above */
   _Static_assert(sizeof *s - offsetof(msim_stats, steps) ==
                      8 * (sizeof counts / sizeof *counts + OPTIONAL + SECONDS),
                  "all counts are in a checkpoint");
@@ -73,7 +75,7 @@ void ms_saved_run_archive(ms_archive *b, const msim_sim *sim, ms_saved_run *r) {
   }
   for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) MS_ARCHIVE_TRANSFER(b, *flags[i]);
   ms_control_archive(b, &r->run.control);
-  archive_stats(b, &sim->config.opt, &r->stats);
+  archive_stats(b, sim, &r->stats);
   if (ms_sim_selects(sim)) ms_method_choice_archive(b, &r->choice);
   ms_energy_monitor_archive(b, sim, &r->run, &r->monitor);
   if (r->tol > 0) r->monitor.good.h = r->monitor.good.control.h;

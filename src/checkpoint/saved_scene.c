@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "scene/laws.h"
+
 /*------------------------------------- forces ---------------------------------------------------*/
 
 static size_t count_bytes(const ms_scene *s) { return 3 * (size_t)s->nparticles * sizeof(double); }
@@ -169,7 +171,7 @@ static msim_status resize(ms_scene *s, sizes n, msim_error *err) {
   else if (!s->law && !MS_NEW(&s->alloc, s->law, s->spring_capacity))
     return ms_error_set_memory(err, "the laws of springs");
   s->nparticles = n.particles, s->nsprings = n.springs, s->nfaces = n.faces;
-  return MSIM_OK;
+  return ms_scene_prepare_breaking(s, err);
 }
 
 static void check_topology(ms_archive *b, const ms_scene *s) {
@@ -210,14 +212,27 @@ static msim_status archive_topology(ms_archive *b, ms_scene *s, msim_error *err)
   return MSIM_OK;
 }
 
+static int are_equal(const void *a, const void *b, size_t bytes) {
+  return bytes == 0 || memcmp(a, b, bytes) == 0;
+}
+
 static int have_same_topology(const ms_scene *a, const ms_scene *b) {
   const size_t n = (size_t)a->nparticles, m = (size_t)a->nsprings, real = sizeof(double);
   return a->nparticles == b->nparticles && a->nsprings == b->nsprings && a->nfaces == b->nfaces &&
-         !a->law == !b->law && memcmp(a->mass, b->mass, n * real) == 0 &&
-         memcmp(a->ij, b->ij, 2 * m * sizeof *a->ij) == 0 && memcmp(a->k, b->k, m * real) == 0 &&
-         memcmp(a->rest, b->rest, m * real) == 0 && memcmp(a->damping, b->damping, m * real) == 0 &&
-         (!a->law || memcmp(a->law, b->law, m * sizeof *a->law) == 0) &&
-         memcmp(a->faces, b->faces, 3 * (size_t)a->nfaces * sizeof *a->faces) == 0;
+         !a->law == !b->law && are_equal(a->mass, b->mass, n * real) &&
+         are_equal(a->ij, b->ij, 2 * m * sizeof *a->ij) && are_equal(a->k, b->k, m * real) &&
+         are_equal(a->rest, b->rest, m * real) && are_equal(a->damping, b->damping, m * real) &&
+         (!a->law || are_equal(a->law, b->law, m * sizeof *a->law)) &&
+         are_equal(a->faces, b->faces, 3 * (size_t)a->nfaces * sizeof *a->faces);
+}
+
+/*------------------------------------- broken springs -------------------------------------------*/
+
+void ms_saved_scene_archive_broken(ms_archive *b, const ms_scene *s, uint8_t *broken) {
+  if (!broken) return;
+  ms_archive_transfer(b, broken, (size_t)s->nsprings);
+  for (int32_t e = 0; e < s->nsprings; e++)
+    ms_archive_check(b, broken[e] <= MS_BROKEN_BEFORE, "a broken spring");
 }
 
 /*------------------------------------- changes --------------------------------------------------*/
@@ -226,10 +241,10 @@ void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim) {
   int32_t changed = sim->edited_from ? MS_SCENE_EDITED : sim->created_from ? MS_SCENE_CHANGED : 0;
   msim_scene handle = {sim->scene};
   MS_ARCHIVE_TRANSFER(b, changed);
-  if (!changed && b->direction != MS_ARCHIVE_COUNT) return;
   if (changed == MS_SCENE_EDITED) archive_topology(b, handle.data, NULL);
-  archive_forces(b, handle.data, NULL);
-  archive_pins(b, &handle, NULL);
+  if (MS_ARCHIVE_OPTIONAL(b, changed)) archive_forces(b, handle.data, NULL);
+  if (MS_ARCHIVE_OPTIONAL(b, changed)) archive_pins(b, &handle, NULL);
+  ms_saved_scene_archive_broken(b, sim->scene, sim->scene->broken);
 }
 
 /* The forces and pins of `from`, which has the same particles */

@@ -10,8 +10,8 @@
 enum { MS_SCENE_CHANGED = 1, MS_SCENE_EDITED = 2 };
 
 /* Gravity, drag, constant forces, pins and motions, if they were changed; of edited scenes also all
- * particles, springs and faces. MS_ARCHIVE_COUNT reserves room for forces and pins that may be
- * changed later. */
+ * particles, springs and faces; and broken springs. MS_ARCHIVE_COUNT reserves room for forces and
+ * pins that may be changed later. */
 void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim);
 
 /* *scene: a reference to the sim's scene, or, if it has others, to a copy with the changes of the
@@ -20,6 +20,10 @@ void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim);
  * of the archive or are refused; *scene is NULL then. */
 msim_status ms_saved_scene_read_changes(ms_archive *b, const msim_sim *sim, ms_scene **scene,
                                         int32_t *changed, msim_error *err);
+
+/* The broken springs that follow the changes: nsprings flags of this scene; NULL: none can break.
+ * */
+void ms_saved_scene_archive_broken(ms_archive *b, const ms_scene *scene, uint8_t *broken);
 
 /* The springs that solvers were chosen for, where the sim has others. *scene: a copy of the sim's
  * scene with these springs; impossible values set the failure of the archive. */

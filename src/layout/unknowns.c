@@ -96,7 +96,7 @@ void ms_springs_update(const ms_scene *scene, ms_springs *springs) {
     springs->k[to] = ms_scene_stiffness(scene, e);
     springs->rest[to] = scene->rest[e];
     if (springs->has_law) springs->has_law[to] = ms_scene_law(scene, e) != NULL;
-    springs->damping[to] = scene->damping[e];
+    springs->damping[to] = ms_scene_damping(scene, e);
   }
 }
 

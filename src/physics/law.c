@@ -7,6 +7,11 @@
 /* f, f' and E of a law for k = 1, where k scales it. Loops over them are vectorized. */
 typedef ms_law_value unit_law(const ms_law *law, double e);
 
+static inline ms_law_value linear(const ms_law *law, double e) {
+  (void)law;
+  return (ms_law_value){e, 1, 0.5 * e * e};
+}
+
 static inline ms_law_value tension(const ms_law *law, double e) {
   (void)law;
   const double c = e > 0 ? e : 0;
@@ -93,6 +98,9 @@ static void evaluate_callback(const ms_law *law, int32_t n, const double *k, con
 void ms_law_evaluate(const ms_law *law, int32_t n, const double *k, const double *rest,
                      ms_law_batch *b) {
   switch (law->is.kind) {
+    case MSIM_LAW_LINEAR:
+      evaluate_scaled(law, linear, n, k, b);
+      break;
     case MSIM_LAW_TENSION:
       evaluate_scaled(law, tension, n, k, b);
       break;
@@ -116,6 +124,7 @@ void ms_law_evaluate(const ms_law *law, int32_t n, const double *k, const double
 ms_law_value ms_law_value_of(const ms_scene *s, int32_t spring, double l) {
   const ms_law *law = ms_scene_law(s, spring);
   const double k = s->k[spring], rest = s->rest[spring];
+  if (ms_scene_is_broken(s, spring)) return (ms_law_value){0, 0, 0};
   if (!law) return (ms_law_value){MS_SPRING_FORCE(k, rest, l), k, MS_SPRING_ENERGY(k, rest, l)};
   ms_law_batch batch;
   batch.only_force = 0;

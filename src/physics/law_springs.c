@@ -71,6 +71,7 @@ msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs *
   fits = fits && MS_NEW(alloc, number, model->springs.n) && MS_NEW(alloc, s->run, runs) &&
          MS_NEW(alloc, s->i, n) && MS_NEW(alloc, s->j, n) && MS_NEW(alloc, s->spring, n) &&
          MS_NEW(alloc, s->k, n) && MS_NEW(alloc, s->rest, n) &&
+         (!model->scene->broken || MS_NEW(alloc, s->broken, n)) &&
          MS_NEW(alloc, s->scratch, MS_LAW_RECORD * ends) && MS_NEW(alloc, s->sum, runs) &&
          MS_NEW(alloc, s->row, rows < ends ? rows : ends) &&
          MS_NEW(alloc, s->first, (rows < ends ? rows : ends) + 1) && MS_NEW(alloc, s->end, ends);
@@ -85,8 +86,8 @@ msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs *
 
 void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *s) {
   if (!s) return;
-  MS_FREE(&scene->alloc, s->run, s->i, s->j, s->spring, s->k, s->rest, s->scratch, s->sum, s->row,
-          s->first, s->end, s);
+  MS_FREE(&scene->alloc, s->run, s->i, s->j, s->spring, s->k, s->rest, s->broken, s->scratch,
+          s->sum, s->row, s->first, s->end, s);
 }
 
 void ms_law_springs_update(const ms_model *model) {
@@ -94,13 +95,21 @@ void ms_law_springs_update(const ms_model *model) {
   const ms_scene *scene = model->scene;
   for (int32_t at = 0; at < s->n; at++) {
     const int32_t e = model->springs.spring[s->spring[at]];
-    s->k[at] = scene->k[e], s->rest[at] = scene->rest[e];
+    const int is_broken = ms_scene_is_broken(scene, e);
+    s->k[at] = is_broken ? 0 : scene->k[e], s->rest[at] = scene->rest[e];
+    if (s->broken) s->broken[at] = (uint8_t)is_broken;
   }
   for (int32_t r = 0; r < s->nruns; r++)
     s->run[r].law = ms_scene_law(scene, model->springs.spring[s->spring[s->run[r].begin]]);
 }
 
 /*------------------------------------- batches --------------------------------------------------*/
+
+/* A law that does not scale with k would give broken springs a force. */
+static void clear_broken(const struct ms_law_springs *s, const ms_law_run *run, ms_law_batch *at) {
+  for (int32_t e = 0; e < run->end - run->begin; e++)
+    if (s->broken[run->begin + e]) at->force[e] = at->slope[e] = at->energy[e] = 0;
+}
 
 /* Measure and evaluate the springs of a run. */
 static void evaluate_at(const ms_model *model, const ms_law_run *run, const double *x,
@@ -113,6 +122,7 @@ static void evaluate_at(const ms_model *model, const ms_law_run *run, const doub
 void ms_law_springs_evaluate(const ms_model *model, const ms_law_run *run, ms_law_batch *at) {
   const struct ms_law_springs *s = model->laws;
   ms_law_evaluate(run->law, run->end - run->begin, s->k + run->begin, s->rest + run->begin, at);
+  if (s->broken && !run->law->scales) clear_broken(s, run, at);
 }
 
 typedef struct law_job {
@@ -287,4 +297,49 @@ static void sum_run_nonlinearity(void *data, int32_t item) {
 double ms_law_springs_nonlinearity(const ms_model *model, const double *x, const double *d,
                                    double s) {
   return sum_runs(&(law_job){.model = model, .x = x, .d = d, .step = s}, sum_run_nonlinearity);
+}
+
+/*------------------------------------- breaking -------------------------------------------------*/
+
+static int exceeds_threshold(const ms_law *law, double stretch, double force, double rest) {
+  return (law->is.break_strain > 0 && rest > 0 && stretch > law->is.break_strain * rest) ||
+         (law->is.break_force > 0 && force > law->is.break_force);
+}
+
+static int breaks(const struct ms_law_springs *s, const ms_law_run *run, const ms_law_batch *at,
+                  int32_t e) {
+  return !s->broken[run->begin + e] &&
+         exceeds_threshold(run->law, at->stretch[e], at->force[e], s->rest[run->begin + e]);
+}
+
+static void count_breaking(void *data, int32_t item) {
+  const law_job *j = data;
+  const struct ms_law_springs *s = j->model->laws;
+  const ms_law_run *run = &s->run[item];
+  ms_law_lengths at;
+  s->sum[item] = 0;
+  if (!ms_law_breaks(run->law)) return;
+  evaluate_at(j->model, run, j->x, &at);
+  for (int32_t e = 0; e < run->end - run->begin; e++) s->sum[item] += breaks(s, run, &at.at, e);
+}
+
+int32_t ms_law_springs_find_breaking(const ms_model *model, const double *x) {
+  return (int32_t)sum_runs(&(law_job){.model = model, .x = x}, count_breaking);
+}
+
+double ms_law_springs_mark_breaking(const ms_model *model, const double *x, uint8_t *broken) {
+  const struct ms_law_springs *s = model->laws;
+  double below = 0;
+  for (int32_t r = 0; r < s->nruns; r++) {
+    const ms_law_run *run = &s->run[r];
+    ms_law_lengths at;
+    if (!ms_law_breaks(run->law)) continue;
+    evaluate_at(model, run, x, &at);
+    for (int32_t e = 0; e < run->end - run->begin; e++) {
+      if (!breaks(s, run, &at.at, e)) continue;
+      broken[model->springs.spring[s->spring[run->begin + e]]] = MS_BROKEN;
+      below += fmax(0, -at.at.energy[e]);
+    }
+  }
+  return below;
 }

@@ -9,6 +9,7 @@
 #define MS_LAW_SPRINGS_H
 
 #include "physics/force.h"
+#include "physics/law.h"
 
 /* Up to MS_LAW_BATCH springs of one law */
 typedef struct ms_law_run {
@@ -30,13 +31,20 @@ struct ms_law_springs {
   ms_law_run *run;
   int32_t *i, *j;   /* n: rows of the ends */
   int32_t *spring;  /* n: index in ms_springs */
-  double *k, *rest; /* n */
+  double *k, *rest; /* n; k: 0 where broken */
+  uint8_t *broken;  /* n: 1 where a spring is broken; NULL: none can break */
   double *scratch;  /* 2 n records: the forces on the ends; or t, g of each spring */
   double *sum;      /* nruns: energies of the runs: scratch */
   int32_t *row;     /* nrows: the unknowns with such springs, ascending */
   int32_t *first;   /* nrows + 1: their first ends */
   ms_law_end *end;
 };
+
+/* The number of springs that exceed a threshold of their law at x, and are not broken yet. `mark`
+ * writes MS_BROKEN for these to broken[], the flags of the scene's springs, and returns the sum of
+ * their energies below that at rest, J. */
+int32_t ms_law_springs_find_breaking(const ms_model *model, const double *x);
+double ms_law_springs_mark_breaking(const ms_model *model, const double *x, uint8_t *broken);
 
 /* NULL if no spring of the model has a law. */
 msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs **laws,

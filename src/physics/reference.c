@@ -17,7 +17,7 @@ static void add_spring_force(const ms_scene *s, size_t e, const double *x, const
   const double l2 = ms_vec3_dot(d, d), l = sqrt(l2);
   if (l2 <= MS_MIN_LENGTH2) return;
   const double pull = (ms_law_value_of(s, (int32_t)e, l).force +
-                       MS_DASHPOT_FORCE(s->damping[e], ms_vec3_dot(d, dv)) / l) /
+                       MS_DASHPOT_FORCE(ms_scene_damping(s, (int32_t)e), ms_vec3_dot(d, dv)) / l) /
                       l;
   for (size_t c = 0; c < 3; c++) f[i + c] += pull * d[c], f[j + c] -= pull * d[c];
 }
@@ -94,5 +94,5 @@ double ms_reference_compute_tension(const ms_scene *s, int32_t spring, const dou
   for (size_t c = 0; c < 3; c++) d[c] = x[j + c] - x[i + c], dv[c] = v[j + c] - v[i + c];
   const double l = ms_vec3_norm(d), rate = l * l > MS_MIN_LENGTH2 ? ms_vec3_dot(d, dv) / l : 0;
   *elongation = l - s->rest[e];
-  return ms_law_value_of(s, spring, l).force + MS_DASHPOT_FORCE(s->damping[e], rate);
+  return ms_law_value_of(s, spring, l).force + MS_DASHPOT_FORCE(ms_scene_damping(s, spring), rate);
 }

@@ -80,9 +80,10 @@ static void explain_laws(const msim_sim *sim, ms_text *out) {
     int32_t count = 0;
     for (int32_t e = 0; e < s->nsprings; e++) count += s->law[e] == law;
     if (count)
-      ms_text_append(out,
-                     "              law %d, %s, of %d springs, evaluated apart from linear ones\n",
-                     law, ms_laws_kind_name(s->laws[law - 1].is.kind), count);
+      ms_text_append(
+          out, "              law %d, %s, of %d springs, evaluated apart from linear ones%s\n", law,
+          ms_laws_kind_name(s->laws[law - 1].is.kind), count,
+          ms_law_breaks(&s->laws[law - 1]) ? "; they break" : "");
   }
 }
 

@@ -18,12 +18,11 @@ int ms_scene_reserve_particles(ms_scene *s, int64_t needed, msim_error *err) {
 }
 
 int ms_scene_reserve_springs(ms_scene *s, int64_t needed, msim_error *err) {
-  const ms_array arrays[] = {{&s->ij, 2 * sizeof *s->ij},
-                             MS_ARRAY(s->k),
-                             MS_ARRAY(s->rest),
-                             MS_ARRAY(s->damping),
-                             MS_ARRAY(s->law)};
-  const int count = s->law ? 5 : 4;
+  ms_array arrays[6] = {
+      {&s->ij, 2 * sizeof *s->ij}, MS_ARRAY(s->k), MS_ARRAY(s->rest), MS_ARRAY(s->damping)};
+  int count = 4;
+  if (s->law) arrays[count++] = MS_ARRAY(s->law);
+  if (s->broken) arrays[count++] = MS_ARRAY(s->broken);
   int32_t capacity = s->spring_capacity;
   for (int i = 0; i < count; i++) {
     capacity = s->spring_capacity;

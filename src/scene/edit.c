@@ -91,6 +91,7 @@ static void remove_springs(ms_scene *s, const ms_edit_map *map) {
     for (size_t end = 0; end < 2; end++) s->ij[2 * to + end] = map->particle[s->ij[2 * e + end]];
     s->k[to] = s->k[e], s->rest[to] = s->rest[e], s->damping[to] = s->damping[e];
     if (s->law) s->law[to] = s->law[e];
+    if (s->broken) s->broken[to] = s->broken[e];
   }
   s->nsprings = map->kept_springs;
 }

@@ -117,6 +117,10 @@ static void export_laws(export_state *e) {
     append_list(e, i, law->n, law->coefficients, &ms_law_keys[MS_KEY_COEFFICIENTS]);
     append_list(e, i, law->n, law->stretch, &ms_law_keys[MS_KEY_STRETCH]);
     append_list(e, i, law->n, law->force, &ms_law_keys[MS_KEY_LAW_FORCE]);
+    if (law->break_strain > 0)
+      append_member(e, i, &law->break_strain, &ms_law_keys[MS_KEY_BREAK_STRAIN]);
+    if (law->break_force > 0)
+      append_member(e, i, &law->break_force, &ms_law_keys[MS_KEY_BREAK_FORCE]);
   }
   if (!s->law) return;
   for (int32_t i = 0; i < s->nsprings; i++) e->law[i] = s->law[i];
@@ -221,7 +225,7 @@ static void export_run(export_state *e) {
 
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
-  const size_t most = 21 + 4 * ((size_t)s->nplanes + (size_t)s->nlaws + (size_t)s->nmotions) +
+  const size_t most = 21 + 4 * ((size_t)s->nplanes + (size_t)s->nmotions) + 6 * (size_t)s->nlaws +
                       (8 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&

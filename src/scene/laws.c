@@ -139,7 +139,9 @@ static void set_polynomial(ms_law *law) {
 
 double ms_scene_energy_depth(const ms_scene *s, int32_t spring) {
   const ms_law *law = ms_scene_law(s, spring);
-  if (!law || law->depth == 0 || (law->scales && s->k[spring] == 0)) return 0;
+  if (!law || law->depth == 0 || ms_scene_is_broken(s, spring) ||
+      (law->scales && s->k[spring] == 0))
+    return 0;
   return law->scales ? s->k[spring] * law->depth : law->depth;
 }
 
@@ -182,19 +184,35 @@ int ms_laws_prepare(const msim_allocator *alloc, const msim_law *is, ms_law *law
   return 1;
 }
 
+int ms_scene_breaks(const ms_scene *s) {
+  for (int32_t i = 0; i < s->nlaws; i++)
+    if (ms_law_breaks(&s->laws[i])) return 1;
+  return 0;
+}
+
+msim_status ms_scene_prepare_breaking(ms_scene *s, msim_error *err) {
+  if (s->broken || !ms_scene_breaks(s) || MS_NEW(&s->alloc, s->broken, s->spring_capacity))
+    return MSIM_OK;
+  return ms_error_set_memory(err, "the broken springs");
+}
+
 int ms_laws_copy(const ms_scene *from, ms_scene *to) {
   msim_error inner;
   if (ms_memory_reserve(&to->alloc, MS_ARRAY(to->laws), 0, &to->law_capacity, from->nlaws, &inner))
     return 0;
   for (; to->nlaws < from->nlaws; to->nlaws++)
     if (!ms_laws_prepare(&to->alloc, &from->laws[to->nlaws].is, &to->laws[to->nlaws])) return 0;
-  if (!from->law) return 1;
-  if (!MS_NEW(&to->alloc, to->law, to->spring_capacity)) return 0;
-  memcpy(to->law, from->law, (size_t)from->nsprings * sizeof *to->law);
+  if (from->law) {
+    if (!MS_NEW(&to->alloc, to->law, to->spring_capacity)) return 0;
+    memcpy(to->law, from->law, (size_t)from->nsprings * sizeof *to->law);
+  }
+  if (!from->broken) return 1;
+  if (!MS_NEW(&to->alloc, to->broken, to->spring_capacity)) return 0;
+  memcpy(to->broken, from->broken, (size_t)from->nsprings);
   return 1;
 }
 
 void ms_laws_free(ms_scene *s) {
   for (int32_t i = 0; i < s->nlaws; i++) ms_laws_free_one(&s->alloc, &s->laws[i]);
-  MS_FREE(&s->alloc, s->laws, s->law);
+  MS_FREE(&s->alloc, s->laws, s->law, s->broken);
 }

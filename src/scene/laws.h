@@ -19,6 +19,31 @@ typedef struct ms_law {
   int scales;          /* 1: force, slope and energy are k times those of k = 1 */
 } ms_law;
 
+/* Springs break in sims whose scene has a law with a threshold. Solvers are chosen when islands are
+ * built: for springs that have broken before. */
+enum { MS_INTACT, MS_BROKEN, MS_BROKEN_BEFORE };
+
+static inline int ms_law_breaks(const ms_law *law) {
+  return law->is.break_strain > 0 || law->is.break_force > 0;
+}
+
+/* 1: the scene has a law by which springs break. */
+int ms_scene_breaks(const ms_scene *scene);
+
+/* Let the springs of the scene break, if it has such a law; they are intact. The scene belongs to
+ * one sim alone. MSIM_ERR_MEMORY */
+msim_status ms_scene_prepare_breaking(ms_scene *scene, msim_error *err);
+
+/* 1: the spring exerts no force, whatever its k, damping and law. */
+static inline int ms_scene_is_broken(const ms_scene *s, int32_t spring) {
+  return s->broken && s->broken[spring] > s->hides_broken;
+}
+
+/* The damping of a spring, N s/m */
+static inline double ms_scene_damping(const ms_scene *s, int32_t spring) {
+  return ms_scene_is_broken(s, spring) ? 0 : s->damping[spring];
+}
+
 /* The law of a spring; NULL: linear */
 static inline const ms_law *ms_scene_law(const ms_scene *s, int32_t spring) {
   return s->law && s->law[spring] ? &s->laws[s->law[spring] - 1] : NULL;
@@ -27,6 +52,7 @@ static inline const ms_law *ms_scene_law(const ms_scene *s, int32_t spring) {
 /* A bound on |df/de| of a spring, N/m: k if it is linear */
 static inline double ms_scene_stiffness(const ms_scene *s, int32_t spring) {
   const ms_law *law = ms_scene_law(s, spring);
+  if (ms_scene_is_broken(s, spring)) return 0;
   if (!law) return s->k[spring];
   return law->scales ? s->k[spring] * law->slope : law->slope;
 }
@@ -41,7 +67,8 @@ const char *ms_laws_kind_name(int32_t kind);
 int ms_laws_prepare(const msim_allocator *alloc, const msim_law *is, ms_law *law);
 void ms_laws_free_one(const msim_allocator *alloc, ms_law *law);
 
-/* Copy the laws of `from` and their numbers to `to`, which has its springs. 0: out of memory. */
+/* Copy the laws of `from`, their numbers and broken springs to `to`, which has its springs. 0: out
+ * of memory. */
 int ms_laws_copy(const ms_scene *from, ms_scene *to);
 void ms_laws_free(ms_scene *s);
 

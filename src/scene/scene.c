@@ -110,6 +110,7 @@ static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const doub
     s->damping[at + e] = damping ? damping[e] : 0.0;
   }
   if (s->law) memset(s->law + at, 0, count * sizeof *s->law);
+  if (s->broken) memset(s->broken + at, MS_INTACT, count);
   s->nsprings += n;
 }
 

@@ -51,6 +51,8 @@ typedef struct ms_scene {
   int32_t nlaws, law_capacity;
   struct ms_law *laws; /* nlaws: law 1 is laws[0] (laws.h) */
   int32_t *law;        /* nsprings: numbers of laws, 0: linear; NULL: all are linear */
+  uint8_t *broken;     /* nsprings, of a sim: MS_INTACT, ... (laws.h); NULL: no spring breaks */
+  int hides_broken;    /* 1: only those MS_BROKEN_BEFORE count as broken */
 
   ms_scene_angles angles;
 

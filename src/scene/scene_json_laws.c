@@ -7,7 +7,7 @@
 
 /*------------------------------------- laws -----------------------------------------------------*/
 
-/* The keys of a type besides `type` itself, all required: a bit 1 << MS_KEY_... for each */
+/* The keys of a type besides `type` and thresholds, all required: a bit 1 << MS_KEY_... for each */
 static const unsigned keys_of_kind[] = {
     [MSIM_LAW_DEAD_BAND] = 1 << MS_KEY_HALF_WIDTH,
     [MSIM_LAW_POLYNOMIAL] = 1 << MS_KEY_COEFFICIENTS | 1 << MS_KEY_LIMIT,
@@ -43,7 +43,7 @@ static msim_status read_law_type(const ms_json_reader *r, const char *path, ms_v
 
 static msim_status check_law_keys(const ms_json_reader *r, const char *path, ms_value value,
                                   int32_t kind) {
-  const unsigned keys = kind <= MSIM_LAW_TABLE ? keys_of_kind[kind] : 0;
+  const unsigned keys = keys_of_kind[kind] | 1 << MS_KEY_BREAK_STRAIN | 1 << MS_KEY_BREAK_FORCE;
   const char *names[MS_LAW_KEYS + 1] = {ms_law_keys[MS_KEY_LAW_TYPE].key};
   for (int32_t i = 1, n = 1; i < MS_LAW_KEYS; i++)
     if (keys >> i & 1) names[n++] = ms_law_keys[i].key;
@@ -88,13 +88,25 @@ static msim_status read_law_members(const ms_json_reader *r, const char *path, m
   return status;
 }
 
-/* A linear law at the head of the list is law 0, which every scene has. */
+static msim_status read_thresholds(const ms_json_reader *r, const char *path, ms_value value,
+                                   msim_law *law) {
+  const ms_scene_key *keys = ms_law_keys;
+  const msim_status status =
+      ms_json_read_numbers(r, path, value, &keys[MS_KEY_BREAK_STRAIN], &law->break_strain);
+  return status
+             ? status
+             : ms_json_read_numbers(r, path, value, &keys[MS_KEY_BREAK_FORCE], &law->break_force);
+}
+
+/* A linear law without thresholds at the head of the list is law 0, which every scene has. */
 static msim_status read_law(const ms_json_reader *r, const char *path, size_t i, ms_value value) {
   msim_law law = {.size = sizeof law};
   double *lists[2] = {NULL, NULL};
   msim_status status = read_law_type(r, path, value, &law.kind);
   if (!status) status = check_law_keys(r, path, value, law.kind);
-  if (status || (law.kind == MSIM_LAW_LINEAR && i == 0)) return status;
+  if (!status) status = read_thresholds(r, path, value, &law);
+  if (status || (law.kind == MSIM_LAW_LINEAR && i == 0 && !law.break_strain && !law.break_force))
+    return status;
   status = read_law_members(r, path, value, &law, lists);
   if (!status)
     status = ms_json_forward_error(r, ms_json_member_path(path, "").text,

@@ -91,7 +91,7 @@ const ms_scene_key ms_spring_keys[MS_SPRING_KEYS] = {
     {"damping", MS_NUMBER_EACH, MS_NOT_NEGATIVE, 1, "0", "N s/m", "damping constants", "0.1"},
     {"law", MS_NUMBER_EACH, MS_INDEX, 1, "0", "",
      "numbers of laws: 0 is linear; i is element i of `laws`, counted from 1 unless the first one "
-     "is linear",
+     "is linear and has no other key",
      "1"}};
 
 const ms_scene_key ms_angle_keys[MS_ANGLE_KEYS] = {
@@ -123,7 +123,14 @@ const ms_scene_key ms_law_keys[MS_LAW_KEYS] = {
     {"stretch", MS_NUMBER_LIST, MS_ANY, 1, "", "m", "table: values of e, ascending, at least 2",
      "[-0.1, 0, 0.1]"},
     {"force", MS_NUMBER_LIST, MS_ANY, 1, "", "N",
-     "table: f at these; beyond them it is linear; k has no effect", "[-10, 0, 5]"}};
+     "table: f at these; beyond them it is linear; k has no effect", "[-10, 0, 5]"},
+    {"break_strain", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "0", "",
+     "any type, also linear: a spring with e/rest above it breaks, and exerts no force from then "
+     "on; "
+     "0: never",
+     "0.2"},
+    {"break_force", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "0", "N",
+     "any type, also linear: a spring with f above it breaks; 0: never", "50"}};
 
 const ms_scene_key ms_plane_keys[MS_PLANE_KEYS] = {
     {"normal", MS_NUMBERS, MS_ANY, 3, NULL, "",

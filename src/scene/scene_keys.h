@@ -83,6 +83,8 @@ enum {
   MS_KEY_LIMIT,
   MS_KEY_STRETCH,
   MS_KEY_LAW_FORCE,
+  MS_KEY_BREAK_STRAIN,
+  MS_KEY_BREAK_FORCE,
   MS_LAW_KEYS
 };
 extern const ms_scene_key ms_law_keys[MS_LAW_KEYS];

@@ -75,12 +75,27 @@ static msim_status check_absent(const msim_law *law, msim_error *err) {
   return MSIM_OK;
 }
 
+static msim_status check_threshold(const char *what, double value, msim_error *err) {
+  if (isfinite(value) && value >= 0) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG, "%s is %g; it must be a finite number > 0, or 0: never",
+                      what, value);
+}
+
+static msim_status check_thresholds(const msim_law *law, msim_error *err) {
+  const msim_status status = check_threshold("break_strain", law->break_strain, err);
+  if (status) return status;
+  if (law->kind == MSIM_LAW_LINEAR && law->break_strain == 0 && law->break_force == 0)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "kind is linear: that is law 0 of every scene; set break_strain or "
+                        "break_force, or use law 0");
+  return check_threshold("break_force", law->break_force, err);
+}
+
 static msim_status check_law(const msim_law *law, msim_error *err) {
-  if (law->kind == MSIM_LAW_LINEAR)
-    return ms_error_set(err, MSIM_ERR_ARG, "kind is linear: that is law 0 of every scene");
   if (!ms_laws_kind_name(law->kind))
     return ms_error_set(err, MSIM_ERR_ARG, "kind is %d; it must be one of MSIM_LAW_...", law->kind);
-  const msim_status status = check_absent(law, err);
+  msim_status status = check_thresholds(law, err);
+  if (!status) status = check_absent(law, err);
   if (status) return status;
   if (law->kind == MSIM_LAW_TABLE) return check_table(law, err);
   if (law->kind == MSIM_LAW_POLYNOMIAL) return check_polynomial(law, err);
@@ -97,7 +112,8 @@ msim_status msim_scene_add_law(msim_scene *scene, const msim_law *law, int32_t *
                                msim_error *err) {
   if (!scene || !law) return ms_error_set(err, MSIM_ERR_ARG, "scene or law is NULL");
   msim_law is;
-  msim_status status = ms_sized_check(law, sizeof is, sizeof is, "law", "law", err);
+  msim_status status =
+      ms_sized_check(law, sizeof is, MS_SIZE_THROUGH(msim_law, energy_depth), "law", "law", err);
   if (status) return status;
   ms_sized_read(&is, sizeof is, law);
   is.size = sizeof is;

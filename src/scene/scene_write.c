@@ -111,6 +111,8 @@ static void write_law(ms_text *text, const msim_law *law) {
   if (law->kind == MSIM_LAW_POLYNOMIAL) write_member(text, keys[MS_KEY_LIMIT], law->limit);
   write_list(text, keys[MS_KEY_STRETCH], law->n, law->stretch);
   write_list(text, keys[MS_KEY_LAW_FORCE], law->n, law->force);
+  if (law->break_strain > 0) write_member(text, keys[MS_KEY_BREAK_STRAIN], law->break_strain);
+  if (law->break_force > 0) write_member(text, keys[MS_KEY_BREAK_FORCE], law->break_force);
   ms_text_append(text, "}");
 }
 

@@ -3,6 +3,7 @@
 #include "contact/implicit_contact.h"
 #include "integrate/multirate.h"
 #include "physics/law_springs.h"
+#include "sim/breaking.h"
 #include "sim/island_step.h"
 #include "sim/reuse.h"
 #include "sim/step_driver.h"
@@ -179,6 +180,7 @@ msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *er
     return status;
   }
   if (sim->reuse) ms_reuse_finish(sim);
+  ms_breaking_set_before(sim->scene);
   ms_sim_destroy_detached(sim, &old);
   ms_sim_set_solver_scene(sim, NULL);
   sim->config.choice.out_of_date = 0;

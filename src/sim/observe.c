@@ -9,6 +9,7 @@
 #include "physics/fused_step.h"
 #include "physics/moving_pins.h"
 #include "physics/reference.h"
+#include "scene/laws.h"
 #include "sim/sim.h"
 
 const ms_island_sim *ms_sim_largest_island(const msim_sim *sim) {
@@ -72,7 +73,8 @@ msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
                      .v = sim->state_v,
                      .v_half = sim->config.integrator->sync ? sim->state_v_half : NULL,
                      .h = sim->run.h,
-                     .work = sim->run.work};
+                     .work = sim->run.work,
+                     .nsprings = sim->scene->nsprings};
   return ms_sized_write(state, &full, sizeof full);
 }
 
@@ -138,6 +140,13 @@ msim_status msim_sim_reactions(msim_sim *sim, double *reaction) {
   if (!sim || !reaction) return MSIM_ERR_ARG;
   update_state_arrays(sim);
   ms_reference_compute_reactions(sim->scene, sim->state_x, sim->state_v, reaction);
+  return MSIM_OK;
+}
+
+msim_status msim_sim_broken(const msim_sim *sim, uint8_t *broken) {
+  if (!sim || !broken) return MSIM_ERR_ARG;
+  for (int32_t e = 0; e < sim->scene->nsprings; e++)
+    broken[e] = (uint8_t)ms_scene_is_broken(sim->scene, e);
   return MSIM_OK;
 }
 

@@ -6,6 +6,7 @@
 #include "layout/planar.h"
 #include "linear/backends.h"
 #include "methods/methods.h"
+#include "sim/breaking.h"
 #include "contact/reflection.h"
 #include "sim/start_check.h"
 #include "sim/step_driver.h"
@@ -201,10 +202,11 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
 
 static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choose *choose,
                             msim_error *err) {
+  msim_status status = set_options(sim, opt, err);
+  if (!status) status = ms_breaking_prepare(sim, err);
+  if (!status) status = ms_reflection_check(sim->scene, err);
   const msim_state start = {
       .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
-  msim_status status = set_options(sim, opt, err);
-  if (!status) status = ms_reflection_check(sim->scene, err);
   if (!status) ms_start_check_warn(sim);
   if (!status && ms_sim_selects(sim)) status = choose(sim, 0, &start, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
@@ -242,6 +244,7 @@ msim_status ms_sim_create_empty_copy(const msim_sim *from, msim_sim **sim, msim_
   s->edits = from->edits;
   msim_status status = own_string(s, &s->config.opt.solver, &s->solver, err);
   if (!status) status = own_string(s, &s->config.opt.plugin_path, &s->plugin_path, err);
+  if (!status) status = ms_breaking_prepare(s, err);
   return status ? status : ms_sim_reserve_state(s, s->scene->nparticles, err);
 }
 
@@ -288,6 +291,7 @@ msim_status ms_sim_make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   msim_status status = MSIM_OK;
   for (int64_t i = 0; i < n && !status; i++) {
     status = ms_step_driver_make_step(sim, err);
+    if (!status) status = ms_breaking_follow(sim, err);
     if (status > 0) ms_energy_monitor_restore(sim, err);
     const int stopped = !status && atomic_exchange(&sim->stop, 0);
     if (!status && (stopped || ms_energy_monitor_is_due(sim)))

@@ -78,6 +78,17 @@ static const char *status_word(msim_status status) {
   }
 }
 
+/* The indices of broken springs */
+static int put_broken(FILE *stream, int32_t n, const uint8_t *broken) {
+  int done = fprintf(stream, ",\n \"broken\": [") > 0, first = 1;
+  for (int32_t e = 0; e < n && done; e++) {
+    if (!broken[e]) continue;
+    done = fprintf(stream, "%s%d", first ? "" : ", ", (int)e) > 0;
+    first = 0;
+  }
+  return done && fputc(']', stream) != EOF;
+}
+
 typedef struct content {
   msim_status status;
   msim_state state;
@@ -86,6 +97,7 @@ typedef struct content {
   double *reactions; /* 3n; NULL: no particle is pinned */
   int32_t ncontacts; /* -1: contacts are not recorded */
   const msim_contact *contacts;
+  uint8_t *broken; /* nsprings; NULL: no spring is broken */
 } content;
 
 static int put_contact(FILE *stream, const msim_contact *c) {
@@ -112,7 +124,8 @@ static int put_content(FILE *stream, const content *c) {
          put_triples(stream, "v", s->n, s->v) &&
          (!s->v_half || put_triples(stream, "v_half", s->n, s->v_half)) &&
          (!c->reactions || put_triples(stream, "reactions", s->n, c->reactions)) &&
-         put_contacts(stream, c) && put_key(stream, "energy", energy_object(&c->energy)) &&
+         (!c->broken || put_broken(stream, s->nsprings, c->broken)) && put_contacts(stream, c) &&
+         put_key(stream, "energy", energy_object(&c->energy)) &&
          put_key(stream, "momentum", triple(c->energy.momentum)) &&
          put_key(stream, "angular_momentum", triple(c->energy.angular_momentum)) &&
          put_key(stream, "stats", stats_object(&c->stats)) && fputs("}\n", stream) >= 0;
@@ -171,8 +184,14 @@ int final_write(output_file *file, const msim_scene *scene, msim_sim *sim, msim_
     if (!c.reactions) return report_error("out of memory for reactions of '%s'", file->path);
     msim_sim_reactions(sim, c.reactions);
   }
-  const int failed = write_content(file, &c);
-  free(c.reactions);
+  if (c.stats.broken) {
+    c.broken = malloc((size_t)c.state.nsprings);
+    if (c.broken) msim_sim_broken(sim, c.broken);
+  }
+  const int failed = c.stats.broken && !c.broken
+                         ? report_error("out of memory for broken springs of '%s'", file->path)
+                         : write_content(file, &c);
+  free(c.reactions), free(c.broken);
   return failed;
 }
 
@@ -249,6 +268,25 @@ static int take_state(initial_state *in) {
   return EXIT_OK;
 }
 
+/* Break the springs of the key `broken`, if there is one. */
+static int break_springs(const initial_state *in, msim_sim *sim) {
+  const json_t *list = json_object_get(in->root, "broken");
+  msim_error err;
+  if (!list) return EXIT_OK;
+  if (!json_is_array(list))
+    return report_error("%s: broken must be an array of indices of springs", in->path);
+  for (size_t i = 0; i < json_array_size(list); i++) {
+    const json_t *item = json_array_get(list, i);
+    const json_int_t index = json_integer_value(item);
+    const int32_t spring = index >= 0 && index <= INT32_MAX ? (int32_t)index : -1;
+    if (!json_is_integer(item))
+      return report_error("%s: broken[%zu] must be the index of a spring", in->path, i);
+    if (msim_sim_break(sim, 1, &spring, &err) != MSIM_OK)
+      return report_error("%s: broken[%zu]: %s", in->path, i, err.text);
+  }
+  return EXIT_OK;
+}
+
 int final_read(const char *path, msim_sim *sim) {
   json_error_t error;
   msim_error err;
@@ -263,6 +301,7 @@ int final_read(const char *path, msim_sim *sim) {
   else status = take_state(&in);
   if (!status && msim_sim_set_state(sim, &in.state, &err) != MSIM_OK)
     status = report_error("%s: %s", path, err.text);
+  if (!status) status = break_springs(&in, sim);
   json_decref(in.root);
   free(in.x);
   free(in.v);

@@ -39,6 +39,7 @@ static const field counters[] = {
     COUNTER(spring_evaluations, FORCES, "evaluations of single springs"),
     COUNTER(rejected_steps, STEPS, "steps repeated in shorter ones"),
     COUNTER(incomplete_steps, STEPS, "steps made at a limit of iterations"),
+    COUNTER(broken, FORCES, "springs that have broken"),
 };
 static const field phases[] = {
     PHASE(total, "all of these, and what is between them"),

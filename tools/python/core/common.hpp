@@ -63,6 +63,26 @@ void raise_force_exception();
 // Refuse the use of a sim within a force function.
 void refuse_in_force();
 
+// Particles and springs to remove and to add; arrays may be None
+inline msim_edit make_edit(const Ints &removed_particles, const Ints &removed_springs,
+                           const nb::object &x, const nb::object &v, const nb::object &mass,
+                           const Ints &ij, const nb::object &k, const nb::object &rest,
+                           const nb::object &damping, const nb::object &law) {
+  msim_edit e{};
+  e.size = sizeof e;
+  e.nremoved_particles = static_cast<int32_t>(removed_particles.size());
+  e.removed_particles = removed_particles.data();
+  e.nremoved_springs = static_cast<int32_t>(removed_springs.size());
+  e.removed_springs = removed_springs.data();
+  e.nparticles = mass.is_none() ? 0 : static_cast<int32_t>(nb::cast<Doubles>(mass).size());
+  e.x = data_or_null(x), e.v = data_or_null(v), e.mass = data_or_null(mass);
+  e.nsprings = static_cast<int32_t>(ij.size() / 2);
+  e.ij = ij.data(), e.k = data_or_null(k), e.rest = data_or_null(rest);
+  e.damping = data_or_null(damping);
+  e.law = law.is_none() ? nullptr : nb::cast<Ints>(law).data();
+  return e;
+}
+
 struct Scene {
   std::shared_ptr<Force> force;
   msim_scene *p = nullptr;

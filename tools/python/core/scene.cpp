@@ -53,16 +53,27 @@ static void pin(Scene &s, Ints particles) {
 
 // kind: MSIM_LAW_...; the number of the law
 static int32_t add_law(Scene &s, int32_t kind, double half_width, double limit,
-                       nb::object coefficients, nb::object stretch, nb::object force, int32_t n) {
+                       nb::object coefficients, nb::object stretch, nb::object force, int32_t n,
+                       double break_strain, double break_force) {
   msim_error err;
   msim_law law{};
   law.size = sizeof law;
   law.kind = kind, law.n = n, law.half_width = half_width, law.limit = limit;
   law.coefficients = data_or_null(coefficients);
   law.stretch = data_or_null(stretch), law.force = data_or_null(force);
+  law.break_strain = break_strain, law.break_force = break_force;
   int32_t index = 0;
   check(msim_scene_add_law(s.p, &law, &index, &err), err);
   return index;
+}
+
+static void edit(Scene &s, Ints removed_particles, Ints removed_springs, nb::object x, nb::object v,
+                 nb::object mass, Ints ij, nb::object k, nb::object rest, nb::object damping,
+                 nb::object law) {
+  msim_error err;
+  const msim_edit e =
+      make_edit(removed_particles, removed_springs, x, v, mass, ij, k, rest, damping, law);
+  check(msim_scene_edit(s.p, &e, &err), err);
 }
 
 static void set_law(Scene &s, Ints springs, int32_t law) {
@@ -305,8 +316,11 @@ void bind_scene(nb::module_ &m) {
       .def("add_samples", add_samples)
       .def("samples", samples)
       .def("add_law", add_law, nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
-           nb::arg().none(), nb::arg())
+           nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
       .def("set_law", set_law)
+      .def("edit", edit, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
+           nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg().none(),
+           nb::arg().none())
       .def("add_rope", add_rope)
       .def("add_cloth", add_cloth)
       .def("add_lattice", add_lattice)

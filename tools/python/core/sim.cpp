@@ -11,7 +11,9 @@ static constexpr auto between_signals = std::chrono::milliseconds(50);
 
 struct Sim {
   std::shared_ptr<Handle> h = std::make_shared<Handle>();
-  nb::object x, v, v_half; // views, made once
+  nb::object x, v, v_half;        // views, made once, and again where arrays have other sizes
+  const double *shown = nullptr;  // of these views: x
+  int32_t shown_n = 0;
   int64_t shown_step = -1; // the frame that next_frame has returned last
   double shown_t = 0;
 };
@@ -238,18 +240,27 @@ static nb::object show(Sim &s, nb::object &shown, const double *data, int32_t n)
   return shown;
 }
 
-static nb::object get_x(Sim &s) {
+// The present state, whose arrays the views show. Edits and checkpoints may change their size; the
+// library keeps the memory of older views.
+static msim_state shown_state(Sim &s) {
   const msim_state state = state_of(s);
+  if (state.x != s.shown || state.n != s.shown_n)
+    s.x = s.v = s.v_half = nb::object(), s.shown = state.x, s.shown_n = state.n;
+  return state;
+}
+
+static nb::object get_x(Sim &s) {
+  const msim_state state = shown_state(s);
   return show(s, s.x, state.x, state.n);
 }
 
 static nb::object get_v(Sim &s) {
-  const msim_state state = state_of(s);
+  const msim_state state = shown_state(s);
   return show(s, s.v, state.v, state.n);
 }
 
 static nb::object get_v_half(Sim &s) {
-  const msim_state state = state_of(s);
+  const msim_state state = shown_state(s);
   return state.v_half ? show(s, s.v_half, state.v_half, state.n) : nb::none();
 }
 
@@ -325,6 +336,32 @@ static void set_pinned(Sim &s, Ints particles, bool pinned) {
   check(status, err);
 }
 
+static void edit(Sim &s, Ints removed_particles, Ints removed_springs, nb::object x, nb::object v,
+                 nb::object mass, Ints ij, nb::object k, nb::object rest, nb::object damping,
+                 nb::object law) {
+  msim_error err;
+  const msim_edit e =
+      make_edit(removed_particles, removed_springs, x, v, mass, ij, k, rest, damping, law);
+  const msim_status status = msim_sim_edit(idle(s), &e, &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
+static void break_springs(Sim &s, Ints springs) {
+  msim_error err;
+  const msim_status status =
+      msim_sim_break(idle(s), static_cast<int32_t>(springs.size()), springs.data(), &err);
+  show_warnings(*s.h, 2);
+  check(status, err);
+}
+
+static nb::object broken(const Sim &s) {
+  const size_t n = static_cast<size_t>(state_of(s).nsprings);
+  std::vector<uint8_t> flags(n);
+  msim_sim_broken(s.h->p, flags.data());
+  return copy(flags.data(), {n});
+}
+
 static nb::bytes save(Sim &s) {
   msim_error err;
   std::vector<char> data(msim_sim_save_size(idle(s)));
@@ -363,12 +400,11 @@ static nb::dict stats(const Sim &s) {
   ADD(assemblies)
   ADD(analyses)
   ADD(factorizations)
-  ADD(solves)
-  ADD(iterations)
-  ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps) ADD(coarse_factors) ADD(kept_factors)
-      ADD(refinements) ADD(fallbacks) ADD(total_s) ADD(force_s) ADD(assemble_s) ADD(factor_s)
-          ADD(solve_s) ADD(collide_s) ADD(output_s) ADD(steps_at_rest) ADD(islands_at_rest)
-              ADD(spring_evaluations) ADD(rejected_steps) ADD(incomplete_steps)
+  ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps)
+      ADD(coarse_factors) ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s)
+          ADD(force_s) ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s)
+              ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations) ADD(rejected_steps)
+                  ADD(incomplete_steps) ADD(broken)
 #undef ADD
                   return d;
 }
@@ -395,8 +431,8 @@ static nb::object reactions(Sim &s) {
   return copy(r.data(), {static_cast<size_t>(state.n), 3});
 }
 
-static nb::tuple springs(Sim &s, int32_t n) {
-  const size_t size = static_cast<size_t>(n);
+static nb::tuple springs(Sim &s) {
+  const size_t size = static_cast<size_t>(state_of(s).nsprings);
   std::vector<double> tension(size), elongation(size), strain(size);
   msim_sim_springs(idle(s), tension.data(), elongation.data(), strain.data());
   return nb::make_tuple(copy(tension.data(), {size}), copy(elongation.data(), {size}),
@@ -492,7 +528,9 @@ void bind_sim(nb::module_ &m) {
       .def_prop_ro("x", get_x)
       .def_prop_ro("v", get_v)
       .def_prop_ro("v_half", get_v_half)
+      .def("__len__", [](const Sim &s) { return state_of(s).n; })
       .def_prop_ro("t", [](const Sim &s) { return state_of(s).t; })
+      .def_prop_ro("nsprings", [](const Sim &s) { return state_of(s).nsprings; })
       .def_prop_ro("nsteps", [](const Sim &s) { return state_of(s).step; })
       .def("_set_state", set_state, nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg())
       .def("_set_step", set_step)
@@ -503,6 +541,11 @@ void bind_sim(nb::module_ &m) {
       .def("_move_pinned", move_pinned)
       .def("_move_collider", move_collider, nb::arg(), nb::arg(), nb::arg().none(), nb::arg())
       .def("_set_pinned", set_pinned)
+      .def("_edit", edit, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
+           nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg().none(),
+           nb::arg().none())
+      .def("_break_springs", break_springs)
+      .def("_broken", broken)
       .def("dumps", save)
       .def("loads", load, nb::arg("data"))
       .def("_energy", energy)

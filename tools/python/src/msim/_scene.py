@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays, _core, _force
+from . import _arrays, _core, _edits, _force
 from ._arrays import Doubles, Ints, Path
 from ._errors import ArgumentError, ArgumentTypeError
 
-_LAWS = ("tension", "compression", "dead_band", "polynomial", "table")
+_LAWS = ("linear", "tension", "compression", "dead_band", "polynomial", "table")
 Pinned = str | Sequence[int] | NDArray[np.integer[Any]]
 
 
@@ -133,13 +133,15 @@ class Scene:
 
     def add_law(self, type: str, *, half_width: float = 0, limit: float = 0,
                 coefficients: ArrayLike | None = None, stretch: ArrayLike | None = None,
-                force: ArrayLike | None = None) -> int:
+                force: ArrayLike | None = None, break_strain: float = 0,
+                break_force: float = 0) -> int:
         """Add a law of springs, for set_law; its number, from 1 on: law 0 is linear.
 
         With the stretch e = l - rest, type and parameters are "tension", f = k max(e, 0);
         "compression", f = k min(e, 0); "dead_band", no force while |e| is below half_width;
         "polynomial", f = k sum of coefficients[i] e^(i+1), linear where |e| > limit; "table", the
-        monotone cubic through force (N) at stretch (m), linear beyond both ends.
+        monotone cubic through force (N) at stretch (m), linear beyond both ends. With break_strain
+        or break_force, for "linear" too, a spring breaks whose strain e/rest, or whose f, exceeds it.
         """
         if type not in _LAWS:
             raise ArgumentError(f"type is {type!r}; it must be one of {', '.join(_LAWS)}")
@@ -149,13 +151,24 @@ class Scene:
         sizes = {len(values) for values in lists.values()}
         if len(sizes) > 1:
             raise ArgumentError("stretch and force must have the same length")
-        return self._core.add_law(_LAWS.index(type) + 1, _arrays.number("half_width", half_width),
+        return self._core.add_law(_LAWS.index(type), _arrays.number("half_width", half_width),
                                   _arrays.number("limit", limit), lists.get("coefficients"),
-                                  lists.get("stretch"), lists.get("force"), max(sizes, default=0))
+                                  lists.get("stretch"), lists.get("force"), max(sizes, default=0),
+                                  _arrays.number("break_strain", break_strain),
+                                  _arrays.number("break_force", break_force))
 
     def set_law(self, springs: ArrayLike, law: int) -> None:
         """Give springs, an index or several, the law of this number; 0: linear."""
         self._core.set_law(_arrays.one_or_more("springs", springs), _arrays.count("law", law))
+
+    def edit(self, *, remove_particles: ArrayLike = (), remove_springs: ArrayLike = (),
+             x: ArrayLike | None = None, mass: ArrayLike | None = None,
+             v: ArrayLike | None = None, ij: ArrayLike = (), k: ArrayLike | None = None,
+             rest: ArrayLike | None = None, damping: ArrayLike | None = None,
+             law: ArrayLike | None = None) -> None:
+        """Remove and add particles and springs at once, as Sim.edit does in a running sim."""
+        self._core.edit(*_edits.arguments(remove_particles, remove_springs, x, mass, v, ij, k, rest,
+                                          damping, law))
 
     def add_faces(self, corners: ArrayLike) -> None:
         """Add triangles of particles, (n, 3), which viewers draw; they have no mass or force."""

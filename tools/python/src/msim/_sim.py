@@ -12,7 +12,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _arrays, _core, _options
+from . import _arrays, _core, _edits, _options
 from ._arrays import Doubles, Path
 from ._errors import ArgumentError, ArgumentTypeError, FileError, NumericalError, Status
 from ._result import Energy, Estimate, Frame, Plan, Result, Springs
@@ -45,13 +45,8 @@ class Sim(_core.Sim):
         if not isinstance(scene, Scene):
             raise ArgumentError(f"scene must be an msim.Scene; found {type(scene).__name__}")
         super().__init__(scene._core, _options.as_text(options))
-        self._counts = scene._core.counts()
 
     # -- state ------------------------------------------------------------------------------------
-
-    def __len__(self) -> int:
-        """The number of particles."""
-        return self._counts[0]
 
     def __bool__(self) -> bool:
         return True
@@ -109,7 +104,7 @@ class Sim(_core.Sim):
     def set_springs(self, k: ArrayLike | None = None, rest: ArrayLike | None = None,
                     damping: ArrayLike | None = None) -> None:
         """Change the springs of this sim: one value each, or one for all; what is None stays."""
-        values = [None if given is None else _arrays.each(name, given, self._counts[1], "springs")
+        values = [None if given is None else _arrays.each(name, given, self.nsprings, "springs")
                   for name, given in (("k", k), ("rest", rest), ("damping", damping))]
         self._set_springs(*values)
 
@@ -149,6 +144,54 @@ class Sim(_core.Sim):
         which = _arrays.one_or_more("particles", particles)
         self._set_pinned(which, bool(pinned))
 
+    # -- cutting and growing ----------------------------------------------------------------------
+
+    def edit(self, *, remove_particles: ArrayLike = (), remove_springs: ArrayLike = (),
+             x: ArrayLike | None = None, mass: ArrayLike | None = None,
+             v: ArrayLike | None = None, ij: ArrayLike = (), k: ArrayLike | None = None,
+             rest: ArrayLike | None = None, damping: ArrayLike | None = None,
+             law: ArrayLike | None = None) -> None:
+        """Remove and add particles and springs at once; a new run starts from the present state.
+
+        All indices are those before; particles at x are numbered on from len(sim), so that ij may
+        tie them. Afterwards what stays comes first, in its order, as with numpy.delete. Removed
+        particles take their springs, faces and motions along. rest: the present lengths.
+        """
+        self._edit(*_edits.arguments(remove_particles, remove_springs, x, mass, v, ij, k, rest,
+                                    damping, law))
+
+    def remove_springs(self, springs: ArrayLike) -> None:
+        """Remove springs, an index or several: those behind them move up, as with numpy.delete."""
+        self.edit(remove_springs=springs)
+
+    def remove_particles(self, particles: ArrayLike) -> None:
+        """Remove particles, an index or several, with their springs, faces and motions."""
+        self.edit(remove_particles=particles)
+
+    def add_particles(self, x: ArrayLike, mass: ArrayLike, v: ArrayLike | None = None) -> range:
+        """Add particles at x, (n, 3), with one mass each, or one for all; v: at rest."""
+        first = len(self)
+        self.edit(x=x, mass=mass, v=v)
+        return range(first, len(self))
+
+    def add_springs(self, ij: ArrayLike, k: ArrayLike, rest: ArrayLike | None = None,
+                    damping: ArrayLike | None = None, law: ArrayLike | None = None) -> range:
+        """Add springs between the pairs ij, (n, 2); rest: the present length; damping, law: 0."""
+        first = self.nsprings
+        self.edit(ij=ij, k=k, rest=rest, damping=damping, law=law)
+        return range(first, self.nsprings)
+
+    def break_springs(self, springs: ArrayLike) -> None:
+        """Let springs, an index or several, exert no force any more; they keep their indices."""
+        self._break_springs(_arrays.one_or_more("springs", springs))
+
+    @property
+    def broken(self) -> NDArray[np.bool_]:
+        """True for each spring that is broken, in scene order."""
+        return self._broken().astype(bool)
+
+    # -- forces and matrices ----------------------------------------------------------------------
+
     def force(self, x: ArrayLike | None = None, v: ArrayLike | None = None) -> Doubles:
         """Forces on all particles, (n, 3), N, at x and v: the present ones; 0 where pinned."""
         n = len(self)
@@ -172,7 +215,7 @@ class Sim(_core.Sim):
     @property
     def springs(self) -> Springs:
         """Tension, elongation and strain of each spring in the present state, in scene order."""
-        return Springs(*self._springs(self._counts[1]))
+        return Springs(*self._springs())
 
     def matrix(self) -> csr_array[Any, tuple[int, int]]:
         """A = M - h D - h^2 J of the next implicit step, without rows of pinned particles."""
@@ -202,7 +245,6 @@ class Sim(_core.Sim):
         """An independent sim in the same state, with the same history: both go on bit by bit."""
         copy = Sim.__new__(Sim)
         _core.Sim.__init__(copy, self)
-        copy._counts = self._counts
         return copy
 
     def __reduce__(self) -> tuple[Any, ...]:

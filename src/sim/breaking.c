@@ -1,0 +1,112 @@
+#include "sim/breaking.h"
+
+#include "base/vec3.h"
+#include "contact/contact_set.h"
+#include "methods/methods.h"
+#include "physics/law_springs.h"
+#include "sim/step_driver.h"
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+/* Pilot runs, splits of springs and transformed variables belong to the springs of the start. */
+static msim_status check_method(const msim_sim *sim, msim_error *err) {
+  const ms_integrator *method = sim->config.integrator;
+  if (!ms_sim_selects(sim) && !method->is_multirate && !method->convert_state) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "integrator '%s' does not support springs that break; use dop853, "
+                      "velocity-verlet or implicit-midpoint, or laws without break_strain and "
+                      "break_force",
+                      ms_sim_selects(sim) ? MS_AUTO : method->entry.name);
+}
+
+msim_status ms_breaking_prepare(msim_sim *sim, msim_error *err) {
+  msim_scene own = {sim->scene};
+  if (!ms_scene_breaks(sim->scene)) return MSIM_OK;
+  msim_status status = check_method(sim, err);
+  if (status) return status;
+  if (!ms_scene_make_writable(&own, err)) return MSIM_ERR_MEMORY;
+  sim->scene = own.data;
+  return ms_scene_prepare_breaking(sim->scene, err);
+}
+
+void ms_breaking_set_before(ms_scene *s) {
+  for (int32_t e = 0; e < s->nsprings && s->broken; e++)
+    if (s->broken[e]) s->broken[e] = MS_BROKEN_BEFORE;
+}
+
+/*------------------------------------- a new start ----------------------------------------------*/
+
+/* v: the velocities at t, in particle order, for methods that carry those of another time */
+static void restart_island(msim_sim *sim, ms_island_sim *m, const double *v) {
+  const ms_integrator *method = sim->config.integrator;
+  ms_stepper *s = &m->stepper;
+  if (method->sync) ms_unknowns_gather(&m->model.unknowns, v, s->v);
+  ms_model_update_springs(&m->model, sim->config.opt.skip_off);
+  ms_stepper_set_bounds(method, s);
+  if (s->solver) ms_solver_update_springs(s->solver);
+  s->cached_stage = 0;
+  ms_contact_set_forget(s->events);
+  m->at_rest = 0;
+  if (method->start) method->start(s);
+  if (ms_sim_has_control(sim))
+    ms_norm_measure_scales(&m->model, s->x, s->v, ms_plan_span(&sim->config.plan), &m->norm);
+}
+
+/* To be called before springs are marked: what depends on those of the last step */
+static msim_state finish_last_step(msim_sim *sim) {
+  msim_state now = {.size = sizeof now};
+  ms_step_driver_prepare_dense_output(sim);
+  msim_sim_state(sim, &now);
+  return now;
+}
+
+static void restart(msim_sim *sim, const msim_state *now) {
+  ms_sim_free_matrix(sim); /* it has values of the springs */
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    restart_island(sim, m, now->v);
+  if (ms_sim_has_control(sim)) ms_control_reset(&sim->run.control);
+  sim->state_is_current = 0;
+  ms_energy_monitor_start(sim);
+}
+
+static double measure_energy_below_rest(const ms_scene *s, int32_t spring, const double *x) {
+  const double *a = x + 3 * (size_t)s->ij[2 * (size_t)spring];
+  const double *b = x + 3 * (size_t)s->ij[2 * (size_t)spring + 1];
+  const double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+  return fmax(0, -ms_law_value_of(s, spring, ms_vec3_norm(d)).energy);
+}
+
+void ms_breaking_break(msim_sim *sim, int32_t n, const int32_t *springs) {
+  const msim_state now = finish_last_step(sim);
+  for (int32_t i = 0; i < n; i++) {
+    if (sim->scene->broken[springs[i]]) continue;
+    sim->run.work += measure_energy_below_rest(sim->scene, springs[i], now.x);
+    sim->scene->broken[springs[i]] = MS_BROKEN;
+    sim->stats.broken++;
+  }
+  restart(sim, &now);
+}
+
+/*------------------------------------- after a step ---------------------------------------------*/
+
+static int64_t count_breaking(const msim_sim *sim) {
+  int64_t n = 0;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    if (m->model.laws && !m->at_rest) n += ms_law_springs_find_breaking(&m->model, m->stepper.x);
+  return n;
+}
+
+/* An energy that is lost is dissipated; one below that at rest, which the scene gains, is work. */
+msim_status ms_breaking_follow(msim_sim *sim, msim_error *err) {
+  if (!sim->scene->broken) return MSIM_OK;
+  const int64_t n = count_breaking(sim);
+  const msim_status status = n ? ms_energy_monitor_check(sim, err) : MSIM_OK;
+  if (status || n == 0) return status;
+  const msim_state now = finish_last_step(sim);
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    if (m->model.laws && !m->at_rest)
+      sim->run.work += ms_law_springs_mark_breaking(&m->model, m->stepper.x, sim->scene->broken);
+  sim->stats.broken += n;
+  restart(sim, &now);
+  return MSIM_OK;
+}
