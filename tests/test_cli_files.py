@@ -26,7 +26,6 @@ class Final(CliTest):
         self.write("final.json", "")
         self.assertEqual(self.run_final()["step"], 100)
 
-
     def test_contacts(self):
         """A particle that rests on a plane: m g h in the last step, if contacts are recorded"""
         self.scene({"msim": 1, "gravity": [0, 0, -10], "particles": {"x": [[0, 0, 0]], "mass": 2},
