@@ -239,12 +239,27 @@ static void a_clamped_matrix(void **state) {
       "              stable for every h if the system is linear\n");
 }
 
+static void a_method_without_a_stable_step(void **state) {
+  (void)state;
+  msim_scene *scene;
+  const char *said;
+  const msim_options opt = options("explicit-euler", 0.01);
+  assert_ok(msim_scene_parse(NULL, "scene", pendulum, strlen(pendulum), &scene, err));
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_explain(sim, &said, err));
+  assert_ptr_equal(strstr(said, "advice        use velocity-verlet: with explicit-euler undamped"),
+                   said);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(a_fixed_step_that_fits_the_end),
                                      cmocka_unit_test(newtons_method),
                                      cmocka_unit_test(error_control),
                                      cmocka_unit_test(unsymmetric_matrices),
                                      cmocka_unit_test(a_step_too_long),
-                                     cmocka_unit_test(a_clamped_matrix)};
+                                     cmocka_unit_test(a_clamped_matrix),
+                                     cmocka_unit_test(a_method_without_a_stable_step)};
   return cmocka_run_group_tests_name("explain", tests, NULL, NULL);
 }
