@@ -394,10 +394,13 @@ static void potentials_count_as_energy(void **state) {
 static void driven_motion_is_not_unstable(void **state) {
   (void)state;
   const double zero[3] = {0};
-  for (int by_time = 0; by_time < 2; by_time++) {
-    field of = {.k = by_time ? 0 : -4, .push = {50, 0, 0}, .omega = 0.1};
+  for (int kind = 0; kind < 3; kind++) { /* work of x, work of t, a potential */
+    const int by_time = kind == 1;
+    field of = {.k = by_time ? 0 : -4, .push = {by_time ? 50 : 0, 0, 0}, .omega = 0.1};
     msim_scene *scene = make_single_particle(by_time ? zero : X0, zero, 0);
-    set_field(scene, &of, by_time ? T : J);
+    msim_force_function is = field_function(&of, by_time ? T : J);
+    if (kind == 2) is.potential = field_potential;
+    assert_ok(msim_scene_set_force_function(scene, &is, err));
     const msim_options opt = options(by_time ? "velocity-verlet" : "implicit-euler", 1e-3);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 5000, err));
