@@ -45,9 +45,9 @@ static void reflect_behind(const msim_plane *p, double s, double x[3], double v[
   reflect_velocity(p, v);
 }
 
-/* At plane i; x may be behind it by `depth`. */
-static int reflect_at_plane(const obstacles *o, int32_t i, double depth, double x[3], double v[3]) {
-  const msim_plane *p = &o->scene->planes[i];
+/* At p, plane i; x may be behind it by `depth`. */
+static int reflect_at_plane(const obstacles *o, int32_t i, const msim_plane *p, double depth,
+                            double x[3], double v[3]) {
   const double s = ms_impacts_distance(p, x);
   if (!(s < -depth)) return 0;
   const double before[3] = {v[0], v[1], v[2]};
@@ -105,7 +105,7 @@ static int reflect_once(obstacles *o, int again, double x[3], double v[3]) {
   int reflected = 0;
   for (int32_t i = 0; i < scene->nplanes; i++) {
     const msim_plane *p = &scene->planes[i];
-    reflected |= reflect_at_plane(o, i, again ? plane_distance_tolerance(p, x, 0) : 0, x, v);
+    reflected |= reflect_at_plane(o, i, p, again ? plane_distance_tolerance(p, x, 0) : 0, x, v);
   }
   for (int32_t i = 0; i < scene->ncolliders; i++) {
     const double tolerance = again ? ms_signed_distance_tolerance(&o->solids[i], x) : 0;
@@ -287,10 +287,11 @@ int64_t ms_reflection_apply(const ms_model *model, const ms_solid *solids, const
                             ms_contact_log *log, double *x, double *v, double *work) {
   const ms_scene *scene = model->scene;
   const ms_unknowns *rows = &model->unknowns;
+  obstacles o = {.scene = scene, .solids = solids, .log = log};
   int64_t reflected = 0;
   for (int32_t r = 0; r < rows->nfree; r++) {
     double xp[3], vp[3];
-    obstacles o = {scene, solids, log, r, 0};
+    o.row = r;
     ms_unknowns_get(rows, x, r, xp);
     ms_unknowns_get(rows, v, r, vp);
     if (!reflect_once(&o, 0, xp, vp)) continue;
@@ -303,6 +304,7 @@ int64_t ms_reflection_apply(const ms_model *model, const ms_solid *solids, const
     ms_unknowns_set(rows, xp, r, x);
     ms_unknowns_set(rows, vp, r, v);
     *work += model->mass[r] * o.work;
+    o.work = 0;
     reflected++;
   }
   return reflected;
