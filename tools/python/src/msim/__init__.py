@@ -12,10 +12,11 @@ from ._errors import (ArgumentError, ArgumentTypeError, BusyError, Error, FileEr
                       ForceFailedError, NameNotFoundError, NotConvergedError, NotFiniteError,
                       NotPositiveDefiniteError, NumericalError, OptionError, OutOfMemoryError,
                       PluginError, Status, StoppedError, UnstableError, UnsupportedError)
+from ._obstacles import Plane
 from ._options import (Integrator, Option, Plugin, importers, integrators, options, recorders,
                        solvers)
 from ._result import Energies, Energy, Estimate, Frame, Plan, Result, Springs
-from ._scene import Plane, Scene
+from ._scene import Scene
 from ._sim import Recorder, Sim, run
 from ._trajectory import Trajectory
 from ._view import view
