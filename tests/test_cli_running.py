@@ -311,10 +311,11 @@ class Report(CliTest):
         self.assertIn("to t = 0.25 s,", out)
 
     def test_methods_that_are_refused_are_said_to_be(self):
-        collider = {"type": "sphere", "center": [0, 0, -5], "radius": 1}
+        motion = {"t": [0, 1], "x": [[0, 0, -5], [0, 0, -6]]}
+        collider = {"type": "sphere", "center": [0, 0, -5], "radius": 1, "motion": motion}
         rows, advice, out = self.compare({**PENDULUM, "run": {}, "colliders": [collider]})
         self.assertEqual(rows["auto"], ("-", "-", "-", "-", "-"))
-        self.assertIn("does not support colliders", " ".join(out.split()))
+        self.assertIn("impacts are not located", " ".join(out.split()))
         self.assertTrue(advice.startswith("--integrator velocity-verlet --h auto: the least"), advice)
 
     def test_every_scene_is_understood(self):

@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "message.h"
 
@@ -23,10 +24,18 @@ void standard_begin(void) {
   signal(SIGXFSZ, SIG_IGN); /* a write beyond the limit of file sizes fails, as on a full disk */
 }
 
-int standard_end(int status) {
-  int failed = ferror(stdout);
+/* Set errno to the reason of an earlier failure: that of another attempt. */
+static void retry_write(void) {
   errno = 0;
-  if (fclose(stdout) == 0 && !failed) return status;
+  if (write(STDOUT_FILENO, "\n", 1) == 1) errno = 0;
+}
+
+int standard_end(int status) {
+  if (ferror(stdout)) retry_write();
+  else {
+    errno = 0;
+    if (fclose(stdout) == 0) return status;
+  }
   report_error("cannot write to standard output%s%s", errno ? ": " : "",
                errno ? strerror(errno) : "");
   return status ? status : EXIT_ERROR;
