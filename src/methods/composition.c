@@ -33,12 +33,13 @@ static void interpolate_quintic(const ms_stepper *s, double t, const double *con
  * would be of order 2, as kicks have modified forces. ends: x, x', v, v', a, a'; x: scratch */
 static void add_function_work(ms_stepper *s, const double *const ends[6], double *x) {
   if (!ms_force_function_does_work(s->model)) return;
+  const double inner = (1 - 1 / sqrt(5)) / 2;
+  const double node[4] = {0, inner, 1 - inner, 1}, weight[4] = {1. / 12, 5. / 12, 5. / 12, 1. / 12};
   for (int k = 0; k < 4; k++) {
-    const double node = k == 1 || k == 2 ? (1 + (2 * k - 3) / sqrt(5)) / 2 : k / 3;
-    s->c = node;
-    interpolate_quintic(s, node, ends, x, s->scratch);
+    s->c = node[k];
+    interpolate_quintic(s, node[k], ends, x, s->scratch);
     ms_stepper_evaluate_function(s, x, s->scratch);
-    ms_stepper_add_work(s, k == 1 || k == 2 ? 5. / 12 : 1. / 12, x, s->scratch);
+    ms_stepper_add_work(s, weight[k], x, s->scratch);
   }
 }
 

@@ -183,7 +183,7 @@ static void put_form(writer *w, const ms_scene_key *key, const ms_object_member 
       put_rows(w, index_schema, key->count);
       break;
     case MS_NUMBER_OR_PARTS:
-      put_parts(w, m);
+      if (m) put_parts(w, m); /* only members of objects have parts */
       break;
     case MS_VERSION:
       put(w, "\"const\": 1");
