@@ -300,14 +300,11 @@ static void bad_functions_are_refused(void **state) {
   msim_scene_destroy(scene);
 }
 
-static void expect_refused_sim(uint32_t flags, const char *method, int planes,
-                               const char *sentence) {
+static void expect_refused_sim(uint32_t flags, const char *method, const char *sentence) {
   field of = gusts;
   msim_scene *scene = hanging_cloth(2, 50, 0);
   set_field(scene, &of, flags);
-  if (planes) plane(scene, 0, 0, 1, -1, 0, 0);
   msim_options opt = options(method, 1e-3);
-  opt.collision = planes ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT;
   if (strcmp(method, "auto") == 0) opt.t_end = 1;
   msim_sim *sim;
   msim_error why;
@@ -326,12 +323,8 @@ static void unfit_methods_are_refused(void **state) {
              "integrator '%s' does not support force function 'field'%s; use dop853, "
              "velocity-verlet or implicit-midpoint, or remove the function",
              methods[i], i < 4 ? "" : ", which depends on velocities");
-    expect_refused_sim(i < 4 ? 0 : V, methods[i], 0, text);
+    expect_refused_sim(i < 4 ? 0 : V, methods[i], text);
   }
-  expect_refused_sim(T, "rk4", 1,
-                     "impacts are not located where forces depend on time, as force function "
-                     "'field' does; use collision = reflect without tol, or remove the planes or "
-                     "the function");
 }
 
 static void sims_explain_functions(void **state) {

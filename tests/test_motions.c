@@ -361,13 +361,6 @@ static void bad_motions_are_refused(void **state) {
     assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
     assert_non_null(strstr(why.text, "does not support motions of pinned particles"));
   }
-  plane(scene, 0, 0, 1, -1, 0.5, 0);
-  msim_options opt = options("rk4", 1e-3);
-  msim_error why;
-  msim_sim *sim;
-  opt.collision = MSIM_COLLISION_EVENT;
-  assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
-  assert_non_null(strstr(why.text, "impacts are not located where pinned particles move"));
   msim_scene_destroy(scene);
 }
 

@@ -341,9 +341,9 @@ MSIM_API msim_status msim_scene_set_forces(msim_scene *scene,
                                            const double *force /* 3 nparticles */, msim_error *err);
 
 /* Set the force that the program computes in each step. Refused by msim_sim_create with integrators
- * `auto`, `respa`, `takahashi-imada` and `verlet`, by `rkn6` and `force-gradient` with
- * MSIM_FORCE_VELOCITY, and with MSIM_FORCE_TIME where impacts are located. Scene files cannot hold
- * it. MSIM_ERR_ARG: a member is out of range. Nullable: function (none). */
+ * `auto`, `respa`, `takahashi-imada` and `verlet`, and by `rkn6` and `force-gradient` with
+ * MSIM_FORCE_VELOCITY. Scene files cannot hold it. MSIM_ERR_ARG: a member is out of range.
+ * Nullable: function (none). */
 MSIM_API msim_status msim_scene_set_force_function(msim_scene *scene,
                                                    const msim_force_function *function,
                                                    msim_error *err);
@@ -428,7 +428,7 @@ MSIM_API msim_status msim_scene_pin(msim_scene *scene, int32_t n, const int32_t 
 
 /* Prescribe a motion of pinned particles. From the start of a run on, their positions are those of
  * the motion, whatever x is. Refused by msim_sim_create with integrators `auto`, `respa` and
- * `takahashi-imada`, and where impacts are located. */
+ * `takahashi-imada`. */
 MSIM_API msim_status msim_scene_add_motion(msim_scene *scene, const msim_motion *motion,
                                            msim_error *err);
 

@@ -271,7 +271,9 @@ static int settle_contact(ms_stepper *s, ms_contact *c) {
   return 1;
 }
 
-void ms_contact_set_free_acceleration(ms_stepper *s, const double *x, const double *v, double *a) {
+void ms_contact_set_free_acceleration(ms_stepper *s, double c, const double *x, const double *v,
+                                      double *a) {
+  s->c = c;
   ms_stepper_evaluate_model(s, s->model, &(ms_fused_step){.x = x, .v = v, .a = a});
 }
 
@@ -291,7 +293,7 @@ void ms_contact_set_update(ms_stepper *s) {
     bounce_off_planes(s, &planes, &e->contact[touching++]);
   }
   if (!touching) return;
-  if (!e->a_is_known) ms_contact_set_free_acceleration(s, s->x, s->v, e->a);
+  if (!e->a_is_known) ms_contact_set_free_acceleration(s, 0, s->x, s->v, e->a);
   e->a_is_known = 1;
   int32_t resting = 0;
   for (int32_t i = 0; i < touching; i++) {
@@ -458,6 +460,6 @@ void ms_contact_set_finish_substep(ms_stepper *s) {
     ms_unknowns_set(rows, x, c->row, s->x_next);
     ms_unknowns_set(rows, v, c->row, s->v_next);
   }
-  ms_contact_set_free_acceleration(s, s->x_next, s->v_next, e->a_end);
+  ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, e->a_end);
   for (int32_t i = 0; i < e->ncontacts; i++) update_change(s, &e->contact[i]);
 }

@@ -134,7 +134,8 @@ void ms_contact_set_update(ms_stepper *s);
 void ms_contact_set_make_constraints(ms_stepper *s, double ah);
 
 /* The free acceleration a = F(x, v)/m, without reactions of planes */
-void ms_contact_set_free_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
+void ms_contact_set_free_acceleration(ms_stepper *s, double c, const double *x, const double *v,
+                                      double *a);
 
 /* A hash of the contacts: their particles and planes, and which of them stick; 0: no contact */
 uint64_t ms_contact_set_hash(const ms_stepper *s);

@@ -26,10 +26,10 @@ msim_status ms_events_step(const ms_integrator *method, ms_stepper *s, msim_erro
   const int is_stiff =
       method->entry.implicit && s->h * ms_bounds_compute_island(s->model).omega > 2;
   double *x = s->x, *v = s->v;
-  const double h = s->h;
+  const double h = s->h, t = s->t;
   const msim_status status =
       is_stiff ? ms_implicit_contact_step(method, s, err) : ms_impact_location_step(method, s, err);
   s->events->moved = !is_stiff && s->x != x;
-  s->x = x, s->v = v, s->h = h;
+  s->x = x, s->v = v, s->h = h, s->t = t;
   return status;
 }

@@ -13,6 +13,7 @@ typedef struct substeps {
   ms_stepper *s;
   ms_contact_set *e;
   double h, done;   /* s: the length of the step, and of the substeps made */
+  double work;      /* J: work_in_step of the substeps made */
   ms_bounds bounds; /* on frequencies and rates of damping */
   int may_divide;   /* the step is divided: the order of the method exceeds that of paths, 2 */
   int nsubsteps;    /* substeps made, but for the last */
@@ -63,9 +64,9 @@ static int needs_path(const substeps *j, const ms_contact *c) {
 /* Computes a and a_end of the substep just made, if necessary. */
 static void ensure_end_accelerations(substeps *j) {
   if (j->ends_known) return;
-  if (!j->e->a_is_known) ms_contact_set_free_acceleration(j->s, j->s->x, j->s->v, j->e->a);
+  if (!j->e->a_is_known) ms_contact_set_free_acceleration(j->s, 0, j->s->x, j->s->v, j->e->a);
   if (!j->e->ncontacts)
-    ms_contact_set_free_acceleration(j->s, j->s->x_next, j->s->v_next, j->e->a_end);
+    ms_contact_set_free_acceleration(j->s, 1, j->s->x_next, j->s->v_next, j->e->a_end);
   j->e->a_is_known = 1;
   j->ends_known = 1;
 }
@@ -211,7 +212,8 @@ static impact find_first_impact(substeps *j) {
 /* Makes a substep of that length from s->x, s->v. */
 static msim_status make_substep(substeps *j, double length, msim_error *err) {
   j->s->cached_stage = j->cached_stage;
-  j->s->h = length;
+  j->s->h = length, j->s->c = 0;
+  j->s->work_in_step = j->work;
   j->s->dense_output = 0;
   const msim_status status = j->method->step(j->s, err);
   if (!status) ms_contact_set_finish_substep(j->s);
@@ -240,6 +242,8 @@ static void end_at_dense_output(substeps *j, double share) {
   ms_vector_copy(s->model->shape, x, s->x_next);
   ms_vector_copy(s->model->shape, v, s->v_next);
   s->h *= share;
+  s->work_in_step = j->work;
+  if (j->method->counts_work) ms_stepper_add_trapezoidal_work(s, s->v);
   ms_contact_set_finish_substep(s);
   j->ends_known = j->e->ncontacts > 0;
 }
@@ -269,6 +273,8 @@ static void advance_substep(substeps *j) {
   ms_contact_set_make_writable(s);
   ms_vector_copy(s->model->shape, s->x_next, s->x);
   ms_vector_copy(s->model->shape, s->v_next, s->v);
+  s->t += s->h;
+  j->work = s->work_in_step;
   if (j->ends_known) ms_contact_set_shift_acceleration(j->e);
 }
 
@@ -410,7 +416,12 @@ static msim_status make_parts(substeps *j, msim_error *err) {
 
 msim_status ms_impact_location_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_contact_set *e = s->events;
-  substeps j = {.method = method, .s = s, .e = e, .h = s->h, .cached_stage = s->cached_stage};
+  substeps j = {.method = method,
+                .s = s,
+                .e = e,
+                .h = s->h,
+                .work = s->work_in_step,
+                .cached_stage = s->cached_stage};
   e->bounce_reach = s->one_substep ? s->x_tolerance : INFINITY;
   j.bounds = ms_bounds_compute_island(s->model);
   j.may_divide = j.h <= ms_impact_location_longest_step(method, j.bounds.omega);

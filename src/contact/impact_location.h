@@ -18,7 +18,8 @@
 
 enum { MS_MAX_CHANGE_SUBSTEPS = 8, MS_MAX_IMPACT_SUBSTEPS = 64 };
 
-/* One step of s->h by `method`. May change s->h, s->x and s->v, which ms_events_step() restores. */
+/* One step of s->h by `method`. May change s->h, s->t, s->x and s->v, which ms_events_step()
+ * restores. */
 msim_status ms_impact_location_step(const ms_integrator *method, ms_stepper *s, msim_error *err);
 
 /* The longest step (s) that is divided at impacts so that the method keeps its order p; 0 for

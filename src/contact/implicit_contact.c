@@ -8,6 +8,7 @@
 #include "contact/solid_contact.h"
 #include "methods/methods.h"
 #include "physics/external_force.h"
+#include "physics/force_function.h"
 
 /* Velocities along the normals: particles that are fast enough bounce; all particles reach the
  * plane; all particles keep their distances from it */
@@ -223,10 +224,24 @@ static energy find_energy(const ms_stepper *s, const double *x, const double *v)
   for (int32_t r = 0; r < s->model->unknowns.nfree; r++)
     weight += s->model->mass[r] *
               (ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r));
-  return (energy){
-      .total = t.kinetic + t.elastic - ms_external_work(forces, t.moment) - t.force_work,
-      .motion = t.kinetic + t.elastic,
-      .rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach)};
+  const double potential =
+      s->model->function ? ms_force_function_compute_potential(s->model, x) : 0;
+  return (energy){.total = t.kinetic + t.elastic - ms_external_work(forces, t.moment) -
+                           t.force_work + potential,
+                  .motion = t.kinetic + t.elastic,
+                  .rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach)};
+}
+
+/* A bound on the work of moving pins and of a force function in the step just made, J: twice its
+ * trapezoidal rule */
+static double bound_work(contact_solve *j) {
+  ms_stepper *s = j->s;
+  const double before = s->work_in_step;
+  s->work_in_step = 0;
+  ms_stepper_add_trapezoidal_work(s, j->v_start);
+  const double work = s->work_in_step;
+  s->work_in_step = before;
+  return 2 * fabs(work);
 }
 
 /* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the
@@ -234,7 +249,7 @@ static energy find_energy(const ms_stepper *s, const double *x, const double *v)
 static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
   for (int solves = j->law == KEEP_DISTANCE ? TANGENT_SOLVES : 0;; solves++) {
     prescribe_velocities(j);
-    j->s->cached_stage = 0;
+    j->s->cached_stage = 0, j->s->c = 0;
     j->s->dense_output = 0;
     const msim_status status = j->solve_method->step(j->s, err);
     if (status) return status;
@@ -267,7 +282,7 @@ static int is_settled(contact_solve *j) {
  * with a small error of their own; if it is larger, the step is to be made in substeps. */
 static msim_status remake_step(contact_solve *j, msim_error *err) {
   const double SMALL = 1e-4; /* growth over kinetic and elastic energy */
-  const ms_stepper *s = j->s;
+  ms_stepper *s = j->s;
   const int prefers_own = j->e->near.nsolids > 0 && !j->method->nonlinear;
   const energy start = find_energy(s, s->x, j->v_start);
   j->solve_method = j->method->nonlinear ? &ms_implicit_euler : j->method;
@@ -275,8 +290,9 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
     const msim_status status = solve_contact_step(j, err);
     const int is_last = j->law == KEEP_DISTANCE;
     if ((is_last && !prefers_own) || (status && status != MSIM_NOT_CONVERGED)) return status;
-    const double most = start.rounding + (is_last ? SMALL * start.motion : 0);
-    if (!status && find_energy(s, s->x_next, s->v_next).total <= start.total + most) return status;
+    const double most = start.total + start.rounding + (is_last ? SMALL * start.motion : 0);
+    if (!status && find_energy(s, s->x_next, s->v_next).total <= most + bound_work(j))
+      return status;
     if (is_last)
       return ms_error_set(err, MSIM_NOT_CONVERGED,
                           "impacts on colliders add energy in a step of h = %g s; use a smaller h, "
@@ -296,6 +312,7 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   int made = 0;
   if (s->stats->contacts == impacts) {
     s->cached_stage = s->x != e->x && ms_contact_set_hash(s) == e->contact_hash ? carried : 0;
+    s->c = 0;
     const msim_status status = method->step(s, err);
     if (status && status != MSIM_NOT_CONVERGED) return status;
     made = !status;

@@ -22,6 +22,15 @@ void ms_stepper_evaluate_function(ms_stepper *s, const double *x, const double *
     ms_force_function_evaluate(s->model, sweep_instant(s).t, x, v);
 }
 
+void ms_stepper_add_trapezoidal_work(ms_stepper *s, const double *v) {
+  s->c = 0;
+  ms_stepper_evaluate_function(s, s->x, v);
+  ms_stepper_add_work(s, 0.5, s->x, v);
+  s->c = 1;
+  ms_stepper_evaluate_function(s, s->x_next, s->v_next);
+  ms_stepper_add_work(s, 0.5, s->x_next, s->v_next);
+}
+
 void ms_stepper_linearize(const ms_stepper *s, const double *x, const double *v) {
   if (s->model->function) ms_force_function_linearize(s->model, sweep_instant(s).t, x, v);
 }

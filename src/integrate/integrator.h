@@ -115,6 +115,10 @@ void ms_stepper_add_work(ms_stepper *s, double weight, const double *x, const do
 /* Evaluate the force function at t + c h in x, v for ms_stepper_add_work(), without a sweep. */
 void ms_stepper_evaluate_function(ms_stepper *s, const double *x, const double *v);
 
+/* work_in_step += the work of moving pins and of a force function in a step from s->x, v to x_next,
+ * v_next, by the trapezoidal rule */
+void ms_stepper_add_trapezoidal_work(ms_stepper *s, const double *v);
+
 /* Compute the derivatives of the force function at t + c h in x, v for the next matrix. */
 void ms_stepper_linearize(const ms_stepper *s, const double *x, const double *v);
 

@@ -38,17 +38,19 @@ static const ms_integrator *method_of(const advice *a) { return a->sim->config.i
 
 /*------------------------------------- other methods --------------------------------------------*/
 
-/* 1: the scene allows located impacts, and integrator = auto (ms_sim_check_motions). */
+/* 1: the scene allows located impacts (ms_sim_check_motions). */
 static int can_locate_impacts(const advice *a) {
   const ms_scene *s = a->sim->scene;
-  int can = s->nmotions == 0;
+  int can = 1;
   for (int32_t i = 0; i < s->ncolliders; i++)
     can &= !s->solids[i].samples && !s->collider_motions[i].x.nt;
   return can;
 }
 
 static void say_choose_automatically(advice *a) {
-  if (ms_sim_selects(a->sim) || options_of(a)->steps >= 0 || !can_locate_impacts(a)) return;
+  const ms_scene *s = a->sim->scene;
+  const int allows_auto = can_locate_impacts(a) && s->nmotions == 0 && !ms_scene_has_function(s);
+  if (ms_sim_selects(a->sim) || options_of(a)->steps >= 0 || !allows_auto) return;
   say(a, "Set integrator = auto and tol = 1e-4: method and steps are then chosen for the scene.");
 }
 
@@ -97,7 +99,7 @@ static void advise_explicit(advice *a) {
 }
 
 /* Particles that are mirrored behind a plane gain energy in long steps of stiff springs; impacts on
- * colliders that move or have samples are not located, nor those where pinned particles move. */
+ * colliders that move or have samples are not located. */
 static void say_mend_impacts(advice *a) {
   if (options_of(a)->collision == MSIM_COLLISION_EVENT || !a->sim->stats.contacts) return;
   if (can_locate_impacts(a)) {

@@ -8,17 +8,6 @@
 #include "physics/force_function.h"
 #include "physics/moving_pins.h"
 
-/* Add the work of moving pins and of a force function in a step from x to x_next by the trapezoidal
- * rule. */
-static void add_trapezoidal_work(ms_stepper *s) {
-  s->c = 0;
-  ms_stepper_evaluate_function(s, s->x, s->v);
-  ms_stepper_add_work(s, 0.5, s->x, s->v);
-  s->c = 1;
-  ms_stepper_evaluate_function(s, s->x_next, s->v_next);
-  ms_stepper_add_work(s, 0.5, s->x_next, s->v_next);
-}
-
 /* Make one step of s->h by the method; all steps go through here. MSIM_NOT_FINITE: x or v is NaN or
  * huge. */
 static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *err) {
@@ -28,7 +17,7 @@ static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *
   ms_force_function *function = s->model->function;
   if (function) function->status = MSIM_OK;
   msim_status status = ms_events_step(sim->config.integrator, s, err);
-  if (!sim->config.integrator->counts_work) add_trapezoidal_work(s);
+  if (!sim->config.integrator->counts_work) ms_stepper_add_trapezoidal_work(s, s->v);
   if (function && function->status) return ms_force_function_report(s->model, &s->offender, err);
   if (status || s->finite) return status;
   s->offender = ms_vector_find_invalid(s->model->shape, s->x_next);

@@ -79,7 +79,7 @@ static msim_status check_located_colliders(const msim_sim *sim, msim_error *err)
   return MSIM_OK;
 }
 
-/* Motions need a method that evaluates forces at known times, whole steps, and no pilot runs. */
+/* Motions need a method that evaluates forces at known times, and no pilot runs. */
 msim_status ms_sim_check_motions(const msim_sim *sim, msim_error *err) {
   const ms_integrator *method = sim->config.integrator;
   const msim_status status = check_located_colliders(sim, err);
@@ -89,10 +89,6 @@ msim_status ms_sim_check_motions(const msim_sim *sim, msim_error *err) {
                         "integrator '%s' does not support motions of pinned particles; use dop853, "
                         "velocity-verlet or implicit-midpoint, or remove the motions",
                         ms_sim_selects(sim) ? MS_AUTO : method->entry.name);
-  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene))
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "impacts are not located where pinned particles move; use collision = "
-                        "reflect without tol, or remove the planes and colliders or the motions");
   return MSIM_OK;
 }
 
@@ -119,13 +115,6 @@ static msim_status check_force_function(const msim_sim *sim, msim_error *err) {
     return refuse_function(sim, "", err);
   if (method->separable && ms_scene_function_has(sim->scene, MSIM_FORCE_VELOCITY))
     return refuse_function(sim, ", which depends on velocities", err);
-  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && sim->scene->nplanes > 0 &&
-      ms_scene_function_has(sim->scene, MSIM_FORCE_TIME))
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "impacts are not located where forces depend on time, as force function "
-                        "'%s' does; use collision = reflect without tol, or remove the planes or "
-                        "the function",
-                        sim->scene->force_function.name);
   return MSIM_OK;
 }
 
