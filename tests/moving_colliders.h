@@ -9,7 +9,7 @@
 #include "sim/sim.h"
 
 static inline void set_motion(msim_scene *scene, int32_t collider, int32_t nt, const double *t,
-                       const double *x, const double *rotation, int32_t interpolation) {
+                              const double *x, const double *rotation, int32_t interpolation) {
   const msim_collider_motion m = {.size = sizeof m,
                                   .collider = collider,
                                   .nt = nt,

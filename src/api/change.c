@@ -50,8 +50,8 @@ static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, cons
                                const double *damping) {
   const ms_springs *s = &m->model.springs;
   const ms_solver *solver = m->stepper.solver;
-  int is_scalar = !(sim->config.opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH) &&
-                  !m->model.angles.n && !ms_scene_has_function(sim->scene);
+  int is_scalar = !(sim->config.opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH) && !m->model.angles.n &&
+                  !ms_scene_has_function(sim->scene);
   for (int32_t i = 0; i < s->n; i++) {
     const int32_t e = s->spring[i];
     is_scalar &= ms_spring_is_linear(sim->scene, e, (rest ? rest : sim->scene->rest)[e],

@@ -13,9 +13,9 @@ int32_t ms_planar_find_axis(const ms_scene *scene, unsigned skip_off) {
     int pushed = scene->external.gravity[axis] != 0 || scene->ncolliders > 0;
     for (int32_t p = 0; p < scene->nparticles && scene->force; p++)
       pushed |= !scene->pinned[p] && scene->force[3 * (size_t)p + (size_t)axis] != 0;
-    for (const ms_motion *m = scene->motions; m < scene->motions + scene->nmotions; m++)
-      for (size_t i = 0; i < (size_t)m->n * (size_t)m->nt; i++)
-        pushed |= m->x[3 * i + (size_t)axis] != scene->x[axis];
+    for (int32_t m = 0; m < scene->nmotions; m++)
+      for (size_t i = 0; i < (size_t)scene->motions[m].n * (size_t)scene->motions[m].nt; i++)
+        pushed |= scene->motions[m].x[3 * i + (size_t)axis] != scene->x[axis];
     for (int32_t p = 0; p < scene->nplanes; p++) pushed |= scene->planes[p].normal[axis] != 0;
     if (!pushed && ms_planar_is_in_plane(scene, axis, scene->x, scene->v)) return axis;
   }

@@ -157,16 +157,16 @@ int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *co
 /* Modes of constrained unknowns alone need some inertia, or the coarse matrix would be singular. */
 static void add_constrained_inertia(ms_coarse *coarse, const double *inertia) {
   const size_t n = (size_t)coarse->chol.block, area = n * n;
-  for (const int32_t *row = coarse->constrained; row < coarse->constrained + coarse->nconstrained;
-       row++) {
-    const float *w = coarse->modes + MS_MODES * *row;
-    const int32_t of = coarse->aggregates.of[*row];
+  for (int32_t at = 0; at < coarse->nconstrained; at++) {
+    const int32_t row = coarse->constrained[at];
+    const float *w = coarse->modes + MS_MODES * row;
+    const int32_t of = coarse->aggregates.of[row];
     if (of < 0) continue;
     double *block = coarse->chol.value + area * (size_t)coarse->diagonal[of];
     for (size_t c = 0; c < n; c += MS_MODES)
       for (size_t i = 0; i < MS_MODES; i++)
         for (size_t j = 0; j < MS_MODES; j++)
-          block[(c + j) * n + c + i] += inertia[*row] * (double)w[i] * (double)w[j];
+          block[(c + j) * n + c + i] += inertia[row] * (double)w[i] * (double)w[j];
   }
 }
 

@@ -140,11 +140,13 @@ double ms_moving_pins_next_time(const ms_scene *scene, double t) {
 }
 
 void ms_moving_pins_set_arrays(const ms_scene *scene, ms_instant at, double *x, double *v) {
-  for (const ms_motion *m = scene->motions; m < scene->motions + scene->nmotions; m++)
+  for (int32_t k = 0; k < scene->nmotions; k++) {
+    const ms_motion *m = &scene->motions[k];
     for (int32_t i = 0; i < m->n; i++) {
       const size_t p = 3 * (size_t)m->particles[i];
       ms_motion_evaluate(m, i, at, x + p, v + p);
     }
+  }
 }
 
 double ms_moving_pins_compute_energy(const ms_scene *s, const double *x, const double *v) {

@@ -65,8 +65,10 @@ void ms_edit_map_destroy(const ms_scene *scene, ms_edit_map *map) {
 static void remove_motions(ms_scene *s, const ms_edit_map *map) {
   for (int32_t p = 0; p < s->nparticles && s->nmotions; p++)
     if (map->particle[p] < 0) ms_scene_remove_motion(s, p);
-  for (ms_motion *m = s->motions; m < s->motions + s->nmotions; m++)
+  for (int32_t k = 0; k < s->nmotions; k++) {
+    const ms_motion *m = &s->motions[k];
     for (int32_t i = 0; i < m->n; i++) m->particles[i] = map->particle[m->particles[i]];
+  }
 }
 
 static void move_vector(double *array, size_t from, size_t to) {
