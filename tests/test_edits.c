@@ -323,6 +323,35 @@ static void islands_are_split(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A rope of 7 particles bends at 5 of them. Without particle 3 it bends at 1 and 5, of which the
+ * latter is 4 then. */
+static void angular_springs_go_with_their_particles(void **state) {
+  (void)state;
+  static const int32_t third = 3, left[6] = {0, 1, 2, 3, 4, 5};
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = 7,
+                          .to = {6, 0, 1},
+                          .mass = 1,
+                          .k = 50,
+                          .damping = 0.1,
+                          .bending = 2};
+  const msim_edit edit = {
+      .size = sizeof edit, .nremoved_particles = 1, .removed_particles = &third};
+  const double gravity[3] = {0, 1, -9.81};
+  const msim_options opt = options("implicit-midpoint", 1e-2);
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_rope(scene, &rope, err));
+  assert_ok(msim_scene_pin(scene, 1, left, err));
+  assert_ok(msim_scene_set_gravity(scene, gravity, err));
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 20, err));
+  expect_edited(scene, sim, &opt, &edit);
+  assert_int_equal(view_of(scene).nangles, 2);
+  assert_memory_equal(view_of(scene).ijk, left, sizeof left);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(scenes_are_edited),
                                      cmocka_unit_test(springs_fit_their_length),
@@ -330,6 +359,7 @@ int main(void) {
                                      cmocka_unit_test(energy_is_balanced),
                                      cmocka_unit_test(other_islands_stay),
                                      cmocka_unit_test(similar_islands_are_built_anew),
-                                     cmocka_unit_test(islands_are_split)};
+                                     cmocka_unit_test(islands_are_split),
+                                     cmocka_unit_test(angular_springs_go_with_their_particles)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,12 +6,6 @@
 #include "physics/law_springs.h"
 #include "physics/moving_pins.h"
 
-static double total_energy(const ms_scene *scene, const msim_state *state) {
-  msim_energy e = {.size = sizeof e};
-  ms_energy_compute(scene, state->x, state->v, &e);
-  return e.total;
-}
-
 /* pins: for each island those of the motions of `scene` */
 static msim_status create_pins(const msim_sim *sim, const ms_scene *scene, ms_moving_pins **pins,
                                msim_error *err) {
@@ -59,7 +53,7 @@ static msim_status restart(msim_sim *sim, ms_scene *scene, int moves, double *x,
                            msim_error *err) {
   msim_state to = {.size = sizeof to};
   msim_sim_state(sim, &to);
-  const double energy = total_energy(sim->scene, &to);
+  const double energy = ms_energy_total(sim->scene, to.x, to.v);
   ms_moving_pins_set_arrays(scene, (ms_instant){.t = to.t}, x, v);
   to.x = x, to.v = v, to.v_half = NULL;
   const ms_config config = sim->config;
@@ -67,7 +61,7 @@ static msim_status restart(msim_sim *sim, ms_scene *scene, int moves, double *x,
   ms_scene *before = sim->scene;
   ms_sim_free_matrix(sim); /* its model refers to the old scene */
   sim->scene = scene;
-  to.work += total_energy(scene, &to) - energy;
+  to.work += ms_energy_total(scene, to.x, to.v) - energy;
   msim_status status = ms_sim_check_motions(sim, err);
   if (!status) {
     ms_sim_subtract_steps_made(sim);

@@ -79,12 +79,6 @@ static msim_status make_change(msim_sim *sim, const msim_edit *edit, const msim_
 
 /*------------------------------------- restart --------------------------------------------------*/
 
-static double total_energy(const ms_scene *scene, const double *x, const double *v) {
-  msim_energy e = {.size = sizeof e};
-  ms_energy_compute(scene, x, v, &e);
-  return e.total;
-}
-
 /* Start a run of the edited scene in its state; on failure the sim keeps its scene and run. */
 static msim_status restart(msim_sim *sim, const msim_state *now, change *c, msim_error *err) {
   const ms_config config = sim->config;
@@ -92,7 +86,7 @@ static msim_status restart(msim_sim *sim, const msim_state *now, change *c, msim
   ms_scene *before = sim->scene;
   msim_state to = *now;
   to.n = c->scene->nparticles, to.x = c->x, to.v = c->v, to.v_half = NULL;
-  to.work += total_energy(c->scene, to.x, to.v) - total_energy(before, now->x, now->v);
+  to.work += ms_energy_total(c->scene, to.x, to.v) - ms_energy_total(before, now->x, now->v);
   msim_status status = ms_sim_reserve_state(sim, to.n, err);
   if (status) return status;
   ms_sim_free_matrix(sim); /* its model refers to the old scene */

@@ -133,7 +133,7 @@ void ms_contact_set_update(ms_stepper *s);
 /* Sets e->constraint, the constraints of the matrix, for a stage of coefficient ah (newton.h). */
 void ms_contact_set_make_constraints(ms_stepper *s, double ah);
 
-/* The free acceleration a = F(x, v)/m, without reactions of planes */
+/* The free acceleration a = F(x, v)/m at t + c h, without reactions of planes; sets s->c = c */
 void ms_contact_set_free_acceleration(ms_stepper *s, double c, const double *x, const double *v,
                                       double *a);
 

@@ -301,9 +301,9 @@ static msim_status try_lagged_factor(ms_solver *s, const double *b, double *v) {
 }
 
 /* The mean cost of a solve by pcg, in iterations preconditioned by cholmod's factor. */
-static double pcg_cost_in_iterations(const ms_amortization *savings) {
-  return savings->flops / (double)savings->solves /
-         (MS_SOLVE_FLOPS_PER_NONZERO * savings->cholmod->fill);
+static double pcg_cost_in_iterations(const ms_amortization *amortization) {
+  return amortization->flops / (double)amortization->solves /
+         (MS_SOLVE_FLOPS_PER_NONZERO * amortization->cholmod->fill);
 }
 
 msim_status ms_solver_add_cholmod(ms_solver *s, msim_error *err) {
@@ -318,11 +318,11 @@ msim_status ms_solver_add_cholmod(ms_solver *s, msim_error *err) {
  * is too large to store, or to apply FEW times for the cost of a solve by pcg. */
 static int open_cholmod(ms_solver *s) {
   const double LARGEST_FILL = 1 << 26, FEW = 2; /* 0.8 GB, with a copy in single precision */
-  ms_amortization *savings = &s->amortization;
-  if (savings->cholmod) return 1;
+  ms_amortization *amortization = &s->amortization;
+  if (amortization->cholmod) return 1;
   if (!ms_solver_add_cholmod(s, NULL)) {
-    const double fill = savings->cholmod->fill;
-    if (fill > 0 && fill <= LARGEST_FILL && pcg_cost_in_iterations(savings) >= FEW) return 1;
+    const double fill = amortization->cholmod->fill;
+    if (fill > 0 && fill <= LARGEST_FILL && pcg_cost_in_iterations(amortization) >= FEW) return 1;
   }
   ms_solver_drop_lagged_factor(s);
   return 0;
@@ -332,15 +332,15 @@ static int open_cholmod(ms_solver *s) {
  * changed: 1 if the matrix has changed, so that the count starts again. */
 static void amortize_factor(ms_solver *s, int64_t iterations, int changed) {
   enum { ENOUGH_TO_LOOK = 8 };
-  ms_amortization *savings = &s->amortization;
-  if (!savings->allowed) return;
-  if (changed) savings->flops = 0, savings->solves = 0;
-  savings->flops += (double)iterations * ms_lagged_factor_iteration_flops(s->system.model);
-  if (++savings->solves < ENOUGH_TO_LOOK || !open_cholmod(s)) return;
-  if (savings->flops < savings->cholmod->flops) return;
-  if (!solver_factor(s, savings->cholmod, MSIM_FACTOR_SPD, NULL))
-    ms_lagged_factor_renew(&s->lagged_factor, pcg_cost_in_iterations(savings));
-  savings->flops = 0, savings->solves = 0;
+  ms_amortization *amortization = &s->amortization;
+  if (!amortization->allowed) return;
+  if (changed) amortization->flops = 0, amortization->solves = 0;
+  amortization->flops += (double)iterations * ms_lagged_factor_iteration_flops(s->system.model);
+  if (++amortization->solves < ENOUGH_TO_LOOK || !open_cholmod(s)) return;
+  if (amortization->flops < amortization->cholmod->flops) return;
+  if (!solver_factor(s, amortization->cholmod, MSIM_FACTOR_SPD, NULL))
+    ms_lagged_factor_renew(&s->lagged_factor, pcg_cost_in_iterations(amortization));
+  amortization->flops = 0, amortization->solves = 0;
 }
 
 /*------------------------------------- one system -----------------------------------------------*/

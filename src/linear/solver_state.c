@@ -78,16 +78,16 @@ static void archive_linearization_point(ms_archive *b, const ms_solver *s,
   if (ms_solver_may_have_constraints(s)) archive_constraints(b, &model->unknowns, origin);
 }
 
-static void archive_counts(ms_archive *b, ms_lagged_factor *kept, ms_amortization *savings) {
-  int64_t *counts[] = {&kept->age, &kept->iterations, &kept->skip_length, &savings->solves};
+static void archive_counts(ms_archive *b, ms_lagged_factor *kept, ms_amortization *amortization) {
+  int64_t *counts[] = {&kept->age, &kept->iterations, &kept->skip_length, &amortization->solves};
   for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
     ms_archive_transfer_count(b, counts[i]);
   MS_ARCHIVE_TRANSFER(b, kept->skips_left); /* may be negative */
   ms_archive_check(b, kept->skips_left > INT64_MIN / 2, "a counter of the linear solver");
   MS_ARCHIVE_TRANSFER(b, kept->limit);
   MS_ARCHIVE_TRANSFER(b, kept->rtol);
-  MS_ARCHIVE_TRANSFER(b, savings->flops);
-  ms_archive_check(b, kept->limit >= 0 && kept->rtol >= 0 && savings->flops >= 0,
+  MS_ARCHIVE_TRANSFER(b, amortization->flops);
+  ms_archive_check(b, kept->limit >= 0 && kept->rtol >= 0 && amortization->flops >= 0,
                    "a limit of the linear solver");
   ms_archive_check(b, kept->factorizer || kept->age == 0, "the age of the lagged factorization");
 }

@@ -54,3 +54,9 @@ void ms_energy_compute(const ms_scene *scene, const double *x, const double *v,
   e.total = e.kinetic + e.elastic + e.gravitational;
   *energy = e;
 }
+
+double ms_energy_total(const ms_scene *scene, const double *x, const double *v) {
+  msim_energy e = {.size = sizeof e};
+  ms_energy_compute(scene, x, v, &e);
+  return e.total;
+}

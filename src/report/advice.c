@@ -42,8 +42,7 @@ static const ms_integrator *method_of(const advice *a) { return a->sim->config.i
 static int can_locate_impacts(const advice *a) {
   const ms_scene *s = a->sim->scene;
   int can = 1;
-  for (int32_t i = 0; i < s->ncolliders; i++)
-    can &= !s->solids[i].samples && !s->collider_motions[i].x.nt;
+  for (int32_t i = 0; i < s->ncolliders; i++) can &= ms_scene_locates_impacts(s, i);
   return can;
 }
 

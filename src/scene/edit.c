@@ -98,17 +98,23 @@ static void remove_springs(ms_scene *s, const ms_edit_map *map) {
   s->nsprings = map->kept_springs;
 }
 
+/* Renumber three particles, if all stay; else 0. */
+static int map_corners(const ms_edit_map *map, const int32_t from[3], int32_t to[3]) {
+  int stay = 1;
+  for (int c = 0; c < 3; c++) {
+    to[c] = map->particle[from[c]];
+    stay &= to[c] >= 0;
+  }
+  return stay;
+}
+
 /* An angular spring is removed with any of its particles. */
 static void remove_angles(ms_scene *s, const ms_edit_map *map) {
   ms_scene_angles *g = &s->angles;
   int32_t kept = 0;
   for (size_t e = 0; e < (size_t)g->n; e++) {
-    int32_t corner[3], there = 1;
-    for (size_t c = 0; c < 3; c++) {
-      corner[c] = map->particle[g->ijk[3 * e + c]];
-      there &= corner[c] >= 0;
-    }
-    if (!there) continue;
+    int32_t corner[3];
+    if (!map_corners(map, g->ijk + 3 * e, corner)) continue;
     memcpy(g->ijk + 3 * (size_t)kept, corner, sizeof corner);
     g->k[kept] = g->k[e], g->rest[kept] = g->rest[e], g->damping[kept] = g->damping[e];
     kept++;
@@ -119,12 +125,9 @@ static void remove_angles(ms_scene *s, const ms_edit_map *map) {
 static void remove_faces(ms_scene *s, const ms_edit_map *map) {
   int32_t kept = 0;
   for (size_t i = 0; i < (size_t)s->nfaces; i++) {
-    int32_t corner[3], there = 1;
-    for (size_t c = 0; c < 3; c++) {
-      corner[c] = map->particle[s->faces[3 * i + c]];
-      there &= corner[c] >= 0;
-    }
-    if (there) memcpy(s->faces + 3 * (size_t)kept++, corner, sizeof corner);
+    int32_t corner[3];
+    if (map_corners(map, s->faces + 3 * i, corner))
+      memcpy(s->faces + 3 * (size_t)kept++, corner, sizeof corner);
   }
   s->nfaces = kept;
 }

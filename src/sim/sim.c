@@ -65,12 +65,11 @@ static msim_status set_collision(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
-/* Impacts are located on solids at rest that are convex, or whose inside is. */
 static msim_status check_located_colliders(const msim_sim *sim, msim_error *err) {
   const ms_scene *s = sim->scene;
   if (!ms_sim_selects(sim) && sim->config.opt.collision != MSIM_COLLISION_EVENT) return MSIM_OK;
   for (int32_t i = 0; i < s->ncolliders; i++)
-    if (s->solids[i].samples || s->collider_motions[i].x.nt)
+    if (!ms_scene_locates_impacts(s, i))
       return ms_error_set(
           err, MSIM_ERR_ARG,
           "colliders[%d] %s, where impacts are not located; use collision = reflect "
