@@ -109,7 +109,11 @@ class Text(CliTest):
         self.assertLessEqual(max(map(len, text.splitlines())), 80)
         flat = " ".join(text.split())
         for path, key, required in keys(json.loads(self.good("help", "scene", "--json"))):
-            self.assertIn(f" {path} {key['description']} (", flat)
+            head = re.sub(r"\\\[(\w+)\\\]", r"\[([^]]*\\b\1\\b[^]]*)?\]", re.escape(path))
+            self.assertRegex(flat, f" {head} {re.escape(key['description'])} \\(")
+        for once in (" objects[].damping ", " colliders[sphere, box].center ", " colliders[box].size "):
+            self.assertEqual(flat.count(once), 1, once)
+        self.assertNotIn("colliders[sphere].restitution", flat)
         self.assertIn("masses (kg; a finite number > 0 for all, or an array of one for each; "
                       'required) "mass": 0.5', flat)
         self.assertIn("particles.pinned", text)

@@ -61,7 +61,7 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
      "half spaces normal . x >= offset, inside which all particles stay",
      "[{\"normal\": [0, 0, 1], \"offset\": 0}]"},
     {"colliders", MS_LIST, MS_ANY, 1, "[]", "",
-     "spheres, capsules, cylinders and boxes, outside which or inside which all particles stay",
+     "solids outside which, or inside which, all particles stay",
      "[{\"type\": \"sphere\", \"center\": [0, 0, 1], \"radius\": 0.5}]"},
     {"motions", MS_LIST, MS_ANY, 1, "[]", "",
      "prescribed motions of pinned particles, which are at their first point before the first "
