@@ -4,7 +4,7 @@
 # what each slice needs, under its name.
 turns=("clang_bits documentation player" "kills debian" "quick_benches recipes"
   "failing_allocations paraview" sanitized_runs "sanitized_solvers thread_sanitizer" coverage
-  memory_errors memory_errors_of_newton static_analysis fuzzing "python fully_static")
+  memory_errors memory_errors_of_newton "static_analysis instructions" fuzzing "python fully_static")
 read -ra slices <<<"${turns[*]} wheels mutations"
 
 # The number of commits chooses, so that neighbouring commits take different turns; in a shallow
@@ -131,6 +131,9 @@ static_analysis() {
   check "cppcheck" cppchecked
   check "ABI against tools/msim-0.1.abi" abi
 }
+
+# No more instructions than before
+instructions() { check "instructions" tools/instructions; }
 
 # Small faults in the code, a hundred at random, of which tests see four in five; an hour.
 mutations() {
