@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "checkpoints.h"
+#include "sim/sim.h"
 
 typedef struct reports {
   int n;
@@ -269,6 +270,47 @@ static void measurement_starts_anew(void **state) {
   msim_sim_destroy(sim), msim_scene_destroy(scene);
 }
 
+/* All components of this row are `value`, all other rows 0. */
+static void fill(ms_shape shape, int32_t row, double value, double *x) {
+  ms_vector_clear_all(shape, x);
+  for (int32_t c = 0; c < shape.dims; c++) x[c * shape.stride + row] = value;
+}
+
+/* A checkpoint with a correct hash may hold any such numbers of the measurement. The run goes on,
+ * and what it saves can be loaded. */
+static void forged_measurements_can_be_saved(void **state) {
+  static const double values[] = {0, 1e-300, 1e-150, 1, MS_LARGEST_VALID, 1e200, 1e300, INFINITY};
+  const double gravity[3] = {-2.65, -4.5, -8.3};
+  enum { NVALUES = 8, NVECTORS = 5 }; /* valid in vectors */
+  msim_scene *scene = dropped(2, 4171, 0, 1, gravity);
+  reports r;
+  const msim_options opt = options_to("rk4", 1e-4, 0.5, &r);
+  msim_sim *landed = make_sim(scene, &opt), *before = make_sim(scene, &opt);
+  (void)state;
+  while (stats_of(landed).contacts == 0) assert_ok(msim_sim_step(landed, 1, err));
+  assert_ok(msim_sim_step(before, state_of(landed).step - 2, err));
+  for (int i = 0; i < NVALUES * NVALUES * NVECTORS * NVECTORS; i++) {
+    msim_sim *sim;
+    assert_ok(msim_sim_clone(before, &sim, err));
+    ms_disturbance *d = &sim->islands[0].disturbance;
+    const ms_shape shape = sim->islands[0].model.shape;
+    d->stride = values[i % NVALUES], d->time = values[i / NVALUES % NVALUES];
+    fill(shape, i % 7, values[i / NVALUES / NVALUES % NVECTORS], d->dx);
+    fill(shape, i % 7, values[i / NVALUES / NVALUES % NVECTORS], d->dv);
+    fill(shape, i % 5, values[i / NVALUES / NVALUES / NVECTORS], d->a);
+    if (i % 3 == 0) d->error = 0;
+    sim->error_growth.has_contact = 1;
+    const checkpoint forged = save(sim);
+    msim_sim *forged_sim = resume(scene, &opt, &forged);
+    assert_ok(msim_sim_step(forged_sim, 5, err));
+    const checkpoint later = save(forged_sim);
+    msim_sim_destroy(resume(scene, &opt, &later));
+    free(forged.bytes), free(later.bytes);
+    msim_sim_destroy(forged_sim), msim_sim_destroy(sim);
+  }
+  msim_sim_destroy(landed), msim_sim_destroy(before), msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(growth_is_that_of_the_unstable_mode),
                                      cmocka_unit_test(regular_motion_is_not_reported),
@@ -279,6 +321,7 @@ int main(void) {
                                      cmocka_unit_test(growth_goes_on_past_impacts),
                                      cmocka_unit_test(chaos_by_impacts_is_reported),
                                      cmocka_unit_test(landing_is_not_reported),
-                                     cmocka_unit_test(measurement_starts_anew)};
+                                     cmocka_unit_test(measurement_starts_anew),
+                                     cmocka_unit_test(forged_measurements_can_be_saved)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

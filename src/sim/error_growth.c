@@ -27,18 +27,22 @@ void ms_error_growth_destroy(const ms_model *model, ms_disturbance *d) {
   MS_FREE(&model->scene->alloc, d->dx, d->dv, d->x, d->v, d->a, d->f);
 }
 
-/* Scale d to LENGTH. Returns |d|/LENGTH, where |d| is the largest of any connected component. */
+/* Scale d to LENGTH. Returns |d|/LENGTH, where |d| is the largest of any connected component;
+ * INFINITY if d overflows, as only one from a corrupted checkpoint can: it is then useless. */
 static double normalize(ms_island_sim *m) {
   const ms_disturbance *d = &m->disturbance;
   const ms_shape shape = m->model.shape;
   double largest = 0;
   ms_norm_square_errors(&m->norm, shape, 0, d->dx, d->dv);
-  for (int32_t i = 0; i < m->norm.n; i++) largest = fmax(largest, m->norm.body[i].square[0]);
+  for (int32_t i = 0; i < m->norm.n; i++) {
+    const double square = m->norm.body[i].square[0];
+    largest = square <= DBL_MAX ? fmax(largest, square) : INFINITY; /* NaN, too */
+  }
   const double length = sqrt(largest) / LENGTH, by = length > 0 ? 1 / length : 1;
   ms_vector_scale(shape, by, d->dx);
   ms_vector_scale(shape, by, d->dv);
   ms_vector_scale(shape, by, d->a);
-  return length;
+  return ms_vector_find_invalid(shape, d->a) < 0 ? length : INFINITY;
 }
 
 void ms_error_growth_start(msim_sim *sim) {
@@ -78,8 +82,7 @@ void ms_error_growth_start_island(ms_island_sim *m) {
   d->stride = SHARE * ms_symplectic_euler.limit(&bounds);
 }
 
-/* Make a stride that ends at x, which is overwritten. Returns |d'|/|d|, INFINITY if d overflows, as
- * only one from a corrupted checkpoint can. */
+/* Make a stride that ends at x, which is overwritten. Returns |d'|/|d|. */
 static double advance_disturbance(ms_island_sim *m, double *x) {
   const ms_model *model = &m->model;
   ms_disturbance *d = &m->disturbance;
@@ -94,8 +97,7 @@ static double advance_disturbance(ms_island_sim *m, double *x) {
   ms_vector_axpy(model->shape, -1, f, d->f);
   ms_vector_scale_rows(model->shape, model->inv_mass, d->f, d->a);
   ms_vector_axpy(model->shape, H / 2, d->a, d->dv);
-  const double growth = normalize(m);
-  return growth <= DBL_MAX ? growth : INFINITY;
+  return normalize(m);
 }
 
 static void report_growth(msim_sim *sim, double growth) {
@@ -205,7 +207,7 @@ static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
     sim->error_growth.evaluations += 2;
   }
   if (sim->error_growth.has_contact) apply_impacts(sim, m, h);
-  if (d->error > LIMIT * fmax(1, run / span)) {
+  if (!(d->error <= LIMIT * fmax(1, run / span))) { /* NaN if d overflows */
     report_growth(sim, d->error * span / run);
     clear_disturbance(m->model.shape, d);
   } else if (is_too_expensive(sim)) sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
