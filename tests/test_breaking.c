@@ -116,6 +116,61 @@ static void runs_continue_as_new_sims(void **state) {
     }
 }
 
+enum { FRAMES = 400 };
+
+typedef struct frame_states {
+  int n;
+  int64_t step[FRAMES]; /* the steps made when the frame is observed */
+  double x[FRAMES][3 * N], v[FRAMES][3 * N];
+} frame_states;
+
+static int keep_frame(msim_sim *sim, void *data) {
+  frame_states *frames = data;
+  const msim_state s = state_of(sim);
+  memcpy(frames->x[frames->n], s.x, sizeof frames->x[0]);
+  memcpy(frames->v[frames->n], s.v, sizeof frames->v[0]);
+  frames->step[frames->n] = s.step;
+  return ++frames->n == FRAMES || stats_of(sim).broken > 0;
+}
+
+static int64_t count_steps_to_break(const msim_scene *scene, const msim_options *opt) {
+  msim_sim *sim = make_sim(scene, opt);
+  while (stats_of(sim).broken == 0) assert_ok(msim_sim_step(sim, 1, err));
+  const int64_t steps = state_of(sim).step;
+  msim_sim_destroy(sim);
+  return steps;
+}
+
+/* Frames inside the step in which springs break are those of springs that are still whole. */
+static void frames_inside_steps_have_whole_springs(void **state) {
+  (void)state;
+  const char *method;
+  static frame_states frames, expected;
+  int tested = 0;
+  for (int32_t i = 0; (method = method_at(i)) != NULL; i++) {
+    msim_options opt = run_options(method, PLAIN, 1);
+    if (!takes_breaking(method) || strcmp(method, "verlet") == 0) continue;
+    opt.t_end = 1, opt.fps = 8000;
+    msim_scene *scene = breaking_cloth(NULL, method, PLAIN, 1, NULL);
+    msim_scene *whole = breaking_cloth(NULL, method, PLAIN, 0, NULL);
+    const int64_t last = count_steps_to_break(scene, &opt);
+    msim_sim *sim = make_sim(scene, &opt), *twin = make_sim(whole, &opt);
+    frames.n = expected.n = 0;
+    assert_int_equal(msim_sim_run(sim, keep_frame, &frames, NULL), MSIM_STOPPED);
+    assert_int_equal(msim_sim_run(twin, keep_frame, &expected, NULL), MSIM_STOPPED);
+    int inside = 0;
+    for (int k = 0; k < frames.n && frames.step[k] <= last; k++) {
+      assert_memory_equal(frames.x[k], expected.x[k], sizeof frames.x[k]);
+      assert_memory_equal(frames.v[k], expected.v[k], sizeof frames.v[k]);
+      inside += frames.step[k] == last;
+    }
+    tested += inside > 0; /* steps of some methods are shorter than the time between frames */
+    msim_sim_destroy(sim), msim_sim_destroy(twin);
+    msim_scene_destroy(scene), msim_scene_destroy(whole);
+  }
+  assert_true(tested >= 10);
+}
+
 /*------------------------------------- energy ---------------------------------------------------*/
 
 /* The total falls by the energy of the springs that break, and never rises. */
@@ -302,6 +357,7 @@ static void thresholds_are_refused(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(runs_continue_as_new_sims),
+                                     cmocka_unit_test(frames_inside_steps_have_whole_springs),
                                      cmocka_unit_test(energy_only_falls),
                                      cmocka_unit_test(broken_springs_are_in_checkpoints),
                                      cmocka_unit_test(springs_stay_broken),

@@ -3,6 +3,7 @@
 #include <stdio.h>
 
 #include "breaking.h"
+#include "checkpoints.h"
 
 /*------------------------------------- closed forms ---------------------------------------------*/
 
@@ -145,6 +146,125 @@ static void springs_are_broken_by_hand(void **state) {
   msim_sim_destroy(sim), msim_scene_destroy(scene);
 }
 
+/* The factor of the matrix with all springs is not used once some are broken. */
+static void lagged_factors_are_discarded(void **state) {
+  (void)state;
+  require(is_solver_available("cholmod"), "the solver cholmod");
+  const int32_t some[3] = {20, 71, 200};
+  msim_scene *scene = pinned_block(5, 1, 1e8, 0);
+  add_linear(scene, never, 0);
+  const msim_scene_view s = view_of(scene);
+  const size_t bytes = 3 * (size_t)s.nparticles * sizeof(double);
+  double *k = malloc((size_t)s.nsprings * sizeof *k);
+  const msim_options opt = options("linearly-implicit-euler", 1e-2);
+  msim_sim *sim = make_sim(scene, &opt), *softer = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 10, err));
+  assert_in_range(stats_of(sim).kept_factors, 5, 9);
+  const msim_state now = state_of(sim);
+  memcpy(k, s.k, (size_t)s.nsprings * sizeof *k);
+  for (int i = 0; i < 3; i++) k[some[i]] = 0;
+  assert_ok(msim_sim_set_springs(softer, k, NULL, NULL, err));
+  assert_ok(msim_sim_set_state(softer, &now, err));
+  assert_ok(msim_sim_break(sim, 3, some, err));
+  for (int i = 0; i < 3; i++) {
+    assert_ok(msim_sim_step(sim, 1, err));
+    assert_ok(msim_sim_step(softer, 1, err));
+    assert_memory_equal(state_of(sim).x, state_of(softer).x, bytes);
+    assert_memory_equal(state_of(sim).v, state_of(softer).v, bytes);
+  }
+  free(k);
+  msim_sim_destroy(sim), msim_sim_destroy(softer), msim_scene_destroy(scene);
+}
+
+/* A chain that is exactly at rest, so that its steps are skipped, falls once its top spring is
+ * broken. */
+static void resting_islands_wake(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 0, 0, 0, -0.125}, mass[2] = {0.25, 0.25}, k = 64, rest = 0.09375;
+  const double gravity[3] = {0, 0, -8};
+  const int32_t ij[2] = {0, 1}, top = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 1, &top, err));
+  assert_ok(msim_scene_set_gravity(scene, gravity, err));
+  add_linear(scene, never, 0);
+  const msim_options opt = options("symplectic-euler", 1.0 / 64);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 8, err));
+  assert_in_range(stats_of(sim).steps_at_rest, 1, 8);
+  assert_ok(msim_sim_break(sim, 1, &top, err));
+  assert_ok(msim_sim_step(sim, 8, err));
+  assert_true(state_of(sim).v[5] == -1);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
+/* What depends on the stiffest spring, such as the number of stages of rkc, follows when that
+ * breaks; so does the matrix that the program gets. */
+static void bounds_and_matrices_follow(void **state) {
+  (void)state;
+  const char *const methods[] = {"rkc", "implicit-euler"};
+  const int32_t ij[2] = {1, 3}, stiff = LINKS;
+  const double k_stiff = 1e6;
+  double k[LINKS + 1];
+  msim_scene *scene = hanging_chain(0.25, 64, 8);
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k_stiff, NULL, NULL, err));
+  add_linear(scene, never, 0);
+  for (int32_t e = 0; e <= LINKS; e++) k[e] = e == stiff ? 0 : view_of(scene).k[e];
+  for (int i = 0; i < 2; i++) {
+    const msim_options opt = options(methods[i], 1e-2);
+    msim_sim *sim = make_sim(scene, &opt), *softer = make_sim(scene, &opt);
+    msim_csr A = {.size = sizeof A}, B = A;
+    if (i) assert_ok(msim_sim_matrix(sim, &A, err));
+    assert_ok(msim_sim_set_springs(softer, k, NULL, NULL, err));
+    assert_ok(msim_sim_break(sim, 1, &stiff, err));
+    if (i) {
+      assert_ok(msim_sim_matrix(sim, &A, err));
+      assert_ok(msim_sim_matrix(softer, &B, err));
+      assert_int_equal(A.rowptr[A.n], B.rowptr[B.n]);
+      assert_memory_equal(A.val, B.val, (size_t)A.rowptr[A.n] * sizeof *A.val);
+    }
+    const int64_t before = stats_of(sim).force_evaluations;
+    const int64_t others = stats_of(softer).force_evaluations;
+    assert_ok(msim_sim_step(sim, 5, err));
+    assert_ok(msim_sim_step(softer, 5, err));
+    assert_int_equal(stats_of(sim).force_evaluations - before,
+                     stats_of(softer).force_evaluations - others);
+    assert_memory_equal(state_of(sim).x, state_of(softer).x, 3 * (LINKS + 1) * sizeof(double));
+    msim_sim_destroy(sim), msim_sim_destroy(softer);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Resumed sims and clones have the preconditioner that was chosen for all springs, also once they
+ * are broken. */
+static void copies_keep_the_coarse_space(void **state) {
+  (void)state;
+  msim_scene *scene = pinned_block(9, 1, 3000, 0);
+  add_linear(scene, never, 0);
+  const int32_t n = view_of(scene).nsprings;
+  const msim_options opt = options("linearly-implicit-euler", 1.0 / 60);
+  msim_sim *sim = make_sim(scene, &opt);
+  int32_t *all = malloc((size_t)n * sizeof *all);
+  for (int32_t e = 0; e < n; e++) all[e] = e;
+  assert_ok(msim_sim_break(sim, n, all, err));
+  assert_ok(msim_sim_step(sim, 3, err));
+  const checkpoint c = save(sim);
+  msim_sim *copies[2] = {resume(scene, &opt, &c)};
+  assert_ok(msim_sim_clone(sim, &copies[1], err));
+  assert_ok(msim_sim_step(sim, 2, err));
+  for (int i = 0; i < 2; i++) {
+    const char *text;
+    assert_ok(msim_sim_explain(copies[i], &text, err));
+    assert_non_null(strstr(text, "iterations with a coarse space"));
+    expect_same_end(sim, copies[i], 2, i ? "clone" : "resumed");
+    msim_sim_destroy(copies[i]);
+  }
+  free(c.bytes), free(all);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 static void scene_files_have_thresholds(void **state) {
   (void)state;
   static const char text[] =
@@ -175,9 +295,14 @@ static void scene_files_have_thresholds(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(chains_break_where_tension_is_too_large),
-      cmocka_unit_test(oscillators_break_in_time), cmocka_unit_test(negative_energy_is_work),
-      cmocka_unit_test(springs_are_broken_by_hand), cmocka_unit_test(scene_files_have_thresholds)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(chains_break_where_tension_is_too_large),
+                                     cmocka_unit_test(oscillators_break_in_time),
+                                     cmocka_unit_test(negative_energy_is_work),
+                                     cmocka_unit_test(springs_are_broken_by_hand),
+                                     cmocka_unit_test(lagged_factors_are_discarded),
+                                     cmocka_unit_test(resting_islands_wake),
+                                     cmocka_unit_test(bounds_and_matrices_follow),
+                                     cmocka_unit_test(copies_keep_the_coarse_space),
+                                     cmocka_unit_test(scene_files_have_thresholds)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

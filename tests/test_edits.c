@@ -263,7 +263,7 @@ static void expect_edited(msim_scene *scene, msim_sim *sim, const msim_options *
 static void similar_islands_are_built_anew(void **state) {
   (void)state;
   const double x[3] = {0.3, 0.2, 0.5}, mass = 0.5;
-  const int32_t loose = N, corners[2] = {0, 3 * BODY};
+  const int32_t loose = N, corners[3] = {0, 2 * BODY, 3 * BODY};
   const msim_edit exchange = {.size = sizeof exchange,
                               .nremoved_particles = 1,
                               .removed_particles = &loose,
@@ -280,8 +280,7 @@ static void similar_islands_are_built_anew(void **state) {
   expect_edited(scene, sim, &opt, &exchange);
   msim_sim_destroy(sim), msim_scene_destroy(scene);
   scene = five_cloths();
-  add_motion(scene, 1, &corners[0]);
-  add_motion(scene, 1, &corners[1]);
+  for (int i = 0; i < 3; i++) add_motion(scene, 1, &corners[i]);
   opt = options("linearly-implicit-euler", 1.0 / 1024);
   sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 8, err));
