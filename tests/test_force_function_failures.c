@@ -127,6 +127,43 @@ static void frames_are_finite(void **state) {
   }
 }
 
+/* 1 N along x; fails while *data is not 0. */
+static int32_t push_along_x(void *data, const msim_force_batch *b) {
+  for (int32_t i = 0; i < b->n; i++) b->f[3 * i] = 1;
+  return *(int *)data;
+}
+
+static int observe_acceleration(msim_sim *sim, void *data) {
+  *(int *)data = 7;
+  const msim_state s = state_of(sim);
+  assert_close(s.x[0], s.t * s.t / 2, 1e-14);
+  assert_close(s.v[0], s.t, 1e-14);
+  *(int *)data = 0;
+  return 0;
+}
+
+/* Where the function fails for dense output, the states at both ends of the step still give x to
+ * third and v to first order: exactly for a constant force of 1 N on 1 kg. */
+static void frames_are_interpolated_without_forces(void **state) {
+  (void)state;
+  const char *const methods[] = {"dop853", "rk4", "velocity-verlet", "implicit-midpoint"};
+  for (int i = 0; i < 4; i++) {
+    int fails = 0;
+    const msim_force_function is = {
+        .size = sizeof is, .name = "push", .evaluate = push_along_x, .data = &fails};
+    const double zero[3] = {0};
+    msim_scene *scene = make_single_particle(zero, zero, 0);
+    assert_ok(msim_scene_set_force_function(scene, &is, err));
+    msim_options opt = options(methods[i], 0.125);
+    opt.tol = 1e-3, opt.steps = -1, opt.t_end = 1, opt.fps = 100;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_run(sim, observe_acceleration, &fails, err));
+    assert_true(stats_of(sim).steps < 50); /* frames are inside steps */
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- memory ---------------------------------------------------*/
 
 /* A scene of its own, its function twice, a sim by an implicit method and a step */
@@ -175,6 +212,7 @@ int main(void) {
       cmocka_unit_test(single_failures_are_reported),
       cmocka_unit_test(bad_derivatives_are_reported),
       cmocka_unit_test(frames_are_finite),
+      cmocka_unit_test(frames_are_interpolated_without_forces),
       cmocka_unit_test(every_allocation_may_fail),
   };
   return cmocka_run_group_tests_name("force_function_failures", tests, NULL, NULL);

@@ -162,6 +162,20 @@ static void runs_are_resumable(void **state) {
   }
 }
 
+/* A lagged factor would hold derivatives of an earlier call, which no checkpoint has. */
+static void factors_are_not_lagged(void **state) {
+  (void)state;
+  field of = {.k = 10};
+  const int64_t at[2] = {3, 8};
+  msim_scene *scene = pinned_block(5, 1, 1e8, 0);
+  msim_options opt = options("linearly-implicit-euler", 1e-2);
+  opt.solver_rtol = 1e-10;
+  set_field(scene, &of, J);
+  const msim_stats made = expect_resumable(scene, &opt, 12, 2, at, "stiff block");
+  assert_int_equal(made.kept_factors, 0);
+  msim_scene_destroy(scene);
+}
+
 static void other_functions_are_refused(void **state) {
   (void)state;
   field of = gusts;
@@ -352,11 +366,12 @@ static void sims_explain_functions(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(calls_have_one_island),       cmocka_unit_test(forces_reach_all_rows),
-      cmocka_unit_test(resting_islands_wake),        cmocka_unit_test(runs_are_resumable),
-      cmocka_unit_test(other_functions_are_refused), cmocka_unit_test(sims_may_be_changed),
-      cmocka_unit_test(impacts_are_located),         cmocka_unit_test(bad_functions_are_refused),
-      cmocka_unit_test(unfit_methods_are_refused),   cmocka_unit_test(sims_explain_functions),
+      cmocka_unit_test(calls_have_one_island),     cmocka_unit_test(forces_reach_all_rows),
+      cmocka_unit_test(resting_islands_wake),      cmocka_unit_test(runs_are_resumable),
+      cmocka_unit_test(factors_are_not_lagged),    cmocka_unit_test(other_functions_are_refused),
+      cmocka_unit_test(sims_may_be_changed),       cmocka_unit_test(impacts_are_located),
+      cmocka_unit_test(bad_functions_are_refused), cmocka_unit_test(unfit_methods_are_refused),
+      cmocka_unit_test(sims_explain_functions),
   };
   return cmocka_run_group_tests_name("force_function_runs", tests, NULL, NULL);
 }
