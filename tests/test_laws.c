@@ -115,17 +115,18 @@ static void tables_do_not_cancel_at_rest(void **state) {
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-/* f of each particle, by the formulas of laws.h */
+/* f of each particle, by the formulas of laws.h, and its constant force */
 static void written_force(const ms_scene *s, double *f) {
   for (int32_t e = 0; e < s->nsprings; e++) {
     const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
     const double l = spring_length(s, e, s->x);
-    const double pull = law_value(e % (LAW_KINDS + 1), s->k[e], l - s->rest[e]) / l;
+    const double pull = law_value(s->law[e], s->k[e], l - s->rest[e]) / l;
     for (int c = 0; c < 3; c++) {
       const double d = s->x[3 * j + c] - s->x[3 * i + c];
       f[3 * i + c] += pull * d, f[3 * j + c] -= pull * d;
     }
   }
+  for (int32_t i = 0; i < 3 * s->nparticles && s->force; i++) f[i] += s->force[i];
   for (int c = 0; c < 3; c++) f[c] = 0; /* pinned */
 }
 
@@ -149,6 +150,37 @@ static void forces_of_random_nets(void **state) {
     }
     free_vector(&f, force);
     free_fixture(&f);
+  }
+}
+
+/* With few laws most rows have no such spring, many one, some several; with and without constant
+ * forces, which must not add up from sweep to sweep. */
+static void few_springs_have_a_law(void **state) {
+  (void)state;
+  for (unsigned seed = 1; seed <= 60; seed++) {
+    unsigned random = seed;
+    const int32_t n = N, hub = seed % 3 == 0; /* a split row */
+    msim_scene *scene = law_net(hub ? 6 : n, M, seed % 2, 0, seed);
+    ms_scene *s = scene->data;
+    double force[3 * N] = {0}, got[3 * N] = {0}, want[3 * N] = {0}, largest = 1;
+    for (int32_t e = 0; e < M; e++)
+      if (e % (hub ? 100 : 17) || seed == 1)
+        assert_ok(msim_scene_set_law(scene, 1, &e, e == 20 ? 5 : 0, err));
+    for (int i = 0; i < 3 * n; i++) force[i] = seed % 2 && i % 3 == 1 ? 0 : uniform(&random);
+    if (seed % 4 >= 2) assert_ok(msim_scene_set_forces(scene, force, err));
+    ms_model model;
+    assert_ok(ms_model_create(s, 0, &model, err));
+    double *x = ms_unknowns_new_vector(s, &model.unknowns),
+           *f = ms_unknowns_new_vector(s, &model.unknowns);
+    ms_unknowns_gather(&model.unknowns, s->x, x);
+    for (int again = 0; again < 3; again++) ms_force_compute(&model, x, NULL, f);
+    ms_unknowns_scatter(&model.unknowns, f, got);
+    written_force(s, want);
+    for (int i = 0; i < 3 * s->nparticles; i++) largest = fmax(largest, fabs(want[i]));
+    for (int i = 3; i < 3 * s->nparticles; i++) assert_close(got[i], want[i], 1e-13 * largest);
+    ms_memory_free(&s->alloc, x), ms_memory_free(&s->alloc, f);
+    ms_model_destroy(&model);
+    msim_scene_destroy(scene);
   }
 }
 
@@ -369,6 +401,7 @@ int main(void) {
       cmocka_unit_test(tables_are_monotone),
       cmocka_unit_test(tables_do_not_cancel_at_rest),
       cmocka_unit_test(forces_of_random_nets),
+      cmocka_unit_test(few_springs_have_a_law),
       cmocka_unit_test(momentum_is_conserved),
       cmocka_unit_test(matrix_is_the_derivative),
       cmocka_unit_test(clamped_matrix_is_positive),

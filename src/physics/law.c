@@ -30,37 +30,6 @@ static inline ms_law_value dead_band(const ms_law *law, double e) {
   return (ms_law_value){c, c != 0, 0.5 * c * c};
 }
 
-/* With c = e limited to [-limit, limit] and d = e - c:
- *   f = p(c) + p'(c) d,  f' = p'(c),  E = P(c) + p(c) d + p'(c) d^2/2,  P the integral of p */
-static inline ms_law_value polynomial(const ms_law *law, double e) {
-  const double *a = law->is.coefficients, most = law->is.limit;
-  const double c = e > most ? most : e < -most ? -most : e, d = e - c;
-  double p = 0, slope = 0, integral = 0;
-  for (int32_t i = law->is.n - 1; i >= 0; i--) {
-    p = p * c + a[i];
-    slope = slope * c + (i + 1) * a[i];
-    integral = integral * c + a[i] / (i + 2);
-  }
-  p *= c, integral *= c * c;
-  return (ms_law_value){p + slope * d, slope, integral + d * (p + 0.5 * slope * d)};
-}
-
-/* The piece that contains e, by bisection */
-static ms_law_value table(const ms_law *law, double e) {
-  const double *x = law->is.stretch;
-  int32_t low = 0, high = law->is.n; /* piece low <= wanted piece <= high */
-  while (low < high) {
-    const int32_t middle = (low + high) / 2;
-    if (e < x[middle]) high = middle;
-    else low = middle + 1;
-  }
-  const ms_law_piece *p = &law->piece[low];
-  const double s = e - p->start;
-  return (ms_law_value){p->a + s * (p->b + s * (p->c + s * p->d)),
-                        p->b + s * (2 * p->c + s * 3 * p->d),
-                        p->energy + s * (p->a + s * (p->b / 2 + s * (p->c / 3 + s * p->d / 4)))};
-}
-
 static inline void evaluate_scaled(const ms_law *law, unit_law *unit, int32_t n, const double *k,
                                    ms_law_batch *b) {
   if (b->only_force) {
@@ -75,10 +44,55 @@ static inline void evaluate_scaled(const ms_law *law, unit_law *unit, int32_t n,
   }
 }
 
+/* at[i] = the piece that contains stretch[i], without branches: by counting in short tables, else
+ * by bisection, where it is piece at[i] or one of the `left` ones after it */
+static void find_pieces(const ms_law *law, int32_t n, const double *stretch, int32_t *at) {
+  enum { SHORT = 8 };
+  const double *x = law->is.stretch;
+  for (int32_t i = 0; i < n; i++) at[i] = 0;
+  for (int32_t k = 0; k < law->is.n && law->is.n <= SHORT; k++)
+    for (int32_t i = 0; i < n; i++) at[i] += !(stretch[i] < x[k]);
+  for (int32_t left = law->is.n > SHORT ? law->is.n : 0; left > 0; left -= (left + 1) / 2)
+    for (int32_t i = 0, half = (left + 1) / 2; i < n; i++)
+      at[i] += half * !(stretch[i] < x[at[i] + half - 1]);
+}
+
 static void evaluate_table(const ms_law *law, int32_t n, ms_law_batch *b) {
+  int32_t at[MS_LAW_BATCH];
+  find_pieces(law, n, b->stretch, at);
   for (int32_t i = 0; i < n; i++) {
-    const ms_law_value value = table(law, b->stretch[i]);
-    b->force[i] = value.force, b->slope[i] = value.slope, b->energy[i] = value.energy;
+    const ms_law_piece *p = &law->piece[at[i]];
+    const double s = b->stretch[i] - p->start;
+    b->force[i] = p->a + s * (p->b + s * (p->c + s * p->d));
+    if (b->only_force) continue;
+    b->slope[i] = p->b + s * (2 * p->c + s * 3 * p->d);
+    b->energy[i] = p->energy + s * (p->a + s * (p->b / 2 + s * (p->c / 3 + s * p->d / 4)));
+  }
+}
+
+/* With c = e limited to [-limit, limit] and d = e - c:
+ *   f = p(c) + p'(c) d,  f' = p'(c),  E = P(c) + p(c) d + p'(c) d^2/2,  P the integral of p,
+ * by Horner's rule for all springs at once */
+static void evaluate_polynomial(const ms_law *law, int32_t n, const double *k, ms_law_batch *b) {
+  const double *a = law->is.coefficients, most = law->is.limit;
+  double c[MS_LAW_BATCH], p[MS_LAW_BATCH] = {0}, slope[MS_LAW_BATCH] = {0};
+  double integral[MS_LAW_BATCH] = {0};
+  for (int32_t e = 0; e < n; e++) {
+    const double at = b->stretch[e];
+    c[e] = at > most ? most : at < -most ? -most : at;
+  }
+  for (int32_t i = law->is.n - 1; i >= 0; i--) {
+    for (int32_t e = 0; e < n; e++) p[e] = p[e] * c[e] + a[i];
+    for (int32_t e = 0; e < n; e++) slope[e] = slope[e] * c[e] + (i + 1) * a[i];
+    for (int32_t e = 0; e < n && !b->only_force; e++)
+      integral[e] = integral[e] * c[e] + a[i] / (i + 2);
+  }
+  for (int32_t e = 0; e < n; e++)
+    b->force[e] = k[e] * (p[e] * c[e] + slope[e] * (b->stretch[e] - c[e]));
+  for (int32_t e = 0; e < n && !b->only_force; e++) {
+    const double d = b->stretch[e] - c[e];
+    b->slope[e] = k[e] * slope[e];
+    b->energy[e] = k[e] * (integral[e] * (c[e] * c[e]) + d * (p[e] * c[e] + 0.5 * slope[e] * d));
   }
 }
 
@@ -111,7 +125,7 @@ void ms_law_evaluate(const ms_law *law, int32_t n, const double *k, const double
       evaluate_scaled(law, dead_band, n, k, b);
       break;
     case MSIM_LAW_POLYNOMIAL:
-      evaluate_scaled(law, polynomial, n, k, b);
+      evaluate_polynomial(law, n, k, b);
       break;
     case MSIM_LAW_TABLE:
       evaluate_table(law, n, b);

@@ -1,27 +1,31 @@
-/* Compiled once for each instruction set MS_ISA; every loop is built for 2 and for 3 components. */
+/* Compiled once for each instruction set MS_ISA; every loop is built for 2 and for 3 components.
+ * The slots between the end of a run and the next multiple of a register hold no spring: their
+ * results are not read. */
 #include "physics/law_kernels.h"
 
-#include <math.h>
-
-#include "base/simd.h"
+#include "physics/lanes.h"
 
 /*------------------------------------- lengths --------------------------------------------------*/
 
 MS_INLINE void measure_of(int dims, const ms_model *model, const ms_law_run *run, const double *x,
                           ms_law_lengths *to) {
   const struct ms_law_springs *s = model->laws;
+  const size_t stride = (size_t)model->unknowns.stride;
   const int32_t *i = s->i + run->begin, *j = s->j + run->begin, n = run->end - run->begin;
   const double *rest = s->rest + run->begin;
-  const double *y = x + model->unknowns.stride, *z = y + model->unknowns.stride;
-  for (int32_t e = 0; e < n; e++) {
-    const double dx = x[j[e]] - x[i[e]], dy = y[j[e]] - y[i[e]];
-    const double dz = dims == 3 ? z[j[e]] - z[i[e]] : 0;
-    to->d[0][e] = dx, to->d[1][e] = dy, to->d[2][e] = dz;
-    to->l2[e] = dx * dx + dy * dy + dz * dz;
-  }
-  for (int32_t e = 0; e < n; e++) {
-    to->l[e] = sqrt(to->l2[e]);
-    to->at.stretch[e] = to->l[e] - rest[e];
+  for (int32_t e = 0; e < n; e += MS_LANES) {
+    ms_lane_vectors d;
+    for (int c = 0; c < dims; c++) {
+      const double *from = x + (size_t)c * stride;
+      d.c[c] = ms_simd_gather(from, j + e) - ms_simd_gather(from, i + e);
+    }
+    ms_lanes l2 = d.c[0] * d.c[0];
+    for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
+    const ms_lanes l = ms_simd_sqrt(l2);
+    for (int c = 0; c < dims; c++) ms_simd_store(to->d[c] + e, d.c[c]);
+    ms_simd_store(to->l2 + e, l2);
+    ms_simd_store(to->l + e, l);
+    ms_simd_store(to->at.stretch + e, l - ms_simd_load(rest + e));
   }
 }
 
@@ -33,41 +37,73 @@ static void measure(const ms_model *model, const ms_law_run *run, const double *
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
+MS_INLINE void store_forces_of(int dims, const ms_law_lengths *at, int32_t n, size_t stride,
+                               double *to) {
+  const double least = sqrt(MS_MIN_LENGTH2);
+  for (int32_t e = 0; e < n; e += MS_LANES) {
+    const ms_lanes pull =
+        ms_simd_load(at->at.force + e) / ms_simd_max(ms_simd_load(at->l + e), least);
+    for (int c = 0; c < dims; c++)
+      ms_simd_store(to + (size_t)c * stride + e, pull * ms_simd_load(at->d[c] + e));
+  }
+}
+
 static void compute_forces(const ms_model *model, const ms_law_run *run, const double *x) {
   const struct ms_law_springs *s = model->laws;
-  const double least = sqrt(MS_MIN_LENGTH2);
   const int32_t n = run->end - run->begin;
-  double *to = s->scratch + 2 * MS_LAW_RECORD * (size_t)run->begin, pull[MS_LAW_BATCH];
+  const size_t stride = (size_t)s->nslots;
   ms_law_lengths at;
   at.at.only_force = 1;
   measure(model, run, x, &at);
   ms_law_springs_evaluate(model, run, &at.at);
-  for (int32_t e = 0; e < n; e++) pull[e] = at.at.force[e] / (at.l[e] < least ? least : at.l[e]);
-  for (int32_t e = 0; e < n; e++, to += 2 * MS_LAW_RECORD)
-    for (int c = 0; c < 3; c++) {
-      to[c] = pull[e] * at.d[c][e];
-      to[MS_LAW_RECORD + c] = -to[c];
+  if (model->unknowns.dims == 3) store_forces_of(3, &at, n, stride, s->scratch + run->begin);
+  else store_forces_of(2, &at, n, stride, s->scratch + run->begin);
+}
+
+/* Rows of one end, none of them split: most, where few springs have a law */
+MS_INLINE void set_single_rows_of(int dims, int has_base, const ms_model *model, int32_t begin,
+                                  int32_t end) {
+  const struct ms_law_springs *s = model->laws;
+  const size_t stride = (size_t)model->unknowns.stride, slots = (size_t)s->nslots;
+  const int32_t *row = s->row;
+  const ms_law_end *ends = s->end;
+  const double *from = s->scratch, *base = model->base_force;
+  double *added = model->added_force;
+  for (int32_t r = begin; r < end; r++) {
+    const double *force = from + ends[r].slot, sign = ends[r].sign;
+    const size_t to = (size_t)row[r];
+    for (size_t c = 0; c < (size_t)dims; c++) {
+      const double own = sign * force[c * slots];
+      added[c * stride + to] = has_base ? own + base[c * stride + to] : own;
     }
+  }
+}
+
+MS_INLINE void set_rows_of(int dims, const ms_model *model, int32_t begin, int32_t end) {
+  const struct ms_law_springs *s = model->laws;
+  const int32_t *first_part = model->half_edges.first_part, *first = s->first;
+  const size_t stride = (size_t)model->unknowns.stride, slots = (size_t)s->nslots;
+  const double *scratch = s->scratch, *base = model->base_force;
+  double *added = model->added_force;
+  for (int32_t r = begin; r < end; r++) {
+    const ms_law_end *at = s->end + first[r], *last = s->end + first[r + 1];
+    const double *others = first_part[s->row[r]] >= 0 ? added : base;
+    const size_t to = (size_t)s->row[r];
+    double sum[3];
+    for (size_t c = 0; c < (size_t)dims; c++) sum[c] = at->sign * (scratch + at->slot)[c * slots];
+    while (++at < last)
+      for (size_t c = 0; c < (size_t)dims; c++)
+        sum[c] += at->sign * (scratch + at->slot)[c * slots];
+    for (size_t c = 0; c < (size_t)dims; c++)
+      added[c * stride + to] = others ? sum[c] + others[c * stride + to] : sum[c];
+  }
 }
 
 MS_INLINE void add_forces_of(int dims, const ms_model *model, int32_t begin, int32_t end) {
-  const struct ms_law_springs *s = model->laws;
-  const int32_t *first_part = model->half_edges.first_part, *first = s->first;
-  const size_t stride = (size_t)model->unknowns.stride;
-  for (int32_t r = begin; r < end; r++) {
-    double *to = model->added_force + s->row[r], sum[3];
-    const double *force = s->scratch + MS_LAW_RECORD * (size_t)s->end[first[r]].number;
-    for (int c = 0; c < dims; c++) sum[c] = force[c];
-    for (int32_t at = first[r] + 1; at < first[r + 1]; at++) {
-      force = s->scratch + MS_LAW_RECORD * (size_t)s->end[at].number;
-      for (int c = 0; c < dims; c++) sum[c] += force[c];
-    }
-    const double *others = first_part[s->row[r]] >= 0 ? to
-                           : model->base_force        ? model->base_force + s->row[r]
-                                                      : NULL;
-    for (int c = 0; c < dims && others; c++) sum[c] += others[(size_t)c * stride];
-    for (int c = 0; c < dims; c++) to[(size_t)c * stride] = sum[c];
-  }
+  const int32_t nsingle = model->laws->nsingle, middle = end < nsingle ? end : nsingle;
+  if (model->base_force) set_single_rows_of(dims, 1, model, begin, middle);
+  else set_single_rows_of(dims, 0, model, begin, middle);
+  set_rows_of(dims, model, begin > nsingle ? begin : nsingle, end);
 }
 
 static void add_forces(const ms_model *model, int32_t begin, int32_t end) {

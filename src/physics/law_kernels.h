@@ -7,17 +7,18 @@
 #include "physics/law.h"
 #include "physics/law_springs.h"
 
-/* The springs of a run at some positions */
+/* The springs of a run at some positions: d = x_j - x_i in the components of the model, and its
+ * length */
 typedef struct ms_law_lengths {
-  double d[3][MS_LAW_BATCH], l2[MS_LAW_BATCH], l[MS_LAW_BATCH]; /* x_j - x_i and its length */
+  double d[3][MS_LAW_BATCH], l2[MS_LAW_BATCH], l[MS_LAW_BATCH];
   ms_law_batch at;
 } ms_law_lengths;
 
 typedef struct ms_law_kernels {
   void (*measure)(const ms_model *model, const ms_law_run *run, const double *x,
                   ms_law_lengths *to);
-  /* f/l d on the first particle of each spring, the opposite on the second one, to laws.scratch; as
-   * with linear springs, l is at least that of MS_MIN_LENGTH2 */
+  /* f/l d, the force on the first particle of each spring, to laws.scratch; as with linear springs,
+   * l is at least that of MS_MIN_LENGTH2 */
   void (*forces)(const ms_model *model, const ms_law_run *run, const double *x);
   /* the sums of these for rows [begin, end) of laws.row, to added_force */
   void (*add_forces)(const ms_model *model, int32_t begin, int32_t end);

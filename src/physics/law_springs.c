@@ -17,39 +17,58 @@ static int32_t law_number(const ms_model *model, int32_t e) {
   return is_free(model, e) ? model->scene->law[model->springs.spring[e]] : 0;
 }
 
-/* The springs by law, in the order of the model within each; number[e]: that of spring e, -1 */
-static void sort_springs(const ms_model *model, int32_t *number, struct ms_law_springs *s) {
+static int32_t round_up(int32_t n) { return (n + MS_SLICE - 1) / MS_SLICE * MS_SLICE; }
+
+/* The springs by law, in the order of the model within each; slot[e]: that of spring e, -1 */
+static void sort_springs(const ms_model *model, int32_t *slot, struct ms_law_springs *s) {
   const ms_springs *springs = &model->springs;
-  for (int32_t e = 0; e < springs->n; e++) number[e] = -1;
+  int32_t next = 0;
+  for (int32_t e = 0; e < springs->n; e++) slot[e] = -1;
   for (int32_t law = 1; law <= model->scene->nlaws; law++) {
-    const int32_t start = s->n;
+    const int32_t start = next = round_up(next);
     for (int32_t e = 0; e < springs->n; e++) {
       if (law_number(model, e) != law) continue;
-      s->i[s->n] = springs->i[e], s->j[s->n] = springs->j[e];
-      s->spring[s->n] = e;
-      number[e] = s->n++;
+      s->i[next] = springs->i[e], s->j[next] = springs->j[e];
+      s->spring[next] = e;
+      slot[e] = next++;
     }
-    for (int32_t at = start; at < s->n; at += MS_LAW_BATCH)
+    for (int32_t at = start; at < next; at += MS_LAW_BATCH)
       s->run[s->nruns++] = (ms_law_run){&model->scene->laws[law - 1], at,
-                                        at + MS_LAW_BATCH < s->n ? at + MS_LAW_BATCH : s->n};
+                                        at + MS_LAW_BATCH < next ? at + MS_LAW_BATCH : next};
   }
 }
 
-static void list_ends(const ms_model *model, const int32_t *number, struct ms_law_springs *s) {
+/* The number of a row's ends; to: NULL, or where to list them */
+static int32_t list_row_ends(const ms_model *model, const int32_t *slot, int32_t row,
+                             ms_law_end *to) {
   const ms_half_edges *h = &model->half_edges;
+  const ms_half_edge_span span = ms_half_edges_of_row(h, row);
   int32_t n = 0;
-  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const ms_half_edge_span span = ms_half_edges_of_row(h, r);
-    const int32_t start = n;
-    for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t e = h->spring[at];
-      if (e >= 0 && number[e] >= 0)
-        s->end[n++] = (ms_law_end){2 * number[e] + (model->springs.i[e] != r), at};
-    }
-    if (n == start) continue;
-    s->row[s->nrows] = r, s->first[s->nrows++] = start;
+  for (int32_t at = span.begin; at < span.end; at += span.step) {
+    const int32_t e = h->spring[at];
+    if (e < 0 || slot[e] < 0) continue;
+    if (to) to[n] = (ms_law_end){slot[e], at, model->springs.i[e] == row ? 1 : -1};
+    n++;
   }
-  s->first[s->nrows] = n;
+  return n;
+}
+
+/* The rows that are single, or those that are not */
+static void list_rows(const ms_model *model, const int32_t *slot, int single,
+                      struct ms_law_springs *s) {
+  int32_t n = s->first[s->nrows];
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
+    const int32_t ends = list_row_ends(model, slot, r, NULL);
+    if (ends == 0 || (ends == 1 && model->half_edges.first_part[r] < 0) != single) continue;
+    n += list_row_ends(model, slot, r, s->end + n);
+    s->row[s->nrows++] = r, s->first[s->nrows] = n;
+  }
+}
+
+static void list_ends(const ms_model *model, const int32_t *slot, struct ms_law_springs *s) {
+  list_rows(model, slot, 1, s);
+  s->nsingle = s->nrows;
+  list_rows(model, slot, 0, s);
 }
 
 static int32_t count_springs(const ms_model *model) {
@@ -65,21 +84,24 @@ msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs *
   *laws = NULL;
   if (n == 0) return MSIM_OK;
   const size_t ends = 2 * n, runs = n / MS_LAW_BATCH + (size_t)model->scene->nlaws;
-  int32_t *number = NULL;
+  const size_t slots = n + MS_SLICE * (size_t)model->scene->nlaws;
+  int32_t *slot = NULL;
   struct ms_law_springs *s;
   int fits = MS_NEW(alloc, s, 1) != NULL;
-  fits = fits && MS_NEW(alloc, number, model->springs.n) && MS_NEW(alloc, s->run, runs) &&
-         MS_NEW(alloc, s->i, n) && MS_NEW(alloc, s->j, n) && MS_NEW(alloc, s->spring, n) &&
-         MS_NEW(alloc, s->k, n) && MS_NEW(alloc, s->rest, n) &&
-         (!model->scene->broken || MS_NEW(alloc, s->broken, n)) &&
-         MS_NEW(alloc, s->scratch, MS_LAW_RECORD * ends) && MS_NEW(alloc, s->sum, runs) &&
+  fits = fits && MS_NEW(alloc, slot, model->springs.n) && MS_NEW(alloc, s->run, runs) &&
+         MS_NEW(alloc, s->i, slots) && MS_NEW(alloc, s->j, slots) &&
+         MS_NEW(alloc, s->spring, slots) && MS_NEW(alloc, s->k, slots) &&
+         MS_NEW(alloc, s->rest, slots) &&
+         (!model->scene->broken || MS_NEW(alloc, s->broken, slots)) &&
+         MS_NEW(alloc, s->scratch, 3 * slots) && MS_NEW(alloc, s->sum, runs) &&
          MS_NEW(alloc, s->row, rows < ends ? rows : ends) &&
          MS_NEW(alloc, s->first, (rows < ends ? rows : ends) + 1) && MS_NEW(alloc, s->end, ends);
   if (fits) {
-    sort_springs(model, number, s);
-    list_ends(model, number, s);
+    s->nslots = (int32_t)slots;
+    sort_springs(model, slot, s);
+    list_ends(model, slot, s);
   }
-  ms_memory_free(alloc, number);
+  ms_memory_free(alloc, slot);
   *laws = s;
   return fits ? MSIM_OK : ms_error_set_memory(err, "the springs with a law");
 }
@@ -90,17 +112,21 @@ void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *s) {
           s->sum, s->row, s->first, s->end, s);
 }
 
-void ms_law_springs_update(const ms_model *model) {
+static void update_spring(const ms_model *model, int32_t slot) {
   struct ms_law_springs *s = model->laws;
   const ms_scene *scene = model->scene;
-  for (int32_t at = 0; at < s->n; at++) {
-    const int32_t e = model->springs.spring[s->spring[at]];
-    const int is_broken = ms_scene_is_broken(scene, e);
-    s->k[at] = is_broken ? 0 : scene->k[e], s->rest[at] = scene->rest[e];
-    if (s->broken) s->broken[at] = (uint8_t)is_broken;
+  const int32_t e = model->springs.spring[s->spring[slot]];
+  const int is_broken = ms_scene_is_broken(scene, e);
+  s->k[slot] = is_broken ? 0 : scene->k[e], s->rest[slot] = scene->rest[e];
+  if (s->broken) s->broken[slot] = (uint8_t)is_broken;
+}
+
+void ms_law_springs_update(const ms_model *model) {
+  for (int32_t r = 0; r < model->laws->nruns; r++) {
+    ms_law_run *run = &model->laws->run[r];
+    for (int32_t at = run->begin; at < run->end; at++) update_spring(model, at);
+    run->law = ms_scene_law(model->scene, model->springs.spring[model->laws->spring[run->begin]]);
   }
-  for (int32_t r = 0; r < s->nruns; r++)
-    s->run[r].law = ms_scene_law(scene, model->springs.spring[s->spring[s->run[r].begin]]);
 }
 
 /*------------------------------------- batches --------------------------------------------------*/
@@ -162,7 +188,7 @@ static void compute_run_matrix(void *data, int32_t item) {
   const struct ms_law_springs *s = j->model->laws;
   const ms_law_run *run = &s->run[item];
   const double hh = j->h * j->h;
-  double *t = s->scratch + run->begin, *g = t + s->n;
+  double *t = s->scratch + run->begin, *g = t + s->nslots;
   ms_law_lengths at;
   evaluate_at(j->model, run, j->x, &at);
   for (int32_t e = 0; e < run->end - run->begin; e++) {
@@ -180,8 +206,8 @@ static void add_end_block(const law_job *j, int32_t row, const ms_law_end *end) 
   const struct ms_law_springs *s = model->laws;
   const size_t stride = (size_t)model->unknowns.stride, sd = (size_t)model->unknowns.first_pinned;
   const size_t dims = (size_t)model->unknowns.dims;
-  const int32_t e = end->number / 2;
-  const double t = s->scratch[e], g = s->scratch[s->n + e];
+  const int32_t e = end->slot;
+  const double t = s->scratch[e], g = s->scratch[s->nslots + e];
   const double *xi = j->x + s->i[e], *xj = j->x + s->j[e];
   double d[3];
   for (size_t c = 0; c < dims; c++) d[c] = xj[c * stride] - xi[c * stride];

@@ -11,7 +11,8 @@
 #include "physics/force.h"
 #include "physics/law.h"
 
-/* Up to MS_LAW_BATCH springs of one law */
+/* Up to MS_LAW_BATCH springs of one law, in the slots [begin, end). All runs begin at multiples of
+ * MS_SLICE, so that kernels process whole registers; the slots between two runs hold no spring. */
 typedef struct ms_law_run {
   const ms_law *law; /* of the scene */
   int32_t begin, end;
@@ -19,23 +20,22 @@ typedef struct ms_law_run {
 
 /* One end of a spring at an unknown */
 typedef struct ms_law_end {
-  int32_t number;    /* 2 e at the first particle of spring e of those with a law, else 2 e + 1 */
+  int32_t slot;      /* of the spring */
   int32_t half_edge; /* its half-edge there */
+  double sign;       /* 1 at the first particle of the spring, -1 at the second one */
 } ms_law_end;
 
-/* Enough doubles for a spatial vector, for two registers */
-enum { MS_LAW_RECORD = 4 };
-
 struct ms_law_springs {
-  int32_t n, nruns, nrows;
+  int32_t nslots, nruns, nrows;
+  int32_t nsingle; /* rows of one end that are not split */
   ms_law_run *run;
-  int32_t *i, *j;   /* n: rows of the ends */
-  int32_t *spring;  /* n: index in ms_springs */
-  double *k, *rest; /* n; k: 0 where broken */
-  uint8_t *broken;  /* n: 1 where a spring is broken; NULL: none can break */
-  double *scratch;  /* 2 n records: the forces on the ends; or t, g of each spring */
+  int32_t *i, *j;   /* nslots: rows of the ends; 0 between runs */
+  int32_t *spring;  /* nslots: index in ms_springs */
+  double *k, *rest; /* nslots; k: 0 where broken */
+  uint8_t *broken;  /* nslots: 1 where a spring is broken; NULL: none can break */
+  double *scratch;  /* 3 nslots: the forces on the first ends, by components; or t, g of springs */
   double *sum;      /* nruns: energies of the runs: scratch */
-  int32_t *row;     /* nrows: the unknowns with such springs, ascending */
+  int32_t *row;     /* nrows: the unknowns with such springs, single ones first, both ascending */
   int32_t *first;   /* nrows + 1: their first ends */
   ms_law_end *end;
 };
