@@ -400,6 +400,30 @@ MSIM_API msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_err
  * fit are left out. */
 MSIM_API msim_status msim_sim_advice(msim_sim *sim, char *text, size_t size);
 
+/*------------------------------------- ranks ----------------------------------------------------*/
+
+/* Create communicators for ranks that are threads of this process: comms[r] is that of rank r, for
+ * the thread that makes the calls of this rank. Calls that do not fit together, as a sum on one
+ * rank and a maximum on another, fail on all of them. Nullable: alloc. */
+MSIM_API msim_status msim_comm_threads_create(int32_t nranks, const msim_allocator *alloc,
+                                              msim_comm **comms /* nranks */, msim_error *err);
+
+/* Make pending and later calls of all ranks fail with this sentence, as when a thread ends early
+ * and the others must not wait for it. May be called from any thread. */
+MSIM_API void msim_comm_threads_fail(msim_comm *comm, const char *reason);
+
+/* Destroy the communicators of all ranks, given any one of them. Nullable: comm. */
+MSIM_API void msim_comm_threads_destroy(msim_comm *comm);
+
+/* Create a communicator by the plugin `name`, msim_comm_NAME.so; collective. from: what it is made
+ * from, as the plugin documents; NULL: all processes that were started together. Plugin statuses.
+ * Nullable: from, plugin_path. */
+MSIM_API msim_status msim_comm_open(const char *name, const void *from, const char *plugin_path,
+                                    msim_comm **comm, msim_error *err);
+
+/* Close a communicator of msim_comm_open; collective. Nullable: comm. */
+MSIM_API void msim_comm_close(msim_comm *comm);
+
 /*------------------------------------- recording ------------------------------------------------*/
 
 /* Writer of a trajectory. The extension of the file selects the recorder: one of

@@ -99,6 +99,7 @@ enum {
 
 typedef struct msim_backend msim_backend;             /* a linear solver, see msim/backend.h */
 typedef struct msim_recorder_type msim_recorder_type; /* writes trajectories, see msim/recorder.h */
+typedef struct msim_comm msim_comm; /* joins ranks that share one scene, see msim/comm.h */
 
 /* msim_option_info describes each member. Strings are borrowed until msim_sim_create has copied
  * them. Defaults are in brackets. */
