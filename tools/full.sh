@@ -165,7 +165,7 @@ fuzzing() {
 python_tools() {
   python3 -m venv build/python &&
     build/python/bin/pip install --quiet pytest scipy h5py tqdm mypy build cibuildwheel ipython \
-      pyvista matplotlib imageio-ffmpeg
+      pyvista matplotlib imageio-ffmpeg distributed pandas
 }
 
 # Built once; what they are made from does not change.

@@ -9,11 +9,12 @@ README = Path(__file__).resolve().parents[1] / "README.md"
 
 
 def test_snippets(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("scipy")
+    for module in "scipy", "distributed", "pandas":
+        pytest.importorskip(module)
     monkeypatch.chdir(tmp_path)
     names = {}
     snippets = re.findall(r"```python\n(.*?)```", README.read_text(), re.S)
-    assert len(snippets) == 8
+    assert len(snippets) == 9
     for snippet in snippets:
         exec(compile(snippet, str(README), "exec"), names)
     assert "did you mean 'h'?" in capsys.readouterr().out
