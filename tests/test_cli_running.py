@@ -315,7 +315,7 @@ class Report(CliTest):
         collider = {"type": "sphere", "center": [0, 0, -5], "radius": 1, "motion": motion}
         rows, advice, out = self.compare({**PENDULUM, "run": {}, "colliders": [collider]})
         self.assertEqual(rows["auto"], ("-", "-", "-", "-", "-"))
-        self.assertIn("impacts are not located", " ".join(out.split()))
+        self.assertIn("does not support colliders that move", " ".join(out.split()))
         self.assertTrue(advice.startswith("--integrator velocity-verlet --h auto: the least"), advice)
 
     def test_every_scene_is_understood(self):

@@ -5,6 +5,8 @@
 
 #include "base/vec3.h"
 #include "contact/friction.h"
+#include "contact/moving_obstacles.h"
+#include "contact/path_bounces.h"
 #include "physics/signed_distance.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -55,13 +57,15 @@ ms_collision_planes ms_contact_set_planes(const ms_stepper *s) {
                                .contact_distance = e->merge,
                                .nsolids = o->nsolids,
                                .solid = o->solid,
-                               .tangent = o->plane + o->nplanes};
+                               .tangent = o->plane + o->nplanes,
+                               .moving = o->moves ? &s->events->near : NULL,
+                               .scene = scene};
 }
 
 ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, const double *b0,
                                           const double *b1) {
   const ms_unknowns *rows = &s->model->unknowns;
-  ms_particle_path p = {.planes = ms_contact_set_planes(s), .h = s->h};
+  ms_particle_path p = {.planes = ms_contact_set_planes(s), .t = s->t, .h = s->h};
   ms_unknowns_get(rows, s->x, row, p.x);
   ms_unknowns_get(rows, s->v, row, p.v);
   ms_unknowns_get(rows, b0, row, p.b0);
@@ -131,8 +135,14 @@ static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *planes, 
   int outside = 0;
   const double tolerance = ms_impacts_distance_tolerance(planes, x);
   for (int i = 0; i < c->on.n; i++) outside |= ms_impacts_distance(c->on.plane[i], x) < -tolerance;
+  double u[3] = {0}, before[3] = {v[0], v[1], v[2]};
+  if (planes->moving) ms_moving_obstacles_find_velocity(planes, &c->on, x, u);
+  ms_vec3_axpy(-1, u, v);
   const int bounced = ms_impacts_bounce(&c->on, v);
+  ms_vec3_axpy(1, u, v);
   s->stats->contacts += bounced;
+  for (int k = 0; k < 3 && bounced; k++)
+    s->work_in_step += s->model->mass[c->row] * (v[k] - before[k]) * u[k];
   if (!bounced && !outside) return;
   ms_contact_set_make_writable(s);
   ms_obstacles_move_onto(planes, &c->on, x);
@@ -146,7 +156,10 @@ static ms_plane_set find_holding(const ms_stepper *s, const ms_plane_set *on, co
   const ms_collision_planes planes = ms_contact_set_planes(s);
   const double size = ms_vec3_norm(a), tolerance = 1e-14 * (ms_vec3_norm(v) + s->h * size);
   double left[3] = {a[0], a[1], a[2]}, least[MS_MAX_TOUCHED_PLANES], unused;
-  const ms_plane_set stays = ms_impacts_select_approached(on, v, tolerance);
+  double u[3] = {0}, relative[3] = {v[0], v[1], v[2]};
+  if (planes.moving) ms_moving_obstacles_find_velocity(&planes, on, x, u);
+  ms_vec3_axpy(-1, u, relative);
+  const ms_plane_set stays = ms_impacts_select_approached(on, relative, tolerance);
   if (!planes.nsolids)
     return ms_impacts_remove_pressing(&stays, MS_REACTION_TOLERANCE * size, left, &unused);
   ms_obstacles_find_centripetal(&planes, &stays, x, v, least);
@@ -248,9 +261,11 @@ static int settle_contact(ms_stepper *s, ms_contact *c) {
   ms_unknowns_get(rows, s->events->a, c->row, a);
   const ms_plane_set touched = c->on;
   c->on = find_holding(s, &touched, x, v, a);
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  ms_moving_obstacles_set_frame(&planes, &c->on, x, v, s->h, &c->frame);
   const double left = s->events->bounce_time;
-  if (!c->on.n && left > 0 && touched.n == 1 &&
-      ms_particle_path_sums_bounces(touched.plane[0], v, a, left, s->events->bounce_reach)) {
+  if (!c->on.n && left > 0 && touched.n == 1 && !planes.moving &&
+      ms_path_bounces_are_summed(touched.plane[0], v, a, left, s->events->bounce_reach)) {
     c->on = touched;
     c->bounces = 1;
     c->rebound = ms_vec3_dot(touched.plane[0]->normal, v);
@@ -260,12 +275,16 @@ static int settle_contact(ms_stepper *s, ms_contact *c) {
   ms_contact_set_classify(c, rows->dims);
   const double tolerance = ms_impacts_speed_tolerance(v);
   memcpy(before, v, sizeof v);
+  ms_vec3_axpy(-1, c->frame.velocity, v);
+  ms_vec3_axpy(-1, c->frame.acceleration, a);
   ms_impacts_remove_normal(&c->on, v, NULL);
   if (c->fixed || ms_vec3_norm(v) <= tolerance) memset(v, 0, sizeof v);
-  ms_vec3_axpy(-1, v, before);
+  const double now[3] = {v[0] + c->frame.velocity[0], v[1] + c->frame.velocity[1],
+                         v[2] + c->frame.velocity[2]};
+  ms_vec3_axpy(-1, now, before);
   if (ms_vec3_norm(before) > tolerance || (ms_vec3_norm(v) == 0 && ms_vec3_norm(before) > 0)) {
     ms_contact_set_make_writable(s);
-    ms_unknowns_set(rows, v, c->row, s->v);
+    ms_unknowns_set(rows, now, c->row, s->v);
   }
   find_slide(c, v, a);
   return 1;
@@ -283,6 +302,7 @@ void ms_contact_set_update(ms_stepper *s) {
   ms_contact_set *e = s->events;
   int32_t touching = 0;
   e->ncontacts = 0;
+  ms_moving_obstacles_place(&planes, (ms_instant){.t = s->t});
   for (int32_t r = 0; r < rows->nfree; r++) {
     double x[3];
     ms_unknowns_get(rows, s->x, r, x);
@@ -432,12 +452,18 @@ void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *swee
   const int follows = !sweep->along || sweep->along == sweep->v_to; /* x_to moves with v_to */
   for (int32_t i = 0; i < s->events->ncontacts; i++) {
     const ms_contact *c = &s->events->contact[i];
-    double a[3], along[3], v[3], f[3] = {0}, push[3];
+    double a[3], along[3], v[3] = {0}, f[3] = {0}, push[3];
+    const int has_v =
+        sweep->v || (c->frame.moves && c->is_prescribed); /* friction then acts at v = 0 */
     ms_unknowns_get(rows, sweep->a, c->row, a);
-    memcpy(along, a, sizeof along);
     if (sweep->v) ms_unknowns_get(rows, sweep->v, c->row, v);
+    for (int k = 0; k < 3 && c->frame.moves; k++) {
+      a[k] -= c->frame.acceleration[k];
+      v[k] -= c->frame.velocity[k] + s->c * s->h * c->frame.acceleration[k];
+    }
+    memcpy(along, a, sizeof along);
     const double pull = ms_impacts_remove_normal(&c->on, along, NULL);
-    if (c->has_friction && !c->sticks) friction_of(s, c, sweep->v ? v : NULL, pull, f);
+    if (c->has_friction && !c->sticks) friction_of(s, c, has_v ? v : NULL, pull, f);
     for (int k = 0; k < 3; k++) push[k] = c->sticks ? -a[k] : along[k] + f[k] - a[k];
     add_to_unknown(rows, 1, push, c->row, sweep->a);
     if (sweep->v_to) add_to_unknown(rows, sweep->h, push, c->row, sweep->v_to);
@@ -455,6 +481,12 @@ void ms_contact_set_finish_substep(ms_stepper *s) {
     double x[3], v[3] = {0}, J[MS_MAX_INDEPENDENT_PLANES];
     ms_unknowns_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
     if (!c->sticks) ms_unknowns_get(rows, s->v_next, c->row, v);
+    if (c->sticks) ms_vec3_axpy(1, c->frame.way, x), ms_vec3_axpy(1, c->frame.end, v);
+    if (c->frame.moves && !c->is_prescribed) {
+      ms_unknowns_set(rows, x, c->row, s->x_next);
+      ms_unknowns_set(rows, v, c->row, s->v_next);
+      continue;
+    }
     if (!c->sticks || c->enters) ms_impacts_move_to_distance(&c->on, c->end, x);
     ms_impacts_set_normal_components(&c->on, c->leave, v, J);
     ms_unknowns_set(rows, x, c->row, s->x_next);

@@ -9,7 +9,7 @@
 #define MS_CONTACT_SET_H
 
 #include "integrate/integrator.h"
-#include "contact/obstacles.h"
+#include "contact/moving_obstacles.h"
 #include "contact/particle_path.h"
 #include "physics/totals.h"
 
@@ -35,6 +35,8 @@ typedef struct ms_contact {
   double stop;              /* s: friction alone would stop v in this time; v may turn as fast */
   double change; /* share of the substep after which it is lifted, slips or stops; at most 1/2 if
                       it turns; or MS_NOWHERE */
+
+  ms_contact_frame frame; /* v and a above are relative to it */
 
   /* of prescribed normal velocities and friction (implicit_contact.h), else 0: */
   int is_prescribed; /* they are prescribed */

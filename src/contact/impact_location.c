@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/moving_obstacles.h"
 #include "physics/signed_distance.h"
 
 /* A step in substeps */
@@ -160,6 +161,7 @@ static int may_meet_solid(const substeps *j, int32_t row) {
                fastest = fmax(ms_vec3_norm(u[0]), ms_vec3_norm(u[1])) + bend,
                near = z * z / 96 * bend + ms_impacts_distance_tolerance(&planes, x[0]);
   for (int32_t i = 0; i < planes.nsolids; i++) {
+    const double moved = ms_moving_obstacles_bound_way(&planes, i, x[0], fastest, s->h);
     double q = 0;
     for (int k = 0; q <= 1; k++) {
       double y[3];
@@ -167,9 +169,12 @@ static int may_meet_solid(const substeps *j, int32_t row) {
         const ms_bernstein cubic = ms_bernstein_cubic(x[0][c], u[0][c], x[1][c], u[1][c]);
         y[c] = ms_bernstein_evaluate(&cubic, q);
       }
-      const double distance = ms_signed_distance(&planes.solid[i], y, unused);
+      ms_solid room;
+      const ms_instant at = {.t = s->t + q * s->h, .before = 1};
+      const ms_solid *solid = ms_moving_obstacles_get(&planes, i, at, &room);
+      const double distance = ms_signed_distance(solid, y, unused);
       if (distance <= near || k == MOST) return 1;
-      q += distance / fastest;
+      q += distance / (fastest + moved);
     }
   }
   return 0;
@@ -299,6 +304,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   ms_stepper *s = j->s;
   const ms_unknowns *rows = &s->model->unknowns;
   ms_particle_path p = ms_contact_set_make_path(s, row, j->e->a, j->e->a_end);
+  p.t += from * p.h;
   p.h *= 1 - from;
   if (!(p.h > 0)) return;
   if (from > 0) go_along(j, row, from, &p);
@@ -314,6 +320,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   ms_unknowns_set(rows, p.x, row, s->x_next);
   ms_unknowns_set(rows, p.w, row, s->v_next);
   s->stats->contacts += p.impacts;
+  s->work_in_step += s->model->mass[row] * p.work;
   j->e->followed[j->e->nfollowed++] = row;
 }
 
@@ -389,6 +396,7 @@ static msim_status make_parts(substeps *j, msim_error *err) {
     const double left = j->h - j->done;
     j->e->bounce_time = left;
     ms_contact_set_update(s);
+    j->work = s->work_in_step;
     if (s->x == j->e->x || ms_contact_set_hash(s) != j->e->contact_hash) j->cached_stage = 0;
     if (is_done(j)) return MSIM_OK;
     msim_status status = make_substep(j, left, err);

@@ -35,7 +35,9 @@ typedef struct ms_collision_planes {
   double contact_distance; /* m: a particle nearer to a plane touches it */
   int32_t nsolids;         /* the last planes are tangent to these, near one point (obstacles.h) */
   const ms_solid *solid;
-  msim_plane *tangent; /* the same planes */
+  msim_plane *tangent;          /* the same planes */
+  struct ms_obstacles *moving;  /* NULL: all solids are at rest */
+  const struct ms_scene *scene; /* with the motions of solids */
 } ms_collision_planes;
 
 /* Rounding tolerances of a distance at x, merge included, and of a speed. */

@@ -52,16 +52,22 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
   double x[3], v[3], to[MS_MAX_TOUCHED_PLANES], J[MS_MAX_INDEPENDENT_PLANES] = {0};
   ms_unknowns_get(rows, s->x, c->row, x);
   ms_unknowns_get(rows, j->v_start, c->row, v);
-  if (c->has_solid && j->law == KEEP_DISTANCE) keep_from_solids(j, c, x);
+  ms_solid_contact_set_frame(s, c);
+  const double kept[3] = {x[0] + c->frame.way[0], x[1] + c->frame.way[1], x[2] + c->frame.way[2]};
+  const double relative[3] = {v[0] - c->frame.velocity[0], v[1] - c->frame.velocity[1],
+                              v[2] - c->frame.velocity[2]};
+  if (c->has_solid && j->law == KEEP_DISTANCE) keep_from_solids(j, c, kept);
   for (int i = 0; i < c->on.n; i++) {
     const double distance = ms_impacts_distance(c->on.plane[i], x);
     const int is_tangent = ms_contact_set_find_solid(s, c->on.plane[i]) >= 0;
     const double gap = is_tangent ? distance : fmax(0, distance); /* < 0: near a curved surface */
-    const double back = find_rebound(j, c->row, c->on.plane[i], v);
+    const double back = find_rebound(j, c->row, c->on.plane[i], relative);
     const int reaches = back == 0 && j->law != KEEP_DISTANCE;
-    to[i] = reaches ? -gap / s->h : back;
-    c->end[i] = reaches ? 0 : gap + s->h * back;
-    c->leave[i] = back;
+    const double away =
+        c->frame.moves ? ms_vec3_dot(c->on.plane[i]->normal, c->frame.way) / s->h : 0;
+    to[i] = reaches ? -gap / s->h : away + back;
+    c->end[i] = reaches ? 0 : gap + s->h * to[i];
+    c->leave[i] = ms_vec3_dot(c->on.plane[i]->normal, c->frame.end) + back;
     j->bounces |= back > 0;
   }
   double end[3] = {v[0], v[1], v[2]};
@@ -73,7 +79,7 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
     c->least_jump = fmin(c->least_jump, J[i] / s->h);
   }
   if (c->sticks) {
-    memset(v, 0, sizeof v);
+    for (int k = 0; k < 3; k++) v[k] = c->frame.way[k] / s->h;
     ms_impacts_set_normal_components(&c->on, to, v, J);
   }
   ms_unknowns_set(rows, v, c->row, s->v);
@@ -161,6 +167,7 @@ static int update_friction(contact_solve *j, ms_contact *c) {
   ms_unknowns_get(rows, j->e->a_end, c->row, a);
   ms_unknowns_get(rows, j->s->v_next, c->row, v);
   ms_unknowns_get(rows, j->v_start, c->row, start);
+  ms_vec3_axpy(-1, c->frame.end, v), ms_vec3_axpy(-1, c->frame.end, start);
   ms_contact_set_classify(c, rows->dims);
   c->friction = fmax(0, ms_impacts_remove_normal(&c->on, a, NULL) + c->impulse_friction);
   ms_impacts_remove_normal(&c->on, v, NULL);
@@ -190,7 +197,8 @@ enum { REMOVAL_SOLVES = 2, FRICTION_SOLVES = 3, TANGENT_SOLVES = 6 };
 static int update_tangents(contact_solve *j, ms_contact *c) {
   double x[3];
   int bounces = 0;
-  for (int i = 0; i < c->on.n; i++) bounces |= c->leave[i] > 0;
+  for (int i = 0; i < c->on.n; i++)
+    bounces |= c->leave[i] > ms_vec3_dot(c->on.plane[i]->normal, c->frame.end);
   if (bounces || !ms_solid_contact_is_off(j->s, c)) return 0;
   ms_unknowns_get(&j->s->model->unknowns, j->s->x_next, c->row, x);
   ms_solid_contact_set_tangents(j->s, c, x);
@@ -291,7 +299,9 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
     const int is_last = j->law == KEEP_DISTANCE;
     if ((is_last && !prefers_own) || (status && status != MSIM_NOT_CONVERGED)) return status;
     const double most = start.total + start.rounding + (is_last ? SMALL * start.motion : 0);
-    if (!status && find_energy(s, s->x_next, s->v_next).total <= most + bound_work(j))
+    const double work = ms_solid_contact_find_work(s, j->v_start);
+    if (!status &&
+        find_energy(s, s->x_next, s->v_next).total <= most + bound_work(j) + 2 * fabs(work))
       return status;
     if (is_last)
       return ms_error_set(err, MSIM_NOT_CONVERGED,
@@ -308,9 +318,12 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   contact_solve j = {.method = method, .s = s, .e = e, .v_start = s->v};
   const int64_t impacts = s->stats->contacts;
   const int carried = s->cached_stage;
+  const double work = s->work_in_step;
   ms_contact_set_update(s);
+  s->work_in_step = work; /* the step starts before any bounce */
+  ms_solid_contact_move_to_end(s);
   int made = 0;
-  if (s->stats->contacts == impacts) {
+  if (s->stats->contacts == impacts && !ms_solid_contact_any_moves(s)) {
     s->cached_stage = s->x != e->x && ms_contact_set_hash(s) == e->contact_hash ? carried : 0;
     s->c = 0;
     const msim_status status = method->step(s, err);
@@ -331,6 +344,7 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   }
   if (made) update_contacts(&j, 0);
   const msim_status status = remake_step(&j, err);
+  if (!status) s->work_in_step += ms_solid_contact_find_work(s, j.v_start);
   s->cached_stage_next = 0;
   return status;
 }

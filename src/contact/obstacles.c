@@ -3,11 +3,19 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "contact/moving_obstacles.h"
 #include "physics/signed_distance.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
 static int is_inside_out(const ms_solid *s, int32_t type) { return s->inside && s->type == type; }
+
+static int has_plane_faces(const ms_solid *s, int axis) {
+  return is_inside_out(s, MSIM_COLLIDER_BOX) ||
+         (axis == 2 && is_inside_out(s, MSIM_COLLIDER_CYLINDER));
+}
+
+static int moves(const ms_scene *scene, int32_t i) { return scene->collider_motions[i].x.nt > 0; }
 
 /* The faces of a solid inside out along its axis i, as planes */
 static void add_faces(const ms_solid *s, const msim_collider *c, int i, int32_t number,
@@ -28,22 +36,55 @@ static void add_planes(const ms_scene *scene, ms_obstacles *o) {
   }
   for (int32_t i = 0; i < scene->ncolliders; i++) {
     const ms_solid *s = &scene->solids[i];
-    for (int k = 0; k < 3; k++)
-      if (is_inside_out(s, MSIM_COLLIDER_BOX) ||
-          (k == 2 && is_inside_out(s, MSIM_COLLIDER_CYLINDER)))
-        add_faces(s, &scene->colliders[i], k, scene->nplanes + i, o);
+    for (int k = 0; k < 3 && !moves(scene, i); k++)
+      if (has_plane_faces(s, k)) add_faces(s, &scene->colliders[i], k, scene->nplanes + i, o);
   }
 }
 
-static void add_solid(const ms_solid *s, const msim_collider *c, int32_t number, ms_obstacles *o) {
-  if (is_inside_out(s, MSIM_COLLIDER_BOX)) return;
+static ms_solid *append_solid(const ms_scene *scene, int32_t i, ms_obstacles *o) {
+  const msim_collider *c = &scene->colliders[i];
   o->plane[o->nplanes + o->nsolids] =
       (msim_plane){.restitution = c->restitution, .friction = c->friction};
-  o->number[o->nplanes + o->nsolids] = number;
-  ms_solid *own = &o->solid[o->nsolids++];
-  *own = *s;
+  o->number[o->nplanes + o->nsolids] = scene->nplanes + i;
+  o->solid[o->nsolids] = scene->solids[i];
+  return &o->solid[o->nsolids++];
+}
+
+/* The faces along axis k of a solid inside out that moves, as half-spaces */
+static void add_half_spaces(const ms_scene *scene, int32_t i, int k, ms_obstacles *o) {
+  for (int side = -1; side <= 1; side += 2) {
+    o->face[o->nsolids] = side * (k + 1);
+    ms_solid *own = append_solid(scene, i, o);
+    own->type = MS_SOLID_HALF_SPACE, own->inside = 0;
+    own->half[2] = scene->solids[i].half[k];
+  }
+}
+
+static void add_solid(const ms_scene *scene, int32_t i, ms_obstacles *o) {
+  const ms_solid *s = &scene->solids[i];
+  for (int k = 0; k < 3 && moves(scene, i); k++)
+    if (has_plane_faces(s, k)) add_half_spaces(scene, i, k, o);
+  if (is_inside_out(s, MSIM_COLLIDER_BOX)) return;
+  ms_solid *own = append_solid(scene, i, o);
   if (is_inside_out(s, MSIM_COLLIDER_CYLINDER))
     own->type = MSIM_COLLIDER_CAPSULE, own->half[2] = INFINITY;
+}
+
+/* The angular velocity is at most |w'|, the angular acceleration |w''| + |w'|^2/2: the matrix that
+ * takes w' to the angular velocity is an average of rotations by the vectors s w, 0 < s < 1. */
+static void set_bounds(const ms_scene *scene, ms_obstacles *o) {
+  for (int32_t i = 0; i < o->nsolids; i++) {
+    const ms_collider_motion *m =
+        &scene->collider_motions[o->number[o->nplanes + i] - scene->nplanes];
+    if (!m->x.nt) continue;
+    const ms_motion_bounds x = ms_motion_find_bounds(&m->x),
+                           w = ms_motion_find_bounds(&m->rotation);
+    o->bounds[i] = (ms_solid_bounds){.speed = x.speed,
+                                     .acceleration = x.acceleration,
+                                     .spin = w.speed,
+                                     .spin_rate = w.acceleration + w.speed * w.speed / 2};
+    o->moves = 1;
+  }
 }
 
 int ms_obstacles_create(const ms_scene *scene, ms_obstacles *o) {
@@ -53,16 +94,18 @@ int ms_obstacles_create(const ms_scene *scene, ms_obstacles *o) {
   if (n == 0) return 1;
   const int64_t most = scene->nplanes + (FACES + 1) * (int64_t)n;
   if (!MS_NEW(&scene->alloc, o->plane, most) || !MS_NEW(&scene->alloc, o->number, most) ||
-      !MS_NEW(&scene->alloc, o->solid, n))
+      !MS_NEW(&scene->alloc, o->solid, most) || !MS_NEW(&scene->alloc, o->face, most) ||
+      !MS_NEW(&scene->alloc, o->bounds, most))
     return 0;
+  o->now.t = NAN;
   add_planes(scene, o);
-  for (int32_t i = 0; i < n; i++)
-    add_solid(&scene->solids[i], &scene->colliders[i], scene->nplanes + i, o);
+  for (int32_t i = 0; i < n; i++) add_solid(scene, i, o);
+  set_bounds(scene, o);
   return 1;
 }
 
 void ms_obstacles_destroy(const ms_scene *scene, ms_obstacles *o) {
-  MS_FREE(&scene->alloc, o->plane, o->number, o->solid);
+  MS_FREE(&scene->alloc, o->plane, o->number, o->solid, o->face, o->bounds);
 }
 
 /*------------------------------------- tangent planes -------------------------------------------*/
@@ -95,7 +138,10 @@ void ms_obstacles_find_centripetal(const ms_collision_planes *planes, const ms_p
                                    const double x[3], const double v[3], double *least) {
   for (int i = 0; i < on->n; i++) {
     const ms_solid *solid = ms_obstacles_get_solid(planes, on->plane[i]);
-    least[i] = solid ? -ms_signed_distance_bend(solid, x, v) : 0;
+    least[i] = !solid ? 0
+               : planes->moving
+                   ? ms_moving_obstacles_find_normal_acceleration(solid, on->plane[i]->normal, x, v)
+                   : -ms_signed_distance_bend(solid, x, v);
   }
 }
 
@@ -106,40 +152,4 @@ int ms_obstacles_is_beyond_edge(const ms_solid *solid, const double x[3], const 
   double y[3], unused[3];
   for (int c = 0; c < 3; c++) y[c] = x[c] + dx[c];
   return ms_signed_distance(solid, y, unused) - away > tolerance;
-}
-
-/*------------------------------------- impacts --------------------------------------------------*/
-
-double ms_obstacles_time_to_plane(double s, double u, double g) {
-  const double d = u * u - 2 * g * s;
-  if (d < 0 || (u >= 0 && g >= 0)) return INFINITY;
-  return u < 0 ? 2 * s / (sqrt(d) - u) : -(u + sqrt(d)) / g;
-}
-
-/* A lower bound of the time of impact on a solid inside out, from the distance s, with n.v = u,
- * |v| = V and |a| = A: the time in which a particle may move by s or, if that is longer, as long as
- * it moves by less than R/2 - s, the root of s + u t - B t^2/2. There the curvature is at most 2/R,
- * so that B = A + 2 (V + A t)^2/R. */
-static double bound_time_inside(double R, double s, double u, double V, double A) {
-  const double least = 2 * s / (V + sqrt(V * V + 2 * A * s)), room = R / 2 - s;
-  if (!(room > 0)) return least;
-  const double near = 2 * room / (V + sqrt(V * V + 2 * A * room)), fastest = V + A * near;
-  const double B = A + 2 * fastest * fastest / R;
-  return fmax(least, fmin(near, ms_obstacles_time_to_plane(s, u, -B)));
-}
-
-/* Outside, a convex solid lies behind its tangent plane. */
-double ms_obstacles_time_to_solid(const ms_solid *solid, const double x[3], const double v[3],
-                                  const double a[3], double from, double left, double tolerance) {
-  enum { MOST = 200 };
-  double t = from;
-  for (int i = 0; i < MOST && t <= left; i++) {
-    double at[3], w[3], n[3];
-    for (int c = 0; c < 3; c++) w[c] = v[c] + t * a[c], at[c] = x[c] + t * (v[c] + 0.5 * t * a[c]);
-    const double s = ms_signed_distance(solid, at, n), u = ms_vec3_dot(n, w);
-    if (s <= tolerance) return t;
-    t += solid->inside ? bound_time_inside(solid->radius, s, u, ms_vec3_norm(w), ms_vec3_norm(a))
-                       : ms_obstacles_time_to_plane(s - tolerance / 2, u, ms_vec3_dot(n, a));
-  }
-  return INFINITY;
 }

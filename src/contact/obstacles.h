@@ -3,8 +3,8 @@
  * A solid acts on a particle as the plane that touches it at the point nearest to the particle, so
  * that impacts, friction and simultaneous contact are those of planes (impacts.h). Solids inside
  * out with flat faces become planes: a box six of them, a cylinder two, and its curved side is a
- * capsule of infinite length. So each solid that remains is convex, or its inside is convex and its
- * surface has a tangent plane everywhere. */
+ * capsule of infinite length; where they move, half-spaces in place of planes. So each solid that
+ * remains is convex, or its inside is convex and its surface has a tangent plane everywhere. */
 #ifndef MS_OBSTACLES_H
 #define MS_OBSTACLES_H
 
@@ -12,12 +12,23 @@
 #include "contact/impacts.h"
 #include "scene/scene.h"
 
+/* Bounds on the motion of a solid, over all times: those of its center, and on its angular velocity
+ * (1/s) and acceleration (1/s^2) */
+typedef struct ms_solid_bounds {
+  double speed, acceleration, spin, spin_rate;
+} ms_solid_bounds;
+
 /* The obstacles of a scene with colliders */
 typedef struct ms_obstacles {
   int32_t nplanes, nsolids; /* planes: those of the scene and faces of solids inside out */
   msim_plane *plane;        /* nplanes, and nsolids tangent planes */
-  ms_solid *solid;
+  ms_solid *solid;          /* nsolids; those that move at the instant `now` (moving_obstacles.h) */
   int32_t *number; /* of each plane: that of the plane of the scene, or its planes + the collider */
+  int32_t *face; /* nsolids: 0, or -+(k + 1) of the half-space beyond the lower or upper face along
+                      axis k of a collider */
+  ms_solid_bounds *bounds; /* nsolids */
+  int moves;               /* 1: a solid moves */
+  ms_instant now;
 } ms_obstacles;
 
 /* After failure, 0, destroy frees what was allocated. */
@@ -52,14 +63,5 @@ void ms_obstacles_find_centripetal(const ms_collision_planes *planes, const ms_p
  * out solids have no edges. */
 int ms_obstacles_is_beyond_edge(const ms_solid *solid, const double x[3], const double dx[3],
                                 double tolerance);
-
-/* When s + u t + g t^2/2 falls below 0; INFINITY: never. */
-double ms_obstacles_time_to_plane(double s, double u, double g);
-
-/* When the parabola from x with v and a, from the time `from` on, comes closer to the solid than
- * the tolerance; INFINITY: not before `left`. No impact is passed over: each step of the iteration
- * leads to a lower bound of the time of impact. */
-double ms_obstacles_time_to_solid(const ms_solid *solid, const double x[3], const double v[3],
-                                  const double a[3], double from, double left, double tolerance);
 
 #endif

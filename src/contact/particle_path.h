@@ -11,7 +11,11 @@
  * The velocity w undergoes the same impacts at the same times with the acceleration b(t) = b0 +
  * (b1 - b0) t/h instead: dw = dt (b(t) + b(t + dt))/2 in flight, and two half kicks with friction
  * in contact. A step of velocity Verlet computes the path with a = b0 = b1 = a(x) to find x', and
- * once more with b1 = a(x') to find v'. */
+ * once more with b1 = a(x') to find v'.
+ *
+ * Where obstacles move, a part of the path in contact is computed in the frame of the surface
+ * (moving_obstacles.h), and ends where the surface recedes faster than the particle follows it, and
+ * at each time of a motion, where velocities of surfaces may jump. */
 #ifndef MS_PARTICLE_PARTICLE_PATH_H
 #define MS_PARTICLE_PARTICLE_PATH_H
 
@@ -19,21 +23,18 @@
 
 typedef struct ms_particle_path {
   ms_collision_planes planes;
+  double t;          /* s: the time at its start, where obstacles move */
   double h;          /* s: the length of the step */
   double x[3], v[3]; /* in: at its start; out: at its end, by a */
   double a[3];       /* m/s^2 */
   double w[3];       /* in: velocity at the start; out: at the end, by b */
   double b0[3], b1[3];
+  double work;          /* out: J/kg, of moving obstacles, over the mass: by the impulses on w */
   int64_t impacts;      /* out */
   ms_plane_set touched; /* out: the planes that it touched */
 } ms_particle_path;
 
 void ms_particle_path_compute(ms_particle_path *p);
-
-/* Returns 1 if the bounces of a particle that leaves the plane with v under a are summed in a step
- * of h, and their height and the displacement by their friction are at most `jump` (m). */
-int ms_particle_path_sums_bounces(const msim_plane *plane, const double v[3], const double a[3],
-                                  double h, double jump);
 
 /* Returns 1 if the parabola from x with v and a may touch a plane within h. */
 int ms_particle_path_may_touch(const ms_particle_path *p);

@@ -4,13 +4,87 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/impact_time.h"
+#include "contact/moving_obstacles.h"
 #include "physics/signed_distance.h"
 
-static void get_positions(const ms_stepper *s, int32_t row, double x[3], double x_next[3],
-                          double way[3]) {
+/*------------------------------------- moving solids --------------------------------------------*/
+
+/* way += that of the point x of solid i in the step */
+static void add_way_of_solid(const ms_stepper *s, int32_t i, const double x[3], double way[3]) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  ms_solid room;
+  if (!planes.moving) return;
+  const ms_solid *start = ms_moving_obstacles_get(&planes, i, (ms_instant){.t = s->t}, &room);
+  ms_moving_obstacles_add_way(start, &planes.solid[i], x, way);
+}
+
+void ms_solid_contact_move_to_end(ms_stepper *s) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  if (!planes.moving) return;
+  ms_moving_obstacles_place(&planes, (ms_instant){.t = s->t + s->h, .before = 1});
+  for (int32_t i = 0; i < s->events->ncontacts; i++) {
+    ms_contact *c = &s->events->contact[i];
+    double x[3];
+    ms_solid_contact_set_frame(s, c);
+    ms_unknowns_get(&s->model->unknowns, s->x, c->row, x);
+    ms_vec3_axpy(1, c->frame.way, x);
+    ms_solid_contact_set_tangents(s, c, x);
+  }
+}
+
+void ms_solid_contact_set_frame(const ms_stepper *s, ms_contact *c) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  double x[3], way[MS_MAX_TOUCHED_PLANES][3] = {0}, of[MS_MAX_TOUCHED_PLANES][3] = {0};
+  if (!planes.moving) return;
+  c->frame.moves = 0;
+  ms_unknowns_get(&s->model->unknowns, s->x, c->row, x);
+  for (int i = 0; i < c->on.n; i++) {
+    const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[i]);
+    if (solid < 0 || !ms_moving_obstacles_moves(&planes, solid)) continue;
+    double at[3] = {x[0], x[1], x[2]};
+    c->frame.moves = 1;
+    add_way_of_solid(s, solid, x, way[i]);
+    ms_vec3_axpy(1, way[i], at);
+    ms_signed_distance_find_velocity(&planes.solid[solid], at, of[i]);
+  }
+  ms_moving_obstacles_combine(&c->on, way, c->frame.way);
+  ms_moving_obstacles_combine(&c->on, of, c->frame.end);
+  memcpy(c->frame.velocity, c->frame.end, sizeof c->frame.velocity);
+  memset(c->frame.acceleration, 0, sizeof c->frame.acceleration);
+}
+
+int ms_solid_contact_any_moves(const ms_stepper *s) {
+  for (int32_t i = 0; i < s->events->ncontacts; i++)
+    if (s->events->contact[i].frame.moves) return 1;
+  return 0;
+}
+
+double ms_solid_contact_find_work(const ms_stepper *s, const double *v_start) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  double sum = 0;
+  for (int32_t i = 0; i < s->events->ncontacts; i++) {
+    const ms_contact *c = &s->events->contact[i];
+    double v[3], before[3], a[3];
+    if (!c->frame.moves) continue;
+    ms_unknowns_get(rows, s->v_next, c->row, v);
+    ms_unknowns_get(rows, v_start, c->row, before);
+    ms_unknowns_get(rows, s->events->a_end, c->row, a);
+    for (int k = 0; k < 3; k++)
+      sum += s->model->mass[c->row] * (v[k] - before[k] - s->h * a[k]) * c->frame.way[k] / s->h;
+  }
+  return sum;
+}
+
+/* x, its way relative to solid i, or to the frame of c (nullable), and its end */
+static void get_positions(const ms_stepper *s, int32_t row, int32_t i, const ms_contact *c,
+                          double x[3], double x_next[3], double way[3]) {
   ms_unknowns_get(&s->model->unknowns, s->x, row, x);
   ms_unknowns_get(&s->model->unknowns, s->x_next, row, x_next);
-  for (int c = 0; c < 3; c++) way[c] = x_next[c] - x[c];
+  double moved[3] = {0};
+  if (i >= 0) add_way_of_solid(s, i, x, moved);
+  ms_vec3_axpy(1, i >= 0 || !c ? moved : c->frame.way, x);
+  for (int k = 0; k < 3; k++) way[k] = x_next[k] - x[k];
 }
 
 /*------------------------------------- impacts --------------------------------------------------*/
@@ -26,19 +100,20 @@ static int contains_solid(const ms_stepper *s, const ms_contact *c, int32_t i) {
 int ms_solid_contact_meets(const ms_stepper *s, int32_t row, const ms_contact *c, int32_t i,
                            double at[3]) {
   static const double none[3] = {0};
-  const ms_collision_planes planes = ms_contact_set_planes(s);
+  ms_collision_planes planes = ms_contact_set_planes(s);
+  planes.moving = NULL; /* the way is relative */
   const ms_solid *solid = &planes.solid[i];
   double x[3], x_next[3], way[3], n[3];
   if (contains_solid(s, c, i)) return 0;
-  get_positions(s, row, x, x_next, way);
+  get_positions(s, row, i, NULL, x, x_next, way);
   const double tolerance = ms_impacts_distance_tolerance(&planes, x);
   const double end = ms_signed_distance(solid, x_next, n);
   memcpy(at, x_next, 3 * sizeof *at);
   if (end < -tolerance && solid->inside) return 1;
   const double start = ms_signed_distance(solid, x, n), length = ms_vec3_norm(way);
+  const ms_flight flight = {.planes = &planes, .x = x, .v = way, .a = none};
   if (solid->inside || start + end > length + tolerance) return 0;
-  const double share = start > tolerance
-                           ? ms_obstacles_time_to_solid(solid, x, way, none, 0, 1, tolerance)
+  const double share = start > tolerance ? ms_impact_time_find(&flight, i, 0, 1, tolerance)
                        : ms_vec3_dot(n, way) < -tolerance ? 0
                                                           : INFINITY;
   for (int k = 0; k < 3 && share <= 1; k++) at[k] = x[k] + share * way[k];
@@ -78,7 +153,7 @@ int ms_solid_contact_is_off(const ms_stepper *s, const ms_contact *c) {
   const ms_collision_planes planes = ms_contact_set_planes(s);
   double x[3], x_next[3], way[3];
   if (!c->has_solid) return 0;
-  get_positions(s, c->row, x, x_next, way);
+  get_positions(s, c->row, -1, c, x, x_next, way);
   const double tolerance = ms_impacts_distance_tolerance(&planes, x);
   for (int i = 0; i < c->on.n; i++) {
     const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[i]);
@@ -91,6 +166,10 @@ int ms_solid_contact_is_off(const ms_stepper *s, const ms_contact *c) {
 
 /*------------------------------------- the end of a step ----------------------------------------*/
 
+static int separates(const ms_contact *c, int i) {
+  return c->leave[i] > ms_vec3_dot(c->on.plane[i]->normal, c->frame.end);
+}
+
 /* The planes and surfaces of the contact onto which x is to be moved: those that it is behind, and
  * with `all` also those that it left by less than an edge. */
 static ms_plane_set find_left(const ms_stepper *s, const ms_contact *c, int all,
@@ -100,12 +179,12 @@ static ms_plane_set find_left(const ms_stepper *s, const ms_contact *c, int all,
   double from[3], way[3];
   ms_plane_set left = {0};
   ms_unknowns_get(&s->model->unknowns, s->x, c->row, from);
-  for (int k = 0; k < 3; k++) way[k] = x[k] - from[k];
+  for (int k = 0; k < 3; k++) way[k] = x[k] - from[k] - c->frame.way[k];
   for (int i = 0; i < c->on.n; i++) {
     const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[i]);
     const double gap =
         solid < 0 ? ms_impacts_distance(c->on.plane[i], x) : find_distance(s, solid, x, way);
-    if (gap < -tolerance || (all && c->leave[i] == 0 && gap > tolerance))
+    if (gap < -tolerance || (all && !separates(c, i) && gap > tolerance))
       left.plane[left.n++] = c->on.plane[i];
   }
   return left;
@@ -125,8 +204,8 @@ static int finish_contact(ms_stepper *s, const ms_contact *c, int keeps_distance
     left = find_left(s, c, !keeps_distance, x);
   }
   ms_solid_contact_set_tangents(s, c, x);
-  if (left.n) ms_unknowns_get(rows, s->x, c->row, x);
-  if (left.n || c->sticks) memset(v, 0, sizeof v);
+  if (left.n) ms_unknowns_get(rows, s->x, c->row, x), ms_vec3_axpy(1, c->frame.way, x);
+  if (left.n || c->sticks) memcpy(v, c->frame.end, sizeof v);
   else ms_impacts_set_normal_components(&c->on, c->leave, v, J);
   ms_unknowns_set(rows, x, c->row, s->x_next);
   ms_unknowns_set(rows, v, c->row, s->v_next);

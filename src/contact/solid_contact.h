@@ -3,11 +3,28 @@
  * A particle in contact with a solid is to end on its surface. The condition of a solve is a plane:
  * the one that touches the solid where the last solve has led, so that the iteration converges to
  * implicit Euler's step on the surface, which does not increase the energy. In the end the position
- * is moved onto the surface exactly. */
+ * is moved onto the surface exactly.
+ *
+ * Solids that move are where they are at the end of the step, and the way of a particle is counted
+ * from where the point of the solid at its start has moved. */
 #ifndef MS_SOLID_CONTACT_H
 #define MS_SOLID_CONTACT_H
 
 #include "contact/contact_set.h"
+
+/* Places solids that move at the end of the step, and the tangent planes of all contacts. */
+void ms_solid_contact_move_to_end(ms_stepper *s);
+
+/* Sets the frame of a contact for a step with prescribed velocities: its way in the step, and its
+ * velocity at the end, which friction and bounces are relative to. */
+void ms_solid_contact_set_frame(const ms_stepper *s, ms_contact *c);
+
+/* 1: a solid of a contact may move. */
+int ms_solid_contact_any_moves(const ms_stepper *s);
+
+/* The work of moving solids in the step just made, J: of the impulses that changed velocities from
+ * v_start, beside those of forces, along the mean velocity of the surfaces */
+double ms_solid_contact_find_work(const ms_stepper *s, const double *v_start);
 
 /* 1: the way of an unknown from s->x to s->x_next meets solid i; c: its contact, or NULL. `at`: the
  * tangent plane at the point of the surface nearest to it stops the unknown. */

@@ -40,6 +40,7 @@ void ms_verlet_contact_correct_velocities(ms_stepper *s, const double *a, const 
     ms_particle_path p = ms_contact_set_make_path(s, e->followed[i], a, a_next);
     ms_particle_path_compute(&p);
     record_path(s, e->followed[i], &p);
+    s->work_in_step += s->model->mass[e->followed[i]] * p.work;
     ms_unknowns_set(&s->model->unknowns, p.w, e->followed[i], s->v_next);
   }
   if (e->nfollowed) s->finite = 0;

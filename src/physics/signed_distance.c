@@ -59,8 +59,15 @@ static double box_distance(const ms_solid *s, const double q[3], double n[3]) {
   return length;
 }
 
+static double half_space_distance(const ms_solid *s, const double q[3], double n[3]) {
+  n[0] = n[1] = 0, n[2] = 1;
+  return q[2] + s->half[2];
+}
+
 static double find_distance(const ms_solid *s, const double q[3], double n[3]) {
   switch (s->type) {
+    case MS_SOLID_HALF_SPACE:
+      return half_space_distance(s, q, n);
     case MSIM_COLLIDER_BOX:
       return box_distance(s, q, n);
     case MSIM_COLLIDER_CYLINDER:
@@ -100,7 +107,8 @@ double ms_signed_distance_bend(const ms_solid *s, const double x[3], const doubl
   const double d[3] = {x[0] - s->center[0], x[1] - s->center[1], x[2] - s->center[2]};
   for (int i = 0; i < 3; i++) q[i] = ms_vec3_dot(s->axis[i], d), w[i] = ms_vec3_dot(s->axis[i], u);
   const double across = hypot(q[0], q[1]) - s->radius, along = fabs(q[2]) - s->half[2];
-  if (s->type == MSIM_COLLIDER_BOX || (s->type == MSIM_COLLIDER_CYLINDER && along > across))
+  if (s->type == MSIM_COLLIDER_BOX || s->type == MS_SOLID_HALF_SPACE || s->samples ||
+      (s->type == MSIM_COLLIDER_CYLINDER && along > across))
     return 0;
   if (along <= 0 || s->type == MSIM_COLLIDER_CYLINDER) q[2] = w[2] = 0;
   else q[2] = copysign(along, q[2]);

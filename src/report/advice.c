@@ -48,7 +48,8 @@ static int can_locate_impacts(const advice *a) {
 
 static void say_choose_automatically(advice *a) {
   const ms_scene *s = a->sim->scene;
-  const int allows_auto = can_locate_impacts(a) && s->nmotions == 0 && !ms_scene_has_function(s);
+  const int allows_auto = can_locate_impacts(a) && s->nmotions == 0 &&
+                          !ms_collider_motion_is_there(s) && !ms_scene_has_function(s);
   if (ms_sim_selects(a->sim) || options_of(a)->steps >= 0 || !allows_auto) return;
   say(a, "Set integrator = auto and tol = 1e-4: method and steps are then chosen for the scene.");
 }
@@ -98,7 +99,7 @@ static void advise_explicit(advice *a) {
 }
 
 /* Particles that are mirrored behind a plane gain energy in long steps of stiff springs; impacts on
- * colliders that move or have samples are not located. */
+ * colliders that have samples are not located. */
 static void say_mend_impacts(advice *a) {
   if (options_of(a)->collision == MSIM_COLLISION_EVENT || !a->sim->stats.contacts) return;
   if (can_locate_impacts(a)) {

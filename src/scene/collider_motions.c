@@ -28,15 +28,34 @@ static void cross(const double a[3], const double b[3], double to[3]) {
     to[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
 }
 
-/* (1 - cos a)/a^2 and (a - sin a)/a^3; near 0 by Taylor's series, to rounding */
-static void set_spin(const double w[3], const double rate[3], double spin[3]) {
-  const double a = ms_vec3_norm(w), half = a > 0 ? sin(a / 2) / (a / 2) : 1;
-  const double first = half * half / 2;
-  const double second =
-      a < 0.03 ? (1 - a * a / 20 * (1 - a * a / 42)) / 6 : (a - sin(a)) / (a * a * a);
-  double once[3], twice[3];
+/* f = (1 - cos a)/a^2 and g = (a - sin a)/a^3, and f'/a and g'/a; near 0 by Taylor's series */
+typedef struct spin_factors {
+  double f, g, df, dg;
+} spin_factors;
+
+static spin_factors find_spin_factors(double a) {
+  const double a2 = a * a, half = a > 0 ? sin(a / 2) / (a / 2) : 1;
+  const int is_small = a < 0.1;
+  return (spin_factors){.f = half * half / 2,
+                        .g = a < 0.03 ? (1 - a2 / 20 * (1 - a2 / 42)) / 6 : (a - sin(a)) / (a2 * a),
+                        .df = is_small ? -1. / 12 + a2 / 180 - a2 * a2 / 6720
+                                       : (a * sin(a) - 2 * (1 - cos(a))) / (a2 * a2),
+                        .dg = is_small ? -1. / 60 + a2 / 1260 - a2 * a2 / 60480
+                                       : (3 * sin(a) - 2 * a - a * cos(a)) / (a2 * a2 * a)};
+}
+
+/* spin = w' + f w x w' + g w x (w x w'), and its derivative, in which a a' = w.w' */
+static void set_spin(const double w[3], const double rate[3], const double rate2[3], ms_solid *to) {
+  const spin_factors k = find_spin_factors(ms_vec3_norm(w));
+  const double growth = ms_vec3_dot(w, rate);
+  double once[3], twice[3], once2[3], twice2[3], between[3];
   cross(w, rate, once), cross(w, once, twice);
-  for (int c = 0; c < 3; c++) spin[c] = rate[c] + first * once[c] + second * twice[c];
+  cross(w, rate2, once2), cross(w, once2, twice2), cross(rate, once, between);
+  for (int c = 0; c < 3; c++) {
+    to->spin[c] = rate[c] + k.f * once[c] + k.g * twice[c];
+    to->spin_rate[c] = rate2[c] + k.f * once2[c] + k.g * (twice2[c] + between[c]) +
+                       growth * (k.df * once[c] + k.dg * twice[c]);
+  }
 }
 
 static void rotate_solid(const ms_solid *rest, const double w[3], ms_solid *to) {
@@ -55,12 +74,14 @@ const ms_solid *ms_collider_motion_place(const ms_scene *scene, int32_t i, ms_in
   if (m->x.nt == 0) return rest;
   *room = *rest;
   ms_motion_evaluate(&m->x, 0, at, room->center, room->velocity);
+  ms_motion_find_acceleration(&m->x, 0, at, room->acceleration);
   room->reach = rest->reach - ms_vec3_norm(rest->center) + ms_vec3_norm(room->center);
   if (m->rotation.nt == 0) return room;
-  double w[3], rate[3];
+  double w[3], rate[3], rate2[3];
   ms_motion_evaluate(&m->rotation, 0, at, w, rate);
+  ms_motion_find_acceleration(&m->rotation, 0, at, rate2);
   rotate_solid(rest, w, room);
-  set_spin(w, rate, room->spin);
+  set_spin(w, rate, rate2, room);
   return room;
 }
 

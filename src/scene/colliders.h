@@ -20,19 +20,25 @@ typedef struct ms_samples {
 
 /* A solid in coordinates of its own, q = axis (x - center): a sphere or capsule is the points at
  * most `radius` from the axis |q_2| <= half_2, q_0 = q_1 = 0; a cylinder is |(q_0, q_1)| <= radius,
- * |q_2| <= half_2; a box is |q_i| <= half_i; samples begin at q = 0. */
+ * |q_2| <= half_2; a box is |q_i| <= half_i; a half-space is q_2 <= -half_2; samples begin at
+ * q = 0. */
 typedef struct ms_solid {
-  int32_t type;        /* msim_collider_type */
-  int32_t inside;      /* 1: particles stay inside */
-  double center[3];    /* m */
-  double axis[3][3];   /* orthonormal rows */
-  double half[3];      /* m; 0 where the type has none */
-  double radius;       /* m */
-  double reach;        /* m: no point of the solid is farther from the origin */
-  double velocity[3];  /* m/s: of the center; 0 at rest */
-  double spin[3];      /* rad/s: angular velocity about the center */
-  ms_samples *samples; /* NULL: without samples */
+  int32_t type;           /* msim_collider_type, or MS_SOLID_HALF_SPACE */
+  int32_t inside;         /* 1: particles stay inside */
+  double center[3];       /* m */
+  double axis[3][3];      /* orthonormal rows */
+  double half[3];         /* m; 0 where the type has none */
+  double radius;          /* m */
+  double reach;           /* m: no point of the solid is farther from the origin */
+  double velocity[3];     /* m/s: of the center; 0 at rest */
+  double spin[3];         /* rad/s: angular velocity about the center */
+  double acceleration[3]; /* m/s^2: of the center */
+  double spin_rate[3];    /* rad/s^2: angular acceleration */
+  ms_samples *samples;    /* NULL: without samples */
 } ms_solid;
+
+/* The face of a solid inside out that moves, as a solid of its own (obstacles.h) */
+enum { MS_SOLID_HALF_SPACE = MSIM_COLLIDER_SDF + 1 };
 
 /* A key of colliders and the member of msim_collider, one or more doubles, that it sets */
 typedef struct ms_collider_member {

@@ -61,6 +61,51 @@ void ms_motion_evaluate(const ms_motion *motion, int32_t i, ms_instant at, doubl
   v[0] = v[1] = v[2] = 0;
 }
 
+/* x'' = ((6 - 12 s) (x1 - x0) + H ((6 s - 4) v0 + (6 s - 2) v1))/H^2 */
+static void find_interval_acceleration(const ms_motion *m, int32_t k, int32_t i, double s,
+                                       double a[3]) {
+  const double H = m->t[k + 1] - m->t[k];
+  for (int c = 0; c < 3; c++) {
+    const double d = point(m, k + 1, i)[c] - point(m, k, i)[c];
+    const double v0 = find_slope(m, k, i, c), v1 = find_slope(m, k + 1, i, c);
+    a[c] = ((6 - 12 * s) * d / H + (6 * s - 4) * v0 + (6 * s - 2) * v1) / H;
+  }
+}
+
+void ms_motion_find_acceleration(const ms_motion *motion, int32_t i, ms_instant at, double a[3]) {
+  const int32_t k = find_interval(motion, at);
+  a[0] = a[1] = a[2] = 0;
+  if (k < 0 || k >= motion->nt - 1 || motion->interpolation != MSIM_MOTION_CUBIC) return;
+  const double s = (at.t - motion->t[k]) / (motion->t[k + 1] - motion->t[k]);
+  find_interval_acceleration(motion, k, i, fmin(fmax(s, 0), 1), a);
+}
+
+/* x' is a quadratic, with Bernstein coefficients v0, 3 (x1 - x0)/H - v0 - v1 and v1; x'' is
+ * linear. */
+static void add_interval_bounds(const ms_motion *m, int32_t k, int32_t i, ms_motion_bounds *b) {
+  const double H = m->t[k + 1] - m->t[k];
+  double v[3][3], a[2][3];
+  for (int c = 0; c < 3; c++) {
+    const double mean = (point(m, k + 1, i)[c] - point(m, k, i)[c]) / H;
+    v[0][c] = v[1][c] = v[2][c] = mean;
+    if (m->interpolation != MSIM_MOTION_CUBIC) continue;
+    v[0][c] = find_slope(m, k, i, c), v[2][c] = find_slope(m, k + 1, i, c);
+    v[1][c] = 3 * mean - v[0][c] - v[2][c];
+  }
+  for (int j = 0; j < 3; j++) b->speed = fmax(b->speed, ms_vec3_norm(v[j]));
+  for (int j = 0; j < 2 && m->interpolation == MSIM_MOTION_CUBIC; j++) {
+    find_interval_acceleration(m, k, i, j, a[j]);
+    b->acceleration = fmax(b->acceleration, ms_vec3_norm(a[j]));
+  }
+}
+
+ms_motion_bounds ms_motion_find_bounds(const ms_motion *motion) {
+  ms_motion_bounds b = {0};
+  for (int32_t k = 0; k + 1 < motion->nt; k++)
+    for (int32_t i = 0; i < motion->n; i++) add_interval_bounds(motion, k, i, &b);
+  return b;
+}
+
 double ms_motion_next_time(const ms_motion *motion, double t) {
   const int32_t k = find_interval(motion, (ms_instant){.t = t}) + 1;
   return k < motion->nt ? motion->t[k] : INFINITY;

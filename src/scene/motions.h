@@ -32,6 +32,16 @@ typedef struct ms_instant {
 void ms_motion_evaluate(const ms_motion *motion, int32_t i, ms_instant at, double x[3],
                         double v[3]);
 
+/* The acceleration of point i at an instant, m/s^2; 0 between the times of a linear motion */
+void ms_motion_find_acceleration(const ms_motion *motion, int32_t i, ms_instant at, double a[3]);
+
+/* The largest speed, m/s, and acceleration, m/s^2, of points within intervals */
+typedef struct ms_motion_bounds {
+  double speed, acceleration;
+} ms_motion_bounds;
+
+ms_motion_bounds ms_motion_find_bounds(const ms_motion *motion);
+
 /* The first time of the motion after t, by more than rounding; INFINITY: none */
 double ms_motion_next_time(const ms_motion *motion, double t);
 

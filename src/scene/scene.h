@@ -123,9 +123,9 @@ static inline int ms_scene_has_obstacles(const ms_scene *s) {
   return s->nplanes > 0 || s->ncolliders > 0;
 }
 
-/* 1: impacts on collider i are located: it is at rest, and convex, or its inside is. */
+/* 1: impacts on collider i are located: it is convex, or its inside is. */
 static inline int ms_scene_locates_impacts(const ms_scene *s, int32_t i) {
-  return !s->solids[i].samples && !s->collider_motions[i].x.nt;
+  return !s->solids[i].samples;
 }
 
 /* Make room for `needed` of them in all their arrays. Return 0 if there is no memory. */

@@ -60,6 +60,7 @@ int ms_reuse_island(const msim_sim *sim, const ms_island *island, int32_t left_o
   const ms_solver *solver = from->stepper.solver;
   const ms_model *model = &from->model;
   if (model->pins || model->function || model->angles.n || island->nangles) return 0;
+  if (from->stepper.events && ms_collider_motion_is_there(sim->scene)) return 0;
   if (model->unknowns.dropped_axis != left_out) return 0;
   if (solver && solver->creation_h != sim->run.h) return 0;
   *m = *from;

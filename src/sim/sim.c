@@ -72,9 +72,13 @@ static msim_status check_located_colliders(const msim_sim *sim, msim_error *err)
     if (!ms_scene_locates_impacts(s, i))
       return ms_error_set(
           err, MSIM_ERR_ARG,
-          "colliders[%d] %s, where impacts are not located; use collision = reflect "
-          "without tol and with an integrator other than auto, or another collider",
-          i, s->solids[i].samples ? "is given by samples" : "moves");
+          "colliders[%d] is given by samples, where impacts are not located; use collision = "
+          "reflect without tol and with an integrator other than auto, or another collider",
+          i);
+  if (ms_sim_selects(sim) && ms_collider_motion_is_there(s))
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator 'auto' does not support colliders that move; use dop853 or "
+                        "velocity-verlet, or remove the motions");
   return MSIM_OK;
 }
 

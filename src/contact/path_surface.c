@@ -1,0 +1,157 @@
+#include "contact/path_surface.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/vec3.h"
+#include "contact/moving_obstacles.h"
+
+/*------------------------------------- moving surfaces ------------------------------------------*/
+
+int ms_path_surface_moves(const ms_path_progress *k) { return k->p->planes.moving != NULL; }
+
+void ms_path_surface_place(const ms_path_progress *k, double t, int before) {
+  const ms_particle_path *p = k->p;
+  if (!ms_path_surface_moves(k)) return;
+  ms_moving_obstacles_place(&p->planes, (ms_instant){.t = p->t + t, .before = before});
+  ms_obstacles_touch(&p->planes, p->x);
+}
+
+void ms_path_surface_set_frame(ms_path_progress *k, const ms_plane_set *on) {
+  if (ms_path_surface_moves(k))
+    ms_moving_obstacles_find_velocity(&k->p->planes, on, k->p->x, k->frame);
+}
+
+void ms_path_surface_enter_frame(ms_path_progress *k, const ms_plane_set *on) {
+  ms_particle_path *p = k->p;
+  if (!ms_path_surface_moves(k)) return;
+  ms_path_surface_set_frame(k, on);
+  ms_vec3_axpy(-1, k->frame, p->v);
+  ms_vec3_axpy(-1, k->frame, p->w);
+}
+
+void ms_path_surface_leave_frame(ms_path_progress *k) {
+  if (!ms_path_surface_moves(k)) return;
+  ms_vec3_axpy(1, k->frame, k->p->v);
+  ms_vec3_axpy(1, k->frame, k->p->w);
+  memset(k->frame, 0, sizeof k->frame);
+}
+
+void ms_path_surface_move(ms_path_progress *k, const ms_plane_set *on, const double dx[3],
+                          double dt) {
+  ms_particle_path *p = k->p;
+  ms_poses poses;
+  if (!ms_path_surface_moves(k)) {
+    ms_vec3_axpy(1, dx, p->x);
+    return;
+  }
+  ms_moving_obstacles_save_poses(&p->planes, on, &poses);
+  ms_moving_obstacles_place(&p->planes, (ms_instant){.t = p->t + k->t + dt, .before = 1});
+  ms_vec3_axpy(0.5, dx, p->x);
+  for (int c = 0; c < 3; c++) k->way[c] = -p->x[c];
+  ms_moving_obstacles_carry(&p->planes, on, &poses, p->x);
+  ms_vec3_axpy(1, p->x, k->way);
+  ms_vec3_axpy(0.5, dx, p->x);
+  ms_obstacles_touch(&p->planes, p->x);
+}
+
+void ms_path_surface_make_relative(const ms_path_progress *k, const ms_plane_set *on,
+                                   const double v[3], double a[3]) {
+  const ms_particle_path *p = k->p;
+  double A[3], of[3];
+  if (!ms_path_surface_moves(k)) return;
+  for (int c = 0; c < 3; c++) of[c] = v[c] + k->frame[c];
+  ms_moving_obstacles_find_acceleration(&p->planes, on, p->x, of, A);
+  ms_vec3_axpy(-1, A, a);
+}
+
+void ms_path_surface_find_least(const ms_path_progress *k, const ms_plane_set *on,
+                                const double v[3], double *least) {
+  const ms_particle_path *p = k->p;
+  double of[3];
+  for (int c = 0; c < 3; c++) of[c] = v[c] + k->frame[c];
+  ms_obstacles_find_centripetal(&p->planes, on, p->x, of, least);
+}
+
+int ms_path_surface_is_beyond_edge(const ms_path_progress *k, const ms_solid *solid,
+                                   const double dx[3]) {
+  const ms_particle_path *p = k->p;
+  return ms_obstacles_is_beyond_edge(solid, p->x, dx,
+                                     2 * ms_impacts_distance_tolerance(&p->planes, p->x));
+}
+
+double ms_path_surface_time_to_release(const ms_path_progress *k, double left) {
+  const double LATER = 1e-9; /* of the time left: then they separate clearly */
+  const ms_particle_path *p = k->p;
+  const ms_plane_set *on = &k->contact;
+  if (!ms_path_surface_moves(k) || on->n != 1) return left;
+  const double none[3] = {0};
+  double least[2][MS_MAX_TOUCHED_PLANES], g[2];
+  ms_path_progress later = *k;
+  ms_particle_path moved = *p;
+  later.p = &moved;
+  for (int end = 0; end < 2; end++) {
+    if (end) ms_path_surface_move(&later, on, none, left), ms_path_surface_set_frame(&later, on);
+    ms_path_surface_find_least(&later, on, p->v, least[end]);
+    g[end] = ms_vec3_dot(on->plane[0]->normal, p->a) - least[end][0];
+  }
+  ms_path_surface_place(k, k->t, 0);
+  if (!(g[0] < 0 && g[1] > 0)) return left;
+  return fmin(left, left * (g[0] / (g[0] - g[1]) + LATER));
+}
+
+double ms_path_surface_limit_rotation(const ms_path_progress *k, double left) {
+  for (int i = 0; i < k->contact.n && ms_path_surface_moves(k); i++) {
+    const ms_solid *solid = ms_obstacles_get_solid(&k->p->planes, k->contact.plane[i]);
+    const double spin = solid ? ms_vec3_norm(solid->spin) : 0;
+    if (spin * left > MS_PATH_SMALL_ANGLE) left = MS_PATH_SMALL_ANGLE / spin;
+  }
+  return left;
+}
+
+/* Rotate u as the rotation that takes the unit vector n to m along the shortest way. */
+static void rotate(const double n[3], const double m[3], double u[3]) {
+  double sum[3];
+  for (int c = 0; c < 3; c++) sum[c] = n[c] + m[c];
+  const double normal = ms_vec3_dot(n, u), f = ms_vec3_dot(sum, u) / (1 + ms_vec3_dot(n, m));
+  for (int c = 0; c < 3; c++) u[c] += 2 * normal * m[c] - f * sum[c];
+}
+
+/* Project u, which is parallel to the planes of `on` up to small angles, and keep its length. */
+static void turn_along(const ms_plane_set *on, double u[3]) {
+  const double MOSTLY = 0.9, before = ms_vec3_norm(u);
+  ms_impacts_remove_normal(on, u, NULL);
+  const double after = ms_vec3_norm(u);
+  for (int c = 0; c < 3 && after > MOSTLY * before; c++) u[c] *= before / after;
+}
+
+void ms_path_surface_follow(ms_path_progress *k, const ms_plane_set *on, const double n[3]) {
+  ms_particle_path *p = k->p;
+  if (!p->planes.nsolids) {
+    ms_impacts_move_onto(on, p->x);
+    return;
+  }
+  ms_obstacles_touch(&p->planes, p->x);
+  ms_obstacles_move_onto(&p->planes, on, p->x);
+  if (on->n == 1) {
+    rotate(n, on->plane[0]->normal, p->v);
+    rotate(n, on->plane[0]->normal, p->w);
+  } else {
+    turn_along(on, p->v);
+    turn_along(on, p->w);
+  }
+}
+
+void ms_path_surface_add_work(ms_path_progress *k, const double before[3], const double from[3],
+                              double dt) {
+  ms_particle_path *p = k->p;
+  double first[3], last[3];
+  if (!ms_path_surface_moves(k)) return;
+  ms_path_progress_acceleration(p, k->t, first);
+  ms_path_progress_acceleration(p, k->t + dt, last);
+  for (int c = 0; c < 3; c++) {
+    const double faster = k->frame[c] - from[c],
+                 impulse = p->w[c] - before[c] - dt * (first[c] + last[c]) / 2;
+    p->work += faster * (k->frame[c] + from[c]) / 2 + (dt > 0 ? impulse * k->way[c] / dt : 0);
+  }
+}
