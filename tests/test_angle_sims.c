@@ -1,5 +1,7 @@
 /* Tests of sims with angular springs: islands, planar scenes, threads, restarts, step-size limits,
  * moving pins, changes in a run, and refusals. */
+#include <math.h>
+
 #include "angle_scenes.h"
 #include "checkpoints.h"
 #include "physics/reference.h"
@@ -44,6 +46,24 @@ static void islands_follow_angles(void **state) {
     }
     msim_scene_destroy(scene);
   }
+}
+
+/* The speed that errors of velocities are compared with, for three particles of 2 kg at rest under
+ * no force but that of an angular spring of energy E: each gets E/3, so that U^2 = 2 E/(3 m). With
+ * E = k (angle - rest)^2/2, U = |angle - rest| sqrt(k/(3 m)). */
+static void angles_count_in_the_error_norm(void **state) {
+  (void)state;
+  const double x[9] = {0, 0, 1, 0, 0, 0, 1, 0, 0}, mass[3] = {2, 2, 2}, k = 6, rest = 2.5;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
+  assert_ok(msim_scene_add_angles(scene, 1, (int32_t[]){0, 1, 2}, &k, &rest, NULL, err));
+  msim_options opt = options("dop853", 1e-3);
+  opt.tol = 1e-6, opt.steps = -1, opt.t_end = 1;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_int_equal(sim->islands[0].norm.n, 1);
+  assert_close(sim->islands[0].norm.body[0].speed, 2.5 - acos(-1) / 2, 1e-14);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
 }
 
 /* An angle to a pinned particle that no spring reaches */
@@ -359,7 +379,8 @@ static void bounds_grow_away_from_rest(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(forces_of_all_kinds_add_up),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(angles_count_in_the_error_norm),
+                                     cmocka_unit_test(forces_of_all_kinds_add_up),
                                      cmocka_unit_test(islands_follow_angles),
                                      cmocka_unit_test(pinned_corners_belong_to_the_island),
                                      cmocka_unit_test(planar_scenes_stay_planar),
