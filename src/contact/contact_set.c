@@ -412,30 +412,30 @@ static void update_change(const ms_stepper *s, ms_contact *c) {
 /*------------------------------------- reactions ------------------------------------------------*/
 
 /* One step of the FNV-1a hash (Fowler, Noll and Vo), by words in place of bytes */
-static uint64_t hash_number(uint64_t sign, uint64_t number) {
-  return (sign ^ number) * 1099511628211u;
+static uint64_t hash_number(uint64_t hash, uint64_t number) {
+  return (hash ^ number) * 1099511628211u;
 }
 
 /* Tangent planes count by their solid and their normal. */
-static uint64_t hash_plane(const ms_stepper *s, const msim_plane *plane, uint64_t sign) {
+static uint64_t hash_plane(const ms_stepper *s, const msim_plane *plane, uint64_t hash) {
   const ms_collision_planes planes = ms_contact_set_planes(s);
   const int32_t solid = ms_contact_set_find_solid(s, plane);
   uint64_t normal[3];
-  if (solid < 0) return hash_number(sign, (uint64_t)(plane - planes.plane));
+  if (solid < 0) return hash_number(hash, (uint64_t)(plane - planes.plane));
   memcpy(normal, plane->normal, sizeof normal);
-  for (int c = 0; c < 3; c++) sign = hash_number(sign, normal[c]);
-  return hash_number(sign, (uint64_t)(planes.n + solid));
+  for (int c = 0; c < 3; c++) hash = hash_number(hash, normal[c]);
+  return hash_number(hash, (uint64_t)(planes.n + solid));
 }
 
 uint64_t ms_contact_set_hash(const ms_stepper *s) {
   const ms_contact_set *e = s->events;
-  uint64_t sign = e->ncontacts ? 14695981039346656037u : 0;
+  uint64_t hash = e->ncontacts ? 14695981039346656037u : 0;
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
-    sign = hash_number(hash_number(sign, (uint64_t)c->row), (uint64_t)c->sticks);
-    for (int k = 0; k < c->on.n; k++) sign = hash_plane(s, c->on.plane[k], sign);
+    hash = hash_number(hash_number(hash, (uint64_t)c->row), (uint64_t)c->sticks);
+    for (int k = 0; k < c->on.n; k++) hash = hash_plane(s, c->on.plane[k], hash);
   }
-  return sign;
+  return hash;
 }
 
 static void add_to_unknown(const ms_unknowns *rows, double h, const double u[3], int32_t r,
