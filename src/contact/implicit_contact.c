@@ -257,7 +257,7 @@ static double bound_work(contact_solve *j) {
 static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
   for (int solves = j->law == KEEP_DISTANCE ? TANGENT_SOLVES : 0;; solves++) {
     prescribe_velocities(j);
-    j->s->cached_stage = 0, j->s->c = 0;
+    j->s->cached_stage = 0;
     j->s->dense_output = 0;
     const msim_status status = j->solve_method->step(j->s, err);
     if (status) return status;
