@@ -12,9 +12,9 @@ int ms_scene_has_motion(const ms_scene *s, int32_t particle) {
   return 0;
 }
 
-/* marks: a byte per particle of the scene, 1 where it has a motion */
-static msim_status check_marked_particles(const ms_scene *s, const msim_motion *m, uint8_t *marks,
-                                          msim_error *err) {
+/* has_motion: a byte per particle of the scene, 1 where it has a motion */
+static msim_status check_marked_particles(const ms_scene *s, const msim_motion *m,
+                                          uint8_t *has_motion, msim_error *err) {
   for (int32_t i = 0; i < m->n; i++) {
     const int32_t p = m->particles[i];
     if (p < 0 || p >= s->nparticles)
@@ -25,21 +25,21 @@ static msim_status check_marked_particles(const ms_scene *s, const msim_motion *
       return ms_error_set(err, MSIM_ERR_ARG,
                           "particles[%d] is particle %d, which is not pinned; pin it to move it", i,
                           p);
-    if (marks[p])
+    if (has_motion[p])
       return ms_error_set(err, MSIM_ERR_ARG,
                           "particles[%d] is particle %d, which has a motion already", i, p);
-    marks[p] = 1;
+    has_motion[p] = 1;
   }
   return MSIM_OK;
 }
 
 static msim_status check_particles(const ms_scene *s, const msim_motion *m, msim_error *err) {
-  uint8_t *marks;
-  if (!MS_NEW(&s->alloc, marks, s->nparticles)) return ms_error_set_memory(err, "a motion");
+  uint8_t *has_motion;
+  if (!MS_NEW(&s->alloc, has_motion, s->nparticles)) return ms_error_set_memory(err, "a motion");
   for (int32_t k = 0; k < s->nmotions; k++)
-    for (int32_t i = 0; i < s->motions[k].n; i++) marks[s->motions[k].particles[i]] = 1;
-  const msim_status status = check_marked_particles(s, m, marks, err);
-  ms_memory_free(&s->alloc, marks);
+    for (int32_t i = 0; i < s->motions[k].n; i++) has_motion[s->motions[k].particles[i]] = 1;
+  const msim_status status = check_marked_particles(s, m, has_motion, err);
+  ms_memory_free(&s->alloc, has_motion);
   return status;
 }
 

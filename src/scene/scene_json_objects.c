@@ -108,18 +108,18 @@ static const named_particles *find_name(const ms_object_type *type, ms_value val
   return NULL;
 }
 
-static void mark_named(const named_particles *named, const ms_grid *grid, int32_t *marks) {
+static void mark_named(const named_particles *named, const ms_grid *grid, int32_t *is_pinned) {
   const int32_t columns = grid->n[1], last_row = ms_objects_grid_size(grid) - columns;
   for (int32_t r = 0; r < named->rows; r++)
     for (int32_t c = 0; c < (named->whole ? columns : 2); c++)
-      marks[r * last_row + (named->whole ? c : c * (columns - 1))] = 1;
+      is_pinned[r * last_row + (named->whole ? c : c * (columns - 1))] = 1;
 }
 
 static msim_status mark_item(const ms_json_reader *r, ms_json_location at, ms_value value,
-                             const ms_object_type *type, const ms_grid *grid, int32_t *marks) {
+                             const ms_object_type *type, const ms_grid *grid, int32_t *is_pinned) {
   const named_particles *named = find_name(type, value);
   if (named) {
-    mark_named(named, grid, marks);
+    mark_named(named, grid, is_pinned);
     return MSIM_OK;
   }
   if (ms_value_text(value) && type->pinned->form == MS_NAMED_INDICES)
@@ -127,26 +127,26 @@ static msim_status mark_item(const ms_json_reader *r, ms_json_location at, ms_va
                           "an index, \"corners\", \"first_row\" or \"first_corners\"");
   int32_t p;
   msim_status status = ms_json_read_index(r, at, value, ms_objects_grid_size(grid), &p);
-  if (!status) marks[p] = 1;
+  if (!status) is_pinned[p] = 1;
   return status;
 }
 
-/* An array of indices and names, or one name. `marks` has a flag per particle, and becomes the list
- * of the indices of those that are set. */
+/* An array of indices and names, or one name. is_pinned: a flag per particle; becomes the list of
+ * the indices of pinned particles. */
 static msim_status read_pinned_of_object(const ms_json_reader *r, const char *path, ms_value value,
                                          const ms_object_type *type, ms_grid *grid,
-                                         int32_t *marks) {
+                                         int32_t *is_pinned) {
   msim_status status = MSIM_OK;
   int32_t n;
-  if (find_name(type, value)) status = mark_item(r, ms_json_at(path), value, type, grid, marks);
+  if (find_name(type, value)) status = mark_item(r, ms_json_at(path), value, type, grid, is_pinned);
   else if (!ms_value_is_array(value))
     return ms_json_refuse(r, ms_json_at(path), value, "an array of indices of particles");
   else status = ms_json_read_array_size(r, path, value, &n);
   for (size_t i = 0; i < ms_value_size(value) && !status; i++)
-    status = mark_item(r, ms_json_at_item(path, i), ms_value_item(value, i), type, grid, marks);
+    status = mark_item(r, ms_json_at_item(path, i), ms_value_item(value, i), type, grid, is_pinned);
   for (int32_t p = 0; p < ms_objects_grid_size(grid); p++)
-    if (marks[p]) marks[grid->npinned++] = p;
-  grid->pinned = marks;
+    if (is_pinned[p]) is_pinned[grid->npinned++] = p;
+  grid->pinned = is_pinned;
   return status;
 }
 
@@ -156,14 +156,14 @@ static msim_status add_object_particles(const ms_json_reader *r, const char *pat
                                         const ms_object_type *type, ms_grid *grid) {
   const ms_key_path at = ms_json_member_path(path, type->pinned->key);
   ms_value pinned = ms_value_member(object, type->pinned->key);
-  int32_t *marks = ms_memory_allocate(
-      &r->alloc, pinned.json ? (size_t)ms_objects_grid_size(grid) : 0, sizeof *marks);
-  if (!marks) return ms_json_fail_memory(r);
+  int32_t *is_pinned = ms_memory_allocate(
+      &r->alloc, pinned.json ? (size_t)ms_objects_grid_size(grid) : 0, sizeof *is_pinned);
+  if (!is_pinned) return ms_json_fail_memory(r);
   msim_status status =
-      pinned.json ? read_pinned_of_object(r, at.text, pinned, type, grid, marks) : MSIM_OK;
+      pinned.json ? read_pinned_of_object(r, at.text, pinned, type, grid, is_pinned) : MSIM_OK;
   if (!status)
     status = ms_json_forward_error(r, "", ms_objects_add_particles(r->scene, grid, path, r->err));
-  ms_memory_free(&r->alloc, marks);
+  ms_memory_free(&r->alloc, is_pinned);
   return status;
 }
 
