@@ -29,7 +29,7 @@ class PythonPackage(unittest.TestCase):
     def test_counts_of_stats(self):
         members = re.search(r"typedef struct msim_stats \{(.*?)\}", text("include/msim/msim.h"), re.S)
         code = re.sub(r"/\*.*?\*/|\b(size_t size|int64_t|double)\b", "", members[1], flags=re.S)
-        bound = re.findall(r"ADD\((\w+)\)", text("tools/python/core/sim.cpp"))
+        bound = re.findall(r"ADD\((\w+)\)", text("tools/python/core/readings.cpp"))
         self.assertEqual(sorted(set(bound) - {"name"}), sorted(re.findall(r"\w+", code)))
 
     def test_sources_of_the_archive(self):

@@ -110,6 +110,7 @@ struct Handle {
 
 void bind_force(nb::class_<Scene> &scene);
 void bind_lists(nb::module_ &m);
+void bind_recorder(nb::module_ &m);
 void bind_scene(nb::module_ &m);
 void bind_sim(nb::module_ &m);
 

@@ -17,4 +17,5 @@ NB_MODULE(_core, m) {
   bind_lists(m);
   bind_scene(m);
   bind_sim(m);
+  bind_recorder(m);
 }

@@ -1,26 +1,17 @@
-// sim.cpp - msim._core.Sim and Recorder: steps without the GIL, live views, signals.
+// sim.cpp - msim._core.Sim: steps without the GIL, live views, signals.
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
 
-#include "common.hpp"
+#include "sim.hpp"
 
 using Clock = std::chrono::steady_clock;
 static constexpr auto between_signals = std::chrono::milliseconds(50);
 
-struct Sim {
-  std::shared_ptr<Handle> h = std::make_shared<Handle>();
-  nb::object x, v, v_half;        // views, made once, and again where arrays have other sizes
-  const double *shown = nullptr;  // of these views: x
-  int32_t shown_n = 0;
-  int64_t shown_step = -1; // the frame that next_frame has returned last
-  double shown_t = 0;
-};
-
 /*------------------------------------- one user at a time ---------------------------------------*/
 
-static void refuse_other_threads(const Handle &h) {
+void refuse_other_threads(const Handle &h) {
   refuse_in_force();
   if ((h.busy || h.in_observer) && h.owner != std::this_thread::get_id()) {
     nb::object busy = nb::module_::import_("msim._errors").attr("BusyError");
@@ -29,8 +20,7 @@ static void refuse_other_threads(const Handle &h) {
   }
 }
 
-// The sim for reading, and for changes between steps
-static msim_sim *idle(const Sim &s) {
+msim_sim *idle(const Sim &s) {
   refuse_other_threads(*s.h);
   return s.h->p;
 }
@@ -222,7 +212,7 @@ static void set_in_observer(Sim &s, bool is_in) {
 
 /*------------------------------------- state ----------------------------------------------------*/
 
-static msim_state state_of(const Sim &s) {
+msim_state state_of(const Sim &s) {
   msim_state state{};
   state.size = sizeof state;
   msim_sim_state(idle(s), &state);
@@ -378,147 +368,9 @@ static void load(Sim &s, nb::bytes data) {
   forget_frame(s);
 }
 
-/*------------------------------------- what can be read -----------------------------------------*/
-
-static nb::tuple energy(const Sim &s) {
-  msim_energy e{};
-  e.size = sizeof e;
-  msim_sim_energy(idle(s), &e);
-  raise_force_exception();
-  return nb::make_tuple(e.kinetic, e.elastic, e.gravitational, e.total, copy(e.momentum, {3}),
-                        copy(e.angular_momentum, {3}), e.work);
-}
-
-static nb::dict stats(const Sim &s) {
-  msim_stats t{};
-  t.size = sizeof t;
-  msim_sim_stats(idle(s), &t);
-  nb::dict d;
-#define ADD(name) d[#name] = t.name;
-  ADD(steps)
-  ADD(force_evaluations)
-  ADD(assemblies)
-  ADD(analyses)
-  ADD(factorizations)
-  ADD(solves) ADD(iterations) ADD(newton_iterations) ADD(contacts) ADD(indefinite_steps)
-      ADD(coarse_factors) ADD(kept_factors) ADD(refinements) ADD(fallbacks) ADD(total_s)
-          ADD(force_s) ADD(assemble_s) ADD(factor_s) ADD(solve_s) ADD(collide_s) ADD(output_s)
-              ADD(steps_at_rest) ADD(islands_at_rest) ADD(spring_evaluations) ADD(rejected_steps)
-                  ADD(incomplete_steps) ADD(broken)
-#undef ADD
-                  return d;
-}
-
-static nb::tuple plan(const Sim &s) {
-  msim_plan p{};
-  p.size = sizeof p;
-  msim_sim_plan(idle(s), &p);
-  return nb::make_tuple(p.h, p.steps, p.integrator, p.solver, p.threads, p.tol, p.t_end);
-}
-
-static nb::object force(Sim &s, Doubles x, Doubles v) {
-  const msim_state state = state_of(s);
-  std::vector<double> f(3 * static_cast<size_t>(state.n));
-  msim_sim_force(s.h->p, x.data(), v.data(), f.data());
-  raise_force_exception();
-  return copy(f.data(), {static_cast<size_t>(state.n), 3});
-}
-
-static nb::object reactions(Sim &s) {
-  const msim_state state = state_of(s);
-  std::vector<double> r(3 * static_cast<size_t>(state.n));
-  msim_sim_reactions(s.h->p, r.data());
-  return copy(r.data(), {static_cast<size_t>(state.n), 3});
-}
-
-static nb::tuple springs(Sim &s) {
-  const size_t size = static_cast<size_t>(state_of(s).nsprings);
-  std::vector<double> tension(size), elongation(size), strain(size);
-  msim_sim_springs(idle(s), tension.data(), elongation.data(), strain.data());
-  return nb::make_tuple(copy(tension.data(), {size}), copy(elongation.data(), {size}),
-                        copy(strain.data(), {size}));
-}
-
-// The bytes of an array of msim_contact
-static nb::bytes contacts(Sim &s) {
-  int32_t n;
-  const msim_contact *all;
-  const msim_status status = msim_sim_contacts(idle(s), &n, &all);
-  if (status == MSIM_ERR_ARG)
-    throw Failure{status, "contacts are not recorded; create the sim with contacts=\"on\""};
-  if (status) throw Failure{status, "there are more contacts than can be recorded"};
-  return nb::bytes(reinterpret_cast<const char *>(all), static_cast<size_t>(n) * sizeof *all);
-}
-
-// The arrays of scipy.sparse.csr_array
-static nb::tuple matrix(const Sim &s) {
-  msim_error err;
-  msim_csr a{};
-  a.size = sizeof a;
-  const msim_status status = msim_sim_matrix(idle(s), &a, &err);
-  raise_force_exception();
-  check(status, err);
-  const size_t n = static_cast<size_t>(a.n), entries = static_cast<size_t>(a.rowptr[n]);
-  return nb::make_tuple(copy(a.val, {entries}), copy(a.colind, {entries}), copy(a.rowptr, {n + 1}));
-}
-
-static nb::tuple estimate(const Sim &s) {
-  msim_error err;
-  msim_estimate e{};
-  e.size = sizeof e;
-  check(msim_sim_estimate(idle(s), &e, &err), err);
-  return nb::make_tuple(e.tried, e.steps, e.force_evaluations, e.solves, e.iterations,
-                        e.factorizations, e.work);
-}
-
-static nb::str explain(const Sim &s) {
-  msim_error err;
-  const char *text;
-  check(msim_sim_explain(idle(s), &text, &err), err);
-  return nb::str(text);
-}
-
-/*------------------------------------- recorders ------------------------------------------------*/
-
-struct Recorder {
-  std::shared_ptr<Handle> h;
-  msim_recorder *p = nullptr;
-  Recorder() = default;
-  Recorder(const Recorder &) = delete;
-  Recorder &operator=(const Recorder &) = delete;
-  ~Recorder() { msim_recorder_close(p, nullptr); }
-};
-
-using Open = msim_status(msim_sim *, const char *, msim_recorder **, msim_error *);
-
-// mode: "new", "replace" or "resume"
-static void open_recorder(Recorder *self, const Sim &s, const char *path, const std::string &mode) {
-  msim_error err;
-  Open *open = mode == "resume"    ? msim_recorder_resume
-               : mode == "replace" ? msim_recorder_replace
-                                   : msim_recorder_open;
-  msim_recorder *p = nullptr;
-  check(open(idle(s), path, &p, &err), err);
-  new (self) Recorder();
-  self->h = s.h, self->p = p;
-}
-
-static void write_frame(Recorder &r) {
-  msim_error err;
-  if (!r.p) throw Failure{MSIM_ERR_ARG, "the recorder is closed"};
-  refuse_other_threads(*r.h);
-  check(msim_recorder_write(r.p, &err), err);
-}
-
-static void close_recorder(Recorder &r) {
-  msim_error err;
-  refuse_other_threads(*r.h);
-  check(msim_recorder_close(std::exchange(r.p, nullptr), &err), err);
-}
-
 void bind_sim(nb::module_ &m) {
-  nb::class_<Sim>(m, "Sim")
-      .def("__init__", create)
+  nb::class_<Sim> sim(m, "Sim");
+  sim.def("__init__", create)
       .def("__init__", copy_sim)
       .def("step", step, nb::arg("n") = 1)
       .def("stop", stop)
@@ -547,19 +399,6 @@ void bind_sim(nb::module_ &m) {
       .def("_break_springs", break_springs)
       .def("_broken", broken)
       .def("dumps", save)
-      .def("loads", load, nb::arg("data"))
-      .def("_energy", energy)
-      .def("_stats", stats)
-      .def("_plan", plan)
-      .def("_estimate", estimate)
-      .def("_force", force)
-      .def("_reactions", reactions)
-      .def("_contacts", contacts)
-      .def("_springs", springs)
-      .def("_matrix", matrix)
-      .def("explain", explain);
-  nb::class_<Recorder>(m, "Recorder")
-      .def("__init__", open_recorder)
-      .def("write", write_frame)
-      .def("close", close_recorder);
+      .def("loads", load, nb::arg("data"));
+  bind_readings(sim);
 }
