@@ -106,7 +106,11 @@ static inline ms_quad ms_simd_quad_sums(ms_quad a, ms_quad b, ms_quad c, ms_quad
 
 /* mask ? a : b in each lane */
 static inline ms_lanes ms_simd_select(ms_mask mask, ms_lanes a, ms_lanes b) {
+#if defined(__AVX__) && MS_LANES == 4
+  return _mm256_blendv_pd(b, a, (ms_lanes)mask);
+#else
   return (ms_lanes)((mask & (ms_mask)a) | (~mask & (ms_mask)b));
+#endif
 }
 
 static inline ms_lanes ms_simd_sqrt(ms_lanes v) {

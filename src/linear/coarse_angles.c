@@ -1,6 +1,6 @@
 #include "linear/coarse_angles.h"
 
-#include "physics/angle.h"
+#include "physics/angle_springs.h"
 
 /* The aggregate of a row; -1: none, or it is pinned */
 static int32_t find_aggregate(const ms_model *model, const ms_aggregates *g, int32_t row) {
@@ -40,13 +40,14 @@ static void assemble_corner(ms_coarse *coarse, const ms_coarse_matrix *a, int32_
   const int32_t *rows = model->angles.row + 3 * (corner / 3), row = rows[corner % 3];
   const int32_t own = g->of[row], *position = coarse->chol.position;
   const size_t area = (size_t)coarse->chol.block * (size_t)coarse->chol.block;
+  double element[MS_ANGLE_ELEMENT], block[3][3];
+  ms_angle_springs_get_element(a->a, corner / 3, element);
   for (int c = 0; c < 3; c++) {
     const int32_t other = find_aggregate(model, g, rows[c]);
-    double block[3][3];
     if (other < 0 || position[own] < position[other]) continue;
     const int32_t at =
         other == own ? coarse->diagonal[own] : ms_block_cholesky_find(&coarse->chol, own, other);
-    ms_angle_block(a->a->angles + MS_ANGLE_ELEMENT * (size_t)(corner / 3), corner % 3, c, block);
+    ms_angle_block(element, corner % 3, c, block);
     add_block((size_t)model->unknowns.dims, a->by, block, g->weight + MS_MODES * row,
               g->weight + MS_MODES * rows[c], coarse->chol.value + area * (size_t)at);
   }

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/simd.h"
-#include "physics/angle.h"
+#include "physics/angle_springs.h"
 
 /*------------------------------------- graph ----------------------------------------------------*/
 
@@ -261,14 +261,16 @@ static void add_block(double *at, int32_t step, double sign, int32_t size, doubl
 static void add_angle_blocks(const ms_model *model, const ms_coefficients *a,
                              const ms_sparse_matrix *m) {
   const int32_t *offset = m->angle_offset;
-  for (int32_t e = 0; e < model->angles.n; e++)
+  for (int32_t e = 0; e < model->angles.n; e++) {
+    double element[MS_ANGLE_ELEMENT], block[3][3];
+    ms_angle_springs_get_element(a, e, element);
     for (int at = 0; at < 9; at++, offset++) {
-      double block[3][3];
       if (*offset < 0) continue;
-      ms_angle_block(a->angles + MS_ANGLE_ELEMENT * (size_t)e, at / 3, at % 3, block);
+      ms_angle_block(element, at / 3, at % 3, block);
       add_block(m->val + *offset, m->row_step[model->angles.row[3 * e + at / 3]], 1, m->block,
                 block);
     }
+  }
 }
 
 void ms_sparse_matrix_assemble(const ms_model *model, const ms_coefficients *a,

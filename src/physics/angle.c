@@ -7,9 +7,6 @@
 #include "physics/spring_law.h"
 #include "scene/angles.h"
 
-/* Below it, a few times the rounding of unit vectors, the plane of the edges is not defined. */
-static const double SMALLEST_SINE = 1e-15;
-
 static void cross(const double a[3], const double b[3], double out[3]) {
   for (int c = 0; c < 3; c++) {
     const int d = (c + 1) % 3, e = (c + 2) % 3;
@@ -33,7 +30,7 @@ void ms_angle_measure(const double p[3], const double q[3], ms_angle *to) {
   project_across(to->p, to->a2, w);
   const double across = ms_vec3_norm(w), along = ms_vec3_dot(to->p, to->q);
   to->phi = atan2(across, -along);
-  if (across <= SMALLEST_SINE * sqrt(to->a2) * sqrt(to->b2)) {
+  if (across <= MS_ANGLE_SMALLEST_SINE * sqrt(to->a2) * sqrt(to->b2)) {
     to->kind = along < 0 ? MS_ANGLE_STRAIGHT : MS_ANGLE_FOLDED;
     return;
   }

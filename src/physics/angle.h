@@ -44,6 +44,9 @@ typedef struct ms_angle_spring {
   double k, bend, damping;
 } ms_angle_spring;
 
+/* Below this sine, a few times the rounding of unit vectors, the plane of the edges is undefined */
+#define MS_ANGLE_SMALLEST_SINE 1e-15
+
 void ms_angle_measure(const double p[3], const double q[3], ms_angle *to);
 
 double ms_angle_energy(const ms_angle *at, const ms_angle_spring *s);

@@ -3,7 +3,9 @@
 #include <math.h>
 
 #include "base/vec3.h"
-#include "physics/angle.h"
+#include "physics/angle_kernels.h"
+
+MS_TABLES(ms_angle_kernels);
 
 typedef struct angle_job {
   const ms_model *model;
@@ -18,19 +20,36 @@ static double sum_chunks(ms_pool_chunk *work, const angle_job *j) {
   const ms_angles *g = &j->model->angles;
   double sum = 0;
   const int32_t n =
-      ms_pool_run_chunks(j->model->pool, work, (void *)(uintptr_t)j, g->n, MS_ANGLE_CHUNK);
+      ms_pool_run_chunks(j->model->pool, work, (void *)(uintptr_t)j, g->nslots, MS_ANGLE_CHUNK);
   for (int32_t i = 0; i < n; i++) sum += g->sum[i];
   return sum;
 }
 
 static void run_chunks(ms_pool_chunk *work, const angle_job *j) {
-  ms_pool_run_chunks(j->model->pool, work, (void *)(uintptr_t)j, j->model->angles.n,
+  ms_pool_run_chunks(j->model->pool, work, (void *)(uintptr_t)j, j->model->angles.nslots,
                      MS_ANGLE_CHUNK);
+}
+
+/* The end of a range of slots that hold angles */
+static int32_t end_of_angles(const ms_model *model, int32_t end) {
+  return end < model->angles.n ? end : model->angles.n;
 }
 
 static void run_rows(ms_pool_chunk *work, const angle_job *j) {
   enum { ROWS = 256 };
   ms_pool_run_chunks(j->model->pool, work, (void *)(uintptr_t)j, j->model->unknowns.nfree, ROWS);
+}
+
+static void add_slices(void *data, int32_t begin, int32_t end) {
+  const angle_job *j = data;
+  ms_angle_kernels_of[j->model->isa]->add_corners(j->model, j->by, begin, end, j->y);
+}
+
+/* y of each unknown += by times the sum of its corners */
+static void add_corners(const angle_job *j) {
+  enum { SLICES = 64 };
+  ms_pool_run_chunks(j->model->pool, add_slices, (void *)(uintptr_t)j,
+                     j->model->angles.corners.nslices, SLICES);
 }
 
 /* A row of a vector in the model's axes, 0 in those it has not */
@@ -63,40 +82,12 @@ static ms_angle_spring get_spring(const ms_model *model, int32_t e) {
   return (ms_angle_spring){g->k[e], g->bend[e], g->damping[e]};
 }
 
-/* The corners of angle e: yi, -(yi + yk), yk */
-static void store_corners(const ms_model *model, int32_t e, const double yi[3],
-                          const double yk[3]) {
-  double *to = model->angles.corner + 9 * (size_t)e;
-  for (int c = 0; c < 3; c++) to[c] = yi[c], to[3 + c] = -(yi[c] + yk[c]), to[6 + c] = yk[c];
-}
-
-/* y of a row += by times the sum of its corners */
-static void add_corners(const ms_model *model, int32_t row, double by, double *y) {
-  const ms_angles *g = &model->angles;
-  const size_t stride = (size_t)model->unknowns.stride;
-  double sum[3] = {0};
-  if (g->of.first[row] == g->of.first[row + 1]) return;
-  for (int32_t at = g->of.first[row]; at < g->of.first[row + 1]; at++)
-    for (size_t c = 0; c < 3; c++) sum[c] += g->corner[3 * (size_t)g->of.item[at] + c];
-  y += row;
-  y[0] += by * sum[0], y[stride] += by * sum[1];
-  if (model->unknowns.dims == 3) y[2 * stride] += by * sum[2];
-}
-
 /*------------------------------------- forces ---------------------------------------------------*/
 
-static void reset_row_forces(void *data, int32_t begin, int32_t end) {
-  const ms_model *model = ((const angle_job *)data)->model;
-  const ms_angles *g = &model->angles;
-  const size_t stride = (size_t)model->unknowns.stride;
-  for (int32_t r = begin; r < end; r++)
-    for (size_t c = 0; c < (size_t)model->unknowns.dims && g->of.first[r] < g->of.first[r + 1]; c++)
-      model->added_force[c * stride + (size_t)r] =
-          model->base_force ? model->base_force[c * stride + (size_t)r] : 0;
-}
-
 void ms_angle_springs_reset_forces(const ms_model *model) {
-  if (model->angles.n) run_rows(reset_row_forces, &(angle_job){.model = model});
+  if (model->angles.n == 0) return;
+  if (model->base_force) ms_vector_copy_all(model->shape, model->base_force, model->added_force);
+  else ms_vector_clear_all(model->shape, model->added_force);
 }
 
 static void compute_force(const ms_model *model, int32_t e, const double *x, const double *v,
@@ -121,23 +112,14 @@ void ms_angle_springs_force_at(const ms_model *model, int32_t corner, const doub
 
 static void compute_forces(void *data, int32_t begin, int32_t end) {
   const angle_job *j = data;
-  for (int32_t e = begin; e < end; e++) {
-    double fi[3], fk[3];
-    compute_force(j->model, e, j->x, j->v, fi, fk);
-    store_corners(j->model, e, fi, fk);
-  }
-}
-
-static void add_row_forces(void *data, int32_t begin, int32_t end) {
-  const angle_job *j = data;
-  for (int32_t r = begin; r < end; r++) add_corners(j->model, r, 1, j->model->added_force);
+  ms_angle_kernels_of[j->model->isa]->forces(j->model, j->x, j->v, begin, end);
 }
 
 void ms_angle_springs_add_forces(const ms_model *model, const double *x, const double *v) {
-  const angle_job j = {.model = model, .x = x, .v = v};
+  const angle_job j = {.model = model, .x = x, .v = v, .y = model->added_force, .by = 1};
   if (model->angles.n == 0) return;
   run_chunks(compute_forces, &j);
-  run_rows(add_row_forces, &j);
+  add_corners(&j);
 }
 
 /*------------------------------------- energies -------------------------------------------------*/
@@ -151,7 +133,8 @@ double ms_angle_springs_energy_of(const ms_model *model, int32_t e, const double
 static void sum_energies(void *data, int32_t begin, int32_t end) {
   const angle_job *j = data;
   double sum = 0;
-  for (int32_t e = begin; e < end; e++) sum += ms_angle_springs_energy_of(j->model, e, j->x);
+  for (int32_t e = begin; e < end_of_angles(j->model, end); e++)
+    sum += ms_angle_springs_energy_of(j->model, e, j->x);
   j->model->angles.sum[begin / MS_ANGLE_CHUNK] = sum;
 }
 
@@ -198,7 +181,7 @@ static double find_nonlinearity(const ms_angle_spring *s, const double edge[2][3
 static void sum_nonlinearities(void *data, int32_t begin, int32_t end) {
   const angle_job *j = data;
   double sum = 0;
-  for (int32_t e = begin; e < end; e++) {
+  for (int32_t e = begin; e < end_of_angles(j->model, end); e++) {
     const ms_angle_spring s = get_spring(j->model, e);
     double edge[2][3], u[2][3];
     load_edges(j->model, e, j->x, edge[0], edge[1]);
@@ -217,16 +200,15 @@ double ms_angle_springs_nonlinearity(const ms_model *model, const double *x, con
 
 /*------------------------------------- matrix ---------------------------------------------------*/
 
-static const double *get_element(const ms_coefficients *a, int32_t e) {
-  return a->angles + MS_ANGLE_ELEMENT * (size_t)e;
-}
-
 static void compute_elements(void *data, int32_t begin, int32_t end) {
   const angle_job *j = data;
-  for (int32_t e = begin; e < end; e++) {
+  for (int32_t e = begin; e < end_of_angles(j->model, end); e++) {
     const ms_angle at = measure(j->model, e, j->a->x);
     const ms_angle_spring s = get_spring(j->model, e);
-    ms_angle_matrix(&at, &s, j->by, j->clamp, j->a->angles + MS_ANGLE_ELEMENT * (size_t)e);
+    double element[MS_ANGLE_ELEMENT];
+    ms_angle_matrix(&at, &s, j->by, j->clamp, element);
+    double *to = j->a->angles + MS_SLICE * MS_ANGLE_ELEMENT * (size_t)(e / MS_SLICE) + e % MS_SLICE;
+    for (size_t m = 0; m < MS_ANGLE_ELEMENT; m++) to[MS_SLICE * m] = element[m];
   }
 }
 
@@ -238,8 +220,9 @@ static void add_diagonal_blocks(void *data, int32_t begin, int32_t end) {
   for (int32_t r = begin; r < end; r++)
     for (int32_t at = g->of.first[r]; at < g->of.first[r + 1]; at++) {
       const int32_t corner = g->of.item[at] % 3;
-      double block[3][3];
-      ms_angle_block(get_element(j->a, g->of.item[at] / 3), corner, corner, block);
+      double element[MS_ANGLE_ELEMENT], block[3][3];
+      ms_angle_springs_get_element(j->a, g->of.item[at] / 3, element);
+      ms_angle_block(element, corner, corner, block);
       for (size_t b = 0; b < dims; b++)
         for (size_t c = b; c < dims; c++)
           j->a->diagonal[ms_coefficients_diagonal_element(dims, b, c) * sd + (size_t)r] +=
@@ -256,20 +239,8 @@ void ms_angle_springs_add_matrix(const ms_model *model, double h, int clamp, ms_
 
 static void multiply_elements(void *data, int32_t begin, int32_t end) {
   const angle_job *j = data;
-  double sum = 0;
-  for (int32_t e = begin; e < end; e++) {
-    double p[3], q[3], yp[3], yq[3];
-    load_edges(j->model, e, j->x, p, q);
-    ms_angle_multiply(get_element(j->a, e), p, q, yp, yq);
-    store_corners(j->model, e, yp, yq);
-    sum += ms_vec3_dot(p, yp) + ms_vec3_dot(q, yq);
-  }
-  j->model->angles.sum[begin / MS_ANGLE_CHUNK] = sum;
-}
-
-static void add_row_products(void *data, int32_t begin, int32_t end) {
-  const angle_job *j = data;
-  for (int32_t r = begin; r < end; r++) add_corners(j->model, r, j->by, j->y);
+  j->model->angles.sum[begin / MS_ANGLE_CHUNK] =
+      ms_angle_kernels_of[j->model->isa]->multiply(j->model, j->a, j->x, begin, end);
 }
 
 double ms_angle_springs_apply(const ms_model *model, const ms_coefficients *a, double by,
@@ -277,7 +248,7 @@ double ms_angle_springs_apply(const ms_model *model, const ms_coefficients *a, d
   const angle_job j = {.model = model, .a = a, .x = x, .y = y, .by = by};
   if (model->angles.n == 0) return 0;
   const double sum = sum_chunks(multiply_elements, &j);
-  run_rows(add_row_products, &j);
+  add_corners(&j);
   return by * sum;
 }
 
@@ -285,10 +256,11 @@ double ms_angle_springs_apply(const ms_model *model, const ms_coefficients *a, d
 static void apply_abs_corner(const ms_model *model, const ms_coefficients *a, int32_t corner,
                              const double *x, int32_t row, double *y) {
   const size_t stride = (size_t)model->unknowns.stride;
+  double element[MS_ANGLE_ELEMENT], block[3][3], other[3];
+  ms_angle_springs_get_element(a, corner / 3, element);
   for (int32_t c = 0; c < 3; c++) {
-    double block[3][3], other[3];
     if (c == corner % 3) continue;
-    ms_angle_block(get_element(a, corner / 3), corner % 3, c, block);
+    ms_angle_block(element, corner % 3, c, block);
     load_row(model, x, model->angles.row[corner - corner % 3 + c], other);
     for (size_t i = 0; i < (size_t)model->unknowns.dims; i++)
       for (int k = 0; k < 3; k++) y[i * stride + (size_t)row] += fabs(block[i][k] * other[k]);
@@ -309,8 +281,9 @@ double ms_angle_springs_shift(const ms_model *model, const ms_coefficients *a, i
   if (g->n == 0) return 0;
   for (int32_t at = g->of.first[row]; at < g->of.first[row + 1]; at++) {
     const int32_t corner = g->of.item[at] % 3;
-    double block[3][3], least = 0;
-    ms_angle_block(get_element(a, g->of.item[at] / 3), corner, corner, block);
+    double element[MS_ANGLE_ELEMENT], block[3][3], least = 0;
+    ms_angle_springs_get_element(a, g->of.item[at] / 3, element);
+    ms_angle_block(element, corner, corner, block);
     for (int r = 0; r < 3; r++)
       least = fmin(least, block[r][r] - fabs(block[r][(r + 1) % 3]) - fabs(block[r][(r + 2) % 3]));
     shift -= least;

@@ -2,12 +2,13 @@
  * energies and matrix
  *
  * The loops over half-edges know nothing of them. Each one is evaluated to places of its own, one a
- * corner; then each unknown adds those of its corners, in fixed order. So bits do not depend on the
- * number of threads, nor on the instruction set, and scenes without angular springs cost no
- * instruction more. In planar scenes the third component is 0. */
+ * corner; then each unknown adds those of its corners, in fixed order (angle_kernels.h). So bits do
+ * not depend on the number of threads, nor on the instruction set, and scenes without angular
+ * springs cost no instruction more. */
 #ifndef MS_ANGLE_SPRINGS_H
 #define MS_ANGLE_SPRINGS_H
 
+#include "physics/angle.h"
 #include "physics/force.h"
 
 /* Each of these does nothing, or returns 0, if there are none. */
@@ -32,6 +33,14 @@ double ms_angle_springs_energy_of(const ms_model *model, int32_t angle, const do
 /* The sum of E(x + s d) - E(x) - s grad E.d: see nonlinearity.h */
 double ms_angle_springs_nonlinearity(const ms_model *model, const double *x, const double *d,
                                      double s);
+
+/* The element of angle e */
+static inline void ms_angle_springs_get_element(const ms_coefficients *a, int32_t e,
+                                                double element[MS_ANGLE_ELEMENT]) {
+  const size_t slice = (size_t)e / MS_SLICE, lane = (size_t)e % MS_SLICE;
+  const double *from = a->angles + MS_SLICE * MS_ANGLE_ELEMENT * slice + lane;
+  for (size_t m = 0; m < MS_ANGLE_ELEMENT; m++) element[m] = from[MS_SLICE * m];
+}
 
 /* a->angles = their elements (angle.h) at a->x for a step h; add those of the corners of each
  * unknown to a->diagonal. */

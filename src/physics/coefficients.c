@@ -19,7 +19,7 @@ msim_status ms_coefficients_create(const ms_model *model, ms_coefficients *a, ms
   const size_t block = is_scalar ? 1 : (size_t)model->unknowns.dims;
   const size_t diagonal =
       ms_coefficients_diagonal_size(block) * (size_t)model->unknowns.first_pinned;
-  const size_t angles = MS_ANGLE_ELEMENT * (size_t)model->angles.n;
+  const size_t angles = MS_ANGLE_ELEMENT * (size_t)model->angles.nslots;
   *a = (ms_coefficients){.block = (int32_t)block};
   const int fits =
       MS_NEW(alloc, a->t, n) && MS_NEW(alloc, a->diagonal, diagonal) &&

@@ -36,8 +36,8 @@ typedef struct ms_coefficients {
   int32_t block;  /* rows of a block: dims, or 1 */
   double *t, *g;  /* 8 half_edges.nentries each; g: NULL if block = 1; padding: 0 */
   double *x;      /* positions, a vector; NULL if block = 1 */
-  double *angles; /* MS_ANGLE_ELEMENT for each angular spring of the model (angle.h); its blocks are
-                     added to those of springs */
+  double *angles; /* the elements of the model's angular springs (angle.h), MS_ANGLE_ELEMENT numbers
+                     each, those of 8 interleaved; their blocks are added to those of springs */
   /* ms_coefficients_diagonal_size(block) first_pinned: the diagonal blocks, element by element for
    * all rows: xx yy zz xy xz yz, or xx yy xy, or a scalar */
   double *diagonal;
