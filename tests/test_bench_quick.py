@@ -251,10 +251,11 @@ class Quick(QuickTest):
 class Skip(QuickTest):
     IMPLICIT = {"no_springs": "no_springs", "zero_rest_length": "zero_rest_length",
                 "kept_factor": "kept_factor_jelly16", "two_d": "two_d", "pinned": "half_pinned"}
-    KEYLESS = {"at_rest", "islands"}
+    KEYLESS = {"at_rest", "islands", "incomplete"}
     EXPLICIT = {"zero_rest_length, explicit", "two_d, explicit", "islands, explicit",
                 "at_rest, explicit", "planes", "colliders", "damping", "drag", "gravity", "forces",
-                "motions"}
+                "motions", "force_function", "angles", "breaking", "contacts", "sphere", "capsule",
+                "cylinder", "box"}
 
     def test_quick(self):
         result = self.run_quick("skip")

@@ -48,6 +48,14 @@ static int run_continued_steps(timing_candidate *c, timing_sample *s) {
   return 1;
 }
 
+/* option: NAME, to be off, or NAME=VALUE */
+static msim_status set_off(const char *option, msim_options *options, msim_error *err) {
+  char name[64];
+  const char *value = strchr(option, '=');
+  snprintf(name, sizeof name, "%.*s", (int)strcspn(option, "="), option);
+  return msim_options_set(options, name, value ? value + 1 : "off", err);
+}
+
 static msim_status make_skip_sim(int32_t threads, int way, skip_run *r, msim_error *err) {
   const skip_case *what = r->what;
   msim_options options =
@@ -56,7 +64,7 @@ static msim_status make_skip_sim(int32_t threads, int way, skip_run *r, msim_err
   const char *const off[] = {what->off, what->also_off};
   msim_status status = MSIM_OK;
   for (int i = 0; i < 2 && off[i] && way != ON && !status; i++)
-    status = msim_options_set(&options, off[i], "off", err);
+    status = set_off(off[i], &options, err);
   if (!status) status = msim_scene_create(NULL, &r->scene, err);
   if (!status) status = skip_case_build(what, way != ON, r->scene, err);
   if (!status) status = msim_sim_create(r->scene, &options, &r->sim, err);

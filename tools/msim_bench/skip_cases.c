@@ -21,8 +21,14 @@ enum {
   LAWS = 128,         /* without: all springs have a law, tension only */
   NO_FORCES = 256,    /* no constant forces on particles; without: tiny ones */
   NO_COLLIDERS = 512, /* without: beside one of each type, which it does not meet */
-  NO_MOTION = 1024    /* both pinned corners stay; without: they have a motion */
+  NO_MOTION = 1024,   /* both pinned corners stay; without: they have a motion */
+  NO_FUNCTION = 2048, /* without: a force function that returns 0 */
+  NO_ANGLES = 4096,   /* without: angular springs along rows and columns */
+  NO_BREAKING = 8192  /* without: all springs have a law by which they may break */
 };
+
+/* Of NO_COLLIDERS: only one of this type */
+#define ONLY(type) ((unsigned)(type) << 16)
 
 /*------------------------------------- the table ------------------------------------------------*/
 
@@ -62,6 +68,24 @@ static const skip_case cases[] = {
      NULL, NULL},
     {"forces", NULL, "cloth100, no forces on particles, over tiny ones", EXPLICIT, 0, NO_FORCES, 0,
      NULL, NULL},
+    {"force_function", NULL, "cloth100, no gravity, over it with a force function", EXPLICIT, 0,
+     NO_FUNCTION, 0, NULL, NULL},
+    {"angles", NULL, "cloth100, no gravity, over it with angular springs", EXPLICIT, 0, NO_ANGLES,
+     0, NULL, NULL},
+    {"breaking", NULL, "cloth100, linear, over one whose springs may break", EXPLICIT, 0,
+     NO_BREAKING, 0, NULL, NULL},
+    {"contacts", NULL, "cloth100, no gravity, over it with contacts recorded", EXPLICIT, 0, 0, 0,
+     "contacts=on", NULL},
+    {"incomplete", NULL, "cloth100, over it with incomplete = accept", LINEARLY_IMPLICIT, 8, 0,
+     DOWN, "incomplete=accept", NULL},
+    {"sphere", NULL, "cloth100, no gravity, over it beside a sphere", EXPLICIT, 0,
+     NO_COLLIDERS | ONLY(MSIM_COLLIDER_SPHERE), 0, NULL, NULL},
+    {"capsule", NULL, "cloth100, no gravity, over it beside a capsule", EXPLICIT, 0,
+     NO_COLLIDERS | ONLY(MSIM_COLLIDER_CAPSULE), 0, NULL, NULL},
+    {"cylinder", NULL, "cloth100, no gravity, over it beside a cylinder", EXPLICIT, 0,
+     NO_COLLIDERS | ONLY(MSIM_COLLIDER_CYLINDER), 0, NULL, NULL},
+    {"box", NULL, "cloth100, no gravity, over it beside a box", EXPLICIT, 0,
+     NO_COLLIDERS | ONLY(MSIM_COLLIDER_BOX), 0, NULL, NULL},
 };
 
 const skip_case *skip_case_info(int i) {
@@ -109,7 +133,7 @@ static msim_status set_tiny_forces(msim_scene *scene, msim_error *err) {
   return msim_scene_set_forces(scene, force, err);
 }
 
-static msim_status add_colliders(msim_scene *scene, msim_error *err) {
+static msim_status add_colliders(unsigned only, msim_scene *scene, msim_error *err) {
   const msim_collider colliders[] = {
       {.type = MSIM_COLLIDER_SPHERE, .center = {0, 0, -5}, .radius = 1},
       {.type = MSIM_COLLIDER_CAPSULE, .from = {0, 0, -5}, .to = {1, 0, -5}, .radius = 1},
@@ -119,18 +143,44 @@ static msim_status add_colliders(msim_scene *scene, msim_error *err) {
   for (size_t i = 0; i < sizeof colliders / sizeof *colliders && !status; i++) {
     msim_collider c = colliders[i];
     c.size = sizeof c;
+    if (only && only != ONLY(c.type)) continue;
     status = msim_scene_add_collider(scene, &c, err);
   }
   return status;
 }
 
-/* All springs become cables. */
-static msim_status add_laws(int32_t nsprings, msim_scene *scene, msim_error *err) {
-  const msim_law tension = {.size = sizeof tension, .kind = MSIM_LAW_TENSION};
+/* All springs get a law: they become cables, or may break. */
+static msim_status add_laws(int breaking, int32_t nsprings, msim_scene *scene, msim_error *err) {
+  const msim_law law = {.size = sizeof law,
+                        .kind = breaking ? MSIM_LAW_LINEAR : MSIM_LAW_TENSION,
+                        .break_force = breaking ? 1e9 : 0};
   int32_t index;
-  msim_status status = msim_scene_add_law(scene, &tension, &index, err);
+  msim_status status = msim_scene_add_law(scene, &law, &index, err);
   for (int32_t e = 0; e < nsprings && !status; e++)
     status = msim_scene_set_law(scene, 1, &e, index, err);
+  return status;
+}
+
+static int return_no_force(void *data, const msim_force_batch *batch) {
+  (void)data, (void)batch;
+  return 0;
+}
+
+static msim_status add_function(msim_scene *scene, msim_error *err) {
+  const msim_force_function f = {.size = sizeof f, .name = "none", .evaluate = return_no_force};
+  return msim_scene_set_force_function(scene, &f, err);
+}
+
+static msim_status add_angles(msim_scene *scene, msim_error *err) {
+  const double k = 1e-3; /* N m/rad^2 */
+  msim_status status = MSIM_OK;
+  for (int32_t p = 0; p < N; p++)
+    for (int d = 0; d < 2; d++) {
+      const int32_t step = d ? SIDE : 1, at = d ? p / SIDE : p % SIDE;
+      const int32_t ijk[3] = {p - step, p, p + step};
+      if (at > 0 && at < SIDE - 1 && !status)
+        status = msim_scene_add_angles(scene, 1, ijk, &k, NULL, NULL, err);
+    }
   return status;
 }
 
@@ -162,11 +212,14 @@ msim_status skip_case_build(const skip_case *what, int without, msim_scene *scen
   if (!status && is & ZERO_REST) memset(p.rest, 0, (size_t)p.view.nsprings * sizeof *p.rest);
   if (!status) status = scene_arrays_add(&p, !(is & LOOSE), scene, err);
   if (!status) status = pin_scene(is, without, scene, err);
-  if (!status && is & LAWS && without) status = add_laws(p.view.nsprings, scene, err);
+  if (!status && is & (LAWS | NO_BREAKING) && without)
+    status = add_laws((is & NO_BREAKING) != 0, p.view.nsprings, scene, err);
+  if (!status && is & NO_FUNCTION && without) status = add_function(scene, err);
+  if (!status && is & NO_ANGLES && without) status = add_angles(scene, err);
   if (!status) status = msim_scene_set_gravity(scene, gravity, err);
   if (!status && is & NO_MOTION && without) status = move_corners(scene, err);
   if (!status && is & NO_FORCES && without) status = set_tiny_forces(scene, err);
-  if (!status && is & NO_COLLIDERS && without) status = add_colliders(scene, err);
+  if (!status && is & NO_COLLIDERS && without) status = add_colliders(is & ~0xffffu, scene, err);
   for (int i = 1; i <= 4 && is & AMONG_RESTING && !status; i++)
     status = add_free_cloth(scene, 2 * i, err);
   scene_arrays_free(&p);

@@ -14,7 +14,7 @@ typedef struct skip_case {
                  is possible for scenes at rest and explicit steps */
   unsigned is; /* properties of the scene, see the .c file */
   double gravity;             /* along z, m/s^2 */
-  const char *off, *also_off; /* options that disable the skip; NULL: none */
+  const char *off, *also_off; /* options that disable the skip, or NAME=VALUE; NULL: none */
 } skip_case;
 
 /* The i-th case; NULL past the end. */
