@@ -316,7 +316,7 @@ class Report(CliTest):
         rows, advice, out = self.compare({**PENDULUM, "run": {}, "colliders": [collider]})
         self.assertEqual(rows["auto"], ("-", "-", "-", "-", "-"))
         self.assertIn("does not support colliders that move", " ".join(out.split()))
-        self.assertTrue(advice.startswith("--integrator velocity-verlet --h auto: the least"), advice)
+        self.assertTrue(advice.startswith("--integrator dop853 --tol 1e-06: its error is"), advice)
 
     def test_every_scene_is_understood(self):
         scenes = sorted(SCENES.glob("*.json"))

@@ -172,7 +172,8 @@ static int may_meet_solid(const substeps *j, int32_t row) {
       ms_solid room;
       const ms_instant at = {.t = s->t + q * s->h, .before = 1};
       const ms_solid *solid = ms_moving_obstacles_get(&planes, i, at, &room);
-      const double distance = ms_signed_distance(solid, y, unused);
+      const double distance =
+          ms_obstacles_bound_distance(solid, ms_signed_distance(solid, y, unused));
       if (distance <= near || k == MOST) return 1;
       q += distance / (fastest + moved);
     }

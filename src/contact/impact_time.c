@@ -95,10 +95,49 @@ static double bound_time(const ms_flight *f, int32_t i, const encounter *e, doub
                                  bound_normal_acceleration(f, i, e, t, left));
 }
 
+/*------------------------------------- samples --------------------------------------------------*/
+
+/* The time at which the distance reaches the tolerance, by bisection: it is larger at `low`, but
+ * not at `high`. */
+static double bisect(const ms_flight *f, int32_t i, double low, double high, double tolerance) {
+  enum { MOST = 60 };
+  for (int k = 0; k < MOST; k++) {
+    const double middle = 0.5 * (low + high);
+    encounter e;
+    if (!(middle > low && middle < high)) break;
+    meet(f, i, middle, &e);
+    if (e.s > tolerance) low = middle;
+    else high = middle;
+    if (fabs(e.s) <= tolerance) break;
+  }
+  return high;
+}
+
+/* The particle may move by a lower bound of its distance, or by a share of a cell. */
+static double find_on_samples(const ms_flight *f, int32_t i, double from, double left,
+                              double tolerance) {
+  enum { MOST = 100000 };
+  double t = from, before = from;
+  for (int k = 0; k < MOST; k++) {
+    encounter e;
+    meet(f, i, t, &e);
+    if (e.s <= tolerance) return t > from ? bisect(f, i, before, t, tolerance) : t;
+    if (t >= left) return INFINITY;
+    const double share = ms_obstacles_find_cell(e.solid) / MS_IMPACT_TIME_SHARES,
+                 way = fmax(ms_obstacles_bound_distance(e.solid, e.s), share),
+                 V = ms_vec3_norm(e.w), A = bound_acceleration(f, i, &e, left - t);
+    before = t;
+    t = fmin(left, t + 2 * way / (V + sqrt(V * V + 2 * A * way)));
+  }
+  return t;
+}
+
 double ms_impact_time_find(const ms_flight *f, int32_t i, double from, double left,
                            double tolerance) {
   enum { MOST = 200 };
   double t = from;
+  if (t > left) return INFINITY;
+  if (f->planes->solid[i].samples) return find_on_samples(f, i, from, left, tolerance);
   for (int k = 0; k < MOST && t <= left; k++) {
     encounter e;
     meet(f, i, t, &e);

@@ -15,6 +15,10 @@ typedef struct ms_flight {
 /* When s + u t + g t^2/2 falls below 0; INFINITY: never. */
 double ms_impact_time_to_plane(double s, double u, double g);
 
+/* Solids with samples: impacts on parts of the surface that it meets for less than 1/16 of a cell
+ * may be passed over, where they are grazing. */
+enum { MS_IMPACT_TIME_SHARES = 16 };
+
 /* When the particle comes closer to solid i than the tolerance, from the time `from` after the
  * start on; INFINITY: not before `left`, until which no motion of the solid reaches a new time. */
 double ms_impact_time_find(const ms_flight *flight, int32_t i, double from, double left,

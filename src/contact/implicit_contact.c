@@ -41,7 +41,7 @@ static double find_rebound(const contact_solve *j, int32_t row, const msim_plane
  * curve towards it, so that it stays. */
 static void keep_from_solids(const contact_solve *j, ms_contact *c, const double x[3]) {
   ms_solid_contact_set_tangents(j->s, c, x);
-  c->sticks |= ms_solid_contact_is_inside_out(j->s, c);
+  c->sticks |= ms_solid_contact_may_be_concave(j->s, c);
 }
 
 /* Replaces the normal velocities at the start by the prescribed ones; a particle that sticks has no

@@ -120,17 +120,37 @@ void ms_obstacles_touch(const ms_collision_planes *planes, const double x[3]) {
     ms_obstacles_set_tangent(&planes->solid[i], x, &planes->tangent[i]);
 }
 
-/* Newton's method; one iteration is sufficient for one solid, or with flat surfaces. */
+double ms_obstacles_find_cell(const ms_solid *solid) {
+  const ms_samples *m = solid->samples;
+  if (!m) return INFINITY;
+  const double cell = fmin(m->spacing[0], m->spacing[1]);
+  return solid->type == MSIM_COLLIDER_SDF ? fmin(cell, m->spacing[2]) : cell;
+}
+
+double ms_obstacles_bound_distance(const ms_solid *solid, double s) {
+  return solid->type == MSIM_COLLIDER_SDF && s > 0 ? s / 4 : s;
+}
+
+static int has_samples(const ms_collision_planes *planes, const ms_plane_set *touch) {
+  for (int i = 0; i < touch->n; i++) {
+    const ms_solid *solid = ms_obstacles_get_solid(planes, touch->plane[i]);
+    if (solid && solid->samples) return 1;
+  }
+  return 0;
+}
+
+/* Newton's method; one iteration is sufficient for one solid whose distance is exact. */
 void ms_obstacles_move_onto(const ms_collision_planes *planes, const ms_plane_set *touch,
                             double x[3]) {
   enum { MOST = 8 };
+  const int is_exact = touch->n == 1 && !has_samples(planes, touch);
   for (int i = 0; i < MOST; i++) {
     const double before[3] = {x[0], x[1], x[2]};
     double moved[3];
     ms_impacts_move_onto(touch, x);
     ms_obstacles_touch(planes, x);
     for (int c = 0; c < 3; c++) moved[c] = x[c] - before[c];
-    if (touch->n == 1 || ms_vec3_norm(moved) <= ms_impacts_distance_tolerance(planes, x)) return;
+    if (is_exact || ms_vec3_norm(moved) <= ms_impacts_distance_tolerance(planes, x)) return;
   }
 }
 

@@ -4,7 +4,8 @@
  * that impacts, friction and simultaneous contact are those of planes (impacts.h). Solids inside
  * out with flat faces become planes: a box six of them, a cylinder two, and its curved side is a
  * capsule of infinite length; where they move, half-spaces in place of planes. So each solid that
- * remains is convex, or its inside is convex and its surface has a tangent plane everywhere. */
+ * remains is convex, or its inside is convex and its surface has a tangent plane everywhere, or it
+ * has samples: particles move along its facets, or cells, in parts shorter than these. */
 #ifndef MS_OBSTACLES_H
 #define MS_OBSTACLES_H
 
@@ -47,6 +48,13 @@ static inline const ms_solid *ms_obstacles_get_solid(const ms_collision_planes *
   const int64_t i = plane - planes->plane - (planes->n - planes->nsolids);
   return i >= 0 && i < planes->nsolids ? &planes->solid[i] : NULL;
 }
+
+/* The smallest spacing of the samples of a solid (m); INFINITY: it has none */
+double ms_obstacles_find_cell(const ms_solid *solid);
+
+/* A lower bound of the distance from a solid, whose signed distance is s: between samples of a grid
+ * distances may change by more than the gradient says, which is counted as 4 times at most. */
+double ms_obstacles_bound_distance(const ms_solid *solid, double s);
 
 /* Moves x onto all planes of `touch` and the surfaces to which they are tangent, and updates the
  * tangent planes. */

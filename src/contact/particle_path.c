@@ -107,6 +107,13 @@ static double time_to_edge(const ms_path_progress *k, const ms_solid *solid, con
   }
 }
 
+static int holds_slide(const ms_path_progress *k, const msim_plane *plane, const double bend[3],
+                       double t) {
+  double dx[3];
+  for (int c = 0; c < 3; c++) dx[c] = t * (k->p->v[c] + 0.5 * t * bend[c]);
+  return ms_path_surface_holds(k, plane, dx, t);
+}
+
 /* Shorten the time `left` in which a particle slides by dx, so that normals of curved surfaces turn
  * by little, and that it ends at edges; *edge: the plane that it slides off, or NULL. */
 static double limit_slide(ms_path_progress *k, const double dx[3], const double bend[3],
@@ -117,8 +124,11 @@ static double limit_slide(ms_path_progress *k, const double dx[3], const double 
   for (int i = 0; i < k->contact.n && k->p->planes.nsolids && size > 0; i++) {
     const ms_solid *solid = ms_obstacles_get_solid(&k->p->planes, k->contact.plane[i]);
     if (!solid) continue;
-    const double angle = fabs(ms_signed_distance_bend(solid, k->p->x, dx)) / size;
+    const double angle = fabs(ms_signed_distance_bend(solid, k->p->x, dx)) / size,
+                 longest = ms_obstacles_find_cell(solid) * MS_PATH_SHARE_OF_CELL;
     if (angle > MS_PATH_SMALL_ANGLE) left = fmin(left, MS_PATH_SMALL_ANGLE / angle * whole);
+    if (size > longest) left = fmin(left, longest / size * whole);
+    if (solid->samples && holds_slide(k, k->contact.plane[i], bend, left)) continue;
     const double until = time_to_edge(k, solid, bend, left);
     if (until < left) left = until, *edge = k->contact.plane[i];
   }
@@ -307,7 +317,8 @@ int ms_particle_path_may_touch(const ms_particle_path *p) {
     double unused[3];
     const double moved =
         ms_moving_obstacles_bound_way(&p->planes, (int32_t)(s - p->planes.solid), p->x, way, p->h);
-    if (ms_signed_distance(s, p->x, unused) <= way + moved + tolerance) return 1;
+    const double distance = ms_signed_distance(s, p->x, unused);
+    if (ms_obstacles_bound_distance(s, distance) <= way + moved + tolerance) return 1;
   }
   return 0;
 }

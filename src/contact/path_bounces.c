@@ -34,7 +34,11 @@ static int is_far_from_others(const ms_path_progress *k, const msim_plane *plane
     const double way = q < tangents ? 0
                                     : ms_moving_obstacles_bound_way(
                                           &p->planes, (int32_t)(q - tangents), p->x, reach, time);
-    if (q != plane && ms_impacts_distance(q, p->x) <= reach + way) return 0;
+    const double distance = ms_impacts_distance(q, p->x);
+    const double least =
+        q < tangents ? distance
+                     : ms_obstacles_bound_distance(&p->planes.solid[q - tangents], distance);
+    if (q != plane && least <= reach + way) return 0;
   }
   return 1;
 }
@@ -112,6 +116,7 @@ static int is_nearly_flat(const ms_path_progress *k, const msim_plane *q, const 
   if (!solid) return 1;
   const double bend = fabs(ms_signed_distance_bend(solid, k->p->x, dx));
   return bend <= MS_PATH_SMALL_ANGLE * ms_vec3_norm(dx) &&
+         ms_vec3_norm(dx) <= MS_PATH_SHARE_OF_CELL * ms_obstacles_find_cell(solid) &&
          !ms_path_surface_is_beyond_edge(k, solid, dx);
 }
 

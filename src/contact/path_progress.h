@@ -7,6 +7,9 @@
 /* rad: normals of curved surfaces turn by less in a part of the path on their tangent planes */
 #define MS_PATH_SMALL_ANGLE 0.125
 
+/* The longest part of a path along samples, over the smallest spacing of these */
+#define MS_PATH_SHARE_OF_CELL 0.125
+
 /* Progress of the particle in the step. */
 typedef struct ms_path_progress {
   ms_particle_path *p;

@@ -5,6 +5,7 @@
 
 #include "base/vec3.h"
 #include "contact/moving_obstacles.h"
+#include "physics/signed_distance.h"
 
 /*------------------------------------- moving surfaces ------------------------------------------*/
 
@@ -80,6 +81,18 @@ int ms_path_surface_is_beyond_edge(const ms_path_progress *k, const ms_solid *so
                                      2 * ms_impacts_distance_tolerance(&p->planes, p->x));
 }
 
+int ms_path_surface_holds(const ms_path_progress *k, const msim_plane *plane, const double dx[3],
+                          double t) {
+  const ms_particle_path *p = k->p;
+  const ms_plane_set on = {1, {plane}};
+  double least, y[3], unused[3];
+  ms_path_surface_find_least(k, &on, p->v, &least);
+  const double g = ms_vec3_dot(plane->normal, p->a) - least;
+  for (int c = 0; c < 3; c++) y[c] = p->x[c] + dx[c] + g * t * t / 2 * plane->normal[c];
+  const ms_solid *solid = ms_obstacles_get_solid(&p->planes, plane);
+  return ms_signed_distance(solid, y, unused) <= ms_impacts_distance_tolerance(&p->planes, y);
+}
+
 double ms_path_surface_time_to_release(const ms_path_progress *k, double left) {
   const double LATER = 1e-9; /* of the time left: then they separate clearly */
   const ms_particle_path *p = k->p;
@@ -125,15 +138,40 @@ static void turn_along(const ms_plane_set *on, double u[3]) {
   for (int c = 0; c < 3 && after > MOSTLY * before; c++) u[c] *= before / after;
 }
 
+/* Scale u by the work of a force over mass on a particle that is moved: |u|^2 += 2 work. */
+static void add_work_to(double work, double u[3]) {
+  const double before = ms_vec3_dot(u, u), ratio = before > 0 ? 1 + 2 * work / before : 0;
+  for (int c = 0; c < 3; c++) u[c] *= sqrt(fmax(0, ratio));
+}
+
+/* Where samples bend the surface in a crease, moving x onto it, from `before`, does work against
+ * the acceleration of the particle, by which v and w change. */
+static void keep_energy(ms_path_progress *k, const ms_plane_set *on, const double before[3]) {
+  ms_particle_path *p = k->p;
+  const ms_solid *solid = ms_obstacles_get_solid(&p->planes, on->plane[0]);
+  double a[3] = {p->a[0], p->a[1], p->a[2]}, work = 0;
+  if (on->n != 1 || !solid || !solid->samples) return;
+  ms_path_surface_make_relative(k, on, p->v, a);
+  for (int c = 0; c < 3; c++) work += a[c] * (p->x[c] - before[c]);
+  add_work_to(work, p->v);
+  add_work_to(work, p->w);
+}
+
 void ms_path_surface_follow(ms_path_progress *k, const ms_plane_set *on, const double n[3]) {
+  const double SHARP = 0.9; /* cosine of the angle at which facets of samples stop a particle */
   ms_particle_path *p = k->p;
   if (!p->planes.nsolids) {
     ms_impacts_move_onto(on, p->x);
     return;
   }
+  const double before[3] = {p->x[0], p->x[1], p->x[2]};
   ms_obstacles_touch(&p->planes, p->x);
   ms_obstacles_move_onto(&p->planes, on, p->x);
-  if (on->n == 1) {
+  keep_energy(k, on, before);
+  if (on->n == 1 && ms_vec3_dot(n, on->plane[0]->normal) < SHARP) {
+    ms_impacts_remove_normal(on, p->v, NULL);
+    ms_impacts_remove_normal(on, p->w, NULL);
+  } else if (on->n == 1) {
     rotate(n, on->plane[0]->normal, p->v);
     rotate(n, on->plane[0]->normal, p->w);
   } else {

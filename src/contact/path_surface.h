@@ -36,6 +36,11 @@ void ms_path_surface_find_least(const ms_path_progress *k, const ms_plane_set *o
 int ms_path_surface_is_beyond_edge(const ms_path_progress *k, const ms_solid *solid,
                                    const double dx[3]);
 
+/* 1: after the time t a particle that slides by dx, as far as it is free, is in the solid: so its
+ * sampled surface still holds the particle. */
+int ms_path_surface_holds(const ms_path_progress *k, const msim_plane *plane, const double dx[3],
+                          double t);
+
 /* When the surface of the only plane in contact starts to recede faster than a particle with the
  * acceleration a follows it, which is found from the normal accelerations at both ends of the time
  * left: they are linear in time where it does not rotate; `left`: never. */

@@ -109,10 +109,13 @@ int ms_solid_contact_meets(const ms_stepper *s, int32_t row, const ms_contact *c
   const double tolerance = ms_impacts_distance_tolerance(&planes, x);
   const double end = ms_signed_distance(solid, x_next, n);
   memcpy(at, x_next, 3 * sizeof *at);
-  if (end < -tolerance && solid->inside) return 1;
+  const int is_convex_inside = solid->inside && !solid->samples;
+  if (end < -tolerance && is_convex_inside) return 1;
   const double start = ms_signed_distance(solid, x, n), length = ms_vec3_norm(way);
+  const double least =
+      ms_obstacles_bound_distance(solid, start) + ms_obstacles_bound_distance(solid, end);
   const ms_flight flight = {.planes = &planes, .x = x, .v = way, .a = none};
-  if (solid->inside || start + end > length + tolerance) return 0;
+  if (is_convex_inside || least > length + tolerance) return 0;
   const double share = start > tolerance ? ms_impact_time_find(&flight, i, 0, 1, tolerance)
                        : ms_vec3_dot(n, way) < -tolerance ? 0
                                                           : INFINITY;
@@ -131,10 +134,11 @@ void ms_solid_contact_set_tangents(const ms_stepper *s, const ms_contact *c, con
   }
 }
 
-int ms_solid_contact_is_inside_out(const ms_stepper *s, const ms_contact *c) {
+int ms_solid_contact_may_be_concave(const ms_stepper *s, const ms_contact *c) {
   for (int i = 0; i < c->on.n; i++) {
     const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[i]);
-    if (solid >= 0 && s->events->near.solid[solid].inside) return 1;
+    if (solid < 0) continue;
+    if (s->events->near.solid[solid].inside || s->events->near.solid[solid].samples) return 1;
   }
   return 0;
 }

@@ -37,8 +37,9 @@ int ms_solid_contact_is_off(const ms_stepper *s, const ms_contact *c);
 /* Sets the tangent planes of a contact to those near x. */
 void ms_solid_contact_set_tangents(const ms_stepper *s, const ms_contact *c, const double x[3]);
 
-/* 1: a plane of the contact is tangent to a solid inside out. */
-int ms_solid_contact_is_inside_out(const ms_stepper *s, const ms_contact *c);
+/* 1: a plane of the contact is tangent to a solid that may curve towards the particle: inside out,
+ * or with samples. */
+int ms_solid_contact_may_be_concave(const ms_stepper *s, const ms_contact *c);
 
 /* Moves particles in contact onto the surfaces, to the last bit, in s->x_next, and turns s->v_next;
  * those that bounce or keep their distances, only out of solids. Where that is impossible they stay

@@ -38,18 +38,10 @@ static const ms_integrator *method_of(const advice *a) { return a->sim->config.i
 
 /*------------------------------------- other methods --------------------------------------------*/
 
-/* 1: the scene allows located impacts (ms_sim_check_motions). */
-static int can_locate_impacts(const advice *a) {
-  const ms_scene *s = a->sim->scene;
-  int can = 1;
-  for (int32_t i = 0; i < s->ncolliders; i++) can &= ms_scene_locates_impacts(s, i);
-  return can;
-}
-
 static void say_choose_automatically(advice *a) {
   const ms_scene *s = a->sim->scene;
-  const int allows_auto = can_locate_impacts(a) && s->nmotions == 0 &&
-                          !ms_collider_motion_is_there(s) && !ms_scene_has_function(s);
+  const int allows_auto =
+      s->nmotions == 0 && !ms_collider_motion_is_there(s) && !ms_scene_has_function(s);
   if (ms_sim_selects(a->sim) || options_of(a)->steps >= 0 || !allows_auto) return;
   say(a, "Set integrator = auto and tol = 1e-4: method and steps are then chosen for the scene.");
 }
@@ -98,20 +90,10 @@ static void advise_explicit(advice *a) {
   say_choose_automatically(a);
 }
 
-/* Particles that are mirrored behind a plane gain energy in long steps of stiff springs; impacts on
- * colliders that have samples are not located. */
+/* Particles that are mirrored behind a plane gain energy in long steps of stiff springs. */
 static void say_mend_impacts(advice *a) {
   if (options_of(a)->collision == MSIM_COLLISION_EVENT || !a->sim->stats.contacts) return;
-  if (can_locate_impacts(a)) {
-    say(a, "Set collision = event: impacts are then located inside the step and add no energy.");
-    return;
-  }
-  const double h = verlet_step(a->sim);
-  if (h > 0)
-    say(a,
-        "Set integrator = velocity-verlet and h = %.3g: steps are then short enough for particles "
-        "that are mirrored at colliders.",
-        h);
+  say(a, "Set collision = event: impacts are then located inside the step and add no energy.");
 }
 
 static void advise_implicit(advice *a) {

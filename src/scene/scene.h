@@ -123,11 +123,6 @@ static inline int ms_scene_has_obstacles(const ms_scene *s) {
   return s->nplanes > 0 || s->ncolliders > 0;
 }
 
-/* 1: impacts on collider i are located: it is convex, or its inside is. */
-static inline int ms_scene_locates_impacts(const ms_scene *s, int32_t i) {
-  return !s->solids[i].samples;
-}
-
 /* Make room for `needed` of them in all their arrays. Return 0 if there is no memory. */
 int ms_scene_reserve_particles(ms_scene *s, int64_t needed, msim_error *err);
 int ms_scene_reserve_springs(ms_scene *s, int64_t needed, msim_error *err);

@@ -65,28 +65,14 @@ static msim_status set_collision(msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
-static msim_status check_located_colliders(const msim_sim *sim, msim_error *err) {
-  const ms_scene *s = sim->scene;
-  if (!ms_sim_selects(sim) && sim->config.opt.collision != MSIM_COLLISION_EVENT) return MSIM_OK;
-  for (int32_t i = 0; i < s->ncolliders; i++)
-    if (!ms_scene_locates_impacts(s, i))
-      return ms_error_set(
-          err, MSIM_ERR_ARG,
-          "colliders[%d] is given by samples, where impacts are not located; use collision = "
-          "reflect without tol and with an integrator other than auto, or another collider",
-          i);
-  if (ms_sim_selects(sim) && ms_collider_motion_is_there(s))
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "integrator 'auto' does not support colliders that move; use dop853 or "
-                        "velocity-verlet, or remove the motions");
-  return MSIM_OK;
-}
-
 /* Motions need a method that evaluates forces at known times, and no pilot runs. */
 msim_status ms_sim_check_motions(const msim_sim *sim, msim_error *err) {
   const ms_integrator *method = sim->config.integrator;
-  const msim_status status = check_located_colliders(sim, err);
-  if (status || sim->scene->nmotions == 0) return status;
+  if (ms_sim_selects(sim) && ms_collider_motion_is_there(sim->scene))
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "integrator 'auto' does not support colliders that move; use dop853 or "
+                        "velocity-verlet, or remove the motions");
+  if (sim->scene->nmotions == 0) return MSIM_OK;
   if (ms_sim_selects(sim) || method->is_multirate || method->convert_state)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "integrator '%s' does not support motions of pinned particles; use dop853, "
